@@ -1,0 +1,304 @@
+//! A scene as plain data in SI units: meshes, materials, images, instances, lights, cameras.
+//!
+//! Right-handed, Y up, metres, linear Rec.709 (glTF's conventions). World transforms are f64, so that a scene far
+//! from the origin loses nothing before the engine moves it to its own origin.
+
+use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, Vec4};
+
+/// Everything the engine draws, lights and sees with.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Name for messages: the file's stem, or the generated scene's own.
+    pub name: String,
+    /// Surfaces in their own model space; shared between instances.
+    pub meshes: Vec<Mesh>,
+    /// Materials; primitives index them.
+    pub materials: Vec<Material>,
+    /// Decoded images, 8 bits per channel; textures index them.
+    pub images: Vec<Image>,
+    /// Where meshes stand in the world.
+    pub instances: Vec<Instance>,
+    /// Punctual lights.
+    pub lights: Vec<Light>,
+    /// Cameras, in the file's order.
+    pub cameras: Vec<Camera>,
+    /// What the loader decided or left out, one sentence each, to be told to the user.
+    pub notes: Vec<String>,
+}
+
+/// A surface: triangles over shared vertices. A double-sided material's triangles are here twice, once per side.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// glTF's name, or a made-up one.
+    pub name: String,
+    /// Vertices of all primitives.
+    pub vertices: Vec<Vertex>,
+    /// Vertex indices, three per triangle, counter-clockwise seen from the front.
+    pub indices: Vec<u32>,
+    /// Runs of `indices` that share a material, in order, together covering it.
+    pub primitives: Vec<Primitive>,
+}
+
+/// One vertex as the vertex shaders read it; model space.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Vertex {
+    /// Position [m in model space].
+    pub position: Vec3,
+    /// Unit shading normal.
+    pub normal: Vec3,
+    /// Unit tangent and bitangent sign; all zero where the file gives none (the shader then derives the frame).
+    pub tangent: [f32; 4],
+    /// First texture coordinate.
+    pub uv0: Vec2,
+    /// Second texture coordinate.
+    pub uv1: Vec2,
+    /// Linear vertex colour that multiplies the base colour, RGBA8 unorm; white where the file gives none.
+    pub color: [u8; 4],
+}
+
+/// A run of triangles with one material.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Primitive {
+    /// First element of `Mesh::indices`.
+    pub first_index: u32,
+    /// Number of indices, a multiple of three.
+    pub index_count: u32,
+    /// Index into `Scene::materials`.
+    pub material: usize,
+}
+
+/// A mesh placed in the world.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// glTF's node name, or a made-up one.
+    pub name: String,
+    /// Index into `Scene::meshes`.
+    pub mesh: usize,
+    /// Model space to world space; may mirror or scale unevenly.
+    pub world_from_model: DAffine3,
+}
+
+/// Metallic-roughness material of glTF, with the extensions the method can use.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// glTF's name, or a made-up one.
+    pub name: String,
+    /// Base colour and alpha, linear.
+    pub base_color: Vec4,
+    /// Multiplies `base_color`; sRGB image, alpha linear.
+    pub base_color_texture: Option<Texture>,
+    /// Metalness in [0, 1].
+    pub metallic: f32,
+    /// Perceptual roughness in [0, 1]; alpha is its square.
+    pub roughness: f32,
+    /// Green multiplies `roughness`, blue `metallic`; linear image.
+    pub metallic_roughness_texture: Option<Texture>,
+    /// Tangent-space normals; linear image.
+    pub normal_texture: Option<Texture>,
+    /// Scales the normal texture's x and y.
+    pub normal_scale: f32,
+    /// Emitted radiance [cd/m^2], strength included.
+    pub emissive: Vec3,
+    /// Multiplies `emissive`; sRGB image.
+    pub emissive_texture: Option<Texture>,
+    /// Alpha below this is a hole; `None` for opaque materials.
+    pub alpha_cutoff: Option<f32>,
+    /// Whether the file asked for both sides (the loader has already made the second one).
+    pub double_sided: bool,
+    /// KHR_materials_ior; 1.5 is glTF's default.
+    pub ior: f32,
+    /// KHR_materials_specular factor.
+    pub specular: f32,
+    /// Alpha multiplies `specular`; linear image.
+    pub specular_texture: Option<Texture>,
+    /// KHR_materials_specular colour.
+    pub specular_color: Vec3,
+    /// Multiplies `specular_color`; sRGB image.
+    pub specular_color_texture: Option<Texture>,
+    /// The method's own material, from `extras.lightskin.phong`; replaces everything but base colour and normal.
+    pub phong: Option<Phong>,
+}
+
+/// Normalised modified Phong lobe given exactly.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Phong {
+    /// Glossy albedo `rho_g`.
+    pub specular: Vec3,
+    /// Exponent `k`.
+    pub exponent: f32,
+}
+
+impl Default for Material {
+    /// glTF's default material.
+    fn default() -> Self {
+        Self {
+            name: "default".into(),
+            base_color: Vec4::ONE,
+            base_color_texture: None,
+            metallic: 1.0,
+            roughness: 1.0,
+            metallic_roughness_texture: None,
+            normal_texture: None,
+            normal_scale: 1.0,
+            emissive: Vec3::ZERO,
+            emissive_texture: None,
+            alpha_cutoff: None,
+            double_sided: false,
+            ior: 1.5,
+            specular: 1.0,
+            specular_texture: None,
+            specular_color: Vec3::ONE,
+            specular_color_texture: None,
+            phong: None,
+        }
+    }
+}
+
+/// How a material looks up an image.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Texture {
+    /// Index into `Scene::images`.
+    pub image: usize,
+    /// Which of the vertex's two texture coordinates, 0 or 1.
+    pub uv_set: u8,
+    /// KHR_texture_transform: applied to the coordinate first.
+    pub transform: Affine2,
+    /// Wrapping and filtering.
+    pub sampler: Sampler,
+}
+
+/// Wrapping per axis and magnification filter; minification is trilinear unless the file asks for nearest.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct Sampler {
+    /// Along u.
+    pub wrap_u: Wrap,
+    /// Along v.
+    pub wrap_v: Wrap,
+    /// Texels stay square when magnified.
+    pub nearest: bool,
+}
+
+/// What lies outside [0, 1].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum Wrap {
+    /// The image again.
+    #[default]
+    Repeat,
+    /// The image again, every other time mirrored.
+    Mirror,
+    /// The edge texel.
+    Clamp,
+}
+
+/// A decoded image: RGBA, 8 bits, rows from the top.
+#[derive(Clone, Debug, Default)]
+pub struct Image {
+    /// File name or glTF name, for messages.
+    pub name: String,
+    /// Width [texels].
+    pub width: u32,
+    /// Height [texels].
+    pub height: u32,
+    /// `width * height * 4` bytes.
+    pub rgba: Vec<u8>,
+}
+
+/// A punctual light as KHR_lights_punctual defines it.
+#[derive(Clone, Debug)]
+pub struct Light {
+    /// glTF's name, or a made-up one.
+    pub name: String,
+    /// Shape of the emission.
+    pub kind: LightKind,
+    /// Linear colour.
+    pub color: Vec3,
+    /// Luminous intensity [cd = lm/sr] of point and spot lights, illuminance [lx] of directional ones.
+    pub intensity: f32,
+    /// Distance [m] at which the light is windowed to zero; `None` for infinite.
+    pub range: Option<f32>,
+    /// World position; meaningless for directional lights.
+    pub position: DVec3,
+    /// Unit direction in which the light shines; meaningless for point lights.
+    pub direction: Vec3,
+}
+
+/// Shape of a punctual light's emission.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LightKind {
+    /// Parallel light from infinitely far.
+    Directional,
+    /// Same intensity in all directions.
+    Point,
+    /// A cone: full intensity inside `inner`, none outside `outer` [rad, half angles].
+    Spot {
+        /// Half angle up to which the intensity is full.
+        inner: f32,
+        /// Half angle beyond which it is zero.
+        outer: f32,
+    },
+}
+
+/// A camera: looks along its own -Z, +Y up.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// glTF's name, or a made-up one.
+    pub name: String,
+    /// Camera space to world space, rotation and translation only.
+    pub world_from_camera: DAffine3,
+    /// How the image is formed.
+    pub projection: Projection,
+}
+
+/// How a camera forms its image; the aspect ratio is the image's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Pinhole.
+    Perspective {
+        /// Vertical field of view [rad].
+        yfov: f32,
+    },
+    /// Parallel.
+    Orthographic {
+        /// Half of the height of the picture [m].
+        ymag: f32,
+    },
+}
+
+impl Mesh {
+    /// Corners of a triangle as vertex indices.
+    pub fn triangle(&self, triangle: usize) -> [usize; 3] {
+        [0, 1, 2].map(|corner| self.indices[3 * triangle + corner] as usize)
+    }
+
+    /// Number of triangles of all primitives.
+    pub fn triangle_count(&self) -> usize {
+        self.indices.len() / 3
+    }
+
+    /// Material of each triangle, in triangle order.
+    pub fn triangle_materials(&self) -> Vec<usize> {
+        self.primitives.iter().flat_map(|p| std::iter::repeat_n(p.material, p.index_count as usize / 3)).collect()
+    }
+}
+
+impl Scene {
+    /// Smallest and largest world coordinates of all instances' vertices; `None` when nothing is drawn.
+    pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        let mut bounds: Option<(DVec3, DVec3)> = None;
+        for instance in &self.instances {
+            let mesh = &self.meshes[instance.mesh];
+            for &index in &mesh.indices {
+                let p = instance.world_from_model.transform_point3(mesh.vertices[index as usize].position.as_dvec3());
+                let (low, high) = bounds.unwrap_or((p, p));
+                bounds = Some((low.min(p), high.max(p)));
+            }
+        }
+        bounds
+    }
+
+    /// Triangles over all instances.
+    pub fn triangle_count(&self) -> usize {
+        self.instances.iter().map(|i| self.meshes[i.mesh].triangle_count()).sum()
+    }
+}
