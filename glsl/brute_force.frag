@@ -1,0 +1,51 @@
+// The thesis's ground truth: one tile of VALs onto every pixel, no cache, no interpolation. METHOD 3.
+#include "shared.glsl"
+#include "lib/form_factor.glsl"
+#include "lib/phong.glsl"
+
+layout(push_constant, scalar) uniform Push { ScreenPush push; };
+layout(binding = 0, scalar) uniform Tile { Val vals[VAL_TILE]; };
+layout(binding = 1) uniform sampler2D depth_image;
+layout(binding = 2) uniform sampler2D normal_image;
+layout(binding = 3) uniform sampler2D albedo_image;
+#ifndef DIFFUSE_ONLY
+layout(binding = 4) uniform sampler2D specular_image;
+#endif
+
+layout(location = 0) out vec4 out_diffuse;
+#ifndef DIFFUSE_ONLY
+layout(location = 1) out vec4 out_glossy;
+#endif
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    float depth = texelFetch(depth_image, pixel, 0).r;
+    out_diffuse = vec4(0.0);
+#ifndef DIFFUSE_ONLY
+    out_glossy = vec4(0.0);
+#endif
+    if (depth == 0.0) {
+        return;
+    }
+    vec2 size = vec2(textureSize(depth_image, 0));
+    vec4 world = push.world_from_clip * vec4(gl_FragCoord.xy / size * 2.0 - 1.0, depth, 1.0);
+    vec3 position = world.xyz / world.w;
+    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
+    vec3 n = normal_exponent.xyz;
+    vec3 r = reflect(view_direction(push.eye, position), n);
+    vec3 irradiance = vec3(0.0);
+    vec3 glossy = vec3(0.0);
+    for (uint i = 0u; i < push.val_count; ++i) {
+        Val v = vals[i];
+        vec3 d = v.position - position;
+        float g = disc_geometry_towards(d, v.normal, n, v.area);
+        irradiance += v.flux * g;
+#ifndef DIFFUSE_ONLY
+        glossy += v.flux * (g * cosine_power(dot(r, d) * inversesqrt(max(dot(d, d), 1e-30)), normal_exponent.w));
+#endif
+    }
+    out_diffuse = vec4(texelFetch(albedo_image, pixel, 0).rgb / PI * irradiance, 0.0);
+#ifndef DIFFUSE_ONLY
+    out_glossy = vec4(texelFetch(specular_image, pixel, 0).rgb * (normal_exponent.w + 2.0) / (2.0 * PI) * glossy, 0.0);
+#endif
+}

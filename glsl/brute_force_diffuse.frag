@@ -1,0 +1,3 @@
+// Brute force where nothing in the scene is glossy.
+#define DIFFUSE_ONLY
+#include "brute_force.frag"

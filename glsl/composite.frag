@@ -1,0 +1,26 @@
+// Stage 11: all radiance, exposed and tone-mapped. METHOD 1.
+#include "shared.glsl"
+#include "lib/tonemap.glsl"
+
+layout(constant_id = 0) const uint DIFFUSE = 1;
+layout(constant_id = 1) const uint GLOSSY = 1;
+layout(push_constant, scalar) uniform Push { CompositePush push; };
+layout(binding = 0) uniform sampler2D direct_image;
+layout(binding = 1) uniform sampler2D diffuse_image;
+layout(binding = 2) uniform sampler2D glossy_image;
+layout(binding = 3, scalar) readonly buffer Exposure { float measured_ev; };
+
+layout(location = 0) out vec4 out_color;
+
+void main() {
+    ivec2 at = ivec2(gl_FragCoord.xy);
+    vec3 c = texelFetch(direct_image, at, 0).rgb;
+    if (DIFFUSE != 0u) {
+        c += texelFetch(diffuse_image, at, 0).rgb;
+    }
+    if (GLOSSY != 0u) {
+        c += texelFetch(glossy_image, at, 0).rgb;
+    }
+    float ev = push.automatic != 0u ? measured_ev : push.ev;
+    out_color = vec4(tonemap(c * (exp2(-ev) / 1.2), push.tonemap), 1.0);
+}

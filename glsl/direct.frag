@@ -1,0 +1,85 @@
+// Stage 2: one light's direct reflection, shadowed by its map; added to what is there. METHOD 1.
+#include "shared.glsl"
+#include "lib/form_factor.glsl"
+#include "lib/light.glsl"
+#include "lib/octahedral.glsl"
+#include "lib/phong.glsl"
+
+layout(push_constant, scalar) uniform Push { ScreenPush push; };
+layout(binding = 0, scalar) readonly buffer Lights { Light lights[]; };
+layout(binding = 1, scalar) readonly buffer Views { LightView views[]; };
+layout(binding = 2) uniform sampler2D depth_image;
+layout(binding = 3) uniform sampler2D normal_image;
+layout(binding = 4) uniform sampler2D albedo_image;
+layout(binding = 5) uniform sampler2D specular_image;
+layout(binding = 6) uniform sampler2D shadow_image;
+
+layout(location = 0) out vec4 out_radiance;
+
+// Share of the 2x2 texels around the point's projection that see it; bilinear, so that edges are smooth.
+float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
+    bool directional = light.kind == LIGHT_DIRECTIONAL;
+    uint face = light.view_count > 1u ? cube_face(position - light.position) : 0u;
+    LightView view = views[light.first_view + face];
+    float size = float(push.shadow_size);
+    float spread = length(view.right);
+    float distance = directional ? 1.0 : max(dot(position - light.position, view.forward), view.near);
+    float texel = 2.0 * spread * distance / size;
+    // Out of the surface by as much as it can slope over a texel: nothing shadows itself.
+    float cosine = clamp(dot(n, towards), 0.0, 1.0);
+    vec3 p = position + n * texel * (0.5 + 1.5 * sqrt(1.0 - cosine * cosine));
+    vec4 clip = view.clip_from_world * vec4(p, 1.0);
+    vec3 ndc = clip.xyz / clip.w;
+    if (any(greaterThan(abs(ndc.xy), vec2(1.0)))) {
+        return directional ? 1.0 : 0.0;
+    }
+    vec2 at = (ndc.xy * 0.5 + 0.5) * size - 0.5;
+    vec2 corner = floor(at);
+    vec2 f = at - corner;
+    ivec2 origin = ivec2(face % 3u, face / 3u) * int(push.shadow_size);
+    // Reversed depth: nearer is greater. Rounding of the map is relative for perspective, absolute for parallel light.
+    float own = directional ? ndc.z + 1e-5 : ndc.z * 1.0005;
+    vec4 seen;
+    for (int i = 0; i < 4; ++i) {
+        ivec2 texel_at = clamp(ivec2(corner) + ivec2(i & 1, i >> 1), ivec2(0), ivec2(int(push.shadow_size) - 1));
+        seen[i] = texelFetch(shadow_image, origin + texel_at, 0).r <= own ? 1.0 : 0.0;
+    }
+    return mix(mix(seen.x, seen.y, f.x), mix(seen.z, seen.w, f.x), f.y);
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    float depth = texelFetch(depth_image, pixel, 0).r;
+    out_radiance = vec4(0.0);
+    if (depth == 0.0) {
+        return;
+    }
+    vec2 size = vec2(textureSize(depth_image, 0));
+    vec4 world = push.world_from_clip * vec4(gl_FragCoord.xy / size * 2.0 - 1.0, depth, 1.0);
+    vec3 position = world.xyz / world.w;
+    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
+    vec4 albedo = texelFetch(albedo_image, pixel, 0);
+    vec4 specular = texelFetch(specular_image, pixel, 0);
+    vec3 geometric = octahedral_decode(vec2(albedo.a, specular.a));
+    vec3 n = normal_exponent.xyz;
+
+    Light light = lights[push.light];
+    vec3 towards = -light.direction;
+    vec3 irradiance = light.intensity; // through a plane that faces the light
+    if (light.kind != LIGHT_DIRECTIONAL) {
+        vec3 d = light.position - position;
+        float d2 = max(dot(d, d), 1e-30);
+        towards = d * inversesqrt(d2);
+        irradiance *= range_window(d2, light.range) / d2;
+        if (light.kind == LIGHT_SPOT) {
+            irradiance *= spot_falloff(-dot(towards, light.direction), light.cone_scale, light.cone_offset);
+        }
+    }
+    float cosine = dot(n, towards);
+    if (cosine <= 0.0 || dot(geometric, towards) <= 0.0 || irradiance == vec3(0.0)) {
+        return;
+    }
+    vec3 r = reflect(view_direction(push.eye, position), n);
+    vec3 brdf = albedo.rgb / PI + specular.rgb * phong_lobe(normal_exponent.w, dot(r, towards));
+    out_radiance = vec4(brdf * irradiance * (cosine * visibility(light, position, geometric, towards)), 0.0);
+}

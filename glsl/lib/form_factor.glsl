@@ -1,0 +1,24 @@
+// Point to disc. Lensing 2014, 5.2.2. Twin: src/reference/form_factor.rs.
+#ifndef FORM_FACTOR_GLSL
+#define FORM_FACTOR_GLSL
+
+const float PI = 3.14159265358979;
+
+// Geometry factor G [1/m^2] of a disc light: irradiance is flux times G. Lensing 2014, eq. 5.20.
+float disc_geometry(float area, float cos_l, float cos_x, float d2) {
+    return max(cos_l, 0.0) * max(cos_x, 0.0) / (area + PI * d2);
+}
+
+// Form factor from a point to a disc, exact on the disc's axis. Lensing 2014, eq. 5.7.
+float disc_form_factor(float area, float cos_l, float cos_x, float d2) {
+    return area * disc_geometry(area, cos_l, cos_x, d2);
+}
+
+// `disc_geometry` straight from the vector to the light, without normalising it: both cosines carry 1/|d|.
+// A receiver on the VAL itself has d = 0; the bound only keeps 0/0 away, since the numerator is 0 there.
+float disc_geometry_towards(vec3 d, vec3 light_normal, vec3 normal, float area) {
+    float d2 = max(dot(d, d), 1e-30);
+    return max(-dot(light_normal, d), 0.0) * max(dot(normal, d), 0.0) / (d2 * (area + PI * d2));
+}
+
+#endif

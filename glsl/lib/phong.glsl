@@ -1,0 +1,27 @@
+// Normalised modified Phong. Lensing 2014, 5.3.2. Twin: src/reference/phong.rs.
+#ifndef PHONG_GLSL
+#define PHONG_GLSL
+
+// max(0, c)^k by exp2 and log2; k >= 1, so the bound inside the logarithm gives 0 for all purposes.
+float cosine_power(float c, float k) {
+    return exp2(k * log2(max(c, 1e-30)));
+}
+
+// BRDF [1/sr] of the glossy lobe per unit of rho_g; Lensing 2014, eq. 5.30.
+float phong_lobe(float k, float cos_e) {
+    return (k + 2.0) * (0.5 / 3.14159265358979) * cosine_power(cos_e, k);
+}
+
+// Exponent of a perceptual roughness: k = 1/2 (1/alpha^2 - 1), alpha = roughness^2, within [1, 2048].
+float exponent_from_roughness(float roughness) {
+    float alpha = roughness * roughness;
+    return clamp(0.5 * (1.0 / max(alpha * alpha, 1e-8) - 1.0), 1.0, 2048.0);
+}
+
+// Unit vector from the viewer to a point; `eye` is a position and 1, or the direction towards the viewer and 0.
+vec3 view_direction(vec4 eye, vec3 position) {
+    vec3 d = eye.w > 0.0 ? position - eye.xyz : -eye.xyz;
+    return d * inversesqrt(max(dot(d, d), 1e-30));
+}
+
+#endif

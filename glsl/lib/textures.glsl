@@ -1,0 +1,27 @@
+// The textures of the material being drawn: six samplers and their slots. Included by the entry shaders that shade
+// surfaces; bindings 1 to 8 are its own.
+#ifndef TEXTURES_GLSL
+#define TEXTURES_GLSL
+#include "shared.glsl"
+
+layout(binding = 1, scalar) readonly buffer Materials { Material materials[]; };
+layout(binding = 2, scalar) readonly buffer TextureSlots { TextureSlot texture_slots[]; };
+layout(binding = 3) uniform sampler2D base_color_texture;
+layout(binding = 4) uniform sampler2D metallic_roughness_texture;
+layout(binding = 5) uniform sampler2D normal_texture;
+layout(binding = 6) uniform sampler2D emissive_texture;
+layout(binding = 7) uniform sampler2D specular_texture;
+layout(binding = 8) uniform sampler2D specular_color_texture;
+
+// Texture coordinate of one texture of a material: its set, transformed.
+vec2 texture_uv(uint material, uint which, vec4 uv) {
+    TextureSlot slot = texture_slots[material * TEXTURE_COUNT + which];
+    vec2 t = slot.uv_set == 0u ? uv.xy : uv.zw;
+    return slot.linear.xy * t.x + slot.linear.zw * t.y + slot.translation;
+}
+
+bool has_texture(uint material, uint which) {
+    return texture_slots[material * TEXTURE_COUNT + which].present != 0u;
+}
+
+#endif

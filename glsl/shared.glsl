@@ -1,0 +1,168 @@
+// Structs and constants of both sides. build.rs turns this file into Rust: one member or constant a line.
+// Layout is `scalar`: no padding. Positions are relative to the scene's origin, which the host chooses near the scene.
+#ifndef SHARED_GLSL
+#define SHARED_GLSL
+
+// Caches per row of the atlas. Two 64-texel bins wide, so that llvmpipe lights a row with two threads.
+const uint ATLAS_WIDTH = 128u;
+
+// VALs per gather draw: 12 KiB, within the 16 KiB of uniform buffer that every device has.
+const uint VAL_TILE = 256u;
+
+// Marks an unused entry of a list of references.
+const uint NO_CACHE = 65535u;
+
+// Kinds of light.
+const uint LIGHT_DIRECTIONAL = 0u;
+
+const uint LIGHT_POINT = 1u;
+
+const uint LIGHT_SPOT = 2u;
+
+// Textures of a material, in binding order; each has its `TextureSlot`.
+const uint TEXTURE_BASE_COLOR = 0u;
+
+const uint TEXTURE_METALLIC_ROUGHNESS = 1u;
+
+const uint TEXTURE_NORMAL = 2u;
+
+const uint TEXTURE_EMISSIVE = 3u;
+
+const uint TEXTURE_SPECULAR = 4u;
+
+const uint TEXTURE_SPECULAR_COLOR = 5u;
+
+const uint TEXTURE_COUNT = 6u;
+
+// A mesh in the world.
+struct Instance {
+    mat4 world_from_model;
+    mat4 world_from_normal; // inverse transpose of the linear part
+};
+
+// glTF's metallic-roughness material, or the method's own Phong material.
+struct Material {
+    vec4 base_color;
+    vec3 emissive; // [cd/m^2]
+    float alpha_cutoff; // negative: opaque
+    vec3 specular_color;
+    float specular;
+    vec3 phong_specular;
+    float phong_exponent; // negative: metallic-roughness
+    float metallic;
+    float roughness;
+    float ior;
+    float normal_scale;
+};
+
+// How one texture of a material is looked up.
+struct TextureSlot {
+    vec4 linear; // columns of the transform's 2x2 part
+    vec2 translation;
+    uint uv_set;
+    uint present; // 0: the factor stands alone
+};
+
+// A punctual light, KHR_lights_punctual.
+struct Light {
+    vec3 position;
+    uint kind;
+    vec3 direction; // unit, in which it shines
+    float range; // [m]; 0: infinite
+    vec3 intensity; // [cd]; of a directional light [lx]
+    float cone_scale; // the extension's lightAngleScale
+    float cone_offset; // the extension's lightAngleOffset
+    uint first_view;
+    uint view_count; // 1, or 6 faces in the order +x -x +y -y +z -z
+};
+
+// One frustum of a light, for its shadow map and its RSM.
+struct LightView {
+    mat4 clip_from_world;
+    vec3 right; // to the right edge of the picture at distance 1, or [m] of a directional light
+    float near; // [m]
+    vec3 up; // likewise
+    vec3 forward; // unit
+};
+
+// A virtual area light: one RSM texel, a homogeneous diffuse disc.
+struct Val {
+    vec3 position;
+    float area; // [m^2], eq. 5.10
+    vec3 normal; // unit, on the side that faces the light
+    uint material;
+    vec3 flux; // reflected, [lm]
+    float weight; // its pull on the proxy's position before the geometry factor; 0 where the texel hit nothing
+};
+
+// A cache as it was baked, in model space.
+struct ModelCache {
+    vec3 position;
+    float exponent;
+    vec3 normal;
+    float area;
+    uint instance;
+};
+
+// A cache in the world.
+struct Cache {
+    vec3 position;
+    float exponent; // Phong exponent of its material
+    vec3 normal;
+    float area; // [m^2]
+};
+
+// Both proxy lights of a cache: per lobe the facing irradiance I = E / (N.w) [lx] and where it comes from.
+struct Proxy {
+    vec3 diffuse_position;
+    float diffuse_lit; // 1, or 0 where no VAL reaches the lobe
+    vec3 diffuse_irradiance;
+    float glossy_lit;
+    vec3 glossy_position;
+    vec3 glossy_irradiance;
+};
+
+// Push constants of everything that draws the scene's triangles.
+struct DrawPush {
+    mat4 clip_from_world;
+    uint instance;
+    uint material;
+    uint reference_base; // first of the model's references, in pairs
+    uint cache_base; // atlas index of the instance's first cache
+    vec4 eye; // the viewer: position and 1, or the unit direction towards it and 0
+};
+
+// Push constants of full-screen passes that need the world position of a pixel.
+struct ScreenPush {
+    mat4 world_from_clip;
+    vec4 eye; // as in DrawPush
+    uint light;
+    uint shadow_size; // [texels] of one view of the shadow map
+    uint val_count; // of this tile
+};
+
+// Push constants of the pass that makes VALs of RSM texels.
+struct ValPush {
+    uint light;
+    uint view;
+    uint size; // [texels] of the RSM's side
+    uint first; // where its VALs begin
+};
+
+// Push constants of the gather.
+struct GatherPush {
+    uint cache_count;
+    uint val_count; // of this tile
+    vec4 eye; // as in DrawPush
+};
+
+// Push constants of composite and exposure.
+struct CompositePush {
+    float ev; // fixed exposure value at ISO 100
+    uint automatic; // 1: use the measured one instead
+    uint tonemap;
+    uint width;
+    uint height;
+};
+
+#endif

@@ -1,0 +1,71 @@
+// Stage 4: each texel of an extended RSM becomes a virtual area light. METHOD 2, thesis 5.2.
+#include "shared.glsl"
+#include "lib/light.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 0) const uint IRRADIANCE_WEIGHTS = 1; // else form-factor weights
+layout(push_constant, scalar) uniform Push { ValPush push; };
+layout(binding = 0, scalar) readonly buffer Lights { Light lights[]; };
+layout(binding = 1, scalar) readonly buffer Views { LightView views[]; };
+layout(binding = 2) uniform sampler2D position_image;
+layout(binding = 3) uniform sampler2D normal_image;
+layout(binding = 4) uniform sampler2D albedo_image;
+layout(binding = 5, scalar) writeonly buffer Vals { Val vals[]; };
+
+// Sub-samples per axis of the intensity over a texel: the edge of a sharp cone crosses texels.
+const int SAMPLES = 4;
+
+// Direction through a point of the view's picture, u to the right and v up, both in [-1, 1].
+vec3 through(LightView view, vec2 p) {
+    return view.forward + view.right * p.x + view.up * p.y;
+}
+
+void main() {
+    uvec2 texel = gl_GlobalInvocationID.xy;
+    if (any(greaterThanEqual(texel, uvec2(push.size)))) {
+        return;
+    }
+    Light light = lights[push.light];
+    LightView view = views[push.view];
+    vec4 hit = texelFetch(position_image, ivec2(texel), 0);
+    vec4 normal = texelFetch(normal_image, ivec2(texel), 0);
+    vec3 albedo = texelFetch(albedo_image, ivec2(texel), 0).rgb;
+
+    float n = float(push.size);
+    vec2 low = vec2(float(texel.x), n - 1.0 - float(texel.y)) * (2.0 / n) - 1.0;
+    float step = 2.0 / n;
+    // Footprint on a plane square to the axis, eq. 5.10; light through the texel [lm].
+    float area = step * step * length(view.right) * length(view.up);
+    vec3 entering;
+    if (light.kind == LIGHT_DIRECTIONAL) {
+        entering = light.intensity * area;
+    } else {
+        float z = dot(hit.xyz - light.position, view.forward);
+        area *= z * z;
+        float omega = solid_angle(through(view, low), through(view, low + vec2(step, 0.0)), through(view, low + step),
+                                  through(view, low + vec2(0.0, step)));
+        float falloff = 1.0;
+        if (light.kind == LIGHT_SPOT) {
+            falloff = 0.0;
+            for (int i = 0; i < SAMPLES * SAMPLES; ++i) {
+                vec2 inside = (vec2(i % SAMPLES, i / SAMPLES) + 0.5) / float(SAMPLES);
+                float cosine = dot(normalize(through(view, low + step * inside)), light.direction);
+                falloff += spot_falloff(cosine, light.cone_scale, light.cone_offset);
+            }
+            falloff /= float(SAMPLES * SAMPLES);
+        }
+        vec3 d = hit.xyz - light.position;
+        entering = light.intensity * (falloff * omega * range_window(dot(d, d), light.range));
+    }
+    vec3 flux = hit.w > 0.0 ? albedo * entering : vec3(0.0);
+
+    Val val;
+    val.position = hit.w > 0.0 ? hit.xyz : light.position + through(view, low);
+    val.area = hit.w > 0.0 ? area : 1.0;
+    val.normal = hit.w > 0.0 ? normal.xyz : vec3(0.0);
+    val.material = uint(normal.w);
+    val.flux = flux;
+    float luminance = dot(flux, vec3(0.2126, 0.7152, 0.0722));
+    val.weight = hit.w > 0.0 ? (IRRADIANCE_WEIGHTS != 0u ? luminance : val.area) : 0.0;
+    vals[push.first + texel.y * push.size + texel.x] = val;
+}

@@ -1,0 +1,581 @@
+//! Commands of one frame, in order: zones, binds, dispatches, rendering, barriers in words, copies.
+
+use super::device::{FRAMES_IN_FLIGHT, Gpu};
+use super::hazards::{Log, Use};
+use super::resource::{Buffer, Image, SamplerKind, aspect, is_depth, texel_bytes};
+use super::timer::{MAX_ZONES, Slot, ZoneTime};
+use super::{Pipeline, vulkan};
+use crate::error::{Error, Result};
+use ash::vk;
+use std::cell::{Cell, RefCell};
+use std::sync::MutexGuard;
+use std::sync::atomic::Ordering;
+
+/// A resource for one binding of a shader, in binding order.
+#[derive(Clone, Copy)]
+pub enum Bind<'a> {
+    /// A whole buffer.
+    Buffer(&'a Buffer),
+    /// Part of a buffer: offset and size [bytes].
+    Slice(&'a Buffer, u64, u64),
+    /// An image read texel by texel.
+    Image(&'a Image),
+    /// A filtered texture.
+    Texture(&'a Image, SamplerKind),
+}
+
+impl<'a> From<&'a Buffer> for Bind<'a> {
+    fn from(buffer: &'a Buffer) -> Self {
+        Bind::Buffer(buffer)
+    }
+}
+
+impl<'a> From<&'a Image> for Bind<'a> {
+    fn from(image: &'a Image) -> Self {
+        Bind::Image(image)
+    }
+}
+
+/// What an attachment holds when rendering begins.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Load {
+    /// What it held before.
+    Keep,
+    /// This value.
+    Clear([f32; 4]),
+    /// What it held before; it is only tested against and stays so (depth alone).
+    ReadOnly,
+}
+
+/// One image to render into.
+#[derive(Clone, Copy)]
+pub struct Attach<'a> {
+    /// The image.
+    pub image: &'a Image,
+    /// What it holds at first.
+    pub load: Load,
+}
+
+impl<'a> Attach<'a> {
+    /// As it was.
+    pub fn keep(image: &'a Image) -> Self {
+        Self { image, load: Load::Keep }
+    }
+    /// Cleared to zero.
+    pub fn clear(image: &'a Image) -> Self {
+        Self { image, load: Load::Clear([0.0; 4]) }
+    }
+}
+
+/// Where a rendering scope draws to.
+#[derive(Clone, Copy)]
+pub struct Attachments<'a> {
+    /// Colour attachments, in location order.
+    pub colors: &'a [Attach<'a>],
+    /// Depth attachment.
+    pub depth: Option<Attach<'a>>,
+    /// Left, top, width and height [pixels]; clearing and drawing stay inside.
+    pub area: [u32; 4],
+}
+
+/// What is copied of the bound pipeline, so that no lifetime leaks into the stages.
+#[derive(Clone, Copy)]
+struct Bound {
+    name: &'static str,
+    layout: vk::PipelineLayout,
+    push_bytes: u32,
+    stages: vk::ShaderStageFlags,
+    group: [u32; 3],
+}
+
+/// Records one frame into a slot of the ring.
+pub struct Cmd<'g> {
+    gpu: &'g Gpu,
+    slot: RefCell<MutexGuard<'g, Slot>>,
+    buffer: vk::CommandBuffer,
+    bound: Cell<Option<Bound>>,
+    log: Option<RefCell<Log>>,
+    zone: Cell<&'static str>,
+    /// Submit and wait at the end of each zone: the only way to right figures per pass on lavapipe.
+    split: bool,
+    error: RefCell<Option<Error>>,
+    key: RefCell<Vec<u64>>,
+}
+
+/// A stage of the frame: label, timestamps, and its name in the barrier check, until dropped.
+pub struct Zone<'c, 'g> {
+    cmd: &'c Cmd<'g>,
+    outer: &'static str,
+    query: Option<u32>,
+}
+
+/// A submitted frame: which slot holds it, and what the barrier check said.
+#[must_use = "a frame's problems are to be looked at"]
+pub struct Frame {
+    slot: usize,
+    value: u64,
+    /// Missing and idle barriers; only filled with `Validation::Sync`.
+    pub problems: Vec<String>,
+}
+
+impl Gpu {
+    /// Records and submits a frame. Waits only if the slot's frame before last is not done. `split` submits each
+    /// zone alone, for right timestamps on drivers that attribute chained passes wrongly.
+    pub fn frame(&self, split: bool, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
+        let index = self.submitted.load(Ordering::SeqCst) as usize % FRAMES_IN_FLIGHT;
+        let mut slot = self.slots[index].lock().expect("slot");
+        self.wait_for(slot.done)?;
+        slot.zones.clear();
+        // SAFETY: the slot's last frame is done, so its queries are not in use.
+        unsafe { self.shared.device.reset_query_pool(slot.queries, 0, 2 * MAX_ZONES) };
+        let buffer = slot.buffer;
+        let cmd = Cmd {
+            gpu: self,
+            slot: RefCell::new(slot),
+            buffer,
+            bound: Cell::new(None),
+            log: self.check_barriers.then(RefCell::default),
+            zone: Cell::new("frame"),
+            split,
+            error: RefCell::new(None),
+            key: RefCell::new(Vec::with_capacity(64)),
+        };
+        cmd.begin()?;
+        record(&cmd)?;
+        let value = cmd.submit()?;
+        cmd.slot.borrow_mut().done = value;
+        if let Some(error) = cmd.error.take() {
+            return Err(error);
+        }
+        Ok(Frame { slot: index, value, problems: cmd.log.map_or_else(Vec::new, |log| log.into_inner().problems()) })
+    }
+
+    /// Waits for a frame and gives its times, zone by zone. The frame must be one of the last two.
+    pub fn times(&self, frame: &Frame) -> Result<Vec<ZoneTime>> {
+        self.wait_for(frame.value)?;
+        self.slots[frame.slot].lock().expect("slot").times(self)
+    }
+
+    /// Records, submits and waits: for uploads and read-back, outside the frame loop.
+    pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
+        let frame = self.frame(false, |cmd| {
+            cmd.full_barrier();
+            cmd.zone.set(name);
+            record(cmd);
+            // What was copied becomes visible to the CPU.
+            let ((src_stage, src_access), (dst_stage, dst_access)) = (Use::CopyWrite.masks(), Use::HostRead.masks());
+            let barriers = [vk::MemoryBarrier2::default()
+                .src_stage_mask(src_stage)
+                .src_access_mask(src_access)
+                .dst_stage_mask(dst_stage)
+                .dst_access_mask(dst_access)];
+            cmd.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
+            Ok(())
+        })?;
+        self.wait_for(frame.value)
+    }
+}
+
+impl<'g> Cmd<'g> {
+    fn begin(&self) -> Result<()> {
+        let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // SAFETY: the buffer's last use is done; its pool allows resetting by beginning.
+        unsafe { self.gpu.shared.device.begin_command_buffer(self.buffer, &info) }.map_err(vulkan("beginning a frame"))
+    }
+
+    /// Ends and submits what is recorded; gives the timeline value that says it is done.
+    fn submit(&self) -> Result<u64> {
+        let value = self.gpu.submitted.fetch_add(1, Ordering::SeqCst) + 1;
+        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.buffer)];
+        let signals = [vk::SemaphoreSubmitInfo::default()
+            .semaphore(self.gpu.timeline)
+            .value(value)
+            .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
+        let info = vk::SubmitInfo2::default().command_buffer_infos(&buffers).signal_semaphore_infos(&signals);
+        // SAFETY: the buffer is recording and complete; one thread records at a time (the slot is locked).
+        unsafe {
+            self.gpu.shared.device.end_command_buffer(self.buffer).map_err(vulkan("ending a frame"))?;
+            self.gpu.shared.device.queue_submit2(self.gpu.queue, &[info], vk::Fence::null()).map_err(vulkan("submitting a frame"))?;
+        }
+        Ok(value)
+    }
+
+    /// Submits what is recorded so far, waits, and goes on with an empty buffer.
+    fn flush(&self) {
+        let result = self.submit().and_then(|value| self.gpu.wait_for(value)).and_then(|()| self.begin());
+        if let Err(error) = result {
+            self.error.borrow_mut().get_or_insert(error);
+        }
+    }
+
+    /// Opens a stage: debug label, timestamps, and the name under which the barrier check reports it.
+    pub fn zone(&self, name: &'static str) -> Zone<'_, 'g> {
+        if self.split {
+            self.flush();
+        }
+        let device = &self.gpu.shared.device;
+        let mut slot = self.slot.borrow_mut();
+        let query = (slot.zones.len() < MAX_ZONES as usize).then_some(2 * slot.zones.len() as u32);
+        if let Some(query) = query {
+            slot.zones.push(name);
+            // SAFETY: the query was reset and is written once per frame.
+            unsafe { device.cmd_write_timestamp2(self.buffer, vk::PipelineStageFlags2::ALL_COMMANDS, slot.queries, query) };
+        }
+        self.label(name);
+        Zone { cmd: self, outer: self.zone.replace(name), query }
+    }
+
+    fn label(&self, name: &str) {
+        if let Some(names) = &self.gpu.shared.names {
+            let name = std::ffi::CString::new(name).unwrap_or_default();
+            let label = vk::DebugUtilsLabelEXT::default().label_name(&name);
+            // SAFETY: the buffer is recording; the label is closed when its zone is dropped.
+            unsafe { names.cmd_begin_debug_utils_label(self.buffer, &label) };
+        }
+    }
+
+    /// Everything before is done and visible to everything after. Opens a frame; nowhere else.
+    fn full_barrier(&self) {
+        let all = vk::PipelineStageFlags2::ALL_COMMANDS;
+        let barriers = [vk::MemoryBarrier2::default()
+            .src_stage_mask(all)
+            .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
+            .dst_stage_mask(all)
+            .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)];
+        self.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
+    }
+
+    /// Opens a frame: the last one is done, and every target goes from UNDEFINED to GENERAL, its content discarded.
+    pub fn begin_frame<'i>(&self, targets: impl IntoIterator<Item = &'i Image>) {
+        self.full_barrier();
+        let barriers: Vec<_> = targets.into_iter().map(|image| discard(image, vk::PipelineStageFlags2::ALL_COMMANDS)).collect();
+        self.pipeline_barrier(&vk::DependencyInfo::default().image_memory_barriers(&barriers));
+    }
+
+    /// What `from` did before is done and visible to what `to` does after. The consumer writes it, before it reads.
+    pub fn barrier(&self, from: Use, to: Use) {
+        let ((src_stage, src_access), (dst_stage, dst_access)) = (from.masks(), to.masks());
+        let barriers = [vk::MemoryBarrier2::default()
+            .src_stage_mask(src_stage)
+            .src_access_mask(src_access)
+            .dst_stage_mask(dst_stage)
+            .dst_access_mask(dst_access)];
+        self.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
+        if let Some(log) = &self.log {
+            log.borrow_mut().barrier(from, to, self.zone.get());
+        }
+    }
+
+    fn pipeline_barrier(&self, info: &vk::DependencyInfo<'_>) {
+        // SAFETY: the buffer is recording, outside a rendering scope.
+        unsafe { self.gpu.shared.device.cmd_pipeline_barrier2(self.buffer, info) };
+    }
+
+    fn touch_buffer(&self, buffer: &Buffer, how: Use) {
+        if let Some(log) = &self.log {
+            log.borrow_mut().touch(buffer.id, &buffer.name, how, self.zone.get());
+        }
+    }
+
+    fn touch_image(&self, image: &Image, how: Use) {
+        if let Some(log) = &self.log {
+            log.borrow_mut().touch(image.id, &image.name, how, self.zone.get());
+        }
+    }
+
+    /// Binds a pipeline and its resources, in the order of the shader's bindings.
+    pub fn bind(&self, pipeline: &Pipeline, resources: &[Bind<'_>]) {
+        let name = pipeline.name;
+        assert_eq!(resources.len(), pipeline.slots.len(), "{name}: its shaders declare {} bindings", pipeline.slots.len());
+        let mut key = self.key.borrow_mut();
+        key.clear();
+        key.push(pipeline.id);
+        for (slot, resource) in pipeline.slots.iter().zip(resources) {
+            match *resource {
+                Bind::Buffer(buffer) => key.extend([buffer.id, 0, buffer.size]),
+                Bind::Slice(buffer, offset, size) => key.extend([buffer.id, offset, size]),
+                Bind::Image(image) => key.extend([image.id, 1, 0]),
+                Bind::Texture(image, kind) => {
+                    let wrap = kind.wrap.map(|w| w.as_raw() as u64);
+                    key.extend([image.id, 2 + u64::from(kind.nearest), wrap[0] << 32 | wrap[1]]);
+                }
+            }
+            for how in &slot.uses {
+                match resource {
+                    Bind::Buffer(b) | Bind::Slice(b, ..) => self.touch_buffer(b, *how),
+                    Bind::Image(i) | Bind::Texture(i, _) => self.touch_image(i, *how),
+                }
+            }
+        }
+        let shared = &self.gpu.shared;
+        let mut descriptors = self.gpu.descriptors.lock().expect("descriptors");
+        let mut failed = None;
+        let set = descriptors.get(shared, &key, pipeline.set_layout, |set| {
+            failed = self.write_set(set, pipeline, resources).err();
+        });
+        drop(descriptors);
+        let set = match (set, failed) {
+            (Ok(set), None) => set,
+            (Err(error), _) | (_, Some(error)) => {
+                self.error.borrow_mut().get_or_insert(error);
+                return;
+            }
+        };
+        let point = pipeline.point;
+        // SAFETY: pipeline, layout and set belong together and live until the frame is done (owners wait before drop).
+        unsafe {
+            shared.device.cmd_bind_pipeline(self.buffer, point, pipeline.handle);
+            if !resources.is_empty() {
+                shared.device.cmd_bind_descriptor_sets(self.buffer, point, pipeline.layout, 0, &[set], &[]);
+            }
+        }
+        self.bound.set(Some(Bound {
+            name,
+            layout: pipeline.layout,
+            push_bytes: pipeline.push_bytes,
+            stages: pipeline.stages,
+            group: pipeline.group,
+        }));
+    }
+
+    fn write_set(&self, set: vk::DescriptorSet, pipeline: &Pipeline, resources: &[Bind<'_>]) -> Result<()> {
+        let nearest = SamplerKind { wrap: [vk::SamplerAddressMode::CLAMP_TO_EDGE; 2], nearest: true };
+        for (slot, resource) in pipeline.slots.iter().zip(resources) {
+            let write = vk::WriteDescriptorSet::default().dst_set(set).dst_binding(slot.binding).descriptor_type(slot.kind);
+            let (buffer, image);
+            let write = match *resource {
+                Bind::Buffer(b) => {
+                    buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset: 0, range: vk::WHOLE_SIZE }];
+                    write.buffer_info(&buffer)
+                }
+                Bind::Slice(b, offset, range) => {
+                    buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset, range }];
+                    write.buffer_info(&buffer)
+                }
+                Bind::Image(i) | Bind::Texture(i, _) => {
+                    let kind = if let Bind::Texture(_, kind) = resource { *kind } else { nearest };
+                    let sampler = self.gpu.sampler(kind)?;
+                    image = [vk::DescriptorImageInfo { sampler, image_view: i.view, image_layout: vk::ImageLayout::GENERAL }];
+                    write.image_info(&image)
+                }
+            };
+            // SAFETY: the set is fresh and not in use; the infos live to the end of the call.
+            unsafe { self.gpu.shared.device.update_descriptor_sets(&[write], &[]) };
+        }
+        Ok(())
+    }
+
+    /// Sets the push constants of the bound pipeline.
+    pub fn push<T: bytemuck::NoUninit>(&self, constants: &T) {
+        let bound = self.bound.get().expect("bind before push");
+        let bytes = bytemuck::bytes_of(constants);
+        assert_eq!(bytes.len() as u32, bound.push_bytes, "{}: size of its push constants", bound.name);
+        // SAFETY: size and stages are those of the layout.
+        unsafe { self.gpu.shared.device.cmd_push_constants(self.buffer, bound.layout, bound.stages, 0, bytes) };
+    }
+
+    /// Runs the bound compute shader over this many items; the group size is the shader's own.
+    pub fn dispatch(&self, x: u32, y: u32, z: u32) {
+        let bound = self.bound.get().expect("bind before dispatch");
+        let [x, y, z] = [x.div_ceil(bound.group[0]), y.div_ceil(bound.group[1]), z.div_ceil(bound.group[2])];
+        // SAFETY: a compute pipeline with all its descriptors is bound.
+        unsafe { self.gpu.shared.device.cmd_dispatch(self.buffer, x, y, z) };
+    }
+
+    /// Opens a rendering scope and draws.
+    pub fn render(&self, attachments: &Attachments<'_>, draw: impl FnOnce(&Draw<'_, 'g>)) {
+        let info = |attach: &Attach<'_>| {
+            let (load, store) = match attach.load {
+                Load::Keep => (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::STORE),
+                Load::Clear(_) => (vk::AttachmentLoadOp::CLEAR, vk::AttachmentStoreOp::STORE),
+                Load::ReadOnly => (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::NONE),
+            };
+            let clear = match attach.load {
+                Load::Clear(c) if is_depth(attach.image.format) => {
+                    vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: c[0], stencil: 0 } }
+                }
+                Load::Clear(float32) => vk::ClearValue { color: vk::ClearColorValue { float32 } },
+                _ => vk::ClearValue::default(),
+            };
+            vk::RenderingAttachmentInfo::default()
+                .image_view(attach.image.view)
+                .image_layout(vk::ImageLayout::GENERAL)
+                .load_op(load)
+                .store_op(store)
+                .clear_value(clear)
+        };
+        for attach in attachments.colors {
+            self.touch_image(attach.image, Use::ColorWrite);
+        }
+        if let Some(depth) = &attachments.depth {
+            self.touch_image(depth.image, if depth.load == Load::ReadOnly { Use::DepthRead } else { Use::DepthWrite });
+        }
+        let colors: Vec<_> = attachments.colors.iter().map(info).collect();
+        let depth = attachments.depth.as_ref().map(info);
+        let [x, y, width, height] = attachments.area;
+        let offset = vk::Offset2D { x: x as i32, y: y as i32 };
+        let area = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
+        let mut rendering = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
+        if let Some(depth) = &depth {
+            rendering = rendering.depth_attachment(depth);
+        }
+        let viewport =
+            vk::Viewport { x: x as f32, y: y as f32, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 };
+        let device = &self.gpu.shared.device;
+        // SAFETY: the views are alive and in GENERAL; dynamic state is set before any draw; the scope is closed below.
+        unsafe {
+            device.cmd_begin_rendering(self.buffer, &rendering);
+            device.cmd_set_viewport(self.buffer, 0, &[viewport]);
+            device.cmd_set_scissor(self.buffer, 0, &[area]);
+            device.cmd_set_front_face(self.buffer, vk::FrontFace::COUNTER_CLOCKWISE);
+        }
+        draw(&Draw { cmd: self });
+        // SAFETY: opened above.
+        unsafe { device.cmd_end_rendering(self.buffer) };
+    }
+
+    /// Copies the first `size` bytes of a buffer to another.
+    pub fn copy_buffer(&self, from: &Buffer, to: &Buffer, size: u64) {
+        self.touch_buffer(from, Use::CopyRead);
+        self.touch_buffer(to, Use::CopyWrite);
+        let regions = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }];
+        // SAFETY: both are alive and at least `size` long (callers pass a buffer's own size).
+        unsafe { self.gpu.shared.device.cmd_copy_buffer(self.buffer, from.handle, to.handle, &regions) };
+    }
+
+    /// Copies an image, tightly packed, into a buffer.
+    pub fn copy_image_to_buffer(&self, from: &Image, to: &Buffer) {
+        self.touch_image(from, Use::CopyRead);
+        self.touch_buffer(to, Use::CopyWrite);
+        let regions = [region(from, 0, 0)];
+        // SAFETY: the buffer holds `width * height` texels (made so by the caller); the image is in GENERAL.
+        unsafe {
+            self.gpu.shared.device.cmd_copy_image_to_buffer(self.buffer, from.handle, vk::ImageLayout::GENERAL, to.handle, &regions);
+        }
+    }
+
+    /// Fills all levels of a fresh texture from a buffer that holds them one after the other.
+    pub(crate) fn copy_buffer_to_texture(&self, from: &Buffer, to: &Image) {
+        let barriers = [discard(to, vk::PipelineStageFlags2::COPY)];
+        self.pipeline_barrier(&vk::DependencyInfo::default().image_memory_barriers(&barriers));
+        self.touch_buffer(from, Use::CopyRead);
+        self.touch_image(to, Use::CopyWrite);
+        let mut offset = 0;
+        let regions: Vec<_> = (0..to.mips)
+            .map(|mip| {
+                let here = region(to, mip, offset);
+                offset += u64::from(here.image_extent.width) * u64::from(here.image_extent.height) * texel_bytes(to.format);
+                here
+            })
+            .collect();
+        // SAFETY: the buffer holds all levels; the image is in GENERAL since the barrier above.
+        unsafe {
+            self.gpu.shared.device.cmd_copy_buffer_to_image(self.buffer, from.handle, to.handle, vk::ImageLayout::GENERAL, &regions);
+        }
+    }
+}
+
+/// From UNDEFINED to GENERAL: what the image held is gone.
+fn discard(image: &Image, stage: vk::PipelineStageFlags2) -> vk::ImageMemoryBarrier2<'static> {
+    vk::ImageMemoryBarrier2::default()
+        .src_stage_mask(stage)
+        .dst_stage_mask(stage)
+        .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)
+        .old_layout(vk::ImageLayout::UNDEFINED)
+        .new_layout(vk::ImageLayout::GENERAL)
+        .image(image.handle)
+        .subresource_range(vk::ImageSubresourceRange {
+            aspect_mask: aspect(image.format),
+            base_mip_level: 0,
+            level_count: image.mips,
+            base_array_layer: 0,
+            layer_count: 1,
+        })
+}
+
+/// One level, tightly packed at an offset of a buffer.
+fn region(image: &Image, mip: u32, offset: u64) -> vk::BufferImageCopy {
+    vk::BufferImageCopy {
+        buffer_offset: offset,
+        buffer_row_length: 0,
+        buffer_image_height: 0,
+        image_subresource: vk::ImageSubresourceLayers {
+            aspect_mask: aspect(image.format),
+            mip_level: mip,
+            base_array_layer: 0,
+            layer_count: 1,
+        },
+        image_offset: vk::Offset3D::default(),
+        image_extent: vk::Extent3D { width: (image.width >> mip).max(1), height: (image.height >> mip).max(1), depth: 1 },
+    }
+}
+
+impl Drop for Zone<'_, '_> {
+    fn drop(&mut self) {
+        let cmd = self.cmd;
+        let shared = &cmd.gpu.shared;
+        // SAFETY: closes what `zone` opened; the query is written once per frame.
+        unsafe {
+            if let Some(names) = &shared.names {
+                names.cmd_end_debug_utils_label(cmd.buffer);
+            }
+            if let Some(query) = self.query {
+                let queries = cmd.slot.borrow().queries;
+                shared.device.cmd_write_timestamp2(cmd.buffer, vk::PipelineStageFlags2::ALL_COMMANDS, queries, query + 1);
+            }
+        }
+        cmd.zone.set(self.outer);
+    }
+}
+
+/// An open rendering scope.
+pub struct Draw<'c, 'g> {
+    cmd: &'c Cmd<'g>,
+}
+
+impl Draw<'_, '_> {
+    /// See `Cmd::bind`.
+    pub fn bind(&self, pipeline: &Pipeline, resources: &[Bind<'_>]) {
+        self.cmd.bind(pipeline, resources);
+    }
+
+    /// See `Cmd::push`.
+    pub fn push<T: bytemuck::NoUninit>(&self, constants: &T) {
+        self.cmd.push(constants);
+    }
+
+    /// Vertex buffers with byte offsets, in stream order. They hold what never changes, so the barrier check skips them.
+    pub fn vertices(&self, buffers: &[(&Buffer, u64)]) {
+        for (binding, (buffer, offset)) in buffers.iter().enumerate() {
+            // SAFETY: the buffer is alive and made with vertex usage.
+            unsafe {
+                self.cmd.gpu.shared.device.cmd_bind_vertex_buffers(self.cmd.buffer, binding as u32, &[buffer.handle], &[*offset]);
+            }
+        }
+    }
+
+    /// Index buffer of u32 with a byte offset.
+    pub fn indices(&self, buffer: &Buffer, offset: u64) {
+        // SAFETY: the buffer is alive and made with index usage.
+        unsafe { self.cmd.gpu.shared.device.cmd_bind_index_buffer(self.cmd.buffer, buffer.handle, offset, vk::IndexType::UINT32) };
+    }
+
+    /// Whether counter-clockwise triangles show their front; false for mirrored instances.
+    pub fn front_is_ccw(&self, ccw: bool) {
+        let face = if ccw { vk::FrontFace::COUNTER_CLOCKWISE } else { vk::FrontFace::CLOCKWISE };
+        // SAFETY: front face is dynamic in all our pipelines.
+        unsafe { self.cmd.gpu.shared.device.cmd_set_front_face(self.cmd.buffer, face) };
+    }
+
+    /// Draws vertices without buffers: 3 for the triangle that covers the screen.
+    pub fn draw(&self, vertex_count: u32) {
+        // SAFETY: pipeline and descriptors are bound; the shader makes its vertices from their index.
+        unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, 0, 0) };
+    }
+
+    /// Draws triangles from the bound buffers.
+    pub fn draw_indexed(&self, index_count: u32, first_index: u32) {
+        // SAFETY: pipeline, descriptors, vertex and index buffers are bound; the loader checked the indices.
+        unsafe { self.cmd.gpu.shared.device.cmd_draw_indexed(self.cmd.buffer, index_count, 1, first_index, 0, 0) };
+    }
+}

@@ -1,0 +1,40 @@
+//! Vulkan, explicit and small: `Gpu` (device, allocator, messages), `Buffer`, `Image`, `Pipeline`, `Cmd`.
+//!
+//! Knows nothing of light. Vulkan 1.3 core and nothing beyond it, so that lavapipe and SwiftShader run the same
+//! code as desktop GPUs. All unsafe code of the crate lies in this folder.
+#![allow(unsafe_code, reason = "Vulkan is called from here and only from here")]
+
+mod cmd;
+mod device;
+mod hazards;
+mod pipeline;
+mod reflect;
+mod resource;
+mod timer;
+
+pub use ash::vk::Format;
+pub use cmd::{Attach, Attachments, Bind, Cmd, Draw, Load};
+pub use device::{DeviceReport, Gpu, Options, Validation, devices};
+pub use hazards::Use;
+pub use pipeline::{Attribute, Blend, Cull, Depth, Pipeline, Raster, Stream};
+pub use resource::{Buffer, Image, SamplerKind};
+pub use timer::ZoneTime;
+
+use crate::error::Error;
+
+/// Adds what was being done to a Vulkan result, in the user's words.
+pub(crate) fn vulkan(what: impl Into<String>) -> impl FnOnce(ash::vk::Result) -> Error {
+    move |result| {
+        let result = match result {
+            ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => {
+                "out of device memory; ask for a smaller --size, --rsm or --shadow-map".to_owned()
+            }
+            ash::vk::Result::ERROR_OUT_OF_HOST_MEMORY => "out of memory".to_owned(),
+            ash::vk::Result::ERROR_DEVICE_LOST => {
+                "the device was lost (driver reset or crash); update the driver or try another --device".to_owned()
+            }
+            other => format!("{other}"),
+        };
+        Error::Vulkan { what: what.into(), result }
+    }
+}
