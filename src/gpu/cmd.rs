@@ -419,17 +419,15 @@ impl<'g> Cmd<'g> {
         if let Some(depth) = &depth {
             rendering = rendering.depth_attachment(depth);
         }
-        let viewport =
-            vk::Viewport { x: x as f32, y: y as f32, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 };
         let device = &self.gpu.shared.device;
         // SAFETY: the views are alive and in GENERAL; dynamic state is set before any draw; the scope is closed below.
         unsafe {
             device.cmd_begin_rendering(self.buffer, &rendering);
-            device.cmd_set_viewport(self.buffer, 0, &[viewport]);
-            device.cmd_set_scissor(self.buffer, 0, &[area]);
             device.cmd_set_front_face(self.buffer, vk::FrontFace::COUNTER_CLOCKWISE);
         }
-        draw(&Draw { cmd: self });
+        let scope = Draw { cmd: self };
+        scope.area(attachments.area);
+        draw(&scope);
         // SAFETY: opened above.
         unsafe { device.cmd_end_rendering(self.buffer) };
     }
@@ -558,6 +556,19 @@ impl Draw<'_, '_> {
     pub fn indices(&self, buffer: &Buffer, offset: u64) {
         // SAFETY: the buffer is alive and made with index usage.
         unsafe { self.cmd.gpu.shared.device.cmd_bind_index_buffer(self.cmd.buffer, buffer.handle, offset, vk::IndexType::UINT32) };
+    }
+
+    /// Part of the attachments that is drawn to: left, top, width and height [pixels].
+    pub fn area(&self, [x, y, width, height]: [u32; 4]) {
+        let device = &self.cmd.gpu.shared.device;
+        let viewport =
+            vk::Viewport { x: x as f32, y: y as f32, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 };
+        let offset = vk::Offset2D { x: x as i32, y: y as i32 };
+        // SAFETY: viewport and scissor are dynamic in all our pipelines; the scope's own area contains this one.
+        unsafe {
+            device.cmd_set_viewport(self.cmd.buffer, 0, &[viewport]);
+            device.cmd_set_scissor(self.cmd.buffer, 0, &[vk::Rect2D { offset, extent: vk::Extent2D { width, height } }]);
+        }
     }
 
     /// Whether counter-clockwise triangles show their front; false for mirrored instances.

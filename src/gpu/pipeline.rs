@@ -272,6 +272,13 @@ impl Gpu {
     }
 }
 
+impl Pipeline {
+    /// Numbers of the bindings that its shaders declare, ascending.
+    pub fn bindings(&self) -> impl Iterator<Item = u32> {
+        self.slots.iter().map(|s| s.binding)
+    }
+}
+
 /// What binding a resource means, from the shader's own declaration.
 fn uses(stage: vk::ShaderStageFlags, binding: Binding) -> Vec<Use> {
     let (read, write) = match stage {

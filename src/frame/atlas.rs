@@ -1,0 +1,28 @@
+//! Stage 3, cache atlas: model caches, instance transforms -> caches in the world. METHOD 1 and 9.
+
+use super::SceneBuffers;
+use super::targets::CacheTargets;
+use crate::error::Result;
+use crate::gpu::{Cmd, Gpu, Pipeline};
+use crate::shared::GatherPush;
+use glam::Vec4;
+
+/// Places every instance's caches.
+pub struct Atlas {
+    pipeline: Pipeline,
+}
+
+impl Atlas {
+    /// Makes the pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        Ok(Self { pipeline: gpu.compute("atlas.comp", &[])? })
+    }
+
+    /// Records the stage.
+    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, caches: &CacheTargets) {
+        let _zone = cmd.zone("atlas");
+        cmd.bind(&self.pipeline, &[(&scene.model_caches).into(), (&scene.instances).into(), (&caches.atlas).into()]);
+        cmd.push(&GatherPush { cache_count: caches.count, val_count: 0, eye: Vec4::ZERO });
+        cmd.dispatch(caches.count, 1, 1);
+    }
+}

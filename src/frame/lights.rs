@@ -1,0 +1,112 @@
+//! Lights as the shaders see them: relative to the scene's origin, each with the frusta of its shadow map and RSM.
+
+use crate::scene::{Light, LightKind};
+use crate::shared::{self, LightView};
+use glam::{DMat4, DVec3, DVec4};
+
+/// A spot wider than this half angle [rad] is seen through six faces, like a point light.
+const WIDEST_FRUSTUM: f32 = 70.0 / 180.0 * std::f32::consts::PI;
+
+/// What the host needs to know of a light to draw its maps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct LightInfo {
+    /// First of its views.
+    pub first_view: u32,
+    /// 1, or 6.
+    pub views: u32,
+}
+
+impl LightInfo {
+    /// Side [texels] of each of its RSMs: six faces share the texels of one square.
+    pub fn rsm_size(&self, n: u32) -> u32 {
+        if self.views == 1 { n } else { ((f64::from(n) / 6_f64.sqrt()).round() as u32).max(1) }
+    }
+
+    /// Side [texels] of each tile of its shadow map: six faces tile it three by two.
+    pub fn shadow_size(&self, n: u32) -> u32 {
+        if self.views == 1 { n } else { (n / 3).max(1) }
+    }
+}
+
+/// All lights and views of a scene around `origin` with half extent `half` [m].
+pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>, Vec<shared::Light>, Vec<LightView>) {
+    let radius = half.length();
+    let (mut infos, mut all, mut views) = (Vec::new(), Vec::new(), Vec::new());
+    for light in lights {
+        let position = light.position - origin;
+        let direction = light.direction.as_dvec3().normalize_or(DVec3::NEG_Y);
+        let first_view = views.len() as u32;
+        let (mut kind, mut cone) = (shared::LIGHT_POINT, [0.0; 2]);
+        // Six faces, whose axes are the world's, unless one frustum holds the light.
+        match light.kind {
+            LightKind::Directional => {
+                kind = shared::LIGHT_DIRECTIONAL;
+                views.push(parallel_view(direction, half));
+            }
+            LightKind::Spot { inner, outer } => {
+                kind = shared::LIGHT_SPOT;
+                // The extension's own bound keeps a sharp cone finite.
+                let scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
+                cone = [scale, -outer.cos() * scale];
+                if outer <= WIDEST_FRUSTUM {
+                    let right = direction.any_orthonormal_vector();
+                    views.push(perspective_view(position, right, right.cross(direction), direction, f64::from(outer).tan(), radius));
+                }
+            }
+            LightKind::Point => {}
+        }
+        if views.len() as u32 == first_view {
+            let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
+            for (right, up, forward) in [(z, y, x), (-z, y, -x), (x, z, y), (x, -z, -y), (-x, y, z), (x, y, -z)] {
+                views.push(perspective_view(position, right, up, forward, 1.0, radius));
+            }
+        }
+        let view_count = views.len() as u32 - first_view;
+        infos.push(LightInfo { first_view, views: view_count });
+        all.push(shared::Light {
+            position: position.as_vec3(),
+            kind,
+            direction: direction.as_vec3(),
+            range: light.range.unwrap_or(0.0),
+            intensity: light.color * light.intensity,
+            cone_scale: cone[0],
+            cone_offset: cone[1],
+            first_view,
+            view_count,
+        });
+    }
+    (infos, all, views)
+}
+
+/// A square frustum with reversed depth and no far plane.
+fn perspective_view(position: DVec3, right: DVec3, up: DVec3, forward: DVec3, tan_half: f64, radius: f64) -> LightView {
+    let near = 1e-4 * radius;
+    let rows = [
+        (right / tan_half).extend(-right.dot(position) / tan_half),
+        (-up / tan_half).extend(up.dot(position) / tan_half),
+        DVec4::new(0.0, 0.0, 0.0, near),
+        forward.extend(-forward.dot(position)),
+    ];
+    view(rows, right * tan_half, up * tan_half, forward, near)
+}
+
+/// A box around the scene, which is centred on the origin.
+fn parallel_view(forward: DVec3, half: DVec3) -> LightView {
+    let right = forward.any_orthonormal_vector();
+    let up = right.cross(forward);
+    // Half extent of the scene's box along an axis, and a little: nothing lies on the border.
+    let reach = |axis: DVec3| 1.001 * axis.abs().dot(half);
+    let (w, h, d) = (reach(right), reach(up), reach(forward));
+    let rows = [
+        (right / w).extend(0.0),
+        (-up / h).extend(0.0),
+        (-forward / (2.0 * d)).extend(0.5),
+        DVec4::W,
+    ];
+    view(rows, right * w, up * h, forward, 0.0)
+}
+
+fn view(rows: [DVec4; 4], right: DVec3, up: DVec3, forward: DVec3, near: f64) -> LightView {
+    let clip_from_world = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose().as_mat4();
+    LightView { clip_from_world, right: right.as_vec3(), near: near as f32, up: up.as_vec3(), forward: forward.as_vec3() }
+}

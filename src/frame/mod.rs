@@ -1,0 +1,212 @@
+//! The frame: METHOD's eleven stages in order, each in the file of its name.
+
+mod atlas;
+mod brute_force;
+mod composite;
+mod direct;
+mod gather;
+mod gbuffer;
+mod interpolate;
+pub mod lights;
+mod plan;
+mod rsm;
+mod targets;
+mod upload;
+mod view;
+
+pub use plan::{Plan, PlanLine};
+pub use targets::Targets;
+pub use upload::SceneBuffers;
+pub use view::View;
+
+use crate::error::Result;
+use crate::gpu::{Attribute, Cmd, Format, Gpu, Stream, Use};
+use crate::scene::{Scene, Vertex};
+
+/// How indirect light is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Gi {
+    /// Interpolated caches.
+    #[default]
+    LightSkin,
+    /// Every VAL onto every pixel.
+    BruteForce,
+    /// None.
+    Off,
+}
+
+/// What the light of a vertex's caches is averaged as. METHOD 5.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Facing irradiance and position of the lit caches, faster kernel: bounded, and the better one by measurement.
+    #[default]
+    Facing,
+    /// Flux and position with the thesis's weights, eq. 5.49 to 5.51.
+    Printed,
+}
+
+/// How strongly a VAL pulls a proxy's position. METHOD 4.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ProxyWeight {
+    /// By its irradiance on the cache.
+    #[default]
+    Irradiance,
+    /// By its form factor, as eq. 5.42 prints it.
+    FormFactor,
+}
+
+/// Curve from scene to display.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[repr(u32)]
+pub enum Tonemap {
+    /// Khronos PBR Neutral.
+    #[default]
+    PbrNeutral = 0,
+    /// AgX.
+    Agx = 1,
+    /// ACES, Hill's fit.
+    Aces = 2,
+    /// None but clipping.
+    Linear = 3,
+}
+
+/// How bright the picture is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Exposure {
+    /// The log-average luminance becomes middle grey.
+    #[default]
+    Automatic,
+    /// Exposure value at ISO 100: 1.2 * 2^EV cd/m^2 becomes 1.
+    Ev(f32),
+}
+
+/// Everything that shapes a frame besides scene and camera.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Picture [pixels].
+    pub size: [u32; 2],
+    /// Indirect light.
+    pub gi: Gi,
+    /// References per vertex, 8 or 16; those of the bake.
+    pub references: usize,
+    /// Texels of an RSM's side; six-view lights share as many.
+    pub rsm: u32,
+    /// Texels of a shadow map's side.
+    pub shadow_map: u32,
+    /// Kernel and quantities of stage 8.
+    pub interpolation: Interpolation,
+    /// Weights of stage 6.
+    pub proxy_weight: ProxyWeight,
+    /// Curve of stage 11.
+    pub tonemap: Tonemap,
+    /// Exposure of stage 11.
+    pub exposure: Exposure,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            size: [1280, 720],
+            gi: Gi::LightSkin,
+            references: 8,
+            rsm: 128,
+            shadow_map: 2048,
+            interpolation: Interpolation::Facing,
+            proxy_weight: ProxyWeight::Irradiance,
+            tonemap: Tonemap::PbrNeutral,
+            exposure: Exposure::Automatic,
+        }
+    }
+}
+
+/// A vertex as stages 1, 2 and 4 read it.
+const VERTEX: Stream<'static> = Stream {
+    stride: size_of::<Vertex>() as u32,
+    attributes: &[
+        (0, Format::R32G32B32_SFLOAT, 0),
+        (1, Format::R32G32B32_SFLOAT, 12),
+        (2, Format::R32G32B32A32_SFLOAT, 24),
+        (3, Format::R32G32_SFLOAT, 40),
+        (4, Format::R32G32_SFLOAT, 48),
+        (5, Format::R8G8B8A8_UNORM, 56),
+    ],
+};
+
+/// A vertex as stage 8 reads it.
+const POSITION_NORMAL: Stream<'static> = Stream {
+    stride: size_of::<Vertex>() as u32,
+    attributes: &[(0, Format::R32G32B32_SFLOAT, 0), (1, Format::R32G32B32_SFLOAT, 12)],
+};
+
+/// The stages a scene needs, and their targets.
+pub struct Frame {
+    /// Which stages there are.
+    pub plan: Plan,
+    /// What they write.
+    pub targets: Targets,
+    gbuffer: gbuffer::GBuffer,
+    direct: Option<direct::Direct>,
+    rsm: Option<rsm::Rsm>,
+    lightskin: Option<LightSkin>,
+    brute_force: Option<brute_force::BruteForce>,
+    composite: composite::Composite,
+}
+
+/// Stages 3, 6 and 8.
+struct LightSkin {
+    atlas: atlas::Atlas,
+    gather: gather::Gather,
+    interpolate: interpolate::Interpolate,
+}
+
+impl Frame {
+    /// Makes stages and targets for a scene.
+    pub fn new(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers, settings: &Settings) -> Result<Self> {
+        let plan = Plan::new(scene, settings);
+        let lightskin = || -> Result<LightSkin> {
+            Ok(LightSkin {
+                atlas: atlas::Atlas::new(gpu)?,
+                gather: gather::Gather::new(gpu, &plan)?,
+                interpolate: interpolate::Interpolate::new(gpu, &plan, settings)?,
+            })
+        };
+        Ok(Self {
+            targets: Targets::new(gpu, &plan, buffers, settings)?,
+            gbuffer: gbuffer::GBuffer::new(gpu)?,
+            direct: plan.direct.then(|| direct::Direct::new(gpu)).transpose()?,
+            rsm: plan.indirect().then(|| rsm::Rsm::new(gpu, settings.proxy_weight)).transpose()?,
+            lightskin: plan.lightskin.then(lightskin).transpose()?,
+            brute_force: plan.brute_force.then(|| brute_force::BruteForce::new(gpu, &plan)).transpose()?,
+            composite: composite::Composite::new(gpu, &plan, settings)?,
+            plan,
+        })
+    }
+
+    /// Records one frame, top to bottom; the numbers are METHOD's. A stage the scene does not need is `None`.
+    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, view: &View) {
+        let t = &self.targets;
+        cmd.begin_frame(t.images()); // the last frame is done; images UNDEFINED -> GENERAL
+
+        self.gbuffer.record(cmd, scene, view, t); // 1
+        if let Some(direct) = &self.direct {
+            direct.record(cmd, scene, view, t); // 2
+        }
+        if let (Some(LightSkin { atlas, .. }), Some(caches)) = (&self.lightskin, &t.caches) {
+            atlas.record(cmd, scene, caches); // 3
+        }
+        if let (Some(rsm), Some(targets)) = (&self.rsm, &t.rsm) {
+            rsm.record(cmd, scene, targets); // 4
+        }
+        if let (Some(gi), Some(caches), Some(rsm), Some(out)) = (&self.lightskin, &t.caches, &t.rsm, &t.indirect) {
+            cmd.barrier(Use::ComputeWrite, Use::FragmentRead); //   atlas, VALs -> 6
+            gi.gather.record(cmd, rsm, view, caches); // 6
+            cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::VertexRead | Use::FragmentRead | Use::DepthRead); //   proxies, G-buffer -> 8
+            gi.interpolate.record(cmd, scene, view, t, caches, out); // 8
+        }
+        if let (Some(brute_force), Some(rsm), Some(out)) = (&self.brute_force, &t.rsm, &t.indirect) {
+            cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8
+            brute_force.record(cmd, rsm, view, t, out); // 8
+        }
+        self.composite.record(cmd, t); // 11
+    }
+}

@@ -1,0 +1,74 @@
+//! Stage 4, extended RSM: the scene as each light sees it -> VALs. METHOD 2, thesis 5.2.
+
+use super::targets::RsmTargets;
+use super::upload::Which;
+use super::{ProxyWeight, SceneBuffers, VERTEX};
+use crate::error::Result;
+use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Use};
+use crate::shared::ValPush;
+use glam::Vec4;
+
+/// Draws an RSM per view of each light and turns its texels into VALs.
+pub struct Rsm {
+    draw: Pipeline,
+    vals: Pipeline,
+}
+
+impl Rsm {
+    /// Makes the pipelines.
+    pub fn new(gpu: &Gpu, weight: ProxyWeight) -> Result<Self> {
+        Ok(Self {
+            draw: gpu.raster(&Raster {
+                vertex: "mesh.vert",
+                fragment: Some("rsm.frag"),
+                streams: &[VERTEX],
+                colors: &[Format::R32G32B32A32_SFLOAT; 3],
+                blend: Blend::Replace,
+                depth: Depth::Nearest,
+                cull: Cull::None,
+                constants: &[],
+            })?,
+            vals: gpu.compute("vals.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
+        })
+    }
+
+    /// Records the stage.
+    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, t: &RsmTargets) {
+        let _zone = cmd.zone("rsm");
+        let mut first = 0;
+        for (i, light) in scene.lights.iter().enumerate() {
+            let size = light.rsm_size(t.depth.width);
+            for view in light.first_view..light.first_view + light.views {
+                if first > 0 {
+                    cmd.barrier(Use::ComputeRead | Use::DepthWrite, Use::ColorWrite | Use::DepthWrite); // the last view is read
+                }
+                let attachments = Attachments {
+                    colors: &[Attach::clear(&t.position), Attach::clear(&t.normal), Attach::clear(&t.albedo)],
+                    depth: Some(Attach::clear(&t.depth)),
+                    area: [0, 0, size, size],
+                };
+                let clip = scene.view_matrices[view as usize];
+                cmd.render(&attachments, |draw| scene.draw(draw, &self.draw, Which::All, clip, Vec4::ZERO, None));
+                if first > 0 {
+                    cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+                } else {
+                    cmd.barrier(Use::ColorWrite, Use::ComputeRead);
+                }
+                cmd.bind(
+                    &self.vals,
+                    &[
+                        (&scene.light_buffer).into(),
+                        (&scene.view_buffer).into(),
+                        (&t.position).into(),
+                        (&t.normal).into(),
+                        (&t.albedo).into(),
+                        (&t.vals).into(),
+                    ],
+                );
+                cmd.push(&ValPush { light: i as u32, view, size, first });
+                cmd.dispatch(size, size, 1);
+                first += size * size;
+            }
+        }
+    }
+}

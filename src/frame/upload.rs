@@ -1,0 +1,358 @@
+//! A scene and its caches on the device: merged vertices, textures, materials, instances, lights, references.
+//!
+//! Everything here is written once. Positions are relative to the scene's origin, the middle of its bounds, so that a
+//! scene far from the world's origin is drawn and lit like one that is near.
+
+use super::lights::{self, LightInfo};
+use crate::bake::CacheSet;
+use crate::error::{Error, Result};
+use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, SamplerKind};
+use crate::image::mip_chain;
+use crate::scene::{Material, Scene, Texture, Vertex, Wrap};
+use crate::shared::{self, DrawPush, ModelCache, TEXTURE_COUNT, TextureSlot};
+use ash::vk::SamplerAddressMode;
+use glam::{DMat4, DVec3, Mat4, Vec4};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
+
+/// A run of triangles of one instance with one material.
+struct DrawItem {
+    instance: u32,
+    material: u32,
+    vertex_offset: u64,
+    index_offset: u64,
+    first_index: u32,
+    index_count: u32,
+    /// First of the model's references, in pairs.
+    reference_base: u32,
+    /// Atlas index of the instance's first cache.
+    cache_base: u32,
+    mirrored: bool,
+    masked: bool,
+    /// Whether the model has caches to refer to.
+    has_caches: bool,
+}
+
+/// The scene on the device.
+pub struct SceneBuffers {
+    /// Middle of the scene in the world; everything on the device is relative to it.
+    pub origin: DVec3,
+    /// Half of the bounds' diagonal [m].
+    pub radius: f64,
+    /// Lights, for the host.
+    pub lights: Vec<LightInfo>,
+    /// Lights, for shaders.
+    pub light_buffer: Buffer,
+    /// Views of lights.
+    pub view_buffer: Buffer,
+    /// Clip matrices of the lights' views.
+    pub view_matrices: Vec<Mat4>,
+    /// Instances, for shaders.
+    pub instances: Buffer,
+    /// Caches of all instances in model space.
+    pub model_caches: Buffer,
+    /// How many.
+    pub cache_count: u32,
+    /// References of all models' vertices.
+    pub references: Buffer,
+    vertices: Buffer,
+    indices: Buffer,
+    materials: Buffer,
+    texture_slots: Buffer,
+    textures: Vec<Image>,
+    /// Per material: image and sampler of each of its textures.
+    material_textures: Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>,
+    draws: Vec<DrawItem>,
+}
+
+/// Which triangles a pass draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Which {
+    /// All.
+    All,
+    /// Those whose material has no holes.
+    Opaque,
+    /// Those whose material has holes.
+    Masked,
+    /// Those whose model has caches.
+    WithCaches,
+}
+
+impl SceneBuffers {
+    /// Uploads a scene; `caches` may be missing where no caches are lit.
+    pub fn new(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>) -> Result<Self> {
+        let (low, high) = scene.bounds().ok_or_else(|| Error::TooLarge("the scene has no triangles".into()))?;
+        let origin = (low + high) * 0.5;
+        let mut half = (high - low) * 0.5;
+        let radius = half.length().max(1e-12);
+        half = half.max(DVec3::splat(1e-6 * radius));
+
+        let mut instances = Vec::new();
+        let mut mirrored = Vec::new();
+        for instance in &scene.instances {
+            let mut placed = instance.world_from_model;
+            placed.translation -= origin;
+            let linear = placed.matrix3;
+            mirrored.push(linear.determinant() < 0.0);
+            // The cofactor matrix is the inverse transpose up to a positive factor, and exists for flat instances too.
+            let cofactor = glam::DMat3::from_cols(
+                linear.y_axis.cross(linear.z_axis),
+                linear.z_axis.cross(linear.x_axis),
+                linear.x_axis.cross(linear.y_axis),
+            ) * linear.determinant().signum();
+            let size = cofactor.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1e-300);
+            instances.push(shared::Instance {
+                world_from_model: DMat4::from(placed).as_mat4(),
+                world_from_normal: Mat4::from_mat3((cofactor * (1.0 / size)).as_mat3()),
+            });
+        }
+
+        let (mut vertices, mut indices) = (Vec::<Vertex>::new(), Vec::<u32>::new());
+        let mut mesh_base = Vec::new();
+        for mesh in &scene.meshes {
+            mesh_base.push((vertices.len() as u64, indices.len() as u64));
+            vertices.extend_from_slice(&mesh.vertices);
+            indices.extend_from_slice(&mesh.indices);
+        }
+
+        let mut references = Vec::<u16>::new();
+        let mut reference_base = Vec::new();
+        for model in caches.iter().flat_map(|c| &c.models) {
+            reference_base.push(u32::try_from(references.len() / 2).map_err(|_| too_many_references())?);
+            references.extend_from_slice(&model.references);
+        }
+        if references.len() % 2 == 1 {
+            references.push(crate::bake::NO_CACHE);
+        }
+
+        let (mut model_caches, mut draws) = (Vec::new(), Vec::new());
+        for (i, instance) in scene.instances.iter().enumerate() {
+            let cache_base = model_caches.len() as u32;
+            let model = caches.map(|c| (c.instance_model[i], &c.models[c.instance_model[i]]));
+            if let Some((_, model)) = model {
+                model_caches.extend(place_caches(scene, instance.mesh, model, i as u32));
+            }
+            let mesh = &scene.meshes[instance.mesh];
+            for primitive in &mesh.primitives {
+                draws.push(DrawItem {
+                    instance: i as u32,
+                    material: primitive.material as u32,
+                    vertex_offset: mesh_base[instance.mesh].0 * size_of::<Vertex>() as u64,
+                    index_offset: mesh_base[instance.mesh].1 * 4,
+                    first_index: primitive.first_index,
+                    index_count: primitive.index_count,
+                    reference_base: model.map_or(0, |(m, _)| reference_base[m]),
+                    cache_base,
+                    mirrored: mirrored[i],
+                    masked: scene.materials[primitive.material].alpha_cutoff.is_some(),
+                    has_caches: model.is_some_and(|(_, m)| !m.caches.is_empty()),
+                });
+            }
+        }
+        // Few pipeline and texture changes: draws of a material follow each other.
+        draws.sort_by_key(|d| (d.material, d.instance, d.first_index));
+
+        let (lights, light_data, view_data) = lights::prepare(&scene.lights, origin, half);
+        let (textures, slots, material_textures) = upload_textures(gpu, scene)?;
+        let materials: Vec<_> = scene.materials.iter().map(material).collect();
+        Ok(Self {
+            origin,
+            radius,
+            lights,
+            light_buffer: gpu.buffer_from("scene.lights", &light_data)?,
+            view_buffer: gpu.buffer_from("scene.light_views", &view_data)?,
+            view_matrices: view_data.iter().map(|v| v.clip_from_world).collect(),
+            instances: gpu.buffer_from("scene.instances", &instances)?,
+            cache_count: model_caches.len() as u32,
+            model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
+            references: gpu.buffer_from("scene.references", &references)?,
+            vertices: gpu.buffer_from("scene.vertices", &vertices)?,
+            indices: gpu.buffer_from("scene.indices", &indices)?,
+            materials: gpu.buffer_from("scene.materials", &materials)?,
+            texture_slots: gpu.buffer_from("scene.texture_slots", &slots)?,
+            textures,
+            material_textures,
+            draws,
+        })
+    }
+
+    /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`);
+    /// `own` gives those of the pass instead.
+    pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4, own: Option<&[Bind<'_>]>) {
+        let mut bound = None;
+        for item in &self.draws {
+            let wanted = match which {
+                Which::All => true,
+                Which::Opaque => !item.masked,
+                Which::Masked => item.masked,
+                Which::WithCaches => item.has_caches,
+            };
+            if !wanted {
+                continue;
+            }
+            match own {
+                Some(own) if bound.is_none() => draw.bind(pipeline, own),
+                None if bound != Some(item.material) => self.bind_material(draw, pipeline, item.material as usize),
+                _ => {}
+            }
+            bound = Some(item.material);
+            draw.push(&DrawPush {
+                clip_from_world,
+                instance: item.instance,
+                material: item.material,
+                reference_base: item.reference_base,
+                cache_base: item.cache_base,
+                eye,
+            });
+            draw.front_is_ccw(!item.mirrored);
+            draw.vertices(&[(&self.vertices, item.vertex_offset)]);
+            draw.indices(&self.indices, item.index_offset);
+            draw.draw_indexed(item.index_count, item.first_index);
+        }
+    }
+
+    /// Binds those of the nine scene bindings that the pipeline's shaders declare.
+    fn bind_material(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, material: usize) {
+        let texture = |i: usize| {
+            let (image, sampler) = self.material_textures[material][i];
+            Bind::Texture(&self.textures[image], sampler)
+        };
+        let all: [Bind<'_>; 9] = [
+            Bind::Buffer(&self.instances),
+            Bind::Buffer(&self.materials),
+            Bind::Buffer(&self.texture_slots),
+            texture(0),
+            texture(1),
+            texture(2),
+            texture(3),
+            texture(4),
+            texture(5),
+        ];
+        let mut used = all;
+        let mut count = 0;
+        for binding in pipeline.bindings() {
+            used[count] = all[binding as usize];
+            count += 1;
+        }
+        draw.bind(pipeline, &used[..count]);
+    }
+
+    /// Names and sizes [bytes] of the buffers, for `info`.
+    pub fn buffers(&self) -> Vec<&Buffer> {
+        vec![
+            &self.vertices,
+            &self.indices,
+            &self.references,
+            &self.model_caches,
+            &self.instances,
+            &self.materials,
+            &self.texture_slots,
+            &self.light_buffer,
+            &self.view_buffer,
+        ]
+    }
+
+    /// Memory of all textures [bytes].
+    pub fn texture_bytes(&self) -> u64 {
+        self.textures.iter().map(Image::bytes).sum()
+    }
+}
+
+fn too_many_references() -> Error {
+    Error::TooLarge("more than 8 billion cache references; ask for --refs 8 or render parts of the scene".into())
+}
+
+/// The caches of a model with the Phong exponent of the surface they lie on.
+fn place_caches(scene: &Scene, mesh: usize, model: &crate::bake::ModelCaches, instance: u32) -> Vec<ModelCache> {
+    let mesh = &scene.meshes[mesh];
+    let materials = mesh.triangle_materials();
+    let exponent = |cache: &crate::bake::Cache| {
+        let [a, b, c] = mesh.triangle(cache.triangle as usize).map(|i| &mesh.vertices[i]);
+        let [v, w] = cache.barycentric;
+        let u = 1.0 - v - w;
+        let uv = [u * a.uv0 + v * b.uv0 + w * c.uv0, u * a.uv1 + v * b.uv1 + w * c.uv1];
+        scene.materials[materials[cache.triangle as usize]].reflectance(scene, uv, Vec4::ONE).exponent
+    };
+    let place = |c: &crate::bake::Cache| ModelCache { position: c.position, exponent: exponent(c), normal: c.normal, area: c.area, instance };
+    model.caches.iter().map(place).collect()
+}
+
+fn material(m: &Material) -> shared::Material {
+    shared::Material {
+        base_color: m.base_color,
+        emissive: m.emissive,
+        alpha_cutoff: m.alpha_cutoff.unwrap_or(-1.0),
+        specular_color: m.specular_color,
+        specular: m.specular,
+        phong_specular: m.phong.map_or(glam::Vec3::ZERO, |p| p.specular),
+        phong_exponent: m.phong.map_or(-1.0, |p| p.exponent),
+        metallic: m.metallic,
+        roughness: m.roughness,
+        ior: m.ior,
+        normal_scale: m.normal_scale,
+    }
+}
+
+type MaterialTextures = Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>;
+
+/// Uploads each image once per colour space it is used in; image 0 is one white texel for what a material lacks.
+fn upload_textures(gpu: &Gpu, scene: &Scene) -> Result<(Vec<Image>, Vec<TextureSlot>, MaterialTextures)> {
+    let used = |m: &Material| -> [(Option<Texture>, bool); TEXTURE_COUNT as usize] {
+        [
+            (m.base_color_texture, true),
+            (m.metallic_roughness_texture, false),
+            (m.normal_texture, false),
+            (m.emissive_texture, true),
+            (m.specular_texture, false),
+            (m.specular_color_texture, true),
+        ]
+    };
+    let mut wanted: BTreeMap<(usize, bool), usize> = BTreeMap::new();
+    for (texture, srgb) in scene.materials.iter().flat_map(used) {
+        if let Some(texture) = texture {
+            let next = wanted.len() + 1;
+            wanted.entry((texture.image, srgb)).or_insert(next);
+        }
+    }
+    let chains: Vec<_> = wanted
+        .par_iter()
+        .map(|(&(image, srgb), &slot)| {
+            let image = &scene.images[image];
+            (slot, srgb, mip_chain(&image.rgba, image.width, image.height, srgb))
+        })
+        .collect();
+    let mut textures: Vec<Option<Image>> = Vec::new();
+    textures.resize_with(wanted.len() + 1, || None);
+    textures[0] = Some(gpu.texture("scene.texture white", Format::R8G8B8A8_UNORM, 1, 1, &[vec![255; 4]])?);
+    for ((&(index, _), _), (slot, srgb, levels)) in wanted.iter().zip(chains) {
+        let image = &scene.images[index];
+        let format = if srgb { Format::R8G8B8A8_SRGB } else { Format::R8G8B8A8_UNORM };
+        textures[slot] = Some(gpu.texture(&format!("scene.texture {}", image.name), format, image.width, image.height, &levels)?);
+    }
+    let (mut slots, mut per_material) = (Vec::new(), Vec::new());
+    for material in &scene.materials {
+        let mut row = [(0, sampler_kind(Default::default())); TEXTURE_COUNT as usize];
+        for (i, (texture, srgb)) in used(material).into_iter().enumerate() {
+            slots.push(texture.map_or_else(TextureSlot::default, |t| TextureSlot {
+                linear: Vec4::from_array(t.transform.matrix2.to_cols_array()),
+                translation: t.transform.translation,
+                uv_set: u32::from(t.uv_set),
+                present: 1,
+            }));
+            if let Some(texture) = texture {
+                row[i] = (wanted[&(texture.image, srgb)], sampler_kind(texture.sampler));
+            }
+        }
+        per_material.push(row);
+    }
+    Ok((textures.into_iter().flatten().collect(), slots, per_material))
+}
+
+fn sampler_kind(sampler: crate::scene::Sampler) -> SamplerKind {
+    let wrap = |w| match w {
+        Wrap::Repeat => SamplerAddressMode::REPEAT,
+        Wrap::Mirror => SamplerAddressMode::MIRRORED_REPEAT,
+        Wrap::Clamp => SamplerAddressMode::CLAMP_TO_EDGE,
+    };
+    SamplerKind { wrap: [wrap(sampler.wrap_u), wrap(sampler.wrap_v)], nearest: sampler.nearest }
+}

@@ -1,0 +1,55 @@
+//! A camera as the shaders see it: relative to the scene's origin, reversed depth without a far plane.
+
+use crate::scene::{Camera, Projection};
+use glam::{DAffine3, DMat4, DVec3, DVec4, Mat4, Vec4};
+
+/// Matrices of one camera for one picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct View {
+    /// World (relative to the scene's origin) to clip space; y down, z reversed.
+    pub clip_from_world: Mat4,
+    /// Its inverse.
+    pub world_from_clip: Mat4,
+    /// Position and 1, or for parallel projection the unit direction towards the viewer and 0.
+    pub eye: Vec4,
+}
+
+impl View {
+    /// A camera's view of a scene around `origin` with this radius [m].
+    pub fn new(camera: &Camera, size: [u32; 2], origin: DVec3, radius: f64) -> Self {
+        let aspect = f64::from(size[0]) / f64::from(size[1]);
+        let mut pose = camera.world_from_camera;
+        pose.translation -= origin;
+        let camera_from_world: DAffine3 = pose.inverse();
+        let backward = pose.matrix3.z_axis.normalize();
+        let (projection, eye) = match camera.projection {
+            Projection::Perspective { yfov } => {
+                let f = 1.0 / (f64::from(yfov) * 0.5).tan();
+                // Nearer than a ten-thousandth of the scene nothing is looked at.
+                let near = 1e-4 * radius;
+                let projection = DMat4::from_cols(
+                    DVec4::new(f / aspect, 0.0, 0.0, 0.0),
+                    DVec4::new(0.0, -f, 0.0, 0.0),
+                    DVec4::new(0.0, 0.0, 0.0, -1.0),
+                    DVec4::new(0.0, 0.0, near, 0.0),
+                );
+                (projection, pose.translation.as_vec3().extend(1.0))
+            }
+            Projection::Orthographic { ymag } => {
+                // Depth 1 one radius before the scene's nearest point, 0 behind its farthest; the origin is its middle.
+                let (half_height, middle) = (f64::from(ymag), camera_from_world.translation.z);
+                let (near, far) = (middle + 2.0 * radius, middle - 2.0 * radius);
+                let depth = near - far;
+                let projection = DMat4::from_cols(
+                    DVec4::new(1.0 / (half_height * aspect), 0.0, 0.0, 0.0),
+                    DVec4::new(0.0, -1.0 / half_height, 0.0, 0.0),
+                    DVec4::new(0.0, 0.0, 1.0 / depth, 0.0),
+                    DVec4::new(0.0, 0.0, -far / depth, 1.0),
+                );
+                (projection, backward.as_vec3().extend(0.0))
+            }
+        };
+        let clip_from_world = projection * DMat4::from(camera_from_world);
+        Self { clip_from_world: clip_from_world.as_mat4(), world_from_clip: clip_from_world.inverse().as_mat4(), eye }
+    }
+}

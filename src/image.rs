@@ -1,0 +1,144 @@
+//! Images on the CPU: mip levels, PNG, OpenEXR. Outputs are written to a temporary name and renamed.
+
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
+
+/// All mip levels of an RGBA8 image, largest first; colours are averaged linearly, not as sRGB codes.
+pub fn mip_chain(rgba: &[u8], width: u32, height: u32, srgb: bool) -> Vec<Vec<u8>> {
+    let decode = |c: u8| {
+        let v = f32::from(c) / 255.0;
+        if !srgb {
+            v
+        } else if v <= 0.04045 {
+            v / 12.92
+        } else {
+            ((v + 0.055) / 1.055).powf(2.4)
+        }
+    };
+    let table: Vec<f32> = (0..=255).map(decode).collect();
+    let encode = |v: f32| {
+        let v = if !srgb {
+            v
+        } else if v <= 0.003_130_8 {
+            v * 12.92
+        } else {
+            1.055 * v.powf(1.0 / 2.4) - 0.055
+        };
+        (v * 255.0 + 0.5) as u8
+    };
+    let mut levels = vec![rgba.to_vec()];
+    let (mut w, mut h) = (width as usize, height as usize);
+    while w > 1 || h > 1 {
+        let (nw, nh) = ((w / 2).max(1), (h / 2).max(1));
+        let above = levels.last().expect("level 0");
+        let mut level = Vec::with_capacity(nw * nh * 4);
+        for y in 0..nh {
+            for x in 0..nw {
+                for channel in 0..4 {
+                    // Alpha is linear in either case.
+                    let texel = |dx: usize, dy: usize| {
+                        let (sx, sy) = ((2 * x + dx).min(w - 1), (2 * y + dy).min(h - 1));
+                        above[(sy * w + sx) * 4 + channel]
+                    };
+                    let four = [texel(0, 0), texel(1, 0), texel(0, 1), texel(1, 1)];
+                    level.push(if channel == 3 {
+                        ((four.iter().map(|c| u32::from(*c)).sum::<u32>() + 2) / 4) as u8
+                    } else {
+                        encode(four.iter().map(|c| table[*c as usize]).sum::<f32>() * 0.25)
+                    });
+                }
+            }
+        }
+        levels.push(level);
+        (w, h) = (nw, nh);
+    }
+    levels
+}
+
+/// Three float channels of an image, rows from the top, linear Rec.709.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layer {
+    /// Name of the layer, empty for the picture itself; channels are `name.R`, `name.G`, `name.B`.
+    pub name: String,
+    /// Channel names.
+    pub channels: Vec<&'static str>,
+    /// One plane per channel, `width * height` values each.
+    pub planes: Vec<Vec<f32>>,
+}
+
+impl Layer {
+    /// An RGB layer from RGBA texels.
+    pub fn rgb(name: &str, texels: &[[f32; 4]]) -> Self {
+        Self::of(name, &["R", "G", "B"], texels)
+    }
+
+    /// A layer of the first channels of RGBA texels.
+    pub fn of(name: &str, channels: &[&'static str], texels: &[[f32; 4]]) -> Self {
+        let planes = (0..channels.len()).map(|c| texels.iter().map(|t| t[c]).collect()).collect();
+        Self { name: name.into(), channels: channels.to_vec(), planes }
+    }
+}
+
+/// Writes an 8-bit sRGB PNG from RGBA bytes; alpha is dropped.
+pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
+    let rgb: Vec<u8> = rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    replace_file(path, |temporary| {
+        let file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
+        let encoder = image::codecs::png::PngEncoder::new(file);
+        image::ImageEncoder::write_image(encoder, &rgb, width, height, image::ExtendedColorType::Rgb8).map_err(std::io::Error::other)
+    })
+}
+
+/// Writes a 32-bit float OpenEXR with all layers in one part, linear Rec.709, and `metadata` as attributes.
+pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadata: &[(&str, String)]) -> Result<()> {
+    use exr::prelude::{AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, LayerAttributes, Text, WritableImage};
+    let mut channels = exr::prelude::SmallVec::<[AnyChannel<FlatSamples>; 4]>::new();
+    for layer in layers {
+        for (channel, plane) in layer.channels.iter().zip(&layer.planes) {
+            let name = if layer.name.is_empty() { (*channel).to_owned() } else { format!("{}.{channel}", layer.name) };
+            channels.push(AnyChannel::new(Text::new_or_panic(&name), FlatSamples::F32(plane.clone())));
+        }
+    }
+    let mut attributes = LayerAttributes::default();
+    attributes.software_name = Text::new_or_none(concat!("lightskin ", env!("CARGO_PKG_VERSION")));
+    for (name, value) in metadata {
+        if let (Some(name), Some(value)) = (Text::new_or_none(name), Text::new_or_none(value)) {
+            attributes.other.insert(name, AttributeValue::Text(value));
+        }
+    }
+    let layer = exr::prelude::Layer::new(
+        (width as usize, height as usize),
+        attributes,
+        Encoding::FAST_LOSSLESS,
+        AnyChannels::sort(channels),
+    );
+    let image = Image::from_layer(layer);
+    replace_file(path, |temporary| {
+        let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
+        image.write().to_buffered(&mut file).map_err(std::io::Error::other)?;
+        std::io::Write::flush(&mut file)
+    })
+}
+
+/// Writes a file under a temporary name beside it and renames it: whoever reads sees the old one or the whole new one.
+pub fn replace_file(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
+    let failed = |error: std::io::Error| {
+        let remedy = match error.kind() {
+            std::io::ErrorKind::NotFound => "the folder does not exist; make it first",
+            std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => "choose a folder that can be written to",
+            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => "free some space or choose another disk",
+            _ => "choose another place",
+        };
+        Error::Output { file: path.to_owned(), reason: format!("{error}; {remedy}") }
+    };
+    let name = path.file_name().ok_or_else(|| failed(std::io::Error::other("not a file name")))?;
+    let mut hidden = std::ffi::OsString::from(format!(".{}.", std::process::id()));
+    hidden.push(name);
+    let temporary: PathBuf = path.with_file_name(hidden);
+    let result = write(&temporary).and_then(|()| std::fs::rename(&temporary, path));
+    result.map_err(|error| {
+        // Best effort: the first error is the one that matters.
+        let _ = std::fs::remove_file(&temporary);
+        failed(error)
+    })
+}
