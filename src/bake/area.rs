@@ -8,7 +8,7 @@
 use super::cluster::Seed;
 use super::grid::Grid;
 use super::surface::Surface;
-use super::voxel::{Voxels, area_and_centroid, split};
+use super::voxel::{Piece, Voxels, area_and_centroid, split};
 use glam::DVec3;
 use rayon::prelude::*;
 
@@ -29,19 +29,23 @@ struct Bisector {
 pub(super) fn areas(surface: &Surface, voxels: &Voxels, seeds: &[Seed], spacing: f64) -> Vec<f64> {
     let positions: Vec<DVec3> = seeds.iter().map(|s| s.position).collect();
     let grid = Grid::new(&positions, spacing);
-    let places: Vec<DVec3> = voxels.cells.iter().map(|cell| voxels.pieces[cell.start as usize].centroid).collect();
-    let cells = Grid::new(&places, spacing);
+    let centres: Vec<DVec3> = voxels.cells.iter().map(|cell| cell.centre).collect();
+    let cells = Grid::new(&centres, spacing);
     let area = |index: usize| {
         let seed = &seeds[index];
         let bisectors = bisectors(seeds, index, &grid, spacing);
         let cap = area_and_centroid(&plane_polygon(seed, &bisectors, spacing)).0;
         let mut sum = 0.0;
-        // All that faces the same way and is farther than d_eps from this cache has a nearer one. A voxel's diagonal
-        // is less than d_eps.
-        cells.near(seed.position, 2.0 * spacing, |cell| {
-            if places[cell].distance(seed.position) <= 2.0 * spacing {
-                let cell = voxels.cells[cell].clone();
-                sum += cell.map(|piece| projected(surface, voxels, piece as usize, seed, &bisectors)).sum::<f64>();
+        // What faces the same way and is farther than d_eps from this cache has a nearer one. A voxel's half diagonal
+        // is less than half of d_eps.
+        cells.near(seed.position, 1.5 * spacing, |index| {
+            let cell = &voxels.cells[index];
+            if meets(&bisectors, cell.centre - seed.position, cell.radius, spacing) {
+                for piece in &voxels.pieces[cell.pieces.start as usize..cell.pieces.end as usize] {
+                    if meets(&bisectors, piece.centroid - seed.position, piece.radius, spacing) {
+                        sum += projected(surface, voxels, piece, seed, &bisectors);
+                    }
+                }
             }
         });
         sum.min(cap)
@@ -85,22 +89,24 @@ fn plane_polygon(seed: &Seed, bisectors: &[Bisector], spacing: f64) -> Vec<DVec3
     polygon
 }
 
+/// Whether a ball around `centre`, as seen from the cache, may reach into the Voronoi region, within `d_eps`.
+fn meets(bisectors: &[Bisector], centre: DVec3, radius: f64, spacing: f64) -> bool {
+    let distance = centre.length();
+    distance - radius < spacing
+        && (bisectors.iter().take_while(|b| b.half < distance + radius))
+            .all(|b| centre.dot(b.direction) - b.half < radius)
+}
+
 /// Area of the part of a piece within the cache's Voronoi region, projected on its plane.
-fn projected(surface: &Surface, voxels: &Voxels, piece: usize, seed: &Seed, bisectors: &[Bisector]) -> f64 {
-    let piece = &voxels.pieces[piece];
+fn projected(surface: &Surface, voxels: &Voxels, piece: &Piece, seed: &Seed, bisectors: &[Bisector]) -> f64 {
     let cos = surface.triangles[piece.triangle as usize].normal.dot(seed.normal);
     if cos <= SAME_WAY {
         return 0.0;
     }
     let centre = piece.centroid - seed.position;
-    let reach = centre.length() + piece.radius;
-    let bisectors = || bisectors.iter().take_while(|b| b.half < reach);
-    let ahead = |b: &Bisector| centre.dot(b.direction) - b.half;
-    if bisectors().any(|b| ahead(b) >= piece.radius) {
-        return 0.0;
-    }
+    let cuts = |b: &&Bisector| centre.dot(b.direction) - b.half > -piece.radius;
     let mut polygon: Option<Vec<DVec3>> = None;
-    for bisector in bisectors().filter(|b| ahead(b) > -piece.radius) {
+    for bisector in bisectors.iter().take_while(|b| b.half < centre.length() + piece.radius).filter(cuts) {
         let whole = polygon.unwrap_or_else(|| voxels.corners(piece).iter().map(|c| *c - seed.position).collect());
         let mut kept = Vec::with_capacity(whole.len() + 1);
         split(&whole, |p| p.dot(bisector.direction) - bisector.half, &mut kept, &mut Vec::new());

@@ -10,21 +10,22 @@ use rayon::prelude::*;
 /// The `count` caches of least error (5.95, put right) for each vertex of the mesh, best first, equal errors by index;
 /// exact. `positions` are the caches' in bake space. Normals are the shading normals on both sides.
 pub(super) fn assign(surface: &Surface, caches: &[Cache], positions: &[DVec3], count: usize, spacing: f64) -> Vec<u16> {
-    let normals: Vec<DVec3> =
-        caches.iter().map(|c| (surface.normal_matrix * c.normal.as_dvec3()).normalize_or_zero()).collect();
-    // About nine cells hold the eight nearest caches of a surface.
-    let grid = Grid::new(positions, spacing);
+    let normal = |cache: &Cache| (surface.normal_matrix * cache.normal.as_dvec3()).normalize_or_zero();
+    let points: Vec<(DVec3, DVec3)> = positions.iter().copied().zip(caches.iter().map(normal)).collect();
+    // A voxel's side: where many normals meet, a cell holds many caches.
+    let grid = Grid::new(positions, 0.5 * spacing);
     let mut references = vec![NO_CACHE; surface.positions.len() * count];
     references.par_chunks_mut(count).enumerate().with_min_len(256).for_each_init(
         || Vec::<(f64, u32)>::with_capacity(count + 1),
         |best, (vertex, references)| {
             let (position, normal) = (surface.positions[vertex], surface.normals[vertex]);
             let mut offer = |index: u32| {
-                let distance = position.distance(positions[index as usize]);
+                let (cache_position, cache_normal) = points[index as usize];
+                let distance = position.distance(cache_position);
                 // A vertex that is no number, which no triangle with an area has, gets the first caches.
                 let distance = if distance.is_nan() { f64::INFINITY } else { distance };
                 if best.len() < count || distance / spacing <= best[count - 1].0 {
-                    let entry = (error(distance, normal.dot(normals[index as usize]), spacing), index);
+                    let entry = (error(distance, normal.dot(cache_normal), spacing), index);
                     let place = best.partition_point(|&other: &(f64, u32)| other < entry);
                     if place < count {
                         best.truncate(count - 1);
@@ -71,8 +72,11 @@ fn search(grid: &Grid, place: DVec3, spacing: f64, offer: &mut impl FnMut(u32) -
             for y in -ring..=ring {
                 let step = if x.abs() == ring || y.abs() == ring { 1 } else { 2 * ring.max(1) };
                 for z in (-ring..=ring).step_by(step as usize) {
-                    for &index in grid.at([home[0] + x, home[1] + y, home[2] + z]) {
-                        worst = offer(index);
+                    let cell = [home[0] + x, home[1] + y, home[2] + z];
+                    if grid.distance(cell, place) <= worst * spacing * (1.0 + 1e-12) {
+                        for &index in grid.at(cell) {
+                            worst = offer(index);
+                        }
                     }
                 }
             }

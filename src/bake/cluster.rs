@@ -72,7 +72,7 @@ pub(super) fn form(surface: &Surface, voxels: &Voxels, bounds: Bounds) -> Vec<Se
         .cells
         .par_iter()
         .with_min_len(8)
-        .map_init(|| vec![0.0; BINS * BINS], |bins, cell| form_in(surface, voxels, cell.clone(), bounds, bins))
+        .map_init(|| vec![0.0; BINS * BINS], |bins, cell| form_in(surface, voxels, cell.pieces.clone(), bounds, bins))
         .collect();
     per_voxel.into_iter().flatten().collect()
 }

@@ -79,7 +79,7 @@ fn key(scene: &Scene, settings: &Settings) -> [u8; 32] {
     number(scene.instances.len() as u64);
     for instance in &scene.instances {
         number(instance.mesh as u64);
-        instance.world_from_model.matrix3.to_cols_array().map(|element| number(element.to_bits()));
+        instance.world_from_model.matrix3.to_cols_array().iter().for_each(|element| number(element.to_bits()));
     }
     number(scene.meshes.len() as u64);
     for mesh in &scene.meshes {

@@ -46,6 +46,12 @@ impl Grid {
         self.cell_of[point as usize]
     }
 
+    /// Distance of a place to a cell.
+    pub(super) fn distance(&self, cell: [i32; 3], place: DVec3) -> f64 {
+        let low = DVec3::from_array(cell.map(f64::from)) * self.side;
+        (place - place.clamp(low, low + self.side)).length()
+    }
+
     /// The points in a cell, ascending.
     pub(super) fn at(&self, cell: [i32; 3]) -> &[u32] {
         self.cells.get(&cell).map_or(&[], |&(first, end)| &self.order[first as usize..end as usize])

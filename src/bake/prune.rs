@@ -92,20 +92,27 @@ pub(super) fn measure(surface: &Surface, voxels: &Voxels, seeds: &[Seed], bounds
         |a: Coverage, b: Coverage| Coverage { distance: a.distance.max(b.distance), angle: a.angle.max(b.angle) };
     (voxels.cells.par_iter().with_min_len(8))
         .map_init(Vec::new, |near, cell| {
-            let pieces = &voxels.pieces[cell.start as usize..cell.end as usize];
+            let pieces = &voxels.pieces[cell.pieces.start as usize..cell.pieces.end as usize];
             near.clear();
-            // The diagonal of a voxel is less than d_eps.
-            let reach = 2.0 * bounds.distance;
-            grid.near(pieces[0].centroid, reach, |index| {
-                if positions[index].distance(pieces[0].centroid) <= reach {
+            let reach = bounds.distance * (1.0 + 1e-9) + cell.radius;
+            grid.near(cell.centre, reach, |index| {
+                if positions[index].distance(cell.centre) <= reach {
                     near.push(index);
                 }
             });
             let cover = |piece: &Piece| {
                 let normal = surface.triangles[piece.triangle as usize].normal;
-                let covering = (near.iter())
-                    .filter_map(|&i| Some((covering_distance(surface, voxels, piece, &seeds[i], bounds)?, &seeds[i])))
-                    .min_by(|a, b| a.0.total_cmp(&b.0));
+                let mut covering: Option<(f64, &Seed)> = None;
+                for seed in near.iter().map(|&index| &seeds[index]) {
+                    // No piece's farthest corner is nearer than its centre of mass.
+                    let least = seed.position.distance_squared(piece.centroid);
+                    if covering.is_none_or(|(distance, _)| least < distance * distance)
+                        && let Some(distance) = covering_distance(surface, voxels, piece, seed, bounds)
+                        && covering.is_none_or(|best| distance < best.0)
+                    {
+                        covering = Some((distance, seed));
+                    }
+                }
                 let (distance, seed) = covering.unwrap_or_else(|| {
                     let candidates = seeds.iter().map(|seed| (farthest(voxels.corners(piece), seed.position), seed));
                     let excess = |c: &(f64, &Seed)| {

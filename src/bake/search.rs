@@ -90,7 +90,8 @@ pub(super) fn search(
     // Slanted planes meet half again as many voxels as even ones, and pruning takes some back: about 5 per d_eps^2.
     let mut spacing = (5.0 * area / target).sqrt().min(coarsest);
     // Spacings known to give too many and too few, with the logarithm of how far off (`None` if beyond all limits).
-    let (mut fine, mut coarse): (Option<(f64, Option<f64>)>, Option<(f64, f64)>) = (None, None);
+    let mut fine: Option<(f64, Option<f64>)> = None;
+    let mut coarse: Option<(f64, f64)> = None;
     let mut best: Option<(f64, f64, Vec<Placement>)> = None;
     let mut refused = None;
     for attempt in 0..ATTEMPTS {

@@ -27,12 +27,22 @@ pub(super) struct Piece {
     pub(super) radius: f64,
 }
 
+/// A voxel.
+pub(super) struct Cell {
+    /// Its pieces.
+    pub(super) pieces: Range<u32>,
+    /// Middle of a ball around them.
+    pub(super) centre: DVec3,
+    /// The ball's radius [m], at most half of a voxel's diagonal.
+    pub(super) radius: f64,
+}
+
 /// A surface cut up.
 pub(super) struct Voxels {
     /// Pieces, voxel by voxel.
     pub(super) pieces: Vec<Piece>,
-    /// Range of pieces of each voxel that has any, in Morton order.
-    pub(super) cells: Vec<Range<u32>>,
+    /// The voxels that have any, in Morton order.
+    pub(super) cells: Vec<Cell>,
     /// Corners of all pieces.
     corners: Vec<DVec3>,
 }
@@ -98,12 +108,23 @@ impl Voxels {
         }
         // A triangle has one piece per voxel: the order is total.
         pieces.par_sort_unstable_by_key(|p| (p.key, p.triangle));
-        let mut cells: Vec<Range<u32>> = Vec::new();
+        let mut ranges: Vec<Range<u32>> = Vec::new();
         for chunk in pieces.chunk_by(|a, b| a.key == b.key) {
-            let start = cells.last().map_or(0, |c| c.end);
-            cells.push(start..start + chunk.len() as u32);
+            let start = ranges.last().map_or(0, |c| c.end);
+            ranges.push(start..start + chunk.len() as u32);
         }
-        Ok(Self { pieces, cells, corners })
+        let mut voxels = Self { pieces, cells: Vec::new(), corners };
+        voxels.cells = ranges.into_par_iter().map(|pieces| voxels.cell(pieces)).collect();
+        Ok(voxels)
+    }
+
+    fn cell(&self, pieces: Range<u32>) -> Cell {
+        let within = &self.pieces[pieces.start as usize..pieces.end as usize];
+        let corners = || within.iter().flat_map(|piece| self.corners(piece));
+        let low = corners().fold(DVec3::INFINITY, |low, c| low.min(*c));
+        let high = corners().fold(DVec3::NEG_INFINITY, |high, c| high.max(*c));
+        let centre = (low + high) * 0.5;
+        Cell { pieces, centre, radius: corners().map(|c| c.distance_squared(centre)).fold(0.0, f64::max).sqrt() }
     }
 }
 
