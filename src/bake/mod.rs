@@ -1,6 +1,34 @@
 //! Places the caches on the surfaces of a scene, once. METHOD 8, thesis 5.6.
+//!
+//! Each mesh is cut into pieces by voxels of side `d_eps / 2` ([`voxel`]); in each voxel caches are formed for groups
+//! of like normals and snapped onto triangles ([`cluster`]); those that others make superfluous go; then every vertex
+//! gets its references and every cache its area. All of it happens in world size, so that the spacing is in metres of
+//! the world under any scale, and around the mesh's own centre, so that it may lie anywhere.
+//!
+//! *Guarantee*: every point of the surface has a cache within `d_eps` of it whose triangle's normal is within
+//! `theta_eps` of its own. It holds by construction (a piece's cache lies in its own voxel, whose diagonal is
+//! 0.87 `d_eps`), is kept by every step, and is measured at the end ([`Coverage`]).
 
-use glam::Vec3;
+mod area;
+mod assign;
+pub mod cluster;
+mod file;
+mod grid;
+mod prune;
+mod search;
+mod surface;
+pub mod voxel;
+
+pub use file::{bake_cached, bake_kept_in};
+
+use crate::error::Result;
+use crate::scene::{Mesh, Scene};
+use cluster::{Bounds, Seed};
+use glam::{DMat3, DVec3, Vec3};
+use rayon::prelude::*;
+use search::{Model, Placement};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use surface::Surface;
 
 /// What the bake is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,3 +101,107 @@ pub struct Coverage {
 
 /// Pads reference lists of models with fewer caches than references.
 pub const NO_CACHE: u16 = u16::MAX;
+
+/// Stretches that agree to this part of their largest element are one.
+const SAME_STRETCH: f64 = 1e-4;
+
+/// Places the caches of a scene and finds each vertex its references. METHOD 8.
+///
+/// `progress` is told how much is done, from 0 to 1, and what is being done; it may be called from several threads.
+/// The result depends on the scene and the settings alone, not on the number of threads. A count that cannot be met
+/// (a box needs six caches) gives the nearest that can. Fails with `TooLarge` where a model would get more caches than
+/// 16-bit references can name, or where the spacing is minute against a model.
+pub fn bake(scene: &Scene, settings: &Settings, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<CacheSet> {
+    assert!(settings.angle.is_finite() && settings.angle > 0.0, "bake: angle {}", settings.angle);
+    assert!(settings.references > 0, "bake: no references");
+    if let Density::Spacing(spacing) = settings.density {
+        assert!(spacing.is_finite() && spacing > 0.0, "bake: spacing {spacing}");
+    }
+    progress(0.0, "reading surfaces");
+    let (models, instance_model) = models(scene);
+    let (spacing, placements) = search::search(&models, settings, progress)?;
+
+    let done = AtomicUsize::new(0);
+    let steps = 2 * models.len().max(1);
+    let step = |what: &str| progress(0.6 + 0.4 * done.fetch_add(1, Ordering::Relaxed) as f32 / steps as f32, what);
+    let models = (models.par_iter().zip(placements))
+        .map(|(model, placement)| finish(model, &scene.meshes[model.mesh], placement, spacing, settings, &step))
+        .collect();
+    progress(1.0, "caches placed");
+    Ok(CacheSet { spacing, models, instance_model })
+}
+
+/// What is to be baked, and the model of each instance.
+fn models(scene: &Scene) -> (Vec<Model<'_>>, Vec<usize>) {
+    let mut models: Vec<Model> = Vec::new();
+    let mut of_mesh = vec![Vec::new(); scene.meshes.len()];
+    let instance_model = (scene.instances.iter())
+        .map(|instance| {
+            let linear = instance.world_from_model.matrix3;
+            let same = |&&model: &&usize| same_stretch(models[model].surface.linear, linear);
+            if let Some(&model) = of_mesh[instance.mesh].iter().find(same) {
+                models[model].instances += 1;
+                return model;
+            }
+            let mesh = &scene.meshes[instance.mesh];
+            let surface = Surface::new(mesh, linear);
+            models.push(Model { mesh: instance.mesh, name: &mesh.name, instances: 1, surface });
+            of_mesh[instance.mesh].push(models.len() - 1);
+            models.len() - 1
+        })
+        .collect();
+    (models, instance_model)
+}
+
+/// Whether two transforms differ by no more than rotation and mirroring.
+fn same_stretch(a: DMat3, b: DMat3) -> bool {
+    let (a, b) = (a.transpose() * a, b.transpose() * b);
+    let largest = a.to_cols_array().into_iter().fold(0.0, f64::max);
+    (a - b).to_cols_array().into_iter().all(|difference| difference.abs() <= SAME_STRETCH * largest)
+}
+
+/// Turns a placement into what is kept of it.
+fn finish(
+    model: &Model,
+    mesh: &Mesh,
+    Placement { voxels, seeds }: Placement,
+    spacing: f64,
+    settings: &Settings,
+    step: &(dyn Fn(&str) + Sync),
+) -> ModelCaches {
+    let surface = &model.surface;
+    step("measuring areas");
+    let t = std::time::Instant::now();
+    let coverage = prune::measure(surface, &voxels, &seeds, Bounds::new(spacing, f64::from(settings.angle)));
+    eprintln!("coverage {:?}", t.elapsed());
+    let t = std::time::Instant::now();
+    let areas = area::areas(surface, &voxels, &seeds, spacing);
+    eprintln!("areas {:?}", t.elapsed());
+    drop(voxels);
+    step("finding references");
+    let caches: Vec<Cache> = seeds.iter().zip(areas).map(|(seed, area)| cache(surface, mesh, seed, area)).collect();
+    let positions: Vec<DVec3> = seeds.iter().map(|s| s.position).collect();
+    let references = assign::assign(surface, &caches, &positions, settings.references, spacing);
+    ModelCaches { mesh: model.mesh, caches, references, coverage }
+}
+
+/// A cache in terms of the mesh.
+fn cache(surface: &Surface, mesh: &Mesh, seed: &Seed, area: f64) -> Cache {
+    let triangle = &surface.triangles[seed.triangle as usize];
+    let [second, third] = seed.weights.map(f64::from);
+    let corners = triangle.vertices.map(|v| mesh.vertices[v as usize]);
+    let [a, b, c] = corners.map(|v| v.position.as_dvec3());
+    let [na, nb, nc] = corners.map(|v| v.normal.as_dvec3());
+    let geometric = {
+        let winding = (b - a).cross(c - a).normalize_or_zero();
+        if (na + nb + nc).dot(winding) < 0.0 { -winding } else { winding }
+    };
+    let interpolated = na * (1.0 - second - third) + nb * second + nc * third;
+    Cache {
+        position: (a + (b - a) * second + (c - a) * third).as_vec3(),
+        normal: interpolated.try_normalize().unwrap_or(geometric).as_vec3(),
+        area: area as f32,
+        triangle: triangle.index,
+        barycentric: seed.weights,
+    }
+}

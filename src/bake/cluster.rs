@@ -1,0 +1,170 @@
+//! Voxels of pieces -> caches: binned normals, the mean of a group, snapped onto a triangle. METHOD 8, thesis 5.6.3.
+
+use super::surface::Surface;
+use super::voxel::{Piece, Voxels};
+use glam::DVec3;
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Bins along u and along theta; each of the 18 x 18 covers about 20 degrees (line 2308).
+pub const BINS: usize = 18;
+
+/// Bin of a unit normal. Bins have equal areas: they divide `u = n_z` in [-1, 1] and theta in [0, 2 pi) evenly
+/// (eq. 5.96; the print's u in [0, 1] reaches only the upper half of the sphere).
+pub fn normal_bin(normal: DVec3) -> usize {
+    let u = (normal.z + 1.0) * 0.5;
+    let theta = normal.y.atan2(normal.x).rem_euclid(TAU) / TAU;
+    let [row, column] = [u, theta].map(|x| ((x * BINS as f64) as usize).min(BINS - 1));
+    row * BINS + column
+}
+
+/// Unit normal in the middle of a bin.
+pub fn bin_normal(bin: usize) -> DVec3 {
+    let u = ((bin / BINS) as f64 + 0.5) / BINS as f64 * 2.0 - 1.0;
+    let theta = ((bin % BINS) as f64 + 0.5) / BINS as f64 * TAU;
+    let radius = (1.0 - u * u).sqrt();
+    DVec3::new(radius * theta.cos(), radius * theta.sin(), u)
+}
+
+/// The bounds that a cache must keep to the surface it stands for.
+#[derive(Clone, Copy)]
+pub(super) struct Bounds {
+    /// `d_eps` [m].
+    pub(super) distance: f64,
+    /// `theta_eps` [rad].
+    pub(super) angle: f64,
+    /// Its cosine, a trifle less than one at most: a normal must be within any angle of itself after rounding.
+    pub(super) cos: f64,
+}
+
+impl Bounds {
+    pub(super) fn new(distance: f64, angle: f64) -> Self {
+        Self { distance, angle, cos: angle.min(std::f64::consts::PI).cos().min(1.0 - 1e-12) }
+    }
+}
+
+/// A cache in the making.
+#[derive(Clone)]
+pub(super) struct Seed {
+    /// Index into `Surface::triangles`.
+    pub(super) triangle: u32,
+    /// Weights of the triangle's second and third corner.
+    pub(super) weights: [f32; 2],
+    /// Where they are, in bake space.
+    pub(super) position: DVec3,
+    /// The triangle's geometric normal.
+    pub(super) normal: DVec3,
+    /// Area [m^2] of the pieces it was formed for.
+    pub(super) area: f64,
+    /// Pieces it answers for: each within both bounds.
+    pub(super) pieces: Vec<u32>,
+}
+
+/// Growth of the error (5.95) with position and normal: `|x - c| / d_eps + sqrt(1 - (N(x) . N(c))+)`. The print's
+/// product is least for normals at right angles.
+pub(super) fn error(distance: f64, cos: f64, spacing: f64) -> f64 {
+    distance / spacing + (1.0 - cos.clamp(0.0, 1.0)).sqrt()
+}
+
+/// Forms the caches of every voxel. Voxels do not know of each other, so the order of work changes nothing.
+pub(super) fn form(surface: &Surface, voxels: &Voxels, bounds: Bounds) -> Vec<Seed> {
+    let per_voxel: Vec<Vec<Seed>> = voxels
+        .cells
+        .par_iter()
+        .with_min_len(8)
+        .map_init(|| vec![0.0; BINS * BINS], |bins, cell| form_in(surface, voxels, cell.pieces.clone(), bounds, bins))
+        .collect();
+    per_voxel.into_iter().flatten().collect()
+}
+
+fn form_in(
+    surface: &Surface,
+    voxels: &Voxels,
+    cell: std::ops::Range<u32>,
+    bounds: Bounds,
+    bins: &mut [f64],
+) -> Vec<Seed> {
+    let triangle = |piece: &Piece| &surface.triangles[piece.triangle as usize];
+    let mut left: Vec<u32> = cell.collect();
+    let mut seeds = Vec::new();
+    while !left.is_empty() {
+        let pieces = || left.iter().map(|&index| (index, &voxels.pieces[index as usize]));
+
+        // The fullest bin's normal and what is near it.
+        bins.fill(0.0);
+        pieces().for_each(|(_, p)| bins[triangle(p).bin as usize] += p.area);
+        let fullest = (0..bins.len()).fold(0, |best, bin| if bins[bin] > bins[best] { bin } else { best });
+        let mut normal = bin_normal(fullest);
+        if !pieces().any(|(_, p)| triangle(p).normal.dot(normal) >= bounds.cos) {
+            // All of the bin lies outside theta_eps of its middle: its largest piece speaks for it. A voxel of
+            // nothing but vanishing areas may point at an empty bin: then the largest piece of all.
+            let in_bin = pieces().filter(|(_, p)| triangle(p).bin as usize == fullest);
+            let largest = in_bin.max_by(|a, b| a.1.area.total_cmp(&b.1.area)).or_else(|| pieces().next());
+            normal = largest.map_or(normal, |(_, p)| triangle(p).normal);
+        }
+        let near = |p: &Piece| triangle(p).normal.dot(normal) >= bounds.cos;
+
+        // Their mean (5.97), normalised.
+        let (mut mean_position, mut mean_normal, mut area) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        for (_, piece) in pieces().filter(|(_, p)| near(p)) {
+            mean_position += piece.centroid * piece.area;
+            mean_normal += triangle(piece).normal * piece.area;
+            area += piece.area;
+        }
+        let mean_position = mean_position / area;
+        let mean_normal = mean_normal.try_normalize().unwrap_or(normal);
+
+        // The most similar point of the group's own surface.
+        let mut best = (f64::INFINITY, 0, DVec3::ZERO);
+        for (index, piece) in pieces().filter(|(_, p)| near(p)) {
+            let facing = triangle(piece).normal;
+            let cos = facing.dot(mean_normal);
+            if error(0.0, cos, bounds.distance) < best.0 {
+                let point = nearest_point(voxels.corners(piece), facing, mean_position);
+                let similarity = error(point.distance(mean_position), cos, bounds.distance);
+                if similarity < best.0 {
+                    best = (similarity, index, point);
+                }
+            }
+        }
+        let (_, snapped, point) = best;
+        let index = voxels.pieces[snapped as usize].triangle;
+        let snapped_to = &surface.triangles[index as usize];
+        let weights = surface.weights(snapped_to, point);
+
+        // Only what the cache covers goes; the rest stays for the next round. The snapped piece always goes.
+        let goes =
+            |i: u32| i == snapped || triangle(&voxels.pieces[i as usize]).normal.dot(snapped_to.normal) >= bounds.cos;
+        let (gone, stays): (Vec<u32>, Vec<u32>) = left.iter().partition(|&&i| goes(i));
+        seeds.push(Seed {
+            triangle: index,
+            weights,
+            position: surface.point(snapped_to, weights),
+            normal: snapped_to.normal,
+            area: gone.iter().map(|&i| voxels.pieces[i as usize].area).sum(),
+            pieces: gone,
+        });
+        left = stays;
+    }
+    seeds
+}
+
+/// Nearest point of a flat convex polygon, whichever way round its corners go.
+fn nearest_point(polygon: &[DVec3], normal: DVec3, point: DVec3) -> DVec3 {
+    let flat = point - normal * (point - polygon[0]).dot(normal);
+    let (mut lefts, mut rights) = (0, 0);
+    let mut best = (f64::INFINITY, flat);
+    for (i, &a) in polygon.iter().enumerate() {
+        let edge = polygon[(i + 1) % polygon.len()] - a;
+        let turn = edge.cross(flat - a).dot(normal);
+        lefts += usize::from(turn >= 0.0);
+        rights += usize::from(turn <= 0.0);
+        let along = ((flat - a).dot(edge) / edge.length_squared().max(f64::MIN_POSITIVE)).clamp(0.0, 1.0);
+        let on_edge = a + edge * along;
+        let distance = on_edge.distance_squared(flat);
+        if distance < best.0 {
+            best = (distance, on_edge);
+        }
+    }
+    if lefts == polygon.len() || rights == polygon.len() { flat } else { best.1 }
+}

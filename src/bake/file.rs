@@ -1,0 +1,251 @@
+//! Keeps a bake in a file, so that the second start is instant.
+//!
+//! Little-endian: magic, version, the key again, the payload's length and its blake3 hash, the payload. The name is
+//! the key: a hash of all that the result depends on. Nothing is ever overwritten with something else or cleaned up;
+//! a few hundred KiB per scene and settings.
+
+use super::{Cache, CacheSet, Coverage, Density, ModelCaches, NO_CACHE, Settings, bake};
+use crate::error::Result;
+use crate::scene::Scene;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+const MAGIC: [u8; 8] = *b"LSKCACHE";
+
+/// Of the format and of the algorithm: counted up when either changes what a bake gives.
+const VERSION: u32 = 1;
+
+/// Magic, version, key, length, hash.
+const HEADER: usize = 8 + 4 + 32 + 8 + 32;
+
+/// [`bake`], unless the result was kept; says whether it was. Kept in `lightskin` under `$XDG_CACHE_HOME`, or else in
+/// `$HOME/.cache`; with neither, nothing is kept.
+pub fn bake_cached(
+    scene: &Scene,
+    settings: &Settings,
+    progress: &(dyn Fn(f32, &str) + Sync),
+) -> Result<(CacheSet, bool)> {
+    let set = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
+    match set("XDG_CACHE_HOME").or_else(|| set("HOME").map(|home| home.join(".cache"))) {
+        Some(folder) => bake_kept_in(&folder.join("lightskin"), scene, settings, progress),
+        None => {
+            log::debug!("neither XDG_CACHE_HOME nor HOME is set: the bake is not kept");
+            Ok((bake(scene, settings, progress)?, false))
+        }
+    }
+}
+
+/// [`bake_cached`] with the folder given. A file that is missing, damaged or of another version is made anew; one
+/// that cannot be written is a warning.
+pub fn bake_kept_in(
+    folder: &Path,
+    scene: &Scene,
+    settings: &Settings,
+    progress: &(dyn Fn(f32, &str) + Sync),
+) -> Result<(CacheSet, bool)> {
+    let key = key(scene, settings);
+    let path = folder.join(format!("{}.caches", blake3::Hash::from(key).to_hex()));
+    match std::fs::read(&path) {
+        Ok(bytes) => match read(&bytes, &key, scene, settings) {
+            Some(set) => return Ok((set, true)),
+            None => log::debug!("{}: damaged or of another version, baking again", path.display()),
+        },
+        Err(error) => log::debug!("{}: {error}, baking", path.display()),
+    }
+    let set = bake(scene, settings, progress)?;
+    if let Err(error) = keep(folder, &path, &write(&set, &key)) {
+        log::warn!(
+            "{}: cannot keep the bake, the next start will bake again: {error}; make the folder writable or point \
+             XDG_CACHE_HOME to one that is",
+            path.display()
+        );
+    }
+    Ok((set, false))
+}
+
+/// Hash of all that a bake depends on.
+fn key(scene: &Scene, settings: &Settings) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    let mut number = |value: u64| {
+        hasher.update(&value.to_le_bytes());
+    };
+    number(u64::from(VERSION));
+    match settings.density {
+        Density::Count(count) => [0, count as u64].into_iter().for_each(&mut number),
+        Density::Spacing(spacing) => [1, spacing.to_bits()].into_iter().for_each(&mut number),
+    }
+    number(u64::from(settings.angle.to_bits()));
+    number(settings.references as u64);
+    number(scene.instances.len() as u64);
+    for instance in &scene.instances {
+        number(instance.mesh as u64);
+        instance.world_from_model.matrix3.to_cols_array().iter().for_each(|element| number(element.to_bits()));
+    }
+    number(scene.meshes.len() as u64);
+    for mesh in &scene.meshes {
+        // In pieces large enough for the hash to be quick about it.
+        hasher.update(&(mesh.vertices.len() as u64).to_le_bytes());
+        let mut bytes = Vec::with_capacity(24 * 1024);
+        for vertices in mesh.vertices.chunks(1024) {
+            bytes.clear();
+            for vertex in vertices {
+                vertex.position.to_array().iter().for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
+                vertex.normal.to_array().iter().for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
+            }
+            hasher.update(&bytes);
+        }
+        hasher.update(&(mesh.indices.len() as u64).to_le_bytes());
+        for indices in mesh.indices.chunks(4096) {
+            bytes.clear();
+            indices.iter().for_each(|index| bytes.extend_from_slice(&index.to_le_bytes()));
+            hasher.update(&bytes);
+        }
+    }
+    *hasher.finalize().as_bytes()
+}
+
+/// Writes under another name first: nobody ever sees half a file, nor does a crash leave one.
+fn keep(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
+    std::fs::create_dir_all(folder)?;
+    let temporary = path.with_extension(format!("{}.tmp", std::process::id()));
+    let written = (|| {
+        let mut file = std::fs::File::create(&temporary)?;
+        file.write_all(bytes)?;
+        file.sync_all()?;
+        std::fs::rename(&temporary, path)
+    })();
+    if written.is_err() {
+        std::fs::remove_file(&temporary).ok();
+    }
+    written
+}
+
+fn write(set: &CacheSet, key: &[u8; 32]) -> Vec<u8> {
+    let mut payload = Vec::new();
+    let number = |payload: &mut Vec<u8>, value: usize| payload.extend_from_slice(&(value as u64).to_le_bytes());
+    payload.extend_from_slice(&set.spacing.to_le_bytes());
+    number(&mut payload, set.instance_model.len());
+    set.instance_model.iter().for_each(|&model| number(&mut payload, model));
+    number(&mut payload, set.models.len());
+    for model in &set.models {
+        number(&mut payload, model.mesh);
+        payload.extend_from_slice(&model.coverage.distance.to_le_bytes());
+        payload.extend_from_slice(&model.coverage.angle.to_le_bytes());
+        number(&mut payload, model.caches.len());
+        for cache in &model.caches {
+            let [x, y, z] = cache.position.to_array();
+            let [nx, ny, nz] = cache.normal.to_array();
+            let [second, third] = cache.barycentric;
+            for value in [x, y, z, nx, ny, nz, cache.area, second, third] {
+                payload.extend_from_slice(&value.to_le_bytes());
+            }
+            payload.extend_from_slice(&cache.triangle.to_le_bytes());
+        }
+        number(&mut payload, model.references.len());
+        model.references.iter().for_each(|reference| payload.extend_from_slice(&reference.to_le_bytes()));
+    }
+    let mut bytes = Vec::with_capacity(HEADER + payload.len());
+    bytes.extend_from_slice(&MAGIC);
+    bytes.extend_from_slice(&VERSION.to_le_bytes());
+    bytes.extend_from_slice(key);
+    number(&mut bytes, payload.len());
+    bytes.extend_from_slice(blake3::hash(&payload).as_bytes());
+    bytes.extend_from_slice(&payload);
+    bytes
+}
+
+/// Bytes not yet read. What runs out of them is `None`.
+struct Reader<'a>(&'a [u8]);
+
+impl<'a> Reader<'a> {
+    fn bytes(&mut self, count: usize) -> Option<&'a [u8]> {
+        let (bytes, rest) = self.0.split_at_checked(count)?;
+        self.0 = rest;
+        Some(bytes)
+    }
+
+    fn array<const N: usize>(&mut self) -> Option<[u8; N]> {
+        self.bytes(N)?.try_into().ok()
+    }
+
+    fn number(&mut self) -> Option<usize> {
+        u64::from_le_bytes(self.array()?).try_into().ok()
+    }
+
+    fn f32(&mut self) -> Option<f32> {
+        Some(f32::from_le_bytes(self.array()?))
+    }
+
+    fn f64(&mut self) -> Option<f64> {
+        Some(f64::from_le_bytes(self.array()?))
+    }
+
+    /// A count followed by that many records of `size` bytes, which are there.
+    fn records(&mut self, size: usize) -> Option<Reader<'a>> {
+        let count = self.number()?;
+        Some(Reader(self.bytes(count.checked_mul(size)?)?))
+    }
+
+    /// Reads until the bytes or the sense run out.
+    fn all<T>(mut self, read: impl Fn(&mut Self) -> Option<T>) -> Option<Vec<T>> {
+        let mut items = Vec::new();
+        while !self.0.is_empty() {
+            items.push(read(&mut self)?);
+        }
+        Some(items)
+    }
+}
+
+/// The set in a file's bytes, if they are whole, meant for this scene, and make sense with it.
+fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &Settings) -> Option<CacheSet> {
+    let mut reader = Reader(bytes);
+    let known = reader.array()? == MAGIC && u32::from_le_bytes(reader.array()?) == VERSION;
+    if !known || reader.array()? != *key {
+        return None;
+    }
+    let length = reader.number()?;
+    let hash: [u8; 32] = reader.array()?;
+    if reader.0.len() != length || *blake3::hash(reader.0).as_bytes() != hash {
+        return None;
+    }
+    let spacing = reader.f64()?;
+    let instance_model = reader.records(8)?.all(Reader::number)?;
+    let count = reader.number()?;
+    let mut models = Vec::new();
+    for _ in 0..count {
+        models.push(read_model(&mut reader, scene, settings)?);
+    }
+    // The hash vouches for the bytes, not for whoever wrote them: an index out of range would be a crash later.
+    let sound = reader.0.is_empty()
+        && spacing > 0.0
+        && instance_model.len() == scene.instances.len()
+        && (instance_model.iter().zip(&scene.instances))
+            .all(|(&model, instance)| models.get(model).is_some_and(|m: &ModelCaches| m.mesh == instance.mesh));
+    sound.then_some(CacheSet { spacing, models, instance_model })
+}
+
+fn read_model(reader: &mut Reader, scene: &Scene, settings: &Settings) -> Option<ModelCaches> {
+    let index = reader.number()?;
+    let mesh = scene.meshes.get(index)?;
+    let coverage = Coverage { distance: reader.f64()?, angle: reader.f64()? };
+    let caches = reader.records(40)?.all(|reader| {
+        let mut values = [0.0; 9];
+        for value in &mut values {
+            *value = reader.f32()?;
+        }
+        let [x, y, z, nx, ny, nz, area, second, third] = values;
+        Some(Cache {
+            position: [x, y, z].into(),
+            normal: [nx, ny, nz].into(),
+            area,
+            triangle: u32::from_le_bytes(reader.array()?),
+            barycentric: [second, third],
+        })
+    })?;
+    let references = reader.records(2)?.all(|reader| Some(u16::from_le_bytes(reader.array()?)))?;
+    let sound = caches.len() < usize::from(NO_CACHE)
+        && caches.iter().all(|cache| (cache.triangle as usize) < mesh.triangle_count())
+        && references.len() == mesh.vertices.len() * settings.references
+        && references.iter().all(|&reference| reference == NO_CACHE || usize::from(reference) < caches.len());
+    sound.then_some(ModelCaches { mesh: index, caches, references, coverage })
+}

@@ -1,0 +1,138 @@
+//! Places caches on all models of a scene, for a spacing or for a count. METHOD 8.
+
+use super::cluster::{self, Bounds, Seed};
+use super::prune;
+use super::surface::Surface;
+use super::voxel::Voxels;
+use super::{Density, NO_CACHE, Settings};
+use crate::error::{Error, Result};
+use rayon::prelude::*;
+
+/// What is baked once: a mesh under one stretch.
+pub(super) struct Model<'a> {
+    /// Index into `Scene::meshes`.
+    pub(super) mesh: usize,
+    /// For messages.
+    pub(super) name: &'a str,
+    /// Number of instances that share it.
+    pub(super) instances: usize,
+    /// The mesh in world size.
+    pub(super) surface: Surface,
+}
+
+/// Caches placed on a model.
+pub(super) struct Placement {
+    /// The surface in pieces.
+    pub(super) voxels: Voxels,
+    /// The caches.
+    pub(super) seeds: Vec<Seed>,
+}
+
+/// Most caches of a model: references are 16 bits, and the last value says "none".
+const CACHE_LIMIT: usize = NO_CACHE as usize - 1;
+
+/// Most placements for a count; from a good first guess three to six are needed.
+const ATTEMPTS: i32 = 10;
+
+/// Part of the count that the search may be off.
+const TOLERANCE: f64 = 0.02;
+
+/// Places caches on one model: the five steps.
+fn place(model: &Model, bounds: Bounds) -> Result<Placement> {
+    let voxels = Voxels::new(&model.surface, 0.5 * bounds.distance, model.name)?;
+    let seeds = cluster::form(&model.surface, &voxels, bounds);
+    let seeds = prune::prune(&model.surface, &voxels, seeds, bounds);
+    if seeds.len() > CACHE_LIMIT {
+        return Err(Error::TooLarge(format!(
+            "mesh '{}': {} caches at a spacing of {:.3e} m, but a model can hold {CACHE_LIMIT}: ask for a larger \
+             spacing or a smaller count",
+            model.name,
+            seeds.len(),
+            bounds.distance
+        )));
+    }
+    Ok(Placement { voxels, seeds })
+}
+
+fn place_all(models: &[Model], spacing: f64, angle: f64) -> Result<Vec<Placement>> {
+    models.par_iter().map(|model| place(model, Bounds::new(spacing, angle))).collect()
+}
+
+/// Places caches as the settings ask. Returns the spacing with the caches of each model.
+pub(super) fn search(
+    models: &[Model],
+    settings: &Settings,
+    progress: &(dyn Fn(f32, &str) + Sync),
+) -> Result<(f64, Vec<Placement>)> {
+    let angle = f64::from(settings.angle);
+    let target = match settings.density {
+        Density::Spacing(spacing) => {
+            progress(0.0, "placing caches");
+            return Ok((spacing, place_all(models, spacing, angle)?));
+        }
+        Density::Count(target) => target,
+    };
+    let limit = CACHE_LIMIT * models.iter().map(|m| m.instances).sum::<usize>();
+    let area: f64 = models.iter().map(|m| m.surface.area * m.instances as f64).sum();
+    if area == 0.0 {
+        return Ok((1.0, place_all(models, 1.0, angle)?));
+    }
+    if target > limit {
+        return Err(Error::TooLarge(format!(
+            "{target} caches were asked for, but the scene's models can hold {limit}: ask for a smaller count"
+        )));
+    }
+
+    // A voxel that holds the largest model whole: coarser than that changes nothing.
+    let widest = models.iter().filter(|m| m.surface.area > 0.0).map(|m| (m.surface.high - m.surface.low).max_element());
+    let coarsest = 2.5 * widest.fold(0.0, f64::max);
+    let target = target.max(1) as f64;
+    // Slanted planes meet half again as many voxels as even ones, and pruning takes some back: about 5 per d_eps^2.
+    let mut spacing = (5.0 * area / target).sqrt().min(coarsest);
+    // Spacings known to give too many and too few, with the logarithm of how far off (`None` if beyond all limits).
+    let mut fine: Option<(f64, Option<f64>)> = None;
+    let mut coarse: Option<(f64, f64)> = None;
+    let mut best: Option<(f64, f64, Vec<Placement>)> = None;
+    let mut refused = None;
+    for attempt in 0..ATTEMPTS {
+        progress(0.6 * (1.0 - 0.7f32.powi(attempt)), "searching the spacing");
+        match place_all(models, spacing, angle) {
+            Err(error) => {
+                fine = Some((spacing, None));
+                refused = Some(error);
+            }
+            Ok(placements) => {
+                let count: usize = models.iter().zip(&placements).map(|(m, p)| m.instances * p.seeds.len()).sum();
+                let off = (count as f64 / target).ln();
+                log::debug!("spacing {spacing:.4} m: {count} caches of {target}");
+                if best.as_ref().is_none_or(|b| off.abs() < b.1.abs()) {
+                    best = Some((spacing, off, placements));
+                }
+                if (count as f64 - target).abs() <= TOLERANCE * target || off > 0.0 && spacing >= coarsest {
+                    break;
+                }
+                if off > 0.0 { fine = Some((spacing, Some(off))) } else { coarse = Some((spacing, off)) }
+            }
+        }
+        spacing = match (fine, coarse) {
+            // About where the line between both ends, in logarithms, crosses zero; well inside, as counts jump.
+            (Some((low, too_many)), Some((high, too_few))) => {
+                if high < low * 1.0002 {
+                    break;
+                }
+                let part = too_many.map_or(0.5, |too_many| (too_many / (too_many - too_few)).clamp(0.1, 0.9));
+                low * (high / low).powf(part)
+            }
+            // The count goes with the square of the spacing, a little less where surfaces are finer than voxels.
+            (Some((low, too_many)), None) => (low * too_many.map_or(4.0, |m| (0.55 * m).exp().max(1.02))).min(coarsest),
+            (None, Some((high, too_few))) => high * (0.55 * too_few).exp().min(0.98),
+            (None, None) => unreachable!("an attempt is too fine, too coarse, or the last"),
+        };
+    }
+    match (best, refused) {
+        // Finer was refused, and what was not falls short.
+        (Some((_, off, _)), Some(error)) if off < -0.1 => Err(error),
+        (Some((spacing, _, placements)), _) => Ok((spacing, placements)),
+        (None, error) => Err(error.expect("an attempt succeeds or is refused")),
+    }
+}
