@@ -1,0 +1,330 @@
+//! Primitives to triangles: strips and fans resolved, posed, degenerate triangles dropped, normals completed, second
+//! sides made.
+
+use glam::{DVec3, Vec2, Vec3, Vec4};
+
+use super::Notes;
+use super::pose::{self, Pose};
+use crate::Result;
+use crate::scene::Vertex;
+use crate::scene::accessor::{Accessor, Accessors, Semantic};
+use crate::scene::json::Object;
+
+/// Most vertices (4 GiB) and indices (1 GiB) of all meshes together: accessors may be shared by any number of
+/// primitives, so a small file could ask for more memory than there is.
+const MAX_VERTICES: usize = 1 << 26;
+const MAX_INDICES: usize = 1 << 28;
+
+/// A triangle is degenerate when twice its area is below this share of its longest edge squared.
+const FLAT: f64 = 1e-10;
+
+/// Triangles of one primitive; both sides where it is double-sided.
+pub(super) struct Surface {
+    /// Vertices that some triangle refers to.
+    pub vertices: Vec<Vertex>,
+    /// Three per triangle.
+    pub indices: Vec<u32>,
+}
+
+/// Reads primitives and counts what they took of the limits.
+pub(super) struct Geometry<'a> {
+    pub accessors: &'a Accessors<'a>,
+    pub vertices: usize,
+    pub indices: usize,
+}
+
+/// Vertices before their normals are final.
+struct Draft {
+    vertices: Vec<Vertex>,
+    triangles: Vec<[u32; 3]>,
+    has_normals: bool,
+}
+
+impl Geometry<'_> {
+    /// The triangles of a primitive of `mesh` ("mesh 0 'Wall'"); `None` when it draws none.
+    pub(super) fn surface(
+        &mut self,
+        primitive: &Object,
+        mesh: &str,
+        pose: &Pose,
+        double_sided: bool,
+        notes: &mut Notes,
+    ) -> Result<Option<Surface>> {
+        let mode = primitive.whole("mode")?.unwrap_or(4);
+        if mode > 6 {
+            return Err(primitive.error(format!("has the unknown mode {mode}: export the file again")));
+        }
+        if mode < 4 {
+            notes.count("Primitives of points or lines left out", 1);
+            return Ok(None);
+        }
+        let attributes = primitive.object("attributes")?.ok_or_else(|| primitive.error("has no attributes"))?;
+        let Some(index) = attributes.index("POSITION")? else {
+            notes.count("Primitives without POSITION left out", 1);
+            return Ok(None);
+        };
+        let positions = self.accessors.open(index, &format!("POSITION of {mesh}"), Semantic::Position, &attributes)?;
+
+        let corners = match primitive.index("indices")? {
+            Some(index) => {
+                let indices =
+                    self.accessors.open(index, &format!("indices of {mesh}"), Semantic::Indices, primitive)?;
+                self.take(0, indices.count, primitive)?;
+                indices.vertex_indices(positions.count)?
+            }
+            None => {
+                self.take(0, positions.count, primitive)?;
+                (0..positions.count as u32).collect()
+            }
+        };
+        if mode == 4 && !corners.len().is_multiple_of(3) {
+            notes.count("Incomplete last triangles left out", 1);
+        }
+        // A strip or fan may have three times as many indices once resolved.
+        self.take(0, if mode == 4 { 0 } else { 2 * corners.len() }, primitive)?;
+        let triangles = triangulate(mode, &corners);
+        let used = referenced(&corners, positions.count);
+        drop(corners);
+
+        let has_normals = attributes.value("NORMAL").is_some();
+        self.take(if has_normals { used.len() } else { 3 * triangles.len() }, 0, primitive)?;
+        let mut draft = Draft { vertices: Vec::new(), triangles, has_normals };
+        if used.len() < positions.count {
+            for corner in draft.triangles.iter_mut().flatten() {
+                *corner = used.binary_search(corner).unwrap_or(0) as u32;
+            }
+        }
+        draft.vertices = self.vertices(&attributes, mesh, &positions, &used, notes)?;
+        let targets = primitive.objects("targets", "morph target")?;
+        pose::morph(&mut draft.vertices, &used, positions.count, &targets, pose, self.accessors, mesh)?;
+        if let Some(joints) = &pose.joints {
+            let mirrored = pose::skin(
+                &mut draft.vertices,
+                &used,
+                positions.count,
+                &attributes,
+                joints,
+                self.accessors,
+                mesh,
+                notes,
+            )?;
+            for triangle in &mut draft.triangles {
+                if triangle.iter().all(|&corner| mirrored[corner as usize]) {
+                    triangle.swap(1, 2);
+                }
+            }
+        }
+        draft.drop_degenerate(notes);
+        if draft.triangles.is_empty() {
+            return Ok(None);
+        }
+        let mut surface = if draft.has_normals { draft.with_own_normals(notes) } else { draft.with_flat_normals() };
+        if double_sided {
+            self.take(surface.vertices.len(), surface.indices.len(), primitive)?;
+            surface.add_back();
+        }
+        Ok(Some(surface))
+    }
+
+    /// Counts vertices and indices about to be made.
+    fn take(&mut self, vertices: usize, indices: usize, from: &Object) -> Result<()> {
+        self.vertices = self.vertices.saturating_add(vertices);
+        self.indices = self.indices.saturating_add(indices);
+        if self.vertices > MAX_VERTICES || self.indices > MAX_INDICES {
+            return Err(from.error(format!(
+                "the scene has more than {MAX_VERTICES} vertices or {MAX_INDICES} indices from here on; simplify it"
+            )));
+        }
+        Ok(())
+    }
+
+    /// The vertices `used`, as the file gives them.
+    fn vertices(
+        &self,
+        attributes: &Object,
+        mesh: &str,
+        positions: &Accessor,
+        used: &[u32],
+        notes: &mut Notes,
+    ) -> Result<Vec<Vertex>> {
+        let open = |name: &str, semantic| -> Result<Option<Accessor>> {
+            let Some(index) = attributes.index(name)? else { return Ok(None) };
+            let accessor = self.accessors.open(index, &format!("{name} of {mesh}"), semantic, attributes)?;
+            accessor.check_count(positions.count)?;
+            Ok(Some(accessor))
+        };
+        let normals = open("NORMAL", Semantic::Normal)?;
+        // glTF: without normals, tangents must be ignored. They are checked all the same.
+        let tangents = open("TANGENT", Semantic::Tangent)?.filter(|_| normals.is_some());
+        let coordinates = [open("TEXCOORD_0", Semantic::TexCoord)?, open("TEXCOORD_1", Semantic::TexCoord)?];
+        let colors = open("COLOR_0", Semantic::Color)?;
+        let mut vertices = Vec::with_capacity(used.len());
+        for &index in used {
+            let at = index as usize;
+            let position = Vec3::from(positions.floats::<3>(at));
+            if !position.is_finite() {
+                return Err(positions.error(format!("element {at} is not finite: export the file again")));
+            }
+            let uv = coordinates.each_ref().map(|accessor| match accessor {
+                Some(accessor) => {
+                    let uv = Vec2::from(accessor.floats::<2>(at));
+                    if !uv.is_finite() {
+                        notes.count("Texture coordinates that are not finite set to zero", 1);
+                    }
+                    if uv.is_finite() { uv } else { Vec2::ZERO }
+                }
+                None => Vec2::ZERO,
+            });
+            let color = match &colors {
+                Some(accessor) => {
+                    let [r, g, b, a] = accessor.floats::<4>(at);
+                    // The cast saturates, and turns NaN into 0.
+                    [r, g, b, if accessor.width == 3 { 1.0 } else { a }].map(|c| (c * 255.0 + 0.5) as u8)
+                }
+                None => [255; 4],
+            };
+            vertices.push(Vertex {
+                position,
+                normal: normals.as_ref().map_or(Vec3::ZERO, |a| a.floats::<3>(at).into()),
+                tangent: tangents.as_ref().map_or([0.0; 4], |a| a.floats::<4>(at)),
+                uv0: uv[0],
+                uv1: uv[1],
+                color,
+            });
+        }
+        Ok(vertices)
+    }
+}
+
+/// Vertex indices that occur, in increasing order.
+fn referenced(corners: &[u32], vertices: usize) -> Vec<u32> {
+    // Many small primitives over one large vertex buffer are common: no pass over all vertices for each of them.
+    if vertices / 8 > corners.len() {
+        let mut used = corners.to_vec();
+        used.sort_unstable();
+        used.dedup();
+        return used;
+    }
+    let mut occurs = vec![false; vertices];
+    for &corner in corners {
+        occurs[corner as usize] = true;
+    }
+    (0..vertices as u32).filter(|&v| occurs[v as usize]).collect()
+}
+
+/// Corners of the triangles of a list (4), strip (5) or fan (6), in glTF's order.
+fn triangulate(mode: u64, corners: &[u32]) -> Vec<[u32; 3]> {
+    match mode {
+        4 => corners.as_chunks::<3>().0.to_vec(),
+        5 => corners
+            .windows(3)
+            .enumerate()
+            .map(|(i, c)| if i % 2 == 0 { [c[0], c[1], c[2]] } else { [c[0], c[2], c[1]] })
+            .collect(),
+        _ => match corners {
+            [hub, rim @ ..] => rim.windows(2).map(|c| [c[0], c[1], *hub]).collect(),
+            [] => Vec::new(),
+        },
+    }
+}
+
+impl Draft {
+    fn corners(&self, triangle: [u32; 3]) -> [DVec3; 3] {
+        triangle.map(|corner| self.vertices[corner as usize].position.as_dvec3())
+    }
+
+    /// Twice the triangle's area along its geometric normal.
+    fn area_vector(&self, triangle: [u32; 3]) -> DVec3 {
+        let [a, b, c] = self.corners(triangle);
+        (b - a).cross(c - a)
+    }
+
+    fn drop_degenerate(&mut self, notes: &mut Notes) {
+        let before = self.triangles.len();
+        let triangles = std::mem::take(&mut self.triangles);
+        self.triangles = triangles.into_iter().filter(|&triangle| !self.is_degenerate(triangle)).collect();
+        notes.count("Degenerate triangles left out (no area or not finite)", before - self.triangles.len());
+        // No triangle refers to these any more, but nobody should meet them either.
+        for vertex in &mut self.vertices {
+            if !vertex.position.is_finite() {
+                vertex.position = Vec3::ZERO;
+            }
+        }
+    }
+
+    fn is_degenerate(&self, triangle: [u32; 3]) -> bool {
+        let [a, b, c] = self.corners(triangle);
+        let longest = (b - a).length_squared().max((c - b).length_squared()).max((a - c).length_squared());
+        let area = self.area_vector(triangle).length();
+        !area.is_finite() || area <= FLAT * longest
+    }
+
+    /// Every triangle gets vertices of its own, as glTF asks where there are no normals.
+    fn with_flat_normals(self) -> Surface {
+        let mut vertices = Vec::with_capacity(3 * self.triangles.len());
+        for &triangle in &self.triangles {
+            let normal = self.area_vector(triangle).normalize().as_vec3();
+            vertices.extend(triangle.map(|c| Vertex { normal, tangent: [0.0; 4], ..self.vertices[c as usize] }));
+        }
+        let indices = (0..vertices.len() as u32).collect();
+        Surface { vertices, indices }
+    }
+
+    /// Normals and tangents get unit length, unusable normals are replaced by the geometric ones.
+    fn with_own_normals(mut self, notes: &mut Notes) -> Surface {
+        let unit = |v: Vec3| {
+            let length = v.as_dvec3().length();
+            (length.is_finite() && length > 0.0).then(|| (v.as_dvec3() / length).as_vec3())
+        };
+        let mut bad = vec![false; self.vertices.len()];
+        for (vertex, bad) in self.vertices.iter_mut().zip(&mut bad) {
+            *bad = unit(vertex.normal).is_none();
+            vertex.normal = unit(vertex.normal).unwrap_or(Vec3::ZERO);
+            let [x, y, z, w] = vertex.tangent;
+            vertex.tangent = match unit(Vec3::new(x, y, z)) {
+                Some(t) if !w.is_nan() => [t.x, t.y, t.z, if w < 0.0 { -1.0 } else { 1.0 }],
+                _ => [0.0; 4],
+            };
+        }
+        if bad.contains(&true) {
+            let mut sums = vec![(DVec3::ZERO, DVec3::Y); self.vertices.len()];
+            for &triangle in &self.triangles {
+                let area = self.area_vector(triangle);
+                for corner in triangle {
+                    let (sum, last) = &mut sums[corner as usize];
+                    *sum += area;
+                    *last = area;
+                }
+            }
+            for ((vertex, (sum, last)), _) in self.vertices.iter_mut().zip(sums).zip(&bad).filter(|(_, bad)| **bad) {
+                // Triangles back to back cancel: one of them is as good as the other.
+                vertex.normal = sum.try_normalize().unwrap_or(last.normalize()).as_vec3();
+            }
+            let replaced = bad.iter().filter(|&&bad| bad).count();
+            notes.count("Normals of no length or not finite replaced by geometric ones", replaced);
+        }
+        let indices = self.triangles.into_iter().flatten().collect();
+        Surface { vertices: self.vertices, indices }
+    }
+}
+
+impl Surface {
+    /// Adds the other side: a dent seen from behind is a bump, so the whole normal-mapped frame turns round. With the
+    /// bitangent w * (n x t), the negated n, t and w negate it, too.
+    fn add_back(&mut self) {
+        let front = self.vertices.len() as u32;
+        let back: Vec<Vertex> = self
+            .vertices
+            .iter()
+            .map(|v| Vertex {
+                normal: -v.normal,
+                tangent: if v.tangent == [0.0; 4] { v.tangent } else { (-Vec4::from(v.tangent)).into() },
+                ..*v
+            })
+            .collect();
+        let (triangles, _) = self.indices.as_chunks::<3>();
+        let reversed: Vec<u32> = triangles.iter().flat_map(|&[a, b, c]| [front + a, front + c, front + b]).collect();
+        self.vertices.extend(back);
+        self.indices.extend(reversed);
+    }
+}

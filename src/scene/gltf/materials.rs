@@ -1,0 +1,332 @@
+//! Materials, textures and images; only those that some drawn primitive uses.
+
+use std::collections::BTreeMap;
+use std::f64::consts::TAU;
+use std::io::Cursor;
+use std::path::Path;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+use glam::{Affine2, Vec2, Vec3, Vec4};
+use image::{ImageFormat, ImageReader, Limits};
+use rayon::prelude::*;
+
+use super::{Notes, files};
+use crate::Result;
+use crate::scene::accessor::Accessors;
+use crate::scene::json::{Document, Object, printable};
+use crate::scene::{Image, Material, Phong, Sampler, Texture, Wrap};
+
+/// Largest width and height [texels] of an image: what every Vulkan desktop driver can hold.
+const MAX_SIDE: u32 = 16384;
+
+/// Most bytes of all decoded images together.
+const MAX_DECODED: u64 = 4 << 30;
+
+/// The materials in use so far. Their textures refer to the file's images until `finish`.
+pub(super) struct Materials<'a> {
+    document: &'a Document,
+    /// The file's material (`None` for glTF's default) to the index in `list`.
+    indices: BTreeMap<Option<usize>, usize>,
+    /// The scene's materials.
+    pub list: Vec<Material>,
+}
+
+impl<'a> Materials<'a> {
+    pub(super) fn new(document: &'a Document) -> Self {
+        Self { document, indices: BTreeMap::new(), list: Vec::new() }
+    }
+
+    /// The scene's index of the material that a primitive names.
+    pub(super) fn index(&mut self, primitive: &Object, notes: &mut Notes) -> Result<usize> {
+        let key = primitive.index("material")?;
+        if let Some(&index) = self.indices.get(&key) {
+            return Ok(index);
+        }
+        let material = match key {
+            Some(index) => {
+                let object = self.document.item("materials", index, primitive)?;
+                let name = object.name(|| format!("material {index}"));
+                Reader { document: self.document, notes }.material(&object, name)?
+            }
+            None => Material::default(),
+        };
+        self.list.push(material);
+        self.indices.insert(key, self.list.len() - 1);
+        Ok(self.list.len() - 1)
+    }
+
+    /// The materials and the images they use, decoded. Textures whose image does not decode are dropped with a note.
+    pub(super) fn finish(mut self, accessors: &Accessors, notes: &mut Notes) -> Result<(Vec<Material>, Vec<Image>)> {
+        let mut wanted: Vec<usize> =
+            self.list.iter_mut().flat_map(textures).filter_map(|t| t.as_ref().map(|t| t.image)).collect();
+        wanted.sort_unstable();
+        wanted.dedup();
+        let folder = files::folder(&self.document.file);
+        let mut sources = Vec::new();
+        for &index in &wanted {
+            sources.push(source(self.document, index, accessors)?);
+        }
+        let total = AtomicU64::new(0);
+        let decoded: Vec<std::result::Result<Image, String>> =
+            sources.par_iter().map(|source| source.decode(&folder, &total)).collect();
+
+        let mut images = Vec::new();
+        let mut renumbered = BTreeMap::new();
+        for ((&index, source), image) in wanted.iter().zip(&sources).zip(decoded) {
+            match image {
+                Ok(image) => {
+                    renumbered.insert(index, images.len());
+                    images.push(image);
+                }
+                Err(reason) => {
+                    notes.add(format!("Image {index} '{}' is not used: {reason}.", source.name));
+                }
+            }
+        }
+        for texture in self.list.iter_mut().flat_map(textures) {
+            *texture = texture.and_then(|t| renumbered.get(&t.image).map(|&image| Texture { image, ..t }));
+        }
+        Ok((self.list, images))
+    }
+}
+
+fn textures(material: &mut Material) -> [&mut Option<Texture>; 6] {
+    [
+        &mut material.base_color_texture,
+        &mut material.metallic_roughness_texture,
+        &mut material.normal_texture,
+        &mut material.emissive_texture,
+        &mut material.specular_texture,
+        &mut material.specular_color_texture,
+    ]
+}
+
+/// Reads materials; notes what it had to change.
+struct Reader<'a, 'n> {
+    document: &'a Document,
+    notes: &'n mut Notes,
+}
+
+impl Reader<'_, '_> {
+    fn material(&mut self, object: &Object, name: String) -> Result<Material> {
+        let mut material = Material { name, double_sided: object.flag("doubleSided")?, ..Material::default() };
+        if let Some(pbr) = object.object("pbrMetallicRoughness")? {
+            let base = pbr.vector::<4>("baseColorFactor")?.unwrap_or([1.0; 4]);
+            material.base_color = Vec4::from(self.clamped(&pbr, "baseColorFactor", base, 1.0));
+            material.base_color_texture = self.texture(&pbr, "baseColorTexture")?;
+            material.metallic = self.factor(&pbr, "metallicFactor", 1.0, 1.0)?;
+            material.roughness = self.factor(&pbr, "roughnessFactor", 1.0, 1.0)?;
+            material.metallic_roughness_texture = self.texture(&pbr, "metallicRoughnessTexture")?;
+        }
+        material.normal_texture = self.texture(object, "normalTexture")?;
+        if let Some(normal) = object.object("normalTexture")? {
+            material.normal_scale = normal.number("scale")?.unwrap_or(1.0) as f32;
+        }
+
+        // Some exporters write factors above 1 instead of a strength; what they mean is clear.
+        let emissive = object.vector::<3>("emissiveFactor")?.unwrap_or([0.0; 3]);
+        material.emissive = Vec3::from(self.clamped(object, "emissiveFactor", emissive, f64::from(f32::MAX)));
+        if let Some(extension) = object.extension("KHR_materials_emissive_strength")? {
+            // 1e12 cd/m^2 is far above the sun's 1.6e9 and far below what overflows once multiplied and summed.
+            material.emissive *= self.factor(&extension, "emissiveStrength", 1.0, 1e12)?;
+        }
+        material.emissive = material.emissive.min(Vec3::splat(1e12));
+        material.emissive_texture = self.texture(object, "emissiveTexture")?;
+
+        material.alpha_cutoff = match object.text("alphaMode")? {
+            None | Some("OPAQUE") => None,
+            Some("MASK") => Some(self.factor(object, "alphaCutoff", 0.5, f64::from(f32::MAX))?),
+            Some("BLEND") => {
+                self.notes.count("Materials with alphaMode BLEND drawn as MASK with cutoff 0.5", 1);
+                Some(0.5)
+            }
+            Some(mode) => {
+                return Err(
+                    object.error(format!("has the unknown alphaMode {}: export the file again", printable(mode)))
+                );
+            }
+        };
+
+        if let Some(extension) = object.extension("KHR_materials_ior")? {
+            let ior = extension.number("ior")?.unwrap_or(1.5);
+            // 0 is the extension's own way to say "reflects everything".
+            material.ior = if ior == 0.0 || ior >= 1.0 { ior as f32 } else { 1.0 };
+            if f64::from(material.ior) != f64::from(ior as f32) {
+                self.notes.add(format!("{}: ior is {ior}, taken as 1.", extension.place));
+            }
+        }
+        if let Some(extension) = object.extension("KHR_materials_specular")? {
+            material.specular = self.factor(&extension, "specularFactor", 1.0, 1.0)?;
+            material.specular_texture = self.texture(&extension, "specularTexture")?;
+            let color = extension.vector::<3>("specularColorFactor")?.unwrap_or([1.0; 3]);
+            let color = self.clamped(&extension, "specularColorFactor", color, f64::from(f32::MAX));
+            material.specular_color = Vec3::from(color);
+            material.specular_color_texture = self.texture(&extension, "specularColorTexture")?;
+        }
+        material.phong = self.phong(object)?;
+        Ok(material)
+    }
+
+    /// `extras.lightskin.phong`. Extras may be anything; only what is under our own name must be right.
+    fn phong(&mut self, object: &Object) -> Result<Option<Phong>> {
+        let own = object.value("extras").and_then(|extras| extras.get("lightskin"));
+        if own.is_none() {
+            return Ok(None);
+        }
+        let lightskin =
+            object.object("extras")?.and_then(|extras| extras.object("lightskin").transpose()).transpose()?;
+        let Some(phong) = lightskin.and_then(|own| own.object("phong").transpose()).transpose()? else {
+            return Ok(None);
+        };
+        let specular = phong.vector::<3>("specular")?.ok_or_else(|| phong.error("has no specular [r, g, b]"))?;
+        let exponent = phong.number("exponent")?.ok_or_else(|| phong.error("has no exponent"))?;
+        if exponent < 0.0 {
+            return Err(phong.error(format!("exponent is {exponent}; at least 0 is needed")));
+        }
+        let specular = Vec3::from(self.clamped(&phong, "specular", specular, 1.0));
+        Ok(Some(Phong { specular, exponent: exponent as f32 }))
+    }
+
+    fn factor(&mut self, object: &Object, key: &str, default: f64, most: f64) -> Result<f32> {
+        let value = object.number(key)?.unwrap_or(default);
+        Ok(self.clamped(object, key, [value], most)[0])
+    }
+
+    /// Numbers brought into [0, most], with a note if that changed them.
+    fn clamped<const N: usize>(&mut self, object: &Object, key: &str, values: [f64; N], most: f64) -> [f32; N] {
+        if values.iter().any(|x| !(0.0..=most).contains(x)) {
+            let range = if most < 1e30 { format!("clamped to 0 ... {most}") } else { "clamped to 0".into() };
+            self.notes.add(format!("{}: {key} is {values:?}, {range}.", object.place));
+        }
+        values.map(|x| x.clamp(0.0, most) as f32)
+    }
+
+    fn texture(&mut self, owner: &Object, key: &str) -> Result<Option<Texture>> {
+        let Some(info) = owner.object(key)? else { return Ok(None) };
+        let index = info.index("index")?.ok_or_else(|| info.error("has no index"))?;
+        let texture = self.document.item("textures", index, &info)?;
+        let mut uv_set = info.whole("texCoord")?.unwrap_or(0);
+        let mut transform = Affine2::IDENTITY;
+        if let Some(extension) = info.extension("KHR_texture_transform")? {
+            let offset = extension.vector::<2>("offset")?.unwrap_or([0.0; 2]);
+            let scale = extension.vector::<2>("scale")?.unwrap_or([1.0; 2]);
+            let rotation = extension.number("rotation")?.unwrap_or(0.0).rem_euclid(TAU);
+            uv_set = extension.whole("texCoord")?.unwrap_or(uv_set);
+            transform = texture_transform(offset, rotation, scale);
+        }
+        let sampler = match texture.index("sampler")? {
+            Some(index) => sampler(&self.document.item("samplers", index, &texture)?)?,
+            None => Sampler::default(),
+        };
+        let Some(image) = texture.index("source")? else {
+            let place = &texture.place;
+            self.notes.add(format!("{}: {place} names no PNG or JPEG image and is not used.", info.place));
+            return Ok(None);
+        };
+        self.document.item("images", image, &texture)?;
+        if uv_set > 1 {
+            self.notes.add(format!("{}: TEXCOORD_{uv_set} is not supported, the texture is not used.", info.place));
+            return Ok(None);
+        }
+        Ok(Some(Texture { image, uv_set: uv_set as u8, transform, sampler }))
+    }
+}
+
+/// KHR_texture_transform: scale, then rotate, then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
+/// 90 degrees.
+fn texture_transform(offset: [f64; 2], rotation: f64, scale: [f64; 2]) -> Affine2 {
+    let (sin, cos) = rotation.sin_cos();
+    let column = |x: f64, y: f64| Vec2::new(x as f32, y as f32);
+    Affine2::from_cols(
+        column(cos * scale[0], -sin * scale[0]),
+        column(sin * scale[1], cos * scale[1]),
+        column(offset[0], offset[1]),
+    )
+}
+
+fn sampler(object: &Object) -> Result<Sampler> {
+    let wrap = |key: &str| match object.whole(key)? {
+        None | Some(10497) => Ok(Wrap::Repeat),
+        Some(33648) => Ok(Wrap::Mirror),
+        Some(33071) => Ok(Wrap::Clamp),
+        Some(code) => Err(object.error(format!("has the unknown {key} {code}: export the file again"))),
+    };
+    let nearest = match object.whole("magFilter")? {
+        None | Some(9729) => false,
+        Some(9728) => true,
+        Some(code) => return Err(object.error(format!("has the unknown magFilter {code}: export the file again"))),
+    };
+    Ok(Sampler { wrap_u: wrap("wrapS")?, wrap_v: wrap("wrapT")?, nearest })
+}
+
+/// Where an image's bytes are.
+struct Source<'a> {
+    name: String,
+    bytes: std::result::Result<&'a [u8], &'a str>,
+}
+
+/// Finds an image: in a buffer view, or under a URI.
+fn source<'a>(document: &'a Document, index: usize, accessors: &Accessors<'a>) -> Result<Source<'a>> {
+    let object = document.item("images", index, &document.object())?;
+    let uri = object.text("uri")?;
+    let name = object.name(|| match uri {
+        Some(uri) if !uri.starts_with("data:") => printable(uri),
+        _ => format!("image {index}"),
+    });
+    let bytes = match (uri, object.index("bufferView")?) {
+        (Some(uri), _) => Err(uri),
+        (None, Some(view)) => Ok(accessors.view(view, &object)?.0),
+        (None, None) => return Err(object.error("has neither uri nor bufferView: export the file again")),
+    };
+    Ok(Source { name, bytes })
+}
+
+impl Source<'_> {
+    /// The image, unless it or all images together are too large. Every failure is a reason to go without it.
+    fn decode(&self, folder: &Path, total: &AtomicU64) -> std::result::Result<Image, String> {
+        let read;
+        let bytes = match self.bytes {
+            Ok(bytes) => bytes,
+            Err(uri) => {
+                read = files::fetch(folder, uri)?;
+                &read
+            }
+        };
+        let describe = |e: image::ImageError| format!("it does not decode ({})", printable(&e.to_string()));
+        // By content: mimeType and extension are often wrong.
+        let format = image::guess_format(bytes).ok().filter(|f| matches!(f, ImageFormat::Png | ImageFormat::Jpeg));
+        let format = format.ok_or("it is neither PNG nor JPEG")?;
+        let (width, height) =
+            ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(describe)?;
+        if width > MAX_SIDE || height > MAX_SIDE {
+            return Err(format!("it has {width} x {height} texels, at most {MAX_SIDE} x {MAX_SIDE} are possible"));
+        }
+        let size = u64::from(width) * u64::from(height) * 4;
+        if total.fetch_add(size, Ordering::Relaxed) + size > MAX_DECODED {
+            return Err("all images together take more than 4 GiB".into());
+        }
+        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
+        let mut limits = Limits::default();
+        limits.max_image_width = Some(MAX_SIDE);
+        limits.max_image_height = Some(MAX_SIDE);
+        // 16 bits per channel need twice the final size, and the decoder some room to work.
+        limits.max_alloc = Some(3 * size + (64 << 20));
+        reader.limits(limits);
+        let rgba = reader.decode().map_err(describe)?.into_rgba8();
+        let name = self.name.clone();
+        Ok(Image { name, width: rgba.width(), height: rgba.height(), rgba: rgba.into_raw() })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Against the matrices written out in the extension's README.
+    #[test]
+    fn texture_transform_is_that_of_the_extension() {
+        let quarter = texture_transform([0.25, 0.5], TAU / 4.0, [2.0, 3.0]);
+        let uv = quarter.transform_point2(Vec2::new(0.1, 0.2));
+        assert!((uv - Vec2::new(0.25 + 0.6, 0.5 - 0.2)).length() < 1e-6, "{uv}");
+    }
+}

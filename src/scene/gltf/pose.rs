@@ -1,0 +1,182 @@
+//! Morph targets and skins, applied once at load.
+
+use glam::{DAffine3, DMat3, DVec3, Vec3};
+
+use super::Notes;
+use crate::Result;
+use crate::scene::Vertex;
+use crate::scene::accessor::{Accessor, Accessors, Semantic};
+use crate::scene::json::{Document, Object, plural};
+
+/// How a mesh is bent before it is drawn.
+pub(super) struct Pose {
+    /// Weight of each morph target; empty for none.
+    pub weights: Vec<f64>,
+    /// For skinned meshes: each joint's model-to-world matrix, inverse bind matrix included.
+    pub joints: Option<Vec<DAffine3>>,
+}
+
+/// The joint matrices of a skin, given all nodes' world transforms.
+pub(super) fn joints(
+    document: &Document,
+    accessors: &Accessors,
+    skin: &Object,
+    worlds: &[DAffine3],
+) -> Result<Vec<DAffine3>> {
+    let nodes = skin.indices("joints")?;
+    if nodes.is_empty() {
+        return Err(skin.error("has no joints: export the file again"));
+    }
+    let inverse_bind = match skin.index("inverseBindMatrices")? {
+        Some(index) => {
+            let role = format!("inverseBindMatrices of {}", skin.place);
+            let accessor = accessors.open(index, &role, Semantic::Matrices, skin)?;
+            if accessor.count < nodes.len() {
+                let joints = plural(nodes.len(), "joint");
+                return Err(
+                    accessor.error(format!("has {} elements for {joints}: export the file again", accessor.count))
+                );
+            }
+            Some(accessor)
+        }
+        None => None,
+    };
+    let mut matrices = Vec::with_capacity(nodes.len());
+    for (at, &node) in nodes.iter().enumerate() {
+        document.item("nodes", node, skin)?;
+        let bind = match &inverse_bind {
+            Some(accessor) => {
+                let m = accessor.floats::<16>(at).map(f64::from);
+                if m.iter().any(|x| !x.is_finite()) {
+                    return Err(accessor.error(format!("element {at} is not finite: export the file again")));
+                }
+                // The fourth row is 0 0 0 1 up to rounding.
+                let column = |c: usize| DVec3::new(m[4 * c], m[4 * c + 1], m[4 * c + 2]);
+                DAffine3::from_cols(column(0), column(1), column(2), column(3))
+            }
+            None => DAffine3::IDENTITY,
+        };
+        matrices.push(worlds[node] * bind);
+    }
+    Ok(matrices)
+}
+
+/// Adds the weighted morph targets to the vertices `used` of `count`.
+pub(super) fn morph(
+    vertices: &mut [Vertex],
+    used: &[u32],
+    count: usize,
+    targets: &[Object],
+    pose: &Pose,
+    accessors: &Accessors,
+    mesh: &str,
+) -> Result<()> {
+    for (at, target) in targets.iter().enumerate() {
+        let weight = pose.weights.get(at).copied().unwrap_or(0.0) as f32;
+        let attributes =
+            [("POSITION", Semantic::Position), ("NORMAL", Semantic::Displacement), ("TANGENT", Semantic::Displacement)];
+        for (name, semantic) in attributes {
+            let Some(index) = target.index(name)? else { continue };
+            let accessor = accessors.open(index, &format!("morph target {at} {name} of {mesh}"), semantic, target)?;
+            accessor.check_count(count)?;
+            if weight == 0.0 {
+                continue;
+            }
+            for (vertex, &index) in vertices.iter_mut().zip(used) {
+                let delta = weight * Vec3::from(accessor.floats::<3>(index as usize));
+                if !delta.is_finite() {
+                    return Err(accessor.error(format!("element {index} is not finite: export the file again")));
+                }
+                match name {
+                    "POSITION" => vertex.position += delta,
+                    "NORMAL" => vertex.normal += delta,
+                    _ => {
+                        let [x, y, z, w] = vertex.tangent;
+                        vertex.tangent = (Vec3::new(x, y, z) + delta).extend(w).into();
+                    }
+                }
+            }
+        }
+    }
+    Ok(())
+}
+
+/// Moves the vertices `used` of `count` with their joints; returns which of them were mirrored.
+#[expect(clippy::too_many_arguments, reason = "the primitive's parts, and where to report")]
+pub(super) fn skin(
+    vertices: &mut [Vertex],
+    used: &[u32],
+    count: usize,
+    attributes: &Object,
+    joints: &[DAffine3],
+    accessors: &Accessors,
+    mesh: &str,
+    notes: &mut Notes,
+) -> Result<Vec<bool>> {
+    let open = |name: &str, semantic| -> Result<Option<Accessor>> {
+        let Some(index) = attributes.index(name)? else { return Ok(None) };
+        let accessor = accessors.open(index, &format!("{name} of {mesh}"), semantic, attributes)?;
+        accessor.check_count(count)?;
+        Ok(Some(accessor))
+    };
+    let mut sets = Vec::new();
+    for set in 0..2 {
+        let indices = open(&format!("JOINTS_{set}"), Semantic::Joints)?;
+        let weights = open(&format!("WEIGHTS_{set}"), Semantic::Weights)?;
+        match (indices, weights) {
+            (Some(indices), Some(weights)) => sets.push((indices, weights)),
+            (None, None) if set > 0 => {}
+            _ => {
+                return Err(attributes.error(format!(
+                    "belongs to a skinned node but lacks JOINTS_{set} or WEIGHTS_{set}: export the file again"
+                )));
+            }
+        }
+    }
+    let mut mirrored = Vec::with_capacity(used.len());
+    for (vertex, &index) in vertices.iter_mut().zip(used) {
+        let (mut linear, mut translation, mut sum) = (DMat3::ZERO, DVec3::ZERO, 0.0);
+        for (indices, weights) in &sets {
+            let influences = indices.integers::<4>(index as usize).into_iter().zip(weights.floats::<4>(index as usize));
+            for (joint, weight) in influences.filter(|(_, weight)| *weight != 0.0) {
+                if !(weight > 0.0 && weight.is_finite()) {
+                    return Err(
+                        weights.error(format!("element {index} has the weight {weight}: export the file again"))
+                    );
+                }
+                let matrix = joints.get(joint as usize).ok_or_else(|| {
+                    let joints = plural(joints.len(), "joint");
+                    indices
+                        .error(format!("element {index} is {joint}, but the skin has {joints}: export the file again"))
+                })?;
+                let weight = f64::from(weight);
+                linear += matrix.matrix3 * weight;
+                translation += matrix.translation * weight;
+                sum += weight;
+            }
+        }
+        let blend = if sum > 0.0 {
+            DAffine3 { matrix3: linear * (1.0 / sum), translation: translation / sum }
+        } else {
+            notes.count("Vertices without skin weights moved with the skin's first joint", 1);
+            joints[0]
+        };
+        let m = blend.matrix3;
+        let side = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
+        // Cofactors: the inverse transpose without a division, so that a flattened joint is no special case.
+        let cofactors =
+            DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)) * side;
+        let [x, y, z, w] = vertex.tangent;
+        vertex.position = blend.transform_point3(vertex.position.as_dvec3()).as_vec3();
+        vertex.normal = direction(cofactors * vertex.normal.as_dvec3());
+        vertex.tangent =
+            direction(m * DVec3::new(f64::from(x), f64::from(y), f64::from(z))).extend(w * side as f32).into();
+        mirrored.push(side < 0.0);
+    }
+    Ok(mirrored)
+}
+
+/// Unit length, so that nothing is lost in single precision; zero where there is none.
+fn direction(v: DVec3) -> Vec3 {
+    v.try_normalize().unwrap_or(DVec3::ZERO).as_vec3()
+}
