@@ -3,6 +3,9 @@
 //! Right-handed, Y up, metres, linear Rec.709 (glTF's conventions). World transforms are f64, so that a scene far
 //! from the origin loses nothing before the engine moves it to its own origin.
 
+pub mod build;
+pub mod write;
+
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, Vec4};
 
 /// Everything the engine draws, lights and sees with.
