@@ -8,6 +8,8 @@ pub mod defaults;
 pub mod gltf;
 mod json;
 pub mod material;
+pub mod build;
+pub mod write;
 
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, Vec4};
 
