@@ -2,6 +2,7 @@
 
 pub mod bake;
 pub mod error;
+pub mod reference;
 pub mod scene;
 
 pub use error::{Error, Result};
