@@ -5,6 +5,7 @@ pub mod error;
 pub mod frame;
 pub mod gpu;
 pub mod image;
+pub mod reference;
 pub mod scene;
 #[allow(missing_docs, reason = "shared.glsl says no more where a member's name says all")]
 pub mod shared {

@@ -1,0 +1,146 @@
+//! Stage 6, gather: VALs x a cache -> its proxy lights. METHOD 3-4, thesis 5.3.4.
+//!
+//! The eps of the printed weights is taken to its limit 0: a lobe that no VAL reaches is unlit, which replaces a proxy at
+//! the mean of all VALs. All sums are of positions relative to the cache, so that the scene's place does not matter.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::form_factor::disc_geometry;
+use super::phong::{cos_power, mirrored_view};
+use super::rsm::Val;
+
+/// Where light is gathered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cache {
+    /// World position [m].
+    pub position: DVec3,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// Phong exponent `k`.
+    pub exponent: f64,
+}
+
+/// What pulls a proxy towards a VAL.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ProxyWeight {
+    /// The VAL's irradiance at the cache: `w_j = luminance(phi_j) G_j`; dark VALs pull less.
+    #[default]
+    Irradiance,
+    /// The VAL's form factor as in 5.42: `w_j = F_j = A_j G_j`; a black VAL pulls as hard as a white one.
+    FormFactor,
+}
+
+/// One lobe's proxy light.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lobe {
+    /// World position `x_p` [m]; of an unlit lobe the cache's position plus its normal, finite and of no meaning.
+    pub position: DVec3,
+    /// `I = E / (N.w_p)` [lx]: irradiance at the cache on a plane that faces the proxy, `phi_p / (4 pi |x_p - c|^2)`.
+    pub facing_irradiance: DVec3,
+    /// Whether any VAL has weight in this lobe.
+    pub lit: bool,
+}
+
+/// What a cache has gathered.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Gathered {
+    /// Proxy of the diffuse lobe.
+    pub diffuse: Lobe,
+    /// Proxy of the glossy lobe; unlit when gathered without an eye.
+    pub glossy: Lobe,
+    /// `R(c)`, the mirrored view direction of the cache; zero when gathered without an eye.
+    pub mirrored_view: DVec3,
+}
+
+/// Cosine between the normal and the direction to the proxy below which it counts as this. A proxy lies above the horizon
+/// as all VALs do that pull it, but the quotient of two nearly vanishing cosines is noise.
+pub const LEAST_COSINE: f64 = 1e-4;
+
+/// Squared distance to a VAL, in units of its area, below which it counts as this: where a cache lies on a VAL the
+/// cosines are 0/0, and 0 is their value.
+pub const LEAST_DISTANCE2: f64 = 1e-12;
+
+/// Luminance of a linear Rec.709 colour.
+pub fn luminance(color: DVec3) -> f64 {
+    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}
+
+/// `G = cos+_l cos+_x / (A + pi d^2)` [1/m^2] of a VAL at a point with unit normal, and the unit direction to the VAL.
+pub fn val_geometry(point: DVec3, normal: DVec3, val: &Val) -> (f64, DVec3) {
+    let offset = val.position - point;
+    // The smallest positive number stands in for the floor of a VAL without area: 0/0 again, and again 0.
+    let d2 = offset.length_squared().max(LEAST_DISTANCE2 * val.area).max(f64::MIN_POSITIVE);
+    let direction = offset / d2.sqrt();
+    (disc_geometry(val.area, -val.normal.dot(direction), normal.dot(direction), d2), direction)
+}
+
+/// Sums over VALs for one lobe.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    weight: f64,
+    position: DVec3,
+    irradiance: DVec3,
+}
+
+impl Sums {
+    fn add(&mut self, weight: f64, offset: DVec3, irradiance: DVec3) {
+        self.weight += weight;
+        self.position += weight * offset;
+        self.irradiance += irradiance;
+    }
+
+    /// Where the proxy is seen from the cache, relative to it [m]; `None` for an unlit lobe.
+    fn mean(&self) -> Option<DVec3> {
+        (self.weight > 0.0).then(|| self.position / self.weight)
+    }
+}
+
+/// Gathers `vals` at a cache: diffuse lobe by eq. 5.39-5.43, with an `eye` [m] also the glossy lobe, eq. 5.44.
+pub fn gather(cache: &Cache, vals: &[Val], eye: Option<DVec3>, weight: ProxyWeight) -> Gathered {
+    let mirrored = eye.map_or(DVec3::ZERO, |eye| mirrored_view(cache.position, cache.normal, eye));
+    let (mut diffuse, mut glossy) = (Sums::default(), Sums::default());
+    for val in vals {
+        let (geometry, direction) = val_geometry(cache.position, cache.normal, val);
+        let pull = geometry
+            * match weight {
+                ProxyWeight::Irradiance => luminance(val.flux),
+                ProxyWeight::FormFactor => val.area,
+            };
+        let offset = val.position - cache.position;
+        diffuse.add(pull, offset, val.flux * geometry);
+        if eye.is_some() {
+            let lobe = cos_power(cache.exponent, mirrored.dot(direction));
+            glossy.add(pull * lobe, offset, val.flux * geometry * lobe);
+        }
+    }
+    Gathered {
+        diffuse: proxy(cache, &diffuse, |_| diffuse.irradiance),
+        glossy: proxy(cache, &glossy, |direction| {
+            // Where the lobe's few VALs spread, cos^k at their mean direction can be far below cos^k at each of them and
+            // the quotient explodes; all the light that arrives is its bound.
+            let lobe = cos_power(cache.exponent, mirrored.dot(direction));
+            let quotient = if lobe > 0.0 { glossy.irradiance / lobe } else { diffuse.irradiance };
+            quotient.min(diffuse.irradiance)
+        }),
+        mirrored_view: mirrored,
+    }
+}
+
+/// The proxy of a lobe; `irradiance` gives what it must bring to the cache [lx] when it stands in a direction.
+fn proxy(cache: &Cache, sums: &Sums, irradiance: impl Fn(DVec3) -> DVec3) -> Lobe {
+    let Some(offset) = sums.mean() else {
+        return Lobe { position: cache.position + cache.normal, facing_irradiance: DVec3::ZERO, lit: false };
+    };
+    let direction = offset.normalize_or(cache.normal);
+    let facing_irradiance = irradiance(direction) / cache.normal.dot(direction).max(LEAST_COSINE);
+    Lobe { position: cache.position + offset, facing_irradiance, lit: true }
+}
+
+impl Lobe {
+    /// Flux of the proxy [lm], `phi_p = 4 pi |x_p - c|^2 I`, eq. 5.39.
+    pub fn flux(&self, cache: &Cache) -> DVec3 {
+        4.0 * PI * self.position.distance_squared(cache.position) * self.facing_irradiance
+    }
+}

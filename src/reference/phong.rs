@@ -1,0 +1,49 @@
+//! Reflection at a surface: diffuse plus normalised modified Phong. METHOD 3, thesis 5.3.1-5.3.2.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+
+/// What reflection needs to know of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Material {
+    /// Diffuse albedo `rho_d`.
+    pub diffuse: DVec3,
+    /// Glossy albedo `rho_g`.
+    pub specular: DVec3,
+    /// Phong exponent `k`.
+    pub exponent: f64,
+}
+
+/// Diffuse BRDF [1/sr] per unit of albedo: `f_d = rho_d / pi`.
+pub const DIFFUSE_LOBE: f64 = 1.0 / PI;
+
+/// Glossy BRDF [1/sr] per unit of albedo: `(k+2)/(2 pi) max(0, cos_e)^k`, eq. 5.24 with the base clamped.
+///
+/// Its albedo is 1 at normal incidence and falls with the tilt; it never gains energy.
+pub fn phong_lobe(k: f64, cos_e: f64) -> f64 {
+    (k + 2.0) / TAU * cos_power(k, cos_e)
+}
+
+/// `max(0, cos_e)^k`, the lobe without its constant factor.
+pub fn cos_power(k: f64, cos_e: f64) -> f64 {
+    cos_e.max(0.0).powf(k)
+}
+
+/// Mirror image of the direction `incident`, which arrives at a surface of unit `normal`: GLSL's `reflect`.
+pub fn reflect(incident: DVec3, normal: DVec3) -> DVec3 {
+    incident - 2.0 * normal.dot(incident) * normal
+}
+
+/// `R`: unit direction in which `eye` looks on after the mirror at `position`; the normal where the two coincide.
+pub fn mirrored_view(position: DVec3, normal: DVec3, eye: DVec3) -> DVec3 {
+    reflect((position - eye).normalize_or(-normal), normal)
+}
+
+/// Phong exponent of a glTF roughness: `k = (1/alpha^2 - 1)/2` with `alpha = roughness^2`, kept within 1 and 2048.
+///
+/// A quarter of the Blinn-Phong exponent `2/alpha^2 - 2`, for mirrored directions turn twice as far as half vectors.
+pub fn exponent_from_roughness(roughness: f64) -> f64 {
+    let alpha = roughness * roughness;
+    (0.5 * (1.0 / (alpha * alpha) - 1.0)).clamp(1.0, 2048.0)
+}

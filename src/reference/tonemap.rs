@@ -1,0 +1,113 @@
+//! Stage 11, tone maps: linear Rec.709 light after exposure -> linear Rec.709 of a display, 0 to 1; and sRGB's encoding.
+
+use glam::{DMat3, DVec3};
+
+/// No curve: clamps to what the display shows.
+pub fn linear(color: DVec3) -> DVec3 {
+    color.clamp(DVec3::ZERO, DVec3::ONE)
+}
+
+/// Reflectance of a dielectric of index 1.5 that Khronos PBR Neutral takes off again.
+const NEUTRAL_F90: f64 = 0.04;
+/// Where its compression starts.
+const NEUTRAL_START: f64 = 0.8 - NEUTRAL_F90;
+/// How fast it then desaturates.
+const NEUTRAL_DESATURATION: f64 = 0.15;
+
+/// Khronos PBR Neutral (specification in KhronosGroup/ToneMapping): base colours up to 0.8 come out as they went in.
+pub fn pbr_neutral(color: DVec3) -> DVec3 {
+    let least = color.min_element();
+    let fresnel = if least <= 2.0 * NEUTRAL_F90 { least - least * least / (4.0 * NEUTRAL_F90) } else { NEUTRAL_F90 };
+    let color = color - fresnel;
+    let peak = color.max_element();
+    if peak <= NEUTRAL_START {
+        return color;
+    }
+    let new_peak = 1.0 - (1.0 - NEUTRAL_START).powi(2) / (peak + 1.0 - 2.0 * NEUTRAL_START);
+    let saturation = 1.0 / (NEUTRAL_DESATURATION * (peak - new_peak) + 1.0);
+    color * (new_peak / peak) * saturation + new_peak * (1.0 - saturation)
+}
+
+/// Inverse of [`pbr_neutral`] for displayed colours in [0, 1); infinite where a channel reaches 1.
+pub fn pbr_neutral_inverse(color: DVec3) -> DVec3 {
+    let mut color = color;
+    let new_peak = color.max_element();
+    if new_peak > NEUTRAL_START {
+        let peak = (1.0 - NEUTRAL_START).powi(2) / (1.0 - new_peak) - 1.0 + 2.0 * NEUTRAL_START;
+        let saturation = 1.0 / (NEUTRAL_DESATURATION * (peak - new_peak) + 1.0);
+        color = (color - new_peak * (1.0 - saturation)) / saturation * (peak / new_peak);
+    }
+    // The least channel was x - (x - x^2 / (4 F90)) below 2 F90, x - F90 above.
+    let least = color.min_element().max(0.0);
+    let original = if least <= NEUTRAL_F90 { (4.0 * NEUTRAL_F90 * least).sqrt() } else { least + NEUTRAL_F90 };
+    color + (original - least)
+}
+
+/// ACES: Stephen Hill's fit of the reference rendering and output transforms, as in Khronos's glTF sample viewer (without
+/// its optional exposure boost).
+pub fn aces(color: DVec3) -> DVec3 {
+    // Columns. sRGB -> XYZ -> D65 to D60 -> AP1 -> saturation of the reference rendering transform, and back.
+    let input = DMat3::from_cols_array(&[
+        0.59719, 0.07600, 0.02840, //
+        0.35458, 0.90834, 0.13383, //
+        0.04823, 0.01566, 0.83777,
+    ]);
+    let output = DMat3::from_cols_array(&[
+        1.60475, -0.10208, -0.00327, //
+        -0.53108, 1.10813, -0.07276, //
+        -0.07367, -0.00605, 1.07602,
+    ]);
+    let v = input * color;
+    let fit = (v * (v + 0.0245786) - 0.000090537) / (v * (0.983729 * v + 0.4329510) + 0.238081);
+    linear(output * fit)
+}
+
+/// AgX (Troy Sobotka) with its default look, by Benjamin Wrensch's matrices and polynomial of the contrast curve.
+///
+/// The curve's output is made for a display of exponent 2.2; here it is linear again, as of every tone map.
+pub fn agx(color: DVec3) -> DVec3 {
+    const LEAST_LOG2: f64 = -12.47393;
+    const GREATEST_LOG2: f64 = 4.026069;
+    let inset = DMat3::from_cols_array(&[
+        0.842479062253094,
+        0.0423282422610123,
+        0.0423756549057051, //
+        0.0784335999999992,
+        0.878468636469772,
+        0.0784336, //
+        0.0792237451477643,
+        0.0791661274605434,
+        0.879142973793104,
+    ]);
+    let outset = DMat3::from_cols_array(&[
+        1.19687900512017,
+        -0.0528968517574562,
+        -0.0529716355144438, //
+        -0.0980208811401368,
+        1.15190312990417,
+        -0.0980434501171241, //
+        -0.0990297440797205,
+        -0.0989611768448433,
+        1.15107367264116,
+    ]);
+    let log2 =
+        |v: f64| (v.max(0.0).log2().clamp(LEAST_LOG2, GREATEST_LOG2) - LEAST_LOG2) / (GREATEST_LOG2 - LEAST_LOG2);
+    let display = outset * (inset * color).map(|v| agx_contrast(log2(v)));
+    linear(display).powf(2.2)
+}
+
+/// Sixth-order fit of AgX's default contrast; 0 to 1 within 0.003 at the ends.
+fn agx_contrast(x: f64) -> f64 {
+    let coefficients = [15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232];
+    coefficients.into_iter().fold(0.0, |sum, coefficient| sum * x + coefficient)
+}
+
+/// sRGB's encoding of a linear colour in [0, 1] (IEC 61966-2-1).
+pub fn srgb_from_linear(color: DVec3) -> DVec3 {
+    color.map(|v| if v <= 0.0031308 { 12.92 * v } else { 1.055 * v.powf(1.0 / 2.4) - 0.055 })
+}
+
+/// Linear colour of an sRGB-encoded one in [0, 1] (IEC 61966-2-1).
+pub fn linear_from_srgb(color: DVec3) -> DVec3 {
+    color.map(|v| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) })
+}
