@@ -21,7 +21,7 @@ layout(location = 2) out vec3 out_diffuse_irradiance; // facing irradiance; with
 layout(location = 3) out vec3 out_glossy_position;
 layout(location = 4) out vec3 out_glossy_irradiance;
 
-invariant gl_Position;
+precise gl_Position;
 
 // What the average is taken of: the facing irradiance, or with PRINTED the flux over 4 pi.
 vec3 carried(vec3 irradiance, vec3 proxy, vec3 cache) {

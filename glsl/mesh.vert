@@ -18,7 +18,7 @@ layout(location = 2) out vec4 out_tangent;
 layout(location = 3) out vec4 out_uv;
 layout(location = 4) out vec4 out_color;
 
-invariant gl_Position;
+precise gl_Position;
 
 void main() {
     Instance instance = instances[push.instance];

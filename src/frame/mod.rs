@@ -1,18 +1,18 @@
 //! The frame: METHOD's eleven stages in order, each in the file of its name.
 
-mod atlas;
-mod brute_force;
-mod composite;
-mod direct;
-mod gather;
-mod gbuffer;
-mod interpolate;
+pub mod atlas;
+pub mod brute_force;
+pub mod composite;
+pub mod direct;
+pub mod gather;
+pub mod gbuffer;
+pub mod interpolate;
 pub mod lights;
-mod plan;
-mod rsm;
-mod targets;
-mod upload;
-mod view;
+pub mod plan;
+pub mod rsm;
+pub mod targets;
+pub mod upload;
+pub mod view;
 
 pub use plan::{Plan, PlanLine};
 pub use targets::Targets;
@@ -20,7 +20,7 @@ pub use upload::SceneBuffers;
 pub use view::View;
 
 use crate::error::Result;
-use crate::gpu::{Attribute, Cmd, Format, Gpu, Stream, Use};
+use crate::gpu::{Cmd, Format, Gpu, Stream, Use};
 use crate::scene::{Scene, Vertex};
 
 /// How indirect light is made.

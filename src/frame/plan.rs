@@ -1,7 +1,7 @@
 //! From a scene's features to the stages it needs. What a scene has not costs no pass, no target, no shader branch.
 
 use super::{Gi, Settings};
-use crate::scene::Scene;
+use crate::scene::{Material, Scene};
 
 /// Which stages a frame has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -38,7 +38,7 @@ impl Plan {
             direct,
             lightskin: direct && settings.gi == Gi::LightSkin,
             brute_force: direct && settings.gi == Gi::BruteForce,
-            glossy: (0..scene.materials.len()).filter(used).any(|m| scene.materials[m].is_glossy()),
+            glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
         }
     }
 
@@ -70,5 +70,13 @@ impl Plan {
             line(10, "scatter", false, "not built yet: no subsurface scattering"),
             line(11, "composite", true, "always"),
         ]
+    }
+}
+
+/// Whether a material can have a glossy lobe at all, whatever its textures hold.
+fn is_glossy(material: &Material) -> bool {
+    match material.phong {
+        Some(phong) => phong.specular.max_element() > 0.0,
+        None => material.metallic > 0.0 || (material.specular > 0.0 && material.ior != 1.0 && material.specular_color.max_element() > 0.0),
     }
 }

@@ -1,0 +1,27 @@
+//! `lightskin assets`: the built-in scenes as GLB files. What lies in `assets/` was made so.
+
+use anyhow::{Context, Result};
+use lightskin::scene::{build, write};
+use std::path::PathBuf;
+
+#[derive(clap::Args)]
+pub(super) struct Assets {
+    /// Folder to write to; made if missing.
+    #[arg(default_value = "assets")]
+    folder: PathBuf,
+}
+
+pub(super) fn run(args: &Assets) -> Result<()> {
+    std::fs::create_dir_all(&args.folder).with_context(|| format!("{}: cannot make the folder", args.folder.display()))?;
+    let scenes = [
+        ("atrium.glb", build::atrium()),
+        ("cornell_diffuse.glb", build::cornell(build::CornellSurface::Diffuse, 0.05)),
+        ("cornell_glossy.glb", build::cornell(build::CornellSurface::Glossy, 0.05)),
+    ];
+    for (name, scene) in scenes {
+        let path = args.folder.join(name);
+        write::write_glb(&scene, &path)?;
+        println!("{}: {} triangles", path.display(), super::thousands(scene.triangle_count()));
+    }
+    Ok(())
+}

@@ -1,0 +1,81 @@
+//! `lightskin info`: what a scene holds, which stages its frame has, and the memory of each.
+
+use super::{CacheArgs, DeviceArgs, bake_scene, load_scene, thousands};
+use anyhow::Result;
+use lightskin::frame::{Frame, SceneBuffers, Settings};
+use lightskin::scene::LightKind;
+use std::collections::BTreeMap;
+use std::path::PathBuf;
+
+#[derive(clap::Args)]
+pub(super) struct Info {
+    /// glTF or GLB file, or a folder with one; the built-in atrium without one.
+    scene: Option<PathBuf>,
+    #[command(flatten)]
+    caches: CacheArgs,
+    /// Texels of an RSM's side.
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    rsm: u32,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub(super) fn run(args: &Info) -> Result<()> {
+    let scene = load_scene(args.scene.as_deref())?;
+    println!("scene {}", scene.name);
+    println!("  {} triangles in {} meshes, {} instances", thousands(scene.triangle_count()), scene.meshes.len(), scene.instances.len());
+    if let Some((low, high)) = scene.bounds() {
+        let size = high - low;
+        println!("  {:.3} x {:.3} x {:.3} m around ({:.3}, {:.3}, {:.3})", size.x, size.y, size.z, (low.x + high.x) / 2.0, (low.y + high.y) / 2.0, (low.z + high.z) / 2.0);
+    }
+    println!("  {} materials, {} images", scene.materials.len(), scene.images.len());
+    for (i, camera) in scene.cameras.iter().enumerate() {
+        println!("  camera {i} '{}' {:?}", camera.name, camera.projection);
+    }
+    for (i, light) in scene.lights.iter().enumerate() {
+        let (kind, unit) = match light.kind {
+            LightKind::Directional => ("directional".to_owned(), "lx"),
+            LightKind::Point => ("point".to_owned(), "cd"),
+            LightKind::Spot { inner, outer } => (format!("spot {:.1} to {:.1} degrees", inner.to_degrees(), outer.to_degrees()), "cd"),
+        };
+        println!("  light {i} '{}' {kind}, {} {unit}", light.name, light.intensity);
+    }
+
+    let baked = bake_scene(&scene, &args.caches.settings(), false)?;
+    println!("caches");
+    println!("  {} at {:.4} m spacing in {} models", thousands(baked.count), baked.caches.spacing, baked.caches.models.len());
+
+    let gpu = args.device.open()?;
+    let settings = Settings { references: args.caches.settings().references, rsm: args.rsm, ..Settings::default() };
+    let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked.caches))?;
+    let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
+    println!("frame plan");
+    for line in frame.plan.lines() {
+        println!("  {:>2} {:<12} {:<5} {}", line.number, line.name, if line.runs { "runs" } else { "-" }, line.because);
+    }
+
+    println!("memory on {} at {}x{}", gpu.report().name, settings.size[0], settings.size[1]);
+    let images = frame.targets.images().into_iter().map(|i| (i.name.as_str(), i.bytes()));
+    let written = frame.targets.buffers().into_iter().map(|b| (b.name.as_str(), b.size));
+    let fixed = buffers.buffers().into_iter().map(|b| (b.name.as_str(), b.size));
+    let textures = [("scene.textures", buffers.texture_bytes())];
+    let mut stages: BTreeMap<&str, Vec<(&str, u64)>> = BTreeMap::new();
+    for (name, bytes) in images.chain(written).chain(fixed).chain(textures) {
+        let (stage, thing) = name.split_once('.').unwrap_or(("scene", name));
+        stages.entry(stage).or_default().push((thing, bytes));
+    }
+    for (stage, things) in &stages {
+        println!("  {stage:<12} {:>10} KiB", kib(things.iter().map(|t| t.1).sum()));
+        for (thing, bytes) in things {
+            println!("    {thing:<20} {:>10} KiB", kib(*bytes));
+        }
+    }
+    let is_state = |stage: &str, thing: &str| matches!(stage, "atlas" | "gather") || (stage == "scene" && thing == "model_caches");
+    let state: u64 = stages.iter().flat_map(|(s, all)| all.iter().filter(|(t, _)| is_state(s, t)).map(|t| t.1)).sum();
+    println!("  state of the caches (atlas, gather, scene.model_caches): {} KiB, {:.0} bytes per cache", kib(state), state as f64 / baked.count.max(1) as f64);
+    Ok(())
+}
+
+fn kib(bytes: u64) -> String {
+    format!("{:.1}", bytes as f64 / 1024.0)
+}

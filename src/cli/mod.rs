@@ -1,0 +1,239 @@
+//! Subcommands and their shared arguments. Exit codes: 0 done, 1 failed, 2 wrong usage.
+#![allow(clippy::print_stdout, reason = "results go to standard output, messages to standard error")]
+
+mod assets;
+mod bake;
+mod devices;
+mod info;
+mod render;
+
+use anyhow::{Context, Result, bail};
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use indicatif::{ProgressBar, ProgressStyle};
+use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
+use lightskin::gpu::{Gpu, Options, Validation};
+use lightskin::scene::{Scene, build, defaults, gltf};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant};
+
+/// Real-time global illumination by interpolated light caches.
+#[derive(Parser)]
+#[command(version, about, arg_required_else_help = true)]
+pub(crate) struct Cli {
+    #[command(subcommand)]
+    command: Command,
+    /// Say more on standard error; twice for everything.
+    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    pub(crate) verbose: u8,
+    /// Say nothing but errors on standard error.
+    #[arg(short, long, global = true)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Subcommand)]
+enum Command {
+    /// Render a glTF scene, or the built-in atrium, to a PNG or OpenEXR file.
+    Render(Box<render::Render>),
+    /// Place the caches of a scene and keep them for later renders.
+    Bake(bake::Bake),
+    /// Show what a scene holds, what its frame will do, and the memory of each stage.
+    Info(info::Info),
+    /// List Vulkan devices and what each lacks.
+    Devices,
+    /// Write the built-in scenes as GLB files.
+    Assets(assets::Assets),
+}
+
+/// Runs the chosen subcommand.
+pub(crate) fn run(cli: &Cli) -> Result<()> {
+    match &cli.command {
+        Command::Render(args) => render::run(args),
+        Command::Bake(args) => bake::run(args),
+        Command::Info(args) => info::run(args),
+        Command::Devices => devices::run(),
+        Command::Assets(args) => assets::run(args),
+    }
+}
+
+/// How caches are placed.
+#[derive(Args)]
+struct CacheArgs {
+    /// About this many caches over the whole scene.
+    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
+    caches: u32,
+    /// Largest distance [m] of a surface point to a cache, instead of a count.
+    #[arg(long, value_name = "M", value_parser = positive)]
+    spacing: Option<f64>,
+    /// Largest angle [degrees] between a surface and its cache.
+    #[arg(long, value_name = "DEG", default_value_t = 45.0, value_parser = angle)]
+    angle: f64,
+    /// Caches that each vertex refers to.
+    #[arg(long, value_name = "N", default_value = "8", value_parser = ["8", "16"])]
+    refs: String,
+}
+
+impl CacheArgs {
+    fn settings(&self) -> BakeSettings {
+        BakeSettings {
+            density: self.spacing.map_or(Density::Count(self.caches as usize), Density::Spacing),
+            angle: self.angle.to_radians() as f32,
+            references: if self.refs == "16" { 16 } else { 8 },
+        }
+    }
+}
+
+/// Which device, how closely watched.
+#[derive(Args)]
+struct DeviceArgs {
+    /// Device by index or part of its name (see `lightskin devices`).
+    #[arg(long, value_name = "INDEX|NAME")]
+    device: Option<String>,
+    /// Run under the Khronos validation layer; any message makes the run fail.
+    #[arg(long, value_enum, default_value_t)]
+    validation: ValidationArg,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum ValidationArg {
+    #[default]
+    Off,
+    Core,
+    Sync,
+}
+
+impl DeviceArgs {
+    fn open(&self) -> Result<Gpu> {
+        let validation = match self.validation {
+            ValidationArg::Off => Validation::Off,
+            ValidationArg::Core => Validation::Core,
+            ValidationArg::Sync => Validation::Sync,
+        };
+        Ok(Gpu::new(&Options { device: self.device.clone(), validation })?)
+    }
+}
+
+/// A positive finite number.
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
+        _ => Err("needs a number above zero".into()),
+    }
+}
+
+fn angle(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if (1.0..=90.0).contains(&v) => Ok(v),
+        _ => Err("needs degrees from 1 to 90".into()),
+    }
+}
+
+/// Loads a file, or builds the default scene; adds the camera and light it may lack and says so.
+fn load_scene(path: Option<&Path>) -> Result<Scene> {
+    let mut scene = match path {
+        None => build::atrium(),
+        Some(path) => gltf::load(&gltf_in(path)?)?,
+    };
+    defaults::complete(&mut scene);
+    for note in &scene.notes {
+        log::warn!("{}: {note}", scene.name);
+    }
+    Ok(scene)
+}
+
+/// The file itself, or the first glTF file of a folder.
+fn gltf_in(path: &Path) -> Result<PathBuf> {
+    if !path.is_dir() {
+        return Ok(path.to_owned());
+    }
+    let entries = std::fs::read_dir(path).with_context(|| path.display().to_string())?;
+    let mut files: Vec<_> = entries.filter_map(|e| e.ok().map(|e| e.path())).collect();
+    files.retain(|f| f.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf") || e.eq_ignore_ascii_case("glb")));
+    files.sort();
+    match files.into_iter().next() {
+        Some(file) => Ok(file),
+        None => bail!("{}: the folder holds no .gltf or .glb file", path.display()),
+    }
+}
+
+/// What a bake took.
+struct Baked {
+    caches: CacheSet,
+    /// Caches over all instances.
+    count: usize,
+    time: Duration,
+    /// Read from the kept file instead of made.
+    kept: bool,
+}
+
+/// Bakes with a progress bar, or reads the kept bake.
+fn bake_scene(scene: &Scene, settings: &BakeSettings, again: bool) -> Result<Baked> {
+    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    let progress = |fraction: f32, what: &str| {
+        bar.set_message(what.to_owned());
+        bar.set_position((fraction * 1000.0) as u64);
+    };
+    let start = Instant::now();
+    let (caches, kept) = if again {
+        (lightskin::bake::bake(scene, settings, &progress)?, false)
+    } else {
+        lightskin::bake::bake_cached(scene, settings, &progress)?
+    };
+    bar.finish_and_clear();
+    let count = caches.instance_model.iter().map(|m| caches.models[*m].caches.len()).sum();
+    Ok(Baked { caches, count, time: start.elapsed(), kept })
+}
+
+/// Fails when the validation layer or the barrier check has said anything.
+fn check_messages(gpu: &Gpu, problems: &[String]) -> Result<()> {
+    let messages = gpu.messages();
+    for problem in problems {
+        log::error!("barriers: {problem}");
+    }
+    if !messages.is_empty() || !problems.is_empty() {
+        bail!("{} validation messages and {} barrier problems; this is a bug of lightskin", messages.len(), problems.len());
+    }
+    Ok(())
+}
+
+/// A number with spaces between thousands.
+fn thousands(n: usize) -> String {
+    let digits = n.to_string();
+    let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(|g| String::from_utf8_lossy(g).into_owned()).collect();
+    groups.join(" ")
+}
+
+/// Messages on standard error, one line each.
+struct Log;
+
+impl log::Log for Log {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.target().starts_with("lightskin") || metadata.level() <= log::Level::Warn
+    }
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            match record.level() {
+                log::Level::Error => eprintln!("lightskin: error: {}", record.args()),
+                log::Level::Warn => eprintln!("lightskin: {}", record.args()),
+                _ => eprintln!("lightskin: [{}] {}", record.level().as_str().to_lowercase(), record.args()),
+            }
+        }
+    }
+    fn flush(&self) {}
+}
+
+/// Starts the log: warnings, or more with `-v`, or errors alone with `-q`.
+pub(crate) fn start_log(verbose: u8, quiet: bool) {
+    let level = match (quiet, verbose) {
+        (true, _) => log::LevelFilter::Error,
+        (_, 0) => log::LevelFilter::Warn,
+        (_, 1) => log::LevelFilter::Info,
+        _ => log::LevelFilter::Debug,
+    };
+    if log::set_logger(&Log).is_ok() {
+        log::set_max_level(level);
+    }
+}
