@@ -1,1 +1,178 @@
-//! x
+//! A material at a point of a surface: the CPU twin of the shaders' mapping from glTF to diffuse + modified Phong.
+
+use glam::{Vec2, Vec3, Vec4};
+
+use super::{Image, Material, Scene, Texture, Wrap};
+
+/// Exponents between which roughness is mapped. Above, a lobe is narrower than a cache can resolve; below, the lobe
+/// would no longer fall off away from the mirror direction.
+const EXPONENTS: (f32, f32) = (1.0, 2048.0);
+
+/// What a surface does with light: `rho_d / pi + rho_g (k + 2) / (2 pi) cos^k`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Reflectance {
+    /// Diffuse albedo `rho_d`.
+    pub diffuse: Vec3,
+    /// Glossy albedo `rho_g`.
+    pub glossy: Vec3,
+    /// Exponent `k` of the glossy lobe.
+    pub exponent: f32,
+}
+
+impl Material {
+    /// Evaluates the material at a point with texture coordinates `uv` and linear vertex colour.
+    ///
+    /// With `base` = factor x texture x vertex colour, and `alpha` = roughness squared:
+    ///
+    /// ```text
+    /// k     = clamp((1 / alpha^2 - 1) / 2, 1, 2048)
+    /// F0    = mix(min(((ior - 1) / (ior + 1))^2 specularColor, 1) specular, base, metallic)
+    /// rho_d = base (1 - metallic)
+    /// rho_g = F0
+    /// ```
+    ///
+    /// both divided by the largest channel of their sum where that exceeds 1. k comes from Blinn's exponent
+    /// `2 / alpha^2 - 2`, a quarter of which gives a Phong lobe of the same width. With `Material::phong`, `rho_d` is
+    /// `base`, and `rho_g` and k are as given: a scene made for the method is taken at its word.
+    pub fn reflectance(&self, scene: &Scene, uv: [Vec2; 2], vertex_color: Vec4) -> Reflectance {
+        let linear = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, false));
+        let color = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, true));
+        let base = (self.base_color * color(self.base_color_texture) * vertex_color).truncate();
+        if let Some(phong) = self.phong {
+            return Reflectance { diffuse: base, glossy: phong.specular, exponent: phong.exponent };
+        }
+        let metallic_roughness = linear(self.metallic_roughness_texture);
+        let metallic = self.metallic * metallic_roughness.z;
+        let roughness = self.roughness * metallic_roughness.y;
+        let alpha = roughness * roughness;
+        let exponent = (0.5 * (1.0 / (alpha * alpha) - 1.0)).clamp(EXPONENTS.0, EXPONENTS.1);
+
+        let specular = self.specular * linear(self.specular_texture).w;
+        let specular_color = self.specular_color * color(self.specular_color_texture).truncate();
+        let normal_incidence = ((self.ior - 1.0) / (self.ior + 1.0)).powi(2);
+        let dielectric = (normal_incidence * specular_color).min(Vec3::ONE) * specular;
+        let glossy = dielectric.lerp(base, metallic);
+        let diffuse = base * (1.0 - metallic);
+        let scale = 1.0 / (diffuse + glossy).max_element().max(1.0);
+        Reflectance { diffuse: diffuse * scale, glossy: glossy * scale, exponent }
+    }
+}
+
+impl Texture {
+    /// The image's texel or bilinear mean at a surface's texture coordinates, after the transform; `srgb` images are
+    /// decoded to linear before filtering, alpha never is. No mip levels.
+    pub fn sample(&self, scene: &Scene, uv: [Vec2; 2], srgb: bool) -> Vec4 {
+        let image = &scene.images[self.image];
+        let uv = self.transform.transform_point2(uv[usize::from(self.uv_set)]);
+        let texel = uv * Vec2::new(image.width as f32, image.height as f32);
+        let fetch = |x: f32, y: f32| {
+            let x = wrap(self.sampler.wrap_u, x, image.width);
+            let y = wrap(self.sampler.wrap_v, y, image.height);
+            image.texel(x, y, srgb)
+        };
+        if self.sampler.nearest {
+            let corner = texel.floor();
+            return fetch(corner.x, corner.y);
+        }
+        let corner = (texel - 0.5).floor();
+        let t = texel - 0.5 - corner;
+        let row = |y: f32| fetch(corner.x, y).lerp(fetch(corner.x + 1.0, y), t.x);
+        row(corner.y).lerp(row(corner.y + 1.0), t.y)
+    }
+}
+
+impl Image {
+    /// A texel as numbers in [0, 1]; `srgb` decodes the colour, not alpha.
+    pub fn texel(&self, x: u32, y: u32, srgb: bool) -> Vec4 {
+        let at = 4 * (y as usize * self.width as usize + x as usize);
+        let number = |channel: usize| f32::from(self.rgba[at + channel]) / 255.0;
+        let decoded = |channel| if srgb { srgb_to_linear(number(channel)) } else { number(channel) };
+        Vec4::new(decoded(0), decoded(1), decoded(2), number(3))
+    }
+}
+
+/// sRGB's transfer function, IEC 61966-2-1.
+fn srgb_to_linear(x: f32) -> f32 {
+    if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
+}
+
+/// A whole texel coordinate brought into [0, size).
+fn wrap(mode: Wrap, at: f32, size: u32) -> u32 {
+    let (at, size) = (at as i64, i64::from(size));
+    let inside = match mode {
+        Wrap::Repeat => at.rem_euclid(size),
+        Wrap::Mirror => {
+            let at = at.rem_euclid(2 * size);
+            at.min(2 * size - 1 - at)
+        }
+        Wrap::Clamp => at.clamp(0, size - 1),
+    };
+    inside as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Phong, Sampler};
+    use glam::Affine2;
+
+    const UV: [Vec2; 2] = [Vec2::ZERO; 2];
+
+    fn material() -> Material {
+        Material { metallic: 0.0, ..Material::default() }
+    }
+
+    #[test]
+    fn dielectric_has_four_percent() {
+        let r = Material { base_color: Vec4::splat(0.5), ..material() }.reflectance(&Scene::default(), UV, Vec4::ONE);
+        assert_eq!(r.diffuse, Vec3::splat(0.5));
+        assert!((r.glossy - 0.04).abs().max_element() < 1e-6);
+        assert_eq!(r.exponent, 1.0);
+    }
+
+    #[test]
+    fn metal_reflects_its_colour_only() {
+        let gold = Vec4::new(1.0, 0.8, 0.3, 1.0);
+        let r = Material { base_color: gold, roughness: 0.5, ..Material::default() };
+        let r = r.reflectance(&Scene::default(), UV, Vec4::ONE);
+        assert_eq!((r.diffuse, r.glossy, r.exponent), (Vec3::ZERO, gold.truncate(), 7.5));
+    }
+
+    #[test]
+    fn energy_is_bounded_and_mirrors_are_finite() {
+        for (metallic, roughness, ior) in [(0.0, 0.0, 0.0), (0.5, 0.0, 3.0), (1.0, 1.0, 1.0)] {
+            let r = Material { metallic, roughness, ior, specular_color: Vec3::splat(9.0), ..material() };
+            let r = r.reflectance(&Scene::default(), UV, Vec4::ONE);
+            assert!((r.diffuse + r.glossy).max_element() <= 1.0 + 1e-6);
+            assert!((1.0..=2048.0).contains(&r.exponent));
+        }
+    }
+
+    #[test]
+    fn phong_is_taken_at_its_word() {
+        let phong = Phong { specular: Vec3::splat(0.7), exponent: 0.5 };
+        let r = Material { phong: Some(phong), ..material() }.reflectance(&Scene::default(), UV, Vec4::splat(0.5));
+        assert_eq!((r.diffuse, r.glossy, r.exponent), (Vec3::splat(0.5), Vec3::splat(0.7), 0.5));
+    }
+
+    #[test]
+    fn textures_wrap_and_filter() {
+        let rgba = vec![0, 0, 0, 255, 255, 255, 255, 255];
+        let image = Image { name: "step".into(), width: 2, height: 1, rgba };
+        let scene = Scene { images: vec![image], ..Scene::default() };
+        let value = |wrap_u, nearest, u| {
+            let sampler = Sampler { wrap_u, wrap_v: Wrap::Repeat, nearest };
+            let texture = Texture { image: 0, uv_set: 1, transform: Affine2::IDENTITY, sampler };
+            texture.sample(&scene, [Vec2::ZERO, Vec2::new(u, 0.5)], true).x
+        };
+        assert_eq!(value(Wrap::Repeat, true, 1.1), 0.0);
+        assert_eq!(value(Wrap::Mirror, true, 1.1), 1.0);
+        assert_eq!(value(Wrap::Clamp, true, 7.0), 1.0);
+        assert_eq!(value(Wrap::Clamp, true, -7.0), 0.0);
+        assert_eq!(value(Wrap::Repeat, false, 0.5), 0.5);
+        assert_eq!(value(Wrap::Repeat, false, 0.0), 0.5);
+        assert_eq!(value(Wrap::Clamp, false, 0.0), 0.0);
+        assert!(value(Wrap::Repeat, false, 1e30).is_finite());
+        assert!((srgb_to_linear(0.5) - 0.21404).abs() < 1e-5);
+    }
+}
