@@ -19,7 +19,7 @@ fn load_safely(path: &Path) -> Result<Scene> {
 }
 
 /// What the rest of the program relies on.
-pub fn check(scene: &Scene, path: &Path) {
+pub(crate) fn check(scene: &Scene, path: &Path) {
     for instance in &scene.instances {
         assert!(instance.mesh < scene.meshes.len() && instance.world_from_model.is_finite(), "{}", path.display());
     }

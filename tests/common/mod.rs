@@ -7,7 +7,7 @@ use lightskin::scene::{self, Scene};
 use serde_json::{Value, json};
 
 /// The folder of test data, from `LIGHTSKIN_DATA`; tests that need it say that they skip and return without it.
-pub fn data() -> Option<PathBuf> {
+pub(crate) fn data() -> Option<PathBuf> {
     let folder = std::env::var_os("LIGHTSKIN_DATA").map(PathBuf::from);
     if folder.is_none() {
         println!("skipped: LIGHTSKIN_DATA does not name the folder of test data");
@@ -16,7 +16,7 @@ pub fn data() -> Option<PathBuf> {
 }
 
 /// All .gltf and .glb files below a folder, sorted.
-pub fn gltf_files(folder: &Path) -> Vec<PathBuf> {
+pub(crate) fn gltf_files(folder: &Path) -> Vec<PathBuf> {
     let mut files = Vec::new();
     let mut folders = vec![folder.to_owned()];
     while let Some(folder) = folders.pop() {
@@ -34,7 +34,7 @@ pub fn gltf_files(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// A GLB of JSON and binary chunk.
-pub fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
+pub(crate) fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
     let mut json = json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
     let mut binary = binary.to_vec();
@@ -52,7 +52,7 @@ pub fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
 }
 
 /// Writes a file for one test; the name must be that test's own.
-pub fn written(name: &str, bytes: &[u8]) -> PathBuf {
+pub(crate) fn written(name: &str, bytes: &[u8]) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     fs::create_dir_all(path.parent().expect("has a folder")).expect("the target folder is writable");
     fs::write(&path, bytes).expect("the target folder is writable");
@@ -60,19 +60,19 @@ pub fn written(name: &str, bytes: &[u8]) -> PathBuf {
 }
 
 /// Loads a scene made of JSON and one binary buffer.
-pub fn load(name: &str, json: &Value, binary: &[u8]) -> lightskin::Result<Scene> {
+pub(crate) fn load(name: &str, json: &Value, binary: &[u8]) -> lightskin::Result<Scene> {
     scene::gltf::load(&written(&format!("{name}.glb"), &glb(json, binary)))
 }
 
 /// JSON and binary chunk under construction.
-pub struct Builder {
-    pub json: Value,
-    pub binary: Vec<u8>,
+pub(crate) struct Builder {
+    pub(crate) json: Value,
+    pub(crate) binary: Vec<u8>,
 }
 
 impl Builder {
     /// One node with one mesh of one primitive without attributes.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let json = json!({
             "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
             "meshes": [{"name": "Wall", "primitives": [{"attributes": {}}]}],
@@ -82,7 +82,7 @@ impl Builder {
     }
 
     /// The usual triangle (0,0,0) (1,0,0) (0,1,0) with indices.
-    pub fn triangle() -> Self {
+    pub(crate) fn triangle() -> Self {
         let mut builder = Self::new();
         let positions = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
         builder.attribute("POSITION", "VEC3", &positions);
@@ -91,11 +91,11 @@ impl Builder {
         builder
     }
 
-    pub fn primitive(&mut self) -> &mut Value {
+    pub(crate) fn primitive(&mut self) -> &mut Value {
         &mut self.json["meshes"][0]["primitives"][0]
     }
 
-    pub fn view(&mut self, bytes: &[u8]) -> usize {
+    pub(crate) fn view(&mut self, bytes: &[u8]) -> usize {
         self.binary.resize(self.binary.len().next_multiple_of(4), 0);
         let view = json!({"buffer": 0, "byteOffset": self.binary.len(), "byteLength": bytes.len()});
         self.binary.extend(bytes);
@@ -103,7 +103,7 @@ impl Builder {
         self.push("bufferViews", view)
     }
 
-    pub fn push(&mut self, list: &str, value: Value) -> usize {
+    pub(crate) fn push(&mut self, list: &str, value: Value) -> usize {
         if self.json[list].is_null() {
             self.json[list] = json!([]);
         }
@@ -112,13 +112,13 @@ impl Builder {
         list.len() - 1
     }
 
-    pub fn accessor(&mut self, component: u32, kind: &str, count: usize, bytes: &[u8]) -> usize {
+    pub(crate) fn accessor(&mut self, component: u32, kind: &str, count: usize, bytes: &[u8]) -> usize {
         let view = self.view(bytes);
         let accessor = json!({"bufferView": view, "componentType": component, "type": kind, "count": count});
         self.push("accessors", accessor)
     }
 
-    pub fn floats(&mut self, kind: &str, values: &[f32]) -> usize {
+    pub(crate) fn floats(&mut self, kind: &str, values: &[f32]) -> usize {
         let width = match kind {
             "SCALAR" => 1,
             "VEC2" => 2,
@@ -130,28 +130,28 @@ impl Builder {
         self.accessor(5126, kind, values.len() / width, &bytes)
     }
 
-    pub fn attribute(&mut self, name: &str, kind: &str, values: &[f32]) -> usize {
+    pub(crate) fn attribute(&mut self, name: &str, kind: &str, values: &[f32]) -> usize {
         let accessor = self.floats(kind, values);
         self.primitive()["attributes"][name] = json!(accessor);
         accessor
     }
 
-    pub fn load(&self, name: &str) -> lightskin::Result<Scene> {
+    pub(crate) fn load(&self, name: &str) -> lightskin::Result<Scene> {
         load(name, &self.json, &self.binary)
     }
 
     /// The one-line message with which loading fails.
-    pub fn error(&self, name: &str) -> String {
+    pub(crate) fn error(&self, name: &str) -> String {
         one_line(self.load(name).expect_err("should be refused"))
     }
 }
 
 /// An error's message, checked to be one line.
-pub fn one_line(error: lightskin::Error) -> String {
+pub(crate) fn one_line(error: lightskin::Error) -> String {
     let message = error.to_string();
     assert!(!message.contains(['\n', '\r']), "more than one line: {message:?}");
     message
 }
 
 /// A PNG of a black and a white texel.
-pub const PNG: &[u8] = b"\x89PNG\x0D\x0A\x1A\x0A\x00\x00\x00\x0DIHDR\x00\x00\x00\x02\x00\x00\x00\x01\x08\x06\x00\x00\x00\xF4\x22\x7F\x8A\x00\x00\x00\x0EIDATx\x9Cc```\xF8\x0F\x02\x00\x0E\xFA\x04\xFCE\xB0\x1D\x8B\x00\x00\x00\x00IEND\xAEB`\x82";
+pub(crate) const PNG: &[u8] = b"\x89PNG\x0D\x0A\x1A\x0A\x00\x00\x00\x0DIHDR\x00\x00\x00\x02\x00\x00\x00\x01\x08\x06\x00\x00\x00\xF4\x22\x7F\x8A\x00\x00\x00\x0EIDATx\x9Cc```\xF8\x0F\x02\x00\x0E\xFA\x04\xFCE\xB0\x1D\x8B\x00\x00\x00\x00IEND\xAEB`\x82";
