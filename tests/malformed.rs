@@ -301,6 +301,15 @@ fn node_graphs_are_trees() {
 }
 
 #[test]
+fn unused_buffers_may_be_placeholders() {
+    let mut b = Builder::triangle();
+    b.push("buffers", json!({"byteLength": 100}));
+    assert_eq!(b.load("placeholder").expect("is valid").triangle_count(), 1);
+    b.json["bufferViews"][0]["buffer"] = json!(1);
+    assert!(b.error("placeholder").contains("buffer 1: has no uri"));
+}
+
+#[test]
 fn uris_stay_in_the_folder() {
     for uri in ["../secret.bin", "%2E%2E/secret.bin", "/etc/hostname", "http://localhost/a.bin", "file:///etc/hostname"]
     {
@@ -308,7 +317,7 @@ fn uris_stay_in_the_folder() {
         b.json["buffers"][0]["uri"] = json!(uri);
         let message = b.error("uri");
         assert!(
-            message.contains("buffer 0") && message.contains("folder") || message.contains("relative"),
+            message.contains("buffer 0") && (message.contains("folder") || message.contains("relative")),
             "{message}"
         );
     }

@@ -413,6 +413,35 @@ fn materials_are_read_in_full() {
 }
 
 #[test]
+fn specular_glossiness_is_converted_where_there_is_nothing_else() {
+    let mut b = Builder::triangle();
+    b.primitive()["material"] = json!(0);
+    b.json["extensionsRequired"] = json!(["KHR_materials_pbrSpecularGlossiness"]);
+    b.json["materials"] = json!([{"extensions": {"KHR_materials_pbrSpecularGlossiness":
+        {"diffuseFactor": [0.5, 0.5, 0.5, 1], "specularFactor": [0.25, 0.125, 0], "glossinessFactor": 0.5}}}]);
+    let scene = b.load("glossy").expect("is valid");
+    let r = scene.materials[0].reflectance(&scene, [Vec2::ZERO; 2], Vec4::ONE);
+    assert_eq!((r.diffuse, r.glossy, r.exponent), (Vec3::splat(0.5), Vec3::new(0.25, 0.125, 0.0), 7.5));
+}
+
+/// A joint that mirrors: the surface still shows its front where its normal points.
+#[test]
+fn mirrored_joints_keep_front_and_normal_together() {
+    let mut b = Builder::triangle();
+    b.attribute("NORMAL", "VEC3", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
+    b.attribute("WEIGHTS_0", "VEC4", &[1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]);
+    let joints = b.accessor(5121, "VEC4", 3, &[0; 12]);
+    b.primitive()["attributes"]["JOINTS_0"] = json!(joints);
+    b.json["skins"] = json!([{"joints": [1]}]);
+    b.json["nodes"] = json!([{"mesh": 0, "skin": 0}, {"scale": [-1, 2, 1]}]);
+    let scene = b.load("mirrored").expect("is valid");
+    let [a, b, c] = scene.meshes[0].triangle(0).map(|corner| scene.meshes[0].vertices[corner]);
+    assert_near((b.position - a.position).cross(c.position - a.position).normalize(), a.normal);
+    assert_near(a.normal, Vec3::Z);
+    assert!([b, c].iter().any(|v| v.position == Vec3::NEG_X));
+}
+
+#[test]
 fn meshes_are_shared_between_nodes() {
     let mut b = Builder::triangle();
     b.json["nodes"] = json!([{"mesh": 0, "children": [1, 2]}, {"mesh": 0, "translation": [1e7, 0, 0.25]},
