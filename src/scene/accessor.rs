@@ -9,10 +9,13 @@ use crate::Result;
 /// Most elements that accessors without a buffer view (all zeros) may have together: nothing in the file backs them.
 const MAX_ZEROS: u64 = 1 << 24;
 
+/// A buffer's bytes, or why it has none.
+pub(super) type Buffer = std::result::Result<Vec<u8>, String>;
+
 /// A file's accessors over its buffers' bytes.
 pub(super) struct Accessors<'a> {
     document: &'a Document,
-    buffers: &'a [Vec<u8>],
+    buffers: &'a [Buffer],
     zeros: Cell<u64>,
 }
 
@@ -114,7 +117,7 @@ impl Semantic {
 
 impl<'a> Accessors<'a> {
     /// Accessors of a document whose buffers have been read.
-    pub(super) fn new(document: &'a Document, buffers: &'a [Vec<u8>]) -> Self {
+    pub(super) fn new(document: &'a Document, buffers: &'a [Buffer]) -> Self {
         Self { document, buffers, zeros: Cell::new(0) }
     }
 
@@ -122,8 +125,12 @@ impl<'a> Accessors<'a> {
     pub(super) fn view(&self, index: usize, from: &Object) -> Result<(&'a [u8], Option<u64>)> {
         let view = self.document.item("bufferViews", index, from)?;
         let buffer_index = view.index("buffer")?.ok_or_else(|| view.error("names no buffer"))?;
-        self.document.item("buffers", buffer_index, &view)?;
-        let bytes = self.buffers.get(buffer_index).map_or(&[][..], Vec::as_slice);
+        let buffer = self.document.item("buffers", buffer_index, &view)?;
+        let bytes = match self.buffers.get(buffer_index) {
+            Some(Ok(bytes)) => bytes.as_slice(),
+            Some(Err(reason)) => return Err(buffer.error(reason)),
+            None => return Err(buffer.error("has not been read")),
+        };
         let offset = view.whole("byteOffset")?.unwrap_or(0);
         let length = view.needed_whole("byteLength")?;
         let slice = slice(bytes, offset, length).ok_or_else(|| {

@@ -10,6 +10,7 @@ use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use serde_json::Value;
 
 use crate::Result;
+use crate::scene::accessor::Buffer;
 use crate::scene::json::{Document, error_at, printable};
 
 /// Largest file that is read, and the most that all buffers of an asset may hold together [bytes]. GLB cannot be
@@ -65,7 +66,7 @@ fn check_version(document: &Document) -> Result<()> {
     let needed = asset.text("minVersion")?.unwrap_or("2.0");
     if version.split('.').next() != Some("2") {
         return Err(asset.error(format!(
-            "version is {}, 2.0 is needed; convert the file, for example by importing it to and exporting it from Blender",
+            "version is '{}', 2.0 is needed; convert the file, for example by importing it to and exporting it from Blender",
             printable(version)
         )));
     }
@@ -119,28 +120,32 @@ fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
     Ok((json, binary))
 }
 
-/// Contents of all buffers, each cut to its byteLength.
-pub(super) fn buffers(document: &Document, mut binary: Option<Vec<u8>>) -> Result<Vec<Vec<u8>>> {
+/// Contents of all buffers, each cut to its byteLength; or why there are none, for those who need them: unused buffers
+/// may be placeholders.
+pub(super) fn buffers(document: &Document, mut binary: Option<Vec<u8>>) -> Result<Vec<Buffer>> {
     let folder = folder(&document.file);
     let mut total = 0;
     let mut buffers = Vec::new();
     for (index, buffer) in document.items("buffers")?.into_iter().enumerate() {
         let length = buffer.needed_whole("byteLength")?;
-        let mut bytes = match buffer.text("uri")? {
-            Some(uri) => fetch(&folder, uri).map_err(|reason| buffer.error(reason))?,
+        let bytes = match buffer.text("uri")? {
+            Some(uri) => fetch(&folder, uri),
             None if index == 0 => {
-                binary.take().ok_or_else(|| buffer.error("has no uri and the file no binary chunk; export it again"))?
+                binary.take().ok_or_else(|| "has no uri and the file no binary chunk; export it again".into())
             }
-            None => return Err(buffer.error("has no uri; only buffer 0 of a GLB may lack it")),
+            None => Err("has no uri; only buffer 0 of a GLB may lack it".into()),
         };
-        if (bytes.len() as u64) < length {
-            return Err(buffer.error(format!(
-                "should hold {length} bytes but holds {}: it is truncated, export or download it again",
-                bytes.len()
-            )));
-        }
-        bytes.truncate(length as usize);
-        total += length;
+        let bytes = bytes.and_then(|mut bytes| {
+            if (bytes.len() as u64) < length {
+                return Err(format!(
+                    "should hold {length} bytes but holds {}: it is truncated, export or download it again",
+                    bytes.len()
+                ));
+            }
+            bytes.truncate(length as usize);
+            Ok(bytes)
+        });
+        total += bytes.as_ref().map_or(0, Vec::len) as u64;
         if total > MAX_BYTES {
             return Err(buffer.error("the buffers hold more than 4 GiB together; split the file"));
         }
@@ -233,11 +238,12 @@ fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
     fs::read(path).map_err(describe)
 }
 
-/// Extensions that the loader understands fully.
-const SUPPORTED: [&str; 6] = [
+/// Extensions that the loader understands.
+const SUPPORTED: [&str; 7] = [
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_specular",
     "KHR_mesh_quantization",
     "KHR_texture_transform",
@@ -259,9 +265,6 @@ pub(super) fn check_extensions(document: &Document) -> Result<Option<String>> {
             }
             "KHR_texture_basisu" => "export with PNG or JPEG textures instead of KTX2",
             "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => "export with PNG or JPEG textures",
-            "KHR_materials_pbrSpecularGlossiness" => {
-                "convert the materials with `gltf-transform metalrough in.glb out.glb`"
-            }
             "EXT_mesh_gpu_instancing" => "export with one node per instance",
             _ if name.starts_with("KHR_materials_") => "export without this material extension or without requiring it",
             _ => "export without it",

@@ -117,6 +117,8 @@ impl Reader<'_, '_> {
             material.metallic = self.factor(&pbr, "metallicFactor", 1.0, 1.0)?;
             material.roughness = self.factor(&pbr, "roughnessFactor", 1.0, 1.0)?;
             material.metallic_roughness_texture = self.texture(&pbr, "metallicRoughnessTexture")?;
+        } else if let Some(old) = object.extension("KHR_materials_pbrSpecularGlossiness")? {
+            self.specular_glossiness(&old, &mut material)?;
         }
         material.normal_texture = self.texture(object, "normalTexture")?;
         if let Some(normal) = object.object("normalTexture")? {
@@ -165,6 +167,24 @@ impl Reader<'_, '_> {
         }
         material.phong = self.phong(object)?;
         Ok(material)
+    }
+
+    /// The archived extension, where a material has nothing else: a dielectric whose F0 is given outright, which is
+    /// what the index of refraction 0 does to the specular colour.
+    fn specular_glossiness(&mut self, object: &Object, material: &mut Material) -> Result<()> {
+        let diffuse = object.vector::<4>("diffuseFactor")?.unwrap_or([1.0; 4]);
+        let specular = object.vector::<3>("specularFactor")?.unwrap_or([1.0; 3]);
+        material.base_color = Vec4::from(self.clamped(object, "diffuseFactor", diffuse, 1.0));
+        material.base_color_texture = self.texture(object, "diffuseTexture")?;
+        material.metallic = 0.0;
+        material.roughness = 1.0 - self.factor(object, "glossinessFactor", 1.0, 1.0)?;
+        material.ior = 0.0;
+        material.specular_color = Vec3::from(self.clamped(object, "specularFactor", specular, 1.0));
+        material.specular_color_texture = self.texture(object, "specularGlossinessTexture")?;
+        if material.specular_color_texture.is_some() {
+            self.notes.count("Glossiness textures of which only the colour is used", 1);
+        }
+        Ok(())
     }
 
     /// `extras.lightskin.phong`. Extras may be anything; only what is under our own name must be right.
