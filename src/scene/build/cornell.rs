@@ -19,12 +19,9 @@ pub enum CornellSurface {
 /// `edge` [m]: longest side of the grid cells all faces are made of. The blocks have no underside.
 pub fn cornell(surface: CornellSurface, edge: f32) -> Scene {
     let mut scene = Scene { name: "cornell".into(), ..Scene::default() };
-    let [white, red, green] = [
-        ("white", [0.73, 0.73, 0.73]),
-        ("red", [0.63, 0.065, 0.05]),
-        ("green", [0.14, 0.45, 0.09]),
-    ]
-    .map(|(name, albedo)| add_material(&mut scene, wall(surface, name, albedo)));
+    let [white, red, green] =
+        [("white", [0.73, 0.73, 0.73]), ("red", [0.63, 0.065, 0.05]), ("green", [0.14, 0.45, 0.09])]
+            .map(|(name, albedo)| add_material(&mut scene, wall(surface, name, albedo)));
 
     let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
     let corner = Vec3::new(-1.0, 0.0, -1.0);

@@ -18,7 +18,11 @@ pub fn drape([width, height]: [f32; 2], folds: f32, depth: f32, edge: f32) -> Su
         let held = 0.45 + 0.55 * t.sqrt();
         let drawn_in = 1.0 - 0.05 * (PI * t.powf(0.7)).sin();
         let hem = 0.025 * height * t * (TAU * 0.5 * (s - 0.2)).cos();
-        Vec3::new(width * (s - 0.5) * drawn_in + 0.12 * depth * (2.0 * phase).sin(), hem - height * t, depth * wave * held)
+        Vec3::new(
+            width * (s - 0.5) * drawn_in + 0.12 * depth * (2.0 * phase).sin(),
+            hem - height * t,
+            depth * wave * held,
+        )
     };
     patch([columns + 1, rows + 1], [false; 2], |column, row| {
         let (s, t) = (column as f32 / columns as f32, row as f32 / rows as f32);

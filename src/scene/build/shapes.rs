@@ -86,11 +86,7 @@ impl Surface {
 
 /// A grid of `columns` x `rows` points, each a position and a unit normal; `closed` joins the last column to the first,
 /// the last row to the first.
-pub fn patch(
-    [columns, rows]: [usize; 2],
-    closed: [bool; 2],
-    point: impl Fn(usize, usize) -> (Vec3, Vec3),
-) -> Surface {
+pub fn patch([columns, rows]: [usize; 2], closed: [bool; 2], point: impl Fn(usize, usize) -> (Vec3, Vec3)) -> Surface {
     let mut surface = Surface::default();
     for row in 0..rows {
         for column in 0..columns {
@@ -126,13 +122,7 @@ pub(super) fn segments(length: f32, edge: f32) -> usize {
 
 /// A plane with grid lines at `us` along the unit vector `u` and at `vs` along `v`, facing `u x v`; only the cells
 /// are there whose centre (in u and v) `keep` wants.
-pub fn sheet(
-    origin: Vec3,
-    [u, v]: [Vec3; 2],
-    us: &[f32],
-    vs: &[f32],
-    keep: impl Fn(f32, f32) -> bool,
-) -> Surface {
+pub fn sheet(origin: Vec3, [u, v]: [Vec3; 2], us: &[f32], vs: &[f32], keep: impl Fn(f32, f32) -> bool) -> Surface {
     let normal = u.cross(v).normalize();
     let mut surface = Surface::default();
     for &t in vs {
