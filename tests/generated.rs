@@ -142,7 +142,7 @@ fn materials_never_return_more_light_than_they_get() {
 }
 
 #[test]
-fn cornell_spot_lights_the_red_wall_only() {
+fn cornell_spot_lights_the_red_wall_and_not_the_green() {
     let scene = cornell(CornellSurface::Diffuse, 0.1);
     let light = &scene.lights[0];
     let LightKind::Spot { outer, .. } = light.kind else { panic!("{:?}", light.kind) };

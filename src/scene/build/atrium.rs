@@ -291,10 +291,11 @@ const CURTAIN: DVec3 = DVec3::new(4.53, 3.3, -4.0);
 
 /// Which cloth hangs in which bay of the left and of the right colonnade, counted from the far end.
 const HUNG: [[Option<usize>; 6]; 2] =
-    [[None, Some(1), Some(0), Some(2), None, Some(1)], [None, Some(2), None, Some(0), None, Some(2)]];
+    [[None, Some(1), Some(0), Some(2), None, Some(1)], [None, None, None, Some(0), None, Some(2)]];
 
 fn drapes(scene: &mut Scene, palette: &Palette) {
-    let rod_length = 0.93;
+    // Long enough to end inside the capitals.
+    let rod_length = 1.0;
     let rod = [
         Vec2::new(0.0, -rod_length),
         Vec2::new(0.022, -rod_length),
@@ -328,6 +329,11 @@ fn drapes(scene: &mut Scene, palette: &Palette) {
     }
     // Across the right aisle, where the spot shines; seen through the open bay before it.
     hang(scene, 1, CURTAIN, 0);
+    let wire = [Vec2::new(0.012, 0.0), Vec2::new(0.012, AISLE_TOP - CURTAIN.y as f32)];
+    let wire = add_mesh(scene, "wire", vec![(lathe(&wire, 8), palette.brass)]);
+    for x in [-0.8, 0.8] {
+        place(scene, "wire", wire, turned(0, CURTAIN + DVec3::X * x));
+    }
 }
 
 fn statues(scene: &mut Scene, palette: &Palette) {
@@ -400,7 +406,7 @@ fn lights(scene: &mut Scene) {
         name: "spot".into(),
         kind: LightKind::Spot { inner: 16_f32.to_radians(), outer: 28_f32.to_radians() },
         color: Vec3::new(1.0, 0.95, 0.88),
-        intensity: 90_000.0,
+        intensity: 60_000.0,
         range: None,
         position,
         direction: (target - position).normalize().as_vec3().normalize(),

@@ -14,9 +14,10 @@ pub enum CornellSurface {
 }
 
 /// The Cornell box: a room of exactly 2 m, x in [-1, 1], y in [0, 2], z in [-1, 1], open towards +Z, with the classic two
-/// blocks. Red left, green right, white elsewhere. A spot light of 1000 cd under the ceiling shines on the red wall only.
+/// blocks. Red left, green right, white elsewhere. A spot light of 1000 cd under the ceiling is aimed at the red wall; it
+/// also reaches the tall block and the floor between, never the green wall.
 ///
-/// `edge` [m]: longest side of the grid cells all faces are made of. The blocks have no underside.
+/// `edge`, in metres, is the longest side of the grid cells all faces are made of. The blocks have no underside.
 pub fn cornell(surface: CornellSurface, edge: f32) -> Scene {
     let mut scene = Scene { name: "cornell".into(), ..Scene::default() };
     let [white, red, green] =

@@ -6,7 +6,7 @@ use std::f32::consts::{PI, TAU};
 
 /// A sheet of cloth that hangs from y = 0 down to -`height`, about x = 0, facing +Z; one side only.
 ///
-/// `folds` across the width, `depth` [m] deep at the hem and shallower where the cloth is held. `edge` [m] is the
+/// `folds` across the width, `depth` (metres) deep at the hem and shallower where the cloth is held. `edge` (metres) is the
 /// distance of vertices down the cloth; across there are at least eight per fold.
 pub fn drape([width, height]: [f32; 2], folds: f32, depth: f32, edge: f32) -> Surface {
     let columns = segments(width, edge).max((8.0 * folds) as usize);
@@ -34,10 +34,10 @@ pub fn drape([width, height]: [f32; 2], folds: f32, depth: f32, edge: f32) -> Su
 }
 
 /// A closed tube along a torus knot about the +Z axis: `windings` are the turns about the axis and about the core
-/// circle (coprime), `radii` those of the core circle, of the torus and of the tube [m], `pieces` the segments along
+/// circle (coprime), `radii` those of the core circle, of the torus and of the tube (metres), `pieces` the segments along
 /// the tube and around it.
 pub fn torus_knot(windings: [u32; 2], radii: [f32; 3], pieces: [usize; 2]) -> Surface {
-    let [about_axis, about_core] = windings.map(|count| f64::from(count));
+    let [about_axis, about_core] = windings.map(f64::from);
     let [core, torus, tube] = radii.map(f64::from);
     let curve = |t: f64| {
         let (a, b) = (about_axis * t, about_core * t);
