@@ -12,7 +12,7 @@ mod shapes;
 pub use atrium::atrium;
 pub use cornell::{CornellSurface, cornell};
 pub use fabric::{drape, torus_knot};
-pub use masonry::{arch, ring, steps, vault_dome};
+pub use masonry::{ArchShape, arch, ring, steps, vault_dome};
 pub use shapes::{Surface, cuboid, lathe, loft_square, patch, quad, sheet, spans, sphere};
 
 use super::{Camera, Instance, Material, Mesh, Phong, Primitive, Projection, Scene};

@@ -131,9 +131,10 @@ fn written_runs(scene: &Scene, mesh: &Mesh) -> Vec<Primitive> {
         let indices = |p: &Primitive| &mesh.indices[p.first_index as usize..(p.first_index + p.index_count) as usize];
         if scene.materials[run.material].double_sided {
             let (first, second) = indices(&run).split_at(indices(&run).len() / 6 * 3);
-            if following.first().is_some_and(|next| {
-                next.material == run.material && is_back(mesh, indices(&run), indices(next))
-            }) {
+            if following
+                .first()
+                .is_some_and(|next| next.material == run.material && is_back(mesh, indices(&run), indices(next)))
+            {
                 rest = &following[1..];
             } else if is_back(mesh, first, second) {
                 run.index_count /= 2;

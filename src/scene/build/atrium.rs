@@ -4,7 +4,8 @@ use super::masonry::{ArchShape, ring_lines};
 use super::{Surface, add_material, add_mesh, camera, cuboid, lathe, loft_square, phong, place, rough, sheet};
 use super::{arch, drape, quad, ring, spans, sphere, steps, torus_knot, turned, vault_dome};
 use crate::scene::{Light, LightKind, Material, Scene};
-use glam::{Affine3A, DVec3, Quat, Vec2, Vec3};
+use glam::{Affine3A, DAffine3, DQuat, DVec3, Quat, Vec2, Vec3};
+use std::f32::consts::{FRAC_PI_2, PI};
 
 // Measures of the building [m]. The hall lies along z; the nave is between the colonnades, the aisles behind them.
 const END: f32 = 8.0;
@@ -17,7 +18,7 @@ const TOP: f32 = 7.0;
 const THICKNESS: f32 = 0.56;
 const NAVE: f32 = COLONNADE - 0.5 * THICKNESS;
 // The open roof: x and z.
-const OPENING: [[f32; 2]; 2] = [[-2.1, 2.1], [-5.4, 3.4]];
+const OPENING: [[f32; 2]; 2] = [[-2.1, 2.1], [-5.8, 1.4]];
 // The niche in the far wall, above a dais of three steps.
 const NICHE: f32 = 1.25;
 const NICHE_HALF: f32 = 1.9;
@@ -56,9 +57,9 @@ pub fn atrium() -> Scene {
     drapes(&mut scene, &palette);
     statues(&mut scene, &palette);
     lights(&mut scene);
-    let (eye, target) = (DVec3::new(1.05, 1.62, 7.2), DVec3::new(-0.35, 1.95, -3.0));
+    let (eye, target) = (DVec3::new(-0.7, 1.62, 7.2), DVec3::new(0.35, 1.50, -3.0));
     scene.cameras.push(camera("Hero", eye, target, 46_f32.to_radians()));
-    let (eye, target) = (DVec3::new(0.55, 1.75, 3.6), DVec3::new(-1.15, 1.55, 0.6));
+    let (eye, target) = (DVec3::new(-0.7, 1.75, 3.6), DVec3::new(0.8, 1.5, 1.2));
     scene.cameras.push(camera("Detail", eye, target, 40_f32.to_radians()));
     scene
 }
@@ -68,8 +69,8 @@ fn palette(scene: &mut Scene) -> Palette {
     let materials = [
         phong("plaster", [0.74, 0.70, 0.63], [0.0; 3], 1.0),
         rough("stone", [0.70, 0.65, 0.57], 0.0, 0.8),
-        phong("light marble", [0.58, 0.54, 0.48], [0.25; 3], 80.0),
-        phong("dark marble", [0.16, 0.15, 0.15], [0.25; 3], 80.0),
+        phong("light marble", [0.64, 0.59, 0.52], [0.25; 3], 80.0),
+        phong("dark marble", [0.34, 0.28, 0.24], [0.25; 3], 80.0),
         phong("slate", [0.05, 0.05, 0.055], [0.0; 3], 1.0),
         rough("oak", [0.30, 0.19, 0.11], 0.0, 0.7),
         rough("brass", [0.80, 0.58, 0.30], 1.0, 0.4),
@@ -92,9 +93,8 @@ fn floor(scene: &mut Scene, palette: &Palette) {
         let tile = |v: f32| (v / 0.8).floor() as i32;
         x.abs() < 2.4 && (tile(x) + tile(z)).rem_euclid(2) == 1
     };
-    let [light, dark] = [false, true].map(|dark| {
-        sheet(Vec3::ZERO, [Vec3::Z, Vec3::X], &zs, &xs, |z, x| is_dark(x, z) == dark)
-    });
+    let [light, dark] =
+        [false, true].map(|dark| sheet(Vec3::ZERO, [Vec3::Z, Vec3::X], &zs, &xs, |z, x| is_dark(x, z) == dark));
     let mesh = add_mesh(scene, "floor", vec![(light, palette.light_tile), (dark, palette.dark_tile)]);
     place(scene, "floor", mesh, turned(0, DVec3::ZERO));
 }
@@ -136,6 +136,9 @@ fn walls(scene: &mut Scene, palette: &Palette) {
         let (from, to) = (Vec3::new(-END, low, 0.0), Vec3::new(END, high, depth));
         cuboid(from, to, EDGE, |n| n.z >= 0.0 && n.x == 0.0)
     };
+    let across = cuboid(Vec3::new(-NAVE, 5.3, 0.0), Vec3::new(NAVE, 5.45, 0.16), EDGE, |n| n.z >= 0.0 && n.x == 0.0);
+    let across = add_mesh(scene, "ledge", vec![(across, palette.stone)]);
+    place(scene, "ledge far", across, turned(0, DVec3::new(0.0, 0.0, f64::from(-END))));
     let mouldings = moulding(4.78, 4.92, 0.10).and(moulding(6.55, 6.78, 0.10)).and(moulding(6.78, TOP, 0.2));
     let mouldings = add_mesh(scene, "mouldings", vec![(mouldings, palette.stone)]);
     place(scene, "mouldings left", mouldings, turned(1, DVec3::new(f64::from(-NAVE), 0.0, 0.0)));
@@ -191,12 +194,12 @@ fn roof(scene: &mut Scene, palette: &Palette) {
     let ceiling = add_mesh(scene, "ceiling", vec![(ceiling.and(reveal), palette.plaster)]);
     place(scene, "ceiling", ceiling, turned(0, DVec3::ZERO));
 
-    let (x, z, coarse) = (WALL + ROOF, END + ROOF, 1.2);
-    let (xs, zs) = (spans(&[-x, left, right, x], coarse), spans(&[-z, far, near, z], coarse));
+    let (x, front, back, coarse) = (WALL + ROOF, END + ROOF, -END - NICHE - ROOF, 1.2);
+    let (xs, zs) = (spans(&[-x, left, right, x], coarse), spans(&[back, far, near, front], coarse));
     let top = sheet(Vec3::Y * (TOP + ROOF), [Vec3::Z, Vec3::X], &zs, &xs, |z, x| is_closed(x, z));
     let height = Vec3::Y * (TOP + ROOF);
-    let sunny = quad(Vec3::new(x, 0.0, -z), height, Vec3::Z * 2.0 * z, coarse);
-    let behind = quad(Vec3::new(-x, 0.0, -z), height, Vec3::X * 2.0 * x, coarse);
+    let sunny = quad(Vec3::new(x, 0.0, back), height, Vec3::Z * (front - back), coarse);
+    let behind = quad(Vec3::new(-x, 0.0, back), height, Vec3::X * 2.0 * x, coarse);
     let outside = add_mesh(scene, "outside", vec![(top.and(sunny).and(behind), palette.slate)]);
     place(scene, "outside", outside, turned(0, DVec3::ZERO));
 
@@ -222,6 +225,10 @@ fn colonnades(scene: &mut Scene, palette: &Palette) {
     let pier = cuboid(Vec3::new(-0.36, 0.0, 0.0), Vec3::new(0.36, SPRING, 0.3), EDGE, |n| n.y == 0.0 && n.z >= 0.0);
     let cap = cuboid(Vec3::new(-0.39, SPRING - 0.14, 0.0), Vec3::new(0.39, SPRING, 0.38), EDGE, |n| n.z >= 0.0);
     let pier = add_mesh(scene, "pier", vec![(pier.and(cap), palette.stone)]);
+    let disc = [[0.33, 0.0], [0.33, 0.05], [0.30, 0.08], [0.27, 0.05], [0.24, 0.035], [0.0, 0.09]];
+    let disc = disc.map(Vec2::from);
+    let disc = lathe(&disc, 40).moved(Affine3A::from_rotation_x(FRAC_PI_2));
+    let roundel = add_mesh(scene, "roundel", vec![(disc, palette.stone)]);
     for (side, x, quarters) in [("left", -COLONNADE, 1), ("right", COLONNADE, -1)] {
         let at = |z: f64, y: f32| DVec3::new(f64::from(x), f64::from(y), z);
         for k in 0..6 {
@@ -230,6 +237,8 @@ fn colonnades(scene: &mut Scene, palette: &Palette) {
         for k in -2..=2 {
             let z = f64::from(PITCH) * f64::from(k);
             place(scene, &format!("column {side}"), column, turned(0, at(z, 0.0)));
+            let on_wall = at(z, 4.28).with_x(f64::from(x.signum() * NAVE));
+            place(scene, &format!("roundel {side}"), roundel, turned(quarters, on_wall));
         }
         place(scene, &format!("pier {side}"), pier, turned(0, at(f64::from(-END), 0.0)));
         place(scene, &format!("pier {side}"), pier, turned(2, at(f64::from(END), 0.0)));
@@ -246,37 +255,47 @@ fn column() -> Surface {
     let mut profile = vec![];
     let mut roll = |centre: Vec2, radius: f32, count: usize| {
         for k in 0..=count {
-            let angle = std::f32::consts::PI * (k as f32 / count as f32 - 0.5);
+            let angle = PI * (k as f32 / count as f32 - 0.5);
             profile.push(centre + radius * Vec2::new(angle.cos(), angle.sin()));
         }
     };
     roll(Vec2::new(0.285, 0.195), 0.055, 6);
     roll(Vec2::new(0.265, 0.285), 0.03, 4);
-    let shaft = |t: f32| Vec2::new(0.25 - 0.042 * t.powf(1.8), 0.33 + 2.42 * t);
+    let shaft = |t: f32| Vec2::new(0.235 - 0.042 * t.powf(1.8), 0.33 + 2.42 * t);
     let shaft: Vec<Vec2> = (0..=12).map(|k| shaft(k as f32 / 12.0)).collect();
     profile.extend(&shaft);
-    let roll_at = Vec2::new(0.208, 2.78);
+    let roll_at = Vec2::new(0.193, 2.78);
     profile.extend((0..=4).map(|k| {
-        let angle = std::f32::consts::PI * (k as f32 / 4.0 - 0.5);
+        let angle = PI * (k as f32 / 4.0 - 0.5);
         roll_at + 0.03 * Vec2::new(angle.cos(), angle.sin())
     }));
-    profile.push(Vec2::new(0.208, 2.9));
+    profile.push(Vec2::new(0.193, 2.9));
     profile.extend((0..=6).map(|k| {
         let t = k as f32 / 6.0;
-        Vec2::new(0.225 + 0.14 * (t * std::f32::consts::FRAC_PI_2).sin().powf(0.9), 2.92 + 0.22 * t * t.sqrt())
+        Vec2::new(0.205 + 0.16 * (t * FRAC_PI_2).sin().powf(0.9), 2.92 + 0.22 * t * t.sqrt())
     }));
     profile.push(Vec2::new(0.365, 3.16));
     let plinth = loft_square(&[Vec2::new(0.36, 0.0), Vec2::new(0.36, 0.14), Vec2::new(0.0, 0.14)], 0.18);
-    let abacus = [Vec2::new(0.0, 3.16), Vec2::new(0.37, 3.16), Vec2::new(0.39, 3.19), Vec2::new(0.39, SPRING)];
+    let abacus = [
+        Vec2::new(0.0, 3.16),
+        Vec2::new(0.37, 3.16),
+        Vec2::new(0.39, 3.19),
+        Vec2::new(0.39, SPRING),
+        Vec2::new(0.0, SPRING),
+    ];
     lathe(&profile, 32).and(plinth).and(loft_square(&abacus, 0.2))
 }
 
+/// Middle of the rod of the drape that the spot lights.
+const CURTAIN: DVec3 = DVec3::new(4.53, 3.3, -4.0);
+
 /// Which cloth hangs in which bay of the left and of the right colonnade, counted from the far end.
 const HUNG: [[Option<usize>; 6]; 2] =
-    [[Some(1), Some(2), Some(0), None, Some(2), None], [None, Some(0), Some(1), None, Some(2), None]];
+    [[None, Some(1), Some(0), Some(2), None, Some(1)], [None, None, None, Some(0), None, Some(2)]];
 
 fn drapes(scene: &mut Scene, palette: &Palette) {
-    let rod_length = 0.93;
+    // Long enough to end inside the capitals.
+    let rod_length = 1.0;
     let rod = [
         Vec2::new(0.0, -rod_length),
         Vec2::new(0.022, -rod_length),
@@ -284,13 +303,18 @@ fn drapes(scene: &mut Scene, palette: &Palette) {
         Vec2::new(0.022, rod_length),
         Vec2::new(0.0, rod_length),
     ];
-    let rod = lathe(&rod, 12).moved(Affine3A::from_rotation_z(std::f32::consts::FRAC_PI_2));
+    let rod = lathe(&rod, 12).moved(Affine3A::from_rotation_z(FRAC_PI_2));
     let rod = add_mesh(scene, "rod", vec![(rod, palette.brass)]);
     let cloth = drape([1.72, 2.35], 6.5, 0.07, 0.1);
     let meshes = palette.cloths.map(|material| {
         let name = scene.materials[material].name.replace("cloth", "drape");
         add_mesh(scene, &name, vec![(cloth.clone(), material)])
     });
+    let banner = drape([0.8, 3.0], 3.0, 0.05, 0.1);
+    let banner = add_mesh(scene, "banner", vec![(banner, palette.cloths[2])]);
+    for x in [-2.4, 2.4] {
+        place(scene, "banner", banner, turned(0, DVec3::new(x, 5.3, f64::from(-END) + 0.12)));
+    }
     let hang = |scene: &mut Scene, cloth: usize, position: DVec3, quarters: i32| {
         place(scene, "rod", rod, turned(quarters, position));
         place(scene, "drape", meshes[cloth], turned(quarters, position));
@@ -303,8 +327,13 @@ fn drapes(scene: &mut Scene, palette: &Palette) {
             }
         }
     }
-    // On the wall of the right aisle, where the spot shines.
-    hang(scene, 1, DVec3::new(f64::from(WALL) - 0.2, 3.4, bay_z(1)), -1);
+    // Across the right aisle, where the spot shines; seen through the open bay before it.
+    hang(scene, 1, CURTAIN, 0);
+    let wire = [Vec2::new(0.012, 0.0), Vec2::new(0.012, AISLE_TOP - CURTAIN.y as f32)];
+    let wire = add_mesh(scene, "wire", vec![(lathe(&wire, 8), palette.brass)]);
+    for x in [-0.8, 0.8] {
+        place(scene, "wire", wire, turned(0, CURTAIN + DVec3::X * x));
+    }
 }
 
 fn statues(scene: &mut Scene, palette: &Palette) {
@@ -313,31 +342,44 @@ fn statues(scene: &mut Scene, palette: &Palette) {
         [0.46, 0.14],
         [0.42, 0.18],
         [0.36, 0.22],
-        [0.34, 0.86],
-        [0.40, 0.92],
-        [0.42, 0.94],
-        [0.42, 1.04],
-        [0.0, 1.04],
+        [0.34, 0.74],
+        [0.40, 0.80],
+        [0.42, 0.82],
+        [0.42, 0.92],
+        [0.0, 0.92],
     ];
     let pedestal = loft_square(&pedestal.map(Vec2::from), 0.12);
     let pedestal = add_mesh(scene, "pedestal", vec![(pedestal, palette.stone)]);
     let foot = [[0.26, 0.0], [0.26, 0.03], [0.2, 0.05], [0.07, 0.09], [0.05, 0.16], [0.0, 0.16]];
     let foot = lathe(&foot.map(Vec2::from), 48);
     // A trefoil stands on one of its three loops when turned by a sixth.
-    let knot = torus_knot([2, 3], [0.30, 0.13, 0.085], [320, 28]);
-    let knot = knot.moved(Affine3A::from_rotation_translation(
-        Quat::from_rotation_z(std::f32::consts::FRAC_PI_2),
-        Vec3::Y * 0.62,
-    ));
+    let knot = torus_knot([2, 3], [0.36, 0.17, 0.1], [320, 28]);
+    let knot = knot.moved(Affine3A::from_rotation_translation(Quat::from_rotation_z(FRAC_PI_2), Vec3::Y * 0.68));
     let knot = add_mesh(scene, "knot", vec![(knot.and(foot), palette.bronze)]);
-    let stand = DVec3::new(-1.15, 0.0, 1.0);
+    let stand = DVec3::new(1.0, 0.0, 1.6);
     place(scene, "pedestal", pedestal, turned(0, stand));
-    place(scene, "knot", knot, turned(0, stand + DVec3::Y * 1.04));
+    let turn = DQuat::from_rotation_y(-20_f64.to_radians());
+    place(scene, "knot", knot, DAffine3::from_rotation_translation(turn, stand + DVec3::Y * 0.92));
 
     let jar = [
-        [0.0, 0.0], [0.15, 0.0], [0.16, 0.03], [0.13, 0.07], [0.17, 0.18], [0.27, 0.42], [0.33, 0.66], [0.34, 0.80],
-        [0.31, 0.94], [0.22, 1.06], [0.13, 1.14], [0.11, 1.24], [0.12, 1.32], [0.17, 1.37], [0.18, 1.39], [0.15, 1.39],
-        [0.09, 1.30], [0.0, 1.26],
+        [0.0, 0.0],
+        [0.15, 0.0],
+        [0.16, 0.03],
+        [0.13, 0.07],
+        [0.17, 0.18],
+        [0.27, 0.42],
+        [0.33, 0.66],
+        [0.34, 0.80],
+        [0.31, 0.94],
+        [0.22, 1.06],
+        [0.13, 1.14],
+        [0.11, 1.24],
+        [0.12, 1.32],
+        [0.17, 1.37],
+        [0.18, 1.39],
+        [0.15, 1.39],
+        [0.09, 1.30],
+        [0.0, 1.26],
     ];
     let jar = add_mesh(scene, "jar", vec![(lathe(&jar.map(Vec2::from), 40), palette.clay)]);
     place(scene, "jar", jar, turned(0, DVec3::new(0.0, f64::from(DAIS), f64::from(-END) - 0.25)));
@@ -353,18 +395,18 @@ fn lights(scene: &mut Scene) {
         name: "sun".into(),
         kind: LightKind::Directional,
         color: Vec3::new(1.0, 0.90, 0.76),
-        intensity: 80_000.0,
+        intensity: 64_000.0,
         range: None,
         position: DVec3::ZERO,
-        direction: Vec3::new(-0.40, -1.0, 0.22).normalize(),
+        direction: Vec3::new(-0.28, -1.0, 0.14).normalize(),
     };
-    let position = DVec3::new(3.75, 4.35, -2.0);
-    let target = DVec3::new(f64::from(WALL) - 0.2, 2.1, bay_z(1));
+    let position = DVec3::new(4.5, 4.45, -0.7);
+    let target = CURTAIN - DVec3::Y * 1.2;
     let spot = Light {
         name: "spot".into(),
-        kind: LightKind::Spot { inner: 18_f32.to_radians(), outer: 30_f32.to_radians() },
+        kind: LightKind::Spot { inner: 16_f32.to_radians(), outer: 28_f32.to_radians() },
         color: Vec3::new(1.0, 0.95, 0.88),
-        intensity: 40_000.0,
+        intensity: 60_000.0,
         range: None,
         position,
         direction: (target - position).normalize().as_vec3().normalize(),

@@ -14,17 +14,15 @@ pub enum CornellSurface {
 }
 
 /// The Cornell box: a room of exactly 2 m, x in [-1, 1], y in [0, 2], z in [-1, 1], open towards +Z, with the classic two
-/// blocks. Red left, green right, white elsewhere. A spot light of 1000 cd under the ceiling shines on the red wall only.
+/// blocks. Red left, green right, white elsewhere. A spot light of 1000 cd under the ceiling is aimed at the red wall; it
+/// also reaches the tall block and the floor between, never the green wall.
 ///
-/// `edge` [m]: longest side of the grid cells all faces are made of. The blocks have no underside.
+/// `edge`, in metres, is the longest side of the grid cells all faces are made of. The blocks have no underside.
 pub fn cornell(surface: CornellSurface, edge: f32) -> Scene {
     let mut scene = Scene { name: "cornell".into(), ..Scene::default() };
-    let [white, red, green] = [
-        ("white", [0.73, 0.73, 0.73]),
-        ("red", [0.63, 0.065, 0.05]),
-        ("green", [0.14, 0.45, 0.09]),
-    ]
-    .map(|(name, albedo)| add_material(&mut scene, wall(surface, name, albedo)));
+    let [white, red, green] =
+        [("white", [0.73, 0.73, 0.73]), ("red", [0.63, 0.065, 0.05]), ("green", [0.14, 0.45, 0.09])]
+            .map(|(name, albedo)| add_material(&mut scene, wall(surface, name, albedo)));
 
     let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
     let corner = Vec3::new(-1.0, 0.0, -1.0);

@@ -6,7 +6,7 @@ use std::f32::consts::{PI, TAU};
 
 /// A sheet of cloth that hangs from y = 0 down to -`height`, about x = 0, facing +Z; one side only.
 ///
-/// `folds` across the width, `depth` [m] deep at the hem and shallower where the cloth is held. `edge` [m] is the
+/// `folds` across the width, `depth` (metres) deep at the hem and shallower where the cloth is held. `edge` (metres) is the
 /// distance of vertices down the cloth; across there are at least eight per fold.
 pub fn drape([width, height]: [f32; 2], folds: f32, depth: f32, edge: f32) -> Surface {
     let columns = segments(width, edge).max((8.0 * folds) as usize);
@@ -18,7 +18,11 @@ pub fn drape([width, height]: [f32; 2], folds: f32, depth: f32, edge: f32) -> Su
         let held = 0.45 + 0.55 * t.sqrt();
         let drawn_in = 1.0 - 0.05 * (PI * t.powf(0.7)).sin();
         let hem = 0.025 * height * t * (TAU * 0.5 * (s - 0.2)).cos();
-        Vec3::new(width * (s - 0.5) * drawn_in + 0.12 * depth * (2.0 * phase).sin(), hem - height * t, depth * wave * held)
+        Vec3::new(
+            width * (s - 0.5) * drawn_in + 0.12 * depth * (2.0 * phase).sin(),
+            hem - height * t,
+            depth * wave * held,
+        )
     };
     patch([columns + 1, rows + 1], [false; 2], |column, row| {
         let (s, t) = (column as f32 / columns as f32, row as f32 / rows as f32);
@@ -30,10 +34,10 @@ pub fn drape([width, height]: [f32; 2], folds: f32, depth: f32, edge: f32) -> Su
 }
 
 /// A closed tube along a torus knot about the +Z axis: `windings` are the turns about the axis and about the core
-/// circle (coprime), `radii` those of the core circle, of the torus and of the tube [m], `pieces` the segments along
+/// circle (coprime), `radii` those of the core circle, of the torus and of the tube (metres), `pieces` the segments along
 /// the tube and around it.
 pub fn torus_knot(windings: [u32; 2], radii: [f32; 3], pieces: [usize; 2]) -> Surface {
-    let [about_axis, about_core] = windings.map(|count| f64::from(count));
+    let [about_axis, about_core] = windings.map(f64::from);
     let [core, torus, tube] = radii.map(f64::from);
     let curve = |t: f64| {
         let (a, b) = (about_axis * t, about_core * t);

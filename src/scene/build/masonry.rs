@@ -42,7 +42,7 @@ pub(super) fn ring_lines(half: f32, count: usize) -> (Vec<f32>, Vec<f32>) {
     (top, side)
 }
 
-/// Measures of one bay of an arcade [m]; the springing line is at y = 0, the opening about x = 0.
+/// Measures of one bay of an arcade (metres); the springing line is at y = 0, the opening about x = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArchShape {
     /// Distance from column axis to column axis.
@@ -114,7 +114,7 @@ pub fn vault_dome(radius: f32, height: f32, count: usize, edge: f32) -> Surface 
 }
 
 /// A flight of steps about x = 0 that rises towards -Z from z = 0, open below and behind: `count` steps of height
-/// `rise` [m]; all but the last are `tread` [m] deep, the last, a landing, is `landing` [m] deep.
+/// `rise` (metres); all but the last are `tread` (metres) deep, the last, a landing, is `landing` (metres) deep.
 pub fn steps(width: f32, rise: f32, [tread, landing]: [f32; 2], count: usize, edge: f32) -> Surface {
     let across = spans(&[-0.5 * width, 0.5 * width], edge);
     let mut surface = Surface::default();

@@ -72,10 +72,8 @@ impl Surface {
     fn compacted(mut self) -> Self {
         let mut kept = vec![u32::MAX; self.vertices.len()];
         self.indices.iter().for_each(|&index| kept[index as usize] = 0);
-        let mut count = 0;
-        for slot in kept.iter_mut().filter(|slot| **slot == 0) {
-            *slot = count;
-            count += 1;
+        for (count, slot) in kept.iter_mut().filter(|slot| **slot == 0).enumerate() {
+            *slot = count as u32;
         }
         let mut old = kept.iter();
         self.vertices.retain(|_| *old.next().expect("one slot per vertex") != u32::MAX);
@@ -86,11 +84,7 @@ impl Surface {
 
 /// A grid of `columns` x `rows` points, each a position and a unit normal; `closed` joins the last column to the first,
 /// the last row to the first.
-pub fn patch(
-    [columns, rows]: [usize; 2],
-    closed: [bool; 2],
-    point: impl Fn(usize, usize) -> (Vec3, Vec3),
-) -> Surface {
+pub fn patch([columns, rows]: [usize; 2], closed: [bool; 2], point: impl Fn(usize, usize) -> (Vec3, Vec3)) -> Surface {
     let mut surface = Surface::default();
     for row in 0..rows {
         for column in 0..columns {
@@ -108,7 +102,7 @@ pub fn patch(
     surface.compacted()
 }
 
-/// The stops with points between them, evenly in each interval and at most `edge` [m] apart.
+/// The stops with points between them, evenly in each interval and at most `edge` (metres) apart.
 pub fn spans(stops: &[f32], edge: f32) -> Vec<f32> {
     let mut points = vec![stops[0]];
     for pair in stops.windows(2) {
@@ -126,13 +120,7 @@ pub(super) fn segments(length: f32, edge: f32) -> usize {
 
 /// A plane with grid lines at `us` along the unit vector `u` and at `vs` along `v`, facing `u x v`; only the cells
 /// are there whose centre (in u and v) `keep` wants.
-pub fn sheet(
-    origin: Vec3,
-    [u, v]: [Vec3; 2],
-    us: &[f32],
-    vs: &[f32],
-    keep: impl Fn(f32, f32) -> bool,
-) -> Surface {
+pub fn sheet(origin: Vec3, [u, v]: [Vec3; 2], us: &[f32], vs: &[f32], keep: impl Fn(f32, f32) -> bool) -> Surface {
     let normal = u.cross(v).normalize();
     let mut surface = Surface::default();
     for &t in vs {
@@ -153,13 +141,13 @@ pub fn sheet(
     surface.compacted()
 }
 
-/// The parallelogram spanned at `origin` by `u` and `v` [m], facing `u x v`, as a grid of edge length `edge` [m].
+/// The parallelogram spanned at `origin` by `u` and `v` (metres), facing `u x v`, as a grid of edge length `edge` (metres).
 pub fn quad(origin: Vec3, u: Vec3, v: Vec3, edge: f32) -> Surface {
     let (us, vs) = (spans(&[0.0, u.length()], edge), spans(&[0.0, v.length()], edge));
     sheet(origin, [u.normalize(), v.normalize()], &us, &vs, |_, _| true)
 }
 
-/// An axis-aligned box with flat faces, each its own grid of edge length `edge` [m]; the faces are there whose outward
+/// An axis-aligned box with flat faces, each its own grid of edge length `edge` (metres); the faces are there whose outward
 /// normal `keep` wants.
 pub fn cuboid(low: Vec3, high: Vec3, edge: f32, keep: impl Fn(Vec3) -> bool) -> Surface {
     let size = high - low;
@@ -176,7 +164,7 @@ pub fn cuboid(low: Vec3, high: Vec3, edge: f32, keep: impl Fn(Vec3) -> bool) -> 
     wanted.fold(Surface::default(), |all, (_, origin, u, v)| all.and(quad(origin, u, v, edge)))
 }
 
-/// The surface that a profile of (radius, height) points [m] sweeps about +Y, outside on the right of the way.
+/// The surface that a profile of (radius, height) points (metres) sweeps about +Y, outside on the right of the way.
 ///
 /// Normals are smooth where the profile bends by less than 40 degrees and creased where it has a corner.
 pub fn lathe(profile: &[Vec2], sides: usize) -> Surface {
@@ -206,7 +194,7 @@ pub fn lathe(profile: &[Vec2], sides: usize) -> Surface {
     surface
 }
 
-/// The square twin of `lathe`: a profile of (half width, height) points [m] around four flat sides with sharp corners.
+/// The square twin of `lathe`: a profile of (half width, height) points (metres) around four flat sides with sharp corners.
 pub fn loft_square(profile: &[Vec2], edge: f32) -> Surface {
     let widest = profile.iter().map(|p| p.x).fold(0.0, f32::max);
     let columns = segments(2.0 * widest, edge) + 1;
