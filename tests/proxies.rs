@@ -1,11 +1,12 @@
-//! Proxies and their interpolation: METHOD section 4's list of what must hold whatever the weights, and section 5's cases.
+//! Proxies and their interpolation: METHOD section 4's list of what must hold whatever the weights, and section 5's
+//! cases.
 
 use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, dvec3};
 use lightskin::reference::brute_force;
 use lightskin::reference::gather::{Cache, Gathered, LEAST_COSINE, Lobe, ProxyWeight, gather};
-use lightskin::reference::interpolate::{Scheme, interpolate, shade};
+use lightskin::reference::interpolate::{Scheme, interpolate, kernel, shade};
 use lightskin::reference::phong::{Material, mirrored_view};
 use lightskin::reference::rsm::Val;
 
@@ -132,9 +133,9 @@ fn moving_the_scene_by_10_km_changes_no_pixel() {
     for (weight, scheme) in variants() {
         let expected = render(x, &caches, &vals, EYE, weight, scheme);
         let actual = render(x + far, &moved_caches, &moved_vals, EYE + far, weight, scheme);
-        // Positions round at 1e-12 m, a 1e-11th of the nearest distances; exponents and quotients multiply that.
-        assert_near3(actual.0, expected.0, 1e-8);
-        assert_near3(actual.1, expected.1, 1e-8);
+        // Positions round at 1e-12 m, 3e-12 of the nearest distances; the exponent multiplies that by 30.
+        assert_near3(actual.0, expected.0, ROUNDING);
+        assert_near3(actual.1, expected.1, ROUNDING);
     }
 }
 
@@ -307,6 +308,16 @@ fn at_a_cache_of_its_own_the_radiance_is_the_caches() {
     let (diffuse, glossy) = radiance(&others, Scheme::Facing);
     assert_near3(diffuse, truth.0, 3e-3);
     assert_near3(glossy, truth.1, 1e-2);
+}
+
+#[test]
+fn kernels_are_the_ones_given() {
+    for (t, cos) in [(0.0, 1.0), (0.5, 0.3), (0.9, 0.9), (1.0, 1.0), (0.2, -0.5)] {
+        let c = f64::max(cos, 0.0);
+        let facing = (1.0 - t) * (1.0 - t) * c * c * c * c / (t * t + 1e-3);
+        assert!((kernel(Scheme::Facing, t, cos) - facing).abs() <= ROUNDING * facing);
+        assert!((kernel(Scheme::Printed, t, cos) - (1.0 - t) * f64::sqrt(c)).abs() <= ROUNDING);
+    }
 }
 
 #[test]
