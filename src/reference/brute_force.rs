@@ -1,4 +1,5 @@
-//! Indirect light from every VAL at every point: what caches and interpolation approximate. METHOD 3, thesis 5.3.1-5.3.2.
+//! Indirect light from every VAL at every point: what caches and interpolation approximate.
+//! METHOD 3, thesis 5.3.1-5.3.2.
 
 use glam::DVec3;
 

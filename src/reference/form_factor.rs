@@ -22,8 +22,8 @@ pub fn disc_irradiance(flux: f64, area: f64, cos_l: f64, cos_x: f64, d2: f64) ->
     flux * disc_geometry(area, cos_l, cos_x, d2)
 }
 
-/// The form factor that 5.7 stands for: `integral cos+_l cos+_x / (pi d^2) dA` over the true disc about `centre`, by the
-/// midpoint rule on `steps` rings of equal area with `steps` sectors each. Error of order `steps^-2`.
+/// The form factor that 5.7 stands for: `integral cos+_l cos+_x / (pi d^2) dA` over the true disc about `centre`, by
+/// the midpoint rule on `steps` rings of equal area with `steps` sectors each. Error of order `steps^-2`.
 pub fn disc_form_factor_integral(
     area: f64,
     centre: DVec3,

@@ -1,7 +1,7 @@
 //! Stage 6, gather: VALs x a cache -> its proxy lights. METHOD 3-4, thesis 5.3.4.
 //!
-//! The eps of the printed weights is taken to its limit 0: a lobe that no VAL reaches is unlit, which replaces a proxy at
-//! the mean of all VALs. All sums are of positions relative to the cache, so that the scene's place does not matter.
+//! The eps of the printed weights is taken to its limit 0: a lobe that no VAL reaches is unlit, which replaces a proxy
+//! at the mean of all VALs. Positions are summed relative to the cache, so that the scene's place does not matter.
 
 use std::f64::consts::PI;
 
@@ -54,8 +54,8 @@ pub struct Gathered {
     pub mirrored_view: DVec3,
 }
 
-/// Cosine between the normal and the direction to the proxy below which it counts as this. A proxy lies above the horizon
-/// as all VALs do that pull it, but the quotient of two nearly vanishing cosines is noise.
+/// Cosine between the normal and the direction to the proxy below which it counts as this. A proxy lies above the
+/// horizon as all VALs do that pull it, but the quotient of two nearly vanishing cosines is noise.
 pub const LEAST_COSINE: f64 = 1e-4;
 
 /// Squared distance to a VAL, in units of its area, below which it counts as this: where a cache lies on a VAL the
@@ -118,8 +118,8 @@ pub fn gather(cache: &Cache, vals: &[Val], eye: Option<DVec3>, weight: ProxyWeig
     Gathered {
         diffuse: proxy(cache, &diffuse, |_| diffuse.irradiance),
         glossy: proxy(cache, &glossy, |direction| {
-            // Where the lobe's few VALs spread, cos^k at their mean direction can be far below cos^k at each of them and
-            // the quotient explodes; all the light that arrives is its bound.
+            // Where dark or far VALs pull the proxy away from the bright ones, cos^k at it is far below theirs and the
+            // quotient explodes; all the light that arrives is its bound.
             let lobe = cos_power(cache.exponent, mirrored.dot(direction));
             let quotient = if lobe > 0.0 { glossy.irradiance / lobe } else { diffuse.irradiance };
             quotient.min(diffuse.irradiance)

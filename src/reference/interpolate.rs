@@ -53,8 +53,8 @@ fn distance_kernel(t: f64) -> f64 {
     1.0 / (t * t + KERNEL_CORE)
 }
 
-/// Averages the lights of a point's references at `x` [m] with unit `normal` and `mirrored_view` R(x), which is not used
-/// where no reference has a glossy lobe.
+/// Averages the lights of a point's references at `x` [m] with unit `normal` and `mirrored_view` R(x), which is not
+/// used where no reference has a glossy lobe.
 ///
 /// An unlit diffuse lobe counts with its darkness but not with its position. An unlit glossy lobe takes no part at all,
 /// but in the printed scheme it counts with its darkness as well.

@@ -1,4 +1,5 @@
-//! One diffuse bounce by random sampling, without RSM, disc or proxy: what the sum over VALs must converge to. METHOD 2.
+//! One diffuse bounce by random sampling, without RSM, disc or proxy: what the sum over VALs must converge to.
+//! METHOD 2.
 
 use std::f64::consts::{PI, TAU};
 
@@ -16,9 +17,9 @@ const BLOCK: usize = 4096;
 /// Irradiance [lx] at `point` from light reflected once, diffusely. The primary light is shadowed, the way from the lit
 /// surface to the point is not, as with VALs.
 ///
-/// Directions from the light are uniform over its cone or sphere, parallel rays over its picture's plane; each first hit
-/// is a diffuse emitter: `E = mean rho_d I Omega / pi * cos+_l cos+_x / d^2`. Points must stay away from lit surfaces:
-/// the `1/d^2` of a near hit has no bound.
+/// Directions from the light are uniform over its cone or sphere, parallel rays over its picture's plane; each first
+/// hit is a diffuse emitter: `E = mean rho_d I Omega / pi * cos+_l cos+_x / d^2`. Points must stay away from lit
+/// surfaces: the `1/d^2` of a near hit has no bound.
 pub fn one_bounce_irradiance(
     point: DVec3,
     normal: DVec3,

@@ -60,8 +60,8 @@ impl View {
     }
 }
 
-/// Solid angle [sr] of the flat convex quadrilateral with corners `a`, `b`, `c`, `d` in order, seen from the origin: two
-/// triangles by van Oosterom and Strackee (1983).
+/// Solid angle [sr] of the flat convex quadrilateral with corners `a`, `b`, `c`, `d` in order, seen from the origin:
+/// two triangles by van Oosterom and Strackee (1983).
 pub fn solid_angle(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
     triangle_solid_angle(a, b, c) + triangle_solid_angle(a, c, d)
 }
@@ -86,8 +86,8 @@ pub fn texel_area(z: f64, n: usize, tan_half: f64) -> f64 {
     (2.0 * z * tan_half / n as f64).powi(2)
 }
 
-/// The pictures a light takes: a spot one square frustum around its cone, a point light the six faces of a cube (+X, -X,
-/// +Y, -Y, +Z, -Z), a directional light a parallel one that just holds all triangles.
+/// The pictures a light takes: a spot one square frustum around its cone, a point light the six faces of a cube (+X,
+/// -X, +Y, -Y, +Z, -Z), a directional light a parallel one that just holds all triangles.
 pub fn views(triangles: &[Triangle], light: &Light) -> Vec<View> {
     match light.kind {
         LightKind::Spot { outer, .. } => {

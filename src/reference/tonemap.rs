@@ -1,4 +1,4 @@
-//! Stage 11, tone maps: linear Rec.709 light after exposure -> linear Rec.709 of a display, 0 to 1; and sRGB's encoding.
+//! Stage 11, tone maps: exposed linear Rec.709 -> linear Rec.709 of a display, 0 to 1; and sRGB's encoding.
 
 use glam::{DMat3, DVec3};
 
@@ -43,8 +43,8 @@ pub fn pbr_neutral_inverse(color: DVec3) -> DVec3 {
     color + (original - least)
 }
 
-/// ACES: Stephen Hill's fit of the reference rendering and output transforms, as in Khronos's glTF sample viewer (without
-/// its optional exposure boost).
+/// ACES: Stephen Hill's fit of the reference rendering and output transforms, as in Khronos's glTF sample viewer
+/// (without its optional exposure boost).
 pub fn aces(color: DVec3) -> DVec3 {
     // Columns. sRGB -> XYZ -> D65 to D60 -> AP1 -> saturation of the reference rendering transform, and back.
     let input = DMat3::from_cols_array(&[

@@ -41,7 +41,8 @@ impl Triangle {
         ]
     }
 
-    /// Distance and the second and third corner's barycentric weights where a ray meets the triangle (Moeller-Trumbore).
+    /// Distance and the second and third corner's barycentric weights where a ray meets the triangle
+    /// (Moeller-Trumbore).
     fn intersect(&self, origin: DVec3, direction: DVec3) -> Option<(f64, f64, f64)> {
         // A ray through the edge of two triangles must meet one of them: edges overlap by this share of the triangle.
         const OVERLAP: f64 = 1e-12;
