@@ -180,7 +180,8 @@ fn every_surface_point_has_a_cache() {
     for round in 0..6 {
         let size = [0.1, 1.0, 8.0][round % 3];
         let soup = soup(&mut random, 300, size);
-        check_guarantee(&scene(vec![(soup, DAffine3::IDENTITY)]), &spacing(0.7), &mut random);
+        let spacing = spacing(if size > 1.0 { 2.5 } else { 0.7 });
+        check_guarantee(&scene(vec![(soup, DAffine3::IDENTITY)]), &spacing, &mut random);
     }
     for mesh in [sphere_mesh(1.0, 24), torus_mesh(1.0, 0.3, 24), box_mesh(DVec3::new(1.0, 2.0, 3.0), 2)] {
         let mesh = scene(vec![(mesh, DAffine3::IDENTITY)]);
@@ -424,9 +425,11 @@ fn stretches_make_models() {
 
 #[test]
 fn too_much_is_refused() {
-    let plane = scene(vec![(box_mesh(DVec3::splat(100.0), 1), DAffine3::IDENTITY)]);
-    for settings in [spacing(1e-9), spacing(1e-3), spacing(0.1), count(100_000)] {
-        match bake::bake(&plane, &settings, &|_, _| {}) {
+    let large = box_mesh(DVec3::splat(100.0), 1);
+    // A small neighbour raises what the scene may hold, not what the large box may.
+    let boxes = scene(vec![(large, DAffine3::IDENTITY), (box_mesh(DVec3::ONE, 1), DAffine3::IDENTITY)]);
+    for settings in [spacing(1e-9), spacing(1e-3), spacing(1.5), count(100_000), count(200_000)] {
+        match bake::bake(&boxes, &settings, &|_, _| {}) {
             Err(Error::TooLarge(message)) => assert!(message.contains("ask for"), "{message}"),
             other => panic!("{:?}", other.map(|set| set.models[0].caches.len())),
         }
