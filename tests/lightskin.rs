@@ -1,4 +1,3 @@
 //! The one integration-test binary: it links once.
 
-mod analytic;
-mod proxies;
+mod bake;

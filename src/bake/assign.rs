@@ -21,16 +21,18 @@ pub(super) fn assign(surface: &Surface, caches: &[Cache], positions: &[DVec3], c
             let (position, normal) = (surface.positions[vertex], surface.normals[vertex]);
             let mut offer = |index: u32| {
                 let (cache_position, cache_normal) = points[index as usize];
-                let distance = position.distance(cache_position);
+                let worst = best.get(count - 1).map_or(f64::INFINITY, |worst| worst.0);
+                let distance_squared = position.distance_squared(cache_position);
+                if distance_squared > (worst * spacing).powi(2) * (1.0 + 1e-12) {
+                    return worst;
+                }
                 // A vertex that is no number, which no triangle with an area has, gets the first caches.
-                let distance = if distance.is_nan() { f64::INFINITY } else { distance };
-                if best.len() < count || distance / spacing <= best[count - 1].0 {
-                    let entry = (error(distance, normal.dot(cache_normal), spacing), index);
-                    let place = best.partition_point(|&other: &(f64, u32)| other < entry);
-                    if place < count {
-                        best.truncate(count - 1);
-                        best.insert(place, entry);
-                    }
+                let distance = if distance_squared.is_nan() { f64::INFINITY } else { distance_squared.sqrt() };
+                let entry = (error(distance, normal.dot(cache_normal), spacing), index);
+                let place = best.partition_point(|&other: &(f64, u32)| other < entry);
+                if place < count {
+                    best.truncate(count - 1);
+                    best.insert(place, entry);
                 }
                 best.get(count - 1).map_or(f64::INFINITY, |worst| worst.0)
             };

@@ -171,12 +171,8 @@ fn finish(
 ) -> ModelCaches {
     let surface = &model.surface;
     step("measuring areas");
-    let t = std::time::Instant::now();
     let coverage = prune::measure(surface, &voxels, &seeds, Bounds::new(spacing, f64::from(settings.angle)));
-    eprintln!("coverage {:?}", t.elapsed());
-    let t = std::time::Instant::now();
     let areas = area::areas(surface, &voxels, &seeds, spacing);
-    eprintln!("areas {:?}", t.elapsed());
     drop(voxels);
     step("finding references");
     let caches: Vec<Cache> = seeds.iter().zip(areas).map(|(seed, area)| cache(surface, mesh, seed, area)).collect();

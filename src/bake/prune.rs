@@ -13,8 +13,11 @@ use rayon::prelude::*;
 const ALIKE: f64 = 0.15;
 
 /// A cache that stands for less than this part of what each of its stand-ins stands for is a splinter: where a voxel
-/// cuts a corner off the surface, it made a cache right beside its neighbour's.
-const SPLINTER: f64 = 0.25;
+/// cuts a corner off the surface, it made a cache right beside its neighbour's. Measured for 400 caches on a slanted
+/// plane, a sphere and a torus, and 3000 in Sponza: with 0.25, 0.5 and 1 the areas' standard deviation is 0.18, 0.13,
+/// 0.22 of the mean; 0.14, 0.15, 0.21; 0.13, 0.12, 0.28; 0.74, 0.65, 0.94. At 1 caches stand twice as far apart for
+/// the same bound, but no longer evenly.
+const SPLINTER: f64 = 0.5;
 
 /// Drops the lesser of caches that are alike, and splinters, least area first, if every piece they answer for lies
 /// within both bounds of one that stays.

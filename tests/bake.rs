@@ -1,0 +1,497 @@
+//! Placing the caches: the guarantee, the counts, areas and references against brute force, and the kept file.
+
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
+use lightskin::Error;
+use lightskin::bake::{self, Cache, CacheSet, Density, ModelCaches, NO_CACHE, Settings, cluster, voxel};
+use lightskin::scene::{Instance, Mesh, Scene, Vertex};
+use std::f64::consts::{PI, TAU};
+
+/// Numbers in [0, 1), the same in every run (splitmix64).
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut x = self.0;
+        x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((x ^ x >> 31) >> 11) as f64 / (1u64 << 53) as f64
+    }
+
+    /// A point in the unit cube.
+    fn point(&mut self) -> DVec3 {
+        DVec3::new(self.next(), self.next(), self.next())
+    }
+}
+
+/// Triangles with their own corners and their geometric normals.
+fn flat_mesh(triangles: &[[DVec3; 3]]) -> Mesh {
+    let corners = |[a, b, c]: &[DVec3; 3]| {
+        let normal = (*b - *a).cross(*c - *a).normalize_or_zero().as_vec3();
+        [*a, *b, *c].map(|p| Vertex { position: p.as_vec3(), normal, ..Default::default() })
+    };
+    let vertices: Vec<_> = triangles.iter().flat_map(corners).collect();
+    Mesh { name: "flat".into(), indices: (0..vertices.len() as u32).collect(), vertices, primitives: vec![] }
+}
+
+/// A grid of quads over the unit square under a map to position and normal.
+fn grid_mesh(columns: usize, rows: usize, map: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Mesh {
+    let mut mesh = Mesh { name: "grid".into(), ..Default::default() };
+    for row in 0..=rows {
+        for column in 0..=columns {
+            let (position, normal) = map(column as f64 / columns as f64, row as f64 / rows as f64);
+            let (position, normal) = (position.as_vec3(), normal.as_vec3());
+            mesh.vertices.push(Vertex { position, normal, ..Default::default() });
+        }
+    }
+    let index = |column: usize, row: usize| (row * (columns + 1) + column) as u32;
+    for (row, column) in (0..rows).flat_map(|row| (0..columns).map(move |column| (row, column))) {
+        let [a, b, c, d] =
+            [index(column, row), index(column + 1, row), index(column + 1, row + 1), index(column, row + 1)];
+        mesh.indices.extend([a, b, c, a, c, d]);
+    }
+    mesh
+}
+
+/// A closed box from the origin to `size`, its faces cut into `cuts` x `cuts` quads, normals outwards.
+fn box_mesh(size: DVec3, cuts: usize) -> Mesh {
+    let mut mesh = Mesh { name: "box".into(), ..Default::default() };
+    for axis in 0..3 {
+        for side in [0.0, 1.0] {
+            let mut normal = DVec3::ZERO;
+            normal[axis] = 2.0 * side - 1.0;
+            let face = grid_mesh(cuts, cuts, |u, v| {
+                let (u, v) = if side == 1.0 { (u, v) } else { (v, u) };
+                let mut position = DVec3::ZERO;
+                position[axis] = side;
+                position[(axis + 1) % 3] = u;
+                position[(axis + 2) % 3] = v;
+                (position * size, normal)
+            });
+            let first = mesh.vertices.len() as u32;
+            mesh.vertices.extend(face.vertices);
+            mesh.indices.extend(face.indices.iter().map(|i| first + i));
+        }
+    }
+    mesh
+}
+
+fn sphere_mesh(radius: f64, cuts: usize) -> Mesh {
+    grid_mesh(2 * cuts, cuts, |u, v| {
+        let (theta, phi) = (v * PI, u * TAU);
+        let normal = DVec3::new(theta.sin() * phi.sin(), theta.cos(), theta.sin() * phi.cos());
+        (normal * radius, normal)
+    })
+}
+
+fn torus_mesh(radius: f64, tube: f64, cuts: usize) -> Mesh {
+    grid_mesh(2 * cuts, cuts, |u, v| {
+        let out = DVec3::new((u * TAU).cos(), 0.0, (u * TAU).sin());
+        let normal = out * (v * TAU).cos() + DVec3::Y * (v * TAU).sin();
+        (out * radius + normal * tube, normal)
+    })
+}
+
+fn soup(random: &mut Random, count: usize, size: f64) -> Mesh {
+    let triangle = |_| {
+        let corner = random.point() * 4.0;
+        [corner, corner + (random.point() - 0.5) * size, corner + (random.point() - 0.5) * size]
+    };
+    flat_mesh(&(0..count).map(triangle).collect::<Vec<_>>())
+}
+
+fn scene(parts: Vec<(Mesh, DAffine3)>) -> Scene {
+    let mut scene = Scene::default();
+    for (mesh, world_from_model) in parts {
+        scene.instances.push(Instance { name: String::new(), mesh: scene.meshes.len(), world_from_model });
+        scene.meshes.push(mesh);
+    }
+    scene
+}
+
+fn spacing(spacing: f64) -> Settings {
+    Settings { density: Density::Spacing(spacing), angle: 30f32.to_radians(), references: 8 }
+}
+
+fn count(count: usize) -> Settings {
+    Settings { density: Density::Count(count), ..spacing(1.0) }
+}
+
+fn run(scene: &Scene, settings: &Settings) -> CacheSet {
+    bake::bake(scene, settings, &|_, _| {}).expect("bakes")
+}
+
+/// Corners in the world without translation, and the normal of the shaded side; `None` without an area.
+fn triangle(mesh: &Mesh, linear: DMat3, index: usize) -> Option<([DVec3; 3], DVec3)> {
+    let corners = mesh.triangle(index).map(|v| mesh.vertices[v].position.as_dvec3());
+    let shading: DVec3 = mesh.triangle(index).iter().map(|&v| mesh.vertices[v].normal.as_dvec3()).sum();
+    let [a, b, c] = corners;
+    let cross = (b - a).cross(c - a);
+    let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
+    // Twice the limit of the bake, as that looks at the stretched triangle.
+    if !cross.is_finite() || cross.length() <= 2e-9 * longest {
+        return None;
+    }
+    let front = if shading.dot(cross) < 0.0 { -cross } else { cross };
+    Some((corners.map(|p| linear * p), (linear.inverse().transpose() * front).normalize()))
+}
+
+/// Where a cache is, in the world without translation, from the triangle it lies on.
+fn place(mesh: &Mesh, linear: DMat3, cache: &Cache) -> DVec3 {
+    let [a, b, c] = mesh.triangle(cache.triangle as usize).map(|v| mesh.vertices[v].position.as_dvec3());
+    let [second, third] = cache.barycentric.map(f64::from);
+    linear * (a + (b - a) * second + (c - a) * third)
+}
+
+/// For random points on all triangles of all instances: is there a cache within both bounds? Returns the caches.
+fn check_guarantee(scene: &Scene, settings: &Settings, random: &mut Random) -> CacheSet {
+    let set = run(scene, settings);
+    let angle = f64::from(settings.angle);
+    for (instance, &model) in scene.instances.iter().zip(&set.instance_model) {
+        let (mesh, model) = (&scene.meshes[instance.mesh], &set.models[model]);
+        assert!(model.coverage.distance <= set.spacing, "{:?} at {}", model.coverage, set.spacing);
+        assert!(model.coverage.angle <= angle * (1.0 + 1e-9), "{:?}", model.coverage);
+        let linear = instance.world_from_model.matrix3;
+        let caches: Vec<(DVec3, DVec3)> = (model.caches.iter())
+            .map(|c| (place(mesh, linear, c), triangle(mesh, linear, c.triangle as usize).expect("has an area").1))
+            .collect();
+        // Positions of the mesh are f32; what is computed from them is not.
+        let rounding = 1e-9 * set.spacing + 1e-13 * caches.iter().map(|c| c.0.length()).fold(0.0, f64::max);
+        for index in 0..mesh.triangle_count() {
+            let Some(([a, b, c], normal)) = triangle(mesh, linear, index) else { continue };
+            for sample in 0..8 {
+                let (u, v) = (random.next(), random.next());
+                let (u, v) = if u + v > 1.0 { (1.0 - u, 1.0 - v) } else { (u, v) };
+                let point = [a, b, c].get(sample).copied().unwrap_or(a + (b - a) * u + (c - a) * v);
+                let covers = |&(position, facing): &(DVec3, DVec3)| {
+                    point.distance(position) <= set.spacing + rounding
+                        && normal.cross(facing).length().atan2(normal.dot(facing)) <= angle + 1e-5
+                };
+                assert!(caches.iter().any(covers), "triangle {index} at {point} normal {normal} is not covered");
+            }
+        }
+    }
+    set
+}
+
+#[test]
+fn every_surface_point_has_a_cache() {
+    let mut random = Random(1);
+    for round in 0..6 {
+        let size = [0.1, 1.0, 8.0][round % 3];
+        let soup = soup(&mut random, 300, size);
+        let spacing = spacing(if size > 1.0 { 2.5 } else { 0.7 });
+        check_guarantee(&scene(vec![(soup, DAffine3::IDENTITY)]), &spacing, &mut random);
+    }
+    for mesh in [sphere_mesh(1.0, 24), torus_mesh(1.0, 0.3, 24), box_mesh(DVec3::new(1.0, 2.0, 3.0), 2)] {
+        let mesh = scene(vec![(mesh, DAffine3::IDENTITY)]);
+        for (distance, degrees) in [(0.2, 30f32), (0.5, 10.0), (1.0, 60.0), (100.0, 120.0)] {
+            let settings = Settings { angle: degrees.to_radians(), ..spacing(distance) };
+            let set = check_guarantee(&mesh, &settings, &mut random);
+            assert!(!set.models[0].caches.is_empty());
+        }
+    }
+}
+
+#[test]
+fn the_guarantee_holds_far_away_and_at_any_scale() {
+    let mut random = Random(2);
+    for offset in [DVec3::ZERO, DVec3::new(1e5, -1e5, 1e5)] {
+        let plane = grid_mesh(7, 5, |u, v| (offset + DVec3::new(9.0 * u, 0.0, -6.0 * v), DVec3::Y));
+        let set = check_guarantee(&scene(vec![(plane, DAffine3::IDENTITY)]), &spacing(1.0), &mut random);
+        // The plane falls to one layer of voxels: 18 x 12 of them, fewer where edges were splinters.
+        assert!((150..=260).contains(&set.models[0].caches.len()), "{}", set.models[0].caches.len());
+    }
+    for scale in [1e-3, 1.0, 1e3] {
+        let transform = DAffine3::from_scale(DVec3::splat(scale));
+        let meshes = scene(vec![(torus_mesh(1.0, 0.4, 16), transform), (soup(&mut random, 100, 1.0), transform)]);
+        check_guarantee(&meshes, &spacing(0.4 * scale), &mut random);
+    }
+}
+
+#[test]
+fn slivers_are_covered_and_degenerate_triangles_skipped() {
+    let mut random = Random(3);
+    let mut triangles: Vec<[DVec3; 3]> = (1..7)
+        .map(|power| {
+            let start = random.point() * 3.0;
+            [start, start + DVec3::X * 5.0, start + DVec3::new(5.0, 0.1f64.powi(power), 0.0)]
+        })
+        .collect();
+    let p = DVec3::ONE;
+    triangles.extend([[p; 3], [p, p, DVec3::ZERO], [DVec3::ZERO, p, p * 2.0], [p, DVec3::NAN, DVec3::ZERO]]);
+    let mesh = scene(vec![(flat_mesh(&triangles), DAffine3::IDENTITY)]);
+    let set = check_guarantee(&mesh, &spacing(0.5), &mut random);
+    assert!(set.models[0].caches.iter().all(|c| c.triangle < 6));
+    // Vertices without surface, and even those without a place, get references all the same.
+    assert!(set.models[0].references.iter().all(|&reference| reference != NO_CACHE));
+
+    let nothing = scene(vec![(flat_mesh(&[[p; 3]]), DAffine3::IDENTITY)]);
+    for settings in [spacing(0.5), count(10)] {
+        let set = run(&nothing, &settings);
+        assert!(set.models[0].caches.is_empty());
+        assert_eq!(set.models[0].references, [NO_CACHE; 24]);
+    }
+    assert_eq!(run(&Scene::default(), &count(10)).models.len(), 0);
+}
+
+#[test]
+fn bins_have_equal_areas_and_cover_the_sphere() {
+    let mut random = Random(4);
+    let mut hits = vec![0u32; cluster::BINS * cluster::BINS];
+    let samples = 324 * 400;
+    for _ in 0..samples {
+        let (u, theta) = (2.0 * random.next() - 1.0, TAU * random.next());
+        let radius = (1.0 - u * u).sqrt();
+        hits[cluster::normal_bin(DVec3::new(radius * theta.cos(), radius * theta.sin(), u))] += 1;
+    }
+    // 400 expected in each, standard deviation 20: beyond 5 of them lies one bin in 5000 runs.
+    assert!(hits.iter().all(|&h| (300..=500).contains(&h)), "{hits:?}");
+    for bin in 0..hits.len() {
+        assert_eq!(cluster::normal_bin(cluster::bin_normal(bin)), bin);
+        assert!((cluster::bin_normal(bin).length() - 1.0).abs() < 1e-12);
+    }
+    for pole in [DVec3::Z, -DVec3::Z, DVec3::X, -DVec3::X, DVec3::NEG_Y, DVec3::new(1.0, -0.0, 0.0)] {
+        assert!(cluster::normal_bin(pole) < hits.len());
+    }
+}
+
+#[test]
+fn clipped_pieces_add_up() {
+    let mut random = Random(5);
+    for round in 0..200 {
+        let mut corners = [(); 3].map(|()| (random.point() - 0.5) * 10.0);
+        if round % 4 == 0 {
+            corners.iter_mut().for_each(|corner| corner.y = 1.0); // in a plane of the grid
+        }
+        let [a, b, c] = corners;
+        let (mut sum, mut voxels) = (0.0, std::collections::HashSet::new());
+        voxel::clip([a, b, c], DVec3::splat(-20.0), 0.5, &mut |voxel, polygon| {
+            let area = polygon.windows(2).map(|p| (p[0] - polygon[0]).cross(p[1] - polygon[0])).sum::<DVec3>();
+            sum += 0.5 * area.length();
+            assert!(voxels.insert(voxel), "a triangle has one piece per voxel");
+            for corner in polygon {
+                let inside = (*corner + 20.0) / 0.5 - DVec3::from_array(voxel.map(|x| x as f64));
+                assert!(inside.min_element() > -1e-9 && inside.max_element() < 1.0 + 1e-9);
+            }
+            assert!(round % 4 != 0 || voxel[1] == 42);
+        });
+        let area = 0.5 * (b - a).cross(c - a).length();
+        assert!((sum - area).abs() < 1e-12 * area.max(1.0), "{sum} of {area}");
+    }
+}
+
+#[test]
+fn counts_are_met() {
+    let cube = scene(vec![(box_mesh(DVec3::new(4.0, 3.0, 5.0), 8), DAffine3::IDENTITY)]);
+    // Caches come by layers of voxels: small counts jump.
+    for (target, percent) in [(1, 500.0), (6, 0.0), (50, 10.0), (250, 6.0), (1000, 3.0), (4000, 2.0)] {
+        let set = run(&cube, &count(target));
+        let off = 100.0 * (set.models[0].caches.len() as f64 - target as f64).abs() / target as f64;
+        assert!(off <= percent, "{} for {target}", set.models[0].caches.len());
+    }
+    // An instanced mesh counts once per instance.
+    let mut twins = scene(vec![(torus_mesh(1.0, 0.4, 32), DAffine3::IDENTITY)]);
+    twins.instances = vec![twins.instances[0].clone(); 3];
+    let set = run(&twins, &count(900));
+    assert_eq!((set.models.len(), set.instance_model), (1, vec![0; 3]));
+    assert!((set.models[0].caches.len() as f64 / 300.0 - 1.0).abs() < 0.03, "{}", set.models[0].caches.len());
+}
+
+fn total_area(model: &ModelCaches) -> f64 {
+    model.caches.iter().map(|c| f64::from(c.area)).sum()
+}
+
+#[test]
+fn areas_add_up_to_the_surface() {
+    let plane = |_: f64| grid_mesh(5, 5, |u, v| (DVec3::new(u, 0.0, -v), DVec3::Y));
+    let square = run(&scene(vec![(plane(0.0), DAffine3::from_scale(DVec3::splat(2.0)))]), &spacing(50.0));
+    assert_eq!(square.models[0].caches.len(), 1);
+    assert!((total_area(&square.models[0]) - 4.0).abs() < 1e-5);
+
+    // Planes and boxes are divided among their caches exactly: bisectors of one face know nothing of the next.
+    let cases = [
+        (plane(0.0), 1.0, 1e-5),
+        (box_mesh(DVec3::new(1.0, 2.0, 3.0), 3), 22.0, 1e-5),
+        // Curved surface is seen foreshortened by its caches, which turn up to 30 degrees from it (4 % on average).
+        (sphere_mesh(1.0, 48), 4.0 * PI, 0.06),
+        (torus_mesh(1.0, 0.4, 48), 4.0 * PI * PI * 0.4, 0.06),
+    ];
+    for (mesh, area, within) in cases {
+        let set = run(&scene(vec![(mesh, DAffine3::IDENTITY)]), &spacing(0.3));
+        let ratio = total_area(&set.models[0]) / area;
+        assert!((ratio - 1.0).abs() < within, "{ratio} of {area}");
+        assert!(set.models[0].caches.iter().all(|c| c.area > 0.0));
+    }
+
+    // A sheet's two sides do not share.
+    let mut sheet = plane(0.0);
+    let back: Vec<Vertex> = sheet.vertices.iter().map(|v| Vertex { normal: -Vec3::Y, ..*v }).collect();
+    let first = sheet.vertices.len() as u32;
+    let turned: Vec<u32> = sheet.indices.chunks(3).flat_map(|t| [first + t[0], first + t[2], first + t[1]]).collect();
+    sheet.vertices.extend(back);
+    sheet.indices.extend(turned);
+    let set = run(&scene(vec![(sheet, DAffine3::IDENTITY)]), &spacing(0.3));
+    assert!((total_area(&set.models[0]) - 2.0).abs() < 1e-5);
+}
+
+#[test]
+fn references_equal_brute_force() {
+    let mut random = Random(6);
+    let uneven = DAffine3::from_scale(DVec3::new(-2.0, 0.5, 1.0));
+    for (mesh, transform, spacing, references) in [
+        (soup(&mut random, 400, 1.0), DAffine3::IDENTITY, 0.5, 8),
+        (torus_mesh(1.0, 0.4, 32), uneven, 0.3, 16),
+        (box_mesh(DVec3::new(1.0, 2.0, 30.0), 8), DAffine3::IDENTITY, 0.6, 16),
+        (sphere_mesh(1.0, 8), DAffine3::IDENTITY, 50.0, 16),
+    ] {
+        let settings = Settings { density: Density::Spacing(spacing), angle: 0.4, references };
+        let scene = scene(vec![(mesh, transform)]);
+        let set = run(&scene, &settings);
+        let (mesh, model, linear) = (&scene.meshes[0], &set.models[0], transform.matrix3);
+        let shading = |normal: Vec3| (linear.inverse().transpose() * normal.as_dvec3()).normalize();
+        let caches: Vec<_> = model.caches.iter().map(|c| (place(mesh, linear, c), shading(c.normal))).collect();
+        for (vertex, list) in mesh.vertices.iter().zip(model.references.chunks(references)) {
+            let (position, normal) = (linear * vertex.position.as_dvec3(), shading(vertex.normal));
+            let error = |index: usize| {
+                let (place, facing) = caches[index];
+                place.distance(position) / spacing + (1.0 - normal.dot(facing).clamp(0.0, 1.0)).sqrt()
+            };
+            let mut all: Vec<f64> = (0..caches.len()).map(error).collect();
+            all.sort_by(f64::total_cmp);
+            for (rank, &reference) in list.iter().enumerate() {
+                match all.get(rank) {
+                    // Equal errors may come in another order by the last bit, through the square root of 1 - 1.
+                    Some(least) => assert!((error(usize::from(reference)) - least).abs() < 1e-7, "rank {rank}"),
+                    None => assert_eq!(reference, NO_CACHE),
+                }
+            }
+            let given = list.iter().filter(|&&r| r != NO_CACHE).collect::<std::collections::HashSet<_>>().len();
+            assert_eq!(given, references.min(caches.len()), "each cache once");
+        }
+    }
+}
+
+#[test]
+fn caches_lie_on_their_triangles() {
+    let scene = scene(vec![(torus_mesh(1.0, 0.4, 24), DAffine3::from_scale(DVec3::new(1.0, 3.0, 1.0)))]);
+    let (mesh, set) = (&scene.meshes[0], run(&scene, &spacing(0.4)));
+    for cache in &set.models[0].caches {
+        let [second, third] = cache.barycentric;
+        assert!(second >= 0.0 && third >= 0.0 && second + third <= 1.0 + 1e-6);
+        assert!(place(mesh, DMat3::IDENTITY, cache).distance(cache.position.as_dvec3()) < 1e-6);
+        let normals = mesh.triangle(cache.triangle as usize).map(|v| mesh.vertices[v].normal);
+        let normal = normals[0] * (1.0 - second - third) + normals[1] * second + normals[2] * third;
+        assert!(cache.normal.distance(normal.normalize()) < 1e-5);
+    }
+}
+
+#[test]
+fn threads_and_runs_change_nothing() {
+    let mut random = Random(7);
+    let meshes = vec![(soup(&mut random, 500, 1.0), DAffine3::IDENTITY), (sphere_mesh(2.0, 32), DAffine3::IDENTITY)];
+    let scene = scene(meshes);
+    let with = |threads| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
+        pool.install(|| run(&scene, &count(700)))
+    };
+    let one = with(1);
+    assert_eq!(one, with(4));
+    assert_eq!(one, with(4));
+    assert_eq!(one, run(&scene, &count(700)));
+}
+
+#[test]
+fn stretches_make_models() {
+    let mesh = torus_mesh(1.0, 0.4, 24);
+    let turn = DQuat::from_rotation_x(0.7) * DQuat::from_rotation_z(2.0);
+    let transforms = [
+        DAffine3::IDENTITY,
+        DAffine3::from_rotation_translation(turn, DVec3::new(1e6, 5.0, -3.0)),
+        DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
+        DAffine3::from_scale(DVec3::splat(2.0)),
+        DAffine3::from_scale_rotation_translation(DVec3::new(1.0, 4.0, -0.5), turn, DVec3::ZERO),
+    ];
+    let mut scene = scene(vec![(mesh, DAffine3::IDENTITY)]);
+    let place = |world_from_model| Instance { name: String::new(), mesh: 0, world_from_model };
+    scene.instances = transforms.map(place).to_vec();
+    let set = check_guarantee(&scene, &spacing(0.3), &mut Random(8));
+    assert_eq!(set.instance_model, [0, 0, 0, 1, 2]);
+    // Twice as large in the same metres: four times the caches, give or take the tube's curvature.
+    let ratio = set.models[1].caches.len() as f64 / set.models[0].caches.len() as f64;
+    assert!((2.5..5.0).contains(&ratio), "{ratio}");
+    assert!((total_area(&set.models[1]) / total_area(&set.models[0]) - 4.0).abs() < 0.3);
+}
+
+#[test]
+fn too_much_is_refused() {
+    let large = box_mesh(DVec3::splat(100.0), 1);
+    // A small neighbour raises what the scene may hold, not what the large box may.
+    let boxes = scene(vec![(large, DAffine3::IDENTITY), (box_mesh(DVec3::ONE, 1), DAffine3::IDENTITY)]);
+    for settings in [spacing(1e-9), spacing(1e-3), spacing(1.5), count(100_000), count(200_000)] {
+        match bake::bake(&boxes, &settings, &|_, _| {}) {
+            Err(Error::TooLarge(message)) => assert!(message.contains("ask for"), "{message}"),
+            other => panic!("{:?}", other.map(|set| set.models[0].caches.len())),
+        }
+    }
+}
+
+#[test]
+fn a_kept_bake_is_found_again() {
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("kept bakes");
+    std::fs::remove_dir_all(&folder).ok();
+    let mut random = Random(9);
+    let mut scene = scene(vec![(box_mesh(DVec3::ONE, 4), DAffine3::IDENTITY)]);
+    let settings = spacing(0.3);
+    let kept =
+        |scene: &Scene, settings: &Settings| bake::bake_kept_in(&folder, scene, settings, &|_, _| {}).expect("bakes");
+    let (first, was_kept) = kept(&scene, &settings);
+    assert!(!was_kept);
+    assert_eq!(kept(&scene, &settings), (first.clone(), true));
+
+    // Any byte changed, any length cut: baked again, and whole again afterwards.
+    let files: Vec<_> = std::fs::read_dir(&folder).expect("folder").map(|e| e.expect("entry").path()).collect();
+    assert_eq!(files.len(), 1, "no temporary file stays: {files:?}");
+    let whole = std::fs::read(&files[0]).expect("file");
+    for _ in 0..40 {
+        let mut damaged = whole.clone();
+        let place = (random.next() * whole.len() as f64) as usize;
+        if random.next() < 0.5 {
+            damaged[place] ^= 1 << (place % 8)
+        } else {
+            damaged.truncate(place)
+        }
+        std::fs::write(&files[0], &damaged).expect("written");
+        assert_eq!(kept(&scene, &settings), (first.clone(), false));
+        assert_eq!(std::fs::read(&files[0]).expect("file"), whole);
+    }
+
+    // Whatever matters is part of the key.
+    for other in
+        [spacing(0.31), Settings { references: 16, ..settings }, Settings { angle: 0.5, ..settings }, count(50)]
+    {
+        assert!(!kept(&scene, &other).1);
+        assert!(kept(&scene, &other).1);
+    }
+    scene.instances[0].world_from_model = DAffine3::from_translation(DVec3::X);
+    assert!(kept(&scene, &settings).1, "translation does not matter");
+    scene.instances[0].world_from_model = DAffine3::from_scale(DVec3::splat(1.5));
+    assert!(!kept(&scene, &settings).1);
+    scene.meshes[0].vertices[0].position.x -= 0.1;
+    assert!(!kept(&scene, &settings).1);
+
+    // A folder that cannot be one is no error.
+    let blocked = bake::bake_kept_in(&files[0], &scene, &settings, &|_, _| {}).expect("bakes");
+    assert!(!blocked.1);
+}
+
+#[test]
+fn progress_goes_from_nothing_to_all() {
+    let told = std::sync::Mutex::new(Vec::new());
+    let scene = scene(vec![(box_mesh(DVec3::ONE, 2), DAffine3::IDENTITY)]);
+    bake::bake(&scene, &count(100), &|fraction, what| told.lock().expect("lock").push((fraction, what.to_owned())))
+        .expect("bakes");
+    let told = told.into_inner().expect("lock");
+    assert!(told.windows(2).all(|pair| pair[0].0 <= pair[1].0), "{told:?}");
+    assert_eq!((told[0].0, told[told.len() - 1].0), (0.0, 1.0));
+}
