@@ -1,3 +1,9 @@
 //! The one integration-test binary: it links once.
 
+mod analytic;
 mod bake;
+mod common;
+mod generated;
+mod malformed;
+mod proxies;
+mod scene;
