@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::scene::Scene;
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicU32, Ordering};
 
 const MAGIC: [u8; 8] = *b"LSKCACHE";
 
@@ -104,10 +105,12 @@ fn key(scene: &Scene, settings: &Settings) -> [u8; 32] {
     *hasher.finalize().as_bytes()
 }
 
-/// Writes under another name first: nobody ever sees half a file, nor does a crash leave one.
+/// Writes under another name first, one that nobody else writes to: no one ever reads half a file.
 fn keep(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     std::fs::create_dir_all(folder)?;
-    let temporary = path.with_extension(format!("{}.tmp", std::process::id()));
+    static WRITES: AtomicU32 = AtomicU32::new(0);
+    let write = WRITES.fetch_add(1, Ordering::Relaxed);
+    let temporary = path.with_extension(format!("{}-{write}.tmp", std::process::id()));
     let written = (|| {
         let mut file = std::fs::File::create(&temporary)?;
         file.write_all(bytes)?;
