@@ -34,7 +34,9 @@ fn compile_shaders(out: &Path) {
 
     let mut entries: Vec<_> = fs::read_dir("glsl").expect("glsl").map(|e| e.expect("glsl entry").path()).collect();
     entries.sort();
-    let mut table = String::from("/// Every entry shader: file name and SPIR-V.\npub(crate) static SHADERS: &[(&str, &[u8])] = &[\n");
+    let mut table = String::from(
+        "/// Every entry shader: file name and SPIR-V.\npub(crate) static SHADERS: &[(&str, &[u8])] = &[\n",
+    );
     for path in entries {
         let kind = match path.extension().and_then(|e| e.to_str()) {
             Some("vert") => shaderc::ShaderKind::Vertex,
@@ -47,7 +49,8 @@ fn compile_shaders(out: &Path) {
         match compiler.compile_into_spirv(&source, kind, &path.display().to_string(), "main", Some(&options)) {
             Ok(artifact) => {
                 fs::write(out.join(format!("{name}.spv")), artifact.as_binary_u8()).expect("write SPIR-V");
-                writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))),").expect("string");
+                writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))),")
+                    .expect("string");
             }
             Err(error) => {
                 eprintln!("{error}");
@@ -100,13 +103,15 @@ fn rust_from_glsl(glsl: &str) -> String {
             let (name, size) = open.take().unwrap_or_else(|| panic!("{place}: no struct is open"));
             writeln!(rust, "}}\nconst _: () = assert!(size_of::<{name}>() == {size});\n").expect("string");
         } else if let Some((_, size)) = &mut open {
-            let (kind, field) = code.trim_end_matches(';').split_once(' ').unwrap_or_else(|| panic!("{place}: one member a line"));
+            let (kind, field) =
+                code.trim_end_matches(';').split_once(' ').unwrap_or_else(|| panic!("{place}: one member a line"));
             let (kind, bytes) = types.get(kind).unwrap_or_else(|| panic!("{place}: type {kind} has no Rust twin here"));
             *size += bytes;
             writeln!(rust, "{doc}    pub {field}: {kind},").expect("string");
         } else if let Some(rest) = code.strip_prefix("const ") {
             let (kind, rest) = rest.split_once(' ').unwrap_or_else(|| panic!("{place}: const TYPE NAME = VALUE;"));
-            let (name, value) = rest.trim_end_matches(';').split_once('=').unwrap_or_else(|| panic!("{place}: const without a value"));
+            let (name, value) =
+                rest.trim_end_matches(';').split_once('=').unwrap_or_else(|| panic!("{place}: const without a value"));
             let (kind, _) = types.get(kind).unwrap_or_else(|| panic!("{place}: type {kind} has no Rust twin here"));
             let value = value.trim().trim_end_matches('u');
             writeln!(rust, "{doc}pub const {}: {kind} = {value};\n", name.trim()).expect("string");

@@ -85,13 +85,16 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()
     replace_file(path, |temporary| {
         let file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
         let encoder = image::codecs::png::PngEncoder::new(file);
-        image::ImageEncoder::write_image(encoder, &rgb, width, height, image::ExtendedColorType::Rgb8).map_err(std::io::Error::other)
+        image::ImageEncoder::write_image(encoder, &rgb, width, height, image::ExtendedColorType::Rgb8)
+            .map_err(std::io::Error::other)
     })
 }
 
 /// Writes a 32-bit float OpenEXR with all layers in one part, linear Rec.709, and `metadata` as attributes.
 pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadata: &[(&str, String)]) -> Result<()> {
-    use exr::prelude::{AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, LayerAttributes, Text, WritableImage};
+    use exr::prelude::{
+        AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, LayerAttributes, Text, WritableImage,
+    };
     let mut channels = exr::prelude::SmallVec::<[AnyChannel<FlatSamples>; 4]>::new();
     for layer in layers {
         for (channel, plane) in layer.channels.iter().zip(&layer.planes) {
@@ -125,8 +128,12 @@ pub fn replace_file(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()
     let failed = |error: std::io::Error| {
         let remedy = match error.kind() {
             std::io::ErrorKind::NotFound => "the folder does not exist; make it first",
-            std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => "choose a folder that can be written to",
-            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => "free some space or choose another disk",
+            std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
+                "choose a folder that can be written to"
+            }
+            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
+                "free some space or choose another disk"
+            }
             _ => "choose another place",
         };
         Error::Output { file: path.to_owned(), reason: format!("{error}; {remedy}") }

@@ -12,7 +12,8 @@ pub(super) struct Assets {
 }
 
 pub(super) fn run(args: &Assets) -> Result<()> {
-    std::fs::create_dir_all(&args.folder).with_context(|| format!("{}: cannot make the folder", args.folder.display()))?;
+    std::fs::create_dir_all(&args.folder)
+        .with_context(|| format!("{}: cannot make the folder", args.folder.display()))?;
     let scenes = [
         ("atrium.glb", build::atrium()),
         ("cornell_diffuse.glb", build::cornell(build::CornellSurface::Diffuse, 0.05)),

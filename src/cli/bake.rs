@@ -20,7 +20,8 @@ pub(super) fn run(args: &Bake) -> Result<()> {
     let settings = args.caches.settings();
     let baked = bake_scene(&scene, &settings, args.again)?;
     let set = &baked.caches;
-    let coverage = set.models.iter().fold((0.0_f64, 0.0_f64), |(d, a), m| (d.max(m.coverage.distance), a.max(m.coverage.angle)));
+    let coverage =
+        set.models.iter().fold((0.0_f64, 0.0_f64), |(d, a), m| (d.max(m.coverage.distance), a.max(m.coverage.angle)));
     let references: usize = set.models.iter().map(|m| m.references.len()).sum();
     println!("scene       {} ({} triangles)", scene.name, thousands(scene.triangle_count()));
     println!("caches      {} in {} models", thousands(baked.count), set.models.len());
@@ -32,6 +33,10 @@ pub(super) fn run(args: &Bake) -> Result<()> {
         100.0 * coverage.0 / set.spacing,
         coverage.1.to_degrees()
     );
-    println!("time        {:.2} s{}", baked.time.as_secs_f64(), if baked.kept { " (read from the kept bake)" } else { "" });
+    println!(
+        "time        {:.2} s{}",
+        baked.time.as_secs_f64(),
+        if baked.kept { " (read from the kept bake)" } else { "" }
+    );
     Ok(())
 }

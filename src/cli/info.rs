@@ -23,10 +23,23 @@ pub(super) struct Info {
 pub(super) fn run(args: &Info) -> Result<()> {
     let scene = load_scene(args.scene.as_deref())?;
     println!("scene {}", scene.name);
-    println!("  {} triangles in {} meshes, {} instances", thousands(scene.triangle_count()), scene.meshes.len(), scene.instances.len());
+    println!(
+        "  {} triangles in {} meshes, {} instances",
+        thousands(scene.triangle_count()),
+        scene.meshes.len(),
+        scene.instances.len()
+    );
     if let Some((low, high)) = scene.bounds() {
         let size = high - low;
-        println!("  {:.3} x {:.3} x {:.3} m around ({:.3}, {:.3}, {:.3})", size.x, size.y, size.z, (low.x + high.x) / 2.0, (low.y + high.y) / 2.0, (low.z + high.z) / 2.0);
+        println!(
+            "  {:.3} x {:.3} x {:.3} m around ({:.3}, {:.3}, {:.3})",
+            size.x,
+            size.y,
+            size.z,
+            (low.x + high.x) / 2.0,
+            (low.y + high.y) / 2.0,
+            (low.z + high.z) / 2.0
+        );
     }
     println!("  {} materials, {} images", scene.materials.len(), scene.images.len());
     for (i, camera) in scene.cameras.iter().enumerate() {
@@ -36,14 +49,21 @@ pub(super) fn run(args: &Info) -> Result<()> {
         let (kind, unit) = match light.kind {
             LightKind::Directional => ("directional".to_owned(), "lx"),
             LightKind::Point => ("point".to_owned(), "cd"),
-            LightKind::Spot { inner, outer } => (format!("spot {:.1} to {:.1} degrees", inner.to_degrees(), outer.to_degrees()), "cd"),
+            LightKind::Spot { inner, outer } => {
+                (format!("spot {:.1} to {:.1} degrees", inner.to_degrees(), outer.to_degrees()), "cd")
+            }
         };
         println!("  light {i} '{}' {kind}, {} {unit}", light.name, light.intensity);
     }
 
     let baked = bake_scene(&scene, &args.caches.settings(), false)?;
     println!("caches");
-    println!("  {} at {:.4} m spacing in {} models", thousands(baked.count), baked.caches.spacing, baked.caches.models.len());
+    println!(
+        "  {} at {:.4} m spacing in {} models",
+        thousands(baked.count),
+        baked.caches.spacing,
+        baked.caches.models.len()
+    );
 
     let gpu = args.device.open()?;
     let settings = Settings { references: args.caches.settings().references, rsm: args.rsm, ..Settings::default() };
@@ -70,9 +90,14 @@ pub(super) fn run(args: &Info) -> Result<()> {
             println!("    {thing:<20} {:>10} KiB", kib(*bytes));
         }
     }
-    let is_state = |stage: &str, thing: &str| matches!(stage, "atlas" | "gather") || (stage == "scene" && thing == "model_caches");
+    let is_state =
+        |stage: &str, thing: &str| matches!(stage, "atlas" | "gather") || (stage == "scene" && thing == "model_caches");
     let state: u64 = stages.iter().flat_map(|(s, all)| all.iter().filter(|(t, _)| is_state(s, t)).map(|t| t.1)).sum();
-    println!("  state of the caches (atlas, gather, scene.model_caches): {} KiB, {:.0} bytes per cache", kib(state), state as f64 / baked.count.max(1) as f64);
+    println!(
+        "  state of the caches (atlas, gather, scene.model_caches): {} KiB, {:.0} bytes per cache",
+        kib(state),
+        state as f64 / baked.count.max(1) as f64
+    );
     Ok(())
 }
 

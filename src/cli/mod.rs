@@ -60,13 +60,13 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
 #[derive(Args)]
 struct CacheArgs {
     /// About this many caches over the whole scene.
-    #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
     caches: u32,
     /// Largest distance [m] of a surface point to a cache, instead of a count.
     #[arg(long, value_name = "M", value_parser = positive)]
     spacing: Option<f64>,
     /// Largest angle [degrees] between a surface and its cache.
-    #[arg(long, value_name = "DEG", default_value_t = 45.0, value_parser = angle)]
+    #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
     /// Caches that each vertex refers to.
     #[arg(long, value_name = "N", default_value = "8", value_parser = ["8", "16"])]
@@ -194,7 +194,11 @@ fn check_messages(gpu: &Gpu, problems: &[String]) -> Result<()> {
         log::error!("barriers: {problem}");
     }
     if !messages.is_empty() || !problems.is_empty() {
-        bail!("{} validation messages and {} barrier problems; this is a bug of lightskin", messages.len(), problems.len());
+        bail!(
+            "{} validation messages and {} barrier problems; this is a bug of lightskin",
+            messages.len(),
+            problems.len()
+        );
     }
     Ok(())
 }

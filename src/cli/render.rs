@@ -220,7 +220,8 @@ fn free_camera(text: &str) -> Result<Camera> {
     let parts: Vec<&str> = text.split(';').collect();
     let [eye, target, up, fov] = parts[..] else { bail!(form()) };
     let vector = |text: &str| -> Result<DVec3> {
-        let numbers: Vec<f64> = text.split(',').map(|n| n.trim().parse()).collect::<std::result::Result<_, _>>().with_context(form)?;
+        let numbers: Vec<f64> =
+            text.split(',').map(|n| n.trim().parse()).collect::<std::result::Result<_, _>>().with_context(form)?;
         match numbers[..] {
             [x, y, z] if DVec3::new(x, y, z).is_finite() => Ok(DVec3::new(x, y, z)),
             _ => bail!(form()),
@@ -236,8 +237,13 @@ fn free_camera(text: &str) -> Result<Camera> {
     if right == DVec3::ZERO {
         bail!("--camera: eye and target coincide, or up points along the view");
     }
-    let world_from_camera = DAffine3::from_mat3_translation(DMat3::from_cols(right, backward.cross(right), backward), eye);
-    Ok(Camera { name: "--camera".into(), world_from_camera, projection: Projection::Perspective { yfov: fov.to_radians() } })
+    let world_from_camera =
+        DAffine3::from_mat3_translation(DMat3::from_cols(right, backward.cross(right), backward), eye);
+    Ok(Camera {
+        name: "--camera".into(),
+        world_from_camera,
+        projection: Projection::Perspective { yfov: fov.to_radians() },
+    })
 }
 
 pub(super) fn run(args: &Render) -> Result<()> {
@@ -252,7 +258,9 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let camera = camera(&scene, args.camera.as_deref())?;
     let loaded = start.elapsed();
     let settings = args.settings();
-    let baked = (args.gi == GiArg::Lightskin).then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again)).transpose()?;
+    let baked = (args.gi == GiArg::Lightskin)
+        .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
+        .transpose()?;
     let gpu = args.device.open()?;
     let buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
@@ -273,7 +281,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     check_messages(&gpu, &problems)?;
 
-    let report = Report { args, scene: &scene, camera: &camera, baked: baked.as_ref(), gpu: &gpu, frame: &frame, runs: &runs };
+    let report =
+        Report { args, scene: &scene, camera: &camera, baked: baked.as_ref(), gpu: &gpu, frame: &frame, runs: &runs };
     let measured_ev = gpu.read::<f32>(&frame.targets.exposure)?[0];
     let ev = args.ev.unwrap_or(measured_ev);
     let broken = write_picture(&report, &view, ev)?;
@@ -309,7 +318,12 @@ fn write_picture(report: &Report<'_>, view: &View, ev: f32) -> Result<usize> {
     let add = |a: &[[f32; 4]], b: &[[f32; 4]]| -> Vec<[f32; 4]> {
         a.iter().zip(b).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2], 1.0]).collect()
     };
-    let broken = [&direct, &diffuse, &glossy].into_iter().flatten().flat_map(|p| &p[..3]).filter(|v| !(**v >= 0.0 && v.is_finite())).count();
+    let broken = [&direct, &diffuse, &glossy]
+        .into_iter()
+        .flatten()
+        .flat_map(|p| &p[..3])
+        .filter(|v| !(**v >= 0.0 && v.is_finite()))
+        .count();
 
     let is_exr = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
     if !is_exr && args.layer.is_none() {
@@ -442,7 +456,8 @@ impl Report<'_> {
     fn medians(&self) -> Vec<(&'static str, f64)> {
         let Some(first) = self.runs.first() else { return Vec::new() };
         let median = |name| {
-            let mut all: Vec<f64> = self.runs.iter().flat_map(|r| &r.stages).filter(|s| s.name == name).map(|s| s.time_ms).collect();
+            let mut all: Vec<f64> =
+                self.runs.iter().flat_map(|r| &r.stages).filter(|s| s.name == name).map(|s| s.time_ms).collect();
             all.sort_by(f64::total_cmp);
             all[all.len() / 2]
         };
@@ -451,21 +466,42 @@ impl Report<'_> {
 
     fn print(&self, loaded: std::time::Duration, ev: f32) {
         let report = self.gpu.report();
-        println!("scene     {} ({} triangles, {} lights; loaded in {:.2} s)", self.scene.name, thousands(self.scene.triangle_count()), self.scene.lights.len(), loaded.as_secs_f64());
+        println!(
+            "scene     {} ({} triangles, {} lights; loaded in {:.2} s)",
+            self.scene.name,
+            thousands(self.scene.triangle_count()),
+            self.scene.lights.len(),
+            loaded.as_secs_f64()
+        );
         println!("device    {} ({}, {})", report.name, report.kind, report.driver);
         if let Some(baked) = self.baked {
             let how = if baked.kept { "read from the kept bake" } else { "baked" };
-            println!("caches    {} at {:.3} m spacing ({how} in {:.2} s)", thousands(baked.count), baked.caches.spacing, baked.time.as_secs_f64());
+            println!(
+                "caches    {} at {:.3} m spacing ({how} in {:.2} s)",
+                thousands(baked.count),
+                baked.caches.spacing,
+                baked.time.as_secs_f64()
+            );
         }
         println!("VALs      {}", thousands(self.vals() as usize));
         println!("exposure  EV {ev:.2}");
         let medians = self.medians();
         for (name, ms) in &medians {
             let pairs = self.caches() as f64 * f64::from(self.vals());
-            let per_pair = if *name == "gather" && pairs > 0.0 { format!("  ({:.3} ns per cache and VAL)", ms * 1e6 / pairs) } else { String::new() };
+            let per_pair = if *name == "gather" && pairs > 0.0 {
+                format!("  ({:.3} ns per cache and VAL)", ms * 1e6 / pairs)
+            } else {
+                String::new()
+            };
             println!("  {name:<12}{ms:>10.3} ms{per_pair}");
         }
-        println!("  {:<12}{:>10.3} ms  ({}, median of {})", "frame", medians.iter().map(|m| m.1).sum::<f64>(), self.method(), self.runs.len());
+        println!(
+            "  {:<12}{:>10.3} ms  ({}, median of {})",
+            "frame",
+            medians.iter().map(|m| m.1).sum::<f64>(),
+            self.method(),
+            self.runs.len()
+        );
         println!("picture   {}", self.args.out.display());
     }
 
@@ -476,7 +512,8 @@ impl Report<'_> {
         replace_file(path, |temporary| {
             let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
             for (i, run) in self.runs.iter().enumerate() {
-                let stages: Vec<_> = run.stages.iter().map(|s| serde_json::json!({ "name": s.name, "gpu_ms": s.time_ms })).collect();
+                let stages: Vec<_> =
+                    run.stages.iter().map(|s| serde_json::json!({ "name": s.name, "gpu_ms": s.time_ms })).collect();
                 let gather = run.stages.iter().find(|s| s.name == "gather").map(|s| s.time_ms * 1e6);
                 let pairs = self.caches() as f64 * f64::from(self.vals());
                 let line = serde_json::json!({

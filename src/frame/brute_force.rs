@@ -35,9 +35,21 @@ impl BruteForce {
         let colors: Vec<_> = [&out.diffuse].into_iter().chain(&out.glossy).map(Attach::clear).collect();
         cmd.render(&Attachments { colors: &colors, depth: None, area: [0, 0, t.size[0], t.size[1]] }, |draw| {
             for (tile, val_count) in tiles(rsm.val_count) {
-                let all = [tile_of(rsm, tile), (&t.depth).into(), (&t.normal).into(), (&t.albedo).into(), (&t.specular).into()];
+                let all = [
+                    tile_of(rsm, tile),
+                    (&t.depth).into(),
+                    (&t.normal).into(),
+                    (&t.albedo).into(),
+                    (&t.specular).into(),
+                ];
                 draw.bind(&self.pipeline, &all[..if out.glossy.is_some() { 5 } else { 4 }]);
-                draw.push(&ScreenPush { world_from_clip: view.world_from_clip, eye: view.eye, light: 0, shadow_size: 0, val_count });
+                draw.push(&ScreenPush {
+                    world_from_clip: view.world_from_clip,
+                    eye: view.eye,
+                    light: 0,
+                    shadow_size: 0,
+                    val_count,
+                });
                 draw.draw(3);
             }
         });

@@ -56,10 +56,13 @@ impl Composite {
         } else {
             cmd.barrier(Use::ColorWrite, Use::FragmentRead);
         }
-        cmd.render(&Attachments { colors: &[Attach::clear(&t.output)], depth: None, area: [0, 0, t.size[0], t.size[1]] }, |draw| {
-            draw.bind(&self.map, &binds);
-            draw.push(&self.push);
-            draw.draw(3);
-        });
+        cmd.render(
+            &Attachments { colors: &[Attach::clear(&t.output)], depth: None, area: [0, 0, t.size[0], t.size[1]] },
+            |draw| {
+                draw.bind(&self.map, &binds);
+                draw.push(&self.push);
+                draw.draw(3);
+            },
+        );
     }
 }

@@ -52,7 +52,11 @@ impl Direct {
             if i > 0 {
                 cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the last light's map has been read
             }
-            let depth = Attachments { colors: &[], depth: Some(Attach::clear(shadow)), area: [0, 0, shadow.width, shadow.height] };
+            let depth = Attachments {
+                colors: &[],
+                depth: Some(Attach::clear(shadow)),
+                area: [0, 0, shadow.width, shadow.height],
+            };
             cmd.render(&depth, |draw| {
                 for face in 0..light.views {
                     draw.area([face % 3 * size, face / 3 * size, size, size]);
@@ -62,7 +66,8 @@ impl Direct {
                 }
             });
             cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
-            let radiance = Attachments { colors: &[Attach::keep(&t.direct)], depth: None, area: [0, 0, t.size[0], t.size[1]] };
+            let radiance =
+                Attachments { colors: &[Attach::keep(&t.direct)], depth: None, area: [0, 0, t.size[0], t.size[1]] };
             cmd.render(&radiance, |draw| {
                 draw.bind(
                     &self.shade,

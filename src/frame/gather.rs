@@ -37,16 +37,22 @@ impl Gather {
         let _zone = cmd.zone("gather");
         let sums: Vec<_> = caches.sums.iter().map(Attach::clear).collect();
         let push = |val_count| GatherPush { cache_count: caches.count, val_count, eye: view.eye };
-        cmd.render(&Attachments { colors: &sums, depth: None, area: [0, 0, ATLAS_WIDTH, caches.rows().max(1)] }, |draw| {
-            for (tile, val_count) in tiles(rsm.val_count) {
-                draw.bind(&self.sum, &[(&caches.atlas).into(), tile_of(rsm, tile)]);
-                draw.push(&push(val_count));
-                draw.draw(3);
-            }
-        });
+        cmd.render(
+            &Attachments { colors: &sums, depth: None, area: [0, 0, ATLAS_WIDTH, caches.rows().max(1)] },
+            |draw| {
+                for (tile, val_count) in tiles(rsm.val_count) {
+                    draw.bind(&self.sum, &[(&caches.atlas).into(), tile_of(rsm, tile)]);
+                    draw.push(&push(val_count));
+                    draw.draw(3);
+                }
+            },
+        );
         cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead);
         let image = |i: usize| Bind::Image(caches.sums.get(i).unwrap_or(&caches.sums[0]));
-        cmd.bind(&self.resolve, &[(&caches.atlas).into(), image(0), image(1), image(2), image(3), (&caches.proxies).into()]);
+        cmd.bind(
+            &self.resolve,
+            &[(&caches.atlas).into(), image(0), image(1), image(2), image(3), (&caches.proxies).into()],
+        );
         cmd.push(&push(rsm.val_count));
         cmd.dispatch(caches.count, 1, 1);
     }

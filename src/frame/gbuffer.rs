@@ -31,10 +31,17 @@ impl GBuffer {
     pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, view: &View, t: &Targets) {
         let _zone = cmd.zone("gbuffer");
         let attachments = Attachments {
-            colors: &[Attach::clear(&t.normal), Attach::clear(&t.albedo), Attach::clear(&t.specular), Attach::clear(&t.direct)],
+            colors: &[
+                Attach::clear(&t.normal),
+                Attach::clear(&t.albedo),
+                Attach::clear(&t.specular),
+                Attach::clear(&t.direct),
+            ],
             depth: Some(Attach::clear(&t.depth)),
             area: [0, 0, t.size[0], t.size[1]],
         };
-        cmd.render(&attachments, |draw| scene.draw(draw, &self.pipeline, Which::All, view.clip_from_world, view.eye, None));
+        cmd.render(&attachments, |draw| {
+            scene.draw(draw, &self.pipeline, Which::All, view.clip_from_world, view.eye, None)
+        });
     }
 }

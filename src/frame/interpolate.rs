@@ -3,7 +3,7 @@
 
 use super::targets::{CacheTargets, IndirectTargets};
 use super::upload::Which;
-use super::{Interpolation, Plan, POSITION_NORMAL, SceneBuffers, Settings, Targets, View};
+use super::{Interpolation, POSITION_NORMAL, Plan, SceneBuffers, Settings, Targets, View};
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster};
 
@@ -31,7 +31,15 @@ impl Interpolate {
     }
 
     /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, view: &View, t: &Targets, caches: &CacheTargets, out: &IndirectTargets) {
+    pub fn record(
+        &self,
+        cmd: &Cmd<'_>,
+        scene: &SceneBuffers,
+        view: &View,
+        t: &Targets,
+        caches: &CacheTargets,
+        out: &IndirectTargets,
+    ) {
         let _zone = cmd.zone("interpolate");
         let colors: Vec<_> = [&out.diffuse].into_iter().chain(&out.glossy).map(Attach::clear).collect();
         let depth = Some(Attach { image: &t.depth, load: Load::ReadOnly });

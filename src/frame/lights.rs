@@ -50,7 +50,14 @@ pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>,
                 cone = [scale, -outer.cos() * scale];
                 if outer <= WIDEST_FRUSTUM {
                     let right = direction.any_orthonormal_vector();
-                    views.push(perspective_view(position, right, right.cross(direction), direction, f64::from(outer).tan(), radius));
+                    views.push(perspective_view(
+                        position,
+                        right,
+                        right.cross(direction),
+                        direction,
+                        f64::from(outer).tan(),
+                        radius,
+                    ));
                 }
             }
             LightKind::Point => {}
@@ -97,16 +104,17 @@ fn parallel_view(forward: DVec3, half: DVec3) -> LightView {
     // Half extent of the scene's box along an axis, and a little: nothing lies on the border.
     let reach = |axis: DVec3| 1.001 * axis.abs().dot(half);
     let (w, h, d) = (reach(right), reach(up), reach(forward));
-    let rows = [
-        (right / w).extend(0.0),
-        (-up / h).extend(0.0),
-        (-forward / (2.0 * d)).extend(0.5),
-        DVec4::W,
-    ];
+    let rows = [(right / w).extend(0.0), (-up / h).extend(0.0), (-forward / (2.0 * d)).extend(0.5), DVec4::W];
     view(rows, right * w, up * h, forward, 0.0)
 }
 
 fn view(rows: [DVec4; 4], right: DVec3, up: DVec3, forward: DVec3, near: f64) -> LightView {
     let clip_from_world = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose().as_mat4();
-    LightView { clip_from_world, right: right.as_vec3(), near: near as f32, up: up.as_vec3(), forward: forward.as_vec3() }
+    LightView {
+        clip_from_world,
+        right: right.as_vec3(),
+        near: near as f32,
+        up: up.as_vec3(),
+        forward: forward.as_vec3(),
+    }
 }

@@ -200,7 +200,10 @@ impl Frame {
         if let (Some(gi), Some(caches), Some(rsm), Some(out)) = (&self.lightskin, &t.caches, &t.rsm, &t.indirect) {
             cmd.barrier(Use::ComputeWrite, Use::FragmentRead); //   atlas, VALs -> 6
             gi.gather.record(cmd, rsm, view, caches); // 6
-            cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::VertexRead | Use::FragmentRead | Use::DepthRead); //   proxies, G-buffer -> 8
+            cmd.barrier(
+                Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite,
+                Use::VertexRead | Use::FragmentRead | Use::DepthRead,
+            ); //   proxies, G-buffer -> 8
             gi.interpolate.record(cmd, scene, view, t, caches, out); // 8
         }
         if let (Some(brute_force), Some(rsm), Some(out)) = (&self.brute_force, &t.rsm, &t.indirect) {

@@ -65,7 +65,12 @@ impl Plan {
             line(5, "cull", false, "not built yet: every cache is lit"),
             line(6, "gather", self.lightskin, gi),
             line(7, "occlude", false, "not built yet: indirect light is unshadowed"),
-            line(8, "interpolate", self.indirect(), if self.brute_force { "by brute force: every VAL onto every pixel" } else { gi }),
+            line(
+                8,
+                "interpolate",
+                self.indirect(),
+                if self.brute_force { "by brute force: every VAL onto every pixel" } else { gi },
+            ),
             line(9, "dipole", false, "not built yet: no subsurface scattering"),
             line(10, "scatter", false, "not built yet: no subsurface scattering"),
             line(11, "composite", true, "always"),
@@ -77,6 +82,9 @@ impl Plan {
 fn is_glossy(material: &Material) -> bool {
     match material.phong {
         Some(phong) => phong.specular.max_element() > 0.0,
-        None => material.metallic > 0.0 || (material.specular > 0.0 && material.ior != 1.0 && material.specular_color.max_element() > 0.0),
+        None => {
+            material.metallic > 0.0
+                || (material.specular > 0.0 && material.ior != 1.0 && material.specular_color.max_element() > 0.0)
+        }
     }
 }

@@ -141,7 +141,8 @@ impl RsmTargets {
         let n = settings.rsm;
         let val_count: u64 = scene.lights.iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
         let val_count = u32::try_from(val_count).ok().filter(|c| *c <= 1 << 25);
-        let val_count = val_count.ok_or_else(|| Error::TooLarge("more than 33 million VALs; ask for a smaller --rsm".into()))?;
+        let val_count =
+            val_count.ok_or_else(|| Error::TooLarge("more than 33 million VALs; ask for a smaller --rsm".into()))?;
         let float = Format::R32G32B32A32_SFLOAT;
         let dark = vec![Val { area: 1.0, ..Val::default() }; val_count.next_multiple_of(VAL_TILE) as usize];
         Ok(Self {
@@ -157,7 +158,12 @@ impl RsmTargets {
 
 impl CacheTargets {
     fn new(gpu: &Gpu, plan: &Plan, count: u32) -> Result<Self> {
-        let names = ["gather.diffuse_position", "gather.diffuse_irradiance", "gather.glossy_position", "gather.glossy_irradiance"];
+        let names = [
+            "gather.diffuse_position",
+            "gather.diffuse_irradiance",
+            "gather.glossy_position",
+            "gather.glossy_irradiance",
+        ];
         let rows = count.div_ceil(ATLAS_WIDTH).max(1);
         let sum = |name: &&str| gpu.target(name, Format::R32G32B32A32_SFLOAT, ATLAS_WIDTH, rows);
         let n = u64::from(count.max(1));

@@ -178,7 +178,15 @@ impl SceneBuffers {
 
     /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`);
     /// `own` gives those of the pass instead.
-    pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4, own: Option<&[Bind<'_>]>) {
+    pub fn draw(
+        &self,
+        draw: &Draw<'_, '_>,
+        pipeline: &Pipeline,
+        which: Which,
+        clip_from_world: Mat4,
+        eye: Vec4,
+        own: Option<&[Bind<'_>]>,
+    ) {
         let mut bound = None;
         for item in &self.draws {
             let wanted = match which {
@@ -273,7 +281,13 @@ fn place_caches(scene: &Scene, mesh: usize, model: &crate::bake::ModelCaches, in
         let uv = [u * a.uv0 + v * b.uv0 + w * c.uv0, u * a.uv1 + v * b.uv1 + w * c.uv1];
         scene.materials[materials[cache.triangle as usize]].reflectance(scene, uv, Vec4::ONE).exponent
     };
-    let place = |c: &crate::bake::Cache| ModelCache { position: c.position, exponent: exponent(c), normal: c.normal, area: c.area, instance };
+    let place = |c: &crate::bake::Cache| ModelCache {
+        position: c.position,
+        exponent: exponent(c),
+        normal: c.normal,
+        area: c.area,
+        instance,
+    };
     model.caches.iter().map(place).collect()
 }
 
@@ -327,7 +341,8 @@ fn upload_textures(gpu: &Gpu, scene: &Scene) -> Result<(Vec<Image>, Vec<TextureS
     for ((&(index, _), _), (slot, srgb, levels)) in wanted.iter().zip(chains) {
         let image = &scene.images[index];
         let format = if srgb { Format::R8G8B8A8_SRGB } else { Format::R8G8B8A8_UNORM };
-        textures[slot] = Some(gpu.texture(&format!("scene.texture {}", image.name), format, image.width, image.height, &levels)?);
+        textures[slot] =
+            Some(gpu.texture(&format!("scene.texture {}", image.name), format, image.width, image.height, &levels)?);
     }
     let (mut slots, mut per_material) = (Vec::new(), Vec::new());
     for material in &scene.materials {

@@ -195,7 +195,11 @@ impl<'g> Cmd<'g> {
         // SAFETY: the buffer is recording and complete; one thread records at a time (the slot is locked).
         unsafe {
             self.gpu.shared.device.end_command_buffer(self.buffer).map_err(vulkan("ending a frame"))?;
-            self.gpu.shared.device.queue_submit2(self.gpu.queue, &[info], vk::Fence::null()).map_err(vulkan("submitting a frame"))?;
+            self.gpu
+                .shared
+                .device
+                .queue_submit2(self.gpu.queue, &[info], vk::Fence::null())
+                .map_err(vulkan("submitting a frame"))?;
         }
         Ok(value)
     }
@@ -219,7 +223,9 @@ impl<'g> Cmd<'g> {
         if let Some(query) = query {
             slot.zones.push(name);
             // SAFETY: the query was reset and is written once per frame.
-            unsafe { device.cmd_write_timestamp2(self.buffer, vk::PipelineStageFlags2::ALL_COMMANDS, slot.queries, query) };
+            unsafe {
+                device.cmd_write_timestamp2(self.buffer, vk::PipelineStageFlags2::ALL_COMMANDS, slot.queries, query)
+            };
         }
         self.label(name);
         Zone { cmd: self, outer: self.zone.replace(name), query }
@@ -248,7 +254,8 @@ impl<'g> Cmd<'g> {
     /// Opens a frame: the last one is done, and every target goes from UNDEFINED to GENERAL, its content discarded.
     pub fn begin_frame<'i>(&self, targets: impl IntoIterator<Item = &'i Image>) {
         self.full_barrier();
-        let barriers: Vec<_> = targets.into_iter().map(|image| discard(image, vk::PipelineStageFlags2::ALL_COMMANDS)).collect();
+        let barriers: Vec<_> =
+            targets.into_iter().map(|image| discard(image, vk::PipelineStageFlags2::ALL_COMMANDS)).collect();
         self.pipeline_barrier(&vk::DependencyInfo::default().image_memory_barriers(&barriers));
     }
 
@@ -286,7 +293,12 @@ impl<'g> Cmd<'g> {
     /// Binds a pipeline and its resources, in the order of the shader's bindings.
     pub fn bind(&self, pipeline: &Pipeline, resources: &[Bind<'_>]) {
         let name = pipeline.name;
-        assert_eq!(resources.len(), pipeline.slots.len(), "{name}: its shaders declare {} bindings", pipeline.slots.len());
+        assert_eq!(
+            resources.len(),
+            pipeline.slots.len(),
+            "{name}: its shaders declare {} bindings",
+            pipeline.slots.len()
+        );
         let mut key = self.key.borrow_mut();
         key.clear();
         key.push(pipeline.id);
@@ -341,7 +353,8 @@ impl<'g> Cmd<'g> {
     fn write_set(&self, set: vk::DescriptorSet, pipeline: &Pipeline, resources: &[Bind<'_>]) -> Result<()> {
         let nearest = SamplerKind { wrap: [vk::SamplerAddressMode::CLAMP_TO_EDGE; 2], nearest: true };
         for (slot, resource) in pipeline.slots.iter().zip(resources) {
-            let write = vk::WriteDescriptorSet::default().dst_set(set).dst_binding(slot.binding).descriptor_type(slot.kind);
+            let write =
+                vk::WriteDescriptorSet::default().dst_set(set).dst_binding(slot.binding).descriptor_type(slot.kind);
             let (buffer, image);
             let write = match *resource {
                 Bind::Buffer(b) => {
@@ -355,7 +368,11 @@ impl<'g> Cmd<'g> {
                 Bind::Image(i) | Bind::Texture(i, _) => {
                     let kind = if let Bind::Texture(_, kind) = resource { *kind } else { nearest };
                     let sampler = self.gpu.sampler(kind)?;
-                    image = [vk::DescriptorImageInfo { sampler, image_view: i.view, image_layout: vk::ImageLayout::GENERAL }];
+                    image = [vk::DescriptorImageInfo {
+                        sampler,
+                        image_view: i.view,
+                        image_layout: vk::ImageLayout::GENERAL,
+                    }];
                     write.image_info(&image)
                 }
             };
@@ -448,7 +465,13 @@ impl<'g> Cmd<'g> {
         let regions = [region(from, 0, 0)];
         // SAFETY: the buffer holds `width * height` texels (made so by the caller); the image is in GENERAL.
         unsafe {
-            self.gpu.shared.device.cmd_copy_image_to_buffer(self.buffer, from.handle, vk::ImageLayout::GENERAL, to.handle, &regions);
+            self.gpu.shared.device.cmd_copy_image_to_buffer(
+                self.buffer,
+                from.handle,
+                vk::ImageLayout::GENERAL,
+                to.handle,
+                &regions,
+            );
         }
     }
 
@@ -462,13 +485,20 @@ impl<'g> Cmd<'g> {
         let regions: Vec<_> = (0..to.mips)
             .map(|mip| {
                 let here = region(to, mip, offset);
-                offset += u64::from(here.image_extent.width) * u64::from(here.image_extent.height) * texel_bytes(to.format);
+                offset +=
+                    u64::from(here.image_extent.width) * u64::from(here.image_extent.height) * texel_bytes(to.format);
                 here
             })
             .collect();
         // SAFETY: the buffer holds all levels; the image is in GENERAL since the barrier above.
         unsafe {
-            self.gpu.shared.device.cmd_copy_buffer_to_image(self.buffer, from.handle, to.handle, vk::ImageLayout::GENERAL, &regions);
+            self.gpu.shared.device.cmd_copy_buffer_to_image(
+                self.buffer,
+                from.handle,
+                to.handle,
+                vk::ImageLayout::GENERAL,
+                &regions,
+            );
         }
     }
 }
@@ -504,7 +534,11 @@ fn region(image: &Image, mip: u32, offset: u64) -> vk::BufferImageCopy {
             layer_count: 1,
         },
         image_offset: vk::Offset3D::default(),
-        image_extent: vk::Extent3D { width: (image.width >> mip).max(1), height: (image.height >> mip).max(1), depth: 1 },
+        image_extent: vk::Extent3D {
+            width: (image.width >> mip).max(1),
+            height: (image.height >> mip).max(1),
+            depth: 1,
+        },
     }
 }
 
@@ -519,7 +553,12 @@ impl Drop for Zone<'_, '_> {
             }
             if let Some(query) = self.query {
                 let queries = cmd.slot.borrow().queries;
-                shared.device.cmd_write_timestamp2(cmd.buffer, vk::PipelineStageFlags2::ALL_COMMANDS, queries, query + 1);
+                shared.device.cmd_write_timestamp2(
+                    cmd.buffer,
+                    vk::PipelineStageFlags2::ALL_COMMANDS,
+                    queries,
+                    query + 1,
+                );
             }
         }
         cmd.zone.set(self.outer);
@@ -547,7 +586,12 @@ impl Draw<'_, '_> {
         for (binding, (buffer, offset)) in buffers.iter().enumerate() {
             // SAFETY: the buffer is alive and made with vertex usage.
             unsafe {
-                self.cmd.gpu.shared.device.cmd_bind_vertex_buffers(self.cmd.buffer, binding as u32, &[buffer.handle], &[*offset]);
+                self.cmd.gpu.shared.device.cmd_bind_vertex_buffers(
+                    self.cmd.buffer,
+                    binding as u32,
+                    &[buffer.handle],
+                    &[*offset],
+                );
             }
         }
     }
@@ -555,19 +599,36 @@ impl Draw<'_, '_> {
     /// Index buffer of u32 with a byte offset.
     pub fn indices(&self, buffer: &Buffer, offset: u64) {
         // SAFETY: the buffer is alive and made with index usage.
-        unsafe { self.cmd.gpu.shared.device.cmd_bind_index_buffer(self.cmd.buffer, buffer.handle, offset, vk::IndexType::UINT32) };
+        unsafe {
+            self.cmd.gpu.shared.device.cmd_bind_index_buffer(
+                self.cmd.buffer,
+                buffer.handle,
+                offset,
+                vk::IndexType::UINT32,
+            )
+        };
     }
 
     /// Part of the attachments that is drawn to: left, top, width and height [pixels].
     pub fn area(&self, [x, y, width, height]: [u32; 4]) {
         let device = &self.cmd.gpu.shared.device;
-        let viewport =
-            vk::Viewport { x: x as f32, y: y as f32, width: width as f32, height: height as f32, min_depth: 0.0, max_depth: 1.0 };
+        let viewport = vk::Viewport {
+            x: x as f32,
+            y: y as f32,
+            width: width as f32,
+            height: height as f32,
+            min_depth: 0.0,
+            max_depth: 1.0,
+        };
         let offset = vk::Offset2D { x: x as i32, y: y as i32 };
         // SAFETY: viewport and scissor are dynamic in all our pipelines; the scope's own area contains this one.
         unsafe {
             device.cmd_set_viewport(self.cmd.buffer, 0, &[viewport]);
-            device.cmd_set_scissor(self.cmd.buffer, 0, &[vk::Rect2D { offset, extent: vk::Extent2D { width, height } }]);
+            device.cmd_set_scissor(
+                self.cmd.buffer,
+                0,
+                &[vk::Rect2D { offset, extent: vk::Extent2D { width, height } }],
+            );
         }
     }
 

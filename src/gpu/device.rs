@@ -135,10 +135,12 @@ fn open_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance, b
         layers.push(layer.as_ptr());
         // SAFETY: plain query; the layer's name is a valid C string.
         let extensions = unsafe { entry.enumerate_instance_extension_properties(Some(layer)) };
-        layer_settings = extensions.unwrap_or_default().iter().any(|e| e.extension_name_as_c_str() == Ok(ext::layer_settings::NAME));
+        layer_settings =
+            extensions.unwrap_or_default().iter().any(|e| e.extension_name_as_c_str() == Ok(ext::layer_settings::NAME));
     }
     // SAFETY: plain query of the loader.
-    let available = unsafe { entry.enumerate_instance_extension_properties(None) }.map_err(vulkan("listing extensions"))?;
+    let available =
+        unsafe { entry.enumerate_instance_extension_properties(None) }.map_err(vulkan("listing extensions"))?;
     let mut extensions: Vec<*const c_char> = Vec::new();
     let has_debug = validation != Validation::Off
         || available.iter().any(|e| e.extension_name_as_c_str() == Ok(ext::debug_utils::NAME));
@@ -152,7 +154,8 @@ fn open_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance, b
     // New layers also skip shader accesses unless asked.
     let on = [vk::TRUE];
     let settings = [c"validate_sync", c"syncval_shader_accesses_heuristic"].map(|name| {
-        let mut setting = vk::LayerSettingEXT::default().layer_name(layer).setting_name(name).ty(vk::LayerSettingTypeEXT::BOOL32);
+        let mut setting =
+            vk::LayerSettingEXT::default().layer_name(layer).setting_name(name).ty(vk::LayerSettingTypeEXT::BOOL32);
         setting.value_count = 1;
         setting.p_values = on.as_ptr().cast();
         setting
@@ -170,8 +173,9 @@ fn open_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance, b
     }
     let info = info.enabled_extension_names(&extensions);
     // SAFETY: every pointer in `info` outlives the call.
-    let instance = unsafe { entry.create_instance(&info, None) }
-        .map_err(|r| Error::NoDevice(format!("the Vulkan loader refused an instance ({r}); is a Vulkan 1.3 driver installed?")))?;
+    let instance = unsafe { entry.create_instance(&info, None) }.map_err(|r| {
+        Error::NoDevice(format!("the Vulkan loader refused an instance ({r}); is a Vulkan 1.3 driver installed?"))
+    })?;
     Ok((entry, instance, has_debug))
 }
 
@@ -183,8 +187,10 @@ fn inspect(instance: &ash::Instance, device: vk::PhysicalDevice, index: usize) -
     unsafe { instance.get_physical_device_properties2(device, &mut properties) };
     let p = properties.properties;
     let api = p.api_version;
-    let version = format!("{}.{}.{}", vk::api_version_major(api), vk::api_version_minor(api), vk::api_version_patch(api));
-    let text = |s: std::result::Result<&CStr, _>| s.map(|s: &CStr| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let version =
+        format!("{}.{}.{}", vk::api_version_major(api), vk::api_version_minor(api), vk::api_version_patch(api));
+    let text =
+        |s: std::result::Result<&CStr, _>| s.map(|s: &CStr| s.to_string_lossy().into_owned()).unwrap_or_default();
     let mut missing = Vec::new();
     if api < vk::API_VERSION_1_3 {
         missing.push(format!("Vulkan 1.3 (it has {version}); update the driver"));
@@ -225,7 +231,9 @@ fn inspect(instance: &ash::Instance, device: vk::PhysicalDevice, index: usize) -
     DeviceReport {
         index,
         name: text(p.device_name_as_c_str()),
-        driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())).trim().to_owned(),
+        driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str()))
+            .trim()
+            .to_owned(),
         api: version,
         kind,
         missing,
@@ -251,10 +259,15 @@ unsafe extern "system" fn on_message(
     // which lives until after the messenger is destroyed.
     let (text, sink) = unsafe {
         let message = (*data).p_message;
-        let text = if message.is_null() { String::new() } else { CStr::from_ptr(message).to_string_lossy().into_owned() };
+        let text =
+            if message.is_null() { String::new() } else { CStr::from_ptr(message).to_string_lossy().into_owned() };
         (text, &*sink.cast::<Messages>())
     };
-    let level = if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) { log::Level::Error } else { log::Level::Warn };
+    let level = if severity.contains(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR) {
+        log::Level::Error
+    } else {
+        log::Level::Warn
+    };
     if let Ok(mut messages) = sink.lock() {
         if !messages.contains(&text) {
             log::log!(level, "validation: {text}");
@@ -272,8 +285,12 @@ impl Gpu {
         let debug = (options.validation != Validation::Off).then(|| {
             let loader = ext::debug_utils::Instance::new(&entry, &instance);
             let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
-                .message_severity(vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING)
-                .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::GENERAL)
+                .message_severity(
+                    vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
+                )
+                .message_type(
+                    vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::GENERAL,
+                )
                 .pfn_user_callback(Some(on_message))
                 .user_data((&raw const *messages).cast_mut().cast());
             // SAFETY: the callback's sink is boxed and outlives the messenger (see `Drop for Shared`).
@@ -315,7 +332,8 @@ impl Gpu {
             .push_next(&mut v12)
             .push_next(&mut v13);
         // SAFETY: the features were found by `inspect`, and every pointer outlives the call.
-        let device = unsafe { instance.create_device(physical, &info, None) }.map_err(vulkan(format!("opening {}", report.name)))?;
+        let device = unsafe { instance.create_device(physical, &info, None) }
+            .map_err(vulkan(format!("opening {}", report.name)))?;
         // SAFETY: the family was requested above.
         let queue = unsafe { device.get_device_queue(family, 0) };
         let names = has_debug.then(|| ext::debug_utils::Device::new(&instance, &device));
@@ -345,15 +363,25 @@ impl Gpu {
             .queue_family_index(family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: the device is alive and the family its own.
-        let pool = unsafe { shared.device.create_command_pool(&pool_info, None) }.map_err(vulkan("making the command pool"))?;
+        let pool = unsafe { shared.device.create_command_pool(&pool_info, None) }
+            .map_err(vulkan("making the command pool"))?;
         shared.name(pool, "gpu.commands");
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         // SAFETY: timelineSemaphore is enabled.
-        let timeline = unsafe { shared.device.create_semaphore(&vk::SemaphoreCreateInfo::default().push_next(&mut kind), None) }
-            .map_err(vulkan("making the timeline semaphore"))?;
+        let timeline =
+            unsafe { shared.device.create_semaphore(&vk::SemaphoreCreateInfo::default().push_next(&mut kind), None) }
+                .map_err(vulkan("making the timeline semaphore"))?;
         shared.name(timeline, "gpu.timeline");
-        let slots = (0..FRAMES_IN_FLIGHT).map(|i| Slot::new(&shared, pool, i).map(Mutex::new)).collect::<Result<_>>()?;
-        log::info!("device {}: {} ({}, {}, Vulkan {})", report.index, report.name, report.kind, report.driver, report.api);
+        let slots =
+            (0..FRAMES_IN_FLIGHT).map(|i| Slot::new(&shared, pool, i).map(Mutex::new)).collect::<Result<_>>()?;
+        log::info!(
+            "device {}: {} ({}, {}, Vulkan {})",
+            report.index,
+            report.name,
+            report.kind,
+            report.driver,
+            report.api
+        );
         Ok(Self {
             queue,
             timestamp_period_ns: f64::from(limits.timestamp_period),
@@ -406,7 +434,10 @@ fn pick(instance: &ash::Instance, wanted: Option<&str>) -> Result<(vk::PhysicalD
     let all = unsafe { instance.enumerate_physical_devices() }.map_err(vulkan("enumerating devices"))?;
     let mut reports: Vec<_> = all.iter().enumerate().map(|(i, d)| (*d, inspect(instance, *d, i))).collect();
     if reports.is_empty() {
-        return Err(Error::NoDevice("the Vulkan loader found none; install a driver (mesa-vulkan-drivers has one for machines without a GPU)".into()));
+        return Err(Error::NoDevice(
+            "the Vulkan loader found none; install a driver (mesa-vulkan-drivers has one for machines without a GPU)"
+                .into(),
+        ));
     }
     if let Some(wanted) = wanted {
         let names: Vec<_> = reports.iter().map(|(_, r)| format!("{} {}", r.index, r.name)).collect();
@@ -419,13 +450,18 @@ fn pick(instance: &ash::Instance, wanted: Option<&str>) -> Result<(vk::PhysicalD
             return Err(Error::NoDevice(format!("--device {wanted} matches none of: {}", names.join(", "))));
         }
     }
-    let rank = |kind: &str| ["discrete GPU", "integrated GPU", "virtual GPU", "other", "software"].iter().position(|k| *k == kind);
+    let rank = |kind: &str| {
+        ["discrete GPU", "integrated GPU", "virtual GPU", "other", "software"].iter().position(|k| *k == kind)
+    };
     reports.sort_by_key(|(_, r)| (!r.missing.is_empty(), rank(r.kind)));
     let (device, best) = reports.swap_remove(0);
     if !best.missing.is_empty() {
         let mut refused = vec![format!("{} lacks {}", best.name, best.missing.join(", "))];
         refused.extend(reports.iter().map(|(_, r)| format!("{} lacks {}", r.name, r.missing.join(", "))));
-        return Err(Error::NoDevice(format!("{}; update the driver or choose another with --device", refused.join("; "))));
+        return Err(Error::NoDevice(format!(
+            "{}; update the driver or choose another with --device",
+            refused.join("; ")
+        )));
     }
     for (_, refused) in reports.iter().filter(|(_, r)| !r.missing.is_empty()) {
         log::info!("device {} {} refused: lacks {}", refused.index, refused.name, refused.missing.join(", "));

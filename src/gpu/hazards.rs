@@ -8,7 +8,10 @@ use std::ops::BitOr;
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Use(u32);
 
-#[allow(non_upper_case_globals, reason = "these are the variants of a set, read as words in `barrier(ColorWrite, ComputeRead)`")]
+#[allow(
+    non_upper_case_globals,
+    reason = "these are the variants of a set, read as words in `barrier(ColorWrite, ComputeRead)`"
+)]
 impl Use {
     /// Colour attachment: written, and read by blending or loading.
     pub const ColorWrite: Use = Use(1);
@@ -150,7 +153,9 @@ impl Log {
                 let between = &mut self.barriers[touch.at..at];
                 match between.iter_mut().find(|b| b.from.contains(touch.how) && b.to.contains(how)) {
                     Some(barrier) => barrier.needed = true,
-                    None => self.problems.push(format!("{name}: no barrier between {}:{} and {zone}:{how}", touch.zone, touch.how)),
+                    None => self
+                        .problems
+                        .push(format!("{name}: no barrier between {}:{} and {zone}:{how}", touch.zone, touch.how)),
                 }
             }
             if write {
@@ -158,7 +163,12 @@ impl Log {
             }
             reads_between = true;
         }
-        let repeated = self.touches.iter().rev().take_while(|t| t.at == at).any(|t| t.resource == resource && t.how == how && !how.writes());
+        let repeated = self
+            .touches
+            .iter()
+            .rev()
+            .take_while(|t| t.at == at)
+            .any(|t| t.resource == resource && t.how == how && !how.writes());
         if !repeated {
             self.touches.push(Touch { resource, zone, how, at });
         }
@@ -167,7 +177,10 @@ impl Log {
     /// Missing barriers, and barriers that separate nothing.
     pub(crate) fn problems(mut self) -> Vec<String> {
         for (i, barrier) in self.barriers.iter().enumerate().filter(|(_, b)| !b.needed) {
-            self.problems.push(format!("barrier {i} ({} -> {}) after {} separates nothing", barrier.from, barrier.to, barrier.zone));
+            self.problems.push(format!(
+                "barrier {i} ({} -> {}) after {} separates nothing",
+                barrier.from, barrier.to, barrier.zone
+            ));
         }
         self.problems
     }
@@ -241,9 +254,14 @@ mod tests {
     #[test]
     fn masks_are_those_of_the_specification() {
         let (stage, access) = (Use::DepthWrite | Use::FragmentRead).masks();
-        assert!(stage.contains(vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS));
+        assert!(
+            stage
+                .contains(vk::PipelineStageFlags2::EARLY_FRAGMENT_TESTS | vk::PipelineStageFlags2::LATE_FRAGMENT_TESTS)
+        );
         assert!(stage.contains(vk::PipelineStageFlags2::FRAGMENT_SHADER));
-        assert!(access.contains(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE | vk::AccessFlags2::SHADER_SAMPLED_READ));
+        assert!(
+            access.contains(vk::AccessFlags2::DEPTH_STENCIL_ATTACHMENT_WRITE | vk::AccessFlags2::SHADER_SAMPLED_READ)
+        );
         assert!(!access.intersects(vk::AccessFlags2::SHADER_STORAGE_WRITE));
     }
 }

@@ -117,7 +117,11 @@ impl Gpu {
         let module = self.module(name, code)?;
         let (entries, bytes) = specialization(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
-        let stage = vk::PipelineShaderStageCreateInfo::default().stage(stage).module(module).name(c"main").specialization_info(&special);
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(stage)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&special);
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout);
         // SAFETY: module and layout are alive; the module may go once the pipeline is made.
         let made = unsafe {
@@ -139,35 +143,43 @@ impl Gpu {
         let mut pipeline = self.layout(name, &interfaces)?;
         let (entries, bytes) = specialization(raster.constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
-        let modules = codes.iter().map(|(stage, code)| Ok((*stage, self.module(name, code)?))).collect::<Result<Vec<_>>>()?;
+        let modules =
+            codes.iter().map(|(stage, code)| Ok((*stage, self.module(name, code)?))).collect::<Result<Vec<_>>>()?;
         let stages: Vec<_> = modules
             .iter()
             .map(|(stage, module)| {
-                vk::PipelineShaderStageCreateInfo::default().stage(*stage).module(*module).name(c"main").specialization_info(&special)
+                vk::PipelineShaderStageCreateInfo::default()
+                    .stage(*stage)
+                    .module(*module)
+                    .name(c"main")
+                    .specialization_info(&special)
             })
             .collect();
         let mut bindings = Vec::new();
         let mut attributes = Vec::new();
         for (binding, stream) in raster.streams.iter().enumerate() {
             let binding = binding as u32;
-            bindings.push(vk::VertexInputBindingDescription { binding, stride: stream.stride, input_rate: vk::VertexInputRate::VERTEX });
-            attributes.extend(stream.attributes.iter().map(|&(location, format, offset)| vk::VertexInputAttributeDescription {
-                location,
+            bindings.push(vk::VertexInputBindingDescription {
                 binding,
-                format,
-                offset,
+                stride: stream.stride,
+                input_rate: vk::VertexInputRate::VERTEX,
+            });
+            attributes.extend(stream.attributes.iter().map(|&(location, format, offset)| {
+                vk::VertexInputAttributeDescription { location, binding, format, offset }
             }));
         }
         let input = vk::PipelineVertexInputStateCreateInfo::default()
             .vertex_binding_descriptions(&bindings)
             .vertex_attribute_descriptions(&attributes);
-        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
+        let assembly =
+            vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let rasterization = vk::PipelineRasterizationStateCreateInfo::default()
             .polygon_mode(vk::PolygonMode::FILL)
             .cull_mode(if raster.cull == Cull::Back { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE })
             .line_width(1.0);
-        let samples = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
+        let samples =
+            vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
         let depth = vk::PipelineDepthStencilStateCreateInfo::default()
             .depth_test_enable(raster.depth != Depth::None)
             .depth_write_enable(raster.depth == Depth::Nearest)
@@ -187,9 +199,10 @@ impl Gpu {
         let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::FRONT_FACE];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
         assert!(!raster.colors.iter().any(|f| is_depth(*f)), "{name}: depth format among the colours");
-        let mut rendering = vk::PipelineRenderingCreateInfo::default()
-            .color_attachment_formats(raster.colors)
-            .depth_attachment_format(if raster.depth == Depth::None { vk::Format::UNDEFINED } else { vk::Format::D32_SFLOAT });
+        let mut rendering =
+            vk::PipelineRenderingCreateInfo::default().color_attachment_formats(raster.colors).depth_attachment_format(
+                if raster.depth == Depth::None { vk::Format::UNDEFINED } else { vk::Format::D32_SFLOAT },
+            );
         let info = vk::GraphicsPipelineCreateInfo::default()
             .stages(&stages)
             .vertex_input_state(&input)
@@ -229,11 +242,20 @@ impl Gpu {
                 let uses = uses(*stage, *binding);
                 match slots.iter_mut().find(|s| s.binding == binding.binding) {
                     Some(slot) => {
-                        assert_eq!(slot.kind, binding.kind, "{name}: binding {} differs between its shaders", binding.binding);
+                        assert_eq!(
+                            slot.kind, binding.kind,
+                            "{name}: binding {} differs between its shaders",
+                            binding.binding
+                        );
                         slot.stages |= *stage;
                         slot.uses.extend(uses);
                     }
-                    None => slots.push(DescriptorSlot { binding: binding.binding, kind: binding.kind, uses, stages: *stage }),
+                    None => slots.push(DescriptorSlot {
+                        binding: binding.binding,
+                        kind: binding.kind,
+                        uses,
+                        stages: *stage,
+                    }),
                 }
             }
         }
@@ -249,13 +271,20 @@ impl Gpu {
             })
             .collect();
         let device = &self.shared.device;
-        let stages = shaders.iter().filter(|(_, i)| i.push_bytes > 0).fold(vk::ShaderStageFlags::empty(), |all, (s, _)| all | *s);
+        let stages = shaders
+            .iter()
+            .filter(|(_, i)| i.push_bytes > 0)
+            .fold(vk::ShaderStageFlags::empty(), |all, (s, _)| all | *s);
         let push_bytes = shaders.iter().map(|(_, i)| i.push_bytes).max().unwrap_or(0);
-        assert!(push_bytes <= 128, "{name}: {push_bytes} bytes of push constants; every device has 128 and some no more");
+        assert!(
+            push_bytes <= 128,
+            "{name}: {push_bytes} bytes of push constants; every device has 128 and some no more"
+        );
         // SAFETY: the device is alive; both layouts are destroyed in `Drop`.
         unsafe {
             let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-            let set_layout = device.create_descriptor_set_layout(&info, None).map_err(vulkan(format!("descriptors of {name}")))?;
+            let set_layout =
+                device.create_descriptor_set_layout(&info, None).map_err(vulkan(format!("descriptors of {name}")))?;
             let set_layouts = [set_layout];
             let ranges = [vk::PushConstantRange { stage_flags: stages, offset: 0, size: push_bytes }];
             let info = vk::PipelineLayoutCreateInfo::default()
@@ -267,7 +296,19 @@ impl Gpu {
             let point = if compute { vk::PipelineBindPoint::COMPUTE } else { vk::PipelineBindPoint::GRAPHICS };
             let handle = vk::Pipeline::null();
             let id = self.shared.new_id();
-            Ok(Pipeline { shared: self.shared.clone(), handle, layout, set_layout, id, name, slots, push_bytes, stages, point, group })
+            Ok(Pipeline {
+                shared: self.shared.clone(),
+                handle,
+                layout,
+                set_layout,
+                id,
+                name,
+                slots,
+                push_bytes,
+                stages,
+                point,
+                group,
+            })
         }
     }
 }
@@ -340,7 +381,8 @@ impl DescriptorCache {
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
             // SAFETY: the device is alive; destroyed in `destroy`.
-            let pool = unsafe { shared.device.create_descriptor_pool(&info, None) }.map_err(vulkan("descriptor pool"))?;
+            let pool =
+                unsafe { shared.device.create_descriptor_pool(&info, None) }.map_err(vulkan("descriptor pool"))?;
             shared.name(pool, "gpu.descriptors");
             self.pools.push(pool);
             self.left = SETS_PER_POOL;

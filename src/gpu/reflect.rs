@@ -128,7 +128,9 @@ pub(crate) fn interface(spirv: &[u32]) -> Interface {
         };
         let kind = match (storage, types.get(pointee)) {
             (STORAGE_BUFFER, _) => vk::DescriptorType::STORAGE_BUFFER,
-            (STORAGE_UNIFORM, _) if decorations.contains_key(&(*pointee, DECORATION_BLOCK_BUFFER)) => vk::DescriptorType::STORAGE_BUFFER,
+            (STORAGE_UNIFORM, _) if decorations.contains_key(&(*pointee, DECORATION_BLOCK_BUFFER)) => {
+                vk::DescriptorType::STORAGE_BUFFER
+            }
             (STORAGE_UNIFORM, _) => vk::DescriptorType::UNIFORM_BUFFER,
             (STORAGE_UNIFORM_CONSTANT, Some(Type::SampledImage)) => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
             (STORAGE_UNIFORM_CONSTANT, Some(Type::Image { sampled: true })) => vk::DescriptorType::SAMPLED_IMAGE,
@@ -148,14 +150,20 @@ pub(crate) fn interface(spirv: &[u32]) -> Interface {
 }
 
 /// Bytes of a type laid out as declared.
-fn size_of(id: u32, types: &HashMap<u32, Type>, constants: &HashMap<u32, u32>, member: &HashMap<(u32, u32, u32), u32>) -> u32 {
+fn size_of(
+    id: u32,
+    types: &HashMap<u32, Type>,
+    constants: &HashMap<u32, u32>,
+    member: &HashMap<(u32, u32, u32), u32>,
+) -> u32 {
     let size = |id| size_of(id, types, constants, member);
     match &types[&id] {
         Type::Scalar(bytes) => *bytes,
         Type::Vector(element, count) | Type::Matrix(element, count) => size(*element) * count,
         Type::Array(element, count) => size(*element) * constants[count],
         Type::Struct(members) => {
-            let end = |(m, t): (usize, &u32)| member.get(&(id, m as u32, DECORATION_OFFSET)).copied().unwrap_or(0) + size(*t);
+            let end =
+                |(m, t): (usize, &u32)| member.get(&(id, m as u32, DECORATION_OFFSET)).copied().unwrap_or(0) + size(*t);
             members.iter().enumerate().map(end).max().unwrap_or(0)
         }
         other => unreachable!("no size: {other:?}"),

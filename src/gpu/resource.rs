@@ -59,7 +59,13 @@ const BUFFER_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
 );
 
 impl Shared {
-    fn allocate(&self, name: &str, requirements: vk::MemoryRequirements, location: MemoryLocation, linear: bool) -> Result<Allocation> {
+    fn allocate(
+        &self,
+        name: &str,
+        requirements: vk::MemoryRequirements,
+        location: MemoryLocation,
+        linear: bool,
+    ) -> Result<Allocation> {
         let desc = AllocationCreateDesc {
             name,
             requirements,
@@ -146,7 +152,8 @@ impl Gpu {
         let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
         let allocation = self.shared.allocate(name, requirements, location, true)?;
         // SAFETY: fresh memory of the right kind and size; bound once.
-        unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) }.map_err(vulkan(what()))?;
+        unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) }
+            .map_err(vulkan(what()))?;
         buffer.allocation = Some(allocation);
         Ok(buffer)
     }
@@ -158,12 +165,22 @@ impl Gpu {
         } else {
             vk::ImageUsageFlags::COLOR_ATTACHMENT
         };
-        let usage = attachment | vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        let usage = attachment
+            | vk::ImageUsageFlags::SAMPLED
+            | vk::ImageUsageFlags::TRANSFER_SRC
+            | vk::ImageUsageFlags::TRANSFER_DST;
         self.make_image(name, format, [width, height, 1], usage)
     }
 
     /// A sampled texture with all its mip levels given, largest first, tightly packed.
-    pub fn texture(&self, name: &str, format: vk::Format, width: u32, height: u32, levels: &[Vec<u8>]) -> Result<Image> {
+    pub fn texture(
+        &self,
+        name: &str,
+        format: vk::Format,
+        width: u32,
+        height: u32,
+        levels: &[Vec<u8>],
+    ) -> Result<Image> {
         let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
         let image = self.make_image(name, format, [width, height, levels.len() as u32], usage)?;
         let mut staging = self.host_buffer("upload", levels.iter().map(|l| l.len() as u64).sum())?;
@@ -176,7 +193,13 @@ impl Gpu {
         Ok(image)
     }
 
-    fn make_image(&self, name: &str, format: vk::Format, [width, height, mips]: [u32; 3], usage: vk::ImageUsageFlags) -> Result<Image> {
+    fn make_image(
+        &self,
+        name: &str,
+        format: vk::Format,
+        [width, height, mips]: [u32; 3],
+        usage: vk::ImageUsageFlags,
+    ) -> Result<Image> {
         let device = &self.shared.device;
         let what = || format!("image {name} {width}x{height} {format:?}");
         let info = vk::ImageCreateInfo::default()
@@ -206,7 +229,8 @@ impl Gpu {
         let requirements = unsafe { device.get_image_memory_requirements(handle) };
         let allocation = self.shared.allocate(name, requirements, MemoryLocation::GpuOnly, false)?;
         // SAFETY: fresh memory of the right kind and size; bound once.
-        unsafe { device.bind_image_memory(handle, allocation.memory(), allocation.offset()) }.map_err(vulkan(what()))?;
+        unsafe { device.bind_image_memory(handle, allocation.memory(), allocation.offset()) }
+            .map_err(vulkan(what()))?;
         image.allocation = Some(allocation);
         let range = vk::ImageSubresourceRange {
             aspect_mask: aspect(format),

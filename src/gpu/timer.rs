@@ -51,8 +51,10 @@ impl Slot {
         let mut stamps = vec![0_u64; 2 * self.zones.len()];
         if !stamps.is_empty() {
             // SAFETY: all these queries were written by the finished frame.
-            unsafe { gpu.shared.device.get_query_pool_results(self.queries, 0, &mut stamps, vk::QueryResultFlags::TYPE_64) }
-                .map_err(vulkan("reading timestamps"))?;
+            unsafe {
+                gpu.shared.device.get_query_pool_results(self.queries, 0, &mut stamps, vk::QueryResultFlags::TYPE_64)
+            }
+            .map_err(vulkan("reading timestamps"))?;
         }
         let mut times: Vec<ZoneTime> = Vec::with_capacity(self.zones.len());
         for (zone, pair) in self.zones.iter().zip(stamps.chunks_exact(2)) {

@@ -4,11 +4,11 @@
 //! from the origin loses nothing before the engine moves it to its own origin.
 
 mod accessor;
+pub mod build;
 pub mod defaults;
 pub mod gltf;
 mod json;
 pub mod material;
-pub mod build;
 pub mod write;
 
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, Vec4};
