@@ -3,7 +3,10 @@
 mod analytic;
 mod bake;
 mod common;
+mod frame;
 mod generated;
 mod malformed;
+mod nets;
 mod proxies;
+mod quality;
 mod scene;
