@@ -7,3 +7,4 @@ mod generated;
 mod malformed;
 mod proxies;
 mod scene;
+mod shaders;

@@ -1,5 +1,9 @@
 //! What several test modules need.
 
+mod gpu;
+
+pub(crate) use gpu::{assert_clean, gpu, map_on_gpu};
+
 use std::fs;
 use std::path::{Path, PathBuf};
 
