@@ -3,6 +3,7 @@
 mod analytic;
 mod bake;
 mod common;
+mod gather;
 mod generated;
 mod malformed;
 mod proxies;
