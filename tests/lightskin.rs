@@ -5,6 +5,7 @@ mod bake;
 mod common;
 mod gather;
 mod generated;
+mod guards;
 mod malformed;
 mod proxies;
 mod scene;
