@@ -19,6 +19,7 @@ layout(location = 0) out vec4 out_radiance;
 // Share of the 2x2 texels around the point's projection that see it; bilinear, so that edges are smooth.
 float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     bool directional = light.kind == LIGHT_DIRECTIONAL;
+    bool six = light.view_count > 1u;
     float size = float(push.shadow_size);
     // All views of a light are equally wide.
     float spread = length(views[light.first_view].right);
@@ -26,10 +27,11 @@ float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     // Out of the surface by as much as it can slope over a texel: nothing shadows itself.
     float cosine = clamp(dot(n, towards), 0.0, 1.0);
     vec3 p = position + n * texel * (0.5 + 1.5 * sqrt(1.0 - cosine * cosine));
-    uint face = light.view_count > 1u ? cube_face(p - light.position) : 0u;
+    // Seen from the stepped-out point, which may have crossed an edge of the cube.
+    uint face = six ? cube_face(p - light.position) : 0u;
     vec4 clip = views[light.first_view + face].clip_from_world * vec4(p, 1.0);
     vec3 ndc = clip.xyz / clip.w;
-    if (any(greaterThan(abs(ndc.xy), vec2(1.0)))) {
+    if (!six && any(greaterThan(abs(ndc.xy), vec2(1.0)))) {
         return directional ? 1.0 : 0.0;
     }
     vec2 at = (ndc.xy * 0.5 + 0.5) * size - 0.5;

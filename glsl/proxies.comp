@@ -12,8 +12,8 @@ layout(binding = 3) uniform sampler2D glossy_position_image;
 layout(binding = 4) uniform sampler2D glossy_irradiance_image;
 layout(binding = 5, scalar) writeonly buffer Proxies { Proxy proxies[]; };
 
-// Bound of N.w at grazing light. The weighted mean of points above the surface lies above it, so this only
-// catches rounding.
+// Least N.w of light. The weighted mean of points above the surface lies above it; lower it is the rounding of VALs in
+// the cache's own plane, which send it nothing and must not move a proxy.
 const float MIN_COSINE = 1e-4;
 
 void main() {
@@ -27,11 +27,18 @@ void main() {
     vec3 irradiance = texelFetch(diffuse_irradiance_image, at, 0).rgb;
 
     Proxy p;
-    p.diffuse_lit = position.w > 0.0 ? 1.0 : 0.0;
-    vec3 d = position.w > 0.0 ? position.xyz / position.w : c.normal;
-    p.diffuse_position = c.position + d;
-    float cosine = dot(c.normal, d) * inversesqrt(max(dot(d, d), 1e-30));
-    p.diffuse_irradiance = p.diffuse_lit * irradiance / max(cosine, MIN_COSINE);
+    p.diffuse_lit = 0.0;
+    p.diffuse_position = c.position + c.normal;
+    p.diffuse_irradiance = vec3(0.0);
+    if (position.w > 0.0) {
+        vec3 d = position.xyz / position.w;
+        float cosine = dot(c.normal, d) * inversesqrt(max(dot(d, d), 1e-30));
+        if (cosine > MIN_COSINE) {
+            p.diffuse_lit = 1.0;
+            p.diffuse_position = c.position + d;
+            p.diffuse_irradiance = irradiance / cosine;
+        }
+    }
 
     p.glossy_lit = 0.0;
     p.glossy_position = c.position + c.normal;
@@ -39,7 +46,7 @@ void main() {
     if (GLOSSY != 0u) {
         vec4 glossy = texelFetch(glossy_position_image, at, 0);
         if (glossy.w > 0.0) {
-            d = glossy.xyz / glossy.w;
+            vec3 d = glossy.xyz / glossy.w;
             vec3 w = d * inversesqrt(max(dot(d, d), 1e-30));
             vec3 mirrored = reflect(view_direction(push.eye, c.position), c.normal);
             float lobe = cosine_power(dot(mirrored, w), c.exponent);
@@ -47,9 +54,12 @@ void main() {
             // The mean direction can miss the lobe that its parts lie in: what is divided by it never exceeds all
             // the light there is.
             vec3 facing = mix(irradiance, min(sum / max(lobe, 1e-30), irradiance), lobe > 0.0 ? 1.0 : 0.0);
-            p.glossy_lit = 1.0;
-            p.glossy_position = c.position + d;
-            p.glossy_irradiance = facing / max(dot(c.normal, w), MIN_COSINE);
+            float cosine = dot(c.normal, w);
+            if (cosine > MIN_COSINE) {
+                p.glossy_lit = 1.0;
+                p.glossy_position = c.position + d;
+                p.glossy_irradiance = facing / cosine;
+            }
         }
     }
     proxies[i] = p;

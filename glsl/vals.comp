@@ -58,6 +58,8 @@ void main() {
         entering = light.intensity * (falloff * omega * range_window(dot(d, d), light.range));
     }
     vec3 flux = hit.w > 0.0 ? albedo * entering : vec3(0.0);
+    // Outside the cone or the range no light is there to make a VAL of a surface. A black surface in the light is one.
+    bool has_light = hit.w > 0.0 && entering != vec3(0.0);
 
     Val val;
     val.position = hit.w > 0.0 ? hit.xyz : light.position + through(view, low);
@@ -66,6 +68,6 @@ void main() {
     val.material = uint(normal.w);
     val.flux = flux;
     float luminance = dot(flux, vec3(0.2126, 0.7152, 0.0722));
-    val.weight = hit.w > 0.0 ? (IRRADIANCE_WEIGHTS != 0u ? luminance : val.area) : 0.0;
+    val.weight = has_light ? (IRRADIANCE_WEIGHTS != 0u ? luminance : val.area) : 0.0;
     vals[push.first + texel.y * push.size + texel.x] = val;
 }

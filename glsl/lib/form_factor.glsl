@@ -15,10 +15,11 @@ float disc_form_factor(float area, float cos_l, float cos_x, float d2) {
 }
 
 // `disc_geometry` straight from the vector to the light, without normalising it: both cosines carry 1/|d|.
-// A receiver on the VAL itself has d = 0; the bound only keeps 0/0 away, since the numerator is 0 there.
+// A receiver on the VAL itself has d = 0; the bound only keeps 0/0 away, since the numerator is 0 there. It is on the
+// whole denominator: what devices flush to zero is the product of a small area and a small distance.
 float disc_geometry_towards(vec3 d, vec3 light_normal, vec3 normal, float area) {
-    float d2 = max(dot(d, d), 1e-30);
-    return max(-dot(light_normal, d), 0.0) * max(dot(normal, d), 0.0) / (d2 * (area + PI * d2));
+    float d2 = dot(d, d);
+    return max(-dot(light_normal, d), 0.0) * max(dot(normal, d), 0.0) / max(d2 * (area + PI * d2), 1e-37);
 }
 
 #endif

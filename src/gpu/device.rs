@@ -472,20 +472,24 @@ fn pick(instance: &ash::Instance, wanted: Option<&str>) -> Result<(vk::PhysicalD
 impl Drop for Gpu {
     fn drop(&mut self) {
         let device = &self.shared.device;
-        // A panic while recording has poisoned the locks; what they guard must go all the same.
+        // A lock is poisoned where recording panicked. The content is only destroyed, and a second panic would end the
+        // process without the first one's message.
+        let slots = self.slots.iter_mut().map(|slot| slot.get_mut().unwrap_or_else(PoisonError::into_inner));
+        let samplers = self.samplers.get_mut().unwrap_or_else(PoisonError::into_inner);
+        let descriptors = self.descriptors.get_mut().unwrap_or_else(PoisonError::into_inner);
         // SAFETY: after the wait nothing is in use; what is destroyed here was made in `new` or cached since, and
         // `Shared` outlives it.
         unsafe {
             if let Err(result) = device.device_wait_idle() {
                 log::error!("waiting before shutdown: {result}");
             }
-            for slot in &mut self.slots {
-                slot.get_mut().unwrap_or_else(PoisonError::into_inner).destroy(device);
+            for slot in slots {
+                slot.destroy(device);
             }
-            for (_, sampler) in self.samplers.get_mut().unwrap_or_else(PoisonError::into_inner).drain() {
+            for (_, sampler) in samplers.drain() {
                 device.destroy_sampler(sampler, None);
             }
-            self.descriptors.get_mut().unwrap_or_else(PoisonError::into_inner).destroy(device);
+            descriptors.destroy(device);
             device.destroy_semaphore(self.timeline, None);
             device.destroy_command_pool(self.pool, None);
         }

@@ -39,7 +39,7 @@ pub struct Lobe {
     pub position: DVec3,
     /// `I = E / (N.w_p)` [lx]: irradiance at the cache on a plane that faces the proxy, `phi_p / (4 pi |x_p - c|^2)`.
     pub facing_irradiance: DVec3,
-    /// Whether any VAL has weight in this lobe.
+    /// Whether any VAL has weight in this lobe, and all together stand above the horizon by more than rounding.
     pub lit: bool,
 }
 
@@ -54,8 +54,8 @@ pub struct Gathered {
     pub mirrored_view: DVec3,
 }
 
-/// Cosine between the normal and the direction to the proxy below which it counts as this. A proxy lies above the
-/// horizon as all VALs do that pull it, but the quotient of two nearly vanishing cosines is noise.
+/// Cosine between the normal and the direction to the proxy up to which the lobe is unlit. A proxy lies above the horizon
+/// as all VALs do that pull it; so near to it, it is the rounding of VALs in the cache's own plane, which send it nothing.
 pub const LEAST_COSINE: f64 = 1e-4;
 
 /// Squared distance to a VAL, in units of its area, below which it counts as this: where a cache lies on a VAL the
@@ -130,12 +130,14 @@ pub fn gather(cache: &Cache, vals: &[Val], eye: Option<DVec3>, weight: ProxyWeig
 
 /// The proxy of a lobe; `irradiance` gives what it must bring to the cache [lx] when it stands in a direction.
 fn proxy(cache: &Cache, sums: &Sums, irradiance: impl Fn(DVec3) -> DVec3) -> Lobe {
-    let Some(offset) = sums.mean() else {
-        return Lobe { position: cache.position + cache.normal, facing_irradiance: DVec3::ZERO, lit: false };
-    };
-    let direction = offset.normalize_or(cache.normal);
-    let facing_irradiance = irradiance(direction) / cache.normal.dot(direction).max(LEAST_COSINE);
-    Lobe { position: cache.position + offset, facing_irradiance, lit: true }
+    let unlit = Lobe { position: cache.position + cache.normal, facing_irradiance: DVec3::ZERO, lit: false };
+    let Some(offset) = sums.mean() else { return unlit };
+    let direction = offset.normalize_or_zero();
+    let cosine = cache.normal.dot(direction);
+    if cosine <= LEAST_COSINE {
+        return unlit;
+    }
+    Lobe { position: cache.position + offset, facing_irradiance: irradiance(direction) / cosine, lit: true }
 }
 
 impl Lobe {

@@ -1,5 +1,10 @@
 //! What several test modules need.
 
+pub(crate) mod frames;
+mod gpu;
+
+pub(crate) use gpu::{assert_clean, gpu, map_on_gpu};
+
 use std::fs;
 use std::path::{Path, PathBuf};
 

@@ -1,0 +1,143 @@
+//! VALs and proxies of whole frames against the f64 references.
+
+use glam::{DVec3, dvec3};
+use lightskin::frame::{ProxyWeight, Settings};
+use lightskin::reference::gather::{self, Lobe, luminance};
+use lightskin::reference::phong::{Material, mirrored_view};
+use lightskin::reference::rsm::{Val, cast_view};
+use lightskin::reference::{brute_force, gather::Gathered};
+use lightskin::scene::{LightKind, Scene};
+
+use crate::common::frames::{SPOT, Shot, baked, corner, shoot, small, triangles};
+use crate::common::gpu;
+
+/// Both weights, as the frame and as the reference name them.
+pub(crate) const WEIGHTS: [(ProxyWeight, gather::ProxyWeight); 2] = [
+    (ProxyWeight::Irradiance, gather::ProxyWeight::Irradiance),
+    (ProxyWeight::FormFactor, gather::ProxyWeight::FormFactor),
+];
+
+// Stage 4, METHOD 2.
+
+/// The VALs that the references see through the device's own frusta, in the device's order: rows from the top.
+fn cast(scene: &Scene, shot: &Shot) -> Vec<Val> {
+    let triangles: Vec<_> = triangles(scene).into_iter().map(|(triangle, _)| triangle).collect();
+    let n = (shot.vals.len() / shot.views.len()).isqrt();
+    let rows = |vals: Vec<Val>| vals.chunks(n).rev().flatten().copied().collect::<Vec<_>>();
+    shot.views.iter().flat_map(|view| rows(cast_view(&triangles, &scene.lights[0], view, n))).collect()
+}
+
+#[test]
+fn vals_of_every_kind_of_light_are_the_references() {
+    let gpu = gpu();
+    // Form-factor weights, so that a VAL that should not be there is seen by its weight.
+    let settings = Settings { rsm: 40, proxy_weight: ProxyWeight::FormFactor, ..small() };
+    let wide = LightKind::Spot { inner: 1.2, outer: 1.4 }; // six views
+    for kind in [SPOT, LightKind::Spot { inner: 0.5, outer: 0.5 }, wide, LightKind::Point, LightKind::Directional] {
+        let mut scene = corner(&[kind], 40.0);
+        scene.lights[0].range = (kind != LightKind::Directional).then_some(2.3);
+        let caches = baked(&scene, 0.8, 8);
+        let shot = shoot(&gpu, &scene, Some(&caches), &settings);
+        let expected = cast(&scene, &shot);
+        let brightest = expected.iter().map(|val| val.flux.length()).fold(0.0, f64::max);
+        let mut elsewhere = 0;
+        for (val, twin) in shot.vals.iter().zip(&expected) {
+            // A texel's centre on the rim of a triangle may hit what is behind instead.
+            if val.position.distance(twin.position) > 1e-4 {
+                elsewhere += 1;
+                continue;
+            }
+            assert!((val.area - twin.area).abs() <= 1e-5 * twin.area, "{kind:?}: {val:?} instead of {twin:?}");
+            assert!(val.normal.distance(twin.normal) < 1e-5, "{kind:?}: {val:?} instead of {twin:?}");
+            // Mesa's arc tangent is 2.1e-5 off. A sharp cone's ramp is 0.001 wide: one of 16 sub-samples of a VAL on its
+            // rim can be off by its rounding of 1e-4.
+            let bound = 4e-5 * twin.flux.length() + 1e-5 * brightest;
+            assert!(val.flux.distance(twin.flux) <= bound, "{kind:?}: {val:?} instead of {twin:?}");
+        }
+        let (sum, twins) = (flux(&shot.vals), flux(&expected));
+        println!("{kind:?}: {elsewhere} of {} elsewhere, {sum} lm instead of {twins}", expected.len());
+        assert!(elsewhere * 200 <= expected.len(), "{kind:?}: {elsewhere} of {} texels elsewhere", expected.len());
+        assert!(sum.distance(twins) < 1e-4 * twins.length(), "{kind:?}: {sum} lm instead of {twins}");
+        assert!(shot.vals.iter().any(|val| val.flux != DVec3::ZERO));
+    }
+}
+
+fn flux(vals: &[Val]) -> DVec3 {
+    vals.iter().map(|val| val.flux).sum()
+}
+
+// Stage 6, METHOD 3-4.
+
+/// Fails unless a proxy is the twin's; `bound` is relative to its irradiance and to its distance from the cache.
+#[track_caller]
+fn assert_lobe(actual: &Lobe, twin: &Lobe, from: DVec3, bound: f64, what: &str) -> f64 {
+    assert_eq!(actual.lit, twin.lit, "{what}: {actual:?} instead of {twin:?}");
+    let moved = actual.position.distance(twin.position) / twin.position.distance(from);
+    let off = actual.facing_irradiance.distance(twin.facing_irradiance);
+    let off = if off == 0.0 { 0.0 } else { off / twin.facing_irradiance.length() };
+    assert!(moved.max(off) <= bound, "{what}: {actual:?} instead of {twin:?}: moved {moved}, {off} brighter");
+    moved.max(off)
+}
+
+/// Compares every cache with the reference, fed with the device's own VALs.
+#[track_caller]
+fn assert_gathered(scene: &Scene, shot: &Shot, weight: gather::ProxyWeight) -> [f64; 2] {
+    let eye = scene.cameras[0].world_from_camera.translation;
+    let mut worst = [0.0_f64; 2];
+    for (cache, proxies) in shot.caches.iter().zip(&shot.proxies) {
+        let twin = gather::gather(cache, &shot.vals, Some(eye), weight);
+        worst[0] = worst[0].max(assert_lobe(&proxies.diffuse, &twin.diffuse, cache.position, 1e-5, "diffuse"));
+        // cos^k leaves f32 where f64 still knows it: below 1e-25 of a lumen per square metre the device may say unlit,
+        // and below 1e-30 it bounds the quotient by another branch. Both are darkness.
+        let lobe = Material { diffuse: DVec3::ZERO, specular: DVec3::ONE, exponent: cache.exponent };
+        let mirrored = mirrored_view(cache.position, cache.normal, eye);
+        let reaches = brute_force::radiance(cache.position, cache.normal, mirrored, &lobe, &shot.vals).1;
+        if luminance(reaches) > 1e-25 {
+            // The device's cosine power errs by so much more.
+            let bound = 2e-5 + 1e-6 * cache.exponent;
+            worst[1] = worst[1].max(assert_lobe(&proxies.glossy, &twin.glossy, cache.position, bound, "glossy"));
+        } else {
+            assert!(proxies.glossy.position.is_finite() && proxies.glossy.facing_irradiance.is_finite());
+        }
+    }
+    worst
+}
+
+#[test]
+fn proxies_of_every_cache_are_the_references() {
+    let gpu = gpu();
+    for exponent in [1.0, 40.0, 500.0] {
+        let scene = corner(&[SPOT, LightKind::Point, LightKind::Directional], exponent);
+        let caches = baked(&scene, 0.5, 8);
+        for (weight, twin) in WEIGHTS {
+            let shot = shoot(&gpu, &scene, Some(&caches), &Settings { proxy_weight: weight, ..small() });
+            let [diffuse, glossy] = assert_gathered(&scene, &shot, twin);
+            println!("k {exponent}, {twin:?}: {} caches, diffuse {diffuse:e}, glossy {glossy:e}", shot.caches.len());
+            let lit = |lobe: fn(&Gathered) -> &Lobe| shot.proxies.iter().filter(|p| lobe(p).lit).count();
+            assert!(lit(|p| &p.diffuse) * 2 > shot.caches.len() && lit(|p| &p.glossy) > 5);
+        }
+    }
+}
+
+#[test]
+fn more_caches_than_a_row_of_the_atlas_holds_are_all_lit() {
+    let gpu = gpu();
+    let scene = corner(&[SPOT], 40.0);
+    let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.15, 8)), &small());
+    assert!(shot.caches.len() > 3 * 128, "{} caches", shot.caches.len());
+    println!("{} caches: {:?}", shot.caches.len(), assert_gathered(&scene, &shot, gather::ProxyWeight::Irradiance));
+}
+
+#[test]
+fn scenes_far_from_the_origin_are_drawn_around_their_own() {
+    let gpu = gpu();
+    let mut scene = corner(&[SPOT], 40.0);
+    let shift = dvec3(1e4, -2e3, 5e3);
+    scene.instances.iter_mut().for_each(|i| i.world_from_model.translation += shift);
+    scene.lights[0].position += shift;
+    scene.cameras[0].world_from_camera.translation += shift;
+    let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.5, 8)), &small());
+    assert_gathered(&scene, &shot, gather::ProxyWeight::Irradiance);
+    let expected = flux(&cast(&scene, &shot));
+    assert!(flux(&shot.vals).distance(expected) < 1e-3 * expected.length());
+}

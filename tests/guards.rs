@@ -1,0 +1,287 @@
+//! What must hold on the device whatever the weights, METHOD 4: whole frames compared with each other.
+
+use std::f64::consts::TAU;
+
+use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
+use lightskin::bake::{Cache, CacheSet, Coverage, ModelCaches, NO_CACHE};
+use lightskin::frame::{Interpolation, Settings};
+use lightskin::reference::gather::{Gathered, Lobe};
+use lightskin::reference::phong::cos_power;
+use lightskin::scene::build::quad;
+use lightskin::scene::{LightKind, Projection, Scene};
+
+use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, lamp, phong, shoot, small};
+use crate::common::gpu;
+use crate::gather::WEIGHTS;
+
+const SCHEMES: [Interpolation; 2] = [Interpolation::Facing, Interpolation::Printed];
+
+/// Settings of every proxy weight and interpolation.
+fn variants() -> impl Iterator<Item = Settings> {
+    let of = |(weight, _)| SCHEMES.map(|s| Settings { proxy_weight: weight, interpolation: s, ..small() });
+    WEIGHTS.into_iter().flat_map(of)
+}
+
+/// Pixels left out of a comparison: where a shadow map's or a surface's rim runs through a sample, rounding decides.
+const RIMS: usize = 4;
+
+/// Rounding of sums in another order moves proxies by 1e-6 of their distance; a lobe of exponent 40 makes up to k tan
+/// of that, a hundredfold and more where it is dark. Reflectances are halves: the last bit is 1e-3 of the number and may tip.
+const ROUNDED: [f64; 5] = [1e-3, 1e-3, 1e-3, 1e-4, 2e-5];
+
+fn lobes(gathered: &Gathered) -> [&Lobe; 2] {
+    [&gathered.diffuse, &gathered.glossy]
+}
+
+/// Largest difference of two images, where `b` is to be `factor` times `a`, over the brightness there and a hundredth of
+/// the image's mean: what is darker than that may differ by as much.
+fn difference(a: &[DVec3], b: &[DVec3], factor: f64) -> f64 {
+    assert!(a.len() == b.len() && !a.is_empty());
+    let mean = a.iter().map(|p| p.length()).sum::<f64>() / a.len() as f64;
+    assert!(mean > 0.0, "the image is dark");
+    let off = |(a, b): (&DVec3, &DVec3)| {
+        assert!(a.is_finite() && b.is_finite() && a.min_element() >= 0.0 && b.min_element() >= 0.0, "{a} {b}");
+        (*b / factor - *a).length() / (a.length() + 0.01 * mean)
+    };
+    let mut all: Vec<f64> = a.iter().zip(b).map(off).collect();
+    all.sort_by(f64::total_cmp);
+    all[all.len() - 1 - RIMS]
+}
+
+/// Largest relative differences between two frames, where the second's radiance is to be `factor` times the first's:
+/// the three images, facing irradiances, and places of proxies over their distance, after `place` has brought the second's home.
+fn differences(a: &Shot, b: &Shot, factor: f64, place: impl Fn(DVec3) -> DVec3) -> [f64; 5] {
+    let (mut brighter, mut moved) = (0.0_f64, 0.0_f64);
+    assert_eq!(a.caches.len(), b.caches.len());
+    for ((a, b), cache) in a.proxies.iter().zip(&b.proxies).zip(&a.caches) {
+        for (a, b) in lobes(a).into_iter().zip(lobes(b)) {
+            assert_eq!(a.lit, b.lit);
+            if a.lit {
+                let light = a.facing_irradiance.length().max(1e-12);
+                brighter = brighter.max((b.facing_irradiance / factor).distance(a.facing_irradiance) / light);
+                moved = moved.max(place(b.position).distance(a.position) / a.position.distance(cache.position));
+            }
+        }
+    }
+    let image = |of: fn(&Shot) -> &[DVec3]| difference(of(a), of(b), factor);
+    [image(|s| &s.direct), image(|s| &s.diffuse), image(|s| &s.glossy), brighter, moved]
+}
+
+#[track_caller]
+fn assert_below(differences: [f64; 5], bounds: [f64; 5], what: &str) {
+    println!("{what}: {differences:?}");
+    assert!(differences.iter().zip(bounds).all(|(d, bound)| *d <= bound), "{what}: {differences:?}, not {bounds:?}");
+}
+
+#[test]
+fn one_val_alone_is_reproduced_exactly() {
+    let gpu = gpu();
+    for (settings, k) in variants().flat_map(|s| [(s, 1.0), (s, 40.0)]) {
+        let scene = corner(&[SPOT], k);
+        let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.5, 8)), &Settings { rsm: 1, ..settings });
+        let [val] = shot.vals[..] else { panic!("one VAL") };
+        let mut lit = 0;
+        for (cache, proxies) in shot.caches.iter().zip(&shot.proxies) {
+            let d = val.position - cache.position;
+            let cosine = cache.normal.dot(d.normalize());
+            let emitted = val.normal.dot(-d.normalize()).max(0.0) / (val.area + 0.5 * TAU * d.length_squared());
+            // Below 1e-30 the lobe itself is no number to divide by; what it reflects of that light is none either.
+            let lobe = cos_power(k.into(), proxies.mirrored_view.dot(d.normalize()));
+            let glossy = proxies.glossy.lit && lobe > 1e-29;
+            for lobe in lobes(proxies).into_iter().filter(|l| l.lit).take(1 + usize::from(glossy)) {
+                lit += 1;
+                // The quotient of the sums is the VAL's place; of both cosines nothing but rounding of 1 is left over.
+                assert!(lobe.position.distance(val.position) <= 1e-6 * d.length(), "{lobe:?} is not at {val:?}");
+                let facing = val.flux * emitted;
+                let bound = (2e-6 + 4e-7 / cosine + 2e-6 * f64::from(k)) * facing.length();
+                assert!(lobe.facing_irradiance.distance(facing) <= bound, "{lobe:?} instead of {facing}");
+            }
+        }
+        assert!(lit > shot.caches.len() / 2, "{lit} lit lobes");
+    }
+}
+
+#[test]
+fn brighter_lights_move_no_proxy() {
+    let gpu = gpu();
+    let scene = corner(&[SPOT, LightKind::Point], 40.0);
+    let caches = baked(&scene, 0.5, 8);
+    for settings in variants() {
+        let once = shoot(&gpu, &scene, Some(&caches), &settings);
+        // Twice rounds like once; a million times only rounds.
+        for (factor, bounds) in [(2.0_f32, [0.0; 5]), (1e6, ROUNDED), (1e-6, ROUNDED)] {
+            let mut brighter = scene.clone();
+            brighter.lights.iter_mut().for_each(|light| light.intensity *= factor);
+            let shot = shoot(&gpu, &brighter, Some(&caches), &settings);
+            assert_below(differences(&once, &shot, factor.into(), |p| p), bounds, &format!("times {factor}"));
+        }
+    }
+}
+
+/// The scene, scaled about the world's origin and then moved; lights are brighter by the square of the scale.
+fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
+    let mut scene = scene.clone();
+    let world = DAffine3::from_scale_rotation_translation(DVec3::splat(scale), DQuat::IDENTITY, shift);
+    for instance in &mut scene.instances {
+        instance.world_from_model = world * instance.world_from_model;
+    }
+    for light in &mut scene.lights {
+        light.position = world.transform_point3(light.position);
+        light.range = light.range.map(|range| range * scale as f32);
+        if light.kind != LightKind::Directional {
+            light.intensity *= (scale * scale) as f32;
+        }
+    }
+    for camera in &mut scene.cameras {
+        let eye = &mut camera.world_from_camera.translation;
+        *eye = world.transform_point3(*eye);
+        if let Projection::Orthographic { ymag } = &mut camera.projection {
+            *ymag *= scale as f32;
+        }
+    }
+    scene
+}
+
+fn all_lights() -> Scene {
+    let mut scene = corner(&[SPOT, LightKind::Point, LightKind::Directional], 40.0);
+    scene.lights[1].range = Some(6.0);
+    scene
+}
+
+#[test]
+fn scaling_the_scene_changes_no_pixel() {
+    let gpu = gpu();
+    let scene = all_lights();
+    let caches = baked(&scene, 0.5, 8);
+    for settings in variants() {
+        let one = shoot(&gpu, &scene, Some(&caches), &settings);
+        // Powers of two round alike, so that every constant with a unit in it shows.
+        let exact = [1e-6; 5];
+        for (scale, bounds) in [(2_f64.powi(-10), exact), (2_f64.powi(10), exact), (1e-3, ROUNDED), (1e3, ROUNDED)] {
+            let shot = shoot(&gpu, &placed(&scene, scale, DVec3::ZERO), Some(&caches), &settings);
+            assert_below(differences(&one, &shot, 1.0, |p| p / scale), bounds, &format!("scale {scale}"));
+        }
+    }
+}
+
+#[test]
+fn moving_the_scene_by_ten_kilometres_changes_no_pixel() {
+    let gpu = gpu();
+    let scene = all_lights();
+    let caches = baked(&scene, 0.5, 8);
+    let shift = dvec3(1e4, -1e4, 1e4);
+    for settings in variants() {
+        let here = shoot(&gpu, &scene, Some(&caches), &settings);
+        let there = shoot(&gpu, &placed(&scene, 1.0, shift), Some(&caches), &settings);
+        // f64 rounds 17 km at 2e-12 m, which may be the last bit of an f32.
+        assert_below(differences(&here, &there, 1.0, |p| p - shift), ROUNDED, "10 km");
+    }
+}
+
+#[test]
+fn order_of_lights_changes_nothing_but_rounding() {
+    let gpu = gpu();
+    let scene = corner(&[SPOT, LightKind::Point], 40.0);
+    let mut other = scene.clone();
+    other.lights.reverse();
+    let caches = baked(&scene, 0.5, 8);
+    for settings in variants() {
+        let [a, b] = [&scene, &other].map(|scene| shoot(&gpu, scene, Some(&caches), &settings));
+        assert_below(differences(&a, &b, 1.0, |p| p), ROUNDED, "two lights");
+    }
+}
+
+/// A lit floor, turned so that no axis is special, and nothing above it.
+fn bare_floor() -> Scene {
+    let mut scene = Scene::default();
+    let turn = DAffine3::from_axis_angle(dvec3(0.3, 0.2, 1.0).normalize(), 0.4);
+    let surface = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.5);
+    add(&mut scene, surface, phong([0.7; 3], [0.2; 3], 20.0), turn);
+    scene.lights.push(lamp(LightKind::Point));
+    scene.cameras.push(camera(dvec3(1.0, 2.0, 2.0), DVec3::ZERO, 0.9));
+    scene
+}
+
+#[track_caller]
+fn assert_dark(shot: &Shot) {
+    assert!(!shot.caches.is_empty() && shot.vals.iter().any(|val| val.flux != DVec3::ZERO));
+    for lobe in shot.proxies.iter().flat_map(lobes) {
+        assert!(!lobe.lit, "{lobe:?} is lit");
+        assert!(lobe.facing_irradiance == DVec3::ZERO && lobe.position.is_finite(), "{lobe:?}");
+    }
+    assert!(shot.diffuse.iter().chain(&shot.glossy).all(|radiance| *radiance == DVec3::ZERO));
+    assert!(shot.direct.iter().any(|radiance| *radiance != DVec3::ZERO));
+}
+
+#[test]
+fn a_flat_surface_is_not_lit_by_itself() {
+    let gpu = gpu();
+    let scene = bare_floor();
+    for settings in variants() {
+        assert_dark(&shoot(&gpu, &scene, Some(&baked(&scene, 0.5, 8)), &settings));
+    }
+}
+
+#[test]
+fn caches_with_all_vals_behind_them_are_dark() {
+    let gpu = gpu();
+    // The lit floor is below the floor that has the caches, and both look up.
+    let mut scene = bare_floor();
+    scene.instances[0].world_from_model = DAffine3::IDENTITY;
+    let surface = quad(vec3(1.5, 0.5, -1.0), Vec3::Z * 2.0, Vec3::X * 0.5, 0.5);
+    add(&mut scene, surface, phong([0.7; 3], [0.2; 3], 20.0), DAffine3::IDENTITY);
+    for settings in variants() {
+        assert_dark(&shoot(&gpu, &scene, Some(&baked(&scene, 0.5, 8)), &settings));
+    }
+}
+
+/// One cache in the middle of the first mesh, and none on others.
+fn one_cache(scene: &Scene, references: usize, position: Vec3, normal: Vec3) -> CacheSet {
+    let cache = Cache { position, normal, area: 1.0, triangle: 0, barycentric: [0.3, 0.3] };
+    let model = |mesh: usize| {
+        let caches = if mesh == 0 { vec![cache] } else { Vec::new() };
+        let mut row = vec![NO_CACHE; references];
+        row[0] = if mesh == 0 { 0 } else { NO_CACHE };
+        let references = row.repeat(scene.meshes[mesh].vertices.len());
+        ModelCaches { mesh, caches, references, coverage: Coverage::default() }
+    };
+    let models = (0..scene.meshes.len()).map(model).collect();
+    CacheSet { spacing: 1.0, models, instance_model: scene.instances.iter().map(|i| i.mesh).collect() }
+}
+
+#[test]
+fn one_cache_lights_its_whole_surface_and_no_other() {
+    let gpu = gpu();
+    let scene = corner(&[SPOT], 10.0);
+    for settings in variants().flat_map(|s| [8, 16].map(|references| Settings { references, ..s })) {
+        // In the middle of a face, and on a vertex, which has no farther cache to measure by.
+        for position in [vec3(0.1, 0.0, 0.2), vec3(0.0, 0.0, 0.0)] {
+            let shot = shoot(&gpu, &scene, Some(&one_cache(&scene, settings.references, position, Vec3::Y)), &settings);
+            assert!(shot.caches.len() == 1 && shot.proxies[0].diffuse.lit);
+            assert!(shot.diffuse.iter().chain(&shot.glossy).all(|r| r.is_finite() && r.min_element() >= 0.0));
+            let lit = shot.diffuse.iter().filter(|r| **r != DVec3::ZERO).count();
+            assert!(lit > 200 && lit < shot.diffuse.len() / 2, "{lit} pixels lit");
+        }
+    }
+}
+
+#[test]
+fn a_cache_that_lies_on_a_val_is_finite() {
+    let gpu = gpu();
+    // One texel straight down meets the floor where the cache is: distance 0 to the bit, in a scene of millimetres.
+    for scale in [1.0, 1e-3] {
+        let mut scene = corner(&[LightKind::Spot { inner: 0.01, outer: 0.02 }], 10.0);
+        scene.lights[0].position = dvec3(0.625, 1.0, 0.375);
+        scene.lights[0].direction = Vec3::NEG_Y;
+        let scene = placed(&scene, scale, DVec3::ZERO);
+        let caches = one_cache(&scene, 8, vec3(0.625, 0.0, 0.375), Vec3::Y);
+        for settings in variants() {
+            let shot = shoot(&gpu, &scene, Some(&caches), &Settings { rsm: 1, ..settings });
+            assert!(shot.vals[0].position.distance(shot.caches[0].position) < 1e-6 * scale, "{:?}", shot.vals[0]);
+            for lobe in shot.proxies.iter().flat_map(lobes) {
+                assert!(lobe.position.is_finite() && lobe.facing_irradiance == DVec3::ZERO, "{lobe:?}");
+            }
+            assert!(shot.diffuse.iter().chain(&shot.glossy).all(|radiance| *radiance == DVec3::ZERO));
+        }
+    }
+}

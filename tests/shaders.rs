@@ -1,0 +1,371 @@
+//! Every function of `glsl/lib` against its f64 twin, on grids and on random numbers with extremes among them.
+//!
+//! Bounds are relative unless said otherwise. f32 rounds at 6e-8, and the device's square roots and quotients may be
+//! 2.5 ulp off: `FEW` allows ten operations of that. Twins get the very f32 inputs, so inputs do not count.
+
+use std::f64::consts::PI;
+
+use glam::{DVec3, Vec3, Vec4, dvec3};
+use lightskin::reference::form_factor::{disc_form_factor, disc_geometry};
+use lightskin::reference::gather::val_geometry;
+use lightskin::reference::interpolate::{Scheme, kernel};
+use lightskin::reference::light::{range_window, spot_falloff};
+use lightskin::reference::phong::{cos_power, exponent_from_roughness, phong_lobe};
+use lightskin::reference::rsm::{Val, solid_angle};
+use lightskin::reference::tonemap;
+use lightskin::scene::{Material, Scene};
+
+use crate::analytic::numbers;
+use crate::common::{assert_clean, gpu, map_on_gpu};
+
+/// Ten roundings of quotients and roots.
+const FEW: f64 = 2e-6;
+
+/// f32 has no normal numbers below this; devices may give 0 instead.
+const TINY: f64 = 1.2e-38;
+
+/// Evaluates on a device of its own and compares the first component of each result with the twin's number.
+#[track_caller]
+fn check<const N: usize>(
+    includes: &[&str],
+    expression: &str,
+    inputs: &[[f32; N]],
+    bound: impl Fn(&[f64; N]) -> f64,
+    least: f64,
+    twin: impl Fn(&[f64; N]) -> f64,
+) {
+    check4(includes, &format!("vec4({expression})"), inputs, |x| (bound(x), least), |x| [twin(x); 4]);
+}
+
+/// The same for four components. `bound` gives the relative error, and the absolute one below which all is equal.
+#[track_caller]
+fn check4<const N: usize>(
+    includes: &[&str],
+    expression: &str,
+    inputs: &[[f32; N]],
+    bound: impl Fn(&[f64; N]) -> (f64, f64),
+    twin: impl Fn(&[f64; N]) -> [f64; 4],
+) {
+    let gpu = gpu();
+    let results = map_on_gpu(&gpu, includes, expression, inputs);
+    let mut worst = (0.0, String::new());
+    for (input, result) in inputs.iter().zip(results) {
+        let input = input.map(f64::from);
+        let (relative, least) = bound(&input);
+        for (actual, expected) in result.map(f64::from).into_iter().zip(twin(&input)) {
+            let error = (actual - expected).abs();
+            let share = error / (relative * expected.abs() + least).max(f64::MIN_POSITIVE);
+            let told =
+                || format!("{expression} of {input:?} is {actual} instead of {expected}: {share:.3} of the bound");
+            assert!(share <= 1.0, "{}", told());
+            if share > worst.0 {
+                worst = (share, told());
+            }
+        }
+    }
+    println!("worst: {}", worst.1);
+    assert_clean(&gpu);
+}
+
+/// Every combination of one value from each list.
+fn grid<const N: usize>(axes: [&[f32]; N]) -> Vec<[f32; N]> {
+    let count: usize = axes.iter().map(|axis| axis.len()).product();
+    let point = |mut index: usize| {
+        axes.map(|axis| {
+            let value = axis[index % axis.len()];
+            index /= axis.len();
+            value
+        })
+    };
+    (0..count).map(point).collect()
+}
+
+/// Random numbers, each axis in its range; where the range spans decades, even in its logarithm.
+fn random<const N: usize>(seed: u64, count: usize, ranges: [(f32, f32); N]) -> Vec<[f32; N]> {
+    let mut next = numbers(seed);
+    let mut one = |(low, high): (f32, f32)| {
+        let t = next() as f32;
+        if low > 0.0 && high > 1e3 * low { low * (high / low).powf(t) } else { low + (high - low) * t }
+    };
+    (0..count).map(|_| ranges.map(&mut one)).collect()
+}
+
+const COSINES: [f32; 13] = [-1.0, -1e-7, 0.0, 1e-12, 1e-7, 1e-3, 0.1, 0.5, 0.7, 0.9, 0.999, 0.999_999_9, 1.0];
+const EXPONENTS: [f32; 9] = [1.0, 1.5, 2.0, 10.0, 40.0, 99.5, 500.0, 1000.0, 2048.0];
+const DISTANCES: [f32; 9] = [1e-6, 1e-4, 1e-2, 0.3, 1.0, 30.0, 1e2, 1e4, 1e6];
+
+const FORM_FACTOR: &[&str] = &["lib/form_factor.glsl"];
+const PHONG: &[&str] = &["lib/phong.glsl"];
+const LIGHT: &[&str] = &["lib/light.glsl"];
+const INTERPOLATION: &[&str] = &["lib/interpolation.glsl"];
+const TONEMAP: &[&str] = &["lib/tonemap.glsl"];
+
+// Form factor.
+
+#[test]
+fn disc_geometry_and_form_factor_are_the_twins() {
+    let mut inputs = grid([&[1e-9, 1e-4, 1.0, 1e4], &COSINES, &COSINES, &[0.0, 1e-12, 1e-4, 1.0, 1e6, 1e12]]);
+    inputs.extend(random(1, 2000, [(1e-9, 1e4), (-1.0, 1.0), (-1.0, 1.0), (1e-12, 1e12)]));
+    let twin = |f: fn(f64, f64, f64, f64) -> f64| move |x: &[f64; 4]| f(x[0], x[1], x[2], x[3]);
+    check(FORM_FACTOR, "disc_geometry(x[0], x[1], x[2], x[3])", &inputs, |_| FEW, TINY, twin(disc_geometry));
+    // The least is what the area makes of a geometry that was too small.
+    check(
+        FORM_FACTOR,
+        "disc_form_factor(x[0], x[1], x[2], x[3])",
+        &inputs,
+        |_| FEW,
+        1e4 * TINY,
+        twin(disc_form_factor),
+    );
+}
+
+#[test]
+fn disc_geometry_towards_is_the_twins() {
+    let (light, normal) = (dvec3(0.6, 0.0, -0.8), dvec3(0.0, 0.6, 0.8));
+    let mut inputs = random(2, 3000, [(-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (1e-9, 1e4), (1e-6, 1e6)]);
+    for distance in DISTANCES {
+        inputs.extend([[0.0, 0.0, 1.0, 1e-4, distance], [-0.5, 0.5, 0.7, 1e-9, distance]]);
+    }
+    let expression = "vec4(disc_geometry_towards(v(0) * x[4], vec3(0.6, 0.0, -0.8), vec3(0.0, 0.6, 0.8), x[3]))";
+    let offset = |x: &[f64; 5]| dvec3(x[0], x[1], x[2]) * x[4];
+    // Nearer than a millionth of a VAL's side the twin holds the distance, the shader does not: in f32 both cosines are
+    // noise there.
+    inputs.retain(|x| offset(&x.map(f64::from)).length_squared() > 2e-12 * f64::from(x[3]));
+    // A cosine near 0 is a difference of products: its error is relative to the length, not to the cosine.
+    let bound = |x: &[f64; 5]| {
+        let d = offset(x);
+        (FEW, FEW / (x[3] + PI * d.length_squared()) + TINY)
+    };
+    check4(FORM_FACTOR, expression, &inputs, bound, |x| {
+        let val = Val { position: offset(x), area: x[3], normal: light, flux: DVec3::ONE };
+        [val_geometry(DVec3::ZERO, normal, &val).0; 4]
+    });
+}
+
+#[test]
+fn a_point_on_a_val_of_any_size_gets_nothing_from_it() {
+    // Products of squares of small lengths leave f32: 0/0 must not come of it.
+    // Nothing here is a constant that the compiler could multiply by.
+    let zero: &[f32] = &[0.0];
+    let inputs = grid([&[0.0, 1e-25, 1e-15, 1e-10], zero, zero, &[1.0], zero, &[0.0, 1e-20, 1e-12, 1e-9, 1e-6, 1.0]]);
+    let expression = "vec4(disc_geometry_towards(v(0), v(2), v(2), x[5]))";
+    check4(FORM_FACTOR, expression, &inputs, |_| (0.0, TINY), |_| [0.0; 4]);
+}
+
+// Phong.
+
+/// The logarithm is good to about 1e-7 and its error grows k-fold; the product itself is at most 128.
+fn power_bound(k: f64) -> f64 {
+    1e-5 + 2.5e-7 * k
+}
+
+#[test]
+fn cosine_power_and_lobe_are_the_twins() {
+    let mut inputs = grid([&EXPONENTS, &COSINES]);
+    inputs.extend(random(3, 2000, [(1.0, 2048.0), (-1.0, 1.0)]));
+    inputs.extend(random(4, 2000, [(1.0, 2048.0), (0.99, 1.0)]));
+    // The shader's floor inside the logarithm is 1e-30: with k = 1 that is what it gives for 0.
+    let least = 2e-30;
+    check(PHONG, "cosine_power(x[1], x[0])", &inputs, |x| power_bound(x[0]), least, |x| cos_power(x[0], x[1]));
+    check(PHONG, "phong_lobe(x[0], x[1])", &inputs, |x| power_bound(x[0]), 1e3 * least, |x| phong_lobe(x[0], x[1]));
+}
+
+#[test]
+fn exponent_from_roughness_is_the_twins() {
+    let mut inputs = grid([&[0.0, 1e-6, 0.01, 0.1, 0.124, 0.125, 0.5, 0.75, 0.76, 0.999, 1.0]]);
+    inputs.extend(random(5, 500, [(0.0, 1.0)]));
+    check(PHONG, "exponent_from_roughness(x[0])", &inputs, |_| FEW, 0.0, |x| exponent_from_roughness(x[0]));
+}
+
+#[test]
+fn view_direction_is_a_unit_vector_at_any_distance() {
+    let mut inputs = random(6, 1000, [(-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (1e-6, 1e6)]);
+    inputs.extend(DISTANCES.map(|distance| [0.0, 1.0, 0.0, distance]));
+    let direction = |x: &[f64; 4]| dvec3(x[0], x[1], x[2]).normalize();
+    let eye = "vec4(view_direction(vec4(0.0, 0.0, 0.0, 1.0), v(0) * x[3]), 0.0)";
+    check4(PHONG, eye, &inputs, |_| (FEW, 1e-7), |x| direction(x).extend(0.0).to_array());
+    let parallel = "vec4(view_direction(vec4(normalize(v(0)), 0.0), vec3(x[3])), 0.0)";
+    check4(PHONG, parallel, &inputs, |_| (FEW, 1e-7), |x| (-direction(x)).extend(0.0).to_array());
+    // On the eye itself there is no direction, but no NaN either.
+    check4(PHONG, "vec4(view_direction(vec4(v(0), 1.0), v(0)), 0.0)", &inputs, |_| (0.0, 0.0), |_| [0.0; 4]);
+}
+
+// Lights.
+
+#[test]
+fn spot_falloff_is_the_twins() {
+    let mut inputs = grid([&COSINES, &[0.0, 0.3, 0.5], &[0.01, 0.5, 0.7, 1.2, 1.55]]);
+    inputs.extend(random(7, 2000, [(-1.0, 1.0), (0.0, 0.7), (0.7, 1.57)]));
+    inputs.retain(|x| x[1] <= x[2]);
+    // The host makes scale and offset; the shader gets them as it does in a frame.
+    let cone = |&[cos, inner, outer]: &[f32; 3]| {
+        let scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
+        [cos, scale, -outer.cos() * scale, inner, outer]
+    };
+    let handed: Vec<[f32; 5]> = inputs.iter().map(cone).collect();
+    // Product and offset cancel: up to `scale` roundings, of a ramp from 0 to 1 that is then squared.
+    let bound = |x: &[f64; 5]| (0.0, 6e-7 * x[1] + FEW);
+    check4(LIGHT, "vec4(spot_falloff(x[0], x[1], x[2]))", &handed, bound, |x| [spot_falloff(x[3], x[4], x[0]); 4]);
+}
+
+#[test]
+fn range_window_is_the_twins() {
+    let mut inputs = grid([&DISTANCES, &[0.0, 1e-3, 1.0, 31.0, 1e4]]);
+    inputs.extend(random(8, 2000, [(0.0, 2.0), (0.5, 2.0)]));
+    // The window is a difference from 1: absolute error. 0 stands for an infinite range.
+    let twin = |x: &[f64; 2]| range_window(x[0], (x[1] > 0.0).then_some(x[1] as f32));
+    check(LIGHT, "range_window(x[0] * x[0], x[1])", &inputs, |_| 0.0, FEW, twin);
+}
+
+#[test]
+fn solid_angle_is_the_twins_down_to_tiny_texels() {
+    let mut inputs = Vec::new();
+    for (tan_half, n) in [0.1_f32, 0.5, 1.0, 2.7].into_iter().flat_map(|t| [1, 2, 16, 128, 1024, 4096].map(|n| (t, n)))
+    {
+        let step = 2.0 * tan_half / n as f32;
+        for (i, j) in [(0, 0), (n / 2, n / 2), (n / 3, n - 1), (n - 1, n / 4)] {
+            inputs.push([i as f32 * step - tan_half, j as f32 * step - tan_half, step, step]);
+        }
+    }
+    let expression = "vec4(solid_angle(vec3(x[0], x[1], 1.0), vec3(x[0] + x[2], x[1], 1.0), \
+                      vec3(x[0] + x[2], x[1] + x[3], 1.0), vec3(x[0], x[1] + x[3], 1.0)))";
+    // Corners are unit vectors of f32: each edge of a texel is known to a few roundings of 1, not of itself. Mesa's
+    // arc tangent is 2.1e-5 too small for small angles; Vulkan allows ten times that.
+    let bound = |x: &[f64; 4]| {
+        let edge = x[2] / (1.0 + x[0] * x[0] + x[1] * x[1]);
+        (3e-5 + 4.0 * 6e-8 / edge, 0.0)
+    };
+    check4(LIGHT, expression, &inputs, bound, |x| {
+        let corner = |i: f64, j: f64| dvec3(x[0] + i * x[2], x[1] + j * x[3], 1.0);
+        [solid_angle(corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0)); 4]
+    });
+}
+
+#[test]
+fn cube_face_is_that_of_the_largest_component() {
+    let mut inputs = random(9, 2000, [(-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0)]);
+    inputs.extend([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]]);
+    inputs.extend([[0.0, 0.0, -1.0], [1e-6, -2e-6, 3e-6], [1e6, -2e6, -3e6]]);
+    check4(
+        LIGHT,
+        "vec4(cube_face(v(0)))",
+        &inputs,
+        |_| (0.0, 0.0),
+        |x| {
+            let axis = dvec3(x[0], x[1], x[2]).abs().max_position();
+            [(2 * axis + usize::from(x[axis] < 0.0)) as f64; 4]
+        },
+    );
+}
+
+// Interpolation kernels.
+
+#[test]
+fn interpolation_kernels_are_the_twins() {
+    let mut inputs = grid([&[0.0, 1e-4, 0.1, 0.5, 0.9, 1.0], &DISTANCES, &COSINES]);
+    inputs.extend(random(10, 2000, [(0.0, 1.0), (1e-6, 1e6), (-1.0, 1.0)]));
+    // 1 - d / d_max is rounded at 1: near the farthest cache that is what is left of it.
+    let close = |x: &[f64; 3], power: f64| FEW + power * 2e-7 / (1.0 - x[0]).max(1e-7);
+    check(
+        INTERPOLATION,
+        "printed_weight(x[0] * x[1], x[1], x[2])",
+        &inputs,
+        |x| close(x, 1.0),
+        2e-7,
+        |x| kernel(Scheme::Printed, x[0], x[2]),
+    );
+    let facing = "facing_weight(x[0] * x[1], x[1], x[2])";
+    check(INTERPOLATION, facing, &inputs, |x| close(x, 2.0), 1e-12, |x| kernel(Scheme::Facing, x[0], x[2]));
+    let apart = "distance_weight(x[0] * x[1], x[1])";
+    check(INTERPOLATION, apart, &inputs, |_| FEW, 0.0, |x| 1.0 / (x[0] * x[0] + 1e-3));
+}
+
+#[test]
+fn weights_are_finite_where_all_caches_lie_on_the_point() {
+    // What the vertex shader calls with when the farthest of a vertex's caches is no distance away. A light of 1e6 lx
+    // and sixteen references must fit under 3.4e38.
+    let expression = "vec4(facing_weight(x[0], x[1], 1.0), distance_weight(x[0], x[1]), 0.0, 0.0) * 16.0 * 1e6";
+    let gpu = gpu();
+    let result = map_on_gpu(&gpu, INTERPOLATION, expression, &[[0.0_f32, 1e-15]])[0];
+    assert!(result.iter().all(|weight| weight.is_finite()), "{result:?}");
+    assert_clean(&gpu);
+}
+
+// Tone maps.
+
+#[test]
+fn tone_maps_are_the_twins() {
+    let values: [f32; 12] = [0.0, 1e-6, 0.01, 0.079, 0.081, 0.18, 0.5, 0.76, 0.8, 1.0, 16.0, 1e6];
+    let mut inputs = grid([&values, &values, &values]);
+    inputs.extend(random(11, 2000, [(1e-5, 1e5); 3]));
+    inputs.push([-1.0, 0.5, -0.1]);
+    let curves: [fn(DVec3) -> DVec3; 4] = [tonemap::pbr_neutral, tonemap::agx, tonemap::aces, tonemap::linear];
+    for (kind, curve) in curves.into_iter().enumerate() {
+        // What a display shows of 8 bits is 4e-3. AgX sums terms of up to 40 and raises to 2.2 by logarithms.
+        let least = if kind == 1 { 3e-5 } else { 2e-6 };
+        check4(
+            TONEMAP,
+            &format!("vec4(tonemap(v(0), {kind}u), 0.0)"),
+            &inputs,
+            |_| (FEW, least),
+            |x| {
+                let shown = curve(dvec3(x[0], x[1], x[2]).max(DVec3::ZERO));
+                shown.clamp(DVec3::ZERO, DVec3::ONE).extend(0.0).to_array()
+            },
+        );
+    }
+}
+
+// Materials.
+
+#[test]
+fn metallic_roughness_is_the_materials_mapping() {
+    let mut inputs = grid([
+        &[0.0, 0.04, 1.0],
+        &[0.0, 0.5, 1.0],
+        &[0.0, 0.1, 0.5, 1.0],
+        &[0.0, 1.0, 1.5, 3.0],
+        &[0.0, 1.0],
+        &[0.0, 1.0, 9.0],
+    ]);
+    inputs.extend(random(12, 2000, [(0.0, 1.0), (0.0, 1.0), (0.0, 1.0), (0.0, 4.0), (0.0, 1.0), (0.0, 2.0)]));
+    let call = "metallic_roughness(vec3(x[0], 1.0 - x[0], 0.5), x[1], x[2], x[3], x[4], vec3(x[5], 1.0, 0.2))";
+    let twin = |x: &[f64; 6]| {
+        let x = x.map(|v| v as f32);
+        let material = Material {
+            base_color: Vec4::new(x[0], 1.0 - x[0], 0.5, 1.0),
+            metallic: x[1],
+            roughness: x[2],
+            ior: x[3],
+            specular: x[4],
+            specular_color: Vec3::new(x[5], 1.0, 0.2),
+            ..Material::default()
+        };
+        material.reflectance(&Scene::default(), Default::default(), Vec4::ONE)
+    };
+    let include = &["lib/material.glsl"];
+    // The twin is f32 as well. Albedo errs relative to 1; the exponent by four powers of the roughness, relatively.
+    let bound = |_: &[f64; 6]| (2.0 * FEW, 1e-6);
+    let diffuse = format!("vec4({call}.diffuse, {call}.exponent)");
+    check4(include, &diffuse, &inputs, bound, |x| {
+        twin(x).diffuse.as_dvec3().extend(twin(x).exponent.into()).to_array()
+    });
+    let glossy = format!("vec4({call}.glossy, 0.0)");
+    check4(include, &glossy, &inputs, bound, |x| twin(x).glossy.as_dvec3().extend(0.0).to_array());
+}
+
+// Unit vectors in two numbers.
+
+#[test]
+fn octahedral_coding_round_trips_within_the_unit_square() {
+    let mut inputs = random(13, 3000, [(-1.0, 1.0); 3]);
+    let ends = [-1.0, -1e-6, 0.0, 1e-6, 1.0];
+    inputs.extend(grid([&ends, &ends, &ends]));
+    inputs.retain(|x| x.iter().any(|v| v.abs() >= 1.0) || x.iter().all(|v| v.abs() > 1e-3));
+    let include = &["lib/octahedral.glsl"];
+    let twin = |x: &[f64; 3]| dvec3(x[0], x[1], x[2]).normalize().extend(0.0).to_array();
+    let both = "vec4(octahedral_decode(octahedral_encode(normalize(v(0)))), 0.0)";
+    check4(include, both, &inputs, |_| (0.0, 5e-7), twin);
+    let inside = "vec4(all(lessThanEqual(abs(octahedral_encode(normalize(v(0)))), vec2(1.0))))";
+    check4(include, inside, &inputs, |_| (0.0, 0.0), |_| [1.0; 4]);
+}
