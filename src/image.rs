@@ -95,10 +95,12 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()
     })
 }
 
-/// Writes a 32-bit float OpenEXR with all layers in one part, linear Rec.709, and `metadata` as attributes.
-pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadata: &[(&str, String)]) -> Result<()> {
+/// Writes a 32-bit float OpenEXR with all layers in one part, linear Rec.709; `metadata` becomes its
+/// comment.
+pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadata: &str) -> Result<()> {
     use exr::prelude::{
-        AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, LayerAttributes, Text, WritableImage,
+        AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, LayerAttributes, LineOrder, Text,
+        WritableImage,
     };
     let mut channels = exr::prelude::SmallVec::<[AnyChannel<FlatSamples>; 4]>::new();
     for layer in layers {
@@ -109,15 +111,12 @@ pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadat
     }
     let mut attributes = LayerAttributes::default();
     attributes.software_name = Text::new_or_none(concat!("lightskin ", env!("CARGO_PKG_VERSION")));
-    for (name, value) in metadata {
-        if let (Some(name), Some(value)) = (Text::new_or_none(name), Text::new_or_none(value)) {
-            attributes.other.insert(name, AttributeValue::Text(value));
-        }
-    }
+    // One attribute: the crate writes several in an order that changes from run to run.
+    attributes.comments = Text::new_or_none(metadata);
     let layer = exr::prelude::Layer::new(
         (width as usize, height as usize),
         attributes,
-        Encoding::FAST_LOSSLESS,
+        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing },
         AnyChannels::sort(channels),
     );
     let image = Image::from_layer(layer);

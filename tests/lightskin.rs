@@ -2,11 +2,13 @@
 
 mod analytic;
 mod bake;
+mod cli;
 mod common;
 mod frame;
 mod gather;
 mod generated;
 mod guards;
+mod house;
 mod malformed;
 mod nets;
 mod proxies;

@@ -63,7 +63,7 @@ struct CacheArgs {
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
     caches: u32,
     /// Largest distance [m] of a surface point to a cache, instead of a count.
-    #[arg(long, value_name = "M", value_parser = positive)]
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = positive)]
     spacing: Option<f64>,
     /// Largest angle [degrees] between a surface and its cache.
     #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]

@@ -436,15 +436,10 @@ impl Report<'_> {
         if self.gpu.is_software() { "each stage submitted alone" } else { "timestamps within one submission" }
     }
 
-    fn metadata(&self, ev: f32) -> Vec<(&'static str, String)> {
-        vec![
-            ("lightskin.scene", self.scene.name.clone()),
-            ("lightskin.camera", self.camera.name.clone()),
-            ("lightskin.device", self.gpu.report().name.clone()),
-            ("lightskin.ev", ev.to_string()),
-            ("lightskin.caches", self.caches().to_string()),
-            ("lightskin.vals", self.vals().to_string()),
-        ]
+    fn metadata(&self, ev: f32) -> String {
+        let (scene, camera, device) = (&self.scene.name, &self.camera.name, &self.gpu.report().name);
+        let (caches, vals) = (self.caches(), self.vals());
+        format!("scene {scene}; camera {camera}; device {device}; EV {ev}; {caches} caches; {vals} VALs")
     }
 
     /// Median time [ms] of each stage over the frames.

@@ -174,7 +174,7 @@ fn open_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance, b
     let info = info.enabled_extension_names(&extensions);
     // SAFETY: every pointer in `info` outlives the call.
     let instance = unsafe { entry.create_instance(&info, None) }.map_err(|r| {
-        Error::NoDevice(format!("the Vulkan loader refused an instance ({r}); is a Vulkan 1.3 driver installed?"))
+        Error::NoDevice(format!("the Vulkan loader refused an instance ({r}); install a driver (mesa-vulkan-drivers has one for machines without a GPU)"))
     })?;
     Ok((entry, instance, has_debug))
 }

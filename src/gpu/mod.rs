@@ -6,6 +6,7 @@
 
 mod cmd;
 mod device;
+mod draw;
 mod hazards;
 mod pipeline;
 mod reflect;
@@ -13,8 +14,9 @@ mod resource;
 mod timer;
 
 pub use ash::vk::Format;
-pub use cmd::{Attach, Attachments, Bind, Cmd, Draw, Load};
+pub use cmd::{Bind, Cmd};
 pub use device::{DeviceReport, Gpu, Options, Validation, devices};
+pub use draw::{Attach, Attachments, Draw, Load};
 pub use hazards::Use;
 pub use pipeline::{Attribute, Blend, Cull, Depth, Pipeline, Raster, Stream};
 pub use resource::{Buffer, Image, SamplerKind};

@@ -1,0 +1,221 @@
+//! The tool as a user meets it: outputs, messages, exit codes, and nothing half-written left behind.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A folder of this test's own, emptied.
+fn folder(name: &str) -> PathBuf {
+    let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
+    let _ = fs::remove_dir_all(&path);
+    fs::create_dir_all(&path).expect("a folder for the test");
+    path
+}
+
+/// Runs the tool in a folder, its kept bakes in there too.
+fn lightskin(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_lightskin"))
+        .args(args)
+        .current_dir(folder)
+        .env("XDG_CACHE_HOME", folder.join("cache"))
+        .output()
+        .expect("the tool runs")
+}
+
+fn text(bytes: &[u8]) -> String {
+    String::from_utf8_lossy(bytes).into_owned()
+}
+
+/// Runs the tool and wants success.
+fn works(folder: &Path, args: &[&str]) -> String {
+    let out = lightskin(folder, args);
+    assert!(out.status.success(), "{args:?}: {}{}", text(&out.stdout), text(&out.stderr));
+    text(&out.stdout)
+}
+
+/// Runs the tool and wants one line of error that holds all of `parts`, and this exit code.
+fn fails(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
+    let out = lightskin(folder, args);
+    let message = text(&out.stderr);
+    assert_eq!(out.status.code(), Some(code), "{args:?}: {message}");
+    for part in parts {
+        assert!(message.contains(part), "{args:?}: '{part}' is not in: {message}");
+    }
+    assert!(!message.contains("panicked"), "{message}");
+    if code == 1 {
+        let line = message.lines().filter(|l| l.starts_with("lightskin: ")).count();
+        assert!((1..=2).contains(&line) && message.lines().count() == line, "one line: {message}");
+    }
+}
+
+/// Files in a folder besides the kept bakes.
+fn left(folder: &Path) -> Vec<String> {
+    let entries = fs::read_dir(folder).expect("folder");
+    let mut names: Vec<_> = entries.map(|e| e.expect("entry").file_name().to_string_lossy().into_owned()).collect();
+    names.retain(|n| n != "cache");
+    names.sort();
+    names
+}
+
+const SMALL: [&str; 6] = ["--size", "64x36", "--caches", "100", "--rsm", "16"];
+
+#[test]
+fn default_scene_becomes_a_png_with_times_and_counts() {
+    let at = folder("cli-default");
+    let mut args = vec!["render", "-o", "a.png", "--timings", "t.jsonl", "--repeat", "2", "--validation", "sync"];
+    args.extend(SMALL);
+    let out = works(&at, &args);
+    for part in ["caches", "VALs", "gbuffer", "gather", "interpolate", "composite", "ns per cache and VAL", "a.png"] {
+        assert!(out.contains(part), "'{part}' is not in {out}");
+    }
+    let picture = image::open(at.join("a.png")).expect("a PNG").to_rgb8();
+    assert_eq!(picture.dimensions(), (64, 36));
+    assert!(picture.pixels().any(|p| p.0[0] > 100), "the picture is not black");
+    let timings = fs::read_to_string(at.join("t.jsonl")).expect("timings");
+    assert_eq!(timings.lines().count(), 2);
+    for line in timings.lines() {
+        let frame: serde_json::Value = serde_json::from_str(line).expect("JSON");
+        let names: Vec<_> =
+            frame["stages"].as_array().expect("stages").iter().map(|s| s["name"].as_str().expect("name")).collect();
+        assert_eq!(names, ["gbuffer", "direct", "atlas", "rsm", "gather", "interpolate", "composite"]);
+        assert!(frame["gather_ns_per_pair"].as_f64().expect("figure") > 0.0);
+    }
+    assert_eq!(left(&at), ["a.png", "t.jsonl"]);
+}
+
+#[test]
+fn exr_holds_all_layers_and_their_sum() {
+    use exr::prelude::{ReadChannels, ReadLayers};
+    let at = folder("cli-exr");
+    let mut args = vec!["render", "-o", "a.exr"];
+    args.extend(SMALL);
+    works(&at, &args);
+    let image = exr::prelude::read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_file(at.join("a.exr"))
+        .expect("an EXR");
+    let plane = |name: &str| -> Vec<f32> {
+        let channel = image.layer_data.channel_data.list.iter().find(|c| c.name.to_string() == name);
+        channel.unwrap_or_else(|| panic!("no channel {name}")).sample_data.values_as_f32().collect()
+    };
+    let (r, direct) = (plane("R"), plane("direct.R"));
+    let (diffuse, glossy) = (plane("indirect.diffuse.R"), plane("indirect.glossy.R"));
+    for i in 0..r.len() {
+        let sum = direct[i] + diffuse[i] + glossy[i];
+        assert!((r[i] - sum).abs() <= 1e-5 * sum.max(1.0), "pixel {i}: {} is not {sum}", r[i]);
+    }
+    for name in ["G", "B", "albedo.R", "normal.X", "normal.Y", "normal.Z", "Z"] {
+        assert_eq!(plane(name).len(), 64 * 36, "{name}");
+    }
+    assert!(plane("Z").iter().all(|z| *z > 0.0));
+
+    let mut args = vec!["render", "-o", "n.exr", "--layer", "normal"];
+    args.extend(SMALL);
+    works(&at, &args);
+    let mut args = vec!["render", "-o", "d.png", "--layer", "indirect.diffuse"];
+    args.extend(SMALL);
+    works(&at, &args);
+    assert_eq!(left(&at), ["a.exr", "d.png", "n.exr"]);
+}
+
+#[test]
+fn two_runs_write_the_same_bytes() {
+    let at = folder("cli-same");
+    for name in ["a.exr", "b.exr"] {
+        let mut args = vec!["render", "-o", name];
+        args.extend(SMALL);
+        works(&at, &args);
+    }
+    assert!(fs::read(at.join("a.exr")).expect("a") == fs::read(at.join("b.exr")).expect("b"), "same scene, same bytes");
+}
+
+#[test]
+fn bake_info_devices_and_assets_print_what_they_promise() {
+    let at = folder("cli-others");
+    let bake = works(&at, &["bake", "--caches", "100"]);
+    assert!(bake.contains("every surface point has a cache within"), "{bake}");
+    assert!(works(&at, &["bake", "--caches", "100"]).contains("read from the kept bake"));
+    let info = works(&at, &["info", "--caches", "100"]);
+    for part in ["frame plan", " 6 gather", "atlas", "KiB", "bytes per cache", "directional", "spot"] {
+        assert!(info.contains(part), "'{part}' is not in {info}");
+    }
+    assert!(works(&at, &["devices"]).contains("ok"));
+    works(&at, &["assets", "made"]);
+    assert_eq!(left(&at.join("made")), ["atrium.glb", "cornell_diffuse.glb", "cornell_glossy.glb"]);
+    let mut args = vec!["render", "made", "-o", "a.png", "--camera", "-0.5,1.6,5;0,1.5,0;0,1,0;50", "--ev", "9"];
+    args.extend(SMALL);
+    works(&at, &args);
+}
+
+#[test]
+fn wrong_usage_is_exit_code_2() {
+    let at = folder("cli-usage");
+    fails(&at, &["render", "--size", "12"], 2, &["--size", "1280x720"]);
+    fails(&at, &["render", "-o", "a.tiff"], 2, &[".png or .exr"]);
+    fails(&at, &["render", "--refs", "9"], 2, &["--refs"]);
+    fails(&at, &["render", "--spacing", "-1"], 2, &["above zero"]);
+    fails(&at, &["render", "--spacing", "1", "--caches", "5"], 2, &["cannot be used with"]);
+    fails(&at, &["render", "--angle", "200"], 2, &["degrees"]);
+    fails(&at, &["frobnicate"], 2, &["frobnicate"]);
+    assert_eq!(left(&at), [] as [&str; 0]);
+}
+
+#[test]
+fn bad_input_is_one_line_and_exit_code_1() {
+    let at = folder("cli-bad");
+    fs::write(at.join("empty.glb"), b"").expect("file");
+    fs::write(at.join("text.gltf"), b"hello").expect("file");
+    let draco = r#"{"asset":{"version":"2.0"},"extensionsRequired":["KHR_draco_mesh_compression"],"extensionsUsed":["KHR_draco_mesh_compression"]}"#;
+    fs::write(at.join("draco.gltf"), draco).expect("file");
+    fs::write(at.join("nothing.gltf"), r#"{"asset":{"version":"2.0"}}"#).expect("file");
+    fs::create_dir(at.join("folder")).expect("folder");
+    let before = left(&at);
+    fails(&at, &["render", "missing.glb"], 1, &["missing.glb"]);
+    fails(&at, &["render", "empty.glb"], 1, &["empty.glb"]);
+    fails(&at, &["render", "text.gltf"], 1, &["text.gltf"]);
+    fails(&at, &["render", "draco.gltf"], 1, &["draco.gltf", "KHR_draco_mesh_compression"]);
+    fails(&at, &["render", "nothing.gltf"], 1, &["nothing.gltf", "no triangles"]);
+    fails(&at, &["render", "folder"], 1, &["no .gltf or .glb"]);
+    fails(&at, &["render", "--camera", "9"], 1, &["--camera 9", "'Hero'"]);
+    fails(&at, &["render", "--camera", "0,0,0;1,0,0;0,1,0"], 1, &["eye;target;up;fov"]);
+    fails(&at, &["render", "--device", "nonesuch"], 1, &["nonesuch", "matches none"]);
+    fails(&at, &["render", "-o", "no/such/folder/a.png"], 1, &["no/such/folder/a.png", "does not exist"]);
+    fails(&at, &["render", "-o", "folder/x/a.png"], 1, &["cannot write"]);
+    fails(&at, &["bake", "--spacing", "1e-9"], 1, &["larger spacing"]);
+    assert_eq!(left(&at), before, "nothing is left behind");
+}
+
+#[test]
+fn a_full_disk_leaves_the_old_file() {
+    let at = folder("cli-full");
+    let file = at.join("picture.png");
+    fs::write(&file, b"old").expect("file");
+    let error = lightskin::image::replace_file(&file, |temporary| {
+        fs::write(temporary, b"half")?;
+        Err(std::io::Error::from(std::io::ErrorKind::StorageFull))
+    });
+    let message = error.expect_err("the disk is full").to_string();
+    assert!(message.contains("picture.png") && message.contains("free some space"), "{message}");
+    assert_eq!(fs::read(&file).expect("file"), b"old");
+    assert_eq!(left(&at), ["picture.png"]);
+}
+
+#[test]
+fn no_driver_is_one_line() {
+    let at = folder("cli-no-driver");
+    let out = Command::new(env!("CARGO_BIN_EXE_lightskin"))
+        .args(["render", "--gi", "off"])
+        .current_dir(&at)
+        .env("VK_DRIVER_FILES", "/nonexistent.json")
+        .env("VK_ICD_FILENAMES", "/nonexistent.json")
+        .output()
+        .expect("the tool runs");
+    let message = text(&out.stderr);
+    assert_eq!(out.status.code(), Some(1), "{message}");
+    assert!(message.contains("no suitable Vulkan device") && message.contains("install a driver"), "{message}");
+    assert_eq!(left(&at), [] as [&str; 0]);
+}

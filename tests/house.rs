@@ -1,0 +1,81 @@
+//! Rules of the house that no compiler checks: which module may use which, where unsafe code may lie, file lengths,
+//! and that the committed scenes are what our own code makes.
+
+use lightskin::scene::build::{CornellSurface, atrium, cornell};
+use lightskin::scene::{Scene, gltf};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+fn files(folder: &str, extensions: &[&str]) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    let mut folders = vec![Path::new(env!("CARGO_MANIFEST_DIR")).join(folder)];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).expect("source folder") {
+            let path = entry.expect("entry").path();
+            if path.is_dir() {
+                folders.push(path);
+            } else if path.extension().and_then(|e| e.to_str()).is_some_and(|e| extensions.contains(&e)) {
+                let content = fs::read_to_string(&path).expect("source file");
+                found.push((path, content));
+            }
+        }
+    }
+    assert!(!found.is_empty(), "{folder} holds sources");
+    found
+}
+
+#[test]
+fn modules_depend_one_way() {
+    let rules: [(&str, &[&str]); 4] = [
+        ("src/gpu", &["crate::frame", "crate::scene", "crate::bake", "crate::reference", "crate::shared"]),
+        ("src/scene", &["crate::gpu", "crate::frame", "crate::bake", "crate::reference", "ash::vk"]),
+        ("src/bake", &["crate::gpu", "crate::frame", "crate::reference", "ash::vk"]),
+        ("src/reference", &["crate::gpu", "crate::frame", "crate::bake", "ash::vk"]),
+    ];
+    for (folder, forbidden) in rules {
+        for (path, content) in files(folder, &["rs"]) {
+            for word in forbidden {
+                assert!(!content.contains(word), "{} must not use {word}", path.display());
+            }
+        }
+    }
+}
+
+#[test]
+fn unsafe_code_lies_in_gpu_alone() {
+    for (path, content) in files("src", &["rs"]) {
+        let in_gpu = path.components().any(|c| c.as_os_str() == "gpu");
+        assert!(in_gpu || !content.contains("unsafe {"), "{} holds unsafe code", path.display());
+    }
+}
+
+#[test]
+fn files_stay_readable() {
+    for (path, content) in files("src", &["rs"]).into_iter().chain(files("glsl", &["glsl", "vert", "frag", "comp"])) {
+        let lines = content.lines().count();
+        assert!(lines <= 600, "{} has {lines} lines: is it two things?", path.display());
+    }
+}
+
+/// The same to rounding: the sine of another C library may differ in its last bit.
+fn assert_same(file: &str, made: &Scene) {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets").join(file);
+    let kept = gltf::load(&path).expect("the committed scene loads");
+    assert_eq!(kept.triangle_count(), made.triangle_count(), "{file}: run `lightskin assets`");
+    assert_eq!(kept.instances.len(), made.instances.len());
+    assert_eq!((kept.lights.len(), kept.cameras.len()), (made.lights.len(), made.cameras.len()));
+    for (k, m) in kept.instances.iter().zip(&made.instances) {
+        assert!(k.world_from_model.abs_diff_eq(m.world_from_model, 1e-5), "{file}: {}", k.name);
+        let (k, m) = (&kept.meshes[k.mesh], &made.meshes[m.mesh]);
+        assert_eq!(k.vertices.len(), m.vertices.len(), "{file}: {}", k.name);
+        let near = k.vertices.iter().zip(&m.vertices).all(|(k, m)| k.position.abs_diff_eq(m.position, 1e-4));
+        assert!(near, "{file}: {} differs; run `lightskin assets`", k.name);
+    }
+}
+
+#[test]
+fn committed_scenes_are_made_by_our_code() {
+    assert_same("atrium.glb", &atrium());
+    assert_same("cornell_diffuse.glb", &cornell(CornellSurface::Diffuse, 0.05));
+    assert_same("cornell_glossy.glb", &cornell(CornellSurface::Glossy, 0.05));
+}
