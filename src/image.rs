@@ -109,10 +109,12 @@ pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadat
             channels.push(AnyChannel::new(Text::new_or_panic(&name), FlatSamples::F32(plane.clone())));
         }
     }
-    let mut attributes = LayerAttributes::default();
-    attributes.software_name = Text::new_or_none(concat!("lightskin ", env!("CARGO_PKG_VERSION")));
-    // One attribute: the crate writes several in an order that changes from run to run.
-    attributes.comments = Text::new_or_none(metadata);
+    let attributes = LayerAttributes {
+        software_name: Text::new_or_none(concat!("lightskin ", env!("CARGO_PKG_VERSION"))),
+        // One attribute: the crate writes several in an order that changes from run to run.
+        comments: Text::new_or_none(metadata),
+        ..LayerAttributes::default()
+    };
     let layer = exr::prelude::Layer::new(
         (width as usize, height as usize),
         attributes,

@@ -1,4 +1,48 @@
-//! lightskin: real-time global illumination by interpolated light caches.
+//! lightskin: real-time global illumination by interpolated light caches, on Vulkan.
+//!
+//! A few hundred *caches*, placed once on the surfaces of models, each boil down all indirect light (thousands of
+//! virtual area lights from extended reflective shadow maps) to one diffuse and one glossy proxy light. Interpolating
+//! the lights, not the colours, gives every pixel diffuse and glossy indirect light: fully dynamic, without temporal
+//! history, without ray-tracing hardware. The method is Philipp Lensing's dissertation *LightSkin* (Ilmenau 2014).
+//!
+//! A frame is a list of stages, each one file in [`frame`] with its shader in `glsl/`:
+//!
+//! | # | stage | in -> out |
+//! | --- | --- | --- |
+//! | 1 | [`frame::gbuffer`] | scene, camera -> depth, normal, reflectances, emitted radiance |
+//! | 2 | [`frame::direct`] | G-buffer, shadow maps -> radiance |
+//! | 3 | [`frame::atlas`] | model caches, transforms -> caches in the world |
+//! | 4 | [`frame::rsm`] | scene from each light -> virtual area lights (VALs) |
+//! | 6 | [`frame::gather`] | VALs x caches -> proxy lights |
+//! | 8 | [`frame::interpolate`] | proxies -> indirect radiance per pixel |
+//! | 11 | [`frame::composite`] | all radiance, exposure, tone map -> picture |
+//!
+//! Stages 5 (culling), 7 (soft shadows), 9 and 10 (subsurface scattering) keep their numbers and are yet to come.
+//!
+//! ```no_run
+//! use lightskin::frame::{Frame, SceneBuffers, Settings, View};
+//! use lightskin::{bake, gpu, image, scene};
+//!
+//! fn main() -> lightskin::Result<()> {
+//!     let mut scene = scene::gltf::load("scene.glb".as_ref())?;
+//!     scene::defaults::complete(&mut scene); // a camera and a light, if it has none
+//!
+//!     let density = bake::Density::Count(1000);
+//!     let caches = bake::bake(&scene, &bake::Settings { density, angle: 1.0, references: 8 }, &|_, _| {})?;
+//!
+//!     let gpu = gpu::Gpu::new(&gpu::Options::default())?;
+//!     let settings = Settings { size: [640, 360], ..Settings::default() };
+//!     let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches))?;
+//!     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
+//!     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+//!     let drawn = gpu.frame(false, |cmd| {
+//!         frame.record(cmd, &buffers, &view);
+//!         Ok(())
+//!     })?;
+//!     gpu.times(&drawn)?; // waits, and gives the milliseconds of each stage
+//!     image::write_png("picture.png".as_ref(), 640, 360, &gpu.read_image(&frame.targets.output)?)
+//! }
+//! ```
 
 pub mod bake;
 pub mod error;

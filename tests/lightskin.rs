@@ -1,4 +1,5 @@
 //! The one integration-test binary: it links once.
+#![allow(clippy::print_stdout, reason = "tests print the figures they judge by")]
 
 mod analytic;
 mod bake;

@@ -101,11 +101,8 @@ pub(crate) fn interface(spirv: &[u32]) -> Interface {
         }
         at += count;
     }
-    let mut found = Interface::default();
-    found.group = match local_size_ids {
-        Some(ids) => ids.map(|id| constants[&id]),
-        None => local_size,
-    };
+    let group = local_size_ids.map_or(local_size, |ids| ids.map(|id| constants[&id]));
+    let mut found = Interface { group, ..Interface::default() };
     // `layout(local_size_x = CONSTANT)` may also arrive as the decorated WorkgroupSize composite.
     for (id, parts) in &composites {
         if decorations.get(&(*id, 11)) == Some(&25) && parts.len() == 3 {
