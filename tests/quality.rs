@@ -2,10 +2,10 @@
 //! the figures.
 
 use lightskin::bake::{self, Density};
-use lightskin::frame::{Frame, Gi, SceneBuffers, Settings, View};
+use lightskin::frame::{Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, View};
 use lightskin::gpu::{Gpu, Options};
 use lightskin::scene::Scene;
-use lightskin::scene::build::{CornellSurface, cornell};
+use lightskin::scene::build::{CornellSurface, atrium, cornell};
 
 /// Diffuse and glossy indirect radiance, RGB per pixel, of the pixels that show a surface.
 struct Layers {
@@ -14,11 +14,17 @@ struct Layers {
 }
 
 fn render(gpu: &Gpu, scene: &Scene, gi: Gi, caches: usize, size: [u32; 2]) -> Layers {
-    let settings = Settings { size, gi, ..Settings::default() };
-    let bake_settings = bake::Settings { density: Density::Count(caches), angle: 60_f32.to_radians(), references: 8 };
+    render_with(gpu, scene, caches, 60.0, &Settings { size, gi, ..Settings::default() })
+}
+
+/// `angle` is the bake's, in degrees.
+fn render_with(gpu: &Gpu, scene: &Scene, caches: usize, angle: f32, settings: &Settings) -> Layers {
+    let size = settings.size;
+    let (density, references) = (Density::Count(caches), settings.references);
+    let bake_settings = bake::Settings { density, angle: angle.to_radians(), references };
     let baked = bake::bake(scene, &bake_settings, &|_, _| {}).expect("bake");
     let buffers = SceneBuffers::new(gpu, scene, Some(&baked)).expect("upload");
-    let frame = Frame::new(gpu, scene, &buffers, &settings).expect("frame");
+    let frame = Frame::new(gpu, scene, &buffers, settings).expect("frame");
     let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, &buffers, &view);
@@ -110,4 +116,36 @@ fn glossy_cornell_box_is_reported() {
     }
     assert!(found[3].mean_absolute_relative < 0.5 * found[0].mean_absolute_relative, "{found:?}");
     assert!(found[3].relative_square_trimmed < found[0].relative_square_trimmed, "{found:?}");
+}
+
+/// The figures of docs/choices.md. Only the choice with a clear winner on both scenes is asserted.
+#[test]
+fn defaults_against_their_alternatives() {
+    let gpu = Gpu::new(&Options::default()).expect("a Vulkan device");
+    let base = Settings { size: [320, 180], rsm: 64, ..Settings::default() };
+    for (name, scene, caches) in
+        [("Cornell box", cornell(CornellSurface::Glossy, 0.05), 1000), ("atrium", atrium(), 2000)]
+    {
+        let truth = render_with(&gpu, &scene, 1, 60.0, &Settings { gi: Gi::BruteForce, ..base });
+        let report = |what: &str, angle: f32, settings: &Settings| {
+            let found = render_with(&gpu, &scene, caches, angle, settings);
+            let diffuse = errors(&found.diffuse, &truth.diffuse);
+            println!(
+                "{name}, {caches} caches, {what}: diffuse {diffuse}; glossy {}",
+                errors(&found.glossy, &truth.glossy)
+            );
+            diffuse
+        };
+        let default = report("defaults", 60.0, &base);
+        let printed = report("as printed", 60.0, &Settings { interpolation: Interpolation::Printed, ..base });
+        report("form-factor weights", 60.0, &Settings { proxy_weight: ProxyWeight::FormFactor, ..base });
+        report("16 references", 60.0, &Settings { references: 16, ..base });
+        report("angle 45", 45.0, &base);
+        report("angle 75", 75.0, &base);
+        assert!(default.mean_absolute_relative < printed.mean_absolute_relative, "{name}: {default} against {printed}");
+        assert!(
+            default.relative_square_trimmed < printed.relative_square_trimmed,
+            "{name}: {default} against {printed}"
+        );
+    }
 }
