@@ -3,9 +3,11 @@
 mod analytic;
 mod bake;
 mod common;
+mod energy;
 mod gather;
 mod generated;
 mod guards;
+mod interpolate;
 mod malformed;
 mod proxies;
 mod scene;
