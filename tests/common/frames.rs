@@ -211,11 +211,11 @@ pub(crate) fn triangles(scene: &Scene) -> Vec<(Triangle, usize)> {
         let placed = instance.world_from_model;
         let normals = placed.matrix3.inverse().transpose();
         let materials = mesh.triangle_materials();
-        for t in 0..mesh.triangle_count() {
+        for (t, material) in materials.into_iter().enumerate() {
             let corners = mesh.triangle(t).map(|v| mesh.vertices[v]);
             let positions = corners.map(|v| placed.transform_point3(v.position.as_dvec3()));
             let normals = corners.map(|v| normals * v.normal.as_dvec3());
-            let diffuse = reflection(scene, materials[t]).diffuse;
+            let diffuse = reflection(scene, material).diffuse;
             all.push((Triangle { positions, normals, diffuse }, i));
         }
     }
