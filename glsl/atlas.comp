@@ -1,5 +1,6 @@
 // Stage 3: every instance's caches into the world. METHOD 1 and 9.
 #include "shared.glsl"
+#include "lib/phong.glsl"
 
 layout(local_size_x = 64) in;
 layout(binding = 0, scalar) readonly buffer ModelCaches { ModelCache model_caches[]; };
@@ -15,6 +16,6 @@ void main() {
     ModelCache c = model_caches[i];
     Instance instance = instances[c.instance];
     vec3 position = (instance.world_from_model * vec4(c.position, 1.0)).xyz;
-    vec3 normal = normalize(mat3(instance.world_from_normal) * c.normal);
+    vec3 normal = unit_or(mat3(instance.world_from_normal) * c.normal, vec3(0.0, 1.0, 0.0));
     caches[i] = Cache(position, c.exponent, normal, c.area);
 }

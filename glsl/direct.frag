@@ -20,20 +20,16 @@ layout(location = 0) out vec4 out_radiance;
 float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     bool directional = light.kind == LIGHT_DIRECTIONAL;
     bool six = light.view_count > 1u;
-    uint face = six ? cube_face(position - light.position) : 0u;
-    LightView view = views[light.first_view + face];
     float size = float(push.shadow_size);
-    float spread = length(view.right);
-    float distance = directional ? 1.0 : max(dot(position - light.position, view.forward), view.near);
-    float texel = 2.0 * spread * distance / size;
+    // All views of a light are equally wide.
+    float spread = length(views[light.first_view].right);
+    float texel = 2.0 * spread * (directional ? 1.0 : length(position - light.position)) / size;
     // Out of the surface by as much as it can slope over a texel: nothing shadows itself.
     float cosine = clamp(dot(n, towards), 0.0, 1.0);
     vec3 p = position + n * texel * (0.5 + 1.5 * sqrt(1.0 - cosine * cosine));
-    if (six) {
-        face = cube_face(p - light.position); // the step may have crossed an edge of the cube
-        view = views[light.first_view + face];
-    }
-    vec4 clip = view.clip_from_world * vec4(p, 1.0);
+    // Seen from the stepped-out point, which may have crossed an edge of the cube.
+    uint face = six ? cube_face(p - light.position) : 0u;
+    vec4 clip = views[light.first_view + face].clip_from_world * vec4(p, 1.0);
     vec3 ndc = clip.xyz / clip.w;
     if (!six && any(greaterThan(abs(ndc.xy), vec2(1.0)))) {
         return directional ? 1.0 : 0.0;

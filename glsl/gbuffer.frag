@@ -17,20 +17,19 @@ layout(location = 2) out vec4 out_specular; // rho_g, y of the geometric normal
 layout(location = 3) out vec4 out_radiance; // emitted [cd/m^2]; direct light is added by stage 2
 
 // The normal map's tilt. Without tangents in the file the frame follows from how uv changes over the picture.
-vec3 bumped(vec3 n, uint material) {
-    vec2 t = texture_uv(material, TEXTURE_NORMAL, uv);
-    vec3 m = texture(normal_texture, t).xyz * 2.0 - 1.0;
+vec3 bumped(vec3 n, uint material, Uv here, vec3 px, vec3 py) {
+    vec3 m = sample_texture(normal_texture, material, TEXTURE_NORMAL, here).xyz * 2.0 - 1.0;
+    TextureSlot slot = texture_slots[material * TEXTURE_COUNT + TEXTURE_NORMAL];
     m.xy *= materials[material].normal_scale;
     vec3 across = tangent.xyz;
     vec3 along;
-    if (dot(across, across) > 0.0 && texture_slots[material * TEXTURE_COUNT + TEXTURE_NORMAL].uv_set == 0u) {
-        across = normalize(across - n * dot(n, across));
+    if (dot(across, across) > 0.0 && slot.uv_set == 0u) {
+        across = unit_or(across - n * dot(n, across), vec3(0.0));
         along = cross(n, across) * tangent.w;
     } else {
-        vec3 px = dFdx(position);
-        vec3 py = dFdy(position);
-        vec2 tx = dFdx(t);
-        vec2 ty = dFdy(t);
+        mat2 linear = mat2(slot.linear.xy, slot.linear.zw);
+        vec2 tx = linear * (slot.uv_set == 0u ? here.dx.xy : here.dx.zw);
+        vec2 ty = linear * (slot.uv_set == 0u ? here.dy.xy : here.dy.zw);
         vec3 a = cross(py, n);
         vec3 b = cross(n, px);
         across = a * tx.x + b * ty.x;
@@ -45,29 +44,32 @@ vec3 bumped(vec3 n, uint material) {
         along *= s;
     }
     vec3 tilted = across * m.x + along * m.y + n * m.z;
-    float size = dot(tilted, tilted);
-    return size > 1e-12 ? tilted * inversesqrt(size) : n;
+    return unit_or(tilted, n);
 }
 
 void main() {
     uint material = push.material;
-    vec4 base = base_color(material, uv, color);
+    vec3 px = dFdx(position);
+    vec3 py = dFdy(position);
+    Uv here = uv_here(uv);
+    vec4 base = base_color(material, here, color);
     Material m = materials[material];
-    if (base.a < m.alpha_cutoff) {
+    // A sliver without extent on the pixel grid can come without a position: nothing to shade.
+    if (base.a < m.alpha_cutoff || any(isnan(position))) {
         discard;
     }
-    Reflectance r = reflectance(material, base.rgb, uv);
+    Reflectance r = reflectance(material, base.rgb, here);
     vec3 towards_viewer = -view_direction(push.eye, position);
-    vec3 geometric = cross(dFdx(position), dFdy(position));
+    vec3 geometric = cross(px, py);
     geometric *= inversesqrt(max(dot(geometric, geometric), 1e-37));
     geometric = dot(geometric, towards_viewer) < 0.0 ? -geometric : geometric;
-    vec3 n = normalize(normal);
+    vec3 n = unit_or(normal, geometric);
     if (has_texture(material, TEXTURE_NORMAL)) {
-        n = bumped(n, material);
+        n = bumped(n, material, here, px, py);
     }
     vec3 emitted = m.emissive;
     if (has_texture(material, TEXTURE_EMISSIVE)) {
-        emitted *= texture(emissive_texture, texture_uv(material, TEXTURE_EMISSIVE, uv)).rgb;
+        emitted *= sample_texture(emissive_texture, material, TEXTURE_EMISSIVE, here).rgb;
     }
     vec2 packed_normal = octahedral_encode(geometric);
     out_normal = vec4(n, r.exponent);

@@ -27,7 +27,8 @@ vec3 received(vec3 light, vec3 carried, vec3 n, out vec3 towards) {
     vec3 d = light - position;
     float d2 = max(dot(d, d), 1e-30);
     towards = d * inversesqrt(d2);
-    return carried * (max(dot(n, towards), 0.0) / (PRINTED != 0u ? d2 : 1.0));
+    // Rounding of the interpolation leaves -1e-13 where the vertices say 0.
+    return max(carried, vec3(0.0)) * (max(dot(n, towards), 0.0) / (PRINTED != 0u ? d2 : 1.0));
 }
 
 void main() {

@@ -52,7 +52,7 @@ void main() {
     Instance instance = instances[push.instance];
     vec3 position = (instance.world_from_model * vec4(model_position, 1.0)).xyz;
     gl_Position = push.clip_from_world * vec4(position, 1.0);
-    vec3 normal = normalize(mat3(instance.world_from_normal) * model_normal);
+    vec3 normal = unit_or(mat3(instance.world_from_normal) * model_normal, vec3(0.0, 1.0, 0.0));
     vec3 mirrored = reflect(view_direction(push.eye, position), normal);
 
     uint indices[REFERENCES];

@@ -14,12 +14,16 @@ layout(location = 1) out vec4 out_normal; // w = material
 layout(location = 2) out vec4 out_albedo;
 
 void main() {
-    vec4 base = base_color(push.material, uv, color);
-    if (base.a < materials[push.material].alpha_cutoff) {
+    vec3 geometric = cross(dFdx(position), dFdy(position));
+    Uv here = uv_here(uv);
+    vec4 base = base_color(push.material, here, color);
+    // A sliver without extent on the pixel grid can come without a position; one such VAL would blacken every cache.
+    if (base.a < materials[push.material].alpha_cutoff || any(isnan(position))) {
         discard;
     }
-    vec3 n = normalize(normal);
+    geometric *= inversesqrt(max(dot(geometric, geometric), 1e-37));
+    vec3 n = unit_or(normal, geometric);
     out_position = vec4(position, 1.0);
     out_normal = vec4(gl_FrontFacing ? n : -n, float(push.material));
-    out_albedo = vec4(reflectance(push.material, base.rgb, uv).diffuse, 0.0);
+    out_albedo = vec4(reflectance(push.material, base.rgb, here).diffuse, 0.0);
 }

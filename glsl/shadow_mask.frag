@@ -7,7 +7,7 @@ layout(location = 3) in vec4 uv;
 layout(location = 4) in vec4 color;
 
 void main() {
-    if (base_color(push.material, uv, color).a < materials[push.material].alpha_cutoff) {
+    if (base_color(push.material, uv_here(uv), color).a < materials[push.material].alpha_cutoff) {
         discard;
     }
 }

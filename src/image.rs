@@ -55,6 +55,11 @@ pub fn mip_chain(rgba: &[u8], width: u32, height: u32, srgb: bool) -> Vec<Vec<u8
     levels
 }
 
+/// How many values no radiance can have: negative, infinite or not a number.
+pub fn broken_values(radiance: &[f32]) -> usize {
+    radiance.iter().filter(|v| !(**v >= 0.0 && v.is_finite())).count()
+}
+
 /// Three float channels of an image, rows from the top, linear Rec.709.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {

@@ -18,6 +18,12 @@ float exponent_from_roughness(float roughness) {
     return clamp(0.5 * (1.0 / max(alpha * alpha, 1e-8) - 1.0), 1.0, 2048.0);
 }
 
+// A direction made unit; where interpolation has cancelled it to nothing, `otherwise`.
+vec3 unit_or(vec3 v, vec3 otherwise) {
+    float d2 = dot(v, v);
+    return d2 > 1e-12 ? v * inversesqrt(d2) : otherwise;
+}
+
 // Unit vector from the viewer to a point; `eye` is a position and 1, or the direction towards the viewer and 0.
 vec3 view_direction(vec4 eye, vec3 position) {
     vec3 d = eye.w > 0.0 ? position - eye.xyz : -eye.xyz;

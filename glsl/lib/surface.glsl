@@ -5,16 +5,16 @@
 #include "lib/textures.glsl"
 
 // Base colour and alpha: factor, texture and vertex colour.
-vec4 base_color(uint material, vec4 uv, vec4 color) {
+vec4 base_color(uint material, Uv uv, vec4 color) {
     vec4 base = materials[material].base_color * color;
     if (has_texture(material, TEXTURE_BASE_COLOR)) {
-        base *= texture(base_color_texture, texture_uv(material, TEXTURE_BASE_COLOR, uv));
+        base *= sample_texture(base_color_texture, material, TEXTURE_BASE_COLOR, uv);
     }
     return base;
 }
 
 // The method's rho_d, rho_g and k of a base colour at a point.
-Reflectance reflectance(uint material, vec3 base, vec4 uv) {
+Reflectance reflectance(uint material, vec3 base, Uv uv) {
     Material m = materials[material];
     if (m.phong_exponent >= 0.0) {
         return Reflectance(base, m.phong_specular, m.phong_exponent);
@@ -22,17 +22,17 @@ Reflectance reflectance(uint material, vec3 base, vec4 uv) {
     float metallic = m.metallic;
     float roughness = m.roughness;
     if (has_texture(material, TEXTURE_METALLIC_ROUGHNESS)) {
-        vec4 t = texture(metallic_roughness_texture, texture_uv(material, TEXTURE_METALLIC_ROUGHNESS, uv));
+        vec4 t = sample_texture(metallic_roughness_texture, material, TEXTURE_METALLIC_ROUGHNESS, uv);
         metallic *= t.b;
         roughness *= t.g;
     }
     float specular = m.specular;
     if (has_texture(material, TEXTURE_SPECULAR)) {
-        specular *= texture(specular_texture, texture_uv(material, TEXTURE_SPECULAR, uv)).a;
+        specular *= sample_texture(specular_texture, material, TEXTURE_SPECULAR, uv).a;
     }
     vec3 specular_color = m.specular_color;
     if (has_texture(material, TEXTURE_SPECULAR_COLOR)) {
-        specular_color *= texture(specular_color_texture, texture_uv(material, TEXTURE_SPECULAR_COLOR, uv)).rgb;
+        specular_color *= sample_texture(specular_color_texture, material, TEXTURE_SPECULAR_COLOR, uv).rgb;
     }
     return metallic_roughness(base, metallic, roughness, m.ior, specular, specular_color);
 }

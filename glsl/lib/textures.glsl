@@ -20,6 +20,27 @@ vec2 texture_uv(uint material, uint which, vec4 uv) {
     return slot.linear.xy * t.x + slot.linear.zw * t.y + slot.translation;
 }
 
+// Texture coordinates and how they change from pixel to pixel: taken before any branch, since inside one the
+// neighbours' values may be missing and the mip level would be anybody's guess.
+struct Uv {
+    vec4 at;
+    vec4 dx;
+    vec4 dy;
+};
+
+Uv uv_here(vec4 uv) {
+    return Uv(uv, dFdx(uv), dFdy(uv));
+}
+
+// One texture of a material at a point.
+vec4 sample_texture(sampler2D image, uint material, uint which, Uv uv) {
+    TextureSlot slot = texture_slots[material * TEXTURE_COUNT + which];
+    mat2 linear = mat2(slot.linear.xy, slot.linear.zw);
+    bool first = slot.uv_set == 0u;
+    return textureGrad(image, texture_uv(material, which, uv.at), linear * (first ? uv.dx.xy : uv.dx.zw),
+                       linear * (first ? uv.dy.xy : uv.dy.zw));
+}
+
 bool has_texture(uint material, uint which) {
     return texture_slots[material * TEXTURE_COUNT + which].present != 0u;
 }

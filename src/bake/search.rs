@@ -54,6 +54,12 @@ fn place(model: &Model, bounds: Bounds) -> Result<Placement> {
     Ok(Placement { voxels, seeds })
 }
 
+/// How unwelcome a count is, from the logarithm of its ratio to the one asked for. The count is a budget: where the
+/// voxels of a plain model allow only jumps, too few is better than too many.
+fn regret(off: f64) -> f64 {
+    if off > 0.05 { 2.5 * off } else { off.abs() }
+}
+
 fn place_all(models: &[Model], spacing: f64, angle: f64) -> Result<Vec<Placement>> {
     models.par_iter().map(|model| place(model, Bounds::new(spacing, angle))).collect()
 }
@@ -105,7 +111,7 @@ pub(super) fn search(
                 let count: usize = models.iter().zip(&placements).map(|(m, p)| m.instances * p.seeds.len()).sum();
                 let off = (count as f64 / target).ln();
                 log::debug!("spacing {spacing:.4} m: {count} caches of {target}");
-                if best.as_ref().is_none_or(|b| off.abs() < b.1.abs()) {
+                if best.as_ref().is_none_or(|b| regret(off) < regret(b.1)) {
                     best = Some((spacing, off, placements));
                 }
                 if (count as f64 - target).abs() <= TOLERANCE * target || off > 0.0 && spacing >= coarsest {

@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::frame::{Exposure, Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Tonemap, View};
 use lightskin::gpu::{Gpu, ZoneTime};
-use lightskin::image::{Layer, replace_file, write_exr, write_png};
+use lightskin::image::{Layer, broken_values, replace_file, write_exr, write_png};
 use lightskin::reference::tonemap;
 use lightskin::scene::{Camera, Projection, Scene};
 use std::io::Write;
@@ -24,7 +24,7 @@ pub(super) struct Render {
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
     /// Camera by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
-    #[arg(long, value_name = "CAMERA")]
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     camera: Option<String>,
     /// Exposure value at ISO 100 (1.2 * 2^EV cd/m^2 becomes white); measured from the picture without it.
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = exposure)]
@@ -318,12 +318,7 @@ fn write_picture(report: &Report<'_>, view: &View, ev: f32) -> Result<usize> {
     let add = |a: &[[f32; 4]], b: &[[f32; 4]]| -> Vec<[f32; 4]> {
         a.iter().zip(b).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2], 1.0]).collect()
     };
-    let broken = [&direct, &diffuse, &glossy]
-        .into_iter()
-        .flatten()
-        .flat_map(|p| &p[..3])
-        .filter(|v| !(**v >= 0.0 && v.is_finite()))
-        .count();
+    let broken = [&direct, &diffuse, &glossy].into_iter().flatten().map(|p| broken_values(&p[..3])).sum();
 
     let is_exr = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
     if !is_exr && args.layer.is_none() {

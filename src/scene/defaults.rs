@@ -83,8 +83,8 @@ impl Space {
         if let Some(side) = self.open_side {
             return outside("added: view through the open side", self, side);
         }
-        // Eye height in a hall, not its middle: a quarter of the way up.
-        let height = self.centre.y - self.down + 0.25 * (self.up + self.down);
+        // Eye height in a hall, not its middle.
+        let height = self.centre.y - self.down + 0.15 * (self.up + self.down);
         let middle = DVec3::new(self.centre.x, height, self.centre.z);
         let hits = cast(scene, middle, &SIDES);
         let free: Vec<f64> = SIDES
@@ -95,7 +95,7 @@ impl Space {
         let along_z = free[0] + free[1] > free[2] + free[3];
         let (one, other) = if along_z { (0, 1) } else { (2, 3) };
         let side = if free[one] >= free[other] { one } else { other };
-        let eye = middle + 0.8 * free[side] * SIDES[side];
+        let eye = middle + 0.7 * free[side] * SIDES[side];
         Camera {
             name: "added: view along the room".into(),
             world_from_camera: look(eye, SIDES[side]),
