@@ -34,7 +34,7 @@ fn indirect_light_on_the_cornell_walls_is_what_random_paths_bring() {
         let irradiance = shot.diffuse[s.pixel] * PI / reflection(&scene, s.material).diffuse;
         let paths = one_bounce_irradiance(s.position, s.normal, &triangles, &scene.lights[0], 400_000, 7);
         let off = irradiance.distance(paths) / paths.length();
-        println!("{}: {irradiance} lx instead of {paths}: {off:.4}", s.position);
+        eprintln!("{}: {irradiance} lx instead of {paths}: {off:.4}", s.position);
         // Measured: up to 0.7 %. The noise of the paths is half of that, the rest the VALs' discs and texels.
         assert!(off < 0.01 && paths.min_element() > 0.0, "at {}: {irradiance} lx instead of {paths}", s.position);
     }

@@ -55,7 +55,7 @@ fn vals_of_every_kind_of_light_are_the_references() {
             assert!(val.flux.distance(twin.flux) <= bound, "{kind:?}: {val:?} instead of {twin:?}");
         }
         let (sum, twins) = (flux(&shot.vals), flux(&expected));
-        println!("{kind:?}: {elsewhere} of {} elsewhere, {sum} lm instead of {twins}", expected.len());
+        eprintln!("{kind:?}: {elsewhere} of {} elsewhere, {sum} lm instead of {twins}", expected.len());
         assert!(elsewhere * 200 <= expected.len(), "{kind:?}: {elsewhere} of {} texels elsewhere", expected.len());
         assert!(sum.distance(twins) < 1e-4 * twins.length(), "{kind:?}: {sum} lm instead of {twins}");
         assert!(shot.vals.iter().any(|val| val.flux != DVec3::ZERO));
@@ -112,7 +112,7 @@ fn proxies_of_every_cache_are_the_references() {
         for (weight, twin) in WEIGHTS {
             let shot = shoot(&gpu, &scene, Some(&caches), &Settings { proxy_weight: weight, ..small() });
             let [diffuse, glossy] = assert_gathered(&scene, &shot, twin);
-            println!("k {exponent}, {twin:?}: {} caches, diffuse {diffuse:e}, glossy {glossy:e}", shot.caches.len());
+            eprintln!("k {exponent}, {twin:?}: {} caches, diffuse {diffuse:e}, glossy {glossy:e}", shot.caches.len());
             let lit = |lobe: fn(&Gathered) -> &Lobe| shot.proxies.iter().filter(|p| lobe(p).lit).count();
             assert!(lit(|p| &p.diffuse) * 2 > shot.caches.len() && lit(|p| &p.glossy) > 5);
         }
@@ -125,7 +125,7 @@ fn more_caches_than_a_row_of_the_atlas_holds_are_all_lit() {
     let scene = corner(&[SPOT], 40.0);
     let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.15, 8)), &small());
     assert!(shot.caches.len() > 3 * 128, "{} caches", shot.caches.len());
-    println!("{} caches: {:?}", shot.caches.len(), assert_gathered(&scene, &shot, gather::ProxyWeight::Irradiance));
+    eprintln!("{} caches: {:?}", shot.caches.len(), assert_gathered(&scene, &shot, gather::ProxyWeight::Irradiance));
 }
 
 #[test]

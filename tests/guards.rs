@@ -69,7 +69,7 @@ fn differences(a: &Shot, b: &Shot, factor: f64, place: impl Fn(DVec3) -> DVec3) 
 
 #[track_caller]
 fn assert_below(differences: [f64; 5], bounds: [f64; 5], what: &str) {
-    println!("{what}: {differences:?}");
+    eprintln!("{what}: {differences:?}");
     assert!(differences.iter().zip(bounds).all(|(d, bound)| *d <= bound), "{what}: {differences:?}, not {bounds:?}");
 }
 

@@ -38,7 +38,7 @@ fn assert_picture(picture: &[DVec3], twins: &[(usize, DVec3)], bound: f64, what:
     let rims = (RIMS * all.len() as f64) as usize;
     let (worst, pixel, actual, radiance) = all[all.len() - 1 - rims];
     let over = all.iter().filter(|a| a.0 > bound).count();
-    println!("{what}: {worst:.2e} off but for {rims} of {} pixels, {over} over {bound}", all.len());
+    eprintln!("{what}: {worst:.2e} off but for {rims} of {} pixels, {over} over {bound}", all.len());
     assert!(worst <= bound, "{what}: pixel {pixel} is {actual} instead of {radiance}, and {over} pixels like it");
 }
 
@@ -246,7 +246,8 @@ fn shadows_are_black_and_what_is_lit_is_not_dimmed() {
         // A tile above the floor. Its shadow is the rest of the plane's points that do not see the light past it.
         let tile = quad(vec3(-0.3, 0.4, -0.3), Vec3::Z * 0.6, Vec3::X * 0.6, 0.6);
         add(&mut scene, tile, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
-        let settings = Settings { gi: Gi::Off, ..small() };
+        // Shadows shrink by some of the map's texels; these are small against the 5 cm that are left out.
+        let settings = Settings { gi: Gi::Off, shadow_map: 1536, ..small() };
         let shot = shoot(&gpu, &scene, None, &settings);
         let (mut dark, mut bright) = (0, 0);
         for s in seen(&scene, settings.size).iter().filter(|s| s.instance == 0) {

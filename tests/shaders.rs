@@ -63,7 +63,7 @@ fn check4<const N: usize>(
             }
         }
     }
-    println!("worst: {}", worst.1);
+    eprintln!("worst: {}", worst.1);
     assert_clean(&gpu);
 }
 
