@@ -1,12 +1,12 @@
 //! VALs and proxies of whole frames against the f64 references.
 
-use glam::{DVec3, dvec3};
+use glam::{DAffine3, DVec3, dvec3};
 use lightskin::frame::{ProxyWeight, Settings};
 use lightskin::reference::gather::{self, Lobe, luminance};
 use lightskin::reference::phong::{Material, mirrored_view};
 use lightskin::reference::rsm::{Val, cast_view};
 use lightskin::reference::{brute_force, gather::Gathered};
-use lightskin::scene::{LightKind, Scene};
+use lightskin::scene::{Instance, LightKind, Scene};
 
 use crate::common::frames::{SPOT, Shot, baked, corner, shoot, small, triangles};
 use crate::common::gpu;
@@ -64,6 +64,32 @@ fn vals_of_every_kind_of_light_are_the_references() {
 
 fn flux(vals: &[Val]) -> DVec3 {
     vals.iter().map(|val| val.flux).sum()
+}
+
+// Stage 3.
+
+#[test]
+fn caches_stand_where_their_instances_put_them() {
+    let gpu = gpu();
+    let mut scene = corner(&[SPOT], 40.0);
+    // The wall again, mirrored and squeezed.
+    let turned = DAffine3::from_rotation_y(0.8) * DAffine3::from_scale(dvec3(-1.0, 0.5, 2.0));
+    scene.instances.push(Instance { world_from_model: turned, ..scene.instances[1].clone() });
+    let baked = baked(&scene, 0.5, 8);
+    let shot = shoot(&gpu, &scene, Some(&baked), &small());
+    let mut caches = shot.caches.iter();
+    for (instance, &model) in scene.instances.iter().zip(&baked.instance_model) {
+        let placed = instance.world_from_model;
+        let normals = placed.matrix3.inverse().transpose();
+        for (of_model, cache) in baked.models[model].caches.iter().zip(&mut caches) {
+            let position = placed.transform_point3(of_model.position.as_dvec3());
+            let normal = (normals * of_model.normal.as_dvec3()).normalize();
+            assert!(cache.position.distance(position) < 1e-6, "{cache:?} instead of {position}");
+            assert!(cache.normal.distance(normal) < 1e-6, "{cache:?} instead of {normal}");
+            assert_eq!(cache.exponent, 40.0);
+        }
+    }
+    assert!(caches.next().is_none());
 }
 
 // Stage 6, METHOD 3-4.

@@ -155,6 +155,22 @@ fn interpolated_pictures_are_the_references() {
 }
 
 #[test]
+fn surfaces_with_fewer_caches_than_references_use_those_they_have() {
+    let gpu = gpu();
+    let scene = corner(&[SPOT, LightKind::Point], 10.0);
+    let caches = baked(&scene, 1.8, 16);
+    assert!(caches.models.iter().all(|m| (2..16).contains(&m.caches.len()) && m.references.contains(&NO_CACHE)));
+    for (interpolation, scheme) in [(Interpolation::Facing, Scheme::Facing), (Interpolation::Printed, Scheme::Printed)]
+    {
+        let settings = Settings { references: 16, interpolation, ..small() };
+        let shot = shoot(&gpu, &scene, Some(&caches), &settings);
+        let [diffuse, glossy] = interpolated(&scene, &caches, &shot, settings.size, scheme);
+        assert_picture(&shot.diffuse, &diffuse, 1e-4, &format!("few caches, diffuse, {scheme:?}"));
+        assert_picture(&shot.glossy, &glossy, 1e-4, &format!("few caches, glossy, {scheme:?}"));
+    }
+}
+
+#[test]
 fn where_all_weights_vanish_the_device_falls_back_like_the_reference() {
     let gpu = gpu();
     // Caches whose normals stand at right angles to the surface's: no kernel has weight.
