@@ -89,16 +89,14 @@ void main() {
             float apart = distance_weight(distances[i], d_max);
             if (do_diffuse) {
                 float w = round == 0u ? weight(distances[i], d_max, dot(normal, c.normal)) : apart;
-                // As printed an unlit cache drags the position along.
-                float lit = PRINTED != 0u ? 1.0 : p.diffuse_lit;
-                add(diffuse, w, lit, carried(p.diffuse_irradiance, p.diffuse_position, c.position), p.diffuse_position);
+                add(diffuse, w, p.diffuse_lit, carried(p.diffuse_irradiance, p.diffuse_position, c.position), p.diffuse_position);
             }
             if (do_glossy) {
                 vec3 r = reflect(view_direction(push.eye, c.position), c.normal);
                 float w = round == 0u ? weight(distances[i], d_max, dot(mirrored, r)) : apart;
-                // A cache whose lobe catches no light has no proxy to average.
+                // A cache whose lobe catches no light has no proxy to average; as printed it still counts as dark.
                 w *= PRINTED != 0u ? 1.0 : p.glossy_lit;
-                add(glossy, w, 1.0, carried(p.glossy_irradiance, p.glossy_position, c.position), p.glossy_position);
+                add(glossy, w, p.glossy_lit, carried(p.glossy_irradiance, p.glossy_position, c.position), p.glossy_position);
             }
         }
     }

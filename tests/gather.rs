@@ -1,12 +1,12 @@
 //! VALs and proxies of whole frames against the f64 references.
 
-use glam::{DVec3, dvec3};
+use glam::{DAffine3, DVec3, dvec3};
 use lightskin::frame::{ProxyWeight, Settings};
 use lightskin::reference::gather::{self, Lobe, luminance};
 use lightskin::reference::phong::{Material, mirrored_view};
 use lightskin::reference::rsm::{Val, cast_view};
 use lightskin::reference::{brute_force, gather::Gathered};
-use lightskin::scene::{LightKind, Scene};
+use lightskin::scene::{Instance, LightKind, Scene};
 
 use crate::common::frames::{SPOT, Shot, baked, corner, shoot, small, triangles};
 use crate::common::gpu;
@@ -55,7 +55,7 @@ fn vals_of_every_kind_of_light_are_the_references() {
             assert!(val.flux.distance(twin.flux) <= bound, "{kind:?}: {val:?} instead of {twin:?}");
         }
         let (sum, twins) = (flux(&shot.vals), flux(&expected));
-        println!("{kind:?}: {elsewhere} of {} elsewhere, {sum} lm instead of {twins}", expected.len());
+        eprintln!("{kind:?}: {elsewhere} of {} elsewhere, {sum} lm instead of {twins}", expected.len());
         assert!(elsewhere * 200 <= expected.len(), "{kind:?}: {elsewhere} of {} texels elsewhere", expected.len());
         assert!(sum.distance(twins) < 1e-4 * twins.length(), "{kind:?}: {sum} lm instead of {twins}");
         assert!(shot.vals.iter().any(|val| val.flux != DVec3::ZERO));
@@ -64,6 +64,32 @@ fn vals_of_every_kind_of_light_are_the_references() {
 
 fn flux(vals: &[Val]) -> DVec3 {
     vals.iter().map(|val| val.flux).sum()
+}
+
+// Stage 3.
+
+#[test]
+fn caches_stand_where_their_instances_put_them() {
+    let gpu = gpu();
+    let mut scene = corner(&[SPOT], 40.0);
+    // The wall again, mirrored and squeezed.
+    let turned = DAffine3::from_rotation_y(0.8) * DAffine3::from_scale(dvec3(-1.0, 0.5, 2.0));
+    scene.instances.push(Instance { world_from_model: turned, ..scene.instances[1].clone() });
+    let baked = baked(&scene, 0.5, 8);
+    let shot = shoot(&gpu, &scene, Some(&baked), &small());
+    let mut caches = shot.caches.iter();
+    for (instance, &model) in scene.instances.iter().zip(&baked.instance_model) {
+        let placed = instance.world_from_model;
+        let normals = placed.matrix3.inverse().transpose();
+        for (of_model, cache) in baked.models[model].caches.iter().zip(&mut caches) {
+            let position = placed.transform_point3(of_model.position.as_dvec3());
+            let normal = (normals * of_model.normal.as_dvec3()).normalize();
+            assert!(cache.position.distance(position) < 1e-6, "{cache:?} instead of {position}");
+            assert!(cache.normal.distance(normal) < 1e-6, "{cache:?} instead of {normal}");
+            assert_eq!(cache.exponent, 40.0);
+        }
+    }
+    assert!(caches.next().is_none());
 }
 
 // Stage 6, METHOD 3-4.
@@ -112,7 +138,7 @@ fn proxies_of_every_cache_are_the_references() {
         for (weight, twin) in WEIGHTS {
             let shot = shoot(&gpu, &scene, Some(&caches), &Settings { proxy_weight: weight, ..small() });
             let [diffuse, glossy] = assert_gathered(&scene, &shot, twin);
-            println!("k {exponent}, {twin:?}: {} caches, diffuse {diffuse:e}, glossy {glossy:e}", shot.caches.len());
+            eprintln!("k {exponent}, {twin:?}: {} caches, diffuse {diffuse:e}, glossy {glossy:e}", shot.caches.len());
             let lit = |lobe: fn(&Gathered) -> &Lobe| shot.proxies.iter().filter(|p| lobe(p).lit).count();
             assert!(lit(|p| &p.diffuse) * 2 > shot.caches.len() && lit(|p| &p.glossy) > 5);
         }
@@ -125,7 +151,7 @@ fn more_caches_than_a_row_of_the_atlas_holds_are_all_lit() {
     let scene = corner(&[SPOT], 40.0);
     let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.15, 8)), &small());
     assert!(shot.caches.len() > 3 * 128, "{} caches", shot.caches.len());
-    println!("{} caches: {:?}", shot.caches.len(), assert_gathered(&scene, &shot, gather::ProxyWeight::Irradiance));
+    eprintln!("{} caches: {:?}", shot.caches.len(), assert_gathered(&scene, &shot, gather::ProxyWeight::Irradiance));
 }
 
 #[test]

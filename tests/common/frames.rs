@@ -2,7 +2,7 @@
 
 use std::f32::consts::FRAC_PI_2;
 
-use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3, dvec3, vec3};
+use glam::{DAffine3, DMat3, DQuat, DVec2, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet, Density};
 use lightskin::frame::{Exposure, Frame, SceneBuffers, Settings, View};
 use lightskin::gpu::{Gpu, Image};
@@ -91,6 +91,10 @@ pub(crate) struct Shot {
     pub(crate) caches: Vec<Cache>,
     /// Their proxies, and the mirrored view that the shaders make on the fly.
     pub(crate) proxies: Vec<Gathered>,
+    /// `rho_d` of every pixel, as halves keep it.
+    pub(crate) albedo: Vec<DVec3>,
+    /// `rho_g`, likewise.
+    pub(crate) specular: Vec<DVec3>,
     /// Emitted and directly reflected radiance.
     pub(crate) direct: Vec<DVec3>,
     /// Indirect radiance; empty without a lobe.
@@ -118,6 +122,8 @@ pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, setting
         vals: Vec::new(),
         caches: Vec::new(),
         proxies: Vec::new(),
+        albedo: halves(gpu, &t.albedo),
+        specular: halves(gpu, &t.specular),
         direct: radiance(gpu, &t.direct),
         diffuse: t.indirect.as_ref().map_or(Vec::new(), |i| radiance(gpu, &i.diffuse)),
         glossy: t.indirect.as_ref().and_then(|i| i.glossy.as_ref()).map_or(Vec::new(), |image| radiance(gpu, image)),
@@ -141,6 +147,12 @@ pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, setting
 fn radiance(gpu: &Gpu, image: &Image) -> Vec<DVec3> {
     let texels: Vec<[f32; 4]> = gpu.read_image(image).expect("image");
     texels.iter().map(|t| Vec3::new(t[0], t[1], t[2]).as_dvec3()).collect()
+}
+
+fn halves(gpu: &Gpu, image: &Image) -> Vec<DVec3> {
+    let texels: Vec<[u16; 4]> = gpu.read_image(image).expect("image");
+    let number = |bits: u16| half::f16::from_bits(bits).to_f64();
+    texels.iter().map(|t| dvec3(number(t[0]), number(t[1]), number(t[2]))).collect()
 }
 
 fn val(v: &shared::Val, origin: DVec3) -> Val {
@@ -182,7 +194,7 @@ fn light_views(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers) -> Vec<rsm::Vie
                 right: right.normalize(),
                 up: up.normalize(),
                 forward,
-                half: glam::DVec2::new(right.length(), up.length()),
+                half: DVec2::new(right.length(), up.length()),
                 parallel,
             });
         }
@@ -198,21 +210,83 @@ pub(crate) fn triangles(scene: &Scene) -> Vec<(Triangle, usize)> {
         let mesh = &scene.meshes[instance.mesh];
         let placed = instance.world_from_model;
         let normals = placed.matrix3.inverse().transpose();
-        let diffuse = reflection(scene, i).diffuse;
-        for t in 0..mesh.triangle_count() {
+        let materials = mesh.triangle_materials();
+        for (t, material) in materials.into_iter().enumerate() {
             let corners = mesh.triangle(t).map(|v| mesh.vertices[v]);
             let positions = corners.map(|v| placed.transform_point3(v.position.as_dvec3()));
             let normals = corners.map(|v| normals * v.normal.as_dvec3());
+            let diffuse = reflection(scene, material).diffuse;
             all.push((Triangle { positions, normals, diffuse }, i));
         }
     }
     all
 }
 
-/// What an instance's one material reflects.
-pub(crate) fn reflection(scene: &Scene, instance: usize) -> Reflection {
-    let material = &scene.materials[scene.meshes[scene.instances[instance].mesh].primitives[0].material];
+/// What a material without textures reflects.
+pub(crate) fn reflection(scene: &Scene, material: usize) -> Reflection {
+    let material = &scene.materials[material];
     let lobe = material.phong.unwrap_or(Phong { specular: Vec3::ZERO, exponent: 1.0 });
     let diffuse = material.base_color.truncate().as_dvec3();
     Reflection { diffuse, specular: lobe.specular.as_dvec3(), exponent: lobe.exponent.into() }
+}
+
+/// What a pixel's centre sees.
+pub(crate) struct Seen {
+    /// Row by row from the top.
+    pub(crate) pixel: usize,
+    /// Which instance.
+    pub(crate) instance: usize,
+    /// Which material.
+    pub(crate) material: usize,
+    /// Its mesh's vertices at the corners.
+    pub(crate) vertices: [usize; 3],
+    /// Barycentric weights of the corners.
+    pub(crate) weights: [f64; 3],
+    /// World position [m].
+    pub(crate) position: DVec3,
+    /// Shading normal.
+    pub(crate) normal: DVec3,
+}
+
+/// The nearest front face at the centre of every pixel, by trying all triangles.
+pub(crate) fn seen(scene: &Scene, size: [u32; 2]) -> Vec<Seen> {
+    let camera = &scene.cameras[0];
+    let Projection::Perspective { yfov } = camera.projection else { panic!("a pinhole") };
+    let half = (0.5 * f64::from(yfov)).tan();
+    let [width, height] = size.map(f64::from);
+    let pose = camera.world_from_camera;
+    let all = triangles(scene);
+    let mut seen = Vec::new();
+    for pixel in 0..size[0] as usize * size[1] as usize {
+        let at = DVec2::new((pixel % size[0] as usize) as f64 + 0.5, (pixel / size[0] as usize) as f64 + 0.5);
+        let ray = dvec3((2.0 * at.x / width - 1.0) * width / height, 1.0 - 2.0 * at.y / height, -1.0 / half);
+        let ray = pose.matrix3 * ray;
+        let mut nearest: Option<(f64, Seen)> = None;
+        let mut index = 0;
+        for (i, (triangle, instance)) in all.iter().enumerate() {
+            index = if i > 0 && all[i - 1].1 == *instance { index + 1 } else { 0 };
+            let [a, b, c] = triangle.positions;
+            let face = (b - a).cross(c - a);
+            let distance = (a - pose.translation).dot(face) / ray.dot(face);
+            // Also false where the triangle is seen from the side.
+            if !(ray.dot(face) < 0.0 && distance > 0.0) || nearest.as_ref().is_some_and(|n| n.0 < distance) {
+                continue;
+            }
+            let p = pose.translation + distance * ray;
+            let part = |u: DVec3, v: DVec3| (u - p).cross(v - p).dot(face) / face.length_squared();
+            let weights = [part(b, c), part(c, a), part(a, b)];
+            if weights.iter().all(|&w| w >= 0.0) {
+                let [na, nb, nc] = triangle.normals;
+                let normal = (weights[0] * na + weights[1] * nb + weights[2] * nc).normalize();
+                let mesh = &scene.meshes[scene.instances[*instance].mesh];
+                let (vertices, material) = (mesh.triangle(index), mesh.triangle_materials()[index]);
+                nearest = Some((
+                    distance,
+                    Seen { pixel, instance: *instance, material, vertices, weights, position: p, normal },
+                ));
+            }
+        }
+        seen.extend(nearest.map(|(_, s)| s));
+    }
+    seen
 }
