@@ -21,8 +21,9 @@ float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     bool directional = light.kind == LIGHT_DIRECTIONAL;
     bool six = light.view_count > 1u;
     float size = float(push.shadow_size);
-    // All views of a light are equally wide.
-    float spread = length(views[light.first_view].right);
+    // All views of a light are alike; that of parallel light may be higher than wide.
+    LightView first = views[light.first_view];
+    float spread = max(length(first.right), length(first.up));
     float texel = 2.0 * spread * (directional ? 1.0 : length(position - light.position)) / size;
     // Out of the surface by as much as it can slope over a texel: nothing shadows itself.
     float cosine = clamp(dot(n, towards), 0.0, 1.0);

@@ -32,9 +32,11 @@ vec3 bumped(vec3 n, uint material, Uv here, vec3 px, vec3 py) {
         vec2 ty = linear * (slot.uv_set == 0u ? here.dy.xy : here.dy.zw);
         vec3 a = cross(py, n);
         vec3 b = cross(n, px);
-        across = a * tx.x + b * ty.x;
+        // Rows run down the picture, so px, py and a normal towards the viewer are left-handed; the sign undoes it.
+        float side = dot(n, cross(px, py)) < 0.0 ? -1.0 : 1.0;
+        across = side * (a * tx.x + b * ty.x);
         // glTF's v runs down the image, its bitangent up.
-        along = -(a * tx.y + b * ty.y);
+        along = -side * (a * tx.y + b * ty.y);
         float size = max(dot(across, across), dot(along, along));
         if (!(size > 0.0)) {
             return n;
@@ -60,8 +62,9 @@ void main() {
     }
     Reflectance r = reflectance(material, base.rgb, here);
     vec3 towards_viewer = -view_direction(push.eye, position);
-    vec3 geometric = cross(px, py);
-    geometric *= inversesqrt(max(dot(geometric, geometric), 1e-37));
+    // Closer than f32 resolves positions the differences vanish; the vertex normal serves there.
+    vec3 geometric = cross(unit_or(px, vec3(0.0)), unit_or(py, vec3(0.0)));
+    geometric = unit_or(geometric, unit_or(normal, towards_viewer));
     geometric = dot(geometric, towards_viewer) < 0.0 ? -geometric : geometric;
     vec3 n = unit_or(normal, geometric);
     if (has_texture(material, TEXTURE_NORMAL)) {

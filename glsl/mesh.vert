@@ -26,7 +26,8 @@ void main() {
     gl_Position = push.clip_from_world * vec4(position, 1.0);
     out_position = position;
     out_normal = mat3(instance.world_from_normal) * model_normal;
-    out_tangent = vec4(mat3(instance.world_from_model) * model_tangent.xyz, model_tangent.w);
+    mat3 linear = mat3(instance.world_from_model);
+    out_tangent = vec4(linear * model_tangent.xyz, determinant(linear) < 0.0 ? -model_tangent.w : model_tangent.w);
     out_uv = vec4(uv0, uv1);
     out_color = color;
 }

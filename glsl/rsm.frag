@@ -21,9 +21,9 @@ void main() {
     if (base.a < materials[push.material].alpha_cutoff || any(isnan(position))) {
         discard;
     }
-    geometric *= inversesqrt(max(dot(geometric, geometric), 1e-37));
-    vec3 n = unit_or(normal, geometric);
+    // Rows run down the picture: the cross product points away from the light.
+    vec3 n = unit_or(gl_FrontFacing ? normal : -normal, unit_or(-geometric, vec3(0.0, 1.0, 0.0)));
     out_position = vec4(position, 1.0);
-    out_normal = vec4(gl_FrontFacing ? n : -n, float(push.material));
+    out_normal = vec4(n, float(push.material));
     out_albedo = vec4(reflectance(push.material, base.rgb, here).diffuse, 0.0);
 }

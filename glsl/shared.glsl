@@ -80,7 +80,6 @@ struct Light {
 struct LightView {
     mat4 clip_from_world;
     vec3 right; // to the right edge of the picture at distance 1, or [m] of a directional light
-    float near; // [m]
     vec3 up; // likewise
     vec3 forward; // unit
 };

@@ -34,6 +34,9 @@ pub enum Error {
         /// The result, in words.
         result: String,
     },
+    /// There is nothing to work on; says what is missing.
+    #[error("{0}")]
+    Nothing(String),
     /// The scene asks for more than an index or a budget can hold; says which and what to change.
     #[error("{0}")]
     TooLarge(String),

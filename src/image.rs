@@ -129,6 +129,22 @@ pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadat
     })
 }
 
+/// Tries whether `replace_file` will be able to write here, before long work is done for it.
+pub fn check_writable(path: &Path) -> Result<()> {
+    if path.is_dir() {
+        let reason = "it is a folder; name a file".into();
+        return Err(Error::Output { file: path.to_owned(), reason });
+    }
+    let kept = std::cell::Cell::new(false);
+    let tried = replace_file(path, |temporary| {
+        std::fs::write(temporary, b"")?;
+        kept.set(true);
+        // Not renamed: the file that is there stays.
+        Err(std::io::Error::other("tried"))
+    });
+    if kept.get() { Ok(()) } else { tried }
+}
+
 /// Writes a file under a temporary name beside it and renames it: whoever reads sees the old one or the whole new one.
 pub fn replace_file(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
     let failed = |error: std::io::Error| {

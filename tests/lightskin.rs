@@ -14,6 +14,7 @@ mod house;
 mod interpolate;
 mod malformed;
 mod nets;
+mod normal_maps;
 mod proxies;
 mod quality;
 mod scene;

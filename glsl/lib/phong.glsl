@@ -2,7 +2,8 @@
 #ifndef PHONG_GLSL
 #define PHONG_GLSL
 
-// max(0, c)^k by exp2 and log2; k >= 1, so the bound inside the logarithm gives 0 for all purposes.
+// max(0, c)^k by exp2 and log2; k >= 1 of metallic-roughness materials makes the bound inside
+// the logarithm a 0 for all purposes; a Phong material below that keeps 1e-30^k behind the lobe.
 float cosine_power(float c, float k) {
     return exp2(k * log2(max(c, 1e-30)));
 }
@@ -21,7 +22,7 @@ float exponent_from_roughness(float roughness) {
 // A direction made unit; where interpolation has cancelled it to nothing, `otherwise`.
 vec3 unit_or(vec3 v, vec3 otherwise) {
     float d2 = dot(v, v);
-    return d2 > 1e-12 ? v * inversesqrt(d2) : otherwise;
+    return d2 > 1e-30 ? v * inversesqrt(d2) : otherwise;
 }
 
 // Unit vector from the viewer to a point; `eye` is a position and 1, or the direction towards the viewer and 0.

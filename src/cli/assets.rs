@@ -22,7 +22,7 @@ pub(super) fn run(args: &Assets) -> Result<()> {
     for (name, scene) in scenes {
         let path = args.folder.join(name);
         write::write_glb(&scene, &path)?;
-        println!("{}: {} triangles", path.display(), super::thousands(scene.triangle_count()));
+        say!("{}: {} triangles", path.display(), super::thousands(scene.triangle_count()));
     }
     Ok(())
 }

@@ -23,20 +23,16 @@ pub(super) fn run(args: &Bake) -> Result<()> {
     let coverage =
         set.models.iter().fold((0.0_f64, 0.0_f64), |(d, a), m| (d.max(m.coverage.distance), a.max(m.coverage.angle)));
     let references: usize = set.models.iter().map(|m| m.references.len()).sum();
-    println!("scene       {} ({} triangles)", scene.name, thousands(scene.triangle_count()));
-    println!("caches      {} in {} models", thousands(baked.count), set.models.len());
-    println!("references  {} ({} per vertex)", thousands(references), settings.references);
-    println!("spacing     {:.4} m, angle {:.1} degrees", set.spacing, settings.angle.to_degrees());
-    println!(
+    say!("scene       {} ({} triangles)", scene.name, thousands(scene.triangle_count()));
+    say!("caches      {} in {} models", thousands(baked.count), set.models.len());
+    say!("references  {} ({} per vertex)", thousands(references), settings.references);
+    say!("spacing     {:.4} m, angle {:.1} degrees", set.spacing, settings.angle.to_degrees());
+    say!(
         "coverage    every surface point has a cache within {:.4} m ({:.1} % of the spacing) and {:.1} degrees",
         coverage.0,
         100.0 * coverage.0 / set.spacing,
         coverage.1.to_degrees()
     );
-    println!(
-        "time        {:.2} s{}",
-        baked.time.as_secs_f64(),
-        if baked.kept { " (read from the kept bake)" } else { "" }
-    );
+    say!("time        {:.2} s{}", baked.time.as_secs_f64(), if baked.kept { " (read from the kept bake)" } else { "" });
     Ok(())
 }

@@ -1,6 +1,6 @@
 //! `lightskin info`: what a scene holds, which stages its frame has, and the memory of each.
 
-use super::{CacheArgs, DeviceArgs, bake_scene, load_scene, thousands};
+use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, thousands};
 use anyhow::Result;
 use lightskin::frame::{Frame, SceneBuffers, Settings};
 use lightskin::scene::LightKind;
@@ -22,8 +22,8 @@ pub(super) struct Info {
 
 pub(super) fn run(args: &Info) -> Result<()> {
     let scene = load_scene(args.scene.as_deref())?;
-    println!("scene {}", scene.name);
-    println!(
+    say!("scene {}", scene.name);
+    say!(
         "  {} triangles in {} meshes, {} instances",
         thousands(scene.triangle_count()),
         scene.meshes.len(),
@@ -31,7 +31,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
     );
     if let Some((low, high)) = scene.bounds() {
         let size = high - low;
-        println!(
+        say!(
             "  {:.3} x {:.3} x {:.3} m around ({:.3}, {:.3}, {:.3})",
             size.x,
             size.y,
@@ -41,9 +41,9 @@ pub(super) fn run(args: &Info) -> Result<()> {
             (low.z + high.z) / 2.0
         );
     }
-    println!("  {} materials, {} images", scene.materials.len(), scene.images.len());
+    say!("  {} materials, {} images", scene.materials.len(), scene.images.len());
     for (i, camera) in scene.cameras.iter().enumerate() {
-        println!("  camera {i} '{}' {:?}", camera.name, camera.projection);
+        say!("  camera {i} '{}' {:?}", camera.name, camera.projection);
     }
     for (i, light) in scene.lights.iter().enumerate() {
         let (kind, unit) = match light.kind {
@@ -53,12 +53,12 @@ pub(super) fn run(args: &Info) -> Result<()> {
                 (format!("spot {:.1} to {:.1} degrees", inner.to_degrees(), outer.to_degrees()), "cd")
             }
         };
-        println!("  light {i} '{}' {kind}, {} {unit}", light.name, light.intensity);
+        say!("  light {i} '{}' {kind}, {} {unit}", light.name, light.intensity);
     }
 
     let baked = bake_scene(&scene, &args.caches.settings(), false)?;
-    println!("caches");
-    println!(
+    say!("caches");
+    say!(
         "  {} at {:.4} m spacing in {} models",
         thousands(baked.count),
         baked.caches.spacing,
@@ -69,12 +69,12 @@ pub(super) fn run(args: &Info) -> Result<()> {
     let settings = Settings { references: args.caches.settings().references, rsm: args.rsm, ..Settings::default() };
     let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked.caches))?;
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
-    println!("frame plan");
+    say!("frame plan");
     for line in frame.plan.lines() {
-        println!("  {:>2} {:<12} {:<5} {}", line.number, line.name, if line.runs { "runs" } else { "-" }, line.because);
+        say!("  {:>2} {:<12} {:<5} {}", line.number, line.name, if line.runs { "runs" } else { "-" }, line.because);
     }
 
-    println!("memory on {} at {}x{}", gpu.report().name, settings.size[0], settings.size[1]);
+    say!("memory on {} at {}x{}", gpu.report().name, settings.size[0], settings.size[1]);
     let images = frame.targets.images().into_iter().map(|i| (i.name.as_str(), i.bytes()));
     let written = frame.targets.buffers().into_iter().map(|b| (b.name.as_str(), b.size));
     let fixed = buffers.buffers().into_iter().map(|b| (b.name.as_str(), b.size));
@@ -85,20 +85,20 @@ pub(super) fn run(args: &Info) -> Result<()> {
         stages.entry(stage).or_default().push((thing, bytes));
     }
     for (stage, things) in &stages {
-        println!("  {stage:<12} {:>10} KiB", kib(things.iter().map(|t| t.1).sum()));
+        say!("  {stage:<12} {:>10} KiB", kib(things.iter().map(|t| t.1).sum()));
         for (thing, bytes) in things {
-            println!("    {thing:<20} {:>10} KiB", kib(*bytes));
+            say!("    {thing:<20} {:>10} KiB", kib(*bytes));
         }
     }
     let is_state =
         |stage: &str, thing: &str| matches!(stage, "atlas" | "gather") || (stage == "scene" && thing == "model_caches");
     let state: u64 = stages.iter().flat_map(|(s, all)| all.iter().filter(|(t, _)| is_state(s, t)).map(|t| t.1)).sum();
-    println!(
+    say!(
         "  state of the caches (atlas, gather, scene.model_caches): {} KiB, {:.0} bytes per cache",
         kib(state),
         state as f64 / baked.count.max(1) as f64
     );
-    Ok(())
+    check_messages(&gpu, &[])
 }
 
 fn kib(bytes: u64) -> String {

@@ -1,5 +1,9 @@
 //! Subcommands and their shared arguments. Exit codes: 0 done, 1 failed, 2 wrong usage.
-#![allow(clippy::print_stdout, reason = "results go to standard output, messages to standard error")]
+
+/// Prints a line of the result on standard output.
+macro_rules! say {
+    ($($text:tt)*) => { $crate::cli::line(format_args!($($text)*)) };
+}
 
 mod assets;
 mod bake;
@@ -13,7 +17,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::{Scene, build, defaults, gltf};
-use std::io::IsTerminal;
+use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -201,6 +205,13 @@ fn check_messages(gpu: &Gpu, problems: &[String]) -> Result<()> {
         );
     }
     Ok(())
+}
+
+/// What `say!` does. A reader that has closed the pipe has read enough: that ends the run well.
+fn line(text: std::fmt::Arguments<'_>) {
+    if writeln!(std::io::stdout().lock(), "{text}").is_err() {
+        std::process::exit(0);
+    }
 }
 
 /// A number with spaces between thousands.

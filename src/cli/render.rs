@@ -6,7 +6,7 @@ use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::frame::{Exposure, Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Tonemap, View};
 use lightskin::gpu::{Gpu, ZoneTime};
-use lightskin::image::{Layer, broken_values, replace_file, write_exr, write_png};
+use lightskin::image::{Layer, broken_values, check_writable, replace_file, write_exr, write_png};
 use lightskin::reference::tonemap;
 use lightskin::scene::{Camera, Projection, Scene};
 use std::io::Write;
@@ -249,9 +249,7 @@ fn free_camera(text: &str) -> Result<Camera> {
 pub(super) fn run(args: &Render) -> Result<()> {
     // Both outputs are tried before long work is done for them.
     for path in [Some(&args.out), args.timings.as_ref()].into_iter().flatten() {
-        replace_file(&path.with_extension("lightskin-test"), |t| std::fs::write(t, b""))
-            .map(|()| drop(std::fs::remove_file(path.with_extension("lightskin-test"))))
-            .map_err(|e| rename_error(e, path))?;
+        check_writable(path)?;
     }
     let start = Instant::now();
     let scene = load_scene(args.scene.as_deref())?;
@@ -279,8 +277,6 @@ pub(super) fn run(args: &Render) -> Result<()> {
         problems.extend(drawn.problems);
         runs.push(Run { stages, cpu_ms: begin.elapsed().as_secs_f64() * 1e3 });
     }
-    check_messages(&gpu, &problems)?;
-
     let report =
         Report { args, scene: &scene, camera: &camera, baked: baked.as_ref(), gpu: &gpu, frame: &frame, runs: &runs };
     let measured_ev = gpu.read::<f32>(&frame.targets.exposure)?[0];
@@ -290,18 +286,11 @@ pub(super) fn run(args: &Render) -> Result<()> {
         report.write_timings(path)?;
     }
     report.print(loaded, ev);
+    check_messages(&gpu, &problems)?;
     if broken > 0 {
         bail!("{broken} values of the picture are negative or not finite; this is a bug of lightskin");
     }
     Ok(())
-}
-
-/// Names the output the user asked for instead of the trial file beside it.
-fn rename_error(error: lightskin::Error, path: &Path) -> lightskin::Error {
-    match error {
-        lightskin::Error::Output { reason, .. } => lightskin::Error::Output { file: path.to_owned(), reason },
-        other => other,
-    }
 }
 
 /// Reads the layers back and writes the picture; gives the number of values that no radiance can have.
@@ -393,14 +382,12 @@ fn view_depth(depth: &[f32], view: &View, [w, h]: [u32; 2]) -> Vec<[f32; 4]> {
         let (x, y) = (i as u32 % w, i as u32 / w);
         glam::Vec4::new((x as f32 + 0.5) / w as f32 * 2.0 - 1.0, (y as f32 + 0.5) / h as f32 * 2.0 - 1.0, depth[i], 1.0)
     };
-    let plane = view.clip_from_world.row(3);
     let distance = |i: usize| {
         if depth[i] == 0.0 {
             return f32::INFINITY;
         }
         let world = view.world_from_clip * middle(i);
-        let world = world / world.w;
-        if view.eye.w > 0.0 { plane.dot(world) } else { view.eye.truncate().dot(-world.truncate()) }
+        view.plane.dot(world / world.w)
     };
     (0..depth.len()).map(|i| [distance(i); 4]).collect()
 }
@@ -456,25 +443,25 @@ impl Report<'_> {
 
     fn print(&self, loaded: std::time::Duration, ev: f32) {
         let report = self.gpu.report();
-        println!(
+        say!(
             "scene     {} ({} triangles, {} lights; loaded in {:.2} s)",
             self.scene.name,
             thousands(self.scene.triangle_count()),
             self.scene.lights.len(),
             loaded.as_secs_f64()
         );
-        println!("device    {} ({}, {})", report.name, report.kind, report.driver);
+        say!("device    {} ({}, {})", report.name, report.kind, report.driver);
         if let Some(baked) = self.baked {
             let how = if baked.kept { "read from the kept bake" } else { "baked" };
-            println!(
+            say!(
                 "caches    {} at {:.3} m spacing ({how} in {:.2} s)",
                 thousands(baked.count),
                 baked.caches.spacing,
                 baked.time.as_secs_f64()
             );
         }
-        println!("VALs      {}", thousands(self.vals() as usize));
-        println!("exposure  EV {ev:.2}");
+        say!("VALs      {}", thousands(self.vals() as usize));
+        say!("exposure  EV {ev:.2}");
         let medians = self.medians();
         for (name, ms) in &medians {
             let pairs = self.caches() as f64 * f64::from(self.vals());
@@ -483,16 +470,16 @@ impl Report<'_> {
             } else {
                 String::new()
             };
-            println!("  {name:<12}{ms:>10.3} ms{per_pair}");
+            say!("  {name:<12}{ms:>10.3} ms{per_pair}");
         }
-        println!(
+        say!(
             "  {:<12}{:>10.3} ms  ({}, median of {})",
             "frame",
             medians.iter().map(|m| m.1).sum::<f64>(),
             self.method(),
             self.runs.len()
         );
-        println!("picture   {}", self.args.out.display());
+        say!("picture   {}", self.args.out.display());
     }
 
     /// One JSON object per frame.

@@ -85,16 +85,19 @@ pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>,
     (infos, all, views)
 }
 
+/// Nearest thing a light or camera sees, in radii of the scene: reversed float depth loses nothing by it.
+pub(super) const NEAREST: f64 = 1e-7;
+
 /// A square frustum with reversed depth and no far plane.
 fn perspective_view(position: DVec3, right: DVec3, up: DVec3, forward: DVec3, tan_half: f64, radius: f64) -> LightView {
-    let near = 1e-4 * radius;
+    let near = NEAREST * radius;
     let rows = [
         (right / tan_half).extend(-right.dot(position) / tan_half),
         (-up / tan_half).extend(up.dot(position) / tan_half),
         DVec4::new(0.0, 0.0, 0.0, near),
         forward.extend(-forward.dot(position)),
     ];
-    view(rows, right * tan_half, up * tan_half, forward, near)
+    view(rows, right * tan_half, up * tan_half, forward)
 }
 
 /// A box around the scene, which is centred on the origin.
@@ -105,16 +108,10 @@ fn parallel_view(forward: DVec3, half: DVec3) -> LightView {
     let reach = |axis: DVec3| 1.001 * axis.abs().dot(half);
     let (w, h, d) = (reach(right), reach(up), reach(forward));
     let rows = [(right / w).extend(0.0), (-up / h).extend(0.0), (-forward / (2.0 * d)).extend(0.5), DVec4::W];
-    view(rows, right * w, up * h, forward, 0.0)
+    view(rows, right * w, up * h, forward)
 }
 
-fn view(rows: [DVec4; 4], right: DVec3, up: DVec3, forward: DVec3, near: f64) -> LightView {
+fn view(rows: [DVec4; 4], right: DVec3, up: DVec3, forward: DVec3) -> LightView {
     let clip_from_world = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose().as_mat4();
-    LightView {
-        clip_from_world,
-        right: right.as_vec3(),
-        near: near as f32,
-        up: up.as_vec3(),
-        forward: forward.as_vec3(),
-    }
+    LightView { clip_from_world, right: right.as_vec3(), up: up.as_vec3(), forward: forward.as_vec3() }
 }

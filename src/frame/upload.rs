@@ -81,7 +81,7 @@ pub enum Which {
 impl SceneBuffers {
     /// Uploads a scene; `caches` may be missing where no caches are lit.
     pub fn new(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>) -> Result<Self> {
-        let (low, high) = scene.bounds().ok_or_else(|| Error::TooLarge("the scene has no triangles".into()))?;
+        let (low, high) = scene.bounds().ok_or_else(|| Error::Nothing("the scene has no triangles".into()))?;
         let origin = (low + high) * 0.5;
         let mut half = (high - low) * 0.5;
         let radius = half.length().max(1e-12);

@@ -12,6 +12,8 @@ pub struct View {
     pub world_from_clip: Mat4,
     /// Position and 1, or for parallel projection the unit direction towards the viewer and 0.
     pub eye: Vec4,
+    /// Plane through the camera: dot with a world position and 1 gives the distance [m] in front of it.
+    pub plane: Vec4,
 }
 
 impl View {
@@ -25,8 +27,7 @@ impl View {
         let (projection, eye) = match camera.projection {
             Projection::Perspective { yfov } => {
                 let f = 1.0 / (f64::from(yfov) * 0.5).tan();
-                // Nearer than a ten-thousandth of the scene nothing is looked at.
-                let near = 1e-4 * radius;
+                let near = super::lights::NEAREST * radius;
                 let projection = DMat4::from_cols(
                     DVec4::new(f / aspect, 0.0, 0.0, 0.0),
                     DVec4::new(0.0, -f, 0.0, 0.0),
@@ -49,7 +50,13 @@ impl View {
                 (projection, backward.as_vec3().extend(0.0))
             }
         };
+        let plane = (-backward).extend(backward.dot(pose.translation)).as_vec4();
         let clip_from_world = projection * DMat4::from(camera_from_world);
-        Self { clip_from_world: clip_from_world.as_mat4(), world_from_clip: clip_from_world.inverse().as_mat4(), eye }
+        Self {
+            clip_from_world: clip_from_world.as_mat4(),
+            world_from_clip: clip_from_world.inverse().as_mat4(),
+            eye,
+            plane,
+        }
     }
 }

@@ -8,8 +8,7 @@ use super::timer::{MAX_ZONES, Slot, ZoneTime};
 use super::{Pipeline, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
-use std::cell::{Cell, RefCell};
-use std::sync::MutexGuard;
+use std::cell::{Cell, RefCell, RefMut};
 use std::sync::atomic::Ordering;
 
 /// A resource for one binding of a shader, in binding order.
@@ -50,7 +49,7 @@ struct Bound {
 /// Records one frame into a slot of the ring.
 pub struct Cmd<'g> {
     pub(super) gpu: &'g Gpu,
-    slot: RefCell<MutexGuard<'g, Slot>>,
+    slot: RefCell<RefMut<'g, Slot>>,
     pub(super) buffer: vk::CommandBuffer,
     bound: Cell<Option<Bound>>,
     log: Option<RefCell<Log>>,
@@ -81,9 +80,9 @@ impl Gpu {
     /// Records and submits a frame. Waits only if the slot's frame before last is not done. `split` submits each
     /// zone alone, for right timestamps on drivers that attribute chained passes wrongly.
     pub fn frame(&self, split: bool, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
-        let index = self.submitted.load(Ordering::SeqCst) as usize % FRAMES_IN_FLIGHT;
-        let mut slot = self.slots[index].lock().expect("slot");
-        self.wait_for(slot.done)?;
+        let index = self.shared.submitted.load(Ordering::SeqCst) as usize % FRAMES_IN_FLIGHT;
+        let mut slot = self.slots[index].borrow_mut();
+        self.shared.wait_for(slot.done)?;
         slot.zones.clear();
         // SAFETY: the slot's last frame is done, so its queries are not in use.
         unsafe { self.shared.device.reset_query_pool(slot.queries, 0, 2 * MAX_ZONES) };
@@ -100,19 +99,24 @@ impl Gpu {
             key: RefCell::new(Vec::with_capacity(64)),
         };
         cmd.begin()?;
-        record(&cmd)?;
-        let value = cmd.submit()?;
-        cmd.slot.borrow_mut().done = value;
-        if let Some(error) = cmd.error.take() {
+        let recorded = record(&cmd);
+        if let Err(error) = cmd.error.take().map_or(recorded, Err) {
+            // Nothing of it has been submitted but what a split frame has waited for.
+            // SAFETY: the buffer is not pending; its pool allows resetting.
+            let reset =
+                unsafe { self.shared.device.reset_command_buffer(buffer, vk::CommandBufferResetFlags::empty()) };
+            log::debug!("a frame was given up: {reset:?}");
             return Err(error);
         }
+        let value = cmd.submit()?;
+        cmd.slot.borrow_mut().done = value;
         Ok(Frame { slot: index, value, problems: cmd.log.map_or_else(Vec::new, |log| log.into_inner().problems()) })
     }
 
     /// Waits for a frame and gives its times, zone by zone. The frame must be one of the last two.
     pub fn times(&self, frame: &Frame) -> Result<Vec<ZoneTime>> {
-        self.wait_for(frame.value)?;
-        self.slots[frame.slot].lock().expect("slot").times(self)
+        self.shared.wait_for(frame.value)?;
+        self.slots[frame.slot].borrow().times(self)
     }
 
     /// Records, submits and waits: for uploads and read-back, outside the frame loop.
@@ -131,7 +135,7 @@ impl Gpu {
             cmd.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
             Ok(())
         })?;
-        self.wait_for(frame.value)
+        self.shared.wait_for(frame.value)
     }
 }
 
@@ -144,14 +148,15 @@ impl<'g> Cmd<'g> {
 
     /// Ends and submits what is recorded; gives the timeline value that says it is done.
     fn submit(&self) -> Result<u64> {
-        let value = self.gpu.submitted.fetch_add(1, Ordering::SeqCst) + 1;
+        let submitted = &self.gpu.shared.submitted;
+        let value = submitted.load(Ordering::SeqCst) + 1;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.buffer)];
         let signals = [vk::SemaphoreSubmitInfo::default()
-            .semaphore(self.gpu.timeline)
+            .semaphore(self.gpu.shared.timeline)
             .value(value)
             .stage_mask(vk::PipelineStageFlags2::ALL_COMMANDS)];
         let info = vk::SubmitInfo2::default().command_buffer_infos(&buffers).signal_semaphore_infos(&signals);
-        // SAFETY: the buffer is recording and complete; one thread records at a time (the slot is locked).
+        // SAFETY: the buffer is recording and complete; one thread records at a time (`Gpu` is not `Sync`).
         unsafe {
             self.gpu.shared.device.end_command_buffer(self.buffer).map_err(vulkan("ending a frame"))?;
             self.gpu
@@ -160,12 +165,21 @@ impl<'g> Cmd<'g> {
                 .queue_submit2(self.gpu.queue, &[info], vk::Fence::null())
                 .map_err(vulkan("submitting a frame"))?;
         }
+        submitted.store(value, Ordering::SeqCst);
         Ok(value)
+    }
+
+    /// Whether an earlier command has failed: then nothing more is recorded, and `Gpu::frame` gives its error.
+    pub(super) fn failed(&self) -> bool {
+        self.error.borrow().is_some()
     }
 
     /// Submits what is recorded so far, waits, and goes on with an empty buffer.
     fn flush(&self) {
-        let result = self.submit().and_then(|value| self.gpu.wait_for(value)).and_then(|()| self.begin());
+        if self.failed() {
+            return;
+        }
+        let result = self.submit().and_then(|value| self.gpu.shared.wait_for(value)).and_then(|()| self.begin());
         if let Err(error) = result {
             self.error.borrow_mut().get_or_insert(error);
         }
@@ -178,7 +192,8 @@ impl<'g> Cmd<'g> {
         }
         let device = &self.gpu.shared.device;
         let mut slot = self.slot.borrow_mut();
-        let query = (slot.zones.len() < MAX_ZONES as usize).then_some(2 * slot.zones.len() as u32);
+        let timed = !self.failed() && self.gpu.timestamp_mask != 0 && slot.zones.len() < MAX_ZONES as usize;
+        let query = timed.then_some(2 * slot.zones.len() as u32);
         if let Some(query) = query {
             slot.zones.push(name);
             // SAFETY: the query was reset and is written once per frame.
@@ -191,7 +206,7 @@ impl<'g> Cmd<'g> {
     }
 
     fn label(&self, name: &str) {
-        if let Some(names) = &self.gpu.shared.names {
+        if let Some(names) = self.gpu.shared.names.as_ref().filter(|_| !self.failed()) {
             let name = std::ffi::CString::new(name).unwrap_or_default();
             let label = vk::DebugUtilsLabelEXT::default().label_name(&name);
             // SAFETY: the buffer is recording; the label is closed when its zone is dropped.
@@ -233,6 +248,9 @@ impl<'g> Cmd<'g> {
     }
 
     fn pipeline_barrier(&self, info: &vk::DependencyInfo<'_>) {
+        if self.failed() {
+            return;
+        }
         // SAFETY: the buffer is recording, outside a rendering scope.
         unsafe { self.gpu.shared.device.cmd_pipeline_barrier2(self.buffer, info) };
     }
@@ -251,6 +269,9 @@ impl<'g> Cmd<'g> {
 
     /// Binds a pipeline and its resources, in the order of the shader's bindings.
     pub fn bind(&self, pipeline: &Pipeline, resources: &[Bind<'_>]) {
+        if self.failed() {
+            return;
+        }
         let name = pipeline.name;
         assert_eq!(
             resources.len(),
@@ -279,15 +300,12 @@ impl<'g> Cmd<'g> {
             }
         }
         let shared = &self.gpu.shared;
-        let mut descriptors = self.gpu.descriptors.lock().expect("descriptors");
-        let mut failed = None;
-        let set = descriptors.get(shared, &key, pipeline.set_layout, |set| {
-            failed = self.write_set(set, pipeline, resources).err();
-        });
+        let mut descriptors = self.gpu.descriptors.borrow_mut();
+        let set = descriptors.get(shared, &key, pipeline.set_layout, |set| self.write_set(set, pipeline, resources));
         drop(descriptors);
-        let set = match (set, failed) {
-            (Ok(set), None) => set,
-            (Err(error), _) | (_, Some(error)) => {
+        let set = match set {
+            Ok(set) => set,
+            Err(error) => {
                 self.error.borrow_mut().get_or_insert(error);
                 return;
             }
@@ -317,6 +335,10 @@ impl<'g> Cmd<'g> {
             let (buffer, image);
             let write = match *resource {
                 Bind::Buffer(b) => {
+                    let limit = u64::from(self.gpu.shared.limits.max_storage_buffer_range);
+                    if b.size > limit {
+                        return Err(self.gpu.too_large(format!("buffer {} needs {} bytes", b.name, b.size), limit));
+                    }
                     buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset: 0, range: vk::WHOLE_SIZE }];
                     write.buffer_info(&buffer)
                 }
@@ -343,6 +365,9 @@ impl<'g> Cmd<'g> {
 
     /// Sets the push constants of the bound pipeline.
     pub fn push<T: bytemuck::NoUninit>(&self, constants: &T) {
+        if self.failed() {
+            return;
+        }
         let bound = self.bound.get().expect("bind before push");
         let bytes = bytemuck::bytes_of(constants);
         assert_eq!(bytes.len() as u32, bound.push_bytes, "{}: size of its push constants", bound.name);
@@ -352,6 +377,9 @@ impl<'g> Cmd<'g> {
 
     /// Runs the bound compute shader over this many items; the group size is the shader's own.
     pub fn dispatch(&self, x: u32, y: u32, z: u32) {
+        if self.failed() {
+            return;
+        }
         let bound = self.bound.get().expect("bind before dispatch");
         let [x, y, z] = [x.div_ceil(bound.group[0]), y.div_ceil(bound.group[1]), z.div_ceil(bound.group[2])];
         // SAFETY: a compute pipeline with all its descriptors is bound.
@@ -360,6 +388,9 @@ impl<'g> Cmd<'g> {
 
     /// Opens a rendering scope and draws.
     pub fn render(&self, attachments: &Attachments<'_>, draw: impl FnOnce(&Draw<'_, 'g>)) {
+        if self.failed() {
+            return;
+        }
         let info = |attach: &Attach<'_>| {
             let (load, store) = match attach.load {
                 Load::Keep => (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::STORE),
@@ -410,6 +441,9 @@ impl<'g> Cmd<'g> {
 
     /// Copies the first `size` bytes of a buffer to another.
     pub fn copy_buffer(&self, from: &Buffer, to: &Buffer, size: u64) {
+        if self.failed() {
+            return;
+        }
         self.touch_buffer(from, Use::CopyRead);
         self.touch_buffer(to, Use::CopyWrite);
         let regions = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }];
@@ -419,6 +453,9 @@ impl<'g> Cmd<'g> {
 
     /// Copies an image, tightly packed, into a buffer.
     pub fn copy_image_to_buffer(&self, from: &Image, to: &Buffer) {
+        if self.failed() {
+            return;
+        }
         self.touch_image(from, Use::CopyRead);
         self.touch_buffer(to, Use::CopyWrite);
         let regions = [region(from, 0, 0)];
@@ -436,6 +473,9 @@ impl<'g> Cmd<'g> {
 
     /// Fills all levels of a fresh texture from a buffer that holds them one after the other.
     pub(crate) fn copy_buffer_to_texture(&self, from: &Buffer, to: &Image) {
+        if self.failed() {
+            return;
+        }
         let barriers = [discard(to, vk::PipelineStageFlags2::COPY)];
         self.pipeline_barrier(&vk::DependencyInfo::default().image_memory_barriers(&barriers));
         self.touch_buffer(from, Use::CopyRead);
@@ -505,6 +545,10 @@ impl Drop for Zone<'_, '_> {
     fn drop(&mut self) {
         let cmd = self.cmd;
         let shared = &cmd.gpu.shared;
+        if cmd.failed() {
+            cmd.zone.set(self.outer);
+            return;
+        }
         // SAFETY: closes what `zone` opened; the query is written once per frame.
         unsafe {
             if let Some(names) = &shared.names {

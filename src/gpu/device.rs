@@ -5,10 +5,11 @@ use super::{pipeline::DescriptorCache, vulkan};
 use crate::error::{Error, Result};
 use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
+use std::cell::RefCell;
 use std::collections::HashMap;
 use std::ffi::{CStr, c_char, c_void};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex};
 
 /// Which checks the Khronos validation layer makes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,33 +52,43 @@ pub struct DeviceReport {
 /// Collected messages of the validation layer; shared with its callback.
 type Messages = Mutex<Vec<String>>;
 
+/// The instance with its messenger; destroyed together, after the device.
+struct Instance {
+    instance: ash::Instance,
+    debug: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
+    messages: Box<Messages>,
+    has_debug_utils: bool,
+    entry: ash::Entry,
+}
+
 /// What every Vulkan object of ours needs to be made and destroyed.
 pub(crate) struct Shared {
     pub(crate) device: ash::Device,
     pub(crate) allocator: Mutex<Option<Allocator>>,
     pub(crate) names: Option<ext::debug_utils::Device>,
+    pub(crate) limits: vk::PhysicalDeviceLimits,
+    pub(crate) max_buffer_size: u64,
+    pub(crate) pool: vk::CommandPool,
+    /// Counts submissions that are done.
+    pub(crate) timeline: vk::Semaphore,
+    /// Counts submissions.
+    pub(crate) submitted: AtomicU64,
     next_id: AtomicU64,
-    messages: Box<Messages>,
-    debug: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
-    instance: ash::Instance,
-    _entry: ash::Entry,
+    instance: Instance,
 }
 
-/// An open device: everything else is made from it.
+/// An open device: everything else is made from it. One thread records at a time (the type is not `Sync`).
 pub struct Gpu {
-    pub(crate) shared: Arc<Shared>,
+    pub(crate) slots: Vec<RefCell<Slot>>,
+    pub(crate) descriptors: RefCell<DescriptorCache>,
+    pub(crate) samplers: RefCell<HashMap<super::SamplerKind, vk::Sampler>>,
     pub(crate) queue: vk::Queue,
     pub(crate) timestamp_period_ns: f64,
+    /// Valid bits of a timestamp; 0 where the queue has none.
     pub(crate) timestamp_mask: u64,
-    pub(crate) slots: Vec<Mutex<Slot>>,
-    pub(crate) timeline: vk::Semaphore,
-    pub(crate) submitted: AtomicU64,
-    pub(crate) descriptors: Mutex<DescriptorCache>,
-    pub(crate) samplers: Mutex<HashMap<super::SamplerKind, vk::Sampler>>,
     pub(crate) check_barriers: bool,
-    pool: vk::CommandPool,
     report: DeviceReport,
-    software: bool,
+    pub(crate) shared: Arc<Shared>,
 }
 
 /// Frames that may be under way at once: the CPU writes one while the GPU draws the other.
@@ -87,6 +98,25 @@ impl Shared {
     /// An identity for a resource that is never used again, unlike a handle.
     pub(crate) fn new_id(&self) -> u64 {
         self.next_id.fetch_add(1, Ordering::Relaxed)
+    }
+
+    /// Waits until everything submitted is done. Whatever is destroyed afterwards is not in use.
+    pub(crate) fn wait(&self) -> Result<()> {
+        self.wait_for(self.submitted.load(Ordering::SeqCst))
+    }
+
+    pub(crate) fn wait_for(&self, value: u64) -> Result<()> {
+        let (semaphores, values) = ([self.timeline], [value]);
+        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
+        // SAFETY: the semaphore is alive and its value only grows.
+        unsafe { self.device.wait_semaphores(&info, u64::MAX) }.map_err(vulkan("waiting for the device"))
+    }
+
+    /// `wait` for destructors: a lost device is done as well.
+    pub(crate) fn wait_to_drop(&self) {
+        if let Err(error) = self.wait() {
+            log::debug!("{error}");
+        }
     }
 
     /// Gives an object the name under which validation messages and captures show it.
@@ -104,19 +134,15 @@ impl Shared {
 
 /// All devices that the Vulkan loader finds, with what each lacks.
 pub fn devices() -> Result<Vec<DeviceReport>> {
-    let (entry, instance, _) = open_instance(Validation::Off)?;
-    // SAFETY: the instance is alive; it is destroyed below, after the last use.
-    let reports = unsafe { instance.enumerate_physical_devices() }
+    let opened = open_instance(Validation::Off)?;
+    // SAFETY: the instance is alive.
+    unsafe { opened.instance.enumerate_physical_devices() }
         .map_err(vulkan("enumerating devices"))
-        .map(|all| all.iter().enumerate().map(|(i, d)| inspect(&instance, *d, i)).collect());
-    // SAFETY: nothing made from the instance is left.
-    unsafe { instance.destroy_instance(None) };
-    drop(entry);
-    reports
+        .map(|all| all.iter().enumerate().map(|(i, d)| inspect(&opened.instance, *d, i)).collect())
 }
 
-/// Loads the Vulkan library and makes an instance; the flag says whether object names and labels can be set.
-fn open_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance, bool)> {
+/// Loads the Vulkan library and makes an instance, with a messenger if there is validation.
+fn open_instance(validation: Validation) -> Result<Instance> {
     // SAFETY: loading the system's Vulkan loader runs its initialisers, which we must trust like any library's.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| {
         Error::NoDevice(format!("no Vulkan loader ({e}); install libvulkan1 and a driver (mesa-vulkan-drivers has one for machines without a GPU)"))
@@ -176,7 +202,21 @@ fn open_instance(validation: Validation) -> Result<(ash::Entry, ash::Instance, b
     let instance = unsafe { entry.create_instance(&info, None) }.map_err(|r| {
         Error::NoDevice(format!("the Vulkan loader refused an instance ({r}); install a driver (mesa-vulkan-drivers has one for machines without a GPU)"))
     })?;
-    Ok((entry, instance, has_debug))
+    let mut opened = Instance { instance, debug: None, messages: Box::default(), has_debug_utils: has_debug, entry };
+    if validation != Validation::Off {
+        let loader = ext::debug_utils::Instance::new(&opened.entry, &opened.instance);
+        let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
+            .message_severity(
+                vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
+            )
+            .message_type(vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::GENERAL)
+            .pfn_user_callback(Some(on_message))
+            .user_data((&raw const *opened.messages).cast_mut().cast());
+        // SAFETY: the callback's sink is boxed and outlives the messenger (see `Drop for Instance`).
+        let messenger = unsafe { loader.create_debug_utils_messenger(&info, None) };
+        opened.debug = Some((loader, messenger.map_err(vulkan("making the debug messenger"))?));
+    }
+    Ok(opened)
 }
 
 /// Properties of a device and what it lacks of what the engine needs.
@@ -280,39 +320,10 @@ unsafe extern "system" fn on_message(
 impl Gpu {
     /// Opens a device. With `Validation::Sync` the engine's own barrier check runs as well.
     pub fn new(options: &Options) -> Result<Self> {
-        let (entry, instance, has_debug) = open_instance(options.validation)?;
-        let messages: Box<Messages> = Box::default();
-        let debug = (options.validation != Validation::Off).then(|| {
-            let loader = ext::debug_utils::Instance::new(&entry, &instance);
-            let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
-                .message_severity(
-                    vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
-                )
-                .message_type(
-                    vk::DebugUtilsMessageTypeFlagsEXT::VALIDATION | vk::DebugUtilsMessageTypeFlagsEXT::GENERAL,
-                )
-                .pfn_user_callback(Some(on_message))
-                .user_data((&raw const *messages).cast_mut().cast());
-            // SAFETY: the callback's sink is boxed and outlives the messenger (see `Drop for Shared`).
-            unsafe { loader.create_debug_utils_messenger(&info, None) }.map(|m| (loader, m))
-        });
-        let debug = debug.transpose().map_err(vulkan("making the debug messenger"))?;
-
-        let picked = pick(&instance, options.device.as_deref());
-        let (physical, report) = match picked {
-            Ok(picked) => picked,
-            Err(error) => {
-                // SAFETY: nothing else was made from the instance.
-                unsafe {
-                    if let Some((loader, messenger)) = &debug {
-                        loader.destroy_debug_utils_messenger(*messenger, None);
-                    }
-                    instance.destroy_instance(None);
-                }
-                return Err(error);
-            }
-        };
-        let (family, timestamp_bits) = queue_family(&instance, physical).expect("inspected");
+        let opened = open_instance(options.validation)?;
+        let instance = &opened.instance;
+        let (physical, report) = pick(instance, options.device.as_deref())?;
+        let (family, timestamp_bits) = queue_family(instance, physical).expect("inspected");
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
         let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
@@ -323,57 +334,53 @@ impl Gpu {
             .dynamic_rendering(true)
             .synchronization2(true)
             .maintenance4(true);
-        // SAFETY: plain query.
-        let has = unsafe { instance.get_physical_device_features(physical) };
-        let features = vk::PhysicalDeviceFeatures::default().sampler_anisotropy(has.sampler_anisotropy == vk::TRUE);
-        let info = vk::DeviceCreateInfo::default()
-            .queue_create_infos(&queues)
-            .enabled_features(&features)
-            .push_next(&mut v12)
-            .push_next(&mut v13);
+        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut v12).push_next(&mut v13);
         // SAFETY: the features were found by `inspect`, and every pointer outlives the call.
         let device = unsafe { instance.create_device(physical, &info, None) }
             .map_err(vulkan(format!("opening {}", report.name)))?;
-        // SAFETY: the family was requested above.
-        let queue = unsafe { device.get_device_queue(family, 0) };
-        let names = has_debug.then(|| ext::debug_utils::Device::new(&instance, &device));
+        let mut sizes = vk::PhysicalDeviceMaintenance4Properties::default();
+        let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut sizes);
+        // SAFETY: plain query; a 1.3 device knows the chained struct.
+        unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
+        let limits = properties.properties.limits;
+        // From here on `shared` destroys what was made, also when something below fails.
+        let mut shared = Shared {
+            names: opened.has_debug_utils.then(|| ext::debug_utils::Device::new(instance, &device)),
+            allocator: Mutex::new(None),
+            limits,
+            max_buffer_size: sizes.max_buffer_size,
+            pool: vk::CommandPool::null(),
+            timeline: vk::Semaphore::null(),
+            submitted: AtomicU64::new(0),
+            next_id: AtomicU64::new(1),
+            device,
+            instance: opened,
+        };
         let allocator = Allocator::new(&AllocatorCreateDesc {
-            instance: instance.clone(),
-            device: device.clone(),
+            instance: shared.instance.instance.clone(),
+            device: shared.device.clone(),
             physical_device: physical,
             debug_settings: Default::default(),
             buffer_device_address: false,
             allocation_sizes: Default::default(),
         })
         .map_err(|e| Error::Vulkan { what: "making the memory allocator".into(), result: e.to_string() })?;
-        // SAFETY: plain query.
-        let limits = unsafe { instance.get_physical_device_properties(physical) }.limits;
-        let software = report.kind == "software";
-        let shared = Arc::new(Shared {
-            device,
-            allocator: Mutex::new(Some(allocator)),
-            names,
-            next_id: AtomicU64::new(1),
-            messages,
-            debug,
-            instance,
-            _entry: entry,
-        });
-        let pool_info = vk::CommandPoolCreateInfo::default()
+        shared.allocator = Mutex::new(Some(allocator));
+        let pool = vk::CommandPoolCreateInfo::default()
             .queue_family_index(family)
             .flags(vk::CommandPoolCreateFlags::RESET_COMMAND_BUFFER);
         // SAFETY: the device is alive and the family its own.
-        let pool = unsafe { shared.device.create_command_pool(&pool_info, None) }
-            .map_err(vulkan("making the command pool"))?;
-        shared.name(pool, "gpu.commands");
+        shared.pool = unsafe { shared.device.create_command_pool(&pool, None) }.map_err(vulkan("command pool"))?;
+        shared.name(shared.pool, "gpu.commands");
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
+        let timeline = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
         // SAFETY: timelineSemaphore is enabled.
-        let timeline =
-            unsafe { shared.device.create_semaphore(&vk::SemaphoreCreateInfo::default().push_next(&mut kind), None) }
-                .map_err(vulkan("making the timeline semaphore"))?;
-        shared.name(timeline, "gpu.timeline");
-        let slots =
-            (0..FRAMES_IN_FLIGHT).map(|i| Slot::new(&shared, pool, i).map(Mutex::new)).collect::<Result<_>>()?;
+        shared.timeline = unsafe { shared.device.create_semaphore(&timeline, None) }.map_err(vulkan("timeline"))?;
+        shared.name(shared.timeline, "gpu.timeline");
+        // SAFETY: the family was requested above.
+        let queue = unsafe { shared.device.get_device_queue(family, 0) };
+        let shared = Arc::new(shared);
+        let slots = (0..FRAMES_IN_FLIGHT).map(|i| Slot::new(&shared, i).map(RefCell::new)).collect::<Result<_>>()?;
         log::info!(
             "device {}: {} ({}, {}, Vulkan {})",
             report.index,
@@ -383,18 +390,14 @@ impl Gpu {
             report.api
         );
         Ok(Self {
+            slots,
+            descriptors: RefCell::default(),
+            samplers: RefCell::default(),
             queue,
             timestamp_period_ns: f64::from(limits.timestamp_period),
             timestamp_mask: if timestamp_bits >= 64 { u64::MAX } else { (1 << timestamp_bits) - 1 },
-            slots,
-            timeline,
-            submitted: AtomicU64::new(0),
-            descriptors: Mutex::default(),
-            samplers: Mutex::default(),
             check_barriers: options.validation == Validation::Sync,
-            pool,
             report,
-            software,
             shared,
         })
     }
@@ -406,25 +409,17 @@ impl Gpu {
 
     /// Whether the device is the CPU: ratios mean something there, absolute times little.
     pub fn is_software(&self) -> bool {
-        self.software
+        self.report.kind == "software"
     }
 
     /// Messages of the validation layer so far, oldest first; empty is the only good answer.
     pub fn messages(&self) -> Vec<String> {
-        self.shared.messages.lock().expect("message sink").clone()
+        self.shared.instance.messages.lock().expect("message sink").clone()
     }
 
     /// Waits until the device has done everything submitted.
     pub fn wait(&self) -> Result<()> {
-        let values = [self.submitted.load(Ordering::SeqCst)];
-        self.wait_for(values[0])
-    }
-
-    pub(crate) fn wait_for(&self, value: u64) -> Result<()> {
-        let (semaphores, values) = ([self.timeline], [value]);
-        let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
-        // SAFETY: the semaphore is alive and its value only grows.
-        unsafe { self.shared.device.wait_semaphores(&info, u64::MAX) }.map_err(vulkan("waiting for the device"))
+        self.shared.wait()
     }
 }
 
@@ -471,37 +466,33 @@ fn pick(instance: &ash::Instance, wanted: Option<&str>) -> Result<(vk::PhysicalD
 
 impl Drop for Gpu {
     fn drop(&mut self) {
-        let device = &self.shared.device;
-        // A lock is poisoned where recording panicked. The content is only destroyed, and a second panic would end the
-        // process without the first one's message.
-        let slots = self.slots.iter_mut().map(|slot| slot.get_mut().unwrap_or_else(PoisonError::into_inner));
-        let samplers = self.samplers.get_mut().unwrap_or_else(PoisonError::into_inner);
-        let descriptors = self.descriptors.get_mut().unwrap_or_else(PoisonError::into_inner);
-        // SAFETY: after the wait nothing is in use; what is destroyed here was made in `new` or cached since, and
-        // `Shared` outlives it.
+        self.shared.wait_to_drop();
+        // SAFETY: nothing is in use after the wait; samplers and descriptors are this device's.
         unsafe {
-            if let Err(result) = device.device_wait_idle() {
-                log::error!("waiting before shutdown: {result}");
+            for (_, sampler) in self.samplers.get_mut().drain() {
+                self.shared.device.destroy_sampler(sampler, None);
             }
-            for slot in slots {
-                slot.destroy(device);
-            }
-            for (_, sampler) in samplers.drain() {
-                device.destroy_sampler(sampler, None);
-            }
-            descriptors.destroy(device);
-            device.destroy_semaphore(self.timeline, None);
-            device.destroy_command_pool(self.pool, None);
         }
+        self.descriptors.get_mut().destroy(&self.shared.device);
     }
 }
 
 impl Drop for Shared {
     fn drop(&mut self) {
         drop(self.allocator.lock().map(|mut a| a.take()));
-        // SAFETY: `Shared` is dropped when the last object made from the device has gone.
+        // SAFETY: `Shared` is dropped when the last object made from the device has gone; null handles are ignored.
         unsafe {
+            self.device.destroy_semaphore(self.timeline, None);
+            self.device.destroy_command_pool(self.pool, None);
             self.device.destroy_device(None);
+        }
+    }
+}
+
+impl Drop for Instance {
+    fn drop(&mut self) {
+        // SAFETY: the device, if there was one, has gone; the sink of the messenger lives until this function ends.
+        unsafe {
             if let Some((loader, messenger)) = self.debug.take() {
                 loader.destroy_debug_utils_messenger(messenger, None);
             }

@@ -122,12 +122,18 @@ impl Draw<'_, '_> {
 
     /// Draws vertices without buffers: 3 for the triangle that covers the screen.
     pub fn draw(&self, vertex_count: u32) {
+        if self.cmd.failed() {
+            return;
+        }
         // SAFETY: pipeline and descriptors are bound; the shader makes its vertices from their index.
         unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, 0, 0) };
     }
 
     /// Draws triangles from the bound buffers.
     pub fn draw_indexed(&self, index_count: u32, first_index: u32) {
+        if self.cmd.failed() {
+            return;
+        }
         // SAFETY: pipeline, descriptors, vertex and index buffers are bound; the loader checked the indices.
         unsafe { self.cmd.gpu.shared.device.cmd_draw_indexed(self.cmd.buffer, index_count, 1, first_index, 0, 0) };
     }

@@ -29,7 +29,7 @@ pub(crate) fn vulkan(what: impl Into<String>) -> impl FnOnce(ash::vk::Result) ->
     move |result| {
         let result = match result {
             ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => {
-                "out of device memory; ask for a smaller --size, --rsm or --shadow-map".to_owned()
+                "out of device memory; ask for a smaller picture, RSM or shadow map, or for fewer caches".to_owned()
             }
             ash::vk::Result::ERROR_OUT_OF_HOST_MEMORY => "out of memory".to_owned(),
             ash::vk::Result::ERROR_DEVICE_LOST => {

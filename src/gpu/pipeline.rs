@@ -338,8 +338,9 @@ fn specialization(constants: &[u32]) -> (Vec<vk::SpecializationMapEntry>, Vec<u8
 
 impl Drop for Pipeline {
     fn drop(&mut self) {
+        self.shared.wait_to_drop();
         let device = &self.shared.device;
-        // SAFETY: made from this device; the owner drops it only when no submitted work uses it (`Gpu::wait`).
+        // SAFETY: made from this device, and nothing submitted uses it after the wait.
         unsafe {
             device.destroy_pipeline(self.handle, None);
             device.destroy_pipeline_layout(self.layout, None);
@@ -365,7 +366,7 @@ impl DescriptorCache {
         shared: &Shared,
         key: &[u64],
         layout: vk::DescriptorSetLayout,
-        write: impl FnOnce(vk::DescriptorSet),
+        write: impl FnOnce(vk::DescriptorSet) -> Result<()>,
     ) -> Result<vk::DescriptorSet> {
         if let Some(set) = self.sets.get(key) {
             return Ok(*set);
@@ -376,8 +377,6 @@ impl DescriptorCache {
                 size(vk::DescriptorType::STORAGE_BUFFER),
                 size(vk::DescriptorType::UNIFORM_BUFFER),
                 size(vk::DescriptorType::COMBINED_IMAGE_SAMPLER),
-                size(vk::DescriptorType::STORAGE_IMAGE),
-                size(vk::DescriptorType::SAMPLED_IMAGE),
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);
             // SAFETY: the device is alive; destroyed in `destroy`.
@@ -393,7 +392,7 @@ impl DescriptorCache {
         // SAFETY: pool and layout are alive; `left` guards the pool's count of sets.
         let set = unsafe { shared.device.allocate_descriptor_sets(&info) }.map_err(vulkan("descriptor set"))?[0];
         self.left -= 1;
-        write(set);
+        write(set)?;
         self.sets.insert(key.to_vec(), set);
         Ok(set)
     }

@@ -76,7 +76,7 @@ impl Shared {
         let mut allocator = self.allocator.lock().expect("allocator");
         allocator.as_mut().expect("alive").allocate(&desc).map_err(|e| Error::Vulkan {
             what: format!("{name}: {} KiB", requirements.size / 1024),
-            result: format!("{e}; ask for a smaller --size, --rsm or --shadow-map"),
+            result: format!("{e}; ask for a smaller picture, RSM or shadow map, or for fewer caches"),
         })
     }
 
@@ -135,6 +135,9 @@ impl Gpu {
 
     fn make_buffer(&self, name: &str, size: u64, location: MemoryLocation) -> Result<Buffer> {
         let device = &self.shared.device;
+        if size > self.shared.max_buffer_size {
+            return Err(self.too_large(format!("buffer {name} needs {size} bytes"), self.shared.max_buffer_size));
+        }
         let info = vk::BufferCreateInfo::default().size(size.max(4)).usage(BUFFER_USAGE);
         let what = || format!("buffer {name}, {size} bytes");
         // SAFETY: the device is alive; the handle is destroyed in `Drop`.
@@ -202,6 +205,10 @@ impl Gpu {
     ) -> Result<Image> {
         let device = &self.shared.device;
         let what = || format!("image {name} {width}x{height} {format:?}");
+        let limit = self.shared.limits.max_image_dimension2_d;
+        if width.max(height) > limit {
+            return Err(self.too_large(format!("image {name} needs {width}x{height} texels"), limit.into()));
+        }
         let info = vk::ImageCreateInfo::default()
             .image_type(vk::ImageType::TYPE_2D)
             .format(format)
@@ -250,9 +257,14 @@ impl Gpu {
         Ok(image)
     }
 
+    /// A resource beyond a limit of the device.
+    pub(crate) fn too_large(&self, what: String, limit: u64) -> Error {
+        Error::TooLarge(format!("{what}, but {} allows {limit}; ask for less of it", self.report().name))
+    }
+
     /// The sampler of a kind; made on first use, kept as long as the device.
     pub(crate) fn sampler(&self, kind: SamplerKind) -> Result<vk::Sampler> {
-        let mut samplers = self.samplers.lock().expect("samplers");
+        let mut samplers = self.samplers.borrow_mut();
         if let Some(sampler) = samplers.get(&kind) {
             return Ok(*sampler);
         }
@@ -315,7 +327,8 @@ pub(crate) fn aspect(format: vk::Format) -> vk::ImageAspectFlags {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        // SAFETY: made from this device; the owner drops it only when no submitted work uses it (`Gpu::wait`).
+        self.shared.wait_to_drop();
+        // SAFETY: made from this device, and nothing submitted uses it after the wait.
         unsafe { self.shared.device.destroy_buffer(self.handle, None) };
         self.shared.free(self.allocation.take());
     }
@@ -323,6 +336,7 @@ impl Drop for Buffer {
 
 impl Drop for Image {
     fn drop(&mut self) {
+        self.shared.wait_to_drop();
         // SAFETY: as for `Buffer`; the view goes before its image.
         unsafe {
             self.shared.device.destroy_image_view(self.view, None);

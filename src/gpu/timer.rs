@@ -4,6 +4,7 @@ use super::device::Shared;
 use super::{Gpu, vulkan};
 use crate::error::Result;
 use ash::vk;
+use std::sync::Arc;
 
 /// Zones per frame that are timed; further ones run untimed.
 pub(crate) const MAX_ZONES: u32 = 64;
@@ -19,6 +20,7 @@ pub struct ZoneTime {
 
 /// What one frame under way owns.
 pub(crate) struct Slot {
+    shared: Arc<Shared>,
     pub(crate) buffer: vk::CommandBuffer,
     pub(crate) queries: vk::QueryPool,
     pub(crate) zones: Vec<&'static str>,
@@ -27,23 +29,18 @@ pub(crate) struct Slot {
 }
 
 impl Slot {
-    pub(crate) fn new(shared: &Shared, pool: vk::CommandPool, index: usize) -> Result<Self> {
-        let info = vk::CommandBufferAllocateInfo::default().command_pool(pool).command_buffer_count(1);
+    pub(crate) fn new(shared: &Arc<Shared>, index: usize) -> Result<Self> {
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(shared.pool).command_buffer_count(1);
         // SAFETY: the pool is alive and outlives the slot.
         let buffer = unsafe { shared.device.allocate_command_buffers(&info) }.map_err(vulkan("command buffer"))?[0];
         shared.name(buffer, &format!("frame.commands {index}"));
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * MAX_ZONES);
-        // SAFETY: the device is alive; destroyed in `destroy`.
+        // SAFETY: the device is alive; destroyed in `Drop`.
         let queries = unsafe { shared.device.create_query_pool(&info, None) }.map_err(vulkan("timestamp queries"))?;
         shared.name(queries, &format!("frame.timestamps {index}"));
         // SAFETY: hostQueryReset is enabled and the pool is not in use.
         unsafe { shared.device.reset_query_pool(queries, 0, 2 * MAX_ZONES) };
-        Ok(Self { buffer, queries, zones: Vec::with_capacity(MAX_ZONES as usize), done: 0 })
-    }
-
-    pub(crate) fn destroy(&mut self, device: &ash::Device) {
-        // SAFETY: called once, after the device is idle.
-        unsafe { device.destroy_query_pool(self.queries, None) };
+        Ok(Self { shared: shared.clone(), buffer, queries, zones: Vec::with_capacity(MAX_ZONES as usize), done: 0 })
     }
 
     /// Times of the frame this slot last held; the frame must be done. Zones of the same name are summed.
@@ -66,5 +63,13 @@ impl Slot {
             }
         }
         Ok(times)
+    }
+}
+
+impl Drop for Slot {
+    fn drop(&mut self) {
+        self.shared.wait_to_drop();
+        // SAFETY: nothing is in use after the wait; the command buffer goes with its pool.
+        unsafe { self.shared.device.destroy_query_pool(self.queries, None) };
     }
 }

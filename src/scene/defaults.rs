@@ -129,7 +129,7 @@ impl Space {
             let m = camera.matrix3;
             let direction = if towards_eye.length() > radius { towards_eye.normalize() } else { m.z_axis };
             let direction = (direction + 0.7 * m.y_axis - 0.7 * m.x_axis).try_normalize().unwrap_or(DVec3::Y);
-            let distance = towards_eye.length().max(2.5 * radius);
+            let distance = 2.5 * radius;
             let half_angle = (radius / distance).asin() as f32;
             let kind = LightKind::Spot { inner: half_angle, outer: 1.1 * half_angle };
             let position = self.centre + distance * direction;

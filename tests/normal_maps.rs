@@ -1,0 +1,143 @@
+//! Normal maps tilt the way their texture coordinates run: with tangents, without, on mirrored instances; and the
+//! G-buffer stays finite where pixels are smaller than f32 resolves positions.
+
+use crate::common::{assert_clean, gpu};
+use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3};
+use lightskin::frame::{Frame, Gi, SceneBuffers, Settings, View};
+use lightskin::image::broken_values;
+use lightskin::scene::{
+    Camera, Image, Instance, Light, LightKind, Material, Mesh, Primitive, Projection, Sampler, Scene, Texture, Vertex,
+};
+
+/// A 2 m quad in the xy plane, facing +z, under a camera and a lamp on the z axis.
+fn quad(map: [u8; 3], tangents: bool, scale: DVec3, edge: f32) -> Scene {
+    let corner = |x: f32, y: f32| Vertex {
+        position: Vec3::new(x, y, 0.0) * edge,
+        normal: Vec3::Z,
+        tangent: if tangents { [1.0, 0.0, 0.0, 1.0] } else { [0.0; 4] },
+        // glTF's v runs down: the bitangent is +y.
+        uv0: Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * y),
+        color: [255; 4],
+        ..Vertex::default()
+    };
+    let texture = Texture { image: 0, uv_set: 0, transform: Affine2::IDENTITY, sampler: Sampler::default() };
+    Scene {
+        name: "quad".into(),
+        meshes: vec![Mesh {
+            name: "quad".into(),
+            vertices: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
+            indices: vec![0, 1, 2, 0, 2, 3],
+            primitives: vec![Primitive { first_index: 0, index_count: 6, material: 0 }],
+        }],
+        materials: vec![Material { normal_texture: Some(texture), ..Material::default() }],
+        images: vec![Image { name: "map".into(), width: 1, height: 1, rgba: vec![map[0], map[1], map[2], 255] }],
+        instances: vec![Instance { name: "quad".into(), mesh: 0, world_from_model: DAffine3::from_scale(scale) }],
+        lights: vec![Light {
+            name: "lamp".into(),
+            kind: LightKind::Point,
+            color: Vec3::ONE,
+            intensity: 100.0,
+            range: None,
+            position: DVec3::new(0.0, 0.0, 3.0 * f64::from(edge)),
+            direction: Vec3::NEG_Z,
+        }],
+        cameras: vec![Camera {
+            name: "front".into(),
+            world_from_camera: DAffine3::from_translation(DVec3::new(0.0, 0.0, 4.0)),
+            projection: Projection::Perspective { yfov: 0.5 },
+        }],
+        notes: vec![],
+    }
+}
+
+/// The normal in the middle of the picture, and the direct radiance of all pixels.
+fn shoot(scene: &Scene) -> (Vec3, Vec<f32>) {
+    let gpu = gpu();
+    let settings = Settings { size: [33, 33], gi: Gi::Off, shadow_map: 64, ..Settings::default() };
+    let buffers = SceneBuffers::new(&gpu, scene, None).expect("upload");
+    let frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
+    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, &buffers, &view);
+        Ok(())
+    });
+    gpu.times(&drawn.expect("frame")).expect("times");
+    let normals: Vec<[f32; 4]> = gpu.read_image(&frame.targets.normal).expect("normals");
+    let direct = gpu.read_image(&frame.targets.direct).expect("direct");
+    assert_clean(&gpu);
+    let [x, y, z, _] = normals[16 * 33 + 16];
+    (Vec3::new(x, y, z), direct)
+}
+
+#[test]
+fn bumps_tilt_along_the_texture_with_and_without_tangents() {
+    // 45 degrees towards +u, and towards +v of the bitangent.
+    let tilts = [([218, 128, 218], Vec3::X), ([128, 218, 218], Vec3::Y)];
+    for (map, along) in tilts {
+        for tangents in [true, false] {
+            for scale in [DVec3::ONE, DVec3::new(-1.0, 1.0, 1.0)] {
+                let (n, _) = shoot(&quad(map, tangents, scale, 1.0));
+                let wanted = (along * scale.as_vec3() + Vec3::Z).normalize();
+                // A texel of 8 bits holds the tilt to 0.3 degrees.
+                assert!(n.dot(wanted) > 0.9999, "map {map:?}, tangents {tangents}, scale {scale}: {n} is not {wanted}");
+            }
+        }
+    }
+}
+
+#[test]
+fn pixels_below_float_resolution_stay_finite() {
+    let mut scene = quad([128, 128, 255], false, DVec3::ONE, 1000.0);
+    // 2 km of floor, and a camera that looks at half a millimetre of it, 900 m from the middle.
+    scene.cameras[0].world_from_camera = DAffine3::from_translation(DVec3::new(900.0, 900.0, 0.3));
+    scene.cameras[0].projection = Projection::Perspective { yfov: 0.002 };
+    let (n, direct) = shoot(&scene);
+    assert!((n - Vec3::Z).length() < 1e-3, "{n}");
+    assert_eq!(broken_values(&direct), 0);
+    assert!(direct.iter().any(|v| *v > 0.0), "the lamp reaches the floor");
+}
+
+#[test]
+fn near_things_show_in_wide_scenes() {
+    let mut scene = quad([128, 128, 255], false, DVec3::ONE, 10_000.0);
+    // A second quad of 2 cm, half a metre before the camera.
+    let small = DAffine3::from_scale_rotation_translation(DVec3::splat(1e-6), glam::DQuat::IDENTITY, DVec3::Z * 3.5);
+    scene.instances.push(Instance { name: "near".into(), mesh: 0, world_from_model: small });
+    let gpu = gpu();
+    let settings = Settings { size: [33, 33], gi: Gi::Off, shadow_map: 64, ..Settings::default() };
+    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
+    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, &buffers, &view);
+        Ok(())
+    });
+    gpu.times(&drawn.expect("frame")).expect("times");
+    let depth: Vec<f32> = gpu.read_image(&frame.targets.depth).expect("depth");
+    // Reversed depth is inverse to distance: 0.5 m against 4 m.
+    assert!((depth[16 * 33 + 16] / depth[0] - 8.0).abs() < 0.01, "{} {}", depth[16 * 33 + 16], depth[0]);
+    assert_clean(&gpu);
+}
+
+#[test]
+fn what_exceeds_the_device_is_refused_with_its_name() {
+    let gpu = gpu();
+    let scene = quad([128, 128, 255], false, DVec3::ONE, 1.0);
+    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    let settings = Settings { size: [1 << 17, 4], gi: Gi::Off, shadow_map: 64, ..Settings::default() };
+    let error = Frame::new(&gpu, &scene, &buffers, &settings).err().expect("no device has 131 072 texels");
+    assert!(error.to_string().contains("gbuffer.depth needs 131072x4"), "{error}");
+    let settings = Settings { rsm: 2048, size: [4, 4], gi: Gi::BruteForce, shadow_map: 64, ..Settings::default() };
+    if gpu.report().kind == "software" {
+        // 6 x 836^2 VALs of 48 bytes: more than the 128 MiB that lavapipe binds.
+        let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
+        let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+        let drawn = gpu.frame(false, |cmd| {
+            frame.record(cmd, &buffers, &view);
+            Ok(())
+        });
+        let error = drawn.err().expect("the binding is refused").to_string();
+        assert!(error.contains("rsm.vals needs"), "{error}");
+    }
+    assert_clean(&gpu);
+}
