@@ -347,12 +347,17 @@ fn read_camera(object: &Object, name: String, world: DAffine3, notes: &mut Notes
     Ok(Camera { name, world_from_camera: rigid(world), projection })
 }
 
+/// Largest number a light may have: its products with colour, inverse squares of distances and one another must stay
+/// within single precision. Far beyond any lamp.
+const BRIGHTEST: f64 = 1e15;
+
 fn read_light(object: &Object, name: String, world: DAffine3, notes: &mut Notes) -> Result<Light> {
     let mut at_least_zero = |key: &str, value: f64| {
-        if value < 0.0 {
-            notes.add(format!("{}: {key} is {value}, taken as 0.", object.place));
+        let used = value.clamp(0.0, BRIGHTEST);
+        if used != value {
+            notes.add(format!("{}: {key} is {value}, taken as {used}.", object.place));
         }
-        value.max(0.0) as f32
+        used as f32
     };
     let color = object.vector::<3>("color")?.unwrap_or([1.0; 3]).map(|c| at_least_zero("color", c));
     let intensity = at_least_zero("intensity", object.number("intensity")?.unwrap_or(1.0));
