@@ -16,7 +16,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
 use lightskin::gpu::{Gpu, Options, Validation};
-use lightskin::scene::{Scene, build, defaults, gltf};
+use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -72,6 +72,10 @@ struct CacheArgs {
     /// Largest angle [degrees] between a surface and its cache.
     #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
+    /// Longest edge [m] of a triangle; longer ones are halved, since light is interpolated per vertex. 0 leaves all as
+    /// they are; a quarter of the caches' expected spacing without this flag.
+    #[arg(long, value_name = "M", value_parser = at_least_zero)]
+    max_edge: Option<f64>,
     /// Caches that each vertex refers to.
     #[arg(long, value_name = "N", default_value = "8", value_parser = ["8", "16"])]
     refs: String,
@@ -125,6 +129,10 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
+fn at_least_zero(text: &str) -> std::result::Result<f64, String> {
+    if text == "0" { Ok(0.0) } else { positive(text) }
+}
+
 fn angle(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if (1.0..=90.0).contains(&v) => Ok(v),
@@ -132,13 +140,27 @@ fn angle(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// Loads a file, or builds the default scene; adds the camera and light it may lack and says so.
-fn load_scene(path: Option<&Path>) -> Result<Scene> {
+/// About as many triangles may be made by dividing.
+const MOST_TRIANGLES: usize = 2_000_000;
+
+/// Loads a file, or builds the default scene; adds the camera and light it may lack and says so; divides triangles
+/// that are large against the distance of caches.
+fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
     let mut scene = match path {
         None => build::atrium(),
         Some(path) => gltf::load(&gltf_in(path)?)?,
     };
     defaults::complete(&mut scene);
+    if caches.max_edge != Some(0.0) {
+        let area = tessellate::area(&scene);
+        // The bake needs about five caches for the square of their spacing.
+        let spacing = caches.spacing.unwrap_or_else(|| (5.0 * area / f64::from(caches.caches)).sqrt());
+        // However fine is asked for: halved edges leave about two triangles for the square of the longest.
+        let finest = (2.0 * area / MOST_TRIANGLES as f64).sqrt();
+        let longest = caches.max_edge.unwrap_or(0.25 * spacing).max(finest);
+        let added = tessellate::tessellate(&mut scene, longest, MOST_TRIANGLES);
+        log::info!("{added} triangles added by halving edges longer than {longest:.4} m");
+    }
     for note in &scene.notes {
         log::warn!("{}: {note}", scene.name);
     }

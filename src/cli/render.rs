@@ -252,7 +252,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         check_writable(path)?;
     }
     let start = Instant::now();
-    let scene = load_scene(args.scene.as_deref())?;
+    let scene = load_scene(args.scene.as_deref(), &args.caches)?;
     let camera = camera(&scene, args.camera.as_deref())?;
     let loaded = start.elapsed();
     let settings = args.settings();

@@ -9,6 +9,7 @@ pub mod defaults;
 pub mod gltf;
 mod json;
 pub mod material;
+pub mod tessellate;
 pub mod write;
 
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, Vec4};
