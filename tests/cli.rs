@@ -219,3 +219,36 @@ fn no_driver_is_one_line() {
     assert!(message.contains("no suitable Vulkan device") && message.contains("install a driver"), "{message}");
     assert_eq!(left(&at), [] as [&str; 0]);
 }
+
+/// Real files: a picture without a bad value (the tool fails on one) and without a validation message.
+#[test]
+fn shared_scenes_render_clean() {
+    let Some(data) = crate::common::data() else { return };
+    let data = data.canonicalize().expect("the folder of test data");
+    let at = folder("cli-scenes");
+    let scenes = [
+        "cornell/CornellBox.glb",
+        "cornell/cornell_box_original.glb",
+        "sponza/Sponza.gltf",
+        "thesis/stanford_bunny.glb",
+        "thesis/LeePerrySmith.glb",
+        "features/skin/CesiumMan.glb",
+        "features/skin/Fox.glb",
+        "features/morph/AnimatedMorphCube/AnimatedMorphCube.gltf",
+        "features/morph/MorphStressTest.glb",
+        "features/lights/KHR_lights_punctual_test.glb",
+        "features/structure/Cameras/Cameras.gltf",
+        "features/structure/many-cubes/many-cubes.gltf",
+        "features/normalmap/NormalTangentTest.glb",
+    ];
+    for scene in scenes {
+        let file = data.join("scenes").join(scene);
+        let file = file.to_str().expect("a path in UTF-8");
+        let mut args = vec!["render", file, "-o", "a.png", "--validation", "sync", "--size", "160x90"];
+        args.extend(["--caches", "500", "--rsm", "32"]);
+        works(&at, &args);
+        let picture = image::open(at.join("a.png")).expect("a PNG").to_luma8();
+        let bright = picture.pixels().filter(|p| p.0[0] > 40).count();
+        assert!(bright > 20, "{scene}: {bright} of 14 400 pixels are lit");
+    }
+}
