@@ -5,16 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// All mip levels of an RGBA8 image, largest first; colours are averaged linearly, not as sRGB codes.
 pub fn mip_chain(rgba: &[u8], width: u32, height: u32, srgb: bool) -> Vec<Vec<u8>> {
-    let decode = |c: u8| {
-        let v = f32::from(c) / 255.0;
-        if !srgb {
-            v
-        } else if v <= 0.04045 {
-            v / 12.92
-        } else {
-            ((v + 0.055) / 1.055).powf(2.4)
-        }
-    };
+    let decode = |c: u8| if srgb { linear_from_srgb(c) } else { f32::from(c) / 255.0 };
     let table: Vec<f32> = (0..=255).map(decode).collect();
     let encode = |v: f32| {
         let v = if !srgb {
@@ -82,6 +73,58 @@ impl Layer {
         let planes = (0..channels.len()).map(|c| texels.iter().map(|t| t[c]).collect()).collect();
         Self { name: name.into(), channels: channels.to_vec(), planes }
     }
+}
+
+/// Three linear channels read from a file, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Picture {
+    /// Width [pixels].
+    pub width: u32,
+    /// Height [pixels].
+    pub height: u32,
+    /// `width * height` values.
+    pub rgb: Vec<[f32; 3]>,
+}
+
+/// Reads a layer of an OpenEXR file (`None`: the picture itself), or a PNG or JPEG, which is made linear. A layer of one
+/// channel comes three times.
+pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
+    let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
+    let is_exr = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
+    if !is_exr {
+        if let Some(layer) = layer {
+            return Err(bad(format!("has no layer '{layer}'; layers are in .exr files")));
+        }
+        let mut reader = image::ImageReader::open(path).map_err(|e| bad(e.to_string()))?;
+        reader.limits(image::Limits::default());
+        let decoded = reader.decode().map_err(|e| bad(e.to_string()))?.to_rgb8();
+        let (width, height) = decoded.dimensions();
+        let linear = |p: &image::Rgb<u8>| p.0.map(linear_from_srgb);
+        return Ok(Picture { width, height, rgb: decoded.pixels().map(linear).collect() });
+    }
+    use exr::prelude::{ReadChannels, ReadLayers};
+    let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
+    let image = reader.all_attributes().from_file(path).map_err(|e| bad(e.to_string()))?;
+    let size = image.layer_data.size;
+    let channels = &image.layer_data.channel_data.list;
+    let find = |name: &str| channels.iter().find(|c| c.name.eq_case_insensitive(name));
+    let prefix = layer.map_or_else(String::new, |l| format!("{l}."));
+    let triple = |names: [&str; 3]| -> Option<Vec<_>> { names.iter().map(|n| find(&format!("{prefix}{n}"))).collect() };
+    let single = || layer.and_then(find).map(|c| vec![c; 3]);
+    let found = triple(["R", "G", "B"]).or_else(|| triple(["X", "Y", "Z"]).filter(|_| layer.is_some())).or_else(single);
+    let found = found.ok_or_else(|| {
+        let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
+        bad(format!("has no layer '{}'; its channels are {}", layer.unwrap_or("R, G, B"), names.join(", ")))
+    })?;
+    let planes: Vec<Vec<f32>> = found.iter().map(|c| c.sample_data.values_as_f32().collect()).collect();
+    let rgb = (0..planes[0].len()).map(|i| [planes[0][i], planes[1][i], planes[2][i]]).collect();
+    Ok(Picture { width: size.width() as u32, height: size.height() as u32, rgb })
+}
+
+/// Linear value of an 8-bit sRGB code.
+fn linear_from_srgb(code: u8) -> f32 {
+    let v = f32::from(code) / 255.0;
+    if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
 /// Writes an 8-bit sRGB PNG from RGBA bytes; alpha is dropped.

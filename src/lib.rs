@@ -46,6 +46,7 @@
 
 pub mod bake;
 pub mod error;
+pub mod eval;
 pub mod frame;
 pub mod gpu;
 pub mod image;

@@ -152,6 +152,32 @@ fn bake_info_devices_and_assets_print_what_they_promise() {
 }
 
 #[test]
+fn compare_measures_maps_and_fails_above_limits() {
+    let at = folder("cli-compare");
+    for (name, gi) in [("a.exr", "lightskin"), ("b.exr", "brute-force")] {
+        let mut args = vec!["render", "-o", name, "--gi", gi];
+        args.extend(SMALL);
+        works(&at, &args);
+    }
+    let same = works(&at, &["compare", "a.exr", "a.exr", "--fail-above", "mae=0"]);
+    assert!(same.contains("pixels") && same.contains("2 304"), "{same}");
+    let args = ["compare", "a.exr", "b.exr", "--layer", "indirect.diffuse", "--json", "--diff", "d.png"];
+    let found: serde_json::Value = serde_json::from_str(&works(&at, &args)).expect("JSON");
+    let mare = found["mare"].as_f64().expect("mare");
+    assert!(mare > 0.0 && mare < 2.0, "{found}");
+    assert_eq!(image::open(at.join("d.png")).expect("heat map").to_rgb8().dimensions(), (64, 36));
+    fails(
+        &at,
+        &["compare", "a.exr", "b.exr", "--layer", "indirect.diffuse", "--fail-above", "mare=1e-9"],
+        1,
+        &["above"],
+    );
+    fails(&at, &["compare", "a.exr", "b.exr", "--layer", "nonesuch"], 1, &["no layer 'nonesuch'", "albedo.R"]);
+    fails(&at, &["compare", "a.exr", "c.exr"], 1, &["c.exr"]);
+    fails(&at, &["compare", "a.exr", "d.png", "--fail-above", "beauty=1"], 2, &["one of mae"]);
+}
+
+#[test]
 fn wrong_usage_is_exit_code_2() {
     let at = folder("cli-usage");
     fails(&at, &["render", "--size", "12"], 2, &["--size", "1280x720"]);

@@ -2,6 +2,7 @@
 //! the figures.
 
 use lightskin::bake::{self, Density};
+use lightskin::eval::metrics::{Metrics, metrics};
 use lightskin::frame::{Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, View};
 use lightskin::gpu::{Gpu, Options};
 use lightskin::scene::Scene;
@@ -9,8 +10,8 @@ use lightskin::scene::build::{CornellSurface, atrium, cornell};
 
 /// Diffuse and glossy indirect radiance, RGB per pixel, of the pixels that show a surface.
 struct Layers {
-    diffuse: Vec<[f64; 3]>,
-    glossy: Vec<[f64; 3]>,
+    diffuse: Vec<[f32; 3]>,
+    glossy: Vec<[f32; 3]>,
 }
 
 fn render(gpu: &Gpu, scene: &Scene, gi: Gi, caches: usize, size: [u32; 2]) -> Layers {
@@ -33,53 +34,18 @@ fn render_with(gpu: &Gpu, scene: &Scene, caches: usize, angle: f32, settings: &S
     gpu.times(&drawn.expect("frame")).expect("times");
     let depth: Vec<f32> = gpu.read_image(&frame.targets.depth).expect("depth");
     let indirect = frame.targets.indirect.as_ref().expect("indirect");
-    let read = |image| -> Vec<[f64; 3]> {
+    let read = |image| -> Vec<[f32; 3]> {
         let texels: Vec<[f32; 4]> = gpu.read_image(image).expect("layer");
-        let rgb = texels.iter().map(|t| [t[0], t[1], t[2]].map(f64::from));
+        let rgb = texels.iter().map(|t| [t[0], t[1], t[2]]);
         rgb.zip(&depth).filter(|(_, d)| **d > 0.0).map(|(p, _)| p).collect()
     };
     Layers { diffuse: read(&indirect.diffuse), glossy: indirect.glossy.as_ref().map(read).unwrap_or_default() }
 }
 
-/// Errors of an image against another; over the pixels that show a surface.
-#[derive(Clone, Copy, Debug)]
-struct Errors {
-    /// `mean(|a-b| / (b + 0.01 mean(b)))`.
-    mean_absolute_relative: f64,
-    /// `mean(a) / mean(b) - 1`.
-    bias: f64,
-    /// `mean((a-b)^2 / (b^2 + 0.01 mean(b)^2))` without the worst 1 % of pixels.
-    relative_square_trimmed: f64,
-    /// The same over all pixels.
-    relative_square: f64,
-}
-
-impl std::fmt::Display for Errors {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let [mare, bias, trimmed, all] =
-            [self.mean_absolute_relative, self.bias, self.relative_square_trimmed, self.relative_square];
-        write!(f, "MARE {mare:.4}, bias {bias:+.4}, relMSE {all:.4}, without the worst 1 % {trimmed:.5}")
-    }
-}
-
-fn errors(a: &[[f64; 3]], b: &[[f64; 3]]) -> Errors {
-    let values = |i: &[[f64; 3]]| -> Vec<f64> { i.iter().flatten().copied().collect() };
-    let (fa, fb) = (values(a), values(b));
-    let n = fb.len() as f64;
-    let mean = fb.iter().sum::<f64>() / n;
-    let absolute = fa.iter().zip(&fb).map(|(a, b)| (a - b).abs() / (b + 0.01 * mean)).sum::<f64>() / n;
-    let pixel = |(a, b): (&[f64; 3], &[f64; 3])| {
-        (0..3).map(|c| (a[c] - b[c]).powi(2) / (b[c].powi(2) + 0.01 * mean * mean)).sum::<f64>() / 3.0
-    };
-    let mut squares: Vec<f64> = a.iter().zip(b).map(pixel).collect();
-    squares.sort_by(f64::total_cmp);
-    let kept = squares.len() * 99 / 100;
-    Errors {
-        mean_absolute_relative: absolute,
-        bias: fa.iter().sum::<f64>() / n / mean - 1.0,
-        relative_square_trimmed: squares[..kept].iter().sum::<f64>() / kept as f64,
-        relative_square: squares.iter().sum::<f64>() / squares.len() as f64,
-    }
+/// The figures of one comparison, in a line.
+fn line(e: &Metrics) -> String {
+    let Metrics { mare, bias, relmse, relmse_trimmed, .. } = e;
+    format!("MARE {mare:.4}, bias {bias:+.4}, relMSE {relmse:.4}, without the worst 1 % {relmse_trimmed:.5}")
 }
 
 const COUNTS: [usize; 4] = [50, 250, 1000, 4000];
@@ -89,17 +55,17 @@ fn diffuse_cornell_box_converges_to_brute_force() {
     let gpu = Gpu::new(&Options::default()).expect("a Vulkan device");
     let scene = cornell(CornellSurface::Diffuse, 0.05);
     let truth = render(&gpu, &scene, Gi::BruteForce, 1, [640, 360]);
-    let found = COUNTS.map(|n| errors(&render(&gpu, &scene, Gi::LightSkin, n, [640, 360]).diffuse, &truth.diffuse));
+    let found = COUNTS.map(|n| metrics(&render(&gpu, &scene, Gi::LightSkin, n, [640, 360]).diffuse, &truth.diffuse));
     for (n, e) in COUNTS.iter().zip(&found) {
-        println!("diffuse, {n} caches: {e}");
+        println!("diffuse, {n} caches: {}", line(e));
     }
-    assert!(found[2].mean_absolute_relative < 0.08, "{:?}", found[2]);
+    assert!(found[2].mare < 0.08, "{:?}", found[2]);
     assert!(found[2].bias.abs() < 0.02, "{:?}", found[2]);
-    assert!(found[2].relative_square_trimmed < 0.01, "{:?}", found[2]);
+    assert!(found[2].relmse_trimmed < 0.01, "{:?}", found[2]);
     for pair in found.windows(2) {
-        assert!(pair[1].mean_absolute_relative < pair[0].mean_absolute_relative, "{pair:?}");
+        assert!(pair[1].mare < pair[0].mare, "{pair:?}");
         assert!(pair[1].bias.abs() < pair[0].bias.abs(), "{pair:?}");
-        assert!(pair[1].relative_square_trimmed < pair[0].relative_square_trimmed, "{pair:?}");
+        assert!(pair[1].relmse_trimmed < pair[0].relmse_trimmed, "{pair:?}");
     }
 }
 
@@ -110,12 +76,12 @@ fn glossy_cornell_box_is_reported() {
     let scene = cornell(CornellSurface::Glossy, 0.05);
     let size = [320, 180];
     let truth = render(&gpu, &scene, Gi::BruteForce, 1, size);
-    let found = COUNTS.map(|n| errors(&render(&gpu, &scene, Gi::LightSkin, n, size).glossy, &truth.glossy));
+    let found = COUNTS.map(|n| metrics(&render(&gpu, &scene, Gi::LightSkin, n, size).glossy, &truth.glossy));
     for (n, e) in COUNTS.iter().zip(&found) {
-        println!("glossy, k = 40, {n} caches: {e}");
+        println!("glossy, k = 40, {n} caches: {}", line(e));
     }
-    assert!(found[3].mean_absolute_relative < 0.5 * found[0].mean_absolute_relative, "{found:?}");
-    assert!(found[3].relative_square_trimmed < found[0].relative_square_trimmed, "{found:?}");
+    assert!(found[3].mare < 0.5 * found[0].mare, "{found:?}");
+    assert!(found[3].relmse_trimmed < found[0].relmse_trimmed, "{found:?}");
 }
 
 /// The figures of docs/choices.md. Only the choice with a clear winner on both scenes is asserted.
@@ -129,11 +95,9 @@ fn defaults_against_their_alternatives() {
         let truth = render_with(&gpu, &scene, 1, 60.0, &Settings { gi: Gi::BruteForce, ..base });
         let report = |what: &str, angle: f32, settings: &Settings| {
             let found = render_with(&gpu, &scene, caches, angle, settings);
-            let diffuse = errors(&found.diffuse, &truth.diffuse);
-            println!(
-                "{name}, {caches} caches, {what}: diffuse {diffuse}; glossy {}",
-                errors(&found.glossy, &truth.glossy)
-            );
+            let diffuse = metrics(&found.diffuse, &truth.diffuse);
+            let glossy = metrics(&found.glossy, &truth.glossy);
+            println!("{name}, {caches} caches, {what}: diffuse {}; glossy {}", line(&diffuse), line(&glossy));
             diffuse
         };
         let default = report("defaults", 60.0, &base);
@@ -142,10 +106,7 @@ fn defaults_against_their_alternatives() {
         report("16 references", 60.0, &Settings { references: 16, ..base });
         report("angle 45", 45.0, &base);
         report("angle 75", 75.0, &base);
-        assert!(default.mean_absolute_relative < printed.mean_absolute_relative, "{name}: {default} against {printed}");
-        assert!(
-            default.relative_square_trimmed < printed.relative_square_trimmed,
-            "{name}: {default} against {printed}"
-        );
+        assert!(default.mare < printed.mare, "{name}: {default:?} against {printed:?}");
+        assert!(default.relmse_trimmed < printed.relmse_trimmed, "{name}: {default:?} against {printed:?}");
     }
 }

@@ -7,6 +7,7 @@ macro_rules! say {
 
 mod assets;
 mod bake;
+mod compare;
 mod devices;
 mod info;
 mod render;
@@ -41,6 +42,8 @@ enum Command {
     Render(Box<render::Render>),
     /// Place the caches of a scene and keep them for later renders.
     Bake(bake::Bake),
+    /// Errors of one image against another.
+    Compare(compare::Compare),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -54,6 +57,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
+        Command::Compare(args) => compare::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),

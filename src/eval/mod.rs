@@ -1,0 +1,3 @@
+//! How far one image is from another.
+
+pub mod metrics;
