@@ -34,6 +34,8 @@ vec3 bumped(vec3 n, uint material, Uv here, vec3 px, vec3 py) {
         vec3 b = cross(n, px);
         // Rows run down the picture, so px, py and a normal towards the viewer are left-handed; the sign undoes it.
         float side = dot(n, cross(px, py)) < 0.0 ? -1.0 : 1.0;
+        // A dent seen from behind is a bump: on a second side the whole frame is turned round, as n already is.
+        side = tangent.w < 0.0 ? -side : side;
         across = side * (a * tx.x + b * ty.x);
         // glTF's v runs down the image, its bitangent up.
         along = -side * (a * tx.y + b * ty.y);

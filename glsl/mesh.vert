@@ -27,7 +27,9 @@ void main() {
     out_position = position;
     out_normal = mat3(instance.world_from_normal) * model_normal;
     mat3 linear = mat3(instance.world_from_model);
-    out_tangent = vec4(linear * model_tangent.xyz, determinant(linear) < 0.0 ? -model_tangent.w : model_tangent.w);
+    // A mirror turns the bitangent round. Without a tangent the sign says which side this is, and stays.
+    bool turned = determinant(linear) < 0.0 && dot(model_tangent.xyz, model_tangent.xyz) > 0.0;
+    out_tangent = vec4(linear * model_tangent.xyz, turned ? -model_tangent.w : model_tangent.w);
     out_uv = vec4(uv0, uv1);
     out_color = color;
 }

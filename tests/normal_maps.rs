@@ -85,6 +85,28 @@ fn bumps_tilt_along_the_texture_with_and_without_tangents() {
     }
 }
 
+/// Seen from behind, a double-sided surface shows the same map as dents: the normal is the front's, negated.
+#[test]
+fn second_sides_turn_the_whole_frame_round() {
+    for (map, along) in [([218, 128, 218], Vec3::X), ([128, 218, 218], Vec3::Y)] {
+        for tangent in [[-1.0, 0.0, 0.0, -1.0], Vertex::SECOND_SIDE] {
+            for scale in [DVec3::ONE, DVec3::new(-1.0, 1.0, 1.0)] {
+                let mut scene = quad(map, false, scale, 1.0);
+                for vertex in &mut scene.meshes[0].vertices {
+                    vertex.normal = Vec3::NEG_Z;
+                    vertex.tangent = tangent;
+                }
+                scene.meshes[0].indices = vec![0, 2, 1, 0, 3, 2];
+                let behind = DAffine3::from_rotation_y(std::f64::consts::PI);
+                scene.cameras[0].world_from_camera = behind * scene.cameras[0].world_from_camera;
+                let (n, _) = shoot(&scene);
+                let wanted = -(along * scale.as_vec3() + Vec3::Z).normalize();
+                assert!(n.dot(wanted) > 0.9999, "map {map:?}, tangent {tangent:?}, scale {scale}: {n} is not {wanted}");
+            }
+        }
+    }
+}
+
 #[test]
 fn pixels_below_float_resolution_stay_finite() {
     let mut scene = quad([128, 128, 255], false, DVec3::ONE, 1000.0);

@@ -56,7 +56,8 @@ pub struct Vertex {
     pub position: Vec3,
     /// Unit shading normal.
     pub normal: Vec3,
-    /// Unit tangent and bitangent sign; all zero where the file gives none (the shader then derives the frame).
+    /// Unit tangent and bitangent sign; without a length where the file gives none: the shader then derives the frame,
+    /// and turns it round where the sign is negative (`Vertex::SECOND_SIDE`).
     pub tangent: [f32; 4],
     /// First texture coordinate.
     pub uv0: Vec2,
@@ -64,6 +65,11 @@ pub struct Vertex {
     pub uv1: Vec2,
     /// Linear vertex colour that multiplies the base colour, RGBA8 unorm; white where the file gives none.
     pub color: [u8; 4],
+}
+
+impl Vertex {
+    /// Tangent of a second side whose file gives none.
+    pub const SECOND_SIDE: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
 }
 
 /// A run of triangles with one material.

@@ -3,7 +3,7 @@
 //! An edge is halved by its own length alone, so that both triangles beside it agree and no crack opens.
 
 use super::{Mesh, Primitive, Scene, Vertex};
-use glam::{DMat3, Vec3, Vec4};
+use glam::{DMat3, Vec4};
 use std::collections::HashMap;
 
 /// Rounds of halving: an edge a thousand times too long is left long.
@@ -101,7 +101,7 @@ fn between(a: &Vertex, b: &Vertex) -> Vertex {
     Vertex {
         position: (a.position + b.position) * 0.5,
         normal: (a.normal + b.normal).try_normalize().unwrap_or(a.normal),
-        tangent: tangent.extend(if tangent == Vec3::ZERO { 0.0 } else { a.tangent[3] }).to_array(),
+        tangent: tangent.extend(a.tangent[3]).to_array(),
         uv0: (a.uv0 + b.uv0) * 0.5,
         uv1: (a.uv1 + b.uv1) * 0.5,
         color,

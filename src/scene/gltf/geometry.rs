@@ -318,7 +318,7 @@ impl Surface {
             .iter()
             .map(|v| Vertex {
                 normal: -v.normal,
-                tangent: if v.tangent == [0.0; 4] { v.tangent } else { (-Vec4::from(v.tangent)).into() },
+                tangent: if v.tangent == [0.0; 4] { Vertex::SECOND_SIDE } else { (-Vec4::from(v.tangent)).into() },
                 ..*v
             })
             .collect();

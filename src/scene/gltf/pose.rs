@@ -169,8 +169,9 @@ pub(super) fn skin(
         let [x, y, z, w] = vertex.tangent;
         vertex.position = blend.transform_point3(vertex.position.as_dvec3()).as_vec3();
         vertex.normal = direction(cofactors * vertex.normal.as_dvec3());
-        vertex.tangent =
-            direction(m * DVec3::new(f64::from(x), f64::from(y), f64::from(z))).extend(w * side as f32).into();
+        let tangent = direction(m * DVec3::new(f64::from(x), f64::from(y), f64::from(z)));
+        // Without a length the sign says which side this is, and mirroring does not change that.
+        vertex.tangent = tangent.extend(if tangent == Vec3::ZERO { w } else { w * side as f32 }).into();
         mirrored.push(side < 0.0);
     }
     Ok(mirrored)
