@@ -311,7 +311,7 @@ impl<'g> Cmd<'g> {
             }
         };
         let point = pipeline.point;
-        // SAFETY: pipeline, layout and set belong together and live until the frame is done (owners wait before drop).
+        // SAFETY: pipeline, layout and set belong together and live until the frame is done (destructors wait).
         unsafe {
             shared.device.cmd_bind_pipeline(self.buffer, point, pipeline.handle);
             if !resources.is_empty() {

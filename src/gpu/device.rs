@@ -416,11 +416,6 @@ impl Gpu {
     pub fn messages(&self) -> Vec<String> {
         self.shared.instance.messages.lock().expect("message sink").clone()
     }
-
-    /// Waits until the device has done everything submitted.
-    pub fn wait(&self) -> Result<()> {
-        self.shared.wait()
-    }
 }
 
 /// The asked-for device, or the most capable one; refusals name what is missing.
