@@ -5,6 +5,7 @@ mod analytic;
 mod bake;
 mod cli;
 mod common;
+mod compare;
 mod energy;
 mod frame;
 mod gather;
@@ -16,8 +17,10 @@ mod layout;
 mod malformed;
 mod nets;
 mod normal_maps;
+mod path_trace;
 mod proxies;
 mod quality;
 mod scene;
+
 mod shaders;
 mod tessellate;
