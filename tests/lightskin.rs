@@ -10,6 +10,7 @@ mod frame;
 mod gather;
 mod generated;
 mod guards;
+mod hard_cases;
 mod house;
 mod interpolate;
 mod layout;

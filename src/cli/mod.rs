@@ -9,6 +9,8 @@ mod assets;
 mod bake;
 mod compare;
 mod devices;
+mod eval;
+mod hard_cases;
 mod info;
 mod render;
 
@@ -44,6 +46,8 @@ enum Command {
     Bake(bake::Bake),
     /// Errors of one image against another.
     Compare(compare::Compare),
+    /// Measure the engine.
+    Eval(Box<eval::Eval>),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -58,6 +62,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Eval(args) => eval::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),
