@@ -10,6 +10,7 @@ mod bake;
 mod compare;
 mod devices;
 mod eval;
+mod flicker;
 mod hard_cases;
 mod info;
 mod render;
