@@ -51,7 +51,7 @@ pub(super) fn run(path: Option<&Path>, args: &FlickerArgs, device: &DeviceArgs, 
         say!(
             "{}, light '{}', {moving}: {} frames of {w}x{h} pixels, finer RSM {}",
             scene.name,
-            scene.lights[0].name,
+            scene.lights.first().map_or("none", |l| &l.name),
             job.frames,
             job.fine
         );

@@ -26,7 +26,7 @@ use crate::error::{Error, Result};
 use crate::eval::shot::radiance;
 use crate::frame::{Frame, Gi, SceneBuffers, Settings, View, lights};
 use crate::gpu::Gpu;
-use crate::scene::{LightKind, Projection, Scene};
+use crate::scene::{LightKind, Projection, Scene, Vertex};
 use glam::{DVec3, Vec4};
 
 /// What creeps along.
@@ -99,13 +99,12 @@ type Sequence = Vec<Vec<DVec3>>;
 
 /// The instance that moves unless another is asked for: the largest that is less than half the scene across.
 pub fn model(scene: &Scene) -> Option<usize> {
-    let across = |instance: usize| {
-        let alone = Scene {
-            instances: vec![scene.instances[instance].clone()],
-            meshes: scene.meshes.clone(),
-            ..Scene::default()
-        };
-        alone.bounds().map_or(0.0, |(low, high)| low.distance(high))
+    let across = |i: usize| {
+        let (instance, mesh) = (&scene.instances[i], &scene.meshes[scene.instances[i].mesh]);
+        let place = |v: &Vertex| instance.world_from_model.transform_point3(v.position.as_dvec3());
+        let (low, high) = (mesh.vertices.iter().map(place))
+            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(low, high), p| (low.min(p), high.max(p)));
+        (high - low).max(DVec3::ZERO).length()
     };
     let (low, high) = scene.bounds()?;
     let all = (0..scene.instances.len()).map(|i| (i, across(i))).filter(|(_, size)| *size < 0.5 * low.distance(high));
@@ -262,7 +261,7 @@ fn sequence(
             frame.record(cmd, &buffers, &view);
             Ok(())
         })?;
-        gpu.times(&drawn)?;
+        assert!(drawn.problems.is_empty(), "barriers: {}", drawn.problems.join("; "));
         let mut layer = vec![DVec3::ZERO; kept.len()];
         for image in t.indirect.iter().flat_map(|i| [Some(&i.diffuse), i.glossy.as_ref()]).flatten() {
             layer.iter_mut().zip(radiance(gpu, image)?).for_each(|(sum, p)| *sum += p);
