@@ -22,7 +22,9 @@ void main() {
         discard;
     }
     // Rows run down the picture: the cross product points away from the light.
-    vec3 n = unit_or(gl_FrontFacing ? normal : -normal, unit_or(-geometric, vec3(0.0, 1.0, 0.0)));
+    vec3 n = unit_or(normal, unit_or(-geometric, vec3(0.0, 1.0, 0.0)));
+    // Both sides reflect, and by the side that the light is on, not by the winding, which normals may oppose.
+    n = dot(n, view_direction(push.eye, position)) > 0.0 ? -n : n;
     out_position = vec4(position, 1.0);
     out_normal = vec4(n, float(push.material));
     out_albedo = vec4(reflectance(push.material, base.rgb, here).diffuse, 0.0);

@@ -34,6 +34,21 @@ const uint TEXTURE_SPECULAR_COLOR = 5u;
 
 const uint TEXTURE_COUNT = 6u;
 
+// What the check for broken values looks at, and workgroups that share each.
+const uint CHECK_DIRECT = 0u;
+
+const uint CHECK_DIFFUSE = 1u;
+
+const uint CHECK_GLOSSY = 2u;
+
+const uint CHECK_VALS = 3u;
+
+const uint CHECK_PROXIES = 4u;
+
+const uint CHECK_TARGETS = 5u;
+
+const uint CHECK_GROUPS = 64u;
+
 // A mesh in the world.
 struct Instance {
     mat4 world_from_model;
@@ -162,6 +177,16 @@ struct CompositePush {
     uint tonemap;
     uint width;
     uint height;
+};
+
+// Push constants of the check for broken values; what the frame has not counts 0.
+struct CheckPush {
+    uint width;
+    uint direct_pixels;
+    uint diffuse_pixels;
+    uint glossy_pixels;
+    uint val_count;
+    uint cache_count;
 };
 
 #endif

@@ -2,15 +2,16 @@
 
 use std::f64::consts::TAU;
 
-use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
-use lightskin::bake::{Cache, CacheSet, Coverage, ModelCaches, NO_CACHE};
+use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
+use lightskin::eval::hard_cases::difference;
+use lightskin::eval::worlds::one_cache;
 use lightskin::frame::{Interpolation, Settings};
 use lightskin::reference::gather::{Gathered, Lobe};
 use lightskin::reference::phong::cos_power;
 use lightskin::scene::build::quad;
-use lightskin::scene::{LightKind, Projection, Scene};
+use lightskin::scene::{LightKind, Scene};
 
-use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, lamp, phong, shoot, small};
+use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, lamp, phong, placed, shoot, small};
 use crate::common::gpu;
 use crate::gather::WEIGHTS;
 
@@ -22,30 +23,12 @@ fn variants() -> impl Iterator<Item = Settings> {
     WEIGHTS.into_iter().flat_map(of)
 }
 
-/// Pixels left out of a comparison: where a shadow map's or a surface's rim runs through a sample, rounding decides.
-const RIMS: usize = 4;
-
 /// Rounding of sums in another order moves proxies by 1e-6 of their distance; a lobe of exponent 40 makes up to k tan
 /// of that, a hundredfold and more where it is dark. Reflectances are halves: the last bit is 1e-3 of the number and may tip.
 const ROUNDED: [f64; 5] = [1e-3, 1e-3, 1e-3, 1e-4, 2e-5];
 
 fn lobes(gathered: &Gathered) -> [&Lobe; 2] {
     [&gathered.diffuse, &gathered.glossy]
-}
-
-/// Largest difference of two images, where `b` is to be `factor` times `a`, over the brightness there and a hundredth of
-/// the image's mean: what is darker than that may differ by as much.
-fn difference(a: &[DVec3], b: &[DVec3], factor: f64) -> f64 {
-    assert!(a.len() == b.len() && !a.is_empty());
-    let mean = a.iter().map(|p| p.length()).sum::<f64>() / a.len() as f64;
-    assert!(mean > 0.0, "the image is dark");
-    let off = |(a, b): (&DVec3, &DVec3)| {
-        assert!(a.is_finite() && b.is_finite() && a.min_element() >= 0.0 && b.min_element() >= 0.0, "{a} {b}");
-        (*b / factor - *a).length() / (a.length() + 0.01 * mean)
-    };
-    let mut all: Vec<f64> = a.iter().zip(b).map(off).collect();
-    all.sort_by(f64::total_cmp);
-    all[all.len() - 1 - RIMS]
 }
 
 /// Largest relative differences between two frames, where the second's radiance is to be `factor` times the first's:
@@ -63,7 +46,10 @@ fn differences(a: &Shot, b: &Shot, factor: f64, place: impl Fn(DVec3) -> DVec3) 
             }
         }
     }
-    let image = |of: fn(&Shot) -> &[DVec3]| difference(of(a), of(b), factor);
+    let image = |of: fn(&Shot) -> &[DVec3]| {
+        assert!(of(a).iter().any(|p| *p != DVec3::ZERO), "the image is dark");
+        difference(of(a), of(b), factor)
+    };
     [image(|s| &s.direct), image(|s| &s.diffuse), image(|s| &s.glossy), brighter, moved]
 }
 
@@ -116,30 +102,6 @@ fn brighter_lights_move_no_proxy() {
             assert_below(differences(&once, &shot, factor.into(), |p| p), bounds, &format!("times {factor}"));
         }
     }
-}
-
-/// The scene, scaled about the world's origin and then moved; lights are brighter by the square of the scale.
-fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
-    let mut scene = scene.clone();
-    let world = DAffine3::from_scale_rotation_translation(DVec3::splat(scale), DQuat::IDENTITY, shift);
-    for instance in &mut scene.instances {
-        instance.world_from_model = world * instance.world_from_model;
-    }
-    for light in &mut scene.lights {
-        light.position = world.transform_point3(light.position);
-        light.range = light.range.map(|range| range * scale as f32);
-        if light.kind != LightKind::Directional {
-            light.intensity *= (scale * scale) as f32;
-        }
-    }
-    for camera in &mut scene.cameras {
-        let eye = &mut camera.world_from_camera.translation;
-        *eye = world.transform_point3(*eye);
-        if let Projection::Orthographic { ymag } = &mut camera.projection {
-            *ymag *= scale as f32;
-        }
-    }
-    scene
 }
 
 fn all_lights() -> Scene {
@@ -233,20 +195,6 @@ fn caches_with_all_vals_behind_them_are_dark() {
     for settings in variants() {
         assert_dark(&shoot(&gpu, &scene, Some(&baked(&scene, 0.5, 8)), &settings));
     }
-}
-
-/// One cache in the middle of the first mesh, and none on others.
-fn one_cache(scene: &Scene, references: usize, position: Vec3, normal: Vec3) -> CacheSet {
-    let cache = Cache { position, normal, area: 1.0, triangle: 0, barycentric: [0.3, 0.3] };
-    let model = |mesh: usize| {
-        let caches = if mesh == 0 { vec![cache] } else { Vec::new() };
-        let mut row = vec![NO_CACHE; references];
-        row[0] = if mesh == 0 { 0 } else { NO_CACHE };
-        let references = row.repeat(scene.meshes[mesh].vertices.len());
-        ModelCaches { mesh, caches, references, coverage: Coverage::default() }
-    };
-    let models = (0..scene.meshes.len()).map(model).collect();
-    CacheSet { spacing: 1.0, models, instance_model: scene.instances.iter().map(|i| i.mesh).collect() }
 }
 
 #[test]

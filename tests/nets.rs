@@ -1,8 +1,13 @@
 //! The nets hold: a lost barrier, an idle barrier, a wrong binding count or push size, a bad value are all caught.
 
-use glam::Vec4;
+use glam::{Vec3, Vec4};
+use lightskin::bake::{self, Density};
+use lightskin::frame::check::{Broken, Check};
+use lightskin::frame::{Frame, SceneBuffers, Settings, View};
 use lightskin::gpu::{Gpu, Options, Use, Validation};
 use lightskin::image::broken_values;
+use lightskin::scene::Scene;
+use lightskin::scene::build::{CornellSurface, cornell};
 use lightskin::shared::{Cache, GatherPush, Instance, ModelCache};
 
 fn open() -> Gpu {
@@ -86,6 +91,56 @@ fn a_wrong_push_size_is_caught() {
 fn bad_values_are_counted() {
     assert_eq!(broken_values(&[0.0, 1.0, f32::MAX]), 0);
     assert_eq!(broken_values(&[f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1e-30]), 4);
+}
+
+/// What the check finds in a frame of this scene.
+fn check(gpu: &Gpu, scene: &Scene) -> (Vec<Broken>, usize) {
+    let caches = bake::bake(scene, &CACHES, &|_, _| {}).expect("bake");
+    let buffers = SceneBuffers::new(gpu, scene, Some(&caches)).expect("upload");
+    let settings = Settings { size: [70, 50], rsm: 20, shadow_map: 64, ..Settings::default() };
+    let frame = Frame::new(gpu, scene, &buffers, &settings).expect("frame");
+    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, &buffers, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("frame").problems, [""; 0]);
+    let found = Check::new(gpu).expect("check").count(gpu, &frame.targets).expect("count");
+    let direct: Vec<[f32; 4]> = gpu.read_image(&frame.targets.direct).expect("direct");
+    (found, direct.iter().map(|p| broken_values(&p[..3])).sum())
+}
+
+const CACHES: bake::Settings = bake::Settings { density: Density::Count(60), angle: 1.0, references: 8 };
+
+#[test]
+fn broken_values_are_counted_on_the_device() {
+    let gpu = open();
+    let scene = cornell(CornellSurface::Glossy, 0.5);
+    let counts = |found: &[Broken]| -> Vec<(&str, u64)> { found.iter().map(|f| (f.target, f.broken)).collect() };
+    let (found, _) = check(&gpu, &scene);
+    let targets = ["direct", "indirect.diffuse", "indirect.glossy", "VALs", "proxies"];
+    assert_eq!(counts(&found), targets.map(|t| (t, 0)));
+    let caches = found[4].values / 14;
+    assert!(found[0].values == 3 * 70 * 50 && found[3].values == 11 * 400 && caches >= 30, "{found:?}");
+
+    // Every surface shines with one value of each kind: the device counts what the host does.
+    let mut shining = scene.clone();
+    shining.lights.clear();
+    for (i, material) in shining.materials.iter_mut().enumerate() {
+        material.emissive = [Vec3::new(-1.0, f32::NAN, 2.0), Vec3::new(f32::INFINITY, -0.0, 1.0), Vec3::NEG_ONE][i];
+    }
+    let (found, on_host) = check(&gpu, &shining);
+    assert_eq!(counts(&found), [("direct", on_host as u64)]);
+    assert!(on_host > 3000, "{on_host}");
+
+    // A light that is no number breaks everything that it reaches.
+    for intensity in [f32::NAN, f32::INFINITY, -1.0] {
+        let mut broken = scene.clone();
+        broken.lights[0].intensity = intensity;
+        let (found, _) = check(&gpu, &broken);
+        assert!(found[0].broken > 0 && found[3].broken > 0, "{intensity}: {found:?}");
+    }
+    assert_eq!(gpu.messages(), [] as [String; 0]);
 }
 
 #[test]

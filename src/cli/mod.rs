@@ -9,6 +9,9 @@ mod assets;
 mod bake;
 mod compare;
 mod devices;
+mod eval;
+mod flicker;
+mod hard_cases;
 mod info;
 mod path_trace;
 mod picture;
@@ -55,6 +58,8 @@ enum Command {
     /// reference to middle grey and clips; flip is HDR-FLIP, for each pixel the largest flip over exposures from the
     /// one that shows the reference's largest luminance to the one that shows its median, 8 bits each.
     Compare(compare::Compare),
+    /// Measure the engine.
+    Eval(Box<eval::Eval>),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -69,6 +74,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Eval(args) => eval::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),

@@ -6,6 +6,7 @@ use super::{Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
+use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::{Exposure, Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Tonemap, View};
 use lightskin::gpu::{Gpu, ZoneTime};
 use lightskin::image::{check_writable, replace_file, write_png};
@@ -65,6 +66,9 @@ pub(super) struct Render {
     /// Bake even if the result is kept already.
     #[arg(long)]
     bake_again: bool,
+    /// Count NaN, infinite and negative values in all layers, VALs and proxies of every frame; any makes the run fail.
+    #[arg(long)]
+    check: bool,
     #[command(flatten)]
     path_trace: PathTraceArgs,
     #[command(flatten)]
@@ -248,6 +252,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
 
     let mut runs = Vec::new();
     let mut problems = Vec::new();
+    let check = args.check.then(|| Check::new(&gpu)).transpose()?;
+    let mut broken = Vec::new();
     for _ in 0..args.repeat {
         let begin = Instant::now();
         // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
@@ -257,6 +263,9 @@ pub(super) fn run(args: &Render) -> Result<()> {
         })?;
         let stages = gpu.times(&drawn)?;
         problems.extend(drawn.problems);
+        if let Some(check) = &check {
+            broken.extend(check.count(&gpu, &frame.targets)?);
+        }
         runs.push(Run { stages, cpu_ms: begin.elapsed().as_secs_f64() * 1e3 });
     }
     let report =
@@ -270,14 +279,33 @@ pub(super) fn run(args: &Render) -> Result<()> {
     } else {
         layers.write(&args.out, args.layer, args.tonemap, ev, &report.metadata(ev))?;
     }
-    let broken = layers.broken();
+    let broken_in_picture = layers.broken();
     if let Some(path) = &args.timings {
         report.write_timings(path)?;
     }
     report.print(loaded, ev);
     check_messages(&gpu, &problems)?;
-    if broken > 0 {
-        bail!("{broken} values of the picture are negative or not finite; this is a bug of lightskin");
+    report_broken(&broken)?;
+    if broken_in_picture > 0 {
+        bail!("{broken_in_picture} values of the picture are negative or not finite; this is a bug of lightskin");
+    }
+    Ok(())
+}
+
+/// Says what `--check` has found in all frames, target by target, and fails if that is anything.
+fn report_broken(all: &[Broken]) -> Result<()> {
+    let mut targets: Vec<Broken> = Vec::new();
+    for found in all {
+        match targets.iter_mut().find(|t| t.target == found.target) {
+            Some(t) => (t.broken, t.values) = (t.broken + found.broken, t.values + found.values),
+            None => targets.push(*found),
+        }
+    }
+    for t in &targets {
+        say!("check     {:<16} {} of {} values broken", t.target, t.broken, thousands(t.values as usize));
+    }
+    if targets.iter().any(|t| t.broken > 0) {
+        bail!("--check found values that are negative or not finite; this is a bug of lightskin");
     }
     Ok(())
 }

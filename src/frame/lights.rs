@@ -2,18 +2,20 @@
 
 use crate::scene::{Light, LightKind};
 use crate::shared::{self, LightView};
-use glam::{DMat4, DVec3, DVec4};
+use glam::{DMat4, DVec3, DVec4, Vec4};
 
 /// A spot wider than this half angle [rad] is seen through six faces, like a point light.
 const WIDEST_FRUSTUM: f32 = 70.0 / 180.0 * std::f32::consts::PI;
 
 /// What the host needs to know of a light to draw its maps.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightInfo {
     /// First of its views.
     pub first_view: u32,
     /// 1, or 6.
     pub views: u32,
+    /// Position relative to the scene's origin and 1, or the unit direction towards parallel light and 0.
+    pub eye: Vec4,
 }
 
 impl LightInfo {
@@ -69,7 +71,11 @@ pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>,
             }
         }
         let view_count = views.len() as u32 - first_view;
-        infos.push(LightInfo { first_view, views: view_count });
+        let eye = match light.kind {
+            LightKind::Directional => (-direction).extend(0.0),
+            _ => position.extend(1.0),
+        };
+        infos.push(LightInfo { first_view, views: view_count, eye: eye.as_vec4() });
         all.push(shared::Light {
             position: position.as_vec3(),
             kind,

@@ -2,6 +2,7 @@
 
 pub mod atlas;
 pub mod brute_force;
+pub mod check;
 pub mod composite;
 pub mod direct;
 pub mod gather;

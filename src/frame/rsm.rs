@@ -6,7 +6,6 @@ use super::{ProxyWeight, SceneBuffers, VERTEX};
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Use};
 use crate::shared::ValPush;
-use glam::Vec4;
 
 /// Draws an RSM per view of each light and turns its texels into VALs.
 pub struct Rsm {
@@ -48,7 +47,7 @@ impl Rsm {
                     area: [0, 0, size, size],
                 };
                 let clip = scene.view_matrices[view as usize];
-                cmd.render(&attachments, |draw| scene.draw(draw, &self.draw, Which::All, clip, Vec4::ZERO, None));
+                cmd.render(&attachments, |draw| scene.draw(draw, &self.draw, Which::All, clip, light.eye, None));
                 if first > 0 {
                     cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 } else {

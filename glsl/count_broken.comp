@@ -1,0 +1,77 @@
+// Debugging: counts what no radiance, VAL or proxy can be: not a number, infinite, or negative. METHOD 4 has none.
+#include "shared.glsl"
+
+layout(local_size_x = 256) in;
+layout(push_constant, scalar) uniform Push { CheckPush push; };
+layout(binding = 0) uniform sampler2D direct_image;
+layout(binding = 1) uniform sampler2D diffuse_image;
+layout(binding = 2) uniform sampler2D glossy_image;
+layout(binding = 3, scalar) readonly buffer Vals { Val vals[]; };
+layout(binding = 4, scalar) readonly buffer Proxies { Proxy proxies[]; };
+layout(binding = 5, scalar) writeonly buffer Counts { uint counts[]; }; // CHECK_GROUPS of each target
+
+shared uint sum;
+
+// By their bits: compilers may take isnan for false, and devices flush the least negative numbers to zero.
+uint endless(float v) {
+    return (floatBitsToUint(v) & 0x7f800000u) == 0x7f800000u ? 1u : 0u;
+}
+
+uint endless(vec3 v) {
+    return endless(v.x) + endless(v.y) + endless(v.z);
+}
+
+// Endless, or negative; -0 is neither.
+uint broken(float v) {
+    uint bits = floatBitsToUint(v);
+    return bits >= 0x7f800000u && bits != 0x80000000u ? 1u : 0u;
+}
+
+uint broken(vec3 v) {
+    return broken(v.x) + broken(v.y) + broken(v.z);
+}
+
+uint broken_pixel(sampler2D image, uint pixel) {
+    return broken(texelFetch(image, ivec2(pixel % push.width, pixel / push.width), 0).rgb);
+}
+
+uint broken_val(Val v) {
+    return endless(v.position) + broken(v.area) + endless(v.normal) + broken(v.flux) + broken(v.weight);
+}
+
+uint broken_proxy(Proxy p) {
+    return endless(p.diffuse_position) + broken(p.diffuse_lit) + broken(p.diffuse_irradiance) + broken(p.glossy_lit) +
+           endless(p.glossy_position) + broken(p.glossy_irradiance);
+}
+
+void main() {
+    uint target = gl_WorkGroupID.y;
+    uint items = target == CHECK_DIRECT    ? push.direct_pixels
+                 : target == CHECK_DIFFUSE ? push.diffuse_pixels
+                 : target == CHECK_GLOSSY  ? push.glossy_pixels
+                 : target == CHECK_VALS    ? push.val_count
+                                           : push.cache_count;
+    if (gl_LocalInvocationID.x == 0u) {
+        sum = 0u;
+    }
+    barrier();
+    uint found = 0u;
+    for (uint i = gl_GlobalInvocationID.x; i < items; i += 256u * CHECK_GROUPS) {
+        if (target == CHECK_DIRECT) {
+            found += broken_pixel(direct_image, i);
+        } else if (target == CHECK_DIFFUSE) {
+            found += broken_pixel(diffuse_image, i);
+        } else if (target == CHECK_GLOSSY) {
+            found += broken_pixel(glossy_image, i);
+        } else if (target == CHECK_VALS) {
+            found += broken_val(vals[i]);
+        } else {
+            found += broken_proxy(proxies[i]);
+        }
+    }
+    atomicAdd(sum, found);
+    barrier();
+    if (gl_LocalInvocationID.x == 0u) {
+        counts[target * CHECK_GROUPS + gl_WorkGroupID.x] = sum;
+    }
+}

@@ -1,0 +1,100 @@
+//! `lightskin eval --flicker`: how much the indirect light trembles while something creeps along.
+
+use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene};
+use anyhow::{Context, Result};
+use indicatif::{ProgressBar, ProgressStyle};
+use lightskin::eval::flicker::{Figures, Flicker, Job, Motion, measure, model};
+use std::io::IsTerminal;
+use std::path::Path;
+
+/// What `--flicker` measures.
+#[derive(clap::Args)]
+pub(super) struct FlickerArgs {
+    /// Numbers of caches, separated by commas.
+    #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [500, 2000, 8000], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    flicker_caches: Vec<u32>,
+    /// Sides of the RSMs [texels], separated by commas. They are held against one twice as large as the largest.
+    #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [32, 64, 128, 256], value_parser = clap::value_parser!(u32).range(1..=2048))]
+    flicker_rsm: Vec<u32>,
+    /// Node that moves, by name; the largest that is less than half the scene across without it.
+    #[arg(long, value_name = "NODE")]
+    flicker_model: Option<String>,
+}
+
+/// Measures a scene, or the built-in atrium, and prints the table, or with `json` one object a row.
+pub(super) fn run(path: Option<&Path>, args: &FlickerArgs, device: &DeviceArgs, json: bool) -> Result<()> {
+    let most = args.flicker_caches.iter().copied().max().context("--flicker-caches names no number")?;
+    let largest = args.flicker_rsm.iter().copied().max().context("--flicker-rsm names no size")?;
+    let asked = |caches| CacheArgs { caches, spacing: None, angle: 60.0, max_edge: None, refs: "8".into() };
+    let scene = load_scene(path, &asked(most))?;
+    let named = |name: &String| {
+        let found = scene.instances.iter().position(|i| i.name == *name);
+        found.with_context(|| format!("--flicker-model {name}: the scene has no such node with a mesh"))
+    };
+    let model = match &args.flicker_model {
+        Some(name) => Some(named(name)?),
+        None => model(&scene),
+    };
+    let mut caches = Vec::new();
+    for count in &args.flicker_caches {
+        caches.push(bake_scene(&scene, &asked(*count).settings(), false)?.caches);
+    }
+    let job = Job { size: [96, 54], frames: 16, rsm: args.flicker_rsm.clone(), fine: 2 * largest, pace: 1.0, model };
+    let gpu = device.open()?;
+    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    let moving = model.map_or_else(|| "no model".into(), |i| format!("model '{}'", scene.instances[i].name));
+    let [w, h] = job.size;
+    if !json {
+        say!(
+            "{}, light '{}', {moving}: {} frames of {w}x{h} pixels, finer RSM {}",
+            scene.name,
+            scene.lights.first().map_or("none", |l| &l.name),
+            job.frames,
+            job.fine
+        );
+        say!("in % of the mean of brute force; caches / brute force\n");
+        say!("| moves | RSM | caches | change | **flicker** | VALs' own | tremble | of the mean |");
+        say!("| --- | --- | --- | --- | --- | --- | --- | --- |");
+    }
+    let motions = [Motion::Light, Motion::Camera, Motion::Model];
+    for (i, motion) in motions.into_iter().enumerate().filter(|(_, m)| *m != Motion::Model || model.is_some()) {
+        let progress = |part: f32, what: &str| {
+            bar.set_message(what.to_owned());
+            bar.set_position(((i as f32 + part) * 333.0) as u64);
+        };
+        for row in measure(&gpu, &scene, &caches, motion, &job, &progress)? {
+            bar.suspend(|| print(&row, json));
+        }
+    }
+    bar.finish_and_clear();
+    check_messages(&gpu, &[])
+}
+
+fn print(row: &Flicker, json: bool) {
+    let Flicker { motion, rsm, caches, figures } = *row;
+    let Figures { kept, change, flicker, vals_own, tremble, of_mean } = figures;
+    if json {
+        say!(
+            "{}",
+            serde_json::json!({
+                "schema": 1, "moves": motion.name(), "rsm": rsm, "caches": caches, "kept": kept, "change": change,
+                "flicker": flicker, "vals_own": vals_own, "tremble": tremble, "of_mean": of_mean,
+            })
+        );
+        return;
+    }
+    let percent = |v: f64| format!("{:.3}", 100.0 * v);
+    let pair = |v: [f64; 2]| format!("{} / {}", percent(v[0]), percent(v[1]));
+    say!(
+        "| {} | {rsm} | {caches} | {} | **{}** | {} | {} | {} |",
+        motion.name(),
+        pair(change),
+        percent(flicker),
+        percent(vals_own),
+        pair(tremble),
+        pair(of_mean)
+    );
+}

@@ -1,0 +1,36 @@
+//! `lightskin eval --hard-cases`: what is hard on numbers, one line each.
+
+use super::{DeviceArgs, check_messages};
+use anyhow::{Result, bail};
+use lightskin::eval::hard_cases;
+
+/// Runs every case and prints the table, or with `json` one object a line; fails if a case does.
+pub(super) fn run(device: &DeviceArgs, json: bool) -> Result<()> {
+    let gpu = device.open()?;
+    let cases = hard_cases::lines();
+    let mut failed = 0;
+    for case in &cases {
+        let line = hard_cases::run(&gpu, case)?;
+        failed += usize::from(!line.pass);
+        if json {
+            let hard_cases::Line { kind, input, expected, measured, pass } = &line;
+            say!(
+                "{}",
+                serde_json::json!({
+                    "schema": 1, "kind": kind, "input": input, "expected": expected, "measured": measured, "pass": pass,
+                })
+            );
+        } else {
+            let verdict = if line.pass { "ok" } else { "FAILED" };
+            say!("| {} | {} | {} | {} | {verdict} |", line.kind, line.input, line.expected, line.measured);
+        }
+    }
+    check_messages(&gpu, &[])?;
+    if failed > 0 {
+        bail!("{failed} of {} hard cases failed", cases.len());
+    }
+    if !json {
+        say!("all {} hard cases hold", cases.len());
+    }
+    Ok(())
+}

@@ -1,0 +1,111 @@
+//! Cases that are hard on numbers: each has an input, what an independent source expects, and what the engine does.
+//!
+//! What is expected comes from the f64 references, from closed form, or from another frame that must be the same
+//! (METHOD 4), never from what the engine once gave. In every frame NaN, infinite and negative values are counted on the
+//! device, and any of them, any message of the validation layer and any missing barrier fails the line.
+
+mod caches;
+mod invariance;
+mod oracle;
+mod places;
+mod surfaces;
+
+pub use oracle::difference;
+
+use super::shot::Shot;
+use crate::error::Result;
+use crate::gpu::Gpu;
+
+/// One hard case.
+pub struct Case {
+    /// What is hard, in a word or two: cases of a kind share it.
+    pub kind: &'static str,
+    /// What is done.
+    pub input: String,
+    /// What must come out, and who says so.
+    pub expected: String,
+    check: Box<Check>,
+}
+
+type Check = dyn Fn(&Gpu) -> Result<Outcome>;
+
+/// A line of the table.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Line {
+    /// [`Case::kind`].
+    pub kind: &'static str,
+    /// [`Case::input`].
+    pub input: String,
+    /// [`Case::expected`].
+    pub expected: String,
+    /// What the engine did.
+    pub measured: String,
+    /// Whether that is what is expected.
+    pub pass: bool,
+}
+
+/// All cases, kind by kind.
+pub fn lines() -> Vec<Case> {
+    [invariance::cases(), caches::cases(), surfaces::cases(), places::cases()].into_iter().flatten().collect()
+}
+
+/// Runs a case.
+pub fn run(gpu: &Gpu, case: &Case) -> Result<Line> {
+    let Outcome { mut measured, mut pass, complaints } = (case.check)(gpu)?;
+    for complaint in complaints {
+        measured = format!("{measured}; {complaint}");
+        pass = false;
+    }
+    Ok(Line { kind: case.kind, input: case.input.clone(), expected: case.expected.clone(), measured, pass })
+}
+
+impl Case {
+    fn new(
+        kind: &'static str,
+        input: impl Into<String>,
+        expected: impl Into<String>,
+        check: impl Fn(&Gpu) -> Result<Outcome> + 'static,
+    ) -> Self {
+        Self { kind, input: input.into(), expected: expected.into(), check: Box::new(check) }
+    }
+}
+
+/// What a case has found.
+struct Outcome {
+    measured: String,
+    pass: bool,
+    complaints: Vec<String>,
+}
+
+impl Outcome {
+    /// An error that must not exceed a bound; NaN does.
+    fn bounded(error: f64, bound: f64) -> Self {
+        Self { measured: number(error), pass: error <= bound, complaints: Vec::new() }
+    }
+
+    /// Several errors, each with its bound.
+    fn all<const N: usize>(errors: [(&str, f64, f64); N]) -> Self {
+        let texts: Vec<_> = errors.iter().map(|(what, error, _)| format!("{what} {}", number(*error))).collect();
+        let pass = errors.iter().all(|(_, error, bound)| error <= bound);
+        Self { measured: texts.join(", "), pass, complaints: Vec::new() }
+    }
+
+    /// With what was said against the frames.
+    fn of(mut self, shots: &[&Shot]) -> Self {
+        self.complaints.extend(shots.iter().flat_map(|shot| shot.complaints.clone()));
+        self
+    }
+
+    /// Fails unless the case is what it wants to be: a dark picture proves nothing.
+    fn provided(mut self, condition: bool, otherwise: &str) -> Self {
+        if !condition {
+            self.complaints.push(format!("the case is void: {otherwise}"));
+        }
+        self
+    }
+}
+
+/// Two digits, or 0.
+fn number(value: f64) -> String {
+    if value == 0.0 { "0".into() } else { format!("{value:.1e}") }
+}

@@ -1,0 +1,251 @@
+//! One frame of a small world and what the device made on the way, as the references read it.
+
+use crate::bake::CacheSet;
+use crate::error::Result;
+use crate::frame::check::Check;
+use crate::frame::{Exposure, Frame, SceneBuffers, Settings, View};
+use crate::gpu::{Gpu, Image};
+use crate::reference::gather::{Cache, Gathered, Lobe};
+use crate::reference::phong::{Material as Reflection, mirrored_view};
+use crate::reference::rsm::{self, Val};
+use crate::reference::triangle::Triangle;
+use crate::scene::{LightKind, Phong, Projection, Scene};
+use crate::shared;
+use glam::{DVec2, DVec3, Vec3, dvec3};
+
+/// Small pictures; the references do every pixel.
+pub fn small() -> Settings {
+    Settings { size: [48, 48], rsm: 24, shadow_map: 256, exposure: Exposure::Ev(0.0), ..Settings::default() }
+}
+
+/// What one frame made. Places are in the world, in f64.
+pub struct Shot {
+    /// VALs; `Val::NOTHING` where the device gives neither flux nor weight.
+    pub vals: Vec<Val>,
+    /// Caches in atlas order.
+    pub caches: Vec<Cache>,
+    /// Their proxies, and the mirrored view that the shaders make on the fly.
+    pub proxies: Vec<Gathered>,
+    /// `rho_d` of every pixel, as halves keep it.
+    pub albedo: Vec<DVec3>,
+    /// `rho_g`, likewise.
+    pub specular: Vec<DVec3>,
+    /// Emitted and directly reflected radiance.
+    pub direct: Vec<DVec3>,
+    /// Indirect radiance; empty without a lobe.
+    pub diffuse: Vec<DVec3>,
+    /// The same of the glossy lobe.
+    pub glossy: Vec<DVec3>,
+    /// Whether a pixel shows a surface.
+    pub covered: Vec<bool>,
+    /// The gather's sums of irradiance [lx] at each cache: all light, and light times `cos^k`; empty without the lobe.
+    pub sums: [Vec<DVec3>; 2],
+    /// The lights' pictures as the references know them.
+    pub views: Vec<rsm::View>,
+    /// What the validation layer, the barrier check and the check for broken values say against the frame.
+    pub complaints: Vec<String>,
+}
+
+/// Draws one frame from the scene's first camera and reads it back.
+pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Settings) -> Result<Shot> {
+    let said = gpu.messages().len();
+    let buffers = SceneBuffers::new(gpu, scene, caches)?;
+    let frame = Frame::new(gpu, scene, &buffers, settings)?;
+    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, &buffers, &view);
+        Ok(())
+    })?;
+    let (t, origin, eye) = (&frame.targets, buffers.origin, scene.cameras[0].world_from_camera.translation);
+
+    let mut complaints = drawn.problems;
+    for found in Check::new(gpu)?.count(gpu, t)?.iter().filter(|found| found.broken > 0) {
+        complaints.push(format!("{}: {} of {} values are broken", found.target, found.broken, found.values));
+    }
+    let mut shot = Shot {
+        vals: Vec::new(),
+        caches: Vec::new(),
+        proxies: Vec::new(),
+        albedo: halves(gpu, &t.albedo)?,
+        specular: halves(gpu, &t.specular)?,
+        direct: radiance(gpu, &t.direct)?,
+        diffuse: t.indirect.as_ref().map_or(Ok(Vec::new()), |i| radiance(gpu, &i.diffuse))?,
+        glossy: match t.indirect.as_ref().and_then(|i| i.glossy.as_ref()) {
+            Some(image) => radiance(gpu, image)?,
+            None => Vec::new(),
+        },
+        covered: gpu.read_image::<f32>(&t.depth)?.iter().map(|depth| *depth > 0.0).collect(),
+        sums: Default::default(),
+        views: light_views(gpu, scene, &buffers)?,
+        complaints: Vec::new(),
+    };
+    if let Some(rsm) = &t.rsm {
+        let all: Vec<shared::Val> = gpu.read(&rsm.vals)?;
+        shot.vals = all[..rsm.val_count as usize].iter().map(|v| val(v, origin)).collect();
+    }
+    if let Some(targets) = &t.caches {
+        let n = targets.count as usize;
+        let all: Vec<shared::Cache> = gpu.read(&targets.atlas)?;
+        shot.caches = all[..n].iter().map(|c| cache(c, origin)).collect();
+        let all: Vec<shared::Proxy> = gpu.read(&targets.proxies)?;
+        shot.proxies = all[..n].iter().zip(&shot.caches).map(|(p, c)| gathered(p, c, origin, eye)).collect();
+        for (sums, image) in shot.sums.iter_mut().zip(targets.sums.iter().skip(1).step_by(2)) {
+            *sums = radiance(gpu, image)?;
+            sums.truncate(n);
+        }
+    }
+    complaints.extend(gpu.messages().into_iter().skip(said));
+    shot.complaints = complaints;
+    Ok(shot)
+}
+
+/// RGB of a float image.
+pub fn radiance(gpu: &Gpu, image: &Image) -> Result<Vec<DVec3>> {
+    let texels: Vec<[f32; 4]> = gpu.read_image(image)?;
+    Ok(texels.iter().map(|t| Vec3::new(t[0], t[1], t[2]).as_dvec3()).collect())
+}
+
+fn halves(gpu: &Gpu, image: &Image) -> Result<Vec<DVec3>> {
+    let texels: Vec<[u16; 4]> = gpu.read_image(image)?;
+    let number = |bits: u16| half::f16::from_bits(bits).to_f64();
+    Ok(texels.iter().map(|t| dvec3(number(t[0]), number(t[1]), number(t[2]))).collect())
+}
+
+/// A VAL as the references know it.
+pub fn val(v: &shared::Val, origin: DVec3) -> Val {
+    if v.weight == 0.0 && v.flux == Vec3::ZERO {
+        return Val::NOTHING;
+    }
+    let (position, area) = (v.position.as_dvec3() + origin, f64::from(v.area));
+    Val { position, area, normal: v.normal.as_dvec3(), flux: v.flux.as_dvec3() }
+}
+
+/// A cache as the references know it.
+pub fn cache(c: &shared::Cache, origin: DVec3) -> Cache {
+    let (position, normal) = (c.position.as_dvec3() + origin, c.normal.as_dvec3().normalize());
+    Cache { position, normal, exponent: c.exponent.into() }
+}
+
+fn gathered(p: &shared::Proxy, cache: &Cache, origin: DVec3, eye: DVec3) -> Gathered {
+    let lobe = |position: Vec3, irradiance: Vec3, lit: f32| Lobe {
+        position: position.as_dvec3() + origin,
+        facing_irradiance: irradiance.as_dvec3(),
+        lit: lit == 1.0,
+    };
+    Gathered {
+        diffuse: lobe(p.diffuse_position, p.diffuse_irradiance, p.diffuse_lit),
+        glossy: lobe(p.glossy_position, p.glossy_irradiance, p.glossy_lit),
+        mirrored_view: mirrored_view(cache.position, cache.normal, eye),
+    }
+}
+
+/// The device's frusta as the references' own, so that both look through the same texels. Rows run against `up`.
+fn light_views(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers) -> Result<Vec<rsm::View>> {
+    let views: Vec<shared::LightView> = gpu.read(&buffers.view_buffer)?;
+    let mut all = Vec::new();
+    for (light, info) in scene.lights.iter().zip(&buffers.lights) {
+        for view in &views[info.first_view as usize..(info.first_view + info.views) as usize] {
+            let (right, up, forward) = (view.right.as_dvec3(), view.up.as_dvec3(), view.forward.as_dvec3().normalize());
+            let parallel = light.kind == LightKind::Directional;
+            all.push(rsm::View {
+                origin: if parallel { buffers.origin - 2.0 * buffers.radius * forward } else { light.position },
+                right: right.normalize(),
+                up: up.normalize(),
+                forward,
+                half: DVec2::new(right.length(), up.length()),
+                parallel,
+            });
+        }
+    }
+    Ok(all)
+}
+
+/// World-space corners and normals of every triangle with its instance, for the references. Normals are interpolated in
+/// the model, as those of caches are, and then transformed: the corners' keep the lengths that the transform gives them.
+pub fn triangles(scene: &Scene) -> Vec<(Triangle, usize)> {
+    let mut all = Vec::new();
+    for (i, instance) in scene.instances.iter().enumerate() {
+        let mesh = &scene.meshes[instance.mesh];
+        let placed = instance.world_from_model;
+        let normals = placed.matrix3.inverse().transpose();
+        let materials = mesh.triangle_materials();
+        for (t, material) in materials.into_iter().enumerate() {
+            let corners = mesh.triangle(t).map(|v| mesh.vertices[v]);
+            let positions = corners.map(|v| placed.transform_point3(v.position.as_dvec3()));
+            let normals = corners.map(|v| normals * v.normal.as_dvec3());
+            let diffuse = reflection(scene, material).diffuse;
+            all.push((Triangle { positions, normals, diffuse }, i));
+        }
+    }
+    all
+}
+
+/// What a material without textures reflects.
+pub fn reflection(scene: &Scene, material: usize) -> Reflection {
+    let material = &scene.materials[material];
+    let lobe = material.phong.unwrap_or(Phong { specular: Vec3::ZERO, exponent: 1.0 });
+    let diffuse = material.base_color.truncate().as_dvec3();
+    Reflection { diffuse, specular: lobe.specular.as_dvec3(), exponent: lobe.exponent.into() }
+}
+
+/// What a pixel's centre sees.
+pub struct Seen {
+    /// Row by row from the top.
+    pub pixel: usize,
+    /// Which instance.
+    pub instance: usize,
+    /// Which material.
+    pub material: usize,
+    /// Its mesh's vertices at the corners.
+    pub vertices: [usize; 3],
+    /// Barycentric weights of the corners.
+    pub weights: [f64; 3],
+    /// World position [m].
+    pub position: DVec3,
+    /// Shading normal.
+    pub normal: DVec3,
+}
+
+/// The nearest front face at the centre of every pixel of the scene's first camera, a pinhole, by trying all triangles.
+pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<Seen> {
+    let camera = &scene.cameras[0];
+    let Projection::Perspective { yfov } = camera.projection else { panic!("a pinhole") };
+    let half = (0.5 * f64::from(yfov)).tan();
+    let [width, height] = size.map(f64::from);
+    let pose = camera.world_from_camera;
+    let all = triangles(scene);
+    let mut seen = Vec::new();
+    for pixel in 0..size[0] as usize * size[1] as usize {
+        let at = DVec2::new((pixel % size[0] as usize) as f64 + 0.5, (pixel / size[0] as usize) as f64 + 0.5);
+        let ray = dvec3((2.0 * at.x / width - 1.0) * width / height, 1.0 - 2.0 * at.y / height, -1.0 / half);
+        let ray = pose.matrix3 * ray;
+        let mut nearest: Option<(f64, Seen)> = None;
+        let mut index = 0;
+        for (i, (triangle, instance)) in all.iter().enumerate() {
+            index = if i > 0 && all[i - 1].1 == *instance { index + 1 } else { 0 };
+            let [a, b, c] = triangle.positions;
+            let face = (b - a).cross(c - a);
+            let distance = (a - pose.translation).dot(face) / ray.dot(face);
+            // Mirrors turn the winding round. Also false where the triangle is seen from the side.
+            let front = ray.dot(face) * scene.instances[*instance].world_from_model.matrix3.determinant();
+            if !(front < 0.0 && distance > 0.0) || nearest.as_ref().is_some_and(|n| n.0 < distance) {
+                continue;
+            }
+            let p = pose.translation + distance * ray;
+            let part = |u: DVec3, v: DVec3| (u - p).cross(v - p).dot(face) / face.length_squared();
+            let weights = [part(b, c), part(c, a), part(a, b)];
+            if weights.iter().all(|&w| w >= 0.0) {
+                let [na, nb, nc] = triangle.normals;
+                let normal = (weights[0] * na + weights[1] * nb + weights[2] * nc).normalize();
+                let mesh = &scene.meshes[scene.instances[*instance].mesh];
+                let (vertices, material) = (mesh.triangle(index), mesh.triangle_materials()[index]);
+                nearest = Some((
+                    distance,
+                    Seen { pixel, instance: *instance, material, vertices, weights, position: p, normal },
+                ));
+            }
+        }
+        seen.extend(nearest.map(|(_, s)| s));
+    }
+    seen
+}

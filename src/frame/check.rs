@@ -1,0 +1,84 @@
+//! Debugging: counts on the device what no radiance, VAL or proxy can be. METHOD 4 has no broken value anywhere.
+//!
+//! A submission of its own after the frame: a frame that is not checked costs nothing, and one that is takes no other
+//! time for its stages.
+
+use super::Targets;
+use crate::error::Result;
+use crate::gpu::{Bind, Buffer, Gpu, Image, Pipeline};
+use crate::shared::{
+    CHECK_DIFFUSE, CHECK_DIRECT, CHECK_GLOSSY, CHECK_GROUPS, CHECK_PROXIES, CHECK_TARGETS, CHECK_VALS, CheckPush,
+};
+
+/// Counts broken values: not a number, infinite, or negative where that makes no sense.
+pub struct Check {
+    pipeline: Pipeline,
+    counts: Buffer,
+}
+
+/// Broken values of one target.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Broken {
+    /// What was looked at.
+    pub target: &'static str,
+    /// Values that are not a number, infinite or negative.
+    pub broken: u64,
+    /// Values that were looked at.
+    pub values: u64,
+}
+
+/// Names in the order of the shader's targets, and values of each item that are looked at.
+const TARGETS: [(u32, &str, u64); CHECK_TARGETS as usize] = [
+    (CHECK_DIRECT, "direct", 3),
+    (CHECK_DIFFUSE, "indirect.diffuse", 3),
+    (CHECK_GLOSSY, "indirect.glossy", 3),
+    (CHECK_VALS, "VALs", 11),
+    (CHECK_PROXIES, "proxies", 14),
+];
+
+impl Check {
+    /// Makes the pipeline and its buffer.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        let counts = gpu.buffer("check.counts", u64::from(4 * CHECK_TARGETS * CHECK_GROUPS))?;
+        Ok(Self { pipeline: gpu.compute("count_broken.comp", &[])?, counts })
+    }
+
+    /// Looks at what the last frame has left in its targets; waits for the device. Targets that the frame has not are
+    /// left out.
+    pub fn count(&self, gpu: &Gpu, t: &Targets) -> Result<Vec<Broken>> {
+        let diffuse = t.indirect.as_ref().map(|i| &i.diffuse);
+        let glossy = t.indirect.as_ref().and_then(|i| i.glossy.as_ref());
+        let pixels = |image: Option<&Image>| image.map_or(0, |i| i.width * i.height);
+        let push = CheckPush {
+            width: t.size[0],
+            direct_pixels: pixels(Some(&t.direct)),
+            diffuse_pixels: pixels(diffuse),
+            glossy_pixels: pixels(glossy),
+            val_count: t.rsm.as_ref().map_or(0, |r| r.val_count),
+            cache_count: t.caches.as_ref().map_or(0, |c| c.count),
+        };
+        // What is not there is not read; another resource only fills its place.
+        let binds: [Bind<'_>; 6] = [
+            (&t.direct).into(),
+            diffuse.unwrap_or(&t.direct).into(),
+            glossy.unwrap_or(&t.direct).into(),
+            t.rsm.as_ref().map_or(&t.exposure, |r| &r.vals).into(),
+            t.caches.as_ref().map_or(&t.exposure, |c| &c.proxies).into(),
+            (&self.counts).into(),
+        ];
+        gpu.run_once("check", |cmd| {
+            let _zone = cmd.zone("check");
+            cmd.bind(&self.pipeline, &binds);
+            cmd.push(&push);
+            cmd.dispatch(256 * CHECK_GROUPS, CHECK_TARGETS, 1);
+        })?;
+        let counts: Vec<u32> = gpu.read(&self.counts)?;
+        let items = [push.direct_pixels, push.diffuse_pixels, push.glossy_pixels, push.val_count, push.cache_count];
+        let line = |(target, name, each): (u32, &'static str, u64)| {
+            let first = (target * CHECK_GROUPS) as usize;
+            let broken = counts[first..first + CHECK_GROUPS as usize].iter().map(|c| u64::from(*c)).sum();
+            Broken { target: name, broken, values: each * u64::from(items[target as usize]) }
+        };
+        Ok(TARGETS.into_iter().map(line).filter(|l| l.values > 0).collect())
+    }
+}

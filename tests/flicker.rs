@@ -1,0 +1,65 @@
+//! The measure of flicker itself: nothing where nothing moves, and less of it where there are more VALs.
+
+use lightskin::bake::{self, CacheSet, Density};
+use lightskin::eval::flicker::{Figures, Job, Motion, measure, model};
+use lightskin::scene::Scene;
+use lightskin::scene::build::{CornellSurface, cornell};
+
+use crate::common::frames::{shoot, small};
+use crate::common::{assert_clean, gpu};
+
+fn caches(scene: &Scene) -> CacheSet {
+    let settings = bake::Settings { density: Density::Count(200), angle: 1.0, references: 8 };
+    bake::bake(scene, &settings, &|_, _| {}).expect("bakes")
+}
+
+fn job(scene: &Scene, rsm: &[u32], pace: f64) -> Job {
+    Job { size: [32, 32], frames: 6, rsm: rsm.to_vec(), fine: 96, pace, model: model(scene) }
+}
+
+#[test]
+fn what_stands_still_does_not_flicker() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Glossy, 0.2);
+    assert_eq!(model(&scene).map(|i| scene.instances[i].name.as_str()), Some("tall block"));
+    for motion in [Motion::Light, Motion::Camera, Motion::Model] {
+        let rows = measure(&gpu, &scene, &[caches(&scene)], motion, &job(&scene, &[16], 0.0), &|_, _| {});
+        let [row] = rows.expect("measured")[..] else { panic!("one row") };
+        let Figures { kept, change, flicker, vals_own, tremble, of_mean } = row.figures;
+        assert!(kept > 0.8 && row.caches > 150, "{row:?}");
+        assert_eq!((change, flicker, vals_own, tremble, of_mean), ([0.0; 2], 0.0, 0.0, [0.0; 2], [0.0; 2]));
+    }
+    assert_clean(&gpu);
+}
+
+#[test]
+fn a_moving_light_flickers_and_more_vals_flicker_less() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Glossy, 0.2);
+    let job = job(&scene, &[12, 24, 48], 1.0);
+    let rows = measure(&gpu, &scene, &[caches(&scene)], Motion::Light, &job, &|_, _| {}).expect("measured");
+    let figures: Vec<Figures> = rows.iter().map(|row| row.figures).collect();
+    for f in &figures {
+        println!("{f:?}");
+        assert!(f.change.iter().all(|c| *c > 0.0) && f.flicker > 0.0, "{f:?}");
+    }
+    for pair in figures.windows(2) {
+        let all = |f: &Figures| [f.flicker, f.vals_own, f.tremble[0], f.tremble[1], f.of_mean[0], f.of_mean[1]];
+        let less = all(&pair[1]).iter().zip(all(&pair[0])).all(|(finer, coarser)| *finer < coarser);
+        assert!(less, "{pair:?}");
+    }
+    assert_clean(&gpu);
+}
+
+/// Why a moving camera says nothing of the diffuse lobe's stability: it cannot tremble.
+#[test]
+fn the_diffuse_light_of_caches_does_not_know_the_camera() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Glossy, 0.2);
+    let mut other = scene.clone();
+    other.cameras[0].world_from_camera.translation.x += 0.37;
+    let caches = caches(&scene);
+    let [a, b] = [&scene, &other].map(|scene| shoot(&gpu, scene, Some(&caches), &small()));
+    assert!(a.proxies.iter().zip(&b.proxies).all(|(a, b)| a.diffuse == b.diffuse), "to the bit");
+    assert!(a.proxies.iter().zip(&b.proxies).any(|(a, b)| a.glossy != b.glossy), "glossy proxies follow the view");
+}
