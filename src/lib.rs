@@ -50,6 +50,7 @@ pub mod eval;
 pub mod frame;
 pub mod gpu;
 pub mod image;
+pub mod kept;
 pub mod reference;
 pub mod scene;
 #[allow(missing_docs, reason = "shared.glsl says no more where a member's name says all")]

@@ -6,10 +6,9 @@
 
 use super::{Cache, CacheSet, Coverage, Density, ModelCaches, NO_CACHE, Settings, bake};
 use crate::error::Result;
+use crate::kept;
 use crate::scene::Scene;
-use std::io::Write;
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicU32, Ordering};
+use std::path::Path;
 
 const MAGIC: [u8; 8] = *b"LSKCACHE";
 
@@ -26,9 +25,8 @@ pub fn bake_cached(
     settings: &Settings,
     progress: &(dyn Fn(f32, &str) + Sync),
 ) -> Result<(CacheSet, bool)> {
-    let set = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    match set("XDG_CACHE_HOME").or_else(|| set("HOME").map(|home| home.join(".cache"))) {
-        Some(folder) => bake_kept_in(&folder.join("lightskin"), scene, settings, progress),
+    match kept::folder() {
+        Some(folder) => bake_kept_in(&folder, scene, settings, progress),
         None => {
             log::debug!("neither XDG_CACHE_HOME nor HOME is set: the bake is not kept");
             Ok((bake(scene, settings, progress)?, false))
@@ -54,7 +52,7 @@ pub fn bake_kept_in(
         Err(error) => log::debug!("{}: {error}, baking", path.display()),
     }
     let set = bake(scene, settings, progress)?;
-    if let Err(error) = keep(folder, &path, &write(&set, &key)) {
+    if let Err(error) = kept::write(&path, &write(&set, &key)) {
         log::warn!(
             "{}: cannot keep the bake, the next start will bake again: {error}; make the folder writable or point \
              XDG_CACHE_HOME to one that is",
@@ -103,24 +101,6 @@ fn key(scene: &Scene, settings: &Settings) -> [u8; 32] {
         }
     }
     *hasher.finalize().as_bytes()
-}
-
-/// Writes under another name first, one that nobody else writes to: no one ever reads half a file.
-fn keep(folder: &Path, path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    std::fs::create_dir_all(folder)?;
-    static WRITES: AtomicU32 = AtomicU32::new(0);
-    let write = WRITES.fetch_add(1, Ordering::Relaxed);
-    let temporary = path.with_extension(format!("{}-{write}.tmp", std::process::id()));
-    let written = (|| {
-        let mut file = std::fs::File::create(&temporary)?;
-        file.write_all(bytes)?;
-        file.sync_all()?;
-        std::fs::rename(&temporary, path)
-    })();
-    if written.is_err() {
-        std::fs::remove_file(&temporary).ok();
-    }
-    written
 }
 
 fn write(set: &CacheSet, key: &[u8; 32]) -> Vec<u8> {

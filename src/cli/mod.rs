@@ -10,6 +10,8 @@ mod bake;
 mod compare;
 mod devices;
 mod info;
+mod path_trace;
+mod picture;
 mod render;
 
 use anyhow::{Context, Result, bail};
@@ -148,14 +150,14 @@ fn angle(text: &str) -> std::result::Result<f64, String> {
 const MOST_TRIANGLES: usize = 2_000_000;
 
 /// Loads a file, or builds the default scene; adds the camera and light it may lack and says so; divides triangles
-/// that are large against the distance of caches.
-fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
+/// that are large against the distance of caches, where light will be `interpolated`.
+fn load_scene(path: Option<&Path>, caches: &CacheArgs, interpolated: bool) -> Result<Scene> {
     let mut scene = match path {
         None => build::atrium(),
         Some(path) => gltf::load(&gltf_in(path)?)?,
     };
     defaults::complete(&mut scene);
-    if caches.max_edge != Some(0.0) {
+    if interpolated && caches.max_edge != Some(0.0) {
         let area = tessellate::area(&scene);
         // The bake needs about five caches for the square of their spacing.
         let spacing = caches.spacing.unwrap_or_else(|| (5.0 * area / f64::from(caches.caches)).sqrt());

@@ -1,13 +1,14 @@
 //! `lightskin render`: a scene to a picture, with its layers, times and counts.
 
+use super::path_trace::{self, PathTraceArgs};
+use super::picture::{LayerArg, Layers, TonemapArg, is_exr};
 use super::{Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, thousands};
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::frame::{Exposure, Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Tonemap, View};
 use lightskin::gpu::{Gpu, ZoneTime};
-use lightskin::image::{Layer, broken_values, check_writable, replace_file, write_exr, write_png};
-use lightskin::reference::tonemap;
+use lightskin::image::{check_writable, replace_file, write_png};
 use lightskin::scene::{Camera, Projection, Scene};
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -65,20 +66,9 @@ pub(super) struct Render {
     #[arg(long)]
     bake_again: bool,
     #[command(flatten)]
+    path_trace: PathTraceArgs,
+    #[command(flatten)]
     device: DeviceArgs,
-}
-
-#[derive(Clone, Copy, Default, ValueEnum)]
-enum TonemapArg {
-    /// Khronos PBR Neutral.
-    #[default]
-    PbrNeutral,
-    /// AgX.
-    Agx,
-    /// ACES.
-    Aces,
-    /// Clipping alone.
-    Linear,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
@@ -88,6 +78,8 @@ enum GiArg {
     Lightskin,
     /// Every virtual light onto every pixel.
     BruteForce,
+    /// Light paths drawn at random on the CPU: the reference (see --spp).
+    PathTrace,
     /// Direct light alone.
     Off,
 }
@@ -115,30 +107,6 @@ enum ProxyWeightArg {
     Irradiance,
     /// Form factor, as printed.
     FormFactor,
-}
-
-/// Layers by the names they have in an EXR file.
-#[derive(Clone, Copy, PartialEq, ValueEnum)]
-enum LayerArg {
-    /// All radiance.
-    Color,
-    /// Emitted and directly reflected radiance.
-    Direct,
-    /// Both lobes of the indirect radiance.
-    Indirect,
-    /// Diffuse indirect radiance.
-    #[value(name = "indirect.diffuse")]
-    IndirectDiffuse,
-    /// Glossy indirect radiance.
-    #[value(name = "indirect.glossy")]
-    IndirectGlossy,
-    /// Diffuse albedo.
-    Albedo,
-    /// World-space shading normal.
-    Normal,
-    /// Distance [m] from the camera's plane.
-    #[value(name = "Z")]
-    Z,
 }
 
 fn picture(text: &str) -> std::result::Result<PathBuf, String> {
@@ -171,7 +139,7 @@ impl Render {
             gi: match self.gi {
                 GiArg::Lightskin => Gi::LightSkin,
                 GiArg::BruteForce => Gi::BruteForce,
-                GiArg::Off => Gi::Off,
+                GiArg::PathTrace | GiArg::Off => Gi::Off,
             },
             references: self.caches.settings().references,
             rsm: self.rsm,
@@ -252,9 +220,20 @@ pub(super) fn run(args: &Render) -> Result<()> {
         check_writable(path)?;
     }
     let start = Instant::now();
-    let scene = load_scene(args.scene.as_deref(), &args.caches)?;
+    // Rays need no small triangles.
+    let scene = load_scene(args.scene.as_deref(), &args.caches, args.gi != GiArg::PathTrace)?;
     let camera = camera(&scene, args.camera.as_deref())?;
     let loaded = start.elapsed();
+    if args.gi == GiArg::PathTrace {
+        let picture = path_trace::Picture {
+            out: &args.out,
+            size: args.size,
+            layer: args.layer,
+            tonemap: args.tonemap,
+            ev: args.ev,
+        };
+        return path_trace::run(&args.path_trace, &scene, &camera, &picture);
+    }
     let settings = args.settings();
     let baked = (args.gi == GiArg::Lightskin)
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
@@ -281,7 +260,14 @@ pub(super) fn run(args: &Render) -> Result<()> {
         Report { args, scene: &scene, camera: &camera, baked: baked.as_ref(), gpu: &gpu, frame: &frame, runs: &runs };
     let measured_ev = gpu.read::<f32>(&frame.targets.exposure)?[0];
     let ev = args.ev.unwrap_or(measured_ev);
-    let broken = write_picture(&report, &view, ev)?;
+    let layers = read_layers(&gpu, &frame, &view)?;
+    if args.layer.is_none() && !is_exr(&args.out) {
+        let [w, h] = settings.size;
+        write_png(&args.out, w, h, &gpu.read_image(&frame.targets.output)?)?;
+    } else {
+        layers.write(&args.out, args.layer, args.tonemap, ev, &report.metadata(ev))?;
+    }
+    let broken = layers.broken();
     if let Some(path) = &args.timings {
         report.write_timings(path)?;
     }
@@ -293,81 +279,22 @@ pub(super) fn run(args: &Render) -> Result<()> {
     Ok(())
 }
 
-/// Reads the layers back and writes the picture; gives the number of values that no radiance can have.
-fn write_picture(report: &Report<'_>, view: &View, ev: f32) -> Result<usize> {
-    let (args, gpu, t) = (report.args, report.gpu, &report.frame.targets);
-    let [w, h] = t.size;
-    let pixels = w as usize * h as usize;
-    let direct: Vec<[f32; 4]> = gpu.read_image(&t.direct)?;
-    let diffuse: Option<Vec<[f32; 4]>> = t.indirect.as_ref().map(|i| gpu.read_image(&i.diffuse)).transpose()?;
-    let glossy: Option<Vec<[f32; 4]>> =
-        t.indirect.as_ref().and_then(|i| i.glossy.as_ref()).map(|i| gpu.read_image(i)).transpose()?;
-    let dark = vec![[0.0; 4]; pixels];
-    let (diffuse, glossy) = (diffuse.unwrap_or_else(|| dark.clone()), glossy.unwrap_or(dark));
-    let add = |a: &[[f32; 4]], b: &[[f32; 4]]| -> Vec<[f32; 4]> {
-        a.iter().zip(b).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2], 1.0]).collect()
+/// Reads the layers back.
+fn read_layers(gpu: &Gpu, frame: &Frame, view: &View) -> Result<Layers> {
+    let t = &frame.targets;
+    let dark = || vec![[0.0; 4]; t.size[0] as usize * t.size[1] as usize];
+    let optional = |image: Option<&lightskin::gpu::Image>| -> Result<Vec<[f32; 4]>> {
+        Ok(image.map(|image| gpu.read_image(image)).transpose()?.unwrap_or_else(dark))
     };
-    let broken = [&direct, &diffuse, &glossy].into_iter().flatten().map(|p| broken_values(&p[..3])).sum();
-
-    let is_exr = args.out.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
-    if !is_exr && args.layer.is_none() {
-        let rgba: Vec<u8> = gpu.read_image(&t.output)?;
-        write_png(&args.out, w, h, &rgba)?;
-        return Ok(broken);
-    }
-    let layer = |which: LayerArg| -> Result<Vec<[f32; 4]>> {
-        Ok(match which {
-            LayerArg::Color => add(&direct, &add(&diffuse, &glossy)),
-            LayerArg::Direct => direct.clone(),
-            LayerArg::Indirect => add(&diffuse, &glossy),
-            LayerArg::IndirectDiffuse => diffuse.clone(),
-            LayerArg::IndirectGlossy => glossy.clone(),
-            LayerArg::Albedo => read_half(gpu, &t.albedo)?,
-            LayerArg::Normal => gpu.read_image(&t.normal)?,
-            LayerArg::Z => view_depth(&gpu.read_image::<f32>(&t.depth)?, view, t.size),
-        })
-    };
-    if is_exr {
-        let layers = match args.layer {
-            Some(which) => vec![Layer::rgb("", &layer(which)?)],
-            None => vec![
-                Layer::rgb("", &layer(LayerArg::Color)?),
-                Layer::rgb("direct", &direct),
-                Layer::rgb("indirect.diffuse", &diffuse),
-                Layer::rgb("indirect.glossy", &glossy),
-                Layer::rgb("albedo", &layer(LayerArg::Albedo)?),
-                Layer::of("normal", &["X", "Y", "Z"], &layer(LayerArg::Normal)?),
-                Layer::of("", &["Z"], &layer(LayerArg::Z)?),
-            ],
-        };
-        write_exr(&args.out, w, h, &layers, &report.metadata(ev))?;
-    } else if let Some(which) = args.layer {
-        let shown: Vec<u8> = layer(which)?.iter().flat_map(|p| display(which, *p, args.tonemap, ev)).collect();
-        write_png(&args.out, w, h, &shown)?;
-    }
-    Ok(broken)
-}
-
-/// A layer's value as sRGB bytes: radiance as the picture is shown, others so that they can be looked at.
-fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> [u8; 4] {
-    let v = DVec3::new(p[0].into(), p[1].into(), p[2].into());
-    let srgb = match which {
-        LayerArg::Albedo => tonemap::srgb_from_linear(v.clamp(DVec3::ZERO, DVec3::ONE)),
-        LayerArg::Normal => v * 0.5 + 0.5,
-        LayerArg::Z => DVec3::splat(1.0 / (1.0 + v.x.max(0.0))),
-        _ => {
-            let exposed = v.max(DVec3::ZERO) * (f64::from(-ev).exp2() / 1.2);
-            let mapped = match curve {
-                TonemapArg::PbrNeutral => tonemap::pbr_neutral(exposed),
-                TonemapArg::Agx => tonemap::agx(exposed),
-                TonemapArg::Aces => tonemap::aces(exposed),
-                TonemapArg::Linear => tonemap::linear(exposed),
-            };
-            tonemap::srgb_from_linear(mapped.clamp(DVec3::ZERO, DVec3::ONE))
-        }
-    };
-    let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-    [byte(srgb.x), byte(srgb.y), byte(srgb.z), 255]
+    Ok(Layers {
+        size: t.size,
+        direct: gpu.read_image(&t.direct)?,
+        diffuse: optional(t.indirect.as_ref().map(|i| &i.diffuse))?,
+        glossy: optional(t.indirect.as_ref().and_then(|i| i.glossy.as_ref()))?,
+        albedo: read_half(gpu, &t.albedo)?,
+        normal: gpu.read_image(&t.normal)?,
+        depth: view_depth(&gpu.read_image::<f32>(&t.depth)?, view, t.size),
+    })
 }
 
 /// RGBA16F texels as f32.

@@ -15,6 +15,8 @@ pub mod interpolate;
 pub mod light;
 /// One diffuse bounce by random sampling: the truth behind the VALs.
 pub mod monte_carlo;
+/// Light paths drawn at random: the truth behind all of it.
+pub mod path_trace;
 /// Diffuse and modified Phong reflection.
 pub mod phong;
 /// A primary light's view of the scene to VALs, stage 4.
@@ -23,3 +25,5 @@ pub mod rsm;
 pub mod tonemap;
 /// Triangles and the nearest one along a ray.
 pub mod triangle;
+/// Rays against a whole scene.
+pub mod world;

@@ -2,6 +2,8 @@
 
 use glam::{DMat3, DVec3};
 
+use super::gather::luminance;
+
 /// No curve: clamps to what the display shows.
 pub fn linear(color: DVec3) -> DVec3 {
     color.clamp(DVec3::ZERO, DVec3::ONE)
@@ -110,4 +112,16 @@ pub fn srgb_from_linear(color: DVec3) -> DVec3 {
 /// Linear colour of an sRGB-encoded one in [0, 1] (IEC 61966-2-1).
 pub fn linear_from_srgb(color: DVec3) -> DVec3 {
     color.map(|v| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) })
+}
+
+/// Exposure value at ISO 100 that makes the log-average luminance of `radiance` [cd/m^2] middle grey. Black takes no
+/// part; what is darker than a 32nd of the mean counts as this. 0 for an all-black picture.
+pub fn automatic_ev(radiance: impl Iterator<Item = DVec3> + Clone) -> f64 {
+    let lit = radiance.map(luminance).filter(|l| *l > 0.0);
+    let count = lit.clone().count() as f64;
+    if count == 0.0 {
+        return 0.0;
+    }
+    let darkest = lit.clone().sum::<f64>() / count / 32.0;
+    lit.map(|l| l.max(darkest).log2()).sum::<f64>() / count - (1.2 * 0.18_f64).log2()
 }

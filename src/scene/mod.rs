@@ -6,6 +6,7 @@
 mod accessor;
 pub mod build;
 pub mod defaults;
+mod fingerprint;
 pub mod gltf;
 mod json;
 pub mod material;

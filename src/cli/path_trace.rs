@@ -1,0 +1,194 @@
+//! `lightskin render --gi path-trace`: the reference picture, with progress, a noise estimate and samples that are kept.
+
+use super::picture::{LayerArg, Layers, TonemapArg};
+use anyhow::{Result, bail};
+use clap::{Args, ValueEnum};
+use glam::DVec3;
+use indicatif::{ProgressBar, ProgressStyle};
+use lightskin::kept;
+use lightskin::reference::path_trace::{PathTrace, Settings, Sources};
+use lightskin::reference::tonemap;
+use lightskin::scene::{Camera, Scene};
+use std::io::IsTerminal;
+use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+/// How often samples are put into the kept file: what a crash can cost.
+const SAVE_EVERY: Duration = Duration::from_secs(20);
+
+#[derive(Args)]
+#[command(next_help_heading = "With --gi path-trace")]
+pub(super) struct PathTraceArgs {
+    /// Samples per pixel, rounded up to whole passes of 16. Samples are kept: a run that was interrupted goes on, and a
+    /// larger N refines.
+    #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
+    spp: u32,
+    /// Stop before --spp when the mean relative standard error of indirect light is down to this.
+    #[arg(long, value_name = "SHARE", value_parser = super::positive)]
+    noise: Option<f64>,
+    /// Indirect bounces; 0 is direct light alone.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    bounces: u32,
+    /// Let one bounce of indirect light pass through everything: what brute force converges to.
+    #[arg(long)]
+    no_visibility: bool,
+    /// Let all bounces reflect glossily, and not the last one alone.
+    #[arg(long)]
+    glossy_bounces: bool,
+    /// Where light comes from.
+    #[arg(long, value_enum, default_value_t)]
+    sources: SourcesArg,
+    /// Another seed gives another noise.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    seed: u32,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
+enum SourcesArg {
+    /// Punctual lights, as the engine has it: surfaces that emit show, and light nothing.
+    #[default]
+    Punctual,
+    /// Surfaces that emit.
+    Surfaces,
+    /// Both.
+    All,
+}
+
+/// Where the picture goes and how it is shown.
+pub(super) struct Picture<'a> {
+    pub(super) out: &'a Path,
+    pub(super) size: [u32; 2],
+    pub(super) layer: Option<LayerArg>,
+    pub(super) tonemap: TonemapArg,
+    pub(super) ev: Option<f32>,
+}
+
+impl PathTraceArgs {
+    fn settings(&self, size: [u32; 2]) -> Result<Settings> {
+        if self.no_visibility && (self.bounces > 1 || self.sources != SourcesArg::Punctual) {
+            bail!("--no-visibility knows one bounce of punctual lights: drop --bounces and --sources");
+        }
+        Ok(Settings {
+            size,
+            bounces: self.bounces,
+            visibility: !self.no_visibility,
+            glossy_bounces: self.glossy_bounces,
+            sources: match self.sources {
+                SourcesArg::Punctual => Sources::Punctual,
+                SourcesArg::Surfaces => Sources::Surfaces,
+                SourcesArg::All => Sources::All,
+            },
+            seed: self.seed,
+        })
+    }
+}
+
+pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture: &Picture<'_>) -> Result<()> {
+    let settings = args.settings(picture.size)?;
+    let mut trace = PathTrace::new(scene, camera, &settings);
+    let file: Option<PathBuf> = kept::folder().map(|folder| trace.kept_in(&folder));
+    let resumed = file.as_ref().is_some_and(|file| trace.resume(file));
+    let before = trace.samples();
+    if resumed {
+        log::info!("{before} samples per pixel were kept");
+    }
+
+    static STOP: AtomicBool = AtomicBool::new(false);
+    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed))?;
+    let bar =
+        if std::io::stderr().is_terminal() { ProgressBar::new(u64::from(args.spp)) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {pos}/{len} samples  {msg}  {elapsed} of {duration}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar.set_position(u64::from(before));
+    bar.reset_eta();
+
+    let start = Instant::now();
+    let mut saved = (Instant::now(), before);
+    let save = |trace: &PathTrace<'_>| {
+        if let Some(Err(error)) = file.as_ref().map(|file| trace.save(file)) {
+            log::warn!("the samples cannot be kept: {error}; point XDG_CACHE_HOME to a folder that can be written to");
+        }
+    };
+    let is_done = |trace: &PathTrace<'_>| {
+        // Direct light from punctual lights is exact without any sample.
+        let is_exact = settings.bounces == 0 && settings.sources == Sources::Punctual;
+        is_exact || trace.samples() >= args.spp || args.noise.is_some_and(|noise| trace.noise() <= noise)
+    };
+    while !is_done(&trace) && !STOP.load(Ordering::Relaxed) {
+        trace.pass();
+        bar.set_position(u64::from(trace.samples()));
+        bar.set_message(format!("noise {:.2} %", 100.0 * trace.noise()));
+        if saved.0.elapsed() > SAVE_EVERY {
+            save(&trace);
+            saved = (Instant::now(), trace.samples());
+        }
+    }
+    bar.finish_and_clear();
+    if trace.samples() > saved.1 {
+        save(&trace);
+    }
+    if !is_done(&trace) {
+        bail!("stopped at {} of {} samples per pixel; the same command goes on from there", trace.samples(), args.spp);
+    }
+    let time = start.elapsed();
+
+    let layers = layers(&trace, camera, picture.size);
+    let measured = tonemap::automatic_ev(
+        layers
+            .color()
+            .iter()
+            .map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()))
+            .collect::<Vec<_>>()
+            .into_iter(),
+    );
+    let ev = picture.ev.unwrap_or(measured as f32);
+    let noise = 100.0 * trace.noise();
+    let metadata = format!(
+        "scene {}; camera {}; path-traced, {} samples per pixel, noise {noise:.3} %; {settings:?}; EV {ev}",
+        scene.name,
+        camera.name,
+        trace.samples()
+    );
+    layers.write(picture.out, picture.layer, picture.tonemap, ev, &metadata)?;
+    say!(
+        "scene     {} ({} triangles, {} lights)",
+        scene.name,
+        super::thousands(scene.triangle_count()),
+        scene.lights.len()
+    );
+    say!(
+        "samples   {} per pixel ({before} were kept, {} made in {:.1} s)",
+        trace.samples(),
+        trace.samples() - before,
+        time.as_secs_f64()
+    );
+    if noise.is_finite() {
+        say!("noise     {noise:.3} % (mean relative standard error of indirect light)");
+    }
+    say!("exposure  EV {ev:.2}");
+    say!("picture   {}", picture.out.display());
+    match layers.broken() {
+        0 => Ok(()),
+        broken => bail!("{broken} values of the picture are negative or not finite; this is a bug of lightskin"),
+    }
+}
+
+fn layers(trace: &PathTrace<'_>, camera: &Camera, size: [u32; 2]) -> Layers {
+    let rgba = |texels: Vec<[f32; 3]>| texels.into_iter().map(|[r, g, b]| [r, g, b, 0.0]).collect::<Vec<_>>();
+    let surfaces = trace.surfaces();
+    let (eye, forward) = (camera.world_from_camera.translation, -camera.world_from_camera.matrix3.z_axis.normalize());
+    let seen = |value: &dyn Fn(&lightskin::reference::world::Surface) -> [f32; 4], nothing: f32| -> Vec<[f32; 4]> {
+        surfaces.iter().map(|s| s.as_ref().map_or([nothing; 4], value)).collect()
+    };
+    Layers {
+        size,
+        direct: rgba(trace.direct()),
+        diffuse: rgba(trace.diffuse()),
+        glossy: rgba(trace.glossy()),
+        albedo: seen(&|s| s.reflection.diffuse.as_vec3().extend(0.0).to_array(), 0.0),
+        normal: seen(&|s| s.normal.as_vec3().extend(0.0).to_array(), 0.0),
+        depth: seen(&|s| [(s.position - eye).dot(forward) as f32; 4], f32::INFINITY),
+    }
+}

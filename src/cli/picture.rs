@@ -1,0 +1,156 @@
+//! The picture of a render: layers, whoever made them, to PNG or EXR.
+
+use anyhow::Result;
+use clap::ValueEnum;
+use glam::DVec3;
+use lightskin::image::{Layer, broken_values, write_exr, write_png};
+use lightskin::reference::tonemap;
+use std::path::Path;
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub(super) enum TonemapArg {
+    /// Khronos PBR Neutral.
+    #[default]
+    PbrNeutral,
+    /// AgX.
+    Agx,
+    /// ACES.
+    Aces,
+    /// Clipping alone.
+    Linear,
+}
+
+/// Layers by the names they have in an EXR file.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+pub(super) enum LayerArg {
+    /// All radiance.
+    Color,
+    /// Emitted and directly reflected radiance.
+    Direct,
+    /// Both lobes of the indirect radiance.
+    Indirect,
+    /// Diffuse indirect radiance.
+    #[value(name = "indirect.diffuse")]
+    IndirectDiffuse,
+    /// Glossy indirect radiance.
+    #[value(name = "indirect.glossy")]
+    IndirectGlossy,
+    /// Diffuse albedo.
+    Albedo,
+    /// World-space shading normal.
+    Normal,
+    /// Distance [m] from the camera's plane.
+    #[value(name = "Z")]
+    Z,
+}
+
+/// What a picture consists of; RGBA or XYZ and a spare, row by row from the top.
+pub(super) struct Layers {
+    /// Picture [pixels].
+    pub(super) size: [u32; 2],
+    /// Emitted and directly reflected radiance.
+    pub(super) direct: Vec<[f32; 4]>,
+    /// Diffuse indirect radiance.
+    pub(super) diffuse: Vec<[f32; 4]>,
+    /// Glossy indirect radiance.
+    pub(super) glossy: Vec<[f32; 4]>,
+    /// Diffuse albedo.
+    pub(super) albedo: Vec<[f32; 4]>,
+    /// World-space shading normal.
+    pub(super) normal: Vec<[f32; 4]>,
+    /// Distance [m] from the camera's plane.
+    pub(super) depth: Vec<[f32; 4]>,
+}
+
+impl Layers {
+    /// Both lobes of the indirect radiance.
+    pub(super) fn indirect(&self) -> Vec<[f32; 4]> {
+        sum(&self.diffuse, &self.glossy)
+    }
+
+    /// All radiance.
+    pub(super) fn color(&self) -> Vec<[f32; 4]> {
+        sum(&self.direct, &self.indirect())
+    }
+
+    /// How many values no radiance can have.
+    pub(super) fn broken(&self) -> usize {
+        [&self.direct, &self.diffuse, &self.glossy].into_iter().flatten().map(|p| broken_values(&p[..3])).sum()
+    }
+
+    fn layer(&self, which: LayerArg) -> Vec<[f32; 4]> {
+        match which {
+            LayerArg::Color => self.color(),
+            LayerArg::Direct => self.direct.clone(),
+            LayerArg::Indirect => self.indirect(),
+            LayerArg::IndirectDiffuse => self.diffuse.clone(),
+            LayerArg::IndirectGlossy => self.glossy.clone(),
+            LayerArg::Albedo => self.albedo.clone(),
+            LayerArg::Normal => self.normal.clone(),
+            LayerArg::Z => self.depth.clone(),
+        }
+    }
+
+    /// Writes an EXR with all layers, or one alone as EXR or PNG; without one a PNG shows all radiance.
+    pub(super) fn write(
+        &self,
+        path: &Path,
+        which: Option<LayerArg>,
+        curve: TonemapArg,
+        ev: f32,
+        metadata: &str,
+    ) -> Result<()> {
+        let [w, h] = self.size;
+        if is_exr(path) {
+            let layers = match which {
+                Some(which) => vec![Layer::rgb("", &self.layer(which))],
+                None => vec![
+                    Layer::rgb("", &self.color()),
+                    Layer::rgb("direct", &self.direct),
+                    Layer::rgb("indirect.diffuse", &self.diffuse),
+                    Layer::rgb("indirect.glossy", &self.glossy),
+                    Layer::rgb("albedo", &self.albedo),
+                    Layer::of("normal", &["X", "Y", "Z"], &self.normal),
+                    Layer::of("", &["Z"], &self.depth),
+                ],
+            };
+            write_exr(path, w, h, &layers, metadata)?;
+        } else {
+            let which = which.unwrap_or(LayerArg::Color);
+            let shown: Vec<u8> = self.layer(which).iter().flat_map(|p| display(which, *p, curve, ev)).collect();
+            write_png(path, w, h, &shown)?;
+        }
+        Ok(())
+    }
+}
+
+/// Whether a file's name asks for OpenEXR.
+pub(super) fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"))
+}
+
+fn sum(a: &[[f32; 4]], b: &[[f32; 4]]) -> Vec<[f32; 4]> {
+    a.iter().zip(b).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2], 1.0]).collect()
+}
+
+/// A layer's value as sRGB bytes: radiance as the picture is shown, others so that they can be looked at.
+fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> [u8; 4] {
+    let v = DVec3::new(p[0].into(), p[1].into(), p[2].into());
+    let srgb = match which {
+        LayerArg::Albedo => tonemap::srgb_from_linear(v.clamp(DVec3::ZERO, DVec3::ONE)),
+        LayerArg::Normal => v * 0.5 + 0.5,
+        LayerArg::Z => DVec3::splat(1.0 / (1.0 + v.x.max(0.0))),
+        _ => {
+            let exposed = v.max(DVec3::ZERO) * (f64::from(-ev).exp2() / 1.2);
+            let mapped = match curve {
+                TonemapArg::PbrNeutral => tonemap::pbr_neutral(exposed),
+                TonemapArg::Agx => tonemap::agx(exposed),
+                TonemapArg::Aces => tonemap::aces(exposed),
+                TonemapArg::Linear => tonemap::linear(exposed),
+            };
+            tonemap::srgb_from_linear(mapped.clamp(DVec3::ZERO, DVec3::ONE))
+        }
+    };
+    let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
+    [byte(srgb.x), byte(srgb.y), byte(srgb.z), 255]
+}

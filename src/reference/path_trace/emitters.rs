@@ -1,0 +1,195 @@
+//! Where light comes from: punctual lights, and surfaces that emit. What arrives, and points drawn from them.
+
+use std::f64::consts::TAU;
+
+use glam::{DVec2, DVec3};
+
+use super::scatter::around;
+use crate::reference::gather::luminance;
+use crate::reference::light::{facing_irradiance, shine};
+use crate::reference::rsm::WIDEST_SPOT;
+use crate::reference::world::{Hit, Sides, Surface, World, emits};
+use crate::scene::{Light, LightKind};
+
+/// The lights of a world.
+pub(super) struct Emitters {
+    punctual: Vec<Beam>,
+    /// Running sums of the punctual lights' powers, the last one being 1.
+    chosen: Vec<f64>,
+    /// Triangles that emit: index into the world's, area [m^2].
+    surfaces: Vec<(usize, f64)>,
+    /// Running sums of their powers, the last one being 1.
+    surface_sums: Vec<f64>,
+    /// By triangle of the world: probability density [1/m^2] of a point on it.
+    surface_density: Vec<f64>,
+}
+
+/// A punctual light and the rays that leave it.
+struct Beam {
+    light: Light,
+    /// Unit axis.
+    axis: DVec3,
+    /// Cosine of the half angle that rays fill; of parallel light nothing.
+    least_cosine: f64,
+    /// Centre and radius [m] of the disc square to the axis that parallel rays fill.
+    disc: (DVec3, f64),
+    /// Probability of being chosen.
+    share: f64,
+}
+
+impl Emitters {
+    pub(super) fn new(world: &World<'_>, punctual: bool, surfaces: bool) -> Self {
+        let scene = world.scene();
+        let (low, high) = scene.bounds().unwrap_or_default();
+        let centre = 0.5 * (low + high);
+        let beam = |light: &Light| {
+            let least_cosine = match light.kind {
+                LightKind::Spot { outer, .. } => f64::from(outer).min(WIDEST_SPOT).cos(),
+                _ => -1.0,
+            };
+            let axis = if light.kind == LightKind::Point { DVec3::Z } else { shine(light) };
+            let disc = (centre - 2.0 * world.radius * axis, world.radius);
+            Beam { light: light.clone(), axis, least_cosine, disc, share: 0.0 }
+        };
+        let mut beams: Vec<Beam> = if punctual { scene.lights.iter().map(beam).collect() } else { Vec::new() };
+        let powers: Vec<f64> = beams.iter().map(Beam::power).collect();
+        let chosen = running_shares(&powers);
+        for (i, beam) in beams.iter_mut().enumerate() {
+            beam.share = chosen[i] - if i > 0 { chosen[i - 1] } else { 0.0 };
+        }
+
+        let shining: Vec<bool> = scene.materials.iter().map(|m| surfaces && emits(scene, m)).collect();
+        let mut list = Vec::new();
+        let mut powers = Vec::new();
+        for (index, (_, [u, v], material)) in world.placed().enumerate() {
+            let area = 0.5 * u.cross(v).length();
+            if shining[material] && area > 0.0 {
+                list.push((index, area));
+                powers.push(area * luminance(scene.materials[material].emissive.as_dvec3()));
+            }
+        }
+        let surface_sums = running_shares(&powers);
+        let mut surface_density = Vec::new();
+        if !list.is_empty() {
+            surface_density = vec![0.0; world.placed().count()];
+            let total: f64 = powers.iter().sum();
+            for ((index, area), power) in list.iter().zip(&powers) {
+                surface_density[*index] = power / total / area;
+            }
+        }
+        Self { punctual: beams, chosen, surfaces: list, surface_sums, surface_density }
+    }
+
+    /// Whether surfaces emit.
+    pub(super) fn has_surfaces(&self) -> bool {
+        !self.surfaces.is_empty()
+    }
+
+    /// Reflection of the punctual lights at a point: `sum reflected(w_i) E_i V_i`, where `reflected` is BRDF times
+    /// cosine [1/sr]; and the density [1/m^2] with which rays of the lights find the point. The light that is `known` to
+    /// reach it needs no ray.
+    pub(super) fn direct(
+        &self,
+        world: &World<'_>,
+        position: DVec3,
+        geometric: DVec3,
+        known: Option<usize>,
+        reflected: impl Fn(DVec3) -> DVec3,
+    ) -> (DVec3, f64) {
+        let (mut sum, mut density) = (DVec3::ZERO, 0.0);
+        for (index, beam) in self.punctual.iter().enumerate() {
+            let (facing, towards) = facing_irradiance(&beam.light, position);
+            let cosine = geometric.dot(towards);
+            if facing == DVec3::ZERO || cosine <= 0.0 {
+                continue;
+            }
+            let blocked = match beam.light.kind {
+                _ if known == Some(index) => false,
+                LightKind::Directional => world.blocked_within(position, towards, f64::INFINITY),
+                _ => world.blocked(position, beam.light.position),
+            };
+            if !blocked {
+                sum += reflected(towards) * facing;
+                density += beam.share * beam.density(position, cosine, -towards);
+            }
+        }
+        (sum, density)
+    }
+
+    /// A light, and the surface that one of its rays meets first; `u` is uniform in the unit cube.
+    pub(super) fn lit_surface(&self, world: &World<'_>, u: DVec3) -> Option<(usize, Surface)> {
+        let light = choose(&self.chosen, u.z)?;
+        let (origin, direction) = self.punctual[light].ray(DVec2::new(u.x, u.y));
+        Some((light, world.surface(&world.nearest(origin, direction, Sides::Both)?)))
+    }
+
+    /// A point of a surface that emits, and its density [1/m^2]; `u` is uniform in the unit cube.
+    pub(super) fn surface_point(&self, world: &World<'_>, u: DVec3) -> Option<(Surface, f64)> {
+        let (index, _) = self.surfaces[choose(&self.surface_sums, u.z)?];
+        let root = u.x.sqrt();
+        let weights = DVec2::new(root * (1.0 - u.y), root * u.y);
+        Some((world.front_at(index, weights), self.surface_density[index]))
+    }
+
+    /// Density [1/m^2] of a point of an emitting surface that a ray has hit.
+    pub(super) fn surface_density(&self, world: &World<'_>, hit: &Hit) -> f64 {
+        self.surface_density.get(world.index(hit)).copied().unwrap_or(0.0)
+    }
+}
+
+impl Beam {
+    /// Flux [lm] that leaves, or through the disc; steers choices only.
+    fn power(&self) -> f64 {
+        let full = luminance(self.light.color.as_dvec3()) * f64::from(self.light.intensity);
+        match self.light.kind {
+            LightKind::Directional => full * 0.5 * TAU * self.disc.1.powi(2),
+            _ => full * TAU * (1.0 - self.least_cosine),
+        }
+    }
+
+    /// Origin [m] and unit direction of a ray, uniform over cone, sphere or disc.
+    fn ray(&self, u: DVec2) -> (DVec3, DVec3) {
+        if self.light.kind == LightKind::Directional {
+            let (right, up) = self.axis.any_orthonormal_pair();
+            let (y, x) = (TAU * u.y).sin_cos();
+            let r = self.disc.1 * u.x.sqrt();
+            return (self.disc.0 + r * (x * right + y * up), self.axis);
+        }
+        let cosine = 1.0 - u.x * (1.0 - self.least_cosine);
+        (self.light.position, around(self.axis, cosine, u.y))
+    }
+
+    /// Density [1/m^2] with which a ray meets a visible point whose normal makes `cosine` with the light.
+    fn density(&self, position: DVec3, cosine: f64, direction: DVec3) -> f64 {
+        if self.light.kind == LightKind::Directional {
+            return cosine / (0.5 * TAU * self.disc.1.powi(2));
+        }
+        if self.axis.dot(direction) < self.least_cosine {
+            return 0.0;
+        }
+        let per_solid_angle = 1.0 / (TAU * (1.0 - self.least_cosine));
+        per_solid_angle * cosine / self.light.position.distance_squared(position)
+    }
+}
+
+/// Running sums of shares of the whole; empty where there is nothing.
+fn running_shares(powers: &[f64]) -> Vec<f64> {
+    let total: f64 = powers.iter().sum();
+    if total <= 0.0 {
+        return vec![0.0; powers.len()];
+    }
+    let mut sum = 0.0;
+    powers
+        .iter()
+        .map(|power| {
+            sum += power / total;
+            sum
+        })
+        .collect()
+}
+
+/// The index whose share `u` in [0, 1) falls into.
+fn choose(sums: &[f64], u: f64) -> Option<usize> {
+    let last = *sums.last()?;
+    (last > 0.0).then(|| sums.partition_point(|sum| *sum <= u * last))
+}

@@ -1,0 +1,69 @@
+//! Keeps samples in a file, so that an interrupted picture goes on and a finished one can be refined.
+//!
+//! Little-endian: magic, version, the key, number of samples, the pixels' sums, and a blake3 hash of all before it.
+
+use std::path::{Path, PathBuf};
+
+use super::{PASS_SAMPLES, PathTrace, Pixel, Settings};
+use crate::kept;
+use crate::scene::{Camera, Scene};
+
+const MAGIC: [u8; 8] = *b"LSKTRACE";
+
+/// Of the format and of the algorithm: counted up when either changes what the samples are.
+const VERSION: u32 = 1;
+
+/// Magic, version, key, samples.
+const HEADER: usize = 8 + 4 + 32 + 4;
+
+/// Hash of all that samples depend on.
+pub(super) fn key(scene: &Scene, camera: &Camera, settings: &Settings) -> [u8; 32] {
+    let mut hasher = blake3::Hasher::new();
+    hasher.update(scene.fingerprint().as_bytes());
+    hasher.update(format!("{camera:?} {settings:?}").as_bytes());
+    *hasher.finalize().as_bytes()
+}
+
+impl PathTrace<'_> {
+    /// The file in a folder that samples of this picture are kept in.
+    pub fn kept_in(&self, folder: &Path) -> PathBuf {
+        folder.join(format!("{}.samples", blake3::Hash::from(self.key).to_hex()))
+    }
+
+    /// Writes the samples so far.
+    ///
+    /// # Errors
+    /// When the file cannot be written; nothing half-written is left behind.
+    pub fn save(&self, path: &Path) -> std::io::Result<()> {
+        let mut bytes = Vec::with_capacity(HEADER + size_of_val(self.pixels.as_slice()) + 32);
+        bytes.extend_from_slice(&MAGIC);
+        bytes.extend_from_slice(&VERSION.to_le_bytes());
+        bytes.extend_from_slice(&self.key);
+        bytes.extend_from_slice(&self.samples.to_le_bytes());
+        let numbers: &[f64] = bytemuck::cast_slice(&self.pixels);
+        numbers.iter().for_each(|number| bytes.extend_from_slice(&number.to_le_bytes()));
+        bytes.extend_from_slice(blake3::hash(&bytes).as_bytes());
+        kept::write(path, &bytes)
+    }
+
+    /// Takes over the samples in a file, if there is one, whole and of this picture; says whether.
+    pub fn resume(&mut self, path: &Path) -> bool {
+        let Ok(bytes) = std::fs::read(path) else { return false };
+        let Some((content, hash)) = bytes.split_last_chunk::<32>() else { return false };
+        let Some((header, numbers)) = content.split_at_checked(HEADER) else { return false };
+        let samples = u32::from_le_bytes(header[HEADER - 4..].try_into().expect("four bytes"));
+        let known = header[..8] == MAGIC && header[8..12] == VERSION.to_le_bytes() && header[12..44] == self.key;
+        let sound = numbers.len() == size_of_val(self.pixels.as_slice())
+            && samples.is_multiple_of(PASS_SAMPLES)
+            && blake3::hash(content).as_bytes() == hash;
+        if !known || !sound {
+            log::debug!("{}: damaged or of another picture, starting anew", path.display());
+            return false;
+        }
+        let values: Vec<f64> =
+            numbers.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight bytes"))).collect();
+        self.pixels = bytemuck::cast_slice::<f64, Pixel>(&values).to_vec();
+        self.samples = samples;
+        true
+    }
+}

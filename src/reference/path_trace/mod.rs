@@ -1,0 +1,388 @@
+//! The truth that the engine is held against: light paths drawn at random over the same scene, materials, lights and
+//! camera, without caches, VALs, proxies or interpolation. METHOD 0, Veach 1997.
+//!
+//! Each vertex of a path draws a direction from its surface's lobes and a point from the lights' own rays, weighted by
+//! the balance heuristic. Pixels are looked at through their centres, as the engine does. Sequences are Owen-scrambled
+//! Sobol points: two per pixel, for even and odd passes, so that their difference tells the noise.
+
+mod emitters;
+mod file;
+mod scatter;
+
+use std::f64::consts::PI;
+
+use glam::{DVec2, DVec3};
+use rayon::prelude::*;
+use sobol_burley::sample_4d;
+
+use super::gather::luminance;
+use super::world::{Hit, Sides, Surface, World};
+use crate::scene::{Camera, Projection, Scene};
+use emitters::Emitters;
+use scatter::Scatter;
+
+/// Samples per pixel of a pass.
+pub const PASS_SAMPLES: u32 = 16;
+
+/// Length of a Sobol sequence; then a new scramble begins.
+const SEQUENCE: u32 = 1 << 16;
+
+/// Which light paths are followed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Picture [pixels].
+    pub size: [u32; 2],
+    /// Indirect bounces: 0 for direct light alone, 1 for what the method computes.
+    pub bounces: u32,
+    /// Whether things are in the way of indirect light; without, one bounce is the limit of infinitely many VALs.
+    pub visibility: bool,
+    /// Whether bounces before the last one also reflect glossily; the method's are diffuse.
+    pub glossy_bounces: bool,
+    /// Where light comes from.
+    pub sources: Sources,
+    /// Another seed, another noise.
+    pub seed: u32,
+}
+
+/// Where light comes from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sources {
+    /// Punctual lights; surfaces that emit show, and light nothing.
+    Punctual,
+    /// Surfaces that emit.
+    Surfaces,
+    /// Both.
+    All,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        Self {
+            size: [1280, 720],
+            bounces: 1,
+            visibility: true,
+            glossy_bounces: false,
+            sources: Sources::Punctual,
+            seed: 0,
+        }
+    }
+}
+
+/// A picture that grows more exact with every pass.
+pub struct PathTrace<'a> {
+    world: World<'a>,
+    emitters: Emitters,
+    settings: Settings,
+    camera: &'a Camera,
+    /// Hash of all that the samples depend on.
+    key: [u8; 32],
+    pixels: Vec<Pixel>,
+    samples: u32,
+}
+
+/// What is known of one pixel.
+#[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Pixel {
+    /// Sum over samples of directly reflected radiance from surfaces that emit.
+    direct: [f64; 3],
+    /// Sum over samples of the diffuse lobe's indirect radiance.
+    diffuse: [f64; 3],
+    /// The same of the glossy lobe.
+    glossy: [f64; 3],
+    /// Sum of luminance over the even passes.
+    half: f64,
+}
+
+/// Radiance [cd/m^2] of one sample or of many.
+#[derive(Clone, Copy, Default)]
+struct Radiance {
+    direct: DVec3,
+    diffuse: DVec3,
+    glossy: DVec3,
+}
+
+impl<'a> PathTrace<'a> {
+    /// Prepares a picture without samples. Panics on settings that have no meaning: more than one bounce, or surfaces
+    /// as sources, without visibility.
+    pub fn new(scene: &'a Scene, camera: &'a Camera, settings: &Settings) -> Self {
+        assert!(
+            settings.visibility || (settings.bounces <= 1 && settings.sources == Sources::Punctual),
+            "without visibility there is one bounce of punctual lights"
+        );
+        let world = World::new(scene);
+        let punctual = settings.sources != Sources::Surfaces;
+        let emitters = Emitters::new(&world, punctual, settings.sources != Sources::Punctual);
+        let pixels = vec![Pixel::default(); settings.size[0] as usize * settings.size[1] as usize];
+        let key = file::key(scene, camera, settings);
+        Self { world, emitters, settings: *settings, camera, key, pixels, samples: 0 }
+    }
+
+    /// Adds [`PASS_SAMPLES`] samples to every pixel, on all cores.
+    pub fn pass(&mut self) {
+        let pass = self.samples / PASS_SAMPLES;
+        let (half, first) = (pass % 2, pass / 2 * PASS_SAMPLES);
+        let mut pixels = std::mem::take(&mut self.pixels);
+        pixels.par_iter_mut().enumerate().with_min_len(64).for_each(|(index, pixel)| {
+            let Some((surface, direction)) = self.seen(index) else { return };
+            let scatter = Scatter::new(&surface, direction);
+            let mut sum = Radiance::default();
+            for sample in first..first + PASS_SAMPLES {
+                sum.add(&self.sample(&scatter, mix(index as u32 ^ mix(half)), sample));
+            }
+            let add = |to: &mut [f64; 3], sum: DVec3| *to = (DVec3::from(*to) + sum).to_array();
+            add(&mut pixel.direct, sum.direct);
+            add(&mut pixel.diffuse, sum.diffuse);
+            add(&mut pixel.glossy, sum.glossy);
+            if half == 0 {
+                pixel.half += luminance(sum.direct + sum.diffuse + sum.glossy);
+            }
+        });
+        self.pixels = pixels;
+        self.samples += PASS_SAMPLES;
+    }
+
+    /// Samples per pixel so far.
+    pub fn samples(&self) -> u32 {
+        self.samples
+    }
+
+    /// Relative standard error of the sampled radiance, mean over the pixels that have any: from the difference between
+    /// even and odd passes, whose sequences know nothing of one another. 1 % of the mean is added to each pixel's
+    /// radiance, so that nearly black ones do not count as noise. Infinite before the second pass.
+    pub fn noise(&self) -> f64 {
+        let passes = self.samples / PASS_SAMPLES;
+        if passes < 2 {
+            return f64::INFINITY;
+        }
+        let (even, odd) = (f64::from(passes.div_ceil(2)), f64::from(passes / 2));
+        let total = |p: &Pixel| luminance(DVec3::from(p.direct) + DVec3::from(p.diffuse) + DVec3::from(p.glossy));
+        let lit: Vec<(f64, f64)> = self.pixels.iter().map(|p| (total(p), p.half)).filter(|p| p.0 > 0.0).collect();
+        let floor = 0.01 * lit.iter().map(|p| p.0).sum::<f64>() / lit.len().max(1) as f64;
+        // Of two normal numbers of deviation s the mean absolute difference is 2 s / sqrt(pi); their mean deviates by
+        // s / sqrt(2).
+        let error = |(total, half): &(f64, f64)| {
+            let difference = (half / even - (total - half) / odd).abs();
+            (PI / 8.0).sqrt() * difference * f64::from(passes) / (total + floor)
+        };
+        lit.iter().map(error).sum::<f64>() / lit.len().max(1) as f64
+    }
+
+    /// Emitted and directly reflected radiance [cd/m^2], row by row from the top.
+    pub fn direct(&self) -> Vec<[f32; 3]> {
+        let sampled = self.mean(|pixel| pixel.direct);
+        let exact = |(index, sampled): (usize, [f32; 3])| {
+            let Some((surface, direction)) = self.seen(index) else { return [0.0; 3] };
+            let scatter = Scatter::new(&surface, direction);
+            let (light, _) = self
+                .emitters
+                .direct(&self.world, surface.position, surface.geometric, None, |towards| scatter.reflected(towards));
+            (surface.emission + light + DVec3::from(sampled.map(f64::from))).as_vec3().to_array()
+        };
+        sampled.into_par_iter().enumerate().map(exact).collect()
+    }
+
+    /// Indirect radiance [cd/m^2] of the diffuse lobe, row by row from the top.
+    pub fn diffuse(&self) -> Vec<[f32; 3]> {
+        self.mean(|pixel| pixel.diffuse)
+    }
+
+    /// Indirect radiance [cd/m^2] of the glossy lobe, row by row from the top.
+    pub fn glossy(&self) -> Vec<[f32; 3]> {
+        self.mean(|pixel| pixel.glossy)
+    }
+
+    /// Surface that each pixel's centre shows, row by row from the top.
+    pub fn surfaces(&self) -> Vec<Option<Surface>> {
+        (0..self.pixels.len()).into_par_iter().map(|index| self.seen(index).map(|seen| seen.0)).collect()
+    }
+
+    /// Whether each pixel's centre shows a surface.
+    pub fn covered(&self) -> Vec<bool> {
+        (0..self.pixels.len()).into_par_iter().map(|index| self.hit(index).is_some()).collect()
+    }
+
+    fn mean(&self, sum: impl Fn(&Pixel) -> [f64; 3]) -> Vec<[f32; 3]> {
+        let share = 1.0 / f64::from(self.samples.max(1));
+        self.pixels.iter().map(|pixel| sum(pixel).map(|s| (s * share) as f32)).collect()
+    }
+
+    fn seen(&self, index: usize) -> Option<(Surface, DVec3)> {
+        self.hit(index).map(|(hit, direction)| (self.world.surface(&hit), direction))
+    }
+
+    fn hit(&self, index: usize) -> Option<(Hit, DVec3)> {
+        let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
+        self.world.nearest(origin, direction, Sides::Front).map(|hit| (hit, direction))
+    }
+
+    fn sample(&self, seen: &Scatter, seed: u32, sample: u32) -> Radiance {
+        let mut radiance = Radiance::default();
+        let seed = mix(seed ^ mix(self.settings.seed ^ mix(sample / SEQUENCE)));
+        for (lobe, seed, indirect) in [
+            (seen.diffuse(), seed, &mut radiance.diffuse),
+            (seen.glossy(), mix(seed ^ 0x5bd1_e995), &mut radiance.glossy),
+        ] {
+            if !lobe.is_black() {
+                radiance.direct += self.path(lobe, seed, sample % SEQUENCE, indirect);
+            }
+        }
+        radiance
+    }
+
+    /// Follows one path from a lobe of the surface that a pixel shows; adds its indirect radiance, and gives the direct
+    /// radiance from surfaces that emit.
+    fn path(&self, mut at: Scatter, seed: u32, sample: u32, indirect: &mut DVec3) -> DVec3 {
+        let (world, settings) = (&self.world, &self.settings);
+        let from_surfaces = self.emitters.has_surfaces();
+        let mut direct = DVec3::ZERO;
+        let mut throughput = DVec3::ONE;
+        for depth in 0..=settings.bounces {
+            let random = |set| sample_4d(sample, set, mix(seed.wrapping_add(depth))).map(f64::from);
+            let is_last = depth == settings.bounces;
+            if is_last && !from_surfaces {
+                break;
+            }
+            let layer = if depth == 0 { &mut direct } else { &mut *indirect };
+            if from_surfaces {
+                *layer += throughput * self.from_surface_point(&at, random(1));
+            }
+            if !is_last {
+                *indirect += throughput * self.from_lit_surface(&at, random(2));
+            }
+
+            let [x, y, ..] = random(0);
+            let direction = at.sample(DVec2::new(x, y));
+            let density = at.density(direction);
+            let share = at.reflected(direction) / density;
+            if !(share.max_element() > 0.0 && share.is_finite()) {
+                break;
+            }
+            if !settings.visibility {
+                world.all(at.position, direction, |hit| {
+                    let next = self.bounce(&world.surface(&hit), direction);
+                    *indirect += throughput * share * self.lit(&next, direction, density, hit.distance);
+                });
+                break;
+            }
+            if at.geometric.dot(direction) <= 0.0 {
+                break;
+            }
+            let Some(hit) = world.nearest(at.position, direction, Sides::Both) else { break };
+            let surface = world.surface(&hit);
+            if from_surfaces {
+                let other = self.emitters.surface_density(world, &hit) * hit.distance.powi(2)
+                    / -surface.geometric.dot(direction);
+                let layer = if depth == 0 { &mut direct } else { &mut *indirect };
+                *layer += throughput * share * surface.emission * (density / (density + other));
+            }
+            if is_last {
+                break;
+            }
+            let next = self.bounce(&surface, direction);
+            *indirect += throughput * share * self.lit(&next, direction, density, hit.distance);
+            throughput *= share;
+            at = next;
+        }
+        direct
+    }
+
+    /// A surface where a path goes on.
+    fn bounce(&self, surface: &Surface, direction: DVec3) -> Scatter {
+        if self.settings.glossy_bounces {
+            return Scatter::new(surface, direction);
+        }
+        Scatter::new(&Surface { normal: surface.vertex_normal, ..*surface }, direction).diffuse()
+    }
+
+    /// Radiance of punctual lights reflected at `next` against the unit `direction`, in which a lobe's sample of this
+    /// `density` [1/sr] has found it `distance` [m] away: its share by the balance heuristic.
+    fn lit(&self, next: &Scatter, direction: DVec3, density: f64, distance: f64) -> DVec3 {
+        let reflected = |towards| next.reflected(towards);
+        let (light, other) = self.emitters.direct(&self.world, next.position, next.geometric, None, reflected);
+        let other = other * distance * distance / -next.geometric.dot(direction);
+        light * (density / (density + other))
+    }
+
+    /// Radiance by way of a surface that a light's own ray has found.
+    fn from_lit_surface(&self, at: &Scatter, random: [f64; 4]) -> DVec3 {
+        let world = &self.world;
+        let drawn = self.emitters.lit_surface(world, DVec3::new(random[0], random[1], random[2]));
+        let Some((light, surface)) = drawn else { return DVec3::ZERO };
+        let Some((towards, distance, cosine)) = facing(at.position, surface.position, surface.geometric) else {
+            return DVec3::ZERO;
+        };
+        let reflected = at.reflected(towards);
+        if reflected == DVec3::ZERO || (self.settings.visibility && at.geometric.dot(towards) <= 0.0) {
+            return DVec3::ZERO;
+        }
+        let next = self.bounce(&surface, towards);
+        let reflected_on = |towards| next.reflected(towards);
+        let (radiance, density) = self.emitters.direct(world, next.position, next.geometric, Some(light), reflected_on);
+        let own = density * distance * distance / cosine;
+        if own == 0.0 || (self.settings.visibility && world.blocked(at.position, surface.position)) {
+            return DVec3::ZERO;
+        }
+        reflected * radiance / (own + at.density(towards))
+    }
+
+    /// Radiance from a point of a surface that emits.
+    fn from_surface_point(&self, at: &Scatter, random: [f64; 4]) -> DVec3 {
+        let drawn = self.emitters.surface_point(&self.world, DVec3::new(random[0], random[1], random[2]));
+        let Some((surface, density)) = drawn else { return DVec3::ZERO };
+        let Some((towards, distance, cosine)) = facing(at.position, surface.position, surface.geometric) else {
+            return DVec3::ZERO;
+        };
+        let reflected = at.reflected(towards);
+        let behind = at.geometric.dot(towards) <= 0.0;
+        if reflected == DVec3::ZERO || behind || self.world.blocked(at.position, surface.position) {
+            return DVec3::ZERO;
+        }
+        let own = density * distance * distance / cosine;
+        reflected * surface.emission / (own + at.density(towards))
+    }
+}
+
+impl Radiance {
+    fn add(&mut self, other: &Self) {
+        self.direct += other.direct;
+        self.diffuse += other.diffuse;
+        self.glossy += other.glossy;
+    }
+}
+
+/// Unit direction and distance [m] to a point, and the cosine at its surface; `None` from behind or on the point.
+fn facing(from: DVec3, to: DVec3, normal: DVec3) -> Option<(DVec3, f64, f64)> {
+    let distance = from.distance(to);
+    let towards = (to - from) / distance;
+    let cosine = -normal.dot(towards);
+    (cosine > 0.0).then_some((towards, distance, cosine))
+}
+
+/// Origin [m] and unit direction of the ray through a pixel's centre; rows from the top.
+pub fn camera_ray(camera: &Camera, size: [u32; 2], index: usize) -> (DVec3, DVec3) {
+    let (w, h) = (size[0] as usize, f64::from(size[1]));
+    let at = DVec2::new((index % w) as f64 + 0.5, (index / w) as f64 + 0.5);
+    let place = DVec2::new((2.0 * at.x - w as f64) / h, 1.0 - 2.0 * at.y / h);
+    let pose = camera.world_from_camera;
+    let world = |v: DVec3| (pose.matrix3 * v).normalize();
+    match camera.projection {
+        Projection::Perspective { yfov } => {
+            let half = (0.5 * f64::from(yfov)).tan();
+            (pose.translation, world(DVec3::new(place.x * half, place.y * half, -1.0)))
+        }
+        Projection::Orthographic { ymag } => {
+            let half = f64::from(ymag);
+            (pose.transform_point3(DVec3::new(place.x * half, place.y * half, 0.0)), world(DVec3::NEG_Z))
+        }
+    }
+}
+
+/// A well-mixing permutation of 32 bits (Wang's hash as improved by Chris Wellons' search, `lowbias32`).
+fn mix(mut x: u32) -> u32 {
+    x ^= x >> 16;
+    x = x.wrapping_mul(0x7feb_352d);
+    x ^= x >> 15;
+    x = x.wrapping_mul(0x846c_a68b);
+    x ^ (x >> 16)
+}

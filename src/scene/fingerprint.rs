@@ -1,0 +1,33 @@
+//! A scene's content as a number: equal for equal scenes, different for different ones.
+
+use super::Scene;
+
+impl Scene {
+    /// Hash of everything that a picture of the scene depends on; not of its name or its notes.
+    pub fn fingerprint(&self) -> blake3::Hash {
+        let mut hasher = blake3::Hasher::new();
+        let mut add = |bytes: &[u8]| {
+            hasher.update(&(bytes.len() as u64).to_le_bytes());
+            hasher.update(bytes);
+        };
+        for mesh in &self.meshes {
+            add(bytemuck::cast_slice(&mesh.vertices));
+            add(bytemuck::cast_slice(&mesh.indices));
+            add(format!("{:?}", mesh.primitives).as_bytes());
+        }
+        for image in &self.images {
+            add(format!("{}x{}", image.width, image.height).as_bytes());
+            add(&image.rgba);
+        }
+        // Numbers are printed so that they read back as the same: nothing is lost in the text.
+        for text in [
+            format!("{:?}", self.materials),
+            format!("{:?}", self.instances),
+            format!("{:?}", self.lights),
+            format!("{:?}", self.cameras),
+        ] {
+            add(text.as_bytes());
+        }
+        hasher.finalize()
+    }
+}
