@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// A folder of this test's own, emptied.
-fn folder(name: &str) -> PathBuf {
+pub(crate) fn folder(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&path);
     fs::create_dir_all(&path).expect("a folder for the test");
@@ -27,14 +27,14 @@ fn text(bytes: &[u8]) -> String {
 }
 
 /// Runs the tool and wants success.
-fn works(folder: &Path, args: &[&str]) -> String {
+pub(crate) fn works(folder: &Path, args: &[&str]) -> String {
     let out = lightskin(folder, args);
     assert!(out.status.success(), "{args:?}: {}{}", text(&out.stdout), text(&out.stderr));
     text(&out.stdout)
 }
 
 /// Runs the tool and wants one line of error that holds all of `parts`, and this exit code.
-fn fails(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
+pub(crate) fn fails(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
     let out = lightskin(folder, args);
     let message = text(&out.stderr);
     assert_eq!(out.status.code(), Some(code), "{args:?}: {message}");
@@ -49,7 +49,7 @@ fn fails(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
 }
 
 /// Files in a folder besides the kept bakes.
-fn left(folder: &Path) -> Vec<String> {
+pub(crate) fn left(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).expect("folder");
     let mut names: Vec<_> = entries.map(|e| e.expect("entry").file_name().to_string_lossy().into_owned()).collect();
     names.retain(|n| n != "cache");

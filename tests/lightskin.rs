@@ -6,6 +6,7 @@ mod bake;
 mod cli;
 mod common;
 mod energy;
+mod eval;
 mod frame;
 mod gather;
 mod generated;
