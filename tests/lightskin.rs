@@ -5,6 +5,7 @@ mod analytic;
 mod bake;
 mod cli;
 mod common;
+mod compare;
 mod energy;
 mod eval;
 mod frame;

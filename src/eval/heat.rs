@@ -24,7 +24,8 @@ impl Scale {
 impl std::fmt::Display for Scale {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            Self::Linear(most) => write!(f, "from 0 (black) to {most} (light yellow), linear"),
+            // As an f32: seven digits are enough to read.
+            Self::Linear(most) => write!(f, "from 0 (black) to {} (light yellow), linear", *most as f32),
             Self::Log(least, most) => write!(f, "from {least:e} (black) to {most} (light yellow), logarithmic"),
         }
     }
