@@ -13,7 +13,7 @@ fn small() -> Scene {
 
 fn eval(at: &Path, more: &[&str]) -> String {
     let args = ["eval", "box.glb", "-o", "report", "--quick", "--size", "32x18", "--spp", "16", "--frames", "1"];
-    works(at, &[&args, more].concat())
+    works(at, &[&args, &["--max-edge", "0"][..], more].concat())
 }
 
 /// How many points were measured, and how many were kept.

@@ -45,13 +45,16 @@ impl<'a> Figures<'a> {
         (0..knob.values.len()).map(|value| self.row(&knob.set(&self.job.sweep.base, value))).collect()
     }
 
-    /// What sets a point apart from the default.
+    /// What sets a point apart from the default; brute force is named as such.
     pub fn name(&self, row: &Row) -> String {
+        if row.knob("gi") == Some("brute-force") {
+            return format!("brute force, rsm {}", row.knob("rsm").unwrap_or("?"));
+        }
         let base = self.results.rows.first();
         let differs = |(name, value): &&(String, String)| base.and_then(|b| b.knob(name)) != Some(value.as_str());
-        let parts: Vec<String> =
-            row.knobs.iter().filter(differs).map(|(name, value)| format!("{name} {value}")).collect();
-        if parts.is_empty() { "default".into() } else { parts.join(", ") }
+        let apart = row.knobs.iter().filter(differs).map(|(name, value)| format!("{name} {value}"));
+        let apart: Vec<String> = apart.collect();
+        if apart.is_empty() { "default".into() } else { apart.join(", ") }
     }
 
     /// Name of the device; a software device is called one.

@@ -50,24 +50,7 @@ pub struct Mark {
     pub label: String,
 }
 
-/// Colours hold a contrast of 3 : 1 on either ground and differ for colour-blind eyes (after Okabe and Ito).
-const STYLE: &str = "<style>\
-.pl-bg{fill:#fff}.pl-grid{stroke:#dfe3e8;stroke-width:1}.pl-minor{stroke:#f0f2f5;stroke-width:1}\
-.pl-frame{fill:none;stroke:#7d858f}.pl-t{fill:#23272e;font:12px system-ui,-apple-system,'DejaVu Sans',sans-serif}\
-.pl-label{stroke:#fff;stroke-width:3px;paint-order:stroke}.pl-h{font-weight:600;font-size:14px}.pl-line{fill:none;stroke-width:1.8}.pl-mark{stroke-width:1}\
-.pl-front{fill:none;stroke:#23272e;stroke-width:1.2;stroke-dasharray:5 4}.pl-ring{fill:none;stroke:#23272e;stroke-width:1.4}\
-.pl-c0{stroke:#0072b2}.pl-c1{stroke:#d55e00}.pl-c2{stroke:#008f68}.pl-c3{stroke:#b0518a}.pl-c4{stroke:#8a6d00}\
-.pl-c5{stroke:#5b6ee0}.pl-c6{stroke:#767e88}.pl-c7{stroke:#a33b3b}\
-.pl-c0.pl-mark{fill:#0072b2}.pl-c1.pl-mark{fill:#d55e00}.pl-c2.pl-mark{fill:#008f68}.pl-c3.pl-mark{fill:#b0518a}\
-.pl-c4.pl-mark{fill:#8a6d00}.pl-c5.pl-mark{fill:#5b6ee0}.pl-c6.pl-mark{fill:#767e88}.pl-c7.pl-mark{fill:#a33b3b}\
-@media (prefers-color-scheme:dark){\
-.pl-bg{fill:#15181d}.pl-grid{stroke:#343a43}.pl-minor{stroke:#22262d}.pl-frame{stroke:#8b939e}.pl-t{fill:#dfe3e9}\
-.pl-label{stroke:#15181d}.pl-front,.pl-ring{stroke:#dfe3e9}\
-.pl-c0{stroke:#4aa8e8}.pl-c1{stroke:#f0803c}.pl-c2{stroke:#35c79b}.pl-c3{stroke:#df8abb}.pl-c4{stroke:#d8b324}\
-.pl-c5{stroke:#8b9aff}.pl-c6{stroke:#98a1ac}.pl-c7{stroke:#e07a7a}\
-.pl-c0.pl-mark{fill:#4aa8e8}.pl-c1.pl-mark{fill:#f0803c}.pl-c2.pl-mark{fill:#35c79b}.pl-c3.pl-mark{fill:#df8abb}\
-.pl-c4.pl-mark{fill:#d8b324}.pl-c5.pl-mark{fill:#8b9aff}.pl-c6.pl-mark{fill:#98a1ac}.pl-c7.pl-mark{fill:#e07a7a}}\
-</style>";
+const STYLE: &str = include_str!("plot.css");
 
 /// Colours that `STYLE` has.
 const COLORS: usize = 8;
@@ -256,7 +239,8 @@ impl Canvas<'_> {
             "<text class=\"pl-t\" x=\"{middle:.1}\" y=\"{below:.1}\" text-anchor=\"middle\">{x_label}</text>"
         ));
         self.put(format_args!(
-            "<text class=\"pl-t\" transform=\"translate(16 {centre:.1}) rotate(-90)\" text-anchor=\"middle\">{y_label}</text>"
+            "<text class=\"pl-t\" transform=\"translate(16 {centre:.1}) rotate(-90)\" text-anchor=\"middle\">\
+             {y_label}</text>"
         ));
     }
 
@@ -372,8 +356,9 @@ impl Plot {
         let (x, y) = (Scale::new(&self.x, marks().map(|m| m.x)), Scale::new(&self.y, marks().map(|m| m.y)));
         let mut canvas = Canvas { plot: self, svg: String::new(), x, y, area };
         canvas.put(format_args!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" role=\"img\">\
-             <title>{}</title>{STYLE}<rect class=\"pl-bg\" width=\"{w}\" height=\"{h}\" rx=\"6\"/>",
+            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {w} {h}\" width=\"{w}\" height=\"{h}\" \
+             role=\"img\">\
+             <title>{}</title><style>{STYLE}</style><rect class=\"pl-bg\" width=\"{w}\" height=\"{h}\" rx=\"6\"/>",
             escape(&self.title)
         ));
         canvas.axes();

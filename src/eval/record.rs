@@ -344,7 +344,8 @@ mod tests {
         let lines: Vec<&str> = table.lines().collect();
         assert_eq!(
             lines[0],
-            "caches,rsm,caches_placed,spacing_m,vals,triangles,frames,frame_ms,rsm_ms,gather_ms,reference,layer,pixels,mae,mare,rmse,relmse,relmse-trimmed,bias,psnr,ssim,flip,failed"
+            "caches,rsm,caches_placed,spacing_m,vals,triangles,frames,frame_ms,rsm_ms,gather_ms,reference,layer,\
+             pixels,mae,mare,rmse,relmse,relmse-trimmed,bias,psnr,ssim,flip,failed"
         );
         assert_eq!(lines[1], "50,,0,0,0,0,5,3.5,1.5,2,same-vals,indirect,7,0,0.5,1,1.5,2,2.5,,3.5,4,");
         assert_eq!(lines[2], "9,64,,,,,,,,,,,,,,,,,,,,,\"too large, \"\"really\"\"\"");

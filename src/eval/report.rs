@@ -22,18 +22,7 @@ pub struct Section {
     pub html: String,
 }
 
-const STYLE: &str = "<style>\
-:root{color-scheme:light dark}\
-body{font:15px/1.5 system-ui,-apple-system,sans-serif;max-width:1480px;margin:2rem auto;padding:0 1rem;background:#fff;color:#23272e}\
-h1{font-size:1.6rem}h2{font-size:1.25rem;margin-top:2.5rem;border-bottom:1px solid #cfd5dc}\
-table{border-collapse:collapse;margin:.7rem 0;font-variant-numeric:tabular-nums;font-size:.9rem}\
-th,td{padding:.2rem .7rem;text-align:right;border-bottom:1px solid #e3e6ea}th:first-child,td:first-child{text-align:left}\
-.wide{overflow-x:auto}.plots{display:flex;flex-wrap:wrap;gap:12px}.plots svg{max-width:100%;height:auto}\
-.strip{display:flex;gap:8px;overflow-x:auto;margin:.8rem 0}.strip figure{margin:0;flex:1 1 0;min-width:170px;max-width:420px}\
-.strip img{width:100%;display:block;margin-bottom:3px;background:#000}figcaption{font-size:.82rem;line-height:1.35}\
-.warn{border-left:4px solid #d55e00;padding-left:.8rem}code{font-size:.88em}\
-@media (prefers-color-scheme:dark){body{background:#1b1f25;color:#dfe3e9}th,td{border-color:#343a43}h2{border-color:#4a525d}}\
-</style>";
+const STYLE: &str = include_str!("report.css");
 
 /// Makes the folder and tries whether a report can be written there, before long work is done for it.
 pub fn check_writable(folder: &Path) -> Result<()> {
@@ -81,7 +70,8 @@ fn inline(figure: &Figure) -> String {
 }
 
 fn percent(value: Option<f64>) -> String {
-    value.filter(|v| v.is_finite()).map_or("-".into(), |v| format!("{} %", short(v * 100.0)))
+    let decimals = |v: f64| if v.abs() < 0.1 { 2 } else { usize::from(v.abs() < 1.0) };
+    value.filter(|v| v.is_finite()).map_or("-".into(), |v| format!("{:.*} %", decimals(v), v * 100.0))
 }
 
 impl Page<'_> {
@@ -158,14 +148,13 @@ impl Page<'_> {
         let title = format!("lightskin: speed against error, {}", self.job.scene.name);
         let mut page = format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
-             <meta name=\"viewport\" content=\"width=device-width\"><title>{0}</title>{STYLE}</head><body>\n<h1>{0}</h1>\n",
+             <meta name=\"viewport\" content=\"width=device-width\"><title>{0}</title><style>{STYLE}</style></head>\n\
+             <body>\n<h1>{0}</h1>\n",
             escape(&title)
         );
         let facts = self.facts().into_iter().map(|(name, what)| vec![name.to_owned(), what]);
         let facts: String = facts
-            .map(|f| {
-                format!("<tr><td>{}</td><td style=\"text-align:left\">{}</td></tr>\n", escape(&f[0]), escape(&f[1]))
-            })
+            .map(|f| format!("<tr><td>{}</td><td class=\"text\">{}</td></tr>\n", escape(&f[0]), escape(&f[1])))
             .collect();
         // Writing to a string cannot fail.
         let _ = write!(page, "<table>{facts}</table>\n{}", self.problems());
@@ -203,21 +192,38 @@ impl Page<'_> {
             let times =
                 row.stages.iter().map(|(name, ms)| format!("{name} {} ms", short(*ms))).collect::<Vec<_>>().join(", ");
             html = format!(
-                "<p>{} caches, {} virtual lights: <b>{} ms</b> a frame ({}).</p>\n{}",
+                "<p>{} caches, {} virtual lights: <b>{} ms</b> a frame ({}).</p>\n{}<p><small>{}</small></p>\n",
                 row.caches,
                 row.vals,
                 short(row.frame_ms()),
                 escape(&times),
-                table(&rows)
+                table(&rows),
+                escape(&self.noise())
             );
         }
         Section { title: "The default".into(), html }
     }
 
+    /// How noisy the path-traced references are themselves.
+    fn noise(&self) -> String {
+        let noise = |about: &serde_json::Value| {
+            Some(format!("{} of {}", percent(Some(about["noise"].as_f64()?)), about["name"].as_str()?))
+        };
+        let all: Vec<String> = self.results.references.iter().filter_map(noise).collect();
+        if all.is_empty() {
+            return "Noise of the path tracer is part of every error against it; one pass does not tell how much."
+                .into();
+        }
+        format!(
+            "Noise of the path tracer is part of every error against it: a relative standard error of {}.",
+            all.join(", ")
+        )
+    }
+
     fn against_time(&self) -> Section {
         let plots: String = self.truths().into_iter().map(|truth| inline(&self.figures.against_time(truth))).collect();
         let html = format!(
-            "<p>Each mark is a point of the sweep: GPU time of a whole frame, and the {} of indirect light (both lobes). \
+            "<p>Each mark is a point of the sweep: GPU time of a whole frame, and {} of indirect light (both lobes). \
              Lower left is better. Ringed marks are the Pareto front: no other point is both faster and closer.</p>\n\
              <div class=\"plots\">{plots}</div>\n",
             METRIC.1
@@ -345,8 +351,8 @@ impl Page<'_> {
             strip.push_str(&self.figure(&self.key_of(*truth), truth.title(), with_error));
         }
         let html = format!(
-            "{}<div class=\"strip\">{strip}</div>\n<p><small>Below the path-traced ones: how far brute force is from them, {HEAT}. \
-             The noise of a path-traced picture is part of every error against it.</small></p>\n",
+            "{}<div class=\"strip\">{strip}</div>\n<p><small>Below the path-traced ones: how far brute force is from \
+             them, {HEAT}.</small></p>\n",
             table(&cells)
         );
         Section { title: "References".into(), html }
@@ -365,8 +371,8 @@ impl Page<'_> {
             cells.push(line);
         }
         let html = format!(
-            "<details><summary>{} points</summary>\n{}</details>\n<p>All metrics of all layers: <code>results.csv</code>, \
-             <code>results.json</code>; the plots: <code>plots/</code>.</p>\n",
+            "<details><summary>{} points</summary>\n{}</details>\n<p>All metrics of all layers: \
+             <code>results.csv</code>, <code>results.json</code>; the plots: <code>plots/</code>.</p>\n",
             cells.len() - 1,
             table(&cells)
         );

@@ -108,8 +108,8 @@ pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Resul
             work.results.pictures.write_error(key, best, &reference.layers)?;
         }
     }
-    for index in 0..sides.len() {
-        work.compare_brute_force(index, sides[index], &truths)?;
+    for (index, side) in sides.into_iter().enumerate() {
+        work.compare_brute_force(index, side, &truths)?;
     }
     for point in &job.sweep.points {
         work.point(point, &truths, exposure)?;

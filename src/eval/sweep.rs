@@ -33,6 +33,9 @@ pub struct Knob {
     pub values: Vec<Value>,
 }
 
+/// Turns a knob.
+type Turn = fn(&mut Point);
+
 /// One setting of a knob.
 pub struct Value {
     /// What the user would type.
@@ -49,8 +52,8 @@ impl Knob {
         Self { name, title, values: values.into_iter().map(value).collect() }
     }
 
-    fn choices(name: &'static str, title: &'static str, values: &[(&str, fn(&mut Point))]) -> Self {
-        let value = |(label, apply): &(&str, fn(&mut Point))| Value { label: (*label).into(), apply: Box::new(*apply) };
+    fn choices(name: &'static str, title: &'static str, values: &[(&str, Turn)]) -> Self {
+        let value = |(label, apply): &(&str, Turn)| Value { label: (*label).into(), apply: Box::new(*apply) };
         Self { name, title, values: values.iter().map(value).collect() }
     }
 
