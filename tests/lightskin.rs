@@ -18,8 +18,10 @@ mod layout;
 mod malformed;
 mod nets;
 mod normal_maps;
+mod path_trace;
 mod proxies;
 mod quality;
 mod scene;
+
 mod shaders;
 mod tessellate;
