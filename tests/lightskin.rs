@@ -8,6 +8,7 @@ mod common;
 mod compare;
 mod energy;
 mod flicker;
+mod eval;
 mod frame;
 mod gather;
 mod generated;

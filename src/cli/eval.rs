@@ -1,34 +1,118 @@
-//! `lightskin eval`: measurements of the engine.
+//! `lightskin eval`: speed against error, a curve for every knob, as a page.
 
-use super::{DeviceArgs, flicker, hard_cases};
-use anyhow::{Result, bail};
+use super::{DeviceArgs, hard_cases, angle, at_least_zero, check_messages, load_whole, render};
+use anyhow::{Context, Result};
+use indicatif::{ProgressBar, ProgressStyle};
+use lightskin::eval::run::{Job, run as measure};
+use lightskin::eval::sweep::{Extent, Point, Sweep};
+use lightskin::eval::{plot, report};
+use lightskin::frame::Settings;
+use std::io::IsTerminal;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(super) struct Eval {
     /// glTF or GLB file, or a folder with one; the built-in atrium without one.
     scene: Option<PathBuf>,
-    /// Run what is hard on numbers, one line each; needs no scene.
-    #[arg(long, conflicts_with = "scene")]
+    /// Folder of the report; made if missing. What is finished there is not measured again.
+    #[arg(short, long, value_name = "REPORT", default_value = "report")]
+    out: PathBuf,
+    /// Run what is hard on numbers instead, one line each; needs no scene and writes no report.
+    #[arg(long, conflicts_with_all = ["scene", "out", "quick"])]
     hard_cases: bool,
-    /// Measure how much the indirect light trembles while a light, the camera or a model creeps along.
-    #[arg(long, conflicts_with = "hard_cases")]
-    flicker: bool,
-    #[command(flatten)]
-    flicker_args: flicker::FlickerArgs,
-    /// Print one JSON object a line instead of the table.
-    #[arg(long)]
+    /// With --hard-cases: one JSON object a line instead of a table.
+    #[arg(long, requires = "hard_cases")]
     json: bool,
+    /// A small picture and fewer points: minutes instead of an hour on a software device.
+    #[arg(long)]
+    quick: bool,
+    /// Picture size [pixels]; 480x270, or with --quick 240x135.
+    #[arg(long, value_name = "WxH", value_parser = render::size)]
+    size: Option<[u32; 2]>,
+    /// Samples per pixel of the path tracer, rounded up to whole passes of 16; 2048, or with --quick 256. They are
+    /// kept: a larger N refines.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    spp: Option<u32>,
+    /// Frames whose median time counts.
+    #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    frames: u32,
+    /// Camera by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    camera: Option<String>,
+    /// Caches of the default, around which the knobs are varied.
+    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    caches: u32,
+    /// Texels of an RSM's side of the default.
+    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=4096))]
+    rsm: u32,
+    /// Largest angle [degrees] between a surface and its cache.
+    #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
+    angle: f64,
+    /// Longest edge [m] of a triangle; longer ones are halved. 0 leaves all as they are; a quarter of the caches'
+    /// expected spacing without this flag.
+    #[arg(long, value_name = "M", value_parser = at_least_zero)]
+    max_edge: Option<f64>,
     #[command(flatten)]
     device: DeviceArgs,
+}
+
+impl Eval {
+    fn sweep(&self) -> Sweep {
+        let (extent, size, samples) =
+            if self.quick { (Extent::Quick, [240, 135], 256) } else { (Extent::Full, [480, 270], 2048) };
+        let frame = Settings { size: self.size.unwrap_or(size), rsm: self.rsm, ..Settings::default() };
+        let base = Point {
+            frame,
+            caches: self.caches as usize,
+            angle: self.angle.to_radians() as f32,
+            max_edge: self.max_edge,
+        };
+        Sweep::new(base, extent, self.frames as usize, self.spp.unwrap_or(samples))
+    }
 }
 
 pub(super) fn run(args: &Eval) -> Result<()> {
     if args.hard_cases {
         return hard_cases::run(&args.device, args.json);
     }
-    if args.flicker {
-        return flicker::run(args.scene.as_deref(), &args.flicker_args, &args.device, args.json);
+    report::check_writable(&args.out)?;
+    let scene = load_whole(args.scene.as_deref())?;
+    let camera = render::camera(&scene, args.camera.as_deref())?;
+    let gpu = args.device.open()?;
+    let sweep = args.sweep();
+    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {percent:>3} %  {elapsed}, {eta} left  {wide_msg}") {
+        bar.set_style(style.progress_chars("=> "));
     }
-    bail!("nothing to measure: ask for --hard-cases or --flicker")
+    let progress = |part: f32, what: &str| {
+        bar.set_message(what.to_owned());
+        bar.set_position((part * 1000.0) as u64);
+    };
+    let program = identity()?;
+    let job = Job { gpu: &gpu, scene: &scene, camera: &camera, sweep: &sweep, folder: &args.out, program: &program };
+    let results = measure(&job, &progress)?;
+    bar.finish_and_clear();
+    report::write(&job, &results, &[])?;
+
+    let failed = results.rows.iter().filter(|row| row.failed.is_some()).count();
+    say!(
+        "points    {} ({} measured now, {} kept, {failed} failed)",
+        results.rows.len(),
+        results.measured,
+        results.kept
+    );
+    for errors in results.rows.first().iter().flat_map(|row| &row.errors) {
+        let value = |name: &str| errors.values.iter().find(|(n, _)| n == name).map_or(f64::NAN, |(_, v)| *v);
+        let (mare, bias) = (plot::short(value("mare") * 100.0), plot::short(value("bias") * 100.0));
+        say!("  {:<24}{:<18}error {mare} %, bias {bias} %", errors.truth, errors.layer);
+    }
+    say!("report    {}", args.out.join("index.html").display());
+    check_messages(&gpu, &results.problems)
+}
+
+/// Hash of this program: another one's results are not mixed with its own.
+fn identity() -> Result<String> {
+    let path = std::env::current_exe().context("this program's own file")?;
+    let bytes = std::fs::read(&path).with_context(|| path.display().to_string())?;
+    Ok(blake3::hash(&bytes).to_hex().to_string())
 }

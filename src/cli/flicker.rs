@@ -1,45 +1,47 @@
-//! `lightskin eval --flicker`: how much the indirect light trembles while something creeps along.
+//! `lightskin flicker`: how much the indirect light trembles while something creeps along.
 
 use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene};
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::eval::flicker::{Figures, Flicker, Job, Motion, measure, model};
 use std::io::IsTerminal;
-use std::path::Path;
+use std::path::PathBuf;
 
-/// What `--flicker` measures.
 #[derive(clap::Args)]
 pub(super) struct FlickerArgs {
+    /// glTF or GLB file, or a folder with one; the built-in atrium without one.
+    scene: Option<PathBuf>,
     /// Numbers of caches, separated by commas.
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [500, 2000, 8000], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
-    flicker_caches: Vec<u32>,
+    caches: Vec<u32>,
     /// Sides of the RSMs [texels], separated by commas. They are held against one twice as large as the largest.
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [32, 64, 128, 256], value_parser = clap::value_parser!(u32).range(1..=2048))]
-    flicker_rsm: Vec<u32>,
+    rsm: Vec<u32>,
     /// Node that moves, by name; the largest that is less than half the scene across without it.
     #[arg(long, value_name = "NODE")]
-    flicker_model: Option<String>,
+    model: Option<String>,
 }
 
 /// Measures a scene, or the built-in atrium, and prints the table, or with `json` one object a row.
-pub(super) fn run(path: Option<&Path>, args: &FlickerArgs, device: &DeviceArgs, json: bool) -> Result<()> {
-    let most = args.flicker_caches.iter().copied().max().context("--flicker-caches names no number")?;
-    let largest = args.flicker_rsm.iter().copied().max().context("--flicker-rsm names no size")?;
+pub(super) fn run(args: &FlickerArgs) -> Result<()> {
+    let (path, device, json) = (args.scene.as_deref(), &args.device, args.json);
+    let most = args.caches.iter().copied().max().context("--caches names no number")?;
+    let largest = args.rsm.iter().copied().max().context("--rsm names no size")?;
     let asked = |caches| CacheArgs { caches, spacing: None, angle: 60.0, max_edge: None, refs: "8".into() };
     let scene = load_scene(path, &asked(most))?;
     let named = |name: &String| {
         let found = scene.instances.iter().position(|i| i.name == *name);
-        found.with_context(|| format!("--flicker-model {name}: the scene has no such node with a mesh"))
+        found.with_context(|| format!("--model {name}: the scene has no such node with a mesh"))
     };
-    let model = match &args.flicker_model {
+    let model = match &args.model {
         Some(name) => Some(named(name)?),
         None => model(&scene),
     };
     let mut caches = Vec::new();
-    for count in &args.flicker_caches {
+    for count in &args.caches {
         caches.push(bake_scene(&scene, &asked(*count).settings(), false)?.caches);
     }
-    let job = Job { size: [96, 54], frames: 16, rsm: args.flicker_rsm.clone(), fine: 2 * largest, pace: 1.0, model };
+    let job = Job { size: [96, 54], frames: 16, rsm: args.rsm.clone(), fine: 2 * largest, pace: 1.0, model };
     let gpu = device.open()?;
     let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
     if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}") {

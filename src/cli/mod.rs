@@ -58,8 +58,10 @@ enum Command {
     /// reference to middle grey and clips; flip is HDR-FLIP, for each pixel the largest flip over exposures from the
     /// one that shows the reference's largest luminance to the one that shows its median, 8 bits each.
     Compare(compare::Compare),
-    /// Measure the engine.
+    /// Measure speed against error: a report with a curve for every knob.
     Eval(Box<eval::Eval>),
+    /// Measure how much indirect light trembles while a light, the camera or a model creeps along.
+    Flicker(flicker::FlickerArgs),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -75,6 +77,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Bake(args) => bake::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Eval(args) => eval::run(args),
+        Command::Flicker(args) => flicker::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),
@@ -161,29 +164,26 @@ fn angle(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// About as many triangles may be made by dividing.
-const MOST_TRIANGLES: usize = 2_000_000;
-
-/// Loads a file, or builds the default scene; adds the camera and light it may lack and says so; divides triangles
-/// that are large against the distance of caches, where light will be `interpolated`.
-fn load_scene(path: Option<&Path>, caches: &CacheArgs, interpolated: bool) -> Result<Scene> {
+/// Loads a file, or builds the default scene; adds the camera and light it may lack and says so.
+fn load_whole(path: Option<&Path>) -> Result<Scene> {
     let mut scene = match path {
         None => build::atrium(),
         Some(path) => gltf::load(&gltf_in(path)?)?,
     };
     defaults::complete(&mut scene);
-    if interpolated && caches.max_edge != Some(0.0) {
-        let area = tessellate::area(&scene);
-        // The bake needs about five caches for the square of their spacing.
-        let spacing = caches.spacing.unwrap_or_else(|| (5.0 * area / f64::from(caches.caches)).sqrt());
-        // However fine is asked for: halved edges leave about two triangles for the square of the longest.
-        let finest = (2.0 * area / MOST_TRIANGLES as f64).sqrt();
-        let longest = caches.max_edge.unwrap_or(0.25 * spacing).max(finest);
-        let added = tessellate::tessellate(&mut scene, longest, MOST_TRIANGLES);
-        log::info!("{added} triangles added by halving edges longer than {longest:.4} m");
-    }
     for note in &scene.notes {
         log::warn!("{}: {note}", scene.name);
+    }
+    Ok(scene)
+}
+
+/// Loads a scene, and divides triangles that are large against the distance of caches, where light will be
+/// `interpolated`.
+fn load_scene(path: Option<&Path>, caches: &CacheArgs, interpolated: bool) -> Result<Scene> {
+    let mut scene = load_whole(path)?;
+    if interpolated {
+        let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(&scene, caches.caches as usize));
+        tessellate::divide(&mut scene, spacing, caches.max_edge);
     }
     Ok(scene)
 }

@@ -9,6 +9,9 @@ use std::collections::HashMap;
 /// Rounds of halving: an edge a thousand times too long is left long.
 const ROUNDS: usize = 10;
 
+/// About as many triangles may be made by dividing.
+const MOST_TRIANGLES: usize = 2_000_000;
+
 /// Surface [m^2 in world space] over all instances.
 pub fn area(scene: &Scene) -> f64 {
     let triangle = |mesh: &Mesh, linear: DMat3, t: usize| {
@@ -23,6 +26,25 @@ pub fn area(scene: &Scene) -> f64 {
             .sum::<f64>()
     };
     scene.instances.iter().map(instance).sum()
+}
+
+/// Distance [m] between caches that a count of them can be expected to have: the bake needs about five caches for the
+/// square of their spacing.
+pub fn expected_spacing(scene: &Scene, caches: usize) -> f64 {
+    (5.0 * area(scene) / caches.max(1) as f64).sqrt()
+}
+
+/// Divides for caches that stand `spacing` [m] apart: no edge is to be longer than a quarter of it, or than `max_edge`
+/// [m] where that is given; 0 leaves all as they are.
+pub fn divide(scene: &mut Scene, spacing: f64, max_edge: Option<f64>) {
+    if max_edge == Some(0.0) {
+        return;
+    }
+    // However fine is asked for: halved edges leave about two triangles for the square of the longest.
+    let finest = (2.0 * area(scene) / MOST_TRIANGLES as f64).sqrt();
+    let longest = max_edge.unwrap_or(0.25 * spacing).max(finest);
+    let added = tessellate(scene, longest, MOST_TRIANGLES);
+    log::info!("{added} triangles added by halving edges longer than {longest:.4} m");
 }
 
 /// Halves edges longer than `longest` [m in world space] until none is left, or until a mesh would have more than

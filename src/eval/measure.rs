@@ -1,0 +1,176 @@
+//! One point on the device: its layers and its times.
+
+use super::sweep::Point;
+use crate::bake::{self, Density};
+use crate::error::{Error, Result};
+use crate::frame::{Frame, Gi, SceneBuffers, View};
+use crate::gpu::{Gpu, ZoneTime};
+use crate::image::broken_values;
+use crate::scene::{Camera, Scene, tessellate};
+use std::time::{Duration, Instant};
+
+/// Indirect radiance of a picture, lobe by lobe, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Layers {
+    /// Picture [pixels].
+    pub size: [u32; 2],
+    /// Diffuse lobe [cd/m^2].
+    pub diffuse: Vec<[f32; 3]>,
+    /// Glossy lobe [cd/m^2]; `None` where no material has one.
+    pub glossy: Option<Vec<[f32; 3]>>,
+    /// Pixels that show a surface.
+    pub covered: Vec<bool>,
+}
+
+impl Layers {
+    /// Both lobes.
+    pub fn sum(&self) -> Vec<[f32; 3]> {
+        match &self.glossy {
+            None => self.diffuse.clone(),
+            Some(glossy) => {
+                let add = |(a, b): (&[f32; 3], &[f32; 3])| [a[0] + b[0], a[1] + b[1], a[2] + b[2]];
+                self.diffuse.iter().zip(glossy).map(add).collect()
+            }
+        }
+    }
+
+    /// Each layer by its name in EXR files: the lobes there are, and their sum.
+    pub fn named(&self) -> Vec<(&'static str, Vec<[f32; 3]>)> {
+        let glossy = self.glossy.clone().map(|glossy| ("indirect.glossy", glossy));
+        [("indirect.diffuse", self.diffuse.clone())]
+            .into_iter()
+            .chain(glossy)
+            .chain([("indirect", self.sum())])
+            .collect()
+    }
+}
+
+/// What a point gave.
+pub struct Measured {
+    /// The picture.
+    pub layers: Layers,
+    /// Median GPU time [ms] of each stage.
+    pub stages: Vec<(String, f64)>,
+    /// Frames whose median that is.
+    pub frames: usize,
+    /// Caches placed.
+    pub caches: u32,
+    /// Spacing of the caches [m]; 0 without any.
+    pub spacing: f64,
+    /// Virtual lights.
+    pub vals: u32,
+    /// Triangles once divided.
+    pub triangles: usize,
+    /// Missing and idle barriers, with `Validation::Sync`.
+    pub problems: Vec<String>,
+}
+
+/// A point whose frames together take longer gets no further ones.
+const LONGEST: Duration = Duration::from_secs(10);
+
+/// A scene on the device with the caches that some points share.
+struct Prepared {
+    of: (Option<Density>, f32, usize, Option<f64>),
+    scene: Scene,
+    buffers: SceneBuffers,
+    spacing: f64,
+}
+
+/// Measures points one after the other; those of the same caches share a bake and an upload.
+pub struct Bench<'a> {
+    gpu: &'a Gpu,
+    scene: &'a Scene,
+    camera: &'a Camera,
+    prepared: Option<Prepared>,
+}
+
+impl<'a> Bench<'a> {
+    /// For a scene whose triangles are not divided yet.
+    pub fn new(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera) -> Self {
+        Self { gpu, scene, camera, prepared: None }
+    }
+
+    /// Renders a point: one frame to warm up, then `frames` whose median counts; fewer where frames take long, at the
+    /// least the first alone.
+    pub fn measure(&mut self, point: &Point, frames: usize, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Measured> {
+        let (gpu, camera) = (self.gpu, self.camera);
+        let Prepared { scene, buffers, spacing, .. } = self.prepare(point, progress)?;
+        let view = View::new(camera, point.frame.size, buffers.origin, buffers.radius);
+        let frame = Frame::new(gpu, scene, buffers, &point.frame)?;
+        let (mut runs, mut problems) = (Vec::new(), Vec::new());
+        let start = Instant::now();
+        while runs.is_empty() || (runs.len() <= frames && start.elapsed() < LONGEST) {
+            // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
+            let drawn = gpu.frame(gpu.is_software(), |cmd| {
+                frame.record(cmd, buffers, &view);
+                Ok(())
+            })?;
+            runs.push(gpu.times(&drawn)?);
+            problems.extend(drawn.problems);
+        }
+        let targets = &frame.targets;
+        let layers = read_layers(gpu, &frame)?;
+        let values = layers.diffuse.iter().chain(layers.glossy.iter().flatten());
+        let broken: usize = values.map(|pixel| broken_values(pixel)).sum();
+        if broken > 0 {
+            let what = format!("{broken} values of the picture are negative or not finite; this is a bug of lightskin");
+            return Err(Error::Nothing(what));
+        }
+        Ok(Measured {
+            layers,
+            stages: medians(if runs.len() > 1 { &runs[1..] } else { &runs }),
+            frames: (runs.len() - 1).max(1),
+            caches: targets.caches.as_ref().map_or(0, |caches| caches.count),
+            spacing: *spacing,
+            vals: targets.rsm.as_ref().map_or(0, |rsm| rsm.val_count),
+            triangles: scene.triangle_count(),
+            problems,
+        })
+    }
+
+    fn prepare(&mut self, point: &Point, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<&Prepared> {
+        let density = (point.frame.gi == Gi::LightSkin).then_some(Density::Count(point.caches));
+        let of = (density, point.angle, point.frame.references, point.max_edge);
+        if self.prepared.as_ref().is_none_or(|prepared| prepared.of != of) {
+            // The old one goes first: two may not fit the device.
+            self.prepared = None;
+            let mut scene = self.scene.clone();
+            let spacing = tessellate::expected_spacing(&scene, point.caches);
+            tessellate::divide(&mut scene, spacing, point.max_edge);
+            let settings = |density| bake::Settings { density, angle: point.angle, references: point.frame.references };
+            let caches = density.map(|d| bake::bake_cached(&scene, &settings(d), progress)).transpose()?;
+            let caches = caches.map(|(caches, _)| caches);
+            let buffers = SceneBuffers::new(self.gpu, &scene, caches.as_ref())?;
+            let spacing = caches.map_or(0.0, |caches| caches.spacing);
+            self.prepared = Some(Prepared { of, scene, buffers, spacing });
+        }
+        self.prepared.as_ref().ok_or_else(|| Error::Nothing("no scene".into()))
+    }
+}
+
+/// Indirect light and coverage of the last frame.
+fn read_layers(gpu: &Gpu, frame: &Frame) -> Result<Layers> {
+    let targets = &frame.targets;
+    let depth: Vec<f32> = gpu.read_image(&targets.depth)?;
+    let rgb = |image| -> Result<Vec<[f32; 3]>> {
+        let texels: Vec<[f32; 4]> = gpu.read_image(image)?;
+        Ok(texels.into_iter().map(|t| [t[0], t[1], t[2]]).collect())
+    };
+    let indirect = targets.indirect.as_ref().ok_or_else(|| Error::Nothing("the scene has no light".into()))?;
+    Ok(Layers {
+        size: targets.size,
+        diffuse: rgb(&indirect.diffuse)?,
+        glossy: indirect.glossy.as_ref().map(rgb).transpose()?,
+        covered: depth.iter().map(|d| *d > 0.0).collect(),
+    })
+}
+
+/// Median time of each stage over some frames.
+fn medians(runs: &[Vec<ZoneTime>]) -> Vec<(String, f64)> {
+    let median = |name: &str| {
+        let mut all: Vec<f64> = runs.iter().flatten().filter(|s| s.name == name).map(|s| s.time_ms).collect();
+        all.sort_by(f64::total_cmp);
+        all[all.len() / 2]
+    };
+    runs.first().map_or_else(Vec::new, |first| first.iter().map(|s| (s.name.to_owned(), median(s.name))).collect())
+}

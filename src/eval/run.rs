@@ -1,0 +1,302 @@
+//! Measures the points of a sweep that are not kept yet.
+
+use super::measure::{Bench, Layers, Measured};
+use super::pictures::{Exposure, Pictures};
+use super::record::{Errors, Row, Store};
+use super::references::{Library, PathTraced, Reference, Truth, make_folder, path_traced};
+use super::sweep::{Knob, Point, Sweep};
+use crate::error::{Error, Result};
+use crate::frame::Plan;
+use crate::gpu::Gpu;
+use crate::scene::{Camera, Scene};
+use serde_json::json;
+use std::path::Path;
+
+/// Counted up when the meaning of a kept row or reference changes.
+const VERSION: u32 = 1;
+
+/// What is to be measured, on what, and where it is kept.
+pub struct Job<'a> {
+    /// The device.
+    pub gpu: &'a Gpu,
+    /// The scene; its triangles are not divided yet.
+    pub scene: &'a Scene,
+    /// One of its cameras.
+    pub camera: &'a Camera,
+    /// The points.
+    pub sweep: &'a Sweep,
+    /// Where rows, references and pictures are kept, and the report is written.
+    pub folder: &'a Path,
+    /// Identity of the program: what another one measured is not used.
+    pub program: &'a str,
+}
+
+/// What came of it.
+pub struct Results {
+    /// A row for each point of the sweep, in its order.
+    pub rows: Vec<Row>,
+    /// A row for each of the sweep's RSM sides, by brute force.
+    pub brute_force: Vec<Row>,
+    /// What is known of each reference, as `Reference::about`.
+    pub references: Vec<serde_json::Value>,
+    /// Points measured now.
+    pub measured: usize,
+    /// Points that were kept, and not measured again.
+    pub kept: usize,
+    /// Missing and idle barriers, with `Validation::Sync`.
+    pub problems: Vec<String>,
+    /// The pictures of the points that have some.
+    pub pictures: Pictures,
+}
+
+/// A reference, or why there is none.
+type Made = std::result::Result<Reference, String>;
+
+/// The work under way.
+struct Work<'a> {
+    job: &'a Job<'a>,
+    /// All that every point depends on.
+    context: String,
+    bench: Bench<'a>,
+    store: Store,
+    library: Library,
+    progress: &'a (dyn Fn(f32, &str) + Sync),
+    steps: usize,
+    done: usize,
+    results: Results,
+}
+
+/// Measures what is not kept yet. `progress` is told how much is done, from 0 to 1, and what is being done.
+pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Results> {
+    make_folder(job.folder)?;
+    let (scene, camera, report) = (job.scene.fingerprint(), job.camera, job.gpu.report());
+    let pose = (camera.world_from_camera, camera.projection);
+    let mut work = Work {
+        job,
+        context: format!("{VERSION} {} {scene} {pose:?} {} {}", job.program, report.name, report.driver),
+        bench: Bench::new(job.gpu, job.scene, job.camera),
+        store: Store::open(&job.folder.join("points.jsonl"))?,
+        library: Library::open(job.folder.join("references"))?,
+        progress,
+        steps: job.sweep.points.len() + job.sweep.rsm_sides().len() + 2,
+        done: 0,
+        results: Results {
+            rows: Vec::new(),
+            brute_force: Vec::new(),
+            references: Vec::new(),
+            measured: 0,
+            kept: 0,
+            problems: Vec::new(),
+            pictures: Pictures::open(job.folder.join("pictures"))?,
+        },
+    };
+    let kept_before = work.store.len();
+    let sides = job.sweep.rsm_sides();
+    let brute_force: Vec<_> = sides.iter().map(|side| Ok((*side, work.brute_force(*side)?))).collect::<Result<_>>()?;
+    let traced = [work.path_traced(Truth::Unshadowed)?, work.path_traced(Truth::Shadowed)?];
+    let truths = Truths { brute_force, traced };
+    let best = &truths.best().layers;
+    if !best.covered.contains(&true) {
+        return Err(Error::Nothing("the camera sees no surface; choose another with --camera".into()));
+    }
+    let exposure = Exposure::of(best);
+    for truth in &Truth::ALL[1..] {
+        if let Some(reference) = truths.of(*truth, 0) {
+            // Of each other they differ too: how far the virtual lights are from the paths.
+            let key = reference.key();
+            work.results.pictures.write_light(key, &reference.layers, exposure)?;
+            work.results.pictures.write_error(key, best, &reference.layers)?;
+        }
+    }
+    for (index, side) in sides.into_iter().enumerate() {
+        work.compare_brute_force(index, side, &truths)?;
+    }
+    for point in &job.sweep.points {
+        work.point(point, &truths, exposure)?;
+    }
+    if work.results.kept == 0 && kept_before > 0 {
+        log::info!("{kept_before} kept points are of another scene, device, program or settings");
+    }
+    progress(1.0, "done");
+    Ok(work.results)
+}
+
+/// All references.
+struct Truths {
+    brute_force: Vec<(u32, Made)>,
+    /// Without and with shadows.
+    traced: [Reference; 2],
+}
+
+impl Truths {
+    /// A reference, for points of this RSM side.
+    fn of(&self, truth: Truth, side: u32) -> Option<&Reference> {
+        let made = |side| self.brute_force.iter().find(|(s, _)| *s == side)?.1.as_ref().ok();
+        match truth {
+            Truth::SameVals => made(side),
+            Truth::FinestVals => made(self.brute_force.last()?.0),
+            Truth::Unshadowed => Some(&self.traced[0]),
+            Truth::Shadowed => Some(&self.traced[1]),
+        }
+    }
+
+    fn errors(&self, truths: &[Truth], layers: &Layers, side: u32) -> Vec<Errors> {
+        let mut all: Vec<Errors> = Vec::new();
+        for (truth, reference) in truths.iter().filter_map(|truth| Some((*truth, self.of(*truth, side)?))) {
+            if truth == Truth::FinestVals
+                && self.of(Truth::SameVals, side).is_some_and(|own| std::ptr::eq(own, reference))
+            {
+                // The point's own VALs are the most there are: the same errors again.
+                let same: Vec<Errors> = all.iter().filter(|e| e.truth == Truth::SameVals.name()).cloned().collect();
+                all.extend(same.into_iter().map(|errors| Errors { truth: truth.name().into(), ..errors }));
+            } else {
+                all.extend(Errors::of(layers, truth, &reference.layers));
+            }
+        }
+        all
+    }
+
+    /// Whether a kept row was compared with every reference that there is now.
+    fn are_in(&self, row: &Row, side: u32) -> bool {
+        let is_in = |truth: Truth| row.errors.iter().any(|errors| errors.truth == truth.name());
+        Truth::ALL.into_iter().all(|truth| is_in(truth) || self.of(truth, side).is_none())
+    }
+
+    /// What pictures are shown beside: the most VALs, or else infinitely many.
+    fn best(&self) -> &Reference {
+        self.of(Truth::FinestVals, 0).unwrap_or(&self.traced[0])
+    }
+}
+
+impl<'a> Work<'a> {
+    /// Says what is being done, and counts it as a step; what it gives is told how much of the step is done.
+    fn step(&mut self, what: &str) -> impl Fn(f32, &str) + Sync + use<'a> {
+        let (done, steps, what, progress) = (self.done as f32, self.steps as f32, what.to_owned(), self.progress);
+        self.done += 1;
+        progress(done / steps, &what);
+        move |part: f32, _: &str| progress((done + part) / steps, &what)
+    }
+
+    fn key(&self, what: &str) -> String {
+        blake3::hash(format!("{}\n{what}", self.context).as_bytes()).to_hex().to_string()
+    }
+
+    /// Of a point's row: it depends on what it is compared with, too.
+    fn row_key(&self, point: &Point) -> String {
+        let sweep = self.job.sweep;
+        let (frames, samples, sides) = (sweep.frames, sweep.samples, sweep.rsm_sides());
+        self.key(&format!("row {point:?} {frames} {samples} {:?}", sides.last()))
+    }
+
+    /// The ground truth of the VALs of one RSM side, and its row without errors.
+    fn brute_force(&mut self, side: u32) -> Result<Made> {
+        let point = Point::brute_force(self.job.sweep.base.frame.size, side);
+        let key = self.key(&format!("{point:?}"));
+        let (name, what) = (format!("brute-force-{side}"), format!("brute force, {side} x {side} texels"));
+        let knobs = vec![("gi".into(), "brute-force".into()), ("rsm".into(), side.to_string())];
+        let step = self.step(&what);
+        let kept = self.library.find(&name, &key);
+        let (made, row) = match kept.and_then(|kept| Some((kept.about.get("row").and_then(Row::from_json)?, kept))) {
+            Some((row, kept)) => (Ok(kept), row),
+            None => match self.bench.measure(&point, self.job.sweep.frames, &step) {
+                Ok(measured) => {
+                    let row = row(&key, knobs, &measured);
+                    self.results.problems.extend(measured.problems);
+                    (Ok(self.library.keep(&name, &key, measured.layers, json!({ "row": row.to_json() }))?), row)
+                }
+                Err(error) => {
+                    let failed = Some(error.to_string());
+                    (Err(format!("{what}: {error}")), Row { key, knobs, failed, ..Row::default() })
+                }
+            },
+        };
+        self.results.brute_force.push(row);
+        match &made {
+            Ok(reference) => self.results.references.push(reference.about.clone()),
+            Err(reason) => log::warn!("{reason}"),
+        }
+        Ok(made)
+    }
+
+    /// Brute force has errors too: those of its VALs.
+    fn compare_brute_force(&mut self, index: usize, side: u32, truths: &Truths) -> Result<()> {
+        let Some(own) = truths.of(Truth::SameVals, side) else { return Ok(()) };
+        let key = self.row_key(&Point::brute_force(own.layers.size, side));
+        let row = &mut self.results.brute_force[index];
+        row.errors = match self.store.find(&key) {
+            Some(kept) => kept.errors.clone(),
+            None => {
+                let mut errors = truths.errors(&Truth::ALL, &own.layers, side);
+                errors.retain(|errors| errors.truth != Truth::SameVals.name());
+                self.store.keep(Row { key, errors: errors.clone(), ..row.clone() })?;
+                errors
+            }
+        };
+        Ok(())
+    }
+
+    fn path_traced(&mut self, truth: Truth) -> Result<Reference> {
+        let (job, sweep) = (self.job, self.job.sweep);
+        let wanted = PathTraced {
+            size: sweep.base.frame.size,
+            visibility: truth == Truth::Shadowed,
+            samples: sweep.samples,
+            glossy: Plan::new(job.scene, &sweep.base.frame).glossy,
+        };
+        let key = self.key(&format!("{wanted:?}"));
+        let step = self.step(truth.title());
+        let reference = match self.library.find(truth.name(), &key) {
+            Some(kept) => kept,
+            None => {
+                let progress = |part| step(part, "");
+                let (layers, about) = path_traced(job.scene, job.camera, &wanted, &self.library.folder, &progress);
+                self.library.keep(truth.name(), &key, layers, about)?
+            }
+        };
+        self.results.references.push(reference.about.clone());
+        Ok(reference)
+    }
+
+    /// One point's row: kept, measured, or the reason why there is none.
+    fn point(&mut self, point: &Point, truths: &Truths, exposure: Exposure) -> Result<()> {
+        let sweep = self.job.sweep;
+        let value = |knob: &Knob| Some((knob.name.to_owned(), knob.values[knob.of(point)?].label.clone()));
+        let mut knobs = vec![("gi".to_owned(), "lightskin".to_owned())];
+        knobs.extend(sweep.knobs.iter().filter_map(value));
+        let what: Vec<String> = knobs[1..].iter().map(|(name, value)| format!("{name} {value}")).collect();
+        let step = self.step(&what.join(", "));
+        let (key, is_pictured) = (self.row_key(point), sweep.is_pictured(point));
+        let is_whole =
+            |row: &&Row| truths.are_in(row, point.frame.rsm) && (!is_pictured || self.results.pictures.has(&key));
+        if let Some(row) = self.store.find(&key).filter(is_whole) {
+            self.results.kept += 1;
+            self.results.rows.push(row.clone());
+            return Ok(());
+        }
+        match self.bench.measure(point, sweep.frames, &step) {
+            Ok(measured) => {
+                let mut row = row(&key, knobs, &measured);
+                row.errors = truths.errors(&Truth::ALL, &measured.layers, point.frame.rsm);
+                if is_pictured {
+                    self.results.pictures.write_light(&key, &measured.layers, exposure)?;
+                    self.results.pictures.write_error(&key, &measured.layers, &truths.best().layers)?;
+                }
+                self.store.keep(row.clone())?;
+                self.results.measured += 1;
+                self.results.problems.extend(measured.problems);
+                self.results.rows.push(row);
+            }
+            Err(error) => {
+                log::warn!("{}: {error}", what.join(", "));
+                self.results.rows.push(Row { key, knobs, failed: Some(error.to_string()), ..Row::default() });
+            }
+        }
+        Ok(())
+    }
+}
+
+fn row(key: &str, knobs: Vec<(String, String)>, measured: &Measured) -> Row {
+    let Measured { caches, spacing, vals, triangles, frames, .. } = *measured;
+    let stages = measured.stages.clone();
+    Row { key: key.into(), knobs, caches, spacing, vals, triangles, stages, frames, ..Row::default() }
+}

@@ -1,0 +1,200 @@
+//! What is varied: one knob at a time around a default, and caches by VALs.
+
+use crate::frame::{Gi, Interpolation, ProxyWeight, Settings};
+
+/// Everything that one measurement depends on besides scene, camera and device.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Point {
+    /// The frame's settings.
+    pub frame: Settings,
+    /// Caches asked for; 0 with brute force, which needs none.
+    pub caches: usize,
+    /// `theta_eps` of the bake [rad].
+    pub angle: f32,
+    /// Longest edge [m] of a triangle; `None` for what the caches' spacing asks for, 0 to leave all as they are.
+    pub max_edge: Option<f64>,
+}
+
+impl Point {
+    /// Every VAL onto every pixel, with so many texels on an RSM's side.
+    pub fn brute_force(size: [u32; 2], rsm: u32) -> Self {
+        let frame = Settings { size, gi: Gi::BruteForce, rsm, ..Settings::default() };
+        Self { frame, caches: 0, angle: 0.0, max_edge: Some(0.0) }
+    }
+}
+
+/// Something that is varied while all else stays at the default.
+pub struct Knob {
+    /// Name of its column.
+    pub name: &'static str,
+    /// What it is, in lower case, for the axis of its plot.
+    pub title: &'static str,
+    /// Its settings, in the order of their plot.
+    pub values: Vec<Value>,
+}
+
+/// Turns a knob.
+type Turn = fn(&mut Point);
+
+/// One setting of a knob.
+pub struct Value {
+    /// What the user would type.
+    pub label: String,
+    apply: Box<dyn Fn(&mut Point)>,
+}
+
+impl Knob {
+    fn numbers(name: &'static str, title: &'static str, values: &[u32], apply: fn(&mut Point, u32)) -> Self {
+        let mut values = values.to_vec();
+        values.sort_unstable();
+        values.dedup();
+        let value = |n: u32| Value { label: n.to_string(), apply: Box::new(move |point| apply(point, n)) };
+        Self { name, title, values: values.into_iter().map(value).collect() }
+    }
+
+    fn choices(name: &'static str, title: &'static str, values: &[(&str, Turn)]) -> Self {
+        let value = |(label, apply): &(&str, Turn)| Value { label: (*label).into(), apply: Box::new(*apply) };
+        Self { name, title, values: values.iter().map(value).collect() }
+    }
+
+    /// A point with this knob at one of its values.
+    pub fn set(&self, point: &Point, value: usize) -> Point {
+        let mut point = point.clone();
+        (self.values[value].apply)(&mut point);
+        point
+    }
+
+    /// At which of its values this knob stands.
+    pub fn of(&self, point: &Point) -> Option<usize> {
+        (0..self.values.len()).find(|value| self.set(point, *value) == *point)
+    }
+
+    /// Whether the values are numbers.
+    pub fn is_numeric(&self) -> bool {
+        self.values.iter().all(|value| value.label.parse::<f64>().is_ok())
+    }
+}
+
+/// How large a sweep is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// Every knob, and the grid of caches and VALs.
+    Full,
+    /// Fewer and cheaper points.
+    Quick,
+}
+
+/// The points to measure.
+pub struct Sweep {
+    /// The point around which the knobs are varied.
+    pub base: Point,
+    /// What is varied; the first two also span the grid.
+    pub knobs: Vec<Knob>,
+    /// The default, one knob at a time, the grid, each point once.
+    pub points: Vec<Point>,
+    /// Frames whose median time counts.
+    pub frames: usize,
+    /// Samples of the path tracer per pixel.
+    pub samples: u32,
+}
+
+impl Sweep {
+    /// All points around a default.
+    pub fn new(base: Point, extent: Extent, frames: usize, samples: u32) -> Self {
+        let knobs = knobs(&base, extent);
+        let mut points = vec![base.clone()];
+        for knob in &knobs {
+            points.extend((0..knob.values.len()).map(|value| knob.set(&base, value)));
+        }
+        // Points of the same caches follow each other: they share a bake.
+        let [caches, vals] = [&knobs[0], &knobs[1]];
+        for row in 0..caches.values.len() {
+            points.extend((0..vals.values.len()).map(|column| vals.set(&caches.set(&base, row), column)));
+        }
+        let mut unique: Vec<Point> = Vec::new();
+        for point in points {
+            if !unique.contains(&point) {
+                unique.push(point);
+            }
+        }
+        Self { base, knobs, points: unique, frames: frames.max(1), samples: samples.max(1) }
+    }
+
+    /// Whether a point differs from the default in one knob at most: such points are shown as pictures.
+    pub fn is_pictured(&self, point: &Point) -> bool {
+        self.knobs.iter().any(|knob| (0..knob.values.len()).any(|value| knob.set(&self.base, value) == *point))
+    }
+
+    /// Sides of the RSMs [texels], ascending; each has its own ground truth, the last one is the finest.
+    pub fn rsm_sides(&self) -> Vec<u32> {
+        let mut sides: Vec<u32> = self.points.iter().map(|point| point.frame.rsm).collect();
+        sides.sort_unstable();
+        sides.dedup();
+        sides
+    }
+}
+
+/// Every knob there is: to add one, add an entry. The default's own values are among the numbers.
+fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
+    let quick = extent == Extent::Quick;
+    let caches: &[u32] = if quick { &[50, 250, 1000] } else { &[50, 250, 1000, 4000] };
+    let sides: &[u32] = if quick { &[32, 64, 128] } else { &[32, 64, 128, 256] };
+    let references: &[u32] = &[8, 16];
+    vec![
+        Knob::numbers("caches", "caches asked for", &[caches, &[base.caches as u32]].concat(), |point, n| {
+            point.caches = n as usize;
+        }),
+        Knob::numbers("rsm", "texels of an RSM's side", &[sides, &[base.frame.rsm]].concat(), |point, n| {
+            point.frame.rsm = n;
+        }),
+        Knob::numbers("refs", "references per vertex", references, |point, n| point.frame.references = n as usize),
+        Knob::choices(
+            "interpolation",
+            "what is averaged between caches",
+            &[
+                ("facing", |point| point.frame.interpolation = Interpolation::Facing),
+                ("printed", |point| point.frame.interpolation = Interpolation::Printed),
+            ],
+        ),
+        Knob::choices(
+            "proxy-weight",
+            "what pulls a proxy light",
+            &[
+                ("irradiance", |point| point.frame.proxy_weight = ProxyWeight::Irradiance),
+                ("form-factor", |point| point.frame.proxy_weight = ProxyWeight::FormFactor),
+            ],
+        ),
+    ]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn base() -> Point {
+        Point { frame: Settings::default(), caches: 2000, angle: 1.0, max_edge: None }
+    }
+
+    #[test]
+    fn every_point_comes_once_and_every_knob_is_turned_alone() {
+        let sweep = Sweep::new(base(), Extent::Full, 5, 64);
+        for (i, point) in sweep.points.iter().enumerate() {
+            assert!(!sweep.points[..i].contains(point), "{point:?} comes twice");
+        }
+        // 5 counts of caches (four and the default) by 4 RSMs, and one alternative each of the three other knobs.
+        assert_eq!(sweep.points.len(), 5 * 4 + 3);
+        assert_eq!(sweep.points.iter().filter(|point| sweep.is_pictured(point)).count(), 1 + 4 + 3 + 3);
+        assert_eq!(sweep.rsm_sides(), [32, 64, 128, 256]);
+    }
+
+    #[test]
+    fn knobs_know_where_they_stand() {
+        let sweep = Sweep::new(base(), Extent::Full, 5, 64);
+        for knob in &sweep.knobs {
+            for value in 0..knob.values.len() {
+                assert_eq!(knob.of(&knob.set(&sweep.base, value)), Some(value), "{}", knob.name);
+            }
+        }
+        assert_eq!(sweep.knobs[0].of(&Point { caches: 7, ..base() }), None);
+    }
+}

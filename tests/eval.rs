@@ -1,0 +1,141 @@
+//! The report of speed against error, through the tool: what is measured, what is kept, what is written.
+
+use crate::cli::{fails, folder, left, works};
+use lightskin::scene::build::{CornellSurface, cornell};
+use lightskin::scene::{Scene, write::write_glb};
+use std::fs;
+use std::path::Path;
+
+/// A Cornell box of few triangles.
+fn small() -> Scene {
+    cornell(CornellSurface::Glossy, 0.5)
+}
+
+fn eval(at: &Path, more: &[&str]) -> String {
+    let args = ["eval", "box.glb", "-o", "report", "--quick", "--size", "32x18", "--spp", "16", "--frames", "1"];
+    works(at, &[&args, &["--max-edge", "0"][..], more].concat())
+}
+
+/// How many points were measured, and how many were kept.
+fn counts(out: &str) -> (usize, usize, usize) {
+    let line = out.lines().find(|line| line.starts_with("points")).expect("a line of counts");
+    let numbers: Vec<usize> = line.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
+    let [points, measured, kept, failed] = numbers[..] else { panic!("{line}") };
+    assert_eq!(points, measured + kept + failed, "{line}");
+    (measured, kept, failed)
+}
+
+#[test]
+fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
+    let at = folder("eval-report");
+    write_glb(&small(), &at.join("box.glb")).expect("a scene");
+    let caches = ["--caches", "250"];
+    let first = eval(&at, &caches);
+    // Three counts of caches by three RSMs, and one alternative each of three knobs.
+    assert_eq!(counts(&first), (12, 0, 0), "{first}");
+    let report = at.join("report");
+    let wanted = ["index.html", "pictures", "plots", "points.jsonl", "references", "results.csv", "results.json"];
+    assert_eq!(left(&report), wanted);
+
+    let page = fs::read_to_string(report.join("index.html")).expect("a page");
+    assert!(!page.contains("http") && !page.contains("href") && !page.contains("url("), "no other file is asked for");
+    assert!(!page.contains("<script") && !page.contains("@import"));
+    assert_eq!(page.matches("src=").count(), page.matches("src=\"data:image/png;base64,").count());
+    assert!(page.matches("<img").count() > 20 && page.matches("<svg").count() > 15);
+    assert!(!page.contains("NaN") && !page.contains("Not measured"));
+    assert!(!lightskin_is_software() || page.contains("software device"), "a software device is called one");
+    for name in ["same virtual lights", "most virtual lights", "no shadows", "with shadows", "Pareto front"] {
+        assert!(page.contains(name), "{name}");
+    }
+
+    let table = fs::read_to_string(report.join("results.csv")).expect("a table");
+    let head: Vec<&str> = table.lines().next().expect("a head").split(',').collect();
+    assert!(table.lines().all(|line| line.split(',').count() == head.len()), "{table}");
+    for name in ["caches", "rsm", "refs", "interpolation", "proxy-weight", "frame_ms", "gather_ms", "reference"] {
+        assert!(head.contains(&name), "{head:?}");
+    }
+    for name in ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "bias", "psnr", "ssim", "flip"] {
+        assert!(head.contains(&name), "{head:?}");
+    }
+    // Twelve points against four references, three of brute force against three; two lobes and their sum.
+    assert_eq!(table.lines().count(), 1 + 12 * 4 * 3 + 3 * 3 * 3);
+    let results: serde_json::Value =
+        serde_json::from_slice(&fs::read(report.join("results.json")).expect("results")).expect("JSON");
+    assert_eq!(results["points"].as_array().map(Vec::len), Some(15));
+    assert_eq!(results["references"].as_array().map(Vec::len), Some(5));
+
+    let second = eval(&at, &caches);
+    assert_eq!(counts(&second), (0, 12, 0), "{second}");
+    assert_eq!(fs::read_to_string(report.join("results.csv")).expect("a table"), table);
+    assert!(fs::read_to_string(report.join("index.html")).expect("a page") == page, "the same numbers, the same page");
+
+    // An interrupted run: a line is cut short, and a picture of another point is missing.
+    let lines = fs::read_to_string(report.join("points.jsonl")).expect("points");
+    fs::write(report.join("points.jsonl"), &lines[..lines.len() - 100]).expect("points");
+    let picture = fs::read_dir(report.join("pictures")).expect("pictures").map(|e| e.expect("entry").path());
+    let key = &serde_json::from_str::<serde_json::Value>(lines.lines().nth(3).expect("a row")).expect("JSON")["key"];
+    let key = &key.as_str().expect("a key")[..16];
+    let picture: Vec<_> = picture.filter(|p| p.to_string_lossy().contains(&format!("{key}-error"))).collect();
+    fs::remove_file(&picture[0]).expect("a picture of the default");
+    let third = eval(&at, &caches);
+    assert_eq!(counts(&third), (2, 10, 0), "{third}");
+
+    // Other settings and another scene: nothing of it fits, and nothing of it is lost.
+    let other = eval(&at, &["--caches", "250", "--angle", "45"]);
+    assert_eq!(counts(&other), (12, 0, 0), "{other}");
+    assert_eq!(counts(&eval(&at, &caches)), (0, 12, 0));
+    let mut scene = small();
+    scene.lights[0].intensity *= 2.0;
+    write_glb(&scene, &at.join("box.glb")).expect("a scene");
+    assert_eq!(counts(&eval(&at, &caches)), (12, 0, 0));
+}
+
+fn lightskin_is_software() -> bool {
+    lightskin::gpu::Gpu::new(&lightskin::gpu::Options::default()).expect("a Vulkan device").is_software()
+}
+
+/// Three lights of 4096 x 4096 texels each are more VALs than there may be.
+#[test]
+fn a_point_that_fails_is_a_row_with_its_reason() {
+    let at = folder("eval-fails");
+    let mut scene = small();
+    for _ in 0..2 {
+        scene.lights.push(scene.lights[0].clone());
+    }
+    write_glb(&scene, &at.join("box.glb")).expect("a scene");
+    let out = eval(&at, &["--caches", "50", "--rsm", "4096"]);
+    let (measured, kept, failed) = counts(&out);
+    assert!(measured > 0 && kept == 0 && failed > 0, "{out}");
+    let table = fs::read_to_string(at.join("report/results.csv")).expect("a table");
+    let failures: Vec<&str> = table.lines().filter(|line| line.contains("smaller --rsm")).collect();
+    // And one of brute force.
+    assert_eq!(failures.len(), failed + 1, "{table}");
+    assert!(failures.iter().all(|line| line.contains(",4096,")), "{table}");
+    assert!(table.lines().any(|line| line.contains("same-vals")), "{table}");
+    let page = fs::read_to_string(at.join("report/index.html")).expect("a page");
+    assert!(page.contains("Not measured") && page.contains("smaller --rsm"));
+    // What failed is tried again, what was measured is kept.
+    assert_eq!(counts(&eval(&at, &["--caches", "50", "--rsm", "4096"])), (0, measured, failed));
+}
+
+#[test]
+fn a_folder_that_cannot_hold_a_report_is_one_line() {
+    let at = folder("eval-bad");
+    write_glb(&small(), &at.join("box.glb")).expect("a scene");
+    fs::write(at.join("file"), "text").expect("file");
+    fs::create_dir_all(at.join("taken/index.html")).expect("folder");
+    fs::create_dir_all(at.join("points/points.jsonl")).expect("folder");
+    let run = ["eval", "box.glb", "--quick", "--size", "16x9", "-o"];
+    let try_in = |out: &str, parts: &[&str]| fails(&at, &[&run[..], &[out]].concat(), 1, parts);
+    try_in("file", &["file", "name a folder"]);
+    try_in("file/below", &["file/below", "cannot write"]);
+    try_in("taken", &["taken/index.html", "it is a folder"]);
+    try_in("points", &["points.jsonl", "another folder"]);
+    fails(&at, &["eval", "missing.glb", "-o", "report"], 1, &["missing.glb"]);
+    fails(&at, &["eval", "box.glb", "-o", "report", "--camera", "9"], 1, &["--camera 9"]);
+    let away = "0,1,9;0,1,19;0,1,0;40";
+    let quick = ["eval", "box.glb", "-o", "away", "--quick", "--size", "16x9", "--spp", "16", "--camera", away];
+    fails(&at, &quick, 1, &["no surface", "--camera"]);
+    fails(&at, &["eval", "--size", "12"], 2, &["--size"]);
+    fails(&at, &["eval", "--spp", "0"], 2, &["--spp"]);
+}
