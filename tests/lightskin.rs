@@ -20,4 +20,5 @@ mod proxies;
 mod quality;
 mod scene;
 mod shaders;
+mod sources;
 mod tessellate;

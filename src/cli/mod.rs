@@ -13,6 +13,7 @@ mod info;
 mod path_trace;
 mod picture;
 mod render;
+mod sources;
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -46,6 +47,8 @@ enum Command {
     Bake(bake::Bake),
     /// Errors of one image against another.
     Compare(compare::Compare),
+    /// Where the error of indirect light comes from.
+    Sources(sources::SourcesArgs),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -60,6 +63,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
         Command::Compare(args) => compare::run(args),
+        Command::Sources(args) => sources::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),
