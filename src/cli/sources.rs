@@ -87,9 +87,15 @@ fn print(found: &Sources, scene: &Scene, settings: &Settings, device: &[[DVec3; 
         let of = |lights: &[[DVec3; 2]]| lights.iter().map(|light| light[lobe]).collect::<Vec<_>>();
         let seen: Lights = found.pixels.iter().map(|i| device[*i]).collect();
         let twin = Figures::of(&of(&seen), &of(&found.engine), &of(&found.engine));
+        let far = |(a, b): &(&[DVec3; 2], &[DVec3; 2])| (a[lobe] - b[lobe]).length() > 0.01 * b[lobe].length();
+        let off = seen.iter().zip(&found.engine).filter(far).count();
         say!("");
         let [limit, truth] = table.noise.map(|f| format!("{:.2} % (RMSE {:.2} %)", 100.0 * f.mae, 100.0 * f.rmse));
-        say!("{}: the device's picture is {:.3} % from the chain's beginning (MARE)", table.lobe, 100.0 * twin.mare);
+        say!(
+            "{}: {:.3} % of the device's light is not the chain's beginning's; {off} pixels are off by more than 1 %",
+            table.lobe,
+            100.0 * twin.mae
+        );
         say!("mean absolute noise of the path tracer: {limit} without shadows, {truth} with");
         say!("");
         for line in table.markdown().lines() {

@@ -7,8 +7,8 @@ use glam::DVec3;
 use super::phong::cos_power;
 
 /// Corners of the polygon that stands for a disc where the point's horizon cuts it. At equal area its form factor is
-/// within 4e-4 of the disc's (tests/sources.rs).
-pub const RIM: usize = 32;
+/// within 1e-3 of the disc's (tests/sources.rs).
+pub const RIM: usize = 64;
 
 /// Form factor from a point to a true disc of `area` [m^2]: the closed form of a disc's vector irradiance (Gershun 1936,
 /// by way of Snyder 1996) where the whole disc is above the point's horizon, else [`polygon_form_factor`].
@@ -104,22 +104,34 @@ pub fn regular_polygon<const N: usize>(area: f64, centre: DVec3, normal: DVec3) 
     })
 }
 
-/// Mean of the lobe `cos^k` about the unit direction `mirrored` over a convex flat polygon of `area` [m^2], each of its
-/// points weighted with the irradiance that it brings: what [`polygon_form_factor`] is multiplied with where the lobe is
-/// not held constant. Triangles are divided until one is small against its distance and the lobe; relative error 1e-3.
+/// [`lobe_integral`], or the lobe towards the patch's centre where that is within 1e-3 of it.
 pub fn lobe_mean(corners: &[DVec3], area: f64, point: DVec3, point_normal: DVec3, mirrored: DVec3, k: f64) -> f64 {
-    let centre = corners.iter().sum::<DVec3>() / corners.len() as f64 - point;
-    let mut sums = Sums { point_normal, mirrored, k, weight: 0.0, lobe: 0.0 };
+    let centre = middle(corners) - point;
     let cosine = mirrored.dot(centre.normalize_or_zero());
-    if !sums.is_large(area, centre.length_squared(), cosine, 0.01) {
-        return cos_power(k, cosine);
+    let sums = Sums { point_normal, mirrored, k, weight: 0.0, lobe: 0.0 };
+    if sums.is_large(area, centre.length_squared(), cosine, 0.01) {
+        lobe_integral(corners, point, point_normal, mirrored, k)
+    } else {
+        cos_power(k, cosine)
     }
+}
+
+/// Mean of the lobe `cos^k` about the unit direction `mirrored` over a convex flat polygon, each of its points weighted
+/// with the irradiance that it brings: what [`polygon_form_factor`] is multiplied with where the lobe is not held
+/// constant. Triangles are divided until one is small against its distance and the lobe; relative error 1e-3.
+pub fn lobe_integral(corners: &[DVec3], point: DVec3, point_normal: DVec3, mirrored: DVec3, k: f64) -> f64 {
+    let centre = middle(corners) - point;
+    let mut sums = Sums { point_normal, mirrored, k, weight: 0.0, lobe: 0.0 };
     for (i, corner) in corners.iter().enumerate() {
         let next = corners[(i + 1) % corners.len()];
         sums.add([centre, *corner - point, next - point], 0);
     }
     // A patch of which no sample is above the horizon brings next to nothing.
-    if sums.weight > 0.0 { sums.lobe / sums.weight } else { cos_power(k, cosine) }
+    if sums.weight > 0.0 { sums.lobe / sums.weight } else { cos_power(k, mirrored.dot(centre.normalize_or_zero())) }
+}
+
+fn middle(corners: &[DVec3]) -> DVec3 {
+    corners.iter().sum::<DVec3>() / corners.len() as f64
 }
 
 /// Sums over points of a patch.

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 
-use crate::reference::disc::{self, lobe_mean};
+use crate::reference::disc::{self, lobe_integral};
 use crate::reference::form_factor;
 use crate::reference::phong::cos_power;
 
@@ -42,7 +42,7 @@ pub fn lobe_error(k: f64, angle: f64, distance: f64) -> f64 {
     let (sin, cos) = angle.to_radians().sin_cos();
     let h = 0.5;
     let corners = [(-h, -h), (h, -h), (h, h), (-h, h)].map(|(x, y)| DVec3::new(x, y, distance));
-    let mean = lobe_mean(&corners, 1.0, DVec3::ZERO, DVec3::Z, DVec3::new(sin, 0.0, cos), k);
+    let mean = lobe_integral(&corners, DVec3::ZERO, DVec3::Z, DVec3::new(sin, 0.0, cos), k);
     (cos_power(k, cos) - mean).abs() / mean
 }
 

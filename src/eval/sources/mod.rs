@@ -89,6 +89,7 @@ pub fn sources(
     let [texels, double, fourfold] =
         [n, 2 * n, 4 * n].map(|n| work.step("virtual lights", |w| cast(&w.stage.world, n)));
     let none = Exact::default();
+    let rsm = |n: u32| format!("RSM: {n} texels a side");
 
     let engine = work.engine("engine", &texels, none, false);
     let mut chain = Chain::new(engine.clone());
@@ -102,28 +103,28 @@ pub fn sources(
     chain.add(LOBE, work.brute_force("lobe over the disc", &texels, exact));
     exact.footprint = true;
     chain.add(FOOTPRINT, work.brute_force("tilted footprint", &texels, exact));
-    chain.add("RSM: 2N texels a side", work.brute_force("RSM of 2N", &double, exact));
-    chain.add("RSM: 4N", work.brute_force("RSM of 4N", &fourfold, exact));
+    chain.add(&rsm(2 * n), work.brute_force("RSM of 2N", &double, exact));
+    chain.add(&rsm(4 * n), work.brute_force("RSM of 4N", &fourfold, exact));
     let unlimited = path_trace::Settings { visibility: false, ..work.one_bounce() };
     let [limit, limit_half] = work.traced("path tracer without shadows", &unlimited);
     chain.add("RSM: without end", limit.clone());
     let [truth, truth_half] = work.traced("path tracer", &work.one_bounce());
     chain.add(SHADOWS, truth.clone());
 
-    let mut alone: Vec<(&str, Lights)> = Vec::new();
-    alone.push((ACROSS, chain.links[1].1.clone()));
+    let mut alone: Vec<(String, Lights)> = Vec::new();
+    alone.push((ACROSS.into(), chain.links[1].1.clone()));
     let each = work.step("all lights of each cache, at vertices", |w| w.stage.interpolate_each(&texels, Level::Vertex));
-    alone.push((PROXY, each));
-    alone.push((CACHES, chain.links[3].1.clone()));
+    alone.push((PROXY.into(), each));
+    alone.push((CACHES.into(), chain.links[3].1.clone()));
     let only = Exact { form_factor: true, ..none };
-    alone.push((FORM_FACTOR, work.engine("exact form factor alone", &texels, only, false)));
+    alone.push((FORM_FACTOR.into(), work.engine("exact form factor alone", &texels, only, false)));
     let only = Exact { lobe: true, ..none };
-    alone.push((LOBE, work.engine("lobe over the disc alone", &texels, only, false)));
+    alone.push((LOBE.into(), work.engine("lobe over the disc alone", &texels, only, false)));
     let only = Exact { footprint: true, ..none };
-    alone.push((FOOTPRINT, work.engine("tilted footprint alone", &texels, only, false)));
-    alone.push(("RSM: 2N texels a side", work.engine("RSM of 2N alone", &double, none, false)));
-    alone.push(("RSM: 4N", work.engine("RSM of 4N alone", &fourfold, none, false)));
-    alone.push((SHADOWS, work.engine("shadows alone", &texels, none, true)));
+    alone.push((FOOTPRINT.into(), work.engine("tilted footprint alone", &texels, only, false)));
+    alone.push((rsm(2 * n), work.engine("RSM of 2N alone", &double, none, false)));
+    alone.push((rsm(4 * n), work.engine("RSM of 4N alone", &fourfold, none, false)));
+    alone.push((SHADOWS.into(), work.engine("shadows alone", &texels, none, true)));
 
     let mut beyond = Chain::new(truth.clone());
     let glossy = path_trace::Settings { glossy_bounces: true, ..work.one_bounce() };
@@ -221,7 +222,7 @@ impl Chain {
     }
 
     /// The steps of one lobe, in terms of the mean of `truth`.
-    fn rows(&self, lobe: usize, alone: &[(&str, Lights)], truth: &[DVec3]) -> Vec<Row> {
+    fn rows(&self, lobe: usize, alone: &[(String, Lights)], truth: &[DVec3]) -> Vec<Row> {
         let of = |lights: &Lights| -> Vec<DVec3> { lights.iter().map(|light| light[lobe]).collect() };
         let pictures: Vec<Vec<DVec3>> = self.links.iter().map(|(_, lights)| of(lights)).collect();
         let row = |i: usize| Row {
