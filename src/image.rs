@@ -86,12 +86,16 @@ pub struct Picture {
     pub rgb: Vec<[f32; 3]>,
 }
 
+/// Whether the name is that of an OpenEXR file: linear values of any scale.
+pub fn is_exr(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"))
+}
+
 /// Reads a layer of an OpenEXR file (`None`: the picture itself), or a PNG or JPEG, which is made linear. A layer of one
 /// channel comes three times.
 pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
-    let is_exr = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"));
-    if !is_exr {
+    if !is_exr(path) {
         if let Some(layer) = layer {
             return Err(bad(format!("has no layer '{layer}'; layers are in .exr files")));
         }

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 /// A folder of this test's own, emptied.
-fn folder(name: &str) -> PathBuf {
+pub(crate) fn folder(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&path);
     fs::create_dir_all(&path).expect("a folder for the test");
@@ -27,14 +27,14 @@ fn text(bytes: &[u8]) -> String {
 }
 
 /// Runs the tool and wants success.
-fn works(folder: &Path, args: &[&str]) -> String {
+pub(crate) fn works(folder: &Path, args: &[&str]) -> String {
     let out = lightskin(folder, args);
     assert!(out.status.success(), "{args:?}: {}{}", text(&out.stdout), text(&out.stderr));
     text(&out.stdout)
 }
 
 /// Runs the tool and wants one line of error that holds all of `parts`, and this exit code.
-fn fails(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
+pub(crate) fn fails(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
     let out = lightskin(folder, args);
     let message = text(&out.stderr);
     assert_eq!(out.status.code(), Some(code), "{args:?}: {message}");
@@ -49,7 +49,7 @@ fn fails(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
 }
 
 /// Files in a folder besides the kept bakes.
-fn left(folder: &Path) -> Vec<String> {
+pub(crate) fn left(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).expect("folder");
     let mut names: Vec<_> = entries.map(|e| e.expect("entry").file_name().to_string_lossy().into_owned()).collect();
     names.retain(|n| n != "cache");
@@ -277,4 +277,38 @@ fn shared_scenes_render_clean() {
         let bright = picture.pixels().filter(|p| p.0[0] > 40).count();
         assert!(bright > 20, "{scene}: {bright} of 14 400 pixels are lit");
     }
+}
+
+#[test]
+fn a_path_trace_that_is_interrupted_goes_on() {
+    let folder = folder("cli path trace");
+    let cornell = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cornell_diffuse.glb");
+    let args = ["render", cornell, "--gi", "path-trace", "--size", "48x48", "-o", "traced.exr", "--spp"];
+    let started = Command::new(env!("CARGO_BIN_EXE_lightskin"))
+        .args(args)
+        .arg("1000000")
+        .current_dir(&folder)
+        .env("XDG_CACHE_HOME", folder.join("cache"))
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the tool runs");
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    let killed = Command::new("kill").args(["-INT", &started.id().to_string()]).status();
+    assert!(killed.expect("kill runs").success());
+    let out = started.wait_with_output().expect("the tool ends");
+    let message = text(&out.stderr);
+    assert_eq!(out.status.code(), Some(1), "{message}");
+    let samples = message.split("stopped at ").nth(1).and_then(|rest| rest.split(' ').next());
+    let samples: u32 = samples.and_then(|n| n.parse().ok()).unwrap_or_else(|| panic!("no count in: {message}"));
+    assert!(samples >= 16 && message.contains("goes on from there"), "{message}");
+    assert_eq!(left(&folder), [""; 0]);
+
+    // All that were made are there, and a few more are added to them.
+    let more = (samples + 32).to_string();
+    let said = works(&folder, &[&args[..], &[&more]].concat());
+    assert!(said.contains(&format!("({samples} were kept, 32 made")), "{said}");
+    assert_eq!(left(&folder), ["traced.exr"]);
+    let said = works(&folder, &[&args[..], &[&more, "--layer", "indirect"]].concat());
+    assert!(said.contains("0 made"), "{said}");
+    fails(&folder, &[&args[..], &["16", "--no-visibility", "--bounces", "2"]].concat(), 2, &["--no-visibility"]);
 }

@@ -46,6 +46,15 @@ enum Command {
     /// Place the caches of a scene and keep them for later renders.
     Bake(bake::Bake),
     /// Errors of one image against another.
+    ///
+    /// Of the linear values: mean absolute error, the same relative to the reference (mare), root of the mean square
+    /// (rmse), relative mean square (relmse; trimmed: without the worst 1 % of pixels), relative error of the mean
+    /// (bias), psnr against the reference's largest value. Of what a display shows: ssim (11 x 11 Gaussian, sigma 1.5,
+    /// on the sRGB-encoded luminance) and flip with its weighted quartiles.
+    ///
+    /// Two PNG files are shown as they are. Otherwise values are radiance: ssim brings the log-average luminance of the
+    /// reference to middle grey and clips; flip is HDR-FLIP, for each pixel the largest flip over exposures from the
+    /// one that shows the reference's largest luminance to the one that shows its median, 8 bits each.
     Compare(compare::Compare),
     /// Where the error of indirect light comes from.
     Sources(sources::SourcesArgs),

@@ -31,7 +31,7 @@ pub(super) struct PathTraceArgs {
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=1000))]
     bounces: u32,
     /// Let one bounce of indirect light pass through everything: what brute force converges to.
-    #[arg(long)]
+    #[arg(long, conflicts_with_all = ["bounces", "glossy_bounces", "sources"])]
     no_visibility: bool,
     /// Let all bounces reflect glossily, and not the last one alone.
     #[arg(long)]
@@ -65,11 +65,8 @@ pub(super) struct Picture<'a> {
 }
 
 impl PathTraceArgs {
-    fn settings(&self, size: [u32; 2]) -> Result<Settings> {
-        if self.no_visibility && (self.bounces > 1 || self.sources != SourcesArg::Punctual) {
-            bail!("--no-visibility knows one bounce of punctual lights: drop --bounces and --sources");
-        }
-        Ok(Settings {
+    fn settings(&self, size: [u32; 2]) -> Settings {
+        Settings {
             size,
             bounces: self.bounces,
             visibility: !self.no_visibility,
@@ -80,12 +77,20 @@ impl PathTraceArgs {
                 SourcesArg::All => Sources::All,
             },
             seed: self.seed,
-        })
+        }
     }
 }
 
+/// Whether the user has asked to stop.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// From here on an interrupt ends the run in good order, with its samples kept.
+pub(super) fn stop_in_order() -> Result<()> {
+    Ok(ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed))?)
+}
+
 pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture: &Picture<'_>) -> Result<()> {
-    let settings = args.settings(picture.size)?;
+    let settings = args.settings(picture.size);
     let mut trace = PathTrace::new(scene, camera, &settings);
     let file: Option<PathBuf> = kept::folder().map(|folder| trace.kept_in(&folder));
     let resumed = file.as_ref().is_some_and(|file| trace.resume(file));
@@ -94,8 +99,6 @@ pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture:
         log::info!("{before} samples per pixel were kept");
     }
 
-    static STOP: AtomicBool = AtomicBool::new(false);
-    ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed))?;
     let bar =
         if std::io::stderr().is_terminal() { ProgressBar::new(u64::from(args.spp)) } else { ProgressBar::hidden() };
     if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {pos}/{len} samples  {msg}  {elapsed} of {duration}") {

@@ -220,6 +220,9 @@ pub(super) fn run(args: &Render) -> Result<()> {
         check_writable(path)?;
     }
     let start = Instant::now();
+    if args.gi == GiArg::PathTrace {
+        path_trace::stop_in_order()?;
+    }
     // Rays need no small triangles.
     let scene = load_scene(args.scene.as_deref(), &args.caches, args.gi != GiArg::PathTrace)?;
     let camera = camera(&scene, args.camera.as_deref())?;

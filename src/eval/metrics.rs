@@ -49,6 +49,13 @@ pub fn relative_squares(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Vec<f64> 
     image.iter().zip(reference).map(pixel).collect()
 }
 
+/// Absolute error of each pixel, mean of its channels, as `Metrics::mae` averages it. The images are equally long.
+pub fn absolutes(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Vec<f64> {
+    let pixel =
+        |(a, b): (&[f32; 3], &[f32; 3])| (0..3).map(|c| (f64::from(a[c]) - f64::from(b[c])).abs()).sum::<f64>() / 3.0;
+    image.iter().zip(reference).map(pixel).collect()
+}
+
 /// Compares two images of the same number of pixels. Panics if they differ in it or hold none.
 pub fn metrics(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Metrics {
     assert_eq!(image.len(), reference.len(), "images of the same size");
@@ -65,18 +72,19 @@ pub fn metrics(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Metrics {
     let kept = (squares.len() * 99 / 100).max(1);
     Metrics {
         pixels: image.len(),
-        mae: average(&|a, b| (a - b).abs()),
+        mae: absolutes(image, reference).iter().sum::<f64>() / image.len() as f64,
         mare: average(&|a, b| ratio((a - b).abs(), b + 0.01 * mean_b)),
         rmse,
         relmse: squares.iter().sum::<f64>() / squares.len() as f64,
         relmse_trimmed: squares[..kept].iter().sum::<f64>() / kept as f64,
         bias: ratio(mean_a - mean_b, mean_b),
-        psnr: 20.0 * (peak / rmse).log10(),
+        // Two black images are equal too.
+        psnr: if rmse == 0.0 { f64::INFINITY } else { 20.0 * (peak / rmse).log10() },
     }
 }
 
 /// Mean over pixels and channels.
-fn mean(image: &[[f32; 3]]) -> f64 {
+pub fn mean(image: &[[f32; 3]]) -> f64 {
     image.iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / (3.0 * image.len() as f64)
 }
 
@@ -88,6 +96,7 @@ mod tests {
     fn equal_images_have_no_error() {
         for image in [vec![[0.0; 3]; 4], vec![[1.0, 2.0, 3.0]; 4]] {
             let m = metrics(&image, &image);
+            assert_eq!(m.psnr, f64::INFINITY);
             assert_eq!((m.mae, m.mare, m.rmse, m.relmse, m.relmse_trimmed, m.bias), (0.0, 0.0, 0.0, 0.0, 0.0, 0.0));
         }
     }

@@ -189,7 +189,8 @@ impl<'a> World<'a> {
     }
 
     fn ray(&self, local: DVec3, direction: DVec3, distance: f64) -> Ray {
-        let unit = |v: DVec3| Vec3A::from(v.as_vec3());
+        // The traversal misses everything along a direction with a negative zero in it; adding 0 makes it positive.
+        let unit = |v: DVec3| Vec3A::from(v.as_vec3()) + Vec3A::ZERO;
         let farthest = (distance / self.radius).min(f64::from(f32::MAX)) as f32;
         Ray::new(unit(local / self.radius), unit(direction), 0.0, farthest)
     }
@@ -206,7 +207,7 @@ impl<'a> World<'a> {
         let offset = local - triangle.corner;
         let second = offset.dot(p) * inverse;
         // Also false where the triangle is seen from its edge, or has no area: everything is NaN or infinite then.
-        if !(second >= -OVERLAP && second <= 1.0 + OVERLAP) {
+        if !(-OVERLAP..=1.0 + OVERLAP).contains(&second) {
             return None;
         }
         let q = offset.cross(u);

@@ -7,7 +7,6 @@ use glam::{DVec2, DVec3};
 use super::scatter::around;
 use crate::reference::gather::luminance;
 use crate::reference::light::{facing_irradiance, shine};
-use crate::reference::rsm::WIDEST_SPOT;
 use crate::reference::world::{Hit, Sides, Surface, World, emits};
 use crate::scene::{Light, LightKind};
 
@@ -29,8 +28,8 @@ struct Beam {
     light: Light,
     /// Unit axis.
     axis: DVec3,
-    /// Cosine of the half angle that rays fill; of parallel light nothing.
-    least_cosine: f64,
+    /// Rays by the cosine with the axis; of parallel light nothing.
+    cone: Cone,
     /// Centre and radius [m] of the disc square to the axis that parallel rays fill.
     disc: (DVec3, f64),
     /// Probability of being chosen.
@@ -43,13 +42,13 @@ impl Emitters {
         let (low, high) = scene.bounds().unwrap_or_default();
         let centre = 0.5 * (low + high);
         let beam = |light: &Light| {
-            let least_cosine = match light.kind {
-                LightKind::Spot { outer, .. } => f64::from(outer).min(WIDEST_SPOT).cos(),
-                _ => -1.0,
+            let cone = match light.kind {
+                LightKind::Spot { inner, outer } => Cone::new(inner.into(), outer.into()),
+                _ => Cone::ALL,
             };
             let axis = if light.kind == LightKind::Point { DVec3::Z } else { shine(light) };
             let disc = (centre - 2.0 * world.radius * axis, world.radius);
-            Beam { light: light.clone(), axis, least_cosine, disc, share: 0.0 }
+            Beam { light: light.clone(), axis, cone, disc, share: 0.0 }
         };
         let mut beams: Vec<Beam> = if punctual { scene.lights.iter().map(beam).collect() } else { Vec::new() };
         let powers: Vec<f64> = beams.iter().map(Beam::power).collect();
@@ -143,11 +142,11 @@ impl Beam {
         let full = luminance(self.light.color.as_dvec3()) * f64::from(self.light.intensity);
         match self.light.kind {
             LightKind::Directional => full * 0.5 * TAU * self.disc.1.powi(2),
-            _ => full * TAU * (1.0 - self.least_cosine),
+            _ => full * TAU * self.cone.total(),
         }
     }
 
-    /// Origin [m] and unit direction of a ray, uniform over cone, sphere or disc.
+    /// Origin [m] and unit direction of a ray: as dense as the light is strong, over cone, sphere or disc.
     fn ray(&self, u: DVec2) -> (DVec3, DVec3) {
         if self.light.kind == LightKind::Directional {
             let (right, up) = self.axis.any_orthonormal_pair();
@@ -155,8 +154,7 @@ impl Beam {
             let r = self.disc.1 * u.x.sqrt();
             return (self.disc.0 + r * (x * right + y * up), self.axis);
         }
-        let cosine = 1.0 - u.x * (1.0 - self.least_cosine);
-        (self.light.position, around(self.axis, cosine, u.y))
+        (self.light.position, around(self.axis, self.cone.sample(u.x), u.y))
     }
 
     /// Density [1/m^2] with which a ray meets a visible point whose normal makes `cosine` with the light.
@@ -164,11 +162,51 @@ impl Beam {
         if self.light.kind == LightKind::Directional {
             return cosine / (0.5 * TAU * self.disc.1.powi(2));
         }
-        if self.axis.dot(direction) < self.least_cosine {
-            return 0.0;
+        let falloff = self.cone.falloff(self.axis.dot(direction));
+        falloff / (TAU * self.cone.total()) * cosine / self.light.position.distance_squared(position)
+    }
+}
+
+/// A spot's falloff over the cosine with its axis: 0 up to `least`, a squared ramp of `width`, and 1 from `full` on.
+struct Cone {
+    least: f64,
+    full: f64,
+    width: f64,
+}
+
+impl Cone {
+    /// The same in all directions.
+    const ALL: Self = Self { least: -1.0, full: -1.0, width: 1e-9 };
+
+    /// The cone between these half angles [rad]; see [`crate::reference::light::spot_falloff`].
+    fn new(inner: f64, outer: f64) -> Self {
+        let (least, width) = (outer.cos(), (inner.cos() - outer.cos()).max(0.001));
+        Self { least, full: (least + width).min(1.0), width }
+    }
+
+    fn falloff(&self, cosine: f64) -> f64 {
+        ((cosine - self.least) / self.width).clamp(0.0, 1.0).powi(2)
+    }
+
+    /// Integral of the falloff over the ramp.
+    fn ramp(&self) -> f64 {
+        (self.full - self.least).powi(3) / (3.0 * self.width * self.width)
+    }
+
+    /// Integral of the falloff over all cosines.
+    fn total(&self) -> f64 {
+        self.ramp() + 1.0 - self.full
+    }
+
+    /// A cosine as likely as the falloff says; `u` is uniform in [0, 1).
+    fn sample(&self, u: f64) -> f64 {
+        // From the axis outwards: 0 is on it.
+        let from_edge = (1.0 - u) * self.total();
+        if from_edge < self.ramp() {
+            self.least + (3.0 * self.width * self.width * from_edge).cbrt()
+        } else {
+            self.full + from_edge - self.ramp()
         }
-        let per_solid_angle = 1.0 / (TAU * (1.0 - self.least_cosine));
-        per_solid_angle * cosine / self.light.position.distance_squared(position)
     }
 }
 

@@ -245,10 +245,10 @@ impl<'a> PathTrace<'a> {
             }
             let layer = if depth == 0 { &mut direct } else { &mut *indirect };
             if from_surfaces {
-                *layer += throughput * self.from_surface_point(&at, random(1));
+                *layer += throughput * self.by_surface_point(&at, random(1));
             }
             if !is_last {
-                *indirect += throughput * self.from_lit_surface(&at, random(2));
+                *indirect += throughput * self.by_lit_surface(&at, random(2));
             }
 
             let [x, y, ..] = random(0);
@@ -305,7 +305,7 @@ impl<'a> PathTrace<'a> {
     }
 
     /// Radiance by way of a surface that a light's own ray has found.
-    fn from_lit_surface(&self, at: &Scatter, random: [f64; 4]) -> DVec3 {
+    fn by_lit_surface(&self, at: &Scatter, random: [f64; 4]) -> DVec3 {
         let world = &self.world;
         let drawn = self.emitters.lit_surface(world, DVec3::new(random[0], random[1], random[2]));
         let Some((light, surface)) = drawn else { return DVec3::ZERO };
@@ -327,7 +327,7 @@ impl<'a> PathTrace<'a> {
     }
 
     /// Radiance from a point of a surface that emits.
-    fn from_surface_point(&self, at: &Scatter, random: [f64; 4]) -> DVec3 {
+    fn by_surface_point(&self, at: &Scatter, random: [f64; 4]) -> DVec3 {
         let drawn = self.emitters.surface_point(&self.world, DVec3::new(random[0], random[1], random[2]));
         let Some((surface, density)) = drawn else { return DVec3::ZERO };
         let Some((towards, distance, cosine)) = facing(at.position, surface.position, surface.geometric) else {
