@@ -7,8 +7,8 @@ mod cli;
 mod common;
 mod compare;
 mod energy;
-mod flicker;
 mod eval;
+mod flicker;
 mod frame;
 mod gather;
 mod generated;
@@ -26,4 +26,5 @@ mod quality;
 mod scene;
 
 mod shaders;
+mod sources;
 mod tessellate;

@@ -62,7 +62,7 @@ pub(super) struct Seed {
 
 /// Growth of the error (5.95) with position and normal: `|x - c| / d_eps + sqrt(1 - (N(x) . N(c))+)`. The print's
 /// product is least for normals at right angles.
-pub(super) fn error(distance: f64, cos: f64, spacing: f64) -> f64 {
+pub(crate) fn error(distance: f64, cos: f64, spacing: f64) -> f64 {
     distance / spacing + (1.0 - cos.clamp(0.0, 1.0)).sqrt()
 }
 

@@ -16,7 +16,7 @@ pub(super) struct Bake {
 }
 
 pub(super) fn run(args: &Bake) -> Result<()> {
-    let scene = load_scene(args.scene.as_deref(), &args.caches, true)?;
+    let scene = load_scene(args.scene.as_deref(), &args.caches)?;
     let settings = args.caches.settings();
     let baked = bake_scene(&scene, &settings, args.again)?;
     let set = &baked.caches;

@@ -1,6 +1,6 @@
 //! `lightskin eval`: speed against error, a curve for every knob, as a page.
 
-use super::{DeviceArgs, hard_cases, angle, at_least_zero, check_messages, load_whole, render};
+use super::{DeviceArgs, angle, at_least_zero, check_messages, hard_cases, load_whole, render};
 use anyhow::{Context, Result};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::eval::run::{Job, run as measure};

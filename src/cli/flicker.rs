@@ -20,6 +20,11 @@ pub(super) struct FlickerArgs {
     /// Node that moves, by name; the largest that is less than half the scene across without it.
     #[arg(long, value_name = "NODE")]
     model: Option<String>,
+    /// Print one JSON object a row instead of the table.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
 }
 
 /// Measures a scene, or the built-in atrium, and prints the table, or with `json` one object a row.

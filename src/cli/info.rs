@@ -21,7 +21,7 @@ pub(super) struct Info {
 }
 
 pub(super) fn run(args: &Info) -> Result<()> {
-    let scene = load_scene(args.scene.as_deref(), &args.caches, true)?;
+    let scene = load_scene(args.scene.as_deref(), &args.caches)?;
     say!("scene {}", scene.name);
     say!(
         "  {} triangles in {} meshes, {} instances",

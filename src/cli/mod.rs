@@ -16,6 +16,7 @@ mod info;
 mod path_trace;
 mod picture;
 mod render;
+mod sources;
 
 use anyhow::{Context, Result, bail};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -62,6 +63,8 @@ enum Command {
     Eval(Box<eval::Eval>),
     /// Measure how much indirect light trembles while a light, the camera or a model creeps along.
     Flicker(flicker::FlickerArgs),
+    /// Where the error of indirect light comes from.
+    Sources(sources::SourcesArgs),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -78,6 +81,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Compare(args) => compare::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Flicker(args) => flicker::run(args),
+        Command::Sources(args) => sources::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),
@@ -177,14 +181,11 @@ fn load_whole(path: Option<&Path>) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Loads a scene, and divides triangles that are large against the distance of caches, where light will be
-/// `interpolated`.
-fn load_scene(path: Option<&Path>, caches: &CacheArgs, interpolated: bool) -> Result<Scene> {
+/// Loads a scene, and divides triangles that are large against the distance of caches.
+fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
     let mut scene = load_whole(path)?;
-    if interpolated {
-        let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(&scene, caches.caches as usize));
-        tessellate::divide(&mut scene, spacing, caches.max_edge);
-    }
+    let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(&scene, caches.caches as usize));
+    tessellate::divide(&mut scene, spacing, caches.max_edge);
     Ok(scene)
 }
 

@@ -2,7 +2,7 @@
 
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, Layers, TonemapArg, is_exr};
-use super::{Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, thousands};
+use super::{Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, load_whole, thousands};
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
@@ -227,8 +227,11 @@ pub(super) fn run(args: &Render) -> Result<()> {
     if args.gi == GiArg::PathTrace {
         path_trace::stop_in_order()?;
     }
-    // Rays need no small triangles.
-    let scene = load_scene(args.scene.as_deref(), &args.caches, args.gi != GiArg::PathTrace)?;
+    let scene = match args.gi {
+        // Rays need no small triangles.
+        GiArg::PathTrace => load_whole(args.scene.as_deref())?,
+        _ => load_scene(args.scene.as_deref(), &args.caches)?,
+    };
     let camera = camera(&scene, args.camera.as_deref())?;
     let loaded = start.elapsed();
     if args.gi == GiArg::PathTrace {

@@ -1,5 +1,5 @@
-//! How far one image is from another, what each setting costs in error and in time, and how the engine bears what is
-//! hard on numbers and on time.
+//! How far one image is from another, where the difference comes from, what each setting costs in error and in time, and
+//! how the engine bears what is hard on numbers and on time.
 
 pub mod display;
 pub mod figures;
@@ -16,6 +16,7 @@ pub mod references;
 pub mod report;
 pub mod run;
 pub mod shot;
+pub mod sources;
 pub mod ssim;
 pub mod sweep;
 pub mod worlds;

@@ -97,23 +97,41 @@ impl Sums {
     }
 }
 
+/// What a cache receives from one VAL.
+#[derive(Clone, Copy, Debug)]
+pub struct Received {
+    /// Where the VAL stands relative to the cache [m].
+    pub offset: DVec3,
+    /// Irradiance [lx].
+    pub irradiance: DVec3,
+    /// Weight on the diffuse proxy's position.
+    pub pull: f64,
+    /// `cos^k` of the angle to the mirrored view; 0 without an eye.
+    pub lobe: f64,
+}
+
 /// Gathers `vals` at a cache: diffuse lobe by eq. 5.39-5.43, with an `eye` [m] also the glossy lobe, eq. 5.44.
 pub fn gather(cache: &Cache, vals: &[Val], eye: Option<DVec3>, weight: ProxyWeight) -> Gathered {
     let mirrored = eye.map_or(DVec3::ZERO, |eye| mirrored_view(cache.position, cache.normal, eye));
-    let (mut diffuse, mut glossy) = (Sums::default(), Sums::default());
-    for val in vals {
+    let received = vals.iter().map(|val| {
         let (geometry, direction) = val_geometry(cache.position, cache.normal, val);
         let pull = geometry
             * match weight {
                 ProxyWeight::Irradiance => luminance(val.flux),
                 ProxyWeight::FormFactor => val.area,
             };
-        let offset = val.position - cache.position;
-        diffuse.add(pull, offset, val.flux * geometry);
-        if eye.is_some() {
-            let lobe = cos_power(cache.exponent, mirrored.dot(direction));
-            glossy.add(pull * lobe, offset, val.flux * geometry * lobe);
-        }
+        let lobe = eye.map_or(0.0, |_| cos_power(cache.exponent, mirrored.dot(direction)));
+        Received { offset: val.position - cache.position, irradiance: val.flux * geometry, pull, lobe }
+    });
+    gather_received(cache, mirrored, received)
+}
+
+/// The proxies of a cache with this mirrored view, from what it receives.
+pub fn gather_received(cache: &Cache, mirrored: DVec3, received: impl Iterator<Item = Received>) -> Gathered {
+    let (mut diffuse, mut glossy) = (Sums::default(), Sums::default());
+    for Received { offset, irradiance, pull, lobe } in received {
+        diffuse.add(pull, offset, irradiance);
+        glossy.add(pull * lobe, offset, irradiance * lobe);
     }
     Gathered {
         diffuse: proxy(cache, &diffuse, |_| diffuse.irradiance),

@@ -49,7 +49,7 @@ pub fn kernel(scheme: Scheme, t: f64, cos: f64) -> f64 {
 }
 
 /// Weight by distance alone, for when all others vanish: `1 / (t^2 + 1e-3)`.
-fn distance_kernel(t: f64) -> f64 {
+pub fn distance_kernel(t: f64) -> f64 {
     1.0 / (t * t + KERNEL_CORE)
 }
 

@@ -5,6 +5,8 @@
 
 /// Radiance from every VAL without caches: the ground truth of the interpolation.
 pub mod brute_force;
+/// Exact integrals over a disc or a polygon.
+pub mod disc;
 /// Form factor between a point and a disc, eq. 5.7.
 pub mod form_factor;
 /// VALs to proxy lights at one cache, stage 6.

@@ -154,7 +154,7 @@ fn cast_texel(triangles: &[Triangle], light: &Light, view: &View, x: usize, y: u
 }
 
 /// Mean of the intensity [cd] over the texel's sub-samples.
-fn mean_intensity(light: &Light, view: &View, x: usize, y: usize, n: usize) -> DVec3 {
+pub(crate) fn mean_intensity(light: &Light, view: &View, x: usize, y: usize, n: usize) -> DVec3 {
     let place = |texel: usize, sub: usize| texel as f64 + (sub as f64 + 0.5) / SUB_SAMPLES as f64;
     let count = SUB_SAMPLES * SUB_SAMPLES;
     let sub_samples = (0..count).map(|i| view.ray(place(x, i % SUB_SAMPLES), place(y, i / SUB_SAMPLES), n).1);

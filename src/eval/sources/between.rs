@@ -1,0 +1,146 @@
+//! Stage 8 between caches: of one proxy per cache, or of all VALs each for itself. METHOD 5.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::Lights;
+use super::exact::{Exact, Receiver, receive};
+use super::stage::{Level, Pixel, Point, Stage};
+use super::vals::Texel;
+use crate::reference::gather::{Cache, Gathered, LEAST_COSINE};
+use crate::reference::interpolate::{Interpolated, Scheme, distance_kernel, interpolate, kernel, shade};
+use crate::reference::phong::{cos_power, mirrored_view};
+
+impl Stage<'_> {
+    /// The engine's picture: proxies averaged at `level`, across a triangle linearly, shaded at the pixel.
+    pub fn interpolate(&self, proxies: &[Gathered], level: Level) -> Lights {
+        let light = |pixel: &Pixel| {
+            let average = |point: Point| {
+                let references: Vec<_> = point.references.iter().map(|i| (self.caches[*i], proxies[*i])).collect();
+                let light = interpolate(point.position, point.normal, point.mirrored, &references, Scheme::Facing);
+                (point.share, light)
+            };
+            let averaged: Vec<(f64, Interpolated)> = self.points(pixel, level).into_iter().map(average).collect();
+            let mean = |of: fn(&Interpolated) -> DVec3| averaged.iter().map(|(share, l)| *share * of(l)).sum::<DVec3>();
+            let light = Interpolated {
+                diffuse_position: mean(|l| l.diffuse_position),
+                diffuse_irradiance: mean(|l| l.diffuse_irradiance),
+                has_diffuse: true,
+                glossy_position: mean(|l| l.glossy_position),
+                glossy_irradiance: mean(|l| l.glossy_irradiance),
+                has_glossy: true,
+            };
+            let (diffuse, glossy) = shade(&light, pixel.position, pixel.normal, pixel.mirrored, &pixel.material);
+            [diffuse, glossy]
+        };
+        self.pixels.par_iter().map(light).collect()
+    }
+
+    /// The same with each VAL for itself: gathered alone, interpolated alone by the engine's rules, and all summed. A
+    /// proxy of one VAL is the VAL, so what is averaged is its facing irradiance.
+    pub fn interpolate_each(&self, texels: &[Texel], level: Level) -> Lights {
+        let weights: Vec<Vec<Weights>> = self
+            .pixels
+            .par_iter()
+            .map(|pixel| self.points(pixel, level).iter().map(|point| self.weights(point)).collect())
+            .collect();
+        let mut sums = vec![[DVec3::ZERO; 2]; self.pixels.len()];
+        for block in texels.chunks(BLOCK) {
+            let rows: Vec<Vec<f32>> = self.caches.par_iter().map(|cache| self.row(cache, block)).collect();
+            sums.par_iter_mut().zip(&self.pixels).zip(&weights).for_each(|((sum, pixel), weights)| {
+                let is_glossy = pixel.material.specular != DVec3::ZERO;
+                for (j, texel) in block.iter().enumerate() {
+                    let direction = (texel.val.position - pixel.position).normalize_or_zero();
+                    let cosine = pixel.normal.dot(direction);
+                    if cosine <= 0.0 {
+                        continue;
+                    }
+                    let diffuse: f64 = weights.iter().map(|w| w.diffuse(&rows, j)).sum();
+                    sum[0] += texel.val.flux * (diffuse * cosine);
+                    let lobe =
+                        if is_glossy { cos_power(pixel.material.exponent, pixel.mirrored.dot(direction)) } else { 0.0 };
+                    if lobe > 0.0 {
+                        let glossy: f64 = weights.iter().map(|w| w.glossy(&rows, j)).sum();
+                        sum[1] += texel.val.flux * (glossy * cosine * lobe);
+                    }
+                }
+            });
+        }
+        let reflected = |(pixel, [diffuse, glossy]): (&Pixel, [DVec3; 2])| pixel.reflect(diffuse, glossy);
+        self.pixels.iter().zip(sums).map(reflected).collect()
+    }
+
+    /// What a cache keeps of each VAL: the facing irradiance [1/m^2] per flux, negative where its glossy lobe is unlit.
+    fn row(&self, cache: &Cache, block: &[Texel]) -> Vec<f32> {
+        let mirrored = mirrored_view(cache.position, cache.normal, self.eye);
+        let at = Receiver {
+            position: cache.position,
+            normal: cache.normal,
+            lobe: self.glossy.then_some((mirrored, cache.exponent)),
+        };
+        let kept = |texel: &Texel| {
+            let (geometry, direction, lobe) = receive(texel, &at, Exact::default());
+            let cosine = cache.normal.dot(direction);
+            let facing = if cosine > LEAST_COSINE { geometry / cosine } else { 0.0 };
+            (if lobe > 0.0 { facing } else { -facing }) as f32
+        };
+        block.iter().map(kept).collect()
+    }
+
+    fn weights(&self, point: &Point) -> Weights {
+        let distance = |i: &usize| self.caches[*i].position.distance(point.position);
+        let farthest = point.references.iter().map(distance).fold(0.0, f64::max);
+        let t = |i: &usize| if farthest > 0.0 { distance(i) / farthest } else { 0.0 };
+        let apart: Vec<f64> = point.references.iter().map(|i| distance_kernel(t(i))).collect();
+        let by = |direction: DVec3, of: &dyn Fn(&Cache) -> DVec3| -> Vec<f64> {
+            let weight = |i: &usize| kernel(Scheme::Facing, t(i), direction.dot(of(&self.caches[*i])));
+            point.references.iter().map(weight).collect()
+        };
+        let mut diffuse = by(point.normal, &|cache| cache.normal);
+        if diffuse.iter().all(|weight| *weight == 0.0) {
+            diffuse.clone_from(&apart);
+        }
+        let total: f64 = diffuse.iter().sum();
+        diffuse.iter_mut().for_each(|weight| *weight *= point.share / total);
+        let glossy = by(point.mirrored, &|cache| mirrored_view(cache.position, cache.normal, self.eye));
+        Weights { share: point.share, caches: point.references.clone(), diffuse, glossy, apart }
+    }
+}
+
+/// VALs whose rows are held at a time: 2000 caches take 16 MiB.
+const BLOCK: usize = 2048;
+
+/// Weights of the references at one point.
+struct Weights {
+    share: f64,
+    caches: Vec<usize>,
+    /// Normalised, times the share.
+    diffuse: Vec<f64>,
+    glossy: Vec<f64>,
+    /// By distance alone, for where none of those that take part has weight.
+    apart: Vec<f64>,
+}
+
+impl Weights {
+    fn diffuse(&self, rows: &[Vec<f32>], j: usize) -> f64 {
+        self.caches.iter().zip(&self.diffuse).map(|(cache, w)| w * f64::from(rows[*cache][j].abs())).sum()
+    }
+
+    /// Caches whose glossy lobe the VAL does not reach take no part.
+    fn glossy(&self, rows: &[Vec<f32>], j: usize) -> f64 {
+        for weights in [&self.glossy, &self.apart] {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for (cache, weight) in self.caches.iter().zip(weights) {
+                let facing = rows[*cache][j];
+                if facing > 0.0 {
+                    sum += weight * f64::from(facing);
+                    total += weight;
+                }
+            }
+            if total > 0.0 {
+                return self.share * sum / total;
+            }
+        }
+        0.0
+    }
+}
