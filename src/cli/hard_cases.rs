@@ -9,6 +9,10 @@ pub(super) fn run(device: &DeviceArgs, json: bool) -> Result<()> {
     let gpu = device.open()?;
     let cases = hard_cases::lines();
     let mut failed = 0;
+    if !json {
+        say!("| case | input | expected | measured | |");
+        say!("| --- | --- | --- | --- | --- |");
+    }
     for case in &cases {
         let line = hard_cases::run(&gpu, case)?;
         failed += usize::from(!line.pass);
