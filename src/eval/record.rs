@@ -329,6 +329,14 @@ mod tests {
         }
         let mae = |layer: usize| errors[layer].values[0].1;
         assert_eq!((mae(0), mae(1), mae(2)), (1.0, 0.0, 1.0));
+        // What is beside the one pixel that counts differs, and is seen by neither of the maps.
+        let beside = Layers { diffuse: vec![[2.0; 3], [9.0; 3]], ..layers(2.0) };
+        let same = Errors::of(&beside, Truth::SameVals, &Layers { covered: vec![true, false], ..layers(2.0) });
+        assert!(same[0].values.iter().all(|(name, v)| match name.as_str() {
+            "ssim" => (v - 1.0).abs() < 1e-9,
+            "psnr" => v.is_nan(),
+            _ => *v == 0.0,
+        }));
         let nothing = Layers { covered: vec![false; 2], ..layers(1.0) };
         assert_eq!(Errors::of(&layers(2.0), Truth::SameVals, &nothing), []);
     }
