@@ -9,7 +9,7 @@ layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) uniform Tile { Val vals[VAL_TILE]; };
 
 layout(location = 0) out vec4 out_diffuse_position; // sum of w (x - c), sum of w
-layout(location = 1) out vec4 out_diffuse_irradiance; // sum of phi G
+layout(location = 1) out vec4 out_diffuse_irradiance; // sum of phi G, sum of w (x - c)^2
 #ifndef DIFFUSE_ONLY
 layout(location = 2) out vec4 out_glossy_position; // the same times cos^k
 layout(location = 3) out vec4 out_glossy_irradiance;
@@ -19,6 +19,7 @@ void main() {
     uint index = uint(gl_FragCoord.y) * ATLAS_WIDTH + uint(gl_FragCoord.x);
     vec4 diffuse_position = vec4(0.0);
     vec3 diffuse_irradiance = vec3(0.0);
+    float distance2 = 0.0;
     vec4 glossy_position = vec4(0.0);
     vec3 glossy_irradiance = vec3(0.0);
     if (index < push.cache_count) {
@@ -31,6 +32,7 @@ void main() {
             float w = v.weight * g;
             diffuse_position += vec4(d, 1.0) * w;
             diffuse_irradiance += v.flux * g;
+            distance2 += dot(d, d) * w;
 #ifndef DIFFUSE_ONLY
             float lobe = cosine_power(dot(mirrored, d) * inversesqrt(max(dot(d, d), 1e-30)), c.exponent);
             glossy_position += vec4(d, 1.0) * (w * lobe);
@@ -39,7 +41,7 @@ void main() {
         }
     }
     out_diffuse_position = diffuse_position;
-    out_diffuse_irradiance = vec4(diffuse_irradiance, 0.0);
+    out_diffuse_irradiance = vec4(diffuse_irradiance, distance2);
 #ifndef DIFFUSE_ONLY
     out_glossy_position = glossy_position;
     out_glossy_irradiance = vec4(glossy_irradiance, 0.0);

@@ -23,16 +23,6 @@ layout(location = 4) out vec3 out_glossy_irradiance;
 
 precise gl_Position;
 
-// What the average is taken of: the facing irradiance, or with PRINTED the flux over 4 pi.
-vec3 carried(vec3 irradiance, vec3 proxy, vec3 cache) {
-    vec3 d = proxy - cache;
-    return PRINTED != 0u ? irradiance * dot(d, d) : irradiance;
-}
-
-float weight(float d, float d_max, float cosine) {
-    return PRINTED != 0u ? printed_weight(d, d_max, cosine) : facing_weight(d, d_max, cosine);
-}
-
 // Sums of one lobe: irradiance over the caches that take part, position over those that are lit.
 struct Sums {
     vec3 irradiance;
@@ -46,6 +36,12 @@ void add(inout Sums s, float w, float lit, vec3 irradiance, vec3 position) {
     s.weight += w;
     s.position += (w * lit) * position;
     s.lit += w * lit;
+}
+
+// As printed: flux, here over 4 pi, and position.
+void add_printed(inout Sums s, float w, float lit, vec3 irradiance, vec3 proxy, vec3 cache) {
+    vec3 d = proxy - cache;
+    add(s, w, lit, irradiance * dot(d, d), proxy);
 }
 
 void main() {
@@ -72,6 +68,8 @@ void main() {
 
     Sums diffuse = Sums(vec3(0.0), 0.0, vec3(0.0), 0.0);
     Sums glossy = diffuse;
+    vec3 glossy_plain = vec3(0.0); // facing irradiance and exponent, whatever the lobe sees of them
+    float exponent = 0.0;
     // A second round, by distance alone, where no weight of the first is above zero.
     for (uint round = 0u; round < 2u; ++round) {
         bool do_diffuse = diffuse.weight <= 0.0;
@@ -87,16 +85,34 @@ void main() {
             Cache c = caches[index];
             Proxy p = proxies[index];
             float apart = distance_weight(distances[i], d_max);
-            if (do_diffuse) {
-                float w = round == 0u ? weight(distances[i], d_max, dot(normal, c.normal)) : apart;
-                add(diffuse, w, p.diffuse_lit, carried(p.diffuse_irradiance, p.diffuse_position, c.position), p.diffuse_position);
+            float diffuse_lit = p.diffuse_distance2 > 0.0 ? 1.0 : 0.0;
+            if (PRINTED != 0u) {
+                if (do_diffuse) {
+                    float w = round == 0u ? printed_weight(distances[i], d_max, dot(normal, c.normal)) : apart;
+                    add_printed(diffuse, w, diffuse_lit, p.diffuse_irradiance, p.diffuse_position, c.position);
+                }
+                if (do_glossy) {
+                    vec3 r = reflect(view_direction(push.eye, c.position), c.normal);
+                    float w = round == 0u ? printed_weight(distances[i], d_max, dot(mirrored, r)) : apart;
+                    add_printed(glossy, w, p.glossy_lit, p.glossy_irradiance, p.glossy_position, c.position);
+                }
+                continue;
             }
-            if (do_glossy) {
-                vec3 r = reflect(view_direction(push.eye, c.position), c.normal);
-                float w = round == 0u ? weight(distances[i], d_max, dot(mirrored, r)) : apart;
-                // A cache whose lobe catches no light has no proxy to average; as printed it still counts as dark.
-                w *= PRINTED != 0u ? 1.0 : p.glossy_lit;
-                add(glossy, w, p.glossy_lit, carried(p.glossy_irradiance, p.glossy_position, c.position), p.glossy_position);
+            float w = round == 0u ? facing_weight(distances[i], d_max, dot(normal, c.normal)) : apart;
+            if (do_diffuse) {
+                vec3 there = p.diffuse_position - c.position;
+                vec3 here = p.diffuse_position - position;
+                float left = falloff(p.diffuse_distance2, dot(there, there), dot(here, here));
+                add(diffuse, w, diffuse_lit, p.diffuse_irradiance * left, p.diffuse_position);
+            }
+            // A cache whose lobe catches no light has no proxy to average.
+            if (do_glossy && p.glossy_lit > 0.0) {
+                vec3 towards = p.glossy_position - position;
+                float cosine = dot(mirrored, towards) * inversesqrt(max(dot(towards, towards), 1e-30));
+                float steps = c.exponent * log2(max(cosine, LEAST_LOBE_COSINE));
+                add(glossy, w, exp2(steps) + LEAST_PULL, p.glossy_irradiance * exp2(WEIGHED_SHARE * steps), p.glossy_position);
+                glossy_plain += w * p.glossy_irradiance;
+                exponent += w * c.exponent;
             }
         }
     }
@@ -105,4 +121,11 @@ void main() {
     out_diffuse_position = diffuse.lit > 0.0 ? diffuse.position / diffuse.lit : position + normal;
     out_glossy_irradiance = glossy.weight > 0.0 ? glossy.irradiance / glossy.weight : vec3(0.0);
     out_glossy_position = glossy.lit > 0.0 ? glossy.position / glossy.lit : position + normal;
+    if (GLOSSY != 0u && PRINTED == 0u && glossy.weight > 0.0) {
+        // What the lobes see of the proxies is what the lobe is to see of the average; never more than without lobes.
+        vec3 towards = out_glossy_position - position;
+        float cosine = dot(mirrored, towards) * inversesqrt(max(dot(towards, towards), 1e-30));
+        float seen = cosine_power(max(cosine, LEAST_LOBE_COSINE), WEIGHED_SHARE * exponent / glossy.weight);
+        out_glossy_irradiance = min(out_glossy_irradiance / max(seen, 1e-30), glossy_plain / glossy.weight);
+    }
 }

@@ -24,17 +24,18 @@ void main() {
     Cache c = caches[i];
     ivec2 at = ivec2(i % ATLAS_WIDTH, i / ATLAS_WIDTH);
     vec4 position = texelFetch(diffuse_position_image, at, 0);
-    vec3 irradiance = texelFetch(diffuse_irradiance_image, at, 0).rgb;
+    vec4 sum = texelFetch(diffuse_irradiance_image, at, 0);
+    vec3 irradiance = sum.rgb;
 
     Proxy p;
-    p.diffuse_lit = 0.0;
+    p.diffuse_distance2 = 0.0;
     p.diffuse_position = c.position + c.normal;
     p.diffuse_irradiance = vec3(0.0);
     if (position.w > 0.0) {
         vec3 d = position.xyz / position.w;
         float cosine = dot(c.normal, d) * inversesqrt(max(dot(d, d), 1e-30));
         if (cosine > MIN_COSINE) {
-            p.diffuse_lit = 1.0;
+            p.diffuse_distance2 = sum.w / position.w;
             p.diffuse_position = c.position + d;
             p.diffuse_irradiance = irradiance / cosine;
         }
@@ -50,10 +51,10 @@ void main() {
             vec3 w = d * inversesqrt(max(dot(d, d), 1e-30));
             vec3 mirrored = reflect(view_direction(push.eye, c.position), c.normal);
             float lobe = cosine_power(dot(mirrored, w), c.exponent);
-            vec3 sum = texelFetch(glossy_irradiance_image, at, 0).rgb;
+            vec3 arrived = texelFetch(glossy_irradiance_image, at, 0).rgb;
             // The mean direction can miss the lobe that its parts lie in: what is divided by it never exceeds all
             // the light there is.
-            vec3 facing = mix(irradiance, min(sum / max(lobe, 1e-30), irradiance), lobe > 0.0 ? 1.0 : 0.0);
+            vec3 facing = mix(irradiance, min(arrived / max(lobe, 1e-30), irradiance), lobe > 0.0 ? 1.0 : 0.0);
             float cosine = dot(c.normal, w);
             if (cosine > MIN_COSINE) {
                 p.glossy_lit = 1.0;

@@ -129,9 +129,9 @@ struct Cache {
 // Both proxy lights of a cache: per lobe the facing irradiance I = E / (N.w) [lx] and where it comes from.
 struct Proxy {
     vec3 diffuse_position;
-    float diffuse_lit; // 1, or 0 where no VAL reaches the lobe
+    float diffuse_distance2; // mean squared distance of the VALs [m^2]; 0 where none reaches the lobe
     vec3 diffuse_irradiance;
-    float glossy_lit;
+    float glossy_lit; // 1, or 0 where no VAL reaches the lobe
     vec3 glossy_position;
     vec3 glossy_irradiance;
 };

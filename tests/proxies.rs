@@ -5,8 +5,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, dvec3};
 use lightskin::reference::brute_force;
-use lightskin::reference::gather::{Cache, Gathered, LEAST_COSINE, Lobe, ProxyWeight, gather};
-use lightskin::reference::interpolate::{Scheme, interpolate, kernel, shade};
+use lightskin::reference::gather::{Cache, Gathered, LEAST_COSINE, Lobe, ProxyWeight, gather, val_geometry};
+use lightskin::reference::interpolate::{Scheme, falloff, interpolate, kernel, shade};
 use lightskin::reference::phong::{Material, mirrored_view};
 use lightskin::reference::rsm::Val;
 
@@ -145,7 +145,8 @@ fn an_unlit_cache_is_dark_finite_and_drags_no_position() {
     let (lit, unlit) = (caches[0], caches[4]);
     for (weight, scheme) in variants() {
         let [a, b] = [lit, unlit].map(|cache| (cache, gather(&cache, &vals, Some(EYE), weight)));
-        let dark = Lobe { position: unlit.position + unlit.normal, facing_irradiance: DVec3::ZERO, lit: false };
+        let position = unlit.position + unlit.normal;
+        let dark = Lobe { position, facing_irradiance: DVec3::ZERO, lit: false, distance2: 0.0 };
         assert_eq!((b.1.diffuse, b.1.glossy), (dark, dark));
         // Half way, with a normal that makes both count; a third, far cache only sets the scale.
         let x = 0.5 * (lit.position + unlit.position);
@@ -173,8 +174,52 @@ fn an_unlit_cache_darkens_the_diffuse_lobe_but_not_the_glossy_one() {
     // Both at the same distance: all other weights vanish, distance alone shares equally.
     let x = lit.0.position + 0.1 * DVec3::X;
     let light = interpolate(x, DVec3::Z, lit.1.mirrored_view, &[lit, unlit], Scheme::Facing);
-    assert_near3(light.diffuse_irradiance, 0.5 * lit.1.diffuse.facing_irradiance, ROUNDING);
+    let Lobe { position, facing_irradiance, distance2, .. } = lit.1.diffuse;
+    let left = falloff(distance2, position.distance_squared(lit.0.position), position.distance_squared(x));
+    assert_near3(light.diffuse_irradiance, 0.5 * left * facing_irradiance, ROUNDING);
     assert_near3(light.glossy_irradiance, lit.1.glossy.facing_irradiance, ROUNDING);
+}
+
+#[test]
+fn light_falls_off_as_the_root_of_the_mean_squared_distance_of_its_vals() {
+    let (cache, vals) = (some_caches()[0], some_vals(30));
+    let lobe = gather(&cache, &vals, None, ProxyWeight::FormFactor).diffuse;
+    let mean_squared = |point: DVec3| {
+        let weight = |val: &Val| val.area * val_geometry(cache.position, cache.normal, val).0;
+        let sum: f64 = vals.iter().map(|val| weight(val) * val.position.distance_squared(point)).sum();
+        sum / vals.iter().map(weight).sum::<f64>()
+    };
+    for x in [cache.position, dvec3(0.5, 0.2, 0.0), dvec3(-3.0, 1.0, 2.0)] {
+        let there = lobe.position.distance_squared(cache.position);
+        let left = falloff(lobe.distance2, there, lobe.position.distance_squared(x));
+        let expected = (mean_squared(cache.position) / mean_squared(x)).sqrt();
+        assert!((left - expected).abs() < ROUNDING * expected, "{left} instead of {expected}");
+    }
+    assert_eq!(falloff(1.0, 1.0, 0.0), 4.0); // on a VAL that stands alone
+}
+
+#[test]
+fn proxies_that_the_lobe_does_not_see_neither_drag_nor_brighten_the_glossy_light() {
+    // Two caches with one VAL each, far apart; the point between them looks at the first.
+    let caches = [-1.0, 1.0].map(|x| Cache { position: dvec3(x, 0.0, 0.0), normal: DVec3::Z, exponent: 80.0 });
+    let places = [dvec3(0.0, 0.0, 2.0), dvec3(2.5, 0.0, 1.0)];
+    let val =
+        |i: usize| Val { position: places[i], area: 0.01, normal: DVec3::NEG_Z, flux: DVec3::splat([1.0, 50.0][i]) };
+    let [seen, unseen] = [0, 1].map(|i| {
+        // From an eye whose mirror image is the VAL.
+        let eye = 2.0 * caches[i].position - places[i] + 2.0 * places[i].z * DVec3::Z;
+        (caches[i], gather(&caches[i], &[val(i)], Some(eye), ProxyWeight::Irradiance))
+    });
+    let light = interpolate(DVec3::ZERO, DVec3::Z, DVec3::Z, &[seen, unseen], Scheme::Facing);
+    assert_near3(light.glossy_position, places[0], 1e-9);
+    let (bright, other) = (seen.1.glossy.facing_irradiance, unseen.1.glossy.facing_irradiance);
+    assert!(other.min_element() > bright.max_element(), "the unseen one is the brighter one");
+    let share = (0.5 * light.glossy_irradiance / (0.25 * bright)).x;
+    assert!((1.0..1.1).contains(&share), "{share} of the seen light's half");
+    // Where the lobe sees neither, the light is somewhere between, and no brighter than their mean.
+    let behind = interpolate(DVec3::ZERO, DVec3::Z, DVec3::NEG_Z, &[seen, unseen], Scheme::Facing);
+    assert_near3(behind.glossy_position, 0.5 * (places[0] + places[1]), ROUNDING);
+    assert_near3(behind.glossy_irradiance, 0.5 * (bright + other), ROUNDING);
 }
 
 #[test]
@@ -335,7 +380,9 @@ fn where_all_weights_vanish_distance_alone_decides() {
             assert!(light.diffuse_irradiance.is_finite() && light.glossy_irradiance.is_finite());
             assert!(light.diffuse_irradiance.min_element() > 0.0);
             if scheme == Scheme::Facing {
-                assert_near3(light.diffuse_irradiance, gathered.diffuse.facing_irradiance, ROUNDING);
+                let Lobe { position, facing_irradiance, distance2, .. } = gathered.diffuse;
+                let left = falloff(distance2, position.distance_squared(one.position), position.distance_squared(x));
+                assert_near3(light.diffuse_irradiance, left * facing_irradiance, ROUNDING);
             }
         }
         let none = interpolate(DVec3::ZERO, DVec3::Z, DVec3::Z, &[], scheme);

@@ -84,13 +84,13 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
 
 fn print(row: &Flicker, json: bool) {
     let Flicker { motion, rsm, caches, figures } = *row;
-    let Figures { kept, change, flicker, trimmed, vals_own, tremble, of_mean } = figures;
+    let Figures { kept, change, flicker, flicker_trimmed, vals_own, tremble, of_mean } = figures;
     if json {
         say!(
             "{}",
             serde_json::json!({
                 "schema": 1, "moves": motion.name(), "rsm": rsm, "caches": caches, "kept": kept, "change": change,
-                "flicker": flicker, "trimmed": trimmed, "vals_own": vals_own, "tremble": tremble, "of_mean": of_mean,
+                "flicker": flicker, "flicker_trimmed": flicker_trimmed, "vals_own": vals_own, "tremble": tremble, "of_mean": of_mean,
             })
         );
         return;
@@ -102,7 +102,7 @@ fn print(row: &Flicker, json: bool) {
         motion.name(),
         pair(change),
         percent(flicker),
-        percent(trimmed),
+        percent(flicker_trimmed),
         percent(vals_own),
         pair(tremble),
         pair(of_mean)

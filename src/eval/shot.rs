@@ -127,14 +127,15 @@ pub fn cache(c: &shared::Cache, origin: DVec3) -> Cache {
 }
 
 fn gathered(p: &shared::Proxy, cache: &Cache, origin: DVec3, eye: DVec3) -> Gathered {
-    let lobe = |position: Vec3, irradiance: Vec3, lit: f32| Lobe {
+    let lobe = |position: Vec3, irradiance: Vec3, lit: f32, distance2: f32| Lobe {
         position: position.as_dvec3() + origin,
         facing_irradiance: irradiance.as_dvec3(),
-        lit: lit == 1.0,
+        lit: lit > 0.0,
+        distance2: distance2.into(),
     };
     Gathered {
-        diffuse: lobe(p.diffuse_position, p.diffuse_irradiance, p.diffuse_lit),
-        glossy: lobe(p.glossy_position, p.glossy_irradiance, p.glossy_lit),
+        diffuse: lobe(p.diffuse_position, p.diffuse_irradiance, p.diffuse_distance2, p.diffuse_distance2),
+        glossy: lobe(p.glossy_position, p.glossy_irradiance, p.glossy_lit, 0.0),
         mirrored_view: mirrored_view(cache.position, cache.normal, eye),
     }
 }

@@ -41,6 +41,8 @@ pub struct Lobe {
     pub facing_irradiance: DVec3,
     /// Whether any VAL has weight in this lobe, and all together stand above the horizon by more than rounding.
     pub lit: bool,
+    /// Mean squared distance [m^2] of the VALs from the cache, weighted as their positions are; 0 where unlit.
+    pub distance2: f64,
 }
 
 /// What a cache has gathered.
@@ -81,6 +83,7 @@ pub fn val_geometry(point: DVec3, normal: DVec3, val: &Val) -> (f64, DVec3) {
 struct Sums {
     weight: f64,
     position: DVec3,
+    distance2: f64,
     irradiance: DVec3,
 }
 
@@ -88,6 +91,7 @@ impl Sums {
     fn add(&mut self, weight: f64, offset: DVec3, irradiance: DVec3) {
         self.weight += weight;
         self.position += weight * offset;
+        self.distance2 += weight * offset.length_squared();
         self.irradiance += irradiance;
     }
 
@@ -148,14 +152,20 @@ pub fn gather_received(cache: &Cache, mirrored: DVec3, received: impl Iterator<I
 
 /// The proxy of a lobe; `irradiance` gives what it must bring to the cache [lx] when it stands in a direction.
 fn proxy(cache: &Cache, sums: &Sums, irradiance: impl Fn(DVec3) -> DVec3) -> Lobe {
-    let unlit = Lobe { position: cache.position + cache.normal, facing_irradiance: DVec3::ZERO, lit: false };
+    let unlit =
+        Lobe { position: cache.position + cache.normal, facing_irradiance: DVec3::ZERO, lit: false, distance2: 0.0 };
     let Some(offset) = sums.mean() else { return unlit };
     let direction = offset.normalize_or_zero();
     let cosine = cache.normal.dot(direction);
     if cosine <= LEAST_COSINE {
         return unlit;
     }
-    Lobe { position: cache.position + offset, facing_irradiance: irradiance(direction) / cosine, lit: true }
+    Lobe {
+        position: cache.position + offset,
+        facing_irradiance: irradiance(direction) / cosine,
+        lit: true,
+        distance2: sums.distance2 / sums.weight,
+    }
 }
 
 impl Lobe {

@@ -5,7 +5,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::gather::{Cache, Gathered, Lobe};
-use super::phong::{DIFFUSE_LOBE, Material, phong_lobe};
+use super::phong::{DIFFUSE_LOBE, Material, cos_power, phong_lobe};
 
 /// What is averaged, and how.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,8 +37,22 @@ pub struct Interpolated {
 /// Share of the squared farthest distance that is added to the kernel's: keeps it finite at a cache, without a unit.
 pub const KERNEL_CORE: f64 = 1e-3;
 
-/// Weight of a reference whose distance is the share `t` of the farthest one's and whose direction (normal, or mirrored
-/// view for the glossy lobe) makes the cosine `cos` with the point's.
+/// Exponent of a lobe, as a share of the material's, by which facing irradiances are weighed at a point. At 0 what the
+/// point's lobe does not see counts in full and dark pixels are too bright; at 1 nothing of a wide light is left between
+/// two caches whose lobes see two parts of it.
+pub const WEIGHED_SHARE: f64 = 0.1;
+
+/// Least cosine of a lobe at a point: weights stay above zero, and their quotients finite.
+pub const LEAST_LOBE_COSINE: f64 = 1e-2;
+
+/// Least share of a proxy in the averaged position: where every lobe looks elsewhere all count alike.
+pub const LEAST_PULL: f64 = 1e-12;
+
+/// What an f32 still divides by.
+const LEAST_DIVISOR: f64 = 1e-30;
+
+/// Weight of a reference whose distance is the share `t` of the farthest one's and whose direction (normal, or in the
+/// printed scheme's glossy lobe mirrored view) makes the cosine `cos` with the point's.
 ///
 /// `Facing`: `(1-t)^2 (cos+)^4 / (t^2 + 1e-3)`; `Printed`, eq. 5.50 and 5.51: `(1-t) sqrt(cos+)`.
 pub fn kernel(scheme: Scheme, t: f64, cos: f64) -> f64 {
@@ -51,6 +65,14 @@ pub fn kernel(scheme: Scheme, t: f64, cos: f64) -> f64 {
 /// Weight by distance alone, for when all others vanish: `1 / (t^2 + 1e-3)`.
 pub fn distance_kernel(t: f64) -> f64 {
     1.0 / (t * t + KERNEL_CORE)
+}
+
+/// Share of a proxy's facing irradiance that is left at another point: as the root of the mean squared distance of the
+/// VALs, which is `distance2` at the cache, the proxy's own squared distance being `from_cache2` [m^2] there and
+/// `from_point2` here. A proxy that comes near brightens at most fourfold.
+pub fn falloff(distance2: f64, from_cache2: f64, from_point2: f64) -> f64 {
+    let here = ((distance2 - from_cache2).max(0.0) + from_point2).max(LEAST_DIVISOR);
+    (distance2 / here).sqrt().min(4.0)
 }
 
 /// Averages the lights of a point's references at `x` [m] with unit `normal` and `mirrored_view` R(x), which is not
@@ -76,14 +98,30 @@ pub fn interpolate(
         };
         references.iter().map(entry).collect()
     };
-    let diffuse = entries(|gathered| &gathered.diffuse, &|cache, _| normal.dot(cache.normal));
-    let mut glossy = entries(|gathered| &gathered.glossy, &|_, gathered| mirrored_view.dot(gathered.mirrored_view));
-    if scheme == Scheme::Facing {
-        glossy.retain(|entry| entry.lobe.lit);
+    let by_normal = |cache: &Cache, _: &Gathered| normal.dot(cache.normal);
+    let by_view = |_: &Cache, gathered: &Gathered| mirrored_view.dot(gathered.mirrored_view);
+    let diffuse = entries(|gathered| &gathered.diffuse, &by_normal);
+    let (diffuse, glossy) = match scheme {
+        Scheme::Facing => {
+            let mut glossy = entries(|gathered| &gathered.glossy, &by_normal);
+            glossy.retain(|entry| entry.lobe.lit);
+            (average_facing(x, &diffuse), average_seen(x, mirrored_view, &glossy))
+        }
+        Scheme::Printed => {
+            let glossy = entries(|gathered| &gathered.glossy, &by_view);
+            (average_printed(x, &diffuse), average_printed(x, &glossy))
+        }
+    };
+    // Without light, anywhere finite.
+    let place = |light: Option<Light>| light.unwrap_or(Light { position: x + normal, irradiance: DVec3::ZERO });
+    Interpolated {
+        diffuse_position: place(diffuse).position,
+        diffuse_irradiance: place(diffuse).irradiance,
+        has_diffuse: diffuse.is_some(),
+        glossy_position: place(glossy).position,
+        glossy_irradiance: place(glossy).irradiance,
+        has_glossy: glossy.is_some(),
     }
-    let (diffuse_position, diffuse_irradiance, has_diffuse) = average(x, normal, &diffuse, scheme);
-    let (glossy_position, glossy_irradiance, has_glossy) = average(x, normal, &glossy, scheme);
-    Interpolated { diffuse_position, diffuse_irradiance, has_diffuse, glossy_position, glossy_irradiance, has_glossy }
 }
 
 /// One reference as one lobe sees it.
@@ -94,36 +132,79 @@ struct Entry {
     lobe: Lobe,
 }
 
-/// Position [m], facing irradiance [lx] and whether there is light at all.
-fn average(x: DVec3, normal: DVec3, entries: &[Entry], scheme: Scheme) -> (DVec3, DVec3, bool) {
-    let mut weights: Vec<f64> = entries.iter().map(|entry| kernel(scheme, entry.t, entry.cos)).collect();
-    if weights.iter().all(|&weight| weight == 0.0) {
-        weights = entries.iter().map(|entry| distance_kernel(entry.t)).collect();
-    }
-    let (mut total, mut total_lit) = (0.0, 0.0);
-    let (mut position, mut light) = (DVec3::ZERO, DVec3::ZERO);
-    for (entry, weight) in entries.iter().zip(weights) {
+/// One lobe's averaged light.
+#[derive(Clone, Copy)]
+struct Light {
+    position: DVec3,
+    irradiance: DVec3,
+}
+
+/// Every reference with its weight; where all of them vanish, by distance alone.
+fn weighted(entries: &[Entry], scheme: Scheme) -> Vec<(&Entry, f64)> {
+    let all = |weight: &dyn Fn(&Entry) -> f64| entries.iter().map(|entry| (entry, weight(entry))).collect::<Vec<_>>();
+    let weights = all(&|entry| kernel(scheme, entry.t, entry.cos));
+    if weights.iter().any(|w| w.1 != 0.0) { weights } else { all(&|entry| distance_kernel(entry.t)) }
+}
+
+/// Diffuse lobe: facing irradiances as they are left at `x`; `None` where nothing is lit.
+fn average_facing(x: DVec3, entries: &[Entry]) -> Option<Light> {
+    let (mut total, mut total_lit, mut position, mut irradiance) = (0.0, 0.0, DVec3::ZERO, DVec3::ZERO);
+    for (Entry { cache, lobe, .. }, weight) in weighted(entries, Scheme::Facing) {
         total += weight;
-        if entry.lobe.lit {
+        if lobe.lit {
+            let here = lobe.position - x;
+            let there2 = lobe.position.distance_squared(cache.position);
             total_lit += weight;
-            position += weight * (entry.lobe.position - x);
-            light += weight
-                * match scheme {
-                    Scheme::Facing => entry.lobe.facing_irradiance,
-                    Scheme::Printed => entry.lobe.flux(&entry.cache),
-                };
+            position += weight * here;
+            irradiance += weight * lobe.facing_irradiance * falloff(lobe.distance2, there2, here.length_squared());
         }
     }
-    if total_lit == 0.0 {
-        return (x + normal, DVec3::ZERO, false);
+    (total_lit > 0.0).then(|| Light { position: x + position / total_lit, irradiance: irradiance / total })
+}
+
+/// Glossy lobe: positions weighed by what the lobe about `mirrored_view` sees of each proxy, facing irradiances by a
+/// tenth power of it; `None` where nothing is lit.
+///
+/// What the point's lobe does not see says nothing of the light that it does see, but a little of it must stay: a wide
+/// light's proxies are where the caches' lobes look, not where the point's does.
+fn average_seen(x: DVec3, mirrored_view: DVec3, entries: &[Entry]) -> Option<Light> {
+    let cos = |offset: DVec3| mirrored_view.dot(offset.normalize_or_zero()).max(LEAST_LOBE_COSINE);
+    let (mut total, mut pulls, mut exponent) = (0.0, 0.0, 0.0);
+    let (mut position, mut irradiance, mut plain) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+    for (Entry { cache, lobe, .. }, weight) in weighted(entries, Scheme::Facing) {
+        let offset = lobe.position - x;
+        let pull = weight * (cos_power(cache.exponent, cos(offset)) + LEAST_PULL);
+        total += weight;
+        pulls += pull;
+        exponent += weight * cache.exponent;
+        position += pull * offset;
+        irradiance += weight * cos_power(WEIGHED_SHARE * cache.exponent, cos(offset)) * lobe.facing_irradiance;
+        plain += weight * lobe.facing_irradiance;
     }
-    let offset = position / total_lit;
-    let irradiance = match scheme {
-        Scheme::Facing => light / total,
+    (total > 0.0).then(|| {
+        let offset = position / pulls;
+        let seen = cos_power(WEIGHED_SHARE * exponent / total, cos(offset)).max(LEAST_DIVISOR);
+        Light { position: x + offset, irradiance: (irradiance / seen).min(plain) / total }
+    })
+}
+
+/// As printed: fluxes and positions.
+fn average_printed(x: DVec3, entries: &[Entry]) -> Option<Light> {
+    let (mut total, mut total_lit, mut position, mut flux) = (0.0, 0.0, DVec3::ZERO, DVec3::ZERO);
+    for (Entry { cache, lobe, .. }, weight) in weighted(entries, Scheme::Printed) {
+        total += weight;
+        if lobe.lit {
+            total_lit += weight;
+            position += weight * (lobe.position - x);
+            flux += weight * lobe.flux(cache);
+        }
+    }
+    (total_lit > 0.0).then(|| {
+        let offset = position / total_lit;
         // As printed: without bound where the averaged light meets the surface, short of dividing by zero.
-        Scheme::Printed => light / total / (4.0 * PI * offset.length_squared().max(f64::MIN_POSITIVE)),
-    };
-    (x + offset, irradiance, true)
+        let sphere = 4.0 * PI * offset.length_squared().max(f64::MIN_POSITIVE);
+        Light { position: x + offset, irradiance: flux / total / sphere }
+    })
 }
 
 /// Diffuse and glossy radiance [cd/m^2] of the averaged light at `x` with the point's own normal, view and material:

@@ -302,7 +302,8 @@ fn touching(gpu: &Gpu, height: f64) -> Result<Outcome> {
     };
     let expected = flux.as_dvec3() * geometry;
     let error = found.sums[1][0].truncate().as_dvec3().distance(expected) / expected.length();
-    let mut outcome = Outcome::bounded(error, 1e-6).provided(found.proxies[0].diffuse_lit == 1.0, "the cache is unlit");
+    let mut outcome =
+        Outcome::bounded(error, 1e-6).provided(found.proxies[0].diffuse_distance2 > 0.0, "the cache is unlit");
     outcome.complaints.extend(found.complaints);
     Ok(outcome)
 }
@@ -335,7 +336,7 @@ fn behind(gpu: &Gpu) -> Result<Outcome> {
     }
     let found = gather_alone(gpu, &vals, &some_caches(64, 10.0))?;
     let light = found.sums.iter().flatten().map(|s| f64::from(s.length())).fold(0.0, f64::max);
-    let lit = found.proxies.iter().filter(|p| p.diffuse_lit + p.glossy_lit > 0.0).count();
+    let lit = found.proxies.iter().filter(|p| p.diffuse_distance2 + p.glossy_lit > 0.0).count();
     let mut outcome = Outcome::all([("largest sum", light, 0.0), ("lit proxies", lit as f64, 0.0)]);
     outcome.complaints = found.complaints;
     Ok(outcome)
