@@ -360,6 +360,8 @@ fn shadows_are_no_source_where_nothing_is_in_the_way() {
         let texels = cast(&stage.world, 40);
         let [with, without] = [true, false]
             .map(|shadows| stage.interpolate(&stage.gather(&texels, Exact::default(), shadows), Level::Vertex));
+        let darkest = with.iter().zip(&without).map(|(a, b)| b[0].length() - a[0].length()).fold(0.0, f64::min);
+        assert!(darkest > -1e-6 * without[0][0].length(), "shadows brighten by {darkest}");
         apart(&with, &without, 0)
     };
     assert_eq!(moved(&scene), 0.0);

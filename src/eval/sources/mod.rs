@@ -12,6 +12,8 @@ pub mod stage;
 pub mod table;
 pub mod vals;
 
+use std::time::Instant;
+
 use glam::DVec3;
 
 use crate::bake::CacheSet;
@@ -169,7 +171,10 @@ impl Work<'_> {
     fn step<T>(&mut self, what: &str, work: impl FnOnce(&Self) -> T) -> T {
         (self.progress)((self.done as f32 / PICTURES as f32).min(1.0), what);
         self.done += 1;
-        work(self)
+        let start = Instant::now();
+        let made = work(self);
+        log::info!("{what}: {:.1} s", start.elapsed().as_secs_f64());
+        made
     }
 
     fn engine(&mut self, what: &str, texels: &[Texel], exact: Exact, shadows: bool) -> Lights {
