@@ -11,7 +11,7 @@ use crate::frame::targets::{CacheTargets, RsmTargets};
 use crate::frame::{Plan, Settings, View};
 use crate::gpu::{Format, Gpu};
 use crate::reference::gather::{LEAST_COSINE, ProxyWeight, gather, luminance, val_geometry};
-use crate::reference::interpolate::{Interpolated, shade};
+use crate::reference::interpolate::{Interpolated, Scheme, interpolate, shade};
 use crate::reference::phong::{cos_power, mirrored_view};
 use crate::scene::LightKind;
 use crate::shared::{ATLAS_WIDTH, Cache, Proxy, VAL_TILE, Val};
@@ -235,17 +235,27 @@ fn one(gpu: &Gpu) -> Result<Outcome> {
     let shot = shoot(gpu, &scene, Some(&one_cache(&scene, 8, vec3(0.1, 0.0, 0.2), Vec3::Y)), &small())?;
     let eye = scene.cameras[0].world_from_camera.translation;
     let twin = gather(&shot.caches[0], &shot.vals, Some(eye), ProxyWeight::Irradiance);
-    let light = Interpolated {
-        diffuse_position: twin.diffuse.position,
-        diffuse_irradiance: twin.diffuse.facing_irradiance,
-        has_diffuse: twin.diffuse.lit,
-        glossy_position: twin.glossy.position,
-        glossy_irradiance: twin.glossy.facing_irradiance,
-        has_glossy: twin.glossy.lit,
+    let mesh = &scene.meshes[scene.instances[0].mesh];
+    let at_vertex = |v: usize| {
+        let (position, normal) = (mesh.vertices[v].position.as_dvec3(), mesh.vertices[v].normal.as_dvec3());
+        let references = [(shot.caches[0], twin)];
+        interpolate(position, normal, mirrored_view(position, normal, eye), &references, Scheme::Facing)
     };
     let (mut twins, mut pictures) = ([Vec::new(), Vec::new()], [Vec::new(), Vec::new()]);
     for s in seen(&scene, small().size).iter().filter(|s| s.instance == 0) {
         let mirrored = mirrored_view(s.position, s.normal, eye);
+        let corners = s.vertices.map(at_vertex);
+        let mean = |of: fn(&Interpolated) -> DVec3| {
+            corners.iter().zip(s.weights).map(|(light, share)| share * of(light)).sum::<DVec3>()
+        };
+        let light = Interpolated {
+            diffuse_position: mean(|l| l.diffuse_position),
+            diffuse_irradiance: mean(|l| l.diffuse_irradiance),
+            has_diffuse: twin.diffuse.lit,
+            glossy_position: mean(|l| l.glossy_position),
+            glossy_irradiance: mean(|l| l.glossy_irradiance),
+            has_glossy: twin.glossy.lit,
+        };
         let (diffuse, glossy) = shade(&light, s.position, s.normal, mirrored, &material(s, &scene, &shot));
         twins[0].push(diffuse);
         twins[1].push(glossy);

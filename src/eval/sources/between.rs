@@ -8,7 +8,7 @@ use super::exact::{Exact, Receiver, receive};
 use super::stage::{Level, Pixel, Point, Stage};
 use super::vals::Texel;
 use crate::reference::gather::{Cache, Gathered, LEAST_COSINE};
-use crate::reference::interpolate::{Interpolated, Scheme, distance_kernel, interpolate, kernel, shade};
+use crate::reference::interpolate::{Interpolated, Scheme, distance_kernel, falloff, interpolate, kernel, shade};
 use crate::reference::phong::{cos_power, mirrored_view};
 
 impl Stage<'_> {
@@ -55,7 +55,8 @@ impl Stage<'_> {
                     if cosine <= 0.0 {
                         continue;
                     }
-                    let diffuse: f64 = weights.iter().map(|w| w.diffuse(&rows, j)).sum();
+                    let diffuse: f64 =
+                        weights.iter().map(|w| w.diffuse(&self.caches, &rows, j, texel.val.position)).sum();
                     sum[0] += texel.val.flux * (diffuse * cosine);
                     let lobe =
                         if is_glossy { cos_power(pixel.material.exponent, pixel.mirrored.dot(direction)) } else { 0.0 };
@@ -92,18 +93,22 @@ impl Stage<'_> {
         let farthest = point.references.iter().map(distance).fold(0.0, f64::max);
         let t = |i: &usize| if farthest > 0.0 { distance(i) / farthest } else { 0.0 };
         let apart: Vec<f64> = point.references.iter().map(|i| distance_kernel(t(i))).collect();
-        let by = |direction: DVec3, of: &dyn Fn(&Cache) -> DVec3| -> Vec<f64> {
-            let weight = |i: &usize| kernel(Scheme::Facing, t(i), direction.dot(of(&self.caches[*i])));
-            point.references.iter().map(weight).collect()
-        };
-        let mut diffuse = by(point.normal, &|cache| cache.normal);
+        let weight = |i: &usize| kernel(Scheme::Facing, t(i), point.normal.dot(self.caches[*i].normal));
+        let glossy: Vec<f64> = point.references.iter().map(weight).collect();
+        let mut diffuse = glossy.clone();
         if diffuse.iter().all(|weight| *weight == 0.0) {
             diffuse.clone_from(&apart);
         }
         let total: f64 = diffuse.iter().sum();
         diffuse.iter_mut().for_each(|weight| *weight *= point.share / total);
-        let glossy = by(point.mirrored, &|cache| mirrored_view(cache.position, cache.normal, self.eye));
-        Weights { share: point.share, caches: point.references.clone(), diffuse, glossy, apart }
+        Weights {
+            share: point.share,
+            position: point.position,
+            caches: point.references.clone(),
+            diffuse,
+            glossy,
+            apart,
+        }
     }
 }
 
@@ -113,6 +118,8 @@ const BLOCK: usize = 2048;
 /// Weights of the references at one point.
 struct Weights {
     share: f64,
+    /// Of the point [m].
+    position: DVec3,
     caches: Vec<usize>,
     /// Normalised, times the share.
     diffuse: Vec<f64>,
@@ -122,11 +129,18 @@ struct Weights {
 }
 
 impl Weights {
-    fn diffuse(&self, rows: &[Vec<f32>], j: usize) -> f64 {
-        self.caches.iter().zip(&self.diffuse).map(|(cache, w)| w * f64::from(rows[*cache][j].abs())).sum()
+    /// What is left at the point of what each cache keeps of the VAL at `val` [m].
+    fn diffuse(&self, caches: &[Cache], rows: &[Vec<f32>], j: usize, val: DVec3) -> f64 {
+        let here = val.distance_squared(self.position);
+        let left = |(cache, weight): (&usize, &f64)| {
+            let there = val.distance_squared(caches[*cache].position);
+            weight * f64::from(rows[*cache][j].abs()) * falloff(there, there, here)
+        };
+        self.caches.iter().zip(&self.diffuse).map(left).sum()
     }
 
-    /// Caches whose glossy lobe the VAL does not reach take no part.
+    /// Caches whose glossy lobe the VAL does not reach take no part. The lobes at the point see one VAL of all of them
+    /// alike, so that they change no weight.
     fn glossy(&self, rows: &[Vec<f32>], j: usize) -> f64 {
         for weights in [&self.glossy, &self.apart] {
             let (mut sum, mut total) = (0.0, 0.0);
