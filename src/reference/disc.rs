@@ -8,7 +8,7 @@ use super::phong::cos_power;
 
 /// Corners of the polygon that stands for a disc where the point's horizon cuts it. At equal area its form factor is
 /// within 1e-3 of the disc's (tests/sources.rs).
-pub const RIM: usize = 64;
+pub const RIM: usize = 128;
 
 /// Form factor from a point to a true disc of `area` [m^2]: the closed form of a disc's vector irradiance (Gershun 1936,
 /// by way of Snyder 1996) where the whole disc is above the point's horizon, else [`polygon_form_factor`].
