@@ -89,7 +89,7 @@ fn a_rectangle_over_a_corner_has_its_closed_form() {
 fn any_disc_is_its_integral() {
     let mut cut = 0;
     for (i, disc_normal) in directions(60).enumerate() {
-        let distance = 0.6 + 0.2 * (i % 10) as f64;
+        let distance = 0.8 + 0.2 * (i % 10) as f64;
         let point = dvec3(1.0, 2.0, 3.0);
         let centre = point + distance * DVec3::Z;
         for normal in directions(12) {
@@ -360,9 +360,9 @@ fn shadows_are_no_source_where_nothing_is_in_the_way() {
         let texels = cast(&stage.world, 40);
         let [with, without] = [true, false]
             .map(|shadows| stage.interpolate(&stage.gather(&texels, Exact::default(), shadows), Level::Vertex));
-        // Of a pixel this need not hold: without some of its VALs a proxy stands elsewhere.
-        let total = |lights: &[[DVec3; 2]]| lights.iter().map(|l| l[0].element_sum()).sum::<f64>();
-        assert!(total(&with) <= total(&without), "shadows brighten the picture");
+        // A pixel may gain, where its caches' proxies move; all pixels together lose.
+        let total = |lights: &Lights| lights.iter().map(|light| light[0].element_sum()).sum::<f64>();
+        assert!(total(&with) <= total(&without), "shadows brighten");
         apart(&with, &without, 0)
     };
     assert_eq!(moved(&scene), 0.0);
