@@ -7,6 +7,7 @@ macro_rules! say {
 
 mod assets;
 mod bake;
+mod choices;
 mod compare;
 mod devices;
 mod info;
@@ -46,6 +47,8 @@ enum Command {
     Bake(bake::Bake),
     /// Errors of one image against another.
     Compare(compare::Compare),
+    /// Measure what the defaults are chosen by: variants of the method on the CPU, as tables.
+    Choices(choices::Choices),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -59,6 +62,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
+        Command::Choices(args) => choices::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),

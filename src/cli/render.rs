@@ -117,7 +117,7 @@ fn picture(text: &str) -> std::result::Result<PathBuf, String> {
     }
 }
 
-fn size(text: &str) -> std::result::Result<[u32; 2], String> {
+pub(super) fn size(text: &str) -> std::result::Result<[u32; 2], String> {
     let parsed = text.split_once(['x', 'X']).and_then(|(w, h)| Some([w.parse().ok()?, h.parse().ok()?]));
     match parsed {
         Some([w, h]) if (1..=16384).contains(&w) && (1..=16384).contains(&h) => Ok([w, h]),
