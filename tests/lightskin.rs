@@ -3,6 +3,7 @@
 
 mod analytic;
 mod bake;
+mod choices;
 mod cli;
 mod common;
 mod compare;

@@ -7,6 +7,7 @@ macro_rules! say {
 
 mod assets;
 mod bake;
+mod choices;
 mod compare;
 mod devices;
 mod eval;
@@ -65,6 +66,8 @@ enum Command {
     Flicker(flicker::FlickerArgs),
     /// Where the error of indirect light comes from.
     Sources(sources::SourcesArgs),
+    /// Measure what the defaults are chosen by: variants of the method on the CPU, as tables.
+    Choices(choices::Choices),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -78,6 +81,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
+        Command::Choices(args) => choices::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Eval(args) => eval::run(args),
         Command::Flicker(args) => flicker::run(args),

@@ -1,6 +1,7 @@
 //! How far one image is from another, where the difference comes from, what each setting costs in error and in time, and
 //! how the engine bears what is hard on numbers and on time.
 
+pub mod choices;
 pub mod display;
 pub mod figures;
 pub mod flicker;

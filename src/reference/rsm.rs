@@ -4,7 +4,7 @@ use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
 use super::light::{intensity, range_window, shine};
-use super::triangle::{Triangle, nearest};
+use super::triangle::{Hit, Triangle, nearest};
 use crate::scene::{Light, LightKind};
 
 /// A virtual area light: one texel of the RSM, a diffuse disc.
@@ -133,11 +133,17 @@ pub fn cast_view(triangles: &[Triangle], light: &Light, view: &View, n: usize) -
     (0..n * n).into_par_iter().map(|i| cast_texel(triangles, light, view, i % n, i / n, n)).collect()
 }
 
-/// Flux `rho_d * mean(I) * Omega * window`, for parallel light `rho_d * E * A`: whatever the surface's tilt, for what
-/// enters through the texel is what arrives.
 fn cast_texel(triangles: &[Triangle], light: &Light, view: &View, x: usize, y: usize, n: usize) -> Val {
     let (origin, direction) = view.ray(x as f64 + 0.5, y as f64 + 0.5, n);
-    let Some(hit) = nearest(triangles, origin, direction) else { return Val::NOTHING };
+    nearest(triangles, origin, direction).map_or(Val::NOTHING, |hit| val(light, view, [x, y], n, &hit))
+}
+
+/// The VAL of a texel whose ray ends at `hit`, or [`Val::NOTHING`] where no light goes through it.
+///
+/// Flux `rho_d * mean(I) * Omega * window`, for parallel light `rho_d * E * A`: whatever the surface's tilt, for what
+/// enters through the texel is what arrives.
+pub fn val(light: &Light, view: &View, [x, y]: [usize; 2], n: usize, hit: &Hit) -> Val {
+    let (origin, direction) = view.ray(x as f64 + 0.5, y as f64 + 0.5, n);
     let (area, beam) = if view.parallel {
         let area = 4.0 * view.half.x * view.half.y / (n * n) as f64;
         (area, intensity(light, direction) * area)

@@ -4,12 +4,14 @@
 //! grids with a stated edge length.
 
 mod atrium;
+mod between;
 mod cornell;
 mod fabric;
 mod masonry;
 mod shapes;
 
 pub use atrium::atrium;
+pub use between::between_walls;
 pub use cornell::{CornellSurface, cornell};
 pub use fabric::{drape, torus_knot};
 pub use masonry::{ArchShape, arch, ring, steps, vault_dome};

@@ -1,0 +1,71 @@
+//! `lightskin choices`: what the defaults are chosen by, as tables.
+
+use anyhow::Result;
+use lightskin::eval::choices::{Row, Settings, Study, Worst};
+use lightskin::scene::{Scene, build};
+use std::path::PathBuf;
+
+#[derive(clap::Args)]
+pub(super) struct Choices {
+    /// glTF 2.0 file or GLB; the built-in body between two walls without it.
+    scene: Option<PathBuf>,
+    #[command(flatten)]
+    caches: super::CacheArgs,
+    /// Texels of an RSM's side.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=512))]
+    rsm: u32,
+    /// Pixels.
+    #[arg(long, value_name = "WxH", default_value = "256x144", value_parser = super::render::size)]
+    size: [u32; 2],
+    /// Replace the exponent of every exact Phong lobe.
+    #[arg(long, value_name = "K", value_parser = super::positive)]
+    exponent: Option<f64>,
+}
+
+pub(super) fn run(args: &Choices) -> Result<()> {
+    let mut scene = match &args.scene {
+        Some(path) => super::load_scene(Some(path), &args.caches)?,
+        None => build::between_walls(0.05),
+    };
+    if let Some(k) = args.exponent {
+        scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
+    }
+    tables(&scene, &Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize })
+}
+
+/// Prints every table that a scene has.
+pub(super) fn tables(scene: &Scene, settings: &Settings) -> Result<()> {
+    let camera = super::render::camera(scene, None)?;
+    let study = Study::new(scene, &camera, *settings)?;
+    let [caches, vals] = study.counts();
+    let [w, h] = settings.size;
+    say!("{}: {caches} caches, {vals} VALs, {w} x {h} pixels", scene.name);
+    let lobes: &[(&str, bool)] =
+        if study.is_glossy() { &[("diffuse", false), ("glossy", true)] } else { &[("diffuse", false)] };
+    for &(lobe, is_glossy) in lobes {
+        print(&format!("{lobe}: against brute force"), &if is_glossy { study.glossy() } else { study.diffuse() });
+        print(&format!("{lobe}: references"), &study.references(is_glossy));
+        let Worst { share, near_val, too_bright, radiance: [found, brute_force, paths] } = study.worst(is_glossy);
+        say!(
+            "{lobe}: the worst 1 % of pixels hold {:.1} % of the squared error; {:.0} % are within a VAL's side of one, {:.0} % too bright",
+            100.0 * share,
+            100.0 * near_val,
+            100.0 * too_bright
+        );
+        say!("  there interpolated {found:.4} cd/m^2, by brute force {brute_force:.4}, by light paths {paths:.4}");
+    }
+    let (areas, noise) = study.areas();
+    say!("light paths have a noise of {:.1} %", 100.0 * noise);
+    for (&(lobe, _), rows) in lobes.iter().zip(&areas) {
+        print(&format!("{lobe}: area of VALs, against light paths"), rows);
+    }
+    Ok(())
+}
+
+fn print(title: &str, rows: &[Row]) {
+    say!("{title:<48}{:>9}{:>11}{:>11}{:>9}{:>9}", "MARE", "relMSE", "w/o 1 %", "bias", "w/o 1 %");
+    for Row { name, metrics: m, trimmed_bias } in rows {
+        let (bias, trimmed) = (100.0 * m.bias, 100.0 * trimmed_bias);
+        say!("  {name:<46}{:>9.4}{:>11.4}{:>11.5}{bias:>+8.1}%{trimmed:>+8.1}%", m.mare, m.relmse, m.relmse_trimmed);
+    }
+}
