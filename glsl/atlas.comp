@@ -6,7 +6,7 @@ layout(local_size_x = 64) in;
 layout(binding = 0, scalar) readonly buffer ModelCaches { ModelCache model_caches[]; };
 layout(binding = 1, scalar) readonly buffer Instances { Instance instances[]; };
 layout(binding = 2, scalar) writeonly buffer Caches { Cache caches[]; };
-layout(push_constant, scalar) uniform Push { GatherPush push; };
+layout(push_constant, scalar) uniform Push { PlacePush push; };
 
 void main() {
     uint i = gl_GlobalInvocationID.x;

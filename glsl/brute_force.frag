@@ -5,11 +5,12 @@
 
 layout(push_constant, scalar) uniform Push { ScreenPush push; };
 layout(binding = 0, scalar) uniform Tile { Val vals[VAL_TILE]; };
-layout(binding = 1) uniform sampler2D depth_image;
-layout(binding = 2) uniform sampler2D normal_image;
-layout(binding = 3) uniform sampler2D albedo_image;
+layout(binding = 1, scalar) readonly buffer ValCount { uint val_count; };
+layout(binding = 2) uniform sampler2D depth_image;
+layout(binding = 3) uniform sampler2D normal_image;
+layout(binding = 4) uniform sampler2D albedo_image;
 #ifndef DIFFUSE_ONLY
-layout(binding = 4) uniform sampler2D specular_image;
+layout(binding = 5) uniform sampler2D specular_image;
 #endif
 
 layout(location = 0) out vec4 out_diffuse;
@@ -35,7 +36,8 @@ void main() {
     vec3 r = reflect(view_direction(push.eye, position), n);
     vec3 irradiance = vec3(0.0);
     vec3 glossy = vec3(0.0);
-    for (uint i = 0u; i < push.val_count; ++i) {
+    uint end = min(VAL_TILE, max(val_count, push.first_val) - push.first_val);
+    for (uint i = 0u; i < end; ++i) {
         Val v = vals[i];
         vec3 d = v.position - position;
         float g = disc_geometry_towards(d, v.normal, n, v.area);

@@ -1,49 +1,51 @@
-// Stage 6, fragment path: one tile of VALs onto every cache, added to float targets. METHOD 3-4, thesis listing 5.1.
-// Positions are summed relative to the cache, so that the sums do not know how far the scene is from anywhere.
+// Stage 6, fragment path: one tile of VALs onto every live cache, added to float targets. METHOD 3-4, thesis listing 5.1.
+#extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
-#include "lib/form_factor.glsl"
-#include "lib/phong.glsl"
+#include "lib/atlas.glsl"
+#include "lib/gather.glsl"
 
+layout(constant_id = 0) const uint SOURCE = VALS_TEXELS;
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
-layout(binding = 1, scalar) uniform Tile { Val vals[VAL_TILE]; };
+layout(binding = 1, scalar) readonly buffer ValCount { uint val_count; };
+layout(binding = 2) uniform samplerBuffer val_texels;
+layout(binding = 3, std430) readonly buffer Vals { vec4 vals[]; };
 
-layout(location = 0) out vec4 out_diffuse_position; // sum of w (x - c), sum of w
-layout(location = 1) out vec4 out_diffuse_irradiance; // sum of phi G, sum of w (x - c)^2
-#ifndef DIFFUSE_ONLY
-layout(location = 2) out vec4 out_glossy_position; // the same times cos^k
+layout(location = 0) out vec4 out_diffuse_position; // position and weight
+layout(location = 1) out vec4 out_diffuse_irradiance; // irradiance and distance2
+#ifdef DIFFUSE_ONLY
+const bool GLOSSY = false;
+#else
+const bool GLOSSY = true;
+layout(location = 2) out vec4 out_glossy_position;
 layout(location = 3) out vec4 out_glossy_irradiance;
 #endif
 
+// VALs of one round of the loop.
+const uint AT_ONCE = 8u;
+
 void main() {
-    uint index = uint(gl_FragCoord.y) * ATLAS_WIDTH + uint(gl_FragCoord.x);
-    vec4 diffuse_position = vec4(0.0);
-    vec3 diffuse_irradiance = vec3(0.0);
-    float distance2 = 0.0;
-    vec4 glossy_position = vec4(0.0);
-    vec3 glossy_irradiance = vec3(0.0);
+    uint index = atlas_cache(ivec2(gl_FragCoord.xy));
+    GatherSums s = no_light();
     if (index < push.cache_count) {
-        Cache c = caches[index];
-        vec3 mirrored = reflect(view_direction(push.eye, c.position), c.normal);
-        for (uint i = 0u; i < push.val_count; ++i) {
-            Val v = vals[i];
-            vec3 d = v.position - c.position;
-            float g = disc_geometry_towards(d, v.normal, c.normal, v.area);
-            float w = v.weight * g;
-            diffuse_position += vec4(d, 1.0) * w;
-            diffuse_irradiance += v.flux * g;
-            distance2 += dot(d, d) * w;
-#ifndef DIFFUSE_ONLY
-            float lobe = cosine_power(dot(mirrored, d) * inversesqrt(max(dot(d, d), 1e-30)), c.exponent);
-            glossy_position += vec4(d, 1.0) * (w * lobe);
-            glossy_irradiance += v.flux * (g * lobe);
-#endif
+        Receiver c = receiver(caches[index], push.eye);
+        uint end = min(push.first + push.tile, (val_count + VAL_TILE - 1u) / VAL_TILE * VAL_TILE);
+        for (uint i = push.first; i < end; i += AT_ONCE) {
+            [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
+                int at = int(3u * (i + j));
+                if (SOURCE == VALS_TEXELS) {
+                    accumulate(s, c, texelFetch(val_texels, at), texelFetch(val_texels, at + 1),
+                               texelFetch(val_texels, at + 2), GLOSSY);
+                } else {
+                    accumulate(s, c, vals[at], vals[at + 1], vals[at + 2], GLOSSY);
+                }
+            }
         }
     }
-    out_diffuse_position = diffuse_position;
-    out_diffuse_irradiance = vec4(diffuse_irradiance, distance2);
+    out_diffuse_position = vec4(s.diffuse_position, s.diffuse_weight);
+    out_diffuse_irradiance = vec4(s.diffuse_irradiance, s.distance2);
 #ifndef DIFFUSE_ONLY
-    out_glossy_position = glossy_position;
-    out_glossy_irradiance = vec4(glossy_irradiance, 0.0);
+    out_glossy_position = vec4(s.glossy_position, s.glossy_weight);
+    out_glossy_irradiance = vec4(s.glossy_irradiance, 0.0);
 #endif
 }

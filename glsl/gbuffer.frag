@@ -15,6 +15,9 @@ layout(location = 0) out vec4 out_normal; // shading normal, Phong exponent
 layout(location = 1) out vec4 out_albedo; // rho_d, x of the geometric normal
 layout(location = 2) out vec4 out_specular; // rho_g, y of the geometric normal
 layout(location = 3) out vec4 out_radiance; // emitted [cd/m^2]; direct light is added by stage 2
+#ifdef ELEMENTS
+layout(location = 4) out uvec2 out_element; // draw, from 1, and triangle within it
+#endif
 
 // The normal map's tilt. Without tangents in the file the frame follows from how uv changes over the picture.
 vec3 bumped(vec3 n, uint material, Uv here, vec3 px, vec3 py) {
@@ -81,4 +84,7 @@ void main() {
     out_albedo = vec4(r.diffuse, packed_normal.x);
     out_specular = vec4(r.glossy, packed_normal.y);
     out_radiance = vec4(emitted, 0.0);
+#ifdef ELEMENTS
+    out_element = uvec2(push.draw, gl_PrimitiveID);
+#endif
 }

@@ -2,40 +2,95 @@
 #include "shared.glsl"
 #include "lib/phong.glsl"
 
+#ifdef FROM_IMAGES
+#include "lib/atlas.glsl"
+#endif
+
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
-layout(binding = 1) uniform sampler2D diffuse_position_image;
-layout(binding = 2) uniform sampler2D diffuse_irradiance_image;
-layout(binding = 3) uniform sampler2D glossy_position_image;
-layout(binding = 4) uniform sampler2D glossy_irradiance_image;
-layout(binding = 5, scalar) writeonly buffer Proxies { Proxy proxies[]; };
+layout(binding = 1, scalar) writeonly buffer Proxies { Proxy proxies[]; };
+#ifdef FROM_IMAGES
+layout(binding = 2) uniform sampler2D diffuse_position_image;
+layout(binding = 3) uniform sampler2D diffuse_irradiance_image;
+layout(binding = 4) uniform sampler2D glossy_position_image;
+layout(binding = 5) uniform sampler2D glossy_irradiance_image;
+#else
+layout(binding = 2, scalar) readonly buffer Live { uint live[]; };
+layout(binding = 3, scalar) readonly buffer Args { LiveArgs args; };
+layout(binding = 4, scalar) readonly buffer Parts { GatherSums parts[]; };
+#endif
 
 // Least N.w of light. The weighted mean of points above the surface lies above it; lower it is the rounding of VALs in
 // the cache's own plane, which send it nothing and must not move a proxy.
 const float MIN_COSINE = 1e-4;
 
+// Least sum of weights. Below lie the numbers that some devices flush to zero and others keep in few bits: the mean of
+// such terms points anywhere.
+const float MIN_WEIGHT = 1e-36;
+
+#ifdef FROM_IMAGES
+// The sums of a cache of the atlas.
+GatherSums sums_of(uint cache) {
+    ivec2 at = atlas_texel(cache);
+    vec4 position = texelFetch(diffuse_position_image, at, 0);
+    vec4 irradiance = texelFetch(diffuse_irradiance_image, at, 0);
+    GatherSums s = GatherSums(position.xyz, position.w, irradiance.rgb, irradiance.w, vec3(0.0), 0.0, vec3(0.0));
+    if (GLOSSY != 0u) {
+        position = texelFetch(glossy_position_image, at, 0);
+        s.glossy_position = position.xyz;
+        s.glossy_weight = position.w;
+        s.glossy_irradiance = texelFetch(glossy_irradiance_image, at, 0).rgb;
+    }
+    return s;
+}
+#else
+// The sums of a live cache: its parts, in order.
+GatherSums sums_of(uint slot) {
+    GatherSums s = GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0));
+    for (uint part = 0u; part < args.groups_y; ++part) {
+        GatherSums p = parts[part * push.cache_count + slot];
+        s.diffuse_position += p.diffuse_position;
+        s.diffuse_weight += p.diffuse_weight;
+        s.diffuse_irradiance += p.diffuse_irradiance;
+        s.distance2 += p.distance2;
+        if (GLOSSY != 0u) {
+            s.glossy_position += p.glossy_position;
+            s.glossy_weight += p.glossy_weight;
+            s.glossy_irradiance += p.glossy_irradiance;
+        }
+    }
+    return s;
+}
+#endif
+
 void main() {
-    uint i = gl_GlobalInvocationID.x;
-    if (i >= push.cache_count) {
+    uint slot = gl_GlobalInvocationID.x;
+#ifdef FROM_IMAGES
+    uint i = slot;
+    if (slot >= push.cache_count) {
         return;
     }
+#else
+    if (slot >= args.cache_count) {
+        return;
+    }
+    uint i = live[slot];
+#endif
     Cache c = caches[i];
-    ivec2 at = ivec2(i % ATLAS_WIDTH, i / ATLAS_WIDTH);
-    vec4 position = texelFetch(diffuse_position_image, at, 0);
-    vec4 sum = texelFetch(diffuse_irradiance_image, at, 0);
-    vec3 irradiance = sum.rgb;
+    GatherSums s = sums_of(slot);
+    vec3 irradiance = s.diffuse_irradiance;
 
     Proxy p;
     p.diffuse_distance2 = 0.0;
     p.diffuse_position = c.position + c.normal;
     p.diffuse_irradiance = vec3(0.0);
-    if (position.w > 0.0) {
-        vec3 d = position.xyz / position.w;
+    if (s.diffuse_weight > MIN_WEIGHT) {
+        vec3 d = s.diffuse_position / s.diffuse_weight;
         float cosine = dot(c.normal, d) * inversesqrt(max(dot(d, d), 1e-30));
         if (cosine > MIN_COSINE) {
-            p.diffuse_distance2 = sum.w / position.w;
+            p.diffuse_distance2 = s.distance2 / s.diffuse_weight;
             p.diffuse_position = c.position + d;
             p.diffuse_irradiance = irradiance / cosine;
         }
@@ -44,23 +99,20 @@ void main() {
     p.glossy_lit = 0.0;
     p.glossy_position = c.position + c.normal;
     p.glossy_irradiance = vec3(0.0);
-    if (GLOSSY != 0u) {
-        vec4 glossy = texelFetch(glossy_position_image, at, 0);
-        if (glossy.w > 0.0) {
-            vec3 d = glossy.xyz / glossy.w;
-            vec3 w = d * inversesqrt(max(dot(d, d), 1e-30));
-            vec3 mirrored = reflect(view_direction(push.eye, c.position), c.normal);
-            float lobe = cosine_power(dot(mirrored, w), c.exponent);
-            vec3 arrived = texelFetch(glossy_irradiance_image, at, 0).rgb;
-            // The mean direction can miss the lobe that its parts lie in: what is divided by it never exceeds all
-            // the light there is.
-            vec3 facing = mix(irradiance, min(arrived / max(lobe, 1e-30), irradiance), lobe > 0.0 ? 1.0 : 0.0);
-            float cosine = dot(c.normal, w);
-            if (cosine > MIN_COSINE) {
-                p.glossy_lit = 1.0;
-                p.glossy_position = c.position + d;
-                p.glossy_irradiance = facing / cosine;
-            }
+    if (GLOSSY != 0u && s.glossy_weight > MIN_WEIGHT) {
+        vec3 d = s.glossy_position / s.glossy_weight;
+        vec3 w = d * inversesqrt(max(dot(d, d), 1e-30));
+        vec3 mirrored = reflect(view_direction(push.eye, c.position), c.normal);
+        float lobe = cosine_power(dot(mirrored, w), c.exponent);
+        // The mean direction can miss the lobe that its parts lie in: what is divided by it never exceeds all the light
+        // there is.
+        vec3 seen = min(s.glossy_irradiance / max(lobe, 1e-30), irradiance);
+        vec3 facing = mix(irradiance, seen, lobe > 0.0 ? 1.0 : 0.0);
+        float cosine = dot(c.normal, w);
+        if (cosine > MIN_COSINE) {
+            p.glossy_lit = 1.0;
+            p.glossy_position = c.position + d;
+            p.glossy_irradiance = facing / cosine;
         }
     }
     proxies[i] = p;

@@ -3,11 +3,29 @@
 #ifndef SHARED_GLSL
 #define SHARED_GLSL
 
-// Caches per row of the atlas. Two 64-texel bins wide, so that llvmpipe lights a row with two threads.
-const uint ATLAS_WIDTH = 128u;
+// Texels per row of the images that the fragment path sums in (see lib/atlas.glsl).
+const uint ATLAS_WIDTH = 1024u;
 
-// VALs per gather draw: 12 KiB, within the 16 KiB of uniform buffer that every device has.
+// VALs are padded with dark ones to a multiple of this: 12 KiB, within the 16 KiB of uniform buffer that every device has.
 const uint VAL_TILE = 256u;
+
+// Items that a workgroup of the compacting passes looks at, and threads that do it.
+const uint PACK_BLOCK = 1024u;
+
+const uint PACK_THREADS = 64u;
+
+// Where the gather's shaders read VALs from.
+const uint VALS_TEXELS = 0u;
+
+const uint VALS_STORAGE = 1u;
+
+const uint VALS_SHARED = 2u;
+
+// Threads of a gather's workgroup.
+const uint GATHER_THREADS = 64u;
+
+// No model has caches here.
+const uint NO_REFERENCES = 0xffffffffu;
 
 // Marks an unused entry of a list of references.
 const uint NO_CACHE = 65535u;
@@ -136,6 +154,43 @@ struct Proxy {
     vec3 glossy_irradiance;
 };
 
+// A draw, as those read it who look up a visible triangle's references.
+struct DrawRecord {
+    uint first_index; // into all indices
+    uint reference_base; // first of the model's references, in pairs; NO_REFERENCES without caches
+    uint cache_base; // atlas index of the instance's first cache
+};
+
+// How many visible elements there are, as arguments of an indirect draw of their references and of a dispatch.
+struct ElementArgs {
+    uint vertex_count;
+    uint instance_count;
+    uint first_vertex;
+    uint first_instance;
+    uint groups_x;
+    uint groups_y;
+    uint groups_z;
+};
+
+// Live caches, as arguments of the gather's dispatch and as their number.
+struct LiveArgs {
+    uint groups_x;
+    uint groups_y; // parts that the VALs are split into
+    uint groups_z;
+    uint cache_count;
+};
+
+// Sums over VALs at one cache, relative to its position.
+struct GatherSums {
+    vec3 diffuse_position; // sum of w d
+    float diffuse_weight; // sum of w
+    vec3 diffuse_irradiance; // sum of phi G [lx]
+    float distance2; // sum of w d^2
+    vec3 glossy_position; // the same times cos^k
+    float glossy_weight;
+    vec3 glossy_irradiance;
+};
+
 // Push constants of everything that draws the scene's triangles.
 struct DrawPush {
     mat4 clip_from_world;
@@ -144,6 +199,7 @@ struct DrawPush {
     uint reference_base; // first of the model's references, in pairs
     uint cache_base; // atlas index of the instance's first cache
     vec4 eye; // the viewer: position and 1, or the unit direction towards it and 0
+    uint draw; // which, from 1
 };
 
 // Push constants of full-screen passes that need the world position of a pixel.
@@ -152,7 +208,7 @@ struct ScreenPush {
     vec4 eye; // as in DrawPush
     uint light;
     uint shadow_size; // [texels] of one view of the shadow map
-    uint val_count; // of this tile
+    uint first_val; // of this tile
 };
 
 // Push constants of the pass that makes VALs of RSM texels.
@@ -163,11 +219,31 @@ struct ValPush {
     uint first; // where its VALs begin
 };
 
+// Push constants of the pass that draws references into the atlas.
+struct AtlasPush {
+    uint rows;
+};
+
+// Push constants of placing the caches.
+struct PlacePush {
+    uint cache_count;
+};
+
 // Push constants of the gather.
 struct GatherPush {
     uint cache_count;
-    uint val_count; // of this tile
+    uint first; // VAL of this tile
+    uint tile; // VALs in it
+    uint split; // VALs that one thread of the compute path adds up
     vec4 eye; // as in DrawPush
+};
+
+// Push constants of the compacting passes.
+struct PackPush {
+    uint count; // items
+    uint all; // 1: as if every item were flagged
+    uint caches_per_group;
+    uint split; // as in GatherPush
 };
 
 // Push constants of composite and exposure.

@@ -11,6 +11,7 @@ layout(binding = 2) uniform sampler2D position_image;
 layout(binding = 3) uniform sampler2D normal_image;
 layout(binding = 4) uniform sampler2D albedo_image;
 layout(binding = 5, scalar) writeonly buffer Vals { Val vals[]; };
+layout(binding = 6, scalar) writeonly buffer Flags { uint flags[]; }; // 1 where a VAL carries light or pulls
 
 // Sub-samples per axis of the intensity over a texel: the edge of a sharp cone crosses texels.
 const int SAMPLES = 4;
@@ -69,5 +70,7 @@ void main() {
     val.flux = flux;
     float luminance = dot(flux, vec3(0.2126, 0.7152, 0.0722));
     val.weight = has_light ? (IRRADIANCE_WEIGHTS != 0u ? luminance : val.area) : 0.0;
-    vals[push.first + texel.y * push.size + texel.x] = val;
+    uint at = push.first + texel.y * push.size + texel.x;
+    vals[at] = val;
+    flags[at] = val.weight != 0.0 || flux != vec3(0.0) ? 1u : 0u;
 }

@@ -1,6 +1,6 @@
 //! The nets hold: a lost barrier, an idle barrier, a wrong binding count or push size, a bad value are all caught.
 
-use glam::{Vec3, Vec4};
+use glam::Vec3;
 use lightskin::bake::{self, Density};
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::{Frame, SceneBuffers, Settings, View};
@@ -8,13 +8,13 @@ use lightskin::gpu::{Gpu, Options, Use, Validation};
 use lightskin::image::broken_values;
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell};
-use lightskin::shared::{Cache, GatherPush, Instance, ModelCache};
+use lightskin::shared::{Cache, Instance, ModelCache, PlacePush};
 
 fn open() -> Gpu {
     Gpu::new(&Options { device: None, validation: Validation::Sync }).expect("a Vulkan device and the validation layer")
 }
 
-const PUSH: GatherPush = GatherPush { cache_count: 4, val_count: 0, eye: Vec4::ZERO };
+const PUSH: PlacePush = PlacePush { cache_count: 4 };
 
 /// Two dispatches, the second reading what the first has written, with `barriers` between.
 fn write_then_read(gpu: &Gpu, barriers: &[(Use, Use)]) -> Vec<String> {
@@ -82,7 +82,7 @@ fn a_wrong_push_size_is_caught() {
     let atlas = gpu.compute("atlas.comp", &[]).expect("pipeline");
     let _ = gpu.frame(false, |cmd| {
         cmd.bind(&atlas, &[(&buffer).into(), (&buffer).into(), (&buffer).into()]);
-        cmd.push(&1_u32);
+        cmd.push(&1_u64);
         Ok(())
     });
 }

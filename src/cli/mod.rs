@@ -23,6 +23,7 @@ use anyhow::{Context, Result, bail};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
+use lightskin::frame::{GatherPath, GatherSettings, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
 use std::io::{IsTerminal, Write};
@@ -150,6 +151,39 @@ impl DeviceArgs {
             ValidationArg::Sync => Validation::Sync,
         };
         Ok(Gpu::new(&Options { device: self.device.clone(), validation })?)
+    }
+}
+
+/// How caches are lit.
+#[derive(Args)]
+struct GatherArgs {
+    /// What lights caches. Auto takes what is fastest on the device: measured in a second when first needed, then kept.
+    #[arg(long, value_enum, default_value_t)]
+    gather: GatherArg,
+    /// Light every cache, not only those that visible surfaces need. The picture stays the same.
+    #[arg(long)]
+    no_cull: bool,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum GatherArg {
+    /// The fastest.
+    #[default]
+    Auto,
+    /// Additive draws into float targets, culled by the depth test.
+    Fragment,
+    /// Compute shader over the list of caches that matter.
+    Compute,
+}
+
+impl GatherArgs {
+    fn settings(&self, gpu: &Gpu) -> Result<GatherSettings> {
+        let path = match self.gather {
+            GatherArg::Auto => None,
+            GatherArg::Fragment => Some(GatherPath::Fragment),
+            GatherArg::Compute => Some(GatherPath::Compute),
+        };
+        Ok(tune::fastest(gpu, path)?.settings)
     }
 }
 

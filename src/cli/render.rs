@@ -2,7 +2,7 @@
 
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, Layers, TonemapArg, is_exr};
-use super::{Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, load_whole, thousands};
+use super::{Baked, CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, load_scene, load_whole, thousands};
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
@@ -45,9 +45,8 @@ pub(super) struct Render {
     /// Texels of a shadow map's side.
     #[arg(long, value_name = "N", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(16..=16384))]
     shadow_map: u32,
-    /// How caches are lit.
-    #[arg(long, value_enum, default_value_t)]
-    gather: GatherArg,
+    #[command(flatten)]
+    gather: GatherArgs,
     /// What is averaged between caches, with which weights.
     #[arg(long, value_enum, default_value_t)]
     interpolation: InterpolationArg,
@@ -86,13 +85,6 @@ enum GiArg {
     PathTrace,
     /// Direct light alone.
     Off,
-}
-
-#[derive(Clone, Copy, Default, ValueEnum)]
-enum GatherArg {
-    /// Additive draws into float targets.
-    #[default]
-    Fragment,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
@@ -137,8 +129,8 @@ fn exposure(text: &str) -> std::result::Result<f32, String> {
 }
 
 impl Render {
-    fn settings(&self) -> Settings {
-        Settings {
+    fn settings(&self, gpu: &Gpu) -> Result<Settings> {
+        Ok(Settings {
             size: self.size,
             gi: match self.gi {
                 GiArg::Lightskin => Gi::LightSkin,
@@ -162,8 +154,10 @@ impl Render {
                 TonemapArg::Aces => Tonemap::Aces,
                 TonemapArg::Linear => Tonemap::Linear,
             },
+            gather: self.gather.settings(gpu)?,
+            cull: !self.gather.no_cull,
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
-        }
+        })
     }
 }
 
@@ -244,11 +238,11 @@ pub(super) fn run(args: &Render) -> Result<()> {
         };
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
-    let settings = args.settings();
     let baked = (args.gi == GiArg::Lightskin)
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
         .transpose()?;
     let gpu = args.device.open()?;
+    let settings = args.settings(&gpu)?;
     let buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
     let view = View::new(&camera, settings.size, buffers.origin, buffers.radius);
@@ -376,7 +370,7 @@ impl Report<'_> {
     }
 
     fn vals(&self) -> u32 {
-        self.frame.targets.rsm.as_ref().map_or(0, |r| r.val_count)
+        self.frame.targets.rsm.as_ref().map_or(0, |r| r.vals.count)
     }
 
     /// How the times were taken.

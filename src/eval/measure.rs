@@ -122,7 +122,7 @@ impl<'a> Bench<'a> {
             frames: (runs.len() - 1).max(1),
             caches: targets.caches.as_ref().map_or(0, |caches| caches.count),
             spacing: *spacing,
-            vals: targets.rsm.as_ref().map_or(0, |rsm| rsm.val_count),
+            vals: targets.rsm.as_ref().map_or(0, |rsm| rsm.vals.count),
             triangles: scene.triangle_count(),
             problems,
         })

@@ -3,6 +3,7 @@
 use crate::bake::CacheSet;
 use crate::error::Result;
 use crate::frame::check::Check;
+use crate::frame::targets::CacheTargets;
 use crate::frame::{Exposure, Frame, SceneBuffers, Settings, View};
 use crate::gpu::{Gpu, Image};
 use crate::reference::gather::{Cache, Gathered, Lobe};
@@ -10,12 +11,13 @@ use crate::reference::phong::{Material as Reflection, mirrored_view};
 use crate::reference::rsm::{self, Val};
 use crate::reference::triangle::Triangle;
 use crate::scene::{LightKind, Phong, Projection, Scene};
-use crate::shared;
-use glam::{DVec2, DVec3, Vec3, dvec3};
+use crate::shared::{self, ATLAS_WIDTH, GatherSums, LiveArgs};
+use glam::{DVec2, DVec3, Vec3, Vec4, dvec3};
 
-/// Small pictures; the references do every pixel.
+/// Small pictures, every cache lit; the references do every pixel.
 pub fn small() -> Settings {
-    Settings { size: [48, 48], rsm: 24, shadow_map: 256, exposure: Exposure::Ev(0.0), ..Settings::default() }
+    let exposure = Exposure::Ev(0.0);
+    Settings { size: [48, 48], rsm: 24, shadow_map: 256, exposure, cull: false, ..Settings::default() }
 }
 
 /// What one frame made. Places are in the world, in f64.
@@ -80,8 +82,8 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Set
         complaints: Vec::new(),
     };
     if let Some(rsm) = &t.rsm {
-        let all: Vec<shared::Val> = gpu.read(&rsm.vals)?;
-        shot.vals = all[..rsm.val_count as usize].iter().map(|v| val(v, origin)).collect();
+        let all: Vec<shared::Val> = gpu.read(&rsm.vals.all)?;
+        shot.vals = all.iter().map(|v| val(v, origin)).collect();
     }
     if let Some(targets) = &t.caches {
         let n = targets.count as usize;
@@ -89,14 +91,61 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Set
         shot.caches = all[..n].iter().map(|c| cache(c, origin)).collect();
         let all: Vec<shared::Proxy> = gpu.read(&targets.proxies)?;
         shot.proxies = all[..n].iter().zip(&shot.caches).map(|(p, c)| gathered(p, c, origin, eye)).collect();
-        for (sums, image) in shot.sums.iter_mut().zip(targets.sums.iter().skip(1).step_by(2)) {
-            *sums = radiance(gpu, image)?;
-            sums.truncate(n);
-        }
+        let sums = gather_sums(gpu, targets)?;
+        shot.sums = [
+            sums.iter().map(|s| s.diffuse_irradiance.as_dvec3()).collect(),
+            sums.iter().filter(|_| frame.plan.glossy).map(|s| s.glossy_irradiance.as_dvec3()).collect(),
+        ];
     }
     complaints.extend(gpu.messages().into_iter().skip(said));
     shot.complaints = complaints;
     Ok(shot)
+}
+
+/// The gather's sums at every cache; of caches that are culled no light.
+pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> {
+    let mut sums = vec![GatherSums::default(); caches.count as usize];
+    if let (Some(parts), Some(live)) = (&caches.parts, &caches.live) {
+        let (all, list): (Vec<GatherSums>, Vec<u32>) = (gpu.read(parts)?, gpu.read(&live.list)?);
+        let args = gpu.read::<LiveArgs>(&live.args)?[0];
+        for part in all.chunks(sums.len().max(1)).take(args.groups_y as usize) {
+            for (cache, p) in list[..args.cache_count as usize].iter().zip(part) {
+                let s = &mut sums[*cache as usize];
+                *s = GatherSums {
+                    diffuse_position: s.diffuse_position + p.diffuse_position,
+                    diffuse_weight: s.diffuse_weight + p.diffuse_weight,
+                    diffuse_irradiance: s.diffuse_irradiance + p.diffuse_irradiance,
+                    distance2: s.distance2 + p.distance2,
+                    glossy_position: s.glossy_position + p.glossy_position,
+                    glossy_weight: s.glossy_weight + p.glossy_weight,
+                    glossy_irradiance: s.glossy_irradiance + p.glossy_irradiance,
+                };
+            }
+        }
+        return Ok(sums);
+    }
+    let images: Vec<Vec<Vec4>> = caches.sums.iter().map(|image| gpu.read_image(image)).collect::<Result<_>>()?;
+    for (i, s) in sums.iter_mut().enumerate() {
+        let texel = |image: usize| images.get(image).map_or(Vec4::ZERO, |texels| texels[atlas_texel(i)]);
+        *s = GatherSums {
+            diffuse_position: texel(0).truncate(),
+            diffuse_weight: texel(0).w,
+            diffuse_irradiance: texel(1).truncate(),
+            distance2: texel(1).w,
+            glossy_position: texel(2).truncate(),
+            glossy_weight: texel(2).w,
+            glossy_irradiance: texel(3).truncate(),
+        };
+    }
+    Ok(sums)
+}
+
+/// Where a cache lies in the fragment path's images, row by row; twin of glsl/lib/atlas.glsl.
+pub fn atlas_texel(cache: usize) -> usize {
+    let (block, within) = (cache / 64, cache % 64);
+    let column = block % 128;
+    let (x, y) = (column % 16 * 64 + column / 16 * 8 + within % 8, block / 128 * 8 + within / 8);
+    y * ATLAS_WIDTH as usize + x
 }
 
 /// RGB of a float image.

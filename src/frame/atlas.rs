@@ -4,8 +4,7 @@ use super::SceneBuffers;
 use super::targets::CacheTargets;
 use crate::error::Result;
 use crate::gpu::{Cmd, Gpu, Pipeline};
-use crate::shared::GatherPush;
-use glam::Vec4;
+use crate::shared::PlacePush;
 
 /// Places every instance's caches.
 pub struct Atlas {
@@ -22,7 +21,7 @@ impl Atlas {
     pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, caches: &CacheTargets) {
         let _zone = cmd.zone("atlas");
         cmd.bind(&self.pipeline, &[(&scene.model_caches).into(), (&scene.instances).into(), (&caches.atlas).into()]);
-        cmd.push(&GatherPush { cache_count: caches.count, val_count: 0, eye: Vec4::ZERO });
+        cmd.push(&PlacePush { cache_count: caches.count });
         cmd.dispatch(caches.count, 1, 1);
     }
 }

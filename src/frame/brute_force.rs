@@ -1,11 +1,10 @@
 //! Every VAL onto every pixel: what interpolation is measured against. METHOD 3. Stands in for stages 3, 6 and 8.
 
-use super::gather::{tile_of, tiles};
-use super::targets::{IndirectTargets, RsmTargets};
+use super::targets::{IndirectTargets, ValTargets};
 use super::{Plan, Targets, View};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster};
-use crate::shared::ScreenPush;
+use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape};
+use crate::shared::{ScreenPush, VAL_TILE, Val};
 
 /// One full-screen draw per tile of VALs.
 pub struct BruteForce {
@@ -19,6 +18,7 @@ impl BruteForce {
         let pipeline = gpu.raster(&Raster {
             vertex: "screen.vert",
             fragment: Some(if plan.glossy { "brute_force.frag" } else { "brute_force_diffuse.frag" }),
+            shape: Shape::Triangles,
             streams: &[],
             colors: &targets[..if plan.glossy { 2 } else { 1 }],
             blend: Blend::Add,
@@ -30,25 +30,27 @@ impl BruteForce {
     }
 
     /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, rsm: &RsmTargets, view: &View, t: &Targets, out: &IndirectTargets) {
+    pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, view: &View, t: &Targets, out: &IndirectTargets) {
         let _zone = cmd.zone("brute force");
         let colors: Vec<_> = [&out.diffuse].into_iter().chain(&out.glossy).map(Attach::clear).collect();
         cmd.render(&Attachments { colors: &colors, depth: None, area: [0, 0, t.size[0], t.size[1]] }, |draw| {
-            for (tile, val_count) in tiles(rsm.val_count) {
+            for first_val in (0..vals.count).step_by(VAL_TILE as usize) {
+                let val = size_of::<Val>() as u64;
                 let all = [
-                    tile_of(rsm, tile),
+                    Bind::Slice(&vals.live, u64::from(first_val) * val, u64::from(VAL_TILE) * val),
+                    (&vals.live_count).into(),
                     (&t.depth).into(),
                     (&t.normal).into(),
                     (&t.albedo).into(),
                     (&t.specular).into(),
                 ];
-                draw.bind(&self.pipeline, &all[..if out.glossy.is_some() { 5 } else { 4 }]);
+                draw.bind(&self.pipeline, &all[..if out.glossy.is_some() { 6 } else { 5 }]);
                 draw.push(&ScreenPush {
                     world_from_clip: view.world_from_clip,
                     eye: view.eye,
                     light: 0,
                     shadow_size: 0,
-                    val_count,
+                    first_val,
                 });
                 draw.draw(3);
             }

@@ -54,7 +54,7 @@ impl Check {
             direct_pixels: pixels(Some(&t.direct)),
             diffuse_pixels: pixels(diffuse),
             glossy_pixels: pixels(glossy),
-            val_count: t.rsm.as_ref().map_or(0, |r| r.val_count),
+            val_count: t.rsm.as_ref().map_or(0, |r| r.vals.count),
             cache_count: t.caches.as_ref().map_or(0, |c| c.count),
         };
         // What is not there is not read; another resource only fills its place.
@@ -62,7 +62,7 @@ impl Check {
             (&t.direct).into(),
             diffuse.unwrap_or(&t.direct).into(),
             glossy.unwrap_or(&t.direct).into(),
-            t.rsm.as_ref().map_or(&t.exposure, |r| &r.vals).into(),
+            t.rsm.as_ref().map_or(&t.exposure, |r| &r.vals.all).into(),
             t.caches.as_ref().map_or(&t.exposure, |c| &c.proxies).into(),
             (&self.counts).into(),
         ];

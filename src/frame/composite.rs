@@ -2,7 +2,7 @@
 
 use super::{Exposure, Plan, Settings, Targets};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Use};
+use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use};
 use crate::shared::CompositePush;
 
 /// Measures the picture's luminance and maps it to the display.
@@ -23,6 +23,7 @@ impl Composite {
             map: gpu.raster(&Raster {
                 vertex: "screen.vert",
                 fragment: Some("composite.frag"),
+                shape: Shape::Triangles,
                 streams: &[],
                 colors: &[Format::R8G8B8A8_SRGB],
                 blend: Blend::Replace,

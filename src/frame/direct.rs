@@ -3,7 +3,7 @@
 use super::upload::Which;
 use super::{SceneBuffers, Targets, VERTEX, View};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Use};
+use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use};
 use crate::shared::ScreenPush;
 use glam::Vec4;
 
@@ -20,6 +20,7 @@ impl Direct {
         let depth_only = Raster {
             vertex: "mesh.vert",
             fragment: None,
+            shape: Shape::Triangles,
             streams: &[VERTEX],
             colors: &[],
             blend: Blend::Replace,
@@ -33,6 +34,7 @@ impl Direct {
             shade: gpu.raster(&Raster {
                 vertex: "screen.vert",
                 fragment: Some("direct.frag"),
+                shape: Shape::Triangles,
                 streams: &[],
                 colors: &[Format::R32G32B32A32_SFLOAT],
                 blend: Blend::Add,
@@ -86,7 +88,7 @@ impl Direct {
                     eye: view.eye,
                     light: i as u32,
                     shadow_size: size,
-                    val_count: 0,
+                    first_val: 0,
                 });
                 draw.draw(3);
             });

@@ -1,70 +1,169 @@
-//! Stage 6, gather: VALs x caches -> proxy lights. METHOD 3-4, thesis 5.3. Fragment path: one draw per tile of VALs,
-//! added to float targets, then a resolve.
+//! Stage 6, gather: VALs x caches -> proxy lights. METHOD 3-4, thesis 5.3.
+//!
+//! Two paths, one loop body (glsl/lib/gather.glsl). The fragment path draws every tile of VALs over the atlas, adds to
+//! float targets, and leaves culling to the depth test. The compute path works through the list of live caches with
+//! several caches per thread, and splits the VALs into parts, so that few caches fill a device too.
 
-use super::targets::{CacheTargets, RsmTargets};
-use super::{Plan, View};
+use super::View;
+use super::pack::Pack;
+use super::targets::{CacheTargets, ValTargets};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Use};
-use crate::shared::{ATLAS_WIDTH, GatherPush, VAL_TILE, Val};
+use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape, Use};
+use crate::shared::{ATLAS_WIDTH, GatherPush, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
+
+/// What lights the caches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum GatherPath {
+    /// Additive draws into float targets.
+    Fragment,
+    /// Compute shader over a list of caches.
+    Compute,
+}
+
+/// Where VALs are read from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum ValSource {
+    /// A texel buffer.
+    Texels = VALS_TEXELS,
+    /// A storage buffer.
+    Storage = VALS_STORAGE,
+    /// The workgroup's memory, tile by tile; the compute path alone.
+    Shared = VALS_SHARED,
+}
+
+/// How caches are lit. None of it changes what they receive by more than rounding.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GatherSettings {
+    /// By draws or dispatches.
+    pub path: GatherPath,
+    /// Where VALs are read from.
+    pub source: ValSource,
+    /// VALs of one draw of the fragment path; a multiple of `VAL_TILE`.
+    pub tile: u32,
+    /// Caches that a thread of the compute path keeps in registers.
+    pub caches_per_thread: u32,
+    /// VALs that a thread of the compute path adds up; a multiple of `VAL_TILE`.
+    pub split: u32,
+}
+
+impl Default for GatherSettings {
+    fn default() -> Self {
+        Self { path: GatherPath::Compute, source: ValSource::Texels, tile: 1024, caches_per_thread: 4, split: 2048 }
+    }
+}
 
 /// Lights the caches.
 pub struct Gather {
-    sum: Pipeline,
+    path: Path,
     resolve: Pipeline,
 }
 
+enum Path {
+    Fragment { sum: Pipeline, tile: u32 },
+    Compute { pack: Option<Pack>, sum: Pipeline },
+}
+
 impl Gather {
-    /// Makes the pipelines.
-    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
+    /// Makes the pipelines. Without culling the compute path lists all caches itself.
+    pub fn new(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings) -> Result<Self> {
         let targets = [Format::R32G32B32A32_SFLOAT; 4];
-        Ok(Self {
-            sum: gpu.raster(&Raster {
-                vertex: "screen.vert",
-                fragment: Some(if plan.glossy { "gather.frag" } else { "gather_diffuse.frag" }),
-                streams: &[],
-                colors: &targets[..if plan.glossy { 4 } else { 2 }],
-                blend: Blend::Add,
-                depth: Depth::None,
-                cull: Cull::None,
-                constants: &[],
-            })?,
-            resolve: gpu.compute("proxies.comp", &[u32::from(plan.glossy)])?,
+        let source = settings.source as u32;
+        Ok(match settings.path {
+            GatherPath::Fragment => Self {
+                path: Path::Fragment {
+                    sum: gpu.raster(&Raster {
+                        vertex: "tile.vert",
+                        fragment: Some(if glossy { "gather.frag" } else { "gather_diffuse.frag" }),
+                        shape: Shape::Triangles,
+                        streams: &[],
+                        colors: &targets[..if glossy { 4 } else { 2 }],
+                        blend: Blend::Add,
+                        depth: if cull { Depth::Behind } else { Depth::None },
+                        cull: Cull::None,
+                        constants: &[source],
+                    })?,
+                    tile: settings.tile,
+                },
+                resolve: gpu.compute("proxies_images.comp", &[u32::from(glossy)])?,
+            },
+            GatherPath::Compute => Self {
+                path: Path::Compute {
+                    pack: (!cull).then(|| Pack::new(gpu)).transpose()?,
+                    sum: gpu.compute("gather.comp", &[u32::from(glossy), source, settings.caches_per_thread])?,
+                },
+                resolve: gpu.compute("proxies.comp", &[u32::from(glossy)])?,
+            },
         })
     }
 
     /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, rsm: &RsmTargets, view: &View, caches: &CacheTargets) {
+    pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, view: &View, caches: &CacheTargets) {
         let _zone = cmd.zone("gather");
+        let push = GatherPush { cache_count: caches.count, first: 0, tile: 0, split: 0, eye: view.eye };
+        match &self.path {
+            Path::Fragment { sum, tile } => self.draw(cmd, sum, vals, caches, &GatherPush { tile: *tile, ..push }),
+            Path::Compute { pack, sum } => self.dispatch(cmd, pack.as_ref(), sum, vals, caches, push),
+        }
+    }
+
+    fn draw(&self, cmd: &Cmd<'_>, sum: &Pipeline, vals: &ValTargets, caches: &CacheTargets, push: &GatherPush) {
         let sums: Vec<_> = caches.sums.iter().map(Attach::clear).collect();
-        let push = |val_count| GatherPush { cache_count: caches.count, val_count, eye: view.eye };
-        cmd.render(
-            &Attachments { colors: &sums, depth: None, area: [0, 0, ATLAS_WIDTH, caches.rows().max(1)] },
-            |draw| {
-                for (tile, val_count) in tiles(rsm.val_count) {
-                    draw.bind(&self.sum, &[(&caches.atlas).into(), tile_of(rsm, tile)]);
-                    draw.push(&push(val_count));
-                    draw.draw(3);
-                }
-            },
-        );
-        cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead);
+        let depth = caches.mask.as_ref().map(|image| Attach { image, load: Load::ReadOnly });
+        cmd.render(&Attachments { colors: &sums, depth, area: [0, 0, ATLAS_WIDTH, caches.rows()] }, |draw| {
+            let resources =
+                [(&caches.atlas).into(), (&vals.live_count).into(), Bind::Texels(&vals.live), (&vals.live).into()];
+            draw.bind(sum, &resources);
+            for first in (0..vals.count).step_by(push.tile as usize) {
+                draw.push(&GatherPush { first, ..*push });
+                draw.draw(3);
+            }
+        });
+        cmd.barrier(Use::ColorWrite, Use::ComputeRead);
         let image = |i: usize| Bind::Image(caches.sums.get(i).unwrap_or(&caches.sums[0]));
         cmd.bind(
             &self.resolve,
-            &[(&caches.atlas).into(), image(0), image(1), image(2), image(3), (&caches.proxies).into()],
+            &[(&caches.atlas).into(), (&caches.proxies).into(), image(0), image(1), image(2), image(3)],
         );
-        cmd.push(&push(rsm.val_count));
+        cmd.push(push);
         cmd.dispatch(caches.count, 1, 1);
     }
-}
 
-/// Tiles of so many VALs: index, and how many the tile holds.
-pub(super) fn tiles(val_count: u32) -> impl Iterator<Item = (u32, u32)> {
-    (0..val_count.div_ceil(VAL_TILE)).map(move |tile| (tile, (val_count - tile * VAL_TILE).min(VAL_TILE)))
-}
-
-/// The uniform-buffer range of a tile; the list of VALs is padded to whole tiles.
-pub(super) fn tile_of(rsm: &RsmTargets, tile: u32) -> Bind<'_> {
-    let bytes = u64::from(VAL_TILE) * size_of::<Val>() as u64;
-    Bind::Slice(&rsm.vals, u64::from(tile) * bytes, bytes)
+    fn dispatch(
+        &self,
+        cmd: &Cmd<'_>,
+        pack: Option<&Pack>,
+        sum: &Pipeline,
+        vals: &ValTargets,
+        caches: &CacheTargets,
+        push: GatherPush,
+    ) {
+        let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
+        if let Some(pack) = pack {
+            pack.caches(cmd, live, vals, true);
+            cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
+        }
+        cmd.bind(
+            sum,
+            &[
+                (&caches.atlas).into(),
+                (&live.list).into(),
+                (&live.args).into(),
+                (&vals.live_count).into(),
+                Bind::Texels(&vals.live),
+                (&vals.live).into(),
+                parts.into(),
+            ],
+        );
+        let push = GatherPush { split: live.split, ..push };
+        cmd.push(&push);
+        cmd.dispatch_indirect(&live.args, 0);
+        cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
+        cmd.bind(
+            &self.resolve,
+            &[(&caches.atlas).into(), (&caches.proxies).into(), (&live.list).into(), (&live.args).into(), parts.into()],
+        );
+        cmd.push(&push);
+        cmd.dispatch(caches.count, 1, 1);
+    }
 }

@@ -5,7 +5,7 @@ use super::targets::{CacheTargets, IndirectTargets};
 use super::upload::Which;
 use super::{Interpolation, POSITION_NORMAL, Plan, SceneBuffers, Settings, Targets, View};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster};
+use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape};
 
 /// Averages and shades.
 pub struct Interpolate {
@@ -20,6 +20,7 @@ impl Interpolate {
         let pipeline = gpu.raster(&Raster {
             vertex: "interpolate.vert",
             fragment: Some(if plan.glossy { "interpolate.frag" } else { "interpolate_diffuse.frag" }),
+            shape: Shape::Triangles,
             streams: &[POSITION_NORMAL],
             colors: &targets[..if plan.glossy { 2 } else { 1 }],
             blend: Blend::Replace,

@@ -4,17 +4,21 @@ pub mod atlas;
 pub mod brute_force;
 pub mod check;
 pub mod composite;
+pub mod cull;
 pub mod direct;
 pub mod gather;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod lights;
+pub mod pack;
 pub mod plan;
 pub mod rsm;
 pub mod targets;
+pub mod tune;
 pub mod upload;
 pub mod view;
 
+pub use gather::{GatherPath, GatherSettings, ValSource};
 pub use plan::{Plan, PlanLine};
 pub use targets::Targets;
 pub use upload::SceneBuffers;
@@ -98,6 +102,10 @@ pub struct Settings {
     pub interpolation: Interpolation,
     /// Weights of stage 6.
     pub proxy_weight: ProxyWeight,
+    /// How stage 6 runs.
+    pub gather: GatherSettings,
+    /// Only caches that visible surfaces need are lit, where the device can tell. Pictures do not change.
+    pub cull: bool,
     /// Curve of stage 11.
     pub tonemap: Tonemap,
     /// Exposure of stage 11.
@@ -114,6 +122,8 @@ impl Default for Settings {
             shadow_map: 2048,
             interpolation: Interpolation::Facing,
             proxy_weight: ProxyWeight::Irradiance,
+            gather: GatherSettings::default(),
+            cull: true,
             tonemap: Tonemap::PbrNeutral,
             exposure: Exposure::Automatic,
         }
@@ -153,9 +163,10 @@ pub struct Frame {
     composite: composite::Composite,
 }
 
-/// Stages 3, 6 and 8.
+/// Stages 3, 5, 6 and 8.
 struct LightSkin {
     atlas: atlas::Atlas,
+    cull: Option<cull::Cull>,
     gather: gather::Gather,
     interpolate: interpolate::Interpolate,
 }
@@ -163,17 +174,19 @@ struct LightSkin {
 impl Frame {
     /// Makes stages and targets for a scene.
     pub fn new(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers, settings: &Settings) -> Result<Self> {
-        let plan = Plan::new(scene, settings);
+        let mut plan = Plan::new(scene, settings);
+        plan.cull &= gpu.numbers_triangles();
         let lightskin = || -> Result<LightSkin> {
             Ok(LightSkin {
                 atlas: atlas::Atlas::new(gpu)?,
-                gather: gather::Gather::new(gpu, &plan)?,
+                cull: plan.cull.then(|| cull::Cull::new(gpu, settings)).transpose()?,
+                gather: gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?,
                 interpolate: interpolate::Interpolate::new(gpu, &plan, settings)?,
             })
         };
         Ok(Self {
             targets: Targets::new(gpu, &plan, buffers, settings)?,
-            gbuffer: gbuffer::GBuffer::new(gpu)?,
+            gbuffer: gbuffer::GBuffer::new(gpu, &plan)?,
             direct: plan.direct.then(|| direct::Direct::new(gpu)).transpose()?,
             rsm: plan.indirect().then(|| rsm::Rsm::new(gpu, settings.proxy_weight)).transpose()?,
             lightskin: plan.lightskin.then(lightskin).transpose()?,
@@ -199,8 +212,14 @@ impl Frame {
             rsm.record(cmd, scene, targets); // 4
         }
         if let (Some(gi), Some(caches), Some(rsm), Some(out)) = (&self.lightskin, &t.caches, &t.rsm, &t.indirect) {
-            cmd.barrier(Use::ComputeWrite, Use::FragmentRead); //   atlas, VALs -> 6
-            gi.gather.record(cmd, rsm, view, caches); // 6
+            if let (Some(cull), Some(element)) = (&gi.cull, &t.element) {
+                cull.record(cmd, scene, &[element], &rsm.vals, caches); // 5
+            }
+            cmd.barrier(
+                Use::ComputeWrite | Use::DepthWrite,
+                Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
+            ); //   VALs, atlas, live caches -> 6
+            gi.gather.record(cmd, &rsm.vals, view, caches); // 6
             cmd.barrier(
                 Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite,
                 Use::VertexRead | Use::FragmentRead | Use::DepthRead,
@@ -209,7 +228,7 @@ impl Frame {
         }
         if let (Some(brute_force), Some(rsm), Some(out)) = (&self.brute_force, &t.rsm, &t.indirect) {
             cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8
-            brute_force.record(cmd, rsm, view, t, out); // 8
+            brute_force.record(cmd, &rsm.vals, view, t, out); // 8
         }
         self.composite.record(cmd, t); // 11
     }

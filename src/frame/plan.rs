@@ -10,6 +10,8 @@ pub struct Plan {
     pub direct: bool,
     /// Stages 3, 4, 6 and 8: interpolated caches.
     pub lightskin: bool,
+    /// Stage 5: only visible caches are lit.
+    pub cull: bool,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
@@ -37,6 +39,7 @@ impl Plan {
         Self {
             direct,
             lightskin: direct && settings.gi == Gi::LightSkin,
+            cull: direct && settings.gi == Gi::LightSkin && settings.cull,
             brute_force: direct && settings.gi == Gi::BruteForce,
             glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
         }
@@ -57,12 +60,18 @@ impl Plan {
         } else {
             "no light"
         };
+        let gi_without_cull = if self.lightskin { "switched off: every cache is lit" } else { gi };
         vec![
             line(1, "gbuffer", true, "always"),
             line(2, "direct", self.direct, if self.direct { "there is a light" } else { "no light" }),
             line(3, "atlas", self.lightskin, gi),
             line(4, "rsm", self.indirect(), if self.indirect() { "indirect light needs VALs" } else { gi }),
-            line(5, "cull", false, "not built yet: every cache is lit"),
+            line(
+                5,
+                "cull",
+                self.cull,
+                if self.cull { "only caches that visible surfaces need are lit" } else { gi_without_cull },
+            ),
             line(6, "gather", self.lightskin, gi),
             line(7, "occlude", false, "not built yet: indirect light is unshadowed"),
             line(

@@ -1,16 +1,18 @@
 //! Stage 4, extended RSM: the scene as each light sees it -> VALs. METHOD 2, thesis 5.2.
 
+use super::pack::Pack;
 use super::targets::RsmTargets;
 use super::upload::Which;
 use super::{ProxyWeight, SceneBuffers, VERTEX};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Use};
+use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use};
 use crate::shared::ValPush;
 
 /// Draws an RSM per view of each light and turns its texels into VALs.
 pub struct Rsm {
     draw: Pipeline,
     vals: Pipeline,
+    pack: Pack,
 }
 
 impl Rsm {
@@ -20,6 +22,7 @@ impl Rsm {
             draw: gpu.raster(&Raster {
                 vertex: "mesh.vert",
                 fragment: Some("rsm.frag"),
+                shape: Shape::Triangles,
                 streams: &[VERTEX],
                 colors: &[Format::R32G32B32A32_SFLOAT; 3],
                 blend: Blend::Replace,
@@ -28,6 +31,7 @@ impl Rsm {
                 constants: &[],
             })?,
             vals: gpu.compute("vals.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
+            pack: Pack::new(gpu)?,
         })
     }
 
@@ -61,7 +65,8 @@ impl Rsm {
                         (&t.position).into(),
                         (&t.normal).into(),
                         (&t.albedo).into(),
-                        (&t.vals).into(),
+                        (&t.vals.all).into(),
+                        (&t.vals.flags).into(),
                     ],
                 );
                 cmd.push(&ValPush { light: i as u32, view, size, first });
@@ -69,5 +74,6 @@ impl Rsm {
                 first += size * size;
             }
         }
+        self.pack.vals(cmd, &t.vals);
     }
 }

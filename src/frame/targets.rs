@@ -1,9 +1,10 @@
 //! Every image and buffer that a frame writes: one line each with name, format, size and when.
 
+use super::gather::{GatherPath, GatherSettings};
 use super::{Plan, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
-use crate::shared::{ATLAS_WIDTH, Cache, Proxy, VAL_TILE, Val};
+use crate::shared::{ATLAS_WIDTH, Cache, ElementArgs, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val};
 
 /// The resources of a frame; stages write and read them, nobody else owns any.
 pub struct Targets {
@@ -17,6 +18,8 @@ pub struct Targets {
     pub albedo: Image,
     /// `rho_g`, and y of the octahedral geometric normal.
     pub specular: Image,
+    /// Which triangle a pixel shows: draw, from 1, and number within it. Only where caches are culled.
+    pub element: Option<Image>,
     /// Emitted and directly reflected radiance.
     pub direct: Image,
     /// The picture: tone-mapped sRGB.
@@ -43,10 +46,24 @@ pub struct RsmTargets {
     pub albedo: Image,
     /// Reversed depth.
     pub depth: Image,
-    /// The VALs of all lights, padded with dark ones to whole tiles.
-    pub vals: Buffer,
-    /// VALs before padding.
-    pub val_count: u32,
+    /// What its texels become.
+    pub vals: ValTargets,
+}
+
+/// The VALs of all lights.
+pub struct ValTargets {
+    /// One of each texel, light by light, view by view, row by row.
+    pub all: Buffer,
+    /// How many.
+    pub count: u32,
+    /// 1 where a VAL carries light or pulls a proxy.
+    pub flags: Buffer,
+    /// Flagged VALs of each block.
+    pub blocks: Buffer,
+    /// The flagged ones, in order, padded with dark ones to whole tiles.
+    pub live: Buffer,
+    /// Their number before padding.
+    pub live_count: Buffer,
 }
 
 /// Stage 8.
@@ -61,19 +78,48 @@ pub struct IndirectTargets {
 pub struct CacheTargets {
     /// The atlas: every instance's caches in the world.
     pub atlas: Buffer,
-    /// Sums of the gather: positions and irradiance of the diffuse, then of the glossy lobe.
-    pub sums: Vec<Image>,
-    /// Proxy lights of both lobes.
+    /// Proxy lights of both lobes; of a cache that is not lit what an earlier frame has left.
     pub proxies: Buffer,
     /// Caches of all instances.
     pub count: u32,
+    /// Sums of the gather's fragment path: positions and irradiance of the diffuse, then of the glossy lobe.
+    pub sums: Vec<Image>,
+    /// Sums of its compute path, part by part of the VALs.
+    pub parts: Option<Buffer>,
+    /// Which caches its compute path lights.
+    pub live: Option<LiveCaches>,
+    /// Which its fragment path lights: depth 1; only where caches are culled.
+    pub mask: Option<Image>,
+    /// What the camera sees of the scene; only where caches are culled.
+    pub visible: Option<VisibleElements>,
 }
 
-impl CacheTargets {
-    /// Rows of the atlas that hold caches.
-    pub fn rows(&self) -> u32 {
-        self.count.div_ceil(ATLAS_WIDTH)
-    }
+/// The list that the compute path works through.
+pub struct LiveCaches {
+    /// 1 where a visible element refers to a cache; all 0 between frames.
+    pub flags: Buffer,
+    /// Flagged caches of each block.
+    pub blocks: Buffer,
+    /// Atlas indices of live caches, ascending.
+    pub list: Buffer,
+    /// Their number, and the gather's dispatch.
+    pub args: Buffer,
+    /// Caches of all instances.
+    pub count: u32,
+    /// See `GatherSettings`.
+    pub caches_per_thread: u32,
+    /// VALs of a part: those of `GatherSettings`, or more where the parts would take too much memory.
+    pub split: u32,
+}
+
+/// Triangles that pixels show, each at least once.
+pub struct VisibleElements {
+    /// Draw, from 1, and number within it; as many as pixels at most.
+    pub list: Buffer,
+    /// How many.
+    pub args: Buffer,
+    /// `args` of none.
+    pub none: Buffer,
 }
 
 impl Targets {
@@ -84,12 +130,13 @@ impl Targets {
         let half = Format::R16G16B16A16_SFLOAT;
         let depth = Format::D32_SFLOAT;
         let shadow = settings.shadow_map;
-        Ok(Self {
+        let mut made = Self {
             size: settings.size,
             depth: gpu.target("gbuffer.depth", depth, w, h)?,
             normal: gpu.target("gbuffer.normal", float, w, h)?,
             albedo: gpu.target("gbuffer.albedo", half, w, h)?,
             specular: gpu.target("gbuffer.specular", half, w, h)?,
+            element: plan.cull.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
             direct: gpu.target("direct.radiance", float, w, h)?,
             output: gpu.target("composite.output", Format::R8G8B8A8_SRGB, w, h)?,
             exposure: gpu.buffer("composite.exposure", 16)?,
@@ -104,13 +151,23 @@ impl Targets {
                     })
                 })
                 .transpose()?,
-            caches: plan.lightskin.then(|| CacheTargets::new(gpu, plan, scene.cache_count)).transpose()?,
-        })
+            caches: None,
+        };
+        if plan.lightskin {
+            let vals = made.rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
+            let mut caches = CacheTargets::new(gpu, plan.glossy, scene.cache_count, vals, &settings.gather)?;
+            if plan.cull {
+                caches.cull(gpu, settings)?;
+            }
+            made.caches = Some(caches);
+        }
+        Ok(made)
     }
 
     /// Every image, for the one transition at a frame's beginning.
     pub fn images(&self) -> Vec<&Image> {
         let mut all = vec![&self.depth, &self.normal, &self.albedo, &self.specular, &self.direct, &self.output];
+        all.extend(&self.element);
         all.extend(&self.shadow);
         if let Some(rsm) = &self.rsm {
             all.extend([&rsm.position, &rsm.normal, &rsm.albedo, &rsm.depth]);
@@ -121,6 +178,7 @@ impl Targets {
         }
         if let Some(caches) = &self.caches {
             all.extend(&caches.sums);
+            all.extend(&caches.mask);
         }
         all
     }
@@ -128,9 +186,14 @@ impl Targets {
     /// Every buffer.
     pub fn buffers(&self) -> Vec<&Buffer> {
         let mut all = vec![&self.exposure];
-        all.extend(self.rsm.as_ref().map(|rsm| &rsm.vals));
+        if let Some(RsmTargets { vals, .. }) = &self.rsm {
+            all.extend([&vals.all, &vals.flags, &vals.blocks, &vals.live, &vals.live_count]);
+        }
         if let Some(caches) = &self.caches {
             all.extend([&caches.atlas, &caches.proxies]);
+            all.extend(&caches.parts);
+            all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args]));
+            all.extend(caches.visible.iter().flat_map(|v| [&v.list, &v.args, &v.none]));
         }
         all
     }
@@ -144,34 +207,106 @@ impl RsmTargets {
         let val_count =
             val_count.ok_or_else(|| Error::TooLarge("more than 33 million VALs; ask for a smaller --rsm".into()))?;
         let float = Format::R32G32B32A32_SFLOAT;
-        let dark = vec![Val { area: 1.0, ..Val::default() }; val_count.next_multiple_of(VAL_TILE) as usize];
         Ok(Self {
             position: gpu.target("rsm.position", float, n, n)?,
             normal: gpu.target("rsm.normal", float, n, n)?,
             albedo: gpu.target("rsm.albedo", float, n, n)?,
             depth: gpu.target("rsm.depth", Format::D32_SFLOAT, n, n)?,
-            vals: gpu.buffer_from("rsm.vals", &dark)?,
-            val_count,
+            vals: ValTargets::new(gpu, val_count)?,
         })
     }
 }
 
-impl CacheTargets {
-    fn new(gpu: &Gpu, plan: &Plan, count: u32) -> Result<Self> {
-        let names = [
-            "gather.diffuse_position",
-            "gather.diffuse_irradiance",
-            "gather.glossy_position",
-            "gather.glossy_irradiance",
-        ];
-        let rows = count.div_ceil(ATLAS_WIDTH).max(1);
-        let sum = |name: &&str| gpu.target(name, Format::R32G32B32A32_SFLOAT, ATLAS_WIDTH, rows);
-        let n = u64::from(count.max(1));
+impl ValTargets {
+    fn new(gpu: &Gpu, count: u32) -> Result<Self> {
+        let bytes = |count: u32| u64::from(count) * size_of::<Val>() as u64;
         Ok(Self {
-            atlas: gpu.buffer("atlas.caches", n * size_of::<Cache>() as u64)?,
-            sums: names[..if plan.glossy { 4 } else { 2 }].iter().map(sum).collect::<Result<_>>()?,
-            proxies: gpu.buffer("gather.proxies", n * size_of::<Proxy>() as u64)?,
+            all: gpu.buffer("rsm.vals", bytes(count))?,
             count,
+            flags: gpu.buffer("rsm.val_flags", 4 * u64::from(count))?,
+            blocks: gpu.buffer("rsm.val_blocks", 4 * u64::from(count.div_ceil(PACK_BLOCK)))?,
+            live: gpu.buffer("rsm.live_vals", bytes(count.next_multiple_of(VAL_TILE)))?,
+            live_count: gpu.buffer("rsm.live_val_count", 4)?,
         })
+    }
+
+    /// These VALs, all of them live.
+    pub fn of(gpu: &Gpu, vals: &[Val]) -> Result<Self> {
+        let mut padded = vals.to_vec();
+        padded.resize(vals.len().next_multiple_of(VAL_TILE as usize), Val { area: 1.0, ..Val::default() });
+        let count = vals.len() as u32;
+        let live = gpu.buffer_from("rsm.live_vals", &padded)?;
+        Ok(Self { live, live_count: gpu.buffer_from("rsm.live_val_count", &[count])?, ..Self::new(gpu, count)? })
+    }
+}
+
+/// Most memory that the parts of the compute path's sums take [bytes], unless a part would then be too long.
+const PARTS_BYTES: u64 = 64 << 20;
+
+/// Most VALs of a part: older lavapipe leaves loops after 65 535 rounds, and two VALs are a round.
+const LONGEST_PART: u64 = 32_768;
+
+impl CacheTargets {
+    /// Targets of the gather without culling.
+    pub fn new(gpu: &Gpu, glossy: bool, count: u32, vals: u32, settings: &GatherSettings) -> Result<Self> {
+        let n = u64::from(count.max(1));
+        let mut made = Self {
+            atlas: gpu.buffer("atlas.caches", n * size_of::<Cache>() as u64)?,
+            proxies: gpu.buffer_from("gather.proxies", &vec![Proxy::default(); n as usize])?,
+            count,
+            sums: Vec::new(),
+            parts: None,
+            live: None,
+            mask: None,
+            visible: None,
+        };
+        match settings.path {
+            GatherPath::Fragment => {
+                let names = [
+                    "gather.diffuse_position",
+                    "gather.diffuse_irradiance",
+                    "gather.glossy_position",
+                    "gather.glossy_irradiance",
+                ];
+                let sum = |name: &&str| gpu.target(name, Format::R32G32B32A32_SFLOAT, ATLAS_WIDTH, made.rows());
+                made.sums = names[..if glossy { 4 } else { 2 }].iter().map(sum).collect::<Result<_>>()?;
+            }
+            GatherPath::Compute => {
+                let (vals, sums) = (u64::from(vals.max(1)), n * size_of::<GatherSums>() as u64);
+                let in_memory = vals.div_ceil((PARTS_BYTES / sums).max(1));
+                let split = in_memory.max(settings.split.into()).next_multiple_of(VAL_TILE.into()).min(LONGEST_PART);
+                made.parts = Some(gpu.buffer("gather.parts", sums * vals.div_ceil(split))?);
+                made.live = Some(LiveCaches {
+                    flags: gpu.buffer_from("cull.flags", &vec![0_u32; n as usize])?,
+                    blocks: gpu.buffer("cull.blocks", 4 * n.div_ceil(PACK_BLOCK.into()))?,
+                    list: gpu.buffer("cull.live", 4 * n)?,
+                    args: gpu.buffer("cull.live_args", size_of::<LiveArgs>() as u64)?,
+                    count,
+                    caches_per_thread: settings.caches_per_thread,
+                    split: split as u32,
+                });
+            }
+        }
+        Ok(made)
+    }
+
+    /// Adds what culling needs.
+    fn cull(&mut self, gpu: &Gpu, settings: &Settings) -> Result<()> {
+        if settings.gather.path == GatherPath::Fragment {
+            self.mask = Some(gpu.target("cull.mask", Format::D32_SFLOAT, ATLAS_WIDTH, self.rows())?);
+        }
+        let [w, h] = settings.size;
+        let none = ElementArgs { instance_count: 1, groups_y: 1, groups_z: 1, ..ElementArgs::default() };
+        self.visible = Some(VisibleElements {
+            list: gpu.buffer("cull.elements", 8 * u64::from(w) * u64::from(h))?,
+            args: gpu.buffer("cull.element_args", size_of::<ElementArgs>() as u64)?,
+            none: gpu.buffer_from("cull.no_elements", &[none])?,
+        });
+        Ok(())
+    }
+
+    /// Rows of the fragment path's images: 8 of each 8192 caches.
+    pub fn rows(&self) -> u32 {
+        (8 * self.count.div_ceil(8 * ATLAS_WIDTH)).max(8)
     }
 }

@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, SamplerKind};
 use crate::image::mip_chain;
 use crate::scene::{Material, Scene, Texture, Vertex, Wrap};
-use crate::shared::{self, DrawPush, ModelCache, TEXTURE_COUNT, TextureSlot};
+use crate::shared::{self, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
 use glam::{DMat4, DVec3, Mat4, Vec4};
 use rayon::prelude::*;
@@ -55,6 +55,8 @@ pub struct SceneBuffers {
     pub cache_count: u32,
     /// References of all models' vertices.
     pub references: Buffer,
+    /// What `draw` draws, for those who look up a visible triangle.
+    pub draw_records: Buffer,
     vertices: Buffer,
     indices: Buffer,
     materials: Buffer,
@@ -166,6 +168,7 @@ impl SceneBuffers {
             cache_count: model_caches.len() as u32,
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
             references: gpu.buffer_from("scene.references", &references)?,
+            draw_records: gpu.buffer_from("scene.draw_records", &draws.iter().map(record).collect::<Vec<_>>())?,
             vertices: gpu.buffer_from("scene.vertices", &vertices)?,
             indices: gpu.buffer_from("scene.indices", &indices)?,
             materials: gpu.buffer_from("scene.materials", &materials)?,
@@ -188,7 +191,7 @@ impl SceneBuffers {
         own: Option<&[Bind<'_>]>,
     ) {
         let mut bound = None;
-        for item in &self.draws {
+        for (i, item) in self.draws.iter().enumerate() {
             let wanted = match which {
                 Which::All => true,
                 Which::Opaque => !item.masked,
@@ -211,12 +214,18 @@ impl SceneBuffers {
                 reference_base: item.reference_base,
                 cache_base: item.cache_base,
                 eye,
+                draw: i as u32 + 1,
             });
             draw.front_is_ccw(!item.mirrored);
             draw.vertices(&[(&self.vertices, item.vertex_offset)]);
             draw.indices(&self.indices, item.index_offset);
             draw.draw_indexed(item.index_count, item.first_index);
         }
+    }
+
+    /// Indices of all triangles, draw by draw.
+    pub fn indices(&self) -> &Buffer {
+        &self.indices
     }
 
     /// Binds those of the nine scene bindings that the pipeline's shaders declare.
@@ -251,6 +260,7 @@ impl SceneBuffers {
             &self.vertices,
             &self.indices,
             &self.references,
+            &self.draw_records,
             &self.model_caches,
             &self.instances,
             &self.materials,
@@ -263,6 +273,15 @@ impl SceneBuffers {
     /// Memory of all textures [bytes].
     pub fn texture_bytes(&self) -> u64 {
         self.textures.iter().map(Image::bytes).sum()
+    }
+}
+
+/// A draw for shaders.
+fn record(draw: &DrawItem) -> DrawRecord {
+    DrawRecord {
+        first_index: (draw.index_offset / 4) as u32 + draw.first_index,
+        reference_base: if draw.has_caches { draw.reference_base } else { NO_REFERENCES },
+        cache_base: draw.cache_base,
     }
 }
 

@@ -18,6 +18,8 @@ pub enum Bind<'a> {
     Buffer(&'a Buffer),
     /// Part of a buffer: offset and size [bytes].
     Slice(&'a Buffer, u64, u64),
+    /// A buffer read as RGBA32F texels.
+    Texels(&'a Buffer),
     /// An image read texel by texel.
     Image(&'a Image),
     /// A filtered texture.
@@ -255,7 +257,7 @@ impl<'g> Cmd<'g> {
         unsafe { self.gpu.shared.device.cmd_pipeline_barrier2(self.buffer, info) };
     }
 
-    fn touch_buffer(&self, buffer: &Buffer, how: Use) {
+    pub(super) fn touch_buffer(&self, buffer: &Buffer, how: Use) {
         if let Some(log) = &self.log {
             log.borrow_mut().touch(buffer.id, &buffer.name, how, self.zone.get());
         }
@@ -286,6 +288,7 @@ impl<'g> Cmd<'g> {
             match *resource {
                 Bind::Buffer(buffer) => key.extend([buffer.id, 0, buffer.size]),
                 Bind::Slice(buffer, offset, size) => key.extend([buffer.id, offset, size]),
+                Bind::Texels(buffer) => key.extend([buffer.id, 4, 0]),
                 Bind::Image(image) => key.extend([image.id, 1, 0]),
                 Bind::Texture(image, kind) => {
                     let wrap = kind.wrap.map(|w| w.as_raw() as u64);
@@ -294,7 +297,7 @@ impl<'g> Cmd<'g> {
             }
             for how in &slot.uses {
                 match resource {
-                    Bind::Buffer(b) | Bind::Slice(b, ..) => self.touch_buffer(b, *how),
+                    Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) => self.touch_buffer(b, *how),
                     Bind::Image(i) | Bind::Texture(i, _) => self.touch_image(i, *how),
                 }
             }
@@ -332,7 +335,7 @@ impl<'g> Cmd<'g> {
         for (slot, resource) in pipeline.slots.iter().zip(resources) {
             let write =
                 vk::WriteDescriptorSet::default().dst_set(set).dst_binding(slot.binding).descriptor_type(slot.kind);
-            let (buffer, image);
+            let (buffer, image, texels);
             let write = match *resource {
                 Bind::Buffer(b) => {
                     let limit = u64::from(self.gpu.shared.limits.max_storage_buffer_range);
@@ -345,6 +348,10 @@ impl<'g> Cmd<'g> {
                 Bind::Slice(b, offset, range) => {
                     buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset, range }];
                     write.buffer_info(&buffer)
+                }
+                Bind::Texels(b) => {
+                    texels = [self.gpu.texels(b)?];
+                    write.texel_buffer_view(&texels)
                 }
                 Bind::Image(i) | Bind::Texture(i, _) => {
                     let kind = if let Bind::Texture(_, kind) = resource { *kind } else { nearest };
@@ -384,6 +391,16 @@ impl<'g> Cmd<'g> {
         let [x, y, z] = [x.div_ceil(bound.group[0]), y.div_ceil(bound.group[1]), z.div_ceil(bound.group[2])];
         // SAFETY: a compute pipeline with all its descriptors is bound.
         unsafe { self.gpu.shared.device.cmd_dispatch(self.buffer, x, y, z) };
+    }
+
+    /// Runs the bound compute shader over as many groups as three numbers of a buffer say; `offset` in bytes.
+    pub fn dispatch_indirect(&self, arguments: &Buffer, offset: u64) {
+        if self.failed() {
+            return;
+        }
+        self.touch_buffer(arguments, Use::IndirectRead);
+        // SAFETY: a compute pipeline with all its descriptors is bound; the buffer holds the three numbers.
+        unsafe { self.gpu.shared.device.cmd_dispatch_indirect(self.buffer, arguments.handle, offset) };
     }
 
     /// Opens a rendering scope and draws.

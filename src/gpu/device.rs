@@ -87,6 +87,7 @@ pub struct Gpu {
     /// Valid bits of a timestamp; 0 where the queue has none.
     pub(crate) timestamp_mask: u64,
     pub(crate) check_barriers: bool,
+    numbers_triangles: bool,
     report: DeviceReport,
     pub(crate) shared: Arc<Shared>,
 }
@@ -334,7 +335,14 @@ impl Gpu {
             .dynamic_rendering(true)
             .synchronization2(true)
             .maintenance4(true);
-        let info = vk::DeviceCreateInfo::default().queue_create_infos(&queues).push_next(&mut v12).push_next(&mut v13);
+        // SAFETY: plain query.
+        let has = unsafe { instance.get_physical_device_features(physical) };
+        let features = vk::PhysicalDeviceFeatures::default().geometry_shader(has.geometry_shader == vk::TRUE);
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_features(&features)
+            .push_next(&mut v12)
+            .push_next(&mut v13);
         // SAFETY: the features were found by `inspect`, and every pointer outlives the call.
         let device = unsafe { instance.create_device(physical, &info, None) }
             .map_err(vulkan(format!("opening {}", report.name)))?;
@@ -396,6 +404,7 @@ impl Gpu {
             queue,
             timestamp_period_ns: f64::from(limits.timestamp_period),
             timestamp_mask: if timestamp_bits >= 64 { u64::MAX } else { (1 << timestamp_bits) - 1 },
+            numbers_triangles: has.geometry_shader == vk::TRUE,
             check_barriers: options.validation == Validation::Sync,
             report,
             shared,
@@ -410,6 +419,12 @@ impl Gpu {
     /// Whether the device is the CPU: ratios mean something there, absolute times little.
     pub fn is_software(&self) -> bool {
         self.report.kind == "software"
+    }
+
+    /// Whether fragment shaders know which triangle they belong to: Vulkan has that with geometry shaders, which all
+    /// desktop devices and lavapipe have and SwiftShader has not.
+    pub fn numbers_triangles(&self) -> bool {
+        self.numbers_triangles
     }
 
     /// Messages of the validation layer so far, oldest first; empty is the only good answer.

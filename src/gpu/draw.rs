@@ -1,6 +1,7 @@
 //! Rendering scopes: what is drawn to, and the draws inside.
 
 use super::cmd::{Bind, Cmd};
+use super::hazards::Use;
 use super::{Buffer, Image, Pipeline};
 use ash::vk;
 
@@ -127,6 +128,16 @@ impl Draw<'_, '_> {
         }
         // SAFETY: pipeline and descriptors are bound; the shader makes its vertices from their index.
         unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, 0, 0) };
+    }
+
+    /// Draws vertices without buffers, as many as the four numbers at the beginning of a buffer say.
+    pub fn draw_indirect(&self, arguments: &Buffer) {
+        if self.cmd.failed() {
+            return;
+        }
+        self.cmd.touch_buffer(arguments, Use::IndirectRead);
+        // SAFETY: pipeline and descriptors are bound; the buffer holds the four numbers.
+        unsafe { self.cmd.gpu.shared.device.cmd_draw_indirect(self.cmd.buffer, arguments.handle, 0, 1, 16) };
     }
 
     /// Draws triangles from the bound buffers.

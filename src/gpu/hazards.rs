@@ -53,9 +53,14 @@ impl Use {
         "HostRead",
     ];
 
-    fn writes(self) -> bool {
+    /// Its writing part.
+    fn written(self) -> Use {
         let writing = Use::ColorWrite | Use::DepthWrite | Use::FragmentWrite | Use::ComputeWrite | Use::CopyWrite;
-        self.0 & writing.0 != 0
+        Use(self.0 & writing.0)
+    }
+
+    pub(crate) fn writes(self) -> bool {
+        self.written().0 != 0
     }
 
     fn contains(self, other: Use) -> bool {
@@ -151,7 +156,9 @@ impl Log {
             let conflict = if write { !(how.writes() && reads_between) } else { how.writes() };
             if conflict {
                 let between = &mut self.barriers[touch.at..at];
-                match between.iter_mut().find(|b| b.from.contains(touch.how) && b.to.contains(how)) {
+                // What a shader reads and writes is waited for by waiting for its writes.
+                let from = if write { touch.how.written() } else { touch.how };
+                match between.iter_mut().find(|b| b.from.contains(from) && b.to.contains(how)) {
                     Some(barrier) => barrier.needed = true,
                     None => self
                         .problems

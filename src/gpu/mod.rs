@@ -18,7 +18,8 @@ pub use cmd::{Bind, Cmd};
 pub use device::{DeviceReport, Gpu, Options, Validation, devices};
 pub use draw::{Attach, Attachments, Draw, Load};
 pub use hazards::Use;
-pub use pipeline::{Attribute, Blend, Cull, Depth, Pipeline, Raster, Stream};
+pub(crate) use pipeline::shader;
+pub use pipeline::{Attribute, Blend, Cull, Depth, Pipeline, Raster, Shape, Stream};
 pub use resource::{Buffer, Image, SamplerKind};
 pub use timer::ZoneTime;
 

@@ -54,6 +54,8 @@ pub enum Depth {
     Nearest,
     /// Only fragments of exactly the depth already there.
     Equal,
+    /// Only fragments behind what is there: where nothing is, nothing is drawn. Writes no depth.
+    Behind,
 }
 
 /// Which sides of triangles are drawn.
@@ -63,6 +65,15 @@ pub enum Cull {
     Back,
     /// Both.
     None,
+}
+
+/// What vertices are put together to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Three make a triangle.
+    Triangles,
+    /// Each is a point of one pixel.
+    Points,
 }
 
 /// A vertex attribute: location, format, offset in its stream.
@@ -84,6 +95,8 @@ pub struct Raster<'a> {
     pub vertex: &'static str,
     /// Fragment shader's file name; `None` for depth alone.
     pub fragment: Option<&'static str>,
+    /// What vertices make.
+    pub shape: Shape,
     /// Vertex buffers, in binding order.
     pub streams: &'a [Stream<'a>],
     /// Formats of the colour attachments.
@@ -98,10 +111,13 @@ pub struct Raster<'a> {
     pub constants: &'a [u32],
 }
 
-/// SPIR-V of an entry shader by file name.
+/// Bytes of an entry shader's SPIR-V, by file name.
+pub(crate) fn shader(name: &str) -> &'static [u8] {
+    SHADERS.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("no shader glsl/{name}")).1
+}
+
 fn spirv(name: &str) -> Vec<u32> {
-    let (_, bytes) = SHADERS.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("no shader glsl/{name}"));
-    bytemuck::pod_collect_to_vec(bytes)
+    bytemuck::pod_collect_to_vec(shader(name))
 }
 
 impl Gpu {
@@ -171,8 +187,10 @@ impl Gpu {
         let input = vk::PipelineVertexInputStateCreateInfo::default()
             .vertex_binding_descriptions(&bindings)
             .vertex_attribute_descriptions(&attributes);
-        let assembly =
-            vk::PipelineInputAssemblyStateCreateInfo::default().topology(vk::PrimitiveTopology::TRIANGLE_LIST);
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(match raster.shape {
+            Shape::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
+            Shape::Points => vk::PrimitiveTopology::POINT_LIST,
+        });
         let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
         let rasterization = vk::PipelineRasterizationStateCreateInfo::default()
             .polygon_mode(vk::PolygonMode::FILL)
@@ -183,7 +201,12 @@ impl Gpu {
         let depth = vk::PipelineDepthStencilStateCreateInfo::default()
             .depth_test_enable(raster.depth != Depth::None)
             .depth_write_enable(raster.depth == Depth::Nearest)
-            .depth_compare_op(if raster.depth == Depth::Equal { vk::CompareOp::EQUAL } else { vk::CompareOp::GREATER });
+            .depth_compare_op(match raster.depth {
+                Depth::Equal => vk::CompareOp::EQUAL,
+                Depth::Behind => vk::CompareOp::LESS,
+                // Of equals the last one stays, as with `Equal`: both passes show the same triangle.
+                Depth::Nearest | Depth::None => vk::CompareOp::GREATER_OR_EQUAL,
+            });
         let blend = vk::PipelineColorBlendAttachmentState {
             blend_enable: (raster.blend == Blend::Add).into(),
             src_color_blend_factor: vk::BlendFactor::ONE,
@@ -328,7 +351,11 @@ fn uses(stage: vk::ShaderStageFlags, binding: Binding) -> Vec<Use> {
         _ => (Use::ComputeRead, Some(Use::ComputeWrite)),
     };
     let write = binding.writes.then(|| write.expect("vertex shaders write nothing; qualify the buffer readonly"));
-    binding.reads.then_some(read).into_iter().chain(write).collect()
+    match (binding.reads, write) {
+        (true, Some(write)) => vec![read | write],
+        (_, Some(write)) => vec![write],
+        _ => vec![read],
+    }
 }
 
 fn specialization(constants: &[u32]) -> (Vec<vk::SpecializationMapEntry>, Vec<u8>) {
@@ -376,6 +403,7 @@ impl DescriptorCache {
             let sizes = [
                 size(vk::DescriptorType::STORAGE_BUFFER),
                 size(vk::DescriptorType::UNIFORM_BUFFER),
+                size(vk::DescriptorType::UNIFORM_TEXEL_BUFFER),
                 size(vk::DescriptorType::COMBINED_IMAGE_SAMPLER),
             ];
             let info = vk::DescriptorPoolCreateInfo::default().max_sets(SETS_PER_POOL).pool_sizes(&sizes);

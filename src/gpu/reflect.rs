@@ -28,7 +28,7 @@ enum Type {
     Matrix(u32, u32),
     Array(u32, u32),
     Struct(Vec<u32>),
-    Image { sampled: bool },
+    Image { sampled: bool, buffer: bool },
     SampledImage,
     Pointer(u32),
 }
@@ -42,6 +42,7 @@ const STORAGE_UNIFORM_CONSTANT: u32 = 0;
 const STORAGE_UNIFORM: u32 = 2;
 const STORAGE_PUSH: u32 = 9;
 const STORAGE_BUFFER: u32 = 12;
+const DIMENSION_BUFFER: u32 = 5;
 
 /// Reads a module that glslang wrote. Panics on what it does not know: the modules are ours.
 pub(crate) fn interface(spirv: &[u32]) -> Interface {
@@ -76,7 +77,7 @@ pub(crate) fn interface(spirv: &[u32]) -> Interface {
                 types.insert(w[0], Type::Matrix(w[1], w[2]));
             }
             25 => {
-                types.insert(w[0], Type::Image { sampled: w[6] == 1 });
+                types.insert(w[0], Type::Image { sampled: w[6] == 1, buffer: w[2] == DIMENSION_BUFFER });
             }
             27 => {
                 types.insert(w[0], Type::SampledImage);
@@ -130,8 +131,11 @@ pub(crate) fn interface(spirv: &[u32]) -> Interface {
             }
             (STORAGE_UNIFORM, _) => vk::DescriptorType::UNIFORM_BUFFER,
             (STORAGE_UNIFORM_CONSTANT, Some(Type::SampledImage)) => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
-            (STORAGE_UNIFORM_CONSTANT, Some(Type::Image { sampled: true })) => vk::DescriptorType::SAMPLED_IMAGE,
-            (STORAGE_UNIFORM_CONSTANT, Some(Type::Image { sampled: false })) => vk::DescriptorType::STORAGE_IMAGE,
+            (STORAGE_UNIFORM_CONSTANT, Some(Type::Image { buffer: true, .. })) => {
+                vk::DescriptorType::UNIFORM_TEXEL_BUFFER
+            }
+            (STORAGE_UNIFORM_CONSTANT, Some(Type::Image { sampled: true, .. })) => vk::DescriptorType::SAMPLED_IMAGE,
+            (STORAGE_UNIFORM_CONSTANT, Some(Type::Image { sampled: false, .. })) => vk::DescriptorType::STORAGE_IMAGE,
             other => unreachable!("binding {binding}: {other:?}"),
         };
         let storage_kind = matches!(kind, vk::DescriptorType::STORAGE_BUFFER | vk::DescriptorType::STORAGE_IMAGE);

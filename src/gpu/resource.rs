@@ -6,6 +6,7 @@ use crate::error::{Error, Result};
 use ash::vk;
 use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 /// A buffer. Device-local ones are filled once by upload or by shaders; host ones are written every frame or read back.
@@ -13,6 +14,8 @@ pub struct Buffer {
     shared: Arc<Shared>,
     allocation: Option<Allocation>,
     pub(crate) handle: vk::Buffer,
+    /// The buffer as RGBA32F texels; made when a shader first reads it so.
+    texels: OnceCell<vk::BufferView>,
     pub(crate) id: u64,
     /// `stage.thing`, as validation messages and captures show it.
     pub name: String,
@@ -51,6 +54,7 @@ pub struct SamplerKind {
 const BUFFER_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
         | vk::BufferUsageFlags::UNIFORM_BUFFER.as_raw()
+        | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw()
         | vk::BufferUsageFlags::VERTEX_BUFFER.as_raw()
         | vk::BufferUsageFlags::INDEX_BUFFER.as_raw()
         | vk::BufferUsageFlags::INDIRECT_BUFFER.as_raw()
@@ -147,6 +151,7 @@ impl Gpu {
             shared: self.shared.clone(),
             allocation: None,
             handle,
+            texels: OnceCell::new(),
             id: self.shared.new_id(),
             name: name.to_owned(),
             size: size.max(4),
@@ -257,6 +262,25 @@ impl Gpu {
         Ok(image)
     }
 
+    /// The buffer as RGBA32F texels of 16 bytes.
+    pub(crate) fn texels(&self, buffer: &Buffer) -> Result<vk::BufferView> {
+        if let Some(view) = buffer.texels.get() {
+            return Ok(*view);
+        }
+        let limit = u64::from(self.shared.limits.max_texel_buffer_elements);
+        if buffer.size / 16 > limit {
+            return Err(self.too_large(format!("buffer {} needs {} texels", buffer.name, buffer.size / 16), limit));
+        }
+        let info = vk::BufferViewCreateInfo::default()
+            .buffer(buffer.handle)
+            .format(vk::Format::R32G32B32A32_SFLOAT)
+            .range(buffer.size / 16 * 16);
+        // SAFETY: the buffer is bound and made with texel usage; the view is destroyed before it, in `Drop`.
+        let view = unsafe { self.shared.device.create_buffer_view(&info, None) }.map_err(vulkan("texel buffer"))?;
+        self.shared.name(view, &buffer.name);
+        Ok(*buffer.texels.get_or_init(|| view))
+    }
+
     /// A resource beyond a limit of the device.
     pub(crate) fn too_large(&self, what: String, limit: u64) -> Error {
         Error::TooLarge(format!("{what}, but {} allows {limit}; ask for less of it", self.report().name))
@@ -311,7 +335,7 @@ impl Image {
 pub(crate) fn texel_bytes(format: vk::Format) -> u64 {
     match format {
         vk::Format::R32G32B32A32_SFLOAT => 16,
-        vk::Format::R16G16B16A16_SFLOAT | vk::Format::R32G32_SFLOAT => 8,
+        vk::Format::R16G16B16A16_SFLOAT | vk::Format::R32G32_SFLOAT | vk::Format::R32G32_UINT => 8,
         vk::Format::R8G8B8A8_UNORM | vk::Format::R8G8B8A8_SRGB | vk::Format::D32_SFLOAT | vk::Format::R32_SFLOAT => 4,
         other => unreachable!("{other:?} is not used here"),
     }
@@ -328,8 +352,13 @@ pub(crate) fn aspect(format: vk::Format) -> vk::ImageAspectFlags {
 impl Drop for Buffer {
     fn drop(&mut self) {
         self.shared.wait_to_drop();
-        // SAFETY: made from this device, and nothing submitted uses it after the wait.
-        unsafe { self.shared.device.destroy_buffer(self.handle, None) };
+        // SAFETY: made from this device, and nothing submitted uses it after the wait; the view goes before its buffer.
+        unsafe {
+            if let Some(view) = self.texels.take() {
+                self.shared.device.destroy_buffer_view(view, None);
+            }
+            self.shared.device.destroy_buffer(self.handle, None);
+        }
         self.shared.free(self.allocation.take());
     }
 }

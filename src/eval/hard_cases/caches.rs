@@ -1,30 +1,30 @@
 //! Few and many caches and VALs, and VALs in hard places: the gather's f32 sums against f64. METHOD 3-4.
 
-use super::oracle::{gather_sums, largest, material};
+use super::oracle::{largest, material, sums_against_twins};
 use super::{Case, Outcome, oracle};
 use crate::bake::{self, Density};
 use crate::error::Result;
-use crate::eval::shot::{cache, seen, shoot, small, val};
+use crate::eval::shot::{cache, gather_sums, seen, shoot, small, val};
 use crate::eval::worlds::{SPOT, baked, corner, one_cache};
 use crate::frame::gather::Gather;
-use crate::frame::targets::{CacheTargets, RsmTargets};
-use crate::frame::{Plan, Settings, View};
-use crate::gpu::{Format, Gpu};
+use crate::frame::targets::{CacheTargets, ValTargets};
+use crate::frame::{GatherSettings, Settings, View};
+use crate::gpu::Gpu;
 use crate::reference::gather::{LEAST_COSINE, ProxyWeight, gather, luminance, val_geometry};
 use crate::reference::interpolate::{Interpolated, Scheme, interpolate, shade};
 use crate::reference::phong::{cos_power, mirrored_view};
 use crate::scene::LightKind;
-use crate::shared::{ATLAS_WIDTH, Cache, Proxy, VAL_TILE, Val};
-use glam::{DVec3, DVec4, Mat4, Vec3, Vec4, dvec3, vec3};
+use crate::shared::{Cache, GatherSums, Proxy, Val};
+use glam::{DVec3, Mat4, Vec3, Vec4, dvec3, vec3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
 /// Where the glossy lobes of the caches below are seen from.
 const EYE: Vec3 = vec3(-1.5, 0.4, 2.0);
 
-/// What stage 6 makes of VALs and caches that no frame has made: its four images of sums, cache by cache, and proxies.
+/// What stage 6 makes of VALs and caches that no frame has made: its sums and proxies, cache by cache.
 struct Gathered {
-    sums: [Vec<Vec4>; 4],
+    sums: Vec<GatherSums>,
     proxies: Vec<Proxy>,
     complaints: Vec<String>,
 }
@@ -32,45 +32,23 @@ struct Gathered {
 /// Runs stage 6 alone, both lobes.
 fn gather_alone(gpu: &Gpu, vals: &[Val], caches: &[Cache]) -> Result<Gathered> {
     let said = gpu.messages().len();
-    let plan = Plan { direct: true, lightskin: true, brute_force: false, glossy: true };
-    let float = Format::R32G32B32A32_SFLOAT;
-    let image = |name| gpu.target(name, float, 1, 1);
-    let mut padded = vals.to_vec();
-    padded.resize(vals.len().next_multiple_of(VAL_TILE as usize), Val { area: 1.0, ..Val::default() });
-    let rsm = RsmTargets {
-        position: image("rsm.position")?,
-        normal: image("rsm.normal")?,
-        albedo: image("rsm.albedo")?,
-        depth: gpu.target("rsm.depth", Format::D32_SFLOAT, 1, 1)?,
-        vals: gpu.buffer_from("rsm.vals", &padded)?,
-        val_count: vals.len() as u32,
-    };
-    let count = caches.len() as u32;
-    let sum = |_| gpu.target("gather.sum", float, ATLAS_WIDTH, count.div_ceil(ATLAS_WIDTH));
-    let targets = CacheTargets {
-        atlas: gpu.buffer_from("atlas.caches", caches)?,
-        sums: (0..4).map(sum).collect::<Result<_>>()?,
-        proxies: gpu.buffer("gather.proxies", u64::from(count) * size_of::<Proxy>() as u64)?,
-        count,
-    };
+    let settings = GatherSettings::default();
+    let vals = ValTargets::of(gpu, vals)?;
+    let mut targets = CacheTargets::new(gpu, true, caches.len() as u32, vals.count, &settings)?;
+    targets.atlas = gpu.buffer_from("atlas.caches", caches)?;
     let view = View {
         clip_from_world: Mat4::IDENTITY,
         world_from_clip: Mat4::IDENTITY,
         eye: EYE.extend(1.0),
         plane: Vec4::ZERO,
     };
-    let stage = Gather::new(gpu, &plan)?;
+    let stage = Gather::new(gpu, true, false, &settings)?;
     let drawn = gpu.frame(false, |cmd| {
         cmd.begin_frame(&targets.sums);
-        stage.record(cmd, &rsm, &view, &targets);
+        stage.record(cmd, &vals, &view, &targets);
         Ok(())
     })?;
-    let read = |i: usize| -> Result<Vec<Vec4>> {
-        let mut texels: Vec<Vec4> = gpu.read_image(&targets.sums[i])?;
-        texels.truncate(caches.len());
-        Ok(texels)
-    };
-    let (sums, proxies) = ([read(0)?, read(1)?, read(2)?, read(3)?], gpu.read::<Proxy>(&targets.proxies)?);
+    let (sums, proxies) = (gather_sums(gpu, &targets)?, gpu.read::<Proxy>(&targets.proxies)?);
     let mut complaints = drawn.problems;
     let positive = |v: Vec3| v.is_finite() && v.min_element() >= 0.0;
     let sound = |p: &Proxy| {
@@ -89,37 +67,41 @@ fn gather_alone(gpu: &Gpu, vals: &[Val], caches: &[Cache]) -> Result<Gathered> {
 /// Largest errors of the sums against f64 over all caches, relative to the sum of the terms' sizes; diffuse and glossy.
 fn sum_errors(vals: &[Val], caches: &[Cache], found: &Gathered) -> [f64; 2] {
     let vals: Vec<_> = vals.iter().map(|v| (val(v, DVec3::ZERO), f64::from(v.weight))).collect();
-    let at = |i: usize| {
-        let cache = cache(&caches[i], DVec3::ZERO);
-        let mirrored = mirrored_view(cache.position, cache.normal, EYE.as_dvec3());
-        // Of each lobe: position and its terms' sizes, weight, irradiance.
-        let mut twins = [(DVec3::ZERO, 0.0, 0.0, DVec3::ZERO); 2];
-        for (val, weight) in &vals {
-            let (geometry, direction) = val_geometry(cache.position, cache.normal, val);
-            let offset = val.position - cache.position;
-            for (twin, lobe) in twins.iter_mut().zip([1.0, cos_power(cache.exponent, mirrored.dot(direction))]) {
-                let pull = weight * geometry * lobe;
-                twin.0 += pull * offset;
-                twin.1 += pull * offset.length();
-                twin.2 += pull;
-                twin.3 += val.flux * (geometry * lobe);
+    let at =
+        |i: usize| {
+            let cache = cache(&caches[i], DVec3::ZERO);
+            let mirrored = mirrored_view(cache.position, cache.normal, EYE.as_dvec3());
+            // Of each lobe: position and its terms' sizes, weight, irradiance.
+            let mut twins = [(DVec3::ZERO, 0.0, 0.0, DVec3::ZERO); 2];
+            for (val, weight) in &vals {
+                let (geometry, direction) = val_geometry(cache.position, cache.normal, val);
+                let offset = val.position - cache.position;
+                for (twin, lobe) in twins.iter_mut().zip([1.0, cos_power(cache.exponent, mirrored.dot(direction))]) {
+                    let pull = weight * geometry * lobe;
+                    twin.0 += pull * offset;
+                    twin.1 += pull * offset.length();
+                    twin.2 += pull;
+                    twin.3 += val.flux * (geometry * lobe);
+                }
             }
-        }
-        // What is below this share of all light is below what f32 resolves of cos^k.
-        let floor = [0.0, 1e-9];
-        let all = twins[0];
-        [0, 1].map(|l| {
-            let (position, irradiance) = (found.sums[2 * l][i].as_dvec4(), found.sums[2 * l + 1][i].as_dvec4());
-            let twin = twins[l];
-            let part = |apart: f64, terms: f64, all: f64| {
-                if apart == 0.0 { 0.0 } else { apart / terms.max(floor[l] * all) }
-            };
-            let DVec4 { w: weight, .. } = position;
-            part(position.truncate().distance(twin.0), twin.1, all.1)
-                .max(part((weight - twin.2).abs(), twin.2, all.2))
-                .max(part(irradiance.truncate().distance(twin.3), twin.3.length(), all.3.length()))
-        })
-    };
+            // What is below this share of all light is below what f32 resolves of cos^k.
+            let floor = [0.0, 1e-9];
+            let all = twins[0];
+            [0, 1].map(|l| {
+                let s = &found.sums[i];
+                let (position, weight, irradiance) = match l {
+                    0 => (s.diffuse_position.as_dvec3(), f64::from(s.diffuse_weight), s.diffuse_irradiance.as_dvec3()),
+                    _ => (s.glossy_position.as_dvec3(), f64::from(s.glossy_weight), s.glossy_irradiance.as_dvec3()),
+                };
+                let twin = twins[l];
+                let part = |apart: f64, terms: f64, all: f64| {
+                    if apart == 0.0 { 0.0 } else { apart / terms.max(floor[l] * all) }
+                };
+                part(position.distance(twin.0), twin.1, all.1)
+                    .max(part((weight - twin.2).abs(), twin.2, all.2))
+                    .max(part(irradiance.distance(twin.3), twin.3.length(), all.3.length()))
+            })
+        };
     (0..caches.len()).into_par_iter().map(at).reduce(|| [0.0; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
 }
 
@@ -224,7 +206,7 @@ fn many_caches(gpu: &Gpu) -> Result<Outcome> {
     let settings = bake::Settings { density: Density::Count(30_000), angle: 1.0, references: 8 };
     let caches = bake::bake(&scene, &settings, &|_, _| ())?;
     let shot = shoot(gpu, &scene, Some(&caches), &small())?;
-    let [diffuse, glossy] = gather_sums(&scene, &shot);
+    let [diffuse, glossy] = sums_against_twins(&scene, &shot);
     let outcome = Outcome::all([("diffuse", diffuse, 5e-5), ("glossy", glossy, 5e-5)]).of(&[&shot]);
     Ok(outcome.provided(shot.caches.len() > 25_000, &format!("{} caches", shot.caches.len())))
 }
@@ -294,7 +276,7 @@ fn many_vals(gpu: &Gpu) -> Result<Outcome> {
     let cone = TAU * (1.0 - f64::from(0.3_f32).cos() - 0.001 * 2.0 / 3.0);
     let entering = light.color.as_dvec3() * f64::from(light.intensity) * cone;
     let off = flux.distance(albedo * entering) / flux.length();
-    let [diffuse, glossy] = gather_sums(&scene, &shot);
+    let [diffuse, glossy] = sums_against_twins(&scene, &shot);
     let errors = [("flux", off, 3e-4), ("diffuse", diffuse, 5e-5), ("glossy", glossy, 5e-5)];
     Ok(Outcome::all(errors).of(&[&shot]).provided(shot.vals.len() == 65_536, "another count of VALs"))
 }
@@ -311,7 +293,7 @@ fn touching(gpu: &Gpu, height: f64) -> Result<Outcome> {
         false => 1.0 / (1.25 * (f64::from(area) + PI * 1.25)),
     };
     let expected = flux.as_dvec3() * geometry;
-    let error = found.sums[1][0].truncate().as_dvec3().distance(expected) / expected.length();
+    let error = { found.sums[0].diffuse_irradiance }.as_dvec3().distance(expected) / expected.length();
     let mut outcome =
         Outcome::bounded(error, 1e-6).provided(found.proxies[0].diffuse_distance2 > 0.0, "the cache is unlit");
     outcome.complaints.extend(found.complaints);
@@ -328,7 +310,7 @@ fn grazing(gpu: &Gpu, sine: f32) -> Result<Outcome> {
     let vals: Vec<Val> = (0..50).map(&mut one).collect();
     let found = gather_alone(gpu, &vals, &[CACHE])?;
     let [diffuse, glossy] = sum_errors(&vals, &[CACHE], &found);
-    let (all, proxy) = (found.sums[1][0].truncate(), found.proxies[0]);
+    let (all, proxy) = (found.sums[0].diffuse_irradiance, found.proxies[0]);
     let most = all.as_dvec3() / LEAST_COSINE * (1.0 + 1e-6);
     let bounded = [proxy.diffuse_irradiance, proxy.glossy_irradiance].map(|i| i.as_dvec3().cmple(most).all());
     let mut outcome = Outcome::all([("diffuse", diffuse, 1e-5), ("glossy", glossy, 1e-5)]);
@@ -345,7 +327,8 @@ fn behind(gpu: &Gpu) -> Result<Outcome> {
         (val.position, val.normal) = (vec3(x, y, -z - 4.0), Vec3::Z);
     }
     let found = gather_alone(gpu, &vals, &some_caches(64, 10.0))?;
-    let light = found.sums.iter().flatten().map(|s| f64::from(s.length())).fold(0.0, f64::max);
+    let parts = |s: &GatherSums| -> [f32; 15] { bytemuck::cast(*s) };
+    let light = found.sums.iter().flat_map(parts).map(|part| f64::from(part.abs())).fold(0.0, f64::max);
     let lit = found.proxies.iter().filter(|p| p.diffuse_distance2 + p.glossy_lit > 0.0).count();
     let mut outcome = Outcome::all([("largest sum", light, 0.0), ("lit proxies", lit as f64, 0.0)]);
     outcome.complaints = found.complaints;

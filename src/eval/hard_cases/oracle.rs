@@ -80,7 +80,7 @@ pub(super) fn brute_force_picture_near(scene: &Scene, shot: &Shot, apart: f64) -
 
 /// Largest error of the gather's sums of irradiance against f64, relative to the sum; diffuse and glossy. Sums below
 /// 1e-9 of what the same VALs would send if all faced the cache are the rounding of cosines about 0, or of `cos^k`.
-pub(super) fn gather_sums(scene: &Scene, shot: &Shot) -> [f64; 2] {
+pub(super) fn sums_against_twins(scene: &Scene, shot: &Shot) -> [f64; 2] {
     let eye = scene.cameras[0].world_from_camera.translation;
     let at = |i: usize| {
         let cache = &shot.caches[i];

@@ -1,6 +1,6 @@
 //! Lights and cameras in places where nobody would put them.
 
-use super::oracle::{brute_force_picture, brute_force_picture_near, cast_vals, gather_sums, largest, material};
+use super::oracle::{brute_force_picture, brute_force_picture_near, cast_vals, largest, material, sums_against_twins};
 use super::{Case, Outcome, oracle};
 use crate::error::Result;
 use crate::eval::shot::{Shot, seen, shoot, small, triangles};
@@ -97,7 +97,7 @@ fn in_wall(gpu: &Gpu) -> Result<Outcome> {
     let truth = shoot(gpu, &scene, None, &brute_force())?;
     let [diffuse, glossy] = brute_force_picture(&scene, &truth);
     let caches = shoot(gpu, &scene, Some(&baked(&scene, 0.4, 8)?), &small())?;
-    let [all, lobe] = gather_sums(&scene, &caches);
+    let [all, lobe] = sums_against_twins(&scene, &caches);
     let errors = [
         ("direct", largest(&truth.direct), 0.0),
         ("diffuse", diffuse, 1e-3),
@@ -189,7 +189,7 @@ fn box_on_ground(gpu: &Gpu) -> Result<Outcome> {
     let truth = shoot(gpu, &scene, None, &brute_force())?;
     let [diffuse, glossy] = brute_force_picture(&scene, &truth);
     let caches = shoot(gpu, &scene, Some(&baked(&scene, 0.4, 8)?), &small())?;
-    let [all, lobe] = gather_sums(&scene, &caches);
+    let [all, lobe] = sums_against_twins(&scene, &caches);
     let errors = [
         ("direct", largest(&truth.direct), 0.0),
         ("diffuse", diffuse, 1e-3),

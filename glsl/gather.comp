@@ -1,0 +1,79 @@
+// Stage 6, compute path: a part of the VALs onto the live caches, several caches per thread. METHOD 3-4, thesis 5.3.
+// A part is short enough for its sums to keep their accuracy, and the same whatever else is lit.
+#extension GL_EXT_control_flow_attributes : require
+#include "shared.glsl"
+#include "lib/gather.glsl"
+
+layout(local_size_x = GATHER_THREADS) in;
+layout(constant_id = 0) const uint GLOSSY = 1;
+layout(constant_id = 1) const uint SOURCE = VALS_TEXELS;
+layout(constant_id = 2) const uint CACHES = 4; // of a thread
+layout(push_constant, scalar) uniform Push { GatherPush push; };
+layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
+layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
+layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
+layout(binding = 3, scalar) readonly buffer ValCount { uint val_count; };
+layout(binding = 4) uniform samplerBuffer val_texels;
+layout(binding = 5, std430) readonly buffer Vals { vec4 vals[]; };
+layout(binding = 6, scalar) writeonly buffer Parts { GatherSums parts[]; };
+
+// VALs in the workgroup's memory at a time.
+const uint STAGED = GATHER_THREADS;
+shared vec4 staged[3u * STAGED];
+
+Receiver receivers[CACHES];
+GatherSums sums[CACHES];
+
+void add(vec4 place, vec4 facing, vec4 light) {
+    [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
+        accumulate(sums[j], receivers[j], place, facing, light, GLOSSY != 0u);
+    }
+}
+
+void add_from_memory(uint i) {
+    int at = int(3u * i);
+    if (SOURCE == VALS_TEXELS) {
+        add(texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2));
+    } else {
+        add(vals[at], vals[at + 1], vals[at + 2]);
+    }
+}
+
+void main() {
+    uint first_slot = gl_GlobalInvocationID.x * CACHES;
+    // Threads that stage for others stay.
+    if (SOURCE != VALS_SHARED && first_slot >= args.cache_count) {
+        return;
+    }
+    [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
+        uint slot = min(first_slot + j, args.cache_count - 1u);
+        receivers[j] = receiver(caches[live[slot]], push.eye);
+        sums[j] = no_light();
+    }
+    // Whole tiles: the list is padded with dark VALs.
+    uint first = gl_WorkGroupID.y * push.split;
+    uint end = min(first + push.split, (val_count + VAL_TILE - 1u) / VAL_TILE * VAL_TILE);
+    if (SOURCE == VALS_SHARED) {
+        for (uint tile = first; tile < end; tile += STAGED) {
+            barrier();
+            uint at = 3u * gl_LocalInvocationID.x;
+            [[unroll]] for (uint part = 0u; part < 3u; ++part) {
+                staged[at + part] = vals[3u * tile + at + part];
+            }
+            barrier();
+            for (uint i = 0u; i < 3u * STAGED; i += 3u) {
+                add(staged[i], staged[i + 1u], staged[i + 2u]);
+            }
+        }
+    } else {
+        for (uint i = first; i < end; i += 2u) {
+            add_from_memory(i);
+            add_from_memory(i + 1u);
+        }
+    }
+    [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
+        if (first_slot + j < args.cache_count) {
+            parts[gl_WorkGroupID.y * push.cache_count + first_slot + j] = sums[j];
+        }
+    }
+}

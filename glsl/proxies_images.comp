@@ -1,0 +1,3 @@
+// Stage 6 after the fragment path.
+#define FROM_IMAGES
+#include "proxies.comp"

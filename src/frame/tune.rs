@@ -1,0 +1,178 @@
+//! Which way of lighting caches is the fastest on a device: measured once, kept by device and driver.
+
+use super::View;
+use super::gather::{Gather, GatherPath, GatherSettings, ValSource};
+use super::targets::{CacheTargets, ValTargets};
+use crate::error::Result;
+use crate::gpu::Gpu;
+use crate::kept;
+use crate::shared::{Cache, Val};
+use glam::{Mat4, Vec3, Vec4};
+use serde_json::{Value, json};
+use std::path::PathBuf;
+
+/// Caches and VALs that a candidate is timed on: enough to fill a device, few enough to take no time.
+const CACHES: u32 = 2048;
+const VALS: u32 = 4096;
+
+/// Frames that each candidate is timed in.
+const FRAMES: usize = 3;
+
+/// A candidate and how fast it is.
+#[derive(Clone, Copy, Debug)]
+pub struct Tuned {
+    /// How caches are lit.
+    pub settings: GatherSettings,
+    /// Pairs of cache and VAL [1/s], both lobes; the best of a few frames.
+    pub pairs_per_second: f64,
+}
+
+/// All ways that are worth trying on some device.
+pub fn candidates() -> Vec<GatherSettings> {
+    let mut all = Vec::new();
+    for source in [ValSource::Texels, ValSource::Storage] {
+        for tile in [256, 1024] {
+            all.push(GatherSettings { path: GatherPath::Fragment, source, tile, ..GatherSettings::default() });
+        }
+    }
+    for source in [ValSource::Texels, ValSource::Storage, ValSource::Shared] {
+        for (caches_per_thread, split) in [(1, 256), (2, 256), (2, 2048), (4, 2048)] {
+            let path = GatherPath::Compute;
+            all.push(GatherSettings { path, source, caches_per_thread, split, ..GatherSettings::default() });
+        }
+    }
+    all
+}
+
+/// Times one way on random caches and VALs.
+pub fn time(gpu: &Gpu, settings: &GatherSettings, caches: u32, vals: u32) -> Result<Tuned> {
+    let (cache_list, val_list) = world(caches, vals);
+    let vals_on_device = ValTargets::of(gpu, &val_list)?;
+    let mut targets = CacheTargets::new(gpu, true, caches, vals, settings)?;
+    targets.atlas = gpu.buffer_from("atlas.caches", &cache_list)?;
+    let gather = Gather::new(gpu, true, false, settings)?;
+    let (clip_from_world, world_from_clip) = (Mat4::IDENTITY, Mat4::IDENTITY);
+    let view = View { clip_from_world, world_from_clip, eye: Vec4::new(0.0, 0.0, 9.0, 1.0), plane: Vec4::ZERO };
+    let mut best = f64::INFINITY;
+    for _ in 0..=FRAMES {
+        let drawn = gpu.frame(gpu.is_software(), |cmd| {
+            cmd.begin_frame(&targets.sums);
+            gather.record(cmd, &vals_on_device, &view, &targets);
+            Ok(())
+        })?;
+        best = gpu.times(&drawn)?.iter().map(|t| t.time_ms).fold(best, f64::min);
+    }
+    let pairs = f64::from(caches) * f64::from(vals);
+    Ok(Tuned { settings: *settings, pairs_per_second: pairs / (best * 1e-3) })
+}
+
+/// The fastest way of a path, or of all, on this device; measured on the first call and kept.
+pub fn fastest(gpu: &Gpu, path: Option<GatherPath>) -> Result<Tuned> {
+    let file = file(gpu);
+    let kept = file.as_ref().and_then(|file| std::fs::read(file).ok()).and_then(|bytes| read(&bytes));
+    let all = match kept {
+        Some(all) => all,
+        None => {
+            log::info!("measuring how caches are lit fastest on {}", gpu.report().name);
+            let all: Vec<Tuned> =
+                candidates().iter().map(|settings| time(gpu, settings, CACHES, VALS)).collect::<Result<_>>()?;
+            if let Some(file) = &file
+                && let Err(error) = kept::write(file, &serde_json::to_vec_pretty(&write(gpu, &all)).expect("plain"))
+            {
+                log::warn!("{}: {error}; the measurement is not kept", file.display());
+            }
+            all
+        }
+    };
+    let of_path = all.into_iter().filter(|t| path.is_none_or(|path| t.settings.path == path));
+    Ok(of_path.max_by(|a, b| a.pairs_per_second.total_cmp(&b.pairs_per_second)).expect("both paths have candidates"))
+}
+
+/// One file per device, driver and version of the shaders.
+fn file(gpu: &Gpu) -> Option<PathBuf> {
+    let report = gpu.report();
+    let mut hash = blake3::Hasher::new();
+    for part in [&report.name, &report.driver, &report.api] {
+        hash.update(part.as_bytes()).update(&[0]);
+    }
+    for shader in ["gather.comp", "gather.frag"] {
+        hash.update(crate::gpu::shader(shader));
+    }
+    hash.update(format!("{:?}", candidates()).as_bytes());
+    Some(kept::folder()?.join(format!("gather-{}.json", &hash.finalize().to_hex()[..32])))
+}
+
+const PATHS: [(GatherPath, &str); 2] = [(GatherPath::Fragment, "fragment"), (GatherPath::Compute, "compute")];
+const SOURCES: [(ValSource, &str); 3] =
+    [(ValSource::Texels, "texels"), (ValSource::Storage, "storage"), (ValSource::Shared, "shared")];
+
+fn write(gpu: &Gpu, all: &[Tuned]) -> Value {
+    let line = |t: &Tuned| {
+        let s = t.settings;
+        json!({
+            "path": s.path.name(),
+            "vals": s.source.name(),
+            "tile": s.tile,
+            "caches_per_thread": s.caches_per_thread,
+            "split": s.split,
+            "pairs_per_second": t.pairs_per_second,
+        })
+    };
+    let report = gpu.report();
+    json!({ "device": report.name, "driver": report.driver, "candidates": all.iter().map(line).collect::<Vec<_>>() })
+}
+
+/// The kept measurement; `None` if it is damaged.
+fn read(bytes: &[u8]) -> Option<Vec<Tuned>> {
+    let all: Value = serde_json::from_slice(bytes).ok()?;
+    let line = |line: &Value| {
+        let number = |key: &str| line[key].as_u64().and_then(|n| u32::try_from(n).ok());
+        let settings = GatherSettings {
+            path: PATHS.iter().find(|(_, name)| line["path"] == *name)?.0,
+            source: SOURCES.iter().find(|(_, name)| line["vals"] == *name)?.0,
+            tile: number("tile")?,
+            caches_per_thread: number("caches_per_thread")?,
+            split: number("split")?,
+        };
+        let known = candidates().contains(&settings);
+        known.then_some(Tuned { settings, pairs_per_second: line["pairs_per_second"].as_f64()? })
+    };
+    let all: Vec<Tuned> = all["candidates"].as_array()?.iter().map(line).collect::<Option<_>>()?;
+    (all.len() == candidates().len()).then_some(all)
+}
+
+impl GatherPath {
+    /// As `--gather` names it.
+    pub fn name(self) -> &'static str {
+        PATHS.iter().find(|(path, _)| *path == self).expect("all are listed").1
+    }
+}
+
+impl ValSource {
+    /// In reports.
+    pub fn name(self) -> &'static str {
+        SOURCES.iter().find(|(source, _)| *source == self).expect("all are listed").1
+    }
+}
+
+/// Caches on the floor of a room of 8 m and VALs on its ceiling, from a fixed seed.
+pub fn world(caches: u32, vals: u32) -> (Vec<Cache>, Vec<Val>) {
+    let mut state = 1_u32;
+    let mut next = move || {
+        state = state.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+        (state >> 8) as f32 / (1 << 24) as f32
+    };
+    let mut place = move |height: f32| Vec3::new(8.0 * next() - 4.0, 8.0 * next() - 4.0, height + next());
+    let normal = |p: Vec3, z: f32| Vec3::new(0.05 * p.x, 0.05 * p.y, z).normalize();
+    let cache = |position: Vec3| Cache { position, normal: normal(position, 1.0), exponent: 40.0, area: 0.01 };
+    let val = |position: Vec3| Val {
+        position,
+        area: 0.01,
+        normal: normal(position, -1.0),
+        material: 0,
+        flux: Vec3::new(3.0, 2.0, 1.0) * (1.0 + 0.1 * position.x),
+        weight: 2.0 + 0.2 * position.x,
+    };
+    let caches = (0..caches).map(|_| cache(place(-3.0))).collect();
+    (caches, (0..vals).map(|_| val(place(2.0))).collect())
+}
