@@ -2,7 +2,7 @@
 //! "Trace Event Format", Google; times in microseconds.
 
 use crate::error::Result;
-use crate::gpu::{FrameTimes, Work};
+use crate::gpu::{FrameTimes, Work, ZoneTime};
 use crate::image::replace_file;
 use serde_json::{Map, Value, json};
 use std::io::Write;
@@ -65,15 +65,10 @@ impl Trace {
 
     /// Adds frames, oldest first, none of which the CPU began before it was done with the one before.
     ///
-    /// The device's clock has a zero of its own: its track is shifted as a whole, as little as lets no frame begin before
+    /// The device's clock has a zero of its own: its track is shifted as a whole, as little as lets no zone begin before
     /// the CPU began to submit it.
     pub fn frames(&mut self, frames: &[FrameTimes]) {
-        let start = self.start;
-        let submitted = |frame: &FrameTimes| {
-            let submit = frame.work.iter().find(|(work, _)| *work == Work::Submit).map_or(0.0, |(_, s)| s.begin_ms);
-            frame.begin.duration_since(start).as_secs_f64() * 1e3 + submit
-        };
-        let shift = frames.iter().filter_map(|f| Some(submitted(f) - f.first_stamp_ms?)).reduce(f64::max);
+        let shift = frames.iter().flat_map(|frame| self.least_shifts(frame)).reduce(f64::max);
         let mut idle_since = 0;
         for (i, frame) in frames.iter().enumerate() {
             let at = |ms| self.ns(frame.begin, ms);
@@ -98,6 +93,18 @@ impl Trace {
             }));
             self.way = frame.way();
         }
+    }
+
+    /// For each timed zone, how far [ms] the device's clock must at least be shifted for its first stamp to follow the
+    /// beginning of its submission.
+    fn least_shifts(&self, frame: &FrameTimes) -> Vec<f64> {
+        let began = frame.begin.duration_since(self.start).as_secs_f64() * 1e3;
+        let submits = || frame.work.iter().filter(|(work, _)| *work == Work::Submit).map(|(_, span)| span.begin_ms);
+        let shift = |zone: &ZoneTime| {
+            let submitted = submits().find(|begin_ms| *begin_ms >= zone.cpu.begin_ms)?;
+            Some(began + submitted - (frame.first_stamp_ms? + zone.gpu?.begin_ms))
+        };
+        frame.zones.iter().filter_map(shift).collect()
     }
 
     /// Writes the trace, with counters sampled at the beginning of each frame and facts about the run.

@@ -178,6 +178,29 @@ fn assert_nested(events: &[Value]) {
     }
 }
 
+/// On a software device each zone lies between the beginning of its submission and the end of the wait for it.
+fn assert_aligned(events: &[Value]) {
+    let spans = |track: u64, names: &[&str]| -> Vec<(f64, f64)> {
+        let of = |e: &&Value| e["ph"] == "X" && e["tid"] == track && names.contains(&e["name"].as_str().expect("name"));
+        let span = |e: &Value| {
+            let begin = e["ts"].as_f64().expect("ts");
+            (begin, begin + e["dur"].as_f64().expect("dur"))
+        };
+        let mut all: Vec<_> = events.iter().filter(of).map(span).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        all
+    };
+    let (submits, waits) = (spans(1, &["submit"]), spans(1, &["wait"]));
+    for name in ["gbuffer", "gather", "composite"] {
+        for ((cpu_begin, _), (begin, end)) in spans(1, &[name]).into_iter().zip(spans(2, &[name])) {
+            let submit = submits.iter().find(|s| s.0 >= cpu_begin).expect("a submission").0;
+            let waited = waits.iter().find(|w| w.0 >= submit).expect("a wait").1;
+            // A microsecond for rounding, a hundred for clocks that run apart.
+            assert!(begin >= submit - 1.0 && end <= waited + 100.0, "{name}: {begin} to {end}, {submit} to {waited}");
+        }
+    }
+}
+
 /// Lines of a CSV file by their heading.
 fn rows(text: &str) -> Vec<BTreeMap<String, String>> {
     let cells = |line: &str| {
@@ -220,6 +243,9 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
     assert!(stages.len() >= 7, "{stages:?}");
     let events = events(&at.join("t.json"));
     assert_nested(&events);
+    if Gpu::new(&Default::default()).expect("a device").is_software() {
+        assert_aligned(&events);
+    }
     let count = |ph: &str, tid: u64, name: &str| {
         events.iter().filter(|e| e["ph"] == ph && e["tid"] == tid && e["name"] == name).count()
     };
