@@ -53,6 +53,7 @@ pub mod image;
 pub mod kept;
 pub mod reference;
 pub mod scene;
+pub mod trace;
 #[allow(missing_docs, reason = "shared.glsl says no more where a member's name says all")]
 pub mod shared {
     //! Structs and constants that host and shaders share; written in `glsl/shared.glsl`.

@@ -29,3 +29,4 @@ mod scene;
 mod shaders;
 mod sources;
 mod tessellate;
+mod timing;

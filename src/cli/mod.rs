@@ -18,9 +18,11 @@ mod path_trace;
 mod picture;
 mod render;
 mod sources;
+mod timings;
 
 use anyhow::{Context, Result, bail};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::error::ErrorKind;
+use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
 use lightskin::frame::{GatherPath, GatherSettings, tune};
@@ -185,6 +187,11 @@ impl GatherArgs {
         };
         Ok(tune::fastest(gpu, path)?.settings)
     }
+}
+
+/// Ends the run with exit code 2, for flags that do not go together.
+fn wrong_usage(what: &str) -> ! {
+    Cli::command().error(ErrorKind::ArgumentConflict, what).exit()
 }
 
 /// A positive finite number.

@@ -2,17 +2,21 @@
 
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, Layers, TonemapArg, is_exr};
-use super::{Baked, CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, load_scene, load_whole, thousands};
+use super::timings::{Report, timings_file, trace_file};
+use super::{
+    CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, load_scene, load_whole, thousands, wrong_usage,
+};
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::{Exposure, Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Tonemap, View};
-use lightskin::gpu::{Gpu, ZoneTime};
-use lightskin::image::{check_writable, replace_file, write_png};
+use lightskin::gpu::Gpu;
+use lightskin::image::{check_writable, write_png};
 use lightskin::scene::{Camera, Projection, Scene};
-use std::io::Write;
-use std::path::{Path, PathBuf};
+use lightskin::trace::Trace;
+use serde_json::{Value, json};
+use std::path::PathBuf;
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -59,9 +63,13 @@ pub(super) struct Render {
     /// Render the frame N times, for steady times; the last one is written.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     repeat: u32,
-    /// Write one JSON object per frame with the time of each stage.
-    #[arg(long, value_name = "FILE.jsonl")]
-    timings: Option<PathBuf>,
+    /// Write the time of each stage of each frame: .jsonl (an object per frame) or .csv (a row per frame and stage). May
+    /// be given for both.
+    #[arg(long, value_name = "FILE", value_parser = timings_file)]
+    timings: Vec<PathBuf>,
+    /// Write what CPU and GPU did when, as a Chrome trace for ui.perfetto.dev.
+    #[arg(long, value_name = "FILE.json", value_parser = trace_file)]
+    trace: Option<PathBuf>,
     /// Bake even if the result is kept already.
     #[arg(long)]
     bake_again: bool,
@@ -121,6 +129,11 @@ pub(super) fn size(text: &str) -> std::result::Result<[u32; 2], String> {
     }
 }
 
+/// A value of a flag as one types it.
+fn word(value: impl ValueEnum) -> Value {
+    value.to_possible_value().map_or(Value::Null, |v| json!(v.get_name()))
+}
+
 fn exposure(text: &str) -> std::result::Result<f32, String> {
     match text.parse::<f32>() {
         Ok(v) if v.abs() <= 100.0 => Ok(v),
@@ -158,6 +171,47 @@ impl Render {
             cull: !self.gather.no_cull,
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
         })
+    }
+
+    /// The settings that shape cost, in the words of the flags.
+    fn facts(&self, settings: &Settings) -> Vec<(&'static str, Value)> {
+        // No `..`: a new setting belongs in this list.
+        let Settings {
+            size,
+            references,
+            rsm,
+            shadow_map,
+            gi: _,
+            interpolation: _,
+            proxy_weight: _,
+            tonemap: _,
+            gather,
+            cull,
+            exposure: _,
+        } = *settings;
+        vec![
+            ("size", json!(size)),
+            ("gi", word(self.gi)),
+            ("caches_wanted", json!(self.caches.spacing.is_none().then_some(self.caches.caches))),
+            ("spacing_wanted", json!(self.caches.spacing)),
+            ("angle", json!(self.caches.angle)),
+            ("max_edge", json!(self.caches.max_edge)),
+            ("references", json!(references)),
+            ("rsm", json!(rsm)),
+            ("shadow_map", json!(shadow_map)),
+            ("gather", json!(gather.path.name())),
+            ("gather_vals", json!(gather.source.name())),
+            ("gather_tile", json!(gather.tile)),
+            ("gather_caches_per_thread", json!(gather.caches_per_thread)),
+            ("gather_split", json!(gather.split)),
+            ("cull", json!(cull)),
+            ("interpolation", word(self.interpolation)),
+            ("proxy_weight", word(self.proxy_weight)),
+            ("tonemap", word(self.tonemap)),
+            ("ev", json!(self.ev)),
+            ("validation", word(self.device.validation)),
+            ("check", json!(self.check)),
+        ]
     }
 }
 
@@ -213,11 +267,15 @@ fn free_camera(text: &str) -> Result<Camera> {
 }
 
 pub(super) fn run(args: &Render) -> Result<()> {
-    // Both outputs are tried before long work is done for them.
-    for path in [Some(&args.out), args.timings.as_ref()].into_iter().flatten() {
+    if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
+        wrong_usage("--timings and --trace show the stages of a frame, and --gi path-trace has none");
+    }
+    // All outputs are tried before long work is done for them.
+    for path in [&args.out].into_iter().chain(&args.timings).chain(&args.trace) {
         check_writable(path)?;
     }
     let start = Instant::now();
+    let mut trace = Trace::default();
     if args.gi == GiArg::PathTrace {
         path_trace::stop_in_order()?;
     }
@@ -228,6 +286,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
     };
     let camera = camera(&scene, args.camera.as_deref())?;
     let loaded = start.elapsed();
+    trace.lap("load");
     if args.gi == GiArg::PathTrace {
         let picture = path_trace::Picture {
             out: &args.out,
@@ -241,32 +300,47 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let baked = (args.gi == GiArg::Lightskin)
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
         .transpose()?;
+    trace.lap("bake");
     let gpu = args.device.open()?;
     let settings = args.settings(&gpu)?;
+    trace.lap("open device");
     let buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
+    trace.lap("upload");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
     let view = View::new(&camera, settings.size, buffers.origin, buffers.radius);
+    let check = args.check.then(|| Check::new(&gpu)).transpose()?;
+    trace.lap("pipelines and targets");
 
     let mut runs = Vec::new();
     let mut problems = Vec::new();
-    let check = args.check.then(|| Check::new(&gpu)).transpose()?;
     let mut broken = Vec::new();
     for _ in 0..args.repeat {
-        let begin = Instant::now();
         // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
         let drawn = gpu.frame(gpu.is_software(), |cmd| {
             frame.record(cmd, &buffers, &view);
             Ok(())
         })?;
-        let stages = gpu.times(&drawn)?;
         problems.extend(drawn.problems);
         if let Some(check) = &check {
             broken.extend(check.count(&gpu, &frame.targets)?);
         }
-        runs.push(Run { stages, cpu_ms: begin.elapsed().as_secs_f64() * 1e3 });
+        runs.extend(gpu.finished_times()?);
     }
-    let report =
-        Report { args, scene: &scene, camera: &camera, baked: baked.as_ref(), gpu: &gpu, frame: &frame, runs: &runs };
+    gpu.wait()?;
+    runs.extend(gpu.finished_times()?);
+    trace.lap("frames");
+    trace.frames(&runs);
+    let report = Report {
+        scene: &scene,
+        camera: &camera,
+        baked: baked.as_ref(),
+        gpu: &gpu,
+        buffers: &buffers,
+        frame: &frame,
+        live: frame.live(&gpu)?,
+        settings: args.facts(&settings),
+        runs: &runs,
+    };
     let measured_ev = gpu.read::<f32>(&frame.targets.exposure)?[0];
     let ev = args.ev.unwrap_or(measured_ev);
     let layers = read_layers(&gpu, &frame, &view)?;
@@ -277,10 +351,15 @@ pub(super) fn run(args: &Render) -> Result<()> {
         layers.write(&args.out, args.layer, args.tonemap, ev, &report.metadata(ev))?;
     }
     let broken_in_picture = layers.broken();
-    if let Some(path) = &args.timings {
+    trace.lap("picture");
+    for path in &args.timings {
         report.write_timings(path)?;
     }
+    if let Some(path) = &args.trace {
+        report.write_trace(path, &trace)?;
+    }
     report.print(loaded, ev);
+    say!("picture   {}", args.out.display());
     check_messages(&gpu, &problems)?;
     report_broken(&broken)?;
     if broken_in_picture > 0 {
@@ -345,131 +424,4 @@ fn view_depth(depth: &[f32], view: &View, [w, h]: [u32; 2]) -> Vec<[f32; 4]> {
         view.plane.dot(world / world.w)
     };
     (0..depth.len()).map(|i| [distance(i); 4]).collect()
-}
-
-/// One rendered frame.
-struct Run {
-    stages: Vec<ZoneTime>,
-    cpu_ms: f64,
-}
-
-/// Everything there is to say about a render.
-struct Report<'a> {
-    args: &'a Render,
-    scene: &'a Scene,
-    camera: &'a Camera,
-    baked: Option<&'a Baked>,
-    gpu: &'a Gpu,
-    frame: &'a Frame,
-    runs: &'a [Run],
-}
-
-impl Report<'_> {
-    fn caches(&self) -> usize {
-        self.baked.map_or(0, |b| b.count)
-    }
-
-    fn vals(&self) -> u32 {
-        self.frame.targets.rsm.as_ref().map_or(0, |r| r.vals.count)
-    }
-
-    /// How the times were taken.
-    fn method(&self) -> &'static str {
-        if self.gpu.is_software() { "each stage submitted alone" } else { "timestamps within one submission" }
-    }
-
-    fn metadata(&self, ev: f32) -> String {
-        let (scene, camera, device) = (&self.scene.name, &self.camera.name, &self.gpu.report().name);
-        let (caches, vals) = (self.caches(), self.vals());
-        format!("scene {scene}; camera {camera}; device {device}; EV {ev}; {caches} caches; {vals} VALs")
-    }
-
-    /// Median time [ms] of each stage over the frames.
-    fn medians(&self) -> Vec<(&'static str, f64)> {
-        let Some(first) = self.runs.first() else { return Vec::new() };
-        let median = |name| {
-            let mut all: Vec<f64> =
-                self.runs.iter().flat_map(|r| &r.stages).filter(|s| s.name == name).map(|s| s.time_ms).collect();
-            all.sort_by(f64::total_cmp);
-            all[all.len() / 2]
-        };
-        first.stages.iter().map(|s| (s.name, median(s.name))).collect()
-    }
-
-    fn print(&self, loaded: std::time::Duration, ev: f32) {
-        let report = self.gpu.report();
-        say!(
-            "scene     {} ({} triangles, {} lights; loaded in {:.2} s)",
-            self.scene.name,
-            thousands(self.scene.triangle_count()),
-            self.scene.lights.len(),
-            loaded.as_secs_f64()
-        );
-        say!("device    {} ({}, {})", report.name, report.kind, report.driver);
-        if let Some(baked) = self.baked {
-            let how = if baked.kept { "read from the kept bake" } else { "baked" };
-            say!(
-                "caches    {} at {:.3} m spacing ({how} in {:.2} s)",
-                thousands(baked.count),
-                baked.caches.spacing,
-                baked.time.as_secs_f64()
-            );
-        }
-        say!("VALs      {}", thousands(self.vals() as usize));
-        say!("exposure  EV {ev:.2}");
-        let medians = self.medians();
-        for (name, ms) in &medians {
-            let pairs = self.caches() as f64 * f64::from(self.vals());
-            let per_pair = if *name == "gather" && pairs > 0.0 {
-                format!("  ({:.3} ns per cache and VAL)", ms * 1e6 / pairs)
-            } else {
-                String::new()
-            };
-            say!("  {name:<12}{ms:>10.3} ms{per_pair}");
-        }
-        say!(
-            "  {:<12}{:>10.3} ms  ({}, median of {})",
-            "frame",
-            medians.iter().map(|m| m.1).sum::<f64>(),
-            self.method(),
-            self.runs.len()
-        );
-        say!("picture   {}", self.args.out.display());
-    }
-
-    /// One JSON object per frame.
-    fn write_timings(&self, path: &Path) -> Result<()> {
-        let report = self.gpu.report();
-        let settings = self.frame.targets.size;
-        replace_file(path, |temporary| {
-            let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
-            for (i, run) in self.runs.iter().enumerate() {
-                let stages: Vec<_> =
-                    run.stages.iter().map(|s| serde_json::json!({ "name": s.name, "gpu_ms": s.time_ms })).collect();
-                let gather = run.stages.iter().find(|s| s.name == "gather").map(|s| s.time_ms * 1e6);
-                let pairs = self.caches() as f64 * f64::from(self.vals());
-                let line = serde_json::json!({
-                    "schema": 1,
-                    "frame": i,
-                    "device": report.name,
-                    "driver": report.driver,
-                    "software": self.gpu.is_software(),
-                    "method": self.method(),
-                    "scene": self.scene.name,
-                    "triangles": self.scene.triangle_count(),
-                    "size": settings,
-                    "caches": self.caches(),
-                    "vals": self.vals(),
-                    "references": self.args.caches.settings().references,
-                    "stages": stages,
-                    "gather_ns_per_pair": gather.filter(|_| pairs > 0.0).map(|ns| ns / pairs),
-                    "gpu_ms": run.stages.iter().map(|s| s.time_ms).sum::<f64>(),
-                    "cpu_ms": run.cpu_ms,
-                });
-                writeln!(file, "{line}")?;
-            }
-            file.flush()
-        })?;
-        Ok(())
-    }
 }

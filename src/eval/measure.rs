@@ -4,7 +4,7 @@ use super::sweep::Point;
 use crate::bake::{self, Density};
 use crate::error::{Error, Result};
 use crate::frame::{Frame, Gi, SceneBuffers, View};
-use crate::gpu::{Gpu, ZoneTime};
+use crate::gpu::{FrameTimes, Gpu};
 use crate::image::broken_values;
 use crate::scene::{Camera, Scene, tessellate};
 use std::time::{Duration, Instant};
@@ -165,12 +165,14 @@ fn read_layers(gpu: &Gpu, frame: &Frame) -> Result<Layers> {
     })
 }
 
-/// Median time of each stage over some frames.
-fn medians(runs: &[Vec<ZoneTime>]) -> Vec<(String, f64)> {
+/// Median time [ms] of each stage over some frames; nothing without timestamps.
+fn medians(runs: &[FrameTimes]) -> Vec<(String, f64)> {
+    let stages: Vec<_> = runs.iter().map(FrameTimes::stages).collect();
     let median = |name: &str| {
-        let mut all: Vec<f64> = runs.iter().flatten().filter(|s| s.name == name).map(|s| s.time_ms).collect();
+        let mut all: Vec<f64> = stages.iter().flatten().filter(|s| s.name == name).filter_map(|s| s.gpu_ms).collect();
         all.sort_by(f64::total_cmp);
-        all[all.len() / 2]
+        all.get(all.len() / 2).copied()
     };
-    runs.first().map_or_else(Vec::new, |first| first.iter().map(|s| (s.name.to_owned(), median(s.name))).collect())
+    let names = stages.first().into_iter().flatten().map(|s| s.name);
+    names.filter_map(|name| Some((name.to_owned(), median(name)?))).collect()
 }

@@ -163,6 +163,15 @@ pub struct Frame {
     composite: composite::Composite,
 }
 
+/// What a frame has worked with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Live {
+    /// Caches that were lit.
+    pub caches: u32,
+    /// VALs that carry light.
+    pub vals: u32,
+}
+
 /// Stages 3, 5, 6 and 8.
 struct LightSkin {
     atlas: atlas::Atlas,
@@ -194,6 +203,22 @@ impl Frame {
             composite: composite::Composite::new(gpu, &plan, settings)?,
             plan,
         })
+    }
+
+    /// Caches that the last frame has lit, and VALs that carry light. Waits for the device.
+    pub fn live(&self, gpu: &Gpu) -> Result<Live> {
+        let mut live = Live::default();
+        if let Some(rsm) = &self.targets.rsm {
+            live.vals = gpu.read::<u32>(&rsm.vals.live_count)?[0];
+        }
+        if let Some(caches) = &self.targets.caches {
+            live.caches = match (&caches.live, &caches.mask) {
+                (Some(list), _) => gpu.read::<crate::shared::LiveArgs>(&list.args)?[0].cache_count,
+                (_, Some(mask)) => gpu.read_image::<f32>(mask)?.iter().filter(|depth| **depth > 0.0).count() as u32,
+                _ => caches.count,
+            };
+        }
+        Ok(live)
     }
 
     /// Records one frame, top to bottom; the numbers are METHOD's. A stage the scene does not need is `None`.

@@ -1,10 +1,11 @@
 //! Commands of one frame, in order: zones, binds, dispatches, rendering, barriers in words, copies.
 
-use super::device::{FRAMES_IN_FLIGHT, Gpu};
+use super::device::Gpu;
 use super::draw::{Attach, Attachments, Draw, Load};
+use super::frames::Slot;
 use super::hazards::{Log, Use};
 use super::resource::{Buffer, Image, SamplerKind, aspect, is_depth, texel_bytes};
-use super::timer::{MAX_ZONES, Slot, ZoneTime};
+use super::timer::{MAX_ZONES, Recorded, Span, Work};
 use super::{Pipeline, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
@@ -51,14 +52,14 @@ struct Bound {
 /// Records one frame into a slot of the ring.
 pub struct Cmd<'g> {
     pub(super) gpu: &'g Gpu,
-    slot: RefCell<RefMut<'g, Slot>>,
+    pub(super) slot: RefCell<RefMut<'g, Slot>>,
     pub(super) buffer: vk::CommandBuffer,
     bound: Cell<Option<Bound>>,
-    log: Option<RefCell<Log>>,
-    zone: Cell<&'static str>,
+    pub(super) log: Option<RefCell<Log>>,
+    pub(super) zone: Cell<&'static str>,
     /// Submit and wait at the end of each zone: the only way to right figures per pass on lavapipe.
     split: bool,
-    error: RefCell<Option<Error>>,
+    pub(super) error: RefCell<Option<Error>>,
     key: RefCell<Vec<u64>>,
 }
 
@@ -66,90 +67,35 @@ pub struct Cmd<'g> {
 pub struct Zone<'c, 'g> {
     cmd: &'c Cmd<'g>,
     outer: &'static str,
+    /// Its place among the frame's zones.
+    index: usize,
     query: Option<u32>,
 }
 
-/// A submitted frame: which slot holds it, and what the barrier check said.
-#[must_use = "a frame's problems are to be looked at"]
-pub struct Frame {
-    slot: usize,
-    value: u64,
-    /// Missing and idle barriers; only filled with `Validation::Sync`.
-    pub problems: Vec<String>,
-}
-
-impl Gpu {
-    /// Records and submits a frame. Waits only if the slot's frame before last is not done. `split` submits each
-    /// zone alone, for right timestamps on drivers that attribute chained passes wrongly.
-    pub fn frame(&self, split: bool, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
-        let index = self.shared.submitted.load(Ordering::SeqCst) as usize % FRAMES_IN_FLIGHT;
-        let mut slot = self.slots[index].borrow_mut();
-        self.shared.wait_for(slot.done)?;
-        slot.zones.clear();
-        // SAFETY: the slot's last frame is done, so its queries are not in use.
-        unsafe { self.shared.device.reset_query_pool(slot.queries, 0, 2 * MAX_ZONES) };
-        let buffer = slot.buffer;
-        let cmd = Cmd {
-            gpu: self,
+impl<'g> Cmd<'g> {
+    pub(super) fn new(gpu: &'g Gpu, slot: RefMut<'g, Slot>, split: bool) -> Self {
+        Self {
+            gpu,
+            buffer: slot.buffer,
             slot: RefCell::new(slot),
-            buffer,
             bound: Cell::new(None),
-            log: self.check_barriers.then(RefCell::default),
+            log: gpu.check_barriers.then(RefCell::default),
             zone: Cell::new("frame"),
             split,
             error: RefCell::new(None),
             key: RefCell::new(Vec::with_capacity(64)),
-        };
-        cmd.begin()?;
-        let recorded = record(&cmd);
-        if let Err(error) = cmd.error.take().map_or(recorded, Err) {
-            // Nothing of it has been submitted but what a split frame has waited for.
-            // SAFETY: the buffer is not pending; its pool allows resetting.
-            let reset =
-                unsafe { self.shared.device.reset_command_buffer(buffer, vk::CommandBufferResetFlags::empty()) };
-            log::debug!("a frame was given up: {reset:?}");
-            return Err(error);
         }
-        let value = cmd.submit()?;
-        cmd.slot.borrow_mut().done = value;
-        Ok(Frame { slot: index, value, problems: cmd.log.map_or_else(Vec::new, |log| log.into_inner().problems()) })
     }
 
-    /// Waits for a frame and gives its times, zone by zone. The frame must be one of the last two.
-    pub fn times(&self, frame: &Frame) -> Result<Vec<ZoneTime>> {
-        self.shared.wait_for(frame.value)?;
-        self.slots[frame.slot].borrow().times(self)
-    }
-
-    /// Records, submits and waits: for uploads and read-back, outside the frame loop.
-    pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
-        let frame = self.frame(false, |cmd| {
-            cmd.full_barrier();
-            cmd.zone.set(name);
-            record(cmd);
-            // What was copied becomes visible to the CPU.
-            let ((src_stage, src_access), (dst_stage, dst_access)) = (Use::CopyWrite.masks(), Use::HostRead.masks());
-            let barriers = [vk::MemoryBarrier2::default()
-                .src_stage_mask(src_stage)
-                .src_access_mask(src_access)
-                .dst_stage_mask(dst_stage)
-                .dst_access_mask(dst_access)];
-            cmd.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
-            Ok(())
-        })?;
-        self.shared.wait_for(frame.value)
-    }
-}
-
-impl<'g> Cmd<'g> {
-    fn begin(&self) -> Result<()> {
+    pub(super) fn begin(&self) -> Result<()> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         // SAFETY: the buffer's last use is done; its pool allows resetting by beginning.
         unsafe { self.gpu.shared.device.begin_command_buffer(self.buffer, &info) }.map_err(vulkan("beginning a frame"))
     }
 
     /// Ends and submits what is recorded; gives the timeline value that says it is done.
-    fn submit(&self) -> Result<u64> {
+    pub(super) fn submit(&self) -> Result<u64> {
+        let start = self.slot.borrow().notes.now();
         let submitted = &self.gpu.shared.submitted;
         let value = submitted.load(Ordering::SeqCst) + 1;
         let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.buffer)];
@@ -168,7 +114,16 @@ impl<'g> Cmd<'g> {
                 .map_err(vulkan("submitting a frame"))?;
         }
         submitted.store(value, Ordering::SeqCst);
+        self.slot.borrow_mut().notes.worked(Work::Submit, start);
         Ok(value)
+    }
+
+    /// Waits for a part of this frame.
+    pub(super) fn wait_for(&self, value: u64) -> Result<()> {
+        let start = self.slot.borrow().notes.now();
+        self.gpu.shared.wait_for(value)?;
+        self.slot.borrow_mut().notes.worked(Work::Wait, start);
+        Ok(())
     }
 
     /// Whether an earlier command has failed: then nothing more is recorded, and `Gpu::frame` gives its error.
@@ -181,7 +136,7 @@ impl<'g> Cmd<'g> {
         if self.failed() {
             return;
         }
-        let result = self.submit().and_then(|value| self.gpu.shared.wait_for(value)).and_then(|()| self.begin());
+        let result = self.submit().and_then(|value| self.wait_for(value)).and_then(|()| self.begin());
         if let Err(error) = result {
             self.error.borrow_mut().get_or_insert(error);
         }
@@ -192,19 +147,27 @@ impl<'g> Cmd<'g> {
         if self.split {
             self.flush();
         }
-        let device = &self.gpu.shared.device;
         let mut slot = self.slot.borrow_mut();
-        let timed = !self.failed() && self.gpu.timestamp_mask != 0 && slot.zones.len() < MAX_ZONES as usize;
-        let query = timed.then_some(2 * slot.zones.len() as u32);
+        let index = slot.notes.zones.len();
+        let timed = !self.failed() && self.gpu.clock.bits != 0 && index < MAX_ZONES as usize;
+        let begin_ms = slot.notes.now();
+        let depth = slot.notes.depth;
+        slot.notes.zones.push(Recorded { name, depth, timed, cpu: Span { begin_ms, end_ms: begin_ms } });
+        slot.notes.depth += 1;
+        let query = timed.then_some(2 * index as u32);
         if let Some(query) = query {
-            slot.zones.push(name);
-            // SAFETY: the query was reset and is written once per frame.
-            unsafe {
-                device.cmd_write_timestamp2(self.buffer, vk::PipelineStageFlags2::ALL_COMMANDS, slot.queries, query)
-            };
+            self.stamp(slot.queries, query);
         }
+        drop(slot);
         self.label(name);
-        Zone { cmd: self, outer: self.zone.replace(name), query }
+        Zone { cmd: self, outer: self.zone.replace(name), index, query }
+    }
+
+    /// Writes a timestamp when everything before is done.
+    fn stamp(&self, queries: vk::QueryPool, query: u32) {
+        let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
+        // SAFETY: the buffer is recording; the query was reset and is written once per frame.
+        unsafe { self.gpu.shared.device.cmd_write_timestamp2(self.buffer, stage, queries, query) };
     }
 
     fn label(&self, name: &str) {
@@ -217,7 +180,7 @@ impl<'g> Cmd<'g> {
     }
 
     /// Everything before is done and visible to everything after. Opens a frame; nowhere else.
-    fn full_barrier(&self) {
+    pub(super) fn full_barrier(&self) {
         let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         let barriers = [vk::MemoryBarrier2::default()
             .src_stage_mask(all)
@@ -249,7 +212,7 @@ impl<'g> Cmd<'g> {
         }
     }
 
-    fn pipeline_barrier(&self, info: &vk::DependencyInfo<'_>) {
+    pub(super) fn pipeline_barrier(&self, info: &vk::DependencyInfo<'_>) {
         if self.failed() {
             return;
         }
@@ -304,7 +267,8 @@ impl<'g> Cmd<'g> {
         }
         let shared = &self.gpu.shared;
         let mut descriptors = self.gpu.descriptors.borrow_mut();
-        let set = descriptors.get(shared, &key, pipeline.set_layout, |set| self.write_set(set, pipeline, resources));
+        let set =
+            descriptors.get(shared, &key, (name, pipeline.set_layout), |set| self.write_set(set, pipeline, resources));
         drop(descriptors);
         let set = match set {
             Ok(set) => set,
@@ -561,26 +525,19 @@ fn region(image: &Image, mip: u32, offset: u64) -> vk::BufferImageCopy {
 impl Drop for Zone<'_, '_> {
     fn drop(&mut self) {
         let cmd = self.cmd;
-        let shared = &cmd.gpu.shared;
+        cmd.zone.set(self.outer);
         if cmd.failed() {
-            cmd.zone.set(self.outer);
             return;
         }
-        // SAFETY: closes what `zone` opened; the query is written once per frame.
-        unsafe {
-            if let Some(names) = &shared.names {
-                names.cmd_end_debug_utils_label(cmd.buffer);
-            }
-            if let Some(query) = self.query {
-                let queries = cmd.slot.borrow().queries;
-                shared.device.cmd_write_timestamp2(
-                    cmd.buffer,
-                    vk::PipelineStageFlags2::ALL_COMMANDS,
-                    queries,
-                    query + 1,
-                );
-            }
+        if let Some(names) = &cmd.gpu.shared.names {
+            // SAFETY: closes what `zone` opened.
+            unsafe { names.cmd_end_debug_utils_label(cmd.buffer) };
         }
-        cmd.zone.set(self.outer);
+        let mut slot = cmd.slot.borrow_mut();
+        if let Some(query) = self.query {
+            cmd.stamp(slot.queries, query + 1);
+        }
+        slot.notes.depth -= 1;
+        slot.notes.zones[self.index].cpu.end_ms = slot.notes.now();
     }
 }

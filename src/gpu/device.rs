@@ -1,6 +1,7 @@
 //! Instance, device choice, queue, allocator, and the sink of validation messages.
 
-use super::timer::Slot;
+use super::frames::Ring;
+use super::timer::Clock;
 use super::{pipeline::DescriptorCache, vulkan};
 use crate::error::{Error, Result};
 use ash::{ext, vk};
@@ -79,13 +80,11 @@ pub(crate) struct Shared {
 
 /// An open device: everything else is made from it. One thread records at a time (the type is not `Sync`).
 pub struct Gpu {
-    pub(crate) slots: Vec<RefCell<Slot>>,
+    pub(crate) ring: Ring,
     pub(crate) descriptors: RefCell<DescriptorCache>,
     pub(crate) samplers: RefCell<HashMap<super::SamplerKind, vk::Sampler>>,
     pub(crate) queue: vk::Queue,
-    pub(crate) timestamp_period_ns: f64,
-    /// Valid bits of a timestamp; 0 where the queue has none.
-    pub(crate) timestamp_mask: u64,
+    pub(crate) clock: Clock,
     pub(crate) check_barriers: bool,
     numbers_triangles: bool,
     report: DeviceReport,
@@ -388,7 +387,7 @@ impl Gpu {
         // SAFETY: the family was requested above.
         let queue = unsafe { shared.device.get_device_queue(family, 0) };
         let shared = Arc::new(shared);
-        let slots = (0..FRAMES_IN_FLIGHT).map(|i| Slot::new(&shared, i).map(RefCell::new)).collect::<Result<_>>()?;
+        shared.name(queue, "gpu.queue");
         log::info!(
             "device {}: {} ({}, {}, Vulkan {})",
             report.index,
@@ -398,12 +397,11 @@ impl Gpu {
             report.api
         );
         Ok(Self {
-            slots,
+            ring: Ring::new(&shared)?,
             descriptors: RefCell::default(),
             samplers: RefCell::default(),
             queue,
-            timestamp_period_ns: f64::from(limits.timestamp_period),
-            timestamp_mask: if timestamp_bits >= 64 { u64::MAX } else { (1 << timestamp_bits) - 1 },
+            clock: Clock { period_ns: f64::from(limits.timestamp_period), bits: timestamp_bits.min(64) },
             numbers_triangles: has.geometry_shader == vk::TRUE,
             check_barriers: options.validation == Validation::Sync,
             report,
@@ -425,6 +423,17 @@ impl Gpu {
     /// desktop devices and lavapipe have and SwiftShader has not.
     pub fn numbers_triangles(&self) -> bool {
         self.numbers_triangles
+    }
+
+    /// Whether the queue has timestamps; without them zones have no GPU time, and everything else works.
+    pub fn has_timestamps(&self) -> bool {
+        self.clock.bits > 0
+    }
+
+    /// The device as if its queue had no timestamps, which some have not; tests use it.
+    pub fn without_timestamps(mut self) -> Self {
+        self.clock.bits = 0;
+        self
     }
 
     /// Messages of the validation layer so far, oldest first; empty is the only good answer.

@@ -7,6 +7,7 @@
 mod cmd;
 mod device;
 mod draw;
+mod frames;
 mod hazards;
 mod pipeline;
 mod reflect;
@@ -17,11 +18,12 @@ pub use ash::vk::Format;
 pub use cmd::{Bind, Cmd};
 pub use device::{DeviceReport, Gpu, Options, Validation, devices};
 pub use draw::{Attach, Attachments, Draw, Load};
+pub use frames::Frame;
 pub use hazards::Use;
 pub(crate) use pipeline::shader;
 pub use pipeline::{Attribute, Blend, Cull, Depth, Pipeline, Raster, Shape, Stream};
 pub use resource::{Buffer, Image, SamplerKind};
-pub use timer::ZoneTime;
+pub use timer::{FrameTimes, Span, StageTime, Work, ZoneTime, nearest_rank, ticks_between};
 
 use crate::error::Error;
 

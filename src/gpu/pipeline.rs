@@ -254,7 +254,10 @@ impl Gpu {
     fn module(&self, name: &str, code: &[u32]) -> Result<vk::ShaderModule> {
         let info = vk::ShaderModuleCreateInfo::default().code(code);
         // SAFETY: glslang made the code, for this Vulkan version.
-        unsafe { self.shared.device.create_shader_module(&info, None) }.map_err(vulkan(format!("shader {name}")))
+        let module = unsafe { self.shared.device.create_shader_module(&info, None) };
+        let module = module.map_err(vulkan(format!("shader {name}")))?;
+        self.shared.name(module, name);
+        Ok(module)
     }
 
     /// The pipeline less its handle: descriptor layout and push range from what the shaders declare.
@@ -314,6 +317,8 @@ impl Gpu {
                 .set_layouts(&set_layouts)
                 .push_constant_ranges(if push_bytes > 0 { &ranges } else { &[] });
             let layout = device.create_pipeline_layout(&info, None).map_err(vulkan(format!("layout of {name}")))?;
+            self.shared.name(set_layout, name);
+            self.shared.name(layout, name);
             let group = shaders[0].1.group;
             let compute = shaders[0].0 == vk::ShaderStageFlags::COMPUTE;
             let point = if compute { vk::PipelineBindPoint::COMPUTE } else { vk::PipelineBindPoint::GRAPHICS };
@@ -392,7 +397,7 @@ impl DescriptorCache {
         &mut self,
         shared: &Shared,
         key: &[u64],
-        layout: vk::DescriptorSetLayout,
+        (name, layout): (&str, vk::DescriptorSetLayout),
         write: impl FnOnce(vk::DescriptorSet) -> Result<()>,
     ) -> Result<vk::DescriptorSet> {
         if let Some(set) = self.sets.get(key) {
@@ -420,6 +425,7 @@ impl DescriptorCache {
         // SAFETY: pool and layout are alive; `left` guards the pool's count of sets.
         let set = unsafe { shared.device.allocate_descriptor_sets(&info) }.map_err(vulkan("descriptor set"))?[0];
         self.left -= 1;
+        shared.name(set, name);
         write(set)?;
         self.sets.insert(key.to_vec(), set);
         Ok(set)

@@ -303,6 +303,7 @@ impl Gpu {
             .max_lod(vk::LOD_CLAMP_NONE);
         // SAFETY: the device is alive; destroyed when `Gpu` is dropped.
         let sampler = unsafe { self.shared.device.create_sampler(&info, None) }.map_err(vulkan("sampler"))?;
+        self.shared.name(sampler, &format!("gpu.sampler {kind:?}"));
         samplers.insert(kind, sampler);
         Ok(sampler)
     }

@@ -1,0 +1,263 @@
+//! Times of `lightskin render`: the printed table, JSON lines, CSV, and a trace.
+
+use super::{Baked, thousands};
+use anyhow::Result;
+use lightskin::frame::{Frame, Live, SceneBuffers};
+use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank};
+use lightskin::image::replace_file;
+use lightskin::scene::{Camera, Scene};
+use lightskin::trace::Trace;
+use serde_json::{Map, Value, json};
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+pub(super) fn timings_file(text: &str) -> std::result::Result<PathBuf, String> {
+    named(text, &["jsonl", "csv"], "the name must end in .jsonl or .csv")
+}
+
+pub(super) fn trace_file(text: &str) -> std::result::Result<PathBuf, String> {
+    named(text, &["json"], "the name must end in .json")
+}
+
+fn named(text: &str, extensions: &[&str], otherwise: &str) -> std::result::Result<PathBuf, String> {
+    let path = PathBuf::from(text);
+    if extensions.iter().any(|e| has_extension(&path, e)) { Ok(path) } else { Err(otherwise.into()) }
+}
+
+fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
+}
+
+/// Everything there is to say about a render.
+pub(super) struct Report<'a> {
+    pub(super) scene: &'a Scene,
+    pub(super) camera: &'a Camera,
+    pub(super) baked: Option<&'a Baked>,
+    pub(super) gpu: &'a Gpu,
+    pub(super) buffers: &'a SceneBuffers,
+    pub(super) frame: &'a Frame,
+    /// What the last frame has worked with.
+    pub(super) live: Live,
+    /// Names and values of the flags that shape cost.
+    pub(super) settings: Vec<(&'static str, Value)>,
+    /// One rendered frame each; at least one.
+    pub(super) runs: &'a [FrameTimes],
+}
+
+impl Report<'_> {
+    fn caches(&self) -> usize {
+        self.baked.map_or(0, |b| b.count)
+    }
+
+    fn vals(&self) -> u32 {
+        self.frame.targets.rsm.as_ref().map_or(0, |r| r.vals.count)
+    }
+
+    /// Pairs of a cache that is lit and a VAL that carries light.
+    fn pairs(&self) -> f64 {
+        f64::from(self.live.caches) * f64::from(self.live.vals)
+    }
+
+    /// Bytes of the frame's targets, the scene's buffers and its textures.
+    fn memory(&self) -> [(&'static str, u64); 3] {
+        let targets = &self.frame.targets;
+        let written = targets.images().iter().map(|i| i.bytes()).sum::<u64>()
+            + targets.buffers().iter().map(|b| b.size).sum::<u64>();
+        let scene = self.buffers.buffers().iter().map(|b| b.size).sum();
+        [("targets", written), ("scene", scene), ("textures", self.buffers.texture_bytes())]
+    }
+
+    pub(super) fn metadata(&self, ev: f32) -> String {
+        let (scene, camera, device) = (&self.scene.name, &self.camera.name, &self.gpu.report().name);
+        let (caches, vals) = (self.caches(), self.vals());
+        format!("scene {scene}; camera {camera}; device {device}; EV {ev}; {caches} caches; {vals} VALs")
+    }
+
+    pub(super) fn print(&self, loaded: Duration, ev: f32) {
+        let report = self.gpu.report();
+        say!(
+            "scene     {} ({} triangles, {} lights; loaded in {:.2} s)",
+            self.scene.name,
+            thousands(self.scene.triangle_count()),
+            self.scene.lights.len(),
+            loaded.as_secs_f64()
+        );
+        say!("device    {} ({}, {})", report.name, report.kind, report.driver);
+        if let Some(baked) = self.baked {
+            let how = if baked.kept { "read from the kept bake" } else { "baked" };
+            say!(
+                "caches    {} at {:.3} m spacing ({how} in {:.2} s)",
+                thousands(baked.count),
+                baked.caches.spacing,
+                baked.time.as_secs_f64()
+            );
+        }
+        if self.frame.plan.cull {
+            say!("          {} of them lit for what the camera sees", thousands(self.live.caches as usize));
+        }
+        say!(
+            "VALs      {} of {} texels carry light",
+            thousands(self.live.vals as usize),
+            thousands(self.vals() as usize)
+        );
+        say!("exposure  EV {ev:.2}");
+        self.print_times();
+    }
+
+    /// A line for each stage, the whole frame, and the CPU's part.
+    fn print_times(&self) {
+        let repeated = self.runs.len() > 1;
+        let way = self.runs[0].way();
+        if repeated {
+            say!(
+                "  GPU{:>21} {:>10} {:>10} {:>10}     ({way}, {} frames)",
+                "median",
+                "p95",
+                "p99",
+                "max",
+                self.runs.len()
+            );
+        } else {
+            say!("  GPU ({way})");
+        }
+        for (name, ms) in self.stages() {
+            let pairs = self.pairs();
+            let per_pair = match ms.get(ms.len() / 2) {
+                Some(_) if name == "gather" && pairs > 0.0 => {
+                    format!("  ({:.3} ns per live cache and VAL)", nearest_rank(&ms, 50.0) * 1e6 / pairs)
+                }
+                _ => String::new(),
+            };
+            say!("  {name:<14}{}{per_pair}", columns(&ms));
+        }
+        say!("  {:<14}{}", "frame", columns(&self.sorted(FrameTimes::gpu_ms)));
+        say!("  CPU");
+        for (name, work) in [("record", Work::Record), ("submit", Work::Submit), ("wait", Work::Wait)] {
+            say!("  {name:<14}{}", columns(&self.sorted(|run| Some(run.cpu_ms(work)))));
+        }
+        say!("  {:<14}{}", "frame", columns(&self.sorted(|run| Some(run.cpu_span_ms()))));
+    }
+
+    /// A time of all frames that have it, sorted.
+    fn sorted(&self, ms: impl Fn(&FrameTimes) -> Option<f64>) -> Vec<f64> {
+        let mut all: Vec<f64> = self.runs.iter().filter_map(ms).collect();
+        all.sort_by(f64::total_cmp);
+        all
+    }
+
+    /// GPU times [ms] of each stage, sorted.
+    fn stages(&self) -> Vec<(&'static str, Vec<f64>)> {
+        let of = |name| self.sorted(|run| run.stages().iter().find(|s| s.name == name)?.gpu_ms);
+        self.runs[0].stages().iter().map(|s| (s.name, of(s.name))).collect()
+    }
+
+    /// What is the same for all frames.
+    fn facts(&self) -> Vec<(&'static str, Value)> {
+        let report = self.gpu.report();
+        let mut facts = vec![
+            ("schema", json!(1)),
+            ("device", json!(report.name)),
+            ("device_kind", json!(report.kind)),
+            ("driver", json!(report.driver)),
+            ("vulkan", json!(report.api)),
+            ("software", json!(self.gpu.is_software())),
+            ("method", json!(self.runs[0].way())),
+            ("scene", json!(self.scene.name)),
+            ("camera", json!(self.camera.name)),
+            ("triangles", json!(self.scene.triangle_count())),
+            ("instances", json!(self.scene.instances.len())),
+            ("lights", json!(self.scene.lights.len())),
+            ("caches", json!(self.caches())),
+            ("spacing", json!(self.baked.map(|b| b.caches.spacing))),
+            ("vals", json!(self.vals())),
+            ("live_caches", json!(self.live.caches)),
+            ("live_vals", json!(self.live.vals)),
+            ("device_bytes", json!(self.memory().iter().map(|m| m.1).sum::<u64>())),
+        ];
+        facts.extend(self.settings.iter().cloned());
+        facts
+    }
+
+    /// What differs from frame to frame, besides the stages.
+    fn of_frame(&self, index: usize) -> Vec<(&'static str, Value)> {
+        let run = &self.runs[index];
+        let gather = run.stages().iter().find(|s| s.name == "gather").and_then(|s| s.gpu_ms);
+        let pairs = self.pairs();
+        vec![
+            ("frame", json!(index)),
+            ("gpu_ms", json!(run.gpu_ms())),
+            ("gpu_span_ms", json!(run.gpu_span_ms())),
+            ("gather_ns_per_pair", json!(gather.filter(|_| pairs > 0.0).map(|ms| ms * 1e6 / pairs))),
+            ("cpu_ms", json!(run.cpu_span_ms())),
+            ("cpu_record_ms", json!(run.cpu_ms(Work::Record))),
+            ("cpu_submit_ms", json!(run.cpu_ms(Work::Submit))),
+            ("cpu_wait_ms", json!(run.cpu_ms(Work::Wait))),
+        ]
+    }
+
+    /// One JSON object per frame, or one line of CSV per frame and stage with the same facts.
+    pub(super) fn write_timings(&self, path: &Path) -> Result<()> {
+        let facts = self.facts();
+        let is_csv = has_extension(path, "csv");
+        replace_file(path, |temporary| {
+            let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
+            for (i, run) in self.runs.iter().enumerate() {
+                let here: Vec<_> = self.of_frame(i).into_iter().chain(facts.iter().cloned()).collect();
+                if is_csv && i == 0 {
+                    let names = ["stage", "stage_gpu_ms", "stage_cpu_ms"].into_iter().chain(here.iter().map(|f| f.0));
+                    writeln!(file, "{}", names.collect::<Vec<_>>().join(","))?;
+                }
+                if is_csv {
+                    for s in run.stages() {
+                        let stage = [json!(s.name), json!(s.gpu_ms), json!(s.cpu_ms)];
+                        let cells = stage.iter().chain(here.iter().map(|f| &f.1)).map(cell);
+                        writeln!(file, "{}", cells.collect::<Vec<_>>().join(","))?;
+                    }
+                } else {
+                    let mut line: Map<String, Value> = here.into_iter().map(|(n, v)| (n.to_owned(), v)).collect();
+                    let stages = run.stages();
+                    let stages = stages.iter().map(|s| json!({"name": s.name, "gpu_ms": s.gpu_ms, "cpu_ms": s.cpu_ms}));
+                    line.insert("stages".into(), stages.collect());
+                    writeln!(file, "{}", Value::from(line))?;
+                }
+            }
+            file.flush()
+        })?;
+        Ok(())
+    }
+
+    /// The trace, with counters and all facts.
+    pub(super) fn write_trace(&self, path: &Path, trace: &Trace) -> Result<()> {
+        let facts = self.facts().into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
+        let counters = [
+            ("VALs", &[("VALs", u64::from(self.live.vals))][..]),
+            ("live caches", &[("caches", u64::from(self.live.caches))][..]),
+            ("device memory [bytes]", &self.memory()[..]),
+        ];
+        Ok(trace.write(path, &counters, &facts)?)
+    }
+}
+
+/// Median, 95th and 99th percentile and maximum by nearest rank, or the one time there is.
+fn columns(sorted: &[f64]) -> String {
+    match sorted {
+        [] => format!("{:>10}", "-"),
+        [ms] => format!("{ms:>10.3} ms"),
+        _ => {
+            let of = |percent| format!("{:>10.3}", nearest_rank(sorted, percent));
+            format!("{} ms", [50.0, 95.0, 99.0, 100.0].map(of).join(" "))
+        }
+    }
+}
+
+/// A cell of CSV: text in quotes where it needs them, a size as WxH, nothing for null.
+fn cell(value: &Value) -> String {
+    match value {
+        Value::Null => String::new(),
+        Value::String(text) if text.contains([',', '"', '\n', '\r']) => format!("\"{}\"", text.replace('"', "\"\"")),
+        Value::String(text) => text.clone(),
+        Value::Array(numbers) => numbers.iter().map(cell).collect::<Vec<_>>().join("x"),
+        other => other.to_string(),
+    }
+}

@@ -1,0 +1,217 @@
+//! Frame slots in turn: each has a command buffer and timestamps. Times of a frame are fetched when it is known to be
+//! done, so that no frame waits for its own figures.
+
+use super::cmd::Cmd;
+use super::device::{FRAMES_IN_FLIGHT, Gpu, Shared};
+use super::hazards::Use;
+use super::timer::{FrameTimes, Line, MAX_ZONES, Notes, Work};
+use super::vulkan;
+use crate::error::Result;
+use ash::vk;
+use std::cell::{Cell, RefCell};
+use std::collections::VecDeque;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Frames whose times are kept until they are fetched; older ones are forgotten.
+const KEPT_TIMES: usize = 256;
+
+/// What one frame under way owns.
+pub(crate) struct Slot {
+    shared: Arc<Shared>,
+    pub(crate) buffer: vk::CommandBuffer,
+    pub(crate) queries: vk::QueryPool,
+    /// The frame that is or was recorded here.
+    pub(crate) notes: Notes,
+    /// Timeline value that says this slot is free again.
+    done: u64,
+    /// Submitted, and its times not read yet.
+    unread: bool,
+}
+
+/// All slots, and the times that have been read from them.
+pub(crate) struct Ring {
+    pub(crate) slots: Vec<RefCell<Slot>>,
+    line: RefCell<Line>,
+    kept: RefCell<VecDeque<FrameTimes>>,
+    frames: Cell<u64>,
+}
+
+/// A submitted frame: which one, and what the barrier check said.
+#[must_use = "a frame's problems are to be looked at"]
+pub struct Frame {
+    number: u64,
+    value: u64,
+    /// Missing and idle barriers; only filled with `Validation::Sync`.
+    pub problems: Vec<String>,
+}
+
+impl Slot {
+    fn new(shared: &Arc<Shared>, index: usize) -> Result<Self> {
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(shared.pool).command_buffer_count(1);
+        // SAFETY: the pool is alive and outlives the slot.
+        let buffer = unsafe { shared.device.allocate_command_buffers(&info) }.map_err(vulkan("command buffer"))?[0];
+        shared.name(buffer, &format!("frame.commands {index}"));
+        let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * MAX_ZONES);
+        // SAFETY: the device is alive; destroyed in `Drop`.
+        let queries = unsafe { shared.device.create_query_pool(&info, None) }.map_err(vulkan("timestamp queries"))?;
+        shared.name(queries, &format!("frame.timestamps {index}"));
+        let notes = Notes {
+            number: 0,
+            split: false,
+            begin: Instant::now(),
+            depth: 0,
+            zones: Vec::with_capacity(MAX_ZONES as usize),
+            work: Vec::with_capacity(2 * MAX_ZONES as usize),
+        };
+        Ok(Self { shared: shared.clone(), buffer, queries, notes, done: 0, unread: false })
+    }
+
+    /// Opens the slot for a frame; the last one must be done.
+    fn open(&mut self, number: u64, split: bool, begin: Instant) {
+        self.notes.zones.clear();
+        self.notes.work.clear();
+        (self.notes.number, self.notes.split, self.notes.begin, self.notes.depth) = (number, split, begin, 0);
+        // SAFETY: hostQueryReset is enabled, and the last frame that used the queries is done.
+        unsafe { self.shared.device.reset_query_pool(self.queries, 0, 2 * MAX_ZONES) };
+    }
+}
+
+impl Ring {
+    pub(crate) fn new(shared: &Arc<Shared>) -> Result<Self> {
+        Ok(Self {
+            slots: (0..FRAMES_IN_FLIGHT).map(|i| Slot::new(shared, i).map(RefCell::new)).collect::<Result<_>>()?,
+            line: RefCell::default(),
+            kept: RefCell::default(),
+            frames: Cell::new(0),
+        })
+    }
+}
+
+impl Gpu {
+    /// Records and submits a frame. Waits only if the frame before last is not done. `split` submits each zone alone and
+    /// waits for it: for right timestamps on drivers that attribute chained passes wrongly.
+    pub fn frame(&self, split: bool, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
+        let frame = self.submit(split, record)?;
+        let slot = &self.ring.slots[frame.number as usize % FRAMES_IN_FLIGHT];
+        slot.borrow_mut().unread = true;
+        Ok(frame)
+    }
+
+    fn submit(&self, split: bool, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
+        let begin = Instant::now();
+        let number = self.ring.frames.get();
+        let mut slot = self.ring.slots[number as usize % FRAMES_IN_FLIGHT].borrow_mut();
+        self.shared.wait_for(slot.done)?;
+        let waited = begin.elapsed();
+        self.keep_times(&mut slot)?;
+        slot.open(number, split, begin);
+        slot.notes.work.push((Work::Wait, super::Span { begin_ms: 0.0, end_ms: waited.as_secs_f64() * 1e3 }));
+        let buffer = slot.buffer;
+        let start = slot.notes.now();
+        let cmd = Cmd::new(self, slot, split);
+        cmd.begin()?;
+        let recorded = record(&cmd);
+        cmd.slot.borrow_mut().notes.worked(Work::Record, start);
+        if let Err(error) = cmd.error.take().map_or(recorded, Err) {
+            // Nothing of it has been submitted but what a split frame has waited for.
+            // SAFETY: the buffer is not pending; its pool allows resetting.
+            let reset =
+                unsafe { self.shared.device.reset_command_buffer(buffer, vk::CommandBufferResetFlags::empty()) };
+            log::debug!("a frame was given up: {reset:?}");
+            return Err(error);
+        }
+        let value = cmd.submit()?;
+        if split {
+            cmd.wait_for(value)?;
+        }
+        cmd.slot.borrow_mut().done = value;
+        self.ring.frames.set(number + 1);
+        Ok(Frame { number, value, problems: cmd.log.map_or_else(Vec::new, |log| log.into_inner().problems()) })
+    }
+
+    /// Times of all frames that are done and have not been fetched, oldest first; never waits. Of more than 256 the
+    /// oldest are lost.
+    pub fn finished_times(&self) -> Result<Vec<FrameTimes>> {
+        // SAFETY: the semaphore is alive.
+        let done = unsafe { self.shared.device.get_semaphore_counter_value(self.shared.timeline) }
+            .map_err(vulkan("asking for finished frames"))?;
+        // The next slot in turn holds the oldest frame.
+        for i in 0..FRAMES_IN_FLIGHT {
+            let mut slot = self.ring.slots[(self.ring.frames.get() as usize + i) % FRAMES_IN_FLIGHT].borrow_mut();
+            if slot.done <= done {
+                self.keep_times(&mut slot)?;
+            }
+        }
+        Ok(self.ring.kept.borrow_mut().drain(..).collect())
+    }
+
+    /// Waits for everything submitted; then `finished_times` has every frame.
+    pub fn wait(&self) -> Result<()> {
+        self.shared.wait()
+    }
+
+    /// Waits for a frame and fetches its times, which must not have been fetched yet.
+    pub fn times(&self, frame: &Frame) -> Result<FrameTimes> {
+        let mut slot = self.ring.slots[frame.number as usize % FRAMES_IN_FLIGHT].borrow_mut();
+        let held = slot.unread && slot.notes.number == frame.number;
+        let start = slot.notes.now();
+        self.shared.wait_for(frame.value)?;
+        if held {
+            slot.notes.worked(Work::Wait, start);
+            self.keep_times(&mut slot)?;
+        }
+        let mut kept = self.ring.kept.borrow_mut();
+        let at = kept.iter().position(|times| times.number == frame.number);
+        Ok(at.and_then(|at| kept.remove(at)).expect("the times of a frame are fetched once, and soon"))
+    }
+
+    /// Reads the times of the slot's frame, which is done, and keeps them.
+    fn keep_times(&self, slot: &mut Slot) -> Result<()> {
+        if !std::mem::take(&mut slot.unread) {
+            return Ok(());
+        }
+        let mut stamps = [0_u64; 2 * MAX_ZONES as usize];
+        let stamps = &mut stamps[..2 * slot.notes.zones.iter().filter(|z| z.timed).count()];
+        if !stamps.is_empty() {
+            // SAFETY: all these queries were written by the finished frame.
+            unsafe {
+                self.shared.device.get_query_pool_results(slot.queries, 0, stamps, vk::QueryResultFlags::TYPE_64)
+            }
+            .map_err(vulkan("reading timestamps"))?;
+        }
+        let mut kept = self.ring.kept.borrow_mut();
+        if kept.len() == KEPT_TIMES {
+            kept.pop_front();
+        }
+        kept.push_back(slot.notes.times(stamps, &self.clock, &mut self.ring.line.borrow_mut()));
+        Ok(())
+    }
+
+    /// Records, submits and waits: for uploads and read-back, outside the frame loop. Has no times.
+    pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
+        let frame = self.submit(false, |cmd| {
+            cmd.full_barrier();
+            cmd.zone.set(name);
+            record(cmd);
+            // What was copied becomes visible to the CPU.
+            let ((src_stage, src_access), (dst_stage, dst_access)) = (Use::CopyWrite.masks(), Use::HostRead.masks());
+            let barriers = [vk::MemoryBarrier2::default()
+                .src_stage_mask(src_stage)
+                .src_access_mask(src_access)
+                .dst_stage_mask(dst_stage)
+                .dst_access_mask(dst_access)];
+            cmd.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
+            Ok(())
+        })?;
+        self.shared.wait_for(frame.value)
+    }
+}
+
+impl Drop for Slot {
+    fn drop(&mut self) {
+        self.shared.wait_to_drop();
+        // SAFETY: nothing is in use after the wait; the command buffer goes with its pool.
+        unsafe { self.shared.device.destroy_query_pool(self.queries, None) };
+    }
+}

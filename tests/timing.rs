@@ -1,0 +1,320 @@
+//! Times of frames: fetched without waiting, across wrap-arounds, in tables and traces that say the same.
+
+use crate::cli::{fails, folder, left, works};
+use crate::common::{assert_clean, gpu};
+use lightskin::frame::{Plan, Settings};
+use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank, ticks_between};
+use lightskin::scene::gltf;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+const CORNELL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cornell_glossy.glb");
+
+#[test]
+fn percentiles_are_nearest_ranks() {
+    let five = [15.0, 20.0, 35.0, 40.0, 50.0];
+    let of = |percent| nearest_rank(&five, percent);
+    assert_eq!([5.0, 30.0, 40.0, 50.0, 100.0].map(of), [15.0, 20.0, 20.0, 35.0, 50.0]);
+    let hundred: Vec<f64> = (1..=100).map(f64::from).collect();
+    assert_eq!([50.0, 95.0, 99.0, 100.0].map(|p| nearest_rank(&hundred, p)), [50.0, 95.0, 99.0, 100.0]);
+    assert_eq!([50.0, 95.0, 99.0, 100.0].map(|p| nearest_rank(&[1.0, 2.0, 3.0], p)), [2.0, 3.0, 3.0, 3.0]);
+    assert_eq!([0.0, 50.0, 100.0].map(|p| nearest_rank(&[7.0], p)), [7.0; 3]);
+}
+
+#[test]
+fn stamps_wrap_around_their_valid_bits() {
+    assert_eq!(ticks_between(5, 12, 64), 7);
+    assert_eq!(ticks_between(12, 5, 64), -7);
+    assert_eq!(ticks_between(u64::MAX - 1, 3, 64), 5);
+    let bits = 36;
+    let last = (1_u64 << bits) - 1;
+    assert_eq!(ticks_between(last, 0, bits), 1);
+    assert_eq!(ticks_between(last - 9, 20, bits), 30);
+    assert_eq!(ticks_between(20, last - 9, bits), -30);
+    // What stands above the valid bits means nothing.
+    assert_eq!(ticks_between(0xdead << 40 | 7, 0xbeef << 40 | 9, bits), 2);
+    // As far as half the range.
+    assert_eq!(ticks_between(3, 3 + (1 << 35) - 1, bits), (1 << 35) - 1);
+}
+
+/// A frame of two stages, the first with two parts.
+fn draw(gpu: &Gpu, split: bool) -> lightskin::gpu::Frame {
+    let frame = gpu.frame(split, |cmd| {
+        cmd.begin_frame([]);
+        {
+            let _outer = cmd.zone("outer");
+            for _ in 0..2 {
+                let _inner = cmd.zone("inner");
+            }
+        }
+        let _last = cmd.zone("last");
+        Ok(())
+    });
+    frame.expect("frame")
+}
+
+fn assert_sound(times: &FrameTimes, split: bool) {
+    let zones: Vec<_> = times.zones.iter().map(|z| (z.name, z.depth)).collect();
+    assert_eq!(zones, [("outer", 0), ("inner", 1), ("inner", 1), ("last", 0)]);
+    assert_eq!(times.split, split);
+    for spans in [times.zones.iter().map(|z| z.cpu).collect(), times.zones.iter().filter_map(|z| z.gpu).collect()] {
+        let spans: Vec<lightskin::gpu::Span> = spans;
+        assert!(spans.is_empty() || spans.len() == 4);
+        for [outer, one, two, last] in spans.as_chunks::<4>().0 {
+            assert!(outer.begin_ms >= 0.0 && outer.begin_ms <= one.begin_ms && one.begin_ms <= one.end_ms, "{times:?}");
+            assert!(
+                one.end_ms <= two.begin_ms && two.begin_ms <= two.end_ms && two.end_ms <= outer.end_ms,
+                "{times:?}"
+            );
+            assert!(outer.end_ms <= last.begin_ms && last.begin_ms <= last.end_ms, "{times:?}");
+        }
+    }
+    let stages: Vec<_> = times.stages().iter().map(|s| s.name).collect();
+    assert_eq!(stages, ["outer", "inner", "last"]);
+    let [record, submit, wait] = [Work::Record, Work::Submit, Work::Wait].map(|work| times.cpu_ms(work));
+    assert!(record > 0.0 && submit > 0.0 && wait >= 0.0, "{times:?}");
+    assert!(record + submit + wait <= times.cpu_span_ms() * 1.001, "{times:?}");
+    let submissions = times.work.iter().filter(|(work, _)| *work == Work::Submit).count();
+    assert_eq!(submissions, if split { 5 } else { 1 });
+}
+
+#[test]
+fn many_frames_without_waiting_have_as_many_times() {
+    let gpu = gpu();
+    assert!(gpu.has_timestamps());
+    for split in [false, true] {
+        let mut all = Vec::new();
+        for _ in 0..60 {
+            assert_eq!(draw(&gpu, split).problems, [""; 0]);
+            all.extend(gpu.finished_times().expect("times"));
+        }
+        gpu.wait().expect("done");
+        all.extend(gpu.finished_times().expect("times"));
+        assert_eq!(all.len(), 60);
+        for times in &all {
+            assert_sound(times, split);
+            assert!(
+                times.gpu_ms().is_some() && times.gpu_span_ms() >= times.gpu_ms().map(|ms| ms * 0.999),
+                "{times:?}"
+            );
+        }
+        for pair in all.windows(2) {
+            assert!(pair[0].number < pair[1].number && pair[0].begin < pair[1].begin);
+            let end = pair[0].first_stamp_ms.zip(pair[0].gpu_span_ms()).map(|(first, span)| first + span);
+            assert!(end.expect("stamps") <= pair[1].first_stamp_ms.expect("stamps") + 1e-6, "{pair:?}");
+        }
+        assert_eq!(gpu.finished_times().expect("times"), []);
+    }
+    // Fetched late and together, too, and what runs in between leaves no times.
+    let frames: Vec<_> = (0..10).map(|_| draw(&gpu, false)).collect();
+    gpu.run_once("between", |_| ()).expect("run");
+    assert_sound(&gpu.times(&frames[9]).expect("times"), false);
+    assert_sound(&gpu.times(&frames[0]).expect("times"), false);
+    assert_eq!(gpu.finished_times().expect("times").len(), 8);
+    // A loop that never fetches keeps the last 256.
+    for _ in 0..300 {
+        let _ = draw(&gpu, false);
+    }
+    gpu.wait().expect("done");
+    assert_eq!(gpu.finished_times().expect("times").len(), 256);
+    assert_clean(&gpu);
+}
+
+#[test]
+fn a_queue_without_timestamps_gives_cpu_times() {
+    let gpu = gpu().without_timestamps();
+    for split in [false, true] {
+        let frame = draw(&gpu, split);
+        let times = gpu.times(&frame).expect("times");
+        assert_sound(&times, split);
+        assert!(times.zones.iter().all(|z| z.gpu.is_none()) && times.first_stamp_ms.is_none());
+        assert_eq!((times.gpu_ms(), times.gpu_span_ms()), (None, None));
+        assert_eq!(times.way(), "no GPU times: the queue has no timestamps");
+        let mut trace = lightskin::trace::Trace::default();
+        trace.frames(&[times]);
+        let file = folder(&format!("timing-none-{split}")).join("t.json");
+        trace.write(&file, &[], &serde_json::Map::new()).expect("written");
+        let events = events(&file);
+        assert!(events.iter().any(|e| e["name"] == "inner") && events.iter().all(|e| e["tid"] != 2));
+    }
+    assert_clean(&gpu);
+}
+
+/// The events of a trace, each with what a viewer needs.
+fn events(file: &Path) -> Vec<Value> {
+    let text = fs::read_to_string(file).expect("a trace");
+    let trace: Value = serde_json::from_str(&text).expect("JSON");
+    let events = trace["traceEvents"].as_array().expect("events").clone();
+    for event in &events {
+        assert!(["M", "X", "C"].contains(&event["ph"].as_str().expect("ph")), "{event}");
+        assert!(event["pid"].is_u64() && event["tid"].is_u64() && event["name"].is_string(), "{event}");
+        assert!(event["ts"].as_f64().expect("ts") >= 0.0 && event["args"].is_object(), "{event}");
+        assert!(event["ph"] != "X" || event["dur"].as_f64().expect("dur") >= 0.0, "{event}");
+    }
+    events
+}
+
+/// Spans of each track [ns], which nest or stand apart.
+fn assert_nested(events: &[Value]) {
+    let mut tracks: BTreeMap<u64, Vec<(i64, i64, String)>> = BTreeMap::new();
+    let ns = |value: &Value| (value.as_f64().expect("number") * 1e3).round() as i64;
+    for event in events.iter().filter(|e| e["ph"] == "X") {
+        let (begin, name) = (ns(&event["ts"]), event["name"].to_string());
+        tracks.entry(event["tid"].as_u64().expect("tid")).or_default().push((begin, begin + ns(&event["dur"]), name));
+    }
+    assert_eq!(tracks.keys().copied().collect::<Vec<_>>(), [1, 2]);
+    for spans in tracks.values_mut() {
+        spans.sort_by_key(|s| (s.0, -s.1));
+        let mut open: Vec<&(i64, i64, String)> = Vec::new();
+        for span in spans.iter() {
+            while open.last().is_some_and(|outer| outer.1 <= span.0) {
+                open.pop();
+            }
+            assert!(open.last().is_none_or(|outer| span.1 <= outer.1), "{span:?} sticks out of {open:?}");
+            open.push(span);
+        }
+    }
+}
+
+/// On a software device each zone lies between the beginning of its submission and the end of the wait for it.
+fn assert_aligned(events: &[Value]) {
+    let spans = |track: u64, names: &[&str]| -> Vec<(f64, f64)> {
+        let of = |e: &&Value| e["ph"] == "X" && e["tid"] == track && names.contains(&e["name"].as_str().expect("name"));
+        let span = |e: &Value| {
+            let begin = e["ts"].as_f64().expect("ts");
+            (begin, begin + e["dur"].as_f64().expect("dur"))
+        };
+        let mut all: Vec<_> = events.iter().filter(of).map(span).collect();
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        all
+    };
+    let (submits, waits) = (spans(1, &["submit"]), spans(1, &["wait"]));
+    for name in ["gbuffer", "gather", "composite"] {
+        for ((cpu_begin, _), (begin, end)) in spans(1, &[name]).into_iter().zip(spans(2, &[name])) {
+            let submit = submits.iter().find(|s| s.0 >= cpu_begin).expect("a submission").0;
+            let waited = waits.iter().find(|w| w.0 >= submit).expect("a wait").1;
+            // A microsecond for rounding, a hundred for clocks that run apart.
+            assert!(begin >= submit - 1.0 && end <= waited + 100.0, "{name}: {begin} to {end}, {submit} to {waited}");
+        }
+    }
+}
+
+/// Lines of a CSV file by their heading.
+fn rows(text: &str) -> Vec<BTreeMap<String, String>> {
+    let cells = |line: &str| {
+        let (mut all, mut quoted) = (vec![String::new()], false);
+        for c in line.chars() {
+            match c {
+                '"' => quoted = !quoted,
+                ',' if !quoted => all.push(String::new()),
+                c => all.last_mut().expect("a cell").push(c),
+            }
+        }
+        all
+    };
+    let mut lines = text.lines();
+    let head = cells(lines.next().expect("a heading"));
+    lines
+        .map(|line| {
+            let row = cells(line);
+            assert_eq!(row.len(), head.len(), "{line}");
+            head.iter().cloned().zip(row).collect()
+        })
+        .collect()
+}
+
+#[test]
+fn trace_csv_and_json_lines_tell_of_every_stage() {
+    let at = folder("timing-render");
+    let args = ["render", CORNELL, "-o", "a.png", "--size", "48x48", "--caches", "60", "--rsm", "16", "--repeat", "3"];
+    let files = ["--trace", "t.json", "--timings", "t.csv", "--timings", "t.jsonl", "--validation", "sync"];
+    let said = works(&at, &[&args[..], &files].concat());
+    for word in ["median", "p95", "p99", "max", "3 frames", "record", "submit", "wait"] {
+        assert!(said.contains(word), "no {word} in {said}");
+    }
+    assert_eq!(left(&at), ["a.png", "t.csv", "t.json", "t.jsonl"]);
+
+    // Every stage of the plan on both tracks, once for each frame.
+    let scene = gltf::load(Path::new(CORNELL)).expect("loads");
+    let lines = Plan::new(&scene, &Settings::default()).lines();
+    let stages: Vec<&str> = lines.iter().filter(|l| l.runs).map(|l| l.name).collect();
+    assert!(stages.len() >= 7, "{stages:?}");
+    let events = events(&at.join("t.json"));
+    assert_nested(&events);
+    if Gpu::new(&Default::default()).expect("a device").is_software() {
+        assert_aligned(&events);
+    }
+    let count = |ph: &str, tid: u64, name: &str| {
+        events.iter().filter(|e| e["ph"] == ph && e["tid"] == tid && e["name"] == name).count()
+    };
+    for stage in &stages {
+        assert_eq!((count("X", 1, stage), count("X", 2, stage)), (3, 3), "{stage}");
+    }
+    assert_eq!((count("X", 1, "frame"), count("X", 2, "frame"), count("X", 1, "record")), (3, 3, 3));
+    for name in ["load", "bake", "upload", "frames", "picture"] {
+        assert_eq!(count("X", 1, name), 1, "{name}");
+    }
+    assert!(count("X", 1, "submit") >= 3 && count("X", 1, "wait") >= 3);
+    assert_eq!((count("M", 0, "process_name"), count("M", 1, "thread_name"), count("M", 2, "thread_name")), (1, 1, 1));
+    let counter = |name: &str, series: &str| {
+        let all: Vec<_> = events.iter().filter(|e| e["ph"] == "C" && e["name"] == name).collect();
+        assert_eq!(all.len(), 3, "{name}");
+        all[0]["args"][series].as_u64().expect("a count")
+    };
+    let targets = counter("device memory [bytes]", "targets");
+    assert!(targets > 48 * 48 * (16 + 16 + 8 + 8 + 4 + 4) && targets < 100_000_000, "{targets}");
+
+    // The same numbers in both tables.
+    let rows = rows(&fs::read_to_string(at.join("t.csv")).expect("CSV"));
+    let text = fs::read_to_string(at.join("t.jsonl")).expect("JSON lines");
+    let frames: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    assert_eq!((rows.len(), frames.len()), (3 * stages.len(), 3));
+    assert_eq!(counter("VALs", "VALs"), frames[0]["vals"].as_u64().expect("vals"));
+    assert_eq!(counter("live caches", "caches"), frames[0]["caches"].as_u64().expect("caches"));
+    for (frame, rows) in frames.iter().zip(rows.chunks(stages.len())) {
+        for ((row, stage), name) in rows.iter().zip(frame["stages"].as_array().expect("stages")).zip(&stages) {
+            assert_eq!((&row["stage"], stage["name"].as_str()), (&(*name).to_owned(), Some(*name)));
+            for what in ["gpu_ms", "cpu_ms"] {
+                let ms: f64 = row[&format!("stage_{what}")].parse().expect("a number");
+                assert_eq!(Some(ms), stage[what].as_f64());
+            }
+            assert_eq!(row.len(), 3 + frame.as_object().expect("object").len() - 1);
+            for (name, value) in frame.as_object().expect("object").iter().filter(|(name, _)| *name != "stages") {
+                let same = match value {
+                    Value::Null => row[name].is_empty(),
+                    Value::String(text) => row[name] == *text,
+                    Value::Array(_) => row[name] == "48x48",
+                    other => serde_json::from_str::<Value>(&row[name]).is_ok_and(|v| v == *other),
+                };
+                assert!(same, "{name}: {} is not {value}", row[name]);
+            }
+        }
+        let sum: f64 = rows.iter().map(|row| row["stage_gpu_ms"].parse::<f64>().expect("ms")).sum();
+        let whole = frame["gpu_ms"].as_f64().expect("ms");
+        assert!((sum - whole).abs() < 1e-6 && frame["gpu_span_ms"].as_f64().expect("ms") >= whole - 1e-6);
+        for name in ["device", "driver", "method", "gi", "interpolation", "gather", "proxy_weight", "validation"] {
+            assert!(frame[name].as_str().is_some_and(|text| !text.is_empty()), "{name} in {frame}");
+        }
+    }
+    // What the trace draws of a frame is as long as the table says.
+    let drawn =
+        events.iter().filter(|e| e["tid"] == 2 && e["name"] == "frame").map(|e| e["dur"].as_f64().expect("dur"));
+    for (us, frame) in drawn.zip(&frames) {
+        let ms = frame["gpu_span_ms"].as_f64().expect("ms");
+        assert!((us / 1e3 - ms).abs() < 1e-5, "{us} us, {ms} ms");
+    }
+}
+
+#[test]
+fn names_of_files_and_path_traces_are_checked() {
+    let at = folder("timing-usage");
+    fails(&at, &["render", "--timings", "t.txt"], 2, &[".jsonl or .csv"]);
+    fails(&at, &["render", "--trace", "t.jsonl"], 2, &[".json"]);
+    for flag in [["--trace", "t.json"], ["--timings", "t.csv"]] {
+        fails(&at, &[&["render", "--gi", "path-trace"], &flag[..]].concat(), 2, &["--gi path-trace has none"]);
+    }
+    fails(&at, &["render", "--trace", "no/folder/t.json"], 1, &["does not exist"]);
+    assert_eq!(left(&at), [""; 0]);
+}
