@@ -6,6 +6,7 @@ layout(constant_id = 0) const uint REFERENCES = 8;
 
 #include "lib/references.glsl"
 
+layout(binding = 4, scalar) readonly buffer Args { ElementArgs args; };
 layout(binding = 5, scalar) buffer Flags { uint flags[]; };
 
 void main() {

@@ -7,6 +7,7 @@ mod choices;
 mod cli;
 mod common;
 mod compare;
+mod cull;
 mod energy;
 mod eval;
 mod flicker;

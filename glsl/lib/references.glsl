@@ -1,13 +1,12 @@
 // The caches that a visible element needs: those of all its corners. Includer declares `REFERENCES`, and
-// bindings 0 to 4 as below.
+// leaves bindings 0 to 3 to this.
 #ifndef REFERENCES_GLSL
 #define REFERENCES_GLSL
 
 layout(binding = 0, scalar) readonly buffer Elements { uvec2 elements[]; };
-layout(binding = 1, scalar) readonly buffer Args { ElementArgs args; };
-layout(binding = 2, scalar) readonly buffer Draws { DrawRecord draws[]; };
-layout(binding = 3, scalar) readonly buffer Indices { uint indices[]; };
-layout(binding = 4, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
+layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
+layout(binding = 2, scalar) readonly buffer Indices { uint indices[]; };
+layout(binding = 3, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
 
 // Atlas index of reference `i`, of 3 * REFERENCES, of an element; NO_REFERENCES where there is none.
 uint needed_cache(uvec2 element, uint i) {

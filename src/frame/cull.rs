@@ -70,13 +70,8 @@ impl Cull {
             cmd.bind(&self.elements, &[(*view).into(), (&visible.list).into(), (&visible.args).into()]);
             cmd.dispatch(view.width, view.height, 1);
         }
-        let references = [
-            (&visible.list).into(),
-            (&visible.args).into(),
-            (&scene.draw_records).into(),
-            scene.indices().into(),
-            (&scene.references).into(),
-        ];
+        let references =
+            [(&visible.list).into(), (&scene.draw_records).into(), scene.indices().into(), (&scene.references).into()];
         match &self.path {
             Path::Fragment { histogram } => {
                 let mask = caches.mask.as_ref().expect("of this path");
@@ -91,8 +86,9 @@ impl Cull {
             Path::Compute { flag, pack } => {
                 let live = caches.live.as_ref().expect("of this path");
                 cmd.barrier(Use::ComputeWrite, Use::IndirectRead | Use::ComputeRead);
-                let [list, args, draws, indices, refs] = references;
-                cmd.bind(flag, &[list, args, draws, indices, refs, (&live.flags).into()]);
+                let [elements, draws, indices, refs] = references;
+                let (args, flags) = ((&visible.args).into(), (&live.flags).into());
+                cmd.bind(flag, &[elements, draws, indices, refs, args, flags]);
                 cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(ElementArgs, groups_x) as u64);
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 pack.caches(cmd, live, vals, false);

@@ -1,0 +1,186 @@
+//! Stage 5: exactly the caches that visible triangles refer to are lit, by both paths, and no picture changes.
+
+use std::collections::BTreeSet;
+
+use glam::{DVec3, dvec3};
+use lightskin::bake::{CacheSet, NO_CACHE};
+use lightskin::eval::shot::{atlas_texel, seen, small};
+use lightskin::eval::worlds::{SPOT, baked, camera, corner};
+use lightskin::frame::cull::Cull;
+use lightskin::frame::gbuffer::GBuffer;
+use lightskin::frame::targets::CacheTargets;
+use lightskin::frame::{Frame, GatherPath, GatherSettings, SceneBuffers, Settings, View};
+use lightskin::gpu::{Gpu, Use};
+use lightskin::scene::build::{CornellSurface, atrium, cornell};
+use lightskin::scene::{LightKind, Scene};
+use lightskin::shared::LiveArgs;
+
+use crate::common::{assert_clean, gpu};
+
+const PATHS: [GatherPath; 2] = [GatherPath::Fragment, GatherPath::Compute];
+
+fn settings(path: GatherPath) -> Settings {
+    Settings { cull: true, gather: GatherSettings { path, ..GatherSettings::default() }, ..small() }
+}
+
+/// Atlas indices of the caches that the last frame has lit.
+fn live(gpu: &Gpu, caches: &CacheTargets) -> BTreeSet<usize> {
+    if let Some(live) = &caches.live {
+        let count = gpu.read::<LiveArgs>(&live.args).expect("arguments")[0].cache_count as usize;
+        let list: Vec<u32> = gpu.read(&live.list).expect("list");
+        assert!(list[..count].is_sorted_by(|a, b| a < b), "the list keeps the atlas's order");
+        return list[..count].iter().map(|c| *c as usize).collect();
+    }
+    let mask: Vec<f32> = gpu.read_image(caches.mask.as_ref().expect("one of both")).expect("mask");
+    let lit: BTreeSet<_> = (0..caches.count as usize).filter(|c| mask[atlas_texel(*c)] == 1.0).collect();
+    assert_eq!(mask.iter().filter(|depth| **depth != 0.0).count(), lit.len(), "no texel without a cache");
+    lit
+}
+
+/// What they must be: all references of all corners of the triangles at the centres of the pixels. And how many of them
+/// lie on faces that are turned away from the camera.
+fn needed(scene: &Scene, caches: &CacheSet, size: [u32; 2]) -> (BTreeSet<usize>, usize) {
+    let mut base = Vec::new();
+    let mut count = 0;
+    for model in &caches.instance_model {
+        base.push(count);
+        count += caches.models[*model].caches.len();
+    }
+    let eye = scene.cameras[0].world_from_camera.translation;
+    let (mut referred, mut hidden) = (BTreeSet::new(), BTreeSet::new());
+    for s in seen(scene, size) {
+        let model = &caches.models[caches.instance_model[s.instance]];
+        let mesh = &scene.meshes[scene.instances[s.instance].mesh];
+        let each = model.references.len() / mesh.vertices.len();
+        for vertex in s.vertices {
+            let row = &model.references[vertex * each..(vertex + 1) * each];
+            for reference in row.iter().filter(|r| **r != NO_CACHE).map(|r| *r as usize) {
+                referred.insert(base[s.instance] + reference);
+                let (place, cache) = (scene.instances[s.instance].world_from_model, &model.caches[reference]);
+                let normal = place.matrix3.inverse().transpose() * cache.normal.as_dvec3();
+                if normal.dot(eye - place.transform_point3(cache.position.as_dvec3())) < 0.0 {
+                    hidden.insert(base[s.instance] + reference);
+                }
+            }
+        }
+    }
+    (referred, hidden.len())
+}
+
+#[test]
+fn both_paths_light_exactly_the_caches_that_visible_triangles_refer_to() {
+    let gpu = gpu();
+    for (references, eye) in [(8, dvec3(1.41, 1.53, 2.07)), (16, dvec3(0.43, 0.71, 0.52))] {
+        let mut scene = corner(&[SPOT], 40.0);
+        scene.cameras[0] = camera(eye, dvec3(-0.1, 0.5, -0.1), 0.5);
+        let caches = baked(&scene, 0.12, references).expect("bakes");
+        let (expected, hidden) = needed(&scene, &caches, small().size);
+        for path in PATHS {
+            let settings = Settings { references, ..settings(path) };
+            let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+            let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+            let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+            // A second frame is as good as the first one: nothing of that is left.
+            for _ in 0..2 {
+                let drawn = gpu.frame(false, |cmd| {
+                    frame.record(cmd, &buffers, &view);
+                    Ok(())
+                });
+                assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+                let found = live(&gpu, frame.targets.caches.as_ref().expect("caches"));
+                let apart: Vec<_> = found.symmetric_difference(&expected).collect();
+                assert!(apart.is_empty(), "{path:?}, {references} references: {apart:?} on one side alone");
+                assert_eq!(frame.live(&gpu).expect("counts").caches as usize, expected.len());
+            }
+            let all = frame.targets.caches.as_ref().expect("caches").count as usize;
+            eprintln!("{path:?}: {} of {all} caches, {hidden} of them on hidden faces", expected.len());
+            assert!(expected.len() < all && hidden > 0);
+        }
+    }
+    assert_clean(&gpu);
+}
+
+/// Direct and both indirect layers, bit by bit.
+fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> (Vec<Vec<[u32; 4]>>, [usize; 2]) {
+    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("uploaded");
+    let frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
+    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, &buffers, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    let indirect = frame.targets.indirect.as_ref().expect("indirect light");
+    let images = [&indirect.diffuse].into_iter().chain(&indirect.glossy);
+    let all = images.map(|image| gpu.read_image(image).expect("read")).collect();
+    let count = frame.targets.caches.as_ref().expect("caches").count as usize;
+    (all, [frame.live(gpu).expect("counts").caches as usize, count])
+}
+
+#[test]
+fn culling_changes_no_bit_of_a_picture() {
+    let gpu = gpu();
+    let near = |mut scene: Scene, eye: DVec3, target: DVec3| {
+        scene.cameras[0] = camera(eye, target, 0.3);
+        scene
+    };
+    let worlds = [
+        (corner(&[SPOT, LightKind::Directional], 40.0), 0.12),
+        (near(cornell(CornellSurface::Glossy, 0.1), dvec3(0.1, 0.4, 1.5), dvec3(0.4, 0.1, -0.4)), 0.12),
+        (near(atrium(), dvec3(1.0, 1.6, 0.5), dvec3(4.0, 1.0, 2.0)), 0.6),
+    ];
+    for (scene, spacing) in worlds {
+        let caches = baked(&scene, spacing, 8).expect("bakes");
+        for path in PATHS {
+            let culled = Settings { size: [96, 64], ..settings(path) };
+            let (with, [lit, all]) = layers(&gpu, &scene, &caches, &culled);
+            let (without, _) = layers(&gpu, &scene, &caches, &Settings { cull: false, ..culled });
+            eprintln!("{} by {path:?}: {lit} of {all} caches", scene.name);
+            assert!(lit < all, "something is culled");
+            assert!(with == without, "{} by {path:?}: pictures differ", scene.name);
+            assert!(with.iter().flatten().any(|p| p[0] != 0), "there is light");
+        }
+    }
+    assert_clean(&gpu);
+}
+
+#[test]
+fn of_several_views_every_one_is_served() {
+    let gpu = gpu();
+    let mut scene = corner(&[SPOT], 40.0);
+    scene.cameras[0] = camera(dvec3(0.7, 0.9, 0.6), dvec3(-0.3, 0.0, -0.6), 0.3);
+    scene.cameras.push(camera(dvec3(0.6, 1.2, 0.9), dvec3(-1.0, 1.6, 0.6), 0.2));
+    let caches = baked(&scene, 0.12, 8).expect("bakes");
+    let views: Vec<_> = (0..2)
+        .map(|i| {
+            let mut alone = scene.clone();
+            alone.cameras = vec![scene.cameras[i].clone()];
+            needed(&alone, &caches, small().size).0
+        })
+        .collect();
+    assert!(!views[0].is_subset(&views[1]) && !views[1].is_subset(&views[0]), "both views need caches of their own");
+    for path in PATHS {
+        let settings = settings(path);
+        let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        let frames = [(); 2].map(|()| Frame::new(&gpu, &scene, &buffers, &settings).expect("made"));
+        let (gbuffer, cull) = (GBuffer::new(&gpu, &frames[0].plan), Cull::new(&gpu, &settings));
+        let (gbuffer, cull) = (gbuffer.expect("made"), cull.expect("made"));
+        let targets = [&frames[0].targets, &frames[1].targets];
+        let drawn = gpu.frame(false, |cmd| {
+            cmd.begin_frame(targets.iter().flat_map(|t| t.images()));
+            for (t, camera) in targets.iter().zip(&scene.cameras) {
+                let view = View::new(camera, settings.size, buffers.origin, buffers.radius);
+                gbuffer.record(cmd, &buffers, &view, t);
+            }
+            let elements = targets.map(|t| t.element.as_ref().expect("culled"));
+            let (vals, caches) = (&targets[0].rsm.as_ref().expect("VALs").vals, targets[0].caches.as_ref());
+            cull.record(cmd, &buffers, &elements, vals, caches.expect("caches"));
+            cmd.barrier(Use::ComputeWrite | Use::DepthWrite, Use::CopyRead);
+            Ok(())
+        });
+        assert_eq!(drawn.expect("drawn").problems.len(), 1, "only the barrier before the reading is for nothing");
+        let found = live(&gpu, targets[0].caches.as_ref().expect("caches"));
+        assert_eq!(found, views[0].union(&views[1]).copied().collect(), "{path:?}");
+    }
+    assert_clean(&gpu);
+}
