@@ -10,6 +10,7 @@ pub mod gbuffer;
 pub mod interpolate;
 pub mod lights;
 pub mod plan;
+pub mod pyramid;
 pub mod rsm;
 pub mod targets;
 pub mod upload;
