@@ -127,6 +127,31 @@ struct Val {
     float weight; // its pull on the proxy's position before the geometry factor; 0 where the texel hit nothing
 };
 
+// The VALs of a square block of texels, together as one. Nodes lie depth first, view after view: one that is used, or
+// holds nothing, is followed by `skip`, any other by the next. The finest hold 2 x 2 VALs, which are no nodes themselves.
+struct ClusterNode {
+    vec3 position; // mean by weight
+    float radius; // of a sphere about it that holds all VALs; d_val of the thesis
+    vec3 normal; // mean by weight, unit
+    float thickness; // farthest VAL from the plane square to the normal through the position
+    vec3 flux; // sum [lm]
+    float area; // mean by weight [m^2]
+    float weight; // sum; 0 where no VAL is alive
+    float spread; // farthest normal of a VAL from the node's, as points on the unit sphere
+    uint skip; // the node after all that are below
+    uint first; // of a finest node: its first VAL
+    uint row; // likewise: from it to the VAL in the next row
+    uint alive; // likewise: which of the four are alive, in bits, row by row; 0 of all other nodes
+};
+
+// Where the VALs and nodes of one RSM lie.
+struct ClusterView {
+    uint first_val;
+    uint size; // [texels] of its side
+    uint first_node;
+    uint levels; // above the VALs
+};
+
 // A cache as it was baked, in model space.
 struct ModelCache {
     vec3 position;
@@ -227,6 +252,11 @@ struct AtlasPush {
 // Push constants of placing the caches.
 struct PlacePush {
     uint cache_count;
+};
+
+// Push constants of the pass that builds a level of the pyramids.
+struct PyramidPush {
+    uint level; // 1 is over the VALs
 };
 
 // Push constants of the gather.

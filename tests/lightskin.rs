@@ -5,6 +5,7 @@ mod analytic;
 mod bake;
 mod choices;
 mod cli;
+mod cluster;
 mod common;
 mod compare;
 mod cull;

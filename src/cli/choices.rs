@@ -20,6 +20,9 @@ pub(super) struct Choices {
     /// Replace the exponent of every exact Phong lobe.
     #[arg(long, value_name = "K", value_parser = super::positive)]
     exponent: Option<f64>,
+    /// Only light clustering against none.
+    #[arg(long)]
+    clusters: bool,
 }
 
 pub(super) fn run(args: &Choices) -> Result<()> {
@@ -30,7 +33,37 @@ pub(super) fn run(args: &Choices) -> Result<()> {
     if let Some(k) = args.exponent {
         scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
     }
-    tables(&scene, &Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize })
+    let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
+    if args.clusters { clusters(&scene, &settings) } else { tables(&scene, &settings) }
+}
+
+/// Prints what clustering saves and costs.
+fn clusters(scene: &Scene, settings: &Settings) -> Result<()> {
+    let camera = super::render::camera(scene, None)?;
+    let study = Study::new(scene, &camera, *settings)?;
+    let [caches, vals] = study.counts();
+    say!("{}: {caches} caches, {vals} live VALs; shares of all pairs, errors against no clustering", scene.name);
+    let heads = ["pairs", "tests", "error", "worst", "bias", "turned"];
+    let [a, b, c, d, e, f] = heads;
+    say!(
+        "{:<34}alone:{a:>7}{b:>8}{c:>9}{d:>8}{e:>9}{f:>8} | by groups:{a:>7}{b:>8}{c:>9}{d:>8}{e:>9}{f:>8} | pixels: diffuse  glossy",
+        ""
+    );
+    for row in study.clusters() {
+        let [alone, together] = row.walks.map(|w| {
+            let [pairs, tests, error, worst, bias] =
+                [w.pairs, w.tests, w.error, w.worst, w.bias].map(|share| 100.0 * share);
+            format!("{pairs:>7.2}%{tests:>7.2}%{error:>8.4}%{worst:>7.2}%{bias:>+8.3}%{:>8.3}", w.turned)
+        });
+        let [diffuse, glossy] = row.pixels.map(|share| 100.0 * share);
+        say!("  {:<38}{alone} |           {together} |       {diffuse:>8.4}%{glossy:>8.4}%", row.name);
+    }
+    say!("moving lights{:<25}{:>9}{:>14}{:>10}{:>9}", "", "pairs", "largest change", "added", "rms");
+    for row in study.cluster_flicker() {
+        let [pairs, largest, added, rms] = [row.pairs, row.largest, row.added, row.rms].map(|share| 100.0 * share);
+        say!("  {:<36}{pairs:>8.2}%{largest:>13.3}%{added:>9.4}%{rms:>9.5}%", row.name);
+    }
+    Ok(())
 }
 
 /// Prints every table that a scene has.

@@ -12,6 +12,7 @@ pub mod interpolate;
 pub mod lights;
 pub mod pack;
 pub mod plan;
+pub mod pyramid;
 pub mod rsm;
 pub mod targets;
 pub mod tune;

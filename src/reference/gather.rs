@@ -32,6 +32,16 @@ pub enum ProxyWeight {
     FormFactor,
 }
 
+impl ProxyWeight {
+    /// A VAL's pull before the geometry factor.
+    pub fn of(self, val: &Val) -> f64 {
+        match self {
+            Self::Irradiance => luminance(val.flux),
+            Self::FormFactor => val.area,
+        }
+    }
+}
+
 /// One lobe's proxy light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lobe {
@@ -116,18 +126,17 @@ pub struct Received {
 
 /// Gathers `vals` at a cache: diffuse lobe by eq. 5.39-5.43, with an `eye` [m] also the glossy lobe, eq. 5.44.
 pub fn gather(cache: &Cache, vals: &[Val], eye: Option<DVec3>, weight: ProxyWeight) -> Gathered {
-    let mirrored = eye.map_or(DVec3::ZERO, |eye| mirrored_view(cache.position, cache.normal, eye));
-    let received = vals.iter().map(|val| {
-        let (geometry, direction) = val_geometry(cache.position, cache.normal, val);
-        let pull = geometry
-            * match weight {
-                ProxyWeight::Irradiance => luminance(val.flux),
-                ProxyWeight::FormFactor => val.area,
-            };
-        let lobe = eye.map_or(0.0, |_| cos_power(cache.exponent, mirrored.dot(direction)));
-        Received { offset: val.position - cache.position, irradiance: val.flux * geometry, pull, lobe }
-    });
-    gather_received(cache, mirrored, received)
+    let mirrored = eye.map(|eye| mirrored_view(cache.position, cache.normal, eye));
+    let received = vals.iter().map(|val| receive(cache, mirrored, val, weight.of(val)));
+    gather_received(cache, mirrored.unwrap_or_default(), received)
+}
+
+/// What a cache, in the glossy lobe one with this mirrored view, receives from a VAL of a weight.
+pub fn receive(cache: &Cache, mirrored: Option<DVec3>, val: &Val, weight: f64) -> Received {
+    let (geometry, direction) = val_geometry(cache.position, cache.normal, val);
+    let lobe = mirrored.map_or(0.0, |mirrored| cos_power(cache.exponent, mirrored.dot(direction)));
+    let offset = val.position - cache.position;
+    Received { offset, irradiance: val.flux * geometry, pull: geometry * weight, lobe }
 }
 
 /// The proxies of a cache with this mirrored view, from what it receives.

@@ -5,6 +5,8 @@
 
 /// Radiance from every VAL without caches: the ground truth of the interpolation.
 pub mod brute_force;
+/// Pyramids of VALs and the cuts that caches take of them.
+pub mod cluster;
 /// Exact integrals over a disc or a polygon.
 pub mod disc;
 /// Form factor between a point and a disc, eq. 5.7.

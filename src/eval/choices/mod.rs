@@ -2,9 +2,11 @@
 //! VALs, interpolated at the vertices as the engine does, against brute force with the same VALs or against light paths
 //! that pass through everything, which is what infinitely many VALs would give. No device takes part.
 
+mod clusters;
 mod study;
 mod variants;
 
+pub use clusters::{Clustered, Flickered};
 pub use study::{Settings, Study};
 
 use rayon::prelude::*;

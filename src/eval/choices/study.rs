@@ -15,7 +15,7 @@ use crate::reference::phong::{Material, mirrored_view};
 use crate::reference::rsm::{self, Val, View};
 use crate::reference::triangle::{Hit, Triangle};
 use crate::reference::world::{Sides, World};
-use crate::scene::{Camera, Scene};
+use crate::scene::{Camera, Light, Scene};
 
 /// What a study is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -189,6 +189,18 @@ fn caches(scene: &Scene, baked: &CacheSet) -> (Vec<Cache>, Vec<usize>) {
 /// The VALs of all lights. Areas are square to the light's axis (5.10), or with `tilted` the texel's footprint on the
 /// surface, at most that many times as large as square to the ray.
 pub(super) fn vals(scene: &Scene, world: &World<'_>, rsm: usize, tilted: Option<f64>) -> Vec<Val> {
+    let all = pictures(scene, world, &scene.lights, rsm, tilted).0;
+    all.into_iter().filter(|val| *val != Val::NOTHING).collect()
+}
+
+/// The texels of all pictures that lights take, row by row, and the sides of the pictures.
+pub(super) fn pictures(
+    scene: &Scene,
+    world: &World<'_>,
+    lights: &[Light],
+    rsm: usize,
+    tilted: Option<f64>,
+) -> (Vec<Val>, Vec<usize>) {
     // Parallel views only want bounds.
     let (low, high) = scene.bounds().unwrap_or_default();
     let corner = |i: usize| DVec3::from([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] }));
@@ -197,29 +209,30 @@ pub(super) fn vals(scene: &Scene, world: &World<'_>, rsm: usize, tilted: Option<
         normals: [DVec3::Y; 3],
         diffuse: DVec3::ZERO,
     });
-    let mut all = Vec::new();
-    for light in &scene.lights {
+    let (mut all, mut sizes) = (Vec::new(), Vec::new());
+    for light in lights {
         let views = rsm::views(&bounds, light);
         let n = if views.len() == 1 { rsm } else { ((rsm as f64 / 6_f64.sqrt()).round() as usize).max(1) };
         for view in &views {
             let texel = |i: usize| {
                 let [x, y] = [i % n, i / n];
                 let (origin, direction) = view.ray(x as f64 + 0.5, y as f64 + 0.5, n);
-                let hit = world.nearest(origin, direction, Sides::Both)?;
+                let Some(hit) = world.nearest(origin, direction, Sides::Both) else { return Val::NOTHING };
                 let surface = world.surface(&hit);
                 let (position, normal) = (surface.position, surface.vertex_normal);
                 let met = Hit { distance: hit.distance, position, normal, diffuse: surface.reflection.diffuse };
                 let mut val = rsm::val(light, view, [x, y], n, &met);
-                if let Some(limit) = tilted {
+                if let (Some(limit), true) = (tilted, val != Val::NOTHING) {
                     let cos = (-surface.geometric.dot(direction)).max(1.0 / limit);
                     val.area = square_to_ray(view, [x, y], n, hit.distance) / cos;
                 }
-                (val.normal != DVec3::ZERO).then_some(val)
+                val
             };
-            all.extend((0..n * n).into_par_iter().filter_map(texel).collect::<Vec<_>>());
+            sizes.push(n);
+            all.extend((0..n * n).into_par_iter().map(texel).collect::<Vec<_>>());
         }
     }
-    all
+    (all, sizes)
 }
 
 /// Cross section [m^2] of a texel's beam at a distance [m].

@@ -1,0 +1,209 @@
+//! Cuts through a pyramid: which nodes stand for their VALs at a cache, or at a group of caches that walk together.
+//!
+//! A cache passes from a node to its children by a share in [0, 1], at most that by which it came to the node; what does
+//! not pass is received from the node. So each VAL is received once, by itself or in the nodes above it, and where the
+//! share is continuous in the places of cache and VALs, nothing jumps.
+
+use glam::DVec3;
+
+use super::{Node, Pyramid};
+use crate::reference::gather::{Cache, Gathered, Received, gather_received, luminance, receive, val_geometry};
+use crate::reference::phong::mirrored_view;
+use crate::reference::rsm::Val;
+
+/// Most caches that walk together.
+pub const GROUP: usize = 32;
+
+/// What decides whether a node is used.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Rule {
+    /// It is farther away than so many of its radii, `c_val` of listing 6.6.
+    Distance(f64),
+    /// What it holds, one level finer, changes the luminance of the irradiance by no more than this share.
+    Change(f64, Share),
+    /// The most that it could bring, times its radius over its distance and its spread together, is no more than this
+    /// share of the cache's irradiance as a coarse cut gives it.
+    Bound(f64),
+}
+
+/// What a change is a share of.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Share {
+    /// The node's own irradiance.
+    Own,
+    /// All that the cache receives, as a coarse cut gives it.
+    Total,
+}
+
+/// A rule, what it makes of normals that differ, and how softly it decides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cut {
+    /// What decides.
+    pub rule: Rule,
+    /// By `Distance` no node whose normals spread by more is used; by `Bound` the spread counts in units of this.
+    pub spread: f64,
+    /// Quotient of the two thresholds between which a node fades in: the rule's own, and one this many times as strict.
+    /// 1: it is used or not.
+    pub blend: f64,
+}
+
+/// What a walk took, each counted once per cache.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Cost {
+    /// VALs and nodes whose light was computed.
+    pub pairs: usize,
+    /// Nodes that were looked at.
+    pub tests: usize,
+}
+
+/// The cut that estimates what a cache receives; blended, for what jumped in it would jump in the cut that it serves.
+const COARSE: Cut = Cut { rule: Rule::Distance(1.0), spread: f64::INFINITY, blend: 2.0 };
+
+/// Smooth from 0 at `low` to 1 at `high`; a step above `low` where both are the same.
+fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
+    if x >= high && x > low {
+        return 1.0;
+    }
+    let t = ((x - low) / (high - low)).max(0.0);
+    if t > 0.0 { t * t * (3.0 - 2.0 * t) } else { 0.0 }
+}
+
+/// One walk of a group.
+struct Walk<'w> {
+    caches: &'w [Cache],
+    cut: Cut,
+    totals: [f64; GROUP],
+    each: &'w mut dyn FnMut(&Val, f64, &[f64]),
+    cost: Cost,
+}
+
+impl Pyramid<'_> {
+    /// Gives `each` all that a group of caches receives: a VAL or a node as one, its weight, and by which share each of
+    /// the caches receives it. A group goes down where any of its caches does, without
+    /// blending all of it together.
+    pub fn walk(&self, caches: &[Cache], cut: &Cut, each: &mut dyn FnMut(&Val, f64, &[f64])) -> Cost {
+        assert!(caches.len() <= GROUP, "a group holds {GROUP} caches");
+        let mut walk = Walk { caches, cut: *cut, totals: [0.0; GROUP], each, cost: Cost::default() };
+        if matches!(cut.rule, Rule::Bound(_) | Rule::Change(_, Share::Total)) {
+            let mut sums = [0.0; GROUP];
+            let cost = self.walk(caches, &COARSE, &mut |val, _, shares| {
+                for ((sum, cache), share) in sums.iter_mut().zip(caches).zip(shares) {
+                    *sum += share * brightness(val, cache);
+                }
+            });
+            (walk.totals, walk.cost) = (sums, cost);
+        }
+        let mut index = 0;
+        while let Some(node) = self.nodes.get(index) {
+            self.descend(&mut walk, index, &[1.0; GROUP]);
+            index = node.skip;
+        }
+        walk.cost
+    }
+
+    fn descend(&self, walk: &mut Walk<'_>, index: usize, passed: &[f64; GROUP]) {
+        let node = &self.nodes[index];
+        let caches = walk.caches;
+        if node.weight == 0.0 {
+            return;
+        }
+        walk.cost.tests += caches.len();
+        if caches.iter().all(|cache| node.is_dark(cache.position, cache.normal)) {
+            return;
+        }
+        let is_by_change = matches!(walk.cut.rule, Rule::Change(..));
+        let (mut passes, mut kept) = (*passed, [0.0; GROUP]);
+        for (i, cache) in caches.iter().enumerate() {
+            passes[i] = passed[i].min(self.passes(index, cache, walk.totals[i], &walk.cut));
+        }
+        if walk.cut.blend == 1.0 {
+            passes = [passes[..caches.len()].iter().copied().fold(0.0, f64::max); GROUP];
+        }
+        for i in 0..caches.len() {
+            kept[i] = passed[i] - passes[i];
+        }
+        // The parts that a change was judged by are at hand: they are what is received.
+        if is_by_change {
+            walk.cost.pairs += caches.len() * self.parts(index, |_, _| ());
+        }
+        if kept.iter().any(|share| *share > 0.0) {
+            if is_by_change {
+                self.parts(index, |val, weight| (walk.each)(val, weight, &kept[..caches.len()]));
+            } else {
+                walk.cost.pairs += caches.len();
+                (walk.each)(&node.val(), node.weight, &kept[..caches.len()]);
+            }
+        }
+        if passes[..caches.len()].iter().all(|share| *share == 0.0) {
+            return;
+        }
+        if node.alive == 0 {
+            self.children(index).for_each(|child| self.descend(walk, child, &passes));
+        }
+        for val in self.vals_of(node) {
+            walk.cost.pairs += if is_by_change { 0 } else { caches.len() };
+            (walk.each)(val, self.weight(val), &passes[..caches.len()]);
+        }
+    }
+
+    /// The share by which a cache passes from a node to what is below, if all of it came to the node.
+    fn passes(&self, index: usize, cache: &Cache, total: f64, cut: &Cut) -> f64 {
+        let node = &self.nodes[index];
+        if node.is_dark(cache.position, cache.normal) {
+            return 0.0;
+        }
+        let distance = node.position.distance(cache.position);
+        match cut.rule {
+            Rule::Distance(c) => {
+                let near = 1.0 - smoothstep(c * node.radius, cut.blend * c * node.radius, distance);
+                near.max(smoothstep(cut.spread / cut.blend, cut.spread, node.spread))
+            }
+            Rule::Bound(share) => {
+                let unlike = node.radius / distance + node.spread / cut.spread;
+                let most = node.brightest(cache.position, cache.normal) * unlike;
+                smoothstep(share * total / cut.blend, share * total, most)
+            }
+            Rule::Change(share, of) => {
+                let own = brightness(&node.val(), cache);
+                let mut finer = 0.0;
+                self.parts(index, |val, _| finer += brightness(val, cache));
+                let all = if of == Share::Own { own.max(finer) } else { total };
+                smoothstep(share * all / cut.blend, share * all, (own - finer).abs())
+            }
+        }
+    }
+
+    /// Gives `each` the parts of a node that have weight, and that; how many there are.
+    fn parts(&self, index: usize, mut each: impl FnMut(&Val, f64)) -> usize {
+        let mut count = 0;
+        let mut give = |val: &Val, weight: f64| {
+            each(val, weight);
+            count += 1;
+        };
+        self.vals_of(&self.nodes[index]).for_each(|val| give(val, self.weight(val)));
+        let alive = |child: &&Node| child.weight > 0.0;
+        self.children(index).map(|child| &self.nodes[child]).filter(alive).for_each(|c| give(&c.val(), c.weight));
+        count
+    }
+
+    /// What a group of caches gathers by a cut; with an `eye` [m] also in the glossy lobe.
+    pub fn gather(&self, caches: &[Cache], eye: Option<DVec3>, cut: &Cut) -> (Vec<Gathered>, Cost) {
+        let mirrored = |cache: &Cache| eye.map(|eye| mirrored_view(cache.position, cache.normal, eye));
+        let mut received: Vec<Vec<Received>> = vec![Vec::new(); caches.len()];
+        let cost = self.walk(caches, cut, &mut |val, weight, shares| {
+            for ((all, cache), share) in received.iter_mut().zip(caches).zip(shares).filter(|(_, share)| **share > 0.0)
+            {
+                let part = Val { flux: val.flux * *share, ..*val };
+                all.push(receive(cache, mirrored(cache), &part, weight * share));
+            }
+        });
+        let all = caches.iter().zip(received);
+        let gathered = all.map(|(c, all)| gather_received(c, mirrored(c).unwrap_or_default(), all.into_iter()));
+        (gathered.collect(), cost)
+    }
+}
+
+/// Luminance of what a cache receives from a VAL.
+fn brightness(val: &Val, cache: &Cache) -> f64 {
+    luminance(val.flux) * val_geometry(cache.position, cache.normal, val).0
+}
