@@ -166,7 +166,7 @@ fn read_layers(gpu: &Gpu, frame: &Frame) -> Result<Layers> {
 }
 
 /// Median time of each stage over some frames.
-fn medians(runs: &[Vec<ZoneTime>]) -> Vec<(String, f64)> {
+pub(crate) fn medians(runs: &[Vec<ZoneTime>]) -> Vec<(String, f64)> {
     let median = |name: &str| {
         let mut all: Vec<f64> = runs.iter().flatten().filter(|s| s.name == name).map(|s| s.time_ms).collect();
         all.sort_by(f64::total_cmp);
