@@ -38,7 +38,7 @@ pub fn valley(triangles: usize, glossy: bool) -> Scene {
         position: DVec3::ZERO,
         direction: Vec3::NEG_Y,
     });
-    scene.cameras.push(camera("above", DVec3::new(0.0, 4.2, 0.6), DVec3::new(0.0, 0.3, 0.02), 0.53));
+    scene.cameras.push(camera("above", DVec3::new(0.0, 4.2, 0.6), DVec3::new(0.0, 0.3, 0.02), 0.56));
     scene
 }
 
