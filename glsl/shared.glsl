@@ -67,6 +67,11 @@ const uint CHECK_TARGETS = 5u;
 
 const uint CHECK_GROUPS = 64u;
 
+// Kernel of the arithmetic peak: steps of each chain (lavapipe ends loops at 65 535), and chains of each invocation.
+const uint PEAK_STEPS = 16384u;
+
+const uint PEAK_CHAINS = 12u;
+
 // A mesh in the world.
 struct Instance {
     mat4 world_from_model;

@@ -45,6 +45,7 @@
 //! ```
 
 pub mod bake;
+pub mod bench;
 pub mod error;
 pub mod eval;
 pub mod frame;

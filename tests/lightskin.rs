@@ -3,6 +3,7 @@
 
 mod analytic;
 mod bake;
+mod bench;
 mod choices;
 mod cli;
 mod cluster;

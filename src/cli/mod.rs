@@ -7,6 +7,7 @@ macro_rules! say {
 
 mod assets;
 mod bake;
+mod bench;
 mod choices;
 mod compare;
 mod devices;
@@ -65,6 +66,8 @@ enum Command {
     Compare(compare::Compare),
     /// Measure speed against error: a report with a curve for every knob.
     Eval(Box<eval::Eval>),
+    /// Measure times over triangles, resolution, caches and VALs on generated scenes, beside the thesis's figures.
+    Bench(bench::BenchArgs),
     /// Measure how much indirect light trembles while a light, the camera or a model creeps along.
     Flicker(flicker::FlickerArgs),
     /// Where the error of indirect light comes from.
@@ -84,6 +87,7 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
+        Command::Bench(args) => bench::run(args),
         Command::Choices(args) => choices::run(args),
         Command::Compare(args) => compare::run(args),
         Command::Eval(args) => eval::run(args),

@@ -166,7 +166,7 @@ fn read_layers(gpu: &Gpu, frame: &Frame) -> Result<Layers> {
 }
 
 /// Median time [ms] of each stage over some frames; nothing without timestamps.
-fn medians(runs: &[FrameTimes]) -> Vec<(String, f64)> {
+pub(crate) fn medians(runs: &[FrameTimes]) -> Vec<(String, f64)> {
     let stages: Vec<_> = runs.iter().map(FrameTimes::stages).collect();
     let median = |name: &str| {
         let mut all: Vec<f64> = stages.iter().flatten().filter(|s| s.name == name).filter_map(|s| s.gpu_ms).collect();

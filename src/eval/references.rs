@@ -142,7 +142,7 @@ fn read(path: &Path, has_glossy: bool) -> Result<Layers> {
 }
 
 /// Makes a folder and those above it.
-pub(super) fn make_folder(path: &Path) -> Result<()> {
+pub(crate) fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|error| {
         let what =
             if path.exists() { "it is a file; name a folder".into() } else { format!("{error}; choose another place") };

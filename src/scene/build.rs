@@ -9,6 +9,7 @@ mod cornell;
 mod fabric;
 mod masonry;
 mod shapes;
+mod valley;
 
 pub use atrium::atrium;
 pub use between::between_walls;
@@ -16,6 +17,7 @@ pub use cornell::{CornellSurface, cornell};
 pub use fabric::{drape, torus_knot};
 pub use masonry::{ArchShape, arch, ring, steps, vault_dome};
 pub use shapes::{Surface, cuboid, lathe, loft_square, patch, quad, sheet, spans, sphere};
+pub use valley::valley;
 
 use super::{Camera, Instance, Material, Mesh, Phong, Primitive, Projection, Scene};
 use glam::{DAffine3, DMat3, DVec3, Vec3};

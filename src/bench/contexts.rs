@@ -1,0 +1,337 @@
+//! The thesis's four contexts: triangles (table 6.1), resolution (6.2), caches and VALs (6.3); bake times beside the first,
+//! pairs per second beside the last.
+
+use super::extent::Extent;
+use super::measure::{Budget, Times, World, bake, settings, too_large};
+use super::native;
+use super::table::{Cell, Table, exponent};
+use super::thesis;
+use crate::error::{Error, Result};
+use crate::frame::{Gi, Targets, View};
+use crate::gpu::Gpu;
+use crate::scene::build::valley;
+use crate::shared::{Cache, Val};
+use std::time::Instant;
+
+/// Versions of table 6.1: name, glossy lobes, references of a vertex.
+pub const VERSIONS: [(&str, bool, usize); 4] =
+    [("D8", false, 8), ("D16", false, 16), ("DG8", true, 8), ("DG16", true, 16)];
+
+/// Caches of tables 6.1 and 6.2.
+const CACHES: [usize; 2] = [500, 1000];
+
+/// RSM side [texels] where the thesis names none: its usual one.
+const RSM: u32 = 128;
+
+/// Arithmetic operations of a pair in `glsl/gather.frag`, without and with the glossy lobe: sums, products, quotients,
+/// roots, powers, maxima, one each; a multiply-add is two.
+pub const FLOP_PER_PAIR: [f64; 2] = [42.0, 69.0];
+
+/// Pairs that the native kernel is run on for each figure, in at least three and at most a hundred runs.
+const NATIVE_PAIRS: f64 = 2e8;
+
+/// What is measured, on what.
+pub struct Contexts<'a> {
+    /// The device.
+    pub gpu: &'a Gpu,
+    /// The points.
+    pub extent: &'a Extent,
+    /// Arithmetic peak of the device [flop/s].
+    pub peak: f64,
+    /// Told how much is done, from 0 to 1, and what is being done.
+    pub progress: &'a dyn Fn(f32, &str),
+    /// Missing and idle barriers, with `Validation::Sync`.
+    pub problems: Vec<String>,
+}
+
+/// Why a row is missing, where it is not this program's own fault: the world is too large for the device.
+fn does_not_fit(error: &Error) -> bool {
+    matches!(error, Error::TooLarge(_) | Error::Vulkan { .. })
+}
+
+impl Contexts<'_> {
+    fn method(&self) -> String {
+        let Extent { warm_up, frames, .. } = self.extent;
+        let how =
+            if self.gpu.is_software() { "each stage submitted alone" } else { "timestamps within one submission" };
+        format!("GPU timestamps of each stage ({how}), median of {frames} frames after {warm_up} that do not count.")
+    }
+
+    fn keep(&mut self, times: Times) -> Times {
+        self.problems.extend(times.problems.iter().cloned());
+        times
+    }
+
+    fn times(&mut self, world: &World<'_>, size: [u32; 2], gi: Gi, references: usize) -> Result<f64> {
+        let frame = world.frame(&settings(size, gi, references, RSM))?;
+        Ok(self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?).frame())
+    }
+
+    /// Tables 6.1 and of the bakes.
+    pub fn triangles(&mut self) -> Result<[Table; 2]> {
+        let [w, h] = self.extent.size;
+        let mut columns = vec!["triangles".to_owned(), "LI [ms]".into()];
+        columns.extend(VERSIONS.map(|v| format!("{} [ms]", v.0)));
+        columns.extend(VERSIONS.iter().flat_map(|v| [format!("{} / LI", v.0), format!("thesis {} / LI", v.0)]));
+        columns.extend(["LI", "DG8"].map(|v| format!("thesis {v} [ms]")));
+        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+        let how = format!(
+            "D: diffuse only, DG: diffuse and glossy lobe, each with 8 or 16 caches of a vertex; LI: direct light only. \
+             {} caches, {w}x{h} pixels, {RSM}x{RSM} VALs; the thesis does not name its picture and its VALs. {}",
+            CACHES[0],
+            self.method()
+        );
+        let mut table = Table::new("triangles", "Triangles (thesis table 6.1)", how, &columns);
+        let how = "Time to place the caches and find 8 or 16 references for each vertex, on all cores, once; nothing is kept.";
+        let columns = ["triangles", "caches", "bake of 8 [s]", "bake of 16 [s]"];
+        let mut bakes = Table::new("bake", "Bake", how.into(), &columns);
+        let mut budget = Budget::new(self.extent.budget);
+        for (i, count) in self.extent.triangles.iter().enumerate() {
+            (self.progress)(i as f32 / self.extent.triangles.len() as f32, &format!("{count} triangles"));
+            let fits = too_large(*count).map_or_else(|| budget.begin(*count as f64), Err);
+            let measured = match fits {
+                Err(reason) => Err(reason),
+                Ok(()) => match self.of_triangles(*count) {
+                    Err(error) if does_not_fit(&error) => Err(error.to_string()),
+                    other => Ok(other?),
+                },
+            };
+            match measured {
+                Ok((row, baked)) => {
+                    table.push(row);
+                    bakes.push(baked);
+                }
+                Err(reason) => {
+                    let rest: Vec<String> = self.extent.triangles[i..].iter().map(usize::to_string).collect();
+                    table.skipped.push(format!("{} triangles: {reason}.", rest.join(", ")));
+                    break;
+                }
+            }
+        }
+        Ok([table, bakes])
+    }
+
+    fn of_triangles(&mut self, count: usize) -> Result<(Vec<Cell>, Vec<Cell>)> {
+        let size = self.extent.size;
+        let mut scene = valley(count, false);
+        let (of_8, seconds_8) = bake(&scene, CACHES[0], 8)?;
+        let (of_16, seconds_16) = bake(&scene, CACHES[0], 16)?;
+        let caches: usize = of_8.models.iter().map(|model| model.caches.len()).sum();
+        let direct = self.times(&World::new(self.gpu, &scene, None)?, size, Gi::Off, 8)?;
+        let mut all = Vec::new();
+        let mut is_glossy = false;
+        for (_, glossy, references) in VERSIONS {
+            if glossy != is_glossy {
+                // The same surface of another material: the caches are the same.
+                (scene, is_glossy) = (valley(count, glossy), glossy);
+            }
+            let set = if references == 16 { &of_16 } else { &of_8 };
+            let world = World::new(self.gpu, &scene, Some(set))?;
+            all.push(self.times(&world, size, Gi::LightSkin, references)?);
+        }
+        let triangles = scene.triangle_count();
+        let thesis = |version| thesis::frame_ms(thesis::TRIANGLES, &[triangles as u32], version);
+        let ratio = |version| Some(thesis(version)? / thesis("LI")?);
+        let mut row: Vec<Cell> = vec![triangles.into(), direct.into()];
+        row.extend(all.iter().map(|ms| Cell::from(*ms)));
+        for ((version, ..), ms) in VERSIONS.iter().zip(&all) {
+            row.extend([Cell::from(ms / direct), ratio(version).into()]);
+        }
+        row.extend(["LI", "DG8"].map(|version| Cell::from(thesis(version))));
+        Ok((row, vec![triangles.into(), caches.into(), seconds_8.into(), seconds_16.into()]))
+    }
+
+    /// Table 6.2.
+    pub fn resolution(&mut self) -> Result<Table> {
+        let columns =
+            ["width", "height", "LI [ms]", "GI [ms]", "GI / LI", "thesis LI [ms]", "thesis GI [ms]", "thesis GI / LI"];
+        let how = format!(
+            "GI: diffuse and glossy lobe, 8 caches of a vertex, {} caches, {RSM}x{RSM} VALs; LI: direct light only. {} \
+             triangles; the thesis names neither its scene nor its lobes. {}",
+            CACHES[1],
+            self.extent.ground,
+            self.method()
+        );
+        let mut table = Table::new("resolution", "Resolution (thesis table 6.2)", how, &columns);
+        let scene = valley(self.extent.ground, true);
+        let (set, _) = bake(&scene, CACHES[1], 8)?;
+        let world = World::new(self.gpu, &scene, Some(&set))?;
+        let mut budget = Budget::new(self.extent.budget);
+        for (i, [w, h]) in self.extent.resolutions.iter().copied().enumerate() {
+            (self.progress)(i as f32 / self.extent.resolutions.len() as f32, &format!("{w}x{h} pixels"));
+            let both = |this: &mut Self| -> Result<[f64; 2]> {
+                Ok([this.times(&world, [w, h], Gi::Off, 8)?, this.times(&world, [w, h], Gi::LightSkin, 8)?])
+            };
+            let measured = match budget.begin(f64::from(w * h)) {
+                Err(reason) => Err(reason),
+                Ok(()) => match both(self) {
+                    Err(error) if does_not_fit(&error) => Err(error.to_string()),
+                    other => Ok(other?),
+                },
+            };
+            match measured {
+                Ok([direct, all]) => {
+                    let thesis = |column| thesis::frame_ms(thesis::RESOLUTION, &[w, h], column);
+                    let (thesis_direct, thesis_all) = (thesis("LI"), thesis("GI"));
+                    let ratio = thesis_direct.zip(thesis_all).map(|(direct, all)| all / direct);
+                    let mut row: Vec<Cell> = vec![(w as usize).into(), (h as usize).into()];
+                    row.extend([direct, all, all / direct].map(Cell::from));
+                    row.extend([thesis_direct, thesis_all, ratio].map(Cell::from));
+                    table.push(row);
+                }
+                Err(reason) => table.skipped.push(format!("{w}x{h} pixels: {reason}.")),
+            }
+        }
+        Ok(table)
+    }
+
+    /// Tables 6.3 and of pairs per second.
+    pub fn caches(&mut self) -> Result<[Table; 2]> {
+        let columns = [
+            "lobes",
+            "asked",
+            "caches",
+            "VALs",
+            "frame [ms]",
+            "gather [ms]",
+            "frame / first",
+            "thesis [ms]",
+            "thesis / first",
+        ];
+        let [w, h] = self.extent.size;
+        let how = format!(
+            "{} triangles, {w}x{h} pixels, 8 caches of a vertex. \"first\" is the least of caches and VALs. The thesis's \
+             columns DGS (soft shadows) and SSS (subsurface scattering) are not here: neither is built yet. {}",
+            self.extent.ground,
+            self.method()
+        );
+        let mut table = Table::new("caches", "Caches x VALs (thesis table 6.3)", how, &columns);
+        let (registers, lanes) = native::registers();
+        let columns =
+            ["lobes", "caches", "VALs", "device [G pairs/s]", "share of peak", "native [G pairs/s]", "device / native"];
+        let how = format!(
+            "Pairs of a cache and a VAL in stage 6. Peak: {:.1} Gflop/s, measured in the same run by independent \
+             multiply-adds (`glsl/peak.comp`); a pair counts {} operations, with the glossy lobe {}. Native: the same sums of \
+             the same caches and VALs on {} CPU threads, {lanes} numbers to a register ({registers}), median of 3 runs or more.",
+            self.peak * 1e-9,
+            FLOP_PER_PAIR[0],
+            FLOP_PER_PAIR[1],
+            rayon::current_num_threads()
+        );
+        let mut pairs = Table::new("pairs", "Gather: pairs per second", how, &columns);
+        for (glossy, name) in [(false, "D"), (true, "DG")] {
+            let scene = valley(self.extent.ground, glossy);
+            let mut budget = Budget::new(0.5 * self.extent.budget);
+            let mut first = None;
+            for (i, asked) in self.extent.caches.iter().copied().enumerate() {
+                let set = bake(&scene, asked, 8)?.0;
+                let world = World::new(self.gpu, &scene, Some(&set))?;
+                for rsm in self.extent.rsm.iter().copied() {
+                    let done = (i as f32 / self.extent.caches.len() as f32 + f32::from(u8::from(glossy))) * 0.5;
+                    (self.progress)(done, &format!("{name}: {asked} caches, {rsm}x{rsm} VALs"));
+                    let what = format!("{name}, {asked} caches, {rsm}x{rsm} VALs");
+                    if let Err(reason) = budget.begin(asked as f64 * f64::from(rsm * rsm)) {
+                        table.skipped.push(format!("{what}: {reason}."));
+                        continue;
+                    }
+                    match self.of_caches(&world, asked, rsm, glossy) {
+                        Ok(Measured { caches, vals, frame, gather, native }) => {
+                            let thesis = |caches, rsm: u32| {
+                                thesis::frame_ms(thesis::CACHES, &[caches], &format!("{name}_{}", rsm * rsm))
+                            };
+                            let (of_thesis, first) =
+                                (thesis(asked as u32, rsm), first.get_or_insert((frame, thesis(asked as u32, rsm))));
+                            let slower = of_thesis.zip(first.1).map(|(now, first)| now / first);
+                            let mut row: Vec<Cell> = vec![name.into(), asked.into(), caches.into(), vals.into()];
+                            row.extend([frame, gather, frame / first.0].map(Cell::from));
+                            row.extend([of_thesis, slower].map(Cell::from));
+                            table.push(row);
+                            let rate = (caches * vals) as f64 / gather * 1e-6;
+                            let share = rate * 1e9 * FLOP_PER_PAIR[usize::from(glossy)] / self.peak;
+                            let mut row: Vec<Cell> = vec![name.into(), caches.into(), vals.into()];
+                            row.extend([rate, share, native, rate / native].map(Cell::from));
+                            pairs.push(row);
+                        }
+                        Err(error) if does_not_fit(&error) => table.skipped.push(format!("{what}: {error}.")),
+                        Err(error) => return Err(error),
+                    }
+                }
+            }
+        }
+        Ok([table, pairs])
+    }
+
+    fn of_caches(&mut self, world: &World<'_>, asked: usize, rsm: u32, glossy: bool) -> Result<Measured> {
+        let size = self.extent.size;
+        let frame = world.frame(&settings(size, Gi::LightSkin, 8, rsm))?;
+        let times = self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?);
+        let (vals, caches) = light_and_caches(self.gpu, &frame.targets)?;
+        let gather = times.stage("gather").ok_or_else(|| Error::Nothing(format!("{asked} caches: no gather")))?;
+        let eye = View::new(&world.scene.cameras[0], size, world.buffers.origin, world.buffers.radius).eye;
+        let pairs = (caches.len() * vals.len()) as f64;
+        let mut seconds: Vec<f64> = (0..((NATIVE_PAIRS / pairs) as usize).clamp(3, 100))
+            .map(|_| {
+                let start = Instant::now();
+                std::hint::black_box(native::gather(&vals, &caches, eye, glossy));
+                start.elapsed().as_secs_f64()
+            })
+            .collect();
+        seconds.sort_by(f64::total_cmp);
+        let native = pairs / seconds[seconds.len() / 2] * 1e-9;
+        Ok(Measured { caches: caches.len(), vals: vals.len(), frame: times.frame(), gather, native })
+    }
+}
+
+/// A point of table 6.3.
+struct Measured {
+    caches: usize,
+    vals: usize,
+    /// All stages [ms].
+    frame: f64,
+    /// Stage 6 [ms].
+    gather: f64,
+    /// G pairs/s of the CPU.
+    native: f64,
+}
+
+/// The VALs and caches of the last frame, as the gather reads them.
+pub fn light_and_caches(gpu: &Gpu, targets: &Targets) -> Result<(Vec<Val>, Vec<Cache>)> {
+    let none = || Error::Nothing("the frame gathers no light".into());
+    let (rsm, caches) = (targets.rsm.as_ref().ok_or_else(none)?, targets.caches.as_ref().ok_or_else(none)?);
+    let mut all: Vec<Val> = gpu.read(&rsm.vals.live)?;
+    all.truncate(gpu.read::<u32>(&rsm.vals.live_count)?[0] as usize);
+    let mut placed: Vec<Cache> = gpu.read(&caches.atlas)?;
+    placed.truncate(caches.count as usize);
+    Ok((all, placed))
+}
+
+/// By what power times grow with caches and with VALs, from the table of caches.
+pub fn exponents(caches: &Table) -> Table {
+    let how = "Slope of log time over log count by least squares, over the points that share everything else; 1 is \
+               proportional. The thesis's whole frames at the same points are beside it: it gives no times of stages.";
+    let columns = ["lobes", "grows with", "at", "points", "gather", "frame", "thesis frame"];
+    let mut table = Table::new("exponents", "How times grow", how.into(), &columns);
+    let counts = |column: &str| -> Vec<f64> {
+        let mut all: Vec<f64> = (0..caches.rows.len()).filter_map(|row| caches.number(row, column)).collect();
+        all.sort_by(f64::total_cmp);
+        all.dedup();
+        all
+    };
+    for lobes in ["D", "DG"] {
+        for (grows, measured, fixed) in [("caches", "caches", "VALs"), ("VALs", "VALs", "asked")] {
+            for at in counts(fixed) {
+                let wanted = |row| caches.has(row, lobes) && caches.number(row, fixed) == Some(at);
+                let slope = |y| exponent(&caches.pairs(measured, y, wanted));
+                let points = caches.pairs(measured, "gather [ms]", wanted).len();
+                if points >= 3 {
+                    let unit = if fixed == "asked" { "caches" } else { "VALs" };
+                    let mut row: Vec<Cell> = vec![lobes.into(), grows.into()];
+                    row.extend([Cell::Text(format!("{at} {unit}")), points.into()]);
+                    row.extend(["gather [ms]", "frame [ms]", "thesis [ms]"].map(|y| Cell::from(slope(y))));
+                    table.push(row);
+                }
+            }
+        }
+    }
+    table
+}

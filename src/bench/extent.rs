@@ -1,0 +1,75 @@
+//! How much is measured.
+
+/// Points of the thesis's tables, and how often each is measured.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Extent {
+    /// Name for the report.
+    pub name: &'static str,
+    /// Picture [pixels] of the contexts that do not vary it.
+    pub size: [u32; 2],
+    /// Triangle counts of table 6.1.
+    pub triangles: Vec<usize>,
+    /// Pictures [pixels] of table 6.2.
+    pub resolutions: Vec<[u32; 2]>,
+    /// Cache counts of table 6.3.
+    pub caches: Vec<usize>,
+    /// Sides of the RSMs [texels] of table 6.3.
+    pub rsm: Vec<u32>,
+    /// Triangles of the scenes of tables 6.2 and 6.3.
+    pub ground: usize,
+    /// Frames before those that count.
+    pub warm_up: usize,
+    /// Frames whose median counts.
+    pub frames: usize,
+    /// Time [s] that each table may take.
+    pub budget: f64,
+}
+
+impl Extent {
+    /// Minutes on a software device.
+    pub fn quick() -> Self {
+        Self {
+            name: "quick",
+            size: [320, 180],
+            triangles: vec![800, 12_800, 51_200, 204_800],
+            resolutions: vec![[256, 256], [512, 512], [800, 600], [1280, 720]],
+            caches: vec![250, 1000, 4000, 16_000],
+            rsm: vec![64, 128, 256],
+            ground: 51_200,
+            warm_up: 1,
+            frames: 3,
+            budget: 80.0,
+        }
+    }
+
+    /// Every point of the thesis, for GPUs.
+    pub fn full() -> Self {
+        Self {
+            name: "full",
+            size: [1280, 720],
+            triangles: vec![
+                800, 3200, 12_800, 51_200, 102_400, 204_800, 409_600, 819_200, 1_638_400, 2_457_600, 3_276_800,
+                4_096_000, 4_915_200, 5_734_400, 6_553_600,
+            ],
+            resolutions: vec![
+                [256, 256],
+                [320, 240],
+                [512, 512],
+                [640, 480],
+                [800, 600],
+                [1024, 768],
+                [1280, 720],
+                [1024, 1024],
+                [1920, 1080],
+                [2048, 2048],
+                [4096, 4096],
+            ],
+            caches: [250, 500].into_iter().chain((1..=16).map(|k| 1000 * k)).collect(),
+            rsm: vec![64, 128, 256, 512],
+            ground: 150_000,
+            warm_up: 20,
+            frames: 50,
+            budget: 1200.0,
+        }
+    }
+}

@@ -1,0 +1,59 @@
+//! The thesis's measurements on generated scenes, beside its figures: frame times over triangles, resolution, caches and
+//! VALs, and how near the gather comes to what the device, and a CPU by hand, can do.
+
+pub mod contexts;
+pub mod extent;
+pub mod measure;
+pub mod native;
+pub mod peak;
+pub mod report;
+pub mod simd;
+pub mod table;
+pub mod thesis;
+
+pub use extent::Extent;
+pub use report::write;
+
+use crate::error::Result;
+use crate::gpu::Gpu;
+use contexts::{Contexts, exponents};
+use table::Table;
+
+/// What was measured.
+pub struct Results {
+    /// Name of the extent.
+    pub extent: &'static str,
+    /// Arithmetic peak of the device [flop/s].
+    pub peak: f64,
+    /// All tables, in the order of the report.
+    pub tables: Vec<Table>,
+    /// Missing and idle barriers, with `Validation::Sync`.
+    pub problems: Vec<String>,
+}
+
+impl Results {
+    /// The table of this name, which is always there.
+    pub fn table(&self, name: &str) -> &Table {
+        self.tables.iter().find(|table| table.name == name).expect("a table")
+    }
+}
+
+/// Measures everything. `progress` is told how much is done, from 0 to 1, and what is being done.
+pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<Results> {
+    progress(0.0, "arithmetic peak");
+    let peak = peak::measure(gpu)?;
+    // The parts take about this share of the time each.
+    let part = |from: f32, to: f32| move |part: f32, what: &str| progress(from + (to - from) * part, what);
+    let parts = [part(0.0, 0.4), part(0.4, 0.5), part(0.5, 1.0)];
+    let mut work = Contexts { gpu, extent, peak, progress: &parts[0], problems: Vec::new() };
+    let mut tables = Vec::from(work.triangles()?);
+    work.progress = &parts[1];
+    tables.push(work.resolution()?);
+    work.progress = &parts[2];
+    tables.extend(work.caches()?);
+    let problems = work.problems;
+    let grown = exponents(tables.iter().find(|table| table.name == "caches").expect("just made"));
+    tables.push(grown);
+    progress(1.0, "done");
+    Ok(Results { extent: extent.name, peak, tables, problems })
+}

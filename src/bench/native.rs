@@ -1,0 +1,226 @@
+//! Stage 6 on the CPU's own vector registers and all its cores: what a software device could reach at best.
+//!
+//! Per pair of a VAL and a cache it does what `glsl/gather.frag` does, in f32 and in the same order: a tile of VALs is
+//! summed in registers, then added to what the tiles before it gave. Each lane holds one cache; VALs are broadcast from
+//! where they lie. The widest registers that the machine has are chosen at run time.
+
+use super::simd::{exp2, log2};
+use crate::shared::{Cache, VAL_TILE, Val};
+use glam::{Vec3, Vec4};
+use pulp::{Arch, Simd, WithSimd};
+use rayon::prelude::*;
+use std::f32::consts::PI;
+
+/// What a cache gathers, as `glsl/gather.frag` writes it: positions are relative to the cache.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Sums {
+    /// Sum of w (x - c).
+    pub diffuse_position: [f32; 3],
+    /// Sum of w.
+    pub diffuse_weight: f32,
+    /// Sum of phi G [lx].
+    pub diffuse_irradiance: [f32; 3],
+    /// Sum of w (x - c)^2.
+    pub distance2: f32,
+    /// Sum of w cos^k (x - c).
+    pub glossy_position: [f32; 3],
+    /// Sum of w cos^k.
+    pub glossy_weight: f32,
+    /// Sum of phi G cos^k [lx].
+    pub glossy_irradiance: [f32; 3],
+}
+
+/// Numbers in `Sums`.
+const SUMS: usize = 15;
+
+/// Those of the diffuse lobe, which come first.
+const DIFFUSE: usize = 8;
+
+/// Caches of a task: as many as the widest register has lanes.
+const GROUP: usize = 16;
+
+/// VALs that are worked on at once.
+const AT_ONCE: usize = 2;
+
+/// Floats of a VAL as it lies in memory; see `shared::Val`.
+type ValFloats = [f32; 12];
+
+/// Lets every VAL light every cache, seen from `eye` (as in `shared::GatherPush`). Without `glossy` the glossy sums are 0
+/// and cost nothing.
+pub fn gather(vals: &[Val], caches: &[Cache], eye: Vec4, glossy: bool) -> Vec<Sums> {
+    let vals: &[ValFloats] = bytemuck::cast_slice(vals);
+    let mut sums = vec![Sums::default(); caches.len()];
+    let arch = Arch::new();
+    sums.par_chunks_mut(GROUP).zip(caches.par_chunks(GROUP)).for_each(|(sums, caches)| {
+        let lanes = Lanes::new(caches, eye);
+        if glossy {
+            arch.dispatch(Group::<true> { vals, lanes: &lanes, sums });
+        } else {
+            arch.dispatch(Group::<false> { vals, lanes: &lanes, sums });
+        }
+    });
+    sums
+}
+
+/// Name of the registers in use, and how many numbers they hold.
+pub fn registers() -> (String, usize) {
+    struct Width;
+    impl WithSimd for Width {
+        type Output = usize;
+        #[inline(always)]
+        fn with_simd<S: Simd>(self, _: S) -> usize {
+            S::F32_LANES
+        }
+    }
+    let arch = Arch::new();
+    let name = format!("{arch:?}");
+    (name.split('(').next().unwrap_or_default().to_owned(), arch.dispatch(Width))
+}
+
+/// A group of caches, one in each lane. Lanes without one hold the last cache again.
+struct Lanes {
+    position: [[f32; GROUP]; 3],
+    against: [[f32; GROUP]; 3],
+    mirrored: [[f32; GROUP]; 3],
+    half_exponent: [f32; GROUP],
+}
+
+impl Lanes {
+    fn new(caches: &[Cache], eye: Vec4) -> Self {
+        let mut lanes = Self {
+            position: [[0.0; GROUP]; 3],
+            against: [[0.0; GROUP]; 3],
+            mirrored: [[0.0; GROUP]; 3],
+            half_exponent: [0.0; GROUP],
+        };
+        for lane in 0..GROUP {
+            let Cache { position, normal, exponent, .. } = caches[lane.min(caches.len() - 1)];
+            let view = if eye.w > 0.0 { position - eye.truncate() } else { -eye.truncate() };
+            let view = view * view.length_squared().max(1e-30).sqrt().recip();
+            let mirrored: Vec3 = view - 2.0 * normal.dot(view) * normal;
+            for axis in 0..3 {
+                lanes.position[axis][lane] = position[axis];
+                lanes.against[axis][lane] = -normal[axis];
+                lanes.mirrored[axis][lane] = mirrored[axis];
+            }
+            lanes.half_exponent[lane] = 0.5 * exponent;
+        }
+        lanes
+    }
+}
+
+/// One task.
+struct Group<'a, const GLOSSY: bool> {
+    vals: &'a [ValFloats],
+    lanes: &'a Lanes,
+    sums: &'a mut [Sums],
+}
+
+impl<const GLOSSY: bool> WithSimd for Group<'_, GLOSSY> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        for (register, out) in self.sums.chunks_mut(S::F32_LANES).enumerate() {
+            let register = |lanes: &[f32; GROUP]| S::as_simd_f32s(lanes).0[register];
+            let vector = |lanes: &[[f32; GROUP]; 3]| [register(&lanes[0]), register(&lanes[1]), register(&lanes[2])];
+            let caches = Caches {
+                position: vector(&self.lanes.position),
+                against: vector(&self.lanes.against),
+                mirrored: vector(&self.lanes.mirrored),
+                half_exponent: register(&self.lanes.half_exponent),
+            };
+            let mut total = [simd.splat_f32s(0.0); SUMS];
+            for tile in self.vals.chunks(VAL_TILE as usize) {
+                let sums = caches.gather::<GLOSSY>(simd, tile);
+                for (total, sum) in total.iter_mut().zip(sums) {
+                    *total = simd.add_f32s(*total, sum);
+                }
+            }
+            let numbers: &[f32] = bytemuck::cast_slice(&total);
+            for (lane, out) in out.iter_mut().enumerate() {
+                let out: &mut [f32; SUMS] = bytemuck::cast_mut(out);
+                for (i, out) in out.iter_mut().enumerate() {
+                    *out = numbers[i * S::F32_LANES + lane];
+                }
+            }
+        }
+    }
+}
+
+/// As many caches as a register has lanes.
+struct Caches<S: Simd> {
+    position: [S::f32s; 3],
+    /// The normal, negated.
+    against: [S::f32s; 3],
+    mirrored: [S::f32s; 3],
+    half_exponent: S::f32s,
+}
+
+impl<S: Simd> Caches<S> {
+    /// Sums over one tile.
+    #[inline(always)]
+    fn gather<const GLOSSY: bool>(&self, simd: S, tile: &[ValFloats]) -> [S::f32s; SUMS] {
+        let mut sums = [simd.splat_f32s(0.0); SUMS];
+        let (several, rest) = tile.as_chunks::<AT_ONCE>();
+        for vals in several {
+            self.add::<GLOSSY, AT_ONCE>(simd, vals, &mut sums);
+        }
+        for val in rest {
+            self.add::<GLOSSY, 1>(simd, &[*val], &mut sums);
+        }
+        sums
+    }
+
+    /// Adds the light of several VALs, step by step of all of them: what waits for one works on the next.
+    #[inline(always)]
+    fn add<const GLOSSY: bool, const N: usize>(&self, simd: S, vals: &[ValFloats; N], sums: &mut [S::f32s; SUMS]) {
+        let all = |value: f32| simd.splat_f32s(value);
+        let (mul, fma) = (|a, b| simd.mul_f32s(a, b), |a, b, c| simd.mul_add_f32s(a, b, c));
+        let dot = |a: &[S::f32s; 3], b: &[S::f32s; 3]| fma(a[2], b[2], fma(a[1], b[1], mul(a[0], b[0])));
+        let zero = all(0.0);
+        let [cx, cy, cz] = self.position;
+        let mut d = [[zero; 3]; N];
+        let (mut d2, mut g, mut lobe) = ([zero; N], [zero; N], [zero; N]);
+        for i in 0..N {
+            let [x, y, z, area, nx, ny, nz, ..] = vals[i].map(all);
+            d[i] = [simd.sub_f32s(x, cx), simd.sub_f32s(y, cy), simd.sub_f32s(z, cz)];
+            d2[i] = dot(&d[i], &d[i]);
+            let facing = fma(all(PI), d2[i], area);
+            let inverse = simd.div_f32s(all(1.0), simd.max_f32s(mul(d2[i], facing), all(1e-37)));
+            // Both cosines carry |d|; the VAL's is negative where it shines towards the cache, and so is the other.
+            let to_cache = simd.min_f32s(dot(&[nx, ny, nz], &d[i]), zero);
+            let to_val = simd.min_f32s(dot(&self.against, &d[i]), zero);
+            g[i] = mul(mul(to_cache, to_val), inverse);
+            if GLOSSY {
+                let along = simd.max_f32s(dot(&self.mirrored, &d[i]), zero);
+                lobe[i] = simd.max_f32s(mul(mul(along, along), mul(facing, inverse)), all(1e-37));
+            }
+        }
+        if GLOSSY {
+            // cos^k = (cos^2)^(k / 2).
+            lobe = exp2(simd, log2(simd, lobe).map(|log| mul(self.half_exponent, log)));
+        }
+        for i in 0..N {
+            let [.., red, green, blue, weight] = vals[i].map(all);
+            let (w, g) = (mul(weight, g[i]), g[i]);
+            let [x, y, z] = d[i];
+            let add = |sums: &mut [S::f32s], w, g| {
+                for (sum, part) in sums.iter_mut().zip([x, y, z]) {
+                    *sum = fma(part, w, *sum);
+                }
+                sums[3] = simd.add_f32s(sums[3], w);
+                for (sum, part) in sums[4..].iter_mut().zip([red, green, blue]) {
+                    *sum = fma(part, g, *sum);
+                }
+            };
+            let (diffuse, glossy) = sums.split_at_mut(DIFFUSE);
+            add(diffuse, w, g);
+            diffuse[7] = fma(d2[i], w, diffuse[7]);
+            if GLOSSY {
+                add(glossy, mul(w, lobe[i]), mul(g, lobe[i]));
+            }
+        }
+    }
+}

@@ -1,0 +1,52 @@
+//! `lightskin bench`: the thesis's measurements on generated scenes, beside its figures.
+
+use super::{DeviceArgs, check_messages};
+use anyhow::Result;
+use indicatif::{ProgressBar, ProgressStyle};
+use lightskin::bench::{self, Extent, report};
+use std::io::IsTerminal;
+use std::path::PathBuf;
+
+#[derive(clap::Args)]
+pub(super) struct BenchArgs {
+    /// Folder for bench.md, bench.json, a CSV file for each table, and plots; made if missing.
+    #[arg(short, long, value_name = "FOLDER", default_value = "lightskin-bench")]
+    out: PathBuf,
+    /// Few points and small pictures, minutes on a software device; the default there.
+    #[arg(long, conflicts_with = "full")]
+    quick: bool,
+    /// Every point of the thesis's tables; the default on GPUs.
+    #[arg(long)]
+    full: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+pub(super) fn run(args: &BenchArgs) -> Result<()> {
+    report::check_writable(&args.out)?;
+    let gpu = args.device.open()?;
+    let is_quick = args.quick || (gpu.is_software() && !args.full);
+    let extent = if is_quick { Extent::quick() } else { Extent::full() };
+    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}") {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    let progress = |part: f32, what: &str| {
+        bar.set_message(what.to_owned());
+        bar.set_position((part * 1000.0) as u64);
+    };
+    let results = bench::run(&gpu, &extent, &progress)?;
+    bar.finish_and_clear();
+    bench::write(&args.out, &gpu, &results)?;
+
+    let device = gpu.report();
+    say!("device    {} ({}, {})", device.name, device.kind, device.driver);
+    for line in report::headlines(&gpu, &results) {
+        say!("  {line}");
+    }
+    for skipped in results.tables.iter().flat_map(|table| &table.skipped) {
+        say!("left out  {skipped}");
+    }
+    say!("report    {}", args.out.join("bench.md").display());
+    check_messages(&gpu, &results.problems)
+}

@@ -1,0 +1,358 @@
+//! The bench: its kernels against references and device, its scenes, and the files it writes.
+
+use crate::cli::{fails, folder, left};
+use crate::common::frames::{SPOT, baked, corner, small};
+use crate::common::{assert_clean, gpu};
+use glam::{DVec3, Vec3};
+use lightskin::bench::contexts::light_and_caches;
+use lightskin::bench::measure::{World, bake, settings, too_large};
+use lightskin::bench::native::{self, Sums};
+use lightskin::bench::table::{Cell, Table, exponent};
+use lightskin::bench::{self, Extent, simd, thesis};
+use lightskin::eval::shot;
+use lightskin::frame::{Gi, Settings, View};
+use lightskin::reference::gather::val_geometry;
+use lightskin::reference::phong::{cos_power, mirrored_view};
+use lightskin::scene::build::valley;
+use lightskin::scene::{LightKind, Scene};
+use lightskin::shared;
+use pulp::{Arch, Scalar, Simd, WithSimd};
+use std::fs;
+
+/// Both functions of one number each, in whatever registers.
+#[derive(Clone, Copy)]
+struct Functions(f32);
+
+impl WithSimd for Functions {
+    type Output = [f32; 2];
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) -> [f32; 2] {
+        // The second of two is the one that is asked for.
+        let x = [simd.splat_f32s(1.5), simd.splat_f32s(self.0)];
+        [simd::exp2(simd, x)[1], simd::log2(simd, x)[1]].map(|y| simd.reduce_max_f32s(y))
+    }
+}
+
+#[test]
+fn powers_and_logarithms_are_exact_to_a_millionth() {
+    let mut worst = [0.0_f64; 2];
+    let mut check = |which: usize, x: f32, exact: f64| {
+        for found in [Arch::new().dispatch(Functions(x))[which], Functions(x).with_simd(Scalar)[which]] {
+            let error = if exact == 0.0 { f64::from(found) } else { (f64::from(found) / exact - 1.0).abs() };
+            assert!(error <= 1e-6, "of {x}: {found} instead of {exact}");
+            worst[which] = worst[which].max(error);
+        }
+    };
+    for i in 0..=20_000 {
+        let x = -100.0 + 227.0 * i as f32 / 20_000.0;
+        check(0, x, f64::from(x).exp2());
+        // Over all magnitudes, and around 1, where the logarithm itself vanishes.
+        for x in [(0.0122 * (i as f32 - 10_000.0)).exp2(), 1.0 + 1e-6 * (i as f32 - 10_000.0)] {
+            check(1, x, f64::from(x).log2());
+        }
+    }
+    check(0, -100.0, (-100_f64).exp2());
+    // What is less counts as that.
+    let [least, less] = [-100.0, -1e9].map(|x| Arch::new().dispatch(Functions(x))[0]);
+    assert_eq!(least, less);
+    eprintln!("worst relative errors: exp2 {:e}, log2 {:e}", worst[0], worst[1]);
+}
+
+/// A frame's VALs and caches, its eye and its proxies.
+struct Gathered {
+    vals: Vec<shared::Val>,
+    caches: Vec<shared::Cache>,
+    eye: glam::Vec4,
+    proxies: Vec<shared::Proxy>,
+}
+
+fn gathered(scene: &Scene, set: &lightskin::bake::CacheSet, settings: &Settings) -> Gathered {
+    let gpu = gpu();
+    let world = World::new(&gpu, scene, Some(set)).expect("uploaded");
+    let frame = world.frame(settings).expect("a frame");
+    let times = world.times(&frame, 0, 1).expect("drawn");
+    assert_eq!(times.problems, [""; 0]);
+    assert!(times.frame() > times.stage("gather").expect("a gather"));
+    let (vals, caches) = light_and_caches(&gpu, &frame.targets).expect("read back");
+    let proxies = &frame.targets.caches.as_ref().expect("caches").proxies;
+    let mut proxies: Vec<shared::Proxy> = gpu.read(proxies).expect("read back");
+    proxies.truncate(caches.len());
+    assert_clean(&gpu);
+    let eye = View::new(&scene.cameras[0], settings.size, world.buffers.origin, world.buffers.radius).eye;
+    Gathered { vals, caches, eye, proxies }
+}
+
+/// A corner under three kinds of light, whose VALs and caches fill neither tiles nor registers.
+fn odd_corner(exponent: f32) -> Gathered {
+    let scene = corner(&[SPOT, LightKind::Point, LightKind::Directional], exponent);
+    let all = gathered(&scene, &baked(&scene, 0.5, 8), &Settings { rsm: 33, ..small() });
+    assert!(
+        all.vals.len().is_multiple_of(2) && !all.vals.len().is_multiple_of(256) && !all.caches.len().is_multiple_of(16)
+    );
+    all
+}
+
+fn vector(v: [f32; 3]) -> DVec3 {
+    Vec3::from(v).as_dvec3()
+}
+
+#[test]
+fn native_sums_are_the_references() {
+    for exponent in [1.0, 40.0, 500.0] {
+        let mut all = odd_corner(exponent);
+        all.vals.pop();
+        let sums = native::gather(&all.vals, &all.caches, all.eye, true);
+        let mut worst = 0.0_f64;
+        for (cache, sums) in all.caches.iter().zip(&sums) {
+            let at = shot::cache(cache, DVec3::ZERO);
+            let mirrored = mirrored_view(at.position, at.normal, all.eye.truncate().as_dvec3());
+            // Each sum, and the sum of the magnitudes of its terms.
+            let (mut exact, mut size) = ([0.0_f64; 15], [0.0_f64; 15]);
+            for val in &all.vals {
+                let weight = f64::from(val.weight);
+                let val = shot::val(val, DVec3::ZERO);
+                let (g, direction) = val_geometry(at.position, at.normal, &val);
+                let (d, lobe) = (val.position - at.position, cos_power(at.exponent, mirrored.dot(direction)));
+                let (w, e) = (weight * g, val.flux * g);
+                let diffuse = [d.x * w, d.y * w, d.z * w, w, e.x, e.y, e.z, w * d.length_squared()];
+                let glossy = [0, 1, 2, 3, 4, 5, 6].map(|i| diffuse[i] * lobe);
+                for (i, term) in diffuse.into_iter().chain(glossy).enumerate() {
+                    exact[i] += term;
+                    size[i] += term.abs();
+                }
+            }
+            let found: [f32; 15] = bytemuck::cast(*sums);
+            for i in 0..15 {
+                // Below this the lobe is the kernel's least power of two.
+                let error = (f64::from(found[i]) - exact[i]).abs() / size[i].max(1e-20);
+                // The error of the cosine grows with its exponent.
+                assert!(error <= 1e-5 + 1e-6 * f64::from(exponent), "sum {i}: {} instead of {}", found[i], exact[i]);
+                worst = worst.max(error);
+            }
+        }
+        assert!(sums.iter().filter(|sums| sums.glossy_weight > 1e-12).count() > 5);
+        eprintln!("k {exponent}: {} caches, worst {worst:e}", sums.len());
+        let diffuse = native::gather(&all.vals, &all.caches, all.eye, false);
+        for (without, with) in diffuse.iter().zip(&sums) {
+            let dark = Sums { glossy_position: [0.0; 3], glossy_weight: 0.0, glossy_irradiance: [0.0; 3], ..*with };
+            assert_eq!(*without, dark);
+        }
+    }
+}
+
+#[test]
+fn native_sums_make_the_devices_proxies() {
+    let all = odd_corner(40.0);
+    let sums = native::gather(&all.vals, &all.caches, all.eye, true);
+    let (mut compared, mut worst) = ([0; 2], 0.0_f64);
+    for ((cache, proxy), sums) in all.caches.iter().zip(&all.proxies).zip(&sums) {
+        let at = shot::cache(cache, DVec3::ZERO);
+        let mirrored = mirrored_view(at.position, at.normal, all.eye.truncate().as_dvec3());
+        let mut check = |lobe: usize, mean: DVec3, irradiance: DVec3, position: Vec3, facing: Vec3| {
+            let direction = mean.normalize();
+            let moved = (position.as_dvec3() - at.position).distance(mean) / mean.length();
+            let brighter = (facing.as_dvec3() * at.normal.dot(direction)).distance(irradiance) / irradiance.length();
+            assert!(moved.max(brighter) < 1e-4, "lobe {lobe}: moved {moved:e}, {brighter:e} brighter");
+            compared[lobe] += 1;
+            worst = worst.max(moved).max(brighter);
+        };
+        let irradiance = vector(sums.diffuse_irradiance);
+        if proxy.diffuse_distance2 > 0.0 {
+            let mean = vector(sums.diffuse_position) / f64::from(sums.diffuse_weight);
+            check(0, mean, irradiance, proxy.diffuse_position, proxy.diffuse_irradiance);
+        }
+        // Darker lobes are lost in the least number of one or the other.
+        if proxy.glossy_lit > 0.0 && sums.glossy_weight > 1e-12 * sums.diffuse_weight {
+            let mean = vector(sums.glossy_position) / f64::from(sums.glossy_weight);
+            let lobe = cos_power(at.exponent, mirrored.dot(mean.normalize()));
+            let arrived = (vector(sums.glossy_irradiance) / lobe).min(irradiance);
+            check(1, mean, arrived, proxy.glossy_position, proxy.glossy_irradiance);
+        }
+    }
+    eprintln!("{compared:?} of {} caches, worst {worst:e}", all.caches.len());
+    assert!(compared[0] * 2 > all.caches.len() && compared[1] > 10, "{compared:?} of {}", all.caches.len());
+}
+
+#[test]
+fn valleys_have_the_triangles_that_are_asked_for() {
+    for count in [800, 3200, 12_800, 51_200, 102_400, 150_000, 204_800] {
+        let scene = valley(count, count == 800);
+        assert_eq!(scene.triangle_count(), count);
+        let mesh = &scene.meshes[0];
+        for triangle in 0..count {
+            let [a, b, c] = mesh.triangle(triangle).map(|corner| mesh.vertices[corner]);
+            let cross = (b.position - a.position).cross(c.position - a.position);
+            let longest = (b.position - a.position).length_squared().max((c.position - a.position).length_squared());
+            assert!(cross.length() > 0.1 * longest, "{count}: sliver {triangle}");
+            assert!(cross.normalize().dot(a.normal) > 0.9, "{count}: normal of {triangle}");
+        }
+    }
+    assert_eq!(valley(801, false).triangle_count(), 800);
+}
+
+#[test]
+fn every_val_of_a_valley_is_lit_and_lights() {
+    for rsm in [32, 128] {
+        let scene = valley(3200, true);
+        let all = gathered(&scene, &bake(&scene, 60, 8).expect("baked").0, &settings([16, 9], Gi::LightSkin, 8, rsm));
+        assert_eq!(all.vals.len(), (rsm * rsm) as usize);
+        assert!(all.vals.iter().all(|val| val.weight > 0.0), "{rsm}: a dark VAL");
+        assert!(all.proxies.iter().all(|proxy| proxy.diffuse_distance2 > 0.0), "{rsm}: a dark cache");
+    }
+}
+
+#[test]
+fn numbers_of_the_thesis_are_found_by_their_row_and_column() {
+    let table = |text: &'static str, key: &[u32], column: &str| thesis::frame_ms(text, key, column);
+    assert_eq!(table(thesis::TRIANGLES, &[800], "LI"), Some(1000.0 / 1554.4));
+    assert_eq!(table(thesis::TRIANGLES, &[6_553_600], "DG16"), Some(1000.0 / 16.2));
+    assert_eq!(table(thesis::RESOLUTION, &[1280, 720], "GI"), Some(1000.0 / 414.5));
+    assert_eq!(table(thesis::CACHES, &[16_000], "DG_262144"), Some(1000.0 / 5.2));
+    assert_eq!(table(thesis::RESOLUTION, &[1280, 721], "GI"), None);
+    assert_eq!(table(thesis::TRIANGLES, &[800], "DGS"), None);
+    // Every point of the full extent is in the thesis.
+    let Extent { triangles, resolutions, caches, rsm, .. } = Extent::full();
+    assert!(triangles.iter().all(|n| table(thesis::TRIANGLES, &[*n as u32], "D8").is_some()));
+    assert!(resolutions.iter().all(|size| table(thesis::RESOLUTION, size, "LI").is_some()));
+    for (caches, rsm) in caches.iter().flat_map(|caches| rsm.iter().map(move |rsm| (caches, rsm))) {
+        assert!(table(thesis::CACHES, &[*caches as u32], &format!("D_{}", rsm * rsm)).is_some());
+    }
+}
+
+#[test]
+fn exponents_of_power_laws_are_found() {
+    let points: Vec<(f64, f64)> = [2.0_f64, 3.0, 10.0].map(|x| (x, 3.0 * x.powf(1.5))).into();
+    assert!((exponent(&points).expect("a slope") - 1.5).abs() < 1e-12);
+    assert_eq!(exponent(&[(2.0, 1.0), (2.0, 3.0)]), None);
+    assert_eq!(exponent(&[]), None);
+}
+
+/// A few points, each once.
+fn tiny() -> Extent {
+    Extent {
+        name: "tiny",
+        size: [32, 18],
+        triangles: vec![800, 3200],
+        resolutions: vec![[40, 30], [256, 256]],
+        caches: vec![60, 120, 250],
+        rsm: vec![8, 16, 64],
+        ground: 800,
+        warm_up: 0,
+        frames: 1,
+        budget: 300.0,
+    }
+}
+
+fn numbers(cells: &[Cell]) -> Vec<String> {
+    let text = |cell: &Cell| match cell {
+        Cell::Empty => String::new(),
+        Cell::Text(text) => text.clone(),
+        Cell::Number(number) => number.to_string(),
+    };
+    cells.iter().map(text).collect()
+}
+
+#[test]
+fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
+    let gpu = gpu();
+    let at = folder("bench-tiny");
+    let results = bench::run(&gpu, &tiny(), &|part, _| assert!((0.0..=1.0).contains(&part))).expect("measured");
+    bench::write(&at, &gpu, &results).expect("written");
+    assert_eq!(results.problems, [""; 0]);
+    assert_clean(&gpu);
+
+    let tables = ["bake", "caches", "exponents", "pairs", "resolution", "triangles"];
+    let plots = ["bake", "caches", "ratios", "resolution", "triangles"];
+    let mut files: Vec<String> = tables.map(|name| format!("{name}.csv")).into();
+    files.extend(plots.map(|name| format!("{name}.svg")));
+    files.extend(["bench.json", "bench.md"].map(str::to_owned));
+    files.sort();
+    assert_eq!(left(&at), files);
+
+    let read = |name: &str| fs::read_to_string(at.join(name)).expect("a file");
+    let json: serde_json::Value = serde_json::from_str(&read("bench.json")).expect("JSON");
+    assert_eq!(json["device"]["name"], gpu.report().name);
+    assert_eq!(json["device"]["software"], gpu.is_software());
+    let counts = [("triangles", 2), ("bake", 2), ("resolution", 2), ("caches", 18), ("pairs", 18), ("exponents", 12)];
+    assert_eq!(json["tables"].as_array().expect("tables").len(), counts.len());
+    for (i, (name, rows)) in counts.into_iter().enumerate() {
+        let (table, kept) = (&results.tables[i], &json["tables"][i]);
+        assert_eq!((table.name, kept["name"].as_str()), (name, Some(name)));
+        assert_eq!(table.skipped, [""; 0], "{name}");
+        let csv = read(&format!("{name}.csv"));
+        let lines: Vec<Vec<&str>> = csv.lines().map(|line| line.split(',').collect()).collect();
+        assert_eq!(lines[0], kept["columns"].as_array().expect("columns").iter().collect::<Vec<_>>());
+        assert_eq!(lines.len(), rows + 1, "{name}");
+        for (line, row) in lines[1..].iter().zip(&table.rows) {
+            assert_eq!(*line, numbers(row), "{name}");
+        }
+        for (line, row) in lines[1..].iter().zip(kept["rows"].as_array().expect("rows")) {
+            for (cell, value) in line.iter().zip(row.as_array().expect("a row")) {
+                match value.as_f64() {
+                    Some(number) => assert_eq!(cell.parse(), Ok(number), "{name}"),
+                    None => assert_eq!(*cell, value.as_str().unwrap_or_default(), "{name}"),
+                }
+            }
+        }
+    }
+    let page = read("bench.md");
+    assert!(page.contains(&gpu.report().name) && page.contains(&gpu.report().driver), "{page}");
+    assert_eq!(page.contains("**software device**"), gpu.is_software());
+    for part in ["thesis D8 / LI", "DGS (soft shadows) and SSS", "% of the arithmetic peak", "(triangles.svg)"] {
+        assert!(page.contains(part), "'{part}' is not in {page}");
+    }
+    check_sense(&results);
+}
+
+/// What must hold of any measurement.
+fn check_sense(results: &bench::Results) {
+    for table in &results.tables {
+        for (row, column) in (0..table.rows.len()).flat_map(|row| table.columns.iter().map(move |c| (row, c))) {
+            let value = table.number(row, column);
+            let is_positive = value.is_none_or(|value| value > 0.0) || table.name == "exponents";
+            assert!(is_positive, "{}: {column} {value:?}", table.name);
+        }
+    }
+    let (triangles, pairs) = (results.table("triangles"), results.table("pairs"));
+    assert!(results.peak > 1e9, "{} flop/s", results.peak);
+    for row in 0..pairs.rows.len() {
+        let share = pairs.number(row, "share of peak").expect("a share");
+        assert!(share < 2.0, "{share} of the peak");
+    }
+    assert_eq!(triangles.number(0, "thesis LI [ms]"), Some(0.64334));
+    assert_eq!(results.table("caches").number(2, "VALs"), Some(4096.0));
+}
+
+#[test]
+fn what_there_is_no_time_or_memory_for_is_left_out_and_told() {
+    let gpu = gpu();
+    let at = folder("bench-hurried");
+    let results = bench::run(&gpu, &Extent { budget: 0.0, ..tiny() }, &|_, _| ()).expect("measured");
+    bench::write(&at, &gpu, &results).expect("written");
+    assert!(results.tables.iter().all(|table| table.rows.is_empty()));
+    let page = fs::read_to_string(at.join("bench.md")).expect("a file");
+    assert!(page.contains("Left out: 800, 3200 triangles: would take about"), "{page}");
+    assert!(page.contains("Left out: DG, 250 caches, 64x64 VALs: would take"), "{page}");
+    if cfg!(target_os = "linux") {
+        assert!(too_large(1 << 40).expect("no machine has that").contains("GiB of memory"));
+    }
+    assert_eq!(too_large(1), None);
+}
+
+#[test]
+fn markdown_shows_digits_that_count() {
+    let mut table = Table::new("t", "Title", "How.".into(), &["a", "b", "c", "d"]);
+    table.push(vec![Cell::from(1234.56), Cell::from(12_345.0), Cell::from(f64::NAN), Cell::from("D")]);
+    assert!(table.markdown().contains("| 1235 | 12345 | - | D |"), "{}", table.markdown());
+    assert_eq!(table.csv(), "a,b,c,d\n1234.6,12345,,D\n");
+}
+
+#[test]
+fn bench_refuses_what_it_cannot_do() {
+    let at = folder("bench-refuses");
+    fails(&at, &["bench", "--quick", "--full"], 2, &["cannot be used with"]);
+    fs::write(at.join("file"), "").expect("a file");
+    fails(&at, &["bench", "-o", "file"], 1, &["file", "name a folder"]);
+    fails(&at, &["bench", "-o", "out", "--device", "no such"], 1, &["no such"]);
+}
