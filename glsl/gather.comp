@@ -17,6 +17,9 @@ layout(binding = 4) uniform samplerBuffer val_texels;
 layout(binding = 5, std430) readonly buffer Vals { vec4 vals[]; };
 layout(binding = 6, scalar) writeonly buffer Parts { GatherSums parts[]; };
 
+// VALs of one round of the loop.
+const uint AT_ONCE = 4u;
+
 // VALs in the workgroup's memory at a time.
 const uint STAGED = GATHER_THREADS;
 shared vec4 staged[3u * STAGED];
@@ -24,18 +27,28 @@ shared vec4 staged[3u * STAGED];
 Receiver receivers[CACHES];
 GatherSums sums[CACHES];
 
-void add(vec4 place, vec4 facing, vec4 light) {
-    [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
-        accumulate(sums[j], receivers[j], place, facing, light, GLOSSY != 0u);
-    }
-}
+struct Packed {
+    vec4 place;
+    vec4 facing;
+    vec4 light;
+};
 
-void add_from_memory(uint i) {
+Packed from_memory(uint i) {
     int at = int(3u * i);
     if (SOURCE == VALS_TEXELS) {
-        add(texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2));
-    } else {
-        add(vals[at], vals[at + 1], vals[at + 2]);
+        return Packed(texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2));
+    }
+    return Packed(vals[at], vals[at + 1], vals[at + 2]);
+}
+
+// Several VALs onto one cache after the other: its sums stay in registers meanwhile.
+void add(Packed v[AT_ONCE]) {
+    [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
+        GatherSums s = sums[j];
+        [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+            accumulate(s, receivers[j], v[i].place, v[i].facing, v[i].light, GLOSSY != 0u);
+        }
+        sums[j] = s;
     }
 }
 
@@ -61,14 +74,22 @@ void main() {
                 staged[at + part] = vals[3u * tile + at + part];
             }
             barrier();
-            for (uint i = 0u; i < 3u * STAGED; i += 3u) {
-                add(staged[i], staged[i + 1u], staged[i + 2u]);
+            for (uint i = 0u; i < STAGED; i += AT_ONCE) {
+                Packed v[AT_ONCE];
+                [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
+                    uint from = 3u * (i + j);
+                    v[j] = Packed(staged[from], staged[from + 1u], staged[from + 2u]);
+                }
+                add(v);
             }
         }
     } else {
-        for (uint i = first; i < end; i += 2u) {
-            add_from_memory(i);
-            add_from_memory(i + 1u);
+        for (uint i = first; i < end; i += AT_ONCE) {
+            Packed v[AT_ONCE];
+            [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
+                v[j] = from_memory(i + j);
+            }
+            add(v);
         }
     }
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {

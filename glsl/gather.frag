@@ -22,7 +22,7 @@ layout(location = 3) out vec4 out_glossy_irradiance;
 #endif
 
 // VALs of one round of the loop.
-const uint AT_ONCE = 8u;
+const uint AT_ONCE = 16u;
 
 void main() {
     uint index = atlas_cache(ivec2(gl_FragCoord.xy));

@@ -10,7 +10,7 @@ use lightskin::bench::native::{self, Sums};
 use lightskin::bench::table::{Cell, Table, exponent};
 use lightskin::bench::{self, Extent, simd, thesis};
 use lightskin::eval::shot;
-use lightskin::frame::{Gi, Settings, View};
+use lightskin::frame::{GatherSettings, Gi, Settings, View};
 use lightskin::reference::gather::val_geometry;
 use lightskin::reference::phong::{cos_power, mirrored_view};
 use lightskin::scene::build::valley;
@@ -195,7 +195,11 @@ fn valleys_have_the_triangles_that_are_asked_for() {
 fn every_val_of_a_valley_is_lit_and_lights() {
     for rsm in [32, 128] {
         let scene = valley(3200, true);
-        let all = gathered(&scene, &bake(&scene, 60, 8).expect("baked").0, &settings([16, 9], Gi::LightSkin, 8, rsm));
+        let all = gathered(
+            &scene,
+            &bake(&scene, 60, 8).expect("baked").0,
+            &settings([16, 9], Gi::LightSkin, 8, rsm, GatherSettings::default()),
+        );
         assert_eq!(all.vals.len(), (rsm * rsm) as usize);
         assert!(all.vals.iter().all(|val| val.weight > 0.0), "{rsm}: a dark VAL");
         assert!(all.proxies.iter().all(|proxy| proxy.diffuse_distance2 > 0.0), "{rsm}: a dark cache");

@@ -167,26 +167,3 @@ fn scenes_far_from_the_origin_are_drawn_around_their_own() {
     let expected = flux(&cast(&scene, &shot));
     assert!(flux(&shot.vals).distance(expected) < 1e-3 * expected.length());
 }
-
-#[test]
-#[ignore = "prints speeds"]
-fn speeds() {
-    let cpu = || -> f64 {
-        let text = std::fs::read_to_string("/proc/self/stat").expect("stat");
-        let fields: Vec<&str> = text.rsplit(')').next().expect("fields").split_whitespace().collect();
-        fields[11].parse::<f64>().expect("utime") / 100.0
-    };
-    let gpu = lightskin::gpu::Gpu::new(&lightskin::gpu::Options::default()).expect("device");
-    let n = |name: &str, or: u32| std::env::var(name).ok().and_then(|v| v.parse().ok()).unwrap_or(or);
-    let (c, v) = (n("C", 2048), n("V", 4096));
-    for (i, settings) in lightskin::frame::tune::candidates().into_iter().enumerate() {
-        if n("ONLY", 99) != 99 && n("ONLY", 99) != i as u32 {
-            continue;
-        }
-        lightskin::frame::tune::time(&gpu, &settings, 64, 256).expect("timed");
-        let start = cpu();
-        let found = lightskin::frame::tune::time(&gpu, &settings, c, v).expect("timed");
-        let by_cpu = 4.0 * f64::from(c) * f64::from(v) / ((cpu() - start) / 2.0) * 1e-9;
-        println!("{i} {by_cpu:.3} G by CPU, {:.3} G {:?}", found.pairs_per_second * 1e-9, settings);
-    }
-}

@@ -38,8 +38,9 @@ void accumulate(inout GatherSums s, Receiver c, vec4 place, vec4 facing, vec4 li
     s.distance2 += d2 * w;
     if (glossy) {
         float along = max(dot(c.mirrored, d), 0.0);
-        // k >= 1 of metallic-roughness materials makes the bound inside the logarithm a 0 for all purposes.
-        float lobe = exp2(c.half_exponent * log2(max(along * along * (disc * inverse), 1e-37)));
+        float power = c.half_exponent * log2(max(along * along * (disc * inverse), 1e-37));
+        // Products with less are numbers that CPUs are slow with, and that nobody sees.
+        float lobe = power > -80.0 ? exp2(power) : 0.0;
         w *= lobe;
         s.glossy_position += d * w;
         s.glossy_weight += w;

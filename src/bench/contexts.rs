@@ -6,9 +6,12 @@ use super::measure::{Budget, Times, World, bake, settings, too_large};
 use super::native;
 use super::table::{Cell, Table, exponent};
 use super::thesis;
+use crate::bake::{CacheSet, NO_CACHE};
 use crate::error::{Error, Result};
-use crate::frame::{Gi, Targets, View};
+use crate::frame::tune::Tuned;
+use crate::frame::{GatherSettings, Gi, Settings, Targets, View};
 use crate::gpu::Gpu;
+use crate::scene::Projection;
 use crate::scene::build::valley;
 use crate::shared::{Cache, Val};
 use std::time::Instant;
@@ -38,6 +41,8 @@ pub struct Contexts<'a> {
     pub extent: &'a Extent,
     /// Arithmetic peak of the device [flop/s].
     pub peak: f64,
+    /// The fastest way of the gather's fragment path, and of its compute path.
+    pub ways: [Tuned; 2],
     /// Told how much is done, from 0 to 1, and what is being done.
     pub progress: &'a dyn Fn(f32, &str),
     /// Missing and idle barriers, with `Validation::Sync`.
@@ -50,6 +55,12 @@ fn does_not_fit(error: &Error) -> bool {
 }
 
 impl Contexts<'_> {
+    /// The faster one of both paths.
+    fn fastest(&self) -> GatherSettings {
+        let [fragment, compute] = self.ways;
+        if compute.pairs_per_second >= fragment.pairs_per_second { compute.settings } else { fragment.settings }
+    }
+
     fn method(&self) -> String {
         let Extent { warm_up, frames, .. } = self.extent;
         let how =
@@ -63,7 +74,7 @@ impl Contexts<'_> {
     }
 
     fn times(&mut self, world: &World<'_>, size: [u32; 2], gi: Gi, references: usize) -> Result<f64> {
-        let frame = world.frame(&settings(size, gi, references, RSM))?;
+        let frame = world.frame(&settings(size, gi, references, RSM, self.fastest()))?;
         Ok(self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?).frame())
     }
 
@@ -207,10 +218,19 @@ impl Contexts<'_> {
         );
         let mut table = Table::new("caches", "Caches x VALs (thesis table 6.3)", how, &columns);
         let (registers, lanes) = native::registers();
-        let columns =
-            ["lobes", "caches", "VALs", "device [G pairs/s]", "share of peak", "native [G pairs/s]", "device / native"];
+        let columns = [
+            "lobes",
+            "caches",
+            "VALs",
+            "compute [G pairs/s]",
+            "fragment [G pairs/s]",
+            "share of peak",
+            "native [G pairs/s]",
+            "compute / native",
+            "fragment / native",
+        ];
         let how = format!(
-            "Pairs of a cache and a VAL in stage 6. Peak: {:.1} Gflop/s, measured in the same run by independent \
+            "Pairs of a cache and a VAL in stage 6, every cache lit, by both paths. Peak, of which the faster path has its share: {:.1} Gflop/s, measured in the same run by independent \
              multiply-adds (`glsl/peak.comp`); a pair counts {} operations, with the glossy lobe {}. Native: the same sums of \
              the same caches and VALs on {} CPU threads, {lanes} numbers to a register ({registers}), median of 3 runs or more.",
             self.peak * 1e-9,
@@ -235,7 +255,8 @@ impl Contexts<'_> {
                         continue;
                     }
                     match self.of_caches(&world, asked, rsm, glossy) {
-                        Ok(Measured { caches, vals, frame, gather, native }) => {
+                        Ok(Measured { caches, vals, frame, gather: both, native }) => {
+                            let gather = both[0].min(both[1]);
                             let thesis = |caches, rsm: u32| {
                                 thesis::frame_ms(thesis::CACHES, &[caches], &format!("{name}_{}", rsm * rsm))
                             };
@@ -246,10 +267,12 @@ impl Contexts<'_> {
                             row.extend([frame, gather, frame / first.0].map(Cell::from));
                             row.extend([of_thesis, slower].map(Cell::from));
                             table.push(row);
-                            let rate = (caches * vals) as f64 / gather * 1e-6;
-                            let share = rate * 1e9 * FLOP_PER_PAIR[usize::from(glossy)] / self.peak;
+                            let rate = |ms: f64| (caches * vals) as f64 / ms * 1e-6;
+                            let [fragment, compute] = both.map(rate);
+                            let share = rate(gather) * 1e9 * FLOP_PER_PAIR[usize::from(glossy)] / self.peak;
                             let mut row: Vec<Cell> = vec![name.into(), caches.into(), vals.into()];
-                            row.extend([rate, share, native, rate / native].map(Cell::from));
+                            let ratios = [compute / native, fragment / native];
+                            row.extend([compute, fragment, share, native].into_iter().chain(ratios).map(Cell::from));
                             pairs.push(row);
                         }
                         Err(error) if does_not_fit(&error) => table.skipped.push(format!("{what}: {error}.")),
@@ -263,10 +286,19 @@ impl Contexts<'_> {
 
     fn of_caches(&mut self, world: &World<'_>, asked: usize, rsm: u32, glossy: bool) -> Result<Measured> {
         let size = self.extent.size;
-        let frame = world.frame(&settings(size, Gi::LightSkin, 8, rsm))?;
-        let times = self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?);
-        let (vals, caches) = light_and_caches(self.gpu, &frame.targets)?;
-        let gather = times.stage("gather").ok_or_else(|| Error::Nothing(format!("{asked} caches: no gather")))?;
+        let mut both = [0.0; 2];
+        let mut whole = f64::INFINITY;
+        let mut made = None;
+        for (way, gather) in self.ways.into_iter().zip(&mut both) {
+            // Every cache, so that their number is known.
+            let all = Settings { cull: false, ..settings(size, Gi::LightSkin, 8, rsm, way.settings) };
+            let frame = world.frame(&all)?;
+            let times = self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?);
+            *gather = times.stage("gather").ok_or_else(|| Error::Nothing(format!("{asked} caches: no gather")))?;
+            whole = whole.min(times.frame());
+            made = Some(light_and_caches(self.gpu, &frame.targets)?);
+        }
+        let (vals, caches) = made.expect("two paths");
         let eye = View::new(&world.scene.cameras[0], size, world.buffers.origin, world.buffers.radius).eye;
         let pairs = (caches.len() * vals.len()) as f64;
         let mut seconds: Vec<f64> = (0..((NATIVE_PAIRS / pairs) as usize).clamp(3, 100))
@@ -278,8 +310,86 @@ impl Contexts<'_> {
             .collect();
         seconds.sort_by(f64::total_cmp);
         let native = pairs / seconds[seconds.len() / 2] * 1e-9;
-        Ok(Measured { caches: caches.len(), vals: vals.len(), frame: times.frame(), gather, native })
+        Ok(Measured { caches: caches.len(), vals: vals.len(), frame: whole, gather: both, native })
     }
+}
+
+impl Contexts<'_> {
+    /// What culling costs and what it saves.
+    pub fn culling(&mut self) -> Result<Table> {
+        let columns = [
+            "caches",
+            "live",
+            "share",
+            "order",
+            "path",
+            "gather of all [ms]",
+            "cull [ms]",
+            "gather of live [ms]",
+            "(cull + gather) / all",
+        ];
+        let [w, h] = self.extent.size;
+        let how = format!(
+            "A camera that sees a part of the valley, {w}x{h} pixels, {RSM}x{RSM} VALs, both lobes, {} triangles. Caches lie \
+             in the atlas in the bake's space-filling order (near), or shuffled: then the live ones are spread at random. {}",
+            self.extent.ground,
+            self.method()
+        );
+        let mut table = Table::new("culling", "Culling", how, &columns);
+        let mut scene = valley(self.extent.ground, true);
+        // A third of the width and of the height.
+        let Projection::Perspective { yfov } = &mut scene.cameras[0].projection else { return Ok(table) };
+        *yfov = 2.0 * ((0.5 * *yfov).tan() / 3.0).atan();
+        for (i, asked) in CULLED.into_iter().enumerate() {
+            (self.progress)(i as f32 / CULLED.len() as f32, &format!("culling {asked} caches"));
+            let near = bake(&scene, asked, 8)?.0;
+            for (order, set) in [("near", near.clone()), ("random", shuffled(&near))] {
+                let world = World::new(self.gpu, &scene, Some(&set))?;
+                for (path, way) in ["fragment", "compute"].into_iter().zip(self.ways) {
+                    let live = settings([w, h], Gi::LightSkin, 8, RSM, way.settings);
+                    let mut stage = |settings: &Settings| -> Result<(f64, f64, usize, usize)> {
+                        let frame = world.frame(settings)?;
+                        let times = self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?);
+                        let all = frame.targets.caches.as_ref().map_or(0, |caches| caches.count as usize);
+                        let of = |name| times.stage(name).unwrap_or(0.0);
+                        Ok((of("cull"), of("gather"), frame.live(self.gpu)?.caches as usize, all))
+                    };
+                    let (_, all, ..) = stage(&Settings { cull: false, ..live })?;
+                    let (cull, gather, lit, count) = stage(&live)?;
+                    let mut row: Vec<Cell> = vec![count.into(), lit.into(), (lit as f64 / count as f64).into()];
+                    row.extend([Cell::from(order), path.into()]);
+                    row.extend([all, cull, gather, (cull + gather) / all].map(Cell::from));
+                    table.push(row);
+                }
+            }
+        }
+        Ok(table)
+    }
+}
+
+/// Cache counts that culling is measured at.
+const CULLED: [usize; 3] = [1000, 4000, 16_000];
+
+/// The same caches in a random order, always the same one.
+fn shuffled(set: &CacheSet) -> CacheSet {
+    let mut set = set.clone();
+    let mut state = 1_u64;
+    for model in &mut set.models {
+        let mut place: Vec<u16> = (0..model.caches.len() as u16).collect();
+        for i in (1..place.len()).rev() {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            place.swap(i, (state >> 33) as usize % (i + 1));
+        }
+        let mut caches = model.caches.clone();
+        for (cache, place) in model.caches.iter().zip(&place) {
+            caches[*place as usize] = *cache;
+        }
+        model.caches = caches;
+        for reference in model.references.iter_mut().filter(|reference| **reference != NO_CACHE) {
+            *reference = place[*reference as usize];
+        }
+    }
+    set
 }
 
 /// A point of table 6.3.
@@ -288,8 +398,8 @@ struct Measured {
     vals: usize,
     /// All stages [ms].
     frame: f64,
-    /// Stage 6 [ms].
-    gather: f64,
+    /// Stage 6 [ms] by the fragment path and by the compute path.
+    gather: [f64; 2],
     /// G pairs/s of the CPU.
     native: f64,
 }

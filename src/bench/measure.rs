@@ -3,7 +3,7 @@
 use crate::bake::{self, CacheSet, Density};
 use crate::error::Result;
 use crate::eval::measure::medians;
-use crate::frame::{Exposure, Frame, Gi, SceneBuffers, Settings, View};
+use crate::frame::{Exposure, Frame, GatherSettings, Gi, SceneBuffers, Settings, View};
 use crate::gpu::Gpu;
 use crate::scene::Scene;
 use std::time::Instant;
@@ -70,8 +70,8 @@ impl<'a> World<'a> {
 }
 
 /// How the thesis's frames are drawn. Exposure is fixed: the thesis measures none.
-pub fn settings(size: [u32; 2], gi: Gi, references: usize, rsm: u32) -> Settings {
-    Settings { size, gi, references, rsm, exposure: Exposure::Ev(10.0), ..Settings::default() }
+pub fn settings(size: [u32; 2], gi: Gi, references: usize, rsm: u32, gather: GatherSettings) -> Settings {
+    Settings { size, gi, references, rsm, gather, exposure: Exposure::Ev(10.0), ..Settings::default() }
 }
 
 /// Places caches anew; gives them and the seconds that took.

@@ -15,6 +15,7 @@ pub use extent::Extent;
 pub use report::write;
 
 use crate::error::Result;
+use crate::frame::{GatherPath, tune};
 use crate::gpu::Gpu;
 use contexts::{Contexts, exponents};
 use table::Table;
@@ -42,15 +43,19 @@ impl Results {
 pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<Results> {
     progress(0.0, "arithmetic peak");
     let peak = peak::measure(gpu)?;
+    let fastest = |path| tune::fastest(gpu, Some(path));
+    let ways = [fastest(GatherPath::Fragment)?, fastest(GatherPath::Compute)?];
     // The parts take about this share of the time each.
     let part = |from: f32, to: f32| move |part: f32, what: &str| progress(from + (to - from) * part, what);
-    let parts = [part(0.0, 0.4), part(0.4, 0.5), part(0.5, 1.0)];
-    let mut work = Contexts { gpu, extent, peak, progress: &parts[0], problems: Vec::new() };
+    let parts = [part(0.0, 0.4), part(0.4, 0.5), part(0.5, 0.9), part(0.9, 1.0)];
+    let mut work = Contexts { gpu, extent, peak, ways, progress: &parts[0], problems: Vec::new() };
     let mut tables = Vec::from(work.triangles()?);
     work.progress = &parts[1];
     tables.push(work.resolution()?);
     work.progress = &parts[2];
     tables.extend(work.caches()?);
+    work.progress = &parts[3];
+    tables.push(work.culling()?);
     let problems = work.problems;
     let grown = exponents(tables.iter().find(|table| table.name == "caches").expect("just made"));
     tables.push(grown);

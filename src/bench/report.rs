@@ -88,22 +88,55 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
     let pairs = results.table("pairs");
     for lobes in ["D", "DG"] {
         let rows = (0..pairs.rows.len()).filter(|row| pairs.has(*row, lobes));
-        let rate = |row: &usize| pairs.number(*row, "device [G pairs/s]").unwrap_or(0.0);
+        let rate = |row: &usize| pairs.number(*row, "compute [G pairs/s]").unwrap_or(0.0);
         if let Some(best) = rows.max_by(|a, b| rate(a).total_cmp(&rate(b))) {
             let of = |column: &str| pairs.number(best, column).unwrap_or(0.0);
             lines.push(format!(
-                "Gather {lobes}, at best ({} caches, {} VALs): {} G pairs/s, {} % of the arithmetic peak, {} % of the \
-                 native kernel's {}.",
+                "Gather {lobes}, compute, at best ({} caches, {} VALs): {} G pairs/s, {} % of the arithmetic peak, {} % of \
+                 the native kernel's {}; fragment {} %.",
                 of("caches"),
                 of("VALs"),
                 short(rate(&best)),
                 short(100.0 * of("share of peak")),
-                short(100.0 * of("device / native")),
-                short(of("native [G pairs/s]"))
+                short(100.0 * of("compute / native")),
+                short(of("native [G pairs/s]")),
+                short(100.0 * of("fragment / native"))
             ));
         }
     }
+    lines.extend(small_scenes(pairs));
+    lines.extend(culling(results.table("culling")));
     lines
+}
+
+/// How well few caches fill the device.
+fn small_scenes(pairs: &Table) -> Option<String> {
+    let with = |row: usize| Some((pairs.number(row, "caches")?, pairs.number(row, "compute [G pairs/s]")?));
+    let usual = |row: &usize| pairs.has(*row, "DG") && pairs.number(*row, "VALs") == Some(16_384.0);
+    let rows: Vec<(f64, f64)> = (0..pairs.rows.len()).filter(usual).filter_map(with).collect();
+    let (least, best) = (rows.first()?, rows.iter().map(|row| row.1).fold(0.0, f64::max));
+    let share = short(100.0 * least.1 / best);
+    Some(format!(
+        "Gather DG, compute, 16 384 VALs: {} caches reach {share} % of the best count's pairs per second.",
+        least.0
+    ))
+}
+
+/// What the largest count of caches costs where a part of them is live.
+fn culling(table: &Table) -> Option<String> {
+    let most = (0..table.rows.len()).filter_map(|row| table.number(row, "caches")).fold(0.0, f64::max);
+    let of = |order: &str, path: &str| {
+        let is_it =
+            |row: &usize| table.number(*row, "caches") == Some(most) && table.has(*row, order) && table.has(*row, path);
+        let row = (0..table.rows.len()).find(is_it)?;
+        Some((short(100.0 * table.number(row, "share")?), short(100.0 * table.number(row, "(cull + gather) / all")?)))
+    };
+    let ((share, compute), (_, near)) = (of("random", "compute")?, of("near", "compute")?);
+    let ((_, fragment), (_, fragment_near)) = (of("random", "fragment")?, of("near", "fragment")?);
+    Some(format!(
+        "{share} % of {most} caches live at random: culling and gather cost {compute} % of lighting all by compute, {fragment} % \
+         by fragments; in the bake's order {near} % and {fragment_near} %."
+    ))
 }
 
 fn plots(gpu: &Gpu, results: &Results) -> Vec<(&'static str, Plot)> {

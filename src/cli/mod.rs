@@ -163,7 +163,7 @@ impl DeviceArgs {
 /// How caches are lit.
 #[derive(Args)]
 struct GatherArgs {
-    /// What lights caches. Auto takes what is fastest on the device: measured in a second when first needed, then kept.
+    /// What lights caches. Auto takes what is fastest on the device: measured within seconds when first needed, then kept.
     #[arg(long, value_enum, default_value_t)]
     gather: GatherArg,
     /// Light every cache, not only those that visible surfaces need. The picture stays the same.

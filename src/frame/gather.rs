@@ -49,7 +49,7 @@ pub struct GatherSettings {
 
 impl Default for GatherSettings {
     fn default() -> Self {
-        Self { path: GatherPath::Compute, source: ValSource::Texels, tile: 1024, caches_per_thread: 4, split: 2048 }
+        Self { path: GatherPath::Compute, source: ValSource::Texels, tile: 4096, caches_per_thread: 4, split: 2048 }
     }
 }
 

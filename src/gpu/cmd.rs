@@ -159,6 +159,10 @@ impl<'g> Cmd<'g> {
             self.stamp(slot.queries, query);
         }
         drop(slot);
+        if self.split {
+            // lavapipe runs a dispatch at once but takes timestamps when it flushes: else this one would come after it.
+            self.flush();
+        }
         self.label(name);
         Zone { cmd: self, outer: self.zone.replace(name), index, query }
     }
