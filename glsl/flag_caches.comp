@@ -1,4 +1,4 @@
-// Stage 5, compute way: flags every cache that a visible element needs. METHOD 9.
+// Stage 5, compute way: flags every cache that a visible vertex refers to. METHOD 9.
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
@@ -6,16 +6,18 @@ layout(constant_id = 0) const uint REFERENCES = 8;
 
 #include "lib/references.glsl"
 
-layout(binding = 4, scalar) readonly buffer Args { ElementArgs args; };
-layout(binding = 5, scalar) buffer Flags { uint flags[]; };
+layout(binding = 3, scalar) readonly buffer Args { VisibleArgs args; };
+layout(binding = 4, scalar) buffer Flags { uint flags[]; };
 
 void main() {
     uint at = gl_GlobalInvocationID.x;
-    if (at >= args.vertex_count / (3u * REFERENCES)) {
+    if (at >= args.reference_count / REFERENCES) {
         return;
     }
-    for (uint i = 0u; i < 3u * REFERENCES; ++i) {
-        uint cache = needed_cache(elements[at], i);
+    VisibleVertex v = visible[at];
+    DrawRecord draw = draws[v.draw];
+    for (uint i = 0u; i < REFERENCES; ++i) {
+        uint cache = referred_cache(draw, v.vertex, i);
         if (cache != NO_REFERENCES) {
             atomicOr(flags[cache], 1u);
         }

@@ -1,3 +1,3 @@
-// Stage 1 where caches are culled: also which triangle a pixel shows.
+// Stage 1 where caches are interpolated: also which triangle a pixel shows.
 #define ELEMENTS
 #include "gbuffer.frag"

@@ -1,4 +1,4 @@
-// Stage 5, fragment way: every reference of a visible element becomes a point of depth 1 at its cache's texel.
+// Stage 5, fragment way: every reference of a visible vertex becomes a point of depth 1 at its cache's texel.
 // METHOD 9, thesis 6.1.3.
 #include "shared.glsl"
 #include "lib/atlas.glsl"
@@ -9,8 +9,8 @@ layout(push_constant, scalar) uniform Push { AtlasPush push; };
 #include "lib/references.glsl"
 
 void main() {
-    uint i = gl_VertexIndex;
-    uint cache = needed_cache(elements[i / (3u * REFERENCES)], i % (3u * REFERENCES));
+    VisibleVertex v = visible[gl_VertexIndex / REFERENCES];
+    uint cache = referred_cache(draws[v.draw], v.vertex, gl_VertexIndex % REFERENCES);
     vec2 at = (vec2(atlas_texel(cache)) + 0.5) / vec2(ATLAS_WIDTH, push.rows) * 2.0 - 1.0;
     gl_Position = cache == NO_REFERENCES ? vec4(2.0, 2.0, 2.0, 1.0) : vec4(at, 1.0, 1.0);
     gl_PointSize = 1.0;

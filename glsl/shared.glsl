@@ -184,22 +184,46 @@ struct Proxy {
     vec3 glossy_irradiance;
 };
 
-// A draw, as those read it who look up a visible triangle's references.
+// A draw, as those read it who look up a visible triangle.
 struct DrawRecord {
     uint first_index; // into all indices
+    uint first_vertex; // of the mesh, into all vertices
+    uint first_slot; // of the instance, into the slots of all instances' vertices
+    uint instance;
     uint reference_base; // first of the model's references, in pairs; NO_REFERENCES without caches
     uint cache_base; // atlas index of the instance's first cache
 };
 
-// How many visible elements there are, as arguments of an indirect draw of their references and of a dispatch.
-struct ElementArgs {
-    uint vertex_count;
+// A vertex in model space, as stage 8 reads it.
+struct Corner {
+    vec3 position;
+    vec3 normal;
+};
+
+// A corner of a visible triangle.
+struct VisibleVertex {
+    uint draw;
+    uint vertex; // of the mesh
+};
+
+// How many visible vertices there are: as arguments of an indirect draw of their references, of a dispatch over them.
+struct VisibleArgs {
+    uint reference_count;
     uint instance_count;
     uint first_vertex;
     uint first_instance;
     uint groups_x;
     uint groups_y;
     uint groups_z;
+};
+
+// What the caches of a vertex make together: a light of each lobe.
+struct VertexLight {
+    vec3 position; // of the vertex, in the world
+    vec3 diffuse_position;
+    vec3 diffuse_irradiance; // facing irradiance; by the thesis's scheme flux / (4 pi)
+    vec3 glossy_position;
+    vec3 glossy_irradiance;
 };
 
 // Live caches, as arguments of the gather's dispatch and as their number.
@@ -226,10 +250,8 @@ struct DrawPush {
     mat4 clip_from_world;
     uint instance;
     uint material;
-    uint reference_base; // first of the model's references, in pairs
-    uint cache_base; // atlas index of the instance's first cache
-    vec4 eye; // the viewer: position and 1, or the unit direction towards it and 0
     uint draw; // which, from 1
+    vec4 eye; // the viewer: position and 1, or the unit direction towards it and 0
 };
 
 // Push constants of full-screen passes that need the world position of a pixel.
@@ -247,6 +269,22 @@ struct ValPush {
     uint view;
     uint size; // [texels] of the RSM's side
     uint first; // where its VALs begin
+};
+
+// Push constants of the pass that finds visible vertices.
+struct VisiblePush {
+    uint frame; // its number, never 0
+};
+
+// Push constants of the pass that averages the lights of vertices.
+struct AveragePush {
+    vec4 eye; // as in DrawPush
+};
+
+// Push constants of the pass that shades pixels by the lights of their corners.
+struct InterpolatePush {
+    mat4 clip_from_world;
+    vec4 eye; // as in DrawPush
 };
 
 // Push constants of the pass that draws references into the atlas.

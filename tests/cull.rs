@@ -9,6 +9,7 @@ use lightskin::eval::worlds::{SPOT, baked, camera, corner};
 use lightskin::frame::cull::Cull;
 use lightskin::frame::gbuffer::GBuffer;
 use lightskin::frame::targets::CacheTargets;
+use lightskin::frame::visible::Visible;
 use lightskin::frame::{Frame, GatherPath, GatherSettings, SceneBuffers, Settings, View};
 use lightskin::gpu::{Gpu, Use};
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
@@ -165,6 +166,7 @@ fn of_several_views_every_one_is_served() {
         let frames = [(); 2].map(|()| Frame::new(&gpu, &scene, &buffers, &settings).expect("made"));
         let (gbuffer, cull) = (GBuffer::new(&gpu, &frames[0].plan), Cull::new(&gpu, &settings));
         let (gbuffer, cull) = (gbuffer.expect("made"), cull.expect("made"));
+        let visible = Visible::new(&gpu, settings.references).expect("made");
         let targets = [&frames[0].targets, &frames[1].targets];
         let drawn = gpu.frame(false, |cmd| {
             cmd.begin_frame(targets.iter().flat_map(|t| t.images()));
@@ -172,9 +174,11 @@ fn of_several_views_every_one_is_served() {
                 let view = View::new(camera, settings.size, buffers.origin, buffers.radius);
                 gbuffer.record(cmd, &buffers, &view, t);
             }
-            let elements = targets.map(|t| t.element.as_ref().expect("culled"));
+            let elements = targets.map(|t| t.element.as_ref().expect("interpolated"));
             let (vals, caches) = (&targets[0].rsm.as_ref().expect("VALs").vals, targets[0].caches.as_ref());
-            cull.record(cmd, &buffers, &elements, vals, caches.expect("caches"));
+            let seen = targets[0].visible.as_ref().expect("interpolated");
+            visible.record(cmd, &buffers, &elements, seen);
+            cull.record(cmd, &buffers, seen, vals, caches.expect("caches"));
             cmd.barrier(Use::ComputeWrite | Use::DepthWrite, Use::CopyRead);
             Ok(())
         });

@@ -40,7 +40,7 @@ void accumulate(inout GatherSums s, Receiver c, vec4 place, vec4 facing, vec4 li
         float along = max(dot(c.mirrored, d), 0.0);
         float power = c.half_exponent * log2(max(along * along * (disc * inverse), 1e-37));
         // Products with less are numbers that CPUs are slow with, and that nobody sees.
-        float lobe = power > -80.0 ? exp2(power) : 0.0;
+        float lobe = power > -110.0 ? exp2(power) : 0.0;
         w *= lobe;
         s.glossy_position += d * w;
         s.glossy_weight += w;

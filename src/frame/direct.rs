@@ -63,8 +63,8 @@ impl Direct {
                 for face in 0..light.views {
                     draw.area([face % 3 * size, face / 3 * size, size, size]);
                     let clip = scene.view_matrices[(light.first_view + face) as usize];
-                    scene.draw(draw, &self.opaque, Which::Opaque, clip, Vec4::ZERO, None);
-                    scene.draw(draw, &self.masked, Which::Masked, clip, Vec4::ZERO, None);
+                    scene.draw(draw, &self.opaque, Which::Opaque, clip, Vec4::ZERO);
+                    scene.draw(draw, &self.masked, Which::Masked, clip, Vec4::ZERO);
                 }
             });
             cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);

@@ -16,10 +16,10 @@ impl GBuffer {
         let (float, half) = (Format::R32G32B32A32_SFLOAT, Format::R16G16B16A16_SFLOAT);
         let pipeline = gpu.raster(&Raster {
             vertex: "mesh.vert",
-            fragment: Some(if plan.cull { "gbuffer_elements.frag" } else { "gbuffer.frag" }),
+            fragment: Some(if plan.lightskin { "gbuffer_elements.frag" } else { "gbuffer.frag" }),
             shape: Shape::Triangles,
             streams: &[VERTEX],
-            colors: &[float, half, half, float, Format::R32G32_UINT][..if plan.cull { 5 } else { 4 }],
+            colors: &[float, half, half, float, Format::R32G32_UINT][..if plan.lightskin { 5 } else { 4 }],
             blend: Blend::Replace,
             depth: Depth::Nearest,
             cull: Cull::Back,
@@ -36,7 +36,7 @@ impl GBuffer {
         let attachments =
             Attachments { colors: &colors, depth: Some(Attach::clear(&t.depth)), area: [0, 0, t.size[0], t.size[1]] };
         cmd.render(&attachments, |draw| {
-            scene.draw(draw, &self.pipeline, Which::All, view.clip_from_world, view.eye, None)
+            scene.draw(draw, &self.pipeline, Which::All, view.clip_from_world, view.eye)
         });
     }
 }

@@ -18,6 +18,7 @@ pub mod targets;
 pub mod tune;
 pub mod upload;
 pub mod view;
+pub mod visible;
 
 pub use gather::{GatherPath, GatherSettings, ValSource};
 pub use plan::{Plan, PlanLine};
@@ -105,7 +106,7 @@ pub struct Settings {
     pub proxy_weight: ProxyWeight,
     /// How stage 6 runs.
     pub gather: GatherSettings,
-    /// Only caches that visible surfaces need are lit, where the device can tell. Pictures do not change.
+    /// Only caches that visible surfaces need are lit. Pictures do not change.
     pub cull: bool,
     /// Curve of stage 11.
     pub tonemap: Tonemap,
@@ -144,12 +145,6 @@ const VERTEX: Stream<'static> = Stream {
     ],
 };
 
-/// A vertex as stage 8 reads it.
-const POSITION_NORMAL: Stream<'static> = Stream {
-    stride: size_of::<Vertex>() as u32,
-    attributes: &[(0, Format::R32G32B32_SFLOAT, 0), (1, Format::R32G32B32_SFLOAT, 12)],
-};
-
 /// The stages a scene needs, and their targets.
 pub struct Frame {
     /// Which stages there are.
@@ -176,6 +171,7 @@ pub struct Live {
 /// Stages 3, 5, 6 and 8.
 struct LightSkin {
     atlas: atlas::Atlas,
+    visible: visible::Visible,
     cull: Option<cull::Cull>,
     gather: gather::Gather,
     interpolate: interpolate::Interpolate,
@@ -184,11 +180,11 @@ struct LightSkin {
 impl Frame {
     /// Makes stages and targets for a scene.
     pub fn new(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers, settings: &Settings) -> Result<Self> {
-        let mut plan = Plan::new(scene, settings);
-        plan.cull &= gpu.numbers_triangles();
+        let plan = Plan::new(scene, settings);
         let lightskin = || -> Result<LightSkin> {
             Ok(LightSkin {
                 atlas: atlas::Atlas::new(gpu)?,
+                visible: visible::Visible::new(gpu, settings.references)?,
                 cull: plan.cull.then(|| cull::Cull::new(gpu, settings)).transpose()?,
                 gather: gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?,
                 interpolate: interpolate::Interpolate::new(gpu, &plan, settings)?,
@@ -237,20 +233,19 @@ impl Frame {
         if let (Some(rsm), Some(targets)) = (&self.rsm, &t.rsm) {
             rsm.record(cmd, scene, targets); // 4
         }
-        if let (Some(gi), Some(caches), Some(rsm), Some(out)) = (&self.lightskin, &t.caches, &t.rsm, &t.indirect) {
-            if let (Some(cull), Some(element)) = (&gi.cull, &t.element) {
-                cull.record(cmd, scene, &[element], &rsm.vals, caches); // 5
+        if let (Some(gi), Some(caches), Some(rsm), Some(out)) = (&self.lightskin, &t.caches, &t.rsm, &t.indirect)
+            && let (Some(element), Some(visible)) = (&t.element, &t.visible)
+        {
+            gi.visible.record(cmd, scene, &[element], visible); // 5
+            if let Some(cull) = &gi.cull {
+                cull.record(cmd, scene, visible, &rsm.vals, caches); // 5
             }
             cmd.barrier(
                 Use::ComputeWrite | Use::DepthWrite,
                 Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
             ); //   VALs, atlas, live caches -> 6
             gi.gather.record(cmd, &rsm.vals, view, caches); // 6
-            cmd.barrier(
-                Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite,
-                Use::VertexRead | Use::FragmentRead | Use::DepthRead,
-            ); //   proxies, G-buffer -> 8
-            gi.interpolate.record(cmd, scene, view, t, caches, out); // 8
+            gi.interpolate.record(cmd, scene, view, t, visible, caches, out); // 8
         }
         if let (Some(brute_force), Some(rsm), Some(out)) = (&self.brute_force, &t.rsm, &t.indirect) {
             cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8

@@ -51,7 +51,7 @@ impl Rsm {
                     area: [0, 0, size, size],
                 };
                 let clip = scene.view_matrices[view as usize];
-                cmd.render(&attachments, |draw| scene.draw(draw, &self.draw, Which::All, clip, light.eye, None));
+                cmd.render(&attachments, |draw| scene.draw(draw, &self.draw, Which::All, clip, light.eye));
                 if first > 0 {
                     cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 } else {

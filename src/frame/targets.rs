@@ -4,7 +4,9 @@ use super::gather::{GatherPath, GatherSettings};
 use super::{Plan, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
-use crate::shared::{ATLAS_WIDTH, Cache, ElementArgs, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val};
+use crate::shared::{
+    ATLAS_WIDTH, Cache, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
+};
 
 /// The resources of a frame; stages write and read them, nobody else owns any.
 pub struct Targets {
@@ -18,7 +20,7 @@ pub struct Targets {
     pub albedo: Image,
     /// `rho_g`, and y of the octahedral geometric normal.
     pub specular: Image,
-    /// Which triangle a pixel shows: draw, from 1, and number within it. Only where caches are culled.
+    /// Which triangle a pixel shows: draw, from 1, and number within it. Only where caches are interpolated.
     pub element: Option<Image>,
     /// Emitted and directly reflected radiance.
     pub direct: Image,
@@ -34,6 +36,8 @@ pub struct Targets {
     pub indirect: Option<IndirectTargets>,
     /// Caches in the world and their proxies.
     pub caches: Option<CacheTargets>,
+    /// What the camera sees of the scene; only where caches are interpolated.
+    pub visible: Option<VisibleTargets>,
 }
 
 /// Stage 4.
@@ -90,8 +94,6 @@ pub struct CacheTargets {
     pub live: Option<LiveCaches>,
     /// Which its fragment path lights: depth 1; only where caches are culled.
     pub mask: Option<Image>,
-    /// What the camera sees of the scene; only where caches are culled.
-    pub visible: Option<VisibleElements>,
 }
 
 /// The list that the compute path works through.
@@ -112,10 +114,16 @@ pub struct LiveCaches {
     pub split: u32,
 }
 
-/// Triangles that pixels show, each at least once.
-pub struct VisibleElements {
-    /// Draw, from 1, and number within it; as many as pixels at most.
+/// Vertices of the triangles that pixels show.
+pub struct VisibleTargets {
+    /// Per vertex of each instance: the last frame that showed it.
+    pub seen: Buffer,
+    /// Likewise: where in `list`.
+    pub slots: Buffer,
+    /// Each once.
     pub list: Buffer,
+    /// Their averaged lights.
+    pub lights: Buffer,
     /// How many.
     pub args: Buffer,
     /// `args` of none.
@@ -136,7 +144,7 @@ impl Targets {
             normal: gpu.target("gbuffer.normal", float, w, h)?,
             albedo: gpu.target("gbuffer.albedo", half, w, h)?,
             specular: gpu.target("gbuffer.specular", half, w, h)?,
-            element: plan.cull.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
+            element: plan.lightskin.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
             direct: gpu.target("direct.radiance", float, w, h)?,
             output: gpu.target("composite.output", Format::R8G8B8A8_SRGB, w, h)?,
             exposure: gpu.buffer("composite.exposure", 16)?,
@@ -152,12 +160,13 @@ impl Targets {
                 })
                 .transpose()?,
             caches: None,
+            visible: plan.lightskin.then(|| VisibleTargets::new(gpu, scene, settings.size)).transpose()?,
         };
         if plan.lightskin {
             let vals = made.rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
             let mut caches = CacheTargets::new(gpu, plan.glossy, scene.cache_count, vals, &settings.gather)?;
             if plan.cull {
-                caches.cull(gpu, settings)?;
+                caches.mask = caches.new_mask(gpu, &settings.gather)?;
             }
             made.caches = Some(caches);
         }
@@ -193,8 +202,8 @@ impl Targets {
             all.extend([&caches.atlas, &caches.proxies]);
             all.extend(&caches.parts);
             all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args]));
-            all.extend(caches.visible.iter().flat_map(|v| [&v.list, &v.args, &v.none]));
         }
+        all.extend(self.visible.iter().flat_map(|v| [&v.seen, &v.slots, &v.list, &v.lights, &v.args, &v.none]));
         all
     }
 }
@@ -258,7 +267,6 @@ impl CacheTargets {
             parts: None,
             live: None,
             mask: None,
-            visible: None,
         };
         match settings.path {
             GatherPath::Fragment => {
@@ -290,23 +298,30 @@ impl CacheTargets {
         Ok(made)
     }
 
-    /// Adds what culling needs.
-    fn cull(&mut self, gpu: &Gpu, settings: &Settings) -> Result<()> {
-        if settings.gather.path == GatherPath::Fragment {
-            self.mask = Some(gpu.target("cull.mask", Format::D32_SFLOAT, ATLAS_WIDTH, self.rows())?);
-        }
-        let [w, h] = settings.size;
-        let none = ElementArgs { instance_count: 1, groups_y: 1, groups_z: 1, ..ElementArgs::default() };
-        self.visible = Some(VisibleElements {
-            list: gpu.buffer("cull.elements", 8 * u64::from(w) * u64::from(h))?,
-            args: gpu.buffer("cull.element_args", size_of::<ElementArgs>() as u64)?,
-            none: gpu.buffer_from("cull.no_elements", &[none])?,
-        });
-        Ok(())
+    /// The mask that culling needs by this path.
+    fn new_mask(&self, gpu: &Gpu, settings: &GatherSettings) -> Result<Option<Image>> {
+        let mask = || gpu.target("cull.mask", Format::D32_SFLOAT, ATLAS_WIDTH, self.rows());
+        (settings.path == GatherPath::Fragment).then(mask).transpose()
     }
 
     /// Rows of the fragment path's images: 8 of each 8192 caches.
     pub fn rows(&self) -> u32 {
         (8 * self.count.div_ceil(8 * ATLAS_WIDTH)).max(8)
+    }
+}
+
+impl VisibleTargets {
+    fn new(gpu: &Gpu, scene: &SceneBuffers, [w, h]: [u32; 2]) -> Result<Self> {
+        let all = u64::from(scene.slot_count.max(1));
+        let most = all.min(3 * u64::from(w) * u64::from(h));
+        let none = VisibleArgs { instance_count: 1, groups_y: 1, groups_z: 1, ..VisibleArgs::default() };
+        Ok(Self {
+            seen: gpu.buffer_from("visible.seen", &vec![0_u32; all as usize])?,
+            slots: gpu.buffer("visible.slots", 4 * all)?,
+            list: gpu.buffer("visible.list", most * size_of::<VisibleVertex>() as u64)?,
+            lights: gpu.buffer("visible.lights", most * size_of::<VertexLight>() as u64)?,
+            args: gpu.buffer("visible.args", size_of::<VisibleArgs>() as u64)?,
+            none: gpu.buffer_from("visible.none", &[none])?,
+        })
     }
 }

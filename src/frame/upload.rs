@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, SamplerKind};
 use crate::image::mip_chain;
 use crate::scene::{Material, Scene, Texture, Vertex, Wrap};
-use crate::shared::{self, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, TEXTURE_COUNT, TextureSlot};
+use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
 use glam::{DMat4, DVec3, Mat4, Vec4};
 use rayon::prelude::*;
@@ -27,6 +27,8 @@ struct DrawItem {
     reference_base: u32,
     /// Atlas index of the instance's first cache.
     cache_base: u32,
+    /// First of the instance's vertices among those of all instances.
+    first_slot: u32,
     mirrored: bool,
     masked: bool,
     /// Whether the model has caches to refer to.
@@ -57,6 +59,10 @@ pub struct SceneBuffers {
     pub references: Buffer,
     /// What `draw` draws, for those who look up a visible triangle.
     pub draw_records: Buffer,
+    /// Positions and normals of all vertices.
+    pub corners: Buffer,
+    /// Vertices of all instances.
+    pub slot_count: u32,
     vertices: Buffer,
     indices: Buffer,
     materials: Buffer,
@@ -76,8 +82,6 @@ pub enum Which {
     Opaque,
     /// Those whose material has holes.
     Masked,
-    /// Those whose model has caches.
-    WithCaches,
 }
 
 impl SceneBuffers {
@@ -127,7 +131,7 @@ impl SceneBuffers {
             references.push(crate::bake::NO_CACHE);
         }
 
-        let (mut model_caches, mut draws) = (Vec::new(), Vec::new());
+        let (mut model_caches, mut draws, mut slot_count) = (Vec::new(), Vec::new(), 0_u32);
         for (i, instance) in scene.instances.iter().enumerate() {
             let cache_base = model_caches.len() as u32;
             let model = caches.map(|c| (c.instance_model[i], &c.models[c.instance_model[i]]));
@@ -135,6 +139,11 @@ impl SceneBuffers {
                 model_caches.extend(place_caches(scene, instance.mesh, model, i as u32));
             }
             let mesh = &scene.meshes[instance.mesh];
+            let first_slot = slot_count;
+            slot_count = u32::try_from(mesh.vertices.len())
+                .ok()
+                .and_then(|n| slot_count.checked_add(n))
+                .ok_or_else(|| Error::TooLarge("more than 4 billion vertices over all instances".into()))?;
             for primitive in &mesh.primitives {
                 draws.push(DrawItem {
                     instance: i as u32,
@@ -145,6 +154,7 @@ impl SceneBuffers {
                     index_count: primitive.index_count,
                     reference_base: model.map_or(0, |(m, _)| reference_base[m]),
                     cache_base,
+                    first_slot,
                     mirrored: mirrored[i],
                     masked: scene.materials[primitive.material].alpha_cutoff.is_some(),
                     has_caches: model.is_some_and(|(_, m)| !m.caches.is_empty()),
@@ -157,6 +167,9 @@ impl SceneBuffers {
         let (lights, light_data, view_data) = lights::prepare(&scene.lights, origin, half);
         let (textures, slots, material_textures) = upload_textures(gpu, scene)?;
         let materials: Vec<_> = scene.materials.iter().map(material).collect();
+        // Only those who interpolate read them.
+        let corner = |v: &Vertex| Corner { position: v.position, normal: v.normal };
+        let corners: Vec<Corner> = caches.iter().flat_map(|_| vertices.iter().map(corner)).collect();
         Ok(Self {
             origin,
             radius,
@@ -169,6 +182,8 @@ impl SceneBuffers {
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
             references: gpu.buffer_from("scene.references", &references)?,
             draw_records: gpu.buffer_from("scene.draw_records", &draws.iter().map(record).collect::<Vec<_>>())?,
+            corners: gpu.buffer_from("scene.corners", &corners)?,
+            slot_count,
             vertices: gpu.buffer_from("scene.vertices", &vertices)?,
             indices: gpu.buffer_from("scene.indices", &indices)?,
             materials: gpu.buffer_from("scene.materials", &materials)?,
@@ -179,8 +194,7 @@ impl SceneBuffers {
         })
     }
 
-    /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`);
-    /// `own` gives those of the pass instead.
+    /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`).
     pub fn draw(
         &self,
         draw: &Draw<'_, '_>,
@@ -188,7 +202,6 @@ impl SceneBuffers {
         which: Which,
         clip_from_world: Mat4,
         eye: Vec4,
-        own: Option<&[Bind<'_>]>,
     ) {
         let mut bound = None;
         for (i, item) in self.draws.iter().enumerate() {
@@ -196,25 +209,19 @@ impl SceneBuffers {
                 Which::All => true,
                 Which::Opaque => !item.masked,
                 Which::Masked => item.masked,
-                Which::WithCaches => item.has_caches,
             };
             if !wanted {
                 continue;
             }
-            match own {
-                Some(own) if bound.is_none() => draw.bind(pipeline, own),
-                None if bound != Some(item.material) => self.bind_material(draw, pipeline, item.material as usize),
-                _ => {}
+            if bound.replace(item.material) != Some(item.material) {
+                self.bind_material(draw, pipeline, item.material as usize);
             }
-            bound = Some(item.material);
             draw.push(&DrawPush {
                 clip_from_world,
                 instance: item.instance,
                 material: item.material,
-                reference_base: item.reference_base,
-                cache_base: item.cache_base,
-                eye,
                 draw: i as u32 + 1,
+                eye,
             });
             draw.front_is_ccw(!item.mirrored);
             draw.vertices(&[(&self.vertices, item.vertex_offset)]);
@@ -258,6 +265,7 @@ impl SceneBuffers {
     pub fn buffers(&self) -> Vec<&Buffer> {
         vec![
             &self.vertices,
+            &self.corners,
             &self.indices,
             &self.references,
             &self.draw_records,
@@ -280,6 +288,9 @@ impl SceneBuffers {
 fn record(draw: &DrawItem) -> DrawRecord {
     DrawRecord {
         first_index: (draw.index_offset / 4) as u32 + draw.first_index,
+        first_vertex: (draw.vertex_offset / size_of::<Vertex>() as u64) as u32,
+        first_slot: draw.first_slot,
+        instance: draw.instance,
         reference_base: if draw.has_caches { draw.reference_base } else { NO_REFERENCES },
         cache_base: draw.cache_base,
     }

@@ -1,27 +1,22 @@
-// Stage 8, vertex level: the proxies of a vertex's references, averaged. METHOD 5, thesis listing 5.2.
+// Stage 8, first half: the proxies of a visible vertex's references, averaged. METHOD 5, thesis listing 5.2.
 #include "shared.glsl"
 #include "lib/interpolation.glsl"
 #include "lib/phong.glsl"
 
+layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint REFERENCES = 8;
 layout(constant_id = 1) const uint GLOSSY = 1;
 layout(constant_id = 2) const uint PRINTED = 0; // 1: the thesis's weights, flux and position
-layout(push_constant, scalar) uniform Push { DrawPush push; };
-layout(binding = 0, scalar) readonly buffer Instances { Instance instances[]; };
-layout(binding = 1, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
-layout(binding = 2, scalar) readonly buffer Caches { Cache caches[]; };
-layout(binding = 3, scalar) readonly buffer Proxies { Proxy proxies[]; };
+layout(push_constant, scalar) uniform Push { AveragePush push; };
 
-layout(location = 0) in vec3 model_position;
-layout(location = 1) in vec3 model_normal;
+#include "lib/references.glsl"
 
-layout(location = 0) out vec3 out_position;
-layout(location = 1) out vec3 out_diffuse_position;
-layout(location = 2) out vec3 out_diffuse_irradiance; // facing irradiance; with PRINTED flux / (4 pi)
-layout(location = 3) out vec3 out_glossy_position;
-layout(location = 4) out vec3 out_glossy_irradiance;
-
-precise gl_Position;
+layout(binding = 3, scalar) readonly buffer Args { VisibleArgs args; };
+layout(binding = 4, scalar) readonly buffer Instances { Instance instances[]; };
+layout(binding = 5, scalar) readonly buffer Corners { Corner corners[]; };
+layout(binding = 6, scalar) readonly buffer Caches { Cache caches[]; };
+layout(binding = 7, scalar) readonly buffer Proxies { Proxy proxies[]; };
+layout(binding = 8, scalar) writeonly buffer Lights { VertexLight lights[]; };
 
 // Sums of one lobe: irradiance over the caches that take part, position over those that are lit.
 struct Sums {
@@ -45,22 +40,25 @@ void add_printed(inout Sums s, float w, float lit, vec3 irradiance, vec3 proxy, 
 }
 
 void main() {
-    Instance instance = instances[push.instance];
-    vec3 position = (instance.world_from_model * vec4(model_position, 1.0)).xyz;
-    gl_Position = push.clip_from_world * vec4(position, 1.0);
-    vec3 normal = unit_or(mat3(instance.world_from_normal) * model_normal, vec3(0.0, 1.0, 0.0));
+    uint at = gl_GlobalInvocationID.x;
+    if (at >= args.reference_count / REFERENCES) {
+        return;
+    }
+    VisibleVertex v = visible[at];
+    DrawRecord draw = draws[v.draw];
+    Instance instance = instances[draw.instance];
+    Corner corner = corners[draw.first_vertex + v.vertex];
+    vec3 position = (instance.world_from_model * vec4(corner.position, 1.0)).xyz;
+    vec3 normal = unit_or(mat3(instance.world_from_normal) * corner.normal, vec3(0.0, 1.0, 0.0));
     vec3 mirrored = reflect(view_direction(push.eye, position), normal);
 
     uint indices[REFERENCES];
     float distances[REFERENCES];
     float d_max = 0.0;
-    uint first = push.reference_base + gl_VertexIndex * (REFERENCES / 2u);
     for (uint i = 0u; i < REFERENCES; ++i) {
-        uint pair = references[first + i / 2u];
-        uint index = (i & 1u) == 0u ? pair & 0xffffu : pair >> 16;
-        indices[i] = index;
-        if (index != NO_CACHE) {
-            distances[i] = distance(position, caches[push.cache_base + index].position);
+        indices[i] = referred_cache(draw, v.vertex, i);
+        if (indices[i] != NO_REFERENCES) {
+            distances[i] = distance(position, caches[indices[i]].position);
             d_max = max(d_max, distances[i]);
         }
     }
@@ -78,12 +76,11 @@ void main() {
             break;
         }
         for (uint i = 0u; i < REFERENCES; ++i) {
-            if (indices[i] == NO_CACHE) {
+            if (indices[i] == NO_REFERENCES) {
                 continue;
             }
-            uint index = push.cache_base + indices[i];
-            Cache c = caches[index];
-            Proxy p = proxies[index];
+            Cache c = caches[indices[i]];
+            Proxy p = proxies[indices[i]];
             float apart = distance_weight(distances[i], d_max);
             float diffuse_lit = p.diffuse_distance2 > 0.0 ? 1.0 : 0.0;
             if (PRINTED != 0u) {
@@ -116,16 +113,18 @@ void main() {
             }
         }
     }
-    out_position = position;
-    out_diffuse_irradiance = diffuse.weight > 0.0 ? diffuse.irradiance / diffuse.weight : vec3(0.0);
-    out_diffuse_position = diffuse.lit > 0.0 ? diffuse.position / diffuse.lit : position + normal;
-    out_glossy_irradiance = glossy.weight > 0.0 ? glossy.irradiance / glossy.weight : vec3(0.0);
-    out_glossy_position = glossy.lit > 0.0 ? glossy.position / glossy.lit : position + normal;
+    VertexLight light;
+    light.position = position;
+    light.diffuse_irradiance = diffuse.weight > 0.0 ? diffuse.irradiance / diffuse.weight : vec3(0.0);
+    light.diffuse_position = diffuse.lit > 0.0 ? diffuse.position / diffuse.lit : position + normal;
+    light.glossy_irradiance = glossy.weight > 0.0 ? glossy.irradiance / glossy.weight : vec3(0.0);
+    light.glossy_position = glossy.lit > 0.0 ? glossy.position / glossy.lit : position + normal;
     if (GLOSSY != 0u && PRINTED == 0u && glossy.weight > 0.0) {
         // What the lobes see of the proxies is what the lobe is to see of the average; never more than without lobes.
-        vec3 towards = out_glossy_position - position;
+        vec3 towards = light.glossy_position - position;
         float cosine = dot(mirrored, towards) * inversesqrt(max(dot(towards, towards), 1e-30));
         float seen = cosine_power(max(cosine, LEAST_LOBE_COSINE), WEIGHED_SHARE * exponent / glossy.weight);
-        out_glossy_irradiance = min(out_glossy_irradiance / max(seen, 1e-30), glossy_plain / glossy.weight);
+        light.glossy_irradiance = min(light.glossy_irradiance / max(seen, 1e-30), glossy_plain / glossy.weight);
     }
+    lights[at] = light;
 }
