@@ -237,10 +237,12 @@ fn tiny() -> Extent {
     Extent {
         name: "tiny",
         size: [32, 18],
+        window: [48, 27],
         triangles: vec![800, 3200],
         resolutions: vec![[40, 30], [256, 256]],
         caches: vec![60, 120, 250],
         rsm: vec![8, 16, 64],
+        culled: vec![100],
         ground: 800,
         warm_up: 0,
         frames: 1,
@@ -266,7 +268,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     assert_eq!(results.problems, [""; 0]);
     assert_clean(&gpu);
 
-    let tables = ["bake", "caches", "exponents", "pairs", "resolution", "triangles"];
+    let tables = ["bake", "caches", "culling", "exponents", "pairs", "resolution", "triangles"];
     let plots = ["bake", "caches", "ratios", "resolution", "triangles"];
     let mut files: Vec<String> = tables.map(|name| format!("{name}.csv")).into();
     files.extend(plots.map(|name| format!("{name}.svg")));

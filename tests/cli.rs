@@ -65,7 +65,9 @@ fn default_scene_becomes_a_png_with_times_and_counts() {
     let mut args = vec!["render", "-o", "a.png", "--timings", "t.jsonl", "--repeat", "2", "--validation", "sync"];
     args.extend(SMALL);
     let out = works(&at, &args);
-    for part in ["caches", "VALs", "gbuffer", "gather", "interpolate", "composite", "ns per cache and VAL", "a.png"] {
+    for part in
+        ["caches", "VALs", "gbuffer", "gather", "interpolate", "composite", "ns per live cache and VAL", "a.png"]
+    {
         assert!(out.contains(part), "'{part}' is not in {out}");
     }
     let picture = image::open(at.join("a.png")).expect("a PNG").to_rgb8();
@@ -77,7 +79,10 @@ fn default_scene_becomes_a_png_with_times_and_counts() {
         let frame: serde_json::Value = serde_json::from_str(line).expect("JSON");
         let names: Vec<_> =
             frame["stages"].as_array().expect("stages").iter().map(|s| s["name"].as_str().expect("name")).collect();
-        assert_eq!(names, ["gbuffer", "direct", "atlas", "rsm", "gather", "interpolate", "composite"]);
+        assert_eq!(
+            names,
+            ["gbuffer", "direct", "atlas", "rsm", "visible", "cull", "gather", "interpolate", "composite"]
+        );
         assert!(frame["gather_ns_per_pair"].as_f64().expect("figure") > 0.0);
     }
     assert_eq!(left(&at), ["a.png", "t.jsonl"]);
@@ -311,4 +316,34 @@ fn a_path_trace_that_is_interrupted_goes_on() {
     let said = works(&folder, &[&args[..], &[&more, "--layer", "indirect"]].concat());
     assert!(said.contains("0 made"), "{said}");
     fails(&folder, &[&args[..], &["16", "--no-visibility", "--bounces", "2"]].concat(), 2, &["--no-visibility"]);
+}
+
+#[test]
+fn the_fastest_gather_is_measured_once_and_kept() {
+    let at = folder("cli-gather");
+    let mut args = vec!["render", "-o", "a.exr"];
+    args.extend(SMALL);
+    let kept = || {
+        let files = fs::read_dir(at.join("cache/lightskin")).expect("kept").map(|f| f.expect("file").path());
+        let of_gather = |f: &PathBuf| f.file_name().is_some_and(|name| name.to_string_lossy().starts_with("gather-"));
+        let all: Vec<PathBuf> = files.filter(of_gather).collect();
+        assert_eq!(all.len(), 1, "{all:?}");
+        (fs::read_to_string(&all[0]).expect("text"), all[0].clone())
+    };
+    works(&at, &args);
+    let (first, file) = kept();
+    assert!(first.contains("\"path\": \"compute\"") && first.contains("\"path\": \"fragment\""), "{first}");
+    for way in ["auto", "fragment", "compute"] {
+        let out = format!("{way}.exr");
+        let mut args = vec!["render", "-o", &out, "--gather", way];
+        args.extend(SMALL);
+        works(&at, &args);
+        assert_eq!(kept().0, first, "nothing is measured again");
+    }
+    let mut compare = vec!["compare", "fragment.exr", "compute.exr", "--fail-above", "mare=1e-5"];
+    compare.extend(["--layer", "indirect.diffuse"]);
+    works(&at, &compare);
+    fs::write(&file, "half a fi").expect("damaged");
+    works(&at, &args);
+    assert!(kept().0.contains("pairs_per_second"), "a damaged file is measured anew");
 }

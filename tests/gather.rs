@@ -1,15 +1,20 @@
 //! VALs and proxies of whole frames against the f64 references.
 
-use glam::{DAffine3, DVec3, dvec3};
-use lightskin::frame::{ProxyWeight, Settings};
-use lightskin::reference::gather::{self, Lobe, luminance};
-use lightskin::reference::phong::{Material, mirrored_view};
+use glam::{DAffine3, DVec3, Mat4, Vec3, dvec3};
+use lightskin::eval::shot;
+use lightskin::frame::gather::Gather;
+use lightskin::frame::targets::{CacheTargets, ValTargets};
+use lightskin::frame::{Frame, GatherSettings, ProxyWeight, SceneBuffers, Settings, View, tune};
+use lightskin::reference::gather::{self, Lobe, luminance, val_geometry};
+use lightskin::reference::phong::{Material, cos_power, mirrored_view};
 use lightskin::reference::rsm::{Val, cast_view};
 use lightskin::reference::{brute_force, gather::Gathered};
 use lightskin::scene::{Instance, LightKind, Scene};
+use lightskin::shared;
+use rayon::prelude::*;
 
 use crate::common::frames::{SPOT, Shot, baked, corner, shoot, small, triangles};
-use crate::common::gpu;
+use crate::common::{assert_clean, gpu};
 
 /// Both weights, as the frame and as the reference name them.
 pub(crate) const WEIGHTS: [(ProxyWeight, gather::ProxyWeight); 2] = [
@@ -166,4 +171,86 @@ fn scenes_far_from_the_origin_are_drawn_around_their_own() {
     assert_gathered(&scene, &shot, gather::ProxyWeight::Irradiance);
     let expected = flux(&cast(&scene, &shot));
     assert!(flux(&shot.vals).distance(expected) < 1e-3 * expected.length());
+}
+
+#[test]
+fn every_way_of_lighting_caches_agrees() {
+    let gpu = gpu();
+    // More VALs than one invocation of older lavapipe runs rounds, and a number of caches that fills no group.
+    let (caches, vals) = tune::world(333, 70_001);
+    let eye = glam::Vec4::new(-1.5, 0.4, 2.0, 1.0);
+    let view = View { clip_from_world: Mat4::IDENTITY, world_from_clip: Mat4::IDENTITY, eye, plane: glam::Vec4::ZERO };
+    let vals_on_device = ValTargets::of(&gpu, &vals).expect("VALs");
+    // f64 sums of both lobes, and of the sizes of their terms.
+    let twin = |c: &shared::Cache| -> [f64; 30] {
+        let (position, normal) = (c.position.as_dvec3(), c.normal.as_dvec3());
+        let mirrored = mirrored_view(position, normal, eye.truncate().as_dvec3());
+        let mut sums = [0.0; 30];
+        for v in &vals {
+            let (g, direction) = val_geometry(position, normal, &shot::val(v, DVec3::ZERO));
+            let (offset, w) = (v.position.as_dvec3() - position, g * f64::from(v.weight));
+            let lobe = cos_power(c.exponent.into(), mirrored.dot(direction));
+            let flux = v.flux.as_dvec3();
+            let parts = [offset.x * w, offset.y * w, offset.z * w, w, flux.x * g, flux.y * g, flux.z * g];
+            let all = parts.into_iter().chain([offset.length_squared() * w]).chain(parts.map(|part| part * lobe));
+            for (i, part) in all.enumerate() {
+                sums[i] += part;
+                sums[15 + i] += part.abs();
+            }
+        }
+        sums
+    };
+    let twins: Vec<[f64; 30]> = caches.par_iter().map(twin).collect();
+    let mut ways = [tune::candidates(true), tune::candidates(false)].concat();
+    // Parts as long as they get.
+    ways.push(GatherSettings { split: 32_768, ..GatherSettings::default() });
+    for settings in ways {
+        let mut targets = CacheTargets::new(&gpu, true, 333, 70_001, &settings).expect("targets");
+        targets.atlas = gpu.buffer_from("atlas.caches", &caches).expect("caches");
+        let stage = Gather::new(&gpu, true, false, &settings).expect("stage 6");
+        let drawn = gpu.frame(false, |cmd| {
+            cmd.begin_frame(&targets.sums);
+            stage.record(cmd, &vals_on_device, &view, &targets);
+            Ok(())
+        });
+        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        let found = shot::gather_sums(&gpu, &targets).expect("sums");
+        let mut worst = [0.0_f64; 2];
+        for (found, twin) in found.iter().zip(&twins) {
+            let found: [f32; 15] = bytemuck::cast(*found);
+            for i in 0..15 {
+                let error = (f64::from(found[i]) - twin[i]).abs() / twin[15 + i].max(1e-9 * twin[15 + i % 8]);
+                worst[i / 8] = worst[i / 8].max(error);
+            }
+        }
+        eprintln!("diffuse {:.1e}, glossy {:.1e}: {settings:?}", worst[0], worst[1]);
+        assert!(worst[0] < 1e-5 && worst[1] < 1e-4, "{worst:?}: {settings:?}");
+    }
+    assert_clean(&gpu);
+}
+
+#[test]
+fn vals_without_light_are_closed_up() {
+    let gpu = gpu();
+    // A cone that leaves most texels dark, and a texel count that is no multiple of a block.
+    let scene = corner(&[LightKind::Spot { inner: 0.2, outer: 0.3 }, LightKind::Point], 40.0);
+    let settings = Settings { rsm: 45, ..small() };
+    let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked(&scene, 0.5, 8))).expect("uploaded");
+    let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+    let camera = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, &buffers, &camera);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    let vals = &frame.targets.rsm.as_ref().expect("VALs").vals;
+    let all: Vec<shared::Val> = gpu.read(&vals.all).expect("read");
+    let live: Vec<shared::Val> = gpu.read(&vals.live).expect("read");
+    let count = gpu.read::<u32>(&vals.live_count).expect("read")[0] as usize;
+    let lit: Vec<shared::Val> = all.iter().filter(|v| v.weight != 0.0 || v.flux != Vec3::ZERO).copied().collect();
+    assert!(lit.len() > 500 && 2 * lit.len() < all.len(), "{} of {}", lit.len(), all.len());
+    assert_eq!(live[..count], lit[..], "in their order");
+    let dark = &live[count..count.next_multiple_of(shared::VAL_TILE as usize)];
+    assert!(!dark.is_empty() && dark.iter().all(|v| v.flux == Vec3::ZERO && v.weight == 0.0 && v.area == 1.0));
+    assert_eq!(frame.live(&gpu).expect("counts").vals as usize, count);
 }

@@ -80,7 +80,7 @@ impl Contexts<'_> {
 
     /// Tables 6.1 and of the bakes.
     pub fn triangles(&mut self) -> Result<[Table; 2]> {
-        let [w, h] = self.extent.size;
+        let [w, h] = self.extent.window;
         let mut columns = vec!["triangles".to_owned(), "LI [ms]".into()];
         columns.extend(VERSIONS.map(|v| format!("{} [ms]", v.0)));
         columns.extend(VERSIONS.iter().flat_map(|v| [format!("{} / LI", v.0), format!("thesis {} / LI", v.0)]));
@@ -123,7 +123,7 @@ impl Contexts<'_> {
     }
 
     fn of_triangles(&mut self, count: usize) -> Result<(Vec<Cell>, Vec<Cell>)> {
-        let size = self.extent.size;
+        let size = self.extent.window;
         let mut scene = valley(count, false);
         let (of_8, seconds_8) = bake(&scene, CACHES[0], 8)?;
         let (of_16, seconds_16) = bake(&scene, CACHES[0], 16)?;
@@ -340,8 +340,13 @@ impl Contexts<'_> {
         // A third of the width and of the height.
         let Projection::Perspective { yfov } = &mut scene.cameras[0].projection else { return Ok(table) };
         *yfov = 2.0 * ((0.5 * *yfov).tan() / 3.0).atan();
-        for (i, asked) in CULLED.into_iter().enumerate() {
-            (self.progress)(i as f32 / CULLED.len() as f32, &format!("culling {asked} caches"));
+        let mut budget = Budget::new(self.extent.budget);
+        for (i, asked) in self.extent.culled.iter().copied().enumerate() {
+            (self.progress)(i as f32 / self.extent.culled.len() as f32, &format!("culling {asked} caches"));
+            if let Err(reason) = budget.begin(asked as f64) {
+                table.skipped.push(format!("{asked} caches: {reason}."));
+                continue;
+            }
             let near = bake(&scene, asked, 8)?.0;
             for (order, set) in [("near", near.clone()), ("random", shuffled(&near))] {
                 let world = World::new(self.gpu, &scene, Some(&set))?;
@@ -366,9 +371,6 @@ impl Contexts<'_> {
         Ok(table)
     }
 }
-
-/// Cache counts that culling is measured at.
-const CULLED: [usize; 3] = [1000, 4000, 16_000];
 
 /// The same caches in a random order, always the same one.
 fn shuffled(set: &CacheSet) -> CacheSet {

@@ -5,8 +5,10 @@
 pub struct Extent {
     /// Name for the report.
     pub name: &'static str,
-    /// Picture [pixels] of the contexts that do not vary it.
+    /// Picture [pixels] of table 6.3 and of culling.
     pub size: [u32; 2],
+    /// Picture [pixels] of table 6.1: what the thesis shows its scenes in; by its table 6.2 it fits the times.
+    pub window: [u32; 2],
     /// Triangle counts of table 6.1.
     pub triangles: Vec<usize>,
     /// Pictures [pixels] of table 6.2.
@@ -15,6 +17,8 @@ pub struct Extent {
     pub caches: Vec<usize>,
     /// Sides of the RSMs [texels] of table 6.3.
     pub rsm: Vec<u32>,
+    /// Cache counts that culling is measured at.
+    pub culled: Vec<usize>,
     /// Triangles of the scenes of tables 6.2 and 6.3.
     pub ground: usize,
     /// Frames before those that count.
@@ -31,10 +35,12 @@ impl Extent {
         Self {
             name: "quick",
             size: [320, 180],
-            triangles: vec![800, 12_800, 51_200, 204_800],
+            window: [1280, 720],
+            triangles: vec![800, 12_800, 51_200, 204_800, 819_200],
             resolutions: vec![[256, 256], [512, 512], [800, 600], [1280, 720]],
             caches: vec![250, 1000, 4000, 16_000],
             rsm: vec![64, 128, 256],
+            culled: vec![1000, 4000, 16_000],
             ground: 51_200,
             warm_up: 1,
             frames: 3,
@@ -47,6 +53,7 @@ impl Extent {
         Self {
             name: "full",
             size: [1280, 720],
+            window: [1280, 720],
             triangles: vec![
                 800, 3200, 12_800, 51_200, 102_400, 204_800, 409_600, 819_200, 1_638_400, 2_457_600, 3_276_800,
                 4_096_000, 4_915_200, 5_734_400, 6_553_600,
@@ -66,6 +73,7 @@ impl Extent {
             ],
             caches: [250, 500].into_iter().chain((1..=16).map(|k| 1000 * k)).collect(),
             rsm: vec![64, 128, 256, 512],
+            culled: vec![1000, 4000, 16_000],
             ground: 150_000,
             warm_up: 20,
             frames: 50,

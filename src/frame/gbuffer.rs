@@ -35,8 +35,6 @@ impl GBuffer {
         let colors: Vec<_> = images.into_iter().chain(&t.element).map(Attach::clear).collect();
         let attachments =
             Attachments { colors: &colors, depth: Some(Attach::clear(&t.depth)), area: [0, 0, t.size[0], t.size[1]] };
-        cmd.render(&attachments, |draw| {
-            scene.draw(draw, &self.pipeline, Which::All, view.clip_from_world, view.eye)
-        });
+        cmd.render(&attachments, |draw| scene.draw(draw, &self.pipeline, Which::All, view.clip_from_world, view.eye));
     }
 }

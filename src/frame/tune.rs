@@ -27,16 +27,21 @@ pub struct Tuned {
     pub pairs_per_second: f64,
 }
 
-/// All ways that are worth trying on some device.
-pub fn candidates() -> Vec<GatherSettings> {
+/// All ways that are worth trying: on a CPU, threads that keep many caches, on GPUs, many threads.
+pub fn candidates(software: bool) -> Vec<GatherSettings> {
+    let (sources, shapes): (&[ValSource], &[(u32, u32)]) = if software {
+        (&[ValSource::Texels, ValSource::Storage], &[(4, 2048), (8, 2048)])
+    } else {
+        (&[ValSource::Texels, ValSource::Storage, ValSource::Shared], &[(1, 256), (2, 256), (4, 1024)])
+    };
     let mut all = Vec::new();
     for source in [ValSource::Texels, ValSource::Storage] {
         for tile in [1024, 4096] {
             all.push(GatherSettings { path: GatherPath::Fragment, source, tile, ..GatherSettings::default() });
         }
     }
-    for source in [ValSource::Texels, ValSource::Storage, ValSource::Shared] {
-        for (caches_per_thread, split) in [(1, 256), (2, 256), (4, 2048), (8, 2048)] {
+    for source in sources.iter().copied() {
+        for (caches_per_thread, split) in shapes.iter().copied() {
             let path = GatherPath::Compute;
             all.push(GatherSettings { path, source, caches_per_thread, split, ..GatherSettings::default() });
         }
@@ -69,14 +74,15 @@ pub fn time(gpu: &Gpu, settings: &GatherSettings, caches: u32, vals: u32) -> Res
 
 /// The fastest way of a path, or of all, on this device; measured on the first call and kept.
 pub fn fastest(gpu: &Gpu, path: Option<GatherPath>) -> Result<Tuned> {
-    let file = file(gpu);
-    let kept = file.as_ref().and_then(|file| std::fs::read(file).ok()).and_then(|bytes| read(&bytes));
+    let ways = candidates(gpu.is_software());
+    let file = file(gpu, &ways);
+    let kept = file.as_ref().and_then(|file| std::fs::read(file).ok()).and_then(|bytes| read(&bytes, &ways));
     let all = match kept {
         Some(all) => all,
         None => {
             log::info!("measuring how caches are lit fastest on {}", gpu.report().name);
             let all: Vec<Tuned> =
-                candidates().iter().map(|settings| time(gpu, settings, CACHES, VALS)).collect::<Result<_>>()?;
+                ways.iter().map(|settings| time(gpu, settings, CACHES, VALS)).collect::<Result<_>>()?;
             if let Some(file) = &file
                 && let Err(error) = kept::write(file, &serde_json::to_vec_pretty(&write(gpu, &all)).expect("plain"))
             {
@@ -90,7 +96,7 @@ pub fn fastest(gpu: &Gpu, path: Option<GatherPath>) -> Result<Tuned> {
 }
 
 /// One file per device, driver and version of the shaders.
-fn file(gpu: &Gpu) -> Option<PathBuf> {
+fn file(gpu: &Gpu, ways: &[GatherSettings]) -> Option<PathBuf> {
     let report = gpu.report();
     let mut hash = blake3::Hasher::new();
     for part in [&report.name, &report.driver, &report.api] {
@@ -99,7 +105,7 @@ fn file(gpu: &Gpu) -> Option<PathBuf> {
     for shader in ["gather.comp", "gather.frag"] {
         hash.update(crate::gpu::shader(shader));
     }
-    hash.update(format!("{:?}", candidates()).as_bytes());
+    hash.update(format!("{ways:?}").as_bytes());
     Some(kept::folder()?.join(format!("gather-{}.json", &hash.finalize().to_hex()[..32])))
 }
 
@@ -124,7 +130,7 @@ fn write(gpu: &Gpu, all: &[Tuned]) -> Value {
 }
 
 /// The kept measurement; `None` if it is damaged.
-fn read(bytes: &[u8]) -> Option<Vec<Tuned>> {
+fn read(bytes: &[u8], ways: &[GatherSettings]) -> Option<Vec<Tuned>> {
     let all: Value = serde_json::from_slice(bytes).ok()?;
     let line = |line: &Value| {
         let number = |key: &str| line[key].as_u64().and_then(|n| u32::try_from(n).ok());
@@ -135,11 +141,11 @@ fn read(bytes: &[u8]) -> Option<Vec<Tuned>> {
             caches_per_thread: number("caches_per_thread")?,
             split: number("split")?,
         };
-        let known = candidates().contains(&settings);
+        let known = ways.contains(&settings);
         known.then_some(Tuned { settings, pairs_per_second: line["pairs_per_second"].as_f64()? })
     };
     let all: Vec<Tuned> = all["candidates"].as_array()?.iter().map(line).collect::<Option<_>>()?;
-    (all.len() == candidates().len()).then_some(all)
+    (all.len() == ways.len()).then_some(all)
 }
 
 impl GatherPath {

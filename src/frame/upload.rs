@@ -195,14 +195,7 @@ impl SceneBuffers {
     }
 
     /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`).
-    pub fn draw(
-        &self,
-        draw: &Draw<'_, '_>,
-        pipeline: &Pipeline,
-        which: Which,
-        clip_from_world: Mat4,
-        eye: Vec4,
-    ) {
+    pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4) {
         let mut bound = None;
         for (i, item) in self.draws.iter().enumerate() {
             let wanted = match which {

@@ -1,7 +1,7 @@
 //! Vulkan, explicit and small: `Gpu` (device, allocator, messages), `Buffer`, `Image`, `Pipeline`, `Cmd`.
 //!
-//! Knows nothing of light. Vulkan 1.3 core and nothing beyond it, so that lavapipe and SwiftShader run the same
-//! code as desktop GPUs. All unsafe code of the crate lies in this folder.
+//! Knows nothing of light. Vulkan 1.3 core and nothing beyond it, so that software devices run the same code as desktop
+//! GPUs. All unsafe code of the crate lies in this folder.
 #![allow(unsafe_code, reason = "Vulkan is called from here and only from here")]
 
 mod cmd;
