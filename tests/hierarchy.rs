@@ -66,7 +66,7 @@ fn lit(place: DVec3, rule: Rule) -> (Vec<Cache>, Lit, Vec<Gathered>) {
     let caches = bent(12, 0.1);
     let Levels { level, parents, apart } = levels(&caches, 0.1, 2, Choice::Farthest);
     let normal = (dvec3(0.6, 0.0, 0.0) - place).normalize();
-    let vals = [Val { position: place, normal, area: 1e-4, flux: dvec3(1.0, 2.0, 0.5), ..Val::NOTHING }];
+    let vals = [Val { position: place, normal, area: 1e-4, flux: dvec3(1.0, 2.0, 0.5) }];
     let eye = Some(dvec3(0.5, 3.0, 3.0));
     let full: Vec<_> = caches.iter().map(|c| gather(c, &vals, eye, ProxyWeight::Irradiance)).collect();
     let needed: Vec<usize> = (0..caches.len()).collect();
