@@ -18,6 +18,7 @@ mod gather;
 mod generated;
 mod guards;
 mod hard_cases;
+mod hierarchy;
 mod house;
 mod interpolate;
 mod layout;

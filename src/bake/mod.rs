@@ -14,6 +14,7 @@ mod assign;
 pub mod cluster;
 mod file;
 mod grid;
+pub mod levels;
 mod prune;
 mod search;
 mod surface;

@@ -23,6 +23,9 @@ pub(super) struct Choices {
     /// Only light clustering against none.
     #[arg(long)]
     clusters: bool,
+    /// Only adaptive caches against all of them lit.
+    #[arg(long, conflicts_with = "clusters")]
+    hierarchy: bool,
 }
 
 pub(super) fn run(args: &Choices) -> Result<()> {
@@ -34,6 +37,9 @@ pub(super) fn run(args: &Choices) -> Result<()> {
         scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
     }
     let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
+    if args.hierarchy {
+        return hierarchy(&scene, &settings);
+    }
     if args.clusters { clusters(&scene, &settings) } else { tables(&scene, &settings) }
 }
 
@@ -62,6 +68,25 @@ fn clusters(scene: &Scene, settings: &Settings) -> Result<()> {
     for row in study.cluster_flicker() {
         let [pairs, largest, added, rms] = [row.pairs, row.largest, row.added, row.rms].map(|share| 100.0 * share);
         say!("  {:<36}{pairs:>8.2}%{largest:>13.3}%{added:>9.4}%{rms:>9.5}%", row.name);
+    }
+    Ok(())
+}
+
+/// Prints what adaptive caches save and cost.
+fn hierarchy(scene: &Scene, settings: &Settings) -> Result<()> {
+    let camera = super::render::camera(scene, None)?;
+    let study = Study::new(scene, &camera, *settings)?;
+    let [caches, vals] = study.counts();
+    say!(
+        "{}: {caches} caches, {vals} live VALs; diffuse, glossy; against all lit, and against brute force",
+        scene.name
+    );
+    say!("{:<36}{:>8}{:>18}{:>18}{:>20}", "", "lit", "error", "bias", "against truth");
+    for row in study.hierarchy() {
+        let percent = |[a, b]: [f64; 2]| [100.0 * a, 100.0 * b];
+        let ([e, eg], [b, bg], [t, tg]) = (percent(row.error), percent(row.bias), percent(row.truth));
+        let lit = 100.0 * row.lit;
+        say!("  {:<34}{lit:>7.1}%{e:>8.2}%{eg:>8.2}%{b:>+8.2}%{bg:>+8.2}%{t:>10.2}%{tg:>8.2}%", row.name);
     }
     Ok(())
 }

@@ -188,7 +188,7 @@ impl Study<'_> {
     }
 
     /// Both lobes of what the caches gathered, interpolated as the engine does.
-    fn images(&self, gathered: &[Gathered]) -> [Vec<[f32; 3]>; 2] {
+    pub(super) fn images(&self, gathered: &[Gathered]) -> [Vec<[f32; 3]>; 2] {
         let image = |is_glossy: bool| {
             let proxy = |(cache, g): (_, &Gathered)| {
                 let lobe = if is_glossy { g.glossy } else { g.diffuse };

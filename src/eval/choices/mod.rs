@@ -3,10 +3,12 @@
 //! that pass through everything, which is what infinitely many VALs would give. No device takes part.
 
 mod clusters;
+mod hierarchy;
 mod study;
 mod variants;
 
 pub use clusters::{Clustered, Flickered};
+pub use hierarchy::Adapted;
 pub use study::{Settings, Study};
 
 use rayon::prelude::*;

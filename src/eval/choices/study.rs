@@ -69,6 +69,8 @@ pub struct Study<'a> {
     pub(super) pixels: Vec<Pixel>,
     pub(super) vertices: Vec<Vertex>,
     pub(super) caches: Vec<Cache>,
+    /// The first cache of each instance.
+    pub(super) first: Vec<usize>,
     /// `d_eps` [m] of the bake.
     pub(super) spacing: f64,
     pub(super) vals: Vec<Val>,
@@ -93,11 +95,12 @@ impl<'a> Study<'a> {
             pixels: Vec::new(),
             vertices: Vec::new(),
             caches,
+            first,
             spacing: baked.spacing,
             vals,
             truth: Default::default(),
         };
-        study.look(&baked, &first);
+        study.look(&baked);
         study.truth = study.by_vals(&study.vals);
         Ok(study)
     }
@@ -117,7 +120,7 @@ impl<'a> Study<'a> {
         self.camera.world_from_camera.translation
     }
 
-    fn look(&mut self, baked: &CacheSet, first: &[usize]) {
+    fn look(&mut self, baked: &CacheSet) {
         let mut known = HashMap::new();
         for index in 0..(self.settings.size[0] * self.settings.size[1]) as usize {
             let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
@@ -131,7 +134,7 @@ impl<'a> Study<'a> {
                     let normals = instance.world_from_model.matrix3.inverse().transpose();
                     let normal = (normals * mesh.vertices[v].normal.as_dvec3()).normalize_or(surface.geometric);
                     let mirrored = mirrored_view(position, normal, self.eye());
-                    let (model, base) = (&baked.models[baked.instance_model[hit.instance]], first[hit.instance]);
+                    let (model, base) = (&baked.models[baked.instance_model[hit.instance]], self.first[hit.instance]);
                     let references = model.references[8 * v..8 * (v + 1)].iter().filter(|r| **r != NO_CACHE);
                     let references = references.map(|r| base + usize::from(*r)).collect();
                     let own = base..base + model.caches.len();
