@@ -280,7 +280,15 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     let json: serde_json::Value = serde_json::from_str(&read("bench.json")).expect("JSON");
     assert_eq!(json["device"]["name"], gpu.report().name);
     assert_eq!(json["device"]["software"], gpu.is_software());
-    let counts = [("triangles", 2), ("bake", 2), ("resolution", 2), ("caches", 18), ("pairs", 18), ("exponents", 12)];
+    let counts = [
+        ("triangles", 2),
+        ("bake", 2),
+        ("resolution", 2),
+        ("caches", 18),
+        ("pairs", 18),
+        ("culling", 4),
+        ("exponents", 12),
+    ];
     assert_eq!(json["tables"].as_array().expect("tables").len(), counts.len());
     for (i, (name, rows)) in counts.into_iter().enumerate() {
         let (table, kept) = (&results.tables[i], &json["tables"][i]);

@@ -21,7 +21,7 @@ enum Path {
     /// Points into the mask.
     Fragment { histogram: Pipeline },
     /// Flags, and their list.
-    Compute { flag: Pipeline, pack: Pack },
+    Compute { flag: Pipeline, pack: Box<Pack> },
 }
 
 impl Cull {
@@ -43,7 +43,7 @@ impl Cull {
                 })?,
             },
             GatherPath::Compute => {
-                Path::Compute { flag: gpu.compute("flag_caches.comp", &[references])?, pack: Pack::new(gpu)? }
+                Path::Compute { flag: gpu.compute("flag_caches.comp", &[references])?, pack: Box::new(Pack::new(gpu)?) }
             }
         };
         Ok(Self { path })

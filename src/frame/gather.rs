@@ -61,7 +61,7 @@ pub struct Gather {
 
 enum Path {
     Fragment { sum: Pipeline, tile: u32 },
-    Compute { pack: Option<Pack>, sum: Pipeline },
+    Compute { pack: Option<Box<Pack>>, sum: Pipeline },
 }
 
 impl Gather {
@@ -89,7 +89,7 @@ impl Gather {
             },
             GatherPath::Compute => Self {
                 path: Path::Compute {
-                    pack: (!cull).then(|| Pack::new(gpu)).transpose()?,
+                    pack: (!cull).then(|| Pack::new(gpu).map(Box::new)).transpose()?,
                     sum: gpu.compute("gather.comp", &[u32::from(glossy), source, settings.caches_per_thread])?,
                 },
                 resolve: gpu.compute("proxies.comp", &[u32::from(glossy)])?,
@@ -103,7 +103,7 @@ impl Gather {
         let push = GatherPush { cache_count: caches.count, first: 0, tile: 0, split: 0, eye: view.eye };
         match &self.path {
             Path::Fragment { sum, tile } => self.draw(cmd, sum, vals, caches, &GatherPush { tile: *tile, ..push }),
-            Path::Compute { pack, sum } => self.dispatch(cmd, pack.as_ref(), sum, vals, caches, push),
+            Path::Compute { pack, sum } => self.dispatch(cmd, pack.as_deref(), sum, vals, caches, push),
         }
     }
 
