@@ -1,8 +1,9 @@
-// Stage 5, compute way: flags every cache that a visible element needs. METHOD 9.
+// Stage 5, compute way: flags every cache, or group of them, that a visible element needs. METHOD 9.
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint REFERENCES = 8;
+layout(constant_id = 1) const uint GROUP = 1; // caches that are live together
 
 #include "lib/references.glsl"
 
@@ -17,7 +18,7 @@ void main() {
     for (uint i = 0u; i < 3u * REFERENCES; ++i) {
         uint cache = needed_cache(elements[at], i);
         if (cache != NO_REFERENCES) {
-            atomicOr(flags[cache], 1u);
+            atomicOr(flags[cache / GROUP], 1u);
         }
     }
 }

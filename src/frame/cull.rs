@@ -10,7 +10,7 @@ use super::targets::{CacheTargets, ValTargets};
 use super::{SceneBuffers, Settings};
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Blend, Cmd, Depth, Gpu, Image, Pipeline, Raster, Shape, Use};
-use crate::shared::{ATLAS_WIDTH, AtlasPush, ElementArgs};
+use crate::shared::{ATLAS_WIDTH, AtlasPush, CLUSTER_GROUP, ElementArgs};
 
 /// Finds the live caches.
 pub struct Cull {
@@ -44,7 +44,8 @@ impl Cull {
                 })?,
             },
             GatherPath::Compute => {
-                Path::Compute { flag: gpu.compute("flag_caches.comp", &[references])?, pack: Pack::new(gpu)? }
+                let group = if settings.cluster.is_some() { CLUSTER_GROUP } else { 1 };
+                Path::Compute { flag: gpu.compute("flag_caches.comp", &[references, group])?, pack: Pack::new(gpu)? }
             }
         };
         Ok(Self { elements: gpu.compute("elements.comp", &[references])?, path })
@@ -91,7 +92,7 @@ impl Cull {
                 cmd.bind(flag, &[elements, draws, indices, refs, args, flags]);
                 cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(ElementArgs, groups_x) as u64);
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-                pack.caches(cmd, live, vals, false);
+                pack.caches(cmd, live, caches.light_count(vals), false);
             }
         }
     }

@@ -3,6 +3,7 @@
 pub mod atlas;
 pub mod brute_force;
 pub mod check;
+pub mod clusters;
 pub mod composite;
 pub mod cull;
 pub mod direct;
@@ -19,15 +20,17 @@ pub mod tune;
 pub mod upload;
 pub mod view;
 
+pub use clusters::Cluster;
 pub use gather::{GatherPath, GatherSettings, ValSource};
 pub use plan::{Plan, PlanLine};
 pub use targets::Targets;
 pub use upload::SceneBuffers;
 pub use view::View;
 
-use crate::error::Result;
-use crate::gpu::{Cmd, Format, Gpu, Stream, Use};
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Cmd, Format, Gpu, Stream, Use};
 use crate::scene::{Scene, Vertex};
+use crate::shared::LiveArgs;
 
 /// How indirect light is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -105,6 +108,8 @@ pub struct Settings {
     pub proxy_weight: ProxyWeight,
     /// How stage 6 runs.
     pub gather: GatherSettings,
+    /// Clusters of VALs light caches where that is near enough, instead of every VAL; by the compute path alone.
+    pub cluster: Option<Cluster>,
     /// Only caches that visible surfaces need are lit, where the device can tell. Pictures do not change.
     pub cull: bool,
     /// Curve of stage 11.
@@ -124,6 +129,7 @@ impl Default for Settings {
             interpolation: Interpolation::Facing,
             proxy_weight: ProxyWeight::Irradiance,
             gather: GatherSettings::default(),
+            cluster: None,
             cull: true,
             tonemap: Tonemap::PbrNeutral,
             exposure: Exposure::Automatic,
@@ -171,14 +177,24 @@ pub struct Live {
     pub caches: u32,
     /// VALs that carry light.
     pub vals: u32,
+    /// Pairs of a cache and a VAL, or a node that stands for some, whose light was computed.
+    pub pairs: u64,
 }
 
 /// Stages 3, 5, 6 and 8.
 struct LightSkin {
     atlas: atlas::Atlas,
     cull: Option<cull::Cull>,
-    gather: gather::Gather,
+    gather: Lighting,
     interpolate: interpolate::Interpolate,
+}
+
+/// Ways of stage 6.
+enum Lighting {
+    /// Every VAL.
+    All(gather::Gather),
+    /// Clusters of them.
+    Clusters(clusters::Clusters),
 }
 
 impl Frame {
@@ -186,11 +202,24 @@ impl Frame {
     pub fn new(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers, settings: &Settings) -> Result<Self> {
         let mut plan = Plan::new(scene, settings);
         plan.cull &= gpu.numbers_triangles();
+        if settings.cluster.is_some() && settings.gather.path == GatherPath::Fragment {
+            return Err(Error::Nothing("clusters of VALs need the gather's compute path".into()));
+        }
         let lightskin = || -> Result<LightSkin> {
             Ok(LightSkin {
                 atlas: atlas::Atlas::new(gpu)?,
                 cull: plan.cull.then(|| cull::Cull::new(gpu, settings)).transpose()?,
-                gather: gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?,
+                gather: match settings.cluster {
+                    None => Lighting::All(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?),
+                    Some(rule) => Lighting::Clusters(clusters::Clusters::new(
+                        gpu,
+                        buffers,
+                        settings,
+                        rule,
+                        plan.glossy,
+                        plan.cull,
+                    )?),
+                },
                 interpolate: interpolate::Interpolate::new(gpu, &plan, settings)?,
             })
         };
@@ -206,7 +235,16 @@ impl Frame {
         })
     }
 
-    /// Caches that the last frame has lit, and VALs that carry light. Waits for the device.
+    /// Every buffer that a frame writes.
+    pub fn buffers(&self) -> Vec<&Buffer> {
+        let mut all = self.targets.buffers();
+        if let Some(LightSkin { gather: Lighting::Clusters(clusters), .. }) = &self.lightskin {
+            all.extend(clusters.pyramid.buffers());
+        }
+        all
+    }
+
+    /// Caches that the last frame has lit, VALs that carry light, and pairs of both. Waits for the device.
     pub fn live(&self, gpu: &Gpu) -> Result<Live> {
         let mut live = Live::default();
         if let Some(rsm) = &self.targets.rsm {
@@ -214,10 +252,16 @@ impl Frame {
         }
         if let Some(caches) = &self.targets.caches {
             live.caches = match (&caches.live, &caches.mask) {
-                (Some(list), _) => gpu.read::<crate::shared::LiveArgs>(&list.args)?[0].cache_count,
+                (Some(list), _) => lit(gpu, list, caches.count)?,
                 (_, Some(mask)) => gpu.read_image::<f32>(mask)?.iter().filter(|depth| **depth > 0.0).count() as u32,
                 _ => caches.count,
             };
+            live.pairs = u64::from(live.caches) * u64::from(live.vals);
+            if let (Some(clusters), Some(list)) = (&caches.clusters, &caches.live) {
+                let LiveArgs { groups_x, groups_y, .. } = gpu.read(&list.args)?[0];
+                let pairs: Vec<u32> = gpu.read(&clusters.pairs)?;
+                live.pairs = pairs[..(groups_x * groups_y) as usize].iter().map(|n| u64::from(*n)).sum();
+            }
         }
         Ok(live)
     }
@@ -237,6 +281,9 @@ impl Frame {
         if let (Some(rsm), Some(targets)) = (&self.rsm, &t.rsm) {
             rsm.record(cmd, scene, targets); // 4
         }
+        if let (Some(LightSkin { gather: Lighting::Clusters(by), .. }), Some(targets)) = (&self.lightskin, &t.rsm) {
+            by.pyramid.record(cmd, targets); // 6, before the gather
+        }
         if let (Some(gi), Some(caches), Some(rsm), Some(out)) = (&self.lightskin, &t.caches, &t.rsm, &t.indirect) {
             if let (Some(cull), Some(element)) = (&gi.cull, &t.element) {
                 cull.record(cmd, scene, &[element], &rsm.vals, caches); // 5
@@ -245,7 +292,10 @@ impl Frame {
                 Use::ComputeWrite | Use::DepthWrite,
                 Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
             ); //   VALs, atlas, live caches -> 6
-            gi.gather.record(cmd, &rsm.vals, view, caches); // 6
+            match &gi.gather {
+                Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches), // 6
+                Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches), // 6
+            }
             cmd.barrier(
                 Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite,
                 Use::VertexRead | Use::FragmentRead | Use::DepthRead,
@@ -258,4 +308,11 @@ impl Frame {
         }
         self.composite.record(cmd, t); // 11
     }
+}
+
+/// Caches of the live items of a list.
+fn lit(gpu: &Gpu, live: &targets::LiveCaches, count: u32) -> Result<u32> {
+    let items = gpu.read::<LiveArgs>(&live.args)?[0].cache_count;
+    let list: Vec<u32> = gpu.read(&live.list)?;
+    Ok(list[..items as usize].iter().map(|item| (count - item * live.group).min(live.group)).sum())
 }
