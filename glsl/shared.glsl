@@ -160,7 +160,8 @@ struct ClusterNode {
     uint first; // of a finest node: its first VAL
     uint row; // likewise: from it to the VAL in the next row
     uint alive; // likewise: which of the four are alive, in bits, row by row; 0 of all other nodes
-    uvec2 unused; // texels are whole
+    uint unused; // texels are whole
+    uint unused_too;
 };
 
 // Where the VALs and nodes of one RSM lie.

@@ -90,7 +90,8 @@ impl Clusters {
         if let Some(coarse) = &self.coarse {
             let (clusters, parts) = (caches.clusters.as_ref().expect("made"), caches.parts.as_ref().expect("made"));
             self.walk(cmd, &coarse.walk, vals, caches, &ClusterPush { limit: 1.0, spread: f32::INFINITY, ..push });
-            cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
+            // The walk's shader has the totals of shares bound, which it reads by the other rule alone.
+            cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             cmd.bind(&coarse.totals, &[(&live.args).into(), parts.into(), (&clusters.totals).into()]);
             cmd.push(&push);
             cmd.dispatch(caches.count, 1, 1);
