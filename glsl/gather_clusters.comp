@@ -105,7 +105,8 @@ void main() {
         uint cache = min(group * CLUSTER_GROUP + lane + j, push.cache_count - 1u);
         receivers[j] = receiver(caches[cache], push.eye);
         sums[j] = no_light();
-        total[j] = RULE == CLUSTER_BOUND ? totals[min(slot + j, push.cache_count - 1u)] : 0.0;
+        uint own = gl_WorkGroupID.x * CLUSTER_GROUP + cache - group * CLUSTER_GROUP;
+        total[j] = RULE == CLUSTER_BOUND ? totals[own] : 0.0;
     }
 #ifndef VOTES
     if (gl_LocalInvocationID.x < 3u) {
