@@ -192,9 +192,9 @@ struct LightSkin {
 /// Ways of stage 6.
 enum Lighting {
     /// Every VAL.
-    All(gather::Gather),
+    All(Box<gather::Gather>),
     /// Clusters of them.
-    Clusters(clusters::Clusters),
+    Clusters(Box<clusters::Clusters>),
 }
 
 impl Frame {
@@ -210,15 +210,13 @@ impl Frame {
                 atlas: atlas::Atlas::new(gpu)?,
                 cull: plan.cull.then(|| cull::Cull::new(gpu, settings)).transpose()?,
                 gather: match settings.cluster {
-                    None => Lighting::All(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?),
-                    Some(rule) => Lighting::Clusters(clusters::Clusters::new(
-                        gpu,
-                        buffers,
-                        settings,
-                        rule,
-                        plan.glossy,
-                        plan.cull,
-                    )?),
+                    None => {
+                        Lighting::All(Box::new(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?))
+                    }
+                    Some(rule) => {
+                        let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy, plan.cull)?;
+                        Lighting::Clusters(Box::new(made))
+                    }
                 },
                 interpolate: interpolate::Interpolate::new(gpu, &plan, settings)?,
             })
