@@ -1,8 +1,9 @@
-// Stage 5, compute way: flags every cache that a visible vertex refers to. METHOD 9.
+// Stage 5, compute way: flags every cache, or group of them, that a visible vertex refers to. METHOD 9.
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint REFERENCES = 8;
+layout(constant_id = 1) const uint GROUP = 1; // caches that are live together
 
 #include "lib/references.glsl"
 
@@ -19,7 +20,7 @@ void main() {
     for (uint i = 0u; i < REFERENCES; ++i) {
         uint cache = referred_cache(draw, v.vertex, i);
         if (cache != NO_REFERENCES) {
-            atomicOr(flags[cache], 1u);
+            atomicOr(flags[cache / GROUP], 1u);
         }
     }
 }

@@ -7,7 +7,7 @@ layout(local_size_x = PACK_THREADS) in;
 layout(push_constant, scalar) uniform Push { PackPush push; };
 layout(binding = 0, scalar) buffer Flags { uint flags[]; };
 layout(binding = 1, scalar) readonly buffer Blocks { uint blocks[]; };
-layout(binding = 2, scalar) readonly buffer ValCount { uint val_count; };
+layout(binding = 2, scalar) readonly buffer LightCount { uint light_count; }; // VALs, or nodes over them
 layout(binding = 3, scalar) writeonly buffer Live { uint live[]; };
 layout(binding = 4, scalar) writeonly buffer Args { LiveArgs args; };
 
@@ -37,6 +37,6 @@ void main() {
     if (gl_WorkGroupID.x == gl_NumWorkGroups.x - 1u && thread == 0u) {
         uint count = before + all;
         args = LiveArgs((count + push.caches_per_group - 1u) / push.caches_per_group,
-                        (val_count + push.split - 1u) / push.split, 1u, count);
+                        (light_count + push.split - 1u) / push.split, 1u, count);
     }
 }

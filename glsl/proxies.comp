@@ -8,6 +8,7 @@
 
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
+layout(constant_id = 1) const uint GROUP = 1; // caches that are live together
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) writeonly buffer Proxies { Proxy proxies[]; };
@@ -73,10 +74,13 @@ void main() {
         return;
     }
 #else
-    if (slot >= args.cache_count) {
+    if (slot >= args.cache_count * GROUP) {
         return;
     }
-    uint i = live[slot];
+    uint i = live[slot / GROUP] * GROUP + slot % GROUP;
+    if (i >= push.cache_count) {
+        return;
+    }
 #endif
     Cache c = caches[i];
     GatherSums s = sums_of(slot);

@@ -45,7 +45,7 @@ uint index_of(ClusterView view, uint level, uvec2 cell) {
 
 // A VAL as a node of its own.
 ClusterNode single(Val val) {
-    return ClusterNode(val.position, 0.0, val.normal, 0.0, val.flux, val.area, val.weight, 0.0, 0u, 0u, 0u, 0u);
+    return ClusterNode(val.position, 0.0, val.normal, 0.0, val.flux, val.area, val.weight, 0.0, 0u, 0u, 0u, 0u, 0u, 0u);
 }
 
 void main() {
@@ -55,7 +55,7 @@ void main() {
         return;
     }
     uint index = index_of(view, push.level, cell);
-    ClusterNode node = ClusterNode(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u);
+    ClusterNode node = ClusterNode(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0u);
     node.skip = index + nodes_of(view.size, push.level, cell);
 
     // What it is made of: VALs, or cells of the level below, as far as they lie in the view.

@@ -24,6 +24,19 @@ const uint VALS_SHARED = 2u;
 // Threads of a gather's workgroup.
 const uint GATHER_THREADS = 64u;
 
+// Caches that walk down the pyramids together: consecutive ones of the atlas.
+const uint CLUSTER_GROUP = 32u;
+
+// Rules of clustering.
+const uint CLUSTER_DISTANCE = 0u;
+
+const uint CLUSTER_BOUND = 1u;
+
+// 32-bit words of a `ClusterNode`, whole texels, and where its `skip` is.
+const uint CLUSTER_NODE_WORDS = 20u;
+
+const uint CLUSTER_SKIP_WORD = 14u;
+
 // No model has caches here.
 const uint NO_REFERENCES = 0xffffffffu;
 
@@ -147,6 +160,8 @@ struct ClusterNode {
     uint first; // of a finest node: its first VAL
     uint row; // likewise: from it to the VAL in the next row
     uint alive; // likewise: which of the four are alive, in bits, row by row; 0 of all other nodes
+    uint unused; // texels are whole
+    uint unused_too;
 };
 
 // Where the VALs and nodes of one RSM lie.
@@ -226,10 +241,10 @@ struct VertexLight {
     vec3 glossy_irradiance;
 };
 
-// Live caches, as arguments of the gather's dispatch and as their number.
+// Live caches, or groups of them with clusters, as arguments of the gather's dispatch and as their number.
 struct LiveArgs {
     uint groups_x;
-    uint groups_y; // parts that the VALs are split into
+    uint groups_y; // parts that the VALs, or the nodes over them, are split into
     uint groups_z;
     uint cache_count;
 };
@@ -309,6 +324,16 @@ struct GatherPush {
     uint tile; // VALs in it
     uint split; // VALs that one thread of the compute path adds up
     vec4 eye; // as in DrawPush
+};
+
+// Push constants of the gather by clusters.
+struct ClusterPush {
+    vec4 eye; // as in DrawPush
+    uint cache_count;
+    uint node_count;
+    uint split; // nodes of a part
+    float limit; // distance in radii of a node, or share of a cache's light
+    float spread; // most that a node's normals may differ by, or what its spread counts in units of
 };
 
 // Push constants of the compacting passes.

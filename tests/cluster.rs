@@ -1,17 +1,19 @@
 //! Pyramids of VALs and the cuts that caches take of them: the device against its f64 twin, and what holds of any cut.
 
 use glam::{DVec3, Vec3, dvec3};
+use lightskin::bake::CacheSet;
 use lightskin::eval::shot;
 use lightskin::frame::pyramid::Pyramid as OnDevice;
 use lightskin::frame::rsm::Rsm;
-use lightskin::frame::{Frame, SceneBuffers, Settings};
+use lightskin::frame::{Cluster, Frame, GatherPath, GatherSettings, Live, SceneBuffers, Settings, View};
+use lightskin::gpu::Gpu;
 use lightskin::reference::cluster::{Cut, GROUP, Node, Pyramid, Rule, Share};
 use lightskin::reference::gather::{self, Cache, Gathered, gather};
 use lightskin::reference::rsm::Val;
 use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::{self, ClusterNode};
 
-use crate::common::frames::{SPOT, baked, corner, placed, small};
+use crate::common::frames::{SPOT, Shot, baked, camera, corner, placed, shoot, small};
 use crate::common::{assert_clean, gpu};
 use crate::gather::WEIGHTS;
 
@@ -280,4 +282,132 @@ fn blended_light_does_not_jump() {
         let (hard, soft) = (largest(1.0, rule), largest(1.5, rule));
         assert!(soft < 0.2 * hard, "{rule:?}: {soft} with blending, {hard} without");
     }
+}
+
+// The gather on the device.
+
+const GROUP_OF_ATLAS: usize = shared::CLUSTER_GROUP as usize;
+
+/// One frame with a rule, and how many pairs it took.
+fn clustered(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> (Shot, Live) {
+    let shot = shoot(gpu, scene, Some(caches), settings);
+    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("buffers");
+    let frame = Frame::new(gpu, scene, &buffers, settings).expect("a frame");
+    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    // A second frame is as good as the first one: nothing of that is left.
+    for _ in 0..2 {
+        let drawn = gpu.frame(true, |cmd| {
+            frame.record(cmd, &buffers, &view);
+            Ok(())
+        });
+        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    }
+    let (again, first) =
+        (gpu.read_image::<[u32; 4]>(&frame.targets.indirect.as_ref().expect("light").diffuse), &shot.diffuse);
+    let again =
+        again.expect("read").into_iter().map(|p| Vec3::from_array([p[0], p[1], p[2]].map(f32::from_bits)).as_dvec3());
+    assert!(again.eq(first.iter().copied()), "the same frame, the same bits");
+    assert_clean(gpu);
+    (shot, frame.live(gpu).expect("counts"))
+}
+
+/// Irradiance of all caches and of those that differ from the twin by more than `share` of the mean.
+fn against(found: &[DVec3], twin: &[DVec3], share: f64) -> usize {
+    let mean = twin.iter().map(|e| e.length()).sum::<f64>() / twin.len() as f64;
+    assert_eq!(found.len(), twin.len());
+    found.iter().zip(twin).filter(|(f, t)| f.distance(**t) > share * (t.length() + mean)).count()
+}
+
+fn lit_world(far: bool) -> (Scene, Vec<usize>, CacheSet) {
+    let lights = [SPOT, LightKind::Point, LightKind::Directional];
+    let shift = if far { dvec3(1e4, -2e4, 3e4) } else { DVec3::ZERO };
+    let scene = placed(&corner(&lights, 20.0), 1.0, shift);
+    let caches = baked(&scene, 0.3, 8);
+    let side = (40.0 / 6_f64.sqrt()).round() as usize;
+    (scene, [vec![40], vec![side; 6], vec![40]].concat(), caches)
+}
+
+#[test]
+fn the_devices_groups_receive_what_the_references_do() {
+    for gpu in [gpu(), gpu().without_votes()] {
+        for far in [false, true] {
+            let (scene, sizes, caches) = lit_world(far);
+            let rules = [
+                (Cluster::Distance(2.0), Rule::Distance(2.0), 0.3),
+                (Cluster::Distance(6.0), Rule::Distance(6.0), 0.3),
+                (Cluster::Error(0.1), Rule::Bound(f64::from(0.1_f32)), 0.5),
+                (Cluster::Error(0.01), Rule::Bound(f64::from(0.01_f32)), 0.5),
+            ];
+            for (of_frame, rule, spread) in rules {
+                let settings = Settings { rsm: 40, cluster: Some(of_frame), ..small() };
+                let (shot, live) = clustered(&gpu, &scene, &caches, &settings);
+                let twin = Pyramid::new(&shot.vals, &sizes, gather::ProxyWeight::Irradiance);
+                let cut = Cut { rule, spread: f64::from(spread as f32), blend: 1.0 };
+                let (mut wanted, mut pairs) = (Vec::new(), 0);
+                for group in shot.caches.chunks(GROUP_OF_ATLAS) {
+                    let mut light = vec![DVec3::ZERO; group.len()];
+                    pairs += twin
+                        .walk(group, &cut, &mut |val, _, shares| {
+                            for ((sum, cache), share) in light.iter_mut().zip(group).zip(shares) {
+                                *sum += *share * val.flux * gather::val_geometry(cache.position, cache.normal, val).0;
+                            }
+                        })
+                        .pairs;
+                    wanted.extend(light);
+                }
+                let off = against(&shot.sums[0], &wanted, 1e-4);
+                let all = live.caches as usize * shot.vals.iter().filter(|v| v.flux != DVec3::ZERO).count();
+                eprintln!("{rule:?}, far {far}: {} pairs, {pairs} by the twin, of {all}; {off} caches off", live.pairs);
+                // A decision on the very edge may fall the other way in f32, and takes its whole group along.
+                assert!(off <= GROUP_OF_ATLAS && off * 8 <= wanted.len(), "{off} of {}", wanted.len());
+                assert!((live.pairs as f64 / pairs as f64 - 1.0).abs() < 0.01 && pairs < all * 9 / 10);
+            }
+        }
+    }
+}
+
+#[test]
+fn without_tolerance_the_device_gathers_every_val() {
+    let gpu = gpu();
+    let (scene, _, caches) = lit_world(false);
+    let settings = Settings { rsm: 40, ..small() };
+    let all = shoot(&gpu, &scene, Some(&caches), &settings);
+    for rule in [Cluster::Distance(1e30), Cluster::Error(0.0)] {
+        let (shot, live) = clustered(&gpu, &scene, &caches, &Settings { cluster: Some(rule), ..settings });
+        assert!(live.pairs > 0);
+        for lobe in 0..2 {
+            assert_eq!(against(&shot.sums[lobe], &all.sums[lobe], 1e-5), 0, "{rule:?}");
+        }
+        let brightest = all.diffuse.iter().map(|p| p.length()).fold(0.0, f64::max);
+        let off = shot.diffuse.iter().zip(&all.diffuse).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        assert!(off <= 1e-5 * brightest, "{rule:?}: {off} of {brightest}");
+    }
+}
+
+#[test]
+fn culling_changes_no_bit_with_clusters() {
+    let gpu = gpu();
+    let (mut scene, _, _) = lit_world(false);
+    let caches = baked(&scene, 0.12, 8);
+    scene.cameras[0] = camera(dvec3(0.7, 0.9, 0.6), dvec3(-0.3, 0.0, -0.6), 0.3);
+    for rule in [Cluster::Distance(4.0), Cluster::Error(0.02)] {
+        let settings = Settings { rsm: 40, cluster: Some(rule), ..small() };
+        let (without, all) = clustered(&gpu, &scene, &caches, &settings);
+        let (with, lit) = clustered(&gpu, &scene, &caches, &Settings { cull: true, ..settings });
+        eprintln!("{rule:?}: {} of {} caches, {} of {} pairs", lit.caches, all.caches, lit.pairs, all.pairs);
+        assert!(lit.caches < all.caches && lit.pairs < all.pairs, "something is culled");
+        assert!(with.diffuse == without.diffuse && with.glossy == without.glossy, "{rule:?}: pictures differ");
+        assert!(with.diffuse.iter().any(|p| *p != DVec3::ZERO), "there is light");
+    }
+}
+
+#[test]
+fn draws_know_no_clusters() {
+    let gpu = gpu();
+    let (scene, _, caches) = lit_world(false);
+    let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("buffers");
+    let gather = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
+    let settings = Settings { gather, cluster: Some(Cluster::Distance(4.0)), ..small() };
+    let error = Frame::new(&gpu, &scene, &buffers, &settings).err().expect("refused").to_string();
+    assert!(error.contains("compute path"), "{error}");
 }

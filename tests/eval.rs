@@ -31,8 +31,8 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     write_glb(&small(), &at.join("box.glb")).expect("a scene");
     let caches = ["--caches", "250"];
     let first = eval(&at, &caches);
-    // Three counts of caches by three RSMs, and one alternative each of three knobs.
-    assert_eq!(counts(&first), (12, 0, 0), "{first}");
+    // Three counts of caches by three RSMs, one alternative each of three knobs, two distances of clusters.
+    assert_eq!(counts(&first), (14, 0, 0), "{first}");
     let report = at.join("report");
     let wanted = ["index.html", "pictures", "plots", "points.jsonl", "references", "results.csv", "results.json"];
     assert_eq!(left(&report), wanted);
@@ -51,21 +51,23 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     let table = fs::read_to_string(report.join("results.csv")).expect("a table");
     let head: Vec<&str> = table.lines().next().expect("a head").split(',').collect();
     assert!(table.lines().all(|line| line.split(',').count() == head.len()), "{table}");
-    for name in ["caches", "rsm", "refs", "interpolation", "proxy-weight", "frame_ms", "gather_ms", "reference"] {
+    for name in
+        ["caches", "rsm", "refs", "interpolation", "proxy-weight", "cluster", "frame_ms", "gather_ms", "reference"]
+    {
         assert!(head.contains(&name), "{head:?}");
     }
     for name in ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "bias", "psnr", "ssim", "flip"] {
         assert!(head.contains(&name), "{head:?}");
     }
-    // Twelve points against four references, three of brute force against three; two lobes and their sum.
-    assert_eq!(table.lines().count(), 1 + 12 * 4 * 3 + 3 * 3 * 3);
+    // Fourteen points against four references, three of brute force against three; two lobes and their sum.
+    assert_eq!(table.lines().count(), 1 + 14 * 4 * 3 + 3 * 3 * 3);
     let results: serde_json::Value =
         serde_json::from_slice(&fs::read(report.join("results.json")).expect("results")).expect("JSON");
-    assert_eq!(results["points"].as_array().map(Vec::len), Some(15));
+    assert_eq!(results["points"].as_array().map(Vec::len), Some(17));
     assert_eq!(results["references"].as_array().map(Vec::len), Some(5));
 
     let second = eval(&at, &caches);
-    assert_eq!(counts(&second), (0, 12, 0), "{second}");
+    assert_eq!(counts(&second), (0, 14, 0), "{second}");
     assert_eq!(fs::read_to_string(report.join("results.csv")).expect("a table"), table);
     assert!(fs::read_to_string(report.join("index.html")).expect("a page") == page, "the same numbers, the same page");
 
@@ -78,16 +80,16 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     let picture: Vec<_> = picture.filter(|p| p.to_string_lossy().contains(&format!("{key}-error"))).collect();
     fs::remove_file(&picture[0]).expect("a picture of the default");
     let third = eval(&at, &caches);
-    assert_eq!(counts(&third), (2, 10, 0), "{third}");
+    assert_eq!(counts(&third), (2, 12, 0), "{third}");
 
     // Other settings and another scene: nothing of it fits, and nothing of it is lost.
     let other = eval(&at, &["--caches", "250", "--angle", "45"]);
-    assert_eq!(counts(&other), (12, 0, 0), "{other}");
-    assert_eq!(counts(&eval(&at, &caches)), (0, 12, 0));
+    assert_eq!(counts(&other), (14, 0, 0), "{other}");
+    assert_eq!(counts(&eval(&at, &caches)), (0, 14, 0));
     let mut scene = small();
     scene.lights[0].intensity *= 2.0;
     write_glb(&scene, &at.join("box.glb")).expect("a scene");
-    assert_eq!(counts(&eval(&at, &caches)), (12, 0, 0));
+    assert_eq!(counts(&eval(&at, &caches)), (14, 0, 0));
 }
 
 fn lightskin_is_software() -> bool {

@@ -1,6 +1,6 @@
 //! `lightskin info`: what a scene holds, which stages its frame has, and the memory of each.
 
-use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, thousands};
+use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, load_scene, thousands};
 use anyhow::Result;
 use lightskin::frame::{Frame, SceneBuffers, Settings};
 use lightskin::scene::LightKind;
@@ -16,6 +16,8 @@ pub(super) struct Info {
     /// Texels of an RSM's side.
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: u32,
+    #[command(flatten)]
+    cluster: ClusterArgs,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -66,7 +68,8 @@ pub(super) fn run(args: &Info) -> Result<()> {
     );
 
     let gpu = args.device.open()?;
-    let settings = Settings { references: args.caches.settings().references, rsm: args.rsm, ..Settings::default() };
+    let (references, cluster) = (args.caches.settings().references, args.cluster.rule());
+    let settings = Settings { references, rsm: args.rsm, cluster, ..Settings::default() };
     let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked.caches))?;
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
     say!("frame plan");
@@ -76,7 +79,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
 
     say!("memory on {} at {}x{}", gpu.report().name, settings.size[0], settings.size[1]);
     let images = frame.targets.images().into_iter().map(|i| (i.name.as_str(), i.bytes()));
-    let written = frame.targets.buffers().into_iter().map(|b| (b.name.as_str(), b.size));
+    let written = frame.buffers().into_iter().map(|b| (b.name.as_str(), b.size));
     let fixed = buffers.buffers().into_iter().map(|b| (b.name.as_str(), b.size));
     let textures = [("scene.textures", buffers.texture_bytes())];
     let mut stages: BTreeMap<&str, Vec<(&str, u64)>> = BTreeMap::new();

@@ -26,7 +26,7 @@ use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
-use lightskin::frame::{GatherPath, GatherSettings, tune};
+use lightskin::frame::{Cluster, GatherPath, GatherSettings, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
 use std::io::{IsTerminal, Write};
@@ -169,6 +169,26 @@ struct GatherArgs {
     /// Light every cache, not only those that visible surfaces need. The picture stays the same.
     #[arg(long)]
     no_cull: bool,
+    #[command(flatten)]
+    cluster: ClusterArgs,
+}
+
+/// Whether clusters stand for virtual lights.
+#[derive(Args)]
+struct ClusterArgs {
+    /// Let clusters of virtual lights light caches that are farther away than C of their radii; 4 to 8 is hardly seen.
+    #[arg(long, value_name = "C", allow_hyphen_values = true, value_parser = positive)]
+    cluster: Option<f64>,
+    /// The same where they err by no more than the share P of what a cache receives, like 0.01.
+    #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = at_least_zero, conflicts_with = "cluster")]
+    cluster_error: Option<f64>,
+}
+
+impl ClusterArgs {
+    fn rule(&self) -> Option<Cluster> {
+        let distance = self.cluster.map(|c| Cluster::Distance(c as f32));
+        distance.or(self.cluster_error.map(|share| Cluster::Error(share as f32)))
+    }
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
@@ -183,8 +203,16 @@ enum GatherArg {
 }
 
 impl GatherArgs {
+    /// Ends the run where flags do not go together.
+    fn check(&self) {
+        if matches!(self.gather, GatherArg::Fragment) && self.cluster.rule().is_some() {
+            wrong_usage("--cluster and --cluster-error need --gather compute or auto: draws take every virtual light");
+        }
+    }
+
     fn settings(&self, gpu: &Gpu) -> Result<GatherSettings> {
         let path = match self.gather {
+            GatherArg::Auto if self.cluster.rule().is_some() => Some(GatherPath::Compute),
             GatherArg::Auto => None,
             GatherArg::Fragment => Some(GatherPath::Fragment),
             GatherArg::Compute => Some(GatherPath::Compute),

@@ -168,6 +168,7 @@ impl Render {
                 TonemapArg::Linear => Tonemap::Linear,
             },
             gather: self.gather.settings(gpu)?,
+            cluster: self.gather.cluster.rule(),
             cull: !self.gather.no_cull,
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
         })
@@ -186,6 +187,7 @@ impl Render {
             proxy_weight: _,
             tonemap: _,
             gather,
+            cluster: _,
             cull,
             exposure: _,
         } = *settings;
@@ -204,6 +206,8 @@ impl Render {
             ("gather_tile", json!(gather.tile)),
             ("gather_caches_per_thread", json!(gather.caches_per_thread)),
             ("gather_split", json!(gather.split)),
+            ("cluster", json!(self.gather.cluster.cluster)),
+            ("cluster_error", json!(self.gather.cluster.cluster_error)),
             ("cull", json!(cull)),
             ("interpolation", word(self.interpolation)),
             ("proxy_weight", word(self.proxy_weight)),
@@ -267,6 +271,7 @@ fn free_camera(text: &str) -> Result<Camera> {
 }
 
 pub(super) fn run(args: &Render) -> Result<()> {
+    args.gather.check();
     if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
         wrong_usage("--timings and --trace show the stages of a frame, and --gi path-trace has none");
     }

@@ -63,7 +63,7 @@ impl Report<'_> {
     fn memory(&self) -> [(&'static str, u64); 3] {
         let targets = &self.frame.targets;
         let written = targets.images().iter().map(|i| i.bytes()).sum::<u64>()
-            + targets.buffers().iter().map(|b| b.size).sum::<u64>();
+            + self.frame.buffers().iter().map(|b| b.size).sum::<u64>();
         let scene = self.buffers.buffers().iter().map(|b| b.size).sum();
         [("targets", written), ("scene", scene), ("textures", self.buffers.texture_bytes())]
     }
@@ -101,6 +101,15 @@ impl Report<'_> {
             thousands(self.live.vals as usize),
             thousands(self.vals() as usize)
         );
+        if self.frame.plan.clusters {
+            let (computed, all) = (self.live.pairs, self.pairs());
+            say!(
+                "clusters  {} of {} pairs of cache and VAL computed ({:.2} %)",
+                thousands(computed as usize),
+                thousands(all as usize),
+                100.0 * computed as f64 / all.max(1.0)
+            );
+        }
         say!("exposure  EV {ev:.2}");
         self.print_times();
     }
@@ -125,7 +134,14 @@ impl Report<'_> {
             let pairs = self.pairs();
             let per_pair = match ms.get(ms.len() / 2) {
                 Some(_) if name == "gather" && pairs > 0.0 => {
-                    format!("  ({:.3} ns per live cache and VAL)", nearest_rank(&ms, 50.0) * 1e6 / pairs)
+                    let ns = nearest_rank(&ms, 50.0) * 1e6;
+                    let computed = match self.live.pairs as f64 {
+                        computed if self.frame.plan.clusters && computed > 0.0 => {
+                            format!("; {:.3} ns per pair computed", ns / computed)
+                        }
+                        _ => String::new(),
+                    };
+                    format!("  ({:.3} ns per live cache and VAL{computed})", ns / pairs)
                 }
                 _ => String::new(),
             };
@@ -173,6 +189,8 @@ impl Report<'_> {
             ("vals", json!(self.vals())),
             ("live_caches", json!(self.live.caches)),
             ("live_vals", json!(self.live.vals)),
+            ("pairs", json!(self.pairs())),
+            ("pairs_computed", json!(self.live.pairs)),
             ("device_bytes", json!(self.memory().iter().map(|m| m.1).sum::<u64>())),
         ];
         facts.extend(self.settings.iter().cloned());

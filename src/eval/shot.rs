@@ -109,8 +109,10 @@ pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> 
         let (all, list): (Vec<GatherSums>, Vec<u32>) = (gpu.read(parts)?, gpu.read(&live.list)?);
         let args = gpu.read::<LiveArgs>(&live.args)?[0];
         for part in all.chunks(sums.len().max(1)).take(args.groups_y as usize) {
-            for (cache, p) in list[..args.cache_count as usize].iter().zip(part) {
-                let s = &mut sums[*cache as usize];
+            let items = list[..args.cache_count as usize].iter();
+            let lit = items.flat_map(|item| (item * live.group)..((item + 1) * live.group).min(caches.count));
+            for (cache, p) in lit.zip(part) {
+                let s = &mut sums[cache as usize];
                 *s = GatherSums {
                     diffuse_position: s.diffuse_position + p.diffuse_position,
                     diffuse_weight: s.diffuse_weight + p.diffuse_weight,

@@ -1,6 +1,6 @@
 //! What is varied: one knob at a time around a default, and caches by VALs.
 
-use crate::frame::{Gi, Interpolation, ProxyWeight, Settings};
+use crate::frame::{Cluster, Gi, Interpolation, ProxyWeight, Settings};
 
 /// Everything that one measurement depends on besides scene, camera and device.
 #[derive(Clone, Debug, PartialEq)]
@@ -140,6 +140,13 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
     let caches: &[u32] = if quick { &[50, 250, 1000] } else { &[50, 250, 1000, 4000] };
     let sides: &[u32] = if quick { &[32, 64, 128] } else { &[32, 64, 128, 256] };
     let references: &[u32] = &[8, 16];
+    let clusters: &[(&str, Turn)] = &[
+        ("none", |point| point.frame.cluster = None),
+        ("8", |point| point.frame.cluster = Some(Cluster::Distance(8.0))),
+        ("4", |point| point.frame.cluster = Some(Cluster::Distance(4.0))),
+        ("16", |point| point.frame.cluster = Some(Cluster::Distance(16.0))),
+        ("2", |point| point.frame.cluster = Some(Cluster::Distance(2.0))),
+    ];
     vec![
         Knob::numbers("caches", "caches asked for", &[caches, &[base.caches as u32]].concat(), |point, n| {
             point.caches = n as usize;
@@ -164,6 +171,7 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
                 ("form-factor", |point| point.frame.proxy_weight = ProxyWeight::FormFactor),
             ],
         ),
+        Knob::choices("cluster", "least distance of clusters in their radii", &clusters[..if quick { 3 } else { 5 }]),
     ]
 }
 
@@ -181,9 +189,9 @@ mod tests {
         for (i, point) in sweep.points.iter().enumerate() {
             assert!(!sweep.points[..i].contains(point), "{point:?} comes twice");
         }
-        // 5 counts of caches (four and the default) by 4 RSMs, and one alternative each of the three other knobs.
-        assert_eq!(sweep.points.len(), 5 * 4 + 3);
-        assert_eq!(sweep.points.iter().filter(|point| sweep.is_pictured(point)).count(), 1 + 4 + 3 + 3);
+        // 5 counts of caches (four and the default) by 4 RSMs, one alternative each of three other knobs, four distances.
+        assert_eq!(sweep.points.len(), 5 * 4 + 3 + 4);
+        assert_eq!(sweep.points.iter().filter(|point| sweep.is_pictured(point)).count(), 1 + 4 + 3 + 3 + 4);
         assert_eq!(sweep.rsm_sides(), [32, 64, 128, 256]);
     }
 

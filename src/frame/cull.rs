@@ -10,7 +10,7 @@ use super::targets::{CacheTargets, ValTargets, VisibleTargets};
 use super::{SceneBuffers, Settings};
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Blend, Cmd, Depth, Gpu, Pipeline, Raster, Shape, Use};
-use crate::shared::{ATLAS_WIDTH, AtlasPush, VisibleArgs};
+use crate::shared::{ATLAS_WIDTH, AtlasPush, CLUSTER_GROUP, VisibleArgs};
 
 /// Finds the live caches.
 pub struct Cull {
@@ -43,7 +43,9 @@ impl Cull {
                 })?,
             },
             GatherPath::Compute => {
-                Path::Compute { flag: gpu.compute("flag_caches.comp", &[references])?, pack: Box::new(Pack::new(gpu)?) }
+                let group = if settings.cluster.is_some() { CLUSTER_GROUP } else { 1 };
+                let flag = gpu.compute("flag_caches.comp", &[references, group])?;
+                Path::Compute { flag, pack: Box::new(Pack::new(gpu)?) }
             }
         };
         Ok(Self { path })
@@ -78,7 +80,7 @@ impl Cull {
                 cmd.bind(flag, &[list, draws, refs, (&visible.args).into(), (&live.flags).into()]);
                 cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(VisibleArgs, groups_x) as u64);
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-                pack.caches(cmd, live, vals, false);
+                pack.caches(cmd, live, caches.light_count(vals), false);
             }
         }
     }

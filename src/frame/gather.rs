@@ -92,7 +92,7 @@ impl Gather {
                     pack: (!cull).then(|| Pack::new(gpu).map(Box::new)).transpose()?,
                     sum: gpu.compute("gather.comp", &[u32::from(glossy), source, settings.caches_per_thread])?,
                 },
-                resolve: gpu.compute("proxies.comp", &[u32::from(glossy)])?,
+                resolve: gpu.compute("proxies.comp", &[u32::from(glossy), 1])?,
             },
         })
     }
@@ -140,7 +140,7 @@ impl Gather {
     ) {
         let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
         if let Some(pack) = pack {
-            pack.caches(cmd, live, vals, true);
+            pack.caches(cmd, live, &vals.live_count, true);
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
         }
         cmd.bind(

@@ -3,6 +3,7 @@
 pub mod atlas;
 pub mod brute_force;
 pub mod check;
+pub mod clusters;
 pub mod composite;
 pub mod cull;
 pub mod direct;
@@ -20,15 +21,17 @@ pub mod upload;
 pub mod view;
 pub mod visible;
 
+pub use clusters::Cluster;
 pub use gather::{GatherPath, GatherSettings, ValSource};
 pub use plan::{Plan, PlanLine};
 pub use targets::Targets;
 pub use upload::SceneBuffers;
 pub use view::View;
 
-use crate::error::Result;
-use crate::gpu::{Cmd, Format, Gpu, Stream, Use};
+use crate::error::{Error, Result};
+use crate::gpu::{Buffer, Cmd, Format, Gpu, Stream, Use};
 use crate::scene::{Scene, Vertex};
+use crate::shared::LiveArgs;
 
 /// How indirect light is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -106,6 +109,8 @@ pub struct Settings {
     pub proxy_weight: ProxyWeight,
     /// How stage 6 runs.
     pub gather: GatherSettings,
+    /// Clusters of VALs light caches where that is near enough, instead of every VAL; by the compute path alone.
+    pub cluster: Option<Cluster>,
     /// Only caches that visible surfaces need are lit. Pictures do not change.
     pub cull: bool,
     /// Curve of stage 11.
@@ -125,6 +130,7 @@ impl Default for Settings {
             interpolation: Interpolation::Facing,
             proxy_weight: ProxyWeight::Irradiance,
             gather: GatherSettings::default(),
+            cluster: None,
             cull: true,
             tonemap: Tonemap::PbrNeutral,
             exposure: Exposure::Automatic,
@@ -166,6 +172,8 @@ pub struct Live {
     pub caches: u32,
     /// VALs that carry light.
     pub vals: u32,
+    /// Pairs of a cache and a VAL, or a node that stands for some, whose light was computed.
+    pub pairs: u64,
 }
 
 /// Stages 3, 5, 6 and 8.
@@ -173,20 +181,39 @@ struct LightSkin {
     atlas: atlas::Atlas,
     visible: visible::Visible,
     cull: Option<cull::Cull>,
-    gather: gather::Gather,
+    gather: Lighting,
     interpolate: interpolate::Interpolate,
+}
+
+/// Ways of stage 6.
+enum Lighting {
+    /// Every VAL.
+    All(Box<gather::Gather>),
+    /// Clusters of them.
+    Clusters(Box<clusters::Clusters>),
 }
 
 impl Frame {
     /// Makes stages and targets for a scene.
     pub fn new(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers, settings: &Settings) -> Result<Self> {
         let plan = Plan::new(scene, settings);
+        if settings.cluster.is_some() && settings.gather.path == GatherPath::Fragment {
+            return Err(Error::Nothing("clusters of VALs need the gather's compute path".into()));
+        }
         let lightskin = || -> Result<LightSkin> {
             Ok(LightSkin {
                 atlas: atlas::Atlas::new(gpu)?,
                 visible: visible::Visible::new(gpu, settings.references)?,
                 cull: plan.cull.then(|| cull::Cull::new(gpu, settings)).transpose()?,
-                gather: gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?,
+                gather: match settings.cluster {
+                    None => {
+                        Lighting::All(Box::new(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?))
+                    }
+                    Some(rule) => {
+                        let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy, plan.cull)?;
+                        Lighting::Clusters(Box::new(made))
+                    }
+                },
                 interpolate: interpolate::Interpolate::new(gpu, &plan, settings)?,
             })
         };
@@ -202,7 +229,16 @@ impl Frame {
         })
     }
 
-    /// Caches that the last frame has lit, and VALs that carry light. Waits for the device.
+    /// Every buffer that a frame writes.
+    pub fn buffers(&self) -> Vec<&Buffer> {
+        let mut all = self.targets.buffers();
+        if let Some(LightSkin { gather: Lighting::Clusters(clusters), .. }) = &self.lightskin {
+            all.extend(clusters.pyramid.buffers());
+        }
+        all
+    }
+
+    /// Caches that the last frame has lit, VALs that carry light, and pairs of both. Waits for the device.
     pub fn live(&self, gpu: &Gpu) -> Result<Live> {
         let mut live = Live::default();
         if let Some(rsm) = &self.targets.rsm {
@@ -210,10 +246,16 @@ impl Frame {
         }
         if let Some(caches) = &self.targets.caches {
             live.caches = match (&caches.live, &caches.mask) {
-                (Some(list), _) => gpu.read::<crate::shared::LiveArgs>(&list.args)?[0].cache_count,
+                (Some(list), _) => lit(gpu, list, caches.count)?,
                 (_, Some(mask)) => gpu.read_image::<f32>(mask)?.iter().filter(|depth| **depth > 0.0).count() as u32,
                 _ => caches.count,
             };
+            live.pairs = u64::from(live.caches) * u64::from(live.vals);
+            if let (Some(clusters), Some(list)) = (&caches.clusters, &caches.live) {
+                let LiveArgs { groups_x, groups_y, .. } = gpu.read(&list.args)?[0];
+                let pairs: Vec<u32> = gpu.read(&clusters.pairs)?;
+                live.pairs = pairs[..(groups_x * groups_y) as usize].iter().map(|n| u64::from(*n)).sum();
+            }
         }
         Ok(live)
     }
@@ -233,6 +275,9 @@ impl Frame {
         if let (Some(rsm), Some(targets)) = (&self.rsm, &t.rsm) {
             rsm.record(cmd, scene, targets); // 4
         }
+        if let (Some(LightSkin { gather: Lighting::Clusters(by), .. }), Some(targets)) = (&self.lightskin, &t.rsm) {
+            by.pyramid.record(cmd, targets); // 6, before the gather
+        }
         if let (Some(gi), Some(caches), Some(rsm), Some(out)) = (&self.lightskin, &t.caches, &t.rsm, &t.indirect)
             && let (Some(element), Some(visible)) = (&t.element, &t.visible)
         {
@@ -244,7 +289,10 @@ impl Frame {
                 Use::ComputeWrite | Use::DepthWrite,
                 Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
             ); //   VALs, atlas, live caches -> 6
-            gi.gather.record(cmd, &rsm.vals, view, caches); // 6
+            match &gi.gather {
+                Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches), // 6
+                Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches), // 6
+            }
             gi.interpolate.record(cmd, scene, view, t, visible, caches, out); // 8
         }
         if let (Some(brute_force), Some(rsm), Some(out)) = (&self.brute_force, &t.rsm, &t.indirect) {
@@ -253,4 +301,11 @@ impl Frame {
         }
         self.composite.record(cmd, t); // 11
     }
+}
+
+/// Caches of the live items of a list.
+fn lit(gpu: &Gpu, live: &targets::LiveCaches, count: u32) -> Result<u32> {
+    let items = gpu.read::<LiveArgs>(&live.args)?[0].cache_count;
+    let list: Vec<u32> = gpu.read(&live.list)?;
+    Ok(list[..items as usize].iter().map(|item| (count - item * live.group).min(live.group)).sum())
 }

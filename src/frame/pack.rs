@@ -2,8 +2,8 @@
 
 use super::targets::{LiveCaches, ValTargets};
 use crate::error::Result;
-use crate::gpu::{Cmd, Gpu, Pipeline, Use};
-use crate::shared::{GATHER_THREADS, PACK_BLOCK, PACK_THREADS, PackPush};
+use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::shared::{PACK_BLOCK, PACK_THREADS, PackPush};
 
 /// Closes up lists; each in two passes, a count of every block and then the places.
 pub struct Pack {
@@ -42,12 +42,12 @@ impl Pack {
         cmd.dispatch(threads(push.count), 1, 1);
     }
 
-    /// Flagged caches, or all -> `list` and the gather's dispatch. The number of VALs must be there.
-    pub fn caches(&self, cmd: &Cmd<'_>, caches: &LiveCaches, vals: &ValTargets, all: bool) {
+    /// Flagged caches, or all -> `list` and the gather's dispatch over so many VALs or nodes, a number that must be there.
+    pub fn caches(&self, cmd: &Cmd<'_>, caches: &LiveCaches, light_count: &Buffer, all: bool) {
         let push = PackPush {
             count: caches.count,
             all: u32::from(all),
-            caches_per_group: GATHER_THREADS * caches.caches_per_thread,
+            caches_per_group: caches.per_workgroup,
             split: caches.split,
         };
         self.count_blocks(cmd, &push, &caches.flags, &caches.blocks);
@@ -57,7 +57,7 @@ impl Pack {
             &[
                 (&caches.flags).into(),
                 (&caches.blocks).into(),
-                (&vals.live_count).into(),
+                light_count.into(),
                 (&caches.list).into(),
                 (&caches.args).into(),
             ],
@@ -66,7 +66,7 @@ impl Pack {
         cmd.dispatch(threads(push.count), 1, 1);
     }
 
-    fn count_blocks(&self, cmd: &Cmd<'_>, push: &PackPush, flags: &crate::gpu::Buffer, blocks: &crate::gpu::Buffer) {
+    fn count_blocks(&self, cmd: &Cmd<'_>, push: &PackPush, flags: &Buffer, blocks: &Buffer) {
         cmd.bind(&self.count, &[flags.into(), blocks.into()]);
         cmd.push(push);
         cmd.dispatch(threads(push.count), 1, 1);

@@ -12,6 +12,8 @@ pub struct Plan {
     pub lightskin: bool,
     /// Stage 5: only visible caches are lit.
     pub cull: bool,
+    /// Stage 6 by clusters of VALs, and the pyramids before it.
+    pub clusters: bool,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
@@ -40,6 +42,7 @@ impl Plan {
             direct,
             lightskin: direct && settings.gi == Gi::LightSkin,
             cull: direct && settings.gi == Gi::LightSkin && settings.cull,
+            clusters: direct && settings.gi == Gi::LightSkin && settings.cluster.is_some(),
             brute_force: direct && settings.gi == Gi::BruteForce,
             glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
         }
@@ -72,7 +75,12 @@ impl Plan {
                 self.cull,
                 if self.cull { "only caches that visible surfaces need are lit" } else { gi_without_cull },
             ),
-            line(6, "gather", self.lightskin, gi),
+            line(
+                6,
+                "gather",
+                self.lightskin,
+                if self.clusters { "clusters of VALs light caches where that is near enough" } else { gi },
+            ),
             line(7, "occlude", false, "not built yet: indirect light is unshadowed"),
             line(
                 8,

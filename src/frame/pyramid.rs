@@ -25,8 +25,7 @@ pub struct Pyramid {
 impl Pyramid {
     /// Makes the pipeline and the nodes for RSMs of `rsm` texels a side.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, rsm: u32) -> Result<Self> {
-        let sizes = scene.lights.iter().flat_map(|light| (0..light.views).map(|_| light.rsm_size(rsm)));
-        let (views, node_count) = layout(sizes);
+        let (views, node_count) = layout(scene, rsm);
         let largest = views.iter().map(|v| [v.size, v.levels]).max().unwrap_or_default();
         let bytes = u64::from(node_count.max(1)) * size_of::<ClusterNode>() as u64;
         let level = |name| gpu.buffer(name, bytes);
@@ -41,14 +40,23 @@ impl Pyramid {
         })
     }
 
-    /// Records the pass; it waits for the VALs itself. Who reads the nodes waits for compute writes.
+    /// Every buffer.
+    pub fn buffers(&self) -> [&Buffer; 4] {
+        let [even, odd] = &self.levels;
+        [&self.views, even, odd, &self.nodes]
+    }
+
+    /// How many nodes there are over RSMs of `rsm` texels a side.
+    pub fn node_count(scene: &SceneBuffers, rsm: u32) -> u32 {
+        layout(scene, rsm).1
+    }
+
+    /// Records the pass; stage 4 has waited for its VALs. Who reads the nodes waits for compute writes.
     pub fn record(&self, cmd: &Cmd<'_>, rsm: &RsmTargets) {
         let _zone = cmd.zone("pyramid");
         let [size, levels] = self.largest;
         for level in 1..=levels {
-            if level == 1 {
-                cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // VALs
-            } else {
+            if level > 1 {
                 // The level below; and the one before it has been read.
                 cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             }
@@ -63,8 +71,9 @@ impl Pyramid {
     }
 }
 
-/// Where the VALs and nodes of views of these sizes lie, and how many nodes there are.
-fn layout(sizes: impl Iterator<Item = u32>) -> (Vec<ClusterView>, u32) {
+/// Where the VALs and nodes of all views lie, and how many nodes there are.
+fn layout(scene: &SceneBuffers, rsm: u32) -> (Vec<ClusterView>, u32) {
+    let sizes = scene.lights.iter().flat_map(|light| (0..light.views).map(|_| light.rsm_size(rsm)));
     let (mut views, mut first_val, mut first_node) = (Vec::new(), 0, 0);
     for size in sizes {
         // At least one level, so that a lone VAL has a node over it.

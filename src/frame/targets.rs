@@ -1,11 +1,13 @@
 //! Every image and buffer that a frame writes: one line each with name, format, size and when.
 
 use super::gather::{GatherPath, GatherSettings};
+use super::pyramid::Pyramid;
 use super::{Plan, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
-    ATLAS_WIDTH, Cache, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
+    ATLAS_WIDTH, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val,
+    VertexLight, VisibleArgs, VisibleVertex,
 };
 
 /// The resources of a frame; stages write and read them, nobody else owns any.
@@ -94,24 +96,39 @@ pub struct CacheTargets {
     pub live: Option<LiveCaches>,
     /// Which its fragment path lights: depth 1; only where caches are culled.
     pub mask: Option<Image>,
+    /// What clustering adds.
+    pub clusters: Option<ClusterTargets>,
 }
 
-/// The list that the compute path works through.
+/// The list that the compute path works through: of caches, or of groups of consecutive ones with clusters. A group is
+/// live with any of its caches, and all of it is lit: what a cache receives does not depend on which others are seen.
 pub struct LiveCaches {
-    /// 1 where a visible element refers to a cache; all 0 between frames.
+    /// 1 where a visible element refers to an item; all 0 between frames.
     pub flags: Buffer,
-    /// Flagged caches of each block.
+    /// Flagged items of each block.
     pub blocks: Buffer,
-    /// Atlas indices of live caches, ascending.
+    /// Indices of live items, ascending.
     pub list: Buffer,
     /// Their number, and the gather's dispatch.
     pub args: Buffer,
-    /// Caches of all instances.
+    /// Items of all instances.
     pub count: u32,
-    /// See `GatherSettings`.
-    pub caches_per_thread: u32,
-    /// VALs of a part: those of `GatherSettings`, or more where the parts would take too much memory.
+    /// Caches of an item.
+    pub group: u32,
+    /// Items of a workgroup.
+    pub per_workgroup: u32,
+    /// VALs, or nodes, of a part: those of `GatherSettings`, or more where the parts would take too much memory.
     pub split: u32,
+}
+
+/// What the gather by clusters needs beside the pyramid.
+pub struct ClusterTargets {
+    /// Number of nodes.
+    pub node_count: Buffer,
+    /// What each slot of the list receives by the coarse cut [lx].
+    pub totals: Buffer,
+    /// Pairs of a cache and a node or VAL that each workgroup has computed.
+    pub pairs: Buffer,
 }
 
 /// Vertices of the triangles that pixels show.
@@ -165,6 +182,9 @@ impl Targets {
         if plan.lightskin {
             let vals = made.rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
             let mut caches = CacheTargets::new(gpu, plan.glossy, scene.cache_count, vals, &settings.gather)?;
+            if settings.cluster.is_some() {
+                caches.cluster(gpu, Pyramid::node_count(scene, settings.rsm))?;
+            }
             if plan.cull {
                 caches.mask = caches.new_mask(gpu, &settings.gather)?;
             }
@@ -202,6 +222,7 @@ impl Targets {
             all.extend([&caches.atlas, &caches.proxies]);
             all.extend(&caches.parts);
             all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args]));
+            all.extend(caches.clusters.iter().flat_map(|c| [&c.node_count, &c.totals, &c.pairs]));
         }
         all.extend(self.visible.iter().flat_map(|v| [&v.seen, &v.slots, &v.list, &v.lights, &v.args, &v.none]));
         all
@@ -253,7 +274,13 @@ impl ValTargets {
 const PARTS_BYTES: u64 = 64 << 20;
 
 /// Most VALs of a part: older lavapipe leaves loops after 65 535 rounds, and two VALs are a round.
-const LONGEST_PART: u64 = 32_768;
+const LONGEST_PART: u32 = 32_768;
+
+/// Most nodes: each is a round, and so is each of the VALs below, three a node.
+const LONGEST_CLUSTER_PART: u32 = 12_288;
+
+/// Nodes of a part if memory allows: those over 3000 VALs.
+const CLUSTER_PART: u32 = 1024;
 
 impl CacheTargets {
     /// Targets of the gather without culling.
@@ -267,6 +294,7 @@ impl CacheTargets {
             parts: None,
             live: None,
             mask: None,
+            clusters: None,
         };
         match settings.path {
             GatherPath::Fragment => {
@@ -280,22 +308,52 @@ impl CacheTargets {
                 made.sums = names[..if glossy { 4 } else { 2 }].iter().map(sum).collect::<Result<_>>()?;
             }
             GatherPath::Compute => {
-                let (vals, sums) = (u64::from(vals.max(1)), n * size_of::<GatherSums>() as u64);
-                let in_memory = vals.div_ceil((PARTS_BYTES / sums).max(1));
-                let split = in_memory.max(settings.split.into()).next_multiple_of(VAL_TILE.into()).min(LONGEST_PART);
-                made.parts = Some(gpu.buffer("gather.parts", sums * vals.div_ceil(split))?);
-                made.live = Some(LiveCaches {
-                    flags: gpu.buffer_from("cull.flags", &vec![0_u32; n as usize])?,
-                    blocks: gpu.buffer("cull.blocks", 4 * n.div_ceil(PACK_BLOCK.into()))?,
-                    list: gpu.buffer("cull.live", 4 * n)?,
-                    args: gpu.buffer("cull.live_args", size_of::<LiveArgs>() as u64)?,
-                    count,
-                    caches_per_thread: settings.caches_per_thread,
-                    split: split as u32,
-                });
+                let per_workgroup = GATHER_THREADS * settings.caches_per_thread;
+                made.list(gpu, [vals, settings.split, LONGEST_PART], [1, per_workgroup])?;
             }
         }
         Ok(made)
+    }
+
+    /// Makes the compute path's parts and list: of so many lights, so many in a part if memory allows and never more than so
+    /// many, for so many caches in an item and items in a workgroup.
+    fn list(&mut self, gpu: &Gpu, [lights, split, longest]: [u32; 3], [group, per_workgroup]: [u32; 2]) -> Result<()> {
+        let lights = u64::from(lights.max(1));
+        let n = u64::from(self.count.max(1));
+        let sums = n * size_of::<GatherSums>() as u64;
+        let in_memory = lights.div_ceil((PARTS_BYTES / sums).max(1));
+        let split = in_memory.max(split.into()).next_multiple_of(VAL_TILE.into()).min(longest.into());
+        self.parts = Some(gpu.buffer("gather.parts", sums * lights.div_ceil(split))?);
+        let items = n.div_ceil(group.into());
+        self.live = Some(LiveCaches {
+            flags: gpu.buffer_from("cull.flags", &vec![0_u32; items as usize])?,
+            blocks: gpu.buffer("cull.blocks", 4 * items.div_ceil(PACK_BLOCK.into()))?,
+            list: gpu.buffer("cull.live", 4 * items)?,
+            args: gpu.buffer("cull.live_args", size_of::<LiveArgs>() as u64)?,
+            count: self.count.div_ceil(group),
+            group,
+            per_workgroup,
+            split: split as u32,
+        });
+        Ok(())
+    }
+
+    /// Makes parts and list anew, for groups of caches and parts of a pyramid, and what else clustering needs.
+    pub fn cluster(&mut self, gpu: &Gpu, nodes: u32) -> Result<()> {
+        self.list(gpu, [nodes, CLUSTER_PART, LONGEST_CLUSTER_PART], [CLUSTER_GROUP, 1])?;
+        let live = self.live.as_ref().expect("made above");
+        let workgroups = u64::from(live.count.max(1)) * u64::from(nodes.div_ceil(live.split).max(1));
+        self.clusters = Some(ClusterTargets {
+            node_count: gpu.buffer_from("gather.node_count", &[nodes])?,
+            totals: gpu.buffer("gather.totals", 4 * u64::from(self.count.max(1)))?,
+            pairs: gpu.buffer("gather.pairs", 4 * workgroups)?,
+        });
+        Ok(())
+    }
+
+    /// Buffer with the number of VALs, or nodes over them, that are split into parts.
+    pub fn light_count<'a>(&'a self, vals: &'a ValTargets) -> &'a Buffer {
+        self.clusters.as_ref().map_or(&vals.live_count, |clusters| &clusters.node_count)
     }
 
     /// The mask that culling needs by this path.

@@ -87,6 +87,7 @@ pub struct Gpu {
     pub(crate) clock: Clock,
     pub(crate) check_barriers: bool,
     numbers_triangles: bool,
+    voting_threads: Option<u32>,
     report: DeviceReport,
     pub(crate) shared: Arc<Shared>,
 }
@@ -280,6 +281,25 @@ fn inspect(instance: &ash::Instance, device: vk::PhysicalDevice, index: usize) -
     }
 }
 
+/// See `Gpu::voting_threads`.
+fn voting_threads(instance: &ash::Instance, device: vk::PhysicalDevice) -> Option<u32> {
+    let mut v13 = vk::PhysicalDeviceVulkan13Features::default();
+    let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v13);
+    // SAFETY: a 1.3 device knows this struct.
+    unsafe { instance.get_physical_device_features2(device, &mut features) };
+    let mut subgroups = vk::PhysicalDeviceSubgroupProperties::default();
+    let mut sizes = vk::PhysicalDeviceSubgroupSizeControlProperties::default();
+    let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut subgroups).push_next(&mut sizes);
+    // SAFETY: a 1.3 device knows these structs.
+    unsafe { instance.get_physical_device_properties2(device, &mut properties) };
+    let votes = subgroups.supported_operations.contains(vk::SubgroupFeatureFlags::VOTE)
+        && subgroups.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
+        && sizes.required_subgroup_size_stages.contains(vk::ShaderStageFlags::COMPUTE);
+    let can = votes && v13.subgroup_size_control == vk::TRUE && v13.compute_full_subgroups == vk::TRUE;
+    let range = sizes.min_subgroup_size..=sizes.max_subgroup_size;
+    [32, 8].into_iter().find(|size| can && range.contains(size))
+}
+
 /// First queue family that draws and computes.
 fn queue_family(instance: &ash::Instance, device: vk::PhysicalDevice) -> Option<(u32, u32)> {
     // SAFETY: plain query.
@@ -330,10 +350,13 @@ impl Gpu {
             .scalar_block_layout(true)
             .timeline_semaphore(true)
             .host_query_reset(true);
+        let voting_threads = voting_threads(instance, physical);
         let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
             .dynamic_rendering(true)
             .synchronization2(true)
-            .maintenance4(true);
+            .maintenance4(true)
+            .subgroup_size_control(voting_threads.is_some())
+            .compute_full_subgroups(voting_threads.is_some());
         // SAFETY: plain query.
         let has = unsafe { instance.get_physical_device_features(physical) };
         let features = vk::PhysicalDeviceFeatures::default().geometry_shader(has.geometry_shader == vk::TRUE);
@@ -403,6 +426,7 @@ impl Gpu {
             queue,
             clock: Clock { period_ns: f64::from(limits.timestamp_period), bits: timestamp_bits.min(64) },
             numbers_triangles: has.geometry_shader == vk::TRUE,
+            voting_threads,
             check_barriers: options.validation == Validation::Sync,
             report,
             shared,
@@ -423,6 +447,17 @@ impl Gpu {
     /// desktop devices and lavapipe have and SwiftShader has not.
     pub fn numbers_triangles(&self) -> bool {
         self.numbers_triangles
+    }
+
+    /// Threads of a compute subgroup, 32 or 8, if the device can be held to one of these sizes and lets its threads vote.
+    pub fn voting_threads(&self) -> Option<u32> {
+        self.voting_threads
+    }
+
+    /// The device as if its subgroups could not vote, which is so on some; tests use it.
+    pub fn without_votes(mut self) -> Self {
+        self.voting_threads = None;
+        self
     }
 
     /// Whether the queue has timestamps; without them zones have no GPU time, and everything else works.

@@ -123,21 +123,41 @@ fn spirv(name: &str) -> Vec<u32> {
 impl Gpu {
     /// A compute pipeline from `glsl/NAME`, with specialisation constants 0, 1, ...
     pub fn compute(&self, name: &'static str, constants: &[u32]) -> Result<Pipeline> {
-        self.compute_from_spirv(name, &spirv(name), constants)
+        self.compute_of(name, &spirv(name), constants, None)
+    }
+
+    /// The same with subgroups of so many threads, all there: what `voting_threads` gives.
+    pub fn compute_in_subgroups(&self, name: &'static str, constants: &[u32], threads: u32) -> Result<Pipeline> {
+        self.compute_of(name, &spirv(name), constants, Some(threads))
     }
 
     /// A compute pipeline from SPIR-V made elsewhere; tests use it for shaders of their own.
     pub fn compute_from_spirv(&self, name: &'static str, code: &[u32], constants: &[u32]) -> Result<Pipeline> {
+        self.compute_of(name, code, constants, None)
+    }
+
+    fn compute_of(
+        &self,
+        name: &'static str,
+        code: &[u32],
+        constants: &[u32],
+        subgroup: Option<u32>,
+    ) -> Result<Pipeline> {
         let stage = vk::ShaderStageFlags::COMPUTE;
         let mut pipeline = self.layout(name, &[(stage, reflect::interface(code))])?;
         let module = self.module(name, code)?;
         let (entries, bytes) = specialization(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
-        let stage = vk::PipelineShaderStageCreateInfo::default()
+        let mut size = vk::PipelineShaderStageRequiredSubgroupSizeCreateInfo::default();
+        let mut stage = vk::PipelineShaderStageCreateInfo::default()
             .stage(stage)
             .module(module)
             .name(c"main")
             .specialization_info(&special);
+        if let Some(threads) = subgroup {
+            size = size.required_subgroup_size(threads);
+            stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS).push_next(&mut size);
+        }
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(pipeline.layout);
         // SAFETY: module and layout are alive; the module may go once the pipeline is made.
         let made = unsafe {

@@ -56,8 +56,11 @@ pub struct Cost {
     pub tests: usize,
 }
 
-/// The cut that estimates what a cache receives; blended, for what jumped in it would jump in the cut that it serves.
-const COARSE: Cut = Cut { rule: Rule::Distance(1.0), spread: f64::INFINITY, blend: 2.0 };
+/// The cut that estimates what a cache receives; blended where the cut that it serves is, which would jump with it.
+fn coarse(cut: &Cut) -> Cut {
+    let blend = if cut.blend == 1.0 { 1.0 } else { 2.0 };
+    Cut { rule: Rule::Distance(1.0), spread: f64::INFINITY, blend }
+}
 
 /// Smooth from 0 at `low` to 1 at `high`; a step above `low` where both are the same.
 fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
@@ -86,7 +89,7 @@ impl Pyramid<'_> {
         let mut walk = Walk { caches, cut: *cut, totals: [0.0; GROUP], each, cost: Cost::default() };
         if matches!(cut.rule, Rule::Bound(_) | Rule::Change(_, Share::Total)) {
             let mut sums = [0.0; GROUP];
-            let cost = self.walk(caches, &COARSE, &mut |val, _, shares| {
+            let cost = self.walk(caches, &coarse(cut), &mut |val, _, shares| {
                 for ((sum, cache), share) in sums.iter_mut().zip(caches).zip(shares) {
                     *sum += share * brightness(val, cache);
                 }

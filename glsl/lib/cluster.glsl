@@ -1,0 +1,38 @@
+// What a node of the pyramids can do to a cache, however its VALs stand. METHOD 9; twin of `Node` in src/reference.
+#ifndef CLUSTER_GLSL
+#define CLUSTER_GLSL
+
+// What the walk asks about a node. `offset` from a cache to it is the caller's.
+struct Bounds {
+    vec3 normal;
+    float radius;
+    float thickness;
+    float spread;
+};
+
+// Least cosine of light, as the twin has it: VALs and caches of one wall see nothing of each other.
+const float CLUSTER_RIM = 1e-5;
+
+// How far the VALs reach along the normal of a cache, and along their own towards it.
+vec2 cluster_reach(Bounds b, vec3 offset, float distance, vec3 normal) {
+    float across = b.thickness * abs(dot(b.normal, normal)) + b.radius * length(cross(b.normal, normal));
+    return vec2(dot(normal, offset) + across,
+                -dot(b.normal, offset) + b.thickness + b.spread * (distance + b.radius));
+}
+
+// Whether none of the VALs lights the cache: all lie below its horizon, or all face away.
+bool is_dark(vec2 reach, float distance) {
+    return min(reach.x, reach.y) <= CLUSTER_RIM * distance;
+}
+
+// The most irradiance that a flux brings.
+float brightest(vec2 reach, float distance, float radius, float flux) {
+    float nearest = distance - radius;
+    if (nearest <= 0.0) {
+        return 3.4e38;
+    }
+    vec2 cosines = clamp(reach / nearest, 0.0, 1.0);
+    return flux * cosines.x * cosines.y / (3.14159265358979 * nearest * nearest);
+}
+
+#endif
