@@ -25,20 +25,19 @@ layout(location = 3) out vec4 out_glossy_irradiance;
 const uint AT_ONCE = 16u;
 
 void main() {
-    uint index = atlas_cache(ivec2(gl_FragCoord.xy));
+    uint index = atlas_cache(ivec2(gl_FragCoord.xy), push.columns);
     GatherSums s = no_light();
-    if (index < push.cache_count) {
-        Receiver c = receiver(caches[index], push.eye);
-        uint end = min(push.first + push.tile, (val_count + VAL_TILE - 1u) / VAL_TILE * VAL_TILE);
-        for (uint i = push.first; i < end; i += AT_ONCE) {
-            [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
-                int at = int(3u * (i + j));
-                if (SOURCE == VALS_TEXELS) {
-                    accumulate(s, c, texelFetch(val_texels, at), texelFetch(val_texels, at + 1),
-                               texelFetch(val_texels, at + 2), GLOSSY);
-                } else {
-                    accumulate(s, c, vals[at], vals[at + 1], vals[at + 2], GLOSSY);
-                }
+    // Texels that are left over repeat the last cache: a branch around the loop costs more than they do.
+    Receiver c = receiver(caches[min(index, max(push.cache_count, 1u) - 1u)], push.eye);
+    uint end = min(push.first + push.tile, (val_count + VAL_TILE - 1u) / VAL_TILE * VAL_TILE);
+    for (uint i = push.first; i < end; i += AT_ONCE) {
+        [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
+            int at = int(3u * (i + j));
+            if (SOURCE == VALS_TEXELS) {
+                accumulate(s, c, texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2),
+                           GLOSSY);
+            } else {
+                accumulate(s, c, vals[at], vals[at + 1], vals[at + 2], GLOSSY);
             }
         }
     }

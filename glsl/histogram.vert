@@ -11,7 +11,7 @@ layout(push_constant, scalar) uniform Push { AtlasPush push; };
 void main() {
     VisibleVertex v = visible[gl_VertexIndex / REFERENCES];
     uint cache = referred_cache(draws[v.draw], v.vertex, gl_VertexIndex % REFERENCES);
-    vec2 at = (vec2(atlas_texel(cache)) + 0.5) / vec2(ATLAS_WIDTH, push.rows) * 2.0 - 1.0;
+    vec2 at = (vec2(atlas_texel(cache, push.columns)) + 0.5) / vec2(8u * push.columns, push.rows) * 2.0 - 1.0;
     gl_Position = cache == NO_REFERENCES ? vec4(2.0, 2.0, 2.0, 1.0) : vec4(at, 1.0, 1.0);
     gl_PointSize = 1.0;
 }

@@ -34,7 +34,7 @@ const float MIN_WEIGHT = 1e-36;
 #ifdef FROM_IMAGES
 // The sums of a cache of the atlas.
 GatherSums sums_of(uint cache) {
-    ivec2 at = atlas_texel(cache);
+    ivec2 at = atlas_texel(cache, push.columns);
     vec4 position = texelFetch(diffuse_position_image, at, 0);
     vec4 irradiance = texelFetch(diffuse_irradiance_image, at, 0);
     GatherSums s = GatherSums(position.xyz, position.w, irradiance.rgb, irradiance.w, vec3(0.0), 0.0, vec3(0.0));

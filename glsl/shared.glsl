@@ -3,8 +3,8 @@
 #ifndef SHARED_GLSL
 #define SHARED_GLSL
 
-// Texels per row of the images that the fragment path sums in (see lib/atlas.glsl).
-const uint ATLAS_WIDTH = 1024u;
+// Most columns of blocks in the images that the fragment path sums in (see lib/atlas.glsl).
+const uint ATLAS_COLUMNS = 128u;
 
 // VALs are padded with dark ones to a multiple of this: 12 KiB, within the 16 KiB of uniform buffer that every device has.
 const uint VAL_TILE = 256u;
@@ -304,7 +304,8 @@ struct InterpolatePush {
 
 // Push constants of the pass that draws references into the atlas.
 struct AtlasPush {
-    uint rows;
+    uint columns; // of blocks
+    uint rows; // of texels
 };
 
 // Push constants of placing the caches.
@@ -323,6 +324,7 @@ struct GatherPush {
     uint first; // VAL of this tile
     uint tile; // VALs in it
     uint split; // VALs that one thread of the compute path adds up
+    uint columns; // of blocks of the fragment path's images
     vec4 eye; // as in DrawPush
 };
 

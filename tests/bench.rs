@@ -268,7 +268,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     assert_eq!(results.problems, [""; 0]);
     assert_clean(&gpu);
 
-    let tables = ["bake", "caches", "culling", "exponents", "pairs", "resolution", "triangles"];
+    let tables = ["bake", "caches", "culling", "exponents", "stages", "pairs", "resolution", "triangles"];
     let plots = ["bake", "caches", "ratios", "resolution", "triangles"];
     let mut files: Vec<String> = tables.map(|name| format!("{name}.csv")).into();
     files.extend(plots.map(|name| format!("{name}.svg")));
@@ -283,6 +283,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     let counts = [
         ("triangles", 2),
         ("bake", 2),
+        ("stages", 10),
         ("resolution", 2),
         ("caches", 18),
         ("pairs", 18),

@@ -8,6 +8,8 @@ use super::table::{Cell, Table, exponent};
 use super::thesis;
 use crate::bake::{CacheSet, NO_CACHE};
 use crate::error::{Error, Result};
+use crate::frame::gather::Gather;
+use crate::frame::targets::{CacheTargets, ValTargets};
 use crate::frame::tune::Tuned;
 use crate::frame::{GatherSettings, Gi, Settings, Targets, View};
 use crate::gpu::Gpu;
@@ -20,6 +22,10 @@ use std::time::Instant;
 pub const VERSIONS: [(&str, bool, usize); 4] =
     [("D8", false, 8), ("D16", false, 16), ("DG8", true, 8), ("DG16", true, 16)];
 
+/// Stages of a frame, in order.
+const STAGES: [&str; 9] =
+    ["gbuffer", "direct", "atlas", "rsm", "visible", "cull", "gather", "interpolate", "composite"];
+
 /// Caches of tables 6.1 and 6.2.
 const CACHES: [usize; 2] = [500, 1000];
 
@@ -30,8 +36,8 @@ const RSM: u32 = 128;
 /// roots, powers, maxima, one each; a multiply-add is two.
 pub const FLOP_PER_PAIR: [f64; 2] = [42.0, 69.0];
 
-/// Pairs that the native kernel is run on for each figure, in at least three and at most a hundred runs.
-const NATIVE_PAIRS: f64 = 2e8;
+/// Pairs that stage 6 is run on for each figure, in 3 to 15 rounds.
+const PAIRS: f64 = 1e8;
 
 /// What is measured, on what.
 pub struct Contexts<'a> {
@@ -73,13 +79,13 @@ impl Contexts<'_> {
         times
     }
 
-    fn times(&mut self, world: &World<'_>, size: [u32; 2], gi: Gi, references: usize) -> Result<f64> {
+    fn times(&mut self, world: &World<'_>, size: [u32; 2], gi: Gi, references: usize) -> Result<Times> {
         let frame = world.frame(&settings(size, gi, references, RSM, self.fastest()))?;
-        Ok(self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?).frame())
+        Ok(self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?))
     }
 
-    /// Tables 6.1 and of the bakes.
-    pub fn triangles(&mut self) -> Result<[Table; 2]> {
+    /// Tables 6.1, of its stages and of the bakes.
+    pub fn triangles(&mut self) -> Result<[Table; 3]> {
         let [w, h] = self.extent.window;
         let mut columns = vec!["triangles".to_owned(), "LI [ms]".into()];
         columns.extend(VERSIONS.map(|v| format!("{} [ms]", v.0)));
@@ -96,6 +102,11 @@ impl Contexts<'_> {
         let how = "Time to place the caches and find 8 or 16 references for each vertex, on all cores, once; nothing is kept.";
         let columns = ["triangles", "caches", "bake of 8 [s]", "bake of 16 [s]"];
         let mut bakes = Table::new("bake", "Bake", how.into(), &columns);
+        let columns: Vec<String> =
+            ["triangles", "version"].into_iter().map(str::to_owned).chain(STAGES.map(|s| format!("{s} [ms]"))).collect();
+        let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
+        let how = "The stages of the frames of table 6.1.".to_owned();
+        let mut stages = Table::new("stages", "Stages", how, &columns);
         let mut budget = Budget::new(self.extent.budget);
         for (i, count) in self.extent.triangles.iter().enumerate() {
             (self.progress)(i as f32 / self.extent.triangles.len() as f32, &format!("{count} triangles"));
@@ -108,9 +119,10 @@ impl Contexts<'_> {
                 },
             };
             match measured {
-                Ok((row, baked)) => {
+                Ok((row, baked, of_stages)) => {
                     table.push(row);
                     bakes.push(baked);
+                    of_stages.into_iter().for_each(|row| stages.push(row));
                 }
                 Err(reason) => {
                     let rest: Vec<String> = self.extent.triangles[i..].iter().map(usize::to_string).collect();
@@ -119,10 +131,10 @@ impl Contexts<'_> {
                 }
             }
         }
-        Ok([table, bakes])
+        Ok([table, bakes, stages])
     }
 
-    fn of_triangles(&mut self, count: usize) -> Result<(Vec<Cell>, Vec<Cell>)> {
+    fn of_triangles(&mut self, count: usize) -> Result<(Vec<Cell>, Vec<Cell>, Vec<Vec<Cell>>)> {
         let size = self.extent.window;
         let mut scene = valley(count, false);
         let (of_8, seconds_8) = bake(&scene, CACHES[0], 8)?;
@@ -141,6 +153,13 @@ impl Contexts<'_> {
             all.push(self.times(&world, size, Gi::LightSkin, references)?);
         }
         let triangles = scene.triangle_count();
+        let of_stages = |(name, times): (&str, &Times)| -> Vec<Cell> {
+            let stage = |stage| Cell::from(times.stage(stage));
+            [triangles.into(), name.into()].into_iter().chain(STAGES.map(stage)).collect()
+        };
+        let names = ["LI"].into_iter().chain(VERSIONS.map(|version| version.0));
+        let stages = names.zip([&direct].into_iter().chain(&all)).map(of_stages).collect();
+        let (direct, all) = (direct.frame(), all.iter().map(Times::frame).collect::<Vec<f64>>());
         let thesis = |version| thesis::frame_ms(thesis::TRIANGLES, &[triangles as u32], version);
         let ratio = |version| Some(thesis(version)? / thesis("LI")?);
         let mut row: Vec<Cell> = vec![triangles.into(), direct.into()];
@@ -149,7 +168,7 @@ impl Contexts<'_> {
             row.extend([Cell::from(ms / direct), ratio(version).into()]);
         }
         row.extend(["LI", "DG8"].map(|version| Cell::from(thesis(version))));
-        Ok((row, vec![triangles.into(), caches.into(), seconds_8.into(), seconds_16.into()]))
+        Ok((row, vec![triangles.into(), caches.into(), seconds_8.into(), seconds_16.into()], stages))
     }
 
     /// Table 6.2.
@@ -171,7 +190,8 @@ impl Contexts<'_> {
         for (i, [w, h]) in self.extent.resolutions.iter().copied().enumerate() {
             (self.progress)(i as f32 / self.extent.resolutions.len() as f32, &format!("{w}x{h} pixels"));
             let both = |this: &mut Self| -> Result<[f64; 2]> {
-                Ok([this.times(&world, [w, h], Gi::Off, 8)?, this.times(&world, [w, h], Gi::LightSkin, 8)?])
+                let [direct, all] = [Gi::Off, Gi::LightSkin].map(|gi| this.times(&world, [w, h], gi, 8));
+                Ok([direct?.frame(), all?.frame()])
             };
             let measured = match budget.begin(f64::from(w * h)) {
                 Err(reason) => Err(reason),
@@ -232,7 +252,8 @@ impl Contexts<'_> {
         let how = format!(
             "Pairs of a cache and a VAL in stage 6, every cache lit, by both paths. Peak, of which the faster path has its share: {:.1} Gflop/s, measured in the same run by independent \
              multiply-adds (`glsl/peak.comp`); a pair counts {} operations, with the glossy lobe {}. Native: the same sums of \
-             the same caches and VALs on {} CPU threads, {lanes} numbers to a register ({registers}), median of 3 runs or more.",
+             the same caches and VALs on {} CPU threads, {lanes} numbers to a register ({registers}). Both paths and the CPU in turn, median of 3 \
+             rounds or more.",
             self.peak * 1e-9,
             FLOP_PER_PAIR[0],
             FLOP_PER_PAIR[1],
@@ -254,7 +275,7 @@ impl Contexts<'_> {
                         table.skipped.push(format!("{what}: {reason}."));
                         continue;
                     }
-                    match self.of_caches(&world, asked, rsm, glossy) {
+                    match self.of_caches(&world, rsm, glossy) {
                         Ok(Measured { caches, vals, frame, gather: both, native }) => {
                             let gather = both[0].min(both[1]);
                             let thesis = |caches, rsm: u32| {
@@ -284,33 +305,53 @@ impl Contexts<'_> {
         Ok([table, pairs])
     }
 
-    fn of_caches(&mut self, world: &World<'_>, asked: usize, rsm: u32, glossy: bool) -> Result<Measured> {
+    fn of_caches(&mut self, world: &World<'_>, rsm: u32, glossy: bool) -> Result<Measured> {
         let size = self.extent.size;
-        let mut both = [0.0; 2];
-        let mut whole = f64::INFINITY;
-        let mut made = None;
-        for (way, gather) in self.ways.into_iter().zip(&mut both) {
-            // Every cache, so that their number is known.
-            let all = Settings { cull: false, ..settings(size, Gi::LightSkin, 8, rsm, way.settings) };
-            let frame = world.frame(&all)?;
-            let times = self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?);
-            *gather = times.stage("gather").ok_or_else(|| Error::Nothing(format!("{asked} caches: no gather")))?;
-            whole = whole.min(times.frame());
-            made = Some(light_and_caches(self.gpu, &frame.targets)?);
+        // Every cache, so that their number is known.
+        let all = |way| Settings { cull: false, ..settings(size, Gi::LightSkin, 8, rsm, way) };
+        let whole = world.frame(&all(self.fastest()))?;
+        let whole_ms = self.keep(world.times(&whole, self.extent.warm_up, self.extent.frames)?).frame();
+        let (vals, caches) = light_and_caches(self.gpu, &whole.targets)?;
+        let view = View::new(&world.scene.cameras[0], size, world.buffers.origin, world.buffers.radius);
+
+        // Stage 6 alone, on the VALs of that frame: both paths and the CPU in turn, so that what else the machine does
+        // reaches all of them.
+        let mut ways = Vec::new();
+        for way in self.ways {
+            let mut targets = CacheTargets::new(self.gpu, glossy, caches.len() as u32, vals.len() as u32, &way.settings)?;
+            targets.atlas = self.gpu.buffer_from("atlas.caches", &caches)?;
+            ways.push((Gather::new(self.gpu, glossy, false, &way.settings)?, targets));
         }
-        let (vals, caches) = made.expect("two paths");
-        let eye = View::new(&world.scene.cameras[0], size, world.buffers.origin, world.buffers.radius).eye;
+        let vals_on_device = ValTargets::of(self.gpu, &vals)?;
         let pairs = (caches.len() * vals.len()) as f64;
-        let mut seconds: Vec<f64> = (0..((NATIVE_PAIRS / pairs) as usize).clamp(3, 100))
-            .map(|_| {
-                let start = Instant::now();
-                std::hint::black_box(native::gather(&vals, &caches, eye, glossy));
-                start.elapsed().as_secs_f64()
-            })
-            .collect();
-        seconds.sort_by(f64::total_cmp);
-        let native = pairs / seconds[seconds.len() / 2] * 1e-9;
-        Ok(Measured { caches: caches.len(), vals: vals.len(), frame: whole, gather: both, native })
+        let (mut paths, mut native) = ([Vec::new(), Vec::new()], Vec::new());
+        // The first round does not count.
+        for round in 0..=((PAIRS / pairs) as usize).clamp(3, 15) {
+            for ((gather, targets), times) in ways.iter().zip(&mut paths) {
+                let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+                    cmd.begin_frame(&targets.sums);
+                    gather.record(cmd, &vals_on_device, &view, targets);
+                    Ok(())
+                })?;
+                let ms = self.gpu.times(&drawn)?.gpu_ms();
+                times.extend(ms.filter(|_| round > 0));
+                self.problems.extend(drawn.problems);
+            }
+            let start = Instant::now();
+            std::hint::black_box(native::gather(&vals, &caches, view.eye, glossy));
+            if round > 0 {
+                native.push(start.elapsed().as_secs_f64());
+            }
+        }
+        let median = |times: &mut Vec<f64>| -> Result<f64> {
+            times.sort_by(f64::total_cmp);
+            let none = || Error::Nothing("the device has no timestamps; the bench needs them".into());
+            times.get(times.len() / 2).copied().ok_or_else(none)
+        };
+        let [mut fragment, mut compute] = paths;
+        let both = [median(&mut fragment)?, median(&mut compute)?];
+        let native = pairs / median(&mut native)? * 1e-9;
+        Ok(Measured { caches: caches.len(), vals: vals.len(), frame: whole_ms, gather: both, native })
     }
 }
 
@@ -337,9 +378,9 @@ impl Contexts<'_> {
         );
         let mut table = Table::new("culling", "Culling", how, &columns);
         let mut scene = valley(self.extent.ground, true);
-        // A third of the width and of the height.
+        // About a tenth of the caches.
         let Projection::Perspective { yfov } = &mut scene.cameras[0].projection else { return Ok(table) };
-        *yfov = 2.0 * ((0.5 * *yfov).tan() / 3.0).atan();
+        *yfov = 2.0 * ((0.5 * *yfov).tan() / 4.6).atan();
         let mut budget = Budget::new(self.extent.budget);
         for (i, asked) in self.extent.culled.iter().copied().enumerate() {
             (self.progress)(i as f32 / self.extent.culled.len() as f32, &format!("culling {asked} caches"));

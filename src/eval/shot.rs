@@ -11,7 +11,7 @@ use crate::reference::phong::{Material as Reflection, mirrored_view};
 use crate::reference::rsm::{self, Val};
 use crate::reference::triangle::Triangle;
 use crate::scene::{LightKind, Phong, Projection, Scene};
-use crate::shared::{self, ATLAS_WIDTH, GatherSums, LiveArgs};
+use crate::shared::{self, GatherSums, LiveArgs};
 use glam::{DVec2, DVec3, Vec3, Vec4, dvec3};
 
 /// Small pictures, every cache lit; the references do every pixel.
@@ -128,7 +128,7 @@ pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> 
     }
     let images: Vec<Vec<Vec4>> = caches.sums.iter().map(|image| gpu.read_image(image)).collect::<Result<_>>()?;
     for (i, s) in sums.iter_mut().enumerate() {
-        let texel = |image: usize| images.get(image).map_or(Vec4::ZERO, |texels| texels[atlas_texel(i)]);
+        let texel = |image: usize| images.get(image).map_or(Vec4::ZERO, |texels| texels[atlas_texel(i, caches.columns() as usize)]);
         *s = GatherSums {
             diffuse_position: texel(0).truncate(),
             diffuse_weight: texel(0).w,
@@ -143,11 +143,10 @@ pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> 
 }
 
 /// Where a cache lies in the fragment path's images, row by row; twin of glsl/lib/atlas.glsl.
-pub fn atlas_texel(cache: usize) -> usize {
+pub fn atlas_texel(cache: usize, columns: usize) -> usize {
     let (block, within) = (cache / 64, cache % 64);
-    let column = block % 128;
-    let (x, y) = (column % 16 * 64 + column / 16 * 8 + within % 8, block / 128 * 8 + within / 8);
-    y * ATLAS_WIDTH as usize + x
+    let (x, y) = (block % columns * 8 + within % 8, block / columns * 8 + within / 8);
+    y * 8 * columns + x
 }
 
 /// RGB of a float image.

@@ -10,7 +10,7 @@ use super::targets::{CacheTargets, ValTargets, VisibleTargets};
 use super::{SceneBuffers, Settings};
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Blend, Cmd, Depth, Gpu, Pipeline, Raster, Shape, Use};
-use crate::shared::{ATLAS_WIDTH, AtlasPush, CLUSTER_GROUP, VisibleArgs};
+use crate::shared::{AtlasPush, CLUSTER_GROUP, VisibleArgs};
 
 /// Finds the live caches.
 pub struct Cull {
@@ -66,10 +66,10 @@ impl Cull {
             Path::Fragment { histogram } => {
                 let mask = caches.mask.as_ref().expect("of this path");
                 cmd.barrier(Use::ComputeWrite, Use::IndirectRead | Use::VertexRead); // visible vertices -> here
-                let area = [0, 0, ATLAS_WIDTH, caches.rows()];
+                let area = [0, 0, caches.columns() * 8, caches.rows()];
                 cmd.render(&Attachments { colors: &[], depth: Some(Attach::clear(mask)), area }, |draw| {
                     draw.bind(histogram, &references);
-                    draw.push(&AtlasPush { rows: caches.rows() });
+                    draw.push(&AtlasPush { columns: caches.columns(), rows: caches.rows() });
                     draw.draw_indirect(&visible.args);
                 });
             }

@@ -9,7 +9,7 @@ use super::pack::Pack;
 use super::targets::{CacheTargets, ValTargets};
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape, Use};
-use crate::shared::{ATLAS_WIDTH, GatherPush, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
+use crate::shared::{GatherPush, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
 
 /// What lights the caches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,7 +100,7 @@ impl Gather {
     /// Records the stage.
     pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, view: &View, caches: &CacheTargets) {
         let _zone = cmd.zone("gather");
-        let push = GatherPush { cache_count: caches.count, first: 0, tile: 0, split: 0, eye: view.eye };
+        let push = GatherPush { cache_count: caches.count, first: 0, tile: 0, split: 0, columns: caches.columns(), eye: view.eye };
         match &self.path {
             Path::Fragment { sum, tile } => self.draw(cmd, sum, vals, caches, &GatherPush { tile: *tile, ..push }),
             Path::Compute { pack, sum } => self.dispatch(cmd, pack.as_deref(), sum, vals, caches, push),
@@ -110,7 +110,7 @@ impl Gather {
     fn draw(&self, cmd: &Cmd<'_>, sum: &Pipeline, vals: &ValTargets, caches: &CacheTargets, push: &GatherPush) {
         let sums: Vec<_> = caches.sums.iter().map(Attach::clear).collect();
         let depth = caches.mask.as_ref().map(|image| Attach { image, load: Load::ReadOnly });
-        cmd.render(&Attachments { colors: &sums, depth, area: [0, 0, ATLAS_WIDTH, caches.rows()] }, |draw| {
+        cmd.render(&Attachments { colors: &sums, depth, area: [0, 0, caches.columns() * 8, caches.rows()] }, |draw| {
             let resources =
                 [(&caches.atlas).into(), (&vals.live_count).into(), Bind::Texels(&vals.live), (&vals.live).into()];
             draw.bind(sum, &resources);

@@ -6,7 +6,7 @@ use super::{Plan, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
-    ATLAS_WIDTH, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val,
+    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val,
     VertexLight, VisibleArgs, VisibleVertex,
 };
 
@@ -304,7 +304,7 @@ impl CacheTargets {
                     "gather.glossy_position",
                     "gather.glossy_irradiance",
                 ];
-                let sum = |name: &&str| gpu.target(name, Format::R32G32B32A32_SFLOAT, ATLAS_WIDTH, made.rows());
+                let sum = |name: &&str| gpu.target(name, Format::R32G32B32A32_SFLOAT, made.columns() * 8, made.rows());
                 made.sums = names[..if glossy { 4 } else { 2 }].iter().map(sum).collect::<Result<_>>()?;
             }
             GatherPath::Compute => {
@@ -358,13 +358,23 @@ impl CacheTargets {
 
     /// The mask that culling needs by this path.
     fn new_mask(&self, gpu: &Gpu, settings: &GatherSettings) -> Result<Option<Image>> {
-        let mask = || gpu.target("cull.mask", Format::D32_SFLOAT, ATLAS_WIDTH, self.rows());
+        let mask = || gpu.target("cull.mask", Format::D32_SFLOAT, self.columns() * 8, self.rows());
         (settings.path == GatherPath::Fragment).then(mask).transpose()
     }
 
-    /// Rows of the fragment path's images: 8 of each 8192 caches.
+    /// Rows of blocks in the fragment path's images.
+    fn block_rows(&self) -> u32 {
+        self.count.div_ceil(64 * ATLAS_COLUMNS).max(1)
+    }
+
+    /// Columns of blocks in the fragment path's images; as few blocks as possible are left over.
+    pub fn columns(&self) -> u32 {
+        self.count.div_ceil(64).div_ceil(self.block_rows()).max(1)
+    }
+
+    /// Rows of texels in the fragment path's images.
     pub fn rows(&self) -> u32 {
-        (8 * self.count.div_ceil(8 * ATLAS_WIDTH)).max(8)
+        8 * self.block_rows()
     }
 }
 
