@@ -33,8 +33,7 @@ struct Packed {
     vec4 light;
 };
 
-Packed from_memory(uint i) {
-    int at = int(3u * i);
+Packed from_memory(int at) {
     if (SOURCE == VALS_TEXELS) {
         return Packed(texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2));
     }
@@ -87,7 +86,7 @@ void main() {
         for (uint i = first; i < end; i += AT_ONCE) {
             Packed v[AT_ONCE];
             [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
-                v[j] = from_memory(i + j);
+                v[j] = from_memory(int(3u * i) + int(3u * j));
             }
             add(v);
         }

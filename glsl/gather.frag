@@ -32,7 +32,7 @@ void main() {
     uint end = min(push.first + push.tile, (val_count + VAL_TILE - 1u) / VAL_TILE * VAL_TILE);
     for (uint i = push.first; i < end; i += AT_ONCE) {
         [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
-            int at = int(3u * (i + j));
+            int at = int(3u * i) + int(3u * j);
             if (SOURCE == VALS_TEXELS) {
                 accumulate(s, c, texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2),
                            GLOSSY);

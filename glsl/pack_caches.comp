@@ -19,6 +19,9 @@ void main() {
     }
     uint before;
     running_sum(earlier, before);
+    if (push.all != 0u) {
+        before = gl_WorkGroupID.x * PACK_BLOCK; // nothing was counted
+    }
 
     uint first = gl_GlobalInvocationID.x * PACK_ITEMS;
     uint end = min(first + PACK_ITEMS, push.count);

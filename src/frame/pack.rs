@@ -50,8 +50,10 @@ impl Pack {
             caches_per_group: caches.per_workgroup,
             split: caches.split,
         };
-        self.count_blocks(cmd, &push, &caches.flags, &caches.blocks);
-        cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+        if !all {
+            self.count_blocks(cmd, &push, &caches.flags, &caches.blocks);
+            cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+        }
         cmd.bind(
             &self.caches,
             &[

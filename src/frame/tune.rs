@@ -16,7 +16,7 @@ const CACHES: u32 = 2048;
 const VALS: u32 = 4096;
 
 /// Frames that each candidate is timed in, after one that does not count.
-const FRAMES: usize = 2;
+const FRAMES: usize = 6;
 
 /// A candidate and how fast it is.
 #[derive(Clone, Copy, Debug)]
@@ -30,7 +30,7 @@ pub struct Tuned {
 /// All ways that are worth trying: on a CPU, threads that keep many caches, on GPUs, many threads.
 pub fn candidates(software: bool) -> Vec<GatherSettings> {
     let (sources, shapes): (&[ValSource], &[(u32, u32)]) = if software {
-        (&[ValSource::Texels, ValSource::Storage], &[(4, 2048), (8, 2048)])
+        (&[ValSource::Texels, ValSource::Storage], &[(4, 2048), (6, 2048), (8, 2048)])
     } else {
         (&[ValSource::Texels, ValSource::Storage, ValSource::Shared], &[(1, 256), (2, 256), (4, 1024)])
     };
