@@ -33,7 +33,8 @@ fn live(gpu: &Gpu, caches: &CacheTargets) -> BTreeSet<usize> {
         return list[..count].iter().map(|c| *c as usize).collect();
     }
     let mask: Vec<f32> = gpu.read_image(caches.mask.as_ref().expect("one of both")).expect("mask");
-    let lit: BTreeSet<_> = (0..caches.count as usize).filter(|c| mask[atlas_texel(*c, caches.columns() as usize)] == 1.0).collect();
+    let lit: BTreeSet<_> =
+        (0..caches.count as usize).filter(|c| mask[atlas_texel(*c, caches.columns() as usize)] == 1.0).collect();
     assert_eq!(mask.iter().filter(|depth| **depth != 0.0).count(), lit.len(), "no texel without a cache");
     lit
 }

@@ -55,6 +55,13 @@ pub struct Contexts<'a> {
     pub problems: Vec<String>,
 }
 
+/// Rows of one triangle count.
+struct OfTriangles {
+    times: Vec<Cell>,
+    bake: Vec<Cell>,
+    stages: Vec<Vec<Cell>>,
+}
+
 /// Why a row is missing, where it is not this program's own fault: the world is too large for the device.
 fn does_not_fit(error: &Error) -> bool {
     matches!(error, Error::TooLarge(_) | Error::Vulkan { .. })
@@ -102,8 +109,11 @@ impl Contexts<'_> {
         let how = "Time to place the caches and find 8 or 16 references for each vertex, on all cores, once; nothing is kept.";
         let columns = ["triangles", "caches", "bake of 8 [s]", "bake of 16 [s]"];
         let mut bakes = Table::new("bake", "Bake", how.into(), &columns);
-        let columns: Vec<String> =
-            ["triangles", "version"].into_iter().map(str::to_owned).chain(STAGES.map(|s| format!("{s} [ms]"))).collect();
+        let columns: Vec<String> = ["triangles", "version"]
+            .into_iter()
+            .map(str::to_owned)
+            .chain(STAGES.map(|s| format!("{s} [ms]")))
+            .collect();
         let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         let how = "The stages of the frames of table 6.1.".to_owned();
         let mut stages = Table::new("stages", "Stages", how, &columns);
@@ -119,10 +129,10 @@ impl Contexts<'_> {
                 },
             };
             match measured {
-                Ok((row, baked, of_stages)) => {
-                    table.push(row);
-                    bakes.push(baked);
-                    of_stages.into_iter().for_each(|row| stages.push(row));
+                Ok(rows) => {
+                    table.push(rows.times);
+                    bakes.push(rows.bake);
+                    rows.stages.into_iter().for_each(|row| stages.push(row));
                 }
                 Err(reason) => {
                     let rest: Vec<String> = self.extent.triangles[i..].iter().map(usize::to_string).collect();
@@ -134,7 +144,7 @@ impl Contexts<'_> {
         Ok([table, bakes, stages])
     }
 
-    fn of_triangles(&mut self, count: usize) -> Result<(Vec<Cell>, Vec<Cell>, Vec<Vec<Cell>>)> {
+    fn of_triangles(&mut self, count: usize) -> Result<OfTriangles> {
         let size = self.extent.window;
         let mut scene = valley(count, false);
         let (of_8, seconds_8) = bake(&scene, CACHES[0], 8)?;
@@ -168,7 +178,8 @@ impl Contexts<'_> {
             row.extend([Cell::from(ms / direct), ratio(version).into()]);
         }
         row.extend(["LI", "DG8"].map(|version| Cell::from(thesis(version))));
-        Ok((row, vec![triangles.into(), caches.into(), seconds_8.into(), seconds_16.into()], stages))
+        let bake = vec![triangles.into(), caches.into(), seconds_8.into(), seconds_16.into()];
+        Ok(OfTriangles { times: row, bake, stages })
     }
 
     /// Table 6.2.
@@ -318,7 +329,8 @@ impl Contexts<'_> {
         // reaches all of them.
         let mut ways = Vec::new();
         for way in self.ways {
-            let mut targets = CacheTargets::new(self.gpu, glossy, caches.len() as u32, vals.len() as u32, &way.settings)?;
+            let mut targets =
+                CacheTargets::new(self.gpu, glossy, caches.len() as u32, vals.len() as u32, &way.settings)?;
             targets.atlas = self.gpu.buffer_from("atlas.caches", &caches)?;
             ways.push((Gather::new(self.gpu, glossy, false, &way.settings)?, targets));
         }

@@ -128,7 +128,9 @@ pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> 
     }
     let images: Vec<Vec<Vec4>> = caches.sums.iter().map(|image| gpu.read_image(image)).collect::<Result<_>>()?;
     for (i, s) in sums.iter_mut().enumerate() {
-        let texel = |image: usize| images.get(image).map_or(Vec4::ZERO, |texels| texels[atlas_texel(i, caches.columns() as usize)]);
+        let texel = |image: usize| {
+            images.get(image).map_or(Vec4::ZERO, |texels| texels[atlas_texel(i, caches.columns() as usize)])
+        };
         *s = GatherSums {
             diffuse_position: texel(0).truncate(),
             diffuse_weight: texel(0).w,

@@ -100,7 +100,14 @@ impl Gather {
     /// Records the stage.
     pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, view: &View, caches: &CacheTargets) {
         let _zone = cmd.zone("gather");
-        let push = GatherPush { cache_count: caches.count, first: 0, tile: 0, split: 0, columns: caches.columns(), eye: view.eye };
+        let push = GatherPush {
+            cache_count: caches.count,
+            first: 0,
+            tile: 0,
+            split: 0,
+            columns: caches.columns(),
+            eye: view.eye,
+        };
         match &self.path {
             Path::Fragment { sum, tile } => self.draw(cmd, sum, vals, caches, &GatherPush { tile: *tile, ..push }),
             Path::Compute { pack, sum } => self.dispatch(cmd, pack.as_deref(), sum, vals, caches, push),
