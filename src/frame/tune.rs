@@ -36,7 +36,7 @@ pub fn candidates(software: bool) -> Vec<GatherSettings> {
     };
     let mut all = Vec::new();
     for source in [ValSource::Texels, ValSource::Storage] {
-        for tile in [1024, 4096] {
+        for tile in [4096, 16_384] {
             all.push(GatherSettings { path: GatherPath::Fragment, source, tile, ..GatherSettings::default() });
         }
     }
