@@ -1,5 +1,4 @@
-// Stages 1 and 4, and shadow maps: a model's vertex into the world and into a view. Stage 8 uses the same expressions,
-// so that its depths equal stage 1's.
+// Stages 1 and 4, and shadow maps: a model's vertex into the world and into a view.
 #include "shared.glsl"
 
 layout(push_constant, scalar) uniform Push { DrawPush push; };
@@ -17,8 +16,6 @@ layout(location = 1) out vec3 out_normal;
 layout(location = 2) out vec4 out_tangent;
 layout(location = 3) out vec4 out_uv;
 layout(location = 4) out vec4 out_color;
-
-precise gl_Position;
 
 void main() {
     Instance instance = instances[push.instance];

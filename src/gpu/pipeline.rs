@@ -52,8 +52,6 @@ pub enum Depth {
     None,
     /// The nearest wins and is written.
     Nearest,
-    /// Only fragments of exactly the depth already there.
-    Equal,
     /// Only fragments behind what is there: where nothing is, nothing is drawn. Writes no depth.
     Behind,
 }
@@ -222,10 +220,8 @@ impl Gpu {
             .depth_test_enable(raster.depth != Depth::None)
             .depth_write_enable(raster.depth == Depth::Nearest)
             .depth_compare_op(match raster.depth {
-                Depth::Equal => vk::CompareOp::EQUAL,
                 Depth::Behind => vk::CompareOp::LESS,
-                // Of equals the last one stays, as with `Equal`: both passes show the same triangle.
-                Depth::Nearest | Depth::None => vk::CompareOp::GREATER_OR_EQUAL,
+                Depth::Nearest | Depth::None => vk::CompareOp::GREATER,
             });
         let blend = vk::PipelineColorBlendAttachmentState {
             blend_enable: (raster.blend == Blend::Add).into(),
