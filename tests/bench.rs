@@ -6,7 +6,7 @@ use crate::common::{assert_clean, gpu};
 use glam::{DVec3, Vec3};
 use lightskin::bench::contexts::light_and_caches;
 use lightskin::bench::measure::{World, bake, settings, too_large};
-use lightskin::bench::native::{self, Sums};
+use lightskin::bench::native;
 use lightskin::bench::table::{Cell, Table, exponent};
 use lightskin::bench::{self, Extent, simd, thesis};
 use lightskin::eval::shot;
@@ -15,7 +15,7 @@ use lightskin::reference::gather::val_geometry;
 use lightskin::reference::phong::{cos_power, mirrored_view};
 use lightskin::scene::build::valley;
 use lightskin::scene::{LightKind, Scene};
-use lightskin::shared;
+use lightskin::shared::{self, GatherSums};
 use pulp::{Arch, Scalar, Simd, WithSimd};
 use std::fs;
 
@@ -93,10 +93,6 @@ fn odd_corner(exponent: f32) -> Gathered {
     all
 }
 
-fn vector(v: [f32; 3]) -> DVec3 {
-    Vec3::from(v).as_dvec3()
-}
-
 #[test]
 fn native_sums_are_the_references() {
     for exponent in [1.0, 40.0, 500.0] {
@@ -135,7 +131,8 @@ fn native_sums_are_the_references() {
         eprintln!("k {exponent}: {} caches, worst {worst:e}", sums.len());
         let diffuse = native::gather(&all.vals, &all.caches, all.eye, false);
         for (without, with) in diffuse.iter().zip(&sums) {
-            let dark = Sums { glossy_position: [0.0; 3], glossy_weight: 0.0, glossy_irradiance: [0.0; 3], ..*with };
+            let dark =
+                GatherSums { glossy_position: Vec3::ZERO, glossy_weight: 0.0, glossy_irradiance: Vec3::ZERO, ..*with };
             assert_eq!(*without, dark);
         }
     }
@@ -157,16 +154,16 @@ fn native_sums_make_the_devices_proxies() {
             compared[lobe] += 1;
             worst = worst.max(moved).max(brighter);
         };
-        let irradiance = vector(sums.diffuse_irradiance);
+        let irradiance = sums.diffuse_irradiance.as_dvec3();
         if proxy.diffuse_distance2 > 0.0 {
-            let mean = vector(sums.diffuse_position) / f64::from(sums.diffuse_weight);
+            let mean = sums.diffuse_position.as_dvec3() / f64::from(sums.diffuse_weight);
             check(0, mean, irradiance, proxy.diffuse_position, proxy.diffuse_irradiance);
         }
         // Darker lobes are lost in the least number of one or the other.
         if proxy.glossy_lit > 0.0 && sums.glossy_weight > 1e-12 * sums.diffuse_weight {
-            let mean = vector(sums.glossy_position) / f64::from(sums.glossy_weight);
+            let mean = sums.glossy_position.as_dvec3() / f64::from(sums.glossy_weight);
             let lobe = cos_power(at.exponent, mirrored.dot(mean.normalize()));
-            let arrived = (vector(sums.glossy_irradiance) / lobe).min(irradiance);
+            let arrived = (sums.glossy_irradiance.as_dvec3() / lobe).min(irradiance);
             check(1, mean, arrived, proxy.glossy_position, proxy.glossy_irradiance);
         }
     }

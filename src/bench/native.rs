@@ -5,33 +5,13 @@
 //! where they lie. The widest registers that the machine has are chosen at run time.
 
 use super::simd::{exp2, log2};
-use crate::shared::{Cache, VAL_TILE, Val};
+use crate::shared::{Cache, GatherSums, VAL_TILE, Val};
 use glam::{Vec3, Vec4};
 use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// What a cache gathers, as `glsl/gather.frag` writes it: positions are relative to the cache.
-#[repr(C)]
-#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
-pub struct Sums {
-    /// Sum of w (x - c).
-    pub diffuse_position: [f32; 3],
-    /// Sum of w.
-    pub diffuse_weight: f32,
-    /// Sum of phi G [lx].
-    pub diffuse_irradiance: [f32; 3],
-    /// Sum of w (x - c)^2.
-    pub distance2: f32,
-    /// Sum of w cos^k (x - c).
-    pub glossy_position: [f32; 3],
-    /// Sum of w cos^k.
-    pub glossy_weight: f32,
-    /// Sum of phi G cos^k [lx].
-    pub glossy_irradiance: [f32; 3],
-}
-
-/// Numbers in `Sums`.
+/// Numbers in `GatherSums`.
 const SUMS: usize = 15;
 
 /// Those of the diffuse lobe, which come first.
@@ -48,9 +28,9 @@ type ValFloats = [f32; 12];
 
 /// Lets every VAL light every cache, seen from `eye` (as in `shared::GatherPush`). Without `glossy` the glossy sums are 0
 /// and cost nothing.
-pub fn gather(vals: &[Val], caches: &[Cache], eye: Vec4, glossy: bool) -> Vec<Sums> {
+pub fn gather(vals: &[Val], caches: &[Cache], eye: Vec4, glossy: bool) -> Vec<GatherSums> {
     let vals: &[ValFloats] = bytemuck::cast_slice(vals);
-    let mut sums = vec![Sums::default(); caches.len()];
+    let mut sums = vec![GatherSums::default(); caches.len()];
     let arch = Arch::new();
     sums.par_chunks_mut(GROUP).zip(caches.par_chunks(GROUP)).for_each(|(sums, caches)| {
         let lanes = Lanes::new(caches, eye);
@@ -114,7 +94,7 @@ impl Lanes {
 struct Group<'a, const GLOSSY: bool> {
     vals: &'a [ValFloats],
     lanes: &'a Lanes,
-    sums: &'a mut [Sums],
+    sums: &'a mut [GatherSums],
 }
 
 impl<const GLOSSY: bool> WithSimd for Group<'_, GLOSSY> {

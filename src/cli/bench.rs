@@ -1,10 +1,8 @@
 //! `lightskin bench`: the thesis's measurements on generated scenes, beside its figures.
 
-use super::{DeviceArgs, check_messages};
+use super::{DeviceArgs, check_messages, progress_bar};
 use anyhow::Result;
-use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bench::{self, Extent, report};
-use std::io::IsTerminal;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -27,10 +25,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<()> {
     let gpu = args.device.open()?;
     let is_quick = args.quick || (gpu.is_software() && !args.full);
     let extent = if is_quick { Extent::quick() } else { Extent::full() };
-    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
-    if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
+    let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}");
     let progress = |part: f32, what: &str| {
         bar.set_message(what.to_owned());
         bar.set_position((part * 1000.0) as u64);

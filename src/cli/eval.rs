@@ -1,13 +1,11 @@
 //! `lightskin eval`: speed against error, a curve for every knob, as a page.
 
-use super::{DeviceArgs, angle, at_least_zero, check_messages, hard_cases, load_whole, render};
+use super::{DeviceArgs, angle, at_least_zero, check_messages, hard_cases, load_whole, progress_bar, render};
 use anyhow::{Context, Result};
-use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::eval::run::{Job, run as measure};
 use lightskin::eval::sweep::{Extent, Point, Sweep};
 use lightskin::eval::{plot, report};
 use lightskin::frame::Settings;
-use std::io::IsTerminal;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -80,10 +78,7 @@ pub(super) fn run(args: &Eval) -> Result<()> {
     let camera = render::camera(&scene, args.camera.as_deref())?;
     let gpu = args.device.open()?;
     let sweep = args.sweep();
-    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
-    if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {percent:>3} %  {elapsed}, {eta} left  {wide_msg}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
+    let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}, {eta} left  {wide_msg}");
     let progress = |part: f32, what: &str| {
         bar.set_message(what.to_owned());
         bar.set_position((part * 1000.0) as u64);

@@ -1,10 +1,8 @@
 //! `lightskin flicker`: how much the indirect light trembles while something creeps along.
 
-use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene};
+use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, progress_bar};
 use anyhow::{Context, Result};
-use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::eval::flicker::{Figures, Flicker, Job, Motion, measure, model};
-use std::io::IsTerminal;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -48,10 +46,7 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     }
     let job = Job { size: [64, 36], frames: 16, rsm: args.rsm.clone(), fine: 2 * largest, pace: 1.0, model };
     let gpu = device.open()?;
-    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
-    if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
+    let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}");
     let moving = model.map_or_else(|| "no model".into(), |i| format!("model '{}'", scene.instances[i].name));
     let [w, h] = job.size;
     if !json {

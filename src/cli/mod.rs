@@ -281,6 +281,15 @@ fn gltf_in(path: &Path) -> Result<PathBuf> {
     }
 }
 
+/// A bar of a thousand steps on a terminal, none elsewhere.
+fn progress_bar(template: &str) -> ProgressBar {
+    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
+    if let Ok(style) = ProgressStyle::with_template(template) {
+        bar.set_style(style.progress_chars("=> "));
+    }
+    bar
+}
+
 /// What a bake took.
 struct Baked {
     caches: CacheSet,
@@ -293,10 +302,7 @@ struct Baked {
 
 /// Bakes with a progress bar, or reads the kept bake.
 fn bake_scene(scene: &Scene, settings: &BakeSettings, again: bool) -> Result<Baked> {
-    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
-    if let Ok(style) = ProgressStyle::with_template("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
+    let bar = progress_bar("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}");
     let progress = |fraction: f32, what: &str| {
         bar.set_message(what.to_owned());
         bar.set_position((fraction * 1000.0) as u64);

@@ -1,10 +1,9 @@
 //! `lightskin sources`: where the error of indirect light comes from, as tables.
 
-use super::{Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, render, thousands};
+use super::{Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, progress_bar, render, thousands};
 use anyhow::Result;
 use clap::Args;
 use glam::DVec3;
-use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::eval::sources::curves::{
     FORM_FACTOR_DISTANCES, Receives, TILTS, form_factor_error, lobe_csv, lobe_errors,
 };
@@ -14,7 +13,6 @@ use lightskin::frame::{self, Frame, SceneBuffers, View};
 use lightskin::gpu::Gpu;
 use lightskin::image::replace_file;
 use lightskin::scene::{Camera, Scene};
-use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -58,10 +56,7 @@ pub(super) fn run(args: &SourcesArgs) -> Result<()> {
     let gpu = args.device.open()?;
     let device = device_picture(&gpu, &scene, &camera, &baked, &settings, args.caches.settings().references)?;
 
-    let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
-    if let Ok(style) = ProgressStyle::with_template("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}") {
-        bar.set_style(style.progress_chars("=> "));
-    }
+    let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}");
     let progress = |part: f32, what: &str| {
         bar.set_message(what.to_owned());
         bar.set_position((part * 1000.0) as u64);
