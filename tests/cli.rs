@@ -330,6 +330,10 @@ fn the_fastest_gather_is_measured_once_and_kept() {
         assert_eq!(all.len(), 1, "{all:?}");
         (fs::read_to_string(&all[0]).expect("text"), all[0].clone())
     };
+    let mut direct = args.clone();
+    direct.extend(["--gi", "off"]);
+    works(&at, &direct);
+    assert!(!at.join("cache").exists(), "direct light alone needs no measurement");
     works(&at, &args);
     let (first, file) = kept();
     assert!(first.contains("\"path\": \"compute\"") && first.contains("\"path\": \"fragment\""), "{first}");

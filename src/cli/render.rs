@@ -10,7 +10,9 @@ use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::frame::check::{Broken, Check};
-use lightskin::frame::{Exposure, Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Tonemap, View};
+use lightskin::frame::{
+    Exposure, Frame, GatherSettings, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Tonemap, View,
+};
 use lightskin::gpu::Gpu;
 use lightskin::image::{check_writable, write_png};
 use lightskin::scene::{Camera, Projection, Scene};
@@ -167,7 +169,11 @@ impl Render {
                 TonemapArg::Aces => Tonemap::Aces,
                 TonemapArg::Linear => Tonemap::Linear,
             },
-            gather: self.gather.settings(gpu)?,
+            // Nothing is measured for frames that light no caches.
+            gather: match self.gi {
+                GiArg::Lightskin => self.gather.settings(gpu)?,
+                _ => GatherSettings::default(),
+            },
             cluster: self.gather.cluster.rule(),
             cull: !self.gather.no_cull,
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
