@@ -333,7 +333,7 @@ fn the_fastest_gather_is_measured_once_and_kept() {
     let mut direct = args.clone();
     direct.extend(["--gi", "off"]);
     works(&at, &direct);
-    assert!(!at.join("cache").exists(), "direct light alone needs no measurement");
+    assert!(!at.join("cache/lightskin").exists(), "direct light alone needs no measurement");
     works(&at, &args);
     let (first, file) = kept();
     assert!(first.contains("\"path\": \"compute\"") && first.contains("\"path\": \"fragment\""), "{first}");
