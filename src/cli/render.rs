@@ -11,7 +11,7 @@ use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::{
-    Exposure, Frame, GatherSettings, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Tonemap, View,
+    Exposure, Frame, GatherSettings, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Shadows, Tonemap, View,
 };
 use lightskin::gpu::Gpu;
 use lightskin::image::{check_writable, write_png};
@@ -59,6 +59,9 @@ pub(super) struct Render {
     /// What pulls a proxy light's position.
     #[arg(long, value_enum, default_value_t)]
     proxy_weight: ProxyWeightArg,
+    /// What is in the way of indirect light.
+    #[arg(long, value_enum, default_value_t)]
+    shadows: ShadowsArg,
     /// Write this layer alone as R, G, B.
     #[arg(long, value_enum, value_name = "NAME")]
     layer: Option<LayerArg>,
@@ -113,6 +116,17 @@ enum ProxyWeightArg {
     Irradiance,
     /// Form factor, as printed.
     FormFactor,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum ShadowsArg {
+    /// Nothing.
+    #[default]
+    Off,
+    /// The other caches' discs, for each cache's light as a whole.
+    Proxy,
+    /// The other caches' discs, for every virtual light.
+    PerLight,
 }
 
 fn picture(text: &str) -> std::result::Result<PathBuf, String> {
@@ -176,6 +190,11 @@ impl Render {
             },
             cluster: self.gather.cluster.rule(),
             cull: !self.gather.no_cull,
+            shadows: match self.shadows {
+                ShadowsArg::Off => Shadows::Off,
+                ShadowsArg::Proxy => Shadows::Proxy,
+                ShadowsArg::PerLight => Shadows::PerLight,
+            },
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
         })
     }
@@ -195,6 +214,7 @@ impl Render {
             gather,
             cluster: _,
             cull,
+            shadows: _,
             exposure: _,
         } = *settings;
         vec![
@@ -215,6 +235,7 @@ impl Render {
             ("cluster", json!(self.gather.cluster.cluster)),
             ("cluster_error", json!(self.gather.cluster.cluster_error)),
             ("cull", json!(cull)),
+            ("shadows", word(self.shadows)),
             ("interpolation", word(self.interpolation)),
             ("proxy_weight", word(self.proxy_weight)),
             ("tonemap", word(self.tonemap)),

@@ -65,6 +65,18 @@ pub enum ProxyWeight {
     FormFactor,
 }
 
+/// Whether things are in the way of indirect light. METHOD 6.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Shadows {
+    /// Nothing is.
+    #[default]
+    Off,
+    /// Stage 7: the discs of the other caches dim a cache's proxy lights.
+    Proxy,
+    /// Stage 6 tests every VAL against what each cache sees of the others' discs.
+    PerLight,
+}
+
 /// Curve from scene to display.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[repr(u32)]
@@ -113,6 +125,8 @@ pub struct Settings {
     pub cluster: Option<Cluster>,
     /// Only caches that visible surfaces need are lit. Pictures do not change.
     pub cull: bool,
+    /// Soft shadows of indirect light.
+    pub shadows: Shadows,
     /// Curve of stage 11.
     pub tonemap: Tonemap,
     /// Exposure of stage 11.
@@ -132,6 +146,7 @@ impl Default for Settings {
             gather: GatherSettings::default(),
             cluster: None,
             cull: true,
+            shadows: Shadows::Off,
             tonemap: Tonemap::PbrNeutral,
             exposure: Exposure::Automatic,
         }
@@ -199,6 +214,9 @@ impl Frame {
         let plan = Plan::new(scene, settings);
         if settings.cluster.is_some() && settings.gather.path == GatherPath::Fragment {
             return Err(Error::Nothing("clusters of VALs need the gather's compute path".into()));
+        }
+        if settings.shadows != Shadows::Off {
+            return Err(Error::Nothing("soft shadows of indirect light are not built yet".into()));
         }
         let lightskin = || -> Result<LightSkin> {
             Ok(LightSkin {
