@@ -11,40 +11,55 @@ layout(binding = 1, scalar) readonly buffer ValCount { uint val_count; };
 layout(binding = 2) uniform samplerBuffer val_texels;
 layout(binding = 3, std430) readonly buffer Vals { vec4 vals[]; };
 
-layout(location = 0) out vec4 out_diffuse_position; // position and weight
-layout(location = 1) out vec4 out_diffuse_irradiance; // irradiance and distance2
+// Of the texel's first cache, then of its second: position and weight; irradiance and distance2; the glossy lobe's.
 #ifdef DIFFUSE_ONLY
 const bool GLOSSY = false;
+layout(location = 0) out vec4 out_sums[TEXEL_CACHES * 2u];
 #else
 const bool GLOSSY = true;
-layout(location = 2) out vec4 out_glossy_position;
-layout(location = 3) out vec4 out_glossy_irradiance;
+layout(location = 0) out vec4 out_sums[TEXEL_CACHES * 4u];
 #endif
 
 // VALs of one round of the loop.
-const uint AT_ONCE = 16u;
+const uint AT_ONCE = 8u;
 
 void main() {
-    uint index = atlas_cache(ivec2(gl_FragCoord.xy), push.columns);
-    GatherSums s = no_light();
-    // Texels that are left over repeat the last cache: a branch around the loop costs more than they do.
-    Receiver c = receiver(caches[min(index, max(push.cache_count, 1u) - 1u)], push.eye);
+    uint first_cache = atlas_cache(ivec2(gl_FragCoord.xy), push.columns);
+    Receiver receivers[TEXEL_CACHES];
+    GatherSums sums[TEXEL_CACHES];
+    [[unroll]] for (uint k = 0u; k < TEXEL_CACHES; ++k) {
+        // Texels that are left over repeat the last cache: a branch around the loop costs more than they do.
+        uint cache = min(first_cache + k, max(push.cache_count, 1u) - 1u);
+        receivers[k] = receiver(caches[cache], push.eye);
+        sums[k] = no_light();
+    }
     uint end = min(push.first + push.tile, (val_count + VAL_TILE - 1u) / VAL_TILE * VAL_TILE);
     for (uint i = push.first; i < end; i += AT_ONCE) {
         [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
             int at = int(3u * i) + int(3u * j);
+            vec4 place, facing, light;
             if (SOURCE == VALS_TEXELS) {
-                accumulate(s, c, texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2),
-                           GLOSSY);
+                place = texelFetch(val_texels, at);
+                facing = texelFetch(val_texels, at + 1);
+                light = texelFetch(val_texels, at + 2);
             } else {
-                accumulate(s, c, vals[at], vals[at + 1], vals[at + 2], GLOSSY);
+                place = vals[at];
+                facing = vals[at + 1];
+                light = vals[at + 2];
+            }
+            [[unroll]] for (uint k = 0u; k < TEXEL_CACHES; ++k) {
+                accumulate(sums[k], receivers[k], place, facing, light, GLOSSY);
             }
         }
     }
-    out_diffuse_position = vec4(s.diffuse_position, s.diffuse_weight);
-    out_diffuse_irradiance = vec4(s.diffuse_irradiance, s.distance2);
+    const uint VECTORS = GLOSSY ? 4u : 2u;
+    [[unroll]] for (uint k = 0u; k < TEXEL_CACHES; ++k) {
+        GatherSums s = sums[k];
+        out_sums[k * VECTORS] = vec4(s.diffuse_position, s.diffuse_weight);
+        out_sums[k * VECTORS + 1u] = vec4(s.diffuse_irradiance, s.distance2);
 #ifndef DIFFUSE_ONLY
-    out_glossy_position = vec4(s.glossy_position, s.glossy_weight);
-    out_glossy_irradiance = vec4(s.glossy_irradiance, 0.0);
+        out_sums[k * VECTORS + 2u] = vec4(s.glossy_position, s.glossy_weight);
+        out_sums[k * VECTORS + 3u] = vec4(s.glossy_irradiance, 0.0);
 #endif
+    }
 }

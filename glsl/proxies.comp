@@ -13,10 +13,14 @@ layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) writeonly buffer Proxies { Proxy proxies[]; };
 #ifdef FROM_IMAGES
-layout(binding = 2) uniform sampler2D diffuse_position_image;
-layout(binding = 3) uniform sampler2D diffuse_irradiance_image;
-layout(binding = 4) uniform sampler2D glossy_position_image;
-layout(binding = 5) uniform sampler2D glossy_irradiance_image;
+layout(binding = 2) uniform sampler2D first_diffuse_position;
+layout(binding = 3) uniform sampler2D first_diffuse_irradiance;
+layout(binding = 4) uniform sampler2D first_glossy_position;
+layout(binding = 5) uniform sampler2D first_glossy_irradiance;
+layout(binding = 6) uniform sampler2D second_diffuse_position;
+layout(binding = 7) uniform sampler2D second_diffuse_irradiance;
+layout(binding = 8) uniform sampler2D second_glossy_position;
+layout(binding = 9) uniform sampler2D second_glossy_irradiance;
 #else
 layout(binding = 2, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 3, scalar) readonly buffer Args { LiveArgs args; };
@@ -35,14 +39,16 @@ const float MIN_WEIGHT = 1e-36;
 // The sums of a cache of the atlas.
 GatherSums sums_of(uint cache) {
     ivec2 at = atlas_texel(cache, push.columns);
-    vec4 position = texelFetch(diffuse_position_image, at, 0);
-    vec4 irradiance = texelFetch(diffuse_irradiance_image, at, 0);
+    bool first = cache % TEXEL_CACHES == 0u;
+    vec4 position = first ? texelFetch(first_diffuse_position, at, 0) : texelFetch(second_diffuse_position, at, 0);
+    vec4 irradiance = first ? texelFetch(first_diffuse_irradiance, at, 0) : texelFetch(second_diffuse_irradiance, at, 0);
     GatherSums s = GatherSums(position.xyz, position.w, irradiance.rgb, irradiance.w, vec3(0.0), 0.0, vec3(0.0));
     if (GLOSSY != 0u) {
-        position = texelFetch(glossy_position_image, at, 0);
+        position = first ? texelFetch(first_glossy_position, at, 0) : texelFetch(second_glossy_position, at, 0);
+        irradiance = first ? texelFetch(first_glossy_irradiance, at, 0) : texelFetch(second_glossy_irradiance, at, 0);
         s.glossy_position = position.xyz;
         s.glossy_weight = position.w;
-        s.glossy_irradiance = texelFetch(glossy_irradiance_image, at, 0).rgb;
+        s.glossy_irradiance = irradiance.rgb;
     }
     return s;
 }

@@ -6,6 +6,9 @@
 // Most columns of blocks in the images that the fragment path sums in (see lib/atlas.glsl).
 const uint ATLAS_COLUMNS = 128u;
 
+// Caches of a texel there: what is read of a VAL serves as many.
+const uint TEXEL_CACHES = 2u;
+
 // VALs are padded with dark ones to a multiple of this: 12 KiB, within the 16 KiB of uniform buffer that every device has.
 const uint VAL_TILE = 256u;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use glam::{DVec3, dvec3};
 use lightskin::bake::{CacheSet, NO_CACHE};
-use lightskin::eval::shot::{atlas_texel, seen, small};
+use lightskin::eval::shot::{seen, small};
 use lightskin::eval::worlds::{SPOT, baked, camera, corner};
 use lightskin::frame::cull::Cull;
 use lightskin::frame::gbuffer::GBuffer;
@@ -14,7 +14,7 @@ use lightskin::frame::{Frame, GatherPath, GatherSettings, SceneBuffers, Settings
 use lightskin::gpu::{Gpu, Use};
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
 use lightskin::scene::{LightKind, Scene};
-use lightskin::shared::LiveArgs;
+use lightskin::shared::{LiveArgs, TEXEL_CACHES};
 
 use crate::common::{assert_clean, gpu};
 
@@ -33,10 +33,16 @@ fn live(gpu: &Gpu, caches: &CacheTargets) -> BTreeSet<usize> {
         return list[..count].iter().map(|c| *c as usize).collect();
     }
     let mask: Vec<f32> = gpu.read_image(caches.mask.as_ref().expect("one of both")).expect("mask");
-    let lit: BTreeSet<_> =
-        (0..caches.count as usize).filter(|c| mask[atlas_texel(*c, caches.columns() as usize)] == 1.0).collect();
-    assert_eq!(mask.iter().filter(|depth| **depth != 0.0).count(), lit.len(), "no texel without a cache");
+    let lit: BTreeSet<_> = (0..caches.count as usize).filter(|c| mask[caches.texel(*c as u32)] == 1.0).collect();
+    let texels: BTreeSet<_> = lit.iter().map(|c| c / TEXEL_CACHES as usize).collect();
+    assert_eq!(mask.iter().filter(|depth| **depth != 0.0).count(), texels.len(), "no texel without a cache");
     lit
+}
+
+/// What a path lights for these of so many caches: a texel of the fragment path's images holds two.
+fn lit_for(needed: &BTreeSet<usize>, path: GatherPath, count: usize) -> BTreeSet<usize> {
+    let together = if path == GatherPath::Fragment { TEXEL_CACHES as usize } else { 1 };
+    needed.iter().flat_map(|c| c / together * together..(c / together + 1) * together).filter(|c| *c < count).collect()
 }
 
 /// What they must be: all references of all corners of the triangles at the centres of the pixels. And how many of them
@@ -89,7 +95,9 @@ fn both_paths_light_exactly_the_caches_that_visible_triangles_refer_to() {
                     Ok(())
                 });
                 assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-                let found = live(&gpu, frame.targets.caches.as_ref().expect("caches"));
+                let targets = frame.targets.caches.as_ref().expect("caches");
+                let found = live(&gpu, targets);
+                let expected = lit_for(&expected, path, targets.count as usize);
                 let apart: Vec<_> = found.symmetric_difference(&expected).collect();
                 assert!(apart.is_empty(), "{path:?}, {references} references: {apart:?} on one side alone");
                 assert_eq!(frame.live(&gpu).expect("counts").caches as usize, expected.len());
@@ -184,8 +192,9 @@ fn of_several_views_every_one_is_served() {
             Ok(())
         });
         assert_eq!(drawn.expect("drawn").problems.len(), 1, "only the barrier before the reading is for nothing");
-        let found = live(&gpu, targets[0].caches.as_ref().expect("caches"));
-        assert_eq!(found, views[0].union(&views[1]).copied().collect(), "{path:?}");
+        let caches = targets[0].caches.as_ref().expect("caches");
+        let both = views[0].union(&views[1]).copied().collect();
+        assert_eq!(live(&gpu, caches), lit_for(&both, path, caches.count as usize), "{path:?}");
     }
     assert_clean(&gpu);
 }

@@ -1,18 +1,19 @@
-// Where a cache lies in the images of the fragment path: in blocks of 8 x 8 texels, row by row, so that neighbours share
-// what the depth test skips as one, and hardly a texel is left over.
+// Where a cache lies in the images of the fragment path: two neighbours to a texel, texels in blocks of 8 x 8, blocks row
+// by row, so that neighbours share what the depth test skips as one, and hardly a texel is left over.
 #ifndef ATLAS_GLSL
 #define ATLAS_GLSL
 
 // Texel of a cache of the atlas; `columns` of blocks.
 ivec2 atlas_texel(uint cache, uint columns) {
-    uint block = cache / 64u;
-    return ivec2(block % columns * 8u + cache % 8u, block / columns * 8u + cache / 8u % 8u);
+    uint texel = cache / TEXEL_CACHES;
+    uint block = texel / 64u;
+    return ivec2(block % columns * 8u + texel % 8u, block / columns * 8u + texel / 8u % 8u);
 }
 
-// Cache of a texel.
+// First cache of a texel.
 uint atlas_cache(ivec2 texel, uint columns) {
     uvec2 t = uvec2(texel);
-    return (t.y / 8u * columns + t.x / 8u) * 64u + t.y % 8u * 8u + t.x % 8u;
+    return TEXEL_CACHES * ((t.y / 8u * columns + t.x / 8u) * 64u + t.y % 8u * 8u + t.x % 8u);
 }
 
 #endif

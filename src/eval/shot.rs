@@ -11,7 +11,7 @@ use crate::reference::phong::{Material as Reflection, mirrored_view};
 use crate::reference::rsm::{self, Val};
 use crate::reference::triangle::Triangle;
 use crate::scene::{LightKind, Phong, Projection, Scene};
-use crate::shared::{self, GatherSums, LiveArgs};
+use crate::shared::{self, GatherSums, LiveArgs, TEXEL_CACHES};
 use glam::{DVec2, DVec3, Vec3, Vec4, dvec3};
 
 /// Small pictures, every cache lit; the references do every pixel.
@@ -128,9 +128,9 @@ pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> 
     }
     let images: Vec<Vec<Vec4>> = caches.sums.iter().map(|image| gpu.read_image(image)).collect::<Result<_>>()?;
     for (i, s) in sums.iter_mut().enumerate() {
-        let texel = |image: usize| {
-            images.get(image).map_or(Vec4::ZERO, |texels| texels[atlas_texel(i, caches.columns() as usize)])
-        };
+        let of_cache = images.len() / TEXEL_CACHES as usize;
+        let own = &images[i % TEXEL_CACHES as usize * of_cache..][..of_cache];
+        let texel = |image: usize| own.get(image).map_or(Vec4::ZERO, |texels| texels[caches.texel(i as u32)]);
         *s = GatherSums {
             diffuse_position: texel(0).truncate(),
             diffuse_weight: texel(0).w,
@@ -142,13 +142,6 @@ pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> 
         };
     }
     Ok(sums)
-}
-
-/// Where a cache lies in the fragment path's images, row by row; twin of glsl/lib/atlas.glsl.
-pub fn atlas_texel(cache: usize, columns: usize) -> usize {
-    let (block, within) = (cache / 64, cache % 64);
-    let (x, y) = (block % columns * 8 + within % 8, block / columns * 8 + within / 8);
-    y * 8 * columns + x
 }
 
 /// RGB of a float image.

@@ -1,7 +1,7 @@
 //! Stage 6, gather: VALs x caches -> proxy lights. METHOD 3-4, thesis 5.3.
 //!
-//! Two paths, one loop body (glsl/lib/gather.glsl). The fragment path draws every tile of VALs over the atlas, adds to
-//! float targets, and leaves culling to the depth test. The compute path works through the list of live caches with
+//! Two paths, one loop body (glsl/lib/gather.glsl). The fragment path draws every tile of VALs over the atlas, two caches
+//! to a texel, adds to float targets, and leaves culling to the depth test. The compute path works through the list of live caches with
 //! several caches per thread, and splits the VALs into parts, so that few caches fill a device too.
 
 use super::View;
@@ -9,7 +9,7 @@ use super::pack::Pack;
 use super::targets::{CacheTargets, ValTargets};
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape, Use};
-use crate::shared::{GatherPush, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
+use crate::shared::{GatherPush, TEXEL_CACHES, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
 
 /// What lights the caches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,7 +67,7 @@ enum Path {
 impl Gather {
     /// Makes the pipelines. Without culling the compute path lists all caches itself.
     pub fn new(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings) -> Result<Self> {
-        let targets = [Format::R32G32B32A32_SFLOAT; 4];
+        let targets = [Format::R32G32B32A32_SFLOAT; 4 * TEXEL_CACHES as usize];
         let source = settings.source as u32;
         Ok(match settings.path {
             GatherPath::Fragment => Self {
@@ -77,7 +77,7 @@ impl Gather {
                         fragment: Some(if glossy { "gather.frag" } else { "gather_diffuse.frag" }),
                         shape: Shape::Triangles,
                         streams: &[],
-                        colors: &targets[..if glossy { 4 } else { 2 }],
+                        colors: &targets[..targets.len() / if glossy { 1 } else { 2 }],
                         blend: Blend::Add,
                         depth: if cull { Depth::Behind } else { Depth::None },
                         cull: Cull::None,
@@ -127,11 +127,8 @@ impl Gather {
             }
         });
         cmd.barrier(Use::ColorWrite, Use::ComputeRead);
-        let image = |i: usize| Bind::Image(caches.sums.get(i).unwrap_or(&caches.sums[0]));
-        cmd.bind(
-            &self.resolve,
-            &[(&caches.atlas).into(), (&caches.proxies).into(), image(0), image(1), image(2), image(3)],
-        );
+        let [[a, b, c, d], [e, f, g, h]] = caches.sums_of_texel().map(|of_cache| of_cache.map(Bind::Image));
+        cmd.bind(&self.resolve, &[(&caches.atlas).into(), (&caches.proxies).into(), a, b, c, d, e, f, g, h]);
         cmd.push(push);
         cmd.dispatch(caches.count, 1, 1);
     }

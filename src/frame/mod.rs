@@ -265,7 +265,10 @@ impl Frame {
         if let Some(caches) = &self.targets.caches {
             live.caches = match (&caches.live, &caches.mask) {
                 (Some(list), _) => lit(gpu, list, caches.count)?,
-                (_, Some(mask)) => gpu.read_image::<f32>(mask)?.iter().filter(|depth| **depth > 0.0).count() as u32,
+                (_, Some(mask)) => {
+                    let mask: Vec<f32> = gpu.read_image(mask)?;
+                    (0..caches.count).filter(|cache| mask[caches.texel(*cache)] > 0.0).count() as u32
+                }
                 _ => caches.count,
             };
             live.pairs = u64::from(live.caches) * u64::from(live.vals);

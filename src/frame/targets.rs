@@ -6,8 +6,8 @@ use super::{Plan, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
-    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val,
-    VertexLight, VisibleArgs, VisibleVertex,
+    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy, TEXEL_CACHES,
+    VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
 };
 
 /// The resources of a frame; stages write and read them, nobody else owns any.
@@ -88,13 +88,15 @@ pub struct CacheTargets {
     pub proxies: Buffer,
     /// Caches of all instances.
     pub count: u32,
-    /// Sums of the gather's fragment path: positions and irradiance of the diffuse, then of the glossy lobe.
+    /// Sums of the gather's fragment path: positions and irradiance of the diffuse, then of the glossy lobe, of a texel's
+    /// first cache, then of its second.
     pub sums: Vec<Image>,
     /// Sums of its compute path, part by part of the VALs.
     pub parts: Option<Buffer>,
     /// Which caches its compute path lights.
     pub live: Option<LiveCaches>,
-    /// Which its fragment path lights: depth 1; only where caches are culled.
+    /// Which texels its fragment path lights: depth 1; only where caches are culled. A texel is live with any of its
+    /// caches, as a group is with clusters.
     pub mask: Option<Image>,
     /// What clustering adds.
     pub clusters: Option<ClusterTargets>,
@@ -298,14 +300,14 @@ impl CacheTargets {
         };
         match settings.path {
             GatherPath::Fragment => {
-                let names = [
-                    "gather.diffuse_position",
-                    "gather.diffuse_irradiance",
-                    "gather.glossy_position",
-                    "gather.glossy_irradiance",
-                ];
-                let sum = |name: &&str| gpu.target(name, Format::R32G32B32A32_SFLOAT, made.columns() * 8, made.rows());
-                made.sums = names[..if glossy { 4 } else { 2 }].iter().map(sum).collect::<Result<_>>()?;
+                let lobes = if glossy { &["diffuse", "glossy"][..] } else { &["diffuse"] };
+                let [width, height] = [made.columns() * 8, made.rows()];
+                for cache in ["first", "second"] {
+                    for (lobe, sum) in lobes.iter().flat_map(|lobe| [(lobe, "position"), (lobe, "irradiance")]) {
+                        let name = format!("gather.{cache}_{lobe}_{sum}");
+                        made.sums.push(gpu.target(&name, Format::R32G32B32A32_SFLOAT, width, height)?);
+                    }
+                }
             }
             GatherPath::Compute => {
                 let per_workgroup = GATHER_THREADS * settings.caches_per_thread;
@@ -356,6 +358,21 @@ impl CacheTargets {
         self.clusters.as_ref().map_or(&vals.live_count, |clusters| &clusters.node_count)
     }
 
+    /// Texel of a cache in the fragment path's images, row by row; twin of glsl/lib/atlas.glsl.
+    pub fn texel(&self, cache: u32) -> usize {
+        let (texel, columns) = (cache / TEXEL_CACHES, self.columns());
+        let (block, within) = (texel / 64, texel % 64);
+        let (x, y) = (block % columns * 8 + within % 8, block / columns * 8 + within / 8);
+        (y * 8 * columns + x) as usize
+    }
+
+    /// Images of the fragment path's sums for each cache of a texel; those of the diffuse lobe stand in where there is no
+    /// glossy one.
+    pub fn sums_of_texel(&self) -> [[&Image; 4]; TEXEL_CACHES as usize] {
+        let (first, second) = self.sums.split_at(self.sums.len() / 2);
+        [first, second].map(|sums| [0, 1, 2, 3].map(|i| &sums[i % sums.len()]))
+    }
+
     /// The mask that culling needs by this path.
     fn new_mask(&self, gpu: &Gpu, settings: &GatherSettings) -> Result<Option<Image>> {
         let mask = || gpu.target("cull.mask", Format::D32_SFLOAT, self.columns() * 8, self.rows());
@@ -364,12 +381,12 @@ impl CacheTargets {
 
     /// Rows of blocks in the fragment path's images.
     fn block_rows(&self) -> u32 {
-        self.count.div_ceil(64 * ATLAS_COLUMNS).max(1)
+        self.count.div_ceil(64 * TEXEL_CACHES * ATLAS_COLUMNS).max(1)
     }
 
     /// Columns of blocks in the fragment path's images; as few blocks as possible are left over.
     pub fn columns(&self) -> u32 {
-        self.count.div_ceil(64).div_ceil(self.block_rows()).max(1)
+        self.count.div_ceil(64 * TEXEL_CACHES).div_ceil(self.block_rows()).max(1)
     }
 
     /// Rows of texels in the fragment path's images.
