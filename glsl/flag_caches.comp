@@ -5,6 +5,8 @@ layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint REFERENCES = 8;
 layout(constant_id = 1) const uint GROUP = 1; // caches that are live together
 
+layout(binding = 0, scalar) readonly buffer Visible { VisibleVertex visible[]; };
+
 #include "lib/references.glsl"
 
 layout(binding = 3, scalar) readonly buffer Args { VisibleArgs args; };

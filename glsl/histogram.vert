@@ -6,6 +6,8 @@
 layout(constant_id = 0) const uint REFERENCES = 8;
 layout(push_constant, scalar) uniform Push { AtlasPush push; };
 
+layout(binding = 0, scalar) readonly buffer Visible { VisibleVertex visible[]; };
+
 #include "lib/references.glsl"
 
 void main() {

@@ -1,20 +1,42 @@
-// Stage 8, second half: the averaged lights of a triangle's corners, interpolated and put on the pixel's own surface.
-// METHOD 5, thesis listing 5.2.
+// Stage 8, second half: lights of caches, averaged, put on each pixel's own surface. METHOD 5, thesis listings 5.2 and 6.5.
+// At the level of vertices what was averaged at a triangle's corners is interpolated; at the level of pixels each averages
+// the caches of its cell.
 #include "shared.glsl"
+#include "lib/triangle.glsl"
+
+layout(constant_id = 0) const uint PRINTED = 0;
+layout(constant_id = 1) const uint REFERENCES = 8;
+layout(push_constant, scalar) uniform Push { InterpolatePush push; };
+#ifdef DIFFUSE_ONLY
+const uint GLOSSY = 0u;
+#else
+const uint GLOSSY = 1u;
+#endif
+layout(binding = 0) uniform usampler2D element_image;
+#ifdef BY_CELLS
+#include "lib/average.glsl"
+#include "lib/references.glsl"
+#else
+layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
+#endif
 #include "lib/form_factor.glsl"
 #include "lib/phong.glsl"
 
-layout(constant_id = 0) const uint PRINTED = 0;
-layout(push_constant, scalar) uniform Push { InterpolatePush push; };
-layout(binding = 0) uniform usampler2D element_image;
-layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
-layout(binding = 2, scalar) readonly buffer Indices { uint indices[]; };
-layout(binding = 3, scalar) readonly buffer Slots { uint slots[]; };
-layout(binding = 4, scalar) readonly buffer Lights { VertexLight lights[]; };
-layout(binding = 5) uniform sampler2D normal_image;
-layout(binding = 6) uniform sampler2D albedo_image;
+layout(binding = 3, scalar) readonly buffer Indices { uint indices[]; };
+#ifdef BY_CELLS
+layout(binding = 4, scalar) readonly buffer Instances { Instance instances[]; };
+layout(binding = 5, scalar) readonly buffer Corners { Corner corners[]; };
+layout(binding = 6, scalar) readonly buffer Rows { uint rows[]; };
+layout(binding = 7, scalar) readonly buffer Caches { Cache caches[]; };
+layout(binding = 8, scalar) readonly buffer Proxies { Proxy proxies[]; };
+#else
+layout(binding = 4, scalar) readonly buffer Slots { uint slots[]; };
+layout(binding = 5, scalar) readonly buffer Lights { VertexLight lights[]; };
+#endif
+layout(binding = 9) uniform sampler2D normal_image;
+layout(binding = 10) uniform sampler2D albedo_image;
 #ifndef DIFFUSE_ONLY
-layout(binding = 7) uniform sampler2D specular_image;
+layout(binding = 11) uniform sampler2D specular_image;
 #endif
 
 layout(location = 0) out vec4 out_diffuse;
@@ -31,18 +53,64 @@ vec3 received(vec3 position, vec3 light, vec3 carried, vec3 n, out vec3 towards)
     return max(carried, vec3(0.0)) * (max(dot(n, towards), 0.0) / (PRINTED != 0u ? d2 : 1.0));
 }
 
-// Where the pixel's ray meets the triangle, as weights of its corners: areas of the triangle as the pixel sees it. Corners
-// count from the pixel, else small triangles far from the picture's middle would be lost in rounding.
-vec3 weights_at(vec2 pixel, vec4 a, vec4 b, vec4 c) {
-    vec2 pa = a.xy - pixel * a.w;
-    vec2 pb = b.xy - pixel * b.w;
-    vec2 pc = c.xy - pixel * c.w;
-    vec3 areas = vec3(pb.x * pc.y - pb.y * pc.x, pc.x * pa.y - pc.y * pa.x, pa.x * pb.y - pa.y * pb.x);
-    // Seen from either side; a centre that rounding puts outside counts as one on the edge.
-    areas = max(areas * sign(areas.x + areas.y + areas.z), vec3(0.0));
-    float all = areas.x + areas.y + areas.z;
-    return all > 0.0 ? areas / all : vec3(1.0 / 3.0);
+// Weights of a triangle's corners at this pixel.
+vec3 weights_here(vec4 a, vec4 b, vec4 c) {
+    return weights_at(gl_FragCoord.xy / vec2(textureSize(element_image, 0)) * 2.0 - 1.0, a, b, c);
 }
+
+#ifdef BY_CELLS
+// The averaged light of this pixel's cell.
+VertexLight light_at(DrawRecord draw, uint first_index) {
+    Instance instance = instances[draw.instance];
+    vec3 place[3], facing[3];
+    vec4 clip[3];
+    for (uint i = 0u; i < 3u; ++i) {
+        Corner corner = corners[draw.first_vertex + indices[first_index + i]];
+        place[i] = (instance.world_from_model * vec4(corner.position, 1.0)).xyz;
+        facing[i] = unit_or(mat3(instance.world_from_normal) * corner.normal, vec3(0.0, 1.0, 0.0));
+        clip[i] = push.clip_from_world * vec4(place[i], 1.0);
+    }
+    vec3 w = weights_here(clip[0], clip[1], clip[2]);
+    Point x;
+    x.position = w.x * place[0] + w.y * place[1] + w.z * place[2];
+    x.normal = unit_or(w.x * facing[0] + w.y * facing[1] + w.z * facing[2], facing[0]);
+    x.mirrored = reflect(view_direction(push.eye, x.position), x.normal);
+    x.eye = push.eye;
+    x.d_max = push.reach;
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    uint row = rows[pixel.y * textureSize(element_image, 0).x + pixel.x];
+    Averages a = no_caches();
+    bvec2 lobes = bvec2(row != NO_REFERENCES, row != NO_REFERENCES && GLOSSY != 0u);
+    for (uint round = 0u; round < 2u && any(lobes); ++round) {
+        for (uint i = 0u; i < REFERENCES; ++i) {
+            uint cache = referred_cache(draw, row, i);
+            if (cache == NO_REFERENCES) {
+                break;
+            }
+            Cache c = caches[cache];
+            if (round > 0u || (distance(x.position, c.position) < x.d_max && dot(x.normal, c.normal) > 0.0)) {
+                take(a, x, c, proxies[cache], round > 0u, lobes);
+            }
+        }
+        lobes = lobes.x || lobes.y ? left_over(a) : lobes;
+    }
+    return averaged(a, x);
+}
+#else
+// The lights of the triangle's corners, interpolated.
+VertexLight light_at(DrawRecord draw, uint first_index) {
+    VertexLight a = lights[slots[draw.first_slot + indices[first_index]]];
+    VertexLight b = lights[slots[draw.first_slot + indices[first_index + 1u]]];
+    VertexLight c = lights[slots[draw.first_slot + indices[first_index + 2u]]];
+    vec3 w = weights_here(push.clip_from_world * vec4(a.position, 1.0), push.clip_from_world * vec4(b.position, 1.0),
+                          push.clip_from_world * vec4(c.position, 1.0));
+    return VertexLight(w.x * a.position + w.y * b.position + w.z * c.position,
+                       w.x * a.diffuse_position + w.y * b.diffuse_position + w.z * c.diffuse_position,
+                       w.x * a.diffuse_irradiance + w.y * b.diffuse_irradiance + w.z * c.diffuse_irradiance,
+                       w.x * a.glossy_position + w.y * b.glossy_position + w.z * c.glossy_position,
+                       w.x * a.glossy_irradiance + w.y * b.glossy_irradiance + w.z * c.glossy_irradiance);
+}
+#endif
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -58,27 +126,15 @@ void main() {
     if (draw.reference_base == NO_REFERENCES) {
         return;
     }
-    uint first = draw.first_index + 3u * element.y;
-    VertexLight a = lights[slots[draw.first_slot + indices[first]]];
-    VertexLight b = lights[slots[draw.first_slot + indices[first + 1u]]];
-    VertexLight c = lights[slots[draw.first_slot + indices[first + 2u]]];
-    vec2 place = gl_FragCoord.xy / vec2(textureSize(element_image, 0)) * 2.0 - 1.0;
-    vec3 w = weights_at(place, push.clip_from_world * vec4(a.position, 1.0), push.clip_from_world * vec4(b.position, 1.0),
-                        push.clip_from_world * vec4(c.position, 1.0));
-    vec3 position = w.x * a.position + w.y * b.position + w.z * c.position;
-    vec3 from = w.x * a.diffuse_position + w.y * b.diffuse_position + w.z * c.diffuse_position;
-    vec3 carried = w.x * a.diffuse_irradiance + w.y * b.diffuse_irradiance + w.z * c.diffuse_irradiance;
-
+    VertexLight light = light_at(draw, draw.first_index + 3u * element.y);
     vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
     vec3 n = normal_exponent.xyz;
     vec3 towards;
-    vec3 e = received(position, from, carried, n, towards);
+    vec3 e = received(light.position, light.diffuse_position, light.diffuse_irradiance, n, towards);
     out_diffuse = vec4(texelFetch(albedo_image, pixel, 0).rgb / PI * e, 0.0);
 #ifndef DIFFUSE_ONLY
-    from = w.x * a.glossy_position + w.y * b.glossy_position + w.z * c.glossy_position;
-    carried = w.x * a.glossy_irradiance + w.y * b.glossy_irradiance + w.z * c.glossy_irradiance;
-    e = received(position, from, carried, n, towards);
-    vec3 r = reflect(view_direction(push.eye, position), n);
+    e = received(light.position, light.glossy_position, light.glossy_irradiance, n, towards);
+    vec3 r = reflect(view_direction(push.eye, light.position), n);
     out_glossy = vec4(texelFetch(specular_image, pixel, 0).rgb * phong_lobe(normal_exponent.w, dot(r, towards)) * e, 0.0);
 #endif
 }

@@ -206,10 +206,26 @@ struct Proxy {
 struct DrawRecord {
     uint first_index; // into all indices
     uint first_vertex; // of the mesh, into all vertices
-    uint first_slot; // of the instance, into the slots of all instances' vertices
+    uint first_slot; // of the instance, into the slots of all instances' vertices, or cells
     uint instance;
     uint reference_base; // first of the model's references, in pairs; NO_REFERENCES without caches
     uint cache_base; // atlas index of the instance's first cache
+    uint grid; // of the model, where pixels look references up
+};
+
+// Cells of a model: from a point in model space to where its references are.
+struct CellGrid {
+    mat4 cell_from_offset; // of a point from `centre`; a cell's side is 1
+    vec3 centre; // of the model
+    uint first_entry; // into the entries of all models
+    uint entry_mask; // their number, a power of two, less 1
+};
+
+// A cell in a hash table, in the first free place from its own on.
+struct CellEntry {
+    uint xy; // 16 bits each
+    uint z;
+    uint row; // of references of the model; NO_REFERENCES where the place is free
 };
 
 // A vertex in model space, as stage 8 reads it.
@@ -218,10 +234,10 @@ struct Corner {
     vec3 normal;
 };
 
-// A corner of a visible triangle.
+// A corner of a visible triangle, or a cell that is seen.
 struct VisibleVertex {
     uint draw;
-    uint vertex; // of the mesh
+    uint vertex; // of the mesh; of a cell the row of references
 };
 
 // How many visible vertices there are: as arguments of an indirect draw of their references, of a dispatch over them.
@@ -294,15 +310,22 @@ struct VisiblePush {
     uint frame; // its number, never 0
 };
 
+// Push constants of the pass that finds visible cells.
+struct VisibleCellsPush {
+    mat4 clip_from_world;
+    uint frame; // its number, never 0
+};
+
 // Push constants of the pass that averages the lights of vertices.
 struct AveragePush {
     vec4 eye; // as in DrawPush
 };
 
-// Push constants of the pass that shades pixels by the lights of their corners.
+// Push constants of the passes that shade pixels.
 struct InterpolatePush {
     mat4 clip_from_world;
     vec4 eye; // as in DrawPush
+    float reach; // distance of the farthest cache that a pixel refers to, where it does so itself
 };
 
 // Push constants of the pass that draws references into the atlas.

@@ -173,7 +173,7 @@ fn of_several_views_every_one_is_served() {
         let settings = settings(path);
         let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
         let frames = [(); 2].map(|()| Frame::new(&gpu, &scene, &buffers, &settings).expect("made"));
-        let (gbuffer, cull) = (GBuffer::new(&gpu, &frames[0].plan), Cull::new(&gpu, &settings));
+        let (gbuffer, cull) = (GBuffer::new(&gpu, &frames[0].plan), Cull::new(&gpu, &settings, settings.references));
         let (gbuffer, cull) = (gbuffer.expect("made"), cull.expect("made"));
         let visible = Visible::new(&gpu, settings.references).expect("made");
         let targets = [&frames[0].targets, &frames[1].targets];

@@ -25,7 +25,7 @@ const RIMS: f64 = 0.001;
 /// Fails unless the picture is the twins' at all pixels but the rims': within `bound` of the radiance, and of a hundredth
 /// of the brightest for what is darker.
 #[track_caller]
-fn assert_picture(picture: &[DVec3], twins: &[(usize, DVec3)], bound: f64, what: &str) {
+pub(crate) fn assert_picture(picture: &[DVec3], twins: &[(usize, DVec3)], bound: f64, what: &str) {
     let brightest = twins.iter().map(|(_, radiance)| radiance.length()).fold(0.0, f64::max);
     assert!(brightest > 0.0 && twins.len() * 3 > picture.len(), "{what}: nothing to see");
     let off = |&(pixel, radiance): &(usize, DVec3)| {

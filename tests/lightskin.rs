@@ -33,4 +33,5 @@ mod scene;
 mod shaders;
 mod sources;
 mod tessellate;
+mod texel;
 mod timing;

@@ -204,7 +204,7 @@ fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &Settings) -> Opt
         && instance_model.len() == scene.instances.len()
         && (instance_model.iter().zip(&scene.instances))
             .all(|(&model, instance)| models.get(model).is_some_and(|m: &ModelCaches| m.mesh == instance.mesh));
-    sound.then_some(CacheSet { spacing, models, instance_model })
+    sound.then_some(CacheSet { spacing, models, instance_model, cells: None })
 }
 
 fn read_model(reader: &mut Reader, scene: &Scene, settings: &Settings) -> Option<ModelCaches> {

@@ -11,6 +11,7 @@
 
 mod area;
 mod assign;
+mod cells;
 pub mod cluster;
 mod file;
 mod grid;
@@ -20,6 +21,7 @@ mod search;
 mod surface;
 pub mod voxel;
 
+pub use cells::{CellSet, Cells};
 pub use file::{bake_cached, bake_kept_in};
 
 use crate::error::Result;
@@ -60,6 +62,8 @@ pub struct CacheSet {
     pub models: Vec<ModelCaches>,
     /// For each of `Scene::instances`, the index into `models`.
     pub instance_model: Vec<usize>,
+    /// Where pixels find their caches; only where they look for themselves. See [`CacheSet::with_cells`].
+    pub cells: Option<CellSet>,
 }
 
 /// The caches of one mesh.
@@ -129,7 +133,7 @@ pub fn bake(scene: &Scene, settings: &Settings, progress: &(dyn Fn(f32, &str) + 
         .map(|(model, placement)| finish(model, &scene.meshes[model.mesh], placement, spacing, settings, &step))
         .collect();
     progress(1.0, "caches placed");
-    Ok(CacheSet { spacing, models, instance_model })
+    Ok(CacheSet { spacing, models, instance_model, cells: None })
 }
 
 /// What is to be baked, and the model of each instance.

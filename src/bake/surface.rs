@@ -6,6 +6,8 @@ use glam::{DMat3, DVec3};
 
 /// A mesh under the linear part of a transform.
 pub(super) struct Surface {
+    /// Middle of the mesh in model space: bake space counts from it.
+    pub(super) centre: DVec3,
     /// Linear part of `world_from_model`, as in the world.
     pub(super) linear: DMat3,
     /// Takes model-space normals to bake space, unnormalised: the cofactors, which exist for flattening scales too.
@@ -89,7 +91,7 @@ impl Surface {
             normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
         }
         let area = triangles.iter().map(|t| t.area).sum();
-        Self { linear, normal_matrix, positions, normals, triangles, low, high, area }
+        Self { centre, linear, normal_matrix, positions, normals, triangles, low, high, area }
     }
 
     /// Corners of a triangle.

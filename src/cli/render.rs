@@ -11,7 +11,8 @@ use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::{
-    Exposure, Frame, GatherSettings, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, Shadows, Tonemap, View,
+    Exposure, Frame, GatherSettings, Gi, Interpolation, Level, ProxyWeight, SceneBuffers, Settings, Shadows, Tonemap,
+    View,
 };
 use lightskin::gpu::Gpu;
 use lightskin::image::{check_writable, write_png};
@@ -53,6 +54,9 @@ pub(super) struct Render {
     shadow_map: u32,
     #[command(flatten)]
     gather: GatherArgs,
+    /// Where caches are averaged.
+    #[arg(long, value_enum, default_value_t)]
+    interp: InterpArg,
     /// What is averaged between caches, with which weights.
     #[arg(long, value_enum, default_value_t)]
     interpolation: InterpolationArg,
@@ -107,6 +111,15 @@ enum InterpolationArg {
     Facing,
     /// Flux and position with the thesis's weights.
     Printed,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+enum InterpArg {
+    /// At vertices: fast, but triangles must be small against the caches' distances.
+    #[default]
+    Vertex,
+    /// At every pixel, whatever the triangles: nothing needs dividing, so think of --max-edge 0.
+    Texel,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
@@ -173,6 +186,10 @@ impl Render {
                 InterpolationArg::Facing => Interpolation::Facing,
                 InterpolationArg::Printed => Interpolation::Printed,
             },
+            level: match self.interp {
+                InterpArg::Vertex => Level::Vertex,
+                InterpArg::Texel => Level::Texel,
+            },
             proxy_weight: match self.proxy_weight {
                 ProxyWeightArg::Irradiance => ProxyWeight::Irradiance,
                 ProxyWeightArg::FormFactor => ProxyWeight::FormFactor,
@@ -209,6 +226,7 @@ impl Render {
             shadow_map,
             gi: _,
             interpolation: _,
+            level: _,
             proxy_weight: _,
             tonemap: _,
             gather,
@@ -236,6 +254,7 @@ impl Render {
             ("cluster_error", json!(self.gather.cluster.cluster_error)),
             ("cull", json!(cull)),
             ("shadows", word(self.shadows)),
+            ("interp", word(self.interp)),
             ("interpolation", word(self.interpolation)),
             ("proxy_weight", word(self.proxy_weight)),
             ("tonemap", word(self.tonemap)),
@@ -329,9 +348,12 @@ pub(super) fn run(args: &Render) -> Result<()> {
         };
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
-    let baked = (args.gi == GiArg::Lightskin)
+    let mut baked = (args.gi == GiArg::Lightskin)
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
         .transpose()?;
+    if let (Some(baked), InterpArg::Texel) = (&mut baked, args.interp) {
+        baked.caches = std::mem::take(&mut baked.caches).with_cells(&scene)?;
+    }
     trace.lap("bake");
     let gpu = args.device.open()?;
     let settings = args.settings(&gpu)?;

@@ -106,5 +106,6 @@ pub fn one_cache(scene: &Scene, references: usize, position: Vec3, normal: Vec3)
         ModelCaches { mesh, caches, references, coverage: Coverage::default() }
     };
     let models = (0..scene.meshes.len()).map(model).collect();
-    CacheSet { spacing: 1.0, models, instance_model: scene.instances.iter().map(|i| i.mesh).collect() }
+    let instance_model = scene.instances.iter().map(|i| i.mesh).collect();
+    CacheSet { spacing: 1.0, models, instance_model, cells: None }
 }

@@ -25,9 +25,9 @@ enum Path {
 }
 
 impl Cull {
-    /// Makes the pipelines.
-    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
-        let references = settings.references as u32;
+    /// Makes the pipelines, for so many `references` of a visible vertex or cell.
+    pub fn new(gpu: &Gpu, settings: &Settings, references: usize) -> Result<Self> {
+        let references = references as u32;
         let path = match settings.gather.path {
             GatherPath::Fragment => Path::Fragment {
                 histogram: gpu.raster(&Raster {

@@ -2,6 +2,7 @@
 
 pub mod atlas;
 pub mod brute_force;
+pub mod cells;
 pub mod check;
 pub mod clusters;
 pub mod composite;
@@ -53,6 +54,16 @@ pub enum Interpolation {
     Facing,
     /// Flux and position with the thesis's weights, eq. 5.49 to 5.51.
     Printed,
+}
+
+/// Where caches are averaged. METHOD 5.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Level {
+    /// At vertices: between them lights are interpolated, so that triangles must be small against the caches' spacing.
+    #[default]
+    Vertex,
+    /// At every pixel, whatever the triangles; for a `CacheSet` with cells.
+    Texel,
 }
 
 /// How strongly a VAL pulls a proxy's position. METHOD 4.
@@ -117,6 +128,8 @@ pub struct Settings {
     pub shadow_map: u32,
     /// Kernel and quantities of stage 8.
     pub interpolation: Interpolation,
+    /// Where stage 8 averages caches.
+    pub level: Level,
     /// Weights of stage 6.
     pub proxy_weight: ProxyWeight,
     /// How stage 6 runs.
@@ -142,6 +155,7 @@ impl Default for Settings {
             rsm: 128,
             shadow_map: 2048,
             interpolation: Interpolation::Facing,
+            level: Level::Vertex,
             proxy_weight: ProxyWeight::Irradiance,
             gather: GatherSettings::default(),
             cluster: None,
@@ -194,10 +208,18 @@ pub struct Live {
 /// Stages 3, 5, 6 and 8.
 struct LightSkin {
     atlas: atlas::Atlas,
-    visible: visible::Visible,
+    visible: Seen,
     cull: Option<cull::Cull>,
     gather: Lighting,
     interpolate: interpolate::Interpolate,
+}
+
+/// Ways to find what is visible.
+enum Seen {
+    /// Corners of triangles.
+    Vertices(visible::Visible),
+    /// Cells of surfaces.
+    Cells(cells::VisibleCells),
 }
 
 /// Ways of stage 6.
@@ -218,11 +240,23 @@ impl Frame {
         if settings.shadows != Shadows::Off {
             return Err(Error::Nothing("soft shadows of indirect light are not built yet".into()));
         }
+        let of_pixels = buffers.cells.as_ref().map(|cells| cells.row);
+        if plan.lightskin && of_pixels.is_some() != (settings.level == Level::Texel) {
+            return Err(Error::Nothing(
+                "caches come with cells for pixels to look up, or are averaged at vertices".into(),
+            ));
+        }
         let lightskin = || -> Result<LightSkin> {
             Ok(LightSkin {
                 atlas: atlas::Atlas::new(gpu)?,
-                visible: visible::Visible::new(gpu, settings.references)?,
-                cull: plan.cull.then(|| cull::Cull::new(gpu, settings)).transpose()?,
+                visible: match of_pixels {
+                    None => Seen::Vertices(visible::Visible::new(gpu, settings.references)?),
+                    Some(references) => Seen::Cells(cells::VisibleCells::new(gpu, references)?),
+                },
+                cull: plan
+                    .cull
+                    .then(|| cull::Cull::new(gpu, settings, of_pixels.unwrap_or(settings.references)))
+                    .transpose()?,
                 gather: match settings.cluster {
                     None => {
                         Lighting::All(Box::new(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?))
@@ -232,7 +266,7 @@ impl Frame {
                         Lighting::Clusters(Box::new(made))
                     }
                 },
-                interpolate: interpolate::Interpolate::new(gpu, &plan, settings)?,
+                interpolate: interpolate::Interpolate::new(gpu, &plan, settings, of_pixels)?,
             })
         };
         Ok(Self {
@@ -302,7 +336,10 @@ impl Frame {
         if let (Some(gi), Some(caches), Some(rsm), Some(out)) = (&self.lightskin, &t.caches, &t.rsm, &t.indirect)
             && let (Some(element), Some(visible)) = (&t.element, &t.visible)
         {
-            gi.visible.record(cmd, scene, &[element], visible); // 5
+            match &gi.visible {
+                Seen::Vertices(by) => by.record(cmd, scene, &[element], visible), // 5
+                Seen::Cells(by) => by.record(cmd, scene, view, element, visible), // 5
+            }
             if let Some(cull) = &gi.cull {
                 cull.record(cmd, scene, visible, &rsm.vals, caches); // 5
             }

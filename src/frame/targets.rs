@@ -133,15 +133,15 @@ pub struct ClusterTargets {
     pub pairs: Buffer,
 }
 
-/// Vertices of the triangles that pixels show.
+/// Vertices of the triangles that pixels show, or cells of the surfaces.
 pub struct VisibleTargets {
-    /// Per vertex of each instance: the last frame that showed it.
+    /// Per vertex or cell of each instance: the last frame that showed it.
     pub seen: Buffer,
-    /// Likewise: where in `list`.
+    /// Per vertex: where in `list`. With cells, per pixel: the cell's row of references.
     pub slots: Buffer,
     /// Each once.
     pub list: Buffer,
-    /// Their averaged lights.
+    /// Averaged lights of vertices.
     pub lights: Buffer,
     /// How many.
     pub args: Buffer,
@@ -398,13 +398,15 @@ impl CacheTargets {
 impl VisibleTargets {
     fn new(gpu: &Gpu, scene: &SceneBuffers, [w, h]: [u32; 2]) -> Result<Self> {
         let all = u64::from(scene.slot_count.max(1));
-        let most = all.min(3 * u64::from(w) * u64::from(h));
+        let pixels = u64::from(w) * u64::from(h);
+        let by_cells = scene.cells.is_some();
+        let most = all.min(3 * pixels);
         let none = VisibleArgs { instance_count: 1, groups_y: 1, groups_z: 1, ..VisibleArgs::default() };
         Ok(Self {
             seen: gpu.buffer_from("visible.seen", &vec![0_u32; all as usize])?,
-            slots: gpu.buffer("visible.slots", 4 * all)?,
+            slots: gpu.buffer("visible.slots", 4 * if by_cells { pixels } else { all })?,
             list: gpu.buffer("visible.list", most * size_of::<VisibleVertex>() as u64)?,
-            lights: gpu.buffer("visible.lights", most * size_of::<VertexLight>() as u64)?,
+            lights: gpu.buffer("visible.lights", if by_cells { 1 } else { most } * size_of::<VertexLight>() as u64)?,
             args: gpu.buffer("visible.args", size_of::<VisibleArgs>() as u64)?,
             none: gpu.buffer_from("visible.none", &[none])?,
         })

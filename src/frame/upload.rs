@@ -3,6 +3,7 @@
 //! Everything here is written once. Positions are relative to the scene's origin, the middle of its bounds, so that a
 //! scene far from the world's origin is drawn and lit like one that is near.
 
+use super::cells::CellBuffers;
 use super::lights::{self, LightInfo};
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
@@ -27,7 +28,9 @@ struct DrawItem {
     reference_base: u32,
     /// Atlas index of the instance's first cache.
     cache_base: u32,
-    /// First of the instance's vertices among those of all instances.
+    /// The instance's model.
+    grid: u32,
+    /// First of the instance's vertices, or cells, among those of all instances.
     first_slot: u32,
     mirrored: bool,
     masked: bool,
@@ -55,13 +58,15 @@ pub struct SceneBuffers {
     pub model_caches: Buffer,
     /// How many.
     pub cache_count: u32,
-    /// References of all models' vertices.
+    /// References of all models' vertices, or cells.
     pub references: Buffer,
     /// What `draw` draws, for those who look up a visible triangle.
     pub draw_records: Buffer,
     /// Positions and normals of all vertices.
     pub corners: Buffer,
-    /// Vertices of all instances.
+    /// Where pixels look references up.
+    pub cells: Option<CellBuffers>,
+    /// Vertices of all instances, or cells of their surfaces.
     pub slot_count: u32,
     vertices: Buffer,
     indices: Buffer,
@@ -123,9 +128,10 @@ impl SceneBuffers {
 
         let mut references = Vec::<u16>::new();
         let mut reference_base = Vec::new();
-        for model in caches.iter().flat_map(|c| &c.models) {
+        let cells = caches.and_then(|c| c.cells.as_ref());
+        for (i, model) in caches.iter().flat_map(|c| &c.models).enumerate() {
             reference_base.push(u32::try_from(references.len() / 2).map_err(|_| too_many_references())?);
-            references.extend_from_slice(&model.references);
+            references.extend_from_slice(cells.map_or(&model.references, |cells| &cells.models[i].references));
         }
         if references.len() % 2 == 1 {
             references.push(crate::bake::NO_CACHE);
@@ -140,10 +146,14 @@ impl SceneBuffers {
             }
             let mesh = &scene.meshes[instance.mesh];
             let first_slot = slot_count;
-            slot_count = u32::try_from(mesh.vertices.len())
+            let slots = match (cells, model) {
+                (Some(cells), Some((m, _))) => cells.models[m].cells.len(),
+                _ => mesh.vertices.len(),
+            };
+            slot_count = u32::try_from(slots)
                 .ok()
                 .and_then(|n| slot_count.checked_add(n))
-                .ok_or_else(|| Error::TooLarge("more than 4 billion vertices over all instances".into()))?;
+                .ok_or_else(|| Error::TooLarge("more than 4 billion vertices or cells over all instances".into()))?;
             for primitive in &mesh.primitives {
                 draws.push(DrawItem {
                     instance: i as u32,
@@ -154,6 +164,7 @@ impl SceneBuffers {
                     index_count: primitive.index_count,
                     reference_base: model.map_or(0, |(m, _)| reference_base[m]),
                     cache_base,
+                    grid: model.map_or(0, |(m, _)| m as u32),
                     first_slot,
                     mirrored: mirrored[i],
                     masked: scene.materials[primitive.material].alpha_cutoff.is_some(),
@@ -183,6 +194,7 @@ impl SceneBuffers {
             references: gpu.buffer_from("scene.references", &references)?,
             draw_records: gpu.buffer_from("scene.draw_records", &draws.iter().map(record).collect::<Vec<_>>())?,
             corners: gpu.buffer_from("scene.corners", &corners)?,
+            cells: cells.map(|cells| CellBuffers::new(gpu, cells)).transpose()?,
             slot_count,
             vertices: gpu.buffer_from("scene.vertices", &vertices)?,
             indices: gpu.buffer_from("scene.indices", &indices)?,
@@ -256,7 +268,7 @@ impl SceneBuffers {
 
     /// Names and sizes [bytes] of the buffers, for `info`.
     pub fn buffers(&self) -> Vec<&Buffer> {
-        vec![
+        let mut all = vec![
             &self.vertices,
             &self.corners,
             &self.indices,
@@ -268,7 +280,9 @@ impl SceneBuffers {
             &self.texture_slots,
             &self.light_buffer,
             &self.view_buffer,
-        ]
+        ];
+        all.extend(self.cells.iter().flat_map(|cells| [&cells.grids, &cells.entries]));
+        all
     }
 
     /// Memory of all textures [bytes].
@@ -286,6 +300,7 @@ fn record(draw: &DrawItem) -> DrawRecord {
         instance: draw.instance,
         reference_base: if draw.has_caches { draw.reference_base } else { NO_REFERENCES },
         cache_base: draw.cache_base,
+        grid: draw.grid,
     }
 }
 

@@ -17,13 +17,7 @@ pub struct Visible {
 impl Visible {
     /// Makes the pipeline. Fails on devices whose fragment shaders cannot number triangles.
     pub fn new(gpu: &Gpu, references: usize) -> Result<Self> {
-        if !gpu.numbers_triangles() {
-            let name = &gpu.report().name;
-            return Err(Error::NoDevice(format!(
-                "{name} lacks the feature geometryShader, by which pixels know their triangle; choose another --device, or \
-                 --gi brute-force"
-            )));
-        }
+        numbered_triangles(gpu)?;
         Ok(Self { pipeline: gpu.compute("visible.comp", &[references as u32])?, frame: Cell::new(1) })
     }
 
@@ -54,4 +48,16 @@ impl Visible {
             cmd.dispatch(view.width, view.height, 1);
         }
     }
+}
+
+/// Fails on devices whose fragment shaders cannot number triangles.
+pub(super) fn numbered_triangles(gpu: &Gpu) -> Result<()> {
+    if gpu.numbers_triangles() {
+        return Ok(());
+    }
+    let name = &gpu.report().name;
+    Err(Error::NoDevice(format!(
+        "{name} lacks the feature geometryShader, by which pixels know their triangle; choose another --device, or \
+         --gi brute-force"
+    )))
 }

@@ -51,14 +51,14 @@ pub const LEAST_PULL: f64 = 1e-12;
 /// What an f32 still divides by.
 const LEAST_DIVISOR: f64 = 1e-30;
 
-/// Weight of a reference whose distance is the share `t` of the farthest one's and whose direction (normal, or in the
+/// Weight of a reference whose distance is the share `t` of `d_max` and whose direction (normal, or in the
 /// printed scheme's glossy lobe mirrored view) makes the cosine `cos` with the point's.
 ///
 /// `Facing`: `(1-t)^2 (cos+)^4 / (t^2 + 1e-3)`; `Printed`, eq. 5.50 and 5.51: `(1-t) sqrt(cos+)`.
 pub fn kernel(scheme: Scheme, t: f64, cos: f64) -> f64 {
     match scheme {
-        Scheme::Facing => (1.0 - t).powi(2) * cos.max(0.0).powi(4) * distance_kernel(t),
-        Scheme::Printed => (1.0 - t) * cos.max(0.0).sqrt(),
+        Scheme::Facing => (1.0 - t).max(0.0).powi(2) * cos.max(0.0).powi(4) * distance_kernel(t),
+        Scheme::Printed => (1.0 - t).max(0.0) * cos.max(0.0).sqrt(),
     }
 }
 
@@ -75,11 +75,8 @@ pub fn falloff(distance2: f64, from_cache2: f64, from_point2: f64) -> f64 {
     (distance2 / here).sqrt().min(4.0)
 }
 
-/// Averages the lights of a point's references at `x` [m] with unit `normal` and `mirrored_view` R(x), which is not
-/// used where no reference has a glossy lobe.
-///
-/// An unlit diffuse lobe counts with its darkness but not with its position. An unlit glossy lobe takes no part at all,
-/// but in the printed scheme it counts with its darkness as well.
+/// Averages the lights of a point's references, weights vanishing at the farthest of them: the vertex level. As
+/// [`interpolate_within`].
 pub fn interpolate(
     x: DVec3,
     normal: DVec3,
@@ -88,10 +85,26 @@ pub fn interpolate(
     scheme: Scheme,
 ) -> Interpolated {
     let farthest = references.iter().map(|(cache, _)| cache.position.distance(x)).fold(0.0, f64::max);
+    interpolate_within(x, normal, mirrored_view, references, scheme, farthest)
+}
+
+/// Averages the lights of a point's references at `x` [m] with unit `normal` and `mirrored_view` R(x), which is not
+/// used where no reference has a glossy lobe.
+///
+/// An unlit diffuse lobe counts with its darkness but not with its position. An unlit glossy lobe takes no part at all,
+/// but in the printed scheme it counts with its darkness as well.
+pub fn interpolate_within(
+    x: DVec3,
+    normal: DVec3,
+    mirrored_view: DVec3,
+    references: &[(Cache, Gathered)],
+    scheme: Scheme,
+    d_max: f64,
+) -> Interpolated {
     let entries = |lobe: fn(&Gathered) -> &Lobe, cos: &dyn Fn(&Cache, &Gathered) -> f64| -> Vec<Entry> {
         let entry = |(cache, gathered): &(Cache, Gathered)| Entry {
             // All caches on the point itself: all equally near.
-            t: if farthest > 0.0 { cache.position.distance(x) / farthest } else { 0.0 },
+            t: if d_max > 0.0 { cache.position.distance(x) / d_max } else { 0.0 },
             cos: cos(cache, gathered),
             cache: *cache,
             lobe: *lobe(gathered),

@@ -1,0 +1,68 @@
+// Stage 5 where pixels look references up: the cell of the model's surface that each pixel lies in, and all such cells,
+// each once. METHOD 5 and 9.
+#include "shared.glsl"
+#include "lib/triangle.glsl"
+#include "lib/cells.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 0) const uint REFERENCES = 8;
+layout(push_constant, scalar) uniform Push { VisibleCellsPush push; };
+layout(binding = 0) uniform usampler2D element_image;
+layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
+layout(binding = 2, scalar) readonly buffer Indices { uint indices[]; };
+layout(binding = 3, scalar) readonly buffer Instances { Instance instances[]; };
+layout(binding = 4, scalar) readonly buffer Corners { Corner corners[]; };
+layout(binding = 5, scalar) readonly buffer Grids { CellGrid grids[]; };
+layout(binding = 6, scalar) readonly buffer Entries { CellEntry entries[]; };
+layout(binding = 7, scalar) buffer Seen { uint seen[]; }; // per cell of each instance: the last frame that showed it
+layout(binding = 8, scalar) writeonly buffer Visible { VisibleVertex visible[]; };
+layout(binding = 9, scalar) buffer Args { VisibleArgs args; };
+layout(binding = 10, scalar) writeonly buffer Rows { uint rows[]; }; // of each pixel, row by row
+
+// Row of references of the cell that a point lies in, seen from the model's centre; NO_REFERENCES where there is none.
+uint row_at(CellGrid grid, vec3 offset) {
+    vec3 place = (grid.cell_from_offset * vec4(offset, 1.0)).xyz;
+    uvec3 cell = uvec3(clamp(floor(place), vec3(0.0), vec3(65535.0)));
+    uint xy = cell.x | cell.y << 16;
+    for (uint i = 0u; i <= grid.entry_mask; ++i) {
+        CellEntry entry = entries[grid.first_entry + ((cell_hash(xy, cell.z) + i) & grid.entry_mask)];
+        if (entry.row == NO_REFERENCES || (entry.xy == xy && entry.z == cell.z)) {
+            return entry.row;
+        }
+    }
+    return NO_REFERENCES;
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 size = textureSize(element_image, 0);
+    if (any(greaterThanEqual(pixel, size))) {
+        return;
+    }
+    uvec2 element = texelFetch(element_image, pixel, 0).xy;
+    uint row = NO_REFERENCES;
+    if (element.x != 0u && draws[element.x - 1u].reference_base != NO_REFERENCES) {
+        DrawRecord draw = draws[element.x - 1u];
+        CellGrid grid = grids[draw.grid];
+        mat4 clip_from_model = push.clip_from_world * instances[draw.instance].world_from_model;
+        vec3 corner[3];
+        vec4 clip[3];
+        for (uint i = 0u; i < 3u; ++i) {
+            corner[i] = corners[draw.first_vertex + indices[draw.first_index + 3u * element.y + i]].position;
+            clip[i] = clip_from_model * vec4(corner[i], 1.0);
+        }
+        vec2 place = (vec2(pixel) + 0.5) / vec2(size) * 2.0 - 1.0;
+        vec3 w = weights_at(place, clip[0], clip[1], clip[2]);
+        row = row_at(grid, w.x * (corner[0] - grid.centre) + w.y * (corner[1] - grid.centre) + w.z * (corner[2] - grid.centre));
+        uint slot = draw.first_slot + row;
+        // Looked at before it is exchanged: that is dearer, and most pixels are not their cell's first.
+        if (row != NO_REFERENCES && seen[slot] != push.frame && atomicExchange(seen[slot], push.frame) != push.frame) {
+            uint at = atomicAdd(args.reference_count, REFERENCES) / REFERENCES;
+            visible[at] = VisibleVertex(element.x - 1u, row);
+            if (at % 64u == 0u) {
+                atomicAdd(args.groups_x, 1u);
+            }
+        }
+    }
+    rows[pixel.y * size.x + pixel.x] = row;
+}

@@ -1,0 +1,113 @@
+//! Stage 5, first half, where pixels look references up: what pixels show -> the cells of the models' surfaces that they lie
+//! in. METHOD 5 and 9; the cells are the bake's (`bake::CellSet`).
+
+use super::targets::VisibleTargets;
+use super::{SceneBuffers, View};
+use crate::bake::{CellSet, Cells};
+use crate::error::Result;
+use crate::gpu::{Buffer, Cmd, Gpu, Image, Pipeline, Use};
+use crate::shared::{CellEntry, CellGrid, NO_REFERENCES, VisibleArgs, VisibleCellsPush};
+use glam::{DAffine3, DMat3, DMat4};
+use std::cell::Cell;
+
+/// The cells on the device.
+pub struct CellBuffers {
+    /// Of each model.
+    pub grids: Buffer,
+    /// Hash tables of all models.
+    pub entries: Buffer,
+    /// References of a cell.
+    pub row: usize,
+    /// Distance of the farthest cache that a pixel refers to [m].
+    pub reach: f64,
+}
+
+impl CellBuffers {
+    /// Uploads the cells.
+    pub fn new(gpu: &Gpu, cells: &CellSet) -> Result<Self> {
+        let (mut grids, mut entries) = (Vec::new(), Vec::new());
+        for model in &cells.models {
+            let table = table(model);
+            let scale = DMat3::from_diagonal(glam::DVec3::splat(1.0 / model.side));
+            let cell_from_offset = DAffine3::from_mat3_translation(scale * model.linear, -model.low / model.side);
+            grids.push(CellGrid {
+                cell_from_offset: DMat4::from(cell_from_offset).as_mat4(),
+                centre: model.centre.as_vec3(),
+                first_entry: entries.len() as u32,
+                entry_mask: table.len() as u32 - 1,
+            });
+            entries.extend(table);
+        }
+        Ok(Self {
+            grids: gpu.buffer_from("scene.cell_grids", &grids)?,
+            entries: gpu.buffer_from("scene.cell_entries", &entries)?,
+            row: cells.row,
+            reach: cells.reach,
+        })
+    }
+}
+
+/// A hash table with room to spare: half of it stays free at least.
+fn table(cells: &Cells) -> Vec<CellEntry> {
+    let size = (2 * cells.cells.len()).next_power_of_two().max(2);
+    let mut table = vec![CellEntry { xy: 0, z: 0, row: NO_REFERENCES }; size];
+    for (row, [x, y, z]) in cells.cells.iter().map(|cell| cell.map(u32::from)).enumerate() {
+        let xy = x | y << 16;
+        let mut at = hash(xy, z) as usize & (size - 1);
+        while table[at].row != NO_REFERENCES {
+            at = (at + 1) & (size - 1);
+        }
+        table[at] = CellEntry { xy, z, row: row as u32 };
+    }
+    table
+}
+
+/// Twin of `cell_hash` in glsl/lib/cells.glsl.
+fn hash(xy: u32, z: u32) -> u32 {
+    let h = xy.wrapping_mul(0x9e37_79b1) ^ z.wrapping_mul(0x85eb_ca77);
+    let h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
+    h ^ (h >> 13)
+}
+
+/// Lists the visible cells.
+pub struct VisibleCells {
+    pipeline: Pipeline,
+    /// Number of the next frame: marks of earlier ones need no clearing.
+    frame: Cell<u32>,
+}
+
+impl VisibleCells {
+    /// Makes the pipeline, for cells of so many references.
+    pub fn new(gpu: &Gpu, references: usize) -> Result<Self> {
+        super::visible::numbered_triangles(gpu)?;
+        Ok(Self { pipeline: gpu.compute("visible_cells.comp", &[references as u32])?, frame: Cell::new(1) })
+    }
+
+    /// Records the pass for one view and its image of elements.
+    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, view: &View, elements: &Image, out: &VisibleTargets) {
+        let _zone = cmd.zone("visible");
+        let frame = self.frame.get();
+        self.frame.set(frame.checked_add(1).unwrap_or(1));
+        let cells = scene.cells.as_ref().expect("pixels look references up");
+        cmd.copy_buffer(&out.none, &out.args, size_of::<VisibleArgs>() as u64);
+        cmd.barrier(Use::CopyWrite | Use::ColorWrite, Use::ComputeRead | Use::ComputeWrite); // elements -> here
+        cmd.bind(
+            &self.pipeline,
+            &[
+                elements.into(),
+                (&scene.draw_records).into(),
+                scene.indices().into(),
+                (&scene.instances).into(),
+                (&scene.corners).into(),
+                (&cells.grids).into(),
+                (&cells.entries).into(),
+                (&out.seen).into(),
+                (&out.list).into(),
+                (&out.args).into(),
+                (&out.slots).into(),
+            ],
+        );
+        cmd.push(&VisibleCellsPush { clip_from_world: view.clip_from_world, frame });
+        cmd.dispatch(elements.width, elements.height, 1);
+    }
+}
