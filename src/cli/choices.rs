@@ -26,6 +26,9 @@ pub(super) struct Choices {
     /// Only adaptive caches against all of them lit.
     #[arg(long, conflicts_with = "clusters")]
     hierarchy: bool,
+    /// Only where caches are averaged: at vertices, or at pixels by textures or cells of references.
+    #[arg(long, conflicts_with_all = ["clusters", "hierarchy"])]
+    levels: bool,
 }
 
 pub(super) fn run(args: &Choices) -> Result<()> {
@@ -39,6 +42,9 @@ pub(super) fn run(args: &Choices) -> Result<()> {
     let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
     if args.hierarchy {
         return hierarchy(&scene, &settings);
+    }
+    if args.levels {
+        return levels(&scene, &settings);
     }
     if args.clusters { clusters(&scene, &settings) } else { tables(&scene, &settings) }
 }
@@ -87,6 +93,30 @@ fn hierarchy(scene: &Scene, settings: &Settings) -> Result<()> {
         let ([e, eg], [b, bg], [t, tg]) = (percent(row.error), percent(row.bias), percent(row.truth));
         let lit = 100.0 * row.lit;
         say!("  {:<34}{lit:>7.1}%{e:>8.2}%{eg:>8.2}%{b:>+8.2}%{bg:>+8.2}%{t:>10.2}%{tg:>8.2}%", row.name);
+    }
+    Ok(())
+}
+
+/// Prints what each level of interpolation errs by.
+fn levels(scene: &Scene, settings: &Settings) -> Result<()> {
+    let camera = super::render::camera(scene, None)?;
+    let study = Study::new(scene, &camera, *settings)?;
+    let [caches, vals] = study.counts();
+    let [w, h] = settings.size;
+    say!("{}: {caches} caches, {vals} VALs, {w} x {h} pixels; diffuse, glossy against brute force", scene.name);
+    say!("{:<36}{:>9}{:>16}{:>18}{:>18}{:>9}", "", "caches", "MARE", "relMSE w/o 1 %", "bias", "seams");
+    for row in study.interpolation_levels() {
+        let [d, g] = row.lobes.map(|lobe| lobe.metrics);
+        let (bias, glossy_bias, seams) = (100.0 * d.bias, 100.0 * g.bias, 100.0 * row.seams);
+        say!(
+            "  {:<34}{:>9.1}{:>8.4}{:>8.4}{:>10.5}{:>8.5}{bias:>+8.1}%{glossy_bias:>+8.1}%{seams:>8.2}%",
+            row.name,
+            row.averaged,
+            d.mare,
+            g.mare,
+            d.relmse_trimmed,
+            g.relmse_trimmed
+        );
     }
     Ok(())
 }

@@ -4,11 +4,13 @@
 
 mod clusters;
 mod hierarchy;
+mod levels;
 mod study;
 mod variants;
 
 pub use clusters::{Clustered, Flickered};
 pub use hierarchy::Adapted;
+pub use levels::Levelled;
 pub use study::{Settings, Study};
 
 use rayon::prelude::*;
