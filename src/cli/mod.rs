@@ -112,7 +112,7 @@ struct CacheArgs {
     #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
     /// Longest edge [m] of a triangle; longer ones are halved, since light is interpolated per vertex. 0 leaves all as
-    /// they are; a quarter of the caches' expected spacing without this flag.
+    /// they are; a quarter of the caches' expected spacing without this flag, and 0 at texel level.
     #[arg(long, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
     /// Caches that each vertex refers to.

@@ -118,7 +118,7 @@ enum InterpArg {
     /// At vertices: fast, but triangles must be small against the caches' distances.
     #[default]
     Vertex,
-    /// At every pixel, whatever the triangles: nothing needs dividing, so think of --max-edge 0.
+    /// At every pixel, whatever the triangles, which are left undivided.
     Texel,
 }
 
@@ -333,6 +333,10 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let scene = match args.gi {
         // Rays need no small triangles.
         GiArg::PathTrace => load_whole(args.scene.as_deref())?,
+        // Nothing is interpolated over triangles.
+        GiArg::Lightskin if args.interp == InterpArg::Texel && args.caches.max_edge.is_none() => {
+            load_whole(args.scene.as_deref())?
+        }
         _ => load_scene(args.scene.as_deref(), &args.caches)?,
     };
     let camera = camera(&scene, args.camera.as_deref())?;
