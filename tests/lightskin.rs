@@ -4,6 +4,7 @@
 mod analytic;
 mod bake;
 mod bench;
+mod bounce;
 mod choices;
 mod cli;
 mod cluster;

@@ -210,9 +210,20 @@ impl GatherArgs {
         }
     }
 
-    fn settings(&self, gpu: &Gpu) -> Result<GatherSettings> {
+    /// Ends the run where flags do not go with more than one bounce.
+    fn check_bounces(&self) {
+        if matches!(self.gather, GatherArg::Fragment) {
+            wrong_usage("--bounces above 1 needs --gather compute or auto: draws take the lights' own virtual lights alone");
+        }
+        if self.cluster.rule().is_some() {
+            wrong_usage("--bounces above 1 does not go with --cluster or --cluster-error: lit caches form no pyramid");
+        }
+    }
+
+    /// The fastest of what goes with these flags; `compute` for what the compute path alone can do.
+    fn settings(&self, gpu: &Gpu, compute: bool) -> Result<GatherSettings> {
         let path = match self.gather {
-            GatherArg::Auto if self.cluster.rule().is_some() => Some(GatherPath::Compute),
+            GatherArg::Auto if compute || self.cluster.rule().is_some() => Some(GatherPath::Compute),
             GatherArg::Auto => None,
             GatherArg::Fragment => Some(GatherPath::Fragment),
             GatherArg::Compute => Some(GatherPath::Compute),

@@ -43,6 +43,9 @@ pub(super) struct Render {
     /// How indirect light is made.
     #[arg(long, value_enum, default_value_t)]
     gi: GiArg,
+    /// Indirect bounces; 0 is direct light alone. Caches take 16 at most, brute force one.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    bounces: u32,
     #[command(flatten)]
     caches: CacheArgs,
     /// Texels of an RSM's side: about N*N virtual lights per light.
@@ -166,6 +169,7 @@ impl Render {
                 GiArg::BruteForce => Gi::BruteForce,
                 GiArg::PathTrace | GiArg::Off => Gi::Off,
             },
+            bounces: self.bounces,
             references: self.caches.settings().references,
             rsm: self.rsm,
             shadow_map: self.shadow_map,
@@ -185,7 +189,7 @@ impl Render {
             },
             // Nothing is measured for frames that light no caches.
             gather: match self.gi {
-                GiArg::Lightskin => self.gather.settings(gpu)?,
+                GiArg::Lightskin => self.gather.settings(gpu, self.bounces > 1)?,
                 _ => GatherSettings::default(),
             },
             cluster: self.gather.cluster.rule(),
@@ -204,6 +208,7 @@ impl Render {
         // No `..`: a new setting belongs in this list.
         let Settings {
             size,
+            bounces,
             references,
             rsm,
             shadow_map,
@@ -220,6 +225,7 @@ impl Render {
         vec![
             ("size", json!(size)),
             ("gi", word(self.gi)),
+            ("bounces", json!(bounces)),
             ("caches_wanted", json!(self.caches.spacing.is_none().then_some(self.caches.caches))),
             ("spacing_wanted", json!(self.caches.spacing)),
             ("angle", json!(self.caches.angle)),
@@ -299,6 +305,12 @@ fn free_camera(text: &str) -> Result<Camera> {
 
 pub(super) fn run(args: &Render) -> Result<()> {
     args.gather.check();
+    match args.gi {
+        GiArg::Lightskin if args.bounces > 16 => wrong_usage("--bounces: caches take 16 at most"),
+        GiArg::Lightskin if args.bounces > 1 => args.gather.check_bounces(),
+        GiArg::BruteForce if args.bounces > 1 => wrong_usage("--gi brute-force has one bounce: --bounces 0 or 1"),
+        _ => {}
+    }
     if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
         wrong_usage("--timings and --trace show the stages of a frame, and --gi path-trace has none");
     }
@@ -323,20 +335,24 @@ pub(super) fn run(args: &Render) -> Result<()> {
         let picture = path_trace::Picture {
             out: &args.out,
             size: args.size,
+            bounces: args.bounces,
             layer: args.layer,
             tonemap: args.tonemap,
             ev: args.ev,
         };
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
-    let baked = (args.gi == GiArg::Lightskin)
+    let baked = (args.gi == GiArg::Lightskin && args.bounces > 0)
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
         .transpose()?;
     trace.lap("bake");
     let gpu = args.device.open()?;
     let settings = args.settings(&gpu)?;
     trace.lap("open device");
-    let buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
+    let mut buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
+    if let Some(baked) = baked.as_ref().filter(|_| args.bounces > 1) {
+        buffers.add_albedos(&gpu, &scene, &baked.caches)?;
+    }
     trace.lap("upload");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
     let view = View::new(&camera, settings.size, buffers.origin, buffers.radius);

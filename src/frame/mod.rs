@@ -1,6 +1,8 @@
 //! The frame: METHOD's eleven stages in order, each in the file of its name.
 
+mod albedo;
 pub mod atlas;
+pub mod bounce;
 pub mod brute_force;
 pub mod check;
 pub mod clusters;
@@ -109,6 +111,8 @@ pub struct Settings {
     pub size: [u32; 2],
     /// Indirect light.
     pub gi: Gi,
+    /// Indirect bounces; 0 is direct light alone. More than one take the gather's compute path and every VAL.
+    pub bounces: u32,
     /// References per vertex, 8 or 16; those of the bake.
     pub references: usize,
     /// Texels of an RSM's side; six-view lights share as many.
@@ -138,6 +142,7 @@ impl Default for Settings {
         Self {
             size: [1280, 720],
             gi: Gi::LightSkin,
+            bounces: 1,
             references: 8,
             rsm: 128,
             shadow_map: 2048,
@@ -178,6 +183,7 @@ pub struct Frame {
     lightskin: Option<LightSkin>,
     brute_force: Option<brute_force::BruteForce>,
     composite: composite::Composite,
+    bounces: u32,
 }
 
 /// What a frame has worked with.
@@ -215,6 +221,15 @@ impl Frame {
         if settings.cluster.is_some() && settings.gather.path == GatherPath::Fragment {
             return Err(Error::Nothing("clusters of VALs need the gather's compute path".into()));
         }
+        if plan.bounces && (settings.cluster.is_some() || settings.gather.path == GatherPath::Fragment) {
+            return Err(Error::Nothing("more than one bounce needs the gather's compute path, and no clusters".into()));
+        }
+        if plan.bounces && buffers.cache_albedos.is_none() {
+            return Err(Error::Nothing("more than one bounce needs SceneBuffers::add_albedos".into()));
+        }
+        if plan.brute_force && settings.bounces > 1 {
+            return Err(Error::Nothing("brute force has one bounce".into()));
+        }
         if settings.shadows != Shadows::Off {
             return Err(Error::Nothing("soft shadows of indirect light are not built yet".into()));
         }
@@ -224,6 +239,9 @@ impl Frame {
                 visible: visible::Visible::new(gpu, settings.references)?,
                 cull: plan.cull.then(|| cull::Cull::new(gpu, settings)).transpose()?,
                 gather: match settings.cluster {
+                    None if plan.bounces => {
+                        Lighting::All(Box::new(gather::Gather::with_bounces(gpu, plan.glossy, settings)?))
+                    }
                     None => {
                         Lighting::All(Box::new(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?))
                     }
@@ -243,6 +261,7 @@ impl Frame {
             lightskin: plan.lightskin.then(lightskin).transpose()?,
             brute_force: plan.brute_force.then(|| brute_force::BruteForce::new(gpu, &plan)).transpose()?,
             composite: composite::Composite::new(gpu, &plan, settings)?,
+            bounces: settings.bounces,
             plan,
         })
     }
@@ -269,6 +288,9 @@ impl Frame {
                 _ => caches.count,
             };
             live.pairs = u64::from(live.caches) * u64::from(live.vals);
+            if caches.bounces.is_some() {
+                live.pairs += u64::from(self.bounces) * u64::from(caches.count).pow(2);
+            }
             if let (Some(clusters), Some(list)) = (&caches.clusters, &caches.live) {
                 let LiveArgs { groups_x, groups_y, .. } = gpu.read(&list.args)?[0];
                 let pairs: Vec<u32> = gpu.read(&clusters.pairs)?;
@@ -308,7 +330,7 @@ impl Frame {
                 Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
             ); //   VALs, atlas, live caches -> 6
             match &gi.gather {
-                Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches), // 6
+                Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches, scene.cache_albedos.as_ref()), // 6
                 Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches), // 6
             }
             gi.interpolate.record(cmd, scene, view, t, visible, caches, out); // 8

@@ -14,6 +14,8 @@ pub struct Plan {
     pub cull: bool,
     /// Stage 6 by clusters of VALs, and the pyramids before it.
     pub clusters: bool,
+    /// Stage 6 goes on: lit caches light all caches.
+    pub bounces: bool,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
@@ -38,12 +40,15 @@ impl Plan {
     pub fn new(scene: &Scene, settings: &Settings) -> Self {
         let direct = !scene.lights.is_empty();
         let used = |m: &usize| scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| p.material == *m);
+        let lightskin = direct && settings.gi == Gi::LightSkin && settings.bounces > 0;
+        let bounces = lightskin && settings.bounces > 1;
         Self {
             direct,
-            lightskin: direct && settings.gi == Gi::LightSkin,
-            cull: direct && settings.gi == Gi::LightSkin && settings.cull,
-            clusters: direct && settings.gi == Gi::LightSkin && settings.cluster.is_some(),
-            brute_force: direct && settings.gi == Gi::BruteForce,
+            lightskin,
+            cull: lightskin && settings.cull && !bounces,
+            clusters: lightskin && settings.cluster.is_some(),
+            bounces,
+            brute_force: direct && settings.gi == Gi::BruteForce && settings.bounces > 0,
             glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
         }
     }
@@ -63,7 +68,11 @@ impl Plan {
         } else {
             "no light"
         };
-        let gi_without_cull = if self.lightskin { "switched off: every cache is lit" } else { gi };
+        let gi_without_cull = match () {
+            () if self.bounces => "every cache lights others in the next bounce",
+            () if self.lightskin => "switched off: every cache is lit",
+            () => gi,
+        };
         vec![
             line(1, "gbuffer", true, "always"),
             line(2, "direct", self.direct, if self.direct { "there is a light" } else { "no light" }),
@@ -79,7 +88,11 @@ impl Plan {
                 6,
                 "gather",
                 self.lightskin,
-                if self.clusters { "clusters of VALs light caches where that is near enough" } else { gi },
+                match () {
+                    () if self.bounces => "caches light caches, bounce after bounce",
+                    () if self.clusters => "clusters of VALs light caches where that is near enough",
+                    () => gi,
+                },
             ),
             line(7, "occlude", false, "not built yet: indirect light is unshadowed"),
             line(

@@ -1,5 +1,6 @@
 //! Every image and buffer that a frame writes: one line each with name, format, size and when.
 
+use super::bounce::BounceTargets;
 use super::gather::{GatherPath, GatherSettings};
 use super::pyramid::Pyramid;
 use super::{Plan, SceneBuffers, Settings};
@@ -98,6 +99,8 @@ pub struct CacheTargets {
     pub mask: Option<Image>,
     /// What clustering adds.
     pub clusters: Option<ClusterTargets>,
+    /// What further bounces add.
+    pub bounces: Option<BounceTargets>,
 }
 
 /// The list that the compute path works through: of caches, or of groups of consecutive ones with clusters. A group is
@@ -185,6 +188,9 @@ impl Targets {
             if settings.cluster.is_some() {
                 caches.cluster(gpu, Pyramid::node_count(scene, settings.rsm))?;
             }
+            if plan.bounces {
+                caches.bounce(gpu, vals)?;
+            }
             if plan.cull {
                 caches.mask = caches.new_mask(gpu, &settings.gather)?;
             }
@@ -223,6 +229,7 @@ impl Targets {
             all.extend(&caches.parts);
             all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args]));
             all.extend(caches.clusters.iter().flat_map(|c| [&c.node_count, &c.totals, &c.pairs]));
+            all.extend(caches.bounces.iter().flat_map(BounceTargets::buffers));
         }
         all.extend(self.visible.iter().flat_map(|v| [&v.seen, &v.slots, &v.list, &v.lights, &v.args, &v.none]));
         all
@@ -295,6 +302,7 @@ impl CacheTargets {
             live: None,
             mask: None,
             clusters: None,
+            bounces: None,
         };
         match settings.path {
             GatherPath::Fragment => {
@@ -348,6 +356,17 @@ impl CacheTargets {
             totals: gpu.buffer("gather.totals", 4 * u64::from(self.count.max(1)))?,
             pairs: gpu.buffer("gather.pairs", 4 * workgroups)?,
         });
+        Ok(())
+    }
+
+    /// Makes parts anew, for those of the caches' own VALs in front of the `vals` of the primary lights, and what else
+    /// further bounces need.
+    fn bounce(&mut self, gpu: &Gpu, vals: u32) -> Result<()> {
+        let live = self.live.as_ref().expect("of the compute path");
+        let parts = self.count.div_ceil(live.split);
+        let sums = u64::from(self.count.max(1)) * size_of::<GatherSums>() as u64;
+        self.parts = Some(gpu.buffer("gather.parts", sums * u64::from(parts + vals.div_ceil(live.split).max(1)))?);
+        self.bounces = Some(BounceTargets::new(gpu, self.count, parts)?);
         Ok(())
     }
 

@@ -3,6 +3,7 @@
 //! Everything here is written once. Positions are relative to the scene's origin, the middle of its bounds, so that a
 //! scene far from the world's origin is drawn and lit like one that is near.
 
+use super::albedo;
 use super::lights::{self, LightInfo};
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
@@ -11,7 +12,7 @@ use crate::image::mip_chain;
 use crate::scene::{Material, Scene, Texture, Vertex, Wrap};
 use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
-use glam::{DMat4, DVec3, Mat4, Vec4};
+use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -55,6 +56,8 @@ pub struct SceneBuffers {
     pub model_caches: Buffer,
     /// How many.
     pub cache_count: u32,
+    /// Their diffuse albedos, once more bounces have asked for them.
+    pub cache_albedos: Option<Buffer>,
     /// References of all models' vertices.
     pub references: Buffer,
     /// What `draw` draws, for those who look up a visible triangle.
@@ -180,6 +183,7 @@ impl SceneBuffers {
             instances: gpu.buffer_from("scene.instances", &instances)?,
             cache_count: model_caches.len() as u32,
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
+            cache_albedos: None,
             references: gpu.buffer_from("scene.references", &references)?,
             draw_records: gpu.buffer_from("scene.draw_records", &draws.iter().map(record).collect::<Vec<_>>())?,
             corners: gpu.buffer_from("scene.corners", &corners)?,
@@ -192,6 +196,14 @@ impl SceneBuffers {
             material_textures,
             draws,
         })
+    }
+
+    /// Uploads the diffuse albedos of the caches, which frames of more than one bounce need.
+    pub fn add_albedos(&mut self, gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Result<()> {
+        let models: Vec<Vec<Vec3>> = caches.models.iter().map(|model| albedo::of_caches(scene, model)).collect();
+        let all: Vec<Vec3> = caches.instance_model.iter().flat_map(|model| models[*model].iter().copied()).collect();
+        self.cache_albedos = Some(gpu.buffer_from("scene.cache_albedos", &all)?);
+        Ok(())
     }
 
     /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`).
