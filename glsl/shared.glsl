@@ -286,6 +286,15 @@ struct ScreenPush {
     uint first_val; // of this tile
 };
 
+// Push constants of the pass that draws the sky.
+struct SkyPush {
+    mat4 world_from_clip;
+    vec4 eye; // as in DrawPush
+    uint width; // of its grid
+    uint height;
+    float turn; // about +Y [rad]
+};
+
 // Push constants of the pass that makes VALs of RSM texels.
 struct ValPush {
     uint light;

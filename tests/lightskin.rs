@@ -11,6 +11,7 @@ mod cluster;
 mod common;
 mod compare;
 mod cull;
+mod emissive;
 mod energy;
 mod eval;
 mod flicker;
@@ -32,6 +33,7 @@ mod quality;
 mod scene;
 
 mod shaders;
+mod sky;
 mod sources;
 mod tessellate;
 mod timing;

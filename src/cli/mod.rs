@@ -18,6 +18,7 @@ mod info;
 mod path_trace;
 mod picture;
 mod render;
+mod sky;
 mod sources;
 mod timings;
 
@@ -28,6 +29,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
 use lightskin::frame::{Cluster, GatherPath, GatherSettings, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
+use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -213,7 +215,9 @@ impl GatherArgs {
     /// Ends the run where flags do not go with more than one bounce.
     fn check_bounces(&self) {
         if matches!(self.gather, GatherArg::Fragment) {
-            wrong_usage("--bounces above 1 needs --gather compute or auto: draws take the lights' own virtual lights alone");
+            wrong_usage(
+                "--bounces above 1 needs --gather compute or auto: draws take the lights' own virtual lights alone",
+            );
         }
         if self.cluster.rule().is_some() {
             wrong_usage("--bounces above 1 does not go with --cluster or --cluster-error: lit caches form no pyramid");
@@ -258,10 +262,18 @@ fn angle(text: &str) -> std::result::Result<f64, String> {
 
 /// Loads a file, or builds the default scene; adds the camera and light it may lack and says so.
 fn load_whole(path: Option<&Path>) -> Result<Scene> {
+    load_under(path, None)
+}
+
+/// [`load_whole`] under a sky, which so many lights stand for.
+fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>) -> Result<Scene> {
     let mut scene = match path {
         None => build::atrium(),
         Some(path) => gltf::load(&gltf_in(path)?)?,
     };
+    if let Some((sky, lights)) = sky {
+        sky.put_over(&mut scene, lights);
+    }
     defaults::complete(&mut scene);
     for note in &scene.notes {
         log::warn!("{}: {note}", scene.name);
@@ -271,10 +283,14 @@ fn load_whole(path: Option<&Path>) -> Result<Scene> {
 
 /// Loads a scene, and divides triangles that are large against the distance of caches.
 fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
-    let mut scene = load_whole(path)?;
+    Ok(divided(load_whole(path)?, caches))
+}
+
+/// The scene with triangles divided that are large against the distance of caches.
+fn divided(mut scene: Scene, caches: &CacheArgs) -> Scene {
     let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(&scene, caches.caches as usize));
     tessellate::divide(&mut scene, spacing, caches.max_edge);
-    Ok(scene)
+    scene
 }
 
 /// The file itself, or the first glTF file of a folder.

@@ -33,18 +33,17 @@ pub(super) struct PathTraceArgs {
     /// Let all bounces reflect glossily, and not the last one alone.
     #[arg(long)]
     glossy_bounces: bool,
-    /// Where light comes from.
-    #[arg(long, value_enum, default_value_t)]
-    sources: SourcesArg,
+    /// Where light comes from; all without this flag, punctual lights alone with --no-visibility.
+    #[arg(long, value_enum)]
+    sources: Option<SourcesArg>,
     /// Another seed gives another noise.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u32,
 }
 
-#[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum SourcesArg {
-    /// Punctual lights, as the engine has it: surfaces that emit show, and light nothing.
-    #[default]
+    /// Punctual lights: surfaces that emit show, and light nothing.
     Punctual,
     /// Surfaces that emit.
     Surfaces,
@@ -70,9 +69,10 @@ impl PathTraceArgs {
             visibility: !self.no_visibility,
             glossy_bounces: self.glossy_bounces,
             sources: match self.sources {
-                SourcesArg::Punctual => Sources::Punctual,
-                SourcesArg::Surfaces => Sources::Surfaces,
-                SourcesArg::All => Sources::All,
+                None if self.no_visibility => Sources::Punctual,
+                Some(SourcesArg::Punctual) => Sources::Punctual,
+                Some(SourcesArg::Surfaces) => Sources::Surfaces,
+                Some(SourcesArg::All) | None => Sources::All,
             },
             seed: self.seed,
         }

@@ -2,9 +2,10 @@
 
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, Layers, TonemapArg, is_exr};
+use super::sky::SkyArgs;
 use super::timings::{Report, timings_file, trace_file};
 use super::{
-    CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, load_scene, load_whole, thousands, wrong_usage,
+    CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divided, load_under, thousands, wrong_usage,
 };
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
@@ -84,6 +85,8 @@ pub(super) struct Render {
     /// Count NaN, infinite and negative values in all layers, VALs and proxies of every frame; any makes the run fail.
     #[arg(long)]
     check: bool,
+    #[command(flatten)]
+    sky: SkyArgs,
     #[command(flatten)]
     path_trace: PathTraceArgs,
     #[command(flatten)]
@@ -323,10 +326,11 @@ pub(super) fn run(args: &Render) -> Result<()> {
     if args.gi == GiArg::PathTrace {
         path_trace::stop_in_order()?;
     }
+    let scene = load_under(args.scene.as_deref(), args.sky.sky()?)?;
     let scene = match args.gi {
         // Rays need no small triangles.
-        GiArg::PathTrace => load_whole(args.scene.as_deref())?,
-        _ => load_scene(args.scene.as_deref(), &args.caches)?,
+        GiArg::PathTrace => scene,
+        _ => divided(scene, &args.caches),
     };
     let camera = camera(&scene, args.camera.as_deref())?;
     let loaded = start.elapsed();

@@ -6,7 +6,7 @@ use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
 /// Samples of the whole surface for each cache, at least: a texture is averaged.
-const SAMPLES: f64 = 64.0;
+const SAMPLES: f64 = 256.0;
 
 /// Most samples along a corner of a triangle: divided meshes have many triangles for each cache.
 const MOST_STEPS: usize = 16;

@@ -8,9 +8,7 @@ use super::targets::CacheTargets;
 use super::{ProxyWeight, Settings};
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{
-    BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_FIRST, BouncePush, GATHER_THREADS, GatherPush, VAL_TILE, Val,
-};
+use crate::shared::{BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_FIRST, BouncePush, GATHER_THREADS, GatherPush, VAL_TILE, Val};
 
 /// What further bounces need.
 pub struct BounceTargets {

@@ -9,7 +9,9 @@ use super::pack::Pack;
 use super::targets::{CacheTargets, ValTargets};
 use super::{Settings, View};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape, Use};
+use crate::gpu::{
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape, Use,
+};
 use crate::shared::{GatherPush, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
 
 /// What lights the caches.

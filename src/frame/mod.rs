@@ -9,6 +9,7 @@ pub mod clusters;
 pub mod composite;
 pub mod cull;
 pub mod direct;
+mod emitters;
 pub mod gather;
 pub mod gbuffer;
 pub mod interpolate;
@@ -17,6 +18,7 @@ pub mod pack;
 pub mod plan;
 pub mod pyramid;
 pub mod rsm;
+pub mod sky;
 pub mod targets;
 pub mod tune;
 pub mod upload;
@@ -179,6 +181,7 @@ pub struct Frame {
     pub targets: Targets,
     gbuffer: gbuffer::GBuffer,
     direct: Option<direct::Direct>,
+    sky: Option<sky::Background>,
     rsm: Option<rsm::Rsm>,
     lightskin: Option<LightSkin>,
     brute_force: Option<brute_force::BruteForce>,
@@ -257,6 +260,7 @@ impl Frame {
             targets: Targets::new(gpu, &plan, buffers, settings)?,
             gbuffer: gbuffer::GBuffer::new(gpu, &plan)?,
             direct: plan.direct.then(|| direct::Direct::new(gpu)).transpose()?,
+            sky: plan.sky.then(|| sky::Background::new(gpu)).transpose()?,
             rsm: plan.indirect().then(|| rsm::Rsm::new(gpu, settings.proxy_weight)).transpose()?,
             lightskin: plan.lightskin.then(lightskin).transpose()?,
             brute_force: plan.brute_force.then(|| brute_force::BruteForce::new(gpu, &plan)).transpose()?,
@@ -309,6 +313,9 @@ impl Frame {
         if let Some(direct) = &self.direct {
             direct.record(cmd, scene, view, t); // 2
         }
+        if let Some(sky) = &self.sky {
+            sky.record(cmd, scene, view, t); // 2
+        }
         if let (Some(LightSkin { atlas, .. }), Some(caches)) = (&self.lightskin, &t.caches) {
             atlas.record(cmd, scene, caches); // 3
         }
@@ -331,7 +338,7 @@ impl Frame {
             ); //   VALs, atlas, live caches -> 6
             match &gi.gather {
                 Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches, scene.cache_albedos.as_ref()), // 6
-                Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches), // 6
+                Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches),                      // 6
             }
             gi.interpolate.record(cmd, scene, view, t, visible, caches, out); // 8
         }

@@ -8,6 +8,10 @@ use crate::scene::{Material, Scene};
 pub struct Plan {
     /// Stage 2: there is a light.
     pub direct: bool,
+    /// Stage 2 where no surface is: there is a sky.
+    pub sky: bool,
+    /// Surfaces that emit are VALs, beside those of stage 4.
+    pub emitters: bool,
     /// Stages 3, 4, 6 and 8: interpolated caches.
     pub lightskin: bool,
     /// Stage 5: only visible caches are lit.
@@ -40,15 +44,18 @@ impl Plan {
     pub fn new(scene: &Scene, settings: &Settings) -> Self {
         let direct = !scene.lights.is_empty();
         let used = |m: &usize| scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| p.material == *m);
-        let lightskin = direct && settings.gi == Gi::LightSkin && settings.bounces > 0;
+        let emitters = scene.emits();
+        let lightskin = (direct || emitters) && settings.gi == Gi::LightSkin && settings.bounces > 0;
         let bounces = lightskin && settings.bounces > 1;
         Self {
             direct,
+            sky: scene.sky.is_some(),
+            emitters,
             lightskin,
             cull: lightskin && settings.cull && !bounces,
             clusters: lightskin && settings.cluster.is_some(),
             bounces,
-            brute_force: direct && settings.gi == Gi::BruteForce && settings.bounces > 0,
+            brute_force: (direct || emitters) && settings.gi == Gi::BruteForce && settings.bounces > 0,
             glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
         }
     }
@@ -63,7 +70,7 @@ impl Plan {
         let line = |number, name, runs, because| PlanLine { number, name, runs, because };
         let gi = if self.lightskin {
             "caches are interpolated"
-        } else if self.direct {
+        } else if self.direct || self.emitters {
             "not asked for by --gi"
         } else {
             "no light"
@@ -75,9 +82,30 @@ impl Plan {
         };
         vec![
             line(1, "gbuffer", true, "always"),
-            line(2, "direct", self.direct, if self.direct { "there is a light" } else { "no light" }),
+            line(
+                2,
+                "direct",
+                self.direct,
+                match (self.direct, self.sky) {
+                    (true, true) => "there is a light, and a sky",
+                    (true, false) => "there is a light",
+                    (false, _) => "no light",
+                },
+            ),
             line(3, "atlas", self.lightskin, gi),
-            line(4, "rsm", self.indirect(), if self.indirect() { "indirect light needs VALs" } else { gi }),
+            line(
+                4,
+                "rsm",
+                self.indirect(),
+                match () {
+                    () if self.indirect() && !self.direct => "surfaces that emit are VALs",
+                    () if self.indirect() && self.emitters => {
+                        "indirect light needs VALs; surfaces that emit are some, too"
+                    }
+                    () if self.indirect() => "indirect light needs VALs",
+                    () => gi,
+                },
+            ),
             line(
                 5,
                 "cull",

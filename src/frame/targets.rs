@@ -3,13 +3,14 @@
 use super::bounce::BounceTargets;
 use super::gather::{GatherPath, GatherSettings};
 use super::pyramid::Pyramid;
-use super::{Plan, SceneBuffers, Settings};
+use super::{Plan, ProxyWeight, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
     ATLAS_COLUMNS, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val,
     VertexLight, VisibleArgs, VisibleVertex,
 };
+use glam::Vec3;
 
 /// The resources of a frame; stages write and read them, nobody else owns any.
 pub struct Targets {
@@ -59,7 +60,7 @@ pub struct RsmTargets {
 
 /// The VALs of all lights.
 pub struct ValTargets {
-    /// One of each texel, light by light, view by view, row by row.
+    /// One of each texel, light by light, view by view, row by row; then those of the surfaces that emit.
     pub all: Buffer,
     /// How many.
     pub count: u32,
@@ -238,8 +239,9 @@ impl Targets {
 
 impl RsmTargets {
     fn new(gpu: &Gpu, scene: &SceneBuffers, settings: &Settings) -> Result<Self> {
-        let n = settings.rsm;
+        let n = if scene.lights.is_empty() { 1 } else { settings.rsm };
         let val_count: u64 = scene.lights.iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
+        let val_count = val_count + scene.emitters.len() as u64;
         let val_count = u32::try_from(val_count).ok().filter(|c| *c <= 1 << 25);
         let val_count =
             val_count.ok_or_else(|| Error::TooLarge("more than 33 million VALs; ask for a smaller --rsm".into()))?;
@@ -249,7 +251,7 @@ impl RsmTargets {
             normal: gpu.target("rsm.normal", float, n, n)?,
             albedo: gpu.target("rsm.albedo", float, n, n)?,
             depth: gpu.target("rsm.depth", Format::D32_SFLOAT, n, n)?,
-            vals: ValTargets::new(gpu, val_count)?,
+            vals: ValTargets::with(gpu, val_count, &scene.emitters, settings.proxy_weight)?,
         })
     }
 }
@@ -265,6 +267,25 @@ impl ValTargets {
             live: gpu.buffer("rsm.live_vals", bytes(count.next_multiple_of(VAL_TILE)))?,
             live_count: gpu.buffer("rsm.live_val_count", 4)?,
         })
+    }
+
+    /// So many, of which the last are given and stay.
+    fn with(gpu: &Gpu, count: u32, last: &[Val], weight: ProxyWeight) -> Result<Self> {
+        let made = Self::new(gpu, count)?;
+        if last.is_empty() {
+            return Ok(made);
+        }
+        let mut all = vec![Val::default(); count as usize - last.len()];
+        all.extend(last.iter().map(|val| Val {
+            weight: match weight {
+                ProxyWeight::Irradiance => val.flux.dot(Vec3::new(0.2126, 0.7152, 0.0722)),
+                ProxyWeight::FormFactor if val.flux == Vec3::ZERO => 0.0,
+                ProxyWeight::FormFactor => val.area,
+            },
+            ..*val
+        }));
+        let flags: Vec<u32> = all.iter().map(|val| u32::from(val.flux != Vec3::ZERO)).collect();
+        Ok(Self { all: gpu.buffer_from("rsm.vals", &all)?, flags: gpu.buffer_from("rsm.val_flags", &flags)?, ..made })
     }
 
     /// These VALs, all of them live.

@@ -3,8 +3,9 @@
 //! Everything here is written once. Positions are relative to the scene's origin, the middle of its bounds, so that a
 //! scene far from the world's origin is drawn and lit like one that is near.
 
-use super::albedo;
 use super::lights::{self, LightInfo};
+use super::sky::SkyBuffer;
+use super::{albedo, emitters};
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, SamplerKind};
@@ -50,6 +51,10 @@ pub struct SceneBuffers {
     pub view_buffer: Buffer,
     /// Clip matrices of the lights' views.
     pub view_matrices: Vec<Mat4>,
+    /// What is behind all surfaces.
+    pub sky: Option<SkyBuffer>,
+    /// Surfaces that emit as VALs without weights: a square, or none.
+    pub emitters: Vec<shared::Val>,
     /// Instances, for shaders.
     pub instances: Buffer,
     /// Caches of all instances in model space.
@@ -167,7 +172,10 @@ impl SceneBuffers {
         // Few pipeline and texture changes: draws of a material follow each other.
         draws.sort_by_key(|d| (d.material, d.instance, d.first_index));
 
-        let (lights, light_data, view_data) = lights::prepare(&scene.lights, origin, half);
+        let (mut lights, light_data, view_data) = lights::prepare(&scene.lights, origin, half);
+        if let Some(sky) = &scene.sky {
+            lights[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as u32);
+        }
         let (textures, slots, material_textures) = upload_textures(gpu, scene)?;
         let materials: Vec<_> = scene.materials.iter().map(material).collect();
         // Only those who interpolate read them.
@@ -177,6 +185,8 @@ impl SceneBuffers {
             origin,
             radius,
             lights,
+            sky: scene.sky.as_ref().map(|sky| SkyBuffer::new(gpu, sky)).transpose()?,
+            emitters: emitters::vals(scene, origin),
             light_buffer: gpu.buffer_from("scene.lights", &light_data)?,
             view_buffer: gpu.buffer_from("scene.light_views", &view_data)?,
             view_matrices: view_data.iter().map(|v| v.clip_from_world).collect(),
@@ -333,7 +343,7 @@ fn material(m: &Material) -> shared::Material {
         alpha_cutoff: m.alpha_cutoff.unwrap_or(-1.0),
         specular_color: m.specular_color,
         specular: m.specular,
-        phong_specular: m.phong.map_or(glam::Vec3::ZERO, |p| p.specular),
+        phong_specular: m.phong.map_or(Vec3::ZERO, |p| p.specular),
         phong_exponent: m.phong.map_or(-1.0, |p| p.exponent),
         metallic: m.metallic,
         roughness: m.roughness,
