@@ -65,7 +65,7 @@ fn every_valid_file_loads() {
 fn complete_and_check(scene: &mut Scene) {
     defaults::complete(scene);
     let name = &scene.name;
-    assert!(!scene.cameras.is_empty() && !scene.lights.is_empty(), "{name}");
+    assert!(!scene.cameras.is_empty() && (scene.emits() || !scene.lights.is_empty()), "{name}");
     assert!(scene.cameras.iter().all(|camera| camera.world_from_camera.is_finite()), "{name}");
     for light in &scene.lights {
         assert!(light.position.is_finite() && light.intensity.is_finite() && light.intensity >= 0.0, "{name}");

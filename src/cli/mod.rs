@@ -260,30 +260,45 @@ fn angle(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// Loads a file, or builds the default scene; adds the camera and light it may lack and says so.
-fn load_whole(path: Option<&Path>) -> Result<Scene> {
-    load_under(path, None)
-}
-
-/// [`load_whole`] under a sky, which so many lights stand for.
-fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>) -> Result<Scene> {
-    let mut scene = match path {
+/// Loads a file, or builds the default scene.
+fn read_scene(path: Option<&Path>) -> Result<Scene> {
+    Ok(match path {
         None => build::atrium(),
         Some(path) => gltf::load(&gltf_in(path)?)?,
-    };
-    if let Some((sky, lights)) = sky {
-        sky.put_over(&mut scene, lights);
-    }
+    })
+}
+
+/// Adds the camera and light that a scene may lack and says so.
+fn complete(mut scene: Scene) -> Scene {
     defaults::complete(&mut scene);
     for note in &scene.notes {
         log::warn!("{}: {note}", scene.name);
     }
-    Ok(scene)
+    scene
+}
+
+/// Loads a scene under a sky, which so many lights stand for.
+fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>) -> Result<Scene> {
+    let mut scene = read_scene(path)?;
+    if let Some((sky, lights)) = sky {
+        sky.put_over(&mut scene, lights);
+    }
+    Ok(complete(scene))
+}
+
+/// Loads a scene for what is measured by the light of punctual lights: surfaces emit nothing.
+fn load_punctual(path: Option<&Path>) -> Result<Scene> {
+    let mut scene = read_scene(path)?;
+    if scene.emits() {
+        log::warn!("{}: its surfaces emit nothing here; what is measured is the light of punctual lights", scene.name);
+        scene.materials.iter_mut().for_each(|material| material.emissive = glam::Vec3::ZERO);
+    }
+    Ok(complete(scene))
 }
 
 /// Loads a scene, and divides triangles that are large against the distance of caches.
 fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
-    Ok(divided(load_whole(path)?, caches))
+    Ok(divided(load_under(path, None)?, caches))
 }
 
 /// The scene with triangles divided that are large against the distance of caches.

@@ -278,7 +278,8 @@ impl SceneBuffers {
 
     /// Names and sizes [bytes] of the buffers, for `info`.
     pub fn buffers(&self) -> Vec<&Buffer> {
-        vec![
+        let optional = self.cache_albedos.iter().chain(self.sky.iter().map(|sky| &sky.texels));
+        let mut all = vec![
             &self.vertices,
             &self.corners,
             &self.indices,
@@ -290,7 +291,9 @@ impl SceneBuffers {
             &self.texture_slots,
             &self.light_buffer,
             &self.view_buffer,
-        ]
+        ];
+        all.extend(optional);
+        all
     }
 
     /// Memory of all textures [bytes].

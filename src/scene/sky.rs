@@ -1,7 +1,7 @@
 //! A sky all around the scene: its radiance, and the directional lights that stand for it.
 //!
-//! The sphere is divided along its circles of latitude and longitude: of all regions, the one of the largest luminous
-//! energy is cut across its longer side into halves of equal energy, until there are as many as wanted (median cut, Debevec
+//! The sphere is divided along its circles of latitude and longitude, first at the horizon: of all regions, the one of the
+//! largest luminous energy is cut across its longer side into halves of equal energy, until there are as many as wanted (median cut, Debevec
 //! 2005). A region becomes parallel light of exactly its energy from its centre of energy.
 
 use super::{Light, LightKind, Scene};
@@ -93,8 +93,11 @@ impl Sky {
 
     /// The directional lights that stand for the sky.
     fn lights(&self, count: usize) -> Vec<Light> {
-        let whole = self.region(0..self.width as usize, 0..self.height as usize);
-        let mut regions = vec![whole];
+        let region = |rows: Range<usize>| self.region(0..self.width as usize, rows);
+        let (horizon, rows) = (self.height as usize / 2, self.height as usize);
+        // A floor sees one half alone: no light stands for parts of both.
+        let halves = if count > 1 { vec![0..horizon, horizon..rows] } else { vec![0..rows] };
+        let mut regions: Vec<Region> = halves.into_iter().filter(|rows| !rows.is_empty()).map(region).collect();
         while regions.len() < count {
             // One texel cannot be cut.
             let cuttable = |r: &&(usize, &Region)| r.1.columns.len() > 1 || r.1.rows.len() > 1;
