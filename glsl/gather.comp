@@ -93,7 +93,7 @@ void main() {
     }
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
         if (first_slot + j < args.cache_count) {
-            parts[gl_WorkGroupID.y * push.cache_count + first_slot + j] = sums[j];
+            parts[(push.cache_parts + gl_WorkGroupID.y) * push.cache_count + first_slot + j] = sums[j];
         }
     }
 }

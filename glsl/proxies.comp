@@ -25,6 +25,9 @@ layout(binding = 9) uniform sampler2D second_glossy_irradiance;
 layout(binding = 2, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 3, scalar) readonly buffer Args { LiveArgs args; };
 layout(binding = 4, scalar) readonly buffer Parts { GatherSums parts[]; };
+#ifdef BOUNCES
+layout(binding = 5, scalar) readonly buffer Scales { float scales[]; };
+#endif
 #endif
 
 // Least N.w of light. The weighted mean of points above the surface lies above it; lower it is the rounding of VALs in
@@ -53,20 +56,37 @@ GatherSums sums_of(uint cache) {
     return s;
 }
 #else
+void add(inout GatherSums s, GatherSums p) {
+    s.diffuse_position += p.diffuse_position;
+    s.diffuse_weight += p.diffuse_weight;
+    s.diffuse_irradiance += p.diffuse_irradiance;
+    s.distance2 += p.distance2;
+    if (GLOSSY != 0u) {
+        s.glossy_position += p.glossy_position;
+        s.glossy_weight += p.glossy_weight;
+        s.glossy_irradiance += p.glossy_irradiance;
+    }
+}
+
 // The sums of a live cache: its parts, in order.
 GatherSums sums_of(uint slot) {
     GatherSums s = GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0));
-    for (uint part = 0u; part < args.groups_y; ++part) {
-        GatherSums p = parts[part * push.cache_count + slot];
-        s.diffuse_position += p.diffuse_position;
-        s.diffuse_weight += p.diffuse_weight;
-        s.diffuse_irradiance += p.diffuse_irradiance;
-        s.distance2 += p.distance2;
-        if (GLOSSY != 0u) {
-            s.glossy_position += p.glossy_position;
-            s.glossy_weight += p.glossy_weight;
-            s.glossy_irradiance += p.glossy_irradiance;
-        }
+#ifdef BOUNCES
+    // What the caches send comes first, and is scaled as a whole.
+    for (uint part = 0u; part < push.cache_parts; ++part) {
+        add(s, parts[part * push.cache_count + slot]);
+    }
+    float scale = scales[slot];
+    s.diffuse_position *= scale;
+    s.diffuse_weight *= scale;
+    s.diffuse_irradiance *= scale;
+    s.distance2 *= scale;
+    s.glossy_position *= scale;
+    s.glossy_weight *= scale;
+    s.glossy_irradiance *= scale;
+#endif
+    for (uint part = push.cache_parts; part < push.cache_parts + args.groups_y; ++part) {
+        add(s, parts[part * push.cache_count + slot]);
     }
     return s;
 }

@@ -46,6 +46,14 @@ const uint NO_REFERENCES = 0xffffffffu;
 // Marks an unused entry of a list of references.
 const uint NO_CACHE = 65535u;
 
+// What the caches' VALs of a further bounce carry: their areas, which the sums of form factors are made of; the light of the
+// primary lights' VALs; that and the light of the bounce before.
+const uint BOUNCE_AREAS = 0u;
+
+const uint BOUNCE_FIRST = 1u;
+
+const uint BOUNCE_AGAIN = 2u;
+
 // Kinds of light.
 const uint LIGHT_DIRECTIONAL = 0u;
 
@@ -297,6 +305,15 @@ struct ScreenPush {
     uint first_val; // of this tile
 };
 
+// Push constants of the pass that draws the sky.
+struct SkyPush {
+    mat4 world_from_clip;
+    vec4 eye; // as in DrawPush
+    uint width; // of its grid
+    uint height;
+    float turn; // about +Y [rad]
+};
+
 // Push constants of the pass that makes VALs of RSM texels.
 struct ValPush {
     uint light;
@@ -351,7 +368,15 @@ struct GatherPush {
     uint tile; // VALs in it
     uint split; // VALs that one thread of the compute path adds up
     uint columns; // of blocks of the fragment path's images
+    uint cache_parts; // parts before the primary lights': what caches send to caches
     vec4 eye; // as in DrawPush
+};
+
+// Push constants of the pass that makes VALs of lit caches.
+struct BouncePush {
+    uint cache_count;
+    uint cache_parts; // as in GatherPush
+    uint step; // BOUNCE_AREAS, ..
 };
 
 // Push constants of the gather by clusters.

@@ -86,6 +86,24 @@ pub struct Picture {
     pub rgb: Vec<[f32; 3]>,
 }
 
+/// Reads linear values of any scale from an OpenEXR or a Radiance file.
+pub fn read_radiance(path: &Path) -> Result<Picture> {
+    let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
+    if is_exr(path) {
+        return read_picture(path, None);
+    }
+    if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr")) {
+        return Err(bad("needs a file of linear values, .hdr or .exr".into()));
+    }
+    let one_line = |e: image::ImageError| bad(e.to_string().replace(['\n', '\r'], " "));
+    let file = std::fs::File::open(path).map_err(|e| bad(e.to_string()))?;
+    let mut reader = image::ImageReader::with_format(std::io::BufReader::new(file), image::ImageFormat::Hdr);
+    reader.limits(image::Limits::default());
+    let decoded = reader.decode().map_err(one_line)?.into_rgb32f();
+    let (width, height) = decoded.dimensions();
+    Ok(Picture { width, height, rgb: decoded.pixels().map(|p| p.0).collect() })
+}
+
 /// Whether the name is that of an OpenEXR file: linear values of any scale.
 pub fn is_exr(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"))

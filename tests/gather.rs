@@ -210,7 +210,7 @@ fn every_way_of_lighting_caches_agrees() {
         let stage = Gather::new(&gpu, true, false, &settings).expect("stage 6");
         let drawn = gpu.frame(false, |cmd| {
             cmd.begin_frame(&targets.sums);
-            stage.record(cmd, &vals_on_device, &view, &targets);
+            stage.record(cmd, &vals_on_device, &view, &targets, None);
             Ok(())
         });
         assert_eq!(drawn.expect("drawn").problems, [""; 0]);

@@ -4,12 +4,14 @@
 mod analytic;
 mod bake;
 mod bench;
+mod bounce;
 mod choices;
 mod cli;
 mod cluster;
 mod common;
 mod compare;
 mod cull;
+mod emissive;
 mod energy;
 mod eval;
 mod flicker;
@@ -31,6 +33,7 @@ mod quality;
 mod scene;
 
 mod shaders;
+mod sky;
 mod sources;
 mod tessellate;
 mod texel;

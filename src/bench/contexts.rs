@@ -342,7 +342,7 @@ impl Contexts<'_> {
             for ((gather, targets), times) in ways.iter().zip(&mut paths) {
                 let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
                     cmd.begin_frame(&targets.sums);
-                    gather.record(cmd, &vals_on_device, &view, targets);
+                    gather.record(cmd, &vals_on_device, &view, targets, None);
                     Ok(())
                 })?;
                 let ms = self.gpu.times(&drawn)?.gpu_ms();

@@ -33,7 +33,7 @@ pub(super) struct Choices {
 
 pub(super) fn run(args: &Choices) -> Result<()> {
     let mut scene = match &args.scene {
-        Some(path) => super::load_scene(Some(path), &args.caches)?,
+        Some(path) => super::divided(super::load_punctual(Some(path))?, &args.caches),
         None => build::between_walls(0.05),
     };
     if let Some(k) = args.exponent {

@@ -1,6 +1,6 @@
 //! `lightskin eval`: speed against error, a curve for every knob, as a page.
 
-use super::{DeviceArgs, angle, at_least_zero, check_messages, hard_cases, load_whole, progress_bar, render};
+use super::{DeviceArgs, angle, at_least_zero, check_messages, hard_cases, load_punctual, progress_bar, render};
 use anyhow::{Context, Result};
 use lightskin::eval::run::{Job, run as measure};
 use lightskin::eval::sweep::{Extent, Point, Sweep};
@@ -74,7 +74,7 @@ pub(super) fn run(args: &Eval) -> Result<()> {
         return hard_cases::run(&args.device, args.json);
     }
     report::check_writable(&args.out)?;
-    let scene = load_whole(args.scene.as_deref())?;
+    let scene = load_punctual(args.scene.as_deref())?;
     let camera = render::camera(&scene, args.camera.as_deref())?;
     let gpu = args.device.open()?;
     let sweep = args.sweep();

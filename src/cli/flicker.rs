@@ -1,6 +1,6 @@
 //! `lightskin flicker`: how much the indirect light trembles while something creeps along.
 
-use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, progress_bar};
+use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar};
 use anyhow::{Context, Result};
 use lightskin::eval::flicker::{Figures, Flicker, Job, Motion, measure, model};
 use std::path::PathBuf;
@@ -31,7 +31,7 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     let most = args.caches.iter().copied().max().context("--caches names no number")?;
     let largest = args.rsm.iter().copied().max().context("--rsm names no size")?;
     let asked = |caches| CacheArgs { caches, spacing: None, angle: 60.0, max_edge: None, refs: "8".into() };
-    let scene = load_scene(path, &asked(most))?;
+    let scene = divided(load_punctual(path)?, &asked(most));
     let named = |name: &String| {
         let found = scene.instances.iter().position(|i| i.name == *name);
         found.with_context(|| format!("--model {name}: the scene has no such node with a mesh"))

@@ -72,6 +72,12 @@ pub(super) fn run(args: &Info) -> Result<()> {
     let settings = Settings { references, rsm: args.rsm, cluster, ..Settings::default() };
     let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked.caches))?;
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
+    let patches = buffers.emitters.iter().filter(|patch| patch.flux != glam::Vec3::ZERO);
+    if frame.plan.emitters {
+        let flux: f32 = patches.clone().map(|p| p.flux.dot(glam::Vec3::new(0.2126, 0.7152, 0.0722))).sum();
+        say!("emitters");
+        say!("  {} patches of surfaces that emit, {flux:.4} lm", thousands(patches.count()));
+    }
     say!("frame plan");
     for line in frame.plan.lines() {
         say!("  {:>2} {:<12} {:<5} {}", line.number, line.name, if line.runs { "runs" } else { "-" }, line.because);

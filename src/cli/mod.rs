@@ -18,6 +18,7 @@ mod info;
 mod path_trace;
 mod picture;
 mod render;
+mod sky;
 mod sources;
 mod timings;
 
@@ -28,6 +29,7 @@ use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
 use lightskin::frame::{Cluster, GatherPath, GatherSettings, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
+use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
 use std::io::{IsTerminal, Write};
 use std::path::{Path, PathBuf};
@@ -210,9 +212,22 @@ impl GatherArgs {
         }
     }
 
-    fn settings(&self, gpu: &Gpu) -> Result<GatherSettings> {
+    /// Ends the run where flags do not go with more than one bounce.
+    fn check_bounces(&self) {
+        if matches!(self.gather, GatherArg::Fragment) {
+            wrong_usage(
+                "--bounces above 1 needs --gather compute or auto: draws take the lights' own virtual lights alone",
+            );
+        }
+        if self.cluster.rule().is_some() {
+            wrong_usage("--bounces above 1 does not go with --cluster or --cluster-error: lit caches form no pyramid");
+        }
+    }
+
+    /// The fastest of what goes with these flags; `compute` for what the compute path alone can do.
+    fn settings(&self, gpu: &Gpu, compute: bool) -> Result<GatherSettings> {
         let path = match self.gather {
-            GatherArg::Auto if self.cluster.rule().is_some() => Some(GatherPath::Compute),
+            GatherArg::Auto if compute || self.cluster.rule().is_some() => Some(GatherPath::Compute),
             GatherArg::Auto => None,
             GatherArg::Fragment => Some(GatherPath::Fragment),
             GatherArg::Compute => Some(GatherPath::Compute),
@@ -245,25 +260,52 @@ fn angle(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// Loads a file, or builds the default scene; adds the camera and light it may lack and says so.
-fn load_whole(path: Option<&Path>) -> Result<Scene> {
-    let mut scene = match path {
+/// Loads a file, or builds the default scene.
+fn read_scene(path: Option<&Path>) -> Result<Scene> {
+    Ok(match path {
         None => build::atrium(),
         Some(path) => gltf::load(&gltf_in(path)?)?,
-    };
+    })
+}
+
+/// Adds the camera and light that a scene may lack and says so.
+fn complete(mut scene: Scene) -> Scene {
     defaults::complete(&mut scene);
     for note in &scene.notes {
         log::warn!("{}: {note}", scene.name);
     }
-    Ok(scene)
+    scene
+}
+
+/// Loads a scene under a sky, which so many lights stand for.
+fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>) -> Result<Scene> {
+    let mut scene = read_scene(path)?;
+    if let Some((sky, lights)) = sky {
+        sky.put_over(&mut scene, lights);
+    }
+    Ok(complete(scene))
+}
+
+/// Loads a scene for what is measured by the light of punctual lights: surfaces emit nothing.
+fn load_punctual(path: Option<&Path>) -> Result<Scene> {
+    let mut scene = read_scene(path)?;
+    if scene.emits() {
+        log::warn!("{}: its surfaces emit nothing here; what is measured is the light of punctual lights", scene.name);
+        scene.materials.iter_mut().for_each(|material| material.emissive = glam::Vec3::ZERO);
+    }
+    Ok(complete(scene))
 }
 
 /// Loads a scene, and divides triangles that are large against the distance of caches.
 fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
-    let mut scene = load_whole(path)?;
+    Ok(divided(load_under(path, None)?, caches))
+}
+
+/// The scene with triangles divided that are large against the distance of caches.
+fn divided(mut scene: Scene, caches: &CacheArgs) -> Scene {
     let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(&scene, caches.caches as usize));
     tessellate::divide(&mut scene, spacing, caches.max_edge);
-    Ok(scene)
+    scene
 }
 
 /// The file itself, or the first glTF file of a folder.

@@ -27,27 +27,23 @@ pub(super) struct PathTraceArgs {
     /// Stop before --spp when the mean relative standard error of indirect light is down to this.
     #[arg(long, value_name = "SHARE", value_parser = super::positive)]
     noise: Option<f64>,
-    /// Indirect bounces; 0 is direct light alone.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=1000))]
-    bounces: u32,
     /// Let one bounce of indirect light pass through everything: what brute force converges to.
     #[arg(long, conflicts_with_all = ["bounces", "glossy_bounces", "sources"])]
     no_visibility: bool,
     /// Let all bounces reflect glossily, and not the last one alone.
     #[arg(long)]
     glossy_bounces: bool,
-    /// Where light comes from.
-    #[arg(long, value_enum, default_value_t)]
-    sources: SourcesArg,
+    /// Where light comes from; all without this flag, punctual lights alone with --no-visibility.
+    #[arg(long, value_enum)]
+    sources: Option<SourcesArg>,
     /// Another seed gives another noise.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u32,
 }
 
-#[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum SourcesArg {
-    /// Punctual lights, as the engine has it: surfaces that emit show, and light nothing.
-    #[default]
+    /// Punctual lights: surfaces that emit show, and light nothing.
     Punctual,
     /// Surfaces that emit.
     Surfaces,
@@ -59,22 +55,24 @@ enum SourcesArg {
 pub(super) struct Picture<'a> {
     pub(super) out: &'a Path,
     pub(super) size: [u32; 2],
+    pub(super) bounces: u32,
     pub(super) layer: Option<LayerArg>,
     pub(super) tonemap: TonemapArg,
     pub(super) ev: Option<f32>,
 }
 
 impl PathTraceArgs {
-    fn settings(&self, size: [u32; 2]) -> Settings {
+    fn settings(&self, size: [u32; 2], bounces: u32) -> Settings {
         Settings {
             size,
-            bounces: self.bounces,
+            bounces,
             visibility: !self.no_visibility,
             glossy_bounces: self.glossy_bounces,
             sources: match self.sources {
-                SourcesArg::Punctual => Sources::Punctual,
-                SourcesArg::Surfaces => Sources::Surfaces,
-                SourcesArg::All => Sources::All,
+                None if self.no_visibility => Sources::Punctual,
+                Some(SourcesArg::Punctual) => Sources::Punctual,
+                Some(SourcesArg::Surfaces) => Sources::Surfaces,
+                Some(SourcesArg::All) | None => Sources::All,
             },
             seed: self.seed,
         }
@@ -90,7 +88,7 @@ pub(super) fn stop_in_order() -> Result<()> {
 }
 
 pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture: &Picture<'_>) -> Result<()> {
-    let settings = args.settings(picture.size);
+    let settings = args.settings(picture.size, picture.bounces);
     let mut trace = PathTrace::new(scene, camera, &settings);
     let file: Option<PathBuf> = kept::folder().map(|folder| trace.kept_in(&folder));
     let resumed = file.as_ref().is_some_and(|file| trace.resume(file));

@@ -2,9 +2,10 @@
 
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, Layers, TonemapArg, is_exr};
+use super::sky::SkyArgs;
 use super::timings::{Report, timings_file, trace_file};
 use super::{
-    CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, load_scene, load_whole, thousands, wrong_usage,
+    CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divided, load_under, thousands, wrong_usage,
 };
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
@@ -44,6 +45,9 @@ pub(super) struct Render {
     /// How indirect light is made.
     #[arg(long, value_enum, default_value_t)]
     gi: GiArg,
+    /// Indirect bounces; 0 is direct light alone. Caches take 16 at most, brute force one.
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=1000))]
+    bounces: u32,
     #[command(flatten)]
     caches: CacheArgs,
     /// Texels of an RSM's side: about N*N virtual lights per light.
@@ -85,6 +89,8 @@ pub(super) struct Render {
     /// Count NaN, infinite and negative values in all layers, VALs and proxies of every frame; any makes the run fail.
     #[arg(long)]
     check: bool,
+    #[command(flatten)]
+    sky: SkyArgs,
     #[command(flatten)]
     path_trace: PathTraceArgs,
     #[command(flatten)]
@@ -179,6 +185,7 @@ impl Render {
                 GiArg::BruteForce => Gi::BruteForce,
                 GiArg::PathTrace | GiArg::Off => Gi::Off,
             },
+            bounces: self.bounces,
             references: self.caches.settings().references,
             rsm: self.rsm,
             shadow_map: self.shadow_map,
@@ -202,7 +209,7 @@ impl Render {
             },
             // Nothing is measured for frames that light no caches.
             gather: match self.gi {
-                GiArg::Lightskin => self.gather.settings(gpu)?,
+                GiArg::Lightskin => self.gather.settings(gpu, self.bounces > 1)?,
                 _ => GatherSettings::default(),
             },
             cluster: self.gather.cluster.rule(),
@@ -221,6 +228,7 @@ impl Render {
         // No `..`: a new setting belongs in this list.
         let Settings {
             size,
+            bounces,
             references,
             rsm,
             shadow_map,
@@ -238,6 +246,7 @@ impl Render {
         vec![
             ("size", json!(size)),
             ("gi", word(self.gi)),
+            ("bounces", json!(bounces)),
             ("caches_wanted", json!(self.caches.spacing.is_none().then_some(self.caches.caches))),
             ("spacing_wanted", json!(self.caches.spacing)),
             ("angle", json!(self.caches.angle)),
@@ -318,6 +327,12 @@ fn free_camera(text: &str) -> Result<Camera> {
 
 pub(super) fn run(args: &Render) -> Result<()> {
     args.gather.check();
+    match args.gi {
+        GiArg::Lightskin if args.bounces > 16 => wrong_usage("--bounces: caches take 16 at most"),
+        GiArg::Lightskin if args.bounces > 1 => args.gather.check_bounces(),
+        GiArg::BruteForce if args.bounces > 1 => wrong_usage("--gi brute-force has one bounce: --bounces 0 or 1"),
+        _ => {}
+    }
     if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
         wrong_usage("--timings and --trace show the stages of a frame, and --gi path-trace has none");
     }
@@ -330,14 +345,13 @@ pub(super) fn run(args: &Render) -> Result<()> {
     if args.gi == GiArg::PathTrace {
         path_trace::stop_in_order()?;
     }
+    let scene = load_under(args.scene.as_deref(), args.sky.sky()?)?;
     let scene = match args.gi {
         // Rays need no small triangles.
-        GiArg::PathTrace => load_whole(args.scene.as_deref())?,
+        GiArg::PathTrace => scene,
         // Nothing is interpolated over triangles.
-        GiArg::Lightskin if args.interp == InterpArg::Texel && args.caches.max_edge.is_none() => {
-            load_whole(args.scene.as_deref())?
-        }
-        _ => load_scene(args.scene.as_deref(), &args.caches)?,
+        GiArg::Lightskin if args.interp == InterpArg::Texel && args.caches.max_edge.is_none() => scene,
+        _ => divided(scene, &args.caches),
     };
     let camera = camera(&scene, args.camera.as_deref())?;
     let loaded = start.elapsed();
@@ -346,13 +360,14 @@ pub(super) fn run(args: &Render) -> Result<()> {
         let picture = path_trace::Picture {
             out: &args.out,
             size: args.size,
+            bounces: args.bounces,
             layer: args.layer,
             tonemap: args.tonemap,
             ev: args.ev,
         };
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
-    let mut baked = (args.gi == GiArg::Lightskin)
+    let mut baked = (args.gi == GiArg::Lightskin && args.bounces > 0)
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
         .transpose()?;
     if let (Some(baked), InterpArg::Texel) = (&mut baked, args.interp) {
@@ -362,7 +377,10 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let gpu = args.device.open()?;
     let settings = args.settings(&gpu)?;
     trace.lap("open device");
-    let buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
+    let mut buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
+    if let Some(baked) = baked.as_ref().filter(|_| args.bounces > 1) {
+        buffers.add_albedos(&gpu, &scene, &baked.caches)?;
+    }
     trace.lap("upload");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
     let view = View::new(&camera, settings.size, buffers.origin, buffers.radius);

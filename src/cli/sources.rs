@@ -1,6 +1,8 @@
 //! `lightskin sources`: where the error of indirect light comes from, as tables.
 
-use super::{Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, load_scene, progress_bar, render, thousands};
+use super::{
+    Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar, render, thousands,
+};
 use anyhow::Result;
 use clap::Args;
 use glam::DVec3;
@@ -49,7 +51,7 @@ pub(super) fn run(args: &SourcesArgs) -> Result<()> {
         return Ok(());
     }
     let start = Instant::now();
-    let scene = load_scene(args.scene.as_deref(), &args.caches)?;
+    let scene = divided(load_punctual(args.scene.as_deref())?, &args.caches);
     let camera = render::camera(&scene, args.camera.as_deref())?;
     let baked = bake_scene(&scene, &args.caches.settings(), false)?;
     let settings = Settings { size: args.size, rsm: args.rsm, samples: args.spp, ..Settings::default() };

@@ -51,7 +51,10 @@ pub struct Shot {
 /// Draws one frame from the scene's first camera and reads it back.
 pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Settings) -> Result<Shot> {
     let said = gpu.messages().len();
-    let buffers = SceneBuffers::new(gpu, scene, caches)?;
+    let mut buffers = SceneBuffers::new(gpu, scene, caches)?;
+    if let Some(caches) = caches.filter(|_| settings.bounces > 1) {
+        buffers.add_albedos(gpu, scene, caches)?;
+    }
     let frame = Frame::new(gpu, scene, &buffers, settings)?;
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
@@ -108,19 +111,23 @@ pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> 
     if let (Some(parts), Some(live)) = (&caches.parts, &caches.live) {
         let (all, list): (Vec<GatherSums>, Vec<u32>) = (gpu.read(parts)?, gpu.read(&live.list)?);
         let args = gpu.read::<LiveArgs>(&live.args)?[0];
-        for part in all.chunks(sums.len().max(1)).take(args.groups_y as usize) {
+        let scales: Vec<f32> = caches.bounces.as_ref().map_or(Ok(Vec::new()), |bounces| gpu.read(&bounces.scales))?;
+        let of_caches = caches.bounces.as_ref().map_or(0, |bounces| bounces.parts) as usize;
+        let parts = all.chunks(sums.len().max(1)).take(of_caches + args.groups_y as usize);
+        for (index, part) in parts.enumerate() {
             let items = list[..args.cache_count as usize].iter();
             let lit = items.flat_map(|item| (item * live.group)..((item + 1) * live.group).min(caches.count));
             for (cache, p) in lit.zip(part) {
                 let s = &mut sums[cache as usize];
+                let scale = if index < of_caches { scales[cache as usize] } else { 1.0 };
                 *s = GatherSums {
-                    diffuse_position: s.diffuse_position + p.diffuse_position,
-                    diffuse_weight: s.diffuse_weight + p.diffuse_weight,
-                    diffuse_irradiance: s.diffuse_irradiance + p.diffuse_irradiance,
-                    distance2: s.distance2 + p.distance2,
-                    glossy_position: s.glossy_position + p.glossy_position,
-                    glossy_weight: s.glossy_weight + p.glossy_weight,
-                    glossy_irradiance: s.glossy_irradiance + p.glossy_irradiance,
+                    diffuse_position: s.diffuse_position + scale * p.diffuse_position,
+                    diffuse_weight: s.diffuse_weight + scale * p.diffuse_weight,
+                    diffuse_irradiance: s.diffuse_irradiance + scale * p.diffuse_irradiance,
+                    distance2: s.distance2 + scale * p.distance2,
+                    glossy_position: s.glossy_position + scale * p.glossy_position,
+                    glossy_weight: s.glossy_weight + scale * p.glossy_weight,
+                    glossy_irradiance: s.glossy_irradiance + scale * p.glossy_irradiance,
                 };
             }
         }

@@ -104,7 +104,7 @@ impl Clusters {
             &self.resolve,
             &[(&caches.atlas).into(), (&caches.proxies).into(), (&live.list).into(), (&live.args).into(), parts.into()],
         );
-        cmd.push(&GatherPush { cache_count, first: 0, tile: 0, split: live.split, columns: 0, eye });
+        cmd.push(&GatherPush { cache_count, first: 0, tile: 0, split: live.split, columns: 0, cache_parts: 0, eye });
         // Slots of whole groups.
         cmd.dispatch(caches.count.next_multiple_of(CLUSTER_GROUP), 1, 1);
     }

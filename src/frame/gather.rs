@@ -4,11 +4,14 @@
 //! to a texel, adds to float targets, and leaves culling to the depth test. The compute path works through the list of live caches with
 //! several caches per thread, and splits the VALs into parts, so that few caches fill a device too.
 
-use super::View;
+use super::bounce::Bounces;
 use super::pack::Pack;
 use super::targets::{CacheTargets, ValTargets};
+use super::{Settings, View};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape, Use};
+use crate::gpu::{
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape, Use,
+};
 use crate::shared::{GatherPush, TEXEL_CACHES, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
 
 /// What lights the caches.
@@ -57,6 +60,8 @@ impl Default for GatherSettings {
 pub struct Gather {
     path: Path,
     resolve: Pipeline,
+    /// Only where light bounces more than once.
+    bounces: Option<Box<Bounces>>,
 }
 
 enum Path {
@@ -86,6 +91,7 @@ impl Gather {
                     tile: settings.tile,
                 },
                 resolve: gpu.compute("proxies_images.comp", &[u32::from(glossy)])?,
+                bounces: None,
             },
             GatherPath::Compute => Self {
                 path: Path::Compute {
@@ -93,24 +99,48 @@ impl Gather {
                     sum: gpu.compute("gather.comp", &[u32::from(glossy), source, settings.caches_per_thread])?,
                 },
                 resolve: gpu.compute("proxies.comp", &[u32::from(glossy), 1])?,
+                bounces: None,
             },
         })
     }
 
-    /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, view: &View, caches: &CacheTargets) {
+    /// The same where light bounces more than once, by the compute path and without culling.
+    pub fn with_bounces(gpu: &Gpu, glossy: bool, settings: &Settings) -> Result<Self> {
+        Ok(Self {
+            resolve: gpu.compute("proxies_bounces.comp", &[u32::from(glossy), 1])?,
+            bounces: Some(Box::new(Bounces::new(gpu, settings)?)),
+            ..Self::new(gpu, glossy, false, &settings.gather)?
+        })
+    }
+
+    /// Records the stage. The caches' albedos are needed where light bounces more than once.
+    pub fn record(
+        &self,
+        cmd: &Cmd<'_>,
+        vals: &ValTargets,
+        view: &View,
+        caches: &CacheTargets,
+        albedos: Option<&Buffer>,
+    ) {
         let _zone = cmd.zone("gather");
         let push = GatherPush {
             cache_count: caches.count,
             first: 0,
             tile: 0,
-            split: 0,
+            split: caches.live.as_ref().map_or(0, |live| live.split),
             columns: caches.columns(),
+            cache_parts: caches.bounces.as_ref().map_or(0, |bounces| bounces.parts),
             eye: view.eye,
         };
         match &self.path {
             Path::Fragment { sum, tile } => self.draw(cmd, sum, vals, caches, &GatherPush { tile: *tile, ..push }),
-            Path::Compute { pack, sum } => self.dispatch(cmd, pack.as_deref(), sum, vals, caches, push),
+            Path::Compute { pack, sum } => {
+                self.sum(cmd, pack.as_deref(), sum, vals, caches, &push);
+                if let Some(bounces) = &self.bounces {
+                    bounces.record(cmd, sum, albedos.expect("looked for when the frame was made"), caches, &push);
+                }
+                self.resolve(cmd, caches, &push);
+            }
         }
     }
 
@@ -133,14 +163,14 @@ impl Gather {
         cmd.dispatch(caches.count, 1, 1);
     }
 
-    fn dispatch(
+    fn sum(
         &self,
         cmd: &Cmd<'_>,
         pack: Option<&Pack>,
         sum: &Pipeline,
         vals: &ValTargets,
         caches: &CacheTargets,
-        push: GatherPush,
+        push: &GatherPush,
     ) {
         let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
         if let Some(pack) = pack {
@@ -159,15 +189,18 @@ impl Gather {
                 parts.into(),
             ],
         );
-        let push = GatherPush { split: live.split, ..push };
-        cmd.push(&push);
+        cmd.push(push);
         cmd.dispatch_indirect(&live.args, 0);
+    }
+
+    fn resolve(&self, cmd: &Cmd<'_>, caches: &CacheTargets, push: &GatherPush) {
+        let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
-        cmd.bind(
-            &self.resolve,
-            &[(&caches.atlas).into(), (&caches.proxies).into(), (&live.list).into(), (&live.args).into(), parts.into()],
-        );
-        cmd.push(&push);
+        let scales = caches.bounces.as_ref().map(|bounces| (&bounces.scales).into());
+        let resources: [Bind<'_>; 5] =
+            [(&caches.atlas).into(), (&caches.proxies).into(), (&live.list).into(), (&live.args).into(), parts.into()];
+        cmd.bind(&self.resolve, &resources.into_iter().chain(scales).collect::<Vec<_>>());
+        cmd.push(push);
         cmd.dispatch(caches.count, 1, 1);
     }
 }

@@ -14,14 +14,19 @@ pub struct LightInfo {
     pub first_view: u32,
     /// 1, or 6.
     pub views: u32,
+    /// Lights that share the texels of one square: those of a sky.
+    pub sharing: u32,
     /// Position relative to the scene's origin and 1, or the unit direction towards parallel light and 0.
     pub eye: Vec4,
 }
 
 impl LightInfo {
-    /// Side [texels] of each of its RSMs: six faces share the texels of one square.
+    /// Side [texels] of each of its RSMs: six faces, or all lights of a sky, share the texels of one square.
     pub fn rsm_size(&self, n: u32) -> u32 {
-        if self.views == 1 { n } else { ((f64::from(n) / 6_f64.sqrt()).round() as u32).max(1) }
+        match self.views * self.sharing {
+            1 => n,
+            sharing => ((f64::from(n) / f64::from(sharing).sqrt()).round() as u32).max(1),
+        }
     }
 
     /// Side [texels] of each tile of its shadow map: six faces tile it three by two.
@@ -75,7 +80,7 @@ pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>,
             LightKind::Directional => (-direction).extend(0.0),
             _ => position.extend(1.0),
         };
-        infos.push(LightInfo { first_view, views: view_count, eye: eye.as_vec4() });
+        infos.push(LightInfo { first_view, views: view_count, sharing: 1, eye: eye.as_vec4() });
         all.push(shared::Light {
             position: position.as_vec3(),
             kind,

@@ -1,6 +1,8 @@
 //! The frame: METHOD's eleven stages in order, each in the file of its name.
 
+mod albedo;
 pub mod atlas;
+pub mod bounce;
 pub mod brute_force;
 pub mod cells;
 pub mod check;
@@ -8,6 +10,7 @@ pub mod clusters;
 pub mod composite;
 pub mod cull;
 pub mod direct;
+mod emitters;
 pub mod gather;
 pub mod gbuffer;
 pub mod interpolate;
@@ -16,6 +19,7 @@ pub mod pack;
 pub mod plan;
 pub mod pyramid;
 pub mod rsm;
+pub mod sky;
 pub mod targets;
 pub mod tune;
 pub mod upload;
@@ -120,6 +124,8 @@ pub struct Settings {
     pub size: [u32; 2],
     /// Indirect light.
     pub gi: Gi,
+    /// Indirect bounces; 0 is direct light alone. More than one take the gather's compute path and every VAL.
+    pub bounces: u32,
     /// References per vertex, 8 or 16; those of the bake.
     pub references: usize,
     /// Texels of an RSM's side; six-view lights share as many.
@@ -151,6 +157,7 @@ impl Default for Settings {
         Self {
             size: [1280, 720],
             gi: Gi::LightSkin,
+            bounces: 1,
             references: 8,
             rsm: 128,
             shadow_map: 2048,
@@ -188,10 +195,12 @@ pub struct Frame {
     pub targets: Targets,
     gbuffer: gbuffer::GBuffer,
     direct: Option<direct::Direct>,
+    sky: Option<sky::Background>,
     rsm: Option<rsm::Rsm>,
     lightskin: Option<LightSkin>,
     brute_force: Option<brute_force::BruteForce>,
     composite: composite::Composite,
+    bounces: u32,
 }
 
 /// What a frame has worked with.
@@ -237,6 +246,15 @@ impl Frame {
         if settings.cluster.is_some() && settings.gather.path == GatherPath::Fragment {
             return Err(Error::Nothing("clusters of VALs need the gather's compute path".into()));
         }
+        if plan.bounces && (settings.cluster.is_some() || settings.gather.path == GatherPath::Fragment) {
+            return Err(Error::Nothing("more than one bounce needs the gather's compute path, and no clusters".into()));
+        }
+        if plan.bounces && buffers.cache_albedos.is_none() {
+            return Err(Error::Nothing("more than one bounce needs SceneBuffers::add_albedos".into()));
+        }
+        if plan.brute_force && settings.bounces > 1 {
+            return Err(Error::Nothing("brute force has one bounce".into()));
+        }
         if settings.shadows != Shadows::Off {
             return Err(Error::Nothing("soft shadows of indirect light are not built yet".into()));
         }
@@ -258,6 +276,9 @@ impl Frame {
                     .then(|| cull::Cull::new(gpu, settings, of_pixels.unwrap_or(settings.references)))
                     .transpose()?,
                 gather: match settings.cluster {
+                    None if plan.bounces => {
+                        Lighting::All(Box::new(gather::Gather::with_bounces(gpu, plan.glossy, settings)?))
+                    }
                     None => {
                         Lighting::All(Box::new(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?))
                     }
@@ -273,10 +294,12 @@ impl Frame {
             targets: Targets::new(gpu, &plan, buffers, settings)?,
             gbuffer: gbuffer::GBuffer::new(gpu, &plan)?,
             direct: plan.direct.then(|| direct::Direct::new(gpu)).transpose()?,
+            sky: plan.sky.then(|| sky::Background::new(gpu)).transpose()?,
             rsm: plan.indirect().then(|| rsm::Rsm::new(gpu, settings.proxy_weight)).transpose()?,
             lightskin: plan.lightskin.then(lightskin).transpose()?,
             brute_force: plan.brute_force.then(|| brute_force::BruteForce::new(gpu, &plan)).transpose()?,
             composite: composite::Composite::new(gpu, &plan, settings)?,
+            bounces: settings.bounces,
             plan,
         })
     }
@@ -306,6 +329,9 @@ impl Frame {
                 _ => caches.count,
             };
             live.pairs = u64::from(live.caches) * u64::from(live.vals);
+            if caches.bounces.is_some() {
+                live.pairs += u64::from(self.bounces) * u64::from(caches.count).pow(2);
+            }
             if let (Some(clusters), Some(list)) = (&caches.clusters, &caches.live) {
                 let LiveArgs { groups_x, groups_y, .. } = gpu.read(&list.args)?[0];
                 let pairs: Vec<u32> = gpu.read(&clusters.pairs)?;
@@ -323,6 +349,9 @@ impl Frame {
         self.gbuffer.record(cmd, scene, view, t); // 1
         if let Some(direct) = &self.direct {
             direct.record(cmd, scene, view, t); // 2
+        }
+        if let Some(sky) = &self.sky {
+            sky.record(cmd, scene, view, t); // 2
         }
         if let (Some(LightSkin { atlas, .. }), Some(caches)) = (&self.lightskin, &t.caches) {
             atlas.record(cmd, scene, caches); // 3
@@ -348,8 +377,8 @@ impl Frame {
                 Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
             ); //   VALs, atlas, live caches -> 6
             match &gi.gather {
-                Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches), // 6
-                Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches), // 6
+                Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches, scene.cache_albedos.as_ref()), // 6
+                Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches),                      // 6
             }
             gi.interpolate.record(cmd, scene, view, t, visible, caches, out); // 8
         }

@@ -22,10 +22,9 @@ impl Pack {
         })
     }
 
-    /// Flagged VALs -> `live` and their number.
+    /// Flagged VALs, which must be there -> `live` and their number.
     pub fn vals(&self, cmd: &Cmd<'_>, vals: &ValTargets) {
         let push = PackPush { count: vals.count, all: 0, caches_per_group: 0, split: 0 };
-        cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // VALs, flags -> here
         self.count_blocks(cmd, &push, &vals.flags, &vals.blocks);
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         cmd.bind(

@@ -8,12 +8,18 @@ use crate::scene::{Material, Scene};
 pub struct Plan {
     /// Stage 2: there is a light.
     pub direct: bool,
+    /// Stage 2 where no surface is: there is a sky.
+    pub sky: bool,
+    /// Surfaces that emit are VALs, beside those of stage 4.
+    pub emitters: bool,
     /// Stages 3, 4, 6 and 8: interpolated caches.
     pub lightskin: bool,
     /// Stage 5: only visible caches are lit.
     pub cull: bool,
     /// Stage 6 by clusters of VALs, and the pyramids before it.
     pub clusters: bool,
+    /// Stage 6 goes on: lit caches light all caches.
+    pub bounces: bool,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
@@ -38,12 +44,18 @@ impl Plan {
     pub fn new(scene: &Scene, settings: &Settings) -> Self {
         let direct = !scene.lights.is_empty();
         let used = |m: &usize| scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| p.material == *m);
+        let emitters = scene.emits();
+        let lightskin = (direct || emitters) && settings.gi == Gi::LightSkin && settings.bounces > 0;
+        let bounces = lightskin && settings.bounces > 1;
         Self {
             direct,
-            lightskin: direct && settings.gi == Gi::LightSkin,
-            cull: direct && settings.gi == Gi::LightSkin && settings.cull,
-            clusters: direct && settings.gi == Gi::LightSkin && settings.cluster.is_some(),
-            brute_force: direct && settings.gi == Gi::BruteForce,
+            sky: scene.sky.is_some(),
+            emitters,
+            lightskin,
+            cull: lightskin && settings.cull && !bounces,
+            clusters: lightskin && settings.cluster.is_some(),
+            bounces,
+            brute_force: (direct || emitters) && settings.gi == Gi::BruteForce && settings.bounces > 0,
             glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
         }
     }
@@ -58,17 +70,42 @@ impl Plan {
         let line = |number, name, runs, because| PlanLine { number, name, runs, because };
         let gi = if self.lightskin {
             "caches are interpolated"
-        } else if self.direct {
+        } else if self.direct || self.emitters {
             "not asked for by --gi"
         } else {
             "no light"
         };
-        let gi_without_cull = if self.lightskin { "switched off: every cache is lit" } else { gi };
+        let gi_without_cull = match () {
+            () if self.bounces => "every cache lights others in the next bounce",
+            () if self.lightskin => "switched off: every cache is lit",
+            () => gi,
+        };
         vec![
             line(1, "gbuffer", true, "always"),
-            line(2, "direct", self.direct, if self.direct { "there is a light" } else { "no light" }),
+            line(
+                2,
+                "direct",
+                self.direct,
+                match (self.direct, self.sky) {
+                    (true, true) => "there is a light, and a sky",
+                    (true, false) => "there is a light",
+                    (false, _) => "no light",
+                },
+            ),
             line(3, "atlas", self.lightskin, gi),
-            line(4, "rsm", self.indirect(), if self.indirect() { "indirect light needs VALs" } else { gi }),
+            line(
+                4,
+                "rsm",
+                self.indirect(),
+                match () {
+                    () if self.indirect() && !self.direct => "surfaces that emit are VALs",
+                    () if self.indirect() && self.emitters => {
+                        "indirect light needs VALs; surfaces that emit are some, too"
+                    }
+                    () if self.indirect() => "indirect light needs VALs",
+                    () => gi,
+                },
+            ),
             line(
                 5,
                 "cull",
@@ -79,7 +116,11 @@ impl Plan {
                 6,
                 "gather",
                 self.lightskin,
-                if self.clusters { "clusters of VALs light caches where that is near enough" } else { gi },
+                match () {
+                    () if self.bounces => "caches light caches, bounce after bounce",
+                    () if self.clusters => "clusters of VALs light caches where that is near enough",
+                    () => gi,
+                },
             ),
             line(7, "occlude", false, "not built yet: indirect light is unshadowed"),
             line(

@@ -74,8 +74,10 @@ impl Pyramid {
 /// Where the VALs and nodes of all views lie, and how many nodes there are.
 fn layout(scene: &SceneBuffers, rsm: u32) -> (Vec<ClusterView>, u32) {
     let sizes = scene.lights.iter().flat_map(|light| (0..light.views).map(|_| light.rsm_size(rsm)));
+    // Those of the surfaces that emit lie like a picture, too.
+    let emitters = (!scene.emitters.is_empty()).then(|| scene.emitters.len().isqrt() as u32);
     let (mut views, mut first_val, mut first_node) = (Vec::new(), 0, 0);
-    for size in sizes {
+    for size in sizes.chain(emitters) {
         // At least one level, so that a lone VAL has a node over it.
         let levels = size.next_power_of_two().ilog2().max(1);
         views.push(ClusterView { first_val, size, first_node, levels });

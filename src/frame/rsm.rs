@@ -74,6 +74,9 @@ impl Rsm {
                 first += size * size;
             }
         }
+        if first > 0 {
+            cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // VALs, flags -> their list
+        }
         self.pack.vals(cmd, &t.vals);
     }
 }

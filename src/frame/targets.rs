@@ -1,14 +1,16 @@
 //! Every image and buffer that a frame writes: one line each with name, format, size and when.
 
+use super::bounce::BounceTargets;
 use super::gather::{GatherPath, GatherSettings};
 use super::pyramid::Pyramid;
-use super::{Plan, SceneBuffers, Settings};
+use super::{Plan, ProxyWeight, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
     ATLAS_COLUMNS, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy, TEXEL_CACHES,
     VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
 };
+use glam::Vec3;
 
 /// The resources of a frame; stages write and read them, nobody else owns any.
 pub struct Targets {
@@ -58,7 +60,7 @@ pub struct RsmTargets {
 
 /// The VALs of all lights.
 pub struct ValTargets {
-    /// One of each texel, light by light, view by view, row by row.
+    /// One of each texel, light by light, view by view, row by row; then those of the surfaces that emit.
     pub all: Buffer,
     /// How many.
     pub count: u32,
@@ -100,6 +102,8 @@ pub struct CacheTargets {
     pub mask: Option<Image>,
     /// What clustering adds.
     pub clusters: Option<ClusterTargets>,
+    /// What further bounces add.
+    pub bounces: Option<BounceTargets>,
 }
 
 /// The list that the compute path works through: of caches, or of groups of consecutive ones with clusters. A group is
@@ -187,6 +191,9 @@ impl Targets {
             if settings.cluster.is_some() {
                 caches.cluster(gpu, Pyramid::node_count(scene, settings.rsm))?;
             }
+            if plan.bounces {
+                caches.bounce(gpu, vals)?;
+            }
             if plan.cull {
                 caches.mask = caches.new_mask(gpu, &settings.gather)?;
             }
@@ -225,6 +232,7 @@ impl Targets {
             all.extend(&caches.parts);
             all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args]));
             all.extend(caches.clusters.iter().flat_map(|c| [&c.node_count, &c.totals, &c.pairs]));
+            all.extend(caches.bounces.iter().flat_map(BounceTargets::buffers));
         }
         all.extend(self.visible.iter().flat_map(|v| [&v.seen, &v.slots, &v.list, &v.lights, &v.args, &v.none]));
         all
@@ -233,8 +241,9 @@ impl Targets {
 
 impl RsmTargets {
     fn new(gpu: &Gpu, scene: &SceneBuffers, settings: &Settings) -> Result<Self> {
-        let n = settings.rsm;
+        let n = if scene.lights.is_empty() { 1 } else { settings.rsm };
         let val_count: u64 = scene.lights.iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
+        let val_count = val_count + scene.emitters.len() as u64;
         let val_count = u32::try_from(val_count).ok().filter(|c| *c <= 1 << 25);
         let val_count =
             val_count.ok_or_else(|| Error::TooLarge("more than 33 million VALs; ask for a smaller --rsm".into()))?;
@@ -244,7 +253,7 @@ impl RsmTargets {
             normal: gpu.target("rsm.normal", float, n, n)?,
             albedo: gpu.target("rsm.albedo", float, n, n)?,
             depth: gpu.target("rsm.depth", Format::D32_SFLOAT, n, n)?,
-            vals: ValTargets::new(gpu, val_count)?,
+            vals: ValTargets::with(gpu, val_count, &scene.emitters, settings.proxy_weight)?,
         })
     }
 }
@@ -260,6 +269,25 @@ impl ValTargets {
             live: gpu.buffer("rsm.live_vals", bytes(count.next_multiple_of(VAL_TILE)))?,
             live_count: gpu.buffer("rsm.live_val_count", 4)?,
         })
+    }
+
+    /// So many, of which the last are given and stay.
+    fn with(gpu: &Gpu, count: u32, last: &[Val], weight: ProxyWeight) -> Result<Self> {
+        let made = Self::new(gpu, count)?;
+        if last.is_empty() {
+            return Ok(made);
+        }
+        let mut all = vec![Val::default(); count as usize - last.len()];
+        all.extend(last.iter().map(|val| Val {
+            weight: match weight {
+                ProxyWeight::Irradiance => val.flux.dot(Vec3::new(0.2126, 0.7152, 0.0722)),
+                ProxyWeight::FormFactor if val.flux == Vec3::ZERO => 0.0,
+                ProxyWeight::FormFactor => val.area,
+            },
+            ..*val
+        }));
+        let flags: Vec<u32> = all.iter().map(|val| u32::from(val.flux != Vec3::ZERO)).collect();
+        Ok(Self { all: gpu.buffer_from("rsm.vals", &all)?, flags: gpu.buffer_from("rsm.val_flags", &flags)?, ..made })
     }
 
     /// These VALs, all of them live.
@@ -297,6 +325,7 @@ impl CacheTargets {
             live: None,
             mask: None,
             clusters: None,
+            bounces: None,
         };
         match settings.path {
             GatherPath::Fragment => {
@@ -350,6 +379,17 @@ impl CacheTargets {
             totals: gpu.buffer("gather.totals", 4 * u64::from(self.count.max(1)))?,
             pairs: gpu.buffer("gather.pairs", 4 * workgroups)?,
         });
+        Ok(())
+    }
+
+    /// Makes parts anew, for those of the caches' own VALs in front of the `vals` of the primary lights, and what else
+    /// further bounces need.
+    fn bounce(&mut self, gpu: &Gpu, vals: u32) -> Result<()> {
+        let live = self.live.as_ref().expect("of the compute path");
+        let parts = self.count.div_ceil(live.split);
+        let sums = u64::from(self.count.max(1)) * size_of::<GatherSums>() as u64;
+        self.parts = Some(gpu.buffer("gather.parts", sums * u64::from(parts + vals.div_ceil(live.split).max(1)))?);
+        self.bounces = Some(BounceTargets::new(gpu, self.count, parts)?);
         Ok(())
     }
 

@@ -5,6 +5,8 @@
 
 use super::cells::CellBuffers;
 use super::lights::{self, LightInfo};
+use super::sky::SkyBuffer;
+use super::{albedo, emitters};
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, SamplerKind};
@@ -12,7 +14,7 @@ use crate::image::mip_chain;
 use crate::scene::{Material, Scene, Texture, Vertex, Wrap};
 use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
-use glam::{DMat4, DVec3, Mat4, Vec4};
+use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -52,12 +54,18 @@ pub struct SceneBuffers {
     pub view_buffer: Buffer,
     /// Clip matrices of the lights' views.
     pub view_matrices: Vec<Mat4>,
+    /// What is behind all surfaces.
+    pub sky: Option<SkyBuffer>,
+    /// Surfaces that emit as VALs without weights: a square, or none.
+    pub emitters: Vec<shared::Val>,
     /// Instances, for shaders.
     pub instances: Buffer,
     /// Caches of all instances in model space.
     pub model_caches: Buffer,
     /// How many.
     pub cache_count: u32,
+    /// Their diffuse albedos, once more bounces have asked for them.
+    pub cache_albedos: Option<Buffer>,
     /// References of all models' vertices, or cells.
     pub references: Buffer,
     /// What `draw` draws, for those who look up a visible triangle.
@@ -175,7 +183,10 @@ impl SceneBuffers {
         // Few pipeline and texture changes: draws of a material follow each other.
         draws.sort_by_key(|d| (d.material, d.instance, d.first_index));
 
-        let (lights, light_data, view_data) = lights::prepare(&scene.lights, origin, half);
+        let (mut lights, light_data, view_data) = lights::prepare(&scene.lights, origin, half);
+        if let Some(sky) = &scene.sky {
+            lights[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as u32);
+        }
         let (textures, slots, material_textures) = upload_textures(gpu, scene)?;
         let materials: Vec<_> = scene.materials.iter().map(material).collect();
         // Only those who interpolate read them.
@@ -185,12 +196,15 @@ impl SceneBuffers {
             origin,
             radius,
             lights,
+            sky: scene.sky.as_ref().map(|sky| SkyBuffer::new(gpu, sky)).transpose()?,
+            emitters: emitters::vals(scene, origin),
             light_buffer: gpu.buffer_from("scene.lights", &light_data)?,
             view_buffer: gpu.buffer_from("scene.light_views", &view_data)?,
             view_matrices: view_data.iter().map(|v| v.clip_from_world).collect(),
             instances: gpu.buffer_from("scene.instances", &instances)?,
             cache_count: model_caches.len() as u32,
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
+            cache_albedos: None,
             references: gpu.buffer_from("scene.references", &references)?,
             draw_records: gpu.buffer_from("scene.draw_records", &draws.iter().map(record).collect::<Vec<_>>())?,
             corners: gpu.buffer_from("scene.corners", &corners)?,
@@ -204,6 +218,14 @@ impl SceneBuffers {
             material_textures,
             draws,
         })
+    }
+
+    /// Uploads the diffuse albedos of the caches, which frames of more than one bounce need.
+    pub fn add_albedos(&mut self, gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Result<()> {
+        let models: Vec<Vec<Vec3>> = caches.models.iter().map(|model| albedo::of_caches(scene, model)).collect();
+        let all: Vec<Vec3> = caches.instance_model.iter().flat_map(|model| models[*model].iter().copied()).collect();
+        self.cache_albedos = Some(gpu.buffer_from("scene.cache_albedos", &all)?);
+        Ok(())
     }
 
     /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`).
@@ -268,6 +290,7 @@ impl SceneBuffers {
 
     /// Names and sizes [bytes] of the buffers, for `info`.
     pub fn buffers(&self) -> Vec<&Buffer> {
+        let optional = self.cache_albedos.iter().chain(self.sky.iter().map(|sky| &sky.texels));
         let mut all = vec![
             &self.vertices,
             &self.corners,
@@ -281,6 +304,7 @@ impl SceneBuffers {
             &self.light_buffer,
             &self.view_buffer,
         ];
+        all.extend(optional);
         all.extend(self.cells.iter().flat_map(|cells| [&cells.grids, &cells.entries]));
         all
     }
@@ -336,7 +360,7 @@ fn material(m: &Material) -> shared::Material {
         alpha_cutoff: m.alpha_cutoff.unwrap_or(-1.0),
         specular_color: m.specular_color,
         specular: m.specular,
-        phong_specular: m.phong.map_or(glam::Vec3::ZERO, |p| p.specular),
+        phong_specular: m.phong.map_or(Vec3::ZERO, |p| p.specular),
         phong_exponent: m.phong.map_or(-1.0, |p| p.exponent),
         metallic: m.metallic,
         roughness: m.roughness,

@@ -10,7 +10,7 @@ use rayon::prelude::*;
 
 use super::phong::Material as Reflection;
 use crate::scene::material::Reflectance;
-use crate::scene::{Image, Material, Mesh, Scene, Vertex};
+use crate::scene::{Material, Mesh, Scene, Vertex};
 
 /// Boxes are larger than their triangles by this share of the scene's radius: more than f32 rounds their rays by.
 const BOX_MARGIN: f64 = 1e-6;
@@ -356,12 +356,7 @@ fn derived_frame(n: DVec3, edges: [DVec3; 2], uv: [DVec2; 2], second_side: bool)
     (size > 0.0).then(|| (across / size.sqrt(), along / size.sqrt()))
 }
 
-/// Whether an image has any texel that is not black.
-pub(crate) fn is_dark(image: &Image) -> bool {
-    image.rgba.chunks_exact(4).all(|texel| texel[..3] == [0; 3])
-}
-
 /// Whether a material can emit at all.
 pub(crate) fn emits(scene: &Scene, material: &Material) -> bool {
-    material.emissive.max_element() > 0.0 && material.emissive_texture.is_none_or(|t| !is_dark(&scene.images[t.image]))
+    material.emission(scene).is_some()
 }

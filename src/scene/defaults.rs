@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 
-use super::{Camera, Light, LightKind, Material, Projection, Scene};
+use super::{Camera, Light, LightKind, Projection, Scene};
 
 /// Vertical field of view [rad] of a camera outside, and the aspect ratio that it is placed for.
 const OUTSIDE_YFOV: f64 = 40.0 * PI / 180.0;
@@ -18,8 +18,8 @@ const INSIDE_YFOV: f64 = 60.0 * PI / 180.0;
 /// Horizontal directions in the order in which an open side is looked for: the front first.
 const SIDES: [DVec3; 4] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X];
 
-/// Adds a camera to a scene without one, and a punctual light to a scene without one, and notes what it added. Scenes
-/// without triangles stay as they are.
+/// Adds a camera to a scene without one, and a punctual light to a scene that has neither one nor a surface that emits, and
+/// notes what it added. Scenes without triangles stay as they are.
 pub fn complete(scene: &mut Scene) {
     if !scene.cameras.is_empty() && !scene.lights.is_empty() {
         return;
@@ -31,7 +31,9 @@ pub fn complete(scene: &mut Scene) {
         scene.notes.push(describe_camera(&camera));
         scene.cameras.push(camera);
     }
-    if scene.lights.is_empty() {
+    if scene.lights.is_empty() && scene.emits() {
+        scene.notes.push("The scene has no light but its emissive surfaces.".into());
+    } else if scene.lights.is_empty() {
         let (light, why) = space.light(scene);
         scene.notes.push(describe_light(&light, why));
         scene.lights.push(light);
@@ -113,14 +115,6 @@ impl Space {
             position,
             direction: direction.as_vec3(),
         };
-        if let Some(emitter) = Emitter::strongest(scene, self.centre) {
-            let distance = emitter.reach + 1e-3 * (self.high - self.low).length();
-            let peak = emitter.radiance.max_element();
-            let kind = LightKind::Spot { inner: 0.0, outer: 80.0_f32.to_radians() };
-            let position = emitter.centroid + distance * emitter.normal;
-            let lamp = light("spot", kind, f64::from(peak) * emitter.area, position, emitter.normal);
-            return (Light { color: emitter.radiance / peak, ..lamp }, "in front of the brightest emissive surface");
-        }
         if self.is_object {
             // Above and to the left of whoever looks at it.
             let camera = scene.cameras.first().map_or(DAffine3::IDENTITY, |camera| camera.world_from_camera);
@@ -247,113 +241,6 @@ fn intersect(a: DVec3, edge1: DVec3, edge2: DVec3, direction: DVec3, side: f64) 
         return Hit { any: t, front: if is_front { t } else { f64::INFINITY } };
     }
     Hit::NONE
-}
-
-/// The triangles of one emissive material in one instance.
-struct Emitter {
-    /// Mean radiance [cd/m^2].
-    radiance: Vec3,
-    /// Area [m^2] as seen along `normal`.
-    area: f64,
-    centroid: DVec3,
-    /// Direction into which most of it shines.
-    normal: DVec3,
-    /// How far it extends from the centroid along `normal` [m].
-    reach: f64,
-}
-
-impl Emitter {
-    /// The one of the largest luminous flux.
-    fn strongest(scene: &Scene, centre: DVec3) -> Option<Self> {
-        let luminance = |c: Vec3| f64::from(c.dot(Vec3::new(0.2126, 0.7152, 0.0722)));
-        let radiances: Vec<Vec3> = scene.materials.iter().map(|material| mean_radiance(scene, material)).collect();
-        let mut best: Option<(f64, Self)> = None;
-        for instance in &scene.instances {
-            let mesh = &scene.meshes[instance.mesh];
-            let mut materials: Vec<usize> = mesh.primitives.iter().map(|p| p.material).collect();
-            materials.sort_unstable();
-            materials.dedup();
-            for material in materials.into_iter().filter(|&m| luminance(radiances[m]) > 0.0) {
-                let triangles: Vec<[DVec3; 3]> = mesh
-                    .primitives
-                    .iter()
-                    .filter(|p| p.material == material)
-                    .flat_map(|p| p.first_index / 3..(p.first_index + p.index_count) / 3)
-                    .map(|triangle| {
-                        mesh.triangle(triangle as usize)
-                            .map(|v| instance.world_from_model.transform_point3(mesh.vertices[v].position.as_dvec3()))
-                    })
-                    .collect();
-                let side = instance.world_from_model.matrix3.determinant().signum();
-                let Some((area, emitter)) =
-                    Self::new(&triangles, side, scene.materials[material].double_sided, radiances[material], centre)
-                else {
-                    continue;
-                };
-                let flux = area * luminance(radiances[material]);
-                if best.as_ref().is_none_or(|(most, _)| flux > *most) {
-                    best = Some((flux, emitter));
-                }
-            }
-        }
-        best.map(|(_, emitter)| emitter)
-    }
-
-    /// The emitter and its whole area.
-    fn new(
-        triangles: &[[DVec3; 3]],
-        side: f64,
-        double_sided: bool,
-        radiance: Vec3,
-        centre: DVec3,
-    ) -> Option<(f64, Self)> {
-        let (mut area, mut moment, mut vector) = (0.0, DVec3::ZERO, DVec3::ZERO);
-        for [a, b, c] in triangles {
-            let mut n = 0.5 * side * (b - a).cross(c - a);
-            // Both sides are there and would cancel: one side is summed, twice.
-            if double_sided && n.dot(vector) < 0.0 {
-                n = -n;
-            }
-            vector += n;
-            area += n.length();
-            moment += n.length() * (a + b + c) / 3.0;
-        }
-        if !(area > 0.0 && area.is_finite()) {
-            return None;
-        }
-        let centroid = moment / area;
-        let inwards = (centre - centroid).try_normalize().unwrap_or(DVec3::NEG_Y);
-        let (normal, seen) = if vector.length() < 0.3 * area {
-            // A lamp shining all around: seen from anywhere, a convex body shows a quarter of its surface.
-            (inwards, 0.25 * area)
-        } else if double_sided {
-            let normal = vector.normalize();
-            (if normal.dot(inwards) < 0.0 { -normal } else { normal }, 0.5 * vector.length())
-        } else {
-            (vector.normalize(), vector.length())
-        };
-        let reach = triangles.iter().flatten().map(|&p| (p - centroid).dot(normal)).fold(0.0, f64::max);
-        Some((area, Self { radiance, area: seen, centroid, normal, reach }))
-    }
-}
-
-/// Emitted radiance [cd/m^2], averaged over the texture.
-fn mean_radiance(scene: &Scene, material: &Material) -> Vec3 {
-    if material.emissive == Vec3::ZERO {
-        return Vec3::ZERO;
-    }
-    let Some(texture) = material.emissive_texture else { return material.emissive };
-    let image = &scene.images[texture.image];
-    // 64 x 64 texels are enough for a mean.
-    let step = |size: u32| (size / 64).max(1) as usize;
-    let (mut sum, mut count) = (Vec3::ZERO, 0);
-    for y in (0..image.height).step_by(step(image.height)) {
-        for x in (0..image.width).step_by(step(image.width)) {
-            sum += image.texel(x, y, true).truncate();
-            count += 1;
-        }
-    }
-    material.emissive * sum / count.max(1) as f32
 }
 
 fn shown(v: DVec3) -> String {

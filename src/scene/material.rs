@@ -58,6 +58,41 @@ impl Material {
     }
 }
 
+/// What a material emits from its front.
+pub struct Emission<'a> {
+    scene: &'a Scene,
+    material: &'a Material,
+    /// Factor [cd/m^2], positive and finite.
+    factor: Vec3,
+}
+
+impl Material {
+    /// What the material emits; `None` for most.
+    pub fn emission<'a>(&'a self, scene: &'a Scene) -> Option<Emission<'a>> {
+        let factor = Vec3::from(self.emissive.to_array().map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 }));
+        let is_black = |image: &Image| image.rgba.chunks_exact(4).all(|texel| texel[..3] == [0; 3]);
+        let is_dark = self.emissive_texture.is_some_and(|t| is_black(&scene.images[t.image]));
+        (factor != Vec3::ZERO && !is_dark).then_some(Emission { scene, material: self, factor })
+    }
+}
+
+impl Emission<'_> {
+    /// Whether it is the same everywhere.
+    pub fn is_uniform(&self) -> bool {
+        self.material.emissive_texture.is_none() && self.material.alpha_cutoff.is_none()
+    }
+
+    /// Radiance [cd/m^2] at a point with these texture coordinates; none from a hole.
+    pub fn radiance(&self, uv: [Vec2; 2]) -> Vec3 {
+        let sample = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(self.scene, uv, true));
+        let alpha = self.material.base_color.w * sample(self.material.base_color_texture).w;
+        if self.material.alpha_cutoff.is_some_and(|cutoff| alpha < cutoff) {
+            return Vec3::ZERO;
+        }
+        self.factor * sample(self.material.emissive_texture).truncate()
+    }
+}
+
 impl Texture {
     /// The image's texel or bilinear mean at a surface's texture coordinates, after the transform; `srgb` images are
     /// decoded to linear before filtering, alpha never is. No mip levels.

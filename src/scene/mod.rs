@@ -10,6 +10,7 @@ mod fingerprint;
 pub mod gltf;
 mod json;
 pub mod material;
+pub mod sky;
 pub mod tessellate;
 pub mod write;
 
@@ -28,8 +29,10 @@ pub struct Scene {
     pub images: Vec<Image>,
     /// Where meshes stand in the world.
     pub instances: Vec<Instance>,
-    /// Punctual lights.
+    /// Punctual lights, those of the sky among them.
     pub lights: Vec<Light>,
+    /// What is behind all surfaces.
+    pub sky: Option<sky::Sky>,
     /// Cameras, in the file's order.
     pub cameras: Vec<Camera>,
     /// What the loader decided or left out, one sentence each, to be told to the user.
@@ -311,6 +314,14 @@ impl Scene {
             }
         }
         bounds
+    }
+
+    /// Whether any surface emits light.
+    pub fn emits(&self) -> bool {
+        let shines: Vec<bool> = self.materials.iter().map(|m| m.emission(self).is_some()).collect();
+        let drawn =
+            |i: &Instance| self.meshes[i.mesh].primitives.iter().any(|p| shines[p.material] && p.index_count > 0);
+        self.instances.iter().any(drawn)
     }
 
     /// Triangles over all instances.

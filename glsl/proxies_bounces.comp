@@ -1,0 +1,3 @@
+// Stage 6 where caches light caches, too.
+#define BOUNCES
+#include "proxies.comp"

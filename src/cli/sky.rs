@@ -1,0 +1,57 @@
+//! The flags of the sky.
+
+use anyhow::{Result, bail};
+use clap::Args;
+use glam::Vec3;
+use lightskin::image::read_radiance;
+use lightskin::scene::sky::Sky;
+use std::path::PathBuf;
+
+#[derive(Args)]
+#[command(next_help_heading = "Sky")]
+pub(super) struct SkyArgs {
+    /// Sky all around: an equirectangular .hdr or .exr picture, its values in cd/m^2. The middle is about -Z.
+    #[arg(long, value_name = "FILE", conflicts_with = "sky_color")]
+    sky: Option<PathBuf>,
+    /// Sky of one radiance [cd/m^2] all around.
+    #[arg(long, value_name = "R,G,B", value_parser = color)]
+    sky_color: Option<Vec3>,
+    /// Directional lights that stand for the sky; all together have the virtual lights of one.
+    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    sky_lights: u32,
+    /// Factor on the picture's values.
+    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = super::positive)]
+    sky_scale: f64,
+    /// Turn of the sky about +Y [degrees], counter-clockwise seen from above.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
+    sky_rotate: f64,
+}
+
+fn color(text: &str) -> std::result::Result<Vec3, String> {
+    let numbers: Option<Vec<f32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
+    match numbers.as_deref() {
+        Some([r, g, b]) if [r, g, b].iter().all(|c| c.is_finite() && **c >= 0.0) => Ok(Vec3::new(*r, *g, *b)),
+        _ => Err("needs three numbers from 0 up, like 1000,1200,1500".into()),
+    }
+}
+
+impl SkyArgs {
+    /// The sky that the flags ask for and how many lights stand for it.
+    pub(super) fn sky(&self) -> Result<Option<(Sky, usize)>> {
+        let lights = self.sky_lights as usize;
+        if !self.sky_rotate.is_finite() {
+            bail!("--sky-rotate needs a finite number of degrees");
+        }
+        if let Some(color) = self.sky_color {
+            return Ok(Some((Sky::even(color * self.sky_scale as f32), lights)));
+        }
+        let Some(file) = &self.sky else { return Ok(None) };
+        let picture = read_radiance(file)?;
+        let radiance = picture.rgb.iter().map(|rgb| Vec3::from(*rgb) * self.sky_scale as f32);
+        let sky = Sky::new(picture.width, picture.height, radiance, self.sky_rotate.to_radians());
+        if sky.illuminance().max_element() <= 0.0 {
+            bail!("{}: the sky is black; name another picture", file.display());
+        }
+        Ok(Some((sky, lights)))
+    }
+}

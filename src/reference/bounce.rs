@@ -1,0 +1,55 @@
+//! More bounces: what caches receive makes VALs of them, which light all caches. METHOD 9, thesis 6.1.7.
+//!
+//! The discs of caches that stand next to each other at an edge are not the surface there, and nothing is in the way of
+//! light from one to another: what all caches together send to one could be more than their radiosity. No point sees
+//! more than its hemisphere, so a cache's form factors are scaled to a sum of 1 where it is larger.
+
+use glam::DVec3;
+use rayon::prelude::*;
+
+use super::brute_force;
+use super::gather::{Cache, val_geometry};
+use super::rsm::Val;
+
+/// A cache and the surface that it stands for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Patch {
+    /// Where light arrives.
+    pub cache: Cache,
+    /// Area [m^2], eq. 5.58.
+    pub area: f64,
+    /// Diffuse albedo, mean over the area.
+    pub albedo: DVec3,
+}
+
+impl Patch {
+    /// The patch as a light, for its irradiance [lx]: flux `rho E A` [lm].
+    pub fn val(&self, irradiance: DVec3) -> Val {
+        let Self { cache, area, albedo } = *self;
+        Val { position: cache.position, area, normal: cache.normal, flux: albedo * irradiance * area }
+    }
+}
+
+/// Sum of the form factors of all patches at a cache: 1 where they fill all that it sees, and their discs did so, too.
+pub fn form_factors(cache: &Cache, patches: &[Patch]) -> f64 {
+    let geometry = |patch: &Patch| val_geometry(cache.position, cache.normal, &patch.val(DVec3::ZERO)).0;
+    patches.iter().map(|patch| patch.area * geometry(patch)).sum()
+}
+
+/// By what the light of all patches is multiplied at a cache.
+pub fn scale(form_factors: f64) -> f64 {
+    1.0 / form_factors.max(1.0)
+}
+
+/// Irradiance [lx] at every cache after so many bounces: that of the primary lights' VALs, and from the second bounce on
+/// that of the patches which the bounce before has lit, `E_(k+1) = E_1 + s sum_j rho_j E_k,j A_j G_j`.
+pub fn irradiances(patches: &[Patch], vals: &[Val], bounces: u32) -> Vec<DVec3> {
+    let at = |patch: &Patch, vals: &[Val]| brute_force::irradiance(patch.cache.position, patch.cache.normal, vals);
+    let first: Vec<DVec3> = patches.par_iter().map(|patch| at(patch, vals)).collect();
+    let scales: Vec<f64> = patches.par_iter().map(|patch| scale(form_factors(&patch.cache, patches))).collect();
+    (1..bounces).fold(first.clone(), |before, _| {
+        let lit: Vec<Val> = patches.iter().zip(&before).map(|(patch, irradiance)| patch.val(*irradiance)).collect();
+        let again = |i: usize| first[i] + scales[i] * at(&patches[i], &lit);
+        (0..patches.len()).into_par_iter().map(again).collect()
+    })
+}

@@ -1,0 +1,168 @@
+//! A sky all around the scene: its radiance, and the directional lights that stand for it.
+//!
+//! The sphere is divided along its circles of latitude and longitude, first at the horizon: of all regions, the one of the
+//! largest luminous energy is cut across its longer side into halves of equal energy, until there are as many as wanted (median cut, Debevec
+//! 2005). A region becomes parallel light of exactly its energy from its centre of energy.
+
+use super::{Light, LightKind, Scene};
+use glam::{DVec3, Vec3};
+use std::f64::consts::{PI, TAU};
+use std::ops::Range;
+
+/// Radiance from all directions, on a grid of latitude and longitude.
+#[derive(Clone, Debug)]
+pub struct Sky {
+    /// Columns.
+    pub width: u32,
+    /// Rows, the first about +Y.
+    pub height: u32,
+    /// Radiance [cd/m^2], row by row. The middle column is about -Z, columns follow each other towards +X.
+    pub texels: Vec<Vec3>,
+    /// Turn about +Y [rad], counter-clockwise seen from above.
+    pub turn: f64,
+    /// Which of the scene's lights are the sky's.
+    pub lights: Range<usize>,
+}
+
+/// Rows and columns of a grid that has one radiance everywhere: regions are cut between them.
+const EVEN: [u32; 2] = [512, 256];
+
+/// Texels of a region.
+#[derive(Clone)]
+struct Region {
+    columns: Range<usize>,
+    rows: Range<usize>,
+    /// Luminous energy.
+    energy: f64,
+}
+
+impl Sky {
+    /// A grid of radiances [cd/m^2]; what is negative or no number counts as none.
+    pub fn new(width: u32, height: u32, radiance: impl Iterator<Item = Vec3>, turn: f64) -> Self {
+        let clean = |c: f32| if c.is_finite() { c.max(0.0) } else { 0.0 };
+        let texels: Vec<Vec3> = radiance.map(|r| Vec3::from(r.to_array().map(clean))).collect();
+        assert_eq!(texels.len(), width as usize * height as usize, "a sky's texels");
+        Self { width, height, texels, turn, lights: 0..0 }
+    }
+
+    /// The same radiance [cd/m^2] from everywhere.
+    pub fn even(radiance: Vec3) -> Self {
+        let [width, height] = EVEN;
+        Self::new(width, height, std::iter::repeat_n(radiance, (width * height) as usize), 0.0)
+    }
+
+    /// Puts the sky over a scene, with so many directional lights at most. A black sky has none.
+    pub fn put_over(mut self, scene: &mut Scene, lights: usize) {
+        let first = scene.lights.len();
+        scene.lights.extend(self.lights(lights));
+        self.lights = first..scene.lights.len();
+        scene.sky = Some(self);
+    }
+
+    /// Solid angle [sr] of a texel of a row.
+    fn solid_angle(&self, row: usize) -> f64 {
+        let edge = |row: usize| (PI * row as f64 / f64::from(self.height)).cos();
+        TAU / f64::from(self.width) * (edge(row) - edge(row + 1))
+    }
+
+    /// Unit direction towards the middle of a texel.
+    fn direction(&self, column: usize, row: usize) -> DVec3 {
+        let latitude = PI * (row as f64 + 0.5) / f64::from(self.height);
+        let longitude = TAU * ((column as f64 + 0.5) / f64::from(self.width) - 0.5) - self.turn;
+        DVec3::new(latitude.sin() * longitude.sin(), latitude.cos(), -latitude.sin() * longitude.cos())
+    }
+
+    /// Light [lx] through a plane that faces it all: the integral of radiance over the sphere.
+    pub fn illuminance(&self) -> DVec3 {
+        self.sum(&(0..self.width as usize), &(0..self.height as usize)).0
+    }
+
+    /// Integral of radiance over texels [lx], and of direction times luminance.
+    fn sum(&self, columns: &Range<usize>, rows: &Range<usize>) -> (DVec3, DVec3) {
+        let (mut light, mut vector) = (DVec3::ZERO, DVec3::ZERO);
+        for row in rows.clone() {
+            let solid_angle = self.solid_angle(row);
+            for column in columns.clone() {
+                let texel = self.texels[row * self.width as usize + column].as_dvec3() * solid_angle;
+                light += texel;
+                vector += luminance(texel) * self.direction(column, row);
+            }
+        }
+        (light, vector)
+    }
+
+    /// The directional lights that stand for the sky.
+    fn lights(&self, count: usize) -> Vec<Light> {
+        let region = |rows: Range<usize>| self.region(0..self.width as usize, rows);
+        let (horizon, rows) = (self.height as usize / 2, self.height as usize);
+        // A floor sees one half alone: no light stands for parts of both.
+        let halves = if count > 1 { vec![0..horizon, horizon..rows] } else { vec![0..rows] };
+        let mut regions: Vec<Region> = halves.into_iter().filter(|rows| !rows.is_empty()).map(region).collect();
+        while regions.len() < count {
+            // One texel cannot be cut.
+            let cuttable = |r: &&(usize, &Region)| r.1.columns.len() > 1 || r.1.rows.len() > 1;
+            let brightest = regions
+                .iter()
+                .enumerate()
+                .filter(|r| cuttable(&r) && r.1.energy > 0.0)
+                .max_by(|a, b| a.1.energy.total_cmp(&b.1.energy));
+            let Some((index, _)) = brightest else { break };
+            let region = regions.swap_remove(index);
+            regions.extend(self.cut(&region));
+        }
+        regions.retain(|region| region.energy > 0.0);
+        regions.iter().enumerate().map(|(index, region)| self.light(index, region)).collect()
+    }
+
+    fn region(&self, columns: Range<usize>, rows: Range<usize>) -> Region {
+        let energy = luminance(self.sum(&columns, &rows).0);
+        Region { columns, rows, energy }
+    }
+
+    /// Two halves of nearly equal energy, across the longer side.
+    fn cut(&self, region: &Region) -> [Region; 2] {
+        let Region { columns, rows, energy } = region;
+        let middle = PI * 0.5 * (rows.start + rows.end) as f64 / f64::from(self.height);
+        let wide = TAU * columns.len() as f64 / f64::from(self.width) * middle.sin();
+        let high = PI * rows.len() as f64 / f64::from(self.height);
+        let across_columns = columns.len() > 1 && (wide >= high || rows.len() == 1);
+        let range = if across_columns { columns } else { rows };
+        let mut before = 0.0;
+        let mut at = range.start + 1;
+        for line in range.clone() {
+            let own = match across_columns {
+                true => luminance(self.sum(&(line..line + 1), rows).0),
+                false => luminance(self.sum(columns, &(line..line + 1)).0),
+            };
+            at = line + usize::from((before + own - 0.5 * energy).abs() <= (before - 0.5 * energy).abs());
+            before += own;
+            if before >= 0.5 * energy {
+                break;
+            }
+        }
+        let at = at.clamp(range.start + 1, range.end - 1);
+        if across_columns {
+            [self.region(columns.start..at, rows.clone()), self.region(at..columns.end, rows.clone())]
+        } else {
+            [self.region(columns.clone(), rows.start..at), self.region(columns.clone(), at..rows.end)]
+        }
+    }
+
+    fn light(&self, index: usize, region: &Region) -> Light {
+        let (light, vector) = self.sum(&region.columns, &region.rows);
+        let peak = light.max_element();
+        Light {
+            name: format!("sky {index}"),
+            kind: LightKind::Directional,
+            color: (light / peak).as_vec3(),
+            intensity: peak as f32,
+            range: None,
+            position: DVec3::ZERO,
+            direction: -vector.try_normalize().unwrap_or(DVec3::Y).as_vec3(),
+        }
+    }
+}
+
+fn luminance(color: DVec3) -> f64 {
+    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}

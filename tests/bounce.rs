@@ -1,0 +1,197 @@
+//! More bounces: energy in closed boxes against the geometric series, the device against the twin and the path tracer.
+
+use glam::{DAffine3, DVec3, Vec3, dvec3};
+use lightskin::bake::CacheSet;
+use lightskin::frame::{Frame, GatherPath, GatherSettings, SceneBuffers, Settings};
+use lightskin::reference::bounce::{self, Patch};
+use lightskin::reference::path_trace::{self, PathTrace};
+use lightskin::scene::build::quad;
+use lightskin::scene::{Image, Light, LightKind, Material, Scene, Texture};
+use std::f64::consts::PI;
+
+use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, phong, reflection, shoot, small};
+use crate::common::gpu;
+
+/// A closed cube of 2 m around the origin, walls facing inwards, with a small light in it that shines all around.
+fn cube(albedo: f32, light: DVec3) -> Scene {
+    let mut scene = Scene { name: "cube".into(), ..Scene::default() };
+    let wall = phong([albedo; 3], [0.0; 3], 1.0);
+    for axis in 0..3 {
+        for side in [-1.0_f32, 1.0] {
+            let (mut n, mut u, mut v) = ([0.0; 3], [0.0; 3], [0.0; 3]);
+            n[axis] = side;
+            u[(axis + 1) % 3] = 2.0;
+            v[(axis + 2) % 3] = 2.0;
+            let (n, u, v) = (Vec3::from(n), Vec3::from(u), Vec3::from(v));
+            let corner = n - 0.5 * (u + v);
+            let (u, v) = if side > 0.0 { (v, u) } else { (u, v) };
+            add(&mut scene, quad(corner, u, v, 0.25), wall.clone(), DAffine3::IDENTITY);
+        }
+    }
+    scene.lights.push(Light {
+        name: "lamp".into(),
+        kind: LightKind::Point,
+        color: Vec3::ONE,
+        intensity: 100.0,
+        range: None,
+        position: light,
+        direction: Vec3::NEG_Y,
+    });
+    scene.cameras.push(camera(dvec3(0.0, 0.0, 0.9), DVec3::ZERO, 1.2));
+    scene
+}
+
+/// The caches of a shot with their areas, and the albedos of their untextured materials.
+fn patches(scene: &Scene, caches: &CacheSet, shot: &Shot) -> Vec<Patch> {
+    let of_instance = |(i, model): (usize, &usize)| {
+        let materials = scene.meshes[scene.instances[i].mesh].triangle_materials();
+        let patch =
+            |c: &lightskin::bake::Cache| (f64::from(c.area), reflection(scene, materials[c.triangle as usize]).diffuse);
+        caches.models[*model].caches.iter().map(patch).collect::<Vec<_>>()
+    };
+    let surfaces = caches.instance_model.iter().enumerate().flat_map(of_instance);
+    shot.caches.iter().zip(surfaces).map(|(cache, (area, albedo))| Patch { cache: *cache, area, albedo }).collect()
+}
+
+/// Flux [lm] that arrives at all caches, of one channel.
+fn arriving(patches: &[Patch], irradiances: &[DVec3]) -> f64 {
+    patches.iter().zip(irradiances).map(|(patch, irradiance)| patch.area * irradiance.x).sum()
+}
+
+#[test]
+fn bounces_are_the_twins() {
+    let gpu = gpu();
+    let scene = corner(&[SPOT, LightKind::Point, LightKind::Directional], 40.0);
+    let caches = baked(&scene, 0.3, 8);
+    for bounces in [2, 3, 5] {
+        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, ..small() });
+        let all = patches(&scene, &caches, &shot);
+        let twins = bounce::irradiances(&all, &shot.vals, bounces);
+        let first = bounce::irradiances(&all, &shot.vals, 1);
+        let worst = twins.iter().zip(&shot.sums[0]).map(|(t, s)| t.distance(*s) / t.length()).fold(0.0, f64::max);
+        let more = arriving(&all, &twins) / arriving(&all, &first);
+        eprintln!("{bounces} bounces: {} caches, {more:.3} times the light of one, worst {worst:e}", all.len());
+        assert!(worst < 1e-5, "{bounces}: {worst}");
+        assert!(more > 1.05);
+        // The glossy lobe takes part in the last bounce.
+        assert!(shot.sums[1].iter().any(|sum| sum.x > 0.0));
+    }
+}
+
+#[test]
+fn light_in_a_closed_box_is_the_geometric_series() {
+    let gpu = gpu();
+    for albedo in [0.5, 0.8] {
+        let scene = cube(albedo, dvec3(0.11, 0.23, -0.17));
+        let phi = 4.0 * PI * f64::from(scene.lights[0].intensity);
+        for (spacing, bound) in [(0.4, 0.08), (0.2, 0.05)] {
+            let caches = baked(&scene, spacing, 8);
+            for bounces in [1, 2, 8] {
+                let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, rsm: 96, ..small() });
+                let all = patches(&scene, &caches, &shot);
+                let series: f64 = (1..=bounces).map(|k| f64::from(albedo).powi(k as i32)).sum();
+                let share = arriving(&all, &shot.sums[0]) / (phi * series);
+                let factors: f64 = all.iter().map(|p| p.area * bounce::form_factors(&p.cache, &all)).sum();
+                let factors = factors / all.iter().map(|p| p.area).sum::<f64>();
+                eprintln!(
+                    "albedo {albedo}, {} caches, {bounces} bounces: {share:.4} of the series; form factors {factors:.4}",
+                    all.len()
+                );
+                assert!((share - 1.0).abs() < bound, "albedo {albedo}, {spacing} m, {bounces} bounces: {share}");
+            }
+        }
+    }
+}
+
+#[test]
+fn white_walls_never_make_light() {
+    let gpu = gpu();
+    // A light in a corner, where discs are least like the surface.
+    let scene = cube(1.0, dvec3(0.9, 0.9, 0.9));
+    let phi = 4.0 * PI * f64::from(scene.lights[0].intensity);
+    let caches = baked(&scene, 0.4, 8);
+    let brightest = |bounces: u32| {
+        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, ..small() });
+        let all = patches(&scene, &caches, &shot);
+        let sum = arriving(&all, &shot.sums[0]);
+        (shot.sums[0].iter().map(|e| e.x).fold(0.0, f64::max), sum)
+    };
+    let (first, _) = brightest(1);
+    for bounces in [2, 16] {
+        let (most, sum) = brightest(bounces);
+        eprintln!(
+            "{bounces} bounces: {:.3} of the bound, {:.3} of the light",
+            most / first / f64::from(bounces),
+            sum / phi
+        );
+        // Each bounce adds no more at any cache than the brightest of the bounce before sends.
+        assert!(most <= first * f64::from(bounces) * 1.00001);
+        assert!(sum < 1.05 * phi * f64::from(bounces));
+    }
+}
+
+#[test]
+fn pictures_converge_to_paths_of_as_many_bounces() {
+    let gpu = gpu();
+    let scene = cube(0.6, dvec3(0.11, 0.23, -0.17));
+    let settings = Settings { size: [32, 32], rsm: 96, ..small() };
+    let caches = baked(&scene, 0.2, 8);
+    for bounces in [1, 2, 4] {
+        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, ..settings });
+        let paths = path_trace::Settings { size: settings.size, bounces, ..path_trace::Settings::default() };
+        let mut paths = PathTrace::new(&scene, &scene.cameras[0], &paths);
+        (0..8).for_each(|_| paths.pass());
+        let (mut off, mut sum, mut own) = (0.0, 0.0, 0.0);
+        for (path, shown) in paths.diffuse().iter().zip(&shot.diffuse) {
+            off += (f64::from(path[0]) - shown.x).abs();
+            sum += f64::from(path[0]);
+            own += shown.x;
+        }
+        let (error, bias) = (off / sum, own / sum - 1.0);
+        eprintln!("{bounces} bounces: mean error {error:.4} of the mean, bias {bias:+.4}, noise {:.4}", paths.noise());
+        assert!(error < 0.04 && bias.abs() < 0.03, "{bounces}: {error}, {bias}");
+    }
+}
+
+#[test]
+fn albedos_are_means_of_what_a_cache_stands_for() {
+    let gpu = gpu();
+    let mut scene = corner(&[SPOT], 40.0);
+    // A row of a white texel and seven black ones, many times along the floor; the wall is half a metal.
+    let texels: Vec<u8> = (0..8).flat_map(|i| [if i == 0 { 255 } else { 0 }; 3].into_iter().chain([255])).collect();
+    scene.images.push(Image { name: "stripes".into(), width: 8, height: 1, rgba: texels });
+    let texture = Texture {
+        image: 0,
+        uv_set: 0,
+        transform: glam::Affine2::from_scale(glam::Vec2::splat(23.0)),
+        sampler: lightskin::scene::Sampler { nearest: true, ..Default::default() },
+    };
+    let floor = scene.instances[0].mesh;
+    for vertex in &mut scene.meshes[floor].vertices {
+        vertex.uv0 = glam::Vec2::new(vertex.position.x, vertex.position.z);
+    }
+    scene.materials[0].base_color_texture = Some(texture);
+    scene.materials[1] =
+        Material { metallic: 0.5, base_color: glam::Vec4::splat(0.4), ior: 1.0, ..Material::default() };
+    let caches = baked(&scene, 0.5, 8);
+    let mut buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("upload");
+    let refused = Frame::new(&gpu, &scene, &buffers, &Settings { bounces: 2, ..small() }).err().expect("no albedos");
+    assert!(refused.to_string().contains("add_albedos"), "{refused}");
+    buffers.add_albedos(&gpu, &scene, &caches).expect("albedos");
+    let all: Vec<Vec3> = gpu.read(buffers.cache_albedos.as_ref().expect("made")).expect("read");
+    let floor = &all[..caches.models[caches.instance_model[0]].caches.len()];
+    let wall = &all[floor.len()..][..caches.models[caches.instance_model[1]].caches.len()];
+    let mean = floor.iter().sum::<Vec3>() / floor.len() as f32;
+    eprintln!(
+        "floor {mean}, from {:?} to {:?}",
+        floor.iter().map(|a| a.x).fold(1.0, f32::min),
+        floor.iter().map(|a| a.x).fold(0.0, f32::max)
+    );
+    assert!(mean.distance(Vec3::new(0.7, 0.5, 0.3) / 8.0) < 0.02 * mean.length(), "{mean}");
+    assert!(floor.iter().all(|a| (a.x / mean.x - 1.0).abs() < 0.6));
+    assert!(wall.iter().all(|a| a.distance(Vec3::splat(0.2)) < 1e-5), "{wall:?}");
+
+    let fragment = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
+    let refused = Frame::new(&gpu, &scene, &buffers, &Settings { bounces: 2, gather: fragment, ..small() });
+    assert!(refused.err().expect("by compute alone").to_string().contains("compute path"));
+}

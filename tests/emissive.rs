@@ -1,0 +1,155 @@
+//! Surfaces that emit light caches and pixels: absolute irradiance in closed form, energy, one-sidedness, the path tracer.
+
+use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, dvec3, vec3};
+use lightskin::frame::{Cluster, Gi, SceneBuffers, Settings};
+use lightskin::reference::disc::polygon_form_factor;
+use lightskin::reference::path_trace::{self, PathTrace, Sources};
+use lightskin::scene::build::quad;
+use lightskin::scene::{Image, Material, Sampler, Scene, Texture, defaults};
+use std::f64::consts::PI;
+
+use crate::common::frames::{add, baked, camera, phong, shoot, small};
+use crate::common::gpu;
+
+/// A floor of 2 m and over it a lamp of 0.6 m by 0.4 m that shines downwards with this radiance [cd/m^2].
+fn lamp_over_floor(radiance: Vec3) -> Scene {
+    let mut scene = Scene { name: "lamp over floor".into(), ..Scene::default() };
+    let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.1);
+    add(&mut scene, floor, phong([0.7, 0.5, 0.3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    let lamp = quad(vec3(-0.3, 0.8, -0.2), Vec3::X * 0.6, Vec3::Z * 0.4, 0.4);
+    add(&mut scene, lamp, Material { emissive: radiance, ..phong([0.0; 3], [0.0; 3], 1.0) }, DAffine3::IDENTITY);
+    scene.cameras.push(camera(dvec3(0.0, 0.75, 0.9), DVec3::ZERO, 1.2));
+    scene
+}
+
+#[test]
+fn a_lamps_irradiance_is_the_closed_form() {
+    let gpu = gpu();
+    let radiance = vec3(30.0, 20.0, 10.0);
+    let scene = lamp_over_floor(radiance);
+    let caches = baked(&scene, 0.2, 8);
+    let corners = [[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]].map(|[x, z]| dvec3(x, 0.8, z));
+    let exact = |p: DVec3, n: DVec3| PI * radiance.as_dvec3() * polygon_form_factor(&corners, p, n);
+    let shot = shoot(&gpu, &scene, Some(&caches), &small());
+    let mut worst = 0.0_f64;
+    for (cache, sum) in shot.caches.iter().zip(&shot.sums[0]) {
+        if cache.position.y > 0.1 {
+            assert_eq!(*sum, DVec3::ZERO, "the lamp does not light itself");
+            continue;
+        }
+        let exact = exact(cache.position, cache.normal);
+        worst = worst.max(sum.distance(exact) / exact.length());
+    }
+    eprintln!("caches: worst {worst:.5}");
+    assert!(worst < 2e-3, "{worst}");
+    for (gi, bound) in [(Gi::BruteForce, 2e-3), (Gi::LightSkin, 0.02)] {
+        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { gi, ..small() });
+        let (mut off, mut sum) = (0.0, 0.0);
+        for s in lightskin::eval::shot::seen(&scene, small().size).iter().filter(|s| s.instance == 0) {
+            let exact = exact(s.position, s.normal) * dvec3(0.7, 0.5, 0.3) / PI;
+            off += exact.distance(shot.diffuse[s.pixel]);
+            sum += exact.length();
+        }
+        eprintln!("{gi:?}: mean error {:.5} of the mean", off / sum);
+        assert!(sum > 0.0 && off / sum < bound, "{gi:?}: {}", off / sum);
+    }
+}
+
+#[test]
+fn patches_carry_all_the_light_of_textures_many_triangles_and_mirrored_instances() {
+    let gpu = gpu();
+    let mut scene = lamp_over_floor(Vec3::splat(10.0));
+    // Half of the lamp is red, in stripes; a mirrored instance of it shines from elsewhere, downwards as well.
+    let rgba = [[255, 0, 0, 255], [0, 0, 0, 255]].concat();
+    scene.images.push(Image { name: "stripes".into(), width: 2, height: 1, rgba });
+    scene.materials[1].emissive_texture = Some(Texture {
+        image: 0,
+        uv_set: 0,
+        transform: Affine2::from_scale(Vec2::splat(4.0)),
+        sampler: Sampler { nearest: true, ..Sampler::default() },
+    });
+    let mesh = scene.instances[1].mesh;
+    for vertex in &mut scene.meshes[mesh].vertices {
+        vertex.uv0 = Vec2::new((vertex.position.x + 0.3) / 0.6, 0.5);
+    }
+    let mut mirrored = scene.instances[1].clone();
+    mirrored.world_from_model = DAffine3::from_scale(dvec3(-2.0, 1.0, 1.0)) * mirrored.world_from_model;
+    scene.instances.push(mirrored);
+    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    let flux: Vec3 = buffers.emitters.iter().map(|v| v.flux).sum();
+    let exact = PI as f32 * 10.0 * 0.5 * 0.24 * 3.0;
+    eprintln!("{} patches, {flux} lm of {exact}", buffers.emitters.len());
+    assert!((flux.x / exact - 1.0).abs() < 0.01 && flux.y == 0.0);
+    assert!(buffers.emitters.iter().filter(|v| v.flux.x > 0.0).all(|v| v.normal.distance(Vec3::NEG_Y) < 1e-6));
+
+    // More triangles than patches: all of the light, from fewer.
+    let mut scene = lamp_over_floor(Vec3::splat(10.0));
+    let fine = quad(vec3(-0.3, 0.8, -0.2), Vec3::X * 0.6, Vec3::Z * 0.4, 0.004);
+    let shining = scene.materials[1].clone();
+    scene.instances.pop();
+    add(&mut scene, fine, shining, DAffine3::IDENTITY);
+    let triangles = scene.meshes[2].triangle_count();
+    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    let flux: f32 = buffers.emitters.iter().map(|v| v.flux.x).sum();
+    let middle: Vec3 = buffers.emitters.iter().map(|v| v.position * v.flux.x).sum::<Vec3>() / flux;
+    let middle = middle.as_dvec3() + buffers.origin;
+    eprintln!("{triangles} triangles, {} patches: {flux} lm about {middle}", buffers.emitters.len());
+    assert!(triangles > 16_384 && buffers.emitters.len() <= 16_384);
+    assert!((flux / (PI as f32 * 10.0 * 0.24) - 1.0).abs() < 1e-3);
+    assert!(middle.distance(dvec3(0.0, 0.8, 0.0)) < 0.01);
+}
+
+#[test]
+fn emitters_light_a_room_as_paths_do() {
+    let gpu = gpu();
+    // A lamp below the ceiling of the Cornell box, and no other light.
+    let mut scene = lightskin::scene::build::cornell(lightskin::scene::build::CornellSurface::Diffuse, 0.1);
+    scene.instances.truncate(1);
+    scene.lights.clear();
+    let lamp = quad(vec3(-0.3, 1.95, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 0.6);
+    let shining = Material { emissive: Vec3::splat(100.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
+    add(&mut scene, lamp, shining, DAffine3::IDENTITY);
+    defaults::complete(&mut scene);
+    assert!(scene.lights.is_empty());
+    let settings = Settings { size: [32, 32], ..small() };
+    let caches = baked(&scene, 0.2, 8);
+    for bounces in [1, 3] {
+        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, ..settings });
+        let paths = path_trace::Settings {
+            size: settings.size,
+            bounces: bounces - 1,
+            sources: Sources::Surfaces,
+            ..path_trace::Settings::default()
+        };
+        let mut paths = PathTrace::new(&scene, &scene.cameras[0], &paths);
+        (0..8).for_each(|_| paths.pass());
+        let (mut off, mut sum, mut own) = (0.0, 0.0, 0.0);
+        for (((direct, indirect), diffuse), shown) in
+            paths.direct().iter().zip(paths.diffuse()).zip(&shot.diffuse).zip(&shot.direct)
+        {
+            let (path, shown) = (f64::from(direct[1]) + f64::from(indirect[1]), diffuse.y + shown.y);
+            // The lamp itself is the same in both.
+            if shown < 90.0 {
+                off += (path - shown).abs();
+                sum += path;
+                own += shown;
+            }
+        }
+        let (error, bias) = (off / sum, own / sum - 1.0);
+        eprintln!("{bounces} bounces: mean error {error:.4} of the mean, bias {bias:+.4}");
+        assert!(error < 0.12 && bias.abs() < 0.08, "{bounces}: {error}, {bias}");
+    }
+}
+
+#[test]
+fn clusters_hold_emitters_too() {
+    let gpu = gpu();
+    let scene = lamp_over_floor(vec3(30.0, 20.0, 10.0));
+    let caches = baked(&scene, 0.3, 8);
+    let all = shoot(&gpu, &scene, Some(&caches), &small());
+    let by = shoot(&gpu, &scene, Some(&caches), &Settings { cluster: Some(Cluster::Distance(8.0)), ..small() });
+    let off: f64 = all.sums[0].iter().zip(&by.sums[0]).map(|(a, b)| a.distance(*b)).sum();
+    let sum: f64 = all.sums[0].iter().map(|a| a.length()).sum();
+    eprintln!("clusters: {:.5}", off / sum);
+    assert!(sum > 0.0 && off / sum < 0.02);
+}

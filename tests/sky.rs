@@ -1,0 +1,161 @@
+//! A sky: the energy of the lights that stand for it, an open plane under it, its picture, files that are none.
+
+use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
+use lightskin::frame::{Gi, SceneBuffers, Settings};
+use lightskin::image::{Layer, read_radiance, write_exr};
+use lightskin::reference::path_trace::camera_ray;
+use lightskin::scene::build::quad;
+use lightskin::scene::sky::Sky;
+use lightskin::scene::{LightKind, Scene};
+use std::f64::consts::{PI, TAU};
+
+use crate::common::frames::{SPOT, add, baked, camera, corner, phong, shoot, small};
+use crate::common::{data, gpu, one_line, written};
+
+/// A sky whose radiance is a function of the direction.
+fn sky(width: u32, height: u32, turn: f64, radiance: impl Fn(DVec3) -> DVec3) -> Sky {
+    let texel = |i: u32| {
+        let (x, y) = (f64::from(i % width) + 0.5, f64::from(i / width) + 0.5);
+        let (latitude, longitude) = (PI * y / f64::from(height), TAU * (x / f64::from(width) - 0.5));
+        let direction = dvec3(latitude.sin() * longitude.sin(), latitude.cos(), -latitude.sin() * longitude.cos());
+        radiance(direction).as_vec3()
+    };
+    Sky::new(width, height, (0..width * height).map(texel), turn)
+}
+
+/// A sun of 5 degrees in a blue sky over dark ground.
+fn sunny(direction: DVec3) -> DVec3 {
+    let sun = if direction.dot(dvec3(0.6, 0.64, -0.48)) > 0.9962 { 1e5 } else { 0.0 };
+    let blue = if direction.y > 0.0 { dvec3(1000.0, 2000.0, 4000.0) } else { DVec3::splat(100.0) };
+    blue + DVec3::splat(sun)
+}
+
+#[test]
+fn lights_have_the_energy_of_the_sky() {
+    let mut skies = vec![("sunny", sky(256, 128, 0.0, sunny)), ("even", Sky::even(vec3(1.0, 2.0, 3.0)))];
+    if let Some(data) = data() {
+        for name in ["venice_sunset_1k.hdr", "studio_small_03_1k.hdr"] {
+            let picture = read_radiance(&data.join("env").join(name)).expect("a light probe");
+            assert_eq!((picture.width, picture.height), (1024, 512));
+            skies.push((name, Sky::new(1024, 512, picture.rgb.into_iter().map(Vec3::from), 0.3)));
+        }
+    }
+    for (name, sky) in skies {
+        let whole = sky.illuminance();
+        if name == "even" {
+            assert!(whole.distance(4.0 * PI * dvec3(1.0, 2.0, 3.0)) < 1e-5, "{whole}");
+        }
+        for count in [1, 5, 16, 64] {
+            let mut scene = Scene::default();
+            sky.clone().put_over(&mut scene, count);
+            assert_eq!(scene.lights.len(), count);
+            let light = |l: &lightskin::scene::Light| l.color.as_dvec3() * f64::from(l.intensity);
+            let sum: DVec3 = scene.lights.iter().map(light).sum();
+            assert!(sum.distance(whole) < 1e-6 * whole.length(), "{name}, {count}: {sum} of {whole}");
+            assert!(scene.lights.iter().all(|l| l.kind == LightKind::Directional && l.direction.is_normalized()));
+            let brightest = scene.lights.iter().map(|l| light(l).length()).fold(0.0, f64::max);
+            eprintln!(
+                "{name}: {count} lights, the brightest has {:.2} shares",
+                brightest / sum.length() * count as f64
+            );
+        }
+    }
+    // The sun is a light of its own direction.
+    let mut scene = Scene::default();
+    sky(256, 128, 0.0, sunny).put_over(&mut scene, 16);
+    let to_sun = scene.lights.iter().map(|l| -l.direction.as_dvec3().dot(dvec3(0.6, 0.64, -0.48))).fold(-1.0, f64::max);
+    assert!(to_sun > 0.995, "{to_sun}");
+}
+
+fn plane() -> Scene {
+    let mut scene = Scene { name: "plane".into(), ..Scene::default() };
+    let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.5);
+    add(&mut scene, floor, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    scene.cameras.push(camera(dvec3(0.0, 2.0, 0.01), DVec3::ZERO, 0.6));
+    scene
+}
+
+#[test]
+fn an_open_plane_under_an_even_sky_receives_pi_l() {
+    let gpu = gpu();
+    let mut before = f64::INFINITY;
+    for count in [4, 16, 64, 256] {
+        let mut scene = plane();
+        Sky::even(Vec3::splat(100.0)).put_over(&mut scene, count);
+        let facing = |l: &lightskin::scene::Light| f64::from(l.intensity) * f64::from(-l.direction.y).max(0.0);
+        let error = scene.lights.iter().map(facing).sum::<f64>() / (PI * 100.0) - 1.0;
+        eprintln!("{count} lights: {:+.2} %", 100.0 * error);
+        // Light from the middle of a region arrives more steeply than from all of it.
+        assert!(error > -1e-6 && error < before && error < 1.2 / (count as f64).sqrt(), "{count}: {error}");
+        before = error;
+        if count == 16 {
+            let shot = shoot(&gpu, &scene, None, &Settings { gi: Gi::Off, ..small() });
+            let expected = 0.5 * 100.0 * (1.0 + error);
+            let middle = shot.direct[24 * 48 + 24].x;
+            assert!((middle / expected - 1.0).abs() < 1e-4, "{middle} instead of {expected}");
+        }
+    }
+}
+
+#[test]
+fn the_background_shows_the_sky_from_every_side() {
+    let gpu = gpu();
+    let radiance = |d: DVec3| dvec3(1.1 + d.x, 1.1 + d.y, 1.1 + d.z);
+    for (turn, eye) in [(0.0, dvec3(0.3, 1.5, 4.0)), (0.7, dvec3(4.0, -2.0, 1.0)), (-2.0, dvec3(-3.0, 3.0, -2.0))] {
+        let mut scene = corner(&[SPOT], 10.0);
+        sky(256, 128, turn, radiance).put_over(&mut scene, 2);
+        scene.cameras = vec![camera(eye, DVec3::ZERO, 1.4)];
+        let shot = shoot(&gpu, &scene, None, &Settings { gi: Gi::Off, ..small() });
+        let mut shown = 0;
+        for pixel in (0..shot.direct.len()).filter(|pixel| !shot.covered[*pixel]) {
+            let (_, direction) = camera_ray(&scene.cameras[0], small().size, pixel);
+            // What is seen there has been turned there.
+            let expected = radiance(glam::DMat3::from_rotation_y(-turn) * direction);
+            assert!(
+                shot.direct[pixel].distance(expected) < 2e-3,
+                "{}: {} instead of {expected}",
+                pixel,
+                shot.direct[pixel]
+            );
+            shown += 1;
+        }
+        assert!(shown > 500, "{shown}");
+    }
+}
+
+#[test]
+fn a_skys_lights_share_the_virtual_lights_of_one() {
+    let gpu = gpu();
+    let mut scene = corner(&[SPOT], 10.0);
+    sky(128, 64, 0.0, sunny).put_over(&mut scene, 16);
+    let caches = baked(&scene, 0.5, 8);
+    let settings = Settings { rsm: 64, ..small() };
+    let shot = shoot(&gpu, &scene, Some(&caches), &settings);
+    assert_eq!(shot.vals.len(), 64 * 64 + 16 * 16 * 16);
+    assert!(shot.sums[0].iter().any(|sum| sum.x > 0.0));
+    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    assert_eq!(buffers.lights.iter().map(|l| l.sharing).sum::<u32>(), 1 + 16 * 16);
+}
+
+#[test]
+fn pictures_that_are_no_skies_are_refused_in_one_line() {
+    let texels: Vec<[f32; 4]> = (0..8).map(|i| [i as f32, 2.0, 3.0, 1.0]).collect();
+    let path = written("sky.exr", b"");
+    write_exr(&path, 4, 2, &[Layer::rgb("", &texels)], "").expect("written");
+    assert_eq!(read_radiance(&path).expect("read").rgb[5], [5.0, 2.0, 3.0]);
+    for (name, bytes, part) in [
+        ("sky.png", &b"x"[..], ".hdr or .exr"),
+        ("empty.hdr", b"", "image"),
+        ("text.hdr", b"no picture\nat all\n", "image"),
+        ("cut.hdr", b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 4 +X 8\n", "image"),
+        ("text.exr", b"no picture", "image"),
+    ] {
+        let message = one_line(read_radiance(&written(name, bytes)).expect_err("refused"));
+        eprintln!("{message}");
+        assert!(message.contains(part) && message.contains(name), "{message}");
+    }
+    if let Some(data) = data() {
+        let mangled = data.join("malformed/utf8_mangled/spot1Lux.hdr");
+        eprintln!("{}", one_line(read_radiance(&mangled).expect_err("refused")));
+    }
+}
