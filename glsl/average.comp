@@ -91,7 +91,7 @@ void main() {
                 if (do_glossy) {
                     vec3 r = reflect(view_direction(push.eye, c.position), c.normal);
                     float w = round == 0u ? printed_weight(distances[i], d_max, dot(mirrored, r)) : apart;
-                    add_printed(glossy, w, p.glossy_lit, p.glossy_irradiance, p.glossy_position, c.position);
+                    add_printed(glossy, w, p.glossy_distance2 > 0.0 ? 1.0 : 0.0, p.glossy_irradiance, p.glossy_position, c.position);
                 }
                 continue;
             }
@@ -103,7 +103,7 @@ void main() {
                 add(diffuse, w, diffuse_lit, p.diffuse_irradiance * left, p.diffuse_position);
             }
             // A cache whose lobe catches no light has no proxy to average.
-            if (do_glossy && p.glossy_lit > 0.0) {
+            if (do_glossy && p.glossy_distance2 > 0.0) {
                 vec3 towards = p.glossy_position - position;
                 float cosine = dot(mirrored, towards) * inversesqrt(max(dot(towards, towards), 1e-30));
                 float steps = c.exponent * log2(max(cosine, LEAST_LOBE_COSINE));

@@ -5,6 +5,7 @@
 #include "lib/gather.glsl"
 
 layout(constant_id = 0) const uint SOURCE = VALS_TEXELS;
+layout(constant_id = 1) const uint SPREAD = 0; // 1: stage 7 asks for it
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer ValCount { uint val_count; };
@@ -35,9 +36,9 @@ void main() {
             int at = int(3u * i) + int(3u * j);
             if (SOURCE == VALS_TEXELS) {
                 accumulate(s, c, texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2),
-                           GLOSSY);
+                           GLOSSY, SPREAD != 0u);
             } else {
-                accumulate(s, c, vals[at], vals[at + 1], vals[at + 2], GLOSSY);
+                accumulate(s, c, vals[at], vals[at + 1], vals[at + 2], GLOSSY, SPREAD != 0u);
             }
         }
     }
@@ -45,6 +46,6 @@ void main() {
     out_diffuse_irradiance = vec4(s.diffuse_irradiance, s.distance2);
 #ifndef DIFFUSE_ONLY
     out_glossy_position = vec4(s.glossy_position, s.glossy_weight);
-    out_glossy_irradiance = vec4(s.glossy_irradiance, 0.0);
+    out_glossy_irradiance = vec4(s.glossy_irradiance, s.glossy_distance2);
 #endif
 }

@@ -26,6 +26,9 @@ pub(super) struct Choices {
     /// Only adaptive caches against all of them lit.
     #[arg(long, conflicts_with = "clusters")]
     hierarchy: bool,
+    /// Only what is in the way of proxy lights, by every choice of stage 7, against rays.
+    #[arg(long, conflicts_with_all = ["clusters", "hierarchy"])]
+    occlusion: bool,
 }
 
 pub(super) fn run(args: &Choices) -> Result<()> {
@@ -39,6 +42,9 @@ pub(super) fn run(args: &Choices) -> Result<()> {
     let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
     if args.hierarchy {
         return hierarchy(&scene, &settings);
+    }
+    if args.occlusion {
+        return occlusion(&scene, &settings);
     }
     if args.clusters { clusters(&scene, &settings) } else { tables(&scene, &settings) }
 }
@@ -87,6 +93,21 @@ fn hierarchy(scene: &Scene, settings: &Settings) -> Result<()> {
         let ([e, eg], [b, bg], [t, tg]) = (percent(row.error), percent(row.bias), percent(row.truth));
         let lit = 100.0 * row.lit;
         say!("  {:<34}{lit:>7.1}%{e:>8.2}%{eg:>8.2}%{b:>+8.2}%{bg:>+8.2}%{t:>10.2}%{tg:>8.2}%", row.name);
+    }
+    Ok(())
+}
+
+/// Prints what the choices of stage 7 leave of the light at caches.
+fn occlusion(scene: &Scene, settings: &Settings) -> Result<()> {
+    let camera = super::render::camera(scene, None)?;
+    let study = Study::new(scene, &camera, *settings)?;
+    let [caches, vals] = study.counts();
+    say!("{}: {caches} caches, {vals} live VALs; light at caches against a ray to each VAL", scene.name);
+    say!("{:<40}{:>10}{:>9}{:>9} | glossy:{:>9}{:>9}{:>9}", "", "bias", "rmse", "MAPE", "bias", "rmse", "MAPE");
+    for row in study.occlusion() {
+        let [diffuse, glossy] =
+            row.lobes.map(|lobe| format!("{:>+9.1}%{:>9.3}{:>9.3}", 100.0 * lobe.bias, lobe.rmse, lobe.mape));
+        say!("  {:<38}{diffuse} |        {glossy}", row.name);
     }
     Ok(())
 }

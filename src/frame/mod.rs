@@ -11,6 +11,7 @@ pub mod gather;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod lights;
+pub mod occlude;
 pub mod pack;
 pub mod plan;
 pub mod pyramid;
@@ -191,12 +192,13 @@ pub struct Live {
     pub pairs: u64,
 }
 
-/// Stages 3, 5, 6 and 8.
+/// Stages 3 and 5 to 8.
 struct LightSkin {
     atlas: atlas::Atlas,
     visible: visible::Visible,
     cull: Option<cull::Cull>,
     gather: Lighting,
+    occlude: Option<occlude::Occlude>,
     interpolate: interpolate::Interpolate,
 }
 
@@ -215,8 +217,10 @@ impl Frame {
         if settings.cluster.is_some() && settings.gather.path == GatherPath::Fragment {
             return Err(Error::Nothing("clusters of VALs need the gather's compute path".into()));
         }
-        if settings.shadows != Shadows::Off {
-            return Err(Error::Nothing("soft shadows of indirect light are not built yet".into()));
+        if settings.shadows == Shadows::PerLight {
+            return Err(Error::Nothing(
+                "shadows of every virtual light are not built yet; there is --shadows proxy".into(),
+            ));
         }
         let lightskin = || -> Result<LightSkin> {
             Ok(LightSkin {
@@ -225,13 +229,15 @@ impl Frame {
                 cull: plan.cull.then(|| cull::Cull::new(gpu, settings)).transpose()?,
                 gather: match settings.cluster {
                     None => {
-                        Lighting::All(Box::new(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?))
+                        let new = if plan.occlude { gather::Gather::with_spread } else { gather::Gather::new };
+                        Lighting::All(Box::new(new(gpu, plan.glossy, plan.cull, &settings.gather)?))
                     }
                     Some(rule) => {
                         let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy, plan.cull)?;
                         Lighting::Clusters(Box::new(made))
                     }
                 },
+                occlude: plan.occlude.then(|| occlude::Occlude::new(gpu, &plan, settings)).transpose()?,
                 interpolate: interpolate::Interpolate::new(gpu, &plan, settings)?,
             })
         };
@@ -310,6 +316,9 @@ impl Frame {
             match &gi.gather {
                 Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches), // 6
                 Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches), // 6
+            }
+            if let Some(occlude) = &gi.occlude {
+                occlude.record(cmd, caches); // 7
             }
             gi.interpolate.record(cmd, scene, view, t, visible, caches, out); // 8
         }

@@ -1,6 +1,6 @@
 //! From a scene's features to the stages it needs. What a scene has not costs no pass, no target, no shader branch.
 
-use super::{Gi, Settings};
+use super::{Gi, Settings, Shadows};
 use crate::scene::{Material, Scene};
 
 /// Which stages a frame has.
@@ -14,6 +14,8 @@ pub struct Plan {
     pub cull: bool,
     /// Stage 6 by clusters of VALs, and the pyramids before it.
     pub clusters: bool,
+    /// Stage 7: the discs of caches dim the proxies of others.
+    pub occlude: bool,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
@@ -43,6 +45,7 @@ impl Plan {
             lightskin: direct && settings.gi == Gi::LightSkin,
             cull: direct && settings.gi == Gi::LightSkin && settings.cull,
             clusters: direct && settings.gi == Gi::LightSkin && settings.cluster.is_some(),
+            occlude: direct && settings.gi == Gi::LightSkin && settings.shadows == Shadows::Proxy,
             brute_force: direct && settings.gi == Gi::BruteForce,
             glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
         }
@@ -64,6 +67,7 @@ impl Plan {
             "no light"
         };
         let gi_without_cull = if self.lightskin { "switched off: every cache is lit" } else { gi };
+        let not_occluded = if self.lightskin { "not asked for by --shadows" } else { gi };
         vec![
             line(1, "gbuffer", true, "always"),
             line(2, "direct", self.direct, if self.direct { "there is a light" } else { "no light" }),
@@ -81,7 +85,12 @@ impl Plan {
                 self.lightskin,
                 if self.clusters { "clusters of VALs light caches where that is near enough" } else { gi },
             ),
-            line(7, "occlude", false, "not built yet: indirect light is unshadowed"),
+            line(
+                7,
+                "occlude",
+                self.occlude,
+                if self.occlude { "caches are in the way of proxy lights" } else { not_occluded },
+            ),
             line(
                 8,
                 "interpolate",
