@@ -2,7 +2,6 @@
 // A workgroup dims a few caches, neighbours in the list; each thread covers one cache's light with every so many groups of
 // discs. What threads have found is put together in their order, so that skipping changes no bit.
 #include "shared.glsl"
-#include "lib/form_factor.glsl"
 #include "lib/overlap.glsl"
 
 layout(local_size_x = OCCLUDE_RECEIVERS, local_size_y = OCCLUDE_PARTS) in;
@@ -27,7 +26,7 @@ struct SeenLight {
     vec3 towards_cache; // unit
     float distance;
     vec3 tangent;
-    float radius; // of its sphere
+    float reach; // from here on before it discs are in the way in full
     vec3 bitangent;
     float half_side; // of its square
     vec2 centre;
@@ -50,9 +49,9 @@ SeenLight light_of(Cache c, vec3 position, float distance2) {
     float radius2 = max(2.0 * (distance2 - d2), LEAST_RADIUS * LEAST_RADIUS * d2);
     vec3 tangent = tangent_towards(direction, c.normal);
     vec3 bitangent = cross(c.normal, tangent);
-    float side2 = sphere_form_factor(radius2, dot(c.normal, direction), d2);
+    float side2 = SQUARE * sphere_form_factor(radius2, dot(c.normal, direction), d2);
     float half_side = distance2 > 0.0 ? 0.5 * sqrt(side2) : -1e9;
-    return SeenLight(-direction, d2 * inverse, tangent, sqrt(radius2), bitangent, half_side,
+    return SeenLight(-direction, d2 * inverse, tangent, FADE * sqrt(radius2), bitangent, half_side,
                  vec2(dot(tangent, direction), dot(bitangent, direction)));
 }
 
@@ -72,8 +71,7 @@ bool may_cover(Cache c, OccluderGroup g, SeenLight diffuse, SeenLight glossy) {
     float radius = g.radius * 1.0001;
     float margin = 1e-5 * (distance + radius);
     float above = dot(c.normal, offset) + radius + margin;
-    float facing = -dot(g.normal, offset) + radius + g.spread * (distance + radius) + margin;
-    if (min(above, facing) <= 0.0) {
+    if (above <= 0.0) {
         return false;
     }
     float nearest = distance - radius;
@@ -82,8 +80,8 @@ bool may_cover(Cache c, OccluderGroup g, SeenLight diffuse, SeenLight glossy) {
     }
     float sine = radius / distance;
     float chord = sine * sqrt(2.0 / (1.0 + sqrt(max(1.0 - sine * sine, 0.0))));
-    vec2 cosines = min(vec2(above, facing) / nearest, vec2(1.0));
-    float half_side = 0.5 * sqrt(g.area * cosines.x * cosines.y / (g.area + PI * nearest * nearest));
+    float cosine = min(above / nearest, 1.0);
+    float half_side = 0.5 * sqrt(SQUARE * g.area * cosine / (g.area + 3.14159265358979 * nearest * nearest));
     return may_cover(diffuse, offset, radius, chord, half_side)
         || (GLOSSY != 0u && may_cover(glossy, offset, radius, chord, half_side));
 }
@@ -91,7 +89,7 @@ bool may_cover(Cache c, OccluderGroup g, SeenLight diffuse, SeenLight glossy) {
 void cover(inout Cover found, SeenLight l, vec3 offset, float inverse, float half_side) {
     vec2 centre = vec2(dot(l.tangent, offset), dot(l.bitangent, offset)) * inverse;
     vec4 corners = overlap(l.centre, l.half_side, centre, half_side);
-    float area = overlap_area(corners) * fade(dot(offset, l.towards_cache) + l.distance, l.radius);
+    float area = overlap_area(corners) * fade(dot(offset, l.towards_cache) + l.distance, l.reach);
     found.sum += area;
     if (area > 0.0) {
         found.low = min(found.low, corners.xy);
@@ -155,7 +153,7 @@ void main() {
             Cache disc = caches[j];
             vec3 offset = disc.position - c.position;
             float inverse = inversesqrt(max(dot(offset, offset), 1e-36));
-            float half_side = 0.5 * sqrt(disc.area * disc_geometry_towards(offset, disc.normal, c.normal, disc.area));
+            float half_side = 0.5 * sqrt(disc_side2(offset, disc.normal, c.normal, disc.area));
             cover(found[0], diffuse, offset, inverse, half_side);
             if (GLOSSY != 0u) {
                 cover(found[1], glossy, offset, inverse, half_side);

@@ -1,6 +1,5 @@
 // Stage 7, first half: what bounds the discs of each group of consecutive caches.
 #include "shared.glsl"
-#include "lib/phong.glsl"
 
 layout(local_size_x = 32) in;
 layout(push_constant, scalar) uniform Push { OccludePush push; };
@@ -16,18 +15,15 @@ void main() {
     uint end = min(first + OCCLUDER_GROUP, push.cache_count);
     vec3 low = caches[first].position;
     vec3 high = low;
-    OccluderGroup g = OccluderGroup(vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0);
+    OccluderGroup g = OccluderGroup(vec3(0.0), 0.0, 0.0);
     for (uint j = first; j < end; ++j) {
         low = min(low, caches[j].position);
         high = max(high, caches[j].position);
-        g.normal += caches[j].normal;
         g.area = max(g.area, caches[j].area);
     }
     g.position = 0.5 * (low + high);
-    g.normal = unit_or(g.normal, caches[first].normal);
     for (uint j = first; j < end; ++j) {
         g.radius = max(g.radius, distance(g.position, caches[j].position));
-        g.spread = max(g.spread, distance(g.normal, caches[j].normal));
     }
     groups[i] = g;
 }

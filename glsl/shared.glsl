@@ -261,8 +261,6 @@ struct LiveArgs {
 struct OccluderGroup {
     vec3 position; // middle of their bounds
     float radius; // of a sphere about it that holds their positions
-    vec3 normal; // mean, unit
-    float spread; // farthest normal from it, as points on the unit sphere
     float area; // largest [m^2]
 };
 

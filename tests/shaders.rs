@@ -409,6 +409,24 @@ fn discs_fade_as_the_twins_do() {
 }
 
 #[test]
+fn squares_of_discs_are_those_of_their_form_factors() {
+    let (disc, normal) = (dvec3(0.6, 0.0, -0.8), dvec3(0.0, 0.6, 0.8));
+    let mut inputs = random(64, 3000, [(-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (1e-6, 1e4), (1e-3, 1e3)]);
+    // A disc at the cache, of any size, covers nothing.
+    inputs.extend([[0.0, 0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1e-20, 1.0], [1e-25, 0.0, 0.0, 1e-20, 1.0]]);
+    let offset = |x: &[f64; 5]| dvec3(x[0], x[1], x[2]) * x[4];
+    // Both cosines are differences of products: their errors are relative to the length.
+    let bound = |_: &[f64; 5]| (FEW, 4.0 * FEW);
+    let expression = "vec4(disc_side2(v(0) * x[4], vec3(0.6, 0.0, -0.8), vec3(0.0, 0.6, 0.8), x[3]))";
+    check4(OVERLAP, expression, &inputs, bound, |x| {
+        let (d, square) = (offset(x), occlude::Choices::default().square);
+        let direction = d.normalize_or_zero();
+        let (cos_l, cos_x) = (disc.dot(direction).abs(), normal.dot(direction));
+        [if d.length() < 1e-20 { 0.0 } else { square * disc_form_factor(x[3], cos_l, cos_x, d.length_squared()) }; 4]
+    });
+}
+
+#[test]
 fn tangents_lie_on_the_surface_along_the_light() {
     let mut inputs = random(63, 3000, [(-1.0, 1.0); 6]);
     inputs.retain(|x| x[..3].iter().map(|c| c * c).sum::<f32>() > 1e-3);

@@ -4,8 +4,6 @@
 //! cache's unit disc, and what the squares of discs cover of the sphere's is lost. What the thesis leaves open, or prints
 //! in a way that can be read in two, is a choice; the defaults are the engine's.
 
-use std::f64::consts::PI;
-
 use glam::{DVec2, DVec3, dvec2};
 
 use super::form_factor::disc_form_factor;
@@ -22,23 +20,13 @@ pub struct Disc {
     pub area: f64,
 }
 
-/// How large the square of a form factor `F` is.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Side {
-    /// `sqrt(F)`, as printed.
-    #[default]
-    Printed,
-    /// `sqrt(pi F)`: on the unit disc a form factor covers the area `pi F`.
-    Nusselt,
-}
-
 /// Which side of a disc is in the way.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Facing {
     /// The front: a closed body is in the way once.
-    #[default]
     Front,
-    /// Both.
+    /// Both: squares are smaller than what they stand for, and the back of a body fills the gaps.
+    #[default]
     Both,
 }
 
@@ -79,10 +67,12 @@ pub enum Cap {
 }
 
 /// What is left open.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choices {
-    /// Sides of squares.
-    pub side: Side,
+    /// Area of a square over its form factor: 1 as printed; pi is what a form factor covers of the unit disc.
+    pub square: f64,
+    /// How far in front of the light a disc is in the way in full, in radii of the sphere; 1 as printed.
+    pub fade: f64,
     /// Sides of discs.
     pub facing: Facing,
     /// Size of the light.
@@ -91,6 +81,19 @@ pub struct Choices {
     pub tangents: Tangents,
     /// Guard against double blocking.
     pub cap: Cap,
+}
+
+impl Default for Choices {
+    fn default() -> Self {
+        Self {
+            square: 2.0,
+            fade: 2.0,
+            facing: Facing::default(),
+            radius: Radius::default(),
+            tangents: Tangents::default(),
+            cap: Cap::default(),
+        }
+    }
 }
 
 /// Least radius of a proxy light in distances from the cache: a point has no area to cover, and in f32 variances below
@@ -123,10 +126,10 @@ pub fn sphere_form_factor(radius2: f64, cosine: f64, d2: f64) -> f64 {
     radius2 * cosine.max(0.0) / (radius2 + d2)
 }
 
-/// Share of a disc that is in the way, eq. 5.61: from 1 where it stands before the sphere, `along` being how far it is in
-/// front of the light [m], to 0 where it stands level with the light or behind.
-pub fn fade(along: f64, radius: f64) -> f64 {
-    (along / radius).clamp(0.0, 1.0)
+/// Share of a disc that is in the way, eq. 5.61: from 1 where it stands `reach` [m] in front of the light or more, `along`
+/// being how far, to 0 where it stands level with the light or behind.
+pub fn fade(along: f64, reach: f64) -> f64 {
+    (along / reach).clamp(0.0, 1.0)
 }
 
 /// Where two squares overlap, as its lower and upper corner; `None` where they do not.
@@ -172,22 +175,12 @@ impl Light {
         let tangents = [tangent, cache.normal.cross(tangent)];
         let form_factor = sphere_form_factor(radius * radius, cache.normal.dot(direction), distance * distance);
         let centre = dvec2(tangents[0].dot(direction), tangents[1].dot(direction));
-        Self { offset, radius, tangents, centre, area: choices.side.area(form_factor) }
+        Self { offset, radius, tangents, centre, area: choices.square * form_factor }
     }
 
     /// The frame in which its square and those of discs lie: unit, on the surface.
     pub fn tangents(&self) -> [DVec3; 2] {
         self.tangents
-    }
-}
-
-impl Side {
-    /// Area of a form factor's square.
-    fn area(self, form_factor: f64) -> f64 {
-        match self {
-            Self::Printed => form_factor,
-            Self::Nusselt => PI * form_factor,
-        }
     }
 }
 
@@ -208,10 +201,10 @@ pub fn visible(cache: &Cache, light: &Light, discs: &[Disc], choices: &Choices) 
         let direction = offset / d2.sqrt();
         let cosine = -disc.normal.dot(direction);
         let cosine = if choices.facing == Facing::Both { cosine.abs() } else { cosine };
-        let area = choices.side.area(disc_form_factor(disc.area, cosine, cache.normal.dot(direction), d2));
+        let area = choices.square * disc_form_factor(disc.area, cosine, cache.normal.dot(direction), d2);
         let centre = dvec2(light.tangents[0].dot(direction), light.tangents[1].dot(direction));
         let Some([from, to]) = overlap(light.centre, light.area.sqrt(), centre, area.sqrt()) else { continue };
-        let share = fade((offset - light.offset).dot(towards_cache), light.radius);
+        let share = fade((offset - light.offset).dot(towards_cache), choices.fade * light.radius);
         sum += share * (to - from).element_product();
         if share > 0.0 || choices.cap == Cap::All {
             (low, high) = (low.min(from), high.max(to));

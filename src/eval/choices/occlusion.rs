@@ -1,12 +1,14 @@
 //! What stage 7 leaves of a cache's light, with every choice that METHOD 6 leaves open, against rays from the cache to
 //! each VAL.
 
+use std::f64::consts::PI;
+
 use glam::DVec3;
 use rayon::prelude::*;
 
 use super::study::Study;
 use crate::reference::gather::{Cache, Lobe, ProxyWeight, Received, gather_received, luminance, receive};
-use crate::reference::occlude::{Cap, Choices, Facing, Light, Radius, Side, Tangents, visible};
+use crate::reference::occlude::{Cap, Choices, Facing, Light, Radius, Tangents, visible};
 use crate::reference::phong::mirrored_view;
 
 /// One line of the table: light at the caches against rays.
@@ -43,23 +45,34 @@ impl Study<'_> {
     pub fn occlusion(&self) -> Vec<Occluded> {
         let truths: Vec<[Truth; 2]> = self.caches.par_iter().map(|cache| self.truth_at(cache)).collect();
         let base = Choices::default();
-        let printed = Choices { radius: Radius::LongestAxis, tangents: Tangents::Surface, ..base };
+        let printed = Choices {
+            square: 1.0,
+            fade: 1.0,
+            facing: Facing::Front,
+            radius: Radius::LongestAxis,
+            tangents: Tangents::Surface,
+            ..base
+        };
+        let both = Choices { facing: Facing::Both, ..printed };
         let variants = [
-            ("default".to_owned(), base),
+            ("default: sqrt(2 F), both sides, 2 r".to_owned(), base),
+            ("side sqrt(F)".into(), Choices { square: 1.0, ..base }),
+            ("side sqrt(pi F)".into(), Choices { square: PI, ..base }),
+            ("front sides of discs".into(), Choices { facing: Facing::Front, ..base }),
+            ("front sides, sqrt(pi F)".into(), Choices { facing: Facing::Front, square: PI, ..base }),
+            ("fade over 1 r".into(), Choices { fade: 1.0, ..base }),
+            ("fade over 3 r".into(), Choices { fade: 3.0, ..base }),
+            ("sqrt(F), fade over 1 r".into(), Choices { square: 1.0, fade: 1.0, ..base }),
             ("radius: longest axis".into(), Choices { radius: Radius::LongestAxis, ..base }),
             ("radius: twice the longest axis".into(), Choices { radius: Radius::TwiceLongestAxis, ..base }),
             ("radius: deviation in space".into(), Choices { radius: Radius::Deviation, ..base }),
             ("tangents of the surface".into(), Choices { tangents: Tangents::Surface, ..base }),
-            ("side sqrt(pi F)".into(), Choices { side: Side::Nusselt, ..base }),
-            ("both sides of discs".into(), Choices { facing: Facing::Both, ..base }),
-            ("sqrt(pi F), both sides".into(), Choices { side: Side::Nusselt, facing: Facing::Both, ..base }),
             ("no cap".into(), Choices { cap: Cap::None, ..base }),
-            ("sqrt(pi F), no cap".into(), Choices { side: Side::Nusselt, cap: Cap::None, ..base }),
             ("cap by discs behind the light too".into(), Choices { cap: Cap::All, ..base }),
             ("printed".into(), printed),
-            ("printed, both sides".into(), Choices { facing: Facing::Both, ..printed }),
-            ("printed, sqrt(pi F)".into(), Choices { side: Side::Nusselt, ..printed }),
-            ("longest axis, sqrt(pi F)".into(), Choices { radius: Radius::LongestAxis, side: Side::Nusselt, ..base }),
+            ("printed, sqrt(pi F)".into(), Choices { square: PI, ..printed }),
+            ("printed, both sides".into(), both),
+            ("printed, both sides, sqrt(pi F)".into(), Choices { square: PI, ..both }),
         ];
         let row = |name: String, share: &(dyn Fn(&Cache, &Truth) -> f64 + Sync)| {
             let shares: Vec<[f64; 2]> = (self.caches.par_iter().zip(&truths))
