@@ -59,9 +59,9 @@ fn ball() -> Scene {
     let (low, high) = (Vec3::new(-1.5, 0.0, -1.5), Vec3::new(1.5, 2.4, 1.5));
     let mut scene = room(low, high, [0.0; 3]);
     let grey = add_material(&mut scene, phong("ball", [0.6; 3], [0.0; 3], 1.0));
-    add(&mut scene, "ball", sphere(0.4, 20).shifted(0.1, 0.7, 0.0), grey);
-    spot(&mut scene, [-0.6, 2.2, 0.0], [-1.5, 0.9, 0.0], [30.0, 42.0]);
-    scene.cameras.push(camera("inside", DVec3::new(1.3, 1.7, 1.4), DVec3::new(-0.05, 0.45, -0.1), 0.95));
+    add(&mut scene, "ball", sphere(0.45, 20).shifted(-0.1, 0.6, 0.0), grey);
+    spot(&mut scene, [-0.7, 2.2, 0.0], [-1.5, 1.1, 0.0], [12.0, 20.0]);
+    scene.cameras.push(camera("inside", DVec3::new(0.9, 1.9, 1.4), DVec3::new(0.2, 0.4, -0.1), 1.05));
     scene
 }
 
@@ -94,7 +94,7 @@ fn columns() -> Scene {
 }
 
 fn skeleton() -> Scene {
-    let (low, high) = (Vec3::new(-1.3, 0.0, -1.5), Vec3::new(1.3, 2.2, 1.3));
+    let (low, high) = (Vec3::new(-1.3, 0.0, -1.5), Vec3::new(1.3, 2.2, 0.7));
     let mut scene = room(low, high, [0.0; 3]);
     let bone = add_material(&mut scene, phong("bone", [0.75, 0.7, 0.6], [0.0; 3], 1.0));
     let mut bones = sphere(0.1, 12).shifted(0.0, 1.62, 0.0);
@@ -119,8 +119,8 @@ fn skeleton() -> Scene {
         .map(|x| cuboid(Vec3::new(x - 0.04, 0.0, -0.06), Vec3::new(x + 0.04, 0.05, 0.16), 0.05, |n| n != Vec3::NEG_Y));
     let all = feet.into_iter().fold(bones.and(pelvis), Surface::and);
     add(&mut scene, "skeleton", all, bone);
-    spot(&mut scene, [0.0, 2.1, -0.6], [0.0, 0.9, -1.5], [35.0, 48.0]);
-    scene.cameras.push(camera("front", DVec3::new(0.95, 1.55, 1.2), DVec3::new(-0.1, 0.75, -0.2), 1.0));
+    spot(&mut scene, [0.0, 2.1, -0.8], [0.0, 1.2, -1.5], [12.0, 20.0]);
+    scene.cameras.push(camera("behind", DVec3::new(-1.1, 1.6, -1.3), DVec3::new(0.15, 0.8, 0.4), 1.05));
     scene
 }
 
