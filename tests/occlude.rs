@@ -1,7 +1,7 @@
 //! Stage 7: what discs leave of proxy lights, against the f64 twin and against what must hold whatever the formulas.
 
 use glam::{DVec3, Vec3, dvec3, vec3};
-use lightskin::bake::CacheSet;
+use lightskin::bake::{self, CacheSet, Density};
 use lightskin::eval::shadows;
 use lightskin::frame::occlude::Occlude;
 use lightskin::frame::targets::CacheTargets;
@@ -11,7 +11,7 @@ use lightskin::reference::brute_force;
 use lightskin::reference::gather::{self, Cache, Lobe, luminance};
 use lightskin::reference::occlude::{Choices, Disc, occlude};
 use lightskin::reference::phong::{Material, mirrored_view};
-use lightskin::scene::build::{CornellSurface, Shadowed, cornell};
+use lightskin::scene::build::{CornellSurface, Shadowed, cornell, valley};
 use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::{self, LiveArgs, Proxy};
 
@@ -24,6 +24,11 @@ const PATHS: [GatherPath; 2] = [GatherPath::Compute, GatherPath::Fragment];
 /// Dims proxies by discs on the device, each lobe of irradiance 1, and gives what is left of both. `skip`: groups of discs
 /// that cannot matter are skipped.
 fn left(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], path: GatherPath, skip: bool) -> Vec<[f32; 2]> {
+    timed(gpu, caches, proxies, path, skip).0
+}
+
+/// The same, and how long it took [ms].
+fn timed(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], path: GatherPath, skip: bool) -> (Vec<[f32; 2]>, f64) {
     let settings = Settings {
         shadows: Shadows::Proxy,
         gather: GatherSettings { path, ..GatherSettings::default() },
@@ -43,13 +48,17 @@ fn left(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], path: GatherPath
     }
     let new = if skip { Occlude::new } else { Occlude::without_skipping };
     let stage = new(gpu, &plan, &settings).expect("stage 7");
-    gpu.run_once("occlude", |cmd| stage.record(cmd, &targets)).expect("run");
+    let drawn = gpu.frame(true, |cmd| {
+        stage.record(cmd, &targets);
+        Ok(())
+    });
+    let ms = gpu.times(&drawn.expect("drawn")).expect("times").gpu_ms().unwrap_or_default();
     let dimmed: Vec<Proxy> = gpu.read(&targets.proxies).expect("proxies");
     for (before, after) in proxies.iter().zip(&dimmed) {
         let kept = |p: &Proxy| (p.diffuse_position, p.diffuse_distance2, p.glossy_position, p.glossy_distance2);
         assert_eq!(kept(before), kept(after), "only irradiances change");
     }
-    dimmed.iter().map(|p| [p.diffuse_irradiance.x, p.glossy_irradiance.x]).collect()
+    (dimmed.iter().map(|p| [p.diffuse_irradiance.x, p.glossy_irradiance.x]).collect(), ms)
 }
 
 /// A proxy whose lobes both have irradiance 1, from offsets and variances [m^2].
@@ -373,4 +382,33 @@ fn indirect_light_comes_nearer_to_light_paths() {
         }
     }
     assert_clean(&gpu);
+}
+
+#[test]
+fn skipping_changes_no_bit_of_whole_scenes() {
+    let gpu = gpu();
+    for (scene, count) in
+        [(valley(12_800, true), 4000), (Shadowed::Columns.scene(), 4000), (Shadowed::Columns.scene(), 500)]
+    {
+        let density = Density::Count(count);
+        let caches =
+            bake::bake(&scene, &bake::Settings { density, angle: 1.0, references: 8 }, &|_, _| ()).expect("bakes");
+        let settings = Settings { shadows: Shadows::Proxy, ..small() };
+        let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+        let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+        let drawn = gpu.frame(false, |cmd| {
+            frame.record(cmd, &buffers, &view);
+            Ok(())
+        });
+        drawn.expect("drawn");
+        let targets = frame.targets.caches.as_ref().expect("caches");
+        let atlas: Vec<shared::Cache> = gpu.read(&targets.atlas).expect("atlas");
+        let mut proxies: Vec<Proxy> = gpu.read(&targets.proxies).expect("proxies");
+        proxies.iter_mut().for_each(|p| (p.diffuse_irradiance, p.glossy_irradiance) = (Vec3::ONE, Vec3::ONE));
+        let [all, skipping] = [false, true].map(|skip| timed(&gpu, &atlas, &proxies, GatherPath::Compute, skip));
+        println!("{}: {} caches, every disc {:.1} ms, skipping {:.1} ms", scene.name, atlas.len(), all.1, skipping.1);
+        assert!(all.0 == skipping.0, "skipping shows");
+        assert!(all.0.iter().flatten().any(|share| *share < 0.5), "something is in the way");
+    }
 }

@@ -82,7 +82,7 @@ impl Study<'_> {
             Occluded { name, lobes }
         };
         let mut rows = vec![row("nothing in the way".into(), &|_, _| 1.0)];
-        rows.extend(variants.into_iter().map(|(name, choices)| {
+        rows.extend(variants.map(|(name, choices)| {
             row(name, &|cache, truth| {
                 let light = Light::new(cache, truth.lobe.position, choices.radius.of(truth.variance), &choices);
                 visible(cache, &light, &self.discs, &choices)
