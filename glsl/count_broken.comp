@@ -40,7 +40,7 @@ uint broken_val(Val v) {
 }
 
 uint broken_proxy(Proxy p) {
-    return endless(p.diffuse_position) + broken(p.diffuse_distance2) + broken(p.diffuse_irradiance) + broken(p.glossy_lit) +
+    return endless(p.diffuse_position) + broken(p.diffuse_distance2) + broken(p.diffuse_irradiance) + broken(p.glossy_distance2) +
            endless(p.glossy_position) + broken(p.glossy_irradiance);
 }
 

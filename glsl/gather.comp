@@ -8,6 +8,7 @@ layout(local_size_x = GATHER_THREADS) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
 layout(constant_id = 1) const uint SOURCE = VALS_TEXELS;
 layout(constant_id = 2) const uint CACHES = 4; // of a thread
+layout(constant_id = 3) const uint SPREAD = 0; // 1: stage 7 asks for it
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
@@ -45,7 +46,7 @@ void add(Packed v[AT_ONCE]) {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
         GatherSums s = sums[j];
         [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
-            accumulate(s, receivers[j], v[i].place, v[i].facing, v[i].light, GLOSSY != 0u);
+            accumulate(s, receivers[j], v[i].place, v[i].facing, v[i].light, GLOSSY != 0u, SPREAD != 0u);
         }
         sums[j] = s;
     }

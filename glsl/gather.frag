@@ -5,6 +5,7 @@
 #include "lib/gather.glsl"
 
 layout(constant_id = 0) const uint SOURCE = VALS_TEXELS;
+layout(constant_id = 1) const uint SPREAD = 0; // 1: stage 7 asks for it
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer ValCount { uint val_count; };
@@ -48,7 +49,7 @@ void main() {
                 light = vals[at + 2];
             }
             [[unroll]] for (uint k = 0u; k < TEXEL_CACHES; ++k) {
-                accumulate(sums[k], receivers[k], place, facing, light, GLOSSY);
+                accumulate(sums[k], receivers[k], place, facing, light, GLOSSY, SPREAD != 0u);
             }
         }
     }
@@ -59,7 +60,7 @@ void main() {
         out_sums[k * VECTORS + 1u] = vec4(s.diffuse_irradiance, s.distance2);
 #ifndef DIFFUSE_ONLY
         out_sums[k * VECTORS + 2u] = vec4(s.glossy_position, s.glossy_weight);
-        out_sums[k * VECTORS + 3u] = vec4(s.glossy_irradiance, 0.0);
+        out_sums[k * VECTORS + 3u] = vec4(s.glossy_irradiance, s.glossy_distance2);
 #endif
     }
 }

@@ -11,6 +11,7 @@
 #include "lib/cluster.glsl"
 
 layout(local_size_x_id = 3) in;
+layout(constant_id = 4) const uint SPREAD = 0; // 1: stage 7 asks for it
 layout(constant_id = 0) const uint GLOSSY = 1;
 layout(constant_id = 1) const uint RULE = CLUSTER_DISTANCE;
 layout(constant_id = 2) const uint CACHES = 1; // of a thread; all threads have CLUSTER_GROUP
@@ -54,7 +55,7 @@ uint all_bits(uint mine) {
 
 void add(vec4 place, vec4 facing, vec4 light) {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
-        accumulate(sums[j], receivers[j], place, facing, light, GLOSSY != 0u);
+        accumulate(sums[j], receivers[j], place, facing, light, GLOSSY != 0u, SPREAD != 0u);
     }
 }
 

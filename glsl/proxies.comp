@@ -9,6 +9,7 @@
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
 layout(constant_id = 1) const uint GROUP = 1; // caches that are live together
+layout(constant_id = 2) const uint SPREAD = 0; // 1: stage 7 asks for it
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) writeonly buffer Proxies { Proxy proxies[]; };
@@ -45,13 +46,14 @@ GatherSums sums_of(uint cache) {
     bool first = cache % TEXEL_CACHES == 0u;
     vec4 position = first ? texelFetch(first_diffuse_position, at, 0) : texelFetch(second_diffuse_position, at, 0);
     vec4 irradiance = first ? texelFetch(first_diffuse_irradiance, at, 0) : texelFetch(second_diffuse_irradiance, at, 0);
-    GatherSums s = GatherSums(position.xyz, position.w, irradiance.rgb, irradiance.w, vec3(0.0), 0.0, vec3(0.0));
+    GatherSums s = GatherSums(position.xyz, position.w, irradiance.rgb, irradiance.w, vec3(0.0), 0.0, vec3(0.0), 0.0);
     if (GLOSSY != 0u) {
         position = first ? texelFetch(first_glossy_position, at, 0) : texelFetch(second_glossy_position, at, 0);
         irradiance = first ? texelFetch(first_glossy_irradiance, at, 0) : texelFetch(second_glossy_irradiance, at, 0);
         s.glossy_position = position.xyz;
         s.glossy_weight = position.w;
         s.glossy_irradiance = irradiance.rgb;
+        s.glossy_distance2 = irradiance.w;
     }
     return s;
 }
@@ -65,12 +67,13 @@ void add(inout GatherSums s, GatherSums p) {
         s.glossy_position += p.glossy_position;
         s.glossy_weight += p.glossy_weight;
         s.glossy_irradiance += p.glossy_irradiance;
+        s.glossy_distance2 += p.glossy_distance2;
     }
 }
 
 // The sums of a live cache: its parts, in order.
 GatherSums sums_of(uint slot) {
-    GatherSums s = GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0));
+    GatherSums s = GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
 #ifdef BOUNCES
     // What the caches send comes first, and is scaled as a whole.
     for (uint part = 0u; part < push.cache_parts; ++part) {
@@ -84,6 +87,7 @@ GatherSums sums_of(uint slot) {
     s.glossy_position *= scale;
     s.glossy_weight *= scale;
     s.glossy_irradiance *= scale;
+    s.glossy_distance2 *= scale;
 #endif
     for (uint part = push.cache_parts; part < push.cache_parts + args.groups_y; ++part) {
         add(s, parts[part * push.cache_count + slot]);
@@ -126,7 +130,7 @@ void main() {
         }
     }
 
-    p.glossy_lit = 0.0;
+    p.glossy_distance2 = 0.0;
     p.glossy_position = c.position + c.normal;
     p.glossy_irradiance = vec3(0.0);
     if (GLOSSY != 0u && s.glossy_weight > MIN_WEIGHT) {
@@ -140,7 +144,7 @@ void main() {
         vec3 facing = mix(irradiance, seen, lobe > 0.0 ? 1.0 : 0.0);
         float cosine = dot(c.normal, w);
         if (cosine > MIN_COSINE) {
-            p.glossy_lit = 1.0;
+            p.glossy_distance2 = SPREAD != 0u ? max(s.glossy_distance2 / s.glossy_weight, 1e-30) : 1.0;
             p.glossy_position = c.position + d;
             p.glossy_irradiance = facing / cosine;
         }

@@ -24,6 +24,14 @@ const uint VALS_STORAGE = 1u;
 
 const uint VALS_SHARED = 2u;
 
+// Consecutive caches of the atlas that stage 7 skips together.
+const uint OCCLUDER_GROUP = 32u;
+
+// Caches that a workgroup of stage 7 dims, and threads that share the discs for each.
+const uint OCCLUDE_RECEIVERS = 8u;
+
+const uint OCCLUDE_PARTS = 8u;
+
 // Threads of a gather's workgroup.
 const uint GATHER_THREADS = 64u;
 
@@ -205,7 +213,7 @@ struct Proxy {
     vec3 diffuse_position;
     float diffuse_distance2; // mean squared distance of the VALs [m^2]; 0 where none reaches the lobe
     vec3 diffuse_irradiance;
-    float glossy_lit; // 1, or 0 where no VAL reaches the lobe
+    float glossy_distance2; // likewise; 1 where it is lit and nobody asks how far from
     vec3 glossy_position;
     vec3 glossy_irradiance;
 };
@@ -276,6 +284,13 @@ struct LiveArgs {
     uint cache_count;
 };
 
+// Consecutive caches of the atlas as discs: what bounds the squares of all of them.
+struct OccluderGroup {
+    vec3 position; // middle of their bounds
+    float radius; // of a sphere about it that holds their positions
+    float area; // largest [m^2]
+};
+
 // Sums over VALs at one cache, relative to its position.
 struct GatherSums {
     vec3 diffuse_position; // sum of w d
@@ -285,6 +300,7 @@ struct GatherSums {
     vec3 glossy_position; // the same times cos^k
     float glossy_weight;
     vec3 glossy_irradiance;
+    float glossy_distance2; // only with shadows of proxies
 };
 
 // Push constants of everything that draws the scene's triangles.
@@ -377,6 +393,12 @@ struct BouncePush {
     uint cache_count;
     uint cache_parts; // as in GatherPush
     uint step; // BOUNCE_AREAS, ..
+};
+
+// Push constants of stage 7.
+struct OccludePush {
+    uint cache_count;
+    uint group_count;
 };
 
 // Push constants of the gather by clusters.

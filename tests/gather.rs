@@ -217,7 +217,7 @@ fn every_way_of_lighting_caches_agrees() {
         let found = shot::gather_sums(&gpu, &targets).expect("sums");
         let mut worst = [0.0_f64; 2];
         for (found, twin) in found.iter().zip(&twins) {
-            let found: [f32; 15] = bytemuck::cast(*found);
+            let found: [f32; 16] = bytemuck::cast(*found);
             for i in 0..15 {
                 let error = (f64::from(found[i]) - twin[i]).abs() / twin[15 + i].max(1e-9 * twin[15 + i % 8]);
                 worst[i / 8] = worst[i / 8].max(error);

@@ -27,6 +27,7 @@ mod layout;
 mod malformed;
 mod nets;
 mod normal_maps;
+mod occlude;
 mod path_trace;
 mod proxies;
 mod quality;

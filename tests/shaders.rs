@@ -5,11 +5,12 @@
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3, Vec4, dvec3};
+use glam::{DVec3, Vec3, Vec4, dvec2, dvec3};
 use lightskin::reference::form_factor::{disc_form_factor, disc_geometry};
-use lightskin::reference::gather::val_geometry;
+use lightskin::reference::gather::{Cache, val_geometry};
 use lightskin::reference::interpolate::{Scheme, kernel};
 use lightskin::reference::light::{range_window, spot_falloff};
+use lightskin::reference::occlude;
 use lightskin::reference::phong::{cos_power, exponent_from_roughness, phong_lobe};
 use lightskin::reference::rsm::{Val, solid_angle};
 use lightskin::reference::tonemap;
@@ -99,6 +100,7 @@ const PHONG: &[&str] = &["lib/phong.glsl"];
 const LIGHT: &[&str] = &["lib/light.glsl"];
 const INTERPOLATION: &[&str] = &["lib/interpolation.glsl"];
 const TONEMAP: &[&str] = &["lib/tonemap.glsl"];
+const OVERLAP: &[&str] = &["lib/overlap.glsl"];
 
 // Form factor.
 
@@ -369,4 +371,81 @@ fn octahedral_coding_round_trips_within_the_unit_square() {
     check4(include, both, &inputs, |_| (0.0, 5e-7), twin);
     let inside = "vec4(all(lessThanEqual(abs(octahedral_encode(normalize(v(0)))), vec2(1.0))))";
     check4(include, inside, &inputs, |_| (0.0, 0.0), |_| [1.0; 4]);
+}
+
+// Overlap.
+
+#[test]
+fn sphere_form_factor_is_the_twins() {
+    let mut inputs = grid([&[0.0, 1e-12, 1e-4, 1.0, 1e6], &COSINES, &[1e-12, 1e-4, 1.0, 1e6]]);
+    inputs.extend(random(60, 2000, [(1e-9, 1e4), (-1.0, 1.0), (1e-9, 1e6)]));
+    let twin = |x: &[f64; 3]| occlude::sphere_form_factor(x[0], x[1], x[2]);
+    check(OVERLAP, "sphere_form_factor(x[0], x[1], x[2])", &inputs, |_| FEW, TINY, twin);
+    // A light of no size at the cache itself.
+    let inputs = [[0.0, 1.0, 0.0]];
+    check(OVERLAP, "sphere_form_factor(x[0], x[1], x[2])", &inputs, |_| FEW, TINY, |_| 0.0);
+}
+
+#[test]
+fn squares_overlap_as_the_twins_do() {
+    let sides: &[f32] = &[0.0, 0.1, 0.5, 1.0];
+    let places: &[f32] = &[-0.6, -0.05, 0.0, 0.3];
+    let mut inputs = grid([places, places, sides, places, places, sides]);
+    inputs.extend(random(61, 3000, [(-1.0, 1.0), (-1.0, 1.0), (0.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (0.0, 1.0)]));
+    let twin = |x: &[f64; 6]| {
+        let corners = occlude::overlap(dvec2(x[0], x[1]), x[2], dvec2(x[3], x[4]), x[5]);
+        corners.map_or(0.0, |[low, high]| (high - low).element_product())
+    };
+    let expression = "overlap_area(overlap(vec2(x[0], x[1]), 0.5 * x[2], vec2(x[3], x[4]), 0.5 * x[5]))";
+    // Squares that barely touch do so by a difference of numbers up to 1.5.
+    check(OVERLAP, expression, &inputs, |_| FEW, 1e-6, twin);
+}
+
+#[test]
+fn discs_fade_as_the_twins_do() {
+    let mut inputs = grid([&[-1e6, -1.0, 0.0, 1e-6, 0.5, 1.0, 1e6], &[1e-6, 1e-3, 1.0, 1e4]]);
+    inputs.extend(random(62, 1000, [(-2.0, 2.0), (1e-3, 2.0)]));
+    check(OVERLAP, "fade(x[0], x[1])", &inputs, |_| FEW, TINY, |x| occlude::fade(x[0], x[1]));
+}
+
+#[test]
+fn squares_of_discs_are_those_of_their_form_factors() {
+    let (disc, normal) = (dvec3(0.6, 0.0, -0.8), dvec3(0.0, 0.6, 0.8));
+    let mut inputs = random(64, 3000, [(-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (1e-6, 1e4), (1e-3, 1e3)]);
+    // A disc at the cache, of any size, covers nothing.
+    inputs.extend([[0.0, 0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1e-20, 1.0], [1e-25, 0.0, 0.0, 1e-20, 1.0]]);
+    let offset = |x: &[f64; 5]| dvec3(x[0], x[1], x[2]) * x[4];
+    // Both cosines are differences of products: their errors are relative to the length.
+    let bound = |_: &[f64; 5]| (FEW, 4.0 * FEW);
+    let expression = "vec4(disc_side2(v(0) * x[4], vec3(0.6, 0.0, -0.8), vec3(0.0, 0.6, 0.8), x[3]))";
+    check4(OVERLAP, expression, &inputs, bound, |x| {
+        let (d, square) = (offset(x), occlude::Choices::default().square);
+        let direction = d.normalize_or_zero();
+        let (cos_l, cos_x) = (disc.dot(direction).abs(), normal.dot(direction));
+        [if d.length() < 1e-20 { 0.0 } else { square * disc_form_factor(x[3], cos_l, cos_x, d.length_squared()) }; 4]
+    });
+}
+
+#[test]
+fn tangents_lie_on_the_surface_along_the_light() {
+    let mut inputs = random(63, 3000, [(-1.0, 1.0); 6]);
+    inputs.retain(|x| x[..3].iter().map(|c| c * c).sum::<f32>() > 1e-3);
+    // Straight down, where the surface's own tangents have no direction, and a light on the normal.
+    inputs.extend([[0.0, -1.0, 0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [0.6, -0.8, 0.0, 0.6, -0.8, 0.0]]);
+    let expression = "vec4(tangent_towards(normalize(v(3)), normalize(v(0))), 0.0)";
+    check4(
+        OVERLAP,
+        expression,
+        &inputs,
+        |_| (0.0, 1e-3),
+        |x| {
+            let (normal, direction) = (dvec3(x[0], x[1], x[2]).normalize(), dvec3(x[3], x[4], x[5]).normalize());
+            let cache = Cache { position: DVec3::ZERO, normal, exponent: 1.0 };
+            let [tangent, bitangent] =
+                occlude::Light::new(&cache, direction, 0.1, &occlude::Choices::default()).tangents();
+            assert!((tangent.length() - 1.0).abs() < 1e-9 && tangent.dot(normal).abs() < 1e-9);
+            assert!(bitangent.distance(normal.cross(tangent)) < 1e-9);
+            [tangent.x, tangent.y, tangent.z, 0.0]
+        },
+    );
 }

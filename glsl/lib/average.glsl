@@ -66,7 +66,7 @@ void take(inout Averages a, Point x, Cache c, Proxy p, bool by_distance, bvec2 l
         if (lobes.y) {
             vec3 r = reflect(view_direction(x.eye, c.position), c.normal);
             float w = by_distance ? apart : printed_weight(d, x.d_max, dot(x.mirrored, r));
-            add_printed(a.glossy, w, p.glossy_lit, p.glossy_irradiance, p.glossy_position, c.position);
+            add_printed(a.glossy, w, p.glossy_distance2 > 0.0 ? 1.0 : 0.0, p.glossy_irradiance, p.glossy_position, c.position);
         }
         return;
     }
@@ -78,7 +78,7 @@ void take(inout Averages a, Point x, Cache c, Proxy p, bool by_distance, bvec2 l
         add(a.diffuse, w, diffuse_lit, p.diffuse_irradiance * left, p.diffuse_position);
     }
     // A cache whose lobe catches no light has no proxy to average.
-    if (lobes.y && p.glossy_lit > 0.0) {
+    if (lobes.y && p.glossy_distance2 > 0.0) {
         vec3 towards = p.glossy_position - x.position;
         float cosine = dot(x.mirrored, towards) * inversesqrt(max(dot(towards, towards), 1e-30));
         float steps = c.exponent * log2(max(cosine, LEAST_LOBE_COSINE));

@@ -18,14 +18,14 @@ Receiver receiver(Cache c, vec4 eye) {
 }
 
 GatherSums no_light() {
-    return GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0));
+    return GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
 }
 
 // The VAL as three texels: position, area; normal, -; flux, weight. No square root, and one quotient for G and cos^2:
 // with q = d^2 (A + pi d^2), G = |d|^2 cos cos / q and (R.d)^2 / d^2 = (R.d)^2 (A + pi d^2) / q. The bound keeps 0/0
 // away where a cache lies on a VAL: both numerators are 0 there. It is on the whole of q because what devices flush to
-// zero is the product of a small area and a small distance.
-void accumulate(inout GatherSums s, Receiver c, vec4 place, vec4 facing, vec4 light, bool glossy) {
+// zero is the product of a small area and a small distance. `spread`: how far the glossy lobe's VALs are is asked, too.
+void accumulate(inout GatherSums s, Receiver c, vec4 place, vec4 facing, vec4 light, bool glossy, bool spread) {
     vec3 d = place.xyz - c.position;
     float d2 = dot(d, d);
     float disc = place.w + 3.14159265358979 * d2;
@@ -45,6 +45,9 @@ void accumulate(inout GatherSums s, Receiver c, vec4 place, vec4 facing, vec4 li
         s.glossy_position += d * w;
         s.glossy_weight += w;
         s.glossy_irradiance += light.rgb * (g * lobe);
+        if (spread) {
+            s.glossy_distance2 += d2 * w;
+        }
     }
 }
 

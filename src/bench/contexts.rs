@@ -9,9 +9,10 @@ use super::thesis;
 use crate::bake::{CacheSet, NO_CACHE};
 use crate::error::{Error, Result};
 use crate::frame::gather::Gather;
+use crate::frame::occlude::Occlude;
 use crate::frame::targets::{CacheTargets, ValTargets};
 use crate::frame::tune::Tuned;
-use crate::frame::{GatherSettings, Gi, Settings, Targets, View};
+use crate::frame::{GatherSettings, Gi, Settings, Shadows, Targets, View};
 use crate::gpu::Gpu;
 use crate::scene::Projection;
 use crate::scene::build::valley;
@@ -236,14 +237,17 @@ impl Contexts<'_> {
             "VALs",
             "frame [ms]",
             "gather [ms]",
+            "occlude [ms]",
+            "of all discs [ms]",
             "frame / first",
             "thesis [ms]",
             "thesis / first",
         ];
         let [w, h] = self.extent.size;
         let how = format!(
-            "{} triangles, {w}x{h} pixels, 8 caches of a vertex. \"first\" is the least of caches and VALs. The thesis's \
-             columns DGS (soft shadows) and SSS (subsurface scattering) are not here: neither is built yet. {}",
+            "{} triangles, {w}x{h} pixels, 8 caches of a vertex. DGS: DG with soft shadows of proxy lights (stage 7); \"of all discs\" is that stage where none is skipped. \
+             \"first\" is the least of caches and VALs. The thesis's column SSS (subsurface scattering) is not here: it is \
+             not built yet. {}",
             self.extent.ground,
             self.method()
         );
@@ -274,7 +278,7 @@ impl Contexts<'_> {
         for (glossy, name) in [(false, "D"), (true, "DG")] {
             let scene = valley(self.extent.ground, glossy);
             let mut budget = Budget::new(0.5 * self.extent.budget);
-            let mut first = None;
+            let mut first = [None; 2];
             for (i, asked) in self.extent.caches.iter().copied().enumerate() {
                 let set = bake(&scene, asked, 8)?.0;
                 let world = World::new(self.gpu, &scene, Some(&set))?;
@@ -287,18 +291,22 @@ impl Contexts<'_> {
                         continue;
                     }
                     match self.of_caches(&world, rsm, glossy) {
-                        Ok(Measured { caches, vals, frame, gather: both, native }) => {
+                        Ok(Measured { caches, vals, frame, gather: both, shadowed, native }) => {
                             let gather = both[0].min(both[1]);
-                            let thesis = |caches, rsm: u32| {
-                                thesis::frame_ms(thesis::CACHES, &[caches], &format!("{name}_{}", rsm * rsm))
-                            };
-                            let (of_thesis, first) =
-                                (thesis(asked as u32, rsm), first.get_or_insert((frame, thesis(asked as u32, rsm))));
-                            let slower = of_thesis.zip(first.1).map(|(now, first)| now / first);
-                            let mut row: Vec<Cell> = vec![name.into(), asked.into(), caches.into(), vals.into()];
-                            row.extend([frame, gather, frame / first.0].map(Cell::from));
-                            row.extend([of_thesis, slower].map(Cell::from));
-                            table.push(row);
+                            let versions =
+                                [Some((name, frame, None)), shadowed.map(|s| ("DGS", s.frame, Some(s.occlude)))];
+                            for ((name, frame, occlude), first) in versions.into_iter().flatten().zip(&mut first) {
+                                let column = format!("{name}_{}", rsm * rsm);
+                                let of_thesis = thesis::frame_ms(thesis::CACHES, &[asked as u32], &column);
+                                let first = first.get_or_insert((frame, of_thesis));
+                                let slower = of_thesis.zip(first.1).map(|(now, first)| now / first);
+                                let mut row: Vec<Cell> = vec![name.into(), asked.into(), caches.into(), vals.into()];
+                                let gather = occlude.is_none().then_some(gather);
+                                let [skipping, all] = occlude.map_or([None; 2], |both: [f64; 2]| both.map(Some));
+                                row.extend([Some(frame), gather, skipping, all, Some(frame / first.0)].map(Cell::from));
+                                row.extend([of_thesis, slower].map(Cell::from));
+                                table.push(row);
+                            }
                             let rate = |ms: f64| (caches * vals) as f64 / ms * 1e-6;
                             let [fragment, compute] = both.map(rate);
                             let share = rate(gather) * 1e9 * FLOP_PER_PAIR[usize::from(glossy)] / self.peak;
@@ -322,6 +330,7 @@ impl Contexts<'_> {
         let all = |way| Settings { cull: false, ..settings(size, Gi::LightSkin, 8, rsm, way) };
         let whole = world.frame(&all(self.fastest()))?;
         let whole_ms = self.keep(world.times(&whole, self.extent.warm_up, self.extent.frames)?).frame();
+        let shadowed = glossy.then(|| self.shadowed(world, &all(self.fastest()))).transpose()?;
         let (vals, caches) = light_and_caches(self.gpu, &whole.targets)?;
         let view = View::new(&world.scene.cameras[0], size, world.buffers.origin, world.buffers.radius);
 
@@ -363,11 +372,31 @@ impl Contexts<'_> {
         let [mut fragment, mut compute] = paths;
         let both = [median(&mut fragment)?, median(&mut compute)?];
         let native = pairs / median(&mut native)? * 1e-9;
-        Ok(Measured { caches: caches.len(), vals: vals.len(), frame: whole_ms, gather: both, native })
+        Ok(Measured { caches: caches.len(), vals: vals.len(), frame: whole_ms, gather: both, shadowed, native })
     }
 }
 
 impl Contexts<'_> {
+    fn shadowed(&mut self, world: &World<'_>, settings: &Settings) -> Result<ShadowedFrame> {
+        let settings = Settings { shadows: Shadows::Proxy, ..*settings };
+        let frame = world.frame(&settings)?;
+        let times = self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?);
+        // Dimmed again and again: the work is the same.
+        let caches = frame.targets.caches.as_ref().ok_or_else(|| Error::Nothing("the frame has no caches".into()))?;
+        let all = Occlude::without_skipping(self.gpu, &frame.plan, &settings)?;
+        let mut runs = Vec::new();
+        for _ in 0..self.extent.frames {
+            let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+                all.record(cmd, caches);
+                Ok(())
+            })?;
+            runs.push(self.gpu.times(&drawn)?.gpu_ms().unwrap_or_default());
+        }
+        runs.sort_by(f64::total_cmp);
+        let skipping = times.stage("occlude").unwrap_or_default();
+        Ok(ShadowedFrame { frame: times.frame(), occlude: [skipping, runs[runs.len() / 2]] })
+    }
+
     /// What culling costs and what it saves.
     pub fn culling(&mut self) -> Result<Table> {
         let columns = [
@@ -455,8 +484,19 @@ struct Measured {
     frame: f64,
     /// Stage 6 [ms] by the fragment path and by the compute path.
     gather: [f64; 2],
+    /// With shadows of proxies; only with both lobes.
+    shadowed: Option<ShadowedFrame>,
     /// G pairs/s of the CPU.
     native: f64,
+}
+
+/// A frame with shadows of proxies.
+#[derive(Clone, Copy)]
+struct ShadowedFrame {
+    /// All stages [ms].
+    frame: f64,
+    /// Stage 7 [ms], and the same where no disc is skipped.
+    occlude: [f64; 2],
 }
 
 /// The VALs and caches of the last frame, as the gather reads them.

@@ -11,7 +11,7 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// Numbers in `GatherSums`.
+/// Numbers in `GatherSums` but the last, which only shadows ask for.
 const SUMS: usize = 15;
 
 /// Those of the diffuse lobe, which come first.
@@ -120,8 +120,8 @@ impl<const GLOSSY: bool> WithSimd for Group<'_, GLOSSY> {
             }
             let numbers: &[f32] = bytemuck::cast_slice(&total);
             for (lane, out) in out.iter_mut().enumerate() {
-                let out: &mut [f32; SUMS] = bytemuck::cast_mut(out);
-                for (i, out) in out.iter_mut().enumerate() {
+                let out: &mut [f32; SUMS + 1] = bytemuck::cast_mut(out);
+                for (i, out) in out[..SUMS].iter_mut().enumerate() {
                     *out = numbers[i * S::F32_LANES + lane];
                 }
             }

@@ -9,16 +9,23 @@ pub(super) struct Assets {
     /// Folder to write to; made if missing.
     #[arg(default_value = "assets")]
     folder: PathBuf,
+    /// Also the scenes that `choices --shadows` measures.
+    #[arg(long)]
+    shadowed: bool,
 }
 
 pub(super) fn run(args: &Assets) -> Result<()> {
     std::fs::create_dir_all(&args.folder)
         .with_context(|| format!("{}: cannot make the folder", args.folder.display()))?;
-    let scenes = [
-        ("atrium.glb", build::atrium()),
-        ("cornell_diffuse.glb", build::cornell(build::CornellSurface::Diffuse, 0.05)),
-        ("cornell_glossy.glb", build::cornell(build::CornellSurface::Glossy, 0.05)),
+    let mut scenes = vec![
+        ("atrium.glb".to_owned(), build::atrium()),
+        ("cornell_diffuse.glb".to_owned(), build::cornell(build::CornellSurface::Diffuse, 0.05)),
+        ("cornell_glossy.glb".to_owned(), build::cornell(build::CornellSurface::Glossy, 0.05)),
     ];
+    if args.shadowed {
+        let shadowed = build::Shadowed::ALL.iter();
+        scenes.extend(shadowed.map(|which| (format!("shadowed_{}.glb", which.name()), which.scene())));
+    }
     for (name, scene) in scenes {
         let path = args.folder.join(name);
         write::write_glb(&scene, &path)?;

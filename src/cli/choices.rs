@@ -1,7 +1,8 @@
 //! `lightskin choices`: what the defaults are chosen by, as tables.
 
-use anyhow::Result;
+use anyhow::{Context, Result};
 use lightskin::eval::choices::{Row, Settings, Study, Worst};
+use lightskin::eval::shadows;
 use lightskin::scene::{Scene, build};
 use std::path::PathBuf;
 
@@ -29,9 +30,28 @@ pub(super) struct Choices {
     /// Only where caches are averaged: at vertices, or at pixels by textures or cells of references.
     #[arg(long, conflicts_with_all = ["clusters", "hierarchy"])]
     levels: bool,
+    /// Only what is in the way of proxy lights, by every choice of stage 7, against rays: on the five built-in scenes of
+    /// --shadows, or on the given one.
+    #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "shadows"])]
+    occlusion: bool,
+    /// Only soft shadows of indirect light, on the device, against one bounce of the path tracer: on five built-in scenes
+    /// whose indirect light is mostly shadowed, or on the given one.
+    #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels"])]
+    shadows: bool,
+    /// Samples per pixel of the path tracer with --shadows; they are kept, and a larger N refines.
+    #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
+    spp: u32,
+    #[command(flatten)]
+    device: super::DeviceArgs,
 }
 
 pub(super) fn run(args: &Choices) -> Result<()> {
+    if args.shadows {
+        return shadows(args);
+    }
+    if args.occlusion {
+        return occlusion(args);
+    }
     let mut scene = match &args.scene {
         Some(path) => super::divided(super::load_punctual(Some(path))?, &args.caches),
         None => build::between_walls(0.05),
@@ -47,6 +67,64 @@ pub(super) fn run(args: &Choices) -> Result<()> {
         return levels(&scene, &settings);
     }
     if args.clusters { clusters(&scene, &settings) } else { tables(&scene, &settings) }
+}
+
+/// Prints how far each kind of soft shadows is from the truth.
+fn shadows(args: &Choices) -> Result<()> {
+    let scenes = match &args.scene {
+        Some(path) => vec![super::load_punctual(Some(path))?],
+        None => build::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
+    };
+    let settings = shadows::Settings {
+        size: args.size,
+        caches: args.caches.caches as usize,
+        rsm: args.rsm,
+        samples: args.spp,
+        frames: 3,
+    };
+    let gpu = args.device.open()?;
+    let folder = lightskin::kept::folder().unwrap_or_else(std::env::temp_dir).join("shadows");
+    std::fs::create_dir_all(&folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
+    let [w, h] = settings.size;
+    for scene in &scenes {
+        let bar = super::progress_bar("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}");
+        bar.set_message("tracing paths");
+        let progress = |part: f32| bar.set_position((part * 1000.0) as u64);
+        let compared = shadows::compare(&gpu, scene, &settings, &folder, &progress)?;
+        bar.finish_and_clear();
+        let noise = 100.0 * compared.noise;
+        say!("{}: {} caches, {w} x {h} pixels; the truth has a noise of {noise:.1} %", scene.name, compared.caches);
+        say!(
+            "  {:<22}{:>9}{:>11}{:>9}{:>10}{:>12}{:>11}",
+            "",
+            "bias",
+            "RMSE/mean",
+            "relMSE",
+            "w/o 1 %",
+            "gather [ms]",
+            "frame [ms]"
+        );
+        for row in &compared.rows {
+            let name = super::render::ShadowsArg::of(row.shadows);
+            match &row.errors {
+                Err(reason) => say!("  {name:<22}{reason}"),
+                Ok(layers) => {
+                    for (layer, shadows::Errors { metrics: m, rmse_over_mean }) in layers {
+                        let (bias, label) = (100.0 * m.bias, format!("{name}, {layer}"));
+                        say!(
+                            "  {label:<22}{bias:>+8.1}%{rmse_over_mean:>11.3}{:>9.4}{:>10.4}{:>12.1}{:>11.1}",
+                            m.relmse,
+                            m.relmse_trimmed,
+                            row.gather_ms,
+                            row.frame_ms
+                        );
+                    }
+                }
+            }
+        }
+        super::check_messages(&gpu, &compared.problems)?;
+    }
+    Ok(())
 }
 
 /// Prints what clustering saves and costs.
@@ -117,6 +195,29 @@ fn levels(scene: &Scene, settings: &Settings) -> Result<()> {
             d.relmse_trimmed,
             g.relmse_trimmed
         );
+    }
+    Ok(())
+}
+
+/// Prints what the choices of stage 7 leave of the light at caches.
+fn occlusion(args: &Choices) -> Result<()> {
+    let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
+    match &args.scene {
+        Some(path) => occlusion_in(&super::load_scene(Some(path), &args.caches)?, &settings),
+        None => build::Shadowed::ALL.iter().try_for_each(|which| occlusion_in(&which.scene(), &settings)),
+    }
+}
+
+fn occlusion_in(scene: &Scene, settings: &Settings) -> Result<()> {
+    let camera = super::render::camera(scene, None)?;
+    let study = Study::new(scene, &camera, *settings)?;
+    let [caches, vals] = study.counts();
+    say!("{}: {caches} caches, {vals} live VALs; light at caches against a ray to each VAL", scene.name);
+    say!("{:<40}{:>10}{:>9}{:>9} | glossy:{:>9}{:>9}{:>9}", "", "bias", "rmse", "MAPE", "bias", "rmse", "MAPE");
+    for row in study.occlusion() {
+        let [diffuse, glossy] =
+            row.lobes.map(|lobe| format!("{:>+9.1}%{:>9.3}{:>9.3}", 100.0 * lobe.bias, lobe.rmse, lobe.mape));
+        say!("  {:<38}{diffuse} |        {glossy}", row.name);
     }
     Ok(())
 }

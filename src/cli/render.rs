@@ -138,7 +138,7 @@ enum ProxyWeightArg {
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
-enum ShadowsArg {
+pub(super) enum ShadowsArg {
     /// Nothing.
     #[default]
     Off,
@@ -146,6 +146,18 @@ enum ShadowsArg {
     Proxy,
     /// The other caches' discs, for every virtual light.
     PerLight,
+}
+
+impl ShadowsArg {
+    /// What one types for a kind.
+    pub(super) fn of(shadows: Shadows) -> String {
+        let arg = match shadows {
+            Shadows::Off => Self::Off,
+            Shadows::Proxy => Self::Proxy,
+            Shadows::PerLight => Self::PerLight,
+        };
+        arg.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+    }
 }
 
 fn picture(text: &str) -> std::result::Result<PathBuf, String> {

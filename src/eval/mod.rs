@@ -16,6 +16,7 @@ pub mod record;
 pub mod references;
 pub mod report;
 pub mod run;
+pub mod shadows;
 pub mod shot;
 pub mod sources;
 pub mod ssim;

@@ -128,6 +128,7 @@ pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> 
                     glossy_position: s.glossy_position + scale * p.glossy_position,
                     glossy_weight: s.glossy_weight + scale * p.glossy_weight,
                     glossy_irradiance: s.glossy_irradiance + scale * p.glossy_irradiance,
+                    glossy_distance2: s.glossy_distance2 + scale * p.glossy_distance2,
                 };
             }
         }
@@ -146,6 +147,7 @@ pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> 
             glossy_position: texel(2).truncate(),
             glossy_weight: texel(2).w,
             glossy_irradiance: texel(3).truncate(),
+            glossy_distance2: texel(3).w,
         };
     }
     Ok(sums)
@@ -187,7 +189,7 @@ fn gathered(p: &shared::Proxy, cache: &Cache, origin: DVec3, eye: DVec3) -> Gath
     };
     Gathered {
         diffuse: lobe(p.diffuse_position, p.diffuse_irradiance, p.diffuse_distance2, p.diffuse_distance2),
-        glossy: lobe(p.glossy_position, p.glossy_irradiance, p.glossy_lit, 0.0),
+        glossy: lobe(p.glossy_position, p.glossy_irradiance, p.glossy_distance2, p.glossy_distance2),
         mirrored_view: mirrored_view(cache.position, cache.normal, eye),
     }
 }

@@ -6,7 +6,7 @@
 use super::pack::Pack;
 use super::pyramid::Pyramid;
 use super::targets::{CacheTargets, ValTargets};
-use super::{SceneBuffers, Settings, View};
+use super::{SceneBuffers, Settings, Shadows, View};
 use crate::error::Result;
 use crate::gpu::{Bind, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{CLUSTER_BOUND, CLUSTER_DISTANCE, CLUSTER_GROUP, ClusterPush, GatherPush};
@@ -52,12 +52,13 @@ impl Clusters {
         glossy: bool,
         cull: bool,
     ) -> Result<Self> {
+        let spread = u32::from(settings.shadows == Shadows::Proxy);
         let walk = |glossy: bool, rule: u32| match gpu.voting_threads() {
             Some(threads) => {
-                let constants = [glossy.into(), rule, CLUSTER_GROUP / threads, threads];
+                let constants = [glossy.into(), rule, CLUSTER_GROUP / threads, threads, spread];
                 gpu.compute_in_subgroups("gather_clusters_votes.comp", &constants, threads)
             }
-            None => gpu.compute("gather_clusters.comp", &[glossy.into(), rule, 1, CLUSTER_GROUP]),
+            None => gpu.compute("gather_clusters.comp", &[glossy.into(), rule, 1, CLUSTER_GROUP, spread]),
         };
         let coarse = || -> Result<Coarse> {
             Ok(Coarse { walk: walk(false, CLUSTER_DISTANCE)?, totals: gpu.compute("cluster_totals.comp", &[])? })
@@ -68,7 +69,7 @@ impl Clusters {
             pack: (!cull).then(|| Pack::new(gpu)).transpose()?,
             coarse: is_error.then(coarse).transpose()?,
             walk: walk(glossy, if is_error { CLUSTER_BOUND } else { CLUSTER_DISTANCE })?,
-            resolve: gpu.compute("proxies.comp", &[glossy.into(), CLUSTER_GROUP])?,
+            resolve: gpu.compute("proxies.comp", &[glossy.into(), CLUSTER_GROUP, spread])?,
             rule,
         })
     }

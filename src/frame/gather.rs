@@ -72,6 +72,16 @@ enum Path {
 impl Gather {
     /// Makes the pipelines. Without culling the compute path lists all caches itself.
     pub fn new(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings) -> Result<Self> {
+        Self::made(gpu, glossy, cull, settings, false)
+    }
+
+    /// The same; proxies of the glossy lobe also know how far from the cache their VALs are.
+    pub fn with_spread(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings) -> Result<Self> {
+        Self::made(gpu, glossy, cull, settings, true)
+    }
+
+    fn made(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings, spread: bool) -> Result<Self> {
+        let (glossy_constant, spread) = (u32::from(glossy), u32::from(spread));
         let targets = [Format::R32G32B32A32_SFLOAT; 4 * TEXEL_CACHES as usize];
         let source = settings.source as u32;
         Ok(match settings.path {
@@ -86,19 +96,19 @@ impl Gather {
                         blend: Blend::Add,
                         depth: if cull { Depth::Behind } else { Depth::None },
                         cull: Cull::None,
-                        constants: &[source],
+                        constants: &[source, spread],
                     })?,
                     tile: settings.tile,
                 },
-                resolve: gpu.compute("proxies_images.comp", &[u32::from(glossy)])?,
+                resolve: gpu.compute("proxies_images.comp", &[glossy_constant, 1, spread])?,
                 bounces: None,
             },
             GatherPath::Compute => Self {
                 path: Path::Compute {
                     pack: (!cull).then(|| Pack::new(gpu).map(Box::new)).transpose()?,
-                    sum: gpu.compute("gather.comp", &[u32::from(glossy), source, settings.caches_per_thread])?,
+                    sum: gpu.compute("gather.comp", &[glossy_constant, source, settings.caches_per_thread, spread])?,
                 },
-                resolve: gpu.compute("proxies.comp", &[u32::from(glossy), 1])?,
+                resolve: gpu.compute("proxies.comp", &[glossy_constant, 1, spread])?,
                 bounces: None,
             },
         })

@@ -15,6 +15,7 @@ pub mod gather;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod lights;
+pub mod occlude;
 pub mod pack;
 pub mod plan;
 pub mod pyramid;
@@ -214,12 +215,13 @@ pub struct Live {
     pub pairs: u64,
 }
 
-/// Stages 3, 5, 6 and 8.
+/// Stages 3 and 5 to 8.
 struct LightSkin {
     atlas: atlas::Atlas,
     visible: Seen,
     cull: Option<cull::Cull>,
     gather: Lighting,
+    occlude: Option<occlude::Occlude>,
     interpolate: interpolate::Interpolate,
 }
 
@@ -255,8 +257,10 @@ impl Frame {
         if plan.brute_force && settings.bounces > 1 {
             return Err(Error::Nothing("brute force has one bounce".into()));
         }
-        if settings.shadows != Shadows::Off {
-            return Err(Error::Nothing("soft shadows of indirect light are not built yet".into()));
+        if settings.shadows == Shadows::PerLight {
+            return Err(Error::Nothing(
+                "shadows of every virtual light are not built yet; there is --shadows proxy".into(),
+            ));
         }
         let of_pixels = buffers.cells.as_ref().map(|cells| cells.row);
         if plan.lightskin && of_pixels.is_some() != (settings.level == Level::Texel) {
@@ -280,13 +284,15 @@ impl Frame {
                         Lighting::All(Box::new(gather::Gather::with_bounces(gpu, plan.glossy, settings)?))
                     }
                     None => {
-                        Lighting::All(Box::new(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?))
+                        let new = if plan.occlude { gather::Gather::with_spread } else { gather::Gather::new };
+                        Lighting::All(Box::new(new(gpu, plan.glossy, plan.cull, &settings.gather)?))
                     }
                     Some(rule) => {
                         let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy, plan.cull)?;
                         Lighting::Clusters(Box::new(made))
                     }
                 },
+                occlude: plan.occlude.then(|| occlude::Occlude::new(gpu, &plan, settings)).transpose()?,
                 interpolate: interpolate::Interpolate::new(gpu, &plan, settings, of_pixels)?,
             })
         };
@@ -379,6 +385,9 @@ impl Frame {
             match &gi.gather {
                 Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches, scene.cache_albedos.as_ref()), // 6
                 Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches),                      // 6
+            }
+            if let Some(occlude) = &gi.occlude {
+                occlude.record(cmd, caches); // 7
             }
             gi.interpolate.record(cmd, scene, view, t, visible, caches, out); // 8
         }

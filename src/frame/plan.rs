@@ -1,6 +1,6 @@
 //! From a scene's features to the stages it needs. What a scene has not costs no pass, no target, no shader branch.
 
-use super::{Gi, Settings};
+use super::{Gi, Settings, Shadows};
 use crate::scene::{Material, Scene};
 
 /// Which stages a frame has.
@@ -20,6 +20,8 @@ pub struct Plan {
     pub clusters: bool,
     /// Stage 6 goes on: lit caches light all caches.
     pub bounces: bool,
+    /// Stage 7: the discs of caches dim the proxies of others.
+    pub occlude: bool,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
@@ -55,6 +57,7 @@ impl Plan {
             cull: lightskin && settings.cull && !bounces,
             clusters: lightskin && settings.cluster.is_some(),
             bounces,
+            occlude: lightskin && settings.shadows == Shadows::Proxy,
             brute_force: (direct || emitters) && settings.gi == Gi::BruteForce && settings.bounces > 0,
             glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
         }
@@ -80,6 +83,7 @@ impl Plan {
             () if self.lightskin => "switched off: every cache is lit",
             () => gi,
         };
+        let not_occluded = if self.lightskin { "not asked for by --shadows" } else { gi };
         vec![
             line(1, "gbuffer", true, "always"),
             line(
@@ -122,7 +126,12 @@ impl Plan {
                     () => gi,
                 },
             ),
-            line(7, "occlude", false, "not built yet: indirect light is unshadowed"),
+            line(
+                7,
+                "occlude",
+                self.occlude,
+                if self.occlude { "caches are in the way of proxy lights" } else { not_occluded },
+            ),
             line(
                 8,
                 "interpolate",

@@ -7,8 +7,8 @@ use super::{Plan, ProxyWeight, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
-    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy, TEXEL_CACHES,
-    VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
+    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, OCCLUDER_GROUP, OccluderGroup,
+    PACK_BLOCK, Proxy, TEXEL_CACHES, VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
 };
 use glam::Vec3;
 
@@ -104,6 +104,8 @@ pub struct CacheTargets {
     pub clusters: Option<ClusterTargets>,
     /// What further bounces add.
     pub bounces: Option<BounceTargets>,
+    /// Bounds of stage 7's groups of discs; only with shadows of proxies.
+    pub occluders: Option<Buffer>,
 }
 
 /// The list that the compute path works through: of caches, or of groups of consecutive ones with clusters. A group is
@@ -194,6 +196,9 @@ impl Targets {
             if plan.bounces {
                 caches.bounce(gpu, vals)?;
             }
+            if plan.occlude {
+                caches.occluders = Some(caches.new_occluders(gpu)?);
+            }
             if plan.cull {
                 caches.mask = caches.new_mask(gpu, &settings.gather)?;
             }
@@ -230,6 +235,7 @@ impl Targets {
         if let Some(caches) = &self.caches {
             all.extend([&caches.atlas, &caches.proxies]);
             all.extend(&caches.parts);
+            all.extend(&caches.occluders);
             all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args]));
             all.extend(caches.clusters.iter().flat_map(|c| [&c.node_count, &c.totals, &c.pairs]));
             all.extend(caches.bounces.iter().flat_map(BounceTargets::buffers));
@@ -326,6 +332,7 @@ impl CacheTargets {
             mask: None,
             clusters: None,
             bounces: None,
+            occluders: None,
         };
         match settings.path {
             GatherPath::Fragment => {
@@ -417,6 +424,12 @@ impl CacheTargets {
     fn new_mask(&self, gpu: &Gpu, settings: &GatherSettings) -> Result<Option<Image>> {
         let mask = || gpu.target("cull.mask", Format::D32_SFLOAT, self.columns() * 8, self.rows());
         (settings.path == GatherPath::Fragment).then(mask).transpose()
+    }
+
+    /// Bounds of the groups of discs that stage 7 skips together.
+    pub fn new_occluders(&self, gpu: &Gpu) -> Result<Buffer> {
+        let groups = u64::from(self.count.div_ceil(OCCLUDER_GROUP).max(1));
+        gpu.buffer("occlude.groups", groups * size_of::<OccluderGroup>() as u64)
     }
 
     /// Rows of blocks in the fragment path's images.

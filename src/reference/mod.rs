@@ -23,6 +23,8 @@ pub mod interpolate;
 pub mod light;
 /// One diffuse bounce by random sampling: the truth behind the VALs.
 pub mod monte_carlo;
+/// Discs of caches in the way of proxy lights, stage 7.
+pub mod occlude;
 /// Light paths drawn at random: the truth behind all of it.
 pub mod path_trace;
 /// Diffuse and modified Phong reflection.

@@ -8,6 +8,7 @@ mod between;
 mod cornell;
 mod fabric;
 mod masonry;
+mod shadowed;
 mod shapes;
 mod valley;
 
@@ -16,6 +17,7 @@ pub use between::between_walls;
 pub use cornell::{CornellSurface, cornell};
 pub use fabric::{drape, torus_knot};
 pub use masonry::{ArchShape, arch, ring, steps, vault_dome};
+pub use shadowed::Shadowed;
 pub use shapes::{Surface, cuboid, lathe, loft_square, patch, quad, sheet, spans, sphere};
 pub use valley::valley;
 

@@ -5,12 +5,14 @@
 mod clusters;
 mod hierarchy;
 mod levels;
+mod occlusion;
 mod study;
 mod variants;
 
 pub use clusters::{Clustered, Flickered};
 pub use hierarchy::Adapted;
 pub use levels::Levelled;
+pub use occlusion::Occluded;
 pub use study::{Settings, Study};
 
 use rayon::prelude::*;

@@ -10,6 +10,7 @@ use crate::bake::{self, CacheSet, Density, NO_CACHE};
 use crate::error::Result;
 use crate::reference::brute_force;
 use crate::reference::gather::Cache;
+use crate::reference::occlude::Disc;
 use crate::reference::path_trace::camera_ray;
 use crate::reference::phong::{Material, mirrored_view};
 use crate::reference::rsm::{self, Val, View};
@@ -69,6 +70,8 @@ pub struct Study<'a> {
     pub(super) pixels: Vec<Pixel>,
     pub(super) vertices: Vec<Vertex>,
     pub(super) caches: Vec<Cache>,
+    /// The same as what is in the way.
+    pub(super) discs: Vec<Disc>,
     /// The first cache of each instance.
     pub(super) first: Vec<usize>,
     /// `d_eps` [m] of the bake.
@@ -86,6 +89,13 @@ impl<'a> Study<'a> {
         let baked = bake::bake(scene, &bake_settings, &|_, _| ())?;
         let world = World::new(scene);
         let (caches, first) = caches(scene, &baked);
+        let areas = baked.instance_model.iter().flat_map(|model| &baked.models[*model].caches);
+        let disc = |(at, baked): (&Cache, &bake::Cache)| Disc {
+            position: at.position,
+            normal: at.normal,
+            area: baked.area.into(),
+        };
+        let discs = caches.iter().zip(areas).map(disc).collect();
         let vals = vals(scene, &world, settings.rsm, None);
         let mut study = Self {
             scene,
@@ -95,6 +105,7 @@ impl<'a> Study<'a> {
             pixels: Vec::new(),
             vertices: Vec::new(),
             caches,
+            discs,
             first,
             spacing: baked.spacing,
             vals,

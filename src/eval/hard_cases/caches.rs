@@ -327,9 +327,9 @@ fn behind(gpu: &Gpu) -> Result<Outcome> {
         (val.position, val.normal) = (vec3(x, y, -z - 4.0), Vec3::Z);
     }
     let found = gather_alone(gpu, &vals, &some_caches(64, 10.0))?;
-    let parts = |s: &GatherSums| -> [f32; 15] { bytemuck::cast(*s) };
+    let parts = |s: &GatherSums| -> [f32; 16] { bytemuck::cast(*s) };
     let light = found.sums.iter().flat_map(parts).map(|part| f64::from(part.abs())).fold(0.0, f64::max);
-    let lit = found.proxies.iter().filter(|p| p.diffuse_distance2 + p.glossy_lit > 0.0).count();
+    let lit = found.proxies.iter().filter(|p| p.diffuse_distance2 + p.glossy_distance2 > 0.0).count();
     let mut outcome = Outcome::all([("largest sum", light, 0.0), ("lit proxies", lit as f64, 0.0)]);
     outcome.complaints = found.complaints;
     Ok(outcome)
