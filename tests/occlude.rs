@@ -317,7 +317,7 @@ fn culling_and_clusters_leave_what_all_caches_leave() {
 fn assert_frame(gpu: &Gpu, scene: &Scene, caches: &CacheSet) {
     let shot = shoot(gpu, scene, Some(caches), &Settings { shadows: Shadows::Proxy, ..small() });
     let areas = caches.instance_model.iter().flat_map(|model| &caches.models[*model].caches);
-    let disc = |(at, cache): (&Cache, &lightskin::bake::Cache)| Disc {
+    let disc = |(at, cache): (&Cache, &bake::Cache)| Disc {
         position: at.position,
         normal: at.normal,
         area: cache.area.into(),
@@ -401,7 +401,7 @@ fn skipping_changes_no_bit_of_whole_scenes() {
             frame.record(cmd, &buffers, &view);
             Ok(())
         });
-        drawn.expect("drawn");
+        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
         let targets = frame.targets.caches.as_ref().expect("caches");
         let atlas: Vec<shared::Cache> = gpu.read(&targets.atlas).expect("atlas");
         let mut proxies: Vec<Proxy> = gpu.read(&targets.proxies).expect("proxies");
@@ -409,6 +409,6 @@ fn skipping_changes_no_bit_of_whole_scenes() {
         let [all, skipping] = [false, true].map(|skip| timed(&gpu, &atlas, &proxies, GatherPath::Compute, skip));
         println!("{}: {} caches, every disc {:.1} ms, skipping {:.1} ms", scene.name, atlas.len(), all.1, skipping.1);
         assert!(all.0 == skipping.0, "skipping shows");
-        assert!(all.0.iter().flatten().any(|share| *share < 0.5), "something is in the way");
+        assert!(all.0.iter().flatten().any(|share| *share < 0.95), "something is in the way");
     }
 }
