@@ -4,6 +4,7 @@ use glam::{DAffine3, DVec3, Vec3, dvec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::{Frame, GatherPath, GatherSettings, SceneBuffers, Settings};
 use lightskin::reference::bounce::{self, Patch};
+use lightskin::reference::gather::Cache;
 use lightskin::reference::path_trace::{self, PathTrace};
 use lightskin::scene::build::quad;
 use lightskin::scene::{Image, Light, LightKind, Material, Scene, Texture};
@@ -56,6 +57,27 @@ fn patches(scene: &Scene, caches: &CacheSet, shot: &Shot) -> Vec<Patch> {
 /// Flux [lm] that arrives at all caches, of one channel.
 fn arriving(patches: &[Patch], irradiances: &[DVec3]) -> f64 {
     patches.iter().zip(irradiances).map(|(patch, irradiance)| patch.area * irradiance.x).sum()
+}
+
+#[test]
+fn form_factors_of_a_closed_box_are_nearly_one() {
+    for spacing in [0.8, 0.4, 0.2] {
+        let scene = cube(0.5, DVec3::ZERO);
+        let caches = baked(&scene, spacing, 8);
+        let patch = |c: &lightskin::bake::Cache| Patch {
+            cache: Cache { position: c.position.as_dvec3(), normal: c.normal.as_dvec3(), exponent: 1.0 },
+            area: c.area.into(),
+            albedo: DVec3::ONE,
+        };
+        let models = caches.instance_model.iter().map(|model| &caches.models[*model]);
+        let all: Vec<Patch> = models.flat_map(|model| model.caches.iter().map(patch)).collect();
+        let area: f64 = all.iter().map(|p| p.area).sum();
+        let factors: Vec<f64> = all.iter().map(|p| bounce::form_factors(&p.cache, &all)).collect();
+        let mean = all.iter().zip(&factors).map(|(p, f)| p.area * f).sum::<f64>() / area;
+        let (least, most) = factors.iter().fold((9.0_f64, 0.0_f64), |(a, b), f| (a.min(*f), b.max(*f)));
+        eprintln!("{} caches of {area:.3} m^2: mean {mean:.4}, from {least:.3} to {most:.3}", all.len());
+        assert!((area - 24.0).abs() < 0.01 && (0.96..1.01).contains(&mean) && least > 0.6 && most < 1.1);
+    }
 }
 
 #[test]

@@ -351,3 +351,15 @@ fn the_fastest_gather_is_measured_once_and_kept() {
     works(&at, &args);
     assert!(kept().0.contains("pairs_per_second"), "a damaged file is measured anew");
 }
+
+#[test]
+fn bounces_and_skies_that_cannot_be_are_refused() {
+    let folder = folder("bounces");
+    fails(&folder, &["render", "--bounces", "2", "--gather", "fragment"], 2, &["--gather compute"]);
+    fails(&folder, &["render", "--bounces", "2", "--cluster", "8"], 2, &["--cluster"]);
+    fails(&folder, &["render", "--bounces", "17"], 2, &["16"]);
+    fails(&folder, &["render", "--bounces", "2", "--gi", "brute-force"], 2, &["one bounce"]);
+    fails(&folder, &["render", "--sky-color", "1,-2,3"], 2, &["three numbers"]);
+    fails(&folder, &["render", "--sky", "no.hdr"], 1, &["no.hdr"]);
+    assert!(left(&folder).is_empty());
+}

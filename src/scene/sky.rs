@@ -96,8 +96,11 @@ impl Sky {
         let region = |rows: Range<usize>| self.region(0..self.width as usize, rows);
         let (horizon, rows) = (self.height as usize / 2, self.height as usize);
         // A floor sees one half alone: no light stands for parts of both.
-        let halves = if count > 1 { vec![0..horizon, horizon..rows] } else { vec![0..rows] };
-        let mut regions: Vec<Region> = halves.into_iter().filter(|rows| !rows.is_empty()).map(region).collect();
+        let mut regions = match count {
+            0 | 1 => vec![region(0..rows)],
+            _ => vec![region(0..horizon), region(horizon..rows)],
+        };
+        regions.retain(|region| !region.rows.is_empty());
         while regions.len() < count {
             // One texel cannot be cut.
             let cuttable = |r: &&(usize, &Region)| r.1.columns.len() > 1 || r.1.rows.len() > 1;
