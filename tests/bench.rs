@@ -283,7 +283,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
         ("bake", 2),
         ("stages", 10),
         ("resolution", 2),
-        ("caches", 18),
+        ("caches", 27),
         ("pairs", 18),
         ("culling", 4),
         ("exponents", 12),

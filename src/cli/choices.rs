@@ -50,7 +50,7 @@ pub(super) fn run(args: &Choices) -> Result<()> {
         return shadows(args);
     }
     if args.occlusion {
-        return occlusion(args);
+        return dimming(args);
     }
     let mut scene = match &args.scene {
         Some(path) => super::divided(super::load_punctual(Some(path))?, &args.caches),
@@ -200,21 +200,21 @@ fn levels(scene: &Scene, settings: &Settings) -> Result<()> {
 }
 
 /// Prints what the choices of stage 7 leave of the light at caches.
-fn occlusion(args: &Choices) -> Result<()> {
+fn dimming(args: &Choices) -> Result<()> {
     let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
     match &args.scene {
-        Some(path) => occlusion_in(&super::load_scene(Some(path), &args.caches)?, &settings),
-        None => build::Shadowed::ALL.iter().try_for_each(|which| occlusion_in(&which.scene(), &settings)),
+        Some(path) => dimming_in(&super::load_scene(Some(path), &args.caches)?, &settings),
+        None => build::Shadowed::ALL.iter().try_for_each(|which| dimming_in(&which.scene(), &settings)),
     }
 }
 
-fn occlusion_in(scene: &Scene, settings: &Settings) -> Result<()> {
+fn dimming_in(scene: &Scene, settings: &Settings) -> Result<()> {
     let camera = super::render::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     say!("{}: {caches} caches, {vals} live VALs; light at caches against a ray to each VAL", scene.name);
     say!("{:<40}{:>10}{:>9}{:>9} | glossy:{:>9}{:>9}{:>9}", "", "bias", "rmse", "MAPE", "bias", "rmse", "MAPE");
-    for row in study.occlusion() {
+    for row in study.dimming() {
         let [diffuse, glossy] =
             row.lobes.map(|lobe| format!("{:>+9.1}%{:>9.3}{:>9.3}", 100.0 * lobe.bias, lobe.rmse, lobe.mape));
         say!("  {:<38}{diffuse} |        {glossy}", row.name);

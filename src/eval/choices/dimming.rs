@@ -13,16 +13,16 @@ use crate::reference::phong::mirrored_view;
 
 /// One line of the table: light at the caches against rays.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Occluded {
+pub struct Dimmed {
     /// What was varied.
     pub name: String,
     /// Of the diffuse and of the glossy lobe.
-    pub lobes: [OccludedLobe; 2],
+    pub lobes: [DimmedLobe; 2],
 }
 
 /// Errors of a lobe's light at the caches that it reaches. All are 0 where there is none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct OccludedLobe {
+pub struct DimmedLobe {
     /// Relative error of the mean.
     pub bias: f64,
     /// Root of the mean squared error, over the mean.
@@ -42,7 +42,7 @@ struct Truth {
 
 impl Study<'_> {
     /// Nothing in the way, what the engine does, and one choice after the other.
-    pub fn occlusion(&self) -> Vec<Occluded> {
+    pub fn dimming(&self) -> Vec<Dimmed> {
         let truths: Vec<[Truth; 2]> = self.caches.par_iter().map(|cache| self.truth_at(cache)).collect();
         let base = Choices::default();
         let printed = Choices {
@@ -79,7 +79,7 @@ impl Study<'_> {
                 .map(|(cache, lobes)| [0, 1].map(|i| if lobes[i].lobe.lit { share(cache, &lobes[i]) } else { 1.0 }))
                 .collect();
             let lobes = [0, 1].map(|lobe| errors(truths.iter().zip(&shares).map(|(t, s)| (&t[lobe], s[lobe]))));
-            Occluded { name, lobes }
+            Dimmed { name, lobes }
         };
         let mut rows = vec![row("nothing in the way".into(), &|_, _| 1.0)];
         rows.extend(variants.map(|(name, choices)| {
@@ -121,17 +121,17 @@ impl Study<'_> {
 }
 
 /// Errors of shares of light against the visible ones.
-fn errors<'a>(shares: impl Iterator<Item = (&'a Truth, f64)>) -> OccludedLobe {
+fn errors<'a>(shares: impl Iterator<Item = (&'a Truth, f64)>) -> DimmedLobe {
     let pairs: Vec<(f64, f64)> = (shares.filter(|(truth, _)| truth.light > 0.0))
         .map(|(truth, share)| (share * truth.light, truth.visible * truth.light))
         .collect();
     let count = pairs.len().max(1) as f64;
     let mean = pairs.iter().map(|p| p.1).sum::<f64>() / count;
     if mean == 0.0 {
-        return OccludedLobe::default();
+        return DimmedLobe::default();
     }
     let relative: Vec<f64> = pairs.iter().filter(|p| p.1 > 0.01 * mean).map(|p| (p.0 / p.1 - 1.0).abs()).collect();
-    OccludedLobe {
+    DimmedLobe {
         bias: pairs.iter().map(|p| p.0 - p.1).sum::<f64>() / count / mean,
         rmse: (pairs.iter().map(|p| (p.0 - p.1).powi(2)).sum::<f64>() / count).sqrt() / mean,
         mape: relative.iter().sum::<f64>() / relative.len().max(1) as f64,
