@@ -5,6 +5,7 @@
 //! several caches per thread, and splits the VALs into parts, so that few caches fill a device too.
 
 use super::View;
+use super::depth_images::DepthImages;
 use super::pack::Pack;
 use super::targets::{CacheTargets, ValTargets};
 use crate::error::Result;
@@ -53,10 +54,15 @@ impl Default for GatherSettings {
     }
 }
 
+/// VALs in a row that shadows show or hide together, as the one in their middle: neighbours in an RSM, which together are
+/// smaller than a texel of a depth image.
+const SHADOWED_TOGETHER: u32 = 4;
+
 /// Lights the caches.
 pub struct Gather {
     path: Path,
     resolve: Pipeline,
+    depth_images: Option<DepthImages>,
 }
 
 enum Path {
@@ -86,6 +92,7 @@ impl Gather {
                     tile: settings.tile,
                 },
                 resolve: gpu.compute("proxies_images.comp", &[u32::from(glossy)])?,
+                depth_images: None,
             },
             GatherPath::Compute => Self {
                 path: Path::Compute {
@@ -93,7 +100,21 @@ impl Gather {
                     sum: gpu.compute("gather.comp", &[u32::from(glossy), source, settings.caches_per_thread])?,
                 },
                 resolve: gpu.compute("proxies.comp", &[u32::from(glossy), 1])?,
+                depth_images: None,
             },
+        })
+    }
+
+    /// The same by the compute path with shadows: of VALs that a cache does not see it takes no light.
+    pub fn shadowed(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings) -> Result<Self> {
+        let constants = [u32::from(glossy), settings.source as u32, settings.caches_per_thread, SHADOWED_TOGETHER];
+        Ok(Self {
+            path: Path::Compute {
+                pack: (!cull).then(|| Pack::new(gpu).map(Box::new)).transpose()?,
+                sum: gpu.compute("gather_shadowed.comp", &constants)?,
+            },
+            resolve: gpu.compute("proxies.comp", &[u32::from(glossy), 1])?,
+            depth_images: Some(DepthImages::new(gpu)?),
         })
     }
 
@@ -150,18 +171,21 @@ impl Gather {
             pack.caches(cmd, live, &vals.live_count, true);
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
         }
-        cmd.bind(
-            sum,
-            &[
-                (&caches.atlas).into(),
-                (&live.list).into(),
-                (&live.args).into(),
-                (&vals.live_count).into(),
-                Bind::Texels(&vals.live),
-                (&vals.live).into(),
-                parts.into(),
-            ],
-        );
+        if let Some(depth_images) = &self.depth_images {
+            depth_images.record(cmd, caches);
+            cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
+        }
+        let mut resources: Vec<Bind<'_>> = vec![
+            (&caches.atlas).into(),
+            (&live.list).into(),
+            (&live.args).into(),
+            (&vals.live_count).into(),
+            Bind::Texels(&vals.live),
+            (&vals.live).into(),
+            parts.into(),
+        ];
+        resources.extend(caches.depth_images.as_ref().filter(|_| self.depth_images.is_some()).map(Bind::from));
+        cmd.bind(sum, &resources);
         let push = GatherPush { split: live.split, ..push };
         cmd.push(&push);
         cmd.dispatch_indirect(&live.args, 0);

@@ -6,6 +6,7 @@ pub mod check;
 pub mod clusters;
 pub mod composite;
 pub mod cull;
+pub mod depth_images;
 pub mod direct;
 pub mod gather;
 pub mod gbuffer;
@@ -215,8 +216,13 @@ impl Frame {
         if settings.cluster.is_some() && settings.gather.path == GatherPath::Fragment {
             return Err(Error::Nothing("clusters of VALs need the gather's compute path".into()));
         }
-        if settings.shadows != Shadows::Off {
+        if settings.shadows == Shadows::Proxy {
             return Err(Error::Nothing("soft shadows of indirect light are not built yet".into()));
+        }
+        if settings.shadows == Shadows::PerLight
+            && (settings.cluster.is_some() || settings.gather.path == GatherPath::Fragment)
+        {
+            return Err(Error::Nothing("shadows of every VAL need the gather's compute path without clusters".into()));
         }
         let lightskin = || -> Result<LightSkin> {
             Ok(LightSkin {
@@ -224,9 +230,11 @@ impl Frame {
                 visible: visible::Visible::new(gpu, settings.references)?,
                 cull: plan.cull.then(|| cull::Cull::new(gpu, settings)).transpose()?,
                 gather: match settings.cluster {
-                    None => {
-                        Lighting::All(Box::new(gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?))
-                    }
+                    None => Lighting::All(Box::new(if settings.shadows == Shadows::PerLight {
+                        gather::Gather::shadowed(gpu, plan.glossy, plan.cull, &settings.gather)?
+                    } else {
+                        gather::Gather::new(gpu, plan.glossy, plan.cull, &settings.gather)?
+                    })),
                     Some(rule) => {
                         let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy, plan.cull)?;
                         Lighting::Clusters(Box::new(made))

@@ -2,12 +2,12 @@
 
 use super::gather::{GatherPath, GatherSettings};
 use super::pyramid::Pyramid;
-use super::{Plan, SceneBuffers, Settings};
+use super::{Plan, SceneBuffers, Settings, Shadows};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
-    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy, VAL_TILE, Val,
-    VertexLight, VisibleArgs, VisibleVertex,
+    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, DEPTH_IMAGE_TEXELS, GATHER_THREADS, GatherSums, LiveArgs, PACK_BLOCK, Proxy,
+    VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
 };
 
 /// The resources of a frame; stages write and read them, nobody else owns any.
@@ -98,6 +98,8 @@ pub struct CacheTargets {
     pub mask: Option<Image>,
     /// What clustering adds.
     pub clusters: Option<ClusterTargets>,
+    /// Slot by slot of the list, where the view of a live cache ends; only with shadows of every VAL.
+    pub depth_images: Option<Buffer>,
 }
 
 /// The list that the compute path works through: of caches, or of groups of consecutive ones with clusters. A group is
@@ -185,6 +187,9 @@ impl Targets {
             if settings.cluster.is_some() {
                 caches.cluster(gpu, Pyramid::node_count(scene, settings.rsm))?;
             }
+            if settings.shadows == Shadows::PerLight {
+                caches.shadow(gpu)?;
+            }
             if plan.cull {
                 caches.mask = caches.new_mask(gpu, &settings.gather)?;
             }
@@ -221,6 +226,7 @@ impl Targets {
         if let Some(caches) = &self.caches {
             all.extend([&caches.atlas, &caches.proxies]);
             all.extend(&caches.parts);
+            all.extend(&caches.depth_images);
             all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args]));
             all.extend(caches.clusters.iter().flat_map(|c| [&c.node_count, &c.totals, &c.pairs]));
         }
@@ -295,6 +301,7 @@ impl CacheTargets {
             live: None,
             mask: None,
             clusters: None,
+            depth_images: None,
         };
         match settings.path {
             GatherPath::Fragment => {
@@ -348,6 +355,13 @@ impl CacheTargets {
             totals: gpu.buffer("gather.totals", 4 * u64::from(self.count.max(1)))?,
             pairs: gpu.buffer("gather.pairs", 4 * workgroups)?,
         });
+        Ok(())
+    }
+
+    /// Makes the depth images that shadows of every VAL need.
+    pub fn shadow(&mut self, gpu: &Gpu) -> Result<()> {
+        let bytes = u64::from(self.count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
+        self.depth_images = Some(gpu.buffer("gather.depth_images", bytes)?);
         Ok(())
     }
 
