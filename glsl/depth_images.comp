@@ -1,31 +1,60 @@
 // Stage 6, before the gather: every live cache draws all discs of the atlas into its depth image. METHOD 6, beyond the print.
 // Whatever lies nearest hides what is farther than itself by more than a margin. A disc blocks from both sides: holes
 // between the discs of a closed thing's near side are filled by those of its far side.
+// A workgroup draws one image in its own memory; with ALONE a thread draws one, and neighbours' work is alike: CPUs, whose
+// vectors are threads side by side and whose atomics go one by one, are faster so.
 #include "shared.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/depth_image.glsl"
 
+#ifdef ALONE
+layout(local_size_x = 16) in;
+#else
 layout(local_size_x = 64) in;
+#endif
 layout(push_constant, scalar) uniform Push { DepthImagePush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
+#ifdef ALONE
+layout(binding = 3, scalar) buffer Images { float images[]; };
+uint image; // where it begins
+#else
 layout(binding = 3, scalar) writeonly buffer Images { float images[]; };
+// Bits of numbers that are not negative are in order.
+shared uint image[DEPTH_IMAGE_TEXELS];
+#endif
 
 const int SIDE = int(DEPTH_IMAGE_SIDE);
 const float STEP = 2.0 / float(SIDE);
 
-// Bits of numbers that are not negative are in order.
-shared uint image[DEPTH_IMAGE_TEXELS];
+void keep(int texel, float limit) {
+#ifdef ALONE
+    uint at = image + uint(texel);
+    images[at] = max(images[at], limit);
+#else
+    atomicMax(image[texel], floatBitsToUint(limit));
+#endif
+}
 
-// First and last texel whose centre can lie between the coordinates that directions within an angle of a unit
-// direction have on one axis.
-ivec2 texels(float at, float cosine, float sine) {
-    float reach = sine * sqrt(max(1.0 - at * at, 0.0));
-    float low = at < -cosine ? -1.0 : at * cosine - reach;
-    float high = at > cosine ? 1.0 : at * cosine + reach;
-    vec2 bounds = (vec2(low, high) + 1.0) / STEP - 0.5;
+// First and last texel whose centre can lie between two coordinates.
+ivec2 texels(float low, float high) {
+    vec2 bounds = (vec2(low, high) + 1.0) * (1.0 / STEP) - 0.5;
     return clamp(ivec2(ceil(bounds.x), floor(bounds.y)), ivec2(0, -1), ivec2(SIDE, SIDE - 1));
+}
+
+// The texels of one axis that a disc can reach which is seen in the unit direction w under an angle. A disc that is small
+// for its distance covers the ellipse of first order; a large one is taken for the ball around it.
+ivec2 reached(float w, float normal, float facing, float sine) {
+    float across = max(1.0 - w * w, 0.0);
+    if (sine < 0.25) {
+        float aside = normal - w * facing;
+        float reach = 1.1 * sine * sqrt(max(across - aside * aside, 0.0)) + sine * sine;
+        return texels(w - reach, w + reach);
+    }
+    float cosine = sqrt(max(1.0 - sine * sine, 0.0));
+    float reach = sine * sqrt(across);
+    return texels(w < -cosine ? -1.0 : w * cosine - reach, w > cosine ? 1.0 : w * cosine + reach);
 }
 
 void draw(Cache c, vec3 tangent, vec3 bitangent, Cache other) {
@@ -46,10 +75,10 @@ void draw(Cache c, vec3 tangent, vec3 bitangent, Cache other) {
     ivec2 xs = ivec2(0, SIDE - 1);
     ivec2 ys = xs;
     if (distance > radius) {
+        vec2 w = o.xy / distance;
         float sine = radius / distance;
-        float cosine = sqrt(max(1.0 - sine * sine, 0.0));
-        xs = texels(o.x / distance, cosine, sine);
-        ys = texels(o.y / distance, cosine, sine);
+        xs = reached(w.x, n.x, h / distance, sine);
+        ys = reached(w.y, n.y, h / distance, sine);
     }
     // One loop: older lavapipe counts rounds of all loops together.
     int width = xs.y - xs.x + 1;
@@ -67,7 +96,7 @@ void draw(Cache c, vec3 tangent, vec3 bitangent, Cache other) {
             float least = along - 0.5 * STEP * (abs(n.x - n.z * p.x * slope) + abs(n.y - n.z * p.y * slope));
             if (least > 0.0) {
                 float limit = least / (h + DEPTH_IMAGE_MARGIN * share * least);
-                atomicMax(image[at.y * SIDE + at.x], floatBitsToUint(limit));
+                keep(at.y * SIDE + at.x, limit);
             }
         }
         at = at.x < xs.y ? ivec2(at.x + 1, at.y) : ivec2(xs.x, at.y + 1);
@@ -75,12 +104,30 @@ void draw(Cache c, vec3 tangent, vec3 bitangent, Cache other) {
 }
 
 void main() {
+#ifdef ALONE
+    uint slot = gl_GlobalInvocationID.x;
+    if (slot >= args.cache_count) {
+        return;
+    }
+    Cache c = caches[live[slot]];
+    vec3 tangent, bitangent;
+    tangents(c.normal, tangent, bitangent);
+    image = slot * DEPTH_IMAGE_TEXELS;
+    if (push.first == 0u) {
+        for (uint i = 0u; i < DEPTH_IMAGE_TEXELS; ++i) {
+            images[image + i] = 0.0;
+        }
+    }
+    uint end = min(push.first + push.count, push.cache_count);
+    for (uint i = push.first; i < end; ++i) {
+        draw(c, tangent, bitangent, caches[i]);
+    }
+#else
     uint slot = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;
     if (slot >= args.cache_count) {
         return;
     }
-    uint own = live[slot];
-    Cache c = caches[own];
+    Cache c = caches[live[slot]];
     vec3 tangent, bitangent;
     tangents(c.normal, tangent, bitangent);
     for (uint i = gl_LocalInvocationID.x; i < DEPTH_IMAGE_TEXELS; i += gl_WorkGroupSize.x) {
@@ -94,4 +141,5 @@ void main() {
     for (uint i = gl_LocalInvocationID.x; i < DEPTH_IMAGE_TEXELS; i += gl_WorkGroupSize.x) {
         images[slot * DEPTH_IMAGE_TEXELS + i] = uintBitsToFloat(image[i]);
     }
+#endif
 }

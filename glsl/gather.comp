@@ -87,7 +87,7 @@ void add(Packed v[AT_ONCE]) {
         [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
 #ifdef SHADOWED
             if (i % TOGETHER == 0u) {
-                seen = sees(views[j], v[i + TOGETHER / 2u].place.xyz - receivers[j].position);
+                seen = sees(views[j], v[i].place.xyz - receivers[j].position);
             }
             vec4 facing = seen * v[i].facing;
 #else

@@ -351,6 +351,8 @@ struct ClusterPush {
 // Push constants of drawing depth images.
 struct DepthImagePush {
     uint cache_count;
+    uint first; // disc to draw, where a thread draws an image
+    uint count; // of discs, likewise
 };
 
 // Push constants of the compacting passes.

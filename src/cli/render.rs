@@ -130,6 +130,14 @@ pub(super) enum ShadowsArg {
 }
 
 impl ShadowsArg {
+    fn kind(self) -> Shadows {
+        match self {
+            Self::Off => Shadows::Off,
+            Self::Proxy => Shadows::Proxy,
+            Self::PerLight => Shadows::PerLight,
+        }
+    }
+
     /// What one types for a kind.
     pub(super) fn of(shadows: Shadows) -> String {
         let arg = match shadows {
@@ -197,16 +205,12 @@ impl Render {
             },
             // Nothing is measured for frames that light no caches.
             gather: match self.gi {
-                GiArg::Lightskin => self.gather.settings(gpu)?,
+                GiArg::Lightskin => self.gather.settings(gpu, self.shadows.kind())?,
                 _ => GatherSettings::default(),
             },
             cluster: self.gather.cluster.rule(),
             cull: !self.gather.no_cull,
-            shadows: match self.shadows {
-                ShadowsArg::Off => Shadows::Off,
-                ShadowsArg::Proxy => Shadows::Proxy,
-                ShadowsArg::PerLight => Shadows::PerLight,
-            },
+            shadows: self.shadows.kind(),
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
         })
     }
@@ -310,7 +314,7 @@ fn free_camera(text: &str) -> Result<Camera> {
 }
 
 pub(super) fn run(args: &Render) -> Result<()> {
-    args.gather.check();
+    args.gather.check(args.shadows.kind());
     if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
         wrong_usage("--timings and --trace show the stages of a frame, and --gi path-trace has none");
     }

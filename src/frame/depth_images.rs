@@ -5,19 +5,26 @@
 
 use super::targets::CacheTargets;
 use crate::error::Result;
-use crate::gpu::{Cmd, Gpu, Pipeline};
+use crate::gpu::{Cmd, Gpu, Pipeline, Use};
 use crate::shared::{DepthImagePush, LiveArgs};
 use std::mem::offset_of;
 
 /// Draws the images.
 pub struct DepthImages {
     pipeline: Pipeline,
+    /// Whether a thread draws an image, instead of a workgroup.
+    alone: bool,
 }
+
+/// Discs that a thread draws at a time: older lavapipe leaves loops after 65 535 rounds, of discs and texels together.
+const DISCS_AT_ONCE: u32 = 1024;
 
 impl DepthImages {
     /// Makes the pipeline.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { pipeline: gpu.compute("depth_images.comp", &[])? })
+        let alone = gpu.is_software();
+        let name = if alone { "depth_images_alone.comp" } else { "depth_images.comp" };
+        Ok(Self { pipeline: gpu.compute(name, &[])?, alone })
     }
 
     /// Records the pass; atlas and list of live caches must be there.
@@ -25,7 +32,18 @@ impl DepthImages {
         let live = caches.live.as_ref().expect("of this path");
         let images = caches.depth_images.as_ref().expect("made for shadows");
         cmd.bind(&self.pipeline, &[(&caches.atlas).into(), (&live.list).into(), (&live.args).into(), images.into()]);
-        cmd.push(&DepthImagePush { cache_count: caches.count });
-        cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
+        let push = DepthImagePush { cache_count: caches.count, first: 0, count: DISCS_AT_ONCE };
+        if !self.alone {
+            cmd.push(&push);
+            cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
+            return;
+        }
+        for first in (0..caches.count).step_by(DISCS_AT_ONCE as usize) {
+            if first > 0 {
+                cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+            }
+            cmd.push(&DepthImagePush { first, ..push });
+            cmd.dispatch(caches.count, 1, 1);
+        }
     }
 }

@@ -54,7 +54,7 @@ impl Default for GatherSettings {
     }
 }
 
-/// VALs in a row that shadows show or hide together, as the one in their middle: neighbours in an RSM, which together are
+/// VALs in a row that shadows show or hide together, as the first of them: neighbours in an RSM, which together are mostly
 /// smaller than a texel of a depth image.
 const SHADOWED_TOGETHER: u32 = 4;
 
@@ -120,6 +120,16 @@ impl Gather {
 
     /// Records the stage.
     pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, view: &View, caches: &CacheTargets) {
+        if let Some(depth_images) = &self.depth_images {
+            let _zone = cmd.zone("depth images");
+            if let Path::Compute { pack: Some(pack), .. } = &self.path {
+                let live = caches.live.as_ref().expect("of this path");
+                pack.caches(cmd, live, &vals.live_count, true);
+                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
+            }
+            depth_images.record(cmd, caches);
+            cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
+        }
         let _zone = cmd.zone("gather");
         let push = GatherPush {
             cache_count: caches.count,
@@ -167,13 +177,9 @@ impl Gather {
         push: GatherPush,
     ) {
         let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
-        if let Some(pack) = pack {
+        if let Some(pack) = pack.filter(|_| self.depth_images.is_none()) {
             pack.caches(cmd, live, &vals.live_count, true);
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
-        }
-        if let Some(depth_images) = &self.depth_images {
-            depth_images.record(cmd, caches);
-            cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         }
         let mut resources: Vec<Bind<'_>> = vec![
             (&caches.atlas).into(),

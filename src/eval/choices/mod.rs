@@ -4,11 +4,13 @@
 
 mod clusters;
 mod hierarchy;
+mod occlusion;
 mod study;
 mod variants;
 
 pub use clusters::{Clustered, Flickered};
 pub use hierarchy::Adapted;
+pub use occlusion::Occluded;
 pub use study::{Settings, Study};
 
 use rayon::prelude::*;

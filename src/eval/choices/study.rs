@@ -69,6 +69,8 @@ pub struct Study<'a> {
     pub(super) pixels: Vec<Pixel>,
     pub(super) vertices: Vec<Vertex>,
     pub(super) caches: Vec<Cache>,
+    /// Share of the surface [m^2] that each cache stands for.
+    pub(super) areas: Vec<f64>,
     /// The first cache of each instance.
     pub(super) first: Vec<usize>,
     /// `d_eps` [m] of the bake.
@@ -86,6 +88,8 @@ impl<'a> Study<'a> {
         let baked = bake::bake(scene, &bake_settings, &|_, _| ())?;
         let world = World::new(scene);
         let (caches, first) = caches(scene, &baked);
+        let areas = baked.instance_model.iter().flat_map(|model| &baked.models[*model].caches);
+        let areas = areas.map(|cache| f64::from(cache.area)).collect();
         let vals = vals(scene, &world, settings.rsm, None);
         let mut study = Self {
             scene,
@@ -95,6 +99,7 @@ impl<'a> Study<'a> {
             pixels: Vec::new(),
             vertices: Vec::new(),
             caches,
+            areas,
             first,
             spacing: baked.spacing,
             vals,
