@@ -1,8 +1,8 @@
 // Stage 6, before the gather: every live cache draws all discs of the atlas into its depth image. METHOD 6, beyond the print.
 // Whatever lies nearest hides what is farther than itself by more than a margin. A disc blocks from both sides: holes
 // between the discs of a closed thing's near side are filled by those of its far side.
-// A workgroup draws one image in its own memory; with ALONE a thread draws one, and neighbours' work is alike: CPUs, whose
-// vectors are threads side by side and whose atomics go one by one, are faster so.
+// A workgroup draws one image in its own memory; with ALONE a thread draws one, and neighbours' work is alike, which is
+// what CPUs want, whose vectors are threads side by side.
 #include "shared.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/depth_image.glsl"
@@ -17,21 +17,20 @@ layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
 #ifdef ALONE
-layout(binding = 3, scalar) buffer Images { float images[]; };
+layout(binding = 3, scalar) buffer Images { uint images[]; };
 uint image; // where it begins
 #else
 layout(binding = 3, scalar) writeonly buffer Images { float images[]; };
-// Bits of numbers that are not negative are in order.
 shared uint image[DEPTH_IMAGE_TEXELS];
 #endif
 
 const int SIDE = int(DEPTH_IMAGE_SIDE);
 const float STEP = 2.0 / float(SIDE);
 
+// Bits of numbers that are not negative are in order.
 void keep(int texel, float limit) {
 #ifdef ALONE
-    uint at = image + uint(texel);
-    images[at] = max(images[at], limit);
+    atomicMax(images[image + uint(texel)], floatBitsToUint(limit));
 #else
     atomicMax(image[texel], floatBitsToUint(limit));
 #endif
@@ -115,7 +114,7 @@ void main() {
     image = slot * DEPTH_IMAGE_TEXELS;
     if (push.first == 0u) {
         for (uint i = 0u; i < DEPTH_IMAGE_TEXELS; ++i) {
-            images[image + i] = 0.0;
+            images[image + i] = 0u;
         }
     }
     uint end = min(push.first + push.count, push.cache_count);

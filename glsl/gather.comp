@@ -21,7 +21,7 @@ layout(binding = 5, std430) readonly buffer Vals { vec4 vals[]; };
 layout(binding = 6, scalar) writeonly buffer Parts { GatherSums parts[]; };
 #ifdef SHADOWED
 layout(constant_id = 3) const uint TOGETHER = 1; // VALs that are seen or hidden together, a divisor of AT_ONCE
-layout(binding = 7, scalar) readonly buffer Images { float images[]; };
+layout(binding = 7) uniform samplerBuffer image_texels; // four texels of a row in one
 #endif
 
 // VALs of one round of the loop.
@@ -59,7 +59,7 @@ View views[CACHES];
 
 View view(uint slot, vec3 normal) {
     const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
-    View v = View(slot * DEPTH_IMAGE_TEXELS, vec3(0.0), vec3(0.0));
+    View v = View(slot * (DEPTH_IMAGE_TEXELS / 4u), vec3(0.0), vec3(0.0));
     tangents(normal, v.right, v.up);
     v.right *= HALF;
     v.up *= HALF;
@@ -72,7 +72,9 @@ float sees(View v, vec3 d) {
     float d2 = dot(d, d);
     float inverse = inversesqrt(max(d2, 1e-37));
     uvec2 at = uvec2(clamp(vec2(dot(v.right, d), dot(v.up, d)) * inverse + HALF, 0.0, 2.0 * HALF - 0.5));
-    float limit = images[v.image + at.y * DEPTH_IMAGE_SIDE + at.x];
+    vec4 limits = texelFetch(image_texels, int(v.image + (at.y * DEPTH_IMAGE_SIDE + at.x) / 4u));
+    vec2 pair = (at.x & 2u) != 0u ? limits.zw : limits.xy;
+    float limit = (at.x & 1u) != 0u ? pair.y : pair.x;
     return limit <= inverse ? 1.0 : 0.0;
 }
 #endif

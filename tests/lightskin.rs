@@ -31,6 +31,7 @@ mod quality;
 mod scene;
 
 mod shaders;
+mod shadows_light;
 mod sources;
 mod tessellate;
 mod timing;

@@ -190,7 +190,7 @@ impl Gather {
             (&vals.live).into(),
             parts.into(),
         ];
-        resources.extend(caches.depth_images.as_ref().filter(|_| self.depth_images.is_some()).map(Bind::from));
+        resources.extend(caches.depth_images.as_ref().filter(|_| self.depth_images.is_some()).map(Bind::Texels));
         cmd.bind(sum, &resources);
         let push = GatherPush { split: live.split, ..push };
         cmd.push(&push);

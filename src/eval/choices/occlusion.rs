@@ -43,8 +43,8 @@ fn rules() -> Vec<(String, Rule)> {
 }
 
 impl Study<'_> {
-    /// No shadows, then every way to draw depth images, against a ray from every cache to every VAL. Caches inside of
-    /// something do not count: nobody sees their light.
+    /// No shadows, then every way to draw depth images, against a ray from a cache to every VAL. Caches inside of something
+    /// do not count: nobody sees their light.
     pub fn occlusion(&self) -> Vec<Occluded> {
         let discs: Vec<Disc> = (self.caches.iter().zip(&self.areas))
             .map(|(cache, area)| Disc { position: cache.position, normal: cache.normal, area: *area })
