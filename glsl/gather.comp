@@ -3,6 +3,9 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 #include "lib/gather.glsl"
+#ifdef SHADOWED
+#include "lib/depth_image.glsl"
+#endif
 
 layout(local_size_x = GATHER_THREADS) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
@@ -17,6 +20,10 @@ layout(binding = 3, scalar) readonly buffer ValCount { uint val_count; };
 layout(binding = 4) uniform samplerBuffer val_texels;
 layout(binding = 5, std430) readonly buffer Vals { vec4 vals[]; };
 layout(binding = 6, scalar) writeonly buffer Parts { GatherSums parts[]; };
+#ifdef SHADOWED
+layout(constant_id = 4) const uint TOGETHER = 1; // VALs that are seen or hidden together, a divisor of AT_ONCE
+layout(binding = 7) uniform samplerBuffer image_texels; // four texels of a row in one
+#endif
 
 // VALs of one round of the loop.
 const uint AT_ONCE = 4u;
@@ -41,12 +48,55 @@ Packed from_memory(int at) {
     return Packed(vals[at], vals[at + 1], vals[at + 2]);
 }
 
+#ifdef SHADOWED
+// A cache's depth image and its frame, half a side long.
+struct View {
+    uint image;
+    vec3 right;
+    vec3 up;
+};
+
+View views[CACHES];
+
+View view(uint slot, vec3 normal) {
+    const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
+    View v = View(slot * (DEPTH_IMAGE_TEXELS / 4u), vec3(0.0), vec3(0.0));
+    tangents(normal, v.right, v.up);
+    v.right *= HALF;
+    v.up *= HALF;
+    return v;
+}
+
+// 1 where a cache sees a point, else 0. Points behind it have any of its texels.
+float sees(View v, vec3 d) {
+    const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
+    float d2 = dot(d, d);
+    float inverse = inversesqrt(max(d2, 1e-37));
+    uvec2 at = uvec2(clamp(vec2(dot(v.right, d), dot(v.up, d)) * inverse + HALF, 0.0, 2.0 * HALF - 0.5));
+    vec4 limits = texelFetch(image_texels, int(v.image + (at.y * DEPTH_IMAGE_SIDE + at.x) / 4u));
+    vec2 pair = (at.x & 2u) != 0u ? limits.zw : limits.xy;
+    float limit = (at.x & 1u) != 0u ? pair.y : pair.x;
+    return limit <= inverse ? 1.0 : 0.0;
+}
+#endif
+
 // Several VALs onto one cache after the other: its sums stay in registers meanwhile.
 void add(Packed v[AT_ONCE]) {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
         GatherSums s = sums[j];
+#ifdef SHADOWED
+        float seen = 1.0;
+#endif
         [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
-            accumulate(s, receivers[j], v[i].place, v[i].facing, v[i].light, GLOSSY != 0u, SPREAD != 0u);
+#ifdef SHADOWED
+            if (i % TOGETHER == 0u) {
+                seen = sees(views[j], v[i].place.xyz - receivers[j].position);
+            }
+            vec4 facing = seen * v[i].facing;
+#else
+            vec4 facing = v[i].facing;
+#endif
+            accumulate(s, receivers[j], v[i].place, facing, v[i].light, GLOSSY != 0u, SPREAD != 0u);
         }
         sums[j] = s;
     }
@@ -61,6 +111,9 @@ void main() {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
         uint slot = min(first_slot + j, args.cache_count - 1u);
         receivers[j] = receiver(caches[live[slot]], push.eye);
+#ifdef SHADOWED
+        views[j] = view(slot, receivers[j].normal);
+#endif
         sums[j] = no_light();
     }
     // Whole tiles: the list is padded with dark VALs.

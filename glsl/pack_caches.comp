@@ -40,6 +40,7 @@ void main() {
     if (gl_WorkGroupID.x == gl_NumWorkGroups.x - 1u && thread == 0u) {
         uint count = before + all;
         args = LiveArgs((count + push.caches_per_group - 1u) / push.caches_per_group,
-                        (light_count + push.split - 1u) / push.split, 1u, count);
+                        (light_count + push.split - 1u) / push.split, 1u, count, min(count, DEPTH_IMAGE_ROW),
+                        (count + DEPTH_IMAGE_ROW - 1u) / DEPTH_IMAGE_ROW, 1u);
     }
 }

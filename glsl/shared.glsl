@@ -48,6 +48,13 @@ const uint CLUSTER_NODE_WORDS = 20u;
 
 const uint CLUSTER_SKIP_WORD = 14u;
 
+// Texels of a side of a cache's depth image, of the image, and workgroups in a row of the dispatch that draws them.
+const uint DEPTH_IMAGE_SIDE = 24u;
+
+const uint DEPTH_IMAGE_TEXELS = 576u;
+
+const uint DEPTH_IMAGE_ROW = 65535u;
+
 // No model has caches here.
 const uint NO_REFERENCES = 0xffffffffu;
 
@@ -282,6 +289,9 @@ struct LiveArgs {
     uint groups_y; // parts that the VALs, or the nodes over them, are split into
     uint groups_z;
     uint cache_count;
+    uint images_x; // workgroups of one cache each, of the pass that draws depth images
+    uint images_y;
+    uint images_z;
 };
 
 // Consecutive caches of the atlas as discs: what bounds the squares of all of them.
@@ -409,6 +419,13 @@ struct ClusterPush {
     uint split; // nodes of a part
     float limit; // distance in radii of a node, or share of a cache's light
     float spread; // most that a node's normals may differ by, or what its spread counts in units of
+};
+
+// Push constants of drawing depth images.
+struct DepthImagePush {
+    uint cache_count;
+    uint first; // disc to draw, where a thread draws an image
+    uint count; // of discs, likewise
 };
 
 // Push constants of the compacting passes.

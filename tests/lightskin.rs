@@ -34,6 +34,7 @@ mod quality;
 mod scene;
 
 mod shaders;
+mod shadows_light;
 mod sky;
 mod sources;
 mod tessellate;

@@ -3,7 +3,7 @@
 use anyhow::{Context, Result};
 use lightskin::eval::choices::{Row, Settings, Study, Worst};
 use lightskin::eval::shadows;
-use lightskin::scene::{Scene, build};
+use lightskin::scene::{Scene, build, tessellate};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -86,6 +86,7 @@ fn shadows(args: &Choices) -> Result<()> {
     let folder = lightskin::kept::folder().unwrap_or_else(std::env::temp_dir).join("shadows");
     std::fs::create_dir_all(&folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     let [w, h] = settings.size;
+    occlusion(args, &scenes)?;
     for scene in &scenes {
         let bar = super::progress_bar("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}");
         bar.set_message("tracing paths");
@@ -126,6 +127,31 @@ fn shadows(args: &Choices) -> Result<()> {
     }
     Ok(())
 }
+
+/// Prints how depth images of discs are drawn best: a column a scene.
+fn occlusion(args: &Choices, scenes: &[Scene]) -> Result<()> {
+    let mut columns = Vec::new();
+    for scene in scenes {
+        let mut scene = scene.clone();
+        let spacing = tessellate::expected_spacing(&scene, args.caches.caches as usize);
+        tessellate::divide(&mut scene, spacing, args.caches.max_edge);
+        let camera = super::render::camera(&scene, None)?;
+        // The picture takes no part.
+        let settings = Settings { size: [2, 2], caches: args.caches.caches as usize, rsm: OCCLUSION_RSM };
+        columns.push(Study::new(&scene, &camera, settings)?.occlusion());
+    }
+    let names: String = scenes.iter().map(|scene| format!("{:>18}", scene.name)).collect();
+    say!("{:<34}{names}", "depth images against rays: bias, RMSE");
+    for (i, row) in columns[0].iter().enumerate() {
+        let figures: String =
+            columns.iter().map(|c| format!("{:>+10.1}%{:>7.3}", 100.0 * c[i].bias, c[i].rmse)).collect();
+        say!("  {:<36}{figures}", row.name);
+    }
+    Ok(())
+}
+
+/// Texels of an RSM's side where every cache sends a ray to every VAL.
+const OCCLUSION_RSM: usize = 48;
 
 /// Prints what clustering saves and costs.
 fn clusters(scene: &Scene, settings: &Settings) -> Result<()> {

@@ -27,7 +27,7 @@ use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
-use lightskin::frame::{Cluster, GatherPath, GatherSettings, tune};
+use lightskin::frame::{Cluster, GatherPath, GatherSettings, Shadows, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
@@ -206,7 +206,13 @@ enum GatherArg {
 
 impl GatherArgs {
     /// Ends the run where flags do not go together.
-    fn check(&self) {
+    fn check(&self, shadows: Shadows) {
+        if shadows == Shadows::PerLight && matches!(self.gather, GatherArg::Fragment) {
+            wrong_usage("--shadows per-light needs --gather compute or auto: draws see no depth images");
+        }
+        if shadows == Shadows::PerLight && self.cluster.rule().is_some() {
+            wrong_usage("--shadows per-light tests every virtual light: leave --cluster and --cluster-error out");
+        }
         if matches!(self.gather, GatherArg::Fragment) && self.cluster.rule().is_some() {
             wrong_usage("--cluster and --cluster-error need --gather compute or auto: draws take every virtual light");
         }

@@ -149,6 +149,14 @@ pub(super) enum ShadowsArg {
 }
 
 impl ShadowsArg {
+    fn kind(self) -> Shadows {
+        match self {
+            Self::Off => Shadows::Off,
+            Self::Proxy => Shadows::Proxy,
+            Self::PerLight => Shadows::PerLight,
+        }
+    }
+
     /// What one types for a kind.
     pub(super) fn of(shadows: Shadows) -> String {
         let arg = match shadows {
@@ -221,16 +229,15 @@ impl Render {
             },
             // Nothing is measured for frames that light no caches.
             gather: match self.gi {
-                GiArg::Lightskin => self.gather.settings(gpu, self.bounces > 1)?,
+                GiArg::Lightskin => {
+                    let compute = self.bounces > 1 || self.shadows.kind() == Shadows::PerLight;
+                    self.gather.settings(gpu, compute)?
+                }
                 _ => GatherSettings::default(),
             },
             cluster: self.gather.cluster.rule(),
             cull: !self.gather.no_cull,
-            shadows: match self.shadows {
-                ShadowsArg::Off => Shadows::Off,
-                ShadowsArg::Proxy => Shadows::Proxy,
-                ShadowsArg::PerLight => Shadows::PerLight,
-            },
+            shadows: self.shadows.kind(),
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
         })
     }
@@ -338,7 +345,7 @@ fn free_camera(text: &str) -> Result<Camera> {
 }
 
 pub(super) fn run(args: &Render) -> Result<()> {
-    args.gather.check();
+    args.gather.check(args.shadows.kind());
     match args.gi {
         GiArg::Lightskin if args.bounces > 16 => wrong_usage("--bounces: caches take 16 at most"),
         GiArg::Lightskin if args.bounces > 1 => args.gather.check_bounces(),

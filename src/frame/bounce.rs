@@ -4,8 +4,9 @@
 //! lights' VALs are made once; those of the caches lie in parts of their own and are made anew in every bounce. Before the
 //! first, a gather of the caches' areas gives each the sum of its form factors, by which what caches send is bounded.
 
+use super::gather::sum_pipeline;
 use super::targets::CacheTargets;
-use super::{ProxyWeight, Settings};
+use super::{Plan, ProxyWeight, Settings, Shadows};
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_FIRST, BouncePush, GATHER_THREADS, GatherPush, VAL_TILE, Val};
@@ -48,23 +49,30 @@ pub struct Bounces {
     light: Pipeline,
     /// Gathers of the diffuse lobe alone: what later bounces need of earlier ones.
     diffuse: Pipeline,
+    /// Of both lobes, where there are two.
+    all: Pipeline,
+    /// Whether caches do not see all others.
+    shadowed: bool,
 }
 
 impl Bounces {
     /// Makes the pipelines for two bounces or more.
-    pub fn new(gpu: &Gpu, settings: &Settings) -> Result<Self> {
-        let gather = &settings.gather;
+    pub fn new(gpu: &Gpu, plan: &Plan, settings: &Settings) -> Result<Self> {
+        // What follows each other in the list of caches lies in different directions.
+        let sum = |glossy| sum_pipeline(gpu, glossy, &settings.gather, settings.shadows, 1);
         Ok(Self {
             count: settings.bounces,
-            caches_per_thread: gather.caches_per_thread,
+            caches_per_thread: settings.gather.caches_per_thread,
             light: gpu.compute("bounce.comp", &[u32::from(settings.proxy_weight == ProxyWeight::Irradiance)])?,
-            diffuse: gpu.compute("gather.comp", &[0, gather.source as u32, gather.caches_per_thread])?,
+            diffuse: sum(false)?,
+            all: sum(plan.glossy)?,
+            shadowed: settings.shadows == Shadows::PerLight,
         })
     }
 
     /// Records the bounces after the first: in front of them the primary lights' sums are being written, after them those of
-    /// the caches. `all` gathers both lobes, where there are two.
-    pub fn record(&self, cmd: &Cmd<'_>, all: &Pipeline, albedos: &Buffer, caches: &CacheTargets, push: &GatherPush) {
+    /// the caches. The last one has the glossy lobe, too, where there is one.
+    pub fn record(&self, cmd: &Cmd<'_>, albedos: &Buffer, caches: &CacheTargets, push: &GatherPush) {
         let last = self.count - 1;
         for bounce in 0..self.count {
             // The sums before, and the VALs that they were made of.
@@ -72,7 +80,7 @@ impl Bounces {
             let step = [BOUNCE_AREAS, BOUNCE_FIRST, BOUNCE_AGAIN][bounce.min(2) as usize];
             self.light(cmd, albedos, caches, step);
             cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-            self.gather(cmd, if bounce == last { all } else { &self.diffuse }, caches, push);
+            self.gather(cmd, if bounce == last { &self.all } else { &self.diffuse }, caches, push);
         }
     }
 
@@ -97,18 +105,17 @@ impl Bounces {
     fn gather(&self, cmd: &Cmd<'_>, pipeline: &Pipeline, caches: &CacheTargets, push: &GatherPush) {
         let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
         let targets = caches.bounces.as_ref().expect("made for bounces");
-        cmd.bind(
-            pipeline,
-            &[
-                (&caches.atlas).into(),
-                (&live.list).into(),
-                (&live.args).into(),
-                (&targets.val_count).into(),
-                Bind::Texels(&targets.vals),
-                (&targets.vals).into(),
-                parts.into(),
-            ],
-        );
+        let resources = [
+            (&caches.atlas).into(),
+            (&live.list).into(),
+            (&live.args).into(),
+            (&targets.val_count).into(),
+            Bind::Texels(&targets.vals),
+            (&targets.vals).into(),
+            parts.into(),
+        ];
+        let images = caches.depth_images.as_ref().filter(|_| self.shadowed).map(Bind::Texels);
+        cmd.bind(pipeline, &resources.into_iter().chain(images).collect::<Vec<_>>());
         cmd.push(&GatherPush { cache_parts: 0, ..*push });
         let groups = caches.count.div_ceil(GATHER_THREADS * self.caches_per_thread);
         cmd.dispatch(groups * GATHER_THREADS, targets.parts, 1);

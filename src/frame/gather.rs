@@ -5,9 +5,10 @@
 //! several caches per thread, and splits the VALs into parts, so that few caches fill a device too.
 
 use super::bounce::Bounces;
+use super::depth_images::DepthImages;
 use super::pack::Pack;
 use super::targets::{CacheTargets, ValTargets};
-use super::{Settings, View};
+use super::{Plan, Settings, Shadows, View};
 use crate::error::Result;
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape, Use,
@@ -56,12 +57,34 @@ impl Default for GatherSettings {
     }
 }
 
+/// VALs in a row that shadows show or hide together, as the first of them: neighbours in an RSM, which together are mostly
+/// smaller than a texel of a depth image.
+const SHADOWED_TOGETHER: u32 = 4;
+
+/// Adds up VALs; those that follow each other, so many `together`, a cache sees or does not see as one.
+pub(super) fn sum_pipeline(
+    gpu: &Gpu,
+    glossy: bool,
+    settings: &GatherSettings,
+    shadows: Shadows,
+    together: u32,
+) -> Result<Pipeline> {
+    let spread = u32::from(shadows == Shadows::Proxy);
+    let constants = [u32::from(glossy), settings.source as u32, settings.caches_per_thread, spread, together];
+    if shadows == Shadows::PerLight {
+        gpu.compute("gather_shadowed.comp", &constants)
+    } else {
+        gpu.compute("gather.comp", &constants[..4])
+    }
+}
+
 /// Lights the caches.
 pub struct Gather {
     path: Path,
     resolve: Pipeline,
     /// Only where light bounces more than once.
     bounces: Option<Box<Bounces>>,
+    depth_images: Option<DepthImages>,
 }
 
 enum Path {
@@ -72,16 +95,13 @@ enum Path {
 impl Gather {
     /// Makes the pipelines. Without culling the compute path lists all caches itself.
     pub fn new(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings) -> Result<Self> {
-        Self::made(gpu, glossy, cull, settings, false)
+        Self::made(gpu, glossy, cull, settings, Shadows::Off)
     }
 
-    /// The same; proxies of the glossy lobe also know how far from the cache their VALs are.
-    pub fn with_spread(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings) -> Result<Self> {
-        Self::made(gpu, glossy, cull, settings, true)
-    }
-
-    fn made(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings, spread: bool) -> Result<Self> {
-        let (glossy_constant, spread) = (u32::from(glossy), u32::from(spread));
+    fn made(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings, shadows: Shadows) -> Result<Self> {
+        // Stage 7 wants to know of the glossy lobe, too, how far from the cache its VALs are.
+        let (glossy_constant, spread) = (u32::from(glossy), u32::from(shadows == Shadows::Proxy));
+        let shadowed = shadows == Shadows::PerLight;
         let targets = [Format::R32G32B32A32_SFLOAT; 4 * TEXEL_CACHES as usize];
         let source = settings.source as u32;
         Ok(match settings.path {
@@ -102,25 +122,30 @@ impl Gather {
                 },
                 resolve: gpu.compute("proxies_images.comp", &[glossy_constant, 1, spread])?,
                 bounces: None,
+                depth_images: None,
             },
             GatherPath::Compute => Self {
                 path: Path::Compute {
                     pack: (!cull).then(|| Pack::new(gpu).map(Box::new)).transpose()?,
-                    sum: gpu.compute("gather.comp", &[glossy_constant, source, settings.caches_per_thread, spread])?,
+                    sum: sum_pipeline(gpu, glossy, settings, shadows, SHADOWED_TOGETHER)?,
                 },
                 resolve: gpu.compute("proxies.comp", &[glossy_constant, 1, spread])?,
                 bounces: None,
+                depth_images: shadowed.then(|| DepthImages::new(gpu)).transpose()?,
             },
         })
     }
 
-    /// The same where light bounces more than once, by the compute path and without culling.
-    pub fn with_bounces(gpu: &Gpu, glossy: bool, settings: &Settings) -> Result<Self> {
-        Ok(Self {
-            resolve: gpu.compute("proxies_bounces.comp", &[u32::from(glossy), 1])?,
-            bounces: Some(Box::new(Bounces::new(gpu, settings)?)),
-            ..Self::new(gpu, glossy, false, &settings.gather)?
-        })
+    /// What a frame needs: where light bounces more than once without culling, and so, or with shadows of every VAL, by the
+    /// compute path.
+    pub fn of_frame(gpu: &Gpu, plan: &Plan, settings: &Settings) -> Result<Self> {
+        let mut made = Self::made(gpu, plan.glossy, plan.cull, &settings.gather, settings.shadows)?;
+        if plan.bounces {
+            made.resolve =
+                gpu.compute("proxies_bounces.comp", &[u32::from(plan.glossy), 1, u32::from(plan.occlude)])?;
+            made.bounces = Some(Box::new(Bounces::new(gpu, plan, settings)?));
+        }
+        Ok(made)
     }
 
     /// Records the stage. The caches' albedos are needed where light bounces more than once.
@@ -132,6 +157,16 @@ impl Gather {
         caches: &CacheTargets,
         albedos: Option<&Buffer>,
     ) {
+        if let Some(depth_images) = &self.depth_images {
+            let _zone = cmd.zone("depth images");
+            if let Path::Compute { pack: Some(pack), .. } = &self.path {
+                let live = caches.live.as_ref().expect("of this path");
+                pack.caches(cmd, live, &vals.live_count, true);
+                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
+            }
+            depth_images.record(cmd, caches);
+            cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
+        }
         let _zone = cmd.zone("gather");
         let push = GatherPush {
             cache_count: caches.count,
@@ -147,7 +182,7 @@ impl Gather {
             Path::Compute { pack, sum } => {
                 self.sum(cmd, pack.as_deref(), sum, vals, caches, &push);
                 if let Some(bounces) = &self.bounces {
-                    bounces.record(cmd, sum, albedos.expect("looked for when the frame was made"), caches, &push);
+                    bounces.record(cmd, albedos.expect("looked for when the frame was made"), caches, &push);
                 }
                 self.resolve(cmd, caches, &push);
             }
@@ -183,22 +218,21 @@ impl Gather {
         push: &GatherPush,
     ) {
         let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
-        if let Some(pack) = pack {
+        if let Some(pack) = pack.filter(|_| self.depth_images.is_none()) {
             pack.caches(cmd, live, &vals.live_count, true);
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
         }
-        cmd.bind(
-            sum,
-            &[
-                (&caches.atlas).into(),
-                (&live.list).into(),
-                (&live.args).into(),
-                (&vals.live_count).into(),
-                Bind::Texels(&vals.live),
-                (&vals.live).into(),
-                parts.into(),
-            ],
-        );
+        let resources = [
+            (&caches.atlas).into(),
+            (&live.list).into(),
+            (&live.args).into(),
+            (&vals.live_count).into(),
+            Bind::Texels(&vals.live),
+            (&vals.live).into(),
+            parts.into(),
+        ];
+        let images = caches.depth_images.as_ref().filter(|_| self.depth_images.is_some()).map(Bind::Texels);
+        cmd.bind(sum, &resources.into_iter().chain(images).collect::<Vec<_>>());
         cmd.push(push);
         cmd.dispatch_indirect(&live.args, 0);
     }

@@ -9,6 +9,7 @@ pub mod check;
 pub mod clusters;
 pub mod composite;
 pub mod cull;
+pub mod depth_images;
 pub mod direct;
 mod emitters;
 pub mod gather;
@@ -257,16 +258,16 @@ impl Frame {
         if plan.brute_force && settings.bounces > 1 {
             return Err(Error::Nothing("brute force has one bounce".into()));
         }
-        if settings.shadows == Shadows::PerLight {
-            return Err(Error::Nothing(
-                "shadows of every virtual light are not built yet; there is --shadows proxy".into(),
-            ));
-        }
         let of_pixels = buffers.cells.as_ref().map(|cells| cells.row);
         if plan.lightskin && of_pixels.is_some() != (settings.level == Level::Texel) {
             return Err(Error::Nothing(
                 "caches come with cells for pixels to look up, or are averaged at vertices".into(),
             ));
+        }
+        if settings.shadows == Shadows::PerLight
+            && (settings.cluster.is_some() || settings.gather.path == GatherPath::Fragment)
+        {
+            return Err(Error::Nothing("shadows of every VAL need the gather's compute path without clusters".into()));
         }
         let lightskin = || -> Result<LightSkin> {
             Ok(LightSkin {
@@ -280,13 +281,7 @@ impl Frame {
                     .then(|| cull::Cull::new(gpu, settings, of_pixels.unwrap_or(settings.references)))
                     .transpose()?,
                 gather: match settings.cluster {
-                    None if plan.bounces => {
-                        Lighting::All(Box::new(gather::Gather::with_bounces(gpu, plan.glossy, settings)?))
-                    }
-                    None => {
-                        let new = if plan.occlude { gather::Gather::with_spread } else { gather::Gather::new };
-                        Lighting::All(Box::new(new(gpu, plan.glossy, plan.cull, &settings.gather)?))
-                    }
+                    None => Lighting::All(Box::new(gather::Gather::of_frame(gpu, &plan, settings)?)),
                     Some(rule) => {
                         let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy, plan.cull)?;
                         Lighting::Clusters(Box::new(made))

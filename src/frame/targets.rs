@@ -3,12 +3,12 @@
 use super::bounce::BounceTargets;
 use super::gather::{GatherPath, GatherSettings};
 use super::pyramid::Pyramid;
-use super::{Plan, ProxyWeight, SceneBuffers, Settings};
+use super::{Plan, ProxyWeight, SceneBuffers, Settings, Shadows};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
-    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, GATHER_THREADS, GatherSums, LiveArgs, OCCLUDER_GROUP, OccluderGroup,
-    PACK_BLOCK, Proxy, TEXEL_CACHES, VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
+    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, DEPTH_IMAGE_TEXELS, GATHER_THREADS, GatherSums, LiveArgs, OCCLUDER_GROUP,
+    OccluderGroup, PACK_BLOCK, Proxy, TEXEL_CACHES, VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
 };
 use glam::Vec3;
 
@@ -106,6 +106,8 @@ pub struct CacheTargets {
     pub bounces: Option<BounceTargets>,
     /// Bounds of stage 7's groups of discs; only with shadows of proxies.
     pub occluders: Option<Buffer>,
+    /// Slot by slot of the list, where the view of a live cache ends; only with shadows of every VAL.
+    pub depth_images: Option<Buffer>,
 }
 
 /// The list that the compute path works through: of caches, or of groups of consecutive ones with clusters. A group is
@@ -199,6 +201,9 @@ impl Targets {
             if plan.occlude {
                 caches.occluders = Some(caches.new_occluders(gpu)?);
             }
+            if settings.shadows == Shadows::PerLight {
+                caches.shadow(gpu)?;
+            }
             if plan.cull {
                 caches.mask = caches.new_mask(gpu, &settings.gather)?;
             }
@@ -236,6 +241,7 @@ impl Targets {
             all.extend([&caches.atlas, &caches.proxies]);
             all.extend(&caches.parts);
             all.extend(&caches.occluders);
+            all.extend(&caches.depth_images);
             all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args]));
             all.extend(caches.clusters.iter().flat_map(|c| [&c.node_count, &c.totals, &c.pairs]));
             all.extend(caches.bounces.iter().flat_map(BounceTargets::buffers));
@@ -333,6 +339,7 @@ impl CacheTargets {
             clusters: None,
             bounces: None,
             occluders: None,
+            depth_images: None,
         };
         match settings.path {
             GatherPath::Fragment => {
@@ -397,6 +404,13 @@ impl CacheTargets {
         let sums = u64::from(self.count.max(1)) * size_of::<GatherSums>() as u64;
         self.parts = Some(gpu.buffer("gather.parts", sums * u64::from(parts + vals.div_ceil(live.split).max(1)))?);
         self.bounces = Some(BounceTargets::new(gpu, self.count, parts)?);
+        Ok(())
+    }
+
+    /// Makes the depth images that shadows of every VAL need.
+    pub fn shadow(&mut self, gpu: &Gpu) -> Result<()> {
+        let bytes = u64::from(self.count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
+        self.depth_images = Some(gpu.buffer("gather.depth_images", bytes)?);
         Ok(())
     }
 

@@ -9,6 +9,8 @@ pub mod bounce;
 pub mod brute_force;
 /// Pyramids of VALs and the cuts that caches take of them.
 pub mod cluster;
+/// What a cache sees of the discs around it.
+pub mod depth_image;
 /// Exact integrals over a disc or a polygon.
 pub mod disc;
 /// Form factor between a point and a disc, eq. 5.7.

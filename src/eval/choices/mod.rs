@@ -6,6 +6,7 @@ mod clusters;
 mod dimming;
 mod hierarchy;
 mod levels;
+mod occlusion;
 mod study;
 mod variants;
 
@@ -13,6 +14,7 @@ pub use clusters::{Clustered, Flickered};
 pub use dimming::{Dimmed, DimmedLobe};
 pub use hierarchy::Adapted;
 pub use levels::Levelled;
+pub use occlusion::Occluded;
 pub use study::{Settings, Study};
 
 use rayon::prelude::*;

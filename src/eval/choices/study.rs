@@ -72,6 +72,8 @@ pub struct Study<'a> {
     pub(super) caches: Vec<Cache>,
     /// The same as what is in the way.
     pub(super) discs: Vec<Disc>,
+    /// Share of the surface [m^2] that each cache stands for.
+    pub(super) areas: Vec<f64>,
     /// The first cache of each instance.
     pub(super) first: Vec<usize>,
     /// `d_eps` [m] of the bake.
@@ -90,12 +92,9 @@ impl<'a> Study<'a> {
         let world = World::new(scene);
         let (caches, first) = caches(scene, &baked);
         let areas = baked.instance_model.iter().flat_map(|model| &baked.models[*model].caches);
-        let disc = |(at, baked): (&Cache, &bake::Cache)| Disc {
-            position: at.position,
-            normal: at.normal,
-            area: baked.area.into(),
-        };
-        let discs = caches.iter().zip(areas).map(disc).collect();
+        let areas: Vec<f64> = areas.map(|cache| cache.area.into()).collect();
+        let disc = |(at, area): (&Cache, &f64)| Disc { position: at.position, normal: at.normal, area: *area };
+        let discs = caches.iter().zip(&areas).map(disc).collect();
         let vals = vals(scene, &world, settings.rsm, None);
         let mut study = Self {
             scene,
@@ -106,6 +105,7 @@ impl<'a> Study<'a> {
             vertices: Vec::new(),
             caches,
             discs,
+            areas,
             first,
             spacing: baked.spacing,
             vals,

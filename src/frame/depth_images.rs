@@ -1,0 +1,49 @@
+//! Stage 6, before the gather: discs of all caches -> what each live cache sees of them. METHOD 6, "beyond the print".
+//!
+//! An image holds where a cache's view ends, on the unit disc of `Proj`, eq. 5.60. The gather then leaves out every VAL
+//! that lies farther away: shadows get colour and several directions, and things in the way fuse.
+
+use super::targets::CacheTargets;
+use crate::error::Result;
+use crate::gpu::{Cmd, Gpu, Pipeline, Use};
+use crate::shared::{DepthImagePush, LiveArgs};
+use std::mem::offset_of;
+
+/// Draws the images.
+pub struct DepthImages {
+    pipeline: Pipeline,
+    /// Whether a thread draws an image, instead of a workgroup.
+    alone: bool,
+}
+
+/// Discs that a thread draws at a time: older lavapipe leaves loops after 65 535 rounds, of discs and texels together.
+const DISCS_AT_ONCE: u32 = 1024;
+
+impl DepthImages {
+    /// Makes the pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        let alone = gpu.is_software();
+        let name = if alone { "depth_images_alone.comp" } else { "depth_images.comp" };
+        Ok(Self { pipeline: gpu.compute(name, &[])?, alone })
+    }
+
+    /// Records the pass; atlas and list of live caches must be there.
+    pub fn record(&self, cmd: &Cmd<'_>, caches: &CacheTargets) {
+        let live = caches.live.as_ref().expect("of this path");
+        let images = caches.depth_images.as_ref().expect("made for shadows");
+        cmd.bind(&self.pipeline, &[(&caches.atlas).into(), (&live.list).into(), (&live.args).into(), images.into()]);
+        let push = DepthImagePush { cache_count: caches.count, first: 0, count: DISCS_AT_ONCE };
+        if !self.alone {
+            cmd.push(&push);
+            cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
+            return;
+        }
+        for first in (0..caches.count).step_by(DISCS_AT_ONCE as usize) {
+            if first > 0 {
+                cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+            }
+            cmd.push(&DepthImagePush { first, ..push });
+            cmd.dispatch(caches.count, 1, 1);
+        }
+    }
+}

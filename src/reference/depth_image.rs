@@ -1,0 +1,147 @@
+//! What a cache sees of the discs that stand for all surfaces. METHOD 6, "beyond the print".
+//!
+//! The image covers the unit disc on which a unit direction `w` lies at `Proj(w) = (w.T, w.B)`, eq. 5.60. A texel holds
+//! how far the cache sees through its centre; of several discs the one that ends the view nearest counts, so that what
+//! stands in a row blocks once.
+
+use std::f64::consts::PI;
+
+use glam::DVec3;
+
+use super::gather::{Cache, Gathered, ProxyWeight, gather_received, receive};
+use super::phong::mirrored_view;
+use super::rsm::Val;
+
+/// A cache as something that is in the way.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disc {
+    /// World position of the centre [m].
+    pub position: DVec3,
+    /// Unit normal.
+    pub normal: DVec3,
+    /// The cache's share of the surface [m^2], eq. 5.58.
+    pub area: f64,
+}
+
+/// How discs are drawn. Lengths are in radii of the circle of a disc's area.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rule {
+    /// Texels of an image's side.
+    pub side: usize,
+    /// Radius of what is drawn.
+    pub radius: f64,
+    /// How far behind a disc things are still seen: surfaces are not flat.
+    pub margin: f64,
+    /// How far out of a disc's plane a cache must lie for it to be in the way: the others are neighbours on its surface.
+    pub plane: f64,
+    /// Whether discs block from behind, too.
+    pub two_sided: bool,
+    /// Share of the slope that a disc has within a texel by which it is moved away: at 1 no point of a plane hides another.
+    pub slope: f64,
+    /// VALs in a row that are seen or hidden together, as the first of them.
+    pub together: usize,
+}
+
+impl Default for Rule {
+    fn default() -> Self {
+        Self { side: 24, radius: 0.9, margin: 2.0, plane: 0.1, two_sided: true, slope: 1.0, together: 4 }
+    }
+}
+
+/// Cosine at the cache below which a texel's slope is taken from here: at the horizon it has no end.
+const LEAST_Z: f64 = 0.2;
+
+/// The view of one cache.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DepthImage {
+    position: DVec3,
+    tangents: [DVec3; 2],
+    side: usize,
+    /// Reciprocal of the distance at which the view ends [1/m], row by row; 0 where it does not.
+    pub ends: Vec<f64>,
+}
+
+/// A frame about a unit normal. Duff et al. 2017.
+pub fn tangents(n: DVec3) -> [DVec3; 2] {
+    let side = if n.z >= 0.0 { 1.0 } else { -1.0 };
+    let a = -1.0 / (side + n.z);
+    let b = n.x * n.y * a;
+    [DVec3::new(1.0 + side * n.x * n.x * a, side * b, -side * n.x), DVec3::new(b, side + n.y * n.y * a, -n.y)]
+}
+
+impl DepthImage {
+    /// Draws all discs.
+    pub fn new(cache: &Cache, discs: &[Disc], rule: &Rule) -> Self {
+        let tangents = tangents(cache.normal);
+        let side = rule.side;
+        let mut ends = vec![0.0; side * side];
+        // Discs that cannot be in the way are left out once, not once a texel.
+        let facing = discs.iter().filter_map(|disc| {
+            let share = (disc.area / PI).sqrt();
+            let offset = disc.position - cache.position;
+            let height = offset.dot(disc.normal);
+            let is_away = height.abs() > rule.plane * share && (rule.two_sided || height < 0.0);
+            let is_above = offset.dot(cache.normal) > -rule.radius * share;
+            (is_away && is_above).then(|| (offset, disc.normal * height.signum(), height.abs(), share))
+        });
+        let facing: Vec<_> = facing.collect();
+        for (index, end) in ends.iter_mut().enumerate() {
+            let step = 2.0 / side as f64;
+            let [x, y] = [index % side, index / side].map(|i| (i as f64 + 0.5) * step - 1.0);
+            let z2 = 1.0 - x * x - y * y;
+            if z2 <= 0.0 {
+                continue;
+            }
+            let z = z2.sqrt();
+            let direction = x * tangents[0] + y * tangents[1] + z * cache.normal;
+            for &(offset, normal, height, share) in &facing {
+                // The ray meets the disc's plane at `height / along`.
+                let along = direction.dot(normal);
+                if along <= 0.0 || (direction * (height / along) - offset).length() > rule.radius * share {
+                    continue;
+                }
+                // Along a texel's edges w changes by the tangent less what z loses; the farthest corner is where the plane is
+                // seen at the least cosine.
+                let change = |tangent: DVec3, place: f64| {
+                    let w = tangent - cache.normal * (place / z.max(LEAST_Z));
+                    (0.5 * step * normal.dot(w)).abs()
+                };
+                let least = along - rule.slope * (change(tangents[0], x) + change(tangents[1], y));
+                if least > 0.0 {
+                    *end = f64::max(*end, 1.0 / (height / least + rule.margin * share));
+                }
+            }
+        }
+        Self { position: cache.position, tangents, side, ends }
+    }
+
+    /// Whether the cache sees a point above its horizon [m].
+    pub fn sees(&self, point: DVec3) -> bool {
+        let offset = point - self.position;
+        let distance = offset.length();
+        let place = self.tangents.map(|tangent| {
+            let at = (tangent.dot(offset) / distance.max(f64::MIN_POSITIVE) + 1.0) * 0.5 * self.side as f64;
+            (at as usize).min(self.side - 1)
+        });
+        self.ends[place[1] * self.side + place[0]] * distance <= 1.0
+    }
+}
+
+/// What [`super::gather::gather`] gives with VALs that the cache does not see left out; VALs are those that carry light,
+/// in the device's order, so that the same ones are taken together.
+pub fn gather_seen(
+    cache: &Cache,
+    image: &DepthImage,
+    vals: &[Val],
+    eye: Option<DVec3>,
+    weight: ProxyWeight,
+    rule: &Rule,
+) -> Gathered {
+    let mirrored = eye.map(|eye| mirrored_view(cache.position, cache.normal, eye));
+    let seen = vals.chunks(rule.together).flat_map(|vals| {
+        let seen = image.sees(vals[0].position);
+        vals.iter().filter(move |_| seen)
+    });
+    let received = seen.map(|val| receive(cache, mirrored, val, weight.of(val)));
+    gather_received(cache, mirrored.unwrap_or_default(), received)
+}

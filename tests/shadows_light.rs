@@ -1,0 +1,197 @@
+//! Shadows of every VAL: depth images and sums against the f64 twin, leaks, and pictures against light paths.
+
+use glam::{DAffine3, DVec3, Vec3};
+use lightskin::bake::CacheSet;
+use lightskin::eval::measure::{Bench, Layers};
+use lightskin::eval::references::{PathTraced, path_traced};
+use lightskin::eval::shadows::errors;
+use lightskin::eval::shot::shoot as shoot_unchecked;
+use lightskin::eval::sweep::Point;
+use lightskin::frame::{self, Frame, GatherPath, GatherSettings, SceneBuffers, Settings, Shadows, View};
+use lightskin::gpu::Gpu;
+use lightskin::reference::depth_image::{DepthImage, Disc, Rule, gather_seen};
+use lightskin::reference::gather::{Cache, ProxyWeight, gather};
+use lightskin::reference::rsm::Val;
+use lightskin::scene::Scene;
+use lightskin::scene::build::{Shadowed, cuboid};
+use lightskin::shared::{self, DEPTH_IMAGE_TEXELS, LiveArgs};
+
+use crate::common::frames::{SPOT, add, baked, camera, corner, phong, shoot, small};
+use crate::common::{assert_clean, gpu};
+
+fn shadowed() -> Settings {
+    Settings { shadows: Shadows::PerLight, ..small() }
+}
+
+/// The corner with a box that stands in the light of its walls.
+fn blocked() -> Scene {
+    let mut scene = corner(&[SPOT], 40.0);
+    let block = cuboid(Vec3::new(-0.5, 0.1, -0.4), Vec3::new(-0.2, 0.7, 0.2), 0.1, |_| true);
+    add(&mut scene, block, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    scene
+}
+
+/// Caches as the twin has them, from the device's atlas.
+fn discs(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Vec<Disc> {
+    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("uploaded");
+    let frame = Frame::new(gpu, scene, &buffers, &shadowed()).expect("made");
+    draw(gpu, scene, &buffers, &frame, &shadowed());
+    let targets = frame.targets.caches.as_ref().expect("caches");
+    let all: Vec<shared::Cache> = gpu.read(&targets.atlas).expect("atlas");
+    let disc = |c: &shared::Cache| Disc {
+        position: c.position.as_dvec3() + buffers.origin,
+        normal: c.normal.as_dvec3().normalize(),
+        area: c.area.into(),
+    };
+    all[..targets.count as usize].iter().map(disc).collect()
+}
+
+fn draw(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers, frame: &Frame, settings: &Settings) {
+    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, buffers, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+}
+
+/// A cache of a disc, for the twin.
+fn cache(disc: &Disc) -> Cache {
+    Cache { position: disc.position, normal: disc.normal, exponent: 1.0 }
+}
+
+#[test]
+fn depth_images_are_the_references() {
+    let gpu = gpu();
+    let scene = blocked();
+    let caches = baked(&scene, 0.3, 8);
+    let discs = discs(&gpu, &scene, &caches);
+    let settings = shadowed();
+    let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+    draw(&gpu, &scene, &buffers, &frame, &settings);
+    let targets = frame.targets.caches.as_ref().expect("caches");
+    let images: Vec<f32> = gpu.read(targets.depth_images.as_ref().expect("images")).expect("read");
+    let live = targets.live.as_ref().expect("compute path");
+    let list: Vec<u32> = gpu.read(&live.list).expect("list");
+    let count = gpu.read::<LiveArgs>(&live.args).expect("arguments")[0].cache_count as usize;
+    assert_eq!(count, discs.len());
+    let (mut filled, mut differ) = (0, 0);
+    for (slot, own) in list[..count].iter().enumerate() {
+        let twin = DepthImage::new(&cache(&discs[*own as usize]), &discs, &Rule::default());
+        let image = &images[slot * DEPTH_IMAGE_TEXELS as usize..][..DEPTH_IMAGE_TEXELS as usize];
+        for (texel, end) in image.iter().zip(&twin.ends) {
+            filled += usize::from(*end > 0.0);
+            // A texel's centre on the rim of a disc.
+            differ += usize::from((f64::from(*texel) - end).abs() > 1e-3 * end.max(1e-3));
+        }
+    }
+    println!("{filled} of {} texels have an end, {differ} differ", count * DEPTH_IMAGE_TEXELS as usize);
+    assert!(filled * 10 > count * DEPTH_IMAGE_TEXELS as usize, "discs are in the way");
+    assert!(differ * 1000 < filled, "{differ} of {filled} texels differ");
+    assert_clean(&gpu);
+}
+
+#[test]
+fn shadowed_sums_are_the_references() {
+    let gpu = gpu();
+    let scene = blocked();
+    let caches = baked(&scene, 0.3, 8);
+    let discs = discs(&gpu, &scene, &caches);
+    let ways = [(1, 256), (4, 2048), (3, 512)];
+    for (caches_per_thread, split) in ways {
+        let settings =
+            Settings { gather: GatherSettings { caches_per_thread, split, ..GatherSettings::default() }, ..shadowed() };
+        let shot = shoot(&gpu, &scene, Some(&caches), &settings);
+        let eye = scene.cameras[0].world_from_camera.translation;
+        let vals: Vec<Val> = shot.vals.iter().copied().filter(|val| *val != Val::NOTHING).collect();
+        let (mut error, mut total, mut hidden) = (0.0, 0.0, 0.0);
+        for ((own, found), disc) in shot.caches.iter().zip(&shot.proxies).zip(&discs) {
+            let image = DepthImage::new(&cache(disc), &discs, &Rule::default());
+            let weight = ProxyWeight::Irradiance;
+            let twin = gather_seen(own, &image, &vals, Some(eye), weight, &Rule::default()).diffuse.facing_irradiance;
+            let open = gather(own, &vals, Some(eye), weight).diffuse.facing_irradiance;
+            error += (found.diffuse.facing_irradiance - twin).abs().element_sum();
+            total += twin.element_sum();
+            hidden += (open - twin).abs().element_sum();
+        }
+        println!(
+            "{caches_per_thread} caches a thread, parts of {split}: off by {:.2e}, shadows {:.3}",
+            error / total,
+            hidden / total
+        );
+        assert!(hidden > 0.05 * total, "there are shadows");
+        assert!(error < 2e-3 * total, "{} of the light", error / total);
+    }
+}
+
+#[test]
+fn a_closed_dark_box_stays_dark() {
+    let gpu = gpu();
+    let mut scene = corner(&[SPOT], 40.0);
+    // Walls of 6 cm around a room of 0.5 m, with a floor to look at.
+    let paint = || phong([0.7; 3], [0.0; 3], 1.0);
+    let (low, high) = (Vec3::new(-0.6, 0.2, 0.3), Vec3::new(0.0, 0.8, 0.9));
+    let wall = Vec3::splat(0.06);
+    add(&mut scene, cuboid(low, high, 0.1, |_| true), paint(), DAffine3::IDENTITY);
+    let inside = cuboid(low + wall, high - wall, 0.1, |_| true).reversed();
+    add(&mut scene, inside, paint(), DAffine3::IDENTITY);
+    let middle = (0.5 * (low + high)).as_dvec3();
+    scene.cameras[0] = camera(middle + DVec3::new(0.15, 0.15, 0.15), middle - DVec3::new(0.2, 0.2, 0.2), 1.2);
+    let caches = baked(&scene, 0.2, 8);
+    let light = |shadows| {
+        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { shadows, ..small() });
+        shot.diffuse.iter().map(|pixel| pixel.element_sum()).sum::<f64>()
+    };
+    let [open, leaked] = [Shadows::Off, Shadows::PerLight].map(light);
+    println!("of the light that would pass through the walls {:.2} % leaks", 100.0 * leaked / open);
+    assert!(open > 0.0 && leaked < 0.1 * open, "{leaked} of {open}");
+}
+
+#[test]
+fn culling_and_the_ways_of_the_gather_change_nothing() {
+    let gpu = gpu();
+    let scene = blocked();
+    let caches = baked(&scene, 0.25, 8);
+    let culled = |cull| shoot(&gpu, &scene, Some(&caches), &Settings { cull, ..shadowed() }).diffuse;
+    assert_eq!(culled(true), culled(false));
+}
+
+#[test]
+fn what_cannot_be_shadowed_is_refused() {
+    let gpu = gpu();
+    let scene = blocked();
+    let caches = baked(&scene, 0.4, 8);
+    let gather = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
+    let cluster = Some(frame::Cluster::Distance(4.0));
+    for settings in [Settings { gather, ..shadowed() }, Settings { cluster, ..shadowed() }] {
+        assert!(shoot_unchecked(&gpu, &scene, Some(&caches), &settings).is_err());
+    }
+}
+
+#[test]
+fn shadows_bring_pictures_nearer_to_light_paths() {
+    let gpu = gpu();
+    let folder = std::env::temp_dir().join(format!("lightskin-shadows-{}", std::process::id()));
+    std::fs::create_dir_all(&folder).expect("a folder");
+    let size = [40, 30];
+    for which in Shadowed::ALL {
+        let scene = which.scene();
+        let wanted = PathTraced { size, visibility: true, samples: 64, glossy: false };
+        let (truth, _) = path_traced(&scene, &scene.cameras[0], &wanted, &folder, &|_| ());
+        let mut bench = Bench::new(&gpu, &scene, &scene.cameras[0]);
+        let mut picture = |shadows| -> Layers {
+            let frame = Settings { size, rsm: 64, shadow_map: 256, shadows, ..Settings::default() };
+            let point = Point { frame, caches: 500, angle: 60_f32.to_radians(), max_edge: None };
+            let measured = bench.measure(&point, 1, &|_, _| ()).expect("measured");
+            assert_eq!(measured.problems, [""; 0]);
+            measured.layers
+        };
+        let [off, on] = [Shadows::Off, Shadows::PerLight].map(|shadows| errors(&picture(shadows), &truth)[0].1);
+        println!("{}: off {off:?}, on {on:?}", which.name());
+        assert!(on.metrics.relmse < 0.75 * off.metrics.relmse, "{}: {on:?} instead of {off:?}", which.name());
+        assert!(on.metrics.bias.abs() < 0.12, "{}: {on:?}", which.name());
+    }
+    std::fs::remove_dir_all(&folder).ok();
+    assert_clean(&gpu);
+}
