@@ -31,9 +31,10 @@ impl DepthImages {
     pub fn record(&self, cmd: &Cmd<'_>, caches: &CacheTargets) {
         let live = caches.live.as_ref().expect("of this path");
         let images = caches.depth_images.as_ref().expect("made for shadows");
-        cmd.bind(&self.pipeline, &[(&caches.atlas).into(), (&live.list).into(), (&live.args).into(), images.into()]);
+        let resources = [(&caches.atlas).into(), (&live.list).into(), (&live.args).into(), images.into()];
         let push = DepthImagePush { cache_count: caches.count, first: 0, count: DISCS_AT_ONCE };
         if !self.alone {
+            cmd.bind(&self.pipeline, &resources);
             cmd.push(&push);
             cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
             return;
@@ -42,6 +43,7 @@ impl DepthImages {
             if first > 0 {
                 cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             }
+            cmd.bind(&self.pipeline, &resources);
             cmd.push(&DepthImagePush { first, ..push });
             cmd.dispatch(caches.count, 1, 1);
         }
