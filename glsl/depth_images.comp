@@ -17,7 +17,7 @@ layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
 #ifdef ALONE
-layout(binding = 3, scalar) buffer Images { uint images[]; };
+layout(binding = 3, scalar) buffer Images { float images[]; };
 uint image; // where it begins
 #else
 layout(binding = 3, scalar) writeonly buffer Images { float images[]; };
@@ -27,11 +27,12 @@ shared uint image[DEPTH_IMAGE_TEXELS];
 const int SIDE = int(DEPTH_IMAGE_SIDE);
 const float STEP = 2.0 / float(SIDE);
 
-// Bits of numbers that are not negative are in order.
 void keep(int texel, float limit) {
 #ifdef ALONE
-    atomicMax(images[image + uint(texel)], floatBitsToUint(limit));
+    uint at = image + uint(texel);
+    images[at] = max(images[at], limit);
 #else
+    // Bits of numbers that are not negative are in order.
     atomicMax(image[texel], floatBitsToUint(limit));
 #endif
 }
@@ -114,7 +115,7 @@ void main() {
     image = slot * DEPTH_IMAGE_TEXELS;
     if (push.first == 0u) {
         for (uint i = 0u; i < DEPTH_IMAGE_TEXELS; ++i) {
-            images[image + i] = 0u;
+            images[image + i] = 0.0;
         }
     }
     uint end = min(push.first + push.count, push.cache_count);

@@ -92,7 +92,7 @@ VertexLight light_at(DrawRecord draw, uint first_index) {
                 take(a, x, c, proxies[cache], round > 0u, lobes);
             }
         }
-        lobes = lobes.x || lobes.y ? left_over(a) : lobes;
+        lobes = left_over(a);
     }
     return averaged(a, x);
 }

@@ -24,7 +24,8 @@ void main() {
     // Depth 0 is infinitely far: a direction. Parallel views have one.
     vec3 far = (push.world_from_clip * vec4(gl_FragCoord.xy / size * 2.0 - 1.0, 0.0, 1.0)).xyz;
     vec3 d = normalize(push.eye.w == 0.0 ? -push.eye.xyz : far);
-    float longitude = atan(d.x, -d.z) + push.turn;
+    // Straight up and down every longitude is right.
+    float longitude = (d.xz == vec2(0.0) ? 0.0 : atan(d.x, -d.z)) + push.turn;
     vec2 at = vec2(fract(longitude / TAU + 0.5) * float(push.width), acos(clamp(d.y, -1.0, 1.0)) * 2.0 / TAU * float(push.height));
     at -= 0.5;
     vec2 f = fract(at);

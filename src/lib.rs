@@ -13,12 +13,13 @@
 //! | 2 | [`frame::direct`] | G-buffer, shadow maps -> radiance |
 //! | 3 | [`frame::atlas`] | model caches, transforms -> caches in the world |
 //! | 4 | [`frame::rsm`] | scene from each light -> virtual area lights (VALs) |
-//! | 5 | [`frame::visible`], [`frame::cull`] | pixels -> visible vertices -> live caches |
-//! | 6 | [`frame::gather`] | VALs x caches -> proxy lights |
+//! | 5 | [`frame::visible`] or [`frame::cells`], [`frame::cull`] | pixels -> visible vertices or cells -> live caches |
+//! | 6 | [`frame::depth_images`], [`frame::gather`], [`frame::bounce`] | VALs x caches -> proxy lights |
+//! | 7 | [`frame::occlude`] | discs of caches -> dimmed proxies |
 //! | 8 | [`frame::interpolate`] | proxies -> indirect radiance per pixel |
 //! | 11 | [`frame::composite`] | all radiance, exposure, tone map -> picture |
 //!
-//! Stages 7 (soft shadows), 9 and 10 (subsurface scattering) keep their numbers and are yet to come.
+//! Stages 9 and 10 (subsurface scattering) keep their numbers and are yet to come.
 //!
 //! ```no_run
 //! use lightskin::frame::{Frame, SceneBuffers, Settings, View};

@@ -81,7 +81,18 @@ fn default_scene_becomes_a_png_with_times_and_counts() {
             frame["stages"].as_array().expect("stages").iter().map(|s| s["name"].as_str().expect("name")).collect();
         assert_eq!(
             names,
-            ["gbuffer", "direct", "atlas", "rsm", "visible", "cull", "gather", "interpolate", "composite"]
+            [
+                "gbuffer",
+                "direct",
+                "atlas",
+                "rsm",
+                "visible",
+                "cull",
+                "depth images",
+                "gather",
+                "interpolate",
+                "composite"
+            ]
         );
         assert!(frame["gather_ns_per_pair"].as_f64().expect("figure") > 0.0);
     }
@@ -339,7 +350,7 @@ fn the_fastest_gather_is_measured_once_and_kept() {
     assert!(first.contains("\"path\": \"compute\"") && first.contains("\"path\": \"fragment\""), "{first}");
     for way in ["auto", "fragment", "compute"] {
         let out = format!("{way}.exr");
-        let mut args = vec!["render", "-o", &out, "--gather", way];
+        let mut args = vec!["render", "-o", &out, "--gather", way, "--shadows", "off"];
         args.extend(SMALL);
         works(&at, &args);
         assert_eq!(kept().0, first, "nothing is measured again");

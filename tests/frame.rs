@@ -2,7 +2,10 @@
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use lightskin::bake::{self, CacheSet, Density};
-use lightskin::frame::{Exposure, Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, View};
+use lightskin::frame::{
+    Cluster, Exposure, Frame, GatherPath, GatherSettings, Gi, Interpolation, Level, ProxyWeight, SceneBuffers,
+    Settings, Shadows, View,
+};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::image::broken_values;
 use lightskin::scene::build::{CornellSurface, cornell};
@@ -26,8 +29,14 @@ fn caches(scene: &Scene, references: usize) -> CacheSet {
 
 /// Records a frame twice and gives the values of its three radiance images.
 fn render(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Vec<f32> {
-    let caches = (settings.gi == Gi::LightSkin).then(|| caches(scene, settings.references));
-    let buffers = SceneBuffers::new(gpu, scene, caches.as_ref()).expect("upload");
+    let mut caches = (settings.gi == Gi::LightSkin).then(|| caches(scene, settings.references));
+    if settings.level == Level::Texel {
+        caches = caches.map(|caches| caches.with_cells(scene).expect("cells"));
+    }
+    let mut buffers = SceneBuffers::new(gpu, scene, caches.as_ref()).expect("upload");
+    if let Some(caches) = caches.as_ref().filter(|_| settings.bounces > 1) {
+        buffers.add_albedos(gpu, scene, caches).expect("albedos");
+    }
     let frame = Frame::new(gpu, scene, &buffers, settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     for split in [false, true] {
@@ -86,6 +95,49 @@ fn every_plan_is_clean() {
             }
         }
     }
+    assert_eq!(gpu.messages(), [] as [String; 0]);
+}
+
+#[test]
+fn shadows_bounces_levels_and_ways_go_together() {
+    let gpu = open();
+    let mut scene = cornell(CornellSurface::Glossy, 0.5);
+    scene.materials[0].emissive = Vec3::splat(20.0);
+    let mut count = 0;
+    for shadows in [Shadows::Off, Shadows::Proxy, Shadows::PerLight] {
+        for bounces in [1, 3] {
+            for level in [Level::Vertex, Level::Texel] {
+                for path in [GatherPath::Fragment, GatherPath::Compute] {
+                    for cluster in [None, Some(Cluster::Distance(6.0))] {
+                        let by_compute = bounces > 1 || shadows == Shadows::PerLight;
+                        let refused = (path == GatherPath::Fragment && (by_compute || cluster.is_some()))
+                            || (by_compute && cluster.is_some());
+                        if refused {
+                            continue;
+                        }
+                        let gather = GatherSettings { path, ..GatherSettings::default() };
+                        let (size, rsm, shadow_map) = ([16, 16], 16, 48);
+                        let settings = Settings {
+                            size,
+                            rsm,
+                            shadow_map,
+                            gather,
+                            shadows,
+                            bounces,
+                            level,
+                            cluster,
+                            ..Settings::default()
+                        };
+                        let values = render(&gpu, &scene, &settings);
+                        assert_eq!(broken_values(&values), 0, "{settings:?}");
+                        assert!(values.iter().any(|v| *v > 0.0), "{settings:?}");
+                        count += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert_eq!(count, 20);
     assert_eq!(gpu.messages(), [] as [String; 0]);
 }
 

@@ -43,7 +43,7 @@ fn timed(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], path: GatherPat
     targets.occluders = Some(targets.new_occluders(gpu).expect("groups"));
     if let Some(live) = &mut targets.live {
         live.list = gpu.buffer_from("cull.live", &(0..count).collect::<Vec<u32>>()).expect("list");
-        let args = LiveArgs { groups_x: 1, groups_y: 1, groups_z: 1, cache_count: count };
+        let args = LiveArgs { groups_x: 1, groups_y: 1, groups_z: 1, cache_count: count, ..LiveArgs::default() };
         live.args = gpu.buffer_from("cull.live_args", &[args]).expect("arguments");
     }
     let new = if skip { Occlude::new } else { Occlude::without_skipping };

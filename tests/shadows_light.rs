@@ -9,8 +9,9 @@ use lightskin::eval::shot::shoot as shoot_unchecked;
 use lightskin::eval::sweep::Point;
 use lightskin::frame::{self, Frame, GatherPath, GatherSettings, SceneBuffers, Settings, Shadows, View};
 use lightskin::gpu::Gpu;
-use lightskin::reference::depth_image::{DepthImage, Disc, Rule, gather_seen};
+use lightskin::reference::depth_image::{DepthImage, Rule, gather_seen};
 use lightskin::reference::gather::{Cache, ProxyWeight, gather};
+use lightskin::reference::occlude::Disc;
 use lightskin::reference::rsm::Val;
 use lightskin::scene::Scene;
 use lightskin::scene::build::{Shadowed, cuboid};
@@ -98,18 +99,20 @@ fn shadowed_sums_are_the_references() {
     let scene = blocked();
     let caches = baked(&scene, 0.3, 8);
     let discs = discs(&gpu, &scene, &caches);
-    let ways = [(1, 256), (4, 2048), (3, 512)];
-    for (caches_per_thread, split) in ways {
-        let settings =
-            Settings { gather: GatherSettings { caches_per_thread, split, ..GatherSettings::default() }, ..shadowed() };
+    // Of coarse pictures each VAL is tested alone.
+    let ways = [(1, 256, 24, 1), (4, 2048, 96, 4), (3, 512, 96, 4)];
+    for (caches_per_thread, split, rsm, together) in ways {
+        let gather_settings = GatherSettings { caches_per_thread, split, ..GatherSettings::default() };
+        let settings = Settings { gather: gather_settings, rsm, ..shadowed() };
+        let rule = Rule { together, ..Rule::default() };
         let shot = shoot(&gpu, &scene, Some(&caches), &settings);
         let eye = scene.cameras[0].world_from_camera.translation;
         let vals: Vec<Val> = shot.vals.iter().copied().filter(|val| *val != Val::NOTHING).collect();
         let (mut error, mut total, mut hidden) = (0.0, 0.0, 0.0);
         for ((own, found), disc) in shot.caches.iter().zip(&shot.proxies).zip(&discs) {
-            let image = DepthImage::new(&cache(disc), &discs, &Rule::default());
+            let image = DepthImage::new(&cache(disc), &discs, &rule);
             let weight = ProxyWeight::Irradiance;
-            let twin = gather_seen(own, &image, &vals, Some(eye), weight, &Rule::default()).diffuse.facing_irradiance;
+            let twin = gather_seen(own, &image, &vals, Some(eye), weight, &rule).diffuse.facing_irradiance;
             let open = gather(own, &vals, Some(eye), weight).diffuse.facing_irradiance;
             error += (found.diffuse.facing_irradiance - twin).abs().element_sum();
             total += twin.element_sum();

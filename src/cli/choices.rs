@@ -34,6 +34,9 @@ pub(super) struct Choices {
     /// --shadows, or on the given one.
     #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "shadows"])]
     occlusion: bool,
+    /// Only what caches see of each other's discs, by every choice of the depth images, against rays; likewise.
+    #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "occlusion", "shadows"])]
+    depth_images: bool,
     /// Only soft shadows of indirect light, on the device, against one bounce of the path tracer: on five built-in scenes
     /// whose indirect light is mostly shadowed, or on the given one.
     #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels"])]
@@ -48,6 +51,9 @@ pub(super) struct Choices {
 pub(super) fn run(args: &Choices) -> Result<()> {
     if args.shadows {
         return shadows(args);
+    }
+    if args.depth_images {
+        return depth_images(args, &shadowed_scenes(args)?);
     }
     if args.occlusion {
         return dimming(args);
@@ -71,10 +77,7 @@ pub(super) fn run(args: &Choices) -> Result<()> {
 
 /// Prints how far each kind of soft shadows is from the truth.
 fn shadows(args: &Choices) -> Result<()> {
-    let scenes = match &args.scene {
-        Some(path) => vec![super::load_punctual(Some(path))?],
-        None => build::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
-    };
+    let scenes = shadowed_scenes(args)?;
     let settings = shadows::Settings {
         size: args.size,
         caches: args.caches.caches as usize,
@@ -86,7 +89,6 @@ fn shadows(args: &Choices) -> Result<()> {
     let folder = lightskin::kept::folder().unwrap_or_else(std::env::temp_dir).join("shadows");
     std::fs::create_dir_all(&folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     let [w, h] = settings.size;
-    occlusion(args, &scenes)?;
     for scene in &scenes {
         let bar = super::progress_bar("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}");
         bar.set_message("tracing paths");
@@ -128,8 +130,16 @@ fn shadows(args: &Choices) -> Result<()> {
     Ok(())
 }
 
+/// The given scene, or those whose indirect light is mostly shadowed.
+fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
+    Ok(match &args.scene {
+        Some(path) => vec![super::load_punctual(Some(path))?],
+        None => build::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
+    })
+}
+
 /// Prints how depth images of discs are drawn best: a column a scene.
-fn occlusion(args: &Choices, scenes: &[Scene]) -> Result<()> {
+fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
     let mut columns = Vec::new();
     for scene in scenes {
         let mut scene = scene.clone();
@@ -137,8 +147,8 @@ fn occlusion(args: &Choices, scenes: &[Scene]) -> Result<()> {
         tessellate::divide(&mut scene, spacing, args.caches.max_edge);
         let camera = super::render::camera(&scene, None)?;
         // The picture takes no part.
-        let settings = Settings { size: [2, 2], caches: args.caches.caches as usize, rsm: OCCLUSION_RSM };
-        columns.push(Study::new(&scene, &camera, settings)?.occlusion());
+        let settings = Settings { size: [2, 2], caches: args.caches.caches as usize, rsm: DEPTH_IMAGES_RSM };
+        columns.push(Study::new(&scene, &camera, settings)?.depth_images());
     }
     let names: String = scenes.iter().map(|scene| format!("{:>18}", scene.name)).collect();
     say!("{:<34}{names}", "depth images against rays: bias, RMSE");
@@ -151,7 +161,7 @@ fn occlusion(args: &Choices, scenes: &[Scene]) -> Result<()> {
 }
 
 /// Texels of an RSM's side where every cache sends a ray to every VAL.
-const OCCLUSION_RSM: usize = 48;
+const DEPTH_IMAGES_RSM: usize = 48;
 
 /// Prints what clustering saves and costs.
 fn clusters(scene: &Scene, settings: &Settings) -> Result<()> {
@@ -229,7 +239,7 @@ fn levels(scene: &Scene, settings: &Settings) -> Result<()> {
 fn dimming(args: &Choices) -> Result<()> {
     let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
     match &args.scene {
-        Some(path) => dimming_in(&super::load_scene(Some(path), &args.caches)?, &settings),
+        Some(path) => dimming_in(&super::divided(super::load_punctual(Some(path))?, &args.caches), &settings),
         None => build::Shadowed::ALL.iter().try_for_each(|which| dimming_in(&which.scene(), &settings)),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, load_scene, thousands};
 use anyhow::Result;
-use lightskin::frame::{Frame, SceneBuffers, Settings};
+use lightskin::frame::{Frame, SceneBuffers, Settings, Shadows};
 use lightskin::scene::LightKind;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -69,7 +69,8 @@ pub(super) fn run(args: &Info) -> Result<()> {
 
     let gpu = args.device.open()?;
     let (references, cluster) = (args.caches.settings().references, args.cluster.rule());
-    let settings = Settings { references, rsm: args.rsm, cluster, ..Settings::default() };
+    let shadows = if cluster.is_some() { Shadows::Off } else { Shadows::PerLight };
+    let settings = Settings { references, rsm: args.rsm, cluster, shadows, ..Settings::default() };
     let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked.caches))?;
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
     let patches = buffers.emitters.iter().filter(|patch| patch.flux != glam::Vec3::ZERO);

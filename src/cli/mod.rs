@@ -205,12 +205,20 @@ enum GatherArg {
 }
 
 impl GatherArgs {
+    fn by_draws(&self) -> bool {
+        matches!(self.gather, GatherArg::Fragment)
+    }
+
+    fn by_clusters(&self) -> bool {
+        self.cluster.rule().is_some()
+    }
+
     /// Ends the run where flags do not go together.
     fn check(&self, shadows: Shadows) {
-        if shadows == Shadows::PerLight && matches!(self.gather, GatherArg::Fragment) {
+        if shadows == Shadows::PerLight && self.by_draws() {
             wrong_usage("--shadows per-light needs --gather compute or auto: draws see no depth images");
         }
-        if shadows == Shadows::PerLight && self.cluster.rule().is_some() {
+        if shadows == Shadows::PerLight && self.by_clusters() {
             wrong_usage("--shadows per-light tests every virtual light: leave --cluster and --cluster-error out");
         }
         if matches!(self.gather, GatherArg::Fragment) && self.cluster.rule().is_some() {

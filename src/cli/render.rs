@@ -67,9 +67,10 @@ pub(super) struct Render {
     /// What pulls a proxy light's position.
     #[arg(long, value_enum, default_value_t)]
     proxy_weight: ProxyWeightArg,
-    /// What is in the way of indirect light.
-    #[arg(long, value_enum, default_value_t)]
-    shadows: ShadowsArg,
+    /// What is in the way of indirect light. Without this flag, per-light; with --gather fragment proxy, with clusters off,
+    /// which goes with both.
+    #[arg(long, value_enum)]
+    shadows: Option<ShadowsArg>,
     /// Write this layer alone as R, G, B.
     #[arg(long, value_enum, value_name = "NAME")]
     layer: Option<LayerArg>,
@@ -137,12 +138,12 @@ enum ProxyWeightArg {
     FormFactor,
 }
 
-#[derive(Clone, Copy, Default, ValueEnum)]
+#[derive(Clone, Copy, ValueEnum)]
 pub(super) enum ShadowsArg {
     /// Nothing.
-    #[default]
     Off,
-    /// The other caches' discs, for each cache's light as a whole.
+    /// The other caches' discs, for each cache's light as a whole, after all bounces. Harder than they should be with
+    /// clusters.
     Proxy,
     /// The other caches' discs, for every virtual light.
     PerLight,
@@ -230,16 +231,27 @@ impl Render {
             // Nothing is measured for frames that light no caches.
             gather: match self.gi {
                 GiArg::Lightskin => {
-                    let compute = self.bounces > 1 || self.shadows.kind() == Shadows::PerLight;
+                    let compute = self.bounces > 1 || self.shadows() == Shadows::PerLight;
                     self.gather.settings(gpu, compute)?
                 }
                 _ => GatherSettings::default(),
             },
             cluster: self.gather.cluster.rule(),
             cull: !self.gather.no_cull,
-            shadows: self.shadows.kind(),
+            shadows: self.shadows(),
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
         })
+    }
+
+    /// The kind that is asked for, or the best that goes with the other flags.
+    fn shadows(&self) -> Shadows {
+        match self.shadows {
+            _ if self.gi != GiArg::Lightskin => Shadows::Off,
+            Some(asked) => asked.kind(),
+            None if self.gather.by_clusters() => Shadows::Off,
+            None if self.gather.by_draws() => Shadows::Proxy,
+            None => Shadows::PerLight,
+        }
     }
 
     /// The settings that shape cost, in the words of the flags.
@@ -259,7 +271,7 @@ impl Render {
             gather,
             cluster: _,
             cull,
-            shadows: _,
+            shadows,
             exposure: _,
         } = *settings;
         vec![
@@ -281,7 +293,7 @@ impl Render {
             ("cluster", json!(self.gather.cluster.cluster)),
             ("cluster_error", json!(self.gather.cluster.cluster_error)),
             ("cull", json!(cull)),
-            ("shadows", word(self.shadows)),
+            ("shadows", json!(ShadowsArg::of(shadows))),
             ("interp", word(self.interp)),
             ("interpolation", word(self.interpolation)),
             ("proxy_weight", word(self.proxy_weight)),
@@ -345,7 +357,7 @@ fn free_camera(text: &str) -> Result<Camera> {
 }
 
 pub(super) fn run(args: &Render) -> Result<()> {
-    args.gather.check(args.shadows.kind());
+    args.gather.check(args.shadows());
     match args.gi {
         GiArg::Lightskin if args.bounces > 16 => wrong_usage("--bounces: caches take 16 at most"),
         GiArg::Lightskin if args.bounces > 1 => args.gather.check_bounces(),
@@ -368,8 +380,10 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let scene = match args.gi {
         // Rays need no small triangles.
         GiArg::PathTrace => scene,
-        // Nothing is interpolated over triangles.
-        GiArg::Lightskin if args.interp == InterpArg::Texel && args.caches.max_edge.is_none() => scene,
+        // Nothing is interpolated over triangles; but what caches reflect in further bounces is found by the vertices.
+        GiArg::Lightskin if args.interp == InterpArg::Texel && args.bounces <= 1 && args.caches.max_edge.is_none() => {
+            scene
+        }
         _ => divided(scene, &args.caches),
     };
     let camera = camera(&scene, args.camera.as_deref())?;

@@ -43,6 +43,9 @@ impl SkyArgs {
             bail!("--sky-rotate needs a finite number of degrees");
         }
         if let Some(color) = self.sky_color {
+            if color.max_element() <= 0.0 {
+                bail!("--sky-color: a black sky lights nothing; leave the flag out");
+            }
             return Ok(Some((Sky::even(color * self.sky_scale as f32), lights)));
         }
         let Some(file) = &self.sky else { return Ok(None) };

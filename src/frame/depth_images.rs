@@ -6,7 +6,7 @@
 use super::targets::CacheTargets;
 use crate::error::Result;
 use crate::gpu::{Cmd, Gpu, Pipeline, Use};
-use crate::shared::{DepthImagePush, LiveArgs};
+use crate::shared::{DEPTH_IMAGE_TEXELS, DepthImagePush, LiveArgs};
 use std::mem::offset_of;
 
 /// Draws the images.
@@ -16,8 +16,9 @@ pub struct DepthImages {
     alone: bool,
 }
 
-/// Discs that a thread draws at a time: older lavapipe leaves loops after 65 535 rounds, of discs and texels together.
-const DISCS_AT_ONCE: u32 = 1024;
+/// Discs that a thread draws at a time: older lavapipe leaves loops after 65 535 rounds, of discs and texels together, and a
+/// disc may have all texels.
+const DISCS_AT_ONCE: u32 = 65_535 / (DEPTH_IMAGE_TEXELS + 1) - 1;
 
 impl DepthImages {
     /// Makes the pipeline.

@@ -1,7 +1,7 @@
 //! Surfaces that emit, as VALs: they light caches, and pixels by brute force, beside those of the lights. METHOD 2.
 //!
 //! A patch of radiance `L` and area `A` sends out `pi L A` lumen from its front; a VAL's flux is what leaves it, so the
-//! patch is a VAL of that flux. What a surface receives from it is not shadowed, as from any VAL.
+//! patch is a VAL of that flux. What a surface receives from it is shadowed as that of any VAL.
 
 use crate::scene::material::Emission;
 use crate::scene::{Mesh, Scene};

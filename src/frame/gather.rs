@@ -1,15 +1,16 @@
 //! Stage 6, gather: VALs x caches -> proxy lights. METHOD 3-4, thesis 5.3.
 //!
 //! Two paths, one loop body (glsl/lib/gather.glsl). The fragment path draws every tile of VALs over the atlas, two caches
-//! to a texel, adds to float targets, and leaves culling to the depth test. The compute path works through the list of live caches with
-//! several caches per thread, and splits the VALs into parts, so that few caches fill a device too.
+//! to a texel, adds to float targets, and leaves culling to the depth test. The compute path works through the list of
+//! live caches with several caches per thread, and splits the VALs into parts, so that few caches fill a device too.
 
 use super::bounce::Bounces;
 use super::depth_images::DepthImages;
+use super::lights::LightInfo;
 use super::pack::Pack;
 use super::targets::{CacheTargets, ValTargets};
 use super::{Plan, Settings, Shadows, View};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Load, Pipeline, Raster, Shape, Use,
 };
@@ -61,6 +62,9 @@ impl Default for GatherSettings {
 /// smaller than a texel of a depth image.
 const SHADOWED_TOGETHER: u32 = 4;
 
+/// Texels of an RSM's side from which on that many neighbours are near enough.
+const FINE_RSM: u32 = 96;
+
 /// Adds up VALs; those that follow each other, so many `together`, a cache sees or does not see as one.
 pub(super) fn sum_pipeline(
     gpu: &Gpu,
@@ -95,10 +99,23 @@ enum Path {
 impl Gather {
     /// Makes the pipelines. Without culling the compute path lists all caches itself.
     pub fn new(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings) -> Result<Self> {
-        Self::made(gpu, glossy, cull, settings, Shadows::Off)
+        Self::made(gpu, glossy, cull, settings, Shadows::Off, 1)
     }
 
-    fn made(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings, shadows: Shadows) -> Result<Self> {
+    fn made(
+        gpu: &Gpu,
+        glossy: bool,
+        cull: bool,
+        settings: &GatherSettings,
+        shadows: Shadows,
+        together: u32,
+    ) -> Result<Self> {
+        if settings.path == GatherPath::Fragment && !Self::draws(gpu) {
+            return Err(Error::NoDevice(format!(
+                "{} draws into fewer than 8 images at a time, and the gather by draws needs that; take --gather compute",
+                gpu.report().name
+            )));
+        }
         // Stage 7 wants to know of the glossy lobe, too, how far from the cache its VALs are.
         let (glossy_constant, spread) = (u32::from(glossy), u32::from(shadows == Shadows::Proxy));
         let shadowed = shadows == Shadows::PerLight;
@@ -127,7 +144,7 @@ impl Gather {
             GatherPath::Compute => Self {
                 path: Path::Compute {
                     pack: (!cull).then(|| Pack::new(gpu).map(Box::new)).transpose()?,
-                    sum: sum_pipeline(gpu, glossy, settings, shadows, SHADOWED_TOGETHER)?,
+                    sum: sum_pipeline(gpu, glossy, settings, shadows, together)?,
                 },
                 resolve: gpu.compute("proxies.comp", &[glossy_constant, 1, spread])?,
                 bounces: None,
@@ -136,10 +153,18 @@ impl Gather {
         })
     }
 
+    /// Whether the device draws into as many images at a time as the fragment path has sums.
+    pub fn draws(gpu: &Gpu) -> bool {
+        gpu.most_color_targets() >= 4 * TEXEL_CACHES
+    }
+
     /// What a frame needs: where light bounces more than once without culling, and so, or with shadows of every VAL, by the
     /// compute path.
-    pub fn of_frame(gpu: &Gpu, plan: &Plan, settings: &Settings) -> Result<Self> {
-        let mut made = Self::made(gpu, plan.glossy, plan.cull, &settings.gather, settings.shadows)?;
+    pub fn of_frame(gpu: &Gpu, plan: &Plan, settings: &Settings, lights: &[LightInfo]) -> Result<Self> {
+        // What follows each other in a coarse picture, or in the list of patches, lies in different directions.
+        let fine = !plan.emitters && lights.iter().all(|light| light.rsm_size(settings.rsm) >= FINE_RSM);
+        let together = if fine { SHADOWED_TOGETHER } else { 1 };
+        let mut made = Self::made(gpu, plan.glossy, plan.cull, &settings.gather, settings.shadows, together)?;
         if plan.bounces {
             made.resolve =
                 gpu.compute("proxies_bounces.comp", &[u32::from(plan.glossy), 1, u32::from(plan.occlude)])?;

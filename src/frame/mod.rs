@@ -281,7 +281,7 @@ impl Frame {
                     .then(|| cull::Cull::new(gpu, settings, of_pixels.unwrap_or(settings.references)))
                     .transpose()?,
                 gather: match settings.cluster {
-                    None => Lighting::All(Box::new(gather::Gather::of_frame(gpu, &plan, settings)?)),
+                    None => Lighting::All(Box::new(gather::Gather::of_frame(gpu, &plan, settings, &buffers.lights)?)),
                     Some(rule) => {
                         let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy, plan.cull)?;
                         Lighting::Clusters(Box::new(made))

@@ -22,6 +22,8 @@ pub struct Plan {
     pub bounces: bool,
     /// Stage 7: the discs of caches dim the proxies of others.
     pub occlude: bool,
+    /// Stage 6 tests every VAL against what caches see of discs.
+    pub depth_images: bool,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
@@ -58,6 +60,7 @@ impl Plan {
             clusters: lightskin && settings.cluster.is_some(),
             bounces,
             occlude: lightskin && settings.shadows == Shadows::Proxy,
+            depth_images: lightskin && settings.shadows == Shadows::PerLight,
             brute_force: (direct || emitters) && settings.gi == Gi::BruteForce && settings.bounces > 0,
             glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
         }
@@ -83,7 +86,11 @@ impl Plan {
             () if self.lightskin => "switched off: every cache is lit",
             () => gi,
         };
-        let not_occluded = if self.lightskin { "not asked for by --shadows" } else { gi };
+        let not_occluded = match () {
+            () if self.depth_images => "the gather itself leaves out VALs that discs hide",
+            () if self.lightskin => "not asked for by --shadows",
+            () => gi,
+        };
         vec![
             line(1, "gbuffer", true, "always"),
             line(

@@ -3,7 +3,7 @@
 use super::bounce::BounceTargets;
 use super::gather::{GatherPath, GatherSettings};
 use super::pyramid::Pyramid;
-use super::{Plan, ProxyWeight, SceneBuffers, Settings, Shadows};
+use super::{Plan, ProxyWeight, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
@@ -201,7 +201,7 @@ impl Targets {
             if plan.occlude {
                 caches.occluders = Some(caches.new_occluders(gpu)?);
             }
-            if settings.shadows == Shadows::PerLight {
+            if plan.depth_images {
                 caches.shadow(gpu)?;
             }
             if plan.cull {
@@ -315,7 +315,7 @@ impl ValTargets {
 /// Most memory that the parts of the compute path's sums take [bytes], unless a part would then be too long.
 const PARTS_BYTES: u64 = 64 << 20;
 
-/// Most VALs of a part: older lavapipe leaves loops after 65 535 rounds, and two VALs are a round.
+/// Most VALs of a part: older lavapipe leaves loops after 65 535 rounds, and a few VALs are a round.
 const LONGEST_PART: u32 = 32_768;
 
 /// Most nodes: each is a round, and so is each of the VALs below, three a node.

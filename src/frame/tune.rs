@@ -83,7 +83,8 @@ fn both(gpu: &Gpu, settings: &GatherSettings) -> Result<Tuned> {
 
 /// The fastest way of a path, or of all, on this device; measured on the first call and kept.
 pub fn fastest(gpu: &Gpu, path: Option<GatherPath>) -> Result<Tuned> {
-    let ways = candidates(gpu.is_software());
+    let mut ways = candidates(gpu.is_software());
+    ways.retain(|way| way.path == GatherPath::Compute || Gather::draws(gpu));
     let file = file(gpu, &ways);
     let kept = file.as_ref().and_then(|file| std::fs::read(file).ok()).and_then(|bytes| read(&bytes, &ways));
     let all = match kept {
@@ -100,7 +101,12 @@ pub fn fastest(gpu: &Gpu, path: Option<GatherPath>) -> Result<Tuned> {
         }
     };
     let of_path = all.into_iter().filter(|t| path.is_none_or(|path| t.settings.path == path));
-    Ok(of_path.max_by(|a, b| a.pairs_per_second.total_cmp(&b.pairs_per_second)).expect("both paths have candidates"))
+    // A path that the device does not have is refused by name when it is made.
+    let fastest = of_path.max_by(|a, b| a.pairs_per_second.total_cmp(&b.pairs_per_second));
+    Ok(fastest.unwrap_or(Tuned {
+        settings: GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() },
+        pairs_per_second: 0.0,
+    }))
 }
 
 /// One file per device, driver and version of the shaders.

@@ -443,6 +443,13 @@ impl Gpu {
         self.report.kind == "software"
     }
 
+    /// Color targets that a fragment shader can write at a time.
+    pub fn most_color_targets(&self) -> u32 {
+        let limits = &self.shared.limits;
+        let all = [limits.max_color_attachments, limits.max_fragment_output_attachments];
+        all.into_iter().fold(limits.max_fragment_combined_output_resources, u32::min)
+    }
+
     /// Whether fragment shaders know which triangle they belong to: Vulkan has that with geometry shaders, which all
     /// desktop devices and lavapipe have and SwiftShader has not.
     pub fn numbers_triangles(&self) -> bool {

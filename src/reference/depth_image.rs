@@ -9,19 +9,9 @@ use std::f64::consts::PI;
 use glam::DVec3;
 
 use super::gather::{Cache, Gathered, ProxyWeight, gather_received, receive};
+use super::occlude::Disc;
 use super::phong::mirrored_view;
 use super::rsm::Val;
-
-/// A cache as something that is in the way.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Disc {
-    /// World position of the centre [m].
-    pub position: DVec3,
-    /// Unit normal.
-    pub normal: DVec3,
-    /// The cache's share of the surface [m^2], eq. 5.58.
-    pub area: f64,
-}
 
 /// How discs are drawn. Lengths are in radii of the circle of a disc's area.
 #[derive(Clone, Copy, Debug, PartialEq)]

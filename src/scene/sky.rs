@@ -1,8 +1,8 @@
 //! A sky all around the scene: its radiance, and the directional lights that stand for it.
 //!
 //! The sphere is divided along its circles of latitude and longitude, first at the horizon: of all regions, the one of the
-//! largest luminous energy is cut across its longer side into halves of equal energy, until there are as many as wanted (median cut, Debevec
-//! 2005). A region becomes parallel light of exactly its energy from its centre of energy.
+//! largest luminous energy is cut across its longer side into halves of equal energy, until there are as many as wanted
+//! (median cut, Debevec 2005). A region becomes parallel light of exactly its energy from its centre of energy.
 
 use super::{Light, LightKind, Scene};
 use glam::{DVec3, Vec3};

@@ -3,18 +3,18 @@
 //! that pass through everything, which is what infinitely many VALs would give. No device takes part.
 
 mod clusters;
+mod depth_images;
 mod dimming;
 mod hierarchy;
 mod levels;
-mod occlusion;
 mod study;
 mod variants;
 
 pub use clusters::{Clustered, Flickered};
+pub use depth_images::Occluded;
 pub use dimming::{Dimmed, DimmedLobe};
 pub use hierarchy::Adapted;
 pub use levels::Levelled;
-pub use occlusion::Occluded;
 pub use study::{Settings, Study};
 
 use rayon::prelude::*;

@@ -72,8 +72,6 @@ pub struct Study<'a> {
     pub(super) caches: Vec<Cache>,
     /// The same as what is in the way.
     pub(super) discs: Vec<Disc>,
-    /// Share of the surface [m^2] that each cache stands for.
-    pub(super) areas: Vec<f64>,
     /// The first cache of each instance.
     pub(super) first: Vec<usize>,
     /// `d_eps` [m] of the bake.
@@ -92,9 +90,9 @@ impl<'a> Study<'a> {
         let world = World::new(scene);
         let (caches, first) = caches(scene, &baked);
         let areas = baked.instance_model.iter().flat_map(|model| &baked.models[*model].caches);
-        let areas: Vec<f64> = areas.map(|cache| cache.area.into()).collect();
-        let disc = |(at, area): (&Cache, &f64)| Disc { position: at.position, normal: at.normal, area: *area };
-        let discs = caches.iter().zip(&areas).map(disc).collect();
+        let areas = areas.map(|cache| f64::from(cache.area));
+        let disc = |(at, area): (&Cache, f64)| Disc { position: at.position, normal: at.normal, area };
+        let discs = caches.iter().zip(areas).map(disc).collect();
         let vals = vals(scene, &world, settings.rsm, None);
         let mut study = Self {
             scene,
@@ -105,7 +103,6 @@ impl<'a> Study<'a> {
             vertices: Vec::new(),
             caches,
             discs,
-            areas,
             first,
             spacing: baked.spacing,
             vals,

@@ -181,7 +181,7 @@ fn leaks(scene: &Scene, shot: &Shot, thickness: f32) -> f64 {
     reached.map(|s| if s.instance == 1 { from_edge(s.position) / texel } else { f64::INFINITY }).fold(0.0, f64::max)
 }
 
-/// What is lit under the box shines through its floor, since indirect light is not shadowed: as much as references say.
+/// What is lit under the box shines through its floor, since without shadows nothing is in the way: as much as references say.
 fn box_on_ground(gpu: &Gpu) -> Result<Outcome> {
     let mut scene = box_scene(0.05);
     let ground = quad(vec3(-4.0, -2.0, -4.0), Vec3::Z * 8.0, Vec3::X * 8.0, 1.0);

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::study::Study;
-use crate::reference::depth_image::{DepthImage, Disc, Rule};
+use crate::reference::depth_image::{DepthImage, Rule};
 use crate::reference::gather::{Cache, luminance, val_geometry};
 use crate::reference::rsm::Val;
 use crate::reference::world::Sides;
@@ -45,10 +45,7 @@ fn rules() -> Vec<(String, Rule)> {
 impl Study<'_> {
     /// No shadows, then every way to draw depth images, against a ray from a cache to every VAL. Caches inside of something
     /// do not count: nobody sees their light.
-    pub fn occlusion(&self) -> Vec<Occluded> {
-        let discs: Vec<Disc> = (self.caches.iter().zip(&self.areas))
-            .map(|(cache, area)| Disc { position: cache.position, normal: cache.normal, area: *area })
-            .collect();
+    pub fn depth_images(&self) -> Vec<Occluded> {
         let reached: Vec<Option<Vec<(f64, bool)>>> = self.caches.par_iter().map(|cache| self.reached(cache)).collect();
         let sum = |of: &dyn Fn(f64, bool) -> f64| -> Vec<f64> {
             reached.iter().map(|all| all.iter().flatten().map(|(light, seen)| of(*light, *seen)).sum()).collect()
@@ -57,7 +54,8 @@ impl Study<'_> {
         let row = |name: String, found: &[f64]| {
             let mean = |of: &dyn Fn(usize) -> f64| {
                 let counted = (0..found.len()).filter(|i| reached[*i].is_some());
-                let (sum, area) = counted.fold((0.0, 0.0), |(s, a), i| (s + self.areas[i] * of(i), a + self.areas[i]));
+                let (sum, area) =
+                    counted.fold((0.0, 0.0), |(s, a), i| (s + self.discs[i].area * of(i), a + self.discs[i].area));
                 sum / area
             };
             let wanted = mean(&|i| truth[i]);
@@ -68,7 +66,7 @@ impl Study<'_> {
         for (name, rule) in rules() {
             let by_image = |(cache, reached): (&_, &Option<Vec<(f64, bool)>>)| -> f64 {
                 let Some(reached) = reached else { return 0.0 };
-                let image = DepthImage::new(cache, &discs, &rule);
+                let image = DepthImage::new(cache, &self.discs, &rule);
                 let chunks = self.vals.chunks(rule.together).zip(reached.chunks(rule.together));
                 let seen = chunks.filter(|(vals, _)| image.sees(vals[0].position));
                 seen.flat_map(|(_, lights)| lights).map(|(light, _)| light).sum()
