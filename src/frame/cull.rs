@@ -66,7 +66,7 @@ impl Cull {
             Path::Fragment { histogram } => {
                 let mask = caches.mask.as_ref().expect("of this path");
                 cmd.barrier(Use::ComputeWrite, Use::IndirectRead | Use::VertexRead); // visible vertices -> here
-                let area = [0, 0, caches.columns() * 8, caches.rows()];
+                let area = caches.area();
                 cmd.render(&Attachments { colors: &[], depth: Some(Attach::clear(mask)), area }, |draw| {
                     draw.bind(histogram, &references);
                     draw.push(&AtlasPush { columns: caches.columns(), rows: caches.rows() });

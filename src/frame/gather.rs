@@ -217,7 +217,7 @@ impl Gather {
     fn draw(&self, cmd: &Cmd<'_>, sum: &Pipeline, vals: &ValTargets, caches: &CacheTargets, push: &GatherPush) {
         let sums: Vec<_> = caches.sums.iter().map(Attach::clear).collect();
         let depth = caches.mask.as_ref().map(|image| Attach { image, load: Load::ReadOnly });
-        cmd.render(&Attachments { colors: &sums, depth, area: [0, 0, caches.columns() * 8, caches.rows()] }, |draw| {
+        cmd.render(&Attachments { colors: &sums, depth, area: caches.area() }, |draw| {
             let resources =
                 [(&caches.atlas).into(), (&vals.live_count).into(), Bind::Texels(&vals.live), (&vals.live).into()];
             draw.bind(sum, &resources);

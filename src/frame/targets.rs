@@ -344,7 +344,7 @@ impl CacheTargets {
         match settings.path {
             GatherPath::Fragment => {
                 let lobes = if glossy { &["diffuse", "glossy"][..] } else { &["diffuse"] };
-                let [width, height] = [made.columns() * 8, made.rows()];
+                let [width, height] = [made.width(), made.rows()];
                 for cache in ["first", "second"] {
                     for (lobe, sum) in lobes.iter().flat_map(|lobe| [(lobe, "position"), (lobe, "irradiance")]) {
                         let name = format!("gather.{cache}_{lobe}_{sum}");
@@ -424,7 +424,7 @@ impl CacheTargets {
         let (texel, columns) = (cache / TEXEL_CACHES, self.columns());
         let (block, within) = (texel / 64, texel % 64);
         let (x, y) = (block % columns * 8 + within % 8, block / columns * 8 + within / 8);
-        (y * 8 * columns + x) as usize
+        (y * self.width() + self.left() + x) as usize
     }
 
     /// Images of the fragment path's sums for each cache of a texel; those of the diffuse lobe stand in where there is no
@@ -436,7 +436,7 @@ impl CacheTargets {
 
     /// The mask that culling needs by this path.
     fn new_mask(&self, gpu: &Gpu, settings: &GatherSettings) -> Result<Option<Image>> {
-        let mask = || gpu.target("cull.mask", Format::D32_SFLOAT, self.columns() * 8, self.rows());
+        let mask = || gpu.target("cull.mask", Format::D32_SFLOAT, self.width(), self.rows());
         (settings.path == GatherPath::Fragment).then(mask).transpose()
     }
 
@@ -454,6 +454,21 @@ impl CacheTargets {
     /// Columns of blocks in the fragment path's images; as few blocks as possible are left over.
     pub fn columns(&self) -> u32 {
         self.count.div_ceil(64 * TEXEL_CACHES).div_ceil(self.block_rows()).max(1)
+    }
+
+    /// Texels to the left of the blocks.
+    fn left(&self) -> u32 {
+        if self.columns() <= 16 { 64 - 8 * self.columns().div_ceil(2) } else { 0 }
+    }
+
+    /// Texels of a row of the fragment path's images.
+    fn width(&self) -> u32 {
+        self.left() + 8 * self.columns()
+    }
+
+    /// What of the fragment path's images holds blocks: corner and size [texels].
+    pub fn area(&self) -> [u32; 4] {
+        [self.left(), 0, 8 * self.columns(), self.rows()]
     }
 
     /// Rows of texels in the fragment path's images.
