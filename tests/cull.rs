@@ -16,6 +16,7 @@ use lightskin::scene::build::{CornellSurface, atrium, cornell};
 use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::{LiveArgs, TEXEL_CACHES};
 
+use crate::common::frames::{drawn, indirect};
 use crate::common::{assert_clean, gpu};
 
 const PATHS: [GatherPath; 2] = [GatherPath::Fragment, GatherPath::Compute];
@@ -114,17 +115,8 @@ fn both_paths_light_exactly_the_caches_that_visible_triangles_refer_to() {
 
 /// Direct and both indirect layers, bit by bit.
 fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> (Vec<Vec<[u32; 4]>>, [usize; 2]) {
-    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("uploaded");
-    let frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
-    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
-        frame.record(cmd, &buffers, &view);
-        Ok(())
-    });
-    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-    let indirect = frame.targets.indirect.as_ref().expect("indirect light");
-    let images = [&indirect.diffuse].into_iter().chain(&indirect.glossy);
-    let all = images.map(|image| gpu.read_image(image).expect("read")).collect();
+    let frame = drawn(gpu, scene, caches, settings);
+    let all = indirect(gpu, &frame);
     let count = frame.targets.caches.as_ref().expect("caches").count as usize;
     (all, [frame.live(gpu).expect("counts").caches as usize, count])
 }

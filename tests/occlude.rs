@@ -16,7 +16,7 @@ use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::{self, LiveArgs, Proxy};
 
 use crate::analytic::numbers;
-use crate::common::frames::{SPOT, baked, corner, placed, shoot, small};
+use crate::common::frames::{SPOT, baked, corner, drawn, placed, shoot, small};
 use crate::common::{assert_clean, gpu};
 
 const PATHS: [GatherPath; 2] = [GatherPath::Compute, GatherPath::Fragment];
@@ -394,14 +394,7 @@ fn skipping_changes_no_bit_of_whole_scenes() {
         let caches =
             bake::bake(&scene, &bake::Settings { density, angle: 1.0, references: 8 }, &|_, _| ()).expect("bakes");
         let settings = Settings { shadows: Shadows::Proxy, ..small() };
-        let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-        let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
-        let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-        let drawn = gpu.frame(false, |cmd| {
-            frame.record(cmd, &buffers, &view);
-            Ok(())
-        });
-        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        let frame = drawn(&gpu, &scene, &caches, &settings);
         let targets = frame.targets.caches.as_ref().expect("caches");
         let atlas: Vec<shared::Cache> = gpu.read(&targets.atlas).expect("atlas");
         let mut proxies: Vec<Proxy> = gpu.read(&targets.proxies).expect("proxies");

@@ -4,7 +4,7 @@ use glam::{DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::CacheSet;
 use lightskin::eval::metrics::metrics;
 use lightskin::eval::worlds::placed;
-use lightskin::frame::{Frame, GatherPath, GatherSettings, Gi, Interpolation, Level, SceneBuffers, Settings, View};
+use lightskin::frame::{Frame, GatherPath, GatherSettings, Gi, Interpolation, Level, SceneBuffers, Settings};
 use lightskin::gpu::Gpu;
 use lightskin::reference::gather::{Cache, Gathered};
 use lightskin::reference::interpolate::{Scheme, interpolate_within, shade};
@@ -13,7 +13,9 @@ use lightskin::scene::build::{CornellSurface, atrium, cornell, quad};
 use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::NO_REFERENCES;
 
-use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, lamp, phong, reflection, seen, shoot, small};
+use crate::common::frames::{
+    SPOT, Shot, add, baked, camera, corner, drawn, indirect, lamp, phong, reflection, seen, shoot, small,
+};
 use crate::common::{assert_clean, gpu};
 
 fn with_cells(scene: &Scene, spacing: f64) -> CacheSet {
@@ -116,18 +118,9 @@ fn two_triangles_are_as_good_as_many() {
 }
 
 /// Indirect layers bit by bit, how many caches are lit, and how many pixels of surfaces find no cell.
-fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> (Vec<Vec<[u32; 4]>>, u32, usize) {
-    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("uploaded");
-    let frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
-    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
-        frame.record(cmd, &buffers, &view);
-        Ok(())
-    });
-    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-    let indirect = frame.targets.indirect.as_ref().expect("indirect light");
-    let images = [&indirect.diffuse].into_iter().chain(&indirect.glossy);
-    let all = images.map(|image| gpu.read_image(image).expect("read")).collect();
+fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> (Vec<Vec<[u32; 4]>>, u32, usize) {
+    let frame = drawn(gpu, scene, caches, settings);
+    let all = indirect(gpu, &frame);
     let depth: Vec<f32> = gpu.read_image(&frame.targets.depth).expect("read");
     let rows: Vec<u32> = gpu.read(&frame.targets.visible.as_ref().expect("visible").slots).expect("read");
     let lost = depth.iter().zip(&rows).filter(|(depth, row)| **depth > 0.0 && **row == NO_REFERENCES).count();
@@ -143,8 +136,8 @@ fn culling_changes_no_bit_and_leaves_caches_out() {
     for path in [GatherPath::Fragment, GatherPath::Compute] {
         let gather = GatherSettings { path, ..GatherSettings::default() };
         let settings = Settings { gather, size: [96, 64], ..texel() };
-        let (all, every, _) = drawn(&gpu, &scene, &caches, &settings);
-        let (culled, live, _) = drawn(&gpu, &scene, &caches, &Settings { cull: true, ..settings });
+        let (all, every, _) = layers(&gpu, &scene, &caches, &settings);
+        let (culled, live, _) = layers(&gpu, &scene, &caches, &Settings { cull: true, ..settings });
         eprintln!("{path:?}: {live} of {every} caches");
         assert!(live > 0 && 2 * live < every);
         assert!(all == culled, "{path:?}: pictures differ");
@@ -167,7 +160,7 @@ fn every_pixel_finds_its_cell() {
         let cells = caches.cells.as_ref().expect("cells");
         let bytes: usize = cells.models.iter().map(|m| 2 * m.references.len() + 24 * m.cells.len()).sum();
         let settings = Settings { size: [160, 120], rsm: 32, ..texel() };
-        let (_, _, lost) = drawn(&gpu, &scene, &caches, &settings);
+        let (_, _, lost) = layers(&gpu, &scene, &caches, &settings);
         let count: usize = caches.models.iter().map(|m| m.caches.len()).sum();
         eprintln!("{}: rows of {}, {} bytes for each of {count} caches", scene.name, cells.row, bytes / count);
         assert_eq!(lost, 0, "{}", scene.name);

@@ -1,7 +1,7 @@
 //! Small worlds, whole frames of them, and what the device made on the way, as the references read it.
 
 use lightskin::bake::CacheSet;
-use lightskin::frame::Settings;
+use lightskin::frame::{Frame, SceneBuffers, Settings, View};
 use lightskin::gpu::Gpu;
 use lightskin::scene::Scene;
 
@@ -21,4 +21,25 @@ pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, setting
     assert_eq!(shot.complaints, [""; 0]);
     super::assert_clean(gpu);
     shot
+}
+
+/// Draws one frame from the scene's first camera, fails if the barrier check says anything, and keeps what it wrote.
+#[track_caller]
+pub(crate) fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> Frame {
+    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("uploaded");
+    let frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
+    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, &buffers, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    frame
+}
+
+/// Both indirect layers, bit by bit.
+pub(crate) fn indirect(gpu: &Gpu, frame: &Frame) -> Vec<Vec<[u32; 4]>> {
+    let indirect = frame.targets.indirect.as_ref().expect("indirect light");
+    let images = [&indirect.diffuse].into_iter().chain(&indirect.glossy);
+    images.map(|image| gpu.read_image(image).expect("read")).collect()
 }
