@@ -7,6 +7,7 @@ use lightskin::eval::references::{PathTraced, path_traced};
 use lightskin::eval::shadows::errors;
 use lightskin::eval::shot::shoot as shoot_unchecked;
 use lightskin::eval::sweep::Point;
+use lightskin::frame::depth_images::DepthImages;
 use lightskin::frame::{self, Frame, GatherPath, GatherSettings, SceneBuffers, Settings, Shadows, View};
 use lightskin::gpu::Gpu;
 use lightskin::reference::depth_image::{DepthImage, Rule, gather_seen};
@@ -90,6 +91,18 @@ fn depth_images_are_the_references() {
     println!("{filled} of {} texels have an end, {differ} differ", count * DEPTH_IMAGE_TEXELS as usize);
     assert!(filled * 10 > count * DEPTH_IMAGE_TEXELS as usize, "discs are in the way");
     assert!(differ * 1000 < filled, "{differ} of {filled} texels differ");
+
+    // A workgroup an image, as GPUs do it, draws the same.
+    let by_workgroups = DepthImages::with(&gpu, !gpu.is_software()).expect("made");
+    let drawn = gpu.frame(false, |cmd| {
+        cmd.begin_frame(frame.targets.images());
+        by_workgroups.record(cmd, targets);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    let again: Vec<f32> = gpu.read(targets.depth_images.as_ref().expect("images")).expect("read");
+    let used = count * DEPTH_IMAGE_TEXELS as usize;
+    assert!(again[..used] == images[..used], "both ways draw the same images");
     assert_clean(&gpu);
 }
 

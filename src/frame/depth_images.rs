@@ -21,9 +21,13 @@ pub struct DepthImages {
 const DISCS_AT_ONCE: u32 = 65_535 / (DEPTH_IMAGE_TEXELS + 1) - 1;
 
 impl DepthImages {
-    /// Makes the pipeline.
+    /// Makes the pipeline that suits the device.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        let alone = gpu.is_software();
+        Self::with(gpu, gpu.is_software())
+    }
+
+    /// Makes it for a thread an image, or a workgroup. The images are the same.
+    pub fn with(gpu: &Gpu, alone: bool) -> Result<Self> {
         let name = if alone { "depth_images_alone.comp" } else { "depth_images.comp" };
         Ok(Self { pipeline: gpu.compute(name, &[])?, alone })
     }
