@@ -16,7 +16,7 @@ use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::{self, LiveArgs, Proxy};
 
 use crate::analytic::numbers;
-use crate::common::frames::{SPOT, baked, corner, drawn, placed, shoot, small};
+use crate::common::frames::{SPOT, baked, corner, drawn, indirect, placed, shoot, small};
 use crate::common::{assert_clean, gpu};
 
 const PATHS: [GatherPath; 2] = [GatherPath::Compute, GatherPath::Fragment];
@@ -253,9 +253,7 @@ fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> (
     let drawn = drawn.expect("drawn");
     let zones = gpu.times(&drawn).expect("times").zones.iter().map(|zone| zone.name.to_string()).collect();
     assert_eq!(drawn.problems, [""; 0]);
-    let indirect = frame.targets.indirect.as_ref().expect("indirect light");
-    let images = [&indirect.diffuse].into_iter().chain(&indirect.glossy);
-    (images.map(|image| gpu.read_image(image).expect("read")).collect(), zones)
+    (indirect(gpu, &frame), zones)
 }
 
 #[test]
