@@ -12,7 +12,12 @@ use std::f64::consts::{PI, TAU};
 fn scene(parts: Vec<(Mesh, DAffine3)>) -> Scene {
     let mut scene = Scene::default();
     for (mesh, world_from_model) in parts {
-        scene.instances.push(Instance { name: String::new(), mesh: scene.meshes.len(), world_from_model });
+        scene.instances.push(Instance {
+            name: String::new(),
+            mesh: scene.meshes.len(),
+            world_from_model,
+            ..Instance::default()
+        });
         scene.meshes.push(mesh);
     }
     scene
@@ -340,7 +345,7 @@ fn stretches_make_models() {
         DAffine3::from_scale_rotation_translation(DVec3::new(1.0, 4.0, -0.5), turn, DVec3::ZERO),
     ];
     let mut scene = scene(vec![(mesh, DAffine3::IDENTITY)]);
-    let place = |world_from_model| Instance { name: String::new(), mesh: 0, world_from_model };
+    let place = |world_from_model| Instance { name: String::new(), mesh: 0, world_from_model, ..Instance::default() };
     scene.instances = transforms.map(place).to_vec();
     let set = check_guarantee(&scene, &spacing(0.3), &mut Random(8));
     assert_eq!(set.instance_model, [0, 0, 0, 1, 2]);

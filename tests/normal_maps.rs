@@ -23,16 +23,21 @@ fn quad(map: [u8; 3], tangents: bool, scale: DVec3, edge: f32) -> Scene {
     let texture = Texture { image: 0, uv_set: 0, transform: Affine2::IDENTITY, sampler: Sampler::default() };
     Scene {
         name: "quad".into(),
-        sky: None,
         meshes: vec![Mesh {
             name: "quad".into(),
             vertices: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
             indices: vec![0, 1, 2, 0, 2, 3],
             primitives: vec![Primitive { first_index: 0, index_count: 6, material: 0 }],
+            deform: None,
         }],
         materials: vec![Material { normal_texture: Some(texture), ..Material::default() }],
         images: vec![Image { name: "map".into(), width: 1, height: 1, rgba: vec![map[0], map[1], map[2], 255] }],
-        instances: vec![Instance { name: "quad".into(), mesh: 0, world_from_model: DAffine3::from_scale(scale) }],
+        instances: vec![Instance {
+            name: "quad".into(),
+            mesh: 0,
+            world_from_model: DAffine3::from_scale(scale),
+            ..Instance::default()
+        }],
         lights: vec![Light {
             name: "lamp".into(),
             kind: LightKind::Point,
@@ -47,7 +52,7 @@ fn quad(map: [u8; 3], tangents: bool, scale: DVec3, edge: f32) -> Scene {
             world_from_camera: DAffine3::from_translation(DVec3::new(0.0, 0.0, 4.0)),
             projection: Projection::Perspective { yfov: 0.5 },
         }],
-        notes: vec![],
+        ..Scene::default()
     }
 }
 
@@ -125,7 +130,7 @@ fn near_things_show_in_wide_scenes() {
     let mut scene = quad([128, 128, 255], false, DVec3::ONE, 10_000.0);
     // A second quad of 2 cm, half a metre before the camera.
     let small = DAffine3::from_scale_rotation_translation(DVec3::splat(1e-6), glam::DQuat::IDENTITY, DVec3::Z * 3.5);
-    scene.instances.push(Instance { name: "near".into(), mesh: 0, world_from_model: small });
+    scene.instances.push(Instance { name: "near".into(), mesh: 0, world_from_model: small, ..Instance::default() });
     let gpu = gpu();
     let settings = Settings { size: [33, 33], gi: Gi::Off, shadow_map: 64, ..Settings::default() };
     let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");

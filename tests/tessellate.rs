@@ -47,9 +47,10 @@ fn octahedra() -> Scene {
         DQuat::from_rotation_x(0.7),
         DVec3::new(5.0, 0.0, 0.0),
     );
-    let instance = |world_from_model| Instance { name: "octahedron".into(), mesh: 0, world_from_model };
+    let instance =
+        |world_from_model| Instance { name: "octahedron".into(), mesh: 0, world_from_model, ..Instance::default() };
     Scene {
-        meshes: vec![Mesh { name: "octahedron".into(), vertices, indices, primitives }],
+        meshes: vec![Mesh { name: "octahedron".into(), vertices, indices, primitives, deform: None }],
         instances: vec![instance(DAffine3::IDENTITY), instance(stretch)],
         ..Scene::default()
     }

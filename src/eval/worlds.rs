@@ -19,8 +19,13 @@ pub fn add(scene: &mut Scene, surface: Surface, material: Material, world_from_m
         vec![Primitive { first_index: 0, index_count: surface.indices.len() as u32, material: scene.materials.len() }];
     scene.materials.push(material);
     let name = format!("mesh {}", scene.meshes.len());
-    scene.instances.push(Instance { name: name.clone(), mesh: scene.meshes.len(), world_from_model });
-    scene.meshes.push(Mesh { name, vertices: surface.vertices, indices: surface.indices, primitives });
+    scene.instances.push(Instance {
+        name: name.clone(),
+        mesh: scene.meshes.len(),
+        world_from_model,
+        ..Instance::default()
+    });
+    scene.meshes.push(Mesh { name, vertices: surface.vertices, indices: surface.indices, primitives, deform: None });
 }
 
 /// A light of one kind for the worlds below.

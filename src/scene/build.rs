@@ -80,7 +80,7 @@ fn rough(name: &str, base_color: [f32; 3], metallic: f32, roughness: f32) -> Mat
 
 /// Stands a mesh in the world.
 fn place(scene: &mut Scene, name: &str, mesh: usize, world_from_model: DAffine3) {
-    scene.instances.push(Instance { name: name.into(), mesh, world_from_model });
+    scene.instances.push(Instance { name: name.into(), mesh, world_from_model, ..Instance::default() });
 }
 
 /// Quarter turns about +Y (exact), then a translation; one turn takes +Z to +X.

@@ -246,7 +246,7 @@ impl Builder<'_> {
             let skin = self.document.item("skins", skin, node)?;
             let joints = pose::joints(self.document, self.accessors, &skin, &self.graph.worlds)?;
             if let Some(made) = self.mesh(&object, mesh, Pose { weights, joints: Some(joints) }, scene, notes)? {
-                scene.instances.push(Instance { name, mesh: made, world_from_model: DAffine3::IDENTITY });
+                scene.instances.push(Instance { name, mesh: made, ..Instance::default() });
             }
             return Ok(());
         }
@@ -265,7 +265,7 @@ impl Builder<'_> {
             }
         };
         if let Some(mesh) = made {
-            scene.instances.push(Instance { name, mesh, world_from_model });
+            scene.instances.push(Instance { name, mesh, world_from_model, ..Instance::default() });
         }
         Ok(())
     }

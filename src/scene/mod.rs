@@ -6,6 +6,7 @@
 mod accessor;
 pub mod build;
 pub mod defaults;
+pub mod deform;
 mod fingerprint;
 pub mod gltf;
 mod json;
@@ -35,6 +36,8 @@ pub struct Scene {
     pub sky: Option<sky::Sky>,
     /// Cameras, in the file's order.
     pub cameras: Vec<Camera>,
+    /// What nothing leaves, however it moves: smallest and largest world coordinates. Without it, what `bounds` finds.
+    pub extent: Option<(DVec3, DVec3)>,
     /// What the loader decided or left out, one sentence each, to be told to the user.
     pub notes: Vec<String>,
 }
@@ -50,6 +53,8 @@ pub struct Mesh {
     pub indices: Vec<u32>,
     /// Runs of `indices` that share a material, in order, together covering it.
     pub primitives: Vec<Primitive>,
+    /// What its poses are made of, where it bends; `vertices` are those at rest.
+    pub deform: Option<deform::Deform>,
 }
 
 /// One vertex as the vertex shaders read it; model space.
@@ -88,7 +93,7 @@ pub struct Primitive {
 }
 
 /// A mesh placed in the world.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub struct Instance {
     /// glTF's node name, or a made-up one.
     pub name: String,
@@ -96,6 +101,10 @@ pub struct Instance {
     pub mesh: usize,
     /// Model space to world space; may mirror or scale unevenly.
     pub world_from_model: DAffine3,
+    /// How it stands, for meshes that bend.
+    pub pose: Option<deform::Pose>,
+    /// Neither drawn nor in the way of light.
+    pub hidden: bool,
 }
 
 /// Metallic-roughness material of glTF, with the extensions the method can use.
@@ -302,8 +311,11 @@ impl Mesh {
 }
 
 impl Scene {
-    /// Smallest and largest world coordinates of all instances' vertices; `None` when nothing is drawn.
+    /// Smallest and largest world coordinates of all instances' vertices, at any time; `None` when nothing is drawn.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
+        if self.extent.is_some() {
+            return self.extent;
+        }
         let mut bounds: Option<(DVec3, DVec3)> = None;
         for instance in &self.instances {
             let mesh = &self.meshes[instance.mesh];

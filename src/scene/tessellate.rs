@@ -113,7 +113,7 @@ fn halve(mesh: &Mesh, metrics: &[DMat3], longest2: f64) -> Option<Mesh> {
         let (first_index, index_count) = (first as u32, (indices.len() - first) as u32);
         primitives.push(Primitive { first_index, index_count, ..*primitive });
     }
-    (!middles.is_empty()).then(|| Mesh { name: mesh.name.clone(), vertices, indices, primitives })
+    (!middles.is_empty()).then(|| Mesh { name: mesh.name.clone(), vertices, indices, primitives, deform: None })
 }
 
 /// The vertex halfway.

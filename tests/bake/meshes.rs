@@ -29,7 +29,7 @@ pub(super) fn flat_mesh(triangles: &[[DVec3; 3]]) -> Mesh {
         [*a, *b, *c].map(|p| Vertex { position: p.as_vec3(), normal, ..Default::default() })
     };
     let vertices: Vec<_> = triangles.iter().flat_map(corners).collect();
-    Mesh { name: "flat".into(), indices: (0..vertices.len() as u32).collect(), vertices, primitives: vec![] }
+    Mesh { name: "flat".into(), indices: (0..vertices.len() as u32).collect(), vertices, ..Mesh::default() }
 }
 
 /// A grid of quads over the unit square under a map to position and normal.
