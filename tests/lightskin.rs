@@ -25,6 +25,7 @@ mod house;
 mod interpolate;
 mod layout;
 mod malformed;
+mod moving;
 mod nets;
 mod normal_maps;
 mod occlude;

@@ -239,6 +239,7 @@ impl Render {
             cluster: self.gather.cluster.rule(),
             cull: !self.gather.no_cull,
             shadows: self.shadows(),
+            reuse: false,
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
         })
     }
@@ -272,6 +273,7 @@ impl Render {
             cluster: _,
             cull,
             shadows,
+            reuse: _,
             exposure: _,
         } = *settings;
         vec![
