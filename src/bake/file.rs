@@ -79,7 +79,7 @@ fn key(scene: &Scene, settings: &Settings) -> [u8; 32] {
     number(scene.instances.len() as u64);
     for instance in &scene.instances {
         number(instance.mesh as u64);
-        instance.world_from_model.matrix3.to_cols_array().iter().for_each(|element| number(element.to_bits()));
+        instance.stretch().to_cols_array().iter().for_each(|element| number(element.to_bits()));
     }
     number(scene.meshes.len() as u64);
     for mesh in &scene.meshes {
@@ -93,6 +93,9 @@ fn key(scene: &Scene, settings: &Settings) -> [u8; 32] {
                 vertex.normal.to_array().iter().for_each(|x| bytes.extend_from_slice(&x.to_le_bytes()));
             }
             hasher.update(&bytes);
+        }
+        if mesh.deform.is_some() {
+            hasher.update(b"bends");
         }
         hasher.update(&(mesh.indices.len() as u64).to_le_bytes());
         for indices in mesh.indices.chunks(4096) {

@@ -144,7 +144,7 @@ fn models(scene: &Scene) -> (Vec<Model<'_>>, Vec<usize>) {
     let mut of_mesh = vec![Vec::new(); scene.meshes.len()];
     let instance_model = (scene.instances.iter())
         .map(|instance| {
-            let linear = instance.world_from_model.matrix3;
+            let linear = instance.stretch();
             let same = |&&model: &&usize| same_stretch(models[model].surface.linear, linear);
             if let Some(&model) = of_mesh[instance.mesh].iter().find(same) {
                 models[model].instances += 1;

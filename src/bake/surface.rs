@@ -24,6 +24,8 @@ pub(super) struct Surface {
     pub(super) high: DVec3,
     /// Sum of the triangles' areas [m^2].
     pub(super) area: f64,
+    /// Whether the mesh bends: then normals at rest say little about those of other poses.
+    pub(super) bends: bool,
 }
 
 /// A triangle with an area.
@@ -91,7 +93,8 @@ impl Surface {
             normals.iter_mut().for_each(|n| *n = n.normalize_or_zero());
         }
         let area = triangles.iter().map(|t| t.area).sum();
-        Self { centre, linear, normal_matrix, positions, normals, triangles, low, high, area }
+        let bends = mesh.deform.is_some();
+        Self { centre, linear, normal_matrix, positions, normals, triangles, low, high, area, bends }
     }
 
     /// Corners of a triangle.

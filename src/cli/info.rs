@@ -57,6 +57,14 @@ pub(super) fn run(args: &Info) -> Result<()> {
         };
         say!("  light {i} '{}' {kind}, {} {unit}", light.name, light.intensity);
     }
+    let bent = scene.instances.iter().filter(|instance| instance.pose.is_some()).count();
+    if bent > 0 {
+        say!("  {} instances bend", thousands(bent));
+    }
+    for (i, animation) in scene.rig.iter().flat_map(|rig| &rig.parts().animations).enumerate() {
+        let (begin, end) = animation.span();
+        say!("  animation {i} '{}' {begin} to {end} s, {} channels", animation.name, animation.channels.len());
+    }
 
     let baked = bake_scene(&scene, &args.caches.settings(), false)?;
     say!("caches");

@@ -42,6 +42,20 @@ pub(super) enum Semantic {
     Weights,
     /// inverseBindMatrices.
     Matrices,
+    /// Times of an animation's keys.
+    Times,
+    /// Translations and scales of animations and instances.
+    Vector,
+    /// Rotations of animations.
+    Rotation,
+    /// Rotations of instances.
+    InstanceRotation,
+    /// Weights of morph targets.
+    Weight,
+    /// Values for a JSON pointer: so many numbers, of any kind.
+    Numbers(usize),
+    /// Values for a JSON pointer: true or false.
+    Flag,
 }
 
 /// An opened accessor: every element below `count` is known to be inside its buffer.
@@ -111,6 +125,13 @@ impl Semantic {
             Self::Joints => width == 4 && !normalized && matches!(component, U8 | U16),
             Self::Weights => width == 4 && fraction,
             Self::Matrices => width == 16 && float,
+            Self::Times => width == 1 && float,
+            Self::Vector => width == 3 && float,
+            Self::Rotation => width == 4 && (float || normalized && short),
+            Self::InstanceRotation => width == 4 && (float || signed),
+            Self::Weight => width == 1 && (float || normalized && short),
+            Self::Numbers(numbers) => width == numbers,
+            Self::Flag => width == 1 && !normalized && component == U8,
         }
     }
 }

@@ -195,7 +195,7 @@ impl Scene {
     /// The scene as it stands: every instance that bends has a mesh of its own that does not, nothing is animated, and what
     /// is hidden is gone.
     pub fn frozen(&self) -> Self {
-        let mut frozen = Self { meshes: Vec::new(), instances: Vec::new(), ..self.clone() };
+        let mut frozen = Self { meshes: Vec::new(), instances: Vec::new(), rig: None, ..self.clone() };
         let mut kept = vec![None; self.meshes.len()];
         for instance in self.instances.iter().filter(|instance| !instance.hidden) {
             let mesh = &self.meshes[instance.mesh];

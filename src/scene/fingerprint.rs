@@ -14,6 +14,12 @@ impl Scene {
             add(bytemuck::cast_slice(&mesh.vertices));
             add(bytemuck::cast_slice(&mesh.indices));
             add(format!("{:?}", mesh.primitives).as_bytes());
+            if let Some(deform) = &mesh.deform {
+                add(bytemuck::cast_slice(&deform.bind));
+                add(bytemuck::cast_slice(&deform.influences));
+                deform.targets.iter().for_each(|target| add(bytemuck::cast_slice(target)));
+                add(bytemuck::cast_slice(&deform.followers));
+            }
         }
         for image in &self.images {
             add(format!("{}x{}", image.width, image.height).as_bytes());

@@ -1,26 +1,34 @@
 //! glTF 2.0 -> `Scene`. Reads the JSON itself and trusts nothing in it: what is wrong ends in an error that names the
 //! place, what is left out ends in a note.
 
+mod animations;
+mod bend;
 mod files;
 mod geometry;
+mod instancing;
+mod lights;
 mod materials;
+mod pointer;
 mod pose;
+mod rig;
 
-use std::collections::BTreeMap;
-use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
+use glam::{DAffine3, DQuat, DVec3};
 
 use super::accessor::Accessors;
+use super::animation::{Hold, Local, Placed, Skin};
 use super::json::{Document, Object, error_at, plural, printable};
-use super::{Camera, Instance, Light, LightKind, Mesh, Primitive, Projection, Scene};
+use super::{Instance, Mesh, Primitive, Scene};
 use crate::Result;
+use animations::{Aim, Played};
+use bend::Bent;
 use geometry::Geometry;
 use materials::Materials;
 use pose::Pose;
 
-/// Loads a .gltf or .glb, at rest: animations are ignored, skins and morph targets posed as the file stores them.
+/// Loads a .gltf or .glb, at rest. Skins and morph targets that no animation reaches are posed once, here.
 ///
 /// # Errors
 ///
@@ -32,6 +40,8 @@ pub fn load(path: &Path) -> Result<Scene> {
     let buffers = files::buffers(&document, binary)?;
     let accessors = Accessors::new(&document, &buffers);
     let graph = Graph::read(&document, &mut notes)?;
+    let played = animations::read(&document, &accessors, &mut notes)?;
+    let reached = Reached::by(&document, &played, &graph)?;
 
     let mut scene = Scene {
         name: path.file_stem().map_or_else(|| "scene".into(), |stem| printable(&stem.to_string_lossy())),
@@ -41,9 +51,15 @@ pub fn load(path: &Path) -> Result<Scene> {
         document: &document,
         accessors: &accessors,
         graph: &graph,
+        reached: &reached,
         geometry: Geometry { accessors: &accessors, vertices: 0, indices: 0 },
         materials: Materials::new(&document),
         shared: BTreeMap::new(),
+        bent: BTreeMap::new(),
+        skins: Vec::new(),
+        known_skins: BTreeMap::new(),
+        joints: 0,
+        hung: Hung::default(),
     };
     for &node in &graph.drawn {
         builder.node(node, &mut scene, &mut notes)?;
@@ -54,7 +70,16 @@ pub fn load(path: &Path) -> Result<Scene> {
         let told = left_out.iter().map(|note| format!(" {note}")).collect::<String>();
         return Err(error_at(path, "file", format!("no triangles to draw: {why}.{told}").trim_end_matches('.')));
     }
+    let used = std::mem::take(&mut builder.materials.indices);
     (scene.materials, scene.images) = builder.materials.finish(&accessors, &mut notes)?;
+    if !played.is_empty() {
+        scene.rig = rig::rig(&document, &graph, played, builder.hung, builder.skins, &used, &scene)?;
+        if scene.rig.is_some() {
+            scene.extent = scene.sweep();
+        } else {
+            notes.add("The file's animations move nothing that is drawn.".into());
+        }
+    }
     scene.notes = notes.finish();
     Ok(scene)
 }
@@ -92,6 +117,13 @@ impl Notes {
 /// The nodes and their places in the world.
 struct Graph<'a> {
     nodes: Vec<Object<'a>>,
+    parents: Vec<Option<usize>>,
+    /// All nodes, parents first.
+    order: Vec<usize>,
+    locals: Vec<Local>,
+    /// KHR_node_visibility: nodes that say so themselves, and those below them, too.
+    hides: Vec<bool>,
+    hidden: Vec<bool>,
     /// World transforms of all nodes, also of those outside the scene: joints may be there.
     worlds: Vec<DAffine3>,
     /// Nodes of the scene, parents first.
@@ -126,9 +158,15 @@ impl<'a> Graph<'a> {
             return Err(nodes[lost].error("is its own ancestor, or below a node that is: export the file again"));
         }
         let mut worlds = vec![DAffine3::IDENTITY; nodes.len()];
+        let mut locals = vec![Local::default(); nodes.len()];
+        let (mut hides, mut hidden) = (vec![false; nodes.len()], vec![false; nodes.len()]);
         for &node in &order {
-            let parent = parents[node].map_or(DAffine3::IDENTITY, |parent| worlds[parent]);
-            worlds[node] = parent * local_transform(&nodes[node], notes)?;
+            locals[node] = local_transform(&nodes[node], notes)?;
+            let local = locals[node].affine();
+            worlds[node] = parents[node].map_or(local, |parent| worlds[parent] * local);
+            let visibility = nodes[node].extension("KHR_node_visibility")?;
+            hides[node] = !visibility.map_or(Ok(true), |visibility| visibility.flag_or("visible", true))?;
+            hidden[node] = hides[node] || parents[node].is_some_and(|parent| hidden[parent]);
             if !worlds[node].is_finite() {
                 return Err(nodes[node].error("its transform overflows: export the file again"));
             }
@@ -157,7 +195,7 @@ impl<'a> Graph<'a> {
             None => roots,
         };
         let drawn = descend(&top, &children);
-        Ok(Self { nodes, worlds, drawn })
+        Ok(Self { nodes, parents, order, locals, hides, hidden, worlds, drawn })
     }
 }
 
@@ -172,14 +210,14 @@ fn descend(top: &[usize], children: &[Vec<usize>]) -> Vec<usize> {
     order
 }
 
-fn local_transform(node: &Object, notes: &mut Notes) -> Result<DAffine3> {
+fn local_transform(node: &Object, notes: &mut Notes) -> Result<Local> {
     if let Some(m) = node.vector::<16>("matrix")? {
         let last_row = [m[3], m[7], m[11], m[15] - 1.0];
         if last_row.iter().any(|x| x.abs() > 1e-5) {
             return Err(node.error("its matrix has a last row other than 0 0 0 1: export the file again"));
         }
         let column = |c: usize| DVec3::new(m[4 * c], m[4 * c + 1], m[4 * c + 2]);
-        return Ok(DAffine3::from_cols(column(0), column(1), column(2), column(3)));
+        return Ok(Local::Matrix(DAffine3::from_cols(column(0), column(1), column(2), column(3))));
     }
     let translation = DVec3::from(node.vector::<3>("translation")?.unwrap_or_default());
     let scale = DVec3::from(node.vector::<3>("scale")?.unwrap_or([1.0; 3]));
@@ -191,21 +229,97 @@ fn local_transform(node: &Object, notes: &mut Notes) -> Result<DAffine3> {
     if (length - 1.0).abs() > 0.01 {
         notes.count("Node rotations brought to unit length", 1);
     }
-    Ok(DAffine3::from_scale_rotation_translation(scale, rotation / length, translation))
+    Ok(Local::Parts { translation, rotation: rotation / length, scale })
+}
+
+/// What animations reach.
+struct Reached {
+    /// By node: whether one moves it or a node above it.
+    moved: Vec<bool>,
+    /// By node: whether one may hide it or a node above it.
+    fades: Vec<bool>,
+    /// By node: whether one sets weights of its mesh's morph targets.
+    weighed: Vec<bool>,
+    /// Meshes that some skin bends, and whether their weights change, too.
+    skinned: BTreeMap<usize, bool>,
+    /// Meshes of nodes without skins whose weights change.
+    morphed: BTreeSet<usize>,
+}
+
+impl Reached {
+    fn by(document: &Document, played: &[Played], graph: &Graph) -> Result<Self> {
+        let none = vec![false; graph.nodes.len()];
+        let (mut moved, mut fades, mut weighed) = (none.clone(), none.clone(), none);
+        let mut meshes = BTreeSet::new();
+        for track in played.iter().flat_map(|played| &played.tracks) {
+            match track.aim {
+                Aim::Translation(node) | Aim::Rotation(node) | Aim::Scale(node) => moved[node] = true,
+                Aim::Weights(node, _) => weighed[node] = true,
+                Aim::MeshWeights(mesh, _) => _ = meshes.insert(mesh),
+                Aim::Visible(node) => fades[node] = true,
+                Aim::Light(..) | Aim::Camera(..) | Aim::Material(..) => {}
+            }
+        }
+        for &node in &graph.order {
+            if let Some(parent) = graph.parents[node] {
+                moved[node] |= moved[parent];
+                fades[node] |= fades[parent];
+            }
+        }
+        let mut reached = Self { moved, fades, weighed, skinned: BTreeMap::new(), morphed: BTreeSet::new() };
+        for &node in &graph.drawn {
+            let object = &graph.nodes[node];
+            let Some(mesh) = object.index("mesh")? else { continue };
+            reached.weighed[node] |= meshes.contains(&mesh) && object.value("weights").is_none();
+            let weighed = reached.weighed[node];
+            let Some(skin) = object.index("skin")? else {
+                if weighed {
+                    reached.morphed.insert(mesh);
+                }
+                continue;
+            };
+            let joints = document.item("skins", skin, object)?.indices("joints")?;
+            let bends = joints.iter().any(|&joint| reached.moved.get(joint) == Some(&true));
+            if bends || weighed {
+                *reached.skinned.entry(mesh).or_default() |= weighed;
+            }
+        }
+        Ok(reached)
+    }
 }
 
 /// Which mesh, and which morph weights by their bits: nodes that agree in both share the result.
 type MeshKey = (usize, Vec<u64>);
+
+/// What of the scene hangs on which node.
+#[derive(Default)]
+struct Hung {
+    /// By instance.
+    instances: Vec<Placed>,
+    /// By light: the node, and the file's light.
+    lights: Vec<(usize, usize)>,
+    /// By camera: the node, and the file's camera.
+    cameras: Vec<(usize, usize)>,
+}
 
 /// Turns nodes into instances, lights and cameras.
 struct Builder<'a> {
     document: &'a Document,
     accessors: &'a Accessors<'a>,
     graph: &'a Graph<'a>,
+    reached: &'a Reached,
     geometry: Geometry<'a>,
     materials: Materials<'a>,
     /// The scene's mesh for each one already made; `None` for those without triangles.
     shared: BTreeMap<MeshKey, Option<usize>>,
+    /// Meshes that bend, which poses may share.
+    bent: BTreeMap<bend::Key, Vec<Bent>>,
+    /// The file's skins that are in use, and which they are in the file.
+    skins: Vec<Skin>,
+    known_skins: BTreeMap<usize, usize>,
+    /// Joints of all poses together.
+    joints: usize,
+    hung: Hung,
 }
 
 impl Builder<'_> {
@@ -218,7 +332,8 @@ impl Builder<'_> {
         if let Some(camera) = node.index("camera")? {
             let object = self.document.item("cameras", camera, node)?;
             let name = node.name(|| object.name(|| format!("camera {camera}")));
-            scene.cameras.push(read_camera(&object, name, world, notes)?);
+            scene.cameras.push(lights::read_camera(&object, name, world, notes)?);
+            self.hung.cameras.push((index, camera));
         }
         if let Some(reference) = node.extension("KHR_lights_punctual")? {
             let light = reference.index("light")?.ok_or_else(|| reference.error("names no light"))?;
@@ -228,7 +343,13 @@ impl Builder<'_> {
                 reference.error(format!("refers to light {light}, but the file has {}", plural(lights.len(), "light")))
             })?;
             let name = node.name(|| object.name(|| format!("light {light}")));
-            scene.lights.push(read_light(object, name, world, notes)?);
+            let read = lights::read_light(object, name, world, notes)?;
+            if self.graph.hidden[index] && !self.reached.fades[index] {
+                notes.count("Lights of hidden nodes left out", 1);
+            } else {
+                scene.lights.push(read);
+                self.hung.lights.push((index, light));
+            }
         }
         Ok(())
     }
@@ -241,33 +362,60 @@ impl Builder<'_> {
             None => object.numbers("weights")?.unwrap_or_default(),
         };
         let name = node.name(|| format!("node {index}"));
+        let hidden = self.graph.hidden[index];
         if let Some(skin) = node.index("skin")? {
+            if node.extension("EXT_mesh_gpu_instancing")?.is_some() {
+                notes.count("Instances of skinned nodes left out but for one", 1);
+            }
+            if let Some(&weighed) = self.reached.skinned.get(&mesh) {
+                let instance = Instance { name, hidden, ..Instance::default() };
+                return self.bend_skin(index, &object, mesh, skin, (weights, weighed), instance, scene, notes);
+            }
             // The joints alone say where the skin is: its vertices become the world's.
-            let skin = self.document.item("skins", skin, node)?;
-            let joints = pose::joints(self.document, self.accessors, &skin, &self.graph.worlds)?;
+            let skin = self.skin(skin, node)?;
+            let joints = pose::joints(&self.skins[skin], &self.graph.worlds);
             if let Some(made) = self.mesh(&object, mesh, Pose { weights, joints: Some(joints) }, scene, notes)? {
-                scene.instances.push(Instance { name, mesh: made, ..Instance::default() });
+                self.stand(index, Hold::World, Instance { name, mesh: made, hidden, ..Instance::default() }, scene);
             }
             return Ok(());
         }
-        let world_from_model = self.graph.worlds[index];
-        if !world_from_model.inverse().is_finite() {
-            notes.count("Nodes of no volume (scale 0) left out", 1);
-            return Ok(());
-        }
-        let key = (mesh, weights.iter().map(|w| w.to_bits()).collect());
-        let made = match self.shared.get(&key) {
-            Some(&made) => made,
-            None => {
-                let made = self.mesh(&object, mesh, Pose { weights, joints: None }, scene, notes)?;
-                self.shared.insert(key, made);
-                made
+        let bends = self.reached.morphed.contains(&mesh);
+        let offsets = instancing::offsets(self.accessors, node, scene.instances.len(), notes)?;
+        for (at, &offset) in offsets.iter().enumerate() {
+            let world_from_model = self.graph.worlds[index] * offset;
+            // A node that is animated may get a volume.
+            let is_flat = |transform: DAffine3| !transform.inverse().is_finite();
+            if is_flat(world_from_model) && (is_flat(offset) || !self.reached.moved[index]) {
+                notes.count("Nodes of no volume (scale 0) left out", 1);
+                continue;
             }
-        };
-        if let Some(mesh) = made {
-            scene.instances.push(Instance { name, mesh, world_from_model, ..Instance::default() });
+            let name = if offsets.len() > 1 { format!("{name} {at}") } else { name.clone() };
+            let instance = Instance { name, world_from_model, hidden, ..Instance::default() };
+            if bends {
+                self.bend_morph(index, &object, mesh, offset, weights.clone(), instance, scene, notes)?;
+                continue;
+            }
+            let key = (mesh, weights.iter().map(|w| w.to_bits()).collect());
+            let made = match self.shared.get(&key) {
+                Some(&made) => made,
+                None => {
+                    let pose = Pose { weights: weights.clone(), joints: None };
+                    let made = self.mesh(&object, mesh, pose, scene, notes)?;
+                    self.shared.insert(key, made);
+                    made
+                }
+            };
+            if let Some(mesh) = made {
+                self.stand(index, Hold::Node(offset), Instance { mesh, ..instance }, scene);
+            }
         }
         Ok(())
+    }
+
+    /// Adds an instance to the scene.
+    fn stand(&mut self, node: usize, hold: Hold, instance: Instance, scene: &mut Scene) {
+        self.hung.instances.push(Placed { node, hold, weights: Vec::new() });
+        scene.instances.push(instance);
     }
 
     /// Adds a mesh to the scene, all its primitives merged; `None` when it has no triangles.
@@ -281,14 +429,7 @@ impl Builder<'_> {
     ) -> Result<Option<usize>> {
         let mut mesh = Mesh { name: object.name(|| format!("mesh {index}")), ..Mesh::default() };
         for primitive in object.objects("primitives", "primitive")? {
-            let targets = primitive.objects("targets", "morph target")?.len();
-            if !pose.weights.is_empty() && pose.weights.len() != targets {
-                return Err(primitive.error(format!(
-                    "has {} for {}: export the file again",
-                    plural(targets, "morph target"),
-                    plural(pose.weights.len(), "weight")
-                )));
-            }
+            pose::check_weights(&primitive, &pose.weights)?;
             let material = self.materials.index(&primitive, notes)?;
             let double_sided = self.materials.list[material].double_sided;
             let Some(surface) = self.geometry.surface(&primitive, &object.place, &pose, double_sided, notes)? else {
@@ -310,85 +451,4 @@ impl Builder<'_> {
         scene.meshes.push(mesh);
         Ok(Some(scene.meshes.len() - 1))
     }
-}
-
-/// Orientation and place of a node without its scale: a camera cannot be stretched.
-fn rigid(world: DAffine3) -> DAffine3 {
-    let back = world.matrix3.z_axis.try_normalize().unwrap_or(DVec3::Z);
-    let up = world.matrix3.y_axis.reject_from_normalized(back).try_normalize();
-    let up = up.unwrap_or_else(|| back.any_orthonormal_vector());
-    DAffine3::from_mat3_translation(DMat3::from_cols(up.cross(back), up, back), world.translation)
-}
-
-fn read_camera(object: &Object, name: String, world: DAffine3, notes: &mut Notes) -> Result<Camera> {
-    let needed = |key: &str| object.object(key)?.ok_or_else(|| object.error(format!("has no {key}")));
-    let projection = match object.text("type")? {
-        Some("perspective") => {
-            let perspective = needed("perspective")?;
-            let yfov = perspective.number("yfov")?.ok_or_else(|| perspective.error("has no yfov"))?;
-            if !(yfov > 0.0 && yfov < PI) {
-                return Err(perspective.error(format!("yfov is {yfov}; it must be between 0 and pi radians")));
-            }
-            Projection::Perspective { yfov: yfov as f32 }
-        }
-        Some("orthographic") => {
-            let orthographic = needed("orthographic")?;
-            let ymag = orthographic.number("ymag")?.ok_or_else(|| orthographic.error("has no ymag"))?;
-            if ymag == 0.0 {
-                return Err(orthographic.error("ymag is 0: the picture would have no height"));
-            }
-            if ymag < 0.0 {
-                notes.add(format!("{}: ymag is {ymag}, its sign is ignored.", orthographic.place));
-            }
-            Projection::Orthographic { ymag: ymag.abs() as f32 }
-        }
-        _ => return Err(object.error("its type is neither perspective nor orthographic")),
-    };
-    Ok(Camera { name, world_from_camera: rigid(world), projection })
-}
-
-/// Largest number a light may have: its products with colour, inverse squares of distances and one another must stay
-/// within single precision. Far beyond any lamp.
-const BRIGHTEST: f64 = 1e15;
-
-fn read_light(object: &Object, name: String, world: DAffine3, notes: &mut Notes) -> Result<Light> {
-    let mut at_least_zero = |key: &str, value: f64| {
-        let used = value.clamp(0.0, BRIGHTEST);
-        if used != value {
-            notes.add(format!("{}: {key} is {value}, taken as {used}.", object.place));
-        }
-        used as f32
-    };
-    let color = object.vector::<3>("color")?.unwrap_or([1.0; 3]).map(|c| at_least_zero("color", c));
-    let intensity = at_least_zero("intensity", object.number("intensity")?.unwrap_or(1.0));
-    let range = object.number("range")?.map(|range| at_least_zero("range", range)).filter(|&range| range > 0.0);
-    let kind = match object.text("type")? {
-        Some("directional") => LightKind::Directional,
-        Some("point") => LightKind::Point,
-        Some("spot") => {
-            let spot = object.object("spot")?;
-            let angle = |key: &str, default: f64| match &spot {
-                Some(spot) => Ok(spot.number(key)?.unwrap_or(default)),
-                None => Ok(default),
-            };
-            let (inner, outer) = (angle("innerConeAngle", 0.0)?, angle("outerConeAngle", FRAC_PI_4)?);
-            if outer <= 0.0 {
-                return Err(object.error(format!("outerConeAngle is {outer}; it must be above 0")));
-            }
-            // Single precision may round pi/2 up; what is meant is clear.
-            let outer_used = outer.min(FRAC_PI_2);
-            let inner_used = inner.clamp(0.0, outer_used);
-            if outer - outer_used > 1e-6 || (inner - inner_used).abs() > 1e-6 {
-                notes.add(format!(
-                    "{}: cone angles {inner} and {outer} taken as {inner_used} and {outer_used}.",
-                    object.place
-                ));
-            }
-            LightKind::Spot { inner: inner_used as f32, outer: outer_used as f32 }
-        }
-        _ => return Err(object.error("its type is none of directional, point and spot")),
-    };
-    let direction = world.transform_vector3(DVec3::NEG_Z).try_normalize().unwrap_or(DVec3::NEG_Z).as_vec3();
-    let position = world.translation;
-    Ok(Light { name, kind, color: Vec3::from(color), intensity, range, position, direction })
 }

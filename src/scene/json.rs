@@ -24,8 +24,9 @@ pub(super) struct Object<'a> {
 }
 
 /// The top-level lists and what one of their members is called.
-const LISTS: [(&str, &str); 12] = [
+const LISTS: [(&str, &str); 13] = [
     ("accessors", "accessor"),
+    ("animations", "animation"),
     ("buffers", "buffer"),
     ("bufferViews", "buffer view"),
     ("cameras", "camera"),
@@ -159,8 +160,13 @@ impl<'a> Object<'a> {
 
     /// A truth value, false where absent.
     pub(super) fn flag(&self, key: &str) -> Result<bool> {
+        self.flag_or(key, false)
+    }
+
+    /// A truth value.
+    pub(super) fn flag_or(&self, key: &str, absent: bool) -> Result<bool> {
         let flag = self.value(key).map(|v| v.as_bool().ok_or_else(|| self.field_error(key, "is not true or false")));
-        Ok(flag.transpose()?.unwrap_or(false))
+        Ok(flag.transpose()?.unwrap_or(absent))
     }
 
     /// A whole number from 0; "4.0" is one, too.

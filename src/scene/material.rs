@@ -1,12 +1,26 @@
 //! A material at a point of a surface: the CPU twin of the shaders' mapping from glTF to diffuse + modified Phong.
 
-use glam::{Vec2, Vec3, Vec4};
+use std::f64::consts::TAU;
+
+use glam::{Affine2, Vec2, Vec3, Vec4};
 
 use super::{Image, Material, Scene, Texture, Wrap};
 
 /// Exponents between which roughness is mapped. Above, a lobe is narrower than a cache can resolve; below, the lobe
 /// would no longer fall off away from the mirror direction.
 const EXPONENTS: (f32, f32) = (1.0, 2048.0);
+
+/// KHR_texture_transform: scale, then rotate [rad], then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
+/// 90 degrees.
+pub(super) fn texture_transform(offset: [f64; 2], rotation: f64, scale: [f64; 2]) -> Affine2 {
+    let (sin, cos) = rotation.rem_euclid(TAU).sin_cos();
+    let column = |x: f64, y: f64| Vec2::new(x as f32, y as f32);
+    Affine2::from_cols(
+        column(cos * scale[0], -sin * scale[0]),
+        column(sin * scale[1], cos * scale[1]),
+        column(offset[0], offset[1]),
+    )
+}
 
 /// What a surface does with light: `rho_d / pi + rho_g (k + 2) / (2 pi) cos^k`.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -20,6 +34,18 @@ pub struct Reflectance {
 }
 
 impl Material {
+    /// Its textures, in the order of the fields.
+    pub fn textures_mut(&mut self) -> [&mut Option<Texture>; 6] {
+        [
+            &mut self.base_color_texture,
+            &mut self.metallic_roughness_texture,
+            &mut self.normal_texture,
+            &mut self.emissive_texture,
+            &mut self.specular_texture,
+            &mut self.specular_color_texture,
+        ]
+    }
+
     /// Evaluates the material at a point with texture coordinates `uv` and linear vertex colour.
     ///
     /// With `base` = factor x texture x vertex colour, and `alpha` = roughness squared:

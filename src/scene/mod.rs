@@ -4,6 +4,7 @@
 //! from the origin loses nothing before the engine moves it to its own origin.
 
 mod accessor;
+pub mod animation;
 pub mod build;
 pub mod defaults;
 pub mod deform;
@@ -15,7 +16,7 @@ pub mod sky;
 pub mod tessellate;
 pub mod write;
 
-use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, Vec4};
+use glam::{Affine2, DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 
 /// Everything the engine draws, lights and sees with.
 #[derive(Clone, Debug, Default)]
@@ -38,6 +39,8 @@ pub struct Scene {
     pub cameras: Vec<Camera>,
     /// What nothing leaves, however it moves: smallest and largest world coordinates. Without it, what `bounds` finds.
     pub extent: Option<(DVec3, DVec3)>,
+    /// What moves it, where something does; see [`Scene::pose`].
+    pub rig: Option<animation::Rig>,
     /// What the loader decided or left out, one sentence each, to be told to the user.
     pub notes: Vec<String>,
 }
@@ -293,6 +296,21 @@ pub enum Projection {
     },
 }
 
+impl Instance {
+    /// Linear part of `world_from_model`, by which surfaces are measured and caches are placed; that of unit size for an
+    /// instance without volume, which an animation may give it.
+    pub fn stretch(&self) -> DMat3 {
+        let linear = self.world_from_model.matrix3;
+        if linear.inverse().is_finite() { linear } else { DMat3::IDENTITY }
+    }
+}
+
+impl Light {
+    /// Largest number a light may have: its products with colour, inverse squares of distances and one another must stay
+    /// within single precision. Far beyond any lamp.
+    pub(crate) const BRIGHTEST: f64 = 1e15;
+}
+
 impl Mesh {
     /// Corners of a triangle as vertex indices.
     pub fn triangle(&self, triangle: usize) -> [usize; 3] {
@@ -316,16 +334,7 @@ impl Scene {
         if self.extent.is_some() {
             return self.extent;
         }
-        let mut bounds: Option<(DVec3, DVec3)> = None;
-        for instance in &self.instances {
-            let mesh = &self.meshes[instance.mesh];
-            for &index in &mesh.indices {
-                let p = instance.world_from_model.transform_point3(mesh.vertices[index as usize].position.as_dvec3());
-                let (low, high) = bounds.unwrap_or((p, p));
-                bounds = Some((low.min(p), high.max(p)));
-            }
-        }
-        bounds
+        self.instances.iter().fold(None, |bounds, instance| self.grown(bounds, instance))
     }
 
     /// Whether any surface emits light.

@@ -2,7 +2,10 @@
 //!
 //! An edge is halved by its own length alone, so that both triangles beside it agree and no crack opens.
 
+mod carried;
+
 use super::{Mesh, Primitive, Scene, Vertex};
+use carried::Carried;
 use glam::{DMat3, Vec4};
 use std::collections::HashMap;
 
@@ -20,10 +23,7 @@ pub fn area(scene: &Scene) -> f64 {
     };
     let instance = |i: &super::Instance| {
         let mesh = &scene.meshes[i.mesh];
-        (0..mesh.triangle_count())
-            .map(|t| triangle(mesh, i.world_from_model.matrix3, t))
-            .filter(|a| a.is_finite())
-            .sum::<f64>()
+        (0..mesh.triangle_count()).map(|t| triangle(mesh, i.stretch(), t)).filter(|a| a.is_finite()).sum::<f64>()
     };
     scene.instances.iter().map(instance).sum()
 }
@@ -55,7 +55,7 @@ pub fn tessellate(scene: &mut Scene, longest: f64, most: usize) -> usize {
         // Instances that differ by rotation alone have the same metric.
         let mut metrics: Vec<DMat3> = Vec::new();
         for instance in scene.instances.iter().filter(|i| i.mesh == index) {
-            let linear = instance.world_from_model.matrix3;
+            let linear = instance.stretch();
             let metric = linear.transpose() * linear;
             let size = metric.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
             if !metrics.iter().any(|m| m.abs_diff_eq(metric, 1e-3 * size)) {
@@ -71,6 +71,9 @@ pub fn tessellate(scene: &mut Scene, longest: f64, most: usize) -> usize {
             };
             *mesh = finer;
         }
+        if mesh.triangle_count() > before {
+            carried::settle(mesh);
+        }
         added += mesh.triangle_count() - before;
     }
     added
@@ -83,12 +86,18 @@ fn halve(mesh: &Mesh, metrics: &[DMat3], longest2: f64) -> Option<Mesh> {
         metrics.iter().any(|m| d.dot(*m * d) > longest2)
     };
     let mut vertices = mesh.vertices.clone();
+    let mut deform = mesh.deform.clone();
+    let carried = deform.as_ref().map(Carried::new);
     let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
-    let mut middle = |a: u32, b: u32| {
+    let mut middle = |a: u32, b: u32, triangle: &[u32]| {
         is_long(a, b).then(|| {
             *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                let new = vertices.len() as u32;
                 vertices.push(between(&mesh.vertices[a as usize], &mesh.vertices[b as usize]));
-                vertices.len() as u32 - 1
+                if let (Some(deform), Some(carried)) = (&mut deform, &carried) {
+                    deform.followers.push(carried.middle(new, [a, b], triangle));
+                }
+                new
             })
         })
     };
@@ -99,7 +108,7 @@ fn halve(mesh: &Mesh, metrics: &[DMat3], longest2: f64) -> Option<Mesh> {
         let range = primitive.first_index as usize..(primitive.first_index + primitive.index_count) as usize;
         for corners in mesh.indices[range].chunks_exact(3) {
             let [a, b, c] = [corners[0], corners[1], corners[2]];
-            match [middle(a, b), middle(b, c), middle(c, a)] {
+            match [middle(a, b, corners), middle(b, c, corners), middle(c, a, corners)] {
                 [None, None, None] => indices.extend([a, b, c]),
                 [Some(m), None, None] => indices.extend([a, m, c, m, b, c]),
                 [None, Some(m), None] => indices.extend([b, m, a, m, c, a]),
@@ -113,7 +122,7 @@ fn halve(mesh: &Mesh, metrics: &[DMat3], longest2: f64) -> Option<Mesh> {
         let (first_index, index_count) = (first as u32, (indices.len() - first) as u32);
         primitives.push(Primitive { first_index, index_count, ..*primitive });
     }
-    (!middles.is_empty()).then(|| Mesh { name: mesh.name.clone(), vertices, indices, primitives, deform: None })
+    (!middles.is_empty()).then(|| Mesh { name: mesh.name.clone(), vertices, indices, primitives, deform })
 }
 
 /// The vertex halfway.

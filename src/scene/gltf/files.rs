@@ -239,13 +239,16 @@ fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
 }
 
 /// Extensions that the loader understands.
-const SUPPORTED: [&str; 7] = [
+const SUPPORTED: [&str; 10] = [
+    "EXT_mesh_gpu_instancing",
+    "KHR_animation_pointer",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_specular",
     "KHR_mesh_quantization",
+    "KHR_node_visibility",
     "KHR_texture_transform",
 ];
 
@@ -265,7 +268,6 @@ pub(super) fn check_extensions(document: &Document) -> Result<Option<String>> {
             }
             "KHR_texture_basisu" => "export with PNG or JPEG textures instead of KTX2",
             "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => "export with PNG or JPEG textures",
-            "EXT_mesh_gpu_instancing" => "export with one node per instance",
             _ if name.starts_with("KHR_materials_") => "export without this material extension or without requiring it",
             _ => "export without it",
         };

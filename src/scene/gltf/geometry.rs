@@ -34,14 +34,17 @@ pub(super) struct Geometry<'a> {
 }
 
 /// Vertices before their normals are final.
-struct Draft {
-    vertices: Vec<Vertex>,
-    triangles: Vec<[u32; 3]>,
-    has_normals: bool,
+pub(super) struct Draft {
+    pub vertices: Vec<Vertex>,
+    pub triangles: Vec<[u32; 3]>,
+    pub has_normals: bool,
 }
 
+/// A primitive as the file stores it: its draft, its attributes, which vertices the draft has, and of how many.
+pub(super) type Stored<'a> = (Draft, Object<'a>, Vec<u32>, usize);
+
 impl Geometry<'_> {
-    /// The triangles of a primitive of `mesh` ("mesh 0 'Wall'"); `None` when it draws none.
+    /// The triangles of a primitive of `mesh` ("mesh 0 'Wall'") in a pose; `None` when it draws none.
     pub(super) fn surface(
         &mut self,
         primitive: &Object,
@@ -50,6 +53,37 @@ impl Geometry<'_> {
         double_sided: bool,
         notes: &mut Notes,
     ) -> Result<Option<Surface>> {
+        let Some((mut draft, attributes, used, count)) = self.draft(primitive, mesh, notes)? else { return Ok(None) };
+        let targets = primitive.objects("targets", "morph target")?;
+        pose::morph(&mut draft.vertices, &used, count, &targets, pose, self.accessors, mesh)?;
+        if let Some(joints) = &pose.joints {
+            let mirrored =
+                pose::skin(&mut draft.vertices, &used, count, &attributes, joints, self.accessors, mesh, notes)?;
+            for triangle in &mut draft.triangles {
+                if triangle.iter().all(|&corner| mirrored[corner as usize]) {
+                    triangle.swap(1, 2);
+                }
+            }
+        }
+        draft.drop_degenerate(notes);
+        if draft.triangles.is_empty() {
+            return Ok(None);
+        }
+        let mut surface = if draft.has_normals { draft.with_own_normals(notes) } else { draft.with_flat_normals() };
+        if double_sided {
+            self.take(surface.vertices.len(), surface.indices.len(), primitive)?;
+            surface.add_back();
+        }
+        Ok(Some(surface))
+    }
+
+    /// A primitive as the file stores it; `None` when it draws no triangles.
+    pub(super) fn draft<'o>(
+        &mut self,
+        primitive: &Object<'o>,
+        mesh: &str,
+        notes: &mut Notes,
+    ) -> Result<Option<Stored<'o>>> {
         let mode = primitive.whole("mode")?.unwrap_or(4);
         if mode > 6 {
             return Err(primitive.error(format!("has the unknown mode {mode}: export the file again")));
@@ -95,39 +129,11 @@ impl Geometry<'_> {
             }
         }
         draft.vertices = self.vertices(&attributes, mesh, &positions, &used, notes)?;
-        let targets = primitive.objects("targets", "morph target")?;
-        pose::morph(&mut draft.vertices, &used, positions.count, &targets, pose, self.accessors, mesh)?;
-        if let Some(joints) = &pose.joints {
-            let mirrored = pose::skin(
-                &mut draft.vertices,
-                &used,
-                positions.count,
-                &attributes,
-                joints,
-                self.accessors,
-                mesh,
-                notes,
-            )?;
-            for triangle in &mut draft.triangles {
-                if triangle.iter().all(|&corner| mirrored[corner as usize]) {
-                    triangle.swap(1, 2);
-                }
-            }
-        }
-        draft.drop_degenerate(notes);
-        if draft.triangles.is_empty() {
-            return Ok(None);
-        }
-        let mut surface = if draft.has_normals { draft.with_own_normals(notes) } else { draft.with_flat_normals() };
-        if double_sided {
-            self.take(surface.vertices.len(), surface.indices.len(), primitive)?;
-            surface.add_back();
-        }
-        Ok(Some(surface))
+        Ok(Some((draft, attributes, used, positions.count)))
     }
 
     /// Counts vertices and indices about to be made.
-    fn take(&mut self, vertices: usize, indices: usize, from: &Object) -> Result<()> {
+    pub(super) fn take(&mut self, vertices: usize, indices: usize, from: &Object) -> Result<()> {
         self.vertices = self.vertices.saturating_add(vertices);
         self.indices = self.indices.saturating_add(indices);
         if self.vertices > MAX_VERTICES || self.indices > MAX_INDICES {
@@ -259,11 +265,18 @@ impl Draft {
         !area.is_finite() || area <= FLAT * longest
     }
 
+    /// Drops triangles that never have an area, whatever becomes of their vertices.
+    pub(super) fn drop_repeated(&mut self, notes: &mut Notes) {
+        let before = self.triangles.len();
+        self.triangles.retain(|&[a, b, c]| a != b && b != c && c != a);
+        notes.count("Degenerate triangles left out (no area or not finite)", before - self.triangles.len());
+    }
+
     /// Every triangle gets vertices of its own, as glTF asks where there are no normals.
-    fn with_flat_normals(self) -> Surface {
+    pub(super) fn with_flat_normals(self) -> Surface {
         let mut vertices = Vec::with_capacity(3 * self.triangles.len());
         for &triangle in &self.triangles {
-            let normal = self.area_vector(triangle).normalize().as_vec3();
+            let normal = self.area_vector(triangle).try_normalize().unwrap_or(DVec3::Y).as_vec3();
             vertices.extend(triangle.map(|c| Vertex { normal, tangent: [0.0; 4], ..self.vertices[c as usize] }));
         }
         let indices = (0..vertices.len() as u32).collect();
@@ -271,7 +284,7 @@ impl Draft {
     }
 
     /// Normals and tangents get unit length, unusable normals are replaced by the geometric ones.
-    fn with_own_normals(mut self, notes: &mut Notes) -> Surface {
+    pub(super) fn with_own_normals(mut self, notes: &mut Notes) -> Surface {
         let unit = |v: Vec3| {
             let length = v.as_dvec3().length();
             (length.is_finite() && length > 0.0).then(|| (v.as_dvec3() / length).as_vec3())
@@ -298,7 +311,7 @@ impl Draft {
             }
             for ((vertex, (sum, last)), _) in self.vertices.iter_mut().zip(sums).zip(&bad).filter(|(_, bad)| **bad) {
                 // Triangles back to back cancel: one of them is as good as the other.
-                vertex.normal = sum.try_normalize().unwrap_or(last.normalize()).as_vec3();
+                vertex.normal = sum.try_normalize().or(last.try_normalize()).unwrap_or(DVec3::Y).as_vec3();
             }
             let replaced = bad.iter().filter(|&&bad| bad).count();
             notes.count("Normals of no length or not finite replaced by geometric ones", replaced);
@@ -311,7 +324,7 @@ impl Draft {
 impl Surface {
     /// Adds the other side: a dent seen from behind is a bump, so the whole normal-mapped frame turns round. With the
     /// bitangent w * (n x t), the negated n, t and w negate it, too.
-    fn add_back(&mut self) {
+    pub(super) fn add_back(&mut self) {
         let front = self.vertices.len() as u32;
         let back: Vec<Vertex> = self
             .vertices

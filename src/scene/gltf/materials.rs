@@ -1,12 +1,11 @@
 //! Materials, textures and images; only those that some drawn primitive uses.
 
 use std::collections::BTreeMap;
-use std::f64::consts::TAU;
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-use glam::{Affine2, Vec2, Vec3, Vec4};
+use glam::{Affine2, Vec3, Vec4};
 use image::{ImageFormat, ImageReader, Limits};
 use rayon::prelude::*;
 
@@ -14,6 +13,7 @@ use super::{Notes, files};
 use crate::Result;
 use crate::scene::accessor::Accessors;
 use crate::scene::json::{Document, Object, printable};
+use crate::scene::material::texture_transform;
 use crate::scene::{Image, Material, Phong, Sampler, Texture, Wrap};
 
 /// Largest width and height [texels] of an image: what every Vulkan desktop driver can hold.
@@ -26,7 +26,7 @@ const MAX_DECODED: u64 = 4 << 30;
 pub(super) struct Materials<'a> {
     document: &'a Document,
     /// The file's material (`None` for glTF's default) to the index in `list`.
-    indices: BTreeMap<Option<usize>, usize>,
+    pub indices: BTreeMap<Option<usize>, usize>,
     /// The scene's materials.
     pub list: Vec<Material>,
 }
@@ -58,7 +58,7 @@ impl<'a> Materials<'a> {
     /// The materials and the images they use, decoded. Textures whose image does not decode are dropped with a note.
     pub(super) fn finish(mut self, accessors: &Accessors, notes: &mut Notes) -> Result<(Vec<Material>, Vec<Image>)> {
         let mut wanted: Vec<usize> =
-            self.list.iter_mut().flat_map(textures).filter_map(|t| t.as_ref().map(|t| t.image)).collect();
+            self.list.iter_mut().flat_map(Material::textures_mut).filter_map(|t| t.as_ref().map(|t| t.image)).collect();
         wanted.sort_unstable();
         wanted.dedup();
         let folder = files::folder(&self.document.file);
@@ -83,22 +83,11 @@ impl<'a> Materials<'a> {
                 }
             }
         }
-        for texture in self.list.iter_mut().flat_map(textures) {
+        for texture in self.list.iter_mut().flat_map(Material::textures_mut) {
             *texture = texture.and_then(|t| renumbered.get(&t.image).map(|&image| Texture { image, ..t }));
         }
         Ok((self.list, images))
     }
-}
-
-fn textures(material: &mut Material) -> [&mut Option<Texture>; 6] {
-    [
-        &mut material.base_color_texture,
-        &mut material.metallic_roughness_texture,
-        &mut material.normal_texture,
-        &mut material.emissive_texture,
-        &mut material.specular_texture,
-        &mut material.specular_color_texture,
-    ]
 }
 
 /// Reads materials; notes what it had to change.
@@ -230,7 +219,7 @@ impl Reader<'_, '_> {
         if let Some(extension) = info.extension("KHR_texture_transform")? {
             let offset = extension.vector::<2>("offset")?.unwrap_or([0.0; 2]);
             let scale = extension.vector::<2>("scale")?.unwrap_or([1.0; 2]);
-            let rotation = extension.number("rotation")?.unwrap_or(0.0).rem_euclid(TAU);
+            let rotation = extension.number("rotation")?.unwrap_or(0.0);
             uv_set = extension.whole("texCoord")?.unwrap_or(uv_set);
             transform = texture_transform(offset, rotation, scale);
         }
@@ -250,18 +239,6 @@ impl Reader<'_, '_> {
         }
         Ok(Some(Texture { image, uv_set: uv_set as u8, transform, sampler }))
     }
-}
-
-/// KHR_texture_transform: scale, then rotate, then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
-/// 90 degrees.
-fn texture_transform(offset: [f64; 2], rotation: f64, scale: [f64; 2]) -> Affine2 {
-    let (sin, cos) = rotation.sin_cos();
-    let column = |x: f64, y: f64| Vec2::new(x as f32, y as f32);
-    Affine2::from_cols(
-        column(cos * scale[0], -sin * scale[0]),
-        column(sin * scale[1], cos * scale[1]),
-        column(offset[0], offset[1]),
-    )
 }
 
 fn sampler(object: &Object) -> Result<Sampler> {
@@ -341,6 +318,8 @@ impl Source<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use glam::Vec2;
+    use std::f64::consts::TAU;
 
     /// Against the matrices written out in the extension's README.
     #[test]

@@ -6,6 +6,8 @@ use super::Notes;
 use crate::Result;
 use crate::scene::Vertex;
 use crate::scene::accessor::{Accessor, Accessors, Semantic};
+use crate::scene::animation::Skin;
+use crate::scene::deform::{Displacement, Influence};
 use crate::scene::json::{Document, Object, plural};
 
 /// How a mesh is bent before it is drawn.
@@ -16,23 +18,18 @@ pub(super) struct Pose {
     pub joints: Option<Vec<DAffine3>>,
 }
 
-/// The joint matrices of a skin, given all nodes' world transforms.
-pub(super) fn joints(
-    document: &Document,
-    accessors: &Accessors,
-    skin: &Object,
-    worlds: &[DAffine3],
-) -> Result<Vec<DAffine3>> {
-    let nodes = skin.indices("joints")?;
-    if nodes.is_empty() {
+/// A skin: its joints and their inverse bind matrices.
+pub(super) fn read_skin(document: &Document, accessors: &Accessors, skin: &Object) -> Result<Skin> {
+    let joints = skin.indices("joints")?;
+    if joints.is_empty() {
         return Err(skin.error("has no joints: export the file again"));
     }
-    let inverse_bind = match skin.index("inverseBindMatrices")? {
+    let matrices = match skin.index("inverseBindMatrices")? {
         Some(index) => {
             let role = format!("inverseBindMatrices of {}", skin.place);
             let accessor = accessors.open(index, &role, Semantic::Matrices, skin)?;
-            if accessor.count < nodes.len() {
-                let joints = plural(nodes.len(), "joint");
+            if accessor.count < joints.len() {
+                let joints = plural(joints.len(), "joint");
                 return Err(
                     accessor.error(format!("has {} elements for {joints}: export the file again", accessor.count))
                 );
@@ -41,10 +38,10 @@ pub(super) fn joints(
         }
         None => None,
     };
-    let mut matrices = Vec::with_capacity(nodes.len());
-    for (at, &node) in nodes.iter().enumerate() {
+    let mut inverse_bind = Vec::with_capacity(joints.len());
+    for (at, &node) in joints.iter().enumerate() {
         document.item("nodes", node, skin)?;
-        let bind = match &inverse_bind {
+        inverse_bind.push(match &matrices {
             Some(accessor) => {
                 let m = accessor.floats::<16>(at).map(f64::from);
                 if m.iter().any(|x| !x.is_finite()) {
@@ -55,10 +52,27 @@ pub(super) fn joints(
                 DAffine3::from_cols(column(0), column(1), column(2), column(3))
             }
             None => DAffine3::IDENTITY,
-        };
-        matrices.push(worlds[node] * bind);
+        });
     }
-    Ok(matrices)
+    Ok(Skin { joints, inverse_bind })
+}
+
+/// The joint matrices of a skin, given all nodes' world transforms.
+pub(super) fn joints(skin: &Skin, worlds: &[DAffine3]) -> Vec<DAffine3> {
+    skin.joints.iter().zip(&skin.inverse_bind).map(|(&node, bind)| worlds[node] * *bind).collect()
+}
+
+/// Refuses weights that are not those of a primitive's morph targets.
+pub(super) fn check_weights(primitive: &Object, weights: &[f64]) -> Result<()> {
+    let targets = primitive.objects("targets", "morph target")?.len();
+    if weights.is_empty() || weights.len() == targets {
+        return Ok(());
+    }
+    Err(primitive.error(format!(
+        "has {} for {}: export the file again",
+        plural(targets, "morph target"),
+        plural(weights.len(), "weight")
+    )))
 }
 
 /// Adds the weighted morph targets to the vertices `used` of `count`.
@@ -101,6 +115,135 @@ pub(super) fn morph(
     Ok(())
 }
 
+/// What the targets add to the vertices `used` of `count`, target by target.
+pub(super) fn displacements(
+    used: &[u32],
+    count: usize,
+    targets: &[Object],
+    accessors: &Accessors,
+    mesh: &str,
+) -> Result<Vec<Vec<Displacement>>> {
+    let read = |(at, target): (usize, &Object)| -> Result<Vec<Displacement>> {
+        let open = |name: &str, semantic| -> Result<Option<Accessor>> {
+            let Some(index) = target.index(name)? else { return Ok(None) };
+            let accessor = accessors.open(index, &format!("morph target {at} {name} of {mesh}"), semantic, target)?;
+            accessor.check_count(count)?;
+            Ok(Some(accessor))
+        };
+        let positions = open("POSITION", Semantic::Position)?;
+        let normals = open("NORMAL", Semantic::Displacement)?;
+        let tangents = open("TANGENT", Semantic::Displacement)?;
+        let element = |accessor: &Option<Accessor>, index: u32| -> Result<Vec3> {
+            let Some(accessor) = accessor else { return Ok(Vec3::ZERO) };
+            let element = Vec3::from(accessor.floats::<3>(index as usize));
+            if !element.is_finite() {
+                return Err(accessor.error(format!("element {index} is not finite: export the file again")));
+            }
+            Ok(element)
+        };
+        let displacement = |&index: &u32| -> Result<Displacement> {
+            Ok(Displacement {
+                position: element(&positions, index)?,
+                normal: element(&normals, index)?,
+                tangent: element(&tangents, index)?,
+            })
+        };
+        used.iter().map(displacement).collect()
+    };
+    targets.iter().enumerate().map(read).collect()
+}
+
+/// Most pairs of JOINTS_n and WEIGHTS_n.
+const MOST_SETS: usize = 16;
+
+/// JOINTS_n and WEIGHTS_n of a primitive of `count` vertices.
+struct Sets<'a> {
+    sets: Vec<(Accessor<'a>, Accessor<'a>)>,
+}
+
+impl<'a> Sets<'a> {
+    fn open(count: usize, attributes: &Object, accessors: &Accessors<'a>, mesh: &str) -> Result<Self> {
+        let open = |name: &str, semantic| -> Result<Option<Accessor<'a>>> {
+            let Some(index) = attributes.index(name)? else { return Ok(None) };
+            let accessor = accessors.open(index, &format!("{name} of {mesh}"), semantic, attributes)?;
+            accessor.check_count(count)?;
+            Ok(Some(accessor))
+        };
+        let mut sets = Vec::new();
+        for set in 0.. {
+            if set == MOST_SETS {
+                return Err(attributes.error(format!("has more than {MOST_SETS} sets of joints; simplify it")));
+            }
+            let indices = open(&format!("JOINTS_{set}"), Semantic::Joints)?;
+            let weights = open(&format!("WEIGHTS_{set}"), Semantic::Weights)?;
+            match (indices, weights) {
+                (Some(indices), Some(weights)) => sets.push((indices, weights)),
+                (None, None) if set > 0 => break,
+                _ => {
+                    return Err(attributes.error(format!(
+                        "belongs to a skinned node but lacks JOINTS_{set} or WEIGHTS_{set}: export the file again"
+                    )));
+                }
+            }
+        }
+        Ok(Self { sets })
+    }
+
+    /// Calls `each` with the joints below `joints` that move a vertex, and their weights, which are above 0.
+    fn influences(&self, index: u32, joints: usize, mut each: impl FnMut(u32, f32)) -> Result<()> {
+        for (indices, weights) in &self.sets {
+            let influences = indices.integers::<4>(index as usize).into_iter().zip(weights.floats::<4>(index as usize));
+            for (joint, weight) in influences.filter(|(_, weight)| *weight != 0.0) {
+                if !(weight > 0.0 && weight.is_finite()) {
+                    return Err(
+                        weights.error(format!("element {index} has the weight {weight}: export the file again"))
+                    );
+                }
+                if joint as usize >= joints {
+                    let joints = plural(joints, "joint");
+                    return Err(indices.error(format!(
+                        "element {index} is {joint}, but the skin has {joints}: export the file again"
+                    )));
+                }
+                each(joint, weight);
+            }
+        }
+        Ok(())
+    }
+}
+
+/// The influences of the vertices `used` of `count`, and by vertex the first of them and how many; weights of a vertex sum
+/// to 1.
+pub(super) fn influences(
+    used: &[u32],
+    count: usize,
+    attributes: &Object,
+    joints: usize,
+    accessors: &Accessors,
+    mesh: &str,
+    notes: &mut Notes,
+) -> Result<(Vec<Influence>, Vec<[u32; 2]>)> {
+    let sets = Sets::open(count, attributes, accessors, mesh)?;
+    let mut influences: Vec<Influence> = Vec::with_capacity(4 * used.len());
+    let mut ranges = Vec::with_capacity(used.len());
+    for &index in used {
+        let first = influences.len();
+        sets.influences(index, joints, |joint, weight| influences.push(Influence { joint, weight }))?;
+        let sum: f64 = influences[first..].iter().map(|influence| f64::from(influence.weight)).sum();
+        for influence in &mut influences[first..] {
+            influence.weight = (f64::from(influence.weight) / sum) as f32;
+        }
+        if influences.len() == first {
+            notes.count(WITHOUT_WEIGHTS, 1);
+            influences.push(Influence { joint: 0, weight: 1.0 });
+        }
+        ranges.push([first as u32, (influences.len() - first) as u32]);
+    }
+    Ok((influences, ranges))
+}
+
+const WITHOUT_WEIGHTS: &str = "Vertices without skin weights moved with the skin's first joint";
+
 /// Moves the vertices `used` of `count` with their joints; returns which of them were mirrored.
 #[expect(clippy::too_many_arguments, reason = "the primitive's parts, and where to report")]
 pub(super) fn skin(
@@ -113,52 +256,20 @@ pub(super) fn skin(
     mesh: &str,
     notes: &mut Notes,
 ) -> Result<Vec<bool>> {
-    let open = |name: &str, semantic| -> Result<Option<Accessor>> {
-        let Some(index) = attributes.index(name)? else { return Ok(None) };
-        let accessor = accessors.open(index, &format!("{name} of {mesh}"), semantic, attributes)?;
-        accessor.check_count(count)?;
-        Ok(Some(accessor))
-    };
-    let mut sets = Vec::new();
-    for set in 0..2 {
-        let indices = open(&format!("JOINTS_{set}"), Semantic::Joints)?;
-        let weights = open(&format!("WEIGHTS_{set}"), Semantic::Weights)?;
-        match (indices, weights) {
-            (Some(indices), Some(weights)) => sets.push((indices, weights)),
-            (None, None) if set > 0 => {}
-            _ => {
-                return Err(attributes.error(format!(
-                    "belongs to a skinned node but lacks JOINTS_{set} or WEIGHTS_{set}: export the file again"
-                )));
-            }
-        }
-    }
+    let sets = Sets::open(count, attributes, accessors, mesh)?;
     let mut mirrored = Vec::with_capacity(used.len());
     for (vertex, &index) in vertices.iter_mut().zip(used) {
         let (mut linear, mut translation, mut sum) = (DMat3::ZERO, DVec3::ZERO, 0.0);
-        for (indices, weights) in &sets {
-            let influences = indices.integers::<4>(index as usize).into_iter().zip(weights.floats::<4>(index as usize));
-            for (joint, weight) in influences.filter(|(_, weight)| *weight != 0.0) {
-                if !(weight > 0.0 && weight.is_finite()) {
-                    return Err(
-                        weights.error(format!("element {index} has the weight {weight}: export the file again"))
-                    );
-                }
-                let matrix = joints.get(joint as usize).ok_or_else(|| {
-                    let joints = plural(joints.len(), "joint");
-                    indices
-                        .error(format!("element {index} is {joint}, but the skin has {joints}: export the file again"))
-                })?;
-                let weight = f64::from(weight);
-                linear += matrix.matrix3 * weight;
-                translation += matrix.translation * weight;
-                sum += weight;
-            }
-        }
+        sets.influences(index, joints.len(), |joint, weight| {
+            let (matrix, weight) = (&joints[joint as usize], f64::from(weight));
+            linear += matrix.matrix3 * weight;
+            translation += matrix.translation * weight;
+            sum += weight;
+        })?;
         let blend = if sum > 0.0 {
             DAffine3 { matrix3: linear * (1.0 / sum), translation: translation / sum }
         } else {
-            notes.count("Vertices without skin weights moved with the skin's first joint", 1);
+            notes.count(WITHOUT_WEIGHTS, 1);
             joints[0]
         };
         let m = blend.matrix3;

@@ -1,0 +1,446 @@
+//! Animations as glTF defines them: nodes, skins, morph weights, and what KHR_animation_pointer names, at any time.
+//!
+//! `Scene::pose` sets everything anew from its rest values, so that a pose depends on nothing but animation and time.
+//! Times and world transforms are f64.
+
+mod extent;
+mod property;
+mod sampler;
+
+pub use property::{Property, Quantity};
+pub use sampler::{Interpolation, Sampler};
+
+use super::{Instance, Scene};
+use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
+use std::ops::Range;
+
+/// What moves a scene. Made of [`Parts`]; knows besides which of them anything moves.
+#[derive(Clone, Debug, Default)]
+pub struct Rig {
+    parts: Parts,
+    /// Nodes whose world transform some animation changes, parents first.
+    moving: Vec<usize>,
+    /// By node: whether it is among them.
+    moves: Vec<bool>,
+    /// Nodes whose visibility some animation changes, parents first.
+    fading: Vec<usize>,
+    /// By node: whether it is among them.
+    fades: Vec<bool>,
+    /// By skin: whether any of its joints moves.
+    bending: Vec<bool>,
+    /// Local transforms, world transforms and visibility of all nodes as they were last set.
+    locals: Vec<Local>,
+    worlds: Vec<DAffine3>,
+    shown: Vec<bool>,
+    own_shown: Vec<bool>,
+    /// A sampled value.
+    sampled: Vec<f64>,
+}
+
+/// What a rig is made of.
+#[derive(Clone, Debug, Default)]
+pub struct Parts {
+    /// The tree.
+    pub nodes: Vec<Node>,
+    /// What bends meshes.
+    pub skins: Vec<Skin>,
+    /// What each of the first of `Scene::instances` hangs on.
+    pub instances: Vec<Placed>,
+    /// The node of each of the first of `Scene::lights`.
+    pub lights: Vec<usize>,
+    /// The node of each of the first of `Scene::cameras`.
+    pub cameras: Vec<usize>,
+    /// What animations set besides nodes and weights.
+    pub properties: Vec<Property>,
+    /// The animations.
+    pub animations: Vec<Animation>,
+}
+
+/// A node at rest.
+#[derive(Clone, Debug, Default)]
+pub struct Node {
+    /// The node it is a child of.
+    pub parent: Option<usize>,
+    /// Its transform.
+    pub rest: Local,
+    /// KHR_node_visibility: whether it and what is below it is hidden.
+    pub hidden: bool,
+}
+
+/// A node's transform to its parent.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Local {
+    /// Scale, then rotate (unit length), then move.
+    Parts {
+        /// Translation [m].
+        translation: DVec3,
+        /// Unit quaternion.
+        rotation: DQuat,
+        /// Scale by axis.
+        scale: DVec3,
+    },
+    /// Cannot be animated.
+    Matrix(DAffine3),
+}
+
+impl Default for Local {
+    fn default() -> Self {
+        Self::Parts { translation: DVec3::ZERO, rotation: DQuat::IDENTITY, scale: DVec3::ONE }
+    }
+}
+
+impl Local {
+    /// As a matrix.
+    pub fn affine(&self) -> DAffine3 {
+        match *self {
+            Self::Parts { translation, rotation, scale } => {
+                DAffine3::from_scale_rotation_translation(scale, rotation, translation)
+            }
+            Self::Matrix(matrix) => matrix,
+        }
+    }
+}
+
+/// Nodes that bend meshes.
+#[derive(Clone, Debug, Default)]
+pub struct Skin {
+    /// Nodes; at least one.
+    pub joints: Vec<usize>,
+    /// For each joint, the mesh's bind space to the joint's own.
+    pub inverse_bind: Vec<DAffine3>,
+}
+
+/// What an instance hangs on.
+#[derive(Clone, Debug, Default)]
+pub struct Placed {
+    /// The node that draws it.
+    pub node: usize,
+    /// What its place in the world is.
+    pub hold: Hold,
+    /// Rest weights of its morph targets, where an animation may set them.
+    pub weights: Vec<f32>,
+}
+
+/// What gives an instance its place.
+#[derive(Clone, Copy, Debug, Default)]
+pub enum Hold {
+    /// It stays where it is: skinned vertices that nothing animates are in world space.
+    #[default]
+    World,
+    /// Its node, after this transform of its own (EXT_mesh_gpu_instancing).
+    Node(DAffine3),
+    /// The joints of this skin: `world_from_model` is the translation to the first of them.
+    Skin(usize),
+}
+
+/// A named set of channels that play together.
+#[derive(Clone, Debug, Default)]
+pub struct Animation {
+    /// glTF's name, or a made-up one.
+    pub name: String,
+    /// What it moves.
+    pub channels: Vec<Channel>,
+}
+
+/// A value over time and what it sets.
+#[derive(Clone, Debug)]
+pub struct Channel {
+    /// The value.
+    pub sampler: Sampler,
+    /// What it is a value of.
+    pub target: Target,
+}
+
+/// What a channel sets.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Target {
+    /// Of a node [m].
+    Translation(usize),
+    /// Of a node.
+    Rotation(usize),
+    /// Of a node.
+    Scale(usize),
+    /// Of these instances, from the weight `first` on.
+    Weights {
+        /// Instances of one node.
+        instances: Range<usize>,
+        /// The first of the weights that are set.
+        first: usize,
+    },
+    /// KHR_node_visibility of a node.
+    Visible(usize),
+    /// A part of one of `Parts::properties`.
+    Property {
+        /// Which property.
+        property: usize,
+        /// Which of its parts.
+        part: usize,
+    },
+}
+
+impl Animation {
+    /// Times [s] of its first and its last key.
+    pub fn span(&self) -> (f64, f64) {
+        let begin = self.channels.iter().map(|c| c.sampler.begin()).fold(f64::INFINITY, f64::min);
+        let end = self.channels.iter().map(|c| c.sampler.end()).fold(f64::NEG_INFINITY, f64::max);
+        if begin <= end { (begin, end) } else { (0.0, 0.0) }
+    }
+
+    /// The time within the animation after it has played for `time` [s] over and over, its first key at 0.
+    pub fn looped(&self, time: f64) -> f64 {
+        let (begin, end) = self.span();
+        if end > begin { begin + time.rem_euclid(end - begin) } else { begin }
+    }
+}
+
+impl Scene {
+    /// Names of the animations, and the times [s] of their first and last keys.
+    pub fn animations(&self) -> impl Iterator<Item = (&str, f64, f64)> {
+        self.rig.iter().flat_map(|rig| &rig.parts.animations).map(|animation| {
+            let (begin, end) = animation.span();
+            (animation.name.as_str(), begin, end)
+        })
+    }
+
+    /// Puts everything where an animation has it at `time` [s], and all that it does not move back to rest. Values are held
+    /// before its first and after its last key. Caches are placed at rest: bake first, then pose.
+    ///
+    /// # Panics
+    ///
+    /// Without that animation.
+    pub fn pose(&mut self, animation: usize, time: f64) {
+        let count = self.animations().count();
+        assert!(animation < count, "pose: animation {animation} of {count}");
+        self.set(Some((animation, time)));
+    }
+
+    /// Puts everything back to rest.
+    pub fn rest(&mut self) {
+        self.set(None);
+    }
+
+    fn set(&mut self, played: Option<(usize, f64)>) {
+        // The rig writes to the scene that it belongs to.
+        let Some(mut rig) = self.rig.take() else { return };
+        rig.play(played);
+        rig.weigh(self, played);
+        rig.place(self);
+        self.rig = Some(rig);
+    }
+}
+
+impl Rig {
+    /// A rig at rest.
+    ///
+    /// # Panics
+    ///
+    /// Where the nodes are no tree.
+    pub fn new(parts: Parts) -> Self {
+        let count = parts.nodes.len();
+        let mut children = vec![Vec::new(); count];
+        let mut order: Vec<usize> = (0..count).filter(|&node| parts.nodes[node].parent.is_none()).collect();
+        for (index, node) in parts.nodes.iter().enumerate() {
+            node.parent.into_iter().for_each(|parent| children[parent].push(index));
+        }
+        let mut at = 0;
+        while at < order.len() {
+            order.extend_from_slice(&children[order[at]]);
+            at += 1;
+        }
+        assert_eq!(order.len(), count, "Rig::new: nodes form a tree");
+
+        let (mut moves, mut fades) = (vec![false; count], vec![false; count]);
+        for channel in parts.animations.iter().flat_map(|animation| &animation.channels) {
+            match channel.target {
+                Target::Translation(node) | Target::Rotation(node) | Target::Scale(node) => moves[node] = true,
+                Target::Visible(node) => fades[node] = true,
+                Target::Weights { .. } | Target::Property { .. } => {}
+            }
+        }
+        for &node in &order {
+            if let Some(parent) = parts.nodes[node].parent {
+                moves[node] |= moves[parent];
+                fades[node] |= fades[parent];
+            }
+        }
+        let bending = parts.skins.iter().map(|skin| skin.joints.iter().any(|&joint| moves[joint])).collect();
+        let widest = parts.animations.iter().flat_map(|a| &a.channels).map(|c| c.sampler.width).max().unwrap_or(0);
+        let mut rig = Self {
+            moving: order.clone(),
+            moves,
+            fading: order.clone(),
+            fades,
+            bending,
+            locals: parts.nodes.iter().map(|node| node.rest).collect(),
+            worlds: vec![DAffine3::IDENTITY; count],
+            shown: vec![true; count],
+            own_shown: parts.nodes.iter().map(|node| !node.hidden).collect(),
+            sampled: vec![0.0; widest],
+            parts,
+        };
+        // What nothing moves is worked out here, once and for all.
+        rig.play(None);
+        rig.moving.retain(|&node| rig.moves[node]);
+        rig.fading.retain(|&node| rig.fades[node]);
+        rig
+    }
+
+    /// What it is made of.
+    pub fn parts(&self) -> &Parts {
+        &self.parts
+    }
+
+    /// Whether any animation moves an instance, or bends it.
+    pub fn moves(&self, instance: usize) -> bool {
+        let Some(placed) = self.parts.instances.get(instance) else { return false };
+        let held = match placed.hold {
+            Hold::World => false,
+            Hold::Node(_) => self.moves[placed.node],
+            Hold::Skin(skin) => self.bending[skin],
+        };
+        held || !placed.weights.is_empty()
+    }
+
+    /// Whether any animation changes anything of the scene.
+    pub fn reaches(&self) -> bool {
+        let on = |node: &usize| self.moves[*node] || self.fades[*node];
+        !self.parts.properties.is_empty()
+            || (0..self.parts.instances.len()).any(|instance| self.moves(instance))
+            || self.parts.instances.iter().any(|placed| self.fades[placed.node])
+            || self.parts.lights.iter().chain(&self.parts.cameras).any(on)
+    }
+
+    /// Works out where all nodes are and what all properties are.
+    fn play(&mut self, played: Option<(usize, f64)>) {
+        for &node in &self.moving {
+            self.locals[node] = self.parts.nodes[node].rest;
+        }
+        for &node in &self.fading {
+            self.own_shown[node] = !self.parts.nodes[node].hidden;
+        }
+        self.parts.properties.iter_mut().for_each(Property::rest);
+        if let Some((animation, time)) = played {
+            for channel in &self.parts.animations[animation].channels {
+                let sampler = &channel.sampler;
+                if let Target::Rotation(node) = channel.target {
+                    if let Local::Parts { rotation, .. } = &mut self.locals[node] {
+                        *rotation = sampler.rotation(time);
+                    }
+                    continue;
+                }
+                let value = &mut self.sampled[..sampler.width];
+                sampler.sample(time, value);
+                match &channel.target {
+                    // Weights go straight to the instances.
+                    Target::Rotation(_) | Target::Weights { .. } => {}
+                    Target::Translation(node) => {
+                        if let Local::Parts { translation, .. } = &mut self.locals[*node] {
+                            *translation = DVec3::from_slice(value);
+                        }
+                    }
+                    Target::Scale(node) => {
+                        if let Local::Parts { scale, .. } = &mut self.locals[*node] {
+                            *scale = DVec3::from_slice(value);
+                        }
+                    }
+                    Target::Visible(node) => self.own_shown[*node] = value[0] != 0.0,
+                    Target::Property { property, part } => self.parts.properties[*property].set(*part, value),
+                }
+            }
+        }
+        for &node in &self.moving {
+            let above = self.parts.nodes[node].parent.map(|parent| self.worlds[parent]);
+            let local = self.locals[node].affine();
+            self.worlds[node] = above.map_or(local, |above| above * local);
+        }
+        for &node in &self.fading {
+            let above = self.parts.nodes[node].parent.is_none_or(|parent| self.shown[parent]);
+            self.shown[node] = above && self.own_shown[node];
+        }
+    }
+    /// Sets the weights of morph targets.
+    fn weigh(&mut self, scene: &mut Scene, played: Option<(usize, f64)>) {
+        for (placed, instance) in self.parts.instances.iter().zip(&mut scene.instances) {
+            if let Some(pose) = instance.pose.as_mut().filter(|pose| pose.weights.len() == placed.weights.len()) {
+                pose.weights.copy_from_slice(&placed.weights);
+            }
+        }
+        let Some((animation, time)) = played else { return };
+        for channel in &self.parts.animations[animation].channels {
+            let Target::Weights { instances, first } = &channel.target else { continue };
+            let value = &mut self.sampled[..channel.sampler.width];
+            channel.sampler.sample(time, value);
+            for pose in scene.instances[instances.clone()].iter_mut().filter_map(|instance| instance.pose.as_mut()) {
+                for (weight, value) in pose.weights[*first..].iter_mut().zip(&*value) {
+                    *weight = *value as f32;
+                }
+            }
+        }
+    }
+
+    /// Writes to the scene what moves and what is set.
+    fn place(&mut self, scene: &mut Scene) {
+        for (placed, instance) in self.parts.instances.iter().zip(&mut scene.instances) {
+            self.place_instance(placed, instance);
+        }
+        for (&node, light) in self.parts.lights.iter().zip(&mut scene.lights).filter(|(node, _)| self.moves[**node]) {
+            (light.position, light.direction) = beam(self.worlds[node]);
+        }
+        for (&node, camera) in self.parts.cameras.iter().zip(&mut scene.cameras).filter(|(node, _)| self.moves[**node])
+        {
+            camera.world_from_camera = rigid(self.worlds[node]);
+        }
+        self.parts.properties.iter().for_each(|property| property.apply(scene));
+        // Last, since a light that is hidden gives nothing whatever its intensity is.
+        for (&node, light) in self.parts.lights.iter().zip(&mut scene.lights) {
+            if self.fades[node] && !self.shown[node] {
+                light.intensity = 0.0;
+            }
+        }
+    }
+
+    fn place_instance(&self, placed: &Placed, instance: &mut Instance) {
+        if self.fades[placed.node] {
+            instance.hidden = !self.shown[placed.node];
+        }
+        match placed.hold {
+            Hold::Node(offset) if self.moves[placed.node] => {
+                instance.world_from_model = self.worlds[placed.node] * offset;
+            }
+            Hold::Skin(skin) if self.bending[skin] => {
+                let pose = instance.pose.get_or_insert_default();
+                pose.joints.clear();
+                let (anchor, joints) = joints(&self.parts.skins[skin], &self.worlds);
+                pose.joints.extend(joints);
+                instance.world_from_model = anchor;
+            }
+            Hold::World | Hold::Node(_) | Hold::Skin(_) => {}
+        }
+    }
+}
+
+/// Where the model of a skin is, and its joints from there: the translation to the first joint, so that vertices lie near
+/// 0 however far away the model stands.
+pub(super) fn joints<'a>(skin: &'a Skin, worlds: &'a [DAffine3]) -> (DAffine3, impl Iterator<Item = DAffine3> + 'a) {
+    let anchor = worlds[skin.joints[0]].translation;
+    let joint = move |(&node, bind): (&usize, &DAffine3)| {
+        let mut joint = worlds[node] * *bind;
+        joint.translation -= anchor;
+        joint
+    };
+    (DAffine3::from_translation(anchor), skin.joints.iter().zip(&skin.inverse_bind).map(joint))
+}
+
+/// Position and direction of a light at a node.
+pub(super) fn beam(world: DAffine3) -> (DVec3, Vec3) {
+    let direction = world.transform_vector3(DVec3::NEG_Z).try_normalize().unwrap_or(DVec3::NEG_Z);
+    (world.translation, direction.as_vec3())
+}
+
+/// Orientation and place of a node without its scale: a camera cannot be stretched.
+pub(super) fn rigid(world: DAffine3) -> DAffine3 {
+    let back = world.matrix3.z_axis.try_normalize().unwrap_or(DVec3::Z);
+    let up = world.matrix3.y_axis.reject_from_normalized(back).try_normalize();
+    let up = up.unwrap_or_else(|| back.any_orthonormal_vector());
+    DAffine3::from_mat3_translation(DMat3::from_cols(up.cross(back), up, back), world.translation)
+}
