@@ -124,6 +124,7 @@ const uint DEFORM_ROW = 32768u;
 struct Instance {
     mat4 world_from_model;
     mat4 world_from_normal; // inverse transpose of the linear part, up to a factor
+    float growth; // most that lengths are of what they were when caches were placed
     float area_scale; // that factor, against the one the caches were placed with; 0 of a hidden instance
 };
 

@@ -2,6 +2,7 @@
 //! device has, the next frame copies what is new, and revisions tell the stages whose inputs are as they were.
 
 use super::SceneBuffers;
+use super::albedo;
 use super::deform;
 use super::lights::{self, LightInfo};
 use super::upload;
@@ -40,6 +41,7 @@ pub(super) struct Pending {
     poses: bool,
     lights: bool,
     materials: bool,
+    albedos: bool,
 }
 
 impl Pending {
@@ -65,16 +67,16 @@ pub(super) struct Moving {
 }
 
 impl Moving {
-    /// Fills in how a scene stands around `origin` with half extent `half` [m]; `placed_sizes` are those of the normal
-    /// matrices that each instance's caches were placed with.
-    pub(super) fn fill(&mut self, scene: &Scene, origin: DVec3, half: DVec3, placed_sizes: &[f64]) {
+    /// Fills in how a scene stands around `origin` with half extent `half` [m]; `placed` are the maps that each
+    /// instance's caches were placed under.
+    pub(super) fn fill(&mut self, scene: &Scene, origin: DVec3, half: DVec3, placed: &[DMat3]) {
         self.instances.clear();
         self.mirrored.clear();
         self.hidden.clear();
         self.joints.clear();
         self.weights.clear();
-        for (instance, placed_size) in scene.instances.iter().zip(placed_sizes) {
-            self.place(instance, origin, *placed_size);
+        for (instance, placed) in scene.instances.iter().zip(placed) {
+            self.place(instance, origin, *placed);
             if let Some(deform) = &scene.meshes[instance.mesh].deform {
                 self.pose(instance, deform::sizes(deform));
             }
@@ -89,14 +91,18 @@ impl Moving {
         self.slots.extend(scene.materials.iter().flat_map(upload::slots));
     }
 
-    fn place(&mut self, instance: &Instance, origin: DVec3, placed_size: f64) {
-        let mut placed = instance.world_from_model;
-        placed.translation -= origin;
-        let (normals, size) = normal_matrix(placed.matrix3);
-        self.mirrored.push(placed.matrix3.determinant() < 0.0);
+    fn place(&mut self, instance: &Instance, origin: DVec3, placed: DMat3) {
+        let mut now = instance.world_from_model;
+        now.translation -= origin;
+        let (normals, size) = normal_matrix(now.matrix3);
+        let (_, placed_size) = normal_matrix(placed);
+        let change = now.matrix3 * placed.inverse();
+        let growth = [change.x_axis, change.y_axis, change.z_axis].map(DVec3::length).into_iter().fold(0.0, f64::max);
+        self.mirrored.push(now.matrix3.determinant() < 0.0);
         self.hidden.push(instance.hidden);
         self.instances.push(shared::Instance {
-            world_from_model: DMat4::from(placed).as_mat4(),
+            world_from_model: DMat4::from(now).as_mat4(),
+            growth: if growth.is_finite() { growth as f32 } else { 1.0 },
             world_from_normal: Mat4::from_mat3(normals.as_mat3()),
             area_scale: if instance.hidden { 0.0 } else { (size / placed_size) as f32 },
         });
@@ -133,7 +139,7 @@ impl SceneBuffers {
     /// or a cone has grown beyond what one frustum sees: then it has to be uploaded anew.
     pub fn update(&mut self, scene: &Scene) -> Result<()> {
         let mut now = std::mem::take(&mut self.spare);
-        now.fill(scene, self.origin, self.half, &self.placed_sizes);
+        now.fill(scene, self.origin, self.half, &self.placed);
         let old = &self.moving;
         let same_shape = now.instances.len() == old.instances.len()
             && now.joints.len() == old.joints.len()
@@ -168,6 +174,10 @@ impl SceneBuffers {
                 self.emitters = self.patches.vals(scene, self.origin);
             }
         }
+        if let (true, Some(of_caches)) = (materials, &mut self.cache_albedos) {
+            of_caches.albedos = albedo::of_all(scene, &of_caches.caches);
+            pending.albedos = true;
+        }
         self.pending.set(pending);
         self.spare = std::mem::replace(&mut self.moving, now);
         Ok(())
@@ -196,6 +206,9 @@ impl SceneBuffers {
         if pending.materials {
             cmd.update(&self.materials, 0, &now.materials);
             cmd.update(&self.texture_slots, 0, &now.slots);
+        }
+        if let (true, Some(of_caches)) = (pending.albedos, &self.cache_albedos) {
+            cmd.update(&of_caches.buffer, 0, &of_caches.albedos);
         }
         cmd.barrier(Use::CopyWrite, Use::VertexRead | Use::FragmentRead | Use::ComputeRead);
         poses

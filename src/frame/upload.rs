@@ -17,7 +17,7 @@ use crate::image::mip_chain;
 use crate::scene::{Material, Scene, Texture, Vertex, Wrap};
 use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, RIGID, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
-use glam::{DVec3, Mat4, Vec3, Vec4};
+use glam::{DMat3, DVec3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -75,7 +75,7 @@ pub struct SceneBuffers {
     /// How many.
     pub cache_count: u32,
     /// Their diffuse albedos, once more bounces have asked for them.
-    pub cache_albedos: Option<Buffer>,
+    pub(super) cache_albedos: Option<CacheAlbedos>,
     /// References of all models' vertices, or cells.
     pub references: Buffer,
     /// What `draw` draws, for those who look up a visible triangle.
@@ -94,8 +94,8 @@ pub struct SceneBuffers {
     pub(super) pending: Cell<Pending>,
     /// Which content it is.
     pub(super) revisions: Revisions,
-    /// Size of the normal matrix that each instance's caches were placed with.
-    pub(super) placed_sizes: Vec<f64>,
+    /// The map that each instance's caches were placed under.
+    pub(super) placed: Vec<DMat3>,
     vertices: Buffer,
     indices: Buffer,
     pub(super) materials: Buffer,
@@ -104,6 +104,16 @@ pub struct SceneBuffers {
     /// Per material: image and sampler of each of its textures.
     material_textures: Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>,
     draws: Vec<DrawItem>,
+}
+
+/// What caches reflect.
+pub(super) struct CacheAlbedos {
+    /// For shaders.
+    pub(super) buffer: Buffer,
+    /// What is or will be there.
+    pub(super) albedos: Vec<Vec3>,
+    /// Whose they are: materials may change.
+    pub(super) caches: CacheSet,
 }
 
 /// Which triangles a pass draws.
@@ -127,14 +137,14 @@ impl SceneBuffers {
         half = half.max(DVec3::splat(1e-6 * radius));
 
         // Caches were placed under these maps, whatever the instances' are now.
-        let placed_sizes: Vec<f64> = (scene.instances.iter().enumerate())
+        let placed: Vec<DMat3> = (scene.instances.iter().enumerate())
             .map(|(i, instance)| match caches {
-                Some(caches) => normal_matrix(caches.models[caches.instance_model[i]].linear).1,
-                None => normal_matrix(instance.world_from_model.matrix3).1,
+                Some(caches) => caches.models[caches.instance_model[i]].linear,
+                None => instance.world_from_model.matrix3,
             })
             .collect();
         let mut moving = Moving::default();
-        moving.fill(scene, origin, half, &placed_sizes);
+        moving.fill(scene, origin, half, &placed);
 
         let (mut vertices, mut indices) = (Vec::<Vertex>::new(), Vec::<u32>::new());
         let mut mesh_base = Vec::new();
@@ -241,7 +251,7 @@ impl SceneBuffers {
             textures,
             material_textures,
             draws,
-            placed_sizes,
+            placed,
             revisions: Revisions::new(moving.lights.len()),
             pending: Cell::new(Pending::new(first_posed.iter().any(Option::is_some))),
             spare: Moving::default(),
@@ -251,9 +261,12 @@ impl SceneBuffers {
 
     /// Uploads the diffuse albedos of the caches, which frames of more than one bounce need.
     pub fn add_albedos(&mut self, gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Result<()> {
-        let models: Vec<Vec<Vec3>> = caches.models.iter().map(|model| albedo::of_caches(scene, model)).collect();
-        let all: Vec<Vec3> = caches.instance_model.iter().flat_map(|model| models[*model].iter().copied()).collect();
-        self.cache_albedos = Some(gpu.buffer_from("scene.cache_albedos", &all)?);
+        let albedos = albedo::of_all(scene, caches);
+        self.cache_albedos = Some(CacheAlbedos {
+            buffer: gpu.buffer_from("scene.cache_albedos", &albedos)?,
+            albedos,
+            caches: caches.clone(),
+        });
         Ok(())
     }
 
@@ -284,6 +297,11 @@ impl SceneBuffers {
             draw.indices(&self.indices, item.index_offset);
             draw.draw_indexed(item.index_count, item.first_index);
         }
+    }
+
+    /// Diffuse albedos of the caches, where they have been asked for.
+    pub fn cache_albedos(&self) -> Option<&Buffer> {
+        self.cache_albedos.as_ref().map(|albedos| &albedos.buffer)
     }
 
     /// Lights, for the host.
@@ -334,7 +352,7 @@ impl SceneBuffers {
 
     /// Names and sizes [bytes] of the buffers, for `info`.
     pub fn buffers(&self) -> Vec<&Buffer> {
-        let optional = self.cache_albedos.iter().chain(self.sky.iter().map(|sky| &sky.texels));
+        let optional = self.cache_albedos.iter().map(|a| &a.buffer).chain(self.sky.iter().map(|sky| &sky.texels));
         let mut all = vec![
             &self.vertices,
             &self.corners,
