@@ -1,5 +1,6 @@
 //! `lightskin info`: what a scene holds, which stages its frame has, and the memory of each.
 
+use super::render::default_shadows;
 use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, load_scene, thousands};
 use anyhow::Result;
 use lightskin::frame::{Frame, SceneBuffers, Settings, Shadows};
@@ -77,7 +78,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
 
     let gpu = args.device.open()?;
     let (references, cluster) = (args.caches.settings().references, args.cluster.rule());
-    let shadows = if cluster.is_some() { Shadows::Off } else { Shadows::PerLight };
+    let shadows = if cluster.is_some() { Shadows::Off } else { default_shadows(baked.count) };
     let settings = Settings { references, rsm: args.rsm, cluster, shadows, ..Settings::default() };
     let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked.caches))?;
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
@@ -108,14 +109,25 @@ pub(super) fn run(args: &Info) -> Result<()> {
             say!("    {thing:<20} {:>10} KiB", kib(*bytes));
         }
     }
-    let is_state =
-        |stage: &str, thing: &str| matches!(stage, "atlas" | "gather") || (stage == "scene" && thing == "model_caches");
-    let state: u64 = stages.iter().flat_map(|(s, all)| all.iter().filter(|(t, _)| is_state(s, t)).map(|t| t.1)).sum();
-    say!(
-        "  state of the caches (atlas, gather, scene.model_caches): {} KiB, {:.0} bytes per cache",
-        kib(state),
-        state as f64 / baked.count.max(1) as f64
-    );
+    let caches = baked.count.max(1) as f64;
+    let each = |stage: &str, thing: &str| {
+        let all = stages.get(stage).into_iter().flatten().filter(|(name, _)| *name == thing);
+        all.map(|(_, bytes)| *bytes as f64).sum::<f64>() / caches
+    };
+    let state = ["scene.model_caches", "atlas.caches", "gather.proxies", "cull.flags", "cull.live"];
+    let of_state = state.map(|name| name.split_once('.').map_or(0.0, |(stage, thing)| each(stage, thing)));
+    let told: Vec<String> = state.iter().zip(of_state).map(|(name, bytes)| format!("{name} {bytes:.0}")).collect();
+    say!("  of each cache {:.0} bytes ({})", of_state.iter().sum::<f64>(), told.join(", "));
+    for (name, why) in [
+        ("gather.parts", "sums of parts of the VALs, which fill the device where caches are few"),
+        ("gather.depth_images", "what each sees of the others' discs, for --shadows per-light"),
+        ("scene.references", "which caches each vertex refers to"),
+    ] {
+        let bytes = name.split_once('.').map_or(0.0, |(stage, thing)| each(stage, thing));
+        if bytes > 0.0 {
+            say!("    and {bytes:.0} in {name}: {why}");
+        }
+    }
     check_messages(&gpu, &[])
 }
 

@@ -70,8 +70,8 @@ pub(super) struct Render {
     /// What pulls a proxy light's position.
     #[arg(long, value_enum, default_value_t)]
     proxy_weight: ProxyWeightArg,
-    /// What is in the way of indirect light. Without this flag, per-light; with --gather fragment proxy, with clusters off,
-    /// which goes with both.
+    /// What is in the way of indirect light. Without this flag, per-light up to 4096 caches, proxy up to 20000, off beyond;
+    /// with --gather fragment at most proxy, with clusters off.
     #[arg(long, value_enum)]
     shadows: Option<ShadowsArg>,
     /// Write this layer alone as R, G, B.
@@ -154,6 +154,15 @@ pub(super) enum ShadowsArg {
     PerLight,
 }
 
+/// The kind of shadows unless one is asked for: each looks at pairs of caches, which of very many are too many.
+pub(super) fn default_shadows(caches: usize) -> Shadows {
+    match caches {
+        0..=4096 => Shadows::PerLight,
+        4097..=20_000 => Shadows::Proxy,
+        _ => Shadows::Off,
+    }
+}
+
 impl ShadowsArg {
     fn kind(self) -> Shadows {
         match self {
@@ -203,7 +212,8 @@ fn exposure(text: &str) -> std::result::Result<f32, String> {
 }
 
 impl Render {
-    fn settings(&self, gpu: &Gpu, reuse: bool) -> Result<Settings> {
+    fn settings(&self, gpu: &Gpu, caches: usize, reuse: bool) -> Result<Settings> {
+        let shadows = self.shadows(caches);
         Ok(Settings {
             size: self.size,
             gi: match self.gi {
@@ -236,27 +246,27 @@ impl Render {
             // Nothing is measured for frames that light no caches.
             gather: match self.gi {
                 GiArg::Lightskin => {
-                    let compute = self.bounces > 1 || self.shadows() == Shadows::PerLight;
+                    let compute = self.bounces > 1 || shadows == Shadows::PerLight;
                     self.gather.settings(gpu, compute)?
                 }
                 _ => GatherSettings::default(),
             },
             cluster: self.gather.cluster.rule(),
             cull: !self.gather.no_cull,
-            shadows: self.shadows(),
+            shadows,
             reuse,
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
         })
     }
 
-    /// The kind that is asked for, or the best that goes with the other flags.
-    fn shadows(&self) -> Shadows {
+    /// The kind that is asked for, or the best that goes with the other flags and so many caches.
+    fn shadows(&self, caches: usize) -> Shadows {
         match self.shadows {
             _ if self.gi != GiArg::Lightskin => Shadows::Off,
             Some(asked) => asked.kind(),
             None if self.gather.by_clusters() => Shadows::Off,
-            None if self.gather.by_draws() => Shadows::Proxy,
-            None => Shadows::PerLight,
+            None if self.gather.by_draws() => default_shadows(caches).min(Shadows::Proxy),
+            None => default_shadows(caches),
         }
     }
 
@@ -365,7 +375,7 @@ fn free_camera(text: &str) -> Result<Camera> {
 }
 
 pub(super) fn run(args: &Render) -> Result<()> {
-    args.gather.check(args.shadows());
+    args.gather.check(args.shadows(0));
     match args.gi {
         GiArg::Lightskin if args.bounces > 16 => wrong_usage("--bounces: caches take 16 at most"),
         GiArg::Lightskin if args.bounces > 1 => args.gather.check_bounces(),
@@ -423,7 +433,14 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     trace.lap("bake");
     let gpu = args.device.open()?;
-    let settings = args.settings(&gpu, motion.reuse)?;
+    let settings = args.settings(&gpu, baked.as_ref().map_or(0, |b| b.count), motion.reuse)?;
+    if args.shadows.is_none() && settings.shadows < args.shadows(0) {
+        log::info!(
+            "{} caches: --shadows {} by default",
+            baked.as_ref().map_or(0, |b| b.count),
+            ShadowsArg::of(settings.shadows)
+        );
+    }
     trace.lap("open device");
     let mut buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
     if let Some(baked) = baked.as_ref().filter(|_| args.bounces > 1) {

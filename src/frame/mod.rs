@@ -88,7 +88,7 @@ pub enum ProxyWeight {
 }
 
 /// Whether things are in the way of indirect light. METHOD 6.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shadows {
     /// Nothing is.
     #[default]

@@ -299,6 +299,16 @@ impl SceneBuffers {
         }
     }
 
+    /// The vertices of an instance as draws last read them; none of one that has no triangles. Waits for the device.
+    pub fn read_vertices(&self, gpu: &Gpu, scene: &Scene, instance: usize) -> Result<Vec<Vertex>> {
+        let Some(item) = self.draws.iter().find(|item| item.instance as usize == instance) else {
+            return Ok(Vec::new());
+        };
+        let first = item.vertex_offset as usize / size_of::<Vertex>();
+        let count = scene.meshes[scene.instances[instance].mesh].vertices.len();
+        Ok(gpu.read::<Vertex>(&self.vertices)?[first..first + count].to_vec())
+    }
+
     /// Diffuse albedos of the caches, where they have been asked for.
     pub fn cache_albedos(&self) -> Option<&Buffer> {
         self.cache_albedos.as_ref().map(|albedos| &albedos.buffer)
