@@ -17,6 +17,7 @@ layout(constant_id = 0) const uint GLOSSY = 1;
 layout(constant_id = 1) const uint SOURCE = VALS_TEXELS;
 layout(constant_id = 2) const uint CACHES = 4; // of a thread
 layout(constant_id = 3) const uint SPREAD = 0; // 1: stage 7 asks for it
+layout(constant_id = 4) const uint AT_ONCE = 4; // VALs of one round of the loop, a divisor of a tile's
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
@@ -32,12 +33,9 @@ layout(binding = 7, scalar) writeonly buffer Proxies { Proxy proxies[]; };
 layout(binding = 8, scalar) coherent buffer Arrived { uint arrived[]; }; // parts that are there, of each thread's caches
 #endif
 #ifdef SHADOWED
-layout(constant_id = 4) const uint TOGETHER = 1; // VALs that are seen or hidden together, a divisor of AT_ONCE
+layout(constant_id = 5) const uint TOGETHER = 1; // VALs that are seen or hidden together, a divisor of AT_ONCE
 layout(binding = 9) uniform samplerBuffer image_texels; // four texels of a row in one
 #endif
-
-// VALs of one round of the loop.
-const uint AT_ONCE = 4u;
 
 // VALs in the workgroup's memory at a time.
 const uint STAGED = GATHER_THREADS;

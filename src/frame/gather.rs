@@ -75,10 +75,13 @@ pub(super) fn sum_pipeline(
     proxies: bool,
 ) -> Result<Pipeline> {
     let spread = u32::from(shadows == Shadows::Proxy);
-    let constants = [u32::from(glossy), settings.source as u32, settings.caches_per_thread, spread, together];
-    match (shadows == Shadows::PerLight, proxies) {
-        (false, false) => gpu.compute("gather_sums.comp", &constants[..4]),
-        (false, true) => gpu.compute("gather.comp", &constants[..4]),
+    let shadowed = shadows == Shadows::PerLight;
+    // A software device has no registers to spare for either, but fewer rounds to count.
+    let at_once = if gpu.is_software() && !shadowed { 8 } else { 4 };
+    let constants = [u32::from(glossy), settings.source as u32, settings.caches_per_thread, spread, at_once, together];
+    match (shadowed, proxies) {
+        (false, false) => gpu.compute("gather_sums.comp", &constants[..5]),
+        (false, true) => gpu.compute("gather.comp", &constants[..5]),
         (true, false) => gpu.compute("gather_shadowed_sums.comp", &constants),
         (true, true) => gpu.compute("gather_shadowed.comp", &constants),
     }
