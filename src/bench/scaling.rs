@@ -324,10 +324,10 @@ fn growth_table() -> Table {
         "points",
         "of caches",
         "of VALs",
-        "of caches, least row",
-        "largest row",
-        "of VALs, least column",
-        "largest column",
+        "of caches in the least row",
+        "in the largest row",
+        "of VALs in the least column",
+        "in the largest column",
         "worst point / fit",
     ];
     let how = "Exponents of the times above: log time = a + e log caches + f log VALs by least squares over all points; 1 is \
@@ -376,11 +376,11 @@ pub(super) fn headlines(growth: &Table) -> Vec<String> {
             "Gather {lobes} grows with caches to the power of {} (rows {} to {}) and with VALs to the power of {} (columns {} \
              to {}).",
             of("of caches"),
-            of("of caches, least row"),
-            of("largest row"),
+            of("of caches in the least row"),
+            of("in the largest row"),
             of("of VALs"),
-            of("of VALs, least column"),
-            of("largest column")
+            of("of VALs in the least column"),
+            of("in the largest column")
         )
     };
     (0..growth.rows.len()).filter(|row| growth.has(*row, "steadied")).map(line).collect()

@@ -3,7 +3,7 @@
 use super::targets::{LiveCaches, ValTargets};
 use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{PACK_BLOCK, PACK_THREADS, PackPush};
+use crate::shared::{DEPTH_IMAGE_ROW, LiveArgs, PACK_BLOCK, PACK_THREADS, PackPush};
 
 /// Most items that one workgroup closes up alone, in one pass: on a software device a pass costs more than they do.
 const ALONE: u32 = 4 * PACK_BLOCK;
@@ -85,4 +85,17 @@ fn count_blocks(cmd: &Cmd<'_>, pipeline: &Pipeline, push: &PackPush, flags: &Buf
 /// Threads that look at the items; at least one group, which writes that there are none.
 fn threads(push: &PackPush) -> u32 {
     push.count.div_ceil(push.per_thread * PACK_THREADS).max(1) * PACK_THREADS
+}
+
+/// The gather's dispatch over so many caches, or groups of them, and VALs, or nodes; twin of glsl/lib/pack.glsl.
+pub(super) fn live_args(caches: u32, lights: u64, per_workgroup: u32, split: u64) -> LiveArgs {
+    LiveArgs {
+        groups_x: caches.div_ceil(per_workgroup),
+        groups_y: lights.div_ceil(split).max(1) as u32,
+        groups_z: 1,
+        cache_count: caches,
+        images_x: caches.min(DEPTH_IMAGE_ROW),
+        images_y: caches.div_ceil(DEPTH_IMAGE_ROW),
+        images_z: 1,
+    }
 }

@@ -2,14 +2,14 @@
 
 use super::bounce::BounceTargets;
 use super::gather::{GatherPath, GatherSettings};
+use super::pack::live_args;
 use super::pyramid::Pyramid;
 use super::{Plan, ProxyWeight, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image};
 use crate::shared::{
-    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, DEPTH_IMAGE_ROW, DEPTH_IMAGE_TEXELS, GATHER_THREADS, GatherSums, LiveArgs,
-    OCCLUDER_GROUP, OccluderGroup, PACK_BLOCK, Proxy, TEXEL_CACHES, VAL_TILE, Val, VertexLight, VisibleArgs,
-    VisibleVertex,
+    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, DEPTH_IMAGE_TEXELS, GATHER_THREADS, GatherSums, OCCLUDER_GROUP, OccluderGroup,
+    PACK_BLOCK, Proxy, TEXEL_CACHES, VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
 };
 use glam::Vec3;
 
@@ -374,15 +374,7 @@ impl CacheTargets {
         self.parts = Some(gpu.buffer("gather.parts", sums * lights.div_ceil(split))?);
         let items = n.div_ceil(group.into());
         let live = self.count.div_ceil(group);
-        let args = LiveArgs {
-            groups_x: live.div_ceil(per_workgroup),
-            groups_y: lights.div_ceil(split) as u32,
-            groups_z: 1,
-            cache_count: live,
-            images_x: live.min(DEPTH_IMAGE_ROW),
-            images_y: live.div_ceil(DEPTH_IMAGE_ROW),
-            images_z: 1,
-        };
+        let args = live_args(live, lights, per_workgroup, split);
         self.live = Some(LiveCaches {
             flags: gpu.buffer_from("cull.flags", &vec![0_u32; items as usize])?,
             blocks: gpu.buffer("cull.blocks", 4 * items.div_ceil(PACK_BLOCK.into()))?,
