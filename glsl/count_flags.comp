@@ -8,10 +8,10 @@ layout(binding = 0, scalar) readonly buffer Flags { uint flags[]; };
 layout(binding = 1, scalar) writeonly buffer Blocks { uint blocks[]; };
 
 void main() {
-    uint first = gl_GlobalInvocationID.x * PACK_ITEMS;
+    uint first = gl_GlobalInvocationID.x * push.per_thread;
     uint mine = 0u;
-    for (uint i = first; i < min(first + PACK_ITEMS, push.count); ++i) {
-        mine += push.all | flags[i];
+    for (uint i = first; i < min(first + push.per_thread, push.count); ++i) {
+        mine += flags[i];
     }
     uint all;
     running_sum(mine, all);

@@ -1,10 +1,15 @@
 // Stage 6, compute path: a part of the VALs onto the live caches, several caches per thread. METHOD 3-4, thesis 5.3.
-// A part is short enough for its sums to keep their accuracy, and the same whatever else is lit.
+// A part is short enough for its sums to keep their accuracy, and the same whatever else is lit. What is done last of a
+// thread's caches adds up all of their parts, in order, and makes proxies of them: a pass of its own would cost a software
+// device as much as a thousand VALs. Where light bounces the parts are left for others (SUMS_ALONE).
 #extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 #include "lib/gather.glsl"
 #ifdef SHADOWED
 #include "lib/depth_image.glsl"
+#endif
+#ifndef SUMS_ALONE
+#include "lib/proxy.glsl"
 #endif
 
 layout(local_size_x = GATHER_THREADS) in;
@@ -12,6 +17,7 @@ layout(constant_id = 0) const uint GLOSSY = 1;
 layout(constant_id = 1) const uint SOURCE = VALS_TEXELS;
 layout(constant_id = 2) const uint CACHES = 4; // of a thread
 layout(constant_id = 3) const uint SPREAD = 0; // 1: stage 7 asks for it
+layout(constant_id = 4) const uint AT_ONCE = 4; // VALs of one round of the loop, a divisor of a tile's
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
@@ -19,14 +25,17 @@ layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
 layout(binding = 3, scalar) readonly buffer ValCount { uint val_count; };
 layout(binding = 4) uniform samplerBuffer val_texels;
 layout(binding = 5, std430) readonly buffer Vals { vec4 vals[]; };
+#ifdef SUMS_ALONE
 layout(binding = 6, scalar) writeonly buffer Parts { GatherSums parts[]; };
-#ifdef SHADOWED
-layout(constant_id = 4) const uint TOGETHER = 1; // VALs that are seen or hidden together, a divisor of AT_ONCE
-layout(binding = 7) uniform samplerBuffer image_texels; // four texels of a row in one
+#else
+layout(binding = 6, scalar) coherent buffer Parts { GatherSums parts[]; };
+layout(binding = 7, scalar) writeonly buffer Proxies { Proxy proxies[]; };
+layout(binding = 8, scalar) coherent buffer Arrived { uint arrived[]; }; // parts that are there, of each thread's caches
 #endif
-
-// VALs of one round of the loop.
-const uint AT_ONCE = 4u;
+#ifdef SHADOWED
+layout(constant_id = 5) const uint TOGETHER = 1; // VALs that are seen or hidden together, a divisor of AT_ONCE
+layout(binding = 9) uniform samplerBuffer image_texels; // four texels of a row in one
+#endif
 
 // VALs in the workgroup's memory at a time.
 const uint STAGED = GATHER_THREADS;
@@ -102,6 +111,27 @@ void add(Packed v[AT_ONCE]) {
     }
 }
 
+#ifndef SUMS_ALONE
+// Proxies of a thread's caches, once all of their parts are there; by whoever brings the last one.
+void resolve(uint first_slot) {
+    uint counter = gl_GlobalInvocationID.x;
+    memoryBarrierBuffer();
+    if (atomicAdd(arrived[counter], 1u) + 1u < args.groups_y) {
+        return;
+    }
+    memoryBarrierBuffer();
+    arrived[counter] = 0u; // for the next frame
+    for (uint slot = first_slot; slot < min(first_slot + CACHES, args.cache_count); ++slot) {
+        GatherSums s = no_light();
+        for (uint part = 0u; part < args.groups_y; ++part) {
+            add_part(s, parts[part * push.cache_count + slot], GLOSSY != 0u);
+        }
+        uint cache = live[slot];
+        proxies[cache] = proxy_of(caches[cache], s, push.eye, GLOSSY != 0u, SPREAD != 0u);
+    }
+}
+#endif
+
 void main() {
     uint first_slot = gl_GlobalInvocationID.x * CACHES;
     // Threads that stage for others stay.
@@ -150,4 +180,9 @@ void main() {
             parts[(push.cache_parts + gl_WorkGroupID.y) * push.cache_count + first_slot + j] = sums[j];
         }
     }
+#ifndef SUMS_ALONE
+    if (first_slot < args.cache_count) {
+        resolve(first_slot);
+    }
+#endif
 }

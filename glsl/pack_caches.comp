@@ -19,28 +19,22 @@ void main() {
     }
     uint before;
     running_sum(earlier, before);
-    if (push.all != 0u) {
-        before = gl_WorkGroupID.x * PACK_BLOCK; // nothing was counted
-    }
 
-    uint first = gl_GlobalInvocationID.x * PACK_ITEMS;
-    uint end = min(first + PACK_ITEMS, push.count);
+    uint first = gl_GlobalInvocationID.x * push.per_thread;
+    uint end = min(first + push.per_thread, push.count);
     uint mine = 0u;
     for (uint i = first; i < end; ++i) {
-        mine += push.all | flags[i];
+        mine += flags[i];
     }
     uint all;
     uint to = before + running_sum(mine, all) - mine;
     for (uint i = first; i < end; ++i) {
-        if ((push.all | flags[i]) != 0u) {
+        if (flags[i] != 0u) {
             live[to++] = i;
         }
         flags[i] = 0u;
     }
     if (gl_WorkGroupID.x == gl_NumWorkGroups.x - 1u && thread == 0u) {
-        uint count = before + all;
-        args = LiveArgs((count + push.caches_per_group - 1u) / push.caches_per_group,
-                        (light_count + push.split - 1u) / push.split, 1u, count, min(count, DEPTH_IMAGE_ROW),
-                        (count + DEPTH_IMAGE_ROW - 1u) / DEPTH_IMAGE_ROW, 1u);
+        args = live_args(before + all, light_count, push.caches_per_group, push.split);
     }
 }

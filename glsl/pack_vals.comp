@@ -9,6 +9,9 @@ layout(binding = 1, scalar) readonly buffer Blocks { uint blocks[]; };
 layout(binding = 2, scalar) readonly buffer Vals { Val vals[]; };
 layout(binding = 3, scalar) writeonly buffer LiveVals { Val live_vals[]; };
 layout(binding = 4, scalar) writeonly buffer ValCount { uint val_count; };
+#ifdef ARGS
+layout(binding = 5, scalar) writeonly buffer Args { LiveArgs args; };
+#endif
 
 void main() {
     uint thread = gl_LocalInvocationID.x;
@@ -19,8 +22,8 @@ void main() {
     uint before;
     running_sum(earlier, before);
 
-    uint first = gl_GlobalInvocationID.x * PACK_ITEMS;
-    uint end = min(first + PACK_ITEMS, push.count);
+    uint first = gl_GlobalInvocationID.x * push.per_thread;
+    uint end = min(first + push.per_thread, push.count);
     uint mine = 0u;
     for (uint i = first; i < end; ++i) {
         mine += flags[i];
@@ -36,6 +39,9 @@ void main() {
         uint count = before + all;
         if (thread == 0u) {
             val_count = count;
+#ifdef ARGS
+            args = live_args(push.cache_count, count, push.caches_per_group, push.split);
+#endif
         }
         uint padded = (count + VAL_TILE - 1u) / VAL_TILE * VAL_TILE;
         for (uint i = count + thread; i < padded; i += PACK_THREADS) {

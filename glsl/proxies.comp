@@ -1,6 +1,6 @@
-// Stage 6: sums become proxy lights. METHOD 4: one VAL alone is exact; nothing is divided by what can vanish.
+// Stage 6: sums become proxy lights, where the pass that adds them up does not see to that itself. METHOD 4.
 #include "shared.glsl"
-#include "lib/phong.glsl"
+#include "lib/proxy.glsl"
 
 #ifdef FROM_IMAGES
 #include "lib/atlas.glsl"
@@ -31,14 +31,6 @@ layout(binding = 5, scalar) readonly buffer Scales { float scales[]; };
 #endif
 #endif
 
-// Least N.w of light. The weighted mean of points above the surface lies above it; lower it is the rounding of VALs in
-// the cache's own plane, which send it nothing and must not move a proxy.
-const float MIN_COSINE = 1e-4;
-
-// Least sum of weights. Below lie the numbers that some devices flush to zero and others keep in few bits: the mean of
-// such terms points anywhere.
-const float MIN_WEIGHT = 1e-36;
-
 #ifdef FROM_IMAGES
 // The sums of a cache of the atlas.
 GatherSums sums_of(uint cache) {
@@ -58,26 +50,13 @@ GatherSums sums_of(uint cache) {
     return s;
 }
 #else
-void add(inout GatherSums s, GatherSums p) {
-    s.diffuse_position += p.diffuse_position;
-    s.diffuse_weight += p.diffuse_weight;
-    s.diffuse_irradiance += p.diffuse_irradiance;
-    s.distance2 += p.distance2;
-    if (GLOSSY != 0u) {
-        s.glossy_position += p.glossy_position;
-        s.glossy_weight += p.glossy_weight;
-        s.glossy_irradiance += p.glossy_irradiance;
-        s.glossy_distance2 += p.glossy_distance2;
-    }
-}
-
 // The sums of a live cache: its parts, in order.
 GatherSums sums_of(uint slot) {
     GatherSums s = GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
 #ifdef BOUNCES
     // What the caches send comes first, and is scaled as a whole.
     for (uint part = 0u; part < push.cache_parts; ++part) {
-        add(s, parts[part * push.cache_count + slot]);
+        add_part(s, parts[part * push.cache_count + slot], GLOSSY != 0u);
     }
     float scale = scales[slot];
     s.diffuse_position *= scale;
@@ -90,7 +69,7 @@ GatherSums sums_of(uint slot) {
     s.glossy_distance2 *= scale;
 #endif
     for (uint part = push.cache_parts; part < push.cache_parts + args.groups_y; ++part) {
-        add(s, parts[part * push.cache_count + slot]);
+        add_part(s, parts[part * push.cache_count + slot], GLOSSY != 0u);
     }
     return s;
 }
@@ -112,42 +91,5 @@ void main() {
         return;
     }
 #endif
-    Cache c = caches[i];
-    GatherSums s = sums_of(slot);
-    vec3 irradiance = s.diffuse_irradiance;
-
-    Proxy p;
-    p.diffuse_distance2 = 0.0;
-    p.diffuse_position = c.position + c.normal;
-    p.diffuse_irradiance = vec3(0.0);
-    if (s.diffuse_weight > MIN_WEIGHT) {
-        vec3 d = s.diffuse_position / s.diffuse_weight;
-        float cosine = dot(c.normal, d) * inversesqrt(max(dot(d, d), 1e-30));
-        if (cosine > MIN_COSINE) {
-            p.diffuse_distance2 = s.distance2 / s.diffuse_weight;
-            p.diffuse_position = c.position + d;
-            p.diffuse_irradiance = irradiance / cosine;
-        }
-    }
-
-    p.glossy_distance2 = 0.0;
-    p.glossy_position = c.position + c.normal;
-    p.glossy_irradiance = vec3(0.0);
-    if (GLOSSY != 0u && s.glossy_weight > MIN_WEIGHT) {
-        vec3 d = s.glossy_position / s.glossy_weight;
-        vec3 w = d * inversesqrt(max(dot(d, d), 1e-30));
-        vec3 mirrored = reflect(view_direction(push.eye, c.position), c.normal);
-        float lobe = cosine_power(dot(mirrored, w), c.exponent);
-        // The mean direction can miss the lobe that its parts lie in: what is divided by it never exceeds all the light
-        // there is.
-        vec3 seen = min(s.glossy_irradiance / max(lobe, 1e-30), irradiance);
-        vec3 facing = mix(irradiance, seen, lobe > 0.0 ? 1.0 : 0.0);
-        float cosine = dot(c.normal, w);
-        if (cosine > MIN_COSINE) {
-            p.glossy_distance2 = SPREAD != 0u ? max(s.glossy_distance2 / s.glossy_weight, 1e-30) : 1.0;
-            p.glossy_position = c.position + d;
-            p.glossy_irradiance = facing / cosine;
-        }
-    }
-    proxies[i] = p;
+    proxies[i] = proxy_of(caches[i], sums_of(slot), push.eye, GLOSSY != 0u, SPREAD != 0u);
 }

@@ -508,7 +508,8 @@ struct DepthImagePush {
 // Push constants of the compacting passes.
 struct PackPush {
     uint count; // items
-    uint all; // 1: as if every item were flagged
+    uint per_thread; // items of a thread
+    uint cache_count; // all caches, where none is culled
     uint caches_per_group;
     uint split; // as in GatherPush
 };

@@ -7,7 +7,8 @@ use glam::{DVec3, Vec3};
 use lightskin::bench::contexts::light_and_caches;
 use lightskin::bench::measure::{World, bake, settings, too_large};
 use lightskin::bench::native;
-use lightskin::bench::table::{Cell, Table, exponent};
+use lightskin::bench::scaling::{Growth, Point};
+use lightskin::bench::table::{Cell, Table, exponent, power_law};
 use lightskin::bench::{self, Extent, simd, thesis};
 use lightskin::eval::shot;
 use lightskin::frame::{GatherSettings, Gi, Settings, View};
@@ -230,6 +231,41 @@ fn exponents_of_power_laws_are_found() {
     assert_eq!(exponent(&[]), None);
 }
 
+/// Times of the grid of the bench, of which some may be missing.
+fn grid(ms: impl Fn(f64, f64) -> f64, missing: usize) -> Vec<Point> {
+    let counts = [252.0, 1010.0, 3991.0, 15_906.0];
+    let points = counts.into_iter().flat_map(|caches| [4096.0, 16_384.0, 65_536.0].map(|vals| (caches, vals)));
+    points.take(12 - missing).map(|(caches, vals)| Point { caches, vals, ms: ms(caches, vals) }).collect()
+}
+
+#[test]
+fn exponents_of_two_quantities_are_found() {
+    // The powers of each are found whatever corner of the grid is missing, and every row and column has them.
+    for (missing, [caches, vals]) in [(0, [1.0, 1.0]), (0, [0.9, 1.1]), (1, [1.02, 0.97]), (2, [0.5, 2.0])] {
+        let points = grid(|c, v| 3e-6 * c.powf(caches) * v.powf(vals), missing);
+        let growth = Growth::new(&points).expect("enough points");
+        let found = [growth.all, [growth.of_caches[0], growth.of_vals[0]], [growth.of_caches[1], growth.of_vals[1]]];
+        for [of_caches, of_vals] in found {
+            assert!((of_caches - caches).abs() < 1e-9 && (of_vals - vals).abs() < 1e-9, "{missing}: {growth:?}");
+        }
+        assert!(growth.worst < 1.0 + 1e-9);
+    }
+    // Rows and columns of their own: the exponent of caches is 0.8 where there are fewest VALs and 1 elsewhere.
+    let bent = |c: f64, v: f64| v * if v < 5000.0 { c.powf(0.8) } else { c };
+    let Growth { all, of_caches, of_vals, worst } = Growth::new(&grid(bent, 0)).expect("enough points");
+    assert!((of_caches[0] - 0.8).abs() < 1e-9 && (of_caches[1] - 1.0).abs() < 1e-9, "{of_caches:?}");
+    assert!((all[0] - 2.8 / 3.0).abs() < 1e-9 && of_vals[0] < all[1] && all[1] < of_vals[1], "{all:?} {of_vals:?}");
+    assert!(worst > 1.1, "{worst}");
+    // A fixed cost of a tenth of the least time shows: below 1, least where there is least to do.
+    let fixed = |c: f64, v: f64| c * v + 0.1 * 252.0 * 4096.0;
+    let Growth { all, of_caches, .. } = Growth::new(&grid(fixed, 0)).expect("enough points");
+    assert!(all.iter().all(|e| *e > 0.96 && *e < 0.999) && of_caches[0] < all[0], "{all:?} {of_caches:?}");
+    // Too few to tell.
+    assert_eq!(Growth::new(&grid(|c, v| c * v, 10)), None);
+    assert_eq!(Growth::new(&[]), None);
+    assert_eq!(power_law(&[[1.0, 2.0, 3.0], [2.0, 4.0, 5.0], [3.0, 6.0, 7.0]]), None);
+}
+
 /// A few points, each once.
 fn tiny() -> Extent {
     Extent {
@@ -241,6 +277,7 @@ fn tiny() -> Extent {
         caches: vec![60, 120, 250],
         rsm: vec![8, 16, 64],
         culled: vec![100],
+        scaling: (vec![60, 120, 250], vec![8, 16, 32]),
         ground: 800,
         warm_up: 0,
         frames: 1,
@@ -266,7 +303,8 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     assert_eq!(results.problems, [""; 0]);
     assert_clean(&gpu);
 
-    let tables = ["bake", "caches", "culling", "exponents", "stages", "pairs", "resolution", "triangles"];
+    let tables =
+        ["bake", "caches", "culling", "exponents", "growth", "scaling", "stages", "pairs", "resolution", "triangles"];
     let plots = ["bake", "caches", "ratios", "resolution", "triangles"];
     let mut files: Vec<String> = tables.map(|name| format!("{name}.csv")).into();
     files.extend(plots.map(|name| format!("{name}.svg")));
@@ -286,6 +324,8 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
         ("caches", 27),
         ("pairs", 18),
         ("culling", 4),
+        ("scaling", 18),
+        ("growth", 4),
         ("exponents", 12),
     ];
     assert_eq!(json["tables"].as_array().expect("tables").len(), counts.len());
@@ -312,8 +352,13 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     let page = read("bench.md");
     assert!(page.contains(&gpu.report().name) && page.contains(&gpu.report().driver), "{page}");
     assert_eq!(page.contains("**software device**"), gpu.is_software());
-    for part in ["thesis D8 / LI", "column SSS (subsurface scattering)", "% of the arithmetic peak", "(triangles.svg)"]
-    {
+    for part in [
+        "thesis D8 / LI",
+        "column SSS (subsurface scattering)",
+        "% of the arithmetic peak",
+        "(triangles.svg)",
+        "Gather DG grows",
+    ] {
         assert!(page.contains(part), "'{part}' is not in {page}");
     }
     check_sense(&results);
@@ -324,7 +369,8 @@ fn check_sense(results: &bench::Results) {
     for table in &results.tables {
         for (row, column) in (0..table.rows.len()).flat_map(|row| table.columns.iter().map(move |c| (row, c))) {
             let value = table.number(row, column);
-            let is_positive = value.is_none_or(|value| value > 0.0) || table.name == "exponents";
+            let is_slope = ["exponents", "growth"].contains(&table.name);
+            let is_positive = value.is_none_or(|value| value > 0.0) || is_slope;
             assert!(is_positive, "{}: {column} {value:?}", table.name);
         }
     }

@@ -23,12 +23,12 @@ fn on_device(scene: &Scene, settings: &Settings) -> (Vec<ClusterNode>, Vec<Val>,
     let caches = baked(scene, 1.0, 8);
     let buffers = SceneBuffers::new(&gpu, scene, Some(&caches)).expect("buffers");
     let frame = Frame::new(&gpu, scene, &buffers, settings).expect("a frame");
-    let stage = Rsm::new(&gpu, settings.proxy_weight).expect("stage 4");
+    let stage = Rsm::new(&gpu, settings.proxy_weight, false).expect("stage 4");
     let pyramid = OnDevice::new(&gpu, &buffers, settings.rsm).expect("a pyramid");
     let rsm = frame.targets.rsm.as_ref().expect("VALs");
     let drawn = gpu.frame(false, |cmd| {
         cmd.begin_frame(frame.targets.images());
-        stage.record(cmd, &buffers, &vec![true; buffers.lights().len()], false, rsm);
+        stage.record(cmd, &buffers, &vec![true; buffers.lights().len()], false, rsm, None);
         pyramid.record(cmd, rsm);
         Ok(())
     });

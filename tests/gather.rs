@@ -208,12 +208,24 @@ fn every_way_of_lighting_caches_agrees() {
         let mut targets = CacheTargets::new(&gpu, true, 333, 70_001, &settings).expect("targets");
         targets.atlas = gpu.buffer_from("atlas.caches", &caches).expect("caches");
         let stage = Gather::new(&gpu, true, false, &settings).expect("stage 6");
-        let drawn = gpu.frame(false, |cmd| {
-            cmd.begin_frame(&targets.sums);
-            stage.record(cmd, &vals_on_device, &view, &targets, None);
-            Ok(())
-        });
-        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        let mut before: Option<Vec<shared::Proxy>> = None;
+        for _ in 0..2 {
+            let drawn = gpu.frame(false, |cmd| {
+                cmd.begin_frame(&targets.sums);
+                stage.record(cmd, &vals_on_device, &view, &targets, None);
+                Ok(())
+            });
+            assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+            // Whoever brings the last part of a cache, its proxies are the same, and nothing is left for the next frame.
+            let proxies: Vec<shared::Proxy> = gpu.read(&targets.proxies).expect("proxies");
+            assert!(proxies.iter().all(|p| p.diffuse_distance2 > 0.0), "a dark cache: {settings:?}");
+            if let Some(before) = before.replace(proxies.clone()) {
+                assert_eq!(before, proxies, "{settings:?}");
+            }
+            if let Some(live) = &targets.live {
+                assert!(gpu.read::<u32>(&live.arrived).expect("counters").iter().all(|parts| *parts == 0));
+            }
+        }
         let found = shot::gather_sums(&gpu, &targets).expect("sums");
         let mut worst = [0.0_f64; 2];
         for (found, twin) in found.iter().zip(&twins) {
@@ -234,7 +246,8 @@ fn vals_without_light_are_closed_up() {
     let gpu = gpu();
     // A cone that leaves most texels dark, and a texel count that is no multiple of a block.
     let scene = corner(&[LightKind::Spot { inner: 0.2, outer: 0.3 }, LightKind::Point], 40.0);
-    let settings = Settings { rsm: 45, ..small() };
+    let gather = GatherSettings { split: 256, ..GatherSettings::default() };
+    let settings = Settings { rsm: 45, cull: false, gather, ..small() };
     let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked(&scene, 0.5, 8))).expect("uploaded");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
     let camera = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
@@ -253,4 +266,9 @@ fn vals_without_light_are_closed_up() {
     let dark = &live[count..count.next_multiple_of(shared::VAL_TILE as usize)];
     assert!(!dark.is_empty() && dark.iter().all(|v| v.flux == Vec3::ZERO && v.weight == 0.0 && v.area == 1.0));
     assert_eq!(frame.live(&gpu).expect("counts").vals as usize, count);
+    // Without culling the gather's dispatch follows from their number: dark ones have no part.
+    let caches = frame.targets.caches.as_ref().expect("caches");
+    let args = gpu.read::<shared::LiveArgs>(&caches.live.as_ref().expect("compute path").args).expect("read")[0];
+    assert_eq!([args.cache_count, args.groups_y], [caches.count, count.div_ceil(256) as u32]);
+    assert!(args.groups_y < all.len().div_ceil(256) as u32);
 }

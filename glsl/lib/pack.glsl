@@ -2,9 +2,6 @@
 #ifndef PACK_GLSL
 #define PACK_GLSL
 
-// Consecutive items of a thread.
-const uint PACK_ITEMS = PACK_BLOCK / PACK_THREADS;
-
 shared uint pack_sums[PACK_THREADS];
 
 // Sum over the workgroup's threads up to and including this one; `all` is that of the last one.
@@ -21,6 +18,13 @@ uint running_sum(uint mine, out uint all) {
     barrier();
     all = pack_sums[PACK_THREADS - 1u];
     return pack_sums[thread];
+}
+
+// The gather's dispatch of so many live caches and VALs, or nodes over them. There is one part at least: without light it
+// says so.
+LiveArgs live_args(uint caches, uint lights, uint caches_per_group, uint split) {
+    return LiveArgs((caches + caches_per_group - 1u) / caches_per_group, max((lights + split - 1u) / split, 1u), 1u, caches,
+                    min(caches, DEPTH_IMAGE_ROW), (caches + DEPTH_IMAGE_ROW - 1u) / DEPTH_IMAGE_ROW, 1u);
 }
 
 #endif

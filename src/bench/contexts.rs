@@ -4,7 +4,7 @@
 use super::extent::Extent;
 use super::measure::{Budget, Times, World, bake, settings, too_large};
 use super::native;
-use super::table::{Cell, Table, exponent};
+use super::table::{Cell, Table};
 use super::thesis;
 use crate::bake::{CacheSet, NO_CACHE};
 use crate::error::{Error, Result};
@@ -508,35 +508,4 @@ pub fn light_and_caches(gpu: &Gpu, targets: &Targets) -> Result<(Vec<Val>, Vec<C
     let mut placed: Vec<Cache> = gpu.read(&caches.atlas)?;
     placed.truncate(caches.count as usize);
     Ok((all, placed))
-}
-
-/// By what power times grow with caches and with VALs, from the table of caches.
-pub fn exponents(caches: &Table) -> Table {
-    let how = "Slope of log time over log count by least squares, over the points that share everything else; 1 is \
-               proportional. The thesis's whole frames at the same points are beside it: it gives no times of stages.";
-    let columns = ["lobes", "grows with", "at", "points", "gather", "frame", "thesis frame"];
-    let mut table = Table::new("exponents", "How times grow", how.into(), &columns);
-    let counts = |column: &str| -> Vec<f64> {
-        let mut all: Vec<f64> = (0..caches.rows.len()).filter_map(|row| caches.number(row, column)).collect();
-        all.sort_by(f64::total_cmp);
-        all.dedup();
-        all
-    };
-    for lobes in ["D", "DG"] {
-        for (grows, measured, fixed) in [("caches", "caches", "VALs"), ("VALs", "VALs", "asked")] {
-            for at in counts(fixed) {
-                let wanted = |row| caches.has(row, lobes) && caches.number(row, fixed) == Some(at);
-                let slope = |y| exponent(&caches.pairs(measured, y, wanted));
-                let points = caches.pairs(measured, "gather [ms]", wanted).len();
-                if points >= 3 {
-                    let unit = if fixed == "asked" { "caches" } else { "VALs" };
-                    let mut row: Vec<Cell> = vec![lobes.into(), grows.into()];
-                    row.extend([Cell::Text(format!("{at} {unit}")), points.into()]);
-                    row.extend(["gather [ms]", "frame [ms]", "thesis [ms]"].map(|y| Cell::from(slope(y))));
-                    table.push(row);
-                }
-            }
-        }
-    }
-    table
 }

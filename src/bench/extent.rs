@@ -19,6 +19,8 @@ pub struct Extent {
     pub rsm: Vec<u32>,
     /// Cache counts that culling is measured at.
     pub culled: Vec<usize>,
+    /// Counts of caches, and sides of RSMs [texels], that the gather alone is timed at, each with each.
+    pub scaling: (Vec<usize>, Vec<u32>),
     /// Triangles of the scenes of tables 6.2 and 6.3.
     pub ground: usize,
     /// Frames before those that count.
@@ -41,6 +43,7 @@ impl Extent {
             caches: vec![250, 1000, 4000, 16_000],
             rsm: vec![64, 128, 256],
             culled: vec![1000, 4000, 16_000],
+            scaling: (vec![250, 1000, 4000, 16_000], vec![64, 128, 256]),
             ground: 51_200,
             warm_up: 1,
             frames: 3,
@@ -74,6 +77,7 @@ impl Extent {
             caches: [250, 500].into_iter().chain((1..=16).map(|k| 1000 * k)).collect(),
             rsm: vec![64, 128, 256, 512],
             culled: vec![1000, 4000, 16_000],
+            scaling: (vec![250, 1000, 4000, 16_000], vec![64, 128, 256, 512]),
             ground: 150_000,
             warm_up: 20,
             frames: 50,

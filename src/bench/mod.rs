@@ -7,6 +7,7 @@ pub mod measure;
 pub mod native;
 pub mod peak;
 pub mod report;
+pub mod scaling;
 pub mod simd;
 pub mod table;
 pub mod thesis;
@@ -17,7 +18,8 @@ pub use report::write;
 use crate::error::Result;
 use crate::frame::{GatherPath, tune};
 use crate::gpu::Gpu;
-use contexts::{Contexts, exponents};
+use contexts::Contexts;
+use scaling::exponents;
 use table::Table;
 
 /// What was measured.
@@ -47,7 +49,7 @@ pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<R
     let ways = [fastest(GatherPath::Fragment)?, fastest(GatherPath::Compute)?];
     // The parts take about this share of the time each.
     let part = |from: f32, to: f32| move |part: f32, what: &str| progress(from + (to - from) * part, what);
-    let parts = [part(0.0, 0.4), part(0.4, 0.5), part(0.5, 0.9), part(0.9, 1.0)];
+    let parts = [part(0.0, 0.3), part(0.3, 0.4), part(0.4, 0.7), part(0.7, 0.8), part(0.8, 1.0)];
     let mut work = Contexts { gpu, extent, peak, ways, progress: &parts[0], problems: Vec::new() };
     let mut tables = Vec::from(work.triangles()?);
     work.progress = &parts[1];
@@ -56,6 +58,8 @@ pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<R
     tables.extend(work.caches()?);
     work.progress = &parts[3];
     tables.push(work.culling()?);
+    work.progress = &parts[4];
+    tables.extend(work.scaling()?);
     let problems = work.problems;
     let grown = exponents(tables.iter().find(|table| table.name == "caches").expect("just made"));
     tables.push(grown);

@@ -3,6 +3,7 @@
 use super::Results;
 use super::contexts::VERSIONS;
 use super::native;
+use super::scaling;
 use super::table::{Cell, Table};
 use crate::error::Result;
 use crate::eval::plot::{Axis, Mark, Plot, Series, short};
@@ -104,6 +105,7 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
             ));
         }
     }
+    lines.extend(scaling::headlines(results.table("growth")));
     lines.extend(small_scenes(pairs));
     lines.extend(culling(results.table("culling")));
     lines

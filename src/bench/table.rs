@@ -162,3 +162,19 @@ pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let spread: f64 = logs.iter().map(|p| (p.0 - x).powi(2)).sum();
     (spread > 1e-9).then(|| logs.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / spread)
 }
+
+/// The plane z = a + b x + c y through points by least squares, as a, b, c: of logarithms, the exponents of a power law in two
+/// quantities. `None` where the points lie on a line.
+pub fn power_law(points: &[[f64; 3]]) -> Option<[f64; 3]> {
+    let count = points.len() as f64;
+    let mean = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).sum::<f64>() / count);
+    let product = |i: usize, j: usize| points.iter().map(|p| (p[i] - mean[i]) * (p[j] - mean[j])).sum::<f64>();
+    let (xx, xy, yy) = (product(0, 0), product(0, 1), product(1, 1));
+    let determinant = xx * yy - xy * xy;
+    if determinant.is_nan() || determinant <= 1e-9 * (xx * yy).max(1e-9) {
+        return None;
+    }
+    let b = (product(0, 2) * yy - product(1, 2) * xy) / determinant;
+    let c = (product(1, 2) * xx - product(0, 2) * xy) / determinant;
+    Some([mean[2] - b * mean[0] - c * mean[1], b, c])
+}

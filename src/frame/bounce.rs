@@ -4,11 +4,11 @@
 //! lights' VALs are made once; those of the caches lie in parts of their own and are made anew in every bounce. Before the
 //! first, a gather of the caches' areas gives each the sum of its form factors, by which what caches send is bounded.
 
-use super::gather::sum_pipeline;
+use super::gather::{bind_sum, sum_pipeline};
 use super::targets::CacheTargets;
 use super::{Plan, ProxyWeight, Settings, Shadows};
 use crate::error::Result;
-use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_FIRST, BouncePush, GATHER_THREADS, GatherPush, VAL_TILE, Val};
 
 /// What further bounces need.
@@ -53,13 +53,14 @@ pub struct Bounces {
     all: Pipeline,
     /// Whether caches do not see all others.
     shadowed: bool,
+    resolve: Pipeline,
 }
 
 impl Bounces {
     /// Makes the pipelines for two bounces or more.
     pub fn new(gpu: &Gpu, plan: &Plan, settings: &Settings) -> Result<Self> {
         // What follows each other in the list of caches lies in different directions.
-        let sum = |glossy| sum_pipeline(gpu, glossy, &settings.gather, settings.shadows, 1);
+        let sum = |glossy| sum_pipeline(gpu, glossy, &settings.gather, settings.shadows, 1, false);
         Ok(Self {
             count: settings.bounces,
             caches_per_thread: settings.gather.caches_per_thread,
@@ -67,11 +68,12 @@ impl Bounces {
             diffuse: sum(false)?,
             all: sum(plan.glossy)?,
             shadowed: settings.shadows == Shadows::PerLight,
+            resolve: gpu.compute("proxies_bounces.comp", &[u32::from(plan.glossy), 1, u32::from(plan.occlude)])?,
         })
     }
 
-    /// Records the bounces after the first: in front of them the primary lights' sums are being written, after them those of
-    /// the caches. The last one has the glossy lobe, too, where there is one.
+    /// Records the bounces after the first: in front of them the primary lights' sums are being written, and proxies are made
+    /// of those and of the caches' at their end. The last one has the glossy lobe, too, where there is one.
     pub fn record(&self, cmd: &Cmd<'_>, albedos: &Buffer, caches: &CacheTargets, push: &GatherPush) {
         let last = self.count - 1;
         for bounce in 0..self.count {
@@ -82,6 +84,7 @@ impl Bounces {
             cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             self.gather(cmd, if bounce == last { &self.all } else { &self.diffuse }, caches, push);
         }
+        self.resolve(cmd, caches, push);
     }
 
     fn light(&self, cmd: &Cmd<'_>, albedos: &Buffer, caches: &CacheTargets, step: u32) {
@@ -103,21 +106,20 @@ impl Bounces {
     }
 
     fn gather(&self, cmd: &Cmd<'_>, pipeline: &Pipeline, caches: &CacheTargets, push: &GatherPush) {
-        let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
         let targets = caches.bounces.as_ref().expect("made for bounces");
-        let resources = [
-            (&caches.atlas).into(),
-            (&live.list).into(),
-            (&live.args).into(),
-            (&targets.val_count).into(),
-            Bind::Texels(&targets.vals),
-            (&targets.vals).into(),
-            parts.into(),
-        ];
-        let images = caches.depth_images.as_ref().filter(|_| self.shadowed).map(Bind::Texels);
-        cmd.bind(pipeline, &resources.into_iter().chain(images).collect::<Vec<_>>());
+        bind_sum(cmd, pipeline, (&targets.val_count, &targets.vals), caches, [false, self.shadowed]);
         cmd.push(&GatherPush { cache_parts: 0, ..*push });
         let groups = caches.count.div_ceil(GATHER_THREADS * self.caches_per_thread);
         cmd.dispatch(groups * GATHER_THREADS, targets.parts, 1);
+    }
+
+    fn resolve(&self, cmd: &Cmd<'_>, caches: &CacheTargets, push: &GatherPush) {
+        let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
+        let scales = &caches.bounces.as_ref().expect("made for bounces").scales;
+        cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
+        let resources = [&caches.atlas, &caches.proxies, &live.list, &live.args, parts, scales];
+        cmd.bind(&self.resolve, &resources.map(Into::into));
+        cmd.push(push);
+        cmd.dispatch(caches.count, 1, 1);
     }
 }

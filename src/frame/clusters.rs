@@ -3,7 +3,6 @@
 //! Groups of neighbouring caches walk down the pyramids together: who of a group needs what is below a node takes all of it
 //! there. Groups are fixed parts of the atlas, so that a cache receives the same whatever else is seen.
 
-use super::pack::Pack;
 use super::pyramid::Pyramid;
 use super::targets::{CacheTargets, ValTargets};
 use super::{SceneBuffers, Settings, Shadows, View};
@@ -29,7 +28,6 @@ const ERROR_SPREAD: f32 = 0.5;
 pub struct Clusters {
     /// The nodes.
     pub pyramid: Pyramid,
-    pack: Option<Pack>,
     coarse: Option<Coarse>,
     walk: Pipeline,
     resolve: Pipeline,
@@ -43,15 +41,8 @@ struct Coarse {
 }
 
 impl Clusters {
-    /// Makes pipelines and nodes. Without culling all groups are listed here.
-    pub fn new(
-        gpu: &Gpu,
-        scene: &SceneBuffers,
-        settings: &Settings,
-        rule: Cluster,
-        glossy: bool,
-        cull: bool,
-    ) -> Result<Self> {
+    /// Makes pipelines and nodes.
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, settings: &Settings, rule: Cluster, glossy: bool) -> Result<Self> {
         let spread = u32::from(settings.shadows == Shadows::Proxy);
         let walk = |glossy: bool, rule: u32| match gpu.voting_threads() {
             Some(threads) => {
@@ -66,7 +57,6 @@ impl Clusters {
         let is_error = matches!(rule, Cluster::Error(_));
         Ok(Self {
             pyramid: Pyramid::new(gpu, scene, settings.rsm)?,
-            pack: (!cull).then(|| Pack::new(gpu)).transpose()?,
             coarse: is_error.then(coarse).transpose()?,
             walk: walk(glossy, if is_error { CLUSTER_BOUND } else { CLUSTER_DISTANCE })?,
             resolve: gpu.compute("proxies.comp", &[glossy.into(), CLUSTER_GROUP, spread])?,
@@ -78,10 +68,6 @@ impl Clusters {
     pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, view: &View, caches: &CacheTargets) {
         let _zone = cmd.zone("gather");
         let live = caches.live.as_ref().expect("of this path");
-        if let Some(pack) = &self.pack {
-            pack.caches(cmd, live, caches.light_count(vals), true);
-            cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
-        }
         let (limit, spread) = match self.rule {
             Cluster::Distance(radii) => (radii, SPREAD),
             Cluster::Error(share) => (share, ERROR_SPREAD),

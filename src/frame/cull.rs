@@ -5,7 +5,7 @@
 //! flagged caches. The set is the same.
 
 use super::gather::GatherPath;
-use super::pack::Pack;
+use super::pack::PackCaches;
 use super::targets::{CacheTargets, ValTargets, VisibleTargets};
 use super::{SceneBuffers, Settings};
 use crate::error::Result;
@@ -21,7 +21,7 @@ enum Path {
     /// Points into the mask.
     Fragment { histogram: Pipeline },
     /// Flags, and their list.
-    Compute { flag: Pipeline, pack: Box<Pack> },
+    Compute { flag: Pipeline, pack: Box<PackCaches> },
 }
 
 impl Cull {
@@ -45,7 +45,7 @@ impl Cull {
             GatherPath::Compute => {
                 let group = if settings.cluster.is_some() { CLUSTER_GROUP } else { 1 };
                 let flag = gpu.compute("flag_caches.comp", &[references, group])?;
-                Path::Compute { flag, pack: Box::new(Pack::new(gpu)?) }
+                Path::Compute { flag, pack: Box::new(PackCaches::new(gpu)?) }
             }
         };
         Ok(Self { path })
@@ -80,7 +80,7 @@ impl Cull {
                 cmd.bind(flag, &[list, draws, refs, (&visible.args).into(), (&live.flags).into()]);
                 cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(VisibleArgs, groups_x) as u64);
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-                pack.caches(cmd, live, caches.light_count(vals), false);
+                pack.record(cmd, live, caches.light_count(vals));
             }
         }
     }

@@ -7,7 +7,6 @@
 use super::bounce::Bounces;
 use super::depth_images::DepthImages;
 use super::lights::LightInfo;
-use super::pack::Pack;
 use super::targets::{CacheTargets, ValTargets};
 use super::{Plan, Settings, Shadows, View};
 use crate::error::{Error, Result};
@@ -65,91 +64,83 @@ const SHADOWED_TOGETHER: u32 = 4;
 /// Texels of an RSM's side from which on that many neighbours are near enough.
 const FINE_RSM: u32 = 96;
 
-/// Adds up VALs; those that follow each other, so many `together`, a cache sees or does not see as one.
+/// Adds up VALs; those that follow each other, so many `together`, a cache sees or does not see as one. `proxies`: and makes
+/// proxies of the sums.
 pub(super) fn sum_pipeline(
     gpu: &Gpu,
     glossy: bool,
     settings: &GatherSettings,
     shadows: Shadows,
     together: u32,
+    proxies: bool,
 ) -> Result<Pipeline> {
     let spread = u32::from(shadows == Shadows::Proxy);
-    let constants = [u32::from(glossy), settings.source as u32, settings.caches_per_thread, spread, together];
-    if shadows == Shadows::PerLight {
-        gpu.compute("gather_shadowed.comp", &constants)
-    } else {
-        gpu.compute("gather.comp", &constants[..4])
+    let shadowed = shadows == Shadows::PerLight;
+    // A software device has no registers to spare for either, but fewer rounds to count.
+    let at_once = if gpu.is_software() && !shadowed { 8 } else { 4 };
+    let constants = [u32::from(glossy), settings.source as u32, settings.caches_per_thread, spread, at_once, together];
+    match (shadowed, proxies) {
+        (false, false) => gpu.compute("gather_sums.comp", &constants[..5]),
+        (false, true) => gpu.compute("gather.comp", &constants[..5]),
+        (true, false) => gpu.compute("gather_shadowed_sums.comp", &constants),
+        (true, true) => gpu.compute("gather_shadowed.comp", &constants),
     }
 }
 
 /// Lights the caches.
 pub struct Gather {
     path: Path,
-    resolve: Pipeline,
     /// Only where light bounces more than once.
     bounces: Option<Box<Bounces>>,
     depth_images: Option<DepthImages>,
 }
 
 enum Path {
-    Fragment { sum: Pipeline, tile: u32 },
-    Compute { pack: Option<Box<Pack>>, sum: Pipeline },
+    Fragment {
+        sum: Pipeline,
+        tile: u32,
+        resolve: Pipeline,
+    },
+    /// Makes proxies of the sums itself, unless light bounces more than once.
+    Compute {
+        sum: Pipeline,
+    },
 }
 
 impl Gather {
-    /// Makes the pipelines. Without culling the compute path lists all caches itself.
+    /// Makes the pipelines.
     pub fn new(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings) -> Result<Self> {
-        Self::made(gpu, glossy, cull, settings, Shadows::Off, 1)
+        let path = match settings.path {
+            GatherPath::Fragment => Self::by_draws(gpu, glossy, cull, settings, Shadows::Off)?,
+            GatherPath::Compute => Path::Compute { sum: sum_pipeline(gpu, glossy, settings, Shadows::Off, 1, true)? },
+        };
+        Ok(Self { path, bounces: None, depth_images: None })
     }
 
-    fn made(
-        gpu: &Gpu,
-        glossy: bool,
-        cull: bool,
-        settings: &GatherSettings,
-        shadows: Shadows,
-        together: u32,
-    ) -> Result<Self> {
-        if settings.path == GatherPath::Fragment && !Self::draws(gpu) {
+    fn by_draws(gpu: &Gpu, glossy: bool, cull: bool, settings: &GatherSettings, shadows: Shadows) -> Result<Path> {
+        if !Self::draws(gpu) {
             return Err(Error::NoDevice(format!(
                 "{} draws into fewer than 8 images at a time, and the gather by draws needs that; take --gather compute",
                 gpu.report().name
             )));
         }
         // Stage 7 wants to know of the glossy lobe, too, how far from the cache its VALs are.
-        let (glossy_constant, spread) = (u32::from(glossy), u32::from(shadows == Shadows::Proxy));
-        let shadowed = shadows == Shadows::PerLight;
+        let spread = u32::from(shadows == Shadows::Proxy);
         let targets = [Format::R32G32B32A32_SFLOAT; 4 * TEXEL_CACHES as usize];
-        let source = settings.source as u32;
-        Ok(match settings.path {
-            GatherPath::Fragment => Self {
-                path: Path::Fragment {
-                    sum: gpu.raster(&Raster {
-                        vertex: "tile.vert",
-                        fragment: Some(if glossy { "gather.frag" } else { "gather_diffuse.frag" }),
-                        shape: Shape::Triangles,
-                        streams: &[],
-                        colors: &targets[..targets.len() / if glossy { 1 } else { 2 }],
-                        blend: Blend::Add,
-                        depth: if cull { Depth::Behind } else { Depth::None },
-                        cull: Cull::None,
-                        constants: &[source, spread],
-                    })?,
-                    tile: settings.tile,
-                },
-                resolve: gpu.compute("proxies_images.comp", &[glossy_constant, 1, spread])?,
-                bounces: None,
-                depth_images: None,
-            },
-            GatherPath::Compute => Self {
-                path: Path::Compute {
-                    pack: (!cull).then(|| Pack::new(gpu).map(Box::new)).transpose()?,
-                    sum: sum_pipeline(gpu, glossy, settings, shadows, together)?,
-                },
-                resolve: gpu.compute("proxies.comp", &[glossy_constant, 1, spread])?,
-                bounces: None,
-                depth_images: shadowed.then(|| DepthImages::new(gpu)).transpose()?,
-            },
+        Ok(Path::Fragment {
+            sum: gpu.raster(&Raster {
+                vertex: "tile.vert",
+                fragment: Some(if glossy { "gather.frag" } else { "gather_diffuse.frag" }),
+                shape: Shape::Triangles,
+                streams: &[],
+                colors: &targets[..targets.len() / if glossy { 1 } else { 2 }],
+                blend: Blend::Add,
+                depth: if cull { Depth::Behind } else { Depth::None },
+                cull: Cull::None,
+                constants: &[settings.source as u32, spread],
+            })?,
+            tile: settings.tile,
+            resolve: gpu.compute("proxies_images.comp", &[u32::from(glossy), 1, spread])?,
         })
     }
 
@@ -161,16 +152,20 @@ impl Gather {
     /// What a frame needs: where light bounces more than once without culling, and so, or with shadows of every VAL, by the
     /// compute path.
     pub fn of_frame(gpu: &Gpu, plan: &Plan, settings: &Settings, lights: &[LightInfo]) -> Result<Self> {
+        let (ways, shadows) = (&settings.gather, settings.shadows);
         // What follows each other in a coarse picture, or in the list of patches, lies in different directions.
         let fine = !plan.emitters && lights.iter().all(|light| light.rsm_size(settings.rsm) >= FINE_RSM);
         let together = if fine { SHADOWED_TOGETHER } else { 1 };
-        let mut made = Self::made(gpu, plan.glossy, plan.cull, &settings.gather, settings.shadows, together)?;
-        if plan.bounces {
-            made.resolve =
-                gpu.compute("proxies_bounces.comp", &[u32::from(plan.glossy), 1, u32::from(plan.occlude)])?;
-            made.bounces = Some(Box::new(Bounces::new(gpu, plan, settings)?));
-        }
-        Ok(made)
+        Ok(Self {
+            path: match ways.path {
+                GatherPath::Fragment => Self::by_draws(gpu, plan.glossy, plan.cull, ways, shadows)?,
+                GatherPath::Compute => {
+                    Path::Compute { sum: sum_pipeline(gpu, plan.glossy, ways, shadows, together, !plan.bounces)? }
+                }
+            },
+            bounces: plan.bounces.then(|| Bounces::new(gpu, plan, settings).map(Box::new)).transpose()?,
+            depth_images: plan.depth_images.then(|| DepthImages::new(gpu)).transpose()?,
+        })
     }
 
     /// Records the stage. The caches' albedos are needed where light bounces more than once.
@@ -184,15 +179,22 @@ impl Gather {
     ) {
         if let Some(depth_images) = &self.depth_images {
             let _zone = cmd.zone("depth images");
-            if let Path::Compute { pack: Some(pack), .. } = &self.path {
-                let live = caches.live.as_ref().expect("of this path");
-                pack.caches(cmd, live, &vals.live_count, true);
-                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
-            }
             depth_images.record(cmd, caches);
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         }
         let _zone = cmd.zone("gather");
+        self.light(cmd, vals, view, caches, albedos);
+    }
+
+    /// Records the stage without its zone and what lies before it: for several in one measurement.
+    pub fn light(
+        &self,
+        cmd: &Cmd<'_>,
+        vals: &ValTargets,
+        view: &View,
+        caches: &CacheTargets,
+        albedos: Option<&Buffer>,
+    ) {
         let push = GatherPush {
             cache_count: caches.count,
             first: 0,
@@ -203,73 +205,63 @@ impl Gather {
             eye: view.eye,
         };
         match &self.path {
-            Path::Fragment { sum, tile } => self.draw(cmd, sum, vals, caches, &GatherPush { tile: *tile, ..push }),
-            Path::Compute { pack, sum } => {
-                self.sum(cmd, pack.as_deref(), sum, vals, caches, &push);
+            Path::Fragment { sum, tile, resolve } => {
+                draw(cmd, [sum, resolve], vals, caches, &GatherPush { tile: *tile, ..push });
+            }
+            Path::Compute { sum } => {
+                let of_lights = (&vals.live_count, &vals.live);
+                bind_sum(cmd, sum, of_lights, caches, [self.bounces.is_none(), self.depth_images.is_some()]);
+                cmd.push(&push);
+                cmd.dispatch_indirect(&caches.live.as_ref().expect("of this path").args, 0);
                 if let Some(bounces) = &self.bounces {
                     bounces.record(cmd, albedos.expect("looked for when the frame was made"), caches, &push);
                 }
-                self.resolve(cmd, caches, &push);
             }
         }
     }
+}
 
-    fn draw(&self, cmd: &Cmd<'_>, sum: &Pipeline, vals: &ValTargets, caches: &CacheTargets, push: &GatherPush) {
-        let sums: Vec<_> = caches.sums.iter().map(Attach::clear).collect();
-        let depth = caches.mask.as_ref().map(|image| Attach { image, load: Load::ReadOnly });
-        cmd.render(&Attachments { colors: &sums, depth, area: caches.area() }, |draw| {
-            let resources =
-                [(&caches.atlas).into(), (&vals.live_count).into(), Bind::Texels(&vals.live), (&vals.live).into()];
-            draw.bind(sum, &resources);
-            for first in (0..vals.count).step_by(push.tile as usize) {
-                draw.push(&GatherPush { first, ..*push });
-                draw.draw(3);
-            }
-        });
-        cmd.barrier(Use::ColorWrite, Use::ComputeRead);
-        let [[a, b, c, d], [e, f, g, h]] = caches.sums_of_texel().map(|of_cache| of_cache.map(Bind::Image));
-        cmd.bind(&self.resolve, &[(&caches.atlas).into(), (&caches.proxies).into(), a, b, c, d, e, f, g, h]);
-        cmd.push(push);
-        cmd.dispatch(caches.count, 1, 1);
-    }
-
-    fn sum(
-        &self,
-        cmd: &Cmd<'_>,
-        pack: Option<&Pack>,
-        sum: &Pipeline,
-        vals: &ValTargets,
-        caches: &CacheTargets,
-        push: &GatherPush,
-    ) {
-        let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
-        if let Some(pack) = pack.filter(|_| self.depth_images.is_none()) {
-            pack.caches(cmd, live, &vals.live_count, true);
-            cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
+fn draw(cmd: &Cmd<'_>, [sum, resolve]: [&Pipeline; 2], vals: &ValTargets, caches: &CacheTargets, push: &GatherPush) {
+    let sums: Vec<_> = caches.sums.iter().map(Attach::clear).collect();
+    let depth = caches.mask.as_ref().map(|image| Attach { image, load: Load::ReadOnly });
+    cmd.render(&Attachments { colors: &sums, depth, area: caches.area() }, |draw| {
+        let resources =
+            [(&caches.atlas).into(), (&vals.live_count).into(), Bind::Texels(&vals.live), (&vals.live).into()];
+        draw.bind(sum, &resources);
+        for first in (0..vals.count).step_by(push.tile as usize) {
+            draw.push(&GatherPush { first, ..*push });
+            draw.draw(3);
         }
-        let resources = [
-            (&caches.atlas).into(),
-            (&live.list).into(),
-            (&live.args).into(),
-            (&vals.live_count).into(),
-            Bind::Texels(&vals.live),
-            (&vals.live).into(),
-            parts.into(),
-        ];
-        let images = caches.depth_images.as_ref().filter(|_| self.depth_images.is_some()).map(Bind::Texels);
-        cmd.bind(sum, &resources.into_iter().chain(images).collect::<Vec<_>>());
-        cmd.push(push);
-        cmd.dispatch_indirect(&live.args, 0);
-    }
+    });
+    cmd.barrier(Use::ColorWrite, Use::ComputeRead);
+    let [[a, b, c, d], [e, f, g, h]] = caches.sums_of_texel().map(|of_cache| of_cache.map(Bind::Image));
+    cmd.bind(resolve, &[(&caches.atlas).into(), (&caches.proxies).into(), a, b, c, d, e, f, g, h]);
+    cmd.push(push);
+    cmd.dispatch(caches.count, 1, 1);
+}
 
-    fn resolve(&self, cmd: &Cmd<'_>, caches: &CacheTargets, push: &GatherPush) {
-        let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
-        cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
-        let scales = caches.bounces.as_ref().map(|bounces| (&bounces.scales).into());
-        let resources: [Bind<'_>; 5] =
-            [(&caches.atlas).into(), (&caches.proxies).into(), (&live.list).into(), (&live.args).into(), parts.into()];
-        cmd.bind(&self.resolve, &resources.into_iter().chain(scales).collect::<Vec<_>>());
-        cmd.push(push);
-        cmd.dispatch(caches.count, 1, 1);
+/// Binds a pipeline of `sum_pipeline` for a list of VALs and its length, with what it needs for `proxies` and where it is
+/// `shadowed`.
+pub(super) fn bind_sum(
+    cmd: &Cmd<'_>,
+    pipeline: &Pipeline,
+    (count, vals): (&Buffer, &Buffer),
+    caches: &CacheTargets,
+    [proxies, shadowed]: [bool; 2],
+) {
+    let (live, parts) = (caches.live.as_ref().expect("of this path"), caches.parts.as_ref().expect("of this path"));
+    let mut resources: Vec<Bind<'_>> = vec![
+        (&caches.atlas).into(),
+        (&live.list).into(),
+        (&live.args).into(),
+        count.into(),
+        Bind::Texels(vals),
+        vals.into(),
+        parts.into(),
+    ];
+    if proxies {
+        resources.extend([Bind::Buffer(&caches.proxies), Bind::Buffer(&live.arrived)]);
     }
+    resources.extend(caches.depth_images.as_ref().filter(|_| shadowed).map(Bind::Texels));
+    cmd.bind(pipeline, &resources);
 }

@@ -297,7 +297,7 @@ impl Frame {
                 gather: match settings.cluster {
                     None => Lighting::All(Box::new(gather::Gather::of_frame(gpu, &plan, settings, buffers.lights())?)),
                     Some(rule) => {
-                        let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy, plan.cull)?;
+                        let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy)?;
                         Lighting::Clusters(Box::new(made))
                     }
                 },
@@ -310,7 +310,10 @@ impl Frame {
             gbuffer: gbuffer::GBuffer::new(gpu, &plan)?,
             direct: plan.direct.then(|| direct::Direct::new(gpu)).transpose()?,
             sky: plan.sky.then(|| sky::Background::new(gpu)).transpose()?,
-            rsm: plan.indirect().then(|| rsm::Rsm::new(gpu, settings.proxy_weight)).transpose()?,
+            rsm: plan
+                .indirect()
+                .then(|| rsm::Rsm::new(gpu, settings.proxy_weight, plan.lights_all(settings)))
+                .transpose()?,
             lightskin: plan.lightskin.then(lightskin).transpose()?,
             brute_force: plan.brute_force.then(|| brute_force::BruteForce::new(gpu, &plan)).transpose()?,
             composite: composite::Composite::new(gpu, &plan, settings)?,
@@ -391,7 +394,8 @@ impl Frame {
             atlas.record(cmd, scene, caches); // 3
         }
         if let (true, Some(rsm), Some(targets)) = (due.rsm, &self.rsm, &t.rsm) {
-            rsm.record(cmd, scene, &due.lights, done.new_emitters(scene), targets); // 4
+            let all = t.caches.as_ref().and_then(|caches| caches.live.as_ref());
+            rsm.record(cmd, scene, &due.lights, done.new_emitters(scene), targets, all); // 4
             if let Some(LightSkin { gather: Lighting::Clusters(by), .. }) = &self.lightskin {
                 by.pyramid.record(cmd, targets); // 6, before the gather
             }

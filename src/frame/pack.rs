@@ -3,78 +3,99 @@
 use super::targets::{LiveCaches, ValTargets};
 use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{PACK_BLOCK, PACK_THREADS, PackPush};
+use crate::shared::{DEPTH_IMAGE_ROW, LiveArgs, PACK_BLOCK, PACK_THREADS, PackPush};
 
-/// Closes up lists; each in two passes, a count of every block and then the places.
-pub struct Pack {
+/// Most items that one workgroup closes up alone, in one pass: on a software device a pass costs more than they do.
+const ALONE: u32 = 4 * PACK_BLOCK;
+
+/// Closes up VALs in two passes, a count of every block and then the places.
+pub struct PackVals {
     count: Pipeline,
-    vals: Pipeline,
-    caches: Pipeline,
+    place: Pipeline,
+    /// Whether the gather's dispatch follows from their number alone.
+    lights_all: bool,
 }
 
-impl Pack {
+impl PackVals {
+    /// Makes the pipelines. Where the gather lights all caches, its dispatch is made here.
+    pub fn new(gpu: &Gpu, lights_all: bool) -> Result<Self> {
+        let place = if lights_all { "pack_vals_args.comp" } else { "pack_vals.comp" };
+        Ok(Self { count: gpu.compute("count_flags.comp", &[])?, place: gpu.compute(place, &[])?, lights_all })
+    }
+
+    /// Flagged VALs, which must be there -> `live` and their number; the gather's dispatch over all caches.
+    pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, caches: Option<&LiveCaches>) {
+        let args = caches.filter(|_| self.lights_all);
+        let push = PackPush {
+            count: vals.count,
+            per_thread: PACK_BLOCK / PACK_THREADS,
+            cache_count: args.map_or(0, |caches| caches.count),
+            caches_per_group: args.map_or(0, |caches| caches.per_workgroup),
+            split: args.map_or(0, |caches| caches.split),
+        };
+        count_blocks(cmd, &self.count, &push, &vals.flags, &vals.blocks);
+        cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
+        let lists = [&vals.flags, &vals.blocks, &vals.all, &vals.live, &vals.live_count];
+        let resources: Vec<_> = lists.into_iter().chain(args.map(|caches| &caches.args)).map(Into::into).collect();
+        cmd.bind(&self.place, &resources);
+        cmd.push(&push);
+        cmd.dispatch(threads(&push), 1, 1);
+    }
+}
+
+/// Closes up caches: few in one pass, many in two as VALs.
+pub struct PackCaches {
+    count: Pipeline,
+    place: Pipeline,
+}
+
+impl PackCaches {
     /// Makes the pipelines.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self {
-            count: gpu.compute("count_flags.comp", &[])?,
-            vals: gpu.compute("pack_vals.comp", &[])?,
-            caches: gpu.compute("pack_caches.comp", &[])?,
-        })
+        Ok(Self { count: gpu.compute("count_flags.comp", &[])?, place: gpu.compute("pack_caches.comp", &[])? })
     }
 
-    /// Flagged VALs, which must be there -> `live` and their number.
-    pub fn vals(&self, cmd: &Cmd<'_>, vals: &ValTargets) {
-        let push = PackPush { count: vals.count, all: 0, caches_per_group: 0, split: 0 };
-        self.count_blocks(cmd, &push, &vals.flags, &vals.blocks);
-        cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
-        cmd.bind(
-            &self.vals,
-            &[
-                (&vals.flags).into(),
-                (&vals.blocks).into(),
-                (&vals.all).into(),
-                (&vals.live).into(),
-                (&vals.live_count).into(),
-            ],
-        );
-        cmd.push(&push);
-        cmd.dispatch(threads(push.count), 1, 1);
-    }
-
-    /// Flagged caches, or all -> `list` and the gather's dispatch over so many VALs or nodes, a number that must be there.
-    pub fn caches(&self, cmd: &Cmd<'_>, caches: &LiveCaches, light_count: &Buffer, all: bool) {
+    /// Flagged caches -> `list` and the gather's dispatch over so many VALs or nodes, a number that must be there.
+    pub fn record(&self, cmd: &Cmd<'_>, caches: &LiveCaches, light_count: &Buffer) {
+        let block = if caches.count <= ALONE { ALONE } else { PACK_BLOCK };
         let push = PackPush {
             count: caches.count,
-            all: u32::from(all),
+            per_thread: block / PACK_THREADS,
+            cache_count: 0,
             caches_per_group: caches.per_workgroup,
             split: caches.split,
         };
-        if !all {
-            self.count_blocks(cmd, &push, &caches.flags, &caches.blocks);
+        if caches.count > ALONE {
+            count_blocks(cmd, &self.count, &push, &caches.flags, &caches.blocks);
             cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
         }
-        cmd.bind(
-            &self.caches,
-            &[
-                (&caches.flags).into(),
-                (&caches.blocks).into(),
-                light_count.into(),
-                (&caches.list).into(),
-                (&caches.args).into(),
-            ],
-        );
+        let lists = [&caches.flags, &caches.blocks, light_count, &caches.list, &caches.args];
+        cmd.bind(&self.place, &lists.map(Into::into));
         cmd.push(&push);
-        cmd.dispatch(threads(push.count), 1, 1);
-    }
-
-    fn count_blocks(&self, cmd: &Cmd<'_>, push: &PackPush, flags: &Buffer, blocks: &Buffer) {
-        cmd.bind(&self.count, &[flags.into(), blocks.into()]);
-        cmd.push(push);
-        cmd.dispatch(threads(push.count), 1, 1);
+        cmd.dispatch(threads(&push), 1, 1);
     }
 }
 
-/// Threads that look at so many items; at least one group, which writes that there are none.
-fn threads(items: u32) -> u32 {
-    items.div_ceil(PACK_BLOCK).max(1) * PACK_THREADS
+fn count_blocks(cmd: &Cmd<'_>, pipeline: &Pipeline, push: &PackPush, flags: &Buffer, blocks: &Buffer) {
+    cmd.bind(pipeline, &[flags.into(), blocks.into()]);
+    cmd.push(push);
+    cmd.dispatch(threads(push), 1, 1);
+}
+
+/// Threads that look at the items; at least one group, which writes that there are none.
+fn threads(push: &PackPush) -> u32 {
+    push.count.div_ceil(push.per_thread * PACK_THREADS).max(1) * PACK_THREADS
+}
+
+/// The gather's dispatch over so many caches, or groups of them, and VALs, or nodes; twin of glsl/lib/pack.glsl.
+pub(super) fn live_args(caches: u32, lights: u64, per_workgroup: u32, split: u64) -> LiveArgs {
+    LiveArgs {
+        groups_x: caches.div_ceil(per_workgroup),
+        groups_y: lights.div_ceil(split).max(1) as u32,
+        groups_z: 1,
+        cache_count: caches,
+        images_x: caches.min(DEPTH_IMAGE_ROW),
+        images_y: caches.div_ceil(DEPTH_IMAGE_ROW),
+        images_z: 1,
+    }
 }

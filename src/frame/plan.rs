@@ -1,6 +1,6 @@
 //! From a scene's features to the stages it needs. What a scene has not costs no pass, no target, no shader branch.
 
-use super::{Gi, Settings, Shadows};
+use super::{GatherPath, Gi, Settings, Shadows};
 use crate::scene::{Material, Scene};
 
 /// Which stages a frame has.
@@ -72,6 +72,11 @@ impl Plan {
     /// Whether there is indirect light at all.
     pub fn indirect(&self) -> bool {
         self.lightskin || self.brute_force
+    }
+
+    /// Whether the gather lights all caches by every VAL, from a list: then that is the same in each frame.
+    pub fn lights_all(&self, settings: &Settings) -> bool {
+        self.lightskin && !self.cull && !self.clusters && settings.gather.path == GatherPath::Compute
     }
 
     /// The table of stages, as `info` prints it.

@@ -1,7 +1,7 @@
 //! Stage 4, extended RSM: the scene as each light sees it -> VALs. METHOD 2, thesis 5.2.
 
-use super::pack::Pack;
-use super::targets::RsmTargets;
+use super::pack::PackVals;
+use super::targets::{LiveCaches, RsmTargets};
 use super::upload::Which;
 use super::{ProxyWeight, SceneBuffers, VERTEX};
 use crate::error::Result;
@@ -12,13 +12,13 @@ use crate::shared::ValPush;
 pub struct Rsm {
     draw: Pipeline,
     vals: Pipeline,
-    pack: Pack,
+    pack: PackVals,
     weight: ProxyWeight,
 }
 
 impl Rsm {
-    /// Makes the pipelines.
-    pub fn new(gpu: &Gpu, weight: ProxyWeight) -> Result<Self> {
+    /// Makes the pipelines. Where the gather `lights_all` caches, its dispatch follows from the number of VALs alone.
+    pub fn new(gpu: &Gpu, weight: ProxyWeight, lights_all: bool) -> Result<Self> {
         Ok(Self {
             draw: gpu.raster(&Raster {
                 vertex: "mesh.vert",
@@ -32,14 +32,22 @@ impl Rsm {
                 constants: &[],
             })?,
             vals: gpu.compute("vals.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
-            pack: Pack::new(gpu)?,
+            pack: PackVals::new(gpu, lights_all)?,
             weight,
         })
     }
 
     /// Records the stage for the lights that are due; the VALs of the others are as they were. `emitters` says whether those
-    /// of surfaces that emit are not.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, due: &[bool], emitters: bool, t: &RsmTargets) {
+    /// of surfaces that emit are not; the list of caches is for those that the gather lights all.
+    pub fn record(
+        &self,
+        cmd: &Cmd<'_>,
+        scene: &SceneBuffers,
+        due: &[bool],
+        emitters: bool,
+        t: &RsmTargets,
+        caches: Option<&LiveCaches>,
+    ) {
         let _zone = cmd.zone("rsm");
         if emitters {
             t.vals.update(cmd, &scene.emitters, self.weight);
@@ -89,6 +97,6 @@ impl Rsm {
         if drawn {
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // VALs, flags -> their list
         }
-        self.pack.vals(cmd, &t.vals);
+        self.pack.record(cmd, &t.vals, caches);
     }
 }

@@ -2,13 +2,14 @@
 
 use super::bounce::BounceTargets;
 use super::gather::{GatherPath, GatherSettings};
+use super::pack::live_args;
 use super::pyramid::Pyramid;
 use super::{Plan, ProxyWeight, SceneBuffers, Settings};
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Cmd, Format, Gpu, Image};
 use crate::shared::{
-    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, DEPTH_IMAGE_TEXELS, GATHER_THREADS, GatherSums, LiveArgs, OCCLUDER_GROUP,
-    OccluderGroup, PACK_BLOCK, Proxy, TEXEL_CACHES, VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
+    ATLAS_COLUMNS, CLUSTER_GROUP, Cache, DEPTH_IMAGE_TEXELS, GATHER_THREADS, GatherSums, OCCLUDER_GROUP, OccluderGroup,
+    PACK_BLOCK, Proxy, TEXEL_CACHES, VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
 };
 use glam::Vec3;
 
@@ -117,10 +118,12 @@ pub struct LiveCaches {
     pub flags: Buffer,
     /// Flagged items of each block.
     pub blocks: Buffer,
-    /// Indices of live items, ascending.
+    /// Indices of live items, ascending; of all, until culling says otherwise.
     pub list: Buffer,
-    /// Their number, and the gather's dispatch.
+    /// Their number, and the gather's dispatch; of all of them, too.
     pub args: Buffer,
+    /// How many of the parts are there, of the caches of each of the gather's threads; all 0 between frames.
+    pub arrived: Buffer,
     /// Items of all instances.
     pub count: u32,
     /// Caches of an item.
@@ -242,7 +245,7 @@ impl Targets {
             all.extend(&caches.parts);
             all.extend(&caches.occluders);
             all.extend(&caches.depth_images);
-            all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args]));
+            all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args, &l.arrived]));
             all.extend(caches.clusters.iter().flat_map(|c| [&c.node_count, &c.totals, &c.pairs]));
             all.extend(caches.bounces.iter().flat_map(BounceTargets::buffers));
         }
@@ -383,12 +386,15 @@ impl CacheTargets {
         let split = in_memory.max(split.into()).next_multiple_of(VAL_TILE.into()).min(longest.into());
         self.parts = Some(gpu.buffer("gather.parts", sums * lights.div_ceil(split))?);
         let items = n.div_ceil(group.into());
+        let live = self.count.div_ceil(group);
+        let args = live_args(live, lights, per_workgroup, split);
         self.live = Some(LiveCaches {
             flags: gpu.buffer_from("cull.flags", &vec![0_u32; items as usize])?,
             blocks: gpu.buffer("cull.blocks", 4 * items.div_ceil(PACK_BLOCK.into()))?,
-            list: gpu.buffer("cull.live", 4 * items)?,
-            args: gpu.buffer("cull.live_args", size_of::<LiveArgs>() as u64)?,
-            count: self.count.div_ceil(group),
+            list: gpu.buffer_from("cull.live", &(0..items as u32).collect::<Vec<_>>())?,
+            args: gpu.buffer_from("cull.live_args", &[args])?,
+            arrived: gpu.buffer_from("gather.arrived", &vec![0_u32; items as usize])?,
+            count: live,
             group,
             per_workgroup,
             split: split as u32,
