@@ -1,5 +1,6 @@
 //! Animated scenes stand where a second reader in f64 has them, at any time; malformed animations are refused.
 
+mod built;
 mod files;
 mod malformed;
 mod second;

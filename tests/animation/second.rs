@@ -275,15 +275,19 @@ impl File {
         match way {
             "STEP" => from.to_vec(),
             "LINEAR" if is_rotation => {
-                let length = |q: &[f64]| q.iter().map(|x| x * x).sum::<f64>().sqrt();
-                let dot: f64 = from.iter().zip(to).map(|(a, b)| a * b).sum::<f64>() / length(from) / length(to);
+                let unit = |q: &[f64]| -> Vec<f64> {
+                    let length = q.iter().map(|x| x * x).sum::<f64>().sqrt();
+                    q.iter().map(|x| x / length).collect()
+                };
+                let (from, to) = (unit(from), unit(to));
+                let dot: f64 = from.iter().zip(&to).map(|(a, b)| a * b).sum();
                 let angle = dot.abs().min(1.0).acos();
                 let (a, b) = if angle < 1e-6 {
                     (1.0 - t, t)
                 } else {
                     (((1.0 - t) * angle).sin() / angle.sin(), (t * angle).sin() / angle.sin())
                 };
-                from.iter().zip(to).map(|(x, y)| a * x + b * y * dot.signum()).collect()
+                from.iter().zip(&to).map(|(x, y)| a * x + b * y * dot.signum()).collect()
             }
             "LINEAR" => from.iter().zip(to).map(|(a, b)| a + (b - a) * t).collect(),
             _ => {
