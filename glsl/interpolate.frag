@@ -64,11 +64,24 @@ VertexLight light_at(DrawRecord draw, uint first_index) {
     Instance instance = instances[draw.instance];
     vec3 place[3], facing[3];
     vec4 clip[3];
+    vec3 posed[3];
     for (uint i = 0u; i < 3u; ++i) {
         Corner corner = corners[draw.first_vertex + indices[first_index + i]];
         place[i] = (instance.world_from_model * vec4(corner.position, 1.0)).xyz;
         facing[i] = unit_or(mat3(instance.world_from_normal) * corner.normal, vec3(0.0, 1.0, 0.0));
         clip[i] = push.clip_from_world * vec4(place[i], 1.0);
+        posed[i] = corner.position;
+    }
+    // As the surface stretches, its caches move apart.
+    float growth = instance.growth;
+    if (draw.first_rest != draw.first_vertex) {
+        float most = 0.0;
+        for (uint i = 0u; i < 3u; ++i) {
+            vec3 a = corners[draw.first_rest + indices[first_index + i]].position;
+            vec3 b = corners[draw.first_rest + indices[first_index + (i + 1u) % 3u]].position;
+            most = max(most, distance(posed[i], posed[(i + 1u) % 3u]) / max(distance(a, b), 1e-30));
+        }
+        growth *= most;
     }
     vec3 w = weights_here(clip[0], clip[1], clip[2]);
     Point x;
@@ -76,7 +89,7 @@ VertexLight light_at(DrawRecord draw, uint first_index) {
     x.normal = unit_or(w.x * facing[0] + w.y * facing[1] + w.z * facing[2], facing[0]);
     x.mirrored = reflect(view_direction(push.eye, x.position), x.normal);
     x.eye = push.eye;
-    x.d_max = push.reach;
+    x.d_max = push.reach * growth;
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     uint row = rows[pixel.y * textureSize(element_image, 0).x + pixel.x];
     Averages a = no_caches();

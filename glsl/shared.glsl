@@ -111,10 +111,79 @@ const uint PEAK_STEPS = 16384u;
 
 const uint PEAK_CHAINS = 12u;
 
+// Words of a vertex as draws read it; position, normal and tangent are the first ten.
+const uint VERTEX_WORDS = 15u;
+
+// A cache whose model does not bend.
+const uint RIGID = 0xffffffffu;
+
+// Workgroups in a row of the dispatches that pose meshes.
+const uint DEFORM_ROW = 32768u;
+
 // A mesh in the world.
 struct Instance {
     mat4 world_from_model;
-    mat4 world_from_normal; // inverse transpose of the linear part
+    mat4 world_from_normal; // inverse transpose of the linear part, up to a factor
+    float growth; // most that lengths are of what they were when caches were placed
+    float area_scale; // that factor, against the one the caches were placed with; 0 of a hidden instance
+};
+
+// A vertex of a mesh that bends, before morphing and skinning.
+struct BindVertex {
+    vec3 position;
+    vec3 normal;
+    vec4 tangent;
+    uint first_influence; // of all influences
+    uint influence_count; // 0: the mesh has no skin
+};
+
+// How strongly a joint moves a vertex.
+struct Influence {
+    uint joint; // of the skin
+    float weight;
+};
+
+// What a morph target of weight 1 adds to a vertex.
+struct Displacement {
+    vec3 position;
+    vec3 normal;
+    vec3 tangent;
+};
+
+// A vertex that goes with a triangle of others.
+struct Follower {
+    uint vertex; // of the mesh
+    uint a; // corners: vertices of the mesh
+    uint b;
+    uint c;
+    vec2 weights; // of b and c
+    uint is_flat; // 1: the normal is the triangle's, and there is no tangent
+};
+
+// A joint's matrix from bind to model space, row by row.
+struct Joint {
+    vec4 x;
+    vec4 y;
+    vec4 z;
+};
+
+// An instance of a mesh that bends.
+struct Body {
+    uint first_bind; // of all bind vertices
+    uint bind_count;
+    uint first_vertex; // of all vertices: where the posed ones are
+    uint first_follower;
+    uint follower_count;
+    uint first_displacement; // target by target, `bind_count` of each
+    uint target_count;
+    uint first_joint;
+    uint first_weight; // of the morph targets'
+};
+
+// What a workgroup of the posing passes does: up to 64 vertices, or followers, of a body.
+struct BodyBlock {
+    uint body;
+    uint first;
 };
 
 // glTF's metallic-roughness material, or the method's own Phong material.
@@ -198,13 +267,15 @@ struct ClusterView {
     uint levels; // above the VALs
 };
 
-// A cache as it was baked, in model space.
+// A cache as it was baked: a point in model space, or where the model bends, a point on a triangle.
 struct ModelCache {
-    vec3 position;
+    vec3 position; // where the model bends, weights of the triangle's second and third corner
     float exponent;
     vec3 normal;
-    float area;
+    float area; // [m^2] where the instance's normal matrix keeps the normal's length; or shares of its triangle's area
     uint instance;
+    uint triangle; // a third of its first index among all indices; RIGID of a model that does not bend
+    uint first_vertex; // of the instance's posed vertices, among all
 };
 
 // A cache in the world.
@@ -228,12 +299,13 @@ struct Proxy {
 // A draw, as those read it who look up a visible triangle.
 struct DrawRecord {
     uint first_index; // into all indices
-    uint first_vertex; // of the mesh, into all vertices
+    uint first_vertex; // of the mesh, or of the instance where it bends, into all vertices
     uint first_slot; // of the instance, into the slots of all instances' vertices, or cells
     uint instance;
     uint reference_base; // first of the model's references, in pairs; NO_REFERENCES without caches
     uint cache_base; // atlas index of the instance's first cache
     uint grid; // of the model, where pixels look references up
+    uint first_rest; // of the mesh, into all vertices: as it was when caches were placed
 };
 
 // Cells of a model: from a point in model space to where its references are.
@@ -375,6 +447,11 @@ struct InterpolatePush {
 struct AtlasPush {
     uint columns; // of blocks
     uint rows; // of texels
+};
+
+// Push constants of posing meshes.
+struct DeformPush {
+    uint block_count;
 };
 
 // Push constants of placing the caches.

@@ -48,8 +48,10 @@ void main() {
         vec3 corner[3];
         vec4 clip[3];
         for (uint i = 0u; i < 3u; ++i) {
-            corner[i] = corners[draw.first_vertex + indices[draw.first_index + 3u * element.y + i]].position;
-            clip[i] = clip_from_model * vec4(corner[i], 1.0);
+            uint vertex = indices[draw.first_index + 3u * element.y + i];
+            clip[i] = clip_from_model * vec4(corners[draw.first_vertex + vertex].position, 1.0);
+            // Cells are those of the model at rest.
+            corner[i] = corners[draw.first_rest + vertex].position;
         }
         vec2 place = (vec2(pixel) + 0.5) / vec2(size) * 2.0 - 1.0;
         vec3 w = weights_at(place, clip[0], clip[1], clip[2]);

@@ -200,7 +200,7 @@ fn albedos_are_means_of_what_a_cache_stands_for() {
     let refused = Frame::new(&gpu, &scene, &buffers, &Settings { bounces: 2, ..small() }).err().expect("no albedos");
     assert!(refused.to_string().contains("add_albedos"), "{refused}");
     buffers.add_albedos(&gpu, &scene, &caches).expect("albedos");
-    let all: Vec<Vec3> = gpu.read(buffers.cache_albedos.as_ref().expect("made")).expect("read");
+    let all: Vec<Vec3> = gpu.read(buffers.cache_albedos().expect("made")).expect("read");
     let floor = &all[..caches.models[caches.instance_model[0]].caches.len()];
     let wall = &all[floor.len()..][..caches.models[caches.instance_model[1]].caches.len()];
     let mean = floor.iter().sum::<Vec3>() / floor.len() as f32;

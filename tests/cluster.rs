@@ -28,7 +28,7 @@ fn on_device(scene: &Scene, settings: &Settings) -> (Vec<ClusterNode>, Vec<Val>,
     let rsm = frame.targets.rsm.as_ref().expect("VALs");
     let drawn = gpu.frame(false, |cmd| {
         cmd.begin_frame(frame.targets.images());
-        stage.record(cmd, &buffers, rsm);
+        stage.record(cmd, &buffers, &vec![true; buffers.lights().len()], false, rsm);
         pyramid.record(cmd, rsm);
         Ok(())
     });
@@ -37,7 +37,7 @@ fn on_device(scene: &Scene, settings: &Settings) -> (Vec<ClusterNode>, Vec<Val>,
     let vals: Vec<shared::Val> = gpu.read(&rsm.vals.all).expect("VALs");
     let vals = vals.iter().map(|v| shot::val(v, buffers.origin)).collect();
     assert_clean(&gpu);
-    let sizes = buffers.lights.iter().flat_map(|l| (0..l.views).map(|_| l.rsm_size(settings.rsm) as usize)).collect();
+    let sizes = buffers.lights().iter().flat_map(|l| (0..l.views).map(|_| l.rsm_size(settings.rsm) as usize)).collect();
     (nodes[..pyramid.node_count as usize].to_vec(), vals, sizes, buffers.origin)
 }
 

@@ -26,6 +26,7 @@ mod house;
 mod interpolate;
 mod layout;
 mod malformed;
+mod moving;
 mod nets;
 mod normal_maps;
 mod occlude;

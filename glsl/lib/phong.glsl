@@ -25,6 +25,12 @@ vec3 unit_or(vec3 v, vec3 otherwise) {
     return d2 > 1e-30 ? v * inversesqrt(d2) : otherwise;
 }
 
+// The same of a vector however short: of the product of two small triangle sides, say.
+vec3 unit_of_any_or(vec3 v, vec3 otherwise) {
+    float largest = max(abs(v.x), max(abs(v.y), abs(v.z)));
+    return largest > 0.0 ? normalize(v / largest) : otherwise;
+}
+
 // Unit vector from the viewer to a point; `eye` is a position and 1, or the direction towards the viewer and 0.
 vec3 view_direction(vec4 eye, vec3 position) {
     vec3 d = eye.w > 0.0 ? position - eye.xyz : -eye.xyz;

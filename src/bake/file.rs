@@ -8,12 +8,13 @@ use super::{Cache, CacheSet, Coverage, Density, ModelCaches, NO_CACHE, Settings,
 use crate::error::Result;
 use crate::kept;
 use crate::scene::Scene;
+use glam::DMat3;
 use std::path::Path;
 
 const MAGIC: [u8; 8] = *b"LSKCACHE";
 
 /// Of the format and of the algorithm: counted up when either changes what a bake gives.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// Magic, version, key, length, hash.
 const HEADER: usize = 8 + 4 + 32 + 8 + 32;
@@ -115,6 +116,7 @@ fn write(set: &CacheSet, key: &[u8; 32]) -> Vec<u8> {
     number(&mut payload, set.models.len());
     for model in &set.models {
         number(&mut payload, model.mesh);
+        model.linear.to_cols_array().iter().for_each(|x| payload.extend_from_slice(&x.to_le_bytes()));
         payload.extend_from_slice(&model.coverage.distance.to_le_bytes());
         payload.extend_from_slice(&model.coverage.angle.to_le_bytes());
         number(&mut payload, model.caches.len());
@@ -213,6 +215,11 @@ fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &Settings) -> Opt
 fn read_model(reader: &mut Reader, scene: &Scene, settings: &Settings) -> Option<ModelCaches> {
     let index = reader.number()?;
     let mesh = scene.meshes.get(index)?;
+    let mut linear = [0.0; 9];
+    for element in &mut linear {
+        *element = reader.f64()?;
+    }
+    let linear = DMat3::from_cols_array(&linear);
     let coverage = Coverage { distance: reader.f64()?, angle: reader.f64()? };
     let caches = reader.records(40)?.all(|reader| {
         let mut values = [0.0; 9];
@@ -229,9 +236,10 @@ fn read_model(reader: &mut Reader, scene: &Scene, settings: &Settings) -> Option
         })
     })?;
     let references = reader.records(2)?.all(|reader| Some(u16::from_le_bytes(reader.array()?)))?;
-    let sound = caches.len() < usize::from(NO_CACHE)
+    let sound = linear.is_finite()
+        && caches.len() < usize::from(NO_CACHE)
         && caches.iter().all(|cache| (cache.triangle as usize) < mesh.triangle_count())
         && references.len() == mesh.vertices.len() * settings.references
         && references.iter().all(|&reference| reference == NO_CACHE || usize::from(reference) < caches.len());
-    sound.then_some(ModelCaches { mesh: index, caches, references, coverage })
+    sound.then_some(ModelCaches { mesh: index, linear, caches, references, coverage })
 }

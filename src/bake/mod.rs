@@ -71,6 +71,8 @@ pub struct CacheSet {
 pub struct ModelCaches {
     /// Index into `Scene::meshes`.
     pub mesh: usize,
+    /// Linear part of the transform from model to world space that the caches were placed under.
+    pub linear: DMat3,
     /// The caches, in a space-filling order.
     pub caches: Vec<Cache>,
     /// For each vertex of the mesh, `Settings::references` indices into `caches`, best first; `NO_CACHE` pads.
@@ -183,7 +185,7 @@ fn finish(
     let caches: Vec<Cache> = seeds.iter().zip(areas).map(|(seed, area)| cache(surface, mesh, seed, area)).collect();
     let positions: Vec<DVec3> = seeds.iter().map(|s| s.position).collect();
     let references = assign::assign(surface, &caches, &positions, settings.references, spacing);
-    ModelCaches { mesh: model.mesh, caches, references, coverage }
+    ModelCaches { mesh: model.mesh, linear: surface.linear, caches, references, coverage }
 }
 
 /// A cache in terms of the mesh.

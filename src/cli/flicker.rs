@@ -1,8 +1,9 @@
 //! `lightskin flicker`: how much the indirect light trembles while something creeps along.
 
+use super::motion::animation_index;
 use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar};
 use anyhow::{Context, Result};
-use lightskin::eval::flicker::{Figures, Flicker, Job, Motion, measure, model};
+use lightskin::eval::flicker::{Figures, Flicker, Job, Motion, Played, measure, model};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -18,6 +19,15 @@ pub(super) struct FlickerArgs {
     /// Node that moves, by name; the largest that is less than half the scene across without it.
     #[arg(long, value_name = "NODE")]
     model: Option<String>,
+    /// Animation that plays, by name or index; the first one without it.
+    #[arg(long, value_name = "NAME|INDEX")]
+    animation: Option<String>,
+    /// Moment of the animation [s] at which its frames begin.
+    #[arg(long, value_name = "T", default_value_t = 0.0, allow_hyphen_values = true)]
+    time: f64,
+    /// Frames of a second of the animation.
+    #[arg(long, value_name = "F", default_value_t = 60.0, value_parser = super::positive)]
+    fps: f64,
     /// Print one JSON object a row instead of the table.
     #[arg(long)]
     json: bool,
@@ -44,7 +54,14 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     for count in &args.caches {
         caches.push(bake_scene(&scene, &asked(*count).settings(), false)?.caches);
     }
-    let job = Job { size: [64, 36], frames: 16, rsm: args.rsm.clone(), fine: 2 * largest, pace: 1.0, model };
+    let animation = match (&args.animation, scene.animations().next()) {
+        (None, None) => None,
+        (wanted, _) => {
+            let index = animation_index(&scene, wanted.as_deref())?;
+            Some(Played { index, begin: args.time, step: 1.0 / args.fps })
+        }
+    };
+    let job = Job { size: [64, 36], frames: 16, rsm: args.rsm.clone(), fine: 2 * largest, pace: 1.0, model, animation };
     let gpu = device.open()?;
     let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}");
     let moving = model.map_or_else(|| "no model".into(), |i| format!("model '{}'", scene.instances[i].name));
@@ -59,15 +76,18 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
         );
         say!("in % of the mean of brute force; caches / brute force\n");
         say!(
-            "| moves | RSM | caches | change | **flicker** (without the worst 1 %) | VALs' own | tremble | of the mean |"
+            "| moves | RSM | caches | change | **flicker** (without the worst 1 %) | VALs' own | tremble | of the mean | of the caches' diffuse light |"
         );
-        say!("| --- | --- | --- | --- | --- | --- | --- | --- |");
+        say!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     }
-    let motions = [Motion::Light, Motion::Camera, Motion::Model];
-    for (i, motion) in motions.into_iter().enumerate().filter(|(_, m)| *m != Motion::Model || model.is_some()) {
+    let mut motions = vec![Motion::Light, Motion::Camera];
+    motions.extend(model.map(|_| Motion::Model));
+    motions.extend(job.animation.map(|_| Motion::Animation));
+    let share = 1000.0 / motions.len() as f32;
+    for (i, motion) in motions.into_iter().enumerate() {
         let progress = |part: f32, what: &str| {
             bar.set_message(what.to_owned());
-            bar.set_position(((i as f32 + part) * 333.0) as u64);
+            bar.set_position(((i as f32 + part) * share) as u64);
         };
         for row in measure(&gpu, &scene, &caches, motion, &job, &progress)? {
             bar.suspend(|| print(&row, json));
@@ -79,13 +99,14 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
 
 fn print(row: &Flicker, json: bool) {
     let Flicker { motion, rsm, caches, figures } = *row;
-    let Figures { kept, change, flicker, flicker_trimmed, vals_own, tremble, of_mean } = figures;
+    let Figures { kept, change, flicker, flicker_trimmed, vals_own, tremble, of_mean, of_caches } = figures;
     if json {
         say!(
             "{}",
             serde_json::json!({
                 "schema": 1, "moves": motion.name(), "rsm": rsm, "caches": caches, "kept": kept, "change": change,
                 "flicker": flicker, "flicker_trimmed": flicker_trimmed, "vals_own": vals_own, "tremble": tremble, "of_mean": of_mean,
+                "of_caches": of_caches,
             })
         );
         return;
@@ -93,13 +114,14 @@ fn print(row: &Flicker, json: bool) {
     let percent = |v: f64| format!("{:.3}", 100.0 * v);
     let pair = |v: [f64; 2]| format!("{} / {}", percent(v[0]), percent(v[1]));
     say!(
-        "| {} | {rsm} | {caches} | {} | **{}** ({}) | {} | {} | {} |",
+        "| {} | {rsm} | {caches} | {} | **{}** ({}) | {} | {} | {} | {} |",
         motion.name(),
         pair(change),
         percent(flicker),
         percent(flicker_trimmed),
         percent(vals_own),
         pair(tremble),
-        pair(of_mean)
+        pair(of_mean),
+        percent(of_caches)
     );
 }

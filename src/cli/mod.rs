@@ -15,6 +15,7 @@ mod eval;
 mod flicker;
 mod hard_cases;
 mod info;
+mod motion;
 mod path_trace;
 mod picture;
 mod render;

@@ -1,11 +1,13 @@
 //! `lightskin render`: a scene to a picture, with its layers, times and counts.
 
+use super::motion::{MotionArgs, numbered};
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, Layers, TonemapArg, is_exr};
 use super::sky::SkyArgs;
 use super::timings::{Report, timings_file, trace_file};
 use super::{
-    CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divided, load_under, thousands, wrong_usage,
+    CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divided, load_under, progress_bar, thousands,
+    wrong_usage,
 };
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
@@ -20,14 +22,15 @@ use lightskin::image::{check_writable, write_png};
 use lightskin::scene::{Camera, Projection, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 #[derive(clap::Args)]
 pub(super) struct Render {
     /// glTF or GLB file, or a folder with one; the built-in atrium without one.
     scene: Option<PathBuf>,
-    /// Picture to write: .png (tone-mapped sRGB) or .exr (linear float, all layers).
+    /// Picture to write: .png (tone-mapped sRGB) or .exr (linear float, all layers). {frame} or {frame:04} in the name stands
+    /// for the number of the frame.
     #[arg(short, long, value_name = "FILE", default_value = "lightskin.png", value_parser = picture)]
     out: PathBuf,
     /// Picture size [pixels].
@@ -90,6 +93,8 @@ pub(super) struct Render {
     /// Count NaN, infinite and negative values in all layers, VALs and proxies of every frame; any makes the run fail.
     #[arg(long)]
     check: bool,
+    #[command(flatten)]
+    motion: MotionArgs,
     #[command(flatten)]
     sky: SkyArgs,
     #[command(flatten)]
@@ -198,7 +203,7 @@ fn exposure(text: &str) -> std::result::Result<f32, String> {
 }
 
 impl Render {
-    fn settings(&self, gpu: &Gpu) -> Result<Settings> {
+    fn settings(&self, gpu: &Gpu, reuse: bool) -> Result<Settings> {
         Ok(Settings {
             size: self.size,
             gi: match self.gi {
@@ -239,6 +244,7 @@ impl Render {
             cluster: self.gather.cluster.rule(),
             cull: !self.gather.no_cull,
             shadows: self.shadows(),
+            reuse,
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
         })
     }
@@ -272,6 +278,7 @@ impl Render {
             cluster: _,
             cull,
             shadows,
+            reuse,
             exposure: _,
         } = *settings;
         vec![
@@ -294,6 +301,7 @@ impl Render {
             ("cluster_error", json!(self.gather.cluster.cluster_error)),
             ("cull", json!(cull)),
             ("shadows", json!(ShadowsArg::of(shadows))),
+            ("skip", json!(reuse)),
             ("interp", word(self.interp)),
             ("interpolation", word(self.interpolation)),
             ("proxy_weight", word(self.proxy_weight)),
@@ -367,8 +375,9 @@ pub(super) fn run(args: &Render) -> Result<()> {
     if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
         wrong_usage("--timings and --trace show the stages of a frame, and --gi path-trace has none");
     }
+    args.motion.check(&args.out, args.repeat);
     // All outputs are tried before long work is done for them.
-    for path in [&args.out].into_iter().chain(&args.timings).chain(&args.trace) {
+    for path in [&numbered(&args.out, 0)].into_iter().chain(&args.timings).chain(&args.trace) {
         check_writable(path)?;
     }
     let start = Instant::now();
@@ -377,7 +386,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         path_trace::stop_in_order()?;
     }
     let scene = load_under(args.scene.as_deref(), args.sky.sky()?)?;
-    let scene = match args.gi {
+    let mut scene = match args.gi {
         // Rays need no small triangles.
         GiArg::PathTrace => scene,
         // Nothing is interpolated over triangles; but what caches reflect in further bounces is found by the vertices.
@@ -386,10 +395,16 @@ pub(super) fn run(args: &Render) -> Result<()> {
         }
         _ => divided(scene, &args.caches),
     };
-    let camera = camera(&scene, args.camera.as_deref())?;
+    let motion = args.motion.motion(&scene, args.repeat)?;
+    let mut seen_from = camera(&scene, args.camera.as_deref())?;
     let loaded = start.elapsed();
     trace.lap("load");
     if args.gi == GiArg::PathTrace {
+        if motion.frames().len() > 1 {
+            wrong_usage("--gi path-trace renders one moment: --time T");
+        }
+        motion.pose(&mut scene, 0);
+        let (scene, camera) = (scene.frozen(), camera(&scene, args.camera.as_deref())?);
         let picture = path_trace::Picture {
             out: &args.out,
             size: args.size,
@@ -408,7 +423,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     trace.lap("bake");
     let gpu = args.device.open()?;
-    let settings = args.settings(&gpu)?;
+    let settings = args.settings(&gpu, motion.reuse)?;
     trace.lap("open device");
     let mut buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
     if let Some(baked) = baked.as_ref().filter(|_| args.bounces > 1) {
@@ -416,14 +431,29 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     trace.lap("upload");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
-    let view = View::new(&camera, settings.size, buffers.origin, buffers.radius);
     let check = args.check.then(|| Check::new(&gpu)).transpose()?;
     trace.lap("pipelines and targets");
 
-    let mut runs = Vec::new();
-    let mut problems = Vec::new();
-    let mut broken = Vec::new();
-    for _ in 0..args.repeat {
+    let (mut runs, mut problems, mut broken, mut skipped) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let mut broken_in_pictures = 0;
+    let vals = frame.targets.rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
+    let about = format!(
+        "scene {}; camera {}; device {}; {} caches; {vals} VALs",
+        scene.name,
+        seen_from.name,
+        gpu.report().name,
+        baked.as_ref().map_or(0, |baked| baked.count)
+    );
+    let mut view = View::new(&seen_from, settings.size, buffers.origin, buffers.radius);
+    let bar = progress_bar("{msg:>12} [{bar:40}] {percent:>3} %  {elapsed}");
+    let frames = motion.frames();
+    let count = frames.len();
+    for (index, number) in frames {
+        if motion.pose(&mut scene, index) {
+            seen_from = camera(&scene, args.camera.as_deref())?;
+            view = View::new(&seen_from, settings.size, buffers.origin, buffers.radius);
+            buffers.update(&scene)?;
+        }
         // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
         let drawn = gpu.frame(gpu.is_software(), |cmd| {
             frame.record(cmd, &buffers, &view);
@@ -434,14 +464,24 @@ pub(super) fn run(args: &Render) -> Result<()> {
             broken.extend(check.count(&gpu, &frame.targets)?);
         }
         runs.extend(gpu.finished_times()?);
+        skipped.extend(frame.skipped());
+        if motion.pictures {
+            let out = numbered(&args.out, number);
+            broken_in_pictures += write_picture(args, &gpu, &frame, &view, &about, &out)?;
+        }
+        if count > 1 {
+            bar.set_message(format!("frame {number}"));
+            bar.set_position(1000 * (index as u64 + 1) / count as u64);
+        }
     }
+    bar.finish_and_clear();
     gpu.wait()?;
     runs.extend(gpu.finished_times()?);
     trace.lap("frames");
     trace.frames(&runs);
     let report = Report {
         scene: &scene,
-        camera: &camera,
+        camera: &seen_from,
         baked: baked.as_ref(),
         gpu: &gpu,
         buffers: &buffers,
@@ -450,16 +490,10 @@ pub(super) fn run(args: &Render) -> Result<()> {
         settings: args.facts(&settings),
         runs: &runs,
     };
-    let measured_ev = gpu.read::<f32>(&frame.targets.exposure)?[0];
-    let ev = args.ev.unwrap_or(measured_ev);
-    let layers = read_layers(&gpu, &frame, &view)?;
-    if args.layer.is_none() && !is_exr(&args.out) {
-        let [w, h] = settings.size;
-        write_png(&args.out, w, h, &gpu.read_image(&frame.targets.output)?)?;
-    } else {
-        layers.write(&args.out, args.layer, args.tonemap, ev, &report.metadata(ev))?;
+    let ev = exposure_value(args, &gpu, &frame)?;
+    if !motion.pictures {
+        broken_in_pictures += write_picture(args, &gpu, &frame, &view, &about, &args.out)?;
     }
-    let broken_in_picture = layers.broken();
     trace.lap("picture");
     for path in &args.timings {
         report.write_timings(path)?;
@@ -468,13 +502,55 @@ pub(super) fn run(args: &Render) -> Result<()> {
         report.write_trace(path, &trace)?;
     }
     report.print(loaded, ev);
-    say!("picture   {}", args.out.display());
+    say_skipped(&skipped, count);
+    match (motion.pictures, motion.frames().next(), motion.frames().last()) {
+        (true, Some((_, first)), Some((_, last))) if first < last => {
+            say!("pictures  {} to {}", numbered(&args.out, first).display(), numbered(&args.out, last).display());
+        }
+        (_, first, _) => say!("picture   {}", numbered(&args.out, first.map_or(0, |first| first.1)).display()),
+    }
     check_messages(&gpu, &problems)?;
     report_broken(&broken)?;
-    if broken_in_picture > 0 {
-        bail!("{broken_in_picture} values of the picture are negative or not finite; this is a bug of lightskin");
+    if broken_in_pictures > 0 {
+        bail!("{broken_in_pictures} values of the picture are negative or not finite; this is a bug of lightskin");
     }
     Ok(())
+}
+
+/// The exposure that a picture is shown with.
+fn exposure_value(args: &Render, gpu: &Gpu, frame: &Frame) -> Result<f32> {
+    Ok(match args.ev {
+        Some(ev) => ev,
+        None => gpu.read::<f32>(&frame.targets.exposure)?[0],
+    })
+}
+
+/// Writes the picture of the last frame, and says how many of its values no radiance can have.
+fn write_picture(args: &Render, gpu: &Gpu, frame: &Frame, view: &View, about: &str, out: &Path) -> Result<usize> {
+    let ev = exposure_value(args, gpu, frame)?;
+    let layers = read_layers(gpu, frame, view)?;
+    if args.layer.is_none() && !is_exr(out) {
+        let [w, h] = frame.targets.size;
+        write_png(out, w, h, &gpu.read_image(&frame.targets.output)?)?;
+    } else {
+        layers.write(out, args.layer, args.tonemap, ev, &format!("{about}; EV {ev}"))?;
+    }
+    Ok(layers.broken())
+}
+
+/// Says how many of the frames have left out which stages.
+fn say_skipped(skipped: &[&'static str], frames: usize) {
+    let mut counts: Vec<(&str, usize)> = Vec::new();
+    for name in skipped {
+        match counts.iter_mut().find(|(known, _)| known == name) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((name, 1)),
+        }
+    }
+    if !counts.is_empty() {
+        let all: Vec<String> = counts.iter().map(|(name, count)| format!("{name} {count}")).collect();
+        say!("skipped   {} of {frames} frames, since nothing they read had changed", all.join(", "));
+    }
 }
 
 /// Says what `--check` has found in all frames, target by target, and fails if that is anything.

@@ -68,12 +68,6 @@ impl Report<'_> {
         [("targets", written), ("scene", scene), ("textures", self.buffers.texture_bytes())]
     }
 
-    pub(super) fn metadata(&self, ev: f32) -> String {
-        let (scene, camera, device) = (&self.scene.name, &self.camera.name, &self.gpu.report().name);
-        let (caches, vals) = (self.caches(), self.vals());
-        format!("scene {scene}; camera {camera}; device {device}; EV {ev}; {caches} caches; {vals} VALs")
-    }
-
     pub(super) fn print(&self, loaded: Duration, ev: f32) {
         let report = self.gpu.report();
         say!(
@@ -165,7 +159,21 @@ impl Report<'_> {
     /// GPU times [ms] of each stage, sorted.
     fn stages(&self) -> Vec<(&'static str, Vec<f64>)> {
         let of = |name| self.sorted(|run| run.stages().iter().find(|s| s.name == name)?.gpu_ms);
-        self.runs[0].stages().iter().map(|s| (s.name, of(s.name))).collect()
+        // A frame may leave stages out: those of all, where they first come.
+        let mut names: Vec<&'static str> = Vec::new();
+        for run in self.runs {
+            let mut at = 0;
+            for stage in run.stages() {
+                match names.iter().position(|name| *name == stage.name) {
+                    Some(known) => at = known + 1,
+                    None => {
+                        names.insert(at, stage.name);
+                        at += 1;
+                    }
+                }
+            }
+        }
+        names.into_iter().map(|name| (name, of(name))).collect()
     }
 
     /// What is the same for all frames.

@@ -28,6 +28,7 @@ use crate::eval::shot::radiance;
 use crate::frame::{Frame, Gi, SceneBuffers, Settings, View, lights};
 use crate::gpu::Gpu;
 use crate::scene::{LightKind, Projection, Scene, Vertex};
+use crate::shared::Proxy;
 use glam::{DVec3, Vec4};
 
 /// What creeps along.
@@ -39,12 +40,14 @@ pub enum Motion {
     Camera,
     /// A model, level and by as much as the light.
     Model,
+    /// Whatever the animation moves: rigid, skinned and morphed models, lights, the camera.
+    Animation,
 }
 
 impl Motion {
     /// In a word.
     pub fn name(self) -> &'static str {
-        ["light", "camera", "model"][self as usize]
+        ["light", "camera", "model", "animation"][self as usize]
     }
 }
 
@@ -63,6 +66,19 @@ pub struct Job {
     pub pace: f64,
     /// The instance that moves, see [`model`].
     pub model: Option<usize>,
+    /// The animation that plays.
+    pub animation: Option<Played>,
+}
+
+/// Part of an animation.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Played {
+    /// Which of the scene's.
+    pub index: usize,
+    /// Where it begins [s].
+    pub begin: f64,
+    /// From frame to frame [s].
+    pub step: f64,
 }
 
 /// One row: a motion, an RSM, a set of caches.
@@ -95,10 +111,21 @@ pub struct Figures {
     pub tremble: [f64; 2],
     /// Second difference of the picture's mean: caches, brute force.
     pub of_mean: [f64; 2],
+    /// Change from frame to frame of what caches receive in the diffuse lobe, relative to its own mean.
+    pub of_caches: f64,
 }
 
 /// Frames of one sequence: indirect radiance of every pixel.
 type Sequence = Vec<Vec<DVec3>>;
+
+/// What was drawn.
+struct Drawn {
+    frames: Sequence,
+    /// Pixels that show the same surface in all frames.
+    kept: Vec<bool>,
+    /// See `Figures::of_caches`.
+    of_caches: f64,
+}
 
 /// The instance that moves unless another is asked for: the largest that is less than half the scene across.
 pub fn model(scene: &Scene) -> Option<usize> {
@@ -133,16 +160,20 @@ pub fn measure(
         let what = if caches.is_some() { "caches" } else { "brute force" };
         progress(done / total, &format!("{} moves: {what}, RSM {rsm}", motion.name()));
         done += 1.0;
-        let settings = Settings { size: job.size, gi, rsm, ..Settings::default() };
+        // All caches are lit: those that the camera does not see are looked at, too.
+        let settings = Settings { size: job.size, gi, rsm, cull: false, ..Settings::default() };
         sequence(gpu, &scenes, caches, &settings)
     };
-    let (fine, _) = draw(Gi::BruteForce, job.fine, None)?;
+    let fine = draw(Gi::BruteForce, job.fine, None)?;
     let mut rows = Vec::new();
     for rsm in &job.rsm {
-        let (truth, kept) = draw(Gi::BruteForce, *rsm, None)?;
+        let truth = draw(Gi::BruteForce, *rsm, None)?;
         for set in caches {
-            let (ours, _) = draw(Gi::LightSkin, *rsm, Some(set))?;
-            let figures = Figures::new(&ours, &truth, &fine, &kept);
+            let ours = draw(Gi::LightSkin, *rsm, Some(set))?;
+            let figures = Figures {
+                of_caches: ours.of_caches,
+                ..Figures::new(&ours.frames, &truth.frames, &fine.frames, &truth.kept)
+            };
             let caches = set.instance_model.iter().map(|m| set.models[*m].caches.len()).sum();
             rows.push(Flicker { motion, rsm: *rsm, caches, figures });
         }
@@ -192,13 +223,18 @@ impl Figures {
             vals_own: apart(truth, fine),
             tremble: [tremble(ours), tremble(truth)],
             of_mean: [of_mean(ours), of_mean(truth)],
+            of_caches: 0.0,
         }
     }
 }
 
-/// Length [m] of a step.
+/// Length [m] of a step, or its time [s].
 fn step(scene: &Scene, motion: Motion, job: &Job) -> Result<f64> {
     let nothing = |what: &str| Error::Nothing(format!("{}: {what}, so that nothing can be moved", scene.name));
+    if motion == Motion::Animation {
+        let played = job.animation.ok_or_else(|| nothing("the scene has no animation"))?;
+        return Ok(job.pace * played.step);
+    }
     let (low, high) = scene.bounds().ok_or_else(|| nothing("the scene has no triangles"))?;
     let (middle, half) = ((low + high) * 0.5, (high - low) * 0.5);
     let light = scene.lights.first().ok_or_else(|| nothing("the scene has no light"))?;
@@ -223,7 +259,7 @@ fn step(scene: &Scene, motion: Motion, job: &Job) -> Result<f64> {
     Ok(job.pace * 0.5 * 2.0 * f64::from(right.length()) * distance / f64::from(finest))
 }
 
-/// The scene with the light, camera or model `way` [m] from where it was.
+/// The scene with the light, camera or model `way` [m] from where it was, or so much later [s].
 fn moved(scene: &Scene, motion: Motion, job: &Job, way: f64) -> Scene {
     let mut scene = scene.clone();
     match motion {
@@ -247,26 +283,26 @@ fn moved(scene: &Scene, motion: Motion, job: &Job, way: f64) -> Scene {
             let instance = &mut scene.instances[job.model.expect("checked by `step`")];
             instance.world_from_model.translation += DVec3::new(0.8, 0.0, 0.6) * way;
         }
+        Motion::Animation => {
+            let played = job.animation.expect("checked by `step`");
+            scene.pose(played.index, scene.looped(played.index, played.begin + way));
+        }
     }
     scene
 }
 
-/// Draws the frames: indirect radiance, and which pixels show the same surface in all.
-fn sequence(
-    gpu: &Gpu,
-    scenes: &[Scene],
-    caches: Option<&CacheSet>,
-    settings: &Settings,
-) -> Result<(Sequence, Vec<bool>)> {
-    // Stages and targets serve all frames: nothing but places differs between the scenes.
-    let first = SceneBuffers::new(gpu, &scenes[0], caches)?;
-    let frame = Frame::new(gpu, &scenes[0], &first, settings)?;
+/// Draws the frames.
+fn sequence(gpu: &Gpu, scenes: &[Scene], caches: Option<&CacheSet>, settings: &Settings) -> Result<Drawn> {
+    let mut buffers = SceneBuffers::new(gpu, &scenes[0], caches)?;
+    let frame = Frame::new(gpu, &scenes[0], &buffers, settings)?;
     let t = &frame.targets;
-    let mut all = Vec::new();
+    let mut frames = Vec::new();
     let mut kept = vec![true; (settings.size[0] * settings.size[1]) as usize];
     let mut last: Option<Vec<(f32, Vec4)>> = None;
+    let mut last_proxies: Option<Vec<DVec3>> = None;
+    let (mut squares, mut sum, mut count) = (0.0, 0.0, 0.0);
     for scene in scenes {
-        let buffers = SceneBuffers::new(gpu, scene, caches)?;
+        buffers.update(scene)?;
         let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
         let drawn = gpu.frame(false, |cmd| {
             frame.record(cmd, &buffers, &view);
@@ -277,15 +313,27 @@ fn sequence(
         for image in t.indirect.iter().flat_map(|i| [Some(&i.diffuse), i.glossy.as_ref()]).flatten() {
             layer.iter_mut().zip(radiance(gpu, image)?).for_each(|(sum, p)| *sum += p);
         }
-        all.push(layer);
+        frames.push(layer);
         let surface: Vec<(f32, Vec4)> =
             gpu.read_image::<f32>(&t.depth)?.into_iter().zip(gpu.read_image::<Vec4>(&t.normal)?).collect();
         for (i, now) in surface.iter().enumerate() {
             kept[i] &= now.0 > 0.0 && last.as_ref().is_none_or(|last| is_same_surface(last[i], *now));
         }
         last = Some(surface);
+        if let Some(caches) = &t.caches {
+            let all: Vec<Proxy> = gpu.read(&caches.proxies)?;
+            let now: Vec<DVec3> =
+                all[..caches.count as usize].iter().map(|p| ({ p.diffuse_irradiance }).as_dvec3()).collect();
+            if let Some(last) = &last_proxies {
+                squares += now.iter().zip(last).map(|(a, b)| a.distance_squared(*b)).sum::<f64>();
+                sum += now.iter().map(|p| p.element_sum()).sum::<f64>();
+                count += 3.0 * now.len() as f64;
+            }
+            last_proxies = Some(now);
+        }
     }
-    Ok((all, kept))
+    let of_caches = if squares == 0.0 { 0.0 } else { (squares / count).sqrt() / (sum / count) };
+    Ok(Drawn { frames, kept, of_caches })
 }
 
 /// Whether depth and normal of a pixel are those of one surface, seen a little later.

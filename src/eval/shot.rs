@@ -198,7 +198,7 @@ fn gathered(p: &shared::Proxy, cache: &Cache, origin: DVec3, eye: DVec3) -> Gath
 fn light_views(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers) -> Result<Vec<rsm::View>> {
     let views: Vec<shared::LightView> = gpu.read(&buffers.view_buffer)?;
     let mut all = Vec::new();
-    for (light, info) in scene.lights.iter().zip(&buffers.lights) {
+    for (light, info) in scene.lights.iter().zip(buffers.lights()) {
         for view in &views[info.first_view as usize..(info.first_view + info.views) as usize] {
             let (right, up, forward) = (view.right.as_dvec3(), view.up.as_dvec3(), view.forward.as_dvec3().normalize());
             let parallel = light.kind == LightKind::Directional;

@@ -108,7 +108,7 @@ pub fn one_cache(scene: &Scene, references: usize, position: Vec3, normal: Vec3)
         let mut row = vec![NO_CACHE; references];
         row[0] = if mesh == 0 { 0 } else { NO_CACHE };
         let references = row.repeat(scene.meshes[mesh].vertices.len());
-        ModelCaches { mesh, caches, references, coverage: Coverage::default() }
+        ModelCaches { mesh, linear: DMat3::IDENTITY, caches, references, coverage: Coverage::default() }
     };
     let models = (0..scene.meshes.len()).map(model).collect();
     let instance_model = scene.instances.iter().map(|i| i.mesh).collect();

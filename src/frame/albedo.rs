@@ -1,6 +1,6 @@
 //! Diffuse albedo of the surface that a cache stands for: what it sends on of the light it receives. METHOD 9.
 
-use crate::bake::{ModelCaches, NO_CACHE};
+use crate::bake::{CacheSet, ModelCaches, NO_CACHE};
 use crate::scene::{Mesh, Scene, Vertex};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
@@ -11,9 +11,15 @@ const SAMPLES: f64 = 256.0;
 /// Most samples along a corner of a triangle: divided meshes have many triangles for each cache.
 const MOST_STEPS: usize = 16;
 
+/// Those of all instances' caches, in the order of the atlas.
+pub(super) fn of_all(scene: &Scene, caches: &CacheSet) -> Vec<Vec3> {
+    let models: Vec<Vec<Vec3>> = caches.models.iter().map(|model| of_caches(scene, model)).collect();
+    caches.instance_model.iter().flat_map(|model| models[*model].iter().copied()).collect()
+}
+
 /// Mean diffuse albedo by area, one of each cache of a model. A third of each triangle belongs to the first reference of
 /// each corner. Holes of masked materials reflect nothing; a cache that no vertex refers to first takes its own point's.
-pub(super) fn of_caches(scene: &Scene, model: &ModelCaches) -> Vec<Vec3> {
+fn of_caches(scene: &Scene, model: &ModelCaches) -> Vec<Vec3> {
     let mesh = &scene.meshes[model.mesh];
     let materials = mesh.triangle_materials();
     let per_vertex = model.references.len() / mesh.vertices.len().max(1);

@@ -20,7 +20,16 @@ impl Atlas {
     /// Records the stage.
     pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, caches: &CacheTargets) {
         let _zone = cmd.zone("atlas");
-        cmd.bind(&self.pipeline, &[(&scene.model_caches).into(), (&scene.instances).into(), (&caches.atlas).into()]);
+        cmd.bind(
+            &self.pipeline,
+            &[
+                (&scene.model_caches).into(),
+                (&scene.instances).into(),
+                scene.indices().into(),
+                (&scene.corners).into(),
+                (&caches.atlas).into(),
+            ],
+        );
         cmd.push(&PlacePush { cache_count: caches.count });
         cmd.dispatch(caches.count, 1, 1);
     }

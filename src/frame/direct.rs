@@ -49,7 +49,7 @@ impl Direct {
     pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, view: &View, t: &Targets) {
         let _zone = cmd.zone("direct");
         let shadow = t.shadow.as_ref().expect("the plan has direct light");
-        for (i, light) in scene.lights.iter().enumerate() {
+        for (i, light) in scene.lights().iter().enumerate() {
             let size = light.shadow_size(shadow.width);
             if i > 0 {
                 cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the last light's map has been read
@@ -62,7 +62,7 @@ impl Direct {
             cmd.render(&depth, |draw| {
                 for face in 0..light.views {
                     draw.area([face % 3 * size, face / 3 * size, size, size]);
-                    let clip = scene.view_matrices[(light.first_view + face) as usize];
+                    let clip = scene.clip_from_world(light.first_view + face);
                     scene.draw(draw, &self.opaque, Which::Opaque, clip, Vec4::ZERO);
                     scene.draw(draw, &self.masked, Which::Masked, clip, Vec4::ZERO);
                 }

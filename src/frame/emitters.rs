@@ -4,7 +4,7 @@
 //! patch is a VAL of that flux. What a surface receives from it is shadowed as that of any VAL.
 
 use crate::scene::material::Emission;
-use crate::scene::{Mesh, Scene};
+use crate::scene::{Instance, Mesh, Scene, Vertex};
 use crate::shared::Val;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -22,62 +22,126 @@ const MOST_PARTS: usize = 64;
 /// Samples of a texture along an edge of a patch.
 const SAMPLES: usize = 8;
 
-/// A triangle that emits, in the world.
+/// A triangle that emits.
 struct Emitter<'a> {
+    instance: usize,
     mesh: &'a Mesh,
     corners: [usize; 3],
     material: usize,
-    /// Relative to the scene's origin [m].
-    positions: [DVec3; 3],
-    /// Unit normal of its front.
-    normal: DVec3,
-    /// Area [m^2].
+    /// Area in the world [m^2].
     area: f64,
 }
 
-/// A patch.
+/// A patch: part of a triangle, wherever that is.
 struct Patch {
-    position: DVec3,
-    normal: DVec3,
+    instance: usize,
+    /// Vertices of the mesh.
+    corners: [usize; 3],
+    /// Barycentric weights of its middle.
+    weights: DVec3,
+    /// Its share of the triangle's area, and what of its neighbours it stands for.
     area: f64,
-    flux: DVec3,
+    material: usize,
+    /// Mean share of the material's radiance that its texture lets through.
+    share: DVec3,
 }
 
-/// The scene's emitting surfaces as VALs without weights, positions relative to `origin`: a square of a power of two a
-/// side whose blocks lie near each other, filled up with VALs that carry nothing. Empty where nothing emits.
-pub(super) fn vals(scene: &Scene, origin: DVec3) -> Vec<Val> {
-    let emission: Vec<Option<Emission<'_>>> = scene.materials.iter().map(|m| m.emission(scene)).collect();
-    let triangles = triangles(scene, &emission, origin);
-    let area: f64 = triangles.iter().map(|t| t.area).sum();
-    let patches: Vec<Vec<Patch>> = triangles
-        .par_iter()
-        .with_min_len(256)
-        .map(|triangle| {
-            let parts = ((triangle.area * WANTED / area).sqrt().ceil() as usize).clamp(1, MOST_PARTS);
-            divide(triangle, emission[triangle.material].as_ref().expect("emits"), parts)
-        })
-        .collect();
-    let patches: Vec<Patch> = patches.into_iter().flatten().filter(|patch| patch.flux != DVec3::ZERO).collect();
-    in_square(fewer(patches))
+/// The emitting surfaces of a scene, as patches that stay the same wherever they move: those of a square of a power of two a
+/// side whose blocks lie near each other, filled up with none.
+#[derive(Default)]
+pub(super) struct Patches(Vec<Option<Patch>>);
+
+/// Radiance of a material [cd/m^2], of no texture.
+fn emissive(scene: &Scene, material: usize) -> DVec3 {
+    scene.materials[material]
+        .emissive
+        .to_array()
+        .map(|c| if c.is_finite() { f64::from(c.max(0.0)) } else { 0.0 })
+        .into()
+}
+
+impl Patches {
+    /// Of the surfaces that emit as the scene stands. Empty where nothing does.
+    pub(super) fn new(scene: &Scene) -> Self {
+        let emission: Vec<Option<Emission<'_>>> = scene.materials.iter().map(|m| m.emission(scene)).collect();
+        let mut places = Places::new(scene);
+        let triangles = triangles(scene, &emission, &mut places);
+        let area: f64 = triangles.iter().map(|t| t.area).sum();
+        let patches: Vec<Vec<Patch>> = triangles
+            .par_iter()
+            .with_min_len(256)
+            .map(|triangle| {
+                let parts = ((triangle.area * WANTED / area).sqrt().ceil() as usize).clamp(1, MOST_PARTS);
+                divide(triangle, emission[triangle.material].as_ref().expect("emits"), parts)
+            })
+            .collect();
+        let shines = |patch: &Patch| patch.share * emissive(scene, patch.material) != DVec3::ZERO;
+        let patches: Vec<Patch> = patches.into_iter().flatten().filter(shines).collect();
+        let vals: Vec<Val> = patches.iter().map(|patch| places.val(patch, DVec3::ZERO)).collect();
+        in_square(fewer(scene, patches.into_iter().zip(vals).collect()))
+    }
+
+    /// As VALs without weights where the scene stands now, positions relative to `origin`; those of nothing carry nothing.
+    pub(super) fn vals(&self, scene: &Scene, origin: DVec3) -> Vec<Val> {
+        let mut places = Places::new(scene);
+        let nothing = Val { area: 1.0, ..Val::default() };
+        self.0.iter().map(|patch| patch.as_ref().map_or(nothing, |patch| places.val(patch, origin))).collect()
+    }
+}
+
+/// Where vertices are; those of instances that bend are posed once for all.
+struct Places<'a> {
+    scene: &'a Scene,
+    posed: Vec<Option<Vec<Vertex>>>,
+}
+
+impl<'a> Places<'a> {
+    fn new(scene: &'a Scene) -> Self {
+        Self { scene, posed: scene.instances.iter().map(|_| None).collect() }
+    }
+
+    /// Twice the triangle's area along the normal of its front, and its corners.
+    fn triangle(&mut self, instance: usize, corners: [usize; 3]) -> ([DVec3; 3], DVec3) {
+        let Instance { mesh, world_from_model, pose, .. } = &self.scene.instances[instance];
+        let mesh = &self.scene.meshes[*mesh];
+        let vertices = match pose {
+            Some(pose) => self.posed[instance].get_or_insert_with(|| mesh.posed(pose)),
+            None => &mesh.vertices,
+        };
+        let positions = corners.map(|v| world_from_model.transform_point3(vertices[v].position.as_dvec3()));
+        let [a, b, c] = positions;
+        (positions, world_from_model.matrix3.determinant().signum() * (b - a).cross(c - a))
+    }
+
+    fn val(&mut self, patch: &Patch, origin: DVec3) -> Val {
+        let ([a, b, c], face) = self.triangle(patch.instance, patch.corners);
+        let area = 0.5 * face.length() * patch.area;
+        if self.scene.instances[patch.instance].hidden || !(area > 0.0 && area.is_finite()) {
+            return Val { area: 1.0, ..Val::default() };
+        }
+        let position = patch.weights.x * a + patch.weights.y * b + patch.weights.z * c;
+        Val {
+            position: (position - origin).as_vec3(),
+            area: area as f32,
+            normal: face.normalize().as_vec3(),
+            material: 0,
+            flux: (PI * area * patch.share * emissive(self.scene, patch.material)).as_vec3(),
+            weight: 0.0,
+        }
+    }
 }
 
 /// The triangles that emit and have an area.
-fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], origin: DVec3) -> Vec<Emitter<'a>> {
+fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], places: &mut Places<'a>) -> Vec<Emitter<'a>> {
     let mut all = Vec::new();
-    for instance in &scene.instances {
+    for (i, instance) in scene.instances.iter().enumerate() {
         let mesh = &scene.meshes[instance.mesh];
-        let side = instance.world_from_model.matrix3.determinant().signum();
         for primitive in mesh.primitives.iter().filter(|p| emission[p.material].is_some()) {
             for triangle in primitive.first_index / 3..(primitive.first_index + primitive.index_count) / 3 {
                 let corners = mesh.triangle(triangle as usize);
-                let place = |v: usize| instance.world_from_model.transform_point3(mesh.vertices[v].position.as_dvec3());
-                let positions = corners.map(|v| place(v) - origin);
-                let [a, b, c] = positions;
-                let face = 0.5 * side * (b - a).cross(c - a);
-                let area = face.length();
+                let area = 0.5 * places.triangle(i, corners).1.length();
                 if area > 0.0 && area.is_finite() {
-                    let (material, normal) = (primitive.material, face / area);
-                    all.push(Emitter { mesh, corners, material, positions, normal, area });
+                    all.push(Emitter { instance: i, mesh, corners, material: primitive.material, area });
                 }
             }
         }
@@ -87,19 +151,17 @@ fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], origin: DV
 
 /// A triangle in `parts` squared equal ones.
 fn divide(triangle: &Emitter<'_>, emission: &Emission<'_>, parts: usize) -> Vec<Patch> {
-    let area = triangle.area / (parts * parts) as f64;
     let patch = |weights: [DVec3; 3]| {
-        let [a, b, c] = triangle.positions;
-        let middle = (weights[0] + weights[1] + weights[2]) / 3.0;
         let inner = if emission.is_uniform() { 1 } else { SAMPLES };
         let mut sum = Vec3::ZERO;
-        thirds(weights, inner, |sample| sum += radiance(triangle, emission, (sample[0] + sample[1] + sample[2]) / 3.0));
-        let radiance = sum.as_dvec3() / (inner * inner) as f64;
+        thirds(weights, inner, |sample| sum += share(triangle, emission, (sample[0] + sample[1] + sample[2]) / 3.0));
         Patch {
-            position: middle.x * a + middle.y * b + middle.z * c,
-            normal: triangle.normal,
-            area,
-            flux: PI * area * radiance,
+            instance: triangle.instance,
+            corners: triangle.corners,
+            weights: (weights[0] + weights[1] + weights[2]) / 3.0,
+            area: 1.0 / (parts * parts) as f64,
+            material: triangle.material,
+            share: sum.as_dvec3() / (inner * inner) as f64,
         }
     };
     let mut all = Vec::with_capacity(parts * parts);
@@ -120,16 +182,16 @@ fn thirds([a, b, c]: [DVec3; 3], n: usize, mut each: impl FnMut([DVec3; 3])) {
     }
 }
 
-fn radiance(triangle: &Emitter<'_>, emission: &Emission<'_>, weights: DVec3) -> Vec3 {
+fn share(triangle: &Emitter<'_>, emission: &Emission<'_>, weights: DVec3) -> Vec3 {
     let [a, b, c] = triangle.corners.map(|v| &triangle.mesh.vertices[v]);
     let w = weights.as_vec3();
     let uv: [Vec2; 2] = [w.x * a.uv0 + w.y * b.uv0 + w.z * c.uv0, w.x * a.uv1 + w.y * b.uv1 + w.z * c.uv1];
-    emission.radiance(uv)
+    emission.share(uv)
 }
 
 /// At most [`MOST`] patches of the same light: where there are more, every so many lumen one is taken, and all are of
 /// equal brightness.
-fn fewer(patches: Vec<Patch>) -> Vec<Patch> {
+fn fewer(scene: &Scene, patches: Vec<(Patch, Val)>) -> Vec<(Patch, Val)> {
     if patches.len() <= MOST {
         return patches;
     }
@@ -138,56 +200,56 @@ fn fewer(patches: Vec<Patch>) -> Vec<Patch> {
         patches.len(),
         patches.len() as f64 / MOST as f64
     );
-    let luminance = |patch: &Patch| patch.flux.dot(DVec3::new(0.2126, 0.7152, 0.0722)).max(f64::MIN_POSITIVE);
-    let step = patches.iter().map(luminance).sum::<f64>() / MOST as f64;
+    let luminance = |val: &Val| val.flux.as_dvec3().dot(DVec3::new(0.2126, 0.7152, 0.0722)).max(f64::MIN_POSITIVE);
+    let step = patches.iter().map(|(_, val)| luminance(val)).sum::<f64>() / MOST as f64;
     // Colours of those that are left out are kept: each taken one gets the sum since the last.
     let (mut sum, mut flux, mut area) = (0.5 * step, DVec3::ZERO, 0.0);
-    let mut taken = Vec::with_capacity(MOST + 1);
-    for patch in patches {
-        sum += luminance(&patch);
-        flux += patch.flux;
-        area += patch.area;
+    let mut taken: Vec<(Patch, Val, DVec3, f64)> = Vec::with_capacity(MOST + 1);
+    for (patch, val) in patches {
+        sum += luminance(&val);
+        flux += val.flux.as_dvec3();
+        area += f64::from(val.area);
         if sum >= step {
             sum %= step;
-            taken.push(Patch { flux, area, ..patch });
+            taken.push((patch, val, flux, area));
             (flux, area) = (DVec3::ZERO, 0.0);
         }
     }
     if let Some(last) = taken.last_mut() {
-        last.flux += flux;
-        last.area += area;
+        last.2 += flux;
+        last.3 += area;
     }
-    taken
+    let stands_for = |(patch, val, flux, area): (Patch, Val, DVec3, f64)| {
+        // Radiance over what the material has: channels that it lacks get what they can.
+        let own = emissive(scene, patch.material);
+        let own = own.max(DVec3::splat(1e-6 * own.max_element()));
+        let share = flux / (PI * area) / own;
+        (Patch { area: patch.area * area / f64::from(val.area), share, ..patch }, val)
+    };
+    taken.into_iter().map(stands_for).collect()
 }
 
 /// Patches along a space-filling curve, which in a square of VALs runs through the blocks that nodes of a pyramid hold.
-fn in_square(patches: Vec<Patch>) -> Vec<Val> {
+fn in_square(patches: Vec<(Patch, Val)>) -> Patches {
     if patches.is_empty() {
-        return Vec::new();
+        return Patches::default();
     }
-    let low = patches.iter().map(|p| p.position).reduce(DVec3::min).unwrap_or_default();
-    let high = patches.iter().map(|p| p.position).reduce(DVec3::max).unwrap_or_default();
-    let size = (high - low).max_element().max(f64::MIN_POSITIVE);
-    let key = |patch: &Patch| {
-        let cell = ((patch.position - low) / size * 1023.0).as_uvec3();
+    let low = patches.iter().map(|(_, val)| val.position).reduce(Vec3::min).unwrap_or_default();
+    let high = patches.iter().map(|(_, val)| val.position).reduce(Vec3::max).unwrap_or_default();
+    let size = (high - low).max_element().max(f32::MIN_POSITIVE);
+    let key = |val: &Val| -> u32 {
+        let cell = ((val.position - low) / size * 1023.0).as_uvec3();
         (0..10)
             .map(|bit| ((cell.x >> bit & 1) | (cell.y >> bit & 1) << 1 | (cell.z >> bit & 1) << 2) << (3 * bit))
             .sum()
     };
-    let mut ordered: Vec<(u32, Patch)> = patches.into_iter().map(|patch| (key(&patch), patch)).collect();
+    let mut ordered: Vec<(u32, Patch)> = patches.into_iter().map(|(patch, val)| (key(&val), patch)).collect();
     ordered.sort_by_key(|(key, _)| *key);
     let side = ((ordered.len() as f64).sqrt().ceil() as usize).next_power_of_two();
-    let mut square = vec![Val { area: 1.0, ..Val::default() }; side * side];
+    let mut square: Vec<Option<Patch>> = (0..side * side).map(|_| None).collect();
     for (i, (_, patch)) in ordered.into_iter().enumerate() {
         let axis = |first: usize| (0..16).map(|bit| (i >> (2 * bit + first) & 1) << bit).sum::<usize>();
-        square[axis(1) * side + axis(0)] = Val {
-            position: patch.position.as_vec3(),
-            area: patch.area as f32,
-            normal: patch.normal.as_vec3(),
-            material: 0,
-            flux: patch.flux.as_vec3(),
-            weight: 0.0,
-        };
+        square[axis(1) * side + axis(0)] = Some(patch);
     }
-    square
+    Patches(square)
 }

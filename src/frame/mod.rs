@@ -9,6 +9,7 @@ pub mod check;
 pub mod clusters;
 pub mod composite;
 pub mod cull;
+pub mod deform;
 pub mod depth_images;
 pub mod direct;
 mod emitters;
@@ -16,10 +17,12 @@ pub mod gather;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod lights;
+mod moving;
 pub mod occlude;
 pub mod pack;
 pub mod plan;
 pub mod pyramid;
+mod reuse;
 pub mod rsm;
 pub mod sky;
 pub mod targets;
@@ -31,6 +34,7 @@ pub mod visible;
 pub use clusters::Cluster;
 pub use gather::{GatherPath, GatherSettings, ValSource};
 pub use plan::{Plan, PlanLine};
+pub use reuse::Due;
 pub use targets::Targets;
 pub use upload::SceneBuffers;
 pub use view::View;
@@ -39,6 +43,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Cmd, Format, Gpu, Stream, Use};
 use crate::scene::{Scene, Vertex};
 use crate::shared::LiveArgs;
+use std::cell::RefCell;
 
 /// How indirect light is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -148,6 +153,8 @@ pub struct Settings {
     pub cull: bool,
     /// Soft shadows of indirect light.
     pub shadows: Shadows,
+    /// Stages whose inputs are those of the frame before are left out. Pictures do not change, times do.
+    pub reuse: bool,
     /// Curve of stage 11.
     pub tonemap: Tonemap,
     /// Exposure of stage 11.
@@ -170,6 +177,7 @@ impl Default for Settings {
             cluster: None,
             cull: true,
             shadows: Shadows::Off,
+            reuse: false,
             tonemap: Tonemap::PbrNeutral,
             exposure: Exposure::Automatic,
         }
@@ -195,6 +203,7 @@ pub struct Frame {
     pub plan: Plan,
     /// What they write.
     pub targets: Targets,
+    poses: Option<deform::Poses>,
     gbuffer: gbuffer::GBuffer,
     direct: Option<direct::Direct>,
     sky: Option<sky::Background>,
@@ -203,6 +212,11 @@ pub struct Frame {
     brute_force: Option<brute_force::BruteForce>,
     composite: composite::Composite,
     bounces: u32,
+    reuse: bool,
+    /// What the targets hold.
+    done: RefCell<reuse::Done>,
+    /// What the last recorded frame has run.
+    due: RefCell<Due>,
 }
 
 /// What a frame has worked with.
@@ -281,7 +295,7 @@ impl Frame {
                     .then(|| cull::Cull::new(gpu, settings, of_pixels.unwrap_or(settings.references)))
                     .transpose()?,
                 gather: match settings.cluster {
-                    None => Lighting::All(Box::new(gather::Gather::of_frame(gpu, &plan, settings, &buffers.lights)?)),
+                    None => Lighting::All(Box::new(gather::Gather::of_frame(gpu, &plan, settings, buffers.lights())?)),
                     Some(rule) => {
                         let made = clusters::Clusters::new(gpu, buffers, settings, rule, plan.glossy, plan.cull)?;
                         Lighting::Clusters(Box::new(made))
@@ -300,7 +314,11 @@ impl Frame {
             lightskin: plan.lightskin.then(lightskin).transpose()?,
             brute_force: plan.brute_force.then(|| brute_force::BruteForce::new(gpu, &plan)).transpose()?,
             composite: composite::Composite::new(gpu, &plan, settings)?,
+            poses: plan.deform.then(|| deform::Poses::new(gpu)).transpose()?,
             bounces: settings.bounces,
+            reuse: settings.reuse,
+            done: RefCell::new(reuse::Done::new(buffers)),
+            due: RefCell::default(),
             plan,
         })
     }
@@ -342,55 +360,85 @@ impl Frame {
         Ok(live)
     }
 
-    /// Records one frame, top to bottom; the numbers are METHOD's. A stage the scene does not need is `None`.
+    /// Stages of the plan that the last recorded frame has left out, since nothing they read had changed.
+    pub fn skipped(&self) -> Vec<&'static str> {
+        self.due.borrow().skipped(&self.plan)
+    }
+
+    /// Records one frame, top to bottom; the numbers are METHOD's. A stage the scene does not need is `None`, one whose
+    /// inputs are as they were is not `due`.
     pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, view: &View) {
         let t = &self.targets;
-        cmd.begin_frame(t.images()); // the last frame is done; images UNDEFINED -> GENERAL
+        let (mut due, mut done) = (self.due.borrow_mut(), self.done.borrow_mut());
+        due.find(self.reuse, &self.plan, &done, &scene.revisions, view);
+        // The last frame is done; images UNDEFINED -> GENERAL, unless what they hold may be of use.
+        cmd.begin_frame(if self.reuse && done.is_some() { Vec::new() } else { t.images() });
 
-        self.gbuffer.record(cmd, scene, view, t); // 1
-        if let Some(direct) = &self.direct {
+        if let (true, Some(poses)) = (scene.record_changes(cmd), &self.poses) {
+            poses.record(cmd, scene); // what bends, before all stages
+            cmd.barrier(Use::ComputeWrite, Use::VertexInput | Use::ComputeRead);
+        }
+        if due.direct {
+            self.gbuffer.record(cmd, scene, view, t); // 1
+        }
+        if let Some(direct) = self.direct.as_ref().filter(|_| due.direct) {
             direct.record(cmd, scene, view, t); // 2
         }
-        if let Some(sky) = &self.sky {
+        if let Some(sky) = self.sky.as_ref().filter(|_| due.direct) {
             sky.record(cmd, scene, view, t); // 2
         }
-        if let (Some(LightSkin { atlas, .. }), Some(caches)) = (&self.lightskin, &t.caches) {
+        if let (true, Some(LightSkin { atlas, .. }), Some(caches)) = (due.atlas, &self.lightskin, &t.caches) {
             atlas.record(cmd, scene, caches); // 3
         }
-        if let (Some(rsm), Some(targets)) = (&self.rsm, &t.rsm) {
-            rsm.record(cmd, scene, targets); // 4
-        }
-        if let (Some(LightSkin { gather: Lighting::Clusters(by), .. }), Some(targets)) = (&self.lightskin, &t.rsm) {
-            by.pyramid.record(cmd, targets); // 6, before the gather
+        if let (true, Some(rsm), Some(targets)) = (due.rsm, &self.rsm, &t.rsm) {
+            rsm.record(cmd, scene, &due.lights, done.new_emitters(scene), targets); // 4
+            if let Some(LightSkin { gather: Lighting::Clusters(by), .. }) = &self.lightskin {
+                by.pyramid.record(cmd, targets); // 6, before the gather
+            }
         }
         if let (Some(gi), Some(caches), Some(rsm), Some(out)) = (&self.lightskin, &t.caches, &t.rsm, &t.indirect)
             && let (Some(element), Some(visible)) = (&t.element, &t.visible)
         {
-            match &gi.visible {
-                Seen::Vertices(by) => by.record(cmd, scene, &[element], visible), // 5
-                Seen::Cells(by) => by.record(cmd, scene, view, element, visible), // 5
+            if due.visible {
+                match &gi.visible {
+                    Seen::Vertices(by) => by.record(cmd, scene, &[element], visible), // 5
+                    Seen::Cells(by) => by.record(cmd, scene, view, element, visible), // 5
+                }
             }
-            if let Some(cull) = &gi.cull {
+            if let Some(cull) = gi.cull.as_ref().filter(|_| due.cull) {
                 cull.record(cmd, scene, visible, &rsm.vals, caches); // 5
             }
-            cmd.barrier(
-                Use::ComputeWrite | Use::DepthWrite,
-                Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
-            ); //   VALs, atlas, live caches -> 6
-            match &gi.gather {
-                Lighting::All(gather) => gather.record(cmd, &rsm.vals, view, caches, scene.cache_albedos.as_ref()), // 6
-                Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches),                      // 6
+            if due.direct {
+                cmd.barrier(
+                    Use::ComputeWrite | Use::DepthWrite,
+                    Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
+                ); //   VALs, atlas, live caches -> 6
             }
-            if let Some(occlude) = &gi.occlude {
-                occlude.record(cmd, caches); // 7
+            if due.gather {
+                match &gi.gather {
+                    Lighting::All(gather) => {
+                        gather.record(cmd, &rsm.vals, view, caches, scene.cache_albedos()); // 6
+                    }
+                    Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches), // 6
+                }
+                if let Some(occlude) = &gi.occlude {
+                    occlude.record(cmd, caches); // 7
+                }
             }
-            gi.interpolate.record(cmd, scene, view, t, visible, caches, out); // 8
+            if due.interpolate {
+                gi.interpolate.record(cmd, scene, view, t, visible, caches, out); // 8
+            }
         }
-        if let (Some(brute_force), Some(rsm), Some(out)) = (&self.brute_force, &t.rsm, &t.indirect) {
+        if let (true, Some(brute_force), Some(rsm), Some(out)) =
+            (due.interpolate, &self.brute_force, &t.rsm, &t.indirect)
+        {
             cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8
             brute_force.record(cmd, &rsm.vals, view, t, out); // 8
         }
-        self.composite.record(cmd, t); // 11
+        if due.composite {
+            self.composite.record(cmd, t); // 11
+        }
+        done.set(&scene.revisions, view);
     }
 }
 

@@ -6,6 +6,8 @@ use crate::scene::{Material, Scene};
 /// Which stages a frame has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
+    /// Before stage 1: meshes that bend are posed.
+    pub deform: bool,
     /// Stage 2: there is a light.
     pub direct: bool,
     /// Stage 2 where no surface is: there is a sky.
@@ -52,6 +54,7 @@ impl Plan {
         let lightskin = (direct || emitters) && settings.gi == Gi::LightSkin && settings.bounces > 0;
         let bounces = lightskin && settings.bounces > 1;
         Self {
+            deform: scene.instances.iter().any(|instance| scene.meshes[instance.mesh].deform.is_some()),
             direct,
             sky: scene.sky.is_some(),
             emitters,

@@ -73,7 +73,7 @@ impl Pyramid {
 
 /// Where the VALs and nodes of all views lie, and how many nodes there are.
 fn layout(scene: &SceneBuffers, rsm: u32) -> (Vec<ClusterView>, u32) {
-    let sizes = scene.lights.iter().flat_map(|light| (0..light.views).map(|_| light.rsm_size(rsm)));
+    let sizes = scene.lights().iter().flat_map(|light| (0..light.views).map(|_| light.rsm_size(rsm)));
     // Those of the surfaces that emit lie like a picture, too.
     let emitters = (!scene.emitters.is_empty()).then(|| scene.emitters.len().isqrt() as u32);
     let (mut views, mut first_val, mut first_node) = (Vec::new(), 0, 0);

@@ -13,6 +13,7 @@ pub struct Rsm {
     draw: Pipeline,
     vals: Pipeline,
     pack: Pack,
+    weight: ProxyWeight,
 }
 
 impl Rsm {
@@ -32,17 +33,27 @@ impl Rsm {
             })?,
             vals: gpu.compute("vals.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
             pack: Pack::new(gpu)?,
+            weight,
         })
     }
 
-    /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, t: &RsmTargets) {
+    /// Records the stage for the lights that are due; the VALs of the others are as they were. `emitters` says whether those
+    /// of surfaces that emit are not.
+    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, due: &[bool], emitters: bool, t: &RsmTargets) {
         let _zone = cmd.zone("rsm");
-        let mut first = 0;
-        for (i, light) in scene.lights.iter().enumerate() {
+        if emitters {
+            t.vals.update(cmd, &scene.emitters, self.weight);
+            cmd.barrier(Use::CopyWrite, Use::ComputeRead | Use::ComputeWrite);
+        }
+        let (mut first, mut drawn) = (0, false);
+        for (i, light) in scene.lights().iter().enumerate() {
             let size = light.rsm_size(t.depth.width);
+            if !due[i] {
+                first += light.views * size * size;
+                continue;
+            }
             for view in light.first_view..light.first_view + light.views {
-                if first > 0 {
+                if drawn {
                     cmd.barrier(Use::ComputeRead | Use::DepthWrite, Use::ColorWrite | Use::DepthWrite); // the last view is read
                 }
                 let attachments = Attachments {
@@ -50,9 +61,9 @@ impl Rsm {
                     depth: Some(Attach::clear(&t.depth)),
                     area: [0, 0, size, size],
                 };
-                let clip = scene.view_matrices[view as usize];
+                let clip = scene.clip_from_world(view);
                 cmd.render(&attachments, |draw| scene.draw(draw, &self.draw, Which::All, clip, light.eye));
-                if first > 0 {
+                if drawn {
                     cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 } else {
                     cmd.barrier(Use::ColorWrite, Use::ComputeRead);
@@ -72,9 +83,10 @@ impl Rsm {
                 cmd.push(&ValPush { light: i as u32, view, size, first });
                 cmd.dispatch(size, size, 1);
                 first += size * size;
+                drawn = true;
             }
         }
-        if first > 0 {
+        if drawn {
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // VALs, flags -> their list
         }
         self.pack.vals(cmd, &t.vals);

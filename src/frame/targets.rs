@@ -5,7 +5,7 @@ use super::gather::{GatherPath, GatherSettings};
 use super::pyramid::Pyramid;
 use super::{Plan, ProxyWeight, SceneBuffers, Settings};
 use crate::error::{Error, Result};
-use crate::gpu::{Buffer, Format, Gpu, Image};
+use crate::gpu::{Buffer, Cmd, Format, Gpu, Image};
 use crate::shared::{
     ATLAS_COLUMNS, CLUSTER_GROUP, Cache, DEPTH_IMAGE_TEXELS, GATHER_THREADS, GatherSums, LiveArgs, OCCLUDER_GROUP,
     OccluderGroup, PACK_BLOCK, Proxy, TEXEL_CACHES, VAL_TILE, Val, VertexLight, VisibleArgs, VisibleVertex,
@@ -253,8 +253,8 @@ impl Targets {
 
 impl RsmTargets {
     fn new(gpu: &Gpu, scene: &SceneBuffers, settings: &Settings) -> Result<Self> {
-        let n = if scene.lights.is_empty() { 1 } else { settings.rsm };
-        let val_count: u64 = scene.lights.iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
+        let n = if scene.lights().is_empty() { 1 } else { settings.rsm };
+        let val_count: u64 = scene.lights().iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
         let val_count = val_count + scene.emitters.len() as u64;
         let val_count = u32::try_from(val_count).ok().filter(|c| *c <= 1 << 25);
         let val_count =
@@ -289,17 +289,20 @@ impl ValTargets {
         if last.is_empty() {
             return Ok(made);
         }
+        let (given, given_flags) = weighed(last, weight);
         let mut all = vec![Val::default(); count as usize - last.len()];
-        all.extend(last.iter().map(|val| Val {
-            weight: match weight {
-                ProxyWeight::Irradiance => val.flux.dot(Vec3::new(0.2126, 0.7152, 0.0722)),
-                ProxyWeight::FormFactor if val.flux == Vec3::ZERO => 0.0,
-                ProxyWeight::FormFactor => val.area,
-            },
-            ..*val
-        }));
-        let flags: Vec<u32> = all.iter().map(|val| u32::from(val.flux != Vec3::ZERO)).collect();
+        let mut flags = vec![0; all.len()];
+        all.extend(given);
+        flags.extend(given_flags);
         Ok(Self { all: gpu.buffer_from("rsm.vals", &all)?, flags: gpu.buffer_from("rsm.val_flags", &flags)?, ..made })
+    }
+
+    /// Records that the last ones are these from now on.
+    pub fn update(&self, cmd: &Cmd<'_>, last: &[Val], weight: ProxyWeight) {
+        let (vals, flags) = weighed(last, weight);
+        let first = u64::from(self.count) - last.len() as u64;
+        cmd.update(&self.all, first * size_of::<Val>() as u64, &vals);
+        cmd.update(&self.flags, 4 * first, &flags);
     }
 
     /// These VALs, all of them live.
@@ -310,6 +313,16 @@ impl ValTargets {
         let live = gpu.buffer_from("rsm.live_vals", &padded)?;
         Ok(Self { live, live_count: gpu.buffer_from("rsm.live_val_count", &[count])?, ..Self::new(gpu, count)? })
     }
+}
+
+/// VALs with the weights that their proxies' positions have, and which of them carry light.
+fn weighed(vals: &[Val], weight: ProxyWeight) -> (Vec<Val>, Vec<u32>) {
+    let weight_of = |val: &Val| match weight {
+        ProxyWeight::Irradiance => val.flux.dot(Vec3::new(0.2126, 0.7152, 0.0722)),
+        ProxyWeight::FormFactor if val.flux == Vec3::ZERO => 0.0,
+        ProxyWeight::FormFactor => val.area,
+    };
+    vals.iter().map(|val| (Val { weight: weight_of(val), ..*val }, u32::from(val.flux != Vec3::ZERO))).unzip()
 }
 
 /// Most memory that the parts of the compute path's sums take [bytes], unless a part would then be too long.

@@ -1,28 +1,37 @@
 //! A scene and its caches on the device: merged vertices, textures, materials, instances, lights, references.
 //!
-//! Everything here is written once. Positions are relative to the scene's origin, the middle of its bounds, so that a
+//! Most of it is written once; what moves is written anew by frames that find it changed (`moving.rs`). Positions are relative to the scene's origin, the middle of its bounds, so that a
 //! scene far from the world's origin is drawn and lit like one that is near.
 
+use super::albedo;
 use super::cells::CellBuffers;
-use super::lights::{self, LightInfo};
+use super::deform::DeformBuffers;
+use super::emitters::Patches;
+use super::lights::LightInfo;
+use super::moving::{Moving, Pending, Revisions, normal_matrix};
 use super::sky::SkyBuffer;
-use super::{albedo, emitters};
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, SamplerKind};
 use crate::image::mip_chain;
 use crate::scene::{Material, Scene, Texture, Vertex, Wrap};
-use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, TEXTURE_COUNT, TextureSlot};
+use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, RIGID, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
-use glam::{DMat4, DVec3, Mat4, Vec3, Vec4};
+use glam::{DMat3, DVec3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
+use std::cell::Cell;
 use std::collections::BTreeMap;
+
+/// Most vertices of all meshes and all instances that bend: shaders count their words in 32 bits.
+const MOST_VERTICES: usize = u32::MAX as usize / 16;
 
 /// A run of triangles of one instance with one material.
 struct DrawItem {
     instance: u32,
     material: u32,
     vertex_offset: u64,
+    /// First vertex of the mesh at rest.
+    first_rest: u32,
     index_offset: u64,
     first_index: u32,
     index_count: u32,
@@ -34,7 +43,6 @@ struct DrawItem {
     grid: u32,
     /// First of the instance's vertices, or cells, among those of all instances.
     first_slot: u32,
-    mirrored: bool,
     masked: bool,
     /// Whether the model has caches to refer to.
     has_caches: bool,
@@ -46,18 +54,20 @@ pub struct SceneBuffers {
     pub origin: DVec3,
     /// Half of the bounds' diagonal [m].
     pub radius: f64,
-    /// Lights, for the host.
-    pub lights: Vec<LightInfo>,
+    /// Half extent of the scene along each axis [m].
+    pub(super) half: DVec3,
     /// Lights, for shaders.
     pub light_buffer: Buffer,
     /// Views of lights.
     pub view_buffer: Buffer,
-    /// Clip matrices of the lights' views.
-    pub view_matrices: Vec<Mat4>,
     /// What is behind all surfaces.
     pub sky: Option<SkyBuffer>,
     /// Surfaces that emit as VALs without weights: a square, or none.
     pub emitters: Vec<shared::Val>,
+    /// Where those are that emit.
+    pub(super) patches: Patches,
+    /// What poses are made of, where something bends.
+    pub(super) deform: Option<DeformBuffers>,
     /// Instances, for shaders.
     pub instances: Buffer,
     /// Caches of all instances in model space.
@@ -65,25 +75,45 @@ pub struct SceneBuffers {
     /// How many.
     pub cache_count: u32,
     /// Their diffuse albedos, once more bounces have asked for them.
-    pub cache_albedos: Option<Buffer>,
+    pub(super) cache_albedos: Option<CacheAlbedos>,
     /// References of all models' vertices, or cells.
     pub references: Buffer,
     /// What `draw` draws, for those who look up a visible triangle.
     pub draw_records: Buffer,
-    /// Positions and normals of all vertices.
+    /// Positions and normals of all vertices: of all meshes, then posed of all instances that bend.
     pub corners: Buffer,
     /// Where pixels look references up.
     pub cells: Option<CellBuffers>,
     /// Vertices of all instances, or cells of their surfaces.
     pub slot_count: u32,
+    /// What the device has, or is about to get.
+    pub(super) moving: Moving,
+    /// Room for the next.
+    pub(super) spare: Moving,
+    /// What of it the next frame copies.
+    pub(super) pending: Cell<Pending>,
+    /// Which content it is.
+    pub(super) revisions: Revisions,
+    /// The map that each instance's caches were placed under.
+    pub(super) placed: Vec<DMat3>,
     vertices: Buffer,
     indices: Buffer,
-    materials: Buffer,
-    texture_slots: Buffer,
+    pub(super) materials: Buffer,
+    pub(super) texture_slots: Buffer,
     textures: Vec<Image>,
     /// Per material: image and sampler of each of its textures.
     material_textures: Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>,
     draws: Vec<DrawItem>,
+}
+
+/// What caches reflect.
+pub(super) struct CacheAlbedos {
+    /// For shaders.
+    pub(super) buffer: Buffer,
+    /// What is or will be there.
+    pub(super) albedos: Vec<Vec3>,
+    /// Whose they are: materials may change.
+    pub(super) caches: CacheSet,
 }
 
 /// Which triangles a pass draws.
@@ -106,25 +136,15 @@ impl SceneBuffers {
         let radius = half.length().max(1e-12);
         half = half.max(DVec3::splat(1e-6 * radius));
 
-        let mut instances = Vec::new();
-        let mut mirrored = Vec::new();
-        for instance in &scene.instances {
-            let mut placed = instance.world_from_model;
-            placed.translation -= origin;
-            let linear = placed.matrix3;
-            mirrored.push(linear.determinant() < 0.0);
-            // The cofactor matrix is the inverse transpose up to a positive factor, and exists for flat instances too.
-            let cofactor = glam::DMat3::from_cols(
-                linear.y_axis.cross(linear.z_axis),
-                linear.z_axis.cross(linear.x_axis),
-                linear.x_axis.cross(linear.y_axis),
-            ) * linear.determinant().signum();
-            let size = cofactor.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1e-300);
-            instances.push(shared::Instance {
-                world_from_model: DMat4::from(placed).as_mat4(),
-                world_from_normal: Mat4::from_mat3((cofactor * (1.0 / size)).as_mat3()),
-            });
-        }
+        // Caches were placed under these maps, whatever the instances' are now.
+        let placed: Vec<DMat3> = (scene.instances.iter().enumerate())
+            .map(|(i, instance)| match caches {
+                Some(caches) => caches.models[caches.instance_model[i]].linear,
+                None => instance.world_from_model.matrix3,
+            })
+            .collect();
+        let mut moving = Moving::default();
+        moving.fill(scene, origin, half, &placed);
 
         let (mut vertices, mut indices) = (Vec::<Vertex>::new(), Vec::<u32>::new());
         let mut mesh_base = Vec::new();
@@ -132,6 +152,21 @@ impl SceneBuffers {
             mesh_base.push((vertices.len() as u64, indices.len() as u64));
             vertices.extend_from_slice(&mesh.vertices);
             indices.extend_from_slice(&mesh.indices);
+        }
+        // Instances that bend have vertices of their own, which begin as those at rest.
+        let mut first_posed = Vec::new();
+        for instance in &scene.instances {
+            let mesh = &scene.meshes[instance.mesh];
+            first_posed.push(mesh.deform.as_ref().map(|_| vertices.len() as u32));
+            if mesh.deform.is_some() {
+                vertices.extend_from_slice(&mesh.vertices);
+            }
+        }
+        if vertices.len() > MOST_VERTICES {
+            return Err(Error::TooLarge(format!(
+                "{} vertices over all instances that bend, but {MOST_VERTICES} can be held; take fewer of them",
+                vertices.len()
+            )));
         }
 
         let mut references = Vec::<u16>::new();
@@ -150,9 +185,11 @@ impl SceneBuffers {
             let cache_base = model_caches.len() as u32;
             let model = caches.map(|c| (c.instance_model[i], &c.models[c.instance_model[i]]));
             if let Some((_, model)) = model {
-                model_caches.extend(place_caches(scene, instance.mesh, model, i as u32));
+                let bent = first_posed[i].map(|first| Bent { first_index: mesh_base[instance.mesh].1, first });
+                model_caches.extend(place_caches(scene, instance.mesh, model, i as u32, bent));
             }
             let mesh = &scene.meshes[instance.mesh];
+            let first_vertex = first_posed[i].map_or(mesh_base[instance.mesh].0, u64::from);
             let first_slot = slot_count;
             let slots = match (cells, model) {
                 (Some(cells), Some((m, _))) => cells.models[m].cells.len(),
@@ -166,7 +203,8 @@ impl SceneBuffers {
                 draws.push(DrawItem {
                     instance: i as u32,
                     material: primitive.material as u32,
-                    vertex_offset: mesh_base[instance.mesh].0 * size_of::<Vertex>() as u64,
+                    vertex_offset: first_vertex * size_of::<Vertex>() as u64,
+                    first_rest: mesh_base[instance.mesh].0 as u32,
                     index_offset: mesh_base[instance.mesh].1 * 4,
                     first_index: primitive.first_index,
                     index_count: primitive.index_count,
@@ -174,7 +212,6 @@ impl SceneBuffers {
                     cache_base,
                     grid: model.map_or(0, |(m, _)| m as u32),
                     first_slot,
-                    mirrored: mirrored[i],
                     masked: scene.materials[primitive.material].alpha_cutoff.is_some(),
                     has_caches: model.is_some_and(|(_, m)| !m.caches.is_empty()),
                 });
@@ -183,25 +220,22 @@ impl SceneBuffers {
         // Few pipeline and texture changes: draws of a material follow each other.
         draws.sort_by_key(|d| (d.material, d.instance, d.first_index));
 
-        let (mut lights, light_data, view_data) = lights::prepare(&scene.lights, origin, half);
-        if let Some(sky) = &scene.sky {
-            lights[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as u32);
-        }
-        let (textures, slots, material_textures) = upload_textures(gpu, scene)?;
-        let materials: Vec<_> = scene.materials.iter().map(material).collect();
+        let (textures, material_textures) = upload_textures(gpu, scene)?;
+        let patches = Patches::new(scene);
         // Only those who interpolate read them.
         let corner = |v: &Vertex| Corner { position: v.position, normal: v.normal };
         let corners: Vec<Corner> = caches.iter().flat_map(|_| vertices.iter().map(corner)).collect();
         Ok(Self {
             origin,
             radius,
-            lights,
+            half,
             sky: scene.sky.as_ref().map(|sky| SkyBuffer::new(gpu, sky)).transpose()?,
-            emitters: emitters::vals(scene, origin),
-            light_buffer: gpu.buffer_from("scene.lights", &light_data)?,
-            view_buffer: gpu.buffer_from("scene.light_views", &view_data)?,
-            view_matrices: view_data.iter().map(|v| v.clip_from_world).collect(),
-            instances: gpu.buffer_from("scene.instances", &instances)?,
+            emitters: patches.vals(scene, origin),
+            patches,
+            light_buffer: gpu.buffer_from("scene.lights", &moving.lights)?,
+            view_buffer: gpu.buffer_from("scene.light_views", &moving.views)?,
+            instances: gpu.buffer_from("scene.instances", &moving.instances)?,
+            deform: DeformBuffers::new(gpu, scene, &first_posed)?,
             cache_count: model_caches.len() as u32,
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
             cache_albedos: None,
@@ -212,19 +246,27 @@ impl SceneBuffers {
             slot_count,
             vertices: gpu.buffer_from("scene.vertices", &vertices)?,
             indices: gpu.buffer_from("scene.indices", &indices)?,
-            materials: gpu.buffer_from("scene.materials", &materials)?,
-            texture_slots: gpu.buffer_from("scene.texture_slots", &slots)?,
+            materials: gpu.buffer_from("scene.materials", &moving.materials)?,
+            texture_slots: gpu.buffer_from("scene.texture_slots", &moving.slots)?,
             textures,
             material_textures,
             draws,
+            placed,
+            revisions: Revisions::new(moving.lights.len()),
+            pending: Cell::new(Pending::new(first_posed.iter().any(Option::is_some))),
+            spare: Moving::default(),
+            moving,
         })
     }
 
     /// Uploads the diffuse albedos of the caches, which frames of more than one bounce need.
     pub fn add_albedos(&mut self, gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Result<()> {
-        let models: Vec<Vec<Vec3>> = caches.models.iter().map(|model| albedo::of_caches(scene, model)).collect();
-        let all: Vec<Vec3> = caches.instance_model.iter().flat_map(|model| models[*model].iter().copied()).collect();
-        self.cache_albedos = Some(gpu.buffer_from("scene.cache_albedos", &all)?);
+        let albedos = albedo::of_all(scene, caches);
+        self.cache_albedos = Some(CacheAlbedos {
+            buffer: gpu.buffer_from("scene.cache_albedos", &albedos)?,
+            albedos,
+            caches: caches.clone(),
+        });
         Ok(())
     }
 
@@ -237,7 +279,7 @@ impl SceneBuffers {
                 Which::Opaque => !item.masked,
                 Which::Masked => item.masked,
             };
-            if !wanted {
+            if !wanted || self.moving.hidden[item.instance as usize] {
                 continue;
             }
             if bound.replace(item.material) != Some(item.material) {
@@ -250,11 +292,31 @@ impl SceneBuffers {
                 draw: i as u32 + 1,
                 eye,
             });
-            draw.front_is_ccw(!item.mirrored);
+            draw.front_is_ccw(!self.moving.mirrored[item.instance as usize]);
             draw.vertices(&[(&self.vertices, item.vertex_offset)]);
             draw.indices(&self.indices, item.index_offset);
             draw.draw_indexed(item.index_count, item.first_index);
         }
+    }
+
+    /// Diffuse albedos of the caches, where they have been asked for.
+    pub fn cache_albedos(&self) -> Option<&Buffer> {
+        self.cache_albedos.as_ref().map(|albedos| &albedos.buffer)
+    }
+
+    /// Lights, for the host.
+    pub fn lights(&self) -> &[LightInfo] {
+        &self.moving.infos
+    }
+
+    /// From the world to the clip space of a view of a light.
+    pub fn clip_from_world(&self, view: u32) -> Mat4 {
+        self.moving.views[view as usize].clip_from_world
+    }
+
+    /// Vertices as draws read them.
+    pub(super) fn vertices(&self) -> &Buffer {
+        &self.vertices
     }
 
     /// Indices of all triangles, draw by draw.
@@ -290,7 +352,7 @@ impl SceneBuffers {
 
     /// Names and sizes [bytes] of the buffers, for `info`.
     pub fn buffers(&self) -> Vec<&Buffer> {
-        let optional = self.cache_albedos.iter().chain(self.sky.iter().map(|sky| &sky.texels));
+        let optional = self.cache_albedos.iter().map(|a| &a.buffer).chain(self.sky.iter().map(|sky| &sky.texels));
         let mut all = vec![
             &self.vertices,
             &self.corners,
@@ -305,6 +367,7 @@ impl SceneBuffers {
             &self.view_buffer,
         ];
         all.extend(optional);
+        all.extend(self.deform.iter().flat_map(DeformBuffers::buffers));
         all.extend(self.cells.iter().flat_map(|cells| [&cells.grids, &cells.entries]));
         all
     }
@@ -325,6 +388,7 @@ fn record(draw: &DrawItem) -> DrawRecord {
         reference_base: if draw.has_caches { draw.reference_base } else { NO_REFERENCES },
         cache_base: draw.cache_base,
         grid: draw.grid,
+        first_rest: draw.first_rest,
     }
 }
 
@@ -332,8 +396,23 @@ fn too_many_references() -> Error {
     Error::TooLarge("more than 8 billion cache references; ask for --refs 8 or render parts of the scene".into())
 }
 
+/// Where the parts of an instance that bends are.
+#[derive(Clone, Copy)]
+struct Bent {
+    /// First of the mesh's indices among all.
+    first_index: u64,
+    /// First of the instance's vertices among all.
+    first: u32,
+}
+
 /// The caches of a model with the Phong exponent of the surface they lie on.
-fn place_caches(scene: &Scene, mesh: usize, model: &crate::bake::ModelCaches, instance: u32) -> Vec<ModelCache> {
+fn place_caches(
+    scene: &Scene,
+    mesh: usize,
+    model: &crate::bake::ModelCaches,
+    instance: u32,
+    bent: Option<Bent>,
+) -> Vec<ModelCache> {
     let mesh = &scene.meshes[mesh];
     let materials = mesh.triangle_materials();
     let exponent = |cache: &crate::bake::Cache| {
@@ -343,17 +422,40 @@ fn place_caches(scene: &Scene, mesh: usize, model: &crate::bake::ModelCaches, in
         let uv = [u * a.uv0 + v * b.uv0 + w * c.uv0, u * a.uv1 + v * b.uv1 + w * c.uv1];
         scene.materials[materials[cache.triangle as usize]].reflectance(scene, uv, Vec4::ONE).exponent
     };
-    let place = |c: &crate::bake::Cache| ModelCache {
-        position: c.position,
-        exponent: exponent(c),
-        normal: c.normal,
-        area: c.area,
-        instance,
+    let (normals, _) = normal_matrix(model.linear);
+    let rigid = |c: &crate::bake::Cache| {
+        // The shader multiplies by what the normal's length then is: under the same map it is this one.
+        let length = (normals * c.normal.as_dvec3()).length();
+        ModelCache {
+            position: c.position,
+            exponent: exponent(c),
+            normal: c.normal,
+            area: if length > 0.0 { (f64::from(c.area) / length) as f32 } else { 0.0 },
+            instance,
+            triangle: RIGID,
+            first_vertex: 0,
+        }
     };
-    model.caches.iter().map(place).collect()
+    let on_triangle = |c: &crate::bake::Cache, bent: Bent| {
+        let corner = |i: usize| model.linear * mesh.vertices[i].position.as_dvec3();
+        let [a, b, d] = mesh.triangle(c.triangle as usize).map(corner);
+        let area = 0.5 * (b - a).cross(d - a).length();
+        let [second, third] = c.barycentric;
+        ModelCache {
+            position: Vec3::new(second, third, 0.0),
+            exponent: exponent(c),
+            normal: c.normal,
+            area: if area > 0.0 { (f64::from(c.area) / area) as f32 } else { 0.0 },
+            instance,
+            triangle: (bent.first_index / 3) as u32 + c.triangle,
+            first_vertex: bent.first,
+        }
+    };
+    model.caches.iter().map(|c| bent.map_or_else(|| rigid(c), |bent| on_triangle(c, bent))).collect()
 }
 
-fn material(m: &Material) -> shared::Material {
+/// A material for shaders.
+pub(super) fn material(m: &Material) -> shared::Material {
     shared::Material {
         base_color: m.base_color,
         emissive: m.emissive,
@@ -369,20 +471,34 @@ fn material(m: &Material) -> shared::Material {
     }
 }
 
+/// Textures of a material in the order of the shaders, and whether they are sRGB.
+fn used(m: &Material) -> [(Option<Texture>, bool); TEXTURE_COUNT as usize] {
+    [
+        (m.base_color_texture, true),
+        (m.metallic_roughness_texture, false),
+        (m.normal_texture, false),
+        (m.emissive_texture, true),
+        (m.specular_texture, false),
+        (m.specular_color_texture, true),
+    ]
+}
+
+/// How the textures of a material are looked up, for shaders.
+pub(super) fn slots(m: &Material) -> [TextureSlot; TEXTURE_COUNT as usize] {
+    used(m).map(|(texture, _)| {
+        texture.map_or_else(TextureSlot::default, |t| TextureSlot {
+            linear: Vec4::from_array(t.transform.matrix2.to_cols_array()),
+            translation: t.transform.translation,
+            uv_set: u32::from(t.uv_set),
+            present: 1,
+        })
+    })
+}
+
 type MaterialTextures = Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>;
 
 /// Uploads each image once per colour space it is used in; image 0 is one white texel for what a material lacks.
-fn upload_textures(gpu: &Gpu, scene: &Scene) -> Result<(Vec<Image>, Vec<TextureSlot>, MaterialTextures)> {
-    let used = |m: &Material| -> [(Option<Texture>, bool); TEXTURE_COUNT as usize] {
-        [
-            (m.base_color_texture, true),
-            (m.metallic_roughness_texture, false),
-            (m.normal_texture, false),
-            (m.emissive_texture, true),
-            (m.specular_texture, false),
-            (m.specular_color_texture, true),
-        ]
-    };
+fn upload_textures(gpu: &Gpu, scene: &Scene) -> Result<(Vec<Image>, MaterialTextures)> {
     let mut wanted: BTreeMap<(usize, bool), usize> = BTreeMap::new();
     for (texture, srgb) in scene.materials.iter().flat_map(used) {
         if let Some(texture) = texture {
@@ -406,23 +522,17 @@ fn upload_textures(gpu: &Gpu, scene: &Scene) -> Result<(Vec<Image>, Vec<TextureS
         textures[slot] =
             Some(gpu.texture(&format!("scene.texture {}", image.name), format, image.width, image.height, &levels)?);
     }
-    let (mut slots, mut per_material) = (Vec::new(), Vec::new());
+    let mut per_material = Vec::new();
     for material in &scene.materials {
         let mut row = [(0, sampler_kind(Default::default())); TEXTURE_COUNT as usize];
         for (i, (texture, srgb)) in used(material).into_iter().enumerate() {
-            slots.push(texture.map_or_else(TextureSlot::default, |t| TextureSlot {
-                linear: Vec4::from_array(t.transform.matrix2.to_cols_array()),
-                translation: t.transform.translation,
-                uv_set: u32::from(t.uv_set),
-                present: 1,
-            }));
             if let Some(texture) = texture {
                 row[i] = (wanted[&(texture.image, srgb)], sampler_kind(texture.sampler));
             }
         }
         per_material.push(row);
     }
-    Ok((textures.into_iter().flatten().collect(), slots, per_material))
+    Ok((textures.into_iter().flatten().collect(), per_material))
 }
 
 fn sampler_kind(sampler: crate::scene::Sampler) -> SamplerKind {

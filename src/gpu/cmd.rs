@@ -436,6 +436,24 @@ impl<'g> Cmd<'g> {
         unsafe { self.gpu.shared.device.cmd_copy_buffer(self.buffer, from.handle, to.handle, &regions) };
     }
 
+    /// Writes into a buffer, by way of the command buffer: for what changes from frame to frame.
+    pub fn update<T: bytemuck::NoUninit>(&self, to: &Buffer, first_byte: u64, data: &[T]) {
+        /// Most bytes of one such command.
+        const MOST: usize = 65_536;
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        assert!(first_byte.is_multiple_of(4) && bytes.len().is_multiple_of(4), "{}: whole words", to.name);
+        assert!(first_byte + bytes.len() as u64 <= to.size, "{}: {} bytes at {first_byte}", to.name, bytes.len());
+        if self.failed() || bytes.is_empty() {
+            return;
+        }
+        self.touch_buffer(to, Use::CopyWrite);
+        for (i, part) in bytes.chunks(MOST).enumerate() {
+            let offset = first_byte + (i * MOST) as u64;
+            // SAFETY: the buffer is alive, and offset and size, both of whole words, lie within it by the assertion above.
+            unsafe { self.gpu.shared.device.cmd_update_buffer(self.buffer, to.handle, offset, part) };
+        }
+    }
+
     /// Copies an image, tightly packed, into a buffer.
     pub fn copy_image_to_buffer(&self, from: &Image, to: &Buffer) {
         if self.failed() {

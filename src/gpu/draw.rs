@@ -63,9 +63,10 @@ impl Draw<'_, '_> {
         self.cmd.push(constants);
     }
 
-    /// Vertex buffers with byte offsets, in stream order. They hold what never changes, so the barrier check skips them.
+    /// Vertex buffers with byte offsets, in stream order.
     pub fn vertices(&self, buffers: &[(&Buffer, u64)]) {
         for (binding, (buffer, offset)) in buffers.iter().enumerate() {
+            self.cmd.touch_buffer(buffer, Use::VertexInput);
             // SAFETY: the buffer is alive and made with vertex usage.
             unsafe {
                 self.cmd.gpu.shared.device.cmd_bind_vertex_buffers(
@@ -78,7 +79,7 @@ impl Draw<'_, '_> {
         }
     }
 
-    /// Index buffer of u32 with a byte offset.
+    /// Index buffer of u32 with a byte offset. It holds what never changes, so the barrier check skips it.
     pub fn indices(&self, buffer: &Buffer, offset: u64) {
         // SAFETY: the buffer is alive and made with index usage.
         unsafe {

@@ -37,8 +37,10 @@ impl Use {
     pub const CopyWrite: Use = Use(1 << 10);
     /// Read by the CPU after the work is done.
     pub const HostRead: Use = Use(1 << 11);
+    /// Read as vertices of a draw.
+    pub const VertexInput: Use = Use(1 << 12);
 
-    const NAMES: [&'static str; 12] = [
+    const NAMES: [&'static str; 13] = [
         "ColorWrite",
         "DepthWrite",
         "DepthRead",
@@ -51,6 +53,7 @@ impl Use {
         "CopyRead",
         "CopyWrite",
         "HostRead",
+        "VertexInput",
     ];
 
     /// Its writing part.
@@ -84,8 +87,10 @@ impl Use {
             (Stage::COMPUTE_SHADER, Access::SHADER_STORAGE_WRITE),
             (Stage::DRAW_INDIRECT, Access::INDIRECT_COMMAND_READ),
             (Stage::COPY, Access::TRANSFER_READ),
-            (Stage::COPY, Access::TRANSFER_WRITE),
+            // What is written from the command buffer itself counts as a clear.
+            (Stage::COPY | Stage::CLEAR, Access::TRANSFER_WRITE),
             (Stage::HOST, Access::HOST_READ),
+            (Stage::VERTEX_ATTRIBUTE_INPUT, Access::VERTEX_ATTRIBUTE_READ),
         ];
         let mut masks = (Stage::NONE, Access::NONE);
         for (bit, (stage, access)) in table.into_iter().enumerate() {
@@ -106,7 +111,7 @@ impl BitOr for Use {
 
 impl std::fmt::Display for Use {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let words: Vec<_> = (0..12).filter(|b| self.0 & (1 << b) != 0).map(|b| Self::NAMES[b]).collect();
+        let words: Vec<_> = (0..Self::NAMES.len()).filter(|b| self.0 & (1 << b) != 0).map(|b| Self::NAMES[b]).collect();
         f.write_str(&words.join(" | "))
     }
 }

@@ -186,10 +186,10 @@ impl Animation {
         if begin <= end { (begin, end) } else { (0.0, 0.0) }
     }
 
-    /// The time within the animation after it has played for `time` [s] over and over, its first key at 0.
+    /// The time within the animation after it has played for `time` [s] over and over, from 0 to its last key.
     pub fn looped(&self, time: f64) -> f64 {
-        let (begin, end) = self.span();
-        if end > begin { begin + time.rem_euclid(end - begin) } else { begin }
+        let (_, end) = self.span();
+        if end > 0.0 { time.rem_euclid(end) } else { end }
     }
 }
 
@@ -200,6 +200,12 @@ impl Scene {
             let (begin, end) = animation.span();
             (animation.name.as_str(), begin, end)
         })
+    }
+
+    /// See [`Animation::looped`]; the time itself without that animation.
+    pub fn looped(&self, animation: usize, time: f64) -> f64 {
+        let played = self.rig.as_ref().and_then(|rig| rig.parts().animations.get(animation));
+        played.map_or(time, |animation| animation.looped(time))
     }
 
     /// Puts everything where an animation has it at `time` [s], and all that it does not move back to rest. Values are held

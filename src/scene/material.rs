@@ -110,12 +110,17 @@ impl Emission<'_> {
 
     /// Radiance [cd/m^2] at a point with these texture coordinates; none from a hole.
     pub fn radiance(&self, uv: [Vec2; 2]) -> Vec3 {
+        self.factor * self.share(uv)
+    }
+
+    /// Share of the material's own radiance at a point with these texture coordinates; none from a hole.
+    pub fn share(&self, uv: [Vec2; 2]) -> Vec3 {
         let sample = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(self.scene, uv, true));
         let alpha = self.material.base_color.w * sample(self.material.base_color_texture).w;
         if self.material.alpha_cutoff.is_some_and(|cutoff| alpha < cutoff) {
             return Vec3::ZERO;
         }
-        self.factor * sample(self.material.emissive_texture).truncate()
+        sample(self.material.emissive_texture).truncate()
     }
 }
 

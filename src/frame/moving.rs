@@ -1,0 +1,216 @@
+//! What may differ from frame to frame: places, poses, lights, materials. `SceneBuffers::update` compares it with what the
+//! device has, the next frame copies what is new, and revisions tell the stages whose inputs are as they were.
+
+use super::SceneBuffers;
+use super::albedo;
+use super::deform;
+use super::lights::{self, LightInfo};
+use super::upload;
+use crate::error::{Error, Result};
+use crate::gpu::{Cmd, Use};
+use crate::scene::{Instance, Scene};
+use crate::shared::{self, Joint, LightView, TextureSlot};
+use glam::{DMat3, DMat4, DVec3, Mat4};
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Numbers that grow with every change: two that are equal stand for the same content, in whatever scene.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(super) struct Revisions {
+    /// Places, poses and materials.
+    pub(super) surfaces: u64,
+    /// Each light.
+    pub(super) lights: Vec<u64>,
+}
+
+/// A number that no content has had.
+fn new_revision() -> u64 {
+    static NEXT: AtomicU64 = AtomicU64::new(1);
+    NEXT.fetch_add(1, Ordering::Relaxed)
+}
+
+impl Revisions {
+    pub(super) fn new(lights: usize) -> Self {
+        Self { surfaces: new_revision(), lights: (0..lights).map(|_| new_revision()).collect() }
+    }
+}
+
+/// What is to be copied to the device.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Pending {
+    instances: bool,
+    poses: bool,
+    lights: bool,
+    materials: bool,
+    albedos: bool,
+}
+
+impl Pending {
+    /// Of a scene that was just uploaded: poses alone are not.
+    pub(super) fn new(bends: bool) -> Self {
+        Self { poses: bends, ..Self::default() }
+    }
+}
+
+/// The host's copy.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Moving {
+    pub(super) instances: Vec<shared::Instance>,
+    pub(super) mirrored: Vec<bool>,
+    pub(super) hidden: Vec<bool>,
+    pub(super) joints: Vec<Joint>,
+    pub(super) weights: Vec<f32>,
+    pub(super) infos: Vec<LightInfo>,
+    pub(super) lights: Vec<shared::Light>,
+    pub(super) views: Vec<LightView>,
+    pub(super) materials: Vec<shared::Material>,
+    pub(super) slots: Vec<TextureSlot>,
+}
+
+impl Moving {
+    /// Fills in how a scene stands around `origin` with half extent `half` [m]; `placed` are the maps that each
+    /// instance's caches were placed under.
+    pub(super) fn fill(&mut self, scene: &Scene, origin: DVec3, half: DVec3, placed: &[DMat3]) {
+        self.instances.clear();
+        self.mirrored.clear();
+        self.hidden.clear();
+        self.joints.clear();
+        self.weights.clear();
+        for (instance, placed) in scene.instances.iter().zip(placed) {
+            self.place(instance, origin, *placed);
+            if let Some(deform) = &scene.meshes[instance.mesh].deform {
+                self.pose(instance, deform::sizes(deform));
+            }
+        }
+        (self.infos, self.lights, self.views) = lights::prepare(&scene.lights, origin, half);
+        if let Some(sky) = &scene.sky {
+            self.infos[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as u32);
+        }
+        self.materials.clear();
+        self.materials.extend(scene.materials.iter().map(upload::material));
+        self.slots.clear();
+        self.slots.extend(scene.materials.iter().flat_map(upload::slots));
+    }
+
+    fn place(&mut self, instance: &Instance, origin: DVec3, placed: DMat3) {
+        let mut now = instance.world_from_model;
+        now.translation -= origin;
+        let (normals, size) = normal_matrix(now.matrix3);
+        let (_, placed_size) = normal_matrix(placed);
+        let change = now.matrix3 * placed.inverse();
+        let growth = [change.x_axis, change.y_axis, change.z_axis].map(DVec3::length).into_iter().fold(0.0, f64::max);
+        self.mirrored.push(now.matrix3.determinant() < 0.0);
+        self.hidden.push(instance.hidden);
+        self.instances.push(shared::Instance {
+            world_from_model: DMat4::from(now).as_mat4(),
+            growth: if growth.is_finite() { growth as f32 } else { 1.0 },
+            world_from_normal: Mat4::from_mat3(normals.as_mat3()),
+            area_scale: if instance.hidden { 0.0 } else { (size / placed_size) as f32 },
+        });
+    }
+
+    fn pose(&mut self, instance: &Instance, (joints, weights): (u32, u32)) {
+        let pose = instance.pose.as_ref();
+        for i in 0..joints as usize {
+            let matrix = pose.and_then(|pose| pose.joints.get(i)).copied().unwrap_or_default();
+            let rows = DMat4::from(matrix).transpose();
+            self.joints.push(Joint { x: rows.x_axis.as_vec4(), y: rows.y_axis.as_vec4(), z: rows.z_axis.as_vec4() });
+        }
+        for i in 0..weights as usize {
+            self.weights.push(pose.and_then(|pose| pose.weights.get(i)).copied().unwrap_or(0.0));
+        }
+    }
+}
+
+/// The inverse transpose of a linear map up to a factor, and that factor [squares of the map's unit]: cofactors, so that flat
+/// ones are no special case, divided by the largest of them.
+pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
+    let cofactors = DMat3::from_cols(
+        linear.y_axis.cross(linear.z_axis),
+        linear.z_axis.cross(linear.x_axis),
+        linear.x_axis.cross(linear.y_axis),
+    ) * linear.determinant().signum();
+    let size = cofactors.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs())).max(1e-300);
+    (cofactors * (1.0 / size), size)
+}
+
+impl SceneBuffers {
+    /// Takes over where everything is now; frames recorded from now on show it. The scene is the one that was uploaded,
+    /// with other places, poses, lights or materials. Fails where it is not, and where a light has become one of another kind
+    /// or a cone has grown beyond what one frustum sees: then it has to be uploaded anew.
+    pub fn update(&mut self, scene: &Scene) -> Result<()> {
+        let mut now = std::mem::take(&mut self.spare);
+        now.fill(scene, self.origin, self.half, &self.placed);
+        let old = &self.moving;
+        let same_shape = now.instances.len() == old.instances.len()
+            && now.joints.len() == old.joints.len()
+            && now.weights.len() == old.weights.len()
+            && now.materials.len() == old.materials.len()
+            && now.infos.len() == old.infos.len()
+            && (now.infos.iter().zip(&old.infos)).all(|(a, b)| (a.views, a.sharing) == (b.views, b.sharing));
+        if !same_shape {
+            self.spare = now;
+            return Err(Error::Nothing(
+                "the scene has other models or lights than were uploaded: upload it anew".into(),
+            ));
+        }
+        let mut pending = self.pending.get();
+        let instances = now.instances != old.instances;
+        let poses = now.joints != old.joints || now.weights != old.weights;
+        let materials = now.materials != old.materials || now.slots != old.slots;
+        let surfaces = instances || poses || materials || now.mirrored != old.mirrored || now.hidden != old.hidden;
+        pending.instances |= instances;
+        pending.poses |= poses;
+        pending.materials |= materials;
+        for (i, info) in now.infos.iter().enumerate() {
+            let views = info.first_view as usize..(info.first_view + info.views) as usize;
+            if now.lights[i] != old.lights[i] || now.views[views.clone()] != old.views[views] {
+                pending.lights = true;
+                self.revisions.lights[i] = new_revision();
+            }
+        }
+        if surfaces {
+            self.revisions.surfaces = new_revision();
+            if !self.emitters.is_empty() {
+                self.emitters = self.patches.vals(scene, self.origin);
+            }
+        }
+        if let (true, Some(of_caches)) = (materials, &mut self.cache_albedos) {
+            of_caches.albedos = albedo::of_all(scene, &of_caches.caches);
+            pending.albedos = true;
+        }
+        self.pending.set(pending);
+        self.spare = std::mem::replace(&mut self.moving, now);
+        Ok(())
+    }
+
+    /// Records the copies of what is new; says whether poses are.
+    pub(super) fn record_changes(&self, cmd: &Cmd<'_>) -> bool {
+        let pending = self.pending.take();
+        let poses = pending.poses;
+        if pending == Pending::default() {
+            return false;
+        }
+        let _zone = cmd.zone("update");
+        let now = &self.moving;
+        if pending.instances {
+            cmd.update(&self.instances, 0, &now.instances);
+        }
+        if let (true, Some(deform)) = (poses, &self.deform) {
+            cmd.update(&deform.joints, 0, &now.joints);
+            cmd.update(&deform.weights, 0, &now.weights);
+        }
+        if pending.lights {
+            cmd.update(&self.light_buffer, 0, &now.lights);
+            cmd.update(&self.view_buffer, 0, &now.views);
+        }
+        if pending.materials {
+            cmd.update(&self.materials, 0, &now.materials);
+            cmd.update(&self.texture_slots, 0, &now.slots);
+        }
+        if let (true, Some(of_caches)) = (pending.albedos, &self.cache_albedos) {
+            cmd.update(&of_caches.buffer, 0, &of_caches.albedos);
+        }
+        cmd.barrier(Use::CopyWrite, Use::VertexRead | Use::FragmentRead | Use::ComputeRead);
+        poses
+    }
+}

@@ -1,0 +1,241 @@
+//! Everything moves: poses on the device against those of the host, and frames that leave out what stands still against
+//! frames made from scratch, bit by bit.
+
+use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
+use lightskin::bake::CacheSet;
+use lightskin::eval::worlds::{SPOT, add, camera, corner, phong};
+use lightskin::frame::{Frame, GatherPath, GatherSettings, Gi, Level, SceneBuffers, Settings, Shadows, View};
+use lightskin::gpu::Gpu;
+use lightskin::scene::build::sphere;
+use lightskin::scene::deform::{Bind, Deform, Displacement, Follower, Influence, Pose};
+use lightskin::scene::{LightKind, Scene};
+use lightskin::shared::Cache;
+
+use crate::common::frames::{baked, small};
+use crate::common::{assert_clean, gpu};
+
+/// Instance that moves as a whole, one that bends, one that emits.
+const BALL: usize = 2;
+const BENT: usize = 3;
+const LAMP: usize = 4;
+
+/// The corner with its ball, a ball that bends and bulges, and one that emits.
+fn world() -> Scene {
+    let mut scene = corner(&[SPOT, LightKind::Point], 20.0);
+    add(&mut scene, sphere(0.25, 6), phong([0.3, 0.7, 0.3], [0.1, 0.1, 0.1], 20.0), DAffine3::IDENTITY);
+    let mut glow = phong([0.1; 3], [0.0; 3], 1.0);
+    glow.emissive = vec3(300.0, 200.0, 100.0);
+    add(&mut scene, sphere(0.06, 3), glow, DAffine3::from_translation(dvec3(0.4, 1.2, -0.5)));
+    let mesh = &mut scene.meshes[BENT];
+    // The top goes with the second joint; the last vertices follow triangles of the others, some of them flat.
+    let followers = 20;
+    let bound = mesh.vertices.len() - followers;
+    let mut deform = Deform::default();
+    let mut bulge = Vec::new();
+    for (i, vertex) in mesh.vertices[..bound].iter().enumerate() {
+        let share = (0.5 + 2.0 * vertex.position.y).clamp(0.0, 1.0);
+        deform.bind.push(Bind {
+            position: vertex.position,
+            normal: vertex.normal,
+            tangent: vertex.tangent,
+            first_influence: 2 * i as u32,
+            influence_count: 2,
+        });
+        deform.influences.push(Influence { joint: 0, weight: 1.0 - share });
+        deform.influences.push(Influence { joint: 1, weight: share });
+        let position = 0.3 * vertex.normal * (1.0 - vertex.position.y.abs());
+        bulge.push(Displacement { position, normal: 0.2 * Vec3::X, tangent: Vec3::ZERO });
+    }
+    deform.targets.push(bulge);
+    for at in 0..followers as u32 {
+        let corners = [3 * at, 3 * at + 4, 3 * at + 11].map(|i| i % bound as u32);
+        let weights = [0.2 + 0.01 * at as f32, 0.3];
+        deform.followers.push(Follower { vertex: bound as u32 + at, corners, weights, flat: at % 2 });
+    }
+    mesh.deform = Some(deform);
+    let pose = Pose { joints: vec![DAffine3::IDENTITY; 2], weights: vec![0.0] };
+    mesh.vertices = mesh.posed(&pose);
+    scene.instances[BENT].world_from_model = DAffine3::from_translation(dvec3(0.5, 0.4, 0.3));
+    scene.instances[BENT].pose = Some(pose);
+    scene.extent = Some((dvec3(-1.5, -0.5, -1.5), dvec3(1.5, 2.5, 1.5)));
+    scene
+}
+
+/// A pose of the ball that bends: its top turned and shifted, and it bulges.
+fn bend(scene: &mut Scene, turn: f64, bulge: f32) {
+    let pose = scene.instances[BENT].pose.as_mut().expect("bends");
+    let rotation = DQuat::from_axis_angle(dvec3(0.3, 0.1, 1.0).normalize(), turn);
+    pose.joints[1] = DAffine3::from_scale_rotation_translation(
+        DVec3::splat(1.0 + 0.3 * turn),
+        rotation,
+        dvec3(0.1 * turn, 0.05, 0.0),
+    );
+    pose.weights[0] = bulge;
+}
+
+fn record(gpu: &Gpu, frame: &Frame, buffers: &SceneBuffers, scene: &Scene, size: [u32; 2]) {
+    let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, buffers, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+}
+
+/// All layers, bit by bit.
+fn layers(gpu: &Gpu, frame: &Frame) -> Vec<Vec<u32>> {
+    let t = &frame.targets;
+    let mut images = vec![&t.direct, &t.normal];
+    images.extend(t.indirect.iter().flat_map(|i| [Some(&i.diffuse), i.glossy.as_ref()]).flatten());
+    let mut all: Vec<Vec<u32>> = images.into_iter().map(|image| gpu.read_image(image).expect("read")).collect();
+    all.push(gpu.read_image(&t.output).expect("read"));
+    all
+}
+
+#[test]
+fn poses_are_those_of_the_host() {
+    let gpu = gpu();
+    let mut scene = world();
+    let caches = baked(&scene, 0.3, 8);
+    let settings = small();
+    let mut buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+    for step in 0..6 {
+        bend(&mut scene, 0.4 * f64::from(step), 0.3 * step as f32);
+        scene.instances[BALL].world_from_model.translation.y += 0.1;
+        scene.instances[BALL].world_from_model.matrix3 *= 1.1;
+        buffers.update(&scene).expect("the same scene");
+        record(&gpu, &frame, &buffers, &scene, settings.size);
+        let found: Vec<Cache> = gpu.read(&frame.targets.caches.as_ref().expect("caches").atlas).expect("read");
+        let mut at = 0;
+        for (i, model) in caches.instance_model.iter().enumerate() {
+            let model = &caches.models[*model];
+            let mesh = &scene.meshes[model.mesh];
+            let instance = &scene.instances[i];
+            let posed = instance.pose.as_ref().map_or_else(|| mesh.vertices.clone(), |pose| mesh.posed(pose));
+            for cache in &model.caches {
+                let corners = mesh.triangle(cache.triangle as usize);
+                let [b, c] = cache.barycentric.map(f64::from);
+                let weights = [1.0 - b - c, b, c];
+                let mean = |of: &dyn Fn(usize) -> DVec3| (0..3).map(|k| weights[k] * of(corners[k])).sum::<DVec3>();
+                let linear = instance.world_from_model.matrix3;
+                let position = instance.world_from_model.transform_point3(mean(&|v| posed[v].position.as_dvec3()));
+                let normal = mean(&|v| posed[v].normal.as_dvec3());
+                let normal = (linear.inverse().transpose() * normal).normalize();
+                // Shares grow with their triangles.
+                let area = |linear: glam::DMat3, vertices: &[lightskin::scene::Vertex]| {
+                    let [a, b, c] = corners.map(|v| linear * vertices[v].position.as_dvec3());
+                    (b - a).cross(c - a).length()
+                };
+                let grown = area(linear, &posed) / area(model.linear, &mesh.vertices);
+                let device = found[at];
+                assert!((device.position.as_dvec3() + buffers.origin).distance(position) < 2e-6, "{i}: {position}");
+                assert!(device.normal.as_dvec3().distance(normal) < 1e-5, "{i}: {normal}");
+                let wanted = f64::from(cache.area) * grown;
+                // Of rigid models by the cache's own normal, which on a coarse mesh is not its triangle's.
+                let bound = if i == BENT || grown == 1.0 { 1e-4 } else { 0.1 };
+                assert!((f64::from(device.area) - wanted).abs() < bound * wanted, "{i}: {} {wanted}", device.area);
+                at += 1;
+            }
+        }
+        assert_eq!(at, found.len().min(at));
+    }
+    assert_clean(&gpu);
+}
+
+/// Numbers that look drawn at random, the same in every run.
+struct Random(u64);
+
+impl Random {
+    /// From 0 to 1.
+    fn number(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (self.0 >> 11) as f64 / (1_u64 << 53) as f64
+    }
+}
+
+/// Moves this or that.
+fn edit(scene: &mut Scene, random: &mut Random) {
+    let mut some = |size: f64| size * (random.number() - 0.5);
+    match (some(10.0) + 5.0) as usize {
+        0 => {}
+        1 => {
+            let eye = dvec3(1.4 + some(1.0), 1.5 + some(0.5), 2.0 + some(0.5));
+            scene.cameras[0] = camera(eye, dvec3(-0.3, 0.5, -0.1), 0.8);
+        }
+        2 => scene.lights[0].position += dvec3(some(0.3), some(0.1), some(0.3)),
+        3 => scene.lights[1].color = vec3(0.5 + some(0.9) as f32, 0.5, 0.5 + some(0.9) as f32),
+        4 => scene.instances[BALL].world_from_model.translation += dvec3(some(0.2), some(0.1), some(0.2)),
+        5 => {
+            let (turn, bulge) = (some(3.0), some(1.0) as f32);
+            bend(scene, turn, bulge);
+        }
+        6 => {
+            let color = vec3(0.5 + some(0.9) as f32, 0.5, 0.5 + some(0.9) as f32);
+            scene.materials[1].base_color = color.extend(1.0);
+        }
+        7 => scene.instances[BENT].hidden = !scene.instances[BENT].hidden,
+        8 => scene.instances[LAMP].world_from_model.translation += dvec3(some(0.3), some(0.1), some(0.3)),
+        _ => {
+            let (turn, aside) = (some(2.0), some(0.4));
+            bend(scene, turn, 0.2);
+            scene.lights[0].position.x += aside;
+            scene.materials[LAMP].emissive = Vec3::splat(200.0 + some(300.0) as f32);
+        }
+    }
+}
+
+/// Edits a scene and draws it with what stands still left out, and from scratch.
+fn walk(settings: Settings, steps: usize, seed: u64) {
+    let gpu = gpu();
+    let mut scene = world();
+    let mut caches = baked(&scene, 0.3, 8);
+    if settings.level == Level::Texel {
+        caches = caches.with_cells(&scene).expect("cells");
+    }
+    let caches: Option<&CacheSet> = (settings.gi == Gi::LightSkin).then_some(&caches);
+    let upload = |scene: &Scene| {
+        let mut buffers = SceneBuffers::new(&gpu, scene, caches).expect("uploaded");
+        if let Some(caches) = caches.filter(|_| settings.bounces > 1) {
+            buffers.add_albedos(&gpu, scene, caches).expect("uploaded");
+        }
+        buffers
+    };
+    let mut buffers = upload(&scene);
+    let frame = Frame::new(&gpu, &scene, &buffers, &Settings { reuse: true, ..settings }).expect("made");
+    let mut random = Random(seed);
+    let mut skipped = std::collections::BTreeSet::new();
+    for step in 0..steps {
+        edit(&mut scene, &mut random);
+        buffers.update(&scene).expect("the same scene");
+        record(&gpu, &frame, &buffers, &scene, settings.size);
+        skipped.insert(frame.skipped());
+        let anew = upload(&scene);
+        let scratch = Frame::new(&gpu, &scene, &anew, &settings).expect("made");
+        record(&gpu, &scratch, &anew, &scene, settings.size);
+        assert!(scratch.skipped().is_empty());
+        assert!(layers(&gpu, &frame) == layers(&gpu, &scratch), "step {step} differs");
+    }
+    assert!(skipped.len() > 2, "{skipped:?}");
+    assert_clean(&gpu);
+}
+
+fn with(shadows: Shadows) -> Settings {
+    Settings { shadows, size: [48, 32], rsm: 24, shadow_map: 64, ..small() }
+}
+
+#[test]
+fn two_hundred_edits_leave_nothing_stale() {
+    walk(with(Shadows::PerLight), 200, 7);
+}
+
+#[test]
+fn edits_leave_nothing_stale_in_any_kind_of_frame() {
+    let fragment = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
+    walk(with(Shadows::Proxy), 30, 1);
+    walk(Settings { cull: false, ..with(Shadows::Off) }, 30, 2);
+    walk(Settings { gather: fragment, ..with(Shadows::Off) }, 30, 3);
+    walk(Settings { bounces: 3, ..with(Shadows::Off) }, 30, 4);
+    walk(Settings { gi: Gi::BruteForce, ..with(Shadows::Off) }, 30, 5);
+    walk(Settings { gi: Gi::Off, ..with(Shadows::Off) }, 30, 6);
+}
