@@ -2,6 +2,7 @@
 #![allow(clippy::print_stdout, reason = "tests print the figures they judge by")]
 
 mod analytic;
+mod animation;
 mod bake;
 mod bench;
 mod bounce;
