@@ -162,6 +162,9 @@ fn bake_info_devices_and_assets_print_what_they_promise() {
     assert!(works(&at, &["devices"]).contains("ok"));
     works(&at, &["assets", "made"]);
     assert_eq!(left(&at.join("made")), ["atrium.glb", "cornell_diffuse.glb", "cornell_glossy.glb"]);
+    works(&at, &["assets", "moved", "--moving"]);
+    assert!(["crowd.glb", "moving.glb"].iter().all(|file| at.join("moved").join(file).exists()));
+    assert!(works(&at, &["info", "moved/moving.glb", "--caches", "100"]).contains("animation 0 'all' 0 to 4 s"));
     let mut args = vec!["render", "made", "-o", "a.png", "--camera", "-0.5,1.6,5;0,1.5,0;0,1,0;50", "--ev", "9"];
     args.extend(SMALL);
     works(&at, &args);
