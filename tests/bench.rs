@@ -278,6 +278,7 @@ fn tiny() -> Extent {
         rsm: vec![8, 16, 64],
         culled: vec![100],
         scaling: (vec![60, 120, 250], vec![8, 16, 32]),
+        crowds: vec![3],
         ground: 800,
         warm_up: 0,
         frames: 1,
@@ -303,8 +304,19 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     assert_eq!(results.problems, [""; 0]);
     assert_clean(&gpu);
 
-    let tables =
-        ["bake", "caches", "culling", "exponents", "growth", "scaling", "stages", "pairs", "resolution", "triangles"];
+    let tables = [
+        "bake",
+        "caches",
+        "culling",
+        "exponents",
+        "growth",
+        "motion",
+        "scaling",
+        "stages",
+        "pairs",
+        "resolution",
+        "triangles",
+    ];
     let plots = ["bake", "caches", "ratios", "resolution", "triangles"];
     let mut files: Vec<String> = tables.map(|name| format!("{name}.csv")).into();
     files.extend(plots.map(|name| format!("{name}.svg")));
@@ -325,6 +337,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
         ("pairs", 18),
         ("culling", 4),
         ("scaling", 18),
+        ("motion", 2),
         ("growth", 4),
         ("exponents", 12),
     ];
