@@ -17,5 +17,7 @@ void main() {
     Instance instance = instances[c.instance];
     vec3 position = (instance.world_from_model * vec4(c.position, 1.0)).xyz;
     vec3 normal = unit_or(mat3(instance.world_from_normal) * c.normal, vec3(0.0, 1.0, 0.0));
-    caches[i] = Cache(position, c.exponent, normal, c.area);
+    vec3 middle = (instance.world_from_model * vec4(c.middle, 1.0)).xyz;
+    vec3 axis = mat3(instance.world_from_model) * c.axis;
+    caches[i] = Cache(position, c.exponent, normal, c.area, middle, c.breadth, axis);
 }

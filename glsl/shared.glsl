@@ -204,6 +204,9 @@ struct ModelCache {
     float exponent;
     vec3 normal;
     float area;
+    vec3 middle; // of the rectangle that stands for its share of the surface when it is in the way of light
+    float breadth; // half of it across its axis [m]
+    vec3 axis; // from the middle to an edge, square to the normal
     uint instance;
 };
 
@@ -213,6 +216,9 @@ struct Cache {
     float exponent; // Phong exponent of its material
     vec3 normal;
     float area; // [m^2]
+    vec3 middle; // of the rectangle that stands for its share of the surface when it is in the way of light
+    float breadth; // half of it across its axis [m]
+    vec3 axis; // from the middle to an edge [m], square to the normal
 };
 
 // Both proxy lights of a cache: per lobe the facing irradiance I = E / (N.w) [lx] and where it comes from.
@@ -299,6 +305,7 @@ struct OccluderGroup {
     vec3 position; // middle of their bounds
     float radius; // of a sphere about it that holds their positions
     float area; // largest [m^2]
+    float reach; // of a sphere about it that holds their rectangles
 };
 
 // Sums over VALs at one cache, relative to its position.
@@ -424,8 +431,8 @@ struct ClusterPush {
 // Push constants of drawing depth images.
 struct DepthImagePush {
     uint cache_count;
-    uint first; // disc to draw, where a thread draws an image
-    uint count; // of discs, likewise
+    uint first; // cache to draw, of a group the first, where a thread draws an image
+    uint count; // of caches, likewise
 };
 
 // Push constants of the compacting passes.

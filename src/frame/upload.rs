@@ -348,6 +348,9 @@ fn place_caches(scene: &Scene, mesh: usize, model: &crate::bake::ModelCaches, in
         exponent: exponent(c),
         normal: c.normal,
         area: c.area,
+        middle: c.middle,
+        breadth: c.breadth,
+        axis: c.axis,
         instance,
     };
     model.caches.iter().map(place).collect()
