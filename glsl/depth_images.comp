@@ -17,11 +17,12 @@ layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
 layout(binding = 3, scalar) readonly buffer Groups { OccluderGroup groups[]; };
+layout(binding = 4) uniform samplerBuffer cache_texels; // all caches again: lavapipe reads texels faster
 #ifdef ALONE
-layout(binding = 4, scalar) buffer Images { float images[]; };
+layout(binding = 5, scalar) buffer Images { float images[]; };
 uint image; // where it begins
 #else
-layout(binding = 4, scalar) writeonly buffer Images { float images[]; };
+layout(binding = 5, scalar) writeonly buffer Images { float images[]; };
 shared uint image[DEPTH_IMAGE_TEXELS];
 #endif
 
@@ -52,21 +53,24 @@ ivec2 texels_of_ball(float w, float sine) {
 }
 
 // Draws the rectangle of a cache; rows of `own` are the viewer's frame.
-void draw(Cache c, mat3 own, Cache other) {
-    vec3 o = other.middle - c.position;
-    float share = sqrt(other.area / PI);
+void draw(Cache c, mat3 own, uint other) {
+    vec3 n = texelFetch(cache_texels, int(4u * other + 1u)).xyz;
+    vec4 middle_breadth = texelFetch(cache_texels, int(4u * other + 2u));
+    vec3 o = middle_breadth.xyz - c.position;
+    vec4 axis_radius = texelFetch(cache_texels, int(4u * other + 3u));
+    float share = axis_radius.w;
     // Distance from the rectangle's plane. In the plane, or nearly, it is a neighbour on the same surface.
-    float h = dot(o, other.normal);
-    vec3 n = own * (h < 0.0 ? -other.normal : other.normal);
+    float h = dot(o, n);
+    n = own * (h < 0.0 ? -n : n);
     h = abs(h);
     if (h <= DEPTH_IMAGE_PLANE * share) {
         return;
     }
     o = own * o;
-    vec3 u = own * other.axis;
+    vec3 u = own * axis_radius.xyz;
     float u2 = dot(u, u);
-    float v2 = other.breadth * other.breadth;
-    vec3 v = cross(n, u) * (other.breadth * inversesqrt(max(u2, 1e-37)));
+    float v2 = middle_breadth.w * middle_breadth.w;
+    vec3 v = cross(n, u) * (middle_breadth.w * inversesqrt(max(u2, 1e-37)));
     if (o.z + abs(u.z) + abs(v.z) <= 0.0) {
         return;
     }
@@ -86,6 +90,9 @@ void draw(Cache c, mat3 own, Cache other) {
         xs = texels_of_ball(w0.x, sine);
         ys = texels_of_ball(w0.y, sine);
     }
+    // Where a ray meets the plane, `w h / along` from here, has these coordinates along the axes, times `along`.
+    vec3 across = u * h - n * dot(o, u);
+    vec3 upward = v * h - n * dot(o, v);
     // One loop: older lavapipe counts rounds of all loops together.
     int width = xs.y - xs.x + 1;
     int count = max(width, 0) * max(ys.y - ys.x + 1, 0);
@@ -95,8 +102,7 @@ void draw(Cache c, mat3 own, Cache other) {
         float z2 = 1.0 - dot(p, p);
         vec3 w = vec3(p, sqrt(max(z2, 0.0)));
         float along = dot(w, n);
-        vec3 off = w * h - o * along; // along times the way from the middle to where the ray meets the plane
-        if (z2 > 0.0 && abs(dot(off, u)) < u2 * along && abs(dot(off, v)) < v2 * along) {
+        if (z2 > 0.0 && abs(dot(w, across)) < u2 * along && abs(dot(w, upward)) < v2 * along) {
             // The reciprocal distance of a plane is linear in w: its least value in the texel, but for the curvature of z.
             float slope = 1.0 / max(w.z, DEPTH_IMAGE_LEAST_Z);
             float least = along - 0.5 * STEP * (abs(n.x - n.z * p.x * slope) + abs(n.y - n.z * p.y * slope));
@@ -140,7 +146,7 @@ void main() {
     for (uint first = push.first; first < end; first += OCCLUDER_GROUP) {
         if (!is_behind(c, groups[first / OCCLUDER_GROUP])) {
             for (uint i = first; i < min(first + OCCLUDER_GROUP, end); ++i) {
-                draw(c, own, caches[i]);
+                draw(c, own, i);
             }
         }
     }
@@ -157,7 +163,7 @@ void main() {
     barrier();
     for (uint i = gl_LocalInvocationID.x; i < push.cache_count; i += gl_WorkGroupSize.x) {
         if (!is_behind(c, groups[i / OCCLUDER_GROUP])) {
-            draw(c, own, caches[i]);
+            draw(c, own, i);
         }
     }
     barrier();

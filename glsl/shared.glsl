@@ -210,7 +210,7 @@ struct ModelCache {
     uint instance;
 };
 
-// A cache in the world.
+// A cache in the world: four texels of four values.
 struct Cache {
     vec3 position;
     float exponent; // Phong exponent of its material
@@ -219,6 +219,7 @@ struct Cache {
     vec3 middle; // of the rectangle that stands for its share of the surface when it is in the way of light
     float breadth; // half of it across its axis [m]
     vec3 axis; // from the middle to an edge [m], square to the normal
+    float radius; // of the circle of its area [m]
 };
 
 // Both proxy lights of a cache: per lobe the facing irradiance I = E / (N.w) [lx] and where it comes from.

@@ -24,8 +24,8 @@ const SAME_WAY: f64 = 0.1;
 
 /// How far a rectangle lies behind its cache's plane, in mean depths of the share. On a cylinder of radius R that is
 /// divided into shares of half an angle a, rectangles as wide as arcs meet at their edges and have the cylinder's mean
-/// silhouette in the depth `R (1 - a cot a)`, about `R a^2 / 3`; the mean depth is about half of that.
-const SUNK: f64 = 2.0;
+/// silhouette in the depth `R (1 - a cot a)`: 2 mean depths for narrow shares, 2.4 at 45 degrees, 2.7 at 60.
+const SUNK: f64 = 2.5;
 
 /// A cache's share of the surface.
 #[derive(Clone, Copy, Debug, Default)]

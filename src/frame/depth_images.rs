@@ -6,7 +6,7 @@
 use super::occlude::Bound;
 use super::targets::CacheTargets;
 use crate::error::Result;
-use crate::gpu::{Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{DEPTH_IMAGE_TEXELS, DepthImagePush, LiveArgs, OCCLUDER_GROUP};
 use std::mem::offset_of;
 
@@ -40,8 +40,14 @@ impl DepthImages {
         let images = caches.depth_images.as_ref().expect("made for shadows");
         let groups = self.bound.record(cmd, caches);
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
-        let resources =
-            [(&caches.atlas).into(), (&live.list).into(), (&live.args).into(), groups.into(), images.into()];
+        let resources = [
+            (&caches.atlas).into(),
+            (&live.list).into(),
+            (&live.args).into(),
+            groups.into(),
+            Bind::Texels(&caches.atlas),
+            images.into(),
+        ];
         let push = DepthImagePush { cache_count: caches.count, first: 0, count: AT_ONCE };
         if !self.alone {
             cmd.bind(&self.pipeline, &resources);

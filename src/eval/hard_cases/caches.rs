@@ -153,6 +153,7 @@ const CACHE: Cache = Cache {
     middle: Vec3::ZERO,
     breadth: 0.0,
     axis: Vec3::ZERO,
+    radius: 0.0,
 };
 
 pub(super) fn cases() -> Vec<Case> {
