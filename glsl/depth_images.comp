@@ -86,9 +86,27 @@ void draw(Cache c, mat3 own, uint other) {
         reach = reach * inverse + 1.25 * sine * sine;
         xs = texels(w0.x - reach.x, w0.x + reach.x);
         ys = texels(w0.y - reach.y, w0.y + reach.y);
-    } else if (sine < 1.0) {
-        xs = texels_of_ball(w0.x, sine);
-        ys = texels_of_ball(w0.y, sine);
+    } else {
+        // Coordinates reach as far as the corners', distances from that of the nearest point to that of the farthest corner.
+        vec2 reach = abs(u.xy) + abs(v.xy);
+        vec2 aside = abs(vec2(dot(o, u), dot(o, v))) * inversesqrt(max(vec2(u2, v2), vec2(1e-37)));
+        vec2 halves = sqrt(vec2(u2, v2));
+        vec2 near = max(aside - halves, vec2(0.0));
+        vec2 far = aside + halves;
+        float nearest = inversesqrt(max(h * h + dot(near, near), 1e-37)) * 1.0001;
+        float farthest = inversesqrt(max(h * h + dot(far, far), 1e-37)) * 0.9999;
+        vec2 low = o.xy - reach;
+        vec2 high = o.xy + reach;
+        low *= mix(vec2(farthest), vec2(nearest), lessThan(low, vec2(0.0)));
+        high *= mix(vec2(nearest), vec2(farthest), lessThan(high, vec2(0.0)));
+        xs = texels(low.x, high.x);
+        ys = texels(low.y, high.y);
+        if (sine < 1.0) {
+            ivec2 x = texels_of_ball(w0.x, sine);
+            ivec2 y = texels_of_ball(w0.y, sine);
+            xs = ivec2(max(xs.x, x.x), min(xs.y, x.y));
+            ys = ivec2(max(ys.x, y.x), min(ys.y, y.y));
+        }
     }
     // Where a ray meets the plane, `w h / along` from here, has these coordinates along the axes, times `along`.
     vec3 across = u * h - n * dot(o, u);
