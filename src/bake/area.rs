@@ -7,8 +7,8 @@
 //!
 //! The rectangle has the share's mean, principal axes and variances on the plane square to the cache's normal: walls of
 //! rectangles have next to no holes, and what is narrow is hardly overhung. For it, unlike for the area, what faces
-//! another cache better is that one's beyond the bisector, whichever way the two caches face: of a thin rod each cache has
-//! a part of the girth, where the areas overlap.
+//! another cache better is that one's beyond the bisector, whichever way the two caches face: else on a thin rod, whose
+//! caches face every way, a share would be as wide as the rod, where the area has its cap.
 
 use super::cluster::Seed;
 use super::grid::Grid;
