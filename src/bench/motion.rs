@@ -51,7 +51,7 @@ impl Contexts<'_> {
             "CPU pose and update [ms]",
             "moving / standing",
             "with the CPU's part",
-            "standing, skipped [ms]",
+            "standing and skipped [ms]",
         ];
         let how = format!(
             "Frames of {w}x{h} pixels, both lobes, {RSM}x{RSM} VALs, no shadows of indirect light: each moment of the \
@@ -96,7 +96,7 @@ impl Contexts<'_> {
             let skipped = self.drawn(&some, &buffers, &scene)?;
             let stage =
                 |name: &str| moving.stages().iter().find(|s| s.name == name).and_then(|s| s.gpu_ms).unwrap_or(0.0);
-            let sum = |times: &FrameTimes| times.stages().iter().filter_map(|s| s.gpu_ms).sum();
+            let sum = |times: &FrameTimes| times.stages().iter().filter_map(|s| s.gpu_ms).fold(0.0, |sum, ms| sum + ms);
             // The first draws what was just uploaded.
             if i > 0 {
                 measured.push(Moment {
@@ -161,7 +161,7 @@ pub fn headlines(table: &Table) -> Vec<String> {
             scene(row),
             of(row, "moving / standing"),
             of(row, "with the CPU's part"),
-            of(row, "standing, skipped [ms]"),
+            of(row, "standing and skipped [ms]"),
             of(row, "standing [ms]")
         )
     };

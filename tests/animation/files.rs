@@ -2,7 +2,7 @@
 
 use crate::common::Builder;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
-use lightskin::bake::{Density, NO_CACHE, Settings, bake};
+use lightskin::bake::{Cache, Density, NO_CACHE, Settings, bake};
 use lightskin::reference::world::{Sides, World};
 use lightskin::scene::{LightKind, Projection, Scene};
 use serde_json::{Value, json};
@@ -249,15 +249,18 @@ fn a_crowd_has_one_mesh_and_a_pose_each() {
     let caches = bake(&scene, &Settings { density: Density::Count(4000), angle: 0.8, references: 8 }, &|_, _| {});
     let caches = caches.expect("bakes");
     assert_eq!(caches.models.len(), 1);
-    // By distance alone, and so from both sides.
+    // By distance alone, those of the other side farther by a spacing.
     let model = &caches.models[0];
     for (vertex, references) in scene.meshes[0].vertices.iter().zip(model.references.chunks_exact(8)) {
-        let mut distances: Vec<f32> =
-            model.caches.iter().map(|cache| cache.position.distance(vertex.position)).collect();
+        let far = |cache: &Cache| {
+            let behind = if cache.normal.dot(vertex.normal) > 0.0 { 0.0 } else { caches.spacing as f32 };
+            cache.position.distance(vertex.position) + behind
+        };
+        let mut distances: Vec<f32> = model.caches.iter().map(far).collect();
         distances.sort_by(f32::total_cmp);
         let found = references.iter().filter(|r| **r != NO_CACHE).map(|r| &model.caches[usize::from(*r)]);
         for (cache, nearest) in found.zip(distances) {
-            assert!((cache.position.distance(vertex.position) - nearest).abs() < 1e-5);
+            assert!((far(cache) - nearest).abs() < 1e-5);
         }
     }
     // Sizes an octave apart are different meshes to the bake, a tenth is not.
