@@ -4,6 +4,7 @@ mod built;
 mod files;
 mod malformed;
 mod second;
+mod written;
 
 use crate::common::data;
 use glam::{DVec3, Vec3};

@@ -12,6 +12,9 @@ pub(super) struct Assets {
     /// Also the scenes that `choices --shadows` measures.
     #[arg(long)]
     shadowed: bool,
+    /// Also the scenes that move: moving.glb, a room, and crowd.glb, 1000 swaying tubes on one mesh.
+    #[arg(long)]
+    moving: bool,
 }
 
 pub(super) fn run(args: &Assets) -> Result<()> {
@@ -25,6 +28,10 @@ pub(super) fn run(args: &Assets) -> Result<()> {
     if args.shadowed {
         let shadowed = build::Shadowed::ALL.iter();
         scenes.extend(shadowed.map(|which| (format!("shadowed_{}.glb", which.name()), which.scene())));
+    }
+    if args.moving {
+        scenes.push(("moving.glb".to_owned(), build::moving(0.1)));
+        scenes.push(("crowd.glb".to_owned(), build::crowd(1000)));
     }
     for (name, scene) in scenes {
         let path = args.folder.join(name);

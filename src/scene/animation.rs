@@ -296,6 +296,26 @@ impl Rig {
         &self.parts
     }
 
+    /// Where a node was last set to.
+    pub(super) fn world(&self, node: usize) -> DAffine3 {
+        self.worlds[node]
+    }
+
+    /// Whether a node was last set to be shown.
+    pub(super) fn is_shown(&self, node: usize) -> bool {
+        self.shown[node]
+    }
+
+    /// Whether any animation moves a node.
+    pub(super) fn moves_node(&self, node: usize) -> bool {
+        self.moves[node]
+    }
+
+    /// Whether any animation may hide or show a node.
+    pub(super) fn fades_node(&self, node: usize) -> bool {
+        self.fades[node]
+    }
+
     /// Whether any animation moves an instance, or bends it.
     pub fn moves(&self, instance: usize) -> bool {
         let Some(placed) = self.parts.instances.get(instance) else { return false };

@@ -64,6 +64,16 @@ impl Property {
         self.quantity
     }
 
+    /// Indices into the scene's lights, cameras or materials, of which it is one.
+    pub fn of(&self) -> &[usize] {
+        &self.of
+    }
+
+    /// Its parts at rest.
+    pub fn at_rest(&self) -> [[f64; 4]; 3] {
+        self.rest
+    }
+
     pub(super) fn rest(&mut self) {
         self.now = self.rest;
     }
