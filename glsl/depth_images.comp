@@ -1,6 +1,6 @@
-// Stage 6, before the gather: every live cache draws all discs of the atlas into its depth image. METHOD 6, beyond the print.
-// Whatever lies nearest hides what is farther than itself by more than a margin. A disc blocks from both sides: holes
-// between the discs of a closed thing's near side are filled by those of its far side.
+// Stage 6, before the gather: every live cache draws the rectangles of all caches into its depth image. METHOD 6, beyond
+// the print. Whatever lies nearest hides what is farther than itself by more than a margin. A rectangle blocks from both
+// sides: holes between those of a closed thing's near side are filled by those of its far side.
 // A workgroup draws one image in its own memory; with ALONE a thread draws one, and neighbours' work is alike, which is
 // what CPUs want, whose vectors are threads side by side.
 #include "shared.glsl"
@@ -16,11 +16,13 @@ layout(push_constant, scalar) uniform Push { DepthImagePush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
+layout(binding = 3, scalar) readonly buffer Groups { OccluderGroup groups[]; };
+layout(binding = 4) uniform samplerBuffer cache_texels; // all caches again: lavapipe reads texels faster
 #ifdef ALONE
-layout(binding = 3, scalar) buffer Images { float images[]; };
+layout(binding = 5, scalar) buffer Images { float images[]; };
 uint image; // where it begins
 #else
-layout(binding = 3, scalar) writeonly buffer Images { float images[]; };
+layout(binding = 5, scalar) writeonly buffer Images { float images[]; };
 shared uint image[DEPTH_IMAGE_TEXELS];
 #endif
 
@@ -43,43 +45,72 @@ ivec2 texels(float low, float high) {
     return clamp(ivec2(ceil(bounds.x), floor(bounds.y)), ivec2(0, -1), ivec2(SIDE, SIDE - 1));
 }
 
-// The texels of one axis that a disc can reach which is seen in the unit direction w under an angle. A disc that is small
-// for its distance covers the ellipse of first order; a large one is taken for the ball around it.
-ivec2 reached(float w, float normal, float facing, float sine) {
-    float across = max(1.0 - w * w, 0.0);
-    if (sine < 0.25) {
-        float aside = normal - w * facing;
-        float reach = 1.1 * sine * sqrt(max(across - aside * aside, 0.0)) + sine * sine;
-        return texels(w - reach, w + reach);
-    }
+// The same of a ball that is seen in the unit direction of which w is a component, under an angle.
+ivec2 texels_of_ball(float w, float sine) {
     float cosine = sqrt(max(1.0 - sine * sine, 0.0));
-    float reach = sine * sqrt(across);
+    float reach = sine * sqrt(max(1.0 - w * w, 0.0));
     return texels(w < -cosine ? -1.0 : w * cosine - reach, w > cosine ? 1.0 : w * cosine + reach);
 }
 
-void draw(Cache c, vec3 tangent, vec3 bitangent, Cache other) {
-    vec3 o = other.position - c.position;
-    float share = sqrt(other.area / PI);
-    float radius = DEPTH_IMAGE_RADIUS * share;
-    // Distance from the disc's plane. In the plane, or nearly, it is a neighbour on the same surface.
-    float h = dot(o, other.normal);
-    vec3 n = h < 0.0 ? -other.normal : other.normal;
+// Draws the rectangle of a cache; rows of `own` are the viewer's frame.
+void draw(Cache c, mat3 own, uint other) {
+    vec3 n = texelFetch(cache_texels, int(4u * other + 1u)).xyz;
+    vec4 middle_breadth = texelFetch(cache_texels, int(4u * other + 2u));
+    vec3 o = middle_breadth.xyz - c.position;
+    vec4 axis_radius = texelFetch(cache_texels, int(4u * other + 3u));
+    float share = axis_radius.w;
+    // Distance from the rectangle's plane. In the plane, or nearly, it is a neighbour on the same surface.
+    float h = dot(o, n);
+    n = own * (h < 0.0 ? -n : n);
     h = abs(h);
-    float above = dot(o, c.normal);
-    if (above <= -radius || h <= DEPTH_IMAGE_PLANE * share) {
+    if (h <= DEPTH_IMAGE_PLANE * share) {
         return;
     }
-    n = vec3(dot(n, tangent), dot(n, bitangent), dot(n, c.normal));
-    o = vec3(dot(o, tangent), dot(o, bitangent), above);
-    float distance = length(o);
+    o = own * o;
+    vec3 u = own * axis_radius.xyz;
+    float u2 = dot(u, u);
+    float v2 = middle_breadth.w * middle_breadth.w;
+    vec3 v = cross(n, u) * (middle_breadth.w * inversesqrt(max(u2, 1e-37)));
+    if (o.z + abs(u.z) + abs(v.z) <= 0.0) {
+        return;
+    }
+    float distance2 = dot(o, o);
+    float inverse = inversesqrt(max(distance2, 1e-37));
+    vec3 w0 = o * inverse;
+    float sine = sqrt(u2 + v2) * inverse;
     ivec2 xs = ivec2(0, SIDE - 1);
     ivec2 ys = xs;
-    if (distance > radius) {
-        vec2 w = o.xy / distance;
-        float sine = radius / distance;
-        xs = reached(w.x, n.x, h / distance, sine);
-        ys = reached(w.y, n.y, h / distance, sine);
+    if (sine < 0.25) {
+        // Directions of first order, and what those of second and third can add.
+        vec2 reach = abs(u.xy - w0.xy * dot(w0, u)) + abs(v.xy - w0.xy * dot(w0, v));
+        reach = reach * inverse + 1.25 * sine * sine;
+        xs = texels(w0.x - reach.x, w0.x + reach.x);
+        ys = texels(w0.y - reach.y, w0.y + reach.y);
+    } else {
+        // Coordinates reach as far as the corners', distances from that of the nearest point to that of the farthest corner.
+        vec2 reach = abs(u.xy) + abs(v.xy);
+        vec2 aside = abs(vec2(dot(o, u), dot(o, v))) * inversesqrt(max(vec2(u2, v2), vec2(1e-37)));
+        vec2 halves = sqrt(vec2(u2, v2));
+        vec2 near = max(aside - halves, vec2(0.0));
+        vec2 far = aside + halves;
+        float nearest = inversesqrt(max(h * h + dot(near, near), 1e-37)) * 1.0001;
+        float farthest = inversesqrt(max(h * h + dot(far, far), 1e-37)) * 0.9999;
+        vec2 low = o.xy - reach;
+        vec2 high = o.xy + reach;
+        low *= mix(vec2(farthest), vec2(nearest), lessThan(low, vec2(0.0)));
+        high *= mix(vec2(nearest), vec2(farthest), lessThan(high, vec2(0.0)));
+        xs = texels(low.x, high.x);
+        ys = texels(low.y, high.y);
+        if (sine < 1.0) {
+            ivec2 x = texels_of_ball(w0.x, sine);
+            ivec2 y = texels_of_ball(w0.y, sine);
+            xs = ivec2(max(xs.x, x.x), min(xs.y, x.y));
+            ys = ivec2(max(ys.x, y.x), min(ys.y, y.y));
+        }
     }
+    // Where a ray meets the plane, `w h / along` from here, has these coordinates along the axes, times `along`.
+    vec3 across = u * h - n * dot(o, u);
+    vec3 upward = v * h - n * dot(o, v);
     // One loop: older lavapipe counts rounds of all loops together.
     int width = xs.y - xs.x + 1;
     int count = max(width, 0) * max(ys.y - ys.x + 1, 0);
@@ -89,8 +120,7 @@ void draw(Cache c, vec3 tangent, vec3 bitangent, Cache other) {
         float z2 = 1.0 - dot(p, p);
         vec3 w = vec3(p, sqrt(max(z2, 0.0)));
         float along = dot(w, n);
-        vec3 off = w * h - o * along; // along times the way from the disc's centre to where the ray meets its plane
-        if (z2 > 0.0 && along > 0.0 && dot(off, off) <= radius * radius * along * along) {
+        if (z2 > 0.0 && abs(dot(w, across)) < u2 * along && abs(dot(w, upward)) < v2 * along) {
             // The reciprocal distance of a plane is linear in w: its least value in the texel, but for the curvature of z.
             float slope = 1.0 / max(w.z, DEPTH_IMAGE_LEAST_Z);
             float least = along - 0.5 * STEP * (abs(n.x - n.z * p.x * slope) + abs(n.y - n.z * p.y * slope));
@@ -103,6 +133,19 @@ void draw(Cache c, vec3 tangent, vec3 bitangent, Cache other) {
     }
 }
 
+// Whether all rectangles of a group lie behind a cache. The margin is for rounding.
+bool is_behind(Cache c, OccluderGroup g) {
+    vec3 o = g.position - c.position;
+    return dot(o, c.normal) + g.reach + 1e-5 * (length(o) + g.reach) <= 0.0;
+}
+
+// Whose rows are the frame of a cache's image.
+mat3 frame(Cache c) {
+    vec3 tangent, bitangent;
+    tangents(c.normal, tangent, bitangent);
+    return transpose(mat3(tangent, bitangent, c.normal));
+}
+
 void main() {
 #ifdef ALONE
     uint slot = gl_GlobalInvocationID.x;
@@ -110,8 +153,7 @@ void main() {
         return;
     }
     Cache c = caches[live[slot]];
-    vec3 tangent, bitangent;
-    tangents(c.normal, tangent, bitangent);
+    mat3 own = frame(c);
     image = slot * DEPTH_IMAGE_TEXELS;
     if (push.first == 0u) {
         for (uint i = 0u; i < DEPTH_IMAGE_TEXELS; ++i) {
@@ -119,8 +161,12 @@ void main() {
         }
     }
     uint end = min(push.first + push.count, push.cache_count);
-    for (uint i = push.first; i < end; ++i) {
-        draw(c, tangent, bitangent, caches[i]);
+    for (uint first = push.first; first < end; first += OCCLUDER_GROUP) {
+        if (!is_behind(c, groups[first / OCCLUDER_GROUP])) {
+            for (uint i = first; i < min(first + OCCLUDER_GROUP, end); ++i) {
+                draw(c, own, i);
+            }
+        }
     }
 #else
     uint slot = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;
@@ -128,14 +174,15 @@ void main() {
         return;
     }
     Cache c = caches[live[slot]];
-    vec3 tangent, bitangent;
-    tangents(c.normal, tangent, bitangent);
+    mat3 own = frame(c);
     for (uint i = gl_LocalInvocationID.x; i < DEPTH_IMAGE_TEXELS; i += gl_WorkGroupSize.x) {
         image[i] = 0u;
     }
     barrier();
     for (uint i = gl_LocalInvocationID.x; i < push.cache_count; i += gl_WorkGroupSize.x) {
-        draw(c, tangent, bitangent, caches[i]);
+        if (!is_behind(c, groups[i / OCCLUDER_GROUP])) {
+            draw(c, own, i);
+        }
     }
     barrier();
     for (uint i = gl_LocalInvocationID.x; i < DEPTH_IMAGE_TEXELS; i += gl_WorkGroupSize.x) {

@@ -1,4 +1,4 @@
-// Stage 7, first half: what bounds the discs of each group of consecutive caches.
+// Stages 6 and 7: what bounds the discs, and the rectangles, of each group of consecutive caches.
 #include "shared.glsl"
 
 layout(local_size_x = 32) in;
@@ -15,7 +15,7 @@ void main() {
     uint end = min(first + OCCLUDER_GROUP, push.cache_count);
     vec3 low = caches[first].position;
     vec3 high = low;
-    OccluderGroup g = OccluderGroup(vec3(0.0), 0.0, 0.0);
+    OccluderGroup g = OccluderGroup(vec3(0.0), 0.0, 0.0, 0.0);
     for (uint j = first; j < end; ++j) {
         low = min(low, caches[j].position);
         high = max(high, caches[j].position);
@@ -23,7 +23,9 @@ void main() {
     }
     g.position = 0.5 * (low + high);
     for (uint j = first; j < end; ++j) {
-        g.radius = max(g.radius, distance(g.position, caches[j].position));
+        Cache c = caches[j];
+        g.radius = max(g.radius, distance(g.position, c.position));
+        g.reach = max(g.reach, distance(g.position, c.middle) + sqrt(dot(c.axis, c.axis) + c.breadth * c.breadth));
     }
     groups[i] = g;
 }

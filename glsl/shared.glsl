@@ -114,7 +114,7 @@ const uint PEAK_CHAINS = 12u;
 // Words of a vertex as draws read it; position, normal and tangent are the first ten.
 const uint VERTEX_WORDS = 15u;
 
-// A cache whose model does not bend.
+// Has no posed vertices.
 const uint RIGID = 0xffffffffu;
 
 // Workgroups in a row of the dispatches that pose meshes.
@@ -126,6 +126,8 @@ struct Instance {
     mat4 world_from_normal; // inverse transpose of the linear part, up to a factor
     float growth; // most that lengths are of what they were when caches were placed
     float area_scale; // that factor, against the one the caches were placed with; 0 of a hidden instance
+    uint first_index; // of its mesh, among all indices
+    uint first_vertex; // of its posed vertices, among all; RIGID where it does not bend
 };
 
 // A vertex of a mesh that bends, before morphing and skinning.
@@ -267,23 +269,31 @@ struct ClusterView {
     uint levels; // above the VALs
 };
 
-// A cache as it was baked: a point in model space, or where the model bends, a point on a triangle.
+// A cache as it was baked, in model space. Its area counts [m^2] where the instance's normal matrix keeps the normal's length.
+// Where the model bends, it is a point on a triangle: `position` is the weights of the triangle's second and third corner
+// and the number of the triangle, `area` a share of the triangle's, `middle` (from the cache) and `axis` are combinations of
+// the triangle's two edges from its first corner and of its normal, and `normal` says nothing.
 struct ModelCache {
-    vec3 position; // where the model bends, weights of the triangle's second and third corner
+    vec3 position;
     float exponent;
     vec3 normal;
-    float area; // [m^2] where the instance's normal matrix keeps the normal's length; or shares of its triangle's area
+    float area;
+    vec3 middle; // of the rectangle that stands for its share of the surface when it is in the way of light
+    float breadth; // product of the rectangle's half sides, over the area
+    vec3 axis; // from the middle to an edge, square to the normal
     uint instance;
-    uint triangle; // a third of its first index among all indices; RIGID of a model that does not bend
-    uint first_vertex; // of the instance's posed vertices, among all
 };
 
-// A cache in the world.
+// A cache in the world: four texels of four values.
 struct Cache {
     vec3 position;
     float exponent; // Phong exponent of its material
     vec3 normal;
     float area; // [m^2]
+    vec3 middle; // of the rectangle that stands for its share of the surface when it is in the way of light
+    float breadth; // half of it across its axis [m]
+    vec3 axis; // from the middle to an edge [m], square to the normal
+    float radius; // of the circle of its area [m]
 };
 
 // Both proxy lights of a cache: per lobe the facing irradiance I = E / (N.w) [lx] and where it comes from.
@@ -371,6 +381,7 @@ struct OccluderGroup {
     vec3 position; // middle of their bounds
     float radius; // of a sphere about it that holds their positions
     float area; // largest [m^2]
+    float reach; // of a sphere about it that holds their rectangles
 };
 
 // Sums over VALs at one cache, relative to its position.
@@ -501,8 +512,8 @@ struct ClusterPush {
 // Push constants of drawing depth images.
 struct DepthImagePush {
     uint cache_count;
-    uint first; // disc to draw, where a thread draws an image
-    uint count; // of discs, likewise
+    uint first; // cache to draw, of a group the first, where a thread draws an image
+    uint count; // of caches, likewise
 };
 
 // Push constants of the compacting passes.

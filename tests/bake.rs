@@ -234,6 +234,52 @@ fn total_area(model: &ModelCaches) -> f64 {
     model.caches.iter().map(|c| f64::from(c.area)).sum()
 }
 
+/// Middle and half axes of a cache's rectangle in the world, as the atlas places them.
+fn rectangle(cache: &Cache, world: &DAffine3) -> (DVec3, [DVec3; 2]) {
+    let normal = (world.matrix3.inverse().transpose() * cache.normal.as_dvec3()).normalize();
+    let axis = world.transform_vector3(cache.axis.as_dvec3());
+    let across = normal.cross(axis.normalize()) * f64::from(cache.breadth);
+    (world.transform_point3(cache.middle.as_dvec3()), [axis, across])
+}
+
+#[test]
+fn rectangles_are_like_the_shares() {
+    // One cache of a flat rectangle has all of it, however it is stretched, turned and mirrored.
+    let plane = grid_mesh(5, 5, |u, v| (DVec3::new(u, 0.0, -v), DVec3::Y));
+    let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.7);
+    let world = DAffine3::from_scale_rotation_translation(DVec3::new(2.0, 5.0, -3.0), turn, DVec3::new(7.0, 8.0, 9.0));
+    let set = run(&scene(vec![(plane, world)]), &spacing(50.0));
+    let [cache] = set.models[0].caches[..] else { panic!("{} caches", set.models[0].caches.len()) };
+    let (middle, axes) = rectangle(&cache, &world);
+    let [x, z] = [DVec3::X, DVec3::NEG_Z].map(|edge| world.transform_vector3(edge) * 0.5);
+    assert!(middle.distance(world.transform_point3(DVec3::new(0.5, 0.0, -0.5))) < 1e-4, "{middle}");
+    assert!(axes[0].cross(z).length() < 1e-4 && (axes[0].length() - 1.5).abs() < 1e-4, "{} along {z}", axes[0]);
+    assert!(axes[1].cross(x).length() < 1e-4 && (axes[1].length() - 1.0).abs() < 1e-4, "{} along {x}", axes[1]);
+
+    // Rectangles of a thin rod have its girth together, and do not stick out of it by much.
+    let radius = 0.1;
+    let rod = grid_mesh(24, 24, |u, v| {
+        let normal = DVec3::new((TAU * u).cos(), 0.0, -(TAU * u).sin());
+        (radius * normal + DVec3::Y * 2.0 * v, normal)
+    });
+    let settings = Settings { angle: 60f32.to_radians(), ..spacing(0.4) };
+    let set = run(&scene(vec![(rod, DAffine3::IDENTITY)]), &settings);
+    let caches = &set.models[0].caches;
+    let lateral = TAU * radius * 2.0;
+    let mut area = 0.0;
+    for cache in caches {
+        let (middle, [a, b]) = rectangle(cache, &DAffine3::IDENTITY);
+        area += 4.0 * a.length() * b.length();
+        for corner in [a + b, a - b, b - a, -a - b] {
+            let from_axis = (middle + corner).with_y(0.0).length();
+            assert!(from_axis < 1.25 * radius, "{from_axis} of {radius}");
+        }
+    }
+    let (rectangles, shares) = (area / lateral, total_area(&set.models[0]) / lateral);
+    println!("{} caches: rectangles have {rectangles:.3} of the rod, shares {shares:.3}", caches.len());
+    assert!((0.8..1.1).contains(&rectangles), "{rectangles}");
+}
+
 #[test]
 fn areas_add_up_to_the_surface() {
     let plane = |_: f64| grid_mesh(5, 5, |u, v| (DVec3::new(u, 0.0, -v), DVec3::Y));
@@ -350,10 +396,15 @@ fn stretches_make_models() {
     let set = check_guarantee(&scene, &spacing(0.3), &mut Random(8));
     assert_eq!(set.instance_model, [0, 0, 0, 1, 2]);
     // Transforms that leave little or nothing of the mesh are not what one wants, but no crash either.
-    for scale in [DVec3::new(1.0, 0.0, 1.0), DVec3::ZERO, DVec3::NAN, DVec3::splat(f64::INFINITY)] {
+    for scale in [DVec3::NAN, DVec3::splat(f64::INFINITY)] {
         scene.instances[3].world_from_model = DAffine3::from_scale(scale);
         let odd = run(&scene, &spacing(0.3));
-        assert_eq!(odd.models[1].caches.is_empty(), scale != DVec3::new(1.0, 0.0, 1.0), "{scale}");
+        assert!(odd.models[1].caches.is_empty(), "{scale}");
+    }
+    // What has no volume now may get one: it is taken to be of unit size.
+    for scale in [DVec3::new(1.0, 0.0, 1.0), DVec3::ZERO] {
+        scene.instances[3].world_from_model = DAffine3::from_scale(scale);
+        assert_eq!(run(&scene, &spacing(0.3)).instance_model, [0, 0, 0, 0, 1], "{scale}");
     }
     // Twice as large in the same metres: four times the caches, give or take the tube's curvature.
     let ratio = set.models[1].caches.len() as f64 / set.models[0].caches.len() as f64;

@@ -156,7 +156,7 @@ fn bake_info_devices_and_assets_print_what_they_promise() {
     assert!(bake.contains("every surface point has a cache within"), "{bake}");
     assert!(works(&at, &["bake", "--caches", "100"]).contains("read from the kept bake"));
     let info = works(&at, &["info", "--caches", "100"]);
-    for part in ["frame plan", " 6 gather", "atlas", "KiB", "bytes per cache", "directional", "spot"] {
+    for part in ["frame plan", " 6 gather", "atlas", "KiB", "of each cache", "directional", "spot"] {
         assert!(info.contains(part), "'{part}' is not in {info}");
     }
     assert!(works(&at, &["devices"]).contains("ok"));

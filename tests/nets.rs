@@ -8,33 +8,32 @@ use lightskin::gpu::{Gpu, Options, Use, Validation};
 use lightskin::image::broken_values;
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell};
-use lightskin::shared::{Cache, Instance, ModelCache, PlacePush};
+use lightskin::shared::{Cache, OccludePush};
 
 fn open() -> Gpu {
     Gpu::new(&Options { device: None, validation: Validation::Sync }).expect("a Vulkan device and the validation layer")
 }
 
-const PUSH: PlacePush = PlacePush { cache_count: 4 };
+const PUSH: OccludePush = OccludePush { cache_count: 4, group_count: 1 };
 
 /// Two dispatches, the second reading what the first has written, with `barriers` between.
 fn write_then_read(gpu: &Gpu, barriers: &[(Use, Use)]) -> Vec<String> {
-    let model = gpu.buffer_from("test.model_caches", &[ModelCache::default(); 4]).expect("buffer");
-    let instances = gpu.buffer_from("test.instances", &[Instance::default()]).expect("buffer");
-    let caches = gpu.buffer("test.caches", 4 * size_of::<Cache>().max(size_of::<ModelCache>()) as u64).expect("buffer");
+    let first = gpu.buffer_from("test.first", &[Cache::default(); 4]).expect("buffer");
+    let caches = gpu.buffer("test.caches", 4 * size_of::<Cache>() as u64).expect("buffer");
     let last = gpu.buffer("test.last", 4 * size_of::<Cache>() as u64).expect("buffer");
-    let atlas = gpu.compute("atlas.comp", &[]).expect("pipeline");
+    let groups = gpu.compute("occluder_groups.comp", &[]).expect("pipeline");
     let frame = gpu.frame(false, |cmd| {
         cmd.begin_frame([]);
         let _zone = cmd.zone("test");
-        cmd.bind(&atlas, &[(&model).into(), (&instances).into(), (&caches).into()]);
+        cmd.bind(&groups, &[(&first).into(), (&caches).into()]);
         cmd.push(&PUSH);
-        cmd.dispatch(4, 1, 1);
+        cmd.dispatch(1, 1, 1);
         for (from, to) in barriers {
             cmd.barrier(*from, *to);
         }
-        cmd.bind(&atlas, &[(&caches).into(), (&instances).into(), (&last).into()]);
+        cmd.bind(&groups, &[(&caches).into(), (&last).into()]);
         cmd.push(&PUSH);
-        cmd.dispatch(4, 1, 1);
+        cmd.dispatch(1, 1, 1);
         Ok(())
     });
     let frame = frame.expect("frame");
@@ -64,12 +63,12 @@ fn an_idle_barrier_is_caught() {
 }
 
 #[test]
-#[should_panic(expected = "its shaders declare 3 bindings")]
+#[should_panic(expected = "its shaders declare 2 bindings")]
 fn a_wrong_number_of_bindings_is_caught() {
     let gpu = open();
-    let atlas = gpu.compute("atlas.comp", &[]).expect("pipeline");
+    let groups = gpu.compute("occluder_groups.comp", &[]).expect("pipeline");
     let _ = gpu.frame(false, |cmd| {
-        cmd.bind(&atlas, &[]);
+        cmd.bind(&groups, &[]);
         Ok(())
     });
 }
@@ -79,10 +78,10 @@ fn a_wrong_number_of_bindings_is_caught() {
 fn a_wrong_push_size_is_caught() {
     let gpu = open();
     let buffer = gpu.buffer("test.buffer", 1024).expect("buffer");
-    let atlas = gpu.compute("atlas.comp", &[]).expect("pipeline");
+    let groups = gpu.compute("occluder_groups.comp", &[]).expect("pipeline");
     let _ = gpu.frame(false, |cmd| {
-        cmd.bind(&atlas, &[(&buffer).into(), (&buffer).into(), (&buffer).into()]);
-        cmd.push(&1_u64);
+        cmd.bind(&groups, &[(&buffer).into(), (&buffer).into()]);
+        cmd.push(&1_u32);
         Ok(())
     });
 }

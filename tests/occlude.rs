@@ -96,6 +96,7 @@ fn random(seed: u64, count: usize, side: f32, place: Vec3) -> (Vec<shared::Cache
             exponent: 1.0,
             normal: direction(),
             area: side * side * 0.02 * number(),
+            ..Default::default()
         })
         .collect();
     let proxies = caches
@@ -208,8 +209,9 @@ fn what_is_degenerate_leaves_finite_light() {
 
 /// A cache at the origin that looks up, its light two metres above, and a disc.
 fn one_disc(position: Vec3, normal: Vec3, area: f32) -> (Vec<shared::Cache>, Vec<Proxy>) {
-    let receiver = shared::Cache { position: Vec3::ZERO, exponent: 1.0, normal: Vec3::Y, area: 1e-3 };
-    let disc = shared::Cache { position, exponent: 1.0, normal, area };
+    let receiver =
+        shared::Cache { position: Vec3::ZERO, exponent: 1.0, normal: Vec3::Y, area: 1e-3, ..Default::default() };
+    let disc = shared::Cache { position, exponent: 1.0, normal, area, ..Default::default() };
     let light = proxy(&receiver, [Vec3::Y * 2.0; 2], [0.02; 2]);
     let dark = Proxy { diffuse_distance2: 0.0, glossy_distance2: 0.0, ..light };
     (vec![receiver, disc], vec![light, dark])

@@ -10,7 +10,7 @@ use lightskin::eval::sweep::Point;
 use lightskin::frame::depth_images::DepthImages;
 use lightskin::frame::{self, Frame, GatherPath, GatherSettings, SceneBuffers, Settings, Shadows, View};
 use lightskin::gpu::Gpu;
-use lightskin::reference::depth_image::{DepthImage, Rule, gather_seen};
+use lightskin::reference::depth_image::{DepthImage, Plate, Rule, gather_seen};
 use lightskin::reference::gather::{Cache, ProxyWeight, gather};
 use lightskin::reference::occlude::Disc;
 use lightskin::reference::rsm::Val;
@@ -33,19 +33,24 @@ fn blocked() -> Scene {
     scene
 }
 
-/// Caches as the twin has them, from the device's atlas.
-fn discs(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Vec<Disc> {
+/// What stands for caches as the twin has it, from the device's atlas.
+fn plates(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Vec<Plate> {
     let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("uploaded");
     let frame = Frame::new(gpu, scene, &buffers, &shadowed()).expect("made");
     draw(gpu, scene, &buffers, &frame, &shadowed());
     let targets = frame.targets.caches.as_ref().expect("caches");
     let all: Vec<shared::Cache> = gpu.read(&targets.atlas).expect("atlas");
-    let disc = |c: &shared::Cache| Disc {
-        position: c.position.as_dvec3() + buffers.origin,
-        normal: c.normal.as_dvec3().normalize(),
-        area: c.area.into(),
+    let plate = |c: &shared::Cache| Plate {
+        disc: Disc {
+            position: c.position.as_dvec3() + buffers.origin,
+            normal: c.normal.as_dvec3().normalize(),
+            area: c.area.into(),
+        },
+        middle: c.middle.as_dvec3() + buffers.origin,
+        axis: c.axis.as_dvec3(),
+        breadth: c.breadth.into(),
     };
-    all[..targets.count as usize].iter().map(disc).collect()
+    all[..targets.count as usize].iter().map(plate).collect()
 }
 
 fn draw(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers, frame: &Frame, settings: &Settings) {
@@ -57,9 +62,9 @@ fn draw(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers, frame: &Frame, setting
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
 }
 
-/// A cache of a disc, for the twin.
-fn cache(disc: &Disc) -> Cache {
-    Cache { position: disc.position, normal: disc.normal, exponent: 1.0 }
+/// A cache for the twin.
+fn cache(plate: &Plate) -> Cache {
+    Cache { position: plate.disc.position, normal: plate.disc.normal, exponent: 1.0 }
 }
 
 #[test]
@@ -67,7 +72,7 @@ fn depth_images_are_the_references() {
     let gpu = gpu();
     let scene = blocked();
     let caches = baked(&scene, 0.3, 8);
-    let discs = discs(&gpu, &scene, &caches);
+    let plates = plates(&gpu, &scene, &caches);
     let settings = shadowed();
     let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
@@ -77,19 +82,19 @@ fn depth_images_are_the_references() {
     let live = targets.live.as_ref().expect("compute path");
     let list: Vec<u32> = gpu.read(&live.list).expect("list");
     let count = gpu.read::<LiveArgs>(&live.args).expect("arguments")[0].cache_count as usize;
-    assert_eq!(count, discs.len());
+    assert_eq!(count, plates.len());
     let (mut filled, mut differ) = (0, 0);
     for (slot, own) in list[..count].iter().enumerate() {
-        let twin = DepthImage::new(&cache(&discs[*own as usize]), &discs, &Rule::default());
+        let twin = DepthImage::new(&cache(&plates[*own as usize]), &plates, &Rule::default());
         let image = &images[slot * DEPTH_IMAGE_TEXELS as usize..][..DEPTH_IMAGE_TEXELS as usize];
         for (texel, end) in image.iter().zip(&twin.ends) {
             filled += usize::from(*end > 0.0);
-            // A texel's centre on the rim of a disc.
-            differ += usize::from((f64::from(*texel) - end).abs() > 1e-3 * end.max(1e-3));
+            // A texel's centre on the rim of a rectangle. Views of more than 10 km have no end.
+            differ += usize::from((f64::from(*texel) - end).abs() > 1e-3 * end.max(0.1));
         }
     }
     println!("{filled} of {} texels have an end, {differ} differ", count * DEPTH_IMAGE_TEXELS as usize);
-    assert!(filled * 10 > count * DEPTH_IMAGE_TEXELS as usize, "discs are in the way");
+    assert!(filled * 10 > count * DEPTH_IMAGE_TEXELS as usize, "rectangles are in the way");
     assert!(differ * 1000 < filled, "{differ} of {filled} texels differ");
 
     // A workgroup an image, as GPUs do it, draws the same.
@@ -111,7 +116,7 @@ fn shadowed_sums_are_the_references() {
     let gpu = gpu();
     let scene = blocked();
     let caches = baked(&scene, 0.3, 8);
-    let discs = discs(&gpu, &scene, &caches);
+    let plates = plates(&gpu, &scene, &caches);
     // Of coarse pictures each VAL is tested alone.
     let ways = [(1, 256, 24, 1), (4, 2048, 96, 4), (3, 512, 96, 4)];
     for (caches_per_thread, split, rsm, together) in ways {
@@ -122,8 +127,8 @@ fn shadowed_sums_are_the_references() {
         let eye = scene.cameras[0].world_from_camera.translation;
         let vals: Vec<Val> = shot.vals.iter().copied().filter(|val| *val != Val::NOTHING).collect();
         let (mut error, mut total, mut hidden) = (0.0, 0.0, 0.0);
-        for ((own, found), disc) in shot.caches.iter().zip(&shot.proxies).zip(&discs) {
-            let image = DepthImage::new(&cache(disc), &discs, &rule);
+        for ((own, found), plate) in shot.caches.iter().zip(&shot.proxies).zip(&plates) {
+            let image = DepthImage::new(&cache(plate), &plates, &rule);
             let weight = ProxyWeight::Irradiance;
             let twin = gather_seen(own, &image, &vals, Some(eye), weight, &rule).diffuse.facing_irradiance;
             let open = gather(own, &vals, Some(eye), weight).diffuse.facing_irradiance;
@@ -161,8 +166,8 @@ fn a_closed_dark_box_stays_dark() {
     };
     let [open, leaked] = [Shadows::Off, Shadows::PerLight].map(light);
     println!("of the light that would pass through the walls {:.2} % leaks", 100.0 * leaked / open);
-    // Discs leave holes between them; walls have two layers of them.
-    assert!(open > 0.0 && leaked < 0.2 * open, "{leaked} of {open}");
+    // Rectangles leave holes between them; walls have two layers of them.
+    assert!(open > 0.0 && leaked < 0.08 * open, "{leaked} of {open}");
 }
 
 #[test]
@@ -207,7 +212,7 @@ fn shadows_bring_pictures_nearer_to_light_paths() {
         let [off, on] = [Shadows::Off, Shadows::PerLight].map(|shadows| errors(&picture(shadows), &truth)[0].1);
         println!("{}: off {off:?}, on {on:?}", which.name());
         assert!(on.metrics.relmse < 0.75 * off.metrics.relmse, "{}: {on:?} instead of {off:?}", which.name());
-        assert!(on.metrics.bias.abs() < 0.12, "{}: {on:?}", which.name());
+        assert!(on.metrics.bias.abs() < 0.1, "{}: {on:?}", which.name());
     }
     std::fs::remove_dir_all(&folder).ok();
     assert_clean(&gpu);

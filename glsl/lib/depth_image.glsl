@@ -1,16 +1,14 @@
-// A cache's view of the discs that stand for the surfaces around it: on the unit disc, at Proj(w) = (w.T, w.B) of a unit
+// A cache's view of the rectangles that stand for the surfaces around it: on the unit disc, at Proj(w) = (w.T, w.B) of a unit
 // direction w, the reciprocal of the distance beyond which nothing is seen [1/m]; 0 where nothing is in the way.
 // METHOD 6, eq. 5.60. Twin: src/reference/depth_image.rs.
 #ifndef DEPTH_IMAGE_GLSL
 #define DEPTH_IMAGE_GLSL
 
-// A disc's radius as a share of that of the circle of its cache's area; discs overlap where their circles do.
-const float DEPTH_IMAGE_RADIUS = 0.9;
-
-// How far behind a disc things are still seen, in radii of that circle: surfaces are not flat, and their discs stick out.
+// How far behind a rectangle things are still seen, in radii of the circle of its cache's area: surfaces are not flat, and
+// their rectangles stick out.
 const float DEPTH_IMAGE_MARGIN = 2.0;
 
-// How far out of a disc's plane a cache must lie for it to be in the way, in the same unit.
+// How far out of a rectangle's plane a cache must lie for it to be in the way, in the same unit.
 const float DEPTH_IMAGE_PLANE = 0.1;
 
 // Cosine at the cache below which a texel's slope is taken from here: at its horizon it has no end.

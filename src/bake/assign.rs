@@ -9,7 +9,7 @@ use rayon::prelude::*;
 
 /// The `count` caches of least error (5.95, put right) for each vertex of the mesh, best first, equal errors by index;
 /// exact. `positions` are the caches' in bake space. Normals are the shading normals on both sides. For meshes that bend
-/// the error is the distance alone.
+/// the error is the distance alone, and one spacing more to caches on the other side of the surface.
 pub(super) fn assign(surface: &Surface, caches: &[Cache], positions: &[DVec3], count: usize, spacing: f64) -> Vec<u16> {
     let normal = |cache: &Cache| (surface.normal_matrix * cache.normal.as_dvec3()).normalize_or_zero();
     let points: Vec<(DVec3, DVec3)> = positions.iter().copied().zip(caches.iter().map(normal)).collect();
@@ -29,7 +29,8 @@ pub(super) fn assign(surface: &Surface, caches: &[Cache], positions: &[DVec3], c
                 }
                 // A vertex that is no number, which no triangle with an area has, gets the first caches.
                 let distance = if distance_squared.is_nan() { f64::INFINITY } else { distance_squared.sqrt() };
-                let cos = if surface.bends { 1.0 } else { normal.dot(cache_normal) };
+                let cos = normal.dot(cache_normal);
+                let cos = if surface.bends && cos > 0.0 { 1.0 } else { cos };
                 let entry = (error(distance, cos, spacing), index);
                 let place = best.partition_point(|&other: &(f64, u32)| other < entry);
                 if place < count {

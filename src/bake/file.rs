@@ -14,7 +14,7 @@ use std::path::Path;
 const MAGIC: [u8; 8] = *b"LSKCACHE";
 
 /// Of the format and of the algorithm: counted up when either changes what a bake gives.
-const VERSION: u32 = 2;
+const VERSION: u32 = 4;
 
 /// Magic, version, key, length, hash.
 const HEADER: usize = 8 + 4 + 32 + 8 + 32;
@@ -123,8 +123,10 @@ fn write(set: &CacheSet, key: &[u8; 32]) -> Vec<u8> {
         for cache in &model.caches {
             let [x, y, z] = cache.position.to_array();
             let [nx, ny, nz] = cache.normal.to_array();
+            let [mx, my, mz] = cache.middle.to_array();
+            let [ax, ay, az] = cache.axis.to_array();
             let [second, third] = cache.barycentric;
-            for value in [x, y, z, nx, ny, nz, cache.area, second, third] {
+            for value in [x, y, z, nx, ny, nz, cache.area, mx, my, mz, ax, ay, az, cache.breadth, second, third] {
                 payload.extend_from_slice(&value.to_le_bytes());
             }
             payload.extend_from_slice(&cache.triangle.to_le_bytes());
@@ -221,16 +223,19 @@ fn read_model(reader: &mut Reader, scene: &Scene, settings: &Settings) -> Option
     }
     let linear = DMat3::from_cols_array(&linear);
     let coverage = Coverage { distance: reader.f64()?, angle: reader.f64()? };
-    let caches = reader.records(40)?.all(|reader| {
-        let mut values = [0.0; 9];
+    let caches = reader.records(68)?.all(|reader| {
+        let mut values = [0.0; 16];
         for value in &mut values {
             *value = reader.f32()?;
         }
-        let [x, y, z, nx, ny, nz, area, second, third] = values;
+        let [x, y, z, nx, ny, nz, area, mx, my, mz, ax, ay, az, breadth, second, third] = values;
         Some(Cache {
             position: [x, y, z].into(),
             normal: [nx, ny, nz].into(),
             area,
+            middle: [mx, my, mz].into(),
+            axis: [ax, ay, az].into(),
+            breadth,
             triangle: u32::from_le_bytes(reader.array()?),
             barycentric: [second, third],
         })

@@ -91,6 +91,12 @@ pub struct Cache {
     pub normal: Vec3,
     /// Share of the surface that this cache stands for [m^2 in world space]; METHOD 6, eq. 5.58.
     pub area: f32,
+    /// Middle, in model space, of the rectangle that stands for that share when it is in the way of light.
+    pub middle: Vec3,
+    /// From there to the middle of an edge, in model space; square to the normal in the world.
+    pub axis: Vec3,
+    /// From there to the next edge, square to both [m in world space].
+    pub breadth: f32,
     /// Triangle of the mesh the cache lies on.
     pub triangle: u32,
     /// Barycentric weights of the triangle's second and third corner.
@@ -179,17 +185,34 @@ fn finish(
     let surface = &model.surface;
     step("measuring areas");
     let coverage = prune::measure(surface, &voxels, &seeds, Bounds::new(spacing, f64::from(settings.angle)));
-    let areas = area::areas(surface, &voxels, &seeds, spacing);
+    let mut caches: Vec<Cache> = seeds.iter().map(|seed| cache(surface, mesh, seed)).collect();
+    let normals: Vec<DVec3> = (caches.iter().zip(&seeds))
+        .map(|(cache, seed)| (surface.normal_matrix * cache.normal.as_dvec3()).normalize_or(seed.normal))
+        .collect();
+    let model_from_bake = inverse(surface.linear);
+    for (cache, share) in caches.iter_mut().zip(area::shares(surface, &voxels, &seeds, &normals, spacing)) {
+        cache.area = share.area as f32;
+        cache.middle = cache.position + (model_from_bake * share.middle).as_vec3();
+        cache.axis = (model_from_bake * share.axis).as_vec3();
+        cache.breadth = share.breadth as f32;
+    }
     drop(voxels);
     step("finding references");
-    let caches: Vec<Cache> = seeds.iter().zip(areas).map(|(seed, area)| cache(surface, mesh, seed, area)).collect();
     let positions: Vec<DVec3> = seeds.iter().map(|s| s.position).collect();
     let references = assign::assign(surface, &caches, &positions, settings.references, spacing);
     ModelCaches { mesh: model.mesh, linear: surface.linear, caches, references, coverage }
 }
 
-/// A cache in terms of the mesh.
-fn cache(surface: &Surface, mesh: &Mesh, seed: &Seed, area: f64) -> Cache {
+/// The inverse of a transform; of one that flattens, the shortest way back.
+fn inverse(linear: DMat3) -> DMat3 {
+    let squares = linear.transpose() * linear;
+    let trace = squares.x_axis.x + squares.y_axis.y + squares.z_axis.z;
+    let least = (1e-12 * trace).max(f64::MIN_POSITIVE);
+    (squares + DMat3::from_diagonal(DVec3::splat(least))).inverse() * linear.transpose()
+}
+
+/// A cache in terms of the mesh, without its share of the surface.
+fn cache(surface: &Surface, mesh: &Mesh, seed: &Seed) -> Cache {
     let triangle = &surface.triangles[seed.triangle as usize];
     let [second, third] = seed.weights.map(f64::from);
     let corners = triangle.vertices.map(|v| mesh.vertices[v as usize]);
@@ -203,8 +226,8 @@ fn cache(surface: &Surface, mesh: &Mesh, seed: &Seed, area: f64) -> Cache {
     Cache {
         position: (a + (b - a) * second + (c - a) * third).as_vec3(),
         normal: interpolated.try_normalize().unwrap_or(geometric).as_vec3(),
-        area: area as f32,
         triangle: triangle.index,
         barycentric: seed.weights,
+        ..Cache::default()
     }
 }

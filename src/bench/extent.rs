@@ -21,6 +21,8 @@ pub struct Extent {
     pub culled: Vec<usize>,
     /// Counts of caches, and sides of RSMs [texels], that the gather alone is timed at, each with each.
     pub scaling: (Vec<usize>, Vec<u32>),
+    /// Instances of the crowds whose motion is measured.
+    pub crowds: Vec<usize>,
     /// Triangles of the scenes of tables 6.2 and 6.3.
     pub ground: usize,
     /// Frames before those that count.
@@ -44,6 +46,7 @@ impl Extent {
             rsm: vec![64, 128, 256],
             culled: vec![1000, 4000, 16_000],
             scaling: (vec![250, 1000, 4000, 16_000], vec![64, 128, 256]),
+            crowds: vec![1000],
             ground: 51_200,
             warm_up: 1,
             frames: 3,
@@ -78,6 +81,7 @@ impl Extent {
             rsm: vec![64, 128, 256, 512],
             culled: vec![1000, 4000, 16_000],
             scaling: (vec![250, 1000, 4000, 16_000], vec![64, 128, 256, 512]),
+            crowds: vec![1000, 4000],
             ground: 150_000,
             warm_up: 20,
             frames: 50,

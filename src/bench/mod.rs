@@ -4,6 +4,7 @@
 pub mod contexts;
 pub mod extent;
 pub mod measure;
+pub mod motion;
 pub mod native;
 pub mod peak;
 pub mod report;
@@ -49,7 +50,7 @@ pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<R
     let ways = [fastest(GatherPath::Fragment)?, fastest(GatherPath::Compute)?];
     // The parts take about this share of the time each.
     let part = |from: f32, to: f32| move |part: f32, what: &str| progress(from + (to - from) * part, what);
-    let parts = [part(0.0, 0.3), part(0.3, 0.4), part(0.4, 0.7), part(0.7, 0.8), part(0.8, 1.0)];
+    let parts = [part(0.0, 0.3), part(0.3, 0.4), part(0.4, 0.7), part(0.7, 0.75), part(0.75, 0.95), part(0.95, 1.0)];
     let mut work = Contexts { gpu, extent, peak, ways, progress: &parts[0], problems: Vec::new() };
     let mut tables = Vec::from(work.triangles()?);
     work.progress = &parts[1];
@@ -60,6 +61,8 @@ pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<R
     tables.push(work.culling()?);
     work.progress = &parts[4];
     tables.extend(work.scaling()?);
+    work.progress = &parts[5];
+    tables.push(work.motion()?);
     let problems = work.problems;
     let grown = exponents(tables.iter().find(|table| table.name == "caches").expect("just made"));
     tables.push(grown);

@@ -2,6 +2,7 @@
 
 use super::Results;
 use super::contexts::VERSIONS;
+use super::motion;
 use super::native;
 use super::scaling;
 use super::table::{Cell, Table};
@@ -108,6 +109,7 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
     lines.extend(scaling::headlines(results.table("growth")));
     lines.extend(small_scenes(pairs));
     lines.extend(culling(results.table("culling")));
+    lines.extend(motion::headlines(results.table("motion")));
     lines
 }
 

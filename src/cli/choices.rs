@@ -34,7 +34,7 @@ pub(super) struct Choices {
     /// --shadows, or on the given one.
     #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "shadows"])]
     occlusion: bool,
-    /// Only what caches see of each other's discs, by every choice of the depth images, against rays; likewise.
+    /// Only what caches see of each other's rectangles, by every choice of the depth images, against rays; likewise.
     #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "occlusion", "shadows"])]
     depth_images: bool,
     /// Only soft shadows of indirect light, on the device, against one bounce of the path tracer: on five built-in scenes
@@ -96,7 +96,12 @@ fn shadows(args: &Choices) -> Result<()> {
         let compared = shadows::compare(&gpu, scene, &settings, &folder, &progress)?;
         bar.finish_and_clear();
         let noise = 100.0 * compared.noise;
-        say!("{}: {} caches, {w} x {h} pixels; the truth has a noise of {noise:.1} %", scene.name, compared.caches);
+        say!(
+            "{}: {} caches, {w} x {h} pixels without {} on edges; the truth has a noise of {noise:.1} %",
+            scene.name,
+            compared.caches,
+            compared.on_edges
+        );
         say!(
             "  {:<22}{:>9}{:>11}{:>9}{:>10}{:>12}{:>11}",
             "",
@@ -138,7 +143,7 @@ fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
     })
 }
 
-/// Prints how depth images of discs are drawn best: a column a scene.
+/// Prints how depth images are drawn best: a column a scene.
 fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
     let mut columns = Vec::new();
     for scene in scenes {

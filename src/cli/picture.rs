@@ -3,6 +3,8 @@
 use anyhow::Result;
 use clap::ValueEnum;
 use glam::DVec3;
+use lightskin::frame::{Frame, View};
+use lightskin::gpu::Gpu;
 use lightskin::image::{Layer, broken_values, write_exr, write_png};
 use lightskin::reference::tonemap;
 use std::path::Path;
@@ -153,4 +155,79 @@ fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> [u8; 4] 
     };
     let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
     [byte(srgb.x), byte(srgb.y), byte(srgb.z), 255]
+}
+
+/// The exposure that a picture is shown with.
+pub(super) fn exposure_value(ev: Option<f32>, gpu: &Gpu, frame: &Frame) -> Result<f32> {
+    Ok(match ev {
+        Some(ev) => ev,
+        None => gpu.read::<f32>(&frame.targets.exposure)?[0],
+    })
+}
+
+/// How a picture is written.
+pub(super) struct Writing<'a> {
+    /// This layer alone.
+    pub(super) layer: Option<LayerArg>,
+    /// Curve from scene to display.
+    pub(super) tonemap: TonemapArg,
+    /// Exposure value; measured from the picture without it.
+    pub(super) ev: Option<f32>,
+    /// What an EXR file says of itself.
+    pub(super) about: &'a str,
+}
+
+impl Writing<'_> {
+    /// Writes the picture of the last frame, and says how many of its values no radiance can have.
+    pub(super) fn write(&self, gpu: &Gpu, frame: &Frame, view: &View, out: &Path) -> Result<usize> {
+        let ev = exposure_value(self.ev, gpu, frame)?;
+        let layers = read_layers(gpu, frame, view)?;
+        if self.layer.is_none() && !is_exr(out) {
+            let [w, h] = frame.targets.size;
+            write_png(out, w, h, &gpu.read_image(&frame.targets.output)?)?;
+        } else {
+            layers.write(out, self.layer, self.tonemap, ev, &format!("{}; EV {ev}", self.about))?;
+        }
+        Ok(layers.broken())
+    }
+}
+
+/// Reads the layers back.
+fn read_layers(gpu: &Gpu, frame: &Frame, view: &View) -> Result<Layers> {
+    let t = &frame.targets;
+    let dark = || vec![[0.0; 4]; t.size[0] as usize * t.size[1] as usize];
+    let optional = |image: Option<&lightskin::gpu::Image>| -> Result<Vec<[f32; 4]>> {
+        Ok(image.map(|image| gpu.read_image(image)).transpose()?.unwrap_or_else(dark))
+    };
+    Ok(Layers {
+        size: t.size,
+        direct: gpu.read_image(&t.direct)?,
+        diffuse: optional(t.indirect.as_ref().map(|i| &i.diffuse))?,
+        glossy: optional(t.indirect.as_ref().and_then(|i| i.glossy.as_ref()))?,
+        albedo: read_half(gpu, &t.albedo)?,
+        normal: gpu.read_image(&t.normal)?,
+        depth: view_depth(&gpu.read_image::<f32>(&t.depth)?, view, t.size),
+    })
+}
+
+/// RGBA16F texels as f32.
+fn read_half(gpu: &Gpu, image: &lightskin::gpu::Image) -> Result<Vec<[f32; 4]>> {
+    let texels: Vec<[u16; 4]> = gpu.read_image(image)?;
+    Ok(texels.into_iter().map(|t| t.map(|h| half::f16::from_bits(h).to_f32())).collect())
+}
+
+/// Distances [m] from the camera's plane; infinite where nothing is.
+fn view_depth(depth: &[f32], view: &View, [w, h]: [u32; 2]) -> Vec<[f32; 4]> {
+    let middle = |i: usize| {
+        let (x, y) = (i as u32 % w, i as u32 / w);
+        glam::Vec4::new((x as f32 + 0.5) / w as f32 * 2.0 - 1.0, (y as f32 + 0.5) / h as f32 * 2.0 - 1.0, depth[i], 1.0)
+    };
+    let distance = |i: usize| {
+        if depth[i] == 0.0 {
+            return f32::INFINITY;
+        }
+        let world = view.world_from_clip * middle(i);
+        view.plane.dot(world / world.w)
+    };
+    (0..depth.len()).map(|i| [distance(i); 4]).collect()
 }

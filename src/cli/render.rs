@@ -2,7 +2,7 @@
 
 use super::motion::{MotionArgs, numbered};
 use super::path_trace::{self, PathTraceArgs};
-use super::picture::{LayerArg, Layers, TonemapArg, is_exr};
+use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
 use super::sky::SkyArgs;
 use super::timings::{Report, timings_file, trace_file};
 use super::{
@@ -18,11 +18,11 @@ use lightskin::frame::{
     View,
 };
 use lightskin::gpu::Gpu;
-use lightskin::image::{check_writable, write_png};
+use lightskin::image::check_writable;
 use lightskin::scene::{Camera, Projection, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::time::Instant;
 
 #[derive(clap::Args)]
@@ -461,6 +461,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         gpu.report().name,
         baked.as_ref().map_or(0, |baked| baked.count)
     );
+    let writing = Writing { layer: args.layer, tonemap: args.tonemap, ev: args.ev, about: &about };
     let mut view = View::new(&seen_from, settings.size, buffers.origin, buffers.radius);
     let bar = progress_bar("{msg:>12} [{bar:40}] {percent:>3} %  {elapsed}");
     let frames = motion.frames();
@@ -484,7 +485,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         skipped.extend(frame.skipped());
         if motion.pictures {
             let out = numbered(&args.out, number);
-            broken_in_pictures += write_picture(args, &gpu, &frame, &view, &about, &out)?;
+            broken_in_pictures += writing.write(&gpu, &frame, &view, &out)?;
         }
         if count > 1 {
             bar.set_message(format!("frame {number}"));
@@ -507,9 +508,9 @@ pub(super) fn run(args: &Render) -> Result<()> {
         settings: args.facts(&settings),
         runs: &runs,
     };
-    let ev = exposure_value(args, &gpu, &frame)?;
+    let ev = exposure_value(args.ev, &gpu, &frame)?;
     if !motion.pictures {
-        broken_in_pictures += write_picture(args, &gpu, &frame, &view, &about, &args.out)?;
+        broken_in_pictures += writing.write(&gpu, &frame, &view, &args.out)?;
     }
     trace.lap("picture");
     for path in &args.timings {
@@ -532,27 +533,6 @@ pub(super) fn run(args: &Render) -> Result<()> {
         bail!("{broken_in_pictures} values of the picture are negative or not finite; this is a bug of lightskin");
     }
     Ok(())
-}
-
-/// The exposure that a picture is shown with.
-fn exposure_value(args: &Render, gpu: &Gpu, frame: &Frame) -> Result<f32> {
-    Ok(match args.ev {
-        Some(ev) => ev,
-        None => gpu.read::<f32>(&frame.targets.exposure)?[0],
-    })
-}
-
-/// Writes the picture of the last frame, and says how many of its values no radiance can have.
-fn write_picture(args: &Render, gpu: &Gpu, frame: &Frame, view: &View, about: &str, out: &Path) -> Result<usize> {
-    let ev = exposure_value(args, gpu, frame)?;
-    let layers = read_layers(gpu, frame, view)?;
-    if args.layer.is_none() && !is_exr(out) {
-        let [w, h] = frame.targets.size;
-        write_png(out, w, h, &gpu.read_image(&frame.targets.output)?)?;
-    } else {
-        layers.write(out, args.layer, args.tonemap, ev, &format!("{about}; EV {ev}"))?;
-    }
-    Ok(layers.broken())
 }
 
 /// Says how many of the frames have left out which stages.
@@ -586,44 +566,4 @@ fn report_broken(all: &[Broken]) -> Result<()> {
         bail!("--check found values that are negative or not finite; this is a bug of lightskin");
     }
     Ok(())
-}
-
-/// Reads the layers back.
-fn read_layers(gpu: &Gpu, frame: &Frame, view: &View) -> Result<Layers> {
-    let t = &frame.targets;
-    let dark = || vec![[0.0; 4]; t.size[0] as usize * t.size[1] as usize];
-    let optional = |image: Option<&lightskin::gpu::Image>| -> Result<Vec<[f32; 4]>> {
-        Ok(image.map(|image| gpu.read_image(image)).transpose()?.unwrap_or_else(dark))
-    };
-    Ok(Layers {
-        size: t.size,
-        direct: gpu.read_image(&t.direct)?,
-        diffuse: optional(t.indirect.as_ref().map(|i| &i.diffuse))?,
-        glossy: optional(t.indirect.as_ref().and_then(|i| i.glossy.as_ref()))?,
-        albedo: read_half(gpu, &t.albedo)?,
-        normal: gpu.read_image(&t.normal)?,
-        depth: view_depth(&gpu.read_image::<f32>(&t.depth)?, view, t.size),
-    })
-}
-
-/// RGBA16F texels as f32.
-fn read_half(gpu: &Gpu, image: &lightskin::gpu::Image) -> Result<Vec<[f32; 4]>> {
-    let texels: Vec<[u16; 4]> = gpu.read_image(image)?;
-    Ok(texels.into_iter().map(|t| t.map(|h| half::f16::from_bits(h).to_f32())).collect())
-}
-
-/// Distances [m] from the camera's plane; infinite where nothing is.
-fn view_depth(depth: &[f32], view: &View, [w, h]: [u32; 2]) -> Vec<[f32; 4]> {
-    let middle = |i: usize| {
-        let (x, y) = (i as u32 % w, i as u32 / w);
-        glam::Vec4::new((x as f32 + 0.5) / w as f32 * 2.0 - 1.0, (y as f32 + 0.5) / h as f32 * 2.0 - 1.0, depth[i], 1.0)
-    };
-    let distance = |i: usize| {
-        if depth[i] == 0.0 {
-            return f32::INFINITY;
-        }
-        let world = view.world_from_clip * middle(i);
-        view.plane.dot(world / world.w)
-    };
-    (0..depth.len()).map(|i| [distance(i); 4]).collect()
 }

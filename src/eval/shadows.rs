@@ -7,7 +7,10 @@ use super::sweep::Point;
 use crate::error::Result;
 use crate::frame::{self, Plan, Shadows};
 use crate::gpu::Gpu;
-use crate::scene::Scene;
+use crate::reference::path_trace::camera_ray;
+use crate::reference::world::{Sides, World};
+use crate::scene::{Camera, Scene};
+use rayon::prelude::*;
 use std::path::Path;
 
 /// What a comparison is made of.
@@ -56,6 +59,8 @@ pub struct Compared {
     pub caches: u32,
     /// Relative standard error of the truth, mean over its pixels.
     pub noise: f64,
+    /// Pixels left out, as an edge runs through their centres: the rasteriser and a ray may show either of two surfaces.
+    pub on_edges: usize,
     /// What the barrier check said against the frames.
     pub problems: Vec<String>,
 }
@@ -78,12 +83,15 @@ pub fn compare(
     let frame = frame::Settings { size: settings.size, rsm: settings.rsm, ..frame::Settings::default() };
     let glossy = Plan::new(scene, &frame).glossy;
     let wanted = PathTraced { size: settings.size, visibility: true, samples: settings.samples, glossy };
-    let (truth, about) = path_traced(scene, camera, &wanted, folder, progress);
+    let (mut truth, about) = path_traced(scene, camera, &wanted, folder, progress);
+    let edges = edges(scene, camera, settings.size);
+    truth.covered.iter_mut().zip(&edges).for_each(|(covered, edge)| *covered &= !edge);
     let mut bench = Bench::new(gpu, scene, camera);
     let mut compared = Compared {
         rows: Vec::new(),
         caches: 0,
         noise: about["noise"].as_f64().unwrap_or(f64::NAN),
+        on_edges: edges.iter().filter(|edge| **edge).count(),
         problems: Vec::new(),
     };
     for shadows in KINDS {
@@ -112,6 +120,31 @@ pub fn compare(
         compared.rows.push(row);
     }
     Ok(compared)
+}
+
+/// Pixels whose centres lie on an edge between two surfaces, as far as rays tell that pass a thousandth of a pixel beside
+/// them: in a picture of a room along its axis whole edges run through centres.
+pub fn edges(scene: &Scene, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
+    const PARTS: u32 = 1001;
+    let world = World::new(scene);
+    let fine = size.map(|pixels| pixels * PARTS);
+    let [w, h] = size.map(|pixels| pixels as usize);
+    let hit = |x: usize, y: usize, aside: [i64; 2]| {
+        let at = |pixel: usize, aside: i64| pixel as i64 * i64::from(PARTS) + i64::from(PARTS / 2) + aside;
+        let index = at(y, aside[1]) * i64::from(fine[0]) + at(x, aside[0]);
+        let (origin, direction) = camera_ray(camera, fine, index as usize);
+        let hit = world.nearest(origin, direction, Sides::Front)?;
+        Some((hit.instance, hit.distance, world.surface(&hit).geometric))
+    };
+    let is_edge = |index: usize| {
+        let around = [[-1, -1], [1, -1], [-1, 1], [1, 1]].map(|aside| hit(index % w, index / w, aside));
+        around[1..].iter().any(|other| match (&around[0], other) {
+            (None, None) => false,
+            (Some(a), Some(b)) => a.0 != b.0 || (a.1 - b.1).abs() > 0.01 * a.1 || a.2.dot(b.2) < 0.9,
+            _ => true,
+        })
+    };
+    (0..w * h).into_par_iter().map(is_edge).collect()
 }
 
 /// Errors of each lobe over the pixels that both say show a surface.

@@ -102,7 +102,7 @@ pub fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
 
 /// One cache in the middle of the first mesh, and none on others.
 pub fn one_cache(scene: &Scene, references: usize, position: Vec3, normal: Vec3) -> CacheSet {
-    let cache = Cache { position, normal, area: 1.0, triangle: 0, barycentric: [0.3, 0.3] };
+    let cache = Cache { position, normal, area: 1.0, barycentric: [0.3, 0.3], ..Cache::default() };
     let model = |mesh: usize| {
         let caches = if mesh == 0 { vec![cache] } else { Vec::new() };
         let mut row = vec![NO_CACHE; references];

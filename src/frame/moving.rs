@@ -9,7 +9,7 @@ use super::upload;
 use crate::error::{Error, Result};
 use crate::gpu::{Cmd, Use};
 use crate::scene::{Instance, Scene};
-use crate::shared::{self, Joint, LightView, TextureSlot};
+use crate::shared::{self, Joint, LightView, RIGID, TextureSlot};
 use glam::{DMat3, DMat4, DVec3, Mat4};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -51,6 +51,17 @@ impl Pending {
     }
 }
 
+/// What of an instance stays, however it moves.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Placed {
+    /// The map that its caches were placed under.
+    pub(super) linear: DMat3,
+    /// First of its mesh's indices among all.
+    pub(super) first_index: u32,
+    /// First of its posed vertices among all, or `RIGID`.
+    pub(super) first_vertex: u32,
+}
+
 /// The host's copy.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Moving {
@@ -67,16 +78,16 @@ pub(super) struct Moving {
 }
 
 impl Moving {
-    /// Fills in how a scene stands around `origin` with half extent `half` [m]; `placed` are the maps that each
-    /// instance's caches were placed under.
-    pub(super) fn fill(&mut self, scene: &Scene, origin: DVec3, half: DVec3, placed: &[DMat3]) {
+    /// Fills in how a scene stands around `origin` with half extent `half` [m]; `placed` is what of each
+    /// instance stays.
+    pub(super) fn fill(&mut self, scene: &Scene, origin: DVec3, half: DVec3, placed: &[Placed]) {
         self.instances.clear();
         self.mirrored.clear();
         self.hidden.clear();
         self.joints.clear();
         self.weights.clear();
         for (instance, placed) in scene.instances.iter().zip(placed) {
-            self.place(instance, origin, *placed);
+            self.place(instance, origin, placed);
             if let Some(deform) = &scene.meshes[instance.mesh].deform {
                 self.pose(instance, deform::sizes(deform));
             }
@@ -91,12 +102,12 @@ impl Moving {
         self.slots.extend(scene.materials.iter().flat_map(upload::slots));
     }
 
-    fn place(&mut self, instance: &Instance, origin: DVec3, placed: DMat3) {
+    fn place(&mut self, instance: &Instance, origin: DVec3, placed: &Placed) {
         let mut now = instance.world_from_model;
         now.translation -= origin;
         let (normals, size) = normal_matrix(now.matrix3);
-        let (_, placed_size) = normal_matrix(placed);
-        let change = now.matrix3 * placed.inverse();
+        let (_, placed_size) = normal_matrix(placed.linear);
+        let change = now.matrix3 * placed.linear.inverse();
         let growth = [change.x_axis, change.y_axis, change.z_axis].map(DVec3::length).into_iter().fold(0.0, f64::max);
         self.mirrored.push(now.matrix3.determinant() < 0.0);
         self.hidden.push(instance.hidden);
@@ -104,7 +115,14 @@ impl Moving {
             world_from_model: DMat4::from(now).as_mat4(),
             growth: if growth.is_finite() { growth as f32 } else { 1.0 },
             world_from_normal: Mat4::from_mat3(normals.as_mat3()),
-            area_scale: if instance.hidden { 0.0 } else { (size / placed_size) as f32 },
+            // On a mesh that bends areas are those of posed triangles.
+            area_scale: match (instance.hidden, placed.first_vertex) {
+                (true, _) => 0.0,
+                (false, RIGID) => (size / placed_size) as f32,
+                (false, _) => 1.0,
+            },
+            first_index: placed.first_index,
+            first_vertex: placed.first_vertex,
         });
     }
 

@@ -6,12 +6,36 @@
 use super::targets::CacheTargets;
 use super::{GatherPath, Plan, Settings};
 use crate::error::Result;
-use crate::gpu::{Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{CLUSTER_GROUP, OCCLUDE_PARTS, OCCLUDER_GROUP, OccludePush};
+
+/// Bounds groups of consecutive caches.
+pub struct Bound(Pipeline);
+
+impl Bound {
+    /// Makes the pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        Ok(Self(gpu.compute("occluder_groups.comp", &[])?))
+    }
+
+    /// Records the pass; gives what it writes.
+    pub fn record<'a>(&self, cmd: &Cmd<'_>, caches: &'a CacheTargets) -> &'a Buffer {
+        let groups = caches.occluders.as_ref().expect("made for shadows");
+        cmd.bind(&self.0, &[(&caches.atlas).into(), groups.into()]);
+        let push = push(caches);
+        cmd.push(&push);
+        cmd.dispatch(push.group_count, 1, 1);
+        groups
+    }
+}
+
+fn push(caches: &CacheTargets) -> OccludePush {
+    OccludePush { cache_count: caches.count, group_count: caches.count.div_ceil(OCCLUDER_GROUP) }
+}
 
 /// Dims proxies.
 pub struct Occlude {
-    bound: Option<Pipeline>,
+    bound: Option<Bound>,
     dim: Pipeline,
 }
 
@@ -35,7 +59,7 @@ impl Occlude {
         };
         let dim = if group == 0 { "occlude_all.comp" } else { "occlude.comp" };
         Ok(Self {
-            bound: skip.then(|| gpu.compute("occluder_groups.comp", &[])).transpose()?,
+            bound: skip.then(|| Bound::new(gpu)).transpose()?,
             dim: gpu.compute(dim, &[plan.glossy.into(), group, skip.into()])?,
         })
     }
@@ -44,11 +68,8 @@ impl Occlude {
     pub fn record(&self, cmd: &Cmd<'_>, caches: &CacheTargets) {
         let _zone = cmd.zone("occlude");
         let groups = caches.occluders.as_ref().expect("made for this stage");
-        let push = OccludePush { cache_count: caches.count, group_count: caches.count.div_ceil(OCCLUDER_GROUP) };
         if let Some(bound) = &self.bound {
-            cmd.bind(bound, &[(&caches.atlas).into(), groups.into()]);
-            cmd.push(&push);
-            cmd.dispatch(push.group_count, 1, 1);
+            bound.record(cmd, caches);
         }
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite); // proxies, bounds -> here
         let all = [(&caches.atlas).into(), groups.into(), (&caches.proxies).into()];
@@ -59,7 +80,7 @@ impl Occlude {
             }
             None => cmd.bind(&self.dim, &all),
         }
-        cmd.push(&push);
+        cmd.push(&push(caches));
         // Items of the list are groups of caches with clusters.
         cmd.dispatch(caches.count.next_multiple_of(CLUSTER_GROUP), OCCLUDE_PARTS, 1);
     }

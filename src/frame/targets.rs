@@ -201,7 +201,7 @@ impl Targets {
             if plan.bounces {
                 caches.bounce(gpu, vals)?;
             }
-            if plan.occlude {
+            if plan.occlude || plan.depth_images {
                 caches.occluders = Some(caches.new_occluders(gpu)?);
             }
             if plan.depth_images {
@@ -459,7 +459,7 @@ impl CacheTargets {
         (settings.path == GatherPath::Fragment).then(mask).transpose()
     }
 
-    /// Bounds of the groups of discs that stage 7 skips together.
+    /// Bounds of the groups of caches that stage 7, or what draws depth images, skips together.
     pub fn new_occluders(&self, gpu: &Gpu) -> Result<Buffer> {
         let groups = u64::from(self.count.div_ceil(OCCLUDER_GROUP).max(1));
         gpu.buffer("occlude.groups", groups * size_of::<OccluderGroup>() as u64)

@@ -185,7 +185,13 @@ pub fn world(caches: u32, vals: u32) -> (Vec<Cache>, Vec<Val>) {
     };
     let mut place = move |height: f32| Vec3::new(8.0 * next() - 4.0, 8.0 * next() - 4.0, height + next());
     let normal = |p: Vec3, z: f32| Vec3::new(0.05 * p.x, 0.05 * p.y, z).normalize();
-    let cache = |position: Vec3| Cache { position, normal: normal(position, 1.0), exponent: 40.0, area: 0.01 };
+    let cache = |position: Vec3| Cache {
+        position,
+        normal: normal(position, 1.0),
+        exponent: 40.0,
+        area: 0.01,
+        ..Cache::default()
+    };
     let val = |position: Vec3| Val {
         position,
         area: 0.01,

@@ -8,13 +8,13 @@ use super::cells::CellBuffers;
 use super::deform::DeformBuffers;
 use super::emitters::Patches;
 use super::lights::LightInfo;
-use super::moving::{Moving, Pending, Revisions, normal_matrix};
+use super::moving::{Moving, Pending, Placed, Revisions, normal_matrix};
 use super::sky::SkyBuffer;
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, SamplerKind};
 use crate::image::mip_chain;
-use crate::scene::{Material, Scene, Texture, Vertex, Wrap};
+use crate::scene::{Material, Mesh, Scene, Texture, Vertex, Wrap};
 use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, RIGID, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
 use glam::{DMat3, DVec3, Mat4, Vec3, Vec4};
@@ -24,6 +24,9 @@ use std::collections::BTreeMap;
 
 /// Most vertices of all meshes and all instances that bend: shaders count their words in 32 bits.
 const MOST_VERTICES: usize = u32::MAX as usize / 16;
+
+/// Most triangles of a mesh that bends: their numbers are kept in floats.
+const MOST_BENT: usize = 1 << 24;
 
 /// A run of triangles of one instance with one material.
 struct DrawItem {
@@ -94,8 +97,8 @@ pub struct SceneBuffers {
     pub(super) pending: Cell<Pending>,
     /// Which content it is.
     pub(super) revisions: Revisions,
-    /// The map that each instance's caches were placed under.
-    pub(super) placed: Vec<DMat3>,
+    /// What of each instance stays.
+    pub(super) placed: Vec<Placed>,
     vertices: Buffer,
     indices: Buffer,
     pub(super) materials: Buffer,
@@ -137,21 +140,18 @@ impl SceneBuffers {
         half = half.max(DVec3::splat(1e-6 * radius));
 
         // Caches were placed under these maps, whatever the instances' are now.
-        let placed: Vec<DMat3> = (scene.instances.iter().enumerate())
-            .map(|(i, instance)| match caches {
-                Some(caches) => caches.models[caches.instance_model[i]].linear,
-                None => instance.world_from_model.matrix3,
-            })
-            .collect();
-        let mut moving = Moving::default();
-        moving.fill(scene, origin, half, &placed);
-
         let (mut vertices, mut indices) = (Vec::<Vertex>::new(), Vec::<u32>::new());
         let mut mesh_base = Vec::new();
         for mesh in &scene.meshes {
             mesh_base.push((vertices.len() as u64, indices.len() as u64));
             vertices.extend_from_slice(&mesh.vertices);
             indices.extend_from_slice(&mesh.indices);
+        }
+        if let Some(mesh) = scene.meshes.iter().find(|m| m.deform.is_some() && m.triangle_count() > MOST_BENT) {
+            return Err(Error::TooLarge(format!(
+                "mesh '{}' bends and has more than {MOST_BENT} triangles; simplify it",
+                mesh.name
+            )));
         }
         // Instances that bend have vertices of their own, which begin as those at rest.
         let mut first_posed = Vec::new();
@@ -162,6 +162,18 @@ impl SceneBuffers {
                 vertices.extend_from_slice(&mesh.vertices);
             }
         }
+        let placed: Vec<Placed> = (scene.instances.iter().enumerate())
+            .map(|(i, instance)| Placed {
+                linear: match caches {
+                    Some(caches) => caches.models[caches.instance_model[i]].linear,
+                    None => instance.stretch(),
+                },
+                first_index: mesh_base[instance.mesh].1 as u32,
+                first_vertex: first_posed[i].unwrap_or(RIGID),
+            })
+            .collect();
+        let mut moving = Moving::default();
+        moving.fill(scene, origin, half, &placed);
         if vertices.len() > MOST_VERTICES {
             return Err(Error::TooLarge(format!(
                 "{} vertices over all instances that bend, but {MOST_VERTICES} can be held; take fewer of them",
@@ -185,8 +197,7 @@ impl SceneBuffers {
             let cache_base = model_caches.len() as u32;
             let model = caches.map(|c| (c.instance_model[i], &c.models[c.instance_model[i]]));
             if let Some((_, model)) = model {
-                let bent = first_posed[i].map(|first| Bent { first_index: mesh_base[instance.mesh].1, first });
-                model_caches.extend(place_caches(scene, instance.mesh, model, i as u32, bent));
+                model_caches.extend(place_caches(scene, instance.mesh, model, i as u32));
             }
             let mesh = &scene.meshes[instance.mesh];
             let first_vertex = first_posed[i].map_or(mesh_base[instance.mesh].0, u64::from);
@@ -406,23 +417,8 @@ fn too_many_references() -> Error {
     Error::TooLarge("more than 8 billion cache references; ask for --refs 8 or render parts of the scene".into())
 }
 
-/// Where the parts of an instance that bends are.
-#[derive(Clone, Copy)]
-struct Bent {
-    /// First of the mesh's indices among all.
-    first_index: u64,
-    /// First of the instance's vertices among all.
-    first: u32,
-}
-
 /// The caches of a model with the Phong exponent of the surface they lie on.
-fn place_caches(
-    scene: &Scene,
-    mesh: usize,
-    model: &crate::bake::ModelCaches,
-    instance: u32,
-    bent: Option<Bent>,
-) -> Vec<ModelCache> {
+fn place_caches(scene: &Scene, mesh: usize, model: &crate::bake::ModelCaches, instance: u32) -> Vec<ModelCache> {
     let mesh = &scene.meshes[mesh];
     let materials = mesh.triangle_materials();
     let exponent = |cache: &crate::bake::Cache| {
@@ -433,35 +429,47 @@ fn place_caches(
         scene.materials[materials[cache.triangle as usize]].reflectance(scene, uv, Vec4::ONE).exponent
     };
     let (normals, _) = normal_matrix(model.linear);
-    let rigid = |c: &crate::bake::Cache| {
-        // The shader multiplies by what the normal's length then is: under the same map it is this one.
-        let length = (normals * c.normal.as_dvec3()).length();
-        ModelCache {
+    let place = |c: &crate::bake::Cache| {
+        let area = f64::from(c.area);
+        let length = (model.linear * c.axis.as_dvec3()).length();
+        let over = |value: f64, by: f64| if by > 0.0 { (value / by) as f32 } else { 0.0 };
+        let placed = ModelCache {
             position: c.position,
             exponent: exponent(c),
             normal: c.normal,
-            area: if length > 0.0 { (f64::from(c.area) / length) as f32 } else { 0.0 },
+            // The shader multiplies by what the normal's length then is: under the same map it is this one.
+            area: over(area, (normals * c.normal.as_dvec3()).length()),
+            middle: c.middle,
+            breadth: over(f64::from(c.breadth) * length, area),
+            axis: c.axis,
             instance,
-            triangle: RIGID,
-            first_vertex: 0,
-        }
+        };
+        if mesh.deform.is_some() { on_triangle(mesh, model.linear, c, placed) } else { placed }
     };
-    let on_triangle = |c: &crate::bake::Cache, bent: Bent| {
-        let corner = |i: usize| model.linear * mesh.vertices[i].position.as_dvec3();
-        let [a, b, d] = mesh.triangle(c.triangle as usize).map(corner);
-        let area = 0.5 * (b - a).cross(d - a).length();
-        let [second, third] = c.barycentric;
-        ModelCache {
-            position: Vec3::new(second, third, 0.0),
-            exponent: exponent(c),
-            normal: c.normal,
-            area: if area > 0.0 { (f64::from(c.area) / area) as f32 } else { 0.0 },
-            instance,
-            triangle: (bent.first_index / 3) as u32 + c.triangle,
-            first_vertex: bent.first,
-        }
+    model.caches.iter().map(place).collect()
+}
+
+/// A cache in terms of its triangle, of a mesh under this map at rest.
+fn on_triangle(mesh: &Mesh, linear: DMat3, c: &crate::bake::Cache, placed: ModelCache) -> ModelCache {
+    let corner = |i: usize| linear * mesh.vertices[i].position.as_dvec3();
+    let [a, b, d] = mesh.triangle(c.triangle as usize).map(corner);
+    let (e1, e2) = (b - a, d - a);
+    let face = e1.cross(e2);
+    let upward = face.normalize_or(DVec3::Y);
+    let frame = DMat3::from_cols(e1, e2, upward);
+    let within = |v: DVec3| {
+        let parts = frame.inverse() * v;
+        if parts.is_finite() { parts.as_vec3() } else { Vec3::ZERO }
     };
-    model.caches.iter().map(|c| bent.map_or_else(|| rigid(c), |bent| on_triangle(c, bent))).collect()
+    let [second, third] = c.barycentric;
+    let area = 0.5 * face.length();
+    ModelCache {
+        position: Vec3::new(second, third, c.triangle as f32),
+        area: if area > 0.0 { (f64::from(c.area) / area) as f32 } else { 0.0 },
+        middle: within(linear * (c.middle - c.position).as_dvec3()),
+        axis: within(linear * c.axis.as_dvec3()),
+        ..placed
+    }
 }
 
 /// A material for shaders.

@@ -1,7 +1,7 @@
-//! What a cache sees of the discs that stand for all surfaces. METHOD 6, "beyond the print".
+//! What a cache sees of the rectangles that stand for all surfaces. METHOD 6, "beyond the print".
 //!
 //! The image covers the unit disc on which a unit direction `w` lies at `Proj(w) = (w.T, w.B)`, eq. 5.60. A texel holds
-//! how far the cache sees through its centre; of several discs the one that ends the view nearest counts, so that what
+//! how far the cache sees through its centre; of several rectangles the one that ends the view nearest counts, so that what
 //! stands in a row blocks once.
 
 use std::f64::consts::PI;
@@ -13,20 +13,44 @@ use super::occlude::Disc;
 use super::phong::mirrored_view;
 use super::rsm::Val;
 
-/// How discs are drawn. Lengths are in radii of the circle of a disc's area.
+/// A cache as something in the way: the rectangle that stands for its share of the surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Plate {
+    /// The cache itself and the area of its share.
+    pub disc: Disc,
+    /// Middle [m].
+    pub middle: DVec3,
+    /// From there to the middle of an edge [m], square to the normal.
+    pub axis: DVec3,
+    /// From there to the next edge, square to both [m].
+    pub breadth: f64,
+}
+
+/// What is drawn for a cache.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Shape {
+    /// A disc about it: its radius in that of the circle of its area.
+    Disc(f64),
+    /// The ellipse of the same variances as its rectangle, this many times as large.
+    Ellipse(f64),
+    /// Its rectangle, this many times as large.
+    Rectangle(f64),
+}
+
+/// How they are drawn. Lengths are in radii of the circle of a share's area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
     /// Texels of an image's side.
     pub side: usize,
-    /// Radius of what is drawn.
-    pub radius: f64,
-    /// How far behind a disc things are still seen: surfaces are not flat.
+    /// What is drawn.
+    pub shape: Shape,
+    /// How far behind it things are still seen: surfaces are not flat.
     pub margin: f64,
-    /// How far out of a disc's plane a cache must lie for it to be in the way: the others are neighbours on its surface.
+    /// How far out of its plane a cache must lie for it to be in the way: the others are neighbours on its surface.
     pub plane: f64,
-    /// Whether discs block from behind, too.
+    /// Whether it blocks from behind, too.
     pub two_sided: bool,
-    /// Share of the slope that a disc has within a texel by which it is moved away: at 1 no point of a plane hides another.
+    /// Share of the slope that it has within a texel by which it is moved away: at 1 no point of a plane hides another.
     pub slope: f64,
     /// VALs in a row that are seen or hidden together, as the first of them.
     pub together: usize,
@@ -34,7 +58,58 @@ pub struct Rule {
 
 impl Default for Rule {
     fn default() -> Self {
-        Self { side: 24, radius: 0.9, margin: 2.0, plane: 0.1, two_sided: true, slope: 1.0, together: 4 }
+        let shape = Shape::Rectangle(1.0);
+        Self { side: 24, shape, margin: 2.0, plane: 0.1, two_sided: true, slope: 1.0, together: 4 }
+    }
+}
+
+/// What is drawn, as a cache sees it.
+struct Seen {
+    /// From the cache to its middle [m].
+    offset: DVec3,
+    /// Unit normal away from the cache.
+    normal: DVec3,
+    /// How far the cache is from its plane [m].
+    height: f64,
+    /// Duals of its half axes: what lies within has coordinates below 1.
+    duals: [DVec3; 2],
+    is_round: bool,
+    /// Radius of the circle of the share's area [m].
+    share: f64,
+}
+
+impl Seen {
+    /// `None` where it cannot be in the way.
+    fn new(cache: &Cache, plate: &Plate, rule: &Rule) -> Option<Self> {
+        let Plate { disc, middle, axis, breadth } = *plate;
+        let share = (disc.area / PI).sqrt();
+        let along = axis.normalize_or_zero();
+        let axes = [axis, disc.normal.cross(along) * breadth];
+        let (middle, axes) = match rule.shape {
+            Shape::Disc(radius) => (disc.position, tangents(disc.normal).map(|t| t * radius * share)),
+            Shape::Ellipse(size) => (middle, axes.map(|a| a * size * 2.0 / 3_f64.sqrt())),
+            Shape::Rectangle(size) => (middle, axes.map(|a| a * size)),
+        };
+        let offset = middle - cache.position;
+        let height = offset.dot(disc.normal);
+        let is_away = height.abs() > rule.plane * share && (rule.two_sided || height < 0.0);
+        let highest = offset.dot(cache.normal) + axes.iter().map(|a| a.dot(cache.normal).abs()).sum::<f64>();
+        let has_area = axes.iter().all(|a| a.length_squared() > 0.0);
+        (is_away && highest > 0.0 && has_area).then(|| Self {
+            offset,
+            normal: disc.normal * height.signum(),
+            height: height.abs(),
+            duals: axes.map(|a| a / a.length_squared()),
+            is_round: !matches!(rule.shape, Shape::Rectangle(_)),
+            share,
+        })
+    }
+
+    /// Whether a ray in a unit direction, of which this much is along the normal, goes through it.
+    fn is_met(&self, direction: DVec3, along: f64) -> bool {
+        let place = direction * (self.height / along) - self.offset;
+        let [a, b] = self.duals.map(|dual| place.dot(dual).abs());
+        along > 0.0 && if self.is_round { a * a + b * b < 1.0 } else { a.max(b) < 1.0 }
     }
 }
 
@@ -60,21 +135,13 @@ pub fn tangents(n: DVec3) -> [DVec3; 2] {
 }
 
 impl DepthImage {
-    /// Draws all discs.
-    pub fn new(cache: &Cache, discs: &[Disc], rule: &Rule) -> Self {
+    /// Draws what stands for all caches.
+    pub fn new(cache: &Cache, plates: &[Plate], rule: &Rule) -> Self {
         let tangents = tangents(cache.normal);
         let side = rule.side;
         let mut ends = vec![0.0; side * side];
-        // Discs that cannot be in the way are left out once, not once a texel.
-        let facing = discs.iter().filter_map(|disc| {
-            let share = (disc.area / PI).sqrt();
-            let offset = disc.position - cache.position;
-            let height = offset.dot(disc.normal);
-            let is_away = height.abs() > rule.plane * share && (rule.two_sided || height < 0.0);
-            let is_above = offset.dot(cache.normal) > -rule.radius * share;
-            (is_away && is_above).then(|| (offset, disc.normal * height.signum(), height.abs(), share))
-        });
-        let facing: Vec<_> = facing.collect();
+        // What cannot be in the way is left out once, not once a texel.
+        let seen: Vec<Seen> = plates.iter().filter_map(|plate| Seen::new(cache, plate, rule)).collect();
         for (index, end) in ends.iter_mut().enumerate() {
             let step = 2.0 / side as f64;
             let [x, y] = [index % side, index / side].map(|i| (i as f64 + 0.5) * step - 1.0);
@@ -84,10 +151,11 @@ impl DepthImage {
             }
             let z = z2.sqrt();
             let direction = x * tangents[0] + y * tangents[1] + z * cache.normal;
-            for &(offset, normal, height, share) in &facing {
-                // The ray meets the disc's plane at `height / along`.
+            for met in &seen {
+                let &Seen { normal, height, share, .. } = met;
+                // The ray meets the plane at `height / along`.
                 let along = direction.dot(normal);
-                if along <= 0.0 || (direction * (height / along) - offset).length() > rule.radius * share {
+                if !met.is_met(direction, along) {
                     continue;
                 }
                 // Along a texel's edges w changes by the tangent less what z loses; the farthest corner is where the plane is

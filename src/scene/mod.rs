@@ -301,7 +301,8 @@ impl Instance {
     /// instance without volume, which an animation may give it.
     pub fn stretch(&self) -> DMat3 {
         let linear = self.world_from_model.matrix3;
-        if linear.inverse().is_finite() { linear } else { DMat3::IDENTITY }
+        let is_flat = linear.is_finite() && !linear.inverse().is_finite();
+        if is_flat { DMat3::IDENTITY } else { linear }
     }
 }
 

@@ -2,7 +2,7 @@
 
 use crate::common::Builder;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
-use lightskin::bake::{Density, NO_CACHE, Settings, bake};
+use lightskin::bake::{Cache, Density, NO_CACHE, Settings, bake};
 use lightskin::reference::world::{Sides, World};
 use lightskin::scene::{LightKind, Projection, Scene};
 use serde_json::{Value, json};
@@ -246,8 +246,23 @@ fn a_crowd_has_one_mesh_and_a_pose_each() {
         // The other side faces the other way.
         assert_eq!((top.normal, scene.meshes[0].posed(pose)[7].normal), (Vec3::Z, Vec3::NEG_Z));
     }
-    let caches = bake(&scene, &Settings { density: Density::Count(400), angle: 0.8, references: 8 }, &|_, _| {});
-    assert_eq!(caches.expect("bakes").models.len(), 1);
+    let caches = bake(&scene, &Settings { density: Density::Count(4000), angle: 0.8, references: 8 }, &|_, _| {});
+    let caches = caches.expect("bakes");
+    assert_eq!(caches.models.len(), 1);
+    // By distance alone, those of the other side farther by a spacing.
+    let model = &caches.models[0];
+    for (vertex, references) in scene.meshes[0].vertices.iter().zip(model.references.chunks_exact(8)) {
+        let far = |cache: &Cache| {
+            let behind = if cache.normal.dot(vertex.normal) > 0.0 { 0.0 } else { caches.spacing as f32 };
+            cache.position.distance(vertex.position) + behind
+        };
+        let mut distances: Vec<f32> = model.caches.iter().map(far).collect();
+        distances.sort_by(f32::total_cmp);
+        let found = references.iter().filter(|r| **r != NO_CACHE).map(|r| &model.caches[usize::from(*r)]);
+        for (cache, nearest) in found.zip(distances) {
+            assert!((far(cache) - nearest).abs() < 1e-5);
+        }
+    }
     // Sizes an octave apart are different meshes to the bake, a tenth is not.
     assert_eq!(crowd(4, |i| 1.0 + 0.03 * i as f64, 0.0).load("crowd").expect("is valid").meshes.len(), 1);
     assert_eq!(crowd(4, |i| f64::from(1 << i), 0.0).load("crowd").expect("is valid").meshes.len(), 4);
@@ -255,7 +270,8 @@ fn a_crowd_has_one_mesh_and_a_pose_each() {
 
 #[test]
 fn skins_far_away_lose_nothing() {
-    let far = 1e7;
+    // Not a number that single precision has.
+    let far = 1e7 / 3.0;
     let mut near = crowd(1, |_| 1.0, 0.0).load("near").expect("is valid");
     let mut away = crowd(1, |_| 1.0, far).load("away").expect("is valid");
     for time in [0.0, 0.3, 0.9] {

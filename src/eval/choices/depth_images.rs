@@ -1,9 +1,9 @@
-//! Depth images of discs against rays: how they are drawn, measured at the caches.
+//! Depth images against rays: how they are drawn, measured at the caches.
 
 use rayon::prelude::*;
 
 use super::study::Study;
-use crate::reference::depth_image::{DepthImage, Rule};
+use crate::reference::depth_image::{DepthImage, Rule, Shape};
 use crate::reference::gather::{Cache, luminance, val_geometry};
 use crate::reference::rsm::Val;
 use crate::reference::world::Sides;
@@ -28,16 +28,15 @@ fn rules() -> Vec<(String, Rule)> {
     let base = Rule { together: 1, ..Rule::default() };
     let mut all = vec![("default".to_owned(), base)];
     all.extend([12, 16, 20, 32, 48].map(|side| (format!("{side} x {side} texels"), Rule { side, ..base })));
-    all.extend([0.8, 1.0, 1.1, 1.2].map(|radius| (format!("radius {radius}"), Rule { radius, ..base })));
+    let shape = |name: String, shape| (name, Rule { shape, ..base });
+    all.extend([0.9, 0.95, 1.05, 1.1].map(|size| shape(format!("rectangles x {size}"), Shape::Rectangle(size))));
+    all.extend([0.9, 1.0, 1.1].map(|size| shape(format!("ellipses x {size}"), Shape::Ellipse(size))));
+    all.extend([0.8, 0.9, 1.0].map(|radius| shape(format!("discs, radius {radius}"), Shape::Disc(radius))));
     all.extend([0.0, 0.5, 1.0, 4.0].map(|margin| (format!("margin {margin}"), Rule { margin, ..base })));
     all.extend([0.0, 0.05, 0.2, 0.4].map(|plane| (format!("plane {plane}"), Rule { plane, ..base })));
     all.extend([0.0, 0.5].map(|slope| (format!("slope {slope}"), Rule { slope, ..base })));
     all.push(("no slope, no margin".to_owned(), Rule { slope: 0.0, margin: 0.0, ..base }));
-    all.extend(
-        [0.9, 1.0, 1.1].map(|radius| {
-            (format!("from the front alone, radius {radius}"), Rule { two_sided: false, radius, ..base })
-        }),
-    );
+    all.push(("from the front alone".to_owned(), Rule { two_sided: false, ..base }));
     all.extend([2, 4, 8].map(|together| (format!("{together} VALs together"), Rule { together, ..base })));
     all
 }
@@ -66,7 +65,7 @@ impl Study<'_> {
         for (name, rule) in rules() {
             let by_image = |(cache, reached): (&_, &Option<Vec<(f64, bool)>>)| -> f64 {
                 let Some(reached) = reached else { return 0.0 };
-                let image = DepthImage::new(cache, &self.discs, &rule);
+                let image = DepthImage::new(cache, &self.plates, &rule);
                 let chunks = self.vals.chunks(rule.together).zip(reached.chunks(rule.together));
                 let seen = chunks.filter(|(vals, _)| image.sees(vals[0].position));
                 seen.flat_map(|(_, lights)| lights).map(|(light, _)| light).sum()

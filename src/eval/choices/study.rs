@@ -3,12 +3,13 @@
 
 use std::collections::HashMap;
 
-use glam::{DVec3, Vec4};
+use glam::{DAffine3, DVec3, Vec4};
 use rayon::prelude::*;
 
 use crate::bake::{self, CacheSet, Density, NO_CACHE};
 use crate::error::Result;
 use crate::reference::brute_force;
+use crate::reference::depth_image::Plate;
 use crate::reference::gather::Cache;
 use crate::reference::occlude::Disc;
 use crate::reference::path_trace::camera_ray;
@@ -70,8 +71,10 @@ pub struct Study<'a> {
     pub(super) pixels: Vec<Pixel>,
     pub(super) vertices: Vec<Vertex>,
     pub(super) caches: Vec<Cache>,
-    /// The same as what is in the way.
+    /// The same as what is in the way of proxy lights.
     pub(super) discs: Vec<Disc>,
+    /// And of every VAL.
+    pub(super) plates: Vec<Plate>,
     /// The first cache of each instance.
     pub(super) first: Vec<usize>,
     /// `d_eps` [m] of the bake.
@@ -89,10 +92,17 @@ impl<'a> Study<'a> {
         let baked = bake::bake(scene, &bake_settings, &|_, _| ())?;
         let world = World::new(scene);
         let (caches, first) = caches(scene, &baked);
-        let areas = baked.instance_model.iter().flat_map(|model| &baked.models[*model].caches);
-        let areas = areas.map(|cache| f64::from(cache.area));
-        let disc = |(at, area): (&Cache, f64)| Disc { position: at.position, normal: at.normal, area };
-        let discs = caches.iter().zip(areas).map(disc).collect();
+        let shares = scene.instances.iter().zip(&baked.instance_model).flat_map(|(instance, model)| {
+            let caches = &baked.models[*model].caches;
+            caches.iter().map(|cache| (&instance.world_from_model, cache))
+        });
+        let plate = |(at, (world, share)): (&Cache, (&DAffine3, &bake::Cache))| Plate {
+            disc: Disc { position: at.position, normal: at.normal, area: share.area.into() },
+            middle: world.transform_point3(share.middle.as_dvec3()),
+            axis: world.transform_vector3(share.axis.as_dvec3()),
+            breadth: share.breadth.into(),
+        };
+        let plates: Vec<Plate> = caches.iter().zip(shares).map(plate).collect();
         let vals = vals(scene, &world, settings.rsm, None);
         let mut study = Self {
             scene,
@@ -102,7 +112,8 @@ impl<'a> Study<'a> {
             pixels: Vec::new(),
             vertices: Vec::new(),
             caches,
-            discs,
+            discs: plates.iter().map(|plate| plate.disc).collect(),
+            plates,
             first,
             spacing: baked.spacing,
             vals,

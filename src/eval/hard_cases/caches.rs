@@ -139,13 +139,22 @@ fn some_caches(count: usize, exponent: f32) -> Vec<Cache> {
     let mut one = |_| {
         let position = vec3(2.0 * next() - 1.0, 2.0 * next() - 1.0, 0.05 * next());
         let normal = vec3(next() - 0.5, next() - 0.5, 1.0).normalize();
-        Cache { position, exponent, normal, area: 0.01 }
+        Cache { position, exponent, normal, ..CACHE }
     };
     (0..count).map(&mut one).collect()
 }
 
 /// A cache in the origin that looks up.
-const CACHE: Cache = Cache { position: Vec3::ZERO, exponent: 10.0, normal: Vec3::Z, area: 0.01 };
+const CACHE: Cache = Cache {
+    position: Vec3::ZERO,
+    exponent: 10.0,
+    normal: Vec3::Z,
+    area: 0.01,
+    middle: Vec3::ZERO,
+    breadth: 0.0,
+    axis: Vec3::ZERO,
+    radius: 0.0,
+};
 
 pub(super) fn cases() -> Vec<Case> {
     let mut all = Vec::new();

@@ -13,6 +13,10 @@ const MOST_KEYS: usize = 96;
 /// are looked at it may be anywhere.
 const MARGIN: f64 = 0.02;
 
+/// About as many corners of boxes are looked at, but each animation at a few times at least.
+const MOST_CORNERS: usize = 1 << 26;
+const FEWEST_TIMES: usize = 5;
+
 type Bounds = (DVec3, DVec3);
 
 /// What moves with one joint, or the whole of a mesh that has none.
@@ -37,7 +41,9 @@ impl Scene {
         let mut bounds = still.iter().fold(None, |bounds, instance| self.grown(bounds, instance));
         let mesh_parts: Vec<Vec<Part>> = self.meshes.iter().map(parts).collect();
         let mut swept = self.swept(None, &mesh_parts);
-        let times: Vec<Vec<f64>> = self.rig.as_ref().map_or_else(Vec::new, times);
+        let corners: usize = self.instances.iter().map(|instance| 8 * mesh_parts[instance.mesh].len()).sum();
+        let most = MOST_CORNERS / (corners * self.animations().count()).max(1);
+        let times = self.rig.as_ref().map_or_else(Vec::new, |rig| times(rig, most.max(FEWEST_TIMES)));
         for (animation, times) in times.iter().enumerate() {
             for &time in times {
                 self.pose(animation, time);
@@ -121,16 +127,17 @@ fn parts(mesh: &Mesh) -> Vec<Part> {
     parts.into_iter().flatten().collect()
 }
 
-/// By animation, the times at which it is looked at.
-fn times(rig: &Rig) -> Vec<Vec<f64>> {
+/// By animation, the times at which it is looked at, about `most` or less.
+fn times(rig: &Rig, most: usize) -> Vec<Vec<f64>> {
     let of = |animation: &super::Animation| {
         let (begin, end) = animation.span();
         let keys = animation.channels.iter().flat_map(|channel| &channel.sampler.times);
         let mut keys: Vec<f64> = keys.map(|&key| f64::from(key)).collect();
         keys.sort_by(f64::total_cmp);
         keys.dedup();
-        let step = keys.len().div_ceil(MOST_KEYS).max(1);
-        let even = (0..TIMES).map(|i| begin + (end - begin) * i as f64 / (TIMES - 1) as f64);
+        let step = keys.len().div_ceil(MOST_KEYS.min(most)).max(1);
+        let count = TIMES.min(most);
+        let even = (0..count).map(|i| begin + (end - begin) * i as f64 / (count - 1) as f64);
         keys.iter().copied().step_by(step).chain(even).collect()
     };
     rig.parts().animations.iter().map(of).collect()

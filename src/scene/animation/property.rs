@@ -104,7 +104,7 @@ impl Property {
             Quantity::LightIntensity => light.intensity = within(value[0], Light::BRIGHTEST),
             Quantity::LightRange => light.range = Some(within(value[0], Light::BRIGHTEST)).filter(|range| *range > 0.0),
             Quantity::Cone => {
-                let outer = self.now[1][0].clamp(1e-3, FRAC_PI_2);
+                let outer = self.now[1][0].clamp(1e-6, FRAC_PI_2);
                 let inner = value[0].clamp(0.0, outer);
                 light.kind = LightKind::Spot { inner: inner as f32, outer: outer as f32 };
             }
@@ -115,7 +115,7 @@ impl Property {
     fn apply_to_projection(&self, projection: &mut Projection) {
         let value = self.now[0][0];
         match projection {
-            Projection::Perspective { yfov } => *yfov = value.clamp(1e-3, PI - 1e-3) as f32,
+            Projection::Perspective { yfov } => *yfov = value.clamp(1e-6, PI - 1e-6) as f32,
             Projection::Orthographic { ymag } => *ymag = value.abs().max(1e-6) as f32,
         }
     }
