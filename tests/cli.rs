@@ -171,6 +171,44 @@ fn bake_info_devices_and_assets_print_what_they_promise() {
 }
 
 #[test]
+fn scenes_that_move_are_rendered_moment_by_moment() {
+    let at = folder("cli-moving");
+    works(&at, &["assets", "made", "--moving"]);
+    let render = |out: &str, more: &[&str]| {
+        let mut args = vec!["render", "made/moving.glb", "-o", out, "--ev", "6"];
+        args.extend(SMALL);
+        args.extend(more);
+        works(&at, &args)
+    };
+    let told = render("f_{frame:03}.png", &["--frames", "3..6", "--fps", "2"]);
+    assert!(told.contains("pictures  f_003.png to f_005.png"), "{told}");
+    render("all.png", &["--time", "2"]);
+    let read = |name: &str| fs::read(at.join(name)).expect("a picture");
+    assert!(read("f_004.png") == read("all.png") && read("f_003.png") != read("f_004.png"), "frame 4 is second 2");
+    // It plays over and over.
+    render("again.png", &["--time", "6"]);
+    assert!(read("again.png") == read("all.png"));
+    // One that moves the lamp alone, skipped where nothing moves or not, gives the same pictures.
+    let lamp = ["--animation", "lamp", "--frames", "0..3", "--fps", "4"];
+    render("s_{frame}.png", &lamp);
+    render("n_{frame}.png", &[&lamp[..], &["--no-skip"]].concat());
+    assert!((0..3).all(|i| read(&format!("s_{i}.png")) == read(&format!("n_{i}.png"))));
+    let told = render("p.png", &["--play", "--fps", "2", "--timings", "t.csv"]);
+    assert!(told.contains("8 frames") && told.contains("deform") && told.contains("update"), "{told}");
+    let told = render("q.png", &["--animation", "lamp", "--frames", "0..3", "--fps", "1e6", "--play"]);
+    assert!(told.contains("skipped") && told.contains("atlas 2"), "{told}");
+
+    let fails = |args: &[&str], code: i32, parts: &[&str]| fails(&at, &[&["render"], args].concat(), code, parts);
+    fails(&["made/moving.glb", "-o", "a.png", "--frames", "0..3"], 2, &["{frame:04}"]);
+    fails(&["made/moving.glb", "-o", "a_{frame}.png"], 2, &["--frames A..B"]);
+    fails(&["made/moving.glb", "--frames", "5..5"], 2, &["is empty"]);
+    fails(&["made/moving.glb", "--time", "soon"], 2, &["seconds"]);
+    fails(&["made/moving.glb", "--time", "1", "--animation", "jump"], 1, &["jump", "0 'all'"]);
+    fails(&["made/atrium.glb", "--time", "1"], 1, &["nothing is animated"]);
+    assert!(!left(&at).iter().any(|name| name.starts_with("a_") || name == "a.png" || name.ends_with(".part")));
+}
+
+#[test]
 fn compare_measures_maps_and_fails_above_limits() {
     let at = folder("cli-compare");
     for (name, gi) in [("a.exr", "lightskin"), ("b.exr", "brute-force")] {

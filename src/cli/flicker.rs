@@ -19,9 +19,9 @@ pub(super) struct FlickerArgs {
     /// Node that moves, by name; the largest that is less than half the scene across without it.
     #[arg(long, value_name = "NODE")]
     model: Option<String>,
-    /// Animation that plays, by name or index; the first one without it.
-    #[arg(long, value_name = "NAME|INDEX")]
-    animation: Option<String>,
+    /// Animations that play, one after the other, by name or index, separated by commas; the first one without it.
+    #[arg(long, value_name = "NAME|INDEX,..", value_delimiter = ',')]
+    animation: Vec<String>,
     /// Moment of the animation [s] at which its frames begin.
     #[arg(long, value_name = "T", default_value_t = 0.0, allow_hyphen_values = true)]
     time: f64,
@@ -54,14 +54,15 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     for count in &args.caches {
         caches.push(bake_scene(&scene, &asked(*count).settings(), false)?.caches);
     }
-    let animation = match (&args.animation, scene.animations().next()) {
-        (None, None) => None,
-        (wanted, _) => {
-            let index = animation_index(&scene, wanted.as_deref())?;
-            Some(Played { index, begin: args.time, step: 1.0 / args.fps })
-        }
-    };
-    let job = Job { size: [64, 36], frames: 16, rsm: args.rsm.clone(), fine: 2 * largest, pace: 1.0, model, animation };
+    let mut animations = Vec::new();
+    if args.animation.is_empty() && scene.animations().next().is_some() {
+        animations.push(0);
+    }
+    for wanted in &args.animation {
+        animations.push(animation_index(&scene, Some(wanted))?);
+    }
+    let job =
+        Job { size: [64, 36], frames: 16, rsm: args.rsm.clone(), fine: 2 * largest, pace: 1.0, model, animation: None };
     let gpu = device.open()?;
     let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}");
     let moving = model.map_or_else(|| "no model".into(), |i| format!("model '{}'", scene.instances[i].name));
@@ -80,31 +81,36 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
         );
         say!("| --- | --- | --- | --- | --- | --- | --- | --- | --- |");
     }
-    let mut motions = vec![Motion::Light, Motion::Camera];
-    motions.extend(model.map(|_| Motion::Model));
-    motions.extend(job.animation.map(|_| Motion::Animation));
+    let mut motions = vec![(Motion::Light, None), (Motion::Camera, None)];
+    motions.extend(model.map(|_| (Motion::Model, None)));
+    motions.extend(animations.into_iter().map(|index| (Motion::Animation, Some(index))));
     let share = 1000.0 / motions.len() as f32;
-    for (i, motion) in motions.into_iter().enumerate() {
+    for (i, (motion, index)) in motions.into_iter().enumerate() {
         let progress = |part: f32, what: &str| {
             bar.set_message(what.to_owned());
             bar.set_position(((i as f32 + part) * share) as u64);
         };
-        for row in measure(&gpu, &scene, &caches, motion, &job, &progress)? {
-            bar.suspend(|| print(&row, json));
+        let animation = index.map(|index| Played { index, begin: args.time, step: 1.0 / args.fps });
+        let moves = match index.and_then(|index| scene.animations().nth(index)) {
+            Some((name, ..)) => format!("animation '{name}'"),
+            None => motion.name().to_owned(),
+        };
+        for row in measure(&gpu, &scene, &caches, motion, &Job { animation, ..job.clone() }, &progress)? {
+            bar.suspend(|| print(&row, &moves, json));
         }
     }
     bar.finish_and_clear();
     check_messages(&gpu, &[])
 }
 
-fn print(row: &Flicker, json: bool) {
-    let Flicker { motion, rsm, caches, figures } = *row;
+fn print(row: &Flicker, moves: &str, json: bool) {
+    let Flicker { motion: _, rsm, caches, figures } = *row;
     let Figures { kept, change, flicker, flicker_trimmed, vals_own, tremble, of_mean, of_caches } = figures;
     if json {
         say!(
             "{}",
             serde_json::json!({
-                "schema": 1, "moves": motion.name(), "rsm": rsm, "caches": caches, "kept": kept, "change": change,
+                "schema": 1, "moves": moves, "rsm": rsm, "caches": caches, "kept": kept, "change": change,
                 "flicker": flicker, "flicker_trimmed": flicker_trimmed, "vals_own": vals_own, "tremble": tremble, "of_mean": of_mean,
                 "of_caches": of_caches,
             })
@@ -115,7 +121,7 @@ fn print(row: &Flicker, json: bool) {
     let pair = |v: [f64; 2]| format!("{} / {}", percent(v[0]), percent(v[1]));
     say!(
         "| {} | {rsm} | {caches} | {} | **{}** ({}) | {} | {} | {} | {} |",
-        motion.name(),
+        moves,
         pair(change),
         percent(flicker),
         percent(flicker_trimmed),

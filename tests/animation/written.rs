@@ -122,7 +122,7 @@ fn the_moving_room_and_the_crowd_move_as_before() {
     assert_eq!(loaded.meshes.iter().filter(|mesh| mesh.deform.is_some()).count(), 2);
     let valid = ::gltf::Gltf::from_slice(&bytes).expect("is valid glTF");
     let channels: usize = valid.animations().map(|animation| animation.channels().count()).sum();
-    assert_eq!((channels, valid.skins().count()), (6, 1));
+    assert_eq!((channels, valid.skins().count()), (12, 1));
 
     // A reader of its own finds the triangles where the scene has them.
     let file = File::open(&scratch("moving"));

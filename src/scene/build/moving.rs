@@ -58,7 +58,7 @@ pub fn crowd(count: usize) -> Scene {
 }
 
 /// A white room of 2 m, open towards +Z, with a block that turns, a tube that sways, a ball that stretches, and a lamp of
-/// 100 cd that circles under the ceiling; all of it begins anew after 4 s.
+/// 100 cd that circles under the ceiling; all of it begins anew after 4 s. The first animation moves all, the others one each.
 ///
 /// `edge`, in metres, is the longest side of the walls' grid cells.
 pub fn moving(edge: f32) -> Scene {
@@ -79,10 +79,11 @@ pub fn moving(edge: f32) -> Scene {
     let turning = node(&mut parts, None, DVec3::new(-0.5, 0.5, -0.3));
     stand(&mut scene, &mut parts, "block", block, turning);
     let turn = |time: f64| DQuat::from_rotation_y(TAU * time / PERIOD) * DQuat::from_rotation_x(0.6);
-    let mut channels = vec![rotation(turning, turn)];
+    let mut animations = vec![Animation { name: "block".into(), channels: vec![rotation(turning, turn)] }];
 
     let tube = tube(&mut scene, blue);
-    channels.extend(sway(&mut scene, &mut parts, "tube", tube, DVec3::new(0.1, 0.0, 0.2), 0.0));
+    let channels = sway(&mut scene, &mut parts, "tube", tube, DVec3::new(0.1, 0.0, 0.2), 0.0);
+    animations.push(Animation { name: "tube".into(), channels });
 
     let ball = stretched_ball(&mut scene, white);
     let standing = node(&mut parts, None, DVec3::new(0.6, 0.35, -0.4));
@@ -90,7 +91,7 @@ pub fn moving(edge: f32) -> Scene {
     stand(&mut scene, &mut parts, "ball", ball, standing);
     scene.instances[instances.start].pose = Some(Pose { joints: Vec::new(), weights: vec![0.0] });
     parts.instances[instances.start].weights = vec![0.0];
-    channels.push(stretching(instances));
+    animations.push(Animation { name: "ball".into(), channels: vec![stretching(instances)] });
 
     let lamp = node(&mut parts, None, DVec3::new(0.5, 1.7, 0.0));
     let circle = |time: f64| {
@@ -98,7 +99,8 @@ pub fn moving(edge: f32) -> Scene {
         DVec3::new(0.5 * cosine, 1.7, 0.5 * sine)
     };
     let sampler = sampled(3, |time| circle(time).to_array().to_vec());
-    channels.push(Channel { sampler, target: Target::Translation(lamp) });
+    let channels = vec![Channel { sampler, target: Target::Translation(lamp) }];
+    animations.push(Animation { name: "lamp".into(), channels });
     parts.lights.push(lamp);
     scene.lights.push(Light {
         name: "lamp".into(),
@@ -109,7 +111,9 @@ pub fn moving(edge: f32) -> Scene {
         position: circle(0.0),
         direction: Vec3::NEG_Z,
     });
-    parts.animations = vec![Animation { name: "all".into(), channels }];
+    let channels = animations.iter().flat_map(|animation| animation.channels.clone()).collect();
+    animations.insert(0, Animation { name: "all".into(), channels });
+    parts.animations = animations;
     let yfov = 2.0 * (1.0_f32 / 2.6).atan();
     scene.cameras.push(camera("front", DVec3::new(0.0, 1.0, 3.6), DVec3::new(0.0, 1.0, 0.0), yfov));
     rigged(scene, parts)
