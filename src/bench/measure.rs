@@ -83,6 +83,9 @@ pub fn bake(scene: &Scene, caches: usize, references: usize) -> Result<(CacheSet
     Ok((set, start.elapsed().as_secs_f64()))
 }
 
+/// Most times that a thing is expected to take as long as the last.
+const MOST_GROWTH: f64 = 4.0;
+
 /// Time that a context may take. What the largest thing so far took says what a larger one would.
 pub struct Budget {
     start: Instant,
@@ -99,7 +102,9 @@ impl Budget {
     /// Begins a thing of this size, or says why there is no time for it.
     pub fn begin(&mut self, size: f64) -> std::result::Result<(), String> {
         let now = Instant::now();
-        let expected = self.last.map_or(0.0, |(last, since)| (now - since).as_secs_f64() * size / last);
+        // Much of a small thing's time is the same for all: no step is expected to take more than a few times the last.
+        let expected =
+            self.last.map_or(0.0, |(last, since)| (now - since).as_secs_f64() * (size / last).min(MOST_GROWTH));
         let left = self.limit - (now - self.start).as_secs_f64();
         if expected <= left {
             self.last = Some((size, now));
