@@ -79,9 +79,12 @@ VertexLight light_at(DrawRecord draw, uint first_index) {
         for (uint i = 0u; i < 3u; ++i) {
             vec3 a = corners[draw.first_rest + indices[first_index + i]].position;
             vec3 b = corners[draw.first_rest + indices[first_index + (i + 1u) % 3u]].position;
-            most = max(most, distance(posed[i], posed[(i + 1u) % 3u]) / max(distance(a, b), 1e-30));
+            // An edge that had no length says nothing.
+            if (distance(a, b) > 0.0) {
+                most = max(most, distance(posed[i], posed[(i + 1u) % 3u]) / distance(a, b));
+            }
         }
-        growth *= most;
+        growth *= most > 0.0 ? most : 1.0;
     }
     vec3 w = weights_here(clip[0], clip[1], clip[2]);
     Point x;

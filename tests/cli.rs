@@ -204,7 +204,15 @@ fn scenes_that_move_are_rendered_moment_by_moment() {
     fails(&["made/moving.glb", "--frames", "5..5"], 2, &["is empty"]);
     fails(&["made/moving.glb", "--time", "soon"], 2, &["seconds"]);
     fails(&["made/moving.glb", "--time", "1", "--animation", "jump"], 1, &["jump", "0 'all'"]);
+    fails(&["made/moving.glb", "--animation", "lamp"], 2, &["--time, --frames or --play"]);
+    fails(&["made/moving.glb", "--frames", "0..4294967295", "-o", "a_{frame}.png"], 2, &["a million"]);
+    fails(&["made/moving.glb", "--frames", "0..2", "-o", "a_{frame}/b.png"], 2, &["folder"]);
+    fails(&["made/moving.glb", "--play", "--gi", "path-trace"], 2, &["one moment"]);
     fails(&["made/atrium.glb", "--time", "1"], 1, &["nothing is animated"]);
+    let paths = ["--gi", "path-trace", "--spp", "1", "--time", "1"];
+    works(&at, &[&["render", "made/moving.glb", "-o", "paths.png", "--size", "16x16"][..], &paths].concat());
+    // Nothing but poses is made where no caches are lit.
+    render("b.png", &["--time", "1", "--gi", "brute-force"]);
     assert!(!left(&at).iter().any(|name| name.starts_with("a_") || name == "a.png" || name.ends_with(".part")));
 }
 

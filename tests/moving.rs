@@ -231,6 +231,8 @@ fn edit(scene: &mut Scene, random: &mut Random) {
         6 => {
             let color = vec3(0.5 + some(0.9) as f32, 0.5, 0.5 + some(0.9) as f32);
             scene.materials[1].base_color = color.extend(1.0);
+            let lobe = scene.materials[0].phong.as_mut().expect("has one");
+            lobe.exponent = 5.0 + 40.0 * color.x;
         }
         7 => scene.instances[BENT].hidden = !scene.instances[BENT].hidden,
         8 => scene.instances[LAMP].world_from_model.translation += dvec3(some(0.3), some(0.1), some(0.3)),

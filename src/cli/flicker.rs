@@ -90,7 +90,14 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
             bar.set_message(what.to_owned());
             bar.set_position(((i as f32 + part) * share) as u64);
         };
-        let animation = index.map(|index| Played { index, begin: args.time, step: 1.0 / args.fps });
+        // The frames lie within the animation: where it begins again, all jumps.
+        let played = |index: usize| {
+            let end = scene.animations().nth(index).map_or(0.0, |(_, _, end)| end);
+            let steps = (job.frames - 1) as f64;
+            let step = (1.0 / args.fps).min(end / steps);
+            Played { index, begin: args.time.clamp(0.0, (end - steps * step).max(0.0)), step }
+        };
+        let animation = index.map(played);
         let moves = match index.and_then(|index| scene.animations().nth(index)) {
             Some((name, ..)) => format!("animation '{name}'"),
             None => motion.name().to_owned(),

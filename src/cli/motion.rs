@@ -5,6 +5,9 @@ use anyhow::{Context, Result, bail};
 use lightskin::scene::Scene;
 use std::path::{Path, PathBuf};
 
+/// Most frames of one run.
+const MOST_FRAMES: usize = 1_000_000;
+
 /// Which moments of which animation.
 #[derive(clap::Args)]
 pub(super) struct MotionArgs {
@@ -75,9 +78,23 @@ pub(super) fn animation_index(scene: &Scene, wanted: Option<&str>) -> Result<usi
 }
 
 impl MotionArgs {
-    /// Refuses flags that do not go together; before anything is loaded.
-    pub(super) fn check(&self, out: &Path, repeat: u32) {
-        let numbered = numbered(out, 0) != out;
+    /// Refuses flags that do not go together, before anything is loaded; `one` says that only one moment can be rendered.
+    /// Gives the name of the first picture.
+    pub(super) fn check(&self, out: &Path, repeat: u32, one: bool) -> PathBuf {
+        let first = self.frames.as_ref().map_or(0, |frames| frames.start);
+        let numbered = numbered(out, first) != out;
+        if out.parent().is_some_and(|folder| super::motion::numbered(folder, first) != folder) {
+            wrong_usage("-o: {frame} can stand in the name of the file, not of its folder");
+        }
+        if one && (self.play || self.frames.as_ref().is_some_and(|frames| frames.len() > 1)) {
+            wrong_usage("--gi path-trace renders one moment: take --time T");
+        }
+        if self.frames.as_ref().is_some_and(|frames| frames.len() > MOST_FRAMES) {
+            wrong_usage("--frames: more than a million of them; render a part at a time");
+        }
+        if self.rests() && self.animation.is_some() {
+            wrong_usage("--animation needs --time, --frames or --play: without them a scene is at rest");
+        }
         let many = self.frames.as_ref().is_some_and(|frames| frames.len() > 1) && !self.play;
         if many && !numbered {
             wrong_usage("--frames writes many pictures: name them like -o out_{frame:04}.png");
@@ -88,6 +105,7 @@ impl MotionArgs {
         if repeat > 1 && (self.frames.is_some() || self.play) {
             wrong_usage("--repeat renders one moment again and again, --frames and --play many: leave one of them out");
         }
+        super::motion::numbered(out, first)
     }
 
     /// Whether the scene is shown at rest.
@@ -97,7 +115,7 @@ impl MotionArgs {
 
     /// What these flags ask of a scene, so many times each moment.
     pub(super) fn motion(&self, scene: &Scene, repeat: u32) -> Result<Motion> {
-        if self.rests() && self.animation.is_none() {
+        if self.rests() {
             return Ok(Motion {
                 animation: None,
                 moments: vec![(0, 0.0); repeat as usize],
@@ -109,7 +127,7 @@ impl MotionArgs {
         let end = scene.animations().nth(animation).map_or(0.0, |(_, _, end)| end);
         let frames = match (&self.frames, self.play) {
             (Some(frames), _) => frames.clone(),
-            (None, true) => 0..((end * self.fps).ceil().clamp(1.0, 1e6) as u32),
+            (None, true) => 0..((end * self.fps).ceil().clamp(1.0, MOST_FRAMES as f64) as u32),
             (None, false) => {
                 let time = self.time.unwrap_or(0.0);
                 let moments = vec![(0, time); repeat as usize];
@@ -129,6 +147,11 @@ impl Motion {
     /// Frames, each with its number.
     pub(super) fn frames(&self) -> impl ExactSizeIterator<Item = (usize, u32)> {
         self.moments.iter().map(|(number, _)| *number).enumerate()
+    }
+
+    /// The animation that plays, and the time [s] of a frame.
+    pub(super) fn moment(&self, index: usize) -> (Option<usize>, f64) {
+        (self.animation, self.moments[index].1)
     }
 
     /// Puts the scene where the frame of this index has it; says whether anything can have moved since the one before.

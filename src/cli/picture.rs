@@ -166,27 +166,26 @@ pub(super) fn exposure_value(ev: Option<f32>, gpu: &Gpu, frame: &Frame) -> Resul
 }
 
 /// How a picture is written.
-pub(super) struct Writing<'a> {
+pub(super) struct Writing {
     /// This layer alone.
     pub(super) layer: Option<LayerArg>,
     /// Curve from scene to display.
     pub(super) tonemap: TonemapArg,
     /// Exposure value; measured from the picture without it.
     pub(super) ev: Option<f32>,
-    /// What an EXR file says of itself.
-    pub(super) about: &'a str,
 }
 
-impl Writing<'_> {
-    /// Writes the picture of the last frame, and says how many of its values no radiance can have.
-    pub(super) fn write(&self, gpu: &Gpu, frame: &Frame, view: &View, out: &Path) -> Result<usize> {
+impl Writing {
+    /// Writes the picture of the last frame, and says how many of its values no radiance can have; `about` is what an EXR
+    /// file says of itself.
+    pub(super) fn write(&self, gpu: &Gpu, frame: &Frame, view: &View, about: &str, out: &Path) -> Result<usize> {
         let ev = exposure_value(self.ev, gpu, frame)?;
         let layers = read_layers(gpu, frame, view)?;
         if self.layer.is_none() && !is_exr(out) {
             let [w, h] = frame.targets.size;
             write_png(out, w, h, &gpu.read_image(&frame.targets.output)?)?;
         } else {
-            layers.write(out, self.layer, self.tonemap, ev, &format!("{}; EV {ev}", self.about))?;
+            layers.write(out, self.layer, self.tonemap, ev, &format!("{about}; EV {ev}"))?;
         }
         Ok(layers.broken())
     }

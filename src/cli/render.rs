@@ -1,6 +1,6 @@
 //! `lightskin render`: a scene to a picture, with its layers, times and counts.
 
-use super::motion::{MotionArgs, numbered};
+use super::motion::{Motion, MotionArgs, numbered};
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
 use super::sky::SkyArgs;
@@ -271,7 +271,10 @@ impl Render {
     }
 
     /// The settings that shape cost, in the words of the flags.
-    fn facts(&self, settings: &Settings) -> Vec<(&'static str, Value)> {
+    fn facts(&self, settings: &Settings, motion: &Motion, scene: &Scene) -> Vec<(&'static str, Value)> {
+        let (animation, first) = motion.moment(0);
+        let (_, last) = motion.moment(motion.frames().len() - 1);
+        let animation = animation.and_then(|index| scene.animations().nth(index)).map(|(name, ..)| name.to_owned());
         // No `..`: a new setting belongs in this list.
         let Settings {
             size,
@@ -312,6 +315,9 @@ impl Render {
             ("cull", json!(cull)),
             ("shadows", json!(ShadowsArg::of(shadows))),
             ("skip", json!(reuse)),
+            ("first_time", json!(animation.is_some().then_some(first))),
+            ("last_time", json!(animation.is_some().then_some(last))),
+            ("animation", json!(animation)),
             ("interp", word(self.interp)),
             ("interpolation", word(self.interpolation)),
             ("proxy_weight", word(self.proxy_weight)),
@@ -385,9 +391,9 @@ pub(super) fn run(args: &Render) -> Result<()> {
     if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
         wrong_usage("--timings and --trace show the stages of a frame, and --gi path-trace has none");
     }
-    args.motion.check(&args.out, args.repeat);
+    let first_picture = args.motion.check(&args.out, args.repeat, args.gi == GiArg::PathTrace);
     // All outputs are tried before long work is done for them.
-    for path in [&numbered(&args.out, 0)].into_iter().chain(&args.timings).chain(&args.trace) {
+    for path in [&first_picture].into_iter().chain(&args.timings).chain(&args.trace) {
         check_writable(path)?;
     }
     let start = Instant::now();
@@ -410,13 +416,10 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let loaded = start.elapsed();
     trace.lap("load");
     if args.gi == GiArg::PathTrace {
-        if motion.frames().len() > 1 {
-            wrong_usage("--gi path-trace renders one moment: --time T");
-        }
         motion.pose(&mut scene, 0);
         let (scene, camera) = (scene.frozen(), camera(&scene, args.camera.as_deref())?);
         let picture = path_trace::Picture {
-            out: &args.out,
+            out: &first_picture,
             size: args.size,
             bounces: args.bounces,
             layer: args.layer,
@@ -461,7 +464,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         gpu.report().name,
         baked.as_ref().map_or(0, |baked| baked.count)
     );
-    let writing = Writing { layer: args.layer, tonemap: args.tonemap, ev: args.ev, about: &about };
+    let writing = Writing { layer: args.layer, tonemap: args.tonemap, ev: args.ev };
     let mut view = View::new(&seen_from, settings.size, buffers.origin, buffers.radius);
     let bar = progress_bar("{msg:>12} [{bar:40}] {percent:>3} %  {elapsed}");
     let frames = motion.frames();
@@ -485,7 +488,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
         skipped.extend(frame.skipped());
         if motion.pictures {
             let out = numbered(&args.out, number);
-            broken_in_pictures += writing.write(&gpu, &frame, &view, &out)?;
+            let about = format!("{about}; frame {number}, {} s", motion.moment(index).1);
+            broken_in_pictures += writing.write(&gpu, &frame, &view, &about, &out)?;
         }
         if count > 1 {
             bar.set_message(format!("frame {number}"));
@@ -505,12 +509,12 @@ pub(super) fn run(args: &Render) -> Result<()> {
         buffers: &buffers,
         frame: &frame,
         live: frame.live(&gpu)?,
-        settings: args.facts(&settings),
+        settings: args.facts(&settings, &motion, &scene),
         runs: &runs,
     };
     let ev = exposure_value(args.ev, &gpu, &frame)?;
     if !motion.pictures {
-        broken_in_pictures += writing.write(&gpu, &frame, &view, &args.out)?;
+        broken_in_pictures += writing.write(&gpu, &frame, &view, &about, &first_picture)?;
     }
     trace.lap("picture");
     for path in &args.timings {
@@ -525,7 +529,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         (true, Some((_, first)), Some((_, last))) if first < last => {
             say!("pictures  {} to {}", numbered(&args.out, first).display(), numbered(&args.out, last).display());
         }
-        (_, first, _) => say!("picture   {}", numbered(&args.out, first.map_or(0, |first| first.1)).display()),
+        _ => say!("picture   {}", first_picture.display()),
     }
     check_messages(&gpu, &problems)?;
     report_broken(&broken)?;

@@ -63,7 +63,10 @@ fn emissive(scene: &Scene, material: usize) -> DVec3 {
 impl Patches {
     /// Of the surfaces that emit as the scene stands. Empty where nothing does.
     pub(super) fn new(scene: &Scene) -> Self {
-        let emission: Vec<Option<Emission<'_>>> = scene.materials.iter().map(|m| m.emission(scene)).collect();
+        let emission: Vec<Option<Emission<'_>>> = (0..scene.materials.len()).map(|m| scene.emission(m)).collect();
+        // Patches are chosen by what shines, and by what may.
+        let nominal: Vec<DVec3> =
+            (emission.iter()).map(|e| e.as_ref().map_or(DVec3::ZERO, |e| e.factor().as_dvec3())).collect();
         let mut places = Places::new(scene);
         let triangles = triangles(scene, &emission, &mut places);
         let area: f64 = triangles.iter().map(|t| t.area).sum();
@@ -75,17 +78,27 @@ impl Patches {
                 divide(triangle, emission[triangle.material].as_ref().expect("emits"), parts)
             })
             .collect();
-        let shines = |patch: &Patch| patch.share * emissive(scene, patch.material) != DVec3::ZERO;
+        let shines = |patch: &Patch| patch.share * nominal[patch.material] != DVec3::ZERO;
         let patches: Vec<Patch> = patches.into_iter().flatten().filter(shines).collect();
-        let vals: Vec<Val> = patches.iter().map(|patch| places.val(patch, DVec3::ZERO)).collect();
-        in_square(fewer(scene, patches.into_iter().zip(vals).collect()))
+        let vals: Vec<Val> = patches.iter().map(|p| places.val(p, DVec3::ZERO, nominal[p.material])).collect();
+        in_square(fewer(&nominal, patches.into_iter().zip(vals).collect()))
+    }
+
+    /// Whether one of them is part of this instance.
+    pub(super) fn any_of(&self, instance: usize) -> bool {
+        self.0.iter().flatten().any(|patch| patch.instance == instance)
     }
 
     /// As VALs without weights where the scene stands now, positions relative to `origin`; those of nothing carry nothing.
     pub(super) fn vals(&self, scene: &Scene, origin: DVec3) -> Vec<Val> {
         let mut places = Places::new(scene);
         let nothing = Val { area: 1.0, ..Val::default() };
-        self.0.iter().map(|patch| patch.as_ref().map_or(nothing, |patch| places.val(patch, origin))).collect()
+        self.0
+            .iter()
+            .map(|patch| {
+                patch.as_ref().map_or(nothing, |patch| places.val(patch, origin, emissive(scene, patch.material)))
+            })
+            .collect()
     }
 }
 
@@ -113,7 +126,7 @@ impl<'a> Places<'a> {
         (positions, world_from_model.matrix3.determinant().signum() * (b - a).cross(c - a))
     }
 
-    fn val(&mut self, patch: &Patch, origin: DVec3) -> Val {
+    fn val(&mut self, patch: &Patch, origin: DVec3, emissive: DVec3) -> Val {
         let ([a, b, c], face) = self.triangle(patch.instance, patch.corners);
         let area = 0.5 * face.length() * patch.area;
         if self.scene.instances[patch.instance].hidden || !(area > 0.0 && area.is_finite()) {
@@ -125,7 +138,7 @@ impl<'a> Places<'a> {
             area: area as f32,
             normal: face.normalize().as_vec3(),
             material: 0,
-            flux: (PI * area * patch.share * emissive(self.scene, patch.material)).as_vec3(),
+            flux: (PI * area * patch.share * emissive).as_vec3(),
             weight: 0.0,
         }
     }
@@ -191,7 +204,7 @@ fn share(triangle: &Emitter<'_>, emission: &Emission<'_>, weights: DVec3) -> Vec
 
 /// At most [`MOST`] patches of the same light: where there are more, every so many lumen one is taken, and all are of
 /// equal brightness.
-fn fewer(scene: &Scene, patches: Vec<(Patch, Val)>) -> Vec<(Patch, Val)> {
+fn fewer(nominal: &[DVec3], patches: Vec<(Patch, Val)>) -> Vec<(Patch, Val)> {
     if patches.len() <= MOST {
         return patches;
     }
@@ -221,7 +234,7 @@ fn fewer(scene: &Scene, patches: Vec<(Patch, Val)>) -> Vec<(Patch, Val)> {
     }
     let stands_for = |(patch, val, flux, area): (Patch, Val, DVec3, f64)| {
         // Radiance over what the material has: channels that it lacks get what they can.
-        let own = emissive(scene, patch.material);
+        let own = nominal[patch.material];
         let own = own.max(DVec3::splat(1e-6 * own.max_element()));
         let share = flux / (PI * area) / own;
         (Patch { area: patch.area * area / f64::from(val.area), share, ..patch }, val)

@@ -37,9 +37,19 @@ impl LightInfo {
 
 /// All lights and views of a scene around `origin` with half extent `half` [m].
 pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>, Vec<shared::Light>, Vec<LightView>) {
+    prepare_with(lights, origin, half, |_| false)
+}
+
+/// The same with six views for spots of these numbers, whose cones may grow.
+pub(super) fn prepare_with(
+    lights: &[Light],
+    origin: DVec3,
+    half: DVec3,
+    grows: impl Fn(usize) -> bool,
+) -> (Vec<LightInfo>, Vec<shared::Light>, Vec<LightView>) {
     let radius = half.length();
     let (mut infos, mut all, mut views) = (Vec::new(), Vec::new(), Vec::new());
-    for light in lights {
+    for (i, light) in lights.iter().enumerate() {
         let position = light.position - origin;
         let direction = light.direction.as_dvec3().normalize_or(DVec3::NEG_Y);
         let first_view = views.len() as u32;
@@ -55,7 +65,7 @@ pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>,
                 // The extension's own bound keeps a sharp cone finite.
                 let scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
                 cone = [scale, -outer.cos() * scale];
-                if outer <= WIDEST_FRUSTUM {
+                if outer <= WIDEST_FRUSTUM && !grows(i) {
                     let right = direction.any_orthonormal_vector();
                     views.push(perspective_view(
                         position,

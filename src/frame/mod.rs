@@ -17,6 +17,7 @@ pub mod gather;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod lights;
+mod model_caches;
 mod moving;
 pub mod occlude;
 pub mod pack;

@@ -3,13 +3,13 @@
 
 use super::SceneBuffers;
 use super::albedo;
-use super::deform;
 use super::lights::{self, LightInfo};
 use super::upload;
 use crate::error::{Error, Result};
 use crate::gpu::{Cmd, Use};
-use crate::scene::{Instance, Scene};
-use crate::shared::{self, Joint, LightView, RIGID, TextureSlot};
+use crate::scene::animation::Quantity;
+use crate::scene::{Instance, Material, Sampler, Scene};
+use crate::shared::{self, Joint, LightView, RIGID, TEXTURE_COUNT, TextureSlot};
 use glam::{DMat3, DMat4, DVec3, Mat4};
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -42,6 +42,7 @@ pub(super) struct Pending {
     lights: bool,
     materials: bool,
     albedos: bool,
+    caches: bool,
 }
 
 impl Pending {
@@ -60,6 +61,48 @@ pub(super) struct Placed {
     pub(super) first_index: u32,
     /// First of its posed vertices among all, or `RIGID`.
     pub(super) first_vertex: u32,
+    /// Joints and morph targets of its poses.
+    pub(super) pose_sizes: (u32, u32),
+    /// Whether it has parts that emit.
+    pub(super) emits: bool,
+}
+
+/// What of a scene must stay: what drawing it depends on besides what moves.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Fixed {
+    /// Mesh of each instance.
+    meshes: Vec<usize>,
+    materials: Vec<FixedMaterial>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+struct FixedMaterial {
+    /// Whether it has holes.
+    masked: bool,
+    textures: [Option<(usize, Sampler)>; TEXTURE_COUNT as usize],
+}
+
+impl FixedMaterial {
+    fn new(material: &Material) -> Self {
+        let textures = upload::used(material).map(|(texture, _)| texture.map(|t| (t.image, t.sampler)));
+        Self { masked: material.alpha_cutoff.is_some(), textures }
+    }
+}
+
+impl Fixed {
+    pub(super) fn new(scene: &Scene) -> Self {
+        Self {
+            meshes: scene.instances.iter().map(|instance| instance.mesh).collect(),
+            materials: scene.materials.iter().map(FixedMaterial::new).collect(),
+        }
+    }
+
+    /// Whether a scene is still like that.
+    fn is_of(&self, scene: &Scene) -> bool {
+        self.meshes.iter().copied().eq(scene.instances.iter().map(|instance| instance.mesh))
+            && scene.materials.len() == self.materials.len()
+            && scene.materials.iter().zip(&self.materials).all(|(m, fixed)| FixedMaterial::new(m) == *fixed)
+    }
 }
 
 /// The host's copy.
@@ -88,11 +131,10 @@ impl Moving {
         self.weights.clear();
         for (instance, placed) in scene.instances.iter().zip(placed) {
             self.place(instance, origin, placed);
-            if let Some(deform) = &scene.meshes[instance.mesh].deform {
-                self.pose(instance, deform::sizes(deform));
-            }
+            self.pose(instance, placed.pose_sizes);
         }
-        (self.infos, self.lights, self.views) = lights::prepare(&scene.lights, origin, half);
+        (self.infos, self.lights, self.views) =
+            lights::prepare_with(&scene.lights, origin, half, |i| scene.animates(&[Quantity::Cone], i));
         if let Some(sky) = &scene.sky {
             self.infos[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as u32);
         }
@@ -108,7 +150,7 @@ impl Moving {
         let (normals, size) = normal_matrix(now.matrix3);
         let (_, placed_size) = normal_matrix(placed.linear);
         let change = now.matrix3 * placed.linear.inverse();
-        let growth = [change.x_axis, change.y_axis, change.z_axis].map(DVec3::length).into_iter().fold(0.0, f64::max);
+        let growth = largest_stretch(change);
         self.mirrored.push(now.matrix3.determinant() < 0.0);
         self.hidden.push(instance.hidden);
         self.instances.push(shared::Instance {
@@ -139,6 +181,16 @@ impl Moving {
     }
 }
 
+/// Largest factor by which a linear map makes a vector longer: by repeated squaring of what it does to lengths.
+fn largest_stretch(map: DMat3) -> f64 {
+    let mut v = DVec3::new(1.0, 1.1, 1.2).normalize();
+    let lengths = map.transpose() * map;
+    for _ in 0..24 {
+        v = (lengths * v).normalize_or(v);
+    }
+    (map * v).length()
+}
+
 /// The inverse transpose of a linear map up to a factor, and that factor [squares of the map's unit]: cofactors, so that flat
 /// ones are no special case, divided by the largest of them.
 pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
@@ -154,22 +206,23 @@ pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
 impl SceneBuffers {
     /// Takes over where everything is now; frames recorded from now on show it. The scene is the one that was uploaded,
     /// with other places, poses, lights or materials. Fails where it is not, and where a light has become one of another kind
-    /// or a cone has grown beyond what one frustum sees: then it has to be uploaded anew.
+    /// or, with no animation that says so beforehand, a cone has grown beyond what one frustum sees, a material got its
+    /// first lobe or its first light: then it has to be uploaded anew. So it has after a frame that could not be recorded.
     pub fn update(&mut self, scene: &Scene) -> Result<()> {
+        let differs = || {
+            Error::Nothing("the scene has other models, materials or lights than were uploaded: upload it anew".into())
+        };
+        if !self.fixed.is_of(scene) {
+            return Err(differs());
+        }
         let mut now = std::mem::take(&mut self.spare);
         now.fill(scene, self.origin, self.half, &self.placed);
         let old = &self.moving;
-        let same_shape = now.instances.len() == old.instances.len()
-            && now.joints.len() == old.joints.len()
-            && now.weights.len() == old.weights.len()
-            && now.materials.len() == old.materials.len()
-            && now.infos.len() == old.infos.len()
+        let same_lights = now.infos.len() == old.infos.len()
             && (now.infos.iter().zip(&old.infos)).all(|(a, b)| (a.views, a.sharing) == (b.views, b.sharing));
-        if !same_shape {
+        if !same_lights {
             self.spare = now;
-            return Err(Error::Nothing(
-                "the scene has other models or lights than were uploaded: upload it anew".into(),
-            ));
+            return Err(differs());
         }
         let mut pending = self.pending.get();
         let instances = now.instances != old.instances;
@@ -188,8 +241,16 @@ impl SceneBuffers {
         }
         if surfaces {
             self.revisions.surfaces = new_revision();
-            if !self.emitters.is_empty() {
+            let moved = |(i, placed): (usize, &Placed)| placed.emits && (poses || now.instances[i] != old.instances[i]);
+            if !self.emitters.is_empty() && (materials || self.placed.iter().enumerate().any(moved)) {
                 self.emitters = self.patches.vals(scene, self.origin);
+            }
+        }
+        if materials {
+            for (cache, spot) in self.placed_caches.iter_mut().zip(&self.spots) {
+                let exponent = spot.exponent(scene);
+                pending.caches |= { cache.exponent } != exponent;
+                cache.exponent = exponent;
             }
         }
         if let (true, Some(of_caches)) = (materials, &mut self.cache_albedos) {
@@ -227,6 +288,9 @@ impl SceneBuffers {
         }
         if let (true, Some(of_caches)) = (pending.albedos, &self.cache_albedos) {
             cmd.update(&of_caches.buffer, 0, &of_caches.albedos);
+        }
+        if pending.caches {
+            cmd.update(&self.model_caches, 0, &self.placed_caches);
         }
         cmd.barrier(Use::CopyWrite, Use::VertexRead | Use::FragmentRead | Use::ComputeRead);
         poses

@@ -1,7 +1,8 @@
 //! From a scene's features to the stages it needs. What a scene has not costs no pass, no target, no shader branch.
 
 use super::{GatherPath, Gi, Settings, Shadows};
-use crate::scene::{Material, Scene};
+use crate::scene::Scene;
+use crate::scene::animation::Quantity;
 
 /// Which stages a frame has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,7 +66,7 @@ impl Plan {
             occlude: lightskin && settings.shadows == Shadows::Proxy,
             depth_images: lightskin && settings.shadows == Shadows::PerLight,
             brute_force: (direct || emitters) && settings.gi == Gi::BruteForce && settings.bounces > 0,
-            glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(&scene.materials[m])),
+            glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(scene, m)),
         }
     }
 
@@ -160,8 +161,15 @@ impl Plan {
     }
 }
 
-/// Whether a material can have a glossy lobe at all, whatever its textures hold.
-fn is_glossy(material: &Material) -> bool {
+/// What a lobe may come from.
+const LOBE: [Quantity; 4] = [Quantity::Metallic, Quantity::Ior, Quantity::Specular, Quantity::SpecularColor];
+
+/// Whether a material can have a glossy lobe at all, whatever its textures hold and its animations set.
+fn is_glossy(scene: &Scene, index: usize) -> bool {
+    let material = &scene.materials[index];
+    if material.phong.is_none() && scene.animates(&LOBE, index) {
+        return true;
+    }
     match material.phong {
         Some(phong) => phong.specular.max_element() > 0.0,
         None => {

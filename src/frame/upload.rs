@@ -5,19 +5,20 @@
 
 use super::albedo;
 use super::cells::CellBuffers;
-use super::deform::DeformBuffers;
+use super::deform::{self, DeformBuffers};
 use super::emitters::Patches;
 use super::lights::LightInfo;
-use super::moving::{Moving, Pending, Placed, Revisions, normal_matrix};
+use super::model_caches::{Spot, place_caches};
+use super::moving::{Fixed, Moving, Pending, Placed, Revisions};
 use super::sky::SkyBuffer;
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, SamplerKind};
 use crate::image::mip_chain;
-use crate::scene::{Material, Mesh, Scene, Texture, Vertex, Wrap};
+use crate::scene::{Instance, Material, Mesh, Scene, Texture, Vertex, Wrap};
 use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, RIGID, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
-use glam::{DMat3, DVec3, Mat4, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec3, Vec4};
 use rayon::prelude::*;
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -97,6 +98,11 @@ pub struct SceneBuffers {
     pub(super) pending: Cell<Pending>,
     /// Which content it is.
     pub(super) revisions: Revisions,
+    /// Caches as they were uploaded, and the surface of each.
+    pub(super) placed_caches: Vec<ModelCache>,
+    pub(super) spots: Vec<Spot>,
+    /// What must not change.
+    pub(super) fixed: Fixed,
     /// What of each instance stays.
     pub(super) placed: Vec<Placed>,
     vertices: Buffer,
@@ -139,19 +145,13 @@ impl SceneBuffers {
         let radius = half.length().max(1e-12);
         half = half.max(DVec3::splat(1e-6 * radius));
 
-        // Caches were placed under these maps, whatever the instances' are now.
+        check_sizes(scene)?;
         let (mut vertices, mut indices) = (Vec::<Vertex>::new(), Vec::<u32>::new());
         let mut mesh_base = Vec::new();
         for mesh in &scene.meshes {
             mesh_base.push((vertices.len() as u64, indices.len() as u64));
             vertices.extend_from_slice(&mesh.vertices);
             indices.extend_from_slice(&mesh.indices);
-        }
-        if let Some(mesh) = scene.meshes.iter().find(|m| m.deform.is_some() && m.triangle_count() > MOST_BENT) {
-            return Err(Error::TooLarge(format!(
-                "mesh '{}' bends and has more than {MOST_BENT} triangles; simplify it",
-                mesh.name
-            )));
         }
         // Instances that bend have vertices of their own, which begin as those at rest.
         let mut first_posed = Vec::new();
@@ -162,6 +162,8 @@ impl SceneBuffers {
                 vertices.extend_from_slice(&mesh.vertices);
             }
         }
+        let patches = Patches::new(scene);
+        // Caches were placed under these maps, whatever the instances' are now.
         let placed: Vec<Placed> = (scene.instances.iter().enumerate())
             .map(|(i, instance)| Placed {
                 linear: match caches {
@@ -170,16 +172,12 @@ impl SceneBuffers {
                 },
                 first_index: mesh_base[instance.mesh].1 as u32,
                 first_vertex: first_posed[i].unwrap_or(RIGID),
+                pose_sizes: scene.meshes[instance.mesh].deform.as_ref().map_or((0, 0), deform::sizes),
+                emits: patches.any_of(i),
             })
             .collect();
         let mut moving = Moving::default();
         moving.fill(scene, origin, half, &placed);
-        if vertices.len() > MOST_VERTICES {
-            return Err(Error::TooLarge(format!(
-                "{} vertices over all instances that bend, but {MOST_VERTICES} can be held; take fewer of them",
-                vertices.len()
-            )));
-        }
 
         let mut references = Vec::<u16>::new();
         let mut reference_base = Vec::new();
@@ -192,12 +190,14 @@ impl SceneBuffers {
             references.push(crate::bake::NO_CACHE);
         }
 
-        let (mut model_caches, mut draws, mut slot_count) = (Vec::new(), Vec::new(), 0_u32);
+        let (mut model_caches, mut spots, mut draws, mut slot_count) = (Vec::new(), Vec::new(), Vec::new(), 0_u32);
         for (i, instance) in scene.instances.iter().enumerate() {
             let cache_base = model_caches.len() as u32;
             let model = caches.map(|c| (c.instance_model[i], &c.models[c.instance_model[i]]));
             if let Some((_, model)) = model {
-                model_caches.extend(place_caches(scene, instance.mesh, model, i as u32));
+                let first = spots.len();
+                spots.extend(Spot::all(scene, instance.mesh, model));
+                model_caches.extend(place_caches(scene, instance.mesh, model, i as u32, &spots[first..]));
             }
             let mesh = &scene.meshes[instance.mesh];
             let first_vertex = first_posed[i].map_or(mesh_base[instance.mesh].0, u64::from);
@@ -232,10 +232,10 @@ impl SceneBuffers {
         draws.sort_by_key(|d| (d.material, d.instance, d.first_index));
 
         let (textures, material_textures) = upload_textures(gpu, scene)?;
-        let patches = Patches::new(scene);
-        // Only those who interpolate read them.
+        // Only those who interpolate read them, and what poses meshes writes them.
         let corner = |v: &Vertex| Corner { position: v.position, normal: v.normal };
-        let corners: Vec<Corner> = caches.iter().flat_map(|_| vertices.iter().map(corner)).collect();
+        let has_corners = caches.is_some() || first_posed.iter().any(Option::is_some);
+        let corners: Vec<Corner> = vertices.iter().filter(|_| has_corners).map(corner).collect();
         Ok(Self {
             origin,
             radius,
@@ -249,6 +249,9 @@ impl SceneBuffers {
             deform: DeformBuffers::new(gpu, scene, &first_posed)?,
             cache_count: model_caches.len() as u32,
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
+            placed_caches: model_caches,
+            spots,
+            fixed: Fixed::new(scene),
             cache_albedos: None,
             references: gpu.buffer_from("scene.references", &references)?,
             draw_records: gpu.buffer_from("scene.draw_records", &draws.iter().map(record).collect::<Vec<_>>())?,
@@ -417,58 +420,27 @@ fn too_many_references() -> Error {
     Error::TooLarge("more than 8 billion cache references; ask for --refs 8 or render parts of the scene".into())
 }
 
-/// The caches of a model with the Phong exponent of the surface they lie on.
-fn place_caches(scene: &Scene, mesh: usize, model: &crate::bake::ModelCaches, instance: u32) -> Vec<ModelCache> {
-    let mesh = &scene.meshes[mesh];
-    let materials = mesh.triangle_materials();
-    let exponent = |cache: &crate::bake::Cache| {
-        let [a, b, c] = mesh.triangle(cache.triangle as usize).map(|i| &mesh.vertices[i]);
-        let [v, w] = cache.barycentric;
-        let u = 1.0 - v - w;
-        let uv = [u * a.uv0 + v * b.uv0 + w * c.uv0, u * a.uv1 + v * b.uv1 + w * c.uv1];
-        scene.materials[materials[cache.triangle as usize]].reflectance(scene, uv, Vec4::ONE).exponent
-    };
-    let (normals, _) = normal_matrix(model.linear);
-    let place = |c: &crate::bake::Cache| {
-        let area = f64::from(c.area);
-        let length = (model.linear * c.axis.as_dvec3()).length();
-        let over = |value: f64, by: f64| if by > 0.0 { (value / by) as f32 } else { 0.0 };
-        let placed = ModelCache {
-            position: c.position,
-            exponent: exponent(c),
-            normal: c.normal,
-            // The shader multiplies by what the normal's length then is: under the same map it is this one.
-            area: over(area, (normals * c.normal.as_dvec3()).length()),
-            middle: c.middle,
-            breadth: over(f64::from(c.breadth) * length, area),
-            axis: c.axis,
-            instance,
-        };
-        if mesh.deform.is_some() { on_triangle(mesh, model.linear, c, placed) } else { placed }
-    };
-    model.caches.iter().map(place).collect()
-}
-
-/// A cache in terms of its triangle, of a mesh under this map at rest.
-fn on_triangle(mesh: &Mesh, linear: DMat3, c: &crate::bake::Cache, placed: ModelCache) -> ModelCache {
-    let corner = |i: usize| linear * mesh.vertices[i].position.as_dvec3();
-    let [a, b, d] = mesh.triangle(c.triangle as usize).map(corner);
-    let (e1, e2) = (b - a, d - a);
-    let face = e1.cross(e2);
-    let upward = face.normalize_or(DVec3::Y);
-    let frame = DMat3::from_cols(e1, e2, upward);
-    let within = |v: DVec3| {
-        let parts = frame.inverse() * v;
-        if parts.is_finite() { parts.as_vec3() } else { Vec3::ZERO }
-    };
-    let [second, third] = c.barycentric;
-    let area = 0.5 * face.length();
-    ModelCache {
-        position: Vec3::new(second, third, c.triangle as f32),
-        area: if area > 0.0 { (f64::from(c.area) / area) as f32 } else { 0.0 },
-        middle: within(linear * (c.middle - c.position).as_dvec3()),
-        axis: within(linear * c.axis.as_dvec3()),
-        ..placed
+/// Refuses what shaders cannot number, before anything of it is copied.
+fn check_sizes(scene: &Scene) -> Result<()> {
+    let bent = |m: &&Mesh| m.deform.is_some() && m.triangle_count() > MOST_BENT;
+    if let Some(mesh) = scene.meshes.iter().find(bent) {
+        let name = &mesh.name;
+        return Err(Error::TooLarge(format!(
+            "mesh '{name}' bends and has more than {MOST_BENT} triangles; simplify it"
+        )));
+    }
+    let posed = scene.instances.iter().map(|i| &scene.meshes[i.mesh]).filter(|mesh| mesh.deform.is_some());
+    let all: usize = scene.meshes.iter().chain(posed).map(|mesh| mesh.vertices.len()).sum();
+    if all > MOST_VERTICES {
+        return Err(Error::TooLarge(format!(
+            "{all} vertices of all meshes, and of all instances that bend, but {MOST_VERTICES} can be held; simplify \
+             meshes or take fewer instances"
+        )));
+    }
+    let lacks_pose = |i: &&Instance| scene.meshes[i.mesh].deform.is_some() && i.pose.is_none();
+    match scene.instances.iter().find(lacks_pose) {
+        Some(instance) => Err(Error::Nothing(format!("'{}' bends and has no pose: give it one", instance.name))),
+        None => Ok(()),
     }
 }
 
@@ -490,7 +462,7 @@ pub(super) fn material(m: &Material) -> shared::Material {
 }
 
 /// Textures of a material in the order of the shaders, and whether they are sRGB.
-fn used(m: &Material) -> [(Option<Texture>, bool); TEXTURE_COUNT as usize] {
+pub(super) fn used(m: &Material) -> [(Option<Texture>, bool); TEXTURE_COUNT as usize] {
     [
         (m.base_color_texture, true),
         (m.metallic_roughness_texture, false),

@@ -186,10 +186,12 @@ impl Animation {
         if begin <= end { (begin, end) } else { (0.0, 0.0) }
     }
 
-    /// The time within the animation after it has played for `time` [s] over and over, from 0 to its last key.
+    /// The time within the animation after it has played for `time` [s] over and over, from 0 to its last key, which is
+    /// shown when it is due.
     pub fn looped(&self, time: f64) -> f64 {
         let (_, end) = self.span();
-        if end > 0.0 { time.rem_euclid(end) } else { end }
+        let within = if end > 0.0 { time.rem_euclid(end) } else { end };
+        if within == 0.0 && time > 0.0 { end } else { within }
     }
 }
 
@@ -200,6 +202,12 @@ impl Scene {
             let (begin, end) = animation.span();
             (animation.name.as_str(), begin, end)
         })
+    }
+
+    /// Whether an animation sets one of these quantities of a light, camera or material.
+    pub fn animates(&self, quantities: &[Quantity], of: usize) -> bool {
+        let mut all = self.rig.iter().flat_map(|rig| &rig.parts.properties);
+        all.any(|property| quantities.contains(&property.quantity()) && property.of().contains(&of))
     }
 
     /// See [`Animation::looped`]; the time itself without that animation.

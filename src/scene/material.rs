@@ -4,6 +4,7 @@ use std::f64::consts::TAU;
 
 use glam::{Affine2, Vec2, Vec3, Vec4};
 
+use super::animation::Quantity;
 use super::{Image, Material, Scene, Texture, Wrap};
 
 /// Exponents between which roughness is mapped. Above, a lobe is narrower than a cache can resolve; below, the lobe
@@ -92,8 +93,19 @@ pub struct Emission<'a> {
     factor: Vec3,
 }
 
+impl Scene {
+    /// What a material emits; `None` for most. One that is dark, but that an animation may light, emits white.
+    pub fn emission(&self, material: usize) -> Option<Emission<'_>> {
+        let found = &self.materials[material];
+        if found.emissive.max_element() > 0.0 || !self.animates(&[Quantity::Emission], material) {
+            return found.emission(self);
+        }
+        Some(Emission { scene: self, material: found, factor: Vec3::ONE })
+    }
+}
+
 impl Material {
-    /// What the material emits; `None` for most.
+    /// What the material emits as it is; `None` for most.
     pub fn emission<'a>(&'a self, scene: &'a Scene) -> Option<Emission<'a>> {
         let factor = Vec3::from(self.emissive.to_array().map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 }));
         let is_black = |image: &Image| image.rgba.chunks_exact(4).all(|texel| texel[..3] == [0; 3]);
@@ -103,6 +115,11 @@ impl Material {
 }
 
 impl Emission<'_> {
+    /// Radiance without textures [cd/m^2].
+    pub fn factor(&self) -> Vec3 {
+        self.factor
+    }
+
     /// Whether it is the same everywhere.
     pub fn is_uniform(&self) -> bool {
         self.material.emissive_texture.is_none() && self.material.alpha_cutoff.is_none()

@@ -37,7 +37,7 @@ pub struct Scene {
     pub sky: Option<sky::Sky>,
     /// Cameras, in the file's order.
     pub cameras: Vec<Camera>,
-    /// What nothing leaves, however it moves: smallest and largest world coordinates. Without it, what `bounds` finds.
+    /// What nothing is to leave, however it moves: smallest and largest world coordinates. Without it, what `bounds` finds.
     pub extent: Option<(DVec3, DVec3)>,
     /// What moves it, where something does; see [`Scene::pose`].
     pub rig: Option<animation::Rig>,
@@ -338,9 +338,9 @@ impl Scene {
         self.instances.iter().fold(None, |bounds, instance| self.grown(bounds, instance))
     }
 
-    /// Whether any surface emits light.
+    /// Whether any surface emits light, or an animation may make it do so.
     pub fn emits(&self) -> bool {
-        let shines: Vec<bool> = self.materials.iter().map(|m| m.emission(self).is_some()).collect();
+        let shines: Vec<bool> = (0..self.materials.len()).map(|m| self.emission(m).is_some()).collect();
         let drawn =
             |i: &Instance| self.meshes[i.mesh].primitives.iter().any(|p| shines[p.material] && p.index_count > 0);
         self.instances.iter().any(drawn)

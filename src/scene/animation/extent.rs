@@ -1,4 +1,4 @@
-//! A box that nothing leaves, however it moves: views of parallel lights and the origin are laid out by it once.
+//! A box around all that moves, found by looking at many moments: views of parallel lights and the origin are laid out by it once.
 
 use super::Rig;
 use crate::scene::deform::Pose;
@@ -29,7 +29,7 @@ struct Part {
 }
 
 impl Scene {
-    /// What nothing leaves at rest and in any animation; `None` when nothing is drawn. Leaves the scene at rest.
+    /// A box around all at rest and in any animation; `None` when nothing is drawn. Leaves the scene at rest.
     pub(in crate::scene) fn sweep(&mut self) -> Option<Bounds> {
         self.extent = None;
         self.rest();

@@ -1,4 +1,4 @@
-//! Morph targets and skins, applied once at load.
+//! Morph targets and skins, at rest.
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 

@@ -1,0 +1,87 @@
+//! Caches as they were baked, in the form that stage 3 reads (`atlas.comp`).
+
+use super::moving::normal_matrix;
+use crate::bake::{Cache, ModelCaches};
+use crate::scene::{Mesh, Scene};
+use crate::shared::ModelCache;
+use glam::{DMat3, DVec3, Vec2, Vec3, Vec4};
+
+/// The surface that a cache lies on.
+pub(super) struct Spot {
+    material: usize,
+    uv: [Vec2; 2],
+}
+
+impl Spot {
+    /// Of a model's caches.
+    pub(super) fn all(scene: &Scene, mesh: usize, model: &ModelCaches) -> Vec<Self> {
+        let mesh = &scene.meshes[mesh];
+        let materials = mesh.triangle_materials();
+        let spot = |cache: &Cache| {
+            let [a, b, c] = mesh.triangle(cache.triangle as usize).map(|i| &mesh.vertices[i]);
+            let [v, w] = cache.barycentric;
+            let u = 1.0 - v - w;
+            let uv = [u * a.uv0 + v * b.uv0 + w * c.uv0, u * a.uv1 + v * b.uv1 + w * c.uv1];
+            Self { material: materials[cache.triangle as usize], uv }
+        };
+        model.caches.iter().map(spot).collect()
+    }
+
+    /// Phong exponent there.
+    pub(super) fn exponent(&self, scene: &Scene) -> f32 {
+        scene.materials[self.material].reflectance(scene, self.uv, Vec4::ONE).exponent
+    }
+}
+
+/// The caches of a model with the Phong exponent of the surface they lie on.
+pub(super) fn place_caches(
+    scene: &Scene,
+    mesh: usize,
+    model: &ModelCaches,
+    instance: u32,
+    spots: &[Spot],
+) -> Vec<ModelCache> {
+    let mesh = &scene.meshes[mesh];
+    let (normals, _) = normal_matrix(model.linear);
+    let place = |(c, spot): (&Cache, &Spot)| {
+        let area = f64::from(c.area);
+        let length = (model.linear * c.axis.as_dvec3()).length();
+        let over = |value: f64, by: f64| if by > 0.0 { (value / by) as f32 } else { 0.0 };
+        let placed = ModelCache {
+            position: c.position,
+            exponent: spot.exponent(scene),
+            normal: c.normal,
+            // The shader multiplies by what the normal's length then is: under the same map it is this one.
+            area: over(area, (normals * c.normal.as_dvec3()).length()),
+            middle: c.middle,
+            breadth: over(f64::from(c.breadth) * length, area),
+            axis: c.axis,
+            instance,
+        };
+        if mesh.deform.is_some() { on_triangle(mesh, model.linear, c, placed) } else { placed }
+    };
+    model.caches.iter().zip(spots).map(place).collect()
+}
+
+/// A cache in terms of its triangle, of a mesh under this map at rest.
+fn on_triangle(mesh: &Mesh, linear: DMat3, c: &Cache, placed: ModelCache) -> ModelCache {
+    let corner = |i: usize| linear * mesh.vertices[i].position.as_dvec3();
+    let [a, b, d] = mesh.triangle(c.triangle as usize).map(corner);
+    let (e1, e2) = (b - a, d - a);
+    let face = e1.cross(e2);
+    let upward = face.normalize_or(DVec3::Y);
+    let frame = DMat3::from_cols(e1, e2, upward);
+    let within = |v: DVec3| {
+        let parts = frame.inverse() * v;
+        if parts.is_finite() { parts.as_vec3() } else { Vec3::ZERO }
+    };
+    let [second, third] = c.barycentric;
+    let area = 0.5 * face.length();
+    ModelCache {
+        position: Vec3::new(second, third, c.triangle as f32),
+        area: if area > 0.0 { (f64::from(c.area) / area) as f32 } else { 0.0 },
+        middle: within(linear * (c.middle - c.position).as_dvec3()),
+        axis: within(linear * c.axis.as_dvec3()),
+        ..placed
+    }
+}
