@@ -212,7 +212,7 @@ fn every_way_of_lighting_caches_agrees() {
         for _ in 0..2 {
             let drawn = gpu.frame(false, |cmd| {
                 cmd.begin_frame(&targets.sums);
-                stage.record(cmd, &vals_on_device, &view, &targets, None);
+                stage.record(cmd, &vals_on_device, &view, &targets, None, true);
                 Ok(())
             });
             assert_eq!(drawn.expect("drawn").problems, [""; 0]);

@@ -351,7 +351,7 @@ impl Contexts<'_> {
             for ((gather, targets), times) in ways.iter().zip(&mut paths) {
                 let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
                     cmd.begin_frame(&targets.sums);
-                    gather.record(cmd, &vals_on_device, &view, targets, None);
+                    gather.record(cmd, &vals_on_device, &view, targets, None, true);
                     Ok(())
                 })?;
                 let ms = self.gpu.times(&drawn)?.gpu_ms();

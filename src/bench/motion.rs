@@ -31,9 +31,9 @@ struct Moment {
     /// Of it the copies, and the poses.
     update: f64,
     deform: f64,
-    /// The same frame again, nothing left out.
+    /// The frame before, in which nothing had moved and nothing was left out.
     standing: f64,
-    /// And again, with what has not changed left out.
+    /// One before, with what has not changed left out.
     skipped: f64,
 }
 
@@ -57,9 +57,9 @@ impl Contexts<'_> {
             "standing and skipped [ms]",
         ];
         let how = format!(
-            "Frames of {w}x{h} pixels, both lobes, {RSM}x{RSM} VALs, no shadows of indirect light: each moment of the \
-             animation drawn when everything has just moved there, again as it stands with every stage computed, and again \
-             with those left out whose inputs have not changed. Medians over {MOMENTS} moments, and their ratios. GPU \
+            "Frames of {w}x{h} pixels, both lobes, {RSM}x{RSM} VALs, no shadows of indirect light: at each moment of \
+             the animation as it stands, with those stages left out whose inputs have not changed, and with every stage \
+             computed; then when everything has just moved to the next. Medians over {MOMENTS} moments, and their ratios. GPU \
              timestamps of each stage; the CPU's part is sampling the animation and comparing with what the device has."
         );
         let mut table = Table::new("motion", "Motion", how, &columns);
@@ -82,19 +82,21 @@ impl Contexts<'_> {
         let end = scene.animations().next().map_or(1.0, |(_, _, end)| end);
         let mut measured = Vec::new();
         for i in 0..=MOMENTS {
+            // What is kept is made in one frame and left out of the next.
+            self.drawn(&some, &buffers, &scene)?;
+            let skipped = self.drawn(&some, &buffers, &scene)?;
+            // Both that are compared come after one of their kind, which has warmed the caches of a CPU.
+            self.drawn(&all, &buffers, &scene)?;
+            let standing = self.drawn(&all, &buffers, &scene)?;
             let start = Instant::now();
-            scene.pose(0, end * i as f64 / MOMENTS as f64);
+            scene.pose(0, end * (i + 1) as f64 / MOMENTS as f64);
             buffers.update(&scene)?;
             let host = start.elapsed().as_secs_f64() * 1e3;
             let moving = self.drawn(&all, &buffers, &scene)?;
-            let standing = self.drawn(&all, &buffers, &scene)?;
-            // What is kept is made in one frame and left in the next.
-            self.drawn(&some, &buffers, &scene)?;
-            let skipped = self.drawn(&some, &buffers, &scene)?;
             let stage =
                 |name: &str| moving.stages().iter().find(|s| s.name == name).and_then(|s| s.gpu_ms).unwrap_or(0.0);
             let sum = |times: &FrameTimes| times.stages().iter().filter_map(|s| s.gpu_ms).fold(0.0, |sum, ms| sum + ms);
-            // The first draws what was just uploaded.
+            // The first frames compile what they draw with.
             if i > 0 {
                 measured.push(Moment {
                     host,

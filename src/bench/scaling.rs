@@ -243,7 +243,7 @@ impl Contexts<'_> {
              submission, a barrier between them, as often as takes {LONG_ENOUGH} ms; all points in turn, in {ROUNDS} rounds. Between all \
              others the first point is timed: steadied is the median over the rounds of a time in those of the first point \
              just before and just after, times the least of the first point, so that it does not count when the machine is \
-             slow for a while.",
+             slow for a while. On a machine that does nothing else the least times say more, on a busy one those.",
             way.caches_per_thread,
             way.split,
             way.source.name()
@@ -374,7 +374,7 @@ pub(super) fn headlines(growth: &Table) -> Vec<String> {
         let lobes = if growth.has(row, "DG") { "DG" } else { "D" };
         format!(
             "Gather {lobes} grows with caches to the power of {} (rows {} to {}) and with VALs to the power of {} (columns {} \
-             to {}).",
+             to {}), by the least times of all rounds.",
             of("of caches"),
             of("of caches in the least row"),
             of("in the largest row"),
@@ -383,5 +383,5 @@ pub(super) fn headlines(growth: &Table) -> Vec<String> {
             of("in the largest column")
         )
     };
-    (0..growth.rows.len()).filter(|row| growth.has(*row, "steadied")).map(line).collect()
+    (0..growth.rows.len()).filter(|row| growth.has(*row, "least")).map(line).collect()
 }

@@ -168,7 +168,8 @@ impl Gather {
         })
     }
 
-    /// Records the stage. The caches' albedos are needed where light bounces more than once.
+    /// Records the stage. The caches' albedos are needed where light bounces more than once; `images` says whether caches see
+    /// anything else than when they last looked.
     pub fn record(
         &self,
         cmd: &Cmd<'_>,
@@ -176,8 +177,9 @@ impl Gather {
         view: &View,
         caches: &CacheTargets,
         albedos: Option<&Buffer>,
+        images: bool,
     ) {
-        if let Some(depth_images) = &self.depth_images {
+        if let Some(depth_images) = self.depth_images.as_ref().filter(|_| images) {
             let _zone = cmd.zone("depth images");
             depth_images.record(cmd, caches);
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead);

@@ -422,7 +422,7 @@ impl Frame {
             if due.gather {
                 match &gi.gather {
                     Lighting::All(gather) => {
-                        gather.record(cmd, &rsm.vals, view, caches, scene.cache_albedos()); // 6
+                        gather.record(cmd, &rsm.vals, view, caches, scene.cache_albedos(), due.depth_images); // 6
                     }
                     Lighting::Clusters(clusters) => clusters.record(cmd, &rsm.vals, view, caches), // 6
                 }

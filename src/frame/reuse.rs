@@ -29,6 +29,8 @@ pub struct Due {
     pub visible: bool,
     /// Stage 5: which caches that needs.
     pub cull: bool,
+    /// Stage 6: what live caches see of each other.
+    pub depth_images: bool,
     /// Stages 6 and 7.
     pub gather: bool,
     /// Stage 8.
@@ -52,6 +54,8 @@ impl Due {
         self.rsm = lit;
         self.visible = seen;
         self.cull = seen || lit;
+        // They go by the list of live caches: by its order alone, whatever the light.
+        self.depth_images = surfaces || (seen && plan.cull);
         self.gather = lit || (seen && plan.cull) || (moved && plan.glossy);
         self.interpolate = seen || self.gather;
         self.composite = seen || lit;
@@ -66,6 +70,7 @@ impl Due {
             ("rsm", self.rsm, plan.indirect()),
             ("visible", self.visible, plan.lightskin),
             ("cull", self.cull, plan.cull),
+            ("depth images", self.depth_images, plan.depth_images),
             ("gather", self.gather, plan.lightskin),
             ("occlude", self.gather, plan.occlude),
             ("interpolate", self.interpolate, plan.indirect()),

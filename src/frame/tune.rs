@@ -62,7 +62,7 @@ pub fn time(gpu: &Gpu, settings: &GatherSettings, caches: u32, vals: u32) -> Res
     for i in 0..=FRAMES {
         let drawn = gpu.frame(gpu.is_software(), |cmd| {
             cmd.begin_frame(&targets.sums);
-            gather.record(cmd, &vals_on_device, &view, &targets, None);
+            gather.record(cmd, &vals_on_device, &view, &targets, None, true);
             Ok(())
         })?;
         let times = gpu.times(&drawn)?;

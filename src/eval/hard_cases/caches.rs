@@ -45,7 +45,7 @@ fn gather_alone(gpu: &Gpu, vals: &[Val], caches: &[Cache]) -> Result<Gathered> {
     let stage = Gather::new(gpu, true, false, &settings)?;
     let drawn = gpu.frame(false, |cmd| {
         cmd.begin_frame(&targets.sums);
-        stage.record(cmd, &vals, &view, &targets, None);
+        stage.record(cmd, &vals, &view, &targets, None, true);
         Ok(())
     })?;
     let (sums, proxies) = (gather_sums(gpu, &targets)?, gpu.read::<Proxy>(&targets.proxies)?);
