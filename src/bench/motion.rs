@@ -1,7 +1,7 @@
 //! What motion costs: frames of a scene that moves beside frames of the same scene, at the same moments, standing still.
 
 use super::contexts::Contexts;
-use super::measure::{bake, settings};
+use super::measure::{Budget, bake, settings};
 use super::table::{Cell, Table};
 use crate::error::Result;
 use crate::frame::{Frame, Gi, SceneBuffers, Settings, View};
@@ -63,11 +63,15 @@ impl Contexts<'_> {
              timestamps of each stage; the CPU's part is sampling the animation and comparing with what the device has."
         );
         let mut table = Table::new("motion", "Motion", how, &columns);
+        let mut budget = Budget::new(self.extent.budget);
         let mut scenes = vec![(moving(EDGE), CACHES[0])];
         scenes.extend(self.extent.crowds.iter().map(|n| (crowd(*n), CACHES[1] * n)));
         for (scene, caches) in scenes {
             (self.progress)(0.0, &scene.name);
-            table.push(self.of_scene(scene, caches)?);
+            match budget.begin(caches as f64) {
+                Ok(()) => table.push(self.of_scene(scene, caches)?),
+                Err(reason) => table.skipped.push(format!("{}: {reason}.", scene.name)),
+            }
         }
         Ok(table)
     }
