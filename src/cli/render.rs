@@ -70,8 +70,7 @@ pub(super) struct Render {
     /// What pulls a proxy light's position.
     #[arg(long, value_enum, default_value_t)]
     proxy_weight: ProxyWeightArg,
-    /// What is in the way of indirect light. Without this flag, per-light up to 4096 caches, proxy up to 20000, off beyond;
-    /// with --gather fragment at most proxy, with clusters off.
+    /// What is in the way of indirect light. Without this flag, proxy up to 20000 caches, off beyond and with clusters.
     #[arg(long, value_enum)]
     shadows: Option<ShadowsArg>,
     /// Write this layer alone as R, G, B.
@@ -154,13 +153,9 @@ pub(super) enum ShadowsArg {
     PerLight,
 }
 
-/// The kind of shadows unless one is asked for: each looks at pairs of caches, which of very many are too many.
+/// The kind of shadows unless one is asked for: it looks at pairs of caches, which of very many are too many.
 pub(super) fn default_shadows(caches: usize) -> Shadows {
-    match caches {
-        0..=4096 => Shadows::PerLight,
-        4097..=20_000 => Shadows::Proxy,
-        _ => Shadows::Off,
-    }
+    if caches <= 20_000 { Shadows::Proxy } else { Shadows::Off }
 }
 
 impl ShadowsArg {
@@ -265,7 +260,6 @@ impl Render {
             _ if self.gi != GiArg::Lightskin => Shadows::Off,
             Some(asked) => asked.kind(),
             None if self.gather.by_clusters() => Shadows::Off,
-            None if self.gather.by_draws() => default_shadows(caches).min(Shadows::Proxy),
             None => default_shadows(caches),
         }
     }

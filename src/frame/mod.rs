@@ -35,7 +35,7 @@ pub mod visible;
 pub use clusters::Cluster;
 pub use gather::{GatherPath, GatherSettings, ValSource};
 pub use plan::{Plan, PlanLine};
-pub use reuse::Due;
+use reuse::Due;
 pub use targets::Targets;
 pub use upload::SceneBuffers;
 pub use view::View;

@@ -16,27 +16,27 @@ pub(super) struct Done {
 
 /// Which stages a frame runs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Due {
+pub(super) struct Due {
     /// Stages 1 and 2: the camera's picture before indirect light.
-    pub direct: bool,
+    pub(super) direct: bool,
     /// Stage 3.
-    pub atlas: bool,
+    pub(super) atlas: bool,
     /// Stage 4, light by light.
-    pub lights: Vec<bool>,
+    pub(super) lights: Vec<bool>,
     /// Stage 4's list of VALs, and what stands on it.
-    pub rsm: bool,
+    pub(super) rsm: bool,
     /// Stage 5: what the camera sees.
-    pub visible: bool,
+    pub(super) visible: bool,
     /// Stage 5: which caches that needs.
-    pub cull: bool,
+    pub(super) cull: bool,
     /// Stage 6: what live caches see of each other.
-    pub depth_images: bool,
+    pub(super) depth_images: bool,
     /// Stages 6 and 7.
-    pub gather: bool,
+    pub(super) gather: bool,
     /// Stage 8.
-    pub interpolate: bool,
+    pub(super) interpolate: bool,
     /// Stage 11.
-    pub composite: bool,
+    pub(super) composite: bool,
 }
 
 impl Due {
