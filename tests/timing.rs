@@ -245,7 +245,7 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
     // Stage 5 is two passes.
     stages.insert(stages.iter().position(|s| *s == "cull").expect("culled"), "visible");
     // The gather has its images drawn first.
-    stages.insert(stages.iter().position(|s| *s == "gather").expect("gathered"), "depth images");
+    stages.insert(stages.iter().position(|s| *s == "interpolate").expect("interpolated"), "occlude");
     assert!(stages.len() >= 10, "{stages:?}");
     let events = events(&at.join("t.json"));
     assert_nested(&events);
