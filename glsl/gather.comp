@@ -4,20 +4,16 @@
 // device as much as a thousand VALs. Where light bounces the parts are left for others (SUMS_ALONE).
 #extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
-#include "lib/gather.glsl"
-#ifdef SHADOWED
-#include "lib/depth_image.glsl"
-#endif
-#ifndef SUMS_ALONE
-#include "lib/proxy.glsl"
-#endif
 
 layout(local_size_x = GATHER_THREADS) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
 layout(constant_id = 1) const uint SOURCE = VALS_TEXELS;
 layout(constant_id = 2) const uint CACHES = 4; // of a thread
 layout(constant_id = 3) const uint SPREAD = 0; // 1: stage 7 asks for it
-layout(constant_id = 4) const uint AT_ONCE = 4; // VALs of one round of the loop, a divisor of a tile's
+layout(constant_id = 4) const uint BY_HAND = 0; // 1: the device is a CPU
+#ifdef SHADOWED
+layout(constant_id = 5) const uint TOGETHER = 1; // VALs that are seen or hidden together: 1 or all of a round
+#endif
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
@@ -33,8 +29,15 @@ layout(binding = 7, scalar) writeonly buffer Proxies { Proxy proxies[]; };
 layout(binding = 8, scalar) coherent buffer Arrived { uint arrived[]; }; // parts that are there, of each thread's caches
 #endif
 #ifdef SHADOWED
-layout(constant_id = 5) const uint TOGETHER = 1; // VALs that are seen or hidden together, a divisor of AT_ONCE
 layout(binding = 9) uniform samplerBuffer image_texels; // four texels of a row in one
+#endif
+
+#include "lib/gather.glsl"
+#ifdef SHADOWED
+#include "lib/depth_image.glsl"
+#endif
+#ifndef SUMS_ALONE
+#include "lib/proxy.glsl"
 #endif
 
 // VALs in the workgroup's memory at a time.
@@ -44,17 +47,18 @@ shared vec4 staged[3u * STAGED];
 Receiver receivers[CACHES];
 GatherSums sums[CACHES];
 
-struct Packed {
-    vec4 place;
-    vec4 facing;
-    vec4 light;
-};
-
-Packed from_memory(int at) {
-    if (SOURCE == VALS_TEXELS) {
-        return Packed(texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2));
+FourVals from_memory(uint first) {
+    FourVals v;
+    [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+        // Places are added last: they are constants where the loop is unrolled.
+        int at = int(3u * first) + int(3u * i);
+        if (SOURCE == VALS_TEXELS) {
+            put(v, i, texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2));
+        } else {
+            put(v, i, vals[at], vals[at + 1], vals[at + 2]);
+        }
     }
-    return Packed(vals[at], vals[at + 1], vals[at + 2]);
+    return v;
 }
 
 #ifdef SHADOWED
@@ -89,24 +93,21 @@ float sees(View v, vec3 d) {
 }
 #endif
 
-// Several VALs onto one cache after the other: its sums stay in registers meanwhile.
-void add(Packed v[AT_ONCE]) {
+// VALs onto one cache after the other: its sums stay in registers meanwhile.
+void add(FourVals v) {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
-        GatherSums s = sums[j];
+        vec4 seen = vec4(1.0);
 #ifdef SHADOWED
-        float seen = 1.0;
-#endif
+        float last = 1.0;
         [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
-#ifdef SHADOWED
             if (i % TOGETHER == 0u) {
-                seen = sees(views[j], v[i].place.xyz - receivers[j].position);
+                last = sees(views[j], vec3(v.x[i], v.y[i], v.z[i]) - receivers[j].position);
             }
-            vec4 facing = seen * v[i].facing;
-#else
-            vec4 facing = v[i].facing;
-#endif
-            accumulate(s, receivers[j], v[i].place, facing, v[i].light, GLOSSY != 0u, SPREAD != 0u);
+            seen[i] = last;
         }
+#endif
+        GatherSums s = sums[j];
+        accumulate(s, receivers[j], v, seen);
         sums[j] = s;
     }
 }
@@ -142,7 +143,7 @@ void main() {
         uint slot = min(first_slot + j, args.cache_count - 1u);
         receivers[j] = receiver(caches[live[slot]], push.eye);
 #ifdef SHADOWED
-        views[j] = view(slot, receivers[j].normal);
+        views[j] = view(slot, -receivers[j].against);
 #endif
         sums[j] = no_light();
     }
@@ -158,21 +159,17 @@ void main() {
             }
             barrier();
             for (uint i = 0u; i < STAGED; i += AT_ONCE) {
-                Packed v[AT_ONCE];
+                FourVals v;
                 [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
                     uint from = 3u * (i + j);
-                    v[j] = Packed(staged[from], staged[from + 1u], staged[from + 2u]);
+                    put(v, j, staged[from], staged[from + 1u], staged[from + 2u]);
                 }
                 add(v);
             }
         }
     } else {
         for (uint i = first; i < end; i += AT_ONCE) {
-            Packed v[AT_ONCE];
-            [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
-                v[j] = from_memory(int(3u * i) + int(3u * j));
-            }
-            add(v);
+            add(from_memory(i));
         }
     }
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {

@@ -2,10 +2,10 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 #include "lib/atlas.glsl"
-#include "lib/gather.glsl"
 
 layout(constant_id = 0) const uint SOURCE = VALS_TEXELS;
 layout(constant_id = 1) const uint SPREAD = 0; // 1: stage 7 asks for it
+layout(constant_id = 2) const uint BY_HAND = 0; // 1: the device is a CPU
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer ValCount { uint val_count; };
@@ -14,15 +14,14 @@ layout(binding = 3, std430) readonly buffer Vals { vec4 vals[]; };
 
 // Of the texel's first cache, then of its second: position and weight; irradiance and distance2; the glossy lobe's.
 #ifdef DIFFUSE_ONLY
-const bool GLOSSY = false;
+const uint GLOSSY = 0u;
 layout(location = 0) out vec4 out_sums[TEXEL_CACHES * 2u];
 #else
-const bool GLOSSY = true;
+const uint GLOSSY = 1u;
 layout(location = 0) out vec4 out_sums[TEXEL_CACHES * 4u];
 #endif
 
-// VALs of one round of the loop.
-const uint AT_ONCE = 8u;
+#include "lib/gather.glsl"
 
 void main() {
     uint first_cache = atlas_cache(ivec2(gl_FragCoord.xy), push.columns);
@@ -36,24 +35,20 @@ void main() {
     }
     uint end = min(push.first + push.tile, (val_count + VAL_TILE - 1u) / VAL_TILE * VAL_TILE);
     for (uint i = push.first; i < end; i += AT_ONCE) {
+        FourVals v;
         [[unroll]] for (uint j = 0u; j < AT_ONCE; ++j) {
             int at = int(3u * i) + int(3u * j);
-            vec4 place, facing, light;
             if (SOURCE == VALS_TEXELS) {
-                place = texelFetch(val_texels, at);
-                facing = texelFetch(val_texels, at + 1);
-                light = texelFetch(val_texels, at + 2);
+                put(v, j, texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2));
             } else {
-                place = vals[at];
-                facing = vals[at + 1];
-                light = vals[at + 2];
-            }
-            [[unroll]] for (uint k = 0u; k < TEXEL_CACHES; ++k) {
-                accumulate(sums[k], receivers[k], place, facing, light, GLOSSY, SPREAD != 0u);
+                put(v, j, vals[at], vals[at + 1], vals[at + 2]);
             }
         }
+        [[unroll]] for (uint k = 0u; k < TEXEL_CACHES; ++k) {
+            accumulate(sums[k], receivers[k], v, vec4(1.0));
+        }
     }
-    const uint VECTORS = GLOSSY ? 4u : 2u;
+    const uint VECTORS = GLOSSY != 0u ? 4u : 2u;
     [[unroll]] for (uint k = 0u; k < TEXEL_CACHES; ++k) {
         GatherSums s = sums[k];
         out_sums[k * VECTORS] = vec4(s.diffuse_position, s.diffuse_weight);

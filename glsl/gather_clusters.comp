@@ -7,14 +7,14 @@
 #extension GL_KHR_shader_subgroup_vote : require
 #endif
 #include "shared.glsl"
-#include "lib/gather.glsl"
 #include "lib/cluster.glsl"
 
 layout(local_size_x_id = 3) in;
-layout(constant_id = 4) const uint SPREAD = 0; // 1: stage 7 asks for it
 layout(constant_id = 0) const uint GLOSSY = 1;
 layout(constant_id = 1) const uint RULE = CLUSTER_DISTANCE;
 layout(constant_id = 2) const uint CACHES = 1; // of a thread; all threads have CLUSTER_GROUP
+layout(constant_id = 4) const uint SPREAD = 0; // 1: stage 7 asks for it
+layout(constant_id = 5) const uint BY_HAND = 0; // 1: the device is a CPU
 layout(push_constant, scalar) uniform Push { ClusterPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; }; // groups
@@ -24,6 +24,8 @@ layout(binding = 4) uniform samplerBuffer val_texels;
 layout(binding = 5, scalar) readonly buffer Totals { float totals[]; }; // luminance [lx] of slots by a coarse cut
 layout(binding = 6, scalar) writeonly buffer Parts { GatherSums parts[]; };
 layout(binding = 7, scalar) buffer Pairs { uint pairs[]; };
+
+#include "lib/gather.glsl"
 
 Receiver receivers[CACHES];
 GatherSums sums[CACHES];
@@ -53,23 +55,23 @@ uint all_bits(uint mine) {
 }
 #endif
 
-void add(vec4 place, vec4 facing, vec4 light) {
+void add(FourVals v) {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
-        accumulate(sums[j], receivers[j], place, facing, light, GLOSSY != 0u, SPREAD != 0u);
+        accumulate(sums[j], receivers[j], v, vec4(1.0));
     }
 }
 
-void add_node(uint i) {
-    int at = int(i * CLUSTER_NODE_WORDS / 4u);
+void put_node(inout FourVals v, uint i, uint node, float lit) {
+    int at = int(node * CLUSTER_NODE_WORDS / 4u);
     vec4 place = texelFetch(node_texels, at); // and radius
     vec4 flux = texelFetch(node_texels, at + 2); // and area
     float weight = texelFetch(node_texels, at + 3).x;
-    add(vec4(place.xyz, flux.w), texelFetch(node_texels, at + 1), vec4(flux.rgb, weight));
+    put(v, i, vec4(place.xyz, flux.w), texelFetch(node_texels, at + 1), lit * vec4(flux.rgb, weight));
 }
 
-void add_val(uint i) {
-    int at = int(3u * i);
-    add(texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2));
+void put_val(inout FourVals v, uint i, uint val, float lit) {
+    int at = int(3u * val);
+    put(v, i, texelFetch(val_texels, at), texelFetch(val_texels, at + 1), lit * texelFetch(val_texels, at + 2));
 }
 
 // What the walk has found and not yet added: devices that run both sides of a branch then add once a round. All threads
@@ -82,7 +84,7 @@ shared uint found_vals[FOUND];
 uint bits_of(Receiver c, float total, Bounds b, vec3 position, float flux) {
     vec3 offset = position - c.position;
     float distance = length(offset);
-    vec2 reach = cluster_reach(b, offset, distance, c.normal);
+    vec2 reach = cluster_reach(b, offset, distance, -c.against);
     if (is_dark(reach, distance)) {
         return 0u;
     }
@@ -159,11 +161,19 @@ void main() {
             }
             index += 1u;
         }
-        for (uint i = 0u; i < nodes; ++i) {
-            add_node(found_nodes[i]);
+        // The last of a list is repeated, dark, where it ends within a round.
+        FourVals v;
+        for (uint first = 0u; first < nodes; first += AT_ONCE) {
+            [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+                put_node(v, i, found_nodes[min(first + i, nodes - 1u)], first + i < nodes ? 1.0 : 0.0);
+            }
+            add(v);
         }
-        for (uint i = 0u; i < vals; ++i) {
-            add_val(found_vals[i]);
+        for (uint first = 0u; first < vals; first += AT_ONCE) {
+            [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+                put_val(v, i, found_vals[min(first + i, vals - 1u)], first + i < vals ? 1.0 : 0.0);
+            }
+            add(v);
         }
         added += nodes + vals;
     }

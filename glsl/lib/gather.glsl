@@ -1,52 +1,96 @@
-// One VAL onto one cache, added to its sums: the loop body of stage 6. METHOD 3-4, thesis listing 5.1.
+// VALs onto one cache, added to its sums: the loop body of stage 6. METHOD 3-4, thesis listing 5.1.
 // Positions are summed relative to the cache, so that the sums do not know how far the scene is from anywhere.
+// Whoever includes this has the constants GLOSSY, SPREAD (how far the glossy lobe's VALs are is asked, too) and BY_HAND
+// (the device is a CPU), 0 or 1.
 #ifndef GATHER_GLSL
 #define GATHER_GLSL
 
 #include "lib/phong.glsl"
+#include "lib/power.glsl"
 
 // A cache as the loop needs it.
 struct Receiver {
     vec3 position;
-    vec3 normal;
+    vec3 against; // its normal, negated
     vec3 mirrored; // the view, about the normal
     float half_exponent;
 };
 
 Receiver receiver(Cache c, vec4 eye) {
-    return Receiver(c.position, c.normal, reflect(view_direction(eye, c.position), c.normal), 0.5 * c.exponent);
+    return Receiver(c.position, -c.normal, reflect(view_direction(eye, c.position), c.normal), 0.5 * c.exponent);
 }
 
 GatherSums no_light() {
     return GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
 }
 
-// The VAL as three texels: position, area; normal, -; flux, weight. No square root, and one quotient for G and cos^2:
-// with q = d^2 (A + pi d^2), G = |d|^2 cos cos / q and (R.d)^2 / d^2 = (R.d)^2 (A + pi d^2) / q. The bound keeps 0/0
-// away where a cache lies on a VAL: both numerators are 0 there. It is on the whole of q because what devices flush to
-// zero is the product of a small area and a small distance. `spread`: how far the glossy lobe's VALs are is asked, too.
-void accumulate(inout GatherSums s, Receiver c, vec4 place, vec4 facing, vec4 light, bool glossy, bool spread) {
-    vec3 d = place.xyz - c.position;
-    float d2 = dot(d, d);
-    float disc = place.w + 3.14159265358979 * d2;
-    float inverse = 1.0 / max(d2 * disc, 1e-37);
-    float g = max(-dot(facing.xyz, d), 0.0) * max(dot(c.normal, d), 0.0) * inverse;
-    float w = light.w * g;
-    s.diffuse_position += d * w;
-    s.diffuse_weight += w;
-    s.diffuse_irradiance += light.rgb * g;
-    s.distance2 += d2 * w;
-    if (glossy) {
-        float along = max(dot(c.mirrored, d), 0.0);
-        float power = c.half_exponent * log2(max(along * along * (disc * inverse), 1e-37));
-        // Products with less are numbers that CPUs are slow with, and that nobody sees.
-        float lobe = power > -110.0 ? exp2(power) : 0.0;
+// VALs of a round of the loop: every step is done to all of them before the next. A CPU has little else to do while it
+// waits for one step's result, and sums stay in its registers for longer.
+const uint AT_ONCE = 4u;
+
+// Each vector holds one number of four VALs.
+struct FourVals {
+    vec4 x;
+    vec4 y;
+    vec4 z;
+    vec4 area;
+    vec4 normal_x;
+    vec4 normal_y;
+    vec4 normal_z;
+    vec4 weight;
+    vec3 flux[AT_ONCE];
+};
+
+// A VAL as three texels: position, area; normal, -; flux, weight.
+void put(inout FourVals v, uint i, vec4 place, vec4 facing, vec4 light) {
+    v.x[i] = place.x;
+    v.y[i] = place.y;
+    v.z[i] = place.z;
+    v.area[i] = place.w;
+    v.normal_x[i] = facing.x;
+    v.normal_y[i] = facing.y;
+    v.normal_z[i] = facing.z;
+    v.weight[i] = light.w;
+    v.flux[i] = light.rgb;
+}
+
+// No square root: with q = d^2 (A + pi d^2), G = |d|^2 cos cos / q, and the lobe's cos^2 = (R.d)^2 / d^2. The bound keeps 0/0
+// away where a cache lies on a VAL: the numerator is 0 there. It is on the whole of q because what devices flush to zero is
+// the product of a small area and a small distance. The lobe comes before the sums, which are made while it is worked out.
+// `seen`: 1, or 0 where something is in the way.
+void accumulate(inout GatherSums s, Receiver c, FourVals v, vec4 seen) {
+    vec4 x = v.x - c.position.x;
+    vec4 y = v.y - c.position.y;
+    vec4 z = v.z - c.position.z;
+    vec4 d2 = x * x + y * y + z * z;
+    vec4 disc = v.area + 3.14159265358979 * d2;
+    vec4 q = max(d2 * disc, 1e-37);
+    // Both cosines are negative where there is light.
+    vec4 at_val = min(v.normal_x * x + v.normal_y * y + v.normal_z * z, 0.0);
+    vec4 at_cache = min(c.against.x * x + c.against.y * y + c.against.z * z, 0.0);
+    vec4 g = at_val * at_cache * seen / q;
+    vec4 w = v.weight * g;
+    vec4 lobe = vec4(0.0);
+    if (GLOSSY != 0u) {
+        vec4 along = max(c.mirrored.x * x + c.mirrored.y * y + c.mirrored.z * z, 0.0);
+        lobe = power_of(along * along, d2, c.half_exponent, BY_HAND != 0u);
+    }
+    [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+        s.diffuse_position += vec3(x[i], y[i], z[i]) * w[i];
+        s.diffuse_weight += w[i];
+        s.diffuse_irradiance += v.flux[i] * g[i];
+        s.distance2 += d2[i] * w[i];
+    }
+    if (GLOSSY != 0u) {
+        g *= lobe;
         w *= lobe;
-        s.glossy_position += d * w;
-        s.glossy_weight += w;
-        s.glossy_irradiance += light.rgb * (g * lobe);
-        if (spread) {
-            s.glossy_distance2 += d2 * w;
+        [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+            s.glossy_position += vec3(x[i], y[i], z[i]) * w[i];
+            s.glossy_weight += w[i];
+            s.glossy_irradiance += v.flux[i] * g[i];
+            if (SPREAD != 0u) {
+                s.glossy_distance2 += d2[i] * w[i];
+            }
         }
     }
 }

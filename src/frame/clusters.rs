@@ -44,12 +44,13 @@ impl Clusters {
     /// Makes pipelines and nodes.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, settings: &Settings, rule: Cluster, glossy: bool) -> Result<Self> {
         let spread = u32::from(settings.shadows == Shadows::Proxy);
+        let by_hand = u32::from(gpu.is_software());
         let walk = |glossy: bool, rule: u32| match gpu.voting_threads() {
             Some(threads) => {
-                let constants = [glossy.into(), rule, CLUSTER_GROUP / threads, threads, spread];
+                let constants = [glossy.into(), rule, CLUSTER_GROUP / threads, threads, spread, by_hand];
                 gpu.compute_in_subgroups("gather_clusters_votes.comp", &constants, threads)
             }
-            None => gpu.compute("gather_clusters.comp", &[glossy.into(), rule, 1, CLUSTER_GROUP, spread]),
+            None => gpu.compute("gather_clusters.comp", &[glossy.into(), rule, 1, CLUSTER_GROUP, spread, by_hand]),
         };
         let coarse = || -> Result<Coarse> {
             Ok(Coarse { walk: walk(false, CLUSTER_DISTANCE)?, totals: gpu.compute("cluster_totals.comp", &[])? })

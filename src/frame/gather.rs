@@ -76,9 +76,8 @@ pub(super) fn sum_pipeline(
 ) -> Result<Pipeline> {
     let spread = u32::from(shadows == Shadows::Proxy);
     let shadowed = shadows == Shadows::PerLight;
-    // A software device has no registers to spare for either, but fewer rounds to count.
-    let at_once = if gpu.is_software() && !shadowed { 8 } else { 4 };
-    let constants = [u32::from(glossy), settings.source as u32, settings.caches_per_thread, spread, at_once, together];
+    let by_hand = u32::from(gpu.is_software());
+    let constants = [u32::from(glossy), settings.source as u32, settings.caches_per_thread, spread, by_hand, together];
     match (shadowed, proxies) {
         (false, false) => gpu.compute("gather_sums.comp", &constants[..5]),
         (false, true) => gpu.compute("gather.comp", &constants[..5]),
@@ -137,7 +136,7 @@ impl Gather {
                 blend: Blend::Add,
                 depth: if cull { Depth::Behind } else { Depth::None },
                 cull: Cull::None,
-                constants: &[settings.source as u32, spread],
+                constants: &[settings.source as u32, spread, u32::from(gpu.is_software())],
             })?,
             tile: settings.tile,
             resolve: gpu.compute("proxies_images.comp", &[u32::from(glossy), 1, spread])?,
