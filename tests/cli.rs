@@ -81,7 +81,18 @@ fn default_scene_becomes_a_png_with_times_and_counts() {
             frame["stages"].as_array().expect("stages").iter().map(|s| s["name"].as_str().expect("name")).collect();
         assert_eq!(
             names,
-            ["gbuffer", "direct", "atlas", "rsm", "visible", "cull", "gather", "occlude", "interpolate", "composite"]
+            [
+                "gbuffer",
+                "direct",
+                "atlas",
+                "rsm",
+                "visible",
+                "cull",
+                "depth images",
+                "gather",
+                "interpolate",
+                "composite"
+            ]
         );
         assert!(frame["gather_ns_per_pair"].as_f64().expect("figure") > 0.0);
     }

@@ -244,8 +244,8 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
     let mut stages: Vec<&str> = lines.iter().filter(|l| l.runs).map(|l| l.name).collect();
     // Stage 5 is two passes.
     stages.insert(stages.iter().position(|s| *s == "cull").expect("culled"), "visible");
-    // Shadows of proxies are the default of the command.
-    stages.insert(stages.iter().position(|s| *s == "interpolate").expect("interpolated"), "occlude");
+    // Shadows of every VAL are the default of the command.
+    stages.insert(stages.iter().position(|s| *s == "gather").expect("gathered"), "depth images");
     assert!(stages.len() >= 10, "{stages:?}");
     let events = events(&at.join("t.json"));
     assert_nested(&events);

@@ -9,7 +9,7 @@
 const float DEPTH_IMAGE_MARGIN = 2.0;
 
 // How far out of a rectangle's plane a cache must lie for it to be in the way, in the same unit.
-const float DEPTH_IMAGE_PLANE = 0.1;
+const float DEPTH_IMAGE_PLANE = 0.15;
 
 // Cosine at the cache below which a texel's slope is taken from here: at its horizon it has no end.
 const float DEPTH_IMAGE_LEAST_Z = 0.2;

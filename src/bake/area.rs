@@ -5,8 +5,9 @@
 //! capped by the polygon: layers that lie above each other within one region (a sheet close to a wall, a model with
 //! faces inside) count together up to the whole polygon, where the union would count what they cover once.
 //!
-//! The rectangle has the share's mean, principal axes and variances on the plane square to the cache's normal: walls of
-//! rectangles have next to no holes, and what is narrow is hardly overhung. For it, unlike for the area, what faces
+//! The rectangle has the mean, principal axes and variances, on the plane square to the cache's normal, of what of the share
+//! hangs together with the cache's triangle: walls of rectangles have next to no holes, what is narrow is hardly overhung,
+//! and nothing spans the gap between two mouldings. For it, unlike for the area, what faces
 //! another cache better is that one's beyond the bisector, whichever way the two caches face: else on a thin rod, whose
 //! caches face every way, a share would be as wide as the rod, where the area has its cap.
 
@@ -16,6 +17,7 @@ use super::surface::Surface;
 use super::voxel::{Piece, Voxels, area_and_centroid, split};
 use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
+use std::collections::HashSet;
 
 /// Cosine of 84 degrees. Only caches that face the same way within that divide a plane between them, and only
 /// surface that does is projected on it. Without the bound the two sides of a sheet would share; at right angles, at
@@ -67,7 +69,7 @@ pub(super) fn shares(
         let (bisectors, others) = bisectors(seeds, index, &grid, spacing);
         let cap = area_and_centroid(&plane_polygon(seed, &bisectors, spacing)).0;
         let mut sum = 0.0;
-        let mut moments = Moments::new(normals[index]);
+        let mut parts = Vec::new();
         let mut add = |piece: &Piece| {
             let facing = surface.triangles[piece.triangle as usize].normal;
             let cos = facing.dot(seed.normal);
@@ -76,7 +78,7 @@ pub(super) fn shares(
                 let own = within(corners, piece, seed, bisectors.iter());
                 sum += cos * area(&own);
                 let better = others.iter().filter(|other| facing.dot(other.normal) > cos);
-                moments.add(&within(own, piece, seed, better));
+                parts.push((piece.triangle, within(own, piece, seed, better)));
             }
         };
         // What faces the same way and is farther than d_eps from this cache has a nearer one. A voxel's half diagonal
@@ -91,9 +93,40 @@ pub(super) fn shares(
                 }
             }
         });
+        parts.retain(|(_, polygon)| !polygon.is_empty());
+        let mut moments = Moments::new(normals[index]);
+        for polygon in connected(surface, seed.triangle, &parts) {
+            moments.add(polygon);
+        }
         Share { area: sum.min(cap), ..moments.rectangle() }
     };
     (0..seeds.len()).into_par_iter().with_min_len(4).map(share).collect()
+}
+
+/// The polygons of those parts of triangles that hang together with one triangle, by vertices in common.
+fn connected<'a>(
+    surface: &Surface,
+    triangle: u32,
+    parts: &'a [(u32, Vec<DVec3>)],
+) -> impl Iterator<Item = &'a Vec<DVec3>> {
+    let vertices = |triangle: u32| {
+        let of_triangle = surface.triangles[triangle as usize].vertices;
+        of_triangle.map(|v| surface.welded[v as usize])
+    };
+    let mut reached = HashSet::from(vertices(triangle));
+    let mut is_in = vec![false; parts.len()];
+    let mut grows = true;
+    while grows {
+        grows = false;
+        for ((triangle, _), is_in) in parts.iter().zip(&mut is_in) {
+            let corners = vertices(*triangle);
+            if !*is_in && corners.iter().any(|v| reached.contains(v)) {
+                reached.extend(corners);
+                (*is_in, grows) = (true, true);
+            }
+        }
+    }
+    parts.iter().zip(is_in).filter(|(_, is_in)| *is_in).map(|((_, polygon), _)| polygon)
 }
 
 /// The planes that bound a cache's Voronoi region, nearest first, and those towards caches that face another way.

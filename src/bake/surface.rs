@@ -1,8 +1,9 @@
 //! A mesh as the bake sees it: in world metres, turned as in the world, but around the mesh's own centre. METHOD 8.
 
 use super::cluster;
-use crate::scene::Mesh;
+use crate::scene::{Mesh, Vertex};
 use glam::{DMat3, DVec3};
+use std::collections::HashMap;
 
 /// A mesh under the linear part of a transform.
 pub(super) struct Surface {
@@ -16,6 +17,8 @@ pub(super) struct Surface {
     pub(super) positions: Vec<DVec3>,
     /// Their shading normals in bake space: unit, or zero where the mesh gives none and no triangle helps out.
     pub(super) normals: Vec<DVec3>,
+    /// For each vertex the first one in its place.
+    pub(super) welded: Vec<u32>,
     /// The triangles that have an area.
     pub(super) triangles: Vec<Triangle>,
     /// Smallest coordinates of `triangles`.
@@ -94,7 +97,8 @@ impl Surface {
         }
         let area = triangles.iter().map(|t| t.area).sum();
         let bends = mesh.deform.is_some();
-        Self { centre, linear, normal_matrix, positions, normals, triangles, low, high, area, bends }
+        let welded = welded(mesh);
+        Self { centre, linear, normal_matrix, positions, normals, welded, triangles, low, high, area, bends }
     }
 
     /// Corners of a triangle.
@@ -120,6 +124,14 @@ impl Surface {
 }
 
 /// Middle of the vertices that triangles use, in model space.
+/// For each vertex the first one in its place: a mesh repeats those that have several normals or coordinates.
+fn welded(mesh: &Mesh) -> Vec<u32> {
+    let mut first = HashMap::with_capacity(mesh.vertices.len());
+    // Zeros of either sign are one place.
+    let place = |v: &Vertex| (v.position + 0.0).to_array().map(f32::to_bits);
+    (mesh.vertices.iter().zip(0..)).map(|(vertex, index)| *first.entry(place(vertex)).or_insert(index)).collect()
+}
+
 fn centre(mesh: &Mesh) -> DVec3 {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &index in &mesh.indices {

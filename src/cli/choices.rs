@@ -38,7 +38,7 @@ pub(super) struct Choices {
     #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "occlusion", "shadows"])]
     depth_images: bool,
     /// Only soft shadows of indirect light, on the device, against one bounce of the path tracer: on five built-in scenes
-    /// whose indirect light is mostly shadowed, or on the given one.
+    /// whose indirect light is mostly shadowed and on the atrium, or on the given one.
     #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels"])]
     shadows: bool,
     /// Samples per pixel of the path tracer with --shadows; they are kept, and a larger N refines.
@@ -77,7 +77,10 @@ pub(super) fn run(args: &Choices) -> Result<()> {
 
 /// Prints how far each kind of soft shadows is from the truth.
 fn shadows(args: &Choices) -> Result<()> {
-    let scenes = shadowed_scenes(args)?;
+    let mut scenes = shadowed_scenes(args)?;
+    if args.scene.is_none() {
+        scenes.push(build::atrium());
+    }
     let settings = shadows::Settings {
         size: args.size,
         caches: args.caches.caches as usize,

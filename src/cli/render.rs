@@ -155,7 +155,11 @@ pub(super) enum ShadowsArg {
 
 /// The kind of shadows unless one is asked for: it looks at pairs of caches, which of very many are too many.
 pub(super) fn default_shadows(caches: usize) -> Shadows {
-    if caches <= 20_000 { Shadows::Proxy } else { Shadows::Off }
+    match caches {
+        0..=4096 => Shadows::PerLight,
+        4097..=20_000 => Shadows::Proxy,
+        _ => Shadows::Off,
+    }
 }
 
 impl ShadowsArg {

@@ -147,7 +147,7 @@ pub fn edges(scene: &Scene, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
     (0..w * h).into_par_iter().map(is_edge).collect()
 }
 
-/// Errors of each lobe over the pixels that both say show a surface.
+/// Errors of each lobe, and of both together, over the pixels that both say show a surface.
 pub fn errors(layers: &Layers, truth: &Layers) -> Vec<(&'static str, Errors)> {
     let covered = |image: &[[f32; 3]]| -> Vec<[f32; 3]> {
         let both = layers.covered.iter().zip(&truth.covered).map(|(a, b)| *a && *b);
@@ -159,8 +159,9 @@ pub fn errors(layers: &Layers, truth: &Layers) -> Vec<(&'static str, Errors)> {
         (name, Errors { metrics, rmse_over_mean: metrics.rmse / mean(&truth) })
     };
     let mut all = vec![layer("diffuse", &layers.diffuse, &truth.diffuse)];
-    if let (Some(image), Some(truth)) = (&layers.glossy, &truth.glossy) {
-        all.push(layer("glossy", image, truth));
+    if let (Some(image), Some(of_truth)) = (&layers.glossy, &truth.glossy) {
+        all.push(layer("glossy", image, of_truth));
+        all.push(layer("both", &layers.sum(), &truth.sum()));
     }
     all
 }

@@ -59,7 +59,7 @@ pub struct Rule {
 impl Default for Rule {
     fn default() -> Self {
         let shape = Shape::Rectangle(1.0);
-        Self { side: 24, shape, margin: 2.0, plane: 0.1, two_sided: true, slope: 1.0, together: 4 }
+        Self { side: 24, shape, margin: 2.0, plane: 0.15, two_sided: true, slope: 1.0, together: 4 }
     }
 }
 
@@ -92,7 +92,10 @@ impl Seen {
         };
         let offset = middle - cache.position;
         let height = offset.dot(disc.normal);
-        let is_away = height.abs() > rule.plane * share && (rule.two_sided || height < 0.0);
+        // Two sides of one thing: neither cache is before the other, whatever their rectangles are.
+        let other = disc.position - cache.position;
+        let is_behind = -other.dot(disc.normal) < rule.plane * share && other.dot(cache.normal) <= rule.plane * share;
+        let is_away = height.abs() > rule.plane * share && !is_behind && (rule.two_sided || height < 0.0);
         let highest = offset.dot(cache.normal) + axes.iter().map(|a| a.dot(cache.normal).abs()).sum::<f64>();
         let has_area = axes.iter().all(|a| a.length_squared() > 0.0);
         (is_away && highest > 0.0 && has_area).then(|| Self {
