@@ -54,7 +54,7 @@ ivec2 texels_of_ball(float w, float sine) {
 
 // Draws the rectangle of a cache; rows of `own` are the viewer's frame.
 void draw(Cache c, mat3 own, uint other) {
-    vec3 p = texelFetch(cache_texels, int(4u * other)).xyz - c.position;
+    vec3 to = texelFetch(cache_texels, int(4u * other)).xyz - c.position;
     vec3 n = texelFetch(cache_texels, int(4u * other + 1u)).xyz;
     vec4 middle_breadth = texelFetch(cache_texels, int(4u * other + 2u));
     vec3 o = middle_breadth.xyz - c.position;
@@ -62,7 +62,7 @@ void draw(Cache c, mat3 own, uint other) {
     float share = axis_radius.w;
     // Two sides of one thing: neither cache is before the other, whatever their rectangles are.
     float level = DEPTH_IMAGE_PLANE * share;
-    if (-dot(p, n) < level && dot(p, c.normal) <= level) {
+    if (-dot(to, n) < level && dot(to, c.normal) <= level) {
         return;
     }
     // Distance from the rectangle's plane. In the plane, or nearly, it is a neighbour on the same surface.

@@ -163,15 +163,15 @@ void main() {
         }
         // The last of a list is repeated, dark, where it ends within a round.
         FourVals v;
-        for (uint first = 0u; first < nodes; first += AT_ONCE) {
+        for (uint from = 0u; from < nodes; from += AT_ONCE) {
             [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
-                put_node(v, i, found_nodes[min(first + i, nodes - 1u)], first + i < nodes ? 1.0 : 0.0);
+                put_node(v, i, found_nodes[min(from + i, nodes - 1u)], from + i < nodes ? 1.0 : 0.0);
             }
             add(v);
         }
-        for (uint first = 0u; first < vals; first += AT_ONCE) {
+        for (uint from = 0u; from < vals; from += AT_ONCE) {
             [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
-                put_val(v, i, found_vals[min(first + i, vals - 1u)], first + i < vals ? 1.0 : 0.0);
+                put_val(v, i, found_vals[min(from + i, vals - 1u)], from + i < vals ? 1.0 : 0.0);
             }
             add(v);
         }

@@ -404,6 +404,8 @@ fn the_fastest_gather_is_measured_once_and_kept() {
         works(&at, &args);
         assert_eq!(kept().0, first, "nothing is measured again");
     }
+    // Shadows that draws can have, unless told otherwise.
+    works(&at, &[&["render", "-o", "a.png", "--gather", "fragment"][..], &SMALL[..]].concat());
     let mut compare = vec!["compare", "fragment.exr", "compute.exr", "--fail-above", "mare=1e-5"];
     compare.extend(["--layer", "indirect.diffuse"]);
     works(&at, &compare);
@@ -415,7 +417,7 @@ fn the_fastest_gather_is_measured_once_and_kept() {
 #[test]
 fn bounces_and_skies_that_cannot_be_are_refused() {
     let folder = folder("bounces");
-    fails(&folder, &["render", "--bounces", "2", "--gather", "fragment"], 2, &["--gather compute"]);
+    fails(&folder, &["render", "--bounces", "2", "--gather", "fragment"], 2, &["--bounces above 1"]);
     fails(&folder, &["render", "--bounces", "2", "--cluster", "8"], 2, &["--cluster"]);
     fails(&folder, &["render", "--bounces", "17"], 2, &["16"]);
     fails(&folder, &["render", "--bounces", "2", "--gi", "brute-force"], 2, &["one bounce"]);

@@ -70,7 +70,11 @@ fn cache(plate: &Plate) -> Cache {
 #[test]
 fn depth_images_are_the_references() {
     let gpu = gpu();
-    let scene = blocked();
+    let mut scene = blocked();
+    // A drape with folds that are small against the caches' distances: rectangles of its sides lie behind each other.
+    let mut drape = cuboid(Vec3::new(0.1, 0.1, -0.5), Vec3::new(0.7, 0.8, -0.48), 0.05, |_| true);
+    drape.vertices.iter_mut().for_each(|v| v.position.z += 0.06 * (15.0 * v.position.x).sin());
+    add(&mut scene, drape, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
     let caches = baked(&scene, 0.3, 8);
     let plates = plates(&gpu, &scene, &caches);
     let settings = shadowed();
@@ -109,6 +113,21 @@ fn depth_images_are_the_references() {
     let used = count * DEPTH_IMAGE_TEXELS as usize;
     assert!(again[..used] == images[..used], "both ways draw the same images");
     assert_clean(&gpu);
+}
+
+#[test]
+fn two_sides_of_one_thing_do_not_shadow_each_other() {
+    // The front of a folded drape, whose rectangle lies behind its back.
+    let front = Disc { position: DVec3::ZERO, normal: DVec3::Z, area: std::f64::consts::PI };
+    let plate = Plate { disc: front, middle: DVec3::new(0.0, 0.0, -0.7), axis: DVec3::X * 0.9, breadth: 0.9 };
+    let ends = |position: DVec3, normal: DVec3| {
+        let cache = Cache { position, normal, exponent: 1.0 };
+        DepthImage::new(&cache, &[plate], &Rule::default()).ends.iter().filter(|end| **end > 0.0).count()
+    };
+    assert_eq!(ends(DVec3::new(0.1, 0.0, -0.3), DVec3::NEG_Z), 0, "the back's cache");
+    // What is before the front, or sees it, is something else.
+    assert!(ends(DVec3::new(0.1, 0.0, 0.3), DVec3::NEG_Z) > 150);
+    assert!(ends(DVec3::new(0.1, 0.0, -1.5), DVec3::Z) > 150);
 }
 
 #[test]

@@ -8,7 +8,8 @@
 // their rectangles stick out.
 const float DEPTH_IMAGE_MARGIN = 2.0;
 
-// How far out of a rectangle's plane a cache must lie for it to be in the way, in the same unit.
+// How far out of a rectangle's plane a cache must lie for it to be in the way, in the same unit; and how far before the other's
+// plane one of the two caches must lie.
 const float DEPTH_IMAGE_PLANE = 0.15;
 
 // Cosine at the cache below which a texel's slope is taken from here: at its horizon it has no end.

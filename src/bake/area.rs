@@ -5,11 +5,12 @@
 //! capped by the polygon: layers that lie above each other within one region (a sheet close to a wall, a model with
 //! faces inside) count together up to the whole polygon, where the union would count what they cover once.
 //!
-//! The rectangle has the mean, principal axes and variances, on the plane square to the cache's normal, of what of the share
-//! hangs together with the cache's triangle: walls of rectangles have next to no holes, what is narrow is hardly overhung,
-//! and nothing spans the gap between two mouldings. For it, unlike for the area, what faces
-//! another cache better is that one's beyond the bisector, whichever way the two caches face: else on a thin rod, whose
-//! caches face every way, a share would be as wide as the rod, where the area has its cap.
+//! The rectangle has the mean, principal axes and variances, on the plane square to the cache's normal, of what of the
+//! share hangs together with the cache's triangle: walls of rectangles have next to no holes, what is narrow is hardly
+//! overhung, and nothing spans the gap between two mouldings. For it, unlike for the area, what faces another cache better
+//! is that one's beyond the bisector, whichever way the two caches face: else on a thin rod, whose caches face every way, a
+//! share would be as wide as the rod, where the area has its cap. Where a corner lies in the middle of another triangle's
+//! edge the two do not hang together, and a rectangle is smaller than it might be.
 
 use super::cluster::Seed;
 use super::grid::Grid;
@@ -95,8 +96,10 @@ pub(super) fn shares(
         });
         parts.retain(|(_, polygon)| !polygon.is_empty());
         let mut moments = Moments::new(normals[index]);
-        for polygon in connected(surface, seed.triangle, &parts) {
-            moments.add(polygon);
+        connected(surface, seed.triangle, &parts).for_each(|polygon| moments.add(polygon));
+        if moments.area <= 0.0 {
+            // A neighbour's share has the cache's own triangle.
+            parts.iter().for_each(|(_, polygon)| moments.add(polygon));
         }
         Share { area: sum.min(cap), ..moments.rectangle() }
     };
@@ -113,16 +116,18 @@ fn connected<'a>(
         let of_triangle = surface.triangles[triangle as usize].vertices;
         of_triangle.map(|v| surface.welded[v as usize])
     };
+    // Which parts there are at each vertex.
+    let corners = |(part, (triangle, _)): (usize, &(u32, Vec<DVec3>))| vertices(*triangle).map(|vertex| (vertex, part));
+    let mut at: Vec<(u32, usize)> = parts.iter().enumerate().flat_map(corners).collect();
+    at.sort_unstable();
     let mut reached = HashSet::from(vertices(triangle));
+    let mut open: Vec<u32> = reached.iter().copied().collect();
     let mut is_in = vec![false; parts.len()];
-    let mut grows = true;
-    while grows {
-        grows = false;
-        for ((triangle, _), is_in) in parts.iter().zip(&mut is_in) {
-            let corners = vertices(*triangle);
-            if !*is_in && corners.iter().any(|v| reached.contains(v)) {
-                reached.extend(corners);
-                (*is_in, grows) = (true, true);
+    while let Some(vertex) = open.pop() {
+        let first = at.partition_point(|(v, _)| *v < vertex);
+        for &(_, part) in at[first..].iter().take_while(|(v, _)| *v == vertex) {
+            if !std::mem::replace(&mut is_in[part], true) {
+                open.extend(vertices(parts[part].0).into_iter().filter(|v| reached.insert(*v)));
             }
         }
     }

@@ -123,16 +123,25 @@ impl Surface {
     }
 }
 
-/// Middle of the vertices that triangles use, in model space.
-/// For each vertex the first one in its place: a mesh repeats those that have several normals or coordinates.
+/// For each vertex the first one in its place, within about a 100 000th of the mesh: several normals or coordinates repeat a
+/// vertex, and some meshes are triangles whose corners differ by rounding.
 fn welded(mesh: &Mesh) -> Vec<u32> {
+    let [low, high] = bounds(mesh);
+    let step = (1e-5 * (high - low).max_element()).max(f64::MIN_POSITIVE);
+    // Off the round numbers, which places are fond of.
+    let place = |v: &Vertex| ((v.position.as_dvec3() - low) / step + 0.317).to_array().map(|x| x.floor() as i64);
     let mut first = HashMap::with_capacity(mesh.vertices.len());
-    // Zeros of either sign are one place.
-    let place = |v: &Vertex| (v.position + 0.0).to_array().map(f32::to_bits);
     (mesh.vertices.iter().zip(0..)).map(|(vertex, index)| *first.entry(place(vertex)).or_insert(index)).collect()
 }
 
+/// Middle of the vertices that triangles use, in model space.
 fn centre(mesh: &Mesh) -> DVec3 {
+    let [low, high] = bounds(mesh);
+    if low.is_finite() { (low + high) * 0.5 } else { DVec3::ZERO }
+}
+
+/// Least and largest coordinates of the vertices that triangles use, in model space.
+fn bounds(mesh: &Mesh) -> [DVec3; 2] {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &index in &mesh.indices {
         let position = mesh.vertices[index as usize].position.as_dvec3();
@@ -141,5 +150,5 @@ fn centre(mesh: &Mesh) -> DVec3 {
             high = high.max(position);
         }
     }
-    if low.is_finite() { (low + high) * 0.5 } else { DVec3::ZERO }
+    [low, high]
 }

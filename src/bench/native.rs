@@ -1,7 +1,7 @@
 //! Stage 6 on the CPU's own vector registers and all its cores: what a software device could reach at best.
 //!
-//! Per pair of a VAL and a cache it does what `glsl/gather.frag` does, in f32 and in the same order: a tile of VALs is
-//! summed in registers, then added to what the tiles before it gave. Each lane holds one cache; VALs are broadcast from
+//! The sums of `glsl/lib/gather.glsl`, in f32, VAL after VAL: a tile of them is summed in registers, then added to what the
+//! tiles before it gave. Each lane holds one cache; VALs are broadcast from
 //! where they lie. The widest registers that the machine has are chosen at run time.
 
 use super::simd::{exp2, log2};

@@ -79,7 +79,8 @@ fn range(points: &[Point], shared: fn(&Point) -> f64, grows: fn(&Point) -> f64) 
 
 /// What one measurement gathers, again and again.
 struct Work<'a> {
-    gather: Gather,
+    /// Of one kind, in turn.
+    gathers: Vec<Gather>,
     targets: CacheTargets,
     vals: &'a ValTargets,
     glossy: bool,
@@ -96,12 +97,17 @@ impl Work<'_> {
         f64::from(self.targets.count) * f64::from(self.vals.count)
     }
 
-    fn record(&self, cmd: &Cmd<'_>, view: &View) {
+    /// Whose turn it is.
+    fn next(&self) -> &Gather {
+        &self.gathers[self.times.len() % self.gathers.len()]
+    }
+
+    fn record(&self, cmd: &Cmd<'_>, gather: &Gather, view: &View) {
         for i in 0..self.often {
             if i > 0 {
                 cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             }
-            self.gather.light(cmd, self.vals, view, &self.targets, None);
+            gather.light(cmd, self.vals, view, &self.targets, None);
         }
     }
 
@@ -149,6 +155,9 @@ impl Contexts<'_> {
                 match budget.begin(work.pairs()) {
                     Ok(()) => {
                         // The first gather of a pipeline takes longer.
+                        for gather in &work.gathers {
+                            self.zone(&|cmd| work.record(cmd, gather, &view))?;
+                        }
                         let mut ms = self.measure(&work, &view)?;
                         if ms < 5.0 * LONG_ENOUGH {
                             ms = self.measure(&work, &view)?;
@@ -240,13 +249,15 @@ impl Contexts<'_> {
         let mut how = format!(
             "Stage 6 alone, by the compute path ({} caches to a thread, parts of {} VALs, read from {}): live caches and live \
              VALs of the valley, which the camera and the sun see all of. Each time is that of one gather of so many in one \
-             submission, a barrier between them, as often as takes {LONG_ENOUGH} ms; all points in turn, in {ROUNDS} rounds. Between all \
+             submission, a barrier between them, as often as takes {LONG_ENOUGH} ms; all points in turn, in {ROUNDS} rounds, by {} \
+             pipelines in turn (where the driver happens to put a long loop counts, see the tables of pairs). Between all \
              others the first point is timed: steadied is the median over the rounds of a time in those of the first point \
              just before and just after, times the least of the first point, so that it does not count when the machine is \
              slow for a while. On a machine that does nothing else the least times say more, on a busy one those.",
             way.caches_per_thread,
             way.split,
-            way.source.name()
+            way.source.name(),
+            tune::PIPELINES
         );
         if let Some([empty, alone, often]) = fixed {
             how += &format!(
@@ -263,7 +274,7 @@ impl Contexts<'_> {
 
     /// Time [ms] of one gather of a measurement.
     fn measure(&mut self, work: &Work<'_>, view: &View) -> Result<f64> {
-        Ok(self.zone(&|cmd| work.record(cmd, view))? / work.often as f64)
+        Ok(self.zone(&|cmd| work.record(cmd, work.next(), view))? / work.often as f64)
     }
 
     /// Time [ms] of a zone that is submitted alone on software devices, as in frames.
@@ -283,8 +294,9 @@ impl Contexts<'_> {
         let way = &self.ways[1].settings;
         let mut targets = CacheTargets::new(self.gpu, glossy, caches.len() as u32, vals.count, way)?;
         targets.atlas = self.gpu.buffer_from("atlas.caches", caches)?;
-        let gather = Gather::new(self.gpu, glossy, false, way)?;
-        Ok(Work { gather, targets, vals, glossy, often: 1, times: Vec::new(), relative: Vec::new() })
+        let gather = || Gather::new(self.gpu, glossy, false, way);
+        let gathers = (0..tune::PIPELINES).map(|_| gather()).collect::<Result<_>>()?;
+        Ok(Work { gathers, targets, vals, glossy, often: 1, times: Vec::new(), relative: Vec::new() })
     }
 
     /// What frames of the valley gather.

@@ -120,7 +120,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
     say!("  of each cache {:.0} bytes ({})", of_state.iter().sum::<f64>(), told.join(", "));
     for (name, why) in [
         ("gather.parts", "sums of parts of the VALs, which fill the device where caches are few"),
-        ("gather.depth_images", "what each sees of the others' discs, for --shadows per-light"),
+        ("gather.depth_images", "what each sees of the others, for --shadows per-light"),
         ("scene.references", "which caches each vertex refers to"),
     ] {
         let bytes = name.split_once('.').map_or(0.0, |(stage, thing)| each(stage, thing));

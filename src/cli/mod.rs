@@ -167,6 +167,7 @@ impl DeviceArgs {
 #[derive(Args)]
 struct GatherArgs {
     /// What lights caches. Auto takes what is fastest on the device: measured within seconds when first needed, then kept.
+    /// Per-light shadows and bounces take compute.
     #[arg(long, value_enum, default_value_t)]
     gather: GatherArg,
     /// Light every cache, not only those that visible surfaces need. The picture stays the same.

@@ -70,7 +70,8 @@ pub(super) struct Render {
     /// What pulls a proxy light's position.
     #[arg(long, value_enum, default_value_t)]
     proxy_weight: ProxyWeightArg,
-    /// What is in the way of indirect light. Without this flag, proxy up to 20000 caches, off beyond and with clusters.
+    /// What is in the way of indirect light. Without this flag, per-light up to 4096 caches (proxy with
+    /// --gather fragment), proxy up to 20000, off beyond and with clusters.
     #[arg(long, value_enum)]
     shadows: Option<ShadowsArg>,
     /// Write this layer alone as R, G, B.
@@ -149,7 +150,7 @@ pub(super) enum ShadowsArg {
     /// The other caches' discs, for each cache's light as a whole, after all bounces. Harder than they should be with
     /// clusters.
     Proxy,
-    /// The other caches' discs, for every virtual light.
+    /// What the other caches stand for, for every virtual light.
     PerLight,
 }
 
@@ -264,6 +265,8 @@ impl Render {
             _ if self.gi != GiArg::Lightskin => Shadows::Off,
             Some(asked) => asked.kind(),
             None if self.gather.by_clusters() => Shadows::Off,
+            // Draws see no depth images.
+            None if self.gather.by_draws() => default_shadows(caches).min(Shadows::Proxy),
             None => default_shadows(caches),
         }
     }

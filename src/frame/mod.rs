@@ -96,7 +96,7 @@ pub enum Shadows {
     Off,
     /// Stage 7: the discs of the other caches dim a cache's proxy lights.
     Proxy,
-    /// Stage 6 tests every VAL against what each cache sees of the others' discs.
+    /// Stage 6 tests every VAL against what each cache sees of the others' rectangles.
     PerLight,
 }
 

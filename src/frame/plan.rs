@@ -25,7 +25,7 @@ pub struct Plan {
     pub bounces: bool,
     /// Stage 7: the discs of caches dim the proxies of others.
     pub occlude: bool,
-    /// Stage 6 tests every VAL against what caches see of discs.
+    /// Stage 6 tests every VAL against what caches see of the others' rectangles.
     pub depth_images: bool,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
@@ -96,7 +96,7 @@ impl Plan {
             () => gi,
         };
         let not_occluded = match () {
-            () if self.depth_images => "the gather itself leaves out VALs that discs hide",
+            () if self.depth_images => "the gather itself leaves out VALs that are hidden",
             () if self.lightskin => "not asked for by --shadows",
             () => gi,
         };

@@ -334,7 +334,7 @@ const PARTS_BYTES: u64 = 64 << 20;
 /// Most VALs of a part: older lavapipe leaves loops after 65 535 rounds, and a few VALs are a round.
 const LONGEST_PART: u32 = 32_768;
 
-/// Most nodes: each is a round, and so is each of the VALs below, three a node.
+/// Most nodes: each is a round, and so are four of the VALs below, three a node, at most.
 const LONGEST_CLUSTER_PART: u32 = 12_288;
 
 /// Nodes of a part if memory allows: those over 3000 VALs.

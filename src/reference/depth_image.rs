@@ -46,7 +46,8 @@ pub struct Rule {
     pub shape: Shape,
     /// How far behind it things are still seen: surfaces are not flat.
     pub margin: f64,
-    /// How far out of its plane a cache must lie for it to be in the way: the others are neighbours on its surface.
+    /// How far out of its plane a cache must lie for it to be in the way, the others being neighbours on its surface; and how
+    /// far before the other's plane one of the two caches must lie.
     pub plane: f64,
     /// Whether it blocks from behind, too.
     pub two_sided: bool,
