@@ -173,6 +173,33 @@ fn cosine_power_and_lobe_are_the_twins() {
 }
 
 #[test]
+fn powers_of_quotients_are_right_by_either_way() {
+    let exponents = [0.5, 1.0, 8.0, 20.0, 128.0, 1024.0];
+    let mut inputs = grid([&[1e-3, 0.05, 0.3, 0.7, 0.9, 0.999, 1.0], &[1e-12, 1e-4, 0.3, 1.0, 37.0, 1e6], &exponents]);
+    inputs.extend(random(5, 4000, [(0.0, 1.0), (1e-6, 1e4), (0.5, 1024.0)]));
+    inputs.extend(random(6, 4000, [(0.99, 1.0), (1e-6, 1e4), (0.5, 1024.0)]));
+    let inputs: Vec<[f32; 3]> = inputs.into_iter().map(|[cosine, b, k]| [cosine * cosine * b, b, k]).collect();
+    let lanes = |[a, b, k]: &[f64; 3]| [1.0, 0.5, 0.25, 0.125].map(|part| (part * a / b).powf(*k));
+    // Below 2^-110 either way may give 0.
+    let least = 2_f64.powi(-109);
+    let expression =
+        |by_hand: &str| format!("power_of(x[0] * vec4(1.0, 0.5, 0.25, 0.125), vec4(x[1]), x[2], {by_hand})");
+    // By hand: the logarithm's fit and two roundings, all in proportion to the exponent, of which 110 is the most.
+    let by_hand = |x: &[f64; 3]| (5e-7 + 3.2e-7 * (x[2] * (0.125 * x[0] / x[1]).log2()).abs().min(110.0), least);
+    check4(&["lib/power.glsl"], &expression("true"), &inputs, by_hand, lanes);
+    check4(&["lib/power.glsl"], &expression("false"), &inputs, |x| (power_bound(2.0 * x[2]), least), lanes);
+    for by_hand in ["true", "false"] {
+        let call = format!("power_of(vec4(x[0]), vec4(x[1]), x[2], {by_hand})");
+        // Nothing at all, and no number that is none, where nothing is along the lobe.
+        let dark = [[0.0, 1e-6, 20.0], [0.0, 1.0, 20.0], [0.0, 1e6, 1024.0]];
+        check4(&["lib/power.glsl"], &call, &dark, |_| (0.0, 0.0), |_| [0.0; 4]);
+        let results =
+            map_on_gpu(&gpu(), &["lib/power.glsl"], &call, &[[0.0, 0.0, 20.0_f32], [0.0, 0.0, 0.0], [0.0, 9.0, 0.0]]);
+        assert!(results.iter().flatten().all(|power| (0.0..=1.0).contains(power)), "{by_hand}: {results:?}");
+    }
+}
+
+#[test]
 fn exponent_from_roughness_is_the_twins() {
     let mut inputs = grid([&[0.0, 1e-6, 0.01, 0.1, 0.124, 0.125, 0.5, 0.75, 0.76, 0.999, 1.0]]);
     inputs.extend(random(5, 500, [(0.0, 1.0)]));

@@ -27,7 +27,7 @@ vec4 exp2_by_hand(vec4 x) {
 }
 
 // (a / b)^k, 0 <= a <= b, k >= 0; a number in [0, 1] where both are 0, and 0 below 2^-110: products with less are numbers that
-// CPUs are slow with, and that nobody sees. `by_hand`: the device's log2 and exp2 are programs, longer ones than these.
+// CPUs are slow with, and that nobody sees. `by_hand`: the device's log2 and exp2 are programs, which it runs one after the other.
 vec4 power_of(vec4 a, vec4 b, float k, bool by_hand) {
     vec4 exponent = k * (by_hand ? log2_by_hand(a, b) : log2(max(a / max(b, 1e-37), 1e-37)));
     vec4 power = by_hand ? exp2_by_hand(exponent) : exp2(exponent);

@@ -97,10 +97,6 @@ pub(super) fn shares(
         parts.retain(|(_, polygon)| !polygon.is_empty());
         let mut moments = Moments::new(normals[index]);
         connected(surface, seed.triangle, &parts).for_each(|polygon| moments.add(polygon));
-        if moments.area <= 0.0 {
-            // A neighbour's share has the cache's own triangle.
-            parts.iter().for_each(|(_, polygon)| moments.add(polygon));
-        }
         Share { area: sum.min(cap), ..moments.rectangle() }
     };
     (0..seeds.len()).into_par_iter().with_min_len(4).map(share).collect()

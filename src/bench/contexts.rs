@@ -268,7 +268,7 @@ impl Contexts<'_> {
             "Pairs of a cache and a VAL in stage 6, every cache lit, by both paths. Peak, of which the faster path has its share: {:.1} Gflop/s, measured in the same run by independent \
              multiply-adds (`glsl/peak.comp`); a pair counts {} operations, with the glossy lobe {}. Native: the same sums of \
              the same caches and VALs on {} CPU threads, {lanes} numbers to a register ({registers}). Both paths and the CPU in turn, median of 3 \
-             rounds or more, by {} pipelines in turn: where the driver happens to put a long loop makes one in ten take up to twice as long.",
+             rounds or more, by {} pipelines in turn: of the same code some stay slower than others.",
             self.peak * 1e-9,
             FLOP_PER_PAIR[0],
             FLOP_PER_PAIR[1],

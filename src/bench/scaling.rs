@@ -250,7 +250,7 @@ impl Contexts<'_> {
             "Stage 6 alone, by the compute path ({} caches to a thread, parts of {} VALs, read from {}): live caches and live \
              VALs of the valley, which the camera and the sun see all of. Each time is that of one gather of so many in one \
              submission, a barrier between them, as often as takes {LONG_ENOUGH} ms; all points in turn, in {ROUNDS} rounds, by {} \
-             pipelines in turn (where the driver happens to put a long loop counts, see the tables of pairs). Between all \
+             pipelines in turn (of the same code some stay slower than others). Between all \
              others the first point is timed: steadied is the median over the rounds of a time in those of the first point \
              just before and just after, times the least of the first point, so that it does not count when the machine is \
              slow for a while. On a machine that does nothing else the least times say more, on a busy one those.",

@@ -15,8 +15,8 @@ use std::path::PathBuf;
 /// that a device is filled only where they are shared out well.
 const WORLDS: [[u32; 2]; 2] = [[2048, 4096], [250, 16_384]];
 
-/// Times that a pipeline is made to be measured. A CPU finds its code by some bits of the address: where the driver happens to
-/// put a long loop so that two of its pages share those bits, it takes up to twice as long.
+/// Times that a pipeline is made to be measured. Some of lavapipe's, of the same code, stay slower than others as long as they
+/// live, by what two pages of a long loop take; where the code happens to lie seems to decide.
 pub const PIPELINES: usize = 3;
 
 /// Frames that each of them is timed in, after one that does not count.
