@@ -328,6 +328,8 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     let json: serde_json::Value = serde_json::from_str(&read("bench.json")).expect("JSON");
     assert_eq!(json["device"]["name"], gpu.report().name);
     assert_eq!(json["device"]["software"], gpu.is_software());
+    let cpu = json["cpu"].as_str().expect("the CPU's name");
+    assert!(!cpu.is_empty() && read("bench.md").contains(&format!("CPU: {cpu}, ")), "{cpu}");
     let counts = [
         ("triangles", 2),
         ("bake", 2),

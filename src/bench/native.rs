@@ -43,6 +43,23 @@ pub fn gather(vals: &[Val], caches: &[Cache], eye: Vec4, glossy: bool) -> Vec<Ga
     sums
 }
 
+/// The CPU as it names itself; the rest tells its generation where a hypervisor hides the name.
+#[cfg(target_arch = "x86_64")]
+pub fn cpu() -> String {
+    let cpu = raw_cpuid::CpuId::new();
+    let name = cpu.get_processor_brand_string().map_or("x86-64".to_owned(), |brand| brand.as_str().trim().to_owned());
+    match cpu.get_feature_info() {
+        Some(info) => format!("{name} (family {}, model {})", info.family_id(), info.model_id()),
+        None => name,
+    }
+}
+
+/// The CPU's architecture.
+#[cfg(not(target_arch = "x86_64"))]
+pub fn cpu() -> String {
+    std::env::consts::ARCH.to_owned()
+}
+
 /// Name of the registers in use, and how many numbers they hold.
 pub fn registers() -> (String, usize) {
     struct Width;

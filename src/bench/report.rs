@@ -37,7 +37,7 @@ pub fn write(folder: &Path, gpu: &Gpu, results: &Results) -> Result<()> {
     let all = json!({
         "schema": 1,
         "device": { "name": device.name, "driver": device.driver, "kind": device.kind, "software": gpu.is_software() },
-        "cpu_threads": rayon::current_num_threads(), "cpu_registers": native::registers().0,
+        "cpu": native::cpu(), "cpu_threads": rayon::current_num_threads(), "cpu_registers": native::registers().0,
         "extent": results.extent, "peak_flop_per_s": results.peak,
         "headlines": headlines(gpu, results), "tables": tables,
     });
@@ -52,7 +52,12 @@ fn device(gpu: &Gpu) -> String {
 }
 
 fn markdown(gpu: &Gpu, results: &Results) -> String {
-    let mut page = format!("# lightskin bench\n\nDevice: {}. Extent: {}.\n\n", device(gpu), results.extent);
+    let (cpu, threads) = (native::cpu(), rayon::current_num_threads());
+    let device = device(gpu);
+    let mut page = format!(
+        "# lightskin bench\n\nDevice: {device}. CPU: {cpu}, {threads} threads. Extent: {}.\n\n",
+        results.extent
+    );
     if gpu.is_software() {
         page += "This is a **software device**: ratios mean something, absolute times little. The thesis's times are of a \
                  GeForce GTX 780 and stand here only for the shape of their growth.\n\n";
