@@ -20,7 +20,7 @@ layout(binding = 8, scalar) writeonly buffer Lights { VertexLight lights[]; };
 
 void main() {
     uint at = gl_GlobalInvocationID.x;
-    if (at >= args.reference_count / REFERENCES) {
+    if (at >= args.count) {
         return;
     }
     VisibleVertex v = visible[at];

@@ -1,4 +1,6 @@
-// Stage 5, compute way: flags every cache, or group of them, that a visible vertex refers to. METHOD 9.
+// Stage 5: flags every group of caches that a visible vertex, or cell, refers to. METHOD 9.
+#extension GL_EXT_control_flow_attributes : require
+#extension GL_KHR_memory_scope_semantics : require
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
@@ -12,17 +14,23 @@ layout(binding = 0, scalar) readonly buffer Visible { VisibleVertex visible[]; }
 layout(binding = 3, scalar) readonly buffer Args { VisibleArgs args; };
 layout(binding = 4, scalar) buffer Flags { uint flags[]; };
 
+void flag(uint cache_base, uint index) {
+    if (index != NO_CACHE) {
+        // Whoever else stores here stores the same.
+        atomicStore(flags[(cache_base + index) / GROUP], 1u, gl_ScopeDevice, 0, 0);
+    }
+}
+
 void main() {
     uint at = gl_GlobalInvocationID.x;
-    if (at >= args.reference_count / REFERENCES) {
+    if (at >= args.count) {
         return;
     }
     VisibleVertex v = visible[at];
     DrawRecord draw = draws[v.draw];
-    for (uint i = 0u; i < REFERENCES; ++i) {
-        uint cache = referred_cache(draw, v.vertex, i);
-        if (cache != NO_REFERENCES) {
-            atomicOr(flags[cache / GROUP], 1u);
-        }
+    [[unroll]] for (uint i = 0u; i < REFERENCES / 2u; ++i) {
+        uint pair = references[draw.reference_base + v.vertex * REFERENCES / 2u + i];
+        flag(draw.cache_base, pair & 0xffffu);
+        flag(draw.cache_base, pair >> 16);
     }
 }

@@ -345,12 +345,9 @@ struct VisibleVertex {
     uint vertex; // of the mesh; of a cell the row of references
 };
 
-// How many visible vertices there are: as arguments of an indirect draw of their references, of a dispatch over them.
+// How many visible vertices, or cells, there are, and a dispatch over them.
 struct VisibleArgs {
-    uint reference_count;
-    uint instance_count;
-    uint first_vertex;
-    uint first_instance;
+    uint count;
     uint groups_x;
     uint groups_y;
     uint groups_z;

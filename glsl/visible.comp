@@ -4,7 +4,6 @@
 #include "shared.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(constant_id = 0) const uint REFERENCES = 8;
 layout(push_constant, scalar) uniform Push { VisiblePush push; };
 layout(binding = 0) uniform usampler2D element_image;
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
@@ -35,7 +34,7 @@ void main() {
         if (atomicExchange(seen[slot], push.frame) == push.frame) {
             continue;
         }
-        uint at = atomicAdd(args.reference_count, REFERENCES) / REFERENCES;
+        uint at = atomicAdd(args.count, 1u);
         slots[slot] = at;
         visible[at] = VisibleVertex(element.x - 1u, vertex);
         if (at % 64u == 0u) {

@@ -5,7 +5,6 @@
 #include "lib/cells.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(constant_id = 0) const uint REFERENCES = 8;
 layout(push_constant, scalar) uniform Push { VisibleCellsPush push; };
 layout(binding = 0) uniform usampler2D element_image;
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
@@ -59,7 +58,7 @@ void main() {
         uint slot = draw.first_slot + row;
         // Looked at before it is exchanged: that is dearer, and most pixels are not their cell's first.
         if (row != NO_REFERENCES && seen[slot] != push.frame && atomicExchange(seen[slot], push.frame) != push.frame) {
-            uint at = atomicAdd(args.reference_count, REFERENCES) / REFERENCES;
+            uint at = atomicAdd(args.count, 1u);
             visible[at] = VisibleVertex(element.x - 1u, row);
             if (at % 64u == 0u) {
                 atomicAdd(args.groups_x, 1u);

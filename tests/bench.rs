@@ -276,7 +276,7 @@ fn tiny() -> Extent {
         resolutions: vec![[40, 30], [256, 256]],
         caches: vec![60, 120, 250],
         rsm: vec![8, 16, 64],
-        culled: vec![100],
+        culled: vec![(800, 100)],
         scaling: (vec![60, 120, 250], vec![8, 16, 32]),
         crowds: vec![3],
         ground: 800,

@@ -169,7 +169,7 @@ fn of_several_views_every_one_is_served() {
         let frames = [(); 2].map(|()| Frame::new(&gpu, &scene, &buffers, &settings).expect("made"));
         let (gbuffer, cull) = (GBuffer::new(&gpu, &frames[0].plan), Cull::new(&gpu, &settings, settings.references));
         let (gbuffer, cull) = (gbuffer.expect("made"), cull.expect("made"));
-        let visible = Visible::new(&gpu, settings.references).expect("made");
+        let visible = Visible::new(&gpu).expect("made");
         let targets = [&frames[0].targets, &frames[1].targets];
         let drawn = gpu.frame(false, |cmd| {
             cmd.begin_frame(targets.iter().flat_map(|t| t.images()));

@@ -2,10 +2,10 @@
 //! pairs per second beside the last.
 
 use super::extent::Extent;
-use super::measure::{Budget, Times, World, bake, settings, too_large};
-use super::native;
+use super::measure::{Budget, Times, World, bake, in_turn, settings, too_large};
 use super::table::{Cell, Table};
 use super::thesis;
+use super::{accuracy, native};
 use crate::bake::{CacheSet, NO_CACHE};
 use crate::error::{Error, Result};
 use crate::frame::gather::Gather;
@@ -33,12 +33,13 @@ const CACHES: [usize; 2] = [500, 1000];
 /// RSM side [texels] where the thesis names none: its usual one.
 const RSM: u32 = 128;
 
-/// Arithmetic operations of a pair in `glsl/gather.frag`, without and with the glossy lobe: sums, products, quotients,
+/// Arithmetic operations of a pair in `glsl/lib/gather.glsl`, without and with the glossy lobe: sums, products, quotients,
 /// roots, powers, maxima, one each; a multiply-add is two.
 pub const FLOP_PER_PAIR: [f64; 2] = [42.0, 69.0];
 
-/// Pairs that stage 6 is run on for each figure, in 3 to 60 rounds: a few tenths of a second on two cores.
-const PAIRS: f64 = 3e8;
+/// Rounds of stage 6 by both paths and the CPU: so many at least, and more until so much time has passed [s].
+const ROUNDS: usize = 3;
+const LONG_ENOUGH: f64 = 0.8;
 
 /// What is measured, on what.
 pub struct Contexts<'a> {
@@ -87,9 +88,10 @@ impl Contexts<'_> {
         times
     }
 
-    fn times(&mut self, world: &World<'_>, size: [u32; 2], gi: Gi, references: usize) -> Result<Times> {
-        let frame = world.frame(&settings(size, gi, references, RSM, self.fastest()))?;
-        Ok(self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?))
+    /// Times of frames that are compared.
+    fn in_turn(&mut self, worlds: &[(&World<'_>, Settings)]) -> Result<Vec<Times>> {
+        let times = in_turn(worlds, self.extent.warm_up, self.extent.frames)?;
+        Ok(times.into_iter().map(|times| self.keep(times)).collect())
     }
 
     /// Tables 6.1, of its stages and of the bakes.
@@ -102,7 +104,8 @@ impl Contexts<'_> {
         let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         let how = format!(
             "D: diffuse only, DG: diffuse and glossy lobe, each with 8 or 16 caches of a vertex; LI: direct light only. \
-             {} caches, {w}x{h} pixels, {RSM}x{RSM} VALs; the thesis does not name its picture and its VALs. {}",
+             {} caches, {w}x{h} pixels, {RSM}x{RSM} VALs; the thesis does not name its picture and its VALs. Versions are drawn \
+             in turn, frame by frame. {}",
             CACHES[0],
             self.method()
         );
@@ -147,35 +150,35 @@ impl Contexts<'_> {
 
     fn of_triangles(&mut self, count: usize) -> Result<OfTriangles> {
         let size = self.extent.window;
-        let mut scene = valley(count, false);
+        let scene = valley(count, false);
         let (of_8, seconds_8) = bake(&scene, CACHES[0], 8)?;
         let (of_16, seconds_16) = bake(&scene, CACHES[0], 16)?;
         let caches: usize = of_8.models.iter().map(|model| model.caches.len()).sum();
-        let direct = self.times(&World::new(self.gpu, &scene, None)?, size, Gi::Off, 8)?;
-        let mut all = Vec::new();
-        let mut is_glossy = false;
-        for (_, glossy, references) in VERSIONS {
-            if glossy != is_glossy {
-                // The same surface of another material: the caches are the same.
-                (scene, is_glossy) = (valley(count, glossy), glossy);
-            }
+        // The same surface of another material: the caches are the same.
+        let glossy = valley(count, true);
+        let mut worlds = vec![(World::new(self.gpu, &scene, None)?, settings(size, Gi::Off, 8, RSM, self.fastest()))];
+        for (_, is_glossy, references) in VERSIONS {
+            let scene = if is_glossy { &glossy } else { &scene };
             let set = if references == 16 { &of_16 } else { &of_8 };
-            let world = World::new(self.gpu, &scene, Some(set))?;
-            all.push(self.times(&world, size, Gi::LightSkin, references)?);
+            let settings = settings(size, Gi::LightSkin, references, RSM, self.fastest());
+            worlds.push((World::new(self.gpu, scene, Some(set))?, settings));
         }
+        let worlds: Vec<_> = worlds.iter().map(|(world, settings)| (world, *settings)).collect();
+        let all = self.in_turn(&worlds)?;
         let triangles = scene.triangle_count();
         let of_stages = |(name, times): (&str, &Times)| -> Vec<Cell> {
             let stage = |stage| Cell::from(times.stage(stage));
             [triangles.into(), name.into()].into_iter().chain(STAGES.map(stage)).collect()
         };
         let names = ["LI"].into_iter().chain(VERSIONS.map(|version| version.0));
-        let stages = names.zip([&direct].into_iter().chain(&all)).map(of_stages).collect();
-        let (direct, all) = (direct.frame(), all.iter().map(Times::frame).collect::<Vec<f64>>());
+        let stages = names.zip(&all).map(of_stages).collect();
+        let all: Vec<f64> = all.iter().map(Times::frame).collect();
+        let (direct, all) = (all[0], &all[1..]);
         let thesis = |version| thesis::frame_ms(thesis::TRIANGLES, &[triangles as u32], version);
         let ratio = |version| Some(thesis(version)? / thesis("LI")?);
         let mut row: Vec<Cell> = vec![triangles.into(), direct.into()];
         row.extend(all.iter().map(|ms| Cell::from(*ms)));
-        for ((version, ..), ms) in VERSIONS.iter().zip(&all) {
+        for ((version, ..), ms) in VERSIONS.iter().zip(all) {
             row.extend([Cell::from(ms / direct), ratio(version).into()]);
         }
         row.extend(["LI", "DG8"].map(|version| Cell::from(thesis(version))));
@@ -202,8 +205,10 @@ impl Contexts<'_> {
         for (i, [w, h]) in self.extent.resolutions.iter().copied().enumerate() {
             (self.progress)(i as f32 / self.extent.resolutions.len() as f32, &format!("{w}x{h} pixels"));
             let both = |this: &mut Self| -> Result<[f64; 2]> {
-                let [direct, all] = [Gi::Off, Gi::LightSkin].map(|gi| this.times(&world, [w, h], gi, 8));
-                Ok([direct?.frame(), all?.frame()])
+                let way = this.fastest();
+                let both = [Gi::Off, Gi::LightSkin].map(|gi| (&world, settings([w, h], gi, 8, RSM, way)));
+                let both = this.in_turn(&both)?;
+                Ok([both[0].frame(), both[1].frame()])
             };
             let measured = match budget.begin(f64::from(w * h)) {
                 Err(reason) => Err(reason),
@@ -263,12 +268,15 @@ impl Contexts<'_> {
             "native [G pairs/s]",
             "compute / native",
             "fragment / native",
+            "diffuse off f64",
+            "glossy off f64",
         ];
         let how = format!(
-            "Pairs of a cache and a VAL in stage 6, every cache lit, by both paths. Peak, of which the faster path has its share: {:.1} Gflop/s, measured in the same run by independent \
-             multiply-adds (`glsl/peak.comp`); a pair counts {} operations, with the glossy lobe {}. Native: the same sums of \
-             the same caches and VALs on {} CPU threads, {lanes} numbers to a register ({registers}). Both paths and the CPU in turn, median of 3 \
-             rounds or more, by {} pipelines in turn: of the same code some stay slower than others.",
+            "Pairs of a cache and a VAL in stage 6, every cache lit, by both paths. Peak, of which the faster path has its share: {:.1} Gflop/s, what a \
+             shader reaches in the same run by independent multiply-adds (`glsl/peak.comp`); a pair counts {} operations, with the glossy lobe {}. Native: the same sums of \
+             the same caches and VALs on {} CPU threads, {lanes} numbers to a register ({registers}). Both paths and the CPU in turn, median of {ROUNDS} \
+             rounds or more until {LONG_ENOUGH} s have passed, by {} pipelines in turn: of the same code some stay slower than \
+             others. Off f64: largest relative error of a lobe's irradiance, of either path, at some of the caches.",
             self.peak * 1e-9,
             FLOP_PER_PAIR[0],
             FLOP_PER_PAIR[1],
@@ -292,7 +300,7 @@ impl Contexts<'_> {
                         continue;
                     }
                     match self.of_caches(&world, rsm, glossy) {
-                        Ok(Measured { caches, vals, frame, gather: both, shadowed, native }) => {
+                        Ok(Measured { caches, vals, frame, gather: both, shadowed, native, off }) => {
                             let gather = both[0].min(both[1]);
                             let versions =
                                 [Some((name, frame, None)), shadowed.map(|s| ("DGS", s.frame, Some(s.occlude)))];
@@ -314,6 +322,7 @@ impl Contexts<'_> {
                             let mut row: Vec<Cell> = vec![name.into(), caches.into(), vals.into()];
                             let ratios = [compute / native, fragment / native];
                             row.extend([compute, fragment, share, native].into_iter().chain(ratios).map(Cell::from));
+                            row.extend([Some(off[0]), Some(off[1]).filter(|_| glossy)].map(Cell::from));
                             pairs.push(row);
                         }
                         Err(error) if does_not_fit(&error) => table.skipped.push(format!("{what}: {error}.")),
@@ -349,9 +358,12 @@ impl Contexts<'_> {
         let pairs = (caches.len() * vals.len()) as f64;
         let (mut paths, mut native) = ([Vec::new(), Vec::new()], Vec::new());
         // The first round of each pipeline does not count.
-        let rounds = ((PAIRS / pairs) as usize).clamp(3, 60);
-        for round in 0..tune::PIPELINES + rounds {
+        let begin = Instant::now();
+        for round in 0.. {
             let counts = round >= tune::PIPELINES;
+            if round >= tune::PIPELINES + ROUNDS && begin.elapsed().as_secs_f64() > LONG_ENOUGH {
+                break;
+            }
             for ((gathers, targets), times) in ways.iter().zip(&mut paths) {
                 let gather = &gathers[round % tune::PIPELINES];
                 let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
@@ -377,7 +389,12 @@ impl Contexts<'_> {
         let [mut fragment, mut compute] = paths;
         let both = [median(&mut fragment)?, median(&mut compute)?];
         let native = pairs / median(&mut native)? * 1e-9;
-        Ok(Measured { caches: caches.len(), vals: vals.len(), frame: whole_ms, gather: both, shadowed, native })
+        let mut off = [0.0_f64; 2];
+        for (_, targets) in &ways {
+            let of_path = accuracy::worst(self.gpu, &caches, &vals, view.eye, targets)?;
+            off = [off[0].max(of_path[0]), off[1].max(of_path[1])];
+        }
+        Ok(Measured { caches: caches.len(), vals: vals.len(), frame: whole_ms, gather: both, shadowed, native, off })
     }
 }
 
@@ -405,6 +422,7 @@ impl Contexts<'_> {
     /// What culling costs and what it saves.
     pub fn culling(&mut self) -> Result<Table> {
         let columns = [
+            "triangles",
             "caches",
             "live",
             "share",
@@ -417,23 +435,23 @@ impl Contexts<'_> {
         ];
         let [w, h] = self.extent.size;
         let how = format!(
-            "A camera that sees a part of the valley, {w}x{h} pixels, {RSM}x{RSM} VALs, both lobes, {} triangles. Caches lie \
-             in the atlas in the bake's space-filling order (near), or shuffled: then the live ones are spread at random. {}",
-            self.extent.ground,
+            "A camera that sees a part of the valley, {w}x{h} pixels, {RSM}x{RSM} VALs, both lobes. Caches lie in the atlas in \
+             the bake's space-filling order (near), or shuffled: then the live ones are spread at random. Which vertices are \
+             visible is found before, where caches are averaged at them, too. {}",
             self.method()
         );
         let mut table = Table::new("culling", "Culling", how, &columns);
-        let mut scene = valley(self.extent.ground, true);
-        // About a tenth of the caches.
-        let Projection::Perspective { yfov } = &mut scene.cameras[0].projection else { return Ok(table) };
-        *yfov = 2.0 * ((0.5 * *yfov).tan() / 4.6).atan();
         let mut budget = Budget::new(self.extent.budget);
-        for (i, asked) in self.extent.culled.iter().copied().enumerate() {
+        for (i, (triangles, asked)) in self.extent.culled.iter().copied().enumerate() {
             (self.progress)(i as f32 / self.extent.culled.len() as f32, &format!("culling {asked} caches"));
             if let Err(reason) = budget.begin(asked as f64) {
-                table.skipped.push(format!("{asked} caches: {reason}."));
+                table.skipped.push(format!("{asked} caches of {triangles} triangles: {reason}."));
                 continue;
             }
+            let mut scene = valley(triangles, true);
+            // About a tenth of the caches.
+            let Projection::Perspective { yfov } = &mut scene.cameras[0].projection else { return Ok(table) };
+            *yfov = 2.0 * ((0.5 * *yfov).tan() / 4.6).atan();
             let near = bake(&scene, asked, 8)?.0;
             for (order, set) in [("near", near.clone()), ("random", shuffled(&near))] {
                 let world = World::new(self.gpu, &scene, Some(&set))?;
@@ -454,7 +472,8 @@ impl Contexts<'_> {
                     };
                     let (_, all, ..) = stage(&Settings { cull: false, ..live })?;
                     let (cull, gather, lit, count) = stage(&live)?;
-                    let mut row: Vec<Cell> = vec![count.into(), lit.into(), (lit as f64 / count as f64).into()];
+                    let mut row: Vec<Cell> = vec![triangles.into(), count.into(), lit.into()];
+                    row.push((lit as f64 / count as f64).into());
                     row.extend([Cell::from(order), path.into()]);
                     row.extend([all, cull, gather, (cull + gather) / all].map(Cell::from));
                     table.push(row);
@@ -499,6 +518,8 @@ struct Measured {
     shadowed: Option<ShadowedFrame>,
     /// G pairs/s of the CPU.
     native: f64,
+    /// Largest relative errors of both lobes' irradiance.
+    off: [f64; 2],
 }
 
 /// A frame with shadows of proxies.

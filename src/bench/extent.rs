@@ -17,8 +17,8 @@ pub struct Extent {
     pub caches: Vec<usize>,
     /// Sides of the RSMs [texels] of table 6.3.
     pub rsm: Vec<u32>,
-    /// Cache counts that culling is measured at.
-    pub culled: Vec<usize>,
+    /// Counts of triangles and of caches that culling is measured at.
+    pub culled: Vec<(usize, usize)>,
     /// Counts of caches, and sides of RSMs [texels], that the gather alone is timed at, each with each.
     pub scaling: (Vec<usize>, Vec<u32>),
     /// Instances of the crowds whose motion is measured.
@@ -44,12 +44,12 @@ impl Extent {
             resolutions: vec![[256, 256], [512, 512], [800, 600], [1280, 720]],
             caches: vec![250, 1000, 4000, 16_000],
             rsm: vec![64, 128, 256],
-            culled: vec![1000, 4000, 16_000],
+            culled: vec![(51_200, 1000), (51_200, 4000), (51_200, 16_000), (819_200, 1000)],
             scaling: (vec![250, 1000, 4000, 16_000], vec![64, 128, 256]),
             crowds: vec![1000],
             ground: 51_200,
             warm_up: 1,
-            frames: 3,
+            frames: 5,
             budget: 80.0,
         }
     }
@@ -79,7 +79,7 @@ impl Extent {
             ],
             caches: [250, 500].into_iter().chain((1..=16).map(|k| 1000 * k)).collect(),
             rsm: vec![64, 128, 256, 512],
-            culled: vec![1000, 4000, 16_000],
+            culled: vec![(150_000, 1000), (150_000, 4000), (150_000, 16_000), (819_200, 1000)],
             scaling: (vec![250, 1000, 4000, 16_000], vec![64, 128, 256, 512]),
             crowds: vec![1000, 4000],
             ground: 150_000,

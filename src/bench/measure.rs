@@ -4,7 +4,7 @@ use crate::bake::{self, CacheSet, Density};
 use crate::error::Result;
 use crate::eval::measure::medians;
 use crate::frame::{Exposure, Frame, GatherSettings, Gi, SceneBuffers, Settings, View};
-use crate::gpu::Gpu;
+use crate::gpu::{FrameTimes, Gpu};
 use crate::scene::Scene;
 use std::time::Instant;
 
@@ -51,22 +51,43 @@ impl<'a> World<'a> {
 
     /// Draws `warm_up` frames that do not count and `frames` that do.
     pub fn times(&self, frame: &Frame, warm_up: usize, frames: usize) -> Result<Times> {
-        let view = View::new(&self.scene.cameras[0], frame.targets.size, self.buffers.origin, self.buffers.radius);
         let (mut runs, mut problems) = (Vec::new(), Vec::new());
         for i in 0..warm_up + frames {
-            // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
-            let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
-                frame.record(cmd, &self.buffers, &view);
-                Ok(())
-            })?;
-            let times = self.gpu.times(&drawn)?;
-            problems.extend(drawn.problems);
+            let times = self.drawn(frame, &mut problems)?;
             if i >= warm_up {
                 runs.push(times);
             }
         }
         Ok(Times { stages: medians(&runs), problems })
     }
+
+    fn drawn(&self, frame: &Frame, problems: &mut Vec<String>) -> Result<FrameTimes> {
+        let view = View::new(&self.scene.cameras[0], frame.targets.size, self.buffers.origin, self.buffers.radius);
+        // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
+        let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+            frame.record(cmd, &self.buffers, &view);
+            Ok(())
+        })?;
+        let times = self.gpu.times(&drawn)?;
+        problems.extend(drawn.problems);
+        Ok(times)
+    }
+}
+
+/// Times of several frames that are compared: `warm_up` of each that do not count and `frames` that do, one of each after the
+/// other, so that what else the machine does reaches all of them.
+pub fn in_turn(worlds: &[(&World<'_>, Settings)], warm_up: usize, frames: usize) -> Result<Vec<Times>> {
+    let made = worlds.iter().map(|(world, settings)| world.frame(settings)).collect::<Result<Vec<_>>>()?;
+    let mut runs: Vec<(Vec<FrameTimes>, Vec<String>)> = made.iter().map(|_| Default::default()).collect();
+    for i in 0..warm_up + frames {
+        for (((world, _), frame), (runs, problems)) in worlds.iter().zip(&made).zip(&mut runs) {
+            let times = world.drawn(frame, problems)?;
+            if i >= warm_up {
+                runs.push(times);
+            }
+        }
+    }
+    Ok(runs.into_iter().map(|(runs, problems)| Times { stages: medians(&runs), problems }).collect())
 }
 
 /// How the thesis's frames are drawn. Exposure is fixed: the thesis measures none.

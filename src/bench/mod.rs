@@ -1,6 +1,7 @@
 //! The thesis's measurements on generated scenes, beside its figures: frame times over triangles, resolution, caches and
 //! VALs, and how near the gather comes to what the device, and a CPU by hand, can do.
 
+pub mod accuracy;
 pub mod contexts;
 pub mod extent;
 pub mod measure;
@@ -21,6 +22,7 @@ use crate::frame::{GatherPath, tune};
 use crate::gpu::Gpu;
 use contexts::Contexts;
 use scaling::exponents;
+use std::time::Instant;
 use table::Table;
 
 /// What was measured.
@@ -29,6 +31,8 @@ pub struct Results {
     pub extent: &'static str,
     /// Arithmetic peak of the device [flop/s].
     pub peak: f64,
+    /// How long all of it took [s].
+    pub seconds: f64,
     /// All tables, in the order of the report.
     pub tables: Vec<Table>,
     /// Missing and idle barriers, with `Validation::Sync`.
@@ -44,6 +48,7 @@ impl Results {
 
 /// Measures everything. `progress` is told how much is done, from 0 to 1, and what is being done.
 pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<Results> {
+    let start = Instant::now();
     progress(0.0, "arithmetic peak");
     let peak = peak::measure(gpu)?;
     let fastest = |path| tune::fastest(gpu, Some(path));
@@ -67,5 +72,5 @@ pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<R
     let grown = exponents(tables.iter().find(|table| table.name == "caches").expect("just made"));
     tables.push(grown);
     progress(1.0, "done");
-    Ok(Results { extent: extent.name, peak, tables, problems })
+    Ok(Results { extent: extent.name, peak, seconds: start.elapsed().as_secs_f64(), tables, problems })
 }

@@ -38,7 +38,7 @@ pub fn write(folder: &Path, gpu: &Gpu, results: &Results) -> Result<()> {
         "schema": 1,
         "device": { "name": device.name, "driver": device.driver, "kind": device.kind, "software": gpu.is_software() },
         "cpu": native::cpu(), "cpu_threads": rayon::current_num_threads(), "cpu_registers": native::registers().0,
-        "extent": results.extent, "peak_flop_per_s": results.peak,
+        "extent": results.extent, "seconds": results.seconds, "peak_flop_per_s": results.peak,
         "headlines": headlines(gpu, results), "tables": tables,
     });
     text("bench.json", &format!("{all:#}\n"))?;
@@ -55,8 +55,8 @@ fn markdown(gpu: &Gpu, results: &Results) -> String {
     let (cpu, threads) = (native::cpu(), rayon::current_num_threads());
     let device = device(gpu);
     let mut page = format!(
-        "# lightskin bench\n\nDevice: {device}. CPU: {cpu}, {threads} threads. Extent: {}.\n\n",
-        results.extent
+        "# lightskin bench\n\nDevice: {device}. CPU: {cpu}, {threads} threads. Extent: {}, which took {:.0} s.\n\n",
+        results.extent, results.seconds
     );
     if gpu.is_software() {
         page += "This is a **software device**: ratios mean something, absolute times little. The thesis's times are of a \
@@ -99,12 +99,13 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
         if let Some(best) = rows.max_by(|a, b| rate(a).total_cmp(&rate(b))) {
             let of = |column: &str| pairs.number(best, column).unwrap_or(0.0);
             lines.push(format!(
-                "Gather {lobes}, compute, at best ({} caches, {} VALs): {} G pairs/s, {} % of the arithmetic peak, {} % of \
-                 the native kernel's {}; fragment {} %.",
+                "Gather {lobes}, compute, at best ({} caches, {} VALs): {} G pairs/s, {} % of the arithmetic peak ({} G pairs/s per \
+                 TFLOP/s; thesis, D: 8.2), {} % of the native kernel's {}; fragment {} %.",
                 of("caches"),
                 of("VALs"),
                 short(rate(&best)),
                 short(100.0 * of("share of peak")),
+                short(rate(&best) * 1e12 / results.peak),
                 short(100.0 * of("compute / native")),
                 short(of("native [G pairs/s]")),
                 short(100.0 * of("fragment / native"))
@@ -141,10 +142,11 @@ fn culling(table: &Table) -> Option<String> {
         Some((short(100.0 * table.number(row, "share")?), short(100.0 * table.number(row, "(cull + gather) / all")?)))
     };
     let ((share, compute), (_, near)) = (of("random", "compute")?, of("near", "compute")?);
-    let ((_, fragment), (_, fragment_near)) = (of("random", "fragment")?, of("near", "fragment")?);
+    let ((texels, fragment), (_, fragment_near)) = (of("random", "fragment")?, of("near", "fragment")?);
     Some(format!(
-        "{share} % of {most} caches live at random: culling and gather cost {compute} % of lighting all by compute, {fragment} % \
-         by fragments; in the bake's order {near} % and {fragment_near} %."
+        "{share} % of {most} caches live at random: culling and gather cost {compute} % of lighting all by compute; by \
+         fragments, which light {texels} % of them, two to a texel, {fragment} %; in the bake's order {near} % and \
+         {fragment_near} %."
     ))
 }
 

@@ -77,10 +77,10 @@ pub struct VisibleCells {
 }
 
 impl VisibleCells {
-    /// Makes the pipeline, for cells of so many references.
-    pub fn new(gpu: &Gpu, references: usize) -> Result<Self> {
+    /// Makes the pipeline.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
         super::visible::numbered_triangles(gpu)?;
-        Ok(Self { pipeline: gpu.compute("visible_cells.comp", &[references as u32])?, frame: Cell::new(1) })
+        Ok(Self { pipeline: gpu.compute("visible_cells.comp", &[])?, frame: Cell::new(1) })
     }
 
     /// Records the pass for one view and its image of elements.

@@ -288,8 +288,8 @@ impl Frame {
             Ok(LightSkin {
                 atlas: atlas::Atlas::new(gpu)?,
                 visible: match of_pixels {
-                    None => Seen::Vertices(visible::Visible::new(gpu, settings.references)?),
-                    Some(references) => Seen::Cells(cells::VisibleCells::new(gpu, references)?),
+                    None => Seen::Vertices(visible::Visible::new(gpu)?),
+                    Some(_) => Seen::Cells(cells::VisibleCells::new(gpu)?),
                 },
                 cull: plan
                     .cull

@@ -101,6 +101,8 @@ pub struct CacheTargets {
     /// Which texels its fragment path lights: depth 1; only where caches are culled. A texel is live with any of its
     /// caches, as a group is with clusters.
     pub mask: Option<Image>,
+    /// 1 where a visible element refers to a texel's caches: what the mask is drawn from.
+    pub texel_flags: Option<Buffer>,
     /// What clustering adds.
     pub clusters: Option<ClusterTargets>,
     /// What further bounces add.
@@ -207,8 +209,9 @@ impl Targets {
             if plan.depth_images {
                 caches.shadow(gpu)?;
             }
-            if plan.cull {
-                caches.mask = caches.new_mask(gpu, &settings.gather)?;
+            if plan.cull && settings.gather.path == GatherPath::Fragment {
+                caches.mask = Some(gpu.target("cull.mask", Format::D32_SFLOAT, caches.width(), caches.rows())?);
+                caches.texel_flags = Some(gpu.buffer("cull.texel_flags", 4 * u64::from(caches.texels()))?);
             }
             made.caches = Some(caches);
         }
@@ -245,6 +248,7 @@ impl Targets {
             all.extend(&caches.parts);
             all.extend(&caches.occluders);
             all.extend(&caches.depth_images);
+            all.extend(&caches.texel_flags);
             all.extend(caches.live.iter().flat_map(|l| [&l.flags, &l.blocks, &l.list, &l.args, &l.arrived]));
             all.extend(caches.clusters.iter().flat_map(|c| [&c.node_count, &c.totals, &c.pairs]));
             all.extend(caches.bounces.iter().flat_map(BounceTargets::buffers));
@@ -352,6 +356,7 @@ impl CacheTargets {
             parts: None,
             live: None,
             mask: None,
+            texel_flags: None,
             clusters: None,
             bounces: None,
             occluders: None,
@@ -438,6 +443,11 @@ impl CacheTargets {
         self.clusters.as_ref().map_or(&vals.live_count, |clusters| &clusters.node_count)
     }
 
+    /// Texels of the fragment path's images that hold caches.
+    pub fn texels(&self) -> u32 {
+        self.count.div_ceil(TEXEL_CACHES)
+    }
+
     /// Texel of a cache in the fragment path's images, row by row; twin of glsl/lib/atlas.glsl.
     pub fn texel(&self, cache: u32) -> usize {
         let (texel, columns) = (cache / TEXEL_CACHES, self.columns());
@@ -451,12 +461,6 @@ impl CacheTargets {
     pub fn sums_of_texel(&self) -> [[&Image; 4]; TEXEL_CACHES as usize] {
         let (first, second) = self.sums.split_at(self.sums.len() / 2);
         [first, second].map(|sums| [0, 1, 2, 3].map(|i| &sums[i % sums.len()]))
-    }
-
-    /// The mask that culling needs by this path.
-    fn new_mask(&self, gpu: &Gpu, settings: &GatherSettings) -> Result<Option<Image>> {
-        let mask = || gpu.target("cull.mask", Format::D32_SFLOAT, self.width(), self.rows());
-        (settings.path == GatherPath::Fragment).then(mask).transpose()
     }
 
     /// Bounds of the groups of caches that stage 7, or what draws depth images, skips together.
@@ -502,7 +506,7 @@ impl VisibleTargets {
         let pixels = u64::from(w) * u64::from(h);
         let by_cells = scene.cells.is_some();
         let most = all.min(3 * pixels);
-        let none = VisibleArgs { instance_count: 1, groups_y: 1, groups_z: 1, ..VisibleArgs::default() };
+        let none = VisibleArgs { groups_y: 1, groups_z: 1, ..VisibleArgs::default() };
         Ok(Self {
             seen: gpu.buffer_from("visible.seen", &vec![0_u32; all as usize])?,
             slots: gpu.buffer("visible.slots", 4 * if by_cells { pixels } else { all })?,

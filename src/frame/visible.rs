@@ -16,9 +16,9 @@ pub struct Visible {
 
 impl Visible {
     /// Makes the pipeline. Fails on devices whose fragment shaders cannot number triangles.
-    pub fn new(gpu: &Gpu, references: usize) -> Result<Self> {
+    pub fn new(gpu: &Gpu) -> Result<Self> {
         numbered_triangles(gpu)?;
-        Ok(Self { pipeline: gpu.compute("visible.comp", &[references as u32])?, frame: Cell::new(1) })
+        Ok(Self { pipeline: gpu.compute("visible.comp", &[])?, frame: Cell::new(1) })
     }
 
     /// Records the pass for all `views`, images of elements: a vertex that one of them shows is listed.

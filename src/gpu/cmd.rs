@@ -436,6 +436,16 @@ impl<'g> Cmd<'g> {
         unsafe { self.gpu.shared.device.cmd_copy_buffer(self.buffer, from.handle, to.handle, &regions) };
     }
 
+    /// Fills a buffer with zeros.
+    pub fn clear(&self, buffer: &Buffer) {
+        if self.failed() {
+            return;
+        }
+        self.touch_buffer(buffer, Use::CopyWrite);
+        // SAFETY: the buffer is alive and made with transfer usage.
+        unsafe { self.gpu.shared.device.cmd_fill_buffer(self.buffer, buffer.handle, 0, vk::WHOLE_SIZE, 0) };
+    }
+
     /// Writes into a buffer, by way of the command buffer: for what changes from frame to frame.
     pub fn update<T: bytemuck::NoUninit>(&self, to: &Buffer, first_byte: u64, data: &[T]) {
         /// Most bytes of one such command.

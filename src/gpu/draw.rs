@@ -122,23 +122,13 @@ impl Draw<'_, '_> {
         unsafe { self.cmd.gpu.shared.device.cmd_set_front_face(self.cmd.buffer, face) };
     }
 
-    /// Draws vertices without buffers: 3 for the triangle that covers the screen.
+    /// Draws vertices without buffers: 3 for the triangle that covers the screen, or points.
     pub fn draw(&self, vertex_count: u32) {
         if self.cmd.failed() {
             return;
         }
         // SAFETY: pipeline and descriptors are bound; the shader makes its vertices from their index.
         unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, 0, 0) };
-    }
-
-    /// Draws vertices without buffers, as many as the four numbers at the beginning of a buffer say.
-    pub fn draw_indirect(&self, arguments: &Buffer) {
-        if self.cmd.failed() {
-            return;
-        }
-        self.cmd.touch_buffer(arguments, Use::IndirectRead);
-        // SAFETY: pipeline and descriptors are bound; the buffer holds the four numbers.
-        unsafe { self.cmd.gpu.shared.device.cmd_draw_indirect(self.cmd.buffer, arguments.handle, 0, 1, 16) };
     }
 
     /// Draws triangles from the bound buffers.
