@@ -2,7 +2,8 @@
 //!
 //! A cache matters where a visible triangle's corner refers to it, on whatever side of the model it lies. The fragment
 //! path draws each reference as a point into the depth of the atlas, the compute path flags it and closes up the list of
-//! flagged caches. The set is the same.
+//! flagged caches. Both take the same references, but what they light may be more: the fragment path lights both caches
+//! of a texel in which one is needed, clusters all of a group.
 
 use super::gather::GatherPath;
 use super::pack::PackCaches;
