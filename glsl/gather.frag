@@ -6,6 +6,7 @@
 layout(constant_id = 0) const uint SOURCE = VALS_TEXELS;
 layout(constant_id = 1) const uint SPREAD = 0; // 1: stage 7 asks for it
 layout(constant_id = 2) const uint BY_HAND = 0; // 1: the device is a CPU
+layout(early_fragment_tests) in; // culling is the depth test
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer ValCount { uint val_count; };

@@ -358,9 +358,15 @@ fn the_devices_groups_receive_what_the_references_do() {
                 let off = against(&shot.sums[0], &wanted, 1e-4);
                 let all = live.caches as usize * shot.vals.iter().filter(|v| v.flux != DVec3::ZERO).count();
                 eprintln!("{rule:?}, far {far}: {} pairs, {pairs} by the twin, of {all}; {off} caches off", live.pairs);
-                // A decision on the very edge may fall the other way in f32, and takes its whole group along.
+                assert!(pairs < all * 9 / 10);
+                if gpu.is_software() {
+                    // Here no decision of f32 is another than that of f64.
+                    assert_eq!((live.pairs, off), (pairs as u64, 0), "{rule:?}, far {far}");
+                    continue;
+                }
+                // A GPU's arithmetic may turn one on the very edge, which takes its whole group along.
                 assert!(off <= GROUP_OF_ATLAS && off * 8 <= wanted.len(), "{off} of {}", wanted.len());
-                assert!((live.pairs as f64 / pairs as f64 - 1.0).abs() < 0.01 && pairs < all * 9 / 10);
+                assert!((live.pairs as f64 / pairs as f64 - 1.0).abs() < 0.01);
             }
         }
     }

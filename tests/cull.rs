@@ -1,4 +1,5 @@
-//! Stage 5: exactly the caches that visible triangles refer to are lit, by both paths, and no picture changes.
+//! Stage 5: exactly the caches that visible triangles refer to are lit, and with them, by the fragment path, those of
+//! the same texel, with clusters those of the same group; no picture changes.
 
 use std::collections::BTreeSet;
 
@@ -10,11 +11,11 @@ use lightskin::frame::cull::Cull;
 use lightskin::frame::gbuffer::GBuffer;
 use lightskin::frame::targets::CacheTargets;
 use lightskin::frame::visible::Visible;
-use lightskin::frame::{Frame, GatherPath, GatherSettings, SceneBuffers, Settings, View};
+use lightskin::frame::{Cluster, Frame, GatherPath, GatherSettings, SceneBuffers, Settings, View};
 use lightskin::gpu::{Gpu, Use};
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
 use lightskin::scene::{LightKind, Scene};
-use lightskin::shared::{LiveArgs, TEXEL_CACHES};
+use lightskin::shared::{CLUSTER_GROUP, LiveArgs, TEXEL_CACHES};
 
 use crate::common::frames::{drawn, indirect};
 use crate::common::{assert_clean, gpu};
@@ -31,7 +32,8 @@ fn live(gpu: &Gpu, caches: &CacheTargets) -> BTreeSet<usize> {
         let count = gpu.read::<LiveArgs>(&live.args).expect("arguments")[0].cache_count as usize;
         let list: Vec<u32> = gpu.read(&live.list).expect("list");
         assert!(list[..count].is_sorted_by(|a, b| a < b), "the list keeps the atlas's order");
-        return list[..count].iter().map(|c| *c as usize).collect();
+        let lit = list[..count].iter().flat_map(|item| item * live.group..(item + 1) * live.group);
+        return lit.filter(|c| *c < caches.count).map(|c| c as usize).collect();
     }
     let mask: Vec<f32> = gpu.read_image(caches.mask.as_ref().expect("one of both")).expect("mask");
     let lit: BTreeSet<_> = (0..caches.count as usize).filter(|c| mask[caches.texel(*c as u32)] == 1.0).collect();
@@ -42,14 +44,22 @@ fn live(gpu: &Gpu, caches: &CacheTargets) -> BTreeSet<usize> {
     lit
 }
 
-/// What a path lights for these of so many caches: a texel of the fragment path's images holds two.
-fn lit_for(needed: &BTreeSet<usize>, path: GatherPath, count: usize) -> BTreeSet<usize> {
-    let together = if path == GatherPath::Fragment { TEXEL_CACHES as usize } else { 1 };
+/// Caches in a row of the atlas that are lit with one that is needed.
+fn together(settings: &Settings) -> usize {
+    match (settings.gather.path, settings.cluster) {
+        (GatherPath::Fragment, _) => TEXEL_CACHES as usize,
+        (GatherPath::Compute, Some(_)) => CLUSTER_GROUP as usize,
+        (GatherPath::Compute, None) => 1,
+    }
+}
+
+/// These caches of so many, each with all that are lit `together` with it.
+fn with_neighbours(needed: &BTreeSet<usize>, together: usize, count: usize) -> BTreeSet<usize> {
     needed.iter().flat_map(|c| c / together * together..(c / together + 1) * together).filter(|c| *c < count).collect()
 }
 
-/// What they must be: all references of all corners of the triangles at the centres of the pixels. And how many of them
-/// lie on faces that are turned away from the camera.
+/// Caches that are needed: all references of all corners of the triangles at the centres of the pixels. And how many of
+/// them lie on faces that are turned away from the camera.
 fn needed(scene: &Scene, caches: &CacheSet, size: [u32; 2]) -> (BTreeSet<usize>, usize) {
     let mut base = Vec::new();
     let mut count = 0;
@@ -79,18 +89,26 @@ fn needed(scene: &Scene, caches: &CacheSet, size: [u32; 2]) -> (BTreeSet<usize>,
 }
 
 #[test]
-fn both_paths_light_exactly_the_caches_that_visible_triangles_refer_to() {
+fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
     let gpu = gpu();
+    let clusters = Settings { cluster: Some(Cluster::Distance(4.0)), ..settings(GatherPath::Compute) };
+    let ways = [settings(GatherPath::Compute), settings(GatherPath::Fragment), clusters];
     for (references, eye) in [(8, dvec3(1.41, 1.53, 2.07)), (16, dvec3(0.43, 0.71, 0.52))] {
         let mut scene = corner(&[SPOT], 40.0);
         scene.cameras[0] = camera(eye, dvec3(-0.1, 0.5, -0.1), 0.5);
         let caches = baked(&scene, 0.12, references).expect("bakes");
-        let (expected, hidden) = needed(&scene, &caches, small().size);
-        for path in PATHS {
-            let settings = Settings { references, ..settings(path) };
+        let (needed, hidden) = needed(&scene, &caches, small().size);
+        for way in ways {
+            let settings = Settings { references, ..way };
             let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
             let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
             let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+            let targets = frame.targets.caches.as_ref().expect("caches");
+            let (all, together) = (targets.count as usize, together(&settings));
+            let expected = match together {
+                1 => needed.clone(),
+                _ => with_neighbours(&needed, together, all),
+            };
             // A second frame is as good as the first one: nothing of that is left.
             for _ in 0..2 {
                 let drawn = gpu.frame(false, |cmd| {
@@ -98,16 +116,14 @@ fn both_paths_light_exactly_the_caches_that_visible_triangles_refer_to() {
                     Ok(())
                 });
                 assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-                let targets = frame.targets.caches.as_ref().expect("caches");
                 let found = live(&gpu, targets);
-                let expected = lit_for(&expected, path, targets.count as usize);
                 let apart: Vec<_> = found.symmetric_difference(&expected).collect();
-                assert!(apart.is_empty(), "{path:?}, {references} references: {apart:?} on one side alone");
+                assert!(apart.is_empty(), "{together} together, {references} references: {apart:?} on one side alone");
                 assert_eq!(frame.live(&gpu).expect("counts").caches as usize, expected.len());
             }
-            let all = frame.targets.caches.as_ref().expect("caches").count as usize;
-            eprintln!("{path:?}: {} of {all} caches, {hidden} of them on hidden faces", expected.len());
-            assert!(expected.len() < all && hidden > 0);
+            let (lit, needed) = (expected.len(), needed.len());
+            eprintln!("{together} together: {lit} of {all} caches for {needed}, {hidden} of them on hidden faces");
+            assert!(lit < all && hidden > 0 && (lit > needed) == (together > 1));
         }
     }
     assert_clean(&gpu);
@@ -148,6 +164,7 @@ fn culling_changes_no_bit_of_a_picture() {
     assert_clean(&gpu);
 }
 
+/// By hand: frames have one view, the stage takes several.
 #[test]
 fn of_several_views_every_one_is_served() {
     let gpu = gpu();
@@ -188,7 +205,8 @@ fn of_several_views_every_one_is_served() {
         assert_eq!(drawn.expect("drawn").problems.len(), 1, "only the barrier before the reading is for nothing");
         let caches = targets[0].caches.as_ref().expect("caches");
         let both = views[0].union(&views[1]).copied().collect();
-        assert_eq!(live(&gpu, caches), lit_for(&both, path, caches.count as usize), "{path:?}");
+        let expected = with_neighbours(&both, together(&settings), caches.count as usize);
+        assert_eq!(live(&gpu, caches), expected, "{path:?}");
     }
     assert_clean(&gpu);
 }

@@ -21,7 +21,7 @@ const BENT: usize = 3;
 const LAMP: usize = 4;
 
 /// The corner with its ball, a ball that bends and bulges, and one that emits.
-fn world() -> Scene {
+pub(crate) fn world() -> Scene {
     let mut scene = corner(&[SPOT, LightKind::Point], 20.0);
     add(&mut scene, sphere(0.25, 6), phong([0.3, 0.7, 0.3], [0.1, 0.1, 0.1], 20.0), DAffine3::IDENTITY);
     let mut glow = phong([0.1; 3], [0.0; 3], 1.0);
@@ -63,7 +63,7 @@ fn world() -> Scene {
 }
 
 /// A pose of the ball that bends: its top turned and shifted, and it bulges.
-fn bend(scene: &mut Scene, turn: f64, bulge: f32) {
+pub(crate) fn bend(scene: &mut Scene, turn: f64, bulge: f32) {
     let pose = scene.instances[BENT].pose.as_mut().expect("bends");
     let rotation = DQuat::from_axis_angle(dvec3(0.3, 0.1, 1.0).normalize(), turn);
     pose.joints[1] = DAffine3::from_scale_rotation_translation(

@@ -1,10 +1,16 @@
 //! Times of frames: fetched without waiting, across wrap-arounds, in tables and traces that say the same.
 
 use crate::cli::{fails, folder, left, works};
+use crate::common::frames::{SPOT, baked, corner, small};
 use crate::common::{assert_clean, gpu};
-use lightskin::frame::{Plan, Settings};
+use crate::moving::{bend, world};
+use glam::Vec3;
+use lightskin::frame::{
+    Cluster, Frame, GatherPath, GatherSettings, Gi, Level, Plan, SceneBuffers, Settings, Shadows, View,
+};
 use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank, ticks_between};
-use lightskin::scene::gltf;
+use lightskin::scene::sky::Sky;
+use lightskin::scene::{Scene, gltf};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
@@ -238,14 +244,9 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
     }
     assert_eq!(left(&at), ["a.png", "t.csv", "t.json", "t.jsonl"]);
 
-    // Every stage of the plan on both tracks, once for each frame.
+    // Every stage of the plan on both tracks, once for each frame. Shadows of every VAL are the default of the command.
     let scene = gltf::load(Path::new(CORNELL)).expect("loads");
-    let lines = Plan::new(&scene, &Settings::default()).lines();
-    let mut stages: Vec<&str> = lines.iter().filter(|l| l.runs).map(|l| l.name).collect();
-    // Stage 5 is two passes.
-    stages.insert(stages.iter().position(|s| *s == "cull").expect("culled"), "visible");
-    // Shadows of every VAL are the default of the command.
-    stages.insert(stages.iter().position(|s| *s == "gather").expect("gathered"), "depth images");
+    let stages = passes(&Plan::new(&scene, &Settings { shadows: Shadows::PerLight, ..Settings::default() }));
     assert!(stages.len() >= 10, "{stages:?}");
     let events = events(&at.join("t.json"));
     assert_nested(&events);
@@ -311,6 +312,112 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
         let ms = frame["gpu_span_ms"].as_f64().expect("ms");
         assert!((us / 1e3 - ms).abs() < 1e-5, "{us} us, {ms} ms");
     }
+}
+
+/// Zones of a frame in which nothing has moved: the plan's stages, some of them several passes or by another name.
+fn passes(plan: &Plan) -> Vec<&'static str> {
+    let mut all = Vec::new();
+    for line in plan.lines().iter().filter(|line| line.runs) {
+        match line.name {
+            "gather" if plan.depth_images => all.extend(["depth images", "gather"]),
+            "interpolate" if plan.brute_force => all.push("brute force"),
+            name => all.push(name),
+        }
+        match line.name {
+            "direct" if plan.sky => all.push("sky"),
+            "rsm" if plan.clusters => all.extend(["pyramid", "visible"]),
+            "rsm" if plan.lightskin => all.push("visible"),
+            _ => {}
+        }
+    }
+    all
+}
+
+#[test]
+fn traces_name_every_pass_of_every_kind_of_frame() {
+    /// Name, world, settings, and what makes its plan one of the kind.
+    type Kind<'a> = (&'a str, &'a Scene, Settings, fn(&Plan) -> bool);
+    const FRAMES: usize = 2;
+    let gpu = gpu();
+    let room = corner(&[SPOT], 20.0);
+    let mut open = room.clone();
+    Sky::even(Vec3::splat(100.0)).put_over(&mut open, 2);
+    let mut glowing = room.clone();
+    glowing.materials[2].emissive = Vec3::splat(100.0);
+    let mut glowing_alone = glowing.clone();
+    glowing_alone.lights.clear();
+    let moving = world();
+    let usual = Settings { size: [32, 32], rsm: 16, shadow_map: 64, cull: true, ..small() };
+    let by_draws = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
+    let with = |shadows| Settings { shadows, ..usual };
+    let by = |rule| Settings { cluster: Some(rule), ..usual };
+    let frames: [Kind<'_>; 15] = [
+        ("draws", &room, Settings { gather: by_draws, ..usual }, |plan| plan.cull),
+        ("all-caches", &room, Settings { cull: false, ..usual }, |plan| plan.lightskin && !plan.cull),
+        ("clusters", &room, by(Cluster::Distance(8.0)), |plan| plan.clusters),
+        ("cluster-errors", &room, by(Cluster::Error(0.05)), |plan| plan.clusters),
+        ("proxy-shadows", &room, with(Shadows::Proxy), |plan| plan.occlude),
+        ("per-light-shadows", &room, with(Shadows::PerLight), |plan| plan.depth_images),
+        ("bounces", &room, Settings { bounces: 2, ..usual }, |plan| plan.bounces),
+        ("texels", &room, Settings { level: Level::Texel, ..usual }, |plan| plan.lightskin),
+        ("brute-force", &room, Settings { gi: Gi::BruteForce, ..usual }, |plan| plan.brute_force),
+        ("direct-alone", &room, Settings { gi: Gi::Off, ..usual }, |plan| !plan.indirect()),
+        ("sky", &open, usual, |plan| plan.sky),
+        ("emitters", &glowing, usual, |plan| plan.emitters && plan.direct),
+        ("emitters-alone", &glowing_alone, usual, |plan| plan.emitters && !plan.direct),
+        ("moving", &moving, usual, |plan| plan.deform),
+        ("moving-with-all", &moving, Settings { level: Level::Texel, ..with(Shadows::PerLight) }, |plan| plan.deform),
+    ];
+    for (kind, scene, settings, is_it) in frames {
+        let mut scene = scene.clone();
+        let mut caches = baked(&scene, 0.5, 8);
+        if settings.level == Level::Texel {
+            caches = caches.with_cells(&scene).expect("cells");
+        }
+        let mut buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        if settings.bounces > 1 {
+            buffers.add_albedos(&gpu, &scene, &caches).expect("uploaded");
+        }
+        let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+        assert!(is_it(&frame.plan), "{kind}: {:?}", frame.plan);
+        let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+        let (mut trace, mut all) = (lightskin::trace::Trace::default(), Vec::new());
+        for i in 0..FRAMES {
+            if frame.plan.deform {
+                bend(&mut scene, 0.3 * (i + 1) as f64, 0.2);
+            }
+            buffers.update(&scene).expect("the same scene");
+            let drawn = gpu.frame(gpu.is_software(), |cmd| {
+                frame.record(cmd, &buffers, &view);
+                Ok(())
+            });
+            let drawn = drawn.expect("drawn");
+            assert_eq!(drawn.problems, [""; 0], "{kind}");
+            all.push(gpu.times(&drawn).expect("times"));
+        }
+        trace.frames(&all);
+        let file = folder(&format!("timing-{kind}")).join("t.json");
+        trace.write(&file, &[], &serde_json::Map::new()).expect("written");
+
+        let mut expected = if frame.plan.deform { vec!["update", "deform"] } else { Vec::new() };
+        expected.extend(passes(&frame.plan));
+        let events = events(&file);
+        assert_nested(&events);
+        for i in 0..FRAMES {
+            let zones = |track: u64| -> Vec<&Value> {
+                let is_zone = |e: &&Value| e["ph"] == "X" && e["tid"] == track && e["args"]["frame"] == i;
+                let of_cpu = |e: &&Value| ["frame", "wait", "record", "submit"].map(Value::from).contains(&e["name"]);
+                events.iter().filter(is_zone).filter(|e| !of_cpu(e)).collect()
+            };
+            for zones in [zones(1), zones(2)] {
+                let names: Vec<&str> = zones.iter().map(|e| e["name"].as_str().expect("a name")).collect();
+                assert_eq!(names, expected, "{kind}, frame {i}");
+                // Stamps in the wrong order would make a zone of no time at all.
+                assert!(!gpu.is_software() || zones.iter().all(|e| e["dur"].as_f64() > Some(0.0)), "{kind}: {zones:?}");
+            }
+        }
+    }
+    assert_clean(&gpu);
 }
 
 #[test]

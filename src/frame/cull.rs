@@ -2,7 +2,8 @@
 //!
 //! A cache matters where a visible triangle's corner refers to it, on whatever side of the model it lies. These are
 //! flagged. The compute path closes up the list of flagged caches; the fragment path flags texels of the atlas, of two caches
-//! each, and draws each that is flagged as a point into the atlas's depth.
+//! each, and draws each that is flagged as a point into the atlas's depth. So it lights both caches of a texel in which one is
+//! needed, as clusters light all of a group.
 
 use super::gather::GatherPath;
 use super::pack::PackCaches;
