@@ -2,6 +2,7 @@
 
 use lightskin::bake::{self, CacheSet, Density};
 use lightskin::eval::flicker::{Figures, Job, Motion, measure, model};
+use lightskin::frame::Cluster;
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell};
 
@@ -14,7 +15,8 @@ fn caches(scene: &Scene) -> CacheSet {
 }
 
 fn job(scene: &Scene, rsm: &[u32], pace: f64) -> Job {
-    Job { size: [32, 32], frames: 6, rsm: rsm.to_vec(), fine: 96, pace, model: model(scene), animation: None }
+    let model = model(scene);
+    Job { size: [32, 32], frames: 6, rsm: rsm.to_vec(), fine: 96, cluster: None, pace, model, animation: None }
 }
 
 #[test]
@@ -49,6 +51,23 @@ fn a_moving_light_flickers_and_more_vals_flicker_less() {
         let less = all(&pair[1]).iter().zip(all(&pair[0])).all(|(finer, coarser)| *finer < coarser);
         assert!(less, "{pair:?}");
     }
+    assert_clean(&gpu);
+}
+
+/// Brute force knows nothing of clusters; caches do, and the less the finer the cuts are.
+#[test]
+fn clusters_are_measured_by_their_rule() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Glossy, 0.2);
+    let set = [caches(&scene)];
+    let [none, fine, coarse] = [None, Some(1e6), Some(1.0)].map(|radii| {
+        let job = Job { cluster: radii.map(Cluster::Distance), ..job(&scene, &[32], 1.0) };
+        measure(&gpu, &scene, &set, Motion::Light, &job, &|_, _| {}).expect("measured")[0].figures
+    });
+    let of_truth = |f: &Figures| [f.vals_own, f.change[1], f.tremble[1], f.of_mean[1]];
+    let apart = |f: &Figures| (f.of_caches / none.of_caches - 1.0).abs();
+    assert!(of_truth(&none) == of_truth(&fine) && of_truth(&none) == of_truth(&coarse), "{none:?} {coarse:?}");
+    assert!(apart(&fine) < 1e-4 && apart(&coarse) > 1e-3, "{none:?} {fine:?} {coarse:?}");
     assert_clean(&gpu);
 }
 

@@ -206,15 +206,19 @@ fn hierarchy(scene: &Scene, settings: &Settings) -> Result<()> {
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     say!(
-        "{}: {caches} caches, {vals} live VALs; diffuse, glossy; against all lit, and against brute force",
+        "{}: {caches} caches, {vals} live VALs; lit: number and share of those that pixels need; diffuse, glossy; against all lit, and against brute force",
         scene.name
     );
-    say!("{:<36}{:>8}{:>18}{:>18}{:>20}", "", "lit", "error", "bias", "against truth");
+    say!("{:<36}{:>6}{:>8}{:>18}{:>18}{:>20}", "", "lit", "", "error", "bias", "against truth");
     for row in study.hierarchy() {
         let percent = |[a, b]: [f64; 2]| [100.0 * a, 100.0 * b];
         let ([e, eg], [b, bg], [t, tg]) = (percent(row.error), percent(row.bias), percent(row.truth));
         let lit = 100.0 * row.lit;
-        say!("  {:<34}{lit:>7.1}%{e:>8.2}%{eg:>8.2}%{b:>+8.2}%{bg:>+8.2}%{t:>10.2}%{tg:>8.2}%", row.name);
+        say!(
+            "  {:<34}{:>6}{lit:>7.1}%{e:>8.2}%{eg:>8.2}%{b:>+8.2}%{bg:>+8.2}%{t:>10.2}%{tg:>8.2}%",
+            row.name,
+            row.count
+        );
     }
     Ok(())
 }

@@ -1,7 +1,7 @@
 //! `lightskin flicker`: how much the indirect light trembles while something creeps along.
 
 use super::motion::animation_index;
-use super::{CacheArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar};
+use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar};
 use anyhow::{Context, Result};
 use lightskin::eval::flicker::{Figures, Flicker, Job, Motion, Played, measure, model};
 use std::path::PathBuf;
@@ -32,6 +32,8 @@ pub(super) struct FlickerArgs {
     #[arg(long)]
     json: bool,
     #[command(flatten)]
+    cluster: ClusterArgs,
+    #[command(flatten)]
     device: DeviceArgs,
 }
 
@@ -61,8 +63,16 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     for wanted in &args.animation {
         animations.push(animation_index(&scene, Some(wanted))?);
     }
-    let job =
-        Job { size: [64, 36], frames: 16, rsm: args.rsm.clone(), fine: 2 * largest, pace: 1.0, model, animation: None };
+    let job = Job {
+        size: [64, 36],
+        frames: 16,
+        rsm: args.rsm.clone(),
+        fine: 2 * largest,
+        cluster: args.cluster.rule(),
+        pace: 1.0,
+        model,
+        animation: None,
+    };
     let gpu = device.open()?;
     let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}");
     let moving = model.map_or_else(|| "no model".into(), |i| format!("model '{}'", scene.instances[i].name));

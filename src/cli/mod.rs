@@ -180,7 +180,9 @@ struct GatherArgs {
 /// Whether clusters stand for virtual lights.
 #[derive(Args)]
 struct ClusterArgs {
-    /// Let clusters of virtual lights light caches that are farther away than C of their radii; 4 to 8 is hardly seen.
+    /// Let clusters of virtual lights light caches that are farther away than C of their radii. A larger C computes more
+    /// light, errs less and trembles less: while lights moved, 4 added up to 1.3 % and 3.4 % to the light of a cache in two
+    /// rooms and 82 % on a curved scan, 8 added 0.3 %, 2.9 % and 14 % (docs/clustering.md).
     #[arg(long, value_name = "C", allow_hyphen_values = true, value_parser = positive)]
     cluster: Option<f64>,
     /// The same where they err by no more than the share P of what a cache receives, like 0.01.

@@ -25,7 +25,7 @@
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
 use crate::eval::shot::radiance;
-use crate::frame::{Frame, Gi, SceneBuffers, Settings, View, lights};
+use crate::frame::{Cluster, Frame, Gi, SceneBuffers, Settings, View, lights};
 use crate::gpu::Gpu;
 use crate::scene::{LightKind, Projection, Scene, Vertex};
 use crate::shared::Proxy;
@@ -62,6 +62,8 @@ pub struct Job {
     pub rsm: Vec<u32>,
     /// Side [texels] of the finer RSM that VALs are held against.
     pub fine: u32,
+    /// Clusters of VALs light caches where that is near enough.
+    pub cluster: Option<Cluster>,
     /// Steps are this many times as long; 0 stands still.
     pub pace: f64,
     /// The instance that moves, see [`model`].
@@ -161,7 +163,7 @@ pub fn measure(
         progress(done / total, &format!("{} moves: {what}, RSM {rsm}", motion.name()));
         done += 1.0;
         // All caches are lit: those that the camera does not see are looked at, too.
-        let settings = Settings { size: job.size, gi, rsm, cull: false, ..Settings::default() };
+        let settings = Settings { size: job.size, gi, rsm, cluster: job.cluster, cull: false, ..Settings::default() };
         sequence(gpu, &scenes, caches, &settings)
     };
     let fine = draw(Gi::BruteForce, job.fine, None)?;

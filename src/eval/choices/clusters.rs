@@ -218,6 +218,11 @@ impl Study<'_> {
             all.push((format!("{rule:?}"), hard(rule)));
             all.push((format!("{rule:?}, blended"), soft(rule)));
         }
+        // As many pairs as the blended ones take, and more.
+        let finer = [12.0, 16.0, 32.0, 64.0, 128.0].map(Rule::Distance).into_iter();
+        for rule in finer.chain([3e-3, 1e-3, 3e-4].map(Rule::Bound)) {
+            all.push((format!("{rule:?}"), hard(rule)));
+        }
         let row = |(name, cut): (String, Cut)| {
             let with = self.light_over_time(&pyramids, &cut);
             let mut row = Flickered { name, pairs: with.1, largest: 0.0, added: 0.0, rms: 0.0 };

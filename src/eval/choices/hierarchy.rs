@@ -15,7 +15,9 @@ use crate::reference::hierarchy::{Rule, between, light, vector};
 pub struct Adapted {
     /// What was varied.
     pub name: String,
-    /// Caches lit as a share of those that pixels need.
+    /// Caches lit.
+    pub count: usize,
+    /// The same as a share of those that pixels need.
     pub lit: f64,
     /// Mean absolute relative error of the pixels' diffuse and glossy radiance against all caches lit.
     pub error: [f64; 2],
@@ -69,7 +71,7 @@ fn cases() -> Vec<(String, Case)> {
 }
 
 impl Study<'_> {
-    /// All caches lit, then every rule.
+    /// All needed caches lit, then every rule.
     pub fn hierarchy(&self) -> Vec<Adapted> {
         let full = self.gather(ProxyWeight::Irradiance);
         let needed: BTreeSet<usize> = self.vertices.iter().flat_map(|v| v.references.iter().copied()).collect();
@@ -85,6 +87,7 @@ impl Study<'_> {
             let against = [of(0, &usual[0]), of(1, &usual[1])];
             Adapted {
                 name,
+                count: lit,
                 lit: lit as f64 / needed.len() as f64,
                 error: against.map(|m| m[0]),
                 bias: against.map(|m| m[1]),
