@@ -385,6 +385,7 @@ fn is_left_empty(table: &Table, row: usize, column: &str) -> bool {
     match (table.name, column) {
         ("stages", "triangles" | "version" | "gbuffer [ms]" | "direct [ms]" | "composite [ms]") => false,
         ("stages", _) => table.has(row, "LI"),
+        ("pairs", "glossy off f64") => table.has(row, "D"),
         ("resolution", _) if column.starts_with("thesis") => {
             thesis::frame_ms(thesis::RESOLUTION, &["width", "height"].map(number), "GI").is_none()
         }
@@ -433,8 +434,10 @@ fn check_sense(results: &bench::Results) {
         let (count, share) = (of("caches") * of("VALs"), of("share of peak"));
         assert!((rate * ms * 1e-3 / count - 1.0).abs() < 3e-4, "{count} pairs in {ms} ms are not {rate} a second");
         assert!((rate * flop / results.peak / share - 1.0).abs() < 3e-4, "{share} of the peak for {rate} a second");
-        // A pair takes at least the operations that are counted.
-        assert!(share < 1.0, "{share} of the peak");
+        // A pair takes at least the operations that are counted; other tests may have run beside the peak alone.
+        assert!(share < 1.5, "{share} of the peak");
+        assert!(of("diffuse off f64") < 1e-5, "row {row}");
+        assert!(pairs.number(row, "glossy off f64").is_none_or(|off| off < 1e-3), "row {row}");
     }
     assert_eq!(triangles.number(0, "thesis LI [ms]"), Some(0.64334));
     assert_eq!(caches.number(2, "VALs"), Some(4096.0));
