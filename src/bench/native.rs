@@ -1,4 +1,4 @@
-//! Stage 6 on the CPU's own vector registers and all its cores: what a software device could reach at best.
+//! Stage 6 on the CPU's own vector registers and all its cores: what a software device is held against.
 //!
 //! The sums of `glsl/lib/gather.glsl`, in f32, VAL after VAL: a tile of them is summed in registers, then added to what the
 //! tiles before it gave. Each lane holds one cache; VALs are broadcast from
