@@ -49,7 +49,7 @@ impl Extent {
             crowds: vec![1000],
             ground: 51_200,
             warm_up: 1,
-            frames: 5,
+            frames: 3,
             budget: 80.0,
         }
     }
