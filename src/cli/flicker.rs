@@ -4,6 +4,7 @@ use super::motion::animation_index;
 use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar};
 use anyhow::{Context, Result};
 use lightskin::eval::flicker::{Figures, Flicker, Job, Motion, Played, measure, model};
+use lightskin::frame::Cluster;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -79,11 +80,16 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     let [w, h] = job.size;
     if !json {
         say!(
-            "{}, light '{}', {moving}: {} frames of {w}x{h} pixels, finer RSM {}",
+            "{}, light '{}', {moving}: {} frames of {w}x{h} pixels, finer RSM {}{}",
             scene.name,
             scene.lights.first().map_or("none", |l| &l.name),
             job.frames,
-            job.fine
+            job.fine,
+            match job.cluster {
+                None => String::new(),
+                Some(Cluster::Distance(radii)) => format!(", clusters beyond {radii} radii"),
+                Some(Cluster::Error(share)) => format!(", clusters that err by up to {share}"),
+            }
         );
         say!("in % of the mean of brute force; caches / brute force\n");
         say!(
@@ -113,21 +119,22 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
             None => motion.name().to_owned(),
         };
         for row in measure(&gpu, &scene, &caches, motion, &Job { animation, ..job.clone() }, &progress)? {
-            bar.suspend(|| print(&row, &moves, json));
+            bar.suspend(|| print(&row, &moves, args));
         }
     }
     bar.finish_and_clear();
     check_messages(&gpu, &[])
 }
 
-fn print(row: &Flicker, moves: &str, json: bool) {
+fn print(row: &Flicker, moves: &str, args: &FlickerArgs) {
     let Flicker { motion: _, rsm, caches, figures } = *row;
     let Figures { kept, change, flicker, flicker_trimmed, vals_own, tremble, of_mean, of_caches } = figures;
-    if json {
+    if args.json {
         say!(
             "{}",
             serde_json::json!({
-                "schema": 1, "moves": moves, "rsm": rsm, "caches": caches, "kept": kept, "change": change,
+                "schema": 1, "moves": moves, "cluster": args.cluster.cluster,
+                "cluster_error": args.cluster.cluster_error, "rsm": rsm, "caches": caches, "kept": kept, "change": change,
                 "flicker": flicker, "flicker_trimmed": flicker_trimmed, "vals_own": vals_own, "tremble": tremble, "of_mean": of_mean,
                 "of_caches": of_caches,
             })
