@@ -281,6 +281,8 @@ fn walk(settings: Settings, steps: usize, seed: u64) {
         record(&gpu, &scratch, &anew, &scene, settings.size);
         assert!(scratch.skipped().is_empty());
         assert!(layers(&gpu, &frame) == layers(&gpu, &scratch), "step {step} differs");
+        let lit = [&frame, &scratch].map(|frame| frame.live(&gpu).expect("counts").caches);
+        assert_eq!(lit[0], lit[1], "caches lit at step {step}");
     }
     assert!(skipped.len() >= 2, "{skipped:?}");
     assert_clean(&gpu);

@@ -13,8 +13,8 @@ use rayon::prelude::*;
 /// Caches that are looked at.
 const SAMPLES: usize = 32;
 
-/// Largest relative error of the irradiance [lx] that some of these caches received of these VALs, seen from `eye` (as in
-/// `shared::GatherPush`), in any channel: of the diffuse lobe, and of the glossy one. Terms have one sign, so that the error
+/// Largest relative error of the irradiance [lx] that some of these caches received of these VALs, seen by a perspective
+/// camera (`eye` as in `shared::GatherPush`), in any channel: of the diffuse lobe, and of the glossy one. Terms have one sign, so that the error
 /// is relative to their sum.
 pub fn worst(gpu: &Gpu, caches: &[Cache], vals: &[Val], eye: Vec4, lit: &CacheTargets) -> Result<[f64; 2]> {
     let sums = gather_sums(gpu, lit)?;
@@ -31,8 +31,12 @@ pub fn worst(gpu: &Gpu, caches: &[Cache], vals: &[Val], eye: Vec4, lit: &CacheTa
             glossy += received.irradiance * received.lobe;
         }
         let of = |sum: DVec3, found: DVec3| {
-            let off = (found - sum).abs() / sum;
-            off.to_array().into_iter().filter(|off| off.is_finite()).fold(0.0, f64::max)
+            let off = |(sum, found): (f64, f64)| match ((found - sum) / sum).abs() {
+                _ if found == sum => 0.0,
+                off if off.is_nan() => f64::INFINITY,
+                off => off,
+            };
+            sum.to_array().into_iter().zip(found.to_array()).map(off).fold(0.0, f64::max)
         };
         [of(diffuse, sums[*i].diffuse_irradiance.as_dvec3()), of(glossy, sums[*i].glossy_irradiance.as_dvec3())]
     };

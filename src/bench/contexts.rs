@@ -436,8 +436,8 @@ impl Contexts<'_> {
         let [w, h] = self.extent.size;
         let how = format!(
             "A camera that sees a part of the valley, {w}x{h} pixels, {RSM}x{RSM} VALs, both lobes. Caches lie in the atlas in \
-             the bake's space-filling order (near), or shuffled: then the live ones are spread at random. Which vertices are \
-             visible is found before, where caches are averaged at them, too. {}",
+             the bake's space-filling order (near), or shuffled: then the live ones are spread at random. Finding \
+             the visible vertices is not counted: averaging caches at them needs it, too. {}",
             self.method()
         );
         let mut table = Table::new("culling", "Culling", how, &columns);

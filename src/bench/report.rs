@@ -6,6 +6,7 @@ use super::motion;
 use super::native;
 use super::scaling;
 use super::table::{Cell, Table};
+use super::thesis;
 use crate::error::Result;
 use crate::eval::plot::{Axis, Mark, Plot, Series, short};
 use crate::eval::references::make_folder;
@@ -98,9 +99,12 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
         let rate = |row: &usize| pairs.number(*row, "compute [G pairs/s]").unwrap_or(0.0);
         if let Some(best) = rows.max_by(|a, b| rate(a).total_cmp(&rate(b))) {
             let of = |column: &str| pairs.number(best, column).unwrap_or(0.0);
+            let thesis = thesis::pairs_per_flop().filter(|_| lobes == "D");
+            let thesis =
+                thesis.map_or(String::new(), |thesis| format!("; thesis, whole frames: {}", short(1e3 * thesis)));
             lines.push(format!(
                 "Gather {lobes}, compute, at best ({} caches, {} VALs): {} G pairs/s, {} % of the arithmetic peak ({} G pairs/s per \
-                 TFLOP/s; thesis, D: 8.2), {} % of the native kernel's {}; fragment {} %.",
+                 TFLOP/s{thesis}), {} % of the native kernel's {}; fragment {} %.",
                 of("caches"),
                 of("VALs"),
                 short(rate(&best)),

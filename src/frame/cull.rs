@@ -29,6 +29,7 @@ enum Path {
 impl Cull {
     /// Makes the pipelines, for so many `references` of a visible vertex or cell.
     pub fn new(gpu: &Gpu, settings: &Settings, references: usize) -> Result<Self> {
+        assert!(references.is_multiple_of(2), "references are read in pairs");
         let (group, path) = match settings.gather.path {
             GatherPath::Fragment => {
                 let histogram = gpu.raster(&Raster {
