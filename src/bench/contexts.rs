@@ -89,8 +89,10 @@ impl Contexts<'_> {
     }
 
     /// Times of frames that are compared.
-    fn in_turn(&mut self, worlds: &[(&World<'_>, Settings)]) -> Result<Vec<Times>> {
-        let times = in_turn(worlds, self.extent.warm_up, self.extent.frames)?;
+    fn in_turn(&mut self, compared: &[(&World<'_>, Settings)]) -> Result<Vec<Times>> {
+        let frames = compared.iter().map(|(world, settings)| world.frame(settings)).collect::<Result<Vec<_>>>()?;
+        let compared: Vec<_> = compared.iter().zip(&frames).map(|((world, _), frame)| (*world, frame)).collect();
+        let times = in_turn(&compared, self.extent.warm_up, self.extent.frames)?;
         Ok(times.into_iter().map(|times| self.keep(times)).collect())
     }
 

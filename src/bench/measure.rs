@@ -51,14 +51,7 @@ impl<'a> World<'a> {
 
     /// Draws `warm_up` frames that do not count and `frames` that do.
     pub fn times(&self, frame: &Frame, warm_up: usize, frames: usize) -> Result<Times> {
-        let (mut runs, mut problems) = (Vec::new(), Vec::new());
-        for i in 0..warm_up + frames {
-            let times = self.drawn(frame, &mut problems)?;
-            if i >= warm_up {
-                runs.push(times);
-            }
-        }
-        Ok(Times { stages: medians(&runs), problems })
+        Ok(in_turn(&[(self, frame)], warm_up, frames)?.remove(0))
     }
 
     fn drawn(&self, frame: &Frame, problems: &mut Vec<String>) -> Result<FrameTimes> {
@@ -76,11 +69,10 @@ impl<'a> World<'a> {
 
 /// Times of several frames that are compared: `warm_up` of each that do not count and `frames` that do, one of each after the
 /// other, so that what else the machine does reaches all of them.
-pub fn in_turn(worlds: &[(&World<'_>, Settings)], warm_up: usize, frames: usize) -> Result<Vec<Times>> {
-    let made = worlds.iter().map(|(world, settings)| world.frame(settings)).collect::<Result<Vec<_>>>()?;
-    let mut runs: Vec<(Vec<FrameTimes>, Vec<String>)> = made.iter().map(|_| Default::default()).collect();
+pub fn in_turn(compared: &[(&World<'_>, &Frame)], warm_up: usize, frames: usize) -> Result<Vec<Times>> {
+    let mut runs: Vec<(Vec<FrameTimes>, Vec<String>)> = compared.iter().map(|_| Default::default()).collect();
     for i in 0..warm_up + frames {
-        for (((world, _), frame), (runs, problems)) in worlds.iter().zip(&made).zip(&mut runs) {
+        for ((world, frame), (runs, problems)) in compared.iter().zip(&mut runs) {
             let times = world.drawn(frame, problems)?;
             if i >= warm_up {
                 runs.push(times);
@@ -136,7 +128,7 @@ impl Budget {
 }
 
 /// Host memory [bytes] that a generated scene takes at its peak, per triangle, in five versions, which on a software device
-/// lie there, too: 1215 were measured at 819 200 triangles, 918 at 1 638 400.
+/// lie there, too: somewhat more than was measured.
 const BYTES_PER_TRIANGLE: u64 = 1300;
 
 /// Says why there is no memory for so many triangles; nothing where the system does not tell how much there is.
