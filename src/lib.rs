@@ -47,13 +47,15 @@
 //! ```
 
 pub mod bake;
-pub mod bench;
 pub mod error;
-pub mod eval;
 pub mod frame;
 pub mod gpu;
 pub mod image;
 pub mod kept;
+#[cfg(feature = "lab")]
+pub mod lab;
+#[cfg(feature = "compare")]
+pub mod metrics;
 pub mod reference;
 pub mod scene;
 pub mod trace;

@@ -1,10 +1,10 @@
 //! The study of the method's choices: it sees what it was made to see. That its defaults are the engine's is tested beside
 //! them.
 
-use lightskin::eval::choices::{Row, Settings, Study};
-use lightskin::eval::metrics::Metrics;
+use lightskin::lab::choices::{Row, Settings, Study};
+use lightskin::lab::scenes::between_walls;
+use lightskin::metrics::Metrics;
 use lightskin::scene::Scene;
-use lightskin::scene::build::between_walls;
 
 const SIZE: [u32; 2] = [64, 36];
 

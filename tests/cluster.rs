@@ -2,11 +2,11 @@
 
 use glam::{DVec3, Vec3, dvec3};
 use lightskin::bake::CacheSet;
-use lightskin::eval::shot;
 use lightskin::frame::pyramid::Pyramid as OnDevice;
 use lightskin::frame::rsm::Rsm;
 use lightskin::frame::{Cluster, Frame, GatherPath, GatherSettings, Live, SceneBuffers, Settings, View};
 use lightskin::gpu::Gpu;
+use lightskin::lab::shot;
 use lightskin::reference::cluster::{Cut, GROUP, Node, Pyramid, Rule, Share};
 use lightskin::reference::gather::{self, Cache, Gathered, gather};
 use lightskin::reference::rsm::Val;

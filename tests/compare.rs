@@ -1,10 +1,10 @@
 //! `lightskin compare` and what it measures with: SSIM and FLIP against closed form and against other implementations.
 
 use crate::cli::{fails, folder, left, works};
-use lightskin::eval::display::Values;
-use lightskin::eval::flip::{PIXELS_PER_DEGREE, flip, weighted_quantile};
-use lightskin::eval::ssim::ssim;
 use lightskin::image::{Layer, write_exr, write_png};
+use lightskin::metrics::display::Values;
+use lightskin::metrics::flip::{PIXELS_PER_DEGREE, flip, weighted_quantile};
+use lightskin::metrics::ssim::ssim;
 use std::path::Path;
 
 const SIZE: [u32; 2] = [96, 64];

@@ -5,14 +5,14 @@ use std::collections::BTreeSet;
 
 use glam::{DVec3, dvec3};
 use lightskin::bake::{CacheSet, NO_CACHE};
-use lightskin::eval::shot::{seen, small};
-use lightskin::eval::worlds::{SPOT, baked, camera, corner};
 use lightskin::frame::cull::Cull;
 use lightskin::frame::gbuffer::GBuffer;
 use lightskin::frame::targets::CacheTargets;
 use lightskin::frame::visible::Visible;
 use lightskin::frame::{Cluster, Frame, GatherPath, GatherSettings, SceneBuffers, Settings, View};
 use lightskin::gpu::{Gpu, Use};
+use lightskin::lab::shot::{seen, small};
+use lightskin::lab::worlds::{SPOT, baked, camera, corner};
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
 use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::{CLUSTER_GROUP, LiveArgs, TEXEL_CACHES};

@@ -45,7 +45,7 @@ fn a_lamps_irradiance_is_the_closed_form() {
     for (gi, bound) in [(Gi::BruteForce, 2e-3), (Gi::LightSkin, 0.02)] {
         let shot = shoot(&gpu, &scene, Some(&caches), &Settings { gi, ..small() });
         let (mut off, mut sum) = (0.0, 0.0);
-        for s in lightskin::eval::shot::seen(&scene, small().size).iter().filter(|s| s.instance == 0) {
+        for s in lightskin::lab::shot::seen(&scene, small().size).iter().filter(|s| s.instance == 0) {
             let exact = exact(s.position, s.normal) * dvec3(0.7, 0.5, 0.3) / PI;
             off += exact.distance(shot.diffuse[s.pixel]);
             sum += exact.length();

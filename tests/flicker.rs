@@ -1,8 +1,8 @@
 //! The measure of flicker itself: nothing where nothing moves, and less of it where there are more VALs.
 
 use lightskin::bake::{self, CacheSet, Density};
-use lightskin::eval::flicker::{Figures, Job, Motion, measure, model};
 use lightskin::frame::Cluster;
+use lightskin::lab::flicker::{Figures, Job, Motion, measure, model};
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell};
 

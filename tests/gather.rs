@@ -1,10 +1,10 @@
 //! VALs and proxies of whole frames against the f64 references.
 
 use glam::{DAffine3, DVec3, Mat4, Vec3, dvec3};
-use lightskin::eval::shot;
 use lightskin::frame::gather::Gather;
 use lightskin::frame::targets::{CacheTargets, ValTargets};
 use lightskin::frame::{Frame, GatherSettings, ProxyWeight, SceneBuffers, Settings, View, tune};
+use lightskin::lab::shot;
 use lightskin::reference::gather::{self, Lobe, luminance, val_geometry};
 use lightskin::reference::phong::{Material, cos_power, mirrored_view};
 use lightskin::reference::rsm::{Val, cast_view};

@@ -3,9 +3,9 @@
 use std::f64::consts::TAU;
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
-use lightskin::eval::hard_cases::difference;
-use lightskin::eval::worlds::one_cache;
 use lightskin::frame::{Interpolation, Settings};
+use lightskin::lab::hard_cases::difference;
+use lightskin::lab::worlds::one_cache;
 use lightskin::reference::gather::{Gathered, Lobe};
 use lightskin::reference::phong::cos_power;
 use lightskin::scene::build::quad;

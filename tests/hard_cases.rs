@@ -1,6 +1,6 @@
 //! The hard cases of `lightskin eval --hard-cases`, kind by kind.
 
-use lightskin::eval::hard_cases::{lines, run};
+use lightskin::lab::hard_cases::{lines, run};
 
 use crate::common::{assert_clean, gpu};
 

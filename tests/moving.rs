@@ -3,9 +3,9 @@
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet};
-use lightskin::eval::worlds::{SPOT, add, camera, corner, phong};
 use lightskin::frame::{Frame, GatherPath, GatherSettings, Gi, Level, SceneBuffers, Settings, Shadows, View};
 use lightskin::gpu::Gpu;
+use lightskin::lab::worlds::{SPOT, add, camera, corner, phong};
 use lightskin::scene::build::sphere;
 use lightskin::scene::deform::{Bind, Deform, Displacement, Follower, Influence, Pose};
 use lightskin::scene::{LightKind, Scene};

@@ -2,16 +2,17 @@
 
 use glam::{DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet, Density};
-use lightskin::eval::shadows;
 use lightskin::frame::occlude::Occlude;
 use lightskin::frame::targets::CacheTargets;
 use lightskin::frame::{Frame, GatherPath, GatherSettings, Plan, SceneBuffers, Settings, Shadows, View};
 use lightskin::gpu::Gpu;
+use lightskin::lab::scenes::{Shadowed, valley};
+use lightskin::lab::shadows;
 use lightskin::reference::brute_force;
 use lightskin::reference::gather::{self, Cache, Lobe, luminance};
 use lightskin::reference::occlude::{Choices, Disc, occlude};
 use lightskin::reference::phong::{Material, mirrored_view};
-use lightskin::scene::build::{CornellSurface, Shadowed, cornell, valley};
+use lightskin::scene::build::{CornellSurface, cornell};
 use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::{self, LiveArgs, Proxy};
 

@@ -4,8 +4,8 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3, Vec3, Vec4, dvec3, vec3};
-use lightskin::eval::metrics::metrics;
 use lightskin::frame::{Frame, Gi, SceneBuffers, Settings as FrameSettings, View};
+use lightskin::metrics::metrics;
 use lightskin::reference::monte_carlo::one_bounce_irradiance;
 use lightskin::reference::path_trace::{PathTrace, Settings, Sources, camera_ray};
 use lightskin::reference::tonemap::automatic_ev;

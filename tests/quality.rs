@@ -2,9 +2,9 @@
 //! the figures.
 
 use lightskin::bake::{self, Density};
-use lightskin::eval::metrics::{Metrics, metrics};
 use lightskin::frame::{Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, View};
 use lightskin::gpu::{Gpu, Options};
+use lightskin::metrics::{Metrics, metrics};
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
 

@@ -2,20 +2,21 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::CacheSet;
-use lightskin::eval::measure::{Bench, Layers};
-use lightskin::eval::references::{PathTraced, path_traced};
-use lightskin::eval::shadows::errors;
-use lightskin::eval::shot::shoot as shoot_unchecked;
-use lightskin::eval::sweep::Point;
 use lightskin::frame::depth_images::DepthImages;
 use lightskin::frame::{self, Frame, GatherPath, GatherSettings, SceneBuffers, Settings, Shadows, View};
 use lightskin::gpu::Gpu;
+use lightskin::lab::eval::measure::{Bench, Layers};
+use lightskin::lab::eval::references::{PathTraced, path_traced};
+use lightskin::lab::eval::sweep::Point;
+use lightskin::lab::scenes::Shadowed;
+use lightskin::lab::shadows::errors;
+use lightskin::lab::shot::shoot as shoot_unchecked;
 use lightskin::reference::depth_image::{DepthImage, Plate, Rule, gather_seen};
 use lightskin::reference::gather::{Cache, ProxyWeight, gather};
 use lightskin::reference::occlude::Disc;
 use lightskin::reference::rsm::Val;
 use lightskin::scene::Scene;
-use lightskin::scene::build::{Shadowed, atrium, cuboid};
+use lightskin::scene::build::{atrium, cuboid};
 use lightskin::shared::{self, DEPTH_IMAGE_TEXELS, LiveArgs};
 
 use crate::common::frames::{SPOT, add, baked, camera, corner, phong, shoot, small};

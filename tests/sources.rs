@@ -4,11 +4,11 @@
 use std::f64::consts::PI;
 
 use glam::{DQuat, DVec3, dvec3, vec3};
-use lightskin::eval::sources::curves::{Receives, form_factor_error, lobe_error};
-use lightskin::eval::sources::exact::{Exact, Receiver, receive};
-use lightskin::eval::sources::stage::{Level, Stage};
-use lightskin::eval::sources::vals::{Texel, cast, cast_view, views};
-use lightskin::eval::sources::{Lights, Settings, sources};
+use lightskin::lab::sources::curves::{Receives, form_factor_error, lobe_error};
+use lightskin::lab::sources::exact::{Exact, Receiver, receive};
+use lightskin::lab::sources::stage::{Level, Stage};
+use lightskin::lab::sources::vals::{Texel, cast, cast_view, views};
+use lightskin::lab::sources::{Lights, Settings, sources};
 use lightskin::reference::disc::{disc_form_factor, lobe_mean, polygon_form_factor, regular_polygon};
 use lightskin::reference::form_factor::disc_form_factor_integral;
 use lightskin::reference::rsm::{self, Val};
@@ -379,7 +379,7 @@ fn the_steps_add_up_to_the_whole() {
     assert_eq!((found.tables.len(), found.engine.len()), (2, found.pixels.len()));
     for table in &found.tables {
         println!("{}\n{}", table.lobe, table.markdown());
-        let sum = |of: fn(&lightskin::eval::sources::table::Row) -> f64| table.rows.iter().map(of).sum::<f64>();
+        let sum = |of: fn(&lightskin::lab::sources::table::Row) -> f64| table.rows.iter().map(of).sum::<f64>();
         assert!((sum(|row| row.change.bias) - table.whole.bias).abs() < 1e-9);
         assert!((sum(|row| row.share) - 1.0).abs() < 1e-9);
         assert!((sum(|row| row.square_share) - 1.0).abs() < 1e-9);

@@ -2,10 +2,10 @@
 
 use glam::{DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::CacheSet;
-use lightskin::eval::metrics::metrics;
-use lightskin::eval::worlds::placed;
 use lightskin::frame::{Frame, GatherPath, GatherSettings, Gi, Interpolation, Level, SceneBuffers, Settings};
 use lightskin::gpu::Gpu;
+use lightskin::lab::worlds::placed;
+use lightskin::metrics::metrics;
 use lightskin::reference::gather::{Cache, Gathered};
 use lightskin::reference::interpolate::{Scheme, interpolate_within, shade};
 use lightskin::reference::phong::{Material as Reflection, mirrored_view};

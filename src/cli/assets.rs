@@ -1,7 +1,8 @@
 //! `lightskin assets`: the built-in scenes as GLB files. What lies in `assets/` was made so.
 
 use anyhow::{Context, Result};
-use lightskin::scene::{build, write};
+use lightskin::scene::write::write_glb;
+use lightskin::scene::{Scene, build};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -10,9 +11,11 @@ pub(super) struct Assets {
     #[arg(default_value = "assets")]
     folder: PathBuf,
     /// Also the scenes that `choices --shadows` measures.
+    #[cfg(feature = "lab")]
     #[arg(long)]
     shadowed: bool,
     /// Also the scenes that move: moving.glb, a room, and crowd.glb, 1000 swaying tubes on one mesh.
+    #[cfg(feature = "lab")]
     #[arg(long)]
     moving: bool,
 }
@@ -20,22 +23,37 @@ pub(super) struct Assets {
 pub(super) fn run(args: &Assets) -> Result<()> {
     std::fs::create_dir_all(&args.folder)
         .with_context(|| format!("{}: cannot make the folder", args.folder.display()))?;
-    let mut scenes = vec![
+    let scenes = [
         ("atrium.glb".to_owned(), build::atrium()),
         ("cornell_diffuse.glb".to_owned(), build::cornell(build::CornellSurface::Diffuse, 0.05)),
         ("cornell_glossy.glb".to_owned(), build::cornell(build::CornellSurface::Glossy, 0.05)),
     ];
+    write(args, scenes)?;
+    #[cfg(feature = "lab")]
+    write(args, measured(args))?;
+    Ok(())
+}
+
+/// The scenes that measurements alone need.
+#[cfg(feature = "lab")]
+fn measured(args: &Assets) -> Vec<(String, Scene)> {
+    use lightskin::lab::scenes;
+    let mut made = Vec::new();
     if args.shadowed {
-        let shadowed = build::Shadowed::ALL.iter();
-        scenes.extend(shadowed.map(|which| (format!("shadowed_{}.glb", which.name()), which.scene())));
+        let shadowed = scenes::Shadowed::ALL.iter();
+        made.extend(shadowed.map(|which| (format!("shadowed_{}.glb", which.name()), which.scene())));
     }
     if args.moving {
-        scenes.push(("moving.glb".to_owned(), build::moving(0.1)));
-        scenes.push(("crowd.glb".to_owned(), build::crowd(1000)));
+        made.push(("moving.glb".to_owned(), scenes::moving(0.1)));
+        made.push(("crowd.glb".to_owned(), scenes::crowd(1000)));
     }
+    made
+}
+
+fn write(args: &Assets, scenes: impl IntoIterator<Item = (String, Scene)>) -> Result<()> {
     for (name, scene) in scenes {
         let path = args.folder.join(name);
-        write::write_glb(&scene, &path)?;
+        write_glb(&scene, &path)?;
         say!("{}: {} triangles", path.display(), super::thousands(scene.triangle_count()));
     }
     Ok(())

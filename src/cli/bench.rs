@@ -2,7 +2,7 @@
 
 use super::{DeviceArgs, check_messages, progress_bar};
 use anyhow::Result;
-use lightskin::bench::{self, Extent, report};
+use lightskin::lab::bench::{self, Extent, report};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]

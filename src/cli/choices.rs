@@ -1,8 +1,8 @@
 //! `lightskin choices`: what the defaults are chosen by, as tables.
 
 use anyhow::{Context, Result};
-use lightskin::eval::choices::{Row, Settings, Study, Worst};
-use lightskin::eval::shadows;
+use lightskin::lab::choices::{Row, Settings, Study, Worst};
+use lightskin::lab::{scenes, shadows};
 use lightskin::scene::{Scene, build, tessellate};
 use std::path::PathBuf;
 
@@ -60,7 +60,7 @@ pub(super) fn run(args: &Choices) -> Result<()> {
     }
     let mut scene = match &args.scene {
         Some(path) => super::divided(super::load_punctual(Some(path))?, &args.caches),
-        None => build::between_walls(0.05),
+        None => scenes::between_walls(0.05),
     };
     if let Some(k) = args.exponent {
         scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
@@ -142,7 +142,7 @@ fn shadows(args: &Choices) -> Result<()> {
 fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
     Ok(match &args.scene {
         Some(path) => vec![super::load_punctual(Some(path))?],
-        None => build::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
+        None => scenes::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
     })
 }
 
@@ -252,7 +252,7 @@ fn dimming(args: &Choices) -> Result<()> {
     let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
     match &args.scene {
         Some(path) => dimming_in(&super::divided(super::load_punctual(Some(path))?, &args.caches), &settings),
-        None => build::Shadowed::ALL.iter().try_for_each(|which| dimming_in(&which.scene(), &settings)),
+        None => scenes::Shadowed::ALL.iter().try_for_each(|which| dimming_in(&which.scene(), &settings)),
     }
 }
 

@@ -3,12 +3,12 @@
 use anyhow::{Result, bail};
 use indicatif::ProgressBar;
 use lightskin::error::Error;
-use lightskin::eval::display::Values;
-use lightskin::eval::flip::{PIXELS_PER_DEGREE, flip, weighted_quantile};
-use lightskin::eval::heat::{self, Scale};
-use lightskin::eval::metrics::{self, absolutes, metrics, relative_squares};
-use lightskin::eval::ssim::ssim;
 use lightskin::image::{Picture, check_writable, is_exr, read_picture, write_png};
+use lightskin::metrics::display::Values;
+use lightskin::metrics::flip::{PIXELS_PER_DEGREE, flip, weighted_quantile};
+use lightskin::metrics::heat::{self, Scale};
+use lightskin::metrics::ssim::ssim;
+use lightskin::metrics::{self, absolutes, metrics, relative_squares};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;

@@ -2,10 +2,11 @@
 
 use super::{DeviceArgs, angle, at_least_zero, check_messages, hard_cases, load_punctual, progress_bar, render};
 use anyhow::{Context, Result};
-use lightskin::eval::run::{Job, run as measure};
-use lightskin::eval::sweep::{Extent, Point, Sweep};
-use lightskin::eval::{plot, report};
 use lightskin::frame::Settings;
+use lightskin::lab::eval::report;
+use lightskin::lab::eval::run::{Job, run as measure};
+use lightskin::lab::eval::sweep::{Extent, Point, Sweep};
+use lightskin::lab::plot;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]

@@ -3,8 +3,8 @@
 use super::motion::animation_index;
 use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar};
 use anyhow::{Context, Result};
-use lightskin::eval::flicker::{Figures, Flicker, Job, Motion, Played, measure, model};
 use lightskin::frame::Cluster;
+use lightskin::lab::flicker::{Figures, Flicker, Job, Motion, Played, measure, model};
 use std::path::PathBuf;
 
 #[derive(clap::Args)]

@@ -2,7 +2,7 @@
 
 use super::{DeviceArgs, check_messages};
 use anyhow::{Result, bail};
-use lightskin::eval::hard_cases;
+use lightskin::lab::hard_cases;
 
 /// Runs every case and prints the table, or with `json` one object a line; fails if a case does.
 pub(super) fn run(device: &DeviceArgs, json: bool) -> Result<()> {

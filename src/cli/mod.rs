@@ -7,12 +7,17 @@ macro_rules! say {
 
 mod assets;
 mod bake;
+#[cfg(feature = "lab")]
 mod bench;
+#[cfg(feature = "lab")]
 mod choices;
 mod compare;
 mod devices;
+#[cfg(feature = "lab")]
 mod eval;
+#[cfg(feature = "lab")]
 mod flicker;
+#[cfg(feature = "lab")]
 mod hard_cases;
 mod info;
 mod motion;
@@ -20,6 +25,7 @@ mod path_trace;
 mod picture;
 mod render;
 mod sky;
+#[cfg(feature = "lab")]
 mod sources;
 mod timings;
 
@@ -68,14 +74,19 @@ enum Command {
     /// one that shows the reference's largest luminance to the one that shows its median, 8 bits each.
     Compare(compare::Compare),
     /// Measure speed against error: a report with a curve for every knob.
+    #[cfg(feature = "lab")]
     Eval(Box<eval::Eval>),
     /// Measure times over triangles, resolution, caches and VALs on generated scenes, beside the thesis's figures.
+    #[cfg(feature = "lab")]
     Bench(bench::BenchArgs),
     /// Measure how much indirect light trembles while a light, the camera or a model creeps along.
+    #[cfg(feature = "lab")]
     Flicker(flicker::FlickerArgs),
     /// Where the error of indirect light comes from.
+    #[cfg(feature = "lab")]
     Sources(sources::SourcesArgs),
     /// Measure what the defaults are chosen by: variants of the method on the CPU, as tables.
+    #[cfg(feature = "lab")]
     Choices(choices::Choices),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
@@ -90,11 +101,16 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
+        #[cfg(feature = "lab")]
         Command::Bench(args) => bench::run(args),
+        #[cfg(feature = "lab")]
         Command::Choices(args) => choices::run(args),
         Command::Compare(args) => compare::run(args),
+        #[cfg(feature = "lab")]
         Command::Eval(args) => eval::run(args),
+        #[cfg(feature = "lab")]
         Command::Flicker(args) => flicker::run(args),
+        #[cfg(feature = "lab")]
         Command::Sources(args) => sources::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
@@ -305,6 +321,7 @@ fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>) -> Result<Scene> {
 }
 
 /// Loads a scene for what is measured by the light of punctual lights: surfaces emit nothing.
+#[cfg(feature = "lab")]
 fn load_punctual(path: Option<&Path>) -> Result<Scene> {
     let mut scene = read_scene(path)?;
     if scene.emits() {

@@ -6,14 +6,14 @@ use super::{
 use anyhow::Result;
 use clap::Args;
 use glam::DVec3;
-use lightskin::eval::sources::curves::{
-    FORM_FACTOR_DISTANCES, Receives, TILTS, form_factor_error, lobe_csv, lobe_errors,
-};
-use lightskin::eval::sources::table::Figures;
-use lightskin::eval::sources::{Lights, Settings, Sources, sources};
 use lightskin::frame::{self, Frame, SceneBuffers, View};
 use lightskin::gpu::Gpu;
 use lightskin::image::replace_file;
+use lightskin::lab::sources::curves::{
+    FORM_FACTOR_DISTANCES, Receives, TILTS, form_factor_error, lobe_csv, lobe_errors,
+};
+use lightskin::lab::sources::table::Figures;
+use lightskin::lab::sources::{Lights, Settings, Sources, sources};
 use lightskin::scene::{Camera, Scene};
 use std::path::PathBuf;
 use std::time::Instant;

@@ -4,24 +4,16 @@
 //! grids with a stated edge length.
 
 mod atrium;
-mod between;
 mod cornell;
 mod fabric;
 mod masonry;
-mod moving;
-mod shadowed;
 mod shapes;
-mod valley;
 
 pub use atrium::atrium;
-pub use between::between_walls;
 pub use cornell::{CornellSurface, cornell};
 pub use fabric::{drape, torus_knot};
 pub use masonry::{ArchShape, arch, ring, steps, vault_dome};
-pub use moving::{crowd, moving};
-pub use shadowed::Shadowed;
 pub use shapes::{Surface, cuboid, lathe, loft_square, patch, quad, sheet, spans, sphere};
-pub use valley::valley;
 
 use super::{Camera, Instance, Material, Mesh, Phong, Primitive, Projection, Scene};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
@@ -29,7 +21,7 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 /// Adds a mesh made of surfaces and their materials, one primitive each; returns its index.
 ///
 /// A double-sided material gets a second primitive right behind the first: the same surface seen from its back.
-fn add_mesh(scene: &mut Scene, name: &str, parts: Vec<(Surface, usize)>) -> usize {
+pub(crate) fn add_mesh(scene: &mut Scene, name: &str, parts: Vec<(Surface, usize)>) -> usize {
     let mut mesh = Mesh { name: name.into(), ..Mesh::default() };
     for (surface, material) in parts {
         if scene.materials[material].double_sided {
@@ -53,13 +45,13 @@ fn push_primitive(mesh: &mut Mesh, surface: Surface, material: usize) {
 }
 
 /// Adds a material; returns its index.
-fn add_material(scene: &mut Scene, material: Material) -> usize {
+pub(crate) fn add_material(scene: &mut Scene, material: Material) -> usize {
     scene.materials.push(material);
     scene.materials.len() - 1
 }
 
 /// A material with an exact Phong lobe (`specular` zero: diffuse only).
-fn phong(name: &str, diffuse: [f32; 3], specular: [f32; 3], exponent: f32) -> Material {
+pub(crate) fn phong(name: &str, diffuse: [f32; 3], specular: [f32; 3], exponent: f32) -> Material {
     Material {
         name: name.into(),
         base_color: Vec3::from(diffuse).extend(1.0),
@@ -70,7 +62,7 @@ fn phong(name: &str, diffuse: [f32; 3], specular: [f32; 3], exponent: f32) -> Ma
 }
 
 /// A metallic-roughness material.
-fn rough(name: &str, base_color: [f32; 3], metallic: f32, roughness: f32) -> Material {
+pub(crate) fn rough(name: &str, base_color: [f32; 3], metallic: f32, roughness: f32) -> Material {
     Material {
         name: name.into(),
         base_color: Vec3::from(base_color).extend(1.0),
@@ -81,12 +73,12 @@ fn rough(name: &str, base_color: [f32; 3], metallic: f32, roughness: f32) -> Mat
 }
 
 /// Stands a mesh in the world.
-fn place(scene: &mut Scene, name: &str, mesh: usize, world_from_model: DAffine3) {
+pub(crate) fn place(scene: &mut Scene, name: &str, mesh: usize, world_from_model: DAffine3) {
     scene.instances.push(Instance { name: name.into(), mesh, world_from_model, ..Instance::default() });
 }
 
 /// Quarter turns about +Y (exact), then a translation; one turn takes +Z to +X.
-fn turned(quarters: i32, translation: DVec3) -> DAffine3 {
+pub(crate) fn turned(quarters: i32, translation: DVec3) -> DAffine3 {
     let (sine, cosine) = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][quarters.rem_euclid(4) as usize];
     let x = DVec3::new(cosine, 0.0, -sine);
     let z = DVec3::new(sine, 0.0, cosine);
@@ -94,7 +86,7 @@ fn turned(quarters: i32, translation: DVec3) -> DAffine3 {
 }
 
 /// A pinhole camera that stands at `eye` and looks at `target`, +Y up in the picture.
-fn camera(name: &str, eye: DVec3, target: DVec3, yfov: f32) -> Camera {
+pub(crate) fn camera(name: &str, eye: DVec3, target: DVec3, yfov: f32) -> Camera {
     let back = (eye - target).normalize();
     let right = DVec3::Y.cross(back).normalize();
     let rotation = DMat3::from_cols(right, back.cross(right), back);

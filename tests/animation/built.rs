@@ -3,8 +3,8 @@
 use super::placed;
 use glam::{DQuat, DVec3};
 use lightskin::bake::{Density, Settings, bake};
+use lightskin::lab::scenes::{crowd, moving};
 use lightskin::scene::Scene;
-use lightskin::scene::build::{crowd, moving};
 use std::time::Instant;
 
 fn leaves(scene: &Scene) -> bool {

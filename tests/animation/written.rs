@@ -5,7 +5,7 @@ use super::{animated, placed};
 use crate::common::{Builder, data};
 use glam::{DAffine3, DVec3};
 use lightskin::bake::{Density, Settings, bake};
-use lightskin::scene::build::{crowd, moving};
+use lightskin::lab::scenes::{crowd, moving};
 use lightskin::scene::deform::Pose;
 use lightskin::scene::write::write_glb;
 use lightskin::scene::{Instance, Scene, gltf, tessellate};

@@ -30,7 +30,7 @@ struct Part {
 
 impl Scene {
     /// A box around all at rest and in any animation; `None` when nothing is drawn. Leaves the scene at rest.
-    pub(in crate::scene) fn sweep(&mut self) -> Option<Bounds> {
+    pub(crate) fn sweep(&mut self) -> Option<Bounds> {
         self.extent = None;
         self.rest();
         let still = self.rig.as_ref().map_or_else(Vec::new, |rig| {

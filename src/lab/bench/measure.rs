@@ -1,0 +1,147 @@
+//! Times of one frame, and what may be tried at all.
+
+use crate::bake::{self, CacheSet, Density};
+use crate::error::Result;
+use crate::frame::{Exposure, Frame, GatherSettings, Gi, SceneBuffers, Settings, View};
+use crate::gpu::{FrameTimes, Gpu};
+use crate::lab::eval::measure::medians;
+use crate::scene::Scene;
+use std::time::Instant;
+
+/// Median times of one kind of frame.
+pub struct Times {
+    /// GPU time [ms] of each stage.
+    pub stages: Vec<(String, f64)>,
+    /// Missing and idle barriers, with `Validation::Sync`.
+    pub problems: Vec<String>,
+}
+
+impl Times {
+    /// All stages [ms].
+    pub fn frame(&self) -> f64 {
+        self.stages.iter().map(|s| s.1).sum()
+    }
+
+    /// One stage [ms].
+    pub fn stage(&self, name: &str) -> Option<f64> {
+        self.stages.iter().find(|s| s.0 == name).map(|s| s.1)
+    }
+}
+
+/// A scene on the device.
+pub struct World<'a> {
+    /// The device.
+    pub gpu: &'a Gpu,
+    /// The scene.
+    pub scene: &'a Scene,
+    /// Its triangles and caches.
+    pub buffers: SceneBuffers,
+}
+
+impl<'a> World<'a> {
+    /// Uploads a scene.
+    pub fn new(gpu: &'a Gpu, scene: &'a Scene, caches: Option<&CacheSet>) -> Result<Self> {
+        Ok(Self { gpu, scene, buffers: SceneBuffers::new(gpu, scene, caches)? })
+    }
+
+    /// The stages of a frame.
+    pub fn frame(&self, settings: &Settings) -> Result<Frame> {
+        Frame::new(self.gpu, self.scene, &self.buffers, settings)
+    }
+
+    /// Draws `warm_up` frames that do not count and `frames` that do.
+    pub fn times(&self, frame: &Frame, warm_up: usize, frames: usize) -> Result<Times> {
+        Ok(in_turn(&[(self, frame)], warm_up, frames)?.remove(0))
+    }
+
+    fn drawn(&self, frame: &Frame, problems: &mut Vec<String>) -> Result<FrameTimes> {
+        let view = View::new(&self.scene.cameras[0], frame.targets.size, self.buffers.origin, self.buffers.radius);
+        // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
+        let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+            frame.record(cmd, &self.buffers, &view);
+            Ok(())
+        })?;
+        let times = self.gpu.times(&drawn)?;
+        problems.extend(drawn.problems);
+        Ok(times)
+    }
+}
+
+/// Times of several frames that are compared: `warm_up` of each that do not count and `frames` that do, one of each after the
+/// other, so that what else the machine does reaches all of them.
+pub fn in_turn(compared: &[(&World<'_>, &Frame)], warm_up: usize, frames: usize) -> Result<Vec<Times>> {
+    let mut runs: Vec<(Vec<FrameTimes>, Vec<String>)> = compared.iter().map(|_| Default::default()).collect();
+    for i in 0..warm_up + frames {
+        for ((world, frame), (runs, problems)) in compared.iter().zip(&mut runs) {
+            let times = world.drawn(frame, problems)?;
+            if i >= warm_up {
+                runs.push(times);
+            }
+        }
+    }
+    Ok(runs.into_iter().map(|(runs, problems)| Times { stages: medians(&runs), problems }).collect())
+}
+
+/// How the thesis's frames are drawn. Exposure is fixed: the thesis measures none.
+pub fn settings(size: [u32; 2], gi: Gi, references: usize, rsm: u32, gather: GatherSettings) -> Settings {
+    Settings { size, gi, references, rsm, gather, exposure: Exposure::Ev(10.0), ..Settings::default() }
+}
+
+/// Places caches anew; gives them and the seconds that took.
+pub fn bake(scene: &Scene, caches: usize, references: usize) -> Result<(CacheSet, f64)> {
+    let density = Density::Count(caches);
+    let settings = bake::Settings { density, angle: 60_f32.to_radians(), references };
+    let start = Instant::now();
+    let set = bake::bake(scene, &settings, &|_, _| ())?;
+    Ok((set, start.elapsed().as_secs_f64()))
+}
+
+/// Most times that a thing is expected to take as long as the last.
+const MOST_GROWTH: f64 = 4.0;
+
+/// Time that a context may take. What the largest thing so far took says what a larger one would.
+pub struct Budget {
+    start: Instant,
+    limit: f64,
+    last: Option<(f64, Instant)>,
+}
+
+impl Budget {
+    /// So many seconds from now on.
+    pub fn new(limit: f64) -> Self {
+        Self { start: Instant::now(), limit, last: None }
+    }
+
+    /// Begins a thing of this size, or says why there is no time for it.
+    pub fn begin(&mut self, size: f64) -> std::result::Result<(), String> {
+        let now = Instant::now();
+        // Much of a small thing's time is the same for all: no step is expected to take more than a few times the last.
+        let expected =
+            self.last.map_or(0.0, |(last, since)| (now - since).as_secs_f64() * (size / last).min(MOST_GROWTH));
+        let left = self.limit - (now - self.start).as_secs_f64();
+        if expected <= left {
+            self.last = Some((size, now));
+            return Ok(());
+        }
+        Err(format!("would take about {expected:.0} s, and {:.0} s are left for this table", left.max(0.0)))
+    }
+}
+
+/// Host memory [bytes] that a generated scene takes at its peak, per triangle, in five versions, which on a software device
+/// lie there, too: somewhat more than was measured.
+const BYTES_PER_TRIANGLE: u64 = 1300;
+
+/// Says why there is no memory for so many triangles; nothing where the system does not tell how much there is.
+pub fn too_large(triangles: usize) -> Option<String> {
+    let needed = triangles as u64 * BYTES_PER_TRIANGLE;
+    let free = free_memory()?;
+    let gib = |bytes: u64| bytes as f64 / f64::from(1 << 30);
+    (needed > free).then(|| format!("needs about {:.1} GiB of memory, and {:.1} GiB are free", gib(needed), gib(free)))
+}
+
+/// Memory [bytes] that programs can still have; Linux tells.
+fn free_memory() -> Option<u64> {
+    let text = std::fs::read_to_string("/proc/meminfo").ok()?;
+    let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;
+    Some(1024 * line.trim().strip_suffix("kB")?.trim().parse::<u64>().ok()?)
+}

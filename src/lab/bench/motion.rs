@@ -1,0 +1,182 @@
+//! What motion costs: frames of a scene that moves beside frames of the same scene, at the same moments, standing still.
+
+use super::contexts::Contexts;
+use super::measure::{Budget, bake, settings};
+use super::table::{Cell, Table};
+use crate::error::Result;
+use crate::frame::{Frame, Gi, SceneBuffers, Settings, View};
+use crate::gpu::FrameTimes;
+use crate::lab::scenes::{crowd, moving};
+use crate::scene::Scene;
+use std::time::Instant;
+
+/// RSM side [texels].
+const RSM: u32 = 128;
+
+/// Moments of the animation.
+const MOMENTS: usize = 15;
+
+/// The animation is not gone through again once so much time has passed [s].
+const LONG_ENOUGH: f64 = 8.0;
+
+/// Longest side [m] of the grid cells of the room's walls.
+const EDGE: f32 = 0.1;
+
+/// Caches of the room, and of each tube of the crowd.
+const CACHES: [usize; 2] = [500, 40];
+
+/// Times [ms] of one moment.
+struct Moment {
+    /// Animation and what follows from it on the CPU, up to the frame.
+    host: f64,
+    /// Frame that shows what has moved: GPU.
+    moving: f64,
+    /// Of it the copies, and the poses.
+    update: f64,
+    deform: f64,
+    /// The same frame again, in which nothing has moved and nothing is left out.
+    standing: f64,
+    /// And with what has not changed left out.
+    skipped: f64,
+}
+
+impl Contexts<'_> {
+    /// The table of what motion costs.
+    pub fn motion(&mut self) -> Result<Table> {
+        let [w, h] = self.extent.size;
+        let columns = [
+            "scene",
+            "instances",
+            "bend",
+            "vertices posed",
+            "caches",
+            "standing [ms]",
+            "moving [ms]",
+            "update [ms]",
+            "deform [ms]",
+            "CPU pose and update [ms]",
+            "moving / standing",
+            "with the CPU's part",
+            "standing and skipped [ms]",
+        ];
+        let how = format!(
+            "Frames of {w}x{h} pixels, both lobes, {RSM}x{RSM} VALs, no shadows of indirect light: at each moment of \
+             the animation when everything has just moved there, then as it stands, with those stages left out whose inputs \
+             have not changed, and with every stage computed. Medians over {MOMENTS} moments, gone through up to {} times \
+             but not again after {LONG_ENOUGH} s, ratios of each. GPU timestamps of each stage; the CPU's part is \
+             sampling the animation and comparing with what the device has.",
+            self.extent.frames
+        );
+        let mut table = Table::new("motion", "Motion", how, &columns);
+        let mut budget = Budget::new(self.extent.budget);
+        let mut scenes = vec![(moving(EDGE), CACHES[0])];
+        scenes.extend(self.extent.crowds.iter().map(|n| (crowd(*n), CACHES[1] * n)));
+        for (scene, caches) in scenes {
+            (self.progress)(0.0, &scene.name);
+            match budget.begin(caches as f64) {
+                Ok(()) => table.push(self.of_scene(scene, caches)?),
+                Err(reason) => table.skipped.push(format!("{}: {reason}.", scene.name)),
+            }
+        }
+        Ok(table)
+    }
+
+    fn of_scene(&mut self, mut scene: Scene, caches: usize) -> Result<Vec<Cell>> {
+        let (set, _) = bake(&scene, caches, 8)?;
+        let mut buffers = SceneBuffers::new(self.gpu, &scene, Some(&set))?;
+        let all = settings(self.extent.size, Gi::LightSkin, 8, RSM, self.ways[1].settings);
+        let all = Frame::new(self.gpu, &scene, &buffers, &all)?;
+        let some = Settings { reuse: true, ..settings(self.extent.size, Gi::LightSkin, 8, RSM, self.ways[1].settings) };
+        let some = Frame::new(self.gpu, &scene, &buffers, &some)?;
+        let end = scene.animations().next().map_or(1.0, |(_, _, end)| end);
+        // The first frames compile what they draw with.
+        for frame in [&some, &all] {
+            self.drawn(frame, &buffers, &scene)?;
+        }
+        let mut measured = Vec::new();
+        let begin = Instant::now();
+        for i in 0..MOMENTS * self.extent.frames {
+            if i > 0 && i % MOMENTS == 0 && begin.elapsed().as_secs_f64() > LONG_ENOUGH {
+                break;
+            }
+            let start = Instant::now();
+            scene.pose(0, end * (i % MOMENTS + 1) as f64 / MOMENTS as f64);
+            buffers.update(&scene)?;
+            let host = start.elapsed().as_secs_f64() * 1e3;
+            // Both that are compared come after one of their kind, which has warmed the caches of a CPU.
+            let moving = self.drawn(&all, &buffers, &scene)?;
+            // What is kept is made in one frame and left out of the next.
+            self.drawn(&some, &buffers, &scene)?;
+            let skipped = self.drawn(&some, &buffers, &scene)?;
+            self.drawn(&all, &buffers, &scene)?;
+            let standing = self.drawn(&all, &buffers, &scene)?;
+            let stage =
+                |name: &str| moving.stages().iter().find(|s| s.name == name).and_then(|s| s.gpu_ms).unwrap_or(0.0);
+            let sum = |times: &FrameTimes| times.stages().iter().filter_map(|s| s.gpu_ms).fold(0.0, |sum, ms| sum + ms);
+            measured.push(Moment {
+                host,
+                moving: sum(&moving),
+                update: stage("update"),
+                deform: stage("deform"),
+                standing: sum(&standing),
+                skipped: sum(&skipped),
+            });
+        }
+        let median = |of: &dyn Fn(&Moment) -> f64| {
+            let mut all: Vec<f64> = measured.iter().map(of).collect();
+            all.sort_by(f64::total_cmp);
+            all[all.len() / 2]
+        };
+        let bent: Vec<usize> = (scene.instances.iter())
+            .filter_map(|i| scene.meshes[i.mesh].deform.as_ref().map(|_| scene.meshes[i.mesh].vertices.len()))
+            .collect();
+        Ok(vec![
+            scene.name.as_str().into(),
+            scene.instances.len().into(),
+            bent.len().into(),
+            bent.iter().sum::<usize>().into(),
+            (buffers.cache_count as usize).into(),
+            median(&|m| m.standing).into(),
+            median(&|m| m.moving).into(),
+            median(&|m| m.update).into(),
+            median(&|m| m.deform).into(),
+            median(&|m| m.host).into(),
+            median(&|m| m.moving / m.standing).into(),
+            median(&|m| (m.moving + m.host) / m.standing).into(),
+            median(&|m| m.skipped).into(),
+        ])
+    }
+
+    /// Draws one frame and waits for its times.
+    fn drawn(&mut self, frame: &Frame, buffers: &SceneBuffers, scene: &Scene) -> Result<FrameTimes> {
+        let view = View::new(&scene.cameras[0], frame.targets.size, buffers.origin, buffers.radius);
+        let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+            frame.record(cmd, buffers, &view);
+            Ok(())
+        })?;
+        let times = self.gpu.times(&drawn)?;
+        self.problems.extend(drawn.problems);
+        Ok(times)
+    }
+}
+
+/// What there is to say of the table.
+pub fn headlines(table: &Table) -> Vec<String> {
+    let scene = |row: usize| match &table.rows[row][0] {
+        Cell::Text(name) => name.clone(),
+        _ => String::new(),
+    };
+    let of = |row: usize, column: &str| table.number(row, column).unwrap_or(0.0);
+    let line = |row: usize| {
+        format!(
+            "{}: a frame in which everything moves takes {:.3} of the time of the same one standing still ({:.3} with the CPU's \
+             part); standing still with what has not changed left out, {:.2} ms of {:.1}.",
+            scene(row),
+            of(row, "moving / standing"),
+            of(row, "with the CPU's part"),
+            of(row, "standing and skipped [ms]"),
+            of(row, "standing [ms]")
+        )
+    };
+    (0..table.rows.len()).map(line).collect()
+}

@@ -1,0 +1,163 @@
+//! The plots of a report: which numbers go where.
+
+use super::record::Row;
+use super::references::Truth;
+use super::run::{Job, Results};
+use super::sweep::{Knob, Point};
+use crate::lab::plot::{Axis, Mark, Plot, Series};
+
+/// The metric of the plots, and its name for people. The others are in the tables.
+pub const METRIC: (&str, &str) = ("mare", "mean relative error");
+
+/// The layer of the plots that show one.
+pub const LAYER: &str = "indirect";
+
+/// A plot and the name of its file.
+pub struct Figure {
+    /// Without folder and ending.
+    pub name: String,
+    /// What is drawn.
+    pub plot: Plot,
+}
+
+/// Colours that mean the same in all plots.
+const GREY: usize = 6;
+const RED: usize = 7;
+
+/// What all plots are made from.
+#[derive(Clone, Copy)]
+pub struct Figures<'a> {
+    /// What was measured.
+    pub job: &'a Job<'a>,
+    /// What came of it.
+    pub results: &'a Results,
+}
+
+impl<'a> Figures<'a> {
+    /// The row of a point.
+    pub fn row(&self, point: &Point) -> Option<&'a Row> {
+        let index = self.job.sweep.points.iter().position(|other| other == point)?;
+        self.results.rows.get(index)
+    }
+
+    /// The rows of a knob's values, all else at the default.
+    pub fn rows_of(&self, knob: &Knob) -> Vec<Option<&'a Row>> {
+        (0..knob.values.len()).map(|value| self.row(&knob.set(&self.job.sweep.base, value))).collect()
+    }
+
+    /// What sets a point apart from the default; brute force is named as such.
+    pub fn name(&self, row: &Row) -> String {
+        if row.knob("gi") == Some("brute-force") {
+            return format!("brute force, rsm {}", row.knob("rsm").unwrap_or("?"));
+        }
+        let base = self.results.rows.first();
+        let differs = |(name, value): &&(String, String)| base.and_then(|b| b.knob(name)) != Some(value.as_str());
+        let apart = row.knobs.iter().filter(differs).map(|(name, value)| format!("{name} {value}"));
+        let apart: Vec<String> = apart.collect();
+        if apart.is_empty() { "default".into() } else { apart.join(", ") }
+    }
+
+    /// Name of the device; a software device is called one.
+    pub fn device(&self) -> String {
+        let software = if self.job.gpu.is_software() { " (software device)" } else { "" };
+        format!("{}{software}", self.job.gpu.report().name)
+    }
+
+    fn mark(&self, row: &Row, truth: Truth) -> Option<Mark> {
+        Some(Mark { x: row.frame_ms(), y: row.error(truth, LAYER, METRIC.0)?, label: self.name(row) })
+    }
+
+    /// Every point, its error against its time: a curve for each knob, and the front.
+    pub fn against_time(&self, truth: Truth) -> Figure {
+        let marks = |rows: &[Row]| rows.iter().filter_map(|row| self.mark(row, truth)).collect();
+        let mut series =
+            vec![Series { name: "caches x VALs".into(), marks: marks(&self.results.rows), line: false, color: GREY }];
+        for (color, knob) in self.job.sweep.knobs.iter().enumerate() {
+            let marks = self.rows_of(knob).into_iter().flatten().filter_map(|row| self.mark(row, truth)).collect();
+            series.push(Series {
+                name: knob.name.into(),
+                marks,
+                line: true,
+                color: if color < GREY { color } else { color + 2 },
+            });
+        }
+        let brute_force = marks(&self.results.brute_force);
+        series.push(Series { name: "brute force".into(), marks: brute_force, line: true, color: RED });
+        series.retain(|series| !series.marks.is_empty());
+        let title = format!("Error against time: {}, against {}", self.job.scene.name, truth.title());
+        let x = Axis { label: format!("GPU time of a frame [ms], {}", self.device()), names: Vec::new() };
+        let plot = Plot { title, x, y: error_axis(), series, front: true, size: [860.0, 480.0] };
+        Figure { name: format!("error-against-time-{}", truth.name()), plot }
+    }
+
+    /// A knob's curves: errors of the lobes, errors against each reference, time of each stage.
+    pub fn of_knob(&self, knob: &Knob) -> Vec<Figure> {
+        let is_numeric = knob.is_numeric();
+        let names = if is_numeric { Vec::new() } else { knob.values.iter().map(|v| v.label.clone()).collect() };
+        let x = Axis { label: knob.title.into(), names };
+        let rows = self.rows_of(knob);
+        let place = |i: usize| if is_numeric { knob.values[i].label.parse().unwrap_or(f64::NAN) } else { i as f64 };
+        let curve = |name: &str, color: usize, y: &dyn Fn(&Row) -> Option<f64>| {
+            let mark = |(i, row): (usize, &Option<&Row>)| {
+                Some(Mark { x: place(i), y: y((*row)?)?, label: knob.values[i].label.clone() })
+            };
+            Series { name: name.into(), marks: rows.iter().enumerate().filter_map(mark).collect(), line: true, color }
+        };
+        let plot = |name: &str, what: &str, y: Axis, series: Vec<Series>| {
+            let series = series.into_iter().filter(|s| !s.marks.is_empty()).collect();
+            let (name, title) = (format!("{}-{name}", knob.name), format!("{}: {what}", knob.name));
+            Figure { name, plot: Plot { title, x: x.clone(), y, series, front: false, size: [470.0, 330.0] } }
+        };
+        let lobes = [("indirect.diffuse", "diffuse"), ("indirect.glossy", "glossy"), ("indirect", "sum")];
+        let lobes = lobes
+            .iter()
+            .enumerate()
+            .map(|(i, (layer, name))| curve(name, i, &|row| row.error(Truth::SameVals, layer, METRIC.0)));
+        let truths = Truth::ALL
+            .iter()
+            .enumerate()
+            .map(|(i, truth)| curve(truth.short(), i, &|row| row.error(*truth, LAYER, METRIC.0)));
+        let mut stages: Vec<&str> = Vec::new();
+        for (name, _) in rows.iter().flatten().flat_map(|row| &row.stages) {
+            if !stages.contains(&name.as_str()) {
+                stages.push(name);
+            }
+        }
+        let stage = |(i, name): (usize, &&str)| {
+            let time = |row: &Row| row.stages.iter().find(|(stage, _)| stage == name).map(|(_, ms)| *ms);
+            curve(name, if i < GREY { i } else { i + 1 }, &time)
+        };
+        let total = curve("frame", GREY, &|row| row.failed.is_none().then(|| row.frame_ms()));
+        let times = stages.iter().enumerate().map(stage).chain([total]);
+        let time_axis = Axis { label: "GPU time [ms]".into(), names: Vec::new() };
+        vec![
+            plot("lobes", "error of each lobe, same VALs", error_axis(), lobes.collect()),
+            plot("references", "error of the sum, each reference", error_axis(), truths.collect()),
+            plot("times", "time of each stage", time_axis, times.collect()),
+        ]
+    }
+
+    /// Error over caches, a curve for each RSM side: which of the two is too few.
+    pub fn grid(&self, truth: Truth) -> Figure {
+        let [caches, vals] = [&self.job.sweep.knobs[0], &self.job.sweep.knobs[1]];
+        let base = &self.job.sweep.base;
+        let curve = |column: usize| {
+            let mark = |row: usize| {
+                let found = self.row(&vals.set(&caches.set(base, row), column))?;
+                let y = found.error(truth, LAYER, METRIC.0)?;
+                Some(Mark { x: caches.values[row].label.parse().ok()?, y, label: self.name(found) })
+            };
+            let name = format!("rsm {}", vals.values[column].label);
+            Series { name, marks: (0..caches.values.len()).filter_map(mark).collect(), line: true, color: column }
+        };
+        let title = format!("Caches by VALs, against {}", truth.title());
+        let x = Axis { label: caches.title.into(), names: Vec::new() };
+        let series = (0..vals.values.len()).map(curve).collect();
+        let plot = Plot { title, x, y: error_axis(), series, front: false, size: [560.0, 360.0] };
+        Figure { name: format!("caches-by-vals-{}", truth.name()), plot }
+    }
+}
+
+fn error_axis() -> Axis {
+    Axis { label: METRIC.1.into(), names: Vec::new() }
+}

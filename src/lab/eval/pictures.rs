@@ -1,0 +1,81 @@
+//! Pictures of points and heat maps of their errors, as the report shows them.
+
+use super::measure::Layers;
+use super::references::make_folder;
+use crate::error::Result;
+use crate::image::write_png;
+use crate::metrics::display::{clean, encode, middle_grey};
+use crate::metrics::heat::{Scale, colors};
+use crate::metrics::relative_squares;
+use crate::reference::tonemap::pbr_neutral;
+use std::path::PathBuf;
+
+/// Scale of the heat maps of the relative squared error.
+pub const HEAT: Scale = Scale::Log(1e-6, 1.0);
+
+/// What radiance is multiplied with to be shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Exposure(f64);
+
+impl Exposure {
+    /// Brings the log-average of the lit pixels to middle grey.
+    pub fn of(layers: &Layers) -> Self {
+        Self(middle_grey(&layers.sum()).unwrap_or(1.0))
+    }
+}
+
+/// The folder of pictures.
+pub struct Pictures {
+    folder: PathBuf,
+}
+
+/// What a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shows {
+    /// Both lobes of indirect light.
+    Light,
+    /// Relative squared error of that.
+    Error,
+}
+
+impl Pictures {
+    /// Makes the folder if it is missing.
+    pub fn open(folder: PathBuf) -> Result<Self> {
+        make_folder(&folder)?;
+        Ok(Self { folder })
+    }
+
+    /// The file of a point's or a reference's picture.
+    pub fn path(&self, key: &str, shows: Shows) -> PathBuf {
+        let what = match shows {
+            Shows::Light => "light",
+            Shows::Error => "error",
+        };
+        self.folder.join(format!("{}-{what}.png", &key[..16.min(key.len())]))
+    }
+
+    /// Whether both pictures of a point are there.
+    pub fn has(&self, key: &str) -> bool {
+        [Shows::Light, Shows::Error].into_iter().all(|shows| self.path(key, shows).is_file())
+    }
+
+    /// Writes indirect light.
+    pub fn write_light(&self, key: &str, layers: &Layers, exposure: Exposure) -> Result<()> {
+        let shown = |pixel: &[f32; 3]| {
+            let srgb = encode(pbr_neutral(clean(*pixel) * exposure.0)) * 255.0 + 0.5;
+            [srgb.x as u8, srgb.y as u8, srgb.z as u8, 255]
+        };
+        let rgba: Vec<u8> = layers.sum().iter().flat_map(shown).collect();
+        write_png(&self.path(key, Shows::Light), layers.size[0], layers.size[1], &rgba)
+    }
+
+    /// Writes the error of indirect light against a reference of the same size.
+    pub fn write_error(&self, key: &str, layers: &Layers, reference: &Layers) -> Result<()> {
+        let mut errors = relative_squares(&layers.sum(), &reference.sum());
+        for (error, (a, b)) in errors.iter_mut().zip(layers.covered.iter().zip(&reference.covered)) {
+            // Where one of them shows no surface there is nothing to compare.
+            *error = if *a && *b { *error } else { 0.0 };
+        }
+        write_png(&self.path(key, Shows::Error), layers.size[0], layers.size[1], &colors(&errors, HEAT))
+    }
+}

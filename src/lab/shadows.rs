@@ -1,0 +1,167 @@
+//! Soft shadows of indirect light on the device against one bounce of the path tracer: how far each kind is from the truth.
+
+use super::eval::measure::{Bench, Layers};
+use super::eval::references::{PathTraced, path_traced};
+use super::eval::sweep::Point;
+use crate::error::Result;
+use crate::frame::{self, Plan, Shadows};
+use crate::gpu::Gpu;
+use crate::metrics::{Metrics, mean, metrics};
+use crate::reference::path_trace::camera_ray;
+use crate::reference::world::{Sides, World};
+use crate::scene::{Camera, Scene};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// What a comparison is made of.
+#[derive(Clone, Copy, Debug)]
+pub struct Settings {
+    /// Picture [pixels].
+    pub size: [u32; 2],
+    /// Caches that are asked for.
+    pub caches: usize,
+    /// Texels of an RSM's side.
+    pub rsm: u32,
+    /// Samples per pixel of the path tracer.
+    pub samples: u32,
+    /// Frames whose median time counts.
+    pub frames: usize,
+}
+
+/// One kind of shadows in one scene.
+#[derive(Clone, Debug)]
+pub struct Row {
+    /// The kind.
+    pub shadows: Shadows,
+    /// Errors of each layer by its name, over the pixels that show a surface; or why there are none.
+    pub errors: std::result::Result<Vec<(&'static str, Errors)>, String>,
+    /// Median GPU time [ms] of the whole frame; 0 where the device has no timestamps.
+    pub frame_ms: f64,
+    /// Of the gather and what shadows add to it.
+    pub gather_ms: f64,
+}
+
+/// Errors of a layer.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Errors {
+    /// Against the path tracer.
+    pub metrics: Metrics,
+    /// Root of the mean squared error over the mean of the truth.
+    pub rmse_over_mean: f64,
+}
+
+/// All kinds in one scene.
+#[derive(Clone, Debug)]
+pub struct Compared {
+    /// One for each kind.
+    pub rows: Vec<Row>,
+    /// Caches that were placed.
+    pub caches: u32,
+    /// Relative standard error of the truth, mean over its pixels.
+    pub noise: f64,
+    /// Pixels left out, as an edge runs through their centres: the rasteriser and a ray may show either of two surfaces.
+    pub on_edges: usize,
+    /// What the barrier check said against the frames.
+    pub problems: Vec<String>,
+}
+
+/// All kinds of shadows.
+pub const KINDS: [Shadows; 3] = [Shadows::Off, Shadows::Proxy, Shadows::PerLight];
+
+/// Stages whose time is the gather's.
+const GATHER_STAGES: [&str; 3] = ["depth images", "gather", "occlude"];
+
+/// Compares every kind with the path tracer, from the scene's first camera. Path-traced samples are kept in `folder`.
+pub fn compare(
+    gpu: &Gpu,
+    scene: &Scene,
+    settings: &Settings,
+    folder: &Path,
+    progress: &(dyn Fn(f32) + Sync),
+) -> Result<Compared> {
+    let camera = &scene.cameras[0];
+    let frame = frame::Settings { size: settings.size, rsm: settings.rsm, ..frame::Settings::default() };
+    let glossy = Plan::new(scene, &frame).glossy;
+    let wanted = PathTraced { size: settings.size, visibility: true, samples: settings.samples, glossy };
+    let (mut truth, about) = path_traced(scene, camera, &wanted, folder, progress);
+    let edges = edges(scene, camera, settings.size);
+    truth.covered.iter_mut().zip(&edges).for_each(|(covered, edge)| *covered &= !edge);
+    let mut bench = Bench::new(gpu, scene, camera);
+    let mut compared = Compared {
+        rows: Vec::new(),
+        caches: 0,
+        noise: about["noise"].as_f64().unwrap_or(f64::NAN),
+        on_edges: edges.iter().filter(|edge| **edge).count(),
+        problems: Vec::new(),
+    };
+    for shadows in KINDS {
+        let point = Point {
+            frame: frame::Settings { shadows, ..frame },
+            caches: settings.caches,
+            angle: 60_f32.to_radians(),
+            max_edge: None,
+        };
+        let row = match bench.measure(&point, settings.frames, &|_, _| ()) {
+            Ok(measured) => {
+                compared.caches = measured.caches;
+                compared.problems.extend(measured.problems);
+                let time = |is: &dyn Fn(&str) -> bool| -> f64 {
+                    measured.stages.iter().filter(|stage| is(&stage.0)).map(|stage| stage.1).sum()
+                };
+                Row {
+                    shadows,
+                    errors: Ok(errors(&measured.layers, &truth)),
+                    frame_ms: time(&|_| true),
+                    gather_ms: time(&|name| GATHER_STAGES.contains(&name)),
+                }
+            }
+            Err(error) => Row { shadows, errors: Err(error.to_string()), frame_ms: 0.0, gather_ms: 0.0 },
+        };
+        compared.rows.push(row);
+    }
+    Ok(compared)
+}
+
+/// Pixels whose centres lie on an edge between two surfaces, as far as rays tell that pass a thousandth of a pixel beside
+/// them: in a picture of a room along its axis whole edges run through centres.
+pub fn edges(scene: &Scene, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
+    const PARTS: u32 = 1001;
+    let world = World::new(scene);
+    let fine = size.map(|pixels| pixels * PARTS);
+    let [w, h] = size.map(|pixels| pixels as usize);
+    let hit = |x: usize, y: usize, aside: [i64; 2]| {
+        let at = |pixel: usize, aside: i64| pixel as i64 * i64::from(PARTS) + i64::from(PARTS / 2) + aside;
+        let index = at(y, aside[1]) * i64::from(fine[0]) + at(x, aside[0]);
+        let (origin, direction) = camera_ray(camera, fine, index as usize);
+        let hit = world.nearest(origin, direction, Sides::Front)?;
+        Some((hit.instance, hit.distance, world.surface(&hit).geometric))
+    };
+    let is_edge = |index: usize| {
+        let around = [[-1, -1], [1, -1], [-1, 1], [1, 1]].map(|aside| hit(index % w, index / w, aside));
+        around[1..].iter().any(|other| match (&around[0], other) {
+            (None, None) => false,
+            (Some(a), Some(b)) => a.0 != b.0 || (a.1 - b.1).abs() > 0.01 * a.1 || a.2.dot(b.2) < 0.9,
+            _ => true,
+        })
+    };
+    (0..w * h).into_par_iter().map(is_edge).collect()
+}
+
+/// Errors of each lobe, and of both together, over the pixels that both say show a surface.
+pub fn errors(layers: &Layers, truth: &Layers) -> Vec<(&'static str, Errors)> {
+    let covered = |image: &[[f32; 3]]| -> Vec<[f32; 3]> {
+        let both = layers.covered.iter().zip(&truth.covered).map(|(a, b)| *a && *b);
+        image.iter().zip(both).filter(|pixel| pixel.1).map(|pixel| *pixel.0).collect()
+    };
+    let layer = |name, image: &[[f32; 3]], truth: &[[f32; 3]]| {
+        let (image, truth) = (covered(image), covered(truth));
+        let metrics = metrics(&image, &truth);
+        (name, Errors { metrics, rmse_over_mean: metrics.rmse / mean(&truth) })
+    };
+    let mut all = vec![layer("diffuse", &layers.diffuse, &truth.diffuse)];
+    if let (Some(image), Some(of_truth)) = (&layers.glossy, &truth.glossy) {
+        all.push(layer("glossy", image, of_truth));
+        all.push(layer("both", &layers.sum(), &truth.sum()));
+    }
+    all
+}

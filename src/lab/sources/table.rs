@@ -1,0 +1,129 @@
+//! The figures of the chain and how they are shown.
+
+use glam::DVec3;
+
+use crate::metrics::metrics;
+
+/// How far one picture is from another; all in terms of the mean of the truth, but for `mare`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Figures {
+    /// Mean absolute relative error of the first against the second picture, as `Metrics::mare`.
+    pub mare: f64,
+    /// Mean absolute difference.
+    pub mae: f64,
+    /// Root of the mean squared difference.
+    pub rmse: f64,
+    /// Mean difference, first minus second. Those of a chain's steps add up to the whole's.
+    pub bias: f64,
+}
+
+impl Figures {
+    /// Compares two pictures; `truth` gives the mean. All 0 where the truth is black.
+    pub fn of(first: &[DVec3], second: &[DVec3], truth: &[DVec3]) -> Self {
+        let mean = truth.iter().map(|p| p.element_sum()).sum::<f64>();
+        if mean <= 0.0 {
+            return Self { mare: 0.0, mae: 0.0, rmse: 0.0, bias: 0.0 };
+        }
+        let narrow = |picture: &[DVec3]| -> Vec<[f32; 3]> { picture.iter().map(|p| p.as_vec3().to_array()).collect() };
+        let sum = |of: fn(DVec3) -> f64| first.iter().zip(second).map(|(a, b)| of(*a - *b)).sum::<f64>();
+        let n = 3.0 * truth.len() as f64;
+        Self {
+            mare: metrics(&narrow(first), &narrow(second)).mare,
+            mae: sum(|d| d.abs().element_sum()) / mean,
+            rmse: (sum(DVec3::length_squared) * n).sqrt() / mean,
+            bias: sum(DVec3::element_sum) / mean,
+        }
+    }
+}
+
+/// Which part of the squared error between `first` and `last` is due to the step from `before` to `after`:
+/// `<before - after, first - last> / |first - last|^2`. The parts of all steps add up to 1; a step that undoes what others
+/// do has a negative one.
+pub fn square_share(before: &[DVec3], after: &[DVec3], first: &[DVec3], last: &[DVec3]) -> f64 {
+    let whole = first.iter().zip(last).map(|(a, b)| *a - *b);
+    let total: f64 = whole.clone().map(DVec3::length_squared).sum();
+    let along: f64 = before.iter().zip(after).zip(whole).map(|((a, b), whole)| (*a - *b).dot(whole)).sum();
+    if total > 0.0 { along / total } else { 0.0 }
+}
+
+/// One approximation.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// What is approximated.
+    pub name: String,
+    /// What changes when it is replaced after all approximations above it.
+    pub change: Figures,
+    /// Its mean absolute change over the sum of those of all steps.
+    pub share: f64,
+    /// Its part in the whole squared error, see [`square_share`].
+    pub square_share: f64,
+    /// Error against the truth of the engine with this one replaced and no other.
+    pub alone: Option<Figures>,
+}
+
+/// All that is known of one lobe.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Table {
+    /// Diffuse or glossy.
+    pub lobe: String,
+    /// From the engine down to the truth: one bounce, path-traced.
+    pub rows: Vec<Row>,
+    /// From there on: light paths that the method does not have.
+    pub beyond: Vec<Row>,
+    /// The engine against the truth.
+    pub whole: Figures,
+    /// Noise of the path-traced pictures without and with shadows.
+    pub noise: [Figures; 2],
+}
+
+/// Title, and what it says.
+pub const COLUMNS: [(&str, &str); 8] = [
+    ("made exact", "approximation that is replaced, after all above it"),
+    ("MARE", "mean absolute relative error of the picture before against the one after"),
+    ("RMSE", "root of the mean squared change, over the truth's mean"),
+    ("bias", "mean change, over the truth's mean; adds up to the whole"),
+    ("share", "mean absolute change, over the sum of all steps'"),
+    ("of squares", "part in the whole squared error; adds up to 100 %, negative where a step undoes others"),
+    ("alone: MARE", "error against the truth of the engine with this one made exact and no other"),
+    ("alone: RMSE", "likewise"),
+];
+
+impl Table {
+    /// Title row and one row for each step, the whole, and what lies beyond; percent.
+    pub fn cells(&self) -> Vec<Vec<String>> {
+        let percent = |v: f64| format!("{:.2} %", 100.0 * v);
+        let signed = |v: f64| format!("{:+.2} %", 100.0 * v);
+        let row = |row: &Row, shares: bool| {
+            let change = row.change;
+            let mut cells = vec![row.name.clone(), percent(change.mare), percent(change.rmse), signed(change.bias)];
+            let shared = [percent(row.share), signed(row.square_share)];
+            cells.extend(if shares { shared } else { ["", ""].map(str::to_owned) });
+            cells.extend(row.alone.map_or(["", ""].map(str::to_owned), |f| [percent(f.mare), percent(f.rmse)]));
+            cells
+        };
+        let mut cells = vec![COLUMNS.map(|column| column.0.to_owned()).to_vec()];
+        cells.extend(self.rows.iter().map(|r| row(r, true)));
+        let w = self.whole;
+        let whole = [percent(w.mare), percent(w.rmse), signed(w.bias), String::new(), String::new()];
+        cells.push(
+            ["engine against the truth".into()]
+                .into_iter()
+                .chain(whole)
+                .chain([percent(w.mare), percent(w.rmse)])
+                .collect(),
+        );
+        cells.extend(self.beyond.iter().map(|r| row(r, false)).map(|mut cells| {
+            cells[0] = format!("beyond: {}", cells[0]);
+            cells
+        }));
+        cells
+    }
+
+    /// The same as a table in Markdown.
+    pub fn markdown(&self) -> String {
+        let line = |cells: &Vec<String>| format!("| {} |\n", cells.join(" | "));
+        let cells = self.cells();
+        let rule = format!("|{}\n", " --- |".to_owned() + &" ---: |".repeat(cells[0].len() - 1));
+        line(&cells[0]) + &rule + &cells[1..].iter().map(line).collect::<String>()
+    }
+}
