@@ -1,4 +1,4 @@
-// Arithmetic peak: chains x -> a x + b that do not wait for each other. Host: src/bench/peak.rs.
+// Arithmetic peak: chains x -> a x + b that do not wait for each other. Host: src/lab/bench/peak.rs.
 #extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 

@@ -1,5 +1,11 @@
 //! Images on the CPU: mip levels, PNG, OpenEXR. Outputs are written to a temporary name and renamed.
 
+#[cfg(feature = "exr")]
+mod open_exr;
+
+#[cfg(feature = "exr")]
+pub use open_exr::write_exr;
+
 use crate::error::{Error, Result};
 use std::path::{Path, PathBuf};
 
@@ -124,23 +130,10 @@ pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
         let linear = |p: &image::Rgb<u8>| p.0.map(linear_from_srgb);
         return Ok(Picture { width, height, rgb: decoded.pixels().map(linear).collect() });
     }
-    use exr::prelude::{ReadChannels, ReadLayers};
-    let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
-    let image = reader.all_attributes().from_file(path).map_err(|e| bad(e.to_string()))?;
-    let size = image.layer_data.size;
-    let channels = &image.layer_data.channel_data.list;
-    let find = |name: &str| channels.iter().find(|c| c.name.eq_case_insensitive(name));
-    let prefix = layer.map_or_else(String::new, |l| format!("{l}."));
-    let triple = |names: [&str; 3]| -> Option<Vec<_>> { names.iter().map(|n| find(&format!("{prefix}{n}"))).collect() };
-    let single = || layer.and_then(find).map(|c| vec![c; 3]);
-    let found = triple(["R", "G", "B"]).or_else(|| triple(["X", "Y", "Z"]).filter(|_| layer.is_some())).or_else(single);
-    let found = found.ok_or_else(|| {
-        let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
-        bad(format!("has no layer '{}'; its channels are {}", layer.unwrap_or("R, G, B"), names.join(", ")))
-    })?;
-    let planes: Vec<Vec<f32>> = found.iter().map(|c| c.sample_data.values_as_f32().collect()).collect();
-    let rgb = (0..planes[0].len()).map(|i| [planes[0][i], planes[1][i], planes[2][i]]).collect();
-    Ok(Picture { width: size.width() as u32, height: size.height() as u32, rgb })
+    #[cfg(feature = "exr")]
+    return open_exr::read(path, layer);
+    #[cfg(not(feature = "exr"))]
+    Err(bad("OpenEXR is not in this build; its feature `exr` is off".into()))
 }
 
 /// Linear value of an 8-bit sRGB code.
@@ -157,40 +150,6 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()
         let encoder = image::codecs::png::PngEncoder::new(file);
         image::ImageEncoder::write_image(encoder, &rgb, width, height, image::ExtendedColorType::Rgb8)
             .map_err(std::io::Error::other)
-    })
-}
-
-/// Writes a 32-bit float OpenEXR with all layers in one part, linear Rec.709; `metadata` becomes its
-/// comment.
-pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadata: &str) -> Result<()> {
-    use exr::prelude::{
-        AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, LayerAttributes, LineOrder, Text,
-        WritableImage,
-    };
-    let mut channels = exr::prelude::SmallVec::<[AnyChannel<FlatSamples>; 4]>::new();
-    for layer in layers {
-        for (channel, plane) in layer.channels.iter().zip(&layer.planes) {
-            let name = if layer.name.is_empty() { (*channel).to_owned() } else { format!("{}.{channel}", layer.name) };
-            channels.push(AnyChannel::new(Text::new_or_panic(&name), FlatSamples::F32(plane.clone())));
-        }
-    }
-    let attributes = LayerAttributes {
-        software_name: Text::new_or_none(concat!("lightskin ", env!("CARGO_PKG_VERSION"))),
-        // One attribute: the crate writes several in an order that changes from run to run.
-        comments: Text::new_or_none(metadata),
-        ..LayerAttributes::default()
-    };
-    let layer = exr::prelude::Layer::new(
-        (width as usize, height as usize),
-        attributes,
-        Encoding { compression: Compression::ZIP16, blocks: Blocks::ScanLines, line_order: LineOrder::Increasing },
-        AnyChannels::sort(channels),
-    );
-    let image = Image::from_layer(layer);
-    replace_file(path, |temporary| {
-        let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
-        image.write().to_buffered(&mut file).map_err(std::io::Error::other)?;
-        std::io::Write::flush(&mut file)
     })
 }
 

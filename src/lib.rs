@@ -45,6 +45,10 @@
 //!     image::write_png("picture.png".as_ref(), 640, 360, &gpu.read_image(&frame.targets.output)?)
 //! }
 //! ```
+//!
+//! The engine alone is what default features off leave: [`gpu`], [`scene`], [`bake`], [`frame`], and the f64 twins of its
+//! shaders in [`reference`]. Feature `exr` adds OpenEXR files, `compare` adds `metrics`, `lab` what measures the engine, and
+//! `cli` the command line.
 
 pub mod bake;
 pub mod error;
