@@ -19,6 +19,7 @@ mod flicker;
 mod frame;
 mod gather;
 mod generated;
+mod gpu;
 mod guards;
 mod hard_cases;
 mod hierarchy;

@@ -1,66 +1,32 @@
 //! Commands of one frame, in order: zones, binds, dispatches, rendering, barriers in words, copies.
 
+use super::bind::Bound;
 use super::device::Gpu;
 use super::draw::{Attach, Attachments, Draw, Load};
 use super::frames::Slot;
 use super::hazards::{Log, Use};
-use super::resource::{Buffer, Image, SamplerKind, aspect, is_depth, texel_bytes};
+use super::resource::{Buffer, Image, aspect, is_depth};
 use super::timer::{MAX_ZONES, Recorded, Span, Work};
-use super::{Pipeline, vulkan};
+use super::vulkan;
 use crate::error::{Error, Result};
 use ash::vk;
 use std::cell::{Cell, RefCell, RefMut};
 use std::sync::atomic::Ordering;
-
-/// A resource for one binding of a shader, in binding order.
-#[derive(Clone, Copy)]
-pub enum Bind<'a> {
-    /// A whole buffer.
-    Buffer(&'a Buffer),
-    /// Part of a buffer: offset and size [bytes].
-    Slice(&'a Buffer, u64, u64),
-    /// A buffer read as RGBA32F texels.
-    Texels(&'a Buffer),
-    /// An image read texel by texel.
-    Image(&'a Image),
-    /// A filtered texture.
-    Texture(&'a Image, SamplerKind),
-}
-
-impl<'a> From<&'a Buffer> for Bind<'a> {
-    fn from(buffer: &'a Buffer) -> Self {
-        Bind::Buffer(buffer)
-    }
-}
-
-impl<'a> From<&'a Image> for Bind<'a> {
-    fn from(image: &'a Image) -> Self {
-        Bind::Image(image)
-    }
-}
-
-/// What is copied of the bound pipeline, so that no lifetime leaks into the stages.
-#[derive(Clone, Copy)]
-struct Bound {
-    name: &'static str,
-    layout: vk::PipelineLayout,
-    push_bytes: u32,
-    stages: vk::ShaderStageFlags,
-    group: [u32; 3],
-}
 
 /// Records one frame into a slot of the ring.
 pub struct Cmd<'g> {
     pub(super) gpu: &'g Gpu,
     pub(super) slot: RefCell<RefMut<'g, Slot>>,
     pub(super) buffer: vk::CommandBuffer,
-    bound: Cell<Option<Bound>>,
+    pub(super) bound: Cell<Option<Bound>>,
     pub(super) log: Option<RefCell<Log>>,
     pub(super) zone: Cell<&'static str>,
     /// Submit and wait at the end of each zone: the only way to right figures per pass on lavapipe.
     split: bool,
     pub(super) error: RefCell<Option<Error>>,
-    key: RefCell<Vec<u64>>,
+    pub(super) key: RefCell<Vec<u64>>,
+    /// Whether the buffer is recording; then nothing may reset or submit it but `self`.
+    open: Cell<bool>,
 }
 
 /// A stage of the frame: label, timestamps, and its name in the barrier check, until dropped.
@@ -84,13 +50,21 @@ impl<'g> Cmd<'g> {
             split,
             error: RefCell::new(None),
             key: RefCell::new(Vec::with_capacity(64)),
+            open: Cell::new(false),
         }
     }
 
     pub(super) fn begin(&self) -> Result<()> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        // What is dropped from here on may be named by what is being recorded.
+        self.gpu.shared.recording.store(true, Ordering::SeqCst);
         // SAFETY: the buffer's last use is done; its pool allows resetting by beginning.
-        unsafe { self.gpu.shared.device.begin_command_buffer(self.buffer, &info) }.map_err(vulkan("beginning a frame"))
+        unsafe { self.gpu.shared.device.begin_command_buffer(self.buffer, &info) }
+            .map_err(vulkan("beginning a frame"))?;
+        self.open.set(true);
+        // Each buffer begins with nothing bound.
+        self.bound.set(None);
+        Ok(())
     }
 
     /// Ends and submits what is recorded; gives the timeline value that says it is done.
@@ -113,6 +87,7 @@ impl<'g> Cmd<'g> {
                 .queue_submit2(self.gpu.queue, &[info], vk::Fence::null())
                 .map_err(vulkan("submitting a frame"))?;
         }
+        self.open.set(false);
         submitted.store(value, Ordering::SeqCst);
         self.slot.borrow_mut().notes.worked(Work::Submit, start);
         Ok(value)
@@ -230,124 +205,10 @@ impl<'g> Cmd<'g> {
         }
     }
 
-    fn touch_image(&self, image: &Image, how: Use) {
+    pub(super) fn touch_image(&self, image: &Image, how: Use) {
         if let Some(log) = &self.log {
             log.borrow_mut().touch(image.id, &image.name, how, self.zone.get());
         }
-    }
-
-    /// Binds a pipeline and its resources, in the order of the shader's bindings.
-    pub fn bind(&self, pipeline: &Pipeline, resources: &[Bind<'_>]) {
-        if self.failed() {
-            return;
-        }
-        let name = pipeline.name;
-        assert_eq!(
-            resources.len(),
-            pipeline.slots.len(),
-            "{name}: its shaders declare {} bindings",
-            pipeline.slots.len()
-        );
-        let mut key = self.key.borrow_mut();
-        key.clear();
-        key.push(pipeline.id);
-        for (slot, resource) in pipeline.slots.iter().zip(resources) {
-            match *resource {
-                Bind::Buffer(buffer) => key.extend([buffer.id, 0, buffer.size]),
-                Bind::Slice(buffer, offset, size) => key.extend([buffer.id, offset, size]),
-                Bind::Texels(buffer) => key.extend([buffer.id, 4, 0]),
-                Bind::Image(image) => key.extend([image.id, 1, 0]),
-                Bind::Texture(image, kind) => {
-                    let wrap = kind.wrap.map(|w| w.as_raw() as u64);
-                    key.extend([image.id, 2 + u64::from(kind.nearest), wrap[0] << 32 | wrap[1]]);
-                }
-            }
-            for how in &slot.uses {
-                match resource {
-                    Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) => self.touch_buffer(b, *how),
-                    Bind::Image(i) | Bind::Texture(i, _) => self.touch_image(i, *how),
-                }
-            }
-        }
-        let shared = &self.gpu.shared;
-        let mut descriptors = self.gpu.descriptors.borrow_mut();
-        let set =
-            descriptors.get(shared, &key, (name, pipeline.set_layout), |set| self.write_set(set, pipeline, resources));
-        drop(descriptors);
-        let set = match set {
-            Ok(set) => set,
-            Err(error) => {
-                self.error.borrow_mut().get_or_insert(error);
-                return;
-            }
-        };
-        let point = pipeline.point;
-        // SAFETY: pipeline, layout and set belong together and live until the frame is done (destructors wait).
-        unsafe {
-            shared.device.cmd_bind_pipeline(self.buffer, point, pipeline.handle);
-            if !resources.is_empty() {
-                shared.device.cmd_bind_descriptor_sets(self.buffer, point, pipeline.layout, 0, &[set], &[]);
-            }
-        }
-        self.bound.set(Some(Bound {
-            name,
-            layout: pipeline.layout,
-            push_bytes: pipeline.push_bytes,
-            stages: pipeline.stages,
-            group: pipeline.group,
-        }));
-    }
-
-    fn write_set(&self, set: vk::DescriptorSet, pipeline: &Pipeline, resources: &[Bind<'_>]) -> Result<()> {
-        let nearest = SamplerKind { wrap: [vk::SamplerAddressMode::CLAMP_TO_EDGE; 2], nearest: true };
-        for (slot, resource) in pipeline.slots.iter().zip(resources) {
-            let write =
-                vk::WriteDescriptorSet::default().dst_set(set).dst_binding(slot.binding).descriptor_type(slot.kind);
-            let (buffer, image, texels);
-            let write = match *resource {
-                Bind::Buffer(b) => {
-                    let limit = u64::from(self.gpu.shared.limits.max_storage_buffer_range);
-                    if b.size > limit {
-                        return Err(self.gpu.too_large(format!("buffer {} needs {} bytes", b.name, b.size), limit));
-                    }
-                    buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset: 0, range: vk::WHOLE_SIZE }];
-                    write.buffer_info(&buffer)
-                }
-                Bind::Slice(b, offset, range) => {
-                    buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset, range }];
-                    write.buffer_info(&buffer)
-                }
-                Bind::Texels(b) => {
-                    texels = [self.gpu.texels(b)?];
-                    write.texel_buffer_view(&texels)
-                }
-                Bind::Image(i) | Bind::Texture(i, _) => {
-                    let kind = if let Bind::Texture(_, kind) = resource { *kind } else { nearest };
-                    let sampler = self.gpu.sampler(kind)?;
-                    image = [vk::DescriptorImageInfo {
-                        sampler,
-                        image_view: i.view,
-                        image_layout: vk::ImageLayout::GENERAL,
-                    }];
-                    write.image_info(&image)
-                }
-            };
-            // SAFETY: the set is fresh and not in use; the infos live to the end of the call.
-            unsafe { self.gpu.shared.device.update_descriptor_sets(&[write], &[]) };
-        }
-        Ok(())
-    }
-
-    /// Sets the push constants of the bound pipeline.
-    pub fn push<T: bytemuck::NoUninit>(&self, constants: &T) {
-        if self.failed() {
-            return;
-        }
-        let bound = self.bound.get().expect("bind before push");
-        let bytes = bytemuck::bytes_of(constants);
-        assert_eq!(bytes.len() as u32, bound.push_bytes, "{}: size of its push constants", bound.name);
-        // SAFETY: size and stages are those of the layout.
-        unsafe { self.gpu.shared.device.cmd_push_constants(self.buffer, bound.layout, bound.stages, 0, bytes) };
     }
 
     /// Runs the bound compute shader over this many items; the group size is the shader's own.
@@ -355,7 +216,7 @@ impl<'g> Cmd<'g> {
         if self.failed() {
             return;
         }
-        let bound = self.bound.get().expect("bind before dispatch");
+        let bound = self.bound_to_compute();
         let [x, y, z] = [x.div_ceil(bound.group[0]), y.div_ceil(bound.group[1]), z.div_ceil(bound.group[2])];
         // SAFETY: a compute pipeline with all its descriptors is bound.
         unsafe { self.gpu.shared.device.cmd_dispatch(self.buffer, x, y, z) };
@@ -366,9 +227,16 @@ impl<'g> Cmd<'g> {
         if self.failed() {
             return;
         }
+        self.bound_to_compute();
         self.touch_buffer(arguments, Use::IndirectRead);
         // SAFETY: a compute pipeline with all its descriptors is bound; the buffer holds the three numbers.
         unsafe { self.gpu.shared.device.cmd_dispatch_indirect(self.buffer, arguments.handle, offset) };
+    }
+
+    fn bound_to_compute(&self) -> Bound {
+        let bound = self.bound.get().expect("bind before dispatch");
+        assert!(bound.point == vk::PipelineBindPoint::COMPUTE, "{}: no compute pipeline is dispatched", bound.name);
+        bound
     }
 
     /// Opens a rendering scope and draws.
@@ -423,100 +291,10 @@ impl<'g> Cmd<'g> {
         // SAFETY: opened above.
         unsafe { device.cmd_end_rendering(self.buffer) };
     }
-
-    /// Copies the first `size` bytes of a buffer to another.
-    pub fn copy_buffer(&self, from: &Buffer, to: &Buffer, size: u64) {
-        if self.failed() {
-            return;
-        }
-        self.touch_buffer(from, Use::CopyRead);
-        self.touch_buffer(to, Use::CopyWrite);
-        let regions = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }];
-        // SAFETY: both are alive and at least `size` long (callers pass a buffer's own size).
-        unsafe { self.gpu.shared.device.cmd_copy_buffer(self.buffer, from.handle, to.handle, &regions) };
-    }
-
-    /// Fills a buffer with zeros.
-    pub fn clear(&self, buffer: &Buffer) {
-        if self.failed() {
-            return;
-        }
-        self.touch_buffer(buffer, Use::CopyWrite);
-        // SAFETY: the buffer is alive and made with transfer usage.
-        unsafe { self.gpu.shared.device.cmd_fill_buffer(self.buffer, buffer.handle, 0, vk::WHOLE_SIZE, 0) };
-    }
-
-    /// Writes into a buffer, by way of the command buffer: for what changes from frame to frame.
-    pub fn update<T: bytemuck::NoUninit>(&self, to: &Buffer, first_byte: u64, data: &[T]) {
-        /// Most bytes of one such command.
-        const MOST: usize = 65_536;
-        let bytes: &[u8] = bytemuck::cast_slice(data);
-        assert!(first_byte.is_multiple_of(4) && bytes.len().is_multiple_of(4), "{}: whole words", to.name);
-        assert!(first_byte + bytes.len() as u64 <= to.size, "{}: {} bytes at {first_byte}", to.name, bytes.len());
-        if self.failed() || bytes.is_empty() {
-            return;
-        }
-        self.touch_buffer(to, Use::CopyWrite);
-        for (i, part) in bytes.chunks(MOST).enumerate() {
-            let offset = first_byte + (i * MOST) as u64;
-            // SAFETY: the buffer is alive, and offset and size, both of whole words, lie within it by the assertion above.
-            unsafe { self.gpu.shared.device.cmd_update_buffer(self.buffer, to.handle, offset, part) };
-        }
-    }
-
-    /// Copies an image, tightly packed, into a buffer.
-    pub fn copy_image_to_buffer(&self, from: &Image, to: &Buffer) {
-        if self.failed() {
-            return;
-        }
-        self.touch_image(from, Use::CopyRead);
-        self.touch_buffer(to, Use::CopyWrite);
-        let regions = [region(from, 0, 0)];
-        // SAFETY: the buffer holds `width * height` texels (made so by the caller); the image is in GENERAL.
-        unsafe {
-            self.gpu.shared.device.cmd_copy_image_to_buffer(
-                self.buffer,
-                from.handle,
-                vk::ImageLayout::GENERAL,
-                to.handle,
-                &regions,
-            );
-        }
-    }
-
-    /// Fills all levels of a fresh texture from a buffer that holds them one after the other.
-    pub(crate) fn copy_buffer_to_texture(&self, from: &Buffer, to: &Image) {
-        if self.failed() {
-            return;
-        }
-        let barriers = [discard(to, vk::PipelineStageFlags2::COPY)];
-        self.pipeline_barrier(&vk::DependencyInfo::default().image_memory_barriers(&barriers));
-        self.touch_buffer(from, Use::CopyRead);
-        self.touch_image(to, Use::CopyWrite);
-        let mut offset = 0;
-        let regions: Vec<_> = (0..to.mips)
-            .map(|mip| {
-                let here = region(to, mip, offset);
-                offset +=
-                    u64::from(here.image_extent.width) * u64::from(here.image_extent.height) * texel_bytes(to.format);
-                here
-            })
-            .collect();
-        // SAFETY: the buffer holds all levels; the image is in GENERAL since the barrier above.
-        unsafe {
-            self.gpu.shared.device.cmd_copy_buffer_to_image(
-                self.buffer,
-                from.handle,
-                to.handle,
-                vk::ImageLayout::GENERAL,
-                &regions,
-            );
-        }
-    }
 }
 
 /// From UNDEFINED to GENERAL: what the image held is gone.
-fn discard(image: &Image, stage: vk::PipelineStageFlags2) -> vk::ImageMemoryBarrier2<'static> {
+pub(super) fn discard(image: &Image, stage: vk::PipelineStageFlags2) -> vk::ImageMemoryBarrier2<'static> {
     vk::ImageMemoryBarrier2::default()
         .src_stage_mask(stage)
         .dst_stage_mask(stage)
@@ -533,24 +311,18 @@ fn discard(image: &Image, stage: vk::PipelineStageFlags2) -> vk::ImageMemoryBarr
         })
 }
 
-/// One level, tightly packed at an offset of a buffer.
-fn region(image: &Image, mip: u32, offset: u64) -> vk::BufferImageCopy {
-    vk::BufferImageCopy {
-        buffer_offset: offset,
-        buffer_row_length: 0,
-        buffer_image_height: 0,
-        image_subresource: vk::ImageSubresourceLayers {
-            aspect_mask: aspect(image.format),
-            mip_level: mip,
-            base_array_layer: 0,
-            layer_count: 1,
-        },
-        image_offset: vk::Offset3D::default(),
-        image_extent: vk::Extent3D {
-            width: (image.width >> mip).max(1),
-            height: (image.height >> mip).max(1),
-            depth: 1,
-        },
+impl Drop for Cmd<'_> {
+    fn drop(&mut self) {
+        if self.open.get() {
+            // The frame was given up, by an error or a panic.
+            // SAFETY: the buffer is not pending: nothing of it was submitted since it began. Its pool allows resetting.
+            let reset = unsafe {
+                self.gpu.shared.device.reset_command_buffer(self.buffer, vk::CommandBufferResetFlags::empty())
+            };
+            log::debug!("a frame was given up: {reset:?}");
+        }
+        // After the submission has been counted, so that what is dropped in between lies long enough.
+        self.gpu.shared.recording.store(false, Ordering::SeqCst);
     }
 }
 

@@ -1,6 +1,7 @@
 //! Rendering scopes: what is drawn to, and the draws inside.
 
-use super::cmd::{Bind, Cmd};
+use super::bind::Bind;
+use super::cmd::Cmd;
 use super::hazards::Use;
 use super::{Buffer, Image, Pipeline};
 use ash::vk;

@@ -103,31 +103,25 @@ impl Gpu {
         let number = self.ring.frames.get();
         let mut slot = self.ring.slots[number as usize % FRAMES_IN_FLIGHT].borrow_mut();
         self.shared.wait_for(slot.done)?;
+        self.shared.collect();
         let waited = begin.elapsed();
         self.keep_times(&mut slot)?;
         slot.open(number, split, begin);
         slot.notes.work.push((Work::Wait, super::Span { begin_ms: 0.0, end_ms: waited.as_secs_f64() * 1e3 }));
-        let buffer = slot.buffer;
         let start = slot.notes.now();
         let cmd = Cmd::new(self, slot, split);
         cmd.begin()?;
         let recorded = record(&cmd);
         cmd.slot.borrow_mut().notes.worked(Work::Record, start);
-        if let Err(error) = cmd.error.take().map_or(recorded, Err) {
-            // Nothing of it has been submitted but what a split frame has waited for.
-            // SAFETY: the buffer is not pending; its pool allows resetting.
-            let reset =
-                unsafe { self.shared.device.reset_command_buffer(buffer, vk::CommandBufferResetFlags::empty()) };
-            log::debug!("a frame was given up: {reset:?}");
-            return Err(error);
-        }
+        // A frame that is given up leaves nothing but what a split one has submitted and waited for (`Drop for Cmd`).
+        cmd.error.take().map_or(recorded, Err)?;
         let value = cmd.submit()?;
         if split {
             cmd.wait_for(value)?;
         }
         cmd.slot.borrow_mut().done = value;
         self.ring.frames.set(number + 1);
-        Ok(Frame { number, value, problems: cmd.log.map_or_else(Vec::new, |log| log.into_inner().problems()) })
+        Ok(Frame { number, value, problems: cmd.log.as_ref().map_or_else(Vec::new, |log| log.take().problems()) })
     }
 
     /// Times of all frames that are done and have not been fetched, oldest first; never waits. Of more than 256 the
@@ -148,7 +142,9 @@ impl Gpu {
 
     /// Waits for everything submitted; then `finished_times` has every frame.
     pub fn wait(&self) -> Result<()> {
-        self.shared.wait()
+        self.shared.wait()?;
+        self.shared.collect();
+        Ok(())
     }
 
     /// Waits for a frame and fetches its times, which must not have been fetched yet.

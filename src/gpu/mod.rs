@@ -4,24 +4,36 @@
 //! GPUs. All unsafe code of the crate lies in this folder.
 #![allow(unsafe_code, reason = "Vulkan is called from here and only from here")]
 
+mod bind;
 mod cmd;
+mod copy;
+mod descriptors;
 mod device;
 mod draw;
 mod frames;
+mod graveyard;
 mod hazards;
+mod instance;
+mod layout;
 mod pipeline;
+mod raster;
 mod reflect;
+mod registry;
 mod resource;
 mod timer;
 
 pub use ash::vk::Format;
-pub use cmd::{Bind, Cmd};
-pub use device::{DeviceReport, Gpu, Options, Validation, devices};
+pub use bind::Bind;
+pub use cmd::Cmd;
+pub use device::{Gpu, Options};
 pub use draw::{Attach, Attachments, Draw, Load};
 pub use frames::Frame;
 pub use hazards::Use;
+pub use instance::{DeviceReport, Validation, devices};
+pub use pipeline::Pipeline;
 pub(crate) use pipeline::shader;
-pub use pipeline::{Attribute, Blend, Cull, Depth, Pipeline, Raster, Shape, Stream};
+pub use raster::{Attribute, Blend, Cull, Depth, Raster, Shape, Stream};
+pub use registry::{Counters, ResourceInfo, ResourceKind};
 pub use resource::{Buffer, Image, SamplerKind};
 pub use timer::{FrameTimes, Span, StageTime, Work, ZoneTime, nearest_rank, ticks_between};
 

@@ -1,11 +1,13 @@
 //! Buffers and images that know their name, size and format, and free themselves.
 
 use super::device::Shared;
+use super::graveyard::{Remains, lock};
+use super::registry::ResourceKind;
 use super::{Gpu, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
-use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::{AllocationError, MemoryLocation};
 use std::cell::OnceCell;
 use std::sync::Arc;
 
@@ -77,16 +79,23 @@ impl Shared {
             linear,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
-        let mut allocator = self.allocator.lock().expect("allocator");
-        allocator.as_mut().expect("alive").allocate(&desc).map_err(|e| Error::Vulkan {
+        let allocate = || lock(&self.allocator).as_mut().expect("alive").allocate(&desc);
+        let mut allocation = allocate();
+        if matches!(allocation, Err(AllocationError::OutOfMemory)) {
+            // What was dropped may be enough.
+            self.wait()?;
+            self.collect();
+            allocation = allocate();
+        }
+        allocation.map_err(|e| Error::Vulkan {
             what: format!("{name}: {} KiB", requirements.size / 1024),
             result: format!("{e}; ask for a smaller picture, RSM or shadow map, or for fewer caches"),
         })
     }
 
-    fn free(&self, allocation: Option<Allocation>) {
-        if let (Some(allocation), Ok(mut allocator)) = (allocation, self.allocator.lock())
-            && let Some(allocator) = allocator.as_mut()
+    pub(super) fn free(&self, allocation: Option<Allocation>) {
+        if let Some(allocation) = allocation
+            && let Some(allocator) = lock(&self.allocator).as_mut()
             && let Err(error) = allocator.free(allocation)
         {
             log::error!("freeing device memory: {error}");
@@ -163,6 +172,8 @@ impl Gpu {
         unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) }
             .map_err(vulkan(what()))?;
         buffer.allocation = Some(allocation);
+        let kind = if location == MemoryLocation::GpuOnly { ResourceKind::Buffer } else { ResourceKind::HostBuffer };
+        self.shared.register(buffer.id, name, kind, buffer.size);
         Ok(buffer)
     }
 
@@ -259,6 +270,7 @@ impl Gpu {
         // SAFETY: the image is bound; the view is destroyed in `Drop`.
         image.view = unsafe { device.create_image_view(&info, None) }.map_err(vulkan(what()))?;
         self.shared.name(image.view, name);
+        self.shared.register(image.id, name, ResourceKind::Image, image.bytes());
         Ok(image)
     }
 
@@ -352,26 +364,16 @@ pub(crate) fn aspect(format: vk::Format) -> vk::ImageAspectFlags {
 
 impl Drop for Buffer {
     fn drop(&mut self) {
-        self.shared.wait_to_drop();
-        // SAFETY: made from this device, and nothing submitted uses it after the wait; the view goes before its buffer.
-        unsafe {
-            if let Some(view) = self.texels.take() {
-                self.shared.device.destroy_buffer_view(view, None);
-            }
-            self.shared.device.destroy_buffer(self.handle, None);
-        }
-        self.shared.free(self.allocation.take());
+        self.shared.unregister(self.id);
+        let (handle, texels, memory) = (self.handle, self.texels.take(), self.allocation.take());
+        self.shared.bury(self.id, Remains::Buffer { handle, texels, memory });
     }
 }
 
 impl Drop for Image {
     fn drop(&mut self) {
-        self.shared.wait_to_drop();
-        // SAFETY: as for `Buffer`; the view goes before its image.
-        unsafe {
-            self.shared.device.destroy_image_view(self.view, None);
-            self.shared.device.destroy_image(self.handle, None);
-        }
-        self.shared.free(self.allocation.take());
+        self.shared.unregister(self.id);
+        let (handle, views, memory) = (self.handle, vec![self.view], self.allocation.take());
+        self.shared.bury(self.id, Remains::Image { handle, views, memory });
     }
 }

@@ -62,7 +62,7 @@ void main() {{
 }
 
 /// Compiles a compute shader with the options of `build.rs`.
-fn compile(source: &str) -> Result<Vec<u32>, shaderc::Error> {
+pub(crate) fn compile(source: &str) -> Result<Vec<u32>, shaderc::Error> {
     static COMPILER: LazyLock<shaderc::Compiler> = LazyLock::new(|| shaderc::Compiler::new().expect("shaderc"));
     let mut options = shaderc::CompileOptions::new()?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);

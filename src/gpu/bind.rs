@@ -1,0 +1,163 @@
+//! What shaders read and write: resources in the order of their bindings, and push constants.
+
+use super::cmd::Cmd;
+use super::graveyard::lock;
+use super::pipeline::Made;
+use super::resource::SamplerKind;
+use super::{Buffer, Image, Pipeline};
+use crate::error::Result;
+use ash::vk;
+
+/// A resource for one binding of a shader, in binding order.
+#[derive(Clone, Copy)]
+pub enum Bind<'a> {
+    /// A whole buffer.
+    Buffer(&'a Buffer),
+    /// Part of a buffer: offset and size [bytes].
+    Slice(&'a Buffer, u64, u64),
+    /// A buffer read as RGBA32F texels.
+    Texels(&'a Buffer),
+    /// An image read texel by texel.
+    Image(&'a Image),
+    /// A filtered texture.
+    Texture(&'a Image, SamplerKind),
+}
+
+impl<'a> From<&'a Buffer> for Bind<'a> {
+    fn from(buffer: &'a Buffer) -> Self {
+        Bind::Buffer(buffer)
+    }
+}
+
+impl<'a> From<&'a Image> for Bind<'a> {
+    fn from(image: &'a Image) -> Self {
+        Bind::Image(image)
+    }
+}
+
+/// What is copied of the bound pipeline, so that no lifetime leaks into the stages. Its handles live until the submission
+/// being recorded is done, also when the pipeline is dropped before.
+#[derive(Clone, Copy)]
+pub(super) struct Bound {
+    pub(super) name: &'static str,
+    pub(super) point: vk::PipelineBindPoint,
+    pub(super) group: [u32; 3],
+    layout: vk::PipelineLayout,
+    push_bytes: u32,
+    push_stages: vk::ShaderStageFlags,
+}
+
+/// Identity of what is bound.
+fn id(resource: &Bind<'_>) -> u64 {
+    match resource {
+        Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) => b.id,
+        Bind::Image(i) | Bind::Texture(i, _) => i.id,
+    }
+}
+
+impl Cmd<'_> {
+    /// Binds a pipeline and its resources, in the order of the shader's bindings.
+    pub fn bind(&self, pipeline: &Pipeline, resources: &[Bind<'_>]) {
+        if self.failed() {
+            return;
+        }
+        let pipeline = &*pipeline.0;
+        let (name, count) = (pipeline.name, pipeline.slots.len());
+        assert_eq!(resources.len(), count, "{name}: its shaders declare {count} bindings");
+        let mut key = self.key.borrow_mut();
+        key.clear();
+        key.push(pipeline.layout.id);
+        for (slot, resource) in pipeline.slots.iter().zip(resources) {
+            key.push(id(resource));
+            key.extend(match *resource {
+                Bind::Buffer(buffer) => [0, buffer.size],
+                Bind::Slice(_, offset, size) => [offset, size],
+                Bind::Texels(_) => [4, 0],
+                Bind::Image(_) => [1, 0],
+                Bind::Texture(_, kind) => {
+                    let wrap = kind.wrap.map(|w| w.as_raw() as u64);
+                    [2 + u64::from(kind.nearest), wrap[0] << 32 | wrap[1]]
+                }
+            });
+            for how in &slot.uses {
+                match resource {
+                    Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) => self.touch_buffer(b, *how),
+                    Bind::Image(i) | Bind::Texture(i, _) => self.touch_image(i, *how),
+                }
+            }
+        }
+        let shared = &self.gpu.shared;
+        let (point, layout) = (pipeline.point, pipeline.layout.handle);
+        // SAFETY: the buffer is recording; the pipeline lives until its submission is done (see `graveyard`).
+        unsafe { shared.device.cmd_bind_pipeline(self.buffer, point, pipeline.handle) };
+        if !resources.is_empty() {
+            let names = || std::iter::once(pipeline.layout.id).chain(resources.iter().map(id)).collect();
+            let write = |set| self.write_set(set, pipeline, resources);
+            let set = lock(&shared.descriptors).get(shared, &key, (name, pipeline.layout.set_layout), names, write);
+            match set {
+                // SAFETY: the set is of this layout; it goes with what it names, which lives until the submission is done.
+                Ok(set) => unsafe {
+                    shared.device.cmd_bind_descriptor_sets(self.buffer, point, layout, 0, &[set], &[]);
+                },
+                Err(error) => {
+                    self.error.borrow_mut().get_or_insert(error);
+                    return;
+                }
+            }
+        }
+        let Made { group, push_bytes, push_stages, .. } = *pipeline;
+        self.bound.set(Some(Bound { name, point, group, layout, push_bytes, push_stages }));
+    }
+
+    fn write_set(&self, set: vk::DescriptorSet, pipeline: &Made, resources: &[Bind<'_>]) -> Result<()> {
+        let nearest = SamplerKind { wrap: [vk::SamplerAddressMode::CLAMP_TO_EDGE; 2], nearest: true };
+        for (slot, resource) in pipeline.slots.iter().zip(resources) {
+            let write =
+                vk::WriteDescriptorSet::default().dst_set(set).dst_binding(slot.binding).descriptor_type(slot.kind);
+            let (buffer, image, texels);
+            let write = match *resource {
+                Bind::Buffer(b) => {
+                    let limit = u64::from(self.gpu.shared.limits.max_storage_buffer_range);
+                    if b.size > limit {
+                        return Err(self.gpu.too_large(format!("buffer {} needs {} bytes", b.name, b.size), limit));
+                    }
+                    buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset: 0, range: vk::WHOLE_SIZE }];
+                    write.buffer_info(&buffer)
+                }
+                Bind::Slice(b, offset, range) => {
+                    buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset, range }];
+                    write.buffer_info(&buffer)
+                }
+                Bind::Texels(b) => {
+                    texels = [self.gpu.texels(b)?];
+                    write.texel_buffer_view(&texels)
+                }
+                Bind::Image(i) | Bind::Texture(i, _) => {
+                    let kind = if let Bind::Texture(_, kind) = resource { *kind } else { nearest };
+                    let sampler = self.gpu.sampler(kind)?;
+                    image = [vk::DescriptorImageInfo {
+                        sampler,
+                        image_view: i.view,
+                        image_layout: vk::ImageLayout::GENERAL,
+                    }];
+                    write.image_info(&image)
+                }
+            };
+            // SAFETY: the set is fresh and not in use; the infos live to the end of the call.
+            unsafe { self.gpu.shared.device.update_descriptor_sets(&[write], &[]) };
+        }
+        Ok(())
+    }
+
+    /// Sets the push constants of the bound pipeline.
+    pub fn push<T: bytemuck::NoUninit>(&self, constants: &T) {
+        if self.failed() {
+            return;
+        }
+        let bound = self.bound.get().expect("bind before push");
+        let bytes = bytemuck::bytes_of(constants);
+        assert_eq!(bytes.len() as u32, bound.push_bytes, "{}: size of its push constants", bound.name);
+        // SAFETY: size and stages are those of the layout.
+        unsafe { self.gpu.shared.device.cmd_push_constants(self.buffer, bound.layout, bound.push_stages, 0, bytes) };
+    }
+}

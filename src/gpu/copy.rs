@@ -1,0 +1,120 @@
+//! Commands that copy, fill and update.
+
+use super::cmd::{Cmd, discard};
+use super::hazards::Use;
+use super::resource::{aspect, texel_bytes};
+use super::{Buffer, Image};
+use ash::vk;
+
+impl Cmd<'_> {
+    /// Copies the first `size` bytes of a buffer to another.
+    pub fn copy_buffer(&self, from: &Buffer, to: &Buffer, size: u64) {
+        if self.failed() {
+            return;
+        }
+        self.touch_buffer(from, Use::CopyRead);
+        self.touch_buffer(to, Use::CopyWrite);
+        let regions = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }];
+        // SAFETY: both are alive and at least `size` long (callers pass a buffer's own size).
+        unsafe { self.gpu.shared.device.cmd_copy_buffer(self.buffer, from.handle, to.handle, &regions) };
+    }
+
+    /// Fills a buffer with zeros.
+    pub fn clear(&self, buffer: &Buffer) {
+        if self.failed() {
+            return;
+        }
+        self.touch_buffer(buffer, Use::CopyWrite);
+        // SAFETY: the buffer is alive and made with transfer usage.
+        unsafe { self.gpu.shared.device.cmd_fill_buffer(self.buffer, buffer.handle, 0, vk::WHOLE_SIZE, 0) };
+    }
+
+    /// Writes into a buffer, by way of the command buffer: for what changes from frame to frame.
+    pub fn update<T: bytemuck::NoUninit>(&self, to: &Buffer, first_byte: u64, data: &[T]) {
+        /// Most bytes of one such command.
+        const MOST: usize = 65_536;
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        assert!(first_byte.is_multiple_of(4) && bytes.len().is_multiple_of(4), "{}: whole words", to.name);
+        assert!(first_byte + bytes.len() as u64 <= to.size, "{}: {} bytes at {first_byte}", to.name, bytes.len());
+        if self.failed() || bytes.is_empty() {
+            return;
+        }
+        self.touch_buffer(to, Use::CopyWrite);
+        for (i, part) in bytes.chunks(MOST).enumerate() {
+            let offset = first_byte + (i * MOST) as u64;
+            // SAFETY: the buffer is alive, and offset and size, both of whole words, lie within it by the assertion above.
+            unsafe { self.gpu.shared.device.cmd_update_buffer(self.buffer, to.handle, offset, part) };
+        }
+    }
+
+    /// Copies an image, tightly packed, into a buffer.
+    pub fn copy_image_to_buffer(&self, from: &Image, to: &Buffer) {
+        if self.failed() {
+            return;
+        }
+        self.touch_image(from, Use::CopyRead);
+        self.touch_buffer(to, Use::CopyWrite);
+        let regions = [region(from, 0, 0)];
+        // SAFETY: the buffer holds `width * height` texels (made so by the caller); the image is in GENERAL.
+        unsafe {
+            self.gpu.shared.device.cmd_copy_image_to_buffer(
+                self.buffer,
+                from.handle,
+                vk::ImageLayout::GENERAL,
+                to.handle,
+                &regions,
+            );
+        }
+    }
+
+    /// Fills all levels of a fresh texture from a buffer that holds them one after the other.
+    pub(crate) fn copy_buffer_to_texture(&self, from: &Buffer, to: &Image) {
+        if self.failed() {
+            return;
+        }
+        let barriers = [discard(to, vk::PipelineStageFlags2::COPY)];
+        self.pipeline_barrier(&vk::DependencyInfo::default().image_memory_barriers(&barriers));
+        self.touch_buffer(from, Use::CopyRead);
+        self.touch_image(to, Use::CopyWrite);
+        let mut offset = 0;
+        let regions: Vec<_> = (0..to.mips)
+            .map(|mip| {
+                let here = region(to, mip, offset);
+                offset +=
+                    u64::from(here.image_extent.width) * u64::from(here.image_extent.height) * texel_bytes(to.format);
+                here
+            })
+            .collect();
+        // SAFETY: the buffer holds all levels; the image is in GENERAL since the barrier above.
+        unsafe {
+            self.gpu.shared.device.cmd_copy_buffer_to_image(
+                self.buffer,
+                from.handle,
+                to.handle,
+                vk::ImageLayout::GENERAL,
+                &regions,
+            );
+        }
+    }
+}
+
+/// One level, tightly packed at an offset of a buffer.
+fn region(image: &Image, mip: u32, offset: u64) -> vk::BufferImageCopy {
+    vk::BufferImageCopy {
+        buffer_offset: offset,
+        buffer_row_length: 0,
+        buffer_image_height: 0,
+        image_subresource: vk::ImageSubresourceLayers {
+            aspect_mask: aspect(image.format),
+            mip_level: mip,
+            base_array_layer: 0,
+            layer_count: 1,
+        },
+        image_offset: vk::Offset3D::default(),
+        image_extent: vk::Extent3D {
+            width: (image.width >> mip).max(1),
+            height: (image.height >> mip).max(1),
+            depth: 1,
+        },
+    }
+}

@@ -1,0 +1,183 @@
+//! Graphics pipelines: what the caller states besides the shaders.
+
+use super::pipeline::{Pipeline, specialization, spirv};
+use super::resource::is_depth;
+use super::{Gpu, reflect};
+use crate::error::Result;
+use ash::vk;
+
+/// What happens to a fragment's colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Blend {
+    /// It replaces the old one.
+    Replace,
+    /// It is added.
+    Add,
+}
+
+/// Depth test; depth is reversed, 1 near and 0 far.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// No depth attachment.
+    None,
+    /// The nearest wins and is written.
+    Nearest,
+    /// Only fragments behind what is there: where nothing is, nothing is drawn. Writes no depth.
+    Behind,
+}
+
+/// Which sides of triangles are drawn.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cull {
+    /// The front alone.
+    Back,
+    /// Both.
+    None,
+}
+
+/// What vertices are put together to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shape {
+    /// Three make a triangle.
+    Triangles,
+    /// Each is a point of one pixel.
+    Points,
+}
+
+/// A vertex attribute: location, format, offset in its stream.
+pub type Attribute = (u32, vk::Format, u32);
+
+/// Vertices of one buffer: stride and attributes.
+#[derive(Clone, Copy, Debug)]
+pub struct Stream<'a> {
+    /// Bytes from one vertex to the next.
+    pub stride: u32,
+    /// What each vertex holds.
+    pub attributes: &'a [Attribute],
+}
+
+/// A graphics pipeline to be made.
+#[derive(Clone, Copy, Debug)]
+pub struct Raster<'a> {
+    /// Vertex shader's file name; names the pipeline unless there is a fragment shader.
+    pub vertex: &'static str,
+    /// Fragment shader's file name; `None` for depth alone.
+    pub fragment: Option<&'static str>,
+    /// What vertices make.
+    pub shape: Shape,
+    /// Vertex buffers, in binding order.
+    pub streams: &'a [Stream<'a>],
+    /// Formats of the colour attachments.
+    pub colors: &'a [vk::Format],
+    /// What happens to colours.
+    pub blend: Blend,
+    /// Depth attachment (D32) and test.
+    pub depth: Depth,
+    /// Which sides are drawn.
+    pub cull: Cull,
+    /// Specialisation constants 0, 1, ... of both shaders.
+    pub constants: &'a [u32],
+}
+
+impl Gpu {
+    /// A graphics pipeline.
+    pub fn raster(&self, raster: &Raster<'_>) -> Result<Pipeline> {
+        self.kept(format!("{raster:?}"), || self.make_raster(raster))
+    }
+
+    fn make_raster(&self, raster: &Raster<'_>) -> Result<Pipeline> {
+        let name = raster.fragment.unwrap_or(raster.vertex);
+        let mut codes = vec![(vk::ShaderStageFlags::VERTEX, spirv(raster.vertex))];
+        codes.extend(raster.fragment.map(|f| (vk::ShaderStageFlags::FRAGMENT, spirv(f))));
+        let interfaces: Vec<_> = codes.iter().map(|(stage, code)| (*stage, reflect::interface(code))).collect();
+        let declared = self.declared(name, &interfaces)?;
+        let (entries, bytes) = specialization(raster.constants);
+        let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
+        let modules =
+            codes.iter().map(|(stage, code)| Ok((*stage, self.module(name, code)?))).collect::<Result<Vec<_>>>()?;
+        let stages: Vec<_> = modules
+            .iter()
+            .map(|(stage, module)| {
+                vk::PipelineShaderStageCreateInfo::default()
+                    .stage(*stage)
+                    .module(*module)
+                    .name(c"main")
+                    .specialization_info(&special)
+            })
+            .collect();
+        let mut bindings = Vec::new();
+        let mut attributes = Vec::new();
+        for (binding, stream) in raster.streams.iter().enumerate() {
+            let binding = binding as u32;
+            bindings.push(vk::VertexInputBindingDescription {
+                binding,
+                stride: stream.stride,
+                input_rate: vk::VertexInputRate::VERTEX,
+            });
+            attributes.extend(stream.attributes.iter().map(|&(location, format, offset)| {
+                vk::VertexInputAttributeDescription { location, binding, format, offset }
+            }));
+        }
+        let input = vk::PipelineVertexInputStateCreateInfo::default()
+            .vertex_binding_descriptions(&bindings)
+            .vertex_attribute_descriptions(&attributes);
+        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(match raster.shape {
+            Shape::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
+            Shape::Points => vk::PrimitiveTopology::POINT_LIST,
+        });
+        let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+        let rasterization = vk::PipelineRasterizationStateCreateInfo::default()
+            .polygon_mode(vk::PolygonMode::FILL)
+            .cull_mode(if raster.cull == Cull::Back { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE })
+            .line_width(1.0);
+        let samples =
+            vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
+        let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+            .depth_test_enable(raster.depth != Depth::None)
+            .depth_write_enable(raster.depth == Depth::Nearest)
+            .depth_compare_op(match raster.depth {
+                Depth::Behind => vk::CompareOp::LESS,
+                Depth::Nearest | Depth::None => vk::CompareOp::GREATER,
+            });
+        let blend = vk::PipelineColorBlendAttachmentState {
+            blend_enable: (raster.blend == Blend::Add).into(),
+            src_color_blend_factor: vk::BlendFactor::ONE,
+            dst_color_blend_factor: vk::BlendFactor::ONE,
+            color_blend_op: vk::BlendOp::ADD,
+            src_alpha_blend_factor: vk::BlendFactor::ONE,
+            dst_alpha_blend_factor: vk::BlendFactor::ONE,
+            alpha_blend_op: vk::BlendOp::ADD,
+            color_write_mask: vk::ColorComponentFlags::RGBA,
+        };
+        let blends = vec![blend; raster.colors.len()];
+        let blending = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
+        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::FRONT_FACE];
+        let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
+        assert!(!raster.colors.iter().any(|f| is_depth(*f)), "{name}: depth format among the colours");
+        let mut rendering =
+            vk::PipelineRenderingCreateInfo::default().color_attachment_formats(raster.colors).depth_attachment_format(
+                if raster.depth == Depth::None { vk::Format::UNDEFINED } else { vk::Format::D32_SFLOAT },
+            );
+        let info = vk::GraphicsPipelineCreateInfo::default()
+            .stages(&stages)
+            .vertex_input_state(&input)
+            .input_assembly_state(&assembly)
+            .viewport_state(&viewport)
+            .rasterization_state(&rasterization)
+            .multisample_state(&samples)
+            .depth_stencil_state(&depth)
+            .color_blend_state(&blending)
+            .dynamic_state(&dynamic)
+            .layout(declared.layout.handle)
+            .push_next(&mut rendering);
+        // SAFETY: all chained structs live to the end of the call; the modules may go once the pipeline is made.
+        let made = unsafe {
+            let made = self.shared.device.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None);
+            for (_, module) in &modules {
+                self.shared.device.destroy_shader_module(*module, None);
+            }
+            made
+        };
+        self.pipeline(name, declared, vk::PipelineBindPoint::GRAPHICS, made)
+    }
+}
