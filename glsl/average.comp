@@ -46,7 +46,7 @@ void main() {
     for (uint round = 0u; round < 2u && any(lobes); ++round) {
         for (uint i = 0u; i < REFERENCES; ++i) {
             if (indices[i] != NO_REFERENCES) {
-                take(a, x, caches[indices[i]], proxies[indices[i]], round > 0u, lobes);
+                take(a, x, caches[indices[i]], proxies[push.first_proxy + indices[i]], round > 0u, lobes);
             }
         }
         lobes = left_over(a);

@@ -128,7 +128,7 @@ void resolve(uint first_slot) {
             add_part(s, parts[part * push.cache_count + slot], GLOSSY != 0u);
         }
         uint cache = live[slot];
-        proxies[cache] = proxy_of(caches[cache], s, push.eye, GLOSSY != 0u, SPREAD != 0u);
+        proxies[push.first_proxy + cache] = proxy_of(caches[cache], s, push.eye, GLOSSY != 0u, SPREAD != 0u);
     }
 }
 #endif

@@ -105,7 +105,7 @@ VertexLight light_at(DrawRecord draw, uint first_index) {
             }
             Cache c = caches[cache];
             if (round > 0u || (distance(x.position, c.position) < x.d_max && dot(x.normal, c.normal) > 0.0)) {
-                take(a, x, c, proxies[cache], round > 0u, lobes);
+                take(a, x, c, proxies[push.first_proxy + cache], round > 0u, lobes);
             }
         }
         lobes = left_over(a);

@@ -135,7 +135,7 @@ void main() {
 #endif
     bool is_own = slot < count && i < push.cache_count;
     Cache c = caches[min(i, push.cache_count - 1u)];
-    Proxy p = proxies[min(i, push.cache_count - 1u)];
+    Proxy p = proxies[push.first_proxy + min(i, push.cache_count - 1u)];
     SeenLight diffuse = light_of(c, p.diffuse_position, p.diffuse_distance2);
     SeenLight glossy = diffuse;
     if (GLOSSY != 0u) {
@@ -164,9 +164,9 @@ void main() {
     covers[1][gl_LocalInvocationID.y][gl_LocalInvocationID.x] = found[1];
     barrier();
     if (gl_LocalInvocationID.y == 0u && is_own) {
-        proxies[i].diffuse_irradiance = p.diffuse_irradiance * left(together(0u, gl_LocalInvocationID.x), diffuse);
+        proxies[push.first_proxy + i].diffuse_irradiance = p.diffuse_irradiance * left(together(0u, gl_LocalInvocationID.x), diffuse);
         if (GLOSSY != 0u) {
-            proxies[i].glossy_irradiance = p.glossy_irradiance * left(together(1u, gl_LocalInvocationID.x), glossy);
+            proxies[push.first_proxy + i].glossy_irradiance = p.glossy_irradiance * left(together(1u, gl_LocalInvocationID.x), glossy);
         }
     }
 }

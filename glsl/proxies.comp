@@ -91,5 +91,5 @@ void main() {
         return;
     }
 #endif
-    proxies[i] = proxy_of(caches[i], sums_of(slot), push.eye, GLOSSY != 0u, SPREAD != 0u);
+    proxies[push.first_proxy + i] = proxy_of(caches[i], sums_of(slot), push.eye, GLOSSY != 0u, SPREAD != 0u);
 }

@@ -442,6 +442,7 @@ struct VisibleCellsPush {
 // Push constants of the pass that averages the lights of vertices.
 struct AveragePush {
     vec4 eye; // as in DrawPush
+    uint first_proxy; // of the eye
 };
 
 // Push constants of the passes that shade pixels.
@@ -449,6 +450,7 @@ struct InterpolatePush {
     mat4 clip_from_world;
     vec4 eye; // as in DrawPush
     float reach; // distance of the farthest cache that a pixel refers to, where it does so itself
+    uint first_proxy; // of the eye
 };
 
 // Push constants of the pass that draws references into the atlas.
@@ -480,6 +482,7 @@ struct GatherPush {
     uint split; // VALs that one thread of the compute path adds up
     uint columns; // of blocks of the fragment path's images
     uint cache_parts; // parts before the primary lights': what caches send to caches
+    uint first_proxy; // of the eye
     vec4 eye; // as in DrawPush
 };
 
@@ -494,6 +497,7 @@ struct BouncePush {
 struct OccludePush {
     uint cache_count;
     uint group_count;
+    uint first_proxy; // of the eye
 };
 
 // Push constants of the gather by clusters.

@@ -4,13 +4,14 @@ use crate::cli::{fails, folder, left};
 use crate::common::frames::{SPOT, baked, corner, small};
 use crate::common::{assert_clean, gpu};
 use glam::{DVec3, Vec3};
-use lightskin::frame::{GatherSettings, Gi, Settings, View};
+use lightskin::frame::View;
 use lightskin::lab::bench::contexts::{FLOP_PER_PAIR, light_and_caches};
 use lightskin::lab::bench::measure::{World, bake, settings, too_large};
 use lightskin::lab::bench::native;
 use lightskin::lab::bench::scaling::{Growth, Point};
 use lightskin::lab::bench::table::{Cell, Table, exponent, power_law};
 use lightskin::lab::bench::{self, Extent, simd, thesis};
+use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::lab::scenes::valley;
 use lightskin::lab::shot;
 use lightskin::reference::gather::val_geometry;
@@ -68,7 +69,7 @@ struct Gathered {
     proxies: Vec<shared::Proxy>,
 }
 
-fn gathered(scene: &Scene, set: &lightskin::bake::CacheSet, settings: &Settings) -> Gathered {
+fn gathered(scene: &Scene, set: &lightskin::bake::CacheSet, settings: &Knobs) -> Gathered {
     let gpu = gpu();
     let world = World::new(&gpu, scene, Some(set)).expect("uploaded");
     let frame = world.frame(settings).expect("a frame");
@@ -76,7 +77,7 @@ fn gathered(scene: &Scene, set: &lightskin::bake::CacheSet, settings: &Settings)
     assert_eq!(times.problems, [""; 0]);
     assert!(times.frame() > times.stage("gather").expect("a gather"));
     let (vals, caches) = light_and_caches(&gpu, &frame.targets).expect("read back");
-    let proxies = &frame.targets.caches.as_ref().expect("caches").proxies;
+    let proxies = &frame.light.caches().expect("caches").proxies;
     let mut proxies: Vec<shared::Proxy> = gpu.read(proxies).expect("read back");
     proxies.truncate(caches.len());
     assert_clean(&gpu);
@@ -87,7 +88,7 @@ fn gathered(scene: &Scene, set: &lightskin::bake::CacheSet, settings: &Settings)
 /// A corner under three kinds of light, whose VALs and caches fill neither tiles nor registers.
 fn odd_corner(exponent: f32) -> Gathered {
     let scene = corner(&[SPOT, LightKind::Point, LightKind::Directional], exponent);
-    let all = gathered(&scene, &baked(&scene, 0.5, 8), &Settings { rsm: 33, ..small() });
+    let all = gathered(&scene, &baked(&scene, 0.5, 8), &Knobs { rsm: 33, ..small() });
     assert!(
         all.vals.len().is_multiple_of(2) && !all.vals.len().is_multiple_of(256) && !all.caches.len().is_multiple_of(16)
     );

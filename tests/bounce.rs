@@ -2,7 +2,8 @@
 
 use glam::{DAffine3, DVec3, Vec3, dvec3};
 use lightskin::bake::CacheSet;
-use lightskin::frame::{Frame, GatherPath, GatherSettings, SceneBuffers, Settings};
+use lightskin::frame::World;
+use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::reference::bounce::{self, Patch};
 use lightskin::reference::gather::Cache;
 use lightskin::reference::path_trace::{self, PathTrace};
@@ -86,7 +87,7 @@ fn bounces_are_the_twins() {
     let scene = corner(&[SPOT, LightKind::Point, LightKind::Directional], 40.0);
     let caches = baked(&scene, 0.3, 8);
     for bounces in [2, 3, 5] {
-        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, ..small() });
+        let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..small() });
         let all = patches(&scene, &caches, &shot);
         let twins = bounce::irradiances(&all, &shot.vals, bounces);
         let first = bounce::irradiances(&all, &shot.vals, 1);
@@ -109,7 +110,7 @@ fn light_in_a_closed_box_is_the_geometric_series() {
         for (spacing, bound) in [(0.4, 0.08), (0.2, 0.05)] {
             let caches = baked(&scene, spacing, 8);
             for bounces in [1, 2, 8] {
-                let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, rsm: 96, ..small() });
+                let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, rsm: 96, ..small() });
                 let all = patches(&scene, &caches, &shot);
                 let series: f64 = (1..=bounces).map(|k| f64::from(albedo).powi(k as i32)).sum();
                 let share = arriving(&all, &shot.sums[0]) / (phi * series);
@@ -133,7 +134,7 @@ fn white_walls_never_make_light() {
     let phi = 4.0 * PI * f64::from(scene.lights[0].intensity);
     let caches = baked(&scene, 0.4, 8);
     let brightest = |bounces: u32| {
-        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, ..small() });
+        let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..small() });
         let all = patches(&scene, &caches, &shot);
         let sum = arriving(&all, &shot.sums[0]);
         (shot.sums[0].iter().map(|e| e.x).fold(0.0, f64::max), sum)
@@ -156,10 +157,10 @@ fn white_walls_never_make_light() {
 fn pictures_converge_to_paths_of_as_many_bounces() {
     let gpu = gpu();
     let scene = cube(0.6, dvec3(0.11, 0.23, -0.17));
-    let settings = Settings { size: [32, 32], rsm: 96, ..small() };
+    let settings = Knobs { size: [32, 32], rsm: 96, ..small() };
     let caches = baked(&scene, 0.2, 8);
     for bounces in [1, 2, 4] {
-        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, ..settings });
+        let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..settings });
         let paths = path_trace::Settings { size: settings.size, bounces, ..path_trace::Settings::default() };
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &paths);
         (0..8).for_each(|_| paths.pass());
@@ -196,8 +197,8 @@ fn albedos_are_means_of_what_a_cache_stands_for() {
     scene.materials[1] =
         Material { metallic: 0.5, base_color: glam::Vec4::splat(0.4), ior: 1.0, ..Material::default() };
     let caches = baked(&scene, 0.5, 8);
-    let mut buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("upload");
-    let refused = Frame::new(&gpu, &scene, &buffers, &Settings { bounces: 2, ..small() }).err().expect("no albedos");
+    let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("upload");
+    let refused = Frame::new(&gpu, &scene, &buffers, &Knobs { bounces: 2, ..small() }).err().expect("no albedos");
     assert!(refused.to_string().contains("add_albedos"), "{refused}");
     buffers.add_albedos(&gpu, &scene, &caches).expect("albedos");
     let all: Vec<Vec3> = gpu.read(buffers.cache_albedos().expect("made")).expect("read");
@@ -213,7 +214,7 @@ fn albedos_are_means_of_what_a_cache_stands_for() {
     assert!(floor.iter().all(|a| (a.x / mean.x - 1.0).abs() < 0.6));
     assert!(wall.iter().all(|a| a.distance(Vec3::splat(0.2)) < 1e-5), "{wall:?}");
 
-    let fragment = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
-    let refused = Frame::new(&gpu, &scene, &buffers, &Settings { bounces: 2, gather: fragment, ..small() });
+    let fragment = Path::DRAWS;
+    let refused = Frame::new(&gpu, &scene, &buffers, &Knobs { bounces: 2, gather: fragment, ..small() });
     assert!(refused.err().expect("by compute alone").to_string().contains("compute path"));
 }

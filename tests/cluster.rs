@@ -4,8 +4,9 @@ use glam::{DVec3, Vec3, dvec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::pyramid::Pyramid as OnDevice;
 use lightskin::frame::rsm::Rsm;
-use lightskin::frame::{Cluster, Frame, GatherPath, GatherSettings, Live, SceneBuffers, Settings, View};
+use lightskin::frame::{ClusterRule, Counts, View, World};
 use lightskin::gpu::Gpu;
+use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::lab::shot;
 use lightskin::reference::cluster::{Cut, GROUP, Node, Pyramid, Rule, Share};
 use lightskin::reference::gather::{self, Cache, Gathered, gather};
@@ -18,14 +19,14 @@ use crate::common::{assert_clean, gpu};
 use crate::gather::WEIGHTS;
 
 /// The device's nodes and VALs of one frame with RSMs of 24 texels a side, and the sides of all views.
-fn on_device(scene: &Scene, settings: &Settings) -> (Vec<ClusterNode>, Vec<Val>, Vec<usize>, DVec3) {
+fn on_device(scene: &Scene, settings: &Knobs) -> (Vec<ClusterNode>, Vec<Val>, Vec<usize>, DVec3) {
     let gpu = gpu();
     let caches = baked(scene, 1.0, 8);
-    let buffers = SceneBuffers::new(&gpu, scene, Some(&caches)).expect("buffers");
+    let buffers = World::new(&gpu, scene, Some(&caches)).expect("buffers");
     let frame = Frame::new(&gpu, scene, &buffers, settings).expect("a frame");
     let stage = Rsm::new(&gpu, settings.proxy_weight, false).expect("stage 4");
     let pyramid = OnDevice::new(&gpu, &buffers, settings.rsm).expect("a pyramid");
-    let rsm = frame.targets.rsm.as_ref().expect("VALs");
+    let rsm = frame.light.rsm.as_ref().expect("VALs");
     let drawn = gpu.frame(false, |cmd| {
         cmd.begin_frame(frame.targets.images());
         stage.record(cmd, &buffers, &vec![true; buffers.lights().len()], false, rsm, None);
@@ -70,7 +71,7 @@ fn the_devices_nodes_are_the_references() {
     let one = corner(&[SPOT], 20.0);
     for (scene, rsm) in [(&several, 24), (&far, 24), (&one, 1), (&one, 2), (&one, 33)] {
         for (of_frame, of_reference) in WEIGHTS {
-            let settings = Settings { rsm, proxy_weight: of_frame, ..small() };
+            let settings = Knobs { rsm, proxy_weight: of_frame, ..small() };
             let (nodes, vals, sizes, origin) = on_device(scene, &settings);
             let twin = Pyramid::new(&vals, &sizes, of_reference);
             assert_eq!(nodes.len(), twin.nodes.len());
@@ -289,9 +290,9 @@ fn blended_light_does_not_jump() {
 const GROUP_OF_ATLAS: usize = shared::CLUSTER_GROUP as usize;
 
 /// One frame with a rule, and how many pairs it took.
-fn clustered(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> (Shot, Live) {
+fn clustered(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Shot, Live) {
     let shot = shoot(gpu, scene, Some(caches), settings);
-    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("buffers");
+    let buffers = World::new(gpu, scene, Some(caches)).expect("buffers");
     let frame = Frame::new(gpu, scene, &buffers, settings).expect("a frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     // A second frame is as good as the first one: nothing of that is left.
@@ -303,12 +304,12 @@ fn clustered(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -
         assert_eq!(drawn.expect("drawn").problems, [""; 0]);
     }
     let (again, first) =
-        (gpu.read_image::<[u32; 4]>(&frame.targets.indirect.as_ref().expect("light").diffuse), &shot.diffuse);
+        (gpu.read_image::<[u32; 4]>(&frame.picture.indirect.as_ref().expect("light").diffuse), &shot.diffuse);
     let again =
         again.expect("read").into_iter().map(|p| Vec3::from_array([p[0], p[1], p[2]].map(f32::from_bits)).as_dvec3());
     assert!(again.eq(first.iter().copied()), "the same frame, the same bits");
     assert_clean(gpu);
-    (shot, frame.live(gpu).expect("counts"))
+    (shot, frame.light.counts(gpu).expect("counts"))
 }
 
 /// Irradiance of all caches and of those that differ from the twin by more than `share` of the mean.
@@ -333,13 +334,13 @@ fn the_devices_groups_receive_what_the_references_do() {
         for far in [false, true] {
             let (scene, sizes, caches) = lit_world(far);
             let rules = [
-                (Cluster::Distance(2.0), Rule::Distance(2.0), 0.3),
-                (Cluster::Distance(6.0), Rule::Distance(6.0), 0.3),
-                (Cluster::Error(0.1), Rule::Bound(f64::from(0.1_f32)), 0.5),
-                (Cluster::Error(0.01), Rule::Bound(f64::from(0.01_f32)), 0.5),
+                (ClusterRule::Distance(2.0), Rule::Distance(2.0), 0.3),
+                (ClusterRule::Distance(6.0), Rule::Distance(6.0), 0.3),
+                (ClusterRule::Error(0.1), Rule::Bound(f64::from(0.1_f32)), 0.5),
+                (ClusterRule::Error(0.01), Rule::Bound(f64::from(0.01_f32)), 0.5),
             ];
             for (of_frame, rule, spread) in rules {
-                let settings = Settings { rsm: 40, cluster: Some(of_frame), ..small() };
+                let settings = Knobs { rsm: 40, cluster: Some(of_frame), ..small() };
                 let (shot, live) = clustered(&gpu, &scene, &caches, &settings);
                 let twin = Pyramid::new(&shot.vals, &sizes, gather::ProxyWeight::Irradiance);
                 let cut = Cut { rule, spread: f64::from(spread as f32), blend: 1.0 };
@@ -376,10 +377,10 @@ fn the_devices_groups_receive_what_the_references_do() {
 fn without_tolerance_the_device_gathers_every_val() {
     let gpu = gpu();
     let (scene, _, caches) = lit_world(false);
-    let settings = Settings { rsm: 40, ..small() };
+    let settings = Knobs { rsm: 40, ..small() };
     let all = shoot(&gpu, &scene, Some(&caches), &settings);
-    for rule in [Cluster::Distance(1e30), Cluster::Error(0.0)] {
-        let (shot, live) = clustered(&gpu, &scene, &caches, &Settings { cluster: Some(rule), ..settings });
+    for rule in [ClusterRule::Distance(1e30), ClusterRule::Error(0.0)] {
+        let (shot, live) = clustered(&gpu, &scene, &caches, &Knobs { cluster: Some(rule), ..settings });
         assert!(live.pairs > 0);
         for lobe in 0..2 {
             assert_eq!(against(&shot.sums[lobe], &all.sums[lobe], 1e-5), 0, "{rule:?}");
@@ -396,10 +397,10 @@ fn culling_changes_no_bit_with_clusters() {
     let (mut scene, _, _) = lit_world(false);
     let caches = baked(&scene, 0.12, 8);
     scene.cameras[0] = camera(dvec3(0.7, 0.9, 0.6), dvec3(-0.3, 0.0, -0.6), 0.3);
-    for rule in [Cluster::Distance(4.0), Cluster::Error(0.02)] {
-        let settings = Settings { rsm: 40, cluster: Some(rule), ..small() };
+    for rule in [ClusterRule::Distance(4.0), ClusterRule::Error(0.02)] {
+        let settings = Knobs { rsm: 40, cluster: Some(rule), ..small() };
         let (without, all) = clustered(&gpu, &scene, &caches, &settings);
-        let (with, lit) = clustered(&gpu, &scene, &caches, &Settings { cull: true, ..settings });
+        let (with, lit) = clustered(&gpu, &scene, &caches, &Knobs { cull: true, ..settings });
         eprintln!("{rule:?}: {} of {} caches, {} of {} pairs", lit.caches, all.caches, lit.pairs, all.pairs);
         assert!(lit.caches < all.caches && lit.pairs < all.pairs, "something is culled");
         assert!(with.diffuse == without.diffuse && with.glossy == without.glossy, "{rule:?}: pictures differ");
@@ -411,9 +412,9 @@ fn culling_changes_no_bit_with_clusters() {
 fn draws_know_no_clusters() {
     let gpu = gpu();
     let (scene, _, caches) = lit_world(false);
-    let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("buffers");
-    let gather = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
-    let settings = Settings { gather, cluster: Some(Cluster::Distance(4.0)), ..small() };
+    let buffers = World::new(&gpu, &scene, Some(&caches)).expect("buffers");
+    let gather = Path::DRAWS;
+    let settings = Knobs { gather, cluster: Some(ClusterRule::Distance(4.0)), ..small() };
     let error = Frame::new(&gpu, &scene, &buffers, &settings).err().expect("refused").to_string();
     assert!(error.contains("compute path"), "{error}");
 }

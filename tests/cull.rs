@@ -9,8 +9,9 @@ use lightskin::frame::cull::Cull;
 use lightskin::frame::gbuffer::GBuffer;
 use lightskin::frame::targets::CacheTargets;
 use lightskin::frame::visible::Visible;
-use lightskin::frame::{Cluster, Frame, GatherPath, GatherSettings, SceneBuffers, Settings, View};
+use lightskin::frame::{ClusterRule, View, World};
 use lightskin::gpu::{Gpu, Use};
+use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::lab::shot::{seen, small};
 use lightskin::lab::worlds::{SPOT, baked, camera, corner};
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
@@ -20,10 +21,10 @@ use lightskin::shared::{CLUSTER_GROUP, LiveArgs, TEXEL_CACHES};
 use crate::common::frames::{drawn, indirect};
 use crate::common::{assert_clean, gpu};
 
-const PATHS: [GatherPath; 2] = [GatherPath::Fragment, GatherPath::Compute];
+const PATHS: [GatherPath; 2] = [Path::DRAWS, Path::Compute];
 
-fn settings(path: GatherPath) -> Settings {
-    Settings { cull: true, gather: GatherSettings { path, ..GatherSettings::default() }, ..small() }
+fn settings(path: GatherPath) -> Knobs {
+    Knobs { cull: true, gather: GatherSettings { path, ..GatherSettings::default() }, ..small() }
 }
 
 /// Atlas indices of the caches that the last frame has lit.
@@ -45,11 +46,11 @@ fn live(gpu: &Gpu, caches: &CacheTargets) -> BTreeSet<usize> {
 }
 
 /// Caches in a row of the atlas that are lit with one that is needed.
-fn together(settings: &Settings) -> usize {
+fn together(settings: &Knobs) -> usize {
     match (settings.gather.path, settings.cluster) {
-        (GatherPath::Fragment, _) => TEXEL_CACHES as usize,
-        (GatherPath::Compute, Some(_)) => CLUSTER_GROUP as usize,
-        (GatherPath::Compute, None) => 1,
+        (Path::DRAWS, _) => TEXEL_CACHES as usize,
+        (Path::Compute, Some(_)) => CLUSTER_GROUP as usize,
+        (Path::Compute, None) => 1,
     }
 }
 
@@ -91,8 +92,8 @@ fn needed(scene: &Scene, caches: &CacheSet, size: [u32; 2]) -> (BTreeSet<usize>,
 #[test]
 fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
     let gpu = gpu();
-    let clusters = Settings { cluster: Some(Cluster::Distance(4.0)), ..settings(GatherPath::Compute) };
-    let ways = [settings(GatherPath::Compute), settings(GatherPath::Fragment), clusters];
+    let clusters = Knobs { cluster: Some(ClusterRule::Distance(4.0)), ..settings(Path::Compute) };
+    let ways = [settings(Path::Compute), settings(Path::DRAWS), clusters];
     for (references, eye) in [(8, dvec3(1.41, 1.53, 2.07)), (16, dvec3(0.43, 0.71, 0.52))] {
         let mut scene = corner(&[SPOT], 40.0);
         let caches = baked(&scene, 0.12, references).expect("bakes");
@@ -106,10 +107,10 @@ fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
         assert!(!first.is_subset(second) && !second.is_subset(first), "each needs caches of its own");
         assert!(seen.iter().any(|(_, (_, hidden))| *hidden > 0), "caches on hidden faces count, too");
         for way in ways {
-            let settings = Settings { references, ..way };
-            let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+            let settings = Knobs { references, ..way };
+            let buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
             let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
-            let targets = frame.targets.caches.as_ref().expect("caches");
+            let targets = frame.light.caches().expect("caches");
             let (all, together) = (targets.count as usize, together(&settings));
             for (camera, (needed, hidden)) in &seen {
                 let expected = match together {
@@ -125,7 +126,7 @@ fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
                 let found = live(&gpu, targets);
                 let apart: Vec<_> = found.symmetric_difference(&expected).collect();
                 assert!(apart.is_empty(), "{together} together, {references} references: {apart:?} on one side alone");
-                assert_eq!(frame.live(&gpu).expect("counts").caches as usize, expected.len());
+                assert_eq!(frame.light.counts(&gpu).expect("counts").caches as usize, expected.len());
                 let (lit, needed) = (expected.len(), needed.len());
                 eprintln!("{together} together: {lit} of {all} caches for {needed}, {hidden} of them on hidden faces");
                 assert!(lit < all && (lit > needed) == (together > 1));
@@ -136,11 +137,11 @@ fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
 }
 
 /// Direct and both indirect layers, bit by bit.
-fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> (Vec<Vec<[u32; 4]>>, [usize; 2]) {
+fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec<Vec<[u32; 4]>>, [usize; 2]) {
     let frame = drawn(gpu, scene, caches, settings);
     let all = indirect(gpu, &frame);
-    let count = frame.targets.caches.as_ref().expect("caches").count as usize;
-    (all, [frame.live(gpu).expect("counts").caches as usize, count])
+    let count = frame.light.caches().expect("caches").count as usize;
+    (all, [frame.light.counts(gpu).expect("counts").caches as usize, count])
 }
 
 #[test]
@@ -158,9 +159,9 @@ fn culling_changes_no_bit_of_a_picture() {
     for (scene, spacing) in worlds {
         let caches = baked(&scene, spacing, 8).expect("bakes");
         for path in PATHS {
-            let culled = Settings { size: [96, 64], ..settings(path) };
+            let culled = Knobs { size: [96, 64], ..settings(path) };
             let (with, [lit, all]) = layers(&gpu, &scene, &caches, &culled);
-            let (without, _) = layers(&gpu, &scene, &caches, &Settings { cull: false, ..culled });
+            let (without, _) = layers(&gpu, &scene, &caches, &Knobs { cull: false, ..culled });
             eprintln!("{} by {path:?}: {lit} of {all} caches", scene.name);
             assert!(lit < all, "something is culled");
             assert!(with == without, "{} by {path:?}: pictures differ", scene.name);
@@ -188,7 +189,7 @@ fn of_several_views_every_one_is_served() {
     assert!(!views[0].is_subset(&views[1]) && !views[1].is_subset(&views[0]), "both views need caches of their own");
     for path in PATHS {
         let settings = settings(path);
-        let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        let buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
         let frames = [(); 2].map(|()| Frame::new(&gpu, &scene, &buffers, &settings).expect("made"));
         let (gbuffer, cull) = (GBuffer::new(&gpu, &frames[0].plan), Cull::new(&gpu, &settings, settings.references));
         let (gbuffer, cull) = (gbuffer.expect("made"), cull.expect("made"));

@@ -1,7 +1,8 @@
 //! Surfaces that emit light caches and pixels: absolute irradiance in closed form, energy, one-sidedness, the path tracer.
 
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, dvec3, vec3};
-use lightskin::frame::{Cluster, Gi, SceneBuffers, Settings};
+use lightskin::frame::{ClusterRule, World};
+use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::disc::polygon_form_factor;
 use lightskin::reference::path_trace::{self, PathTrace, Sources};
 use lightskin::scene::build::quad;
@@ -43,7 +44,7 @@ fn a_lamps_irradiance_is_the_closed_form() {
     eprintln!("caches: worst {worst:.5}");
     assert!(worst < 2e-3, "{worst}");
     for (gi, bound) in [(Gi::BruteForce, 2e-3), (Gi::LightSkin, 0.02)] {
-        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { gi, ..small() });
+        let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { gi, ..small() });
         let (mut off, mut sum) = (0.0, 0.0);
         for s in lightskin::lab::shot::seen(&scene, small().size).iter().filter(|s| s.instance == 0) {
             let exact = exact(s.position, s.normal) * dvec3(0.7, 0.5, 0.3) / PI;
@@ -75,7 +76,7 @@ fn patches_carry_all_the_light_of_textures_many_triangles_and_mirrored_instances
     let mut mirrored = scene.instances[1].clone();
     mirrored.world_from_model = DAffine3::from_scale(dvec3(-2.0, 1.0, 1.0)) * mirrored.world_from_model;
     scene.instances.push(mirrored);
-    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    let buffers = World::new(&gpu, &scene, None).expect("upload");
     let flux: Vec3 = buffers.emitters.iter().map(|v| v.flux).sum();
     let exact = PI as f32 * 10.0 * 0.5 * 0.24 * 3.0;
     eprintln!("{} patches, {flux} lm of {exact}", buffers.emitters.len());
@@ -89,7 +90,7 @@ fn patches_carry_all_the_light_of_textures_many_triangles_and_mirrored_instances
     scene.instances.pop();
     add(&mut scene, fine, shining, DAffine3::IDENTITY);
     let triangles = scene.meshes[2].triangle_count();
-    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    let buffers = World::new(&gpu, &scene, None).expect("upload");
     let flux: f32 = buffers.emitters.iter().map(|v| v.flux.x).sum();
     let middle: Vec3 = buffers.emitters.iter().map(|v| v.position * v.flux.x).sum::<Vec3>() / flux;
     let middle = middle.as_dvec3() + buffers.origin;
@@ -111,10 +112,10 @@ fn emitters_light_a_room_as_paths_do() {
     add(&mut scene, lamp, shining, DAffine3::IDENTITY);
     defaults::complete(&mut scene);
     assert!(scene.lights.is_empty());
-    let settings = Settings { size: [32, 32], ..small() };
+    let settings = Knobs { size: [32, 32], ..small() };
     let caches = baked(&scene, 0.2, 8);
     for bounces in [1, 3] {
-        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { bounces, ..settings });
+        let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..settings });
         let paths = path_trace::Settings {
             size: settings.size,
             bounces: bounces - 1,
@@ -147,7 +148,7 @@ fn clusters_hold_emitters_too() {
     let scene = lamp_over_floor(vec3(30.0, 20.0, 10.0));
     let caches = baked(&scene, 0.3, 8);
     let all = shoot(&gpu, &scene, Some(&caches), &small());
-    let by = shoot(&gpu, &scene, Some(&caches), &Settings { cluster: Some(Cluster::Distance(8.0)), ..small() });
+    let by = shoot(&gpu, &scene, Some(&caches), &Knobs { cluster: Some(ClusterRule::Distance(8.0)), ..small() });
     let off: f64 = all.sums[0].iter().zip(&by.sums[0]).map(|(a, b)| a.distance(*b)).sum();
     let sum: f64 = all.sums[0].iter().map(|a| a.length()).sum();
     eprintln!("clusters: {:.5}", off / sum);

@@ -3,7 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::dvec3;
-use lightskin::frame::{Gi, Settings};
+use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::monte_carlo::one_bounce_irradiance;
 use lightskin::scene::build::{CornellSurface, cornell};
 
@@ -15,7 +15,7 @@ fn indirect_light_on_the_cornell_walls_is_what_random_paths_bring() {
     let gpu = gpu();
     // Two triangles a wall: by brute force no vertex matters, and the paths try every triangle.
     let scene = cornell(CornellSurface::Diffuse, 2.0);
-    let settings = Settings { size: [64, 64], gi: Gi::BruteForce, rsm: 96, ..small() };
+    let settings = Knobs { size: [64, 64], gi: Gi::BruteForce, rsm: 96, ..small() };
     let shot = shoot(&gpu, &scene, None, &settings);
     let triangles: Vec<_> = triangles(&scene).into_iter().map(|(triangle, _)| triangle).collect();
     let seen = seen(&scene, settings.size);

@@ -61,7 +61,7 @@ fn clusters_are_measured_by_their_rule() {
     let scene = cornell(CornellSurface::Glossy, 0.2);
     let set = [caches(&scene)];
     let [none, fine, coarse] = [None, Some(1e6), Some(1.0)].map(|radii| {
-        let job = Job { cluster: radii.map(Cluster::Distance), ..job(&scene, &[32], 1.0) };
+        let job = Job { cluster: radii.map(ClusterRule::Distance), ..job(&scene, &[32], 1.0) };
         measure(&gpu, &scene, &set, Motion::Light, &job, &|_, _| {}).expect("measured")[0].figures
     });
     let of_truth = |f: &Figures| [f.vals_own, f.change[1], f.tremble[1], f.of_mean[1]];

@@ -2,12 +2,10 @@
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use lightskin::bake::{self, CacheSet, Density};
-use lightskin::frame::{
-    Cluster, Exposure, Frame, GatherPath, GatherSettings, Gi, Interpolation, Level, ProxyWeight, SceneBuffers,
-    Settings, Shadows, View,
-};
+use lightskin::frame::{ClusterRule, Exposure, Interpolation, ProxyWeight, Shadows, View, World};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::image::broken_values;
+use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::scene::build::{CornellSurface, cornell};
 use lightskin::scene::{Camera, Light, LightKind, Projection, Scene};
 
@@ -28,12 +26,12 @@ fn caches(scene: &Scene, references: usize) -> CacheSet {
 }
 
 /// Records a frame twice and gives the values of its three radiance images.
-fn render(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Vec<f32> {
+fn render(gpu: &Gpu, scene: &Scene, settings: &Knobs) -> Vec<f32> {
     let mut caches = (settings.gi == Gi::LightSkin).then(|| caches(scene, settings.references));
     if settings.level == Level::Texel {
         caches = caches.map(|caches| caches.with_cells(scene).expect("cells"));
     }
-    let mut buffers = SceneBuffers::new(gpu, scene, caches.as_ref()).expect("upload");
+    let mut buffers = World::new(gpu, scene, caches.as_ref()).expect("upload");
     if let Some(caches) = caches.as_ref().filter(|_| settings.bounces > 1) {
         buffers.add_albedos(gpu, scene, caches).expect("albedos");
     }
@@ -78,15 +76,8 @@ fn every_plan_is_clean() {
                         // A holed material takes the other shadow pipeline.
                         scene.materials[0].alpha_cutoff = Some(0.5);
                     }
-                    let settings = Settings {
-                        size: [16, 16],
-                        gi,
-                        references,
-                        rsm: 16,
-                        shadow_map: 48,
-                        exposure,
-                        ..Settings::default()
-                    };
+                    let settings =
+                        Knobs { size: [16, 16], gi, references, rsm: 16, shadow_map: 48, exposure, ..Knobs::default() };
                     let values = render(&gpu, &scene, &settings);
                     assert_eq!(broken_values(&values), 0, "{settings:?}");
                     let lit = values.iter().any(|v| *v > 0.0);
@@ -107,17 +98,17 @@ fn shadows_bounces_levels_and_ways_go_together() {
     for shadows in [Shadows::Off, Shadows::Proxy, Shadows::PerLight] {
         for bounces in [1, 3] {
             for level in [Level::Vertex, Level::Texel] {
-                for path in [GatherPath::Fragment, GatherPath::Compute] {
-                    for cluster in [None, Some(Cluster::Distance(6.0))] {
+                for path in [Path::DRAWS, Path::Compute] {
+                    for cluster in [None, Some(ClusterRule::Distance(6.0))] {
                         let by_compute = bounces > 1 || shadows == Shadows::PerLight;
-                        let refused = (path == GatherPath::Fragment && (by_compute || cluster.is_some()))
+                        let refused = (path == Path::DRAWS && (by_compute || cluster.is_some()))
                             || (by_compute && cluster.is_some());
                         if refused {
                             continue;
                         }
                         let gather = GatherSettings { path, ..GatherSettings::default() };
                         let (size, rsm, shadow_map) = ([16, 16], 16, 48);
-                        let settings = Settings {
+                        let settings = Knobs {
                             size,
                             rsm,
                             shadow_map,
@@ -126,7 +117,7 @@ fn shadows_bounces_levels_and_ways_go_together() {
                             bounces,
                             level,
                             cluster,
-                            ..Settings::default()
+                            ..Knobs::default()
                         };
                         let values = render(&gpu, &scene, &settings);
                         assert_eq!(broken_values(&values), 0, "{settings:?}");
@@ -152,14 +143,8 @@ fn other_kernels_weights_and_cameras_are_clean() {
     };
     for interpolation in [Interpolation::Facing, Interpolation::Printed] {
         for proxy_weight in [ProxyWeight::Irradiance, ProxyWeight::FormFactor] {
-            let settings = Settings {
-                size: [24, 16],
-                rsm: 20,
-                shadow_map: 64,
-                interpolation,
-                proxy_weight,
-                ..Settings::default()
-            };
+            let settings =
+                Knobs { size: [24, 16], rsm: 20, shadow_map: 64, interpolation, proxy_weight, ..Knobs::default() };
             let values = render(&gpu, &scene, &settings);
             assert_eq!(broken_values(&values), 0, "{settings:?}");
             assert!(values.iter().any(|v| *v > 0.0));
@@ -183,7 +168,7 @@ fn slivers_and_opposed_normals_leave_no_bad_value() {
         }
     }
     for gi in [Gi::LightSkin, Gi::BruteForce] {
-        let settings = Settings { size: [64, 64], gi, rsm: 32, shadow_map: 64, ..Settings::default() };
+        let settings = Knobs { size: [64, 64], gi, rsm: 32, shadow_map: 64, ..Knobs::default() };
         assert_eq!(broken_values(&render(&gpu, &scene, &settings)), 0, "{gi:?}");
     }
     assert_eq!(gpu.messages(), [] as [String; 0]);
@@ -191,7 +176,7 @@ fn slivers_and_opposed_normals_leave_no_bad_value() {
 
 #[test]
 fn two_renders_are_bit_identical() {
-    let settings = Settings { size: [48, 32], rsm: 32, shadow_map: 128, ..Settings::default() };
+    let settings = Knobs { size: [48, 32], rsm: 32, shadow_map: 128, ..Knobs::default() };
     let scene = cornell(CornellSurface::Glossy, 0.2);
     let [one, other] = [(); 2].map(|()| render(&open(), &scene, &settings));
     assert!(one == other, "the same device and scene give the same bits");

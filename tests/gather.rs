@@ -3,7 +3,8 @@
 use glam::{DAffine3, DVec3, Mat4, Vec3, dvec3};
 use lightskin::frame::gather::Gather;
 use lightskin::frame::targets::{CacheTargets, ValTargets};
-use lightskin::frame::{Frame, GatherSettings, ProxyWeight, SceneBuffers, Settings, View, tune};
+use lightskin::frame::{ProxyWeight, View, World, tune};
+use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::lab::shot;
 use lightskin::reference::gather::{self, Lobe, luminance, val_geometry};
 use lightskin::reference::phong::{Material, cos_power, mirrored_view};
@@ -36,7 +37,7 @@ fn cast(scene: &Scene, shot: &Shot) -> Vec<Val> {
 fn vals_of_every_kind_of_light_are_the_references() {
     let gpu = gpu();
     // Form-factor weights, so that a VAL that should not be there is seen by its weight.
-    let settings = Settings { rsm: 40, proxy_weight: ProxyWeight::FormFactor, ..small() };
+    let settings = Knobs { rsm: 40, proxy_weight: ProxyWeight::FormFactor, ..small() };
     let wide = LightKind::Spot { inner: 1.2, outer: 1.4 }; // six views
     for kind in [SPOT, LightKind::Spot { inner: 0.5, outer: 0.5 }, wide, LightKind::Point, LightKind::Directional] {
         let mut scene = corner(&[kind], 40.0);
@@ -141,7 +142,7 @@ fn proxies_of_every_cache_are_the_references() {
         let scene = corner(&[SPOT, LightKind::Point, LightKind::Directional], exponent);
         let caches = baked(&scene, 0.5, 8);
         for (weight, twin) in WEIGHTS {
-            let shot = shoot(&gpu, &scene, Some(&caches), &Settings { proxy_weight: weight, ..small() });
+            let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { proxy_weight: weight, ..small() });
             let [diffuse, glossy] = assert_gathered(&scene, &shot, twin);
             eprintln!("k {exponent}, {twin:?}: {} caches, diffuse {diffuse:e}, glossy {glossy:e}", shot.caches.len());
             let lit = |lobe: fn(&Gathered) -> &Lobe| shot.proxies.iter().filter(|p| lobe(p).lit).count();
@@ -247,8 +248,8 @@ fn vals_without_light_are_closed_up() {
     // A cone that leaves most texels dark, and a texel count that is no multiple of a block.
     let scene = corner(&[LightKind::Spot { inner: 0.2, outer: 0.3 }, LightKind::Point], 40.0);
     let gather = GatherSettings { split: 256, ..GatherSettings::default() };
-    let settings = Settings { rsm: 45, cull: false, gather, ..small() };
-    let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked(&scene, 0.5, 8))).expect("uploaded");
+    let settings = Knobs { rsm: 45, cull: false, gather, ..small() };
+    let buffers = World::new(&gpu, &scene, Some(&baked(&scene, 0.5, 8))).expect("uploaded");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
     let camera = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
@@ -256,7 +257,7 @@ fn vals_without_light_are_closed_up() {
         Ok(())
     });
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-    let vals = &frame.targets.rsm.as_ref().expect("VALs").vals;
+    let vals = &frame.light.rsm.as_ref().expect("VALs").vals;
     let all: Vec<shared::Val> = gpu.read(&vals.all).expect("read");
     let live: Vec<shared::Val> = gpu.read(&vals.live).expect("read");
     let count = gpu.read::<u32>(&vals.live_count).expect("read")[0] as usize;
@@ -265,9 +266,9 @@ fn vals_without_light_are_closed_up() {
     assert_eq!(live[..count], lit[..], "in their order");
     let dark = &live[count..count.next_multiple_of(shared::VAL_TILE as usize)];
     assert!(!dark.is_empty() && dark.iter().all(|v| v.flux == Vec3::ZERO && v.weight == 0.0 && v.area == 1.0));
-    assert_eq!(frame.live(&gpu).expect("counts").vals as usize, count);
+    assert_eq!(frame.light.counts(&gpu).expect("counts").vals as usize, count);
     // Without culling the gather's dispatch follows from their number: dark ones have no part.
-    let caches = frame.targets.caches.as_ref().expect("caches");
+    let caches = frame.light.caches().expect("caches");
     let args = gpu.read::<shared::LiveArgs>(&caches.live.as_ref().expect("compute path").args).expect("read")[0];
     assert_eq!([args.cache_count, args.groups_y], [caches.count, count.div_ceil(256) as u32]);
     assert!(args.groups_y < all.len().div_ceil(256) as u32);

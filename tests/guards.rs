@@ -3,8 +3,9 @@
 use std::f64::consts::TAU;
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
-use lightskin::frame::{Interpolation, Settings};
+use lightskin::frame::Interpolation;
 use lightskin::lab::hard_cases::difference;
+use lightskin::lab::knobs::Knobs;
 use lightskin::lab::worlds::one_cache;
 use lightskin::reference::gather::{Gathered, Lobe};
 use lightskin::reference::phong::cos_power;
@@ -17,9 +18,9 @@ use crate::gather::WEIGHTS;
 
 const SCHEMES: [Interpolation; 2] = [Interpolation::Facing, Interpolation::Printed];
 
-/// Settings of every proxy weight and interpolation.
-fn variants() -> impl Iterator<Item = Settings> {
-    let of = |(weight, _)| SCHEMES.map(|s| Settings { proxy_weight: weight, interpolation: s, ..small() });
+/// Knobs of every proxy weight and interpolation.
+fn variants() -> impl Iterator<Item = Knobs> {
+    let of = |(weight, _)| SCHEMES.map(|s| Knobs { proxy_weight: weight, interpolation: s, ..small() });
     WEIGHTS.into_iter().flat_map(of)
 }
 
@@ -64,7 +65,7 @@ fn one_val_alone_is_reproduced_exactly() {
     let gpu = gpu();
     for (settings, k) in variants().flat_map(|s| [(s, 1.0), (s, 40.0)]) {
         let scene = corner(&[SPOT], k);
-        let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.5, 8)), &Settings { rsm: 1, ..settings });
+        let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.5, 8)), &Knobs { rsm: 1, ..settings });
         let [val] = shot.vals[..] else { panic!("one VAL") };
         let mut lit = 0;
         for (cache, proxies) in shot.caches.iter().zip(&shot.proxies) {
@@ -201,7 +202,7 @@ fn caches_with_all_vals_behind_them_are_dark() {
 fn one_cache_lights_its_whole_surface_and_no_other() {
     let gpu = gpu();
     let scene = corner(&[SPOT], 10.0);
-    for settings in variants().flat_map(|s| [8, 16].map(|references| Settings { references, ..s })) {
+    for settings in variants().flat_map(|s| [8, 16].map(|references| Knobs { references, ..s })) {
         // In the middle of a face, and on a vertex, which has no farther cache to measure by.
         for position in [vec3(0.1, 0.0, 0.2), vec3(0.0, 0.0, 0.0)] {
             let shot = shoot(&gpu, &scene, Some(&one_cache(&scene, settings.references, position, Vec3::Y)), &settings);
@@ -225,7 +226,7 @@ fn a_cache_that_lies_on_a_val_is_lit_by_the_others() {
         scene.lights[0].direction = Vec3::NEG_Y;
         scene.lights[1].direction = Vec3::NEG_X;
         let scene = placed(&scene, scale, DVec3::ZERO);
-        for settings in variants().map(|settings| Settings { rsm: 1, ..settings }) {
+        for settings in variants().map(|settings| Knobs { rsm: 1, ..settings }) {
             // The cache is put where the device has found the VAL.
             let caches = |position: DVec3| one_cache(&scene, 8, (position / scale).as_vec3(), Vec3::Y);
             let under = shoot(&gpu, &scene, Some(&caches(DVec3::ZERO)), &settings).vals[0].position;

@@ -5,7 +5,8 @@
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{CacheSet, NO_CACHE};
-use lightskin::frame::{Gi, Interpolation, Settings};
+use lightskin::frame::Interpolation;
+use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::gather::{Cache, Gathered};
 use lightskin::reference::interpolate::{Interpolated, Scheme, interpolate, shade};
 use lightskin::reference::light::direct_irradiance;
@@ -54,7 +55,7 @@ fn material(s: &Seen, scene: &Scene, shot: &Shot) -> Reflection {
 fn the_g_buffer_keeps_reflectances_as_halves() {
     let gpu = gpu();
     let scene = corner(&[SPOT], 30.0);
-    let settings = Settings { gi: Gi::Off, ..small() };
+    let settings = Knobs { gi: Gi::Off, ..small() };
     let shot = shoot(&gpu, &scene, None, &settings);
     // The last bit of a half is 1e-3 of the number, and devices may cut off.
     let twins = |of: fn(&Reflection) -> DVec3| -> Vec<_> {
@@ -142,7 +143,7 @@ fn interpolated_pictures_are_the_references() {
             for (interpolation, scheme) in
                 [(Interpolation::Facing, Scheme::Facing), (Interpolation::Printed, Scheme::Printed)]
             {
-                let settings = Settings { references: count, interpolation, ..small() };
+                let settings = Knobs { references: count, interpolation, ..small() };
                 let shot = shoot(&gpu, &scene, Some(&caches), &settings);
                 let unlit = shot.proxies.iter().filter(|p| !p.diffuse.lit).count();
                 assert!(unlit > 20 && unlit < shot.proxies.len() / 2, "{unlit} caches unlit");
@@ -162,7 +163,7 @@ fn surfaces_with_fewer_caches_than_references_use_those_they_have() {
     assert!(caches.models.iter().all(|m| (2..16).contains(&m.caches.len()) && m.references.contains(&NO_CACHE)));
     for (interpolation, scheme) in [(Interpolation::Facing, Scheme::Facing), (Interpolation::Printed, Scheme::Printed)]
     {
-        let settings = Settings { references: 16, interpolation, ..small() };
+        let settings = Knobs { references: 16, interpolation, ..small() };
         let shot = shoot(&gpu, &scene, Some(&caches), &settings);
         let [diffuse, glossy] = interpolated(&scene, &caches, &shot, settings.size, scheme);
         assert_picture(&shot.diffuse, &diffuse, 1e-4, &format!("few caches, diffuse, {scheme:?}"));
@@ -179,7 +180,7 @@ fn where_all_weights_vanish_the_device_falls_back_like_the_reference() {
     caches.models[0].caches.iter_mut().for_each(|cache| cache.normal = Vec3::NEG_X);
     for (interpolation, scheme) in [(Interpolation::Facing, Scheme::Facing), (Interpolation::Printed, Scheme::Printed)]
     {
-        let settings = Settings { interpolation, ..small() };
+        let settings = Knobs { interpolation, ..small() };
         let shot = shoot(&gpu, &scene, Some(&caches), &settings);
         let [diffuse, _] = interpolated(&scene, &caches, &shot, settings.size, scheme);
         assert_picture(&shot.diffuse, &diffuse, 1e-4, &format!("fallback, {scheme:?}"));
@@ -193,7 +194,7 @@ fn brute_force_pictures_are_the_references() {
     let gpu = gpu();
     for k in [1.0, 40.0, 500.0] {
         let scene = corner(&[SPOT, LightKind::Point], k);
-        let settings = Settings { gi: Gi::BruteForce, ..small() };
+        let settings = Knobs { gi: Gi::BruteForce, ..small() };
         let shot = shoot(&gpu, &scene, None, &settings);
         let eye = scene.cameras[0].world_from_camera.translation;
         let (mut diffuse, mut glossy) = (Vec::new(), Vec::new());
@@ -239,7 +240,7 @@ fn direct_light_is_the_references_in_lux_and_candela() {
     ] {
         let mut scene = floor(kind);
         scene.lights[0].range = range;
-        let settings = Settings { gi: Gi::Off, ..small() };
+        let settings = Knobs { gi: Gi::Off, ..small() };
         let shot = shoot(&gpu, &scene, None, &settings);
         let eye = scene.cameras[0].world_from_camera.translation;
         let radiance = |s: &Seen| {
@@ -263,7 +264,7 @@ fn shadows_are_black_and_what_is_lit_is_not_dimmed() {
         let tile = quad(vec3(-0.3, 0.4, -0.3), Vec3::Z * 0.6, Vec3::X * 0.6, 0.6);
         add(&mut scene, tile, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
         // Shadows shrink by some of the map's texels; these are small against the 5 cm that are left out.
-        let settings = Settings { gi: Gi::Off, shadow_map: 1536, ..small() };
+        let settings = Knobs { gi: Gi::Off, shadow_map: 1536, ..small() };
         let shot = shoot(&gpu, &scene, None, &settings);
         let (mut dark, mut bright) = (0, 0);
         for s in seen(&scene, settings.size).iter().filter(|s| s.instance == 0) {

@@ -3,8 +3,9 @@
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet};
-use lightskin::frame::{Frame, GatherPath, GatherSettings, Gi, Level, SceneBuffers, Settings, Shadows, View};
+use lightskin::frame::{Shadows, View, World};
 use lightskin::gpu::Gpu;
+use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::lab::worlds::{SPOT, add, camera, corner, phong};
 use lightskin::scene::build::sphere;
 use lightskin::scene::deform::{Bind, Deform, Displacement, Follower, Influence, Pose};
@@ -74,7 +75,7 @@ pub(crate) fn bend(scene: &mut Scene, turn: f64, bulge: f32) {
     pose.weights[0] = bulge;
 }
 
-fn record(gpu: &Gpu, frame: &Frame, buffers: &SceneBuffers, scene: &Scene, size: [u32; 2]) {
+fn record(gpu: &Gpu, frame: &Frame, buffers: &World, scene: &Scene, size: [u32; 2]) {
     let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, buffers, &view);
@@ -99,7 +100,7 @@ fn poses_are_those_of_the_host() {
     let mut scene = world();
     let caches = baked(&scene, 0.3, 8);
     let settings = small();
-    let mut buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
     for step in 0..6 {
         bend(&mut scene, 0.4 * f64::from(step), 0.3 * step as f32);
@@ -107,7 +108,7 @@ fn poses_are_those_of_the_host() {
         scene.instances[BALL].world_from_model.matrix3 *= 1.1;
         buffers.update(&scene).expect("the same scene");
         record(&gpu, &frame, &buffers, &scene, settings.size);
-        let found: Vec<Cache> = gpu.read(&frame.targets.caches.as_ref().expect("caches").atlas).expect("read");
+        let found: Vec<Cache> = gpu.read(&frame.light.caches().expect("caches").atlas).expect("read");
         let mut at = 0;
         for (i, model) in caches.instance_model.iter().enumerate() {
             let model = &caches.models[*model];
@@ -160,8 +161,8 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
         defaults::complete(&mut scene);
         let settings = bake::Settings { density: bake::Density::Count(60), angle: 1.0, references: 8 };
         let caches = bake::bake(&scene, &settings, &|_, _| {}).expect("bakes");
-        let settings = Settings { size: [16, 16], rsm: 8, shadow_map: 16, ..small() };
-        let mut buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        let settings = Knobs { size: [16, 16], rsm: 8, shadow_map: 16, ..small() };
+        let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
         let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
         let spans: Vec<(f64, f64)> = scene.animations().map(|(_, begin, end)| (begin, end)).collect();
         let (mut vertices, mut of_caches) = (0.0_f64, 0.0_f64);
@@ -170,7 +171,7 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
                 scene.pose(animation, begin + (end - begin) * f64::from(step) / 19.0);
                 buffers.update(&scene).expect("the same scene");
                 record(&gpu, &frame, &buffers, &scene, settings.size);
-                let atlas: Vec<Cache> = gpu.read(&frame.targets.caches.as_ref().expect("caches").atlas).expect("read");
+                let atlas: Vec<Cache> = gpu.read(&frame.light.caches().expect("caches").atlas).expect("read");
                 let mut at = 0;
                 for (i, instance) in scene.instances.iter().enumerate() {
                     let mesh = &scene.meshes[instance.mesh];
@@ -246,7 +247,7 @@ fn edit(scene: &mut Scene, random: &mut Random) {
 }
 
 /// Edits a scene and draws it with what stands still left out, and from scratch.
-fn walk(settings: Settings, steps: usize, seed: u64) {
+fn walk(settings: Knobs, steps: usize, seed: u64) {
     let gpu = gpu();
     let mut scene = world();
     let mut caches = baked(&scene, 0.3, 8);
@@ -255,14 +256,14 @@ fn walk(settings: Settings, steps: usize, seed: u64) {
     }
     let caches: Option<&CacheSet> = (settings.gi == Gi::LightSkin).then_some(&caches);
     let upload = |scene: &Scene| {
-        let mut buffers = SceneBuffers::new(&gpu, scene, caches).expect("uploaded");
+        let mut buffers = World::new(&gpu, scene, caches).expect("uploaded");
         if let Some(caches) = caches.filter(|_| settings.bounces > 1) {
             buffers.add_albedos(&gpu, scene, caches).expect("uploaded");
         }
         buffers
     };
     let mut buffers = upload(&scene);
-    let frame = Frame::new(&gpu, &scene, &buffers, &Settings { reuse: true, ..settings }).expect("made");
+    let frame = Frame::new(&gpu, &scene, &buffers, &Knobs { reuse: true, ..settings }).expect("made");
     let mut random = Random(seed);
     let mut skipped = std::collections::BTreeSet::new();
     let mut scratch = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
@@ -273,7 +274,7 @@ fn walk(settings: Settings, steps: usize, seed: u64) {
         }
         buffers.update(&scene).expect("the same scene");
         record(&gpu, &frame, &buffers, &scene, settings.size);
-        skipped.insert(frame.skipped());
+        skipped.insert(frame.light.skipped());
         let anew = upload(&scene);
         if step % 10 == 5 {
             scratch = Frame::new(&gpu, &scene, &anew, &settings).expect("made");
@@ -281,15 +282,15 @@ fn walk(settings: Settings, steps: usize, seed: u64) {
         record(&gpu, &scratch, &anew, &scene, settings.size);
         assert!(scratch.skipped().is_empty());
         assert!(layers(&gpu, &frame) == layers(&gpu, &scratch), "step {step} differs");
-        let lit = [&frame, &scratch].map(|frame| frame.live(&gpu).expect("counts").caches);
+        let lit = [&frame, &scratch].map(|frame| frame.light.counts(&gpu).expect("counts").caches);
         assert_eq!(lit[0], lit[1], "caches lit at step {step}");
     }
     assert!(skipped.len() >= 2, "{skipped:?}");
     assert_clean(&gpu);
 }
 
-fn with(shadows: Shadows) -> Settings {
-    Settings { shadows, size: [48, 32], rsm: 24, shadow_map: 64, ..small() }
+fn with(shadows: Shadows) -> Knobs {
+    Knobs { shadows, size: [48, 32], rsm: 24, shadow_map: 64, ..small() }
 }
 
 #[test]
@@ -299,11 +300,11 @@ fn two_hundred_edits_leave_nothing_stale() {
 
 #[test]
 fn edits_leave_nothing_stale_in_any_kind_of_frame() {
-    let fragment = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
+    let fragment = Path::DRAWS;
     walk(with(Shadows::Proxy), 30, 1);
-    walk(Settings { cull: false, ..with(Shadows::Off) }, 30, 2);
-    walk(Settings { gather: fragment, ..with(Shadows::Off) }, 30, 3);
-    walk(Settings { bounces: 3, ..with(Shadows::Off) }, 30, 4);
-    walk(Settings { gi: Gi::BruteForce, ..with(Shadows::Off) }, 30, 5);
-    walk(Settings { gi: Gi::Off, ..with(Shadows::Off) }, 30, 6);
+    walk(Knobs { cull: false, ..with(Shadows::Off) }, 30, 2);
+    walk(Knobs { gather: fragment, ..with(Shadows::Off) }, 30, 3);
+    walk(Knobs { bounces: 3, ..with(Shadows::Off) }, 30, 4);
+    walk(Knobs { gi: Gi::BruteForce, ..with(Shadows::Off) }, 30, 5);
+    walk(Knobs { gi: Gi::Off, ..with(Shadows::Off) }, 30, 6);
 }

@@ -3,9 +3,10 @@
 use glam::Vec3;
 use lightskin::bake::{self, Density};
 use lightskin::frame::check::{Broken, Check};
-use lightskin::frame::{Frame, SceneBuffers, Settings, View};
+use lightskin::frame::{View, World};
 use lightskin::gpu::{Gpu, Options, Use, Validation};
 use lightskin::image::broken_values;
+use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell};
 use lightskin::shared::{Cache, OccludePush};
@@ -95,8 +96,8 @@ fn bad_values_are_counted() {
 /// What the check finds in a frame of this scene.
 fn check(gpu: &Gpu, scene: &Scene) -> (Vec<Broken>, usize) {
     let caches = bake::bake(scene, &CACHES, &|_, _| {}).expect("bake");
-    let buffers = SceneBuffers::new(gpu, scene, Some(&caches)).expect("upload");
-    let settings = Settings { size: [70, 50], rsm: 20, shadow_map: 64, ..Settings::default() };
+    let buffers = World::new(gpu, scene, Some(&caches)).expect("upload");
+    let settings = Knobs { size: [70, 50], rsm: 20, shadow_map: 64, ..Knobs::default() };
     let frame = Frame::new(gpu, scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
@@ -105,7 +106,7 @@ fn check(gpu: &Gpu, scene: &Scene) -> (Vec<Broken>, usize) {
     });
     assert_eq!(drawn.expect("frame").problems, [""; 0]);
     let found = Check::new(gpu).expect("check").count(gpu, &frame.targets).expect("count");
-    let direct: Vec<[f32; 4]> = gpu.read_image(&frame.targets.direct).expect("direct");
+    let direct: Vec<[f32; 4]> = gpu.read_image(&frame.picture.surface.radiance).expect("direct");
     (found, direct.iter().map(|p| broken_values(&p[..3])).sum())
 }
 

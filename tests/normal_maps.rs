@@ -3,8 +3,9 @@
 
 use crate::common::{assert_clean, gpu};
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3};
-use lightskin::frame::{Frame, Gi, SceneBuffers, Settings, View};
+use lightskin::frame::{View, World};
 use lightskin::image::broken_values;
+use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::scene::{
     Camera, Image, Instance, Light, LightKind, Material, Mesh, Primitive, Projection, Sampler, Scene, Texture, Vertex,
 };
@@ -59,8 +60,8 @@ fn quad(map: [u8; 3], tangents: bool, scale: DVec3, edge: f32) -> Scene {
 /// The normal in the middle of the picture, and the direct radiance of all pixels.
 fn shoot(scene: &Scene) -> (Vec3, Vec<f32>) {
     let gpu = gpu();
-    let settings = Settings { size: [33, 33], gi: Gi::Off, shadow_map: 64, ..Settings::default() };
-    let buffers = SceneBuffers::new(&gpu, scene, None).expect("upload");
+    let settings = Knobs { size: [33, 33], gi: Gi::Off, shadow_map: 64, ..Knobs::default() };
+    let buffers = World::new(&gpu, scene, None).expect("upload");
     let frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
@@ -68,8 +69,8 @@ fn shoot(scene: &Scene) -> (Vec3, Vec<f32>) {
         Ok(())
     });
     gpu.times(&drawn.expect("frame")).expect("times");
-    let normals: Vec<[f32; 4]> = gpu.read_image(&frame.targets.normal).expect("normals");
-    let direct = gpu.read_image(&frame.targets.direct).expect("direct");
+    let normals: Vec<[f32; 4]> = gpu.read_image(&frame.picture.surface.normal).expect("normals");
+    let direct = gpu.read_image(&frame.picture.surface.radiance).expect("direct");
     assert_clean(&gpu);
     let [x, y, z, _] = normals[16 * 33 + 16];
     (Vec3::new(x, y, z), direct)
@@ -132,8 +133,8 @@ fn near_things_show_in_wide_scenes() {
     let small = DAffine3::from_scale_rotation_translation(DVec3::splat(1e-6), glam::DQuat::IDENTITY, DVec3::Z * 3.5);
     scene.instances.push(Instance { name: "near".into(), mesh: 0, world_from_model: small, ..Instance::default() });
     let gpu = gpu();
-    let settings = Settings { size: [33, 33], gi: Gi::Off, shadow_map: 64, ..Settings::default() };
-    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    let settings = Knobs { size: [33, 33], gi: Gi::Off, shadow_map: 64, ..Knobs::default() };
+    let buffers = World::new(&gpu, &scene, None).expect("upload");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
@@ -141,7 +142,7 @@ fn near_things_show_in_wide_scenes() {
         Ok(())
     });
     gpu.times(&drawn.expect("frame")).expect("times");
-    let depth: Vec<f32> = gpu.read_image(&frame.targets.depth).expect("depth");
+    let depth: Vec<f32> = gpu.read_image(&frame.picture.surface.depth).expect("depth");
     // Reversed depth is inverse to distance: 0.5 m against 4 m.
     assert!((depth[16 * 33 + 16] / depth[0] - 8.0).abs() < 0.01, "{} {}", depth[16 * 33 + 16], depth[0]);
     assert_clean(&gpu);
@@ -151,11 +152,11 @@ fn near_things_show_in_wide_scenes() {
 fn what_exceeds_the_device_is_refused_with_its_name() {
     let gpu = gpu();
     let scene = quad([128, 128, 255], false, DVec3::ONE, 1.0);
-    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
-    let settings = Settings { size: [1 << 17, 4], gi: Gi::Off, shadow_map: 64, ..Settings::default() };
+    let buffers = World::new(&gpu, &scene, None).expect("upload");
+    let settings = Knobs { size: [1 << 17, 4], gi: Gi::Off, shadow_map: 64, ..Knobs::default() };
     let error = Frame::new(&gpu, &scene, &buffers, &settings).err().expect("no device has 131 072 texels");
     assert!(error.to_string().contains("gbuffer.depth needs 131072x4"), "{error}");
-    let settings = Settings { rsm: 2048, size: [4, 4], gi: Gi::BruteForce, shadow_map: 64, ..Settings::default() };
+    let settings = Knobs { rsm: 2048, size: [4, 4], gi: Gi::BruteForce, shadow_map: 64, ..Knobs::default() };
     if gpu.report().kind == "software" {
         // 6 x 836^2 VALs of 48 bytes: more than the 128 MiB that lavapipe binds.
         let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");

@@ -4,8 +4,9 @@ use glam::{DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet, Density};
 use lightskin::frame::occlude::Occlude;
 use lightskin::frame::targets::CacheTargets;
-use lightskin::frame::{Frame, GatherPath, GatherSettings, Plan, SceneBuffers, Settings, Shadows, View};
+use lightskin::frame::{Plan, Shadows, View, World};
 use lightskin::gpu::Gpu;
+use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::lab::scenes::{Shadowed, valley};
 use lightskin::lab::shadows;
 use lightskin::reference::brute_force;
@@ -20,7 +21,7 @@ use crate::analytic::numbers;
 use crate::common::frames::{SPOT, baked, corner, drawn, indirect, placed, shoot, small};
 use crate::common::{assert_clean, gpu};
 
-const PATHS: [GatherPath; 2] = [GatherPath::Compute, GatherPath::Fragment];
+const PATHS: [GatherPath; 2] = [Path::Compute, Path::DRAWS];
 
 /// Dims proxies by discs on the device, each lobe of irradiance 1, and gives what is left of both. `skip`: groups of discs
 /// that cannot matter are skipped.
@@ -30,10 +31,10 @@ fn left(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], path: GatherPath
 
 /// The same, and how long it took [ms].
 fn timed(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], path: GatherPath, skip: bool) -> (Vec<[f32; 2]>, f64) {
-    let settings = Settings {
+    let settings = Knobs {
         shadows: Shadows::Proxy,
         gather: GatherSettings { path, ..GatherSettings::default() },
-        ..Settings::default()
+        ..Knobs::default()
     };
     let plan = Plan::new(&corner(&[SPOT], 40.0), &settings);
     assert!(plan.occlude && plan.glossy);
@@ -139,9 +140,9 @@ fn twin(caches: &[shared::Cache], proxies: &[Proxy]) -> Vec<[f64; 2]> {
 /// Fails unless device and twin agree, both paths agree, and skipping changes no bit.
 #[track_caller]
 fn assert_twin(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], bound: f64, what: &str) -> Vec<[f32; 2]> {
-    let found = left(gpu, caches, proxies, GatherPath::Compute, true);
-    assert!(found == left(gpu, caches, proxies, GatherPath::Compute, false), "{what}: skipping shows");
-    assert!(found == left(gpu, caches, proxies, GatherPath::Fragment, true), "{what}: without a list");
+    let found = left(gpu, caches, proxies, Path::Compute, true);
+    assert!(found == left(gpu, caches, proxies, Path::Compute, false), "{what}: skipping shows");
+    assert!(found == left(gpu, caches, proxies, Path::DRAWS, true), "{what}: without a list");
     let mut worst = 0.0_f64;
     for (i, (found, twin)) in found.iter().zip(twin(caches, proxies)).enumerate() {
         for (found, twin) in found.iter().zip(twin) {
@@ -200,7 +201,7 @@ fn what_is_degenerate_leaves_finite_light() {
         }
     }
     for skip in [true, false] {
-        let found = left(&gpu, &caches, &proxies, GatherPath::Compute, skip);
+        let found = left(&gpu, &caches, &proxies, Path::Compute, skip);
         assert!(found.iter().flatten().all(|share| (0.0..=1.0).contains(share)), "{found:?}");
         let unlit = (0..200).filter(|i| i % 8 == 4).all(|i| found[i][0] == 1.0);
         assert!(unlit, "an unlit lobe stays as it is");
@@ -245,8 +246,8 @@ fn a_disc_blocks_where_it_stands_between_cache_and_light_alone() {
 }
 
 /// Indirect layers of a frame bit by bit, and its stages.
-fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> (Vec<Vec<[u32; 4]>>, Vec<String>) {
-    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("uploaded");
+fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec<Vec<[u32; 4]>>, Vec<String>) {
+    let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
@@ -267,11 +268,11 @@ fn shadows_that_are_off_cost_nothing_and_discs_without_area_change_no_bit() {
     let mut thin = caches.clone();
     thin.models.iter_mut().flat_map(|model| &mut model.caches).for_each(|cache| cache.area = 0.0);
     for path in PATHS {
-        let off = Settings { gather: GatherSettings { path, ..GatherSettings::default() }, ..small() };
-        let on = Settings { shadows: Shadows::Proxy, ..off };
+        let off = Knobs { gather: GatherSettings { path, ..GatherSettings::default() }, ..small() };
+        let on = Knobs { shadows: Shadows::Proxy, ..off };
         let (without, stages) = layers(&gpu, &scene, &caches, &off);
         assert!(!stages.iter().any(|stage| stage == "occlude"), "{stages:?}");
-        let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        let buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
         let frame = Frame::new(&gpu, &scene, &buffers, &off).expect("made");
         assert!(frame.buffers().iter().all(|buffer| !buffer.name.starts_with("occlude")));
         let (with, stages) = layers(&gpu, &scene, &caches, &on);
@@ -290,14 +291,14 @@ fn culling_and_clusters_leave_what_all_caches_leave() {
     let caches = baked(&scene, 0.12, 8);
     let mut by_path = Vec::new();
     for (path, cluster) in [
-        (GatherPath::Compute, None),
-        (GatherPath::Fragment, None),
-        (GatherPath::Compute, Some(lightskin::frame::Cluster::Distance(64.0))),
+        (Path::Compute, None),
+        (Path::DRAWS, None),
+        (Path::Compute, Some(lightskin::frame::ClusterRule::Distance(64.0))),
     ] {
         let gather = GatherSettings { path, ..GatherSettings::default() };
-        let all = Settings { gather, cluster, shadows: Shadows::Proxy, ..small() };
+        let all = Knobs { gather, cluster, shadows: Shadows::Proxy, ..small() };
         let (without, _) = layers(&gpu, &scene, &caches, &all);
-        let (with, _) = layers(&gpu, &scene, &caches, &Settings { cull: true, ..all });
+        let (with, _) = layers(&gpu, &scene, &caches, &Knobs { cull: true, ..all });
         assert!(with == without, "{path:?}, {cluster:?}: pictures differ");
         by_path.push(without);
     }
@@ -316,7 +317,7 @@ fn culling_and_clusters_leave_what_all_caches_leave() {
 /// Light of a frame's proxies against that of the twins, from the same VALs; worst and mean error of each lobe.
 #[track_caller]
 fn assert_frame(gpu: &Gpu, scene: &Scene, caches: &CacheSet) {
-    let shot = shoot(gpu, scene, Some(caches), &Settings { shadows: Shadows::Proxy, ..small() });
+    let shot = shoot(gpu, scene, Some(caches), &Knobs { shadows: Shadows::Proxy, ..small() });
     let areas = caches.instance_model.iter().flat_map(|model| &caches.models[*model].caches);
     let disc = |(at, cache): (&Cache, &bake::Cache)| Disc {
         position: at.position,
@@ -394,13 +395,13 @@ fn skipping_changes_no_bit_of_whole_scenes() {
         let density = Density::Count(count);
         let caches =
             bake::bake(&scene, &bake::Settings { density, angle: 1.0, references: 8 }, &|_, _| ()).expect("bakes");
-        let settings = Settings { shadows: Shadows::Proxy, ..small() };
+        let settings = Knobs { shadows: Shadows::Proxy, ..small() };
         let frame = drawn(&gpu, &scene, &caches, &settings);
-        let targets = frame.targets.caches.as_ref().expect("caches");
+        let targets = frame.light.caches().expect("caches");
         let atlas: Vec<shared::Cache> = gpu.read(&targets.atlas).expect("atlas");
         let mut proxies: Vec<Proxy> = gpu.read(&targets.proxies).expect("proxies");
         proxies.iter_mut().for_each(|p| (p.diffuse_irradiance, p.glossy_irradiance) = (Vec3::ONE, Vec3::ONE));
-        let [all, skipping] = [false, true].map(|skip| timed(&gpu, &atlas, &proxies, GatherPath::Compute, skip));
+        let [all, skipping] = [false, true].map(|skip| timed(&gpu, &atlas, &proxies, Path::Compute, skip));
         println!("{}: {} caches, every disc {:.1} ms, skipping {:.1} ms", scene.name, atlas.len(), all.1, skipping.1);
         assert!(all.0 == skipping.0, "skipping shows");
         assert!(all.0.iter().flatten().any(|share| *share < 0.95), "something is in the way");

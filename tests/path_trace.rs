@@ -4,7 +4,8 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3, Vec3, Vec4, dvec3, vec3};
-use lightskin::frame::{Frame, Gi, SceneBuffers, Settings as FrameSettings, View};
+use lightskin::frame::{View, World};
+use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::metrics::metrics;
 use lightskin::reference::monte_carlo::one_bounce_irradiance;
 use lightskin::reference::path_trace::{PathTrace, Settings, Sources, camera_ray};
@@ -220,7 +221,7 @@ fn one_bounce_without_visibility_is_what_rays_of_the_light_bring() {
 /// Mean radiance of both lobes by brute force on the device and without visibility on the CPU.
 fn against_brute_force(scene: &Scene, size: [u32; 2], rsm: u32, samples: u32) -> [f64; 4] {
     let gpu = gpu();
-    let shot = shoot(&gpu, scene, None, &FrameSettings { size, gi: Gi::BruteForce, rsm, shadow_map: 1024, ..small() });
+    let shot = shoot(&gpu, scene, None, &Knobs { size, gi: Gi::BruteForce, rsm, shadow_map: 1024, ..small() });
     let trace = traced(scene, &Settings { size, visibility: false, ..Settings::default() }, samples);
     let device = |layer: &[DVec3]| layer.iter().map(|v| v.element_sum()).sum::<f64>() / (3 * layer.len()).max(1) as f64;
     [device(&shot.diffuse), mean(&trace.diffuse()), device(&shot.glossy), mean(&trace.glossy())]
@@ -309,8 +310,8 @@ fn kept_samples_go_on_bit_by_bit() {
 /// Normals, albedo and depth by rays and by the device's G-buffer, over the pixels that both see.
 fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
     let gpu = gpu();
-    let buffers = SceneBuffers::new(&gpu, scene, None).expect("upload");
-    let settings = FrameSettings { size, gi: Gi::Off, shadow_map: 64, ..FrameSettings::default() };
+    let buffers = World::new(&gpu, scene, None).expect("upload");
+    let settings = Knobs { size, gi: Gi::Off, shadow_map: 64, ..Knobs::default() };
     let frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
     let camera: &Camera = &scene.cameras[0];
     let view = View::new(camera, size, buffers.origin, buffers.radius);
@@ -319,9 +320,9 @@ fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
         Ok(())
     });
     gpu.times(&drawn.expect("frame")).expect("times");
-    let normals: Vec<[f32; 4]> = gpu.read_image(&frame.targets.normal).expect("normals");
-    let albedo: Vec<[u16; 4]> = gpu.read_image(&frame.targets.albedo).expect("albedo");
-    let depth: Vec<f32> = gpu.read_image(&frame.targets.depth).expect("depth");
+    let normals: Vec<[f32; 4]> = gpu.read_image(&frame.picture.surface.normal).expect("normals");
+    let albedo: Vec<[u16; 4]> = gpu.read_image(&frame.picture.surface.albedo).expect("albedo");
+    let depth: Vec<f32> = gpu.read_image(&frame.picture.surface.depth).expect("depth");
     let surfaces = PathTrace::new(scene, camera, &Settings { size, ..Settings::default() }).surfaces();
     let (mut tilt, mut albedos, mut other, mut both) = (Vec::new(), [0.0; 2], 0.0, 0.0);
     for (i, surface) in surfaces.iter().enumerate() {
@@ -366,9 +367,8 @@ fn rays_see_the_surfaces_that_the_device_draws() {
 fn the_measured_exposure_is_the_log_average() {
     let gpu = gpu();
     let scene = cornell(CornellSurface::Glossy, 1.0);
-    let settings =
-        FrameSettings { size: [48, 48], gi: Gi::BruteForce, rsm: 16, shadow_map: 64, ..FrameSettings::default() };
-    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    let settings = Knobs { size: [48, 48], gi: Gi::BruteForce, rsm: 16, shadow_map: 64, ..Knobs::default() };
+    let buffers = World::new(&gpu, &scene, None).expect("upload");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {

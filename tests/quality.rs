@@ -2,8 +2,9 @@
 //! the figures.
 
 use lightskin::bake::{self, Density};
-use lightskin::frame::{Frame, Gi, Interpolation, ProxyWeight, SceneBuffers, Settings, View};
+use lightskin::frame::{Interpolation, ProxyWeight, View, World};
 use lightskin::gpu::{Gpu, Options};
+use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::metrics::{Metrics, metrics};
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
@@ -15,16 +16,16 @@ struct Layers {
 }
 
 fn render(gpu: &Gpu, scene: &Scene, gi: Gi, caches: usize, size: [u32; 2]) -> Layers {
-    render_with(gpu, scene, caches, 60.0, &Settings { size, gi, ..Settings::default() })
+    render_with(gpu, scene, caches, 60.0, &Knobs { size, gi, ..Knobs::default() })
 }
 
 /// `angle` is the bake's, in degrees.
-fn render_with(gpu: &Gpu, scene: &Scene, caches: usize, angle: f32, settings: &Settings) -> Layers {
+fn render_with(gpu: &Gpu, scene: &Scene, caches: usize, angle: f32, settings: &Knobs) -> Layers {
     let size = settings.size;
     let (density, references) = (Density::Count(caches), settings.references);
     let bake_settings = bake::Settings { density, angle: angle.to_radians(), references };
     let baked = bake::bake(scene, &bake_settings, &|_, _| {}).expect("bake");
-    let buffers = SceneBuffers::new(gpu, scene, Some(&baked)).expect("upload");
+    let buffers = World::new(gpu, scene, Some(&baked)).expect("upload");
     let frame = Frame::new(gpu, scene, &buffers, settings).expect("frame");
     let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
@@ -32,8 +33,8 @@ fn render_with(gpu: &Gpu, scene: &Scene, caches: usize, angle: f32, settings: &S
         Ok(())
     });
     gpu.times(&drawn.expect("frame")).expect("times");
-    let depth: Vec<f32> = gpu.read_image(&frame.targets.depth).expect("depth");
-    let indirect = frame.targets.indirect.as_ref().expect("indirect");
+    let depth: Vec<f32> = gpu.read_image(&frame.picture.surface.depth).expect("depth");
+    let indirect = frame.picture.indirect.as_ref().expect("indirect");
     let read = |image| -> Vec<[f32; 3]> {
         let texels: Vec<[f32; 4]> = gpu.read_image(image).expect("layer");
         let rgb = texels.iter().map(|t| [t[0], t[1], t[2]]);
@@ -89,12 +90,12 @@ fn glossy_cornell_box_is_reported() {
 #[test]
 fn defaults_against_their_alternatives() {
     let gpu = Gpu::new(&Options::default()).expect("a Vulkan device");
-    let base = Settings { size: [320, 180], rsm: 64, ..Settings::default() };
+    let base = Knobs { size: [320, 180], rsm: 64, ..Knobs::default() };
     for (name, scene, caches) in
         [("Cornell box", cornell(CornellSurface::Glossy, 0.05), 1000), ("atrium", atrium(), 2000)]
     {
-        let truth = render_with(&gpu, &scene, 1, 60.0, &Settings { gi: Gi::BruteForce, ..base });
-        let report = |what: &str, angle: f32, settings: &Settings| {
+        let truth = render_with(&gpu, &scene, 1, 60.0, &Knobs { gi: Gi::BruteForce, ..base });
+        let report = |what: &str, angle: f32, settings: &Knobs| {
             let found = render_with(&gpu, &scene, caches, angle, settings);
             let diffuse = metrics(&found.diffuse, &truth.diffuse);
             let glossy = metrics(&found.glossy, &truth.glossy);
@@ -102,9 +103,9 @@ fn defaults_against_their_alternatives() {
             diffuse
         };
         let default = report("defaults", 60.0, &base);
-        let printed = report("as printed", 60.0, &Settings { interpolation: Interpolation::Printed, ..base });
-        report("form-factor weights", 60.0, &Settings { proxy_weight: ProxyWeight::FormFactor, ..base });
-        report("16 references", 60.0, &Settings { references: 16, ..base });
+        let printed = report("as printed", 60.0, &Knobs { interpolation: Interpolation::Printed, ..base });
+        report("form-factor weights", 60.0, &Knobs { proxy_weight: ProxyWeight::FormFactor, ..base });
+        report("16 references", 60.0, &Knobs { references: 16, ..base });
         report("angle 45", 45.0, &base);
         report("angle 75", 75.0, &base);
         assert!(default.mare < printed.mare, "{name}: {default:?} against {printed:?}");

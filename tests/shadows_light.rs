@@ -3,11 +3,12 @@
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::depth_images::DepthImages;
-use lightskin::frame::{self, Frame, GatherPath, GatherSettings, SceneBuffers, Settings, Shadows, View};
+use lightskin::frame::{self, Shadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::eval::measure::{Bench, Layers};
 use lightskin::lab::eval::references::{PathTraced, path_traced};
 use lightskin::lab::eval::sweep::Point;
+use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::lab::scenes::Shadowed;
 use lightskin::lab::shadows::errors;
 use lightskin::lab::shot::shoot as shoot_unchecked;
@@ -22,8 +23,8 @@ use lightskin::shared::{self, DEPTH_IMAGE_TEXELS, LiveArgs};
 use crate::common::frames::{SPOT, add, baked, camera, corner, phong, shoot, small};
 use crate::common::{assert_clean, gpu};
 
-fn shadowed() -> Settings {
-    Settings { shadows: Shadows::PerLight, ..small() }
+fn shadowed() -> Knobs {
+    Knobs { shadows: Shadows::PerLight, ..small() }
 }
 
 /// The corner with a box that stands in the light of its walls.
@@ -36,10 +37,10 @@ fn blocked() -> Scene {
 
 /// What stands for caches as the twin has it, from the device's atlas.
 fn plates(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Vec<Plate> {
-    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("uploaded");
+    let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let frame = Frame::new(gpu, scene, &buffers, &shadowed()).expect("made");
     draw(gpu, scene, &buffers, &frame, &shadowed());
-    let targets = frame.targets.caches.as_ref().expect("caches");
+    let targets = frame.light.caches().expect("caches");
     let all: Vec<shared::Cache> = gpu.read(&targets.atlas).expect("atlas");
     let plate = |c: &shared::Cache| Plate {
         disc: Disc {
@@ -54,7 +55,7 @@ fn plates(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Vec<Plate> {
     all[..targets.count as usize].iter().map(plate).collect()
 }
 
-fn draw(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers, frame: &Frame, settings: &Settings) {
+fn draw(gpu: &Gpu, scene: &Scene, buffers: &World, frame: &Frame, settings: &Knobs) {
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, buffers, &view);
@@ -79,10 +80,10 @@ fn depth_images_are_the_references() {
     let caches = baked(&scene, 0.3, 8);
     let plates = plates(&gpu, &scene, &caches);
     let settings = shadowed();
-    let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
     let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
     draw(&gpu, &scene, &buffers, &frame, &settings);
-    let targets = frame.targets.caches.as_ref().expect("caches");
+    let targets = frame.light.caches().expect("caches");
     let images: Vec<f32> = gpu.read(targets.depth_images.as_ref().expect("images")).expect("read");
     let live = targets.live.as_ref().expect("compute path");
     let list: Vec<u32> = gpu.read(&live.list).expect("list");
@@ -141,7 +142,7 @@ fn shadowed_sums_are_the_references() {
     let ways = [(1, 256, 24, 1), (4, 2048, 96, 4), (3, 512, 96, 4)];
     for (caches_per_thread, split, rsm, together) in ways {
         let gather_settings = GatherSettings { caches_per_thread, split, ..GatherSettings::default() };
-        let settings = Settings { gather: gather_settings, rsm, ..shadowed() };
+        let settings = Knobs { gather: gather_settings, rsm, ..shadowed() };
         let rule = Rule { together, ..Rule::default() };
         let shot = shoot(&gpu, &scene, Some(&caches), &settings);
         let eye = scene.cameras[0].world_from_camera.translation;
@@ -181,7 +182,7 @@ fn a_closed_dark_box_stays_dark() {
     scene.cameras[0] = camera(middle + DVec3::new(0.15, 0.15, 0.15), middle - DVec3::new(0.2, 0.2, 0.2), 1.2);
     let caches = baked(&scene, 0.2, 8);
     let light = |shadows| {
-        let shot = shoot(&gpu, &scene, Some(&caches), &Settings { shadows, ..small() });
+        let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { shadows, ..small() });
         shot.diffuse.iter().map(|pixel| pixel.element_sum()).sum::<f64>()
     };
     let [open, leaked] = [Shadows::Off, Shadows::PerLight].map(light);
@@ -195,7 +196,7 @@ fn culling_and_the_ways_of_the_gather_change_nothing() {
     let gpu = gpu();
     let scene = blocked();
     let caches = baked(&scene, 0.25, 8);
-    let culled = |cull| shoot(&gpu, &scene, Some(&caches), &Settings { cull, ..shadowed() }).diffuse;
+    let culled = |cull| shoot(&gpu, &scene, Some(&caches), &Knobs { cull, ..shadowed() }).diffuse;
     assert_eq!(culled(true), culled(false));
 }
 
@@ -204,9 +205,9 @@ fn what_cannot_be_shadowed_is_refused() {
     let gpu = gpu();
     let scene = blocked();
     let caches = baked(&scene, 0.4, 8);
-    let gather = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
-    let cluster = Some(frame::Cluster::Distance(4.0));
-    for settings in [Settings { gather, ..shadowed() }, Settings { cluster, ..shadowed() }] {
+    let gather = Path::DRAWS;
+    let cluster = Some(frame::ClusterRule::Distance(4.0));
+    for settings in [Knobs { gather, ..shadowed() }, Knobs { cluster, ..shadowed() }] {
         assert!(shoot_unchecked(&gpu, &scene, Some(&caches), &settings).is_err());
     }
 }
@@ -224,7 +225,7 @@ fn shadows_bring_pictures_nearer_to_light_paths() {
         let (truth, _) = path_traced(&scene, &scene.cameras[0], &wanted, &folder, &|_| ());
         let mut bench = Bench::new(&gpu, &scene, &scene.cameras[0]);
         let mut picture = |shadows| -> Layers {
-            let frame = Settings { size, rsm: 64, shadow_map: 256, shadows, ..Settings::default() };
+            let frame = Knobs { size, rsm: 64, shadow_map: 256, shadows, ..Knobs::default() };
             let point = Point { frame, caches, angle: 60_f32.to_radians(), max_edge: None };
             let measured = bench.measure(&point, 1, &|_, _| ()).expect("measured");
             assert_eq!(measured.problems, [""; 0]);

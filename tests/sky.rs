@@ -1,8 +1,9 @@
 //! A sky: the energy of the lights that stand for it, an open plane under it, its picture, files that are none.
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
-use lightskin::frame::{Gi, SceneBuffers, Settings};
+use lightskin::frame::World;
 use lightskin::image::{Layer, read_radiance, write_exr};
+use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::path_trace::camera_ray;
 use lightskin::scene::build::quad;
 use lightskin::scene::sky::Sky;
@@ -89,7 +90,7 @@ fn an_open_plane_under_an_even_sky_receives_pi_l() {
         assert!(error > -1e-6 && error < before && error < 1.2 / (count as f64).sqrt(), "{count}: {error}");
         before = error;
         if count == 16 {
-            let shot = shoot(&gpu, &scene, None, &Settings { gi: Gi::Off, ..small() });
+            let shot = shoot(&gpu, &scene, None, &Knobs { gi: Gi::Off, ..small() });
             let expected = 0.5 * 100.0 * (1.0 + error);
             let middle = shot.direct[24 * 48 + 24].x;
             assert!((middle / expected - 1.0).abs() < 1e-4, "{middle} instead of {expected}");
@@ -105,7 +106,7 @@ fn the_background_shows_the_sky_from_every_side() {
         let mut scene = corner(&[SPOT], 10.0);
         sky(256, 128, turn, radiance).put_over(&mut scene, 2);
         scene.cameras = vec![camera(eye, DVec3::ZERO, 1.4)];
-        let shot = shoot(&gpu, &scene, None, &Settings { gi: Gi::Off, ..small() });
+        let shot = shoot(&gpu, &scene, None, &Knobs { gi: Gi::Off, ..small() });
         let mut shown = 0;
         for pixel in (0..shot.direct.len()).filter(|pixel| !shot.covered[*pixel]) {
             let (_, direction) = camera_ray(&scene.cameras[0], small().size, pixel);
@@ -129,11 +130,11 @@ fn a_skys_lights_share_the_virtual_lights_of_one() {
     let mut scene = corner(&[SPOT], 10.0);
     sky(128, 64, 0.0, sunny).put_over(&mut scene, 16);
     let caches = baked(&scene, 0.5, 8);
-    let settings = Settings { rsm: 64, ..small() };
+    let settings = Knobs { rsm: 64, ..small() };
     let shot = shoot(&gpu, &scene, Some(&caches), &settings);
     assert_eq!(shot.vals.len(), 64 * 64 + 16 * 16 * 16);
     assert!(shot.sums[0].iter().any(|sum| sum.x > 0.0));
-    let buffers = SceneBuffers::new(&gpu, &scene, None).expect("upload");
+    let buffers = World::new(&gpu, &scene, None).expect("upload");
     assert_eq!(buffers.lights().iter().map(|l| l.sharing).sum::<u32>(), 1 + 16 * 16);
 }
 

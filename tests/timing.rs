@@ -5,10 +5,9 @@ use crate::common::frames::{SPOT, baked, corner, small};
 use crate::common::{assert_clean, gpu};
 use crate::moving::{bend, world};
 use glam::Vec3;
-use lightskin::frame::{
-    Cluster, Frame, GatherPath, GatherSettings, Gi, Level, Plan, SceneBuffers, Settings, Shadows, View,
-};
+use lightskin::frame::{ClusterRule, Plan, Shadows, View, World};
 use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank, ticks_between};
+use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, gltf};
 use serde_json::Value;
@@ -246,7 +245,7 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
 
     // Every stage of the plan on both tracks, once for each frame. Shadows of every VAL are the default of the command.
     let scene = gltf::load(Path::new(CORNELL)).expect("loads");
-    let stages = passes(&Plan::new(&scene, &Settings { shadows: Shadows::PerLight, ..Settings::default() }));
+    let stages = passes(&Plan::new(&scene, &Knobs { shadows: Shadows::PerLight, ..Knobs::default() }));
     assert!(stages.len() >= 10, "{stages:?}");
     let events = events(&at.join("t.json"));
     assert_nested(&events);
@@ -336,7 +335,7 @@ fn passes(plan: &Plan) -> Vec<&'static str> {
 #[test]
 fn traces_name_every_pass_of_every_kind_of_frame() {
     /// Name, world, settings, and what makes its plan one of the kind.
-    type Kind<'a> = (&'a str, &'a Scene, Settings, fn(&Plan) -> bool);
+    type Kind<'a> = (&'a str, &'a Scene, Knobs, fn(&Plan) -> bool);
     const FRAMES: usize = 2;
     let gpu = gpu();
     let room = corner(&[SPOT], 20.0);
@@ -347,26 +346,26 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
     let mut glowing_alone = glowing.clone();
     glowing_alone.lights.clear();
     let moving = world();
-    let usual = Settings { size: [32, 32], rsm: 16, shadow_map: 64, cull: true, ..small() };
-    let by_draws = GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() };
-    let with = |shadows| Settings { shadows, ..usual };
-    let by = |rule| Settings { cluster: Some(rule), ..usual };
+    let usual = Knobs { size: [32, 32], rsm: 16, shadow_map: 64, cull: true, ..small() };
+    let by_draws = Path::DRAWS;
+    let with = |shadows| Knobs { shadows, ..usual };
+    let by = |rule| Knobs { cluster: Some(rule), ..usual };
     let frames: [Kind<'_>; 15] = [
-        ("draws", &room, Settings { gather: by_draws, ..usual }, |plan| plan.cull),
-        ("all-caches", &room, Settings { cull: false, ..usual }, |plan| plan.lightskin && !plan.cull),
-        ("clusters", &room, by(Cluster::Distance(8.0)), |plan| plan.clusters),
-        ("cluster-errors", &room, by(Cluster::Error(0.05)), |plan| plan.clusters),
+        ("draws", &room, Knobs { gather: by_draws, ..usual }, |plan| plan.cull),
+        ("all-caches", &room, Knobs { cull: false, ..usual }, |plan| plan.lightskin && !plan.cull),
+        ("clusters", &room, by(ClusterRule::Distance(8.0)), |plan| plan.clusters),
+        ("cluster-errors", &room, by(ClusterRule::Error(0.05)), |plan| plan.clusters),
         ("proxy-shadows", &room, with(Shadows::Proxy), |plan| plan.occlude),
         ("per-light-shadows", &room, with(Shadows::PerLight), |plan| plan.depth_images),
-        ("bounces", &room, Settings { bounces: 2, ..usual }, |plan| plan.bounces),
-        ("texels", &room, Settings { level: Level::Texel, ..usual }, |plan| plan.lightskin),
-        ("brute-force", &room, Settings { gi: Gi::BruteForce, ..usual }, |plan| plan.brute_force),
-        ("direct-alone", &room, Settings { gi: Gi::Off, ..usual }, |plan| !plan.indirect()),
+        ("bounces", &room, Knobs { bounces: 2, ..usual }, |plan| plan.bounces),
+        ("texels", &room, Knobs { level: Level::Texel, ..usual }, |plan| plan.lightskin),
+        ("brute-force", &room, Knobs { gi: Gi::BruteForce, ..usual }, |plan| plan.brute_force),
+        ("direct-alone", &room, Knobs { gi: Gi::Off, ..usual }, |plan| !plan.indirect()),
         ("sky", &open, usual, |plan| plan.sky),
         ("emitters", &glowing, usual, |plan| plan.emitters && plan.direct),
         ("emitters-alone", &glowing_alone, usual, |plan| plan.emitters && !plan.direct),
         ("moving", &moving, usual, |plan| plan.deform),
-        ("moving-with-all", &moving, Settings { level: Level::Texel, ..with(Shadows::PerLight) }, |plan| plan.deform),
+        ("moving-with-all", &moving, Knobs { level: Level::Texel, ..with(Shadows::PerLight) }, |plan| plan.deform),
     ];
     for (kind, scene, settings, is_it) in frames {
         let mut scene = scene.clone();
@@ -374,16 +373,16 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
         if settings.level == Level::Texel {
             caches = caches.with_cells(&scene).expect("cells");
         }
-        let mut buffers = SceneBuffers::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
         if settings.bounces > 1 {
             buffers.add_albedos(&gpu, &scene, &caches).expect("uploaded");
         }
         let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
-        assert!(is_it(&frame.plan), "{kind}: {:?}", frame.plan);
+        assert!(is_it(&frame.light.plan), "{kind}: {:?}", frame.light.plan);
         let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
         let (mut trace, mut all) = (lightskin::trace::Trace::default(), Vec::new());
         for i in 0..FRAMES {
-            if frame.plan.deform {
+            if frame.light.plan.deform {
                 bend(&mut scene, 0.3 * (i + 1) as f64, 0.2);
             }
             buffers.update(&scene).expect("the same scene");
@@ -399,8 +398,8 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
         let file = folder(&format!("timing-{kind}")).join("t.json");
         trace.write(&file, &[], &serde_json::Map::new()).expect("written");
 
-        let mut expected = if frame.plan.deform { vec!["update", "deform"] } else { Vec::new() };
-        expected.extend(passes(&frame.plan));
+        let mut expected = if frame.light.plan.deform { vec!["update", "deform"] } else { Vec::new() };
+        expected.extend(passes(&frame.light.plan));
         let events = events(&file);
         assert_nested(&events);
         for i in 0..FRAMES {

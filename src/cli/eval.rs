@@ -2,7 +2,7 @@
 
 use super::{DeviceArgs, angle, at_least_zero, check_messages, hard_cases, load_punctual, progress_bar, render};
 use anyhow::{Context, Result};
-use lightskin::frame::Settings;
+use lightskin::Knobs;
 use lightskin::lab::eval::report;
 use lightskin::lab::eval::run::{Job, run as measure};
 use lightskin::lab::eval::sweep::{Extent, Point, Sweep};

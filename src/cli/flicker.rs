@@ -87,8 +87,8 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
             job.fine,
             match job.cluster {
                 None => String::new(),
-                Some(Cluster::Distance(radii)) => format!(", clusters beyond {radii} radii"),
-                Some(Cluster::Error(share)) => format!(", clusters that err by up to {share}"),
+                Some(ClusterRule::Distance(radii)) => format!(", clusters beyond {radii} radii"),
+                Some(ClusterRule::Error(share)) => format!(", clusters that err by up to {share}"),
             }
         );
         say!("in % of the mean of brute force; caches / brute force\n");

@@ -3,7 +3,7 @@
 use super::render::default_shadows;
 use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, load_scene, thousands};
 use anyhow::Result;
-use lightskin::frame::{Frame, SceneBuffers, Settings, Shadows};
+use lightskin::frame::{Frame, Knobs, Shadows, World};
 use lightskin::scene::LightKind;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -79,17 +79,17 @@ pub(super) fn run(args: &Info) -> Result<()> {
     let gpu = args.device.open()?;
     let (references, cluster) = (args.caches.settings().references, args.cluster.rule());
     let shadows = if cluster.is_some() { Shadows::Off } else { default_shadows(baked.count) };
-    let settings = Settings { references, rsm: args.rsm, cluster, shadows, ..Settings::default() };
-    let buffers = SceneBuffers::new(&gpu, &scene, Some(&baked.caches))?;
+    let settings = Knobs { references, rsm: args.rsm, cluster, shadows, ..Knobs::default() };
+    let buffers = World::new(&gpu, &scene, Some(&baked.caches))?;
     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
     let patches = buffers.emitters.iter().filter(|patch| patch.flux != glam::Vec3::ZERO);
-    if frame.plan.emitters {
+    if frame.light.plan.emitters {
         let flux: f32 = patches.clone().map(|p| p.flux.dot(glam::Vec3::new(0.2126, 0.7152, 0.0722))).sum();
         say!("emitters");
         say!("  {} patches of surfaces that emit, {flux:.4} lm", thousands(patches.count()));
     }
     say!("frame plan");
-    for line in frame.plan.lines() {
+    for line in frame.light.plan.lines() {
         say!("  {:>2} {:<12} {:<5} {}", line.number, line.name, if line.runs { "runs" } else { "-" }, line.because);
     }
 

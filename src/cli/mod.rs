@@ -208,8 +208,8 @@ struct ClusterArgs {
 
 impl ClusterArgs {
     fn rule(&self) -> Option<Cluster> {
-        let distance = self.cluster.map(|c| Cluster::Distance(c as f32));
-        distance.or(self.cluster_error.map(|share| Cluster::Error(share as f32)))
+        let distance = self.cluster.map(|c| ClusterRule::Distance(c as f32));
+        distance.or(self.cluster_error.map(|share| ClusterRule::Error(share as f32)))
     }
 }
 
@@ -261,10 +261,10 @@ impl GatherArgs {
     /// The fastest of what goes with these flags; `compute` for what the compute path alone can do.
     fn settings(&self, gpu: &Gpu, compute: bool) -> Result<GatherSettings> {
         let path = match self.gather {
-            GatherArg::Auto if compute || self.cluster.rule().is_some() => Some(GatherPath::Compute),
+            GatherArg::Auto if compute || self.cluster.rule().is_some() => Some(Path::Compute),
             GatherArg::Auto => None,
-            GatherArg::Fragment => Some(GatherPath::Fragment),
-            GatherArg::Compute => Some(GatherPath::Compute),
+            GatherArg::Fragment => Some(Path::DRAWS),
+            GatherArg::Compute => Some(Path::Compute),
         };
         Ok(tune::fastest(gpu, path)?.settings)
     }

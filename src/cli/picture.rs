@@ -161,7 +161,7 @@ fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> [u8; 4] 
 pub(super) fn exposure_value(ev: Option<f32>, gpu: &Gpu, frame: &Frame) -> Result<f32> {
     Ok(match ev {
         Some(ev) => ev,
-        None => gpu.read::<f32>(&frame.targets.exposure)?[0],
+        None => gpu.read::<f32>(&frame.picture.output.exposure)?[0],
     })
 }
 
@@ -182,8 +182,8 @@ impl Writing {
         let ev = exposure_value(self.ev, gpu, frame)?;
         let layers = read_layers(gpu, frame, view)?;
         if self.layer.is_none() && !is_exr(out) {
-            let [w, h] = frame.targets.size;
-            write_png(out, w, h, &gpu.read_image(&frame.targets.output)?)?;
+            let [w, h] = frame.picture.size();
+            write_png(out, w, h, &gpu.read_image(&frame.picture.output.picture)?)?;
         } else {
             layers.write(out, self.layer, self.tonemap, ev, &format!("{about}; EV {ev}"))?;
         }

@@ -14,8 +14,7 @@ use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::{
-    Exposure, Frame, GatherSettings, Gi, Interpolation, Level, ProxyWeight, SceneBuffers, Settings, Shadows, Tonemap,
-    View,
+    Exposure, Frame, GatherSettings, Gi, Interpolation, Level, ProxyWeight, Settings, Shadows, Tonemap, View, World,
 };
 use lightskin::gpu::Gpu;
 use lightskin::image::check_writable;
@@ -446,7 +445,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         );
     }
     trace.lap("open device");
-    let mut buffers = SceneBuffers::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
+    let mut buffers = World::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
     if let Some(baked) = baked.as_ref().filter(|_| args.bounces > 1) {
         buffers.add_albedos(&gpu, &scene, &baked.caches)?;
     }
@@ -457,7 +456,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
 
     let (mut runs, mut problems, mut broken, mut skipped) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut broken_in_pictures = 0;
-    let vals = frame.targets.rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
+    let vals = frame.light.rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
     let about = format!(
         "scene {}; camera {}; device {}; {} caches; {vals} VALs",
         scene.name,
@@ -486,7 +485,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
             broken.extend(check.count(&gpu, &frame.targets)?);
         }
         runs.extend(gpu.finished_times()?);
-        skipped.extend(frame.skipped());
+        skipped.extend(frame.light.skipped());
         if motion.pictures {
             let out = numbered(&args.out, number);
             let about = format!("{about}; frame {number}, {} s", motion.moment(index).1);
@@ -509,7 +508,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         gpu: &gpu,
         buffers: &buffers,
         frame: &frame,
-        live: frame.live(&gpu)?,
+        live: frame.light.counts(&gpu)?,
         settings: args.facts(&settings, &motion, &scene),
         runs: &runs,
     };

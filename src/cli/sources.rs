@@ -6,7 +6,7 @@ use super::{
 use anyhow::Result;
 use clap::Args;
 use glam::DVec3;
-use lightskin::frame::{self, Frame, SceneBuffers, View};
+use lightskin::frame::{self, Frame, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::image::replace_file;
 use lightskin::lab::sources::curves::{
@@ -110,8 +110,8 @@ fn device_picture(
     settings: &Settings,
     references: usize,
 ) -> Result<Lights> {
-    let wanted = frame::Settings { size: settings.size, rsm: settings.rsm, references, ..frame::Settings::default() };
-    let buffers = SceneBuffers::new(gpu, scene, Some(&baked.caches))?;
+    let wanted = Knobs { size: settings.size, rsm: settings.rsm, references, ..Knobs::default() };
+    let buffers = World::new(gpu, scene, Some(&baked.caches))?;
     let frame = Frame::new(gpu, scene, &buffers, &wanted)?;
     let view = View::new(camera, wanted.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(gpu.is_software(), |cmd| {
@@ -120,7 +120,7 @@ fn device_picture(
     })?;
     gpu.times(&drawn)?;
     let mut lights = vec![[DVec3::ZERO; 2]; settings.size[0] as usize * settings.size[1] as usize];
-    if let Some(indirect) = &frame.targets.indirect {
+    if let Some(indirect) = &frame.picture.indirect {
         for (lobe, image) in [Some(&indirect.diffuse), indirect.glossy.as_ref()].into_iter().enumerate() {
             let Some(image) = image else { continue };
             let texels: Vec<[f32; 4]> = gpu.read_image(image)?;

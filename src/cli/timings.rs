@@ -2,7 +2,7 @@
 
 use super::{Baked, thousands};
 use anyhow::Result;
-use lightskin::frame::{Frame, Live, SceneBuffers};
+use lightskin::frame::{Frame, Live, World};
 use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank};
 use lightskin::image::replace_file;
 use lightskin::scene::{Camera, Scene};
@@ -35,7 +35,7 @@ pub(super) struct Report<'a> {
     pub(super) camera: &'a Camera,
     pub(super) baked: Option<&'a Baked>,
     pub(super) gpu: &'a Gpu,
-    pub(super) buffers: &'a SceneBuffers,
+    pub(super) buffers: &'a World,
     pub(super) frame: &'a Frame,
     /// What the last frame has worked with.
     pub(super) live: Live,
@@ -51,7 +51,7 @@ impl Report<'_> {
     }
 
     fn vals(&self) -> u32 {
-        self.frame.targets.rsm.as_ref().map_or(0, |r| r.vals.count)
+        self.frame.light.rsm.as_ref().map_or(0, |r| r.vals.count)
     }
 
     /// Pairs of a cache that is lit and a VAL that carries light.
@@ -87,7 +87,7 @@ impl Report<'_> {
                 baked.time.as_secs_f64()
             );
         }
-        if self.frame.plan.cull {
+        if self.frame.light.plan.cull {
             say!("          {} of them lit for what the camera sees", thousands(self.live.caches as usize));
         }
         say!(
@@ -95,7 +95,7 @@ impl Report<'_> {
             thousands(self.live.vals as usize),
             thousands(self.vals() as usize)
         );
-        if self.frame.plan.clusters {
+        if self.frame.light.plan.clusters {
             let (computed, all) = (self.live.pairs, self.pairs());
             say!(
                 "clusters  {} of {} pairs of cache and VAL computed ({:.2} %)",
@@ -130,7 +130,7 @@ impl Report<'_> {
                 Some(_) if name == "gather" && pairs > 0.0 => {
                     let ns = nearest_rank(&ms, 50.0) * 1e6;
                     let computed = match self.live.pairs as f64 {
-                        computed if self.frame.plan.clusters && computed > 0.0 => {
+                        computed if self.frame.light.plan.clusters && computed > 0.0 => {
                             format!("; {:.3} ns per pair computed", ns / computed)
                         }
                         _ => String::new(),

@@ -1,36 +1,44 @@
 //! Stage 3, cache atlas: model caches, instance transforms -> caches in the world. METHOD 1 and 9.
 
-use super::SceneBuffers;
-use super::targets::CacheTargets;
+use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Cmd, Gpu, Pipeline};
-use crate::shared::PlacePush;
+use crate::gpu::{Buffer, Cmd, Gpu, Pipeline};
+use crate::shared::{Cache, PlacePush};
 
-/// Places every instance's caches.
+/// The caches of all instances in the world.
 pub struct Atlas {
+    /// Every instance's, one after the other; at least one, so that it can be bound.
+    pub caches: Buffer,
+    /// How many.
+    pub count: u32,
     pipeline: Pipeline,
 }
 
 impl Atlas {
-    /// Makes the pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { pipeline: gpu.compute("atlas.comp", &[])? })
+    /// Makes room for so many.
+    pub fn new(gpu: &Gpu, count: u32) -> Result<Self> {
+        let caches = gpu.buffer("atlas.caches", u64::from(count.max(1)) * size_of::<Cache>() as u64)?;
+        Ok(Self { caches, count, pipeline: gpu.compute("atlas.comp", &[])? })
+    }
+
+    /// Of these caches, for whoever drives later stages by hand.
+    pub fn of(gpu: &Gpu, caches: &[Cache]) -> Result<Self> {
+        Ok(Self { caches: gpu.buffer_from("atlas.caches", caches)?, ..Self::new(gpu, caches.len() as u32)? })
     }
 
     /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, caches: &CacheTargets) {
-        let _zone = cmd.zone("atlas");
+    pub fn record(&self, cmd: &Cmd<'_>, world: &World) {
         cmd.bind(
             &self.pipeline,
             &[
-                (&scene.model_caches).into(),
-                (&scene.instances).into(),
-                scene.indices().into(),
-                (&scene.corners).into(),
-                (&caches.atlas).into(),
+                (&world.model_caches).into(),
+                (&world.instances).into(),
+                world.indices().into(),
+                (&world.corners).into(),
+                (&self.caches).into(),
             ],
         );
-        cmd.push(&PlacePush { cache_count: caches.count });
-        cmd.dispatch(caches.count, 1, 1);
+        cmd.push(&PlacePush { cache_count: self.count });
+        cmd.dispatch(self.count, 1, 1);
     }
 }

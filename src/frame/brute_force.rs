@@ -1,9 +1,12 @@
 //! Every VAL onto every pixel: what interpolation is measured against. METHOD 3. Stands in for stages 3, 6 and 8.
 
-use super::targets::{IndirectTargets, ValTargets};
-use super::{Plan, Targets, View};
+use super::gbuffer::Surface;
+use super::interpolate::Radiance;
+use super::plan::Plan;
+use super::vals::Vals;
+use super::view::View;
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape};
+use crate::gpu::{Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape};
 use crate::shared::{ScreenPush, VAL_TILE, Val};
 
 /// One full-screen draw per tile of VALs.
@@ -29,20 +32,18 @@ impl BruteForce {
         Ok(Self { pipeline })
     }
 
-    /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, view: &View, t: &Targets, out: &IndirectTargets) {
-        let _zone = cmd.zone("brute force");
-        let colors: Vec<_> = [&out.diffuse].into_iter().chain(&out.glossy).map(Attach::clear).collect();
-        cmd.render(&Attachments { colors: &colors, depth: None, area: [0, 0, t.size[0], t.size[1]] }, |draw| {
+    /// Records the stage for a view.
+    pub fn record(&self, cmd: &Cmd<'_>, vals: &Vals, view: &View, surface: &Surface, out: &Radiance) {
+        cmd.render(&Attachments { colors: &out.cleared(), depth: None, area: surface.area() }, |draw| {
             for first_val in (0..vals.count).step_by(VAL_TILE as usize) {
                 let val = size_of::<Val>() as u64;
                 let all = [
                     Bind::Slice(&vals.live, u64::from(first_val) * val, u64::from(VAL_TILE) * val),
                     (&vals.live_count).into(),
-                    (&t.depth).into(),
-                    (&t.normal).into(),
-                    (&t.albedo).into(),
-                    (&t.specular).into(),
+                    (&surface.depth).into(),
+                    (&surface.normal).into(),
+                    (&surface.albedo).into(),
+                    (&surface.specular).into(),
                 ];
                 draw.bind(&self.pipeline, &all[..if out.glossy.is_some() { 6 } else { 5 }]);
                 draw.push(&ScreenPush {

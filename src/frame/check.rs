@@ -3,7 +3,8 @@
 //! A submission of its own after the frame: a frame that is not checked costs nothing, and one that is takes no other
 //! time for its stages.
 
-use super::Targets;
+use super::light::Light;
+use super::picture::Picture;
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Gpu, Image, Pipeline};
 use crate::shared::{
@@ -43,27 +44,29 @@ impl Check {
         Ok(Self { pipeline: gpu.compute("count_broken.comp", &[])?, counts })
     }
 
-    /// Looks at what the last frame has left in its targets; waits for the device. Targets that the frame has not are
-    /// left out.
-    pub fn count(&self, gpu: &Gpu, t: &Targets) -> Result<Vec<Broken>> {
-        let diffuse = t.indirect.as_ref().map(|i| &i.diffuse);
-        let glossy = t.indirect.as_ref().and_then(|i| i.glossy.as_ref());
+    /// Looks at what the last frame has left in a picture and its light; waits for the device. What the frame has not is left
+    /// out.
+    pub fn count(&self, gpu: &Gpu, light: &Light, picture: &Picture) -> Result<Vec<Broken>> {
+        let (surface, exposure) = (&picture.surface, &picture.output.exposure);
+        let diffuse = picture.indirect.as_ref().map(|i| &i.diffuse);
+        let glossy = picture.indirect.as_ref().and_then(|i| i.glossy.as_ref());
+        let (vals, proxies) = (light.vals(), light.caches().map(|caches| &caches.proxies));
         let pixels = |image: Option<&Image>| image.map_or(0, |i| i.width * i.height);
         let push = CheckPush {
-            width: t.size[0],
-            direct_pixels: pixels(Some(&t.direct)),
+            width: surface.size[0],
+            direct_pixels: pixels(Some(&surface.radiance)),
             diffuse_pixels: pixels(diffuse),
             glossy_pixels: pixels(glossy),
-            val_count: t.rsm.as_ref().map_or(0, |r| r.vals.count),
-            cache_count: t.caches.as_ref().map_or(0, |c| c.count),
+            val_count: vals.map_or(0, |vals| vals.count),
+            cache_count: proxies.map_or(0, |proxies| proxies.count * proxies.runs),
         };
         // What is not there is not read; another resource only fills its place.
         let binds: [Bind<'_>; 6] = [
-            (&t.direct).into(),
-            diffuse.unwrap_or(&t.direct).into(),
-            glossy.unwrap_or(&t.direct).into(),
-            t.rsm.as_ref().map_or(&t.exposure, |r| &r.vals.all).into(),
-            t.caches.as_ref().map_or(&t.exposure, |c| &c.proxies).into(),
+            (&surface.radiance).into(),
+            diffuse.unwrap_or(&surface.radiance).into(),
+            glossy.unwrap_or(&surface.radiance).into(),
+            vals.map_or(exposure, |vals| &vals.all).into(),
+            proxies.map_or(exposure, |proxies| &proxies.buffer).into(),
             (&self.counts).into(),
         ];
         gpu.run_once("check", |cmd| {

@@ -1,25 +1,66 @@
 //! Stage 11, composite: all radiance, exposure, tone map -> picture. METHOD 1.
 
-use super::{Exposure, Plan, Settings, Targets};
+use super::gbuffer::Surface;
+use super::interpolate::Radiance;
+use super::plan::Plan;
+use super::settings::{Exposure, Look};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use};
+use crate::gpu::{
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+};
 use crate::shared::CompositePush;
+
+/// A picture as it is shown.
+pub struct Output {
+    /// Tone-mapped sRGB.
+    pub picture: Image,
+    /// Exposure value that the picture's own luminance asks for.
+    pub exposure: Buffer,
+}
+
+impl Output {
+    /// Of this size.
+    pub fn new(gpu: &Gpu, [w, h]: [u32; 2]) -> Result<Self> {
+        Ok(Self {
+            picture: gpu.target("composite.output", Format::R8G8B8A8_SRGB, w, h)?,
+            exposure: gpu.buffer("composite.exposure", 16)?,
+        })
+    }
+}
 
 /// Measures the picture's luminance and maps it to the display.
 pub struct Composite {
-    expose: Option<Pipeline>,
+    expose: Pipeline,
     map: Pipeline,
-    push: CompositePush,
+}
+
+/// A picture to be composed.
+#[derive(Clone, Copy)]
+pub struct Composed<'a> {
+    /// Direct light is in its radiance.
+    pub surface: &'a Surface,
+    /// Indirect light.
+    pub indirect: Option<&'a Radiance>,
+    /// What comes out.
+    pub out: &'a Output,
+}
+
+impl<'a> Composed<'a> {
+    /// A lobe that the plan has not is not read; the direct image only fills its place.
+    fn binds(&self) -> [Bind<'a>; 4] {
+        let direct = &self.surface.radiance;
+        let diffuse = self.indirect.map_or(direct, |i| &i.diffuse);
+        let glossy = self.indirect.and_then(|i| i.glossy.as_ref()).unwrap_or(direct);
+        [direct.into(), diffuse.into(), glossy.into(), (&self.out.exposure).into()]
+    }
 }
 
 impl Composite {
     /// Makes the pipelines.
-    pub fn new(gpu: &Gpu, plan: &Plan, settings: &Settings) -> Result<Self> {
+    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let constants = [u32::from(plan.indirect()), u32::from(plan.indirect() && plan.glossy)];
-        let automatic = settings.exposure == Exposure::Automatic;
-        let ev = if let Exposure::Ev(ev) = settings.exposure { ev } else { 0.0 };
         Ok(Self {
-            expose: automatic.then(|| gpu.compute("expose.comp", &constants)).transpose()?,
+            expose: gpu.compute("expose.comp", &constants)?,
             map: gpu.raster(&Raster {
                 vertex: "screen.vert",
                 fragment: Some("composite.frag"),
@@ -31,39 +72,37 @@ impl Composite {
                 cull: Cull::None,
                 constants: &constants,
             })?,
-            push: CompositePush {
-                ev,
-                automatic: automatic.into(),
-                tonemap: settings.tonemap as u32,
-                width: settings.size[0],
-                height: settings.size[1],
-            },
         })
     }
 
-    /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, t: &Targets) {
-        let _zone = cmd.zone("composite");
-        // A lobe that the plan has not is not read; the direct image only fills its place.
-        let diffuse = t.indirect.as_ref().map_or(&t.direct, |i| &i.diffuse);
-        let glossy = t.indirect.as_ref().and_then(|i| i.glossy.as_ref()).unwrap_or(&t.direct);
-        let binds: [Bind<'_>; 4] = [(&t.direct).into(), diffuse.into(), glossy.into(), (&t.exposure).into()];
-        if let Some(expose) = &self.expose {
+    /// Records the stage for all pictures.
+    pub fn record<'a>(&self, cmd: &Cmd<'_>, look: &Look, views: impl Iterator<Item = Composed<'a>> + Clone) {
+        let (automatic, ev) = match look.exposure {
+            Exposure::Automatic => (true, 0.0),
+            Exposure::Ev(ev) => (false, ev),
+        };
+        let push = |composed: &Composed<'_>| {
+            let [width, height] = composed.surface.size;
+            CompositePush { ev, automatic: automatic.into(), tonemap: look.tonemap as u32, width, height }
+        };
+        if automatic {
             cmd.barrier(Use::ColorWrite, Use::ComputeRead);
-            cmd.bind(expose, &binds);
-            cmd.push(&self.push);
-            cmd.dispatch(256, 1, 1);
+            for composed in views.clone() {
+                cmd.bind(&self.expose, &composed.binds());
+                cmd.push(&push(&composed));
+                cmd.dispatch(256, 1, 1);
+            }
             cmd.barrier(Use::ComputeWrite | Use::ColorWrite, Use::FragmentRead);
         } else {
             cmd.barrier(Use::ColorWrite, Use::FragmentRead);
         }
-        cmd.render(
-            &Attachments { colors: &[Attach::clear(&t.output)], depth: None, area: [0, 0, t.size[0], t.size[1]] },
-            |draw| {
-                draw.bind(&self.map, &binds);
-                draw.push(&self.push);
+        for composed in views {
+            let picture = [Attach::clear(&composed.out.picture)];
+            cmd.render(&Attachments { colors: &picture, depth: None, area: composed.surface.area() }, |draw| {
+                draw.bind(&self.map, &composed.binds());
+                draw.push(&push(&composed));
                 draw.draw(3);
-            },
-        );
+            });
+        }
     }
 }

@@ -5,33 +5,36 @@
 //! each, and draws each that is flagged as a point into the atlas's depth. So it lights both caches of a texel in which one is
 //! needed, as clusters light all of a group.
 
-use super::gather::GatherPath;
+use super::gather::Gather;
+use super::gather_draws::Draws;
 use super::pack::PackCaches;
-use super::targets::{CacheTargets, ValTargets, VisibleTargets};
-use super::{SceneBuffers, Settings};
+use super::vals::Vals;
+use super::visible::VisibleList;
+use super::world::World;
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Blend, Buffer, Cmd, Depth, Gpu, Pipeline, Raster, Shape, Use};
-use crate::shared::{AtlasPush, CLUSTER_GROUP, TEXEL_CACHES, VisibleArgs};
+use crate::shared::{AtlasPush, TEXEL_CACHES, VisibleArgs};
 
 /// Finds the live caches.
 pub struct Cull {
     flag: Pipeline,
-    path: Path,
+    close_up: CloseUp,
 }
 
-enum Path {
+/// How what is flagged becomes what the gather lights.
+enum CloseUp {
     /// Points into the mask.
-    Fragment { histogram: Pipeline },
+    Mask { histogram: Pipeline },
     /// The list.
-    Compute { pack: Box<PackCaches> },
+    List { pack: Box<PackCaches> },
 }
 
 impl Cull {
     /// Makes the pipelines, for so many `references` of a visible vertex or cell.
-    pub fn new(gpu: &Gpu, settings: &Settings, references: usize) -> Result<Self> {
+    pub fn new(gpu: &Gpu, gather: &Gather, references: usize) -> Result<Self> {
         assert!(references.is_multiple_of(2), "references are read in pairs");
-        let (group, path) = match settings.gather.path {
-            GatherPath::Fragment => {
+        let (group, close_up) = match gather.live() {
+            None => {
                 let histogram = gpu.raster(&Raster {
                     vertex: "histogram.vert",
                     fragment: None,
@@ -43,57 +46,67 @@ impl Cull {
                     cull: crate::gpu::Cull::None,
                     constants: &[],
                 })?;
-                (TEXEL_CACHES, Path::Fragment { histogram })
+                (TEXEL_CACHES, CloseUp::Mask { histogram })
             }
-            GatherPath::Compute => {
-                let group = if settings.cluster.is_some() { CLUSTER_GROUP } else { 1 };
-                (group, Path::Compute { pack: Box::new(PackCaches::new(gpu)?) })
-            }
+            Some(live) => (live.group, CloseUp::List { pack: Box::new(PackCaches::new(gpu)?) }),
         };
-        Ok(Self { flag: gpu.compute("flag_caches.comp", &[references as u32, group])?, path })
+        Ok(Self { flag: gpu.compute("flag_caches.comp", &[references as u32, group])?, close_up })
     }
 
-    /// Records the stage.
-    pub fn record(
+    /// Records the stage for what all views show.
+    pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
-        scene: &SceneBuffers,
-        visible: &VisibleTargets,
-        vals: &ValTargets,
-        caches: &CacheTargets,
+        world: &World,
+        views: impl Iterator<Item = &'a VisibleList> + Clone,
+        vals: &Vals,
+        gather: &Gather,
     ) {
-        let _zone = cmd.zone("cull");
-        let flag = |flags: &Buffer| {
-            let references = [&visible.list, &scene.draw_records, &scene.references, &visible.args, flags];
+        match (&self.close_up, gather, gather.live()) {
+            (CloseUp::Mask { histogram }, Gather::Draws(draws), _) => {
+                self.record_mask(cmd, world, views, draws, histogram);
+            }
+            (CloseUp::List { pack }, _, Some(live)) => {
+                cmd.barrier(Use::ComputeWrite, Use::IndirectRead | Use::ComputeRead); // visible vertices -> here
+                self.flag(cmd, world, views, &live.flags);
+                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+                pack.record(cmd, live, gather.light_count(vals));
+            }
+            _ => {}
+        }
+    }
+
+    /// Flags what any view's vertices or cells refer to.
+    fn flag<'a>(&self, cmd: &Cmd<'_>, world: &World, views: impl Iterator<Item = &'a VisibleList>, flags: &Buffer) {
+        for (i, visible) in views.enumerate() {
+            if i > 0 {
+                cmd.barrier(Use::ComputeWrite, Use::ComputeWrite); // flags of the view before
+            }
+            let references = [&visible.list, &world.draw_records, &world.references, &visible.args, flags];
             cmd.bind(&self.flag, &references.map(Into::into));
             cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(VisibleArgs, groups_x) as u64);
-        };
-        match &self.path {
-            Path::Fragment { histogram } => {
-                let mask = caches.mask.as_ref().expect("of this path");
-                let flags = caches.texel_flags.as_ref().expect("of this path");
-                cmd.clear(flags);
-                // Visible vertices -> here; flags that are not set.
-                cmd.barrier(
-                    Use::ComputeWrite | Use::CopyWrite,
-                    Use::IndirectRead | Use::ComputeRead | Use::ComputeWrite,
-                );
-                flag(flags);
-                cmd.barrier(Use::ComputeWrite, Use::VertexRead);
-                let area = caches.area();
-                cmd.render(&Attachments { colors: &[], depth: Some(Attach::clear(mask)), area }, |draw| {
-                    draw.bind(histogram, &[flags.into()]);
-                    draw.push(&AtlasPush { columns: caches.columns(), rows: caches.rows() });
-                    draw.draw(caches.texels());
-                });
-            }
-            Path::Compute { pack } => {
-                let live = caches.live.as_ref().expect("of this path");
-                cmd.barrier(Use::ComputeWrite, Use::IndirectRead | Use::ComputeRead); // visible vertices -> here
-                flag(&live.flags);
-                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-                pack.record(cmd, live, caches.light_count(vals));
-            }
         }
+    }
+
+    fn record_mask<'a>(
+        &self,
+        cmd: &Cmd<'_>,
+        world: &World,
+        views: impl Iterator<Item = &'a VisibleList>,
+        draws: &Draws,
+        histogram: &Pipeline,
+    ) {
+        let Some(mask) = &draws.mask else { return };
+        cmd.clear(&mask.flags);
+        // Visible vertices -> here; flags that are not set.
+        cmd.barrier(Use::ComputeWrite | Use::CopyWrite, Use::IndirectRead | Use::ComputeRead | Use::ComputeWrite);
+        self.flag(cmd, world, views, &mask.flags);
+        cmd.barrier(Use::ComputeWrite, Use::VertexRead);
+        let (texels, depth) = (draws.texels, Some(Attach::clear(&mask.image)));
+        cmd.render(&Attachments { colors: &[], depth, area: texels.area() }, |draw| {
+            draw.bind(histogram, &[(&mask.flags).into()]);
+            draw.push(&AtlasPush { columns: texels.columns(), rows: texels.rows() });
+            draw.draw(texels.count());
+        });
     }
 }

@@ -3,16 +3,19 @@
 //! An image holds where a cache's view ends, on the unit disc of `Proj`, eq. 5.60. The gather then leaves out every VAL
 //! that lies farther away: shadows get colour and several directions, and things in the way fuse.
 
-use super::occlude::Bound;
-use super::targets::CacheTargets;
+use super::atlas::Atlas;
+use super::live::Live;
+use super::occlude::Bounds;
 use crate::error::Result;
-use crate::gpu::{Bind, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{DEPTH_IMAGE_TEXELS, DepthImagePush, LiveArgs, OCCLUDER_GROUP};
 use std::mem::offset_of;
 
-/// Draws the images.
+/// The images, and what draws them.
 pub struct DepthImages {
-    bound: Bound,
+    /// Slot by slot of the list, where the view of a live cache ends.
+    pub buffer: Buffer,
+    bounds: Bounds,
     pipeline: Pipeline,
     /// Whether a thread draws an image, instead of a workgroup.
     alone: bool,
@@ -23,45 +26,45 @@ pub struct DepthImages {
 const AT_ONCE: u32 = (65_535 / (DEPTH_IMAGE_TEXELS + 1) - 1) / OCCLUDER_GROUP * OCCLUDER_GROUP;
 
 impl DepthImages {
-    /// Makes the pipeline that suits the device.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
-        Self::with(gpu, gpu.is_software())
+    /// Of so many caches, drawn in the way that suits the device.
+    pub fn new(gpu: &Gpu, caches: u32) -> Result<Self> {
+        Self::with(gpu, caches, gpu.is_software())
     }
 
     /// Makes it for a thread an image, or a workgroup. The images are the same.
-    pub fn with(gpu: &Gpu, alone: bool) -> Result<Self> {
+    pub fn with(gpu: &Gpu, caches: u32, alone: bool) -> Result<Self> {
         let name = if alone { "depth_images_alone.comp" } else { "depth_images.comp" };
-        Ok(Self { bound: Bound::new(gpu)?, pipeline: gpu.compute(name, &[])?, alone })
+        let bytes = u64::from(caches.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
+        let buffer = gpu.buffer("gather.depth_images", bytes)?;
+        Ok(Self { buffer, bounds: Bounds::new(gpu, caches)?, pipeline: gpu.compute(name, &[])?, alone })
     }
 
     /// Records the pass; atlas and list of live caches must be there.
-    pub fn record(&self, cmd: &Cmd<'_>, caches: &CacheTargets) {
-        let live = caches.live.as_ref().expect("of this path");
-        let images = caches.depth_images.as_ref().expect("made for shadows");
-        let groups = self.bound.record(cmd, caches);
+    pub fn record(&self, cmd: &Cmd<'_>, atlas: &Atlas, live: &Live) {
+        self.bounds.record(cmd, atlas);
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         let resources = [
-            (&caches.atlas).into(),
+            (&atlas.caches).into(),
             (&live.list).into(),
             (&live.args).into(),
-            groups.into(),
-            Bind::Texels(&caches.atlas),
-            images.into(),
+            (&self.bounds.groups).into(),
+            Bind::Texels(&atlas.caches),
+            (&self.buffer).into(),
         ];
-        let push = DepthImagePush { cache_count: caches.count, first: 0, count: AT_ONCE };
+        let push = DepthImagePush { cache_count: atlas.count, first: 0, count: AT_ONCE };
         if !self.alone {
             cmd.bind(&self.pipeline, &resources);
             cmd.push(&push);
             cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
             return;
         }
-        for first in (0..caches.count).step_by(AT_ONCE as usize) {
+        for first in (0..atlas.count).step_by(AT_ONCE as usize) {
             if first > 0 {
                 cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             }
             cmd.bind(&self.pipeline, &resources);
             cmd.push(&DepthImagePush { first, ..push });
-            cmd.dispatch(caches.count, 1, 1);
+            cmd.dispatch(atlas.count, 1, 1);
         }
     }
 }

@@ -1,22 +1,26 @@
-//! Stage 2, direct light: G-buffer, shadow maps -> radiance. METHOD 1. Light by light, with one shadow map for all.
+//! Stage 2, direct light: G-buffer, shadow maps -> radiance. METHOD 1. Light by light, with one shadow map for all
+//! lights, which all views use before the next light is drawn.
 
-use super::upload::Which;
-use super::{SceneBuffers, Targets, VERTEX, View};
+use super::gbuffer::Surface;
+use super::view::View;
+use super::world::{VERTEX, Which, World};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use};
+use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use};
 use crate::shared::ScreenPush;
 use glam::Vec4;
 
 /// Shadow maps and their use.
 pub struct Direct {
+    /// Shadow map of one light at a time; six-view lights tile it three by two.
+    pub shadow: Image,
     opaque: Pipeline,
     masked: Pipeline,
     shade: Pipeline,
 }
 
 impl Direct {
-    /// Makes the pipelines.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
+    /// Makes the pipelines, and a shadow map of so many texels a side.
+    pub fn new(gpu: &Gpu, side: u32) -> Result<Self> {
         let depth_only = Raster {
             vertex: "mesh.vert",
             fragment: None,
@@ -29,6 +33,7 @@ impl Direct {
             constants: &[],
         };
         Ok(Self {
+            shadow: gpu.target("direct.shadow", Format::D32_SFLOAT, side, side)?,
             opaque: gpu.raster(&depth_only)?,
             masked: gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), ..depth_only })?,
             shade: gpu.raster(&Raster {
@@ -45,11 +50,15 @@ impl Direct {
         })
     }
 
-    /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, view: &View, t: &Targets) {
-        let _zone = cmd.zone("direct");
-        let shadow = t.shadow.as_ref().expect("the plan has direct light");
-        for (i, light) in scene.lights().iter().enumerate() {
+    /// Records the stage for views and what they see of surfaces.
+    pub fn record<'a>(
+        &self,
+        cmd: &Cmd<'_>,
+        world: &World,
+        views: impl Iterator<Item = (&'a View, &'a Surface)> + Clone,
+    ) {
+        let shadow = &self.shadow;
+        for (i, light) in world.lights().iter().enumerate() {
             let size = light.shadow_size(shadow.width);
             if i > 0 {
                 cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the last light's map has been read
@@ -62,36 +71,38 @@ impl Direct {
             cmd.render(&depth, |draw| {
                 for face in 0..light.views {
                     draw.area([face % 3 * size, face / 3 * size, size, size]);
-                    let clip = scene.clip_from_world(light.first_view + face);
-                    scene.draw(draw, &self.opaque, Which::Opaque, clip, Vec4::ZERO);
-                    scene.draw(draw, &self.masked, Which::Masked, clip, Vec4::ZERO);
+                    let clip = world.clip_from_world(light.first_view + face);
+                    world.draw(draw, &self.opaque, Which::Opaque, clip, Vec4::ZERO);
+                    world.draw(draw, &self.masked, Which::Masked, clip, Vec4::ZERO);
                 }
             });
             cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
-            let radiance =
-                Attachments { colors: &[Attach::keep(&t.direct)], depth: None, area: [0, 0, t.size[0], t.size[1]] };
-            cmd.render(&radiance, |draw| {
-                draw.bind(
-                    &self.shade,
-                    &[
-                        (&scene.light_buffer).into(),
-                        (&scene.view_buffer).into(),
-                        (&t.depth).into(),
-                        (&t.normal).into(),
-                        (&t.albedo).into(),
-                        (&t.specular).into(),
-                        shadow.into(),
-                    ],
-                );
-                draw.push(&ScreenPush {
-                    world_from_clip: view.world_from_clip,
-                    eye: view.eye,
-                    light: i as u32,
-                    shadow_size: size,
-                    first_val: 0,
+            for (view, surface) in views.clone() {
+                let radiance =
+                    Attachments { colors: &[Attach::keep(&surface.radiance)], depth: None, area: surface.area() };
+                cmd.render(&radiance, |draw| {
+                    draw.bind(
+                        &self.shade,
+                        &[
+                            (&world.light_buffer).into(),
+                            (&world.view_buffer).into(),
+                            (&surface.depth).into(),
+                            (&surface.normal).into(),
+                            (&surface.albedo).into(),
+                            (&surface.specular).into(),
+                            shadow.into(),
+                        ],
+                    );
+                    draw.push(&ScreenPush {
+                        world_from_clip: view.world_from_clip,
+                        eye: view.eye,
+                        light: i as u32,
+                        shadow_size: size,
+                        first_val: 0,
+                    });
+                    draw.draw(3);
                 });
-                draw.draw(3);
-            });
+            }
         }
     }
 }

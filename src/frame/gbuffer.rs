@@ -1,9 +1,52 @@
 //! Stage 1, G-buffer: scene, camera -> depth, normal, reflectances, emitted radiance, element. METHOD 1.
 
-use super::upload::Which;
-use super::{Plan, SceneBuffers, Targets, VERTEX, View};
+use super::plan::Plan;
+use super::view::View;
+use super::world::{VERTEX, Which, World};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape};
+use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape};
+
+const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
+const HALF: Format = Format::R16G16B16A16_SFLOAT;
+
+/// What a view sees of the scene's surfaces, and the light they send to it directly.
+pub struct Surface {
+    /// Picture size [pixels].
+    pub size: [u32; 2],
+    /// Reversed depth: 1 at the near plane, 0 where nothing is.
+    pub depth: Image,
+    /// Shading normal and Phong exponent.
+    pub normal: Image,
+    /// `rho_d`, and x of the octahedral geometric normal.
+    pub albedo: Image,
+    /// `rho_g`, and y of the octahedral geometric normal.
+    pub specular: Image,
+    /// Which triangle a pixel shows: draw, from 1, and number within it. Only where caches are interpolated.
+    pub element: Option<Image>,
+    /// Emitted radiance, to which stage 2 adds directly reflected radiance and the sky.
+    pub radiance: Image,
+}
+
+impl Surface {
+    /// Makes the images.
+    pub fn new(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
+        let [w, h] = size;
+        Ok(Self {
+            size,
+            depth: gpu.target("gbuffer.depth", Format::D32_SFLOAT, w, h)?,
+            normal: gpu.target("gbuffer.normal", FLOAT, w, h)?,
+            albedo: gpu.target("gbuffer.albedo", HALF, w, h)?,
+            specular: gpu.target("gbuffer.specular", HALF, w, h)?,
+            element: plan.lightskin.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
+            radiance: gpu.target("direct.radiance", FLOAT, w, h)?,
+        })
+    }
+
+    /// All of the picture: corner and size [pixels].
+    pub fn area(&self) -> [u32; 4] {
+        [0, 0, self.size[0], self.size[1]]
+    }
+}
 
 /// Draws every surface once; double-sided ones have both their sides among the triangles.
 pub struct GBuffer {
@@ -13,13 +56,12 @@ pub struct GBuffer {
 impl GBuffer {
     /// Makes the pipeline.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        let (float, half) = (Format::R32G32B32A32_SFLOAT, Format::R16G16B16A16_SFLOAT);
         let pipeline = gpu.raster(&Raster {
             vertex: "mesh.vert",
             fragment: Some(if plan.lightskin { "gbuffer_elements.frag" } else { "gbuffer.frag" }),
             shape: Shape::Triangles,
             streams: &[VERTEX],
-            colors: &[float, half, half, float, Format::R32G32_UINT][..if plan.lightskin { 5 } else { 4 }],
+            colors: &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT][..if plan.lightskin { 5 } else { 4 }],
             blend: Blend::Replace,
             depth: Depth::Nearest,
             cull: Cull::Back,
@@ -28,13 +70,12 @@ impl GBuffer {
         Ok(Self { pipeline })
     }
 
-    /// Records the stage.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, view: &View, t: &Targets) {
-        let _zone = cmd.zone("gbuffer");
-        let images = [&t.normal, &t.albedo, &t.specular, &t.direct];
-        let colors: Vec<_> = images.into_iter().chain(&t.element).map(Attach::clear).collect();
+    /// Records the stage for a view.
+    pub fn record(&self, cmd: &Cmd<'_>, world: &World, view: &View, surface: &Surface) {
+        let images = [&surface.normal, &surface.albedo, &surface.specular, &surface.radiance];
+        let colors: Vec<_> = images.into_iter().chain(&surface.element).map(Attach::clear).collect();
         let attachments =
-            Attachments { colors: &colors, depth: Some(Attach::clear(&t.depth)), area: [0, 0, t.size[0], t.size[1]] };
-        cmd.render(&attachments, |draw| scene.draw(draw, &self.pipeline, Which::All, view.clip_from_world, view.eye));
+            Attachments { colors: &colors, depth: Some(Attach::clear(&surface.depth)), area: surface.area() };
+        cmd.render(&attachments, |draw| world.draw(draw, &self.pipeline, Which::All, view.clip_from_world, view.eye));
     }
 }

@@ -3,11 +3,58 @@
 //! Pixel level: every pixel averages the lights of its cell's references itself, whatever the triangles. Triangles are not
 //! drawn again, so the stage costs by what is seen, not by what there is.
 
-use super::targets::{CacheTargets, IndirectTargets, VisibleTargets};
-use super::{Interpolation, Plan, SceneBuffers, Settings, Targets, View};
+use super::atlas::Atlas;
+use super::gbuffer::Surface;
+use super::plan::Plan;
+use super::proxies::Proxies;
+use super::settings;
+use super::view::View;
+use super::visible::VisibleList;
+use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use};
+use crate::gpu::{
+    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+};
 use crate::shared::{AveragePush, InterpolatePush, VisibleArgs};
+
+/// Indirect radiance of a picture.
+pub struct Radiance {
+    /// Diffuse lobe.
+    pub diffuse: Image,
+    /// Glossy lobe; only where a material has one.
+    pub glossy: Option<Image>,
+}
+
+impl Radiance {
+    /// Makes the images.
+    pub fn new(gpu: &Gpu, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
+        let float = Format::R32G32B32A32_SFLOAT;
+        Ok(Self {
+            diffuse: gpu.target("interpolate.diffuse", float, w, h)?,
+            glossy: plan.glossy.then(|| gpu.target("interpolate.glossy", float, w, h)).transpose()?,
+        })
+    }
+
+    /// Both, to be drawn over.
+    pub(super) fn cleared(&self) -> Vec<Attach<'_>> {
+        [&self.diffuse].into_iter().chain(&self.glossy).map(Attach::clear).collect()
+    }
+}
+
+/// A view to be shaded.
+#[derive(Clone, Copy)]
+pub struct Shaded<'a> {
+    /// The camera.
+    pub view: &'a View,
+    /// What it sees.
+    pub surface: &'a Surface,
+    /// Of which vertices or cells.
+    pub visible: &'a VisibleList,
+    /// What comes out.
+    pub out: &'a Radiance,
+    /// First proxy of its eye.
+    pub first_proxy: u32,
+}
 
 /// Averages and shades.
 pub struct Interpolate {
@@ -17,11 +64,13 @@ pub struct Interpolate {
 }
 
 impl Interpolate {
-    /// Makes the pipelines. Pixels look for so many `references` each; without, vertices have done so.
-    pub fn new(gpu: &Gpu, plan: &Plan, settings: &Settings, of_pixels: Option<usize>) -> Result<Self> {
+    /// Makes the pipelines.
+    pub fn new(gpu: &Gpu, plan: &Plan, world: &World, interpolation: settings::Interpolation) -> Result<Self> {
         let targets = [Format::R32G32B32A32_SFLOAT; 2];
-        let printed = u32::from(settings.interpolation == Interpolation::Printed);
-        let constants = [settings.references as u32, u32::from(plan.glossy), printed];
+        let printed = u32::from(interpolation == settings::Interpolation::Printed);
+        // Pixels look for so many references each; without, vertices have done so.
+        let (of_pixels, references) = (world.references_of_pixels(), world.references_each as u32);
+        let constants = [references, u32::from(plan.glossy), printed];
         Ok(Self {
             average: of_pixels.is_none().then(|| gpu.compute("average.comp", &constants)).transpose()?,
             shade: gpu.raster(&Raster {
@@ -38,54 +87,58 @@ impl Interpolate {
                 blend: Blend::Replace,
                 depth: Depth::None,
                 cull: Cull::None,
-                constants: &[printed, of_pixels.unwrap_or(settings.references) as u32],
+                constants: &[printed, references],
             })?,
         })
     }
 
-    /// Records the stage; it waits for the proxies and visible vertices itself.
-    #[expect(clippy::too_many_arguments, reason = "what stage 8 reads comes from all stages before it")]
-    pub fn record(
+    /// Records the stage for views; it waits for the proxies and visible vertices itself.
+    pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
-        scene: &SceneBuffers,
-        view: &View,
-        t: &Targets,
-        visible: &VisibleTargets,
-        caches: &CacheTargets,
-        out: &IndirectTargets,
+        world: &World,
+        atlas: &Atlas,
+        proxies: &Proxies,
+        views: impl Iterator<Item = Shaded<'a>> + Clone,
     ) {
-        let _zone = cmd.zone("interpolate");
         if let Some(average) = &self.average {
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead); // proxies, visible vertices -> here
-            cmd.bind(
-                average,
-                &[
-                    (&visible.list).into(),
-                    (&scene.draw_records).into(),
-                    (&scene.references).into(),
-                    (&visible.args).into(),
-                    (&scene.instances).into(),
-                    (&scene.corners).into(),
-                    (&caches.atlas).into(),
-                    (&caches.proxies).into(),
-                    (&visible.lights).into(),
-                ],
-            );
-            cmd.push(&AveragePush { eye: view.eye });
-            cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(VisibleArgs, groups_x) as u64);
+            for Shaded { view, visible, first_proxy, .. } in views.clone() {
+                cmd.bind(
+                    average,
+                    &[
+                        (&visible.list).into(),
+                        (&world.draw_records).into(),
+                        (&world.references).into(),
+                        (&visible.args).into(),
+                        (&world.instances).into(),
+                        (&world.corners).into(),
+                        (&atlas.caches).into(),
+                        (&proxies.buffer).into(),
+                        (&visible.lights).into(),
+                    ],
+                );
+                cmd.push(&AveragePush { eye: view.eye, first_proxy });
+                cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(VisibleArgs, groups_x) as u64);
+            }
         }
 
         // Lights of vertices, or proxies and the pixels' cells; G-buffer -> here.
         cmd.barrier(Use::ComputeWrite | Use::ColorWrite, Use::FragmentRead);
-        let colors: Vec<_> = [&out.diffuse].into_iter().chain(&out.glossy).map(Attach::clear).collect();
-        let element: Bind<'_> = t.element.as_ref().expect("stage 8 has elements").into();
-        let (draws, surface) = ((&scene.draw_records).into(), [&t.normal, &t.albedo, &t.specular].map(Bind::from));
-        let [normal, albedo, specular] = surface;
+        for shaded in views {
+            self.shade(cmd, world, atlas, proxies, shaded);
+        }
+    }
+
+    fn shade(&self, cmd: &Cmd<'_>, world: &World, atlas: &Atlas, proxies: &Proxies, shaded: Shaded<'_>) {
+        let Shaded { view, surface, visible, out, first_proxy } = shaded;
+        let Some(element) = surface.element.as_ref().map(Bind::from) else { return };
+        let draws = (&world.draw_records).into();
+        let [normal, albedo, specular] = [&surface.normal, &surface.albedo, &surface.specular].map(Bind::from);
         let by_vertices = [
             element,
             draws,
-            scene.indices().into(),
+            world.indices().into(),
             (&visible.slots).into(),
             (&visible.lights).into(),
             normal,
@@ -95,23 +148,23 @@ impl Interpolate {
         let by_cells = [
             element,
             draws,
-            (&scene.references).into(),
-            scene.indices().into(),
-            (&scene.instances).into(),
-            (&scene.corners).into(),
+            (&world.references).into(),
+            world.indices().into(),
+            (&world.instances).into(),
+            (&world.corners).into(),
             (&visible.slots).into(),
-            (&caches.atlas).into(),
-            (&caches.proxies).into(),
+            (&atlas.caches).into(),
+            (&proxies.buffer).into(),
             normal,
             albedo,
             specular,
         ];
         let all = if self.average.is_some() { &by_vertices[..] } else { &by_cells };
         let used = all.len() - usize::from(out.glossy.is_none());
-        let reach = scene.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);
-        cmd.render(&Attachments { colors: &colors, depth: None, area: [0, 0, t.size[0], t.size[1]] }, |draw| {
+        let reach = world.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);
+        cmd.render(&Attachments { colors: &out.cleared(), depth: None, area: surface.area() }, |draw| {
             draw.bind(&self.shade, &all[..used]);
-            draw.push(&InterpolatePush { clip_from_world: view.clip_from_world, eye: view.eye, reach });
+            draw.push(&InterpolatePush { clip_from_world: view.clip_from_world, eye: view.eye, reach, first_proxy });
             draw.draw(3);
         });
     }

@@ -3,85 +3,90 @@
 //! Every cache of the atlas is a disc in the way of what the live ones receive. Groups of consecutive discs, which lie
 //! near each other, are skipped together where their bounds say that none of them can cover anything of a light.
 
-use super::targets::CacheTargets;
-use super::{GatherPath, Plan, Settings};
+use super::atlas::Atlas;
+use super::live::Live;
+use super::proxies::Proxies;
 use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{CLUSTER_GROUP, OCCLUDE_PARTS, OCCLUDER_GROUP, OccludePush};
+use crate::shared::{CLUSTER_GROUP, OCCLUDE_PARTS, OCCLUDER_GROUP, OccludePush, OccluderGroup};
 
-/// Bounds groups of consecutive caches.
-pub struct Bound(Pipeline);
+/// Bounds of groups of consecutive caches, which stage 7 and what draws depth images skip together.
+pub struct Bounds {
+    /// Group by group.
+    pub groups: Buffer,
+    pipeline: Pipeline,
+}
 
-impl Bound {
-    /// Makes the pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self(gpu.compute("occluder_groups.comp", &[])?))
+impl Bounds {
+    /// Of so many caches.
+    pub fn new(gpu: &Gpu, caches: u32) -> Result<Self> {
+        let groups = u64::from(caches.div_ceil(OCCLUDER_GROUP).max(1));
+        let groups = gpu.buffer("occlude.groups", groups * size_of::<OccluderGroup>() as u64)?;
+        Ok(Self { groups, pipeline: gpu.compute("occluder_groups.comp", &[])? })
     }
 
-    /// Records the pass; gives what it writes.
-    pub fn record<'a>(&self, cmd: &Cmd<'_>, caches: &'a CacheTargets) -> &'a Buffer {
-        let groups = caches.occluders.as_ref().expect("made for shadows");
-        cmd.bind(&self.0, &[(&caches.atlas).into(), groups.into()]);
-        let push = push(caches);
+    /// Records the pass.
+    pub fn record(&self, cmd: &Cmd<'_>, atlas: &Atlas) {
+        cmd.bind(&self.pipeline, &[(&atlas.caches).into(), (&self.groups).into()]);
+        let push = push(atlas, 0);
         cmd.push(&push);
         cmd.dispatch(push.group_count, 1, 1);
-        groups
     }
 }
 
-fn push(caches: &CacheTargets) -> OccludePush {
-    OccludePush { cache_count: caches.count, group_count: caches.count.div_ceil(OCCLUDER_GROUP) }
+fn push(atlas: &Atlas, first_proxy: u32) -> OccludePush {
+    OccludePush { cache_count: atlas.count, group_count: atlas.count.div_ceil(OCCLUDER_GROUP), first_proxy }
 }
 
 /// Dims proxies.
 pub struct Occlude {
-    bound: Option<Bound>,
+    bounds: Bounds,
+    /// Whether groups are skipped.
+    skip: bool,
     dim: Pipeline,
 }
 
 impl Occlude {
-    /// Makes the pipelines.
-    pub fn new(gpu: &Gpu, plan: &Plan, settings: &Settings) -> Result<Self> {
-        Self::made(gpu, plan, settings, true)
+    /// Makes it for so many caches, `group` of which are live together, or 0 where no list says which are: then those that
+    /// are not are unlit.
+    pub fn new(gpu: &Gpu, caches: u32, glossy: bool, group: u32) -> Result<Self> {
+        Self::made(gpu, caches, glossy, group, true)
     }
 
     /// The same without skipping any disc: what skipping is measured against.
-    pub fn without_skipping(gpu: &Gpu, plan: &Plan, settings: &Settings) -> Result<Self> {
-        Self::made(gpu, plan, settings, false)
+    pub fn without_skipping(gpu: &Gpu, caches: u32, glossy: bool, group: u32) -> Result<Self> {
+        Self::made(gpu, caches, glossy, group, false)
     }
 
-    fn made(gpu: &Gpu, plan: &Plan, settings: &Settings, skip: bool) -> Result<Self> {
-        // Caches that are live together; the fragment path has no list, and leaves those that are not live unlit.
-        let group = match (settings.gather.path, settings.cluster) {
-            (GatherPath::Fragment, _) => 0,
-            (GatherPath::Compute, None) => 1,
-            (GatherPath::Compute, Some(_)) => CLUSTER_GROUP,
-        };
+    fn made(gpu: &Gpu, caches: u32, glossy: bool, group: u32, skip: bool) -> Result<Self> {
         let dim = if group == 0 { "occlude_all.comp" } else { "occlude.comp" };
-        Ok(Self {
-            bound: skip.then(|| Bound::new(gpu)).transpose()?,
-            dim: gpu.compute(dim, &[plan.glossy.into(), group, skip.into()])?,
-        })
+        let dim = gpu.compute(dim, &[glossy.into(), group, skip.into()])?;
+        Ok(Self { bounds: Bounds::new(gpu, caches)?, skip, dim })
     }
 
-    /// Records the stage; it waits for the proxies itself.
-    pub fn record(&self, cmd: &Cmd<'_>, caches: &CacheTargets) {
-        let _zone = cmd.zone("occlude");
-        let groups = caches.occluders.as_ref().expect("made for this stage");
-        if let Some(bound) = &self.bound {
-            bound.record(cmd, caches);
+    /// Records the stage for the runs of so many eyes; it waits for the proxies itself. The list is that of the gather, if it
+    /// has one.
+    pub fn record(&self, cmd: &Cmd<'_>, atlas: &Atlas, live: Option<&Live>, proxies: &Proxies, eyes: usize) {
+        if self.skip {
+            self.bounds.record(cmd, atlas);
         }
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite); // proxies, bounds -> here
-        let all = [(&caches.atlas).into(), groups.into(), (&caches.proxies).into()];
-        match &caches.live {
-            Some(live) => {
-                let [atlas, groups, proxies] = all;
-                cmd.bind(&self.dim, &[atlas, groups, proxies, (&live.list).into(), (&live.args).into()]);
+        for eye in 0..proxies.runs.min(eyes as u32) {
+            if eye > 0 {
+                // Other proxies, but the same buffer.
+                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             }
-            None => cmd.bind(&self.dim, &all),
+            let all = [(&atlas.caches).into(), (&self.bounds.groups).into(), (&proxies.buffer).into()];
+            match live {
+                Some(live) => {
+                    let [atlas, groups, proxies] = all;
+                    cmd.bind(&self.dim, &[atlas, groups, proxies, (&live.list).into(), (&live.args).into()]);
+                }
+                None => cmd.bind(&self.dim, &all),
+            }
+            cmd.push(&push(atlas, proxies.first(eye)));
+            // Items of the list are groups of caches with clusters.
+            cmd.dispatch(atlas.count.next_multiple_of(CLUSTER_GROUP), OCCLUDE_PARTS, 1);
         }
-        cmd.push(&push(caches));
-        // Items of the list are groups of caches with clusters.
-        cmd.dispatch(caches.count.next_multiple_of(CLUSTER_GROUP), OCCLUDE_PARTS, 1);
     }
 }

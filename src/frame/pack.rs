@@ -1,9 +1,10 @@
 //! Ends of stages 4 and 5: VALs that carry light, and caches that matter, close up in order. METHOD 9.
 
-use super::targets::{LiveCaches, ValTargets};
+use super::live::Live;
+use super::vals::Vals;
 use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{DEPTH_IMAGE_ROW, LiveArgs, PACK_BLOCK, PACK_THREADS, PackPush};
+use crate::shared::{PACK_BLOCK, PACK_THREADS, PackPush};
 
 /// Most items that one workgroup closes up alone, in one pass: on a software device a pass costs more than they do.
 const ALONE: u32 = 4 * PACK_BLOCK;
@@ -24,7 +25,7 @@ impl PackVals {
     }
 
     /// Flagged VALs, which must be there -> `live` and their number; the gather's dispatch over all caches.
-    pub fn record(&self, cmd: &Cmd<'_>, vals: &ValTargets, caches: Option<&LiveCaches>) {
+    pub fn record(&self, cmd: &Cmd<'_>, vals: &Vals, caches: Option<&Live>) {
         let args = caches.filter(|_| self.lights_all);
         let push = PackPush {
             count: vals.count,
@@ -56,7 +57,7 @@ impl PackCaches {
     }
 
     /// Flagged caches -> `list` and the gather's dispatch over so many VALs or nodes, a number that must be there.
-    pub fn record(&self, cmd: &Cmd<'_>, caches: &LiveCaches, light_count: &Buffer) {
+    pub fn record(&self, cmd: &Cmd<'_>, caches: &Live, light_count: &Buffer) {
         let block = if caches.count <= ALONE { ALONE } else { PACK_BLOCK };
         let push = PackPush {
             count: caches.count,
@@ -85,17 +86,4 @@ fn count_blocks(cmd: &Cmd<'_>, pipeline: &Pipeline, push: &PackPush, flags: &Buf
 /// Threads that look at the items; at least one group, which writes that there are none.
 fn threads(push: &PackPush) -> u32 {
     push.count.div_ceil(push.per_thread * PACK_THREADS).max(1) * PACK_THREADS
-}
-
-/// The gather's dispatch over so many caches, or groups of them, and VALs, or nodes; twin of glsl/lib/pack.glsl.
-pub(super) fn live_args(caches: u32, lights: u64, per_workgroup: u32, split: u64) -> LiveArgs {
-    LiveArgs {
-        groups_x: caches.div_ceil(per_workgroup),
-        groups_y: lights.div_ceil(split).max(1) as u32,
-        groups_z: 1,
-        cache_count: caches,
-        images_x: caches.min(DEPTH_IMAGE_ROW),
-        images_y: caches.div_ceil(DEPTH_IMAGE_ROW),
-        images_z: 1,
-    }
 }

@@ -1,8 +1,38 @@
-//! From a scene's features to the stages it needs. What a scene has not costs no pass, no target, no shader branch.
+//! From a scene's features to the stages it needs, and the one table of stages. What a scene has not costs no pass, no
+//! target and no shader branch.
 
-use super::{GatherPath, Gi, Settings, Shadows};
+use super::settings::{Caches, Gather, Indirect, Settings, Shadows};
 use crate::scene::Scene;
 use crate::scene::animation::Quantity;
+
+/// What of a scene decides which stages there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Features {
+    /// Meshes that bend.
+    pub bends: bool,
+    /// Punctual lights.
+    pub lights: bool,
+    /// A sky.
+    pub sky: bool,
+    /// Surfaces that emit.
+    pub emits: bool,
+    /// A material with a glossy lobe.
+    pub glossy: bool,
+}
+
+impl Features {
+    /// Of a scene.
+    pub fn new(scene: &Scene) -> Self {
+        let glossy: Vec<bool> = (0..scene.materials.len()).map(|m| is_glossy(scene, m)).collect();
+        Self {
+            bends: scene.instances.iter().any(|instance| scene.meshes[instance.mesh].deform.is_some()),
+            lights: !scene.lights.is_empty(),
+            sky: scene.sky.is_some(),
+            emits: scene.emits(),
+            glossy: scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| glossy[p.material]),
+        }
+    }
+}
 
 /// Which stages a frame has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,40 +63,74 @@ pub struct Plan {
     pub glossy: bool,
 }
 
-/// One line of `lightskin info`: a stage of METHOD's table, and why it runs or not.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct PlanLine {
-    /// METHOD's number.
+/// A stage: METHOD's number, its name in times, traces and reports, and when a frame has it.
+#[derive(Clone, Copy, Debug)]
+pub struct Stage {
+    /// METHOD's number; two that have one number are parts of one stage, or stand in for each other.
     pub number: u32,
-    /// METHOD's name.
+    /// As captures, timings and traces show it.
     pub name: &'static str,
-    /// Whether the frame has it.
-    pub runs: bool,
-    /// Why.
-    pub because: &'static str,
+    /// Whether a plan has it.
+    pub planned: fn(&Plan) -> bool,
+}
+
+/// Declares the stages in the order of the frame, and a constant for the place of each in `STAGES`.
+macro_rules! stages {
+    ($($constant:ident: $number:literal $name:literal $planned:expr;)*) => {
+        /// All stages, in the order in which a frame runs them: what plans, `info`, skipping, times and tests go by.
+        pub const STAGES: &[Stage] = &[$(Stage { number: $number, name: $name, planned: $planned }),*];
+        #[allow(non_camel_case_types, clippy::upper_case_acronyms, reason = "places in a table, named as constants")]
+        enum Place { $($constant),* }
+        $(pub(super) const $constant: usize = Place::$constant as usize;)*
+    };
+}
+
+stages! {
+    GBUFFER: 1 "gbuffer" |_| true;
+    DIRECT: 2 "direct" |plan| plan.direct;
+    SKY: 2 "sky" |plan| plan.sky;
+    ATLAS: 3 "atlas" |plan| plan.lightskin;
+    RSM: 4 "rsm" Plan::indirect;
+    PYRAMID: 4 "pyramid" |plan| plan.clusters;
+    VISIBLE: 5 "visible" |plan| plan.lightskin;
+    CULL: 5 "cull" |plan| plan.cull;
+    DEPTH_IMAGES: 6 "depth images" |plan| plan.depth_images;
+    GATHER: 6 "gather" |plan| plan.lightskin;
+    OCCLUDE: 7 "occlude" |plan| plan.occlude;
+    INTERPOLATE: 8 "interpolate" |plan| plan.lightskin;
+    BRUTE_FORCE: 8 "brute force" |plan| plan.brute_force;
+    COMPOSITE: 11 "composite" |_| true;
 }
 
 impl Plan {
     /// The stages that this scene needs under these settings.
     pub fn new(scene: &Scene, settings: &Settings) -> Self {
-        let direct = !scene.lights.is_empty();
-        let used = |m: &usize| scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| p.material == *m);
-        let emitters = scene.emits();
-        let lightskin = (direct || emitters) && settings.gi == Gi::LightSkin && settings.bounces > 0;
-        let bounces = lightskin && settings.bounces > 1;
+        Self::of(&Features::new(scene), settings)
+    }
+
+    /// The stages that scenes with these features need under these settings.
+    pub fn of(scene: &Features, settings: &Settings) -> Self {
+        let light = scene.lights || scene.emits;
+        let caches = match &settings.indirect {
+            Indirect::Caches(caches) if light => Some(caches),
+            _ => None,
+        };
+        let gather = caches.map(|caches| caches.gather);
+        let shadows = gather.map_or(Shadows::Off, |gather| gather.shadows());
+        let bounces = gather.is_some_and(|gather| gather.bounces() > 1);
         Self {
-            deform: scene.instances.iter().any(|instance| scene.meshes[instance.mesh].deform.is_some()),
-            direct,
-            sky: scene.sky.is_some(),
-            emitters,
-            lightskin,
-            cull: lightskin && settings.cull && !bounces,
-            clusters: lightskin && settings.cluster.is_some(),
+            deform: scene.bends,
+            direct: scene.lights,
+            sky: scene.sky,
+            emitters: scene.emits,
+            lightskin: caches.is_some(),
+            cull: caches.is_some_and(|caches: &Caches| caches.cull) && !bounces,
+            clusters: matches!(gather, Some(Gather::Clusters { .. })),
             bounces,
-            occlude: lightskin && settings.shadows == Shadows::Proxy,
-            depth_images: lightskin && settings.shadows == Shadows::PerLight,
-            brute_force: (direct || emitters) && settings.gi == Gi::BruteForce && settings.bounces > 0,
-            glossy: (0..scene.materials.len()).filter(used).any(|m| is_glossy(scene, m)),
+            occlude: shadows == Shadows::Proxy,
+            depth_images: shadows == Shadows::PerLight,
+            brute_force: light && settings.indirect == Indirect::BruteForce,
+            glossy: scene.glossy,
         }
     }
 
@@ -75,89 +139,46 @@ impl Plan {
         self.lightskin || self.brute_force
     }
 
-    /// Whether the gather lights all caches by every VAL, from a list: then that is the same in each frame.
-    pub fn lights_all(&self, settings: &Settings) -> bool {
-        self.lightskin && !self.cull && !self.clusters && settings.gather.path == GatherPath::Compute
+    /// The stages that it has, in order.
+    pub fn stages(&self) -> impl Iterator<Item = &'static Stage> {
+        STAGES.iter().filter(|stage| (stage.planned)(self))
     }
 
-    /// The table of stages, as `info` prints it.
-    pub fn lines(&self) -> Vec<PlanLine> {
-        let line = |number, name, runs, because| PlanLine { number, name, runs, because };
-        let gi = if self.lightskin {
-            "caches are interpolated"
-        } else if self.direct || self.emitters {
-            "not asked for by --gi"
-        } else {
-            "no light"
+    /// Why a frame has a stage, or has it not: in the words of `info`.
+    pub fn why(&self, stage: &Stage) -> &'static str {
+        let planned = (stage.planned)(self);
+        let caches = match () {
+            () if self.lightskin => "caches are interpolated",
+            () if self.direct || self.emitters => "not asked for by --gi",
+            () => "no light",
         };
-        let gi_without_cull = match () {
-            () if self.bounces => "every cache lights others in the next bounce",
-            () if self.lightskin => "switched off: every cache is lit",
-            () => gi,
-        };
-        let not_occluded = match () {
-            () if self.depth_images => "the gather itself leaves out VALs that are hidden",
-            () if self.lightskin => "not asked for by --shadows",
-            () => gi,
-        };
-        vec![
-            line(1, "gbuffer", true, "always"),
-            line(
-                2,
-                "direct",
-                self.direct,
-                match (self.direct, self.sky) {
-                    (true, true) => "there is a light, and a sky",
-                    (true, false) => "there is a light",
-                    (false, _) => "no light",
-                },
-            ),
-            line(3, "atlas", self.lightskin, gi),
-            line(
-                4,
-                "rsm",
-                self.indirect(),
-                match () {
-                    () if self.indirect() && !self.direct => "surfaces that emit are VALs",
-                    () if self.indirect() && self.emitters => {
-                        "indirect light needs VALs; surfaces that emit are some, too"
-                    }
-                    () if self.indirect() => "indirect light needs VALs",
-                    () => gi,
-                },
-            ),
-            line(
-                5,
-                "cull",
-                self.cull,
-                if self.cull { "only caches that visible surfaces need are lit" } else { gi_without_cull },
-            ),
-            line(
-                6,
-                "gather",
-                self.lightskin,
-                match () {
-                    () if self.bounces => "caches light caches, bounce after bounce",
-                    () if self.clusters => "clusters of VALs light caches where that is near enough",
-                    () => gi,
-                },
-            ),
-            line(
-                7,
-                "occlude",
-                self.occlude,
-                if self.occlude { "caches are in the way of proxy lights" } else { not_occluded },
-            ),
-            line(
-                8,
-                "interpolate",
-                self.indirect(),
-                if self.brute_force { "by brute force: every VAL onto every pixel" } else { gi },
-            ),
-            line(9, "dipole", false, "not built yet: no subsurface scattering"),
-            line(10, "scatter", false, "not built yet: no subsurface scattering"),
-            line(11, "composite", true, "always"),
-        ]
+        match stage.name {
+            "gbuffer" | "composite" => "always",
+            "direct" if planned => "there is a light",
+            "direct" => "no light",
+            "sky" if planned => "what is behind all surfaces",
+            "sky" => "no sky",
+            "rsm" if planned && !self.direct => "surfaces that emit are VALs",
+            "rsm" if planned && self.emitters => "indirect light needs VALs; surfaces that emit are some, too",
+            "rsm" if planned => "indirect light needs VALs",
+            "pyramid" if planned => "nodes that can stand for VALs",
+            "pyramid" if self.lightskin => "not asked for by --cluster",
+            "visible" if planned => "what pixels show decides which caches matter",
+            "cull" if planned => "only caches that visible surfaces need are lit",
+            "cull" if self.bounces => "every cache lights others in the next bounce",
+            "cull" if self.lightskin => "switched off: every cache is lit",
+            "depth images" if planned => "what caches see of each other hides VALs",
+            "depth images" if self.lightskin => "not asked for by --shadows",
+            "gather" if self.bounces => "caches light caches, bounce after bounce",
+            "gather" if self.clusters => "clusters of VALs light caches where that is near enough",
+            "occlude" if planned => "caches are in the way of proxy lights",
+            "occlude" if self.depth_images => "the gather itself leaves out VALs that are hidden",
+            "occlude" if self.lightskin => "not asked for by --shadows",
+            "interpolate" if self.brute_force => "brute force stands in for it",
+            "brute force" if planned => "every VAL onto every pixel",
+            "brute force" if self.lightskin => "caches stand in for it",
+            _ => caches,
+        }
     }
 }
 

@@ -1,8 +1,8 @@
-//! Stage 6, before the gather: VALs -> pyramids of nodes that can stand for them. METHOD 9, thesis listing 6.6. One
+//! Stage 4, its end: VALs -> pyramids of nodes that can stand for them. METHOD 9, thesis listing 6.6. One
 //! dispatch per level for all views.
 
-use super::SceneBuffers;
-use super::targets::RsmTargets;
+use super::vals::Vals;
+use super::world::World;
 use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{ClusterNode, ClusterView, PyramidPush};
@@ -24,8 +24,8 @@ pub struct Pyramid {
 
 impl Pyramid {
     /// Makes the pipeline and the nodes for RSMs of `rsm` texels a side.
-    pub fn new(gpu: &Gpu, scene: &SceneBuffers, rsm: u32) -> Result<Self> {
-        let (views, node_count) = layout(scene, rsm);
+    pub fn new(gpu: &Gpu, world: &World, rsm: u32) -> Result<Self> {
+        let (views, node_count) = layout(world, rsm);
         let largest = views.iter().map(|v| [v.size, v.levels]).max().unwrap_or_default();
         let bytes = u64::from(node_count.max(1)) * size_of::<ClusterNode>() as u64;
         let level = |name| gpu.buffer(name, bytes);
@@ -40,20 +40,8 @@ impl Pyramid {
         })
     }
 
-    /// Every buffer.
-    pub fn buffers(&self) -> [&Buffer; 4] {
-        let [even, odd] = &self.levels;
-        [&self.views, even, odd, &self.nodes]
-    }
-
-    /// How many nodes there are over RSMs of `rsm` texels a side.
-    pub fn node_count(scene: &SceneBuffers, rsm: u32) -> u32 {
-        layout(scene, rsm).1
-    }
-
     /// Records the pass; stage 4 has waited for its VALs. Who reads the nodes waits for compute writes.
-    pub fn record(&self, cmd: &Cmd<'_>, rsm: &RsmTargets) {
-        let _zone = cmd.zone("pyramid");
+    pub fn record(&self, cmd: &Cmd<'_>, vals: &Vals) {
         let [size, levels] = self.largest;
         for level in 1..=levels {
             if level > 1 {
@@ -62,7 +50,7 @@ impl Pyramid {
             }
             let [even, odd] = &self.levels;
             let (below, own) = if level % 2 == 0 { (odd, even) } else { (even, odd) };
-            let binds = [&self.views, &rsm.vals.all, below, own, &self.nodes].map(Into::into);
+            let binds = [&self.views, &vals.all, below, own, &self.nodes].map(Into::into);
             cmd.bind(&self.pipeline, &binds);
             cmd.push(&PyramidPush { level });
             let cells = size.div_ceil(1 << level);
@@ -72,10 +60,10 @@ impl Pyramid {
 }
 
 /// Where the VALs and nodes of all views lie, and how many nodes there are.
-fn layout(scene: &SceneBuffers, rsm: u32) -> (Vec<ClusterView>, u32) {
-    let sizes = scene.lights().iter().flat_map(|light| (0..light.views).map(|_| light.rsm_size(rsm)));
+fn layout(world: &World, rsm: u32) -> (Vec<ClusterView>, u32) {
+    let sizes = world.lights().iter().flat_map(|light| (0..light.views).map(|_| light.rsm_size(rsm)));
     // Those of the surfaces that emit lie like a picture, too.
-    let emitters = (!scene.emitters.is_empty()).then(|| scene.emitters.len().isqrt() as u32);
+    let emitters = (!world.emitters.is_empty()).then(|| world.emitters.len().isqrt() as u32);
     let (mut views, mut first_val, mut first_node) = (Vec::new(), 0, 0);
     for size in sizes.chain(emitters) {
         // At least one level, so that a lone VAL has a node over it.

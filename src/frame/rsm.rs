@@ -1,25 +1,51 @@
 //! Stage 4, extended RSM: the scene as each light sees it -> VALs. METHOD 2, thesis 5.2.
 
+use super::live::Live;
 use super::pack::PackVals;
-use super::targets::{LiveCaches, RsmTargets};
-use super::upload::Which;
-use super::{ProxyWeight, SceneBuffers, VERTEX};
-use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use};
+use super::settings::ProxyWeight;
+use super::vals::Vals;
+use super::world::{VERTEX, Which, World};
+use crate::error::{Error, Result};
+use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use};
 use crate::shared::ValPush;
 
-/// Draws an RSM per view of each light and turns its texels into VALs.
+/// Draws an RSM per view of each light, one at a time, and turns its texels into VALs.
 pub struct Rsm {
+    /// World position, and 1 where something is.
+    pub position: Image,
+    /// Normal on the lit side, and the material.
+    pub normal: Image,
+    /// `rho_d`.
+    pub albedo: Image,
+    /// Reversed depth.
+    pub depth: Image,
+    /// What its texels become.
+    pub vals: Vals,
     draw: Pipeline,
-    vals: Pipeline,
+    to_vals: Pipeline,
     pack: PackVals,
     weight: ProxyWeight,
 }
 
 impl Rsm {
-    /// Makes the pipelines. Where the gather `lights_all` caches, its dispatch follows from the number of VALs alone.
-    pub fn new(gpu: &Gpu, weight: ProxyWeight, lights_all: bool) -> Result<Self> {
+    /// Makes pipelines and images of `side` texels. Where the gather `lights_all` caches, its dispatch follows from the number
+    /// of VALs alone.
+    ///
+    /// # Errors
+    /// More VALs than can be numbered.
+    pub fn new(gpu: &Gpu, world: &World, side: u32, weight: ProxyWeight, lights_all: bool) -> Result<Self> {
+        let n = if world.lights().is_empty() { 1 } else { side.max(1) };
+        let count: u64 = world.lights().iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
+        let count = u32::try_from(count + world.emitters.len() as u64).ok().filter(|count| *count <= 1 << 25);
+        let count =
+            count.ok_or_else(|| Error::TooLarge("more than 33 million VALs; ask for a smaller --rsm".into()))?;
+        let float = Format::R32G32B32A32_SFLOAT;
         Ok(Self {
+            position: gpu.target("rsm.position", float, n, n)?,
+            normal: gpu.target("rsm.normal", float, n, n)?,
+            albedo: gpu.target("rsm.albedo", float, n, n)?,
+            depth: gpu.target("rsm.depth", Format::D32_SFLOAT, n, n)?,
+            vals: Vals::with(gpu, count, &world.emitters, weight)?,
             draw: gpu.raster(&Raster {
                 vertex: "mesh.vert",
                 fragment: Some("rsm.frag"),
@@ -31,32 +57,30 @@ impl Rsm {
                 cull: Cull::None,
                 constants: &[],
             })?,
-            vals: gpu.compute("vals.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
+            to_vals: gpu.compute("vals.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
             pack: PackVals::new(gpu, lights_all)?,
             weight,
         })
     }
 
-    /// Records the stage for the lights that are due; the VALs of the others are as they were. `emitters` says whether those
+    /// Records the stage for the lights that are `due`; the VALs of the others are as they were. `emitters` says whether those
     /// of surfaces that emit are not; the list of caches is for those that the gather lights all.
     pub fn record(
         &self,
         cmd: &Cmd<'_>,
-        scene: &SceneBuffers,
-        due: &[bool],
+        world: &World,
+        due: impl Fn(usize) -> bool,
         emitters: bool,
-        t: &RsmTargets,
-        caches: Option<&LiveCaches>,
+        caches: Option<&Live>,
     ) {
-        let _zone = cmd.zone("rsm");
         if emitters {
-            t.vals.update(cmd, &scene.emitters, self.weight);
+            self.vals.update(cmd, &world.emitters, self.weight);
             cmd.barrier(Use::CopyWrite, Use::ComputeRead | Use::ComputeWrite);
         }
         let (mut first, mut drawn) = (0, false);
-        for (i, light) in scene.lights().iter().enumerate() {
-            let size = light.rsm_size(t.depth.width);
-            if !due[i] {
+        for (i, light) in world.lights().iter().enumerate() {
+            let size = light.rsm_size(self.depth.width);
+            if !due(i) {
                 first += light.views * size * size;
                 continue;
             }
@@ -65,27 +89,27 @@ impl Rsm {
                     cmd.barrier(Use::ComputeRead | Use::DepthWrite, Use::ColorWrite | Use::DepthWrite); // the last view is read
                 }
                 let attachments = Attachments {
-                    colors: &[Attach::clear(&t.position), Attach::clear(&t.normal), Attach::clear(&t.albedo)],
-                    depth: Some(Attach::clear(&t.depth)),
+                    colors: &[Attach::clear(&self.position), Attach::clear(&self.normal), Attach::clear(&self.albedo)],
+                    depth: Some(Attach::clear(&self.depth)),
                     area: [0, 0, size, size],
                 };
-                let clip = scene.clip_from_world(view);
-                cmd.render(&attachments, |draw| scene.draw(draw, &self.draw, Which::All, clip, light.eye));
+                let clip = world.clip_from_world(view);
+                cmd.render(&attachments, |draw| world.draw(draw, &self.draw, Which::All, clip, light.eye));
                 if drawn {
                     cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 } else {
                     cmd.barrier(Use::ColorWrite, Use::ComputeRead);
                 }
                 cmd.bind(
-                    &self.vals,
+                    &self.to_vals,
                     &[
-                        (&scene.light_buffer).into(),
-                        (&scene.view_buffer).into(),
-                        (&t.position).into(),
-                        (&t.normal).into(),
-                        (&t.albedo).into(),
-                        (&t.vals.all).into(),
-                        (&t.vals.flags).into(),
+                        (&world.light_buffer).into(),
+                        (&world.view_buffer).into(),
+                        (&self.position).into(),
+                        (&self.normal).into(),
+                        (&self.albedo).into(),
+                        (&self.vals.all).into(),
+                        (&self.vals.flags).into(),
                     ],
                 );
                 cmd.push(&ValPush { light: i as u32, view, size, first });
@@ -97,6 +121,6 @@ impl Rsm {
         if drawn {
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // VALs, flags -> their list
         }
-        self.pack.record(cmd, &t.vals, caches);
+        self.pack.record(cmd, &self.vals, caches);
     }
 }

@@ -1,13 +1,15 @@
 //! Which way of lighting caches is the fastest on a device: measured once, kept by device and driver.
 
-use super::View;
-use super::gather::{Gather, GatherPath, GatherSettings, ValSource};
-use super::targets::{CacheTargets, ValTargets};
+use super::atlas::Atlas;
+use super::gather::{Compute, ComputeKind, Lit};
+use super::proxies::Proxies;
+use super::settings::{ValSource, Ways};
+use super::vals::Vals;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::kept;
 use crate::shared::{Cache, Val};
-use glam::{Mat4, Vec3, Vec4};
+use glam::{Vec3, Vec4};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
@@ -26,50 +28,44 @@ const FRAMES: usize = 3;
 #[derive(Clone, Copy, Debug)]
 pub struct Tuned {
     /// How caches are lit.
-    pub settings: GatherSettings,
+    pub ways: Ways,
     /// Pairs of cache and VAL [1/s], both lobes: the best of a few frames, mean of a few pipelines; geometric mean where there
     /// are several worlds.
     pub pairs_per_second: f64,
 }
 
 /// All ways that are worth trying: on a CPU, threads that keep many caches, on GPUs, many threads.
-pub fn candidates(software: bool) -> Vec<GatherSettings> {
+pub fn candidates(software: bool) -> Vec<Ways> {
     let (sources, shapes): (&[ValSource], &[(u32, u32)]) = if software {
         (&[ValSource::Texels, ValSource::Storage], &[(4, 2048), (6, 2048), (8, 2048)])
     } else {
         (&[ValSource::Texels, ValSource::Storage, ValSource::Shared], &[(1, 256), (2, 256), (4, 1024)])
     };
-    let mut all = Vec::new();
-    for source in [ValSource::Texels, ValSource::Storage] {
-        for tile in [4096, 16_384] {
-            all.push(GatherSettings { path: GatherPath::Fragment, source, tile, ..GatherSettings::default() });
-        }
-    }
-    for source in sources.iter().copied() {
-        for (caches_per_thread, split) in shapes.iter().copied() {
-            let path = GatherPath::Compute;
-            all.push(GatherSettings { path, source, caches_per_thread, split, ..GatherSettings::default() });
-        }
-    }
-    all
+    let of_source =
+        |source| shapes.iter().map(move |&(caches_per_thread, split)| Ways { source, caches_per_thread, split });
+    sources.iter().copied().flat_map(of_source).collect()
 }
 
 /// Times one way on random caches and VALs.
-pub fn time(gpu: &Gpu, settings: &GatherSettings, caches: u32, vals: u32) -> Result<Tuned> {
+///
+/// # Errors
+/// What the device has no memory for.
+pub fn time(gpu: &Gpu, ways: &Ways, caches: u32, vals: u32) -> Result<Tuned> {
     let (cache_list, val_list) = world(caches, vals);
-    let vals_on_device = ValTargets::of(gpu, &val_list)?;
-    let mut targets = CacheTargets::new(gpu, true, caches, vals, settings)?;
-    targets.atlas = gpu.buffer_from("atlas.caches", &cache_list)?;
-    let (clip_from_world, world_from_clip) = (Mat4::IDENTITY, Mat4::IDENTITY);
-    let view = View { clip_from_world, world_from_clip, eye: Vec4::new(0.0, 0.0, 9.0, 1.0), plane: Vec4::ZERO };
+    let (atlas, vals_on_device) = (Atlas::of(gpu, &cache_list)?, Vals::of(gpu, &val_list)?);
+    let proxies = Proxies::new(gpu, caches, true, 1)?;
+    let eyes = [Vec4::new(0.0, 0.0, 9.0, 1.0)];
+    let lit = Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None };
     let mut rates = 0.0;
     for _ in 0..PIPELINES {
-        let gather = Gather::new(gpu, true, false, settings)?;
+        gpu.forget_pipelines();
+        let gather = Compute::new(gpu, caches, vals, ways, ComputeKind::plain(true))?;
         let mut best = f64::INFINITY;
         for i in 0..=FRAMES {
             let drawn = gpu.frame(gpu.is_software(), |cmd| {
-                cmd.begin_frame(&targets.sums);
-                gather.record(cmd, &vals_on_device, &view, &targets, None, true);
+                cmd.begin_frame([]);
+                let _zone = cmd.zone("gather");
+                gather.record(cmd, &lit);
                 Ok(())
             })?;
             let times = gpu.times(&drawn)?;
@@ -77,29 +73,31 @@ pub fn time(gpu: &Gpu, settings: &GatherSettings, caches: u32, vals: u32) -> Res
         }
         rates += f64::from(caches) * f64::from(vals) / (best * 1e-3);
     }
-    Ok(Tuned { settings: *settings, pairs_per_second: rates / PIPELINES as f64 })
+    Ok(Tuned { ways: *ways, pairs_per_second: rates / PIPELINES as f64 })
 }
 
 /// Times one way on many and on few caches.
-fn both(gpu: &Gpu, settings: &GatherSettings) -> Result<Tuned> {
+fn both(gpu: &Gpu, ways: &Ways) -> Result<Tuned> {
     let mut product = 1.0;
     for [caches, vals] in WORLDS {
-        product *= time(gpu, settings, caches, vals)?.pairs_per_second;
+        product *= time(gpu, ways, caches, vals)?.pairs_per_second;
     }
-    Ok(Tuned { settings: *settings, pairs_per_second: product.powf(1.0 / WORLDS.len() as f64) })
+    Ok(Tuned { ways: *ways, pairs_per_second: product.powf(1.0 / WORLDS.len() as f64) })
 }
 
-/// The fastest way of a path, or of all, on this device; measured on the first call and kept.
-pub fn fastest(gpu: &Gpu, path: Option<GatherPath>) -> Result<Tuned> {
-    let mut ways = candidates(gpu.is_software());
-    ways.retain(|way| way.path == GatherPath::Compute || Gather::draws(gpu));
+/// The fastest way of the compute gather on this device; measured on the first call and kept.
+///
+/// # Errors
+/// What the device has no memory for.
+pub fn fastest(gpu: &Gpu) -> Result<Tuned> {
+    let ways = candidates(gpu.is_software());
     let file = file(gpu, &ways);
     let kept = file.as_ref().and_then(|file| std::fs::read(file).ok()).and_then(|bytes| read(&bytes, &ways));
     let all = match kept {
         Some(all) => all,
         None => {
             log::info!("measuring how caches are lit fastest on {}", gpu.report().name);
-            let all: Vec<Tuned> = ways.iter().map(|settings| both(gpu, settings)).collect::<Result<_>>()?;
+            let all: Vec<Tuned> = ways.iter().map(|ways| both(gpu, ways)).collect::<Result<_>>()?;
             if let Some(file) = &file
                 && let Err(error) = kept::write(file, &serde_json::to_vec_pretty(&write(gpu, &all)).expect("plain"))
             {
@@ -108,42 +106,28 @@ pub fn fastest(gpu: &Gpu, path: Option<GatherPath>) -> Result<Tuned> {
             all
         }
     };
-    let of_path = all.into_iter().filter(|t| path.is_none_or(|path| t.settings.path == path));
-    // A path that the device does not have is refused by name when it is made.
-    let fastest = of_path.max_by(|a, b| a.pairs_per_second.total_cmp(&b.pairs_per_second));
-    Ok(fastest.unwrap_or(Tuned {
-        settings: GatherSettings { path: GatherPath::Fragment, ..GatherSettings::default() },
-        pairs_per_second: 0.0,
-    }))
+    let fastest = all.into_iter().max_by(|a, b| a.pairs_per_second.total_cmp(&b.pairs_per_second));
+    Ok(fastest.unwrap_or(Tuned { ways: Ways::default(), pairs_per_second: 0.0 }))
 }
 
 /// One file per device, driver and version of the shaders.
-fn file(gpu: &Gpu, ways: &[GatherSettings]) -> Option<PathBuf> {
+fn file(gpu: &Gpu, ways: &[Ways]) -> Option<PathBuf> {
     let report = gpu.report();
     let mut hash = blake3::Hasher::new();
     for part in [&report.name, &report.driver, &report.api] {
         hash.update(part.as_bytes()).update(&[0]);
     }
-    for shader in ["gather.comp", "gather.frag"] {
-        hash.update(crate::gpu::shader(shader));
-    }
+    hash.update(crate::gpu::shader("gather.comp"));
     hash.update(format!("{ways:?} {WORLDS:?}").as_bytes());
     Some(kept::folder()?.join(format!("gather-{}.json", &hash.finalize().to_hex()[..32])))
 }
 
-const PATHS: [(GatherPath, &str); 2] = [(GatherPath::Fragment, "fragment"), (GatherPath::Compute, "compute")];
-const SOURCES: [(ValSource, &str); 3] =
-    [(ValSource::Texels, "texels"), (ValSource::Storage, "storage"), (ValSource::Shared, "shared")];
-
 fn write(gpu: &Gpu, all: &[Tuned]) -> Value {
     let line = |t: &Tuned| {
-        let s = t.settings;
         json!({
-            "path": s.path.name(),
-            "vals": s.source.name(),
-            "tile": s.tile,
-            "caches_per_thread": s.caches_per_thread,
-            "split": s.split,
+            "vals": t.ways.source.name(),
+            "caches_per_thread": t.ways.caches_per_thread,
+            "split": t.ways.split,
             "pairs_per_second": t.pairs_per_second,
         })
     };
@@ -152,36 +136,17 @@ fn write(gpu: &Gpu, all: &[Tuned]) -> Value {
 }
 
 /// The kept measurement; `None` if it is damaged.
-fn read(bytes: &[u8], ways: &[GatherSettings]) -> Option<Vec<Tuned>> {
+fn read(bytes: &[u8], candidates: &[Ways]) -> Option<Vec<Tuned>> {
     let all: Value = serde_json::from_slice(bytes).ok()?;
-    let line = |line: &Value| {
-        let number = |key: &str| line[key].as_u64().and_then(|n| u32::try_from(n).ok());
-        let settings = GatherSettings {
-            path: PATHS.iter().find(|(_, name)| line["path"] == *name)?.0,
-            source: SOURCES.iter().find(|(_, name)| line["vals"] == *name)?.0,
-            tile: number("tile")?,
-            caches_per_thread: number("caches_per_thread")?,
-            split: number("split")?,
-        };
-        let known = ways.contains(&settings);
-        known.then_some(Tuned { settings, pairs_per_second: line["pairs_per_second"].as_f64()? })
+    let line = |(line, ways): (&Value, &Ways)| {
+        let number = |key: &str| line[key].as_u64();
+        let known = line["vals"] == ways.source.name()
+            && number("caches_per_thread") == Some(ways.caches_per_thread.into())
+            && number("split") == Some(ways.split.into());
+        known.then_some(Tuned { ways: *ways, pairs_per_second: line["pairs_per_second"].as_f64()? })
     };
-    let all: Vec<Tuned> = all["candidates"].as_array()?.iter().map(line).collect::<Option<_>>()?;
-    (all.len() == ways.len()).then_some(all)
-}
-
-impl GatherPath {
-    /// As `--gather` names it.
-    pub fn name(self) -> &'static str {
-        PATHS.iter().find(|(path, _)| *path == self).expect("all are listed").1
-    }
-}
-
-impl ValSource {
-    /// In reports.
-    pub fn name(self) -> &'static str {
-        SOURCES.iter().find(|(source, _)| *source == self).expect("all are listed").1
-    }
+    let all = all["candidates"].as_array()?;
+    (all.len() == candidates.len()).then(|| all.iter().zip(candidates).map(line).collect())?
 }
 
 /// Caches on the floor of a room of 8 m and VALs on its ceiling, from a fixed seed.

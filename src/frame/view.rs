@@ -27,7 +27,7 @@ impl View {
         let (projection, eye) = match camera.projection {
             Projection::Perspective { yfov } => {
                 let f = 1.0 / (f64::from(yfov) * 0.5).tan();
-                let near = super::lights::NEAREST * radius;
+                let near = super::world::lights::NEAREST * radius;
                 let projection = DMat4::from_cols(
                     DVec4::new(f / aspect, 0.0, 0.0, 0.0),
                     DVec4::new(0.0, -f, 0.0, 0.0),

@@ -1,63 +1,124 @@
-//! Stage 5, first half: what pixels show -> the vertices that stages 5, 6 and 8 have to work on. METHOD 9.
+//! Stage 5, first half: what pixels show -> the vertices, or cells of surfaces, that stages 5, 6 and 8 have to work on.
+//! METHOD 9. Every view has a list of its own; what culling flags is the union.
 
-use super::SceneBuffers;
-use super::targets::VisibleTargets;
+use super::view::View;
+use super::world::World;
 use crate::error::{Error, Result};
-use crate::gpu::{Cmd, Gpu, Image, Pipeline, Use};
-use crate::shared::{VisibleArgs, VisiblePush};
+use crate::gpu::{Buffer, Cmd, Gpu, Image, Pipeline, Use};
+use crate::shared::{VertexLight, VisibleArgs, VisibleCellsPush, VisiblePush, VisibleVertex};
 use std::cell::Cell;
 
-/// Lists the corners of visible triangles.
-pub struct Visible {
-    pipeline: Pipeline,
+/// Vertices of the triangles that a view's pixels show, or cells of the surfaces.
+pub struct VisibleList {
+    /// Per vertex or cell of each instance: the last frame that showed it.
+    pub seen: Buffer,
+    /// Per vertex: where in `list`. With cells, per pixel: the cell's row of references.
+    pub slots: Buffer,
+    /// Each once.
+    pub list: Buffer,
+    /// Averaged lights of vertices.
+    pub lights: Buffer,
+    /// How many.
+    pub args: Buffer,
+    /// `args` of none.
+    none: Buffer,
     /// Number of the next frame: marks of earlier ones need no clearing.
     frame: Cell<u32>,
 }
 
-impl Visible {
-    /// Makes the pipeline. Fails on devices whose fragment shaders cannot number triangles.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
-        numbered_triangles(gpu)?;
-        Ok(Self { pipeline: gpu.compute("visible.comp", &[])?, frame: Cell::new(1) })
-    }
-
-    /// Records the pass for all `views`, images of elements: a vertex that one of them shows is listed.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, views: &[&Image], out: &VisibleTargets) {
-        let _zone = cmd.zone("visible");
-        let frame = self.frame.get();
-        self.frame.set(frame.checked_add(1).unwrap_or(1));
-        cmd.copy_buffer(&out.none, &out.args, size_of::<VisibleArgs>() as u64);
-        cmd.barrier(Use::CopyWrite | Use::ColorWrite, Use::ComputeRead | Use::ComputeWrite); // elements -> here
-        for (i, view) in views.iter().enumerate() {
-            if i > 0 {
-                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-            }
-            cmd.bind(
-                &self.pipeline,
-                &[
-                    (*view).into(),
-                    (&scene.draw_records).into(),
-                    scene.indices().into(),
-                    (&out.seen).into(),
-                    (&out.slots).into(),
-                    (&out.list).into(),
-                    (&out.args).into(),
-                ],
-            );
-            cmd.push(&VisiblePush { frame });
-            cmd.dispatch(view.width, view.height, 1);
-        }
+impl VisibleList {
+    /// Room for a picture of this size.
+    pub fn new(gpu: &Gpu, world: &World, [w, h]: [u32; 2]) -> Result<Self> {
+        let all = u64::from(world.slot_count.max(1));
+        let pixels = u64::from(w) * u64::from(h);
+        let by_cells = world.cells.is_some();
+        let most = all.min(3 * pixels);
+        let none = VisibleArgs { groups_y: 1, groups_z: 1, ..VisibleArgs::default() };
+        Ok(Self {
+            seen: gpu.buffer_from("visible.seen", &vec![0_u32; all as usize])?,
+            slots: gpu.buffer("visible.slots", 4 * if by_cells { pixels } else { all })?,
+            list: gpu.buffer("visible.list", most * size_of::<VisibleVertex>() as u64)?,
+            lights: gpu.buffer("visible.lights", if by_cells { 1 } else { most } * size_of::<VertexLight>() as u64)?,
+            args: gpu.buffer("visible.args", size_of::<VisibleArgs>() as u64)?,
+            none: gpu.buffer_from("visible.none", &[none])?,
+            frame: Cell::new(1),
+        })
     }
 }
 
-/// Fails on devices whose fragment shaders cannot number triangles.
-pub(super) fn numbered_triangles(gpu: &Gpu) -> Result<()> {
-    if gpu.numbers_triangles() {
-        return Ok(());
+/// Lists the corners of visible triangles; or the cells that pixels lie in, where they look references up.
+pub struct Visible {
+    vertices: Pipeline,
+    cells: Pipeline,
+}
+
+impl Visible {
+    /// Makes the pipelines.
+    ///
+    /// # Errors
+    /// A device whose fragment shaders cannot number triangles.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        if !gpu.numbers_triangles() {
+            let name = &gpu.report().name;
+            return Err(Error::NoDevice(format!(
+                "{name} lacks the feature geometryShader, by which pixels know their triangle; choose another --device, or \
+                 --gi brute-force"
+            )));
+        }
+        Ok(Self { vertices: gpu.compute("visible.comp", &[])?, cells: gpu.compute("visible_cells.comp", &[])? })
     }
-    let name = &gpu.report().name;
-    Err(Error::NoDevice(format!(
-        "{name} lacks the feature geometryShader, by which pixels know their triangle; choose another --device, or \
-         --gi brute-force"
-    )))
+
+    /// Records the pass for views, their images of elements and their lists.
+    pub fn record<'a>(
+        &self,
+        cmd: &Cmd<'_>,
+        world: &World,
+        views: impl Iterator<Item = (&'a View, &'a Image, &'a VisibleList)> + Clone,
+    ) {
+        for (.., out) in views.clone() {
+            cmd.copy_buffer(&out.none, &out.args, size_of::<VisibleArgs>() as u64);
+        }
+        cmd.barrier(Use::CopyWrite | Use::ColorWrite, Use::ComputeRead | Use::ComputeWrite); // elements -> here
+        for (view, elements, out) in views {
+            let frame = out.frame.get();
+            out.frame.set(frame.checked_add(1).unwrap_or(1));
+            match &world.cells {
+                None => {
+                    cmd.bind(
+                        &self.vertices,
+                        &[
+                            elements.into(),
+                            (&world.draw_records).into(),
+                            world.indices().into(),
+                            (&out.seen).into(),
+                            (&out.slots).into(),
+                            (&out.list).into(),
+                            (&out.args).into(),
+                        ],
+                    );
+                    cmd.push(&VisiblePush { frame });
+                }
+                Some(cells) => {
+                    cmd.bind(
+                        &self.cells,
+                        &[
+                            elements.into(),
+                            (&world.draw_records).into(),
+                            world.indices().into(),
+                            (&world.instances).into(),
+                            (&world.corners).into(),
+                            (&cells.grids).into(),
+                            (&cells.entries).into(),
+                            (&out.seen).into(),
+                            (&out.list).into(),
+                            (&out.args).into(),
+                            (&out.slots).into(),
+                        ],
+                    );
+                    cmd.push(&VisibleCellsPush { clip_from_world: view.clip_from_world, frame });
+                }
+            }
+            cmd.dispatch(elements.width, elements.height, 1);
+        }
+    }
 }

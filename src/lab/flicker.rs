@@ -24,8 +24,9 @@
 
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
-use crate::frame::{Cluster, Frame, Gi, SceneBuffers, Settings, View, lights};
+use crate::frame::{ClusterRule, View, World, world::lights};
 use crate::gpu::Gpu;
+use crate::lab::knobs::{Frame, Gi, Knobs, Path};
 use crate::lab::shot::radiance;
 use crate::scene::{LightKind, Projection, Scene, Vertex};
 use crate::shared::Proxy;
@@ -63,7 +64,7 @@ pub struct Job {
     /// Side [texels] of the finer RSM that VALs are held against.
     pub fine: u32,
     /// Clusters of VALs light caches where that is near enough.
-    pub cluster: Option<Cluster>,
+    pub cluster: Option<ClusterRule>,
     /// Steps are this many times as long; 0 stands still.
     pub pace: f64,
     /// The instance that moves, see [`model`].
@@ -163,8 +164,8 @@ pub fn measure(
         progress(done / total, &format!("{} moves: {what}, RSM {rsm}", motion.name()));
         done += 1.0;
         // All caches are lit: those that the camera does not see are looked at, too.
-        let settings = Settings { size: job.size, gi, rsm, cluster: job.cluster, cull: false, ..Settings::default() };
-        sequence(gpu, &scenes, caches, &settings)
+        let path = job.cluster.map_or(Path::Compute, Path::Clusters);
+        sequence(gpu, &scenes, caches, &Knobs { gi, rsm, path, cull: false, ..Knobs::plain(job.size) })
     };
     let fine = draw(Gi::BruteForce, job.fine, None)?;
     let mut rows = Vec::new();
@@ -294,38 +295,38 @@ fn moved(scene: &Scene, motion: Motion, job: &Job, way: f64) -> Scene {
 }
 
 /// Draws the frames.
-fn sequence(gpu: &Gpu, scenes: &[Scene], caches: Option<&CacheSet>, settings: &Settings) -> Result<Drawn> {
-    let mut buffers = SceneBuffers::new(gpu, &scenes[0], caches)?;
-    let frame = Frame::new(gpu, &scenes[0], &buffers, settings)?;
-    let t = &frame.targets;
+fn sequence(gpu: &Gpu, scenes: &[Scene], caches: Option<&CacheSet>, knobs: &Knobs) -> Result<Drawn> {
+    let mut world = World::new(gpu, &scenes[0], caches)?;
+    let mut frame = Frame::new(gpu, &scenes[0], &world, knobs)?;
     let mut frames = Vec::new();
-    let mut kept = vec![true; (settings.size[0] * settings.size[1]) as usize];
+    let mut kept = vec![true; (knobs.size[0] * knobs.size[1]) as usize];
     let mut last: Option<Vec<(f32, Vec4)>> = None;
     let mut last_proxies: Option<Vec<DVec3>> = None;
     let (mut squares, mut sum, mut count) = (0.0, 0.0, 0.0);
     for scene in scenes {
-        buffers.update(scene)?;
-        let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+        world.update(gpu, scene)?;
+        let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
         let drawn = gpu.frame(false, |cmd| {
-            frame.record(cmd, &buffers, &view);
+            frame.record(cmd, &world, &view);
             Ok(())
         })?;
         assert!(drawn.problems.is_empty(), "barriers: {}", drawn.problems.join("; "));
         let mut layer = vec![DVec3::ZERO; kept.len()];
-        for image in t.indirect.iter().flat_map(|i| [Some(&i.diffuse), i.glossy.as_ref()]).flatten() {
+        for image in frame.picture.indirect.iter().flat_map(|i| [Some(&i.diffuse), i.glossy.as_ref()]).flatten() {
             layer.iter_mut().zip(radiance(gpu, image)?).for_each(|(sum, p)| *sum += p);
         }
         frames.push(layer);
+        let seen = &frame.picture.surface;
         let surface: Vec<(f32, Vec4)> =
-            gpu.read_image::<f32>(&t.depth)?.into_iter().zip(gpu.read_image::<Vec4>(&t.normal)?).collect();
+            gpu.read_image::<f32>(&seen.depth)?.into_iter().zip(gpu.read_image::<Vec4>(&seen.normal)?).collect();
         for (i, now) in surface.iter().enumerate() {
             kept[i] &= now.0 > 0.0 && last.as_ref().is_none_or(|last| is_same_surface(last[i], *now));
         }
         last = Some(surface);
-        if let Some(caches) = &t.caches {
-            let all: Vec<Proxy> = gpu.read(&caches.proxies)?;
+        if let Some(caches) = frame.light.caches() {
+            let all: Vec<Proxy> = gpu.read(&caches.proxies.buffer)?;
             let now: Vec<DVec3> =
-                all[..caches.count as usize].iter().map(|p| ({ p.diffuse_irradiance }).as_dvec3()).collect();
+                all[..caches.atlas.count as usize].iter().map(|p| ({ p.diffuse_irradiance }).as_dvec3()).collect();
             if let Some(last) = &last_proxies {
                 squares += now.iter().zip(last).map(|(a, b)| a.distance_squared(*b)).sum::<f64>();
                 sum += now.iter().map(|p| p.element_sum()).sum::<f64>();

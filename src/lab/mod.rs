@@ -6,6 +6,7 @@ pub mod choices;
 pub mod eval;
 pub mod flicker;
 pub mod hard_cases;
+pub mod knobs;
 pub mod plot;
 pub mod scenes;
 pub mod shadows;

@@ -4,8 +4,9 @@ use super::eval::measure::{Bench, Layers};
 use super::eval::references::{PathTraced, path_traced};
 use super::eval::sweep::Point;
 use crate::error::Result;
-use crate::frame::{self, Plan, Shadows};
+use crate::frame::{Plan, Shadows};
 use crate::gpu::Gpu;
+use crate::lab::knobs::Knobs;
 use crate::metrics::{Metrics, mean, metrics};
 use crate::reference::path_trace::camera_ray;
 use crate::reference::world::{Sides, World};
@@ -80,8 +81,8 @@ pub fn compare(
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Compared> {
     let camera = &scene.cameras[0];
-    let frame = frame::Settings { size: settings.size, rsm: settings.rsm, ..frame::Settings::default() };
-    let glossy = Plan::new(scene, &frame).glossy;
+    let frame = Knobs { rsm: settings.rsm, ..Knobs::plain(settings.size) };
+    let glossy = Plan::new(scene, &frame.settings()).glossy;
     let wanted = PathTraced { size: settings.size, visibility: true, samples: settings.samples, glossy };
     let (mut truth, about) = path_traced(scene, camera, &wanted, folder, progress);
     let edges = edges(scene, camera, settings.size);
@@ -96,8 +97,9 @@ pub fn compare(
     };
     for shadows in KINDS {
         let point = Point {
-            frame: frame::Settings { shadows, ..frame },
+            frame: Knobs { shadows, ..frame },
             caches: settings.caches,
+            references: 8,
             angle: 60_f32.to_radians(),
             max_edge: None,
         };

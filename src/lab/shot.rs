@@ -3,9 +3,10 @@
 use crate::bake::CacheSet;
 use crate::error::Result;
 use crate::frame::check::Check;
-use crate::frame::targets::CacheTargets;
-use crate::frame::{Exposure, Frame, SceneBuffers, Settings, View};
+use crate::frame::gather::Gather;
+use crate::frame::{Exposure, View, World};
 use crate::gpu::{Gpu, Image};
+use crate::lab::knobs::{Frame, Knobs};
 use crate::reference::gather::{Cache, Gathered, Lobe};
 use crate::reference::phong::{Material as Reflection, mirrored_view};
 use crate::reference::rsm::{self, Val};
@@ -15,9 +16,8 @@ use crate::shared::{self, GatherSums, LiveArgs, TEXEL_CACHES};
 use glam::{DVec2, DVec3, Vec3, Vec4, dvec3};
 
 /// Small pictures, every cache lit; the references do every pixel.
-pub fn small() -> Settings {
-    let exposure = Exposure::Ev(0.0);
-    Settings { size: [48, 48], rsm: 24, shadow_map: 256, exposure, cull: false, ..Settings::default() }
+pub fn small() -> Knobs {
+    Knobs { rsm: 24, shadow_map: 256, exposure: Exposure::Ev(0.0), cull: false, ..Knobs::plain([48, 48]) }
 }
 
 /// What one frame made. Places are in the world, in f64.
@@ -49,55 +49,54 @@ pub struct Shot {
 }
 
 /// Draws one frame from the scene's first camera and reads it back.
-pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Settings) -> Result<Shot> {
+pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs) -> Result<Shot> {
     let said = gpu.messages().len();
-    let mut buffers = SceneBuffers::new(gpu, scene, caches)?;
-    if let Some(caches) = caches.filter(|_| settings.bounces > 1) {
-        buffers.add_albedos(gpu, scene, caches)?;
-    }
-    let frame = Frame::new(gpu, scene, &buffers, settings)?;
-    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let world = World::new(gpu, scene, caches)?;
+    let mut frame = Frame::new(gpu, scene, &world, knobs)?;
+    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
     let drawn = gpu.frame(false, |cmd| {
-        frame.record(cmd, &buffers, &view);
+        frame.record(cmd, &world, &view);
         Ok(())
     })?;
-    let (t, origin, eye) = (&frame.targets, buffers.origin, scene.cameras[0].world_from_camera.translation);
+    let (origin, eye) = (world.origin, scene.cameras[0].world_from_camera.translation);
+    let Frame { light, picture, .. } = &frame;
+    let (surface, indirect) = (&picture.surface, picture.indirect.as_ref());
 
     let mut complaints = drawn.problems;
-    for found in Check::new(gpu)?.count(gpu, t)?.iter().filter(|found| found.broken > 0) {
+    for found in Check::new(gpu)?.count(gpu, light, picture)?.iter().filter(|found| found.broken > 0) {
         complaints.push(format!("{}: {} of {} values are broken", found.target, found.broken, found.values));
     }
     let mut shot = Shot {
         vals: Vec::new(),
         caches: Vec::new(),
         proxies: Vec::new(),
-        albedo: halves(gpu, &t.albedo)?,
-        specular: halves(gpu, &t.specular)?,
-        direct: radiance(gpu, &t.direct)?,
-        diffuse: t.indirect.as_ref().map_or(Ok(Vec::new()), |i| radiance(gpu, &i.diffuse))?,
-        glossy: match t.indirect.as_ref().and_then(|i| i.glossy.as_ref()) {
+        albedo: halves(gpu, &surface.albedo)?,
+        specular: halves(gpu, &surface.specular)?,
+        direct: radiance(gpu, &surface.radiance)?,
+        diffuse: indirect.map_or(Ok(Vec::new()), |i| radiance(gpu, &i.diffuse))?,
+        glossy: match indirect.and_then(|i| i.glossy.as_ref()) {
             Some(image) => radiance(gpu, image)?,
             None => Vec::new(),
         },
-        covered: gpu.read_image::<f32>(&t.depth)?.iter().map(|depth| *depth > 0.0).collect(),
+        covered: gpu.read_image::<f32>(&surface.depth)?.iter().map(|depth| *depth > 0.0).collect(),
         sums: Default::default(),
-        views: light_views(gpu, scene, &buffers)?,
+        views: light_views(gpu, scene, &world)?,
         complaints: Vec::new(),
     };
-    if let Some(rsm) = &t.rsm {
-        let all: Vec<shared::Val> = gpu.read(&rsm.vals.all)?;
+    if let Some(vals) = light.vals() {
+        let all: Vec<shared::Val> = gpu.read(&vals.all)?;
         shot.vals = all.iter().map(|v| val(v, origin)).collect();
     }
-    if let Some(targets) = &t.caches {
-        let n = targets.count as usize;
-        let all: Vec<shared::Cache> = gpu.read(&targets.atlas)?;
+    if let Some(caches) = light.caches() {
+        let n = caches.atlas.count as usize;
+        let all: Vec<shared::Cache> = gpu.read(&caches.atlas.caches)?;
         shot.caches = all[..n].iter().map(|c| cache(c, origin)).collect();
-        let all: Vec<shared::Proxy> = gpu.read(&targets.proxies)?;
+        let all: Vec<shared::Proxy> = gpu.read(&caches.proxies.buffer)?;
         shot.proxies = all[..n].iter().zip(&shot.caches).map(|(p, c)| gathered(p, c, origin, eye)).collect();
-        let sums = gather_sums(gpu, targets)?;
+        let sums = gather_sums(gpu, &caches.gather, caches.atlas.count)?;
         shot.sums = [
             sums.iter().map(|s| s.diffuse_irradiance.as_dvec3()).collect(),
-            sums.iter().filter(|_| frame.plan.glossy).map(|s| s.glossy_irradiance.as_dvec3()).collect(),
+            sums.iter().filter(|_| light.plan.glossy).map(|s| s.glossy_irradiance.as_dvec3()).collect(),
         ];
     }
     complaints.extend(gpu.messages().into_iter().skip(said));
@@ -105,50 +104,55 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Set
     Ok(shot)
 }
 
-/// The gather's sums at every cache; of caches that are culled no light.
-pub fn gather_sums(gpu: &Gpu, caches: &CacheTargets) -> Result<Vec<GatherSums>> {
-    let mut sums = vec![GatherSums::default(); caches.count as usize];
-    if let (Some(parts), Some(live)) = (&caches.parts, &caches.live) {
-        let (all, list): (Vec<GatherSums>, Vec<u32>) = (gpu.read(parts)?, gpu.read(&live.list)?);
-        let args = gpu.read::<LiveArgs>(&live.args)?[0];
-        let scales: Vec<f32> = caches.bounces.as_ref().map_or(Ok(Vec::new()), |bounces| gpu.read(&bounces.scales))?;
-        let of_caches = caches.bounces.as_ref().map_or(0, |bounces| bounces.parts) as usize;
-        let parts = all.chunks(sums.len().max(1)).take(of_caches + args.groups_y as usize);
-        for (index, part) in parts.enumerate() {
-            let items = list[..args.cache_count as usize].iter();
-            let lit = items.flat_map(|item| (item * live.group)..((item + 1) * live.group).min(caches.count));
-            for (cache, p) in lit.zip(part) {
-                let s = &mut sums[cache as usize];
-                let scale = if index < of_caches { scales[cache as usize] } else { 1.0 };
+/// The gather's sums at each of so many caches; of caches that are culled no light.
+pub fn gather_sums(gpu: &Gpu, gather: &Gather, count: u32) -> Result<Vec<GatherSums>> {
+    let mut sums = vec![GatherSums::default(); count as usize];
+    let (live, parts, bounces) = match gather {
+        Gather::Compute(by) => (&by.live, &by.parts, by.bounces.as_ref()),
+        Gather::Clusters(by) => (&by.live, &by.parts, None),
+        Gather::Draws(by) => {
+            let images: Vec<Vec<Vec4>> = by.sums.iter().map(|image| gpu.read_image(image)).collect::<Result<_>>()?;
+            for (i, s) in sums.iter_mut().enumerate() {
+                let of_cache = images.len() / TEXEL_CACHES as usize;
+                let own = &images[i % TEXEL_CACHES as usize * of_cache..][..of_cache];
+                let texel =
+                    |image: usize| own.get(image).map_or(Vec4::ZERO, |texels| texels[by.texels.texel(i as u32)]);
                 *s = GatherSums {
-                    diffuse_position: s.diffuse_position + scale * p.diffuse_position,
-                    diffuse_weight: s.diffuse_weight + scale * p.diffuse_weight,
-                    diffuse_irradiance: s.diffuse_irradiance + scale * p.diffuse_irradiance,
-                    distance2: s.distance2 + scale * p.distance2,
-                    glossy_position: s.glossy_position + scale * p.glossy_position,
-                    glossy_weight: s.glossy_weight + scale * p.glossy_weight,
-                    glossy_irradiance: s.glossy_irradiance + scale * p.glossy_irradiance,
-                    glossy_distance2: s.glossy_distance2 + scale * p.glossy_distance2,
+                    diffuse_position: texel(0).truncate(),
+                    diffuse_weight: texel(0).w,
+                    diffuse_irradiance: texel(1).truncate(),
+                    distance2: texel(1).w,
+                    glossy_position: texel(2).truncate(),
+                    glossy_weight: texel(2).w,
+                    glossy_irradiance: texel(3).truncate(),
+                    glossy_distance2: texel(3).w,
                 };
             }
+            return Ok(sums);
         }
-        return Ok(sums);
-    }
-    let images: Vec<Vec<Vec4>> = caches.sums.iter().map(|image| gpu.read_image(image)).collect::<Result<_>>()?;
-    for (i, s) in sums.iter_mut().enumerate() {
-        let of_cache = images.len() / TEXEL_CACHES as usize;
-        let own = &images[i % TEXEL_CACHES as usize * of_cache..][..of_cache];
-        let texel = |image: usize| own.get(image).map_or(Vec4::ZERO, |texels| texels[caches.texel(i as u32)]);
-        *s = GatherSums {
-            diffuse_position: texel(0).truncate(),
-            diffuse_weight: texel(0).w,
-            diffuse_irradiance: texel(1).truncate(),
-            distance2: texel(1).w,
-            glossy_position: texel(2).truncate(),
-            glossy_weight: texel(2).w,
-            glossy_irradiance: texel(3).truncate(),
-            glossy_distance2: texel(3).w,
-        };
+    };
+    let (all, list): (Vec<GatherSums>, Vec<u32>) = (gpu.read(parts)?, gpu.read(&live.list)?);
+    let args = gpu.read::<LiveArgs>(&live.args)?[0];
+    let scales: Vec<f32> = bounces.map_or(Ok(Vec::new()), |bounces| gpu.read(&bounces.scales))?;
+    let of_caches = bounces.map_or(0, |bounces| bounces.parts) as usize;
+    let parts = all.chunks(sums.len().max(1)).take(of_caches + args.groups_y as usize);
+    for (index, part) in parts.enumerate() {
+        let items = list[..args.cache_count as usize].iter();
+        let lit = items.flat_map(|item| (item * live.group)..((item + 1) * live.group).min(count));
+        for (cache, p) in lit.zip(part) {
+            let s = &mut sums[cache as usize];
+            let scale = if index < of_caches { scales[cache as usize] } else { 1.0 };
+            *s = GatherSums {
+                diffuse_position: s.diffuse_position + scale * p.diffuse_position,
+                diffuse_weight: s.diffuse_weight + scale * p.diffuse_weight,
+                diffuse_irradiance: s.diffuse_irradiance + scale * p.diffuse_irradiance,
+                distance2: s.distance2 + scale * p.distance2,
+                glossy_position: s.glossy_position + scale * p.glossy_position,
+                glossy_weight: s.glossy_weight + scale * p.glossy_weight,
+                glossy_irradiance: s.glossy_irradiance + scale * p.glossy_irradiance,
+                glossy_distance2: s.glossy_distance2 + scale * p.glossy_distance2,
+            };
+        }
     }
     Ok(sums)
 }
@@ -195,15 +199,15 @@ fn gathered(p: &shared::Proxy, cache: &Cache, origin: DVec3, eye: DVec3) -> Gath
 }
 
 /// The device's frusta as the references' own, so that both look through the same texels. Rows run against `up`.
-fn light_views(gpu: &Gpu, scene: &Scene, buffers: &SceneBuffers) -> Result<Vec<rsm::View>> {
-    let views: Vec<shared::LightView> = gpu.read(&buffers.view_buffer)?;
+fn light_views(gpu: &Gpu, scene: &Scene, world: &World) -> Result<Vec<rsm::View>> {
+    let views: Vec<shared::LightView> = gpu.read(&world.view_buffer)?;
     let mut all = Vec::new();
-    for (light, info) in scene.lights.iter().zip(buffers.lights()) {
+    for (light, info) in scene.lights.iter().zip(world.lights()) {
         for view in &views[info.first_view as usize..(info.first_view + info.views) as usize] {
             let (right, up, forward) = (view.right.as_dvec3(), view.up.as_dvec3(), view.forward.as_dvec3().normalize());
             let parallel = light.kind == LightKind::Directional;
             all.push(rsm::View {
-                origin: if parallel { buffers.origin - 2.0 * buffers.radius * forward } else { light.position },
+                origin: if parallel { world.origin - 2.0 * world.radius * forward } else { light.position },
                 right: right.normalize(),
                 up: up.normalize(),
                 forward,

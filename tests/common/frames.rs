@@ -1,8 +1,9 @@
 //! Small worlds, whole frames of them, and what the device made on the way, as the references read it.
 
 use lightskin::bake::CacheSet;
-use lightskin::frame::{Frame, SceneBuffers, Settings, View};
+use lightskin::frame::{View, World};
 use lightskin::gpu::Gpu;
+use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::scene::Scene;
 
 pub(crate) use lightskin::lab::shot::{Seen, Shot, reflection, seen, small, triangles};
@@ -16,7 +17,7 @@ pub(crate) fn baked(scene: &Scene, spacing: f64, references: usize) -> CacheSet 
 /// Draws one frame from the scene's first camera, fails if validation, the barrier check or the check for broken values
 /// say anything, and reads it back.
 #[track_caller]
-pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Settings) -> Shot {
+pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Knobs) -> Shot {
     let shot = lightskin::lab::shot::shoot(gpu, scene, caches, settings).expect("drawn");
     assert_eq!(shot.complaints, [""; 0]);
     super::assert_clean(gpu);
@@ -25,8 +26,8 @@ pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, setting
 
 /// Draws one frame from the scene's first camera, fails if the barrier check says anything, and keeps what it wrote.
 #[track_caller]
-pub(crate) fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Settings) -> Frame {
-    let buffers = SceneBuffers::new(gpu, scene, Some(caches)).expect("uploaded");
+pub(crate) fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> Frame {
+    let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
@@ -39,7 +40,7 @@ pub(crate) fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Sett
 
 /// Both indirect layers, bit by bit.
 pub(crate) fn indirect(gpu: &Gpu, frame: &Frame) -> Vec<Vec<[u32; 4]>> {
-    let indirect = frame.targets.indirect.as_ref().expect("indirect light");
+    let indirect = frame.picture.indirect.as_ref().expect("indirect light");
     let images = [&indirect.diffuse].into_iter().chain(&indirect.glossy);
     images.map(|image| gpu.read_image(image).expect("read")).collect()
 }

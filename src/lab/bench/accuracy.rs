@@ -1,7 +1,7 @@
 //! How far the gather's sums are from the same sums in f64.
 
 use crate::error::Result;
-use crate::frame::targets::CacheTargets;
+use crate::frame::gather::Gather;
 use crate::gpu::Gpu;
 use crate::lab::shot::{cache, gather_sums, val};
 use crate::reference::gather::receive;
@@ -25,8 +25,8 @@ fn off(sum: f64, found: f64) -> f64 {
 /// Largest relative error of the irradiance [lx] that some of these caches received of these VALs, seen by a perspective
 /// camera (`eye` as in `shared::GatherPush`), in any channel: of the diffuse lobe, and of the glossy one. Terms have one sign,
 /// so that the error is relative to their sum.
-pub fn worst(gpu: &Gpu, caches: &[Cache], vals: &[Val], eye: Vec4, lit: &CacheTargets) -> Result<[f64; 2]> {
-    let sums = gather_sums(gpu, lit)?;
+pub fn worst(gpu: &Gpu, caches: &[Cache], vals: &[Val], eye: Vec4, gather: &Gather) -> Result<[f64; 2]> {
+    let sums = gather_sums(gpu, gather, caches.len() as u32)?;
     let vals: Vec<_> = vals.iter().map(|v| val(v, DVec3::ZERO)).collect();
     let eye = eye.truncate().as_dvec3();
     let sampled: Vec<usize> = (0..caches.len()).step_by(caches.len().div_ceil(SAMPLES).max(1)).collect();

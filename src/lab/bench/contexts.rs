@@ -2,18 +2,22 @@
 //! pairs per second beside the last.
 
 use super::extent::Extent;
-use super::measure::{Budget, Times, World, bake, in_turn, settings, too_large};
+use super::measure::{Budget, OnDevice, Times, bake, in_turn, settings, too_large};
 use super::table::{Cell, Table};
 use super::thesis;
 use super::{accuracy, native};
 use crate::bake::{CacheSet, NO_CACHE};
 use crate::error::{Error, Result};
-use crate::frame::gather::Gather;
+use crate::frame::atlas::Atlas;
+use crate::frame::gather::{Compute, ComputeKind, Gather, Lit};
+use crate::frame::gather_draws::Draws;
 use crate::frame::occlude::Occlude;
-use crate::frame::targets::{CacheTargets, ValTargets};
+use crate::frame::proxies::Proxies;
 use crate::frame::tune::{self, Tuned};
-use crate::frame::{GatherSettings, Gi, Settings, Shadows, Targets, View};
+use crate::frame::vals::Vals;
+use crate::frame::{DrawSource, Light, Shadows, View};
 use crate::gpu::Gpu;
+use crate::lab::knobs::{Gi, Knobs, Path};
 use crate::lab::scenes::valley;
 use crate::scene::Projection;
 use crate::shared::{Cache, Val};
@@ -49,8 +53,8 @@ pub struct Contexts<'a> {
     pub extent: &'a Extent,
     /// Arithmetic peak of the device [flop/s].
     pub peak: f64,
-    /// The fastest way of the gather's fragment path, and of its compute path.
-    pub ways: [Tuned; 2],
+    /// The fastest way of the compute gather.
+    pub tuned: Tuned,
     /// Told how much is done, from 0 to 1, and what is being done.
     pub progress: &'a dyn Fn(f32, &str),
     /// Missing and idle barriers, with `Validation::Sync`.
@@ -70,12 +74,6 @@ fn does_not_fit(error: &Error) -> bool {
 }
 
 impl Contexts<'_> {
-    /// The faster one of both paths.
-    fn fastest(&self) -> GatherSettings {
-        let [fragment, compute] = self.ways;
-        if compute.pairs_per_second >= fragment.pairs_per_second { compute.settings } else { fragment.settings }
-    }
-
     fn method(&self) -> String {
         let Extent { warm_up, frames, .. } = self.extent;
         let how =
@@ -89,10 +87,11 @@ impl Contexts<'_> {
     }
 
     /// Times of frames that are compared.
-    fn in_turn(&mut self, compared: &[(&World<'_>, Settings)]) -> Result<Vec<Times>> {
-        let frames = compared.iter().map(|(world, settings)| world.frame(settings)).collect::<Result<Vec<_>>>()?;
-        let compared: Vec<_> = compared.iter().zip(&frames).map(|((world, _), frame)| (*world, frame)).collect();
-        let times = in_turn(&compared, self.extent.warm_up, self.extent.frames)?;
+    fn in_turn(&mut self, compared: &[(&OnDevice<'_>, Knobs)]) -> Result<Vec<Times>> {
+        let mut frames = compared.iter().map(|(world, knobs)| world.frame(knobs)).collect::<Result<Vec<_>>>()?;
+        let mut compared: Vec<_> =
+            compared.iter().zip(&mut frames).map(|((world, _), frame)| (*world, frame)).collect();
+        let times = in_turn(&mut compared, self.extent.warm_up, self.extent.frames)?;
         Ok(times.into_iter().map(|times| self.keep(times)).collect())
     }
 
@@ -158,12 +157,12 @@ impl Contexts<'_> {
         let caches: usize = of_8.models.iter().map(|model| model.caches.len()).sum();
         // The same surface of another material: the caches are the same.
         let glossy = valley(count, true);
-        let mut worlds = vec![(World::new(self.gpu, &scene, None)?, settings(size, Gi::Off, 8, RSM, self.fastest()))];
+        let ways = self.tuned.ways;
+        let mut worlds = vec![(OnDevice::new(self.gpu, &scene, None)?, settings(size, Gi::Off, RSM, ways))];
         for (_, is_glossy, references) in VERSIONS {
             let scene = if is_glossy { &glossy } else { &scene };
             let set = if references == 16 { &of_16 } else { &of_8 };
-            let settings = settings(size, Gi::LightSkin, references, RSM, self.fastest());
-            worlds.push((World::new(self.gpu, scene, Some(set))?, settings));
+            worlds.push((OnDevice::new(self.gpu, scene, Some(set))?, settings(size, Gi::LightSkin, RSM, ways)));
         }
         let worlds: Vec<_> = worlds.iter().map(|(world, settings)| (world, *settings)).collect();
         let all = self.in_turn(&worlds)?;
@@ -202,13 +201,13 @@ impl Contexts<'_> {
         let mut table = Table::new("resolution", "Resolution (thesis table 6.2)", how, &columns);
         let scene = valley(self.extent.ground, true);
         let (set, _) = bake(&scene, CACHES[1], 8)?;
-        let world = World::new(self.gpu, &scene, Some(&set))?;
+        let world = OnDevice::new(self.gpu, &scene, Some(&set))?;
         let mut budget = Budget::new(self.extent.budget);
         for (i, [w, h]) in self.extent.resolutions.iter().copied().enumerate() {
             (self.progress)(i as f32 / self.extent.resolutions.len() as f32, &format!("{w}x{h} pixels"));
             let both = |this: &mut Self| -> Result<[f64; 2]> {
-                let way = this.fastest();
-                let both = [Gi::Off, Gi::LightSkin].map(|gi| (&world, settings([w, h], gi, 8, RSM, way)));
+                let ways = this.tuned.ways;
+                let both = [Gi::Off, Gi::LightSkin].map(|gi| (&world, settings([w, h], gi, RSM, ways)));
                 let both = this.in_turn(&both)?;
                 Ok([both[0].frame(), both[1].frame()])
             };
@@ -292,7 +291,7 @@ impl Contexts<'_> {
             let mut first = [None; 2];
             for (i, asked) in self.extent.caches.iter().copied().enumerate() {
                 let set = bake(&scene, asked, 8)?.0;
-                let world = World::new(self.gpu, &scene, Some(&set))?;
+                let world = OnDevice::new(self.gpu, &scene, Some(&set))?;
                 for rsm in self.extent.rsm.iter().copied() {
                     let done = (i as f32 / self.extent.caches.len() as f32 + f32::from(u8::from(glossy))) * 0.5;
                     (self.progress)(done, &format!("{name}: {asked} caches, {rsm}x{rsm} VALs"));
@@ -336,27 +335,36 @@ impl Contexts<'_> {
         Ok([table, pairs])
     }
 
-    fn of_caches(&mut self, world: &World<'_>, rsm: u32, glossy: bool) -> Result<Measured> {
+    fn of_caches(&mut self, world: &OnDevice<'_>, rsm: u32, glossy: bool) -> Result<Measured> {
         let size = self.extent.size;
         // Every cache, so that their number is known.
-        let all = |way| Settings { cull: false, ..settings(size, Gi::LightSkin, 8, rsm, way) };
-        let whole = world.frame(&all(self.fastest()))?;
-        let whole_ms = self.keep(world.times(&whole, self.extent.warm_up, self.extent.frames)?).frame();
-        let shadowed = glossy.then(|| self.shadowed(world, &all(self.fastest()))).transpose()?;
-        let (vals, caches) = light_and_caches(self.gpu, &whole.targets)?;
-        let view = View::new(&world.scene.cameras[0], size, world.buffers.origin, world.buffers.radius);
+        let all = Knobs { cull: false, ..settings(size, Gi::LightSkin, rsm, self.tuned.ways) };
+        let mut whole = world.frame(&all)?;
+        let whole_ms = self.keep(world.times(&mut whole, self.extent.warm_up, self.extent.frames)?).frame();
+        let shadowed = glossy.then(|| self.shadowed(world, &all)).transpose()?;
+        let (vals, caches) = light_and_caches(self.gpu, &whole.light)?;
+        let view = View::new(&world.scene.cameras[0], size, world.world.origin, world.world.radius);
 
         // Stage 6 alone, on the VALs of that frame: both paths and the CPU in turn, so that what else the machine does
         // reaches all of them.
-        let mut ways = Vec::new();
-        for way in self.ways {
-            let mut targets =
-                CacheTargets::new(self.gpu, glossy, caches.len() as u32, vals.len() as u32, &way.settings)?;
-            targets.atlas = self.gpu.buffer_from("atlas.caches", &caches)?;
-            let gather = || Gather::new(self.gpu, glossy, false, &way.settings);
-            ways.push(((0..tune::PIPELINES).map(|_| gather()).collect::<Result<Vec<_>>>()?, targets));
+        let (atlas, vals_on_device) = (Atlas::of(self.gpu, &caches)?, Vals::of(self.gpu, &vals)?);
+        let proxies = Proxies::new(self.gpu, atlas.count, glossy, 1)?;
+        let eyes = [view.eye];
+        let lit = Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None };
+        let (gpu, count, ways) = (self.gpu, atlas.count, self.tuned.ways);
+        let by_draws = || -> Result<Gather> {
+            Ok(Gather::Draws(Box::new(Draws::new(gpu, count, glossy, false, DrawSource::Texels, 4096, false)?)))
+        };
+        let by_compute = || -> Result<Gather> {
+            let kind = ComputeKind::plain(glossy);
+            Ok(Gather::Compute(Box::new(Compute::new(gpu, count, vals_on_device.count, &ways, kind)?)))
+        };
+        let mut gathers = [Vec::new(), Vec::new()];
+        for _ in 0..tune::PIPELINES {
+            self.gpu.forget_pipelines();
+            gathers[0].push(by_draws()?);
+            gathers[1].push(by_compute()?);
         }
-        let vals_on_device = ValTargets::of(self.gpu, &vals)?;
         let pairs = (caches.len() * vals.len()) as f64;
         let (mut paths, mut native) = ([Vec::new(), Vec::new()], Vec::new());
         // The first round of each pipeline does not count.
@@ -366,11 +374,12 @@ impl Contexts<'_> {
             if round >= tune::PIPELINES + ROUNDS && begin.elapsed().as_secs_f64() > LONG_ENOUGH {
                 break;
             }
-            for ((gathers, targets), times) in ways.iter().zip(&mut paths) {
+            for (gathers, times) in gathers.iter().zip(&mut paths) {
                 let gather = &gathers[round % tune::PIPELINES];
                 let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
-                    cmd.begin_frame(&targets.sums);
-                    gather.record(cmd, &vals_on_device, &view, targets, None, true);
+                    cmd.begin_frame([]);
+                    let _zone = cmd.zone("gather");
+                    gather.record(cmd, &lit);
                     Ok(())
                 })?;
                 let ms = self.gpu.times(&drawn)?.gpu_ms();
@@ -392,8 +401,8 @@ impl Contexts<'_> {
         let both = [median(&mut fragment)?, median(&mut compute)?];
         let native = pairs / median(&mut native)? * 1e-9;
         let mut off = [0.0_f64; 2];
-        for (_, targets) in &ways {
-            let of_path = accuracy::worst(self.gpu, &caches, &vals, view.eye, targets)?;
+        for gathers in &gathers {
+            let of_path = accuracy::worst(self.gpu, &caches, &vals, view.eye, &gathers[0])?;
             off = [off[0].max(of_path[0]), off[1].max(of_path[1])];
         }
         Ok(Measured { caches: caches.len(), vals: vals.len(), frame: whole_ms, gather: both, shadowed, native, off })
@@ -401,17 +410,17 @@ impl Contexts<'_> {
 }
 
 impl Contexts<'_> {
-    fn shadowed(&mut self, world: &World<'_>, settings: &Settings) -> Result<ShadowedFrame> {
-        let settings = Settings { shadows: Shadows::Proxy, ..*settings };
-        let frame = world.frame(&settings)?;
-        let times = self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?);
+    fn shadowed(&mut self, world: &OnDevice<'_>, knobs: &Knobs) -> Result<ShadowedFrame> {
+        let mut frame = world.frame(&Knobs { shadows: Shadows::Proxy, ..*knobs })?;
+        let times = self.keep(world.times(&mut frame, self.extent.warm_up, self.extent.frames)?);
         // Dimmed again and again: the work is the same.
-        let caches = frame.targets.caches.as_ref().ok_or_else(|| Error::Nothing("the frame has no caches".into()))?;
-        let all = Occlude::without_skipping(self.gpu, &frame.plan, &settings)?;
+        let caches = frame.light.caches().ok_or_else(|| Error::Nothing("the frame has no caches".into()))?;
+        let all = Occlude::without_skipping(self.gpu, caches.atlas.count, frame.light.plan.glossy, 1)?;
         let mut runs = Vec::new();
         for _ in 0..self.extent.frames {
             let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
-                all.record(cmd, caches);
+                let _zone = cmd.zone("occlude");
+                all.record(cmd, &caches.atlas, caches.gather.live(), &caches.proxies, 1);
                 Ok(())
             })?;
             runs.push(self.gpu.times(&drawn)?.gpu_ms().unwrap_or_default());
@@ -456,27 +465,28 @@ impl Contexts<'_> {
             *yfov = 2.0 * ((0.5 * *yfov).tan() / 4.6).atan();
             let near = bake(&scene, asked, 8)?.0;
             for (order, set) in [("near", near.clone()), ("random", shuffled(&near))] {
-                let world = World::new(self.gpu, &scene, Some(&set))?;
-                for (path, way) in ["fragment", "compute"].into_iter().zip(self.ways) {
-                    let live = settings([w, h], Gi::LightSkin, 8, RSM, way.settings);
+                let world = OnDevice::new(self.gpu, &scene, Some(&set))?;
+                for (name, path) in [("fragment", Path::DRAWS), ("compute", Path::Compute)] {
+                    let live = Knobs { path, ..settings([w, h], Gi::LightSkin, RSM, self.tuned.ways) };
                     // The middle one of several pipelines, as for the table of pairs.
-                    let mut stage = |settings: &Settings| -> Result<(f64, f64, usize, usize)> {
+                    let mut stage = |knobs: &Knobs| -> Result<(f64, f64, usize, usize)> {
                         let mut runs = Vec::new();
                         for _ in 0..tune::PIPELINES {
-                            let frame = world.frame(settings)?;
-                            let times = self.keep(world.times(&frame, self.extent.warm_up, self.extent.frames)?);
-                            let all = frame.targets.caches.as_ref().map_or(0, |caches| caches.count as usize);
+                            self.gpu.forget_pipelines();
+                            let mut frame = world.frame(knobs)?;
+                            let times = self.keep(world.times(&mut frame, self.extent.warm_up, self.extent.frames)?);
+                            let all = frame.light.caches().map_or(0, |caches| caches.atlas.count as usize);
                             let of = |name| times.stage(name).unwrap_or(0.0);
-                            runs.push((of("cull"), of("gather"), frame.live(self.gpu)?.caches as usize, all));
+                            runs.push((of("cull"), of("gather"), frame.light.counts(self.gpu)?.caches as usize, all));
                         }
                         runs.sort_by(|a, b| a.1.total_cmp(&b.1));
                         Ok(runs[runs.len() / 2])
                     };
-                    let (_, all, ..) = stage(&Settings { cull: false, ..live })?;
+                    let (_, all, ..) = stage(&Knobs { cull: false, ..live })?;
                     let (cull, gather, lit, count) = stage(&live)?;
                     let mut row: Vec<Cell> = vec![triangles.into(), count.into(), lit.into()];
                     row.push((lit as f64 / count as f64).into());
-                    row.extend([Cell::from(order), path.into()]);
+                    row.extend([Cell::from(order), name.into()]);
                     row.extend([all, cull, gather, (cull + gather) / all].map(Cell::from));
                     table.push(row);
                 }
@@ -534,12 +544,12 @@ struct ShadowedFrame {
 }
 
 /// The VALs and caches of the last frame, as the gather reads them.
-pub fn light_and_caches(gpu: &Gpu, targets: &Targets) -> Result<(Vec<Val>, Vec<Cache>)> {
+pub fn light_and_caches(gpu: &Gpu, light: &Light) -> Result<(Vec<Val>, Vec<Cache>)> {
     let none = || Error::Nothing("the frame gathers no light".into());
-    let (rsm, caches) = (targets.rsm.as_ref().ok_or_else(none)?, targets.caches.as_ref().ok_or_else(none)?);
-    let mut all: Vec<Val> = gpu.read(&rsm.vals.live)?;
-    all.truncate(gpu.read::<u32>(&rsm.vals.live_count)?[0] as usize);
-    let mut placed: Vec<Cache> = gpu.read(&caches.atlas)?;
-    placed.truncate(caches.count as usize);
+    let (vals, caches) = (light.vals().ok_or_else(none)?, light.caches().ok_or_else(none)?);
+    let mut all: Vec<Val> = gpu.read(&vals.live)?;
+    all.truncate(gpu.read::<u32>(&vals.live_count)?[0] as usize);
+    let mut placed: Vec<Cache> = gpu.read(&caches.atlas.caches)?;
+    placed.truncate(caches.atlas.count as usize);
     Ok((all, placed))
 }

@@ -2,9 +2,10 @@
 
 use crate::bake::{self, CacheSet, Density};
 use crate::error::Result;
-use crate::frame::{Exposure, Frame, GatherSettings, Gi, SceneBuffers, Settings, View};
+use crate::frame::{Exposure, View, Ways, World};
 use crate::gpu::{FrameTimes, Gpu};
 use crate::lab::eval::measure::medians;
+use crate::lab::knobs::{Frame, Gi, Knobs};
 use crate::scene::Scene;
 use std::time::Instant;
 
@@ -29,36 +30,36 @@ impl Times {
 }
 
 /// A scene on the device.
-pub struct World<'a> {
+pub struct OnDevice<'a> {
     /// The device.
     pub gpu: &'a Gpu,
     /// The scene.
     pub scene: &'a Scene,
     /// Its triangles and caches.
-    pub buffers: SceneBuffers,
+    pub world: World,
 }
 
-impl<'a> World<'a> {
+impl<'a> OnDevice<'a> {
     /// Uploads a scene.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, caches: Option<&CacheSet>) -> Result<Self> {
-        Ok(Self { gpu, scene, buffers: SceneBuffers::new(gpu, scene, caches)? })
+        Ok(Self { gpu, scene, world: World::new(gpu, scene, caches)? })
     }
 
     /// The stages of a frame.
-    pub fn frame(&self, settings: &Settings) -> Result<Frame> {
-        Frame::new(self.gpu, self.scene, &self.buffers, settings)
+    pub fn frame(&self, knobs: &Knobs) -> Result<Frame> {
+        Frame::new(self.gpu, self.scene, &self.world, knobs)
     }
 
     /// Draws `warm_up` frames that do not count and `frames` that do.
-    pub fn times(&self, frame: &Frame, warm_up: usize, frames: usize) -> Result<Times> {
-        Ok(in_turn(&[(self, frame)], warm_up, frames)?.remove(0))
+    pub fn times(&self, frame: &mut Frame, warm_up: usize, frames: usize) -> Result<Times> {
+        Ok(in_turn(&mut [(self, frame)], warm_up, frames)?.remove(0))
     }
 
-    fn drawn(&self, frame: &Frame, problems: &mut Vec<String>) -> Result<FrameTimes> {
-        let view = View::new(&self.scene.cameras[0], frame.targets.size, self.buffers.origin, self.buffers.radius);
+    fn drawn(&self, frame: &mut Frame, problems: &mut Vec<String>) -> Result<FrameTimes> {
+        let view = View::new(&self.scene.cameras[0], frame.picture.size(), self.world.origin, self.world.radius);
         // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
         let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
-            frame.record(cmd, &self.buffers, &view);
+            frame.record(cmd, &self.world, &view);
             Ok(())
         })?;
         let times = self.gpu.times(&drawn)?;
@@ -69,10 +70,10 @@ impl<'a> World<'a> {
 
 /// Times of several frames that are compared: `warm_up` of each that do not count and `frames` that do, one of each after the
 /// other, so that what else the machine does reaches all of them.
-pub fn in_turn(compared: &[(&World<'_>, &Frame)], warm_up: usize, frames: usize) -> Result<Vec<Times>> {
+pub fn in_turn(compared: &mut [(&OnDevice<'_>, &mut Frame)], warm_up: usize, frames: usize) -> Result<Vec<Times>> {
     let mut runs: Vec<(Vec<FrameTimes>, Vec<String>)> = compared.iter().map(|_| Default::default()).collect();
     for i in 0..warm_up + frames {
-        for ((world, frame), (runs, problems)) in compared.iter().zip(&mut runs) {
+        for ((world, frame), (runs, problems)) in compared.iter_mut().zip(&mut runs) {
             let times = world.drawn(frame, problems)?;
             if i >= warm_up {
                 runs.push(times);
@@ -83,8 +84,8 @@ pub fn in_turn(compared: &[(&World<'_>, &Frame)], warm_up: usize, frames: usize)
 }
 
 /// How the thesis's frames are drawn. Exposure is fixed: the thesis measures none.
-pub fn settings(size: [u32; 2], gi: Gi, references: usize, rsm: u32, gather: GatherSettings) -> Settings {
-    Settings { size, gi, references, rsm, gather, exposure: Exposure::Ev(10.0), ..Settings::default() }
+pub fn settings(size: [u32; 2], gi: Gi, rsm: u32, ways: Ways) -> Knobs {
+    Knobs { gi, rsm, ways, exposure: Exposure::Ev(10.0), ..Knobs::plain(size) }
 }
 
 /// Places caches anew; gives them and the seconds that took.

@@ -18,7 +18,7 @@ pub use extent::Extent;
 pub use report::write;
 
 use crate::error::Result;
-use crate::frame::{GatherPath, tune};
+use crate::frame::tune;
 use crate::gpu::Gpu;
 use contexts::Contexts;
 use scaling::exponents;
@@ -51,12 +51,11 @@ pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<R
     let start = Instant::now();
     progress(0.0, "arithmetic peak");
     let peak = peak::measure(gpu)?;
-    let fastest = |path| tune::fastest(gpu, Some(path));
-    let ways = [fastest(GatherPath::Fragment)?, fastest(GatherPath::Compute)?];
+    let tuned = tune::fastest(gpu)?;
     // The parts take about this share of the time each.
     let part = |from: f32, to: f32| move |part: f32, what: &str| progress(from + (to - from) * part, what);
     let parts = [part(0.0, 0.3), part(0.3, 0.4), part(0.4, 0.7), part(0.7, 0.75), part(0.75, 0.95), part(0.95, 1.0)];
-    let mut work = Contexts { gpu, extent, peak, ways, progress: &parts[0], problems: Vec::new() };
+    let mut work = Contexts { gpu, extent, peak, tuned, progress: &parts[0], problems: Vec::new() };
     let mut tables = Vec::from(work.triangles()?);
     work.progress = &parts[1];
     tables.push(work.resolution()?);

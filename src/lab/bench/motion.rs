@@ -4,8 +4,9 @@ use super::contexts::Contexts;
 use super::measure::{Budget, bake, settings};
 use super::table::{Cell, Table};
 use crate::error::Result;
-use crate::frame::{Frame, Gi, SceneBuffers, Settings, View};
+use crate::frame::{View, World};
 use crate::gpu::FrameTimes;
+use crate::lab::knobs::{Frame, Gi, Knobs};
 use crate::lab::scenes::{crowd, moving};
 use crate::scene::Scene;
 use std::time::Instant;
@@ -83,14 +84,14 @@ impl Contexts<'_> {
 
     fn of_scene(&mut self, mut scene: Scene, caches: usize) -> Result<Vec<Cell>> {
         let (set, _) = bake(&scene, caches, 8)?;
-        let mut buffers = SceneBuffers::new(self.gpu, &scene, Some(&set))?;
-        let all = settings(self.extent.size, Gi::LightSkin, 8, RSM, self.ways[1].settings);
-        let all = Frame::new(self.gpu, &scene, &buffers, &all)?;
-        let some = Settings { reuse: true, ..settings(self.extent.size, Gi::LightSkin, 8, RSM, self.ways[1].settings) };
-        let some = Frame::new(self.gpu, &scene, &buffers, &some)?;
+        let mut buffers = World::new(self.gpu, &scene, Some(&set))?;
+        let all = settings(self.extent.size, Gi::LightSkin, RSM, self.tuned.ways);
+        let mut all = Frame::new(self.gpu, &scene, &buffers, &all)?;
+        let some = Knobs { reuse: true, ..settings(self.extent.size, Gi::LightSkin, RSM, self.tuned.ways) };
+        let mut some = Frame::new(self.gpu, &scene, &buffers, &some)?;
         let end = scene.animations().next().map_or(1.0, |(_, _, end)| end);
         // The first frames compile what they draw with.
-        for frame in [&some, &all] {
+        for frame in [&mut some, &mut all] {
             self.drawn(frame, &buffers, &scene)?;
         }
         let mut measured = Vec::new();
@@ -101,15 +102,15 @@ impl Contexts<'_> {
             }
             let start = Instant::now();
             scene.pose(0, end * (i % MOMENTS + 1) as f64 / MOMENTS as f64);
-            buffers.update(&scene)?;
+            buffers.update(self.gpu, &scene)?;
             let host = start.elapsed().as_secs_f64() * 1e3;
             // Both that are compared come after one of their kind, which has warmed the caches of a CPU.
-            let moving = self.drawn(&all, &buffers, &scene)?;
+            let moving = self.drawn(&mut all, &buffers, &scene)?;
             // What is kept is made in one frame and left out of the next.
-            self.drawn(&some, &buffers, &scene)?;
-            let skipped = self.drawn(&some, &buffers, &scene)?;
-            self.drawn(&all, &buffers, &scene)?;
-            let standing = self.drawn(&all, &buffers, &scene)?;
+            self.drawn(&mut some, &buffers, &scene)?;
+            let skipped = self.drawn(&mut some, &buffers, &scene)?;
+            self.drawn(&mut all, &buffers, &scene)?;
+            let standing = self.drawn(&mut all, &buffers, &scene)?;
             let stage =
                 |name: &str| moving.stages().iter().find(|s| s.name == name).and_then(|s| s.gpu_ms).unwrap_or(0.0);
             let sum = |times: &FrameTimes| times.stages().iter().filter_map(|s| s.gpu_ms).fold(0.0, |sum, ms| sum + ms);
@@ -148,8 +149,8 @@ impl Contexts<'_> {
     }
 
     /// Draws one frame and waits for its times.
-    fn drawn(&mut self, frame: &Frame, buffers: &SceneBuffers, scene: &Scene) -> Result<FrameTimes> {
-        let view = View::new(&scene.cameras[0], frame.targets.size, buffers.origin, buffers.radius);
+    fn drawn(&mut self, frame: &mut Frame, buffers: &World, scene: &Scene) -> Result<FrameTimes> {
+        let view = View::new(&scene.cameras[0], frame.picture.size(), buffers.origin, buffers.radius);
         let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
             frame.record(cmd, buffers, &view);
             Ok(())

@@ -3,13 +3,16 @@
 //! one: so the least point of the grid is timed between all others, and each time is put into proportion to that.
 
 use super::contexts::{Contexts, light_and_caches};
-use super::measure::{Budget, World, bake, settings};
+use super::measure::{Budget, OnDevice, bake, settings};
 use super::table::{Cell, Table, exponent, power_law};
 use crate::error::{Error, Result};
-use crate::frame::gather::Gather;
-use crate::frame::targets::{CacheTargets, ValTargets};
-use crate::frame::{Gi, Settings, View, tune};
+use crate::frame::atlas::Atlas;
+use crate::frame::gather::{Compute, ComputeKind, Lit};
+use crate::frame::proxies::Proxies;
+use crate::frame::vals::Vals;
+use crate::frame::{View, tune};
 use crate::gpu::{Cmd, Use};
+use crate::lab::knobs::{Gi, Knobs};
 use crate::lab::plot::short;
 use crate::lab::scenes::valley;
 use crate::shared::{Cache, Val};
@@ -80,9 +83,10 @@ fn range(points: &[Point], shared: fn(&Point) -> f64, grows: fn(&Point) -> f64) 
 /// What one measurement gathers, again and again.
 struct Work<'a> {
     /// Of one kind, in turn.
-    gathers: Vec<Gather>,
-    targets: CacheTargets,
-    vals: &'a ValTargets,
+    gathers: Vec<Compute>,
+    atlas: Atlas,
+    proxies: Proxies,
+    vals: &'a Vals,
     glossy: bool,
     /// Gathers of one measurement.
     often: usize,
@@ -94,20 +98,23 @@ struct Work<'a> {
 
 impl Work<'_> {
     fn pairs(&self) -> f64 {
-        f64::from(self.targets.count) * f64::from(self.vals.count)
+        f64::from(self.atlas.count) * f64::from(self.vals.count)
     }
 
     /// Whose turn it is.
-    fn next(&self) -> &Gather {
+    fn next(&self) -> &Compute {
         &self.gathers[self.times.len() % self.gathers.len()]
     }
 
-    fn record(&self, cmd: &Cmd<'_>, gather: &Gather, view: &View) {
+    fn record(&self, cmd: &Cmd<'_>, gather: &Compute, view: &View) {
+        let eyes = [view.eye];
+        let (vals, atlas, proxies) = (self.vals, &self.atlas, &self.proxies);
+        let lit = Lit { vals, atlas, proxies, eyes: &eyes, albedos: None };
         for i in 0..self.often {
             if i > 0 {
                 cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             }
-            gather.light(cmd, self.vals, view, &self.targets, None);
+            gather.record(cmd, &lit);
         }
     }
 
@@ -135,10 +142,10 @@ impl Contexts<'_> {
     pub fn scaling(&mut self) -> Result<[Table; 2]> {
         (self.progress)(0.0, "caches and VALs of the grid");
         let Lists { caches, vals, view } = self.lists()?;
-        let vals = vals.iter().map(|vals| ValTargets::of(self.gpu, vals)).collect::<Result<Vec<_>>>()?;
+        let vals = vals.iter().map(|vals| Vals::of(self.gpu, vals)).collect::<Result<Vec<_>>>()?;
         // What a gather costs where there is next to nothing to do.
         let (one_cache, one_val) = tune::world(1, 1);
-        let one_val = ValTargets::of(self.gpu, &one_val)?;
+        let one_val = Vals::of(self.gpu, &one_val)?;
         let mut alone = self.work(&one_cache, &one_val, true)?;
         let mut often = self.work(&one_cache, &one_val, true)?;
         often.often = MOST;
@@ -195,12 +202,12 @@ impl Contexts<'_> {
             for work in of {
                 let ms = [unit * median(&work.relative), work.least(), median(&work.times)];
                 let mut row: Vec<Cell> = vec![name.into()];
-                row.extend([work.targets.count, work.vals.count].map(|count| Cell::from(count as usize)));
+                row.extend([work.atlas.count, work.vals.count].map(|count| Cell::from(count as usize)));
                 row.extend([work.often, work.times.len()].map(Cell::from));
                 row.extend(ms.map(Cell::from));
                 row.push((1e6 * ms[0] / work.pairs()).into());
                 table.push(row);
-                let [caches, vals] = [work.targets.count, work.vals.count].map(f64::from);
+                let [caches, vals] = [work.atlas.count, work.vals.count].map(f64::from);
                 steadied.push(Point { caches, vals, ms: ms[0] });
                 least.push(Point { caches, vals, ms: ms[1] });
             }
@@ -234,7 +241,7 @@ impl Contexts<'_> {
     }
 
     fn times_table(&self, fixed: Option<[f64; 3]>) -> Table {
-        let way = self.ways[1].settings;
+        let way = self.tuned.ways;
         let columns = [
             "lobes",
             "caches",
@@ -290,13 +297,15 @@ impl Contexts<'_> {
         ms.ok_or_else(|| Error::Nothing("the device has no timestamps; the bench needs them".into()))
     }
 
-    fn work<'v>(&self, caches: &[Cache], vals: &'v ValTargets, glossy: bool) -> Result<Work<'v>> {
-        let way = &self.ways[1].settings;
-        let mut targets = CacheTargets::new(self.gpu, glossy, caches.len() as u32, vals.count, way)?;
-        targets.atlas = self.gpu.buffer_from("atlas.caches", caches)?;
-        let gather = || Gather::new(self.gpu, glossy, false, way);
+    fn work<'v>(&self, caches: &[Cache], vals: &'v Vals, glossy: bool) -> Result<Work<'v>> {
+        let atlas = Atlas::of(self.gpu, caches)?;
+        let gather = || {
+            self.gpu.forget_pipelines();
+            Compute::new(self.gpu, atlas.count, vals.count, &self.tuned.ways, ComputeKind::plain(glossy))
+        };
         let gathers = (0..tune::PIPELINES).map(|_| gather()).collect::<Result<_>>()?;
-        Ok(Work { gathers, targets, vals, glossy, often: 1, times: Vec::new(), relative: Vec::new() })
+        let proxies = Proxies::new(self.gpu, atlas.count, glossy, 1)?;
+        Ok(Work { gathers, atlas, proxies, vals, glossy, often: 1, times: Vec::new(), relative: Vec::new() })
     }
 
     /// What frames of the valley gather.
@@ -310,20 +319,20 @@ impl Contexts<'_> {
             // Each count and each side at least once, together.
             let [asked, side] = [counts, sides].map(|all: &Vec<usize>| all[i.min(all.len() - 1)]);
             let set = bake(&scene, asked, 8)?.0;
-            let world = World::new(self.gpu, &scene, Some(&set))?;
-            let way = self.ways[1].settings;
-            let all = Settings { cull: false, ..settings(size, Gi::LightSkin, 8, side as u32, way) };
-            let frame = world.frame(&all)?;
-            let times = world.times(&frame, 0, 1)?;
+            let world = OnDevice::new(self.gpu, &scene, Some(&set))?;
+            let way = self.tuned.ways;
+            let all = Knobs { cull: false, ..settings(size, Gi::LightSkin, side as u32, way) };
+            let mut frame = world.frame(&all)?;
+            let times = world.times(&mut frame, 0, 1)?;
             self.problems.extend(times.problems);
-            let (of_frame, placed) = light_and_caches(self.gpu, &frame.targets)?;
+            let (of_frame, placed) = light_and_caches(self.gpu, &frame.light)?;
             if i < counts.len() {
                 caches.push(placed);
             }
             if i < sides.len() {
                 vals.push(of_frame);
             }
-            view = View::new(&scene.cameras[0], size, world.buffers.origin, world.buffers.radius);
+            view = View::new(&scene.cameras[0], size, world.world.origin, world.world.radius);
         }
         Ok(Lists { caches, vals, view })
     }

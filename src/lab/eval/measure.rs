@@ -3,9 +3,10 @@
 use super::sweep::Point;
 use crate::bake::{self, Density};
 use crate::error::{Error, Result};
-use crate::frame::{Frame, Gi, SceneBuffers, View};
+use crate::frame::{Picture, View, World};
 use crate::gpu::{FrameTimes, Gpu};
 use crate::image::broken_values;
+use crate::lab::knobs::{Frame, Gi};
 use crate::scene::{Camera, Scene, tessellate};
 use std::time::{Duration, Instant};
 
@@ -72,7 +73,7 @@ const LONGEST: Duration = Duration::from_secs(10);
 struct Prepared {
     of: (Option<Density>, f32, usize, Option<f64>),
     scene: Scene,
-    buffers: SceneBuffers,
+    world: World,
     spacing: f64,
 }
 
@@ -94,21 +95,20 @@ impl<'a> Bench<'a> {
     /// least the first alone.
     pub fn measure(&mut self, point: &Point, frames: usize, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Measured> {
         let (gpu, camera) = (self.gpu, self.camera);
-        let Prepared { scene, buffers, spacing, .. } = self.prepare(point, progress)?;
-        let view = View::new(camera, point.frame.size, buffers.origin, buffers.radius);
-        let frame = Frame::new(gpu, scene, buffers, &point.frame)?;
+        let Prepared { scene, world, spacing, .. } = self.prepare(point, progress)?;
+        let view = View::new(camera, point.frame.size, world.origin, world.radius);
+        let mut frame = Frame::new(gpu, scene, world, &point.frame)?;
         let (mut runs, mut problems) = (Vec::new(), Vec::new());
         let start = Instant::now();
         while runs.is_empty() || (runs.len() <= frames && start.elapsed() < LONGEST) {
             // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
             let drawn = gpu.frame(gpu.is_software(), |cmd| {
-                frame.record(cmd, buffers, &view);
+                frame.record(cmd, world, &view);
                 Ok(())
             })?;
             runs.push(gpu.times(&drawn)?);
             problems.extend(drawn.problems);
         }
-        let targets = &frame.targets;
         let layers = read_layers(gpu, &frame)?;
         let values = layers.diffuse.iter().chain(layers.glossy.iter().flatten());
         let broken: usize = values.map(|pixel| broken_values(pixel)).sum();
@@ -120,9 +120,9 @@ impl<'a> Bench<'a> {
             layers,
             stages: medians(if runs.len() > 1 { &runs[1..] } else { &runs }),
             frames: (runs.len() - 1).max(1),
-            caches: targets.caches.as_ref().map_or(0, |caches| caches.count),
+            caches: frame.light.caches().map_or(0, |caches| caches.atlas.count),
             spacing: *spacing,
-            vals: targets.rsm.as_ref().map_or(0, |rsm| rsm.vals.count),
+            vals: frame.light.vals().map_or(0, |vals| vals.count),
             triangles: scene.triangle_count(),
             problems,
         })
@@ -130,19 +130,19 @@ impl<'a> Bench<'a> {
 
     fn prepare(&mut self, point: &Point, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<&Prepared> {
         let density = (point.frame.gi == Gi::LightSkin).then_some(Density::Count(point.caches));
-        let of = (density, point.angle, point.frame.references, point.max_edge);
+        let of = (density, point.angle, point.references, point.max_edge);
         if self.prepared.as_ref().is_none_or(|prepared| prepared.of != of) {
             // The old one goes first: two may not fit the device.
             self.prepared = None;
             let mut scene = self.scene.clone();
             let spacing = tessellate::expected_spacing(&scene, point.caches);
             tessellate::divide(&mut scene, spacing, point.max_edge);
-            let settings = |density| bake::Settings { density, angle: point.angle, references: point.frame.references };
+            let settings = |density| bake::Settings { density, angle: point.angle, references: point.references };
             let caches = density.map(|d| bake::bake_cached(&scene, &settings(d), progress)).transpose()?;
             let caches = caches.map(|(caches, _)| caches);
-            let buffers = SceneBuffers::new(self.gpu, &scene, caches.as_ref())?;
+            let world = World::new(self.gpu, &scene, caches.as_ref())?;
             let spacing = caches.map_or(0.0, |caches| caches.spacing);
-            self.prepared = Some(Prepared { of, scene, buffers, spacing });
+            self.prepared = Some(Prepared { of, scene, world, spacing });
         }
         self.prepared.as_ref().ok_or_else(|| Error::Nothing("no scene".into()))
     }
@@ -150,15 +150,15 @@ impl<'a> Bench<'a> {
 
 /// Indirect light and coverage of the last frame.
 fn read_layers(gpu: &Gpu, frame: &Frame) -> Result<Layers> {
-    let targets = &frame.targets;
-    let depth: Vec<f32> = gpu.read_image(&targets.depth)?;
+    let Picture { surface, indirect, .. } = &frame.picture;
+    let depth: Vec<f32> = gpu.read_image(&surface.depth)?;
     let rgb = |image| -> Result<Vec<[f32; 3]>> {
         let texels: Vec<[f32; 4]> = gpu.read_image(image)?;
         Ok(texels.into_iter().map(|t| [t[0], t[1], t[2]]).collect())
     };
-    let indirect = targets.indirect.as_ref().ok_or_else(|| Error::Nothing("the scene has no light".into()))?;
+    let indirect = indirect.as_ref().ok_or_else(|| Error::Nothing("the scene has no light".into()))?;
     Ok(Layers {
-        size: targets.size,
+        size: surface.size,
         diffuse: rgb(&indirect.diffuse)?,
         glossy: indirect.glossy.as_ref().map(rgb).transpose()?,
         covered: depth.iter().map(|d| *d > 0.0).collect(),

@@ -241,7 +241,7 @@ impl<'a> Work<'a> {
             size: sweep.base.frame.size,
             visibility: truth == Truth::Shadowed,
             samples: sweep.samples,
-            glossy: Plan::new(job.scene, &sweep.base.frame).glossy,
+            glossy: Plan::new(job.scene, &sweep.base.frame.settings()).glossy,
         };
         let key = self.key(&format!("{wanted:?}"));
         let step = self.step(truth.title());

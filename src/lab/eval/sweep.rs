@@ -1,14 +1,17 @@
 //! What is varied: one knob at a time around a default, and caches by VALs.
 
-use crate::frame::{Cluster, Gi, Interpolation, ProxyWeight, Settings};
+use crate::frame::{ClusterRule, Interpolation, ProxyWeight, Quality, Shadows};
+use crate::lab::knobs::{Gi, Knobs, Path};
 
 /// Everything that one measurement depends on besides scene, camera and device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
     /// The frame's settings.
-    pub frame: Settings,
+    pub frame: Knobs,
     /// Caches asked for; 0 with brute force, which needs none.
     pub caches: usize,
+    /// Caches that each vertex refers to.
+    pub references: usize,
     /// `theta_eps` of the bake [rad].
     pub angle: f32,
     /// Longest edge [m] of a triangle; `None` for what the caches' spacing asks for, 0 to leave all as they are.
@@ -18,8 +21,8 @@ pub struct Point {
 impl Point {
     /// Every VAL onto every pixel, with so many texels on an RSM's side.
     pub fn brute_force(size: [u32; 2], rsm: u32) -> Self {
-        let frame = Settings { size, gi: Gi::BruteForce, rsm, ..Settings::default() };
-        Self { frame, caches: 0, angle: 0.0, max_edge: Some(0.0) }
+        let frame = Knobs { gi: Gi::BruteForce, rsm, ..Knobs::plain(size) };
+        Self { frame, caches: 0, references: 8, angle: 0.0, max_edge: Some(0.0) }
     }
 }
 
@@ -134,6 +137,16 @@ impl Sweep {
     }
 }
 
+/// Clusters that are farther away than so many of their radii stand for VALs, without shadows; or every VAL is taken by
+/// itself, with the shadows that `render` has by default.
+fn cluster(point: &mut Point, radii: Option<f32>) {
+    let frame = &mut point.frame;
+    match radii {
+        Some(radii) => (frame.path, frame.shadows) = (Path::Clusters(ClusterRule::Distance(radii)), Shadows::Off),
+        None => (frame.path, frame.shadows) = (Path::Compute, Quality::High.shadows(point.caches)),
+    }
+}
+
 /// Every knob there is: to add one, add an entry. The default's own values are among the numbers.
 fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
     let quick = extent == Extent::Quick;
@@ -141,11 +154,11 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
     let sides: &[u32] = if quick { &[32, 64, 128] } else { &[32, 64, 128, 256] };
     let references: &[u32] = &[8, 16];
     let clusters: &[(&str, Turn)] = &[
-        ("none", |point| point.frame.cluster = None),
-        ("8", |point| point.frame.cluster = Some(Cluster::Distance(8.0))),
-        ("4", |point| point.frame.cluster = Some(Cluster::Distance(4.0))),
-        ("16", |point| point.frame.cluster = Some(Cluster::Distance(16.0))),
-        ("2", |point| point.frame.cluster = Some(Cluster::Distance(2.0))),
+        ("none", |point| cluster(point, None)),
+        ("8", |point| cluster(point, Some(8.0))),
+        ("4", |point| cluster(point, Some(4.0))),
+        ("16", |point| cluster(point, Some(16.0))),
+        ("2", |point| cluster(point, Some(2.0))),
     ];
     vec![
         Knob::numbers("caches", "caches asked for", &[caches, &[base.caches as u32]].concat(), |point, n| {
@@ -154,7 +167,7 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         Knob::numbers("rsm", "texels of an RSM's side", &[sides, &[base.frame.rsm]].concat(), |point, n| {
             point.frame.rsm = n;
         }),
-        Knob::numbers("refs", "references per vertex", references, |point, n| point.frame.references = n as usize),
+        Knob::numbers("refs", "references per vertex", references, |point, n| point.references = n as usize),
         Knob::choices(
             "interpolation",
             "what is averaged between caches",
@@ -171,6 +184,15 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
                 ("form-factor", |point| point.frame.proxy_weight = ProxyWeight::FormFactor),
             ],
         ),
+        Knob::choices(
+            "shadows",
+            "what is in the way of indirect light",
+            &[
+                ("per-light", |point| point.frame.shadows = Shadows::PerLight),
+                ("proxy", |point| point.frame.shadows = Shadows::Proxy),
+                ("off", |point| point.frame.shadows = Shadows::Off),
+            ],
+        ),
         Knob::choices("cluster", "least distance of clusters in their radii", &clusters[..if quick { 3 } else { 5 }]),
     ]
 }
@@ -180,7 +202,13 @@ mod tests {
     use super::*;
 
     fn base() -> Point {
-        Point { frame: Settings::default(), caches: 2000, angle: 1.0, max_edge: None }
+        Point {
+            frame: Knobs::at(Quality::High, 2000, [64, 36]),
+            caches: 2000,
+            references: 8,
+            angle: 1.0,
+            max_edge: None,
+        }
     }
 
     #[test]
@@ -189,9 +217,10 @@ mod tests {
         for (i, point) in sweep.points.iter().enumerate() {
             assert!(!sweep.points[..i].contains(point), "{point:?} comes twice");
         }
-        // 5 counts of caches (four and the default) by 4 RSMs, one alternative each of three other knobs, four distances.
-        assert_eq!(sweep.points.len(), 5 * 4 + 3 + 4);
-        assert_eq!(sweep.points.iter().filter(|point| sweep.is_pictured(point)).count(), 1 + 4 + 3 + 3 + 4);
+        // 5 counts of caches (four and the default) by 4 RSMs, one alternative each of three other knobs, two of shadows, four
+        // distances.
+        assert_eq!(sweep.points.len(), 5 * 4 + 3 + 2 + 4);
+        assert_eq!(sweep.points.iter().filter(|point| sweep.is_pictured(point)).count(), 1 + 4 + 3 + 3 + 2 + 4);
         assert_eq!(sweep.rsm_sides(), [32, 64, 128, 256]);
     }
 

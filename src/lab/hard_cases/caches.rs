@@ -4,10 +4,13 @@ use super::oracle::{largest, material, sums_against_twins};
 use super::{Case, Outcome, oracle};
 use crate::bake::{self, Density};
 use crate::error::Result;
-use crate::frame::gather::Gather;
-use crate::frame::targets::{CacheTargets, ValTargets};
-use crate::frame::{GatherSettings, Settings, View};
+use crate::frame::Ways;
+use crate::frame::atlas::Atlas;
+use crate::frame::gather::{Compute, ComputeKind, Gather, Lit};
+use crate::frame::proxies::Proxies;
+use crate::frame::vals::Vals;
 use crate::gpu::Gpu;
+use crate::lab::knobs::Knobs;
 use crate::lab::shot::{cache, gather_sums, seen, shoot, small, val};
 use crate::lab::worlds::{SPOT, baked, corner, one_cache};
 use crate::reference::gather::{LEAST_COSINE, ProxyWeight, gather, luminance, val_geometry};
@@ -15,7 +18,7 @@ use crate::reference::interpolate::{Interpolated, Scheme, interpolate, shade};
 use crate::reference::phong::{cos_power, mirrored_view};
 use crate::scene::LightKind;
 use crate::shared::{Cache, GatherSums, Proxy, Val};
-use glam::{DVec3, Mat4, Vec3, Vec4, dvec3, vec3};
+use glam::{DVec3, Vec3, dvec3, vec3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
@@ -32,23 +35,18 @@ struct Gathered {
 /// Runs stage 6 alone, both lobes.
 fn gather_alone(gpu: &Gpu, vals: &[Val], caches: &[Cache]) -> Result<Gathered> {
     let said = gpu.messages().len();
-    let settings = GatherSettings::default();
-    let vals = ValTargets::of(gpu, vals)?;
-    let mut targets = CacheTargets::new(gpu, true, caches.len() as u32, vals.count, &settings)?;
-    targets.atlas = gpu.buffer_from("atlas.caches", caches)?;
-    let view = View {
-        clip_from_world: Mat4::IDENTITY,
-        world_from_clip: Mat4::IDENTITY,
-        eye: EYE.extend(1.0),
-        plane: Vec4::ZERO,
-    };
-    let stage = Gather::new(gpu, true, false, &settings)?;
+    let (vals, atlas) = (Vals::of(gpu, vals)?, Atlas::of(gpu, caches)?);
+    let proxies = Proxies::new(gpu, atlas.count, true, 1)?;
+    let stage = Compute::new(gpu, atlas.count, vals.count, &Ways::default(), ComputeKind::plain(true))?;
+    let stage = Gather::Compute(Box::new(stage));
     let drawn = gpu.frame(false, |cmd| {
-        cmd.begin_frame(&targets.sums);
-        stage.record(cmd, &vals, &view, &targets, None, true);
+        cmd.begin_frame([]);
+        let _zone = cmd.zone("gather");
+        let eyes = [EYE.extend(1.0)];
+        stage.record(cmd, &Lit { vals: &vals, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None });
         Ok(())
     })?;
-    let (sums, proxies) = (gather_sums(gpu, &targets)?, gpu.read::<Proxy>(&targets.proxies)?);
+    let (sums, proxies) = (gather_sums(gpu, &stage, atlas.count)?, gpu.read::<Proxy>(&proxies.buffer)?);
     let mut complaints = drawn.problems;
     let positive = |v: Vec3| v.is_finite() && v.min_element() >= 0.0;
     let sound = |p: &Proxy| {
@@ -260,7 +258,7 @@ fn one(gpu: &Gpu) -> Result<Outcome> {
 
 fn one_val(gpu: &Gpu) -> Result<Outcome> {
     let scene = corner(&[SPOT], 10.0);
-    let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Settings { rsm: 1, ..small() })?;
+    let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Knobs { rsm: 1, ..small() })?;
     let [val] = shot.vals[..] else { return Ok(Outcome::bounded(f64::NAN, 0.0)) };
     let (mut worst, mut lit) = (0.0_f64, 0);
     for (cache, proxies) in shot.caches.iter().zip(&shot.proxies).filter(|(_, p)| p.diffuse.lit) {
@@ -278,7 +276,7 @@ fn many_vals(gpu: &Gpu) -> Result<Outcome> {
     scene.instances.truncate(2);
     (scene.lights[0].position, scene.lights[0].direction) = (dvec3(0.1, 1.5, 0.2), Vec3::NEG_Y);
     let albedo = scene.materials[0].base_color.truncate().as_dvec3();
-    let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Settings { rsm: 256, ..small() })?;
+    let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Knobs { rsm: 256, ..small() })?;
     let flux: DVec3 = shot.vals.iter().map(|v| v.flux).sum();
     let light = &scene.lights[0];
     // KHR_lights_punctual's squared ramp is 0.001 wide in the cosine where the cone is sharp: two thirds of it are lost.

@@ -4,8 +4,8 @@ use super::oracle::{largest, layers};
 use super::{Case, Outcome};
 use crate::bake::CacheSet;
 use crate::error::Result;
-use crate::frame::{Gi, Settings};
 use crate::gpu::Gpu;
+use crate::lab::knobs::{Gi, Knobs};
 use crate::lab::shot::{Shot, shoot, small};
 use crate::lab::worlds::{SPOT, baked, corner, placed};
 use crate::scene::{LightKind, Scene};
@@ -23,7 +23,7 @@ fn world() -> Scene {
 
 /// The scene with interpolated caches, and by brute force.
 fn both(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Result<[Shot; 2]> {
-    let brute_force = Settings { gi: Gi::BruteForce, ..small() };
+    let brute_force = Knobs { gi: Gi::BruteForce, ..small() };
     Ok([shoot(gpu, scene, Some(caches), &small())?, shoot(gpu, scene, None, &brute_force)?])
 }
 

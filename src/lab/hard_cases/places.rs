@@ -3,8 +3,8 @@
 use super::oracle::{brute_force_picture, brute_force_picture_near, cast_vals, largest, material, sums_against_twins};
 use super::{Case, Outcome, oracle};
 use crate::error::Result;
-use crate::frame::{Gi, Settings};
 use crate::gpu::Gpu;
+use crate::lab::knobs::{Gi, Knobs};
 use crate::lab::shot::{Shot, seen, shoot, small, triangles};
 use crate::lab::worlds::{SPOT, add, baked, camera, corner, lamp, phong};
 use crate::reference::light::direct_irradiance;
@@ -49,8 +49,8 @@ pub(super) fn cases() -> Vec<Case> {
     all
 }
 
-fn brute_force() -> Settings {
-    Settings { gi: Gi::BruteForce, ..small() }
+fn brute_force() -> Knobs {
+    Knobs { gi: Gi::BruteForce, ..small() }
 }
 
 /// A floor of 2 m by 2 m.
@@ -207,7 +207,7 @@ fn no_lights(gpu: &Gpu) -> Result<Outcome> {
     let mut wrong = 0;
     let mut shots = Vec::new();
     for gi in [Gi::LightSkin, Gi::BruteForce] {
-        let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Settings { gi, ..small() })?;
+        let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Knobs { gi, ..small() })?;
         let shines: Vec<usize> =
             seen(&scene, small().size).iter().filter(|s| s.instance == 2).map(|s| s.pixel).collect();
         for (pixel, found) in shot.direct.iter().enumerate() {

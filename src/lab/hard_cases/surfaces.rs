@@ -4,8 +4,9 @@ use super::oracle::{brute_force_picture, cast_vals, difference, largest, layers}
 use super::{Case, Outcome};
 use crate::bake::{Cache, CacheSet};
 use crate::error::Result;
-use crate::frame::{Gi, ProxyWeight, Settings};
+use crate::frame::ProxyWeight;
 use crate::gpu::Gpu;
+use crate::lab::knobs::{Gi, Knobs};
 use crate::lab::shot::{Shot, shoot, small};
 use crate::lab::worlds::{SPOT, add, baked, camera, corner, lamp, phong};
 use crate::scene::build::sphere;
@@ -13,9 +14,9 @@ use crate::scene::{Instance, LightKind, Mesh, Scene, Vertex};
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use std::f64::consts::{PI, TAU};
 
-/// Settings of a frame by brute force.
-fn brute_force() -> Settings {
-    Settings { gi: Gi::BruteForce, ..small() }
+/// Knobs of a frame by brute force.
+fn brute_force() -> Knobs {
+    Knobs { gi: Gi::BruteForce, ..small() }
 }
 
 pub(super) fn cases() -> Vec<Case> {
@@ -206,7 +207,7 @@ fn black(gpu: &Gpu, specular: f32) -> Result<Outcome> {
     let caches = baked(&scene, 0.5, 8)?;
     let (mut shots, mut most) = (Vec::new(), 0.0_f64);
     for proxy_weight in [ProxyWeight::Irradiance, ProxyWeight::FormFactor] {
-        shots.push(shoot(gpu, &scene, Some(&caches), &Settings { proxy_weight, ..small() })?);
+        shots.push(shoot(gpu, &scene, Some(&caches), &Knobs { proxy_weight, ..small() })?);
     }
     shots.push(shoot(gpu, &scene, None, &brute_force())?);
     for shot in &shots {
@@ -232,8 +233,8 @@ fn furnace() -> Scene {
 /// An integrating sphere sends the first bounce evenly to all of itself: `E = rho I / r^2`.
 fn white(gpu: &Gpu) -> Result<Outcome> {
     let scene = furnace();
-    let settings = Settings { rsm: 96, ..small() };
-    let truth = shoot(gpu, &scene, None, &Settings { gi: Gi::BruteForce, ..settings })?;
+    let settings = Knobs { rsm: 96, ..small() };
+    let truth = shoot(gpu, &scene, None, &Knobs { gi: Gi::BruteForce, ..settings })?;
     let caches = shoot(gpu, &scene, Some(&baked(&scene, 0.8, 8)?), &settings)?;
     let light = &scene.lights[0];
     let radiance = light.color.as_dvec3() * f64::from(light.intensity / (RADIUS * RADIUS)) / PI;

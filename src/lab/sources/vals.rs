@@ -3,7 +3,7 @@
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
 
-use crate::frame::lights;
+use crate::frame::world::lights;
 use crate::reference::light::{intensity, range_window};
 use crate::reference::rsm::{Val, View, mean_intensity, texel_area, texel_solid_angle};
 use crate::reference::world::{Sides, World};

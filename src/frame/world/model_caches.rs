@@ -1,6 +1,6 @@
 //! Caches as they were baked, in the form that stage 3 reads (`atlas.comp`).
 
-use super::moving::normal_matrix;
+use super::update::normal_matrix;
 use crate::bake::{Cache, ModelCaches};
 use crate::scene::{Mesh, Scene};
 use crate::shared::ModelCache;

@@ -107,7 +107,7 @@ pub(super) fn prepare_with(
 }
 
 /// Nearest thing a light or camera sees, in radii of the scene: reversed float depth loses nothing by it.
-pub(super) const NEAREST: f64 = 1e-7;
+pub(in crate::frame) const NEAREST: f64 = 1e-7;
 
 /// A square frustum with reversed depth and no far plane.
 fn perspective_view(position: DVec3, right: DVec3, up: DVec3, forward: DVec3, tan_half: f64, radius: f64) -> LightView {

@@ -1,14 +1,10 @@
-//! Before stage 1: meshes that bend, posed. METHOD 8: morphing and skinning as glTF has them, for vertices; caches follow the
-//! triangles they lie on (`atlas.comp`). Every instance has posed vertices of its own, which all stages then draw as any other.
+//! What poses of meshes that bend are made of. METHOD 8.
 
-use super::SceneBuffers;
 use crate::error::{Error, Result};
-use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Buffer, Gpu};
 use crate::scene::Scene;
 use crate::scene::deform::Deform;
-use crate::shared::{
-    BindVertex, Body, BodyBlock, DEFORM_ROW, DeformPush, Displacement, Follower, Influence, Joint, VERTEX_WORDS,
-};
+use crate::shared::{BindVertex, Body, BodyBlock, DEFORM_ROW, Displacement, Follower, Influence, Joint, VERTEX_WORDS};
 
 /// Vertices, or followers, of a workgroup.
 const GROUP: u32 = 64;
@@ -18,22 +14,22 @@ const _: () = assert!(size_of::<crate::scene::Vertex>() == 4 * VERTEX_WORDS as u
 /// What poses are made of, on the device.
 pub struct DeformBuffers {
     /// Joints of all bodies.
-    pub(super) joints: Buffer,
+    pub(in crate::frame) joints: Buffer,
     /// Weights of the morph targets of all bodies.
-    pub(super) weights: Buffer,
-    bodies: Buffer,
-    bind: Buffer,
-    influences: Buffer,
-    displacements: Buffer,
-    followers: Buffer,
-    bind_blocks: Blocks,
-    follower_blocks: Blocks,
+    pub(in crate::frame) weights: Buffer,
+    pub(in crate::frame) bodies: Buffer,
+    pub(in crate::frame) bind: Buffer,
+    pub(in crate::frame) influences: Buffer,
+    pub(in crate::frame) displacements: Buffer,
+    pub(in crate::frame) followers: Buffer,
+    pub(in crate::frame) bind_blocks: Blocks,
+    pub(in crate::frame) follower_blocks: Blocks,
 }
 
 /// Workgroups of a pass.
-struct Blocks {
-    buffer: Buffer,
-    count: u32,
+pub(in crate::frame) struct Blocks {
+    pub(in crate::frame) buffer: Buffer,
+    pub(in crate::frame) count: u32,
 }
 
 impl DeformBuffers {
@@ -120,79 +116,10 @@ impl DeformBuffers {
             follower_blocks: blocks("deform.follower_blocks", &follower_blocks)?,
         }))
     }
-
-    /// Every buffer.
-    pub(super) fn buffers(&self) -> [&Buffer; 9] {
-        [
-            &self.joints,
-            &self.weights,
-            &self.bodies,
-            &self.bind,
-            &self.influences,
-            &self.displacements,
-            &self.followers,
-            &self.bind_blocks.buffer,
-            &self.follower_blocks.buffer,
-        ]
-    }
 }
 
 /// Joints and weights that a pose of this mesh has.
 pub(super) fn sizes(deform: &Deform) -> (u32, u32) {
     let joints = deform.influences.iter().map(|i| i.joint + 1).max().unwrap_or(0);
     (joints, deform.targets.len() as u32)
-}
-
-/// Poses meshes.
-pub struct Poses {
-    deform: Pipeline,
-    follow: Pipeline,
-}
-
-impl Poses {
-    /// Makes the pipelines.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
-        Ok(Self { deform: gpu.compute("deform.comp", &[])?, follow: gpu.compute("follow.comp", &[])? })
-    }
-
-    /// Records the pass, of all instances that bend.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers) {
-        let _zone = cmd.zone("deform");
-        let bodies = scene.deform.as_ref().expect("the plan says that something bends");
-        let blocks = &bodies.bind_blocks;
-        cmd.bind(
-            &self.deform,
-            &[
-                (&blocks.buffer).into(),
-                (&bodies.bodies).into(),
-                (&bodies.bind).into(),
-                (&bodies.influences).into(),
-                (&bodies.displacements).into(),
-                (&bodies.joints).into(),
-                (&bodies.weights).into(),
-                scene.vertices().into(),
-                (&scene.corners).into(),
-            ],
-        );
-        dispatch(cmd, blocks);
-        let blocks = &bodies.follower_blocks;
-        if blocks.count > 0 {
-            cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-            let resources: [Bind<'_>; 6] = [
-                (&blocks.buffer).into(),
-                (&bodies.bodies).into(),
-                (&bodies.followers).into(),
-                (&bodies.bind).into(),
-                scene.vertices().into(),
-                (&scene.corners).into(),
-            ];
-            cmd.bind(&self.follow, &resources);
-            dispatch(cmd, blocks);
-        }
-    }
-}
-
-fn dispatch(cmd: &Cmd<'_>, blocks: &Blocks) {
-    cmd.push(&DeformPush { block_count: blocks.count });
-    cmd.dispatch(GROUP * blocks.count.min(DEFORM_ROW), blocks.count.div_ceil(DEFORM_ROW), 1);
 }

@@ -1,31 +1,24 @@
-//! What may differ from frame to frame: places, poses, lights, materials. `SceneBuffers::update` compares it with what the
+//! What may differ from frame to frame: places, poses, lights, materials. `World::update` compares it with what the
 //! device has, the next frame copies what is new, and revisions tell the stages whose inputs are as they were.
 
-use super::SceneBuffers;
-use super::albedo;
 use super::lights::{self, LightInfo};
-use super::upload;
+use super::{World, albedo, textures};
 use crate::error::{Error, Result};
-use crate::gpu::{Cmd, Use};
+use crate::frame::plan::Features;
+use crate::frame::revision::new_revision;
+use crate::gpu::{Cmd, Gpu, Use};
 use crate::scene::animation::Quantity;
 use crate::scene::{Instance, Material, Sampler, Scene};
 use crate::shared::{self, Joint, LightView, RIGID, TEXTURE_COUNT, TextureSlot};
 use glam::{DMat3, DMat4, DVec3, Mat4};
-use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Numbers that grow with every change: two that are equal stand for the same content, in whatever scene.
+/// Which content there is.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Revisions {
+pub(in crate::frame) struct Revisions {
     /// Places, poses and materials.
-    pub(super) surfaces: u64,
+    pub(in crate::frame) surfaces: u64,
     /// Each light.
-    pub(super) lights: Vec<u64>,
-}
-
-/// A number that no content has had.
-fn new_revision() -> u64 {
-    static NEXT: AtomicU64 = AtomicU64::new(1);
-    NEXT.fetch_add(1, Ordering::Relaxed)
+    pub(in crate::frame) lights: Vec<u64>,
 }
 
 impl Revisions {
@@ -79,13 +72,15 @@ pub(super) struct Fixed {
 struct FixedMaterial {
     /// Whether it has holes.
     masked: bool,
+    /// Whether it may shine.
+    emits: bool,
     textures: [Option<(usize, Sampler)>; TEXTURE_COUNT as usize],
 }
 
 impl FixedMaterial {
-    fn new(material: &Material) -> Self {
-        let textures = upload::used(material).map(|(texture, _)| texture.map(|t| (t.image, t.sampler)));
-        Self { masked: material.alpha_cutoff.is_some(), textures }
+    fn new(scene: &Scene, (index, material): (usize, &Material)) -> Self {
+        let textures = textures::used(material).map(|(texture, _)| texture.map(|t| (t.image, t.sampler)));
+        Self { masked: material.alpha_cutoff.is_some(), emits: scene.emission(index).is_some(), textures }
     }
 }
 
@@ -93,15 +88,20 @@ impl Fixed {
     pub(super) fn new(scene: &Scene) -> Self {
         Self {
             meshes: scene.instances.iter().map(|instance| instance.mesh).collect(),
-            materials: scene.materials.iter().map(FixedMaterial::new).collect(),
+            materials: scene.materials.iter().enumerate().map(|m| FixedMaterial::new(scene, m)).collect(),
         }
     }
 
-    /// Whether a scene is still like that.
-    fn is_of(&self, scene: &Scene) -> bool {
+    /// Whether a scene has the same instances of the same models.
+    fn has_models_of(&self, scene: &Scene) -> bool {
         self.meshes.iter().copied().eq(scene.instances.iter().map(|instance| instance.mesh))
-            && scene.materials.len() == self.materials.len()
-            && scene.materials.iter().zip(&self.materials).all(|(m, fixed)| FixedMaterial::new(m) == *fixed)
+    }
+
+    /// Whether its materials have the same textures and holes, and the same of them may shine.
+    fn has_materials_of(&self, scene: &Scene) -> bool {
+        scene.materials.len() == self.materials.len()
+            && (scene.materials.iter().enumerate().zip(&self.materials))
+                .all(|(m, fixed)| FixedMaterial::new(scene, m) == *fixed)
     }
 }
 
@@ -139,9 +139,9 @@ impl Moving {
             self.infos[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as u32);
         }
         self.materials.clear();
-        self.materials.extend(scene.materials.iter().map(upload::material));
+        self.materials.extend(scene.materials.iter().map(textures::material));
         self.slots.clear();
-        self.slots.extend(scene.materials.iter().flat_map(upload::slots));
+        self.slots.extend(scene.materials.iter().flat_map(textures::slots));
     }
 
     fn place(&mut self, instance: &Instance, origin: DVec3, placed: &Placed) {
@@ -203,17 +203,24 @@ pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
     (cofactors * (1.0 / size), size)
 }
 
-impl SceneBuffers {
-    /// Takes over where everything is now; frames recorded from now on show it. The scene is the one that was uploaded,
-    /// with other places, poses, lights or materials. Fails where it is not, and where a light has become one of another kind
-    /// or, with no animation that says so beforehand, a cone has grown beyond what one frustum sees, a material got its
-    /// first lobe or its first light: then it has to be uploaded anew. So it has after a frame that could not be recorded.
-    pub fn update(&mut self, scene: &Scene) -> Result<()> {
-        let differs = || {
-            Error::Nothing("the scene has other models, materials or lights than were uploaded: upload it anew".into())
-        };
-        if !self.fixed.is_of(scene) {
-            return Err(differs());
+impl World {
+    /// Takes over how the scene is now; frames recorded from now on show it. Places, poses, lights' values and materials'
+    /// numbers cost what has changed of them. More, fewer or other kinds of lights make the lights' buffers anew, other
+    /// textures, holes or lobes the whole world; lights and pictures of it then have to be fitted (`Light::fit`). The
+    /// scene's middle and bounds stay those of the upload.
+    ///
+    /// # Errors
+    /// Other models or instances than were uploaded: these need caches, so they need a new world.
+    pub fn update(&mut self, gpu: &Gpu, scene: &Scene) -> Result<()> {
+        if !self.fixed.has_models_of(scene) {
+            return Err(Error::Nothing("the scene has other models than were uploaded: bake and load it anew".into()));
+        }
+        if !self.fixed.has_materials_of(scene) || self.features != Features::new(scene) {
+            let caches = self.caches.take();
+            let made = Self::new(gpu, scene, caches.as_ref());
+            self.caches = caches;
+            *self = made?;
+            return Ok(());
         }
         let mut now = std::mem::take(&mut self.spare);
         now.fill(scene, self.origin, self.half, &self.placed);
@@ -221,8 +228,10 @@ impl SceneBuffers {
         let same_lights = now.infos.len() == old.infos.len()
             && (now.infos.iter().zip(&old.infos)).all(|(a, b)| (a.views, a.sharing) == (b.views, b.sharing));
         if !same_lights {
-            self.spare = now;
-            return Err(differs());
+            self.light_buffer = gpu.buffer_from("scene.lights", &now.lights)?;
+            self.view_buffer = gpu.buffer_from("scene.light_views", &now.views)?;
+            self.revisions.lights = now.infos.iter().map(|_| new_revision()).collect();
+            self.layout = new_revision();
         }
         let mut pending = self.pending.get();
         let instances = now.instances != old.instances;
@@ -232,7 +241,7 @@ impl SceneBuffers {
         pending.instances |= instances;
         pending.poses |= poses;
         pending.materials |= materials;
-        for (i, info) in now.infos.iter().enumerate() {
+        for (i, info) in now.infos.iter().enumerate().filter(|_| same_lights) {
             let views = info.first_view as usize..(info.first_view + info.views) as usize;
             if now.lights[i] != old.lights[i] || now.views[views.clone()] != old.views[views] {
                 pending.lights = true;
@@ -253,8 +262,8 @@ impl SceneBuffers {
                 cache.exponent = exponent;
             }
         }
-        if let (true, Some(of_caches)) = (materials, &mut self.cache_albedos) {
-            of_caches.albedos = albedo::of_all(scene, &of_caches.caches);
+        if let (true, Some(of_caches), Some(caches)) = (materials, self.albedos.get_mut(), &self.caches) {
+            of_caches.albedos = albedo::of_all(scene, caches);
             pending.albedos = true;
         }
         self.pending.set(pending);
@@ -263,7 +272,7 @@ impl SceneBuffers {
     }
 
     /// Records the copies of what is new; says whether poses are.
-    pub(super) fn record_changes(&self, cmd: &Cmd<'_>) -> bool {
+    pub(in crate::frame) fn record_changes(&self, cmd: &Cmd<'_>) -> bool {
         let pending = self.pending.take();
         let poses = pending.poses;
         if pending == Pending::default() {
@@ -286,7 +295,7 @@ impl SceneBuffers {
             cmd.update(&self.materials, 0, &now.materials);
             cmd.update(&self.texture_slots, 0, &now.slots);
         }
-        if let (true, Some(of_caches)) = (pending.albedos, &self.cache_albedos) {
+        if let (true, Some(of_caches)) = (pending.albedos, self.albedos.get()) {
             cmd.update(&of_caches.buffer, 0, &of_caches.albedos);
         }
         if pending.caches {

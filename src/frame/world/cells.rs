@@ -1,14 +1,11 @@
-//! Stage 5, first half, where pixels look references up: what pixels show -> the cells of the models' surfaces that they lie
-//! in. METHOD 5 and 9; the cells are the bake's (`bake::CellSet`).
+//! Where pixels look references up: the cells of the models' surfaces. METHOD 5 and 9; the cells are the bake's
+//! (`bake::CellSet`).
 
-use super::targets::VisibleTargets;
-use super::{SceneBuffers, View};
 use crate::bake::{CellSet, Cells};
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu, Image, Pipeline, Use};
-use crate::shared::{CellEntry, CellGrid, NO_REFERENCES, VisibleArgs, VisibleCellsPush};
+use crate::gpu::{Buffer, Gpu};
+use crate::shared::{CellEntry, CellGrid, NO_REFERENCES};
 use glam::{DAffine3, DMat3, DMat4};
-use std::cell::Cell;
 
 /// The cells on the device.
 pub struct CellBuffers {
@@ -67,47 +64,4 @@ fn hash(xy: u32, z: u32) -> u32 {
     let h = xy.wrapping_mul(0x9e37_79b1) ^ z.wrapping_mul(0x85eb_ca77);
     let h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);
     h ^ (h >> 13)
-}
-
-/// Lists the visible cells.
-pub struct VisibleCells {
-    pipeline: Pipeline,
-    /// Number of the next frame: marks of earlier ones need no clearing.
-    frame: Cell<u32>,
-}
-
-impl VisibleCells {
-    /// Makes the pipeline.
-    pub fn new(gpu: &Gpu) -> Result<Self> {
-        super::visible::numbered_triangles(gpu)?;
-        Ok(Self { pipeline: gpu.compute("visible_cells.comp", &[])?, frame: Cell::new(1) })
-    }
-
-    /// Records the pass for one view and its image of elements.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &SceneBuffers, view: &View, elements: &Image, out: &VisibleTargets) {
-        let _zone = cmd.zone("visible");
-        let frame = self.frame.get();
-        self.frame.set(frame.checked_add(1).unwrap_or(1));
-        let cells = scene.cells.as_ref().expect("pixels look references up");
-        cmd.copy_buffer(&out.none, &out.args, size_of::<VisibleArgs>() as u64);
-        cmd.barrier(Use::CopyWrite | Use::ColorWrite, Use::ComputeRead | Use::ComputeWrite); // elements -> here
-        cmd.bind(
-            &self.pipeline,
-            &[
-                elements.into(),
-                (&scene.draw_records).into(),
-                scene.indices().into(),
-                (&scene.instances).into(),
-                (&scene.corners).into(),
-                (&cells.grids).into(),
-                (&cells.entries).into(),
-                (&out.seen).into(),
-                (&out.list).into(),
-                (&out.args).into(),
-                (&out.slots).into(),
-            ],
-        );
-        cmd.push(&VisibleCellsPush { clip_from_world: view.clip_from_world, frame });
-        cmd.dispatch(elements.width, elements.height, 1);
-    }
 }

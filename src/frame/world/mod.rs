@@ -1,27 +1,51 @@
-//! A scene and its caches on the device: merged vertices, textures, materials, instances, lights, references.
+//! The scene and its caches on the device: merged vertices, textures, materials, instances, lights, references.
 //!
-//! Most of it is written once; what moves is written anew by frames that find it changed (`moving.rs`). Positions are relative to the scene's origin, the middle of its bounds, so that a
-//! scene far from the world's origin is drawn and lit like one that is near.
+//! Most of it is written once; what moves is written anew by frames that find it changed (`update.rs`). Positions are
+//! relative to the scene's origin, the middle of its bounds, so that a scene far from the world's origin is drawn and lit
+//! like one that is near.
 
-use super::albedo;
-use super::cells::CellBuffers;
-use super::deform::{self, DeformBuffers};
-use super::emitters::Patches;
-use super::lights::LightInfo;
-use super::model_caches::{Spot, place_caches};
-use super::moving::{Fixed, Moving, Pending, Placed, Revisions};
-use super::sky::SkyBuffer;
-use crate::bake::CacheSet;
+mod albedo;
+mod cells;
+pub(super) mod deform;
+mod emitters;
+pub mod lights;
+mod model_caches;
+mod sky;
+mod textures;
+mod update;
+
+pub use cells::CellBuffers;
+pub use deform::DeformBuffers;
+pub use sky::SkyBuffer;
+
+use super::plan::{Features, Plan};
+use super::revision::new_revision;
+use super::settings::{Indirect, Settings};
+use crate::bake::{CacheSet, ModelCaches};
 use crate::error::{Error, Result};
-use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, SamplerKind};
-use crate::image::mip_chain;
-use crate::scene::{Instance, Material, Mesh, Scene, Texture, Vertex, Wrap};
-use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, RIGID, TEXTURE_COUNT, TextureSlot};
-use ash::vk::SamplerAddressMode;
+use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, Stream};
+use crate::scene::{Instance, Mesh, Scene, Vertex};
+use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, RIGID};
+use emitters::Patches;
 use glam::{DVec3, Mat4, Vec3, Vec4};
-use rayon::prelude::*;
-use std::cell::Cell;
-use std::collections::BTreeMap;
+use lights::LightInfo;
+use model_caches::{Spot, place_caches};
+use std::cell::{Cell, OnceCell};
+use textures::{MaterialTextures, upload_textures};
+use update::{Fixed, Moving, Pending, Placed, Revisions};
+
+/// A vertex as the stages that draw the scene read it.
+pub(super) const VERTEX: Stream<'static> = Stream {
+    stride: size_of::<Vertex>() as u32,
+    attributes: &[
+        (0, Format::R32G32B32_SFLOAT, 0),
+        (1, Format::R32G32B32_SFLOAT, 12),
+        (2, Format::R32G32B32A32_SFLOAT, 24),
+        (3, Format::R32G32_SFLOAT, 40),
+        (4, Format::R32G32_SFLOAT, 48),
+        (5, Format::R8G8B8A8_UNORM, 56),
+    ],
+};
 
 /// Most vertices of all meshes and all instances that bend: shaders count their words in 32 bits.
 const MOST_VERTICES: usize = u32::MAX as usize / 16;
@@ -52,14 +76,14 @@ struct DrawItem {
     has_caches: bool,
 }
 
-/// The scene on the device.
-pub struct SceneBuffers {
+/// A scene on the device with its caches: what all lights and pictures of it share.
+pub struct World {
     /// Middle of the scene in the world; everything on the device is relative to it.
     pub origin: DVec3,
     /// Half of the bounds' diagonal [m].
     pub radius: f64,
     /// Half extent of the scene along each axis [m].
-    pub(super) half: DVec3,
+    half: DVec3,
     /// Lights, for shaders.
     pub light_buffer: Buffer,
     /// Views of lights.
@@ -69,7 +93,7 @@ pub struct SceneBuffers {
     /// Surfaces that emit as VALs without weights: a square, or none.
     pub emitters: Vec<shared::Val>,
     /// Where those are that emit.
-    pub(super) patches: Patches,
+    patches: Patches,
     /// What poses are made of, where something bends.
     pub(super) deform: Option<DeformBuffers>,
     /// Instances, for shaders.
@@ -78,8 +102,16 @@ pub struct SceneBuffers {
     pub model_caches: Buffer,
     /// How many.
     pub cache_count: u32,
-    /// Their diffuse albedos, once more bounces have asked for them.
-    pub(super) cache_albedos: Option<CacheAlbedos>,
+    /// References of a vertex, or of a cell.
+    pub(super) references_each: usize,
+    /// The caches' diffuse albedos, once more bounces have asked for them.
+    albedos: OnceCell<CacheAlbedos>,
+    /// The caches as they were baked.
+    caches: Option<CacheSet>,
+    /// What decides which stages there are.
+    pub(super) features: Features,
+    /// Changes with what resources are made for: lights, emitters, caches, vertices.
+    pub(super) layout: u64,
     /// References of all models' vertices, or cells.
     pub references: Buffer,
     /// What `draw` draws, for those who look up a visible triangle.
@@ -91,38 +123,36 @@ pub struct SceneBuffers {
     /// Vertices of all instances, or cells of their surfaces.
     pub slot_count: u32,
     /// What the device has, or is about to get.
-    pub(super) moving: Moving,
+    moving: Moving,
     /// Room for the next.
-    pub(super) spare: Moving,
+    spare: Moving,
     /// What of it the next frame copies.
-    pub(super) pending: Cell<Pending>,
+    pending: Cell<Pending>,
     /// Which content it is.
     pub(super) revisions: Revisions,
     /// Caches as they were uploaded, and the surface of each.
-    pub(super) placed_caches: Vec<ModelCache>,
-    pub(super) spots: Vec<Spot>,
+    placed_caches: Vec<ModelCache>,
+    spots: Vec<Spot>,
     /// What must not change.
-    pub(super) fixed: Fixed,
+    fixed: Fixed,
     /// What of each instance stays.
-    pub(super) placed: Vec<Placed>,
+    placed: Vec<Placed>,
     vertices: Buffer,
     indices: Buffer,
-    pub(super) materials: Buffer,
-    pub(super) texture_slots: Buffer,
+    materials: Buffer,
+    texture_slots: Buffer,
     textures: Vec<Image>,
     /// Per material: image and sampler of each of its textures.
-    material_textures: Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>,
+    material_textures: MaterialTextures,
     draws: Vec<DrawItem>,
 }
 
 /// What caches reflect.
-pub(super) struct CacheAlbedos {
+struct CacheAlbedos {
     /// For shaders.
-    pub(super) buffer: Buffer,
+    buffer: Buffer,
     /// What is or will be there.
-    pub(super) albedos: Vec<Vec3>,
-    /// Whose they are: materials may change.
-    pub(super) caches: CacheSet,
+    albedos: Vec<Vec3>,
 }
 
 /// Which triangles a pass draws.
@@ -136,8 +166,12 @@ pub enum Which {
     Masked,
 }
 
-impl SceneBuffers {
-    /// Uploads a scene; `caches` may be missing where no caches are lit.
+impl World {
+    /// Uploads a scene; `caches` may be missing where no caches are lit. Caches with cells are averaged at every pixel, those
+    /// without at vertices.
+    ///
+    /// # Errors
+    /// A scene without triangles, or one that is larger than shaders can number or the device can hold.
     pub fn new(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>) -> Result<Self> {
         let (low, high) = scene.bounds().ok_or_else(|| Error::Nothing("the scene has no triangles".into()))?;
         let origin = (low + high) * 0.5;
@@ -252,7 +286,11 @@ impl SceneBuffers {
             placed_caches: model_caches,
             spots,
             fixed: Fixed::new(scene),
-            cache_albedos: None,
+            references_each: references_each(scene, caches),
+            albedos: OnceCell::new(),
+            caches: caches.cloned(),
+            features: Features::new(scene),
+            layout: new_revision(),
             references: gpu.buffer_from("scene.references", &references)?,
             draw_records: gpu.buffer_from("scene.draw_records", &draws.iter().map(record).collect::<Vec<_>>())?,
             corners: gpu.buffer_from("scene.corners", &corners)?,
@@ -273,15 +311,29 @@ impl SceneBuffers {
         })
     }
 
-    /// Uploads the diffuse albedos of the caches, which frames of more than one bounce need.
-    pub fn add_albedos(&mut self, gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Result<()> {
-        let albedos = albedo::of_all(scene, caches);
-        self.cache_albedos = Some(CacheAlbedos {
-            buffer: gpu.buffer_from("scene.cache_albedos", &albedos)?,
-            albedos,
-            caches: caches.clone(),
-        });
+    /// The diffuse albedos of the caches, which more than one bounce needs; found on the first call.
+    pub(super) fn make_albedos(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
+        if let (None, Some(caches)) = (self.albedos.get(), &self.caches) {
+            let albedos = albedo::of_all(scene, caches);
+            let buffer = gpu.buffer_from("scene.cache_albedos", &albedos)?;
+            self.albedos.get_or_init(|| CacheAlbedos { buffer, albedos });
+        }
         Ok(())
+    }
+
+    /// Which stages frames of it have under these settings.
+    pub fn plan(&self, settings: &Settings) -> Plan {
+        match settings.indirect {
+            Indirect::Caches(_) if self.caches.is_none() => {
+                Plan::of(&self.features, &Settings { indirect: Indirect::Off, ..*settings })
+            }
+            _ => Plan::of(&self.features, settings),
+        }
+    }
+
+    /// References of a cell, where pixels look them up.
+    pub(super) fn references_of_pixels(&self) -> Option<usize> {
+        self.cells.as_ref().map(|cells| cells.row)
     }
 
     /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`).
@@ -324,8 +376,8 @@ impl SceneBuffers {
     }
 
     /// Diffuse albedos of the caches, where they have been asked for.
-    pub fn cache_albedos(&self) -> Option<&Buffer> {
-        self.cache_albedos.as_ref().map(|albedos| &albedos.buffer)
+    pub(super) fn cache_albedos(&self) -> Option<&Buffer> {
+        self.albedos.get().map(|albedos| &albedos.buffer)
     }
 
     /// Lights, for the host.
@@ -373,33 +425,6 @@ impl SceneBuffers {
         }
         draw.bind(pipeline, &used[..count]);
     }
-
-    /// Names and sizes [bytes] of the buffers, for `info`.
-    pub fn buffers(&self) -> Vec<&Buffer> {
-        let optional = self.cache_albedos.iter().map(|a| &a.buffer).chain(self.sky.iter().map(|sky| &sky.texels));
-        let mut all = vec![
-            &self.vertices,
-            &self.corners,
-            &self.indices,
-            &self.references,
-            &self.draw_records,
-            &self.model_caches,
-            &self.instances,
-            &self.materials,
-            &self.texture_slots,
-            &self.light_buffer,
-            &self.view_buffer,
-        ];
-        all.extend(optional);
-        all.extend(self.deform.iter().flat_map(DeformBuffers::buffers));
-        all.extend(self.cells.iter().flat_map(|cells| [&cells.grids, &cells.entries]));
-        all
-    }
-
-    /// Memory of all textures [bytes].
-    pub fn texture_bytes(&self) -> u64 {
-        self.textures.iter().map(Image::bytes).sum()
-    }
 }
 
 /// A draw for shaders.
@@ -414,6 +439,16 @@ fn record(draw: &DrawItem) -> DrawRecord {
         grid: draw.grid,
         first_rest: draw.first_rest,
     }
+}
+
+/// References of a vertex, or of a cell where pixels look them up.
+fn references_each(scene: &Scene, caches: Option<&CacheSet>) -> usize {
+    let Some(caches) = caches else { return 8 };
+    if let Some(cells) = &caches.cells {
+        return cells.row;
+    }
+    let of_model = |model: &ModelCaches| model.references.len().checked_div(scene.meshes[model.mesh].vertices.len());
+    caches.models.iter().find_map(of_model).unwrap_or(8)
 }
 
 fn too_many_references() -> Error {
@@ -442,94 +477,4 @@ fn check_sizes(scene: &Scene) -> Result<()> {
         Some(instance) => Err(Error::Nothing(format!("'{}' bends and has no pose: give it one", instance.name))),
         None => Ok(()),
     }
-}
-
-/// A material for shaders.
-pub(super) fn material(m: &Material) -> shared::Material {
-    shared::Material {
-        base_color: m.base_color,
-        emissive: m.emissive,
-        alpha_cutoff: m.alpha_cutoff.unwrap_or(-1.0),
-        specular_color: m.specular_color,
-        specular: m.specular,
-        phong_specular: m.phong.map_or(Vec3::ZERO, |p| p.specular),
-        phong_exponent: m.phong.map_or(-1.0, |p| p.exponent),
-        metallic: m.metallic,
-        roughness: m.roughness,
-        ior: m.ior,
-        normal_scale: m.normal_scale,
-    }
-}
-
-/// Textures of a material in the order of the shaders, and whether they are sRGB.
-pub(super) fn used(m: &Material) -> [(Option<Texture>, bool); TEXTURE_COUNT as usize] {
-    [
-        (m.base_color_texture, true),
-        (m.metallic_roughness_texture, false),
-        (m.normal_texture, false),
-        (m.emissive_texture, true),
-        (m.specular_texture, false),
-        (m.specular_color_texture, true),
-    ]
-}
-
-/// How the textures of a material are looked up, for shaders.
-pub(super) fn slots(m: &Material) -> [TextureSlot; TEXTURE_COUNT as usize] {
-    used(m).map(|(texture, _)| {
-        texture.map_or_else(TextureSlot::default, |t| TextureSlot {
-            linear: Vec4::from_array(t.transform.matrix2.to_cols_array()),
-            translation: t.transform.translation,
-            uv_set: u32::from(t.uv_set),
-            present: 1,
-        })
-    })
-}
-
-type MaterialTextures = Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>;
-
-/// Uploads each image once per colour space it is used in; image 0 is one white texel for what a material lacks.
-fn upload_textures(gpu: &Gpu, scene: &Scene) -> Result<(Vec<Image>, MaterialTextures)> {
-    let mut wanted: BTreeMap<(usize, bool), usize> = BTreeMap::new();
-    for (texture, srgb) in scene.materials.iter().flat_map(used) {
-        if let Some(texture) = texture {
-            let next = wanted.len() + 1;
-            wanted.entry((texture.image, srgb)).or_insert(next);
-        }
-    }
-    let chains: Vec<_> = wanted
-        .par_iter()
-        .map(|(&(image, srgb), &slot)| {
-            let image = &scene.images[image];
-            (slot, srgb, mip_chain(&image.rgba, image.width, image.height, srgb))
-        })
-        .collect();
-    let mut textures: Vec<Option<Image>> = Vec::new();
-    textures.resize_with(wanted.len() + 1, || None);
-    textures[0] = Some(gpu.texture("scene.texture white", Format::R8G8B8A8_UNORM, 1, 1, &[vec![255; 4]])?);
-    for ((&(index, _), _), (slot, srgb, levels)) in wanted.iter().zip(chains) {
-        let image = &scene.images[index];
-        let format = if srgb { Format::R8G8B8A8_SRGB } else { Format::R8G8B8A8_UNORM };
-        textures[slot] =
-            Some(gpu.texture(&format!("scene.texture {}", image.name), format, image.width, image.height, &levels)?);
-    }
-    let mut per_material = Vec::new();
-    for material in &scene.materials {
-        let mut row = [(0, sampler_kind(Default::default())); TEXTURE_COUNT as usize];
-        for (i, (texture, srgb)) in used(material).into_iter().enumerate() {
-            if let Some(texture) = texture {
-                row[i] = (wanted[&(texture.image, srgb)], sampler_kind(texture.sampler));
-            }
-        }
-        per_material.push(row);
-    }
-    Ok((textures.into_iter().flatten().collect(), per_material))
-}
-
-fn sampler_kind(sampler: crate::scene::Sampler) -> SamplerKind {
-    let wrap = |w| match w {
-        Wrap::Repeat => SamplerAddressMode::REPEAT,
-        Wrap::Mirror => SamplerAddressMode::MIRRORED_REPEAT,
-        Wrap::Clamp => SamplerAddressMode::CLAMP_TO_EDGE,
-    };
-    SamplerKind { wrap: [wrap(sampler.wrap_u), wrap(sampler.wrap_v)], nearest: sampler.nearest }
 }

@@ -1,0 +1,102 @@
+//! The list of caches that a gather lights: those that visible surfaces need, or all. METHOD 9.
+
+use crate::error::Result;
+use crate::gpu::{Buffer, Gpu};
+use crate::shared::{DEPTH_IMAGE_ROW, GatherSums, LiveArgs, PACK_BLOCK, VAL_TILE};
+
+/// The list that a gather works through: of caches, or of groups of consecutive ones with clusters. A group is live with
+/// any of its caches, and all of it is lit: what a cache receives does not depend on which others are seen.
+pub struct Live {
+    /// 1 where a visible vertex or cell refers to an item; all 0 between frames.
+    pub flags: Buffer,
+    /// Flagged items of each block.
+    pub blocks: Buffer,
+    /// Indices of live items, ascending; of all, until culling says otherwise.
+    pub list: Buffer,
+    /// Their number, and the gather's dispatch; of all of them, too.
+    pub args: Buffer,
+    /// Items of all instances.
+    pub count: u32,
+    /// Caches of all instances.
+    pub caches: u32,
+    /// Caches of an item.
+    pub group: u32,
+    /// Items of a workgroup.
+    pub per_workgroup: u32,
+    /// VALs, or nodes, of a part of the sums.
+    pub split: u32,
+}
+
+/// What a list is made for.
+#[derive(Clone, Copy, Debug)]
+pub struct Items {
+    /// Caches of all instances.
+    pub caches: u32,
+    /// Caches of an item.
+    pub group: u32,
+    /// Items of a workgroup.
+    pub per_workgroup: u32,
+    /// VALs, or nodes, that light them.
+    pub lights: u32,
+    /// VALs, or nodes, of a part of the sums.
+    pub split: u32,
+}
+
+/// Most memory that the parts of the sums take [bytes], unless a part would then be too long.
+const PARTS_BYTES: u64 = 64 << 20;
+
+/// Lights of a part: so many as are wanted, or more where parts would take too much memory, and never more than `longest`.
+pub(super) fn split_of(caches: u32, lights: u32, wanted: u32, longest: u32) -> u32 {
+    let sums = u64::from(caches.max(1)) * size_of::<GatherSums>() as u64;
+    let in_memory = u64::from(lights.max(1)).div_ceil((PARTS_BYTES / sums).max(1));
+    in_memory.max(wanted.into()).next_multiple_of(VAL_TILE.into()).min(longest.into()) as u32
+}
+
+/// Parts of the sums of lights that are split so.
+pub(super) fn parts_of(lights: u32, split: u32) -> u32 {
+    lights.max(1).div_ceil(split)
+}
+
+/// Room for so many parts of the sums of all caches.
+pub(super) fn new_parts(gpu: &Gpu, caches: u32, parts: u32) -> Result<Buffer> {
+    gpu.buffer("gather.parts", u64::from(caches.max(1)) * size_of::<GatherSums>() as u64 * u64::from(parts))
+}
+
+impl Live {
+    /// Of all caches.
+    pub fn new(gpu: &Gpu, items: Items) -> Result<Self> {
+        let Items { caches, group, per_workgroup, lights, split } = items;
+        let (count, room) = (caches.div_ceil(group), caches.max(1).div_ceil(group));
+        Ok(Self {
+            flags: gpu.buffer_from("cull.flags", &vec![0_u32; room as usize])?,
+            blocks: gpu.buffer("cull.blocks", 4 * u64::from(room.div_ceil(PACK_BLOCK)))?,
+            list: gpu.buffer_from("cull.live", &(0..room).collect::<Vec<_>>())?,
+            args: gpu.buffer_from("cull.live_args", &[live_args(count, lights.max(1), per_workgroup, split)])?,
+            count,
+            caches,
+            group,
+            per_workgroup,
+            split,
+        })
+    }
+
+    /// Caches of the live items. Waits for the device.
+    pub fn lit(&self, gpu: &Gpu) -> Result<u32> {
+        let items = gpu.read::<LiveArgs>(&self.args)?[0].cache_count;
+        let list: Vec<u32> = gpu.read(&self.list)?;
+        Ok(list[..items as usize].iter().map(|item| (self.caches - item * self.group).min(self.group)).sum())
+    }
+}
+
+/// The gather's dispatch over so many caches, or groups of them, and VALs, or nodes; twin of glsl/lib/pack.glsl.
+fn live_args(caches: u32, lights: u32, per_workgroup: u32, split: u32) -> LiveArgs {
+    LiveArgs {
+        groups_x: caches.div_ceil(per_workgroup),
+        groups_y: lights.div_ceil(split).max(1),
+        groups_z: 1,
+        cache_count: caches,
+        images_x: caches.min(DEPTH_IMAGE_ROW),
+        images_y: caches.div_ceil(DEPTH_IMAGE_ROW),
+        images_z: 1,
+    }
+}

@@ -1,0 +1,114 @@
+//! A picture of a world: what one view sees, and what is made of it. A second view is a second picture.
+
+use super::background::Background;
+use super::composite::{Composed, Composite, Output};
+use super::gbuffer::{GBuffer, Surface};
+use super::interpolate::Radiance;
+use super::light::Light;
+use super::plan::Plan;
+use super::revision::{Made, Watched};
+use super::settings::Look;
+use super::view::View;
+use super::visible::VisibleList;
+use super::world::World;
+use crate::error::Result;
+use crate::gpu::Gpu;
+use glam::Vec4;
+
+/// The images of one view, and the passes that are its own.
+pub struct Picture {
+    /// Stages 1 and 2.
+    pub surface: Surface,
+    /// Stage 5; only where caches are interpolated.
+    pub visible: Option<VisibleList>,
+    /// Stage 8; only with indirect light.
+    pub indirect: Option<Radiance>,
+    /// Stage 11.
+    pub output: Output,
+    pub(super) gbuffer: GBuffer,
+    pub(super) background: Option<Background>,
+    pub(super) composite: Composite,
+    pub(super) made: MadeOfPicture,
+    pub(super) due: Due,
+    size: [u32; 2],
+    plan: Plan,
+    layout: u64,
+}
+
+/// What is up to date.
+#[derive(Default)]
+pub(super) struct MadeOfPicture {
+    pub(super) view: Watched<View>,
+    pub(super) eye: Watched<Vec4>,
+    pub(super) look: Watched<Look>,
+    pub(super) surface: Made,
+    pub(super) radiance: Made,
+    pub(super) visible: Made,
+    pub(super) indirect: Made,
+    pub(super) output: Made,
+}
+
+/// What the next frame has to make.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Due {
+    /// Stages 1 and 2, which write the same radiance.
+    pub(super) surface: bool,
+    pub(super) visible: bool,
+    pub(super) indirect: bool,
+    pub(super) output: bool,
+}
+
+impl Picture {
+    /// Makes a picture of so many pixels. One without any, as windows have that are minimised, is left out of frames.
+    ///
+    /// # Errors
+    /// Sizes beyond the device's limits, and what it has no memory for.
+    pub fn new(gpu: &Gpu, world: &World, light: &Light, size: [u32; 2]) -> Result<Self> {
+        let (plan, images) = (light.plan, size.map(|side| side.max(1)));
+        Ok(Self {
+            surface: Surface::new(gpu, &plan, images)?,
+            visible: plan.lightskin.then(|| VisibleList::new(gpu, world, images)).transpose()?,
+            indirect: plan.indirect().then(|| Radiance::new(gpu, &plan, images)).transpose()?,
+            output: Output::new(gpu, images)?,
+            gbuffer: GBuffer::new(gpu, &plan)?,
+            background: plan.sky.then(|| Background::new(gpu)).transpose()?,
+            composite: Composite::new(gpu, &plan)?,
+            made: MadeOfPicture::default(),
+            due: Due::default(),
+            size,
+            plan,
+            layout: world.layout,
+        })
+    }
+
+    /// Makes it anew where it no longer fits the light or the size; costs nothing where it does.
+    ///
+    /// # Errors
+    /// As `new`; the picture is then as it was.
+    pub fn fit(&mut self, gpu: &Gpu, world: &World, light: &Light, size: [u32; 2]) -> Result<()> {
+        if self.size != size || !self.fits(world, light) {
+            *self = Self::new(gpu, world, light, size)?;
+        }
+        Ok(())
+    }
+
+    /// Whether it was made for a light as that is now.
+    pub fn fits(&self, world: &World, light: &Light) -> bool {
+        self.plan == light.plan && self.layout == world.layout
+    }
+
+    /// Pixels of a row, and rows.
+    pub fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Whether it has no pixels.
+    pub fn is_empty(&self) -> bool {
+        self.size.contains(&0)
+    }
+
+    /// What stage 11 reads and writes.
+    pub(super) fn composed(&self) -> Composed<'_> {
+        Composed { surface: &self.surface, indirect: self.indirect.as_ref(), out: &self.output }
+    }
+}

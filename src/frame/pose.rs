@@ -1,0 +1,65 @@
+//! Before stage 1: meshes that bend, posed. METHOD 8: morphing and skinning as glTF has them, for vertices; caches follow the
+//! triangles they lie on (`atlas.comp`). Every instance has posed vertices of its own, which all stages then draw as any other.
+
+use super::world::World;
+use super::world::deform::Blocks;
+use crate::error::Result;
+use crate::gpu::{Bind, Cmd, Gpu, Pipeline, Use};
+use crate::shared::{DEFORM_ROW, DeformPush};
+
+/// Vertices, or followers, of a workgroup.
+const GROUP: u32 = 64;
+
+/// Poses meshes.
+pub struct Poses {
+    deform: Pipeline,
+    follow: Pipeline,
+}
+
+impl Poses {
+    /// Makes the pipelines.
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        Ok(Self { deform: gpu.compute("deform.comp", &[])?, follow: gpu.compute("follow.comp", &[])? })
+    }
+
+    /// Records the pass, of all instances that bend.
+    pub fn record(&self, cmd: &Cmd<'_>, scene: &World) {
+        let _zone = cmd.zone("deform");
+        let bodies = scene.deform.as_ref().expect("the plan says that something bends");
+        let blocks = &bodies.bind_blocks;
+        cmd.bind(
+            &self.deform,
+            &[
+                (&blocks.buffer).into(),
+                (&bodies.bodies).into(),
+                (&bodies.bind).into(),
+                (&bodies.influences).into(),
+                (&bodies.displacements).into(),
+                (&bodies.joints).into(),
+                (&bodies.weights).into(),
+                scene.vertices().into(),
+                (&scene.corners).into(),
+            ],
+        );
+        dispatch(cmd, blocks);
+        let blocks = &bodies.follower_blocks;
+        if blocks.count > 0 {
+            cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+            let resources: [Bind<'_>; 6] = [
+                (&blocks.buffer).into(),
+                (&bodies.bodies).into(),
+                (&bodies.followers).into(),
+                (&bodies.bind).into(),
+                scene.vertices().into(),
+                (&scene.corners).into(),
+            ];
+            cmd.bind(&self.follow, &resources);
+            dispatch(cmd, blocks);
+        }
+    }
+}
+
+fn dispatch(cmd: &Cmd<'_>, blocks: &Blocks) {
+    cmd.push(&DeformPush { block_count: blocks.count });
+    cmd.dispatch(GROUP * blocks.count.min(DEFORM_ROW), blocks.count.div_ceil(DEFORM_ROW), 1);
+}

@@ -1,0 +1,64 @@
+//! Stage 6: the compute shader that adds up VALs at caches, which further bounces use again. METHOD 3-4.
+
+use super::atlas::Atlas;
+use super::live::Live;
+use super::settings::{Shadows, Ways};
+use crate::error::Result;
+use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline};
+
+/// What sums are made of.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct SumKind {
+    /// The glossy lobe's, too.
+    pub(super) glossy: bool,
+    pub(super) shadows: Shadows,
+    /// VALs in a row that a cache sees or does not see as one.
+    pub(super) together: u32,
+    /// Proxies are made of the sums at once.
+    pub(super) proxies: bool,
+}
+
+/// The pipeline that adds up VALs.
+pub(super) fn sum_pipeline(gpu: &Gpu, ways: &Ways, kind: SumKind) -> Result<Pipeline> {
+    let spread = u32::from(kind.shadows == Shadows::Proxy);
+    let by_hand = u32::from(gpu.is_software());
+    let constants = [u32::from(kind.glossy), ways.source as u32, ways.caches(), spread, by_hand, kind.together];
+    match (kind.shadows == Shadows::PerLight, kind.proxies) {
+        (false, false) => gpu.compute("gather_sums.comp", &constants[..5]),
+        (false, true) => gpu.compute("gather.comp", &constants[..5]),
+        (true, false) => gpu.compute("gather_shadowed_sums.comp", &constants),
+        (true, true) => gpu.compute("gather_shadowed.comp", &constants),
+    }
+}
+
+/// What a pipeline of `sum_pipeline` reads and writes.
+#[derive(Clone, Copy)]
+pub(super) struct SumBinds<'a> {
+    pub(super) atlas: &'a Atlas,
+    pub(super) live: &'a Live,
+    /// VALs and their number.
+    pub(super) vals: (&'a Buffer, &'a Buffer),
+    pub(super) parts: &'a Buffer,
+    /// Where proxies are made at once: those, and the count of parts that are there.
+    pub(super) proxies: Option<(&'a Buffer, &'a Buffer)>,
+    /// With shadows of every VAL.
+    pub(super) depth_images: Option<&'a Buffer>,
+}
+
+impl SumBinds<'_> {
+    pub(super) fn bind(&self, cmd: &Cmd<'_>, pipeline: &Pipeline) {
+        let (vals, count) = self.vals;
+        let mut resources: Vec<Bind<'_>> = vec![
+            (&self.atlas.caches).into(),
+            (&self.live.list).into(),
+            (&self.live.args).into(),
+            count.into(),
+            Bind::Texels(vals),
+            vals.into(),
+            self.parts.into(),
+        ];
+        resources.extend(self.proxies.iter().flat_map(|(proxies, arrived)| [Bind::from(*proxies), (*arrived).into()]));
+        resources.extend(self.depth_images.map(Bind::Texels));
+        cmd.bind(pipeline, &resources);
+    }
+}

@@ -1,0 +1,78 @@
+//! The VALs of all lights: what stage 4 writes and stage 6 reads. METHOD 2.
+
+use super::settings::ProxyWeight;
+use crate::error::Result;
+use crate::gpu::{Buffer, Cmd, Gpu};
+use crate::shared::{PACK_BLOCK, VAL_TILE, Val};
+use glam::Vec3;
+
+/// The VALs of all lights.
+pub struct Vals {
+    /// One of each texel, light by light, view by view, row by row; then those of the surfaces that emit.
+    pub all: Buffer,
+    /// How many.
+    pub count: u32,
+    /// 1 where a VAL carries light or pulls a proxy.
+    pub flags: Buffer,
+    /// Flagged VALs of each block.
+    pub blocks: Buffer,
+    /// The flagged ones, in order, padded with dark ones to whole tiles.
+    pub live: Buffer,
+    /// Their number before padding.
+    pub live_count: Buffer,
+}
+
+impl Vals {
+    fn new(gpu: &Gpu, count: u32) -> Result<Self> {
+        let bytes = |count: u32| u64::from(count) * size_of::<Val>() as u64;
+        Ok(Self {
+            all: gpu.buffer("rsm.vals", bytes(count))?,
+            count,
+            flags: gpu.buffer("rsm.val_flags", 4 * u64::from(count))?,
+            blocks: gpu.buffer("rsm.val_blocks", 4 * u64::from(count.div_ceil(PACK_BLOCK)))?,
+            live: gpu.buffer("rsm.live_vals", bytes(count.next_multiple_of(VAL_TILE)))?,
+            live_count: gpu.buffer("rsm.live_val_count", 4)?,
+        })
+    }
+
+    /// So many, of which the last are given and stay.
+    pub(super) fn with(gpu: &Gpu, count: u32, last: &[Val], weight: ProxyWeight) -> Result<Self> {
+        let made = Self::new(gpu, count)?;
+        if last.is_empty() {
+            return Ok(made);
+        }
+        let (given, given_flags) = weighed(last, weight);
+        let mut all = vec![Val::default(); count as usize - last.len()];
+        let mut flags = vec![0; all.len()];
+        all.extend(given);
+        flags.extend(given_flags);
+        Ok(Self { all: gpu.buffer_from("rsm.vals", &all)?, flags: gpu.buffer_from("rsm.val_flags", &flags)?, ..made })
+    }
+
+    /// Records that the last ones are these from now on.
+    pub(super) fn update(&self, cmd: &Cmd<'_>, last: &[Val], weight: ProxyWeight) {
+        let (vals, flags) = weighed(last, weight);
+        let first = u64::from(self.count) - last.len() as u64;
+        cmd.update(&self.all, first * size_of::<Val>() as u64, &vals);
+        cmd.update(&self.flags, 4 * first, &flags);
+    }
+
+    /// These VALs, all of them live.
+    pub fn of(gpu: &Gpu, vals: &[Val]) -> Result<Self> {
+        let mut padded = vals.to_vec();
+        padded.resize(vals.len().next_multiple_of(VAL_TILE as usize), Val { area: 1.0, ..Val::default() });
+        let count = vals.len() as u32;
+        let live = gpu.buffer_from("rsm.live_vals", &padded)?;
+        Ok(Self { live, live_count: gpu.buffer_from("rsm.live_val_count", &[count])?, ..Self::new(gpu, count)? })
+    }
+}
+
+/// VALs with the weights that their proxies' positions have, and which of them carry light.
+fn weighed(vals: &[Val], weight: ProxyWeight) -> (Vec<Val>, Vec<u32>) {
+    let weight_of = |val: &Val| match weight {
+        ProxyWeight::Irradiance => val.flux.dot(Vec3::new(0.2126, 0.7152, 0.0722)),
+        ProxyWeight::FormFactor if val.flux == Vec3::ZERO => 0.0,
+        ProxyWeight::FormFactor => val.area,
+    };
+    vals.iter().map(|val| (Val { weight: weight_of(val), ..*val }, u32::from(val.flux != Vec3::ZERO))).unzip()
+}

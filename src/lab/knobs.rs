@@ -1,0 +1,182 @@
+//! Settings in flat form, for sweeps and tests that turn one knob at a time; and a frame of one view by them.
+
+use crate::error::Result;
+use crate::frame::settings::{Caches, Gather};
+use crate::frame::{
+    ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Light, Look, Picture, Plan, ProxyWeight, Quality,
+    Settings, Shadows, Tonemap, View, Ways, World, record,
+};
+use crate::gpu::{Cmd, Gpu};
+use crate::scene::Scene;
+use std::num::NonZeroU32;
+
+/// How indirect light is made.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Gi {
+    /// Interpolated caches.
+    #[default]
+    LightSkin,
+    /// Every VAL onto every pixel.
+    BruteForce,
+    /// None.
+    Off,
+}
+
+/// What lights the caches.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Path {
+    /// Compute shader over a list of caches.
+    #[default]
+    Compute,
+    /// Additive draws into float targets, of so many VALs each.
+    Draws(DrawSource, u32),
+    /// Clusters of VALs.
+    Clusters(ClusterRule),
+}
+
+impl Path {
+    /// The gather by draws as it is by default.
+    pub const DRAWS: Self = Self::Draws(DrawSource::Texels, 4096);
+}
+
+/// Every setting and the size, side by side. Not all of them go together: see `go_together`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Knobs {
+    /// Picture [pixels].
+    pub size: [u32; 2],
+    /// Indirect light.
+    pub gi: Gi,
+    /// Indirect bounces; 0 is direct light alone.
+    pub bounces: u32,
+    /// Texels of an RSM's side.
+    pub rsm: u32,
+    /// Texels of a shadow map's side.
+    pub shadow_map: u32,
+    /// Kernel and quantities of stage 8.
+    pub interpolation: Interpolation,
+    /// Weights of stage 6.
+    pub proxy_weight: ProxyWeight,
+    /// How stage 6 runs.
+    pub path: Path,
+    /// How its compute shader is spread over the device.
+    pub ways: Ways,
+    /// Only caches that visible surfaces need are lit.
+    pub cull: bool,
+    /// Soft shadows of indirect light.
+    pub shadows: Shadows,
+    /// Stages whose inputs are those of the frame before are left out.
+    pub reuse: bool,
+    /// Curve of stage 11.
+    pub tonemap: Tonemap,
+    /// Exposure of stage 11.
+    pub exposure: Exposure,
+}
+
+impl Knobs {
+    /// What `render` draws by default, for so many caches.
+    pub fn at(quality: Quality, caches: usize, size: [u32; 2]) -> Self {
+        Self {
+            rsm: quality.rsm(),
+            shadow_map: quality.shadow_map(),
+            shadows: quality.shadows(caches),
+            ..Self::plain(size)
+        }
+    }
+
+    /// Caches without shadows: the method as the thesis has it.
+    pub fn plain(size: [u32; 2]) -> Self {
+        Self {
+            size,
+            gi: Gi::LightSkin,
+            bounces: 1,
+            rsm: Quality::High.rsm(),
+            shadow_map: Quality::High.shadow_map(),
+            interpolation: Interpolation::Facing,
+            proxy_weight: ProxyWeight::Irradiance,
+            path: Path::Compute,
+            ways: Ways::default(),
+            cull: true,
+            shadows: Shadows::Off,
+            reuse: false,
+            tonemap: Tonemap::PbrNeutral,
+            exposure: Exposure::Automatic,
+        }
+    }
+
+    /// Whether there are settings that say all of this: shadows of every VAL and bounces are compute's.
+    pub fn go_together(&self) -> bool {
+        match (self.gi, self.path) {
+            (Gi::Off, _) | (_, Path::Compute) => true,
+            (Gi::BruteForce, _) => self.bounces <= 1,
+            (Gi::LightSkin, _) => self.bounces <= 1 && self.shadows != Shadows::PerLight,
+        }
+    }
+
+    /// The settings.
+    ///
+    /// # Panics
+    /// Where knobs do not go together.
+    pub fn settings(&self) -> Settings {
+        assert!(self.go_together(), "{self:?} is no frame");
+        let dim = self.shadows == Shadows::Proxy;
+        let caches = |bounces| {
+            Indirect::Caches(Caches {
+                gather: match self.path {
+                    Path::Compute => Gather::Compute { ways: self.ways, bounces, shadows: self.shadows },
+                    Path::Draws(source, tile) => Gather::Draws { source, tile, dim },
+                    Path::Clusters(rule) => Gather::Clusters { rule, dim },
+                },
+                cull: self.cull,
+                interpolation: self.interpolation,
+                proxy_weight: self.proxy_weight,
+            })
+        };
+        Settings {
+            indirect: match (self.gi, NonZeroU32::new(self.bounces)) {
+                (Gi::Off, _) | (_, None) => Indirect::Off,
+                (Gi::BruteForce, _) => Indirect::BruteForce,
+                (Gi::LightSkin, Some(bounces)) => caches(bounces),
+            },
+            rsm: self.rsm,
+            shadow_map: self.shadow_map,
+            reuse: self.reuse,
+        }
+    }
+
+    /// How its pictures are shown.
+    pub fn look(&self) -> Look {
+        Look { tonemap: self.tonemap, exposure: self.exposure }
+    }
+}
+
+/// One view of a world: its light and its picture together.
+pub struct Frame {
+    /// The light.
+    pub light: Light,
+    /// The picture.
+    pub picture: Picture,
+    /// How that is shown.
+    pub look: Look,
+}
+
+impl Frame {
+    /// Makes light and picture.
+    ///
+    /// # Errors
+    /// As `Light::new` and `Picture::new`.
+    pub fn new(gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> Result<Self> {
+        let light = Light::new(gpu, scene, world, &knobs.settings(), 1)?;
+        let picture = Picture::new(gpu, world, &light, knobs.size)?;
+        Ok(Self { light, picture, look: knobs.look() })
+    }
+
+    /// Which stages there are.
+    pub fn plan(&self) -> &Plan {
+        &self.light.plan
+    }
+
+    /// Records one frame.
+    pub fn record(&mut self, cmd: &Cmd<'_>, world: &World, view: &View) {
+        record(cmd, world, &mut self.light, &mut [(*view, &mut self.picture)], &self.look);
+    }
+}
