@@ -21,7 +21,6 @@ mod gather;
 mod generated;
 mod guards;
 mod hard_cases;
-mod hierarchy;
 mod house;
 mod interpolate;
 mod layout;

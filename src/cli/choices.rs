@@ -24,22 +24,19 @@ pub(super) struct Choices {
     /// Only light clustering against none.
     #[arg(long)]
     clusters: bool,
-    /// Only adaptive caches against all of them lit.
-    #[arg(long, conflicts_with = "clusters")]
-    hierarchy: bool,
     /// Only where caches are averaged: at vertices, or at pixels by textures or cells of references.
-    #[arg(long, conflicts_with_all = ["clusters", "hierarchy"])]
+    #[arg(long, conflicts_with = "clusters")]
     levels: bool,
     /// Only what is in the way of proxy lights, by every choice of stage 7, against rays: on the five built-in scenes of
     /// --shadows, or on the given one.
-    #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "shadows"])]
+    #[arg(long, conflicts_with_all = ["clusters", "levels", "shadows"])]
     occlusion: bool,
     /// Only what caches see of each other's rectangles, by every choice of the depth images, against rays; likewise.
-    #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "occlusion", "shadows"])]
+    #[arg(long, conflicts_with_all = ["clusters", "levels", "occlusion", "shadows"])]
     depth_images: bool,
     /// Only soft shadows of indirect light, on the device, against one bounce of the path tracer: on five built-in scenes
     /// whose indirect light is mostly shadowed and on the atrium, or on the given one.
-    #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels"])]
+    #[arg(long, conflicts_with_all = ["clusters", "levels"])]
     shadows: bool,
     /// Samples per pixel of the path tracer with --shadows; they are kept, and a larger N refines.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
@@ -66,9 +63,6 @@ pub(super) fn run(args: &Choices) -> Result<()> {
         scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
     }
     let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
-    if args.hierarchy {
-        return hierarchy(&scene, &settings);
-    }
     if args.levels {
         return levels(&scene, &settings);
     }
@@ -196,29 +190,6 @@ fn clusters(scene: &Scene, settings: &Settings) -> Result<()> {
     for row in study.cluster_flicker() {
         let [pairs, largest, added, rms] = [row.pairs, row.largest, row.added, row.rms].map(|share| 100.0 * share);
         say!("  {:<36}{pairs:>8.2}%{largest:>13.3}%{added:>9.4}%{rms:>9.5}%", row.name);
-    }
-    Ok(())
-}
-
-/// Prints what adaptive caches save and cost.
-fn hierarchy(scene: &Scene, settings: &Settings) -> Result<()> {
-    let camera = super::render::camera(scene, None)?;
-    let study = Study::new(scene, &camera, *settings)?;
-    let [caches, vals] = study.counts();
-    say!(
-        "{}: {caches} caches, {vals} live VALs; lit: number and share of those that pixels need; diffuse, glossy; against all lit, and against brute force",
-        scene.name
-    );
-    say!("{:<36}{:>6}{:>8}{:>18}{:>18}{:>20}", "", "lit", "", "error", "bias", "against truth");
-    for row in study.hierarchy() {
-        let percent = |[a, b]: [f64; 2]| [100.0 * a, 100.0 * b];
-        let ([e, eg], [b, bg], [t, tg]) = (percent(row.error), percent(row.bias), percent(row.truth));
-        let lit = 100.0 * row.lit;
-        say!(
-            "  {:<34}{:>6}{lit:>7.1}%{e:>8.2}%{eg:>8.2}%{b:>+8.2}%{bg:>+8.2}%{t:>10.2}%{tg:>8.2}%",
-            row.name,
-            row.count
-        );
     }
     Ok(())
 }
