@@ -22,7 +22,6 @@ mod generated;
 mod gpu;
 mod guards;
 mod hard_cases;
-mod hierarchy;
 mod house;
 mod interpolate;
 mod layout;

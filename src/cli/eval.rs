@@ -1,6 +1,6 @@
 //! `lightskin eval`: speed against error, a curve for every knob, as a page.
 
-use super::{DeviceArgs, angle, at_least_zero, check_messages, hard_cases, load_punctual, progress_bar, render};
+use super::{DeviceArgs, angle, at_least_zero, check_messages, load_punctual, progress_bar, render};
 use anyhow::{Context, Result};
 use lightskin::Knobs;
 use lightskin::lab::eval::report;
@@ -16,12 +16,6 @@ pub(super) struct Eval {
     /// Folder of the report; made if missing. What is finished there is not measured again.
     #[arg(short, long, value_name = "REPORT", default_value = "report")]
     out: PathBuf,
-    /// Run what is hard on numbers instead, one line each; needs no scene and writes no report.
-    #[arg(long, conflicts_with_all = ["scene", "out", "quick"])]
-    hard_cases: bool,
-    /// With --hard-cases: one JSON object a line instead of a table.
-    #[arg(long, requires = "hard_cases")]
-    json: bool,
     /// A small picture and fewer points: minutes instead of an hour on a software device.
     #[arg(long)]
     quick: bool,
@@ -71,9 +65,6 @@ impl Eval {
 }
 
 pub(super) fn run(args: &Eval) -> Result<()> {
-    if args.hard_cases {
-        return hard_cases::run(&args.device, args.json);
-    }
     report::check_writable(&args.out)?;
     let scene = load_punctual(args.scene.as_deref())?;
     let camera = render::camera(&scene, args.camera.as_deref())?;

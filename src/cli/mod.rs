@@ -9,24 +9,18 @@ mod assets;
 mod bake;
 #[cfg(feature = "lab")]
 mod bench;
-#[cfg(feature = "lab")]
-mod choices;
 mod compare;
 mod devices;
 #[cfg(feature = "lab")]
 mod eval;
-#[cfg(feature = "lab")]
-mod flicker;
-#[cfg(feature = "lab")]
-mod hard_cases;
 mod info;
+#[cfg(feature = "lab")]
+mod lab;
 mod motion;
 mod path_trace;
 mod picture;
 mod render;
 mod sky;
-#[cfg(feature = "lab")]
-mod sources;
 mod timings;
 
 use anyhow::{Context, Result, bail};
@@ -79,15 +73,9 @@ enum Command {
     /// Measure times over triangles, resolution, caches and VALs on generated scenes, beside the thesis's figures.
     #[cfg(feature = "lab")]
     Bench(bench::BenchArgs),
-    /// Measure how much indirect light trembles while a light, the camera or a model creeps along.
+    /// Studies behind the defaults: where errors come from, what trembles, what is hard on numbers.
     #[cfg(feature = "lab")]
-    Flicker(flicker::FlickerArgs),
-    /// Where the error of indirect light comes from.
-    #[cfg(feature = "lab")]
-    Sources(sources::SourcesArgs),
-    /// Measure what the defaults are chosen by: variants of the method on the CPU, as tables.
-    #[cfg(feature = "lab")]
-    Choices(choices::Choices),
+    Lab(Box<lab::Lab>),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -103,15 +91,11 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Bake(args) => bake::run(args),
         #[cfg(feature = "lab")]
         Command::Bench(args) => bench::run(args),
-        #[cfg(feature = "lab")]
-        Command::Choices(args) => choices::run(args),
         Command::Compare(args) => compare::run(args),
         #[cfg(feature = "lab")]
         Command::Eval(args) => eval::run(args),
         #[cfg(feature = "lab")]
-        Command::Flicker(args) => flicker::run(args),
-        #[cfg(feature = "lab")]
-        Command::Sources(args) => sources::run(args),
+        Command::Lab(args) => lab::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),

@@ -1,7 +1,9 @@
-//! `lightskin flicker`: how much the indirect light trembles while something creeps along.
+//! `lightskin lab flicker`: how much the indirect light trembles while something creeps along.
 
-use super::motion::animation_index;
-use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar};
+use crate::cli::motion::animation_index;
+use crate::cli::{
+    CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar,
+};
 use anyhow::{Context, Result};
 use lightskin::frame::Cluster;
 use lightskin::lab::flicker::{Figures, Flicker, Job, Motion, Played, measure, model};
@@ -27,7 +29,7 @@ pub(super) struct FlickerArgs {
     #[arg(long, value_name = "T", default_value_t = 0.0, allow_hyphen_values = true)]
     time: f64,
     /// Frames of a second of the animation.
-    #[arg(long, value_name = "F", default_value_t = 60.0, value_parser = super::positive)]
+    #[arg(long, value_name = "F", default_value_t = 60.0, value_parser = crate::cli::positive)]
     fps: f64,
     /// Print one JSON object a row instead of the table.
     #[arg(long)]

@@ -1,6 +1,6 @@
-//! `lightskin sources`: where the error of indirect light comes from, as tables.
+//! `lightskin lab sources`: where the error of indirect light comes from, as tables.
 
-use super::{
+use crate::cli::{
     Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar, render, thousands,
 };
 use anyhow::Result;
