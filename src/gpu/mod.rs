@@ -9,6 +9,7 @@ mod cmd;
 mod copy;
 mod descriptors;
 mod device;
+mod disk;
 mod draw;
 mod frames;
 mod graveyard;

@@ -43,7 +43,8 @@ struct Kept {
     turn: u64,
 }
 
-/// Pipelines that nobody holds and that are kept all the same: settings that go back and forth make none anew.
+/// Pipelines that nobody holds and that are kept all the same, those that were asked for last: settings that go back and
+/// forth make none anew.
 const SPARE: usize = 128;
 
 /// Bytes of an entry shader's SPIR-V, by file name.
@@ -59,6 +60,11 @@ impl Pipelines {
     /// How many have been made since the device was opened.
     pub(super) fn made(&self) -> u64 {
         self.made
+    }
+
+    /// How many are given out again when they are asked for.
+    pub(super) fn kept(&self) -> usize {
+        self.kept.len()
     }
 
     /// Lets go of all pipelines but those that somebody holds.
@@ -103,11 +109,11 @@ impl Gpu {
         let pipeline = make()?;
         let pipelines = &mut *self.pipelines.borrow_mut();
         pipelines.kept.insert(key, Kept { pipeline: pipeline.clone(), turn: pipelines.turn });
-        let spare = || pipelines.kept.iter().filter(|(_, kept)| Arc::strong_count(&kept.pipeline.0) == 1);
-        if spare().count() > SPARE
-            && let Some(oldest) = spare().min_by_key(|(_, kept)| kept.turn).map(|(key, _)| key.clone())
-        {
-            pipelines.kept.remove(&oldest);
+        let spare = pipelines.kept.iter().filter(|(_, kept)| Arc::strong_count(&kept.pipeline.0) == 1);
+        let mut spare: Vec<_> = spare.map(|(key, kept)| (kept.turn, key.clone())).collect();
+        spare.sort_unstable();
+        for (_, key) in spare.iter().rev().skip(SPARE) {
+            pipelines.kept.remove(key);
         }
         Ok(pipeline)
     }
@@ -137,7 +143,7 @@ impl Gpu {
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(declared.layout.handle);
         // SAFETY: module and layout are alive; the module may go once the pipeline is made.
         let made = unsafe {
-            let made = self.shared.device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None);
+            let made = self.shared.device.create_compute_pipelines(self.disk.cache, &[info], None);
             self.shared.device.destroy_shader_module(module, None);
             made
         };

@@ -172,7 +172,7 @@ impl Gpu {
             .push_next(&mut rendering);
         // SAFETY: all chained structs live to the end of the call; the modules may go once the pipeline is made.
         let made = unsafe {
-            let made = self.shared.device.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None);
+            let made = self.shared.device.create_graphics_pipelines(self.disk.cache, &[info], None);
             for (_, module) in &modules {
                 self.shared.device.destroy_shader_module(*module, None);
             }
