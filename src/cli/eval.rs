@@ -2,10 +2,11 @@
 
 use super::{DeviceArgs, angle, at_least_zero, check_messages, load_punctual, progress_bar, render};
 use anyhow::{Context, Result};
-use lightskin::Knobs;
+use lightskin::frame::Quality;
 use lightskin::lab::eval::report;
 use lightskin::lab::eval::run::{Job, run as measure};
 use lightskin::lab::eval::sweep::{Extent, Point, Sweep};
+use lightskin::lab::knobs::Knobs;
 use lightskin::lab::plot;
 use std::path::PathBuf;
 
@@ -53,10 +54,12 @@ impl Eval {
     fn sweep(&self) -> Sweep {
         let (extent, size, samples) =
             if self.quick { (Extent::Quick, [240, 135], 256) } else { (Extent::Full, [480, 270], 2048) };
-        let frame = Settings { size: self.size.unwrap_or(size), rsm: self.rsm, ..Settings::default() };
+        let (size, caches) = (self.size.unwrap_or(size), self.caches as usize);
+        let frame = Knobs { rsm: self.rsm, ..Knobs::at(Quality::High, caches, size) };
         let base = Point {
             frame,
-            caches: self.caches as usize,
+            caches,
+            references: Quality::High.references(),
             angle: self.angle.to_radians() as f32,
             max_edge: self.max_edge,
         };

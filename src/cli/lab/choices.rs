@@ -62,7 +62,7 @@ pub(super) fn run(args: &Choices) -> Result<()> {
     if let Some(k) = args.exponent {
         scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
     }
-    let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
+    let settings = Settings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
     if args.levels {
         return levels(&scene, &settings);
     }
@@ -75,13 +75,8 @@ fn shadows(args: &Choices) -> Result<()> {
     if args.scene.is_none() {
         scenes.push(build::atrium());
     }
-    let settings = shadows::Settings {
-        size: args.size,
-        caches: args.caches.caches as usize,
-        rsm: args.rsm,
-        samples: args.spp,
-        frames: 3,
-    };
+    let settings =
+        shadows::Settings { size: args.size, caches: args.caches.count(), rsm: args.rsm, samples: args.spp, frames: 3 };
     let gpu = args.device.open()?;
     let folder = lightskin::kept::folder().unwrap_or_else(std::env::temp_dir).join("shadows");
     std::fs::create_dir_all(&folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
@@ -145,11 +140,11 @@ fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
     let mut columns = Vec::new();
     for scene in scenes {
         let mut scene = scene.clone();
-        let spacing = tessellate::expected_spacing(&scene, args.caches.caches as usize);
+        let spacing = tessellate::expected_spacing(&scene, args.caches.count());
         tessellate::divide(&mut scene, spacing, args.caches.max_edge);
         let camera = crate::cli::render::camera(&scene, None)?;
         // The picture takes no part.
-        let settings = Settings { size: [2, 2], caches: args.caches.caches as usize, rsm: DEPTH_IMAGES_RSM };
+        let settings = Settings { size: [2, 2], caches: args.caches.count(), rsm: DEPTH_IMAGES_RSM };
         columns.push(Study::new(&scene, &camera, settings)?.depth_images());
     }
     let names: String = scenes.iter().map(|scene| format!("{:>18}", scene.name)).collect();
@@ -220,7 +215,7 @@ fn levels(scene: &Scene, settings: &Settings) -> Result<()> {
 
 /// Prints what the choices of stage 7 leave of the light at caches.
 fn dimming(args: &Choices) -> Result<()> {
-    let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
+    let settings = Settings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
     match &args.scene {
         Some(path) => dimming_in(&crate::cli::divided(crate::cli::load_punctual(Some(path))?, &args.caches), &settings),
         None => scenes::Shadowed::ALL.iter().try_for_each(|which| dimming_in(&which.scene(), &settings)),
