@@ -1,5 +1,8 @@
 //! The layer over Vulkan by itself: lifetimes of what is dropped, pipelines that are made once.
 
+#[path = "../build/variants.rs"]
+mod variants;
+
 use crate::cli::{folder, works};
 use crate::common::{assert_clean, compile, gpu};
 use lightskin::gpu::{
@@ -283,4 +286,72 @@ fn resources_are_known_by_name() {
     assert_eq!(known(&gpu), [("test.picture".to_owned(), 128)]);
     drop(image);
     assert!(known(&gpu).is_empty());
+}
+
+#[test]
+fn variants_of_shaders_are_checked() {
+    let of = |text: &str| {
+        let other = ("other.comp".to_owned(), "void main() {}".to_owned());
+        variants::entries(&[("sum.comp".to_owned(), text.to_owned()), other])
+    };
+    let all = of(
+        "// Sums.\n// variant sum_all.comp: ALL FAST (where all are lit)\n#ifdef ALL\n#endif\n#ifndef FAST\n#endif\n",
+    );
+    let all = all.expect("right");
+    assert_eq!(all.keys().collect::<Vec<_>>(), ["other.comp", "sum.comp", "sum_all.comp"]);
+    let (plain, all) = (&all["sum.comp"], &all["sum_all.comp"]);
+    assert_eq!((plain.file.as_str(), plain.defines.len()), ("sum.comp", 0));
+    assert_eq!((all.file.as_str(), &all.defines[..]), ("sum.comp", &["ALL".to_owned(), "FAST".to_owned()][..]));
+
+    let refused = |line: &str, why: &str| {
+        let error = of(&format!("// Sums.\n{line}\n#ifdef ALL\n#endif\n")).expect_err(line);
+        assert!(error.starts_with("glsl/sum.comp:") && error.contains(why), "{line}: {error}");
+        error
+    };
+    assert!(refused("// variant sum_all.comp ALL (no colon)", "NAME: DEFINE").starts_with("glsl/sum.comp:2: "));
+    refused("// variant sum_all.comp: ALL", "what it is for");
+    refused("// variant sum_all.comp: (nothing)", "NAME: DEFINE");
+    refused("// variant sum_all.comp: all (small letters)", "NAME: DEFINE");
+    refused("// variant sum_all.frag: ALL (a stage of its own)", "another stage");
+    refused("// variant sum_all.comp: AL (misspelt)", "nothing in the file asks for");
+    refused("// variant other.comp: ALL (a file)", "is there already: glsl/other.comp");
+    let twice = "// variant a.comp: ALL (once)\n// variant a.comp: ALL (twice)";
+    assert!(refused(twice, "is there already: glsl/sum.comp:2").starts_with("glsl/sum.comp:3: "));
+}
+
+#[test]
+fn what_is_no_shader_is_refused() {
+    let gpu = gpu();
+    let code = compile(ADD).expect("compiles");
+    let without_magic = [&[0], &code[1..]].concat();
+    let mut endless = code.clone();
+    endless[5] &= 0xffff; // an instruction of no words
+    for wrong in [&[][..], &code[..4], &code[..5], &code[..6], &code[..code.len() - 1], &without_magic, &endless] {
+        let error = gpu.compute_from_spirv("test.wrong", wrong, &[]).err().expect("refused");
+        assert!(error.to_string().contains("no SPIR-V module"), "{error}");
+    }
+    assert_clean(&gpu);
+}
+
+#[test]
+fn groups_are_as_large_as_their_constants_say() {
+    const COUNT: &str = "#version 460
+#extension GL_EXT_scalar_block_layout : require
+layout(local_size_x_id = 1, local_size_y = 2) in;
+layout(binding = 0, scalar) buffer Out { uint count; };
+void main() { atomicAdd(count, 1u); }
+";
+    let gpu = gpu();
+    let code = compile(COUNT).expect("compiles");
+    for threads in [1, 8, 32] {
+        let count = gpu.buffer_from("test.count", &[0_u32]).expect("buffer");
+        let pipeline = gpu.compute_from_spirv("test.count", &code, &[0, threads]).expect("pipeline");
+        gpu.run_once("count", |cmd| {
+            cmd.bind(&pipeline, &[(&count).into()]);
+            cmd.dispatch(64, 4, 1);
+        })
+        .expect("run");
+        assert_eq!(gpu.read::<u32>(&count).expect("read")[0], 64 * 4);
+    }
+    assert_clean(&gpu);
 }

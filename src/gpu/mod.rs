@@ -21,6 +21,7 @@ mod raster;
 mod reflect;
 mod registry;
 mod resource;
+mod spirv;
 mod timer;
 
 pub use ash::vk::Format;

@@ -5,7 +5,7 @@ use super::device::Shared;
 use super::graveyard::Remains;
 use super::layout::{Declared, DescriptorSlot, Layout};
 use super::{Gpu, reflect, vulkan};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use ash::vk;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -85,8 +85,15 @@ impl Gpu {
         self.kept(key, || self.make_compute(name, &spirv(name), constants, Some(threads)))
     }
 
-    /// A compute pipeline from SPIR-V made elsewhere, made anew with each call; tests use it for shaders of their own.
+    /// A compute pipeline from SPIR-V made elsewhere, made anew with each call; tests use it for shaders of their own. The
+    /// code must be valid, as a compiler writes it for Vulkan 1.3: drivers may crash on what is not.
+    ///
+    /// # Errors
+    /// Of what is no module at all, and of what the driver refuses.
     pub fn compute_from_spirv(&self, name: &'static str, code: &[u32], constants: &[u32]) -> Result<Pipeline> {
+        if !reflect::is_module(code) {
+            return Err(Error::Vulkan { what: format!("shader {name}"), result: "this is no SPIR-V module".into() });
+        }
         self.make_compute(name, code, constants, None)
     }
 
@@ -126,7 +133,7 @@ impl Gpu {
         subgroup: Option<u32>,
     ) -> Result<Pipeline> {
         let stage = vk::ShaderStageFlags::COMPUTE;
-        let declared = self.declared(name, &[(stage, reflect::interface(code))])?;
+        let declared = self.declared(name, &[(stage, reflect::interface(code, constants))])?;
         let module = self.module(name, code)?;
         let (entries, bytes) = specialization(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);

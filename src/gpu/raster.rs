@@ -89,7 +89,8 @@ impl Gpu {
         let name = raster.fragment.unwrap_or(raster.vertex);
         let mut codes = vec![(vk::ShaderStageFlags::VERTEX, spirv(raster.vertex))];
         codes.extend(raster.fragment.map(|f| (vk::ShaderStageFlags::FRAGMENT, spirv(f))));
-        let interfaces: Vec<_> = codes.iter().map(|(stage, code)| (*stage, reflect::interface(code))).collect();
+        let interfaces: Vec<_> =
+            codes.iter().map(|(stage, code)| (*stage, reflect::interface(code, raster.constants))).collect();
         let declared = self.declared(name, &interfaces)?;
         let (entries, bytes) = specialization(raster.constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
