@@ -50,7 +50,7 @@ impl CacheLight {
         settings: &settings::Caches,
         [vals, rsm, eyes]: [u32; 3],
     ) -> Result<Self> {
-        let gather = Gather::new(gpu, plan, world, settings, vals, rsm)?;
+        let gather = Gather::new(gpu, plan, world, settings, [vals, rsm, eyes])?;
         let count = world.cache_count;
         // Caches that are live together.
         let group = gather.live().map_or(0, |live| live.group);
