@@ -43,3 +43,4 @@ mod sources;
 mod tessellate;
 mod texel;
 mod timing;
+mod views;
