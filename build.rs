@@ -1,6 +1,9 @@
 //! Compiles `glsl/` to SPIR-V with glslang and turns `glsl/shared.glsl` into Rust, so that both sides read one file.
 //! A shader error is a build error with file and line.
 
+#[path = "build/variants.rs"]
+mod variants;
+
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -9,6 +12,7 @@ use std::{env, fs};
 fn main() {
     println!("cargo:rerun-if-changed=glsl");
     println!("cargo:rerun-if-changed=build.rs");
+    println!("cargo:rerun-if-changed=build");
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));
     let shared = fs::read_to_string("glsl/shared.glsl").expect("glsl/shared.glsl");
     fs::write(out.join("shared.rs"), rust_from_glsl(&shared)).expect("write shared.rs");
@@ -16,9 +20,10 @@ fn main() {
 }
 
 /// Stands before every entry shader.
-const PREAMBLE: &str = "#version 460\n#extension GL_GOOGLE_include_directive : require\n#extension GL_EXT_scalar_block_layout : require\n#line 1\n";
+const PREAMBLE: &str =
+    "#version 460\n#extension GL_GOOGLE_include_directive : require\n#extension GL_EXT_scalar_block_layout : require\n";
 
-/// Compiles every `glsl/*.{vert,frag,comp}` and writes `shaders.rs`: a table of name and words.
+/// Compiles every `glsl/*.{vert,frag,comp}` with all variants of it, and writes `shaders.rs`: a table of name and words.
 fn compile_shaders(out: &Path) {
     let compiler = shaderc::Compiler::new().expect("shaderc; run ./scripts/setup");
     let mut options = shaderc::CompileOptions::new().expect("shaderc options");
@@ -32,34 +37,51 @@ fn compile_shaders(out: &Path) {
         Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
     });
 
-    let mut entries: Vec<_> = fs::read_dir("glsl").expect("glsl").map(|e| e.expect("glsl entry").path()).collect();
-    entries.sort();
+    let paths = fs::read_dir("glsl").expect("glsl").map(|e| e.expect("glsl entry").path());
+    let files: Vec<(String, String)> = paths
+        .filter(|path| kind(path).is_some())
+        .map(|path| {
+            let name = path.file_name().and_then(|n| n.to_str()).expect("shader file name").to_owned();
+            (name, fs::read_to_string(&path).expect("shader source"))
+        })
+        .collect();
+    let entries = variants::entries(&files).unwrap_or_else(|error| fail(&error));
+    let sources: BTreeMap<_, _> = files.into_iter().collect();
     let mut table = String::from(
         "/// Every entry shader: file name and SPIR-V.\npub(crate) static SHADERS: &[(&str, &[u8])] = &[\n",
     );
-    for path in entries {
-        let kind = match path.extension().and_then(|e| e.to_str()) {
-            Some("vert") => shaderc::ShaderKind::Vertex,
-            Some("frag") => shaderc::ShaderKind::Fragment,
-            Some("comp") => shaderc::ShaderKind::Compute,
-            _ => continue,
-        };
-        let name = path.file_name().and_then(|n| n.to_str()).expect("shader file name");
-        let source = format!("{PREAMBLE}{}", fs::read_to_string(&path).expect("shader source"));
+    for (name, entry) in entries {
+        let path = Path::new("glsl").join(&entry.file);
+        let defines: String = entry.defines.iter().map(|define| format!("#define {define}\n")).collect();
+        let source = format!("{PREAMBLE}{defines}#line 1\n{}", sources[&entry.file]);
+        let kind = kind(&path).expect("an entry shader");
         match compiler.compile_into_spirv(&source, kind, &path.display().to_string(), "main", Some(&options)) {
             Ok(artifact) => {
                 fs::write(out.join(format!("{name}.spv")), artifact.as_binary_u8()).expect("write SPIR-V");
                 writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))),")
                     .expect("string");
             }
-            Err(error) => {
-                eprintln!("{error}");
-                std::process::exit(1);
-            }
+            Err(error) => fail(&format!("{name}: {error}")),
         }
     }
     table.push_str("];\n");
     fs::write(out.join("shaders.rs"), table).expect("write shaders.rs");
+}
+
+/// Stage of an entry shader; other files are included by these.
+fn kind(path: &Path) -> Option<shaderc::ShaderKind> {
+    match path.extension().and_then(|e| e.to_str()) {
+        Some("vert") => Some(shaderc::ShaderKind::Vertex),
+        Some("frag") => Some(shaderc::ShaderKind::Fragment),
+        Some("comp") => Some(shaderc::ShaderKind::Compute),
+        _ => None,
+    }
+}
+
+/// A shader's error is the build's.
+fn fail(error: &str) -> ! {
+    eprintln!("{error}");
+    std::process::exit(1);
 }
 
 /// Reads `struct`s and `const`s of `shared.glsl`, one member a line, and writes their Rust twins. The size of each

@@ -3,6 +3,7 @@
 // sides: holes between those of a closed thing's near side are filled by those of its far side.
 // A workgroup draws one image in its own memory; with ALONE a thread draws one, and neighbours' work is alike, which is
 // what CPUs want, whose vectors are threads side by side.
+// variant depth_images_alone.comp: ALONE (a thread draws an image)
 #include "shared.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/depth_image.glsl"

@@ -2,6 +2,9 @@
 // A part is short enough for its sums to keep their accuracy, and the same whatever else is lit. What is done last of a
 // thread's caches adds up all of their parts, in order, and makes proxies of them: a pass of its own would cost a software
 // device as much as a thousand VALs. Where light bounces the parts are left for others (SUMS_ALONE).
+// variant gather_sums.comp: SUMS_ALONE (the sums alone)
+// variant gather_shadowed.comp: SHADOWED (where things are in the way of indirect light)
+// variant gather_shadowed_sums.comp: SHADOWED SUMS_ALONE (both)
 #extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 

@@ -1,4 +1,5 @@
 // Stage 6, fragment path: one tile of VALs onto every live cache, added to float targets. METHOD 3-4, thesis listing 5.1.
+// variant gather_diffuse.frag: DIFFUSE_ONLY (where nothing in the scene is glossy)
 #extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 #include "lib/atlas.glsl"

@@ -2,6 +2,7 @@
 // all of it can, from VALs elsewhere. METHOD 9, thesis listing 6.6.
 // A workgroup walks the nodes of one part of the list. It decides on those above them too, without taking light from
 // them, so that the cut does not depend on the parts, nor on what else is lit.
+// variant gather_clusters_votes.comp: VOTES (a workgroup is a subgroup that can vote)
 #extension GL_EXT_control_flow_attributes : require
 #ifdef VOTES
 #extension GL_KHR_shader_subgroup_vote : require

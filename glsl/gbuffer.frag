@@ -1,4 +1,5 @@
 // Stage 1: the nearest surface of every pixel. METHOD 1, thesis 6.1.2.
+// variant gbuffer_elements.frag: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
 #include "shared.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/surface.glsl"

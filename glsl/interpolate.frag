@@ -1,6 +1,9 @@
 // Stage 8, second half: lights of caches, averaged, put on each pixel's own surface. METHOD 5, thesis listings 5.2 and 6.5.
 // At the level of vertices what was averaged at a triangle's corners is interpolated; at the level of pixels each averages
 // the caches of its cell.
+// variant interpolate_diffuse.frag: DIFFUSE_ONLY (where nothing in the scene is glossy)
+// variant interpolate_cells.frag: BY_CELLS (at the level of pixels)
+// variant interpolate_cells_diffuse.frag: BY_CELLS DIFFUSE_ONLY (both)
 #include "shared.glsl"
 #include "lib/triangle.glsl"
 

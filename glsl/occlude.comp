@@ -1,6 +1,7 @@
 // Stage 7: what the discs of caches leave of the proxy lights of the live ones. METHOD 6, thesis listing 5.3.
 // A workgroup dims a few caches, neighbours in the list; each thread covers one cache's light with every so many groups of
 // discs. What threads have found is put together in their order, so that skipping changes no bit.
+// variant occlude_all.comp: ALL (no list says which caches are live: those that are not are unlit)
 #include "shared.glsl"
 #include "lib/overlap.glsl"
 

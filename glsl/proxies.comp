@@ -1,4 +1,6 @@
 // Stage 6: sums become proxy lights, where the pass that adds them up does not see to that itself. METHOD 4.
+// variant proxies_bounces.comp: BOUNCES (where caches light caches, too)
+// variant proxies_images.comp: FROM_IMAGES (after the fragment path)
 #include "shared.glsl"
 #include "lib/proxy.glsl"
 

@@ -66,17 +66,3 @@ fn clusters_save_pairs_and_a_stricter_rule_errs_less() {
         assert!(0.0 < rms(strict) && rms(strict) < rms(loose), "{flicker:?}");
     }
 }
-
-#[test]
-fn adaptive_caches_save_light_and_a_larger_factor_errs_less() {
-    let scene = between_walls(0.1);
-    let settings = Settings { size: SIZE, caches: 1200, rsm: 24 };
-    let rows = Study::new(&scene, &scene.cameras[0], settings).expect("a study").hierarchy();
-    let row = |name: &str| rows.iter().find(|row| row.name == name).expect(name);
-    let [none, few, all] = ["0", "1", "inf"].map(|factor| row(&format!("2 levels, near {factor}")));
-    assert!(none.lit < few.lit && few.lit < 1.0 && 1.0 <= all.lit, "{none:?} {few:?} {all:?}");
-    assert!(none.error[0] > 1.5 * few.error[0] && few.error[0] > 0.0, "{none:?} {few:?}");
-    assert_eq!((all.error, all.truth), ([0.0; 2], row("all lit").truth));
-    let [strict, loose] = ["0.05", "0.8"].map(|share| row(&format!("2 levels, oracle {share}")));
-    assert!(loose.lit < strict.lit && strict.error[0] < loose.error[0], "{strict:?} {loose:?}");
-}

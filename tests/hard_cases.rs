@@ -1,4 +1,4 @@
-//! The hard cases of `lightskin eval --hard-cases`, kind by kind.
+//! The hard cases of `lightskin lab hard-cases`, kind by kind.
 
 use lightskin::lab::hard_cases::{lines, run};
 

@@ -26,20 +26,23 @@ fn structs(source: &str) -> BTreeMap<String, Vec<(String, u32)>> {
 
 /// Offsets of the members of the struct named `wanted` in a module.
 fn offsets(spirv: &[u32], wanted: &str) -> Vec<u32> {
+    // Instructions and a decoration of the SPIR-V specification.
+    const NAME: u32 = 5;
+    const MEMBER_DECORATE: u32 = 72;
+    const OFFSET: u32 = 35;
     let (mut id, mut found) = (None, BTreeMap::new());
     let mut at = 5;
     while at < spirv.len() {
         let (count, op) = ((spirv[at] >> 16) as usize, spirv[at] & 0xffff);
         let words = &spirv[at + 1..at + count];
         match op {
-            5 => {
+            NAME => {
                 let bytes: Vec<u8> = words[1..].iter().flat_map(|w| w.to_le_bytes()).take_while(|b| *b != 0).collect();
                 if bytes == wanted.as_bytes() {
                     id = Some(words[0]);
                 }
             }
-            // OpMemberDecorate with Offset.
-            72 if Some(words[0]) == id && words[2] == 35 => {
+            MEMBER_DECORATE if Some(words[0]) == id && words[2] == OFFSET => {
                 found.insert(words[1], words[3]);
             }
             _ => {}

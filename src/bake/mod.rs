@@ -15,7 +15,6 @@ mod cells;
 pub mod cluster;
 mod file;
 mod grid;
-pub mod levels;
 mod prune;
 mod search;
 mod surface;

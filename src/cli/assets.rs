@@ -10,7 +10,7 @@ pub(super) struct Assets {
     /// Folder to write to; made if missing.
     #[arg(default_value = "assets")]
     folder: PathBuf,
-    /// Also the scenes that `choices --shadows` measures.
+    /// Also the scenes that `lab choices --shadows` measures.
     #[cfg(feature = "lab")]
     #[arg(long)]
     shadowed: bool,

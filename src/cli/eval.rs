@@ -1,11 +1,12 @@
 //! `lightskin eval`: speed against error, a curve for every knob, as a page.
 
-use super::{DeviceArgs, angle, at_least_zero, check_messages, hard_cases, load_punctual, progress_bar, render};
+use super::{DeviceArgs, angle, at_least_zero, check_messages, load_punctual, progress_bar, render};
 use anyhow::{Context, Result};
-use lightskin::Knobs;
+use lightskin::frame::Quality;
 use lightskin::lab::eval::report;
 use lightskin::lab::eval::run::{Job, run as measure};
 use lightskin::lab::eval::sweep::{Extent, Point, Sweep};
+use lightskin::lab::knobs::Knobs;
 use lightskin::lab::plot;
 use std::path::PathBuf;
 
@@ -16,12 +17,6 @@ pub(super) struct Eval {
     /// Folder of the report; made if missing. What is finished there is not measured again.
     #[arg(short, long, value_name = "REPORT", default_value = "report")]
     out: PathBuf,
-    /// Run what is hard on numbers instead, one line each; needs no scene and writes no report.
-    #[arg(long, conflicts_with_all = ["scene", "out", "quick"])]
-    hard_cases: bool,
-    /// With --hard-cases: one JSON object a line instead of a table.
-    #[arg(long, requires = "hard_cases")]
-    json: bool,
     /// A small picture and fewer points: minutes instead of an hour on a software device.
     #[arg(long)]
     quick: bool,
@@ -59,10 +54,12 @@ impl Eval {
     fn sweep(&self) -> Sweep {
         let (extent, size, samples) =
             if self.quick { (Extent::Quick, [240, 135], 256) } else { (Extent::Full, [480, 270], 2048) };
-        let frame = Settings { size: self.size.unwrap_or(size), rsm: self.rsm, ..Settings::default() };
+        let (size, caches) = (self.size.unwrap_or(size), self.caches as usize);
+        let frame = Knobs { rsm: self.rsm, ..Knobs::at(Quality::High, caches, size) };
         let base = Point {
             frame,
-            caches: self.caches as usize,
+            caches,
+            references: Quality::High.references(),
             angle: self.angle.to_radians() as f32,
             max_edge: self.max_edge,
         };
@@ -71,9 +68,6 @@ impl Eval {
 }
 
 pub(super) fn run(args: &Eval) -> Result<()> {
-    if args.hard_cases {
-        return hard_cases::run(&args.device, args.json);
-    }
     report::check_writable(&args.out)?;
     let scene = load_punctual(args.scene.as_deref())?;
     let camera = render::camera(&scene, args.camera.as_deref())?;

@@ -1,12 +1,21 @@
-//! `lightskin info`: what a scene holds, which stages its frame has, and the memory of each.
+//! `lightskin info`: what a scene holds, which stages its frame has, the memory of each, and what levels of quality cost.
 
-use super::render::default_shadows;
-use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, load_scene, thousands};
-use anyhow::Result;
-use lightskin::frame::{Frame, Knobs, Shadows, World};
+use super::render::ShadowsArg;
+use super::{CacheArgs, ClusterArgs, DeviceArgs, QualityArg, bake_scene, check_messages, load_scene, thousands};
+use anyhow::{Context, Result};
+use lightskin::frame::plan::STAGES;
+use lightskin::frame::settings::Gather;
+use lightskin::frame::{Indirect, Light, Look, Picture, Quality, Settings, View, World, record, tune};
+use lightskin::gpu::Gpu;
 use lightskin::scene::LightKind;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+
+/// Picture [pixels] that memory and times are of.
+const SIZE: [u32; 2] = [1280, 720];
+
+/// Frames of a level whose median counts.
+const FRAMES: usize = 3;
 
 #[derive(clap::Args)]
 pub(super) struct Info {
@@ -14,9 +23,12 @@ pub(super) struct Info {
     scene: Option<PathBuf>,
     #[command(flatten)]
     caches: CacheArgs,
-    /// Texels of an RSM's side.
-    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    rsm: u32,
+    /// Texels of an RSM's side [default: 128 at --quality high].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    rsm: Option<u32>,
+    /// Bake and draw every level of quality, and say what each takes on this device.
+    #[arg(long)]
+    measure: bool,
     #[command(flatten)]
     cluster: ClusterArgs,
     #[command(flatten)]
@@ -77,58 +89,128 @@ pub(super) fn run(args: &Info) -> Result<()> {
     );
 
     let gpu = args.device.open()?;
-    let (references, cluster) = (args.caches.settings().references, args.cluster.rule());
-    let shadows = if cluster.is_some() { Shadows::Off } else { default_shadows(baked.count) };
-    let settings = Knobs { references, rsm: args.rsm, cluster, shadows, ..Knobs::default() };
-    let buffers = World::new(&gpu, &scene, Some(&baked.caches))?;
-    let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
-    let patches = buffers.emitters.iter().filter(|patch| patch.flux != glam::Vec3::ZERO);
-    if frame.light.plan.emitters {
+    let quality = args.caches.quality();
+    let mut settings = Settings::at(quality, baked.count);
+    settings.rsm = args.rsm.unwrap_or(settings.rsm);
+    if let (Some(rule), Indirect::Caches(caches)) = (args.cluster.rule(), &mut settings.indirect) {
+        caches.gather = Gather::Clusters { rule, dim: false };
+    }
+    let world = World::new(&gpu, &scene, Some(&baked.caches))?;
+    let light = Light::new(&gpu, &scene, &world, &settings, 1)?;
+    let _picture = Picture::new(&gpu, &world, &light, SIZE)?;
+    let patches = world.emitters.iter().filter(|patch| patch.flux != glam::Vec3::ZERO);
+    if light.plan.emitters {
         let flux: f32 = patches.clone().map(|p| p.flux.dot(glam::Vec3::new(0.2126, 0.7152, 0.0722))).sum();
         say!("emitters");
         say!("  {} patches of surfaces that emit, {flux:.4} lm", thousands(patches.count()));
     }
     say!("frame plan");
-    for line in frame.light.plan.lines() {
-        say!("  {:>2} {:<12} {:<5} {}", line.number, line.name, if line.runs { "runs" } else { "-" }, line.because);
+    for stage in STAGES {
+        let runs = if (stage.planned)(&light.plan) { "runs" } else { "-" };
+        say!("  {:>2} {:<12} {runs:<5} {}", stage.number, stage.name, light.plan.why(stage));
     }
 
-    say!("memory on {} at {}x{}", gpu.report().name, settings.size[0], settings.size[1]);
-    let images = frame.targets.images().into_iter().map(|i| (i.name.as_str(), i.bytes()));
-    let written = frame.buffers().into_iter().map(|b| (b.name.as_str(), b.size));
-    let fixed = buffers.buffers().into_iter().map(|b| (b.name.as_str(), b.size));
-    let textures = [("scene.textures", buffers.texture_bytes())];
-    let mut stages: BTreeMap<&str, Vec<(&str, u64)>> = BTreeMap::new();
-    for (name, bytes) in images.chain(written).chain(fixed).chain(textures) {
-        let (stage, thing) = name.split_once('.').unwrap_or(("scene", name));
-        stages.entry(stage).or_default().push((thing, bytes));
+    say!("memory on {} at {}x{}", gpu.report().name, SIZE[0], SIZE[1]);
+    let mut stages: BTreeMap<String, BTreeMap<String, u64>> = BTreeMap::new();
+    for resource in gpu.resources() {
+        let (stage, thing) = resource.name.split_once('.').unwrap_or(("other", &resource.name));
+        let thing = if thing.starts_with("texture ") { "textures" } else { thing };
+        *stages.entry(stage.into()).or_default().entry(thing.into()).or_default() += resource.bytes;
     }
     for (stage, things) in &stages {
-        say!("  {stage:<12} {:>10} KiB", kib(things.iter().map(|t| t.1).sum()));
+        say!("  {stage:<12} {:>10} KiB", kib(things.values().sum()));
         for (thing, bytes) in things {
             say!("    {thing:<20} {:>10} KiB", kib(*bytes));
         }
     }
     let caches = baked.count.max(1) as f64;
-    let each = |stage: &str, thing: &str| {
-        let all = stages.get(stage).into_iter().flatten().filter(|(name, _)| *name == thing);
-        all.map(|(_, bytes)| *bytes as f64).sum::<f64>() / caches
+    let each = |name: &str| {
+        let bytes = name.split_once('.').and_then(|(stage, thing)| stages.get(stage)?.get(thing));
+        bytes.map_or(0.0, |bytes| *bytes as f64 / caches)
     };
     let state = ["scene.model_caches", "atlas.caches", "gather.proxies", "cull.flags", "cull.live"];
-    let of_state = state.map(|name| name.split_once('.').map_or(0.0, |(stage, thing)| each(stage, thing)));
-    let told: Vec<String> = state.iter().zip(of_state).map(|(name, bytes)| format!("{name} {bytes:.0}")).collect();
-    say!("  of each cache {:.0} bytes ({})", of_state.iter().sum::<f64>(), told.join(", "));
+    let told: Vec<String> = state.iter().map(|name| format!("{name} {:.0}", each(name))).collect();
+    say!("  of each cache {:.0} bytes ({})", state.iter().map(|name| each(name)).sum::<f64>(), told.join(", "));
     for (name, why) in [
         ("gather.parts", "sums of parts of the VALs, which fill the device where caches are few"),
         ("gather.depth_images", "what each sees of the others, for --shadows per-light"),
         ("scene.references", "which caches each vertex refers to"),
     ] {
-        let bytes = name.split_once('.').map_or(0.0, |(stage, thing)| each(stage, thing));
+        let bytes = each(name);
         if bytes > 0.0 {
             say!("    and {bytes:.0} in {name}: {why}");
         }
     }
+    say_levels(&world, quality);
+    if args.measure {
+        measure_levels(args, &gpu)?;
+    } else {
+        say!("  --measure adds what each takes on this device: caches, memory and the time of a frame");
+    }
     check_messages(&gpu, &[])
+}
+
+/// What each level of quality asks for.
+fn say_levels(world: &World, now: Quality) {
+    say!("quality       caches  refs   VALs  shadow map  shadows");
+    for quality in Quality::ALL {
+        let sides =
+            world.lights().iter().map(|light| u64::from(light.views) * u64::from(light.rsm_size(quality.rsm())).pow(2));
+        let vals = sides.sum::<u64>() + world.emitters.len() as u64;
+        say!(
+            "{} {:<10} {:>6} {:>5} {:>6} {:>11}  {}",
+            if quality == now { '*' } else { ' ' },
+            name(quality),
+            quality.caches(),
+            quality.references(),
+            vals,
+            quality.shadow_map(),
+            ShadowsArg::of(quality.shadows(quality.caches()))
+        );
+    }
+}
+
+/// As `--quality` takes it.
+fn name(quality: Quality) -> &'static str {
+    match quality {
+        Quality::Low => "low",
+        Quality::Medium => "medium",
+        Quality::High => "high",
+        Quality::Reference => "reference",
+    }
+}
+
+/// Bakes and draws each level, and says what that takes.
+fn measure_levels(args: &Info, gpu: &Gpu) -> Result<()> {
+    say!("  on {} at {}x{}, median of {FRAMES} frames:", gpu.report().name, SIZE[0], SIZE[1]);
+    say!("              caches   memory [MiB]   frame [ms]");
+    for quality in Quality::ALL {
+        let caches = CacheArgs { quality: QualityArg::of(quality), ..args.caches.clone() };
+        let scene = load_scene(args.scene.as_deref(), &caches)?;
+        let baked = bake_scene(&scene, &caches.settings(), false)?;
+        let before: u64 = gpu.resources().iter().map(|resource| resource.bytes).sum();
+        let world = World::new(gpu, &scene, Some(&baked.caches))?;
+        let settings = Settings::at(quality, baked.count).with_ways(tune::fastest(gpu)?.ways);
+        let mut light = Light::new(gpu, &scene, &world, &settings, 1)?;
+        let mut picture = Picture::new(gpu, &world, &light, SIZE)?;
+        let bytes = gpu.resources().iter().map(|resource| resource.bytes).sum::<u64>() - before;
+        let camera = scene.cameras.first().context("the scene has no camera")?;
+        let view = View::new(camera, SIZE, world.origin, world.radius);
+        let mut times = Vec::new();
+        // The first frame makes what the driver puts off.
+        for i in 0..=FRAMES {
+            let drawn = gpu.frame(gpu.is_software(), |cmd| {
+                record(cmd, &world, &mut light, &mut [(view, &mut picture)], &Look::default());
+                Ok(())
+            })?;
+            times.extend(gpu.times(&drawn)?.gpu_ms().filter(|_| i > 0));
+        }
+        times.sort_by(f64::total_cmp);
+        let ms = times.get(times.len() / 2).map_or("-".into(), |ms| format!("{ms:.1}"));
+        let mib = bytes as f64 / f64::from(1 << 20);
+        say!("  {:<10} {:>8} {mib:>14.1} {ms:>12}", name(quality), thousands(baked.count));
+    }
+    Ok(())
 }
 
 fn kib(bytes: u64) -> String {

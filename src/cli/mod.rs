@@ -9,24 +9,18 @@ mod assets;
 mod bake;
 #[cfg(feature = "lab")]
 mod bench;
-#[cfg(feature = "lab")]
-mod choices;
 mod compare;
 mod devices;
 #[cfg(feature = "lab")]
 mod eval;
-#[cfg(feature = "lab")]
-mod flicker;
-#[cfg(feature = "lab")]
-mod hard_cases;
 mod info;
+#[cfg(feature = "lab")]
+mod lab;
 mod motion;
 mod path_trace;
 mod picture;
 mod render;
 mod sky;
-#[cfg(feature = "lab")]
-mod sources;
 mod timings;
 
 use anyhow::{Context, Result, bail};
@@ -34,11 +28,13 @@ use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
-use lightskin::frame::{Cluster, GatherPath, GatherSettings, Shadows, tune};
+use lightskin::frame::settings::Gather;
+use lightskin::frame::{ClusterRule, DrawSource, Quality, Shadows, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
 use std::io::{IsTerminal, Write};
+use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -79,15 +75,9 @@ enum Command {
     /// Measure times over triangles, resolution, caches and VALs on generated scenes, beside the thesis's figures.
     #[cfg(feature = "lab")]
     Bench(bench::BenchArgs),
-    /// Measure how much indirect light trembles while a light, the camera or a model creeps along.
+    /// Studies behind the defaults: where errors come from, what trembles, what is hard on numbers.
     #[cfg(feature = "lab")]
-    Flicker(flicker::FlickerArgs),
-    /// Where the error of indirect light comes from.
-    #[cfg(feature = "lab")]
-    Sources(sources::SourcesArgs),
-    /// Measure what the defaults are chosen by: variants of the method on the CPU, as tables.
-    #[cfg(feature = "lab")]
-    Choices(choices::Choices),
+    Lab(Box<lab::Lab>),
     /// Show what a scene holds, what its frame will do, and the memory of each stage.
     Info(info::Info),
     /// List Vulkan devices and what each lacks.
@@ -103,15 +93,11 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Bake(args) => bake::run(args),
         #[cfg(feature = "lab")]
         Command::Bench(args) => bench::run(args),
-        #[cfg(feature = "lab")]
-        Command::Choices(args) => choices::run(args),
         Command::Compare(args) => compare::run(args),
         #[cfg(feature = "lab")]
         Command::Eval(args) => eval::run(args),
         #[cfg(feature = "lab")]
-        Command::Flicker(args) => flicker::run(args),
-        #[cfg(feature = "lab")]
-        Command::Sources(args) => sources::run(args),
+        Command::Lab(args) => lab::run(args),
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),
@@ -119,11 +105,15 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
 }
 
 /// How caches are placed.
-#[derive(Args)]
+#[derive(Args, Clone)]
 struct CacheArgs {
-    /// About this many caches over the whole scene.
-    #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
-    caches: u32,
+    /// What changes the picture, as one choice: caches, their references, sizes of maps, shadows of indirect light. Single
+    /// flags go over it; `lightskin info` says what each level costs.
+    #[arg(long, value_enum, default_value_t)]
+    quality: QualityArg,
+    /// About this many caches over the whole scene [default: 2000 at --quality high].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
+    caches: Option<u32>,
     /// Largest distance [m] of a surface point to a cache, instead of a count.
     #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = positive)]
     spacing: Option<f64>,
@@ -134,17 +124,56 @@ struct CacheArgs {
     /// they are; a quarter of the caches' expected spacing without this flag, and 0 at texel level.
     #[arg(long, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
-    /// Caches that each vertex refers to.
-    #[arg(long, value_name = "N", default_value = "8", value_parser = ["8", "16"])]
-    refs: String,
+    /// Caches that each vertex refers to [default: 8 at --quality high].
+    #[arg(long, value_name = "N", value_parser = ["8", "16"])]
+    refs: Option<String>,
+}
+
+#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
+enum QualityArg {
+    /// A quick look: few caches, small maps, no shadows of indirect light.
+    Low,
+    /// Shadows of each cache's light as a whole.
+    Medium,
+    /// Shadows of every virtual light, where caches are not very many.
+    #[default]
+    High,
+    /// Twice as dense in everything.
+    Reference,
+}
+
+impl QualityArg {
+    const ALL: [(Self, Quality); 4] = [
+        (Self::Low, Quality::Low),
+        (Self::Medium, Quality::Medium),
+        (Self::High, Quality::High),
+        (Self::Reference, Quality::Reference),
+    ];
+
+    fn of(quality: Quality) -> Self {
+        Self::ALL.iter().find(|(_, level)| *level == quality).map_or(Self::High, |(arg, _)| *arg)
+    }
 }
 
 impl CacheArgs {
+    fn quality(&self) -> Quality {
+        QualityArg::ALL.iter().find(|(arg, _)| *arg == self.quality).map_or(Quality::High, |(_, level)| *level)
+    }
+
+    /// Caches that are asked for.
+    fn count(&self) -> usize {
+        self.caches.map_or(self.quality().caches(), |count| count as usize)
+    }
+
     fn settings(&self) -> BakeSettings {
         BakeSettings {
-            density: self.spacing.map_or(Density::Count(self.caches as usize), Density::Spacing),
+            density: self.spacing.map_or(Density::Count(self.count()), Density::Spacing),
             angle: self.angle.to_radians() as f32,
-            references: if self.refs == "16" { 16 } else { 8 },
+            references: match self.refs.as_deref() {
+                Some("16") => 16,
+                Some(_) => 8,
+                None => self.quality().references(),
+            },
         }
     }
 }
@@ -182,8 +211,7 @@ impl DeviceArgs {
 /// How caches are lit.
 #[derive(Args)]
 struct GatherArgs {
-    /// What lights caches. Auto takes what is fastest on the device: measured within seconds when first needed, then kept.
-    /// Per-light shadows and bounces take compute.
+    /// What lights caches. How compute is spread over the device is measured within seconds when first needed, then kept.
     #[arg(long, value_enum, default_value_t)]
     gather: GatherArg,
     /// Light every cache, not only those that visible surfaces need. The picture stays the same.
@@ -207,7 +235,7 @@ struct ClusterArgs {
 }
 
 impl ClusterArgs {
-    fn rule(&self) -> Option<Cluster> {
+    fn rule(&self) -> Option<ClusterRule> {
         let distance = self.cluster.map(|c| ClusterRule::Distance(c as f32));
         distance.or(self.cluster_error.map(|share| ClusterRule::Error(share as f32)))
     }
@@ -215,13 +243,12 @@ impl ClusterArgs {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 enum GatherArg {
-    /// The fastest.
+    /// Compute shader over the list of caches that matter.
     #[default]
-    Auto,
+    #[value(alias = "auto")]
+    Compute,
     /// Additive draws into float targets, culled by the depth test.
     Fragment,
-    /// Compute shader over the list of caches that matter.
-    Compute,
 }
 
 impl GatherArgs {
@@ -236,37 +263,34 @@ impl GatherArgs {
     /// Ends the run where flags do not go together.
     fn check(&self, shadows: Shadows) {
         if shadows == Shadows::PerLight && self.by_draws() {
-            wrong_usage("--shadows per-light needs --gather compute or auto: draws see no depth images");
+            wrong_usage("--shadows per-light needs --gather compute: draws see no depth images");
         }
         if shadows == Shadows::PerLight && self.by_clusters() {
             wrong_usage("--shadows per-light tests every virtual light: leave --cluster and --cluster-error out");
         }
         if matches!(self.gather, GatherArg::Fragment) && self.cluster.rule().is_some() {
-            wrong_usage("--cluster and --cluster-error need --gather compute or auto: draws take every virtual light");
+            wrong_usage("--cluster and --cluster-error need --gather compute: draws take every virtual light");
         }
     }
 
     /// Ends the run where flags do not go with more than one bounce.
     fn check_bounces(&self) {
         if matches!(self.gather, GatherArg::Fragment) {
-            wrong_usage(
-                "--bounces above 1 needs --gather compute or auto: draws take the lights' own virtual lights alone",
-            );
+            wrong_usage("--bounces above 1 needs --gather compute: draws take the lights' own virtual lights alone");
         }
         if self.cluster.rule().is_some() {
             wrong_usage("--bounces above 1 does not go with --cluster or --cluster-error: lit caches form no pyramid");
         }
     }
 
-    /// The fastest of what goes with these flags; `compute` for what the compute path alone can do.
-    fn settings(&self, gpu: &Gpu, compute: bool) -> Result<GatherSettings> {
-        let path = match self.gather {
-            GatherArg::Auto if compute || self.cluster.rule().is_some() => Some(Path::Compute),
-            GatherArg::Auto => None,
-            GatherArg::Fragment => Some(Path::DRAWS),
-            GatherArg::Compute => Some(Path::Compute),
-        };
-        Ok(tune::fastest(gpu, path)?.settings)
+    /// What lights the caches; flags have been checked.
+    fn gather(&self, gpu: &Gpu, shadows: Shadows, bounces: NonZeroU32) -> Result<Gather> {
+        let dim = shadows == Shadows::Proxy;
+        Ok(match (self.cluster.rule(), self.gather) {
+            (Some(rule), _) => Gather::Clusters { rule, dim },
+            (None, GatherArg::Fragment) => Gather::Draws { source: DrawSource::Texels, tile: 4096, dim },
+            (None, GatherArg::Compute) => Gather::Compute { ways: tune::fastest(gpu)?.ways, bounces, shadows },
+        })
     }
 }
 
@@ -338,7 +362,7 @@ fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
 
 /// The scene with triangles divided that are large against the distance of caches.
 fn divided(mut scene: Scene, caches: &CacheArgs) -> Scene {
-    let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(&scene, caches.caches as usize));
+    let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(&scene, caches.count()));
     tessellate::divide(&mut scene, spacing, caches.max_edge);
     scene
 }

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use clap::ValueEnum;
 use glam::DVec3;
-use lightskin::frame::{Frame, View};
+use lightskin::frame::{Picture, View};
 use lightskin::gpu::Gpu;
 use lightskin::image::{Layer, broken_values, write_exr, write_png};
 use lightskin::reference::tonemap;
@@ -158,10 +158,10 @@ fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> [u8; 4] 
 }
 
 /// The exposure that a picture is shown with.
-pub(super) fn exposure_value(ev: Option<f32>, gpu: &Gpu, frame: &Frame) -> Result<f32> {
+pub(super) fn exposure_value(ev: Option<f32>, gpu: &Gpu, picture: &Picture) -> Result<f32> {
     Ok(match ev {
         Some(ev) => ev,
-        None => gpu.read::<f32>(&frame.picture.output.exposure)?[0],
+        None => gpu.read::<f32>(&picture.output.exposure)?[0],
     })
 }
 
@@ -178,12 +178,12 @@ pub(super) struct Writing {
 impl Writing {
     /// Writes the picture of the last frame, and says how many of its values no radiance can have; `about` is what an EXR
     /// file says of itself.
-    pub(super) fn write(&self, gpu: &Gpu, frame: &Frame, view: &View, about: &str, out: &Path) -> Result<usize> {
-        let ev = exposure_value(self.ev, gpu, frame)?;
-        let layers = read_layers(gpu, frame, view)?;
+    pub(super) fn write(&self, gpu: &Gpu, picture: &Picture, view: &View, about: &str, out: &Path) -> Result<usize> {
+        let ev = exposure_value(self.ev, gpu, picture)?;
+        let layers = read_layers(gpu, picture, view)?;
         if self.layer.is_none() && !is_exr(out) {
-            let [w, h] = frame.picture.size();
-            write_png(out, w, h, &gpu.read_image(&frame.picture.output.picture)?)?;
+            let [w, h] = picture.size();
+            write_png(out, w, h, &gpu.read_image(&picture.output.picture)?)?;
         } else {
             layers.write(out, self.layer, self.tonemap, ev, &format!("{about}; EV {ev}"))?;
         }
@@ -192,20 +192,20 @@ impl Writing {
 }
 
 /// Reads the layers back.
-fn read_layers(gpu: &Gpu, frame: &Frame, view: &View) -> Result<Layers> {
-    let t = &frame.targets;
-    let dark = || vec![[0.0; 4]; t.size[0] as usize * t.size[1] as usize];
+fn read_layers(gpu: &Gpu, picture: &Picture, view: &View) -> Result<Layers> {
+    let (surface, indirect, size) = (&picture.surface, picture.indirect.as_ref(), picture.size());
+    let dark = || vec![[0.0; 4]; size[0] as usize * size[1] as usize];
     let optional = |image: Option<&lightskin::gpu::Image>| -> Result<Vec<[f32; 4]>> {
         Ok(image.map(|image| gpu.read_image(image)).transpose()?.unwrap_or_else(dark))
     };
     Ok(Layers {
-        size: t.size,
-        direct: gpu.read_image(&t.direct)?,
-        diffuse: optional(t.indirect.as_ref().map(|i| &i.diffuse))?,
-        glossy: optional(t.indirect.as_ref().and_then(|i| i.glossy.as_ref()))?,
-        albedo: read_half(gpu, &t.albedo)?,
-        normal: gpu.read_image(&t.normal)?,
-        depth: view_depth(&gpu.read_image::<f32>(&t.depth)?, view, t.size),
+        size,
+        direct: gpu.read_image(&surface.radiance)?,
+        diffuse: optional(indirect.map(|i| &i.diffuse))?,
+        glossy: optional(indirect.and_then(|i| i.glossy.as_ref()))?,
+        albedo: read_half(gpu, &surface.albedo)?,
+        normal: gpu.read_image(&surface.normal)?,
+        depth: view_depth(&gpu.read_image::<f32>(&surface.depth)?, view, size),
     })
 }
 

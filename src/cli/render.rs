@@ -13,14 +13,17 @@ use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::frame::check::{Broken, Check};
+use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{
-    Exposure, Frame, GatherSettings, Gi, Interpolation, Level, ProxyWeight, Settings, Shadows, Tonemap, View, World,
+    Exposure, Indirect, Interpolation, Light, Look, Picture, ProxyWeight, Settings, Shadows, Tonemap, View, World,
+    record,
 };
 use lightskin::gpu::Gpu;
 use lightskin::image::check_writable;
 use lightskin::scene::{Camera, Projection, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};
+use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -52,12 +55,12 @@ pub(super) struct Render {
     bounces: u32,
     #[command(flatten)]
     caches: CacheArgs,
-    /// Texels of an RSM's side: about N*N virtual lights per light.
-    #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=4096))]
-    rsm: u32,
-    /// Texels of a shadow map's side.
-    #[arg(long, value_name = "N", default_value_t = 2048, value_parser = clap::value_parser!(u32).range(16..=16384))]
-    shadow_map: u32,
+    /// Texels of an RSM's side: about N*N virtual lights per light [default: 128 at --quality high].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    rsm: Option<u32>,
+    /// Texels of a shadow map's side [default: 2048 at --quality high].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=16384))]
+    shadow_map: Option<u32>,
     #[command(flatten)]
     gather: GatherArgs,
     /// Where caches are averaged.
@@ -69,8 +72,8 @@ pub(super) struct Render {
     /// What pulls a proxy light's position.
     #[arg(long, value_enum, default_value_t)]
     proxy_weight: ProxyWeightArg,
-    /// What is in the way of indirect light. Without this flag, per-light up to 4096 caches (proxy with
-    /// --gather fragment), proxy up to 20000, off beyond and with clusters.
+    /// What is in the way of indirect light. Without this flag and at --quality high, per-light up to 4096 caches (proxy
+    /// with --gather fragment), proxy up to 20000, off beyond and with clusters.
     #[arg(long, value_enum)]
     shadows: Option<ShadowsArg>,
     /// Write this layer alone as R, G, B.
@@ -153,15 +156,6 @@ pub(super) enum ShadowsArg {
     PerLight,
 }
 
-/// The kind of shadows unless one is asked for: it looks at pairs of caches, which of very many are too many.
-pub(super) fn default_shadows(caches: usize) -> Shadows {
-    match caches {
-        0..=4096 => Shadows::PerLight,
-        4097..=20_000 => Shadows::Proxy,
-        _ => Shadows::Off,
-    }
-}
-
 impl ShadowsArg {
     fn kind(self) -> Shadows {
         match self {
@@ -211,51 +205,42 @@ fn exposure(text: &str) -> std::result::Result<f32, String> {
 }
 
 impl Render {
+    /// The level's settings with what the flags put over them.
     fn settings(&self, gpu: &Gpu, caches: usize, reuse: bool) -> Result<Settings> {
-        let shadows = self.shadows(caches);
-        Ok(Settings {
-            size: self.size,
-            gi: match self.gi {
-                GiArg::Lightskin => Gi::LightSkin,
-                GiArg::BruteForce => Gi::BruteForce,
-                GiArg::PathTrace | GiArg::Off => Gi::Off,
-            },
-            bounces: self.bounces,
-            references: self.caches.settings().references,
-            rsm: self.rsm,
-            shadow_map: self.shadow_map,
-            interpolation: match self.interpolation {
-                InterpolationArg::Facing => Interpolation::Facing,
-                InterpolationArg::Printed => Interpolation::Printed,
-            },
-            level: match self.interp {
-                InterpArg::Vertex => Level::Vertex,
-                InterpArg::Texel => Level::Texel,
-            },
-            proxy_weight: match self.proxy_weight {
-                ProxyWeightArg::Irradiance => ProxyWeight::Irradiance,
-                ProxyWeightArg::FormFactor => ProxyWeight::FormFactor,
-            },
+        let mut settings = Settings::at(self.caches.quality(), caches);
+        settings.reuse = reuse;
+        settings.rsm = self.rsm.unwrap_or(settings.rsm);
+        settings.shadow_map = self.shadow_map.unwrap_or(settings.shadow_map);
+        settings.indirect = match (self.gi, NonZeroU32::new(self.bounces)) {
+            (GiArg::PathTrace | GiArg::Off, _) | (_, None) => Indirect::Off,
+            (GiArg::BruteForce, _) => Indirect::BruteForce,
+            (GiArg::Lightskin, Some(bounces)) => Indirect::Caches(Caches {
+                gather: self.gather.gather(gpu, self.shadows(caches), bounces)?,
+                cull: !self.gather.no_cull,
+                interpolation: match self.interpolation {
+                    InterpolationArg::Facing => Interpolation::Facing,
+                    InterpolationArg::Printed => Interpolation::Printed,
+                },
+                proxy_weight: match self.proxy_weight {
+                    ProxyWeightArg::Irradiance => ProxyWeight::Irradiance,
+                    ProxyWeightArg::FormFactor => ProxyWeight::FormFactor,
+                },
+            }),
+        };
+        Ok(settings)
+    }
+
+    /// How the picture is shown.
+    fn look(&self) -> Look {
+        Look {
             tonemap: match self.tonemap {
                 TonemapArg::PbrNeutral => Tonemap::PbrNeutral,
                 TonemapArg::Agx => Tonemap::Agx,
                 TonemapArg::Aces => Tonemap::Aces,
                 TonemapArg::Linear => Tonemap::Linear,
             },
-            // Nothing is measured for frames that light no caches.
-            gather: match self.gi {
-                GiArg::Lightskin => {
-                    let compute = self.bounces > 1 || shadows == Shadows::PerLight;
-                    self.gather.settings(gpu, compute)?
-                }
-                _ => GatherSettings::default(),
-            },
-            cluster: self.gather.cluster.rule(),
-            cull: !self.gather.no_cull,
-            shadows,
-            reuse,
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
-        })
+        }
     }
 
     /// The kind that is asked for, or the best that goes with the other flags and so many caches.
@@ -265,8 +250,8 @@ impl Render {
             Some(asked) => asked.kind(),
             None if self.gather.by_clusters() => Shadows::Off,
             // Draws see no depth images.
-            None if self.gather.by_draws() => default_shadows(caches).min(Shadows::Proxy),
-            None => default_shadows(caches),
+            None if self.gather.by_draws() => self.caches.quality().shadows(caches).min(Shadows::Proxy),
+            None => self.caches.quality().shadows(caches),
         }
     }
 
@@ -276,44 +261,30 @@ impl Render {
         let (_, last) = motion.moment(motion.frames().len() - 1);
         let animation = animation.and_then(|index| scene.animations().nth(index)).map(|(name, ..)| name.to_owned());
         // No `..`: a new setting belongs in this list.
-        let Settings {
-            size,
-            bounces,
-            references,
-            rsm,
-            shadow_map,
-            gi: _,
-            interpolation: _,
-            level: _,
-            proxy_weight: _,
-            tonemap: _,
-            gather,
-            cluster: _,
-            cull,
-            shadows,
-            reuse,
-            exposure: _,
-        } = *settings;
+        let Settings { indirect, rsm, shadow_map, reuse } = *settings;
+        let caches = if let Indirect::Caches(caches) = indirect { Some(caches) } else { None };
+        let gather = caches.map(|caches| caches.gather);
+        let ways = if let Some(Gather::Compute { ways, .. }) = gather { Some(ways) } else { None };
         vec![
-            ("size", json!(size)),
+            ("size", json!(self.size)),
             ("gi", word(self.gi)),
-            ("bounces", json!(bounces)),
-            ("caches_wanted", json!(self.caches.spacing.is_none().then_some(self.caches.caches))),
+            ("quality", word(self.caches.quality)),
+            ("bounces", json!(self.bounces)),
+            ("caches_wanted", json!(self.caches.spacing.is_none().then(|| self.caches.count()))),
             ("spacing_wanted", json!(self.caches.spacing)),
             ("angle", json!(self.caches.angle)),
             ("max_edge", json!(self.caches.max_edge)),
-            ("references", json!(references)),
+            ("references", json!(self.caches.settings().references)),
             ("rsm", json!(rsm)),
             ("shadow_map", json!(shadow_map)),
-            ("gather", json!(gather.path.name())),
-            ("gather_vals", json!(gather.source.name())),
-            ("gather_tile", json!(gather.tile)),
-            ("gather_caches_per_thread", json!(gather.caches_per_thread)),
-            ("gather_split", json!(gather.split)),
+            ("gather", json!(gather.map(|gather| gather.name()))),
+            ("gather_vals", json!(ways.map(|ways| ways.source.name()))),
+            ("gather_caches_per_thread", json!(ways.map(|ways| ways.caches_per_thread))),
+            ("gather_split", json!(ways.map(|ways| ways.split))),
             ("cluster", json!(self.gather.cluster.cluster)),
             ("cluster_error", json!(self.gather.cluster.cluster_error)),
-            ("cull", json!(cull)),
-            ("shadows", json!(ShadowsArg::of(shadows))),
+            ("cull", json!(caches.is_some_and(|caches| caches.cull))),
+            ("shadows", json!(ShadowsArg::of(gather.map_or(Shadows::Off, |gather| gather.shadows())))),
             ("skip", json!(reuse)),
             ("first_time", json!(animation.is_some().then_some(first))),
             ("last_time", json!(animation.is_some().then_some(last))),
@@ -436,27 +407,23 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     trace.lap("bake");
     let gpu = args.device.open()?;
-    let settings = args.settings(&gpu, baked.as_ref().map_or(0, |b| b.count), motion.reuse)?;
-    if args.shadows.is_none() && settings.shadows < args.shadows(0) {
-        log::info!(
-            "{} caches: --shadows {} by default",
-            baked.as_ref().map_or(0, |b| b.count),
-            ShadowsArg::of(settings.shadows)
-        );
+    let count = baked.as_ref().map_or(0, |b| b.count);
+    let settings = args.settings(&gpu, count, motion.reuse)?;
+    if args.shadows.is_none() && args.shadows(count) < args.shadows(0) {
+        log::info!("{count} caches: --shadows {} by default", ShadowsArg::of(args.shadows(count)));
     }
     trace.lap("open device");
-    let mut buffers = World::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
-    if let Some(baked) = baked.as_ref().filter(|_| args.bounces > 1) {
-        buffers.add_albedos(&gpu, &scene, &baked.caches)?;
-    }
+    let mut world = World::new(&gpu, &scene, baked.as_ref().map(|b| &b.caches))?;
     trace.lap("upload");
-    let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
+    let mut light = Light::new(&gpu, &scene, &world, &settings, 1)?;
+    let mut picture = Picture::new(&gpu, &world, &light, args.size)?;
+    let look = args.look();
     let check = args.check.then(|| Check::new(&gpu)).transpose()?;
     trace.lap("pipelines and targets");
 
     let (mut runs, mut problems, mut broken, mut skipped) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut broken_in_pictures = 0;
-    let vals = frame.light.rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
+    let vals = light.vals().map_or(0, |vals| vals.count);
     let about = format!(
         "scene {}; camera {}; device {}; {} caches; {vals} VALs",
         scene.name,
@@ -465,31 +432,34 @@ pub(super) fn run(args: &Render) -> Result<()> {
         baked.as_ref().map_or(0, |baked| baked.count)
     );
     let writing = Writing { layer: args.layer, tonemap: args.tonemap, ev: args.ev };
-    let mut view = View::new(&seen_from, settings.size, buffers.origin, buffers.radius);
+    let view_of = |camera: &Camera, world: &World| View::new(camera, args.size, world.origin, world.radius);
+    let mut view = view_of(&seen_from, &world);
     let bar = progress_bar("{msg:>12} [{bar:40}] {percent:>3} %  {elapsed}");
     let frames = motion.frames();
     let count = frames.len();
     for (index, number) in frames {
         if motion.pose(&mut scene, index) {
             seen_from = camera(&scene, args.camera.as_deref())?;
-            view = View::new(&seen_from, settings.size, buffers.origin, buffers.radius);
-            buffers.update(&scene)?;
+            world.update(&gpu, &scene)?;
+            light.fit(&gpu, &scene, &world, &settings, 1)?;
+            picture.fit(&gpu, &world, &light, args.size)?;
+            view = view_of(&seen_from, &world);
         }
         // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
         let drawn = gpu.frame(gpu.is_software(), |cmd| {
-            frame.record(cmd, &buffers, &view);
+            record(cmd, &world, &mut light, &mut [(view, &mut picture)], &look);
             Ok(())
         })?;
         problems.extend(drawn.problems);
         if let Some(check) = &check {
-            broken.extend(check.count(&gpu, &frame.targets)?);
+            broken.extend(check.count(&gpu, &light, &picture)?);
         }
         runs.extend(gpu.finished_times()?);
-        skipped.extend(frame.light.skipped());
+        skipped.extend(light.skipped());
         if motion.pictures {
             let out = numbered(&args.out, number);
             let about = format!("{about}; frame {number}, {} s", motion.moment(index).1);
-            broken_in_pictures += writing.write(&gpu, &frame, &view, &about, &out)?;
+            broken_in_pictures += writing.write(&gpu, &picture, &view, &about, &out)?;
         }
         if count > 1 {
             bar.set_message(format!("frame {number}"));
@@ -506,15 +476,14 @@ pub(super) fn run(args: &Render) -> Result<()> {
         camera: &seen_from,
         baked: baked.as_ref(),
         gpu: &gpu,
-        buffers: &buffers,
-        frame: &frame,
-        live: frame.light.counts(&gpu)?,
+        light: &light,
+        counts: light.counts(&gpu)?,
         settings: args.facts(&settings, &motion, &scene),
         runs: &runs,
     };
-    let ev = exposure_value(args.ev, &gpu, &frame)?;
+    let ev = exposure_value(args.ev, &gpu, &picture)?;
     if !motion.pictures {
-        broken_in_pictures += writing.write(&gpu, &frame, &view, &about, &first_picture)?;
+        broken_in_pictures += writing.write(&gpu, &picture, &view, &about, &first_picture)?;
     }
     trace.lap("picture");
     for path in &args.timings {

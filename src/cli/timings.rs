@@ -2,7 +2,7 @@
 
 use super::{Baked, thousands};
 use anyhow::Result;
-use lightskin::frame::{Frame, Live, World};
+use lightskin::frame::{Counts, Light};
 use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank};
 use lightskin::image::replace_file;
 use lightskin::scene::{Camera, Scene};
@@ -35,10 +35,9 @@ pub(super) struct Report<'a> {
     pub(super) camera: &'a Camera,
     pub(super) baked: Option<&'a Baked>,
     pub(super) gpu: &'a Gpu,
-    pub(super) buffers: &'a World,
-    pub(super) frame: &'a Frame,
+    pub(super) light: &'a Light,
     /// What the last frame has worked with.
-    pub(super) live: Live,
+    pub(super) counts: Counts,
     /// Names and values of the flags that shape cost.
     pub(super) settings: Vec<(&'static str, Value)>,
     /// One rendered frame each; at least one.
@@ -51,21 +50,25 @@ impl Report<'_> {
     }
 
     fn vals(&self) -> u32 {
-        self.frame.light.rsm.as_ref().map_or(0, |r| r.vals.count)
+        self.light.vals().map_or(0, |vals| vals.count)
     }
 
     /// Pairs of a cache that is lit and a VAL that carries light.
     fn pairs(&self) -> f64 {
-        f64::from(self.live.caches) * f64::from(self.live.vals)
+        f64::from(self.counts.caches) * f64::from(self.counts.vals)
     }
 
-    /// Bytes of the frame's targets, the scene's buffers and its textures.
+    /// Bytes of what frames write, of the scene's buffers and of its textures.
     fn memory(&self) -> [(&'static str, u64); 3] {
-        let targets = &self.frame.targets;
-        let written = targets.images().iter().map(|i| i.bytes()).sum::<u64>()
-            + self.frame.buffers().iter().map(|b| b.size).sum::<u64>();
-        let scene = self.buffers.buffers().iter().map(|b| b.size).sum();
-        [("targets", written), ("scene", scene), ("textures", self.buffers.texture_bytes())]
+        let (mut targets, mut scene, mut textures) = (0, 0, 0);
+        for resource in self.gpu.resources() {
+            *match resource.name.as_str() {
+                name if name.starts_with("scene.texture ") => &mut textures,
+                name if name.starts_with("scene.") || name.starts_with("deform.") => &mut scene,
+                _ => &mut targets,
+            } += resource.bytes;
+        }
+        [("targets", targets), ("scene", scene), ("textures", textures)]
     }
 
     pub(super) fn print(&self, loaded: Duration, ev: f32) {
@@ -87,16 +90,16 @@ impl Report<'_> {
                 baked.time.as_secs_f64()
             );
         }
-        if self.frame.light.plan.cull {
-            say!("          {} of them lit for what the camera sees", thousands(self.live.caches as usize));
+        if self.light.plan.cull {
+            say!("          {} of them lit for what the camera sees", thousands(self.counts.caches as usize));
         }
         say!(
             "VALs      {} of {} texels carry light",
-            thousands(self.live.vals as usize),
+            thousands(self.counts.vals as usize),
             thousands(self.vals() as usize)
         );
-        if self.frame.light.plan.clusters {
-            let (computed, all) = (self.live.pairs, self.pairs());
+        if self.light.plan.clusters {
+            let (computed, all) = (self.counts.pairs, self.pairs());
             say!(
                 "clusters  {} of {} pairs of cache and VAL computed ({:.2} %)",
                 thousands(computed as usize),
@@ -129,8 +132,8 @@ impl Report<'_> {
             let per_pair = match ms.get(ms.len() / 2) {
                 Some(_) if name == "gather" && pairs > 0.0 => {
                     let ns = nearest_rank(&ms, 50.0) * 1e6;
-                    let computed = match self.live.pairs as f64 {
-                        computed if self.frame.light.plan.clusters && computed > 0.0 => {
+                    let computed = match self.counts.pairs as f64 {
+                        computed if self.light.plan.clusters && computed > 0.0 => {
                             format!("; {:.3} ns per pair computed", ns / computed)
                         }
                         _ => String::new(),
@@ -195,10 +198,10 @@ impl Report<'_> {
             ("caches", json!(self.caches())),
             ("spacing", json!(self.baked.map(|b| b.caches.spacing))),
             ("vals", json!(self.vals())),
-            ("live_caches", json!(self.live.caches)),
-            ("live_vals", json!(self.live.vals)),
+            ("live_caches", json!(self.counts.caches)),
+            ("live_vals", json!(self.counts.vals)),
             ("pairs", json!(self.pairs())),
-            ("pairs_computed", json!(self.live.pairs)),
+            ("pairs_computed", json!(self.counts.pairs)),
             ("device_bytes", json!(self.memory().iter().map(|m| m.1).sum::<u64>())),
         ];
         facts.extend(self.settings.iter().cloned());
@@ -257,8 +260,8 @@ impl Report<'_> {
     pub(super) fn write_trace(&self, path: &Path, trace: &Trace) -> Result<()> {
         let facts = self.facts().into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         let counters = [
-            ("VALs", &[("VALs", u64::from(self.live.vals))][..]),
-            ("live caches", &[("caches", u64::from(self.live.caches))][..]),
+            ("VALs", &[("VALs", u64::from(self.counts.vals))][..]),
+            ("live caches", &[("caches", u64::from(self.counts.caches))][..]),
             ("device memory [bytes]", &self.memory()[..]),
         ];
         Ok(trace.write(path, &counters, &facts)?)

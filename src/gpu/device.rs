@@ -1,6 +1,7 @@
 //! An open device: queue, allocator, and what everything made from it shares.
 
 use super::descriptors::Descriptors;
+use super::disk::Disk;
 use super::frames::Ring;
 use super::graveyard::{Graveyard, lock};
 use super::instance::{DeviceReport, Instance, Validation, open_instance, pick, queue_family, voting_threads};
@@ -52,6 +53,7 @@ pub struct Gpu {
     pub(crate) ring: Ring,
     pub(super) pipelines: RefCell<Pipelines>,
     pub(super) layouts: RefCell<Layouts>,
+    pub(super) disk: Disk,
     pub(crate) samplers: RefCell<HashMap<super::SamplerKind, vk::Sampler>>,
     pub(crate) queue: vk::Queue,
     pub(crate) clock: Clock,
@@ -139,7 +141,8 @@ impl Gpu {
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut sizes);
         // SAFETY: plain query; a 1.3 device knows the chained struct.
         unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
-        let limits = properties.properties.limits;
+        let properties = properties.properties;
+        let limits = properties.limits;
         // From here on `shared` destroys what was made, also when something below fails.
         let mut shared = Shared {
             names: opened.has_debug_utils.then(|| ext::debug_utils::Device::new(instance, &device)),
@@ -194,6 +197,7 @@ impl Gpu {
             ring: Ring::new(&shared)?,
             pipelines: RefCell::default(),
             layouts: RefCell::default(),
+            disk: Disk::open(&shared, &properties),
             samplers: RefCell::default(),
             queue,
             clock: Clock { period_ns: f64::from(limits.timestamp_period), bits: timestamp_bits.min(64) },
@@ -258,7 +262,9 @@ impl Gpu {
 
 impl Drop for Gpu {
     fn drop(&mut self) {
-        self.pipelines.get_mut().clear();
+        let pipelines = self.pipelines.get_mut();
+        self.disk.close(&self.shared, pipelines.made());
+        pipelines.clear();
         self.shared.wait_to_drop();
         self.shared.collect();
         // SAFETY: nothing is in use after the wait; the samplers are this device's.

@@ -9,6 +9,7 @@ mod cmd;
 mod copy;
 mod descriptors;
 mod device;
+mod disk;
 mod draw;
 mod frames;
 mod graveyard;
@@ -20,6 +21,7 @@ mod raster;
 mod reflect;
 mod registry;
 mod resource;
+mod spirv;
 mod timer;
 
 pub use ash::vk::Format;

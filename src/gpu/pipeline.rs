@@ -5,7 +5,7 @@ use super::device::Shared;
 use super::graveyard::Remains;
 use super::layout::{Declared, DescriptorSlot, Layout};
 use super::{Gpu, reflect, vulkan};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use ash::vk;
 use std::collections::HashMap;
 use std::sync::Arc;
@@ -43,7 +43,8 @@ struct Kept {
     turn: u64,
 }
 
-/// Pipelines that nobody holds and that are kept all the same: settings that go back and forth make none anew.
+/// Pipelines that nobody holds and that are kept all the same, those that were asked for last: settings that go back and
+/// forth make none anew.
 const SPARE: usize = 128;
 
 /// Bytes of an entry shader's SPIR-V, by file name.
@@ -59,6 +60,11 @@ impl Pipelines {
     /// How many have been made since the device was opened.
     pub(super) fn made(&self) -> u64 {
         self.made
+    }
+
+    /// How many are given out again when they are asked for.
+    pub(super) fn kept(&self) -> usize {
+        self.kept.len()
     }
 
     /// Lets go of all pipelines but those that somebody holds.
@@ -79,8 +85,15 @@ impl Gpu {
         self.kept(key, || self.make_compute(name, &spirv(name), constants, Some(threads)))
     }
 
-    /// A compute pipeline from SPIR-V made elsewhere, made anew with each call; tests use it for shaders of their own.
+    /// A compute pipeline from SPIR-V made elsewhere, made anew with each call; tests use it for shaders of their own. The
+    /// code must be valid, as a compiler writes it for Vulkan 1.3: drivers may crash on what is not.
+    ///
+    /// # Errors
+    /// Of what is no module at all, and of what the driver refuses.
     pub fn compute_from_spirv(&self, name: &'static str, code: &[u32], constants: &[u32]) -> Result<Pipeline> {
+        if !reflect::is_module(code) {
+            return Err(Error::Vulkan { what: format!("shader {name}"), result: "this is no SPIR-V module".into() });
+        }
         self.make_compute(name, code, constants, None)
     }
 
@@ -103,11 +116,11 @@ impl Gpu {
         let pipeline = make()?;
         let pipelines = &mut *self.pipelines.borrow_mut();
         pipelines.kept.insert(key, Kept { pipeline: pipeline.clone(), turn: pipelines.turn });
-        let spare = || pipelines.kept.iter().filter(|(_, kept)| Arc::strong_count(&kept.pipeline.0) == 1);
-        if spare().count() > SPARE
-            && let Some(oldest) = spare().min_by_key(|(_, kept)| kept.turn).map(|(key, _)| key.clone())
-        {
-            pipelines.kept.remove(&oldest);
+        let spare = pipelines.kept.iter().filter(|(_, kept)| Arc::strong_count(&kept.pipeline.0) == 1);
+        let mut spare: Vec<_> = spare.map(|(key, kept)| (kept.turn, key.clone())).collect();
+        spare.sort_unstable();
+        for (_, key) in spare.iter().rev().skip(SPARE) {
+            pipelines.kept.remove(key);
         }
         Ok(pipeline)
     }
@@ -120,7 +133,7 @@ impl Gpu {
         subgroup: Option<u32>,
     ) -> Result<Pipeline> {
         let stage = vk::ShaderStageFlags::COMPUTE;
-        let declared = self.declared(name, &[(stage, reflect::interface(code))])?;
+        let declared = self.declared(name, &[(stage, reflect::interface(code, constants))])?;
         let module = self.module(name, code)?;
         let (entries, bytes) = specialization(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
@@ -137,7 +150,7 @@ impl Gpu {
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(declared.layout.handle);
         // SAFETY: module and layout are alive; the module may go once the pipeline is made.
         let made = unsafe {
-            let made = self.shared.device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None);
+            let made = self.shared.device.create_compute_pipelines(self.disk.cache, &[info], None);
             self.shared.device.destroy_shader_module(module, None);
             made
         };

@@ -89,7 +89,8 @@ impl Gpu {
         let name = raster.fragment.unwrap_or(raster.vertex);
         let mut codes = vec![(vk::ShaderStageFlags::VERTEX, spirv(raster.vertex))];
         codes.extend(raster.fragment.map(|f| (vk::ShaderStageFlags::FRAGMENT, spirv(f))));
-        let interfaces: Vec<_> = codes.iter().map(|(stage, code)| (*stage, reflect::interface(code))).collect();
+        let interfaces: Vec<_> =
+            codes.iter().map(|(stage, code)| (*stage, reflect::interface(code, raster.constants))).collect();
         let declared = self.declared(name, &interfaces)?;
         let (entries, bytes) = specialization(raster.constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
@@ -172,7 +173,7 @@ impl Gpu {
             .push_next(&mut rendering);
         // SAFETY: all chained structs live to the end of the call; the modules may go once the pipeline is made.
         let made = unsafe {
-            let made = self.shared.device.create_graphics_pipelines(vk::PipelineCache::null(), &[info], None);
+            let made = self.shared.device.create_graphics_pipelines(self.disk.cache, &[info], None);
             for (_, module) in &modules {
                 self.shared.device.destroy_shader_module(*module, None);
             }

@@ -1,6 +1,7 @@
 //! What a shader declares: bindings with their access, push-constant size, workgroup size. Read from the SPIR-V, so
 //! that layouts, barrier checks and group counts follow the GLSL without being written twice.
 
+use super::spirv::{HEADER, MAGIC, built_in, decoration, dim, mode, op, sampled, storage};
 use ash::vk;
 use std::collections::HashMap;
 
@@ -9,6 +10,8 @@ use std::collections::HashMap;
 pub(crate) struct Binding {
     pub(crate) binding: u32,
     pub(crate) kind: vk::DescriptorType,
+    /// How an image must be viewed.
+    pub(crate) view: Option<vk::ImageViewType>,
     pub(crate) reads: bool,
     pub(crate) writes: bool,
 }
@@ -28,145 +31,185 @@ enum Type {
     Matrix(u32, u32),
     Array(u32, u32),
     Struct(Vec<u32>),
-    Image { sampled: bool, buffer: bool },
-    SampledImage,
+    Image(Image),
+    SampledImage(u32),
     Pointer(u32),
 }
 
-const DECORATION_BLOCK_BUFFER: u32 = 3;
-const DECORATION_NON_WRITABLE: u32 = 24;
-const DECORATION_NON_READABLE: u32 = 25;
-const DECORATION_BINDING: u32 = 33;
-const DECORATION_OFFSET: u32 = 35;
-const STORAGE_UNIFORM_CONSTANT: u32 = 0;
-const STORAGE_UNIFORM: u32 = 2;
-const STORAGE_PUSH: u32 = 9;
-const STORAGE_BUFFER: u32 = 12;
-const DIMENSION_BUFFER: u32 = 5;
+#[derive(Clone, Copy, Debug)]
+struct Image {
+    dim: u32,
+    arrayed: bool,
+    sampled: bool,
+}
 
-/// Reads a module that glslang wrote. Panics on what it does not know: the modules are ours.
-pub(crate) fn interface(spirv: &[u32]) -> Interface {
-    let mut types: HashMap<u32, Type> = HashMap::new();
-    let mut constants: HashMap<u32, u32> = HashMap::new();
-    let mut composites: HashMap<u32, Vec<u32>> = HashMap::new();
-    let mut decorations: HashMap<(u32, u32), u32> = HashMap::new();
-    let mut member: HashMap<(u32, u32, u32), u32> = HashMap::new();
-    let mut variables: Vec<(u32, u32, u32)> = Vec::new();
+impl Image {
+    fn view(self) -> Option<vk::ImageViewType> {
+        match (self.dim, self.arrayed) {
+            (dim::TWO, false) => Some(vk::ImageViewType::TYPE_2D),
+            (dim::TWO, true) => Some(vk::ImageViewType::TYPE_2D_ARRAY),
+            (dim::THREE, _) => Some(vk::ImageViewType::TYPE_3D),
+            _ => None,
+        }
+    }
+}
+
+/// What is collected of a module.
+#[derive(Default)]
+struct Module {
+    types: HashMap<u32, Type>,
+    constants: HashMap<u32, u32>,
+    composites: HashMap<u32, Vec<u32>>,
+    /// By identity and decoration.
+    decorations: HashMap<(u32, u32), u32>,
+    /// By identity of the struct, number of the member and decoration.
+    members: HashMap<(u32, u32, u32), u32>,
+    /// Type, identity and storage class.
+    variables: Vec<(u32, u32, u32)>,
+}
+
+/// Whether this may be a module: the head is there, and instructions fill the rest up to the end of a function.
+pub(crate) fn is_module(spirv: &[u32]) -> bool {
+    let (mut at, mut last) = (HEADER, 0);
+    while let Some(word) = spirv.get(at) {
+        match (word >> 16) as usize {
+            0 => return false,
+            count => at += count,
+        }
+        last = word & 0xffff;
+    }
+    at == spirv.len() && spirv[0] == MAGIC && last == op::FUNCTION_END
+}
+
+/// Reads a module that glslang wrote, with these specialisation constants. Panics on what it does not know: the modules
+/// are ours.
+pub(crate) fn interface(spirv: &[u32], specialised: &[u32]) -> Interface {
+    let mut module = Module::default();
     let mut local_size = [1; 3];
     let mut local_size_ids: Option<[u32; 3]> = None;
-    let mut at = 5;
+    let mut at = HEADER;
     while at < spirv.len() {
         let (count, op) = ((spirv[at] >> 16) as usize, spirv[at] & 0xffff);
         let w = &spirv[at + 1..at + count];
+        let of_type = match op {
+            op::TYPE_INT | op::TYPE_FLOAT => Some(Type::Scalar(w[1] / 8)),
+            op::TYPE_VECTOR => Some(Type::Vector(w[1], w[2])),
+            op::TYPE_MATRIX => Some(Type::Matrix(w[1], w[2])),
+            op::TYPE_IMAGE => {
+                Some(Type::Image(Image { dim: w[2], arrayed: w[4] == 1, sampled: w[6] == sampled::WITH_SAMPLER }))
+            }
+            op::TYPE_SAMPLED_IMAGE => Some(Type::SampledImage(w[1])),
+            op::TYPE_ARRAY => Some(Type::Array(w[1], w[2])),
+            op::TYPE_STRUCT => Some(Type::Struct(w[1..].to_vec())),
+            op::TYPE_POINTER => Some(Type::Pointer(w[2])),
+            _ => None,
+        };
         match op {
-            16 if w[1] == 17 => local_size = [w[2], w[3], w[4]],
-            331 if w[1] == 38 => local_size_ids = Some([w[2], w[3], w[4]]),
-            71 => {
-                decorations.insert((w[0], w[1]), w.get(2).copied().unwrap_or(1));
+            _ if of_type.is_some() => module.types.extend(of_type.map(|of_type| (w[0], of_type))),
+            op::EXECUTION_MODE if w[1] == mode::LOCAL_SIZE => local_size = [w[2], w[3], w[4]],
+            op::EXECUTION_MODE_ID if w[1] == mode::LOCAL_SIZE_ID => local_size_ids = Some([w[2], w[3], w[4]]),
+            op::DECORATE => {
+                module.decorations.insert((w[0], w[1]), w.get(2).copied().unwrap_or(1));
             }
-            72 => {
-                member.insert((w[0], w[1], w[2]), w.get(3).copied().unwrap_or(1));
+            op::MEMBER_DECORATE => {
+                module.members.insert((w[0], w[1], w[2]), w.get(3).copied().unwrap_or(1));
             }
-            21 | 22 => {
-                types.insert(w[0], Type::Scalar(w[1] / 8));
+            op::CONSTANT => {
+                module.constants.insert(w[1], w[2]);
             }
-            23 => {
-                types.insert(w[0], Type::Vector(w[1], w[2]));
+            op::SPEC_CONSTANT => {
+                let number = module.decorations.get(&(w[1], decoration::SPEC_ID));
+                let value = number.and_then(|number| specialised.get(*number as usize)).copied();
+                module.constants.insert(w[1], value.unwrap_or(w[2]));
             }
-            24 => {
-                types.insert(w[0], Type::Matrix(w[1], w[2]));
+            op::CONSTANT_COMPOSITE | op::SPEC_CONSTANT_COMPOSITE => {
+                module.composites.insert(w[1], w[2..].to_vec());
             }
-            25 => {
-                types.insert(w[0], Type::Image { sampled: w[6] == 1, buffer: w[2] == DIMENSION_BUFFER });
-            }
-            27 => {
-                types.insert(w[0], Type::SampledImage);
-            }
-            28 => {
-                types.insert(w[0], Type::Array(w[1], w[2]));
-            }
-            30 => {
-                types.insert(w[0], Type::Struct(w[1..].to_vec()));
-            }
-            32 => {
-                types.insert(w[0], Type::Pointer(w[2]));
-            }
-            43 | 50 => {
-                constants.insert(w[1], w[2]);
-            }
-            44 | 51 => {
-                composites.insert(w[1], w[2..].to_vec());
-            }
-            59 => variables.push((w[0], w[1], w[2])),
+            op::VARIABLE => module.variables.push((w[0], w[1], w[2])),
             _ => {}
         }
         at += count;
     }
-    let group = local_size_ids.map_or(local_size, |ids| ids.map(|id| constants[&id]));
+    let group = local_size_ids.map_or(local_size, |ids| ids.map(|id| module.constants[&id]));
     let mut found = Interface { group, ..Interface::default() };
     // `layout(local_size_x = CONSTANT)` may also arrive as the decorated WorkgroupSize composite.
-    for (id, parts) in &composites {
-        if decorations.get(&(*id, 11)) == Some(&25) && parts.len() == 3 {
-            found.group = [0, 1, 2].map(|i| constants[&parts[i]]);
+    for (id, parts) in &module.composites {
+        let built_in = module.decorations.get(&(*id, decoration::BUILT_IN));
+        if built_in == Some(&built_in::WORKGROUP_SIZE) && parts.len() == 3 {
+            found.group = [0, 1, 2].map(|i| module.constants[&parts[i]]);
         }
     }
-    for (pointer, id, storage) in variables {
-        let Some(Type::Pointer(pointee)) = types.get(&pointer) else { continue };
-        if storage == STORAGE_PUSH {
-            found.push_bytes = size_of(*pointee, &types, &constants, &member);
-            continue;
+    for (pointer, id, class) in &module.variables {
+        let Some(Type::Pointer(pointee)) = module.types.get(pointer) else { continue };
+        if *class == storage::PUSH_CONSTANT {
+            found.push_bytes = module.size_of(*pointee);
+        } else if let Some(binding) = module.decorations.get(&(*id, decoration::BINDING)) {
+            found.bindings.push(module.binding(*binding, *id, *class, *pointee));
         }
-        let Some(&binding) = decorations.get(&(id, DECORATION_BINDING)) else { continue };
-        let everywhere = |decoration| match types.get(pointee) {
-            Some(Type::Struct(members)) => {
-                decorations.contains_key(&(id, decoration))
-                    || (0..members.len() as u32).all(|m| member.contains_key(&(*pointee, m, decoration)))
-            }
-            _ => decorations.contains_key(&(id, decoration)),
-        };
-        let kind = match (storage, types.get(pointee)) {
-            (STORAGE_BUFFER, _) => vk::DescriptorType::STORAGE_BUFFER,
-            (STORAGE_UNIFORM, _) if decorations.contains_key(&(*pointee, DECORATION_BLOCK_BUFFER)) => {
-                vk::DescriptorType::STORAGE_BUFFER
-            }
-            (STORAGE_UNIFORM, _) => vk::DescriptorType::UNIFORM_BUFFER,
-            (STORAGE_UNIFORM_CONSTANT, Some(Type::SampledImage)) => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
-            (STORAGE_UNIFORM_CONSTANT, Some(Type::Image { buffer: true, .. })) => {
-                vk::DescriptorType::UNIFORM_TEXEL_BUFFER
-            }
-            (STORAGE_UNIFORM_CONSTANT, Some(Type::Image { sampled: true, .. })) => vk::DescriptorType::SAMPLED_IMAGE,
-            (STORAGE_UNIFORM_CONSTANT, Some(Type::Image { sampled: false, .. })) => vk::DescriptorType::STORAGE_IMAGE,
-            other => unreachable!("binding {binding}: {other:?}"),
-        };
-        let storage_kind = matches!(kind, vk::DescriptorType::STORAGE_BUFFER | vk::DescriptorType::STORAGE_IMAGE);
-        found.bindings.push(Binding {
-            binding,
-            kind,
-            reads: !storage_kind || !everywhere(DECORATION_NON_READABLE),
-            writes: storage_kind && !everywhere(DECORATION_NON_WRITABLE),
-        });
     }
     found.bindings.sort_by_key(|b| b.binding);
     found
 }
 
-/// Bytes of a type laid out as declared.
-fn size_of(
-    id: u32,
-    types: &HashMap<u32, Type>,
-    constants: &HashMap<u32, u32>,
-    member: &HashMap<(u32, u32, u32), u32>,
-) -> u32 {
-    let size = |id| size_of(id, types, constants, member);
-    match &types[&id] {
-        Type::Scalar(bytes) => *bytes,
-        Type::Vector(element, count) | Type::Matrix(element, count) => size(*element) * count,
-        Type::Array(element, count) => size(*element) * constants[count],
-        Type::Struct(members) => {
-            let end =
-                |(m, t): (usize, &u32)| member.get(&(id, m as u32, DECORATION_OFFSET)).copied().unwrap_or(0) + size(*t);
-            members.iter().enumerate().map(end).max().unwrap_or(0)
+impl Module {
+    fn binding(&self, binding: u32, id: u32, class: u32, pointee: u32) -> Binding {
+        let everywhere = |decoration| match self.types.get(&pointee) {
+            Some(Type::Struct(members)) => {
+                self.decorations.contains_key(&(id, decoration))
+                    || (0..members.len() as u32).all(|m| self.members.contains_key(&(pointee, m, decoration)))
+            }
+            _ => self.decorations.contains_key(&(id, decoration)),
+        };
+        let image = match self.types.get(&pointee) {
+            Some(Type::Image(image)) => Some(*image),
+            Some(Type::SampledImage(of)) => match self.types.get(of) {
+                Some(Type::Image(image)) => Some(*image),
+                _ => None,
+            },
+            _ => None,
+        };
+        let kind = match (class, self.types.get(&pointee)) {
+            (storage::STORAGE_BUFFER, _) => vk::DescriptorType::STORAGE_BUFFER,
+            (storage::UNIFORM, _) if self.decorations.contains_key(&(pointee, decoration::BUFFER_BLOCK)) => {
+                vk::DescriptorType::STORAGE_BUFFER
+            }
+            (storage::UNIFORM, _) => vk::DescriptorType::UNIFORM_BUFFER,
+            // `samplerBuffer` is a sampled image of a buffer here, and needs no sampler in Vulkan.
+            (storage::UNIFORM_CONSTANT, Some(Type::SampledImage(_) | Type::Image(Image { sampled: true, .. })))
+                if image.is_some_and(|image| image.dim == dim::BUFFER) =>
+            {
+                vk::DescriptorType::UNIFORM_TEXEL_BUFFER
+            }
+            (storage::UNIFORM_CONSTANT, Some(Type::SampledImage(_))) => vk::DescriptorType::COMBINED_IMAGE_SAMPLER,
+            (storage::UNIFORM_CONSTANT, Some(Type::Image(Image { sampled: true, .. }))) => {
+                vk::DescriptorType::SAMPLED_IMAGE
+            }
+            (storage::UNIFORM_CONSTANT, Some(Type::Image(image))) if image.view().is_some() => {
+                vk::DescriptorType::STORAGE_IMAGE
+            }
+            other => unreachable!("binding {binding}: {other:?}"),
+        };
+        let storage_kind = matches!(kind, vk::DescriptorType::STORAGE_BUFFER | vk::DescriptorType::STORAGE_IMAGE);
+        Binding {
+            binding,
+            kind,
+            view: image.and_then(Image::view),
+            reads: !storage_kind || !everywhere(decoration::NON_READABLE),
+            writes: storage_kind && !everywhere(decoration::NON_WRITABLE),
         }
-        other => unreachable!("no size: {other:?}"),
+    }
+
+    /// Bytes of a type laid out as declared.
+    fn size_of(&self, id: u32) -> u32 {
+        match &self.types[&id] {
+            Type::Scalar(bytes) => *bytes,
+            Type::Vector(element, count) | Type::Matrix(element, count) => self.size_of(*element) * count,
+            Type::Array(element, count) => self.size_of(*element) * self.constants[count],
+            Type::Struct(members) => {
+                let offset = |m: usize| self.members.get(&(id, m as u32, decoration::OFFSET)).copied().unwrap_or(0);
+                members.iter().enumerate().map(|(m, t)| offset(m) + self.size_of(*t)).max().unwrap_or(0)
+            }
+            other => unreachable!("no size: {other:?}"),
+        }
     }
 }

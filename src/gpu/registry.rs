@@ -35,6 +35,8 @@ pub(super) type Registry = BTreeMap<u64, ResourceInfo>;
 pub struct Counters {
     /// Pipelines made since the device was opened; one that was there already does not count again.
     pub pipelines_made: u64,
+    /// Pipelines that are given out again when they are asked for.
+    pub pipelines_kept: usize,
     /// Descriptor sets.
     pub sets: usize,
     /// Pools they come from.
@@ -67,8 +69,10 @@ impl Gpu {
     pub fn counters(&self) -> Counters {
         self.shared.collect();
         let (sets, pools) = lock(&self.shared.descriptors).counts();
+        let pipelines = self.pipelines.borrow();
         Counters {
-            pipelines_made: self.pipelines.borrow().made(),
+            pipelines_made: pipelines.made(),
+            pipelines_kept: pipelines.kept(),
             sets,
             pools,
             allocated_bytes: lock(&self.shared.allocator).as_ref().map_or(0, |allocator| allocator.capacity()),

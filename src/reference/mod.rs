@@ -17,8 +17,6 @@ pub mod disc;
 pub mod form_factor;
 /// VALs to proxy lights at one cache, stage 6.
 pub mod gather;
-/// Caches in levels, lit only where light changes between them.
-pub mod hierarchy;
 /// Proxy lights of several caches to radiance at a point, stage 8.
 pub mod interpolate;
 /// Punctual lights as KHR_lights_punctual defines them, stage 2.

@@ -5,7 +5,6 @@
 mod clusters;
 mod depth_images;
 mod dimming;
-mod hierarchy;
 mod levels;
 mod study;
 mod variants;
@@ -13,7 +12,6 @@ mod variants;
 pub use clusters::{Clustered, Flickered};
 pub use depth_images::Occluded;
 pub use dimming::{Dimmed, DimmedLobe};
-pub use hierarchy::Adapted;
 pub use levels::Levelled;
 pub use study::{Settings, Study};
 

@@ -1,4 +1,4 @@
-//! `lightskin choices`: what the defaults are chosen by, as tables.
+//! `lightskin lab choices`: what the defaults are chosen by, as tables.
 
 use anyhow::{Context, Result};
 use lightskin::lab::choices::{Row, Settings, Study, Worst};
@@ -11,41 +11,38 @@ pub(super) struct Choices {
     /// glTF 2.0 file or GLB; the built-in body between two walls without it.
     scene: Option<PathBuf>,
     #[command(flatten)]
-    caches: super::CacheArgs,
+    caches: crate::cli::CacheArgs,
     /// Texels of an RSM's side.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=512))]
     rsm: u32,
     /// Pixels.
-    #[arg(long, value_name = "WxH", default_value = "256x144", value_parser = super::render::size)]
+    #[arg(long, value_name = "WxH", default_value = "256x144", value_parser = crate::cli::render::size)]
     size: [u32; 2],
     /// Replace the exponent of every exact Phong lobe.
-    #[arg(long, value_name = "K", value_parser = super::positive)]
+    #[arg(long, value_name = "K", value_parser = crate::cli::positive)]
     exponent: Option<f64>,
     /// Only light clustering against none.
     #[arg(long)]
     clusters: bool,
-    /// Only adaptive caches against all of them lit.
-    #[arg(long, conflicts_with = "clusters")]
-    hierarchy: bool,
     /// Only where caches are averaged: at vertices, or at pixels by textures or cells of references.
-    #[arg(long, conflicts_with_all = ["clusters", "hierarchy"])]
+    #[arg(long, conflicts_with = "clusters")]
     levels: bool,
     /// Only what is in the way of proxy lights, by every choice of stage 7, against rays: on the five built-in scenes of
     /// --shadows, or on the given one.
-    #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "shadows"])]
+    #[arg(long, conflicts_with_all = ["clusters", "levels", "shadows"])]
     occlusion: bool,
     /// Only what caches see of each other's rectangles, by every choice of the depth images, against rays; likewise.
-    #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels", "occlusion", "shadows"])]
+    #[arg(long, conflicts_with_all = ["clusters", "levels", "occlusion", "shadows"])]
     depth_images: bool,
     /// Only soft shadows of indirect light, on the device, against one bounce of the path tracer: on five built-in scenes
     /// whose indirect light is mostly shadowed and on the atrium, or on the given one.
-    #[arg(long, conflicts_with_all = ["clusters", "hierarchy", "levels"])]
+    #[arg(long, conflicts_with_all = ["clusters", "levels"])]
     shadows: bool,
     /// Samples per pixel of the path tracer with --shadows; they are kept, and a larger N refines.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
     spp: u32,
     #[command(flatten)]
-    device: super::DeviceArgs,
+    device: crate::cli::DeviceArgs,
 }
 
 pub(super) fn run(args: &Choices) -> Result<()> {
@@ -59,16 +56,13 @@ pub(super) fn run(args: &Choices) -> Result<()> {
         return dimming(args);
     }
     let mut scene = match &args.scene {
-        Some(path) => super::divided(super::load_punctual(Some(path))?, &args.caches),
+        Some(path) => crate::cli::divided(crate::cli::load_punctual(Some(path))?, &args.caches),
         None => scenes::between_walls(0.05),
     };
     if let Some(k) = args.exponent {
         scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
     }
-    let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
-    if args.hierarchy {
-        return hierarchy(&scene, &settings);
-    }
+    let settings = Settings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
     if args.levels {
         return levels(&scene, &settings);
     }
@@ -81,19 +75,14 @@ fn shadows(args: &Choices) -> Result<()> {
     if args.scene.is_none() {
         scenes.push(build::atrium());
     }
-    let settings = shadows::Settings {
-        size: args.size,
-        caches: args.caches.caches as usize,
-        rsm: args.rsm,
-        samples: args.spp,
-        frames: 3,
-    };
+    let settings =
+        shadows::Settings { size: args.size, caches: args.caches.count(), rsm: args.rsm, samples: args.spp, frames: 3 };
     let gpu = args.device.open()?;
     let folder = lightskin::kept::folder().unwrap_or_else(std::env::temp_dir).join("shadows");
     std::fs::create_dir_all(&folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
     let [w, h] = settings.size;
     for scene in &scenes {
-        let bar = super::progress_bar("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}");
+        let bar = crate::cli::progress_bar("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}");
         bar.set_message("tracing paths");
         let progress = |part: f32| bar.set_position((part * 1000.0) as u64);
         let compared = shadows::compare(&gpu, scene, &settings, &folder, &progress)?;
@@ -116,7 +105,7 @@ fn shadows(args: &Choices) -> Result<()> {
             "frame [ms]"
         );
         for row in &compared.rows {
-            let name = super::render::ShadowsArg::of(row.shadows);
+            let name = crate::cli::render::ShadowsArg::of(row.shadows);
             match &row.errors {
                 Err(reason) => say!("  {name:<22}{reason}"),
                 Ok(layers) => {
@@ -133,7 +122,7 @@ fn shadows(args: &Choices) -> Result<()> {
                 }
             }
         }
-        super::check_messages(&gpu, &compared.problems)?;
+        crate::cli::check_messages(&gpu, &compared.problems)?;
     }
     Ok(())
 }
@@ -141,7 +130,7 @@ fn shadows(args: &Choices) -> Result<()> {
 /// The given scene, or those whose indirect light is mostly shadowed.
 fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
     Ok(match &args.scene {
-        Some(path) => vec![super::load_punctual(Some(path))?],
+        Some(path) => vec![crate::cli::load_punctual(Some(path))?],
         None => scenes::Shadowed::ALL.iter().map(|which| which.scene()).collect(),
     })
 }
@@ -151,11 +140,11 @@ fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
     let mut columns = Vec::new();
     for scene in scenes {
         let mut scene = scene.clone();
-        let spacing = tessellate::expected_spacing(&scene, args.caches.caches as usize);
+        let spacing = tessellate::expected_spacing(&scene, args.caches.count());
         tessellate::divide(&mut scene, spacing, args.caches.max_edge);
-        let camera = super::render::camera(&scene, None)?;
+        let camera = crate::cli::render::camera(&scene, None)?;
         // The picture takes no part.
-        let settings = Settings { size: [2, 2], caches: args.caches.caches as usize, rsm: DEPTH_IMAGES_RSM };
+        let settings = Settings { size: [2, 2], caches: args.caches.count(), rsm: DEPTH_IMAGES_RSM };
         columns.push(Study::new(&scene, &camera, settings)?.depth_images());
     }
     let names: String = scenes.iter().map(|scene| format!("{:>18}", scene.name)).collect();
@@ -173,7 +162,7 @@ const DEPTH_IMAGES_RSM: usize = 48;
 
 /// Prints what clustering saves and costs.
 fn clusters(scene: &Scene, settings: &Settings) -> Result<()> {
-    let camera = super::render::camera(scene, None)?;
+    let camera = crate::cli::render::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     say!("{}: {caches} caches, {vals} live VALs; shares of all pairs, errors against no clustering", scene.name);
@@ -200,32 +189,9 @@ fn clusters(scene: &Scene, settings: &Settings) -> Result<()> {
     Ok(())
 }
 
-/// Prints what adaptive caches save and cost.
-fn hierarchy(scene: &Scene, settings: &Settings) -> Result<()> {
-    let camera = super::render::camera(scene, None)?;
-    let study = Study::new(scene, &camera, *settings)?;
-    let [caches, vals] = study.counts();
-    say!(
-        "{}: {caches} caches, {vals} live VALs; lit: number and share of those that pixels need; diffuse, glossy; against all lit, and against brute force",
-        scene.name
-    );
-    say!("{:<36}{:>6}{:>8}{:>18}{:>18}{:>20}", "", "lit", "", "error", "bias", "against truth");
-    for row in study.hierarchy() {
-        let percent = |[a, b]: [f64; 2]| [100.0 * a, 100.0 * b];
-        let ([e, eg], [b, bg], [t, tg]) = (percent(row.error), percent(row.bias), percent(row.truth));
-        let lit = 100.0 * row.lit;
-        say!(
-            "  {:<34}{:>6}{lit:>7.1}%{e:>8.2}%{eg:>8.2}%{b:>+8.2}%{bg:>+8.2}%{t:>10.2}%{tg:>8.2}%",
-            row.name,
-            row.count
-        );
-    }
-    Ok(())
-}
-
 /// Prints what each level of interpolation errs by.
 fn levels(scene: &Scene, settings: &Settings) -> Result<()> {
-    let camera = super::render::camera(scene, None)?;
+    let camera = crate::cli::render::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     let [w, h] = settings.size;
@@ -249,15 +215,15 @@ fn levels(scene: &Scene, settings: &Settings) -> Result<()> {
 
 /// Prints what the choices of stage 7 leave of the light at caches.
 fn dimming(args: &Choices) -> Result<()> {
-    let settings = Settings { size: args.size, caches: args.caches.caches as usize, rsm: args.rsm as usize };
+    let settings = Settings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
     match &args.scene {
-        Some(path) => dimming_in(&super::divided(super::load_punctual(Some(path))?, &args.caches), &settings),
+        Some(path) => dimming_in(&crate::cli::divided(crate::cli::load_punctual(Some(path))?, &args.caches), &settings),
         None => scenes::Shadowed::ALL.iter().try_for_each(|which| dimming_in(&which.scene(), &settings)),
     }
 }
 
 fn dimming_in(scene: &Scene, settings: &Settings) -> Result<()> {
-    let camera = super::render::camera(scene, None)?;
+    let camera = crate::cli::render::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     say!("{}: {caches} caches, {vals} live VALs; light at caches against a ray to each VAL", scene.name);
@@ -272,7 +238,7 @@ fn dimming_in(scene: &Scene, settings: &Settings) -> Result<()> {
 
 /// Prints every table that a scene has.
 pub(super) fn tables(scene: &Scene, settings: &Settings) -> Result<()> {
-    let camera = super::render::camera(scene, None)?;
+    let camera = crate::cli::render::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     let [w, h] = settings.size;

@@ -1,9 +1,11 @@
-//! `lightskin flicker`: how much the indirect light trembles while something creeps along.
+//! `lightskin lab flicker`: how much the indirect light trembles while something creeps along.
 
-use super::motion::animation_index;
-use super::{CacheArgs, ClusterArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar};
+use crate::cli::motion::animation_index;
+use crate::cli::{
+    CacheArgs, ClusterArgs, DeviceArgs, QualityArg, bake_scene, check_messages, divided, load_punctual, progress_bar,
+};
 use anyhow::{Context, Result};
-use lightskin::frame::Cluster;
+use lightskin::frame::ClusterRule;
 use lightskin::lab::flicker::{Figures, Flicker, Job, Motion, Played, measure, model};
 use std::path::PathBuf;
 
@@ -27,7 +29,7 @@ pub(super) struct FlickerArgs {
     #[arg(long, value_name = "T", default_value_t = 0.0, allow_hyphen_values = true)]
     time: f64,
     /// Frames of a second of the animation.
-    #[arg(long, value_name = "F", default_value_t = 60.0, value_parser = super::positive)]
+    #[arg(long, value_name = "F", default_value_t = 60.0, value_parser = crate::cli::positive)]
     fps: f64,
     /// Print one JSON object a row instead of the table.
     #[arg(long)]
@@ -43,7 +45,14 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     let (path, device, json) = (args.scene.as_deref(), &args.device, args.json);
     let most = args.caches.iter().copied().max().context("--caches names no number")?;
     let largest = args.rsm.iter().copied().max().context("--rsm names no size")?;
-    let asked = |caches| CacheArgs { caches, spacing: None, angle: 60.0, max_edge: None, refs: "8".into() };
+    let asked = |caches| CacheArgs {
+        quality: QualityArg::High,
+        caches: Some(caches),
+        spacing: None,
+        angle: 60.0,
+        max_edge: None,
+        refs: None,
+    };
     let scene = divided(load_punctual(path)?, &asked(most));
     let named = |name: &String| {
         let found = scene.instances.iter().position(|i| i.name == *name);

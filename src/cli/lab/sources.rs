@@ -1,14 +1,15 @@
-//! `lightskin sources`: where the error of indirect light comes from, as tables.
+//! `lightskin lab sources`: where the error of indirect light comes from, as tables.
 
-use super::{
+use crate::cli::{
     Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar, render, thousands,
 };
 use anyhow::Result;
 use clap::Args;
 use glam::DVec3;
-use lightskin::frame::{self, Frame, View, World};
+use lightskin::frame::{View, World};
 use lightskin::gpu::Gpu;
 use lightskin::image::replace_file;
+use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::sources::curves::{
     FORM_FACTOR_DISTANCES, Receives, TILTS, form_factor_error, lobe_csv, lobe_errors,
 };
@@ -56,7 +57,7 @@ pub(super) fn run(args: &SourcesArgs) -> Result<()> {
     let baked = bake_scene(&scene, &args.caches.settings(), false)?;
     let settings = Settings { size: args.size, rsm: args.rsm, samples: args.spp, ..Settings::default() };
     let gpu = args.device.open()?;
-    let device = device_picture(&gpu, &scene, &camera, &baked, &settings, args.caches.settings().references)?;
+    let device = device_picture(&gpu, &scene, &camera, &baked, &settings)?;
 
     let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}  {wide_msg}");
     let progress = |part: f32, what: &str| {
@@ -102,20 +103,13 @@ fn print(found: &Sources, scene: &Scene, settings: &Settings, device: &[[DVec3; 
 }
 
 /// The engine's own indirect light, both lobes of every pixel.
-fn device_picture(
-    gpu: &Gpu,
-    scene: &Scene,
-    camera: &Camera,
-    baked: &Baked,
-    settings: &Settings,
-    references: usize,
-) -> Result<Lights> {
-    let wanted = Knobs { size: settings.size, rsm: settings.rsm, references, ..Knobs::default() };
-    let buffers = World::new(gpu, scene, Some(&baked.caches))?;
-    let frame = Frame::new(gpu, scene, &buffers, &wanted)?;
-    let view = View::new(camera, wanted.size, buffers.origin, buffers.radius);
+fn device_picture(gpu: &Gpu, scene: &Scene, camera: &Camera, baked: &Baked, settings: &Settings) -> Result<Lights> {
+    let wanted = Knobs { rsm: settings.rsm, ..Knobs::plain(settings.size) };
+    let world = World::new(gpu, scene, Some(&baked.caches))?;
+    let mut frame = Frame::new(gpu, scene, &world, &wanted)?;
+    let view = View::new(camera, wanted.size, world.origin, world.radius);
     let drawn = gpu.frame(gpu.is_software(), |cmd| {
-        frame.record(cmd, &buffers, &view);
+        frame.record(cmd, &world, &view);
         Ok(())
     })?;
     gpu.times(&drawn)?;

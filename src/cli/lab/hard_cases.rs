@@ -1,12 +1,22 @@
-//! `lightskin eval --hard-cases`: what is hard on numbers, one line each.
+//! `lightskin lab hard-cases`: what is hard on numbers, one line each.
 
-use super::{DeviceArgs, check_messages};
+use crate::cli::{DeviceArgs, check_messages};
 use anyhow::{Result, bail};
 use lightskin::lab::hard_cases;
 
+#[derive(clap::Args)]
+pub(super) struct HardCases {
+    /// Print one JSON object a line instead of a table.
+    #[arg(long)]
+    json: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
 /// Runs every case and prints the table, or with `json` one object a line; fails if a case does.
-pub(super) fn run(device: &DeviceArgs, json: bool) -> Result<()> {
-    let gpu = device.open()?;
+pub(super) fn run(args: &HardCases) -> Result<()> {
+    let json = args.json;
+    let gpu = args.device.open()?;
     let cases = hard_cases::lines();
     let mut failed = 0;
     if !json {

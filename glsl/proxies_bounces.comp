@@ -1,3 +1,0 @@
-// Stage 6 where caches light caches, too.
-#define BOUNCES
-#include "proxies.comp"

@@ -1,3 +1,0 @@
-// Stage 6 after the fragment path.
-#define FROM_IMAGES
-#include "proxies.comp"

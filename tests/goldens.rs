@@ -1,0 +1,184 @@
+//! Golden pictures: small ones of our own scenes, kept in `tests/goldens` and compared by FLIP. They show what no formula
+//! asks for: whether a whole picture still looks as it did.
+//!
+//! `LIGHTSKIN_BLESS=1 cargo test --test lightskin -- goldens` renews them. Look at them before they are committed. Other
+//! drivers round otherwise: pictures are compared on the driver that drew them, which `driver.txt` names.
+
+use glam::{DAffine3, Vec3, vec3};
+use lightskin::bake::{self, Density};
+use lightskin::eval::display::Values;
+use lightskin::eval::flip::{PIXELS_PER_DEGREE, flip};
+use lightskin::eval::heat::{Scale, colors};
+use lightskin::frame::{Frame, Gi, Level, SceneBuffers, Settings, Shadows, View};
+use lightskin::gpu::Gpu;
+use lightskin::image::{read_picture, write_png};
+use lightskin::scene::build::{CornellSurface, Shadowed, atrium, cornell, moving, quad};
+use lightskin::scene::sky::Sky;
+use lightskin::scene::{Material, Scene, tessellate};
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use crate::common::frames::{add, corner, phong};
+use crate::common::{assert_clean, gpu};
+
+/// Largest mean FLIP of a picture that is as it was. The same driver gives the same bits, and FLIP is 0. But a software
+/// driver makes its code for the CPU it runs on, and may round otherwise on another one. This leaves room for codes that
+/// are off by one in two of a hundred pixels; off by one in all of them is 0.03, one percent more light 0.02.
+const MOST: f64 = 0.001;
+
+/// Most bytes of all pictures together: they stay in the repository's history.
+const MOST_BYTES: u64 = 64 << 10;
+
+/// Width and height of the pictures [pixels].
+const SIZE: [u32; 2] = [96, 64];
+
+/// Caches that are asked for.
+const CACHES: usize = 300;
+
+/// One picture.
+struct Golden {
+    /// Of its file.
+    name: &'static str,
+    scene: Scene,
+    /// Moment of the first animation [s]; at rest without one.
+    time: Option<f64>,
+    settings: Settings,
+}
+
+/// The Cornell box, lit by a lamp below its ceiling alone.
+fn lamp_in_a_room() -> Scene {
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
+    scene.lights.clear();
+    let lamp = quad(vec3(-0.3, 1.95, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 0.6);
+    let shining = Material { emissive: Vec3::splat(100.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
+    add(&mut scene, lamp, shining, DAffine3::IDENTITY);
+    scene
+}
+
+/// A floor, a wall and a ball under a sky that is brighter above.
+fn corner_under_a_sky() -> Scene {
+    let mut scene = corner(&[], 30.0);
+    let row = |y: u32| if y < 8 { vec3(1000.0, 2000.0, 4000.0) } else { Vec3::splat(300.0) };
+    Sky::new(32, 16, (0..32 * 16).map(|i| row(i / 32)), 0.0).put_over(&mut scene, 16);
+    scene
+}
+
+fn goldens() -> Vec<Golden> {
+    let default = Settings { size: SIZE, rsm: 64, shadow_map: 512, ..Settings::default() };
+    let per_light = Settings { shadows: Shadows::PerLight, ..default };
+    let golden = |name, scene, settings| Golden { name, scene, time: None, settings };
+    let (glossy, diffuse) = (cornell(CornellSurface::Glossy, 0.1), cornell(CornellSurface::Diffuse, 0.1));
+    let brute_force = Settings { gi: Gi::BruteForce, ..default };
+    let texel = Settings { level: Level::Texel, bounces: 3, ..default };
+    let proxy = Settings { shadows: Shadows::Proxy, ..default };
+    vec![
+        golden("atrium", atrium(), per_light),
+        golden("cornell", glossy.clone(), default),
+        golden("cornell_brute_force", glossy, brute_force),
+        golden("cornell_texel_bounces", diffuse, texel),
+        golden("columns_proxy_shadows", Shadowed::Columns.scene(), proxy),
+        golden("lamp", lamp_in_a_room(), per_light),
+        golden("sky", corner_under_a_sky(), default),
+        Golden { time: Some(1.3), ..golden("moving", moving(0.1), per_light) },
+    ]
+}
+
+/// Draws a golden and gives its RGBA bytes.
+fn draw(gpu: &Gpu, golden: Golden) -> Vec<u8> {
+    let Golden { name, mut scene, time, settings } = golden;
+    let spacing = tessellate::expected_spacing(&scene, CACHES);
+    tessellate::divide(&mut scene, spacing, None);
+    let density = Density::Count(CACHES);
+    let bake = bake::Settings { density, angle: 60_f32.to_radians(), references: settings.references };
+    let mut caches = bake::bake(&scene, &bake, &|_, _| {}).expect(name);
+    if settings.level == Level::Texel {
+        caches = caches.with_cells(&scene).expect(name);
+    }
+    if let Some(time) = time {
+        scene.pose(0, time);
+    }
+    let mut buffers = SceneBuffers::new(gpu, &scene, Some(&caches)).expect(name);
+    if settings.bounces > 1 {
+        buffers.add_albedos(gpu, &scene, &caches).expect(name);
+    }
+    let frame = Frame::new(gpu, &scene, &buffers, &settings).expect(name);
+    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let drawn = gpu.frame(false, |cmd| {
+        frame.record(cmd, &buffers, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect(name).problems, [""; 0]);
+    gpu.read_image(&frame.targets.output).expect(name)
+}
+
+/// Where the goldens lie.
+fn folder() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/goldens")
+}
+
+/// The device and the driver, as `driver.txt` holds them.
+fn driver(gpu: &Gpu) -> String {
+    let report = gpu.report();
+    format!("{}\n{}\n", report.name, report.driver)
+}
+
+/// Mean FLIP of a picture against its golden. Where that is too much, a heat map is written, and the answer is what to
+/// look at.
+fn compare(picture: &Path, golden: &Path) -> Result<f64, String> {
+    let read = |path: &Path| read_picture(path, None).map_err(|error| error.to_string());
+    let (shown, kept) = (read(picture)?, read(golden)?);
+    if [shown.width, shown.height] != [kept.width, kept.height] {
+        return Err(format!("{} has another size than {}", picture.display(), golden.display()));
+    }
+    let map = flip(&shown.rgb, &kept.rgb, [kept.width, kept.height], Values::Display, PIXELS_PER_DEGREE);
+    let mean = map.iter().sum::<f64>() / map.len() as f64;
+    if mean <= MOST {
+        return Ok(mean);
+    }
+    let heat = picture.with_extension("flip.png");
+    write_png(&heat, kept.width, kept.height, &colors(&map, Scale::Linear(1.0))).map_err(|error| error.to_string())?;
+    let [picture, golden, heat] = [picture, golden, &heat].map(Path::display);
+    Err(format!("mean FLIP {mean:.5} above {MOST}\n  now  {picture}\n  kept {golden}\n  FLIP {heat}"))
+}
+
+#[test]
+fn pictures_look_as_they_did() {
+    let gpu = gpu();
+    let driver = driver(&gpu);
+    let bless = std::env::var_os("LIGHTSKIN_BLESS").is_some();
+    let drawn_by = fs::read_to_string(folder().join("driver.txt")).unwrap_or_default();
+    if !bless && drawn_by != driver {
+        println!("skipped: the goldens are of {drawn_by:?}, and this is {driver:?}; LIGHTSKIN_BLESS=1 renews them");
+        return;
+    }
+    let out = if bless { folder() } else { Path::new(env!("CARGO_TARGET_TMPDIR")).join("goldens") };
+    fs::create_dir_all(&out).expect("a folder for pictures");
+    let mut wrong = Vec::new();
+    for golden in goldens() {
+        let (name, [width, height]) = (golden.name, golden.settings.size);
+        let picture = out.join(format!("{name}.png"));
+        write_png(&picture, width, height, &draw(&gpu, golden)).expect(name);
+        match compare(&picture, &folder().join(format!("{name}.png"))) {
+            Ok(mean) => println!("{name}: mean FLIP {mean:.6}"),
+            Err(why) => wrong.push(format!("{name}: {why}")),
+        }
+    }
+    assert_clean(&gpu);
+    if bless {
+        fs::write(folder().join("driver.txt"), driver).expect("driver.txt");
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn goldens_are_few_and_small() {
+    let names: Vec<String> = goldens().iter().map(|golden| format!("{}.png", golden.name)).collect();
+    let mut bytes = 0;
+    for entry in fs::read_dir(folder()).expect("tests/goldens") {
+        let entry = entry.expect("an entry");
+        let name = entry.file_name().into_string().expect("a plain name");
+        assert!(name == "driver.txt" || names.contains(&name), "tests/goldens/{name} belongs to no golden: delete it");
+        bytes += entry.metadata().expect("a file").len();
+    }
+    assert!(bytes <= MOST_BYTES, "the goldens have {bytes} bytes: at most {MOST_BYTES}");
+}

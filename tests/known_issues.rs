@@ -1,0 +1,112 @@
+//! What is known to be wrong. Each test holds as long as the wrong is there: one that fails says that something was mended.
+//! Then it becomes a test of what is right, beside others of its kind, and the README's list of what cannot be done loses a
+//! line.
+
+use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
+use lightskin::frame::{Gi, Settings, Shadows};
+use lightskin::reference::path_trace::{self, PathTrace, Sources};
+use lightskin::scene::build::{CornellSurface, cornell, cuboid, quad};
+use lightskin::scene::sky::Sky;
+use lightskin::scene::{LightKind, Material, Scene};
+use serde_json::json;
+
+use crate::common::frames::{add, baked, camera, corner, lamp, phong, shoot, small};
+use crate::common::{Builder, gpu};
+
+/// Fails once the wrong is mended.
+#[track_caller]
+fn assert_still_wrong(wrong: bool, what: &str) {
+    assert!(wrong, "mended: {what}. Test that it stays so, and take it out of this list and of the README's");
+}
+
+fn traced<'a>(scene: &'a Scene, settings: &path_trace::Settings) -> PathTrace<'a> {
+    let mut trace = PathTrace::new(scene, &scene.cameras[0], settings);
+    trace.pass();
+    trace
+}
+
+fn sum(pixels: &[DVec3]) -> f64 {
+    pixels.iter().map(|p| p.element_sum()).sum()
+}
+
+#[test]
+fn the_path_tracer_shows_no_sky() {
+    let mut scene = corner(&[], 20.0);
+    Sky::even(Vec3::splat(1000.0)).put_over(&mut scene, 4);
+    let settings = path_trace::Settings { size: [16, 16], bounces: 0, ..path_trace::Settings::default() };
+    let trace = traced(&scene, &settings);
+    let shown = trace.direct();
+    let behind: Vec<_> = trace.covered().iter().zip(shown).filter(|(covered, _)| !**covered).map(|p| p.1).collect();
+    assert!(!behind.is_empty(), "the camera sees beside the scene");
+    assert_still_wrong(behind.iter().all(|pixel| *pixel == [0.0; 3]), "the path tracer shows the sky behind the scene");
+}
+
+#[test]
+fn surfaces_that_emit_need_a_bounce_more_than_in_the_path_tracer() {
+    let mut scene = Scene::default();
+    let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.5);
+    add(&mut scene, floor, phong([0.7; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    let shining = Material { emissive: Vec3::splat(30.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
+    let over = quad(vec3(-0.3, 2.0, -0.2), Vec3::X * 0.6, Vec3::Z * 0.4, 0.4);
+    add(&mut scene, over, shining, DAffine3::IDENTITY);
+    scene.cameras.push(camera(dvec3(0.0, 1.0, 0.9), DVec3::ZERO, 0.8));
+    let settings = Settings { size: [16, 16], bounces: 0, ..small() };
+    let shown = shoot(&gpu(), &scene, Some(&baked(&scene, 0.5, 8)), &settings).direct;
+    let (size, sources) = (settings.size, Sources::Surfaces);
+    let traced = traced(&scene, &path_trace::Settings { size, bounces: 0, sources, ..Default::default() }).direct();
+    assert!(traced.iter().flatten().sum::<f32>() > 0.0, "the lamp lights the floor");
+    assert_still_wrong(sum(&shown) == 0.0, "without a bounce, surfaces that emit light others, as in the path tracer");
+}
+
+#[test]
+fn blended_materials_are_drawn_as_masks() {
+    let mut builder = Builder::new();
+    builder.attribute("POSITION", "VEC3", &[-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 0.0, 1.0, 0.0]);
+    builder.json["materials"] = json!([{
+        "alphaMode": "BLEND", "emissiveFactor": [1.0, 0.0, 0.0], "pbrMetallicRoughness": {"baseColorFactor": [1.0, 1.0, 1.0, 0.6]}
+    }]);
+    builder.primitive()["material"] = json!(0);
+    let mut scene = builder.load("known_issues_blend").expect("loads");
+    let wall = quad(vec3(-3.0, -3.0, -1.0), Vec3::X * 6.0, Vec3::Y * 6.0, 6.0);
+    add(&mut scene, wall, Material { emissive: Vec3::Y, ..phong([0.0; 3], [0.0; 3], 1.0) }, DAffine3::IDENTITY);
+    scene.cameras.push(camera(dvec3(0.0, 0.0, 3.0), DVec3::ZERO, 0.5));
+    let shown = shoot(&gpu(), &scene, None, &Settings { size: [9, 9], gi: Gi::Off, ..small() }).direct;
+    let (middle, corner) = (shown[40], shown[0]);
+    assert!(corner.y > 0.9, "the wall shines green beside the pane: {corner}");
+    assert!(middle.x > 0.5, "the pane shines red: {middle}");
+    assert_still_wrong(middle.y == 0.0, "a pane of alpha 0.6 lets light of the wall behind it through");
+}
+
+#[test]
+fn light_leaks_through_a_wall_where_caches_are_as_far_apart_as_rooms_are_wide() {
+    // Two rooms of 2 m, a wall of 10 cm between them, a lamp in the first, a camera in the second.
+    let mut scene = Scene::default();
+    let white = || phong([0.7; 3], [0.0; 3], 1.0);
+    for low in [0.0, 2.1] {
+        let room = cuboid(vec3(low, 0.0, 0.0), vec3(low + 2.0, 2.0, 2.0), 0.25, |_| true).reversed();
+        add(&mut scene, room, white(), DAffine3::IDENTITY);
+    }
+    scene.lights = vec![lamp(LightKind::Point)];
+    scene.cameras.push(camera(dvec3(3.9, 1.8, 1.8), dvec3(2.1, 0.8, 0.2), 1.2));
+    let settings = Settings { size: [16, 16], shadows: Shadows::PerLight, ..small() };
+    let gpu = gpu();
+    let caches = baked(&scene, 3.0, 8);
+    let dark = sum(&shoot(&gpu, &scene, Some(&caches), &settings).diffuse);
+    let traced = traced(&scene, &path_trace::Settings { size: settings.size, ..Default::default() }).diffuse();
+    assert!(traced.iter().flatten().all(|v| *v == 0.0), "no path leads into the dark room");
+    scene.cameras[0] = camera(dvec3(1.8, 1.8, 1.8), dvec3(0.0, 0.8, 0.2), 1.2);
+    let lit = sum(&shoot(&gpu, &scene, Some(&caches), &settings).diffuse);
+    println!("the dark room has {:.5} of the lit one's indirect light", dark / lit);
+    assert_still_wrong(dark > 0.01 * lit, "no light leaks through a wall, however far apart caches are");
+}
+
+#[test]
+fn sharp_lobes_lose_light_where_caches_are_few() {
+    let scene = cornell(CornellSurface::Glossy, 0.1);
+    let settings = Settings { size: [32, 32], ..small() };
+    let gpu = gpu();
+    let caches = shoot(&gpu, &scene, Some(&baked(&scene, 2.0, 8)), &settings).glossy;
+    let exact = shoot(&gpu, &scene, None, &Settings { gi: Gi::BruteForce, ..settings }).glossy;
+    println!("the lobe has {:.3} of brute force's light", sum(&caches) / sum(&exact));
+    assert_still_wrong(sum(&caches) < 0.7 * sum(&exact), "few caches lose no light of a glossy lobe");
+}
