@@ -44,3 +44,4 @@ mod sources;
 mod tessellate;
 mod texel;
 mod timing;
+mod views;

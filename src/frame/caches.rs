@@ -24,7 +24,8 @@ pub struct CacheLight {
     pub proxies: Proxies,
     pub(super) visible: Visible,
     pub(super) cull: Option<Cull>,
-    pub(super) occlude: Option<Occlude>,
+    /// Stage 7; only where discs dim proxies.
+    pub occlude: Option<Occlude>,
     pub(super) interpolate: Interpolate,
     pub(super) made: MadeOfCaches,
 }

@@ -126,7 +126,7 @@ pub struct Compute {
     /// Sums, part by part of the VALs.
     pub parts: Buffer,
     /// How many of the parts are there, of the caches of each thread; all 0 between frames.
-    arrived: Buffer,
+    pub arrived: Buffer,
     /// Makes proxies of the sums itself, unless light bounces more than once.
     sum: Pipeline,
     /// The same for two eyes at once.

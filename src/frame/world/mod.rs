@@ -376,7 +376,7 @@ impl World {
     }
 
     /// Diffuse albedos of the caches, where they have been asked for.
-    pub(super) fn cache_albedos(&self) -> Option<&Buffer> {
+    pub fn cache_albedos(&self) -> Option<&Buffer> {
         self.albedos.get().map(|albedos| &albedos.buffer)
     }
 
