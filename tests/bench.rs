@@ -317,6 +317,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
         "pairs",
         "resolution",
         "triangles",
+        "views",
     ];
     let plots = ["bake", "caches", "ratios", "resolution", "triangles"];
     let mut files: Vec<String> = tables.map(|name| format!("{name}.csv")).into();
@@ -342,6 +343,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
         ("scaling", 18),
         ("growth", 4),
         ("motion", 2),
+        ("views", 4),
         ("exponents", 12),
     ];
     assert_eq!(json["tables"].as_array().expect("tables").len(), counts.len());

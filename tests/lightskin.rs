@@ -14,6 +14,7 @@ mod compare;
 mod cull;
 mod emissive;
 mod energy;
+mod engine;
 mod eval;
 mod flicker;
 mod frame;
