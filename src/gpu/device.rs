@@ -45,7 +45,8 @@ pub(crate) struct Shared {
     pub(super) descriptors: Mutex<Descriptors>,
     pub(super) registry: Mutex<Registry>,
     next_id: AtomicU64,
-    instance: Instance,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) instance: Instance,
 }
 
 /// An open device: everything else is made from it. One thread records at a time (the type is not `Sync`).
@@ -158,6 +159,7 @@ impl Gpu {
             registry: Mutex::default(),
             next_id: AtomicU64::new(1),
             device,
+            physical,
             instance: opened,
         };
         let allocator = Allocator::new(&AllocatorCreateDesc {
