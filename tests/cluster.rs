@@ -26,7 +26,6 @@ fn on_device(scene: &Scene, settings: &Knobs) -> (Vec<ClusterNode>, Vec<Val>, Ve
     let stage = Rsm::new(&gpu, &world, settings.rsm, settings.proxy_weight, false).expect("stage 4");
     let pyramid = OnDevice::new(&gpu, &world, settings.rsm).expect("a pyramid");
     let drawn = gpu.frame(false, |cmd| {
-        cmd.begin_frame([]);
         stage.record(cmd, &world, |_| true, false, None);
         pyramid.record(cmd, &stage.vals);
         Ok(())

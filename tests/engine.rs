@@ -311,7 +311,11 @@ fn what_a_slider_moves_makes_no_pipeline() {
     }
     let mut random = Random(3);
     for what in [0, 2, 3, 5, 8, 9, 1] {
-        engine.edit(&gpu, |scene| drop(edit(scene, &mut random, what))).expect("edited");
+        engine
+            .edit(&gpu, |scene| {
+                edit(scene, &mut random, what);
+            })
+            .expect("edited");
         shown(&gpu, &mut engine, &mut picture, size, &Look::default());
     }
     // Sizes of maps and pictures, too.

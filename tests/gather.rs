@@ -221,7 +221,6 @@ fn every_way_of_lighting_caches_agrees() {
         let mut before: Option<Vec<shared::Proxy>> = None;
         for _ in 0..2 {
             let drawn = gpu.frame(false, |cmd| {
-                cmd.begin_frame([]);
                 stage.record(cmd, &lit);
                 Ok(())
             });

@@ -50,7 +50,6 @@ fn drop_what_was_bound(gpu: &Gpu, split: bool) -> lightskin::Result<lightskin::g
     let image = gpu.texture("test.red", Format::R32_SFLOAT, 1, 1, &red).expect("texture");
     let depth = gpu.target("test.depth", Format::D32_SFLOAT, 4, 4).expect("target");
     gpu.frame(split, |cmd| {
-        cmd.begin_frame([&depth]);
         let (sum, pipeline) = (gpu.buffer("test.sum", 4).expect("buffer"), add(gpu, 2));
         {
             let _zone = cmd.zone("add");
@@ -125,7 +124,6 @@ fn nothing_piles_up_of_what_is_made_and_dropped() {
     for i in 0..1000_u32 {
         let (sum, pipeline) = (gpu.buffer("test.sum", 65_536).expect("buffer"), add(&gpu, i % 3));
         let frame = gpu.frame(false, |cmd| {
-            cmd.begin_frame([]);
             cmd.bind(&pipeline, &[(&sum).into(), (&image).into()]);
             cmd.dispatch(1, 1, 1);
             Ok(())
@@ -376,7 +374,6 @@ fn each_layer_is_rendered_into_alone() {
         let layers = image(&gpu, Format::R8G8B8A8_UNORM, [4, 2], Extent::Layers(2), false);
         let depths = image(&gpu, Format::D32_SFLOAT, [4, 2], Extent::Layers(3), false);
         let frame = gpu.frame(false, |cmd| {
-            cmd.begin_frame([]);
             for (layer, value) in [(1, 1.0), (0, 0.2)] {
                 let colors = [Attach { image: &layers, load: Load::Clear([value; 4]) }];
                 let depth = Some(Attach { image: &depths, load: Load::Clear([value; 4]) });
@@ -440,7 +437,6 @@ fn shaders_write_volumes_and_planes() {
         let sums = gpu.buffer("test.sums", 8).expect("buffer");
         for barrier in [true, false] {
             let frame = gpu.frame(false, |cmd| {
-                cmd.begin_frame([]);
                 cmd.bind(&write, &[(&volume).into(), (&plane).into(), (&layers).into()]);
                 cmd.dispatch(4, 3, 2);
                 if barrier {
@@ -489,7 +485,6 @@ fn images_are_ready_whenever_they_were_made() {
             });
             assert!(given_up.is_err());
             let frame = gpu.frame(split, |cmd| {
-                cmd.begin_frame([]);
                 let dropped = image(&gpu, Format::R32_SFLOAT, [2, 2], Extent::Plane, false);
                 clear(cmd, &dropped);
                 drop(dropped);

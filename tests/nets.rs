@@ -24,7 +24,6 @@ fn write_then_read(gpu: &Gpu, barriers: &[(Use, Use)]) -> Vec<String> {
     let last = gpu.buffer("test.last", 4 * size_of::<Cache>() as u64).expect("buffer");
     let groups = gpu.compute("occluder_groups.comp", &[]).expect("pipeline");
     let frame = gpu.frame(false, |cmd| {
-        cmd.begin_frame([]);
         let _zone = cmd.zone("test");
         cmd.bind(&groups, &[(&first).into(), (&caches).into()]);
         cmd.push(&PUSH);

@@ -105,7 +105,6 @@ fn depth_images_are_the_references() {
     // A workgroup an image, as GPUs do it, draws the same.
     let by_workgroups = DepthImages::with(&gpu, light.atlas.count, !gpu.is_software()).expect("made");
     let drawn = gpu.frame(false, |cmd| {
-        cmd.begin_frame([]);
         by_workgroups.record(cmd, &light.atlas, live);
         Ok(())
     });

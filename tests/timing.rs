@@ -46,7 +46,6 @@ fn stamps_wrap_around_their_valid_bits() {
 /// A frame of two stages, the first with two parts.
 fn draw(gpu: &Gpu, split: bool) -> lightskin::gpu::Frame {
     let frame = gpu.frame(split, |cmd| {
-        cmd.begin_frame([]);
         {
             let _outer = cmd.zone("outer");
             for _ in 0..2 {

@@ -75,7 +75,6 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
     let surfaces = || shown().filter(|(_, p)| p.due.surface).map(|(view, p)| (view, &p.surface));
     let some_surface = surfaces().next().is_some();
     let due = &light.due;
-    cmd.begin_frame([]);
 
     if let (true, Some(poses)) = (world.record_changes(cmd), &light.poses) {
         poses.record(cmd, world); // what bends, before all stages

@@ -187,7 +187,7 @@ impl<'g> Cmd<'g> {
         }
     }
 
-    /// Everything before is done and visible to everything after. Opens a frame; nowhere else.
+    /// Everything before is done and visible to everything after. Opens every submission of commands; nowhere else.
     pub(super) fn full_barrier(&self) {
         let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         let barriers = [vk::MemoryBarrier2::default()
@@ -196,11 +196,6 @@ impl<'g> Cmd<'g> {
             .dst_stage_mask(all)
             .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)];
         self.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
-    }
-
-    /// Opens a frame: what the last one did is done and visible. Images need nothing of the kind: the argument is ignored.
-    pub fn begin_frame<'i>(&self, _images: impl IntoIterator<Item = &'i Image>) {
-        self.full_barrier();
     }
 
     /// What `from` did before is done and visible to what `to` does after. The consumer writes it, before it reads.

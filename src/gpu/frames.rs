@@ -121,6 +121,7 @@ impl Gpu {
         let start = slot.notes.now();
         let cmd = Cmd::new(self, slot, split);
         cmd.begin()?;
+        cmd.full_barrier();
         let recorded = record(&cmd);
         cmd.slot.borrow_mut().notes.worked(Work::Record, start);
         // A frame that is given up leaves nothing but what a split one has submitted and waited for (`Drop for Cmd`).
@@ -197,7 +198,6 @@ impl Gpu {
     /// Records, submits and waits: for uploads and read-back, outside the frame loop. Has no times.
     pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
         let frame = self.submit(false, |cmd| {
-            cmd.full_barrier();
             cmd.zone.set(name);
             record(cmd);
             // What was copied becomes visible to the CPU.

@@ -32,7 +32,7 @@ use lights::LightInfo;
 use model_caches::{CacheSurface, place_caches};
 use std::cell::{Cell, OnceCell};
 use textures::{MaterialTextures, upload_textures};
-use update::{Structure, Dynamic, PendingCopies, InstanceLayout, Revisions};
+use update::{Dynamic, InstanceLayout, PendingCopies, Revisions, Structure};
 
 /// A vertex as the stages that draw the scene read it.
 pub(super) const VERTEX: Stream<'static> = Stream {
@@ -224,7 +224,8 @@ impl World {
             references.push(crate::bake::NO_CACHE);
         }
 
-        let (mut model_caches, mut cache_surfaces, mut draws, mut slot_count) = (Vec::new(), Vec::new(), Vec::new(), 0_u32);
+        let (mut model_caches, mut cache_surfaces, mut draws, mut slot_count) =
+            (Vec::new(), Vec::new(), Vec::new(), 0_u32);
         for (i, instance) in scene.instances.iter().enumerate() {
             let cache_base = model_caches.len() as u32;
             let model = caches.map(|c| (c.instance_model[i], &c.models[c.instance_model[i]]));

@@ -250,7 +250,8 @@ impl World {
         }
         if surfaces {
             self.revisions.surfaces = new_revision();
-            let moved = |(i, layout): (usize, &InstanceLayout)| layout.emits && (poses || now.instances[i] != old.instances[i]);
+            let moved =
+                |(i, layout): (usize, &InstanceLayout)| layout.emits && (poses || now.instances[i] != old.instances[i]);
             if !self.emitters.is_empty() && (materials || self.layouts.iter().enumerate().any(moved)) {
                 self.emitters = self.patches.vals(scene, self.origin);
             }
