@@ -4,14 +4,13 @@
 //! parts, so that few caches fill a device too. Draws (`gather_draws.rs`) add tiles of VALs to float images. Clusters
 //! (`gather_clusters.rs`) let nodes stand for VALs. The loop body of the first two is glsl/lib/gather.glsl.
 
-use super::atlas::Atlas;
 use super::bounce::Bounces;
 use super::depth_images::DepthImages;
 use super::gather_clusters::Clusters;
 use super::gather_draws::Draws;
 use super::live::{Items, Live, new_parts, parts_of, split_of};
 use super::plan::Plan;
-use super::proxies::Proxies;
+pub use super::proxies::Lit;
 use super::settings::{self, ProxyWeight, Shadows, Ways};
 use super::sums::{SumBinds, SumKind, sum_pipeline};
 use super::vals::Vals;
@@ -30,29 +29,6 @@ pub enum Gather {
     Draws(Box<Draws>),
     /// Clusters of VALs.
     Clusters(Box<Clusters>),
-}
-
-/// What a gather reads and writes.
-#[derive(Clone, Copy)]
-pub struct Lit<'a> {
-    /// VALs, or what pyramids stand on.
-    pub vals: &'a Vals,
-    /// The caches.
-    pub atlas: &'a Atlas,
-    /// A run of proxies for each eye.
-    pub proxies: &'a Proxies,
-    /// Position and 1, or direction towards the eye and 0.
-    pub eyes: &'a [Vec4],
-    /// Diffuse albedos of the caches, where light bounces more than once.
-    pub albedos: Option<&'a Buffer>,
-}
-
-impl Lit<'_> {
-    /// Eyes that sums have to be made for: with one run of proxies the first stands for all.
-    pub(super) fn runs(&self) -> impl Iterator<Item = (u32, Vec4)> {
-        let eyes = self.eyes.iter().take(self.proxies.runs as usize);
-        eyes.enumerate().map(|(eye, position)| (self.proxies.first(eye as u32), *position))
-    }
 }
 
 /// VALs in a row that shadows show or hide together, as the first of them: neighbours in an RSM, which together are mostly

@@ -1,7 +1,7 @@
 //! Stage 6 by draws: every tile of VALs is drawn over the atlas, two caches to a texel, and added to float targets. Culling
 //! is left to the depth test. METHOD 3-4, thesis 5.3.
 
-use super::gather::Lit;
+use super::proxies::Lit;
 use super::settings::{DrawSource, whole_tiles};
 use crate::error::{Error, Result};
 use crate::gpu::{
