@@ -23,6 +23,7 @@ mod gpu;
 mod guards;
 mod hard_cases;
 mod hierarchy;
+mod host;
 mod house;
 mod interpolate;
 mod layout;
