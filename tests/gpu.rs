@@ -549,6 +549,7 @@ fn commands_that_break_their_contracts_are_refused() {
     let depth = gpu.target("depth", Format::D32_SFLOAT, 8, 8).expect("made");
     let red = gpu.texture("red", Format::R32_SFLOAT, 1, 1, &[vec![0; 4]]).expect("made");
     let volume = image(&gpu, Format::R32_SFLOAT, [4, 4], Extent::Volume(2), true);
+    let counts = image(&gpu, Format::R32_UINT, [4, 4], Extent::Plane, false);
     let sum = add(&gpu, 0);
     let foreign_sum = add(&other, 0);
     let store = pipeline(
@@ -592,6 +593,12 @@ fn commands_that_break_their_contracts_are_refused() {
         ("does not fit binding 0", Box::new(|cmd| cmd.bind(&sum, &[Bind::Texels(&small), (&red).into()]))),
         ("does not fit binding 0", Box::new(|cmd| cmd.bind(&store, &[Bind::Texture(&volume, wrap)]))),
         ("plane was not made as storage", Box::new(|cmd| cmd.bind(&store, &[(&plane).into()]))),
+        ("does not filter R32_UINT", {
+            Box::new(|cmd| {
+                let linear = SamplerKind { nearest: false, ..wrap };
+                cmd.bind(&sum, &[(&small).into(), Bind::Texture(&counts, linear)]);
+            })
+        }),
         ("17 bytes at 0", Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&small, 0, 17), (&red).into()]))),
         ("0 bytes at 0", Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&small, 0, 0), (&red).into()]))),
         ("bytes at 18446744073709551615", {

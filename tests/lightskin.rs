@@ -24,6 +24,8 @@ mod goldens;
 mod gpu;
 mod guards;
 mod hard_cases;
+mod hierarchy;
+mod host;
 mod house;
 mod interpolate;
 mod known_issues;
@@ -37,7 +39,6 @@ mod path_trace;
 mod proxies;
 mod quality;
 mod scene;
-
 mod shaders;
 mod shadows_light;
 mod sky;

@@ -215,6 +215,12 @@ impl Cmd<'_> {
                 Bind::Image(i) | Bind::Texture(i, _) => {
                     let kind = if let Bind::Texture(_, kind) = resource { *kind } else { nearest };
                     let storage = slot.kind == vk::DescriptorType::STORAGE_IMAGE;
+                    assert!(
+                        kind.nearest || self.filters(i),
+                        "{}: the device does not filter {:?}",
+                        i.name,
+                        i.made.format
+                    );
                     let sampler = if storage { vk::Sampler::null() } else { self.gpu.sampler(kind)? };
                     image = [vk::DescriptorImageInfo {
                         sampler,
@@ -228,6 +234,16 @@ impl Cmd<'_> {
             unsafe { self.gpu.shared.device.update_descriptor_sets(&[write], &[]) };
         }
         Ok(())
+    }
+
+    /// Whether the device interpolates between texels of an image.
+    fn filters(&self, image: &Image) -> bool {
+        let shared = &self.gpu.shared;
+        // SAFETY: plain query of a live instance and its device.
+        let properties = unsafe {
+            shared.instance.instance.get_physical_device_format_properties(shared.physical, image.made.format)
+        };
+        properties.optimal_tiling_features.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
     }
 
     /// Sets the push constants of the bound pipeline.
