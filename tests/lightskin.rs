@@ -24,7 +24,6 @@ mod goldens;
 mod gpu;
 mod guards;
 mod hard_cases;
-mod hierarchy;
 mod host;
 mod house;
 mod interpolate;
