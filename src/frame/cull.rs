@@ -80,7 +80,7 @@ impl Cull {
     fn flag<'a>(&self, cmd: &Cmd<'_>, world: &World, views: impl Iterator<Item = &'a VisibleList>, flags: &Buffer) {
         for (i, visible) in views.enumerate() {
             if i > 0 {
-                cmd.barrier(Use::ComputeWrite, Use::ComputeWrite); // flags of the view before
+                cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite); // flags
             }
             let references = [&visible.list, &world.draw_records, &world.references, &visible.args, flags];
             cmd.bind(&self.flag, &references.map(Into::into));
