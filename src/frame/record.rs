@@ -12,13 +12,17 @@ use crate::gpu::{Cmd, Use};
 
 /// Records one frame of some views, top to bottom; the numbers are METHOD's. A stage the scene does not need is `None`, one
 /// whose inputs are as they were is not due. Light is made once for all views: each costs its own surfaces, shading and
-/// share of the glossy lobe.
+/// share of the glossy lobe. Where no view has pixels nothing is recorded.
 ///
 /// # Panics
 /// Where light or pictures were not fitted after a change of world, settings or number of views.
 pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(View, &mut Picture)], look: &Look) {
     assert!(light.fits(world) && views.len() <= light.eyes(), "the light does not fit: call Light::fit");
     assert!(views.iter().all(|(_, p)| p.fits(world, light)), "a picture does not fit the light: call Picture::fit");
+    if views.iter().all(|(_, picture)| picture.is_empty()) {
+        light.ran = 0;
+        return;
+    }
     find_due(world, light, views, look);
     let mut ran = 0;
     let mut enter = |stage: usize| {
@@ -78,9 +82,12 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         }
         if let (true, Some(cull)) = (due.cull, &caches.cull) {
             let _zone = enter(plan::CULL); // 5
+            if seen().next().is_some() {
+                cmd.barrier(Use::ComputeWrite, Use::IndirectRead | Use::ComputeRead); // visible vertices -> here
+            }
             cull.record(cmd, world, lists().map(|(.., list)| list), &rsm.vals, &caches.gather);
         }
-        if some_surface || due.atlas || due.vals {
+        if some_surface || due.atlas || due.vals || due.cull {
             cmd.barrier(
                 Use::ComputeWrite | Use::DepthWrite,
                 Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
@@ -133,7 +140,9 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
     let composed = || shown().filter(|(_, p)| p.due.output).map(|(_, p)| p);
     if let Some(first) = composed().next() {
         let _zone = enter(plan::COMPOSITE); // 11
-        first.composite.record(cmd, look, composed().map(Picture::composed));
+        // Where the look alone has changed, radiance is that of an earlier frame.
+        let lit = shown().any(|(_, p)| p.due.surface || p.due.indirect);
+        first.composite.record(cmd, look, lit, composed().map(Picture::composed));
     }
     light.ran = ran;
 }
