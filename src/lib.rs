@@ -37,7 +37,7 @@
 //!     let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches))?;
 //!     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
 //!     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-//!     let drawn = gpu.frame(false, |cmd| {
+//!     let drawn = gpu.frame(|cmd| {
 //!         frame.record(cmd, &buffers, &view);
 //!         Ok(())
 //!     })?;

@@ -26,7 +26,7 @@ fn shown(gpu: &Gpu, engine: &mut Engine, picture: &mut Picture, size: [u32; 2], 
     engine.fit(gpu, &mut [(picture, size)]).expect("fits");
     let camera = engine.scene().cameras[0].clone();
     let view = engine.view(&camera, size);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         engine.record(cmd, &mut [(view, picture)], look);
         Ok(())
     });
@@ -260,7 +260,7 @@ fn a_thousand_changes_leave_nothing_behind() {
         engine.fit(&gpu, &mut [(picture, size)]).expect("fits");
         let camera = engine.scene().cameras[0].clone();
         let view = engine.view(&camera, size);
-        let drawn = gpu.frame(false, |cmd| {
+        let drawn = gpu.frame(|cmd| {
             engine.record(cmd, &mut [(view, picture)], &look);
             Ok(())
         });

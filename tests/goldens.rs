@@ -104,7 +104,7 @@ fn draw(gpu: &Gpu, golden: Golden) -> Vec<u8> {
     let world = World::new(gpu, &scene, Some(&caches)).expect(name);
     let mut frame = Frame::new(gpu, &scene, &world, &knobs).expect(name);
     let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &world, &view);
         Ok(())
     });

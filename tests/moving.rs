@@ -77,7 +77,7 @@ pub(crate) fn bend(scene: &mut Scene, turn: f64, bulge: f32) {
 
 fn record(gpu: &Gpu, frame: &mut Frame, buffers: &World, scene: &Scene, size: [u32; 2]) {
     let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, buffers, &view);
         Ok(())
     });

@@ -64,7 +64,7 @@ fn shoot(scene: &Scene) -> (Vec3, Vec<f32>) {
     let buffers = World::new(&gpu, scene, None).expect("upload");
     let mut frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
@@ -137,7 +137,7 @@ fn near_things_show_in_wide_scenes() {
     let buffers = World::new(&gpu, &scene, None).expect("upload");
     let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
@@ -161,7 +161,7 @@ fn what_exceeds_the_device_is_refused_with_its_name() {
         // 6 x 836^2 VALs of 48 bytes: more than the 128 MiB that lavapipe binds.
         let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
         let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-        let drawn = gpu.frame(false, |cmd| {
+        let drawn = gpu.frame(|cmd| {
             frame.record(cmd, &buffers, &view);
             Ok(())
         });

@@ -39,7 +39,7 @@ fn timed(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], list: bool, ski
     let live = list.then(|| Live::new(gpu, items).expect("a list"));
     let new = if skip { Occlude::new } else { Occlude::without_skipping };
     let stage = new(gpu, count, true, u32::from(list)).expect("stage 7");
-    let drawn = gpu.frame(true, |cmd| {
+    let drawn = gpu.timed_frame(|cmd| {
         let _zone = cmd.zone("occlude");
         stage.record(cmd, &atlas, live.as_ref(), &on_device, 1);
         Ok(())
@@ -240,7 +240,7 @@ fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec
     let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });

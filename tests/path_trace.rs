@@ -315,7 +315,7 @@ fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
     let mut frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
     let camera: &Camera = &scene.cameras[0];
     let view = View::new(camera, size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
@@ -371,7 +371,7 @@ fn the_measured_exposure_is_the_log_average() {
     let buffers = frame::World::new(&gpu, &scene, None).expect("upload");
     let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });

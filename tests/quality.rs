@@ -30,7 +30,7 @@ fn render_with(gpu: &Gpu, scene: &Scene, bake: &bake::Settings, settings: &Knobs
     let buffers = World::new(gpu, scene, Some(&baked)).expect("upload");
     let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("frame");
     let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });

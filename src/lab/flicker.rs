@@ -306,7 +306,7 @@ fn sequence(gpu: &Gpu, scenes: &[Scene], caches: Option<&CacheSet>, knobs: &Knob
     for scene in scenes {
         world.update(gpu, scene)?;
         let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-        let drawn = gpu.frame(false, |cmd| {
+        let drawn = gpu.frame(|cmd| {
             frame.record(cmd, &world, &view);
             Ok(())
         })?;

@@ -54,7 +54,7 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs)
     let world = World::new(gpu, scene, caches)?;
     let mut frame = Frame::new(gpu, scene, &world, knobs)?;
     let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &world, &view);
         Ok(())
     })?;

@@ -108,7 +108,7 @@ fn device_picture(gpu: &Gpu, scene: &Scene, camera: &Camera, baked: &Baked, sett
     let world = World::new(gpu, scene, Some(&baked.caches))?;
     let mut frame = Frame::new(gpu, scene, &world, &wanted)?;
     let view = View::new(camera, wanted.size, world.origin, world.radius);
-    let drawn = gpu.frame(gpu.is_software(), |cmd| {
+    let drawn = gpu.timed_frame(|cmd| {
         frame.record(cmd, &world, &view);
         Ok(())
     })?;

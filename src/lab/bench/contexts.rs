@@ -376,7 +376,7 @@ impl Contexts<'_> {
             }
             for (gathers, times) in gathers.iter().zip(&mut paths) {
                 let gather = &gathers[round % tune::PIPELINES];
-                let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+                let drawn = self.gpu.timed_frame(|cmd| {
                     let _zone = cmd.zone("gather");
                     gather.record(cmd, &lit);
                     Ok(())
@@ -417,7 +417,7 @@ impl Contexts<'_> {
         let all = Occlude::without_skipping(self.gpu, caches.atlas.count, frame.light.plan.glossy, 1)?;
         let mut runs = Vec::new();
         for _ in 0..self.extent.frames {
-            let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+            let drawn = self.gpu.timed_frame(|cmd| {
                 let _zone = cmd.zone("occlude");
                 all.record(cmd, &caches.atlas, caches.gather.live(), &caches.proxies, 1);
                 Ok(())

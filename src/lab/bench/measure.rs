@@ -58,7 +58,7 @@ impl<'a> OnDevice<'a> {
     fn drawn(&self, frame: &mut Frame, problems: &mut Vec<String>) -> Result<FrameTimes> {
         let view = View::new(&self.scene.cameras[0], frame.picture.size(), self.world.origin, self.world.radius);
         // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
-        let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+        let drawn = self.gpu.timed_frame(|cmd| {
             frame.record(cmd, &self.world, &view);
             Ok(())
         })?;

@@ -151,7 +151,7 @@ impl Contexts<'_> {
     /// Draws one frame and waits for its times.
     fn drawn(&mut self, frame: &mut Frame, buffers: &World, scene: &Scene) -> Result<FrameTimes> {
         let view = View::new(&scene.cameras[0], frame.picture.size(), buffers.origin, buffers.radius);
-        let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+        let drawn = self.gpu.timed_frame(|cmd| {
             frame.record(cmd, buffers, &view);
             Ok(())
         })?;

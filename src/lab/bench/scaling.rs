@@ -286,7 +286,7 @@ impl Contexts<'_> {
 
     /// Time [ms] of a zone that is submitted alone on software devices, as in frames.
     fn zone(&mut self, record: &dyn Fn(&Cmd<'_>)) -> Result<f64> {
-        let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+        let drawn = self.gpu.timed_frame(|cmd| {
             let _zone = cmd.zone("gather");
             record(cmd);
             Ok(())

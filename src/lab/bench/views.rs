@@ -89,7 +89,7 @@ impl Contexts<'_> {
         for i in 0..self.extent.warm_up + self.extent.frames {
             for Drawn { light, pictures, runs } in &mut both {
                 let mut views: Vec<_> = pictures.iter_mut().map(|(view, picture)| (*view, picture)).collect();
-                let drawn = gpu.frame(gpu.is_software(), |cmd| {
+                let drawn = gpu.timed_frame(|cmd| {
                     record(cmd, world, light, &mut views, &knobs.look());
                     Ok(())
                 })?;

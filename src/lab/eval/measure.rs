@@ -102,7 +102,7 @@ impl<'a> Bench<'a> {
         let start = Instant::now();
         while runs.is_empty() || (runs.len() <= frames && start.elapsed() < LONGEST) {
             // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
-            let drawn = gpu.frame(gpu.is_software(), |cmd| {
+            let drawn = gpu.timed_frame(|cmd| {
                 frame.record(cmd, world, &view);
                 Ok(())
             })?;
