@@ -30,7 +30,7 @@
 //!     scene::defaults::complete(&mut scene); // a camera and a light, if it has none
 //!
 //!     let density = bake::Density::Count(1000);
-//!     let caches = bake::bake(&scene, &bake::Settings { density, angle: 1.0, references: 8 }, &|_, _| {})?;
+//!     let caches = bake::bake(&scene, &bake::BakeSettings { density, angle: 1.0, references: 8 }, &|_, _| {})?;
 //!
 //!     let gpu = gpu::Gpu::new(&gpu::Options::default())?;
 //!     let settings = Settings { size: [640, 360], ..Settings::default() };

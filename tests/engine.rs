@@ -194,8 +194,8 @@ fn edits_at_run_time_show_what_a_new_engine_shows() {
     assert_clean(&gpu);
 }
 
-fn bake_settings(spacing: f64) -> bake::Settings {
-    bake::Settings { density: Density::Spacing(spacing), angle: 0.5 * std::f32::consts::FRAC_PI_2, references: 8 }
+fn bake_settings(spacing: f64) -> bake::BakeSettings {
+    bake::BakeSettings { density: Density::Spacing(spacing), angle: 0.5 * std::f32::consts::FRAC_PI_2, references: 8 }
 }
 
 /// Another scene at once, and back.

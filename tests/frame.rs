@@ -22,7 +22,7 @@ fn light(kind: LightKind) -> Light {
 }
 
 fn caches(scene: &Scene, references: usize) -> CacheSet {
-    let settings = bake::Settings { density: Density::Count(60), angle: 1.0, references };
+    let settings = bake::BakeSettings { density: Density::Count(60), angle: 1.0, references };
     bake::bake(scene, &settings, &|_, _| {}).expect("bake")
 }
 

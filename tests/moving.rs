@@ -159,7 +159,7 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
         }
         files += 1;
         defaults::complete(&mut scene);
-        let settings = bake::Settings { density: bake::Density::Count(60), angle: 1.0, references: 8 };
+        let settings = bake::BakeSettings { density: bake::Density::Count(60), angle: 1.0, references: 8 };
         let caches = bake::bake(&scene, &settings, &|_, _| {}).expect("bakes");
         let settings = Knobs { size: [16, 16], rsm: 8, shadow_map: 16, ..small() };
         let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");

@@ -109,7 +109,7 @@ fn check(gpu: &Gpu, scene: &Scene) -> (Vec<Broken>, usize) {
     (found, direct.iter().map(|p| broken_values(&p[..3])).sum())
 }
 
-const CACHES: bake::Settings = bake::Settings { density: Density::Count(60), angle: 1.0, references: 8 };
+const CACHES: bake::BakeSettings = bake::BakeSettings { density: Density::Count(60), angle: 1.0, references: 8 };
 
 #[test]
 fn broken_values_are_counted_on_the_device() {

@@ -34,7 +34,7 @@ use surface::Surface;
 
 /// What the bake is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct BakeSettings {
     /// How densely caches stand.
     pub density: Density,
     /// `theta_eps`: largest angle [rad] between a surface's normal and its cache's.
@@ -74,7 +74,7 @@ pub struct ModelCaches {
     pub linear: DMat3,
     /// The caches, in a space-filling order.
     pub caches: Vec<Cache>,
-    /// For each vertex of the mesh, `Settings::references` indices into `caches`, best first; `NO_CACHE` pads.
+    /// For each vertex of the mesh, `BakeSettings::references` indices into `caches`, best first; `NO_CACHE` pads.
     pub references: Vec<u16>,
     /// What was found when every piece of surface was checked against its caches.
     pub coverage: Coverage,
@@ -123,7 +123,7 @@ const SAME_STRETCH: f64 = 1e-4;
 /// The result depends on the scene and the settings alone, not on the number of threads. A count that cannot be met
 /// (a box needs six caches) gives the nearest that can. Fails with `TooLarge` where a model would get more caches than
 /// 16-bit references can name, or where the spacing is minute against a model.
-pub fn bake(scene: &Scene, settings: &Settings, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<CacheSet> {
+pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<CacheSet> {
     assert!(settings.angle.is_finite() && settings.angle > 0.0, "bake: angle {}", settings.angle);
     assert!(settings.references > 0, "bake: no references");
     if let Density::Spacing(spacing) = settings.density {
@@ -178,7 +178,7 @@ fn finish(
     mesh: &Mesh,
     Placement { voxels, seeds }: Placement,
     spacing: f64,
-    settings: &Settings,
+    settings: &BakeSettings,
     step: &(dyn Fn(&str) + Sync),
 ) -> ModelCaches {
     let surface = &model.surface;

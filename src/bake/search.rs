@@ -4,7 +4,7 @@ use super::cluster::{self, Bounds, Seed};
 use super::prune;
 use super::surface::Surface;
 use super::voxel::Voxels;
-use super::{Density, NO_CACHE, Settings};
+use super::{BakeSettings, Density, NO_CACHE};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
@@ -67,7 +67,7 @@ fn place_all(models: &[Model], spacing: f64, angle: f64) -> Result<Vec<Placement
 /// Places caches as the settings ask. Returns the spacing with the caches of each model.
 pub(super) fn search(
     models: &[Model],
-    settings: &Settings,
+    settings: &BakeSettings,
     progress: &(dyn Fn(f32, &str) + Sync),
 ) -> Result<(f64, Vec<Placement>)> {
     let angle = f64::from(settings.angle);

@@ -16,7 +16,7 @@ use std::path::Path;
 
 /// What a comparison is made of.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
+pub struct ShadowsSettings {
     /// Picture [pixels].
     pub size: [u32; 2],
     /// Caches that are asked for.
@@ -76,7 +76,7 @@ const GATHER_STAGES: [&str; 3] = ["depth images", "gather", "occlude"];
 pub fn compare(
     gpu: &Gpu,
     scene: &Scene,
-    settings: &Settings,
+    settings: &ShadowsSettings,
     folder: &Path,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Compared> {

@@ -91,7 +91,7 @@ pub fn settings(size: [u32; 2], gi: Gi, rsm: u32, ways: Ways) -> Knobs {
 /// Places caches anew; gives them and the seconds that took.
 pub fn bake(scene: &Scene, caches: usize, references: usize) -> Result<(CacheSet, f64)> {
     let density = Density::Count(caches);
-    let settings = bake::Settings { density, angle: 60_f32.to_radians(), references };
+    let settings = bake::BakeSettings { density, angle: 60_f32.to_radians(), references };
     let start = Instant::now();
     let set = bake::bake(scene, &settings, &|_, _| ())?;
     Ok((set, start.elapsed().as_secs_f64()))

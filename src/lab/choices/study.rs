@@ -21,7 +21,7 @@ use crate::scene::{Camera, Light, Scene};
 
 /// What a study is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct StudySettings {
     /// Grid of pixels.
     pub size: [u32; 2],
     /// Caches that are asked for.
@@ -66,7 +66,7 @@ pub(super) struct Vertex {
 pub struct Study<'a> {
     pub(super) scene: &'a Scene,
     pub(super) camera: &'a Camera,
-    pub(super) settings: Settings,
+    pub(super) settings: StudySettings,
     pub(super) world: World<'a>,
     pub(super) pixels: Vec<Pixel>,
     pub(super) vertices: Vec<Vertex>,
@@ -86,9 +86,9 @@ pub struct Study<'a> {
 
 impl<'a> Study<'a> {
     /// Bakes 8 references, casts the VALs and computes the truth. Fails where the bake does.
-    pub fn new(scene: &'a Scene, camera: &'a Camera, settings: Settings) -> Result<Self> {
+    pub fn new(scene: &'a Scene, camera: &'a Camera, settings: StudySettings) -> Result<Self> {
         let density = Density::Count(settings.caches);
-        let bake_settings = bake::Settings { density, angle: 60_f32.to_radians(), references: 8 };
+        let bake_settings = bake::BakeSettings { density, angle: 60_f32.to_radians(), references: 8 };
         let baked = bake::bake(scene, &bake_settings, &|_, _| ())?;
         let world = World::new(scene);
         let (caches, first) = caches(scene, &baked);

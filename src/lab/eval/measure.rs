@@ -137,7 +137,7 @@ impl<'a> Bench<'a> {
             let mut scene = self.scene.clone();
             let spacing = tessellate::expected_spacing(&scene, point.caches);
             tessellate::divide(&mut scene, spacing, point.max_edge);
-            let settings = |density| bake::Settings { density, angle: point.angle, references: point.references };
+            let settings = |density| bake::BakeSettings { density, angle: point.angle, references: point.references };
             let caches = density.map(|d| bake::bake_cached(&scene, &settings(d), progress)).transpose()?;
             let caches = caches.map(|(caches, _)| caches);
             let world = World::new(self.gpu, &scene, caches.as_ref())?;

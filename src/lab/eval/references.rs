@@ -3,7 +3,7 @@
 use super::measure::Layers;
 use crate::error::{Error, Result};
 use crate::image::{Layer, read_picture, replace_file, write_exr};
-use crate::reference::path_trace::{PathTrace, Settings};
+use crate::reference::path_trace::{PathTrace, PathTraceSettings};
 use crate::scene::{Camera, Scene};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -177,7 +177,7 @@ pub fn path_traced(
 ) -> (Layers, Value) {
     let PathTraced { size, visibility, samples, glossy } = *wanted;
     // As the engine has it: punctual lights, and every bounce but the last one diffuse.
-    let settings = Settings { size, bounces: 1, visibility, ..Settings::default() };
+    let settings = PathTraceSettings { size, bounces: 1, visibility, ..PathTraceSettings::default() };
     let mut trace = PathTrace::new(scene, camera, &settings);
     let file = trace.kept_in(folder);
     if trace.resume(&file) {

@@ -209,7 +209,7 @@ pub(super) fn cases() -> Vec<Case> {
 
 fn many_caches(gpu: &Gpu) -> Result<Outcome> {
     let scene = corner(&[SPOT], 10.0);
-    let settings = bake::Settings { density: Density::Count(30_000), angle: 1.0, references: 8 };
+    let settings = bake::BakeSettings { density: Density::Count(30_000), angle: 1.0, references: 8 };
     let caches = bake::bake(&scene, &settings, &|_, _| ())?;
     let shot = shoot(gpu, &scene, Some(&caches), &small())?;
     let [diffuse, glossy] = sums_against_twins(&scene, &shot);

@@ -29,7 +29,7 @@ const SEQUENCE: u32 = 1 << 16;
 
 /// Which light paths are followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
+pub struct PathTraceSettings {
     /// Picture [pixels].
     pub size: [u32; 2],
     /// Indirect bounces: 0 for direct light alone, 1 for what the method computes.
@@ -55,7 +55,7 @@ pub enum Sources {
     All,
 }
 
-impl Default for Settings {
+impl Default for PathTraceSettings {
     fn default() -> Self {
         Self {
             size: [1280, 720],
@@ -72,7 +72,7 @@ impl Default for Settings {
 pub struct PathTrace<'a> {
     world: World<'a>,
     emitters: Emitters,
-    settings: Settings,
+    settings: PathTraceSettings,
     camera: &'a Camera,
     /// Hash of all that the samples depend on.
     key: [u8; 32],
@@ -105,7 +105,7 @@ struct Radiance {
 impl<'a> PathTrace<'a> {
     /// Prepares a picture without samples. Panics on settings that have no meaning: more than one bounce, or surfaces
     /// as sources, without visibility.
-    pub fn new(scene: &'a Scene, camera: &'a Camera, settings: &Settings) -> Self {
+    pub fn new(scene: &'a Scene, camera: &'a Camera, settings: &PathTraceSettings) -> Self {
         assert!(
             settings.visibility || (settings.bounces <= 1 && settings.sources == Sources::Punctual),
             "without visibility there is one bounce of punctual lights"
