@@ -4,7 +4,7 @@ mod meshes;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use lightskin::Error;
-use lightskin::bake::{self, BakeSettings, Cache, CacheSet, Density, ModelCaches, NO_CACHE, cluster, voxel};
+use lightskin::bake::{self, BakeSettings, Cache, CacheSet, Density, ModelCaches, NO_CACHE, seeds, voxel};
 use lightskin::scene::{Instance, Mesh, Scene, Vertex};
 use meshes::{Random, box_mesh, flat_mesh, grid_mesh, soup, sphere_mesh, torus_mesh};
 use std::f64::consts::{PI, TAU};
@@ -170,21 +170,21 @@ fn vertex_normals_decide_which_side_is_the_surface() {
 #[test]
 fn bins_have_equal_areas_and_cover_the_sphere() {
     let mut random = Random(4);
-    let mut hits = vec![0u32; cluster::BINS * cluster::BINS];
+    let mut hits = vec![0u32; seeds::BINS * seeds::BINS];
     let samples = 324 * 400;
     for _ in 0..samples {
         let (u, theta) = (2.0 * random.next() - 1.0, TAU * random.next());
         let radius = (1.0 - u * u).sqrt();
-        hits[cluster::normal_bin(DVec3::new(radius * theta.cos(), radius * theta.sin(), u))] += 1;
+        hits[seeds::normal_bin(DVec3::new(radius * theta.cos(), radius * theta.sin(), u))] += 1;
     }
     // 400 expected in each, standard deviation 20: beyond 5 of them lies one bin in 5000 runs.
     assert!(hits.iter().all(|&h| (300..=500).contains(&h)), "{hits:?}");
     for bin in 0..hits.len() {
-        assert_eq!(cluster::normal_bin(cluster::bin_normal(bin)), bin);
-        assert!((cluster::bin_normal(bin).length() - 1.0).abs() < 1e-12);
+        assert_eq!(seeds::normal_bin(seeds::bin_normal(bin)), bin);
+        assert!((seeds::bin_normal(bin).length() - 1.0).abs() < 1e-12);
     }
     for pole in [DVec3::Z, -DVec3::Z, DVec3::X, -DVec3::X, DVec3::NEG_Y, DVec3::new(1.0, -0.0, 0.0)] {
-        assert!(cluster::normal_bin(pole) < hits.len());
+        assert!(seeds::normal_bin(pole) < hits.len());
     }
 }
 

@@ -92,7 +92,7 @@ fn bumps_tilt_along_the_texture_with_and_without_tangents() {
     }
 }
 
-/// Seen from behind, a double-sided surface shows the same map as dents: the normal is the front's, negated.
+/// PixelSurface from behind, a double-sided surface shows the same map as dents: the normal is the front's, negated.
 #[test]
 fn second_sides_turn_the_whole_frame_round() {
     for (map, along) in [([218, 128, 218], Vec3::X), ([128, 218, 218], Vec3::Y)] {

@@ -17,7 +17,7 @@ use std::path::Path;
 /// What a comparison is made of.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowsSettings {
-    /// Picture [pixels].
+    /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Caches that are asked for.
     pub caches: usize,
@@ -36,7 +36,7 @@ pub struct Row {
     pub shadows: Shadows,
     /// Errors of each layer by its name, over the pixels that show a surface; or why there are none.
     pub errors: std::result::Result<Vec<(&'static str, Errors)>, String>,
-    /// Median GPU time [ms] of the whole frame; 0 where the device has no timestamps.
+    /// Median GPU time \[ms\] of the whole frame; 0 where the device has no timestamps.
     pub frame_ms: f64,
     /// Of the gather and what shadows add to it.
     pub gather_ms: f64,

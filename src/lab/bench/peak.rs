@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::shared::{PEAK_CHAINS, PEAK_STEPS};
 
-/// Runs get larger until one takes this long [ms].
+/// Runs get larger until one takes this long \[ms\].
 const LONG_ENOUGH: f64 = 30.0;
 
 /// Invocations of the first and of the largest run.

@@ -11,13 +11,13 @@ use crate::lab::knobs::{Gi, Knobs};
 use crate::lab::scenes::valley;
 use crate::scene::Scene;
 
-/// RSM side [texels].
+/// RSM side \[texels\].
 const RSM: u32 = 128;
 
 /// Caches that are asked for.
 const CACHES: usize = 1000;
 
-/// Distance of a viewer's eyes [m].
+/// Distance of a viewer's eyes \[m\].
 const EYES: f64 = 0.064;
 
 /// What frames of so many views are drawn with.
@@ -108,7 +108,7 @@ impl Contexts<'_> {
     }
 }
 
-/// Stages and their times [ms] of one view and of two.
+/// Stages and their times \[ms\] of one view and of two.
 struct OneAndTwo {
     caches: usize,
     vals: usize,

@@ -80,7 +80,7 @@ pub(super) struct Proxy<'a> {
     pub(super) cache: &'a Cache,
     pub(super) mirrored: DVec3,
     pub(super) lobe: Lobe,
-    /// Distance [m] of its nearest contributing VAL.
+    /// Distance \[m\] of its nearest contributing VAL.
     pub(super) nearest: f64,
 }
 

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Indirect radiance of a picture, lobe by lobe, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layers {
-    /// Picture [pixels].
+    /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Diffuse lobe [cd/m^2].
     pub diffuse: Vec<[f32; 3]>,
@@ -50,13 +50,13 @@ impl Layers {
 pub struct Measured {
     /// The picture.
     pub layers: Layers,
-    /// Median GPU time [ms] of each stage.
+    /// Median GPU time \[ms\] of each stage.
     pub stages: Vec<(String, f64)>,
     /// Frames whose median that is.
     pub frames: usize,
     /// Caches placed.
     pub caches: u32,
-    /// Spacing of the caches [m]; 0 without any.
+    /// Spacing of the caches \[m\]; 0 without any.
     pub spacing: f64,
     /// Virtual lights.
     pub vals: u32,
@@ -165,7 +165,7 @@ fn read_layers(gpu: &Gpu, frame: &Frame) -> Result<Layers> {
     })
 }
 
-/// Median time [ms] of each stage over some frames; nothing without timestamps.
+/// Median time \[ms\] of each stage over some frames; nothing without timestamps.
 pub(crate) fn medians(runs: &[FrameTimes]) -> Vec<(String, f64)> {
     let stages: Vec<_> = runs.iter().map(FrameTimes::stages).collect();
     let median = |name: &str| {

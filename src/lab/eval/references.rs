@@ -153,7 +153,7 @@ pub(crate) fn make_folder(path: &Path) -> Result<()> {
 /// What the path tracer is asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTraced {
-    /// Picture [pixels].
+    /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Whether reflected light is shadowed.
     pub visibility: bool,
