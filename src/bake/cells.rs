@@ -62,6 +62,9 @@ pub struct Cells {
 impl CacheSet {
     /// Adds the cells by which pixels find their caches. Fails with `TooLarge` where the spacing is minute against a
     /// model.
+    ///
+    /// # Errors
+    /// More cells than can be numbered; ask for fewer caches.
     pub fn with_cells(mut self, scene: &Scene) -> Result<Self> {
         let reach = REACH * self.spacing;
         let models = super::models(scene).0;

@@ -21,6 +21,9 @@ const HEADER: usize = 8 + 4 + 32 + 8 + 32;
 
 /// [`bake`], unless the result was kept; says whether it was. Kept in `lightskin` under `$XDG_CACHE_HOME`, or else in
 /// `$HOME/.cache`; with neither, nothing is kept.
+///
+/// # Errors
+/// As `bake`. A kept file that cannot be read or written is no error.
 pub fn bake_cached(
     scene: &Scene,
     settings: &BakeSettings,
@@ -37,6 +40,9 @@ pub fn bake_cached(
 
 /// [`bake_cached`] with the folder given. A file that is missing, damaged or of another version is made anew; one
 /// that cannot be written is a warning.
+///
+/// # Errors
+/// As `bake`. A kept file that cannot be read or written is no error.
 pub fn bake_kept_in(
     folder: &Path,
     scene: &Scene,

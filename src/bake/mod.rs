@@ -123,6 +123,9 @@ const SAME_STRETCH: f64 = 1e-4;
 /// The result depends on the scene and the settings alone, not on the number of threads. A count that cannot be met
 /// (a box needs six caches) gives the nearest that can. Fails with `TooLarge` where a model would get more caches than
 /// 16-bit references can name, or where the spacing is minute against a model.
+///
+/// # Errors
+/// A scene without triangles, and one that needs more caches than references can name.
 pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<CacheSet> {
     assert!(settings.angle.is_finite() && settings.angle > 0.0, "bake: angle {}", settings.angle);
     assert!(settings.references > 0, "bake: no references");

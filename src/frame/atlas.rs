@@ -16,12 +16,18 @@ pub struct Atlas {
 
 impl Atlas {
     /// Makes room for so many.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, count: u32) -> Result<Self> {
         let caches = gpu.buffer("atlas.caches", u64::from(count.max(1)) * size_of::<Cache>() as u64)?;
         Ok(Self { caches, count, pipeline: gpu.compute("atlas.comp", &[])? })
     }
 
     /// Of these caches, for whoever drives later stages by hand.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn of(gpu: &Gpu, caches: &[Cache]) -> Result<Self> {
         Ok(Self { caches: gpu.buffer_from("atlas.caches", caches)?, ..Self::new(gpu, caches.len() as u32)? })
     }

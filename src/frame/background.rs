@@ -14,6 +14,9 @@ pub struct Background {
 
 impl Background {
     /// Makes the pipeline.
+    ///
+    /// # Errors
+    /// A driver that refuses the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let pipeline = gpu.raster(&Raster {
             vertex: "screen.vert",

@@ -16,6 +16,9 @@ pub struct BruteForce {
 
 impl BruteForce {
     /// Makes the pipeline.
+    ///
+    /// # Errors
+    /// A driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let targets = [Format::R32G32B32A32_SFLOAT; 2];
         let pipeline = gpu.raster(&Raster {

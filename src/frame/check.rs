@@ -39,6 +39,9 @@ const TARGETS: [(u32, &str, u64); CHECK_TARGETS as usize] = [
 
 impl Check {
     /// Makes the pipeline and its buffer.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let counts = gpu.buffer("check.counts", u64::from(4 * CHECK_TARGETS * CHECK_GROUPS))?;
         Ok(Self { pipeline: gpu.compute("count_broken.comp", &[])?, counts })
@@ -46,6 +49,9 @@ impl Check {
 
     /// Looks at what the last frame has left in a picture and its light; waits for the device. What the frame has not is left
     /// out.
+    ///
+    /// # Errors
+    /// A device that was lost.
     pub fn count(&self, gpu: &Gpu, light: &Light, picture: &Picture) -> Result<Vec<Broken>> {
         let (surface, exposure) = (&picture.surface, &picture.output.exposure);
         let diffuse = picture.indirect.as_ref().map(|i| &i.diffuse);

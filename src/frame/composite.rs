@@ -20,6 +20,9 @@ pub struct Output {
 
 impl Output {
     /// Of this size.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, [w, h]: [u32; 2]) -> Result<Self> {
         Ok(Self {
             picture: gpu.target("composite.output", Format::R8G8B8A8_SRGB, w, h)?,
@@ -57,6 +60,9 @@ impl<'a> Composed<'a> {
 
 impl Composite {
     /// Makes the pipelines.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let constants = [u32::from(plan.indirect()), u32::from(plan.indirect() && plan.glossy)];
         Ok(Self {

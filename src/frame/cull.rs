@@ -31,6 +31,9 @@ enum CloseUp {
 
 impl Cull {
     /// Makes the pipelines, for so many `references` of a visible vertex or cell.
+    ///
+    /// # Errors
+    /// A driver that refuses the shaders.
     pub fn new(gpu: &Gpu, gather: &Gather, references: usize) -> Result<Self> {
         assert!(references.is_multiple_of(2), "references are read in pairs");
         let (group, close_up) = match gather.live() {

@@ -27,11 +27,17 @@ const AT_ONCE: u32 = (65_535 / (DEPTH_IMAGE_TEXELS + 1) - 1) / OCCLUDER_GROUP * 
 
 impl DepthImages {
     /// Of so many caches, drawn in the way that suits the device.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, caches: u32) -> Result<Self> {
         Self::with(gpu, caches, gpu.is_software())
     }
 
     /// Makes it for a thread an image, or a workgroup. The images are the same.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn with(gpu: &Gpu, caches: u32, alone: bool) -> Result<Self> {
         let name = if alone { "depth_images_alone.comp" } else { "depth_images.comp" };
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);

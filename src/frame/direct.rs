@@ -20,6 +20,9 @@ pub struct Direct {
 
 impl Direct {
     /// Makes the pipelines, and a shadow map of so many texels a side.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, side: u32) -> Result<Self> {
         let depth_only = Raster {
             vertex: "mesh.vert",

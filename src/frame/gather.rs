@@ -150,6 +150,9 @@ const LONGEST_PART: u32 = 32_768;
 
 impl Compute {
     /// Makes it for so many caches and VALs.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, caches: u32, vals: u32, ways: &Ways, kind: ComputeKind) -> Result<Self> {
         let split = split_of(caches, vals, ways.split, LONGEST_PART);
         let per_workgroup = GATHER_THREADS * ways.caches();

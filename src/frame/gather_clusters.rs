@@ -52,6 +52,9 @@ struct Coarse {
 
 impl Clusters {
     /// Makes pipelines, list and nodes for RSMs of `rsm` texels a side.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, world: &World, rsm: u32, rule: ClusterRule, glossy: bool, dim: bool) -> Result<Self> {
         let spread = u32::from(dim);
         let by_hand = u32::from(gpu.is_software());
@@ -86,6 +89,9 @@ impl Clusters {
     }
 
     /// Pairs of a cache and a node or VAL whose light the last frame has computed. Waits for the device.
+    ///
+    /// # Errors
+    /// A device that was lost.
     pub fn pairs(&self, gpu: &Gpu) -> Result<u64> {
         let LiveArgs { groups_x, groups_y, .. } = gpu.read(&self.live.args)?[0];
         let pairs: Vec<u32> = gpu.read(&self.pairs)?;

@@ -29,6 +29,9 @@ pub struct Surface {
 
 impl Surface {
     /// Makes the images.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
         let [w, h] = size;
         Ok(Self {
@@ -55,6 +58,9 @@ pub struct GBuffer {
 
 impl GBuffer {
     /// Makes the pipeline.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let pipeline = gpu.raster(&Raster {
             vertex: "mesh.vert",

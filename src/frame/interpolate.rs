@@ -27,6 +27,9 @@ pub struct Radiance {
 
 impl Radiance {
     /// Makes the images.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
         let float = Format::R32G32B32A32_SFLOAT;
         Ok(Self {
@@ -65,6 +68,9 @@ pub struct Interpolate {
 
 impl Interpolate {
     /// Makes the pipelines.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan, world: &World, interpolation: settings::Interpolation) -> Result<Self> {
         let targets = [Format::R32G32B32A32_SFLOAT; 2];
         let printed = u32::from(interpolation == settings::Interpolation::Printed);

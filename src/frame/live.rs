@@ -64,6 +64,9 @@ pub(super) fn new_parts(gpu: &Gpu, caches: u32, parts: u32) -> Result<Buffer> {
 
 impl Live {
     /// Of all caches.
+    ///
+    /// # Errors
+    /// What the device has no memory for.
     pub fn new(gpu: &Gpu, items: Items) -> Result<Self> {
         let Items { caches, group, per_workgroup, lights, split } = items;
         let (count, room) = (caches.div_ceil(group), caches.max(1).div_ceil(group));
@@ -81,6 +84,9 @@ impl Live {
     }
 
     /// Caches of the live items. Waits for the device.
+    ///
+    /// # Errors
+    /// A device that was lost.
     pub fn lit(&self, gpu: &Gpu) -> Result<u32> {
         let items = gpu.read::<LiveArgs>(&self.args)?[0].cache_count;
         let list: Vec<u32> = gpu.read(&self.list)?;

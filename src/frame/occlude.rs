@@ -19,6 +19,9 @@ pub struct Bounds {
 
 impl Bounds {
     /// Of so many caches.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, caches: u32) -> Result<Self> {
         let groups = u64::from(caches.div_ceil(OCCLUDER_GROUP).max(1));
         let groups = gpu.buffer("occlude.groups", groups * size_of::<OccluderGroup>() as u64)?;
@@ -49,11 +52,17 @@ pub struct Occlude {
 impl Occlude {
     /// Makes it for so many caches, `group` of which are live together, or 0 where no list says which are: then those that
     /// are not are unlit.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, caches: u32, glossy: bool, group: u32) -> Result<Self> {
         Self::made(gpu, caches, glossy, group, true)
     }
 
     /// The same without skipping any disc: what skipping is measured against.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn without_skipping(gpu: &Gpu, caches: u32, glossy: bool, group: u32) -> Result<Self> {
         Self::made(gpu, caches, glossy, group, false)
     }

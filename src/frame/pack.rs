@@ -19,6 +19,9 @@ pub struct PackVals {
 
 impl PackVals {
     /// Makes the pipelines. Where the gather lights all caches, its dispatch is made here.
+    ///
+    /// # Errors
+    /// A driver that refuses the shaders.
     pub fn new(gpu: &Gpu, lights_all: bool) -> Result<Self> {
         let place = if lights_all { "pack_vals_args.comp" } else { "pack_vals.comp" };
         Ok(Self { count: gpu.compute("count_flags.comp", &[])?, place: gpu.compute(place, &[])?, lights_all })
@@ -52,6 +55,9 @@ pub struct PackCaches {
 
 impl PackCaches {
     /// Makes the pipelines.
+    ///
+    /// # Errors
+    /// A driver that refuses the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self { count: gpu.compute("count_flags.comp", &[])?, place: gpu.compute("pack_caches.comp", &[])? })
     }

@@ -18,6 +18,9 @@ pub struct Poses {
 
 impl Poses {
     /// Makes the pipelines.
+    ///
+    /// # Errors
+    /// A driver that refuses the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self { deform: gpu.compute("deform.comp", &[])?, follow: gpu.compute("follow.comp", &[])? })
     }

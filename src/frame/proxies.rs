@@ -20,6 +20,9 @@ pub struct Proxies {
 
 impl Proxies {
     /// Unlit ones of so many caches, for so many eyes if there is a glossy lobe.
+    ///
+    /// # Errors
+    /// What the device has no memory for.
     pub fn new(gpu: &Gpu, count: u32, glossy: bool, eyes: u32) -> Result<Self> {
         let runs = if glossy { eyes.max(1) } else { 1 };
         let buffer = gpu.buffer_from("gather.proxies", &vec![Proxy::default(); (count.max(1) * runs) as usize])?;

@@ -24,6 +24,9 @@ pub struct Pyramid {
 
 impl Pyramid {
     /// Makes the pipeline and the nodes for RSMs of `rsm` texels a side.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, world: &World, rsm: u32) -> Result<Self> {
         let (views, node_count) = layout(world, rsm);
         let largest = views.iter().map(|v| [v.size, v.levels]).max().unwrap_or_default();

@@ -28,6 +28,9 @@ pub struct VisibleList {
 
 impl VisibleList {
     /// Room for a picture of this size.
+    ///
+    /// # Errors
+    /// What the device has no memory for.
     pub fn new(gpu: &Gpu, world: &World, [w, h]: [u32; 2]) -> Result<Self> {
         let all = u64::from(world.slot_count.max(1));
         let pixels = u64::from(w) * u64::from(h);

@@ -46,21 +46,33 @@ const BUFFER_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
 
 impl Gpu {
     /// A device-local buffer; its content is undefined.
+    ///
+    /// # Errors
+    /// A size beyond the device's limit, and what it has no memory for.
     pub fn buffer(&self, name: &str, size: u64) -> Result<Buffer> {
         self.make_buffer(name, size, MemoryLocation::GpuOnly)
     }
 
     /// A buffer that the CPU writes and the GPU reads.
+    ///
+    /// # Errors
+    /// A size beyond the device's limit, and what it has no memory for.
     pub fn host_buffer(&self, name: &str, size: u64) -> Result<Buffer> {
         self.make_buffer(name, size, MemoryLocation::CpuToGpu)
     }
 
     /// A buffer that the GPU writes and the CPU reads.
+    ///
+    /// # Errors
+    /// A size beyond the device's limit, and what it has no memory for.
     pub fn readback_buffer(&self, name: &str, size: u64) -> Result<Buffer> {
         self.make_buffer(name, size, MemoryLocation::GpuToCpu)
     }
 
     /// A device-local buffer that holds `data`; at least 16 bytes, so that an empty list can be bound.
+    ///
+    /// # Errors
+    /// A size beyond the device's limit, and what it has no memory for.
     pub fn buffer_from<T: bytemuck::NoUninit>(&self, name: &str, data: &[T]) -> Result<Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let buffer = self.buffer(name, bytes.len().max(16) as u64)?;
@@ -73,6 +85,9 @@ impl Gpu {
     }
 
     /// Reads a whole buffer back; waits for the device.
+    ///
+    /// # Errors
+    /// A device that was lost, and no memory to read into.
     pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
         let back = self.readback_buffer("readback", buffer.held)?;
         self.run_once("readback", |cmd| cmd.copy_buffer(buffer, &back, buffer.held))?;

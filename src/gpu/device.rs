@@ -144,6 +144,9 @@ impl Shared {
 
 impl Gpu {
     /// Opens a device. With `Validation::Sync` the engine's own barrier check runs as well.
+    ///
+    /// # Errors
+    /// No Vulkan, no device that can run the engine (it says what each lacks), or one that does not open.
     pub fn new(options: &Options) -> Result<Self> {
         let opened = open_instance(options.validation)?;
         let instance = &opened.instance;

@@ -152,6 +152,9 @@ impl Gpu {
 
     /// Times of all frames that are done and have not been fetched, oldest first; never waits. Of more than 256 the
     /// oldest are lost.
+    ///
+    /// # Errors
+    /// A device that was lost.
     pub fn finished_times(&self) -> Result<Vec<FrameTimes>> {
         // SAFETY: the semaphore is alive.
         let done = unsafe { self.shared.device.get_semaphore_counter_value(self.shared.timeline) }
@@ -167,6 +170,9 @@ impl Gpu {
     }
 
     /// Waits for everything submitted; then `finished_times` has every frame.
+    ///
+    /// # Errors
+    /// A device that was lost.
     pub fn wait(&self) -> Result<()> {
         self.shared.wait()?;
         self.shared.collect();
@@ -174,6 +180,9 @@ impl Gpu {
     }
 
     /// Waits for a frame and fetches its times, which must not have been fetched yet.
+    ///
+    /// # Errors
+    /// A device that was lost.
     pub fn times(&self, frame: &Frame) -> Result<FrameTimes> {
         let mut slot = self.ring.slots[frame.number as usize % FRAMES_IN_FLIGHT].borrow_mut();
         let held = slot.unread && slot.notes.number == frame.number;
@@ -211,6 +220,9 @@ impl Gpu {
     }
 
     /// Records, submits and waits: for uploads and read-back, outside the frame loop. Has no times.
+    ///
+    /// # Errors
+    /// A device that was lost.
     pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
         let frame = self.submit(false, |cmd| {
             cmd.zone.set(name);

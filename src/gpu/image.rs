@@ -115,6 +115,9 @@ impl Made {
 
 impl Gpu {
     /// A render target that shaders can also read.
+    ///
+    /// # Errors
+    /// A size or format beyond the device's limits, and what it has no memory for.
     pub fn target(&self, name: &str, format: vk::Format, width: u32, height: u32) -> Result<Image> {
         self.image(&ImageDesc { name, format, size: [width, height], extent: Extent::Plane, storage: false })
     }
@@ -139,6 +142,9 @@ impl Gpu {
     }
 
     /// A sampled texture with all its mip levels given, largest first, tightly packed.
+    ///
+    /// # Errors
+    /// A size or format beyond the device's limits, and what it has no memory for.
     pub fn texture(
         &self,
         name: &str,
@@ -167,6 +173,9 @@ impl Gpu {
     }
 
     /// Reads the largest level of an image back as tightly packed texels, layer after layer; waits for the device.
+    ///
+    /// # Errors
+    /// A device that was lost, and no memory to read into.
     pub fn read_image<T: bytemuck::Pod>(&self, image: &Image) -> Result<Vec<T>> {
         let back = self.readback_buffer("readback", image.made.level_bytes(0))?;
         self.run_once("readback", |cmd| cmd.copy_image_to_buffer(image, &back))?;

@@ -58,6 +58,9 @@ impl Instance {
 }
 
 /// All devices that the Vulkan loader finds, with what each lacks.
+///
+/// # Errors
+/// No Vulkan loader, or one that finds no driver.
 pub fn devices() -> Result<Vec<DeviceReport>> {
     let opened = open_instance(Validation::Off)?;
     // SAFETY: the instance is alive.

@@ -81,6 +81,9 @@ pub struct Raster<'a> {
 
 impl Gpu {
     /// A graphics pipeline.
+    ///
+    /// # Errors
+    /// A driver that refuses the shaders.
     pub fn raster(&self, raster: &Raster<'_>) -> Result<Pipeline> {
         self.kept(format!("{raster:?}"), || self.make_raster(raster))
     }

@@ -146,6 +146,9 @@ pub fn model(scene: &Scene) -> Option<usize> {
 
 /// Measures a scene with each of these sets of caches, which stay as they are: they move with their models.
 /// `progress` is told how much is done, from 0 to 1, and what is being done.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn measure(
     gpu: &Gpu,
     scene: &Scene,

@@ -4,6 +4,7 @@ use super::eval::measure::{Bench, Layers};
 use super::eval::references::{PathTraced, path_traced};
 use super::eval::sweep::Point;
 use crate::error::Result;
+use crate::frame::plan::STAGES;
 use crate::frame::{Plan, Shadows};
 use crate::gpu::Gpu;
 use crate::lab::knobs::Knobs;
@@ -69,10 +70,15 @@ pub struct Compared {
 /// All kinds of shadows.
 pub const KINDS: [Shadows; 3] = [Shadows::Off, Shadows::Proxy, Shadows::PerLight];
 
-/// Stages whose time is the gather's.
-const GATHER_STAGES: [&str; 3] = ["depth images", "gather", "occlude"];
+/// Whether the time of a stage is that of lighting caches: of METHOD's stages 6 and 7.
+fn lights_caches(name: &str) -> bool {
+    STAGES.iter().any(|stage| stage.name == name && (6..=7).contains(&stage.number))
+}
 
 /// Compares every kind with the path tracer, from the scene's first camera. Path-traced samples are kept in `folder`.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn compare(
     gpu: &Gpu,
     scene: &Scene,
@@ -114,7 +120,7 @@ pub fn compare(
                     shadows,
                     errors: Ok(errors(&measured.layers, &truth)),
                     frame_ms: time(&|_| true),
-                    gather_ms: time(&|name| GATHER_STAGES.contains(&name)),
+                    gather_ms: time(&lights_caches),
                 }
             }
             Err(error) => Row { shadows, errors: Err(error.to_string()), frame_ms: 0.0, gather_ms: 0.0 },

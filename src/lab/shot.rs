@@ -49,6 +49,9 @@ pub struct Shot {
 }
 
 /// Draws one frame from the scene's first camera and reads it back.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs) -> Result<Shot> {
     let said = gpu.messages().len();
     let world = World::new(gpu, scene, caches)?;
@@ -105,6 +108,9 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs)
 }
 
 /// The gather's sums at each of so many caches; of caches that are culled no light.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn gather_sums(gpu: &Gpu, gather: &Gather, count: u32) -> Result<Vec<GatherSums>> {
     let mut sums = vec![GatherSums::default(); count as usize];
     let (live, parts, bounces) = match gather {
@@ -158,6 +164,9 @@ pub fn gather_sums(gpu: &Gpu, gather: &Gather, count: u32) -> Result<Vec<GatherS
 }
 
 /// RGB of a float image.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn radiance(gpu: &Gpu, image: &Image) -> Result<Vec<DVec3>> {
     let texels: Vec<[f32; 4]> = gpu.read_image(image)?;
     Ok(texels.iter().map(|t| Vec3::new(t[0], t[1], t[2]).as_dvec3()).collect())

@@ -71,6 +71,9 @@ pub fn corner(lights: &[LightKind], exponent: f32) -> Scene {
 }
 
 /// Caches this far apart \[m\].
+///
+/// # Errors
+/// As `bake::bake`.
 pub fn baked(scene: &Scene, spacing: f64, references: usize) -> Result<CacheSet> {
     let settings = bake::BakeSettings { density: Density::Spacing(spacing), angle: 0.5 * FRAC_PI_2, references };
     bake::bake(scene, &settings, &|_, _| ())

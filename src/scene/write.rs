@@ -20,6 +20,9 @@ const VERTICES: u32 = 34962;
 /// A double-sided material's triangles are written once, its second side is what `doubleSided` says. A scene that moves is
 /// written at rest, with what moves it; animations without channels are left out. Scenes with images are refused: scenes
 /// made in code have none. So are meshes that bend once their triangles are divided.
+///
+/// # Errors
+/// A file that cannot be written.
 pub fn write_glb(scene: &Scene, path: &Path) -> Result<()> {
     let failed = |reason: String| Error::Output { file: path.to_path_buf(), reason };
     let bytes = glb_bytes(scene).map_err(failed)?;

@@ -21,6 +21,9 @@ pub struct CellBuffers {
 
 impl CellBuffers {
     /// Uploads the cells.
+    ///
+    /// # Errors
+    /// What the device has no memory for.
     pub fn new(gpu: &Gpu, cells: &CellSet) -> Result<Self> {
         let (mut grids, mut entries) = (Vec::new(), Vec::new());
         for model in &cells.models {

@@ -367,6 +367,9 @@ impl World {
     }
 
     /// The vertices of an instance as draws last read them; none of one that has no triangles. Waits for the device.
+    ///
+    /// # Errors
+    /// A device that was lost.
     pub fn read_vertices(&self, gpu: &Gpu, scene: &Scene, instance: usize) -> Result<Vec<Vertex>> {
         let Some(item) = self.draws.iter().find(|item| item.instance as usize == instance) else {
             return Ok(Vec::new());

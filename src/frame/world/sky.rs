@@ -15,6 +15,9 @@ pub struct SkyBuffer {
 
 impl SkyBuffer {
     /// Uploads a sky.
+    ///
+    /// # Errors
+    /// What the device has no memory for.
     pub fn new(gpu: &Gpu, sky: &Sky) -> Result<Self> {
         let texels = gpu.buffer_from("scene.sky", &sky.texels)?;
         Ok(Self { texels, width: sky.width, height: sky.height, turn: sky.turn as f32 })

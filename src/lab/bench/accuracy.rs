@@ -25,6 +25,9 @@ fn off(sum: f64, found: f64) -> f64 {
 /// Largest relative error of the irradiance \[lx\] that some of these caches received of these VALs, seen by a perspective
 /// camera (`eye` as in `shared::GatherPush`), in any channel: of the diffuse lobe, and of the glossy one. Terms have one sign,
 /// so that the error is relative to their sum.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn worst(gpu: &Gpu, caches: &[Cache], vals: &[Val], eye: Vec4, gather: &Gather) -> Result<[f64; 2]> {
     let sums = gather_sums(gpu, gather, caches.len() as u32)?;
     let vals: Vec<_> = vals.iter().map(|v| val(v, DVec3::ZERO)).collect();

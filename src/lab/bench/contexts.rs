@@ -12,6 +12,7 @@ use crate::frame::atlas::Atlas;
 use crate::frame::gather::{Compute, ComputeKind, Gather, Lit};
 use crate::frame::gather_draws::Draws;
 use crate::frame::occlude::Occlude;
+use crate::frame::plan::{Features, Plan};
 use crate::frame::proxies::Proxies;
 use crate::frame::tune::{self, Tuned};
 use crate::frame::vals::Vals;
@@ -27,9 +28,12 @@ use std::time::Instant;
 pub const VERSIONS: [(&str, bool, usize); 4] =
     [("D8", false, 8), ("D16", false, 16), ("DG8", true, 8), ("DG16", true, 16)];
 
-/// Stages of a frame, in order.
-const STAGES: [&str; 9] =
-    ["gbuffer", "direct", "atlas", "rsm", "visible", "cull", "gather", "interpolate", "composite"];
+/// Stages of the frames of table 6.1, in order.
+fn stages() -> Vec<&'static str> {
+    let settings = Knobs::plain([1, 1]).settings();
+    let plan = Plan::of(&Features { lights: true, glossy: true, ..Features::default() }, &settings);
+    plan.stages().map(|stage| stage.name).collect()
+}
 
 /// Caches of tables 6.1 and 6.2.
 const CACHES: [usize; 2] = [500, 1000];
@@ -96,6 +100,9 @@ impl Contexts<'_> {
     }
 
     /// Tables 6.1, of its stages and of the bakes.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn triangles(&mut self) -> Result<[Table; 3]> {
         let [w, h] = self.extent.window;
         let mut columns = vec!["triangles".to_owned(), "LI [ms]".into()];
@@ -117,7 +124,7 @@ impl Contexts<'_> {
         let columns: Vec<String> = ["triangles", "version"]
             .into_iter()
             .map(str::to_owned)
-            .chain(STAGES.map(|s| format!("{s} [ms]")))
+            .chain(stages().iter().map(|s| format!("{s} [ms]")))
             .collect();
         let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         let how = "The stages of the frames of table 6.1.".to_owned();
@@ -169,7 +176,7 @@ impl Contexts<'_> {
         let triangles = scene.triangle_count();
         let of_stages = |(name, times): (&str, &Times)| -> Vec<Cell> {
             let stage = |stage| Cell::from(times.stage(stage));
-            [triangles.into(), name.into()].into_iter().chain(STAGES.map(stage)).collect()
+            [triangles.into(), name.into()].into_iter().chain(stages().into_iter().map(stage)).collect()
         };
         let names = ["LI"].into_iter().chain(VERSIONS.map(|version| version.0));
         let stages = names.zip(&all).map(of_stages).collect();
@@ -188,6 +195,9 @@ impl Contexts<'_> {
     }
 
     /// Table 6.2.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn resolution(&mut self) -> Result<Table> {
         let columns =
             ["width", "height", "LI [ms]", "GI [ms]", "GI / LI", "thesis LI [ms]", "thesis GI [ms]", "thesis GI / LI"];
@@ -235,6 +245,9 @@ impl Contexts<'_> {
     }
 
     /// Tables 6.3 and of pairs per second.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn caches(&mut self) -> Result<[Table; 2]> {
         let columns = [
             "lobes",
@@ -430,6 +443,9 @@ impl Contexts<'_> {
     }
 
     /// What culling costs and what it saves.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn culling(&mut self) -> Result<Table> {
         let columns = [
             "triangles",
@@ -543,6 +559,9 @@ struct ShadowedFrame {
 }
 
 /// The VALs and caches of the last frame, as the gather reads them.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn light_and_caches(gpu: &Gpu, light: &Light) -> Result<(Vec<Val>, Vec<Cache>)> {
     let none = || Error::Nothing("the frame gathers no light".into());
     let (vals, caches) = (light.vals().ok_or_else(none)?, light.caches().ok_or_else(none)?);

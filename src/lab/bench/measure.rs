@@ -41,16 +41,25 @@ pub struct OnDevice<'a> {
 
 impl<'a> OnDevice<'a> {
     /// Uploads a scene.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, caches: Option<&CacheSet>) -> Result<Self> {
         Ok(Self { gpu, scene, world: World::new(gpu, scene, caches)? })
     }
 
     /// The stages of a frame.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn frame(&self, knobs: &Knobs) -> Result<Frame> {
         Frame::new(self.gpu, self.scene, &self.world, knobs)
     }
 
     /// Draws `warm_up` frames that do not count and `frames` that do.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn times(&self, frame: &mut Frame, warm_up: usize, frames: usize) -> Result<Times> {
         Ok(in_turn(&mut [(self, frame)], warm_up, frames)?.remove(0))
     }
@@ -70,6 +79,9 @@ impl<'a> OnDevice<'a> {
 
 /// Times of several frames that are compared: `warm_up` of each that do not count and `frames` that do, one of each after the
 /// other, so that what else the machine does reaches all of them.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn in_turn(compared: &mut [(&OnDevice<'_>, &mut Frame)], warm_up: usize, frames: usize) -> Result<Vec<Times>> {
     let mut runs: Vec<(Vec<FrameTimes>, Vec<String>)> = compared.iter().map(|_| Default::default()).collect();
     for i in 0..warm_up + frames {
@@ -89,6 +101,9 @@ pub fn settings(size: [u32; 2], gi: Gi, rsm: u32, ways: Ways) -> Knobs {
 }
 
 /// Places caches anew; gives them and the seconds that took.
+///
+/// # Errors
+/// As `bake::bake`.
 pub fn bake(scene: &Scene, caches: usize, references: usize) -> Result<(CacheSet, f64)> {
     let density = Density::Count(caches);
     let settings = bake::BakeSettings { density, angle: 60_f32.to_radians(), references };

@@ -48,6 +48,9 @@ impl Results {
 }
 
 /// Measures everything. `progress` is told how much is done, from 0 to 1, and what is being done.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<Results> {
     let start = Instant::now();
     progress(0.0, "arithmetic peak");

@@ -43,6 +43,9 @@ struct Moment {
 
 impl Contexts<'_> {
     /// The table of what motion costs.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn motion(&mut self) -> Result<Table> {
         let [w, h] = self.extent.size;
         let columns = [

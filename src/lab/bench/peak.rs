@@ -14,6 +14,9 @@ const INVOCATIONS: [u32; 2] = [1 << 10, 1 << 21];
 const RUNS: usize = 5;
 
 /// Measured arithmetic peak [flop/s]; a multiply-add counts as two. Fails where the chains end elsewhere than they must.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn measure(gpu: &Gpu) -> Result<f64> {
     let pipeline = gpu.compute("peak.comp", &[])?;
     let mut count = INVOCATIONS[0];

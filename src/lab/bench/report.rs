@@ -16,12 +16,18 @@ use serde_json::json;
 use std::path::Path;
 
 /// Makes the folder and tries whether the report can be written there, before long work is done for it.
+///
+/// # Errors
+/// A folder or file that cannot be written.
 pub fn check_writable(folder: &Path) -> Result<()> {
     make_folder(folder)?;
     crate::image::check_writable(&folder.join("bench.md"))
 }
 
 /// Writes the report into a folder.
+///
+/// # Errors
+/// A folder or file that cannot be written.
 pub fn write(folder: &Path, gpu: &Gpu, results: &Results) -> Result<()> {
     make_folder(folder)?;
     let text = |name: &str, content: &str| {

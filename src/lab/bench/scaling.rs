@@ -139,6 +139,9 @@ struct Lists {
 
 impl Contexts<'_> {
     /// The tables of times and of exponents.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn scaling(&mut self) -> Result<[Table; 2]> {
         (self.progress)(0.0, "caches and VALs of the grid");
         let Lists { caches, vals, view } = self.lists()?;

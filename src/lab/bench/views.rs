@@ -29,6 +29,9 @@ struct Drawn {
 
 impl Contexts<'_> {
     /// The table of what a second view costs.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn views(&mut self) -> Result<Table> {
         let columns =
             ["lobes", "caches", "VALs", "views", "frame [ms]", "gather [ms]", "frame / one view", "gather / one view"];

@@ -86,6 +86,9 @@ pub struct Study<'a> {
 
 impl<'a> Study<'a> {
     /// Bakes 8 references, casts the VALs and computes the truth. Fails where the bake does.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn new(scene: &'a Scene, camera: &'a Camera, settings: StudySettings) -> Result<Self> {
         let density = Density::Count(settings.caches);
         let bake_settings = bake::BakeSettings { density, angle: 60_f32.to_radians(), references: 8 };

@@ -93,6 +93,9 @@ impl<'a> Bench<'a> {
 
     /// Renders a point: one frame to warm up, then `frames` whose median counts; fewer where frames take long, at the
     /// least the first alone.
+    ///
+    /// # Errors
+    /// What the device cannot hold or do, and a device that was lost.
     pub fn measure(&mut self, point: &Point, frames: usize, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Measured> {
         let (gpu, camera) = (self.gpu, self.camera);
         let Prepared { scene, world, spacing, .. } = self.prepare(point, progress)?;

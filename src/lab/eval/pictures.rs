@@ -40,6 +40,9 @@ pub enum Shows {
 
 impl Pictures {
     /// Makes the folder if it is missing.
+    ///
+    /// # Errors
+    /// A file that cannot be read or written.
     pub fn open(folder: PathBuf) -> Result<Self> {
         make_folder(&folder)?;
         Ok(Self { folder })
@@ -60,6 +63,9 @@ impl Pictures {
     }
 
     /// Writes indirect light.
+    ///
+    /// # Errors
+    /// A file that cannot be read or written.
     pub fn write_light(&self, key: &str, layers: &Layers, exposure: Exposure) -> Result<()> {
         let shown = |pixel: &[f32; 3]| {
             let srgb = encode(pbr_neutral(clean(*pixel) * exposure.0)) * 255.0 + 0.5;
@@ -70,6 +76,9 @@ impl Pictures {
     }
 
     /// Writes the error of indirect light against a reference of the same size.
+    ///
+    /// # Errors
+    /// A file that cannot be read or written.
     pub fn write_error(&self, key: &str, layers: &Layers, reference: &Layers) -> Result<()> {
         let mut errors = relative_squares(&layers.sum(), &reference.sum());
         for (error, (a, b)) in errors.iter_mut().zip(layers.covered.iter().zip(&reference.covered)) {

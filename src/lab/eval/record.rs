@@ -177,6 +177,9 @@ pub struct Store {
 
 impl Store {
     /// Reads a file of rows; none if it is missing. A line that is no row is left out, with a warning.
+    ///
+    /// # Errors
+    /// A folder or file that cannot be read or written.
     pub fn open(path: &Path) -> Result<Self> {
         let mut rows = Vec::new();
         let bytes = match std::fs::read(path) {
@@ -212,6 +215,9 @@ impl Store {
     }
 
     /// Adds a row, or replaces the one of its key, and writes the file.
+    ///
+    /// # Errors
+    /// A folder or file that cannot be read or written.
     pub fn keep(&mut self, row: Row) -> Result<()> {
         self.rows.retain(|other| other.key != row.key);
         self.rows.push(row);

@@ -82,6 +82,9 @@ pub struct Library {
 
 impl Library {
     /// Makes the folder if it is missing.
+    ///
+    /// # Errors
+    /// A folder or file that cannot be read or written.
     pub fn open(folder: PathBuf) -> Result<Self> {
         make_folder(&folder)?;
         Ok(Self { folder })
@@ -109,6 +112,9 @@ impl Library {
     }
 
     /// Keeps a reference; `about` is an object.
+    ///
+    /// # Errors
+    /// A folder or file that cannot be read or written.
     pub fn keep(&self, name: &str, key: &str, layers: Layers, mut about: Value) -> Result<Reference> {
         let path = self.path(name, key);
         let rgba = |image: &[[f32; 3]]| -> Vec<[f32; 4]> { image.iter().map(|p| [p[0], p[1], p[2], 1.0]).collect() };

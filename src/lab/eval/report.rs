@@ -25,12 +25,18 @@ pub struct Section {
 const STYLE: &str = include_str!("report.css");
 
 /// Makes the folder and tries whether a report can be written there, before long work is done for it.
+///
+/// # Errors
+/// A folder or file that cannot be written.
 pub fn check_writable(folder: &Path) -> Result<()> {
     super::references::make_folder(folder)?;
     crate::image::check_writable(&folder.join("index.html"))
 }
 
 /// Writes `index.html`, `results.csv`, `results.json` and `plots/*.svg`. `extra` sections come behind our own.
+///
+/// # Errors
+/// A folder or file that cannot be written.
 pub fn write(job: &Job<'_>, results: &Results, extra: &[Section]) -> Result<()> {
     let page = Page { job, results, figures: Figures { job, results } };
     let folder = job.folder;

@@ -67,6 +67,9 @@ struct Work<'a> {
 }
 
 /// Measures what is not kept yet. `progress` is told how much is done, from 0 to 1, and what is being done.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Results> {
     make_folder(job.folder)?;
     let (scene, camera, report) = (job.scene.fingerprint(), job.camera, job.gpu.report());

@@ -50,6 +50,9 @@ pub fn lines() -> Vec<Case> {
 }
 
 /// Runs a case.
+///
+/// # Errors
+/// What the device cannot hold or do, and a device that was lost.
 pub fn run(gpu: &Gpu, case: &Case) -> Result<Line> {
     let Outcome { mut measured, mut pass, complaints } = (case.check)(gpu)?;
     for complaint in complaints {
