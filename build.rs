@@ -116,7 +116,8 @@ fn rust_from_glsl(glsl: &str) -> String {
         let indent = if open.is_some() { "    " } else { "" };
         let mut doc: Vec<String> = std::mem::take(&mut docs);
         doc.extend(comment.map(str::to_owned));
-        let doc: String = doc.iter().map(|d| format!("{indent}/// {d}\n")).collect();
+        // Units in brackets are no links.
+        let doc: String = doc.iter().map(|d| format!("{indent}/// {}\n", d.replace('[', "\\["))).collect();
         if let Some(name) = code.strip_prefix("struct ") {
             let name = name.trim_end_matches('{').trim();
             writeln!(rust, "{doc}#[repr(C, packed(4))]\n#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]\npub struct {name} {{").expect("string");

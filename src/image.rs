@@ -84,9 +84,9 @@ impl Layer {
 /// Three linear channels read from a file, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Width [pixels].
+    /// Width \[pixels\].
     pub width: u32,
-    /// Height [pixels].
+    /// Height \[pixels\].
     pub height: u32,
     /// `width * height` values.
     pub rgb: Vec<[f32; 3]>,

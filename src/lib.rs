@@ -13,7 +13,7 @@
 //! | 2 | [`frame::direct`] | G-buffer, shadow maps -> radiance |
 //! | 3 | [`frame::atlas`] | model caches, transforms -> caches in the world |
 //! | 4 | [`frame::rsm`] | scene from each light -> virtual area lights (VALs) |
-//! | 5 | [`frame::visible`] or [`frame::cells`], [`frame::cull`] | pixels -> visible vertices or cells -> live caches |
+//! | 5 | [`frame::visible`], [`frame::cull`] | pixels -> visible vertices or cells -> live caches |
 //! | 6 | [`frame::depth_images`], [`frame::gather`], [`frame::bounce`] | VALs x caches -> proxy lights |
 //! | 7 | [`frame::occlude`] | discs of caches -> dimmed proxies |
 //! | 8 | [`frame::interpolate`] | proxies -> indirect radiance per pixel |
@@ -21,33 +21,44 @@
 //!
 //! Stages 9 and 10 (subsurface scattering) keep their numbers and are yet to come.
 //!
+//! A [`frame::World`] is a scene on the device, a [`frame::Light`] its light, once for all views, a [`frame::Picture`] what
+//! one view sees. A [`frame::Engine`] holds a world and its light and lets everything change between two frames:
+//!
 //! ```no_run
-//! use lightskin::frame::{Frame, SceneBuffers, Settings, View};
+//! use lightskin::frame::engine::Loaded;
+//! use lightskin::frame::{Engine, Look, Quality, Settings};
 //! use lightskin::{bake, gpu, image, scene};
 //!
 //! fn main() -> lightskin::Result<()> {
 //!     let mut scene = scene::gltf::load("scene.glb".as_ref())?;
 //!     scene::defaults::complete(&mut scene); // a camera and a light, if it has none
+//!     let camera = scene.cameras[0].clone();
 //!
-//!     let density = bake::Density::Count(1000);
-//!     let caches = bake::bake(&scene, &bake::Settings { density, angle: 1.0, references: 8 }, &|_, _| {})?;
+//!     let density = bake::Density::Count(Quality::High.caches());
+//!     let wanted = bake::BakeSettings { density, angle: 1.0, references: Quality::High.references() };
+//!     let caches = Some(bake::bake(&scene, &wanted, &|_, _| {})?);
 //!
 //!     let gpu = gpu::Gpu::new(&gpu::Options::default())?;
-//!     let settings = Settings { size: [640, 360], ..Settings::default() };
-//!     let buffers = SceneBuffers::new(&gpu, &scene, Some(&caches))?;
-//!     let frame = Frame::new(&gpu, &scene, &buffers, &settings)?;
-//!     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-//!     let drawn = gpu.frame(false, |cmd| {
-//!         frame.record(cmd, &buffers, &view);
-//!         Ok(())
-//!     })?;
-//!     gpu.times(&drawn)?; // waits, and gives the milliseconds of each stage
-//!     image::write_png("picture.png".as_ref(), 640, 360, &gpu.read_image(&frame.targets.output)?)
+//!     let settings = Settings::at(Quality::High, Quality::High.caches());
+//!     let mut engine = Engine::new(&gpu, Loaded { scene, caches }, &settings)?;
+//!     let size = [640, 360];
+//!     let mut picture = engine.picture(&gpu, size)?;
+//!     for _ in 0..2 {
+//!         engine.fit(&gpu, &mut [(&mut picture, size)])?; // after any change; costs nothing without one
+//!         let view = engine.view(&camera, size);
+//!         let drawn = gpu.timed_frame(|cmd| {
+//!             engine.record(cmd, &mut [(view, &mut picture)], &Look::default());
+//!             Ok(())
+//!         })?;
+//!         gpu.times(&drawn)?; // waits, and gives the milliseconds of each stage
+//!         engine.edit(&gpu, |scene| scene.lights[0].intensity *= 2.0)?;
+//!     }
+//!     image::write_png("picture.png".as_ref(), 640, 360, &gpu.read_image(&picture.output.picture)?)
 //! }
 //! ```
 //!
 //! The engine alone is what default features off leave: [`gpu`], [`scene`], [`bake`], [`frame`], and the f64 twins of its
-//! shaders in [`reference`]. Feature `exr` adds OpenEXR files, `compare` adds `metrics`, `lab` what measures the engine, and
+//! shaders in [`mod@reference`]. Feature `exr` adds OpenEXR files, `compare` adds `metrics`, `lab` what measures the engine, and
 //! `cli` the command line.
 
 pub mod bake;

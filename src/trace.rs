@@ -18,7 +18,7 @@ enum Track {
     Gpu = 2,
 }
 
-/// Something that took time, from the trace's beginning [ns]; whole numbers, so that what nests stays nested.
+/// Something that took time, from the trace's beginning \[ns\]; whole numbers, so that what nests stays nested.
 struct Spent {
     track: Track,
     name: &'static str,
@@ -95,7 +95,7 @@ impl Trace {
         }
     }
 
-    /// For each timed zone, how far [ms] the device's clock must at least be shifted for its first stamp to follow the
+    /// For each timed zone, how far \[ms\] the device's clock must at least be shifted for its first stamp to follow the
     /// beginning of its submission.
     fn least_shifts(&self, frame: &FrameTimes) -> Vec<f64> {
         let began = frame.begin.duration_since(self.start).as_secs_f64() * 1e3;

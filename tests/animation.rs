@@ -8,7 +8,7 @@ mod written;
 
 use crate::common::data;
 use glam::{DVec3, Vec3};
-use lightskin::bake::{CacheSet, Density, Settings, bake};
+use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
 use lightskin::reference::world::{Sides, World};
 use lightskin::scene::{Instance, Mesh, Scene, gltf, tessellate};
 use second::{File, Triangle};
@@ -91,7 +91,7 @@ fn animated(data: &Path) -> Vec<PathBuf> {
     all.into_iter().filter(|path| gltf::load(path).is_ok_and(|scene| scene.rig.is_some())).collect()
 }
 
-const FEW: Settings = Settings { density: Density::Count(60), angle: 0.8, references: 8 };
+const FEW: BakeSettings = BakeSettings { density: Density::Count(60), angle: 0.8, references: 8 };
 
 #[test]
 fn every_animated_file_stands_as_a_second_reader_has_it() {

@@ -4,7 +4,7 @@ mod meshes;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use lightskin::Error;
-use lightskin::bake::{self, Cache, CacheSet, Density, ModelCaches, NO_CACHE, Settings, cluster, voxel};
+use lightskin::bake::{self, BakeSettings, Cache, CacheSet, Density, ModelCaches, NO_CACHE, seeds, voxel};
 use lightskin::scene::{Instance, Mesh, Scene, Vertex};
 use meshes::{Random, box_mesh, flat_mesh, grid_mesh, soup, sphere_mesh, torus_mesh};
 use std::f64::consts::{PI, TAU};
@@ -23,15 +23,15 @@ fn scene(parts: Vec<(Mesh, DAffine3)>) -> Scene {
     scene
 }
 
-fn spacing(spacing: f64) -> Settings {
-    Settings { density: Density::Spacing(spacing), angle: 30f32.to_radians(), references: 8 }
+fn spacing(spacing: f64) -> BakeSettings {
+    BakeSettings { density: Density::Spacing(spacing), angle: 30f32.to_radians(), references: 8 }
 }
 
-fn count(count: usize) -> Settings {
-    Settings { density: Density::Count(count), ..spacing(1.0) }
+fn count(count: usize) -> BakeSettings {
+    BakeSettings { density: Density::Count(count), ..spacing(1.0) }
 }
 
-fn run(scene: &Scene, settings: &Settings) -> CacheSet {
+fn run(scene: &Scene, settings: &BakeSettings) -> CacheSet {
     bake::bake(scene, settings, &|_, _| {}).expect("bakes")
 }
 
@@ -58,7 +58,7 @@ fn place(mesh: &Mesh, linear: DMat3, cache: &Cache) -> DVec3 {
 }
 
 /// For random points on all triangles of all instances: is there a cache within both bounds? Returns the caches.
-fn check_guarantee(scene: &Scene, settings: &Settings, random: &mut Random) -> CacheSet {
+fn check_guarantee(scene: &Scene, settings: &BakeSettings, random: &mut Random) -> CacheSet {
     let set = run(scene, settings);
     let angle = f64::from(settings.angle);
     for (instance, &model) in scene.instances.iter().zip(&set.instance_model) {
@@ -100,7 +100,7 @@ fn every_surface_point_has_a_cache() {
     for mesh in [sphere_mesh(1.0, 24), torus_mesh(1.0, 0.3, 24), box_mesh(DVec3::new(1.0, 2.0, 3.0), 2)] {
         let mesh = scene(vec![(mesh, DAffine3::IDENTITY)]);
         for (distance, degrees) in [(0.2, 30f32), (0.5, 10.0), (1.0, 60.0), (100.0, 120.0)] {
-            let settings = Settings { angle: degrees.to_radians(), ..spacing(distance) };
+            let settings = BakeSettings { angle: degrees.to_radians(), ..spacing(distance) };
             let set = check_guarantee(&mesh, &settings, &mut random);
             assert!(!set.models[0].caches.is_empty());
         }
@@ -170,21 +170,21 @@ fn vertex_normals_decide_which_side_is_the_surface() {
 #[test]
 fn bins_have_equal_areas_and_cover_the_sphere() {
     let mut random = Random(4);
-    let mut hits = vec![0u32; cluster::BINS * cluster::BINS];
+    let mut hits = vec![0u32; seeds::BINS * seeds::BINS];
     let samples = 324 * 400;
     for _ in 0..samples {
         let (u, theta) = (2.0 * random.next() - 1.0, TAU * random.next());
         let radius = (1.0 - u * u).sqrt();
-        hits[cluster::normal_bin(DVec3::new(radius * theta.cos(), radius * theta.sin(), u))] += 1;
+        hits[seeds::normal_bin(DVec3::new(radius * theta.cos(), radius * theta.sin(), u))] += 1;
     }
     // 400 expected in each, standard deviation 20: beyond 5 of them lies one bin in 5000 runs.
     assert!(hits.iter().all(|&h| (300..=500).contains(&h)), "{hits:?}");
     for bin in 0..hits.len() {
-        assert_eq!(cluster::normal_bin(cluster::bin_normal(bin)), bin);
-        assert!((cluster::bin_normal(bin).length() - 1.0).abs() < 1e-12);
+        assert_eq!(seeds::normal_bin(seeds::bin_normal(bin)), bin);
+        assert!((seeds::bin_normal(bin).length() - 1.0).abs() < 1e-12);
     }
     for pole in [DVec3::Z, -DVec3::Z, DVec3::X, -DVec3::X, DVec3::NEG_Y, DVec3::new(1.0, -0.0, 0.0)] {
-        assert!(cluster::normal_bin(pole) < hits.len());
+        assert!(seeds::normal_bin(pole) < hits.len());
     }
 }
 
@@ -279,7 +279,7 @@ fn rectangles_are_like_the_shares() {
         let normal = DVec3::new((TAU * u).cos(), 0.0, -(TAU * u).sin());
         (radius * normal + DVec3::Y * 2.0 * v, normal)
     });
-    let settings = Settings { angle: 60f32.to_radians(), ..spacing(0.4) };
+    let settings = BakeSettings { angle: 60f32.to_radians(), ..spacing(0.4) };
     let set = run(&scene(vec![(rod, DAffine3::IDENTITY)]), &settings);
     let caches = &set.models[0].caches;
     let lateral = TAU * radius * 2.0;
@@ -340,7 +340,7 @@ fn references_equal_brute_force() {
         (box_mesh(DVec3::new(1.0, 2.0, 30.0), 8), DAffine3::IDENTITY, 0.6, 16),
         (sphere_mesh(1.0, 8), DAffine3::IDENTITY, 50.0, 16),
     ] {
-        let settings = Settings { density: Density::Spacing(spacing), angle: 0.4, references };
+        let settings = BakeSettings { density: Density::Spacing(spacing), angle: 0.4, references };
         let scene = scene(vec![(mesh, transform)]);
         let set = run(&scene, &settings);
         let (mesh, model, linear) = (&scene.meshes[0], &set.models[0], transform.matrix3);
@@ -449,8 +449,9 @@ fn a_kept_bake_is_found_again() {
     let mut random = Random(9);
     let mut scene = scene(vec![(box_mesh(DVec3::ONE, 4), DAffine3::IDENTITY)]);
     let settings = spacing(0.3);
-    let kept =
-        |scene: &Scene, settings: &Settings| bake::bake_kept_in(&folder, scene, settings, &|_, _| {}).expect("bakes");
+    let kept = |scene: &Scene, settings: &BakeSettings| {
+        bake::bake_kept_in(&folder, scene, settings, &|_, _| {}).expect("bakes")
+    };
     let (first, was_kept) = kept(&scene, &settings);
     assert!(!was_kept);
     assert_eq!(kept(&scene, &settings), (first.clone(), true));
@@ -474,7 +475,7 @@ fn a_kept_bake_is_found_again() {
 
     // Whatever matters is part of the key.
     for other in
-        [spacing(0.31), Settings { references: 16, ..settings }, Settings { angle: 0.5, ..settings }, count(50)]
+        [spacing(0.31), BakeSettings { references: 16, ..settings }, BakeSettings { angle: 0.5, ..settings }, count(50)]
     {
         assert!(!kept(&scene, &other).1);
         assert!(kept(&scene, &other).1);
@@ -520,7 +521,7 @@ fn speed() {
         mesh.indices.extend(part.indices.iter().map(|i| first + i));
     }
     let scene = scene(vec![(mesh, DAffine3::IDENTITY)]);
-    for settings in [count(3000), Settings { references: 16, ..count(12_000) }] {
+    for settings in [count(3000), BakeSettings { references: 16, ..count(12_000) }] {
         let start = std::time::Instant::now();
         let set = run(&scene, &settings);
         let (triangles, caches) = (scene.triangle_count(), set.models[0].caches.len());

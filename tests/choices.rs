@@ -1,7 +1,7 @@
 //! The study of the method's choices: it sees what it was made to see. That its defaults are the engine's is tested beside
 //! them.
 
-use lightskin::lab::choices::{Row, Settings, Study};
+use lightskin::lab::choices::{Row, Study, StudySettings};
 use lightskin::lab::scenes::between_walls;
 use lightskin::metrics::Metrics;
 use lightskin::scene::Scene;
@@ -9,7 +9,7 @@ use lightskin::scene::Scene;
 const SIZE: [u32; 2] = [64, 36];
 
 fn study(scene: &Scene) -> Study<'_> {
-    let settings = Settings { size: SIZE, caches: 150, rsm: 24 };
+    let settings = StudySettings { size: SIZE, caches: 150, rsm: 24 };
     Study::new(scene, &scene.cameras[0], settings).expect("a study")
 }
 

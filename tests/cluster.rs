@@ -25,7 +25,7 @@ fn on_device(scene: &Scene, settings: &Knobs) -> (Vec<ClusterNode>, Vec<Val>, Ve
     let world = World::new(&gpu, scene, Some(&caches)).expect("world");
     let stage = Rsm::new(&gpu, &world, settings.rsm, settings.proxy_weight, false).expect("stage 4");
     let pyramid = OnDevice::new(&gpu, &world, settings.rsm).expect("a pyramid");
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         stage.record(cmd, &world, |_| true, false, None);
         pyramid.record(cmd, &stage.vals);
         Ok(())
@@ -294,7 +294,7 @@ fn clustered(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     // A second frame is as good as the first one: nothing of that is left.
     for _ in 0..2 {
-        let drawn = gpu.frame(true, |cmd| {
+        let drawn = gpu.timed_frame(|cmd| {
             frame.record(cmd, &buffers, &view);
             Ok(())
         });

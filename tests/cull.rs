@@ -115,7 +115,7 @@ fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
                     _ => with_neighbours(needed, together, all),
                 };
                 let view = View::new(camera, settings.size, world.origin, world.radius);
-                let drawn = gpu.frame(false, |cmd| {
+                let drawn = gpu.frame(|cmd| {
                     frame.record(cmd, &world, &view);
                     Ok(())
                 });
@@ -189,7 +189,7 @@ fn of_several_views_every_one_is_served() {
         let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
         let mut light = Light::new(&gpu, &scene, &world, &settings.settings(), 2).expect("made");
         let mut pictures = [(); 2].map(|()| Picture::new(&gpu, &world, &light, settings.size).expect("made"));
-        let drawn = gpu.frame(false, |cmd| {
+        let drawn = gpu.frame(|cmd| {
             let of = |(camera, picture)| (View::new(camera, settings.size, world.origin, world.radius), picture);
             let mut views: Vec<_> = scene.cameras.iter().zip(&mut pictures).map(of).collect();
             record(cmd, &world, &mut light, &mut views, &settings.look());

@@ -116,11 +116,11 @@ fn emitters_light_a_room_as_paths_do() {
     let caches = baked(&scene, 0.2, 8);
     for bounces in [1, 3] {
         let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..settings });
-        let paths = path_trace::Settings {
+        let paths = path_trace::PathTraceSettings {
             size: settings.size,
             bounces: bounces - 1,
             sources: Sources::Surfaces,
-            ..path_trace::Settings::default()
+            ..path_trace::PathTraceSettings::default()
         };
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &paths);
         (0..8).for_each(|_| paths.pass());

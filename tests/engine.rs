@@ -26,7 +26,7 @@ fn shown(gpu: &Gpu, engine: &mut Engine, picture: &mut Picture, size: [u32; 2], 
     engine.fit(gpu, &mut [(picture, size)]).expect("fits");
     let camera = engine.scene().cameras[0].clone();
     let view = engine.view(&camera, size);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         engine.record(cmd, &mut [(view, picture)], look);
         Ok(())
     });
@@ -194,8 +194,8 @@ fn edits_at_run_time_show_what_a_new_engine_shows() {
     assert_clean(&gpu);
 }
 
-fn bake_settings(spacing: f64) -> bake::Settings {
-    bake::Settings { density: Density::Spacing(spacing), angle: 0.5 * std::f32::consts::FRAC_PI_2, references: 8 }
+fn bake_settings(spacing: f64) -> bake::BakeSettings {
+    bake::BakeSettings { density: Density::Spacing(spacing), angle: 0.5 * std::f32::consts::FRAC_PI_2, references: 8 }
 }
 
 /// Another scene at once, and back.
@@ -260,7 +260,7 @@ fn a_thousand_changes_leave_nothing_behind() {
         engine.fit(&gpu, &mut [(picture, size)]).expect("fits");
         let camera = engine.scene().cameras[0].clone();
         let view = engine.view(&camera, size);
-        let drawn = gpu.frame(false, |cmd| {
+        let drawn = gpu.frame(|cmd| {
             engine.record(cmd, &mut [(view, picture)], &look);
             Ok(())
         });

@@ -10,7 +10,7 @@ use crate::common::frames::{shoot, small};
 use crate::common::{assert_clean, gpu};
 
 fn caches(scene: &Scene) -> CacheSet {
-    let settings = bake::Settings { density: Density::Count(200), angle: 1.0, references: 8 };
+    let settings = bake::BakeSettings { density: Density::Count(200), angle: 1.0, references: 8 };
     bake::bake(scene, &settings, &|_, _| {}).expect("bakes")
 }
 

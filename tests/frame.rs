@@ -1,5 +1,6 @@
 //! Every plan, recorded twice on few pixels: no validation message, no missing barrier, no idle one, no bad value.
 
+use crate::common::frame_of;
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use lightskin::bake::{self, CacheSet, Density};
 use lightskin::frame::{ClusterRule, DrawSource, Exposure, Interpolation, ProxyWeight, Shadows, View, World};
@@ -21,7 +22,7 @@ fn light(kind: LightKind) -> Light {
 }
 
 fn caches(scene: &Scene, references: usize) -> CacheSet {
-    let settings = bake::Settings { density: Density::Count(60), angle: 1.0, references };
+    let settings = bake::BakeSettings { density: Density::Count(60), angle: 1.0, references };
     bake::bake(scene, &settings, &|_, _| {}).expect("bake")
 }
 
@@ -31,7 +32,7 @@ fn render(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Knobs)
     let mut frame = Frame::new(gpu, scene, &world, settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, world.origin, world.radius);
     for split in [false, true] {
-        let drawn = gpu.frame(split, |cmd| {
+        let drawn = frame_of(gpu, split, |cmd| {
             frame.record(cmd, &world, &view);
             Ok(())
         });

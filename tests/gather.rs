@@ -220,7 +220,7 @@ fn every_way_of_lighting_caches_agrees() {
         let lit = Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &[eye], albedos: None };
         let mut before: Option<Vec<shared::Proxy>> = None;
         for _ in 0..2 {
-            let drawn = gpu.frame(false, |cmd| {
+            let drawn = gpu.frame(|cmd| {
                 stage.record(cmd, &lit);
                 Ok(())
             });
@@ -260,7 +260,7 @@ fn vals_without_light_are_closed_up() {
     let buffers = World::new(&gpu, &scene, Some(&baked(&scene, 0.5, 8))).expect("uploaded");
     let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
     let camera = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &camera);
         Ok(())
     });

@@ -93,7 +93,7 @@ fn draw(gpu: &Gpu, golden: Golden) -> Vec<u8> {
     let spacing = tessellate::expected_spacing(&scene, CACHES);
     tessellate::divide(&mut scene, spacing, None);
     let density = Density::Count(CACHES);
-    let bake = bake::Settings { density, angle: 60_f32.to_radians(), references: 8 };
+    let bake = bake::BakeSettings { density, angle: 60_f32.to_radians(), references: 8 };
     let mut caches = bake::bake(&scene, &bake, &|_, _| {}).expect(name);
     if cells {
         caches = caches.with_cells(&scene).expect(name);
@@ -104,7 +104,7 @@ fn draw(gpu: &Gpu, golden: Golden) -> Vec<u8> {
     let world = World::new(gpu, &scene, Some(&caches)).expect(name);
     let mut frame = Frame::new(gpu, &scene, &world, &knobs).expect(name);
     let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &world, &view);
         Ok(())
     });

@@ -4,7 +4,7 @@
 mod variants;
 
 use crate::cli::{folder, works};
-use crate::common::{assert_clean, compile, gpu};
+use crate::common::{assert_clean, compile, frame_of, gpu};
 use lightskin::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Load, Options, Pipeline,
     Raster, SamplerKind, Shape, Stream, Use, Validation,
@@ -49,7 +49,7 @@ fn drop_what_was_bound(gpu: &Gpu, split: bool) -> lightskin::Result<lightskin::g
     let red = [1.5_f32.to_le_bytes().to_vec()];
     let image = gpu.texture("test.red", Format::R32_SFLOAT, 1, 1, &red).expect("texture");
     let depth = gpu.target("test.depth", Format::D32_SFLOAT, 4, 4).expect("target");
-    gpu.frame(split, |cmd| {
+    frame_of(gpu, split, |cmd| {
         let (sum, pipeline) = (gpu.buffer("test.sum", 4).expect("buffer"), add(gpu, 2));
         {
             let _zone = cmd.zone("add");
@@ -87,7 +87,7 @@ fn what_is_dropped_while_it_is_recorded_lives_until_the_frame_is_done() {
 fn a_frame_that_is_given_up_leaves_nothing_behind() {
     for gpu in validated() {
         let kept = gpu.buffer("test.kept", 16).expect("buffer");
-        let result = gpu.frame(false, |cmd| {
+        let result = gpu.frame(|cmd| {
             cmd.clear(&kept);
             let buffer = gpu.buffer("test.dropped", 16).expect("buffer");
             cmd.clear(&buffer);
@@ -95,7 +95,7 @@ fn a_frame_that_is_given_up_leaves_nothing_behind() {
         });
         assert!(result.is_err());
         let unwound = catch_unwind(AssertUnwindSafe(|| {
-            let _ = gpu.frame(false, |cmd| {
+            let _ = gpu.frame(|cmd| {
                 let buffer = gpu.buffer("test.dropped", 16).expect("buffer");
                 cmd.clear(&buffer);
                 cmd.push(&1_u32); // nothing is bound
@@ -106,7 +106,7 @@ fn a_frame_that_is_given_up_leaves_nothing_behind() {
         assert_eq!((gpu.counters().buried, gpu.counters().resources), (0, 1));
         // Both slots of the ring still work.
         for _ in 0..3 {
-            let frame = gpu.frame(false, |cmd| {
+            let frame = gpu.frame(|cmd| {
                 cmd.clear(&kept);
                 Ok(())
             });
@@ -123,7 +123,7 @@ fn nothing_piles_up_of_what_is_made_and_dropped() {
     let mut first = None;
     for i in 0..1000_u32 {
         let (sum, pipeline) = (gpu.buffer("test.sum", 65_536).expect("buffer"), add(&gpu, i % 3));
-        let frame = gpu.frame(false, |cmd| {
+        let frame = gpu.frame(|cmd| {
             cmd.bind(&pipeline, &[(&sum).into(), (&image).into()]);
             cmd.dispatch(1, 1, 1);
             Ok(())
@@ -148,7 +148,7 @@ fn memory_comes_back_without_another_frame() {
     let large = gpu.buffer("test.large", 300 << 20).expect("buffer");
     let during = gpu.counters();
     assert!(during.allocated_bytes >= before.allocated_bytes + (300 << 20), "{during:?}");
-    let frame = gpu.frame(false, |cmd| {
+    let frame = gpu.frame(|cmd| {
         cmd.clear(&large);
         drop(large);
         Ok(())
@@ -168,7 +168,7 @@ fn what_is_dropped_on_another_thread_is_destroyed_in_time() {
         let (send, receive) = std::sync::mpsc::channel::<lightskin::gpu::Buffer>();
         threads.spawn(move || receive.into_iter().for_each(drop));
         for _ in 0..200 {
-            let frame = gpu.frame(false, |cmd| {
+            let frame = gpu.frame(|cmd| {
                 let buffer = gpu.buffer("test.sent", 1 << 16).expect("buffer");
                 cmd.clear(&buffer);
                 send.send(buffer).expect("the other thread listens");
@@ -373,7 +373,7 @@ fn each_layer_is_rendered_into_alone() {
     for gpu in validated() {
         let layers = image(&gpu, Format::R8G8B8A8_UNORM, [4, 2], Extent::Layers(2), false);
         let depths = image(&gpu, Format::D32_SFLOAT, [4, 2], Extent::Layers(3), false);
-        let frame = gpu.frame(false, |cmd| {
+        let frame = gpu.frame(|cmd| {
             for (layer, value) in [(1, 1.0), (0, 0.2)] {
                 let colors = [Attach { image: &layers, load: Load::Clear([value; 4]) }];
                 let depth = Some(Attach { image: &depths, load: Load::Clear([value; 4]) });
@@ -436,7 +436,7 @@ fn shaders_write_volumes_and_planes() {
         );
         let sums = gpu.buffer("test.sums", 8).expect("buffer");
         for barrier in [true, false] {
-            let frame = gpu.frame(false, |cmd| {
+            let frame = gpu.frame(|cmd| {
                 cmd.bind(&write, &[(&volume).into(), (&plane).into(), (&layers).into()]);
                 cmd.dispatch(4, 3, 2);
                 if barrier {
@@ -477,14 +477,14 @@ fn images_are_ready_whenever_they_were_made() {
                 let colors = [Attach { image, load: Load::Clear([3.0; 4]) }];
                 cmd.render(&Attachments { colors: &colors, depth: None, area: [0, 0, 2, 2] }, |_| ());
             };
-            let given_up = gpu.frame(split, |cmd| {
+            let given_up = frame_of(&gpu, split, |cmd| {
                 let dropped = image(&gpu, Format::R32_SFLOAT, [2, 2], Extent::Plane, false);
                 clear(cmd, &dropped);
                 clear(cmd, &early);
                 Err(lightskin::Error::Nothing("given up".into()))
             });
             assert!(given_up.is_err());
-            let frame = gpu.frame(split, |cmd| {
+            let frame = frame_of(&gpu, split, |cmd| {
                 let dropped = image(&gpu, Format::R32_SFLOAT, [2, 2], Extent::Plane, false);
                 clear(cmd, &dropped);
                 drop(dropped);
@@ -528,7 +528,7 @@ fn images_that_no_device_has_are_refused_by_name() {
 #[track_caller]
 fn refused(gpu: &Gpu, record: impl FnOnce(&Cmd<'_>)) -> String {
     let unwound = catch_unwind(AssertUnwindSafe(|| {
-        let _ = gpu.frame(false, |cmd| {
+        let _ = gpu.frame(|cmd| {
             record(cmd);
             Ok(())
         });

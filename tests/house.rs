@@ -3,6 +3,7 @@
 
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
 use lightskin::scene::{Scene, gltf};
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -47,34 +48,33 @@ fn modules_depend_one_way() {
     }
 }
 
-/// Files of `src/frame` from the bottom up, in the order of the data.
-#[rustfmt::skip]
-const FRAME: [&str; 36] = [
-    "settings", "plan", "revision", "view", "world", "pose", "gbuffer", "direct", "background", "atlas", "vals", "live",
-    "pack", "rsm", "pyramid", "visible", "proxies", "occlude", "depth_images", "sums", "bounce", "gather_draws",
-    "gather_clusters", "gather", "cull", "interpolate", "brute_force", "composite", "caches", "light", "picture",
-    "check", "record", "engine", "tune", "mod",
-];
-
-/// A file of the frame imports those below it, by their names: no circles, and nothing by way of `mod.rs`.
+/// A file of the frame imports others by their names and never, by whatever way, itself: no circles, and nothing by way of
+/// `mod.rs`. The files of `world` count as one.
 #[test]
 fn nothing_in_the_frame_imports_upwards() {
-    let place = |name: &str| FRAME.iter().position(|file| *file == name);
+    let mut imports: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
     for (path, content) in files("src/frame", &["rs"]) {
         let in_world = path.components().any(|c| c.as_os_str() == "world");
         let name = path.file_stem().and_then(|s| s.to_str()).expect("a name");
-        let own = if in_world { "world" } else { name };
-        let at = place(own).unwrap_or_else(|| panic!("{} has no place among the frame's files", path.display()));
-        // Within `world`, `super` is the world itself but for its own first file.
-        let from = if in_world && name != "mod" { "crate::frame::" } else { "super::" };
-        for line in content.lines().filter(|line| line.trim_start().starts_with("use ") || line.starts_with("pub use "))
-        {
-            for part in line.split(from).skip(1) {
-                let other = part.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().expect("a name");
-                let below = place(other).is_some_and(|other| other < at);
-                assert!(below || own == "mod", "{}: `{}` is not below it", path.display(), line.trim());
-            }
+        if name == "mod" && !in_world {
+            continue;
         }
+        let own = imports.entry(if in_world { "world" } else { name }.to_owned()).or_default();
+        // Within `world`, `super` is the world itself but for its own first file.
+        let from = if in_world && name != "mod" { "use crate::frame::" } else { "use super::" };
+        for rest in content.lines().filter_map(|line| line.trim().trim_start_matches("pub ").strip_prefix(from)) {
+            let other = rest.split(|c: char| !(c.is_lowercase() || c == '_')).next().expect("a name");
+            assert!(!other.is_empty(), "{}: `{from}{rest}` goes by way of mod.rs", path.display());
+            own.insert(other.to_owned());
+        }
+    }
+    // Files that import only such as are known to be below them are below the rest.
+    let mut below: BTreeSet<String> = BTreeSet::new();
+    while below.len() < imports.len() {
+        let next: Vec<_> = imports.iter().filter(|(name, of)| !below.contains(*name) && of.is_subset(&below)).collect();
+        let left: Vec<_> = imports.keys().filter(|name| !below.contains(*name)).collect();
+        assert!(!next.is_empty(), "these import each other: {left:?}");
+        below.extend(next.into_iter().map(|(name, _)| name.clone()).collect::<Vec<_>>());
     }
 }
 

@@ -16,7 +16,7 @@ use lightskin::scene::build::quad;
 use lightskin::scene::{LightKind, Scene};
 
 use crate::common::frames::{
-    SPOT, Seen, Shot, add, baked, camera, corner, lamp, phong, reflection, seen, shoot, small,
+    PixelSurface, SPOT, Shot, add, baked, camera, corner, lamp, phong, reflection, seen, shoot, small,
 };
 use crate::common::gpu;
 
@@ -44,7 +44,7 @@ pub(crate) fn assert_picture(picture: &[DVec3], twins: &[(usize, DVec3)], bound:
 }
 
 /// What a pixel reflects, by the device's own G-buffer.
-fn material(s: &Seen, scene: &Scene, shot: &Shot) -> Reflection {
+fn material(s: &PixelSurface, scene: &Scene, shot: &Shot) -> Reflection {
     let (diffuse, specular) = (shot.albedo[s.pixel], shot.specular[s.pixel]);
     Reflection { diffuse, specular, ..reflection(scene, s.material) }
 }
@@ -79,7 +79,13 @@ fn references(scene: &Scene, caches: &CacheSet, shot: &Shot, instance: usize, ve
 }
 
 /// The averaged light of a vertex.
-fn at_vertex(scene: &Scene, references: &[(Cache, Gathered)], s: &Seen, corner: usize, scheme: Scheme) -> Interpolated {
+fn at_vertex(
+    scene: &Scene,
+    references: &[(Cache, Gathered)],
+    s: &PixelSurface,
+    corner: usize,
+    scheme: Scheme,
+) -> Interpolated {
     let instance = &scene.instances[s.instance];
     let vertex = scene.meshes[instance.mesh].vertices[s.vertices[corner]];
     let x = instance.world_from_model.transform_point3(vertex.position.as_dvec3());
@@ -243,7 +249,7 @@ fn direct_light_is_the_references_in_lux_and_candela() {
         let settings = Knobs { gi: Gi::Off, ..small() };
         let shot = shoot(&gpu, &scene, None, &settings);
         let eye = scene.cameras[0].world_from_camera.translation;
-        let radiance = |s: &Seen| {
+        let radiance = |s: &PixelSurface| {
             let m = material(s, &scene, &shot);
             let towards = light::facing_irradiance(&scene.lights[0], s.position).1;
             let lobe = phong_lobe(m.exponent, mirrored_view(s.position, s.normal, eye).dot(towards));

@@ -20,7 +20,7 @@ fn assert_still_wrong(wrong: bool, what: &str) {
     assert!(wrong, "mended: {what}. Test that it stays so, and take it out of this list and of the README's");
 }
 
-fn traced<'a>(scene: &'a Scene, settings: &path_trace::Settings) -> PathTrace<'a> {
+fn traced<'a>(scene: &'a Scene, settings: &path_trace::PathTraceSettings) -> PathTrace<'a> {
     let mut trace = PathTrace::new(scene, &scene.cameras[0], settings);
     trace.pass();
     trace
@@ -34,7 +34,8 @@ fn sum(pixels: &[DVec3]) -> f64 {
 fn the_path_tracer_shows_no_sky() {
     let mut scene = corner(&[], 20.0);
     Sky::even(Vec3::splat(1000.0)).put_over(&mut scene, 4);
-    let settings = path_trace::Settings { size: [16, 16], bounces: 0, ..path_trace::Settings::default() };
+    let settings =
+        path_trace::PathTraceSettings { size: [16, 16], bounces: 0, ..path_trace::PathTraceSettings::default() };
     let trace = traced(&scene, &settings);
     let shown = trace.direct();
     let behind: Vec<_> = trace.covered().iter().zip(shown).filter(|(covered, _)| !**covered).map(|p| p.1).collect();
@@ -54,7 +55,8 @@ fn surfaces_that_emit_need_a_bounce_more_than_in_the_path_tracer() {
     let settings = Knobs { size: [16, 16], bounces: 0, ..small() };
     let shown = shoot(&gpu(), &scene, Some(&baked(&scene, 0.5, 8)), &settings).direct;
     let (size, sources) = (settings.size, Sources::Surfaces);
-    let traced = traced(&scene, &path_trace::Settings { size, bounces: 0, sources, ..Default::default() }).direct();
+    let traced =
+        traced(&scene, &path_trace::PathTraceSettings { size, bounces: 0, sources, ..Default::default() }).direct();
     assert!(traced.iter().flatten().sum::<f32>() > 0.0, "the lamp lights the floor");
     assert_still_wrong(sum(&shown) == 0.0, "without a bounce, surfaces that emit light others, as in the path tracer");
 }
@@ -93,7 +95,7 @@ fn light_leaks_through_a_wall_where_caches_are_as_far_apart_as_rooms_are_wide() 
     let gpu = gpu();
     let caches = baked(&scene, 3.0, 8);
     let dark = sum(&shoot(&gpu, &scene, Some(&caches), &settings).diffuse);
-    let traced = traced(&scene, &path_trace::Settings { size: settings.size, ..Default::default() }).diffuse();
+    let traced = traced(&scene, &path_trace::PathTraceSettings { size: settings.size, ..Default::default() }).diffuse();
     assert!(traced.iter().flatten().all(|v| *v == 0.0), "no path leads into the dark room");
     scene.cameras[0] = camera(dvec3(1.8, 1.8, 1.8), dvec3(0.0, 0.8, 0.2), 1.2);
     let lit = sum(&shoot(&gpu, &scene, Some(&caches), &settings).diffuse);

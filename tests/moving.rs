@@ -77,7 +77,7 @@ pub(crate) fn bend(scene: &mut Scene, turn: f64, bulge: f32) {
 
 fn record(gpu: &Gpu, frame: &mut Frame, buffers: &World, scene: &Scene, size: [u32; 2]) {
     let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, buffers, &view);
         Ok(())
     });
@@ -159,7 +159,7 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
         }
         files += 1;
         defaults::complete(&mut scene);
-        let settings = bake::Settings { density: bake::Density::Count(60), angle: 1.0, references: 8 };
+        let settings = bake::BakeSettings { density: bake::Density::Count(60), angle: 1.0, references: 8 };
         let caches = bake::bake(&scene, &settings, &|_, _| {}).expect("bakes");
         let settings = Knobs { size: [16, 16], rsm: 8, shadow_map: 16, ..small() };
         let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");

@@ -23,7 +23,7 @@ fn write_then_read(gpu: &Gpu, barriers: &[(Use, Use)]) -> Vec<String> {
     let caches = gpu.buffer("test.caches", 4 * size_of::<Cache>() as u64).expect("buffer");
     let last = gpu.buffer("test.last", 4 * size_of::<Cache>() as u64).expect("buffer");
     let groups = gpu.compute("occluder_groups.comp", &[]).expect("pipeline");
-    let frame = gpu.frame(false, |cmd| {
+    let frame = gpu.frame(|cmd| {
         let _zone = cmd.zone("test");
         cmd.bind(&groups, &[(&first).into(), (&caches).into()]);
         cmd.push(&PUSH);
@@ -67,7 +67,7 @@ fn an_idle_barrier_is_caught() {
 fn a_wrong_number_of_bindings_is_caught() {
     let gpu = open();
     let groups = gpu.compute("occluder_groups.comp", &[]).expect("pipeline");
-    let _ = gpu.frame(false, |cmd| {
+    let _ = gpu.frame(|cmd| {
         cmd.bind(&groups, &[]);
         Ok(())
     });
@@ -79,7 +79,7 @@ fn a_wrong_push_size_is_caught() {
     let gpu = open();
     let buffer = gpu.buffer("test.buffer", 1024).expect("buffer");
     let groups = gpu.compute("occluder_groups.comp", &[]).expect("pipeline");
-    let _ = gpu.frame(false, |cmd| {
+    let _ = gpu.frame(|cmd| {
         cmd.bind(&groups, &[(&buffer).into(), (&buffer).into()]);
         cmd.push(&1_u32);
         Ok(())
@@ -99,7 +99,7 @@ fn check(gpu: &Gpu, scene: &Scene) -> (Vec<Broken>, usize) {
     let settings = Knobs { rsm: 20, shadow_map: 64, ..Knobs::plain([70, 50]) };
     let mut frame = Frame::new(gpu, scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
@@ -109,7 +109,7 @@ fn check(gpu: &Gpu, scene: &Scene) -> (Vec<Broken>, usize) {
     (found, direct.iter().map(|p| broken_values(&p[..3])).sum())
 }
 
-const CACHES: bake::Settings = bake::Settings { density: Density::Count(60), angle: 1.0, references: 8 };
+const CACHES: bake::BakeSettings = bake::BakeSettings { density: Density::Count(60), angle: 1.0, references: 8 };
 
 #[test]
 fn broken_values_are_counted_on_the_device() {

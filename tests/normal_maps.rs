@@ -64,7 +64,7 @@ fn shoot(scene: &Scene) -> (Vec3, Vec<f32>) {
     let buffers = World::new(&gpu, scene, None).expect("upload");
     let mut frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
@@ -92,7 +92,7 @@ fn bumps_tilt_along_the_texture_with_and_without_tangents() {
     }
 }
 
-/// Seen from behind, a double-sided surface shows the same map as dents: the normal is the front's, negated.
+/// PixelSurface from behind, a double-sided surface shows the same map as dents: the normal is the front's, negated.
 #[test]
 fn second_sides_turn_the_whole_frame_round() {
     for (map, along) in [([218, 128, 218], Vec3::X), ([128, 218, 218], Vec3::Y)] {
@@ -137,7 +137,7 @@ fn near_things_show_in_wide_scenes() {
     let buffers = World::new(&gpu, &scene, None).expect("upload");
     let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
@@ -161,7 +161,7 @@ fn what_exceeds_the_device_is_refused_with_its_name() {
         // 6 x 836^2 VALs of 48 bytes: more than the 128 MiB that lavapipe binds.
         let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
         let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-        let drawn = gpu.frame(false, |cmd| {
+        let drawn = gpu.frame(|cmd| {
             frame.record(cmd, &buffers, &view);
             Ok(())
         });

@@ -39,7 +39,7 @@ fn timed(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], list: bool, ski
     let live = list.then(|| Live::new(gpu, items).expect("a list"));
     let new = if skip { Occlude::new } else { Occlude::without_skipping };
     let stage = new(gpu, count, true, u32::from(list)).expect("stage 7");
-    let drawn = gpu.frame(true, |cmd| {
+    let drawn = gpu.timed_frame(|cmd| {
         let _zone = cmd.zone("occlude");
         stage.record(cmd, &atlas, live.as_ref(), &on_device, 1);
         Ok(())
@@ -240,7 +240,7 @@ fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec
     let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
@@ -348,7 +348,7 @@ fn indirect_light_comes_nearer_to_light_paths() {
     let gpu = gpu();
     for which in Shadowed::ALL {
         let scene = which.scene();
-        let settings = shadows::Settings { size: [48, 27], caches: 500, rsm: 48, samples: 64, frames: 1 };
+        let settings = shadows::ShadowsSettings { size: [48, 27], caches: 500, rsm: 48, samples: 64, frames: 1 };
         let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("shadows");
         std::fs::create_dir_all(&folder).expect("the target folder is writable");
         let compared = shadows::compare(&gpu, &scene, &settings, &folder, &|_| ()).expect("compared");
@@ -377,7 +377,7 @@ fn skipping_changes_no_bit_of_whole_scenes() {
     {
         let density = Density::Count(count);
         let caches =
-            bake::bake(&scene, &bake::Settings { density, angle: 1.0, references: 8 }, &|_, _| ()).expect("bakes");
+            bake::bake(&scene, &bake::BakeSettings { density, angle: 1.0, references: 8 }, &|_, _| ()).expect("bakes");
         let settings = Knobs { shadows: Shadows::Proxy, ..small() };
         let frame = drawn(&gpu, &scene, &caches, &settings);
         let light = frame.light.caches().expect("caches");

@@ -8,7 +8,7 @@ use lightskin::frame::{self, View};
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::metrics::metrics;
 use lightskin::reference::monte_carlo::one_bounce_irradiance;
-use lightskin::reference::path_trace::{PathTrace, Settings, Sources, camera_ray};
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources, camera_ray};
 use lightskin::reference::tonemap::automatic_ev;
 use lightskin::reference::triangle::nearest;
 use lightskin::reference::world::{Sides, World};
@@ -19,7 +19,7 @@ use crate::common::frames::{SPOT, add, camera, corner, phong, shoot, small, tria
 use crate::common::{data, gpu};
 
 /// Traces a picture of the scene's first camera.
-fn traced<'a>(scene: &'a Scene, settings: &Settings, samples: u32) -> PathTrace<'a> {
+fn traced<'a>(scene: &'a Scene, settings: &PathTraceSettings, samples: u32) -> PathTrace<'a> {
     let mut trace = PathTrace::new(scene, &scene.cameras[0], settings);
     while trace.samples() < samples {
         trace.pass();
@@ -48,7 +48,8 @@ fn furnace(material: Material) -> Scene {
 fn a_white_furnace_gains_one_emission_per_bounce() {
     let scene = furnace(glowing(1.0, 3.0));
     for bounces in [0, 1, 4] {
-        let settings = Settings { size: [24, 24], bounces, sources: Sources::Surfaces, ..Settings::default() };
+        let settings =
+            PathTraceSettings { size: [24, 24], bounces, sources: Sources::Surfaces, ..PathTraceSettings::default() };
         let trace = traced(&scene, &settings, 256);
         let radiance = mean(&trace.direct()) + mean(&trace.diffuse());
         // What is emitted, what of it is reflected once, and that again with every bounce: nothing gets lost.
@@ -61,7 +62,8 @@ fn a_white_furnace_gains_one_emission_per_bounce() {
 #[test]
 fn a_grey_furnace_reaches_its_sum() {
     let scene = furnace(glowing(0.5, 1.0));
-    let settings = Settings { size: [16, 16], bounces: 12, sources: Sources::Surfaces, ..Settings::default() };
+    let settings =
+        PathTraceSettings { size: [16, 16], bounces: 12, sources: Sources::Surfaces, ..PathTraceSettings::default() };
     let trace = traced(&scene, &settings, 256);
     let radiance = mean(&trace.direct()) + mean(&trace.diffuse());
     assert!((radiance / 2.0 - 1.0).abs() < 0.01, "{radiance} instead of 1 / (1 - 0.5)");
@@ -73,7 +75,8 @@ fn a_glossy_floor_seen_from_straight_above_reflects_its_albedo() {
     let floor = quad(vec3(-0.5, -0.9, -0.5), Vec3::Z, Vec3::X, 1.0);
     add(&mut scene, floor, phong([0.0; 3], [0.6; 3], 30.0), DAffine3::IDENTITY);
     scene.cameras[0] = camera(dvec3(0.0, 0.5, 0.0), dvec3(0.0, -0.9, 0.0), 0.01);
-    let settings = Settings { size: [1, 1], bounces: 0, sources: Sources::Surfaces, ..Settings::default() };
+    let settings =
+        PathTraceSettings { size: [1, 1], bounces: 0, sources: Sources::Surfaces, ..PathTraceSettings::default() };
     let radiance = mean(&traced(&scene, &settings, 16_384).direct());
     // The integral of (k+2)/(2 pi) cos^(k+1) over the hemisphere is 1.
     assert!((radiance / 0.6 - 1.0).abs() < 0.005, "{radiance} instead of 0.6");
@@ -90,7 +93,8 @@ fn received(emitter: Surface) -> f64 {
     );
     add(&mut scene, emitter, glowing(0.0, 7.0), DAffine3::IDENTITY);
     scene.cameras.push(camera(dvec3(0.4, 0.3, 0.0), DVec3::ZERO, 0.01));
-    let settings = Settings { size: [1, 1], bounces: 0, sources: Sources::Surfaces, ..Settings::default() };
+    let settings =
+        PathTraceSettings { size: [1, 1], bounces: 0, sources: Sources::Surfaces, ..PathTraceSettings::default() };
     mean(&traced(&scene, &settings, 16_384).direct()) * PI / 0.5
 }
 
@@ -204,7 +208,7 @@ fn rays_along_the_axes_meet_what_is_there() {
 fn one_bounce_without_visibility_is_what_rays_of_the_light_bring() {
     let scene = cornell(CornellSurface::Diffuse, 2.0);
     let size = [16, 16];
-    let trace = traced(&scene, &Settings { size, visibility: false, ..Settings::default() }, 8192);
+    let trace = traced(&scene, &PathTraceSettings { size, visibility: false, ..PathTraceSettings::default() }, 8192);
     let all: Vec<_> = triangles(&scene).into_iter().map(|(triangle, _)| triangle).collect();
     let (surfaces, diffuse) = (trace.surfaces(), trace.diffuse());
     // Ceiling, green wall, back wall: away from what the light reaches.
@@ -222,7 +226,7 @@ fn one_bounce_without_visibility_is_what_rays_of_the_light_bring() {
 fn against_brute_force(scene: &Scene, size: [u32; 2], rsm: u32, samples: u32) -> [f64; 4] {
     let gpu = gpu();
     let shot = shoot(&gpu, scene, None, &Knobs { size, gi: Gi::BruteForce, rsm, shadow_map: 1024, ..small() });
-    let trace = traced(scene, &Settings { size, visibility: false, ..Settings::default() }, samples);
+    let trace = traced(scene, &PathTraceSettings { size, visibility: false, ..PathTraceSettings::default() }, samples);
     let device = |layer: &[DVec3]| layer.iter().map(|v| v.element_sum()).sum::<f64>() / (3 * layer.len()).max(1) as f64;
     [device(&shot.diffuse), mean(&trace.diffuse()), device(&shot.glossy), mean(&trace.glossy())]
 }
@@ -250,20 +254,20 @@ fn brute_force_and_the_path_tracer_agree_on_sponza() {
 #[test]
 fn visibility_only_takes_light_away() {
     let scene = cornell(CornellSurface::Diffuse, 2.0);
-    let settings = Settings { size: [24, 24], ..Settings::default() };
-    let open = traced(&scene, &Settings { visibility: false, ..settings }, 256).diffuse();
+    let settings = PathTraceSettings { size: [24, 24], ..PathTraceSettings::default() };
+    let open = traced(&scene, &PathTraceSettings { visibility: false, ..settings }, 256).diffuse();
     let shut = traced(&scene, &settings, 256).diffuse();
     let (open, shut) = (mean(&open), mean(&shut));
     assert!(shut < 0.95 * open, "the blocks hide nothing: {shut} and {open}");
-    let more = mean(&traced(&scene, &Settings { bounces: 4, ..settings }, 256).diffuse());
+    let more = mean(&traced(&scene, &PathTraceSettings { bounces: 4, ..settings }, 256).diffuse());
     assert!(more > 1.1 * shut, "further bounces bring nothing: {more} and {shut}");
 }
 
 #[test]
 fn the_noise_estimate_is_the_noise() {
     let scene = cornell(CornellSurface::Diffuse, 2.0);
-    let settings = Settings { size: [48, 48], ..Settings::default() };
-    let (one, other) = (traced(&scene, &settings, 64), traced(&scene, &Settings { seed: 1, ..settings }, 64));
+    let settings = PathTraceSettings { size: [48, 48], ..PathTraceSettings::default() };
+    let (one, other) = (traced(&scene, &settings, 64), traced(&scene, &PathTraceSettings { seed: 1, ..settings }, 64));
     let (a, b) = (one.diffuse(), other.diffuse());
     assert_ne!(a, b);
     // Of two pictures with deviation s each the mean absolute difference is 2 s / sqrt(pi).
@@ -278,7 +282,7 @@ fn the_noise_estimate_is_the_noise() {
 #[test]
 fn kept_samples_go_on_bit_by_bit() {
     let scene = cornell(CornellSurface::Glossy, 2.0);
-    let settings = Settings { size: [16, 16], ..Settings::default() };
+    let settings = PathTraceSettings { size: [16, 16], ..PathTraceSettings::default() };
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("kept samples");
     let first = traced(&scene, &settings, 32);
     let file = first.kept_in(&folder);
@@ -294,7 +298,7 @@ fn kept_samples_go_on_bit_by_bit() {
     assert_eq!(second.noise(), straight.noise());
 
     // Another picture has another file, and does not take this one.
-    let other_settings = Settings { seed: 1, ..settings };
+    let other_settings = PathTraceSettings { seed: 1, ..settings };
     let mut other = PathTrace::new(&scene, &scene.cameras[0], &other_settings);
     assert_ne!(other.kept_in(&folder), file);
     assert!(!other.resume(&file));
@@ -315,7 +319,7 @@ fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
     let mut frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
     let camera: &Camera = &scene.cameras[0];
     let view = View::new(camera, size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
@@ -323,7 +327,8 @@ fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
     let normals: Vec<[f32; 4]> = gpu.read_image(&frame.picture.surface.normal).expect("normals");
     let albedo: Vec<[u16; 4]> = gpu.read_image(&frame.picture.surface.albedo).expect("albedo");
     let depth: Vec<f32> = gpu.read_image(&frame.picture.surface.depth).expect("depth");
-    let surfaces = PathTrace::new(scene, camera, &Settings { size, ..Settings::default() }).surfaces();
+    let surfaces =
+        PathTrace::new(scene, camera, &PathTraceSettings { size, ..PathTraceSettings::default() }).surfaces();
     let (mut tilt, mut albedos, mut other, mut both) = (Vec::new(), [0.0; 2], 0.0, 0.0);
     for (i, surface) in surfaces.iter().enumerate() {
         match surface {
@@ -371,7 +376,7 @@ fn the_measured_exposure_is_the_log_average() {
     let buffers = frame::World::new(&gpu, &scene, None).expect("upload");
     let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });

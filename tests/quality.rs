@@ -20,17 +20,17 @@ fn render(gpu: &Gpu, scene: &Scene, gi: Gi, caches: usize, size: [u32; 2]) -> La
 }
 
 /// So many caches, at an angle [degrees], so many of which each vertex refers to.
-fn spread(caches: usize, angle: f32, references: usize) -> bake::Settings {
-    bake::Settings { density: Density::Count(caches), angle: angle.to_radians(), references }
+fn spread(caches: usize, angle: f32, references: usize) -> bake::BakeSettings {
+    bake::BakeSettings { density: Density::Count(caches), angle: angle.to_radians(), references }
 }
 
-fn render_with(gpu: &Gpu, scene: &Scene, bake: &bake::Settings, settings: &Knobs) -> Layers {
+fn render_with(gpu: &Gpu, scene: &Scene, bake: &bake::BakeSettings, settings: &Knobs) -> Layers {
     let size = settings.size;
     let baked = bake::bake(scene, bake, &|_, _| {}).expect("bake");
     let buffers = World::new(gpu, scene, Some(&baked)).expect("upload");
     let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("frame");
     let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });

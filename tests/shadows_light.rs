@@ -56,7 +56,7 @@ fn plates(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Vec<Plate> {
 
 fn draw(gpu: &Gpu, scene: &Scene, buffers: &World, frame: &mut Frame, settings: &Knobs) {
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, buffers, &view);
         Ok(())
     });
@@ -104,7 +104,7 @@ fn depth_images_are_the_references() {
 
     // A workgroup an image, as GPUs do it, draws the same.
     let by_workgroups = DepthImages::with(&gpu, light.atlas.count, !gpu.is_software()).expect("made");
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         by_workgroups.record(cmd, &light.atlas, live);
         Ok(())
     });

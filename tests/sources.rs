@@ -8,7 +8,7 @@ use lightskin::lab::sources::curves::{Receives, form_factor_error, lobe_error};
 use lightskin::lab::sources::exact::{Exact, Receiver, receive};
 use lightskin::lab::sources::stage::{Level, Stage};
 use lightskin::lab::sources::vals::{Texel, cast, cast_view, views};
-use lightskin::lab::sources::{Lights, Settings, sources};
+use lightskin::lab::sources::{Lights, SourcesSettings, sources};
 use lightskin::reference::disc::{disc_form_factor, lobe_mean, polygon_form_factor, regular_polygon};
 use lightskin::reference::form_factor::disc_form_factor_integral;
 use lightskin::reference::rsm::{self, Val};
@@ -374,7 +374,7 @@ fn the_steps_add_up_to_the_whole() {
     let mut scene = corner(&[SPOT], 30.0);
     scene.instances.truncate(2);
     let caches = baked(&scene, 0.4, 8);
-    let settings = Settings { size: [24, 16], rsm: 16, samples: 512, bounces: 2 };
+    let settings = SourcesSettings { size: [24, 16], rsm: 16, samples: 512, bounces: 2 };
     let found = sources(&scene, &scene.cameras[0], &caches, &settings, &|_, _| {});
     assert_eq!((found.tables.len(), found.engine.len()), (2, found.pixels.len()));
     for table in &found.tables {

@@ -2,7 +2,7 @@
 
 use crate::cli::{fails, folder, left, works};
 use crate::common::frames::{SPOT, baked, corner, small};
-use crate::common::{assert_clean, gpu};
+use crate::common::{assert_clean, frame_of, gpu};
 use crate::moving::{bend, world};
 use glam::Vec3;
 use lightskin::frame::{ClusterRule, Plan, Shadows, View, World};
@@ -45,7 +45,7 @@ fn stamps_wrap_around_their_valid_bits() {
 
 /// A frame of two stages, the first with two parts.
 fn draw(gpu: &Gpu, split: bool) -> lightskin::gpu::Frame {
-    let frame = gpu.frame(split, |cmd| {
+    let frame = frame_of(gpu, split, |cmd| {
         {
             let _outer = cmd.zone("outer");
             for _ in 0..2 {
@@ -365,7 +365,7 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
                 bend(&mut scene, 0.3 * (i + 1) as f64, 0.2);
             }
             buffers.update(&gpu, &scene).expect("the same scene");
-            let drawn = gpu.frame(gpu.is_software(), |cmd| {
+            let drawn = gpu.timed_frame(|cmd| {
                 frame.record(cmd, &buffers, &view);
                 Ok(())
             });

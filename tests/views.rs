@@ -49,7 +49,7 @@ impl Views {
 
     /// Draws a frame; gives the names of its zones.
     fn draw(&mut self, gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> Vec<String> {
-        let drawn = gpu.frame(false, |cmd| {
+        let drawn = gpu.frame(|cmd| {
             let view = |i: usize| View::new(&scene.cameras[i], SIZES[i], world.origin, world.radius);
             let mut views: Vec<_> = self.pictures.iter_mut().map(|(i, picture)| (view(*i), picture)).collect();
             record(cmd, world, &mut self.light, &mut views, &knobs.look());

@@ -12,8 +12,8 @@
 //! share would be as wide as the rod, where the area has its cap. Where a corner lies in the middle of another triangle's
 //! edge the two do not hang together, and a rectangle is smaller than it might be.
 
-use super::cluster::Seed;
 use super::grid::Grid;
+use super::seeds::Seed;
 use super::surface::Surface;
 use super::voxel::{Piece, Voxels, area_and_centroid, split};
 use glam::{DMat2, DVec2, DVec3};
@@ -35,11 +35,11 @@ const SUNK: f64 = 2.5;
 pub(super) struct Share {
     /// Area [m^2].
     pub(super) area: f64,
-    /// From the cache to the middle of the rectangle [m].
+    /// From the cache to the middle of the rectangle \[m\].
     pub(super) middle: DVec3,
-    /// From there to the middle of an edge [m], square to the cache's normal.
+    /// From there to the middle of an edge \[m\], square to the cache's normal.
     pub(super) axis: DVec3,
-    /// From there to the next edge [m], square to both.
+    /// From there to the next edge \[m\], square to both.
     pub(super) breadth: f64,
 }
 

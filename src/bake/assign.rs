@@ -1,7 +1,7 @@
 //! Vertices -> references: for each the caches of least error. METHOD 8, thesis 5.6.2.
 
-use super::cluster::error;
 use super::grid::{self, Grid};
+use super::seeds::error;
 use super::surface::Surface;
 use super::{Cache, NO_CACHE};
 use glam::DVec3;

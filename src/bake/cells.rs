@@ -51,7 +51,7 @@ pub struct Cells {
     pub linear: DMat3,
     /// Corner of cell 0, 0, 0 [m, from `centre`].
     pub low: DVec3,
-    /// Side of a cell [m].
+    /// Side of a cell \[m\].
     pub side: f64,
     /// The cells that hold surface, ascending.
     pub cells: Vec<[u16; 3]>,

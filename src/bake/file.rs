@@ -4,7 +4,7 @@
 //! the key: a hash of all that the result depends on. Nothing is ever overwritten with something else or cleaned up;
 //! a few hundred KiB per scene and settings.
 
-use super::{Cache, CacheSet, Coverage, Density, ModelCaches, NO_CACHE, Settings, bake};
+use super::{BakeSettings, Cache, CacheSet, Coverage, Density, ModelCaches, NO_CACHE, bake};
 use crate::error::Result;
 use crate::kept;
 use crate::scene::Scene;
@@ -23,7 +23,7 @@ const HEADER: usize = 8 + 4 + 32 + 8 + 32;
 /// `$HOME/.cache`; with neither, nothing is kept.
 pub fn bake_cached(
     scene: &Scene,
-    settings: &Settings,
+    settings: &BakeSettings,
     progress: &(dyn Fn(f32, &str) + Sync),
 ) -> Result<(CacheSet, bool)> {
     match kept::folder() {
@@ -40,7 +40,7 @@ pub fn bake_cached(
 pub fn bake_kept_in(
     folder: &Path,
     scene: &Scene,
-    settings: &Settings,
+    settings: &BakeSettings,
     progress: &(dyn Fn(f32, &str) + Sync),
 ) -> Result<(CacheSet, bool)> {
     let key = key(scene, settings);
@@ -64,7 +64,7 @@ pub fn bake_kept_in(
 }
 
 /// Hash of all that a bake depends on.
-fn key(scene: &Scene, settings: &Settings) -> [u8; 32] {
+fn key(scene: &Scene, settings: &BakeSettings) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut number = |value: u64| {
         hasher.update(&value.to_le_bytes());
@@ -187,7 +187,7 @@ impl<'a> Reader<'a> {
 }
 
 /// The set in a file's bytes, if they are whole, meant for this scene, and make sense with it.
-fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &Settings) -> Option<CacheSet> {
+fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &BakeSettings) -> Option<CacheSet> {
     let mut reader = Reader(bytes);
     let known = reader.array()? == MAGIC && u32::from_le_bytes(reader.array()?) == VERSION;
     if !known || reader.array()? != *key {
@@ -214,7 +214,7 @@ fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &Settings) -> Opt
     sound.then_some(CacheSet { spacing, models, instance_model, cells: None })
 }
 
-fn read_model(reader: &mut Reader, scene: &Scene, settings: &Settings) -> Option<ModelCaches> {
+fn read_model(reader: &mut Reader, scene: &Scene, settings: &BakeSettings) -> Option<ModelCaches> {
     let index = reader.number()?;
     let mesh = scene.meshes.get(index)?;
     let mut linear = [0.0; 9];

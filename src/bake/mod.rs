@@ -1,7 +1,7 @@
 //! Places the caches on the surfaces of a scene, once. METHOD 8, thesis 5.6.
 //!
 //! Each mesh is cut into pieces by voxels of side `d_eps / 2` ([`voxel`]); in each voxel caches are formed for groups
-//! of like normals and snapped onto triangles ([`cluster`]); those that others make superfluous go; then every vertex
+//! of like normals and snapped onto triangles ([`seeds`]); those that others make superfluous go; then every vertex
 //! gets its references and every cache its area. All of it happens in world size, so that the spacing is in metres of
 //! the world under any scale, and around the mesh's own centre, so that it may lie anywhere.
 //!
@@ -12,11 +12,11 @@
 mod area;
 mod assign;
 mod cells;
-pub mod cluster;
 mod file;
 mod grid;
 mod prune;
 mod search;
+pub mod seeds;
 mod surface;
 pub mod voxel;
 
@@ -25,19 +25,19 @@ pub use file::{bake_cached, bake_kept_in};
 
 use crate::error::Result;
 use crate::scene::{Mesh, Scene};
-use cluster::{Bounds, Seed};
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 use search::{Model, Placement};
+use seeds::{Bounds, Seed};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use surface::Surface;
 
 /// What the bake is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct BakeSettings {
     /// How densely caches stand.
     pub density: Density,
-    /// `theta_eps`: largest angle [rad] between a surface's normal and its cache's.
+    /// `theta_eps`: largest angle \[rad\] between a surface's normal and its cache's.
     pub angle: f32,
     /// References per vertex, 8 or 16.
     pub references: usize,
@@ -55,7 +55,7 @@ pub enum Density {
 /// The caches of a scene and which of them each vertex refers to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CacheSet {
-    /// `d_eps` [m] that was used or found.
+    /// `d_eps` \[m\] that was used or found.
     pub spacing: f64,
     /// One per mesh and stretch: instances that differ only by rotation, mirroring and translation share one.
     pub models: Vec<ModelCaches>,
@@ -74,7 +74,7 @@ pub struct ModelCaches {
     pub linear: DMat3,
     /// The caches, in a space-filling order.
     pub caches: Vec<Cache>,
-    /// For each vertex of the mesh, `Settings::references` indices into `caches`, best first; `NO_CACHE` pads.
+    /// For each vertex of the mesh, `BakeSettings::references` indices into `caches`, best first; `NO_CACHE` pads.
     pub references: Vec<u16>,
     /// What was found when every piece of surface was checked against its caches.
     pub coverage: Coverage,
@@ -105,9 +105,9 @@ pub struct Cache {
 /// The proof that every surface point has its cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Coverage {
-    /// Largest distance [m] of a surface point to the cache that covers it; at most `d_eps`.
+    /// Largest distance \[m\] of a surface point to the cache that covers it; at most `d_eps`.
     pub distance: f64,
-    /// Largest angle [rad] between a surface's geometric normal and that of the covering cache's triangle.
+    /// Largest angle \[rad\] between a surface's geometric normal and that of the covering cache's triangle.
     pub angle: f64,
 }
 
@@ -123,7 +123,7 @@ const SAME_STRETCH: f64 = 1e-4;
 /// The result depends on the scene and the settings alone, not on the number of threads. A count that cannot be met
 /// (a box needs six caches) gives the nearest that can. Fails with `TooLarge` where a model would get more caches than
 /// 16-bit references can name, or where the spacing is minute against a model.
-pub fn bake(scene: &Scene, settings: &Settings, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<CacheSet> {
+pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<CacheSet> {
     assert!(settings.angle.is_finite() && settings.angle > 0.0, "bake: angle {}", settings.angle);
     assert!(settings.references > 0, "bake: no references");
     if let Density::Spacing(spacing) = settings.density {
@@ -178,7 +178,7 @@ fn finish(
     mesh: &Mesh,
     Placement { voxels, seeds }: Placement,
     spacing: f64,
-    settings: &Settings,
+    settings: &BakeSettings,
     step: &(dyn Fn(&str) + Sync),
 ) -> ModelCaches {
     let surface = &model.surface;

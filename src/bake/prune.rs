@@ -2,8 +2,8 @@
 //! METHOD 8, thesis 5.6.3.
 
 use super::Coverage;
-use super::cluster::{Bounds, Seed};
 use super::grid::Grid;
+use super::seeds::{Bounds, Seed};
 use super::surface::Surface;
 use super::voxel::{Piece, Voxels};
 use glam::DVec3;
@@ -67,7 +67,7 @@ pub(super) fn prune(surface: &Surface, voxels: &Voxels, mut seeds: Vec<Seed>, bo
     seeds
 }
 
-/// Largest distance [m] of a piece's points to a cache, if all of the piece lies within both bounds of it. A piece is
+/// Largest distance \[m\] of a piece's points to a cache, if all of the piece lies within both bounds of it. A piece is
 /// convex: its corners decide.
 fn covering_distance(surface: &Surface, voxels: &Voxels, piece: &Piece, seed: &Seed, bounds: Bounds) -> Option<f64> {
     let normal = surface.triangles[piece.triangle as usize].normal;

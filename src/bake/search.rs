@@ -1,10 +1,10 @@
 //! Places caches on all models of a scene, for a spacing or for a count. METHOD 8.
 
-use super::cluster::{self, Bounds, Seed};
 use super::prune;
+use super::seeds::{self, Bounds, Seed};
 use super::surface::Surface;
 use super::voxel::Voxels;
-use super::{Density, NO_CACHE, Settings};
+use super::{BakeSettings, Density, NO_CACHE};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
 
@@ -40,7 +40,7 @@ const TOLERANCE: f64 = 0.02;
 /// Places caches on one model: the five steps.
 fn place(model: &Model, bounds: Bounds) -> Result<Placement> {
     let voxels = Voxels::new(&model.surface, 0.5 * bounds.distance, model.name)?;
-    let seeds = cluster::form(&model.surface, &voxels, bounds);
+    let seeds = seeds::form(&model.surface, &voxels, bounds);
     let seeds = prune::prune(&model.surface, &voxels, seeds, bounds);
     if seeds.len() > CACHE_LIMIT {
         return Err(Error::TooLarge(format!(
@@ -67,7 +67,7 @@ fn place_all(models: &[Model], spacing: f64, angle: f64) -> Result<Vec<Placement
 /// Places caches as the settings ask. Returns the spacing with the caches of each model.
 pub(super) fn search(
     models: &[Model],
-    settings: &Settings,
+    settings: &BakeSettings,
     progress: &(dyn Fn(f32, &str) + Sync),
 ) -> Result<(f64, Vec<Placement>)> {
     let angle = f64::from(settings.angle);

@@ -1,6 +1,6 @@
 //! A mesh as the bake sees it: in world metres, turned as in the world, but around the mesh's own centre. METHOD 8.
 
-use super::cluster;
+use super::seeds;
 use crate::scene::{Mesh, Vertex};
 use glam::{DMat3, DVec3};
 use std::collections::HashMap;
@@ -80,7 +80,7 @@ impl Surface {
             }
             let shading: DVec3 = vertices.iter().map(|&v| normals[v]).sum();
             let normal = cross / double_area * if shading.dot(cross) < 0.0 { -1.0 } else { 1.0 };
-            let bin = cluster::normal_bin(normal) as u16;
+            let bin = seeds::normal_bin(normal) as u16;
             let vertices = vertices.map(|v| v as u32);
             triangles.push(Triangle { index: index as u32, vertices, normal, area: 0.5 * double_area, bin });
             low = low.min(a).min(b).min(c);

@@ -23,7 +23,7 @@ pub(super) struct Piece {
     pub(super) area: f64,
     /// Centre of mass.
     pub(super) centroid: DVec3,
-    /// Largest distance [m] of a corner to it.
+    /// Largest distance \[m\] of a corner to it.
     pub(super) radius: f64,
 }
 
@@ -33,7 +33,7 @@ pub(super) struct Cell {
     pub(super) pieces: Range<u32>,
     /// Middle of a ball around them.
     pub(super) centre: DVec3,
-    /// The ball's radius [m], at most half of a voxel's diagonal.
+    /// The ball's radius \[m\], at most half of a voxel's diagonal.
     pub(super) radius: f64,
 }
 
@@ -62,7 +62,7 @@ impl Voxels {
         &self.corners[piece.first as usize..(piece.first + piece.count) as usize]
     }
 
-    /// Cuts a surface into voxels of the given side [m].
+    /// Cuts a surface into voxels of the given side \[m\].
     pub(super) fn new(surface: &Surface, side: f64, name: &str) -> Result<Self> {
         let layers = ((surface.high - surface.low) / side).max_element() + 2.0;
         let pieces: f64 = surface.triangles.iter().map(|t| estimate(surface.corners(t), t.normal, t.area, side)).sum();

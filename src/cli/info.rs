@@ -199,7 +199,7 @@ fn measure_levels(args: &Info, gpu: &Gpu) -> Result<()> {
         let mut times = Vec::new();
         // The first frame makes what the driver puts off.
         for i in 0..=FRAMES {
-            let drawn = gpu.frame(gpu.is_software(), |cmd| {
+            let drawn = gpu.timed_frame(|cmd| {
                 record(cmd, &world, &mut light, &mut [(view, &mut picture)], &Look::default());
                 Ok(())
             })?;

@@ -27,7 +27,7 @@ use anyhow::{Context, Result, bail};
 use clap::error::ErrorKind;
 use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
-use lightskin::bake::{CacheSet, Density, Settings as BakeSettings};
+use lightskin::bake::{BakeSettings, CacheSet, Density};
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{ClusterRule, DrawSource, Quality, Shadows, tune};
 use lightskin::gpu::{Gpu, Options, Validation};

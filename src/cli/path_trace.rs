@@ -6,7 +6,7 @@ use clap::{Args, ValueEnum};
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::kept;
-use lightskin::reference::path_trace::{PathTrace, Settings, Sources};
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources};
 use lightskin::reference::tonemap;
 use lightskin::scene::{Camera, Scene};
 use std::io::IsTerminal;
@@ -62,8 +62,8 @@ pub(super) struct Picture<'a> {
 }
 
 impl PathTraceArgs {
-    fn settings(&self, size: [u32; 2], bounces: u32) -> Settings {
-        Settings {
+    fn settings(&self, size: [u32; 2], bounces: u32) -> PathTraceSettings {
+        PathTraceSettings {
             size,
             bounces,
             visibility: !self.no_visibility,

@@ -446,7 +446,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
             view = view_of(&seen_from, &world);
         }
         // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
-        let drawn = gpu.frame(gpu.is_software(), |cmd| {
+        let drawn = gpu.timed_frame(|cmd| {
             record(cmd, &world, &mut light, &mut [(view, &mut picture)], &look);
             Ok(())
         })?;

@@ -34,7 +34,7 @@ pub struct Clusters {
     pub parts: Buffer,
     /// Number of nodes.
     pub(super) node_count: Buffer,
-    /// What each slot of the list receives by the coarse cut [lx].
+    /// What each slot of the list receives by the coarse cut \[lx\].
     totals: Buffer,
     /// Pairs of a cache and a node or VAL that each workgroup has computed.
     pairs: Buffer,

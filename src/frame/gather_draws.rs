@@ -174,7 +174,7 @@ impl Texels {
         self.left() + 8 * self.columns()
     }
 
-    /// What holds blocks: corner and size [texels].
+    /// What holds blocks: corner and size \[texels\].
     pub fn area(&self) -> [u32; 4] {
         [self.left(), 0, 8 * self.columns(), self.rows()]
     }

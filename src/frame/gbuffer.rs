@@ -11,7 +11,7 @@ const HALF: Format = Format::R16G16B16A16_SFLOAT;
 
 /// What a view sees of the scene's surfaces, and the light they send to it directly.
 pub struct Surface {
-    /// Picture size [pixels].
+    /// Picture size \[pixels\].
     pub size: [u32; 2],
     /// Reversed depth: 1 at the near plane, 0 where nothing is.
     pub depth: Image,
@@ -42,7 +42,7 @@ impl Surface {
         })
     }
 
-    /// All of the picture: corner and size [pixels].
+    /// All of the picture: corner and size \[pixels\].
     pub fn area(&self) -> [u32; 4] {
         [0, 0, self.size[0], self.size[1]]
     }

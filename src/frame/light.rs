@@ -37,7 +37,7 @@ pub struct Light {
     pub indirect: IndirectLight,
     pub(super) poses: Option<Poses>,
     pub(super) made: MadeOfLights,
-    pub(super) due: Due,
+    pub(super) outdated: Outdated,
     settings: Settings,
     /// Most views of a frame.
     eyes: u32,
@@ -60,7 +60,7 @@ pub(super) struct MadeOfLights {
 
 /// What the next frame has to make.
 #[derive(Default)]
-pub(super) struct Due {
+pub(super) struct Outdated {
     pub(super) atlas: bool,
     /// VALs, light by light.
     pub(super) lights: Vec<bool>,
@@ -120,7 +120,7 @@ impl Light {
             poses: plan.deform.then(|| Poses::new(gpu)).transpose()?,
             // VALs of emitters were uploaded.
             made: MadeOfLights { emitters: world.revisions.surfaces, ..MadeOfLights::default() },
-            due: Due::default(),
+            outdated: Outdated::default(),
             settings: *settings,
             eyes,
             layout: world.layout,

@@ -42,7 +42,7 @@ pub struct Items {
     pub split: u32,
 }
 
-/// Most memory that the parts of the sums take [bytes], unless a part would then be too long.
+/// Most memory that the parts of the sums take \[bytes\], unless a part would then be too long.
 const PARTS_BYTES: u64 = 64 << 20;
 
 /// Lights of a part: so many as are wanted, or more where parts would take too much memory, and never more than `longest`.

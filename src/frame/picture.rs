@@ -29,7 +29,7 @@ pub struct Picture {
     pub(super) background: Option<Background>,
     pub(super) composite: Composite,
     pub(super) made: MadeOfPicture,
-    pub(super) due: Due,
+    pub(super) outdated: Outdated,
     size: [u32; 2],
     plan: Plan,
     layout: u64,
@@ -50,7 +50,7 @@ pub(super) struct MadeOfPicture {
 
 /// What the next frame has to make.
 #[derive(Clone, Copy, Default)]
-pub(super) struct Due {
+pub(super) struct Outdated {
     /// Stages 1 and 2, which write the same radiance.
     pub(super) surface: bool,
     pub(super) visible: bool,
@@ -74,7 +74,7 @@ impl Picture {
             background: plan.sky.then(|| Background::new(gpu)).transpose()?,
             composite: Composite::new(gpu, &plan)?,
             made: MadeOfPicture::default(),
-            due: Due::default(),
+            outdated: Outdated::default(),
             size,
             plan,
             layout: world.layout,

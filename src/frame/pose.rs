@@ -23,9 +23,9 @@ impl Poses {
     }
 
     /// Records the pass, of all instances that bend.
-    pub fn record(&self, cmd: &Cmd<'_>, scene: &World) {
+    pub fn record(&self, cmd: &Cmd<'_>, world: &World) {
+        let Some(bodies) = &world.deform else { return };
         let _zone = cmd.zone("deform");
-        let bodies = scene.deform.as_ref().expect("the plan says that something bends");
         let blocks = &bodies.bind_blocks;
         cmd.bind(
             &self.deform,
@@ -37,8 +37,8 @@ impl Poses {
                 (&bodies.displacements).into(),
                 (&bodies.joints).into(),
                 (&bodies.weights).into(),
-                scene.vertices().into(),
-                (&scene.corners).into(),
+                world.vertices().into(),
+                (&world.corners).into(),
             ],
         );
         dispatch(cmd, blocks);
@@ -50,8 +50,8 @@ impl Poses {
                 (&bodies.bodies).into(),
                 (&bodies.followers).into(),
                 (&bodies.bind).into(),
-                scene.vertices().into(),
-                (&scene.corners).into(),
+                world.vertices().into(),
+                (&world.corners).into(),
             ];
             cmd.bind(&self.follow, &resources);
             dispatch(cmd, blocks);

@@ -62,7 +62,7 @@ pub fn time(gpu: &Gpu, ways: &Ways, caches: u32, vals: u32) -> Result<Tuned> {
         let gather = Compute::new(gpu, caches, vals, ways, ComputeKind::plain(true))?;
         let mut best = f64::INFINITY;
         for i in 0..=FRAMES {
-            let drawn = gpu.frame(gpu.is_software(), |cmd| {
+            let drawn = gpu.timed_frame(|cmd| {
                 let _zone = cmd.zone("gather");
                 gather.record(cmd, &lit);
                 Ok(())

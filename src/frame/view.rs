@@ -12,12 +12,12 @@ pub struct View {
     pub world_from_clip: Mat4,
     /// Position and 1, or for parallel projection the unit direction towards the viewer and 0.
     pub eye: Vec4,
-    /// Plane through the camera: dot with a world position and 1 gives the distance [m] in front of it.
+    /// Plane through the camera: dot with a world position and 1 gives the distance \[m\] in front of it.
     pub plane: Vec4,
 }
 
 impl View {
-    /// A camera's view of a scene around `origin` with this radius [m].
+    /// A camera's view of a scene around `origin` with this radius \[m\].
     pub fn new(camera: &Camera, size: [u32; 2], origin: DVec3, radius: f64) -> Self {
         let aspect = f64::from(size[0]) / f64::from(size[1]);
         let mut pose = camera.world_from_camera;

@@ -15,7 +15,7 @@ use ash::vk;
 pub enum Bind<'a> {
     /// A whole buffer.
     Buffer(&'a Buffer),
-    /// Part of a buffer: offset and size [bytes].
+    /// Part of a buffer: offset and size \[bytes\].
     Slice(&'a Buffer, u64, u64),
     /// A buffer read as RGBA32F texels.
     Texels(&'a Buffer),

@@ -22,7 +22,7 @@ pub struct Buffer {
     pub(crate) id: u64,
     /// `stage.thing`, as validation messages and captures show it.
     pub name: String,
-    /// Size [bytes].
+    /// Size \[bytes\].
     pub size: u64,
     /// The same, out of everybody's reach: what unsafe code relies on.
     pub(super) held: u64,

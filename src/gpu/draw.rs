@@ -45,7 +45,7 @@ pub struct Attachments<'a> {
     pub colors: &'a [Attach<'a>],
     /// Depth attachment.
     pub depth: Option<Attach<'a>>,
-    /// Left, top, width and height [pixels]; clearing and drawing stay inside.
+    /// Left, top, width and height \[pixels\]; clearing and drawing stay inside.
     pub area: [u32; 4],
 }
 
@@ -218,7 +218,7 @@ impl Draw<'_, '_> {
         };
     }
 
-    /// Part of the attachments that is drawn to: left, top, width and height [pixels].
+    /// Part of the attachments that is drawn to: left, top, width and height \[pixels\].
     ///
     /// # Panics
     /// If it is not inside the scope's own area.

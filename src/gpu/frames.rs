@@ -94,9 +94,24 @@ impl Ring {
 }
 
 impl Gpu {
-    /// Records and submits a frame. Waits only if the frame before last is not done. `split` submits each zone alone and
-    /// waits for it: for right timestamps on drivers that attribute chained passes wrongly.
-    pub fn frame(&self, split: bool, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
+    /// Records and submits a frame. Waits only if the frame before last is not done.
+    ///
+    /// # Errors
+    /// What recording or submitting fails with; then nothing of the frame is submitted.
+    pub fn frame(&self, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
+        self.counted(false, record)
+    }
+
+    /// The same for a frame whose times are looked at stage by stage: software devices attribute chained passes wrongly, so
+    /// there each zone is submitted alone and waited for.
+    ///
+    /// # Errors
+    /// As `frame`.
+    pub fn timed_frame(&self, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
+        self.counted(self.is_software(), record)
+    }
+
+    fn counted(&self, split: bool, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
         let frame = self.submit(split, record)?;
         let slot = &self.ring.slots[frame.number as usize % FRAMES_IN_FLIGHT];
         slot.borrow_mut().unread = true;

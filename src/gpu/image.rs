@@ -27,9 +27,9 @@ pub struct Image {
     pub name: String,
     /// Texel format.
     pub format: vk::Format,
-    /// Width [texels].
+    /// Width \[texels\].
     pub width: u32,
-    /// Height [texels].
+    /// Height \[texels\].
     pub height: u32,
 }
 
@@ -40,7 +40,7 @@ pub enum Extent {
     Plane,
     /// So many planes; `sampler2DArray` and `image2DArray` in shaders, and each can be rendered into.
     Layers(u32),
-    /// A volume of this depth [texels]; `sampler3D` and `image3D` in shaders. It cannot be rendered into.
+    /// A volume of this depth \[texels\]; `sampler3D` and `image3D` in shaders. It cannot be rendered into.
     Volume(u32),
 }
 
@@ -51,7 +51,7 @@ pub struct ImageDesc<'a> {
     pub name: &'a str,
     /// Texel format.
     pub format: vk::Format,
-    /// Width and height [texels].
+    /// Width and height \[texels\].
     pub size: [u32; 2],
     /// Planes, or depth.
     pub extent: Extent,
@@ -268,7 +268,7 @@ impl Gpu {
 }
 
 impl Image {
-    /// Device memory the image takes [bytes], as `info` and the frame plan state it.
+    /// Device memory the image takes \[bytes\], as `info` and the frame plan state it.
     pub fn bytes(&self) -> u64 {
         (0..self.made.mips).map(|mip| self.made.level_bytes(mip)).sum()
     }

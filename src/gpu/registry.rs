@@ -23,7 +23,7 @@ pub struct ResourceInfo {
     pub name: String,
     /// What kind it is.
     pub kind: ResourceKind,
-    /// What it holds [bytes]; the device may reserve a little more.
+    /// What it holds \[bytes\]; the device may reserve a little more.
     pub bytes: u64,
 }
 
@@ -41,7 +41,7 @@ pub struct Counters {
     pub sets: usize,
     /// Pools they come from.
     pub pools: usize,
-    /// Device memory reserved, that of dropped resources included which are still in use [bytes].
+    /// Device memory reserved, that of dropped resources included which are still in use \[bytes\].
     pub allocated_bytes: u64,
     /// Live buffers and images.
     pub resources: usize,

@@ -5,7 +5,7 @@ use std::time::Instant;
 /// Zones per frame that are timed on the device; further ones have CPU times alone.
 pub(crate) const MAX_ZONES: u32 = 64;
 
-/// From when to when [ms].
+/// From when to when \[ms\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Span {
     /// Beginning.
@@ -15,7 +15,7 @@ pub struct Span {
 }
 
 impl Span {
-    /// How long [ms].
+    /// How long \[ms\].
     pub fn ms(self) -> f64 {
         self.end_ms - self.begin_ms
     }
@@ -50,9 +50,9 @@ pub struct ZoneTime {
 pub struct StageTime {
     /// The stage's name.
     pub name: &'static str,
-    /// GPU time [ms]; `None` where a zone has none.
+    /// GPU time \[ms\]; `None` where a zone has none.
     pub gpu_ms: Option<f64>,
-    /// CPU time of recording [ms].
+    /// CPU time of recording \[ms\].
     pub cpu_ms: f64,
 }
 
@@ -65,7 +65,7 @@ pub struct FrameTimes {
     pub split: bool,
     /// When the CPU began with it.
     pub begin: Instant,
-    /// The frame's first stamp on the device's clock [ms], which has a zero of its own.
+    /// The frame's first stamp on the device's clock \[ms\], which has a zero of its own.
     pub first_stamp_ms: Option<f64>,
     /// Zones in the order in which they open.
     pub zones: Vec<ZoneTime>,
@@ -96,17 +96,17 @@ impl FrameTimes {
         stages
     }
 
-    /// GPU time [ms] of the whole frame: the sum of its outermost zones.
+    /// GPU time \[ms\] of the whole frame: the sum of its outermost zones.
     pub fn gpu_ms(&self) -> Option<f64> {
         self.zones.iter().filter(|z| z.depth == 0).map(|z| z.gpu.map(Span::ms)).sum()
     }
 
-    /// From the first stamp to the last [ms]: what lies between the zones counts as well.
+    /// From the first stamp to the last \[ms\]: what lies between the zones counts as well.
     pub fn gpu_span_ms(&self) -> Option<f64> {
         self.zones.iter().filter_map(|z| z.gpu).map(|g| g.end_ms).reduce(f64::max)
     }
 
-    /// CPU time [ms] of one kind of work; that of recording without what was submitted and waited for in between.
+    /// CPU time \[ms\] of one kind of work; that of recording without what was submitted and waited for in between.
     pub fn cpu_ms(&self, of: Work) -> f64 {
         let sum = |what: Work| self.work.iter().filter(move |(w, _)| *w == what).map(|(_, s)| s.ms()).sum::<f64>();
         let Some((_, record)) = self.work.iter().find(|(w, _)| *w == Work::Record && of == Work::Record) else {
@@ -119,7 +119,7 @@ impl FrameTimes {
         (record.ms() - inside.map(|(_, s)| s.ms()).sum::<f64>()).max(0.0)
     }
 
-    /// From the beginning of the frame to the end of the CPU's last work for it [ms].
+    /// From the beginning of the frame to the end of the CPU's last work for it \[ms\].
     pub fn cpu_span_ms(&self) -> f64 {
         self.work.iter().map(|(_, s)| s.end_ms).fold(0.0, f64::max)
     }
@@ -157,7 +157,7 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// Where a stamp lies [ms]; it must be less than half the range from the one before.
+    /// Where a stamp lies \[ms\]; it must be less than half the range from the one before.
     fn place(&mut self, clock: &Clock, stamp: u64) -> f64 {
         self.ms += self.last.map_or(0.0, |last| clock.ms(last, stamp));
         self.last = Some(stamp);
@@ -187,7 +187,7 @@ pub(crate) struct Notes {
 }
 
 impl Notes {
-    /// Since the frame began [ms].
+    /// Since the frame began \[ms\].
     pub(crate) fn now(&self) -> f64 {
         self.begin.elapsed().as_secs_f64() * 1e3
     }

@@ -55,13 +55,13 @@ impl Motion {
 /// What is measured.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
-    /// Picture [pixels].
+    /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Frames of the sequence, at least 3.
     pub frames: usize,
-    /// Sides [texels] of the RSMs; each frame makes the square of it VALs per light.
+    /// Sides \[texels\] of the RSMs; each frame makes the square of it VALs per light.
     pub rsm: Vec<u32>,
-    /// Side [texels] of the finer RSM that VALs are held against.
+    /// Side \[texels\] of the finer RSM that VALs are held against.
     pub fine: u32,
     /// Clusters of VALs light caches where that is near enough.
     pub cluster: Option<ClusterRule>,
@@ -78,9 +78,9 @@ pub struct Job {
 pub struct Played {
     /// Which of the scene's.
     pub index: usize,
-    /// Where it begins [s].
+    /// Where it begins \[s\].
     pub begin: f64,
-    /// From frame to frame [s].
+    /// From frame to frame \[s\].
     pub step: f64,
 }
 
@@ -89,7 +89,7 @@ pub struct Played {
 pub struct Flicker {
     /// What moved.
     pub motion: Motion,
-    /// Side [texels] of the RSM.
+    /// Side \[texels\] of the RSM.
     pub rsm: u32,
     /// Caches over all instances.
     pub caches: usize,
@@ -231,7 +231,7 @@ impl Figures {
     }
 }
 
-/// Length [m] of a step, or its time [s].
+/// Length \[m\] of a step, or its time \[s\].
 fn step(scene: &Scene, motion: Motion, job: &Job) -> Result<f64> {
     let nothing = |what: &str| Error::Nothing(format!("{}: {what}, so that nothing can be moved", scene.name));
     if motion == Motion::Animation {
@@ -262,7 +262,7 @@ fn step(scene: &Scene, motion: Motion, job: &Job) -> Result<f64> {
     Ok(job.pace * 0.5 * 2.0 * f64::from(right.length()) * distance / f64::from(finest))
 }
 
-/// The scene with the light, camera or model `way` [m] from where it was, or so much later [s].
+/// The scene with the light, camera or model `way` \[m\] from where it was, or so much later \[s\].
 fn moved(scene: &Scene, motion: Motion, job: &Job, way: f64) -> Scene {
     let mut scene = scene.clone();
     match motion {
@@ -306,7 +306,7 @@ fn sequence(gpu: &Gpu, scenes: &[Scene], caches: Option<&CacheSet>, knobs: &Knob
     for scene in scenes {
         world.update(gpu, scene)?;
         let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-        let drawn = gpu.frame(false, |cmd| {
+        let drawn = gpu.frame(|cmd| {
             frame.record(cmd, &world, &view);
             Ok(())
         })?;

@@ -42,7 +42,7 @@ impl Path {
 /// Every setting and the size, side by side. Not all of them go together: see `go_together`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Knobs {
-    /// Picture [pixels].
+    /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Indirect light.
     pub gi: Gi,

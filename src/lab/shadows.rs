@@ -16,8 +16,8 @@ use std::path::Path;
 
 /// What a comparison is made of.
 #[derive(Clone, Copy, Debug)]
-pub struct Settings {
-    /// Picture [pixels].
+pub struct ShadowsSettings {
+    /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Caches that are asked for.
     pub caches: usize,
@@ -36,7 +36,7 @@ pub struct Row {
     pub shadows: Shadows,
     /// Errors of each layer by its name, over the pixels that show a surface; or why there are none.
     pub errors: std::result::Result<Vec<(&'static str, Errors)>, String>,
-    /// Median GPU time [ms] of the whole frame; 0 where the device has no timestamps.
+    /// Median GPU time \[ms\] of the whole frame; 0 where the device has no timestamps.
     pub frame_ms: f64,
     /// Of the gather and what shadows add to it.
     pub gather_ms: f64,
@@ -76,7 +76,7 @@ const GATHER_STAGES: [&str; 3] = ["depth images", "gather", "occlude"];
 pub fn compare(
     gpu: &Gpu,
     scene: &Scene,
-    settings: &Settings,
+    settings: &ShadowsSettings,
     folder: &Path,
     progress: &(dyn Fn(f32) + Sync),
 ) -> Result<Compared> {

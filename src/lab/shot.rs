@@ -40,7 +40,7 @@ pub struct Shot {
     pub glossy: Vec<DVec3>,
     /// Whether a pixel shows a surface.
     pub covered: Vec<bool>,
-    /// The gather's sums of irradiance [lx] at each cache: all light, and light times `cos^k`; empty without the lobe.
+    /// The gather's sums of irradiance \[lx\] at each cache: all light, and light times `cos^k`; empty without the lobe.
     pub sums: [Vec<DVec3>; 2],
     /// The lights' pictures as the references know them.
     pub views: Vec<rsm::View>,
@@ -54,7 +54,7 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs)
     let world = World::new(gpu, scene, caches)?;
     let mut frame = Frame::new(gpu, scene, &world, knobs)?;
     let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &world, &view);
         Ok(())
     })?;
@@ -248,7 +248,7 @@ pub fn reflection(scene: &Scene, material: usize) -> Reflection {
 }
 
 /// What a pixel's centre sees.
-pub struct Seen {
+pub struct PixelSurface {
     /// Row by row from the top.
     pub pixel: usize,
     /// Which instance.
@@ -259,14 +259,14 @@ pub struct Seen {
     pub vertices: [usize; 3],
     /// Barycentric weights of the corners.
     pub weights: [f64; 3],
-    /// World position [m].
+    /// World position \[m\].
     pub position: DVec3,
     /// Shading normal.
     pub normal: DVec3,
 }
 
 /// The nearest front face at the centre of every pixel of the scene's first camera, a pinhole, by trying all triangles.
-pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<Seen> {
+pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<PixelSurface> {
     let camera = &scene.cameras[0];
     let Projection::Perspective { yfov } = camera.projection else { panic!("a pinhole") };
     let half = (0.5 * f64::from(yfov)).tan();
@@ -278,7 +278,7 @@ pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<Seen> {
         let at = DVec2::new((pixel % size[0] as usize) as f64 + 0.5, (pixel / size[0] as usize) as f64 + 0.5);
         let ray = dvec3((2.0 * at.x / width - 1.0) * width / height, 1.0 - 2.0 * at.y / height, -1.0 / half);
         let ray = pose.matrix3 * ray;
-        let mut nearest: Option<(f64, Seen)> = None;
+        let mut nearest: Option<(f64, PixelSurface)> = None;
         let mut index = 0;
         for (i, (triangle, instance)) in all.iter().enumerate() {
             index = if i > 0 && all[i - 1].1 == *instance { index + 1 } else { 0 };
@@ -300,7 +300,7 @@ pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<Seen> {
                 let (vertices, material) = (mesh.triangle(index), mesh.triangle_materials()[index]);
                 nearest = Some((
                     distance,
-                    Seen { pixel, instance: *instance, material, vertices, weights, position: p, normal },
+                    PixelSurface { pixel, instance: *instance, material, vertices, weights, position: p, normal },
                 ));
             }
         }

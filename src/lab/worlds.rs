@@ -70,9 +70,9 @@ pub fn corner(lights: &[LightKind], exponent: f32) -> Scene {
     scene
 }
 
-/// Caches this far apart [m].
+/// Caches this far apart \[m\].
 pub fn baked(scene: &Scene, spacing: f64, references: usize) -> Result<CacheSet> {
-    let settings = bake::Settings { density: Density::Spacing(spacing), angle: 0.5 * FRAC_PI_2, references };
+    let settings = bake::BakeSettings { density: Density::Spacing(spacing), angle: 0.5 * FRAC_PI_2, references };
     bake::bake(scene, &settings, &|_, _| ())
 }
 

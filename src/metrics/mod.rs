@@ -22,7 +22,7 @@ pub struct Metrics {
     pub relmse_trimmed: f64,
     /// Relative error of the mean: `mean(a) / mean(b) - 1`.
     pub bias: f64,
-    /// Peak signal-to-noise ratio [dB], the peak being the reference's largest value.
+    /// Peak signal-to-noise ratio \[dB\], the peak being the reference's largest value.
     pub psnr: f64,
 }
 

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 
 /// Half the width of the window: 11 x 11 pixels.
 const RADIUS: usize = 5;
-/// Standard deviation of the window's Gaussian [pixels].
+/// Standard deviation of the window's Gaussian \[pixels\].
 const SIGMA: f64 = 1.5;
 /// `(K1 L)^2` and `(K2 L)^2` with the paper's K1 = 0.01, K2 = 0.03 and the range of values L = 1.
 const C1: f64 = 1e-4;

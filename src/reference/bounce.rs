@@ -23,7 +23,7 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// The patch as a light, for its irradiance [lx]: flux `rho E A` [lm].
+    /// The patch as a light, for its irradiance \[lx\]: flux `rho E A` \[lm\].
     pub fn val(&self, irradiance: DVec3) -> Val {
         let Self { cache, area, albedo } = *self;
         Val { position: cache.position, area, normal: cache.normal, flux: albedo * irradiance * area }
@@ -41,7 +41,7 @@ pub fn scale(form_factors: f64) -> f64 {
     1.0 / form_factors.max(1.0)
 }
 
-/// Irradiance [lx] at every cache after so many bounces: that of the primary lights' VALs, and from the second bounce on
+/// Irradiance \[lx\] at every cache after so many bounces: that of the primary lights' VALs, and from the second bounce on
 /// that of the patches which the bounce before has lit, `E_(k+1) = E_1 + s sum_j rho_j E_k,j A_j G_j`.
 pub fn irradiances(patches: &[Patch], vals: &[Val], bounces: u32) -> Vec<DVec3> {
     let at = |patch: &Patch, vals: &[Val]| brute_force::irradiance(patch.cache.position, patch.cache.normal, vals);

@@ -7,7 +7,7 @@ use super::gather::val_geometry;
 use super::phong::{DIFFUSE_LOBE, Material, phong_lobe};
 use super::rsm::Val;
 
-/// Irradiance [lx] at a point with unit normal from all VALs, eq. 5.8 summed.
+/// Irradiance \[lx\] at a point with unit normal from all VALs, eq. 5.8 summed.
 pub fn irradiance(point: DVec3, normal: DVec3, vals: &[Val]) -> DVec3 {
     vals.iter().map(|val| val.flux * val_geometry(point, normal, val).0).sum()
 }

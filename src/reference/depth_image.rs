@@ -18,11 +18,11 @@ use super::rsm::Val;
 pub struct Plate {
     /// The cache itself and the area of its share.
     pub disc: Disc,
-    /// Middle [m].
+    /// Middle \[m\].
     pub middle: DVec3,
-    /// From there to the middle of an edge [m], square to the normal.
+    /// From there to the middle of an edge \[m\], square to the normal.
     pub axis: DVec3,
-    /// From there to the next edge, square to both [m].
+    /// From there to the next edge, square to both \[m\].
     pub breadth: f64,
 }
 
@@ -65,21 +65,21 @@ impl Default for Rule {
 }
 
 /// What is drawn, as a cache sees it.
-struct Seen {
-    /// From the cache to its middle [m].
+struct VisibleRectangle {
+    /// From the cache to its middle \[m\].
     offset: DVec3,
     /// Unit normal away from the cache.
     normal: DVec3,
-    /// How far the cache is from its plane [m].
+    /// How far the cache is from its plane \[m\].
     height: f64,
     /// Duals of its half axes: what lies within has coordinates below 1.
     duals: [DVec3; 2],
     is_round: bool,
-    /// Radius of the circle of the share's area [m].
+    /// Radius of the circle of the share's area \[m\].
     share: f64,
 }
 
-impl Seen {
+impl VisibleRectangle {
     /// `None` where it cannot be in the way.
     fn new(cache: &Cache, plate: &Plate, rule: &Rule) -> Option<Self> {
         let Plate { disc, middle, axis, breadth } = *plate;
@@ -145,7 +145,8 @@ impl DepthImage {
         let side = rule.side;
         let mut ends = vec![0.0; side * side];
         // What cannot be in the way is left out once, not once a texel.
-        let seen: Vec<Seen> = plates.iter().filter_map(|plate| Seen::new(cache, plate, rule)).collect();
+        let seen: Vec<VisibleRectangle> =
+            plates.iter().filter_map(|plate| VisibleRectangle::new(cache, plate, rule)).collect();
         for (index, end) in ends.iter_mut().enumerate() {
             let step = 2.0 / side as f64;
             let [x, y] = [index % side, index / side].map(|i| (i as f64 + 0.5) * step - 1.0);
@@ -156,7 +157,7 @@ impl DepthImage {
             let z = z2.sqrt();
             let direction = x * tangents[0] + y * tangents[1] + z * cache.normal;
             for met in &seen {
-                let &Seen { normal, height, share, .. } = met;
+                let &VisibleRectangle { normal, height, share, .. } = met;
                 // The ray meets the plane at `height / along`.
                 let along = direction.dot(normal);
                 if !met.is_met(direction, along) {
@@ -177,7 +178,7 @@ impl DepthImage {
         Self { position: cache.position, tangents, side, ends }
     }
 
-    /// Whether the cache sees a point above its horizon [m].
+    /// Whether the cache sees a point above its horizon \[m\].
     pub fn sees(&self, point: DVec3) -> bool {
         let offset = point - self.position;
         let distance = offset.length();

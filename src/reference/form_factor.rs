@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 
 /// Geometry term `G = cos+_l cos+_x / (A + pi d^2)` [1/m^2] between a point and a disc of `area` [m^2] whose centre is
-/// `sqrt(d2)` [m] away; `cos_l` at the disc, `cos_x` at the point. The form factor 5.7 without its leading area.
+/// `sqrt(d2)` \[m\] away; `cos_l` at the disc, `cos_x` at the point. The form factor 5.7 without its leading area.
 pub fn disc_geometry(area: f64, cos_l: f64, cos_x: f64, d2: f64) -> f64 {
     cos_l.max(0.0) * cos_x.max(0.0) / (area + PI * d2)
 }
@@ -17,7 +17,7 @@ pub fn disc_form_factor(area: f64, cos_l: f64, cos_x: f64, d2: f64) -> f64 {
     area * disc_geometry(area, cos_l, cos_x, d2)
 }
 
-/// Irradiance [lx] at a point from a disc that sends out `flux` [lm] diffusely; eq. 5.8 without its surplus `1/pi`.
+/// Irradiance \[lx\] at a point from a disc that sends out `flux` \[lm\] diffusely; eq. 5.8 without its surplus `1/pi`.
 pub fn disc_irradiance(flux: f64, area: f64, cos_l: f64, cos_x: f64, d2: f64) -> f64 {
     flux * disc_geometry(area, cos_l, cos_x, d2)
 }

@@ -14,7 +14,7 @@ use super::rsm::Val;
 /// Where light is gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cache {
-    /// World position [m].
+    /// World position \[m\].
     pub position: DVec3,
     /// Unit normal.
     pub normal: DVec3,
@@ -45,9 +45,9 @@ impl ProxyWeight {
 /// One lobe's proxy light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lobe {
-    /// World position `x_p` [m]; of an unlit lobe the cache's position plus its normal, finite and of no meaning.
+    /// World position `x_p` \[m\]; of an unlit lobe the cache's position plus its normal, finite and of no meaning.
     pub position: DVec3,
-    /// `I = E / (N.w_p)` [lx]: irradiance at the cache on a plane that faces the proxy, `phi_p / (4 pi |x_p - c|^2)`.
+    /// `I = E / (N.w_p)` \[lx\]: irradiance at the cache on a plane that faces the proxy, `phi_p / (4 pi |x_p - c|^2)`.
     pub facing_irradiance: DVec3,
     /// Whether any VAL has weight in this lobe, and all together stand above the horizon by more than rounding.
     pub lit: bool,
@@ -105,7 +105,7 @@ impl Sums {
         self.irradiance += irradiance;
     }
 
-    /// Where the proxy is seen from the cache, relative to it [m]; `None` for an unlit lobe.
+    /// Where the proxy is seen from the cache, relative to it \[m\]; `None` for an unlit lobe.
     fn mean(&self) -> Option<DVec3> {
         (self.weight > 0.0).then(|| self.position / self.weight)
     }
@@ -114,9 +114,9 @@ impl Sums {
 /// What a cache receives from one VAL.
 #[derive(Clone, Copy, Debug)]
 pub struct Received {
-    /// Where the VAL stands relative to the cache [m].
+    /// Where the VAL stands relative to the cache \[m\].
     pub offset: DVec3,
-    /// Irradiance [lx].
+    /// Irradiance \[lx\].
     pub irradiance: DVec3,
     /// Weight on the diffuse proxy's position.
     pub pull: f64,
@@ -124,7 +124,7 @@ pub struct Received {
     pub lobe: f64,
 }
 
-/// Gathers `vals` at a cache: diffuse lobe by eq. 5.39-5.43, with an `eye` [m] also the glossy lobe, eq. 5.44.
+/// Gathers `vals` at a cache: diffuse lobe by eq. 5.39-5.43, with an `eye` \[m\] also the glossy lobe, eq. 5.44.
 pub fn gather(cache: &Cache, vals: &[Val], eye: Option<DVec3>, weight: ProxyWeight) -> Gathered {
     let mirrored = eye.map(|eye| mirrored_view(cache.position, cache.normal, eye));
     let received = vals.iter().map(|val| receive(cache, mirrored, val, weight.of(val)));
@@ -159,7 +159,7 @@ pub fn gather_received(cache: &Cache, mirrored: DVec3, received: impl Iterator<I
     }
 }
 
-/// The proxy of a lobe; `irradiance` gives what it must bring to the cache [lx] when it stands in a direction.
+/// The proxy of a lobe; `irradiance` gives what it must bring to the cache \[lx\] when it stands in a direction.
 fn proxy(cache: &Cache, sums: &Sums, irradiance: impl Fn(DVec3) -> DVec3) -> Lobe {
     let unlit =
         Lobe { position: cache.position + cache.normal, facing_irradiance: DVec3::ZERO, lit: false, distance2: 0.0 };
@@ -178,7 +178,7 @@ fn proxy(cache: &Cache, sums: &Sums, irradiance: impl Fn(DVec3) -> DVec3) -> Lob
 }
 
 impl Lobe {
-    /// Flux of the proxy [lm], `phi_p = 4 pi |x_p - c|^2 I`, eq. 5.39.
+    /// Flux of the proxy \[lm\], `phi_p = 4 pi |x_p - c|^2 I`, eq. 5.39.
     pub fn flux(&self, cache: &Cache) -> DVec3 {
         4.0 * PI * self.position.distance_squared(cache.position) * self.facing_irradiance
     }

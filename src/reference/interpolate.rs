@@ -20,15 +20,15 @@ pub enum Scheme {
 /// A point's averaged light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interpolated {
-    /// Where the diffuse light stands [m].
+    /// Where the diffuse light stands \[m\].
     pub diffuse_position: DVec3,
-    /// Irradiance [lx] at the point on a plane that faces the diffuse light.
+    /// Irradiance \[lx\] at the point on a plane that faces the diffuse light.
     pub diffuse_irradiance: DVec3,
     /// Whether any diffuse light takes part; without, the position has no meaning.
     pub has_diffuse: bool,
-    /// Where the glossy light stands [m].
+    /// Where the glossy light stands \[m\].
     pub glossy_position: DVec3,
-    /// Irradiance [lx] at the point on a plane that faces the glossy light.
+    /// Irradiance \[lx\] at the point on a plane that faces the glossy light.
     pub glossy_irradiance: DVec3,
     /// Whether any glossy light takes part; without, the position has no meaning.
     pub has_glossy: bool,
@@ -88,7 +88,7 @@ pub fn interpolate(
     interpolate_within(x, normal, mirrored_view, references, scheme, farthest)
 }
 
-/// Averages the lights of a point's references at `x` [m] with unit `normal` and `mirrored_view` R(x), which is not
+/// Averages the lights of a point's references at `x` \[m\] with unit `normal` and `mirrored_view` R(x), which is not
 /// used where no reference has a glossy lobe.
 ///
 /// An unlit diffuse lobe counts with its darkness but not with its position. An unlit glossy lobe takes no part at all,

@@ -14,7 +14,7 @@ use crate::scene::{Light, LightKind};
 /// Samples that share one random sequence: the result depends on the seed, not on the number of threads.
 const BLOCK: usize = 4096;
 
-/// Irradiance [lx] at `point` from light reflected once, diffusely. The primary light is shadowed, the way from the lit
+/// Irradiance \[lx\] at `point` from light reflected once, diffusely. The primary light is shadowed, the way from the lit
 /// surface to the point is not, as with VALs.
 ///
 /// Directions from the light are uniform over its cone or sphere, parallel rays over its picture's plane; each first
@@ -49,7 +49,7 @@ pub fn one_bounce_irradiance(
     sums.into_iter().sum::<DVec3>() / samples as f64
 }
 
-/// Origin, unit direction and the measure that it stands for: solid angle [sr], for parallel rays area [m^2].
+/// Origin, unit direction and the measure that it stands for: solid angle \[sr\], for parallel rays area [m^2].
 fn primary_ray(light: &Light, parallel: Option<&View>, random: &mut Random) -> (DVec3, DVec3, f64) {
     let (u, v) = (random.uniform(), random.uniform());
     if let Some(view) = parallel {

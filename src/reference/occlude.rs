@@ -12,7 +12,7 @@ use super::gather::{Cache, Lobe};
 /// A cache as something in the way: the share of the surface that is its own, as a disc about it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disc {
-    /// World position [m].
+    /// World position \[m\].
     pub position: DVec3,
     /// Unit normal.
     pub normal: DVec3,
@@ -104,7 +104,7 @@ pub const LEAST_RADIUS: f64 = 1.0 / 64.0;
 pub const LEAST_SINE: f64 = 1e-3;
 
 impl Radius {
-    /// Radius [m] of the sphere for a variance [m^2] along each axis; its clamp is [`Light`]'s.
+    /// Radius \[m\] of the sphere for a variance [m^2] along each axis; its clamp is [`Light`]'s.
     pub fn of(self, variance: DVec3) -> f64 {
         let variance = variance.max(DVec3::ZERO);
         match self {
@@ -126,7 +126,7 @@ pub fn sphere_form_factor(radius2: f64, cosine: f64, d2: f64) -> f64 {
     radius2 * cosine.max(0.0) / (radius2 + d2)
 }
 
-/// Share of a disc that is in the way, eq. 5.61: from 1 where it stands `reach` [m] in front of the light or more, `along`
+/// Share of a disc that is in the way, eq. 5.61: from 1 where it stands `reach` \[m\] in front of the light or more, `along`
 /// being how far, to 0 where it stands level with the light or behind.
 pub fn fade(along: f64, reach: f64) -> f64 {
     (along / reach).clamp(0.0, 1.0)
@@ -148,9 +148,9 @@ pub fn surface_tangent(normal: DVec3) -> DVec3 {
 /// A proxy light as its cache sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Light {
-    /// From the cache to it [m].
+    /// From the cache to it \[m\].
     offset: DVec3,
-    /// Radius of its sphere [m].
+    /// Radius of its sphere \[m\].
     radius: f64,
     /// Frame on the unit disc.
     tangents: [DVec3; 2],
@@ -161,7 +161,7 @@ pub struct Light {
 }
 
 impl Light {
-    /// The light at `position` [m] as a sphere of at least this radius [m].
+    /// The light at `position` \[m\] as a sphere of at least this radius \[m\].
     pub fn new(cache: &Cache, position: DVec3, radius: f64, choices: &Choices) -> Self {
         let offset = position - cache.position;
         let distance = offset.length();

@@ -10,13 +10,13 @@ use crate::scene::{Light, LightKind};
 /// A virtual area light: one texel of the RSM, a diffuse disc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Val {
-    /// World position of the disc's centre [m].
+    /// World position of the disc's centre \[m\].
     pub position: DVec3,
     /// Area [m^2], eq. 5.10.
     pub area: f64,
     /// Unit normal on the side that the light shines on; zero where there is no VAL.
     pub normal: DVec3,
-    /// Reflected flux [lm].
+    /// Reflected flux \[lm\].
     pub flux: DVec3,
 }
 
@@ -25,7 +25,7 @@ impl Val {
     pub const NOTHING: Self = Self { position: DVec3::ZERO, area: 0.0, normal: DVec3::ZERO, flux: DVec3::ZERO };
 }
 
-/// Half angle [rad] beyond which a spot's frustum no longer grows: at 90 degrees it would have no end.
+/// Half angle \[rad\] beyond which a spot's frustum no longer grows: at 90 degrees it would have no end.
 pub const WIDEST_SPOT: f64 = 1.553; // 89 degrees
 
 /// Sub-samples per texel and axis over which the intensity is averaged: the cone's edge cuts texels.
@@ -34,7 +34,7 @@ pub const SUB_SAMPLES: usize = 4;
 /// One square picture that a light takes of the scene.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// Where rays start [m]; for parallel rays the centre of the plane they start from.
+    /// Where rays start \[m\]; for parallel rays the centre of the plane they start from.
     pub origin: DVec3,
     /// Unit direction of growing x.
     pub right: DVec3,
@@ -60,7 +60,7 @@ impl View {
     }
 }
 
-/// Solid angle [sr] of the flat convex quadrilateral with corners `a`, `b`, `c`, `d` in order, seen from the origin:
+/// Solid angle \[sr\] of the flat convex quadrilateral with corners `a`, `b`, `c`, `d` in order, seen from the origin:
 /// two triangles by van Oosterom and Strackee (1983).
 pub fn solid_angle(a: DVec3, b: DVec3, c: DVec3, d: DVec3) -> f64 {
     triangle_solid_angle(a, b, c) + triangle_solid_angle(a, c, d)
@@ -74,14 +74,14 @@ fn triangle_solid_angle(a: DVec3, b: DVec3, c: DVec3) -> f64 {
     2.0 * volume.atan2(la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb)
 }
 
-/// Solid angle [sr] of texel (`x`, `y`) of an `n` x `n` picture with a square frustum of half angle `atan(tan_half)`.
+/// Solid angle \[sr\] of texel (`x`, `y`) of an `n` x `n` picture with a square frustum of half angle `atan(tan_half)`.
 pub fn texel_solid_angle(x: usize, y: usize, n: usize, tan_half: f64) -> f64 {
     let edge = |i: usize| (2.0 * i as f64 / n as f64 - 1.0) * tan_half;
     let corner = |i, j| DVec3::new(edge(i), edge(j), 1.0);
     solid_angle(corner(x, y), corner(x + 1, y), corner(x + 1, y + 1), corner(x, y + 1))
 }
 
-/// Area [m^2] of a texel's footprint on a plane square to the projection axis at depth `z` [m] along it, eq. 5.10.
+/// Area [m^2] of a texel's footprint on a plane square to the projection axis at depth `z` \[m\] along it, eq. 5.10.
 pub fn texel_area(z: f64, n: usize, tan_half: f64) -> f64 {
     (2.0 * z * tan_half / n as f64).powi(2)
 }
@@ -159,7 +159,7 @@ pub fn val(light: &Light, view: &View, [x, y]: [usize; 2], n: usize, hit: &Hit) 
     Val { position: hit.position, area, normal: hit.normal, flux: hit.diffuse * beam }
 }
 
-/// Mean of the intensity [cd] over the texel's sub-samples.
+/// Mean of the intensity \[cd\] over the texel's sub-samples.
 pub(crate) fn mean_intensity(light: &Light, view: &View, x: usize, y: usize, n: usize) -> DVec3 {
     let place = |texel: usize, sub: usize| texel as f64 + (sub as f64 + 0.5) / SUB_SAMPLES as f64;
     let count = SUB_SAMPLES * SUB_SAMPLES;

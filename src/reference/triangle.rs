@@ -5,7 +5,7 @@ use glam::DVec3;
 /// A triangle that reflects diffusely; both sides count.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
-    /// World positions of the corners [m].
+    /// World positions of the corners \[m\].
     pub positions: [DVec3; 3],
     /// Unit shading normals at the corners.
     pub normals: [DVec3; 3],
@@ -16,9 +16,9 @@ pub struct Triangle {
 /// Where a ray meets a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Distance along the ray [m].
+    /// Distance along the ray \[m\].
     pub distance: f64,
-    /// World position [m].
+    /// World position \[m\].
     pub position: DVec3,
     /// Unit shading normal, turned against the ray.
     pub normal: DVec3,

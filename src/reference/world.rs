@@ -22,11 +22,11 @@ const NEAREST: f64 = 1e-6;
 /// A scene to shoot rays at.
 pub struct World<'a> {
     scene: &'a Scene,
-    /// Middle of the scene's bounds [m]; everything inside is relative to it.
+    /// Middle of the scene's bounds \[m\]; everything inside is relative to it.
     centre: DVec3,
-    /// Half of their diagonal [m]; 1 for a scene without extent.
+    /// Half of their diagonal \[m\]; 1 for a scene without extent.
     pub radius: f64,
-    triangles: Vec<Placed>,
+    triangles: Vec<WorldTriangle>,
     /// By instance: model normals to world normals.
     normal_matrices: Vec<DMat3>,
     /// None for a scene without triangles.
@@ -34,7 +34,7 @@ pub struct World<'a> {
 }
 
 /// A triangle in the world, relative to the centre.
-struct Placed {
+struct WorldTriangle {
     corner: DVec3,
     edges: [DVec3; 2],
     instance: u32,
@@ -57,7 +57,7 @@ pub enum Sides {
 /// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
-    /// Distance along the ray [m].
+    /// Distance along the ray \[m\].
     pub distance: f64,
     /// Index into the scene's instances.
     pub instance: usize,
@@ -76,7 +76,7 @@ pub struct Hit {
 /// A point of a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Surface {
-    /// World position [m].
+    /// World position \[m\].
     pub position: DVec3,
     /// Unit normal of the triangle on the side that the ray came from.
     pub geometric: DVec3,
@@ -104,7 +104,7 @@ impl<'a> World<'a> {
             let triangle = move |(t, material): (usize, usize)| {
                 let corner = |v: usize| place.transform_point3(mesh.vertices[v].position.as_dvec3()) - centre;
                 let [a, b, c] = mesh.triangle(t).map(corner);
-                Placed {
+                WorldTriangle {
                     corner: a,
                     edges: [b - a, c - a],
                     instance: index as u32,
@@ -115,7 +115,7 @@ impl<'a> World<'a> {
             };
             materials.into_iter().enumerate().map(triangle).collect::<Vec<_>>()
         };
-        let triangles: Vec<Placed> = scene.instances.par_iter().enumerate().flat_map_iter(placed).collect();
+        let triangles: Vec<WorldTriangle> = scene.instances.par_iter().enumerate().flat_map_iter(placed).collect();
         let boxes: Vec<Aabb> = triangles
             .par_iter()
             .map(|t| {
@@ -137,7 +137,7 @@ impl<'a> World<'a> {
         self.scene
     }
 
-    /// What the ray from `origin` [m] in the unit `direction` meets first.
+    /// What the ray from `origin` \[m\] in the unit `direction` meets first.
     pub fn nearest(&self, origin: DVec3, direction: DVec3, sides: Sides) -> Option<Hit> {
         let hierarchy = self.hierarchy.as_ref()?;
         let local = origin - self.centre;
@@ -157,7 +157,7 @@ impl<'a> World<'a> {
         best
     }
 
-    /// Everything that the ray from `origin` [m] in the unit `direction` meets, in no order.
+    /// Everything that the ray from `origin` \[m\] in the unit `direction` meets, in no order.
     pub fn all(&self, origin: DVec3, direction: DVec3, mut met: impl FnMut(Hit)) {
         let Some(hierarchy) = &self.hierarchy else { return };
         let local = origin - self.centre;
@@ -168,13 +168,13 @@ impl<'a> World<'a> {
         });
     }
 
-    /// Whether anything lies between two points [m], short of both ends.
+    /// Whether anything lies between two points \[m\], short of both ends.
     pub fn blocked(&self, from: DVec3, to: DVec3) -> bool {
         let distance = from.distance(to);
         distance > 0.0 && self.blocked_within(from, (to - from) / distance, distance - NEAREST * self.radius)
     }
 
-    /// Whether anything lies on a ray nearer than `distance` [m], which may be infinite.
+    /// Whether anything lies on a ray nearer than `distance` \[m\], which may be infinite.
     pub fn blocked_within(&self, origin: DVec3, direction: DVec3, distance: f64) -> bool {
         let Some(hierarchy) = &self.hierarchy else { return false };
         let local = origin - self.centre;
@@ -308,7 +308,7 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Corner [m], edges [m] and material of every triangle, in the world.
+    /// Corner \[m\], edges \[m\] and material of every triangle, in the world.
     pub(crate) fn placed(&self) -> impl Iterator<Item = (DVec3, [DVec3; 2], usize)> + '_ {
         self.triangles.iter().map(|t| (t.corner + self.centre, t.edges, t.material as usize))
     }

@@ -45,7 +45,7 @@ pub struct Parts {
     /// What bends meshes.
     pub skins: Vec<Skin>,
     /// What each of the first of `Scene::instances` hangs on.
-    pub instances: Vec<Placed>,
+    pub instances: Vec<AnimatedInstance>,
     /// The node of each of the first of `Scene::lights`.
     pub lights: Vec<usize>,
     /// The node of each of the first of `Scene::cameras`.
@@ -72,7 +72,7 @@ pub struct Node {
 pub enum Local {
     /// Scale, then rotate (unit length), then move.
     Parts {
-        /// Translation [m].
+        /// Translation \[m\].
         translation: DVec3,
         /// Unit quaternion.
         rotation: DQuat,
@@ -112,7 +112,7 @@ pub struct Skin {
 
 /// What an instance hangs on.
 #[derive(Clone, Debug, Default)]
-pub struct Placed {
+pub struct AnimatedInstance {
     /// The node that draws it.
     pub node: usize,
     /// What its place in the world is.
@@ -154,7 +154,7 @@ pub struct Channel {
 /// What a channel sets.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Target {
-    /// Of a node [m].
+    /// Of a node \[m\].
     Translation(usize),
     /// Of a node.
     Rotation(usize),
@@ -179,14 +179,14 @@ pub enum Target {
 }
 
 impl Animation {
-    /// Times [s] of its first and its last key.
+    /// Times \[s\] of its first and its last key.
     pub fn span(&self) -> (f64, f64) {
         let begin = self.channels.iter().map(|c| c.sampler.begin()).fold(f64::INFINITY, f64::min);
         let end = self.channels.iter().map(|c| c.sampler.end()).fold(f64::NEG_INFINITY, f64::max);
         if begin <= end { (begin, end) } else { (0.0, 0.0) }
     }
 
-    /// The time within the animation after it has played for `time` [s] over and over, from 0 to its last key, which is
+    /// The time within the animation after it has played for `time` \[s\] over and over, from 0 to its last key, which is
     /// shown when it is due.
     pub fn looped(&self, time: f64) -> f64 {
         let (_, end) = self.span();
@@ -196,7 +196,7 @@ impl Animation {
 }
 
 impl Scene {
-    /// Names of the animations, and the times [s] of their first and last keys.
+    /// Names of the animations, and the times \[s\] of their first and last keys.
     pub fn animations(&self) -> impl Iterator<Item = (&str, f64, f64)> {
         self.rig.iter().flat_map(|rig| &rig.parts.animations).map(|animation| {
             let (begin, end) = animation.span();
@@ -216,7 +216,7 @@ impl Scene {
         played.map_or(time, |animation| animation.looped(time))
     }
 
-    /// Puts everything where an animation has it at `time` [s], and all that it does not move back to rest. Values are held
+    /// Puts everything where an animation has it at `time` \[s\], and all that it does not move back to rest. Values are held
     /// before its first and after its last key. Caches are placed at rest: bake first, then pose.
     ///
     /// # Panics
@@ -433,7 +433,7 @@ impl Rig {
         }
     }
 
-    fn place_instance(&self, placed: &Placed, instance: &mut Instance) {
+    fn place_instance(&self, placed: &AnimatedInstance, instance: &mut Instance) {
         if self.fades[placed.node] {
             instance.hidden = !self.shown[placed.node];
         }

@@ -8,11 +8,11 @@ use rayon::prelude::*;
 
 use super::{Camera, Light, LightKind, Projection, Scene};
 
-/// Vertical field of view [rad] of a camera outside, and the aspect ratio that it is placed for.
+/// Vertical field of view \[rad\] of a camera outside, and the aspect ratio that it is placed for.
 const OUTSIDE_YFOV: f64 = 40.0 * PI / 180.0;
 const ASPECT: f64 = 16.0 / 9.0;
 
-/// Vertical field of view [rad] of a camera inside a room.
+/// Vertical field of view \[rad\] of a camera inside a room.
 const INSIDE_YFOV: f64 = 60.0 * PI / 180.0;
 
 /// Horizontal directions in the order in which an open side is looked for: the front first.

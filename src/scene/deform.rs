@@ -50,7 +50,7 @@ pub struct Influence {
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Displacement {
-    /// Of the position [m].
+    /// Of the position \[m\].
     pub position: Vec3,
     /// Of the normal.
     pub normal: Vec3,

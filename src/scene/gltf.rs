@@ -18,7 +18,7 @@ use std::path::Path;
 use glam::{DAffine3, DQuat, DVec3};
 
 use super::accessor::Accessors;
-use super::animation::{Hold, Local, Placed, Skin};
+use super::animation::{AnimatedInstance, Hold, Local, Skin};
 use super::json::{Document, Object, error_at, plural, printable};
 use super::{Instance, Mesh, Primitive, Scene};
 use crate::Result;
@@ -295,7 +295,7 @@ type MeshKey = (usize, Vec<u64>);
 #[derive(Default)]
 struct Hung {
     /// By instance.
-    instances: Vec<Placed>,
+    instances: Vec<AnimatedInstance>,
     /// By light: the node, and the file's light.
     lights: Vec<(usize, usize)>,
     /// By camera: the node, and the file's camera.
@@ -414,7 +414,7 @@ impl Builder<'_> {
 
     /// Adds an instance to the scene.
     fn stand(&mut self, node: usize, hold: Hold, instance: Instance, scene: &mut Scene) {
-        self.hung.instances.push(Placed { node, hold, weights: Vec::new() });
+        self.hung.instances.push(AnimatedInstance { node, hold, weights: Vec::new() });
         scene.instances.push(instance);
     }
 

@@ -11,7 +11,7 @@ use super::{Image, Material, Scene, Texture, Wrap};
 /// would no longer fall off away from the mirror direction.
 const EXPONENTS: (f32, f32) = (1.0, 2048.0);
 
-/// KHR_texture_transform: scale, then rotate [rad], then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
+/// KHR_texture_transform: scale, then rotate \[rad\], then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
 /// 90 degrees.
 pub(super) fn texture_transform(offset: [f64; 2], rotation: f64, scale: [f64; 2]) -> Affine2 {
     let (sin, cos) = rotation.rem_euclid(TAU).sin_cos();

@@ -227,9 +227,9 @@ pub enum Wrap {
 pub struct Image {
     /// File name or glTF name, for messages.
     pub name: String,
-    /// Width [texels].
+    /// Width \[texels\].
     pub width: u32,
-    /// Height [texels].
+    /// Height \[texels\].
     pub height: u32,
     /// `width * height * 4` bytes.
     pub rgba: Vec<u8>,
@@ -244,9 +244,9 @@ pub struct Light {
     pub kind: LightKind,
     /// Linear colour.
     pub color: Vec3,
-    /// Luminous intensity [cd = lm/sr] of point and spot lights, illuminance [lx] of directional ones.
+    /// Luminous intensity [cd = lm/sr] of point and spot lights, illuminance \[lx\] of directional ones.
     pub intensity: f32,
-    /// Distance [m] at which the light is windowed to zero; `None` for infinite.
+    /// Distance \[m\] at which the light is windowed to zero; `None` for infinite.
     pub range: Option<f32>,
     /// World position; meaningless for directional lights.
     pub position: DVec3,
@@ -286,12 +286,12 @@ pub struct Camera {
 pub enum Projection {
     /// Pinhole.
     Perspective {
-        /// Vertical field of view [rad].
+        /// Vertical field of view \[rad\].
         yfov: f32,
     },
     /// Parallel.
     Orthographic {
-        /// Half of the height of the picture [m].
+        /// Half of the height of the picture \[m\].
         ymag: f32,
     },
 }

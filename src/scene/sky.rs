@@ -18,7 +18,7 @@ pub struct Sky {
     pub height: u32,
     /// Radiance [cd/m^2], row by row. The middle column is about -Z, columns follow each other towards +X.
     pub texels: Vec<Vec3>,
-    /// Turn about +Y [rad], counter-clockwise seen from above.
+    /// Turn about +Y \[rad\], counter-clockwise seen from above.
     pub turn: f64,
     /// Which of the scene's lights are the sky's.
     pub lights: Range<usize>,
@@ -59,7 +59,7 @@ impl Sky {
         scene.sky = Some(self);
     }
 
-    /// Solid angle [sr] of a texel of a row.
+    /// Solid angle \[sr\] of a texel of a row.
     fn solid_angle(&self, row: usize) -> f64 {
         let edge = |row: usize| (PI * row as f64 / f64::from(self.height)).cos();
         TAU / f64::from(self.width) * (edge(row) - edge(row + 1))
@@ -72,12 +72,12 @@ impl Sky {
         DVec3::new(latitude.sin() * longitude.sin(), latitude.cos(), -latitude.sin() * longitude.cos())
     }
 
-    /// Light [lx] through a plane that faces it all: the integral of radiance over the sphere.
+    /// Light \[lx\] through a plane that faces it all: the integral of radiance over the sphere.
     pub fn illuminance(&self) -> DVec3 {
         self.sum(&(0..self.width as usize), &(0..self.height as usize)).0
     }
 
-    /// Integral of radiance over texels [lx], and of direction times luminance.
+    /// Integral of radiance over texels \[lx\], and of direction times luminance.
     fn sum(&self, columns: &Range<usize>, rows: &Range<usize>) -> (DVec3, DVec3) {
         let (mut light, mut vector) = (DVec3::ZERO, DVec3::ZERO);
         for row in rows.clone() {

@@ -28,14 +28,14 @@ pub fn area(scene: &Scene) -> f64 {
     scene.instances.iter().map(instance).sum()
 }
 
-/// Distance [m] between caches that a count of them can be expected to have: the bake needs about five caches for the
+/// Distance \[m\] between caches that a count of them can be expected to have: the bake needs about five caches for the
 /// square of their spacing.
 pub fn expected_spacing(scene: &Scene, caches: usize) -> f64 {
     (5.0 * area(scene) / caches.max(1) as f64).sqrt()
 }
 
-/// Divides for caches that stand `spacing` [m] apart: no edge is to be longer than a quarter of it, or than `max_edge`
-/// [m] where that is given; 0 leaves all as they are.
+/// Divides for caches that stand `spacing` \[m\] apart: no edge is to be longer than a quarter of it, or than `max_edge`
+/// \[m\] where that is given; 0 leaves all as they are.
 pub fn divide(scene: &mut Scene, spacing: f64, max_edge: Option<f64>) {
     if max_edge == Some(0.0) {
         return;

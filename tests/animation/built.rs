@@ -2,7 +2,7 @@
 
 use super::placed;
 use glam::{DQuat, DVec3};
-use lightskin::bake::{Density, Settings, bake};
+use lightskin::bake::{BakeSettings, Density, bake};
 use lightskin::lab::scenes::{crowd, moving};
 use lightskin::scene::Scene;
 use std::time::Instant;
@@ -32,7 +32,7 @@ fn a_crowd_sways_out_of_step() {
         joint.transform_point3(DVec3::Y)
     };
     assert!(tip(1).distance(tip(2)) > 0.05, "{} {}", tip(1), tip(2));
-    let settings = Settings { density: Density::Count(20_000), angle: 0.8, references: 8 };
+    let settings = BakeSettings { density: Density::Count(20_000), angle: 0.8, references: 8 };
     assert_eq!(bake(&scene, &settings, &|_, _| {}).expect("bakes").models.len(), 2);
 }
 

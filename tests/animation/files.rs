@@ -2,7 +2,7 @@
 
 use crate::common::Builder;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
-use lightskin::bake::{Cache, Density, NO_CACHE, Settings, bake};
+use lightskin::bake::{BakeSettings, Cache, Density, NO_CACHE, bake};
 use lightskin::reference::world::{Sides, World};
 use lightskin::scene::{LightKind, Projection, Scene};
 use serde_json::{Value, json};
@@ -246,7 +246,7 @@ fn a_crowd_has_one_mesh_and_a_pose_each() {
         // The other side faces the other way.
         assert_eq!((top.normal, scene.meshes[0].posed(pose)[7].normal), (Vec3::Z, Vec3::NEG_Z));
     }
-    let caches = bake(&scene, &Settings { density: Density::Count(4000), angle: 0.8, references: 8 }, &|_, _| {});
+    let caches = bake(&scene, &BakeSettings { density: Density::Count(4000), angle: 0.8, references: 8 }, &|_, _| {});
     let caches = caches.expect("bakes");
     assert_eq!(caches.models.len(), 1);
     // By distance alone, those of the other side farther by a spacing.
@@ -301,7 +301,7 @@ fn what_has_no_volume_at_rest_may_get_one() {
         builder.json["scenes"][0]["nodes"].as_array_mut().expect("is a list").push(json!(node));
         let mut scene = builder.load("no volume").expect("is valid");
         assert_eq!((scene.instances.len(), scene.instances[0].pose.is_some()), (2, bends));
-        let settings = Settings { density: Density::Count(100), angle: 0.8, references: 8 };
+        let settings = BakeSettings { density: Density::Count(100), angle: 0.8, references: 8 };
         let caches = bake(&scene, &settings, &|_, _| {}).expect("bakes");
         let of = &caches.models[caches.instance_model[0]];
         assert!(of.caches.iter().all(|c| c.position.is_finite() && c.normal.is_finite() && c.area.is_finite()));

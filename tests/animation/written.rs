@@ -4,7 +4,7 @@ use super::second::File;
 use super::{animated, placed};
 use crate::common::{Builder, data};
 use glam::{DAffine3, DVec3};
-use lightskin::bake::{Density, Settings, bake};
+use lightskin::bake::{BakeSettings, Density, bake};
 use lightskin::lab::scenes::{crowd, moving};
 use lightskin::scene::deform::Pose;
 use lightskin::scene::write::write_glb;
@@ -107,7 +107,7 @@ fn the_moving_room_and_the_crowd_move_as_before() {
     assert_eq!((loaded.meshes.len(), loaded.instances.len()), (2, 1001));
     assert_eq!(loaded.meshes.iter().filter(|mesh| mesh.deform.is_some()).count(), 1);
     assert_eq!(loaded.instances.iter().filter(|instance| instance.pose.is_some()).count(), 1000);
-    let settings = Settings { density: Density::Count(20_000), angle: 0.8, references: 8 };
+    let settings = BakeSettings { density: Density::Count(20_000), angle: 0.8, references: 8 };
     assert_eq!(bake(&loaded, &settings, &|_, _| {}).expect("bakes").models.len(), 2);
     let file = ::gltf::Gltf::from_slice(&bytes).expect("is valid glTF");
     assert_eq!((file.skins().count(), file.animations().count()), (1000, 1));

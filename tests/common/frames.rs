@@ -6,7 +6,7 @@ use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::scene::Scene;
 
-pub(crate) use lightskin::lab::shot::{Seen, Shot, reflection, seen, small, triangles};
+pub(crate) use lightskin::lab::shot::{PixelSurface, Shot, reflection, seen, small, triangles};
 pub(crate) use lightskin::lab::worlds::{SPOT, add, camera, corner, lamp, phong, placed};
 
 /// Caches this far apart [m].
@@ -30,7 +30,7 @@ pub(crate) fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knob
     let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });

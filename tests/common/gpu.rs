@@ -3,11 +3,20 @@
 use std::path::Path;
 use std::sync::LazyLock;
 
-use lightskin::gpu::{Gpu, Options, Validation};
+use lightskin::gpu::{Cmd, Frame, Gpu, Options, Validation};
 
 /// A device of this test's own, with all checks on. No device fails the test: software Vulkan is enough.
 pub(crate) fn gpu() -> Gpu {
     Gpu::new(&Options { device: None, validation: Validation::Sync }).expect("a Vulkan device and the validation layer")
+}
+
+/// Records a frame whose zones are submitted alone, as far as the device needs that for right times, or as one.
+pub(crate) fn frame_of(
+    gpu: &Gpu,
+    timed: bool,
+    record: impl FnOnce(&Cmd<'_>) -> lightskin::Result<()>,
+) -> lightskin::Result<Frame> {
+    if timed { gpu.timed_frame(record) } else { gpu.frame(record) }
 }
 
 /// Fails if the validation layer has said anything.

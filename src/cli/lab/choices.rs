@@ -1,7 +1,7 @@
 //! `lightskin lab choices`: what the defaults are chosen by, as tables.
 
 use anyhow::{Context, Result};
-use lightskin::lab::choices::{Row, Settings, Study, Worst};
+use lightskin::lab::choices::{Row, Study, StudySettings, Worst};
 use lightskin::lab::{scenes, shadows};
 use lightskin::scene::{Scene, build, tessellate};
 use std::path::PathBuf;
@@ -62,7 +62,7 @@ pub(super) fn run(args: &Choices) -> Result<()> {
     if let Some(k) = args.exponent {
         scene.materials.iter_mut().filter_map(|m| m.phong.as_mut()).for_each(|phong| phong.exponent = k as f32);
     }
-    let settings = Settings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
+    let settings = StudySettings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
     if args.levels {
         return levels(&scene, &settings);
     }
@@ -75,8 +75,13 @@ fn shadows(args: &Choices) -> Result<()> {
     if args.scene.is_none() {
         scenes.push(build::atrium());
     }
-    let settings =
-        shadows::Settings { size: args.size, caches: args.caches.count(), rsm: args.rsm, samples: args.spp, frames: 3 };
+    let settings = shadows::ShadowsSettings {
+        size: args.size,
+        caches: args.caches.count(),
+        rsm: args.rsm,
+        samples: args.spp,
+        frames: 3,
+    };
     let gpu = args.device.open()?;
     let folder = lightskin::kept::folder().unwrap_or_else(std::env::temp_dir).join("shadows");
     std::fs::create_dir_all(&folder).with_context(|| format!("{}: cannot make the folder", folder.display()))?;
@@ -144,7 +149,7 @@ fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
         tessellate::divide(&mut scene, spacing, args.caches.max_edge);
         let camera = crate::cli::render::camera(&scene, None)?;
         // The picture takes no part.
-        let settings = Settings { size: [2, 2], caches: args.caches.count(), rsm: DEPTH_IMAGES_RSM };
+        let settings = StudySettings { size: [2, 2], caches: args.caches.count(), rsm: DEPTH_IMAGES_RSM };
         columns.push(Study::new(&scene, &camera, settings)?.depth_images());
     }
     let names: String = scenes.iter().map(|scene| format!("{:>18}", scene.name)).collect();
@@ -161,7 +166,7 @@ fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
 const DEPTH_IMAGES_RSM: usize = 48;
 
 /// Prints what clustering saves and costs.
-fn clusters(scene: &Scene, settings: &Settings) -> Result<()> {
+fn clusters(scene: &Scene, settings: &StudySettings) -> Result<()> {
     let camera = crate::cli::render::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
@@ -190,7 +195,7 @@ fn clusters(scene: &Scene, settings: &Settings) -> Result<()> {
 }
 
 /// Prints what each level of interpolation errs by.
-fn levels(scene: &Scene, settings: &Settings) -> Result<()> {
+fn levels(scene: &Scene, settings: &StudySettings) -> Result<()> {
     let camera = crate::cli::render::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
@@ -215,14 +220,14 @@ fn levels(scene: &Scene, settings: &Settings) -> Result<()> {
 
 /// Prints what the choices of stage 7 leave of the light at caches.
 fn dimming(args: &Choices) -> Result<()> {
-    let settings = Settings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
+    let settings = StudySettings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
     match &args.scene {
         Some(path) => dimming_in(&crate::cli::divided(crate::cli::load_punctual(Some(path))?, &args.caches), &settings),
         None => scenes::Shadowed::ALL.iter().try_for_each(|which| dimming_in(&which.scene(), &settings)),
     }
 }
 
-fn dimming_in(scene: &Scene, settings: &Settings) -> Result<()> {
+fn dimming_in(scene: &Scene, settings: &StudySettings) -> Result<()> {
     let camera = crate::cli::render::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
@@ -237,7 +242,7 @@ fn dimming_in(scene: &Scene, settings: &Settings) -> Result<()> {
 }
 
 /// Prints every table that a scene has.
-pub(super) fn tables(scene: &Scene, settings: &Settings) -> Result<()> {
+pub(super) fn tables(scene: &Scene, settings: &StudySettings) -> Result<()> {
     let camera = crate::cli::render::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();

@@ -14,7 +14,7 @@ use lightskin::lab::sources::curves::{
     FORM_FACTOR_DISTANCES, Receives, TILTS, form_factor_error, lobe_csv, lobe_errors,
 };
 use lightskin::lab::sources::table::Figures;
-use lightskin::lab::sources::{Lights, Settings, Sources, sources};
+use lightskin::lab::sources::{Lights, Sources, SourcesSettings, sources};
 use lightskin::scene::{Camera, Scene};
 use std::path::PathBuf;
 use std::time::Instant;
@@ -55,7 +55,7 @@ pub(super) fn run(args: &SourcesArgs) -> Result<()> {
     let scene = divided(load_punctual(args.scene.as_deref())?, &args.caches);
     let camera = render::camera(&scene, args.camera.as_deref())?;
     let baked = bake_scene(&scene, &args.caches.settings(), false)?;
-    let settings = Settings { size: args.size, rsm: args.rsm, samples: args.spp, ..Settings::default() };
+    let settings = SourcesSettings { size: args.size, rsm: args.rsm, samples: args.spp, ..SourcesSettings::default() };
     let gpu = args.device.open()?;
     let device = device_picture(&gpu, &scene, &camera, &baked, &settings)?;
 
@@ -71,7 +71,7 @@ pub(super) fn run(args: &SourcesArgs) -> Result<()> {
     Ok(())
 }
 
-fn print(found: &Sources, scene: &Scene, settings: &Settings, device: &[[DVec3; 2]]) {
+fn print(found: &Sources, scene: &Scene, settings: &SourcesSettings, device: &[[DVec3; 2]]) {
     let [w, h] = settings.size;
     say!(
         "scene     {} ({} triangles, {} caches, {} VALs)",
@@ -103,12 +103,18 @@ fn print(found: &Sources, scene: &Scene, settings: &Settings, device: &[[DVec3; 
 }
 
 /// The engine's own indirect light, both lobes of every pixel.
-fn device_picture(gpu: &Gpu, scene: &Scene, camera: &Camera, baked: &Baked, settings: &Settings) -> Result<Lights> {
+fn device_picture(
+    gpu: &Gpu,
+    scene: &Scene,
+    camera: &Camera,
+    baked: &Baked,
+    settings: &SourcesSettings,
+) -> Result<Lights> {
     let wanted = Knobs { rsm: settings.rsm, ..Knobs::plain(settings.size) };
     let world = World::new(gpu, scene, Some(&baked.caches))?;
     let mut frame = Frame::new(gpu, scene, &world, &wanted)?;
     let view = View::new(camera, wanted.size, world.origin, world.radius);
-    let drawn = gpu.frame(gpu.is_software(), |cmd| {
+    let drawn = gpu.timed_frame(|cmd| {
         frame.record(cmd, &world, &view);
         Ok(())
     })?;

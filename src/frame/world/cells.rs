@@ -15,7 +15,7 @@ pub struct CellBuffers {
     pub entries: Buffer,
     /// References of a cell.
     pub row: usize,
-    /// Distance of the farthest cache that a pixel refers to [m].
+    /// Distance of the farthest cache that a pixel refers to \[m\].
     pub reach: f64,
 }
 

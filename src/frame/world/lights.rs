@@ -4,7 +4,7 @@ use crate::scene::{Light, LightKind};
 use crate::shared::{self, LightView};
 use glam::{DMat4, DVec3, DVec4, Vec4};
 
-/// A spot wider than this half angle [rad] is seen through six faces, like a point light.
+/// A spot wider than this half angle \[rad\] is seen through six faces, like a point light.
 const WIDEST_FRUSTUM: f32 = 70.0 / 180.0 * std::f32::consts::PI;
 
 /// What the host needs to know of a light to draw its maps.
@@ -21,7 +21,7 @@ pub struct LightInfo {
 }
 
 impl LightInfo {
-    /// Side [texels] of each of its RSMs: six faces, or all lights of a sky, share the texels of one square.
+    /// Side \[texels\] of each of its RSMs: six faces, or all lights of a sky, share the texels of one square.
     pub fn rsm_size(&self, n: u32) -> u32 {
         match self.views * self.sharing {
             1 => n,
@@ -29,13 +29,13 @@ impl LightInfo {
         }
     }
 
-    /// Side [texels] of each tile of its shadow map: six faces tile it three by two.
+    /// Side \[texels\] of each tile of its shadow map: six faces tile it three by two.
     pub fn shadow_size(&self, n: u32) -> u32 {
         if self.views == 1 { n } else { (n / 3).max(1) }
     }
 }
 
-/// All lights and views of a scene around `origin` with half extent `half` [m].
+/// All lights and views of a scene around `origin` with half extent `half` \[m\].
 pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>, Vec<shared::Light>, Vec<LightView>) {
     prepare_with(lights, origin, half, |_| false)
 }

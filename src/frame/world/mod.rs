@@ -80,9 +80,9 @@ struct DrawItem {
 pub struct World {
     /// Middle of the scene in the world; everything on the device is relative to it.
     pub origin: DVec3,
-    /// Half of the bounds' diagonal [m].
+    /// Half of the bounds' diagonal \[m\].
     pub radius: f64,
-    /// Half extent of the scene along each axis [m].
+    /// Half extent of the scene along each axis \[m\].
     half: DVec3,
     /// Lights, for shaders.
     pub light_buffer: Buffer,

@@ -121,7 +121,7 @@ pub(super) struct Dynamic {
 }
 
 impl Dynamic {
-    /// Fills in how a scene stands around `origin` with half extent `half` [m]; `layouts` is what of each
+    /// Fills in how a scene stands around `origin` with half extent `half` \[m\]; `layouts` is what of each
     /// instance stays.
     pub(super) fn fill(&mut self, scene: &Scene, origin: DVec3, half: DVec3, layouts: &[InstanceLayout]) {
         self.instances.clear();

@@ -22,7 +22,7 @@ fn off(sum: f64, found: f64) -> f64 {
     }
 }
 
-/// Largest relative error of the irradiance [lx] that some of these caches received of these VALs, seen by a perspective
+/// Largest relative error of the irradiance \[lx\] that some of these caches received of these VALs, seen by a perspective
 /// camera (`eye` as in `shared::GatherPush`), in any channel: of the diffuse lobe, and of the glossy one. Terms have one sign,
 /// so that the error is relative to their sum.
 pub fn worst(gpu: &Gpu, caches: &[Cache], vals: &[Val], eye: Vec4, gather: &Gather) -> Result<[f64; 2]> {

@@ -34,14 +34,14 @@ const STAGES: [&str; 9] =
 /// Caches of tables 6.1 and 6.2.
 const CACHES: [usize; 2] = [500, 1000];
 
-/// RSM side [texels] where the thesis names none: its usual one.
+/// RSM side \[texels\] where the thesis names none: its usual one.
 const RSM: u32 = 128;
 
 /// Arithmetic operations of a pair in `glsl/lib/gather.glsl`, without and with the glossy lobe: sums, products, quotients,
 /// roots, powers, maxima, one each; a multiply-add is two.
 pub const FLOP_PER_PAIR: [f64; 2] = [42.0, 69.0];
 
-/// Rounds of stage 6 by both paths and the CPU: so many at least, and more until so much time has passed [s].
+/// Rounds of stage 6 by both paths and the CPU: so many at least, and more until so much time has passed \[s\].
 const ROUNDS: usize = 3;
 const LONG_ENOUGH: f64 = 0.8;
 
@@ -376,7 +376,7 @@ impl Contexts<'_> {
             }
             for (gathers, times) in gathers.iter().zip(&mut paths) {
                 let gather = &gathers[round % tune::PIPELINES];
-                let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+                let drawn = self.gpu.timed_frame(|cmd| {
                     let _zone = cmd.zone("gather");
                     gather.record(cmd, &lit);
                     Ok(())
@@ -417,7 +417,7 @@ impl Contexts<'_> {
         let all = Occlude::without_skipping(self.gpu, caches.atlas.count, frame.light.plan.glossy, 1)?;
         let mut runs = Vec::new();
         for _ in 0..self.extent.frames {
-            let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+            let drawn = self.gpu.timed_frame(|cmd| {
                 let _zone = cmd.zone("occlude");
                 all.record(cmd, &caches.atlas, caches.gather.live(), &caches.proxies, 1);
                 Ok(())
@@ -521,9 +521,9 @@ fn shuffled(set: &CacheSet) -> CacheSet {
 struct Measured {
     caches: usize,
     vals: usize,
-    /// All stages [ms].
+    /// All stages \[ms\].
     frame: f64,
-    /// Stage 6 [ms] by the fragment path and by the compute path.
+    /// Stage 6 \[ms\] by the fragment path and by the compute path.
     gather: [f64; 2],
     /// With shadows of proxies; only with both lobes.
     shadowed: Option<ShadowedFrame>,
@@ -536,9 +536,9 @@ struct Measured {
 /// A frame with shadows of proxies.
 #[derive(Clone, Copy)]
 struct ShadowedFrame {
-    /// All stages [ms].
+    /// All stages \[ms\].
     frame: f64,
-    /// Stage 7 [ms], and the same where no disc is skipped.
+    /// Stage 7 \[ms\], and the same where no disc is skipped.
     occlude: [f64; 2],
 }
 

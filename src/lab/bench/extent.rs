@@ -5,21 +5,21 @@
 pub struct Extent {
     /// Name for the report.
     pub name: &'static str,
-    /// Picture [pixels] of table 6.3 and of culling.
+    /// Picture \[pixels\] of table 6.3 and of culling.
     pub size: [u32; 2],
-    /// Picture [pixels] of table 6.1: what the thesis shows its scenes in; by its table 6.2 it fits the times.
+    /// Picture \[pixels\] of table 6.1: what the thesis shows its scenes in; by its table 6.2 it fits the times.
     pub window: [u32; 2],
     /// Triangle counts of table 6.1.
     pub triangles: Vec<usize>,
-    /// Pictures [pixels] of table 6.2.
+    /// Pictures \[pixels\] of table 6.2.
     pub resolutions: Vec<[u32; 2]>,
     /// Cache counts of table 6.3.
     pub caches: Vec<usize>,
-    /// Sides of the RSMs [texels] of table 6.3.
+    /// Sides of the RSMs \[texels\] of table 6.3.
     pub rsm: Vec<u32>,
     /// Counts of triangles and of caches that culling is measured at.
     pub culled: Vec<(usize, usize)>,
-    /// Counts of caches, and sides of RSMs [texels], that the gather alone is timed at, each with each.
+    /// Counts of caches, and sides of RSMs \[texels\], that the gather alone is timed at, each with each.
     pub scaling: (Vec<usize>, Vec<u32>),
     /// Instances of the crowds whose motion is measured.
     pub crowds: Vec<usize>,
@@ -29,7 +29,7 @@ pub struct Extent {
     pub warm_up: usize,
     /// Frames whose median counts.
     pub frames: usize,
-    /// Time [s] that each table may take.
+    /// Time \[s\] that each table may take.
     pub budget: f64,
 }
 

@@ -11,19 +11,19 @@ use std::time::Instant;
 
 /// Median times of one kind of frame.
 pub struct Times {
-    /// GPU time [ms] of each stage.
+    /// GPU time \[ms\] of each stage.
     pub stages: Vec<(String, f64)>,
     /// Missing and idle barriers, with `Validation::Sync`.
     pub problems: Vec<String>,
 }
 
 impl Times {
-    /// All stages [ms].
+    /// All stages \[ms\].
     pub fn frame(&self) -> f64 {
         self.stages.iter().map(|s| s.1).sum()
     }
 
-    /// One stage [ms].
+    /// One stage \[ms\].
     pub fn stage(&self, name: &str) -> Option<f64> {
         self.stages.iter().find(|s| s.0 == name).map(|s| s.1)
     }
@@ -58,7 +58,7 @@ impl<'a> OnDevice<'a> {
     fn drawn(&self, frame: &mut Frame, problems: &mut Vec<String>) -> Result<FrameTimes> {
         let view = View::new(&self.scene.cameras[0], frame.picture.size(), self.world.origin, self.world.radius);
         // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
-        let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+        let drawn = self.gpu.timed_frame(|cmd| {
             frame.record(cmd, &self.world, &view);
             Ok(())
         })?;
@@ -91,7 +91,7 @@ pub fn settings(size: [u32; 2], gi: Gi, rsm: u32, ways: Ways) -> Knobs {
 /// Places caches anew; gives them and the seconds that took.
 pub fn bake(scene: &Scene, caches: usize, references: usize) -> Result<(CacheSet, f64)> {
     let density = Density::Count(caches);
-    let settings = bake::Settings { density, angle: 60_f32.to_radians(), references };
+    let settings = bake::BakeSettings { density, angle: 60_f32.to_radians(), references };
     let start = Instant::now();
     let set = bake::bake(scene, &settings, &|_, _| ())?;
     Ok((set, start.elapsed().as_secs_f64()))
@@ -128,7 +128,7 @@ impl Budget {
     }
 }
 
-/// Host memory [bytes] that a generated scene takes at its peak, per triangle, in five versions, which on a software device
+/// Host memory \[bytes\] that a generated scene takes at its peak, per triangle, in five versions, which on a software device
 /// lie there, too: somewhat more than was measured.
 const BYTES_PER_TRIANGLE: u64 = 1300;
 
@@ -140,7 +140,7 @@ pub fn too_large(triangles: usize) -> Option<String> {
     (needed > free).then(|| format!("needs about {:.1} GiB of memory, and {:.1} GiB are free", gib(needed), gib(free)))
 }
 
-/// Memory [bytes] that programs can still have; Linux tells.
+/// Memory \[bytes\] that programs can still have; Linux tells.
 fn free_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;

@@ -32,7 +32,7 @@ pub struct Results {
     pub extent: &'static str,
     /// Arithmetic peak of the device [flop/s].
     pub peak: f64,
-    /// How long all of it took [s].
+    /// How long all of it took \[s\].
     pub seconds: f64,
     /// All tables, in the order of the report.
     pub tables: Vec<Table>,

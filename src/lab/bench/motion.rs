@@ -11,22 +11,22 @@ use crate::lab::scenes::{crowd, moving};
 use crate::scene::Scene;
 use std::time::Instant;
 
-/// RSM side [texels].
+/// RSM side \[texels\].
 const RSM: u32 = 128;
 
 /// Moments of the animation.
 const MOMENTS: usize = 15;
 
-/// The animation is not gone through again once so much time has passed [s].
+/// The animation is not gone through again once so much time has passed \[s\].
 const LONG_ENOUGH: f64 = 8.0;
 
-/// Longest side [m] of the grid cells of the room's walls.
+/// Longest side \[m\] of the grid cells of the room's walls.
 const EDGE: f32 = 0.1;
 
 /// Caches of the room, and of each tube of the crowd.
 const CACHES: [usize; 2] = [500, 40];
 
-/// Times [ms] of one moment.
+/// Times \[ms\] of one moment.
 struct Moment {
     /// Animation and what follows from it on the CPU, up to the frame.
     host: f64,
@@ -151,7 +151,7 @@ impl Contexts<'_> {
     /// Draws one frame and waits for its times.
     fn drawn(&mut self, frame: &mut Frame, buffers: &World, scene: &Scene) -> Result<FrameTimes> {
         let view = View::new(&scene.cameras[0], frame.picture.size(), buffers.origin, buffers.radius);
-        let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+        let drawn = self.gpu.timed_frame(|cmd| {
             frame.record(cmd, buffers, &view);
             Ok(())
         })?;

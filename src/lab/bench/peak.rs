@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::shared::{PEAK_CHAINS, PEAK_STEPS};
 
-/// Runs get larger until one takes this long [ms].
+/// Runs get larger until one takes this long \[ms\].
 const LONG_ENOUGH: f64 = 30.0;
 
 /// Invocations of the first and of the largest run.
@@ -20,7 +20,7 @@ pub fn measure(gpu: &Gpu) -> Result<f64> {
     loop {
         let results = gpu.buffer("peak.results", 4 * u64::from(count))?;
         let run = || -> Result<f64> {
-            let drawn = gpu.frame(false, |cmd| {
+            let drawn = gpu.frame(|cmd| {
                 let _zone = cmd.zone("peak");
                 cmd.bind(&pipeline, &[(&results).into()]);
                 cmd.dispatch(count, 1, 1);

@@ -21,7 +21,7 @@ use std::time::Instant;
 /// Rounds over all points, after one that does not count.
 const ROUNDS: usize = 7;
 
-/// A point is gathered so often in one measurement that this lasts so long [ms].
+/// A point is gathered so often in one measurement that this lasts so long \[ms\].
 const LONG_ENOUGH: f64 = 12.0;
 
 /// Most gathers of one measurement.
@@ -34,7 +34,7 @@ pub struct Point {
     pub caches: f64,
     /// Live VALs.
     pub vals: f64,
-    /// Time [ms].
+    /// Time \[ms\].
     pub ms: f64,
 }
 
@@ -90,7 +90,7 @@ struct Work<'a> {
     glossy: bool,
     /// Gathers of one measurement.
     often: usize,
-    /// Times of a gather [ms], round by round.
+    /// Times of a gather \[ms\], round by round.
     times: Vec<f64>,
     /// The same in those of the least point of the grid just before and just after.
     relative: Vec<f64>,
@@ -279,14 +279,14 @@ impl Contexts<'_> {
         Table::new("scaling", "Scaling: the gather alone", how, &columns)
     }
 
-    /// Time [ms] of one gather of a measurement.
+    /// Time \[ms\] of one gather of a measurement.
     fn measure(&mut self, work: &Work<'_>, view: &View) -> Result<f64> {
         Ok(self.zone(&|cmd| work.record(cmd, work.next(), view))? / work.often as f64)
     }
 
-    /// Time [ms] of a zone that is submitted alone on software devices, as in frames.
+    /// Time \[ms\] of a zone that is submitted alone on software devices, as in frames.
     fn zone(&mut self, record: &dyn Fn(&Cmd<'_>)) -> Result<f64> {
-        let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
+        let drawn = self.gpu.timed_frame(|cmd| {
             let _zone = cmd.zone("gather");
             record(cmd);
             Ok(())

@@ -11,13 +11,13 @@ use crate::lab::knobs::{Gi, Knobs};
 use crate::lab::scenes::valley;
 use crate::scene::Scene;
 
-/// RSM side [texels].
+/// RSM side \[texels\].
 const RSM: u32 = 128;
 
 /// Caches that are asked for.
 const CACHES: usize = 1000;
 
-/// Distance of a viewer's eyes [m].
+/// Distance of a viewer's eyes \[m\].
 const EYES: f64 = 0.064;
 
 /// What frames of so many views are drawn with.
@@ -89,7 +89,7 @@ impl Contexts<'_> {
         for i in 0..self.extent.warm_up + self.extent.frames {
             for Drawn { light, pictures, runs } in &mut both {
                 let mut views: Vec<_> = pictures.iter_mut().map(|(view, picture)| (*view, picture)).collect();
-                let drawn = gpu.frame(gpu.is_software(), |cmd| {
+                let drawn = gpu.timed_frame(|cmd| {
                     record(cmd, world, light, &mut views, &knobs.look());
                     Ok(())
                 })?;
@@ -108,7 +108,7 @@ impl Contexts<'_> {
     }
 }
 
-/// Stages and their times [ms] of one view and of two.
+/// Stages and their times \[ms\] of one view and of two.
 struct OneAndTwo {
     caches: usize,
     vals: usize,

@@ -35,7 +35,7 @@ pub struct Walked {
     pub worst: f64,
     /// Relative error of the sum over caches.
     pub bias: f64,
-    /// Mean angle [degrees] by which the diffuse proxy stands elsewhere.
+    /// Mean angle \[degrees\] by which the diffuse proxy stands elsewhere.
     pub turned: f64,
 }
 
@@ -279,7 +279,7 @@ impl Study<'_> {
     }
 }
 
-/// Luminance of a cache's irradiance [lx].
+/// Luminance of a cache's irradiance \[lx\].
 fn irradiance(cache: &Cache, lobe: &Lobe) -> f64 {
     let towards = (lobe.position - cache.position).normalize_or_zero();
     luminance(lobe.facing_irradiance) * cache.normal.dot(towards)

@@ -76,7 +76,7 @@ impl Study<'_> {
         rows
     }
 
-    /// Irradiance [lx] of a cache by each VAL, and whether a ray gets there; `None` inside of something.
+    /// Irradiance \[lx\] of a cache by each VAL, and whether a ray gets there; `None` inside of something.
     fn reached(&self, cache: &Cache) -> Option<Vec<(f64, bool)>> {
         let lift = ABOVE * self.world.radius;
         let from = cache.position + lift * cache.normal;

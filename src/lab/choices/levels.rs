@@ -131,7 +131,7 @@ fn shaded(pixel: &Pixel, references: &[(Cache, Gathered)], d_max: f64) -> Picked
     Picked { radiance: [diffuse, glossy], averaged }
 }
 
-/// Middle of the reference texel that a pixel lies in: of squares of this side [m] in its tangent plane.
+/// Middle of the reference texel that a pixel lies in: of squares of this side \[m\] in its tangent plane.
 fn texel(pixel: &Pixel, side: f64) -> DVec3 {
     let u = pixel.normal.any_orthonormal_vector();
     let v = pixel.normal.cross(u);

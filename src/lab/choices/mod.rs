@@ -13,7 +13,7 @@ pub use clusters::{Clustered, Flickered};
 pub use depth_images::Occluded;
 pub use dimming::{Dimmed, DimmedLobe};
 pub use levels::Levelled;
-pub use study::{Settings, Study};
+pub use study::{Study, StudySettings};
 
 use rayon::prelude::*;
 
@@ -254,7 +254,8 @@ impl Study<'_> {
 
     /// Both lobes by light paths of one bounce that pass through everything, and how noisy they are.
     fn light_paths(&self) -> ([Vec<[f32; 3]>; 2], f64) {
-        let settings = path_trace::Settings { size: self.settings.size, visibility: false, ..Default::default() };
+        let settings =
+            path_trace::PathTraceSettings { size: self.settings.size, visibility: false, ..Default::default() };
         let mut trace = PathTrace::new(self.scene, self.camera, &settings);
         for _ in 0..SAMPLES / PASS_SAMPLES {
             trace.pass();

@@ -21,7 +21,7 @@ use crate::scene::{Camera, Light, Scene};
 
 /// What a study is made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct StudySettings {
     /// Grid of pixels.
     pub size: [u32; 2],
     /// Caches that are asked for.
@@ -33,7 +33,7 @@ pub struct Settings {
 /// What a pixel shows.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pixel {
-    /// World position [m].
+    /// World position \[m\].
     pub(super) position: DVec3,
     /// Unit shading normal.
     pub(super) normal: DVec3,
@@ -50,7 +50,7 @@ pub(super) struct Pixel {
 /// A vertex that a pixel depends on.
 #[derive(Clone, Debug)]
 pub(super) struct Vertex {
-    /// World position [m].
+    /// World position \[m\].
     pub(super) position: DVec3,
     /// Unit normal.
     pub(super) normal: DVec3,
@@ -66,7 +66,7 @@ pub(super) struct Vertex {
 pub struct Study<'a> {
     pub(super) scene: &'a Scene,
     pub(super) camera: &'a Camera,
-    pub(super) settings: Settings,
+    pub(super) settings: StudySettings,
     pub(super) world: World<'a>,
     pub(super) pixels: Vec<Pixel>,
     pub(super) vertices: Vec<Vertex>,
@@ -77,7 +77,7 @@ pub struct Study<'a> {
     pub(super) plates: Vec<Plate>,
     /// The first cache of each instance.
     pub(super) first: Vec<usize>,
-    /// `d_eps` [m] of the bake.
+    /// `d_eps` \[m\] of the bake.
     pub(super) spacing: f64,
     pub(super) vals: Vec<Val>,
     /// Diffuse and glossy radiance of every pixel from all VALs.
@@ -86,9 +86,9 @@ pub struct Study<'a> {
 
 impl<'a> Study<'a> {
     /// Bakes 8 references, casts the VALs and computes the truth. Fails where the bake does.
-    pub fn new(scene: &'a Scene, camera: &'a Camera, settings: Settings) -> Result<Self> {
+    pub fn new(scene: &'a Scene, camera: &'a Camera, settings: StudySettings) -> Result<Self> {
         let density = Density::Count(settings.caches);
-        let bake_settings = bake::Settings { density, angle: 60_f32.to_radians(), references: 8 };
+        let bake_settings = bake::BakeSettings { density, angle: 60_f32.to_radians(), references: 8 };
         let baked = bake::bake(scene, &bake_settings, &|_, _| ())?;
         let world = World::new(scene);
         let (caches, first) = caches(scene, &baked);
@@ -134,7 +134,7 @@ impl<'a> Study<'a> {
         self.pixels.iter().any(|pixel| pixel.material.specular != DVec3::ZERO)
     }
 
-    /// Where the viewer stands [m].
+    /// Where the viewer stands \[m\].
     pub(super) fn eye(&self) -> DVec3 {
         self.camera.world_from_camera.translation
     }
@@ -257,7 +257,7 @@ pub(super) fn pictures(
     (all, sizes)
 }
 
-/// Cross section [m^2] of a texel's beam at a distance [m].
+/// Cross section [m^2] of a texel's beam at a distance \[m\].
 fn square_to_ray(view: &View, [x, y]: [usize; 2], n: usize, distance: f64) -> f64 {
     if view.parallel {
         return 4.0 * view.half.x * view.half.y / (n * n) as f64;

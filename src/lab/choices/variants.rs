@@ -80,7 +80,7 @@ pub(super) struct Proxy<'a> {
     pub(super) cache: &'a Cache,
     pub(super) mirrored: DVec3,
     pub(super) lobe: Lobe,
-    /// Distance [m] of its nearest contributing VAL.
+    /// Distance \[m\] of its nearest contributing VAL.
     pub(super) nearest: f64,
 }
 
@@ -232,7 +232,7 @@ fn average(variant: &Variant, vertex: &Vertex, references: &[usize], proxies: &[
 
 #[cfg(test)]
 mod tests {
-    use super::super::study::Settings;
+    use super::super::study::StudySettings;
     use super::*;
     use crate::reference::gather::{ProxyWeight, gather};
     use crate::reference::interpolate::interpolate;
@@ -241,7 +241,7 @@ mod tests {
     #[test]
     fn the_engines_schemes_are_among_the_variants() {
         let scene = cornell(CornellSurface::Glossy, 0.2);
-        let settings = Settings { size: [32, 18], caches: 100, rsm: 12 };
+        let settings = StudySettings { size: [32, 18], caches: 100, rsm: 12 };
         let study = Study::new(&scene, &scene.cameras[0], settings).expect("a study");
         let gathered = study.caches.iter().map(|c| gather(c, &study.vals, Some(study.eye()), ProxyWeight::Irradiance));
         let gathered: Vec<Gathered> = gathered.collect();

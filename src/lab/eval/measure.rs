@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 /// Indirect radiance of a picture, lobe by lobe, rows from the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layers {
-    /// Picture [pixels].
+    /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Diffuse lobe [cd/m^2].
     pub diffuse: Vec<[f32; 3]>,
@@ -50,13 +50,13 @@ impl Layers {
 pub struct Measured {
     /// The picture.
     pub layers: Layers,
-    /// Median GPU time [ms] of each stage.
+    /// Median GPU time \[ms\] of each stage.
     pub stages: Vec<(String, f64)>,
     /// Frames whose median that is.
     pub frames: usize,
     /// Caches placed.
     pub caches: u32,
-    /// Spacing of the caches [m]; 0 without any.
+    /// Spacing of the caches \[m\]; 0 without any.
     pub spacing: f64,
     /// Virtual lights.
     pub vals: u32,
@@ -102,7 +102,7 @@ impl<'a> Bench<'a> {
         let start = Instant::now();
         while runs.is_empty() || (runs.len() <= frames && start.elapsed() < LONGEST) {
             // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
-            let drawn = gpu.frame(gpu.is_software(), |cmd| {
+            let drawn = gpu.timed_frame(|cmd| {
                 frame.record(cmd, world, &view);
                 Ok(())
             })?;
@@ -137,7 +137,7 @@ impl<'a> Bench<'a> {
             let mut scene = self.scene.clone();
             let spacing = tessellate::expected_spacing(&scene, point.caches);
             tessellate::divide(&mut scene, spacing, point.max_edge);
-            let settings = |density| bake::Settings { density, angle: point.angle, references: point.references };
+            let settings = |density| bake::BakeSettings { density, angle: point.angle, references: point.references };
             let caches = density.map(|d| bake::bake_cached(&scene, &settings(d), progress)).transpose()?;
             let caches = caches.map(|(caches, _)| caches);
             let world = World::new(self.gpu, &scene, caches.as_ref())?;
@@ -165,7 +165,7 @@ fn read_layers(gpu: &Gpu, frame: &Frame) -> Result<Layers> {
     })
 }
 
-/// Median time [ms] of each stage over some frames; nothing without timestamps.
+/// Median time \[ms\] of each stage over some frames; nothing without timestamps.
 pub(crate) fn medians(runs: &[FrameTimes]) -> Vec<(String, f64)> {
     let stages: Vec<_> = runs.iter().map(FrameTimes::stages).collect();
     let median = |name: &str| {

@@ -21,13 +21,13 @@ pub struct Row {
     pub knobs: Vec<(String, String)>,
     /// Caches placed.
     pub caches: u32,
-    /// Their spacing [m].
+    /// Their spacing \[m\].
     pub spacing: f64,
     /// Virtual lights.
     pub vals: u32,
     /// Triangles once divided.
     pub triangles: usize,
-    /// Median GPU time [ms] of each stage.
+    /// Median GPU time \[ms\] of each stage.
     pub stages: Vec<(String, f64)>,
     /// Over how many frames.
     pub frames: usize,
@@ -91,7 +91,7 @@ fn finite(value: f64) -> f64 {
 }
 
 impl Row {
-    /// GPU time [ms] of the frame: the sum of its stages.
+    /// GPU time \[ms\] of the frame: the sum of its stages.
     pub fn frame_ms(&self) -> f64 {
         self.stages.iter().map(|(_, ms)| ms).sum()
     }

@@ -3,7 +3,7 @@
 use super::measure::Layers;
 use crate::error::{Error, Result};
 use crate::image::{Layer, read_picture, replace_file, write_exr};
-use crate::reference::path_trace::{PathTrace, Settings};
+use crate::reference::path_trace::{PathTrace, PathTraceSettings};
 use crate::scene::{Camera, Scene};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -153,7 +153,7 @@ pub(crate) fn make_folder(path: &Path) -> Result<()> {
 /// What the path tracer is asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTraced {
-    /// Picture [pixels].
+    /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Whether reflected light is shadowed.
     pub visibility: bool,
@@ -177,7 +177,7 @@ pub fn path_traced(
 ) -> (Layers, Value) {
     let PathTraced { size, visibility, samples, glossy } = *wanted;
     // As the engine has it: punctual lights, and every bounce but the last one diffuse.
-    let settings = Settings { size, bounces: 1, visibility, ..Settings::default() };
+    let settings = PathTraceSettings { size, bounces: 1, visibility, ..PathTraceSettings::default() };
     let mut trace = PathTrace::new(scene, camera, &settings);
     let file = trace.kept_in(folder);
     if trace.resume(&file) {

@@ -12,9 +12,9 @@ pub struct Point {
     pub caches: usize,
     /// Caches that each vertex refers to.
     pub references: usize,
-    /// `theta_eps` of the bake [rad].
+    /// `theta_eps` of the bake \[rad\].
     pub angle: f32,
-    /// Longest edge [m] of a triangle; `None` for what the caches' spacing asks for, 0 to leave all as they are.
+    /// Longest edge \[m\] of a triangle; `None` for what the caches' spacing asks for, 0 to leave all as they are.
     pub max_edge: Option<f64>,
 }
 
@@ -128,7 +128,7 @@ impl Sweep {
         self.knobs.iter().any(|knob| (0..knob.values.len()).any(|value| knob.set(&self.base, value) == *point))
     }
 
-    /// Sides of the RSMs [texels], ascending; each has its own ground truth, the last one is the finest.
+    /// Sides of the RSMs \[texels\], ascending; each has its own ground truth, the last one is the finest.
     pub fn rsm_sides(&self) -> Vec<u32> {
         let mut sides: Vec<u32> = self.points.iter().map(|point| point.frame.rsm).collect();
         sides.sort_unstable();

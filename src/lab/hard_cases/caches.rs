@@ -39,7 +39,7 @@ fn gather_alone(gpu: &Gpu, vals: &[Val], caches: &[Cache]) -> Result<Gathered> {
     let proxies = Proxies::new(gpu, atlas.count, true, 1)?;
     let stage = Compute::new(gpu, atlas.count, vals.count, &Ways::default(), ComputeKind::plain(true))?;
     let stage = Gather::Compute(Box::new(stage));
-    let drawn = gpu.frame(false, |cmd| {
+    let drawn = gpu.frame(|cmd| {
         let _zone = cmd.zone("gather");
         let eyes = [EYE.extend(1.0)];
         stage.record(cmd, &Lit { vals: &vals, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None });
@@ -209,7 +209,7 @@ pub(super) fn cases() -> Vec<Case> {
 
 fn many_caches(gpu: &Gpu) -> Result<Outcome> {
     let scene = corner(&[SPOT], 10.0);
-    let settings = bake::Settings { density: Density::Count(30_000), angle: 1.0, references: 8 };
+    let settings = bake::BakeSettings { density: Density::Count(30_000), angle: 1.0, references: 8 };
     let caches = bake::bake(&scene, &settings, &|_, _| ())?;
     let shot = shoot(gpu, &scene, Some(&caches), &small())?;
     let [diffuse, glossy] = sums_against_twins(&scene, &shot);

@@ -1,6 +1,6 @@
 //! What frames are held against: each other, and the f64 references fed with the frame's own VALs and reflectances.
 
-use crate::lab::shot::{Seen, Shot, reflection, seen, small, triangles};
+use crate::lab::shot::{PixelSurface, Shot, reflection, seen, small, triangles};
 use crate::reference::brute_force;
 use crate::reference::form_factor::disc_geometry;
 use crate::reference::gather::val_geometry;
@@ -38,7 +38,7 @@ pub(super) fn layers(a: &Shot, b: &Shot, factor: f64) -> f64 {
 }
 
 /// What a pixel reflects, by the device's own G-buffer, which keeps reflectances as halves.
-pub(super) fn material(s: &Seen, scene: &Scene, shot: &Shot) -> Material {
+pub(super) fn material(s: &PixelSurface, scene: &Scene, shot: &Shot) -> Material {
     let (diffuse, specular) = (shot.albedo[s.pixel], shot.specular[s.pixel]);
     Material { diffuse, specular, ..reflection(scene, s.material) }
 }
@@ -49,12 +49,12 @@ pub(super) fn brute_force_picture(scene: &Scene, shot: &Shot) -> [f64; 2] {
     brute_force_picture_near(scene, shot, 0.0)
 }
 
-/// The same where places are known within `apart` [m] along each axis: from the nearest radiance in between.
+/// The same where places are known within `apart` \[m\] along each axis: from the nearest radiance in between.
 pub(super) fn brute_force_picture_near(scene: &Scene, shot: &Shot, apart: f64) -> [f64; 2] {
     let eye = scene.cameras[0].world_from_camera.translation;
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
     let places = [DVec3::ZERO, x, -x, y, -y, z, -z];
-    let at = |s: &Seen| {
+    let at = |s: &PixelSurface| {
         let radiance = |place: &DVec3| {
             let position = s.position + apart * *place;
             let mirrored = mirrored_view(position, s.normal, eye);

@@ -216,7 +216,7 @@ fn black(gpu: &Gpu, specular: f32) -> Result<Outcome> {
     Ok(Outcome::bounded(most, 0.0).of(&shots.iter().collect::<Vec<_>>()))
 }
 
-/// Radius [m] of the white sphere.
+/// Radius \[m\] of the white sphere.
 const RADIUS: f32 = 2.0;
 
 /// A white sphere seen from inside, with a lamp in its middle.

@@ -1,7 +1,7 @@
 //! Scenes that move: a crowd of bending tubes, and a room with one of each kind of motion.
 
 use crate::scene::animation::{
-    Animation, Channel, Hold, Interpolation, Local, Node, Parts, Placed, Rig, Sampler, Skin, Target,
+    AnimatedInstance, Animation, Channel, Hold, Interpolation, Local, Node, Parts, Rig, Sampler, Skin, Target,
 };
 use crate::scene::build::{Surface, add_material, add_mesh, camera, cuboid, lathe, phong, place, quad, rough, sphere};
 use crate::scene::deform::{Bind, Deform, Displacement, Influence, Pose};
@@ -17,7 +17,7 @@ const JOINTS: usize = 4;
 const PERIOD: f64 = 4.0;
 const KEYS: usize = 17;
 
-/// Height and radius of a tube [m].
+/// Height and radius of a tube \[m\].
 const HEIGHT: f32 = 1.0;
 const RADIUS: f32 = 0.08;
 
@@ -135,7 +135,7 @@ fn node(parts: &mut Parts, parent: Option<usize>, translation: DVec3) -> usize {
 /// Stands a mesh on a node.
 fn stand(scene: &mut Scene, parts: &mut Parts, name: &str, mesh: usize, node: usize) {
     place(scene, name, mesh, parts.nodes[node].rest.affine());
-    parts.instances.push(Placed { node, hold: Hold::Node(DAffine3::IDENTITY), weights: Vec::new() });
+    parts.instances.push(AnimatedInstance { node, hold: Hold::Node(DAffine3::IDENTITY), weights: Vec::new() });
 }
 
 /// Keys of values over the period.
@@ -190,7 +190,11 @@ fn sway(scene: &mut Scene, parts: &mut Parts, name: &str, mesh: usize, at: DVec3
     let channels = (1..JOINTS).map(|joint| rotation(joints[joint], |time| turn(joint, time))).collect();
     let inverse_bind =
         (0..JOINTS).map(|joint| DAffine3::from_translation(DVec3::NEG_Y * step * joint as f64)).collect();
-    parts.instances.push(Placed { node: joints[0], hold: Hold::Skin(parts.skins.len()), weights: Vec::new() });
+    parts.instances.push(AnimatedInstance {
+        node: joints[0],
+        hold: Hold::Skin(parts.skins.len()),
+        weights: Vec::new(),
+    });
     parts.skins.push(Skin { joints, inverse_bind });
     scene.instances.push(Instance { name: name.into(), mesh, pose: Some(Pose::default()), ..Instance::default() });
     channels

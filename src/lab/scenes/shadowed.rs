@@ -52,7 +52,7 @@ impl Shadowed {
     }
 }
 
-/// Longest edge of walls and floors [m].
+/// Longest edge of walls and floors \[m\].
 const EDGE: f32 = 0.1;
 
 fn ball() -> Scene {

@@ -4,7 +4,7 @@ use crate::scene::build::{add_material, add_mesh, camera, patch, phong, place};
 use crate::scene::{Light, LightKind, Scene};
 use glam::{DAffine3, DVec3, Vec3};
 
-/// Half of the valley's plan [m] along x and z: a picture of 16 : 9 shows it whole.
+/// Half of the valley's plan \[m\] along x and z: a picture of 16 : 9 shows it whole.
 const HALF: [f32; 2] = [1.6, 0.9];
 
 /// A rolling valley of 3.2 m by 1.8 m with `triangles` triangles under parallel light of 1000 lx from straight above: up to
@@ -42,7 +42,7 @@ pub fn valley(triangles: usize, glossy: bool) -> Scene {
     scene
 }
 
-/// Height [m] of the valley and its slopes.
+/// Height \[m\] of the valley and its slopes.
 fn height(x: f32, z: f32) -> (f32, [f32; 2]) {
     let (a, b) = (5.0 * x + 1.0, 6.0 * z);
     let height = 0.25 * x * x + 0.4 * z * z + 0.06 * a.sin() * b.cos();

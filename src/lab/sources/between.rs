@@ -118,7 +118,7 @@ const BLOCK: usize = 2048;
 /// Weights of the references at one point.
 struct Weights {
     share: f64,
-    /// Of the point [m].
+    /// Of the point \[m\].
     position: DVec3,
     caches: Vec<usize>,
     /// Normalised, times the share.
@@ -129,7 +129,7 @@ struct Weights {
 }
 
 impl Weights {
-    /// What is left at the point of what each cache keeps of the VAL at `val` [m].
+    /// What is left at the point of what each cache keeps of the VAL at `val` \[m\].
     fn diffuse(&self, caches: &[Cache], rows: &[Vec<f32>], j: usize, val: DVec3) -> f64 {
         let here = val.distance_squared(self.position);
         let left = |(cache, weight): (&usize, &f64)| {

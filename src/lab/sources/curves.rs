@@ -11,7 +11,7 @@ use crate::reference::phong::cos_power;
 pub struct LobeError {
     /// Phong exponent.
     pub k: f64,
-    /// Angle [degrees] between the lobe's axis and the direction to the square's centre.
+    /// Angle \[degrees\] between the lobe's axis and the direction to the square's centre.
     pub angle: f64,
     /// Distance in sides of the square.
     pub distance: f64,
@@ -19,7 +19,7 @@ pub struct LobeError {
     pub error: f64,
 }
 
-/// Exponents, angles [degrees] and distances [sides] of the curves.
+/// Exponents, angles \[degrees\] and distances \[sides\] of the curves.
 pub const EXPONENTS: [f64; 8] = [1.0, 3.0, 10.0, 30.0, 60.0, 100.0, 300.0, 1000.0];
 /// See [`EXPONENTS`].
 pub const ANGLES: [f64; 3] = [0.0, 10.0, 20.0];
@@ -52,7 +52,7 @@ pub fn lobe_csv(errors: &[LobeError]) -> String {
     "k,angle_degrees,distance_in_sides,relative_error\n".to_owned() + &errors.iter().map(line).collect::<String>()
 }
 
-/// Distances in square roots of the disc's area, and angles [degrees] off the disc's axis, of [`form_factor_error`].
+/// Distances in square roots of the disc's area, and angles \[degrees\] off the disc's axis, of [`form_factor_error`].
 pub const FORM_FACTOR_DISTANCES: [f64; 7] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0];
 /// See [`FORM_FACTOR_DISTANCES`].
 pub const TILTS: [f64; 5] = [0.0, 30.0, 60.0, 75.0, 85.0];
@@ -69,7 +69,7 @@ pub enum Receives {
 }
 
 /// Signed relative error of `A cos cos / (A + pi d^2)` against the true disc, at a distance in square roots of the area
-/// and an angle [degrees] off the disc's axis. `None` where there is no light.
+/// and an angle \[degrees\] off the disc's axis. `None` where there is no light.
 pub fn form_factor_error(receives: Receives, distance: f64, tilt: f64) -> Option<f64> {
     let (sin, cos) = tilt.to_radians().sin_cos();
     let (disc_normal, point) = (DVec3::Z, distance * DVec3::new(sin, 0.0, cos));

@@ -23,7 +23,7 @@ pub struct Exact {
 /// Where light is received.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
-    /// World position [m].
+    /// World position \[m\].
     pub position: DVec3,
     /// Unit normal.
     pub normal: DVec3,

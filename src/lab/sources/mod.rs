@@ -30,7 +30,7 @@ pub type Lights = Vec<[DVec3; 2]>;
 
 /// How the error is measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Settings {
+pub struct SourcesSettings {
     /// Grid of pixels over the camera's picture.
     pub size: [u32; 2],
     /// Texels of an RSM's side.
@@ -41,7 +41,7 @@ pub struct Settings {
     pub bounces: u32,
 }
 
-impl Default for Settings {
+impl Default for SourcesSettings {
     fn default() -> Self {
         Self { size: [96, 54], rsm: 128, samples: 1024, bounces: 8 }
     }
@@ -68,7 +68,7 @@ pub struct Sources {
 struct Work<'a> {
     stage: Stage<'a>,
     camera: &'a Camera,
-    settings: Settings,
+    settings: SourcesSettings,
     progress: &'a (dyn Fn(f32, &str) + Sync),
     done: usize,
 }
@@ -82,7 +82,7 @@ pub fn sources(
     scene: &Scene,
     camera: &Camera,
     caches: &CacheSet,
-    settings: &Settings,
+    settings: &SourcesSettings,
     progress: &(dyn Fn(f32, &str) + Sync),
 ) -> Sources {
     let stage = Stage::new(World::new(scene), camera, caches, settings.size);
@@ -107,7 +107,7 @@ pub fn sources(
     chain.add(FOOTPRINT, work.brute_force("tilted footprint", &texels, exact));
     chain.add(&rsm(2 * n), work.brute_force("RSM of 2N", &double, exact));
     chain.add(&rsm(4 * n), work.brute_force("RSM of 4N", &fourfold, exact));
-    let unlimited = path_trace::Settings { visibility: false, ..work.one_bounce() };
+    let unlimited = path_trace::PathTraceSettings { visibility: false, ..work.one_bounce() };
     let [limit, limit_half] = work.traced("path tracer without shadows", &unlimited);
     chain.add("RSM: without end", limit.clone());
     let [truth, truth_half] = work.traced("path tracer", &work.one_bounce());
@@ -129,9 +129,9 @@ pub fn sources(
     alone.push((SHADOWS.into(), work.engine("shadows alone", &texels, none, true)));
 
     let mut beyond = Chain::new(truth.clone());
-    let glossy = path_trace::Settings { glossy_bounces: true, ..work.one_bounce() };
+    let glossy = path_trace::PathTraceSettings { glossy_bounces: true, ..work.one_bounce() };
     beyond.add("glossy first bounce", work.traced("path tracer with glossy bounces", &glossy)[0].clone());
-    let bounces = path_trace::Settings { bounces: settings.bounces, ..glossy };
+    let bounces = path_trace::PathTraceSettings { bounces: settings.bounces, ..glossy };
     let what = format!("{} bounces", settings.bounces);
     beyond.add(&what, work.traced("path tracer with more bounces", &bounces)[0].clone());
 
@@ -186,15 +186,15 @@ impl Work<'_> {
         self.step(what, |w| w.stage.brute_force(texels, exact))
     }
 
-    fn one_bounce(&self) -> path_trace::Settings {
-        path_trace::Settings { size: self.settings.size, ..path_trace::Settings::default() }
+    fn one_bounce(&self) -> path_trace::PathTraceSettings {
+        path_trace::PathTraceSettings { size: self.settings.size, ..path_trace::PathTraceSettings::default() }
     }
 
     /// The picture of all samples, and that of every other one: on average it is as far from the first as the first is
     /// from the limit.
-    fn traced(&mut self, what: &str, settings: &path_trace::Settings) -> [Lights; 2] {
+    fn traced(&mut self, what: &str, settings: &path_trace::PathTraceSettings) -> [Lights; 2] {
         let half = |w: &Self, seed| {
-            let settings = path_trace::Settings { seed, ..*settings };
+            let settings = path_trace::PathTraceSettings { seed, ..*settings };
             let mut trace = PathTrace::new(w.stage.world.scene(), w.camera, &settings);
             for _ in 0..w.settings.samples.div_ceil(2 * PASS_SAMPLES) {
                 trace.pass();

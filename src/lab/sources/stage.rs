@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::Lights;
 use super::exact::{Exact, Receiver, receive};
 use super::vals::Texel;
-use crate::bake::cluster::error;
+use crate::bake::seeds::error;
 use crate::bake::{CacheSet, NO_CACHE};
 use crate::reference::gather::{Cache, Gathered, Received, gather_received, luminance};
 use crate::reference::path_trace::camera_ray;
@@ -23,7 +23,7 @@ pub struct Stage<'a> {
     pub caches: Vec<Cache>,
     /// Index of each instance's first cache.
     first_cache: Vec<usize>,
-    /// The viewer [m].
+    /// The viewer \[m\].
     pub eye: DVec3,
     /// The pixels that show a surface.
     pub pixels: Vec<Pixel>,
@@ -36,7 +36,7 @@ pub struct Stage<'a> {
 pub struct Pixel {
     /// Row by row from the top.
     pub index: usize,
-    /// World position [m].
+    /// World position \[m\].
     pub position: DVec3,
     /// Unit shading normal.
     pub normal: DVec3,
@@ -55,7 +55,7 @@ pub struct Pixel {
 pub struct Point {
     /// Share in the pixel.
     pub share: f64,
-    /// World position [m].
+    /// World position \[m\].
     pub position: DVec3,
     /// Unit normal.
     pub normal: DVec3,
@@ -203,7 +203,7 @@ impl<'a> Stage<'a> {
 }
 
 impl Pixel {
-    /// Radiance [cd/m^2] of both lobes, of the irradiance [lx] and of the same weighted with `cos^k`.
+    /// Radiance [cd/m^2] of both lobes, of the irradiance \[lx\] and of the same weighted with `cos^k`.
     pub fn reflect(&self, diffuse: DVec3, glossy: DVec3) -> [DVec3; 2] {
         use std::f64::consts::{PI, TAU};
         let m = &self.material;

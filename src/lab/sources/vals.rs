@@ -14,7 +14,7 @@ use crate::scene::{Light, LightKind};
 pub struct Texel {
     /// The disc, with the area square to the light's axis (5.10).
     pub val: Val,
-    /// Edges [m] of the parallelogram that the texel covers on the plane through the disc, to first order in its size.
+    /// Edges \[m\] of the parallelogram that the texel covers on the plane through the disc, to first order in its size.
     pub edges: [DVec3; 2],
 }
 

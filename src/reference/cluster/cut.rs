@@ -189,7 +189,7 @@ impl Pyramid<'_> {
         count
     }
 
-    /// What a group of caches gathers by a cut; with an `eye` [m] also in the glossy lobe.
+    /// What a group of caches gathers by a cut; with an `eye` \[m\] also in the glossy lobe.
     pub fn gather(&self, caches: &[Cache], eye: Option<DVec3>, cut: &Cut) -> (Vec<Gathered>, Cost) {
         let mirrored = |cache: &Cache| eye.map(|eye| mirrored_view(cache.position, cache.normal, eye));
         let mut received: Vec<Vec<Received>> = vec![Vec::new(); caches.len()];

@@ -17,15 +17,15 @@ use super::rsm::Val;
 /// VALs of a square block of texels, together as one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
-    /// Mean of the VALs' positions by their weights [m].
+    /// Mean of the VALs' positions by their weights \[m\].
     pub position: DVec3,
-    /// `d_val` [m]: a sphere about the position that holds the children's spheres, and so every VAL.
+    /// `d_val` \[m\]: a sphere about the position that holds the children's spheres, and so every VAL.
     pub radius: f64,
     /// Mean of the VALs' normals by their weights, unit.
     pub normal: DVec3,
-    /// The VALs lie within this distance [m] of the plane square to the normal through the position.
+    /// The VALs lie within this distance \[m\] of the plane square to the normal through the position.
     pub thickness: f64,
-    /// Sum of the fluxes [lm].
+    /// Sum of the fluxes \[lm\].
     pub flux: DVec3,
     /// Mean of the VALs' areas by their weights [m^2]: their light, together, falls off as that of each.
     pub area: f64,
@@ -184,7 +184,7 @@ fn merge(parts: &[Part]) -> Node {
 }
 
 impl Part {
-    /// How far the VALs reach from the position along a unit direction [m], at most.
+    /// How far the VALs reach from the position along a unit direction \[m\], at most.
     fn reach(&self, direction: DVec3) -> f64 {
         reach(self.normal, self.thickness, self.radius, direction)
     }
@@ -212,7 +212,7 @@ impl Node {
             || -self.normal.dot(offset) + self.thickness + self.spread * (distance + self.radius) <= rim
     }
 
-    /// Luminance of the irradiance [lx] that a point receives at most, however the VALs stand.
+    /// Luminance of the irradiance \[lx\] that a point receives at most, however the VALs stand.
     fn brightest(&self, point: DVec3, normal: DVec3) -> f64 {
         let offset = self.position - point;
         let (distance, nearest) = (offset.length(), offset.length() - self.radius);

@@ -30,7 +30,7 @@ struct Beam {
     axis: DVec3,
     /// Rays by the cosine with the axis; of parallel light nothing.
     cone: Cone,
-    /// Centre and radius [m] of the disc square to the axis that parallel rays fill.
+    /// Centre and radius \[m\] of the disc square to the axis that parallel rays fill.
     disc: (DVec3, f64),
     /// Probability of being chosen.
     share: f64,
@@ -137,7 +137,7 @@ impl Emitters {
 }
 
 impl Beam {
-    /// Flux [lm] that leaves, or through the disc; steers choices only.
+    /// Flux \[lm\] that leaves, or through the disc; steers choices only.
     fn power(&self) -> f64 {
         let full = luminance(self.light.color.as_dvec3()) * f64::from(self.light.intensity);
         match self.light.kind {
@@ -146,7 +146,7 @@ impl Beam {
         }
     }
 
-    /// Origin [m] and unit direction of a ray: as dense as the light is strong, over cone, sphere or disc.
+    /// Origin \[m\] and unit direction of a ray: as dense as the light is strong, over cone, sphere or disc.
     fn ray(&self, u: DVec2) -> (DVec3, DVec3) {
         if self.light.kind == LightKind::Directional {
             let (right, up) = self.axis.any_orthonormal_pair();
@@ -178,7 +178,7 @@ impl Cone {
     /// The same in all directions.
     const ALL: Self = Self { least: -1.0, full: -1.0, width: 1e-9 };
 
-    /// The cone between these half angles [rad]; see [`crate::reference::light::spot_falloff`].
+    /// The cone between these half angles \[rad\]; see [`crate::reference::light::spot_falloff`].
     fn new(inner: f64, outer: f64) -> Self {
         let (least, width) = (outer.cos(), (inner.cos() - outer.cos()).max(0.001));
         Self { least, full: (least + width).min(1.0), width }

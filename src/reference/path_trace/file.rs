@@ -4,7 +4,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::{PASS_SAMPLES, PathTrace, Pixel, Settings};
+use super::{PASS_SAMPLES, PathTrace, PathTraceSettings, Pixel};
 use crate::kept;
 use crate::scene::{Camera, Scene};
 
@@ -17,7 +17,7 @@ const VERSION: u32 = 2;
 const HEADER: usize = 8 + 4 + 32 + 4;
 
 /// Hash of all that samples depend on.
-pub(super) fn key(scene: &Scene, camera: &Camera, settings: &Settings) -> [u8; 32] {
+pub(super) fn key(scene: &Scene, camera: &Camera, settings: &PathTraceSettings) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     hasher.update(scene.fingerprint().as_bytes());
     hasher.update(format!("{camera:?} {settings:?}").as_bytes());

@@ -29,8 +29,8 @@ const SEQUENCE: u32 = 1 << 16;
 
 /// Which light paths are followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Settings {
-    /// Picture [pixels].
+pub struct PathTraceSettings {
+    /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Indirect bounces: 0 for direct light alone, 1 for what the method computes.
     pub bounces: u32,
@@ -55,7 +55,7 @@ pub enum Sources {
     All,
 }
 
-impl Default for Settings {
+impl Default for PathTraceSettings {
     fn default() -> Self {
         Self {
             size: [1280, 720],
@@ -72,7 +72,7 @@ impl Default for Settings {
 pub struct PathTrace<'a> {
     world: World<'a>,
     emitters: Emitters,
-    settings: Settings,
+    settings: PathTraceSettings,
     camera: &'a Camera,
     /// Hash of all that the samples depend on.
     key: [u8; 32],
@@ -105,7 +105,7 @@ struct Radiance {
 impl<'a> PathTrace<'a> {
     /// Prepares a picture without samples. Panics on settings that have no meaning: more than one bounce, or surfaces
     /// as sources, without visibility.
-    pub fn new(scene: &'a Scene, camera: &'a Camera, settings: &Settings) -> Self {
+    pub fn new(scene: &'a Scene, camera: &'a Camera, settings: &PathTraceSettings) -> Self {
         assert!(
             settings.visibility || (settings.bounces <= 1 && settings.sources == Sources::Punctual),
             "without visibility there is one bounce of punctual lights"
@@ -296,7 +296,7 @@ impl<'a> PathTrace<'a> {
     }
 
     /// Radiance of punctual lights reflected at `next` against the unit `direction`, in which a lobe's sample of this
-    /// `density` [1/sr] has found it `distance` [m] away: its share by the balance heuristic.
+    /// `density` [1/sr] has found it `distance` \[m\] away: its share by the balance heuristic.
     fn lit(&self, next: &Scatter, direction: DVec3, density: f64, distance: f64) -> DVec3 {
         let reflected = |towards| next.reflected(towards);
         let (light, other) = self.emitters.direct(&self.world, next.position, next.geometric, None, reflected);
@@ -351,7 +351,7 @@ impl Radiance {
     }
 }
 
-/// Unit direction and distance [m] to a point, and the cosine at its surface; `None` from behind or on the point.
+/// Unit direction and distance \[m\] to a point, and the cosine at its surface; `None` from behind or on the point.
 fn facing(from: DVec3, to: DVec3, normal: DVec3) -> Option<(DVec3, f64, f64)> {
     let distance = from.distance(to);
     let towards = (to - from) / distance;
@@ -359,7 +359,7 @@ fn facing(from: DVec3, to: DVec3, normal: DVec3) -> Option<(DVec3, f64, f64)> {
     (cosine > 0.0).then_some((towards, distance, cosine))
 }
 
-/// Origin [m] and unit direction of the ray through a pixel's centre; rows from the top.
+/// Origin \[m\] and unit direction of the ray through a pixel's centre; rows from the top.
 pub fn camera_ray(camera: &Camera, size: [u32; 2], index: usize) -> (DVec3, DVec3) {
     let (w, h) = (size[0] as usize, f64::from(size[1]));
     let at = DVec2::new((index % w) as f64 + 0.5, (index / w) as f64 + 0.5);

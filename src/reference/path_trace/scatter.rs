@@ -11,7 +11,7 @@ use crate::reference::world::Surface;
 /// A point that scatters light towards a viewer.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Scatter {
-    /// World position [m].
+    /// World position \[m\].
     pub(super) position: DVec3,
     /// Unit normal that reflection is about.
     pub(super) normal: DVec3,

@@ -24,7 +24,7 @@ struct Part {
     /// Index into `Pose::joints`.
     joint: Option<usize>,
     bounds: Bounds,
-    /// For each morph target, smallest and largest displacement [m].
+    /// For each morph target, smallest and largest displacement \[m\].
     targets: Vec<Bounds>,
 }
 

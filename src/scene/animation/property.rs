@@ -23,13 +23,13 @@ pub enum Quantity {
     LightColor,
     /// Of a light [cd or lx].
     LightIntensity,
-    /// Of a light [m].
+    /// Of a light \[m\].
     LightRange,
-    /// Of a spot light: inner and outer half angle [rad].
+    /// Of a spot light: inner and outer half angle \[rad\].
     Cone,
-    /// Of a perspective camera [rad].
+    /// Of a perspective camera \[rad\].
     Yfov,
-    /// Of an orthographic camera [m].
+    /// Of an orthographic camera \[m\].
     Ymag,
     /// Of a material.
     BaseColor,
@@ -49,7 +49,7 @@ pub enum Quantity {
     Specular,
     /// Of a material.
     SpecularColor,
-    /// Of the texture at this place of `Material::textures_mut`: offset, rotation [rad] and scale.
+    /// Of the texture at this place of `Material::textures_mut`: offset, rotation \[rad\] and scale.
     TextureTransform(usize),
 }
 

@@ -5,7 +5,7 @@ use glam::DQuat;
 /// Values at increasing times, and how to get from one to the next.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sampler {
-    /// Times of the keys [s], increasing; at least one.
+    /// Times of the keys \[s\], increasing; at least one.
     pub times: Vec<f32>,
     /// `width` numbers per key; with `Cubic` three times as many: in-tangents, values, out-tangents.
     pub values: Vec<f32>,
@@ -28,17 +28,17 @@ pub enum Interpolation {
 }
 
 impl Sampler {
-    /// Time of the first key [s].
+    /// Time of the first key \[s\].
     pub fn begin(&self) -> f64 {
         self.times.first().copied().map_or(0.0, f64::from)
     }
 
-    /// Time of the last key [s].
+    /// Time of the last key \[s\].
     pub fn end(&self) -> f64 {
         self.times.last().copied().map_or(0.0, f64::from)
     }
 
-    /// The value at `time` [s] to `out`, which holds `width` numbers; before the first and after the last key it is held.
+    /// The value at `time` \[s\] to `out`, which holds `width` numbers; before the first and after the last key it is held.
     pub fn sample(&self, time: f64, out: &mut [f64]) {
         let (key, part) = self.place(time);
         let step = (part > 0.0).then(|| f64::from(self.times[key + 1]) - f64::from(self.times[key]));
@@ -59,7 +59,7 @@ impl Sampler {
         }
     }
 
-    /// The rotation at `time` [s], of unit length.
+    /// The rotation at `time` \[s\], of unit length.
     pub fn rotation(&self, time: f64) -> DQuat {
         let (key, part) = self.place(time);
         let value = |key: usize| unit([0, 1, 2, 3].map(|at| self.value(key, at))).unwrap_or(DQuat::IDENTITY);

@@ -6,7 +6,7 @@ use super::geometry::{Geometry, Surface};
 use super::pose::{self, Pose};
 use super::{Builder, Notes};
 use crate::Result;
-use crate::scene::animation::{self, Hold, Placed};
+use crate::scene::animation::{self, AnimatedInstance, Hold};
 use crate::scene::deform::{self, Bind, Deform, Displacement, Follower};
 use crate::scene::json::{Object, plural};
 use crate::scene::{Instance, Mesh, Primitive, Scene};
@@ -14,7 +14,7 @@ use crate::scene::{Instance, Mesh, Primitive, Scene};
 /// Most joints of all poses together: skins may be shared by any number of nodes.
 const MAX_JOINTS: usize = 1 << 24;
 
-/// Skins whose sizes are closer than this share a mesh [octaves]: caches placed on one suit the other.
+/// Skins whose sizes are closer than this share a mesh \[octaves\]: caches placed on one suit the other.
 const SAME_SIZE: f64 = 0.25;
 
 /// Mesh, number of joints, and the bits of morph weights that do not change: what must agree to share a mesh.
@@ -111,7 +111,7 @@ impl Builder<'_> {
 
     fn stand_bent(&mut self, node: usize, hold: Hold, instance: Instance, scene: &mut Scene) {
         let weights = instance.pose.as_ref().filter(|_| self.reached.weighed[node]).map(|pose| pose.weights.clone());
-        self.hung.instances.push(Placed { node, hold, weights: weights.unwrap_or_default() });
+        self.hung.instances.push(AnimatedInstance { node, hold, weights: weights.unwrap_or_default() });
         scene.instances.push(instance);
     }
 

@@ -13,11 +13,11 @@ use crate::Result;
 use crate::scene::accessor::Buffer;
 use crate::scene::json::{Document, error_at, printable};
 
-/// Largest file that is read, and the most that all buffers of an asset may hold together [bytes]. GLB cannot be
+/// Largest file that is read, and the most that all buffers of an asset may hold together \[bytes\]. GLB cannot be
 /// larger; more would not fit the engine's 32-bit indices anyway.
 const MAX_BYTES: u64 = 4 << 30;
 
-/// Largest JSON that is parsed [bytes]: "0," becomes a value of 32 bytes, so parsing may need 16 times as much.
+/// Largest JSON that is parsed \[bytes\]: "0," becomes a value of 32 bytes, so parsing may need 16 times as much.
 const MAX_JSON: usize = 256 << 20;
 
 /// Base64 as found in the wild: padding may lack.

@@ -16,7 +16,7 @@ use crate::scene::json::{Document, Object, printable};
 use crate::scene::material::texture_transform;
 use crate::scene::{Image, Material, Phong, Sampler, Texture, Wrap};
 
-/// Largest width and height [texels] of an image: what every Vulkan desktop driver can hold.
+/// Largest width and height \[texels\] of an image: what every Vulkan desktop driver can hold.
 const MAX_SIDE: u32 = 16384;
 
 /// Most bytes of all decoded images together.

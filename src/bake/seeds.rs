@@ -29,9 +29,9 @@ pub fn bin_normal(bin: usize) -> DVec3 {
 /// The bounds that a cache must keep to the surface it stands for.
 #[derive(Clone, Copy)]
 pub(super) struct Bounds {
-    /// `d_eps` [m].
+    /// `d_eps` \[m\].
     pub(super) distance: f64,
-    /// `theta_eps` [rad].
+    /// `theta_eps` \[rad\].
     pub(super) angle: f64,
     /// Its cosine, a trifle less than one at most: a normal must be within any angle of itself after rounding.
     pub(super) cos: f64,
