@@ -385,20 +385,25 @@ fn the_fastest_gather_is_measured_once_and_kept() {
     let at = folder("cli-gather");
     let mut args = vec!["render", "-o", "a.exr"];
     args.extend(SMALL);
-    let kept = || {
+    let measured = || -> Vec<PathBuf> {
         let files = fs::read_dir(at.join("cache/lightskin")).expect("kept").map(|f| f.expect("file").path());
         let of_gather = |f: &PathBuf| f.file_name().is_some_and(|name| name.to_string_lossy().starts_with("gather-"));
-        let all: Vec<PathBuf> = files.filter(of_gather).collect();
+        files.filter(of_gather).collect()
+    };
+    let kept = || {
+        let all = measured();
         assert_eq!(all.len(), 1, "{all:?}");
         (fs::read_to_string(&all[0]).expect("text"), all[0].clone())
     };
     let mut direct = args.clone();
     direct.extend(["--gi", "off"]);
     works(&at, &direct);
-    assert!(!at.join("cache/lightskin").exists(), "direct light alone needs no measurement");
+    assert!(measured().is_empty(), "direct light alone needs no measurement");
+    works(&at, &[&args[..], &["--gather", "fragment"]].concat());
+    assert!(measured().is_empty(), "nor does light by draws");
     works(&at, &args);
     let (first, file) = kept();
-    assert!(first.contains("\"path\": \"compute\"") && first.contains("\"path\": \"fragment\""), "{first}");
+    assert!(first.contains("\"vals\": \"texels\"") && first.contains("\"vals\": \"storage\""), "{first}");
     for way in ["auto", "fragment", "compute"] {
         let out = format!("{way}.exr");
         let mut args = vec!["render", "-o", &out, "--gather", way, "--shadows", "off"];
