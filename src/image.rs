@@ -1,4 +1,4 @@
-//! Images on the CPU: mip levels, PNG, OpenEXR. Outputs are written to a temporary name and renamed.
+//! Images on the CPU: mip levels, PNG, OpenEXR.
 
 #[cfg(feature = "exr")]
 mod open_exr;
@@ -7,7 +7,8 @@ mod open_exr;
 pub use open_exr::write_exr;
 
 use crate::error::{Error, Result};
-use std::path::{Path, PathBuf};
+use crate::files;
+use std::path::Path;
 
 /// All mip levels of an RGBA8 image, largest first; colours are averaged linearly, not as sRGB codes.
 pub fn mip_chain(rgba: &[u8], width: u32, height: u32, srgb: bool) -> Vec<Vec<u8>> {
@@ -145,53 +146,10 @@ fn linear_from_srgb(code: u8) -> f32 {
 /// Writes an 8-bit sRGB PNG from RGBA bytes; alpha is dropped.
 pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
     let rgb: Vec<u8> = rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-    replace_file(path, |temporary| {
-        let file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
-        let encoder = image::codecs::png::PngEncoder::new(file);
-        image::ImageEncoder::write_image(encoder, &rgb, width, height, image::ExtendedColorType::Rgb8)
-            .map_err(std::io::Error::other)
-    })
-}
-
-/// Tries whether `replace_file` will be able to write here, before long work is done for it.
-pub fn check_writable(path: &Path) -> Result<()> {
-    if path.is_dir() {
-        let reason = "it is a folder; name a file".into();
-        return Err(Error::Output { file: path.to_owned(), reason });
-    }
-    let kept = std::cell::Cell::new(false);
-    let tried = replace_file(path, |temporary| {
-        std::fs::write(temporary, b"")?;
-        kept.set(true);
-        // Not renamed: the file that is there stays.
-        Err(std::io::Error::other("tried"))
-    });
-    if kept.get() { Ok(()) } else { tried }
-}
-
-/// Writes a file under a temporary name beside it and renames it: whoever reads sees the old one or the whole new one.
-pub fn replace_file(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
-    let failed = |error: std::io::Error| {
-        let remedy = match error.kind() {
-            std::io::ErrorKind::NotFound => "the folder does not exist; make it first",
-            std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
-                "choose a folder that can be written to"
-            }
-            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
-                "free some space or choose another disk"
-            }
-            _ => "choose another place",
-        };
-        Error::Output { file: path.to_owned(), reason: format!("{error}; {remedy}") }
-    };
-    let name = path.file_name().ok_or_else(|| failed(std::io::Error::other("not a file name")))?;
-    let mut hidden = std::ffi::OsString::from(format!(".{}.", std::process::id()));
-    hidden.push(name);
-    let temporary: PathBuf = path.with_file_name(hidden);
-    let result = write(&temporary).and_then(|()| std::fs::rename(&temporary, path));
-    result.map_err(|error| {
-        // Best effort: the first error is the one that matters.
-        let _ = std::fs::remove_file(&temporary);
-        failed(error)
-    })
+    // In memory: the encoder would not tell that its last bytes could not be written.
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    let encoded = image::ImageEncoder::write_image(encoder, &rgb, width, height, image::ExtendedColorType::Rgb8);
+    encoded.map_err(|error| Error::Output { file: path.to_owned(), reason: error.to_string() })?;
+    files::write(path, &bytes)
 }

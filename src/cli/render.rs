@@ -19,7 +19,7 @@ use lightskin::frame::{
     record,
 };
 use lightskin::gpu::Gpu;
-use lightskin::image::check_writable;
+use lightskin::files::check_writable;
 use lightskin::scene::{Camera, Projection, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};

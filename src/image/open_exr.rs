@@ -1,7 +1,8 @@
 //! OpenEXR: layers of linear floats in one file.
 
-use super::{Layer, Picture, replace_file};
+use super::{Layer, Picture};
 use crate::error::{Error, Result};
+use crate::files::replace_file;
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, LayerAttributes, LineOrder,
     ReadChannels, ReadLayers, Text, WritableImage,
@@ -52,9 +53,10 @@ pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadat
         AnyChannels::sort(channels),
     );
     let image = Image::from_layer(layer);
-    replace_file(path, |temporary| {
-        let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
-        image.write().to_buffered(&mut file).map_err(std::io::Error::other)?;
-        std::io::Write::flush(&mut file)
+    replace_file(path, |file| {
+        image.write().to_buffered(file).map_err(|error| match error {
+            exr::error::Error::Io(error) => error,
+            other => std::io::Error::other(other),
+        })
     })
 }
