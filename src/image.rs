@@ -1,13 +1,18 @@
-//! Images on the CPU: mip levels, PNG, OpenEXR.
+//! Images on the CPU: mip levels, PNG, OpenEXR. What is decoded stays within a bound on memory.
 
+pub(crate) mod decode;
 #[cfg(feature = "exr")]
 mod open_exr;
 
 #[cfg(feature = "exr")]
 pub use open_exr::write_exr;
 
+pub use decode::set_max_memory;
+
 use crate::error::{Error, Result};
 use crate::files;
+use image::ImageFormat;
+use std::io::BufReader;
 use std::path::Path;
 
 /// All mip levels of an RGBA8 image, largest first; colours are averaged linearly, not as sRGB codes.
@@ -102,13 +107,16 @@ pub fn read_radiance(path: &Path) -> Result<Picture> {
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr")) {
         return Err(bad("needs a file of linear values, .hdr or .exr".into()));
     }
-    let one_line = |e: image::ImageError| bad(e.to_string().replace(['\n', '\r'], " "));
-    let file = std::fs::File::open(path).map_err(|e| bad(e.to_string()))?;
-    let mut reader = image::ImageReader::with_format(std::io::BufReader::new(file), image::ImageFormat::Hdr);
-    reader.limits(image::Limits::default());
-    let decoded = reader.decode().map_err(one_line)?.into_rgb32f();
+    let decoded = decoded(path, ImageFormat::Hdr).map_err(bad)?.into_rgb32f();
     let (width, height) = decoded.dimensions();
     Ok(Picture { width, height, rgb: decoded.pixels().map(|p| p.0).collect() })
+}
+
+/// Decodes a file; what becomes of it takes no more than 16 bytes per pixel.
+fn decoded(path: &Path, format: ImageFormat) -> std::result::Result<image::DynamicImage, String> {
+    let encoded = decode::header(BufReader::new(files::open(path)?), format)?;
+    decode::within(encoded.working.saturating_add(16 * encoded.texels))?;
+    encoded.decode()
 }
 
 /// Whether the name is that of an OpenEXR file: linear values of any scale.
@@ -124,9 +132,8 @@ pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
         if let Some(layer) = layer {
             return Err(bad(format!("has no layer '{layer}'; layers are in .exr files")));
         }
-        let mut reader = image::ImageReader::open(path).map_err(|e| bad(e.to_string()))?;
-        reader.limits(image::Limits::default());
-        let decoded = reader.decode().map_err(|e| bad(e.to_string()))?.to_rgb8();
+        let format = ImageFormat::from_path(path).map_err(|e| bad(e.to_string()))?;
+        let decoded = decoded(path, format).map_err(bad)?.into_rgb8();
         let (width, height) = decoded.dimensions();
         let linear = |p: &image::Rgb<u8>| p.0.map(linear_from_srgb);
         return Ok(Picture { width, height, rgb: decoded.pixels().map(linear).collect() });

@@ -2,8 +2,8 @@
 //! "Trace Event Format", Google; times in microseconds.
 
 use crate::error::Result;
-use crate::gpu::{FrameTimes, Work, ZoneTime};
 use crate::files::replace_file;
+use crate::gpu::{FrameTimes, Work, ZoneTime};
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::Path;

@@ -6,8 +6,8 @@
 
 use super::{Cache, CacheSet, Coverage, Density, ModelCaches, NO_CACHE, Settings, bake};
 use crate::error::Result;
-use crate::{files, kept};
 use crate::scene::Scene;
+use crate::{files, kept};
 use glam::DMat3;
 use std::path::Path;
 

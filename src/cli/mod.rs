@@ -50,6 +50,9 @@ pub(crate) struct Cli {
     /// Say nothing but errors on standard error.
     #[arg(short, long, global = true)]
     pub(crate) quiet: bool,
+    /// Most memory that decoding pictures and textures may take, in bytes or like 512M or 2G; what takes more is refused.
+    #[arg(long, global = true, value_name = "SIZE", default_value = "1G", value_parser = bytes)]
+    max_memory: u64,
 }
 
 #[derive(Subcommand)]
@@ -88,6 +91,7 @@ enum Command {
 
 /// Runs the chosen subcommand.
 pub(crate) fn run(cli: &Cli) -> Result<()> {
+    lightskin::image::set_max_memory(cli.max_memory);
     match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
@@ -297,6 +301,21 @@ impl GatherArgs {
 /// Ends the run with exit code 2, for flags that do not go together.
 fn wrong_usage(what: &str) -> ! {
     Cli::command().error(ErrorKind::ArgumentConflict, what).exit()
+}
+
+/// A number of bytes, or of KiB, MiB, GiB or TiB.
+fn bytes(text: &str) -> std::result::Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| !c.is_ascii_digit());
+    let shift = match text[digits.len()..].to_ascii_uppercase().as_str() {
+        "" => Some(0),
+        "K" => Some(10),
+        "M" => Some(20),
+        "G" => Some(30),
+        "T" => Some(40),
+        _ => None,
+    };
+    let bytes = shift.and_then(|shift| digits.parse::<u64>().ok()?.checked_mul(1 << shift));
+    bytes.filter(|bytes| *bytes > 0).ok_or_else(|| "needs a number of bytes, or one like 512M or 2G".into())
 }
 
 /// A positive finite number.

@@ -12,6 +12,7 @@ use super::{
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
+use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{
@@ -19,7 +20,6 @@ use lightskin::frame::{
     record,
 };
 use lightskin::gpu::Gpu;
-use lightskin::files::check_writable;
 use lightskin::scene::{Camera, Projection, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};

@@ -2,9 +2,9 @@
 
 use super::{Baked, thousands};
 use anyhow::Result;
+use lightskin::files::replace_file;
 use lightskin::frame::{Counts, Light};
 use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank};
-use lightskin::files::replace_file;
 use lightskin::scene::{Camera, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Map, Value, json};

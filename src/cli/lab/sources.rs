@@ -6,9 +6,9 @@ use crate::cli::{
 use anyhow::Result;
 use clap::Args;
 use glam::DVec3;
+use lightskin::files;
 use lightskin::frame::{View, World};
 use lightskin::gpu::Gpu;
-use lightskin::files;
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::sources::curves::{
     FORM_FACTOR_DISTANCES, Receives, TILTS, form_factor_error, lobe_csv, lobe_errors,

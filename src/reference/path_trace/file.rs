@@ -5,8 +5,8 @@
 use std::path::{Path, PathBuf};
 
 use super::{PASS_SAMPLES, PathTrace, Pixel, Settings};
-use crate::{files, kept};
 use crate::scene::{Camera, Scene};
+use crate::{files, kept};
 
 const MAGIC: [u8; 8] = *b"LSKTRACE";
 

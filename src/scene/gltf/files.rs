@@ -1,5 +1,6 @@
 //! Files of a glTF asset: the JSON or GLB container, buffers and images beside it, data: URIs.
 
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::{Path, PathBuf};
 
 use base64::Engine;
@@ -7,9 +8,9 @@ use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use serde_json::Value;
 
-use crate::{Result, files};
 use crate::scene::accessor::Buffer;
 use crate::scene::json::{Document, error_at, printable};
+use crate::{Result, files};
 
 /// Most bytes that all buffers of an asset may hold together: more would not fit the engine's 32-bit indices.
 const MAX_BYTES: u64 = 4 << 30;
@@ -168,6 +169,20 @@ pub(super) fn fetch(folder: &Path, uri: &str) -> std::result::Result<Vec<u8>, St
     let path = folder.join(relative(uri)?);
     files::read(&path).map_err(|reason| format!("'{}' {reason}", printable(uri)))
 }
+
+/// What a URI names, to be read piece by piece.
+pub(super) fn reader(folder: &Path, uri: &str) -> std::result::Result<Box<dyn Contents>, String> {
+    if uri.starts_with("data:") {
+        return Ok(Box::new(Cursor::new(fetch(folder, uri)?)));
+    }
+    let file = files::open(&folder.join(relative(uri)?)).map_err(|reason| format!("'{}' {reason}", printable(uri)))?;
+    Ok(Box::new(BufReader::new(file)))
+}
+
+/// Bytes of a file or in memory.
+pub(super) trait Contents: BufRead + Seek {}
+
+impl<T: BufRead + Seek> Contents for T {}
 
 /// A relative URI as a path that stays inside the folder it is relative to.
 fn relative(uri: &str) -> std::result::Result<PathBuf, String> {
