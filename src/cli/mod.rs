@@ -18,6 +18,7 @@ mod motion;
 mod path_trace;
 mod picture;
 mod render;
+mod signals;
 mod sky;
 mod timings;
 
@@ -93,6 +94,7 @@ enum Command {
 pub(crate) fn run(cli: &Cli) -> Result<()> {
     output::start_log(cli.verbose, cli.quiet);
     lightskin::image::set_max_memory(cli.max_memory);
+    signals::watch()?;
     let done = match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),

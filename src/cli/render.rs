@@ -369,9 +369,6 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     let start = Instant::now();
     let mut trace = Trace::default();
-    if args.gi == GiArg::PathTrace {
-        path_trace::stop_in_order()?;
-    }
     let scene = load_under(args.scene.as_deref(), args.sky.sky()?)?;
     let mut scene = match args.gi {
         // Rays need no small triangles.
