@@ -5,6 +5,8 @@
 // variant gather_sums.comp: SUMS_ALONE (the sums alone)
 // variant gather_shadowed.comp: SHADOWED (where things are in the way of indirect light)
 // variant gather_shadowed_sums.comp: SHADOWED SUMS_ALONE (both)
+// variant gather_eyes.comp: TWO_EYES (for two views at once, where a material has a glossy lobe)
+// variant gather_shadowed_eyes.comp: SHADOWED TWO_EYES (both)
 #extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 
@@ -35,6 +37,10 @@ layout(binding = 8, scalar) coherent buffer Arrived { uint arrived[]; }; // part
 layout(binding = 9) uniform samplerBuffer image_texels; // four texels of a row in one
 #endif
 
+#ifdef TWO_EYES
+layout(binding = 10, scalar) coherent buffer SecondParts { GlossySums second_parts[]; };
+#endif
+
 #include "lib/gather.glsl"
 #ifdef SHADOWED
 #include "lib/depth_image.glsl"
@@ -49,6 +55,9 @@ shared vec4 staged[3u * STAGED];
 
 Receiver receivers[CACHES];
 GatherSums sums[CACHES];
+#ifdef TWO_EYES
+GlossySums second_sums[CACHES];
+#endif
 
 FourVals from_memory(uint first) {
     FourVals v;
@@ -110,7 +119,13 @@ void add(FourVals v) {
         }
 #endif
         GatherSums s = sums[j];
+#ifdef TWO_EYES
+        GlossySums second = second_sums[j];
+        accumulate(s, second, receivers[j], v, seen);
+        second_sums[j] = second;
+#else
         accumulate(s, receivers[j], v, seen);
+#endif
         sums[j] = s;
     }
 }
@@ -132,6 +147,20 @@ void resolve(uint first_slot) {
         }
         uint cache = live[slot];
         proxies[push.first_proxy + cache] = proxy_of(caches[cache], s, push.eye, GLOSSY != 0u, SPREAD != 0u);
+#ifdef TWO_EYES
+        s.glossy_position = vec3(0.0);
+        s.glossy_weight = 0.0;
+        s.glossy_irradiance = vec3(0.0);
+        s.glossy_distance2 = 0.0;
+        for (uint part = 0u; part < args.groups_y; ++part) {
+            GlossySums of_part = second_parts[part * push.cache_count + slot];
+            s.glossy_position += of_part.position;
+            s.glossy_weight += of_part.weight;
+            s.glossy_irradiance += of_part.irradiance;
+            s.glossy_distance2 += of_part.distance2;
+        }
+        proxies[push.second_proxy + cache] = proxy_of(caches[cache], s, push.second_eye, GLOSSY != 0u, SPREAD != 0u);
+#endif
     }
 }
 #endif
@@ -144,7 +173,12 @@ void main() {
     }
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
         uint slot = min(first_slot + j, args.cache_count - 1u);
+#ifdef TWO_EYES
+        receivers[j] = receiver(caches[live[slot]], push.eye, push.second_eye);
+        second_sums[j] = GlossySums(vec3(0.0), 0.0, vec3(0.0), 0.0);
+#else
         receivers[j] = receiver(caches[live[slot]], push.eye);
+#endif
 #ifdef SHADOWED
         views[j] = view(slot, -receivers[j].against);
 #endif
@@ -178,6 +212,9 @@ void main() {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
         if (first_slot + j < args.cache_count) {
             parts[(push.cache_parts + gl_WorkGroupID.y) * push.cache_count + first_slot + j] = sums[j];
+#ifdef TWO_EYES
+            second_parts[gl_WorkGroupID.y * push.cache_count + first_slot + j] = second_sums[j];
+#endif
         }
     }
 #ifndef SUMS_ALONE

@@ -393,6 +393,14 @@ struct GatherSums {
     float glossy_distance2; // only with shadows of proxies
 };
 
+// The glossy part of GatherSums, for a second eye.
+struct GlossySums {
+    vec3 position;
+    float weight;
+    vec3 irradiance;
+    float distance2;
+};
+
 // Push constants of everything that draws the scene's triangles.
 struct DrawPush {
     mat4 clip_from_world;
@@ -483,7 +491,9 @@ struct GatherPush {
     uint columns; // of blocks of the fragment path's images
     uint cache_parts; // parts before the primary lights': what caches send to caches
     uint first_proxy; // of the eye
+    uint second_proxy; // first one of the second eye
     vec4 eye; // as in DrawPush
+    vec4 second_eye; // where two are gathered for at once
 };
 
 // Push constants of the pass that makes VALs of lit caches.

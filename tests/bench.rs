@@ -4,14 +4,14 @@ use crate::cli::{fails, folder, left};
 use crate::common::frames::{SPOT, baked, corner, small};
 use crate::common::{assert_clean, gpu};
 use glam::{DVec3, Vec3};
-use lightskin::frame::View;
+use lightskin::frame::{View, Ways};
 use lightskin::lab::bench::contexts::{FLOP_PER_PAIR, light_and_caches};
-use lightskin::lab::bench::measure::{World, bake, settings, too_large};
+use lightskin::lab::bench::measure::{OnDevice, bake, settings, too_large};
 use lightskin::lab::bench::native;
 use lightskin::lab::bench::scaling::{Growth, Point};
 use lightskin::lab::bench::table::{Cell, Table, exponent, power_law};
 use lightskin::lab::bench::{self, Extent, simd, thesis};
-use lightskin::lab::knobs::{Gi, Knobs, Path};
+use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::lab::scenes::valley;
 use lightskin::lab::shot;
 use lightskin::reference::gather::val_geometry;
@@ -71,17 +71,17 @@ struct Gathered {
 
 fn gathered(scene: &Scene, set: &lightskin::bake::CacheSet, settings: &Knobs) -> Gathered {
     let gpu = gpu();
-    let world = World::new(&gpu, scene, Some(set)).expect("uploaded");
-    let frame = world.frame(settings).expect("a frame");
-    let times = world.times(&frame, 0, 1).expect("drawn");
+    let on_device = OnDevice::new(&gpu, scene, Some(set)).expect("uploaded");
+    let mut frame = on_device.frame(settings).expect("a frame");
+    let times = on_device.times(&mut frame, 0, 1).expect("drawn");
     assert_eq!(times.problems, [""; 0]);
     assert!(times.frame() > times.stage("gather").expect("a gather"));
-    let (vals, caches) = light_and_caches(&gpu, &frame.targets).expect("read back");
-    let proxies = &frame.light.caches().expect("caches").proxies;
+    let (vals, caches) = light_and_caches(&gpu, &frame.light).expect("read back");
+    let proxies = &frame.light.caches().expect("caches").proxies.buffer;
     let mut proxies: Vec<shared::Proxy> = gpu.read(proxies).expect("read back");
     proxies.truncate(caches.len());
     assert_clean(&gpu);
-    let eye = View::new(&scene.cameras[0], settings.size, world.buffers.origin, world.buffers.radius).eye;
+    let eye = View::new(&scene.cameras[0], settings.size, on_device.world.origin, on_device.world.radius).eye;
     Gathered { vals, caches, eye, proxies }
 }
 
@@ -197,7 +197,7 @@ fn every_val_of_a_valley_is_lit_and_lights() {
         let all = gathered(
             &scene,
             &bake(&scene, 60, 8).expect("baked").0,
-            &settings([16, 9], Gi::LightSkin, 8, rsm, GatherSettings::default()),
+            &settings([16, 9], Gi::LightSkin, rsm, Ways::default()),
         );
         assert_eq!(all.vals.len(), (rsm * rsm) as usize);
         assert!(all.vals.iter().all(|val| val.weight > 0.0), "{rsm}: a dark VAL");
@@ -317,6 +317,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
         "pairs",
         "resolution",
         "triangles",
+        "views",
     ];
     let plots = ["bake", "caches", "ratios", "resolution", "triangles"];
     let mut files: Vec<String> = tables.map(|name| format!("{name}.csv")).into();
@@ -342,6 +343,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
         ("scaling", 18),
         ("growth", 4),
         ("motion", 2),
+        ("views", 4),
         ("exponents", 12),
     ];
     assert_eq!(json["tables"].as_array().expect("tables").len(), counts.len());

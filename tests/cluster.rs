@@ -22,24 +22,21 @@ use crate::gather::WEIGHTS;
 fn on_device(scene: &Scene, settings: &Knobs) -> (Vec<ClusterNode>, Vec<Val>, Vec<usize>, DVec3) {
     let gpu = gpu();
     let caches = baked(scene, 1.0, 8);
-    let buffers = World::new(&gpu, scene, Some(&caches)).expect("buffers");
-    let frame = Frame::new(&gpu, scene, &buffers, settings).expect("a frame");
-    let stage = Rsm::new(&gpu, settings.proxy_weight, false).expect("stage 4");
-    let pyramid = OnDevice::new(&gpu, &buffers, settings.rsm).expect("a pyramid");
-    let rsm = frame.light.rsm.as_ref().expect("VALs");
+    let world = World::new(&gpu, scene, Some(&caches)).expect("world");
+    let stage = Rsm::new(&gpu, &world, settings.rsm, settings.proxy_weight, false).expect("stage 4");
+    let pyramid = OnDevice::new(&gpu, &world, settings.rsm).expect("a pyramid");
     let drawn = gpu.frame(false, |cmd| {
-        cmd.begin_frame(frame.targets.images());
-        stage.record(cmd, &buffers, &vec![true; buffers.lights().len()], false, rsm, None);
-        pyramid.record(cmd, rsm);
+        stage.record(cmd, &world, |_| true, false, None);
+        pyramid.record(cmd, &stage.vals);
         Ok(())
     });
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
     let nodes: Vec<ClusterNode> = gpu.read(&pyramid.nodes).expect("nodes");
-    let vals: Vec<shared::Val> = gpu.read(&rsm.vals.all).expect("VALs");
-    let vals = vals.iter().map(|v| shot::val(v, buffers.origin)).collect();
+    let vals: Vec<shared::Val> = gpu.read(&stage.vals.all).expect("VALs");
+    let vals = vals.iter().map(|v| shot::val(v, world.origin)).collect();
     assert_clean(&gpu);
-    let sizes = buffers.lights().iter().flat_map(|l| (0..l.views).map(|_| l.rsm_size(settings.rsm) as usize)).collect();
-    (nodes[..pyramid.node_count as usize].to_vec(), vals, sizes, buffers.origin)
+    let sizes = world.lights().iter().flat_map(|l| (0..l.views).map(|_| l.rsm_size(settings.rsm) as usize)).collect();
+    (nodes[..pyramid.node_count as usize].to_vec(), vals, sizes, world.origin)
 }
 
 #[track_caller]
@@ -290,10 +287,10 @@ fn blended_light_does_not_jump() {
 const GROUP_OF_ATLAS: usize = shared::CLUSTER_GROUP as usize;
 
 /// One frame with a rule, and how many pairs it took.
-fn clustered(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Shot, Live) {
+fn clustered(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Shot, Counts) {
     let shot = shoot(gpu, scene, Some(caches), settings);
     let buffers = World::new(gpu, scene, Some(caches)).expect("buffers");
-    let frame = Frame::new(gpu, scene, &buffers, settings).expect("a frame");
+    let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("a frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     // A second frame is as good as the first one: nothing of that is left.
     for _ in 0..2 {
@@ -340,7 +337,7 @@ fn the_devices_groups_receive_what_the_references_do() {
                 (ClusterRule::Error(0.01), Rule::Bound(f64::from(0.01_f32)), 0.5),
             ];
             for (of_frame, rule, spread) in rules {
-                let settings = Knobs { rsm: 40, cluster: Some(of_frame), ..small() };
+                let settings = Knobs { rsm: 40, path: Path::Clusters(of_frame), ..small() };
                 let (shot, live) = clustered(&gpu, &scene, &caches, &settings);
                 let twin = Pyramid::new(&shot.vals, &sizes, gather::ProxyWeight::Irradiance);
                 let cut = Cut { rule, spread: f64::from(spread as f32), blend: 1.0 };
@@ -380,7 +377,7 @@ fn without_tolerance_the_device_gathers_every_val() {
     let settings = Knobs { rsm: 40, ..small() };
     let all = shoot(&gpu, &scene, Some(&caches), &settings);
     for rule in [ClusterRule::Distance(1e30), ClusterRule::Error(0.0)] {
-        let (shot, live) = clustered(&gpu, &scene, &caches, &Knobs { cluster: Some(rule), ..settings });
+        let (shot, live) = clustered(&gpu, &scene, &caches, &Knobs { path: Path::Clusters(rule), ..settings });
         assert!(live.pairs > 0);
         for lobe in 0..2 {
             assert_eq!(against(&shot.sums[lobe], &all.sums[lobe], 1e-5), 0, "{rule:?}");
@@ -398,7 +395,7 @@ fn culling_changes_no_bit_with_clusters() {
     let caches = baked(&scene, 0.12, 8);
     scene.cameras[0] = camera(dvec3(0.7, 0.9, 0.6), dvec3(-0.3, 0.0, -0.6), 0.3);
     for rule in [ClusterRule::Distance(4.0), ClusterRule::Error(0.02)] {
-        let settings = Knobs { rsm: 40, cluster: Some(rule), ..small() };
+        let settings = Knobs { rsm: 40, path: Path::Clusters(rule), ..small() };
         let (without, all) = clustered(&gpu, &scene, &caches, &settings);
         let (with, lit) = clustered(&gpu, &scene, &caches, &Knobs { cull: true, ..settings });
         eprintln!("{rule:?}: {} of {} caches, {} of {} pairs", lit.caches, all.caches, lit.pairs, all.pairs);
@@ -406,15 +403,4 @@ fn culling_changes_no_bit_with_clusters() {
         assert!(with.diffuse == without.diffuse && with.glossy == without.glossy, "{rule:?}: pictures differ");
         assert!(with.diffuse.iter().any(|p| *p != DVec3::ZERO), "there is light");
     }
-}
-
-#[test]
-fn draws_know_no_clusters() {
-    let gpu = gpu();
-    let (scene, _, caches) = lit_world(false);
-    let buffers = World::new(&gpu, &scene, Some(&caches)).expect("buffers");
-    let gather = Path::DRAWS;
-    let settings = Knobs { gather, cluster: Some(ClusterRule::Distance(4.0)), ..small() };
-    let error = Frame::new(&gpu, &scene, &buffers, &settings).err().expect("refused").to_string();
-    assert!(error.contains("compute path"), "{error}");
 }

@@ -5,12 +5,10 @@ use std::collections::BTreeSet;
 
 use glam::{DVec3, dvec3};
 use lightskin::bake::{CacheSet, NO_CACHE};
-use lightskin::frame::cull::Cull;
-use lightskin::frame::gbuffer::GBuffer;
-use lightskin::frame::targets::CacheTargets;
-use lightskin::frame::visible::Visible;
-use lightskin::frame::{ClusterRule, View, World};
-use lightskin::gpu::{Gpu, Use};
+use lightskin::frame::caches::CacheLight;
+use lightskin::frame::gather::Gather;
+use lightskin::frame::{ClusterRule, Light, Picture, View, World, record};
+use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::lab::shot::{seen, small};
 use lightskin::lab::worlds::{SPOT, baked, camera, corner};
@@ -21,36 +19,38 @@ use lightskin::shared::{CLUSTER_GROUP, LiveArgs, TEXEL_CACHES};
 use crate::common::frames::{drawn, indirect};
 use crate::common::{assert_clean, gpu};
 
-const PATHS: [GatherPath; 2] = [Path::DRAWS, Path::Compute];
+const PATHS: [Path; 3] = [Path::DRAWS, Path::Compute, Path::Clusters(ClusterRule::Distance(4.0))];
 
-fn settings(path: GatherPath) -> Knobs {
-    Knobs { cull: true, gather: GatherSettings { path, ..GatherSettings::default() }, ..small() }
+fn settings(path: Path) -> Knobs {
+    Knobs { cull: true, path, ..small() }
 }
 
 /// Atlas indices of the caches that the last frame has lit.
-fn live(gpu: &Gpu, caches: &CacheTargets) -> BTreeSet<usize> {
-    if let Some(live) = &caches.live {
+fn live(gpu: &Gpu, caches: &CacheLight) -> BTreeSet<usize> {
+    if let Some(live) = caches.gather.live() {
         let count = gpu.read::<LiveArgs>(&live.args).expect("arguments")[0].cache_count as usize;
         let list: Vec<u32> = gpu.read(&live.list).expect("list");
         assert!(list[..count].is_sorted_by(|a, b| a < b), "the list keeps the atlas's order");
         let lit = list[..count].iter().flat_map(|item| item * live.group..(item + 1) * live.group);
-        return lit.filter(|c| *c < caches.count).map(|c| c as usize).collect();
+        return lit.filter(|c| *c < caches.atlas.count).map(|c| c as usize).collect();
     }
-    let mask: Vec<f32> = gpu.read_image(caches.mask.as_ref().expect("one of both")).expect("mask");
-    let lit: BTreeSet<_> = (0..caches.count as usize).filter(|c| mask[caches.texel(*c as u32)] == 1.0).collect();
+    let Gather::Draws(draws) = &caches.gather else { panic!("one of both") };
+    let places = &draws.texels;
+    let mask: Vec<f32> = gpu.read_image(&draws.mask.as_ref().expect("culled").image).expect("mask");
+    let lit: BTreeSet<_> = (0..places.caches as usize).filter(|c| mask[places.texel(*c as u32)] == 1.0).collect();
     let texels: BTreeSet<_> = lit.iter().map(|c| c / TEXEL_CACHES as usize).collect();
-    let [left, _, width, _] = caches.area().map(|n| n as usize);
+    let [left, _, width, _] = places.area().map(|n| n as usize);
     let marked = mask.chunks(left + width).flat_map(|row| &row[left..]).filter(|depth| **depth != 0.0).count();
     assert_eq!(marked, texels.len(), "no texel without a cache");
     lit
 }
 
 /// Caches in a row of the atlas that are lit with one that is needed.
-fn together(settings: &Knobs) -> usize {
-    match (settings.gather.path, settings.cluster) {
-        (Path::DRAWS, _) => TEXEL_CACHES as usize,
-        (Path::Compute, Some(_)) => CLUSTER_GROUP as usize,
-        (Path::Compute, None) => 1,
+fn together(path: Path) -> usize {
+    match path {
+        Path::Draws(..) => TEXEL_CACHES as usize,
+        Path::Clusters(_) => CLUSTER_GROUP as usize,
+        Path::Compute => 1,
     }
 }
 
@@ -92,8 +92,6 @@ fn needed(scene: &Scene, caches: &CacheSet, size: [u32; 2]) -> (BTreeSet<usize>,
 #[test]
 fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
     let gpu = gpu();
-    let clusters = Knobs { cluster: Some(ClusterRule::Distance(4.0)), ..settings(Path::Compute) };
-    let ways = [settings(Path::Compute), settings(Path::DRAWS), clusters];
     for (references, eye) in [(8, dvec3(1.41, 1.53, 2.07)), (16, dvec3(0.43, 0.71, 0.52))] {
         let mut scene = corner(&[SPOT], 40.0);
         let caches = baked(&scene, 0.12, references).expect("bakes");
@@ -106,24 +104,23 @@ fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
         let [first, second] = seen.each_ref().map(|(_, (needed, _))| needed);
         assert!(!first.is_subset(second) && !second.is_subset(first), "each needs caches of its own");
         assert!(seen.iter().any(|(_, (_, hidden))| *hidden > 0), "caches on hidden faces count, too");
-        for way in ways {
-            let settings = Knobs { references, ..way };
-            let buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-            let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
-            let targets = frame.light.caches().expect("caches");
-            let (all, together) = (targets.count as usize, together(&settings));
+        for path in PATHS {
+            let settings = settings(path);
+            let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+            let mut frame = Frame::new(&gpu, &scene, &world, &settings).expect("made");
+            let (all, together) = (world.cache_count as usize, together(path));
             for (camera, (needed, hidden)) in &seen {
                 let expected = match together {
                     1 => needed.clone(),
                     _ => with_neighbours(needed, together, all),
                 };
-                let view = View::new(camera, settings.size, buffers.origin, buffers.radius);
+                let view = View::new(camera, settings.size, world.origin, world.radius);
                 let drawn = gpu.frame(false, |cmd| {
-                    frame.record(cmd, &buffers, &view);
+                    frame.record(cmd, &world, &view);
                     Ok(())
                 });
                 assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-                let found = live(&gpu, targets);
+                let found = live(&gpu, frame.light.caches().expect("caches"));
                 let apart: Vec<_> = found.symmetric_difference(&expected).collect();
                 assert!(apart.is_empty(), "{together} together, {references} references: {apart:?} on one side alone");
                 assert_eq!(frame.light.counts(&gpu).expect("counts").caches as usize, expected.len());
@@ -140,7 +137,7 @@ fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
 fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec<Vec<[u32; 4]>>, [usize; 2]) {
     let frame = drawn(gpu, scene, caches, settings);
     let all = indirect(gpu, &frame);
-    let count = frame.light.caches().expect("caches").count as usize;
+    let count = frame.light.caches().expect("caches").atlas.count as usize;
     (all, [frame.light.counts(gpu).expect("counts").caches as usize, count])
 }
 
@@ -171,7 +168,6 @@ fn culling_changes_no_bit_of_a_picture() {
     assert_clean(&gpu);
 }
 
-/// By hand: frames have one view, the stage takes several.
 #[test]
 fn of_several_views_every_one_is_served() {
     let gpu = gpu();
@@ -179,41 +175,30 @@ fn of_several_views_every_one_is_served() {
     scene.cameras[0] = camera(dvec3(0.7, 0.9, 0.6), dvec3(-0.3, 0.0, -0.6), 0.3);
     scene.cameras.push(camera(dvec3(0.6, 1.2, 0.9), dvec3(-1.0, 1.6, 0.6), 0.2));
     let caches = baked(&scene, 0.12, 8).expect("bakes");
-    let views: Vec<_> = (0..2)
+    let of_views: Vec<_> = (0..2)
         .map(|i| {
             let mut alone = scene.clone();
             alone.cameras = vec![scene.cameras[i].clone()];
             needed(&alone, &caches, small().size).0
         })
         .collect();
-    assert!(!views[0].is_subset(&views[1]) && !views[1].is_subset(&views[0]), "both views need caches of their own");
+    let [first, second] = [&of_views[0], &of_views[1]];
+    assert!(!first.is_subset(second) && !second.is_subset(first), "both views need caches of their own");
     for path in PATHS {
         let settings = settings(path);
-        let buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-        let frames = [(); 2].map(|()| Frame::new(&gpu, &scene, &buffers, &settings).expect("made"));
-        let (gbuffer, cull) = (GBuffer::new(&gpu, &frames[0].plan), Cull::new(&gpu, &settings, settings.references));
-        let (gbuffer, cull) = (gbuffer.expect("made"), cull.expect("made"));
-        let visible = Visible::new(&gpu).expect("made");
-        let targets = [&frames[0].targets, &frames[1].targets];
+        let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        let mut light = Light::new(&gpu, &scene, &world, &settings.settings(), 2).expect("made");
+        let mut pictures = [(); 2].map(|()| Picture::new(&gpu, &world, &light, settings.size).expect("made"));
         let drawn = gpu.frame(false, |cmd| {
-            cmd.begin_frame(targets.iter().flat_map(|t| t.images()));
-            for (t, camera) in targets.iter().zip(&scene.cameras) {
-                let view = View::new(camera, settings.size, buffers.origin, buffers.radius);
-                gbuffer.record(cmd, &buffers, &view, t);
-            }
-            let elements = targets.map(|t| t.element.as_ref().expect("interpolated"));
-            let (vals, caches) = (&targets[0].rsm.as_ref().expect("VALs").vals, targets[0].caches.as_ref());
-            let seen = targets[0].visible.as_ref().expect("interpolated");
-            visible.record(cmd, &buffers, &elements, seen);
-            cull.record(cmd, &buffers, seen, vals, caches.expect("caches"));
-            cmd.barrier(Use::ComputeWrite | Use::DepthWrite, Use::CopyRead);
+            let of = |(camera, picture)| (View::new(camera, settings.size, world.origin, world.radius), picture);
+            let mut views: Vec<_> = scene.cameras.iter().zip(&mut pictures).map(of).collect();
+            record(cmd, &world, &mut light, &mut views, &settings.look());
             Ok(())
         });
-        assert_eq!(drawn.expect("drawn").problems.len(), 1, "only the barrier before the reading is for nothing");
-        let caches = targets[0].caches.as_ref().expect("caches");
-        let both = views[0].union(&views[1]).copied().collect();
-        let expected = with_neighbours(&both, together(&settings), caches.count as usize);
-        assert_eq!(live(&gpu, caches), expected, "{path:?}");
+        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        let both = first.union(second).copied().collect();
+        let expected = with_neighbours(&both, together(path), world.cache_count as usize);
+        assert_eq!(live(&gpu, light.caches().expect("caches")), expected, "{path:?}");
     }
     assert_clean(&gpu);
 }

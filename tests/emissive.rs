@@ -2,7 +2,7 @@
 
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, dvec3, vec3};
 use lightskin::frame::{ClusterRule, World};
-use lightskin::lab::knobs::{Gi, Knobs};
+use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::reference::disc::polygon_form_factor;
 use lightskin::reference::path_trace::{self, PathTrace, Sources};
 use lightskin::scene::build::quad;
@@ -148,7 +148,7 @@ fn clusters_hold_emitters_too() {
     let scene = lamp_over_floor(vec3(30.0, 20.0, 10.0));
     let caches = baked(&scene, 0.3, 8);
     let all = shoot(&gpu, &scene, Some(&caches), &small());
-    let by = shoot(&gpu, &scene, Some(&caches), &Knobs { cluster: Some(ClusterRule::Distance(8.0)), ..small() });
+    let by = shoot(&gpu, &scene, Some(&caches), &Knobs { path: Path::Clusters(ClusterRule::Distance(8.0)), ..small() });
     let off: f64 = all.sums[0].iter().zip(&by.sums[0]).map(|(a, b)| a.distance(*b)).sum();
     let sum: f64 = all.sums[0].iter().map(|a| a.length()).sum();
     eprintln!("clusters: {:.5}", off / sum);

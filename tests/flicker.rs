@@ -1,7 +1,7 @@
 //! The measure of flicker itself: nothing where nothing moves, and less of it where there are more VALs.
 
 use lightskin::bake::{self, CacheSet, Density};
-use lightskin::frame::Cluster;
+use lightskin::frame::ClusterRule;
 use lightskin::lab::flicker::{Figures, Job, Motion, measure, model};
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell};

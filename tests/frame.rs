@@ -2,7 +2,7 @@
 
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use lightskin::bake::{self, CacheSet, Density};
-use lightskin::frame::{ClusterRule, Exposure, Interpolation, ProxyWeight, Shadows, View, World};
+use lightskin::frame::{ClusterRule, DrawSource, Exposure, Interpolation, ProxyWeight, Shadows, View, World};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::image::broken_values;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
@@ -26,29 +26,21 @@ fn caches(scene: &Scene, references: usize) -> CacheSet {
 }
 
 /// Records a frame twice and gives the values of its three radiance images.
-fn render(gpu: &Gpu, scene: &Scene, settings: &Knobs) -> Vec<f32> {
-    let mut caches = (settings.gi == Gi::LightSkin).then(|| caches(scene, settings.references));
-    if settings.level == Level::Texel {
-        caches = caches.map(|caches| caches.with_cells(scene).expect("cells"));
-    }
-    let mut buffers = World::new(gpu, scene, caches.as_ref()).expect("upload");
-    if let Some(caches) = caches.as_ref().filter(|_| settings.bounces > 1) {
-        buffers.add_albedos(gpu, scene, caches).expect("albedos");
-    }
-    let frame = Frame::new(gpu, scene, &buffers, settings).expect("frame");
-    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+fn render(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Knobs) -> Vec<f32> {
+    let world = World::new(gpu, scene, caches).expect("upload");
+    let mut frame = Frame::new(gpu, scene, &world, settings).expect("frame");
+    let view = View::new(&scene.cameras[0], settings.size, world.origin, world.radius);
     for split in [false, true] {
         let drawn = gpu.frame(split, |cmd| {
-            frame.record(cmd, &buffers, &view);
+            frame.record(cmd, &world, &view);
             Ok(())
         });
         let drawn = drawn.expect("frame");
         gpu.times(&drawn).expect("times");
         assert_eq!(drawn.problems, [] as [String; 0], "{settings:?}");
     }
-    let t = &frame.targets;
-    let mut values: Vec<f32> = gpu.read_image(&t.direct).expect("direct");
-    if let Some(indirect) = &t.indirect {
+    let mut values: Vec<f32> = gpu.read_image(&frame.picture.surface.radiance).expect("direct");
+    if let Some(indirect) = &frame.picture.indirect {
         values.extend(gpu.read_image::<f32>(&indirect.diffuse).expect("diffuse"));
         if let Some(glossy) = &indirect.glossy {
             values.extend(gpu.read_image::<f32>(glossy).expect("glossy"));
@@ -76,9 +68,9 @@ fn every_plan_is_clean() {
                         // A holed material takes the other shadow pipeline.
                         scene.materials[0].alpha_cutoff = Some(0.5);
                     }
-                    let settings =
-                        Knobs { size: [16, 16], gi, references, rsm: 16, shadow_map: 48, exposure, ..Knobs::default() };
-                    let values = render(&gpu, &scene, &settings);
+                    let settings = Knobs { gi, rsm: 16, shadow_map: 48, exposure, ..Knobs::plain([16, 16]) };
+                    let caches = (gi == Gi::LightSkin).then(|| caches(&scene, references));
+                    let values = render(&gpu, &scene, caches.as_ref(), &settings);
                     assert_eq!(broken_values(&values), 0, "{settings:?}");
                     let lit = values.iter().any(|v| *v > 0.0);
                     assert_eq!(lit, !lights.is_empty(), "light and dark differ: {settings:?}");
@@ -94,41 +86,35 @@ fn shadows_bounces_levels_and_ways_go_together() {
     let gpu = open();
     let mut scene = cornell(CornellSurface::Glossy, 0.5);
     scene.materials[0].emissive = Vec3::splat(20.0);
+    let by_vertices = caches(&scene, 8);
+    let by_texels = by_vertices.clone().with_cells(&scene).expect("cells");
+    let paths = [
+        Path::Compute,
+        Path::DRAWS,
+        Path::Draws(DrawSource::Storage, 64),
+        Path::Clusters(ClusterRule::Distance(6.0)),
+        Path::Clusters(ClusterRule::Error(0.05)),
+    ];
     let mut count = 0;
     for shadows in [Shadows::Off, Shadows::Proxy, Shadows::PerLight] {
         for bounces in [1, 3] {
-            for level in [Level::Vertex, Level::Texel] {
-                for path in [Path::DRAWS, Path::Compute] {
-                    for cluster in [None, Some(ClusterRule::Distance(6.0))] {
-                        let by_compute = bounces > 1 || shadows == Shadows::PerLight;
-                        let refused = (path == Path::DRAWS && (by_compute || cluster.is_some()))
-                            || (by_compute && cluster.is_some());
-                        if refused {
-                            continue;
-                        }
-                        let gather = GatherSettings { path, ..GatherSettings::default() };
-                        let (size, rsm, shadow_map) = ([16, 16], 16, 48);
-                        let settings = Knobs {
-                            size,
-                            rsm,
-                            shadow_map,
-                            gather,
-                            shadows,
-                            bounces,
-                            level,
-                            cluster,
-                            ..Knobs::default()
-                        };
-                        let values = render(&gpu, &scene, &settings);
-                        assert_eq!(broken_values(&values), 0, "{settings:?}");
-                        assert!(values.iter().any(|v| *v > 0.0), "{settings:?}");
-                        count += 1;
-                    }
+            for path in paths {
+                let plain = Knobs { rsm: 16, shadow_map: 48, ..Knobs::plain([16, 16]) };
+                let settings = Knobs { shadows, bounces, path, ..plain };
+                if !settings.go_together() {
+                    continue;
+                }
+                for caches in [&by_vertices, &by_texels] {
+                    let values = render(&gpu, &scene, Some(caches), &settings);
+                    assert_eq!(broken_values(&values), 0, "{settings:?}");
+                    assert!(values.iter().any(|v| *v > 0.0), "{settings:?}");
+                    count += 1;
                 }
             }
         }
     }
-    assert_eq!(count, 20);
+    // By compute all three shadows with one bounce and more; by each other path two of them with one.
+    assert_eq!(count, 2 * (3 * 2 + 4 * 2));
     assert_eq!(gpu.messages(), [] as [String; 0]);
 }
 
@@ -141,11 +127,11 @@ fn other_kernels_weights_and_cameras_are_clean() {
         world_from_camera: DAffine3::from_translation(DVec3::new(0.0, 1.0, 3.0)),
         projection: Projection::Orthographic { ymag: 1.0 },
     };
+    let caches = caches(&scene, 8);
     for interpolation in [Interpolation::Facing, Interpolation::Printed] {
         for proxy_weight in [ProxyWeight::Irradiance, ProxyWeight::FormFactor] {
-            let settings =
-                Knobs { size: [24, 16], rsm: 20, shadow_map: 64, interpolation, proxy_weight, ..Knobs::default() };
-            let values = render(&gpu, &scene, &settings);
+            let settings = Knobs { rsm: 20, shadow_map: 64, interpolation, proxy_weight, ..Knobs::plain([24, 16]) };
+            let values = render(&gpu, &scene, Some(&caches), &settings);
             assert_eq!(broken_values(&values), 0, "{settings:?}");
             assert!(values.iter().any(|v| *v > 0.0));
         }
@@ -167,17 +153,19 @@ fn slivers_and_opposed_normals_leave_no_bad_value() {
             _ => vertex.uv0 = Vec2::splat(1e30),
         }
     }
-    for gi in [Gi::LightSkin, Gi::BruteForce] {
-        let settings = Knobs { size: [64, 64], gi, rsm: 32, shadow_map: 64, ..Knobs::default() };
-        assert_eq!(broken_values(&render(&gpu, &scene, &settings)), 0, "{gi:?}");
+    let caches = caches(&scene, 8);
+    for (gi, caches) in [(Gi::LightSkin, Some(&caches)), (Gi::BruteForce, None)] {
+        let settings = Knobs { gi, rsm: 32, shadow_map: 64, ..Knobs::plain([64, 64]) };
+        assert_eq!(broken_values(&render(&gpu, &scene, caches, &settings)), 0, "{gi:?}");
     }
     assert_eq!(gpu.messages(), [] as [String; 0]);
 }
 
 #[test]
 fn two_renders_are_bit_identical() {
-    let settings = Knobs { size: [48, 32], rsm: 32, shadow_map: 128, ..Knobs::default() };
+    let settings = Knobs { rsm: 32, shadow_map: 128, ..Knobs::plain([48, 32]) };
     let scene = cornell(CornellSurface::Glossy, 0.2);
-    let [one, other] = [(); 2].map(|()| render(&open(), &scene, &settings));
+    let caches = caches(&scene, 8);
+    let [one, other] = [(); 2].map(|()| render(&open(), &scene, Some(&caches), &settings));
     assert!(one == other, "the same device and scene give the same bits");
 }

@@ -1,10 +1,13 @@
 //! VALs and proxies of whole frames against the f64 references.
 
-use glam::{DAffine3, DVec3, Mat4, Vec3, dvec3};
-use lightskin::frame::gather::Gather;
-use lightskin::frame::targets::{CacheTargets, ValTargets};
-use lightskin::frame::{ProxyWeight, View, World, tune};
-use lightskin::lab::knobs::{Frame, Knobs, Path};
+use glam::{DAffine3, DVec3, Vec3, dvec3};
+use lightskin::frame::atlas::Atlas;
+use lightskin::frame::gather::{Compute, ComputeKind, Gather, Lit};
+use lightskin::frame::gather_draws::Draws;
+use lightskin::frame::proxies::Proxies;
+use lightskin::frame::vals::Vals;
+use lightskin::frame::{DrawSource, ProxyWeight, View, Ways, World, tune};
+use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::shot;
 use lightskin::reference::gather::{self, Lobe, luminance, val_geometry};
 use lightskin::reference::phong::{Material, cos_power, mirrored_view};
@@ -180,8 +183,7 @@ fn every_way_of_lighting_caches_agrees() {
     // More VALs than one invocation of older lavapipe runs rounds, and a number of caches that fills no group.
     let (caches, vals) = tune::world(333, 70_001);
     let eye = glam::Vec4::new(-1.5, 0.4, 2.0, 1.0);
-    let view = View { clip_from_world: Mat4::IDENTITY, world_from_clip: Mat4::IDENTITY, eye, plane: glam::Vec4::ZERO };
-    let vals_on_device = ValTargets::of(&gpu, &vals).expect("VALs");
+    let (atlas, vals_on_device) = (Atlas::of(&gpu, &caches).expect("caches"), Vals::of(&gpu, &vals).expect("VALs"));
     // f64 sums of both lobes, and of the sizes of their terms.
     let twin = |c: &shared::Cache| -> [f64; 30] {
         let (position, normal) = (c.position.as_dvec3(), c.normal.as_dvec3());
@@ -202,32 +204,38 @@ fn every_way_of_lighting_caches_agrees() {
         sums
     };
     let twins: Vec<[f64; 30]> = caches.par_iter().map(twin).collect();
-    let mut ways = [tune::candidates(true), tune::candidates(false)].concat();
-    // Parts as long as they get.
-    ways.push(GatherSettings { split: 32_768, ..GatherSettings::default() });
-    for settings in ways {
-        let mut targets = CacheTargets::new(&gpu, true, 333, 70_001, &settings).expect("targets");
-        targets.atlas = gpu.buffer_from("atlas.caches", &caches).expect("caches");
-        let stage = Gather::new(&gpu, true, false, &settings).expect("stage 6");
+    let mut stages = Vec::new();
+    // Parts as long as they get, too.
+    let longest = Ways { split: 32_768, ..Ways::default() };
+    for ways in [tune::candidates(true), tune::candidates(false), vec![longest]].concat() {
+        let stage = Compute::new(&gpu, 333, 70_001, &ways, ComputeKind::plain(true)).expect("stage 6");
+        stages.push((format!("{ways:?}"), Gather::Compute(Box::new(stage))));
+    }
+    for (source, tile) in [(DrawSource::Texels, 4096), (DrawSource::Storage, 4096), (DrawSource::Texels, 32_768)] {
+        let stage = Draws::new(&gpu, 333, true, false, source, tile, false).expect("stage 6");
+        stages.push((format!("{source:?}, {tile}"), Gather::Draws(Box::new(stage))));
+    }
+    for (way, stage) in stages {
+        let proxies = Proxies::new(&gpu, 333, true, 1).expect("proxies");
+        let lit = Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &[eye], albedos: None };
         let mut before: Option<Vec<shared::Proxy>> = None;
         for _ in 0..2 {
             let drawn = gpu.frame(false, |cmd| {
-                cmd.begin_frame(&targets.sums);
-                stage.record(cmd, &vals_on_device, &view, &targets, None, true);
+                stage.record(cmd, &lit);
                 Ok(())
             });
             assert_eq!(drawn.expect("drawn").problems, [""; 0]);
             // Whoever brings the last part of a cache, its proxies are the same, and nothing is left for the next frame.
-            let proxies: Vec<shared::Proxy> = gpu.read(&targets.proxies).expect("proxies");
-            assert!(proxies.iter().all(|p| p.diffuse_distance2 > 0.0), "a dark cache: {settings:?}");
+            let proxies: Vec<shared::Proxy> = gpu.read(&proxies.buffer).expect("proxies");
+            assert!(proxies.iter().all(|p| p.diffuse_distance2 > 0.0), "a dark cache: {way}");
             if let Some(before) = before.replace(proxies.clone()) {
-                assert_eq!(before, proxies, "{settings:?}");
+                assert_eq!(before, proxies, "{way}");
             }
-            if let Some(live) = &targets.live {
-                assert!(gpu.read::<u32>(&live.arrived).expect("counters").iter().all(|parts| *parts == 0));
+            if let Gather::Compute(by) = &stage {
+                assert!(gpu.read::<u32>(&by.arrived).expect("counters").iter().all(|parts| *parts == 0));
             }
         }
-        let found = shot::gather_sums(&gpu, &targets).expect("sums");
+        let found = shot::gather_sums(&gpu, &stage, 333).expect("sums");
         let mut worst = [0.0_f64; 2];
         for (found, twin) in found.iter().zip(&twins) {
             let found: [f32; 16] = bytemuck::cast(*found);
@@ -236,8 +244,8 @@ fn every_way_of_lighting_caches_agrees() {
                 worst[i / 8] = worst[i / 8].max(error);
             }
         }
-        eprintln!("diffuse {:.1e}, glossy {:.1e}: {settings:?}", worst[0], worst[1]);
-        assert!(worst[0] < 1e-5 && worst[1] < 1e-4, "{worst:?}: {settings:?}");
+        eprintln!("diffuse {:.1e}, glossy {:.1e}: {way}", worst[0], worst[1]);
+        assert!(worst[0] < 1e-5 && worst[1] < 1e-4, "{worst:?}: {way}");
     }
     assert_clean(&gpu);
 }
@@ -247,10 +255,10 @@ fn vals_without_light_are_closed_up() {
     let gpu = gpu();
     // A cone that leaves most texels dark, and a texel count that is no multiple of a block.
     let scene = corner(&[LightKind::Spot { inner: 0.2, outer: 0.3 }, LightKind::Point], 40.0);
-    let gather = GatherSettings { split: 256, ..GatherSettings::default() };
-    let settings = Knobs { rsm: 45, cull: false, gather, ..small() };
+    let ways = Ways { split: 256, ..Ways::default() };
+    let settings = Knobs { rsm: 45, cull: false, ways, ..small() };
     let buffers = World::new(&gpu, &scene, Some(&baked(&scene, 0.5, 8))).expect("uploaded");
-    let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+    let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
     let camera = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, &buffers, &camera);
@@ -269,7 +277,7 @@ fn vals_without_light_are_closed_up() {
     assert_eq!(frame.light.counts(&gpu).expect("counts").vals as usize, count);
     // Without culling the gather's dispatch follows from their number: dark ones have no part.
     let caches = frame.light.caches().expect("caches");
-    let args = gpu.read::<shared::LiveArgs>(&caches.live.as_ref().expect("compute path").args).expect("read")[0];
-    assert_eq!([args.cache_count, args.groups_y], [caches.count, count.div_ceil(256) as u32]);
+    let args = gpu.read::<shared::LiveArgs>(&caches.gather.live().expect("compute path").args).expect("read")[0];
+    assert_eq!([args.cache_count, args.groups_y], [caches.atlas.count, count.div_ceil(256) as u32]);
     assert!(args.groups_y < all.len().div_ceil(256) as u32);
 }

@@ -6,13 +6,15 @@
 
 use glam::{DAffine3, Vec3, vec3};
 use lightskin::bake::{self, Density};
-use lightskin::eval::display::Values;
-use lightskin::eval::flip::{PIXELS_PER_DEGREE, flip};
-use lightskin::eval::heat::{Scale, colors};
-use lightskin::frame::{Frame, Gi, Level, SceneBuffers, Settings, Shadows, View};
+use lightskin::frame::{Shadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::image::{read_picture, write_png};
-use lightskin::scene::build::{CornellSurface, Shadowed, atrium, cornell, moving, quad};
+use lightskin::lab::knobs::{Frame, Gi, Knobs};
+use lightskin::lab::scenes::{Shadowed, moving};
+use lightskin::metrics::display::Values;
+use lightskin::metrics::flip::{PIXELS_PER_DEGREE, flip};
+use lightskin::metrics::heat::{Scale, colors};
+use lightskin::scene::build::{CornellSurface, atrium, cornell, quad};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Material, Scene, tessellate};
 use std::fs;
@@ -42,7 +44,9 @@ struct Golden {
     scene: Scene,
     /// Moment of the first animation [s]; at rest without one.
     time: Option<f64>,
-    settings: Settings,
+    knobs: Knobs,
+    /// Caches are averaged at pixels.
+    cells: bool,
 }
 
 /// The Cornell box, lit by a lamp below its ceiling alone.
@@ -64,18 +68,18 @@ fn corner_under_a_sky() -> Scene {
 }
 
 fn goldens() -> Vec<Golden> {
-    let default = Settings { size: SIZE, rsm: 64, shadow_map: 512, ..Settings::default() };
-    let per_light = Settings { shadows: Shadows::PerLight, ..default };
-    let golden = |name, scene, settings| Golden { name, scene, time: None, settings };
+    let default = Knobs { rsm: 64, shadow_map: 512, ..Knobs::plain(SIZE) };
+    let per_light = Knobs { shadows: Shadows::PerLight, ..default };
+    let golden = |name, scene, knobs| Golden { name, scene, time: None, knobs, cells: false };
     let (glossy, diffuse) = (cornell(CornellSurface::Glossy, 0.1), cornell(CornellSurface::Diffuse, 0.1));
-    let brute_force = Settings { gi: Gi::BruteForce, ..default };
-    let texel = Settings { level: Level::Texel, bounces: 3, ..default };
-    let proxy = Settings { shadows: Shadows::Proxy, ..default };
+    let brute_force = Knobs { gi: Gi::BruteForce, ..default };
+    let bounces = Knobs { bounces: 3, ..default };
+    let proxy = Knobs { shadows: Shadows::Proxy, ..default };
     vec![
         golden("atrium", atrium(), per_light),
         golden("cornell", glossy.clone(), default),
         golden("cornell_brute_force", glossy, brute_force),
-        golden("cornell_texel_bounces", diffuse, texel),
+        Golden { cells: true, ..golden("cornell_texel_bounces", diffuse, bounces) },
         golden("columns_proxy_shadows", Shadowed::Columns.scene(), proxy),
         golden("lamp", lamp_in_a_room(), per_light),
         golden("sky", corner_under_a_sky(), default),
@@ -85,30 +89,27 @@ fn goldens() -> Vec<Golden> {
 
 /// Draws a golden and gives its RGBA bytes.
 fn draw(gpu: &Gpu, golden: Golden) -> Vec<u8> {
-    let Golden { name, mut scene, time, settings } = golden;
+    let Golden { name, mut scene, time, knobs, cells } = golden;
     let spacing = tessellate::expected_spacing(&scene, CACHES);
     tessellate::divide(&mut scene, spacing, None);
     let density = Density::Count(CACHES);
-    let bake = bake::Settings { density, angle: 60_f32.to_radians(), references: settings.references };
+    let bake = bake::Settings { density, angle: 60_f32.to_radians(), references: 8 };
     let mut caches = bake::bake(&scene, &bake, &|_, _| {}).expect(name);
-    if settings.level == Level::Texel {
+    if cells {
         caches = caches.with_cells(&scene).expect(name);
     }
     if let Some(time) = time {
         scene.pose(0, time);
     }
-    let mut buffers = SceneBuffers::new(gpu, &scene, Some(&caches)).expect(name);
-    if settings.bounces > 1 {
-        buffers.add_albedos(gpu, &scene, &caches).expect(name);
-    }
-    let frame = Frame::new(gpu, &scene, &buffers, &settings).expect(name);
-    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let world = World::new(gpu, &scene, Some(&caches)).expect(name);
+    let mut frame = Frame::new(gpu, &scene, &world, &knobs).expect(name);
+    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
     let drawn = gpu.frame(false, |cmd| {
-        frame.record(cmd, &buffers, &view);
+        frame.record(cmd, &world, &view);
         Ok(())
     });
     assert_eq!(drawn.expect(name).problems, [""; 0]);
-    gpu.read_image(&frame.targets.output).expect(name)
+    gpu.read_image(&frame.picture.output.picture).expect(name)
 }
 
 /// Where the goldens lie.
@@ -155,7 +156,7 @@ fn pictures_look_as_they_did() {
     fs::create_dir_all(&out).expect("a folder for pictures");
     let mut wrong = Vec::new();
     for golden in goldens() {
-        let (name, [width, height]) = (golden.name, golden.settings.size);
+        let (name, [width, height]) = (golden.name, golden.knobs.size);
         let picture = out.join(format!("{name}.png"));
         write_png(&picture, width, height, &draw(&gpu, golden)).expect(name);
         match compare(&picture, &folder().join(format!("{name}.png"))) {

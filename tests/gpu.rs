@@ -6,7 +6,8 @@ mod variants;
 use crate::cli::{folder, works};
 use crate::common::{assert_clean, compile, gpu};
 use lightskin::gpu::{
-    Attach, Attachments, Blend, Cull, Depth, Format, Gpu, Options, Pipeline, Raster, Shape, Validation,
+    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Load, Options, Pipeline,
+    Raster, SamplerKind, Shape, Stream, Use, Validation,
 };
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -49,7 +50,6 @@ fn drop_what_was_bound(gpu: &Gpu, split: bool) -> lightskin::Result<lightskin::g
     let image = gpu.texture("test.red", Format::R32_SFLOAT, 1, 1, &red).expect("texture");
     let depth = gpu.target("test.depth", Format::D32_SFLOAT, 4, 4).expect("target");
     gpu.frame(split, |cmd| {
-        cmd.begin_frame([&depth]);
         let (sum, pipeline) = (gpu.buffer("test.sum", 4).expect("buffer"), add(gpu, 2));
         {
             let _zone = cmd.zone("add");
@@ -124,7 +124,6 @@ fn nothing_piles_up_of_what_is_made_and_dropped() {
     for i in 0..1000_u32 {
         let (sum, pipeline) = (gpu.buffer("test.sum", 65_536).expect("buffer"), add(&gpu, i % 3));
         let frame = gpu.frame(false, |cmd| {
-            cmd.begin_frame([]);
             cmd.bind(&pipeline, &[(&sum).into(), (&image).into()]);
             cmd.dispatch(1, 1, 1);
             Ok(())
@@ -354,4 +353,364 @@ void main() { atomicAdd(count, 1u); }
         assert_eq!(gpu.read::<u32>(&count).expect("read")[0], 64 * 4);
     }
     assert_clean(&gpu);
+}
+
+fn image(gpu: &Gpu, format: Format, size: [u32; 2], extent: Extent, storage: bool) -> Image {
+    gpu.image(&ImageDesc { name: "test.image", format, size, extent, storage }).expect("image")
+}
+
+/// Compiles a compute shader of one line and makes a pipeline of it.
+fn pipeline(gpu: &Gpu, group: &str, declarations: &str, main: &str) -> Pipeline {
+    let code = format!(
+        "#version 460\n#extension GL_EXT_scalar_block_layout : require\nlayout({group}) in;\n{declarations}\n\
+         void main() {{ ivec3 at = ivec3(gl_GlobalInvocationID); {main} }}\n"
+    );
+    gpu.compute_from_spirv("test.shader", &compile(&code).expect("compiles"), &[]).expect("pipeline")
+}
+
+#[test]
+fn each_layer_is_rendered_into_alone() {
+    for gpu in validated() {
+        let layers = image(&gpu, Format::R8G8B8A8_UNORM, [4, 2], Extent::Layers(2), false);
+        let depths = image(&gpu, Format::D32_SFLOAT, [4, 2], Extent::Layers(3), false);
+        let frame = gpu.frame(false, |cmd| {
+            for (layer, value) in [(1, 1.0), (0, 0.2)] {
+                let colors = [Attach { image: &layers, load: Load::Clear([value; 4]) }];
+                let depth = Some(Attach { image: &depths, load: Load::Clear([value; 4]) });
+                cmd.render_layer(layer, &Attachments { colors: &colors, depth, area: [0, 0, 4, 2] }, |_| ());
+                if layer == 1 {
+                    let drawn = Use::ColorWrite | Use::DepthWrite;
+                    cmd.barrier(drawn, drawn);
+                }
+            }
+            Ok(())
+        });
+        assert_eq!(frame.expect("frame").problems, [""; 0]);
+        let texels: Vec<u8> = gpu.read_image(&layers).expect("read");
+        assert_eq!(texels, [[51; 32], [255; 32]].concat());
+        let texels: Vec<f32> = gpu.read_image(&depths).expect("read");
+        assert_eq!(texels[..16], [[0.2; 8], [1.0; 8]].concat());
+        assert_eq!((layers.bytes(), depths.bytes()), (64, 96));
+
+        // Shaders see all of them.
+        let sampled = "layout(binding = 0) uniform sampler2DArray image; \
+            layout(binding = 1, scalar) writeonly buffer Out { float sums[]; };";
+        let read =
+            pipeline(&gpu, "local_size_x = 1", sampled, "sums[at.x] = texelFetch(image, ivec3(3, 1, at.x), 0).r;");
+        let sums = gpu.buffer("test.sums", 8).expect("buffer");
+        gpu.run_once("read", |cmd| {
+            cmd.bind(&read, &[(&layers).into(), (&sums).into()]);
+            cmd.dispatch(2, 1, 1);
+        })
+        .expect("run");
+        let sums: Vec<f32> = gpu.read(&sums).expect("read");
+        assert!((sums[0] - 0.2).abs() < 1e-6 && sums[1] == 1.0, "{sums:?}");
+        assert_clean(&gpu);
+    }
+}
+
+#[test]
+fn shaders_write_volumes_and_planes() {
+    for (gpu, checks) in validated().zip([false, true]) {
+        let volume = image(&gpu, Format::R32_SFLOAT, [4, 3], Extent::Volume(2), true);
+        let plane = image(&gpu, Format::R16G16B16A16_SFLOAT, [4, 3], Extent::Plane, true);
+        let layers = image(&gpu, Format::R32_UINT, [4, 3], Extent::Layers(2), true);
+        let write = pipeline(
+            &gpu,
+            "local_size_x = 4, local_size_y = 3",
+            "layout(binding = 0, r32f) uniform writeonly image3D volume; \
+             layout(binding = 1, rgba16f) uniform writeonly image2D plane; \
+             layout(binding = 2, r32ui) uniform writeonly uimage2DArray layers;",
+            "float n = at.x + 4 * at.y + 12 * at.z; imageStore(volume, at, vec4(n)); \
+             imageStore(layers, at, uvec4(2 * n)); if (at.z == 0) { imageStore(plane, at.xy, vec4(n, 0, 0, 1)); }",
+        );
+        let sum = pipeline(
+            &gpu,
+            "local_size_x = 1",
+            "layout(binding = 0, r32f) uniform readonly image3D volume; layout(binding = 1) uniform sampler3D same; \
+             layout(binding = 2, r32ui) uniform uimage2DArray layers; \
+             layout(binding = 3, scalar) writeonly buffer Out { float sums[]; };",
+            "float a = 0, b = 0; for (int i = 0; i < 24; ++i) { ivec3 p = ivec3(i % 4, i / 4 % 3, i / 12); \
+             a += imageLoad(volume, p).r; b += texelFetch(same, p, 0).r; } sums[0] = a; sums[1] = b; \
+             imageStore(layers, ivec3(0), uvec4(imageLoad(layers, ivec3(3, 2, 1)).r));",
+        );
+        let sums = gpu.buffer("test.sums", 8).expect("buffer");
+        for barrier in [true, false] {
+            let frame = gpu.frame(false, |cmd| {
+                cmd.bind(&write, &[(&volume).into(), (&plane).into(), (&layers).into()]);
+                cmd.dispatch(4, 3, 2);
+                if barrier {
+                    cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+                }
+                cmd.bind(&sum, &[(&volume).into(), (&volume).into(), (&layers).into(), (&sums).into()]);
+                if barrier {
+                    cmd.dispatch(1, 1, 1);
+                }
+                Ok(())
+            });
+            // The engine's own check knows storage images, too; what lacks its barrier here is bound alone.
+            let problems = frame.expect("frame").problems;
+            let lacks = |what: &str| problems.iter().any(|p| p.contains("test.image: no barrier") && p.contains(what));
+            assert_eq!(!problems.is_empty(), checks && !barrier, "{problems:?}");
+            assert_eq!(lacks("ComputeRead"), checks && !barrier, "{problems:?}");
+            assert_eq!(gpu.read::<f32>(&sums).expect("read"), [276.0, 276.0]);
+            let mut expected: Vec<u32> = (0..24).map(|n| 2 * n).collect();
+            expected[0] = if barrier { 46 } else { 0 };
+            assert_eq!(gpu.read_image::<u32>(&layers).expect("read"), expected);
+        }
+        let texels: Vec<f32> = gpu.read_image(&volume).expect("read");
+        assert!(texels.iter().enumerate().all(|(i, t)| *t == i as f32), "{texels:?}");
+        let texels: Vec<u16> = gpu.read_image(&plane).expect("read");
+        assert_eq!(half::f16::from_bits(texels[4 * 11]).to_f32(), 11.0);
+        assert_clean(&gpu);
+    }
+}
+
+#[test]
+fn images_are_ready_whenever_they_were_made() {
+    for gpu in validated() {
+        for split in [false, true] {
+            let early = image(&gpu, Format::R32_SFLOAT, [2, 2], Extent::Plane, false);
+            drop(image(&gpu, Format::R32_SFLOAT, [2, 2], Extent::Plane, false)); // never used
+            let mut late = None;
+            let clear = |cmd: &Cmd<'_>, image: &Image| {
+                let colors = [Attach { image, load: Load::Clear([3.0; 4]) }];
+                cmd.render(&Attachments { colors: &colors, depth: None, area: [0, 0, 2, 2] }, |_| ());
+            };
+            let given_up = gpu.frame(split, |cmd| {
+                let dropped = image(&gpu, Format::R32_SFLOAT, [2, 2], Extent::Plane, false);
+                clear(cmd, &dropped);
+                clear(cmd, &early);
+                Err(lightskin::Error::Nothing("given up".into()))
+            });
+            assert!(given_up.is_err());
+            let frame = gpu.frame(split, |cmd| {
+                let dropped = image(&gpu, Format::R32_SFLOAT, [2, 2], Extent::Plane, false);
+                clear(cmd, &dropped);
+                drop(dropped);
+                let _zone = cmd.zone("late");
+                let made = image(&gpu, Format::R32_SFLOAT, [2, 2], Extent::Plane, false);
+                clear(cmd, &made);
+                clear(cmd, &early);
+                late = Some(made);
+                Ok(())
+            });
+            assert_eq!(frame.expect("frame").problems, [""; 0]);
+            for image in [&early, late.as_ref().expect("made")] {
+                assert_eq!(gpu.read_image::<f32>(image).expect("read"), [3.0; 4]);
+            }
+        }
+        gpu.wait().expect("done");
+        assert_eq!((gpu.counters().resources, gpu.counters().buried), (0, 0));
+        assert_clean(&gpu);
+    }
+}
+
+#[test]
+fn images_that_no_device_has_are_refused_by_name() {
+    let gpu = gpu();
+    let of = |format, size, extent, storage| {
+        let refused = gpu.image(&ImageDesc { name: "test.image", format, size, extent, storage });
+        refused.err().expect("refused").to_string()
+    };
+    let large = of(Format::R32_SFLOAT, [1 << 20, 4], Extent::Plane, false);
+    assert!(large.contains("test.image needs 1048576x4 texels"), "{large}");
+    let deep = of(Format::R32_SFLOAT, [4, 4], Extent::Volume(1 << 20), false);
+    assert!(deep.contains("4x4x1048576 texels"), "{deep}");
+    let many = of(Format::R32_SFLOAT, [4, 4], Extent::Layers(1 << 20), false);
+    assert!(many.contains("1048576 layers"), "{many}");
+    let wrong = of(Format::D32_SFLOAT, [4, 4], Extent::Plane, true);
+    assert!(wrong.contains("D32_SFLOAT for"), "{wrong}");
+    assert_clean(&gpu);
+}
+
+/// Records this on a checked device and gives what it panics with. Nothing of it may reach the validation layer.
+#[track_caller]
+fn refused(gpu: &Gpu, record: impl FnOnce(&Cmd<'_>)) -> String {
+    let unwound = catch_unwind(AssertUnwindSafe(|| {
+        let _ = gpu.frame(false, |cmd| {
+            record(cmd);
+            Ok(())
+        });
+    }));
+    assert_clean(gpu);
+    let panic = unwound.expect_err("refused");
+    let text = panic.downcast_ref::<String>().cloned();
+    text.or_else(|| panic.downcast_ref::<&str>().map(|&s| s.to_owned())).expect("a message")
+}
+
+#[test]
+fn commands_that_break_their_contracts_are_refused() {
+    let (gpu, other) = (gpu(), gpu());
+    let (small, large) = (gpu.buffer("small", 16).expect("made"), gpu.buffer("large", 4096).expect("made"));
+    let back = gpu.readback_buffer("back", 16).expect("made");
+    let foreign = other.buffer("foreign", 4096).expect("made");
+    let plane = gpu.target("plane", Format::R8G8B8A8_UNORM, 8, 8).expect("made");
+    let depth = gpu.target("depth", Format::D32_SFLOAT, 8, 8).expect("made");
+    let red = gpu.texture("red", Format::R32_SFLOAT, 1, 1, &[vec![0; 4]]).expect("made");
+    let volume = image(&gpu, Format::R32_SFLOAT, [4, 4], Extent::Volume(2), true);
+    let counts = image(&gpu, Format::R32_UINT, [4, 4], Extent::Plane, false);
+    let sum = add(&gpu, 0);
+    let foreign_sum = add(&other, 0);
+    let store = pipeline(
+        &gpu,
+        "local_size_x = 1",
+        "layout(binding = 0, r32f) uniform writeonly image3D volume;",
+        "imageStore(volume, at, vec4(0));",
+    );
+    let attributes = [(0, Format::R32_SFLOAT, 0)];
+    let screen = gpu.raster(&SCREEN).expect("made");
+    let streamed = Raster { streams: &[Stream { stride: 32, attributes: &attributes }], ..SCREEN };
+    let streamed = gpu.raster(&streamed).expect("made");
+    let to_plane = Raster { colors: &[Format::R8G8B8A8_UNORM], depth: Depth::None, ..SCREEN };
+    let to_plane = gpu.raster(&to_plane).expect("made");
+    let wrap = SamplerKind { wrap: [ash::vk::SamplerAddressMode::REPEAT; 2], nearest: true };
+    let scope = |cmd: &Cmd<'_>, inside: &dyn Fn(&lightskin::gpu::Draw<'_, '_>)| {
+        let area = [0, 0, 8, 8];
+        cmd.render(&Attachments { colors: &[], depth: Some(Attach::clear(&depth)), area }, |draw| inside(draw));
+    };
+    let rendered = |cmd: &Cmd<'_>, colors: &[Attach<'_>], depth: Option<Attach<'_>>, area: [u32; 4]| {
+        cmd.render(&Attachments { colors, depth, area }, |_| ());
+    };
+    type Record<'a> = Box<dyn Fn(&Cmd<'_>) + 'a>;
+    let cases: Vec<(&str, Record<'_>)> = vec![
+        // Copies.
+        ("17 bytes from large to small", Box::new(|cmd| cmd.copy_buffer(&large, &small, 17))),
+        ("17 bytes from small to large", Box::new(|cmd| cmd.copy_buffer(&small, &large, 17))),
+        ("0 bytes", Box::new(|cmd| cmd.copy_buffer(&small, &large, 0))),
+        ("copied onto itself", Box::new(|cmd| cmd.copy_buffer(&small, &small, 16))),
+        ("256 bytes into small", Box::new(|cmd| cmd.copy_image_to_buffer(&plane, &small))),
+        ("textures are not read back", Box::new(|cmd| cmd.copy_image_to_buffer(&red, &small))),
+        ("large: 8 bytes at 4092", Box::new(|cmd| cmd.update(&large, 4092, &[0_u32; 2]))),
+        ("foreign: of another device", Box::new(|cmd| cmd.clear(&foreign))),
+        ("foreign: of another device", Box::new(|cmd| cmd.copy_buffer(&foreign, &large, 16))),
+        // Binding.
+        ("test.add: of another device", Box::new(|cmd| cmd.bind(&foreign_sum, &[(&small).into(), (&red).into()]))),
+        ("foreign: of another device", Box::new(|cmd| cmd.bind(&sum, &[(&foreign).into(), (&red).into()]))),
+        ("does not fit binding 0", Box::new(|cmd| cmd.bind(&sum, &[(&red).into(), (&red).into()]))),
+        ("does not fit binding 1", Box::new(|cmd| cmd.bind(&sum, &[(&small).into(), (&small).into()]))),
+        ("does not fit binding 1", Box::new(|cmd| cmd.bind(&sum, &[(&small).into(), (&volume).into()]))),
+        ("does not fit binding 0", Box::new(|cmd| cmd.bind(&sum, &[Bind::Texels(&small), (&red).into()]))),
+        ("does not fit binding 0", Box::new(|cmd| cmd.bind(&store, &[Bind::Texture(&volume, wrap)]))),
+        ("plane was not made as storage", Box::new(|cmd| cmd.bind(&store, &[(&plane).into()]))),
+        ("does not filter R32_UINT", {
+            Box::new(|cmd| {
+                let linear = SamplerKind { nearest: false, ..wrap };
+                cmd.bind(&sum, &[(&small).into(), Bind::Texture(&counts, linear)]);
+            })
+        }),
+        ("17 bytes at 0", Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&small, 0, 17), (&red).into()]))),
+        ("0 bytes at 0", Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&small, 0, 0), (&red).into()]))),
+        ("bytes at 18446744073709551615", {
+            Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&small, u64::MAX, 2), (&red).into()]))
+        }),
+        ("slices begin at", Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&large, 1, 16), (&red).into()]))),
+        ("bound while nothing is rendered", Box::new(|cmd| cmd.bind(&screen, &[]))),
+        // Dispatching.
+        ("bind before dispatch", Box::new(|cmd| cmd.dispatch(1, 1, 1))),
+        ("but the device allows", {
+            Box::new(|cmd| {
+                cmd.bind(&sum, &[(&small).into(), (&red).into()]);
+                cmd.dispatch(1, u32::MAX, 1);
+            })
+        }),
+        ("three numbers at byte 8 of small", {
+            Box::new(|cmd| {
+                cmd.bind(&sum, &[(&small).into(), (&red).into()]);
+                cmd.dispatch_indirect(&small, 8);
+            })
+        }),
+        ("three numbers at byte 2 of small", {
+            Box::new(|cmd| {
+                cmd.bind(&sum, &[(&small).into(), (&red).into()]);
+                cmd.dispatch_indirect(&small, 2);
+            })
+        }),
+        // Rendering.
+        ("plane: 9x8 pixels at 0, 0 of 8x8", {
+            Box::new(|cmd| rendered(cmd, &[Attach::clear(&plane)], None, [0, 0, 9, 8]))
+        }),
+        ("pixels at 4294967295, 0", {
+            Box::new(|cmd| rendered(cmd, &[Attach::clear(&plane)], None, [u32::MAX, 0, 2, 8]))
+        }),
+        ("plane: 0x8 pixels", Box::new(|cmd| rendered(cmd, &[Attach::clear(&plane)], None, [0, 0, 0, 8]))),
+        ("not made to be rendered into", { Box::new(|cmd| rendered(cmd, &[Attach::clear(&red)], None, [0, 0, 1, 1])) }),
+        ("a depth image among the colours", {
+            Box::new(|cmd| rendered(cmd, &[Attach::clear(&depth)], None, [0, 0, 8, 8]))
+        }),
+        ("plane: no depth image", { Box::new(|cmd| rendered(cmd, &[], Some(Attach::clear(&plane)), [0, 0, 8, 8])) }),
+        ("depth: layer 1 of 1", {
+            Box::new(|cmd| {
+                let depth = Some(Attach::clear(&depth));
+                cmd.render_layer(1, &Attachments { colors: &[], depth, area: [0, 0, 8, 8] }, |_| ());
+            })
+        }),
+        // Drawing.
+        ("not for these attachments", Box::new(|cmd| scope(cmd, &|draw| draw.bind(&to_plane, &[])))),
+        ("which this scope only reads", {
+            Box::new(|cmd| {
+                let depth = Some(Attach { image: &depth, load: Load::ReadOnly });
+                cmd.render(&Attachments { colors: &[], depth, area: [0, 0, 8, 8] }, |draw| draw.bind(&screen, &[]));
+            })
+        }),
+        ("a compute pipeline, bound while rendering", {
+            Box::new(|cmd| scope(cmd, &|draw| draw.bind(&sum, &[(&small).into(), (&red).into()])))
+        }),
+        ("bind before draw", Box::new(|cmd| scope(cmd, &|draw| draw.draw(3)))),
+        ("no vertex buffer 0 is bound", {
+            Box::new(|cmd| {
+                scope(cmd, &|draw| {
+                    draw.bind(&streamed, &[]);
+                    draw.draw(3);
+                });
+            })
+        }),
+        ("96 bytes of vertex buffer 0, which has 16", {
+            Box::new(|cmd| {
+                scope(cmd, &|draw| {
+                    draw.bind(&streamed, &[]);
+                    draw.vertices(&[(&small, 0)]);
+                    draw.draw(3);
+                });
+            })
+        }),
+        ("vertices at byte 16 of 16", Box::new(|cmd| scope(cmd, &|draw| draw.vertices(&[(&small, 16)])))),
+        ("indices at byte 2 of 16", Box::new(|cmd| scope(cmd, &|draw| draw.indices(&small, 2)))),
+        ("3 indices from 2 on, but 4 are bound", {
+            Box::new(|cmd| {
+                scope(cmd, &|draw| {
+                    draw.bind(&screen, &[]);
+                    draw.indices(&small, 0);
+                    draw.draw_indexed(3, 2);
+                });
+            })
+        }),
+        ("outside what is rendered", Box::new(|cmd| scope(cmd, &|draw| draw.area([4, 4, 5, 4])))),
+        ("a rendering scope: not while", Box::new(|cmd| scope(cmd, &|_| scope(cmd, &|_| ())))),
+        ("a copy: not while", Box::new(|cmd| scope(cmd, &|_| cmd.copy_buffer(&large, &small, 16)))),
+        ("a fill: not while", Box::new(|cmd| scope(cmd, &|_| cmd.clear(&small)))),
+        ("a barrier: not while", Box::new(|cmd| scope(cmd, &|_| cmd.barrier(Use::ColorWrite, Use::CopyRead)))),
+        ("bind before dispatch", Box::new(|cmd| scope(cmd, &|_| cmd.dispatch(1, 1, 1)))),
+        // The CPU's side.
+        ("small: not a host-visible buffer", Box::new(|_| assert!(small.bytes().is_empty()))),
+        ("back: the device still uses it", {
+            Box::new(|cmd| {
+                cmd.copy_buffer(&small, &back, 16);
+                assert!(back.bytes().is_empty());
+            })
+        }),
+        ("a frame is being recorded", Box::new(|_| gpu.run_once("nested", |_| ()).expect("run"))),
+        ("level 0 has 3 bytes, not 4", Box::new(|_| drop(gpu.texture("x", Format::R32_SFLOAT, 1, 1, &[vec![0; 3]])))),
+        ("0 levels", Box::new(|_| drop(gpu.texture("x", Format::R32_SFLOAT, 1, 1, &[])))),
+        ("subgroups of 5 threads", Box::new(|_| drop(gpu.compute_in_subgroups("vals.comp", &[0], 5)))),
+        ("0x4", Box::new(|_| drop(gpu.target("x", Format::R32_SFLOAT, 0, 4)))),
+    ];
+    for (message, record) in cases {
+        let said = refused(&gpu, record);
+        assert!(said.contains(message), "not '{message}' but: {said}");
+    }
+    // After all of that the device still works.
+    assert_eq!(gpu.read::<u32>(&gpu.buffer_from("four", &[4_u32]).expect("made")).expect("read")[0], 4);
+    assert_clean(&gpu);
+    assert_clean(&other);
 }

@@ -47,6 +47,37 @@ fn modules_depend_one_way() {
     }
 }
 
+/// Files of `src/frame` from the bottom up, in the order of the data.
+#[rustfmt::skip]
+const FRAME: [&str; 36] = [
+    "settings", "plan", "revision", "view", "world", "pose", "gbuffer", "direct", "background", "atlas", "vals", "live",
+    "pack", "rsm", "pyramid", "visible", "proxies", "occlude", "depth_images", "sums", "bounce", "gather_draws",
+    "gather_clusters", "gather", "cull", "interpolate", "brute_force", "composite", "caches", "light", "picture",
+    "check", "record", "engine", "tune", "mod",
+];
+
+/// A file of the frame imports those below it, by their names: no circles, and nothing by way of `mod.rs`.
+#[test]
+fn nothing_in_the_frame_imports_upwards() {
+    let place = |name: &str| FRAME.iter().position(|file| *file == name);
+    for (path, content) in files("src/frame", &["rs"]) {
+        let in_world = path.components().any(|c| c.as_os_str() == "world");
+        let name = path.file_stem().and_then(|s| s.to_str()).expect("a name");
+        let own = if in_world { "world" } else { name };
+        let at = place(own).unwrap_or_else(|| panic!("{} has no place among the frame's files", path.display()));
+        // Within `world`, `super` is the world itself but for its own first file.
+        let from = if in_world && name != "mod" { "crate::frame::" } else { "super::" };
+        for line in content.lines().filter(|line| line.trim_start().starts_with("use ") || line.starts_with("pub use "))
+        {
+            for part in line.split(from).skip(1) {
+                let other = part.split(|c: char| !(c.is_alphanumeric() || c == '_')).next().expect("a name");
+                let below = place(other).is_some_and(|other| other < at);
+                assert!(below || own == "mod", "{}: `{}` is not below it", path.display(), line.trim());
+            }
+        }
+    }
+}
+
 /// What a program compiles that uses the library with default features off.
 #[test]
 fn the_engine_alone_needs_no_tools() {

@@ -143,7 +143,7 @@ fn interpolated_pictures_are_the_references() {
             for (interpolation, scheme) in
                 [(Interpolation::Facing, Scheme::Facing), (Interpolation::Printed, Scheme::Printed)]
             {
-                let settings = Knobs { references: count, interpolation, ..small() };
+                let settings = Knobs { interpolation, ..small() };
                 let shot = shoot(&gpu, &scene, Some(&caches), &settings);
                 let unlit = shot.proxies.iter().filter(|p| !p.diffuse.lit).count();
                 assert!(unlit > 20 && unlit < shot.proxies.len() / 2, "{unlit} caches unlit");
@@ -163,7 +163,7 @@ fn surfaces_with_fewer_caches_than_references_use_those_they_have() {
     assert!(caches.models.iter().all(|m| (2..16).contains(&m.caches.len()) && m.references.contains(&NO_CACHE)));
     for (interpolation, scheme) in [(Interpolation::Facing, Scheme::Facing), (Interpolation::Printed, Scheme::Printed)]
     {
-        let settings = Knobs { references: 16, interpolation, ..small() };
+        let settings = Knobs { interpolation, ..small() };
         let shot = shoot(&gpu, &scene, Some(&caches), &settings);
         let [diffuse, glossy] = interpolated(&scene, &caches, &shot, settings.size, scheme);
         assert_picture(&shot.diffuse, &diffuse, 1e-4, &format!("few caches, diffuse, {scheme:?}"));

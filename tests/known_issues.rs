@@ -3,7 +3,8 @@
 //! line.
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
-use lightskin::frame::{Gi, Settings, Shadows};
+use lightskin::frame::Shadows;
+use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::path_trace::{self, PathTrace, Sources};
 use lightskin::scene::build::{CornellSurface, cornell, cuboid, quad};
 use lightskin::scene::sky::Sky;
@@ -50,7 +51,7 @@ fn surfaces_that_emit_need_a_bounce_more_than_in_the_path_tracer() {
     let over = quad(vec3(-0.3, 2.0, -0.2), Vec3::X * 0.6, Vec3::Z * 0.4, 0.4);
     add(&mut scene, over, shining, DAffine3::IDENTITY);
     scene.cameras.push(camera(dvec3(0.0, 1.0, 0.9), DVec3::ZERO, 0.8));
-    let settings = Settings { size: [16, 16], bounces: 0, ..small() };
+    let settings = Knobs { size: [16, 16], bounces: 0, ..small() };
     let shown = shoot(&gpu(), &scene, Some(&baked(&scene, 0.5, 8)), &settings).direct;
     let (size, sources) = (settings.size, Sources::Surfaces);
     let traced = traced(&scene, &path_trace::Settings { size, bounces: 0, sources, ..Default::default() }).direct();
@@ -70,7 +71,7 @@ fn blended_materials_are_drawn_as_masks() {
     let wall = quad(vec3(-3.0, -3.0, -1.0), Vec3::X * 6.0, Vec3::Y * 6.0, 6.0);
     add(&mut scene, wall, Material { emissive: Vec3::Y, ..phong([0.0; 3], [0.0; 3], 1.0) }, DAffine3::IDENTITY);
     scene.cameras.push(camera(dvec3(0.0, 0.0, 3.0), DVec3::ZERO, 0.5));
-    let shown = shoot(&gpu(), &scene, None, &Settings { size: [9, 9], gi: Gi::Off, ..small() }).direct;
+    let shown = shoot(&gpu(), &scene, None, &Knobs { size: [9, 9], gi: Gi::Off, ..small() }).direct;
     let (middle, corner) = (shown[40], shown[0]);
     assert!(corner.y > 0.9, "the wall shines green beside the pane: {corner}");
     assert!(middle.x > 0.5, "the pane shines red: {middle}");
@@ -88,7 +89,7 @@ fn light_leaks_through_a_wall_where_caches_are_as_far_apart_as_rooms_are_wide() 
     }
     scene.lights = vec![lamp(LightKind::Point)];
     scene.cameras.push(camera(dvec3(3.9, 1.8, 1.8), dvec3(2.1, 0.8, 0.2), 1.2));
-    let settings = Settings { size: [16, 16], shadows: Shadows::PerLight, ..small() };
+    let settings = Knobs { size: [16, 16], shadows: Shadows::PerLight, ..small() };
     let gpu = gpu();
     let caches = baked(&scene, 3.0, 8);
     let dark = sum(&shoot(&gpu, &scene, Some(&caches), &settings).diffuse);
@@ -103,10 +104,10 @@ fn light_leaks_through_a_wall_where_caches_are_as_far_apart_as_rooms_are_wide() 
 #[test]
 fn sharp_lobes_lose_light_where_caches_are_few() {
     let scene = cornell(CornellSurface::Glossy, 0.1);
-    let settings = Settings { size: [32, 32], ..small() };
+    let settings = Knobs { size: [32, 32], ..small() };
     let gpu = gpu();
     let caches = shoot(&gpu, &scene, Some(&baked(&scene, 2.0, 8)), &settings).glossy;
-    let exact = shoot(&gpu, &scene, None, &Settings { gi: Gi::BruteForce, ..settings }).glossy;
+    let exact = shoot(&gpu, &scene, None, &Knobs { gi: Gi::BruteForce, ..settings }).glossy;
     println!("the lobe has {:.3} of brute force's light", sum(&caches) / sum(&exact));
     assert_still_wrong(sum(&caches) < 0.7 * sum(&exact), "few caches lose no light of a glossy lobe");
 }

@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet};
-use lightskin::frame::{Shadows, View, World};
+use lightskin::frame::{ClusterRule, Picture, Shadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::lab::worlds::{SPOT, add, camera, corner, phong};
@@ -75,7 +75,7 @@ pub(crate) fn bend(scene: &mut Scene, turn: f64, bulge: f32) {
     pose.weights[0] = bulge;
 }
 
-fn record(gpu: &Gpu, frame: &Frame, buffers: &World, scene: &Scene, size: [u32; 2]) {
+fn record(gpu: &Gpu, frame: &mut Frame, buffers: &World, scene: &Scene, size: [u32; 2]) {
     let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, buffers, &view);
@@ -86,11 +86,11 @@ fn record(gpu: &Gpu, frame: &Frame, buffers: &World, scene: &Scene, size: [u32; 
 
 /// All layers, bit by bit.
 fn layers(gpu: &Gpu, frame: &Frame) -> Vec<Vec<u32>> {
-    let t = &frame.targets;
-    let mut images = vec![&t.direct, &t.normal];
-    images.extend(t.indirect.iter().flat_map(|i| [Some(&i.diffuse), i.glossy.as_ref()]).flatten());
+    let Picture { surface, indirect, output, .. } = &frame.picture;
+    let mut images = vec![&surface.radiance, &surface.normal];
+    images.extend(indirect.iter().flat_map(|i| [Some(&i.diffuse), i.glossy.as_ref()]).flatten());
     let mut all: Vec<Vec<u32>> = images.into_iter().map(|image| gpu.read_image(image).expect("read")).collect();
-    all.push(gpu.read_image(&t.output).expect("read"));
+    all.push(gpu.read_image(&output.picture).expect("read"));
     all
 }
 
@@ -101,14 +101,14 @@ fn poses_are_those_of_the_host() {
     let caches = baked(&scene, 0.3, 8);
     let settings = small();
     let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+    let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
     for step in 0..6 {
         bend(&mut scene, 0.4 * f64::from(step), 0.3 * step as f32);
         scene.instances[BALL].world_from_model.translation.y += 0.1;
         scene.instances[BALL].world_from_model.matrix3 *= 1.1;
-        buffers.update(&scene).expect("the same scene");
-        record(&gpu, &frame, &buffers, &scene, settings.size);
-        let found: Vec<Cache> = gpu.read(&frame.light.caches().expect("caches").atlas).expect("read");
+        buffers.update(&gpu, &scene).expect("the same scene");
+        record(&gpu, &mut frame, &buffers, &scene, settings.size);
+        let found: Vec<Cache> = gpu.read(&frame.light.caches().expect("caches").atlas.caches).expect("read");
         let mut at = 0;
         for (i, model) in caches.instance_model.iter().enumerate() {
             let model = &caches.models[*model];
@@ -163,15 +163,15 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
         let caches = bake::bake(&scene, &settings, &|_, _| {}).expect("bakes");
         let settings = Knobs { size: [16, 16], rsm: 8, shadow_map: 16, ..small() };
         let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-        let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+        let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
         let spans: Vec<(f64, f64)> = scene.animations().map(|(_, begin, end)| (begin, end)).collect();
         let (mut vertices, mut of_caches) = (0.0_f64, 0.0_f64);
         for (animation, (begin, end)) in spans.into_iter().enumerate() {
             for step in 0..20 {
                 scene.pose(animation, begin + (end - begin) * f64::from(step) / 19.0);
-                buffers.update(&scene).expect("the same scene");
-                record(&gpu, &frame, &buffers, &scene, settings.size);
-                let atlas: Vec<Cache> = gpu.read(&frame.light.caches().expect("caches").atlas).expect("read");
+                buffers.update(&gpu, &scene).expect("the same scene");
+                record(&gpu, &mut frame, &buffers, &scene, settings.size);
+                let atlas: Vec<Cache> = gpu.read(&frame.light.caches().expect("caches").atlas.caches).expect("read");
                 let mut at = 0;
                 for (i, instance) in scene.instances.iter().enumerate() {
                     let mesh = &scene.meshes[instance.mesh];
@@ -247,40 +247,31 @@ fn edit(scene: &mut Scene, random: &mut Random) {
 }
 
 /// Edits a scene and draws it with what stands still left out, and from scratch.
-fn walk(settings: Knobs, steps: usize, seed: u64) {
+fn walk(settings: Knobs, cells: bool, steps: usize, seed: u64) {
     let gpu = gpu();
     let mut scene = world();
     let mut caches = baked(&scene, 0.3, 8);
-    if settings.level == Level::Texel {
+    if cells {
         caches = caches.with_cells(&scene).expect("cells");
     }
     let caches: Option<&CacheSet> = (settings.gi == Gi::LightSkin).then_some(&caches);
-    let upload = |scene: &Scene| {
-        let mut buffers = World::new(&gpu, scene, caches).expect("uploaded");
-        if let Some(caches) = caches.filter(|_| settings.bounces > 1) {
-            buffers.add_albedos(&gpu, scene, caches).expect("uploaded");
-        }
-        buffers
-    };
+    let upload = |scene: &Scene| World::new(&gpu, scene, caches).expect("uploaded");
     let mut buffers = upload(&scene);
-    let frame = Frame::new(&gpu, &scene, &buffers, &Knobs { reuse: true, ..settings }).expect("made");
+    let mut frame = Frame::new(&gpu, &scene, &buffers, &Knobs { reuse: true, ..settings }).expect("made");
     let mut random = Random(seed);
     let mut skipped = std::collections::BTreeSet::new();
-    let mut scratch = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
     for step in 0..steps {
         // Now and then nothing moves.
         if step % 8 != 3 {
             edit(&mut scene, &mut random);
         }
-        buffers.update(&scene).expect("the same scene");
-        record(&gpu, &frame, &buffers, &scene, settings.size);
+        buffers.update(&gpu, &scene).expect("the same scene");
+        record(&gpu, &mut frame, &buffers, &scene, settings.size);
         skipped.insert(frame.light.skipped());
         let anew = upload(&scene);
-        if step % 10 == 5 {
-            scratch = Frame::new(&gpu, &scene, &anew, &settings).expect("made");
-        }
-        record(&gpu, &scratch, &anew, &scene, settings.size);
-        assert!(scratch.skipped().is_empty());
+        let mut scratch = Frame::new(&gpu, &scene, &anew, &settings).expect("made");
+        record(&gpu, &mut scratch, &anew, &scene, settings.size);
+        assert!(scratch.light.skipped().is_empty());
         assert!(layers(&gpu, &frame) == layers(&gpu, &scratch), "step {step} differs");
         let lit = [&frame, &scratch].map(|frame| frame.light.counts(&gpu).expect("counts").caches);
         assert_eq!(lit[0], lit[1], "caches lit at step {step}");
@@ -295,16 +286,17 @@ fn with(shadows: Shadows) -> Knobs {
 
 #[test]
 fn two_hundred_edits_leave_nothing_stale() {
-    walk(with(Shadows::PerLight), 200, 7);
+    walk(with(Shadows::PerLight), false, 200, 7);
 }
 
 #[test]
 fn edits_leave_nothing_stale_in_any_kind_of_frame() {
-    let fragment = Path::DRAWS;
-    walk(with(Shadows::Proxy), 30, 1);
-    walk(Knobs { cull: false, ..with(Shadows::Off) }, 30, 2);
-    walk(Knobs { gather: fragment, ..with(Shadows::Off) }, 30, 3);
-    walk(Knobs { bounces: 3, ..with(Shadows::Off) }, 30, 4);
-    walk(Knobs { gi: Gi::BruteForce, ..with(Shadows::Off) }, 30, 5);
-    walk(Knobs { gi: Gi::Off, ..with(Shadows::Off) }, 30, 6);
+    walk(with(Shadows::Proxy), false, 30, 1);
+    walk(Knobs { cull: false, ..with(Shadows::Off) }, false, 30, 2);
+    walk(Knobs { path: Path::DRAWS, ..with(Shadows::Off) }, false, 30, 3);
+    walk(Knobs { bounces: 3, ..with(Shadows::Off) }, false, 30, 4);
+    walk(Knobs { gi: Gi::BruteForce, ..with(Shadows::Off) }, false, 30, 5);
+    walk(Knobs { gi: Gi::Off, ..with(Shadows::Off) }, false, 30, 6);
+    walk(Knobs { path: Path::Clusters(ClusterRule::Distance(6.0)), ..with(Shadows::Off) }, false, 30, 8);
+    walk(with(Shadows::PerLight), true, 30, 9);
 }

@@ -15,7 +15,7 @@ fn open() -> Gpu {
     Gpu::new(&Options { device: None, validation: Validation::Sync }).expect("a Vulkan device and the validation layer")
 }
 
-const PUSH: OccludePush = OccludePush { cache_count: 4, group_count: 1 };
+const PUSH: OccludePush = OccludePush { cache_count: 4, group_count: 1, first_proxy: 0 };
 
 /// Two dispatches, the second reading what the first has written, with `barriers` between.
 fn write_then_read(gpu: &Gpu, barriers: &[(Use, Use)]) -> Vec<String> {
@@ -24,7 +24,6 @@ fn write_then_read(gpu: &Gpu, barriers: &[(Use, Use)]) -> Vec<String> {
     let last = gpu.buffer("test.last", 4 * size_of::<Cache>() as u64).expect("buffer");
     let groups = gpu.compute("occluder_groups.comp", &[]).expect("pipeline");
     let frame = gpu.frame(false, |cmd| {
-        cmd.begin_frame([]);
         let _zone = cmd.zone("test");
         cmd.bind(&groups, &[(&first).into(), (&caches).into()]);
         cmd.push(&PUSH);
@@ -97,15 +96,15 @@ fn bad_values_are_counted() {
 fn check(gpu: &Gpu, scene: &Scene) -> (Vec<Broken>, usize) {
     let caches = bake::bake(scene, &CACHES, &|_, _| {}).expect("bake");
     let buffers = World::new(gpu, scene, Some(&caches)).expect("upload");
-    let settings = Knobs { size: [70, 50], rsm: 20, shadow_map: 64, ..Knobs::default() };
-    let frame = Frame::new(gpu, scene, &buffers, &settings).expect("frame");
+    let settings = Knobs { rsm: 20, shadow_map: 64, ..Knobs::plain([70, 50]) };
+    let mut frame = Frame::new(gpu, scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
     assert_eq!(drawn.expect("frame").problems, [""; 0]);
-    let found = Check::new(gpu).expect("check").count(gpu, &frame.targets).expect("count");
+    let found = Check::new(gpu).expect("check").count(gpu, &frame.light, &frame.picture).expect("count");
     let direct: Vec<[f32; 4]> = gpu.read_image(&frame.picture.surface.radiance).expect("direct");
     (found, direct.iter().map(|p| broken_values(&p[..3])).sum())
 }

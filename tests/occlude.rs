@@ -2,9 +2,11 @@
 
 use glam::{DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet, Density};
+use lightskin::frame::atlas::Atlas;
+use lightskin::frame::live::{Items, Live};
 use lightskin::frame::occlude::Occlude;
-use lightskin::frame::targets::CacheTargets;
-use lightskin::frame::{Plan, Shadows, View, World};
+use lightskin::frame::proxies::Proxies;
+use lightskin::frame::{ClusterRule, Shadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::lab::scenes::{Shadowed, valley};
@@ -15,47 +17,35 @@ use lightskin::reference::occlude::{Choices, Disc, occlude};
 use lightskin::reference::phong::{Material, mirrored_view};
 use lightskin::scene::build::{CornellSurface, cornell};
 use lightskin::scene::{LightKind, Scene};
-use lightskin::shared::{self, LiveArgs, Proxy};
+use lightskin::shared::{self, Proxy};
 
 use crate::analytic::numbers;
 use crate::common::frames::{SPOT, baked, corner, drawn, indirect, placed, shoot, small};
 use crate::common::{assert_clean, gpu};
 
-const PATHS: [GatherPath; 2] = [Path::Compute, Path::DRAWS];
-
-/// Dims proxies by discs on the device, each lobe of irradiance 1, and gives what is left of both. `skip`: groups of discs
-/// that cannot matter are skipped.
-fn left(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], path: GatherPath, skip: bool) -> Vec<[f32; 2]> {
-    timed(gpu, caches, proxies, path, skip).0
+/// Dims proxies by discs on the device, each lobe of irradiance 1, and gives what is left of both. `list`: one says which
+/// caches are live, here all of them. `skip`: groups of discs that cannot matter are skipped.
+fn left(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], list: bool, skip: bool) -> Vec<[f32; 2]> {
+    timed(gpu, caches, proxies, list, skip).0
 }
 
 /// The same, and how long it took [ms].
-fn timed(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], path: GatherPath, skip: bool) -> (Vec<[f32; 2]>, f64) {
-    let settings = Knobs {
-        shadows: Shadows::Proxy,
-        gather: GatherSettings { path, ..GatherSettings::default() },
-        ..Knobs::default()
-    };
-    let plan = Plan::new(&corner(&[SPOT], 40.0), &settings);
-    assert!(plan.occlude && plan.glossy);
+fn timed(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], list: bool, skip: bool) -> (Vec<[f32; 2]>, f64) {
     let count = caches.len() as u32;
-    let mut targets = CacheTargets::new(gpu, true, count, 1, &settings.gather).expect("targets");
-    targets.atlas = gpu.buffer_from("atlas.caches", caches).expect("caches");
-    targets.proxies = gpu.buffer_from("gather.proxies", proxies).expect("proxies");
-    targets.occluders = Some(targets.new_occluders(gpu).expect("groups"));
-    if let Some(live) = &mut targets.live {
-        live.list = gpu.buffer_from("cull.live", &(0..count).collect::<Vec<u32>>()).expect("list");
-        let args = LiveArgs { groups_x: 1, groups_y: 1, groups_z: 1, cache_count: count, ..LiveArgs::default() };
-        live.args = gpu.buffer_from("cull.live_args", &[args]).expect("arguments");
-    }
+    let atlas = Atlas::of(gpu, caches).expect("caches");
+    let mut on_device = Proxies::new(gpu, count, true, 1).expect("proxies");
+    on_device.buffer = gpu.buffer_from("gather.proxies", proxies).expect("proxies");
+    let items = Items { caches: count, group: 1, per_workgroup: count, lights: 1, split: 64 };
+    let live = list.then(|| Live::new(gpu, items).expect("a list"));
     let new = if skip { Occlude::new } else { Occlude::without_skipping };
-    let stage = new(gpu, &plan, &settings).expect("stage 7");
+    let stage = new(gpu, count, true, u32::from(list)).expect("stage 7");
     let drawn = gpu.frame(true, |cmd| {
-        stage.record(cmd, &targets);
+        let _zone = cmd.zone("occlude");
+        stage.record(cmd, &atlas, live.as_ref(), &on_device, 1);
         Ok(())
     });
     let ms = gpu.times(&drawn.expect("drawn")).expect("times").gpu_ms().unwrap_or_default();
-    let dimmed: Vec<Proxy> = gpu.read(&targets.proxies).expect("proxies");
+    let dimmed: Vec<Proxy> = gpu.read(&on_device.buffer).expect("proxies");
     for (before, after) in proxies.iter().zip(&dimmed) {
         let kept = |p: &Proxy| (p.diffuse_position, p.diffuse_distance2, p.glossy_position, p.glossy_distance2);
         assert_eq!(kept(before), kept(after), "only irradiances change");
@@ -140,9 +130,9 @@ fn twin(caches: &[shared::Cache], proxies: &[Proxy]) -> Vec<[f64; 2]> {
 /// Fails unless device and twin agree, both paths agree, and skipping changes no bit.
 #[track_caller]
 fn assert_twin(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], bound: f64, what: &str) -> Vec<[f32; 2]> {
-    let found = left(gpu, caches, proxies, Path::Compute, true);
-    assert!(found == left(gpu, caches, proxies, Path::Compute, false), "{what}: skipping shows");
-    assert!(found == left(gpu, caches, proxies, Path::DRAWS, true), "{what}: without a list");
+    let found = left(gpu, caches, proxies, true, true);
+    assert!(found == left(gpu, caches, proxies, true, false), "{what}: skipping shows");
+    assert!(found == left(gpu, caches, proxies, false, true), "{what}: without a list");
     let mut worst = 0.0_f64;
     for (i, (found, twin)) in found.iter().zip(twin(caches, proxies)).enumerate() {
         for (found, twin) in found.iter().zip(twin) {
@@ -201,7 +191,7 @@ fn what_is_degenerate_leaves_finite_light() {
         }
     }
     for skip in [true, false] {
-        let found = left(&gpu, &caches, &proxies, Path::Compute, skip);
+        let found = left(&gpu, &caches, &proxies, true, skip);
         assert!(found.iter().flatten().all(|share| (0.0..=1.0).contains(share)), "{found:?}");
         let unlit = (0..200).filter(|i| i % 8 == 4).all(|i| found[i][0] == 1.0);
         assert!(unlit, "an unlit lobe stays as it is");
@@ -248,7 +238,7 @@ fn a_disc_blocks_where_it_stands_between_cache_and_light_alone() {
 /// Indirect layers of a frame bit by bit, and its stages.
 fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec<Vec<[u32; 4]>>, Vec<String>) {
     let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
-    let frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
+    let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, &buffers, &view);
@@ -267,14 +257,12 @@ fn shadows_that_are_off_cost_nothing_and_discs_without_area_change_no_bit() {
     let caches = baked(&scene, 0.2, 8);
     let mut thin = caches.clone();
     thin.models.iter_mut().flat_map(|model| &mut model.caches).for_each(|cache| cache.area = 0.0);
-    for path in PATHS {
-        let off = Knobs { gather: GatherSettings { path, ..GatherSettings::default() }, ..small() };
+    for path in [Path::Compute, Path::DRAWS] {
+        let off = Knobs { path, ..small() };
         let on = Knobs { shadows: Shadows::Proxy, ..off };
         let (without, stages) = layers(&gpu, &scene, &caches, &off);
         assert!(!stages.iter().any(|stage| stage == "occlude"), "{stages:?}");
-        let buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-        let frame = Frame::new(&gpu, &scene, &buffers, &off).expect("made");
-        assert!(frame.buffers().iter().all(|buffer| !buffer.name.starts_with("occlude")));
+        assert!(drawn(&gpu, &scene, &caches, &off).light.caches().expect("caches").occlude.is_none());
         let (with, stages) = layers(&gpu, &scene, &caches, &on);
         let at = |name| stages.iter().position(|stage| stage == name);
         assert!(at("gather") < at("occlude") && at("occlude") < at("interpolate"), "{stages:?}");
@@ -290,16 +278,11 @@ fn culling_and_clusters_leave_what_all_caches_leave() {
     let scene = corner(&[SPOT], 40.0);
     let caches = baked(&scene, 0.12, 8);
     let mut by_path = Vec::new();
-    for (path, cluster) in [
-        (Path::Compute, None),
-        (Path::DRAWS, None),
-        (Path::Compute, Some(lightskin::frame::ClusterRule::Distance(64.0))),
-    ] {
-        let gather = GatherSettings { path, ..GatherSettings::default() };
-        let all = Knobs { gather, cluster, shadows: Shadows::Proxy, ..small() };
+    for path in [Path::Compute, Path::DRAWS, Path::Clusters(ClusterRule::Distance(64.0))] {
+        let all = Knobs { path, shadows: Shadows::Proxy, ..small() };
         let (without, _) = layers(&gpu, &scene, &caches, &all);
         let (with, _) = layers(&gpu, &scene, &caches, &Knobs { cull: true, ..all });
-        assert!(with == without, "{path:?}, {cluster:?}: pictures differ");
+        assert!(with == without, "{path:?}: pictures differ");
         by_path.push(without);
     }
     let values = |layers: &Vec<Vec<[u32; 4]>>| -> Vec<f32> {
@@ -397,11 +380,11 @@ fn skipping_changes_no_bit_of_whole_scenes() {
             bake::bake(&scene, &bake::Settings { density, angle: 1.0, references: 8 }, &|_, _| ()).expect("bakes");
         let settings = Knobs { shadows: Shadows::Proxy, ..small() };
         let frame = drawn(&gpu, &scene, &caches, &settings);
-        let targets = frame.light.caches().expect("caches");
-        let atlas: Vec<shared::Cache> = gpu.read(&targets.atlas).expect("atlas");
-        let mut proxies: Vec<Proxy> = gpu.read(&targets.proxies).expect("proxies");
+        let light = frame.light.caches().expect("caches");
+        let atlas: Vec<shared::Cache> = gpu.read(&light.atlas.caches).expect("atlas");
+        let mut proxies: Vec<Proxy> = gpu.read(&light.proxies.buffer).expect("proxies");
         proxies.iter_mut().for_each(|p| (p.diffuse_irradiance, p.glossy_irradiance) = (Vec3::ONE, Vec3::ONE));
-        let [all, skipping] = [false, true].map(|skip| timed(&gpu, &atlas, &proxies, Path::Compute, skip));
+        let [all, skipping] = [false, true].map(|skip| timed(&gpu, &atlas, &proxies, true, skip));
         println!("{}: {} caches, every disc {:.1} ms, skipping {:.1} ms", scene.name, atlas.len(), all.1, skipping.1);
         assert!(all.0 == skipping.0, "skipping shows");
         assert!(all.0.iter().flatten().any(|share| *share < 0.95), "something is in the way");

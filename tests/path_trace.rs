@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3, Vec3, Vec4, dvec3, vec3};
-use lightskin::frame::{View, World};
+use lightskin::frame::{self, View};
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::metrics::metrics;
 use lightskin::reference::monte_carlo::one_bounce_irradiance;
@@ -310,9 +310,9 @@ fn kept_samples_go_on_bit_by_bit() {
 /// Normals, albedo and depth by rays and by the device's G-buffer, over the pixels that both see.
 fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
     let gpu = gpu();
-    let buffers = World::new(&gpu, scene, None).expect("upload");
-    let settings = Knobs { size, gi: Gi::Off, shadow_map: 64, ..Knobs::default() };
-    let frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
+    let buffers = frame::World::new(&gpu, scene, None).expect("upload");
+    let settings = Knobs { gi: Gi::Off, shadow_map: 64, ..Knobs::plain(size) };
+    let mut frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
     let camera: &Camera = &scene.cameras[0];
     let view = View::new(camera, size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
@@ -367,22 +367,23 @@ fn rays_see_the_surfaces_that_the_device_draws() {
 fn the_measured_exposure_is_the_log_average() {
     let gpu = gpu();
     let scene = cornell(CornellSurface::Glossy, 1.0);
-    let settings = Knobs { size: [48, 48], gi: Gi::BruteForce, rsm: 16, shadow_map: 64, ..Knobs::default() };
-    let buffers = World::new(&gpu, &scene, None).expect("upload");
-    let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
+    let settings = Knobs { gi: Gi::BruteForce, rsm: 16, shadow_map: 64, ..Knobs::plain([48, 48]) };
+    let buffers = frame::World::new(&gpu, &scene, None).expect("upload");
+    let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, &buffers, &view);
         Ok(())
     });
     gpu.times(&drawn.expect("frame")).expect("times");
-    let t = &frame.targets;
-    let indirect = t.indirect.as_ref().expect("indirect light");
+    let picture = &frame.picture;
+    let indirect = picture.indirect.as_ref().expect("indirect light");
     let layer = |image| -> Vec<[f32; 4]> { gpu.read_image(image).expect("layer") };
-    let layers = [layer(&t.direct), layer(&indirect.diffuse), layer(indirect.glossy.as_ref().expect("glossy"))];
+    let layers =
+        [layer(&picture.surface.radiance), layer(&indirect.diffuse), layer(indirect.glossy.as_ref().expect("glossy"))];
     let color = (0..48 * 48).map(|i| layers.iter().map(|l| Vec4::from(l[i]).truncate().as_dvec3()).sum::<DVec3>());
     let expected = automatic_ev(color.clone());
-    let ev = f64::from(gpu.read::<f32>(&t.exposure).expect("exposure")[0]);
+    let ev = f64::from(gpu.read::<f32>(&picture.output.exposure).expect("exposure")[0]);
     assert!((ev - expected).abs() < 1e-3, "EV {ev} instead of {expected}");
     // Four times the light is two stops.
     assert!((automatic_ev(color.map(|c| 4.0 * c)) - expected - 2.0).abs() < 1e-9);

@@ -16,17 +16,19 @@ struct Layers {
 }
 
 fn render(gpu: &Gpu, scene: &Scene, gi: Gi, caches: usize, size: [u32; 2]) -> Layers {
-    render_with(gpu, scene, caches, 60.0, &Knobs { size, gi, ..Knobs::default() })
+    render_with(gpu, scene, &spread(caches, 60.0, 8), &Knobs { gi, ..Knobs::plain(size) })
 }
 
-/// `angle` is the bake's, in degrees.
-fn render_with(gpu: &Gpu, scene: &Scene, caches: usize, angle: f32, settings: &Knobs) -> Layers {
+/// So many caches, at an angle [degrees], so many of which each vertex refers to.
+fn spread(caches: usize, angle: f32, references: usize) -> bake::Settings {
+    bake::Settings { density: Density::Count(caches), angle: angle.to_radians(), references }
+}
+
+fn render_with(gpu: &Gpu, scene: &Scene, bake: &bake::Settings, settings: &Knobs) -> Layers {
     let size = settings.size;
-    let (density, references) = (Density::Count(caches), settings.references);
-    let bake_settings = bake::Settings { density, angle: angle.to_radians(), references };
-    let baked = bake::bake(scene, &bake_settings, &|_, _| {}).expect("bake");
+    let baked = bake::bake(scene, bake, &|_, _| {}).expect("bake");
     let buffers = World::new(gpu, scene, Some(&baked)).expect("upload");
-    let frame = Frame::new(gpu, scene, &buffers, settings).expect("frame");
+    let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("frame");
     let view = View::new(&scene.cameras[0], size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, &buffers, &view);
@@ -90,24 +92,24 @@ fn glossy_cornell_box_is_reported() {
 #[test]
 fn defaults_against_their_alternatives() {
     let gpu = Gpu::new(&Options::default()).expect("a Vulkan device");
-    let base = Knobs { size: [320, 180], rsm: 64, ..Knobs::default() };
+    let base = Knobs { rsm: 64, ..Knobs::plain([320, 180]) };
     for (name, scene, caches) in
         [("Cornell box", cornell(CornellSurface::Glossy, 0.05), 1000), ("atrium", atrium(), 2000)]
     {
-        let truth = render_with(&gpu, &scene, 1, 60.0, &Knobs { gi: Gi::BruteForce, ..base });
-        let report = |what: &str, angle: f32, settings: &Knobs| {
-            let found = render_with(&gpu, &scene, caches, angle, settings);
+        let truth = render_with(&gpu, &scene, &spread(1, 60.0, 8), &Knobs { gi: Gi::BruteForce, ..base });
+        let report = |what: &str, angle: f32, references: usize, settings: &Knobs| {
+            let found = render_with(&gpu, &scene, &spread(caches, angle, references), settings);
             let diffuse = metrics(&found.diffuse, &truth.diffuse);
             let glossy = metrics(&found.glossy, &truth.glossy);
             println!("{name}, {caches} caches, {what}: diffuse {}; glossy {}", line(&diffuse), line(&glossy));
             diffuse
         };
-        let default = report("defaults", 60.0, &base);
-        let printed = report("as printed", 60.0, &Knobs { interpolation: Interpolation::Printed, ..base });
-        report("form-factor weights", 60.0, &Knobs { proxy_weight: ProxyWeight::FormFactor, ..base });
-        report("16 references", 60.0, &Knobs { references: 16, ..base });
-        report("angle 45", 45.0, &base);
-        report("angle 75", 75.0, &base);
+        let default = report("defaults", 60.0, 8, &base);
+        let printed = report("as printed", 60.0, 8, &Knobs { interpolation: Interpolation::Printed, ..base });
+        report("form-factor weights", 60.0, 8, &Knobs { proxy_weight: ProxyWeight::FormFactor, ..base });
+        report("16 references", 60.0, 16, &base);
+        report("angle 45", 45.0, 8, &base);
+        report("angle 75", 75.0, 8, &base);
         assert!(default.mare < printed.mare, "{name}: {default:?} against {printed:?}");
         assert!(default.relmse_trimmed < printed.relmse_trimmed, "{name}: {default:?} against {printed:?}");
     }

@@ -3,15 +3,14 @@
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::depth_images::DepthImages;
-use lightskin::frame::{self, Shadows, View, World};
+use lightskin::frame::{Shadows, View, Ways, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::eval::measure::{Bench, Layers};
 use lightskin::lab::eval::references::{PathTraced, path_traced};
 use lightskin::lab::eval::sweep::Point;
-use lightskin::lab::knobs::{Frame, Knobs, Path};
+use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::scenes::Shadowed;
 use lightskin::lab::shadows::errors;
-use lightskin::lab::shot::shoot as shoot_unchecked;
 use lightskin::reference::depth_image::{DepthImage, Plate, Rule, gather_seen};
 use lightskin::reference::gather::{Cache, ProxyWeight, gather};
 use lightskin::reference::occlude::Disc;
@@ -38,10 +37,10 @@ fn blocked() -> Scene {
 /// What stands for caches as the twin has it, from the device's atlas.
 fn plates(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Vec<Plate> {
     let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
-    let frame = Frame::new(gpu, scene, &buffers, &shadowed()).expect("made");
-    draw(gpu, scene, &buffers, &frame, &shadowed());
-    let targets = frame.light.caches().expect("caches");
-    let all: Vec<shared::Cache> = gpu.read(&targets.atlas).expect("atlas");
+    let mut frame = Frame::new(gpu, scene, &buffers, &shadowed()).expect("made");
+    draw(gpu, scene, &buffers, &mut frame, &shadowed());
+    let atlas = &frame.light.caches().expect("caches").atlas;
+    let all: Vec<shared::Cache> = gpu.read(&atlas.caches).expect("atlas");
     let plate = |c: &shared::Cache| Plate {
         disc: Disc {
             position: c.position.as_dvec3() + buffers.origin,
@@ -52,10 +51,10 @@ fn plates(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Vec<Plate> {
         axis: c.axis.as_dvec3(),
         breadth: c.breadth.into(),
     };
-    all[..targets.count as usize].iter().map(plate).collect()
+    all[..atlas.count as usize].iter().map(plate).collect()
 }
 
-fn draw(gpu: &Gpu, scene: &Scene, buffers: &World, frame: &Frame, settings: &Knobs) {
+fn draw(gpu: &Gpu, scene: &Scene, buffers: &World, frame: &mut Frame, settings: &Knobs) {
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, buffers, &view);
@@ -81,11 +80,11 @@ fn depth_images_are_the_references() {
     let plates = plates(&gpu, &scene, &caches);
     let settings = shadowed();
     let buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
-    draw(&gpu, &scene, &buffers, &frame, &settings);
-    let targets = frame.light.caches().expect("caches");
-    let images: Vec<f32> = gpu.read(targets.depth_images.as_ref().expect("images")).expect("read");
-    let live = targets.live.as_ref().expect("compute path");
+    let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+    draw(&gpu, &scene, &buffers, &mut frame, &settings);
+    let light = frame.light.caches().expect("caches");
+    let images: Vec<f32> = gpu.read(&light.gather.depth_images().expect("images").buffer).expect("read");
+    let live = light.gather.live().expect("compute path");
     let list: Vec<u32> = gpu.read(&live.list).expect("list");
     let count = gpu.read::<LiveArgs>(&live.args).expect("arguments")[0].cache_count as usize;
     assert_eq!(count, plates.len());
@@ -104,14 +103,13 @@ fn depth_images_are_the_references() {
     assert!(differ * 1000 < filled, "{differ} of {filled} texels differ");
 
     // A workgroup an image, as GPUs do it, draws the same.
-    let by_workgroups = DepthImages::with(&gpu, !gpu.is_software()).expect("made");
+    let by_workgroups = DepthImages::with(&gpu, light.atlas.count, !gpu.is_software()).expect("made");
     let drawn = gpu.frame(false, |cmd| {
-        cmd.begin_frame(frame.targets.images());
-        by_workgroups.record(cmd, targets);
+        by_workgroups.record(cmd, &light.atlas, live);
         Ok(())
     });
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-    let again: Vec<f32> = gpu.read(targets.depth_images.as_ref().expect("images")).expect("read");
+    let again: Vec<f32> = gpu.read(&by_workgroups.buffer).expect("read");
     let used = count * DEPTH_IMAGE_TEXELS as usize;
     assert!(again[..used] == images[..used], "both ways draw the same images");
     assert_clean(&gpu);
@@ -141,8 +139,8 @@ fn shadowed_sums_are_the_references() {
     // Of coarse pictures each VAL is tested alone.
     let ways = [(1, 256, 24, 1), (4, 2048, 96, 4), (3, 512, 96, 4)];
     for (caches_per_thread, split, rsm, together) in ways {
-        let gather_settings = GatherSettings { caches_per_thread, split, ..GatherSettings::default() };
-        let settings = Knobs { gather: gather_settings, rsm, ..shadowed() };
+        let ways = Ways { caches_per_thread, split, ..Ways::default() };
+        let settings = Knobs { ways, rsm, ..shadowed() };
         let rule = Rule { together, ..Rule::default() };
         let shot = shoot(&gpu, &scene, Some(&caches), &settings);
         let eye = scene.cameras[0].world_from_camera.translation;
@@ -201,18 +199,6 @@ fn culling_and_the_ways_of_the_gather_change_nothing() {
 }
 
 #[test]
-fn what_cannot_be_shadowed_is_refused() {
-    let gpu = gpu();
-    let scene = blocked();
-    let caches = baked(&scene, 0.4, 8);
-    let gather = Path::DRAWS;
-    let cluster = Some(frame::ClusterRule::Distance(4.0));
-    for settings in [Knobs { gather, ..shadowed() }, Knobs { cluster, ..shadowed() }] {
-        assert!(shoot_unchecked(&gpu, &scene, Some(&caches), &settings).is_err());
-    }
-}
-
-#[test]
 fn shadows_bring_pictures_nearer_to_light_paths() {
     let gpu = gpu();
     let folder = std::env::temp_dir().join(format!("lightskin-shadows-{}", std::process::id()));
@@ -225,8 +211,8 @@ fn shadows_bring_pictures_nearer_to_light_paths() {
         let (truth, _) = path_traced(&scene, &scene.cameras[0], &wanted, &folder, &|_| ());
         let mut bench = Bench::new(&gpu, &scene, &scene.cameras[0]);
         let mut picture = |shadows| -> Layers {
-            let frame = Knobs { size, rsm: 64, shadow_map: 256, shadows, ..Knobs::default() };
-            let point = Point { frame, caches, angle: 60_f32.to_radians(), max_edge: None };
+            let frame = Knobs { rsm: 64, shadow_map: 256, shadows, ..Knobs::plain(size) };
+            let point = Point { frame, caches, references: 8, angle: 60_f32.to_radians(), max_edge: None };
             let measured = bench.measure(&point, 1, &|_, _| ()).expect("measured");
             assert_eq!(measured.problems, [""; 0]);
             measured.layers

@@ -252,7 +252,7 @@ fn the_chain_begins_with_the_devices_picture() {
     for kind in [SPOT, LightKind::Point, LightKind::Directional] {
         let scene = corner(&[kind], 30.0);
         let caches = baked(&scene, 0.4, 8);
-        let settings = lightskin::Knobs { rsm: 40, ..small() };
+        let settings = lightskin::lab::knobs::Knobs { rsm: 40, ..small() };
         let shot = shoot(&gpu, &scene, Some(&caches), &settings);
         let stage = Stage::new(World::new(&scene), &scene.cameras[0], &caches, settings.size);
         let texels = cast(&stage.world, settings.rsm);

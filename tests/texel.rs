@@ -2,9 +2,9 @@
 
 use glam::{DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::CacheSet;
-use lightskin::frame::{Interpolation, World};
+use lightskin::frame::Interpolation;
 use lightskin::gpu::Gpu;
-use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
+use lightskin::lab::knobs::{Knobs, Path};
 use lightskin::lab::worlds::placed;
 use lightskin::metrics::metrics;
 use lightskin::reference::gather::{Cache, Gathered};
@@ -21,10 +21,6 @@ use crate::common::{assert_clean, gpu};
 
 fn with_cells(scene: &Scene, spacing: f64) -> CacheSet {
     baked(scene, spacing, 8).with_cells(scene).expect("cells")
-}
-
-fn texel() -> Knobs {
-    Knobs { level: Level::Texel, ..small() }
 }
 
 /// Both lobes of what every pixel must show: of all caches of its model, cells or not. Pixels that no cache within reach
@@ -72,7 +68,7 @@ fn pictures_are_those_of_all_caches_within_reach() {
         for (interpolation, scheme) in
             [(Interpolation::Facing, Scheme::Facing), (Interpolation::Printed, Scheme::Printed)]
         {
-            let settings = Knobs { interpolation, ..texel() };
+            let settings = Knobs { interpolation, ..small() };
             let shot = shoot(&gpu, &scene, Some(&caches), &settings);
             let ([diffuse, glossy], left_out) = twins(&scene, &caches, &shot, scheme);
             assert!(left_out * 100 < diffuse.len(), "{left_out} pixels have no cache within reach");
@@ -99,16 +95,16 @@ fn floor(edge: f32) -> Scene {
 #[test]
 fn two_triangles_are_as_good_as_many() {
     let gpu = gpu();
-    let picture = |edge: f32, level: Level| {
+    let picture = |edge: f32, cells: bool| {
         let scene = floor(edge);
-        let caches = if level == Level::Texel { with_cells(&scene, 0.25) } else { baked(&scene, 0.25, 8) };
-        let settings = Knobs { size: [96, 96], level, rsm: 48, ..small() };
+        let caches = if cells { with_cells(&scene, 0.25) } else { baked(&scene, 0.25, 8) };
+        let settings = Knobs { size: [96, 96], rsm: 48, ..small() };
         let shot = shoot(&gpu, &scene, Some(&caches), &settings);
         eprintln!("{} caches on {} triangles", caches.models[0].caches.len(), scene.meshes[0].triangle_count());
         [shot.diffuse, shot.glossy].map(|layer| layer.iter().map(|c| c.as_vec3().to_array()).collect::<Vec<_>>())
     };
-    let (two, many) = (picture(9.0, Level::Texel), picture(0.05, Level::Texel));
-    let (two_by_vertex, many_by_vertex) = (picture(9.0, Level::Vertex), picture(0.05, Level::Vertex));
+    let (two, many) = (picture(9.0, true), picture(0.05, true));
+    let (two_by_vertex, many_by_vertex) = (picture(9.0, false), picture(0.05, false));
     for (lobe, name) in ["diffuse", "glossy"].iter().enumerate() {
         let texel = metrics(&two[lobe], &many[lobe]).relmse;
         let vertex = metrics(&two_by_vertex[lobe], &many_by_vertex[lobe]).relmse;
@@ -123,7 +119,7 @@ fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec
     let frame = drawn(gpu, scene, caches, settings);
     let all = indirect(gpu, &frame);
     let depth: Vec<f32> = gpu.read_image(&frame.picture.surface.depth).expect("read");
-    let rows: Vec<u32> = gpu.read(&frame.targets.visible.as_ref().expect("visible").slots).expect("read");
+    let rows: Vec<u32> = gpu.read(&frame.picture.visible.as_ref().expect("visible").slots).expect("read");
     let lost = depth.iter().zip(&rows).filter(|(depth, row)| **depth > 0.0 && **row == NO_REFERENCES).count();
     (all, frame.light.counts(gpu).expect("counts").caches, lost)
 }
@@ -135,8 +131,7 @@ fn culling_changes_no_bit_and_leaves_caches_out() {
     scene.cameras[0] = camera(dvec3(0.43, 0.71, 0.52), dvec3(-0.1, 0.5, -0.1), 0.4);
     let caches = with_cells(&scene, 0.12);
     for path in [Path::DRAWS, Path::Compute] {
-        let gather = GatherSettings { path, ..GatherSettings::default() };
-        let settings = Knobs { gather, size: [96, 64], ..texel() };
+        let settings = Knobs { path, size: [96, 64], ..small() };
         let (all, every, _) = layers(&gpu, &scene, &caches, &settings);
         let (culled, live, _) = layers(&gpu, &scene, &caches, &Knobs { cull: true, ..settings });
         eprintln!("{path:?}: {live} of {every} caches");
@@ -160,21 +155,11 @@ fn every_pixel_finds_its_cell() {
         let caches = with_cells(&scene, spacing);
         let cells = caches.cells.as_ref().expect("cells");
         let bytes: usize = cells.models.iter().map(|m| 2 * m.references.len() + 24 * m.cells.len()).sum();
-        let settings = Knobs { size: [160, 120], rsm: 32, ..texel() };
+        let settings = Knobs { size: [160, 120], rsm: 32, ..small() };
         let (_, _, lost) = layers(&gpu, &scene, &caches, &settings);
         let count: usize = caches.models.iter().map(|m| m.caches.len()).sum();
         eprintln!("{}: rows of {}, {} bytes for each of {count} caches", scene.name, cells.row, bytes / count);
         assert_eq!(lost, 0, "{}", scene.name);
     }
     assert_clean(&gpu);
-}
-
-#[test]
-fn a_cache_set_without_cells_is_refused() {
-    let gpu = gpu();
-    let scene = corner(&[SPOT], 20.0);
-    let caches = baked(&scene, 0.4, 8);
-    let buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    assert!(Frame::new(&gpu, &scene, &buffers, &texel()).is_err());
-    assert!(Frame::new(&gpu, &scene, &buffers, &Knobs { gi: Gi::BruteForce, ..texel() }).is_ok());
 }

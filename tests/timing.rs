@@ -13,7 +13,6 @@ use lightskin::scene::{Scene, gltf};
 use serde_json::Value;
 use std::collections::BTreeMap;
 use std::fs;
-use std::path::Path;
 
 const CORNELL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cornell_glossy.glb");
 
@@ -47,7 +46,6 @@ fn stamps_wrap_around_their_valid_bits() {
 /// A frame of two stages, the first with two parts.
 fn draw(gpu: &Gpu, split: bool) -> lightskin::gpu::Frame {
     let frame = gpu.frame(split, |cmd| {
-        cmd.begin_frame([]);
         {
             let _outer = cmd.zone("outer");
             for _ in 0..2 {
@@ -149,7 +147,7 @@ fn a_queue_without_timestamps_gives_cpu_times() {
 }
 
 /// The events of a trace, each with what a viewer needs.
-fn events(file: &Path) -> Vec<Value> {
+fn events(file: &std::path::Path) -> Vec<Value> {
     let text = fs::read_to_string(file).expect("a trace");
     let trace: Value = serde_json::from_str(&text).expect("JSON");
     let events = trace["traceEvents"].as_array().expect("events").clone();
@@ -244,8 +242,9 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
     assert_eq!(left(&at), ["a.png", "t.csv", "t.json", "t.jsonl"]);
 
     // Every stage of the plan on both tracks, once for each frame. Shadows of every VAL are the default of the command.
-    let scene = gltf::load(Path::new(CORNELL)).expect("loads");
-    let stages = passes(&Plan::new(&scene, &Knobs { shadows: Shadows::PerLight, ..Knobs::default() }));
+    let scene = gltf::load(CORNELL.as_ref()).expect("loads");
+    let plan = Plan::new(&scene, &Knobs { shadows: Shadows::PerLight, ..Knobs::plain([48, 48]) }.settings());
+    let stages: Vec<_> = plan.stages().map(|stage| stage.name).collect();
     assert!(stages.len() >= 10, "{stages:?}");
     let events = events(&at.join("t.json"));
     assert_nested(&events);
@@ -313,25 +312,6 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
     }
 }
 
-/// Zones of a frame in which nothing has moved: the plan's stages, some of them several passes or by another name.
-fn passes(plan: &Plan) -> Vec<&'static str> {
-    let mut all = Vec::new();
-    for line in plan.lines().iter().filter(|line| line.runs) {
-        match line.name {
-            "gather" if plan.depth_images => all.extend(["depth images", "gather"]),
-            "interpolate" if plan.brute_force => all.push("brute force"),
-            name => all.push(name),
-        }
-        match line.name {
-            "direct" if plan.sky => all.push("sky"),
-            "rsm" if plan.clusters => all.extend(["pyramid", "visible"]),
-            "rsm" if plan.lightskin => all.push("visible"),
-            _ => {}
-        }
-    }
-    all
-}
-
 #[test]
 fn traces_name_every_pass_of_every_kind_of_frame() {
     /// Name, world, settings, and what makes its plan one of the kind.
@@ -347,37 +327,36 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
     glowing_alone.lights.clear();
     let moving = world();
     let usual = Knobs { size: [32, 32], rsm: 16, shadow_map: 64, cull: true, ..small() };
-    let by_draws = Path::DRAWS;
     let with = |shadows| Knobs { shadows, ..usual };
-    let by = |rule| Knobs { cluster: Some(rule), ..usual };
-    let frames: [Kind<'_>; 15] = [
-        ("draws", &room, Knobs { gather: by_draws, ..usual }, |plan| plan.cull),
+    let by = |rule| Knobs { path: Path::Clusters(rule), ..usual };
+    let frames: [Kind<'_>; 13] = [
+        ("draws", &room, Knobs { path: Path::DRAWS, ..usual }, |plan| plan.cull),
         ("all-caches", &room, Knobs { cull: false, ..usual }, |plan| plan.lightskin && !plan.cull),
         ("clusters", &room, by(ClusterRule::Distance(8.0)), |plan| plan.clusters),
         ("cluster-errors", &room, by(ClusterRule::Error(0.05)), |plan| plan.clusters),
         ("proxy-shadows", &room, with(Shadows::Proxy), |plan| plan.occlude),
         ("per-light-shadows", &room, with(Shadows::PerLight), |plan| plan.depth_images),
         ("bounces", &room, Knobs { bounces: 2, ..usual }, |plan| plan.bounces),
-        ("texels", &room, Knobs { level: Level::Texel, ..usual }, |plan| plan.lightskin),
         ("brute-force", &room, Knobs { gi: Gi::BruteForce, ..usual }, |plan| plan.brute_force),
         ("direct-alone", &room, Knobs { gi: Gi::Off, ..usual }, |plan| !plan.indirect()),
         ("sky", &open, usual, |plan| plan.sky),
         ("emitters", &glowing, usual, |plan| plan.emitters && plan.direct),
         ("emitters-alone", &glowing_alone, usual, |plan| plan.emitters && !plan.direct),
         ("moving", &moving, usual, |plan| plan.deform),
-        ("moving-with-all", &moving, Knobs { level: Level::Texel, ..with(Shadows::PerLight) }, |plan| plan.deform),
     ];
-    for (kind, scene, settings, is_it) in frames {
+    let texels: [Kind<'_>; 2] = [
+        ("texels", &room, usual, |plan| plan.lightskin),
+        ("moving-with-all", &moving, with(Shadows::PerLight), |plan| plan.deform),
+    ];
+    let frames = frames.map(|kind| (kind, false)).into_iter().chain(texels.map(|kind| (kind, true)));
+    for ((kind, scene, settings, is_it), cells) in frames {
         let mut scene = scene.clone();
         let mut caches = baked(&scene, 0.5, 8);
-        if settings.level == Level::Texel {
+        if cells {
             caches = caches.with_cells(&scene).expect("cells");
         }
         let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-        if settings.bounces > 1 {
-            buffers.add_albedos(&gpu, &scene, &caches).expect("uploaded");
-        }
-        let frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
+        let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
         assert!(is_it(&frame.light.plan), "{kind}: {:?}", frame.light.plan);
         let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
         let (mut trace, mut all) = (lightskin::trace::Trace::default(), Vec::new());
@@ -385,7 +364,7 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
             if frame.light.plan.deform {
                 bend(&mut scene, 0.3 * (i + 1) as f64, 0.2);
             }
-            buffers.update(&scene).expect("the same scene");
+            buffers.update(&gpu, &scene).expect("the same scene");
             let drawn = gpu.frame(gpu.is_software(), |cmd| {
                 frame.record(cmd, &buffers, &view);
                 Ok(())
@@ -399,7 +378,7 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
         trace.write(&file, &[], &serde_json::Map::new()).expect("written");
 
         let mut expected = if frame.light.plan.deform { vec!["update", "deform"] } else { Vec::new() };
-        expected.extend(passes(&frame.light.plan));
+        expected.extend(frame.light.plan.stages().map(|stage| stage.name));
         let events = events(&file);
         assert_nested(&events);
         for i in 0..FRAMES {

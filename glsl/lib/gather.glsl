@@ -1,7 +1,7 @@
 // VALs onto one cache, added to its sums: the loop body of stage 6. METHOD 3-4, thesis listing 5.1.
 // Positions are summed relative to the cache, so that the sums do not know how far the scene is from anywhere.
 // Whoever includes this has the constants GLOSSY, SPREAD (how far the glossy lobe's VALs are is asked, too) and BY_HAND
-// (the device is a CPU), 0 or 1.
+// (the device is a CPU), 0 or 1. With TWO_EYES the glossy lobe is summed for two views at once, which share all the rest.
 #ifndef GATHER_GLSL
 #define GATHER_GLSL
 
@@ -14,11 +14,21 @@ struct Receiver {
     vec3 against; // its normal, negated
     vec3 mirrored; // the view, about the normal
     float half_exponent;
+#ifdef TWO_EYES
+    vec3 second_mirrored;
+#endif
 };
 
+#ifdef TWO_EYES
+Receiver receiver(Cache c, vec4 eye, vec4 second_eye) {
+    return Receiver(c.position, -c.normal, reflect(view_direction(eye, c.position), c.normal), 0.5 * c.exponent,
+                    reflect(view_direction(second_eye, c.position), c.normal));
+}
+#else
 Receiver receiver(Cache c, vec4 eye) {
     return Receiver(c.position, -c.normal, reflect(view_direction(eye, c.position), c.normal), 0.5 * c.exponent);
 }
+#endif
 
 GatherSums no_light() {
     return GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
@@ -54,11 +64,21 @@ void put(inout FourVals v, uint i, vec4 place, vec4 facing, vec4 light) {
     v.flux[i] = light.rgb;
 }
 
+// cos^k between the mirrored view and the way to each VAL.
+vec4 lobe_of(vec3 mirrored, vec4 x, vec4 y, vec4 z, vec4 d2, float half_exponent) {
+    vec4 along = max(mirrored.x * x + mirrored.y * y + mirrored.z * z, 0.0);
+    return power_of(along * along, d2, half_exponent, BY_HAND != 0u);
+}
+
 // No square root: with q = d^2 (A + pi d^2), G = |d|^2 cos cos / q, and the lobe's cos^2 = (R.d)^2 / d^2. The bound keeps 0/0
 // away where a cache lies on a VAL: the numerator is 0 there. It is on the whole of q because what devices flush to zero is
 // the product of a small area and a small distance. The lobe comes before the sums, which are made while it is worked out.
 // `seen`: 1, or 0 where something is in the way.
-void accumulate(inout GatherSums s, Receiver c, FourVals v, vec4 seen) {
+void accumulate(inout GatherSums s,
+#ifdef TWO_EYES
+                inout GlossySums second,
+#endif
+                Receiver c, FourVals v, vec4 seen) {
     vec4 x = v.x - c.position.x;
     vec4 y = v.y - c.position.y;
     vec4 z = v.z - c.position.z;
@@ -72,15 +92,29 @@ void accumulate(inout GatherSums s, Receiver c, FourVals v, vec4 seen) {
     vec4 w = v.weight * g;
     vec4 lobe = vec4(0.0);
     if (GLOSSY != 0u) {
-        vec4 along = max(c.mirrored.x * x + c.mirrored.y * y + c.mirrored.z * z, 0.0);
-        lobe = power_of(along * along, d2, c.half_exponent, BY_HAND != 0u);
+        lobe = lobe_of(c.mirrored, x, y, z, d2, c.half_exponent);
     }
+#ifdef TWO_EYES
+    vec4 second_lobe = lobe_of(c.second_mirrored, x, y, z, d2, c.half_exponent);
+#endif
     [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
         s.diffuse_position += vec3(x[i], y[i], z[i]) * w[i];
         s.diffuse_weight += w[i];
         s.diffuse_irradiance += v.flux[i] * g[i];
         s.distance2 += d2[i] * w[i];
     }
+#ifdef TWO_EYES
+    vec4 second_g = g * second_lobe;
+    vec4 second_w = w * second_lobe;
+    [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+        second.position += vec3(x[i], y[i], z[i]) * second_w[i];
+        second.weight += second_w[i];
+        second.irradiance += v.flux[i] * second_g[i];
+        if (SPREAD != 0u) {
+            second.distance2 += d2[i] * second_w[i];
+        }
+    }
+#endif
     if (GLOSSY != 0u) {
         g *= lobe;
         w *= lobe;

@@ -45,7 +45,8 @@ impl Bounces {
         weight: ProxyWeight,
     ) -> Result<Self> {
         // What follows each other in the list of caches lies in different directions.
-        let sum = |glossy| sum_pipeline(gpu, ways, SumKind { glossy, shadows, together: 1, proxies: false });
+        let sum =
+            |glossy| sum_pipeline(gpu, ways, SumKind { glossy, shadows, together: 1, proxies: false, two_eyes: false });
         let caches = live.caches;
         let padded = caches.next_multiple_of(VAL_TILE).max(VAL_TILE) as usize;
         let spread = u32::from(shadows == Shadows::Proxy);

@@ -24,7 +24,8 @@ pub struct CacheLight {
     pub proxies: Proxies,
     pub(super) visible: Visible,
     pub(super) cull: Option<Cull>,
-    pub(super) occlude: Option<Occlude>,
+    /// Stage 7; only where discs dim proxies.
+    pub occlude: Option<Occlude>,
     pub(super) interpolate: Interpolate,
     pub(super) made: MadeOfCaches,
 }
@@ -50,7 +51,7 @@ impl CacheLight {
         settings: &settings::Caches,
         [vals, rsm, eyes]: [u32; 3],
     ) -> Result<Self> {
-        let gather = Gather::new(gpu, plan, world, settings, vals, rsm)?;
+        let gather = Gather::new(gpu, plan, world, settings, [vals, rsm, eyes])?;
         let count = world.cache_count;
         // Caches that are live together.
         let group = gather.live().map_or(0, |live| live.group);

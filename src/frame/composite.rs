@@ -75,8 +75,14 @@ impl Composite {
         })
     }
 
-    /// Records the stage for all pictures.
-    pub fn record<'a>(&self, cmd: &Cmd<'_>, look: &Look, views: impl Iterator<Item = Composed<'a>> + Clone) {
+    /// Records the stage for all pictures; waits for their radiance where that is of this frame.
+    pub fn record<'a>(
+        &self,
+        cmd: &Cmd<'_>,
+        look: &Look,
+        of_this_frame: bool,
+        views: impl Iterator<Item = Composed<'a>> + Clone,
+    ) {
         let (automatic, ev) = match look.exposure {
             Exposure::Automatic => (true, 0.0),
             Exposure::Ev(ev) => (false, ev),
@@ -86,14 +92,16 @@ impl Composite {
             CompositePush { ev, automatic: automatic.into(), tonemap: look.tonemap as u32, width, height }
         };
         if automatic {
-            cmd.barrier(Use::ColorWrite, Use::ComputeRead);
+            if of_this_frame {
+                cmd.barrier(Use::ColorWrite, Use::ComputeRead);
+            }
             for composed in views.clone() {
                 cmd.bind(&self.expose, &composed.binds());
                 cmd.push(&push(&composed));
                 cmd.dispatch(256, 1, 1);
             }
             cmd.barrier(Use::ComputeWrite | Use::ColorWrite, Use::FragmentRead);
-        } else {
+        } else if of_this_frame {
             cmd.barrier(Use::ColorWrite, Use::FragmentRead);
         }
         for composed in views {

@@ -53,7 +53,7 @@ impl Cull {
         Ok(Self { flag: gpu.compute("flag_caches.comp", &[references as u32, group])?, close_up })
     }
 
-    /// Records the stage for what all views show.
+    /// Records the stage for what all views show; their lists must be there.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
@@ -67,7 +67,6 @@ impl Cull {
                 self.record_mask(cmd, world, views, draws, histogram);
             }
             (CloseUp::List { pack }, _, Some(live)) => {
-                cmd.barrier(Use::ComputeWrite, Use::IndirectRead | Use::ComputeRead); // visible vertices -> here
                 self.flag(cmd, world, views, &live.flags);
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 pack.record(cmd, live, gather.light_count(vals));
@@ -80,7 +79,7 @@ impl Cull {
     fn flag<'a>(&self, cmd: &Cmd<'_>, world: &World, views: impl Iterator<Item = &'a VisibleList>, flags: &Buffer) {
         for (i, visible) in views.enumerate() {
             if i > 0 {
-                cmd.barrier(Use::ComputeWrite, Use::ComputeWrite); // flags of the view before
+                cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite); // flags
             }
             let references = [&visible.list, &world.draw_records, &world.references, &visible.args, flags];
             cmd.bind(&self.flag, &references.map(Into::into));
@@ -98,8 +97,7 @@ impl Cull {
     ) {
         let Some(mask) = &draws.mask else { return };
         cmd.clear(&mask.flags);
-        // Visible vertices -> here; flags that are not set.
-        cmd.barrier(Use::ComputeWrite | Use::CopyWrite, Use::IndirectRead | Use::ComputeRead | Use::ComputeWrite);
+        cmd.barrier(Use::CopyWrite, Use::ComputeRead | Use::ComputeWrite); // flags that are not set
         self.flag(cmd, world, views, &mask.flags);
         cmd.barrier(Use::ComputeWrite, Use::VertexRead);
         let (texels, depth) = (draws.texels, Some(Attach::clear(&mask.image)));

@@ -3,6 +3,7 @@
 
 use super::light::Light;
 use super::picture::Picture;
+use super::record::record;
 use super::settings::{Look, Settings};
 use super::view::View;
 use super::world::World;
@@ -193,6 +194,6 @@ impl Engine {
 
     /// Records a frame; see `frame::record`.
     pub fn record(&mut self, cmd: &Cmd<'_>, views: &mut [(View, &mut Picture)], look: &Look) {
-        super::record(cmd, &self.world, &mut self.light, views, look);
+        record(cmd, &self.world, &mut self.light, views, look);
     }
 }

@@ -4,21 +4,20 @@
 //! parts, so that few caches fill a device too. Draws (`gather_draws.rs`) add tiles of VALs to float images. Clusters
 //! (`gather_clusters.rs`) let nodes stand for VALs. The loop body of the first two is glsl/lib/gather.glsl.
 
-use super::atlas::Atlas;
 use super::bounce::Bounces;
 use super::depth_images::DepthImages;
 use super::gather_clusters::Clusters;
 use super::gather_draws::Draws;
 use super::live::{Items, Live, new_parts, parts_of, split_of};
 use super::plan::Plan;
-use super::proxies::Proxies;
+pub use super::proxies::Lit;
 use super::settings::{self, ProxyWeight, Shadows, Ways};
 use super::sums::{SumBinds, SumKind, sum_pipeline};
 use super::vals::Vals;
 use super::world::World;
 use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{GATHER_THREADS, GatherPush};
+use crate::shared::{GATHER_THREADS, GatherPush, GlossySums};
 use glam::Vec4;
 use std::num::NonZeroU32;
 
@@ -32,29 +31,6 @@ pub enum Gather {
     Clusters(Box<Clusters>),
 }
 
-/// What a gather reads and writes.
-#[derive(Clone, Copy)]
-pub struct Lit<'a> {
-    /// VALs, or what pyramids stand on.
-    pub vals: &'a Vals,
-    /// The caches.
-    pub atlas: &'a Atlas,
-    /// A run of proxies for each eye.
-    pub proxies: &'a Proxies,
-    /// Position and 1, or direction towards the eye and 0.
-    pub eyes: &'a [Vec4],
-    /// Diffuse albedos of the caches, where light bounces more than once.
-    pub albedos: Option<&'a Buffer>,
-}
-
-impl Lit<'_> {
-    /// Eyes that sums have to be made for: with one run of proxies the first stands for all.
-    pub(super) fn runs(&self) -> impl Iterator<Item = (u32, Vec4)> {
-        let eyes = self.eyes.iter().take(self.proxies.runs as usize);
-        eyes.enumerate().map(|(eye, position)| (self.proxies.first(eye as u32), *position))
-    }
-}
-
 /// VALs in a row that shadows show or hide together, as the first of them: neighbours in an RSM, which together are mostly
 /// smaller than a texel of a depth image.
 const SHADOWED_TOGETHER: u32 = 4;
@@ -63,15 +39,22 @@ const SHADOWED_TOGETHER: u32 = 4;
 const FINE_RSM: u32 = 96;
 
 impl Gather {
-    /// Makes what a plan needs for a world's caches and so many VALs of RSMs of `rsm` texels a side.
-    pub fn new(gpu: &Gpu, plan: &Plan, world: &World, way: &settings::Caches, vals: u32, rsm: u32) -> Result<Self> {
+    /// Makes what a plan needs for a world's caches, so many VALs of RSMs of `rsm` texels a side, and so many eyes.
+    pub(super) fn new(
+        gpu: &Gpu,
+        plan: &Plan,
+        world: &World,
+        way: &settings::Caches,
+        [vals, rsm, eyes]: [u32; 3],
+    ) -> Result<Self> {
         let caches = world.cache_count;
         Ok(match way.gather {
             settings::Gather::Compute { ways, bounces, shadows } => {
                 // What follows each other in a coarse picture, or in the list of patches, lies in different directions.
                 let fine = !plan.emitters && world.lights().iter().all(|light| light.rsm_size(rsm) >= FINE_RSM);
                 let together = if fine { SHADOWED_TOGETHER } else { 1 };
-                let kind = ComputeKind { glossy: plan.glossy, shadows, together, bounces, weight: way.proxy_weight };
+                let kind =
+                    ComputeKind { glossy: plan.glossy, shadows, together, bounces, weight: way.proxy_weight, eyes };
                 Self::Compute(Box::new(Compute::new(gpu, caches, vals, &ways, kind)?))
             }
             settings::Gather::Draws { source, tile, dim } => {
@@ -119,13 +102,22 @@ pub struct Compute {
     /// Sums, part by part of the VALs.
     pub parts: Buffer,
     /// How many of the parts are there, of the caches of each thread; all 0 between frames.
-    arrived: Buffer,
+    pub arrived: Buffer,
     /// Makes proxies of the sums itself, unless light bounces more than once.
     sum: Pipeline,
+    /// The same for two eyes at once.
+    two_eyes: Option<TwoEyes>,
     /// Only with shadows of every VAL.
     pub depth_images: Option<DepthImages>,
     /// Only where light bounces more than once.
     pub bounces: Option<Bounces>,
+}
+
+/// A gather for two eyes at once, which share position and form factor.
+struct TwoEyes {
+    sum: Pipeline,
+    /// Sums of the second eye's glossy lobe, part by part.
+    parts: Buffer,
 }
 
 /// What a compute gather is made for.
@@ -141,13 +133,15 @@ pub struct ComputeKind {
     pub bounces: NonZeroU32,
     /// What pulls proxies.
     pub weight: ProxyWeight,
+    /// Most views of a frame.
+    pub eyes: u32,
 }
 
 impl ComputeKind {
     /// One bounce without shadows.
     pub fn plain(glossy: bool) -> Self {
         let (shadows, weight) = (Shadows::Off, ProxyWeight::Irradiance);
-        Self { glossy, shadows, together: 1, bounces: NonZeroU32::MIN, weight }
+        Self { glossy, shadows, together: 1, bounces: NonZeroU32::MIN, weight, eyes: 1 }
     }
 }
 
@@ -160,14 +154,22 @@ impl Compute {
         let split = split_of(caches, vals, ways.split, LONGEST_PART);
         let per_workgroup = GATHER_THREADS * ways.caches();
         let live = Live::new(gpu, Items { caches, group: 1, per_workgroup, lights: vals, split })?;
-        let ComputeKind { glossy, shadows, together, bounces, weight } = kind;
+        let ComputeKind { glossy, shadows, together, bounces, weight, eyes } = kind;
         let further = bounces.get() > 1;
         let bounces = further.then(|| Bounces::new(gpu, &live, ways, glossy, shadows, bounces, weight)).transpose()?;
         let parts = parts_of(vals, split) + bounces.as_ref().map_or(0, |bounces| bounces.parts);
+        let two_eyes = || -> Result<TwoEyes> {
+            let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;
+            Ok(TwoEyes {
+                sum: sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies: true, two_eyes: true })?,
+                parts: gpu.buffer("gather.second_parts", bytes)?,
+            })
+        };
         Ok(Self {
+            two_eyes: (glossy && eyes > 1 && !further).then(two_eyes).transpose()?,
             parts: new_parts(gpu, caches, parts)?,
             arrived: gpu.buffer_from("gather.arrived", &vec![0_u32; caches.max(1) as usize])?,
-            sum: sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies: !further })?,
+            sum: sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies: !further, two_eyes: false })?,
             depth_images: (shadows == Shadows::PerLight).then(|| DepthImages::new(gpu, caches)).transpose()?,
             bounces,
             live,
@@ -176,15 +178,26 @@ impl Compute {
 
     /// Records the stage.
     pub fn record(&self, cmd: &Cmd<'_>, lit: &Lit<'_>) {
-        for (i, (first_proxy, eye)) in lit.runs().enumerate() {
-            if i > 0 {
+        let mut runs = lit.runs().peekable();
+        let mut is_first = true;
+        while let Some(run) = runs.next() {
+            if !std::mem::take(&mut is_first) {
                 cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite); // parts, counts
             }
-            self.record_eye(cmd, lit, first_proxy, eye);
+            let second = self.two_eyes.as_ref().and_then(|two_eyes| Some((two_eyes, runs.next()?)));
+            self.record_run(cmd, lit, run, second);
         }
     }
 
-    fn record_eye(&self, cmd: &Cmd<'_>, lit: &Lit<'_>, first_proxy: u32, eye: Vec4) {
+    /// For one eye, or for two: first proxy and position of each.
+    fn record_run(
+        &self,
+        cmd: &Cmd<'_>,
+        lit: &Lit<'_>,
+        (first_proxy, eye): (u32, Vec4),
+        second: Option<(&TwoEyes, (u32, Vec4))>,
+    ) {
+        let (second_proxy, second_eye) = second.map_or((0, Vec4::ZERO), |(_, run)| run);
         let push = GatherPush {
             cache_count: lit.atlas.count,
             first: 0,
@@ -193,7 +206,9 @@ impl Compute {
             columns: 0,
             cache_parts: self.bounces.as_ref().map_or(0, |bounces| bounces.parts),
             first_proxy,
+            second_proxy,
             eye,
+            second_eye,
         };
         let binds = SumBinds {
             atlas: lit.atlas,
@@ -202,8 +217,9 @@ impl Compute {
             parts: &self.parts,
             proxies: self.bounces.is_none().then_some((&lit.proxies.buffer, &self.arrived)),
             depth_images: self.depth_images.as_ref().map(|images| &images.buffer),
+            second_parts: second.map(|(two_eyes, _)| &two_eyes.parts),
         };
-        binds.bind(cmd, &self.sum);
+        binds.bind(cmd, second.map_or(&self.sum, |(two_eyes, _)| &two_eyes.sum));
         cmd.push(&push);
         cmd.dispatch_indirect(&self.live.args, 0);
         if let (Some(bounces), Some(albedos)) = (&self.bounces, lit.albedos) {

@@ -3,8 +3,8 @@
 //! Groups of neighbouring caches walk down the pyramids together: who of a group needs what is below a node takes all of it
 //! there. Groups are fixed parts of the atlas, so that a cache receives the same whatever else is seen.
 
-use super::gather::Lit;
 use super::live::{Items, Live, new_parts, parts_of, split_of};
+use super::proxies::Lit;
 use super::pyramid::Pyramid;
 use super::settings::ClusterRule;
 use super::world::World;

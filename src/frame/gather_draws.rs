@@ -1,7 +1,7 @@
 //! Stage 6 by draws: every tile of VALs is drawn over the atlas, two caches to a texel, and added to float targets. Culling
 //! is left to the depth test. METHOD 3-4, thesis 5.3.
 
-use super::gather::Lit;
+use super::proxies::Lit;
 use super::settings::{DrawSource, whole_tiles};
 use crate::error::{Error, Result};
 use crate::gpu::{
@@ -99,7 +99,7 @@ impl Draws {
         let depth = self.mask.as_ref().map(|mask| Attach { image: &mask.image, load: Load::ReadOnly });
         for (i, (first_proxy, eye)) in lit.runs().enumerate() {
             if i > 0 {
-                cmd.barrier(Use::ComputeRead, Use::ColorWrite); // the last eye's sums have been read
+                cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ColorWrite | Use::ComputeWrite); // sums, proxies
             }
             let (cache_count, columns) = (lit.atlas.count, self.texels.columns());
             let push = GatherPush { cache_count, tile: self.tile, columns, first_proxy, eye, ..GatherPush::default() };

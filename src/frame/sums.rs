@@ -16,6 +16,8 @@ pub(super) struct SumKind {
     pub(super) together: u32,
     /// Proxies are made of the sums at once.
     pub(super) proxies: bool,
+    /// The glossy lobe's are made for two eyes at once, with proxies.
+    pub(super) two_eyes: bool,
 }
 
 /// The pipeline that adds up VALs.
@@ -23,7 +25,12 @@ pub(super) fn sum_pipeline(gpu: &Gpu, ways: &Ways, kind: SumKind) -> Result<Pipe
     let spread = u32::from(kind.shadows == Shadows::Proxy);
     let by_hand = u32::from(gpu.is_software());
     let constants = [u32::from(kind.glossy), ways.source as u32, ways.caches(), spread, by_hand, kind.together];
-    match (kind.shadows == Shadows::PerLight, kind.proxies) {
+    let shadowed = kind.shadows == Shadows::PerLight;
+    if kind.two_eyes {
+        let (name, used) = if shadowed { ("gather_shadowed_eyes.comp", 6) } else { ("gather_eyes.comp", 5) };
+        return gpu.compute(name, &constants[..used]);
+    }
+    match (shadowed, kind.proxies) {
         (false, false) => gpu.compute("gather_sums.comp", &constants[..5]),
         (false, true) => gpu.compute("gather.comp", &constants[..5]),
         (true, false) => gpu.compute("gather_shadowed_sums.comp", &constants),
@@ -43,6 +50,8 @@ pub(super) struct SumBinds<'a> {
     pub(super) proxies: Option<(&'a Buffer, &'a Buffer)>,
     /// With shadows of every VAL.
     pub(super) depth_images: Option<&'a Buffer>,
+    /// With two eyes.
+    pub(super) second_parts: Option<&'a Buffer>,
 }
 
 impl SumBinds<'_> {
@@ -59,6 +68,7 @@ impl SumBinds<'_> {
         ];
         resources.extend(self.proxies.iter().flat_map(|(proxies, arrived)| [Bind::from(*proxies), (*arrived).into()]));
         resources.extend(self.depth_images.map(Bind::Texels));
+        resources.extend(self.second_parts.map(Bind::Buffer));
         cmd.bind(pipeline, &resources);
     }
 }

@@ -63,7 +63,6 @@ pub fn time(gpu: &Gpu, ways: &Ways, caches: u32, vals: u32) -> Result<Tuned> {
         let mut best = f64::INFINITY;
         for i in 0..=FRAMES {
             let drawn = gpu.frame(gpu.is_software(), |cmd| {
-                cmd.begin_frame([]);
                 let _zone = cmd.zone("gather");
                 gather.record(cmd, &lit);
                 Ok(())

@@ -2,8 +2,10 @@
 
 use super::cmd::Cmd;
 use super::graveyard::lock;
+use super::layout::DescriptorSlot;
 use super::pipeline::Made;
-use super::resource::SamplerKind;
+use super::raster::Depth;
+use super::sampler::SamplerKind;
 use super::{Buffer, Image, Pipeline};
 use crate::error::Result;
 use ash::vk;
@@ -17,7 +19,7 @@ pub enum Bind<'a> {
     Slice(&'a Buffer, u64, u64),
     /// A buffer read as RGBA32F texels.
     Texels(&'a Buffer),
-    /// An image read texel by texel.
+    /// An image read texel by texel, or as storage where the shader says so.
     Image(&'a Image),
     /// A filtered texture.
     Texture(&'a Image, SamplerKind),
@@ -40,7 +42,7 @@ impl<'a> From<&'a Image> for Bind<'a> {
 #[derive(Clone, Copy)]
 pub(super) struct Bound {
     pub(super) name: &'static str,
-    pub(super) point: vk::PipelineBindPoint,
+    pub(super) compute: bool,
     pub(super) group: [u32; 3],
     layout: vk::PipelineLayout,
     push_bytes: u32,
@@ -61,16 +63,22 @@ impl Cmd<'_> {
         if self.failed() {
             return;
         }
-        let pipeline = &*pipeline.0;
+        let of = pipeline;
+        let pipeline = &*of.0;
         let (name, count) = (pipeline.name, pipeline.slots.len());
         assert_eq!(resources.len(), count, "{name}: its shaders declare {count} bindings");
+        self.own(&pipeline.shared, name);
+        self.check_scope(pipeline);
+        for (slot, resource) in pipeline.slots.iter().zip(resources) {
+            self.check(name, slot, resource);
+        }
         let mut key = self.key.borrow_mut();
         key.clear();
         key.push(pipeline.layout.id);
         for (slot, resource) in pipeline.slots.iter().zip(resources) {
             key.push(id(resource));
             key.extend(match *resource {
-                Bind::Buffer(buffer) => [0, buffer.size],
+                Bind::Buffer(buffer) => [0, buffer.held],
                 Bind::Slice(_, offset, size) => [offset, size],
                 Bind::Texels(_) => [4, 0],
                 Bind::Image(_) => [1, 0],
@@ -87,7 +95,7 @@ impl Cmd<'_> {
             }
         }
         let shared = &self.gpu.shared;
-        let (point, layout) = (pipeline.point, pipeline.layout.handle);
+        let (point, layout) = (pipeline.point(), pipeline.layout.handle);
         // SAFETY: the buffer is recording; the pipeline lives until its submission is done (see `graveyard`).
         unsafe { shared.device.cmd_bind_pipeline(self.buffer, point, pipeline.handle) };
         if !resources.is_empty() {
@@ -106,7 +114,81 @@ impl Cmd<'_> {
             }
         }
         let Made { group, push_bytes, push_stages, .. } = *pipeline;
-        self.bound.set(Some(Bound { name, point, group, layout, push_bytes, push_stages }));
+        let compute = pipeline.raster.is_none();
+        self.bound.set(Some(Bound { name, compute, group, layout, push_bytes, push_stages }));
+        if let Some(scope) = self.scope.borrow_mut().as_mut() {
+            scope.pipeline = Some(of.clone());
+        }
+    }
+
+    /// Pipelines that draw are bound where is drawn, the others elsewhere.
+    fn check_scope(&self, pipeline: &Made) {
+        let (name, scope) = (pipeline.name, self.scope.borrow());
+        match (&pipeline.raster, &*scope) {
+            (None, None) => {}
+            (Some(state), Some(scope)) => {
+                let depth = state.depth != Depth::None;
+                assert!(
+                    state.colors == scope.colors && depth == scope.depth,
+                    "{name}: made for {:?}{}, not for these attachments: {:?}{}",
+                    state.colors,
+                    if depth { " and depth" } else { "" },
+                    scope.colors,
+                    if scope.depth { " and depth" } else { "" },
+                );
+                let writes = state.depth == Depth::Nearest;
+                assert!(!(writes && scope.read_only), "{name}: writes the depth, which this scope only reads");
+            }
+            (None, Some(_)) => panic!("{name}: a compute pipeline, bound while rendering"),
+            (Some(_), None) => panic!("{name}: a graphics pipeline, bound while nothing is rendered to"),
+        }
+    }
+
+    /// Whether a resource fits a binding.
+    fn check(&self, name: &str, slot: &DescriptorSlot, resource: &Bind<'_>) {
+        let (of, shared) = match resource {
+            Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) => (&b.name, &b.shared),
+            Bind::Image(i) | Bind::Texture(i, _) => (&i.name, &i.shared),
+        };
+        self.own(shared, of);
+        let limits = &self.gpu.shared.limits;
+        let fits = match (slot.kind, *resource) {
+            (vk::DescriptorType::STORAGE_BUFFER | vk::DescriptorType::UNIFORM_BUFFER, Bind::Buffer(_))
+            | (vk::DescriptorType::UNIFORM_TEXEL_BUFFER, Bind::Texels(_)) => true,
+            (
+                kind @ (vk::DescriptorType::STORAGE_BUFFER | vk::DescriptorType::UNIFORM_BUFFER),
+                Bind::Slice(b, at, n),
+            ) => {
+                let storage = kind == vk::DescriptorType::STORAGE_BUFFER;
+                let (storage_step, uniform_step) =
+                    (limits.min_storage_buffer_offset_alignment, limits.min_uniform_buffer_offset_alignment);
+                let step = if storage { storage_step } else { uniform_step };
+                let inside = n > 0 && at.checked_add(n).is_some_and(|end| end <= b.held);
+                assert!(inside, "{name}: {n} bytes at {at} of {of}, which has {}", b.held);
+                assert!(at.is_multiple_of(step), "{name}: byte {at} of {of}; slices begin at multiples of {step}");
+                true
+            }
+            (vk::DescriptorType::COMBINED_IMAGE_SAMPLER, Bind::Image(i) | Bind::Texture(i, _)) => {
+                slot.image.0 == Some(i.made.view_type())
+            }
+            (vk::DescriptorType::STORAGE_IMAGE, Bind::Image(i)) => {
+                assert!(i.made.usage.contains(vk::ImageUsageFlags::STORAGE), "{name}: {of} was not made as storage");
+                slot.image == (Some(i.made.view_type()), Some(i.made.format))
+            }
+            _ => false,
+        };
+        assert!(fits, "{name}: {of} does not fit binding {}, a {:?} {:?}", slot.binding, slot.kind, slot.image);
+    }
+
+    /// How much of a buffer the device lets a binding have.
+    fn check_range(&self, kind: vk::DescriptorType, name: &str, bytes: u64) -> Result<()> {
+        let limits = &self.gpu.shared.limits;
+        let storage = kind == vk::DescriptorType::STORAGE_BUFFER;
+        let limit = if storage { limits.max_storage_buffer_range } else { limits.max_uniform_buffer_range };
+        if bytes > limit.into() {
+            return Err(self.gpu.too_large(format!("buffer {name} needs {bytes} bytes"), limit.into()));
+        }
+        Ok(())
     }
 
     fn write_set(&self, set: vk::DescriptorSet, pipeline: &Made, resources: &[Bind<'_>]) -> Result<()> {
@@ -117,14 +199,12 @@ impl Cmd<'_> {
             let (buffer, image, texels);
             let write = match *resource {
                 Bind::Buffer(b) => {
-                    let limit = u64::from(self.gpu.shared.limits.max_storage_buffer_range);
-                    if b.size > limit {
-                        return Err(self.gpu.too_large(format!("buffer {} needs {} bytes", b.name, b.size), limit));
-                    }
+                    self.check_range(slot.kind, &b.name, b.held)?;
                     buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset: 0, range: vk::WHOLE_SIZE }];
                     write.buffer_info(&buffer)
                 }
                 Bind::Slice(b, offset, range) => {
+                    self.check_range(slot.kind, &b.name, range)?;
                     buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset, range }];
                     write.buffer_info(&buffer)
                 }
@@ -134,7 +214,14 @@ impl Cmd<'_> {
                 }
                 Bind::Image(i) | Bind::Texture(i, _) => {
                     let kind = if let Bind::Texture(_, kind) = resource { *kind } else { nearest };
-                    let sampler = self.gpu.sampler(kind)?;
+                    let storage = slot.kind == vk::DescriptorType::STORAGE_IMAGE;
+                    assert!(
+                        kind.nearest || self.filters(i),
+                        "{}: the device does not filter {:?}",
+                        i.name,
+                        i.made.format
+                    );
+                    let sampler = if storage { vk::Sampler::null() } else { self.gpu.sampler(kind)? };
                     image = [vk::DescriptorImageInfo {
                         sampler,
                         image_view: i.view,
@@ -147,6 +234,16 @@ impl Cmd<'_> {
             unsafe { self.gpu.shared.device.update_descriptor_sets(&[write], &[]) };
         }
         Ok(())
+    }
+
+    /// Whether the device interpolates between texels of an image.
+    fn filters(&self, image: &Image) -> bool {
+        let shared = &self.gpu.shared;
+        // SAFETY: plain query of a live instance and its device.
+        let properties = unsafe {
+            shared.instance.instance.get_physical_device_format_properties(shared.physical, image.made.format)
+        };
+        properties.optimal_tiling_features.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
     }
 
     /// Sets the push constants of the bound pipeline.

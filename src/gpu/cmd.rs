@@ -1,16 +1,18 @@
 //! Commands of one frame, in order: zones, binds, dispatches, rendering, barriers in words, copies.
 
 use super::bind::Bound;
-use super::device::Gpu;
-use super::draw::{Attach, Attachments, Draw, Load};
+use super::buffer::Buffer;
+use super::device::{Gpu, Shared};
+use super::draw::Scope;
 use super::frames::Slot;
 use super::hazards::{Log, Use};
-use super::resource::{Buffer, Image, aspect, is_depth};
+use super::image::Image;
 use super::timer::{MAX_ZONES, Recorded, Span, Work};
 use super::vulkan;
 use crate::error::{Error, Result};
 use ash::vk;
 use std::cell::{Cell, RefCell, RefMut};
+use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
 /// Records one frame into a slot of the ring.
@@ -25,6 +27,8 @@ pub struct Cmd<'g> {
     split: bool,
     pub(super) error: RefCell<Option<Error>>,
     pub(super) key: RefCell<Vec<u64>>,
+    /// The rendering scope that is open.
+    pub(super) scope: RefCell<Option<Scope>>,
     /// Whether the buffer is recording; then nothing may reset or submit it but `self`.
     open: Cell<bool>,
 }
@@ -50,6 +54,7 @@ impl<'g> Cmd<'g> {
             split,
             error: RefCell::new(None),
             key: RefCell::new(Vec::with_capacity(64)),
+            scope: RefCell::new(None),
             open: Cell::new(false),
         }
     }
@@ -72,7 +77,12 @@ impl<'g> Cmd<'g> {
         let start = self.slot.borrow().notes.now();
         let submitted = &self.gpu.shared.submitted;
         let value = submitted.load(Ordering::SeqCst) + 1;
-        let buffers = [vk::CommandBufferSubmitInfo::default().command_buffer(self.buffer)];
+        let prologue = self.prologue()?;
+        let buffers: Vec<_> = prologue
+            .into_iter()
+            .chain([self.buffer])
+            .map(|buffer| vk::CommandBufferSubmitInfo::default().command_buffer(buffer))
+            .collect();
         let signals = [vk::SemaphoreSubmitInfo::default()
             .semaphore(self.gpu.shared.timeline)
             .value(value)
@@ -91,6 +101,24 @@ impl<'g> Cmd<'g> {
         submitted.store(value, Ordering::SeqCst);
         self.slot.borrow_mut().notes.worked(Work::Submit, start);
         Ok(value)
+    }
+
+    /// Brings images that were made since the last submission to layout GENERAL, if there are any.
+    fn prologue(&self) -> Result<Option<vk::CommandBuffer>> {
+        let fresh = self.gpu.shared.fresh();
+        if fresh.is_empty() {
+            return Ok(None);
+        }
+        let (device, prologue) = (&self.gpu.shared.device, self.slot.borrow().prologue);
+        let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
+        let barriers = vk::DependencyInfo::default().image_memory_barriers(&fresh);
+        // SAFETY: the buffer's last use is done with that of `self.buffer`; the images live until this submission is done.
+        unsafe {
+            device.begin_command_buffer(prologue, &begin).map_err(vulkan("beginning new images"))?;
+            device.cmd_pipeline_barrier2(prologue, &barriers);
+            device.end_command_buffer(prologue).map_err(vulkan("ending new images"))?;
+        }
+        Ok(Some(prologue))
     }
 
     /// Waits for a part of this frame.
@@ -119,7 +147,8 @@ impl<'g> Cmd<'g> {
 
     /// Opens a stage: debug label, timestamps, and the name under which the barrier check reports it.
     pub fn zone(&self, name: &'static str) -> Zone<'_, 'g> {
-        if self.split {
+        let split = self.split && self.scope.borrow().is_none();
+        if split {
             self.flush();
         }
         let mut slot = self.slot.borrow_mut();
@@ -134,7 +163,7 @@ impl<'g> Cmd<'g> {
             self.stamp(slot.queries, query);
         }
         drop(slot);
-        if self.split {
+        if split {
             // lavapipe runs a dispatch at once but takes timestamps when it flushes: else this one would come after it.
             self.flush();
         }
@@ -158,7 +187,7 @@ impl<'g> Cmd<'g> {
         }
     }
 
-    /// Everything before is done and visible to everything after. Opens a frame; nowhere else.
+    /// Everything before is done and visible to everything after. Opens every submission of commands; nowhere else.
     pub(super) fn full_barrier(&self) {
         let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         let barriers = [vk::MemoryBarrier2::default()
@@ -167,14 +196,6 @@ impl<'g> Cmd<'g> {
             .dst_stage_mask(all)
             .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)];
         self.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
-    }
-
-    /// Opens a frame: the last one is done, and every target goes from UNDEFINED to GENERAL, its content discarded.
-    pub fn begin_frame<'i>(&self, targets: impl IntoIterator<Item = &'i Image>) {
-        self.full_barrier();
-        let barriers: Vec<_> =
-            targets.into_iter().map(|image| discard(image, vk::PipelineStageFlags2::ALL_COMMANDS)).collect();
-        self.pipeline_barrier(&vk::DependencyInfo::default().image_memory_barriers(&barriers));
     }
 
     /// What `from` did before is done and visible to what `to` does after. The consumer writes it, before it reads.
@@ -195,17 +216,31 @@ impl<'g> Cmd<'g> {
         if self.failed() {
             return;
         }
+        self.outside("a barrier");
         // SAFETY: the buffer is recording, outside a rendering scope.
         unsafe { self.gpu.shared.device.cmd_pipeline_barrier2(self.buffer, info) };
     }
 
+    /// What is used here must be of the device that records.
+    pub(super) fn own(&self, shared: &Arc<Shared>, name: &str) {
+        assert!(Arc::ptr_eq(shared, &self.gpu.shared), "{name}: of another device");
+    }
+
+    /// Some commands have no place in a rendering scope.
+    pub(super) fn outside(&self, what: &str) {
+        assert!(self.scope.borrow().is_none(), "{what}: not while something is rendered");
+    }
+
     pub(super) fn touch_buffer(&self, buffer: &Buffer, how: Use) {
+        self.own(&buffer.shared, &buffer.name);
+        buffer.used();
         if let Some(log) = &self.log {
             log.borrow_mut().touch(buffer.id, &buffer.name, how, self.zone.get());
         }
     }
 
     pub(super) fn touch_image(&self, image: &Image, how: Use) {
+        self.own(&image.shared, &image.name);
         if let Some(log) = &self.log {
             log.borrow_mut().touch(image.id, &image.name, how, self.zone.get());
         }
@@ -218,16 +253,22 @@ impl<'g> Cmd<'g> {
         }
         let bound = self.bound_to_compute();
         let [x, y, z] = [x.div_ceil(bound.group[0]), y.div_ceil(bound.group[1]), z.div_ceil(bound.group[2])];
-        // SAFETY: a compute pipeline with all its descriptors is bound.
+        let most = self.gpu.shared.limits.max_compute_work_group_count;
+        let fits = x <= most[0] && y <= most[1] && z <= most[2];
+        assert!(fits, "{}: {x} x {y} x {z} groups, but the device allows {most:?}", bound.name);
+        // SAFETY: a compute pipeline with all its descriptors is bound, and the groups are no more than allowed.
         unsafe { self.gpu.shared.device.cmd_dispatch(self.buffer, x, y, z) };
     }
 
-    /// Runs the bound compute shader over as many groups as three numbers of a buffer say; `offset` in bytes.
+    /// Runs the bound compute shader over as many groups as three numbers of a buffer say; `offset` in bytes. The shader
+    /// that writes the numbers keeps to the device's limits.
     pub fn dispatch_indirect(&self, arguments: &Buffer, offset: u64) {
         if self.failed() {
             return;
         }
-        self.bound_to_compute();
+        let name = self.bound_to_compute().name;
+        let inside = offset.is_multiple_of(4) && offset.checked_add(12).is_some_and(|end| end <= arguments.held);
+        assert!(inside, "{name}: three numbers at byte {offset} of {}, which has {}", arguments.name, arguments.held);
         self.touch_buffer(arguments, Use::IndirectRead);
         // SAFETY: a compute pipeline with all its descriptors is bound; the buffer holds the three numbers.
         unsafe { self.gpu.shared.device.cmd_dispatch_indirect(self.buffer, arguments.handle, offset) };
@@ -235,80 +276,9 @@ impl<'g> Cmd<'g> {
 
     fn bound_to_compute(&self) -> Bound {
         let bound = self.bound.get().expect("bind before dispatch");
-        assert!(bound.point == vk::PipelineBindPoint::COMPUTE, "{}: no compute pipeline is dispatched", bound.name);
+        assert!(bound.compute, "{}: a graphics pipeline cannot be dispatched", bound.name);
         bound
     }
-
-    /// Opens a rendering scope and draws.
-    pub fn render(&self, attachments: &Attachments<'_>, draw: impl FnOnce(&Draw<'_, 'g>)) {
-        if self.failed() {
-            return;
-        }
-        let info = |attach: &Attach<'_>| {
-            let (load, store) = match attach.load {
-                Load::Keep => (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::STORE),
-                Load::Clear(_) => (vk::AttachmentLoadOp::CLEAR, vk::AttachmentStoreOp::STORE),
-                Load::ReadOnly => (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::NONE),
-            };
-            let clear = match attach.load {
-                Load::Clear(c) if is_depth(attach.image.format) => {
-                    vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: c[0], stencil: 0 } }
-                }
-                Load::Clear(float32) => vk::ClearValue { color: vk::ClearColorValue { float32 } },
-                _ => vk::ClearValue::default(),
-            };
-            vk::RenderingAttachmentInfo::default()
-                .image_view(attach.image.view)
-                .image_layout(vk::ImageLayout::GENERAL)
-                .load_op(load)
-                .store_op(store)
-                .clear_value(clear)
-        };
-        for attach in attachments.colors {
-            self.touch_image(attach.image, Use::ColorWrite);
-        }
-        if let Some(depth) = &attachments.depth {
-            self.touch_image(depth.image, if depth.load == Load::ReadOnly { Use::DepthRead } else { Use::DepthWrite });
-        }
-        let colors: Vec<_> = attachments.colors.iter().map(info).collect();
-        let depth = attachments.depth.as_ref().map(info);
-        let [x, y, width, height] = attachments.area;
-        let offset = vk::Offset2D { x: x as i32, y: y as i32 };
-        let area = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
-        let mut rendering = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
-        if let Some(depth) = &depth {
-            rendering = rendering.depth_attachment(depth);
-        }
-        let device = &self.gpu.shared.device;
-        // SAFETY: the views are alive and in GENERAL; dynamic state is set before any draw; the scope is closed below.
-        unsafe {
-            device.cmd_begin_rendering(self.buffer, &rendering);
-            device.cmd_set_front_face(self.buffer, vk::FrontFace::COUNTER_CLOCKWISE);
-        }
-        let scope = Draw { cmd: self };
-        scope.area(attachments.area);
-        draw(&scope);
-        // SAFETY: opened above.
-        unsafe { device.cmd_end_rendering(self.buffer) };
-    }
-}
-
-/// From UNDEFINED to GENERAL: what the image held is gone.
-pub(super) fn discard(image: &Image, stage: vk::PipelineStageFlags2) -> vk::ImageMemoryBarrier2<'static> {
-    vk::ImageMemoryBarrier2::default()
-        .src_stage_mask(stage)
-        .dst_stage_mask(stage)
-        .dst_access_mask(vk::AccessFlags2::MEMORY_READ | vk::AccessFlags2::MEMORY_WRITE)
-        .old_layout(vk::ImageLayout::UNDEFINED)
-        .new_layout(vk::ImageLayout::GENERAL)
-        .image(image.handle)
-        .subresource_range(vk::ImageSubresourceRange {
-            aspect_mask: aspect(image.format),
-            base_mip_level: 0,
-            level_count: image.mips,
-            base_array_layer: 0,
-            layer_count: 1,
-        })
 }
 
 impl Drop for Cmd<'_> {

@@ -1,8 +1,8 @@
 //! Commands that copy, fill and update.
 
-use super::cmd::{Cmd, discard};
+use super::cmd::Cmd;
 use super::hazards::Use;
-use super::resource::{aspect, texel_bytes};
+use super::image::aspect;
 use super::{Buffer, Image};
 use ash::vk;
 
@@ -12,10 +12,13 @@ impl Cmd<'_> {
         if self.failed() {
             return;
         }
+        self.outside("a copy");
+        assert!(size > 0 && size <= from.held.min(to.held), "{size} bytes from {} to {}", from.name, to.name);
+        assert!(from.id != to.id, "{}: copied onto itself", from.name);
         self.touch_buffer(from, Use::CopyRead);
         self.touch_buffer(to, Use::CopyWrite);
         let regions = [vk::BufferCopy { src_offset: 0, dst_offset: 0, size }];
-        // SAFETY: both are alive and at least `size` long (callers pass a buffer's own size).
+        // SAFETY: both are alive, at least `size` long, and not the same.
         unsafe { self.gpu.shared.device.cmd_copy_buffer(self.buffer, from.handle, to.handle, &regions) };
     }
 
@@ -24,6 +27,7 @@ impl Cmd<'_> {
         if self.failed() {
             return;
         }
+        self.outside("a fill");
         self.touch_buffer(buffer, Use::CopyWrite);
         // SAFETY: the buffer is alive and made with transfer usage.
         unsafe { self.gpu.shared.device.cmd_fill_buffer(self.buffer, buffer.handle, 0, vk::WHOLE_SIZE, 0) };
@@ -35,10 +39,12 @@ impl Cmd<'_> {
         const MOST: usize = 65_536;
         let bytes: &[u8] = bytemuck::cast_slice(data);
         assert!(first_byte.is_multiple_of(4) && bytes.len().is_multiple_of(4), "{}: whole words", to.name);
-        assert!(first_byte + bytes.len() as u64 <= to.size, "{}: {} bytes at {first_byte}", to.name, bytes.len());
+        let inside = first_byte.checked_add(bytes.len() as u64).is_some_and(|end| end <= to.held);
+        assert!(inside, "{}: {} bytes at {first_byte}", to.name, bytes.len());
         if self.failed() || bytes.is_empty() {
             return;
         }
+        self.outside("an update");
         self.touch_buffer(to, Use::CopyWrite);
         for (i, part) in bytes.chunks(MOST).enumerate() {
             let offset = first_byte + (i * MOST) as u64;
@@ -52,10 +58,15 @@ impl Cmd<'_> {
         if self.failed() {
             return;
         }
+        self.outside("a copy");
+        let bytes = from.made.level_bytes(0);
+        assert!(bytes <= to.held, "{}: {bytes} bytes into {}, which has {}", from.name, to.name, to.held);
+        let readable = from.made.usage.contains(vk::ImageUsageFlags::TRANSFER_SRC);
+        assert!(readable, "{}: textures are not read back", from.name);
         self.touch_image(from, Use::CopyRead);
         self.touch_buffer(to, Use::CopyWrite);
         let regions = [region(from, 0, 0)];
-        // SAFETY: the buffer holds `width * height` texels (made so by the caller); the image is in GENERAL.
+        // SAFETY: the buffer has room for all texels; the image is in GENERAL.
         unsafe {
             self.gpu.shared.device.cmd_copy_image_to_buffer(
                 self.buffer,
@@ -72,20 +83,17 @@ impl Cmd<'_> {
         if self.failed() {
             return;
         }
-        let barriers = [discard(to, vk::PipelineStageFlags2::COPY)];
-        self.pipeline_barrier(&vk::DependencyInfo::default().image_memory_barriers(&barriers));
         self.touch_buffer(from, Use::CopyRead);
         self.touch_image(to, Use::CopyWrite);
         let mut offset = 0;
-        let regions: Vec<_> = (0..to.mips)
+        let regions: Vec<_> = (0..to.made.mips)
             .map(|mip| {
                 let here = region(to, mip, offset);
-                offset +=
-                    u64::from(here.image_extent.width) * u64::from(here.image_extent.height) * texel_bytes(to.format);
+                offset += to.made.level_bytes(mip);
                 here
             })
             .collect();
-        // SAFETY: the buffer holds all levels; the image is in GENERAL since the barrier above.
+        // SAFETY: the buffer holds all levels; the image is in GENERAL since the submission began.
         unsafe {
             self.gpu.shared.device.cmd_copy_buffer_to_image(
                 self.buffer,
@@ -98,23 +106,19 @@ impl Cmd<'_> {
     }
 }
 
-/// One level, tightly packed at an offset of a buffer.
+/// One level, all layers, tightly packed at an offset of a buffer.
 fn region(image: &Image, mip: u32, offset: u64) -> vk::BufferImageCopy {
     vk::BufferImageCopy {
         buffer_offset: offset,
         buffer_row_length: 0,
         buffer_image_height: 0,
         image_subresource: vk::ImageSubresourceLayers {
-            aspect_mask: aspect(image.format),
+            aspect_mask: aspect(image.made.format),
             mip_level: mip,
             base_array_layer: 0,
-            layer_count: 1,
+            layer_count: image.made.layers(),
         },
         image_offset: vk::Offset3D::default(),
-        image_extent: vk::Extent3D {
-            width: (image.width >> mip).max(1),
-            height: (image.height >> mip).max(1),
-            depth: 1,
-        },
+        image_extent: image.made.level(mip),
     }
 }

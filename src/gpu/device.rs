@@ -4,7 +4,9 @@ use super::descriptors::Descriptors;
 use super::disk::Disk;
 use super::frames::Ring;
 use super::graveyard::{Graveyard, lock};
-use super::instance::{DeviceReport, Instance, Validation, open_instance, pick, queue_family, voting_threads};
+use super::instance::{
+    DeviceReport, Instance, Needs, Validation, inspect, needs, open_instance, pick, queue_family, voting_threads,
+};
 use super::layout::Layouts;
 use super::pipeline::Pipelines;
 use super::registry::Registry;
@@ -27,6 +29,39 @@ pub struct Options {
     pub validation: Validation,
 }
 
+/// Instance and device of a host that has opened them itself: see `Gpu::from_raw`.
+#[derive(Clone)]
+pub struct Host {
+    /// The instance.
+    pub instance: ash::Instance,
+    /// The physical device.
+    pub physical: vk::PhysicalDevice,
+    /// The device.
+    pub device: ash::Device,
+    /// A queue family that draws and computes.
+    pub family: u32,
+    /// Which queue of the family.
+    pub queue: u32,
+    /// Whether the instance has the extension VK_EXT_debug_utils: then all objects are named.
+    pub debug_utils: bool,
+    /// Whether the feature geometryShader is enabled: interpolated caches need it.
+    pub geometry_shader: bool,
+    /// Whether the features subgroupSizeControl and computeFullSubgroups are enabled: clusters are faster with them.
+    pub subgroup_sizes: bool,
+    /// Whether the engine's own barrier check runs.
+    pub check_barriers: bool,
+}
+
+/// What is open, besides the handles.
+struct Open {
+    physical: vk::PhysicalDevice,
+    family: u32,
+    queue: u32,
+    geometry_shader: bool,
+    voting_threads: Option<u32>,
+    check_barriers: bool,
+}
+
 /// What every Vulkan object of ours needs to be made and destroyed.
 pub(crate) struct Shared {
     pub(crate) device: ash::Device,
@@ -45,7 +80,8 @@ pub(crate) struct Shared {
     pub(super) descriptors: Mutex<Descriptors>,
     pub(super) registry: Mutex<Registry>,
     next_id: AtomicU64,
-    instance: Instance,
+    pub(super) physical: vk::PhysicalDevice,
+    pub(super) instance: Instance,
 }
 
 /// An open device: everything else is made from it. One thread records at a time (the type is not `Sync`).
@@ -112,23 +148,17 @@ impl Gpu {
         let opened = open_instance(options.validation)?;
         let instance = &opened.instance;
         let (physical, report) = pick(instance, options.device.as_deref())?;
-        let (family, timestamp_bits) = queue_family(instance, physical).expect("inspected");
+        let (family, _) = queue_family(instance, physical).expect("inspected");
         let priorities = [1.0];
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
-        let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
-            .scalar_block_layout(true)
-            .timeline_semaphore(true)
-            .host_query_reset(true);
         let voting_threads = voting_threads(instance, physical);
-        let mut v13 = vk::PhysicalDeviceVulkan13Features::default()
-            .dynamic_rendering(true)
-            .synchronization2(true)
-            .maintenance4(true)
-            .subgroup_size_control(voting_threads.is_some())
-            .compute_full_subgroups(voting_threads.is_some());
+        let Needs { mut v12, v13, .. } = needs();
+        let mut v13 =
+            v13.subgroup_size_control(voting_threads.is_some()).compute_full_subgroups(voting_threads.is_some());
         // SAFETY: plain query.
         let has = unsafe { instance.get_physical_device_features(physical) };
-        let features = vk::PhysicalDeviceFeatures::default().geometry_shader(has.geometry_shader == vk::TRUE);
+        let geometry_shader = has.geometry_shader == vk::TRUE;
+        let features = vk::PhysicalDeviceFeatures::default().geometry_shader(geometry_shader);
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_features(&features)
@@ -137,12 +167,68 @@ impl Gpu {
         // SAFETY: the features were found by `inspect`, and every pointer outlives the call.
         let device = unsafe { instance.create_device(physical, &info, None) }
             .map_err(vulkan(format!("opening {}", report.name)))?;
+        let check_barriers = options.validation == Validation::Sync;
+        Self::of(
+            opened,
+            device,
+            report,
+            Open { physical, family, queue: 0, geometry_shader, voting_threads, check_barriers },
+        )
+    }
+
+    /// What a host must enable that opens the device itself.
+    pub fn needs() -> Needs {
+        needs()
+    }
+
+    /// Works on an instance and a device that the host has opened: an XR runtime, an application. Both stay the host's:
+    /// nothing here destroys them.
+    ///
+    /// # Errors
+    /// If the device lacks something, or memory for the first objects.
+    ///
+    /// # Safety
+    /// What `host` says is so. Instance and device were made with what `needs` lists, and outlive the `Gpu` and everything
+    /// made from it. While one of these lives, nobody else uses the queue at the same time as its thread.
+    pub unsafe fn from_raw(host: Host) -> Result<Self> {
+        let Host {
+            instance,
+            physical,
+            device,
+            family,
+            queue,
+            debug_utils,
+            geometry_shader,
+            subgroup_sizes,
+            check_barriers,
+        } = host;
+        let report = inspect(&instance, physical, 0);
+        if !report.missing.is_empty() {
+            return Err(Error::NoDevice(format!("{} lacks {}", report.name, report.missing.join(", "))));
+        }
+        let voting_threads = voting_threads(&instance, physical).filter(|_| subgroup_sizes);
+        let opened = Instance::of_host(instance, debug_utils);
+        Self::of(
+            opened,
+            device,
+            report,
+            Open { physical, family, queue, geometry_shader, voting_threads, check_barriers },
+        )
+    }
+
+    /// On a device that is open.
+    fn of(opened: Instance, device: ash::Device, report: DeviceReport, open: Open) -> Result<Self> {
+        let instance = &opened.instance;
+        let Open { physical, family, queue, geometry_shader, voting_threads, check_barriers } = open;
         let mut sizes = vk::PhysicalDeviceMaintenance4Properties::default();
         let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut sizes);
         // SAFETY: plain query; a 1.3 device knows the chained struct.
         unsafe { instance.get_physical_device_properties2(physical, &mut properties) };
         let properties = properties.properties;
         let limits = properties.limits;
+        // SAFETY: plain query.
+        let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
+        let timestamp_bits = families[family as usize].timestamp_valid_bits;
         // From here on `shared` destroys what was made, also when something below fails.
         let mut shared = Shared {
             names: opened.has_debug_utils.then(|| ext::debug_utils::Device::new(instance, &device)),
@@ -158,6 +244,7 @@ impl Gpu {
             registry: Mutex::default(),
             next_id: AtomicU64::new(1),
             device,
+            physical,
             instance: opened,
         };
         let allocator = Allocator::new(&AllocatorCreateDesc {
@@ -181,8 +268,8 @@ impl Gpu {
         // SAFETY: timelineSemaphore is enabled.
         shared.timeline = unsafe { shared.device.create_semaphore(&timeline, None) }.map_err(vulkan("timeline"))?;
         shared.name(shared.timeline, "gpu.timeline");
-        // SAFETY: the family was requested above.
-        let queue = unsafe { shared.device.get_device_queue(family, 0) };
+        // SAFETY: the device was opened with this queue.
+        let queue = unsafe { shared.device.get_device_queue(family, queue) };
         let shared = Arc::new(shared);
         shared.name(queue, "gpu.queue");
         log::info!(
@@ -201,9 +288,9 @@ impl Gpu {
             samplers: RefCell::default(),
             queue,
             clock: Clock { period_ns: f64::from(limits.timestamp_period), bits: timestamp_bits.min(64) },
-            numbers_triangles: has.geometry_shader == vk::TRUE,
+            numbers_triangles: geometry_shader,
             voting_threads,
-            check_barriers: options.validation == Validation::Sync,
+            check_barriers,
             report,
             shared,
         })
@@ -285,7 +372,9 @@ impl Drop for Shared {
         unsafe {
             self.device.destroy_semaphore(self.timeline, None);
             self.device.destroy_command_pool(self.pool, None);
-            self.device.destroy_device(None);
+            if self.instance.owned {
+                self.device.destroy_device(None);
+            }
         }
     }
 }

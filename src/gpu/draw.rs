@@ -3,6 +3,7 @@
 use super::bind::Bind;
 use super::cmd::Cmd;
 use super::hazards::Use;
+use super::image::is_depth;
 use super::{Buffer, Image, Pipeline};
 use ash::vk;
 
@@ -48,6 +49,109 @@ pub struct Attachments<'a> {
     pub area: [u32; 4],
 }
 
+/// What is known of the open rendering scope.
+pub(super) struct Scope {
+    pub(super) colors: Vec<vk::Format>,
+    pub(super) depth: bool,
+    /// The depth is only tested against.
+    pub(super) read_only: bool,
+    area: [u32; 4],
+    pub(super) pipeline: Option<Pipeline>,
+    /// Bytes of each vertex buffer that is bound, from its offset on.
+    vertices: Vec<u64>,
+    /// Indices in the buffer that is bound, from its offset on.
+    indices: u64,
+}
+
+impl<'g> Cmd<'g> {
+    /// Opens a rendering scope and draws.
+    pub fn render(&self, attachments: &Attachments<'_>, draw: impl FnOnce(&Draw<'_, 'g>)) {
+        self.render_layer(0, attachments, draw);
+    }
+
+    /// The same into this layer of every attachment.
+    pub fn render_layer(&self, layer: u32, attachments: &Attachments<'_>, draw: impl FnOnce(&Draw<'_, 'g>)) {
+        if self.failed() {
+            return;
+        }
+        self.outside("a rendering scope");
+        let [x, y, width, height] = attachments.area;
+        for Attach { image, .. } in attachments.colors.iter().chain(&attachments.depth) {
+            self.own(&image.shared, &image.name);
+            let [w, h] = image.made.size;
+            let end = |at: u32, size: u32| u64::from(at) + u64::from(size);
+            let inside = width > 0 && height > 0 && end(x, width) <= w.into() && end(y, height) <= h.into();
+            assert!(inside, "{}: {width}x{height} pixels at {x}, {y} of {w}x{h}", image.name);
+        }
+        let colors = attachments.colors.iter().map(|a| a.image.made.format).collect::<Vec<_>>();
+        assert!(!colors.iter().any(|f| is_depth(*f)), "a depth image among the colours of a rendering scope");
+        if let Some(depth) = &attachments.depth {
+            assert!(is_depth(depth.image.made.format), "{}: no depth image", depth.image.name);
+        }
+        let most = self.gpu.most_color_targets() as usize;
+        assert!(colors.len() <= most, "{} colour attachments, but the device allows {most}", colors.len());
+        let scope = Scope {
+            colors,
+            depth: attachments.depth.is_some(),
+            read_only: attachments.depth.is_some_and(|depth| depth.load == Load::ReadOnly),
+            area: attachments.area,
+            pipeline: None,
+            vertices: Vec::new(),
+            indices: 0,
+        };
+        let info = |attach: &Attach<'_>| {
+            let (load, store) = match attach.load {
+                Load::Keep => (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::STORE),
+                Load::Clear(_) => (vk::AttachmentLoadOp::CLEAR, vk::AttachmentStoreOp::STORE),
+                Load::ReadOnly => (vk::AttachmentLoadOp::LOAD, vk::AttachmentStoreOp::NONE),
+            };
+            let clear = match attach.load {
+                Load::Clear(c) if is_depth(attach.image.made.format) => {
+                    vk::ClearValue { depth_stencil: vk::ClearDepthStencilValue { depth: c[0], stencil: 0 } }
+                }
+                Load::Clear(float32) => vk::ClearValue { color: vk::ClearColorValue { float32 } },
+                _ => vk::ClearValue::default(),
+            };
+            vk::RenderingAttachmentInfo::default()
+                .image_view(attach.image.layer(layer))
+                .image_layout(vk::ImageLayout::GENERAL)
+                .load_op(load)
+                .store_op(store)
+                .clear_value(clear)
+        };
+        for attach in attachments.colors {
+            self.touch_image(attach.image, Use::ColorWrite);
+        }
+        if let Some(depth) = &attachments.depth {
+            self.touch_image(depth.image, if depth.load == Load::ReadOnly { Use::DepthRead } else { Use::DepthWrite });
+        }
+        let colors: Vec<_> = attachments.colors.iter().map(info).collect();
+        let depth = attachments.depth.as_ref().map(info);
+        let offset = vk::Offset2D { x: x as i32, y: y as i32 };
+        let area = vk::Rect2D { offset, extent: vk::Extent2D { width, height } };
+        let mut rendering = vk::RenderingInfo::default().render_area(area).layer_count(1).color_attachments(&colors);
+        if let Some(depth) = &depth {
+            rendering = rendering.depth_attachment(depth);
+        }
+        let device = &self.gpu.shared.device;
+        // SAFETY: the views are alive and in GENERAL; dynamic state is set before any draw; the scope is closed below.
+        unsafe {
+            device.cmd_begin_rendering(self.buffer, &rendering);
+            device.cmd_set_front_face(self.buffer, vk::FrontFace::COUNTER_CLOCKWISE);
+        }
+        *self.scope.borrow_mut() = Some(scope);
+        // What is bound belongs to the scope, and the other way round.
+        self.bound.set(None);
+        let scope = Draw { cmd: self };
+        scope.area(attachments.area);
+        draw(&scope);
+        *self.scope.borrow_mut() = None;
+        self.bound.set(None);
+        // SAFETY: opened above, and nothing has ended the recording since: no command that submits runs inside a scope.
+        unsafe { device.cmd_end_rendering(self.buffer) };
+    }
+}
+
 /// An open rendering scope.
 pub struct Draw<'c, 'g> {
     pub(super) cmd: &'c Cmd<'g>,
@@ -66,6 +170,17 @@ impl Draw<'_, '_> {
 
     /// Vertex buffers with byte offsets, in stream order.
     pub fn vertices(&self, buffers: &[(&Buffer, u64)]) {
+        if self.cmd.failed() {
+            return;
+        }
+        for (buffer, offset) in buffers {
+            assert!(*offset < buffer.held, "{}: vertices at byte {offset} of {}", buffer.name, buffer.held);
+        }
+        let most = self.cmd.gpu.shared.limits.max_vertex_input_bindings as usize;
+        assert!(buffers.len() <= most, "{} vertex buffers, but the device allows {most}", buffers.len());
+        if let Some(scope) = self.cmd.scope.borrow_mut().as_mut() {
+            scope.vertices = buffers.iter().map(|(buffer, offset)| buffer.held - offset).collect();
+        }
         for (binding, (buffer, offset)) in buffers.iter().enumerate() {
             self.cmd.touch_buffer(buffer, Use::VertexInput);
             // SAFETY: the buffer is alive and made with vertex usage.
@@ -82,6 +197,16 @@ impl Draw<'_, '_> {
 
     /// Index buffer of u32 with a byte offset. It holds what never changes, so the barrier check skips it.
     pub fn indices(&self, buffer: &Buffer, offset: u64) {
+        if self.cmd.failed() {
+            return;
+        }
+        self.cmd.own(&buffer.shared, &buffer.name);
+        let inside = offset.is_multiple_of(4) && offset < buffer.held;
+        assert!(inside, "{}: indices at byte {offset} of {}", buffer.name, buffer.held);
+        buffer.used();
+        if let Some(scope) = self.cmd.scope.borrow_mut().as_mut() {
+            scope.indices = (buffer.held - offset) / 4;
+        }
         // SAFETY: the buffer is alive and made with index usage.
         unsafe {
             self.cmd.gpu.shared.device.cmd_bind_index_buffer(
@@ -94,7 +219,18 @@ impl Draw<'_, '_> {
     }
 
     /// Part of the attachments that is drawn to: left, top, width and height [pixels].
+    ///
+    /// # Panics
+    /// If it is not inside the scope's own area.
     pub fn area(&self, [x, y, width, height]: [u32; 4]) {
+        if self.cmd.failed() {
+            return;
+        }
+        if let Some([left, top, w, h]) = self.cmd.scope.borrow().as_ref().map(|scope| scope.area) {
+            let end = |at: u32, size: u32| u64::from(at) + u64::from(size);
+            let inside = x >= left && y >= top && end(x, width) <= end(left, w) && end(y, height) <= end(top, h);
+            assert!(inside && width > 0 && height > 0, "{width}x{height} pixels at {x}, {y} outside what is rendered");
+        }
         let device = &self.cmd.gpu.shared.device;
         let viewport = vk::Viewport {
             x: x as f32,
@@ -118,6 +254,9 @@ impl Draw<'_, '_> {
 
     /// Whether counter-clockwise triangles show their front; false for mirrored instances.
     pub fn front_is_ccw(&self, ccw: bool) {
+        if self.cmd.failed() {
+            return;
+        }
         let face = if ccw { vk::FrontFace::COUNTER_CLOCKWISE } else { vk::FrontFace::CLOCKWISE };
         // SAFETY: front face is dynamic in all our pipelines.
         unsafe { self.cmd.gpu.shared.device.cmd_set_front_face(self.cmd.buffer, face) };
@@ -128,16 +267,36 @@ impl Draw<'_, '_> {
         if self.cmd.failed() {
             return;
         }
+        self.check_vertices(Some(vertex_count));
         // SAFETY: pipeline and descriptors are bound; the shader makes its vertices from their index.
         unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, 0, 0) };
     }
 
-    /// Draws triangles from the bound buffers.
+    /// Draws triangles from the bound buffers. The indices name vertices that are there: whoever fills an index buffer sees
+    /// to that.
     pub fn draw_indexed(&self, index_count: u32, first_index: u32) {
         if self.cmd.failed() {
             return;
         }
+        self.check_vertices(None);
+        let indices = self.cmd.scope.borrow().as_ref().map_or(0, |scope| scope.indices);
+        let end = u64::from(first_index) + u64::from(index_count);
+        assert!(end <= indices, "{index_count} indices from {first_index} on, but {indices} are bound");
         // SAFETY: pipeline, descriptors, vertex and index buffers are bound; the loader checked the indices.
         unsafe { self.cmd.gpu.shared.device.cmd_draw_indexed(self.cmd.buffer, index_count, 1, first_index, 0, 0) };
+    }
+
+    /// A pipeline is bound, and the vertex buffers that it reads; `count` vertices from each, or as many as indices name.
+    fn check_vertices(&self, count: Option<u32>) {
+        let scope = self.cmd.scope.borrow();
+        let scope = scope.as_ref().expect("a scope is open");
+        let pipeline = &*scope.pipeline.as_ref().expect("bind before draw").0;
+        let strides = pipeline.raster.iter().flat_map(|state| &state.strides);
+        for (i, stride) in strides.enumerate() {
+            let bytes = scope.vertices.get(i).copied();
+            let bytes = bytes.unwrap_or_else(|| panic!("{}: no vertex buffer {i} is bound", pipeline.name));
+            let needed = u64::from(count.unwrap_or(1)) * u64::from(*stride);
+            assert!(needed <= bytes, "{}: {needed} bytes of vertex buffer {i}, which has {bytes}", pipeline.name);
+        }
     }
 }

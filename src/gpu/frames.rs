@@ -11,6 +11,7 @@ use ash::vk;
 use std::cell::{Cell, RefCell};
 use std::collections::VecDeque;
 use std::sync::Arc;
+use std::sync::atomic::Ordering;
 use std::time::Instant;
 
 /// Frames whose times are kept until they are fetched; older ones are forgotten.
@@ -20,6 +21,8 @@ const KEPT_TIMES: usize = 256;
 pub(crate) struct Slot {
     shared: Arc<Shared>,
     pub(crate) buffer: vk::CommandBuffer,
+    /// Submitted before `buffer`: new images go to layout GENERAL.
+    pub(super) prologue: vk::CommandBuffer,
     pub(crate) queries: vk::QueryPool,
     /// The frame that is or was recorded here.
     pub(crate) notes: Notes,
@@ -48,10 +51,12 @@ pub struct Frame {
 
 impl Slot {
     fn new(shared: &Arc<Shared>, index: usize) -> Result<Self> {
-        let info = vk::CommandBufferAllocateInfo::default().command_pool(shared.pool).command_buffer_count(1);
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(shared.pool).command_buffer_count(2);
         // SAFETY: the pool is alive and outlives the slot.
-        let buffer = unsafe { shared.device.allocate_command_buffers(&info) }.map_err(vulkan("command buffer"))?[0];
+        let buffers = unsafe { shared.device.allocate_command_buffers(&info) }.map_err(vulkan("command buffers"))?;
+        let [prologue, buffer] = [buffers[0], buffers[1]];
         shared.name(buffer, &format!("frame.commands {index}"));
+        shared.name(prologue, &format!("frame.new images {index}"));
         let info = vk::QueryPoolCreateInfo::default().query_type(vk::QueryType::TIMESTAMP).query_count(2 * MAX_ZONES);
         // SAFETY: the device is alive; destroyed in `Drop`.
         let queries = unsafe { shared.device.create_query_pool(&info, None) }.map_err(vulkan("timestamp queries"))?;
@@ -64,7 +69,7 @@ impl Slot {
             zones: Vec::with_capacity(MAX_ZONES as usize),
             work: Vec::with_capacity(2 * MAX_ZONES as usize),
         };
-        Ok(Self { shared: shared.clone(), buffer, queries, notes, done: 0, unread: false })
+        Ok(Self { shared: shared.clone(), buffer, prologue, queries, notes, done: 0, unread: false })
     }
 
     /// Opens the slot for a frame; the last one must be done.
@@ -99,6 +104,11 @@ impl Gpu {
     }
 
     fn submit(&self, split: bool, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
+        let recording = self.shared.recording.load(Ordering::SeqCst);
+        assert!(
+            !recording,
+            "a frame is being recorded: nothing can be submitted, uploaded or read back before it ends"
+        );
         let begin = Instant::now();
         let number = self.ring.frames.get();
         let mut slot = self.ring.slots[number as usize % FRAMES_IN_FLIGHT].borrow_mut();
@@ -111,6 +121,7 @@ impl Gpu {
         let start = slot.notes.now();
         let cmd = Cmd::new(self, slot, split);
         cmd.begin()?;
+        cmd.full_barrier();
         let recorded = record(&cmd);
         cmd.slot.borrow_mut().notes.worked(Work::Record, start);
         // A frame that is given up leaves nothing but what a split one has submitted and waited for (`Drop for Cmd`).
@@ -187,7 +198,6 @@ impl Gpu {
     /// Records, submits and waits: for uploads and read-back, outside the frame loop. Has no times.
     pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
         let frame = self.submit(false, |cmd| {
-            cmd.full_barrier();
             cmd.zone.set(name);
             record(cmd);
             // What was copied becomes visible to the CPU.

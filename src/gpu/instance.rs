@@ -44,8 +44,19 @@ pub(super) struct Instance {
     pub(super) debug: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub(super) messages: Box<Messages>,
     pub(super) has_debug_utils: bool,
-    pub(super) entry: ash::Entry,
+    /// Whether the instance and the device made from it are ours to destroy.
+    pub(super) owned: bool,
+    /// Keeps the loader's library, if we have loaded it.
+    _entry: Option<ash::Entry>,
 }
+
+impl Instance {
+    /// An instance that the host has made and destroys.
+    pub(super) fn of_host(instance: ash::Instance, has_debug_utils: bool) -> Self {
+        Self { instance, debug: None, messages: Box::default(), has_debug_utils, owned: false, _entry: None }
+    }
+}
+
 /// All devices that the Vulkan loader finds, with what each lacks.
 pub fn devices() -> Result<Vec<DeviceReport>> {
     let opened = open_instance(Validation::Off)?;
@@ -116,9 +127,16 @@ pub(super) fn open_instance(validation: Validation) -> Result<Instance> {
     let instance = unsafe { entry.create_instance(&info, None) }.map_err(|r| {
         Error::NoDevice(format!("the Vulkan loader refused an instance ({r}); install a driver (mesa-vulkan-drivers has one for machines without a GPU)"))
     })?;
-    let mut opened = Instance { instance, debug: None, messages: Box::default(), has_debug_utils: has_debug, entry };
+    let loader = ext::debug_utils::Instance::new(&entry, &instance);
+    let mut opened = Instance {
+        instance,
+        debug: None,
+        messages: Box::default(),
+        has_debug_utils: has_debug,
+        owned: true,
+        _entry: Some(entry),
+    };
     if validation != Validation::Off {
-        let loader = ext::debug_utils::Instance::new(&opened.entry, &opened.instance);
         let info = vk::DebugUtilsMessengerCreateInfoEXT::default()
             .message_severity(
                 vk::DebugUtilsMessageSeverityFlagsEXT::ERROR | vk::DebugUtilsMessageSeverityFlagsEXT::WARNING,
@@ -131,6 +149,50 @@ pub(super) fn open_instance(validation: Validation) -> Result<Instance> {
         opened.debug = Some((loader, messenger.map_err(vulkan("making the debug messenger"))?));
     }
     Ok(opened)
+}
+
+/// What must be enabled on a device, and on the instance it comes from: for hosts that open it themselves.
+#[derive(Clone, Copy, Debug)]
+pub struct Needs {
+    /// Version of both.
+    pub api_version: u32,
+    /// Extensions of the device.
+    pub extensions: &'static [&'static CStr],
+    /// Features of Vulkan 1.2, those of ours alone.
+    pub v12: vk::PhysicalDeviceVulkan12Features<'static>,
+    /// Features of Vulkan 1.3, those of ours alone.
+    pub v13: vk::PhysicalDeviceVulkan13Features<'static>,
+}
+
+/// See `Gpu::needs`.
+pub(super) fn needs() -> Needs {
+    Needs {
+        api_version: vk::API_VERSION_1_3,
+        extensions: &[],
+        v12: vk::PhysicalDeviceVulkan12Features::default()
+            .scalar_block_layout(true)
+            .timeline_semaphore(true)
+            .host_query_reset(true),
+        v13: vk::PhysicalDeviceVulkan13Features::default()
+            .dynamic_rendering(true)
+            .synchronization2(true)
+            .maintenance4(true),
+    }
+}
+
+/// Whether the features of `needs` are there, with their names.
+fn required(
+    v12: &vk::PhysicalDeviceVulkan12Features<'_>,
+    v13: &vk::PhysicalDeviceVulkan13Features<'_>,
+) -> [(vk::Bool32, &'static str); 6] {
+    [
+        (v12.scalar_block_layout, "scalarBlockLayout"),
+        (v12.timeline_semaphore, "timelineSemaphore"),
+        (v12.host_query_reset, "hostQueryReset"),
+        (v13.dynamic_rendering, "dynamicRendering"),
+        (v13.synchronization2, "synchronization2"),
+        (v13.maintenance4, "maintenance4"),
+    ]
 }
 
 /// Properties of a device and what it lacks of what the engine needs.
@@ -154,18 +216,9 @@ pub(super) fn inspect(instance: &ash::Instance, device: vk::PhysicalDevice, inde
         let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut v12).push_next(&mut v13);
         // SAFETY: a 1.3 device knows these structs.
         unsafe { instance.get_physical_device_features2(device, &mut features) };
-        for (has, name) in [
-            (v12.scalar_block_layout, "scalarBlockLayout"),
-            (v12.timeline_semaphore, "timelineSemaphore"),
-            (v12.host_query_reset, "hostQueryReset"),
-            (v13.dynamic_rendering, "dynamicRendering"),
-            (v13.synchronization2, "synchronization2"),
-            (v13.maintenance4, "maintenance4"),
-        ] {
-            if has == vk::FALSE {
-                missing.push(format!("feature {name}"));
-            }
-        }
+        missing.extend(
+            required(&v12, &v13).iter().filter(|(has, _)| *has == vk::FALSE).map(|(_, f)| format!("feature {f}")),
+        );
         // SAFETY: plain query.
         let sums = unsafe { instance.get_physical_device_format_properties(device, vk::Format::R32G32B32A32_SFLOAT) };
         if !sums.optimal_tiling_features.contains(vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND) {
@@ -298,7 +351,20 @@ impl Drop for Instance {
             if let Some((loader, messenger)) = self.debug.take() {
                 loader.destroy_debug_utils_messenger(messenger, None);
             }
-            self.instance.destroy_instance(None);
+            if self.owned {
+                self.instance.destroy_instance(None);
+            }
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_needed_is_what_is_asked_for() {
+        let Needs { v12, v13, .. } = needs();
+        assert!(required(&v12, &v13).iter().all(|(has, _)| *has == vk::TRUE));
     }
 }

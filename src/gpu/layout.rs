@@ -16,6 +16,8 @@ pub(crate) struct DescriptorSlot {
     pub(crate) binding: u32,
     pub(crate) kind: vk::DescriptorType,
     pub(crate) uses: Vec<Use>,
+    /// How an image must be viewed, and the texels it must have as storage.
+    pub(super) image: (Option<vk::ImageViewType>, Option<vk::Format>),
     stages: vk::ShaderStageFlags,
 }
 
@@ -58,7 +60,8 @@ impl Gpu {
                 match slots.iter_mut().find(|s| s.binding == binding.binding) {
                     Some(slot) => {
                         assert_eq!(
-                            slot.kind, binding.kind,
+                            (slot.kind, slot.image),
+                            (binding.kind, (binding.view, binding.format)),
                             "{name}: binding {} differs between its shaders",
                             binding.binding
                         );
@@ -69,6 +72,7 @@ impl Gpu {
                         binding: binding.binding,
                         kind: binding.kind,
                         uses,
+                        image: (binding.view, binding.format),
                         stages: *stage,
                     }),
                 }

@@ -5,6 +5,7 @@
 #![allow(unsafe_code, reason = "Vulkan is called from here and only from here")]
 
 mod bind;
+mod buffer;
 mod cmd;
 mod copy;
 mod descriptors;
@@ -14,29 +15,33 @@ mod draw;
 mod frames;
 mod graveyard;
 mod hazards;
+mod image;
 mod instance;
 mod layout;
+mod memory;
 mod pipeline;
 mod raster;
 mod reflect;
 mod registry;
-mod resource;
+mod sampler;
 mod spirv;
 mod timer;
 
 pub use ash::vk::Format;
 pub use bind::Bind;
+pub use buffer::Buffer;
 pub use cmd::Cmd;
-pub use device::{Gpu, Options};
+pub use device::{Gpu, Host, Options};
 pub use draw::{Attach, Attachments, Draw, Load};
 pub use frames::Frame;
 pub use hazards::Use;
-pub use instance::{DeviceReport, Validation, devices};
+pub use image::{Extent, Image, ImageDesc};
+pub use instance::{DeviceReport, Needs, Validation, devices};
 pub use pipeline::Pipeline;
 pub(crate) use pipeline::shader;
 pub use raster::{Attribute, Blend, Cull, Depth, Raster, Shape, Stream};
 pub use registry::{Counters, ResourceInfo, ResourceKind};
-pub use resource::{Buffer, Image, SamplerKind};
+pub use sampler::SamplerKind;
 pub use timer::{FrameTimes, Span, StageTime, Work, ZoneTime, nearest_rank, ticks_between};
 
 use crate::error::Error;

@@ -4,6 +4,7 @@
 use super::device::Shared;
 use super::graveyard::Remains;
 use super::layout::{Declared, DescriptorSlot, Layout};
+use super::raster::Depth;
 use super::{Gpu, reflect, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
@@ -18,15 +19,33 @@ pub struct Pipeline(pub(super) Arc<Made>);
 
 /// What a pipeline consists of; destroyed with its last clone.
 pub(super) struct Made {
-    shared: Arc<Shared>,
+    pub(super) shared: Arc<Shared>,
     pub(super) handle: vk::Pipeline,
     pub(super) layout: Arc<Layout>,
     pub(super) name: &'static str,
     pub(super) slots: Vec<DescriptorSlot>,
     pub(super) push_bytes: u32,
     pub(super) push_stages: vk::ShaderStageFlags,
-    pub(super) point: vk::PipelineBindPoint,
+    /// Of graphics pipelines alone.
+    pub(super) raster: Option<RasterState>,
     pub(super) group: [u32; 3],
+}
+
+/// What a graphics pipeline was made for.
+pub(super) struct RasterState {
+    pub(super) colors: Vec<vk::Format>,
+    pub(super) depth: Depth,
+    /// Bytes from one vertex to the next, of each buffer.
+    pub(super) strides: Vec<u32>,
+}
+
+impl Made {
+    pub(super) fn point(&self) -> vk::PipelineBindPoint {
+        match self.raster {
+            Some(_) => vk::PipelineBindPoint::GRAPHICS,
+            None => vk::PipelineBindPoint::COMPUTE,
+        }
+    }
 }
 
 /// Pipelines by everything that they are made of, and how many have been made.
@@ -79,8 +98,12 @@ impl Gpu {
         self.kept(format!("{name} {constants:?}"), || self.make_compute(name, &spirv(name), constants, None))
     }
 
-    /// The same with subgroups of so many threads, all there: what `voting_threads` gives.
+    /// The same with subgroups of so many threads, all there.
+    ///
+    /// # Panics
+    /// If `voting_threads` does not give this number.
     pub fn compute_in_subgroups(&self, name: &'static str, constants: &[u32], threads: u32) -> Result<Pipeline> {
+        assert!(self.voting_threads() == Some(threads), "{name}: subgroups of {threads} threads cannot be asked for");
         let key = format!("{name} {constants:?} {threads}");
         self.kept(key, || self.make_compute(name, &spirv(name), constants, Some(threads)))
     }
@@ -154,7 +177,7 @@ impl Gpu {
             self.shared.device.destroy_shader_module(module, None);
             made
         };
-        self.pipeline(name, declared, vk::PipelineBindPoint::COMPUTE, made)
+        self.pipeline(name, declared, None, made)
     }
 
     /// Takes over what Vulkan has made.
@@ -162,7 +185,7 @@ impl Gpu {
         &self,
         name: &'static str,
         declared: Declared,
-        point: vk::PipelineBindPoint,
+        raster: Option<RasterState>,
         made: std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
     ) -> Result<Pipeline> {
         let handle = made.map_err(|(_, r)| r).map_err(vulkan(format!("pipeline {name}")))?[0];
@@ -170,7 +193,7 @@ impl Gpu {
         self.pipelines.borrow_mut().made += 1;
         let Declared { layout, slots, push_bytes, push_stages, group } = declared;
         let shared = self.shared.clone();
-        Ok(Pipeline(Arc::new(Made { shared, handle, layout, name, slots, push_bytes, push_stages, point, group })))
+        Ok(Pipeline(Arc::new(Made { shared, handle, layout, name, slots, push_bytes, push_stages, raster, group })))
     }
 
     pub(super) fn module(&self, name: &str, code: &[u32]) -> Result<vk::ShaderModule> {

@@ -1,7 +1,7 @@
 //! Graphics pipelines: what the caller states besides the shaders.
 
-use super::pipeline::{Pipeline, specialization, spirv};
-use super::resource::is_depth;
+use super::image::is_depth;
+use super::pipeline::{Pipeline, RasterState, specialization, spirv};
 use super::{Gpu, reflect};
 use crate::error::Result;
 use ash::vk;
@@ -179,6 +179,11 @@ impl Gpu {
             }
             made
         };
-        self.pipeline(name, declared, vk::PipelineBindPoint::GRAPHICS, made)
+        let state = RasterState {
+            colors: raster.colors.to_vec(),
+            depth: raster.depth,
+            strides: raster.streams.iter().map(|stream| stream.stride).collect(),
+        };
+        self.pipeline(name, declared, Some(state), made)
     }
 }

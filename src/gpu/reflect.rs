@@ -1,7 +1,7 @@
 //! What a shader declares: bindings with their access, push-constant size, workgroup size. Read from the SPIR-V, so
 //! that layouts, barrier checks and group counts follow the GLSL without being written twice.
 
-use super::spirv::{HEADER, MAGIC, built_in, decoration, dim, mode, op, sampled, storage};
+use super::spirv::{HEADER, IMAGE_FORMATS, MAGIC, built_in, decoration, dim, mode, op, sampled, storage};
 use ash::vk;
 use std::collections::HashMap;
 
@@ -12,6 +12,8 @@ pub(crate) struct Binding {
     pub(crate) kind: vk::DescriptorType,
     /// How an image must be viewed.
     pub(crate) view: Option<vk::ImageViewType>,
+    /// Texels of a storage image.
+    pub(crate) format: Option<vk::Format>,
     pub(crate) reads: bool,
     pub(crate) writes: bool,
 }
@@ -41,6 +43,7 @@ struct Image {
     dim: u32,
     arrayed: bool,
     sampled: bool,
+    format: u32,
 }
 
 impl Image {
@@ -51,6 +54,12 @@ impl Image {
             (dim::THREE, _) => Some(vk::ImageViewType::TYPE_3D),
             _ => None,
         }
+    }
+
+    /// Texels as storage.
+    fn texels(self) -> vk::Format {
+        let known = IMAGE_FORMATS.iter().find(|(number, _)| *number == self.format);
+        known.unwrap_or_else(|| panic!("a storage image of SPIR-V's format {} is not foreseen", self.format)).1
     }
 }
 
@@ -95,9 +104,12 @@ pub(crate) fn interface(spirv: &[u32], specialised: &[u32]) -> Interface {
             op::TYPE_INT | op::TYPE_FLOAT => Some(Type::Scalar(w[1] / 8)),
             op::TYPE_VECTOR => Some(Type::Vector(w[1], w[2])),
             op::TYPE_MATRIX => Some(Type::Matrix(w[1], w[2])),
-            op::TYPE_IMAGE => {
-                Some(Type::Image(Image { dim: w[2], arrayed: w[4] == 1, sampled: w[6] == sampled::WITH_SAMPLER }))
-            }
+            op::TYPE_IMAGE => Some(Type::Image(Image {
+                dim: w[2],
+                arrayed: w[4] == 1,
+                sampled: w[6] == sampled::WITH_SAMPLER,
+                format: w[7],
+            })),
             op::TYPE_SAMPLED_IMAGE => Some(Type::SampledImage(w[1])),
             op::TYPE_ARRAY => Some(Type::Array(w[1], w[2])),
             op::TYPE_STRUCT => Some(Type::Struct(w[1..].to_vec())),
@@ -194,6 +206,7 @@ impl Module {
             binding,
             kind,
             view: image.and_then(Image::view),
+            format: image.filter(|_| kind == vk::DescriptorType::STORAGE_IMAGE).map(Image::texels),
             reads: !storage_kind || !everywhere(decoration::NON_READABLE),
             writes: storage_kind && !everywhere(decoration::NON_WRITABLE),
         }

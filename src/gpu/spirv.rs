@@ -1,5 +1,7 @@
 //! Numbers of the SPIR-V specification by their names there: those that `reflect` reads.
 
+use ash::vk;
+
 /// First word of every module.
 pub(super) const MAGIC: u32 = 0x0723_0203;
 
@@ -70,3 +72,16 @@ pub(super) mod dim {
 pub(super) mod sampled {
     pub(crate) const WITH_SAMPLER: u32 = 1;
 }
+
+/// Texel formats that storage images declare, with Vulkan's names for them.
+pub(super) const IMAGE_FORMATS: [(u32, vk::Format); 9] = [
+    (1, vk::Format::R32G32B32A32_SFLOAT),
+    (2, vk::Format::R16G16B16A16_SFLOAT),
+    (3, vk::Format::R32_SFLOAT),
+    (4, vk::Format::R8G8B8A8_UNORM),
+    (6, vk::Format::R32G32_SFLOAT),
+    (7, vk::Format::R16G16_SFLOAT),
+    (30, vk::Format::R32G32B32A32_UINT),
+    (33, vk::Format::R32_UINT),
+    (35, vk::Format::R32G32_UINT),
+];

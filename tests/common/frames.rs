@@ -28,7 +28,7 @@ pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, setting
 #[track_caller]
 pub(crate) fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> Frame {
     let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
-    let frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
+    let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(false, |cmd| {
         frame.record(cmd, &buffers, &view);

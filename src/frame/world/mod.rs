@@ -29,10 +29,10 @@ use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCE
 use emitters::Patches;
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use lights::LightInfo;
-use model_caches::{Spot, place_caches};
+use model_caches::{CacheSurface, place_caches};
 use std::cell::{Cell, OnceCell};
 use textures::{MaterialTextures, upload_textures};
-use update::{Fixed, Moving, Pending, Placed, Revisions};
+use update::{Dynamic, InstanceLayout, PendingCopies, Revisions, Structure};
 
 /// A vertex as the stages that draw the scene read it.
 pub(super) const VERTEX: Stream<'static> = Stream {
@@ -123,20 +123,20 @@ pub struct World {
     /// Vertices of all instances, or cells of their surfaces.
     pub slot_count: u32,
     /// What the device has, or is about to get.
-    moving: Moving,
+    dynamic: Dynamic,
     /// Room for the next.
-    spare: Moving,
+    scratch: Dynamic,
     /// What of it the next frame copies.
-    pending: Cell<Pending>,
+    pending: Cell<PendingCopies>,
     /// Which content it is.
     pub(super) revisions: Revisions,
     /// Caches as they were uploaded, and the surface of each.
     placed_caches: Vec<ModelCache>,
-    spots: Vec<Spot>,
+    cache_surfaces: Vec<CacheSurface>,
     /// What must not change.
-    fixed: Fixed,
+    structure: Structure,
     /// What of each instance stays.
-    placed: Vec<Placed>,
+    layouts: Vec<InstanceLayout>,
     vertices: Buffer,
     indices: Buffer,
     materials: Buffer,
@@ -198,8 +198,8 @@ impl World {
         }
         let patches = Patches::new(scene);
         // Caches were placed under these maps, whatever the instances' are now.
-        let placed: Vec<Placed> = (scene.instances.iter().enumerate())
-            .map(|(i, instance)| Placed {
+        let layouts: Vec<InstanceLayout> = (scene.instances.iter().enumerate())
+            .map(|(i, instance)| InstanceLayout {
                 linear: match caches {
                     Some(caches) => caches.models[caches.instance_model[i]].linear,
                     None => instance.stretch(),
@@ -210,8 +210,8 @@ impl World {
                 emits: patches.any_of(i),
             })
             .collect();
-        let mut moving = Moving::default();
-        moving.fill(scene, origin, half, &placed);
+        let mut dynamic = Dynamic::default();
+        dynamic.fill(scene, origin, half, &layouts);
 
         let mut references = Vec::<u16>::new();
         let mut reference_base = Vec::new();
@@ -224,14 +224,15 @@ impl World {
             references.push(crate::bake::NO_CACHE);
         }
 
-        let (mut model_caches, mut spots, mut draws, mut slot_count) = (Vec::new(), Vec::new(), Vec::new(), 0_u32);
+        let (mut model_caches, mut cache_surfaces, mut draws, mut slot_count) =
+            (Vec::new(), Vec::new(), Vec::new(), 0_u32);
         for (i, instance) in scene.instances.iter().enumerate() {
             let cache_base = model_caches.len() as u32;
             let model = caches.map(|c| (c.instance_model[i], &c.models[c.instance_model[i]]));
             if let Some((_, model)) = model {
-                let first = spots.len();
-                spots.extend(Spot::all(scene, instance.mesh, model));
-                model_caches.extend(place_caches(scene, instance.mesh, model, i as u32, &spots[first..]));
+                let first = cache_surfaces.len();
+                cache_surfaces.extend(CacheSurface::all(scene, instance.mesh, model));
+                model_caches.extend(place_caches(scene, instance.mesh, model, i as u32, &cache_surfaces[first..]));
             }
             let mesh = &scene.meshes[instance.mesh];
             let first_vertex = first_posed[i].map_or(mesh_base[instance.mesh].0, u64::from);
@@ -277,15 +278,15 @@ impl World {
             sky: scene.sky.as_ref().map(|sky| SkyBuffer::new(gpu, sky)).transpose()?,
             emitters: patches.vals(scene, origin),
             patches,
-            light_buffer: gpu.buffer_from("scene.lights", &moving.lights)?,
-            view_buffer: gpu.buffer_from("scene.light_views", &moving.views)?,
-            instances: gpu.buffer_from("scene.instances", &moving.instances)?,
+            light_buffer: gpu.buffer_from("scene.lights", &dynamic.lights)?,
+            view_buffer: gpu.buffer_from("scene.light_views", &dynamic.views)?,
+            instances: gpu.buffer_from("scene.instances", &dynamic.instances)?,
             deform: DeformBuffers::new(gpu, scene, &first_posed)?,
             cache_count: model_caches.len() as u32,
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
             placed_caches: model_caches,
-            spots,
-            fixed: Fixed::new(scene),
+            cache_surfaces,
+            structure: Structure::new(scene),
             references_each: references_each(scene, caches),
             albedos: OnceCell::new(),
             caches: caches.cloned(),
@@ -298,16 +299,16 @@ impl World {
             slot_count,
             vertices: gpu.buffer_from("scene.vertices", &vertices)?,
             indices: gpu.buffer_from("scene.indices", &indices)?,
-            materials: gpu.buffer_from("scene.materials", &moving.materials)?,
-            texture_slots: gpu.buffer_from("scene.texture_slots", &moving.slots)?,
+            materials: gpu.buffer_from("scene.materials", &dynamic.materials)?,
+            texture_slots: gpu.buffer_from("scene.texture_slots", &dynamic.slots)?,
             textures,
             material_textures,
             draws,
-            placed,
-            revisions: Revisions::new(moving.lights.len()),
-            pending: Cell::new(Pending::new(first_posed.iter().any(Option::is_some))),
-            spare: Moving::default(),
-            moving,
+            layouts,
+            revisions: Revisions::new(dynamic.lights.len()),
+            pending: Cell::new(PendingCopies::new(first_posed.iter().any(Option::is_some))),
+            scratch: Dynamic::default(),
+            dynamic,
         })
     }
 
@@ -345,7 +346,7 @@ impl World {
                 Which::Opaque => !item.masked,
                 Which::Masked => item.masked,
             };
-            if !wanted || self.moving.hidden[item.instance as usize] {
+            if !wanted || self.dynamic.hidden[item.instance as usize] {
                 continue;
             }
             if bound.replace(item.material) != Some(item.material) {
@@ -358,7 +359,7 @@ impl World {
                 draw: i as u32 + 1,
                 eye,
             });
-            draw.front_is_ccw(!self.moving.mirrored[item.instance as usize]);
+            draw.front_is_ccw(!self.dynamic.mirrored[item.instance as usize]);
             draw.vertices(&[(&self.vertices, item.vertex_offset)]);
             draw.indices(&self.indices, item.index_offset);
             draw.draw_indexed(item.index_count, item.first_index);
@@ -376,18 +377,18 @@ impl World {
     }
 
     /// Diffuse albedos of the caches, where they have been asked for.
-    pub(super) fn cache_albedos(&self) -> Option<&Buffer> {
+    pub fn cache_albedos(&self) -> Option<&Buffer> {
         self.albedos.get().map(|albedos| &albedos.buffer)
     }
 
     /// Lights, for the host.
     pub fn lights(&self) -> &[LightInfo] {
-        &self.moving.infos
+        &self.dynamic.infos
     }
 
     /// From the world to the clip space of a view of a light.
     pub fn clip_from_world(&self, view: u32) -> Mat4 {
-        self.moving.views[view as usize].clip_from_world
+        self.dynamic.views[view as usize].clip_from_world
     }
 
     /// Vertices as draws read them.

@@ -7,24 +7,24 @@ use crate::shared::ModelCache;
 use glam::{DMat3, DVec3, Vec2, Vec3, Vec4};
 
 /// The surface that a cache lies on.
-pub(super) struct Spot {
+pub(super) struct CacheSurface {
     material: usize,
     uv: [Vec2; 2],
 }
 
-impl Spot {
+impl CacheSurface {
     /// Of a model's caches.
     pub(super) fn all(scene: &Scene, mesh: usize, model: &ModelCaches) -> Vec<Self> {
         let mesh = &scene.meshes[mesh];
         let materials = mesh.triangle_materials();
-        let spot = |cache: &Cache| {
+        let surface = |cache: &Cache| {
             let [a, b, c] = mesh.triangle(cache.triangle as usize).map(|i| &mesh.vertices[i]);
             let [v, w] = cache.barycentric;
             let u = 1.0 - v - w;
             let uv = [u * a.uv0 + v * b.uv0 + w * c.uv0, u * a.uv1 + v * b.uv1 + w * c.uv1];
             Self { material: materials[cache.triangle as usize], uv }
         };
-        model.caches.iter().map(spot).collect()
+        model.caches.iter().map(surface).collect()
     }
 
     /// Phong exponent there.
@@ -39,17 +39,17 @@ pub(super) fn place_caches(
     mesh: usize,
     model: &ModelCaches,
     instance: u32,
-    spots: &[Spot],
+    cache_surfaces: &[CacheSurface],
 ) -> Vec<ModelCache> {
     let mesh = &scene.meshes[mesh];
     let (normals, _) = normal_matrix(model.linear);
-    let place = |(c, spot): (&Cache, &Spot)| {
+    let place = |(c, surface): (&Cache, &CacheSurface)| {
         let area = f64::from(c.area);
         let length = (model.linear * c.axis.as_dvec3()).length();
         let over = |value: f64, by: f64| if by > 0.0 { (value / by) as f32 } else { 0.0 };
         let placed = ModelCache {
             position: c.position,
-            exponent: spot.exponent(scene),
+            exponent: surface.exponent(scene),
             normal: c.normal,
             // The shader multiplies by what the normal's length then is: under the same map it is this one.
             area: over(area, (normals * c.normal.as_dvec3()).length()),
@@ -60,7 +60,7 @@ pub(super) fn place_caches(
         };
         if mesh.deform.is_some() { on_triangle(mesh, model.linear, c, placed) } else { placed }
     };
-    model.caches.iter().zip(spots).map(place).collect()
+    model.caches.iter().zip(cache_surfaces).map(place).collect()
 }
 
 /// A cache in terms of its triangle, of a mesh under this map at rest.

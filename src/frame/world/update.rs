@@ -29,7 +29,7 @@ impl Revisions {
 
 /// What is to be copied to the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Pending {
+pub(super) struct PendingCopies {
     instances: bool,
     poses: bool,
     lights: bool,
@@ -38,7 +38,7 @@ pub(super) struct Pending {
     caches: bool,
 }
 
-impl Pending {
+impl PendingCopies {
     /// Of a scene that was just uploaded: poses alone are not.
     pub(super) fn new(bends: bool) -> Self {
         Self { poses: bends, ..Self::default() }
@@ -47,7 +47,7 @@ impl Pending {
 
 /// What of an instance stays, however it moves.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Placed {
+pub(super) struct InstanceLayout {
     /// The map that its caches were placed under.
     pub(super) linear: DMat3,
     /// First of its mesh's indices among all.
@@ -62,14 +62,14 @@ pub(super) struct Placed {
 
 /// What of a scene must stay: what drawing it depends on besides what moves.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Fixed {
+pub(super) struct Structure {
     /// Mesh of each instance.
     meshes: Vec<usize>,
-    materials: Vec<FixedMaterial>,
+    materials: Vec<MaterialStructure>,
 }
 
 #[derive(Clone, Debug, PartialEq)]
-struct FixedMaterial {
+struct MaterialStructure {
     /// Whether it has holes.
     masked: bool,
     /// Whether it may shine.
@@ -77,18 +77,18 @@ struct FixedMaterial {
     textures: [Option<(usize, Sampler)>; TEXTURE_COUNT as usize],
 }
 
-impl FixedMaterial {
+impl MaterialStructure {
     fn new(scene: &Scene, (index, material): (usize, &Material)) -> Self {
         let textures = textures::used(material).map(|(texture, _)| texture.map(|t| (t.image, t.sampler)));
         Self { masked: material.alpha_cutoff.is_some(), emits: scene.emission(index).is_some(), textures }
     }
 }
 
-impl Fixed {
+impl Structure {
     pub(super) fn new(scene: &Scene) -> Self {
         Self {
             meshes: scene.instances.iter().map(|instance| instance.mesh).collect(),
-            materials: scene.materials.iter().enumerate().map(|m| FixedMaterial::new(scene, m)).collect(),
+            materials: scene.materials.iter().enumerate().map(|m| MaterialStructure::new(scene, m)).collect(),
         }
     }
 
@@ -101,13 +101,13 @@ impl Fixed {
     fn has_materials_of(&self, scene: &Scene) -> bool {
         scene.materials.len() == self.materials.len()
             && (scene.materials.iter().enumerate().zip(&self.materials))
-                .all(|(m, fixed)| FixedMaterial::new(scene, m) == *fixed)
+                .all(|(m, fixed)| MaterialStructure::new(scene, m) == *fixed)
     }
 }
 
 /// The host's copy.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Moving {
+pub(super) struct Dynamic {
     pub(super) instances: Vec<shared::Instance>,
     pub(super) mirrored: Vec<bool>,
     pub(super) hidden: Vec<bool>,
@@ -120,18 +120,18 @@ pub(super) struct Moving {
     pub(super) slots: Vec<TextureSlot>,
 }
 
-impl Moving {
-    /// Fills in how a scene stands around `origin` with half extent `half` [m]; `placed` is what of each
+impl Dynamic {
+    /// Fills in how a scene stands around `origin` with half extent `half` [m]; `layouts` is what of each
     /// instance stays.
-    pub(super) fn fill(&mut self, scene: &Scene, origin: DVec3, half: DVec3, placed: &[Placed]) {
+    pub(super) fn fill(&mut self, scene: &Scene, origin: DVec3, half: DVec3, layouts: &[InstanceLayout]) {
         self.instances.clear();
         self.mirrored.clear();
         self.hidden.clear();
         self.joints.clear();
         self.weights.clear();
-        for (instance, placed) in scene.instances.iter().zip(placed) {
-            self.place(instance, origin, placed);
-            self.pose(instance, placed.pose_sizes);
+        for (instance, layout) in scene.instances.iter().zip(layouts) {
+            self.place(instance, origin, layout);
+            self.pose(instance, layout.pose_sizes);
         }
         (self.infos, self.lights, self.views) =
             lights::prepare_with(&scene.lights, origin, half, |i| scene.animates(&[Quantity::Cone], i));
@@ -144,12 +144,12 @@ impl Moving {
         self.slots.extend(scene.materials.iter().flat_map(textures::slots));
     }
 
-    fn place(&mut self, instance: &Instance, origin: DVec3, placed: &Placed) {
+    fn place(&mut self, instance: &Instance, origin: DVec3, layout: &InstanceLayout) {
         let mut now = instance.world_from_model;
         now.translation -= origin;
         let (normals, size) = normal_matrix(now.matrix3);
-        let (_, placed_size) = normal_matrix(placed.linear);
-        let change = now.matrix3 * placed.linear.inverse();
+        let (_, placed_size) = normal_matrix(layout.linear);
+        let change = now.matrix3 * layout.linear.inverse();
         let growth = largest_stretch(change);
         self.mirrored.push(now.matrix3.determinant() < 0.0);
         self.hidden.push(instance.hidden);
@@ -158,13 +158,13 @@ impl Moving {
             growth: if growth.is_finite() { growth as f32 } else { 1.0 },
             world_from_normal: Mat4::from_mat3(normals.as_mat3()),
             // On a mesh that bends areas are those of posed triangles.
-            area_scale: match (instance.hidden, placed.first_vertex) {
+            area_scale: match (instance.hidden, layout.first_vertex) {
                 (true, _) => 0.0,
                 (false, RIGID) => (size / placed_size) as f32,
                 (false, _) => 1.0,
             },
-            first_index: placed.first_index,
-            first_vertex: placed.first_vertex,
+            first_index: layout.first_index,
+            first_vertex: layout.first_vertex,
         });
     }
 
@@ -212,19 +212,19 @@ impl World {
     /// # Errors
     /// Other models or instances than were uploaded: these need caches, so they need a new world.
     pub fn update(&mut self, gpu: &Gpu, scene: &Scene) -> Result<()> {
-        if !self.fixed.has_models_of(scene) {
+        if !self.structure.has_models_of(scene) {
             return Err(Error::Nothing("the scene has other models than were uploaded: bake and load it anew".into()));
         }
-        if !self.fixed.has_materials_of(scene) || self.features != Features::new(scene) {
+        if !self.structure.has_materials_of(scene) || self.features != Features::new(scene) {
             let caches = self.caches.take();
             let made = Self::new(gpu, scene, caches.as_ref());
             self.caches = caches;
             *self = made?;
             return Ok(());
         }
-        let mut now = std::mem::take(&mut self.spare);
-        now.fill(scene, self.origin, self.half, &self.placed);
-        let old = &self.moving;
+        let mut now = std::mem::take(&mut self.scratch);
+        now.fill(scene, self.origin, self.half, &self.layouts);
+        let old = &self.dynamic;
         let same_lights = now.infos.len() == old.infos.len()
             && (now.infos.iter().zip(&old.infos)).all(|(a, b)| (a.views, a.sharing) == (b.views, b.sharing));
         if !same_lights {
@@ -250,14 +250,15 @@ impl World {
         }
         if surfaces {
             self.revisions.surfaces = new_revision();
-            let moved = |(i, placed): (usize, &Placed)| placed.emits && (poses || now.instances[i] != old.instances[i]);
-            if !self.emitters.is_empty() && (materials || self.placed.iter().enumerate().any(moved)) {
+            let moved =
+                |(i, layout): (usize, &InstanceLayout)| layout.emits && (poses || now.instances[i] != old.instances[i]);
+            if !self.emitters.is_empty() && (materials || self.layouts.iter().enumerate().any(moved)) {
                 self.emitters = self.patches.vals(scene, self.origin);
             }
         }
         if materials {
-            for (cache, spot) in self.placed_caches.iter_mut().zip(&self.spots) {
-                let exponent = spot.exponent(scene);
+            for (cache, surface) in self.placed_caches.iter_mut().zip(&self.cache_surfaces) {
+                let exponent = surface.exponent(scene);
                 pending.caches |= { cache.exponent } != exponent;
                 cache.exponent = exponent;
             }
@@ -267,7 +268,7 @@ impl World {
             pending.albedos = true;
         }
         self.pending.set(pending);
-        self.spare = std::mem::replace(&mut self.moving, now);
+        self.scratch = std::mem::replace(&mut self.dynamic, now);
         Ok(())
     }
 
@@ -275,11 +276,11 @@ impl World {
     pub(in crate::frame) fn record_changes(&self, cmd: &Cmd<'_>) -> bool {
         let pending = self.pending.take();
         let poses = pending.poses;
-        if pending == Pending::default() {
+        if pending == PendingCopies::default() {
             return false;
         }
         let _zone = cmd.zone("update");
-        let now = &self.moving;
+        let now = &self.dynamic;
         if pending.instances {
             cmd.update(&self.instances, 0, &now.instances);
         }

@@ -377,7 +377,6 @@ impl Contexts<'_> {
             for (gathers, times) in gathers.iter().zip(&mut paths) {
                 let gather = &gathers[round % tune::PIPELINES];
                 let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
-                    cmd.begin_frame([]);
                     let _zone = cmd.zone("gather");
                     gather.record(cmd, &lit);
                     Ok(())

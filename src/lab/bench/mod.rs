@@ -13,6 +13,7 @@ pub mod scaling;
 pub mod simd;
 pub mod table;
 pub mod thesis;
+pub mod views;
 
 pub use extent::Extent;
 pub use report::write;
@@ -54,7 +55,15 @@ pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<R
     let tuned = tune::fastest(gpu)?;
     // The parts take about this share of the time each.
     let part = |from: f32, to: f32| move |part: f32, what: &str| progress(from + (to - from) * part, what);
-    let parts = [part(0.0, 0.3), part(0.3, 0.4), part(0.4, 0.7), part(0.7, 0.75), part(0.75, 0.95), part(0.95, 1.0)];
+    let parts = [
+        part(0.0, 0.3),
+        part(0.3, 0.4),
+        part(0.4, 0.7),
+        part(0.7, 0.75),
+        part(0.75, 0.93),
+        part(0.93, 0.97),
+        part(0.97, 1.0),
+    ];
     let mut work = Contexts { gpu, extent, peak, tuned, progress: &parts[0], problems: Vec::new() };
     let mut tables = Vec::from(work.triangles()?);
     work.progress = &parts[1];
@@ -67,6 +76,8 @@ pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<R
     tables.extend(work.scaling()?);
     work.progress = &parts[5];
     tables.push(work.motion()?);
+    work.progress = &parts[6];
+    tables.push(work.views()?);
     let problems = work.problems;
     let grown = exponents(tables.iter().find(|table| table.name == "caches").expect("just made"));
     tables.push(grown);

@@ -2,11 +2,11 @@
 
 use super::Results;
 use super::contexts::VERSIONS;
-use super::motion;
 use super::native;
 use super::scaling;
 use super::table::{Cell, Table};
 use super::thesis;
+use super::{motion, views};
 use crate::error::Result;
 use crate::files;
 use crate::gpu::Gpu;
@@ -118,6 +118,7 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
     lines.extend(small_scenes(pairs));
     lines.extend(culling(results.table("culling")));
     lines.extend(motion::headlines(results.table("motion")));
+    lines.extend(views::headlines(results.table("views")));
     lines
 }
 

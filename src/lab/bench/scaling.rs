@@ -287,7 +287,6 @@ impl Contexts<'_> {
     /// Time [ms] of a zone that is submitted alone on software devices, as in frames.
     fn zone(&mut self, record: &dyn Fn(&Cmd<'_>)) -> Result<f64> {
         let drawn = self.gpu.frame(self.gpu.is_software(), |cmd| {
-            cmd.begin_frame([]);
             let _zone = cmd.zone("gather");
             record(cmd);
             Ok(())

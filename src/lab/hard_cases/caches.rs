@@ -40,7 +40,6 @@ fn gather_alone(gpu: &Gpu, vals: &[Val], caches: &[Cache]) -> Result<Gathered> {
     let stage = Compute::new(gpu, atlas.count, vals.count, &Ways::default(), ComputeKind::plain(true))?;
     let stage = Gather::Compute(Box::new(stage));
     let drawn = gpu.frame(false, |cmd| {
-        cmd.begin_frame([]);
         let _zone = cmd.zone("gather");
         let eyes = [EYE.extend(1.0)];
         stage.record(cmd, &Lit { vals: &vals, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None });

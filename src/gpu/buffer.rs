@@ -1,0 +1,178 @@
+//! Buffers that know their name and size and free themselves.
+
+use super::device::Shared;
+use super::graveyard::Remains;
+use super::registry::ResourceKind;
+use super::{Gpu, vulkan};
+use crate::error::Result;
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::Allocation;
+use std::cell::OnceCell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// A buffer. Device-local ones are filled once by upload or by shaders; host ones are written every frame or read back.
+pub struct Buffer {
+    pub(super) shared: Arc<Shared>,
+    allocation: Option<Allocation>,
+    pub(crate) handle: vk::Buffer,
+    /// The buffer as RGBA32F texels; made when a shader first reads it so.
+    texels: OnceCell<vk::BufferView>,
+    pub(crate) id: u64,
+    /// `stage.thing`, as validation messages and captures show it.
+    pub name: String,
+    /// Size [bytes].
+    pub size: u64,
+    /// The same, out of everybody's reach: what unsafe code relies on.
+    pub(super) held: u64,
+    /// Asked for as host-visible; some devices map all memory, but nobody may rely on that.
+    host: bool,
+    /// The submission that used it last.
+    used: AtomicU64,
+}
+
+/// Every use a buffer of ours may be put to: one list, so that no buffer is refused a use it needs later.
+const BUFFER_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
+    vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
+        | vk::BufferUsageFlags::UNIFORM_BUFFER.as_raw()
+        | vk::BufferUsageFlags::UNIFORM_TEXEL_BUFFER.as_raw()
+        | vk::BufferUsageFlags::VERTEX_BUFFER.as_raw()
+        | vk::BufferUsageFlags::INDEX_BUFFER.as_raw()
+        | vk::BufferUsageFlags::INDIRECT_BUFFER.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_SRC.as_raw()
+        | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
+);
+
+impl Gpu {
+    /// A device-local buffer; its content is undefined.
+    pub fn buffer(&self, name: &str, size: u64) -> Result<Buffer> {
+        self.make_buffer(name, size, MemoryLocation::GpuOnly)
+    }
+
+    /// A buffer that the CPU writes and the GPU reads.
+    pub fn host_buffer(&self, name: &str, size: u64) -> Result<Buffer> {
+        self.make_buffer(name, size, MemoryLocation::CpuToGpu)
+    }
+
+    /// A buffer that the GPU writes and the CPU reads.
+    pub fn readback_buffer(&self, name: &str, size: u64) -> Result<Buffer> {
+        self.make_buffer(name, size, MemoryLocation::GpuToCpu)
+    }
+
+    /// A device-local buffer that holds `data`; at least 16 bytes, so that an empty list can be bound.
+    pub fn buffer_from<T: bytemuck::NoUninit>(&self, name: &str, data: &[T]) -> Result<Buffer> {
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let buffer = self.buffer(name, bytes.len().max(16) as u64)?;
+        if !bytes.is_empty() {
+            let mut staging = self.host_buffer("upload", bytes.len() as u64)?;
+            staging.write(0, bytes);
+            self.run_once("upload", |cmd| cmd.copy_buffer(&staging, &buffer, bytes.len() as u64))?;
+        }
+        Ok(buffer)
+    }
+
+    /// Reads a whole buffer back; waits for the device.
+    pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
+        let back = self.readback_buffer("readback", buffer.held)?;
+        self.run_once("readback", |cmd| cmd.copy_buffer(buffer, &back, buffer.held))?;
+        Ok(bytemuck::pod_collect_to_vec(back.bytes()))
+    }
+
+    fn make_buffer(&self, name: &str, size: u64, location: MemoryLocation) -> Result<Buffer> {
+        let device = &self.shared.device;
+        if size > self.shared.max_buffer_size {
+            return Err(self.too_large(format!("buffer {name} needs {size} bytes"), self.shared.max_buffer_size));
+        }
+        let info = vk::BufferCreateInfo::default().size(size.max(4)).usage(BUFFER_USAGE);
+        let what = || format!("buffer {name}, {size} bytes");
+        // SAFETY: the device is alive; the handle is destroyed in `Drop`.
+        let handle = unsafe { device.create_buffer(&info, None) }.map_err(vulkan(what()))?;
+        self.shared.name(handle, name);
+        let mut buffer = Buffer {
+            shared: self.shared.clone(),
+            allocation: None,
+            handle,
+            texels: OnceCell::new(),
+            id: self.shared.new_id(),
+            name: name.to_owned(),
+            size: size.max(4),
+            held: size.max(4),
+            host: location != MemoryLocation::GpuOnly,
+            used: AtomicU64::new(0),
+        };
+        // SAFETY: plain query of a live buffer.
+        let requirements = unsafe { device.get_buffer_memory_requirements(handle) };
+        let allocation = self.shared.allocate(name, requirements, location, true)?;
+        // SAFETY: fresh memory of the right kind and size; bound once.
+        unsafe { device.bind_buffer_memory(handle, allocation.memory(), allocation.offset()) }
+            .map_err(vulkan(what()))?;
+        buffer.allocation = Some(allocation);
+        let kind = if buffer.host { ResourceKind::HostBuffer } else { ResourceKind::Buffer };
+        self.shared.register(buffer.id, name, kind, buffer.size);
+        Ok(buffer)
+    }
+
+    /// The buffer as RGBA32F texels of 16 bytes.
+    pub(crate) fn texels(&self, buffer: &Buffer) -> Result<vk::BufferView> {
+        if let Some(view) = buffer.texels.get() {
+            return Ok(*view);
+        }
+        let (limit, texels) = (u64::from(self.shared.limits.max_texel_buffer_elements), buffer.held / 16);
+        assert!(texels > 0, "{}: too small to be read as texels", buffer.name);
+        if texels > limit {
+            return Err(self.too_large(format!("buffer {} needs {texels} texels", buffer.name), limit));
+        }
+        let info = vk::BufferViewCreateInfo::default()
+            .buffer(buffer.handle)
+            .format(vk::Format::R32G32B32A32_SFLOAT)
+            .range(texels * 16);
+        // SAFETY: the buffer is bound and made with texel usage; the view is destroyed before it, in `Drop`.
+        let view = unsafe { self.shared.device.create_buffer_view(&info, None) }.map_err(vulkan("texel buffer"))?;
+        self.shared.name(view, &buffer.name);
+        Ok(*buffer.texels.get_or_init(|| view))
+    }
+}
+
+impl Buffer {
+    /// The bytes of a host-visible buffer.
+    ///
+    /// # Panics
+    /// If the buffer is not host-visible, or the device still uses it.
+    pub fn bytes(&self) -> &[u8] {
+        self.assert_idle();
+        let all = self.allocation.as_ref().and_then(Allocation::mapped_slice).expect("host-visible memory");
+        &all[..self.held as usize]
+    }
+
+    /// Writes into a host-visible buffer, from this byte on.
+    ///
+    /// # Panics
+    /// If the buffer is not host-visible or too small, or the device still uses it.
+    pub fn write<T: bytemuck::NoUninit>(&mut self, offset: u64, data: &[T]) {
+        self.assert_idle();
+        let bytes: &[u8] = bytemuck::cast_slice(data);
+        let all = self.allocation.as_mut().and_then(Allocation::mapped_slice_mut).expect("host-visible memory");
+        all[..self.held as usize][offset as usize..][..bytes.len()].copy_from_slice(bytes);
+    }
+
+    /// Notes that the submission being recorded uses it.
+    pub(super) fn used(&self) {
+        self.used.store(self.shared.submitted.load(Ordering::SeqCst) + 1, Ordering::Relaxed);
+    }
+
+    /// The CPU may look at what is meant for it, and not while the device uses it.
+    fn assert_idle(&self) {
+        assert!(self.host, "{}: not a host-visible buffer", self.name);
+        let idle = self.used.load(Ordering::Relaxed) <= self.shared.done();
+        assert!(idle, "{}: the device still uses it; wait for the frame", self.name);
+    }
+}
+
+impl Drop for Buffer {
+    fn drop(&mut self) {
+        self.shared.unregister(self.id);
+        let (handle, texels, memory) = (self.handle, self.texels.take(), self.allocation.take());
+        self.shared.bury(self.id, Remains::Buffer { handle, texels, memory });
+    }
+}

@@ -1,0 +1,312 @@
+//! Images that know their name, size and format and free themselves.
+
+use super::device::Shared;
+use super::graveyard::Remains;
+use super::registry::ResourceKind;
+use super::{Gpu, vulkan};
+use crate::error::{Error, Result};
+use ash::vk;
+use gpu_allocator::MemoryLocation;
+use gpu_allocator::vulkan::Allocation;
+use std::sync::Arc;
+
+/// An image: a render target, a shadow map, a texture, a volume. It goes to layout GENERAL once, with the first submission
+/// after it was made, and stays there.
+pub struct Image {
+    pub(super) shared: Arc<Shared>,
+    allocation: Option<Allocation>,
+    pub(super) handle: vk::Image,
+    /// The whole image, as shaders see it.
+    pub(super) view: vk::ImageView,
+    /// One view for each layer of several, as rendering sees them.
+    layers: Vec<vk::ImageView>,
+    pub(super) id: u64,
+    /// What it was made as, out of everybody's reach: what unsafe code relies on.
+    pub(super) made: Made,
+    /// `stage.thing`, as validation messages and captures show it.
+    pub name: String,
+    /// Texel format.
+    pub format: vk::Format,
+    /// Width [texels].
+    pub width: u32,
+    /// Height [texels].
+    pub height: u32,
+}
+
+/// How the texels of an image lie.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Extent {
+    /// A plane; `sampler2D` and `image2D` in shaders.
+    Plane,
+    /// So many planes; `sampler2DArray` and `image2DArray` in shaders, and each can be rendered into.
+    Layers(u32),
+    /// A volume of this depth [texels]; `sampler3D` and `image3D` in shaders. It cannot be rendered into.
+    Volume(u32),
+}
+
+/// An image to be made.
+#[derive(Clone, Copy, Debug)]
+pub struct ImageDesc<'a> {
+    /// `stage.thing`.
+    pub name: &'a str,
+    /// Texel format.
+    pub format: vk::Format,
+    /// Width and height [texels].
+    pub size: [u32; 2],
+    /// Planes, or depth.
+    pub extent: Extent,
+    /// Whether shaders write it as `image2D` and the like.
+    pub storage: bool,
+}
+
+/// What unsafe code relies on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Made {
+    pub(super) format: vk::Format,
+    pub(super) size: [u32; 2],
+    pub(super) extent: Extent,
+    pub(super) mips: u32,
+    pub(super) usage: vk::ImageUsageFlags,
+}
+
+impl Made {
+    /// Number of layers.
+    pub(super) fn layers(self) -> u32 {
+        if let Extent::Layers(layers) = self.extent { layers } else { 1 }
+    }
+
+    /// Texels from front to back.
+    pub(super) fn depth(self) -> u32 {
+        if let Extent::Volume(depth) = self.extent { depth } else { 1 }
+    }
+
+    /// Width, height and depth of a level.
+    pub(super) fn level(self, mip: u32) -> vk::Extent3D {
+        let [width, height, depth] = [self.size[0], self.size[1], self.depth()].map(|n| (n >> mip).max(1));
+        vk::Extent3D { width, height, depth }
+    }
+
+    /// Bytes of a level, all layers of it.
+    pub(super) fn level_bytes(self, mip: u32) -> u64 {
+        let vk::Extent3D { width, height, depth } = self.level(mip);
+        [width, height, depth, self.layers()].into_iter().map(u64::from).product::<u64>() * texel_bytes(self.format)
+    }
+
+    /// How shaders see it.
+    pub(super) fn view_type(self) -> vk::ImageViewType {
+        match self.extent {
+            Extent::Plane => vk::ImageViewType::TYPE_2D,
+            Extent::Layers(_) => vk::ImageViewType::TYPE_2D_ARRAY,
+            Extent::Volume(_) => vk::ImageViewType::TYPE_3D,
+        }
+    }
+
+    /// All of it.
+    pub(super) fn range(self) -> vk::ImageSubresourceRange {
+        vk::ImageSubresourceRange {
+            aspect_mask: aspect(self.format),
+            base_mip_level: 0,
+            level_count: self.mips,
+            base_array_layer: 0,
+            layer_count: self.layers(),
+        }
+    }
+}
+
+impl Gpu {
+    /// A render target that shaders can also read.
+    pub fn target(&self, name: &str, format: vk::Format, width: u32, height: u32) -> Result<Image> {
+        self.image(&ImageDesc { name, format, size: [width, height], extent: Extent::Plane, storage: false })
+    }
+
+    /// An image that is rendered into or written by shaders, and read by others.
+    ///
+    /// # Errors
+    /// If the device has no such image: too large, or the format not for this use. There is memory for it or not.
+    pub fn image(&self, desc: &ImageDesc<'_>) -> Result<Image> {
+        let mut usage =
+            vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
+        usage |= match desc.extent {
+            Extent::Volume(_) => vk::ImageUsageFlags::empty(),
+            _ if is_depth(desc.format) => vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT,
+            _ => vk::ImageUsageFlags::COLOR_ATTACHMENT,
+        };
+        if desc.storage {
+            usage |= vk::ImageUsageFlags::STORAGE;
+        }
+        let ImageDesc { name, format, size, extent, .. } = *desc;
+        self.make_image(name, Made { format, size, extent, mips: 1, usage })
+    }
+
+    /// A sampled texture with all its mip levels given, largest first, tightly packed.
+    pub fn texture(
+        &self,
+        name: &str,
+        format: vk::Format,
+        width: u32,
+        height: u32,
+        levels: &[Vec<u8>],
+    ) -> Result<Image> {
+        let usage = vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_DST;
+        let made = Made { format, size: [width, height], extent: Extent::Plane, mips: levels.len() as u32, usage };
+        let most = width.max(height).max(1).ilog2() + 1;
+        assert!((1..=most).contains(&made.mips), "{name}: {} levels of {width}x{height} texels", made.mips);
+        for (mip, level) in levels.iter().enumerate() {
+            let bytes = made.level_bytes(mip as u32);
+            assert!(level.len() as u64 == bytes, "{name}: level {mip} has {} bytes, not {bytes}", level.len());
+        }
+        let image = self.make_image(name, made)?;
+        let mut staging = self.host_buffer("upload", levels.iter().map(|l| l.len() as u64).sum())?;
+        let mut offset = 0;
+        for level in levels {
+            staging.write(offset, level);
+            offset += level.len() as u64;
+        }
+        self.run_once("upload", |cmd| cmd.copy_buffer_to_texture(&staging, &image))?;
+        Ok(image)
+    }
+
+    /// Reads the largest level of an image back as tightly packed texels, layer after layer; waits for the device.
+    pub fn read_image<T: bytemuck::Pod>(&self, image: &Image) -> Result<Vec<T>> {
+        let back = self.readback_buffer("readback", image.made.level_bytes(0))?;
+        self.run_once("readback", |cmd| cmd.copy_image_to_buffer(image, &back))?;
+        Ok(bytemuck::pod_collect_to_vec(back.bytes()))
+    }
+
+    /// Refuses what the device cannot make.
+    fn check_image(&self, name: &str, made: Made, kind: vk::ImageType) -> Result<()> {
+        let [width, height] = made.size;
+        let (layers, depth) = (made.layers(), made.depth());
+        assert!(width.min(height).min(layers).min(depth) > 0, "image {name}: {width}x{height}, {:?}", made.extent);
+        let limits = &self.shared.limits;
+        let limit =
+            if kind == vk::ImageType::TYPE_3D { limits.max_image_dimension3_d } else { limits.max_image_dimension2_d };
+        if width.max(height).max(depth) > limit {
+            let depth = if depth > 1 { format!("x{depth}") } else { String::new() };
+            return Err(self.too_large(format!("image {name} needs {width}x{height}{depth} texels"), limit.into()));
+        }
+        if layers > limits.max_image_array_layers {
+            let most = limits.max_image_array_layers.into();
+            return Err(self.too_large(format!("image {name} needs {layers} layers"), most));
+        }
+        // SAFETY: plain query of a live instance and its device.
+        let supported = unsafe {
+            self.shared.instance.instance.get_physical_device_image_format_properties(
+                self.shared.physical,
+                made.format,
+                kind,
+                vk::ImageTiling::OPTIMAL,
+                made.usage,
+                vk::ImageCreateFlags::empty(),
+            )
+        };
+        supported.map(|_| ()).map_err(|result| Error::Vulkan {
+            what: format!("image {name} of {:?} for {:?}", made.format, made.usage),
+            result: result.to_string(),
+        })
+    }
+
+    fn make_image(&self, name: &str, made: Made) -> Result<Image> {
+        let device = &self.shared.device;
+        let (format, [width, height]) = (made.format, made.size);
+        let what = || format!("image {name} {width}x{height} {format:?}");
+        let kind = if let Extent::Volume(_) = made.extent { vk::ImageType::TYPE_3D } else { vk::ImageType::TYPE_2D };
+        self.check_image(name, made, kind)?;
+        let info = vk::ImageCreateInfo::default()
+            .image_type(kind)
+            .format(format)
+            .extent(made.level(0))
+            .mip_levels(made.mips)
+            .array_layers(made.layers())
+            .samples(vk::SampleCountFlags::TYPE_1)
+            .usage(made.usage);
+        // SAFETY: the device is alive; the handle is destroyed in `Drop`.
+        let handle = unsafe { device.create_image(&info, None) }.map_err(vulkan(what()))?;
+        self.shared.name(handle, name);
+        let mut image = Image {
+            shared: self.shared.clone(),
+            allocation: None,
+            handle,
+            view: vk::ImageView::null(),
+            layers: Vec::new(),
+            id: self.shared.new_id(),
+            made,
+            name: name.to_owned(),
+            format,
+            width,
+            height,
+        };
+        // SAFETY: plain query of a live image.
+        let requirements = unsafe { device.get_image_memory_requirements(handle) };
+        let allocation = self.shared.allocate(name, requirements, MemoryLocation::GpuOnly, false)?;
+        // SAFETY: fresh memory of the right kind and size; bound once.
+        unsafe { device.bind_image_memory(handle, allocation.memory(), allocation.offset()) }
+            .map_err(vulkan(what()))?;
+        image.allocation = Some(allocation);
+        let view = |view_type, subresource_range, name: &str| -> Result<vk::ImageView> {
+            let info = vk::ImageViewCreateInfo::default()
+                .image(handle)
+                .view_type(view_type)
+                .format(format)
+                .subresource_range(subresource_range);
+            // SAFETY: the image is bound; the view is destroyed in `Drop`.
+            let view = unsafe { device.create_image_view(&info, None) }.map_err(vulkan(what()))?;
+            self.shared.name(view, name);
+            Ok(view)
+        };
+        image.view = view(made.view_type(), made.range(), name)?;
+        if let Extent::Layers(layers) = made.extent {
+            for layer in 0..layers {
+                let range = vk::ImageSubresourceRange { base_array_layer: layer, layer_count: 1, ..made.range() };
+                image.layers.push(view(vk::ImageViewType::TYPE_2D, range, &format!("{name} {layer}"))?);
+            }
+        }
+        self.shared.register(image.id, name, ResourceKind::Image, image.bytes());
+        self.shared.freshly_made(handle, image.id, made.range());
+        Ok(image)
+    }
+}
+
+impl Image {
+    /// Device memory the image takes [bytes], as `info` and the frame plan state it.
+    pub fn bytes(&self) -> u64 {
+        (0..self.made.mips).map(|mip| self.made.level_bytes(mip)).sum()
+    }
+
+    /// The view by which a layer is rendered into.
+    pub(super) fn layer(&self, layer: u32) -> vk::ImageView {
+        let name = &self.name;
+        let drawn = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
+        assert!(self.made.usage.intersects(drawn), "{name}: it was not made to be rendered into");
+        assert!(layer < self.made.layers(), "{name}: layer {layer} of {}", self.made.layers());
+        self.layers.get(layer as usize).copied().unwrap_or(self.view)
+    }
+}
+
+/// Bytes of one texel of the formats the engine uses.
+pub(crate) fn texel_bytes(format: vk::Format) -> u64 {
+    match format {
+        vk::Format::R32G32B32A32_SFLOAT => 16,
+        vk::Format::R16G16B16A16_SFLOAT | vk::Format::R32G32_SFLOAT | vk::Format::R32G32_UINT => 8,
+        vk::Format::R8G8B8A8_UNORM | vk::Format::R8G8B8A8_SRGB | vk::Format::D32_SFLOAT | vk::Format::R32_SFLOAT => 4,
+        vk::Format::R32_UINT => 4,
+        other => panic!("images of {other:?} are not foreseen"),
+    }
+}
+
+pub(crate) fn is_depth(format: vk::Format) -> bool {
+    format == vk::Format::D32_SFLOAT
+}
+
+pub(crate) fn aspect(format: vk::Format) -> vk::ImageAspectFlags {
+    if is_depth(format) { vk::ImageAspectFlags::DEPTH } else { vk::ImageAspectFlags::COLOR }
+}
+
+impl Drop for Image {
+    fn drop(&mut self) {
+        self.shared.unregister(self.id);
+        let views = std::iter::once(self.view).chain(self.layers.drain(..)).collect();
+        let (handle, memory) = (self.handle, self.allocation.take());
+        self.shared.bury(self.id, Remains::Image { handle, views, memory });
+    }
+}

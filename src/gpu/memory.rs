@@ -1,0 +1,55 @@
+//! Device memory, and what to say when there is not enough.
+
+use super::Gpu;
+use super::device::Shared;
+use super::graveyard::lock;
+use crate::error::{Error, Result};
+use ash::vk;
+use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
+use gpu_allocator::{AllocationError, MemoryLocation};
+
+impl Shared {
+    pub(super) fn allocate(
+        &self,
+        name: &str,
+        requirements: vk::MemoryRequirements,
+        location: MemoryLocation,
+        linear: bool,
+    ) -> Result<Allocation> {
+        let desc = AllocationCreateDesc {
+            name,
+            requirements,
+            location,
+            linear,
+            allocation_scheme: AllocationScheme::GpuAllocatorManaged,
+        };
+        let allocate = || lock(&self.allocator).as_mut().expect("alive").allocate(&desc);
+        let mut allocation = allocate();
+        if matches!(allocation, Err(AllocationError::OutOfMemory)) {
+            // What was dropped may be enough.
+            self.wait()?;
+            self.collect();
+            allocation = allocate();
+        }
+        allocation.map_err(|e| Error::Vulkan {
+            what: format!("{name}: {} KiB", requirements.size / 1024),
+            result: format!("{e}; ask for a smaller picture, RSM or shadow map, or for fewer caches"),
+        })
+    }
+
+    pub(super) fn free(&self, allocation: Option<Allocation>) {
+        if let Some(allocation) = allocation
+            && let Some(allocator) = lock(&self.allocator).as_mut()
+            && let Err(error) = allocator.free(allocation)
+        {
+            log::error!("freeing device memory: {error}");
+        }
+    }
+}
+
+impl Gpu {
+    /// A resource beyond a limit of the device.
+    pub(crate) fn too_large(&self, what: String, limit: u64) -> Error {
+        Error::TooLarge(format!("{what}, but {} allows {limit}; ask for less of it", self.report().name))
+    }
+}

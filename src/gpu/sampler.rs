@@ -1,0 +1,38 @@
+//! How textures are filtered and wrapped.
+
+use super::{Gpu, vulkan};
+use crate::error::Result;
+use ash::vk;
+
+/// How a texture is filtered and wrapped.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct SamplerKind {
+    /// Wrapping along u and v.
+    pub wrap: [vk::SamplerAddressMode; 2],
+    /// Texels stay square when magnified.
+    pub nearest: bool,
+}
+
+impl Gpu {
+    /// The sampler of a kind; made on first use, kept as long as the device.
+    pub(crate) fn sampler(&self, kind: SamplerKind) -> Result<vk::Sampler> {
+        let mut samplers = self.samplers.borrow_mut();
+        if let Some(sampler) = samplers.get(&kind) {
+            return Ok(*sampler);
+        }
+        let filter = if kind.nearest { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
+        let info = vk::SamplerCreateInfo::default()
+            .mag_filter(filter)
+            .min_filter(filter)
+            .mipmap_mode(if kind.nearest { vk::SamplerMipmapMode::NEAREST } else { vk::SamplerMipmapMode::LINEAR })
+            .address_mode_u(kind.wrap[0])
+            .address_mode_v(kind.wrap[1])
+            .address_mode_w(vk::SamplerAddressMode::CLAMP_TO_EDGE)
+            .max_lod(vk::LOD_CLAMP_NONE);
+        // SAFETY: the device is alive; destroyed when `Gpu` is dropped.
+        let sampler = unsafe { self.shared.device.create_sampler(&info, None) }.map_err(vulkan("sampler"))?;
+        self.shared.name(sampler, &format!("gpu.sampler {kind:?}"));
+        samplers.insert(kind, sampler);
+        Ok(sampler)
+    }
+}
