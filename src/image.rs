@@ -1,13 +1,19 @@
-//! Images on the CPU: mip levels, PNG, OpenEXR. Outputs are written to a temporary name and renamed.
+//! Images on the CPU: mip levels, PNG, OpenEXR. What is decoded stays within a bound on memory.
 
+pub(crate) mod decode;
 #[cfg(feature = "exr")]
 mod open_exr;
 
 #[cfg(feature = "exr")]
 pub use open_exr::write_exr;
 
+pub use decode::set_max_memory;
+
 use crate::error::{Error, Result};
-use std::path::{Path, PathBuf};
+use crate::files;
+use image::ImageFormat;
+use std::io::BufReader;
+use std::path::Path;
 
 /// All mip levels of an RGBA8 image, largest first; colours are averaged linearly, not as sRGB codes.
 pub fn mip_chain(rgba: &[u8], width: u32, height: u32, srgb: bool) -> Vec<Vec<u8>> {
@@ -93,6 +99,9 @@ pub struct Picture {
 }
 
 /// Reads linear values of any scale from an OpenEXR or a Radiance file.
+///
+/// # Errors
+/// A file that cannot be read, is no equirectangular picture, or would take more memory than is allowed.
 pub fn read_radiance(path: &Path) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
     if is_exr(path) {
@@ -101,13 +110,16 @@ pub fn read_radiance(path: &Path) -> Result<Picture> {
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr")) {
         return Err(bad("needs a file of linear values, .hdr or .exr".into()));
     }
-    let one_line = |e: image::ImageError| bad(e.to_string().replace(['\n', '\r'], " "));
-    let file = std::fs::File::open(path).map_err(|e| bad(e.to_string()))?;
-    let mut reader = image::ImageReader::with_format(std::io::BufReader::new(file), image::ImageFormat::Hdr);
-    reader.limits(image::Limits::default());
-    let decoded = reader.decode().map_err(one_line)?.into_rgb32f();
+    let decoded = decoded(path, ImageFormat::Hdr).map_err(bad)?.into_rgb32f();
     let (width, height) = decoded.dimensions();
     Ok(Picture { width, height, rgb: decoded.pixels().map(|p| p.0).collect() })
+}
+
+/// Decodes a file; what becomes of it takes no more than 16 bytes per pixel.
+fn decoded(path: &Path, format: ImageFormat) -> std::result::Result<image::DynamicImage, String> {
+    let encoded = decode::header(BufReader::new(files::open(path)?), format)?;
+    decode::within(encoded.working.saturating_add(16 * encoded.texels))?;
+    encoded.decode()
 }
 
 /// Whether the name is that of an OpenEXR file: linear values of any scale.
@@ -117,15 +129,17 @@ pub fn is_exr(path: &Path) -> bool {
 
 /// Reads a layer of an OpenEXR file (`None`: the picture itself), or a PNG or JPEG, which is made linear. A layer of one
 /// channel comes three times.
+///
+/// # Errors
+/// A file that cannot be read, is no picture, or would take more memory than is allowed.
 pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
     if !is_exr(path) {
         if let Some(layer) = layer {
             return Err(bad(format!("has no layer '{layer}'; layers are in .exr files")));
         }
-        let mut reader = image::ImageReader::open(path).map_err(|e| bad(e.to_string()))?;
-        reader.limits(image::Limits::default());
-        let decoded = reader.decode().map_err(|e| bad(e.to_string()))?.to_rgb8();
+        let format = ImageFormat::from_path(path).map_err(|e| bad(e.to_string()))?;
+        let decoded = decoded(path, format).map_err(bad)?.into_rgb8();
         let (width, height) = decoded.dimensions();
         let linear = |p: &image::Rgb<u8>| p.0.map(linear_from_srgb);
         return Ok(Picture { width, height, rgb: decoded.pixels().map(linear).collect() });
@@ -143,55 +157,15 @@ fn linear_from_srgb(code: u8) -> f32 {
 }
 
 /// Writes an 8-bit sRGB PNG from RGBA bytes; alpha is dropped.
+///
+/// # Errors
+/// A file that cannot be written; nothing half-written is left behind.
 pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
     let rgb: Vec<u8> = rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
-    replace_file(path, |temporary| {
-        let file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
-        let encoder = image::codecs::png::PngEncoder::new(file);
-        image::ImageEncoder::write_image(encoder, &rgb, width, height, image::ExtendedColorType::Rgb8)
-            .map_err(std::io::Error::other)
-    })
-}
-
-/// Tries whether `replace_file` will be able to write here, before long work is done for it.
-pub fn check_writable(path: &Path) -> Result<()> {
-    if path.is_dir() {
-        let reason = "it is a folder; name a file".into();
-        return Err(Error::Output { file: path.to_owned(), reason });
-    }
-    let kept = std::cell::Cell::new(false);
-    let tried = replace_file(path, |temporary| {
-        std::fs::write(temporary, b"")?;
-        kept.set(true);
-        // Not renamed: the file that is there stays.
-        Err(std::io::Error::other("tried"))
-    });
-    if kept.get() { Ok(()) } else { tried }
-}
-
-/// Writes a file under a temporary name beside it and renames it: whoever reads sees the old one or the whole new one.
-pub fn replace_file(path: &Path, write: impl FnOnce(&Path) -> std::io::Result<()>) -> Result<()> {
-    let failed = |error: std::io::Error| {
-        let remedy = match error.kind() {
-            std::io::ErrorKind::NotFound => "the folder does not exist; make it first",
-            std::io::ErrorKind::PermissionDenied | std::io::ErrorKind::ReadOnlyFilesystem => {
-                "choose a folder that can be written to"
-            }
-            std::io::ErrorKind::StorageFull | std::io::ErrorKind::QuotaExceeded => {
-                "free some space or choose another disk"
-            }
-            _ => "choose another place",
-        };
-        Error::Output { file: path.to_owned(), reason: format!("{error}; {remedy}") }
-    };
-    let name = path.file_name().ok_or_else(|| failed(std::io::Error::other("not a file name")))?;
-    let mut hidden = std::ffi::OsString::from(format!(".{}.", std::process::id()));
-    hidden.push(name);
-    let temporary: PathBuf = path.with_file_name(hidden);
-    let result = write(&temporary).and_then(|()| std::fs::rename(&temporary, path));
-    result.map_err(|error| {
-        // Best effort: the first error is the one that matters.
-        let _ = std::fs::remove_file(&temporary);
-        failed(error)
-    })
+    // In memory: the encoder would not tell that its last bytes could not be written.
+    let mut bytes = Vec::new();
+    let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
+    let encoded = image::ImageEncoder::write_image(encoder, &rgb, width, height, image::ExtendedColorType::Rgb8);
+    encoded.map_err(|error| Error::Output { file: path.to_owned(), reason: error.to_string() })?;
+    files::write(path, &bytes)
 }

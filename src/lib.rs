@@ -63,6 +63,7 @@
 
 pub mod bake;
 pub mod error;
+pub mod files;
 pub mod frame;
 pub mod gpu;
 pub mod image;

@@ -1,4 +1,5 @@
 //! The command-line tool: parse, dispatch to `cli`, one line per error, exit code.
+#![warn(clippy::print_stderr, reason = "panics where standard error is broken")]
 
 mod cli;
 
@@ -6,12 +7,14 @@ use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let cli = cli::Cli::parse();
-    cli::start_log(cli.verbose, cli.quiet);
-    match cli::run(&cli) {
+    let done = match cli::Cli::try_parse() {
+        Ok(cli) => cli::run(&cli),
+        Err(usage) => cli::usage(&usage),
+    };
+    match done {
         Ok(()) => ExitCode::SUCCESS,
         Err(error) => {
-            eprintln!("lightskin: {error:#}");
+            cli::tell(format_args!("{error:#}"));
             ExitCode::FAILURE
         }
     }

@@ -2,8 +2,8 @@
 //! "Trace Event Format", Google; times in microseconds.
 
 use crate::error::Result;
+use crate::files::replace_file;
 use crate::gpu::{FrameTimes, Work, ZoneTime};
-use crate::image::replace_file;
 use serde_json::{Map, Value, json};
 use std::io::Write;
 use std::path::Path;
@@ -134,8 +134,7 @@ impl Trace {
             let args: Map<String, Value> = series.iter().map(|(name, value)| ((*name).into(), json!(value))).collect();
             json!({ "name": name, "ph": "C", "pid": PROCESS, "tid": Track::Cpu as u32, "ts": us(at), "args": args })
         });
-        replace_file(path, |temporary| {
-            let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
+        replace_file(path, |file| {
             write!(
                 file,
                 "{{\"displayTimeUnit\":\"ms\",\"otherData\":{},\"traceEvents\":[",
@@ -144,8 +143,7 @@ impl Trace {
             for (i, event) in head.into_iter().chain(spans).chain(counts).enumerate() {
                 write!(file, "{}\n{event}", if i == 0 { "" } else { "," })?;
             }
-            writeln!(file, "\n]}}")?;
-            file.flush()
+            writeln!(file, "\n]}}")
         })
     }
 }

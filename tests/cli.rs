@@ -22,7 +22,7 @@ fn lightskin(folder: &Path, args: &[&str]) -> Output {
         .expect("the tool runs")
 }
 
-fn text(bytes: &[u8]) -> String {
+pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
@@ -280,21 +280,6 @@ fn bad_input_is_one_line_and_exit_code_1() {
     fails(&at, &["render", "-o", "folder/x/a.png"], 1, &["cannot write"]);
     fails(&at, &["bake", "--spacing", "1e-9"], 1, &["larger spacing"]);
     assert_eq!(left(&at), before, "nothing is left behind");
-}
-
-#[test]
-fn a_full_disk_leaves_the_old_file() {
-    let at = folder("cli-full");
-    let file = at.join("picture.png");
-    fs::write(&file, b"old").expect("file");
-    let error = lightskin::image::replace_file(&file, |temporary| {
-        fs::write(temporary, b"half")?;
-        Err(std::io::Error::from(std::io::ErrorKind::StorageFull))
-    });
-    let message = error.expect_err("the disk is full").to_string();
-    assert!(message.contains("picture.png") && message.contains("free some space"), "{message}");
-    assert_eq!(fs::read(&file).expect("file"), b"old");
-    assert_eq!(left(&at), ["picture.png"]);
 }
 
 #[test]

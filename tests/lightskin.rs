@@ -16,6 +16,7 @@ mod emissive;
 mod energy;
 mod engine;
 mod eval;
+mod files;
 mod flicker;
 mod frame;
 mod gather;

@@ -6,8 +6,8 @@
 
 use super::{BakeSettings, Cache, CacheSet, Coverage, Density, ModelCaches, NO_CACHE, bake};
 use crate::error::Result;
-use crate::kept;
 use crate::scene::Scene;
+use crate::{files, kept};
 use glam::DMat3;
 use std::path::Path;
 
@@ -51,12 +51,12 @@ pub fn bake_kept_in(
 ) -> Result<(CacheSet, bool)> {
     let key = key(scene, settings);
     let path = folder.join(format!("{}.caches", blake3::Hash::from(key).to_hex()));
-    match std::fs::read(&path) {
+    match files::read(&path) {
         Ok(bytes) => match read(&bytes, &key, scene, settings) {
             Some(set) => return Ok((set, true)),
             None => log::debug!("{}: damaged or of another version, baking again", path.display()),
         },
-        Err(error) => log::debug!("{}: {error}, baking", path.display()),
+        Err(reason) => log::debug!("{}: {reason}; baking", path.display()),
     }
     let set = bake(scene, settings, progress)?;
     if let Err(error) = kept::write(&path, &write(&set, &key)) {

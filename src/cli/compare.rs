@@ -3,7 +3,8 @@
 use anyhow::{Result, bail};
 use indicatif::ProgressBar;
 use lightskin::error::Error;
-use lightskin::image::{Picture, check_writable, is_exr, read_picture, write_png};
+use lightskin::files::check_writable;
+use lightskin::image::{Picture, is_exr, read_picture, write_png};
 use lightskin::metrics::display::Values;
 use lightskin::metrics::flip::{PIXELS_PER_DEGREE, flip, weighted_quantile};
 use lightskin::metrics::heat::{self, Scale};

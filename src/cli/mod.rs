@@ -1,9 +1,7 @@
 //! Subcommands and their shared arguments. Exit codes: 0 done, 1 failed, 2 wrong usage.
 
-/// Prints a line of the result on standard output.
-macro_rules! say {
-    ($($text:tt)*) => { $crate::cli::line(format_args!($($text)*)) };
-}
+#[macro_use]
+mod output;
 
 mod assets;
 mod bake;
@@ -20,8 +18,11 @@ mod motion;
 mod path_trace;
 mod picture;
 mod render;
+mod signals;
 mod sky;
 mod timings;
+
+pub(crate) use output::tell;
 
 use anyhow::{Context, Result, bail};
 use clap::error::ErrorKind;
@@ -33,7 +34,7 @@ use lightskin::frame::{ClusterRule, DrawSource, Quality, Shadows, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
-use std::io::{IsTerminal, Write};
+use std::io::IsTerminal;
 use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -46,10 +47,13 @@ pub(crate) struct Cli {
     command: Command,
     /// Say more on standard error; twice for everything.
     #[arg(short, long, global = true, action = clap::ArgAction::Count)]
-    pub(crate) verbose: u8,
+    verbose: u8,
     /// Say nothing but errors on standard error.
     #[arg(short, long, global = true)]
-    pub(crate) quiet: bool,
+    quiet: bool,
+    /// Most memory that decoding pictures and textures may take, in bytes or like 512M or 2G; what takes more is refused.
+    #[arg(long, global = true, value_name = "SIZE", default_value = "1G", value_parser = bytes)]
+    max_memory: u64,
 }
 
 #[derive(Subcommand)]
@@ -88,7 +92,10 @@ enum Command {
 
 /// Runs the chosen subcommand.
 pub(crate) fn run(cli: &Cli) -> Result<()> {
-    match &cli.command {
+    output::start_log(cli.verbose, cli.quiet);
+    lightskin::image::set_max_memory(cli.max_memory);
+    signals::watch()?;
+    let done = match &cli.command {
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
         #[cfg(feature = "lab")]
@@ -101,7 +108,17 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),
+    };
+    // What the work has found comes first.
+    done.and_then(|()| output::written())
+}
+
+/// Prints help, or ends the run with exit code 2 for what cannot be understood.
+pub(crate) fn usage(error: &clap::Error) -> Result<()> {
+    if error.use_stderr() {
+        error.exit();
     }
+    error.print().or_else(output::lost)
 }
 
 /// How caches are placed.
@@ -299,6 +316,21 @@ fn wrong_usage(what: &str) -> ! {
     Cli::command().error(ErrorKind::ArgumentConflict, what).exit()
 }
 
+/// A number of bytes, or of KiB, MiB, GiB or TiB.
+fn bytes(text: &str) -> std::result::Result<u64, String> {
+    let digits = text.trim_end_matches(|c: char| !c.is_ascii_digit());
+    let shift = match text[digits.len()..].to_ascii_uppercase().as_str() {
+        "" => Some(0),
+        "K" => Some(10),
+        "M" => Some(20),
+        "G" => Some(30),
+        "T" => Some(40),
+        _ => None,
+    };
+    let bytes = shift.and_then(|shift| digits.parse::<u64>().ok()?.checked_mul(1 << shift));
+    bytes.filter(|bytes| *bytes > 0).ok_or_else(|| "needs a number of bytes, or one like 512M or 2G".into())
+}
+
 /// A positive finite number.
 fn positive(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
@@ -435,48 +467,9 @@ fn check_messages(gpu: &Gpu, problems: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// What `say!` does. A reader that has closed the pipe has read enough: that ends the run well.
-fn line(text: std::fmt::Arguments<'_>) {
-    if writeln!(std::io::stdout().lock(), "{text}").is_err() {
-        std::process::exit(0);
-    }
-}
-
 /// A number with spaces between thousands.
 fn thousands(n: usize) -> String {
     let digits = n.to_string();
     let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(|g| String::from_utf8_lossy(g).into_owned()).collect();
     groups.join(" ")
-}
-
-/// Messages on standard error, one line each.
-struct Log;
-
-impl log::Log for Log {
-    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        metadata.target().starts_with("lightskin") || metadata.level() <= log::Level::Warn
-    }
-    fn log(&self, record: &log::Record<'_>) {
-        if self.enabled(record.metadata()) {
-            match record.level() {
-                log::Level::Error => eprintln!("lightskin: error: {}", record.args()),
-                log::Level::Warn => eprintln!("lightskin: {}", record.args()),
-                _ => eprintln!("lightskin: [{}] {}", record.level().as_str().to_lowercase(), record.args()),
-            }
-        }
-    }
-    fn flush(&self) {}
-}
-
-/// Starts the log: warnings, or more with `-v`, or errors alone with `-q`.
-pub(crate) fn start_log(verbose: u8, quiet: bool) {
-    let level = match (quiet, verbose) {
-        (true, _) => log::LevelFilter::Error,
-        (_, 0) => log::LevelFilter::Warn,
-        (_, 1) => log::LevelFilter::Info,
-        _ => log::LevelFilter::Debug,
-    };
-    if log::set_logger(&Log).is_ok() {
-        log::set_max_level(level);
-    }
 }

@@ -1,6 +1,7 @@
 //! `lightskin render --gi path-trace`: the reference picture, with progress, a noise estimate and samples that are kept.
 
 use super::picture::{LayerArg, Layers, TonemapArg};
+use super::signals;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
@@ -11,7 +12,6 @@ use lightskin::reference::tonemap;
 use lightskin::scene::{Camera, Scene};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 /// How often samples are put into the kept file: what a crash can cost.
@@ -79,14 +79,6 @@ impl PathTraceArgs {
     }
 }
 
-/// Whether the user has asked to stop.
-static STOP: AtomicBool = AtomicBool::new(false);
-
-/// From here on an interrupt ends the run in good order, with its samples kept.
-pub(super) fn stop_in_order() -> Result<()> {
-    Ok(ctrlc::set_handler(|| STOP.store(true, Ordering::Relaxed))?)
-}
-
 pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture: &Picture<'_>) -> Result<()> {
     let settings = args.settings(picture.size, picture.bounces);
     let mut trace = PathTrace::new(scene, camera, &settings);
@@ -117,19 +109,20 @@ pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture:
         let is_exact = settings.bounces == 0 && settings.sources == Sources::Punctual;
         is_exact || trace.samples() >= args.spp || args.noise.is_some_and(|noise| trace.noise() <= noise)
     };
-    while !is_done(&trace) && !STOP.load(Ordering::Relaxed) {
-        trace.pass();
-        bar.set_position(u64::from(trace.samples()));
-        bar.set_message(format!("noise {:.2} %", 100.0 * trace.noise()));
-        if saved.0.elapsed() > SAVE_EVERY {
-            save(&trace);
-            saved = (Instant::now(), trace.samples());
+    signals::in_order(|stop| {
+        while !is_done(&trace) && trace.pass_unless(stop) {
+            bar.set_position(u64::from(trace.samples()));
+            bar.set_message(format!("noise {:.2} %", 100.0 * trace.noise()));
+            if saved.0.elapsed() > SAVE_EVERY {
+                save(&trace);
+                saved = (Instant::now(), trace.samples());
+            }
         }
-    }
-    bar.finish_and_clear();
-    if trace.samples() > saved.1 {
-        save(&trace);
-    }
+        bar.finish_and_clear();
+        if trace.samples() > saved.1 {
+            save(&trace);
+        }
+    });
     if !is_done(&trace) {
         bail!("stopped at {} of {} samples per pixel; the same command goes on from there", trace.samples(), args.spp);
     }

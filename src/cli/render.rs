@@ -12,6 +12,7 @@ use super::{
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
+use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{
@@ -19,7 +20,6 @@ use lightskin::frame::{
     record,
 };
 use lightskin::gpu::Gpu;
-use lightskin::image::check_writable;
 use lightskin::scene::{Camera, Projection, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};
@@ -369,9 +369,6 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     let start = Instant::now();
     let mut trace = Trace::default();
-    if args.gi == GiArg::PathTrace {
-        path_trace::stop_in_order()?;
-    }
     let scene = load_under(args.scene.as_deref(), args.sky.sky()?)?;
     let mut scene = match args.gi {
         // Rays need no small triangles.

@@ -2,9 +2,9 @@
 
 use super::{Baked, thousands};
 use anyhow::Result;
+use lightskin::files::replace_file;
 use lightskin::frame::{Counts, Light};
 use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank};
-use lightskin::image::replace_file;
 use lightskin::scene::{Camera, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Map, Value, json};
@@ -229,8 +229,7 @@ impl Report<'_> {
     pub(super) fn write_timings(&self, path: &Path) -> Result<()> {
         let facts = self.facts();
         let is_csv = has_extension(path, "csv");
-        replace_file(path, |temporary| {
-            let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
+        replace_file(path, |file| {
             for (i, run) in self.runs.iter().enumerate() {
                 let here: Vec<_> = self.of_frame(i).into_iter().chain(facts.iter().cloned()).collect();
                 if is_csv && i == 0 {
@@ -251,7 +250,7 @@ impl Report<'_> {
                     writeln!(file, "{}", Value::from(line))?;
                 }
             }
-            file.flush()
+            Ok(())
         })?;
         Ok(())
     }

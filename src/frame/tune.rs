@@ -7,8 +7,8 @@ use super::settings::{ValSource, Ways};
 use super::vals::Vals;
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::kept;
 use crate::shared::{Cache, Val};
+use crate::{files, kept};
 use glam::{Vec3, Vec4};
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -91,7 +91,7 @@ fn both(gpu: &Gpu, ways: &Ways) -> Result<Tuned> {
 pub fn fastest(gpu: &Gpu) -> Result<Tuned> {
     let ways = candidates(gpu.is_software());
     let file = file(gpu, &ways);
-    let kept = file.as_ref().and_then(|file| std::fs::read(file).ok()).and_then(|bytes| read(&bytes, &ways));
+    let kept = file.as_ref().and_then(|file| files::read(file).ok()).and_then(|bytes| read(&bytes, &ways));
     let all = match kept {
         Some(all) => all,
         None => {

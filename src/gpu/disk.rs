@@ -2,7 +2,7 @@
 //! driver counts as none.
 
 use super::device::Shared;
-use crate::kept;
+use crate::{files, kept};
 use ash::vk;
 use std::path::{Path, PathBuf};
 
@@ -93,7 +93,7 @@ fn read(file: &Path) -> Option<Vec<u8>> {
     if length > (HEAD + MOST) as u64 {
         return None;
     }
-    std::fs::read(file).ok()
+    files::read(file).ok()
 }
 
 fn wrap(data: &[u8]) -> Vec<u8> {

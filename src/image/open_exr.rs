@@ -1,18 +1,25 @@
 //! OpenEXR: layers of linear floats in one file.
 
-use super::{Layer, Picture, replace_file};
+use super::{Layer, Picture, decode};
 use crate::error::{Error, Result};
+use crate::files::{self, replace_file};
+use exr::meta::BlockDescription;
+use exr::meta::header::Header;
 use exr::prelude::{
     AnyChannel, AnyChannels, Blocks, Compression, Encoding, FlatSamples, Image, LayerAttributes, LineOrder,
     ReadChannels, ReadLayers, Text, WritableImage,
 };
+use std::io::BufReader;
 use std::path::Path;
 
 /// Reads a layer, or the picture itself; a layer of one channel comes three times.
 pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
+    let failed = |e: exr::error::Error| bad(e.to_string());
+    let chunks = exr::block::read(BufReader::new(files::open(path).map_err(bad)?), false).map_err(failed)?;
+    decode::within(bytes_needed(chunks.headers())).map_err(bad)?;
     let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
-    let image = reader.all_attributes().from_file(path).map_err(|e| bad(e.to_string()))?;
+    let image = reader.all_attributes().from_chunks(chunks).map_err(failed)?;
     let size = image.layer_data.size;
     let channels = &image.layer_data.channel_data.list;
     let find = |name: &str| channels.iter().find(|c| c.name.eq_case_insensitive(name));
@@ -24,13 +31,36 @@ pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Picture> {
         let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
         bad(format!("has no layer '{}'; its channels are {}", layer.unwrap_or("R, G, B"), names.join(", ")))
     })?;
-    let planes: Vec<Vec<f32>> = found.iter().map(|c| c.sample_data.values_as_f32().collect()).collect();
-    let rgb = (0..planes[0].len()).map(|i| [planes[0][i], planes[1][i], planes[2][i]]).collect();
+    let mut rgb = vec![[0.0; 3]; size.area()];
+    for (c, channel) in found.iter().enumerate() {
+        rgb.iter_mut().zip(channel.sample_data.values_as_f32()).for_each(|(pixel, value)| pixel[c] = value);
+    }
     Ok(Picture { width: size.width() as u32, height: size.height() as u32, rgb })
+}
+
+/// Most memory \[bytes\] that reading takes: the samples of the largest part and what becomes of them, a few blocks that are
+/// decompressed at the same time, and the places of all.
+fn bytes_needed(headers: &[Header]) -> u64 {
+    let at_once = 2 * (rayon::current_num_threads() as u64 + 3);
+    let of = |header: &Header| {
+        let texel = header.channels.bytes_per_pixel as u64;
+        let area = |width: usize, height: usize| (width as u64).saturating_mul(height as u64);
+        let block = match header.blocks {
+            BlockDescription::Tiles(tiles) => area(tiles.tile_size.width(), tiles.tile_size.height()),
+            BlockDescription::ScanLines => area(header.layer_size.width(), header.compression.scan_lines_per_block()),
+        };
+        let all = area(header.layer_size.width(), header.layer_size.height()).saturating_mul(texel + 12);
+        all.saturating_add(block.saturating_mul(texel).saturating_mul(at_once))
+    };
+    let places = headers.iter().fold(0, |sum: u64, header| sum.saturating_add(32 * header.chunk_count as u64));
+    headers.iter().map(of).max().unwrap_or(0).saturating_add(places)
 }
 
 /// Writes a 32-bit float OpenEXR with all layers in one part, linear Rec.709; `metadata` becomes its
 /// comment.
+///
+/// # Errors
+/// A file that cannot be written; nothing half-written is left behind.
 pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadata: &str) -> Result<()> {
     let mut channels = exr::prelude::SmallVec::<[AnyChannel<FlatSamples>; 4]>::new();
     for layer in layers {
@@ -52,9 +82,10 @@ pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadat
         AnyChannels::sort(channels),
     );
     let image = Image::from_layer(layer);
-    replace_file(path, |temporary| {
-        let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
-        image.write().to_buffered(&mut file).map_err(std::io::Error::other)?;
-        std::io::Write::flush(&mut file)
+    replace_file(path, |file| {
+        image.write().to_buffered(file).map_err(|error| match error {
+            exr::error::Error::Io(error) => error,
+            other => std::io::Error::other(other),
+        })
     })
 }

@@ -7,15 +7,16 @@ mod values;
 
 use super::Scene;
 use crate::error::{Error, Result};
+use crate::files;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// glTF's codes: a float, and a buffer of vertices.
 const FLOAT: u32 = 5126;
 const VERTICES: u32 = 34962;
 
-/// Writes the scene as a GLB file, first under a temporary name beside it.
+/// Writes the scene as a GLB file.
 ///
 /// A double-sided material's triangles are written once, its second side is what `doubleSided` says. A scene that moves is
 /// written at rest, with what moves it; animations without channels are left out. Scenes with images are refused: scenes
@@ -26,19 +27,7 @@ const VERTICES: u32 = 34962;
 pub fn write_glb(scene: &Scene, path: &Path) -> Result<()> {
     let failed = |reason: String| Error::Output { file: path.to_path_buf(), reason };
     let bytes = glb_bytes(scene).map_err(failed)?;
-    let temporary = temporary_name(path).ok_or_else(|| failed("it names no file; give a file name".into()))?;
-    std::fs::write(&temporary, bytes).and_then(|()| std::fs::rename(&temporary, path)).map_err(|error| {
-        // What was written so far is of no use; if it cannot be removed either, the first error still tells why.
-        let _ = std::fs::remove_file(&temporary);
-        failed(format!("{error}; is the folder there and writable?"))
-    })
-}
-
-fn temporary_name(path: &Path) -> Option<PathBuf> {
-    let mut name = std::ffi::OsString::from(".");
-    name.push(path.file_name()?);
-    name.push(format!(".{}.part", std::process::id()));
-    Some(path.with_file_name(name))
+    files::write(path, &bytes)
 }
 
 /// The JSON lists and the binary chunk as they grow.

@@ -6,9 +6,9 @@ use crate::cli::{
 use anyhow::Result;
 use clap::Args;
 use glam::DVec3;
+use lightskin::files;
 use lightskin::frame::{View, World};
 use lightskin::gpu::Gpu;
-use lightskin::image::replace_file;
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::sources::curves::{
     FORM_FACTOR_DISTANCES, Receives, TILTS, form_factor_error, lobe_csv, lobe_errors,
@@ -46,7 +46,7 @@ pub(super) struct SourcesArgs {
 
 pub(super) fn run(args: &SourcesArgs) -> Result<()> {
     if let Some(path) = &args.curves {
-        replace_file(path, |file| std::fs::write(file, lobe_csv(&lobe_errors())))?;
+        files::write(path, lobe_csv(&lobe_errors()).as_bytes())?;
         print_form_factors();
         say!("curves    {}", path.display());
         return Ok(());

@@ -8,8 +8,8 @@ use super::table::{Cell, Table};
 use super::thesis;
 use super::{motion, views};
 use crate::error::Result;
+use crate::files;
 use crate::gpu::Gpu;
-use crate::image::replace_file;
 use crate::lab::eval::references::make_folder;
 use crate::lab::plot::{Axis, Mark, Plot, Series, short};
 use serde_json::json;
@@ -21,7 +21,7 @@ use std::path::Path;
 /// A folder or file that cannot be written.
 pub fn check_writable(folder: &Path) -> Result<()> {
     make_folder(folder)?;
-    crate::image::check_writable(&folder.join("bench.md"))
+    files::check_writable(&folder.join("bench.md"))
 }
 
 /// Writes the report into a folder.
@@ -30,9 +30,7 @@ pub fn check_writable(folder: &Path) -> Result<()> {
 /// A folder or file that cannot be written.
 pub fn write(folder: &Path, gpu: &Gpu, results: &Results) -> Result<()> {
     make_folder(folder)?;
-    let text = |name: &str, content: &str| {
-        replace_file(&folder.join(name), |temporary| std::fs::write(temporary, content.as_bytes()))
-    };
+    let text = |name: &str, content: &str| files::write(&folder.join(name), content.as_bytes());
     for table in &results.tables {
         text(&format!("{}.csv", table.name), &table.csv())?;
     }

@@ -3,7 +3,7 @@
 use super::measure::Layers;
 use super::references::Truth;
 use crate::error::Result;
-use crate::image::replace_file;
+use crate::files;
 use crate::metrics::display::Values;
 use crate::metrics::flip::{PIXELS_PER_DEGREE, flip};
 use crate::metrics::metrics;
@@ -182,14 +182,8 @@ impl Store {
     /// A folder or file that cannot be read or written.
     pub fn open(path: &Path) -> Result<Self> {
         let mut rows = Vec::new();
-        let bytes = match std::fs::read(path) {
-            Ok(bytes) => bytes,
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
-            Err(error) => {
-                let reason = format!("{error}; choose another folder for the report");
-                return Err(crate::Error::Input { file: path.into(), place: "finished points".into(), reason });
-            }
-        };
+        let unread = |reason| crate::Error::Input { file: path.into(), place: "finished points".into(), reason };
+        let bytes = if path.exists() { files::read(path).map_err(unread)? } else { Vec::new() };
         for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
             match serde_json::from_str(line).ok().as_ref().and_then(Row::from_json) {
                 Some(row) => rows.push(row),
@@ -221,13 +215,7 @@ impl Store {
     pub fn keep(&mut self, row: Row) -> Result<()> {
         self.rows.retain(|other| other.key != row.key);
         self.rows.push(row);
-        replace_file(&self.path, |temporary| {
-            let mut file = std::io::BufWriter::new(std::fs::File::create(temporary)?);
-            for row in &self.rows {
-                writeln!(file, "{}", row.to_json())?;
-            }
-            file.flush()
-        })
+        files::replace_file(&self.path, |file| self.rows.iter().try_for_each(|row| writeln!(file, "{}", row.to_json())))
     }
 }
 

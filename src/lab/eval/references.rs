@@ -2,7 +2,8 @@
 
 use super::measure::Layers;
 use crate::error::{Error, Result};
-use crate::image::{Layer, read_picture, replace_file, write_exr};
+use crate::files;
+use crate::image::{Layer, read_picture, write_exr};
 use crate::reference::path_trace::{PathTrace, PathTraceSettings};
 use crate::scene::{Camera, Scene};
 use serde_json::{Value, json};
@@ -97,7 +98,7 @@ impl Library {
     /// A kept reference. `None` if there is none or it cannot be read; the latter is a warning.
     pub fn find(&self, name: &str, key: &str) -> Option<Reference> {
         let path = self.path(name, key);
-        let about: Value = serde_json::from_slice(&std::fs::read(path.with_extension("json")).ok()?).ok()?;
+        let about: Value = serde_json::from_slice(&files::read(&path.with_extension("json")).ok()?).ok()?;
         if about.get("key")?.as_str()? != key {
             return None;
         }
@@ -130,7 +131,7 @@ impl Library {
         about["glossy"] = layers.glossy.is_some().into();
         write_exr(&path, layers.size[0], layers.size[1], &all, &about.to_string())?;
         // Second: a picture without it is not found.
-        replace_file(&path.with_extension("json"), |temporary| std::fs::write(temporary, format!("{about}\n")))?;
+        files::write(&path.with_extension("json"), format!("{about}\n").as_bytes())?;
         Ok(Reference { layers, about })
     }
 }

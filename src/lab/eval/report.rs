@@ -7,7 +7,7 @@ use super::references::Truth;
 use super::run::{Job, Results};
 use super::sweep::Knob;
 use crate::error::Result;
-use crate::image::replace_file;
+use crate::files;
 use crate::lab::plot::{escape, short};
 use base64::Engine;
 use serde_json::json;
@@ -30,7 +30,7 @@ const STYLE: &str = include_str!("report.css");
 /// A folder or file that cannot be written.
 pub fn check_writable(folder: &Path) -> Result<()> {
     super::references::make_folder(folder)?;
-    crate::image::check_writable(&folder.join("index.html"))
+    files::check_writable(&folder.join("index.html"))
 }
 
 /// Writes `index.html`, `results.csv`, `results.json` and `plots/*.svg`. `extra` sections come behind our own.
@@ -51,7 +51,7 @@ pub fn write(job: &Job<'_>, results: &Results, extra: &[Section]) -> Result<()> 
 }
 
 fn text(path: &Path, content: &str) -> Result<()> {
-    replace_file(path, |temporary| std::fs::write(temporary, content))
+    files::write(path, content.as_bytes())
 }
 
 struct Page<'a> {
@@ -293,7 +293,7 @@ impl Page<'_> {
     /// A picture, and the heat map of its error below; nothing where there is no such file.
     fn figure(&self, key: &str, caption: &str, with_error: bool) -> String {
         let image = |shows: Shows, alt: &str| {
-            let bytes = std::fs::read(self.results.pictures.path(key, shows)).ok()?;
+            let bytes = files::read(&self.results.pictures.path(key, shows)).ok()?;
             let data = base64::engine::general_purpose::STANDARD.encode(bytes);
             Some(format!("<img alt=\"{}\" src=\"data:image/png;base64,{data}\">", escape(alt)))
         };

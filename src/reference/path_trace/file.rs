@@ -5,8 +5,8 @@
 use std::path::{Path, PathBuf};
 
 use super::{PASS_SAMPLES, PathTrace, PathTraceSettings, Pixel};
-use crate::kept;
 use crate::scene::{Camera, Scene};
+use crate::{files, kept};
 
 const MAGIC: [u8; 8] = *b"LSKTRACE";
 
@@ -48,7 +48,7 @@ impl PathTrace<'_> {
 
     /// Takes over the samples in a file, if there is one, whole and of this picture; says whether.
     pub fn resume(&mut self, path: &Path) -> bool {
-        let Ok(bytes) = std::fs::read(path) else { return false };
+        let Ok(bytes) = files::read(path) else { return false };
         let Some((content, hash)) = bytes.split_last_chunk::<32>() else { return false };
         let Some((header, numbers)) = content.split_at_checked(HEADER) else { return false };
         let samples = u32::from_le_bytes(header[HEADER - 4..].try_into().expect("four bytes"));

@@ -10,6 +10,7 @@ mod file;
 mod scatter;
 
 use std::f64::consts::PI;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -120,10 +121,19 @@ impl<'a> PathTrace<'a> {
 
     /// Adds [`PASS_SAMPLES`] samples to every pixel, on all cores.
     pub fn pass(&mut self) {
+        self.pass_unless(&AtomicBool::new(false));
+    }
+
+    /// [`Self::pass`], unless the flag is set before its end, which stays set: then nothing is added. Says whether it is.
+    pub fn pass_unless(&mut self, stop: &AtomicBool) -> bool {
+        let stopped = || stop.load(Ordering::Relaxed);
         let pass = self.samples / PASS_SAMPLES;
         let (half, first) = (pass % 2, pass / 2 * PASS_SAMPLES);
-        let mut pixels = std::mem::take(&mut self.pixels);
+        let mut pixels = self.pixels.clone();
         pixels.par_iter_mut().enumerate().with_min_len(64).for_each(|(index, pixel)| {
+            if stopped() {
+                return;
+            }
             let Some((surface, direction)) = self.seen(index) else { return };
             let scatter = Scatter::new(&surface, direction);
             let mut sum = Radiance::default();
@@ -138,8 +148,12 @@ impl<'a> PathTrace<'a> {
                 pixel.half += luminance(sum.direct + sum.diffuse + sum.glossy);
             }
         });
+        if stopped() {
+            return false;
+        }
         self.pixels = pixels;
         self.samples += PASS_SAMPLES;
+        true
     }
 
     /// Samples per pixel so far.

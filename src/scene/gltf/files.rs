@@ -1,7 +1,6 @@
 //! Files of a glTF asset: the JSON or GLB container, buffers and images beside it, data: URIs.
 
-use std::fs;
-use std::io::ErrorKind;
+use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::{Path, PathBuf};
 
 use base64::Engine;
@@ -9,12 +8,11 @@ use base64::alphabet::STANDARD;
 use base64::engine::{DecodePaddingMode, GeneralPurpose, GeneralPurposeConfig};
 use serde_json::Value;
 
-use crate::Result;
 use crate::scene::accessor::Buffer;
 use crate::scene::json::{Document, error_at, printable};
+use crate::{Result, files};
 
-/// Largest file that is read, and the most that all buffers of an asset may hold together \[bytes\]. GLB cannot be
-/// larger; more would not fit the engine's 32-bit indices anyway.
+/// Most bytes that all buffers of an asset may hold together: more would not fit the engine's 32-bit indices.
 const MAX_BYTES: u64 = 4 << 30;
 
 /// Largest JSON that is parsed \[bytes\]: "0," becomes a value of 32 bytes, so parsing may need 16 times as much.
@@ -31,7 +29,7 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
 /// Reads a .gltf or .glb: its JSON, checked to be glTF 2, and the GLB's binary chunk.
 pub(super) fn open(path: &Path) -> Result<(Document, Option<Vec<u8>>)> {
     let error = |reason: String| error_at(path, "file", reason);
-    let bytes = read(path).map_err(error)?;
+    let bytes = files::read(path).map_err(error)?;
     if bytes.is_empty() {
         return Err(error("is empty; export or download it again".into()));
     }
@@ -169,8 +167,22 @@ pub(super) fn fetch(folder: &Path, uri: &str) -> std::result::Result<Vec<u8>, St
         return BASE64.decode(data).map_err(|e| format!("its data: URI is not valid base64, export it again: {e}"));
     }
     let path = folder.join(relative(uri)?);
-    read(&path).map_err(|reason| format!("'{}' {reason}", printable(uri)))
+    files::read(&path).map_err(|reason| format!("'{}' {reason}", printable(uri)))
 }
+
+/// What a URI names, to be read piece by piece.
+pub(super) fn reader(folder: &Path, uri: &str) -> std::result::Result<Box<dyn Contents>, String> {
+    if uri.starts_with("data:") {
+        return Ok(Box::new(Cursor::new(fetch(folder, uri)?)));
+    }
+    let file = files::open(&folder.join(relative(uri)?)).map_err(|reason| format!("'{}' {reason}", printable(uri)))?;
+    Ok(Box::new(BufReader::new(file)))
+}
+
+/// Bytes of a file or in memory.
+pub(super) trait Contents: BufRead + Seek {}
+
+impl<T: BufRead + Seek> Contents for T {}
 
 /// A relative URI as a path that stays inside the folder it is relative to.
 fn relative(uri: &str) -> std::result::Result<PathBuf, String> {
@@ -215,27 +227,6 @@ fn decode_percent(text: &str) -> Option<String> {
         }
     }
     String::from_utf8(decoded).ok()
-}
-
-/// A whole regular file, its size checked first.
-fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
-    let describe = |e: std::io::Error| match e.kind() {
-        ErrorKind::NotFound => "does not exist; check its name and place".to_owned(),
-        ErrorKind::PermissionDenied => "may not be read; check its permissions".to_owned(),
-        _ => format!("cannot be read: {}", printable(&e.to_string())),
-    };
-    let metadata = fs::metadata(path).map_err(describe)?;
-    if metadata.is_dir() {
-        return Err("is a folder; a file is needed".into());
-    }
-    // A pipe or a device may never end.
-    if !metadata.is_file() {
-        return Err("is not a regular file".into());
-    }
-    if metadata.len() > MAX_BYTES {
-        return Err("is larger than 4 GiB; split it".into());
-    }
-    fs::read(path).map_err(describe)
 }
 
 /// Extensions that the loader understands.

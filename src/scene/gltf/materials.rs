@@ -3,24 +3,21 @@
 use std::collections::BTreeMap;
 use std::io::Cursor;
 use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
 
 use glam::{Affine2, Vec3, Vec4};
-use image::{ImageFormat, ImageReader, Limits};
+use image::{ImageDecoder, ImageFormat};
 use rayon::prelude::*;
 
 use super::{Notes, files};
 use crate::Result;
+use crate::image::decode::{self, Encoded};
 use crate::scene::accessor::Accessors;
-use crate::scene::json::{Document, Object, printable};
+use crate::scene::json::{Document, Object, error_at, printable};
 use crate::scene::material::texture_transform;
 use crate::scene::{Image, Material, Phong, Sampler, Texture, Wrap};
 
 /// Largest width and height \[texels\] of an image: what every Vulkan desktop driver can hold.
 const MAX_SIDE: u32 = 16384;
-
-/// Most bytes of all decoded images together.
-const MAX_DECODED: u64 = 4 << 30;
 
 /// The materials in use so far. Their textures refer to the file's images until `finish`.
 pub(super) struct Materials<'a> {
@@ -66,9 +63,8 @@ impl<'a> Materials<'a> {
         for &index in &wanted {
             sources.push(source(self.document, index, accessors)?);
         }
-        let total = AtomicU64::new(0);
-        let decoded: Vec<std::result::Result<Image, String>> =
-            sources.par_iter().map(|source| source.decode(&folder, &total)).collect();
+        let too_large = |reason| error_at(&self.document.file, "images", reason);
+        let decoded = decode_all(&sources, &folder).map_err(too_large)?;
 
         let mut images = Vec::new();
         let mut renumbered = BTreeMap::new();
@@ -279,40 +275,60 @@ fn source<'a>(document: &'a Document, index: usize, accessors: &Accessors<'a>) -
 }
 
 impl Source<'_> {
-    /// The image, unless it or all images together are too large. Every failure is a reason to go without it.
-    fn decode(&self, folder: &Path, total: &AtomicU64) -> std::result::Result<Image, String> {
-        let read;
-        let bytes = match self.bytes {
-            Ok(bytes) => bytes,
-            Err(uri) => {
-                read = files::fetch(folder, uri)?;
-                &read
-            }
+    /// The image with its header read.
+    fn header(&self, folder: &Path) -> std::result::Result<Encoded<impl ImageDecoder>, String> {
+        let mut contents: Box<dyn files::Contents> = match self.bytes {
+            Ok(bytes) => Box::new(Cursor::new(bytes)),
+            Err(uri) => files::reader(folder, uri)?,
         };
-        let describe = |e: image::ImageError| format!("it does not decode ({})", printable(&e.to_string()));
         // By content: mimeType and extension are often wrong.
-        let format = image::guess_format(bytes).ok().filter(|f| matches!(f, ImageFormat::Png | ImageFormat::Jpeg));
+        let start = contents.fill_buf().map_err(|error| printable(&error.to_string()))?;
+        let format = image::guess_format(start).ok().filter(|f| matches!(f, ImageFormat::Png | ImageFormat::Jpeg));
         let format = format.ok_or("it is neither PNG nor JPEG")?;
-        let (width, height) =
-            ImageReader::with_format(Cursor::new(bytes), format).into_dimensions().map_err(describe)?;
+        let encoded = decode::header(contents, format).map_err(|reason| not_decoded(&reason))?;
+        let [width, height] = encoded.size;
         if width > MAX_SIDE || height > MAX_SIDE {
             return Err(format!("it has {width} x {height} texels, at most {MAX_SIDE} x {MAX_SIDE} are possible"));
         }
-        let size = u64::from(width) * u64::from(height) * 4;
-        if total.fetch_add(size, Ordering::Relaxed) + size > MAX_DECODED {
-            return Err("all images together take more than 4 GiB".into());
-        }
-        let mut reader = ImageReader::with_format(Cursor::new(bytes), format);
-        let mut limits = Limits::default();
-        limits.max_image_width = Some(MAX_SIDE);
-        limits.max_image_height = Some(MAX_SIDE);
-        // 16 bits per channel need twice the final size, and the decoder some room to work.
-        limits.max_alloc = Some(3 * size + (64 << 20));
-        reader.limits(limits);
-        let rgba = reader.decode().map_err(describe)?.into_rgba8();
-        let name = self.name.clone();
-        Ok(Image { name, width: rgba.width(), height: rgba.height(), rgba: rgba.into_raw() })
+        Ok(encoded)
     }
+
+    fn decode(&self, folder: &Path) -> std::result::Result<Image, String> {
+        let rgba = self.header(folder)?.decode().map_err(|reason| not_decoded(&reason))?.into_rgba8();
+        Ok(Image { name: self.name.clone(), width: rgba.width(), height: rgba.height(), rgba: rgba.into_raw() })
+    }
+}
+
+fn not_decoded(reason: &str) -> String {
+    format!("it does not decode ({})", printable(reason))
+}
+
+/// The images, or why there is none: as many are decoded at the same time as the bound on memory allows.
+fn decode_all(
+    sources: &[Source],
+    folder: &Path,
+) -> std::result::Result<Vec<std::result::Result<Image, String>>, String> {
+    // Bytes that stay, and bytes while it is decoded, of each.
+    let needs: Vec<[u64; 2]> = sources
+        .par_iter()
+        .map(|source| source.header(folder).map_or([0, 0], |encoded| [4 * encoded.texels, encoded.working]))
+        .collect();
+    let kept: u64 = needs.iter().map(|need| need[0]).sum();
+    let largest = needs.iter().map(|need| need[1]).max().unwrap_or(0);
+    decode::within(kept.saturating_add(largest))?;
+    let mut images = Vec::new();
+    while images.len() < sources.len() {
+        let rest = images.len()..sources.len();
+        let mut room = decode::max_memory() - kept;
+        let fits = |index: &usize| {
+            let left = room.checked_sub(needs[*index][1]);
+            room = left.unwrap_or(0);
+            left.is_some()
+        };
+        let now: Vec<usize> = rest.take_while(fits).collect();
+        images.par_extend(now.par_iter().map(|&index| sources[index].decode(folder)));
+    }
+    Ok(images)
 }
 
 #[cfg(test)]

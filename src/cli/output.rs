@@ -1,0 +1,75 @@
+//! Standard output and standard error. What they do not take never hides what the work has found.
+
+use anyhow::{Result, anyhow};
+use std::fmt::Arguments;
+use std::io::{Error, ErrorKind, Write, stderr, stdout};
+use std::sync::{Mutex, PoisonError};
+
+/// Prints a line of the result on standard output.
+macro_rules! say {
+    ($($text:tt)*) => { $crate::cli::output::line(format_args!($($text)*)) };
+}
+
+/// Why standard output takes nothing more.
+static BROKEN: Mutex<Option<Error>> = Mutex::new(None);
+
+/// What `say!` does.
+pub(super) fn line(text: Arguments<'_>) {
+    let mut broken = BROKEN.lock().unwrap_or_else(PoisonError::into_inner);
+    if broken.is_none() {
+        *broken = writeln!(stdout().lock(), "{text}").err();
+    }
+}
+
+/// Fails if something that was said could not be written, unless the reader has closed the pipe: who does has read enough.
+pub(super) fn written() -> Result<()> {
+    BROKEN.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), lost)
+}
+
+/// The failure that an error of standard output is.
+pub(super) fn lost(error: Error) -> Result<()> {
+    match error.kind() {
+        ErrorKind::BrokenPipe => Ok(()),
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => {
+            Err(anyhow!("standard output: {error}; free some space or choose another disk"))
+        }
+        _ => Err(anyhow!("standard output: {error}")),
+    }
+}
+
+/// Prints a message on standard error. Where that is broken, nobody is there to be told.
+pub(crate) fn tell(text: Arguments<'_>) {
+    let _ = writeln!(stderr().lock(), "lightskin: {text}");
+}
+
+/// Messages on standard error, one line each.
+struct Log;
+
+impl log::Log for Log {
+    fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
+        metadata.target().starts_with("lightskin") || metadata.level() <= log::Level::Warn
+    }
+    fn log(&self, record: &log::Record<'_>) {
+        if self.enabled(record.metadata()) {
+            match record.level() {
+                log::Level::Error => tell(format_args!("error: {}", record.args())),
+                log::Level::Warn => tell(*record.args()),
+                level => tell(format_args!("[{}] {}", level.as_str().to_lowercase(), record.args())),
+            }
+        }
+    }
+    fn flush(&self) {}
+}
+
+/// Starts the log: warnings, or more with `-v`, or errors alone with `-q`.
+pub(super) fn start_log(verbose: u8, quiet: bool) {
+    let level = match (quiet, verbose) {
+        (true, _) => log::LevelFilter::Error,
+        (_, 0) => log::LevelFilter::Warn,
+        (_, 1) => log::LevelFilter::Info,
+        _ => log::LevelFilter::Debug,
+    };
+    if log::set_logger(&Log).is_ok() {
+        log::set_max_level(level);
+    }
+}

@@ -1,0 +1,48 @@
+//! Signals that end the run: half-written files go first, and a path trace keeps its samples.
+
+use anyhow::{Context, Result};
+use lightskin::files;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+use signal_hook::low_level::emulate_default_handler;
+use std::sync::atomic::{AtomicBool, Ordering};
+
+/// Whether work is going on that ends in good order when it is asked to.
+static IN_ORDER: AtomicBool = AtomicBool::new(false);
+
+/// Whether it is asked to.
+static STOP: AtomicBool = AtomicBool::new(false);
+
+/// From here on signals end the run so. Those that are ignored already, as under `nohup`, stay so.
+pub(super) fn watch() -> Result<()> {
+    let ignored = ignored();
+    let heeded = [SIGHUP, SIGINT, SIGTERM].into_iter().filter(|signal| ignored >> (signal - 1) & 1 == 0);
+    let mut signals = Signals::new(heeded).context("signals")?;
+    std::thread::Builder::new().name("signals".into()).spawn(move || {
+        for signal in signals.forever() {
+            // Who asks a second time does not want to wait.
+            if IN_ORDER.load(Ordering::SeqCst) && !STOP.swap(true, Ordering::SeqCst) {
+                continue;
+            }
+            files::abandon();
+            // It ends the process.
+            let _ = emulate_default_handler(signal);
+        }
+    })?;
+    Ok(())
+}
+
+/// Does work that ends in good order, and soon, once the flag is set.
+pub(super) fn in_order<T>(work: impl FnOnce(&AtomicBool) -> T) -> T {
+    IN_ORDER.store(true, Ordering::SeqCst);
+    let done = work(&STOP);
+    IN_ORDER.store(false, Ordering::SeqCst);
+    done
+}
+
+/// A bit for each signal that is ignored, the lowest for number 1; none where the system does not say.
+fn ignored() -> u64 {
+    let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
+    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+}

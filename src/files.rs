@@ -1,0 +1,157 @@
+//! Whole files: what is read is a regular file, and what is written appears at once or not at all.
+
+use crate::error::{Error, Result};
+use std::ffi::OsString;
+use std::fs::{self, File};
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+
+/// Largest file that is read whole \[bytes\].
+const MOST: u64 = 4 << 30;
+
+/// Opens a regular file; a pipe or a device may never end, or not even begin. The error says what the file is, without
+/// its name.
+pub(crate) fn open(path: &Path) -> std::result::Result<File, String> {
+    let describe = |error: io::Error| match error.kind() {
+        ErrorKind::NotFound => "does not exist; check its name and place".to_owned(),
+        ErrorKind::PermissionDenied => "may not be read; check its permissions".to_owned(),
+        _ => format!("cannot be read: {error}"),
+    };
+    let metadata = fs::metadata(path).map_err(describe)?;
+    if metadata.is_dir() {
+        return Err("is a folder; a file is needed".into());
+    }
+    if !metadata.is_file() {
+        return Err("is not a regular file; copy what it gives into one".into());
+    }
+    File::open(path).map_err(describe)
+}
+
+/// A whole regular file.
+pub(crate) fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
+    let file = open(path)?;
+    let broken = |error: io::Error| format!("cannot be read: {error}");
+    let length = file.metadata().map_err(broken)?.len();
+    if length > MOST {
+        return Err("is larger than 4 GiB; split it".into());
+    }
+    let mut bytes = Vec::with_capacity(length as usize);
+    file.take(MOST).read_to_end(&mut bytes).map_err(broken)?;
+    Ok(bytes)
+}
+
+/// Writes a file under a temporary name beside it, and renames it once all of it is on the disk: whoever reads sees the
+/// old one or the whole new one.
+///
+/// # Errors
+/// When the file cannot be written; the old one stays.
+pub fn replace_file(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
+    replace(path, write).map_err(|error| output(path, &error))
+}
+
+/// [`replace_file`] by bytes that are there already.
+///
+/// # Errors
+/// When the file cannot be written; the old one stays.
+pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
+    replace_file(path, |file| file.write_all(bytes))
+}
+
+/// Tries whether `replace_file` will be able to write here, before long work is done for it.
+///
+/// # Errors
+/// When it will not.
+pub fn check_writable(path: &Path) -> Result<()> {
+    Unfinished::beside(path).map(drop).map_err(|error| output(path, &error))
+}
+
+/// [`replace_file`], with the system's own error.
+pub(crate) fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
+    let (unfinished, file) = Unfinished::beside(path)?;
+    let mut file = BufWriter::new(file);
+    write(&mut file)?;
+    // Not left to the buffer's drop, which tells nobody that the disk is full.
+    file.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
+    unfinished.finish(path)
+}
+
+/// The error of a file that is not written, with a remedy.
+fn output(path: &Path, error: &io::Error) -> Error {
+    let remedy = match error.kind() {
+        ErrorKind::NotFound => "the folder does not exist; make it first",
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => "choose a folder that can be written to",
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space or choose another disk",
+        ErrorKind::FileTooLarge => "raise the limit on the size of files or choose another disk",
+        ErrorKind::IsADirectory => "name a file",
+        _ => "choose another place",
+    };
+    Error::Output { file: path.to_owned(), reason: format!("{error}; {remedy}") }
+}
+
+/// Files under temporary names.
+static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
+
+fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
+    UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes all half-written files, and whoever would begin or finish one waits from now on: for a process that is about to
+/// be ended by a signal.
+pub fn abandon() {
+    let files = unfinished();
+    for file in files.iter() {
+        // Best effort: nobody is left to be told.
+        let _ = fs::remove_file(file);
+    }
+    std::mem::forget(files);
+}
+
+/// A file under a temporary name, which is removed unless it is finished.
+struct Unfinished(PathBuf);
+
+impl Unfinished {
+    /// Creates one that nobody else writes to.
+    fn beside(path: &Path) -> io::Result<(Self, File)> {
+        let name = path.file_name().ok_or_else(|| io::Error::other("it names no file"))?;
+        match fs::metadata(path) {
+            Ok(there) if there.is_dir() => return Err(ErrorKind::IsADirectory.into()),
+            Ok(there) if !there.is_file() => return Err(io::Error::other("it is not a regular file")),
+            _ => {}
+        }
+        let mut files = unfinished();
+        for attempt in files.len().. {
+            let mut hidden = OsString::from(format!(".{}-{attempt}.", std::process::id()));
+            hidden.push(name);
+            let temporary = path.with_file_name(hidden);
+            match File::create_new(&temporary) {
+                // Of a process that was killed and had the same number.
+                Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+                Err(error) => return Err(error),
+                Ok(file) => {
+                    files.push(temporary.clone());
+                    return Ok((Self(temporary), file));
+                }
+            }
+        }
+        unreachable!("some number is free")
+    }
+
+    /// Gives the file its name.
+    fn finish(self, path: &Path) -> io::Result<()> {
+        let mut files = unfinished();
+        fs::rename(&self.0, path)?;
+        files.retain(|file| *file != self.0);
+        std::mem::forget(self);
+        Ok(())
+    }
+}
+
+impl Drop for Unfinished {
+    fn drop(&mut self) {
+        let mut files = unfinished();
+        // Best effort: the error that led here is the one that matters.
+        let _ = fs::remove_file(&self.0);
+        files.retain(|file| *file != self.0);
+    }
+}
