@@ -431,6 +431,17 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let writing = Writing { layer: args.layer, tonemap: args.tonemap, ev: args.ev };
     let view_of = |camera: &Camera, world: &World| View::new(camera, args.size, world.origin, world.radius);
     let mut view = view_of(&seen_from, &world);
+    // The first frame makes what the driver puts off: the times of those after it are those that last.
+    let mut first_ms = None;
+    if !settings.reuse {
+        let drawn = gpu.timed_frame(|cmd| {
+            record(cmd, &world, &mut light, &mut [(view, &mut picture)], &look);
+            Ok(())
+        })?;
+        first_ms = Some(gpu.times(&drawn)?.cpu_span_ms());
+        problems.extend(drawn.problems);
+        trace.lap("first frame");
+    }
     let bar = progress_bar("{msg:>12} [{bar:40}] {percent:>3} %  {elapsed}");
     let frames = motion.frames();
     let count = frames.len();
@@ -475,6 +486,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         gpu: &gpu,
         light: &light,
         counts: light.counts(&gpu)?,
+        first_ms,
         settings: args.facts(&settings, &motion, &scene),
         runs: &runs,
     };

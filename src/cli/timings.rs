@@ -38,6 +38,9 @@ pub(super) struct Report<'a> {
     pub(super) light: &'a Light,
     /// What the last frame has worked with.
     pub(super) counts: Counts,
+    /// How long the frame before the others took [ms], in which the driver makes its code; without one where frames leave
+    /// out what stands still.
+    pub(super) first_ms: Option<f64>,
     /// Names and values of the flags that shape cost.
     pub(super) settings: Vec<(&'static str, Value)>,
     /// One rendered frame each; at least one.
@@ -108,6 +111,9 @@ impl Report<'_> {
             );
         }
         say!("exposure  EV {ev:.2}");
+        if let Some(ms) = self.first_ms {
+            say!("first     {ms:.0} ms: a frame in which the driver makes its code, before those below");
+        }
         self.print_times();
     }
 
