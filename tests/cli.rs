@@ -345,7 +345,7 @@ fn a_path_trace_that_is_interrupted_goes_on() {
         .spawn()
         .expect("the tool runs");
     std::thread::sleep(std::time::Duration::from_secs(3));
-    let killed = Command::new("kill").args(["-INT", &started.id().to_string()]).status();
+    let killed = Command::new("kill").args(["-TERM", &started.id().to_string()]).status();
     assert!(killed.expect("kill runs").success());
     let out = started.wait_with_output().expect("the tool ends");
     let message = text(&out.stderr);

@@ -168,7 +168,12 @@ fn signals_leave_nothing_half_written() {
     works(&at, &["assets", "made", "--moving"]);
     let frames = ["render", "made/moving.glb", "-o", "f_{frame}.exr", "--frames", "0..1000", "-q"];
     let args = [&frames[..], &["--gi", "off", "--size", "320x240"]].concat();
-    for (index, (name, number)) in [("-INT", 2), ("-TERM", 15), ("-HUP", 1)].into_iter().cycle().take(9).enumerate() {
+    // Who starts these tests in the background, or under nohup, ignores some of them, and so does then the tool.
+    let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
+    let ignored = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
+    let all = [("-INT", 2), ("-TERM", 15), ("-HUP", 1)];
+    let heeded = all.into_iter().filter(|(_, number)| ignored.unwrap_or(0) >> (number - 1) & 1 == 0);
+    for (index, (name, number)) in heeded.cycle().take(9).enumerate() {
         let child = tool(&at, &args).spawn().expect("the tool runs");
         let start = Instant::now();
         while !at.join("f_1.exr").exists() {
