@@ -6,6 +6,7 @@ mod animation;
 mod bake;
 mod bench;
 mod bounce;
+mod bounded;
 mod choices;
 mod cli;
 mod cluster;

@@ -121,7 +121,8 @@ const SAME_STRETCH: f64 = 1e-4;
 ///
 /// `progress` is told how much is done, from 0 to 1, and what is being done; it may be called from several threads.
 /// The result depends on the scene and the settings alone, not on the number of threads. A count that cannot be met
-/// (a box needs six caches) gives the nearest that can. Fails with `TooLarge` where a model would get more caches than
+/// (an instance needs one cache) gives the nearest that can. Where far more caches than the count were needed because
+/// very many instances face all ways, caches stand for wider angles than asked for; [`Coverage::angle`] tells. Fails with `TooLarge` where a model would get more caches than
 /// 16-bit references can name, or where the spacing is minute against a model.
 ///
 /// # Errors
@@ -134,16 +135,18 @@ pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &(dyn Fn(f32, &str
     }
     progress(0.0, "reading surfaces");
     let (models, instance_model) = models(scene);
-    let (spacing, placements) = search::search(&models, settings, progress)?;
+    let search::Found { bounds, placements } = search::search(&models, settings, progress)?;
 
     let done = AtomicUsize::new(0);
     let steps = 2 * models.len().max(1);
     let step = |what: &str| progress(0.6 + 0.4 * done.fetch_add(1, Ordering::Relaxed) as f32 / steps as f32, what);
     let models = (models.par_iter().zip(placements))
-        .map(|(model, placement)| finish(model, &scene.meshes[model.mesh], placement, spacing, settings, &step))
+        .map(|(model, placement)| {
+            finish(model, &scene.meshes[model.mesh], placement, bounds, settings.references, &step)
+        })
         .collect();
     progress(1.0, "caches placed");
-    Ok(CacheSet { spacing, models, instance_model, cells: None })
+    Ok(CacheSet { spacing: bounds.distance, models, instance_model, cells: None })
 }
 
 /// What is to be baked, and the model of each instance.
@@ -180,13 +183,13 @@ fn finish(
     model: &Model,
     mesh: &Mesh,
     Placement { voxels, seeds }: Placement,
-    spacing: f64,
-    settings: &BakeSettings,
+    bounds: Bounds,
+    references: usize,
     step: &(dyn Fn(&str) + Sync),
 ) -> ModelCaches {
-    let surface = &model.surface;
+    let (surface, spacing) = (&model.surface, bounds.distance);
     step("measuring areas");
-    let coverage = prune::measure(surface, &voxels, &seeds, Bounds::new(spacing, f64::from(settings.angle)));
+    let coverage = prune::measure(surface, &voxels, &seeds, bounds);
     let mut caches: Vec<Cache> = seeds.iter().map(|seed| cache(surface, mesh, seed)).collect();
     let normals: Vec<DVec3> = (caches.iter().zip(&seeds))
         .map(|(cache, seed)| (surface.normal_matrix * cache.normal.as_dvec3()).normalize_or(seed.normal))
@@ -201,7 +204,7 @@ fn finish(
     drop(voxels);
     step("finding references");
     let positions: Vec<DVec3> = seeds.iter().map(|s| s.position).collect();
-    let references = assign::assign(surface, &caches, &positions, settings.references, spacing);
+    let references = assign::assign(surface, &caches, &positions, references, spacing);
     ModelCaches { mesh: model.mesh, linear: surface.linear, caches, references, coverage }
 }
 

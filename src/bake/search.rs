@@ -3,10 +3,11 @@
 use super::prune;
 use super::seeds::{self, Bounds, Seed};
 use super::surface::Surface;
-use super::voxel::Voxels;
+use super::voxel::{PIECE_LIMIT, Voxels};
 use super::{BakeSettings, Density, NO_CACHE};
 use crate::error::{Error, Result};
 use rayon::prelude::*;
+use std::f64::consts::{FRAC_PI_3, PI};
 
 /// What is baked once: a mesh under one stretch.
 pub(super) struct Model<'a> {
@@ -37,6 +38,14 @@ const ATTEMPTS: i32 = 10;
 /// Part of the count that the search may be off.
 const TOLERANCE: f64 = 0.02;
 
+/// Times the count that caches may be before they stand for wider angles than asked for.
+const FAR_TOO_MANY: f64 = 2.5;
+
+/// Pieces for each cache of a count, beyond two per triangle, that tell that a spacing is too fine without cutting the
+/// surface up: an even surface needs about one, long thin ones that lie side by side some dozens. Where more are needed after
+/// all, the search begins anew with four times as many.
+const PIECES_PER_CACHE: f64 = 200.0;
+
 /// Places caches on one model: the five steps.
 fn place(model: &Model, bounds: Bounds) -> Result<Placement> {
     let voxels = Voxels::new(&model.surface, 0.5 * bounds.distance, model.name)?;
@@ -60,28 +69,49 @@ fn regret(off: f64) -> f64 {
     if off > 0.05 { 2.5 * off } else { off.abs() }
 }
 
-fn place_all(models: &[Model], spacing: f64, angle: f64) -> Result<Vec<Placement>> {
-    models.par_iter().map(|model| place(model, Bounds::new(spacing, angle))).collect()
+/// Places caches on all models; `None` where that would cut them into many more pieces than `most`.
+fn place_all(models: &[Model], bounds: Bounds, most: f64) -> Result<Option<Vec<Placement>>> {
+    let beyond = |model: &Model| {
+        let surface = &model.surface;
+        Voxels::estimate(surface, 0.5 * bounds.distance) - 2.0 * surface.triangles.len() as f64
+    };
+    if models.iter().map(|model| beyond(model).max(0.0)).sum::<f64>() > most {
+        return Ok(None);
+    }
+    models.par_iter().map(|model| place(model, bounds)).collect::<Result<_>>().map(Some)
 }
 
-/// Places caches as the settings ask. Returns the spacing with the caches of each model.
+/// What a search has found.
+pub(super) struct Found {
+    /// Bounds that the caches keep.
+    pub(super) bounds: Bounds,
+    /// The caches of each model.
+    pub(super) placements: Vec<Placement>,
+}
+
+/// Places caches as the settings ask.
 pub(super) fn search(
     models: &[Model],
     settings: &BakeSettings,
     progress: &(dyn Fn(f32, &str) + Sync),
-) -> Result<(f64, Vec<Placement>)> {
+) -> Result<Found> {
     let angle = f64::from(settings.angle);
+    let at = |spacing: f64| {
+        let bounds = Bounds::new(spacing, angle);
+        let placements: Result<_> = models.par_iter().map(|model| place(model, bounds)).collect();
+        Ok(Found { bounds, placements: placements? })
+    };
     let target = match settings.density {
         Density::Spacing(spacing) => {
             progress(0.0, "placing caches");
-            return Ok((spacing, place_all(models, spacing, angle)?));
+            return at(spacing);
         }
         Density::Count(target) => target,
     };
     let limit = CACHE_LIMIT * models.iter().map(|m| m.instances).sum::<usize>();
     let area: f64 = models.iter().map(|m| m.surface.area * m.instances as f64).sum();
     if area == 0.0 {
-        return Ok((1.0, place_all(models, 1.0, angle)?));
+        return at(1.0);
     }
     if target > limit {
         return Err(Error::TooLarge(format!(
@@ -89,10 +119,39 @@ pub(super) fn search(
         )));
     }
 
+    let target = target.max(1) as f64;
+    let mut pieces = PIECES_PER_CACHE * target.max(2000.0);
+    let (mut off, mut found) = loop {
+        match for_count(models, area, target, angle, pieces, progress) {
+            Err(_) if pieces < PIECE_LIMIT => pieces *= 4.0,
+            found => break found?,
+        }
+    };
+    // Each instance of a box needs six caches that each face their own way; of very many instances that is too much.
+    for wider in [2.0 * FRAC_PI_3, PI] {
+        if off > FAR_TOO_MANY.ln()
+            && wider > angle
+            && let Ok(less) = for_count(models, area, target, wider, pieces, progress)
+        {
+            log::info!("{:.0} caches where {target} were asked for: they stand for wider angles", target * off.exp());
+            (off, found) = less;
+        }
+    }
+    Ok(found)
+}
+
+/// Searches the spacing for a count. Gives with what it has found the logarithm of how far off the count is.
+fn for_count(
+    models: &[Model],
+    area: f64,
+    target: f64,
+    angle: f64,
+    most_pieces: f64,
+    progress: &(dyn Fn(f32, &str) + Sync),
+) -> Result<(f64, Found)> {
     // A voxel that holds the largest model whole: coarser than that changes nothing.
     let widest = models.iter().filter(|m| m.surface.area > 0.0).map(|m| (m.surface.high - m.surface.low).max_element());
     let coarsest = 2.5 * widest.fold(0.0, f64::max);
-    let target = target.max(1) as f64;
     // Slanted planes meet half again as many voxels as even ones, and pruning takes some back: about 5 per d_eps^2.
     let mut spacing = (5.0 * area / target).sqrt().min(coarsest);
     // Spacings known to give too many and too few, with the logarithm of how far off (`None` if beyond all limits).
@@ -102,12 +161,20 @@ pub(super) fn search(
     let mut refused = None;
     for attempt in 0..ATTEMPTS {
         progress(0.6 * (1.0 - 0.7f32.powi(attempt)), "searching the spacing");
-        match place_all(models, spacing, angle) {
+        match place_all(models, Bounds::new(spacing, angle), most_pieces) {
             Err(error) => {
                 fine = Some((spacing, None));
                 refused = Some(error);
             }
-            Ok(placements) => {
+            Ok(None) => {
+                log::debug!("spacing {spacing:.4} m: too many pieces for {target} caches");
+                fine = Some((spacing, None));
+                let what = format!(
+                    "{target} caches: a spacing fine enough cuts the scene into too many pieces: ask for fewer"
+                );
+                refused.get_or_insert(Error::TooLarge(what));
+            }
+            Ok(Some(placements)) => {
                 let count: usize = models.iter().zip(&placements).map(|(m, p)| m.instances * p.seeds.len()).sum();
                 let off = (count as f64 / target).ln();
                 log::debug!("spacing {spacing:.4} m: {count} caches of {target}");
@@ -138,7 +205,7 @@ pub(super) fn search(
     match (best, refused) {
         // Finer was refused, and what was not falls short.
         (Some((_, off, _)), Some(error)) if off < -0.1 => Err(error),
-        (Some((spacing, _, placements)), _) => Ok((spacing, placements)),
+        (Some((spacing, off, placements)), _) => Ok((off, Found { bounds: Bounds::new(spacing, angle), placements })),
         (None, error) => Err(error.expect("an attempt succeeds or is refused")),
     }
 }

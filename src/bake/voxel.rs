@@ -12,7 +12,7 @@ use std::ops::Range;
 /// A part of a triangle within one voxel.
 pub(super) struct Piece {
     /// Morton key of the voxel.
-    key: u64,
+    key: u128,
     /// Index into `Surface::triangles`.
     pub(super) triangle: u32,
     /// First corner in `Voxels::corners`.
@@ -47,11 +47,11 @@ pub(super) struct Voxels {
     corners: Vec<DVec3>,
 }
 
-/// Voxels along an axis that a Morton key of 64 bits can tell apart.
-const AXIS_LIMIT: f64 = (1 << 21) as f64;
+/// Voxels along an axis: numbers of cells of the same size are 32 bits elsewhere.
+const AXIS_LIMIT: f64 = (1 << 30) as f64;
 
 /// Pieces beyond two per triangle, about 3 GiB of them. A model's 65 534 caches need some 200 000 such voxels.
-const PIECE_LIMIT: f64 = 16e6;
+pub(super) const PIECE_LIMIT: f64 = 16e6;
 
 /// Pieces smaller than this part of their triangle are the rounding of a cut that met a corner or an edge.
 const NOTHING: f64 = 1e-14;
@@ -62,11 +62,23 @@ impl Voxels {
         &self.corners[piece.first as usize..(piece.first + piece.count) as usize]
     }
 
+    /// About how many pieces voxels of the given side \[m\] cut a surface into.
+    pub(super) fn estimate(surface: &Surface, side: f64) -> f64 {
+        surface.triangles.iter().map(|t| estimate(surface.corners(t), t.normal, t.area, side)).sum()
+    }
+
     /// Cuts a surface into voxels of the given side \[m\].
     pub(super) fn new(surface: &Surface, side: f64, name: &str) -> Result<Self> {
         let layers = ((surface.high - surface.low) / side).max_element() + 2.0;
-        let pieces: f64 = surface.triangles.iter().map(|t| estimate(surface.corners(t), t.normal, t.area, side)).sum();
-        if !(layers < AXIS_LIMIT && pieces < PIECE_LIMIT + 2.0 * surface.triangles.len() as f64) {
+        if layers.is_nan() || layers >= AXIS_LIMIT {
+            return Err(Error::TooLarge(format!(
+                "mesh '{name}': it is {layers:.1e} times as long as half of a spacing of {:.3e} m: ask for a larger \
+                 spacing or fewer caches",
+                2.0 * side
+            )));
+        }
+        let pieces = Self::estimate(surface, side);
+        if pieces.is_nan() || pieces >= PIECE_LIMIT + 2.0 * surface.triangles.len() as f64 {
             return Err(Error::TooLarge(format!(
                 "mesh '{name}': a spacing of {:.3e} m cuts it into about {pieces:.1e} pieces: ask for a larger spacing",
                 2.0 * side
@@ -250,16 +262,16 @@ fn origin(surface: &Surface, side: f64) -> DVec3 {
     surface.low - DVec3::new(shift(0), shift(1), shift(2)) * side
 }
 
-/// Interleaves the low 21 bits of the coordinates: neighbours in space are mostly neighbours in the order.
-fn morton(voxel: [i64; 3]) -> u64 {
+/// Interleaves the low 32 bits of the coordinates: neighbours in space are mostly neighbours in the order.
+fn morton(voxel: [i64; 3]) -> u128 {
     let spread = |x: i64| {
-        let mut x = x as u64 & 0x1f_ffff;
+        let mut x = u128::from(x as u32);
         for (shift, mask) in [
-            (32, 0x001f_0000_0000_ffff),
-            (16, 0x001f_0000_ff00_00ff),
-            (8, 0x100f_00f0_0f00_f00f),
-            (4, 0x10c3_0c30_c30c_30c3),
-            (2, 0x1249_2492_4924_9249),
+            (32, 0x0000_0000_0000_0000_ffff_0000_0000_ffff),
+            (16, 0x0000_0000_0000_ff00_00ff_0000_ff00_00ff),
+            (8, 0x0000_0000_00f0_0f00_f00f_00f0_0f00_f00f),
+            (4, 0x0000_0000_0c30_c30c_30c3_0c30_c30c_30c3),
+            (2, 0x0000_0000_2492_4924_9249_2492_4924_9249),
         ] {
             x = (x | x << shift) & mask;
         }

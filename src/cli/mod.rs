@@ -138,7 +138,8 @@ struct CacheArgs {
     #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
     /// Longest edge [m] of a triangle; longer ones are halved, since light is interpolated per vertex. 0 leaves all as
-    /// they are; a quarter of the caches' expected spacing without this flag, and 0 at texel level.
+    /// they are; a quarter of the caches' expected spacing without this flag, and 0 at texel level and where a scene would
+    /// have more than twice its triangles and 64 for each cache.
     #[arg(long, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
     /// Caches that each vertex refers to [default: 8 at --quality high].
@@ -387,16 +388,29 @@ fn load_punctual(path: Option<&Path>) -> Result<Scene> {
     Ok(complete(scene))
 }
 
-/// Loads a scene, and divides triangles that are large against the distance of caches.
+/// Loads a scene, and divides triangles that are large against the distance of caches, where that costs little.
 fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
-    Ok(divided(load_under(path, None)?, caches))
+    let mut scene = load_under(path, None)?;
+    divide_for(&mut scene, caches, false);
+    Ok(scene)
 }
 
-/// The scene with triangles divided that are large against the distance of caches.
+/// The scene with triangles divided that are large against the distance of caches, for light at vertices.
+#[cfg(feature = "lab")]
 fn divided(mut scene: Scene, caches: &CacheArgs) -> Scene {
-    let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(&scene, caches.count()));
-    tessellate::divide(&mut scene, spacing, caches.max_edge);
+    divide_for(&mut scene, caches, true);
     scene
+}
+
+/// Divides triangles that are large against the distance of caches. Says whether light can be interpolated at vertices:
+/// where that would take very many triangles none is divided, unless `anyway` or `--max-edge` asks for it.
+fn divide_for(scene: &mut Scene, caches: &CacheArgs, anyway: bool) -> bool {
+    let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(scene, caches.count()));
+    if anyway || caches.max_edge.is_some() {
+        tessellate::divide(scene, spacing, caches.max_edge);
+        return true;
+    }
+    tessellate::divide_if_few(scene, spacing)
 }
 
 /// The file itself, or the first glTF file of a folder.
@@ -441,11 +455,12 @@ fn bake_scene(scene: &Scene, settings: &BakeSettings, again: bool) -> Result<Bak
         bar.set_position((fraction * 1000.0) as u64);
     };
     let start = Instant::now();
-    let (caches, kept) = if again {
-        (lightskin::bake::bake(scene, settings, &progress)?, false)
+    let made = if again {
+        lightskin::bake::bake(scene, settings, &progress).map(|set| (set, false))
     } else {
-        lightskin::bake::bake_cached(scene, settings, &progress)?
+        lightskin::bake::bake_cached(scene, settings, &progress)
     };
+    let (caches, kept) = made.with_context(|| scene.name.clone())?;
     bar.finish_and_clear();
     let count = caches.instance_model.iter().map(|m| caches.models[*m].caches.len()).sum();
     Ok(Baked { caches, count, time: start.elapsed(), kept })

@@ -6,12 +6,13 @@ use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
 use super::sky::SkyArgs;
 use super::timings::{Report, timings_file, trace_file};
 use super::{
-    CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divided, load_under, progress_bar, thousands,
-    wrong_usage,
+    Baked, CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divide_for, load_under, progress_bar,
+    thousands, wrong_usage,
 };
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use glam::{DAffine3, DMat3, DVec3};
+use lightskin::bake::CacheSet;
 use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::settings::{Caches, Gather};
@@ -63,9 +64,9 @@ pub(super) struct Render {
     shadow_map: Option<u32>,
     #[command(flatten)]
     gather: GatherArgs,
-    /// Where caches are averaged.
-    #[arg(long, value_enum, default_value_t)]
-    interp: InterpArg,
+    /// Where caches are averaged [default: vertex, but texel where it would take very many triangles].
+    #[arg(long, value_enum)]
+    interp: Option<InterpArg>,
     /// What is averaged between caches, with which weights.
     #[arg(long, value_enum, default_value_t)]
     interpolation: InterpolationArg,
@@ -255,8 +256,40 @@ impl Render {
         }
     }
 
+    /// Where light is interpolated: as asked for, or at vertices if triangles are small enough. Adds the cells by which
+    /// pixels look caches up.
+    fn look_up(&self, scene: &Scene, baked: &mut Baked, at_vertices: bool) -> Result<InterpArg> {
+        let with_cells = |caches: CacheSet| caches.with_cells(scene).with_context(|| scene.name.clone());
+        match self.interp {
+            Some(InterpArg::Vertex) => return Ok(InterpArg::Vertex),
+            Some(InterpArg::Texel) => baked.caches = with_cells(std::mem::take(&mut baked.caches))?,
+            None if at_vertices => return Ok(InterpArg::Vertex),
+            None => match with_cells(baked.caches.clone()) {
+                Ok(caches) => {
+                    log::warn!(
+                        "{}: light at vertices would need very many triangles: --interp texel is used; --interp vertex \
+                         divides as far as some two million triangles",
+                        scene.name
+                    );
+                    baked.caches = caches;
+                }
+                Err(error) => {
+                    log::warn!("{error:#}: light is interpolated at the vertices of undivided triangles");
+                    return Ok(InterpArg::Vertex);
+                }
+            },
+        }
+        Ok(InterpArg::Texel)
+    }
+
     /// The settings that shape cost, in the words of the flags.
-    fn facts(&self, settings: &Settings, motion: &Motion, scene: &Scene) -> Vec<(&'static str, Value)> {
+    fn facts(
+        &self,
+        settings: &Settings,
+        interp: InterpArg,
+        motion: &Motion,
+        scene: &Scene,
+    ) -> Vec<(&'static str, Value)> {
         let (animation, first) = motion.moment(0);
         let (_, last) = motion.moment(motion.frames().len() - 1);
         let animation = animation.and_then(|index| scene.animations().nth(index)).map(|(name, ..)| name.to_owned());
@@ -289,7 +322,7 @@ impl Render {
             ("first_time", json!(animation.is_some().then_some(first))),
             ("last_time", json!(animation.is_some().then_some(last))),
             ("animation", json!(animation)),
-            ("interp", word(self.interp)),
+            ("interp", word(interp)),
             ("interpolation", word(self.interpolation)),
             ("proxy_weight", word(self.proxy_weight)),
             ("tonemap", word(self.tonemap)),
@@ -369,15 +402,13 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     let start = Instant::now();
     let mut trace = Trace::default();
-    let scene = load_under(args.scene.as_deref(), args.sky.sky()?)?;
-    let mut scene = match args.gi {
+    let mut scene = load_under(args.scene.as_deref(), args.sky.sky()?)?;
+    let at_vertices = match (args.gi, args.interp) {
         // Rays need no small triangles.
-        GiArg::PathTrace => scene,
+        (GiArg::PathTrace, _) => false,
         // Nothing is interpolated over triangles; but what caches reflect in further bounces is found by the vertices.
-        GiArg::Lightskin if args.interp == InterpArg::Texel && args.bounces <= 1 && args.caches.max_edge.is_none() => {
-            scene
-        }
-        _ => divided(scene, &args.caches),
+        (GiArg::Lightskin, Some(InterpArg::Texel)) if args.bounces <= 1 && args.caches.max_edge.is_none() => false,
+        (_, asked) => divide_for(&mut scene, &args.caches, asked == Some(InterpArg::Vertex)),
     };
     let motion = args.motion.motion(&scene, args.repeat)?;
     let mut seen_from = camera(&scene, args.camera.as_deref())?;
@@ -399,9 +430,10 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let mut baked = (args.gi == GiArg::Lightskin && args.bounces > 0)
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
         .transpose()?;
-    if let (Some(baked), InterpArg::Texel) = (&mut baked, args.interp) {
-        baked.caches = std::mem::take(&mut baked.caches).with_cells(&scene)?;
-    }
+    let interp = match &mut baked {
+        Some(baked) => args.look_up(&scene, baked, at_vertices)?,
+        None => args.interp.unwrap_or_default(),
+    };
     trace.lap("bake");
     let gpu = args.device.open()?;
     let count = baked.as_ref().map_or(0, |b| b.count);
@@ -487,7 +519,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         light: &light,
         counts: light.counts(&gpu)?,
         first_ms,
-        settings: args.facts(&settings, &motion, &scene),
+        settings: args.facts(&settings, interp, &motion, &scene),
         runs: &runs,
     };
     let ev = exposure_value(args.ev, &gpu, &picture)?;

@@ -12,7 +12,7 @@ use std::collections::HashMap;
 /// Rounds of halving: an edge a thousand times too long is left long.
 const ROUNDS: usize = 10;
 
-/// About as many triangles may be made by dividing.
+/// About as many triangles over all instances may be made by dividing.
 const MOST_TRIANGLES: usize = 2_000_000;
 
 /// Surface [m^2 in world space] over all instances.
@@ -34,49 +34,135 @@ pub fn expected_spacing(scene: &Scene, caches: usize) -> f64 {
     (5.0 * area(scene) / caches.max(1) as f64).sqrt()
 }
 
+/// Triangles over all instances that dividing may make for each cache, however few there were: surface that is spread
+/// evenly needs about fifteen.
+const TRIANGLES_PER_CACHE: f64 = 64.0;
+
 /// Divides for caches that stand `spacing` \[m\] apart: no edge is to be longer than a quarter of it, or than `max_edge`
-/// \[m\] where that is given; 0 leaves all as they are.
+/// \[m\] where that is given; 0 leaves all as they are. Goes as far as about two million triangles over all instances allow.
 pub fn divide(scene: &mut Scene, spacing: f64, max_edge: Option<f64>) {
     if max_edge == Some(0.0) {
         return;
     }
-    // However fine is asked for: halved edges leave about two triangles for the square of the longest.
-    let finest = (2.0 * area(scene) / MOST_TRIANGLES as f64).sqrt();
-    let longest = max_edge.unwrap_or(0.25 * spacing).max(finest);
-    let added = tessellate(scene, longest, MOST_TRIANGLES);
-    log::info!("{added} triangles added by halving edges longer than {longest:.4} m");
+    let longest = longest(scene, max_edge.unwrap_or(0.25 * spacing));
+    let most = MOST_TRIANGLES.max(2 * scene.triangle_count());
+    if !divide_whole(scene, longest, most) {
+        part(scene);
+        let added = tessellate(scene, longest, most);
+        log::warn!(
+            "{}: {added} triangles added by halving edges, and no more, though some are longer than {longest:.4} m",
+            scene.name
+        );
+    }
 }
 
-/// Halves edges longer than `longest` [m in world space] until none is left, or until a mesh would have more than
-/// `most` triangles. Gives the number of triangles that were added.
-pub fn tessellate(scene: &mut Scene, longest: f64, most: usize) -> usize {
-    let mut added = 0;
-    for index in 0..scene.meshes.len() {
-        // Instances that differ by rotation alone have the same metric.
-        let mut metrics: Vec<DMat3> = Vec::new();
-        for instance in scene.instances.iter().filter(|i| i.mesh == index) {
-            let linear = instance.stretch();
-            let metric = linear.transpose() * linear;
-            let size = metric.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
-            if !metrics.iter().any(|m| m.abs_diff_eq(metric, 1e-3 * size)) {
-                metrics.push(metric);
+/// Divides for caches that stand `spacing` \[m\] apart where that costs little: the scene, its instances counted, has no
+/// more than twice its triangles then, or few against its caches. Otherwise leaves all as they are, and gives `false`:
+/// light is better interpolated at pixels.
+pub fn divide_if_few(scene: &mut Scene, spacing: f64) -> bool {
+    let longest = longest(scene, 0.25 * spacing);
+    let caches = 5.0 * area(scene) / (spacing * spacing);
+    let few = (TRIANGLES_PER_CACHE * caches).min(MOST_TRIANGLES as f64) as usize;
+    divide_whole(scene, longest, few.max(2 * scene.triangle_count()))
+}
+
+/// The longest edge \[m\] to leave, however fine is asked for: halved edges leave about two triangles for the square of
+/// the longest.
+fn longest(scene: &Scene, asked: f64) -> f64 {
+    asked.max((2.0 * area(scene) / MOST_TRIANGLES as f64).sqrt())
+}
+
+/// Halves all edges longer than `longest` [m in world space]; where the scene would have more than `most` triangles, with
+/// meshes of their own for small and large instances; where that is too much as well, none.
+fn divide_whole(scene: &mut Scene, longest: f64, most: usize) -> bool {
+    let (meshes, instances) = (scene.meshes.clone(), scene.instances.clone());
+    let (mut added, mut whole) = halve_all(scene, longest, most, true);
+    if !whole {
+        scene.meshes.clone_from(&meshes);
+        if part(scene) {
+            (added, whole) = halve_all(scene, longest, most, true);
+        }
+    }
+    if whole {
+        log::info!("{added} triangles added by halving edges longer than {longest:.4} m");
+    } else {
+        (scene.meshes, scene.instances) = (meshes, instances);
+    }
+    whole
+}
+
+/// Gives instances whose sizes differ by more than about twofold meshes of their own, so that a small one is not divided
+/// for a large one. Says whether any did.
+fn part(scene: &mut Scene) -> bool {
+    let size = |stretch: DMat3| {
+        let longest = [stretch.x_axis, stretch.y_axis, stretch.z_axis].map(|axis| axis.length()).into_iter();
+        longest.fold(0.0, f64::max).max(f64::MIN_POSITIVE).log2().round() as i32
+    };
+    let before = scene.meshes.len();
+    let mut own: HashMap<(usize, i32), usize> = HashMap::new();
+    let mut taken = vec![false; before];
+    for instance in &mut scene.instances {
+        let (mesh, size) = (instance.mesh, size(instance.stretch()));
+        instance.mesh = *own.entry((mesh, size)).or_insert_with(|| {
+            if !std::mem::replace(&mut taken[mesh], true) {
+                return mesh;
             }
+            scene.meshes.push(scene.meshes[mesh].clone());
+            scene.meshes.len() - 1
+        });
+    }
+    scene.meshes.len() > before
+}
+
+/// Halves edges longer than `longest` [m in world space] until none is left, or until the scene would have more than
+/// `most` triangles over all instances. Gives the number of triangles that were added to meshes.
+pub fn tessellate(scene: &mut Scene, longest: f64, most: usize) -> usize {
+    halve_all(scene, longest, most, false).0
+}
+
+/// As [`tessellate`], and whether `most` was enough; with `all_or_nothing` it ends as soon as that is not so.
+fn halve_all(scene: &mut Scene, longest: f64, most: usize, all_or_nothing: bool) -> (usize, bool) {
+    // Instances that differ by rotation alone have the same metric.
+    let mut metrics: Vec<Vec<DMat3>> = vec![Vec::new(); scene.meshes.len()];
+    let mut shared = vec![0; scene.meshes.len()];
+    for instance in &scene.instances {
+        let linear = instance.stretch();
+        let metric = linear.transpose() * linear;
+        let size = metric.to_cols_array().iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+        let metrics = &mut metrics[instance.mesh];
+        if !metrics.iter().any(|m| m.abs_diff_eq(metric, 1e-3 * size)) {
+            metrics.push(metric);
         }
-        let mesh = &mut scene.meshes[index];
-        let before = mesh.triangle_count();
-        for _ in 0..ROUNDS {
-            let Some(finer) = halve(mesh, &metrics, longest * longest).filter(|finer| finer.triangle_count() <= most)
-            else {
-                break;
+        shared[instance.mesh] += 1;
+    }
+    let before: Vec<usize> = scene.meshes.iter().map(Mesh::triangle_count).collect();
+    let (mut total, mut whole) = (scene.triangle_count(), true);
+    let mut open: Vec<usize> = (0..scene.meshes.len()).collect();
+    for _ in 0..ROUNDS {
+        open.retain(|&index| {
+            let mesh = &mut scene.meshes[index];
+            let Some(finer) = halve(mesh, &metrics[index], longest * longest) else {
+                return false;
             };
+            let more = shared[index] * (finer.triangle_count() - mesh.triangle_count());
+            if total + more > most {
+                whole = false;
+                return false;
+            }
+            total += more;
             *mesh = finer;
+            true
+        });
+        if all_or_nothing && !whole {
+            break;
         }
-        if mesh.triangle_count() > before {
-            carried::settle(mesh);
-        }
+    }
+    let mut added = 0;
+    for (mesh, before) in scene.meshes.iter_mut().zip(before).filter(|(mesh, before)| mesh.triangle_count() > *before) {
+        carried::settle(mesh);
         added += mesh.triangle_count() - before;
     }
-    added
+    (added, whole)
 }
 
 /// The mesh with every edge whose squared length exceeds `longest2` halved; `None` if there is none.
