@@ -25,16 +25,15 @@ fn counts(out: &str) -> (usize, usize, usize) {
     (measured, kept, failed)
 }
 
-/// Three counts of caches by three RSMs, one alternative each of three knobs, two of shadows, two distances of clusters.
-const POINTS: usize = 3 * 3 + 3 + 2 + 2;
-
 #[test]
 fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     let at = folder("eval-report");
     write_glb(&small(), &at.join("box.glb")).expect("a scene");
     let caches = ["--caches", "250"];
     let first = eval(&at, &caches);
-    assert_eq!(counts(&first), (POINTS, 0, 0), "{first}");
+    // With and without shadows: three counts of caches by three RSMs, one alternative each of three knobs. One further kind of
+    // shadows, two distances of clusters.
+    assert_eq!(counts(&first), (27, 0, 0), "{first}");
     let report = at.join("report");
     let wanted = ["index.html", "pictures", "plots", "points.jsonl", "references", "results.csv", "results.json"];
     assert_eq!(left(&report), wanted);
@@ -61,15 +60,24 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     for name in ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "bias", "psnr", "ssim", "flip"] {
         assert!(head.contains(&name), "{head:?}");
     }
-    // All points against four references, three of brute force against three; two lobes and their sum.
-    assert_eq!(table.lines().count(), 1 + POINTS * 4 * 3 + 3 * 3 * 3);
+    // Thirteen points with shadows against one reference, fourteen without against four, three of brute force against three;
+    // two lobes and their sum.
+    assert_eq!(table.lines().count(), 1 + (13 + 14 * 4 + 3 * 3) * 3);
+    // Nothing with shadows is compared with a reference that has none.
+    let [gi, shadows, reference] =
+        ["gi", "shadows", "reference"].map(|name| head.iter().position(|n| *n == name).expect(name));
+    for line in table.lines().skip(1) {
+        let cells: Vec<&str> = line.split(',').collect();
+        let has_none = cells[gi] == "brute-force" || cells[shadows] == "off";
+        assert!(has_none || cells[reference] == "path-traced", "{line}");
+    }
     let results: serde_json::Value =
         serde_json::from_slice(&fs::read(report.join("results.json")).expect("results")).expect("JSON");
-    assert_eq!(results["points"].as_array().map(Vec::len), Some(POINTS + 3));
+    assert_eq!(results["points"].as_array().map(Vec::len), Some(30));
     assert_eq!(results["references"].as_array().map(Vec::len), Some(5));
 
     let second = eval(&at, &caches);
-    assert_eq!(counts(&second), (0, POINTS, 0), "{second}");
+    assert_eq!(counts(&second), (0, 27, 0), "{second}");
     assert_eq!(fs::read_to_string(report.join("results.csv")).expect("a table"), table);
     assert!(fs::read_to_string(report.join("index.html")).expect("a page") == page, "the same numbers, the same page");
 
@@ -82,16 +90,16 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     let picture: Vec<_> = picture.filter(|p| p.to_string_lossy().contains(&format!("{key}-error"))).collect();
     fs::remove_file(&picture[0]).expect("a picture of the default");
     let third = eval(&at, &caches);
-    assert_eq!(counts(&third), (2, POINTS - 2, 0), "{third}");
+    assert_eq!(counts(&third), (2, 25, 0), "{third}");
 
     // Other settings and another scene: nothing of it fits, and nothing of it is lost.
     let other = eval(&at, &["--caches", "250", "--angle", "45"]);
-    assert_eq!(counts(&other), (POINTS, 0, 0), "{other}");
-    assert_eq!(counts(&eval(&at, &caches)), (0, POINTS, 0));
+    assert_eq!(counts(&other), (27, 0, 0), "{other}");
+    assert_eq!(counts(&eval(&at, &caches)), (0, 27, 0));
     let mut scene = small();
     scene.lights[0].intensity *= 2.0;
     write_glb(&scene, &at.join("box.glb")).expect("a scene");
-    assert_eq!(counts(&eval(&at, &caches)), (POINTS, 0, 0));
+    assert_eq!(counts(&eval(&at, &caches)), (27, 0, 0));
 }
 
 fn lightskin_is_software() -> bool {

@@ -3,6 +3,8 @@
 use super::{DeviceArgs, angle, at_least_zero, check_messages, load_punctual, progress_bar, render};
 use anyhow::{Context, Result};
 use lightskin::frame::Quality;
+use lightskin::lab::eval::figures::Figures;
+use lightskin::lab::eval::references::Truth;
 use lightskin::lab::eval::report;
 use lightskin::lab::eval::run::{Job, run as measure};
 use lightskin::lab::eval::sweep::{Extent, Point, Sweep};
@@ -33,7 +35,7 @@ pub(super) struct Eval {
     /// Camera by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     camera: Option<String>,
-    /// Caches of the default, around which the knobs are varied.
+    /// Caches of the default, around which the knobs are varied, with and without shadows of indirect light.
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     caches: u32,
     /// Texels of an RSM's side of the default.
@@ -91,7 +93,10 @@ pub(super) fn run(args: &Eval) -> Result<()> {
         results.measured,
         results.kept
     );
-    for errors in results.rows.first().iter().flat_map(|row| &row.errors) {
+    // With shadows against paths with shadows, without them against the rest.
+    let figures = Figures { job: &job, results: &results };
+    let rows = Truth::ALL.into_iter().filter_map(|truth| Some((truth, figures.row(figures.base(truth))?)));
+    for errors in rows.flat_map(|(truth, row)| row.errors.iter().filter(move |errors| errors.truth == truth.name())) {
         let value = |name: &str| errors.values.iter().find(|(n, _)| n == name).map_or(f64::NAN, |(_, v)| *v);
         let (mare, bias) = (plot::short(value("mare") * 100.0), plot::short(value("bias") * 100.0));
         say!("  {:<24}{:<18}error {mare} %, bias {bias} %", errors.truth, errors.layer);

@@ -35,7 +35,7 @@ pub struct Series {
     pub marks: Vec<Mark>,
     /// Whether a line joins them.
     pub line: bool,
-    /// Which of the eight colours.
+    /// Which of the nine colours.
     pub color: usize,
 }
 
@@ -53,7 +53,7 @@ pub struct Mark {
 const STYLE: &str = include_str!("plot.css");
 
 /// Colours that `STYLE` has.
-const COLORS: usize = 8;
+const COLORS: usize = 9;
 
 /// Indices of the points that no other point beats in one coordinate without being worse in the other; smaller is
 /// better in both. From the smallest x to the smallest y.

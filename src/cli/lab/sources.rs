@@ -102,7 +102,7 @@ fn print(found: &Sources, scene: &Scene, settings: &SourcesSettings, device: &[[
     }
 }
 
-/// The engine's own indirect light, both lobes of every pixel.
+/// The engine's own indirect light, both lobes of every pixel. It has no shadows: what they are missing is a row of the tables.
 fn device_picture(
     gpu: &Gpu,
     scene: &Scene,

@@ -40,17 +40,23 @@ impl<'a> Figures<'a> {
         self.results.rows.get(index)
     }
 
-    /// The rows of a knob's values, all else at the default.
-    pub fn rows_of(&self, knob: &Knob) -> Vec<Option<&'a Row>> {
-        (0..knob.values.len()).map(|value| self.row(&knob.set(&self.job.sweep.base, value))).collect()
+    /// The default whose errors against a reference are shown: with shadows only where the reference has some.
+    pub fn base(&self, truth: Truth) -> &'a Point {
+        let sweep = self.job.sweep;
+        if truth.fits(sweep.base.frame.shadows) { &sweep.base } else { &sweep.bare }
     }
 
-    /// What sets a point apart from the default; brute force is named as such.
-    pub fn name(&self, row: &Row) -> String {
+    /// The rows of a knob's values, all else at a default.
+    pub fn rows_of(&self, knob: &Knob, base: &Point) -> Vec<Option<&'a Row>> {
+        (0..knob.values.len()).map(|value| self.row(&knob.set(base, value))).collect()
+    }
+
+    /// What sets a point apart from a default; brute force is named as such.
+    pub fn name(&self, row: &Row, base: &Point) -> String {
         if row.knob("gi") == Some("brute-force") {
             return format!("brute force, rsm {}", row.knob("rsm").unwrap_or("?"));
         }
-        let base = self.results.rows.first();
+        let base = self.row(base);
         let differs = |(name, value): &&(String, String)| base.and_then(|b| b.knob(name)) != Some(value.as_str());
         let apart = row.knobs.iter().filter(differs).map(|(name, value)| format!("{name} {value}"));
         let apart: Vec<String> = apart.collect();
@@ -64,7 +70,7 @@ impl<'a> Figures<'a> {
     }
 
     fn mark(&self, row: &Row, truth: Truth) -> Option<Mark> {
-        Some(Mark { x: row.frame_ms(), y: row.error(truth, LAYER, METRIC.0)?, label: self.name(row) })
+        Some(Mark { x: row.frame_ms(), y: row.error(truth, LAYER, METRIC.0)?, label: self.name(row, self.base(truth)) })
     }
 
     /// Every point, its error against its time: a curve for each knob, and the front.
@@ -73,7 +79,12 @@ impl<'a> Figures<'a> {
         let mut series =
             vec![Series { name: "caches x VALs".into(), marks: marks(&self.results.rows), line: false, color: GREY }];
         for (color, knob) in self.job.sweep.knobs.iter().enumerate() {
-            let marks = self.rows_of(knob).into_iter().flatten().filter_map(|row| self.mark(row, truth)).collect();
+            let rows = self.rows_of(knob, self.base(truth));
+            let marks: Vec<Mark> = rows.into_iter().flatten().filter_map(|row| self.mark(row, truth)).collect();
+            if marks.len() < 2 {
+                // Of the kinds of shadows there is but one without.
+                continue;
+            }
             series.push(Series {
                 name: knob.name.into(),
                 marks,
@@ -90,18 +101,22 @@ impl<'a> Figures<'a> {
         Figure { name: format!("error-against-time-{}", truth.name()), plot }
     }
 
-    /// A knob's curves: errors of the lobes, errors against each reference, time of each stage.
+    /// A knob's curves: errors of the lobes with and without shadows, errors against each reference, time of each stage.
+    /// Nothing of a reference that but one of its values can be compared with.
     pub fn of_knob(&self, knob: &Knob) -> Vec<Figure> {
         let is_numeric = knob.is_numeric();
         let names = if is_numeric { Vec::new() } else { knob.values.iter().map(|v| v.label.clone()).collect() };
         let x = Axis { label: knob.title.into(), names };
-        let rows = self.rows_of(knob);
+        let rows = self.rows_of(knob, &self.job.sweep.base);
         let place = |i: usize| if is_numeric { knob.values[i].label.parse().unwrap_or(f64::NAN) } else { i as f64 };
-        let curve = |name: &str, color: usize, y: &dyn Fn(&Row) -> Option<f64>| {
-            let mark = |(i, row): (usize, &Option<&Row>)| {
-                Some(Mark { x: place(i), y: y((*row)?)?, label: knob.values[i].label.clone() })
-            };
-            Series { name: name.into(), marks: rows.iter().enumerate().filter_map(mark).collect(), line: true, color }
+        let line = |name: &str, color: usize, y: &dyn Fn(usize) -> Option<f64>| {
+            let mark = |i: usize| Some(Mark { x: place(i), y: y(i)?, label: knob.values[i].label.clone() });
+            Series { name: name.into(), marks: (0..knob.values.len()).filter_map(mark).collect(), line: true, color }
+        };
+        let curve = |name: &str, color: usize, y: &dyn Fn(&Row) -> Option<f64>| line(name, color, &|i| y(rows[i]?));
+        let error = |name: &str, color: usize, truth: Truth, layer: &str| {
+            let rows = self.rows_of(knob, self.base(truth));
+            line(name, color, &|i| rows[i]?.error(truth, layer, METRIC.0))
         };
         let plot = |name: &str, what: &str, y: Axis, series: Vec<Series>| {
             let series = series.into_iter().filter(|s| !s.marks.is_empty()).collect();
@@ -109,14 +124,12 @@ impl<'a> Figures<'a> {
             Figure { name, plot: Plot { title, x: x.clone(), y, series, front: false, size: [470.0, 330.0] } }
         };
         let lobes = [("indirect.diffuse", "diffuse"), ("indirect.glossy", "glossy"), ("indirect", "sum")];
-        let lobes = lobes
-            .iter()
-            .enumerate()
-            .map(|(i, (layer, name))| curve(name, i, &|row| row.error(Truth::SameVals, layer, METRIC.0)));
-        let truths = Truth::ALL
-            .iter()
-            .enumerate()
-            .map(|(i, truth)| curve(truth.short(), i, &|row| row.error(*truth, LAYER, METRIC.0)));
+        let lobes = |truth: Truth| {
+            let series = lobes.iter().enumerate().map(|(i, (layer, name))| error(name, i, truth, layer)).collect();
+            plot(&format!("lobes-{}", truth.name()), &format!("lobes against {}", truth.short()), error_axis(), series)
+        };
+        let truths =
+            Truth::ALL.into_iter().enumerate().map(|(i, truth)| error(truth.short(), i, truth, LAYER)).collect();
         let mut stages: Vec<&str> = Vec::new();
         for (name, _) in rows.iter().flatten().flat_map(|row| &row.stages) {
             if !stages.contains(&name.as_str()) {
@@ -130,22 +143,25 @@ impl<'a> Figures<'a> {
         let total = curve("frame", GREY, &|row| row.failed.is_none().then(|| row.frame_ms()));
         let times = stages.iter().enumerate().map(stage).chain([total]);
         let time_axis = Axis { label: "GPU time [ms]".into(), names: Vec::new() };
-        vec![
-            plot("lobes", "error of each lobe, same VALs", error_axis(), lobes.collect()),
-            plot("references", "error of the sum, each reference", error_axis(), truths.collect()),
+        let mut all = vec![
+            lobes(Truth::Shadowed),
+            lobes(Truth::SameVals),
+            plot("references", "error of the sum, each reference", error_axis(), truths),
             plot("times", "time of each stage", time_axis, times.collect()),
-        ]
+        ];
+        all.retain(|figure| figure.plot.series.iter().any(|series| series.marks.len() > 1));
+        all
     }
 
     /// Error over caches, a curve for each RSM side: which of the two is too few.
     pub fn grid(&self, truth: Truth) -> Figure {
         let [caches, vals] = [&self.job.sweep.knobs[0], &self.job.sweep.knobs[1]];
-        let base = &self.job.sweep.base;
+        let base = self.base(truth);
         let curve = |column: usize| {
             let mark = |row: usize| {
                 let found = self.row(&vals.set(&caches.set(base, row), column))?;
                 let y = found.error(truth, LAYER, METRIC.0)?;
-                Some(Mark { x: caches.values[row].label.parse().ok()?, y, label: self.name(found) })
+                Some(Mark { x: caches.values[row].label.parse().ok()?, y, label: self.name(found, base) })
             };
             let name = format!("rsm {}", vals.values[column].label);
             Series { name, marks: (0..caches.values.len()).filter_map(mark).collect(), line: true, color: column }

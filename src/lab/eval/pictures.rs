@@ -1,7 +1,7 @@
 //! Pictures of points and heat maps of their errors, as the report shows them.
 
 use super::measure::Layers;
-use super::references::make_folder;
+use super::references::{Truth, make_folder};
 use crate::error::Result;
 use crate::image::write_png;
 use crate::metrics::display::{clean, encode, middle_grey};
@@ -34,8 +34,8 @@ pub struct Pictures {
 pub enum Shows {
     /// Both lobes of indirect light.
     Light,
-    /// Relative squared error of that.
-    Error,
+    /// Relative squared error of that, against a reference.
+    Error(Truth),
 }
 
 impl Pictures {
@@ -51,15 +51,16 @@ impl Pictures {
     /// The file of a point's or a reference's picture.
     pub fn path(&self, key: &str, shows: Shows) -> PathBuf {
         let what = match shows {
-            Shows::Light => "light",
-            Shows::Error => "error",
+            Shows::Light => "light".to_owned(),
+            Shows::Error(truth) => format!("error-{}", truth.name()),
         };
         self.folder.join(format!("{}-{what}.png", &key[..16.min(key.len())]))
     }
 
-    /// Whether both pictures of a point are there.
-    pub fn has(&self, key: &str) -> bool {
-        [Shows::Light, Shows::Error].into_iter().all(|shows| self.path(key, shows).is_file())
+    /// Whether a point's picture and the ones of its errors are there.
+    pub fn has(&self, key: &str, errors: &[Truth]) -> bool {
+        let errors = errors.iter().map(|truth| Shows::Error(*truth));
+        errors.chain([Shows::Light]).all(|shows| self.path(key, shows).is_file())
     }
 
     /// Writes indirect light.
@@ -79,12 +80,12 @@ impl Pictures {
     ///
     /// # Errors
     /// A file that cannot be read or written.
-    pub fn write_error(&self, key: &str, layers: &Layers, reference: &Layers) -> Result<()> {
+    pub fn write_error(&self, key: &str, layers: &Layers, truth: Truth, reference: &Layers) -> Result<()> {
         let mut errors = relative_squares(&layers.sum(), &reference.sum());
         for (error, (a, b)) in errors.iter_mut().zip(layers.covered.iter().zip(&reference.covered)) {
             // Where one of them shows no surface there is nothing to compare.
             *error = if *a && *b { *error } else { 0.0 };
         }
-        write_png(&self.path(key, Shows::Error), layers.size[0], layers.size[1], &colors(&errors, HEAT))
+        write_png(&self.path(key, Shows::Error(truth)), layers.size[0], layers.size[1], &colors(&errors, HEAT))
     }
 }

@@ -3,6 +3,7 @@
 use super::measure::Layers;
 use crate::error::{Error, Result};
 use crate::files;
+use crate::frame::Shadows;
 use crate::image::{Layer, read_picture, write_exr};
 use crate::reference::path_trace::{PathTrace, PathTraceSettings};
 use crate::scene::{Camera, Scene};
@@ -19,13 +20,19 @@ pub enum Truth {
     FinestVals,
     /// The path tracer, one bounce, nothing in the way of reflected light: the error of VALs as such as well.
     Unshadowed,
-    /// The path tracer, one bounce, with its shadows: all of the error of one bounce.
+    /// The path tracer, one bounce, with its shadows: all of the error of one bounce, which is what a user sees.
     Shadowed,
 }
 
 impl Truth {
-    /// From the one that forgives most to the one that forgives least.
-    pub const ALL: [Self; 4] = [Self::SameVals, Self::FinestVals, Self::Unshadowed, Self::Shadowed];
+    /// First what a user sees. Then those without shadows, from the one that forgives most to the one that forgives least.
+    pub const ALL: [Self; 4] = [Self::Shadowed, Self::SameVals, Self::FinestVals, Self::Unshadowed];
+
+    /// Whether points with such shadows are compared with it. References without shadows tell nothing of points with
+    /// shadows: what those are right about would count as their error.
+    pub fn fits(self, shadows: Shadows) -> bool {
+        self == Self::Shadowed || shadows == Shadows::Off
+    }
 
     /// Name in tables.
     pub fn name(self) -> &'static str {
@@ -40,18 +47,18 @@ impl Truth {
     /// Name in legends.
     pub fn short(self) -> &'static str {
         match self {
-            Self::SameVals => "same VALs",
-            Self::FinestVals => "most VALs",
+            Self::SameVals => "same VALs, no shadows",
+            Self::FinestVals => "most VALs, no shadows",
             Self::Unshadowed => "paths, no shadows",
-            Self::Shadowed => "paths, shadows",
+            Self::Shadowed => "paths, with shadows",
         }
     }
 
     /// Name for people.
     pub fn title(self) -> &'static str {
         match self {
-            Self::SameVals => "brute force, same virtual lights",
-            Self::FinestVals => "brute force, most virtual lights",
+            Self::SameVals => "brute force, same virtual lights, no shadows",
+            Self::FinestVals => "brute force, most virtual lights, no shadows",
             Self::Unshadowed => "path traced, no shadows",
             Self::Shadowed => "path traced, with shadows",
         }

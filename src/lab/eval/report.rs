@@ -5,7 +5,7 @@ use super::pictures::{HEAT, Shows};
 use super::record::{Row, csv};
 use super::references::Truth;
 use super::run::{Job, Results};
-use super::sweep::Knob;
+use super::sweep::{Knob, Point};
 use crate::error::Result;
 use crate::files;
 use crate::lab::plot::{escape, short};
@@ -20,6 +20,18 @@ pub struct Section {
     pub title: String,
     /// What stands under it, as HTML that needs no other file.
     pub html: String,
+}
+
+/// One of the two defaults, and what its points are compared with.
+struct Half<'a> {
+    /// What is said of it, as text.
+    title: &'static str,
+    /// The default around which the knobs are varied.
+    base: &'a Point,
+    /// The references.
+    truths: Vec<Truth>,
+    /// The one of the pictures.
+    best: Truth,
 }
 
 const STYLE: &str = include_str!("report.css");
@@ -146,7 +158,7 @@ impl Page<'_> {
     }
 
     fn grids(&self) -> Vec<Figure> {
-        let with = [Truth::FinestVals, Truth::Shadowed].into_iter().filter(|truth| self.truths().contains(truth));
+        let with = [Truth::Shadowed, Truth::FinestVals].into_iter().filter(|truth| self.truths().contains(truth));
         with.map(|truth| self.figures.grid(truth)).collect()
     }
 
@@ -178,35 +190,59 @@ impl Page<'_> {
     /// What could not be measured, and why.
     fn problems(&self) -> String {
         let failed = self.results.rows.iter().chain(&self.results.brute_force);
-        let failed = failed.filter_map(|row| Some(format!("{}: {}", self.figures.name(row), row.failed.as_ref()?)));
+        let failed = failed.filter_map(|row| Some(format!("{}: {}", self.name(row), row.failed.as_ref()?)));
         let lines: String = failed.map(|line| format!("<li>{}</li>\n", escape(&line))).collect();
         if lines.is_empty() { lines } else { format!("<div class=\"warn\">Not measured:<ul>{lines}</ul></div>\n") }
     }
 
+    /// A point's name by what sets it apart from what `render` draws.
+    fn name(&self, row: &Row) -> String {
+        self.figures.name(row, &self.job.sweep.base)
+    }
+
+    /// What `render` draws, against paths with shadows; and the same without shadows, against references without.
+    fn halves(&self) -> [Half<'_>; 2] {
+        let sweep = self.job.sweep;
+        let (shadowed, bare): (Vec<_>, Vec<_>) = self.truths().into_iter().partition(|t| *t == Truth::Shadowed);
+        let best = [Truth::FinestVals, Truth::Unshadowed].into_iter().find(|t| bare.contains(t));
+        [
+            Half { title: "As render draws it", base: &sweep.base, truths: shadowed, best: Truth::Shadowed },
+            Half {
+                title: "Without shadows of indirect light: the error of caches and virtual lights alone",
+                base: &sweep.bare,
+                truths: bare,
+                best: best.unwrap_or(Truth::Unshadowed),
+            },
+        ]
+    }
+
     fn summary(&self) -> Section {
         let mut html = String::new();
-        if let Some(row) = self.results.rows.first() {
+        for half in self.halves() {
+            let Some(row) = self.figures.row(half.base) else { continue };
             let metrics: Vec<&str> =
                 row.errors.first().map_or_else(Vec::new, |e| e.values.iter().map(|v| v.0.as_str()).collect());
             let head = ["against", "layer"].into_iter().chain(metrics);
             let mut rows: Vec<Vec<String>> = vec![head.map(str::to_owned).collect()];
             for errors in &row.errors {
-                let truth = Truth::ALL.into_iter().find(|t| t.name() == errors.truth).map_or("", Truth::title);
+                let Some(truth) = half.truths.iter().find(|t| t.name() == errors.truth) else { continue };
                 let values = errors.values.iter().map(|(_, v)| if v.is_finite() { short(*v) } else { "-".into() });
-                rows.push([truth.to_owned(), errors.layer.clone()].into_iter().chain(values).collect());
+                rows.push([truth.title().to_owned(), errors.layer.clone()].into_iter().chain(values).collect());
             }
             let times =
                 row.stages.iter().map(|(name, ms)| format!("{name} {} ms", short(*ms))).collect::<Vec<_>>().join(", ");
-            html = format!(
-                "<p>{} caches, {} virtual lights: <b>{} ms</b> a frame ({}).</p>\n{}<p><small>{}</small></p>\n",
+            let _ = write!(
+                html,
+                "<h3>{}</h3>\n<p>{} caches, {} virtual lights: <b>{} ms</b> a frame ({}).</p>\n{}",
+                escape(half.title),
                 row.caches,
                 row.vals,
                 short(row.frame_ms()),
                 escape(&times),
                 table(&rows),
-                escape(&self.noise())
             );
         }
+        let _ = writeln!(html, "<p><small>{}</small></p>", escape(&self.noise()));
         Section { title: "The default".into(), html }
     }
 
@@ -230,7 +266,8 @@ impl Page<'_> {
         let plots: String = self.truths().into_iter().map(|truth| inline(&self.figures.against_time(truth))).collect();
         let html = format!(
             "<p>Each mark is a point of the sweep: GPU time of a whole frame, and {} of indirect light (both lobes). \
-             Lower left is better. Ringed marks are the Pareto front: no other point is both faster and closer.</p>\n\
+             Only paths with shadows are compared with points with shadows; the curves of the other plots are of points \
+             without. Lower left is better. Ringed marks are the Pareto front: no other point is both faster and closer.</p>\n\
              <div class=\"plots\">{plots}</div>\n",
             METRIC.1
         );
@@ -238,48 +275,46 @@ impl Page<'_> {
     }
 
     fn of_knob(&self, knob: &Knob) -> Section {
-        let rows = self.figures.rows_of(knob);
-        let mut cells = vec![[knob.name, "caches placed", "VALs", "frame [ms]"].map(str::to_owned).to_vec()];
-        let truths = self.truths();
-        cells[0].extend(truths.iter().flat_map(|t| [format!("{}: error", t.short()), "bias".into()]));
-        let mut strip = String::new();
-        for (value, row) in knob.values.iter().zip(rows) {
-            let Some(row) = row else { continue };
-            if let Some(reason) = &row.failed {
-                cells.push(vec![value.label.clone(), reason.clone()]);
-                continue;
-            }
-            let mut line =
-                vec![value.label.clone(), row.caches.to_string(), row.vals.to_string(), short(row.frame_ms())];
-            line.extend(truths.iter().flat_map(|t| ["mare", "bias"].map(|m| percent(row.error(*t, LAYER, m)))));
-            cells.push(line);
-            let caption = format!("{} {}: error {}", knob.name, value.label, percent(self.error_beside_best(row)));
-            strip.push_str(&self.figure(&row.key, &caption, true));
-        }
-        if let Some(best) = self.best() {
-            strip.push_str(&self.figure(&self.key_of(best), &format!("reference: {}", best.title()), false));
-        }
         let plots: String = self.figures.of_knob(knob).iter().map(inline).collect();
-        let html = format!(
-            "<div class=\"plots\">{plots}</div>\n{}<div class=\"strip\">{strip}</div>\n{}",
-            table(&cells),
-            self.scale()
-        );
+        let mut html = format!("<div class=\"plots\">{plots}</div>\n");
+        for half in self.halves() {
+            let rows = knob.values.iter().zip(self.figures.rows_of(knob, half.base));
+            let rows = rows.filter_map(|(value, row)| Some((value.label.as_str(), row?)));
+            let fits = |row: &Row| row.failed.is_some() || row.error(half.best, LAYER, METRIC.0).is_some();
+            let rows: Vec<(&str, &Row)> = rows.filter(|(_, row)| fits(row)).collect();
+            // Of the kinds of shadows there is but one without.
+            if rows.len() > 1 {
+                html.push_str(&self.half_of_knob(knob, &half, &rows));
+            }
+        }
+        html.push_str(&self.scale());
         let title = knob.title[..1].to_uppercase() + &knob.title[1..];
         Section { title: format!("{title} ({})", knob.name), html }
     }
 
+    /// Table and pictures of a knob's values and their rows.
+    fn half_of_knob(&self, knob: &Knob, half: &Half<'_>, rows: &[(&str, &Row)]) -> String {
+        let mut cells = vec![[knob.name, "caches placed", "VALs", "frame [ms]"].map(str::to_owned).to_vec()];
+        cells[0].extend(half.truths.iter().flat_map(|t| [format!("{}: error", t.short()), "bias".into()]));
+        let mut strip = String::new();
+        for (value, row) in rows {
+            if let Some(reason) = &row.failed {
+                cells.push(vec![(*value).to_owned(), reason.clone()]);
+                continue;
+            }
+            let mut line =
+                vec![(*value).to_owned(), row.caches.to_string(), row.vals.to_string(), short(row.frame_ms())];
+            line.extend(half.truths.iter().flat_map(|t| ["mare", "bias"].map(|m| percent(row.error(*t, LAYER, m)))));
+            cells.push(line);
+            let error = percent(row.error(half.best, LAYER, METRIC.0));
+            strip.push_str(&self.figure(&row.key, &format!("{} {value}: error {error}", knob.name), Some(half.best)));
+        }
+        strip.push_str(&self.figure(&self.key_of(half.best), &format!("reference: {}", half.best.title()), None));
+        format!("<h3>{}</h3>\n{}<div class=\"strip\">{strip}</div>\n", escape(half.title), table(&cells))
+    }
+
     fn scale(&self) -> String {
         format!("<p><small>Upper row: indirect light. Lower row: its relative squared error, {HEAT}.</small></p>\n")
-    }
-
-    /// The reference of the pictures.
-    fn best(&self) -> Option<Truth> {
-        [Truth::FinestVals, Truth::Unshadowed, Truth::Shadowed].into_iter().find(|t| self.truths().contains(t))
-    }
-
-    fn error_beside_best(&self, row: &Row) -> Option<f64> {
-        row.error(self.best()?, LAYER, METRIC.0)
     }
 
     /// Key of a reference's pictures.
@@ -290,15 +325,15 @@ impl Page<'_> {
         found.and_then(|about| about["key"].as_str()).unwrap_or_default().to_owned()
     }
 
-    /// A picture, and the heat map of its error below; nothing where there is no such file.
-    fn figure(&self, key: &str, caption: &str, with_error: bool) -> String {
+    /// A picture, and the heat map of its error against a reference below; nothing where there is no such file.
+    fn figure(&self, key: &str, caption: &str, error_against: Option<Truth>) -> String {
         let image = |shows: Shows, alt: &str| {
             let bytes = files::read(&self.results.pictures.path(key, shows)).ok()?;
             let data = base64::engine::general_purpose::STANDARD.encode(bytes);
             Some(format!("<img alt=\"{}\" src=\"data:image/png;base64,{data}\">", escape(alt)))
         };
         let light = image(Shows::Light, &format!("Indirect light, {caption}"));
-        let error = if with_error { image(Shows::Error, &format!("Error, {caption}")) } else { None };
+        let error = error_against.and_then(|truth| image(Shows::Error(truth), &format!("Error, {caption}")));
         match light {
             None => String::new(),
             Some(light) => format!(
@@ -311,26 +346,31 @@ impl Page<'_> {
 
     fn grid(&self) -> Section {
         let [caches, vals] = [&self.job.sweep.knobs[0], &self.job.sweep.knobs[1]];
-        let base = &self.job.sweep.base;
-        let head = vals.values.iter().map(|v| format!("rsm {}", v.label));
-        let mut cells = vec![["caches".to_owned()].into_iter().chain(head).collect::<Vec<_>>()];
-        for row in 0..caches.values.len() {
-            let cell = |column: usize| match self.figures.row(&vals.set(&caches.set(base, row), column)) {
-                Some(row) if row.failed.is_none() => {
-                    format!("{} in {} ms", percent(self.error_beside_best(row)), short(row.frame_ms()))
-                }
-                _ => "failed".into(),
-            };
-            let line = (0..vals.values.len()).map(cell);
-            cells.push([caches.values[row].label.clone()].into_iter().chain(line).collect());
-        }
         let plots: String = self.grids().iter().map(inline).collect();
-        let against = self.best().map_or("", Truth::title);
-        let html = format!(
-            "<div class=\"plots\">{plots}</div>\n<p>{} against {against}, and GPU time of a frame:</p>\n{}",
-            METRIC.1,
-            table(&cells)
-        );
+        let mut html = format!("<div class=\"plots\">{plots}</div>\n");
+        for half in self.halves() {
+            let head = vals.values.iter().map(|v| format!("rsm {}", v.label));
+            let mut cells = vec![["caches".to_owned()].into_iter().chain(head).collect::<Vec<_>>()];
+            for row in 0..caches.values.len() {
+                let cell = |column: usize| match self.figures.row(&vals.set(&caches.set(half.base, row), column)) {
+                    Some(row) if row.failed.is_none() => {
+                        let error = percent(row.error(half.best, LAYER, METRIC.0));
+                        format!("{error} in {} ms", short(row.frame_ms()))
+                    }
+                    _ => "failed".into(),
+                };
+                let line = (0..vals.values.len()).map(cell);
+                cells.push([caches.values[row].label.clone()].into_iter().chain(line).collect());
+            }
+            let _ = write!(
+                html,
+                "<h3>{}</h3>\n<p>{} against {}, and GPU time of a frame:</p>\n{}",
+                escape(half.title),
+                METRIC.1,
+                half.best.title(),
+                table(&cells)
+            );
+        }
         Section { title: "Caches by virtual lights".into(), html }
     }
 
@@ -352,9 +392,10 @@ impl Page<'_> {
             cells.push(vec![text(&about["name"]), vals, ms, samples, text(&about["noise"])]);
         }
         let mut strip = String::new();
-        for truth in &Truth::ALL[1..] {
-            let with_error = self.best() != Some(*truth);
-            strip.push_str(&self.figure(&self.key_of(*truth), truth.title(), with_error));
+        let [_, bare] = self.halves();
+        for truth in [Truth::Shadowed, Truth::Unshadowed, Truth::FinestVals] {
+            let error_against = (truth != bare.best).then_some(truth);
+            strip.push_str(&self.figure(&self.key_of(truth), truth.title(), error_against));
         }
         let html = format!(
             "{}<div class=\"strip\">{strip}</div>\n<p><small>Below the path-traced ones: how far brute force is from \
@@ -370,7 +411,7 @@ impl Page<'_> {
         cells[0].extend(truths.iter().map(|t| format!("{}: error", t.short())));
         cells[0].push("not measured because".into());
         for row in self.results.rows.iter().chain(&self.results.brute_force) {
-            let mut line = vec![self.figures.name(row), row.caches.to_string(), row.vals.to_string()];
+            let mut line = vec![self.name(row), row.caches.to_string(), row.vals.to_string()];
             line.extend([row.triangles.to_string(), short(row.frame_ms())]);
             line.extend(truths.iter().map(|t| percent(row.error(*t, LAYER, METRIC.0))));
             line.push(row.failed.clone().unwrap_or_default());

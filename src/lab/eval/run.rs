@@ -13,7 +13,7 @@ use serde_json::json;
 use std::path::Path;
 
 /// Counted up when the meaning of a kept row or reference changes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// What is to be measured, on what, and where it is kept.
 pub struct Job<'a> {
@@ -98,17 +98,17 @@ pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Resul
     let brute_force: Vec<_> = sides.iter().map(|side| Ok((*side, work.brute_force(*side)?))).collect::<Result<_>>()?;
     let traced = [work.path_traced(Truth::Unshadowed)?, work.path_traced(Truth::Shadowed)?];
     let truths = Truths { brute_force, traced };
-    let best = &truths.best().layers;
+    let best = &truths.best_bare().1.layers;
     if !best.covered.contains(&true) {
         return Err(Error::Nothing("the camera sees no surface; choose another with --camera".into()));
     }
     let exposure = Exposure::of(best);
-    for truth in &Truth::ALL[1..] {
-        if let Some(reference) = truths.of(*truth, 0) {
+    for truth in [Truth::FinestVals, Truth::Unshadowed, Truth::Shadowed] {
+        if let Some(reference) = truths.of(truth, 0) {
             // Of each other they differ too: how far the virtual lights are from the paths.
             let key = reference.key();
             work.results.pictures.write_light(key, &reference.layers, exposure)?;
-            work.results.pictures.write_error(key, best, &reference.layers)?;
+            work.results.pictures.write_error(key, best, truth, &reference.layers)?;
         }
     }
     for (index, side) in sides.into_iter().enumerate() {
@@ -143,9 +143,12 @@ impl Truths {
         }
     }
 
-    fn errors(&self, truths: &[Truth], layers: &Layers, side: u32) -> Vec<Errors> {
+    /// The errors of a point's picture against each reference that fits its shadows.
+    fn errors(&self, point: &Point, layers: &Layers) -> Vec<Errors> {
+        let side = point.frame.rsm;
+        let truths = Truth::ALL.into_iter().filter(|truth| truth.fits(point.frame.shadows));
         let mut all: Vec<Errors> = Vec::new();
-        for (truth, reference) in truths.iter().filter_map(|truth| Some((*truth, self.of(*truth, side)?))) {
+        for (truth, reference) in truths.filter_map(|truth| Some((truth, self.of(truth, side)?))) {
             if truth == Truth::FinestVals
                 && self.of(Truth::SameVals, side).is_some_and(|own| std::ptr::eq(own, reference))
             {
@@ -159,15 +162,23 @@ impl Truths {
         all
     }
 
-    /// Whether a kept row was compared with every reference that there is now.
-    fn are_in(&self, row: &Row, side: u32) -> bool {
+    /// Whether a point's kept row was compared with every reference that there is now and that fits.
+    fn are_in(&self, row: &Row, point: &Point) -> bool {
         let is_in = |truth: Truth| row.errors.iter().any(|errors| errors.truth == truth.name());
-        Truth::ALL.into_iter().all(|truth| is_in(truth) || self.of(truth, side).is_none())
+        let mut truths = Truth::ALL.into_iter().filter(|truth| truth.fits(point.frame.shadows));
+        truths.all(|truth| is_in(truth) || self.of(truth, point.frame.rsm).is_none())
     }
 
-    /// What pictures are shown beside: the most VALs, or else infinitely many.
-    fn best(&self) -> &Reference {
-        self.of(Truth::FinestVals, 0).unwrap_or(&self.traced[0])
+    /// What pictures without shadows are shown beside: the most VALs, or else infinitely many.
+    fn best_bare(&self) -> (Truth, &Reference) {
+        let finest = self.of(Truth::FinestVals, 0).map(|reference| (Truth::FinestVals, reference));
+        finest.unwrap_or((Truth::Unshadowed, &self.traced[0]))
+    }
+
+    /// Of which references a point has pictures of its error: paths with shadows, and what is best without.
+    fn pictured(&self, point: &Point) -> Vec<Truth> {
+        let both = [Truth::Shadowed, self.best_bare().0];
+        both.into_iter().filter(|truth| truth.fits(point.frame.shadows)).collect()
     }
 }
 
@@ -224,12 +235,13 @@ impl<'a> Work<'a> {
     /// Brute force has errors too: those of its VALs.
     fn compare_brute_force(&mut self, index: usize, side: u32, truths: &Truths) -> Result<()> {
         let Some(own) = truths.of(Truth::SameVals, side) else { return Ok(()) };
-        let key = self.row_key(&Point::brute_force(own.layers.size, side));
+        let point = Point::brute_force(own.layers.size, side);
+        let key = self.row_key(&point);
         let row = &mut self.results.brute_force[index];
         row.errors = match self.store.find(&key) {
             Some(kept) => kept.errors.clone(),
             None => {
-                let mut errors = truths.errors(&Truth::ALL, &own.layers, side);
+                let mut errors = truths.errors(&point, &own.layers);
                 errors.retain(|errors| errors.truth != Truth::SameVals.name());
                 self.store.keep(Row { key, errors: errors.clone(), ..row.clone() })?;
                 errors
@@ -269,8 +281,9 @@ impl<'a> Work<'a> {
         let what: Vec<String> = knobs[1..].iter().map(|(name, value)| format!("{name} {value}")).collect();
         let step = self.step(&what.join(", "));
         let (key, is_pictured) = (self.row_key(point), sweep.is_pictured(point));
+        let pictured = if is_pictured { truths.pictured(point) } else { Vec::new() };
         let is_whole =
-            |row: &&Row| truths.are_in(row, point.frame.rsm) && (!is_pictured || self.results.pictures.has(&key));
+            |row: &&Row| truths.are_in(row, point) && (!is_pictured || self.results.pictures.has(&key, &pictured));
         if let Some(row) = self.store.find(&key).filter(is_whole) {
             self.results.kept += 1;
             self.results.rows.push(row.clone());
@@ -279,10 +292,12 @@ impl<'a> Work<'a> {
         match self.bench.measure(point, sweep.frames, &step) {
             Ok(measured) => {
                 let mut row = row(&key, knobs, &measured);
-                row.errors = truths.errors(&Truth::ALL, &measured.layers, point.frame.rsm);
+                row.errors = truths.errors(point, &measured.layers);
                 if is_pictured {
                     self.results.pictures.write_light(&key, &measured.layers, exposure)?;
-                    self.results.pictures.write_error(&key, &measured.layers, &truths.best().layers)?;
+                }
+                for (truth, reference) in pictured.iter().filter_map(|t| Some((*t, truths.of(*t, 0)?))) {
+                    self.results.pictures.write_error(&key, &measured.layers, truth, &reference.layers)?;
                 }
                 self.store.keep(row.clone())?;
                 self.results.measured += 1;

@@ -1,6 +1,6 @@
-//! What is varied: one knob at a time around a default, and caches by VALs.
+//! What is varied: one knob at a time around a default, with and without shadows of indirect light; and caches by VALs.
 
-use crate::frame::{ClusterRule, Interpolation, ProxyWeight, Quality, Shadows};
+use crate::frame::{ClusterRule, Interpolation, ProxyWeight, Shadows};
 use crate::lab::knobs::{Gi, Knobs, Path};
 
 /// Everything that one measurement depends on besides scene, camera and device.
@@ -89,11 +89,14 @@ pub enum Extent {
 
 /// The points to measure.
 pub struct Sweep {
-    /// The point around which the knobs are varied.
+    /// The point around which the knobs are varied: what `render` draws.
     pub base: Point,
+    /// The same without shadows of indirect light. The knobs are varied around it too: references without shadows are
+    /// compared with points without shadows.
+    pub bare: Point,
     /// What is varied; the first two also span the grid.
     pub knobs: Vec<Knob>,
-    /// The default, one knob at a time, the grid, each point once.
+    /// The defaults, one knob at a time, the grid, each point once.
     pub points: Vec<Point>,
     /// Frames whose median time counts.
     pub frames: usize,
@@ -105,14 +108,19 @@ impl Sweep {
     /// All points around a default.
     pub fn new(base: Point, extent: Extent, frames: usize, samples: u32) -> Self {
         let knobs = knobs(&base, extent);
-        let mut points = vec![base.clone()];
-        for knob in &knobs {
-            points.extend((0..knob.values.len()).map(|value| knob.set(&base, value)));
-        }
+        let mut bare = base.clone();
+        bare.frame.shadows = Shadows::Off;
+        let bases = [base, bare];
         // Points of the same caches follow each other: they share a bake.
+        let mut points = bases.to_vec();
+        for knob in &knobs {
+            points.extend((0..knob.values.len()).flat_map(|value| bases.each_ref().map(|base| knob.set(base, value))));
+        }
         let [caches, vals] = [&knobs[0], &knobs[1]];
         for row in 0..caches.values.len() {
-            points.extend((0..vals.values.len()).map(|column| vals.set(&caches.set(&base, row), column)));
+            for base in bases.each_ref().map(|base| caches.set(base, row)) {
+                points.extend((0..vals.values.len()).map(|column| vals.set(&base, column)));
+            }
         }
         let mut unique: Vec<Point> = Vec::new();
         for point in points {
@@ -120,12 +128,14 @@ impl Sweep {
                 unique.push(point);
             }
         }
-        Self { base, knobs, points: unique, frames: frames.max(1), samples: samples.max(1) }
+        let [base, bare] = bases;
+        Self { base, bare, knobs, points: unique, frames: frames.max(1), samples: samples.max(1) }
     }
 
-    /// Whether a point differs from the default in one knob at most: such points are shown as pictures.
+    /// Whether a point differs from a default in one knob at most: such points are shown as pictures.
     pub fn is_pictured(&self, point: &Point) -> bool {
-        self.knobs.iter().any(|knob| (0..knob.values.len()).any(|value| knob.set(&self.base, value) == *point))
+        let is_set = |base, knob: &Knob| (0..knob.values.len()).any(|value| knob.set(base, value) == *point);
+        [&self.base, &self.bare].into_iter().any(|base| self.knobs.iter().any(|knob| is_set(base, knob)))
     }
 
     /// Sides of the RSMs \[texels\], ascending; each has its own ground truth, the last one is the finest.
@@ -137,14 +147,10 @@ impl Sweep {
     }
 }
 
-/// Clusters that are farther away than so many of their radii stand for VALs, without shadows; or every VAL is taken by
-/// itself, with the shadows that `render` has by default.
-fn cluster(point: &mut Point, radii: Option<f32>) {
-    let frame = &mut point.frame;
-    match radii {
-        Some(radii) => (frame.path, frame.shadows) = (Path::Clusters(ClusterRule::Distance(radii)), Shadows::Off),
-        None => (frame.path, frame.shadows) = (Path::Compute, Quality::High.shadows(point.caches)),
-    }
+/// Clusters that are farther away than so many of their radii stand for VALs; they cast no shadows, as in `render`.
+fn cluster(point: &mut Point, radii: f32) {
+    point.frame.path = Path::Clusters(ClusterRule::Distance(radii));
+    point.frame.shadows = Shadows::Off;
 }
 
 /// Every knob there is: to add one, add an entry. The default's own values are among the numbers.
@@ -154,11 +160,11 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
     let sides: &[u32] = if quick { &[32, 64, 128] } else { &[32, 64, 128, 256] };
     let references: &[u32] = &[8, 16];
     let clusters: &[(&str, Turn)] = &[
-        ("none", |point| cluster(point, None)),
-        ("8", |point| cluster(point, Some(8.0))),
-        ("4", |point| cluster(point, Some(4.0))),
-        ("16", |point| cluster(point, Some(16.0))),
-        ("2", |point| cluster(point, Some(2.0))),
+        ("none", |point| point.frame.path = Path::Compute),
+        ("8", |point| cluster(point, 8.0)),
+        ("4", |point| cluster(point, 4.0)),
+        ("16", |point| cluster(point, 16.0)),
+        ("2", |point| cluster(point, 2.0)),
     ];
     vec![
         Knob::numbers("caches", "caches asked for", &[caches, &[base.caches as u32]].concat(), |point, n| {
@@ -193,13 +199,18 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
                 ("off", |point| point.frame.shadows = Shadows::Off),
             ],
         ),
-        Knob::choices("cluster", "least distance of clusters in their radii", &clusters[..if quick { 3 } else { 5 }]),
+        Knob::choices(
+            "cluster",
+            "least distance of clusters, without shadows, in their radii",
+            &clusters[..if quick { 3 } else { 5 }],
+        ),
     ]
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::frame::Quality;
 
     fn base() -> Point {
         Point {
@@ -217,10 +228,11 @@ mod tests {
         for (i, point) in sweep.points.iter().enumerate() {
             assert!(!sweep.points[..i].contains(point), "{point:?} comes twice");
         }
-        // 5 counts of caches (four and the default) by 4 RSMs, one alternative each of three other knobs, two of shadows, four
-        // distances.
-        assert_eq!(sweep.points.len(), 5 * 4 + 3 + 2 + 4);
-        assert_eq!(sweep.points.iter().filter(|point| sweep.is_pictured(point)).count(), 1 + 4 + 3 + 3 + 2 + 4);
+        // With and without shadows: 5 counts of caches (four and the default) by 4 RSMs, and one alternative each of three
+        // other knobs. One further kind of shadows. Four distances of clusters.
+        assert_eq!(sweep.points.len(), 2 * (5 * 4 + 3) + 1 + 4);
+        let pictured = sweep.points.iter().filter(|point| sweep.is_pictured(point)).count();
+        assert_eq!(pictured, 2 * (1 + 4 + 3 + 3) + 1 + 4);
         assert_eq!(sweep.rsm_sides(), [32, 64, 128, 256]);
     }
 
@@ -229,7 +241,9 @@ mod tests {
         let sweep = Sweep::new(base(), Extent::Full, 5, 64);
         for knob in &sweep.knobs {
             for value in 0..knob.values.len() {
-                assert_eq!(knob.of(&knob.set(&sweep.base, value)), Some(value), "{}", knob.name);
+                for base in [&sweep.base, &sweep.bare] {
+                    assert_eq!(knob.of(&knob.set(base, value)), Some(value), "{}", knob.name);
+                }
             }
         }
         assert_eq!(sweep.knobs[0].of(&Point { caches: 7, ..base() }), None);
