@@ -35,8 +35,10 @@ void main() {
             // Nobody sees more than a hemisphere.
             scales[i] = 1.0 / max(again.x, 1.0);
             again = vec3(0.0);
-        } else {
+        } else if (push.step == BOUNCE_AGAIN) {
             again *= scales[i];
+        } else {
+            first = vec3(0.0);
         }
         flux *= albedos[i] * (first + again);
     }

@@ -62,12 +62,14 @@ const uint NO_REFERENCES = 0xffffffffu;
 const uint NO_CACHE = 65535u;
 
 // What the caches' VALs of a further bounce carry: their areas, which the sums of form factors are made of; the light of the
-// primary lights' VALs; that and the light of the bounce before.
+// primary lights' VALs; that and the light of the bounce before; what the last gather alone has brought, of surfaces that emit.
 const uint BOUNCE_AREAS = 0u;
 
 const uint BOUNCE_FIRST = 1u;
 
 const uint BOUNCE_AGAIN = 2u;
+
+const uint BOUNCE_EMITTED = 3u;
 
 // Kinds of light.
 const uint LIGHT_DIRECTIONAL = 0u;
@@ -75,6 +77,11 @@ const uint LIGHT_DIRECTIONAL = 0u;
 const uint LIGHT_POINT = 1u;
 
 const uint LIGHT_SPOT = 2u;
+
+const uint LIGHT_AREA = 3u;
+
+// Faces of a cube that each sample of an area light looks through: all but the one behind.
+const uint AREA_VIEWS = 5u;
 
 // Textures of a material, in binding order; each has its `TextureSlot`.
 const uint TEXTURE_BASE_COLOR = 0u;
@@ -211,17 +218,21 @@ struct TextureSlot {
     uint present; // 0: the factor stands alone
 };
 
-// A punctual light, KHR_lights_punctual.
+// A punctual light, KHR_lights_punctual, or a rectangle of a surface that emits.
 struct Light {
-    vec3 position;
+    vec3 position; // of a rectangle its middle
     uint kind;
     vec3 direction; // unit, in which it shines
     float range; // [m]; 0: infinite
-    vec3 intensity; // [cd]; of a directional light [lx]
+    vec3 intensity; // [cd]; of a directional light [lx]; of a rectangle its radiance [cd/m^2]
     float cone_scale; // the extension's lightAngleScale
     float cone_offset; // the extension's lightAngleOffset
     uint first_view;
-    uint view_count; // 1, or 6 faces in the order +x -x +y -y +z -z
+    uint view_count; // 1, or 6 faces in the order +x -x +y -y +z -z; of a rectangle the first 5 for each sample
+    vec3 right; // of a rectangle from its middle to an edge [m]
+    vec3 up; // likewise, square to that
+    uint columns; // of its samples, along `right`
+    uint rows; // likewise
 };
 
 // One frustum of a light, for its shadow map and its RSM.
@@ -230,6 +241,7 @@ struct LightView {
     vec3 right; // to the right edge of the picture at distance 1, or [m] of a directional light
     vec3 up; // likewise
     vec3 forward; // unit
+    vec3 position; // that it is seen from; of parallel light nothing
 };
 
 // A virtual area light: one RSM texel, a homogeneous diffuse disc.
@@ -417,6 +429,15 @@ struct ScreenPush {
     uint light;
     uint shadow_size; // [texels] of one view of the shadow map
     uint first_val; // of this tile
+};
+
+// Push constants of the pass that shades by an area light.
+struct AreaPush {
+    mat4 world_from_clip;
+    vec4 eye; // as in DrawPush
+    uint light;
+    uint face_size; // [texels] of one face of a sample's shadow map
+    uint columns; // samples that lie side by side in the shadow map, three faces each
 };
 
 // Push constants of the pass that draws the sky.

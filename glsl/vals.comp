@@ -1,5 +1,6 @@
 // Stage 4: each texel of an extended RSM becomes a virtual area light. METHOD 2, thesis 5.2.
 #include "shared.glsl"
+#include "lib/area_light.glsl"
 #include "lib/light.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -15,6 +16,9 @@ layout(binding = 6, scalar) writeonly buffer Flags { uint flags[]; }; // 1 where
 
 // Sub-samples per axis of the intensity over a texel: the edge of a sharp cone crosses texels.
 const int SAMPLES = 4;
+
+// Where an area light fills all but this share of what a surface sees, less and less of the surface's light gets past it.
+const float UNDER = 0.05;
 
 // Direction through a point of the view's picture, u to the right and v up, both in [-1, 1].
 vec3 through(LightView view, vec2 p) {
@@ -41,29 +45,38 @@ void main() {
     if (light.kind == LIGHT_DIRECTIONAL) {
         entering = light.intensity * area;
     } else {
-        float z = dot(hit.xyz - light.position, view.forward);
+        float z = dot(hit.xyz - view.position, view.forward);
         area *= z * z;
         float omega = solid_angle(through(view, low), through(view, low + vec2(step, 0.0)), through(view, low + step),
                                   through(view, low + vec2(0.0, step)));
         float falloff = 1.0;
-        if (light.kind == LIGHT_SPOT) {
+        if (light.kind == LIGHT_SPOT || light.kind == LIGHT_AREA) {
             falloff = 0.0;
             for (int i = 0; i < SAMPLES * SAMPLES; ++i) {
                 vec2 inside = (vec2(i % SAMPLES, i / SAMPLES) + 0.5) / float(SAMPLES);
                 float cosine = dot(normalize(through(view, low + step * inside)), light.direction);
-                falloff += spot_falloff(cosine, light.cone_scale, light.cone_offset);
+                falloff += light.kind == LIGHT_AREA ? max(cosine, 0.0)
+                                                    : spot_falloff(cosine, light.cone_scale, light.cone_offset);
             }
             falloff /= float(SAMPLES * SAMPLES);
         }
-        vec3 d = hit.xyz - light.position;
+        if (light.kind == LIGHT_AREA) {
+            falloff *= 4.0 * length(cross(light.right, light.up)) / float(light.columns * light.rows);
+        }
+        vec3 d = hit.xyz - view.position;
         entering = light.intensity * (falloff * omega * range_window(dot(d, d), light.range));
+        // What lies right under the light gives its own light back to it.
+        if (light.kind == LIGHT_AREA) {
+            SeenPart part = above_horizon(light.position - hit.xyz, light.right, light.up, normal.xyz);
+            entering *= min((1.0 - polygon_form_factor(part, normal.xyz)) / UNDER, 1.0);
+        }
     }
     vec3 flux = hit.w > 0.0 ? albedo * entering : vec3(0.0);
     // Outside the cone or the range no light is there to make a VAL of a surface. A black surface in the light is one.
     bool has_light = hit.w > 0.0 && entering != vec3(0.0);
 
     Val val;
-    val.position = hit.w > 0.0 ? hit.xyz : light.position + through(view, low);
+    val.position = hit.w > 0.0 ? hit.xyz : view.position + through(view, low);
     val.area = hit.w > 0.0 ? area : 1.0;
     val.normal = hit.w > 0.0 ? normal.xyz : vec3(0.0);
     val.material = uint(normal.w);

@@ -35,7 +35,6 @@ use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
 use std::io::IsTerminal;
-use std::num::NonZeroU32;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
@@ -302,7 +301,7 @@ impl GatherArgs {
     }
 
     /// What lights the caches; flags have been checked.
-    fn gather(&self, gpu: &Gpu, shadows: Shadows, bounces: NonZeroU32) -> Result<Gather> {
+    fn gather(&self, gpu: &Gpu, shadows: Shadows, bounces: u32) -> Result<Gather> {
         let dim = shadows == Shadows::Proxy;
         Ok(match (self.cluster.rule(), self.gather) {
             (Some(rule), _) => Gather::Clusters { rule, dim },

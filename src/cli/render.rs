@@ -24,7 +24,6 @@ use lightskin::gpu::Gpu;
 use lightskin::scene::{Camera, Projection, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};
-use std::num::NonZeroU32;
 use std::path::PathBuf;
 use std::time::Instant;
 
@@ -212,11 +211,13 @@ impl Render {
         settings.reuse = reuse;
         settings.rsm = self.rsm.unwrap_or(settings.rsm);
         settings.shadow_map = self.shadow_map.unwrap_or(settings.shadow_map);
-        settings.indirect = match (self.gi, NonZeroU32::new(self.bounces)) {
-            (GiArg::PathTrace | GiArg::Off, _) | (_, None) => Indirect::Off,
-            (GiArg::BruteForce, _) => Indirect::BruteForce,
-            (GiArg::Lightskin, Some(bounces)) => Indirect::Caches(Caches {
-                gather: self.gather.gather(gpu, self.shadows(caches), bounces)?,
+        settings.indirect = match self.gi {
+            GiArg::PathTrace | GiArg::Off => Indirect::Off,
+            _ if self.bounces == 0 && (self.gather.by_draws() || self.gather.by_clusters()) => Indirect::Off,
+            GiArg::BruteForce if self.bounces == 0 => Indirect::Off,
+            GiArg::BruteForce => Indirect::BruteForce,
+            GiArg::Lightskin => Indirect::Caches(Caches {
+                gather: self.gather.gather(gpu, self.shadows(caches), self.bounces)?,
                 cull: !self.gather.no_cull,
                 interpolation: match self.interpolation {
                     InterpolationArg::Facing => Interpolation::Facing,

@@ -3,14 +3,19 @@
 //! Every cache takes part in every bounce: one that is not seen sends light to those that are. The sums of the primary
 //! lights' VALs are made once; those of the caches lie in parts of their own and are made anew in every bounce. Before the
 //! first, a gather of the caches' areas gives each the sum of its form factors, by which what caches send is bounded.
+//!
+//! What a surface that emits gives to a cache has not bounced yet. So where there are such VALs, caches first send on their
+//! light alone, and there is a gather more: after N of them all light has bounced N times at most, whatever it came from.
 
+use super::gather::ComputeKind;
 use super::live::Live;
 use super::settings::{ProxyWeight, Shadows, Ways};
 use super::sums::{SumBinds, SumKind, sum_pipeline};
 use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_FIRST, BouncePush, GATHER_THREADS, GatherPush, VAL_TILE, Val};
-use std::num::NonZeroU32;
+use crate::shared::{
+    BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_EMITTED, BOUNCE_FIRST, BouncePush, GATHER_THREADS, GatherPush, VAL_TILE, Val,
+};
 
 /// Makes VALs of lit caches and gathers them.
 pub struct Bounces {
@@ -22,8 +27,8 @@ pub struct Bounces {
     pub scales: Buffer,
     /// Parts that the caches' VALs are split into; they lie before those of the primary lights.
     pub parts: u32,
-    /// All bounces, the first of which is the primary lights'.
-    pub count: u32,
+    /// Gathers of the caches' light.
+    count: u32,
     caches_per_thread: u32,
     light: Pipeline,
     /// Gathers of the diffuse lobe alone: what later bounces need of earlier ones.
@@ -34,16 +39,9 @@ pub struct Bounces {
 }
 
 impl Bounces {
-    /// Makes it for two bounces or more.
-    pub(super) fn new(
-        gpu: &Gpu,
-        live: &Live,
-        ways: &Ways,
-        glossy: bool,
-        shadows: Shadows,
-        count: NonZeroU32,
-        weight: ProxyWeight,
-    ) -> Result<Self> {
+    /// Makes it for two bounces or more, or one with surfaces that emit.
+    pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind) -> Result<Self> {
+        let ComputeKind { glossy, shadows, bounces, emitted, weight, .. } = kind;
         // What follows each other in the list of caches lies in different directions.
         let sum =
             |glossy| sum_pipeline(gpu, ways, SumKind { glossy, shadows, together: 1, proxies: false, two_eyes: false });
@@ -54,8 +52,8 @@ impl Bounces {
             vals: gpu.buffer_from("bounce.vals", &vec![Val { area: 1.0, ..Val::default() }; padded])?,
             val_count: gpu.buffer_from("bounce.val_count", &[caches])?,
             scales: gpu.buffer("bounce.scales", 4 * u64::from(caches.max(1)))?,
-            parts: caches.div_ceil(live.split),
-            count: count.get(),
+            parts: caches.max(emitted).div_ceil(live.split),
+            count: if emitted > 0 { bounces } else { bounces - 1 },
             caches_per_thread: ways.caches(),
             light: gpu.compute("bounce.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
             diffuse: sum(false)?,
@@ -64,24 +62,42 @@ impl Bounces {
         })
     }
 
-    /// Records the bounces after the first: in front of them the primary lights' sums are being written, and proxies are made
-    /// of those and of the caches' at their end. The last one has the glossy lobe, too, where there is one.
+    /// Gathers of the caches' light, or of what stands for it.
+    pub fn gathers(&self) -> u32 {
+        1 + self.count
+    }
+
+    /// Records the bounces: in front of them the primary lights' sums are being written, and proxies are made of those and of
+    /// the caches' at their end. The last one has the glossy lobe, too, where there is one.
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
         albedos: &Buffer,
+        emitted: Option<&(Buffer, Buffer)>,
         sums: &SumBinds<'_>,
         proxies: &Buffer,
         push: &GatherPush,
     ) {
-        let last = self.count - 1;
-        for bounce in 0..self.count {
-            // The sums before, and the VALs that they were made of.
-            cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-            let step = [BOUNCE_AREAS, BOUNCE_FIRST, BOUNCE_AGAIN][bounce.min(2) as usize];
+        let caches = (&self.vals, &self.val_count);
+        // The sums before, and the VALs that they were made of.
+        let wait = || cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+        let light = |step| {
+            wait();
             self.light(cmd, albedos, sums, step);
-            cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-            self.gather(cmd, if bounce == last { &self.all } else { &self.diffuse }, sums, push);
+            wait();
+        };
+        light(BOUNCE_AREAS);
+        self.gather(cmd, &self.diffuse, caches, sums, push);
+        light(BOUNCE_FIRST);
+        if let Some((vals, count)) = emitted {
+            self.gather(cmd, &self.diffuse, (vals, count), sums, push);
+            light(BOUNCE_EMITTED);
+        }
+        for bounce in 1..=self.count {
+            if bounce > 1 {
+                light(BOUNCE_AGAIN);
+            }
+            self.gather(cmd, if bounce == self.count { &self.all } else { &self.diffuse }, caches, sums, push);
         }
         self.resolve(cmd, sums, proxies, push);
     }
@@ -93,8 +109,15 @@ impl Bounces {
         cmd.dispatch(sums.atlas.count, 1, 1);
     }
 
-    fn gather(&self, cmd: &Cmd<'_>, pipeline: &Pipeline, sums: &SumBinds<'_>, push: &GatherPush) {
-        SumBinds { vals: (&self.vals, &self.val_count), ..*sums }.bind(cmd, pipeline);
+    fn gather(
+        &self,
+        cmd: &Cmd<'_>,
+        pipeline: &Pipeline,
+        vals: (&Buffer, &Buffer),
+        sums: &SumBinds<'_>,
+        push: &GatherPush,
+    ) {
+        SumBinds { vals, ..*sums }.bind(cmd, pipeline);
         cmd.push(&GatherPush { cache_parts: 0, ..*push });
         let groups = sums.atlas.count.div_ceil(GATHER_THREADS * self.caches_per_thread);
         cmd.dispatch(groups * GATHER_THREADS, self.parts, 1);

@@ -1,12 +1,12 @@
 //! Stage 2, direct light: G-buffer, shadow maps -> radiance. METHOD 1. Light by light, with one shadow map for all
-//! lights, which all views use before the next light is drawn.
+//! lights, which all views use before the next light is drawn. An area light has a map for each of its samples.
 
 use super::gbuffer::Surface;
 use super::view::View;
 use super::world::{VERTEX, Which, World};
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use};
-use crate::shared::ScreenPush;
+use crate::shared::{AreaPush, ScreenPush};
 use glam::Vec4;
 
 /// Shadow maps and their use.
@@ -15,7 +15,10 @@ pub struct Direct {
     pub shadow: Image,
     opaque: Pipeline,
     masked: Pipeline,
-    shade: Pipeline,
+    /// Only with punctual lights.
+    shade: Option<Pipeline>,
+    /// Only with area lights.
+    shade_area: Option<Pipeline>,
 }
 
 impl Direct {
@@ -23,7 +26,7 @@ impl Direct {
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
-    pub fn new(gpu: &Gpu, side: u32) -> Result<Self> {
+    pub fn new(gpu: &Gpu, world: &World, side: u32) -> Result<Self> {
         let depth_only = Raster {
             vertex: "mesh.vert",
             fragment: None,
@@ -35,13 +38,11 @@ impl Direct {
             cull: Cull::None,
             constants: &[],
         };
-        Ok(Self {
-            shadow: gpu.target("direct.shadow", Format::D32_SFLOAT, side, side)?,
-            opaque: gpu.raster(&depth_only)?,
-            masked: gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), ..depth_only })?,
-            shade: gpu.raster(&Raster {
+        let has = |area| world.lights().iter().any(|light| light.is_area == area);
+        let shade = |fragment| {
+            gpu.raster(&Raster {
                 vertex: "screen.vert",
-                fragment: Some("direct.frag"),
+                fragment: Some(fragment),
                 shape: Shape::Triangles,
                 streams: &[],
                 colors: &[Format::R32G32B32A32_SFLOAT],
@@ -49,7 +50,14 @@ impl Direct {
                 depth: Depth::None,
                 cull: Cull::None,
                 constants: &[],
-            })?,
+            })
+        };
+        Ok(Self {
+            shadow: gpu.target("direct.shadow", Format::D32_SFLOAT, side, side)?,
+            opaque: gpu.raster(&depth_only)?,
+            masked: gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), ..depth_only })?,
+            shade: has(false).then(|| shade("direct.frag")).transpose()?,
+            shade_area: has(true).then(|| shade("direct_area.frag")).transpose()?,
         })
     }
 
@@ -73,7 +81,8 @@ impl Direct {
             };
             cmd.render(&depth, |draw| {
                 for face in 0..light.views {
-                    draw.area([face % 3 * size, face / 3 * size, size, size]);
+                    let [x, y] = light.tile(face);
+                    draw.area([x * size, y * size, size, size]);
                     let clip = world.clip_from_world(light.first_view + face);
                     world.draw(draw, &self.opaque, Which::Opaque, clip, Vec4::ZERO);
                     world.draw(draw, &self.masked, Which::Masked, clip, Vec4::ZERO);
@@ -83,26 +92,27 @@ impl Direct {
             for (view, surface) in views.clone() {
                 let radiance =
                     Attachments { colors: &[Attach::keep(&surface.radiance)], depth: None, area: surface.area() };
+                let shade = if light.is_area { &self.shade_area } else { &self.shade };
+                let Some(shade) = shade else { continue };
                 cmd.render(&radiance, |draw| {
-                    draw.bind(
-                        &self.shade,
-                        &[
-                            (&world.light_buffer).into(),
-                            (&world.view_buffer).into(),
-                            (&surface.depth).into(),
-                            (&surface.normal).into(),
-                            (&surface.albedo).into(),
-                            (&surface.specular).into(),
-                            shadow.into(),
-                        ],
-                    );
-                    draw.push(&ScreenPush {
-                        world_from_clip: view.world_from_clip,
-                        eye: view.eye,
-                        light: i as u32,
-                        shadow_size: size,
-                        first_val: 0,
-                    });
+                    let resources = [
+                        (&world.light_buffer).into(),
+                        (&world.view_buffer).into(),
+                        (&surface.depth).into(),
+                        (&surface.normal).into(),
+                        (&surface.albedo).into(),
+                        (&surface.specular).into(),
+                        shadow.into(),
+                    ];
+                    draw.bind(shade, &resources);
+                    let View { world_from_clip, eye, .. } = *view;
+                    if light.is_area {
+                        let columns = light.columns();
+                        draw.push(&AreaPush { world_from_clip, eye, light: i as u32, face_size: size, columns });
+                    } else {
+                        let first_val = 0;
+                        draw.push(&ScreenPush { world_from_clip, eye, light: i as u32, shadow_size: size, first_val });
+                    }
                     draw.draw(3);
                 });
             }

@@ -19,7 +19,6 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{GATHER_THREADS, GatherPush, GlossySums};
 use glam::Vec4;
-use std::num::NonZeroU32;
 
 /// Lights the caches, one way or another.
 pub enum Gather {
@@ -53,8 +52,9 @@ impl Gather {
                 // What follows each other in a coarse picture, or in the list of patches, lies in different directions.
                 let fine = !plan.emitters && world.lights().iter().all(|light| light.rsm_size(rsm) >= FINE_RSM);
                 let together = if fine { SHADOWED_TOGETHER } else { 1 };
-                let kind =
-                    ComputeKind { glossy: plan.glossy, shadows, together, bounces, weight: way.proxy_weight, eyes };
+                let (glossy, weight) = (plan.glossy, way.proxy_weight);
+                let emitted = if plan.emitters { world.emitters.len() as u32 } else { 0 };
+                let kind = ComputeKind { glossy, shadows, together, bounces, emitted, weight, eyes };
                 Self::Compute(Box::new(Compute::new(gpu, caches, vals, &ways, kind)?))
             }
             settings::Gather::Draws { source, tile, dim } => {
@@ -103,13 +103,13 @@ pub struct Compute {
     pub parts: Buffer,
     /// How many of the parts are there, of the caches of each thread; all 0 between frames.
     pub arrived: Buffer,
-    /// Makes proxies of the sums itself, unless light bounces more than once.
+    /// Makes proxies of the sums itself, unless caches light caches.
     sum: Pipeline,
     /// The same for two eyes at once.
     two_eyes: Option<TwoEyes>,
     /// Only with shadows of every VAL.
     pub depth_images: Option<DepthImages>,
-    /// Only where light bounces more than once.
+    /// Only where caches light caches.
     pub bounces: Option<Bounces>,
 }
 
@@ -130,7 +130,9 @@ pub struct ComputeKind {
     /// VALs in a row that a cache sees or does not see as one, 1 or 4.
     pub together: u32,
     /// Indirect bounces.
-    pub bounces: NonZeroU32,
+    pub bounces: u32,
+    /// VALs of surfaces that emit, whose light at a cache counts as no bounce.
+    pub emitted: u32,
     /// What pulls proxies.
     pub weight: ProxyWeight,
     /// Most views of a frame.
@@ -141,7 +143,7 @@ impl ComputeKind {
     /// One bounce without shadows.
     pub fn plain(glossy: bool) -> Self {
         let (shadows, weight) = (Shadows::Off, ProxyWeight::Irradiance);
-        Self { glossy, shadows, together: 1, bounces: NonZeroU32::MIN, weight, eyes: 1 }
+        Self { glossy, shadows, together: 1, bounces: 1, emitted: 0, weight, eyes: 1 }
     }
 }
 
@@ -157,9 +159,9 @@ impl Compute {
         let split = split_of(caches, vals, ways.split, LONGEST_PART);
         let per_workgroup = GATHER_THREADS * ways.caches();
         let live = Live::new(gpu, Items { caches, group: 1, per_workgroup, lights: vals, split })?;
-        let ComputeKind { glossy, shadows, together, bounces, weight, eyes } = kind;
-        let further = bounces.get() > 1;
-        let bounces = further.then(|| Bounces::new(gpu, &live, ways, glossy, shadows, bounces, weight)).transpose()?;
+        let ComputeKind { glossy, shadows, together, bounces, emitted, eyes, .. } = kind;
+        let further = bounces > u32::from(emitted == 0);
+        let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind)).transpose()?;
         let parts = parts_of(vals, split) + bounces.as_ref().map_or(0, |bounces| bounces.parts);
         let two_eyes = || -> Result<TwoEyes> {
             let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;
@@ -226,7 +228,8 @@ impl Compute {
         cmd.push(&push);
         cmd.dispatch_indirect(&self.live.args, 0);
         if let (Some(bounces), Some(albedos)) = (&self.bounces, lit.albedos) {
-            bounces.record(cmd, albedos, &SumBinds { proxies: None, ..binds }, &lit.proxies.buffer, &push);
+            let sums = SumBinds { proxies: None, ..binds };
+            bounces.record(cmd, albedos, lit.vals.emitted.as_ref(), &sums, &lit.proxies.buffer, &push);
         }
     }
 }

@@ -31,7 +31,7 @@ pub struct Light {
     pub plan: Plan,
     /// Stage 4; only with indirect light.
     pub rsm: Option<Rsm>,
-    /// Stage 2; only with punctual lights.
+    /// Stage 2; only with lights.
     pub direct: Option<Direct>,
     /// Stages 3 and 5 to 8.
     pub indirect: IndirectLight,
@@ -100,14 +100,14 @@ impl Light {
             }
             _ => false,
         };
-        let rsm = plan.indirect().then(|| Rsm::new(gpu, world, side, weight, lights_all)).transpose()?;
+        let rsm = plan.indirect().then(|| Rsm::new(gpu, world, side, weight, lights_all, plan.reflects)).transpose()?;
         let vals = rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
         if plan.bounces {
             world.make_albedos(gpu, scene)?;
         }
         Ok(Self {
             rsm,
-            direct: plan.direct.then(|| Direct::new(gpu, settings.shadow_map.max(1))).transpose()?,
+            direct: plan.direct.then(|| Direct::new(gpu, world, settings.shadow_map.max(1))).transpose()?,
             indirect: match &settings.indirect {
                 settings::Indirect::Caches(caches) if plan.lightskin => {
                     IndirectLight::Caches(Box::new(CacheLight::new(gpu, &plan, world, caches, [vals, side, eyes])?))
@@ -194,7 +194,7 @@ impl Light {
         match gather {
             Gather::Clusters(by) => counts.pairs = by.pairs(gpu)?,
             Gather::Compute(by) => {
-                let bounces = by.bounces.as_ref().map_or(0, |bounces| bounces.count);
+                let bounces = by.bounces.as_ref().map_or(0, |bounces| bounces.gathers());
                 counts.pairs += u64::from(bounces) * u64::from(atlas.count).pow(2);
             }
             Gather::Draws(_) => {}

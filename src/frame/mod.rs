@@ -43,7 +43,7 @@ pub mod world;
 pub use engine::Engine;
 pub use light::{Counts, Light};
 pub use picture::Picture;
-pub use plan::Plan;
+pub use plan::{Features, Plan};
 pub use record::record;
 pub use settings::{
     ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, ProxyWeight, Quality, Settings, Shadows, Tonemap,

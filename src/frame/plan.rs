@@ -14,23 +14,33 @@ pub struct Features {
     pub lights: bool,
     /// A sky.
     pub sky: bool,
-    /// Surfaces that emit.
+    /// Surfaces that emit and are area lights.
+    pub areas: bool,
+    /// Others that emit.
     pub emits: bool,
     /// A material with a glossy lobe.
     pub glossy: bool,
 }
 
 impl Features {
-    /// Of a scene.
-    pub fn new(scene: &Scene) -> Self {
+    /// Of a scene of whose surfaces that emit some are area lights, and some are not.
+    pub fn new(scene: &Scene, areas: bool, emits: bool) -> Self {
         let glossy: Vec<bool> = (0..scene.materials.len()).map(|m| is_glossy(scene, m)).collect();
         Self {
             bends: scene.instances.iter().any(|instance| scene.meshes[instance.mesh].deform.is_some()),
             lights: !scene.lights.is_empty(),
             sky: scene.sky.is_some(),
-            emits: scene.emits(),
+            areas,
+            emits,
             glossy: scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| glossy[p.material]),
         }
+    }
+}
+
+impl Features {
+    /// Whether surfaces emit, one way or the other.
+    pub fn emits_at_all(&self) -> bool {
+        self.areas || self.emits
     }
 }
 
@@ -43,8 +53,10 @@ pub struct Plan {
     pub direct: bool,
     /// Stage 2 where no surface is: there is a sky.
     pub sky: bool,
-    /// Surfaces that emit are VALs, beside those of stage 4.
+    /// Surfaces that emit and are no area lights are VALs, beside those of stage 4.
     pub emitters: bool,
+    /// Stage 4 for lights: what they light gives light.
+    pub reflects: bool,
     /// Stages 3, 4, 6 and 8: interpolated caches.
     pub lightskin: bool,
     /// Stage 5: only visible caches are lit.
@@ -103,33 +115,33 @@ stages! {
 }
 
 impl Plan {
-    /// The stages that this scene needs under these settings.
-    pub fn new(scene: &Scene, settings: &Settings) -> Self {
-        Self::of(&Features::new(scene), settings)
-    }
-
     /// The stages that scenes with these features need under these settings.
     pub fn of(scene: &Features, settings: &Settings) -> Self {
-        let light = scene.lights || scene.emits;
+        let lights = scene.lights || scene.areas;
+        let light = lights || scene.emits;
+        // What an emitting surface gives to caches directly counts as no bounce.
         let caches = match &settings.indirect {
-            Indirect::Caches(caches) if light => Some(caches),
+            Indirect::Caches(caches) if scene.emits || (lights && caches.gather.bounces() > 0) => Some(caches),
             _ => None,
         };
         let gather = caches.map(|caches| caches.gather);
         let shadows = gather.map_or(Shadows::Off, |gather| gather.shadows());
-        let bounces = gather.is_some_and(|gather| gather.bounces() > 1);
+        let least = u32::from(!scene.emits);
+        let bounces = matches!(gather, Some(Gather::Compute { bounces, .. }) if bounces > least);
+        let brute_force = light && settings.indirect == Indirect::BruteForce;
         Self {
             deform: scene.bends,
-            direct: scene.lights,
+            direct: lights,
             sky: scene.sky,
             emitters: scene.emits,
+            reflects: lights && (brute_force || gather.is_some_and(|gather| gather.bounces() > 0)),
             lightskin: caches.is_some(),
             cull: caches.is_some_and(|caches: &Caches| caches.cull) && !bounces,
             clusters: matches!(gather, Some(Gather::Clusters { .. })),
             bounces,
             occlude: shadows == Shadows::Proxy,
             depth_images: shadows == Shadows::PerLight,
-            brute_force: light && settings.indirect == Indirect::BruteForce,
+            brute_force,
             glossy: scene.glossy,
         }
     }
@@ -158,7 +170,7 @@ impl Plan {
             "direct" => "no light",
             "sky" if planned => "what is behind all surfaces",
             "sky" => "no sky",
-            "rsm" if planned && !self.direct => "surfaces that emit are VALs",
+            "rsm" if planned && !self.reflects => "surfaces that emit are VALs",
             "rsm" if planned && self.emitters => "indirect light needs VALs; surfaces that emit are some, too",
             "rsm" if planned => "indirect light needs VALs",
             "pyramid" if planned => "nodes that can stand for VALs",

@@ -1,4 +1,4 @@
-//! Stage 4, extended RSM: the scene as each light sees it -> VALs. METHOD 2, thesis 5.2.
+//! Stage 4, extended RSM: the scene as each light sees it -> VALs. METHOD 2, thesis 5.2. Area lights look from several points.
 
 use super::live::Live;
 use super::pack::PackVals;
@@ -25,17 +25,27 @@ pub struct Rsm {
     to_vals: Pipeline,
     pack: PackVals,
     weight: ProxyWeight,
+    /// Whether lights have any; else surfaces that emit alone.
+    reflects: bool,
 }
 
 impl Rsm {
-    /// Makes pipelines and images of `side` texels. Where the gather `lights_all` caches, its dispatch follows from the number
-    /// of VALs alone.
+    /// Makes pipelines and images of `side` texels; lights have VALs if the plan `reflects`. Where the gather `lights_all`
+    /// caches, its dispatch follows from the number of VALs alone.
     ///
     /// # Errors
     /// More VALs than can be numbered.
-    pub fn new(gpu: &Gpu, world: &World, side: u32, weight: ProxyWeight, lights_all: bool) -> Result<Self> {
-        let n = if world.lights().is_empty() { 1 } else { side.max(1) };
-        let count: u64 = world.lights().iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
+    pub fn new(
+        gpu: &Gpu,
+        world: &World,
+        side: u32,
+        weight: ProxyWeight,
+        lights_all: bool,
+        reflects: bool,
+    ) -> Result<Self> {
+        let n = if reflects { side.max(1) } else { 1 };
+        let lights = if reflects { world.lights() } else { &[] };
+        let count: u64 = lights.iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
         let count = u32::try_from(count + world.emitters.len() as u64).ok().filter(|count| *count <= 1 << 25);
         let count =
             count.ok_or_else(|| Error::TooLarge("more than 33 million VALs; ask for a smaller --rsm".into()))?;
@@ -60,6 +70,7 @@ impl Rsm {
             to_vals: gpu.compute("vals.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
             pack: PackVals::new(gpu, lights_all)?,
             weight,
+            reflects,
         })
     }
 
@@ -78,7 +89,7 @@ impl Rsm {
             cmd.barrier(Use::CopyWrite, Use::ComputeRead | Use::ComputeWrite);
         }
         let (mut first, mut drawn) = (0, false);
-        for (i, light) in world.lights().iter().enumerate() {
+        for (i, light) in world.lights().iter().enumerate().filter(|_| self.reflects) {
             let size = light.rsm_size(self.depth.width);
             if !due(i) {
                 first += light.views * size * size;
@@ -94,7 +105,8 @@ impl Rsm {
                     area: [0, 0, size, size],
                 };
                 let clip = world.clip_from_world(view);
-                cmd.render(&attachments, |draw| world.draw(draw, &self.draw, Which::All, clip, light.eye));
+                let eye = world.eye(light, view);
+                cmd.render(&attachments, |draw| world.draw(draw, &self.draw, Which::All, clip, eye));
                 if drawn {
                     cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 } else {

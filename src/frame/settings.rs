@@ -2,7 +2,6 @@
 //! nothing here is ever refused. This file imports nothing of `frame`.
 
 use crate::shared::{VAL_TILE, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
-use std::num::NonZeroU32;
 
 /// Everything that shapes a frame. Two that are equal draw equal pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -33,8 +32,8 @@ pub enum Indirect {
 pub struct Caches {
     /// How VALs light caches.
     pub gather: Gather,
-    /// Only caches that visible surfaces need are lit. Pictures do not change. Where light bounces more than once, every
-    /// cache lights others and all are lit.
+    /// Only caches that visible surfaces need are lit. Pictures do not change. Where caches light caches,
+    /// bounce after bounce, all are lit.
     pub cull: bool,
     /// Kernel and quantities of stage 8.
     pub interpolation: Interpolation,
@@ -49,8 +48,8 @@ pub enum Gather {
     Compute {
         /// How it is spread over the device.
         ways: Ways,
-        /// Indirect bounces.
-        bounces: NonZeroU32,
+        /// Indirect bounces. With 0 caches are lit by surfaces that emit alone, and only where some are no area lights.
+        bounces: u32,
         /// What is in the way of indirect light.
         shadows: Shadows,
     },
@@ -253,11 +252,7 @@ impl Settings {
     pub fn at(quality: Quality, caches: usize) -> Self {
         Self {
             indirect: Indirect::Caches(Caches {
-                gather: Gather::Compute {
-                    ways: Ways::default(),
-                    bounces: NonZeroU32::MIN,
-                    shadows: quality.shadows(caches),
-                },
+                gather: Gather::Compute { ways: Ways::default(), bounces: 1, shadows: quality.shadows(caches) },
                 cull: true,
                 interpolation: Interpolation::Facing,
                 proxy_weight: ProxyWeight::Irradiance,
@@ -299,7 +294,7 @@ impl Gather {
 
     /// Indirect bounces.
     pub fn bounces(&self) -> u32 {
-        if let Self::Compute { bounces, .. } = self { bounces.get() } else { 1 }
+        if let Self::Compute { bounces, .. } = *self { bounces } else { 1 }
     }
 
     /// In reports.

@@ -20,6 +20,8 @@ pub struct Vals {
     pub live: Buffer,
     /// Their number before padding.
     pub live_count: Buffer,
+    /// Those of surfaces that emit once more, and how many of them shine; only where there are any.
+    pub(super) emitted: Option<(Buffer, Buffer)>,
 }
 
 impl Vals {
@@ -32,6 +34,7 @@ impl Vals {
             blocks: gpu.buffer("rsm.val_blocks", 4 * u64::from(count.div_ceil(PACK_BLOCK)))?,
             live: gpu.buffer("rsm.live_vals", bytes(count.next_multiple_of(VAL_TILE)))?,
             live_count: gpu.buffer("rsm.live_val_count", 4)?,
+            emitted: None,
         })
     }
 
@@ -46,7 +49,17 @@ impl Vals {
         let mut flags = vec![0; all.len()];
         all.extend(given);
         flags.extend(given_flags);
-        Ok(Self { all: gpu.buffer_from("rsm.vals", &all)?, flags: gpu.buffer_from("rsm.val_flags", &flags)?, ..made })
+        let (shining, shining_count) = shining(&all[all.len() - last.len()..]);
+        let emitted = (
+            gpu.buffer_from("rsm.emitted_vals", &shining)?,
+            gpu.buffer_from("rsm.emitted_val_count", &[shining_count])?,
+        );
+        Ok(Self {
+            all: gpu.buffer_from("rsm.vals", &all)?,
+            flags: gpu.buffer_from("rsm.val_flags", &flags)?,
+            emitted: Some(emitted),
+            ..made
+        })
     }
 
     /// Records that the last ones are these from now on.
@@ -55,6 +68,11 @@ impl Vals {
         let first = u64::from(self.count) - last.len() as u64;
         cmd.update(&self.all, first * size_of::<Val>() as u64, &vals);
         cmd.update(&self.flags, 4 * first, &flags);
+        if let Some((emitted, count)) = &self.emitted {
+            let (shining, shining_count) = shining(&vals);
+            cmd.update(emitted, 0, &shining);
+            cmd.update(count, 0, &[shining_count]);
+        }
     }
 
     /// These VALs, all of them live.
@@ -68,6 +86,14 @@ impl Vals {
         let live = gpu.buffer_from("rsm.live_vals", &padded)?;
         Ok(Self { live, live_count: gpu.buffer_from("rsm.live_val_count", &[count])?, ..Self::new(gpu, count)? })
     }
+}
+
+/// Those that shine, filled up with dark ones to whole tiles of all, and their number.
+fn shining(vals: &[Val]) -> (Vec<Val>, u32) {
+    let mut shining: Vec<Val> = vals.iter().filter(|val| val.flux != Vec3::ZERO).copied().collect();
+    let count = shining.len() as u32;
+    shining.resize(vals.len().next_multiple_of(VAL_TILE as usize), Val { area: 1.0, ..Val::default() });
+    (shining, count)
 }
 
 /// VALs with the weights that their proxies' positions have, and which of them carry light.

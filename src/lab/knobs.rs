@@ -8,7 +8,6 @@ use crate::frame::{
 };
 use crate::gpu::{Cmd, Gpu};
 use crate::scene::Scene;
-use std::num::NonZeroU32;
 
 /// How indirect light is made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -46,7 +45,7 @@ pub struct Knobs {
     pub size: [u32; 2],
     /// Indirect light.
     pub gi: Gi,
-    /// Indirect bounces; 0 is direct light alone.
+    /// Indirect bounces; 0 is direct light alone, that of surfaces that emit included.
     pub bounces: u32,
     /// Texels of an RSM's side.
     pub rsm: u32,
@@ -119,10 +118,10 @@ impl Knobs {
     pub fn settings(&self) -> Settings {
         assert!(self.go_together(), "{self:?} is no frame");
         let dim = self.shadows == Shadows::Proxy;
-        let caches = |bounces| {
+        let caches = || {
             Indirect::Caches(Caches {
                 gather: match self.path {
-                    Path::Compute => Gather::Compute { ways: self.ways, bounces, shadows: self.shadows },
+                    Path::Compute => Gather::Compute { ways: self.ways, bounces: self.bounces, shadows: self.shadows },
                     Path::Draws(source, tile) => Gather::Draws { source, tile, dim },
                     Path::Clusters(rule) => Gather::Clusters { rule, dim },
                 },
@@ -132,10 +131,12 @@ impl Knobs {
             })
         };
         Settings {
-            indirect: match (self.gi, NonZeroU32::new(self.bounces)) {
-                (Gi::Off, _) | (_, None) => Indirect::Off,
+            indirect: match (self.gi, self.path) {
+                (Gi::Off, _) => Indirect::Off,
+                (Gi::LightSkin, Path::Compute) => caches(),
+                _ if self.bounces == 0 => Indirect::Off,
                 (Gi::BruteForce, _) => Indirect::BruteForce,
-                (Gi::LightSkin, Some(bounces)) => caches(bounces),
+                (Gi::LightSkin, _) => caches(),
             },
             rsm: self.rsm,
             shadow_map: self.shadow_map,

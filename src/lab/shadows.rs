@@ -5,7 +5,7 @@ use super::eval::references::{PathTraced, path_traced};
 use super::eval::sweep::Point;
 use crate::error::Result;
 use crate::frame::plan::STAGES;
-use crate::frame::{Plan, Shadows};
+use crate::frame::{Features, Shadows};
 use crate::gpu::Gpu;
 use crate::lab::knobs::Knobs;
 use crate::metrics::{Metrics, mean, metrics};
@@ -88,7 +88,7 @@ pub fn compare(
 ) -> Result<Compared> {
     let camera = &scene.cameras[0];
     let frame = Knobs { rsm: settings.rsm, ..Knobs::plain(settings.size) };
-    let glossy = Plan::new(scene, &frame.settings()).glossy;
+    let glossy = Features::new(scene, false, false).glossy;
     let wanted = PathTraced { size: settings.size, visibility: true, samples: settings.samples, glossy };
     let (mut truth, about) = path_traced(scene, camera, &wanted, folder, progress);
     let edges = edges(scene, camera, settings.size);

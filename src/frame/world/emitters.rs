@@ -1,8 +1,10 @@
-//! Surfaces that emit, as VALs: they light caches, and pixels by brute force, beside those of the lights. METHOD 2.
+//! Surfaces that emit and are no area lights, as VALs: they light caches, and pixels by brute force, beside those of the
+//! lights. METHOD 2.
 //!
 //! A patch of radiance `L` and area `A` sends out `pi L A` lumen from its front; a VAL's flux is what leaves it, so the
 //! patch is a VAL of that flux. What a surface receives from it is shadowed as that of any VAL.
 
+use super::area_lights::AreaLights;
 use crate::scene::material::Emission;
 use crate::scene::{Instance, Mesh, Scene, Vertex};
 use crate::shared::Val;
@@ -23,11 +25,12 @@ const MOST_PARTS: usize = 64;
 const SAMPLES: usize = 8;
 
 /// A triangle that emits.
-struct Emitter<'a> {
-    instance: usize,
+pub(super) struct Emitter<'a> {
+    pub(super) instance: usize,
     mesh: &'a Mesh,
-    corners: [usize; 3],
-    material: usize,
+    /// Vertices of the mesh.
+    pub(super) corners: [usize; 3],
+    pub(super) material: usize,
     /// Area in the world [m^2].
     area: f64,
 }
@@ -52,7 +55,7 @@ struct Patch {
 pub(super) struct Patches(Vec<Option<Patch>>);
 
 /// Radiance of a material [cd/m^2], of no texture.
-fn emissive(scene: &Scene, material: usize) -> DVec3 {
+pub(super) fn emissive(scene: &Scene, material: usize) -> DVec3 {
     scene.materials[material]
         .emissive
         .to_array()
@@ -61,14 +64,15 @@ fn emissive(scene: &Scene, material: usize) -> DVec3 {
 }
 
 impl Patches {
-    /// Of the surfaces that emit as the scene stands. Empty where nothing does.
-    pub(super) fn new(scene: &Scene) -> Self {
+    /// Of the surfaces that emit as the scene stands, and the area lights among them. Empty where nothing emits.
+    pub(super) fn new(scene: &Scene) -> (AreaLights, Self) {
         let emission: Vec<Option<Emission<'_>>> = (0..scene.materials.len()).map(|m| scene.emission(m)).collect();
         // Patches are chosen by what shines, and by what may.
         let nominal: Vec<DVec3> =
             (emission.iter()).map(|e| e.as_ref().map_or(DVec3::ZERO, |e| e.factor().as_dvec3())).collect();
         let mut places = Places::new(scene);
         let triangles = triangles(scene, &emission, &mut places);
+        let (areas, triangles) = AreaLights::take(scene, &emission, &mut places, triangles);
         let area: f64 = triangles.iter().map(|t| t.area).sum();
         let patches: Vec<Vec<Patch>> = triangles
             .par_iter()
@@ -81,7 +85,12 @@ impl Patches {
         let shines = |patch: &Patch| patch.share * nominal[patch.material] != DVec3::ZERO;
         let patches: Vec<Patch> = patches.into_iter().flatten().filter(shines).collect();
         let vals: Vec<Val> = patches.iter().map(|p| places.val(p, DVec3::ZERO, nominal[p.material])).collect();
-        in_square(fewer(&nominal, patches.into_iter().zip(vals).collect()))
+        (areas, in_square(fewer(&nominal, patches.into_iter().zip(vals).collect())))
+    }
+
+    /// Whether there are none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
     }
 
     /// Whether one of them is part of this instance.
@@ -103,18 +112,23 @@ impl Patches {
 }
 
 /// Where vertices are; those of instances that bend are posed once for all.
-struct Places<'a> {
+pub(super) struct Places<'a> {
     scene: &'a Scene,
     posed: Vec<Option<Vec<Vertex>>>,
 }
 
 impl<'a> Places<'a> {
-    fn new(scene: &'a Scene) -> Self {
+    pub(super) fn new(scene: &'a Scene) -> Self {
         Self { scene, posed: scene.instances.iter().map(|_| None).collect() }
     }
 
-    /// Twice the triangle's area along the normal of its front, and its corners.
-    fn triangle(&mut self, instance: usize, corners: [usize; 3]) -> ([DVec3; 3], DVec3) {
+    /// Whether an instance is hidden.
+    pub(super) fn is_hidden(&self, instance: usize) -> bool {
+        self.scene.instances[instance].hidden
+    }
+
+    /// A triangle's corners, and twice its area along the normal of its front.
+    pub(super) fn triangle(&mut self, instance: usize, corners: [usize; 3]) -> ([DVec3; 3], DVec3) {
         let Instance { mesh, world_from_model, pose, .. } = &self.scene.instances[instance];
         let mesh = &self.scene.meshes[*mesh];
         let vertices = match pose {
@@ -160,6 +174,18 @@ fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], places: &m
         }
     }
     all
+}
+
+impl Emitter<'_> {
+    /// Mean share of its material's radiance that the texture lets through.
+    pub(super) fn mean_share(&self, emission: &Emission<'_>) -> DVec3 {
+        let parts = if emission.is_uniform() { 1 } else { 4 * SAMPLES };
+        let mut sum = Vec3::ZERO;
+        thirds([DVec3::X, DVec3::Y, DVec3::Z], parts, |sample| {
+            sum += share(self, emission, (sample[0] + sample[1] + sample[2]) / 3.0);
+        });
+        sum.as_dvec3() / (parts * parts) as f64
+    }
 }
 
 /// A triangle in `parts` squared equal ones.

@@ -1,7 +1,8 @@
 //! Lights as the shaders see them: relative to the scene's origin, each with the frusta of its shadow map and RSM.
 
+use super::area_lights::AreaLight;
 use crate::scene::{Light, LightKind};
-use crate::shared::{self, LightView};
+use crate::shared::{self, AREA_VIEWS, LightView};
 use glam::{DMat4, DVec3, DVec4, Vec4};
 
 /// A spot wider than this half angle \[rad\] is seen through six faces, like a point light.
@@ -12,37 +13,58 @@ const WIDEST_FRUSTUM: f32 = 70.0 / 180.0 * std::f32::consts::PI;
 pub struct LightInfo {
     /// First of its views.
     pub first_view: u32,
-    /// 1, or 6.
+    /// 1, or 6; of an area light 5 for each sample.
     pub views: u32,
-    /// Lights that share the texels of one square: those of a sky.
+    /// Views that share the texels of one square RSM: its own, those of all lights of a sky, those of all area lights.
     pub sharing: u32,
-    /// Position relative to the scene's origin and 1, or the unit direction towards parallel light and 0.
+    /// The unit direction towards parallel light and 0, or the position relative to the scene's origin and 1.
     pub eye: Vec4,
+    /// Whether it is an area light.
+    pub is_area: bool,
 }
 
 impl LightInfo {
-    /// Side \[texels\] of each of its RSMs: six faces, or all lights of a sky, share the texels of one square.
+    /// Side \[texels\] of each of its RSMs.
     pub fn rsm_size(&self, n: u32) -> u32 {
-        match self.views * self.sharing {
+        match self.sharing {
             1 => n,
             sharing => ((f64::from(n) / f64::from(sharing).sqrt()).round() as u32).max(1),
         }
     }
 
-    /// Side \[texels\] of each tile of its shadow map: six faces tile it three by two.
+    /// Side \[texels\] of each tile of its shadow map: six faces tile it three by two, samples of an area light are such
+    /// tiles side by side.
     pub fn shadow_size(&self, n: u32) -> u32 {
-        if self.views == 1 { n } else { (n / 3).max(1) }
+        match self.views {
+            1 => n,
+            _ if self.is_area => (n / (3 * self.columns())).max(1),
+            _ => (n / 3).max(1),
+        }
+    }
+
+    /// Samples of an area light that lie side by side in its shadow map, three faces each and two high.
+    pub fn columns(&self) -> u32 {
+        let samples = self.views / AREA_VIEWS;
+        (1..=samples).find(|columns| 3 * columns >= 2 * samples.div_ceil(*columns)).unwrap_or(1)
+    }
+
+    /// Where the tile of a view is in the shadow map, in tiles.
+    pub fn tile(&self, view: u32) -> [u32; 2] {
+        let (sample, face) = if self.is_area { (view / AREA_VIEWS, view % AREA_VIEWS) } else { (0, view) };
+        let columns = self.columns().max(1);
+        [3 * (sample % columns) + face % 3, 2 * (sample / columns) + face / 3]
     }
 }
 
-/// All lights and views of a scene around `origin` with half extent `half` \[m\].
+/// All punctual lights and their views of a scene around `origin` with half extent `half` \[m\].
 pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>, Vec<shared::Light>, Vec<LightView>) {
-    prepare_with(lights, origin, half, |_| false)
+    prepare_with(lights, &[], origin, half, |_| false)
 }
 
-/// The same with six views for spots of these numbers, whose cones may grow.
+/// The same with area lights after them, and with six views for spots of these numbers, whose cones may grow.
 pub(super) fn prepare_with(
     lights: &[Light],
+    areas: &[AreaLight],
     origin: DVec3,
     half: DVec3,
     grows: impl Fn(usize) -> bool,
@@ -58,7 +80,7 @@ pub(super) fn prepare_with(
         match light.kind {
             LightKind::Directional => {
                 kind = shared::LIGHT_DIRECTIONAL;
-                views.push(parallel_view(direction, half));
+                views.push(parallel_view(position, direction, half));
             }
             LightKind::Spot { inner, outer } => {
                 kind = shared::LIGHT_SPOT;
@@ -80,17 +102,15 @@ pub(super) fn prepare_with(
             LightKind::Point => {}
         }
         if views.len() as u32 == first_view {
-            let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
-            for (right, up, forward) in [(z, y, x), (-z, y, -x), (x, z, y), (x, -z, -y), (-x, y, z), (x, y, -z)] {
-                views.push(perspective_view(position, right, up, forward, 1.0, radius));
-            }
+            views.extend(cube(position, [DVec3::X, DVec3::Y, DVec3::Z], radius));
         }
         let view_count = views.len() as u32 - first_view;
         let eye = match light.kind {
             LightKind::Directional => (-direction).extend(0.0),
             _ => position.extend(1.0),
         };
-        infos.push(LightInfo { first_view, views: view_count, sharing: 1, eye: eye.as_vec4() });
+        let eye = eye.as_vec4();
+        infos.push(LightInfo { first_view, views: view_count, sharing: view_count, eye, is_area: false });
         all.push(shared::Light {
             position: position.as_vec3(),
             kind,
@@ -101,9 +121,43 @@ pub(super) fn prepare_with(
             cone_offset: cone[1],
             first_view,
             view_count,
+            ..shared::Light::default()
+        });
+    }
+    let sharing = AREA_VIEWS * areas.iter().map(|area| area.samples[0] * area.samples[1]).sum::<u32>();
+    for area in areas {
+        let (first_view, view_count) = (views.len() as u32, AREA_VIEWS * area.samples[0] * area.samples[1]);
+        let x = area.right.normalize();
+        let axes = [x, area.normal.cross(x), area.normal];
+        // A little in front, so that the surface itself is behind.
+        let front = 1e-3 * area.right.length().min(area.up.length()) * area.normal;
+        for point in area.sample_points() {
+            views.extend(cube(point + front - origin, axes, radius).into_iter().take(AREA_VIEWS as usize));
+        }
+        let position = area.middle - origin;
+        let eye = position.extend(1.0).as_vec4();
+        infos.push(LightInfo { first_view, views: view_count, sharing, eye, is_area: true });
+        all.push(shared::Light {
+            position: position.as_vec3(),
+            kind: shared::LIGHT_AREA,
+            direction: area.normal.as_vec3(),
+            intensity: area.radiance.as_vec3(),
+            first_view,
+            view_count,
+            right: area.right.as_vec3(),
+            up: area.up.as_vec3(),
+            columns: area.samples[0],
+            rows: area.samples[1],
+            ..shared::Light::default()
         });
     }
     (infos, all, views)
+}
+
+/// The six faces of a cube around a point, whose axes are these: +x -x +y -y +z -z.
+fn cube(position: DVec3, [x, y, z]: [DVec3; 3], radius: f64) -> [LightView; 6] {
+    [(z, y, x), (-z, y, -x), (x, z, y), (x, -z, -y), (-x, y, z), (x, y, -z)]
+        .map(|(right, up, forward)| perspective_view(position, right, up, forward, 1.0, radius))
 }
 
 /// Nearest thing a light or camera sees, in radii of the scene: reversed float depth loses nothing by it.
@@ -118,21 +172,22 @@ fn perspective_view(position: DVec3, right: DVec3, up: DVec3, forward: DVec3, ta
         DVec4::new(0.0, 0.0, 0.0, near),
         forward.extend(-forward.dot(position)),
     ];
-    view(rows, right * tan_half, up * tan_half, forward)
+    view(rows, position, right * tan_half, up * tan_half, forward)
 }
 
 /// A box around the scene, which is centred on the origin.
-fn parallel_view(forward: DVec3, half: DVec3) -> LightView {
+fn parallel_view(position: DVec3, forward: DVec3, half: DVec3) -> LightView {
     let right = forward.any_orthonormal_vector();
     let up = right.cross(forward);
     // Half extent of the scene's box along an axis, and a little: nothing lies on the border.
     let reach = |axis: DVec3| 1.001 * axis.abs().dot(half);
     let (w, h, d) = (reach(right), reach(up), reach(forward));
     let rows = [(right / w).extend(0.0), (-up / h).extend(0.0), (-forward / (2.0 * d)).extend(0.5), DVec4::W];
-    view(rows, right * w, up * h, forward)
+    view(rows, position, right * w, up * h, forward)
 }
 
-fn view(rows: [DVec4; 4], right: DVec3, up: DVec3, forward: DVec3) -> LightView {
+fn view(rows: [DVec4; 4], position: DVec3, right: DVec3, up: DVec3, forward: DVec3) -> LightView {
     let clip_from_world = DMat4::from_cols(rows[0], rows[1], rows[2], rows[3]).transpose().as_mat4();
-    LightView { clip_from_world, right: right.as_vec3(), up: up.as_vec3(), forward: forward.as_vec3() }
+    let [right, up, forward, position] = [right, up, forward, position].map(DVec3::as_vec3);
+    LightView { clip_from_world, right, up, forward, position }
 }

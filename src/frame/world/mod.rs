@@ -5,6 +5,7 @@
 //! like one that is near.
 
 mod albedo;
+mod area_lights;
 mod cells;
 pub(super) mod deform;
 mod emitters;
@@ -14,6 +15,7 @@ mod sky;
 mod textures;
 mod update;
 
+pub use area_lights::AreaLight;
 pub use cells::CellBuffers;
 pub use deform::DeformBuffers;
 pub use sky::SkyBuffer;
@@ -26,6 +28,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, Stream};
 use crate::scene::{Instance, Mesh, Scene, Vertex};
 use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, RIGID};
+use area_lights::AreaLights;
 use emitters::Patches;
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use lights::LightInfo;
@@ -90,9 +93,13 @@ pub struct World {
     pub view_buffer: Buffer,
     /// What is behind all surfaces.
     pub sky: Option<SkyBuffer>,
-    /// Surfaces that emit as VALs without weights: a square, or none.
+    /// The largest flat surfaces that emit.
+    pub areas: Vec<AreaLight>,
+    /// What they are made of.
+    area_lights: AreaLights,
+    /// The other surfaces that emit, as VALs without weights: a square, or none.
     pub emitters: Vec<shared::Val>,
-    /// Where those are that emit.
+    /// What they are made of.
     patches: Patches,
     /// What poses are made of, where something bends.
     pub(super) deform: Option<DeformBuffers>,
@@ -196,7 +203,8 @@ impl World {
                 vertices.extend_from_slice(&mesh.vertices);
             }
         }
-        let patches = Patches::new(scene);
+        let (area_lights, patches) = Patches::new(scene);
+        let areas = area_lights.now(scene);
         // Caches were placed under these maps, whatever the instances' are now.
         let layouts: Vec<InstanceLayout> = (scene.instances.iter().enumerate())
             .map(|(i, instance)| InstanceLayout {
@@ -207,11 +215,12 @@ impl World {
                 first_index: mesh_base[instance.mesh].1 as u32,
                 first_vertex: first_posed[i].unwrap_or(RIGID),
                 pose_sizes: scene.meshes[instance.mesh].deform.as_ref().map_or((0, 0), deform::sizes),
-                emits: patches.any_of(i),
+                emits: patches.any_of(i) || area_lights.any_of(i),
             })
             .collect();
         let mut dynamic = Dynamic::default();
-        dynamic.fill(scene, origin, half, &layouts);
+        dynamic.fill_surfaces(scene, origin, &layouts);
+        dynamic.fill_lights(scene, &areas, origin, half);
 
         let mut references = Vec::<u16>::new();
         let mut reference_base = Vec::new();
@@ -277,6 +286,9 @@ impl World {
             half,
             sky: scene.sky.as_ref().map(|sky| SkyBuffer::new(gpu, sky)).transpose()?,
             emitters: patches.vals(scene, origin),
+            features: Features::new(scene, !area_lights.is_empty(), !patches.is_empty()),
+            areas,
+            area_lights,
             patches,
             light_buffer: gpu.buffer_from("scene.lights", &dynamic.lights)?,
             view_buffer: gpu.buffer_from("scene.light_views", &dynamic.views)?,
@@ -290,7 +302,6 @@ impl World {
             references_each: references_each(scene, caches),
             albedos: OnceCell::new(),
             caches: caches.cloned(),
-            features: Features::new(scene),
             layout: new_revision(),
             references: gpu.buffer_from("scene.references", &references)?,
             draw_records: gpu.buffer_from("scene.draw_records", &draws.iter().map(record).collect::<Vec<_>>())?,
@@ -387,6 +398,11 @@ impl World {
     /// Lights, for the host.
     pub fn lights(&self) -> &[LightInfo] {
         &self.dynamic.infos
+    }
+
+    /// Where a view of a light is seen from, as `LightInfo::eye`.
+    pub(super) fn eye(&self, light: &LightInfo, view: u32) -> Vec4 {
+        if light.is_area { self.dynamic.views[view as usize].position.extend(1.0) } else { light.eye }
     }
 
     /// From the world to the clip space of a view of a light.

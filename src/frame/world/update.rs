@@ -2,7 +2,7 @@
 //! device has, the next frame copies what is new, and revisions tell the stages whose inputs are as they were.
 
 use super::lights::{self, LightInfo};
-use super::{World, albedo, textures};
+use super::{AreaLight, World, albedo, textures};
 use crate::error::{Error, Result};
 use crate::frame::plan::Features;
 use crate::frame::revision::new_revision;
@@ -121,9 +121,8 @@ pub(super) struct Dynamic {
 }
 
 impl Dynamic {
-    /// Fills in how a scene stands around `origin` with half extent `half` \[m\]; `layouts` is what of each
-    /// instance stays.
-    pub(super) fn fill(&mut self, scene: &Scene, origin: DVec3, half: DVec3, layouts: &[InstanceLayout]) {
+    /// Fills in how a scene's surfaces stand around `origin` \[m\]; `layouts` is what of each instance stays.
+    pub(super) fn fill_surfaces(&mut self, scene: &Scene, origin: DVec3, layouts: &[InstanceLayout]) {
         self.instances.clear();
         self.mirrored.clear();
         self.hidden.clear();
@@ -133,15 +132,19 @@ impl Dynamic {
             self.place(instance, origin, layout);
             self.pose(instance, layout.pose_sizes);
         }
-        (self.infos, self.lights, self.views) =
-            lights::prepare_with(&scene.lights, origin, half, |i| scene.animates(&[Quantity::Cone], i));
-        if let Some(sky) = &scene.sky {
-            self.infos[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as u32);
-        }
         self.materials.clear();
         self.materials.extend(scene.materials.iter().map(textures::material));
         self.slots.clear();
         self.slots.extend(scene.materials.iter().flat_map(textures::slots));
+    }
+
+    /// Fills in how its lights stand around `origin` with half extent `half` \[m\].
+    pub(super) fn fill_lights(&mut self, scene: &Scene, areas: &[AreaLight], origin: DVec3, half: DVec3) {
+        let grows = |i| scene.animates(&[Quantity::Cone], i);
+        (self.infos, self.lights, self.views) = lights::prepare_with(&scene.lights, areas, origin, half, grows);
+        if let Some(sky) = &scene.sky {
+            self.infos[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as u32);
+        }
     }
 
     fn place(&mut self, instance: &Instance, origin: DVec3, layout: &InstanceLayout) {
@@ -215,7 +218,8 @@ impl World {
         if !self.structure.has_models_of(scene) {
             return Err(Error::Nothing("the scene has other models than were uploaded: bake and load it anew".into()));
         }
-        if !self.structure.has_materials_of(scene) || self.features != Features::new(scene) {
+        let features = Features::new(scene, self.features.areas, self.features.emits);
+        if !self.structure.has_materials_of(scene) || self.features != features {
             let caches = self.caches.take();
             let made = Self::new(gpu, scene, caches.as_ref());
             self.caches = caches;
@@ -223,7 +227,26 @@ impl World {
             return Ok(());
         }
         let mut now = std::mem::take(&mut self.scratch);
-        now.fill(scene, self.origin, self.half, &self.layouts);
+        now.fill_surfaces(scene, self.origin, &self.layouts);
+        let old = &self.dynamic;
+        let mut pending = self.pending.get();
+        let instances = now.instances != old.instances;
+        let poses = now.joints != old.joints || now.weights != old.weights;
+        let materials = now.materials != old.materials || now.slots != old.slots;
+        let surfaces = instances || poses || materials || now.mirrored != old.mirrored || now.hidden != old.hidden;
+        pending.instances |= instances;
+        pending.poses |= poses;
+        pending.materials |= materials;
+        if surfaces {
+            self.revisions.surfaces = new_revision();
+            let moved =
+                |(i, layout): (usize, &InstanceLayout)| layout.emits && (poses || now.instances[i] != old.instances[i]);
+            if self.features.emits_at_all() && (materials || self.layouts.iter().enumerate().any(moved)) {
+                self.emitters = self.patches.vals(scene, self.origin);
+                self.areas = self.area_lights.now(scene);
+            }
+        }
+        now.fill_lights(scene, &self.areas, self.origin, self.half);
         let old = &self.dynamic;
         let same_lights = now.infos.len() == old.infos.len()
             && (now.infos.iter().zip(&old.infos)).all(|(a, b)| (a.views, a.sharing) == (b.views, b.sharing));
@@ -233,27 +256,11 @@ impl World {
             self.revisions.lights = now.infos.iter().map(|_| new_revision()).collect();
             self.layout = new_revision();
         }
-        let mut pending = self.pending.get();
-        let instances = now.instances != old.instances;
-        let poses = now.joints != old.joints || now.weights != old.weights;
-        let materials = now.materials != old.materials || now.slots != old.slots;
-        let surfaces = instances || poses || materials || now.mirrored != old.mirrored || now.hidden != old.hidden;
-        pending.instances |= instances;
-        pending.poses |= poses;
-        pending.materials |= materials;
         for (i, info) in now.infos.iter().enumerate().filter(|_| same_lights) {
             let views = info.first_view as usize..(info.first_view + info.views) as usize;
             if now.lights[i] != old.lights[i] || now.views[views.clone()] != old.views[views] {
                 pending.lights = true;
                 self.revisions.lights[i] = new_revision();
-            }
-        }
-        if surfaces {
-            self.revisions.surfaces = new_revision();
-            let moved =
-                |(i, layout): (usize, &InstanceLayout)| layout.emits && (poses || now.instances[i] != old.instances[i]);
-            if !self.emitters.is_empty() && (materials || self.layouts.iter().enumerate().any(moved)) {
-                self.emitters = self.patches.vals(scene, self.origin);
             }
         }
         if materials {

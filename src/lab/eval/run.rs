@@ -6,7 +6,7 @@ use super::record::{Errors, Row, Store};
 use super::references::{Library, PathTraced, Reference, Truth, make_folder, path_traced};
 use super::sweep::{Knob, Point, Sweep};
 use crate::error::{Error, Result};
-use crate::frame::Plan;
+use crate::frame::Features;
 use crate::gpu::Gpu;
 use crate::scene::{Camera, Scene};
 use serde_json::json;
@@ -256,7 +256,7 @@ impl<'a> Work<'a> {
             size: sweep.base.frame.size,
             visibility: truth == Truth::Shadowed,
             samples: sweep.samples,
-            glossy: Plan::new(job.scene, &sweep.base.frame.settings()).glossy,
+            glossy: Features::new(job.scene, false, false).glossy,
         };
         let key = self.key(&format!("{wanted:?}"));
         let step = self.step(truth.title());

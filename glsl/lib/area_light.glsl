@@ -1,0 +1,129 @@
+// Rectangles of one radiance, by contour integrals that are exact. Twin: src/reference/area_light.rs.
+#ifndef AREA_LIGHT_GLSL
+#define AREA_LIGHT_GLSL
+
+#include "lib/phong.glsl"
+
+const float TWO_PI = 6.28318530717959;
+
+// What a point sees of a rectangle above its horizon: corners relative to the point, in turn.
+struct SeenPart {
+    vec3 corners[5];
+    int count;
+};
+
+// The part of a rectangle above the plane through the point whose normal is n.
+SeenPart above_horizon(vec3 middle, vec3 right, vec3 up, vec3 n) {
+    vec3 corner[4] = vec3[4](middle - right - up, middle + right - up, middle + right + up, middle - right + up);
+    SeenPart part;
+    part.count = 0;
+    vec3 before = corner[3];
+    float before_height = dot(n, before);
+    for (int i = 0; i < 4; ++i) {
+        vec3 here = corner[i];
+        float height = dot(n, here);
+        if ((before_height > 0.0) != (height > 0.0) && part.count < 5) {
+            part.corners[part.count++] = before + (here - before) * (before_height / (before_height - height));
+        }
+        if (height > 0.0 && part.count < 5) {
+            part.corners[part.count++] = here;
+        }
+        before = here;
+        before_height = height;
+    }
+    return part;
+}
+
+// Form factor from a point with normal n to what it sees of a polygon: Lambert's 1/(2 pi) sum of angle_i (n . m_i), m_i
+// square to edge i and to the point.
+float polygon_form_factor(SeenPart part, vec3 n) {
+    float sum = 0.0;
+    for (int i = 0; i < part.count; ++i) {
+        vec3 a = part.corners[i];
+        vec3 b = part.corners[i + 1 < part.count ? i + 1 : 0];
+        vec3 across = cross(a, b);
+        float size = length(across);
+        sum += size > 0.0 ? atan(size, dot(a, b)) * dot(n, across) / size : 0.0;
+    }
+    return abs(sum) / TWO_PI;
+}
+
+// Abscissae and weights of Gauss and Legendre's rule of eight points on [-1, 1], the positive half.
+const float NODES[4] = float[4](0.183434642, 0.525532410, 0.796666477, 0.960289856);
+const float NODE_WEIGHTS[4] = float[4](0.362683783, 0.313706646, 0.222381034, 0.101228536);
+
+// Integrals of c^k along an arc between a and b (unit vectors) on the circle of axis m, c the cosine with r: over the azimuth
+// about r, and over the arc's length.
+vec2 arc_integrals(vec3 a, vec3 b, vec3 m, vec3 r, float k) {
+    float h = dot(m, r);
+    float nearest = sqrt(max(1.0 - h * h, 0.0));
+    if (k * log2(max(nearest, 1e-30)) < -16.0) {
+        return vec2(0.0); // the whole circle is outside the lobe
+    }
+    // Angles along the arc from where it is nearest to r. The lobe is within `reach` of there.
+    vec3 foot = (r - h * m) / max(nearest, 1e-6);
+    vec3 onwards = cross(m, foot);
+    float first = atan(dot(a, onwards), dot(a, foot));
+    float last = first + atan(length(cross(a, b)), dot(a, b));
+    if (first > 0.25 * TWO_PI) {
+        first -= TWO_PI;
+        last -= TWO_PI;
+    }
+    float reach = min(0.25 * TWO_PI, 4.0 * inversesqrt(max(k, 1e-6)));
+    first = clamp(first, -reach, reach);
+    last = clamp(last, -reach, reach);
+    if (last <= first) {
+        return vec2(0.0);
+    }
+    // Azimuth: tan = sin s / (|h| cos s).
+    float size = abs(h);
+    float begin = atan(sin(first), size * cos(first));
+    float end = atan(sin(last), size * cos(last));
+    vec2 sum = vec2(0.0);
+    for (int i = 0; i < 8; ++i) {
+        float x = i < 4 ? NODES[i] : -NODES[i - 4];
+        float weight = NODE_WEIGHTS[i & 3];
+        float azimuth = 0.5 * (begin + end + x * (end - begin));
+        float along = cos(azimuth);
+        float across = size * sin(azimuth);
+        float c = along * nearest * inversesqrt(max(along * along + across * across, 1e-30));
+        sum.x += weight * cosine_power(c, k);
+        sum.y += weight * cosine_power(nearest * cos(0.5 * (first + last + x * (last - first))), k);
+    }
+    return 0.5 * sum * vec2((end - begin) * (h < 0.0 ? -1.0 : 1.0), last - first);
+}
+
+// Share of the normalised Phong lobe about r that a polygon fills, weighed by the cosine with n: the integral of
+// (k + 2)/(2 pi) (r.w)^k (n.w) over directions w. By Gauss's theorem on the sphere (k + 2) times that of (r.w)^k (n.w) is
+// (r.n) (2 pi [r inside] - sum of azimuth integrals of c^k) + sum of (n.m_i) times arc integrals of c^k; Arvo 1995, for any k.
+float polygon_lobe(SeenPart part, vec3 n, vec3 r, float k) {
+    vec3 unit[5];
+    vec3 middle = vec3(0.0);
+    for (int i = 0; i < part.count; ++i) {
+        unit[i] = normalize(part.corners[i]);
+        middle += unit[i];
+    }
+    float azimuths = 0.0;
+    float arcs = 0.0;
+    bool inside = true;
+    for (int i = 0; i < part.count; ++i) {
+        vec3 a = unit[i];
+        vec3 b = unit[i + 1 < part.count ? i + 1 : 0];
+        vec3 across = cross(part.corners[i], part.corners[i + 1 < part.count ? i + 1 : 0]);
+        if (dot(across, across) == 0.0) {
+            continue;
+        }
+        // Inwards, and the arc in the sense that goes round the polygon by it.
+        vec3 m = normalize(across);
+        bool turned = dot(m, middle) < 0.0;
+        m = turned ? -m : m;
+        vec2 integrals = turned ? arc_integrals(b, a, m, r, k) : arc_integrals(a, b, m, r, k);
+        inside = inside && dot(m, r) > 0.0;
+        azimuths += integrals.x;
+        arcs += dot(n, m) * integrals.y;
+    }
+    float whole = inside && part.count > 0 ? TWO_PI : 0.0;
+    return max((dot(r, n) * (whole - azimuths) + arcs) / TWO_PI, 0.0);
+}
+
+#endif

@@ -1,0 +1,264 @@
+//! The largest flat surfaces that emit, as rectangles: they light pixels themselves, and the scene through RSMs of their own.
+//!
+//! Triangles of one material that meet at edges and face one way are a surface. One that is nearly flat and nearly a
+//! rectangle becomes that rectangle, with the surface's own middle, area and mean radiance; others stay patches.
+
+use super::emitters::{Emitter, Places, emissive};
+use crate::scene::Scene;
+use crate::scene::material::Emission;
+use glam::{DVec2, DVec3};
+use std::collections::HashMap;
+
+/// Most area lights.
+const MOST: usize = 16;
+
+/// Samples of all area lights together: points that shadow maps and RSMs are drawn from.
+const SAMPLES: usize = 16;
+
+/// Triangles that the maps of all samples may draw together; of larger scenes lights have fewer samples, but one each.
+const MOST_DRAWN: usize = 20_000_000;
+
+/// Cosine between neighbours that face one way.
+const SAME_SIDE: f64 = 0.9;
+
+/// Length of the sum of a flat surface's normals, over its area.
+const FLAT: f64 = 0.95;
+
+/// Share of its bounding rectangle that a surface like one fills: a disc has 0.79.
+const FILLED: f64 = 0.6;
+
+/// Directions of edges that a rectangle is tried along, the longest first, and the sine between two that are not one.
+const TRIED: usize = 16;
+const SAME_DIRECTION: f64 = 1e-3;
+
+/// A rectangle that shines from its front, in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AreaLight {
+    /// Its middle \[m\].
+    pub middle: DVec3,
+    /// Unit normal of the side that shines.
+    pub normal: DVec3,
+    /// From the middle to an edge \[m\].
+    pub right: DVec3,
+    /// Likewise, square to that; `right` x `up` is along the normal.
+    pub up: DVec3,
+    /// Radiance [cd/m^2].
+    pub radiance: DVec3,
+    /// Samples along `right` and along `up`.
+    pub samples: [u32; 2],
+}
+
+impl AreaLight {
+    /// The middle of each sample's cell \[m\], row by row.
+    pub fn sample_points(&self) -> impl Iterator<Item = DVec3> + '_ {
+        let [columns, rows] = self.samples;
+        let place = |i: u32, n: u32| (2.0 * f64::from(i) + 1.0) / f64::from(n) - 1.0;
+        (0..columns * rows)
+            .map(move |i| self.middle + place(i % columns, columns) * self.right + place(i / columns, rows) * self.up)
+    }
+}
+
+/// A triangle of an area light.
+struct Part {
+    instance: usize,
+    corners: [usize; 3],
+    material: usize,
+    /// Mean share of the material's radiance that its texture lets through.
+    share: DVec3,
+}
+
+/// The area lights of a scene, as triangles that stay the same wherever they move.
+#[derive(Default)]
+pub(super) struct AreaLights(Vec<(Vec<Part>, [u32; 2])>);
+
+impl AreaLights {
+    /// Takes the largest area lights out of the triangles that emit.
+    pub(super) fn take<'a>(
+        scene: &Scene,
+        emission: &[Option<Emission<'_>>],
+        places: &mut Places<'_>,
+        triangles: Vec<Emitter<'a>>,
+    ) -> (Self, Vec<Emitter<'a>>) {
+        let surfaces = surfaces(&triangles, places);
+        let mut nominal = |parts: &[Part]| -> Option<(AreaLight, f64)> {
+            let of = |material: usize| emission[material].as_ref().map_or(DVec3::ZERO, |e| e.factor().as_dvec3());
+            let (light, filled) = fit(parts, places, of, [1, 1])?;
+            let power = luminance(light.radiance) * 4.0 * light.right.length() * light.up.length();
+            (filled >= FILLED && power > 0.0).then_some((light, power))
+        };
+        let mut found: Vec<(Vec<usize>, Vec<Part>, AreaLight, f64)> = surfaces
+            .into_iter()
+            .filter_map(|surface| {
+                let parts: Vec<Part> = surface.iter().map(|&i| part(&triangles[i], emission)).collect();
+                let (light, power) = nominal(&parts)?;
+                Some((surface, parts, light, power))
+            })
+            .collect();
+        found.sort_by(|a, b| b.3.total_cmp(&a.3));
+        found.truncate(MOST);
+        let mut taken = vec![false; triangles.len()];
+        found.iter().flat_map(|surface| &surface.0).for_each(|&i| taken[i] = true);
+        let total: f64 = found.iter().map(|surface| surface.3).sum();
+        let samples = (MOST_DRAWN / scene.triangle_count().max(1)).clamp(found.len(), SAMPLES.max(found.len()));
+        let spare = (samples - found.len()) as f64;
+        let lights = found
+            .into_iter()
+            .map(|(_, parts, light, power)| (parts, grid(&light, 1 + (spare * power / total + 1e-9) as u32)))
+            .collect();
+        let rest = triangles.into_iter().zip(taken).filter(|(_, taken)| !taken).map(|(triangle, _)| triangle).collect();
+        (Self(lights), rest)
+    }
+
+    /// Whether there are none.
+    pub(super) fn is_empty(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// Whether one of them is part of this instance.
+    pub(super) fn any_of(&self, instance: usize) -> bool {
+        self.0.iter().flat_map(|(parts, _)| parts).any(|part| part.instance == instance)
+    }
+
+    /// Where they are as the scene stands now; those that are hidden, or have become flat to a line, shine with nothing.
+    pub(super) fn now(&self, scene: &Scene) -> Vec<AreaLight> {
+        let mut places = Places::new(scene);
+        let nothing = |samples| AreaLight {
+            middle: DVec3::ZERO,
+            normal: DVec3::Y,
+            right: DVec3::Z,
+            up: DVec3::X,
+            radiance: DVec3::ZERO,
+            samples,
+        };
+        self.0
+            .iter()
+            .map(|(parts, samples)| {
+                let fitted = fit(parts, &mut places, |material| emissive(scene, material), *samples);
+                fitted.map_or(nothing(*samples), |(light, _)| light)
+            })
+            .collect()
+    }
+}
+
+fn luminance(radiance: DVec3) -> f64 {
+    radiance.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}
+
+fn part(triangle: &Emitter<'_>, emission: &[Option<Emission<'_>>]) -> Part {
+    let share = emission[triangle.material].as_ref().map_or(DVec3::ZERO, |emission| triangle.mean_share(emission));
+    Part { instance: triangle.instance, corners: triangle.corners, material: triangle.material, share }
+}
+
+/// At most `count` samples in a grid whose cells are about as wide as high.
+fn grid(light: &AreaLight, count: u32) -> [u32; 2] {
+    let aspect = light.right.length() / light.up.length();
+    let columns = ((f64::from(count) * aspect).sqrt().round() as u32).clamp(1, count);
+    [columns, (count / columns).max(1)]
+}
+
+/// Triangles that meet at edges, face one way and have one material, together: lists of numbers, in order.
+fn surfaces(triangles: &[Emitter<'_>], places: &mut Places<'_>) -> Vec<Vec<usize>> {
+    let placed: Vec<([DVec3; 3], DVec3)> = triangles.iter().map(|t| places.triangle(t.instance, t.corners)).collect();
+    // What a triangle belongs to: itself, or an earlier one.
+    let mut parent: Vec<usize> = (0..triangles.len()).collect();
+    let root = |parent: &mut Vec<usize>, mut i: usize| {
+        while parent[i] != i {
+            parent[i] = parent[parent[i]];
+            i = parent[i];
+        }
+        i
+    };
+    let mut edges: HashMap<[[u64; 3]; 2], Vec<usize>> = HashMap::new();
+    for (i, (corners, normal)) in placed.iter().enumerate() {
+        let keys = corners.map(|c| c.to_array().map(|x| (x + 0.0).to_bits()));
+        for edge in 0..3 {
+            let mut key = [keys[edge], keys[(edge + 1) % 3]];
+            key.sort_unstable();
+            let met = edges.entry(key).or_default();
+            for &other in met.iter() {
+                let (a, b) = (normal.normalize_or_zero(), placed[other].1.normalize_or_zero());
+                let same = triangles[i].material == triangles[other].material
+                    && triangles[i].instance == triangles[other].instance;
+                if same && a.dot(b) > SAME_SIDE {
+                    let (a, b) = (root(&mut parent, i), root(&mut parent, other));
+                    parent[a.max(b)] = a.min(b);
+                }
+            }
+            met.push(i);
+        }
+    }
+    let mut surfaces: Vec<Vec<usize>> = vec![Vec::new(); triangles.len()];
+    for i in 0..triangles.len() {
+        let root = root(&mut parent, i);
+        surfaces[root].push(i);
+    }
+    surfaces.retain(|surface| !surface.is_empty());
+    surfaces
+}
+
+/// The rectangle of a nearly flat surface, and how much of its bounding rectangle the surface fills; `None` of others, and of
+/// one that is hidden.
+fn fit(
+    parts: &[Part],
+    places: &mut Places<'_>,
+    emissive: impl Fn(usize) -> DVec3,
+    samples: [u32; 2],
+) -> Option<(AreaLight, f64)> {
+    if parts.iter().any(|part| places.is_hidden(part.instance)) {
+        return None;
+    }
+    let triangles: Vec<([DVec3; 3], DVec3)> =
+        parts.iter().map(|part| places.triangle(part.instance, part.corners)).collect();
+    let (mut area, mut facing, mut middle, mut light) = (0.0, DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+    for (([a, b, c], face), part) in triangles.iter().zip(parts) {
+        let own = 0.5 * face.length();
+        area += own;
+        facing += 0.5 * *face;
+        middle += own / 3.0 * (*a + *b + *c);
+        light += own * part.share * emissive(part.material);
+    }
+    if !(area > 0.0 && area.is_finite() && facing.length() >= FLAT * area) {
+        return None;
+    }
+    let (normal, middle) = (facing.normalize(), middle / area);
+
+    // The smallest bounding rectangle has a side along an edge.
+    let mut edges: Vec<DVec3> = triangles
+        .iter()
+        .flat_map(|([a, b, c], _)| [*b - *a, *c - *b, *a - *c])
+        .map(|edge| edge.reject_from(normal))
+        .collect();
+    edges.sort_by(|a, b| b.length_squared().total_cmp(&a.length_squared()));
+    let mut sides: Vec<DVec3> = Vec::new();
+    for edge in edges.iter().filter_map(|edge| edge.try_normalize()) {
+        let is_new = sides.iter().all(|side| side.cross(edge).length() > SAME_DIRECTION);
+        if is_new && sides.len() < TRIED {
+            sides.push(edge);
+        }
+    }
+    let bounds = |right: DVec3| {
+        let up = normal.cross(right);
+        let flat = |p: &DVec3| DVec2::new(right.dot(*p - middle), up.dot(*p - middle));
+        let corners = || triangles.iter().flat_map(|(corners, _)| corners).map(flat);
+        let size = corners().reduce(DVec2::max)? - corners().reduce(DVec2::min)?;
+        Some(size.x * size.y)
+    };
+    let tried = sides.into_iter().filter_map(|right| Some((bounds(right)?, right)));
+    let (bounding, right) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
+    let up = normal.cross(right);
+
+    // Second moments say how long it is; its area is kept. Of a triangle: A/12 (sum v v + (sum v)(sum v)).
+    let mut moments = DVec2::ZERO;
+    for (corners, face) in &triangles {
+        let flat = corners.map(|p| DVec2::new(right.dot(p - middle), up.dot(p - middle)));
+        let sum: DVec2 = flat.iter().sum();
+        moments += face.length() / 24.0 * (flat.iter().map(|v| *v * *v).sum::<DVec2>() + sum * sum);
+    }
+    let half = DVec2::new((3.0 * moments.x / area).sqrt(), (3.0 * moments.y / area).sqrt());
+    let half = half * (area / (4.0 * half.x * half.y)).sqrt();
+    if !(half.min_element() > 0.0 && half.is_finite()) {
+        return None;
+    }
+    let (right, up) = (half.x * right, half.y * up);
+    Some((AreaLight { middle, normal, right, up, radiance: light / area, samples }, area / bounding))
+}
