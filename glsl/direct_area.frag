@@ -21,9 +21,11 @@ layout(location = 0) out vec4 out_radiance;
 // Smaller than this share of its distance a rectangle is a point: differences of its corners round too much.
 const float SMALL = 0.003;
 
-// Texels looked at for what may be in the way, and for how much of it is.
-const int SEARCH_TAPS = 12;
-const int FILTER_TAPS = 16;
+// Taps of all samples of a light together that look for what may be in the way; twice as many say how much of it is.
+const int TAPS = 96;
+
+// What is nearer than this share of the surface's own depth is in the way.
+const float NEARER = 0.998;
 
 // Golden angle [rad]: points of a disc that are evenly spread.
 const float GOLDEN = 2.39996323;
@@ -38,15 +40,22 @@ struct Face {
     float near; // depth times the map's value
 };
 
-// Depth along the axis of the nearest surface in a direction, and of the point's own plane where the texel is.
-vec2 depths(Face face, vec2 tangents) {
+// What four texels about a direction see, as depths along the axis, and where the point's own plane is there.
+void look(Face face, vec2 tangents, out vec4 seen, out vec4 own, out vec2 f) {
     float size = float(push.face_size);
-    ivec2 texel = clamp(ivec2(floor((tangents * vec2(0.5, -0.5) + 0.5) * size)), ivec2(0), ivec2(int(push.face_size) - 1));
-    float seen = face.near / max(texelFetch(shadow_image, face.corner + texel, 0).r, 1e-30);
-    vec2 middle = ((vec2(texel) + 0.5) / size * 2.0 - 1.0) * vec2(1.0, -1.0);
-    float slope = dot(face.normal, vec3(middle, 1.0));
-    float own = slope * face.offset > 0.0 ? face.offset / slope : 2.0 * face.depth;
-    return vec2(seen, clamp(own, 0.5 * face.depth, 2.0 * face.depth));
+    vec2 at = (tangents * vec2(0.5, -0.5) + 0.5) * size - 0.5;
+    vec2 corner = clamp(floor(at), vec2(0.0), vec2(size - 2.0));
+    f = clamp(at - corner, vec2(0.0), vec2(1.0));
+    // In the order (0, 1), (1, 1), (1, 0), (0, 0).
+    vec2 between = (vec2(face.corner) + corner + 1.0) / vec2(textureSize(shadow_image, 0));
+    seen = face.near / max(textureGather(shadow_image, between, 0), vec4(1e-30));
+    vec2 low = (corner + 0.5) / size * 2.0 - 1.0;
+    float step = 2.0 / size;
+    vec4 x = low.x + step * vec4(0.0, 1.0, 1.0, 0.0);
+    vec4 y = -(low.y + step * vec4(1.0, 1.0, 0.0, 0.0));
+    vec4 slope = face.normal.x * x + face.normal.y * y + face.normal.z;
+    own = mix(vec4(2.0 * face.depth), vec4(face.offset) / slope, greaterThan(slope * face.offset, vec4(0.0)));
+    own = clamp(own, vec4(0.5 * face.depth), vec4(2.0 * face.depth)) * NEARER;
 }
 
 vec2 disc_point(int i, int count, float turn) {
@@ -56,7 +65,7 @@ vec2 disc_point(int i, int count, float turn) {
 
 // Share of a disc of this radius about sample `number` that a point sees: blockers are looked for, and their mean depth says
 // how wide the shadow's edge is; Fernando 2005.
-float visibility(Light light, uint number, float radius, vec3 position, vec3 n) {
+float visibility(Light light, uint number, float radius, int taps, vec3 position, vec3 n) {
     LightView first = views[light.first_view + number * AREA_VIEWS];
     vec3 d = position - first.position;
     // In the light's own axes, which the faces are along.
@@ -81,28 +90,32 @@ float visibility(Light light, uint number, float radius, vec3 position, vec3 n) 
     face.near = (view.clip_from_world * vec4(position, 1.0)).z;
 
     float turn = float(number);
+    vec4 seen, own;
+    vec2 f;
     float region = clamp(2.0 * radius / face.depth, 1.5 * texel, 0.25);
     float sum = 0.0;
     float count = 0.0;
-    for (int i = 0; i < SEARCH_TAPS; ++i) {
-        vec2 both = depths(face, face.at + region * disc_point(i, SEARCH_TAPS, turn));
-        if (both.x < both.y * 0.998) {
-            sum += both.x;
-            count += 1.0;
-        }
+    for (int i = 0; i < taps; ++i) {
+        look(face, face.at + region * disc_point(i, taps, turn), seen, own, f);
+        vec4 blocks = vec4(lessThan(seen, own));
+        sum += dot(blocks, seen);
+        count += dot(blocks, vec4(1.0));
     }
-    if (count == 0.0) {
-        return 1.0;
+    if (count == 0.0 || count == float(4 * taps)) {
+        return count == 0.0 ? 1.0 : 0.0;
     }
     float blocker = sum / count;
     float penumbra = radius * max(face.depth - blocker, 0.0) / (face.depth * blocker);
     penumbra = clamp(penumbra, texel, 2.0 * region);
+    // A few texels need few taps.
+    int many = clamp(int(2.0 * penumbra * penumbra / (texel * texel)), 8, 2 * taps);
     float open = 0.0;
-    for (int i = 0; i < FILTER_TAPS; ++i) {
-        vec2 both = depths(face, face.at + penumbra * disc_point(i, FILTER_TAPS, turn));
-        open += both.x < both.y * 0.998 ? 0.0 : 1.0;
+    for (int i = 0; i < many; ++i) {
+        look(face, face.at + penumbra * disc_point(i, many, turn), seen, own, f);
+        vec4 passes = vec4(greaterThanEqual(seen, own));
+        open += mix(mix(passes.w, passes.z, f.x), mix(passes.x, passes.y, f.x), f.y);
     }
-    return open / float(FILTER_TAPS);
+    return open / float(many);
 }
 
 void main() {
@@ -148,6 +161,7 @@ void main() {
     // What arrives of it: each lobe weighs the samples by what they would give it.
     float cell = area / float(light.columns * light.rows);
     float radius = sqrt(cell / PI);
+    int taps = clamp(TAPS / int(light.columns * light.rows), 8, 32);
     vec2 seen = vec2(0.0);
     vec2 all = vec2(0.0);
     for (uint i = 0u; i < light.columns * light.rows; ++i) {
@@ -161,7 +175,7 @@ void main() {
         vec2 weight = given * received * vec2(1.0, glossy ? cosine_power(dot(r, towards), k) + 1e-4 : 0.0);
         all += weight;
         if (given > 0.0 && dot(geometric, towards) > 0.0) {
-            seen += weight * visibility(light, i, radius, position, geometric);
+            seen += weight * visibility(light, i, radius, taps, position, geometric);
         }
     }
     vec2 arrives = seen / max(all, vec2(1e-30));

@@ -84,8 +84,9 @@ impl Direct {
                     let [x, y] = light.tile(face);
                     draw.area([x * size, y * size, size, size]);
                     let clip = world.clip_from_world(light.first_view + face);
-                    world.draw(draw, &self.opaque, Which::Opaque, clip, Vec4::ZERO);
-                    world.draw(draw, &self.masked, Which::Masked, clip, Vec4::ZERO);
+                    let (least, view) = (light.least(size), (clip, Vec4::ZERO));
+                    world.draw_large(draw, &self.opaque, Which::Opaque, view, least);
+                    world.draw_large(draw, &self.masked, Which::Masked, view, least);
                 }
             });
             cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);

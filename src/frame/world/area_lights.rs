@@ -46,6 +46,8 @@ pub struct AreaLight {
     pub radiance: DVec3,
     /// Samples along `right` and along `up`.
     pub samples: [u32; 2],
+    /// Share of what all area lights shone with when they were chosen; it has as much of their VALs.
+    pub share: f64,
 }
 
 impl AreaLight {
@@ -69,7 +71,14 @@ struct Part {
 
 /// The area lights of a scene, as triangles that stay the same wherever they move.
 #[derive(Default)]
-pub(super) struct AreaLights(Vec<(Vec<Part>, [u32; 2])>);
+pub(super) struct AreaLights(Vec<Surface>);
+
+/// A surface that is an area light.
+struct Surface {
+    parts: Vec<Part>,
+    samples: [u32; 2],
+    share: f64,
+}
 
 impl AreaLights {
     /// Takes the largest area lights out of the triangles that emit.
@@ -82,7 +91,7 @@ impl AreaLights {
         let surfaces = surfaces(&triangles, places);
         let mut nominal = |parts: &[Part]| -> Option<(AreaLight, f64)> {
             let of = |material: usize| emission[material].as_ref().map_or(DVec3::ZERO, |e| e.factor().as_dvec3());
-            let (light, filled) = fit(parts, places, of, [1, 1])?;
+            let (light, filled) = fit(parts, places, of)?;
             let power = luminance(light.radiance) * 4.0 * light.right.length() * light.up.length();
             (filled >= FILLED && power > 0.0).then_some((light, power))
         };
@@ -103,7 +112,10 @@ impl AreaLights {
         let spare = (samples - found.len()) as f64;
         let lights = found
             .into_iter()
-            .map(|(_, parts, light, power)| (parts, grid(&light, 1 + (spare * power / total + 1e-9) as u32)))
+            .map(|(_, parts, light, power)| {
+                let share = power / total;
+                Surface { parts, samples: grid(&light, 1 + (spare * share + 1e-9) as u32), share }
+            })
             .collect();
         let rest = triangles.into_iter().zip(taken).filter(|(_, taken)| !taken).map(|(triangle, _)| triangle).collect();
         (Self(lights), rest)
@@ -116,27 +128,27 @@ impl AreaLights {
 
     /// Whether one of them is part of this instance.
     pub(super) fn any_of(&self, instance: usize) -> bool {
-        self.0.iter().flat_map(|(parts, _)| parts).any(|part| part.instance == instance)
+        self.0.iter().flat_map(|surface| &surface.parts).any(|part| part.instance == instance)
     }
 
     /// Where they are as the scene stands now; those that are hidden, or have become flat to a line, shine with nothing.
     pub(super) fn now(&self, scene: &Scene) -> Vec<AreaLight> {
         let mut places = Places::new(scene);
-        let nothing = |samples| AreaLight {
+        let nothing = AreaLight {
             middle: DVec3::ZERO,
             normal: DVec3::Y,
             right: DVec3::Z,
             up: DVec3::X,
             radiance: DVec3::ZERO,
-            samples,
+            samples: [1, 1],
+            share: 1.0,
         };
-        self.0
-            .iter()
-            .map(|(parts, samples)| {
-                let fitted = fit(parts, &mut places, |material| emissive(scene, material), *samples);
-                fitted.map_or(nothing(*samples), |(light, _)| light)
-            })
-            .collect()
+        let light = |surface: &Surface| {
+            let fitted = fit(&surface.parts, &mut places, |material| emissive(scene, material));
+            let light = fitted.map_or(nothing, |(light, _)| light);
+            AreaLight { samples: surface.samples, share: surface.share, ..light }
+        };
+        self.0.iter().map(light).collect()
     }
 }
 
@@ -198,12 +210,7 @@ fn surfaces(triangles: &[Emitter<'_>], places: &mut Places<'_>) -> Vec<Vec<usize
 
 /// The rectangle of a nearly flat surface, and how much of its bounding rectangle the surface fills; `None` of others, and of
 /// one that is hidden.
-fn fit(
-    parts: &[Part],
-    places: &mut Places<'_>,
-    emissive: impl Fn(usize) -> DVec3,
-    samples: [u32; 2],
-) -> Option<(AreaLight, f64)> {
+fn fit(parts: &[Part], places: &mut Places<'_>, emissive: impl Fn(usize) -> DVec3) -> Option<(AreaLight, f64)> {
     if parts.iter().any(|part| places.is_hidden(part.instance)) {
         return None;
     }
@@ -260,5 +267,6 @@ fn fit(
         return None;
     }
     let (right, up) = (half.x * right, half.y * up);
-    Some((AreaLight { middle, normal, right, up, radiance: light / area, samples }, area / bounding))
+    let light = AreaLight { middle, normal, right, up, radiance: light / area, samples: [1, 1], share: 1.0 };
+    Some((light, area / bounding))
 }

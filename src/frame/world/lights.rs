@@ -15,8 +15,9 @@ pub struct LightInfo {
     pub first_view: u32,
     /// 1, or 6; of an area light 5 for each sample.
     pub views: u32,
-    /// Views that share the texels of one square RSM: its own, those of all lights of a sky, those of all area lights.
-    pub sharing: u32,
+    /// RSMs of its size that have the texels of one square together: its own views', those of all lights of a sky. Area lights
+    /// share a square by what they shine with.
+    pub sharing: f64,
     /// The unit direction towards parallel light and 0, or the position relative to the scene's origin and 1.
     pub eye: Vec4,
     /// Whether it is an area light.
@@ -26,10 +27,7 @@ pub struct LightInfo {
 impl LightInfo {
     /// Side \[texels\] of each of its RSMs.
     pub fn rsm_size(&self, n: u32) -> u32 {
-        match self.sharing {
-            1 => n,
-            sharing => ((f64::from(n) / f64::from(sharing).sqrt()).round() as u32).max(1),
-        }
+        ((f64::from(n) / self.sharing.sqrt()).round() as u32).max(1)
     }
 
     /// Side \[texels\] of each tile of its shadow map: six faces tile it three by two, samples of an area light are such
@@ -40,6 +38,11 @@ impl LightInfo {
             _ if self.is_area => (n / (3 * self.columns())).max(1),
             _ => (n / 3).max(1),
         }
+    }
+
+    /// Size in a view of so many texels a side of what its maps leave out: a texel of an area light's, which are coarse.
+    pub fn least(&self, size: u32) -> f32 {
+        if self.is_area { 2.0 / size as f32 } else { 0.0 }
     }
 
     /// Samples of an area light that lie side by side in its shadow map, three faces each and two high.
@@ -110,7 +113,7 @@ pub(super) fn prepare_with(
             _ => position.extend(1.0),
         };
         let eye = eye.as_vec4();
-        infos.push(LightInfo { first_view, views: view_count, sharing: view_count, eye, is_area: false });
+        infos.push(LightInfo { first_view, views: view_count, sharing: view_count.into(), eye, is_area: false });
         all.push(shared::Light {
             position: position.as_vec3(),
             kind,
@@ -124,7 +127,6 @@ pub(super) fn prepare_with(
             ..shared::Light::default()
         });
     }
-    let sharing = AREA_VIEWS * areas.iter().map(|area| area.samples[0] * area.samples[1]).sum::<u32>();
     for area in areas {
         let (first_view, view_count) = (views.len() as u32, AREA_VIEWS * area.samples[0] * area.samples[1]);
         let x = area.right.normalize();
@@ -136,6 +138,7 @@ pub(super) fn prepare_with(
         }
         let position = area.middle - origin;
         let eye = position.extend(1.0).as_vec4();
+        let sharing = f64::from(view_count) / area.share;
         infos.push(LightInfo { first_view, views: view_count, sharing, eye, is_area: true });
         all.push(shared::Light {
             position: position.as_vec3(),

@@ -26,11 +26,11 @@ use super::settings::{Indirect, Settings};
 use crate::bake::{CacheSet, ModelCaches};
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, Stream};
-use crate::scene::{Instance, Mesh, Scene, Vertex};
+use crate::scene::{Instance, Mesh, Primitive, Scene, Vertex};
 use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, RIGID};
 use area_lights::AreaLights;
 use emitters::Patches;
-use glam::{DVec3, Mat4, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use lights::LightInfo;
 use model_caches::{CacheSurface, place_caches};
 use std::cell::{Cell, OnceCell};
@@ -77,6 +77,8 @@ struct DrawItem {
     masked: bool,
     /// Whether the model has caches to refer to.
     has_caches: bool,
+    /// Smallest and largest coordinates in model space; none where it bends.
+    bounds: Option<[Vec3; 2]>,
 }
 
 /// A scene on the device with its caches: what all lights and pictures of it share.
@@ -269,6 +271,7 @@ impl World {
                     first_slot,
                     masked: scene.materials[primitive.material].alpha_cutoff.is_some(),
                     has_caches: model.is_some_and(|(_, m)| !m.caches.is_empty()),
+                    bounds: mesh.deform.is_none().then(|| bounds_of(mesh, primitive)),
                 });
             }
         }
@@ -350,6 +353,18 @@ impl World {
 
     /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`).
     pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4) {
+        self.draw_large(draw, pipeline, which, (clip_from_world, eye), 0.0);
+    }
+
+    /// The same without what is smaller in the view than this [of its height and width, which are 2].
+    pub(super) fn draw_large(
+        &self,
+        draw: &Draw<'_, '_>,
+        pipeline: &Pipeline,
+        which: Which,
+        (clip_from_world, eye): (Mat4, Vec4),
+        least: f32,
+    ) {
         let mut bound = None;
         for (i, item) in self.draws.iter().enumerate() {
             let wanted = match which {
@@ -357,7 +372,8 @@ impl World {
                 Which::Opaque => !item.masked,
                 Which::Masked => item.masked,
             };
-            if !wanted || self.dynamic.hidden[item.instance as usize] {
+            let instance = item.instance as usize;
+            if !wanted || self.dynamic.hidden[instance] || self.shows_nothing(item, clip_from_world, least) {
                 continue;
             }
             if bound.replace(item.material) != Some(item.material) {
@@ -375,6 +391,27 @@ impl World {
             draw.indices(&self.indices, item.index_offset);
             draw.draw_indexed(item.index_count, item.first_index);
         }
+    }
+
+    /// Whether a draw is certainly outside what a view shows, or is smaller there than `least`.
+    fn shows_nothing(&self, item: &DrawItem, clip_from_world: Mat4, least: f32) -> bool {
+        let Some(bounds) = item.bounds else { return false };
+        let clip_from_model = clip_from_world * self.dynamic.instances[item.instance as usize].world_from_model;
+        let corner = |i: usize| {
+            let side = |axis: usize| bounds[i >> axis & 1][axis];
+            clip_from_model * Vec4::new(side(0), side(1), side(2), 1.0)
+        };
+        let corners: [Vec4; 8] = std::array::from_fn(corner);
+        // Rounding is a few millionths of the largest number in play.
+        let slack = 1e-5 * corners.iter().fold(0.0, |most: f32, c| most.max(c.abs().max_element()));
+        let beyond = |distance: fn(Vec4) -> f32| corners.iter().all(|c| distance(*c) < -slack);
+        if beyond(|c| c.w + c.x) || beyond(|c| c.w - c.x) || beyond(|c| c.w + c.y) || beyond(|c| c.w - c.y) {
+            return true;
+        }
+        let places = corners.map(|c| c.truncate().truncate() / c.w);
+        let size = places.iter().copied().fold(Vec2::NEG_INFINITY, Vec2::max)
+            - places.iter().copied().fold(Vec2::INFINITY, Vec2::min);
+        corners.iter().all(|c| c.w > slack) && size.max_element() < least
     }
 
     /// The vertices of an instance as draws last read them; none of one that has no triangles. Waits for the device.
@@ -473,6 +510,14 @@ fn references_each(scene: &Scene, caches: Option<&CacheSet>) -> usize {
 
 fn too_many_references() -> Error {
     Error::TooLarge("more than 8 billion cache references; ask for --refs 8 or render parts of the scene".into())
+}
+
+/// Smallest and largest coordinates of a run of triangles.
+fn bounds_of(mesh: &Mesh, primitive: &Primitive) -> [Vec3; 2] {
+    let first = primitive.first_index as usize;
+    let indices = &mesh.indices[first..first + primitive.index_count as usize];
+    let positions = indices.iter().map(|i| mesh.vertices[*i as usize].position);
+    positions.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
 }
 
 /// Refuses what shaders cannot number, before anything of it is copied.
