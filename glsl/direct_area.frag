@@ -35,6 +35,7 @@ struct Face {
     ivec2 corner; // texel
     vec2 at; // where the point is, as tangents
     vec3 normal; // the surface's, in the axes of the face
+    vec3 front; // the light's, likewise
     float offset; // of the surface's plane from the sample
     float depth; // of the point, along the face's axis
     float near; // depth times the map's value
@@ -53,9 +54,11 @@ void look(Face face, vec2 tangents, out vec4 seen, out vec4 own, out vec2 f) {
     float step = 2.0 / size;
     vec4 x = low.x + step * vec4(0.0, 1.0, 1.0, 0.0);
     vec4 y = -(low.y + step * vec4(1.0, 1.0, 0.0, 0.0));
+    // What is behind the light is not in its way: the light itself, and what it is let into.
+    seen = mix(vec4(1e30), seen, greaterThan(face.front.x * x + face.front.y * y + face.front.z, vec4(0.0)));
     vec4 slope = face.normal.x * x + face.normal.y * y + face.normal.z;
     own = mix(vec4(2.0 * face.depth), vec4(face.offset) / slope, greaterThan(slope * face.offset, vec4(0.0)));
-    own = clamp(own, vec4(0.5 * face.depth), vec4(2.0 * face.depth)) * NEARER;
+    own = min(own, vec4(2.0 * face.depth)) * NEARER;
 }
 
 vec2 disc_point(int i, int count, float turn) {
@@ -86,6 +89,7 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
     face.depth = max(dot(d, view.forward), 1e-30);
     face.at = vec2(dot(d, view.right), dot(d, view.up)) / face.depth;
     face.normal = vec3(dot(n, view.right), dot(n, view.up), dot(n, view.forward));
+    face.front = vec3(dot(z, view.right), dot(z, view.up), dot(z, view.forward));
     face.offset = dot(n, d);
     face.near = (view.clip_from_world * vec4(position, 1.0)).z;
 

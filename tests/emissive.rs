@@ -1,24 +1,38 @@
-//! Surfaces that emit light caches and pixels: absolute irradiance in closed form, energy, one-sidedness, the path tracer.
+//! Surfaces that emit and are no area lights: as VALs they light caches, and pixels by brute force. Absolute irradiance in
+//! closed form, energy, one-sidedness, the path tracer.
 
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, dvec3, vec3};
 use lightskin::frame::{ClusterRule, World};
 use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::reference::disc::polygon_form_factor;
 use lightskin::reference::path_trace::{self, PathTrace, Sources};
-use lightskin::scene::build::quad;
+use lightskin::scene::build::{Surface, quad, sphere};
 use lightskin::scene::{Image, Material, Sampler, Scene, Texture, defaults};
 use std::f64::consts::PI;
 
 use crate::common::frames::{add, baked, camera, phong, shoot, small};
 use crate::common::gpu;
 
-/// A floor of 2 m and over it a lamp of 0.6 m by 0.4 m that shines downwards with this radiance [cd/m^2].
+/// Corners of the squares that the lamp consists of: an L, which is no rectangle.
+const SQUARES: [[f32; 2]; 5] = [[-0.375, -0.375], [-0.125, -0.375], [0.125, -0.375], [-0.375, -0.125], [-0.375, 0.125]];
+
+/// Side of each [m].
+const SIDE: f32 = 0.25;
+
+/// Their area [m^2].
+const AREA: f32 = 5.0 * SIDE * SIDE;
+
+fn lamp(edge: f32) -> Surface {
+    let square = |[x, z]: [f32; 2]| quad(vec3(x, 0.8, z), Vec3::X * SIDE, Vec3::Z * SIDE, edge);
+    SQUARES.into_iter().map(square).reduce(Surface::and).expect("squares")
+}
+
+/// A floor of 2 m and over it a lamp that shines downwards with this radiance [cd/m^2].
 fn lamp_over_floor(radiance: Vec3) -> Scene {
     let mut scene = Scene { name: "lamp over floor".into(), ..Scene::default() };
     let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.1);
     add(&mut scene, floor, phong([0.7, 0.5, 0.3], [0.0; 3], 1.0), DAffine3::IDENTITY);
-    let lamp = quad(vec3(-0.3, 0.8, -0.2), Vec3::X * 0.6, Vec3::Z * 0.4, 0.4);
-    add(&mut scene, lamp, Material { emissive: radiance, ..phong([0.0; 3], [0.0; 3], 1.0) }, DAffine3::IDENTITY);
+    add(&mut scene, lamp(0.4), Material { emissive: radiance, ..phong([0.0; 3], [0.0; 3], 1.0) }, DAffine3::IDENTITY);
     scene.cameras.push(camera(dvec3(0.0, 0.75, 0.9), DVec3::ZERO, 1.2));
     scene
 }
@@ -29,9 +43,16 @@ fn a_lamps_irradiance_is_the_closed_form() {
     let radiance = vec3(30.0, 20.0, 10.0);
     let scene = lamp_over_floor(radiance);
     let caches = baked(&scene, 0.2, 8);
-    let corners = [[-0.3, -0.2], [0.3, -0.2], [0.3, 0.2], [-0.3, 0.2]].map(|[x, z]| dvec3(x, 0.8, z));
-    let exact = |p: DVec3, n: DVec3| PI * radiance.as_dvec3() * polygon_form_factor(&corners, p, n);
-    let shot = shoot(&gpu, &scene, Some(&caches), &small());
+    let corners = |[x, z]: [f32; 2]| {
+        let at = |i: f32, j: f32| vec3(x + i * SIDE, 0.8, z + j * SIDE).as_dvec3();
+        [at(0.0, 0.0), at(1.0, 0.0), at(1.0, 1.0), at(0.0, 1.0)]
+    };
+    let exact = |p: DVec3, n: DVec3| {
+        PI * radiance.as_dvec3() * SQUARES.iter().map(|s| polygon_form_factor(&corners(*s), p, n)).sum::<f64>()
+    };
+    // No light comes twice.
+    let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces: 0, ..small() });
+    assert_eq!(shot.vals.len(), World::new(&gpu, &scene, None).expect("upload").emitters.len());
     let mut worst = 0.0_f64;
     for (cache, sum) in shot.caches.iter().zip(&shot.sums[0]) {
         if cache.position.y > 0.1 {
@@ -44,7 +65,8 @@ fn a_lamps_irradiance_is_the_closed_form() {
     eprintln!("caches: worst {worst:.5}");
     assert!(worst < 2e-3, "{worst}");
     for (gi, bound) in [(Gi::BruteForce, 2e-3), (Gi::LightSkin, 0.02)] {
-        let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { gi, ..small() });
+        let bounces = u32::from(gi == Gi::BruteForce);
+        let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { gi, bounces, ..small() });
         let (mut off, mut sum) = (0.0, 0.0);
         for s in lightskin::lab::shot::seen(&scene, small().size).iter().filter(|s| s.instance == 0) {
             let exact = exact(s.position, s.normal) * dvec3(0.7, 0.5, 0.3) / PI;
@@ -71,21 +93,21 @@ fn patches_carry_all_the_light_of_textures_many_triangles_and_mirrored_instances
     });
     let mesh = scene.instances[1].mesh;
     for vertex in &mut scene.meshes[mesh].vertices {
-        vertex.uv0 = Vec2::new((vertex.position.x + 0.3) / 0.6, 0.5);
+        vertex.uv0 = Vec2::new((vertex.position.x + 0.375) / SIDE, 0.5);
     }
     let mut mirrored = scene.instances[1].clone();
     mirrored.world_from_model = DAffine3::from_scale(dvec3(-2.0, 1.0, 1.0)) * mirrored.world_from_model;
     scene.instances.push(mirrored);
     let buffers = World::new(&gpu, &scene, None).expect("upload");
     let flux: Vec3 = buffers.emitters.iter().map(|v| v.flux).sum();
-    let exact = PI as f32 * 10.0 * 0.5 * 0.24 * 3.0;
+    let exact = PI as f32 * 10.0 * 0.5 * AREA * 3.0;
     eprintln!("{} patches, {flux} lm of {exact}", buffers.emitters.len());
     assert!((flux.x / exact - 1.0).abs() < 0.01 && flux.y == 0.0);
     assert!(buffers.emitters.iter().filter(|v| v.flux.x > 0.0).all(|v| v.normal.distance(Vec3::NEG_Y) < 1e-6));
 
     // More triangles than patches: all of the light, from fewer.
     let mut scene = lamp_over_floor(Vec3::splat(10.0));
-    let fine = quad(vec3(-0.3, 0.8, -0.2), Vec3::X * 0.6, Vec3::Z * 0.4, 0.004);
+    let fine = lamp(0.004);
     let shining = scene.materials[1].clone();
     scene.instances.pop();
     add(&mut scene, fine, shining, DAffine3::IDENTITY);
@@ -96,29 +118,27 @@ fn patches_carry_all_the_light_of_textures_many_triangles_and_mirrored_instances
     let middle = middle.as_dvec3() + buffers.origin;
     eprintln!("{triangles} triangles, {} patches: {flux} lm about {middle}", buffers.emitters.len());
     assert!(triangles > 16_384 && buffers.emitters.len() <= 16_384);
-    assert!((flux / (PI as f32 * 10.0 * 0.24) - 1.0).abs() < 1e-3);
-    assert!(middle.distance(dvec3(0.0, 0.8, 0.0)) < 0.01);
+    assert!((flux / (PI as f32 * 10.0 * AREA) - 1.0).abs() < 1e-3);
+    assert!(middle.distance(dvec3(-0.1, 0.8, -0.1)) < 0.01);
 }
 
 #[test]
 fn emitters_light_a_room_as_paths_do() {
     let gpu = gpu();
-    // A lamp below the ceiling of the Cornell box, and no other light.
+    // A ball below the ceiling of the Cornell box, and no other light.
     let mut scene = lightskin::scene::build::cornell(lightskin::scene::build::CornellSurface::Diffuse, 0.1);
     scene.instances.truncate(1);
     scene.lights.clear();
-    let lamp = quad(vec3(-0.3, 1.95, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 0.6);
     let shining = Material { emissive: Vec3::splat(100.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
-    add(&mut scene, lamp, shining, DAffine3::IDENTITY);
+    add(&mut scene, sphere(0.2, 12), shining, DAffine3::from_translation(dvec3(0.0, 1.5, 0.0)));
     defaults::complete(&mut scene);
-    assert!(scene.lights.is_empty());
     let settings = Knobs { size: [32, 32], ..small() };
     let caches = baked(&scene, 0.2, 8);
-    for bounces in [1, 3] {
+    for bounces in [0, 1, 3] {
         let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..settings });
         let paths = path_trace::PathTraceSettings {
             size: settings.size,
-            bounces: bounces - 1,
+            bounces,
             sources: Sources::Surfaces,
             ..path_trace::PathTraceSettings::default()
         };
@@ -152,5 +172,5 @@ fn clusters_hold_emitters_too() {
     let off: f64 = all.sums[0].iter().zip(&by.sums[0]).map(|(a, b)| a.distance(*b)).sum();
     let sum: f64 = all.sums[0].iter().map(|a| a.length()).sum();
     eprintln!("clusters: {:.5}", off / sum);
-    assert!(sum > 0.0 && off / sum < 0.02);
+    assert!(sum > 0.0 && off / sum < 0.03);
 }

@@ -5,7 +5,7 @@
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::frame::Shadows;
 use lightskin::lab::knobs::{Gi, Knobs};
-use lightskin::reference::path_trace::{self, PathTrace, Sources};
+use lightskin::reference::path_trace::{self, PathTrace};
 use lightskin::scene::build::{CornellSurface, cornell, cuboid, quad};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{LightKind, Material, Scene};
@@ -41,24 +41,6 @@ fn the_path_tracer_shows_no_sky() {
     let behind: Vec<_> = trace.covered().iter().zip(shown).filter(|(covered, _)| !**covered).map(|p| p.1).collect();
     assert!(!behind.is_empty(), "the camera sees beside the scene");
     assert_still_wrong(behind.iter().all(|pixel| *pixel == [0.0; 3]), "the path tracer shows the sky behind the scene");
-}
-
-#[test]
-fn surfaces_that_emit_need_a_bounce_more_than_in_the_path_tracer() {
-    let mut scene = Scene::default();
-    let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.5);
-    add(&mut scene, floor, phong([0.7; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
-    let shining = Material { emissive: Vec3::splat(30.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
-    let over = quad(vec3(-0.3, 2.0, -0.2), Vec3::X * 0.6, Vec3::Z * 0.4, 0.4);
-    add(&mut scene, over, shining, DAffine3::IDENTITY);
-    scene.cameras.push(camera(dvec3(0.0, 1.0, 0.9), DVec3::ZERO, 0.8));
-    let settings = Knobs { size: [16, 16], bounces: 0, ..small() };
-    let shown = shoot(&gpu(), &scene, Some(&baked(&scene, 0.5, 8)), &settings).direct;
-    let (size, sources) = (settings.size, Sources::Surfaces);
-    let traced =
-        traced(&scene, &path_trace::PathTraceSettings { size, bounces: 0, sources, ..Default::default() }).direct();
-    assert!(traced.iter().flatten().sum::<f32>() > 0.0, "the lamp lights the floor");
-    assert_still_wrong(sum(&shown) == 0.0, "without a bounce, surfaces that emit light others, as in the path tracer");
 }
 
 #[test]

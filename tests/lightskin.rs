@@ -3,6 +3,7 @@
 
 mod analytic;
 mod animation;
+mod area_lights;
 mod bake;
 mod bench;
 mod bounce;

@@ -6,6 +6,7 @@
 use std::f64::consts::PI;
 
 use glam::{DVec3, Vec3, Vec4, dvec2, dvec3};
+use lightskin::reference::area_light::Rectangle;
 use lightskin::reference::form_factor::{disc_form_factor, disc_geometry};
 use lightskin::reference::gather::{Cache, val_geometry};
 use lightskin::reference::interpolate::{Scheme, kernel};
@@ -475,4 +476,38 @@ fn tangents_lie_on_the_surface_along_the_light() {
             [tangent.x, tangent.y, tangent.z, 0.0]
         },
     );
+}
+
+#[test]
+fn rectangles_give_what_their_parts_give() {
+    // Middle, and sides about their directions; the point is the origin, its normal +Z.
+    let mut inputs =
+        random(71, 600, [(-1.0, 1.0), (-1.0, 1.0), (0.0, 1.5), (-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (1.0, 500.0)]);
+    // Farther off than it is wide, and as wide as it is far off; none that touches the point.
+    inputs.retain(|x| x[..3].iter().map(|c| c * c).sum::<f32>() > 0.3);
+    let sides = |x: &[f64; 7]| {
+        let right = 0.3 * dvec3(x[3], x[4], x[5]).normalize();
+        let up = 0.2 * right.cross(dvec3(x[5], x[3], x[4])).normalize();
+        (dvec3(x[0], x[1], x[2]), right, up)
+    };
+    let rectangle = |x: &[f64; 7]| {
+        let (middle, right, up) = sides(x);
+        // The shader's caller sees to it that the front is seen.
+        let up = if right.cross(up).dot(middle) > 0.0 { -up } else { up };
+        Rectangle { middle, right, up }
+    };
+    inputs.retain(|x| {
+        let (middle, right, up) = sides(&x.map(f64::from));
+        // Seen from its edge it is all rounding.
+        right.cross(up).normalize().dot(middle.normalize()).abs() > 0.02
+    });
+    let part = "above_horizon(v(0), 0.3 * normalize(v(3)), 0.2 * normalize(cross(normalize(v(3)), vec3(x[5], x[3], x[4]))), \
+                vec3(0.0, 0.0, 1.0))";
+    const AREA: &[&str] = &["lib/area_light.glsl"];
+    let expression = format!("polygon_form_factor({part}, vec3(0.0, 0.0, 1.0))");
+    check(AREA, &expression, &inputs, |_| 1e-3, 1e-4, |x| rectangle(x).form_factor(DVec3::ZERO, DVec3::Z));
+    let mirrored = dvec3(0.48, 0.6, 0.64);
+    let expression = format!("polygon_lobe({part}, vec3(0.0, 0.0, 1.0), vec3(0.48, 0.6, 0.64), x[6])");
+    // Eight points of a quadrature on each edge.
+    check(AREA, &expression, &inputs, |_| 0.01, 2e-3, |x| rectangle(x).lobe(DVec3::ZERO, DVec3::Z, mirrored, x[6]));
 }

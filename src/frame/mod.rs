@@ -50,4 +50,4 @@ pub use settings::{
     ValSource, Ways,
 };
 pub use view::View;
-pub use world::World;
+pub use world::{AreaLight, World};

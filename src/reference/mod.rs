@@ -3,6 +3,8 @@
 //! Written from METHOD, not from the shaders; the same function has the same name in both. Units are SI, colours are
 //! linear Rec.709, equation numbers are those of Lensing's dissertation (2014).
 
+/// What a point receives from a rectangle that shines.
+pub mod area_light;
 /// Lit caches as VALs of the next bounce.
 pub mod bounce;
 /// Radiance from every VAL without caches: the ground truth of the interpolation.

@@ -1,0 +1,60 @@
+//! What a point receives from a rectangle of one radiance, by adding up its parts: the truth of the contour integrals that
+//! pixels are shaded by.
+
+use super::phong::cos_power;
+use glam::DVec3;
+use std::f64::consts::{PI, TAU};
+
+/// A rectangle that shines from its front with one radiance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rectangle {
+    /// Its middle \[m\].
+    pub middle: DVec3,
+    /// From the middle to an edge \[m\]; the front is that of `right` x `up`.
+    pub right: DVec3,
+    /// Likewise, square to that.
+    pub up: DVec3,
+}
+
+/// Parts along a side are this share of the distance, and of the width of the lobe, at most.
+const FINE: f64 = 0.05;
+
+/// Most parts along a side.
+const MOST: usize = 400;
+
+impl Rectangle {
+    /// Integral of `weight` over the solid angle \[sr\] that it fills at a point; of its back nothing.
+    fn integral(&self, point: DVec3, width: f64, weight: impl Fn(DVec3) -> f64) -> f64 {
+        let area = self.right.cross(self.up) * 4.0;
+        let nearest = {
+            let offset = point - self.middle;
+            let along = |side: DVec3| (offset.dot(side) / side.length_squared()).clamp(-1.0, 1.0) * side;
+            (offset - along(self.right) - along(self.up)).length()
+        };
+        let parts = |side: DVec3| ((2.0 * side.length() / (FINE * width * nearest)).ceil() as usize).clamp(8, MOST);
+        let (columns, rows) = (parts(self.right), parts(self.up));
+        let place = |i: usize, n: usize| (2.0 * i as f64 + 1.0) / n as f64 - 1.0;
+        let mut sum = 0.0;
+        for i in 0..columns * rows {
+            let at =
+                self.middle + place(i % columns, columns) * self.right + place(i / columns, rows) * self.up - point;
+            let distance = at.length();
+            let towards = at / distance;
+            sum += weight(towards) * (-area.dot(towards)).max(0.0) / (distance * distance);
+        }
+        sum / (columns * rows) as f64
+    }
+
+    /// Irradiance at a point, over pi times the radiance.
+    pub fn form_factor(&self, point: DVec3, normal: DVec3) -> f64 {
+        self.integral(point, 1.0, |towards| normal.dot(towards).max(0.0)) / PI
+    }
+
+    /// Radiance that a normalised Phong lobe of exponent `k` about the unit vector `mirrored` reflects, over the radiance;
+    /// Lensing 2014, eq. 5.30.
+    pub fn lobe(&self, point: DVec3, normal: DVec3, mirrored: DVec3, k: f64) -> f64 {
+        let width = (1.0 / (k + 1.0).sqrt()).min(1.0);
+        let lobe = |towards: DVec3| cos_power(k, mirrored.dot(towards)) * normal.dot(towards).max(0.0);
+        self.integral(point, width, lobe) * (k + 2.0) / TAU
+    }
+}

@@ -1,0 +1,167 @@
+//! The largest flat surfaces that emit are area lights: closed form, soft shadows and bounces of the path tracer, and which
+//! surfaces they are.
+
+use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
+use lightskin::frame::{Shadows, World};
+use lightskin::lab::knobs::{Gi, Knobs};
+use lightskin::reference::area_light::Rectangle;
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources};
+use lightskin::scene::build::{CornellSurface, cornell, cuboid, quad};
+use lightskin::scene::{Material, Scene};
+
+use crate::common::frames::{add, baked, camera, phong, reflection, seen, shoot, small};
+use crate::common::gpu;
+
+fn shining(radiance: Vec3) -> Material {
+    Material { emissive: radiance, ..phong([0.0; 3], [0.0; 3], 1.0) }
+}
+
+/// A floor of 2 m with a Phong lobe and over it a lamp of 0.6 m by 0.4 m that shines downwards.
+fn lamp_over_floor(exponent: f32, world_from_lamp: DAffine3) -> Scene {
+    let mut scene = Scene { name: "lamp over floor".into(), ..Scene::default() };
+    let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.5);
+    add(&mut scene, floor, phong([0.4, 0.3, 0.2], [0.3, 0.4, 0.5], exponent), DAffine3::IDENTITY);
+    let lamp = quad(vec3(-0.3, 0.0, -0.2), Vec3::X * 0.6, Vec3::Z * 0.4, 0.13);
+    add(&mut scene, lamp, shining(vec3(30.0, 20.0, 10.0)), world_from_lamp);
+    scene.cameras.push(camera(dvec3(0.0, 0.9, 1.1), dvec3(0.0, 0.0, -0.1), 1.2));
+    scene
+}
+
+#[test]
+fn an_open_lamp_is_the_integral_over_it() {
+    let gpu = gpu();
+    let tilt = DQuat::from_axis_angle(dvec3(1.0, 0.3, 0.7).normalize(), 0.6);
+    let places = [(DQuat::IDENTITY, 0.8), (tilt, 0.7), (DQuat::from_rotation_x(1.5), 0.25)];
+    for (exponent, (turn, height)) in [1.0, 8.0, 60.0, 1500.0].into_iter().flat_map(|k| places.map(|p| (k, p))) {
+        let world_from_lamp = DAffine3::from_rotation_translation(turn, dvec3(0.05, height, -0.3));
+        let scene = lamp_over_floor(exponent, world_from_lamp);
+        let settings = Knobs { gi: Gi::Off, ..small() };
+        let shot = shoot(&gpu, &scene, None, &settings);
+        let lamp = Rectangle {
+            middle: world_from_lamp.translation,
+            right: turn * (DVec3::X * 0.3),
+            up: turn * (DVec3::Z * 0.2),
+        };
+        let (mut worst, mut off, mut sum, mut brightest) = (0.0_f64, 0.0, 0.0, 0.0_f64);
+        let floor: Vec<_> = seen(&scene, settings.size).into_iter().filter(|s| s.instance == 0).collect();
+        let exact = |s: &lightskin::lab::shot::PixelSurface| {
+            let r = reflection(&scene, s.material);
+            let view = (s.position - scene.cameras[0].world_from_camera.translation).normalize();
+            let mirrored = view - 2.0 * view.dot(s.normal) * s.normal;
+            let lobe = lamp.lobe(s.position, s.normal, mirrored, r.exponent);
+            dvec3(30.0, 20.0, 10.0) * (r.diffuse * lamp.form_factor(s.position, s.normal) + r.specular * lobe)
+        };
+        for s in floor.iter().step_by(7) {
+            let (exact, shown) = (exact(s), shot.direct[s.pixel]);
+            worst = worst.max(exact.distance(shown));
+            brightest = brightest.max(exact.length());
+            off += exact.distance(shown);
+            sum += exact.length();
+        }
+        println!("k {exponent}, height {height}: mean error {:.5}, worst {:.5}", off / sum, worst / brightest);
+        assert!(sum > 0.0 && off / sum < 2e-3 && worst < 0.02 * brightest, "{exponent}: {off} of {sum}, {worst}");
+    }
+}
+
+/// Relative error and bias of the sum of layers against the path tracer, beside the lamps themselves.
+fn against_paths(scene: &Scene, settings: &Knobs, passes: usize) -> [f64; 2] {
+    let gpu = gpu();
+    let caches = baked(scene, 0.2, 8);
+    let shot = shoot(&gpu, scene, Some(&caches), settings);
+    let (size, bounces, sources) = (settings.size, settings.bounces, Sources::All);
+    let paths = PathTraceSettings { size, bounces, sources, ..PathTraceSettings::default() };
+    let mut paths = PathTrace::new(scene, &scene.cameras[0], &paths);
+    (0..passes).for_each(|_| paths.pass());
+    let (mut off, mut sum, mut own) = (0.0, 0.0, 0.0);
+    for (i, (direct, diffuse)) in paths.direct().iter().zip(paths.diffuse()).enumerate() {
+        let path = f64::from(direct[1]) + f64::from(diffuse[1]);
+        let shown = shot.direct[i].y + shot.diffuse.get(i).map_or(0.0, |d| d.y);
+        if path < 90.0 {
+            off += (path - shown).abs();
+            sum += path;
+            own += shown;
+        }
+    }
+    [off / sum, own / sum - 1.0]
+}
+
+/// The Cornell box with its lamp as a surface 5 mm below the ceiling, which shines to both sides.
+fn lit_box() -> Scene {
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
+    scene.lights.clear();
+    let lamp = quad(vec3(-0.3, 1.995, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 0.6);
+    let both = lamp.clone().and(lamp.reversed());
+    add(&mut scene, both, shining(Vec3::splat(100.0)), DAffine3::IDENTITY);
+    scene
+}
+
+#[test]
+fn soft_shadows_and_bounces_are_the_path_tracers() {
+    let scene = lit_box();
+    let settings = Knobs { size: [64, 48], rsm: 96, shadow_map: 1024, shadows: Shadows::PerLight, ..small() };
+    for (bounces, most, bias) in [(0, 0.05, 0.01), (1, 0.08, 0.03), (3, 0.12, 0.08)] {
+        let [error, own] = against_paths(&scene, &Knobs { bounces, ..settings }, 32);
+        println!("{bounces} bounces: mean error {error:.4} of the mean, bias {own:+.4}");
+        assert!(error < most && own.abs() < bias, "{bounces}: {error}, {own}");
+    }
+}
+
+#[test]
+fn light_between_a_lamp_and_its_ceiling_stays_there() {
+    // All of the light goes up, 5 mm below a ceiling that it nearly touches; the room gets what leaks at the rim.
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
+    scene.lights.clear();
+    let lamp = quad(vec3(-0.3, 1.995, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 0.6);
+    let down = Knobs { size: [48, 48], ..small() };
+    let light = |surface| {
+        let mut scene = scene.clone();
+        add(&mut scene, surface, shining(Vec3::splat(100.0)), DAffine3::IDENTITY);
+        let shot = shoot(&gpu(), &scene, Some(&baked(&scene, 0.25, 8)), &down);
+        shot.diffuse.iter().map(|d| d.y).sum::<f64>()
+    };
+    let (up, down) = (light(lamp.reversed()), light(lamp.clone()));
+    println!("upwards {:.4} of the indirect light downwards", up / down);
+    assert!(down > 0.0 && up < 0.1 * down);
+}
+
+#[test]
+fn the_largest_flat_surfaces_are_area_lights_and_the_rest_are_not_lost() {
+    let gpu = gpu();
+    let mut scene = Scene::default();
+    let floor = quad(vec3(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, 0.5);
+    add(&mut scene, floor, phong([0.7; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    // A mesh of twenty lamps of growing size, and a box, every face of which is one.
+    let lamp = |i: usize| {
+        let side = 0.05 * (1.0 + i as f32);
+        quad(vec3(-2.5 + i as f32 * 0.25, 1.0, -1.0), Vec3::X * 0.2, Vec3::Z * side, 0.07)
+    };
+    let all = (0..20).map(lamp).reduce(lightskin::scene::build::Surface::and).expect("lamps");
+    add(&mut scene, all, shining(Vec3::splat(10.0)), DAffine3::IDENTITY);
+    let world = World::new(&gpu, &scene, None).expect("upload");
+    assert_eq!(world.areas.len(), 16);
+    let area = |light: &lightskin::frame::AreaLight| 4.0 * light.right.length() * light.up.length();
+    let smallest = world.areas.iter().map(area).fold(f64::INFINITY, f64::min);
+    assert!((smallest - 0.2 * 0.25).abs() < 1e-6, "the four smallest are left out: {smallest}");
+    for light in &world.areas {
+        assert!(light.normal.distance(DVec3::NEG_Y) < 1e-6 && light.right.cross(light.up).dot(light.normal) > 0.0);
+        assert!((light.radiance - 10.0).abs().max_element() < 1e-4);
+    }
+    let flat: f64 = world.areas.iter().map(|light| std::f64::consts::PI * light.radiance.x * area(light)).sum();
+    let rest: f64 = world.emitters.iter().map(|val| f64::from(val.flux.x)).sum();
+    let total = std::f64::consts::PI * 10.0 * (0..20).map(|i| 0.2 * 0.05 * (1.0 + f64::from(i))).sum::<f64>();
+    println!("{flat} lm of area lights, {rest} of patches, {total} in all");
+    assert!(((flat + rest) / total - 1.0).abs() < 1e-3 && rest > 0.0);
+
+    scene.instances.truncate(1);
+    let body = cuboid(vec3(0.0, 0.5, 0.0), vec3(0.4, 0.7, 0.2), 0.1, |_| true);
+    let turn = DAffine3::from_axis_angle(DVec3::new(1.0, 2.0, 3.0).normalize(), 1.0);
+    add(&mut scene, body, shining(Vec3::ONE), turn);
+    let world = World::new(&gpu, &scene, None).expect("upload");
+    assert_eq!(world.areas.len(), 6, "faces of a box");
+    let middle = turn.transform_point3(dvec3(0.2, 0.6, 0.1));
+    for light in &world.areas {
+        let out = light.middle - middle;
+        assert!(out.normalize().dot(light.normal) > 1.0 - 1e-5, "each shines outwards");
+    }
+    assert!(world.emitters.is_empty());
+}
