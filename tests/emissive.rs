@@ -6,6 +6,7 @@ use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::reference::disc::polygon_form_factor;
 use lightskin::reference::path_trace::{self, PathTrace, Sources};
 use lightskin::scene::build::quad;
+use lightskin::scene::defaults::Ground;
 use lightskin::scene::{Image, Material, Sampler, Scene, Texture, defaults};
 use std::f64::consts::PI;
 
@@ -110,7 +111,7 @@ fn emitters_light_a_room_as_paths_do() {
     let lamp = quad(vec3(-0.3, 1.95, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 0.6);
     let shining = Material { emissive: Vec3::splat(100.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
     add(&mut scene, lamp, shining, DAffine3::IDENTITY);
-    defaults::complete(&mut scene);
+    defaults::complete(&mut scene, Ground::Auto);
     assert!(scene.lights.is_empty());
     let settings = Knobs { size: [32, 32], ..small() };
     let caches = baked(&scene, 0.2, 8);

@@ -4,6 +4,7 @@ use std::f32::consts::FRAC_1_SQRT_2;
 use std::path::Path;
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
+use lightskin::scene::defaults::Ground;
 use lightskin::scene::{Camera, LightKind, Projection, Scene, Wrap, defaults, gltf};
 use serde_json::{Value, json};
 
@@ -63,7 +64,7 @@ fn every_valid_file_loads() {
 
 /// Adds camera and light and checks that they are somewhere.
 fn complete_and_check(scene: &mut Scene) {
-    defaults::complete(scene);
+    defaults::complete(scene, Ground::Auto);
     let name = &scene.name;
     assert!(!scene.cameras.is_empty() && (scene.emits() || !scene.lights.is_empty()), "{name}");
     assert!(scene.cameras.iter().all(|camera| camera.world_from_camera.is_finite()), "{name}");
@@ -90,7 +91,7 @@ fn sponza_has_its_triangles_and_a_view_along_the_atrium() {
         .map_or(0, |n| n.trim_end_matches('.').parse().expect("is a count"));
     assert_eq!(source + dropped, 262_267, "{:?}", scene.notes);
     assert!(scene.materials.iter().any(|m| m.double_sided && m.alpha_cutoff.is_some()));
-    defaults::complete(&mut scene);
+    defaults::complete(&mut scene, Ground::Auto);
     println!("{:#?}", scene.notes);
     let (low, high) = scene.bounds().expect("is not empty");
     let camera = scene.cameras[0].world_from_camera;
@@ -111,7 +112,7 @@ fn objects_and_boxes_are_seen_from_outside() {
         let mut scene = load(&data, name);
         scene.cameras.clear();
         scene.lights.clear();
-        defaults::complete(&mut scene);
+        defaults::complete(&mut scene, Ground::Auto);
         println!("{name}: {:#?}", scene.notes);
         assert!(scene.notes.iter().any(|note| note.contains(light)), "{name}: {:?}", scene.notes);
         let (low, high) = scene.bounds().expect("is not empty");
@@ -141,7 +142,7 @@ fn rooms_get_a_camera_and_a_light_inside() {
         for (sky, expected) in [(false, "lamp"), (true, "sun")] {
             let size = Vec3::new(4.0, 3.0, 8.0) * scale;
             let mut scene = gltf::load(&written("room.glb", &room(size, sky))).expect("is a scene");
-            defaults::complete(&mut scene);
+            defaults::complete(&mut scene, Ground::Auto);
             let camera = scene.cameras[0].world_from_camera;
             let size = size.as_dvec3();
             assert!(camera.translation.cmpgt(DVec3::ZERO).all() && camera.translation.cmplt(size).all());
@@ -155,7 +156,7 @@ fn rooms_get_a_camera_and_a_light_inside() {
             }
             assert_eq!(scene.notes.len(), 2, "{:?}", scene.notes);
             let before = scene.clone();
-            defaults::complete(&mut scene);
+            defaults::complete(&mut scene, Ground::Auto);
             assert_eq!((before.cameras.len(), before.notes.len()), (scene.cameras.len(), scene.notes.len()));
         }
     }

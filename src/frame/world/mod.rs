@@ -88,7 +88,7 @@ pub struct World {
     pub light_buffer: Buffer,
     /// Views of lights.
     pub view_buffer: Buffer,
-    /// What is behind all surfaces.
+    /// What shows where no surface is.
     pub sky: Option<SkyBuffer>,
     /// Surfaces that emit as VALs without weights: a square, or none.
     pub emitters: Vec<shared::Val>,
@@ -275,7 +275,7 @@ impl World {
             origin,
             radius,
             half,
-            sky: scene.sky.as_ref().map(|sky| SkyBuffer::new(gpu, sky)).transpose()?,
+            sky: scene.behind().map(|sky| SkyBuffer::new(gpu, &sky)).transpose()?,
             emitters: patches.vals(scene, origin),
             patches,
             light_buffer: gpu.buffer_from("scene.lights", &dynamic.lights)?,
