@@ -24,7 +24,7 @@ pub enum Backdrop {
 pub(super) const LIGHTS: usize = 16;
 
 /// Diffuse albedo of the ground.
-pub const GROUND_ALBEDO: f32 = 0.45;
+pub const GROUND_ALBEDO: f32 = 0.4;
 
 /// Radius of the ground in radii of the scene that stands on it.
 const GROUND_RADIUS: f64 = 2.5;
@@ -45,8 +45,8 @@ struct Softbox {
 }
 
 const SOFTBOXES: [Softbox; 3] = [
-    Softbox { left: 40.0, up: 50.0, width: 22.0, radiance: 1.0 }, // key
-    Softbox { left: -60.0, up: 30.0, width: 35.0, radiance: 0.2 }, // fill
+    Softbox { left: 38.0, up: 40.0, width: 22.0, radiance: 1.0 }, // key
+    Softbox { left: -55.0, up: 25.0, width: 35.0, radiance: 0.2 }, // fill
     Softbox { left: 160.0, up: 40.0, width: 25.0, radiance: 0.15 }, // edges
 ];
 

@@ -17,10 +17,10 @@ const POINTS: usize = 5;
 const DIRECTIONS: usize = 160;
 
 /// A room hides at least this share of all directions from the points within it.
-const ROOM: f64 = 0.65;
+const ROOM: f64 = 0.8;
 
 /// Of the directions down within 45 degrees, at least this share of a room's meets one level.
-const FLOOR: f64 = 0.35;
+const FLOOR: f64 = 0.25;
 
 /// Least cosine to the vertical of what is level.
 const LEVEL: f64 = 0.95;

@@ -2,7 +2,7 @@
 
 use super::super::{Camera, Projection};
 use super::space::{SIDES, Space};
-use glam::{DAffine3, DMat3, DVec3};
+use glam::{DAffine3, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
@@ -15,6 +15,9 @@ const INSIDE_YFOV: f64 = 60.0 * PI / 180.0;
 
 /// Share of the picture's height and width that what is seen from outside fills.
 const FILLED: f64 = 0.9;
+
+/// Times that a picture is moved towards the middle of what it shows.
+const CENTRINGS: usize = 5;
 
 /// Rays of a picture that is tried, across and down.
 const ACROSS: usize = 48;
@@ -40,7 +43,7 @@ impl Seen {
     /// From 0 to 1: surfaces are seen, and from their fronts.
     fn worth(&self) -> f64 {
         let all = self.fronts + self.backs;
-        if all > 0.0 { self.fronts / all * (self.fronts / 0.06).min(1.0) } else { 0.0 }
+        if all > 0.0 { self.fronts / all * (self.fronts / 0.02).min(1.0) } else { 0.0 }
     }
 }
 
@@ -54,6 +57,7 @@ pub(super) struct Found {
 /// Tells an object from a room, and finds the camera for it.
 pub(super) fn find(space: &Space) -> Found {
     let room = |camera| Found { camera, of_room: true };
+    log::debug!("{} free places, {:.2} enclosed, {:.2} on a floor", space.free.len(), space.enclosure, space.floor);
     if space.is_room() {
         let open = SIDES.into_iter().filter(|&side| space.openness(side) >= OPEN);
         let mut through = open.map(|side| outside("added: view through the open side", space, side));
@@ -151,7 +155,19 @@ fn outside(name: &str, space: &Space, direction: DVec3) -> Camera {
     let [right, left, top, bottom] = space.points.par_iter().fold(none, touch).reduce(none, larger);
     let distance = ((right + left) / (2.0 * slopes[0])).max((top + bottom) / (2.0 * slopes[1]));
     let nearest = space.points.iter().map(|point| direction.dot(*point - space.centre())).fold(0.0, f64::max);
-    let eye = DVec3::new(0.5 * (right - left), 0.5 * (top - bottom), distance.max(nearest + 0.05 * space.radius()));
+    let mut eye = DVec3::new(0.5 * (right - left), 0.5 * (top - bottom), distance.max(nearest + 0.05 * space.radius()));
+    // Into the middle of the picture along the axis that has room to spare.
+    for _ in 0..CENTRINGS {
+        let shown = |bounds: [DVec2; 2], point: &DVec3| {
+            let p = frame.transpose() * (*point - space.centre()) - eye;
+            let at = p.truncate() / -p.z;
+            [bounds[0].min(at), bounds[1].max(at)]
+        };
+        let none = || [DVec2::INFINITY, DVec2::NEG_INFINITY];
+        let union = |a: [DVec2; 2], b: [DVec2; 2]| [a[0].min(b[0]), a[1].max(b[1])];
+        let [low, high] = space.points.par_iter().fold(none, shown).reduce(none, union);
+        eye += (0.5 * eye.z * (low + high)).extend(0.0);
+    }
     Camera {
         name: name.into(),
         world_from_camera: look(space.centre() + frame * eye, direction),
