@@ -14,6 +14,9 @@ use space::Space;
 const SUN: f64 = 1e5;
 const LAMP: f64 = 500.0;
 
+/// A lamp is free enough where nothing is nearer than this share of the scene's radius.
+const FREE: f64 = 0.03;
+
 /// The top of a room is open where so many directions up lead out.
 const OPEN: f64 = 0.1;
 
@@ -118,8 +121,9 @@ fn lamp(space: &Space) -> Light {
         for share in [0.8, 0.6, 0.4, 0.0] {
             let position = place.position + share * up * DVec3::Y;
             let (clearance, free) = space.clearance(position);
-            // The first has the middle's place.
-            if free && best.is_none_or(|(most, ..)| clearance > 2.0 * most) {
+            // The first that stands free enough is near the middle.
+            let clearance = clearance.min(FREE * space.radius());
+            if free && best.is_none_or(|(most, ..)| clearance > most) {
                 best = Some((clearance, position, down + share * up));
             }
         }
