@@ -16,8 +16,10 @@ const POINTS: usize = 5;
 /// Directions that each point looks in.
 const DIRECTIONS: usize = 160;
 
-/// A room hides at least this share of all directions from the points within it.
+/// A room hides at least this share of the directions that are so many degrees or more from straight up: its top may be
+/// open.
 const ROOM: f64 = 0.8;
+const STEEPEST: f64 = 70.0;
 
 /// Of the directions down within 45 degrees, at least this share of a room's meets one level.
 const FLOOR: f64 = 0.25;
@@ -39,7 +41,7 @@ pub(super) struct Space {
     pub(super) high: DVec3,
     /// Points in the free space near the middle \[m\], the nearest to it first, with what they see.
     pub(super) free: Vec<Place>,
-    /// Mean share of directions that surfaces hide from these.
+    /// Mean share of directions, but those up, that surfaces hide from these.
     pub(super) enclosure: f64,
     /// Share of their directions down that meets the commonest level.
     pub(super) floor: f64,
@@ -124,8 +126,10 @@ impl Space {
             (4 * backs <= fronts).then_some(Place { position, hits })
         };
         self.free = offsets.into_par_iter().filter_map(look).collect();
-        let hits = self.free.iter().flat_map(|place| &place.hits);
-        self.enclosure = hits.flatten().count() as f64 / (DIRECTIONS * self.free.len()).max(1) as f64;
+        if self.free.is_empty() {
+            return;
+        }
+        self.enclosure = 1.0 - self.share(180.0 - STEEPEST, DVec3::NEG_Y, |hit| hit.is_none());
         self.floor = self.level_share();
     }
 
