@@ -9,11 +9,16 @@ layout(binding = 0) uniform sampler2D direct_image;
 layout(binding = 1) uniform sampler2D diffuse_image;
 layout(binding = 2) uniform sampler2D glossy_image;
 layout(binding = 3, scalar) readonly buffer Exposure { float measured_ev; };
+layout(binding = 4) uniform sampler2D depth_image;
 
 layout(location = 0) out vec4 out_color;
 
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
+    if (push.replaced != 0u && texelFetch(depth_image, at, 0).r == 0.0) {
+        out_color = push.behind;
+        return;
+    }
     vec3 c = texelFetch(direct_image, at, 0).rgb;
     if (DIFFUSE != 0u) {
         c += texelFetch(diffuse_image, at, 0).rgb;

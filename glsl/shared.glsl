@@ -564,6 +564,8 @@ struct CompositePush {
     uint tonemap;
     uint width;
     uint height;
+    uint replaced; // 1: where no surface is, `behind` shows
+    vec4 behind; // linear, of the display
 };
 
 // Push constants of the check for broken values; what the frame has not counts 0.

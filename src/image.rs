@@ -11,6 +11,7 @@ pub use decode::set_max_memory;
 
 use crate::error::{Error, Result};
 use crate::files;
+use image::ExtendedColorType;
 use image::ImageFormat;
 use std::io::BufReader;
 use std::path::Path;
@@ -156,16 +157,19 @@ fn linear_from_srgb(code: u8) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Writes an 8-bit sRGB PNG from RGBA bytes; alpha is dropped.
+/// Writes an 8-bit sRGB PNG from RGBA bytes; with alpha where a pixel is not opaque.
 ///
 /// # Errors
 /// A file that cannot be written; nothing half-written is left behind.
 pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
-    let rgb: Vec<u8> = rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let opaque = rgba.chunks_exact(4).all(|p| p[3] == 255);
+    let rgb = || rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
+    let (texels, kind) =
+        if opaque { (rgb(), ExtendedColorType::Rgb8) } else { (rgba.to_vec(), ExtendedColorType::Rgba8) };
     // In memory: the encoder would not tell that its last bytes could not be written.
     let mut bytes = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
-    let encoded = image::ImageEncoder::write_image(encoder, &rgb, width, height, image::ExtendedColorType::Rgb8);
+    let encoded = image::ImageEncoder::write_image(encoder, &texels, width, height, kind);
     encoded.map_err(|error| Error::Output { file: path.to_owned(), reason: error.to_string() })?;
     files::write(path, &bytes)
 }

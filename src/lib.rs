@@ -27,11 +27,12 @@
 //! ```no_run
 //! use lightskin::frame::engine::Loaded;
 //! use lightskin::frame::{Engine, Look, Quality, Settings};
+//! use lightskin::scene::defaults::Ground;
 //! use lightskin::{bake, gpu, image, scene};
 //!
 //! fn main() -> lightskin::Result<()> {
 //!     let mut scene = scene::gltf::load("scene.glb".as_ref())?;
-//!     scene::defaults::complete(&mut scene); // a camera and a light, if it has none
+//!     scene::defaults::complete(&mut scene, Ground::Auto); // a camera, light and a ground, if it has none
 //!     let camera = scene.cameras[0].clone();
 //!
 //!     let density = bake::Density::Count(Quality::High.caches());

@@ -7,6 +7,7 @@ use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::reference::disc::polygon_form_factor;
 use lightskin::reference::path_trace::{self, PathTrace, Sources};
 use lightskin::scene::build::{Surface, quad, sphere};
+use lightskin::scene::defaults::Ground;
 use lightskin::scene::{Image, Material, Sampler, Scene, Texture, defaults};
 use std::f64::consts::PI;
 
@@ -131,7 +132,8 @@ fn emitters_light_a_room_as_paths_do() {
     scene.lights.clear();
     let shining = Material { emissive: Vec3::splat(100.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
     add(&mut scene, sphere(0.2, 12), shining, DAffine3::from_translation(dvec3(0.0, 1.5, 0.0)));
-    defaults::complete(&mut scene);
+    defaults::complete(&mut scene, Ground::Auto);
+    assert!(scene.lights.is_empty());
     let settings = Knobs { size: [32, 32], ..small() };
     let caches = baked(&scene, 0.2, 8);
     for bounces in [0, 1, 3] {

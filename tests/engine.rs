@@ -139,8 +139,8 @@ fn edits_at_run_time_show_what_a_new_engine_shows() {
     let sizes = [[40, 30], [40, 30], [64, 20], [0, 0], [17, 0], [8, 96]];
     let looks = [
         Look::default(),
-        Look { tonemap: Tonemap::Agx, exposure: Exposure::Ev(3.0) },
-        Look { tonemap: Tonemap::Linear, exposure: Exposure::Ev(6.0) },
+        Look { tonemap: Tonemap::Agx, exposure: Exposure::Ev(3.0), ..Look::default() },
+        Look { tonemap: Tonemap::Linear, exposure: Exposure::Ev(6.0), ..Look::default() },
     ];
     let mut spacing = 0.4;
     let mut now = loaded(&world(), spacing);
@@ -303,11 +303,11 @@ fn what_a_slider_moves_makes_no_pipeline() {
     shown(&gpu, &mut engine, &mut picture, size, &Look::default());
     let before = gpu.counters().pipelines_made;
     for ev in 0..5 {
-        let look = Look { exposure: Exposure::Ev(ev as f32), tonemap: Tonemap::Aces };
+        let look = Look { exposure: Exposure::Ev(ev as f32), tonemap: Tonemap::Aces, ..Look::default() };
         shown(&gpu, &mut engine, &mut picture, size, &look);
     }
     for tonemap in [Tonemap::PbrNeutral, Tonemap::Agx, Tonemap::Linear] {
-        shown(&gpu, &mut engine, &mut picture, size, &Look { tonemap, exposure: Exposure::Automatic });
+        shown(&gpu, &mut engine, &mut picture, size, &Look { tonemap, ..Look::default() });
     }
     let mut random = Random(3);
     for what in [0, 2, 3, 5, 8, 9, 1] {

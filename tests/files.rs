@@ -111,7 +111,7 @@ fn headers_that_promise_too_much_are_refused() {
 #[test]
 fn images_of_a_scene_share_the_bound_on_memory() {
     let at = folder("files-images");
-    write_png(&at.join("wall.png"), 512, 512, &[200; 1 << 20]).expect("a PNG");
+    write_png(&at.join("wall.png"), 512, 512, &[200, 200, 200, 255].repeat(1 << 18)).expect("a PNG");
     let wall = fs::read(at.join("wall.png")).expect("a PNG");
     let mut b = Builder::triangle();
     b.attribute("TEXCOORD_0", "VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);

@@ -45,6 +45,7 @@ mod shaders;
 mod shadows_light;
 mod sky;
 mod sources;
+mod stage;
 mod tessellate;
 mod texel;
 mod timing;

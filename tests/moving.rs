@@ -8,6 +8,7 @@ use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::lab::worlds::{SPOT, add, camera, corner, phong};
 use lightskin::scene::build::sphere;
+use lightskin::scene::defaults::Ground;
 use lightskin::scene::deform::{Bind, Deform, Displacement, Follower, Influence, Pose};
 use lightskin::scene::{LightKind, Scene};
 use lightskin::scene::{defaults, gltf};
@@ -158,7 +159,7 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
             continue;
         }
         files += 1;
-        defaults::complete(&mut scene);
+        defaults::complete(&mut scene, Ground::Auto);
         let settings = bake::BakeSettings { density: bake::Density::Count(60), angle: 1.0, references: 8 };
         let caches = bake::bake(&scene, &settings, &|_, _| {}).expect("bakes");
         let settings = Knobs { size: [16, 16], rsm: 8, shadow_map: 16, ..small() };

@@ -13,6 +13,7 @@ use lightskin::reference::tonemap::automatic_ev;
 use lightskin::reference::triangle::nearest;
 use lightskin::reference::world::{Sides, World};
 use lightskin::scene::build::{CornellSurface, Surface, cornell, cuboid, quad, sphere};
+use lightskin::scene::defaults::Ground;
 use lightskin::scene::{Camera, Material, Scene, defaults, gltf};
 
 use crate::common::frames::{SPOT, add, camera, corner, phong, shoot, small, triangles};
@@ -244,7 +245,7 @@ fn brute_force_and_the_path_tracer_agree_on_the_cornell_box() {
 fn brute_force_and_the_path_tracer_agree_on_sponza() {
     let Some(data) = data() else { return };
     let mut scene = gltf::load(&data.join("scenes/sponza/Sponza.gltf")).expect("Sponza");
-    defaults::complete(&mut scene);
+    defaults::complete(&mut scene, Ground::Auto);
     let [diffuse, traced_diffuse, glossy, traced_glossy] = against_brute_force(&scene, [256, 144], 128, 16);
     println!("diffuse {diffuse} and {traced_diffuse}, glossy {glossy} and {traced_glossy} cd/m^2");
     let (all, truth) = (diffuse + glossy, traced_diffuse + traced_glossy);
@@ -360,7 +361,7 @@ fn rays_see_the_surfaces_that_the_device_draws() {
         ("skin/CesiumMan.glb", [512, 512]),
     ] {
         let mut scene = gltf::load(&data.join("scenes/features").join(file)).expect(file);
-        defaults::complete(&mut scene);
+        defaults::complete(&mut scene, Ground::Auto);
         let (tilt, albedo, other) = gbuffers_agree(&scene, size);
         println!("{file}: normals {tilt:.5}, albedo {albedo:.5}, seen by one alone {other:.5}");
         // Textures are filtered with mip levels on the device and without by rays; edges fall this way or that.

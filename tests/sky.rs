@@ -4,7 +4,7 @@ use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::frame::World;
 use lightskin::image::{Layer, read_radiance, write_exr};
 use lightskin::lab::knobs::{Gi, Knobs};
-use lightskin::reference::path_trace::camera_ray;
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, camera_ray};
 use lightskin::scene::build::quad;
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{LightKind, Scene};
@@ -122,6 +122,26 @@ fn the_background_shows_the_sky_from_every_side() {
         }
         assert!(shown > 500, "{shown}");
     }
+}
+
+#[test]
+fn the_path_tracer_shows_the_sky_as_the_device_does() {
+    let mut scene = corner(&[SPOT], 10.0);
+    sky(128, 64, 0.7, |d| dvec3(1.1 + d.x, 1.1 + d.y, 1.1 + d.z)).put_over(&mut scene, 2);
+    let knobs = Knobs { gi: Gi::Off, ..small() };
+    let shot = shoot(&gpu(), &scene, None, &knobs);
+    let settings = PathTraceSettings { size: knobs.size, bounces: 0, ..PathTraceSettings::default() };
+    let mut trace = PathTrace::new(&scene, &scene.cameras[0], &settings);
+    trace.pass();
+    let mut behind = 0;
+    for (pixel, (traced, covered)) in trace.direct().into_iter().zip(trace.covered()).enumerate() {
+        if !covered && !shot.covered[pixel] {
+            behind += 1;
+            let (traced, drawn) = (DVec3::from(traced.map(f64::from)), shot.direct[pixel]);
+            assert!(traced.distance(drawn) < 1e-3, "{traced} and {drawn}");
+        }
+    }
+    assert!(behind > 100, "{behind}");
 }
 
 #[test]

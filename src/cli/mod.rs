@@ -32,6 +32,7 @@ use lightskin::bake::{BakeSettings, CacheSet, Density};
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{ClusterRule, DrawSource, Quality, Shadows, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
+use lightskin::scene::defaults::Ground;
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
 use std::io::IsTerminal;
@@ -144,6 +145,10 @@ struct CacheArgs {
     /// Caches that each vertex refers to [default: 8 at --quality high].
     #[arg(long, value_name = "N", value_parser = ["8", "16"])]
     refs: Option<String>,
+    /// A ground: auto puts one under an object that has neither lights nor a floor, at its lowest point; off leaves it
+    /// out; a height [m] on +Y puts one there, whatever the scene.
+    #[arg(long, value_name = "auto|off|HEIGHT", default_value = "auto", allow_hyphen_values = true, value_parser = ground)]
+    ground: Ground,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
@@ -316,6 +321,15 @@ fn wrong_usage(what: &str) -> ! {
     Cli::command().error(ErrorKind::ArgumentConflict, what).exit()
 }
 
+fn ground(text: &str) -> std::result::Result<Ground, String> {
+    match (text, text.parse::<f64>()) {
+        ("auto", _) => Ok(Ground::Auto),
+        ("off", _) => Ok(Ground::Off),
+        (_, Ok(height)) if height.is_finite() => Ok(Ground::At(height)),
+        _ => Err("needs auto, off or a height in metres".into()),
+    }
+}
+
 /// A number of bytes, or of KiB, MiB, GiB or TiB.
 fn bytes(text: &str) -> std::result::Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| !c.is_ascii_digit());
@@ -358,9 +372,9 @@ fn read_scene(path: Option<&Path>) -> Result<Scene> {
     })
 }
 
-/// Adds the camera and light that a scene may lack and says so.
-fn complete(mut scene: Scene) -> Scene {
-    defaults::complete(&mut scene);
+/// Adds the camera, the light and the ground that a scene may lack and says so.
+fn complete(mut scene: Scene, ground: Ground) -> Scene {
+    defaults::complete(&mut scene, ground);
     for note in &scene.notes {
         log::warn!("{}: {note}", scene.name);
     }
@@ -368,12 +382,12 @@ fn complete(mut scene: Scene) -> Scene {
 }
 
 /// Loads a scene under a sky, which so many lights stand for.
-fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>) -> Result<Scene> {
+fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>, ground: Ground) -> Result<Scene> {
     let mut scene = read_scene(path)?;
     if let Some((sky, lights)) = sky {
         sky.put_over(&mut scene, lights);
     }
-    Ok(complete(scene))
+    Ok(complete(scene, ground))
 }
 
 /// Loads a scene for what is measured by the light of punctual lights: surfaces emit nothing.
@@ -384,12 +398,12 @@ fn load_punctual(path: Option<&Path>) -> Result<Scene> {
         log::warn!("{}: its surfaces emit nothing here; what is measured is the light of punctual lights", scene.name);
         scene.materials.iter_mut().for_each(|material| material.emissive = glam::Vec3::ZERO);
     }
-    Ok(complete(scene))
+    Ok(complete(scene, Ground::Auto))
 }
 
 /// Loads a scene, and divides triangles that are large against the distance of caches, where that costs little.
 fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
-    let mut scene = load_under(path, None)?;
+    let mut scene = load_under(path, None, caches.ground)?;
     divide_for(&mut scene, caches, false);
     Ok(scene)
 }

@@ -6,6 +6,7 @@ use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
 use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
+use lightskin::frame::Behind;
 use lightskin::kept;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources};
 use lightskin::reference::tonemap;
@@ -59,6 +60,7 @@ pub(super) struct Picture<'a> {
     pub(super) layer: Option<LayerArg>,
     pub(super) tonemap: TonemapArg,
     pub(super) ev: Option<f32>,
+    pub(super) behind: Behind,
 }
 
 impl PathTraceArgs {
@@ -145,7 +147,7 @@ pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture:
         camera.name,
         trace.samples()
     );
-    layers.write(picture.out, picture.layer, picture.tonemap, ev, &metadata)?;
+    layers.write(picture.out, picture.layer, picture.tonemap, ev, picture.behind, &metadata)?;
     say!(
         "scene     {} ({} triangles, {} lights)",
         scene.name,

@@ -3,7 +3,7 @@
 use anyhow::Result;
 use clap::ValueEnum;
 use glam::DVec3;
-use lightskin::frame::{Picture, View};
+use lightskin::frame::{Behind, Picture, View};
 use lightskin::gpu::Gpu;
 use lightskin::image::{Layer, broken_values, write_exr, write_png};
 use lightskin::reference::tonemap;
@@ -100,11 +100,13 @@ impl Layers {
         which: Option<LayerArg>,
         curve: TonemapArg,
         ev: f32,
+        behind: Behind,
         metadata: &str,
     ) -> Result<()> {
         let [w, h] = self.size;
+        let covered = || self.depth.iter().map(|depth| depth[0].is_finite());
         if is_exr(path) {
-            let layers = match which {
+            let mut layers = match which {
                 Some(which) => vec![Layer::rgb("", &self.layer(which))],
                 None => vec![
                     Layer::rgb("", &self.color()),
@@ -116,10 +118,23 @@ impl Layers {
                     Layer::of("", &["Z"], &self.depth),
                 ],
             };
+            if behind == Behind::Transparent {
+                let alpha: Vec<_> = covered().map(|covered| [f32::from(u8::from(covered)); 4]).collect();
+                layers.push(Layer::of("", &["A"], &alpha));
+            }
             write_exr(path, w, h, &layers, metadata)?;
         } else {
             let which = which.unwrap_or(LayerArg::Color);
-            let shown: Vec<u8> = self.layer(which).iter().flat_map(|p| display(which, *p, curve, ev)).collect();
+            let nothing = match behind {
+                Behind::Scene => None,
+                Behind::Color(color) => Some(bytes(tonemap::srgb_from_linear(color.as_dvec3()))),
+                Behind::Transparent => Some([0; 4]),
+            };
+            let pixel = |(p, covered): (&[f32; 4], bool)| match nothing {
+                Some(nothing) if !covered => nothing,
+                _ => display(which, *p, curve, ev),
+            };
+            let shown: Vec<u8> = self.layer(which).iter().zip(covered()).flat_map(pixel).collect();
             write_png(path, w, h, &shown)?;
         }
         Ok(())
@@ -153,6 +168,11 @@ fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> [u8; 4] 
             tonemap::srgb_from_linear(mapped.clamp(DVec3::ZERO, DVec3::ONE))
         }
     };
+    bytes(srgb)
+}
+
+/// An opaque pixel.
+fn bytes(srgb: DVec3) -> [u8; 4] {
     let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
     [byte(srgb.x), byte(srgb.y), byte(srgb.z), 255]
 }
@@ -173,6 +193,8 @@ pub(super) struct Writing {
     pub(super) tonemap: TonemapArg,
     /// Exposure value; measured from the picture without it.
     pub(super) ev: Option<f32>,
+    /// What shows where no surface is.
+    pub(super) behind: Behind,
 }
 
 impl Writing {
@@ -185,7 +207,7 @@ impl Writing {
             let [w, h] = picture.size();
             write_png(out, w, h, &gpu.read_image(&picture.output.picture)?)?;
         } else {
-            layers.write(out, self.layer, self.tonemap, ev, &format!("{about}; EV {ev}"))?;
+            layers.write(out, self.layer, self.tonemap, ev, self.behind, &format!("{about}; EV {ev}"))?;
         }
         Ok(layers.broken())
     }

@@ -242,6 +242,7 @@ impl Render {
                 TonemapArg::Linear => Tonemap::Linear,
             },
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
+            behind: self.sky.behind(),
         }
     }
 
@@ -403,7 +404,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     let start = Instant::now();
     let mut trace = Trace::default();
-    let mut scene = load_under(args.scene.as_deref(), args.sky.sky()?)?;
+    let mut scene = load_under(args.scene.as_deref(), args.sky.sky()?, args.caches.ground)?;
+    args.sky.put_behind(&mut scene)?;
     let at_vertices = match (args.gi, args.interp) {
         // Rays need no small triangles.
         (GiArg::PathTrace, _) => false,
@@ -425,6 +427,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
             layer: args.layer,
             tonemap: args.tonemap,
             ev: args.ev,
+            behind: args.sky.behind(),
         };
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
@@ -461,7 +464,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         gpu.report().name,
         baked.as_ref().map_or(0, |baked| baked.count)
     );
-    let writing = Writing { layer: args.layer, tonemap: args.tonemap, ev: args.ev };
+    let writing = Writing { layer: args.layer, tonemap: args.tonemap, ev: args.ev, behind: look.behind };
     let view_of = |camera: &Camera, world: &World| View::new(camera, args.size, world.origin, world.radius);
     let mut view = view_of(&seen_from, &world);
     // The first frame makes what the driver puts off: the times of those after it are those that last.

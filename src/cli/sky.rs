@@ -1,10 +1,14 @@
-//! The flags of the sky.
+//! The flags of the sky and of what shows behind a scene.
 
 use anyhow::{Result, bail};
 use clap::Args;
 use glam::Vec3;
+use lightskin::frame::Behind;
 use lightskin::image::read_radiance;
+use lightskin::reference::tonemap::linear_from_srgb;
+use lightskin::scene::Scene;
 use lightskin::scene::sky::Sky;
+use lightskin::scene::studio::Backdrop;
 use std::path::PathBuf;
 
 #[derive(Args)]
@@ -25,6 +29,33 @@ pub(super) struct SkyArgs {
     /// Turn of the sky about +Y [degrees], counter-clockwise seen from above.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
     sky_rotate: f64,
+    /// What shows where no surface is: studio (a quiet grey, below the horizon that of a ground), sky (the radiance of the
+    /// sky that lights the scene), transparent (alpha 0), or one colour of the display in sRGB, each part from 0 to 1 (none
+    /// in .exr files) [default: studio where the light of one was put in, sky where there is one, else black].
+    #[arg(long, value_name = "studio|sky|transparent|R,G,B", value_parser = background)]
+    background: Option<Background>,
+}
+
+/// What shows where no surface is.
+#[derive(Clone, Copy, PartialEq)]
+enum Background {
+    Studio,
+    Sky,
+    Transparent,
+    /// Of the display, sRGB.
+    Color(Vec3),
+}
+
+fn background(text: &str) -> std::result::Result<Background, String> {
+    match text {
+        "studio" => Ok(Background::Studio),
+        "sky" => Ok(Background::Sky),
+        "transparent" => Ok(Background::Transparent),
+        _ => match color(text) {
+            Ok(color) if color.max_element() <= 1.0 => Ok(Background::Color(color)),
+            _ => Err("needs studio, sky, transparent or three numbers from 0 to 1, like 0.2,0.2,0.25".into()),
+        },
+    }
 }
 
 fn color(text: &str) -> std::result::Result<Vec3, String> {
@@ -36,6 +67,29 @@ fn color(text: &str) -> std::result::Result<Vec3, String> {
 }
 
 impl SkyArgs {
+    /// What a picture shows where no surface is.
+    pub(super) fn behind(&self) -> Behind {
+        match self.background {
+            Some(Background::Transparent) => Behind::Transparent,
+            Some(Background::Color(srgb)) => Behind::Color(linear_from_srgb(srgb.as_dvec3()).as_vec3()),
+            _ => Behind::Scene,
+        }
+    }
+
+    /// Gives a scene the backdrop that is asked for.
+    pub(super) fn put_behind(&self, scene: &mut Scene) -> Result<()> {
+        scene.backdrop = match self.background {
+            None => return Ok(()),
+            Some(Background::Sky) if scene.sky.is_none() => {
+                bail!("--background sky: no sky lights this scene; name one by --sky or --sky-color")
+            }
+            Some(Background::Sky) => Backdrop::Sky,
+            Some(Background::Studio) => Backdrop::Studio,
+            Some(Background::Transparent | Background::Color(_)) => Backdrop::Nothing,
+        };
+        Ok(())
+    }
+
     /// The sky that the flags ask for and how many lights stand for it.
     pub(super) fn sky(&self) -> Result<Option<(Sky, usize)>> {
         let lights = self.sky_lights as usize;

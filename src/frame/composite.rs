@@ -3,12 +3,13 @@
 use super::gbuffer::Surface;
 use super::interpolate::Radiance;
 use super::plan::Plan;
-use super::settings::{Exposure, Look};
+use super::settings::{Behind, Exposure, Look};
 use crate::error::Result;
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
 use crate::shared::CompositePush;
+use glam::Vec4;
 
 /// A picture as it is shown.
 pub struct Output {
@@ -50,11 +51,11 @@ pub struct Composed<'a> {
 
 impl<'a> Composed<'a> {
     /// A lobe that the plan has not is not read; the direct image only fills its place.
-    fn binds(&self) -> [Bind<'a>; 4] {
+    fn binds(&self) -> [Bind<'a>; 5] {
         let direct = &self.surface.radiance;
         let diffuse = self.indirect.map_or(direct, |i| &i.diffuse);
         let glossy = self.indirect.and_then(|i| i.glossy.as_ref()).unwrap_or(direct);
-        [direct.into(), diffuse.into(), glossy.into(), (&self.out.exposure).into()]
+        [direct.into(), diffuse.into(), glossy.into(), (&self.out.exposure).into(), (&self.surface.depth).into()]
     }
 }
 
@@ -95,20 +96,26 @@ impl Composite {
         };
         let push = |composed: &Composed<'_>| {
             let [width, height] = composed.surface.size;
-            CompositePush { ev, automatic: automatic.into(), tonemap: look.tonemap as u32, width, height }
+            let (replaced, behind) = match look.behind {
+                Behind::Scene => (0, Vec4::ZERO),
+                Behind::Color(color) => (1, color.extend(1.0)),
+                Behind::Transparent => (1, Vec4::ZERO),
+            };
+            let (automatic, tonemap) = (automatic.into(), look.tonemap as u32);
+            CompositePush { ev, automatic, tonemap, width, height, replaced, behind }
         };
         if automatic {
             if of_this_frame {
                 cmd.barrier(Use::ColorWrite, Use::ComputeRead);
             }
             for composed in views.clone() {
-                cmd.bind(&self.expose, &composed.binds());
+                cmd.bind(&self.expose, &composed.binds()[..4]);
                 cmd.push(&push(&composed));
                 cmd.dispatch(256, 1, 1);
             }
-            cmd.barrier(Use::ComputeWrite | Use::ColorWrite, Use::FragmentRead);
+            cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead);
         } else if of_this_frame {
-            cmd.barrier(Use::ColorWrite, Use::FragmentRead);
+            cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead);
         }
         for composed in views {
             let picture = [Attach::clear(&composed.out.picture)];

@@ -46,8 +46,8 @@ pub use picture::Picture;
 pub use plan::{Features, Plan};
 pub use record::record;
 pub use settings::{
-    ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, ProxyWeight, Quality, Settings, Shadows, Tonemap,
-    ValSource, Ways,
+    Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, ProxyWeight, Quality, Settings, Shadows,
+    Tonemap, ValSource, Ways,
 };
 pub use view::View;
 pub use world::{AreaLight, World};

@@ -12,7 +12,7 @@ pub struct Features {
     pub bends: bool,
     /// Punctual lights.
     pub lights: bool,
-    /// A sky.
+    /// A sky, or another backdrop, that shows.
     pub sky: bool,
     /// Surfaces that emit and are area lights.
     pub areas: bool,
@@ -29,7 +29,7 @@ impl Features {
         Self {
             bends: scene.instances.iter().any(|instance| scene.meshes[instance.mesh].deform.is_some()),
             lights: !scene.lights.is_empty(),
-            sky: scene.sky.is_some(),
+            sky: scene.has_backdrop(),
             areas,
             emits,
             glossy: scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| glossy[p.material]),
@@ -51,7 +51,7 @@ pub struct Plan {
     pub deform: bool,
     /// Stage 2: there is a light.
     pub direct: bool,
-    /// Stage 2 where no surface is: there is a sky.
+    /// Stage 2 where no surface is: a sky, or another backdrop, shows.
     pub sky: bool,
     /// Surfaces that emit and are no area lights are VALs, beside those of stage 4.
     pub emitters: bool,
@@ -169,7 +169,7 @@ impl Plan {
             "direct" if planned => "there is a light",
             "direct" => "no light",
             "sky" if planned => "what is behind all surfaces",
-            "sky" => "no sky",
+            "sky" => "none shows",
             "rsm" if planned && !self.reflects => "surfaces that emit are VALs",
             "rsm" if planned && self.emitters => "indirect light needs VALs; surfaces that emit are some, too",
             "rsm" if planned => "indirect light needs VALs",

@@ -2,6 +2,7 @@
 //! nothing here is ever refused. This file imports nothing of `frame`.
 
 use crate::shared::{VAL_TILE, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
+use glam::Vec3;
 
 /// Everything that shapes a frame. Two that are equal draw equal pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -152,6 +153,20 @@ pub struct Look {
     pub tonemap: Tonemap,
     /// How bright.
     pub exposure: Exposure,
+    /// What shows where no surface is.
+    pub behind: Behind,
+}
+
+/// What a picture shows where no surface is.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Behind {
+    /// What the scene has there, exposed like all else: [`crate::scene::studio::Backdrop`].
+    #[default]
+    Scene,
+    /// This colour of the display, linear Rec.709 in [0, 1].
+    Color(Vec3),
+    /// Nothing: alpha is 0.
+    Transparent,
 }
 
 /// Curve from scene to display.

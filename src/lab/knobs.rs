@@ -146,7 +146,7 @@ impl Knobs {
 
     /// How its pictures are shown.
     pub fn look(&self) -> Look {
-        Look { tonemap: self.tonemap, exposure: self.exposure }
+        Look { tonemap: self.tonemap, exposure: self.exposure, ..Look::default() }
     }
 }
 

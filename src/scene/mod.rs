@@ -12,7 +12,9 @@ mod fingerprint;
 pub mod gltf;
 mod json;
 pub mod material;
+pub mod rays;
 pub mod sky;
+pub mod studio;
 pub mod tessellate;
 pub mod write;
 
@@ -33,8 +35,10 @@ pub struct Scene {
     pub instances: Vec<Instance>,
     /// Punctual lights, those of the sky among them.
     pub lights: Vec<Light>,
-    /// What is behind all surfaces.
+    /// The sky whose light some of the lights are.
     pub sky: Option<sky::Sky>,
+    /// What shows where no surface is.
+    pub backdrop: studio::Backdrop,
     /// Cameras, in the file's order.
     pub cameras: Vec<Camera>,
     /// What nothing is to leave, however it moves: smallest and largest world coordinates. Without it, what `bounds` finds.
@@ -108,6 +112,8 @@ pub struct Instance {
     pub pose: Option<deform::Pose>,
     /// Neither drawn nor in the way of light.
     pub hidden: bool,
+    /// How many times farther apart than on others caches may stand on it; as on others without.
+    pub sparse: Option<f64>,
 }
 
 /// Metallic-roughness material of glTF, with the extensions the method can use.
@@ -298,11 +304,15 @@ pub enum Projection {
 
 impl Instance {
     /// Linear part of `world_from_model`, by which surfaces are measured and caches are placed; that of unit size for an
-    /// instance without volume, which an animation may give it.
+    /// instance without volume, which an animation may give it. A sparse one is placed as if it were so much smaller.
     pub fn stretch(&self) -> DMat3 {
         let linear = self.world_from_model.matrix3;
         let is_flat = linear.is_finite() && !linear.inverse().is_finite();
-        if is_flat { DMat3::IDENTITY } else { linear }
+        match self.sparse {
+            _ if is_flat => DMat3::IDENTITY,
+            Some(sparse) => linear * (1.0 / sparse),
+            None => linear,
+        }
     }
 }
 

@@ -4,6 +4,7 @@
 //! largest luminous energy is cut across its longer side into halves of equal energy, until there are as many as wanted
 //! (median cut, Debevec 2005). A region becomes parallel light of exactly its energy from its centre of energy.
 
+use super::studio::Backdrop;
 use super::{Light, LightKind, Scene};
 use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
@@ -57,19 +58,37 @@ impl Sky {
         scene.lights.extend(self.lights(lights));
         self.lights = first..scene.lights.len();
         scene.sky = Some(self);
+        scene.backdrop = Backdrop::Sky;
     }
 
     /// Solid angle \[sr\] of a texel of a row.
-    fn solid_angle(&self, row: usize) -> f64 {
+    pub(super) fn solid_angle(&self, row: usize) -> f64 {
         let edge = |row: usize| (PI * row as f64 / f64::from(self.height)).cos();
         TAU / f64::from(self.width) * (edge(row) - edge(row + 1))
     }
 
     /// Unit direction towards the middle of a texel.
-    fn direction(&self, column: usize, row: usize) -> DVec3 {
+    pub(super) fn direction(&self, column: usize, row: usize) -> DVec3 {
         let latitude = PI * (row as f64 + 0.5) / f64::from(self.height);
         let longitude = TAU * ((column as f64 + 0.5) / f64::from(self.width) - 0.5) - self.turn;
         DVec3::new(latitude.sin() * longitude.sin(), latitude.cos(), -latitude.sin() * longitude.cos())
+    }
+
+    /// Radiance [cd/m^2] from a unit direction, between the middles of texels; twin of glsl/sky.frag.
+    pub fn radiance(&self, direction: DVec3) -> DVec3 {
+        // Straight up and down every longitude is right.
+        let level = direction.x != 0.0 || direction.z != 0.0;
+        let longitude = if level { direction.x.atan2(-direction.z) } else { 0.0 } + self.turn;
+        let x = (longitude / TAU + 0.5).rem_euclid(1.0) * f64::from(self.width) - 0.5;
+        let y = direction.y.clamp(-1.0, 1.0).acos() / PI * f64::from(self.height) - 0.5;
+        let texel = |column: f64, row: f64| {
+            let column = column.rem_euclid(f64::from(self.width)) as usize;
+            let row = row.clamp(0.0, f64::from(self.height - 1)) as usize;
+            self.texels[row * self.width as usize + column].as_dvec3()
+        };
+        let (left, above) = (x.floor(), y.floor());
+        let row = |row: f64| texel(left, row).lerp(texel(left + 1.0, row), x - left);
+        row(above).lerp(row(above + 1.0), y - above)
     }
 
     /// Light \[lx\] through a plane that faces it all: the integral of radiance over the sphere.

@@ -7,6 +7,7 @@ use crate::cli::{
 use anyhow::{Context, Result};
 use lightskin::frame::ClusterRule;
 use lightskin::lab::flicker::{Figures, Flicker, Job, Motion, Played, measure, model};
+use lightskin::scene::defaults::Ground;
 use std::path::PathBuf;
 
 #[derive(clap::Args)]
@@ -46,6 +47,7 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     let most = args.caches.iter().copied().max().context("--caches names no number")?;
     let largest = args.rsm.iter().copied().max().context("--rsm names no size")?;
     let asked = |caches| CacheArgs {
+        ground: Ground::Auto,
         quality: QualityArg::High,
         caches: Some(caches),
         spacing: None,

@@ -93,7 +93,7 @@ pub struct World {
     pub light_buffer: Buffer,
     /// Views of lights.
     pub view_buffer: Buffer,
-    /// What is behind all surfaces.
+    /// What shows where no surface is.
     pub sky: Option<SkyBuffer>,
     /// The largest flat surfaces that emit.
     pub areas: Vec<AreaLight>,
@@ -287,7 +287,7 @@ impl World {
             origin,
             radius,
             half,
-            sky: scene.sky.as_ref().map(|sky| SkyBuffer::new(gpu, sky)).transpose()?,
+            sky: scene.behind().map(|sky| SkyBuffer::new(gpu, &sky)).transpose()?,
             emitters: patches.vals(scene, origin),
             features: Features::new(scene, !area_lights.is_empty(), !patches.is_empty()),
             areas,

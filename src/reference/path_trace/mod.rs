@@ -182,11 +182,15 @@ impl<'a> PathTrace<'a> {
         lit.iter().map(error).sum::<f64>() / lit.len().max(1) as f64
     }
 
-    /// Emitted and directly reflected radiance [cd/m^2], row by row from the top.
+    /// Emitted and directly reflected radiance [cd/m^2], row by row from the top; the backdrop's where no surface is.
     pub fn direct(&self) -> Vec<[f32; 3]> {
         let sampled = self.mean(|pixel| pixel.direct);
+        let behind = self.world.scene().behind();
         let exact = |(index, sampled): (usize, [f32; 3])| {
-            let Some((surface, direction)) = self.seen(index) else { return [0.0; 3] };
+            let Some((surface, direction)) = self.seen(index) else {
+                let (_, direction) = camera_ray(self.camera, self.settings.size, index);
+                return behind.as_ref().map_or([0.0; 3], |sky| sky.radiance(direction).as_vec3().to_array());
+            };
             let scatter = Scatter::new(&surface, direction);
             let (light, _) = self
                 .emitters

@@ -1,0 +1,131 @@
+//! What a ray meets first among a scene's triangles, and which side of it: in f32, over a bounding volume hierarchy.
+
+use super::Scene;
+use glam::{DVec3, Vec3A};
+use obvhs::BvhBuildParams;
+use obvhs::aabb::Aabb;
+use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
+use obvhs::ray::{Ray, RayHit};
+use rayon::prelude::*;
+
+/// Boxes are larger than their triangles by this share of the scene's radius: more than f32 rounds their rays by.
+const MARGIN: f32 = 2e-6;
+
+/// Triangles are larger by this share of themselves: a ray through the edge of two meets one of them.
+const OVERLAP: f32 = 1e-5;
+
+/// A scene as it stands, to shoot rays at. Cut-outs of textures count as surface.
+pub struct Rays {
+    /// Middle of the scene's bounds \[m\]; everything inside is relative to it, in units of `radius`.
+    centre: DVec3,
+    /// Half of their diagonal \[m\].
+    radius: f64,
+    triangles: Vec<Triangle>,
+    /// None for a scene without triangles.
+    hierarchy: Option<CwBvh>,
+}
+
+/// A triangle, in the order that shows its front counter-clockwise.
+#[derive(Clone, Copy)]
+struct Triangle {
+    corner: Vec3A,
+    edges: [Vec3A; 2],
+    /// The other side is among the triangles, too.
+    double_sided: bool,
+}
+
+/// Where a ray meets a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance along the ray \[m\].
+    pub distance: f64,
+    /// Unit normal of the front.
+    pub normal: DVec3,
+    /// Whether the ray comes from the front.
+    pub front: bool,
+}
+
+impl Rays {
+    /// Places all triangles that are drawn, bent as they stand, and builds the hierarchy, on all cores.
+    pub fn new(scene: &Scene) -> Self {
+        let placed: Vec<([DVec3; 3], bool)> = (scene.instances.par_iter().filter(|instance| !instance.hidden))
+            .flat_map_iter(|instance| {
+                let mesh = &scene.meshes[instance.mesh];
+                let posed = instance.pose.as_ref().map(|pose| mesh.posed(pose));
+                let place = instance.world_from_model;
+                let mirrored = place.matrix3.determinant() < 0.0;
+                let materials = mesh.triangle_materials().into_iter().enumerate();
+                materials.map(move |(triangle, material)| {
+                    let vertices = posed.as_ref().unwrap_or(&mesh.vertices);
+                    let [a, b, c] =
+                        mesh.triangle(triangle).map(|v| place.transform_point3(vertices[v].position.as_dvec3()));
+                    (if mirrored { [a, c, b] } else { [a, b, c] }, scene.materials[material].double_sided)
+                })
+            })
+            .filter(|(corners, _)| corners.iter().all(|corner| corner.is_finite()))
+            .collect();
+        let corners = || placed.iter().flat_map(|(corners, _)| corners);
+        let low = corners().copied().reduce(DVec3::min).unwrap_or_default();
+        let high = corners().copied().reduce(DVec3::max).unwrap_or_default();
+        let centre = 0.5 * (low + high);
+        let radius = Some(0.5 * low.distance(high)).filter(|radius| *radius > 0.0).unwrap_or(1.0);
+        let triangles: Vec<Triangle> = (placed.par_iter())
+            .map(|&(corners, double_sided)| {
+                let [a, b, c] = corners.map(|corner| Vec3A::from(((corner - centre) / radius).as_vec3()));
+                Triangle { corner: a, edges: [b - a, c - a], double_sided }
+            })
+            .collect();
+        let boxes: Vec<Aabb> = (triangles.par_iter())
+            .map(|t| {
+                let corners = [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]];
+                let low = corners[0].min(corners[1]).min(corners[2]);
+                let high = corners[0].max(corners[1]).max(corners[2]);
+                Aabb::new(low - MARGIN, high + MARGIN)
+            })
+            .collect();
+        let build = || build_cwbvh(&boxes, BvhBuildParams::fast_build(), &mut std::time::Duration::default());
+        let hierarchy = (!boxes.is_empty()).then(build);
+        Self { centre, radius, triangles, hierarchy }
+    }
+
+    /// What the ray from `origin` \[m\] in the unit `direction` meets first. Of a double-sided material the side that faces
+    /// the origin.
+    pub fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
+        let hierarchy = self.hierarchy.as_ref()?;
+        // The traversal misses everything along a direction with a negative zero in it; adding 0 makes it positive.
+        let unit = |v: DVec3| Vec3A::from(v.as_vec3()) + Vec3A::ZERO;
+        let ray = Ray::new(unit((origin - self.centre) / self.radius), unit(direction), 0.0, f32::MAX);
+        let mut found = RayHit::none();
+        hierarchy.ray_traverse(ray, &mut found, |ray, slot| {
+            let triangle = &self.triangles[hierarchy.primitive_indices[slot] as usize];
+            triangle.distance(ray.origin, ray.direction).filter(|t| *t < ray.tmax).unwrap_or(f32::INFINITY)
+        });
+        if found.t >= f32::MAX {
+            return None;
+        }
+        let triangle = &self.triangles[hierarchy.primitive_indices[found.primitive_id as usize] as usize];
+        let normal = triangle.edges[0].cross(triangle.edges[1]).as_dvec3().normalize_or_zero();
+        Some(Hit { distance: f64::from(found.t) * self.radius, normal, front: normal.dot(direction) < 0.0 })
+    }
+}
+
+impl Triangle {
+    /// Moeller and Trumbore's intersection.
+    fn distance(&self, origin: Vec3A, direction: Vec3A) -> Option<f32> {
+        let [u, v] = self.edges;
+        let p = direction.cross(v);
+        let determinant = u.dot(p);
+        if self.double_sided && determinant < 0.0 {
+            return None;
+        }
+        let inverse = 1.0 / determinant;
+        let offset = origin - self.corner;
+        let second = offset.dot(p) * inverse;
+        let q = offset.cross(u);
+        let third = direction.dot(q) * inverse;
+        let distance = v.dot(q) * inverse;
+        // Comparisons with NaN are false: triangles seen from their edge are missed.
+        let inside = second >= -OVERLAP && third >= -OVERLAP && second + third <= 1.0 + OVERLAP;
+        (inside && distance > 0.0 && distance.is_finite()).then_some(distance)
+    }
+}

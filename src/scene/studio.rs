@@ -1,0 +1,188 @@
+//! A stage for files without one: a studio's soft light, a day's sky, a ground, and what shows behind them.
+
+use super::build::{add_material, add_mesh, patch, phong, place};
+use super::sky::Sky;
+use super::{LightKind, Scene};
+use glam::{DAffine3, DVec3, Vec3};
+use std::borrow::Cow;
+use std::f32::consts::TAU;
+use std::f64::consts::PI;
+
+/// What shows where no surface is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Backdrop {
+    /// The sky's own radiance; nothing without a sky.
+    #[default]
+    Sky,
+    /// Below the horizon what an unshadowed ground reflects, above it a little less and less.
+    Studio,
+    /// Nothing.
+    Nothing,
+}
+
+/// Directional lights that stand for a sky that is put over a scene here.
+pub(super) const LIGHTS: usize = 16;
+
+/// Diffuse albedo of the ground.
+pub const GROUND_ALBEDO: f32 = 0.4;
+
+/// Radius of the ground in radii of the scene that stands on it.
+const GROUND_RADIUS: f64 = 2.5;
+
+/// Most of the area that counts for caches that may be the ground's, as a share of the other surfaces'.
+const GROUND_SHARE: f64 = 0.2;
+
+/// Columns and rows of the grids that are made here.
+const GRID: [u32; 2] = [128, 64];
+
+/// A light of the studio: its direction from the one that faces the viewer, to the left and up [degrees], the width of its
+/// soft edge [degrees] and its radiance at the middle, of which the largest is 1.
+struct Softbox {
+    left: f64,
+    up: f64,
+    width: f64,
+    radiance: f64,
+}
+
+const SOFTBOXES: [Softbox; 3] = [
+    Softbox { left: 38.0, up: 40.0, width: 22.0, radiance: 1.0 }, // key
+    Softbox { left: -55.0, up: 25.0, width: 35.0, radiance: 0.2 }, // fill
+    Softbox { left: 160.0, up: 40.0, width: 25.0, radiance: 0.15 }, // edges
+];
+
+/// Radiance of the rest of the upper half, of the glow at the horizon, and of the lower half where there is no ground.
+const REST: f64 = 0.045;
+const GLOW: f64 = 0.05;
+const BELOW: f64 = 0.03;
+
+impl Sky {
+    /// A studio: a large soft key light above, to the left of a viewer in the horizontal direction `viewer`, a weaker fill to
+    /// the right, a dim rest and a glow at the horizon. An unshadowed white surface that faces straight up has a radiance of
+    /// 1 cd/m^2: `pi` lx. Over a ground nothing comes from below.
+    pub fn studio(viewer: DVec3, grounded: bool) -> Self {
+        let viewer = DVec3::new(viewer.x, 0.0, viewer.z).try_normalize().unwrap_or(DVec3::Z);
+        // Seen by the viewer, who looks the other way.
+        let left = -DVec3::Y.cross(viewer);
+        let towards = |softbox: &Softbox| {
+            let (side, up) = (softbox.left.to_radians(), softbox.up.to_radians());
+            up.cos() * (side.cos() * viewer + side.sin() * left) + up.sin() * DVec3::Y
+        };
+        let softboxes = SOFTBOXES.map(|softbox| (towards(&softbox), softbox.width.to_radians(), softbox.radiance));
+        let radiance = |direction: DVec3| {
+            if direction.y < 0.0 {
+                return if grounded { 0.0 } else { BELOW };
+            }
+            let soft = |&(towards, width, radiance): &(DVec3, f64, f64)| {
+                radiance * (-0.5 * (direction.angle_between(towards) / width).powi(2)).exp()
+            };
+            softboxes.iter().map(soft).sum::<f64>() + REST + GLOW * (-(direction.y / 0.2).powi(2)).exp()
+        };
+        let sky = Self::of(|direction| Vec3::splat(radiance(direction) as f32));
+        let up = sky.received(DVec3::Y).x;
+        Self::of(|direction| Vec3::splat((PI / up * radiance(direction)) as f32))
+    }
+
+    /// A day's sky without its sun, which is a light of its own, over dark ground: 15 000 lx from above.
+    pub fn day() -> Self {
+        let radiance = |direction: DVec3| {
+            let horizon = (-4.0 * direction.y.max(0.0)).exp();
+            if direction.y < 0.0 { DVec3::splat(0.1) } else { DVec3::new(0.45, 0.65, 1.0).lerp(DVec3::ONE, horizon) }
+        };
+        let sky = Self::of(|direction| radiance(direction).as_vec3());
+        let scale = 15_000.0 / sky.received(DVec3::Y).y;
+        Self::of(|direction| (scale * radiance(direction)).as_vec3())
+    }
+
+    /// A grid of the radiance [cd/m^2] in each direction.
+    fn of(radiance: impl Fn(DVec3) -> Vec3) -> Self {
+        let [width, height] = GRID;
+        let mut sky = Self::new(width, height, std::iter::repeat_n(Vec3::ZERO, (width * height) as usize), 0.0);
+        sky.texels = (0..(width * height) as usize)
+            .map(|texel| radiance(sky.direction(texel % width as usize, texel / width as usize)))
+            .collect();
+        sky
+    }
+
+    /// Light \[lx\] that falls on an unshadowed plane with this unit normal.
+    pub fn received(&self, normal: DVec3) -> DVec3 {
+        let texel = |index: usize| {
+            let (column, row) = (index % self.width as usize, index / self.width as usize);
+            let cosine = self.direction(column, row).dot(normal).max(0.0);
+            cosine * self.solid_angle(row) * self.texels[index].as_dvec3()
+        };
+        (0..self.texels.len()).map(texel).sum()
+    }
+}
+
+impl Scene {
+    /// The grid of radiance that shows where no surface is, if any does.
+    pub fn behind(&self) -> Option<Cow<'_, Sky>> {
+        match self.backdrop {
+            Backdrop::Sky => self.sky.as_ref().map(Cow::Borrowed),
+            Backdrop::Studio => Some(Cow::Owned(quiet(self.ground_radiance()))),
+            Backdrop::Nothing => None,
+        }
+    }
+
+    /// Whether anything shows where no surface is.
+    pub(crate) fn has_backdrop(&self) -> bool {
+        match self.backdrop {
+            Backdrop::Sky => self.sky.is_some(),
+            Backdrop::Studio => true,
+            Backdrop::Nothing => false,
+        }
+    }
+
+    /// Radiance [cd/m^2] of an unshadowed ground under the scene's parallel lights; without any, under 1 lx for each
+    /// candela and square metre of the others, seen from the middle of the scene.
+    fn ground_radiance(&self) -> Vec3 {
+        let (low, high) = self.bounds().unwrap_or_default();
+        let (centre, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
+        let is_parallel = |light: &&super::Light| light.kind == LightKind::Directional;
+        let parallel = self.lights.iter().filter(is_parallel);
+        let mut light: Vec3 = parallel.map(|l| l.color * l.intensity * (-l.direction.y).max(0.0)).sum();
+        if light == Vec3::ZERO {
+            let near = |l: &super::Light| l.position.distance_squared(centre).max(0.01 * radius * radius).max(1e-12);
+            let others = self.lights.iter().filter(|light| !is_parallel(light));
+            light = others.map(|l| l.color * (f64::from(l.intensity) / near(l)) as f32).sum();
+        }
+        light * (GROUND_ALBEDO / std::f32::consts::PI)
+    }
+}
+
+/// The studio's backdrop: even below the horizon, above it falling to half.
+fn quiet(ground: Vec3) -> Sky {
+    Sky::of(|direction| {
+        let up = (direction.y.max(0.0) as f32 / 0.8).min(1.0);
+        ground * (1.0 - 0.5 * up * up * (3.0 - 2.0 * up))
+    })
+}
+
+/// Puts a ground under a scene whose middle, radius and height \[m\] are given: a disc that faces up. Its caches may stand
+/// farther apart than others', so that it takes few of them.
+pub(super) fn put_ground(scene: &mut Scene, middle: DVec3, radius: f64, height: f64) {
+    let area = super::tessellate::area(scene);
+    let reach = GROUND_RADIUS * radius;
+    let (columns, rows) = (32, 6);
+    let disc = patch([columns, rows], [true, false], |column, row| {
+        let (sine, cosine) = (TAU * column as f32 / columns as f32).sin_cos();
+        (Vec3::new(cosine, 0.0, sine) * (row as f32 / (rows - 1) as f32), Vec3::Y)
+    });
+    let material = add_material(scene, phong("ground", [GROUND_ALBEDO; 3], [0.0; 3], 1.0));
+    let mesh = add_mesh(scene, "ground", vec![(disc, material)]);
+    let at = DVec3::new(middle.x, height, middle.z);
+    place(
+        scene,
+        "ground",
+        mesh,
+        DAffine3::from_scale_rotation_translation(DVec3::splat(reach), Default::default(), at),
+    );
+    let sparse = (PI * reach * reach / (GROUND_SHARE * area)).sqrt();
+    if let Some(ground) = scene.instances.last_mut().filter(|_| sparse.is_finite() && sparse > 1.0) {
+        ground.sparse = Some(sparse);
+    }
+    if let Some((low, high)) = &mut scene.extent {
+        *low = low.min(at - DVec3::new(reach, 0.0, reach));
+        *high = high.max(at + DVec3::new(reach, 0.0, reach));
+    }
+}
