@@ -539,10 +539,11 @@ struct PackPush {
 // Push constants of composite and exposure.
 struct CompositePush {
     float ev; // fixed exposure value at ISO 100
-    uint automatic; // 1: use the measured one instead
+    uint automatic; // 1: measure it instead
     uint tonemap;
     uint width;
     uint height;
+    uint step; // every how many pixels and rows luminance is measured
 };
 
 // Push constants of the check for broken values; what the frame has not counts 0.

@@ -1,4 +1,4 @@
-//! Stage 11, composite: all radiance, exposure, tone map -> picture. METHOD 1.
+//! Stage 11, composite: all radiance, depth -> exposure; tone map -> picture. METHOD 1, 10.
 
 use super::gbuffer::Surface;
 use super::interpolate::Radiance;
@@ -14,7 +14,7 @@ use crate::shared::CompositePush;
 pub struct Output {
     /// Tone-mapped sRGB.
     pub picture: Image,
-    /// Exposure value that the picture's own luminance asks for.
+    /// The exposure value that the picture is shown with, measured or fixed.
     pub exposure: Buffer,
 }
 
@@ -31,7 +31,7 @@ impl Output {
     }
 }
 
-/// Measures the picture's luminance and maps it to the display.
+/// Measures the luminance of what the picture shows and maps it to the display. METHOD 10.
 pub struct Composite {
     expose: Pipeline,
     map: Pipeline,
@@ -50,11 +50,11 @@ pub struct Composed<'a> {
 
 impl<'a> Composed<'a> {
     /// A lobe that the plan has not is not read; the direct image only fills its place.
-    fn binds(&self) -> [Bind<'a>; 4] {
+    fn radiance(&self) -> [Bind<'a>; 3] {
         let direct = &self.surface.radiance;
         let diffuse = self.indirect.map_or(direct, |i| &i.diffuse);
         let glossy = self.indirect.and_then(|i| i.glossy.as_ref()).unwrap_or(direct);
-        [direct.into(), diffuse.into(), glossy.into(), (&self.out.exposure).into()]
+        [direct.into(), diffuse.into(), glossy.into()]
     }
 }
 
@@ -95,28 +95,33 @@ impl Composite {
         };
         let push = |composed: &Composed<'_>| {
             let [width, height] = composed.surface.size;
-            CompositePush { ev, automatic: automatic.into(), tonemap: look.tonemap as u32, width, height }
+            let step = metering_step(composed.surface.size);
+            CompositePush { ev, automatic: automatic.into(), tonemap: look.tonemap as u32, width, height, step }
         };
-        if automatic {
-            if of_this_frame {
-                cmd.barrier(Use::ColorWrite, Use::ComputeRead);
-            }
-            for composed in views.clone() {
-                cmd.bind(&self.expose, &composed.binds());
-                cmd.push(&push(&composed));
-                cmd.dispatch(256, 1, 1);
-            }
-            cmd.barrier(Use::ComputeWrite | Use::ColorWrite, Use::FragmentRead);
-        } else if of_this_frame {
-            cmd.barrier(Use::ColorWrite, Use::FragmentRead);
+        if of_this_frame {
+            cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::ComputeRead);
         }
+        for composed in views.clone() {
+            let [direct, diffuse, glossy] = composed.radiance();
+            let depth = (&composed.surface.depth).into();
+            cmd.bind(&self.expose, &[direct, diffuse, glossy, depth, (&composed.out.exposure).into()]);
+            cmd.push(&push(&composed));
+            cmd.dispatch(256, 1, 1);
+        }
+        cmd.barrier(Use::ComputeWrite | Use::ColorWrite, Use::FragmentRead);
         for composed in views {
             let picture = [Attach::clear(&composed.out.picture)];
             cmd.render(&Attachments { colors: &picture, depth: None, area: composed.surface.area() }, |draw| {
-                draw.bind(&self.map, &composed.binds());
+                let [direct, diffuse, glossy] = composed.radiance();
+                draw.bind(&self.map, &[direct, diffuse, glossy, (&composed.out.exposure).into()]);
                 draw.push(&push(&composed));
                 draw.draw(3);
             });
         }
     }
+}
+
+/// Every how many pixels and rows of a picture luminance is measured: some 2^18 pixels are enough.
+fn metering_step([width, height]: [u32; 2]) -> u32 {
+    (f64::from(width) * f64::from(height) / f64::from(1 << 18)).sqrt().ceil() as u32
 }
