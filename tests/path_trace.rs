@@ -14,6 +14,7 @@ use lightskin::reference::world::{Sides, World};
 use lightskin::scene::build::{CornellSurface, Surface, cornell, cuboid, quad, sphere};
 use lightskin::scene::{Camera, Material, Scene, defaults, gltf};
 
+use crate::bake::meshes::Random;
 use crate::common::frames::{SPOT, add, camera, corner, phong, shoot, small, triangles};
 use crate::common::{data, gpu};
 
@@ -201,6 +202,54 @@ fn rays_along_the_axes_meet_what_is_there() {
             assert!(world.blocked_within(DVec3::ZERO, direction, f64::INFINITY), "{direction:?}");
         }
     }
+}
+
+/// Rays from 1e-6 to 1e-3 of the scene's radius before a surface, towards it and nearly along it, and from far outside.
+#[test]
+fn rays_meet_what_is_close_and_what_is_far() {
+    let mut random = Random(11);
+    let mut scene = Scene::default();
+    for i in 0..300 {
+        let size = 10.0_f64.powf(-3.0 * random.next());
+        let [at, mut u, mut v] = [1.0, size, size].map(|scale| (2.0 * random.point() - DVec3::ONE) * scale);
+        // Most lie in a plane along the axes, as walls and floors do.
+        if i % 4 < 3 {
+            (u[i % 4], v[i % 4]) = (0.0, 0.0);
+        }
+        add(&mut scene, quad(at.as_vec3(), u.as_vec3(), v.as_vec3(), 2.0), Material::default(), DAffine3::IDENTITY);
+    }
+    let world = World::new(&scene);
+    let all: Vec<_> = triangles(&scene).into_iter().map(|(triangle, _)| triangle).collect();
+    let mut lost = [0; 3];
+    for slope in [1.0, 0.1, 1e-2, 1e-3] {
+        for i in 0..4000 {
+            let [a, b, c] = all[i % all.len()].positions;
+            let (second, third) = (0.1 + 0.3 * random.next(), 0.1 + 0.3 * random.next());
+            let target = a + second * (b - a) + third * (c - a);
+            let Some(normal) = (b - a).cross(c - a).try_normalize() else { continue };
+            let side = if i % 2 == 0 { 1.0 } else { -1.0 };
+            let along = (2.0 * random.point() - DVec3::ONE).reject_from(normal).normalize();
+            let direction = (along + slope * side * normal).normalize();
+            let close = world.radius * 10.0_f64.powf(-6.0 + 3.0 * random.next()) + 2e-6 * world.radius;
+            for distance in [close, 1e3 * world.radius] {
+                let origin = target - distance * direction;
+                let Some(expected) = nearest(&all, origin, direction) else { panic!("ray {i} has its target") };
+                if expected.distance < 1.5e-6 * world.radius {
+                    continue; // too close to count
+                }
+                let tolerance = 1e-9 * distance.max(world.radius);
+                let is_it = |found: f64| (found - expected.distance).abs() < tolerance;
+                let mut nearest_of_all = f64::INFINITY;
+                world.all(origin, direction, |hit| nearest_of_all = nearest_of_all.min(hit.distance));
+                let hit = world.nearest(origin, direction, Sides::Both);
+                lost[0] += usize::from(!hit.is_some_and(|hit| is_it(hit.distance)));
+                lost[1] += usize::from(!is_it(nearest_of_all));
+                lost[2] += usize::from(!world.blocked_within(origin, direction, expected.distance + tolerance));
+            }
+        }
+        println!("slope {slope}: nearest, all and blocked have lost {lost:?} so far");
+    }
+    assert_eq!(lost, [0; 3]);
 }
 
 #[test]
