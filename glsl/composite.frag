@@ -8,8 +8,8 @@ layout(push_constant, scalar) uniform Push { CompositePush push; };
 layout(binding = 0) uniform sampler2D direct_image;
 layout(binding = 1) uniform sampler2D diffuse_image;
 layout(binding = 2) uniform sampler2D glossy_image;
-layout(binding = 3, scalar) readonly buffer Exposure { float measured_ev; };
-layout(binding = 4) uniform sampler2D depth_image;
+layout(binding = 3) uniform sampler2D depth_image;
+layout(binding = 4, scalar) readonly buffer Exposure { float ev; };
 
 layout(location = 0) out vec4 out_color;
 
@@ -26,6 +26,5 @@ void main() {
     if (GLOSSY != 0u) {
         c += texelFetch(glossy_image, at, 0).rgb;
     }
-    float ev = push.automatic != 0u ? measured_ev : push.ev;
     out_color = vec4(tonemap(c * (exp2(-ev) / 1.2), push.tonemap), 1.0);
 }

@@ -1,4 +1,5 @@
-// Stage 11: log-average luminance of the lit pixels. One workgroup and a fixed order: the same every time.
+// Stage 11: exposure by the luminance of what the picture shows. METHOD 10. One workgroup, and sums of integers: the same
+// every time, in whatever order they are added. Twin: automatic_ev in src/reference/tonemap.rs.
 #include "shared.glsl"
 
 layout(local_size_x = 256) in;
@@ -8,18 +9,22 @@ layout(push_constant, scalar) uniform Push { CompositePush push; };
 layout(binding = 0) uniform sampler2D direct_image;
 layout(binding = 1) uniform sampler2D diffuse_image;
 layout(binding = 2) uniform sampler2D glossy_image;
-layout(binding = 3, scalar) writeonly buffer Exposure { float ev; };
+layout(binding = 3) uniform sampler2D depth_image;
+layout(binding = 4, scalar) writeonly buffer Exposure { float ev; };
 
-shared vec2 sums[256];
+// Log2 of luminance [cd/m^2] is sorted into bins of a 16th of a stop; of each the mean is kept as well, to a 16th of a bin.
+const uint BINS = 1024u;
+const float LEAST = -32.0;
+const float BINS_PER_STOP = 16.0;
+const float PARTS = 16.0;
+// Weight of a pixel in the middle of the picture, so that the sums over 2^18 pixels fit.
+const float MOST_WEIGHT = 256.0;
 
-// At most this many samples a thread: an exposure needs no more, and some drivers stop a loop at 65 535 rounds.
-const uint ROUNDS = 4096u;
+shared uint weights[BINS];
+shared uint parts[BINS];
+shared uint total;
 
-// Darker than this share of the mean counts as this share: what is nearly black shall not wash out the rest.
-const float DARKEST = 1.0 / 32.0;
-
-float luminance(uint pixel) {
-    ivec2 at = ivec2(pixel % push.width, pixel / push.width);
+float luminance(ivec2 at) {
     vec3 c = texelFetch(direct_image, at, 0).rgb;
     if (DIFFUSE != 0u) {
         c += texelFetch(diffuse_image, at, 0).rgb;
@@ -30,39 +35,81 @@ float luminance(uint pixel) {
     return dot(c, vec3(0.2126, 0.7152, 0.0722));
 }
 
-// Sum over all threads, in a fixed order; every thread gets it.
-vec2 total(vec2 sum) {
+// Sorts the lit pixels that show a surface, or those that show none; says how much they weigh.
+uint sort_pixels(bool surfaces) {
     barrier();
-    sums[gl_LocalInvocationID.x] = sum;
-    barrier();
-    for (uint half_count = 128u; half_count > 0u; half_count /= 2u) {
-        if (gl_LocalInvocationID.x < half_count) {
-            sums[gl_LocalInvocationID.x] += sums[gl_LocalInvocationID.x + half_count];
-        }
-        barrier();
+    for (uint bin = gl_LocalInvocationID.x; bin < BINS; bin += 256u) {
+        weights[bin] = 0u;
+        parts[bin] = 0u;
     }
-    return sums[0];
+    if (gl_LocalInvocationID.x == 0u) {
+        total = 0u;
+    }
+    barrier();
+    vec2 size = vec2(push.width, push.height);
+    uvec2 count = (uvec2(push.width, push.height) + push.step - 1u) / push.step;
+    uint own_total = 0u;
+    for (uint i = gl_LocalInvocationID.x; i < count.x * count.y; i += 256u) {
+        ivec2 at = ivec2(i % count.x, i / count.x) * int(push.step);
+        float l = luminance(at);
+        if (!(l > 0.0) || (texelFetch(depth_image, at, 0).r != 0.0) != surfaces) {
+            continue;
+        }
+        vec2 from_centre = (vec2(at) + 0.5) / size * 2.0 - 1.0;
+        vec2 window = 1.0 - 0.75 * from_centre * from_centre;
+        uint weight = uint(MOST_WEIGHT * window.x * window.y + 0.5);
+        float place = clamp((log2(l) - LEAST) * BINS_PER_STOP, 0.0, float(BINS) - 0.001);
+        atomicAdd(weights[uint(place)], weight);
+        atomicAdd(parts[uint(place)], weight * uint(fract(place) * PARTS));
+        own_total += weight;
+    }
+    atomicAdd(total, own_total);
+    barrier();
+    return total;
+}
+
+// Mean log2 of luminance in a bin that is not empty.
+float bin_mean(uint bin) {
+    float part = (float(parts[bin]) / float(weights[bin]) + 0.5) / PARTS;
+    return LEAST + (float(bin) + part) / BINS_PER_STOP;
+}
+
+// Mean log2 of luminance without the darkest and the brightest tenth. What is more than five stops darker than the
+// brightest that counts, counts as that much darker: what is nearly black shall not wash out the rest.
+float clipped_mean() {
+    uint tail = total / 10u;
+    uint last = BINS - 1u;
+    for (uint above = weights[last]; above <= tail; above += weights[last]) {
+        last -= 1u;
+    }
+    float darkest = bin_mean(last) - 5.0;
+    float sum = 0.0;
+    uint end = 0u;
+    for (uint bin = 0u; bin <= last; bin += 1u) {
+        uint start = max(end, tail);
+        end += weights[bin];
+        uint counted = min(end, total - tail);
+        if (counted > start) {
+            sum += float(counted - start) * max(bin_mean(bin), darkest);
+        }
+    }
+    return sum / float(total - 2u * tail);
 }
 
 void main() {
-    uint pixels = push.width * push.height;
-    uint stride = max(1u, (pixels + 256u * ROUNDS - 1u) / (256u * ROUNDS));
-    uint first = gl_LocalInvocationID.x * stride;
-    vec2 sum = vec2(0.0);
-    for (uint i = first; i < pixels; i += 256u * stride) {
-        float l = luminance(i);
-        sum += l > 0.0 ? vec2(l, 1.0) : vec2(0.0);
+    if (push.automatic == 0u) {
+        if (gl_LocalInvocationID.x == 0u) {
+            ev = push.ev;
+        }
+        return;
     }
-    sum = total(sum);
-    float darkest = DARKEST * sum.x / max(sum.y, 1.0);
-    sum = vec2(0.0);
-    for (uint i = first; i < pixels; i += 256u * stride) {
-        float l = luminance(i);
-        sum += l > 0.0 ? vec2(log2(max(l, darkest)), 1.0) : vec2(0.0);
+    // What stands behind the scene counts where nothing else is to be seen.
+    bool is_lit = sort_pixels(true) > 0u;
+    if (!is_lit) {
+        is_lit = sort_pixels(false) > 0u;
     }
-    sum = total(sum);
     if (gl_LocalInvocationID.x == 0u) {
-        // The average becomes middle grey: exposure is 1 / (1.2 * 2^EV), and 0.18 of that is wanted.
-        ev = sum.y > 0.0 ? sum.x / sum.y - log2(1.2 * 0.18) : 0.0;
+        // The mean becomes middle grey: exposure is 1 / (1.2 * 2^EV), and 0.18 of that is wanted.
+        ev = is_lit ? clipped_mean() - log2(1.2 * 0.18) : 0.0;
     }
 }

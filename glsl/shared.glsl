@@ -560,10 +560,11 @@ struct PackPush {
 // Push constants of composite and exposure.
 struct CompositePush {
     float ev; // fixed exposure value at ISO 100
-    uint automatic; // 1: use the measured one instead
+    uint automatic; // 1: measure it instead
     uint tonemap;
     uint width;
     uint height;
+    uint step; // every how many pixels and rows luminance is measured
     uint replaced; // 1: where no surface is, `behind` shows
     vec4 behind; // linear, of the display
 };

@@ -1,6 +1,6 @@
 //! Placing the caches: the guarantee, the counts, areas and references against brute force, and the kept file.
 
-mod meshes;
+pub(crate) mod meshes;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use lightskin::Error;

@@ -18,6 +18,7 @@ mod emissive;
 mod energy;
 mod engine;
 mod eval;
+mod exposure;
 mod files;
 mod flicker;
 mod frame;

@@ -4,12 +4,10 @@ use super::picture::{LayerArg, Layers, TonemapArg};
 use super::signals;
 use anyhow::{Result, bail};
 use clap::{Args, ValueEnum};
-use glam::DVec3;
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::frame::Behind;
 use lightskin::kept;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources};
-use lightskin::reference::tonemap;
 use lightskin::scene::{Camera, Scene};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -131,15 +129,7 @@ pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture:
     let time = start.elapsed();
 
     let layers = layers(&trace, camera, picture.size);
-    let measured = tonemap::automatic_ev(
-        layers
-            .color()
-            .iter()
-            .map(|p| DVec3::new(p[0].into(), p[1].into(), p[2].into()))
-            .collect::<Vec<_>>()
-            .into_iter(),
-    );
-    let ev = picture.ev.unwrap_or(measured as f32);
+    let ev = picture.ev.unwrap_or_else(|| layers.automatic_ev() as f32);
     let noise = 100.0 * trace.noise();
     let metadata = format!(
         "scene {}; camera {}; path-traced, {} samples per pixel, noise {noise:.3} %; {settings:?}; EV {ev}",

@@ -2,7 +2,7 @@
 
 use anyhow::Result;
 use clap::ValueEnum;
-use glam::DVec3;
+use glam::{DVec3, Vec4};
 use lightskin::frame::{Behind, Picture, View};
 use lightskin::gpu::Gpu;
 use lightskin::image::{Layer, broken_values, write_exr, write_png};
@@ -73,6 +73,13 @@ impl Layers {
     /// All radiance.
     pub(super) fn color(&self) -> Vec<[f32; 4]> {
         sum(&self.direct, &self.indirect())
+    }
+
+    /// The exposure value that suits the surfaces.
+    pub(super) fn automatic_ev(&self) -> f64 {
+        let radiance: Vec<DVec3> = self.color().iter().map(|p| Vec4::from(*p).truncate().as_dvec3()).collect();
+        let seen: Vec<bool> = self.depth.iter().map(|z| z[0].is_finite()).collect();
+        tonemap::automatic_ev(self.size, &radiance, &seen)
     }
 
     /// How many values no radiance can have.
@@ -177,12 +184,9 @@ fn bytes(srgb: DVec3) -> [u8; 4] {
     [byte(srgb.x), byte(srgb.y), byte(srgb.z), 255]
 }
 
-/// The exposure that a picture is shown with.
-pub(super) fn exposure_value(ev: Option<f32>, gpu: &Gpu, picture: &Picture) -> Result<f32> {
-    Ok(match ev {
-        Some(ev) => ev,
-        None => gpu.read::<f32>(&picture.output.exposure)?[0],
-    })
+/// The exposure value that the picture of the last frame is shown with.
+pub(super) fn exposure_value(gpu: &Gpu, picture: &Picture) -> Result<f32> {
+    Ok(gpu.read::<f32>(&picture.output.exposure)?[0])
 }
 
 /// How a picture is written.
@@ -191,8 +195,6 @@ pub(super) struct Writing {
     pub(super) layer: Option<LayerArg>,
     /// Curve from scene to display.
     pub(super) tonemap: TonemapArg,
-    /// Exposure value; measured from the picture without it.
-    pub(super) ev: Option<f32>,
     /// What shows where no surface is.
     pub(super) behind: Behind,
 }
@@ -201,7 +203,7 @@ impl Writing {
     /// Writes the picture of the last frame, and says how many of its values no radiance can have; `about` is what an EXR
     /// file says of itself.
     pub(super) fn write(&self, gpu: &Gpu, picture: &Picture, view: &View, about: &str, out: &Path) -> Result<usize> {
-        let ev = exposure_value(self.ev, gpu, picture)?;
+        let ev = exposure_value(gpu, picture)?;
         let layers = read_layers(gpu, picture, view)?;
         if self.layer.is_none() && !is_exr(out) {
             let [w, h] = picture.size();
@@ -241,7 +243,7 @@ fn read_half(gpu: &Gpu, image: &lightskin::gpu::Image) -> Result<Vec<[f32; 4]>> 
 fn view_depth(depth: &[f32], view: &View, [w, h]: [u32; 2]) -> Vec<[f32; 4]> {
     let middle = |i: usize| {
         let (x, y) = (i as u32 % w, i as u32 / w);
-        glam::Vec4::new((x as f32 + 0.5) / w as f32 * 2.0 - 1.0, (y as f32 + 0.5) / h as f32 * 2.0 - 1.0, depth[i], 1.0)
+        Vec4::new((x as f32 + 0.5) / w as f32 * 2.0 - 1.0, (y as f32 + 0.5) / h as f32 * 2.0 - 1.0, depth[i], 1.0)
     };
     let distance = |i: usize| {
         if depth[i] == 0.0 {

@@ -41,7 +41,7 @@ pub(super) struct Render {
     /// Camera by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
     camera: Option<String>,
-    /// Exposure value at ISO 100 (1.2 * 2^EV cd/m^2 becomes white); measured from the picture without it.
+    /// Exposure value at ISO 100 (1.2 * 2^EV cd/m^2 becomes white); without it that of the surfaces in view.
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = exposure)]
     ev: Option<f32>,
     /// Curve from scene to display.
@@ -464,7 +464,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         gpu.report().name,
         baked.as_ref().map_or(0, |baked| baked.count)
     );
-    let writing = Writing { layer: args.layer, tonemap: args.tonemap, ev: args.ev, behind: look.behind };
+    let writing = Writing { layer: args.layer, tonemap: args.tonemap, behind: look.behind };
     let view_of = |camera: &Camera, world: &World| View::new(camera, args.size, world.origin, world.radius);
     let mut view = view_of(&seen_from, &world);
     // The first frame makes what the driver puts off: the times of those after it are those that last.
@@ -526,7 +526,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         settings: args.facts(&settings, interp, &motion, &scene),
         runs: &runs,
     };
-    let ev = exposure_value(args.ev, &gpu, &picture)?;
+    let ev = exposure_value(&gpu, &picture)?;
     if !motion.pictures {
         broken_in_pictures += writing.write(&gpu, &picture, &view, &about, &first_picture)?;
     }

@@ -1,4 +1,4 @@
-//! Stage 11, composite: all radiance, exposure, tone map -> picture. METHOD 1.
+//! Stage 11, composite: all radiance, depth -> exposure; tone map -> picture. METHOD 1, 10.
 
 use super::gbuffer::Surface;
 use super::interpolate::Radiance;
@@ -15,7 +15,7 @@ use glam::Vec4;
 pub struct Output {
     /// Tone-mapped sRGB.
     pub picture: Image,
-    /// Exposure value that the picture's own luminance asks for.
+    /// The exposure value that the picture is shown with, measured or fixed.
     pub exposure: Buffer,
 }
 
@@ -32,7 +32,7 @@ impl Output {
     }
 }
 
-/// Measures the picture's luminance and maps it to the display.
+/// Measures the luminance of what the picture shows and maps it to the display. METHOD 10.
 pub struct Composite {
     expose: Pipeline,
     map: Pipeline,
@@ -55,7 +55,8 @@ impl<'a> Composed<'a> {
         let direct = &self.surface.radiance;
         let diffuse = self.indirect.map_or(direct, |i| &i.diffuse);
         let glossy = self.indirect.and_then(|i| i.glossy.as_ref()).unwrap_or(direct);
-        [direct.into(), diffuse.into(), glossy.into(), (&self.out.exposure).into(), (&self.surface.depth).into()]
+        let depth = &self.surface.depth;
+        [direct.into(), diffuse.into(), glossy.into(), depth.into(), (&self.out.exposure).into()]
     }
 }
 
@@ -101,22 +102,19 @@ impl Composite {
                 Behind::Color(color) => (1, color.extend(1.0)),
                 Behind::Transparent => (1, Vec4::ZERO),
             };
-            let (automatic, tonemap) = (automatic.into(), look.tonemap as u32);
-            CompositePush { ev, automatic, tonemap, width, height, replaced, behind }
+            let (automatic, tonemap, step) =
+                (automatic.into(), look.tonemap as u32, metering_step(composed.surface.size));
+            CompositePush { ev, automatic, tonemap, width, height, step, replaced, behind }
         };
-        if automatic {
-            if of_this_frame {
-                cmd.barrier(Use::ColorWrite, Use::ComputeRead);
-            }
-            for composed in views.clone() {
-                cmd.bind(&self.expose, &composed.binds()[..4]);
-                cmd.push(&push(&composed));
-                cmd.dispatch(256, 1, 1);
-            }
-            cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead);
-        } else if of_this_frame {
-            cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead);
+        if of_this_frame {
+            cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::ComputeRead);
         }
+        for composed in views.clone() {
+            cmd.bind(&self.expose, &composed.binds());
+            cmd.push(&push(&composed));
+            cmd.dispatch(256, 1, 1);
+        }
+        cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead);
         for composed in views {
             let picture = [Attach::clear(&composed.out.picture)];
             cmd.render(&Attachments { colors: &picture, depth: None, area: composed.surface.area() }, |draw| {
@@ -126,4 +124,9 @@ impl Composite {
             });
         }
     }
+}
+
+/// Every how many pixels and rows of a picture luminance is measured: some 2^18 pixels are enough.
+fn metering_step([width, height]: [u32; 2]) -> u32 {
+    (f64::from(width) * f64::from(height) / f64::from(1 << 18)).sqrt().ceil() as u32
 }

@@ -34,7 +34,7 @@ pub fn is_broken(color: [f32; 3]) -> bool {
 
 /// Factor that brings the log-average luminance of an image's lit pixels to middle grey, 0.18; `None` if none is lit.
 ///
-/// As in the engine's automatic exposure, what is darker than 1/32 of the mean counts as 1/32 of it.
+/// What is darker than 1/32 of the mean counts as 1/32 of it.
 pub fn middle_grey(image: &[[f32; 3]]) -> Option<f64> {
     let lit: Vec<f64> = image.iter().map(|c| luminance(*c)).filter(|l| *l > 0.0).collect();
     if lit.is_empty() {

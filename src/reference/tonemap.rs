@@ -114,14 +114,47 @@ pub fn linear_from_srgb(color: DVec3) -> DVec3 {
     color.map(|v| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) })
 }
 
-/// Exposure value at ISO 100 that makes the log-average luminance of `radiance` [cd/m^2] middle grey. Black takes no
-/// part; what is darker than a 32nd of the mean counts as this. 0 for an all-black picture.
-pub fn automatic_ev(radiance: impl Iterator<Item = DVec3> + Clone) -> f64 {
-    let lit = radiance.map(luminance).filter(|l| *l > 0.0);
-    let count = lit.clone().count() as f64;
-    if count == 0.0 {
-        return 0.0;
+/// Exposure value at ISO 100 for the surfaces of a picture: their mean log luminance, without the darkest and the brightest
+/// tenth and weighted towards the centre, becomes middle grey. METHOD 10. `radiance` [cd/m^2] and whether a surface is
+/// `seen` lie row by row. 0 for a black picture.
+pub fn automatic_ev([width, height]: [u32; 2], radiance: &[DVec3], seen: &[bool]) -> f64 {
+    const TAIL: f64 = 0.1;
+    const DARKEST_STOPS: f64 = 5.0;
+    let step = (f64::from(width) * f64::from(height) / f64::from(1 << 18)).sqrt().ceil() as usize;
+    let window = |at: usize, count: u32| {
+        let from_centre = (at as f64 + 0.5) / f64::from(count) * 2.0 - 1.0;
+        1.0 - 0.75 * from_centre * from_centre
+    };
+    // Log luminance and weight of what is lit, from dark to bright.
+    let metered = |surfaces: bool| -> Vec<(f64, f64)> {
+        let mut all = Vec::new();
+        for y in (0..height as usize).step_by(step) {
+            for x in (0..width as usize).step_by(step) {
+                let i = y * width as usize + x;
+                let l = luminance(radiance[i]);
+                if l > 0.0 && seen[i] == surfaces {
+                    all.push((l.log2().clamp(-32.0, 32.0), window(x, width) * window(y, height)));
+                }
+            }
+        }
+        all.sort_by(|a, b| a.0.total_cmp(&b.0));
+        all
+    };
+    let Some(sorted) = [true, false].into_iter().map(metered).find(|sorted| !sorted.is_empty()) else { return 0.0 };
+    let total: f64 = sorted.iter().map(|(_, weight)| weight).sum();
+    let (first, last) = (TAIL * total, (1.0 - TAIL) * total);
+    // The share of each pixel's weight that lies between the tails.
+    let mut end = 0.0;
+    let mut kept = Vec::new();
+    for (log2, weight) in sorted {
+        let start = end;
+        end += weight;
+        let between = f64::min(end, last) - f64::max(start, first);
+        if between > 0.0 {
+            kept.push((log2, between));
+        }
     }
-    let darkest = lit.clone().sum::<f64>() / count / 32.0;
-    lit.map(|l| l.max(darkest).log2()).sum::<f64>() / count - (1.2 * 0.18_f64).log2()
+    let darkest = kept.last().map_or(0.0, |(log2, _)| log2 - DARKEST_STOPS);
+    let mean = kept.iter().map(|(log2, weight)| log2.max(darkest) * weight).sum::<f64>() / (last - first);
+    mean - (1.2 * 0.18_f64).log2()
 }

@@ -19,6 +19,10 @@ const BOX_MARGIN: f64 = 1e-6;
 /// lie in one plane do not quite.
 const NEAREST: f64 = 1e-6;
 
+/// Share of the scene's radius that a ray against the boxes starts behind its origin: the traversal takes no box that ends
+/// within 1e-4 of its start.
+const BEHIND: f64 = 2e-4;
+
 /// A scene to shoot rays at.
 pub struct World<'a> {
     scene: &'a Scene,
@@ -143,13 +147,14 @@ impl<'a> World<'a> {
         let local = origin - self.centre;
         let mut best: Option<Hit> = None;
         let mut unused = RayHit::none();
-        hierarchy.ray_traverse(self.ray(local, direction, f64::INFINITY), &mut unused, |_, slot| {
+        let (ray, start) = self.ray(local, direction, f64::INFINITY);
+        hierarchy.ray_traverse(ray, &mut unused, |_, slot| {
             let index = hierarchy.primitive_indices[slot];
             match self.meet(index, local, direction, sides) {
                 Some(hit) if best.is_none_or(|b| hit.distance < b.distance) => {
                     best = Some(hit);
                     // Rounded up: what lies just before it is still looked at.
-                    ((hit.distance / self.radius) as f32) * (1.0 + 1e-6)
+                    ((hit.distance / self.radius - start) as f32) * (1.0 + 1e-6)
                 }
                 _ => f32::INFINITY,
             }
@@ -161,7 +166,8 @@ impl<'a> World<'a> {
     pub fn all(&self, origin: DVec3, direction: DVec3, mut met: impl FnMut(Hit)) {
         let Some(hierarchy) = &self.hierarchy else { return };
         let local = origin - self.centre;
-        hierarchy.ray_traverse_anyhit(self.ray(local, direction, f64::INFINITY), |_, slot| {
+        let (ray, _) = self.ray(local, direction, f64::INFINITY);
+        hierarchy.ray_traverse_anyhit(ray, |_, slot| {
             if let Some(hit) = self.meet(hierarchy.primitive_indices[slot], local, direction, Sides::Both) {
                 met(hit);
             }
@@ -177,22 +183,26 @@ impl<'a> World<'a> {
     /// Whether anything lies on a ray nearer than `distance` \[m\], which may be infinite.
     pub fn blocked_within(&self, origin: DVec3, direction: DVec3, distance: f64) -> bool {
         let Some(hierarchy) = &self.hierarchy else { return false };
-        let local = origin - self.centre;
-        let ray = self.ray(local, direction, distance);
-        if ray.tmax <= 0.0 {
+        if distance <= 0.0 {
             return false;
         }
+        let local = origin - self.centre;
+        let (ray, _) = self.ray(local, direction, distance);
         !hierarchy.ray_traverse_miss(ray, |_, slot| {
             let hit = self.meet(hierarchy.primitive_indices[slot], local, direction, Sides::Both);
             if hit.is_some_and(|hit| hit.distance < distance) { 0.0 } else { f32::INFINITY }
         })
     }
 
-    fn ray(&self, local: DVec3, direction: DVec3, distance: f64) -> Ray {
+    /// A ray against the boxes, as far as `distance` \[m\], and where on the ray it starts, both in scene radii.
+    fn ray(&self, local: DVec3, direction: DVec3, distance: f64) -> (Ray, f64) {
+        // From far away f32 would miss the boxes: it starts where the ray comes into the scene's sphere.
+        let place = local / self.radius;
+        let start = (-place.dot(direction) - 1.0).max(0.0) - BEHIND;
         // The traversal misses everything along a direction with a negative zero in it; adding 0 makes it positive.
         let unit = |v: DVec3| Vec3A::from(v.as_vec3()) + Vec3A::ZERO;
-        let farthest = (distance / self.radius).min(f64::from(f32::MAX)) as f32;
-        Ray::new(unit(local / self.radius), unit(direction), 0.0, farthest)
+        let farthest = (distance / self.radius - start).min(f64::from(f32::MAX)) as f32;
+        (Ray::new(unit(place + start * direction), unit(direction), 0.0, farthest), start)
     }
 
     /// Moeller and Trumbore's intersection, and whether the surface is there at all.
