@@ -4,6 +4,7 @@
 mod space;
 mod view;
 
+use super::rays::Hit;
 use super::sky::Sky;
 use super::studio::{self, Backdrop};
 use super::{Camera, Light, LightKind, Projection, Scene};
@@ -13,6 +14,10 @@ use space::Space;
 /// Light of the sun through the open top of a room, and of a lamp on the floor below it \[lx\].
 const SUN: f64 = 1e5;
 const LAMP: f64 = 500.0;
+
+/// Share of the picture that the sun shall light, and how far off a surface \[radii\] it is looked for.
+const PATCH: f64 = 0.08;
+const SLACK: f64 = 1e-4;
 
 /// A lamp is free enough where nothing is nearer than this share of the scene's radius.
 const FREE: f64 = 0.03;
@@ -66,7 +71,7 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
         () if inside && space.openness(DVec3::Y) >= OPEN => put_day_over(scene, &space),
         () if inside => {
             let lamp = lamp(&space);
-            let (at, intensity) = (shown(lamp.position), lamp.intensity);
+            let (at, intensity) = (format_point(lamp.position), lamp.intensity);
             scene.notes.push(format!("The scene has no light; a lamp of {intensity} cd was put in at {at}."));
             scene.lights.push(lamp);
         }
@@ -85,15 +90,24 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
 
 /// A sun through the open top of a room, and the sky that it stands in.
 fn put_day_over(scene: &mut Scene, space: &Space) {
-    let size = space.high - space.low;
-    let axis = if size.x >= size.z { DVec3::X } else { DVec3::Z };
-    let towards = |degrees: f64| degrees.to_radians().sin() * axis + degrees.to_radians().cos() * DVec3::Y;
-    let reaches =
-        |sun: DVec3| space.free.iter().filter(|place| space.rays.nearest(place.position, sun).is_none()).count();
-    let tilts = [25.0, -25.0, 15.0, -15.0, 5.0, -5.0, 0.0].map(towards).map(|sun| (reaches(sun), sun));
-    // The first, unless another reaches many more places.
-    let most = tilts.iter().map(|(count, _)| *count).max().unwrap_or(0);
-    let sun = tilts.into_iter().find(|(count, _)| 4 * count >= 3 * most).map_or(DVec3::Y, |(_, sun)| sun);
+    let towards = |tilt: f64, turn: f64| {
+        let (tilt, turn) = (tilt.to_radians(), turn.to_radians());
+        DVec3::new(tilt.sin() * turn.sin(), tilt.cos(), tilt.sin() * turn.cos())
+    };
+    let suns = (0..12).flat_map(|turn| [20.0, 35.0, 50.0].map(|tilt| towards(tilt, 15.0 + 30.0 * f64::from(turn))));
+    let shown = view::shown(space, &scene.cameras[0]);
+    let reaches = |place: DVec3, sun: DVec3| space.rays.nearest(place, sun).is_none();
+    // It comes in, and draws a patch of light that neither floods the picture nor is missing in it.
+    let unlike = |sun: DVec3| {
+        let comes_in = space.free.iter().any(|place| reaches(place.position, sun));
+        let lit = |(place, hit): &&(DVec3, Hit)| {
+            hit.normal.dot(sun) > 0.0 && reaches(*place + SLACK * space.radius() * hit.normal, sun)
+        };
+        let lit = shown.iter().filter(lit).count() as f64 / shown.len().max(1) as f64;
+        if comes_in { (lit - PATCH).abs() } else { 1.0 }
+    };
+    let judged = suns.map(|sun| (unlike(sun), sun)).min_by(|a, b| a.0.total_cmp(&b.0));
+    let sun = judged.map_or(DVec3::Y, |(_, sun)| sun);
     scene.lights.push(Light {
         name: "added: sun".into(),
         kind: LightKind::Directional,
@@ -103,7 +117,7 @@ fn put_day_over(scene: &mut Scene, space: &Space) {
         ..white()
     });
     Sky::day().put_over(scene, studio::LIGHTS / 2);
-    let from = shown(sun);
+    let from = format_point(sun);
     scene.notes.push(format!(
         "The scene has no light; a sun of {SUN} lx was put in, which shines from {from} through the open top, and a sky."
     ));
@@ -150,7 +164,7 @@ fn white() -> Light {
     }
 }
 
-fn shown(v: DVec3) -> String {
+fn format_point(v: DVec3) -> String {
     format!("({:.4}, {:.4}, {:.4})", v.x, v.y, v.z)
 }
 
@@ -160,7 +174,7 @@ fn describe_camera(camera: &Camera) -> String {
         Projection::Perspective { yfov } => f64::from(yfov).to_degrees(),
         Projection::Orthographic { .. } => 0.0,
     };
-    let (eye, view) = (shown(eye), shown(-back));
+    let (eye, view) = (format_point(eye), format_point(-back));
     format!(
         "The scene has no camera; one was {} from {eye} along {view}, vertical field of view {yfov:.0} degrees.",
         camera.name

@@ -1,5 +1,6 @@
 //! Cameras for scenes without one: candidates in a fixed order, and rays that tell what each would show.
 
+use super::super::rays::Hit;
 use super::super::{Camera, Projection};
 use super::space::{SIDES, Space};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
@@ -181,23 +182,28 @@ fn look(eye: DVec3, back: DVec3) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye)
 }
 
-/// What a camera would show.
-fn seen(space: &Space, camera: &Camera) -> Seen {
-    let Projection::Perspective { yfov } = camera.projection else { return Seen::default() };
+/// What rays through a camera's picture meet, and where: a grid of it. Nothing for one without perspective.
+pub(super) fn shown(space: &Space, camera: &Camera) -> Vec<(DVec3, Hit)> {
+    let Projection::Perspective { yfov } = camera.projection else { return Vec::new() };
     let slope = (0.5 * f64::from(yfov)).tan();
     let pose = camera.world_from_camera;
     let ray = |index: usize| {
         let at = |n: usize, of: usize| 2.0 * (n as f64 + 0.5) / of as f64 - 1.0;
         let (x, y) = (at(index % ACROSS, ACROSS), at(index / ACROSS, DOWN));
         let direction = pose.matrix3 * DVec3::new(slope * ASPECT * x, slope * y, -1.0).normalize();
-        space.rays.nearest(pose.translation, direction)
+        let hit = space.rays.nearest(pose.translation, direction)?;
+        Some((pose.translation + hit.distance * direction, hit))
     };
-    let count = ACROSS * DOWN;
-    let hits: Vec<_> = (0..count).into_par_iter().filter_map(ray).collect();
-    let fronts: Vec<f64> = hits.iter().filter(|hit| hit.front).map(|hit| hit.distance).collect();
+    (0..ACROSS * DOWN).into_par_iter().filter_map(ray).collect()
+}
+
+/// How much of what a camera would show.
+fn seen(space: &Space, camera: &Camera) -> Seen {
+    let (hits, count) = (shown(space, camera), (ACROSS * DOWN) as f64);
+    let fronts: Vec<f64> = hits.iter().filter(|(_, hit)| hit.front).map(|(_, hit)| hit.distance).collect();
     Seen {
-        fronts: fronts.len() as f64 / count as f64,
-        backs: (hits.len() - fronts.len()) as f64 / count as f64,
+        fronts: fronts.len() as f64 / count,
+        backs: (hits.len() - fronts.len()) as f64 / count,
         far: fronts.iter().sum::<f64>() / fronts.len().max(1) as f64,
     }
 }
