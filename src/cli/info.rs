@@ -99,10 +99,19 @@ pub(super) fn run(args: &Info) -> Result<()> {
     let light = Light::new(&gpu, &scene, &world, &settings, 1)?;
     let _picture = Picture::new(&gpu, &world, &light, SIZE)?;
     let patches = world.emitters.iter().filter(|patch| patch.flux != glam::Vec3::ZERO);
+    if !world.areas.is_empty() {
+        say!("area lights");
+        for area in &world.areas {
+            let [x, y, z] = area.middle.to_array();
+            let [width, height] = [area.right, area.up].map(|side| 2.0 * side.length());
+            let (samples, luminance) = (area.samples[0] * area.samples[1], luminance(area.radiance));
+            say!("  {width:.4} by {height:.4} m at ({x:.4}, {y:.4}, {z:.4}), {luminance:.4} cd/m^2, {samples} samples");
+        }
+    }
     if light.plan.emitters {
         let flux: f32 = patches.clone().map(|p| p.flux.dot(glam::Vec3::new(0.2126, 0.7152, 0.0722))).sum();
         say!("emitters");
-        say!("  {} patches of surfaces that emit, {flux:.4} lm", thousands(patches.count()));
+        say!("  {} patches of the other surfaces that emit, {flux:.4} lm", thousands(patches.count()));
     }
     say!("frame plan");
     for stage in STAGES {
@@ -148,6 +157,10 @@ pub(super) fn run(args: &Info) -> Result<()> {
         say!("  --measure adds what each takes on this device: caches, memory and the time of a frame");
     }
     check_messages(&gpu, &[])
+}
+
+fn luminance(radiance: glam::DVec3) -> f64 {
+    radiance.dot(glam::DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
 /// What each level of quality asks for.

@@ -50,7 +50,8 @@ pub(super) struct Render {
     /// How indirect light is made.
     #[arg(long, value_enum, default_value_t)]
     gi: GiArg,
-    /// Indirect bounces; 0 is direct light alone. Caches take 16 at most, brute force one.
+    /// Indirect bounces, after what lights and surfaces that emit give directly; 0 is that alone. Caches take 16 at most, brute
+    /// force one.
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=1000))]
     bounces: u32,
     #[command(flatten)]
@@ -114,7 +115,7 @@ enum GiArg {
     BruteForce,
     /// Light paths drawn at random on the CPU: the reference (see --spp).
     PathTrace,
-    /// Direct light alone.
+    /// Direct light of lights and of the largest flat surfaces that emit.
     Off,
 }
 

@@ -171,7 +171,9 @@ impl Plan {
             "sky" if planned => "what is behind all surfaces",
             "sky" => "none shows",
             "rsm" if planned && !self.reflects => "surfaces that emit are VALs",
-            "rsm" if planned && self.emitters => "indirect light needs VALs; surfaces that emit are some, too",
+            "rsm" if planned && self.emitters => {
+                "indirect light needs VALs; curved and small surfaces that emit are some, too"
+            }
             "rsm" if planned => "indirect light needs VALs",
             "pyramid" if planned => "nodes that can stand for VALs",
             "pyramid" if self.lightskin => "not asked for by --cluster",
