@@ -325,9 +325,9 @@ fn uris_stay_in_the_folder() {
 
 #[test]
 fn what_a_small_file_asks_for_is_bounded() {
-    // Six million triangles without normals, all of them zeros that no buffer holds: 18 million vertices of 60 bytes.
+    // A strip of six million triangles without normals, all zeros that no buffer holds: 18 million vertices of 60 bytes.
     let mut b = Builder::new();
-    let positions = b.push("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 18_000_000}));
-    b.primitive()["attributes"]["POSITION"] = json!(positions);
+    let positions = b.push("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 6_000_000}));
+    *b.primitive() = json!({"attributes": {"POSITION": positions}, "mode": 5});
     assert!(b.error("huge").contains("--max-memory"));
 }
