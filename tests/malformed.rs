@@ -322,3 +322,12 @@ fn uris_stay_in_the_folder() {
         );
     }
 }
+
+#[test]
+fn what_a_small_file_asks_for_is_bounded() {
+    // A strip of six million triangles without normals, all zeros that no buffer holds: 18 million vertices of 60 bytes.
+    let mut b = Builder::new();
+    let positions = b.push("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 6_000_000}));
+    *b.primitive() = json!({"attributes": {"POSITION": positions}, "mode": 5});
+    assert!(b.error("huge").contains("--max-memory"));
+}

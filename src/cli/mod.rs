@@ -51,7 +51,8 @@ pub(crate) struct Cli {
     /// Say nothing but errors on standard error.
     #[arg(short, long, global = true)]
     quiet: bool,
-    /// Most memory that decoding pictures and textures may take, in bytes or like 512M or 2G; what takes more is refused.
+    /// Most memory that decoding pictures and textures may take, and a scene's vertices, in bytes or like 512M or 2G; what
+    /// takes more is refused.
     #[arg(long, global = true, value_name = "SIZE", default_value = "1G", value_parser = bytes)]
     max_memory: u64,
 }

@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 static MOST: AtomicU64 = AtomicU64::new(1 << 30);
 
 /// Sets the most memory \[bytes\] that decoding pictures and textures may take at once, on all threads together and with
-/// what they become; 1 GiB without this. What needs more is refused.
+/// what they become, and that vertices and indices of a scene may take; 1 GiB without this. What needs more is refused.
 pub fn set_max_memory(bytes: u64) {
     MOST.store(bytes, Ordering::Relaxed);
 }

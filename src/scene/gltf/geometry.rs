@@ -6,12 +6,13 @@ use glam::{DVec3, Vec2, Vec3, Vec4};
 use super::Notes;
 use super::pose::{self, Pose};
 use crate::Result;
+use crate::image::decode;
 use crate::scene::Vertex;
 use crate::scene::accessor::{Accessor, Accessors, Semantic};
 use crate::scene::json::Object;
 
-/// Most vertices (4 GiB) and indices (1 GiB) of all meshes together: accessors may be shared by any number of
-/// primitives, so a small file could ask for more memory than there is.
+/// Most vertices (4 GiB) and indices (1 GiB) of all meshes together, which take no more memory than is allowed besides:
+/// accessors may be shared by any number of primitives, so a small file could ask for more than there is.
 const MAX_VERTICES: usize = 1 << 26;
 const MAX_INDICES: usize = 1 << 28;
 
@@ -139,6 +140,14 @@ impl Geometry<'_> {
         if self.vertices > MAX_VERTICES || self.indices > MAX_INDICES {
             return Err(from.error(format!(
                 "the scene has more than {MAX_VERTICES} vertices or {MAX_INDICES} indices from here on; simplify it"
+            )));
+        }
+        let bytes = (self.vertices * size_of::<Vertex>() + self.indices * size_of::<u32>()) as u64;
+        let (needed, most) = (bytes.div_ceil(1 << 20), decode::max_memory().div_ceil(1 << 20));
+        if needed > most {
+            return Err(from.error(format!(
+                "the scene's vertices and indices take more than {most} MiB of memory from here on; simplify it, or \
+                 allow more with --max-memory"
             )));
         }
         Ok(())
