@@ -279,16 +279,14 @@ fn a_thousand_changes_leave_nothing_behind() {
     }
     assert_eq!(Some(held()), after_ten.map(|c| Counters { ..c }), "after 1000 sizes");
     let mut after_ten = None;
-    for i in 0..1000 {
+    for i in 0..1000_usize.next_multiple_of(kinds.len()) {
         engine.set(&kinds[i % kinds.len()]);
         look_at(&mut engine, &mut picture, [8, 8]);
         if i + 1 == 2 * kinds.len() {
             after_ten = Some(held());
         }
     }
-    // The last one is of the same kind as that one.
-    engine.set(&kinds[kinds.len() - 1]);
-    look_at(&mut engine, &mut picture, [8, 8]);
+    // The last two are of the same kinds as then.
     assert_eq!(Some(held()), after_ten, "after 1000 settings");
     assert_clean(&gpu);
 }

@@ -294,6 +294,10 @@ fn brute_force_and_the_path_tracer_agree_on_sponza() {
     let Some(data) = data() else { return };
     let mut scene = gltf::load(&data.join("scenes/sponza/Sponza.gltf")).expect("Sponza");
     defaults::complete(&mut scene, Ground::Auto);
+    // The sun alone, along the nave.
+    scene.lights.truncate(1);
+    scene.sky = None;
+    scene.lights[0].direction = -vec3(0.4226, 0.9063, 0.0);
     let [diffuse, traced_diffuse, glossy, traced_glossy] = against_brute_force(&scene, [256, 144], 128, 16);
     println!("diffuse {diffuse} and {traced_diffuse}, glossy {glossy} and {traced_glossy} cd/m^2");
     let (all, truth) = (diffuse + glossy, traced_diffuse + traced_glossy);

@@ -151,7 +151,7 @@ fn rooms_get_a_camera_and_a_light_inside() {
             let light = &scene.lights[0];
             assert!(light.name.contains(expected), "{}", light.name);
             if sky {
-                assert!(light.direction.y < -0.9 && light.intensity == 1e5);
+                assert!(light.direction.y < -0.6 && light.intensity == 1e5);
                 assert!(scene.sky.is_some() && scene.lights.len() > 4, "{} lights", scene.lights.len());
             } else {
                 let from_middle = (light.position / size - DVec3::new(0.5, 0.85, 0.5)).abs();

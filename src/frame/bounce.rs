@@ -7,10 +7,9 @@
 //! What a surface that emits gives to a cache has not bounced yet. So where there are such VALs, caches first send on their
 //! light alone, and there is a gather more: after N of them all light has bounced N times at most, whatever it came from.
 
-use super::gather::ComputeKind;
 use super::live::Live;
 use super::settings::{ProxyWeight, Shadows, Ways};
-use super::sums::{SumBinds, SumKind, sum_pipeline};
+use super::sums::{ComputeKind, SumBinds, SumKind, sum_pipeline};
 use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{

@@ -11,7 +11,8 @@ use super::gather_draws::Draws;
 use super::live::{Items, Live, new_parts, parts_of, split_of};
 use super::plan::Plan;
 pub use super::proxies::Lit;
-use super::settings::{self, ProxyWeight, Shadows, Ways};
+use super::settings::{self, Shadows, Ways};
+pub use super::sums::ComputeKind;
 use super::sums::{SumBinds, SumKind, sum_pipeline};
 use super::vals::Vals;
 use super::world::World;
@@ -118,33 +119,6 @@ struct TwoEyes {
     sum: Pipeline,
     /// Sums of the second eye's glossy lobe, part by part.
     parts: Buffer,
-}
-
-/// What a compute gather is made for.
-#[derive(Clone, Copy, Debug)]
-pub struct ComputeKind {
-    /// A material has a glossy lobe.
-    pub glossy: bool,
-    /// What is in the way.
-    pub shadows: Shadows,
-    /// VALs in a row that a cache sees or does not see as one, 1 or 4.
-    pub together: u32,
-    /// Indirect bounces.
-    pub bounces: u32,
-    /// VALs of surfaces that emit, whose light at a cache counts as no bounce.
-    pub emitted: u32,
-    /// What pulls proxies.
-    pub weight: ProxyWeight,
-    /// Most views of a frame.
-    pub eyes: u32,
-}
-
-impl ComputeKind {
-    /// One bounce without shadows.
-    pub fn plain(glossy: bool) -> Self {
-        let (shadows, weight) = (Shadows::Off, ProxyWeight::Irradiance);
-        Self { glossy, shadows, together: 1, bounces: 1, emitted: 0, weight, eyes: 1 }
-    }
 }
 
 /// Most VALs of a part: older lavapipe leaves loops after 65 535 rounds, and a few VALs are a round.

@@ -2,9 +2,36 @@
 
 use super::atlas::Atlas;
 use super::live::Live;
-use super::settings::{Shadows, Ways};
+use super::settings::{ProxyWeight, Shadows, Ways};
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline};
+
+/// What a compute gather is made for.
+#[derive(Clone, Copy, Debug)]
+pub struct ComputeKind {
+    /// A material has a glossy lobe.
+    pub glossy: bool,
+    /// What is in the way.
+    pub shadows: Shadows,
+    /// VALs in a row that a cache sees or does not see as one, 1 or 4.
+    pub together: u32,
+    /// Indirect bounces.
+    pub bounces: u32,
+    /// VALs of surfaces that emit, whose light at a cache counts as no bounce.
+    pub emitted: u32,
+    /// What pulls proxies.
+    pub weight: ProxyWeight,
+    /// Most views of a frame.
+    pub eyes: u32,
+}
+
+impl ComputeKind {
+    /// One bounce without shadows.
+    pub fn plain(glossy: bool) -> Self {
+        let (shadows, weight) = (Shadows::Off, ProxyWeight::Irradiance);
+        Self { glossy, shadows, together: 1, bounces: 1, emitted: 0, weight, eyes: 1 }
+    }
+}
 
 /// What sums are made of.
 #[derive(Clone, Copy, Debug)]

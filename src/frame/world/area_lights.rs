@@ -18,8 +18,8 @@ const SAMPLES: usize = 16;
 /// Triangles that the maps of all samples may draw together; of larger scenes lights have fewer samples, but one each.
 const MOST_DRAWN: usize = 20_000_000;
 
-/// Cosine between neighbours that face one way.
-const SAME_SIDE: f64 = 0.9;
+/// Cosine between neighbours that face one way: those of a coarse ball do, those of a box do not.
+const SAME_SIDE: f64 = 0.75;
 
 /// Length of the sum of a flat surface's normals, over its area.
 const FLAT: f64 = 0.95;

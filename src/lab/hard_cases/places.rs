@@ -207,7 +207,8 @@ fn no_lights(gpu: &Gpu) -> Result<Outcome> {
     let mut wrong = 0;
     let mut shots = Vec::new();
     for gi in [Gi::LightSkin, Gi::BruteForce] {
-        let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Knobs { gi, ..small() })?;
+        let bounces = u32::from(gi == Gi::BruteForce);
+        let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Knobs { gi, bounces, ..small() })?;
         let shines: Vec<usize> =
             seen(&scene, small().size).iter().filter(|s| s.instance == 2).map(|s| s.pixel).collect();
         for (pixel, found) in shot.direct.iter().enumerate() {
