@@ -331,3 +331,13 @@ fn what_a_small_file_asks_for_is_bounded() {
     *b.primitive() = json!({"attributes": {"POSITION": positions}, "mode": 5});
     assert!(b.error("huge").contains("--max-memory"));
 }
+
+#[test]
+fn what_stands_farther_off_than_numbers_reach_is_refused() {
+    for distance in [1e19, 1e37] {
+        let mut b = Builder::triangle();
+        b.json["nodes"][0]["translation"] = json!([0.0, distance, 0.0]);
+        let error = b.load("far_off").expect_err("too far");
+        assert!(error.to_string().contains("its transform overflows"), "{error}");
+    }
+}

@@ -9,6 +9,7 @@ use lightskin::reference::path_trace::camera_ray;
 use lightskin::reference::world::{Sides, World};
 use lightskin::scene::build::{Surface, cuboid, lathe, quad, sphere};
 use lightskin::scene::defaults::{self, Ground};
+use lightskin::scene::rays::Rays;
 use lightskin::scene::studio::{Backdrop, GROUND_ALBEDO};
 use lightskin::scene::{Instance, LightKind, Material, Scene, write};
 
@@ -338,4 +339,23 @@ fn backgrounds_are_what_the_flags_say() {
     works(&folder, &[&flags[..], &["-o", "clear.exr", "--background", "transparent"]].concat());
     let alpha = lightskin::image::read_picture(&folder.join("clear.exr"), Some("A")).expect("has alpha");
     assert_eq!((alpha.rgb[0][0], alpha.rgb[13 * 48 + 24][0]), (0.0, 1.0));
+}
+
+#[test]
+fn very_many_triangles_in_one_place_are_no_work() {
+    // A far one makes a point of all others; and one is there very often.
+    let sheet = of(quad(Vec3::ZERO, Vec3::X, Vec3::Y, 0.004));
+    let mut apart = sheet.clone();
+    let far = quad(Vec3::ZERO, Vec3::X, Vec3::Y, 1.0);
+    let place = DAffine3::from_translation(dvec3(0.0, 0.0, 1e17)) * DAffine3::from_scale(DVec3::splat(1e17));
+    add(&mut apart, far, grey(), place);
+    let mut same = of(quad(Vec3::ZERO, Vec3::X, Vec3::Y, 1.0));
+    let mesh = &mut same.meshes[0];
+    mesh.indices = mesh.indices.repeat(100_000);
+    mesh.primitives[0].index_count = mesh.indices.len() as u32;
+    for (scene, distance) in [(sheet, 1.0), (apart, 1e17), (same, 1.0)] {
+        assert!(scene.triangle_count() > 100_000);
+        let met = Rays::new(&scene).nearest(distance * dvec3(0.6, 0.3, 2.0), DVec3::NEG_Z);
+        assert!(met.is_some_and(|hit| hit.distance > 0.9 * distance), "{met:?}");
+    }
 }

@@ -28,6 +28,9 @@ use geometry::Geometry;
 use materials::Materials;
 use pose::Pose;
 
+/// Farther \[m\] from the origin than this nothing stands: squares of distances leave what f32 holds.
+const FARTHEST: f64 = 1e18;
+
 /// Loads a .gltf or .glb, at rest. Skins and morph targets that no animation reaches are posed once, here.
 ///
 /// # Errors
@@ -167,7 +170,7 @@ impl<'a> Graph<'a> {
             let visibility = nodes[node].extension("KHR_node_visibility")?;
             hides[node] = !visibility.map_or(Ok(true), |visibility| visibility.flag_or("visible", true))?;
             hidden[node] = hides[node] || parents[node].is_some_and(|parent| hidden[parent]);
-            if !worlds[node].is_finite() {
+            if !(worlds[node].is_finite() && worlds[node].translation.abs().max_element() <= FARTHEST) {
                 return Err(nodes[node].error("its transform overflows: export the file again"));
             }
         }

@@ -11,6 +11,9 @@ use rayon::prelude::*;
 /// Boxes are larger than their triangles by this share of the scene's radius: more than f32 rounds their rays by.
 const MARGIN: f32 = 2e-6;
 
+/// Triangles no longer than this [radii] are points, and met by no ray.
+const LEAST: f32 = 1e-7;
+
 /// Triangles are larger by this share of themselves: a ray through the edge of two meets one of them.
 const OVERLAP: f32 = 1e-5;
 
@@ -69,12 +72,16 @@ impl Rays {
         let high = corners().copied().reduce(DVec3::max).unwrap_or_default();
         let centre = 0.5 * (low + high);
         let radius = Some(0.5 * low.distance(high)).filter(|radius| *radius > 0.0).unwrap_or(1.0);
-        let triangles: Vec<Triangle> = (placed.par_iter())
+        let mut triangles: Vec<Triangle> = (placed.par_iter())
             .map(|&(corners, double_sided)| {
                 let [a, b, c] = corners.map(|corner| Vec3A::from(((corner - centre) / radius).as_vec3()));
                 Triangle { corner: a, edges: [b - a, c - a], double_sided }
             })
+            .filter(|t| t.edges.iter().any(|edge| edge.abs().max_element() > LEAST))
             .collect();
+        // Very many in one place make a hierarchy as deep as they are many.
+        triangles.par_sort_unstable_by_key(Triangle::bits);
+        triangles.dedup_by_key(|t| t.bits());
         let boxes: Vec<Aabb> = (triangles.par_iter())
             .map(|t| {
                 let corners = [t.corner, t.corner + t.edges[0], t.corner + t.edges[1]];
@@ -110,6 +117,13 @@ impl Rays {
 }
 
 impl Triangle {
+    /// The same of triangles that are.
+    fn bits(&self) -> [u32; 10] {
+        let [[a, b, c], [d, e, f], [g, h, i]] = [self.corner, self.edges[0], self.edges[1]].map(|v| v.to_array());
+        let [a, b, c, d, e, f, g, h, i] = [a, b, c, d, e, f, g, h, i].map(f32::to_bits);
+        [a, b, c, d, e, f, g, h, i, self.double_sided.into()]
+    }
+
     /// Moeller and Trumbore's intersection.
     fn distance(&self, origin: Vec3A, direction: Vec3A) -> Option<f32> {
         let [u, v] = self.edges;
