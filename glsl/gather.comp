@@ -16,8 +16,9 @@ layout(constant_id = 1) const uint SOURCE = VALS_TEXELS;
 layout(constant_id = 2) const uint CACHES = 4; // of a thread
 layout(constant_id = 3) const uint SPREAD = 0; // 1: stage 7 asks for it
 layout(constant_id = 4) const uint BY_HAND = 0; // 1: the device is a CPU
+layout(constant_id = 5) const uint NEAR = 0; // 1: VALs nearby are left to short rays
 #ifdef SHADOWED
-layout(constant_id = 5) const uint TOGETHER = 1; // VALs that are seen or hidden together: 1 or all of a round
+layout(constant_id = 6) const uint TOGETHER = 1; // VALs that are seen or hidden together: 1 or all of a round
 #endif
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
@@ -118,6 +119,12 @@ void add(FourVals v) {
             seen[i] = last;
         }
 #endif
+        if (NEAR != 0u) {
+            vec4 x = v.x - receivers[j].position.x;
+            vec4 y = v.y - receivers[j].position.y;
+            vec4 z = v.z - receivers[j].position.z;
+            seen *= clamp((x * x + y * y + z * z - push.near_begin) * push.near_scale, 0.0, 1.0);
+        }
         GatherSums s = sums[j];
 #ifdef TWO_EYES
         GlossySums second = second_sums[j];

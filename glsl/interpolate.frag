@@ -4,12 +4,20 @@
 // variant interpolate_diffuse.frag: DIFFUSE_ONLY (where nothing in the scene is glossy)
 // variant interpolate_cells.frag: BY_CELLS (at the level of pixels)
 // variant interpolate_cells_diffuse.frag: BY_CELLS DIFFUSE_ONLY (both)
+// variant interpolate_near.frag: NEAR (with short rays)
+// variant interpolate_near_diffuse.frag: NEAR DIFFUSE_ONLY (with short rays)
+// variant interpolate_near_cells.frag: NEAR BY_CELLS (with short rays)
+// variant interpolate_near_cells_diffuse.frag: NEAR BY_CELLS DIFFUSE_ONLY (with short rays)
 #include "shared.glsl"
 #include "lib/triangle.glsl"
 
 layout(constant_id = 0) const uint PRINTED = 0;
 layout(constant_id = 1) const uint REFERENCES = 8;
+#ifdef NEAR
+layout(push_constant, scalar) uniform Push { NearPush push; };
+#else
 layout(push_constant, scalar) uniform Push { InterpolatePush push; };
+#endif
 #ifdef DIFFUSE_ONLY
 const uint GLOSSY = 0u;
 #else
@@ -38,8 +46,11 @@ layout(binding = 5, scalar) readonly buffer Lights { VertexLight lights[]; };
 #endif
 layout(binding = 9) uniform sampler2D normal_image;
 layout(binding = 10) uniform sampler2D albedo_image;
-#ifndef DIFFUSE_ONLY
+#if defined(NEAR) || !defined(DIFFUSE_ONLY)
 layout(binding = 11) uniform sampler2D specular_image;
+#endif
+#ifdef NEAR
+#include "lib/near.glsl"
 #endif
 
 layout(location = 0) out vec4 out_diffuse;
@@ -148,12 +159,30 @@ void main() {
     VertexLight light = light_at(draw, draw.first_index + 3u * element.y);
     vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
     vec3 n = normal_exponent.xyz;
-    vec3 towards;
-    vec3 e = received(light.position, light.diffuse_position, light.diffuse_irradiance, n, towards);
-    out_diffuse = vec4(texelFetch(albedo_image, pixel, 0).rgb / PI * e, 0.0);
+    vec3 from;
+    vec3 e = received(light.position, light.diffuse_position, light.diffuse_irradiance, n, from);
+    vec4 albedo = texelFetch(albedo_image, pixel, 0);
 #ifndef DIFFUSE_ONLY
-    e = received(light.position, light.glossy_position, light.glossy_irradiance, n, towards);
+    vec3 glossy_from;
+    vec3 g = received(light.position, light.glossy_position, light.glossy_irradiance, n, glossy_from);
     vec3 r = reflect(view_direction(push.eye, light.position), n);
-    out_glossy = vec4(texelFetch(specular_image, pixel, 0).rgb * phong_lobe(normal_exponent.w, dot(r, towards)) * e, 0.0);
+    vec4 specular = texelFetch(specular_image, pixel, 0);
+    float lobe = phong_lobe(normal_exponent.w, dot(r, glossy_from));
 #endif
+#ifdef NEAR
+    NearPlace place = NearPlace(pixel, light.position, octahedral_decode(vec2(albedo.a, texelFetch(specular_image, pixel, 0).a)));
+#ifdef DIFFUSE_ONLY
+    Near near = near_of(place, vec3[1](from));
+    e = e * near.open[0] + near.irradiance;
+#else
+    Near near = near_of(place, vec3[3](from, glossy_from, r));
+    e = e * near.open[0] + near.irradiance;
+    // What was met has one radiance here: its mean.
+    vec3 met = near.irradiance / (PI * max(1.0 - near.open_all, 1e-3));
+    out_glossy = vec4(specular.rgb * (lobe * near.open[1] * g + (1.0 - near.open[2]) * met), 0.0);
+#endif
+#elif !defined(DIFFUSE_ONLY)
+    out_glossy = vec4(specular.rgb * lobe * g, 0.0);
+#endif
+    out_diffuse = vec4(albedo.rgb / PI * e, 0.0);
 }

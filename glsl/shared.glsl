@@ -127,6 +127,24 @@ const uint RIGID = 0xffffffffu;
 // Workgroups in a row of the dispatches that pose meshes.
 const uint DEFORM_ROW = 32768u;
 
+// What a triangle that rays meet is, in bits below its instance's number: it has holes, both its sides are surface, it is of an
+// area light, its instance mirrors.
+const uint RAY_HOLES = 1u;
+
+const uint RAY_TWO_SIDED = 2u;
+
+const uint RAY_AREA_LIGHT = 4u;
+
+const uint RAY_MIRRORED = 8u;
+
+const uint RAY_KIND_BITS = 4u;
+
+// The instance of everything that stands still.
+const uint RAY_STILL = 0xfffffffeu;
+
+// Pixels that share their short rays: a square of so many a side, each with directions of its own.
+const uint NEAR_SIDE = 4u;
+
 // A mesh in the world.
 struct Instance {
     mat4 world_from_model;
@@ -135,6 +153,7 @@ struct Instance {
     float area_scale; // that factor, against the one the caches were placed with; 0 of a hidden instance
     uint first_index; // of its mesh, among all indices
     uint first_vertex; // of its posed vertices, among all; RIGID where it does not bend
+    uint drawn_vertex; // first of the vertices that are drawn
 };
 
 // A vertex of a mesh that bends, before morphing and skinning.
@@ -216,6 +235,23 @@ struct TextureSlot {
     vec2 translation;
     uint uv_set;
     uint present; // 0: the factor stands alone
+};
+
+// A texture of a material as rays look it up: RGBA8 texels in a buffer, level after level.
+struct HitTexture {
+    uint first; // texel of the finest level
+    uint width; // of that [texels]
+    uint height; // likewise
+    uint how; // wrapping along u, along v in bits 0-1 and 2-3: 0 repeats, 1 mirrors, 2 clamps; bit 4: RGB are square roots
+};
+
+// What the short rays of a pixel found.
+struct NearPixel {
+    vec3 irradiance; // of what they met [lx]
+    uint open; // rays that met nothing, in bits
+    vec3 position; // of the surface
+    uint is_surface; // 0: nothing is there
+    vec3 normal; // unit vertex normal
 };
 
 // A punctual light, KHR_lights_punctual, or a rectangle of a surface that emits.
@@ -482,6 +518,27 @@ struct InterpolatePush {
     uint first_proxy; // of the eye
 };
 
+// Push constants of the passes that trace rays from surfaces and caches.
+struct TracePush {
+    mat4 clip_from_world;
+    vec4 eye; // as in DrawPush
+    float reach; // of short rays; of a cache's rays where they begin [m]
+    uint root; // of the hierarchy
+    uint width; // [pixels], each with rays
+    uint height;
+    uint light_count;
+};
+
+// Push constants of the passes that shade pixels with what short rays have found.
+struct NearPush {
+    mat4 clip_from_world;
+    vec4 eye; // as in DrawPush
+    float reach; // as in InterpolatePush
+    uint first_proxy; // of the eye
+    uint width; // [pixels], each with rays
+    uint height;
+};
+
 // Push constants of the pass that draws references into the atlas.
 struct AtlasPush {
     uint columns; // of blocks
@@ -515,6 +572,8 @@ struct GatherPush {
     uint second_proxy; // first one of the second eye
     vec4 eye; // as in DrawPush
     vec4 second_eye; // where two are gathered for at once
+    float near_begin; // square of the distance within which VALs are left to short rays [m^2]
+    float near_scale; // of what is beyond it, up to 1
 };
 
 // Push constants of the pass that makes VALs of lit caches.

@@ -30,7 +30,7 @@ use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{BakeSettings, CacheSet, Density};
 use lightskin::frame::settings::Gather;
-use lightskin::frame::{ClusterRule, DrawSource, Quality, Shadows, tune};
+use lightskin::frame::{ClusterRule, DrawSource, Near, Quality, Shadows, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::defaults::Ground;
 use lightskin::scene::sky::Sky;
@@ -307,12 +307,12 @@ impl GatherArgs {
     }
 
     /// What lights the caches; flags have been checked.
-    fn gather(&self, gpu: &Gpu, shadows: Shadows, bounces: u32) -> Result<Gather> {
+    fn gather(&self, gpu: &Gpu, shadows: Shadows, near: Near, bounces: u32) -> Result<Gather> {
         let dim = shadows == Shadows::Proxy;
         Ok(match (self.cluster.rule(), self.gather) {
             (Some(rule), _) => Gather::Clusters { rule, dim },
             (None, GatherArg::Fragment) => Gather::Draws { source: DrawSource::Texels, tile: 4096, dim },
-            (None, GatherArg::Compute) => Gather::Compute { ways: tune::fastest(gpu)?.ways, bounces, shadows },
+            (None, GatherArg::Compute) => Gather::Compute { ways: tune::fastest(gpu)?.ways, bounces, shadows, near },
         })
     }
 }

@@ -17,7 +17,7 @@ use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{
-    Exposure, Indirect, Interpolation, Light, Look, Picture, ProxyWeight, Settings, Shadows, Tonemap, View, World,
+    Exposure, Indirect, Interpolation, Light, Look, Near, Picture, ProxyWeight, Quality, Settings, Shadows, Tonemap, View, World,
     record,
 };
 use lightskin::gpu::Gpu;
@@ -77,6 +77,15 @@ pub(super) struct Render {
     /// with --gather fragment), proxy up to 20000, off beyond and with clusters.
     #[arg(long, value_enum)]
     shadows: Option<ShadowsArg>,
+    /// Where light and shade from nearby come from, within one spacing of the caches. Without this flag the level decides.
+    #[arg(long, value_enum)]
+    near: Option<NearArg>,
+    /// Rays of a pixel that has some; 16 neighbours share theirs.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
+    near_rays: Option<u32>,
+    /// Pixels and rows from one with rays to the next.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
+    near_every: Option<u32>,
     /// Write this layer alone as R, G, B.
     #[arg(long, value_enum, value_name = "NAME")]
     layer: Option<LayerArg>,
@@ -144,6 +153,14 @@ enum ProxyWeightArg {
     Irradiance,
     /// Form factor, as printed.
     FormFactor,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum NearArg {
+    /// Caches alone.
+    Off,
+    /// Short rays at pixels; caches give what is farther away.
+    Rays,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
@@ -218,7 +235,7 @@ impl Render {
             GiArg::BruteForce if self.bounces == 0 => Indirect::Off,
             GiArg::BruteForce => Indirect::BruteForce,
             GiArg::Lightskin => Indirect::Caches(Caches {
-                gather: self.gather.gather(gpu, self.shadows(caches), self.bounces)?,
+                gather: self.gather.gather(gpu, self.shadows(caches), self.near(), self.bounces)?,
                 cull: !self.gather.no_cull,
                 interpolation: match self.interpolation {
                     InterpolationArg::Facing => Interpolation::Facing,
@@ -244,6 +261,24 @@ impl Render {
             },
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
             behind: self.sky.behind(),
+        }
+    }
+
+    /// What is asked for, or what the level has where that goes with the other flags.
+    fn near(&self) -> Near {
+        let of_level = self.caches.quality().near();
+        let near = match self.near {
+            _ if self.gi != GiArg::Lightskin || self.gather.by_clusters() || self.gather.by_draws() => Near::Off,
+            Some(NearArg::Off) => Near::Off,
+            Some(NearArg::Rays) if of_level == Near::Off => Quality::High.near(),
+            Some(NearArg::Rays) | None => of_level,
+        };
+        match near {
+            Near::Off => Near::Off,
+            Near::Rays { per_pixel, every } => Near::Rays {
+                per_pixel: self.near_rays.unwrap_or(per_pixel),
+                every: self.near_every.unwrap_or(every),
+            },
         }
     }
 

@@ -4,6 +4,7 @@ use super::atlas::Atlas;
 use super::cull::Cull;
 use super::gather::Gather;
 use super::interpolate::Interpolate;
+use super::near::NearRays;
 use super::occlude::Occlude;
 use super::plan::Plan;
 use super::proxies::Proxies;
@@ -22,6 +23,8 @@ pub struct CacheLight {
     pub gather: Gather,
     /// What stage 6 makes and stage 7 dims.
     pub proxies: Proxies,
+    /// Beside stage 6; only where what is nearby is left to short rays.
+    pub near: Option<NearRays>,
     pub(super) visible: Visible,
     pub(super) cull: Option<Cull>,
     /// Stage 7; only where discs dim proxies.
@@ -53,6 +56,7 @@ impl CacheLight {
     ) -> Result<Self> {
         let gather = Gather::new(gpu, plan, world, settings, [vals, rsm, eyes])?;
         let count = world.cache_count;
+        let near = NearRays::new(gpu, world, plan.near)?;
         // Caches that are live together.
         let group = gather.live().map_or(0, |live| live.group);
         Ok(Self {
@@ -62,6 +66,7 @@ impl CacheLight {
             cull: plan.cull.then(|| Cull::new(gpu, &gather, world.references_each)).transpose()?,
             occlude: plan.occlude.then(|| Occlude::new(gpu, count, plan.glossy, group)).transpose()?,
             interpolate: Interpolate::new(gpu, plan, world, settings.interpolation)?,
+            near,
             gather,
             made: MadeOfCaches::default(),
         })

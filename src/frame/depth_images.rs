@@ -6,19 +6,31 @@
 use super::atlas::Atlas;
 use super::live::Live;
 use super::occlude::Bounds;
-use crate::error::Result;
+use super::near::CACHE_REACH;
+use super::world::World;
+use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{DEPTH_IMAGE_TEXELS, DepthImagePush, LiveArgs, OCCLUDER_GROUP};
+use crate::shared::{DEPTH_IMAGE_TEXELS, DepthImagePush, LiveArgs, OCCLUDER_GROUP, TracePush};
 use std::mem::offset_of;
 
 /// The images, and what draws them.
 pub struct DepthImages {
     /// Slot by slot of the list, where the view of a live cache ends.
     pub buffer: Buffer,
-    bounds: Bounds,
-    pipeline: Pipeline,
-    /// Whether a thread draws an image, instead of a workgroup.
-    alone: bool,
+    made: Made,
+}
+
+/// How they are made.
+enum Made {
+    /// Of the rectangles of all caches.
+    Drawn {
+        bounds: Bounds,
+        pipeline: Pipeline,
+        /// Whether a thread draws an image, instead of a workgroup.
+        alone: bool,
+    },
+    /// By rays at the scene itself, which begin at this distance \[m\].
+    Traced(Pipeline, f32),
 }
 
 /// Rectangles that a thread draws at a time, in whole groups: older lavapipe leaves loops after 65 535 rounds, of groups,
@@ -42,24 +54,54 @@ impl DepthImages {
         let name = if alone { "depth_images_alone.comp" } else { "depth_images.comp" };
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
         let buffer = gpu.buffer("gather.depth_images", bytes)?;
-        Ok(Self { buffer, bounds: Bounds::new(gpu, caches)?, pipeline: gpu.compute(name, &[])?, alone })
+        let pipeline = gpu.compute(name, &[])?;
+        Ok(Self { buffer, made: Made::Drawn { bounds: Bounds::new(gpu, caches)?, pipeline, alone } })
+    }
+
+    /// Makes it for images that are traced: of what caches see of the scene beyond what is left to short rays.
+    ///
+    /// # Errors
+    /// As `new`, and a world without rays.
+    pub(super) fn traced(gpu: &Gpu, world: &World) -> Result<Self> {
+        let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
+        let bytes = u64::from(world.cache_count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
+        let pipeline = gpu.compute("trace_images.comp", &rays.constants(gpu))?;
+        let made = Made::Traced(pipeline, (CACHE_REACH * world.spacing()) as f32);
+        Ok(Self { buffer: gpu.buffer("gather.depth_images", bytes)?, made })
     }
 
     /// Records the pass; atlas and list of live caches must be there.
-    pub fn record(&self, cmd: &Cmd<'_>, atlas: &Atlas, live: &Live) {
-        self.bounds.record(cmd, atlas);
+    pub fn record(&self, cmd: &Cmd<'_>, world: &World, atlas: &Atlas, live: &Live) {
+        match &self.made {
+            Made::Drawn { bounds, pipeline, alone } => self.draw(cmd, atlas, live, (bounds, pipeline, *alone)),
+            Made::Traced(pipeline, reach) => self.trace(cmd, world, atlas, live, (pipeline, *reach)),
+        }
+    }
+
+    fn trace(&self, cmd: &Cmd<'_>, world: &World, atlas: &Atlas, live: &Live, (pipeline, reach): (&Pipeline, f32)) {
+        let Some(rays) = world.rays() else { return };
+        let mut resources = rays.binds(world).to_vec();
+        resources.extend([&atlas.caches, &live.list, &live.args, &self.buffer].map(Bind::from));
+        cmd.bind(pipeline, &resources);
+        cmd.push(&TracePush { reach, root: rays.root, ..TracePush::default() });
+        cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
+    }
+
+    /// The same, drawn.
+    pub fn draw(&self, cmd: &Cmd<'_>, atlas: &Atlas, live: &Live, (bounds, pipeline, alone): (&Bounds, &Pipeline, bool)) {
+        bounds.record(cmd, atlas);
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         let resources = [
             (&atlas.caches).into(),
             (&live.list).into(),
             (&live.args).into(),
-            (&self.bounds.groups).into(),
+            (&bounds.groups).into(),
             Bind::Texels(&atlas.caches),
             (&self.buffer).into(),
         ];
         let push = DepthImagePush { cache_count: atlas.count, first: 0, count: AT_ONCE };
-        if !self.alone {
-            cmd.bind(&self.pipeline, &resources);
+        if !alone {
+            cmd.bind(pipeline, &resources);
             cmd.push(&push);
             cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
             return;
@@ -68,7 +110,7 @@ impl DepthImages {
             if first > 0 {
                 cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             }
-            cmd.bind(&self.pipeline, &resources);
+            cmd.bind(pipeline, &resources);
             cmd.push(&DepthImagePush { first, ..push });
             cmd.dispatch(atlas.count, 1, 1);
         }

@@ -8,10 +8,11 @@ use super::bounce::Bounces;
 use super::depth_images::DepthImages;
 use super::gather_clusters::Clusters;
 use super::gather_draws::Draws;
+use super::near::CACHE_REACH;
 use super::live::{Items, Live, new_parts, parts_of, split_of};
 use super::plan::Plan;
 pub use super::proxies::Lit;
-use super::settings::{self, Shadows, Ways};
+use super::settings::{self, Near, Shadows, Ways};
 pub use super::sums::ComputeKind;
 use super::sums::{SumBinds, SumKind, sum_pipeline};
 use super::vals::Vals;
@@ -49,14 +50,22 @@ impl Gather {
     ) -> Result<Self> {
         let caches = world.cache_count;
         Ok(match way.gather {
-            settings::Gather::Compute { ways, bounces, shadows } => {
+            settings::Gather::Compute { ways, bounces, shadows, .. } => {
                 // What follows each other in a coarse picture, or in the list of patches, lies in different directions.
                 let fine = !plan.emitters && world.lights().iter().all(|light| light.rsm_size(rsm) >= FINE_RSM);
                 let together = if fine { SHADOWED_TOGETHER } else { 1 };
                 let (glossy, weight) = (plan.glossy, way.proxy_weight);
                 let emitted = if plan.emitters { world.emitters.len() as u32 } else { 0 };
-                let kind = ComputeKind { glossy, shadows, together, bounces, emitted, weight, eyes };
-                Self::Compute(Box::new(Compute::new(gpu, caches, vals, &ways, kind)?))
+                let is_near = plan.near != Near::Off;
+                let near = if is_near { (CACHE_REACH * world.spacing()) as f32 } else { 0.0 };
+                let kind = ComputeKind { glossy, shadows, together, bounces, emitted, weight, eyes, near };
+                Self::Compute(Box::new(match (shadows, is_near) {
+                    (Shadows::PerLight, true) => {
+                        let images = DepthImages::traced(gpu, world)?;
+                        Compute::with_images(gpu, [caches, vals], &ways, kind, Some(images))?
+                    }
+                    _ => Compute::new(gpu, caches, vals, &ways, kind)?,
+                }))
             }
             settings::Gather::Draws { source, tile, dim } => {
                 Self::Draws(Box::new(Draws::new(gpu, caches, plan.glossy, plan.cull, source, tile, dim)?))
@@ -112,6 +121,8 @@ pub struct Compute {
     pub depth_images: Option<DepthImages>,
     /// Only where caches light caches.
     pub bounces: Option<Bounces>,
+    /// What is nearer than this [m] is left to short rays; 0: nothing.
+    near: f32,
 }
 
 /// A gather for two eyes at once, which share position and form factor.
@@ -130,17 +141,30 @@ impl Compute {
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, caches: u32, vals: u32, ways: &Ways, kind: ComputeKind) -> Result<Self> {
+        let images = (kind.shadows == Shadows::PerLight).then(|| DepthImages::new(gpu, caches)).transpose()?;
+        Self::with_images(gpu, [caches, vals], ways, kind, images)
+    }
+
+    /// The same with these depth images.
+    fn with_images(
+        gpu: &Gpu,
+        [caches, vals]: [u32; 2],
+        ways: &Ways,
+        kind: ComputeKind,
+        depth_images: Option<DepthImages>,
+    ) -> Result<Self> {
         let split = split_of(caches, vals, ways.split, LONGEST_PART);
         let per_workgroup = GATHER_THREADS * ways.caches();
         let live = Live::new(gpu, Items { caches, group: 1, per_workgroup, lights: vals, split })?;
-        let ComputeKind { glossy, shadows, together, bounces, emitted, eyes, .. } = kind;
+        let ComputeKind { glossy, shadows, together, bounces, emitted, eyes, near, .. } = kind;
+        let is_near = near > 0.0;
         let further = bounces > u32::from(emitted == 0);
         let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind)).transpose()?;
         let parts = parts_of(vals, split) + bounces.as_ref().map_or(0, |bounces| bounces.parts);
         let two_eyes = || -> Result<TwoEyes> {
             let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;
             Ok(TwoEyes {
-                sum: sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies: true, two_eyes: true })?,
+                sum: sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies: true, two_eyes: true, near: is_near })?,
                 parts: gpu.buffer("gather.second_parts", bytes)?,
             })
         };
@@ -148,8 +172,9 @@ impl Compute {
             two_eyes: (glossy && eyes > 1 && !further).then(two_eyes).transpose()?,
             parts: new_parts(gpu, caches, parts)?,
             arrived: gpu.buffer_from("gather.arrived", &vec![0_u32; caches.max(1) as usize])?,
-            sum: sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies: !further, two_eyes: false })?,
-            depth_images: (shadows == Shadows::PerLight).then(|| DepthImages::new(gpu, caches)).transpose()?,
+            sum: sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies: !further, two_eyes: false, near: is_near })?,
+            depth_images,
+            near,
             bounces,
             live,
         })
@@ -177,6 +202,8 @@ impl Compute {
         second: Option<(&TwoEyes, (u32, Vec4))>,
     ) {
         let (second_proxy, second_eye) = second.map_or((0, Vec4::ZERO), |(_, run)| run);
+        // VALs fade in about that distance.
+        let [begin, end] = [0.8, 1.2].map(|share| (share * self.near).powi(2));
         let push = GatherPush {
             cache_count: lit.atlas.count,
             first: 0,
@@ -188,6 +215,8 @@ impl Compute {
             second_proxy,
             eye,
             second_eye,
+            near_begin: begin,
+            near_scale: 1.0 / (end - begin),
         };
         let binds = SumBinds {
             atlas: lit.atlas,

@@ -5,9 +5,10 @@
 
 use super::atlas::Atlas;
 use super::gbuffer::Surface;
+use super::near::{NearPixels, NearRays};
 use super::plan::Plan;
 use super::proxies::Proxies;
-use super::settings;
+use super::settings::{self, Near};
 use super::view::View;
 use super::visible::VisibleList;
 use super::world::World;
@@ -15,7 +16,7 @@ use crate::error::Result;
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
-use crate::shared::{AveragePush, InterpolatePush, VisibleArgs};
+use crate::shared::{AveragePush, InterpolatePush, NearPush, VisibleArgs};
 
 /// Indirect radiance of a picture.
 pub struct Radiance {
@@ -53,6 +54,8 @@ pub struct Shaded<'a> {
     pub surface: &'a Surface,
     /// Of which vertices or cells.
     pub visible: &'a VisibleList,
+    /// What short rays found, where there are some.
+    pub near: Option<&'a NearPixels>,
     /// What comes out.
     pub out: &'a Radiance,
     /// First proxy of its eye.
@@ -77,15 +80,20 @@ impl Interpolate {
         // Pixels look for so many references each; without, vertices have done so.
         let (of_pixels, references) = (world.references_of_pixels(), world.references_each as u32);
         let constants = [references, u32::from(plan.glossy), printed];
+        let (per_pixel, every) = plan.near.rays();
         Ok(Self {
             average: of_pixels.is_none().then(|| gpu.compute("average.comp", &constants)).transpose()?,
             shade: gpu.raster(&Raster {
                 vertex: "screen.vert",
-                fragment: Some(match (of_pixels, plan.glossy) {
-                    (None, true) => "interpolate.frag",
-                    (None, false) => "interpolate_diffuse.frag",
-                    (Some(_), true) => "interpolate_cells.frag",
-                    (Some(_), false) => "interpolate_cells_diffuse.frag",
+                fragment: Some(match (of_pixels, plan.glossy, plan.near) {
+                    (None, true, Near::Off) => "interpolate.frag",
+                    (None, false, Near::Off) => "interpolate_diffuse.frag",
+                    (Some(_), true, Near::Off) => "interpolate_cells.frag",
+                    (Some(_), false, Near::Off) => "interpolate_cells_diffuse.frag",
+                    (None, true, _) => "interpolate_near.frag",
+                    (None, false, _) => "interpolate_near_diffuse.frag",
+                    (Some(_), true, _) => "interpolate_near_cells.frag",
+                    (Some(_), false, _) => "interpolate_near_cells_diffuse.frag",
                 }),
                 shape: Shape::Triangles,
                 streams: &[],
@@ -93,7 +101,7 @@ impl Interpolate {
                 blend: Blend::Replace,
                 depth: Depth::None,
                 cull: Cull::None,
-                constants: &[printed, references],
+                constants: &[printed, references, per_pixel, every][..if plan.near == Near::Off { 2 } else { 4 }],
             })?,
         })
     }
@@ -105,6 +113,7 @@ impl Interpolate {
         world: &World,
         atlas: &Atlas,
         proxies: &Proxies,
+        near: Option<&NearRays>,
         views: impl Iterator<Item = Shaded<'a>> + Clone,
     ) {
         if let Some(average) = &self.average {
@@ -132,12 +141,20 @@ impl Interpolate {
         // Lights of vertices, or proxies and the pixels' cells; G-buffer -> here.
         cmd.barrier(Use::ComputeWrite | Use::ColorWrite, Use::FragmentRead);
         for shaded in views {
-            self.shade(cmd, world, atlas, proxies, shaded);
+            self.shade(cmd, world, atlas, proxies, near, shaded);
         }
     }
 
-    fn shade(&self, cmd: &Cmd<'_>, world: &World, atlas: &Atlas, proxies: &Proxies, shaded: Shaded<'_>) {
-        let Shaded { view, surface, visible, out, first_proxy } = shaded;
+    fn shade(
+        &self,
+        cmd: &Cmd<'_>,
+        world: &World,
+        atlas: &Atlas,
+        proxies: &Proxies,
+        near: Option<&NearRays>,
+        shaded: Shaded<'_>,
+    ) {
+        let Shaded { view, surface, visible, near: found, out, first_proxy } = shaded;
         let Some(element) = surface.element.as_ref().map(Bind::from) else { return };
         let draws = (&world.draw_records).into();
         let [normal, albedo, specular] = [&surface.normal, &surface.albedo, &surface.specular].map(Bind::from);
@@ -166,11 +183,21 @@ impl Interpolate {
             specular,
         ];
         let all = if self.average.is_some() { &by_vertices[..] } else { &by_cells };
-        let used = all.len() - usize::from(out.glossy.is_none());
+        let near = near.zip(found);
+        let used = all.len() - usize::from(out.glossy.is_none() && near.is_none());
+        let mut resources = all[..used].to_vec();
+        resources.extend(near.iter().flat_map(|(rays, found)| [Bind::from(&found.pixels), (&rays.directions).into()]));
         let reach = world.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);
         cmd.render(&Attachments { colors: &out.cleared(), depth: None, area: surface.area() }, |draw| {
-            draw.bind(&self.shade, &all[..used]);
-            draw.push(&InterpolatePush { clip_from_world: view.clip_from_world, eye: view.eye, reach, first_proxy });
+            draw.bind(&self.shade, &resources);
+            let View { clip_from_world, eye, .. } = *view;
+            match near {
+                Some((_, NearPixels { size: [width, height], .. })) => {
+                    let (width, height) = (*width, *height);
+                    draw.push(&NearPush { clip_from_world, eye, reach, first_proxy, width, height });
+                }
+                None => draw.push(&InterpolatePush { clip_from_world, eye, reach, first_proxy }),
+            }
             draw.draw(3);
         });
     }

@@ -8,7 +8,7 @@ use super::plan::{Plan, STAGES};
 use super::pose::Poses;
 use super::revision::Made;
 use super::rsm::Rsm;
-use super::settings::{self, Settings};
+use super::settings::{self, Near, Settings};
 use super::vals::Vals;
 use super::world::World;
 use crate::error::Result;
@@ -104,6 +104,9 @@ impl Light {
         let vals = rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
         if plan.bounces {
             world.make_albedos(gpu, scene)?;
+        }
+        if plan.near != Near::Off {
+            world.make_rays(gpu, scene)?;
         }
         Ok(Self {
             rsm,

@@ -21,6 +21,7 @@ pub mod gather_draws;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod light;
+pub mod near;
 pub mod live;
 pub mod occlude;
 pub mod pack;
@@ -46,7 +47,7 @@ pub use picture::Picture;
 pub use plan::{Features, Plan};
 pub use record::record;
 pub use settings::{
-    Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, ProxyWeight, Quality, Settings, Shadows,
+    Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, Near, ProxyWeight, Quality, Settings, Shadows,
     Tonemap, ValSource, Ways,
 };
 pub use view::View;

@@ -5,6 +5,7 @@ use super::composite::{Composed, Composite, Output};
 use super::gbuffer::{GBuffer, Surface};
 use super::interpolate::Radiance;
 use super::light::Light;
+use super::near::NearPixels;
 use super::plan::Plan;
 use super::revision::{Made, Watched};
 use super::settings::Look;
@@ -21,6 +22,8 @@ pub struct Picture {
     pub surface: Surface,
     /// Stage 5; only where caches are interpolated.
     pub visible: Option<VisibleList>,
+    /// Beside stage 6; only with short rays.
+    pub near: Option<NearPixels>,
     /// Stage 8; only with indirect light.
     pub indirect: Option<Radiance>,
     /// Stage 11.
@@ -68,6 +71,9 @@ impl Picture {
         Ok(Self {
             surface: Surface::new(gpu, &plan, images)?,
             visible: plan.lightskin.then(|| VisibleList::new(gpu, world, images)).transpose()?,
+            near: (light.caches().and_then(|caches| caches.near.as_ref()))
+                .map(|rays| NearPixels::new(gpu, rays, images))
+                .transpose()?,
             indirect: plan.indirect().then(|| Radiance::new(gpu, &plan, images)).transpose()?,
             output: Output::new(gpu, images)?,
             gbuffer: GBuffer::new(gpu, &plan)?,

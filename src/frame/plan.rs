@@ -1,7 +1,7 @@
 //! From a scene's features to the stages it needs, and the one table of stages. What a scene has not costs no pass, no
 //! target and no shader branch.
 
-use super::settings::{Caches, Gather, Indirect, Settings, Shadows};
+use super::settings::{Caches, Gather, Indirect, Near, Settings, Shadows};
 use crate::scene::Scene;
 use crate::scene::animation::Quantity;
 
@@ -69,6 +69,8 @@ pub struct Plan {
     pub occlude: bool,
     /// Stage 6 tests every VAL against what caches see of the others' rectangles.
     pub depth_images: bool,
+    /// Stage 6 leaves what is nearby to short rays at pixels, or nothing.
+    pub near: Near,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
@@ -106,6 +108,7 @@ stages! {
     PYRAMID: 4 "pyramid" |plan| plan.clusters;
     VISIBLE: 5 "visible" |plan| plan.lightskin;
     CULL: 5 "cull" |plan| plan.cull;
+    NEAR: 6 "near rays" |plan| plan.near != Near::Off;
     DEPTH_IMAGES: 6 "depth images" |plan| plan.depth_images;
     GATHER: 6 "gather" |plan| plan.lightskin;
     OCCLUDE: 7 "occlude" |plan| plan.occlude;
@@ -141,6 +144,7 @@ impl Plan {
             bounces,
             occlude: shadows == Shadows::Proxy,
             depth_images: shadows == Shadows::PerLight,
+            near: gather.map_or(Near::Off, |gather| gather.near()),
             brute_force,
             glossy: scene.glossy,
         }
@@ -183,6 +187,8 @@ impl Plan {
             "cull" if self.lightskin => "switched off: every cache is lit",
             "depth images" if planned => "what caches see of each other hides VALs",
             "depth images" if self.lightskin => "not asked for by --shadows",
+            "near rays" if planned => "light and shade from within one spacing of the caches",
+            "near rays" if self.lightskin => "not asked for by --near",
             "gather" if self.bounces => "caches light caches, bounce after bounce",
             "gather" if self.clusters => "clusters of VALs light caches where that is near enough",
             "occlude" if planned => "caches are in the way of proxy lights",

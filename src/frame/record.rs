@@ -93,11 +93,16 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
             ); //   VALs, atlas, live caches -> 6
         }
+        if let (true, Some(near)) = (some_surface, &caches.near) {
+            let _zone = enter(plan::NEAR); // 6
+            let seen = shown().filter(|(_, p)| p.outdated.surface);
+            near.record(cmd, world, seen.filter_map(|(view, p)| Some((view, &p.surface, p.near.as_ref()?))));
+        }
         if let (true, Some(images), Some(live)) =
             (outdated.depth_images, caches.gather.depth_images(), caches.gather.live())
         {
             let _zone = enter(plan::DEPTH_IMAGES); // 6
-            images.record(cmd, &caches.atlas, live);
+            images.record(cmd, world, &caches.atlas, live);
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         }
         if outdated.proxies {
@@ -118,13 +123,13 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 |(eye, (view, p))| {
                     let (visible, out) = (p.visible.as_ref()?, p.indirect.as_ref()?);
                     let first_proxy = caches.proxies.first(eye as u32);
-                    Some(Shaded { view, surface: &p.surface, visible, out, first_proxy })
+                    Some(Shaded { view, surface: &p.surface, visible, near: p.near.as_ref(), out, first_proxy })
                 },
             )
         };
         if shaded().next().is_some() {
             let _zone = enter(plan::INTERPOLATE); // 8
-            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, shaded());
+            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, caches.near.as_ref(), shaded());
         }
     }
     if let (IndirectLight::BruteForce(brute_force), Some(rsm)) = (&light.indirect, &light.rsm)

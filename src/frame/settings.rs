@@ -53,6 +53,8 @@ pub enum Gather {
         bounces: u32,
         /// What is in the way of indirect light.
         shadows: Shadows,
+        /// Where light and shade from nearby come from.
+        near: Near,
     },
     /// Tiles of VALs are drawn over the atlas and added to float images.
     Draws {
@@ -144,6 +146,21 @@ pub enum Shadows {
     Proxy,
     /// Stage 6 tests every VAL against what each cache sees of the others' rectangles.
     PerLight,
+}
+
+/// Where the light and shade come from that what is within one spacing of the caches gives to a pixel. METHOD 11.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Near {
+    /// From caches, like all else.
+    #[default]
+    Off,
+    /// From short rays at pixels; caches leave out what is nearer than half of their spacing.
+    Rays {
+        /// Rays of a pixel that has rays, 1 to 32; 16 neighbours share theirs.
+        per_pixel: u32,
+        /// Pixels and rows from one with rays to the next.
+        every: u32,
+    },
 }
 
 /// How a picture is shown; changes from frame to frame at no cost.
@@ -246,6 +263,15 @@ impl Quality {
         }
     }
 
+    /// Light and shade from nearby.
+    pub fn near(self) -> Near {
+        match self {
+            Self::Low | Self::Medium => Near::Off,
+            Self::High => Near::Rays { per_pixel: 8, every: 2 },
+            Self::Reference => Near::Rays { per_pixel: 32, every: 1 },
+        }
+    }
+
     /// Shadows of indirect light with so many caches: they look at pairs of caches, which of very many are too many.
     pub fn shadows(self, caches: usize) -> Shadows {
         let best = match caches {
@@ -267,7 +293,12 @@ impl Settings {
     pub fn at(quality: Quality, caches: usize) -> Self {
         Self {
             indirect: Indirect::Caches(Caches {
-                gather: Gather::Compute { ways: Ways::default(), bounces: 1, shadows: quality.shadows(caches) },
+                gather: Gather::Compute {
+                    ways: Ways::default(),
+                    bounces: 1,
+                    shadows: quality.shadows(caches),
+                    near: quality.near(),
+                },
                 cull: true,
                 interpolation: Interpolation::Facing,
                 proxy_weight: ProxyWeight::Irradiance,
@@ -292,6 +323,16 @@ impl Settings {
     }
 }
 
+impl Near {
+    /// Rays of a pixel that has some, and pixels and rows from one to the next.
+    pub fn rays(self) -> (u32, u32) {
+        match self {
+            Self::Off => (0, 1),
+            Self::Rays { per_pixel, every } => (per_pixel.clamp(1, 32), every.max(1)),
+        }
+    }
+}
+
 impl Gather {
     /// What is in the way of indirect light.
     pub fn shadows(&self) -> Shadows {
@@ -305,6 +346,11 @@ impl Gather {
                 }
             }
         }
+    }
+
+    /// Where light and shade from nearby come from.
+    pub fn near(&self) -> Near {
+        if let Self::Compute { near, .. } = *self { near } else { Near::Off }
     }
 
     /// Indirect bounces.

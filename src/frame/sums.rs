@@ -23,13 +23,15 @@ pub struct ComputeKind {
     pub weight: ProxyWeight,
     /// Most views of a frame.
     pub eyes: u32,
+    /// What is nearer than this [m] is left to short rays; 0: nothing.
+    pub near: f32,
 }
 
 impl ComputeKind {
     /// One bounce without shadows.
     pub fn plain(glossy: bool) -> Self {
         let (shadows, weight) = (Shadows::Off, ProxyWeight::Irradiance);
-        Self { glossy, shadows, together: 1, bounces: 1, emitted: 0, weight, eyes: 1 }
+        Self { glossy, shadows, together: 1, bounces: 1, emitted: 0, weight, eyes: 1, near: 0.0 }
     }
 }
 
@@ -45,21 +47,24 @@ pub(super) struct SumKind {
     pub(super) proxies: bool,
     /// The glossy lobe's are made for two eyes at once, with proxies.
     pub(super) two_eyes: bool,
+    /// What is nearby is left to short rays.
+    pub(super) near: bool,
 }
 
 /// The pipeline that adds up VALs.
 pub(super) fn sum_pipeline(gpu: &Gpu, ways: &Ways, kind: SumKind) -> Result<Pipeline> {
     let spread = u32::from(kind.shadows == Shadows::Proxy);
     let by_hand = u32::from(gpu.is_software());
-    let constants = [u32::from(kind.glossy), ways.source as u32, ways.caches(), spread, by_hand, kind.together];
+    let (glossy, near) = (u32::from(kind.glossy), u32::from(kind.near));
+    let constants = [glossy, ways.source as u32, ways.caches(), spread, by_hand, near, kind.together];
     let shadowed = kind.shadows == Shadows::PerLight;
     if kind.two_eyes {
-        let (name, used) = if shadowed { ("gather_shadowed_eyes.comp", 6) } else { ("gather_eyes.comp", 5) };
+        let (name, used) = if shadowed { ("gather_shadowed_eyes.comp", 7) } else { ("gather_eyes.comp", 6) };
         return gpu.compute(name, &constants[..used]);
     }
     match (shadowed, kind.proxies) {
-        (false, false) => gpu.compute("gather_sums.comp", &constants[..5]),
-        (false, true) => gpu.compute("gather.comp", &constants[..5]),
+        (false, false) => gpu.compute("gather_sums.comp", &constants[..6]),
+        (false, true) => gpu.compute("gather.comp", &constants[..6]),
         (true, false) => gpu.compute("gather_shadowed_sums.comp", &constants),
         (true, true) => gpu.compute("gather_shadowed.comp", &constants),
     }

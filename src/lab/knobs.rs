@@ -3,7 +3,7 @@
 use crate::error::Result;
 use crate::frame::settings::{Caches, Gather};
 use crate::frame::{
-    ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Light, Look, Picture, Plan, ProxyWeight, Quality,
+    ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Light, Look, Near, Picture, Plan, ProxyWeight, Quality,
     Settings, Shadows, Tonemap, View, Ways, World, record,
 };
 use crate::gpu::{Cmd, Gpu};
@@ -63,6 +63,8 @@ pub struct Knobs {
     pub cull: bool,
     /// Soft shadows of indirect light.
     pub shadows: Shadows,
+    /// Light and shade from nearby.
+    pub near: Near,
     /// Stages whose inputs are those of the frame before are left out.
     pub reuse: bool,
     /// Curve of stage 11.
@@ -78,6 +80,7 @@ impl Knobs {
             rsm: quality.rsm(),
             shadow_map: quality.shadow_map(),
             shadows: quality.shadows(caches),
+            near: quality.near(),
             ..Self::plain(size)
         }
     }
@@ -96,6 +99,7 @@ impl Knobs {
             ways: Ways::default(),
             cull: true,
             shadows: Shadows::Off,
+            near: Near::Off,
             reuse: false,
             tonemap: Tonemap::PbrNeutral,
             exposure: Exposure::Automatic,
@@ -107,7 +111,9 @@ impl Knobs {
         match (self.gi, self.path) {
             (Gi::Off, _) | (_, Path::Compute) => true,
             (Gi::BruteForce, _) => self.bounces <= 1,
-            (Gi::LightSkin, _) => self.bounces <= 1 && self.shadows != Shadows::PerLight,
+            (Gi::LightSkin, _) => {
+                self.bounces <= 1 && self.shadows != Shadows::PerLight && self.near == Near::Off
+            }
         }
     }
 
@@ -121,7 +127,10 @@ impl Knobs {
         let caches = || {
             Indirect::Caches(Caches {
                 gather: match self.path {
-                    Path::Compute => Gather::Compute { ways: self.ways, bounces: self.bounces, shadows: self.shadows },
+                    Path::Compute => {
+                        let Self { ways, bounces, shadows, near, .. } = *self;
+                        Gather::Compute { ways, bounces, shadows, near }
+                    }
                     Path::Draws(source, tile) => Gather::Draws { source, tile, dim },
                     Path::Clusters(rule) => Gather::Clusters { rule, dim },
                 },

@@ -7,7 +7,7 @@ use super::emitters::{Emitter, Places, emissive};
 use crate::scene::Scene;
 use crate::scene::material::Emission;
 use glam::{DVec2, DVec3};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 
 /// Most area lights.
 const MOST: usize = 16;
@@ -124,6 +124,11 @@ impl AreaLights {
     /// Whether there are none.
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
+    }
+
+    /// All their triangles, by instance and vertices of its mesh.
+    pub(super) fn triangles(&self) -> HashSet<(usize, [usize; 3])> {
+        self.0.iter().flat_map(|surface| &surface.parts).map(|part| (part.instance, part.corners)).collect()
     }
 
     /// Whether one of them is part of this instance.

@@ -11,6 +11,7 @@ pub(super) mod deform;
 mod emitters;
 pub mod lights;
 mod model_caches;
+pub mod rays;
 mod sky;
 mod textures;
 mod update;
@@ -33,6 +34,7 @@ use emitters::Patches;
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use lights::LightInfo;
 use model_caches::{CacheSurface, place_caches};
+use rays::RayBuffers;
 use std::cell::{Cell, OnceCell};
 use textures::{MaterialTextures, upload_textures};
 use update::{Dynamic, InstanceLayout, PendingCopies, Revisions, Structure};
@@ -115,6 +117,8 @@ pub struct World {
     pub(super) references_each: usize,
     /// The caches' diffuse albedos, once more bounces have asked for them.
     albedos: OnceCell<CacheAlbedos>,
+    /// What rays meet, once a frame has asked for it.
+    rays: OnceCell<RayBuffers>,
     /// The caches as they were baked.
     caches: Option<CacheSet>,
     /// What decides which stages there are.
@@ -216,6 +220,7 @@ impl World {
                 },
                 first_index: mesh_base[instance.mesh].1 as u32,
                 first_vertex: first_posed[i].unwrap_or(RIGID),
+                drawn_vertex: first_posed[i].unwrap_or(mesh_base[instance.mesh].0 as u32),
                 pose_sizes: scene.meshes[instance.mesh].deform.as_ref().map_or((0, 0), deform::sizes),
                 emits: patches.any_of(i) || area_lights.any_of(i),
             })
@@ -304,6 +309,7 @@ impl World {
             structure: Structure::new(scene),
             references_each: references_each(scene, caches),
             albedos: OnceCell::new(),
+            rays: OnceCell::new(),
             caches: caches.cloned(),
             layout: new_revision(),
             references: gpu.buffer_from("scene.references", &references)?,
@@ -334,6 +340,29 @@ impl World {
             self.albedos.get_or_init(|| CacheAlbedos { buffer, albedos });
         }
         Ok(())
+    }
+
+    /// What rays meet; built on the first call.
+    pub(super) fn make_rays(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
+        if self.rays.get().is_none() {
+            let made = self.rays_of(gpu, scene)?;
+            self.rays.get_or_init(|| made);
+        }
+        Ok(())
+    }
+
+    fn rays_of(&self, gpu: &Gpu, scene: &Scene) -> Result<RayBuffers> {
+        RayBuffers::new(gpu, scene, self.origin, &self.layouts, &self.area_lights.triangles())
+    }
+
+    /// What rays meet, where it has been asked for.
+    pub fn rays(&self) -> Option<&RayBuffers> {
+        self.rays.get()
+    }
+
+    /// Distance between caches \[m\]; 0 without any.
+    pub fn spacing(&self) -> f64 {
+        self.caches.as_ref().map_or(0.0, |caches| caches.spacing)
     }
 
     /// Which stages frames of it have under these settings.

@@ -11,6 +11,7 @@ use crate::scene::animation::Quantity;
 use crate::scene::{Instance, Material, Sampler, Scene};
 use crate::shared::{self, Joint, LightView, RIGID, TEXTURE_COUNT, TextureSlot};
 use glam::{DMat3, DMat4, DVec3, Mat4};
+use std::cell::OnceCell;
 
 /// Which content there is.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -54,6 +55,8 @@ pub(super) struct InstanceLayout {
     pub(super) first_index: u32,
     /// First of its posed vertices among all, or `RIGID`.
     pub(super) first_vertex: u32,
+    /// First of the vertices that are drawn.
+    pub(super) drawn_vertex: u32,
     /// Joints and morph targets of its poses.
     pub(super) pose_sizes: (u32, u32),
     /// Whether it has parts that emit.
@@ -168,6 +171,7 @@ impl Dynamic {
             },
             first_index: layout.first_index,
             first_vertex: layout.first_vertex,
+            drawn_vertex: layout.drawn_vertex,
         });
     }
 
@@ -239,6 +243,10 @@ impl World {
         pending.materials |= materials;
         if surfaces {
             self.revisions.surfaces = new_revision();
+            let moved = instances || poses || now.hidden != old.hidden;
+            if moved && self.rays.get().is_some() {
+                self.rays = OnceCell::from(self.rays_of(gpu, scene)?);
+            }
             let moved =
                 |(i, layout): (usize, &InstanceLayout)| layout.emits && (poses || now.instances[i] != old.instances[i]);
             if self.features.emits_at_all() && (materials || self.layouts.iter().enumerate().any(moved)) {

@@ -1,0 +1,187 @@
+// The surface where a ray meets a triangle. Textures come from one buffer, since not every device picks one of many images for
+// each thread. Bindings 5 to 11 are its own. Twin: src/reference/world.rs.
+#ifndef HIT_GLSL
+#define HIT_GLSL
+#include "lib/trace.glsl"
+#include "lib/material.glsl"
+
+layout(binding = 5, scalar) readonly buffer HitVertices { float vertex_words[]; };
+layout(binding = 6, scalar) readonly buffer HitIndices { uint hit_indices[]; };
+layout(binding = 7, scalar) readonly buffer HitInstances { Instance hit_instances[]; };
+layout(binding = 8, scalar) readonly buffer Materials { Material materials[]; };
+layout(binding = 9, scalar) readonly buffer TextureSlots { TextureSlot texture_slots[]; };
+layout(binding = 10, scalar) readonly buffer HitTextures { HitTexture hit_textures[]; };
+layout(binding = 11, scalar) readonly buffer HitTexels { uint hit_texels[]; };
+
+// Texture coordinates, of both sets, and vertex colour.
+struct Attributes {
+    vec4 uv;
+    vec4 color;
+    float density; // root of the area in texture coordinates over that of the triangle [1/m]
+};
+
+vec3 corner_vector(uint vertex, uint word) {
+    uint at = vertex * VERTEX_WORDS + word;
+    return vec3(vertex_words[at], vertex_words[at + 1u], vertex_words[at + 2u]);
+}
+
+vec4 corner_uv(uint vertex) {
+    uint at = vertex * VERTEX_WORDS + 10u;
+    return vec4(vertex_words[at], vertex_words[at + 1u], vertex_words[at + 2u], vertex_words[at + 3u]);
+}
+
+vec4 corner_color(uint vertex) {
+    return unpackUnorm4x8(floatBitsToUint(vertex_words[vertex * VERTEX_WORDS + 14u]));
+}
+
+// The vertices of a triangle.
+uvec3 corners_of(uint triangle, uint instance) {
+    uint first = floatBitsToUint(ray_triangle(3u * triangle).w);
+    uint base = hit_instances[instance].drawn_vertex;
+    return base + uvec3(hit_indices[first], hit_indices[first + 1u], hit_indices[first + 2u]);
+}
+
+int wrapped(int i, int size, uint how) {
+    if (how == 2u) {
+        return clamp(i, 0, size - 1);
+    }
+    int period = how == 1u ? 2 * size : size;
+    i -= period * int(floor(float(i) / float(period)));
+    i = clamp(i, 0, period - 1);
+    return i >= size ? 2 * size - 1 - i : i;
+}
+
+// A texture of a material at a point, filtered over `width` of texture coordinates.
+vec4 hit_texture(uint material, uint which, vec4 uv, float width) {
+    TextureSlot slot = texture_slots[material * TEXTURE_COUNT + which];
+    HitTexture texture_ = hit_textures[material * TEXTURE_COUNT + which];
+    vec2 t = slot.uv_set == 0u ? uv.xy : uv.zw;
+    t = slot.linear.xy * t.x + slot.linear.zw * t.y + slot.translation;
+    float stretch = max(length(slot.linear.xy), length(slot.linear.zw));
+    ivec2 size = ivec2(texture_.width, texture_.height);
+    uint first = texture_.first;
+    for (float texels = width * stretch * float(max(size.x, size.y)); texels >= 2.0 && (size.x > 1 || size.y > 1); texels *= 0.5) {
+        first += uint(size.x * size.y);
+        size = max(size / 2, ivec2(1));
+    }
+    vec2 at = clamp(t, -1e4, 1e4) * vec2(size) - 0.5;
+    vec2 f = fract(at);
+    ivec2 low = ivec2(floor(at));
+    vec4 sum = vec4(0.0);
+    for (int i = 0; i < 4; ++i) {
+        int x = wrapped(low.x + (i & 1), size.x, texture_.how & 3u);
+        int y = wrapped(low.y + (i >> 1), size.y, texture_.how >> 2 & 3u);
+        vec4 texel = unpackUnorm4x8(hit_texels[first + uint(y * size.x + x)]);
+        texel.rgb = (texture_.how & 16u) != 0u ? texel.rgb * texel.rgb : texel.rgb;
+        sum += texel * ((i & 1) != 0 ? f.x : 1.0 - f.x) * ((i & 2) != 0 ? f.y : 1.0 - f.y);
+    }
+    return sum;
+}
+
+bool has_hit_texture(uint material, uint which) {
+    return texture_slots[material * TEXTURE_COUNT + which].present != 0u;
+}
+
+vec4 hit_base_color(uint material, vec4 uv, vec4 color, float width) {
+    vec4 base = materials[material].base_color * color;
+    return has_hit_texture(material, TEXTURE_BASE_COLOR) ? base * hit_texture(material, TEXTURE_BASE_COLOR, uv, width) : base;
+}
+
+bool is_there(uint at, vec2 weights, uint instance) {
+    uint material = floatBitsToUint(ray_triangle(3u * at + 1u).w);
+    uvec3 v = corners_of(at, instance);
+    vec3 w = vec3(1.0 - weights.x - weights.y, weights);
+    vec4 uv = w.x * corner_uv(v.x) + w.y * corner_uv(v.y) + w.z * corner_uv(v.z);
+    vec4 color = w.x * corner_color(v.x) + w.y * corner_color(v.y) + w.z * corner_color(v.z);
+    return hit_base_color(material, uv, color, 0.0).a >= materials[material].alpha_cutoff;
+}
+
+// A point of a surface that a ray has met.
+struct HitSurface {
+    vec3 position;
+    vec3 geometric; // unit normal of the triangle on the side that the ray came from
+    vec3 normal; // unit vertex normal on that side
+    vec3 diffuse; // rho_d
+    vec3 emission; // of what is no area light [cd/m^2]
+};
+
+// Unit normal of a triangle in the world, against a direction.
+vec3 hit_geometric(Hit hit, vec3 direction, out bool front) {
+    vec3 a = ray_triangle(3u * hit.triangle).xyz;
+    vec3 b = ray_triangle(3u * hit.triangle + 1u).xyz;
+    vec4 third = ray_triangle(3u * hit.triangle + 2u);
+    uint what = floatBitsToUint(third.w);
+    vec3 n = cross(b - a, third.xyz - a);
+    if (LEVELS == 2u && what >> RAY_KIND_BITS == RAY_STILL >> RAY_KIND_BITS) {
+        n = mat3(hit_instances[hit.instance].world_from_normal) * n;
+    }
+    front = (dot(n, direction) < 0.0) != ((what & RAY_MIRRORED) != 0u);
+    front = front || (what & RAY_TWO_SIDED) != 0u;
+    n = n / max(max(abs(n.x), abs(n.y)), max(abs(n.z), 1e-30));
+    n *= inversesqrt(max(dot(n, n), 1e-30));
+    return dot(n, direction) < 0.0 ? n : -n;
+}
+
+// The surface at a hit; `spread`: width of what the ray stands for, by distance.
+HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
+    HitSurface s;
+    bool front;
+    s.geometric = hit_geometric(hit, direction, front);
+    s.position = origin + hit.distance * direction;
+    uint material = floatBitsToUint(ray_triangle(3u * hit.triangle + 1u).w);
+    uint what = floatBitsToUint(ray_triangle(3u * hit.triangle + 2u).w);
+    uvec3 v = corners_of(hit.triangle, hit.instance);
+    vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
+    vec3 n = w.x * corner_vector(v.x, 3u) + w.y * corner_vector(v.y, 3u) + w.z * corner_vector(v.z, 3u);
+    n = mat3(hit_instances[hit.instance].world_from_normal) * n;
+    s.normal = dot(n, n) > 0.0 ? normalize(n) : s.geometric;
+    s.normal = dot(s.normal, s.geometric) < 0.0 ? -s.normal : s.normal;
+
+    vec4 uva = corner_uv(v.x);
+    vec4 uvb = corner_uv(v.y);
+    vec4 uvc = corner_uv(v.z);
+    vec4 uv = w.x * uva + w.y * uvb + w.z * uvc;
+    vec4 color = w.x * corner_color(v.x) + w.y * corner_color(v.y) + w.z * corner_color(v.z);
+    // How many texture coordinates a metre is, by areas.
+    vec3 p = corner_vector(v.x, 0u);
+    mat3 linear = mat3(hit_instances[hit.instance].world_from_model);
+    vec3 across = cross(linear * (corner_vector(v.y, 0u) - p), linear * (corner_vector(v.z, 0u) - p));
+    vec4 u1 = uvb - uva;
+    vec4 u2 = uvc - uva;
+    float in_texture = max(abs(u1.x * u2.y - u1.y * u2.x), abs(u1.z * u2.w - u1.w * u2.z));
+    float width = spread * hit.distance * sqrt(in_texture / max(length(across), 1e-30));
+
+    Material m = materials[material];
+    vec3 base = hit_base_color(material, uv, color, width).rgb;
+    s.diffuse = base;
+    if (m.phong_exponent < 0.0) {
+        float metallic = m.metallic;
+        if (has_hit_texture(material, TEXTURE_METALLIC_ROUGHNESS)) {
+            metallic *= hit_texture(material, TEXTURE_METALLIC_ROUGHNESS, uv, width).b;
+        }
+        float specular = m.specular;
+        if (has_hit_texture(material, TEXTURE_SPECULAR)) {
+            specular *= hit_texture(material, TEXTURE_SPECULAR, uv, width).a;
+        }
+        vec3 specular_color = m.specular_color;
+        if (has_hit_texture(material, TEXTURE_SPECULAR_COLOR)) {
+            specular_color *= hit_texture(material, TEXTURE_SPECULAR_COLOR, uv, width).rgb;
+        }
+        s.diffuse = metallic_roughness(base, metallic, 1.0, m.ior, specular, specular_color).diffuse;
+    }
+    s.emission = vec3(0.0);
+    if (front && (what & RAY_AREA_LIGHT) == 0u && m.emissive != vec3(0.0)) {
+        s.emission = m.emissive;
+        if (has_hit_texture(material, TEXTURE_EMISSIVE)) {
+            s.emission *= hit_texture(material, TEXTURE_EMISSIVE, uv, width).rgb;
+        }
+    }
+    return s;
+}
+
+// How far to step out of a surface before a ray starts: more than positions are rounded by.
+float lift_at(vec3 position, float from_eye) {
+    return 1e-5 * (max(abs(position.x), max(abs(position.y), abs(position.z))) + from_eye);
+}
+
+#endif

@@ -1,0 +1,86 @@
+// Diffusely reflected direct light where a ray has met a surface. One light is chosen by what all give without anything in the
+// way, and one ray asks whether it arrives: what many rays see together is the sum over all lights. Binding 12 is its own.
+// Twin: src/reference/near.rs.
+#ifndef HIT_LIGHT_GLSL
+#define HIT_LIGHT_GLSL
+#include "lib/hit.glsl"
+#include "lib/form_factor.glsl"
+#include "lib/light.glsl"
+#include "lib/area_light.glsl"
+
+layout(binding = 12, scalar) readonly buffer HitLights { Light hit_lights[]; };
+
+// Irradiance [lx] of a light at a surface, without anything in the way.
+vec3 light_irradiance(Light light, HitSurface s) {
+    vec3 to = light.position - s.position;
+    if (light.kind == LIGHT_AREA) {
+        if (dot(to, light.direction) >= 0.0) {
+            return vec3(0.0);
+        }
+        SeenPart part = above_horizon(to, light.right, light.up, s.normal);
+        return part.count < 3 ? vec3(0.0) : light.intensity * (PI * polygon_form_factor(part, s.normal));
+    }
+    vec3 towards = -light.direction;
+    vec3 irradiance = light.intensity;
+    if (light.kind != LIGHT_DIRECTIONAL) {
+        float d2 = max(dot(to, to), 1e-30);
+        towards = to * inversesqrt(d2);
+        irradiance *= range_window(d2, light.range) / d2;
+        if (light.kind == LIGHT_SPOT) {
+            irradiance *= spot_falloff(-dot(towards, light.direction), light.cone_scale, light.cone_offset);
+        }
+    }
+    return dot(s.geometric, towards) > 0.0 ? irradiance * max(dot(s.normal, towards), 0.0) : vec3(0.0);
+}
+
+// Radiance [cd/m^2] that a surface reflects diffusely of all lights; `chance`: three numbers in [0, 1), which choose a light and
+// a point of it.
+vec3 reflected_direct(HitSurface s, uint light_count, uint root, vec3 chance) {
+    const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
+    float total = 0.0;
+    float own = 0.0;
+    uint chosen = 0u;
+    vec3 given = vec3(0.0);
+    float pick = chance.x;
+    for (uint i = 0u; i < light_count; ++i) {
+        vec3 e = light_irradiance(hit_lights[i], s);
+        float weight = dot(e, LUMINANCE);
+        if (weight > 0.0) {
+            total += weight;
+            // The one before stays by its share of the sum; what is left of the number decides further on.
+            float share = weight / total;
+            if (pick < share) {
+                pick /= share;
+                chosen = i;
+                given = e;
+                own = weight;
+            } else {
+                pick = (pick - share) / max(1.0 - share, 1e-6);
+            }
+            pick = clamp(pick, 0.0, 0.999999);
+        }
+    }
+    if (own == 0.0) {
+        return vec3(0.0);
+    }
+    Light light = hit_lights[chosen];
+    vec3 start = s.position + s.geometric * lift_at(s.position, 0.0);
+    vec3 way = -light.direction;
+    float far = 3e38;
+    uint passed = 0u;
+    if (light.kind == LIGHT_AREA) {
+        way = light.position + (2.0 * chance.y - 1.0) * light.right + (2.0 * chance.z - 1.0) * light.up - start;
+        far = 0.9999;
+        passed = RAY_AREA_LIGHT;
+        if (dot(way, s.geometric) <= 0.0 || dot(way, light.direction) >= 0.0) {
+            return vec3(0.0);
+        }
+    } else if (light.kind != LIGHT_DIRECTIONAL) {
+        way = light.position - start;
+        far = 0.99999;
+    }
+    Hit blocker = trace(start, way, 0.0, far, root, passed, true);
+    return blocker.triangle == NO_HIT ? s.diffuse / PI * given * (total / own) : vec3(0.0);
+}
+
+#endif

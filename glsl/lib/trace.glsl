@@ -1,0 +1,225 @@
+// Rays against the scene's triangles, over a hierarchy of compressed nodes with eight children; Ylitie, Karras and Laine 2017.
+// One level of nodes in the world for what stands still, below a second one over what moves. Triangles by the edge test of
+// Woop, Benthin and Wald 2013: what two triangles share is decided alike for both. Bindings 0 to 4 are its own.
+// Twin: src/reference/world.rs. Made by src/frame/world/rays.rs.
+#ifndef TRACE_GLSL
+#define TRACE_GLSL
+#include "shared.glsl"
+
+layout(constant_id = 0) const uint STACK = 24; // entries that the hierarchy needs at most
+layout(constant_id = 1) const uint LEVELS = 1; // 2: the root is over instances
+layout(constant_id = 2) const uint AS_TEXELS = 0; // 1: nodes and triangles are read as texels
+layout(constant_id = 3) const uint HAS_HOLES = 1; // 0: no material is cut out
+
+// Five words a node: corner of its boxes' grid and three exponents; first child, first triangle and what the children are;
+// planes of x, y, z: lower of eight, upper of eight.
+layout(binding = 0, std430) readonly buffer RayNodes { uvec4 ray_nodes[]; };
+layout(binding = 1) uniform samplerBuffer ray_node_texels;
+// Three words a triangle: corners; in w where its indices are, its material, and its instance and what it is.
+layout(binding = 2, std430) readonly buffer RayTriangles { vec4 ray_triangles[]; };
+layout(binding = 3) uniform samplerBuffer ray_triangle_texels;
+// Four words an instance that moves: rows of model from world; root, number.
+layout(binding = 4, std430) readonly buffer RayInstances { vec4 ray_instances[]; };
+
+const uint NO_HIT = 0xffffffffu;
+
+// What a ray meets first.
+struct Hit {
+    float distance; // in lengths of the direction
+    vec2 weights; // of the second and third corner
+    uint triangle; // its place; NO_HIT where nothing is
+    uint instance;
+};
+
+uvec4 ray_node(uint i) {
+    return AS_TEXELS != 0u ? floatBitsToUint(texelFetch(ray_node_texels, int(i))) : ray_nodes[i];
+}
+
+vec4 ray_triangle(uint i) {
+    return AS_TEXELS != 0u ? texelFetch(ray_triangle_texels, int(i)) : ray_triangles[i];
+}
+
+// The part of a ray that tests of boxes and triangles need, in one space.
+struct Path {
+    vec3 origin;
+    vec3 direction;
+    vec3 inverse;
+    uint octant;
+    // The axis along which the ray is longest comes last.
+    uint axis;
+    vec2 shear;
+};
+
+vec3 turned(vec3 v, uint axis) {
+    return axis == 0u ? v.yzx : axis == 1u ? v.zxy : v;
+}
+
+Path path_of(vec3 origin, vec3 direction) {
+    // Without infinities: 0 times infinity is no number.
+    const float LEAST = 1e-18;
+    vec3 sign_ = mix(vec3(LEAST), vec3(-LEAST), lessThan(direction, vec3(0.0)));
+    vec3 inverse = 1.0 / mix(direction, sign_, lessThan(abs(direction), vec3(LEAST)));
+    uint octant = (direction.x < 0.0 ? 0u : 0x04040404u) | (direction.y < 0.0 ? 0u : 0x02020202u)
+                | (direction.z < 0.0 ? 0u : 0x01010101u);
+    vec3 a = abs(direction);
+    uint axis = a.x > a.y ? (a.x > a.z ? 0u : 2u) : (a.y > a.z ? 1u : 2u);
+    vec3 d = turned(direction, axis);
+    return Path(origin, direction, inverse, octant, axis, d.xy / d.z);
+}
+
+// Children of a node that a ray meets between two distances: in the high byte those that are nodes, the nearest first; in the
+// low 24 bits triangles.
+uint children_met(uint at, Path path, float from, float to, out uvec2 first, out uint inner_nodes) {
+    uvec4 place = ray_node(at);
+    uvec4 base = ray_node(at + 1u);
+    uvec4 qx = ray_node(at + 2u);
+    uvec4 qy = ray_node(at + 3u);
+    uvec4 qz = ray_node(at + 4u);
+    first = base.xy;
+    inner_nodes = place.w >> 24;
+    vec3 size = uintBitsToFloat(uvec3(place.w & 0xffu, place.w >> 8 & 0xffu, place.w >> 16 & 0xffu) << 23);
+    vec3 step_ = size * path.inverse;
+    vec3 start = (uintBitsToFloat(place.xyz) - path.origin) * path.inverse;
+    // A plane near the origin is the difference of two long ways: what they are rounded by is added to the box.
+    vec3 slack = (abs(start) + 255.0 * abs(step_)) * 2.4e-7;
+    vec3 sooner = start - slack;
+    vec3 later = start + slack;
+    bvec3 negative = lessThan(path.direction, vec3(0.0));
+    uvec2 low_x = negative.x ? qx.zw : qx.xy;
+    uvec2 high_x = negative.x ? qx.xy : qx.zw;
+    uvec2 low_y = negative.y ? qy.zw : qy.xy;
+    uvec2 high_y = negative.y ? qy.xy : qy.zw;
+    uvec2 low_z = negative.z ? qz.zw : qz.xy;
+    uvec2 high_z = negative.z ? qz.xy : qz.zw;
+    uint met = 0u;
+    [[unroll]] for (uint half_ = 0u; half_ < 2u; ++half_) {
+        uint meta = half_ == 0u ? base.z : base.w;
+        // Bits 3 and 4 of a byte are both set for nodes, never for triangles.
+        uint inner = (meta & (meta << 1)) & 0x10101010u;
+        uint index = (meta ^ (path.octant & (inner >> 4) * 0xffu)) & 0x1f1f1f1fu;
+        uint bits = meta >> 5 & 0x07070707u;
+        uvec3 low = half_ == 0u ? uvec3(low_x.x, low_y.x, low_z.x) : uvec3(low_x.y, low_y.y, low_z.y);
+        uvec3 high = half_ == 0u ? uvec3(high_x.x, high_y.x, high_z.x) : uvec3(high_x.y, high_y.y, high_z.y);
+        [[unroll]] for (uint i = 0u; i < 4u; ++i) {
+            uint s = 8u * i;
+            vec3 enter = vec3(low >> s & 0xffu) * step_ + sooner;
+            vec3 leave = vec3(high >> s & 0xffu) * step_ + later;
+            if (max(max(enter.x, enter.y), max(enter.z, from)) <= min(min(leave.x, leave.y), min(leave.z, to))) {
+                met |= (bits >> s & 0xffu) << (index >> s & 0xffu);
+            }
+        }
+    }
+    return met;
+}
+
+// Whether a triangle of a material with holes is there at a point.
+bool is_there(uint at, vec2 weights, uint instance);
+
+// Whether a ray meets a triangle between two distances; if so where. `passed`: kinds of triangles that it goes through.
+bool meets(Path path, uint at, float from, float to, uint passed, uint moving, inout Hit hit) {
+    vec4 first = ray_triangle(3u * at);
+    vec4 second = ray_triangle(3u * at + 1u);
+    vec4 third = ray_triangle(3u * at + 2u);
+    vec3 a = turned(first.xyz - path.origin, path.axis);
+    vec3 b = turned(second.xyz - path.origin, path.axis);
+    vec3 c = turned(third.xyz - path.origin, path.axis);
+    a.xy -= path.shear * a.z;
+    b.xy -= path.shear * b.z;
+    c.xy -= path.shear * c.z;
+    vec3 edges = vec3(c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x);
+    float sum = edges.x + edges.y + edges.z;
+    bool inside = min(min(edges.x, edges.y), edges.z) >= 0.0 || max(max(edges.x, edges.y), edges.z) <= 0.0;
+    // Of the plane: the weighted mean of the corners' distances is rounded by the triangle's size, not by the distance.
+    vec3 n = cross(second.xyz - first.xyz, third.xyz - first.xyz);
+    float distance_ = dot(first.xyz - path.origin, n) / dot(path.direction, n);
+    // What has no area gives no number, which is not between the two.
+    if (!(inside && sum != 0.0 && distance_ >= from && distance_ < to)) {
+        return false;
+    }
+    uint what = floatBitsToUint(third.w);
+    if ((what & passed) != 0u) {
+        return false;
+    }
+    vec2 weights = edges.yz / sum;
+    uint instance = moving == NO_HIT ? what >> RAY_KIND_BITS : moving;
+    if (HAS_HOLES != 0u && (what & RAY_HOLES) != 0u && !is_there(at, weights, instance)) {
+        return false;
+    }
+    hit = Hit(distance_, weights, at, instance);
+    return true;
+}
+
+// What the ray from `origin` along `direction` meets first between two distances [lengths of the direction]; with `any`
+// whatever it meets. `passed`: kinds of triangles that it goes through (RAY_...).
+Hit trace(vec3 origin, vec3 direction, float from, float to, uint root, uint passed, bool any) {
+    Hit hit = Hit(to, vec2(0.0), NO_HIT, NO_HIT);
+    uvec2 stack[STACK];
+    uint top = 0u;
+    Path path = path_of(origin, direction);
+    uint moving = NO_HIT; // the instance whose space the path is in
+    uint bottom = 0u; // of the stack within it
+    // First child of a group, and which are left: nodes in the high byte, which children are nodes in the low one.
+    uvec2 nodes = uvec2(root, 0x80000000u);
+    // First triangle of a group, and which are left.
+    uvec2 leaves = uvec2(0u);
+    while (true) {
+        if (nodes.y > 0x00ffffffu) {
+            uint bit = uint(findMSB(nodes.y));
+            nodes.y &= ~(1u << bit);
+            uint slot = (bit - 24u) ^ (path.octant & 0xffu);
+            uint at = nodes.x + uint(bitCount(nodes.y & ~(0xffffffffu << slot) & 0xffu));
+            if (nodes.y > 0x00ffffffu && top < STACK) {
+                stack[top++] = nodes;
+            }
+            uvec2 first;
+            uint inner;
+            uint met = children_met(5u * at, path, from, hit.distance, first, inner);
+            nodes = uvec2(first.x, (met & 0xff000000u) | inner);
+            leaves = uvec2(first.y, met & 0x00ffffffu);
+        } else {
+            leaves = nodes;
+            nodes = uvec2(0u);
+        }
+        while (leaves.y != 0u) {
+            uint i = uint(findMSB(leaves.y));
+            leaves.y &= ~(1u << i);
+            uint at = leaves.x + i;
+            if (LEVELS == 2u && moving == NO_HIT) {
+                // An instance: the rest waits.
+                if (nodes.y > 0x00ffffffu && top < STACK) {
+                    stack[top++] = nodes;
+                }
+                if (leaves.y != 0u && top < STACK) {
+                    stack[top++] = leaves;
+                }
+                bottom = top;
+                vec4 x = ray_instances[4u * at];
+                vec4 y = ray_instances[4u * at + 1u];
+                vec4 z = ray_instances[4u * at + 2u];
+                uvec2 what = floatBitsToUint(ray_instances[4u * at + 3u].xy);
+                vec4 o = vec4(origin, 1.0);
+                path = path_of(vec3(dot(x, o), dot(y, o), dot(z, o)),
+                               vec3(dot(x.xyz, direction), dot(y.xyz, direction), dot(z.xyz, direction)));
+                moving = what.y;
+                nodes = uvec2(what.x, 0x80000000u);
+                leaves.y = 0u;
+            } else if (meets(path, at, from, hit.distance, passed, LEVELS == 2u && moving != RAY_STILL ? moving : NO_HIT, hit)
+                       && any) {
+                return hit;
+            }
+        }
+        if (nodes.y <= 0x00ffffffu) {
+            if (LEVELS == 2u && moving != NO_HIT && top == bottom) {
+                moving = NO_HIT;
+                path = path_of(origin, direction);
+            }
+            if (top == 0u) {
+                return hit;
+            }
+            nodes = stack[--top];
+        }
+    }
+    return hit;
+}
+
+#endif

@@ -1,0 +1,117 @@
+//! Stage 6, beside the caches: short rays from what pixels show. METHOD 11.
+//!
+//! What lies within one spacing of the caches they cannot know. A few rays from every other pixel find it; stage 8 takes the
+//! rays of neighbours together. What they meet gives its light, and hides what caches say of its direction.
+
+use super::gbuffer::Surface;
+use super::settings::Near;
+use super::view::View;
+use super::world::World;
+use crate::error::{Error, Result};
+use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::shared::{NEAR_SIDE, NearPixel, TracePush};
+use glam::Vec3;
+use std::f32::consts::PI;
+
+/// Traces short rays.
+pub struct NearRays {
+    pipeline: Pipeline,
+    /// All directions about +z that neighbours share, ray after ray of each.
+    pub directions: Buffer,
+    /// Rays of a pixel that has some.
+    pub per_pixel: u32,
+    /// Pixels and rows from one with rays to the next.
+    pub every: u32,
+    /// How far they reach \[m\].
+    pub reach: f32,
+}
+
+/// What the rays of a picture found.
+pub struct NearPixels {
+    /// Row by row.
+    pub pixels: Buffer,
+    /// Pixels with rays in a row, and rows of them.
+    pub size: [u32; 2],
+}
+
+/// Distance from a cache within which VALs and what is in their way are left to rays \[spacings\].
+pub const CACHE_REACH: f64 = 0.5;
+
+/// Length of rays \[spacings\].
+pub const PIXEL_REACH: f64 = 1.0;
+
+/// Directions about +z, as many to each solid angle as its cosine wants: points on the unit disc, along a spiral.
+pub fn directions(count: u32) -> Vec<Vec3> {
+    let golden = PI * (3.0 - 5.0_f32.sqrt());
+    let direction = |i: u32| {
+        let r2 = (i as f32 + 0.5) / count as f32;
+        let (sin, cos) = (i as f32 * golden).sin_cos();
+        Vec3::new(r2.sqrt() * cos, r2.sqrt() * sin, (1.0 - r2).sqrt())
+    };
+    (0..count).map(direction).collect()
+}
+
+impl NearRays {
+    /// Makes it for a world with rays; none where none are asked for.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shader.
+    pub(super) fn new(gpu: &Gpu, world: &World, near: Near) -> Result<Option<Self>> {
+        if near == Near::Off {
+            return Ok(None);
+        }
+        let (per_pixel, every) = near.rays();
+        let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
+        let [stack, levels, texels, holes] = rays.constants(gpu);
+        Ok(Some(Self {
+            pipeline: gpu.compute("near.comp", &[stack, levels, texels, holes, per_pixel, every])?,
+            directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
+            per_pixel,
+            every,
+            reach: (PIXEL_REACH * world.spacing()) as f32,
+        }))
+    }
+
+    /// Records the pass for views, what they see, and what comes out.
+    pub(super) fn record<'a>(
+        &self,
+        cmd: &Cmd<'_>,
+        world: &World,
+        views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)>,
+    ) {
+        let Some(rays) = world.rays() else { return };
+        for (view, surface, out) in views {
+            let Some(element) = &surface.element else { continue };
+            let mut resources = rays.binds(world).to_vec();
+            resources.extend([Bind::from(&world.light_buffer), element.into()]);
+            resources.extend([&world.draw_records, &self.directions, &out.pixels].map(Bind::from));
+            cmd.bind(&self.pipeline, &resources);
+            let [width, height] = out.size;
+            cmd.push(&TracePush {
+                clip_from_world: view.clip_from_world,
+                eye: view.eye,
+                reach: self.reach,
+                root: rays.root,
+                width,
+                height,
+                light_count: world.lights().len() as u32,
+            });
+            // A workgroup has 8 x 8 pixels of the same directions.
+            let block = NEAR_SIDE * 8;
+            cmd.dispatch(width.div_ceil(block) * NEAR_SIDE * NEAR_SIDE * 64, height.div_ceil(block), 1);
+        }
+        cmd.barrier(Use::ComputeWrite, Use::FragmentRead); //   what rays found -> 8
+    }
+}
+
+impl NearPixels {
+    /// Room for a picture of this size.
+    ///
+    /// # Errors
+    /// What the device has no memory for.
+    pub(super) fn new(gpu: &Gpu, rays: &NearRays, size: [u32; 2]) -> Result<Self> {
+        let size = size.map(|side| side.div_ceil(rays.every));
+        let count = u64::from(size[0]) * u64::from(size[1]);
+        Ok(Self { pixels: gpu.buffer("near.pixels", count * size_of::<NearPixel>() as u64)?, size })
+    }
+}
