@@ -113,7 +113,7 @@ fn what_a_lamp_lights_reflects_all_of_its_light() {
     let scene = lamp_over_floor(1.0, DAffine3::from_translation(DVec3::Y * 0.1));
     let settings = Knobs { gi: Gi::BruteForce, rsm: 96, ..small() };
     let shot = shoot(&gpu, &scene, None, &settings);
-    let reflected: f64 = shot.vals.iter().map(|val| f64::from(val.flux.x)).sum();
+    let reflected: f64 = shot.vals.iter().map(|val| val.flux.x).sum();
     let lamp = Rectangle { middle: DVec3::Y * 0.1, right: DVec3::X * 0.3, up: DVec3::Z * 0.2 };
     let n = 200;
     let at = |i: u32| (f64::from(i) + 0.5) * 2.0 / f64::from(n) - 1.0;

@@ -8,9 +8,11 @@ use lightskin::reference::disc::polygon_form_factor;
 use lightskin::reference::path_trace::{self, PathTrace, Sources};
 use lightskin::scene::build::{CornellSurface, Surface, cornell, quad, sphere};
 use lightskin::scene::defaults::Ground;
+use lightskin::scene::write::write_glb;
 use lightskin::scene::{Image, Material, Sampler, Scene, Texture, defaults};
 use std::f64::consts::PI;
 
+use crate::cli::{folder, works};
 use crate::common::frames::{add, baked, camera, phong, shoot, small};
 use crate::common::gpu;
 
@@ -167,6 +169,23 @@ fn emitters_light_a_room_as_paths_do() {
         eprintln!("{bounces} bounces: mean error {error:.4} of the mean, bias {bias:+.4}");
         assert!(error < 0.12 && bias.abs() < 0.08, "{bounces}: {error}, {bias}");
     }
+}
+
+#[test]
+fn the_command_shows_light_of_emitters_that_no_surface_has_reflected() {
+    let at = folder("emitters");
+    let mut scene = ball_in_a_box();
+    scene.lights.clear();
+    write_glb(&scene, &at.join("ball.glb")).expect("written");
+    let ev = |args: &[&str]| -> f64 {
+        let render = ["render", "ball.glb", "-o", "a.png", "--size", "64x64", "--caches", "300", "--bounces", "0"];
+        let out = works(&at, &[&render[..], args].concat());
+        let line = out.lines().find_map(|l| l.strip_prefix("exposure  EV ")).expect("an exposure");
+        line.trim().parse().expect("a number")
+    };
+    let (drawn, traced) = (ev(&[]), ev(&["--gi", "path-trace", "--spp", "16"]));
+    println!("drawn EV {drawn}, traced EV {traced}");
+    assert!((drawn - traced).abs() < 0.2, "drawn EV {drawn}, traced EV {traced}");
 }
 
 #[test]
