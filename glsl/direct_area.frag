@@ -79,13 +79,12 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
         return 0.0;
     }
     LightView view = views[light.first_view + number * AREA_VIEWS + side];
-    Face face;
-    uvec2 tile = uvec2(number % push.columns, number / push.columns) * uvec2(3u, 2u) + uvec2(side % 3u, side / 3u);
-    face.corner = ivec2(tile * push.face_size);
     float texel = 2.0 / float(push.face_size);
-    face.depth = dot(d, view.forward);
     // A little out of the surface, for what is not quite flat.
-    d += n * (0.25 * texel * face.depth);
+    d += n * (0.25 * texel * dot(d, view.forward));
+    uvec2 tile = uvec2(number % push.columns, number / push.columns) * uvec2(3u, 2u) + uvec2(side % 3u, side / 3u);
+    Face face;
+    face.corner = ivec2(tile * push.face_size);
     face.depth = max(dot(d, view.forward), 1e-30);
     face.at = vec2(dot(d, view.right), dot(d, view.up)) / face.depth;
     face.normal = vec3(dot(n, view.right), dot(n, view.up), dot(n, view.forward));
@@ -105,8 +104,11 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
         sum += dot(blocks, seen);
         count += dot(blocks, vec4(1.0));
     }
-    if (count == 0.0 || count == float(4 * taps)) {
-        return count == 0.0 ? 1.0 : 0.0;
+    if (count == 0.0) {
+        return 1.0;
+    }
+    if (count == float(4 * taps)) {
+        return 0.0;
     }
     float blocker = sum / count;
     float penumbra = radius * max(face.depth - blocker, 0.0) / (face.depth * blocker);
@@ -151,7 +153,7 @@ void main() {
     float d2 = dot(to_middle, to_middle);
     float area = 4.0 * length(cross(light.right, light.up));
     float diffuse_share;
-    float glossy_share = 0.0;
+    float glossy_share;
     if (max(dot(light.right, light.right), dot(light.up, light.up)) < SMALL * SMALL * d2) {
         vec3 towards = to_middle * inversesqrt(d2);
         float facing = max(dot(n, towards), 0.0) * -dot(towards, light.direction) * area / d2;
@@ -163,12 +165,13 @@ void main() {
     }
 
     // What arrives of it: each lobe weighs the samples by what they would give it.
-    float cell = area / float(light.columns * light.rows);
+    uint samples = light.columns * light.rows;
+    float cell = area / float(samples);
     float radius = sqrt(cell / PI);
-    int taps = clamp(TAPS / int(light.columns * light.rows), 8, 32);
+    int taps = clamp(TAPS / int(samples), 8, 32);
     vec2 seen = vec2(0.0);
     vec2 all = vec2(0.0);
-    for (uint i = 0u; i < light.columns * light.rows; ++i) {
+    for (uint i = 0u; i < samples; ++i) {
         vec3 d = views[light.first_view + i * AREA_VIEWS].position - position;
         float cell_d2 = max(dot(d, d), 1e-30);
         vec3 towards = d * inversesqrt(cell_d2);
@@ -183,5 +186,6 @@ void main() {
         }
     }
     vec2 arrives = seen / max(all, vec2(1e-30));
-    out_radiance = vec4(light.intensity * (albedo.rgb * (diffuse_share * arrives.x) + specular.rgb * (glossy_share * arrives.y)), 0.0);
+    vec3 reflected = albedo.rgb * (diffuse_share * arrives.x) + specular.rgb * (glossy_share * arrives.y);
+    out_radiance = vec4(light.intensity * reflected, 0.0);
 }

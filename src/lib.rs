@@ -32,7 +32,7 @@
 //!
 //! fn main() -> lightskin::Result<()> {
 //!     let mut scene = scene::gltf::load("scene.glb".as_ref())?;
-//!     scene::defaults::complete(&mut scene, Ground::Auto); // a camera, light and a ground, if it has none
+//!     scene::defaults::complete(&mut scene, Ground::Auto); // what it lacks: a camera, light, a ground below
 //!     let camera = scene.cameras[0].clone();
 //!
 //!     let density = bake::Density::Count(Quality::High.caches());

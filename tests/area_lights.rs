@@ -107,6 +107,24 @@ fn soft_shadows_and_bounces_are_the_path_tracers() {
 }
 
 #[test]
+fn what_a_lamp_lights_reflects_all_of_its_light() {
+    // A lamp near the floor: in its middle it fills 0.87 of what the floor sees.
+    let gpu = gpu();
+    let scene = lamp_over_floor(1.0, DAffine3::from_translation(DVec3::Y * 0.1));
+    let settings = Knobs { gi: Gi::BruteForce, rsm: 96, ..small() };
+    let shot = shoot(&gpu, &scene, None, &settings);
+    let reflected: f64 = shot.vals.iter().map(|val| val.flux.x).sum();
+    let lamp = Rectangle { middle: DVec3::Y * 0.1, right: DVec3::X * 0.3, up: DVec3::Z * 0.2 };
+    let n = 200;
+    let at = |i: u32| (f64::from(i) + 0.5) * 2.0 / f64::from(n) - 1.0;
+    let factors = (0..n * n).map(|i| lamp.form_factor(dvec3(at(i % n), 0.0, at(i / n)), DVec3::Y));
+    let arriving = std::f64::consts::PI * 30.0 * factors.sum::<f64>() * (2.0 / f64::from(n)).powi(2);
+    let share = reflected / (0.4 * arriving);
+    println!("{reflected:.4} lm reflected of {arriving:.4}: {share:.4} of what the albedo says");
+    assert!((share - 1.0).abs() < 0.01, "{share}");
+}
+
+#[test]
 fn light_between_a_lamp_and_its_ceiling_stays_there() {
     // All of the light goes up, 5 mm below a ceiling that it nearly touches; the room gets what leaks at the rim.
     let mut scene = cornell(CornellSurface::Diffuse, 0.1);

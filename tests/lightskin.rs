@@ -33,6 +33,7 @@ mod house;
 mod interpolate;
 mod known_issues;
 mod layout;
+mod lifetimes;
 mod malformed;
 mod moving;
 mod nets;

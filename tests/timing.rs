@@ -339,7 +339,7 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
         ("cluster-errors", &room, by(ClusterRule::Error(0.05)), |plan| plan.clusters),
         ("proxy-shadows", &room, with(Shadows::Proxy), |plan| plan.occlude),
         ("per-light-shadows", &room, with(Shadows::PerLight), |plan| plan.depth_images),
-        ("bounces", &room, Knobs { bounces: 2, ..usual }, |plan| plan.bounces),
+        ("bounces", &room, Knobs { bounces: 2, ..usual }, |plan| plan.bounces > 0),
         ("brute-force", &room, Knobs { gi: Gi::BruteForce, ..usual }, |plan| plan.brute_force),
         ("direct-alone", &room, Knobs { gi: Gi::Off, ..usual }, |plan| !plan.indirect()),
         ("sky", &open, usual, |plan| plan.sky),

@@ -123,11 +123,11 @@ const SAME_STRETCH: f64 = 1e-4;
 /// `progress` is told how much is done, from 0 to 1, and what is being done; it may be called from several threads.
 /// The result depends on the scene and the settings alone, not on the number of threads. A count that cannot be met
 /// (an instance needs one cache) gives the nearest that can. Where far more caches than the count were needed because
-/// very many instances face all ways, caches stand for wider angles than asked for; [`Coverage::angle`] tells. Fails with `TooLarge` where a model would get more caches than
-/// 16-bit references can name, or where the spacing is minute against a model.
+/// very many instances face all ways, caches stand for wider angles than asked for; [`Coverage::angle`] tells.
 ///
 /// # Errors
-/// A scene without triangles, and one that needs more caches than references can name.
+/// A scene without triangles. `TooLarge` where a model would get more caches than 16-bit references can name, or where the
+/// spacing is minute against a model.
 pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<CacheSet> {
     assert!(settings.angle.is_finite() && settings.angle > 0.0, "bake: angle {}", settings.angle);
     assert!(settings.references > 0, "bake: no references");

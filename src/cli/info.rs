@@ -7,7 +7,7 @@ use lightskin::frame::plan::STAGES;
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{Indirect, Light, Look, Picture, Quality, Settings, View, World, record, tune};
 use lightskin::gpu::Gpu;
-use lightskin::scene::LightKind;
+use lightskin::scene::{LightKind, luminance};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -109,7 +109,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
         }
     }
     if light.plan.emitters {
-        let flux: f32 = patches.clone().map(|p| p.flux.dot(glam::Vec3::new(0.2126, 0.7152, 0.0722))).sum();
+        let flux: f64 = patches.clone().map(|p| luminance(p.flux.as_dvec3())).sum();
         say!("emitters");
         say!("  {} patches of the other surfaces that emit, {flux:.4} lm", thousands(patches.count()));
     }
@@ -157,10 +157,6 @@ pub(super) fn run(args: &Info) -> Result<()> {
         say!("  --measure adds what each takes on this device: caches, memory and the time of a frame");
     }
     check_messages(&gpu, &[])
-}
-
-fn luminance(radiance: glam::DVec3) -> f64 {
-    radiance.dot(glam::DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
 /// What each level of quality asks for.

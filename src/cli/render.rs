@@ -467,7 +467,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
         };
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
-    let mut baked = (args.gi == GiArg::Lightskin && args.bounces > 0)
+    // What small and curved surfaces that emit give directly comes through caches, too.
+    let mut baked = (args.gi == GiArg::Lightskin && (args.bounces > 0 || scene.emits()))
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
         .transpose()?;
     let interp = match &mut baked {

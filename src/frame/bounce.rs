@@ -38,7 +38,7 @@ pub struct Bounces {
 }
 
 impl Bounces {
-    /// Makes it for two bounces or more, or one with surfaces that emit.
+    /// Makes it for caches that light caches once or more.
     pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind) -> Result<Self> {
         let ComputeKind { glossy, shadows, bounces, emitted, weight, .. } = kind;
         // What follows each other in the list of caches lies in different directions.
@@ -52,7 +52,7 @@ impl Bounces {
             val_count: gpu.buffer_from("bounce.val_count", &[caches])?,
             scales: gpu.buffer("bounce.scales", 4 * u64::from(caches.max(1)))?,
             parts: caches.max(emitted).div_ceil(live.split),
-            count: if emitted > 0 { bounces } else { bounces - 1 },
+            count: bounces,
             caches_per_thread: ways.caches(),
             light: gpu.compute("bounce.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
             diffuse: sum(false)?,

@@ -50,11 +50,11 @@ impl Gather {
     ) -> Result<Self> {
         let caches = world.cache_count;
         Ok(match way.gather {
-            settings::Gather::Compute { ways, bounces, shadows, .. } => {
+            settings::Gather::Compute { ways, shadows, .. } => {
                 // What follows each other in a coarse picture, or in the list of patches, lies in different directions.
                 let fine = !plan.emitters && world.lights().iter().all(|light| light.rsm_size(rsm) >= FINE_RSM);
                 let together = if fine { SHADOWED_TOGETHER } else { 1 };
-                let (glossy, weight) = (plan.glossy, way.proxy_weight);
+                let (glossy, bounces, weight) = (plan.glossy, plan.bounces, way.proxy_weight);
                 let emitted = if plan.emitters { world.emitters.len() as u32 } else { 0 };
                 let is_near = plan.near != Near::Off;
                 let near = if is_near { (CACHE_REACH * world.spacing()) as f32 } else { 0.0 };
@@ -156,9 +156,9 @@ impl Compute {
         let split = split_of(caches, vals, ways.split, LONGEST_PART);
         let per_workgroup = GATHER_THREADS * ways.caches();
         let live = Live::new(gpu, Items { caches, group: 1, per_workgroup, lights: vals, split })?;
-        let ComputeKind { glossy, shadows, together, bounces, emitted, eyes, near, .. } = kind;
+        let ComputeKind { glossy, shadows, together, bounces, eyes, near, .. } = kind;
         let is_near = near > 0.0;
-        let further = bounces > u32::from(emitted == 0);
+        let further = bounces > 0;
         let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind)).transpose()?;
         let parts = parts_of(vals, split) + bounces.as_ref().map_or(0, |bounces| bounces.parts);
         let two_eyes = || -> Result<TwoEyes> {

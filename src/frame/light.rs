@@ -102,7 +102,7 @@ impl Light {
         };
         let rsm = plan.indirect().then(|| Rsm::new(gpu, world, side, weight, lights_all, plan.reflects)).transpose()?;
         let vals = rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
-        if plan.bounces {
+        if plan.bounces > 0 {
             world.make_albedos(gpu, scene)?;
         }
         if plan.near != Near::Off {

@@ -25,19 +25,16 @@ pub struct Features {
 impl Features {
     /// Of a scene of whose surfaces that emit some are area lights, and some are not.
     pub fn new(scene: &Scene, areas: bool, emits: bool) -> Self {
-        let glossy: Vec<bool> = (0..scene.materials.len()).map(|m| is_glossy(scene, m)).collect();
         Self {
             bends: scene.instances.iter().any(|instance| scene.meshes[instance.mesh].deform.is_some()),
             lights: !scene.lights.is_empty(),
             sky: scene.has_backdrop(),
             areas,
             emits,
-            glossy: scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| glossy[p.material]),
+            glossy: has_glossy_lobe(scene),
         }
     }
-}
 
-impl Features {
     /// Whether surfaces emit, one way or the other.
     pub fn emits_at_all(&self) -> bool {
         self.areas || self.emits
@@ -63,8 +60,8 @@ pub struct Plan {
     pub cull: bool,
     /// Stage 6 by clusters of VALs, and the pyramids before it.
     pub clusters: bool,
-    /// Stage 6 goes on: lit caches light all caches.
-    pub bounces: bool,
+    /// Stage 6 goes on: so many times lit caches light all caches.
+    pub bounces: u32,
     /// Stage 7: the discs of caches dim the proxies of others.
     pub occlude: bool,
     /// Stage 6 tests every VAL against what caches see of the others' rectangles.
@@ -122,15 +119,19 @@ impl Plan {
     pub fn of(scene: &Features, settings: &Settings) -> Self {
         let lights = scene.lights || scene.areas;
         let light = lights || scene.emits;
-        // What an emitting surface gives to caches directly counts as no bounce.
         let caches = match &settings.indirect {
             Indirect::Caches(caches) if scene.emits || (lights && caches.gather.bounces() > 0) => Some(caches),
             _ => None,
         };
         let gather = caches.map(|caches| caches.gather);
         let shadows = gather.map_or(Shadows::Off, |gather| gather.shadows());
-        let least = u32::from(!scene.emits);
-        let bounces = matches!(gather, Some(Gather::Compute { bounces, .. }) if bounces > least);
+        // What lights give has bounced once when it comes to caches, and without that there are none; what emitting surfaces
+        // give has not bounced yet.
+        let bounces = match gather {
+            Some(Gather::Compute { bounces, .. }) if scene.emits => bounces,
+            Some(Gather::Compute { bounces, .. }) => bounces - 1,
+            _ => 0,
+        };
         let brute_force = light && settings.indirect == Indirect::BruteForce;
         Self {
             deform: scene.bends,
@@ -139,7 +140,7 @@ impl Plan {
             emitters: scene.emits,
             reflects: lights && (brute_force || gather.is_some_and(|gather| gather.bounces() > 0)),
             lightskin: caches.is_some(),
-            cull: caches.is_some_and(|caches: &Caches| caches.cull) && !bounces,
+            cull: caches.is_some_and(|caches: &Caches| caches.cull) && bounces == 0,
             clusters: matches!(gather, Some(Gather::Clusters { .. })),
             bounces,
             occlude: shadows == Shadows::Proxy,
@@ -183,13 +184,13 @@ impl Plan {
             "pyramid" if self.lightskin => "not asked for by --cluster",
             "visible" if planned => "what pixels show decides which caches matter",
             "cull" if planned => "only caches that visible surfaces need are lit",
-            "cull" if self.bounces => "every cache lights others in the next bounce",
+            "cull" if self.bounces > 0 => "every cache lights others in the next bounce",
             "cull" if self.lightskin => "switched off: every cache is lit",
             "depth images" if planned => "what caches see of each other hides VALs",
             "depth images" if self.lightskin => "not asked for by --shadows",
             "near rays" if planned => "light and shade from within one spacing of the caches",
             "near rays" if self.lightskin => "not asked for by --near",
-            "gather" if self.bounces => "caches light caches, bounce after bounce",
+            "gather" if self.bounces > 0 => "caches light caches, bounce after bounce",
             "gather" if self.clusters => "clusters of VALs light caches where that is near enough",
             "occlude" if planned => "caches are in the way of proxy lights",
             "occlude" if self.depth_images => "the gather itself leaves out VALs that are hidden",
@@ -204,6 +205,12 @@ impl Plan {
 
 /// What a lobe may come from.
 const LOBE: [Quantity; 4] = [Quantity::Metallic, Quantity::Ior, Quantity::Specular, Quantity::SpecularColor];
+
+/// Whether a surface of the scene can have a glossy lobe.
+pub fn has_glossy_lobe(scene: &Scene) -> bool {
+    let glossy: Vec<bool> = (0..scene.materials.len()).map(|m| is_glossy(scene, m)).collect();
+    scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| glossy[p.material])
+}
 
 /// Whether a material can have a glossy lobe at all, whatever its textures hold and its animations set.
 fn is_glossy(scene: &Scene, index: usize) -> bool {

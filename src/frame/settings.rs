@@ -33,8 +33,8 @@ pub enum Indirect {
 pub struct Caches {
     /// How VALs light caches.
     pub gather: Gather,
-    /// Only caches that visible surfaces need are lit. Pictures do not change. Where caches light caches,
-    /// bounce after bounce, all are lit.
+    /// Only caches that visible surfaces need are lit. Pictures do not change. Where caches light caches, bounce after
+    /// bounce, all are lit.
     pub cull: bool,
     /// Kernel and quantities of stage 8.
     pub interpolation: Interpolation,

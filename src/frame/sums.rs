@@ -15,9 +15,9 @@ pub struct ComputeKind {
     pub shadows: Shadows,
     /// VALs in a row that a cache sees or does not see as one, 1 or 4.
     pub together: u32,
-    /// Indirect bounces.
+    /// How many times lit caches light all caches afterwards.
     pub bounces: u32,
-    /// VALs of surfaces that emit, whose light at a cache counts as no bounce.
+    /// VALs of surfaces that emit, whose light at a cache has not bounced yet.
     pub emitted: u32,
     /// What pulls proxies.
     pub weight: ProxyWeight,
@@ -28,10 +28,10 @@ pub struct ComputeKind {
 }
 
 impl ComputeKind {
-    /// One bounce without shadows.
+    /// One gather without shadows.
     pub fn plain(glossy: bool) -> Self {
         let (shadows, weight) = (Shadows::Off, ProxyWeight::Irradiance);
-        Self { glossy, shadows, together: 1, bounces: 1, emitted: 0, weight, eyes: 1, near: 0.0 }
+        Self { glossy, shadows, together: 1, bounces: 0, emitted: 0, weight, eyes: 1, near: 0.0 }
     }
 }
 

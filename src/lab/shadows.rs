@@ -4,8 +4,8 @@ use super::eval::measure::{Bench, Layers};
 use super::eval::references::{PathTraced, path_traced};
 use super::eval::sweep::Point;
 use crate::error::Result;
-use crate::frame::plan::STAGES;
-use crate::frame::{Features, Shadows};
+use crate::frame::Shadows;
+use crate::frame::plan::{STAGES, has_glossy_lobe};
 use crate::gpu::Gpu;
 use crate::lab::knobs::Knobs;
 use crate::metrics::{Metrics, mean, metrics};
@@ -88,8 +88,8 @@ pub fn compare(
 ) -> Result<Compared> {
     let camera = &scene.cameras[0];
     let frame = Knobs { rsm: settings.rsm, ..Knobs::plain(settings.size) };
-    let glossy = Features::new(scene, false, false).glossy;
-    let wanted = PathTraced { size: settings.size, visibility: true, samples: settings.samples, glossy };
+    let wanted =
+        PathTraced { size: settings.size, visibility: true, samples: settings.samples, glossy: has_glossy_lobe(scene) };
     let (mut truth, about) = path_traced(scene, camera, &wanted, folder, progress);
     let edges = edges(scene, camera, settings.size);
     truth.covered.iter_mut().zip(&edges).for_each(|(covered, edge)| *covered &= !edge);

@@ -1,5 +1,6 @@
 //! What a display shows of linear values: FLIP and SSIM judge that, as an eye does.
 
+use crate::reference::gather;
 use crate::reference::tonemap::srgb_from_linear;
 use glam::{DVec3, Vec3};
 
@@ -14,7 +15,7 @@ pub enum Values {
 
 /// Luminance of linear Rec.709. What no radiance can be (negative, infinite, not a number) counts as black.
 pub fn luminance(color: [f32; 3]) -> f64 {
-    clean(color).dot(DVec3::new(0.2126, 0.7152, 0.0722))
+    gather::luminance(clean(color))
 }
 
 /// sRGB-encoded colour, clipped to what a display shows: 0 to 1.

@@ -361,3 +361,8 @@ impl Scene {
         self.instances.iter().map(|i| self.meshes[i.mesh].triangle_count()).sum()
     }
 }
+
+/// Luminance of a linear Rec.709 colour.
+pub fn luminance(color: DVec3) -> f64 {
+    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
+}

@@ -5,7 +5,7 @@
 //! (median cut, Debevec 2005). A region becomes parallel light of exactly its energy from its centre of energy.
 
 use super::studio::Backdrop;
-use super::{Light, LightKind, Scene};
+use super::{Light, LightKind, Scene, luminance};
 use glam::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
@@ -183,8 +183,4 @@ impl Sky {
             direction: -vector.try_normalize().unwrap_or(DVec3::Y).as_vec3(),
         }
     }
-}
-
-fn luminance(color: DVec3) -> f64 {
-    color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }

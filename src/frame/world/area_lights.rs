@@ -4,8 +4,8 @@
 //! rectangle becomes that rectangle, with the surface's own middle, area and mean radiance; others stay patches.
 
 use super::emitters::{Emitter, Places, emissive};
-use crate::scene::Scene;
 use crate::scene::material::Emission;
+use crate::scene::{Scene, luminance};
 use glam::{DVec2, DVec3};
 use std::collections::{HashMap, HashSet};
 
@@ -155,10 +155,6 @@ impl AreaLights {
         };
         self.0.iter().map(light).collect()
     }
-}
-
-fn luminance(radiance: DVec3) -> f64 {
-    radiance.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
 fn part(triangle: &Emitter<'_>, emission: &[Option<Emission<'_>>]) -> Part {

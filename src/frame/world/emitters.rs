@@ -6,7 +6,7 @@
 
 use super::area_lights::AreaLights;
 use crate::scene::material::Emission;
-use crate::scene::{Instance, Mesh, Scene, Vertex};
+use crate::scene::{Instance, Mesh, Scene, Vertex, luminance};
 use crate::shared::Val;
 use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
@@ -239,13 +239,13 @@ fn fewer(nominal: &[DVec3], patches: Vec<(Patch, Val)>) -> Vec<(Patch, Val)> {
         patches.len(),
         patches.len() as f64 / MOST as f64
     );
-    let luminance = |val: &Val| val.flux.as_dvec3().dot(DVec3::new(0.2126, 0.7152, 0.0722)).max(f64::MIN_POSITIVE);
-    let step = patches.iter().map(|(_, val)| luminance(val)).sum::<f64>() / MOST as f64;
+    let light = |val: &Val| luminance(val.flux.as_dvec3()).max(f64::MIN_POSITIVE);
+    let step = patches.iter().map(|(_, val)| light(val)).sum::<f64>() / MOST as f64;
     // Colours of those that are left out are kept: each taken one gets the sum since the last.
     let (mut sum, mut flux, mut area) = (0.5 * step, DVec3::ZERO, 0.0);
     let mut taken: Vec<(Patch, Val, DVec3, f64)> = Vec::with_capacity(MOST + 1);
     for (patch, val) in patches {
-        sum += luminance(&val);
+        sum += light(&val);
         flux += val.flux.as_dvec3();
         area += f64::from(val.area);
         if sum >= step {

@@ -6,7 +6,7 @@ use super::record::{Errors, Row, Store};
 use super::references::{Library, PathTraced, Reference, Truth, make_folder, path_traced};
 use super::sweep::{Knob, Point, Sweep};
 use crate::error::{Error, Result};
-use crate::frame::Features;
+use crate::frame::plan::has_glossy_lobe;
 use crate::gpu::Gpu;
 use crate::scene::{Camera, Scene};
 use serde_json::json;
@@ -256,7 +256,7 @@ impl<'a> Work<'a> {
             size: sweep.base.frame.size,
             visibility: truth == Truth::Shadowed,
             samples: sweep.samples,
-            glossy: Features::new(job.scene, false, false).glossy,
+            glossy: has_glossy_lobe(job.scene),
         };
         let key = self.key(&format!("{wanted:?}"));
         let step = self.step(truth.title());
