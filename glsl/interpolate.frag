@@ -171,15 +171,10 @@ void main() {
 #endif
 #ifdef NEAR
     NearPlace place = NearPlace(pixel, light.position, octahedral_decode(vec2(albedo.a, texelFetch(specular_image, pixel, 0).a)));
-#ifdef DIFFUSE_ONLY
-    Near near = near_of(place, vec3[1](from));
-    e = e * near.open[0] + near.irradiance;
-#else
-    Near near = near_of(place, vec3[3](from, glossy_from, r));
-    e = e * near.open[0] + near.irradiance;
-    // What was met has one radiance here: its mean.
-    vec3 met = near.irradiance / (PI * max(1.0 - near.open_all, 1e-3));
-    out_glossy = vec4(specular.rgb * (lobe * near.open[1] * g + (1.0 - near.open[2]) * met), 0.0);
+    Near near = near_of(place, from);
+    e = e * near.open + near.irradiance;
+#ifndef DIFFUSE_ONLY
+    out_glossy = vec4(specular.rgb * (lobe * near.glossy_open * g + near.glossy), 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
     out_glossy = vec4(specular.rgb * lobe * g, 0.0);

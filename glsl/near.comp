@@ -1,6 +1,9 @@
-// Stage 6, beside the caches: rays of one cache spacing from surfaces that pixels show. What they meet gives its light, and
+// Stage 8, first: rays of one cache spacing from surfaces that pixels show. What they meet gives its light, and
 // hides what caches say of that direction. A pixel has few rays; a square of NEAR_SIDE^2 pixels has all directions, which
-// stage 8 takes together. METHOD 11.
+// the next pass takes together. A glossy lobe has one ray more, which has no end where the lobe is narrow. METHOD 11.
+// variant near_glossy.comp: GLOSSY (where a material has a glossy lobe)
+// variant near_lit.comp: LIT (where surfaces reflect the light of caches, too)
+// variant near_glossy_lit.comp: GLOSSY LIT (both)
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit_light.glsl"
 #include "lib/triangle.glsl"
@@ -14,6 +17,64 @@ layout(binding = 13) uniform usampler2D element_image;
 layout(binding = 14, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 15, scalar) readonly buffer Directions { vec3 directions[]; }; // about +z, by cosine
 layout(binding = 16, scalar) writeonly buffer Near { NearPixel near_pixels[]; };
+#ifdef GLOSSY
+layout(binding = 17) uniform sampler2D normal_image;
+layout(binding = 18) uniform sampler2D specular_image;
+#endif
+#ifdef LIT
+layout(constant_id = 6) const uint REFERENCES = 8;
+layout(constant_id = 7) const uint BY_CELLS = 0; // 1: references are those of cells
+layout(binding = 19, scalar) readonly buffer CacheVals { Val cache_vals[]; };
+layout(binding = 20, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
+layout(binding = 21, scalar) readonly buffer Models { InstanceCaches instance_caches[]; };
+#define CELL_BINDINGS 22
+#include "lib/cells.glsl"
+
+// Radiance [cd/m^2] that the caches about a point reflect of what has reached them: a mean by the triangle's corners of the
+// nearest cache of each, or that of the point's cell.
+vec3 cache_radiance(Hit hit) {
+    InstanceCaches model = instance_caches[hit.instance];
+    if (model.reference_base == NO_REFERENCES) {
+        return vec3(0.0);
+    }
+    uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
+    vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
+    uvec3 rows = v;
+    if (BY_CELLS != 0u) {
+        CellGrid grid = grids[model.grid];
+        vec3 at = vec3(0.0);
+        for (uint i = 0u; i < 3u; ++i) {
+            at += w[i] * (corner_vector(model.first_rest + v[i], 0u) - grid.centre);
+        }
+        rows = uvec3(row_at(grid, at));
+    }
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < 3u; ++i) {
+        uint reference = rows[i] * REFERENCES;
+        uint pair = rows[i] == NO_REFERENCES ? 0xffffffffu : references[model.reference_base + reference / 2u];
+        uint index = (reference & 1u) == 0u ? pair & 0xffffu : pair >> 16;
+        if (index != NO_CACHE) {
+            Val val = cache_vals[model.cache_base + index];
+            sum += w[i] * val.flux / max(PI * val.area, 1e-30);
+        }
+    }
+    return sum;
+}
+#endif
+
+// Radiance [cd/m^2] of what a ray has met.
+vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number) {
+    HitSurface s = surface_at(hit, start, direction, spread);
+    vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
+    vec3 sum = s.emission;
+    if (push.reflects != 0u) {
+        sum += reflected_direct(s, push.light_count, push.root, chance);
+    }
+#ifdef LIT
+    sum += cache_radiance(hit);
+#endif
+    return sum;
+}
 
 void main() {
     // Threads side by side have the same directions: they go the same way through the hierarchy.
@@ -28,7 +89,7 @@ void main() {
     ivec2 size = textureSize(element_image, 0);
     ivec2 pixel = min(ivec2(at * EVERY), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
-    NearPixel found = NearPixel(vec3(0.0), 0xffffffffu, vec3(0.0), 0u, vec3(0.0));
+    NearPixel found = NearPixel(vec3(0.0), 0xffffffffu, vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0);
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;
@@ -74,10 +135,37 @@ void main() {
             continue;
         }
         // The ray stands for a cone: pi over the number of rays that are taken together.
-        HitSurface s = surface_at(hit, start, direction, 2.0 * inversesqrt(float(RAYS * ALL)));
-        vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
-        found.irradiance += s.emission + reflected_direct(s, push.light_count, push.root, chance);
+        found.irradiance += met_radiance(hit, start, direction, 2.0 * inversesqrt(float(RAYS * ALL)), number);
     }
     found.irradiance *= PI / float(RAYS);
+#ifdef GLOSSY
+    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
+    if (texelFetch(specular_image, pixel, 0).rgb != vec3(0.0)) {
+        // Directions as many as the lobe's power of the cosine wants; what is left of it is the weight.
+        float k = normal_exponent.w;
+        vec3 own = normal_exponent.xyz;
+        vec3 mirrored = reflect(-towards_eye, own);
+        float up = pow((float(subset) + 0.5) / float(ALL), 1.0 / (k + 1.0));
+        float angle = float(subset) * 2.39996323;
+        float aside = sqrt(max(1.0 - up * up, 0.0));
+        tangents(mirrored, tangent, bitangent);
+        vec3 direction = tangent * (aside * cos(angle)) + bitangent * (aside * sin(angle)) + mirrored * up;
+        if (dot(direction, geometric) > 0.0) {
+            float weight = (k + 2.0) / (k + 1.0) * max(dot(direction, own), 0.0);
+            bool endless = k >= NEAR_SHARP;
+            Hit hit = trace(start, direction, 0.0, endless ? 3e38 : push.reach, push.root, 0u, false);
+            float width = inversesqrt(0.5 * (k + 1.0));
+            found.glossy_all = weight;
+            if (hit.triangle != NO_HIT) {
+                found.glossy = weight * met_radiance(hit, start, direction, 0.25 * width, subset);
+            } else {
+                found.glossy_open = endless ? 0.0 : weight;
+            }
+            // Seen from the next pixel the mirrored scene moves by as much as the pixel does.
+            float far = hit.triangle != NO_HIT ? hit.distance : push.reach;
+            found.blur = width * far / (1.0 + far / max(from_eye, 1e-30));
+        }
+    }
+#endif
     near_pixels[at.y * push.width + at.x] = found;
 }

@@ -142,6 +142,9 @@ const uint RAY_KIND_BITS = 4u;
 // The instance of everything that stands still.
 const uint RAY_STILL = 0xfffffffeu;
 
+// Phong exponent from which on a lobe is narrower than caches know: its rays have no end.
+const float NEAR_SHARP = 24.0;
+
 // Pixels that share their short rays: a square of so many a side, each with directions of its own.
 const uint NEAR_SIDE = 4u;
 
@@ -252,6 +255,18 @@ struct NearPixel {
     vec3 position; // of the surface
     uint is_surface; // 0: nothing is there
     vec3 normal; // unit vertex normal
+    vec3 glossy; // what the lobe's ray met, times its weight [cd/m^2]
+    float glossy_open; // its weight where it met nothing
+    float glossy_all; // its weight
+    float blur; // how far away other pixels' rays of the lobe say the same [m]
+};
+
+// Where the caches of what rays meet are found.
+struct InstanceCaches {
+    uint reference_base; // first of the model's references, in pairs; NO_REFERENCES without caches
+    uint cache_base; // atlas index of the instance's first cache
+    uint grid; // of the model, where pixels look references up
+    uint first_rest; // first vertex of the mesh as it was when caches were placed
 };
 
 // A punctual light, KHR_lights_punctual, or a rectangle of a surface that emits.
@@ -527,6 +542,7 @@ struct TracePush {
     uint width; // [pixels], each with rays
     uint height;
     uint light_count;
+    uint reflects; // 1: what rays meet reflects the lights
 };
 
 // Push constants of the passes that shade pixels with what short rays have found.

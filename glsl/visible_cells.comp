@@ -2,6 +2,7 @@
 // each once. METHOD 5 and 9.
 #include "shared.glsl"
 #include "lib/triangle.glsl"
+#define CELL_BINDINGS 5
 #include "lib/cells.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -11,26 +12,10 @@ layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 2, scalar) readonly buffer Indices { uint indices[]; };
 layout(binding = 3, scalar) readonly buffer Instances { Instance instances[]; };
 layout(binding = 4, scalar) readonly buffer Corners { Corner corners[]; };
-layout(binding = 5, scalar) readonly buffer Grids { CellGrid grids[]; };
-layout(binding = 6, scalar) readonly buffer Entries { CellEntry entries[]; };
 layout(binding = 7, scalar) buffer Seen { uint seen[]; }; // per cell of each instance: the last frame that showed it
 layout(binding = 8, scalar) writeonly buffer Visible { VisibleVertex visible[]; };
 layout(binding = 9, scalar) buffer Args { VisibleArgs args; };
 layout(binding = 10, scalar) writeonly buffer Rows { uint rows[]; }; // of each pixel, row by row
-
-// Row of references of the cell that a point lies in, seen from the model's centre; NO_REFERENCES where there is none.
-uint row_at(CellGrid grid, vec3 offset) {
-    vec3 place = (grid.cell_from_offset * vec4(offset, 1.0)).xyz;
-    uvec3 cell = uvec3(clamp(floor(place), vec3(0.0), vec3(65535.0)));
-    uint xy = cell.x | cell.y << 16;
-    for (uint i = 0u; i <= grid.entry_mask; ++i) {
-        CellEntry entry = entries[grid.first_entry + ((cell_hash(xy, cell.z) + i) & grid.entry_mask)];
-        if (entry.row == NO_REFERENCES || (entry.xy == xy && entry.z == cell.z)) {
-            return entry.row;
-        }
-    }
-    return NO_REFERENCES;
-}
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);

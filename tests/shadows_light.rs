@@ -105,7 +105,7 @@ fn depth_images_are_the_references() {
     // A workgroup an image, as GPUs do it, draws the same.
     let by_workgroups = DepthImages::with(&gpu, light.atlas.count, !gpu.is_software()).expect("made");
     let drawn = gpu.frame(|cmd| {
-        by_workgroups.record(cmd, &world, &light.atlas, live);
+        by_workgroups.record(cmd, &buffers, &light.atlas, live);
         Ok(())
     });
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);

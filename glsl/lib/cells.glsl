@@ -1,11 +1,32 @@
-// Where a cell begins to look for its place in a model's hash table. Twin: src/frame/cells.rs.
+// Cells of a model's surface: where the references of a point are. Twin: src/frame/cells.rs. With CELL_BINDINGS, the first of
+// two bindings, the cells are there, too.
 #ifndef CELLS_GLSL
 #define CELLS_GLSL
 
+// Where a cell begins to look for its place in a model's hash table.
 uint cell_hash(uint xy, uint z) {
     uint h = (xy * 0x9e3779b1u) ^ (z * 0x85ebca77u);
     h = (h ^ (h >> 15)) * 0x2c1b3c6du;
     return h ^ (h >> 13);
 }
+
+#ifdef CELL_BINDINGS
+layout(binding = CELL_BINDINGS, scalar) readonly buffer Grids { CellGrid grids[]; };
+layout(binding = CELL_BINDINGS + 1, scalar) readonly buffer Entries { CellEntry entries[]; };
+
+// Row of references of the cell that a point lies in, seen from the model's centre; NO_REFERENCES where there is none.
+uint row_at(CellGrid grid, vec3 offset) {
+    vec3 place = (grid.cell_from_offset * vec4(offset, 1.0)).xyz;
+    uvec3 cell = uvec3(clamp(floor(place), vec3(0.0), vec3(65535.0)));
+    uint xy = cell.x | cell.y << 16;
+    for (uint i = 0u; i <= grid.entry_mask; ++i) {
+        CellEntry entry = entries[grid.first_entry + ((cell_hash(xy, cell.z) + i) & grid.entry_mask)];
+        if (entry.row == NO_REFERENCES || (entry.xy == xy && entry.z == cell.z)) {
+            return entry.row;
+        }
+    }
+    return NO_REFERENCES;
+}
+#endif
 
 #endif

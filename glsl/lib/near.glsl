@@ -10,12 +10,6 @@ layout(constant_id = 3) const uint EVERY = 2; // pixels and rows from one with r
 layout(binding = 12, scalar) readonly buffer NearPixels { NearPixel near_pixels[]; };
 layout(binding = 13, scalar) readonly buffer Directions { vec3 directions[]; }; // about +z, by cosine
 
-#ifdef DIFFUSE_ONLY
-const uint ASKED = 1u;
-#else
-const uint ASKED = 3u;
-#endif
-
 // A pixel's surface.
 struct NearPlace {
     ivec2 pixel;
@@ -25,8 +19,11 @@ struct NearPlace {
 
 struct Near {
     vec3 irradiance; // of what rays met [lx]
-    float open_all; // share of all rays that met nothing
-    float open[ASKED]; // the same about directions
+    float open; // share of the rays about a direction that met nothing
+#ifndef DIFFUSE_ONLY
+    vec3 glossy; // of the lobe's rays [cd/m^2]
+    float glossy_open; // share of the lobe in which they met nothing
+#endif
 };
 
 // Rays within a lobe about a direction say whether it is open: cos^4.
@@ -37,17 +34,19 @@ float near_lobe(float c) {
 }
 
 // What the rays of the nearest NEAR_SIDE^2 pixels with rays found; each of these has other directions. Those on other surfaces
-// count for next to nothing.
-Near near_of(NearPlace at, vec3 asked[ASKED]) {
+// count for next to nothing. `asked`: the direction that caches' light comes from.
+Near near_of(NearPlace at, vec3 asked) {
     Near sum;
     sum.irradiance = vec3(0.0);
-    sum.open_all = 0.0;
-    float met[ASKED], all[ASKED];
-    for (uint k = 0u; k < ASKED; ++k) {
-        met[k] = 0.0;
-        all[k] = 0.0;
-    }
+    float met = 0.0;
+    float all = 0.0;
     float weights = 0.0;
+#ifndef DIFFUSE_ONLY
+    sum.glossy = vec3(0.0);
+    sum.glossy_open = 0.0;
+    float lobes = 0.0;
+    float lobe_weights = 0.0;
+#endif
     ivec2 first = (at.pixel + int(EVERY) / 2) / int(EVERY) - int(NEAR_SIDE) / 2;
     for (int j = 0; j < int(NEAR_SIDE * NEAR_SIDE); ++j) {
         ivec2 other = first + ivec2(j % int(NEAR_SIDE), j / int(NEAR_SIDE));
@@ -58,35 +57,38 @@ Near near_of(NearPlace at, vec3 asked[ASKED]) {
         if (p.is_surface == 0u) {
             continue;
         }
+        // As far out of each other's planes as normals differ is how surfaces bend.
         vec3 d = at.position - p.position;
-        float aside = abs(dot(d, p.normal)) + abs(dot(d, at.geometric));
-        float flat_ = 1.0 - smoothstep(0.05, 0.25, aside * inversesqrt(max(dot(d, d), 1e-30)));
-        float weight = flat_ * smoothstep(0.5, 0.9, dot(p.normal, at.geometric)) + 1e-4;
+        float d2 = dot(d, d);
+        float aside = max(abs(dot(d, p.normal)), abs(dot(d, at.geometric))) * inversesqrt(max(d2, 1e-30));
+        aside -= distance(p.normal, at.geometric);
+        float weight = (1.0 - smoothstep(0.05, 0.25, aside)) * smoothstep(0.3, 0.8, dot(p.normal, at.geometric)) + 1e-4;
         weights += weight;
         sum.irradiance += weight * p.irradiance;
-        sum.open_all += weight * float(bitCount(p.open)) / float(RAYS);
+#ifndef DIFFUSE_ONLY
+        float of_blur = d2 / max(p.blur * p.blur, 1e-30);
+        float lobe_weight = weight / (1.0 + of_blur * of_blur);
+        lobe_weights += lobe_weight;
+        sum.glossy += lobe_weight * p.glossy;
+        sum.glossy_open += lobe_weight * p.glossy_open;
+        lobes += lobe_weight * p.glossy_all;
+#endif
         vec3 tangent, bitangent;
         tangents(p.normal, tangent, bitangent);
-        vec3 local[ASKED];
-        for (uint k = 0u; k < ASKED; ++k) {
-            local[k] = vec3(dot(asked[k], tangent), dot(asked[k], bitangent), dot(asked[k], p.normal));
-        }
+        vec3 local = vec3(dot(asked, tangent), dot(asked, bitangent), dot(asked, p.normal));
         uint subset = uint(other.y) % NEAR_SIDE * NEAR_SIDE + uint(other.x) % NEAR_SIDE;
         for (uint i = 0u; i < RAYS; ++i) {
-            vec3 direction = directions[i * NEAR_SIDE * NEAR_SIDE + subset];
-            float open = (p.open >> i & 1u) != 0u ? weight : 0.0;
-            for (uint k = 0u; k < ASKED; ++k) {
-                float lobe = near_lobe(dot(direction, local[k]));
-                met[k] += open * lobe;
-                all[k] += weight * lobe;
-            }
+            float lobe = weight * near_lobe(dot(directions[i * NEAR_SIDE * NEAR_SIDE + subset], local));
+            all += lobe;
+            met += (p.open >> i & 1u) != 0u ? lobe : 0.0;
         }
     }
     sum.irradiance /= max(weights, 1e-30);
-    sum.open_all /= max(weights, 1e-30);
-    for (uint k = 0u; k < ASKED; ++k) {
-        sum.open[k] = all[k] > 0.0 ? met[k] / all[k] : 1.0;
-    }
+    sum.open = all > 0.0 ? met / all : 1.0;
+#ifndef DIFFUSE_ONLY
+    sum.glossy /= max(lobe_weights, 1e-37);
+    sum.glossy_open /= max(lobes, 1e-37);
+#endif
     return sum;
 }
 

@@ -19,7 +19,7 @@ use crate::shared::{
 /// Makes VALs of lit caches and gathers them.
 pub struct Bounces {
     /// The caches as VALs, padded with dark ones to whole tiles.
-    vals: Buffer,
+    pub(super) vals: Buffer,
     /// Their number before padding.
     val_count: Buffer,
     /// By what the light of all caches is multiplied at each.

@@ -23,7 +23,7 @@ pub struct CacheLight {
     pub gather: Gather,
     /// What stage 6 makes and stage 7 dims.
     pub proxies: Proxies,
-    /// Beside stage 6; only where what is nearby is left to short rays.
+    /// Stage 8, first; only where what is nearby is left to short rays.
     pub near: Option<NearRays>,
     pub(super) visible: Visible,
     pub(super) cull: Option<Cull>,
@@ -56,7 +56,7 @@ impl CacheLight {
     ) -> Result<Self> {
         let gather = Gather::new(gpu, plan, world, settings, [vals, rsm, eyes])?;
         let count = world.cache_count;
-        let near = NearRays::new(gpu, world, plan.near)?;
+        let near = NearRays::new(gpu, world, plan)?;
         // Caches that are live together.
         let group = gather.live().map_or(0, |live| live.group);
         Ok(Self {

@@ -95,6 +95,11 @@ impl Gather {
         if let Self::Compute(by) = self { by.depth_images.as_ref() } else { None }
     }
 
+    /// The VALs that caches are, where caches light caches.
+    pub(super) fn cache_vals(&self) -> Option<&Buffer> {
+        if let Self::Compute(by) = self { by.bounces.as_ref().map(|bounces| &bounces.vals) } else { None }
+    }
+
     /// Records the stage; depth images must be there.
     pub fn record(&self, cmd: &Cmd<'_>, lit: &Lit<'_>) {
         match self {

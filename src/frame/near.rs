@@ -1,9 +1,10 @@
-//! Stage 6, beside the caches: short rays from what pixels show. METHOD 11.
+//! Stage 8, first: short rays from what pixels show. METHOD 11.
 //!
-//! What lies within one spacing of the caches they cannot know. A few rays from every other pixel find it; stage 8 takes the
-//! rays of neighbours together. What they meet gives its light, and hides what caches say of its direction.
+//! What lies within one spacing of the caches they cannot know. A few rays from every other pixel find it; the next pass
+//! takes the rays of neighbours together. What they meet gives its light, and hides what caches say of its direction.
 
 use super::gbuffer::Surface;
+use super::plan::Plan;
 use super::settings::Near;
 use super::view::View;
 use super::world::World;
@@ -16,6 +17,9 @@ use std::f32::consts::PI;
 /// Traces short rays.
 pub struct NearRays {
     pipeline: Pipeline,
+    glossy: bool,
+    /// Whether what rays meet reflects the lights.
+    reflects: bool,
     /// All directions about +z that neighbours share, ray after ray of each.
     pub directions: Buffer,
     /// Rays of a pixel that has some.
@@ -52,19 +56,31 @@ pub fn directions(count: u32) -> Vec<Vec3> {
 }
 
 impl NearRays {
-    /// Makes it for a world with rays; none where none are asked for.
+    /// Makes what a plan needs for a world with rays.
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shader.
-    pub(super) fn new(gpu: &Gpu, world: &World, near: Near) -> Result<Option<Self>> {
+    pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Option<Self>> {
+        let near = plan.near;
         if near == Near::Off {
             return Ok(None);
         }
         let (per_pixel, every) = near.rays();
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let [stack, levels, texels, holes] = rays.constants(gpu);
+        let by_cells = u32::from(world.references_of_pixels().is_some());
+        let (references, lit) = (world.references_each as u32, plan.bounces > 0);
+        let constants = [stack, levels, texels, holes, per_pixel, every, references, by_cells];
+        let name = match (plan.glossy, lit) {
+            (false, false) => "near.comp",
+            (true, false) => "near_glossy.comp",
+            (false, true) => "near_lit.comp",
+            (true, true) => "near_glossy_lit.comp",
+        };
         Ok(Some(Self {
-            pipeline: gpu.compute("near.comp", &[stack, levels, texels, holes, per_pixel, every])?,
+            pipeline: gpu.compute(name, &constants[..if lit { 8 } else { 6 }])?,
+            glossy: plan.glossy,
+            reflects: plan.reflects,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
             per_pixel,
             every,
@@ -72,19 +88,27 @@ impl NearRays {
         }))
     }
 
-    /// Records the pass for views, what they see, and what comes out.
+    /// Records the pass for views, what they see, and what comes out; `caches` are the VALs that caches are, where surfaces
+    /// reflect their light, too.
     pub(super) fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
         world: &World,
+        caches: Option<&Buffer>,
         views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)>,
     ) {
         let Some(rays) = world.rays() else { return };
+        cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead); // what is seen, caches -> here
         for (view, surface, out) in views {
             let Some(element) = &surface.element else { continue };
             let mut resources = rays.binds(world).to_vec();
             resources.extend([Bind::from(&world.light_buffer), element.into()]);
             resources.extend([&world.draw_records, &self.directions, &out.pixels].map(Bind::from));
+            resources.extend([&surface.normal, &surface.specular].map(Bind::from).iter().filter(|_| self.glossy));
+            if let Some(caches) = caches {
+                let (grids, entries) = world.cells.as_ref().map_or((caches, caches), |c| (&c.grids, &c.entries));
+                resources.extend([caches, &world.references, &world.instance_caches, grids, entries].map(Bind::from));
+            }
             cmd.bind(&self.pipeline, &resources);
             let [width, height] = out.size;
             cmd.push(&TracePush {
@@ -95,12 +119,12 @@ impl NearRays {
                 width,
                 height,
                 light_count: world.lights().len() as u32,
+                reflects: u32::from(self.reflects),
             });
             // A workgroup has 8 x 8 pixels of the same directions.
             let block = NEAR_SIDE * 8;
             cmd.dispatch(width.div_ceil(block) * NEAR_SIDE * NEAR_SIDE * 64, height.div_ceil(block), 1);
         }
-        cmd.barrier(Use::ComputeWrite, Use::FragmentRead); //   what rays found -> 8
     }
 }
 

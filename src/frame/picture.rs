@@ -22,7 +22,7 @@ pub struct Picture {
     pub surface: Surface,
     /// Stage 5; only where caches are interpolated.
     pub visible: Option<VisibleList>,
-    /// Beside stage 6; only with short rays.
+    /// Stage 8, first; only with short rays.
     pub near: Option<NearPixels>,
     /// Stage 8; only with indirect light.
     pub indirect: Option<Radiance>,

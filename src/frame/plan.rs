@@ -105,10 +105,10 @@ stages! {
     PYRAMID: 4 "pyramid" |plan| plan.clusters;
     VISIBLE: 5 "visible" |plan| plan.lightskin;
     CULL: 5 "cull" |plan| plan.cull;
-    NEAR: 6 "near rays" |plan| plan.near != Near::Off;
     DEPTH_IMAGES: 6 "depth images" |plan| plan.depth_images;
     GATHER: 6 "gather" |plan| plan.lightskin;
     OCCLUDE: 7 "occlude" |plan| plan.occlude;
+    NEAR: 8 "near rays" |plan| plan.near != Near::Off;
     INTERPOLATE: 8 "interpolate" |plan| plan.lightskin;
     BRUTE_FORCE: 8 "brute force" |plan| plan.brute_force;
     COMPOSITE: 11 "composite" |_| true;

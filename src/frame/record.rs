@@ -93,11 +93,6 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 Use::ComputeRead | Use::IndirectRead | Use::VertexRead | Use::FragmentRead | Use::DepthRead,
             ); //   VALs, atlas, live caches -> 6
         }
-        if let (true, Some(near)) = (some_surface, &caches.near) {
-            let _zone = enter(plan::NEAR); // 6
-            let seen = shown().filter(|(_, p)| p.outdated.surface);
-            near.record(cmd, world, seen.filter_map(|(view, p)| Some((view, &p.surface, p.near.as_ref()?))));
-        }
         if let (true, Some(images), Some(live)) =
             (outdated.depth_images, caches.gather.depth_images(), caches.gather.live())
         {
@@ -117,6 +112,12 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 let _zone = enter(plan::OCCLUDE); // 7
                 occlude.record(cmd, atlas, caches.gather.live(), proxies, eyes.len());
             }
+        }
+        if let (true, Some(near)) = (some_surface || outdated.proxies, &caches.near) {
+            let _zone = enter(plan::NEAR); // 8
+            let seen = shown().filter(|(_, p)| p.outdated.surface || light.plan.bounces > 0);
+            let seen = seen.filter_map(|(view, p)| Some((view, &p.surface, p.near.as_ref()?)));
+            near.record(cmd, world, caches.gather.cache_vals(), seen);
         }
         let shaded = || {
             views.iter().enumerate().filter(|(_, (_, p))| p.outdated.indirect && !p.is_empty()).filter_map(

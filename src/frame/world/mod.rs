@@ -28,7 +28,7 @@ use crate::bake::{CacheSet, ModelCaches};
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, Stream};
 use crate::scene::{Instance, Mesh, Primitive, Scene, Vertex};
-use crate::shared::{self, Corner, DrawPush, DrawRecord, ModelCache, NO_REFERENCES, RIGID};
+use crate::shared::{self, Corner, DrawPush, DrawRecord, InstanceCaches, ModelCache, NO_REFERENCES, RIGID};
 use area_lights::AreaLights;
 use emitters::Patches;
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
@@ -127,6 +127,8 @@ pub struct World {
     pub(super) layout: u64,
     /// References of all models' vertices, or cells.
     pub references: Buffer,
+    /// Where the caches of each instance are, for rays.
+    pub(super) instance_caches: Buffer,
     /// What `draw` draws, for those who look up a visible triangle.
     pub draw_records: Buffer,
     /// Positions and normals of all vertices: of all meshes, then posed of all instances that bend.
@@ -242,9 +244,20 @@ impl World {
 
         let (mut model_caches, mut cache_surfaces, mut draws, mut slot_count) =
             (Vec::new(), Vec::new(), Vec::new(), 0_u32);
+        let mut instance_caches = Vec::<InstanceCaches>::new();
         for (i, instance) in scene.instances.iter().enumerate() {
             let cache_base = model_caches.len() as u32;
+            instance_caches.push(InstanceCaches {
+                reference_base: NO_REFERENCES,
+                cache_base,
+                grid: 0,
+                first_rest: mesh_base[instance.mesh].0 as u32,
+            });
             let model = caches.map(|c| (c.instance_model[i], &c.models[c.instance_model[i]]));
+            if let (Some((m, of_model)), Some(own)) = (model, instance_caches.last_mut()) {
+                own.grid = m as u32;
+                own.reference_base = if of_model.caches.is_empty() { NO_REFERENCES } else { reference_base[m] };
+            }
             if let Some((_, model)) = model {
                 let first = cache_surfaces.len();
                 cache_surfaces.extend(CacheSurface::all(scene, instance.mesh, model));
@@ -313,6 +326,7 @@ impl World {
             caches: caches.cloned(),
             layout: new_revision(),
             references: gpu.buffer_from("scene.references", &references)?,
+            instance_caches: gpu.buffer_from("scene.instance_caches", &instance_caches)?,
             draw_records: gpu.buffer_from("scene.draw_records", &draws.iter().map(record).collect::<Vec<_>>())?,
             corners: gpu.buffer_from("scene.corners", &corners)?,
             cells: cells.map(|cells| CellBuffers::new(gpu, cells)).transpose()?,
