@@ -49,13 +49,26 @@ fn dark(thickness: f32, is_shared: bool) -> Scene {
         add(&mut scene, "lit room", shell(-far, -near), grey);
         add(&mut scene, "dark room", shell(near, far), grey);
     }
-    spot(&mut scene, [-1.2, 2.3, 0.4], [-4.0, 1.0, -0.3], [25.0, 38.0]);
+    lamp(&mut scene, [-1.2, 2.3, 0.4], 200.0);
     let half = f64::from(near);
     for (name, side) in [("dark", 1.0), ("lit", -1.0)] {
         let (eye, target) = (DVec3::new(side * (half + 3.8), 1.7, 1.3), DVec3::new(side * half, 1.0, -0.7));
         scene.cameras.push(camera(name, eye, target, 1.1));
     }
     scene
+}
+
+/// A light of so many candela that shines in all directions.
+fn lamp(scene: &mut Scene, position: [f64; 3], intensity: f32) {
+    scene.lights.push(Light {
+        name: "lamp".into(),
+        kind: LightKind::Point,
+        color: Vec3::ONE,
+        intensity,
+        range: None,
+        position: DVec3::from(position),
+        direction: Vec3::NEG_Y,
+    });
 }
 
 /// A corridor around a bend: a lit leg along x, a dark one along z. Cameras: "leg", from the bend down the dark leg, "end",
@@ -152,15 +165,7 @@ fn furnished() -> Scene {
     add(&mut scene, "skirting boards", skirting, white);
     add(&mut scene, "stool", rod(0.18, 0.45, 24, EDGE).shifted(-2.25, 0.0, 0.5), cloth);
     spot(&mut scene, [2.2, 2.3, 1.6], [-2.5, 1.0, 0.7], [18.0, 28.0]);
-    scene.lights.push(Light {
-        name: "lamp".into(),
-        kind: LightKind::Point,
-        color: Vec3::new(1.0, 0.85, 0.7),
-        intensity: 60.0,
-        range: None,
-        position: DVec3::new(0.4, 2.2, 0.1),
-        direction: Vec3::NEG_Y,
-    });
+    lamp(&mut scene, [0.4, 2.2, 0.1], 60.0);
     scene.cameras.push(camera("inside", DVec3::new(2.2, 1.65, 1.8), DVec3::new(-1.1, 0.8, -1.2), 1.1));
     scene
 }
