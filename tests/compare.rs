@@ -212,7 +212,19 @@ fn every_metric_is_printed_and_masked() {
         serde_json::from_str(&works(&at, &args)).expect("JSON")
     };
     let all = json(&[]);
-    for name in ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "bias", "psnr", "ssim", "flip", "flip-median"] {
+    for name in [
+        "mae",
+        "mare",
+        "rmse",
+        "relmse",
+        "relmse-trimmed",
+        "median-relative",
+        "bias",
+        "psnr",
+        "ssim",
+        "flip",
+        "flip-median",
+    ] {
         assert!(all[name].is_f64(), "{name}: {all}");
         assert!(table.lines().any(|l| l.starts_with(&format!("{name} "))), "{name}: {table}");
     }

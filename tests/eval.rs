@@ -57,7 +57,7 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     {
         assert!(head.contains(&name), "{head:?}");
     }
-    for name in ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "bias", "psnr", "ssim", "flip"] {
+    for name in ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "median-relative", "bias", "psnr", "ssim", "flip"] {
         assert!(head.contains(&name), "{head:?}");
     }
     // Thirteen points with shadows against one reference, fourteen without against four, three of brute force against three;

@@ -18,6 +18,10 @@ pub(super) struct Assets {
     #[cfg(feature = "lab")]
     #[arg(long)]
     moving: bool,
+    /// Also the scenes that indirect light is measured on.
+    #[cfg(feature = "lab")]
+    #[arg(long)]
+    measured: bool,
 }
 
 pub(super) fn run(args: &Assets) -> Result<()> {
@@ -30,13 +34,13 @@ pub(super) fn run(args: &Assets) -> Result<()> {
     ];
     write(args, scenes)?;
     #[cfg(feature = "lab")]
-    write(args, measured(args))?;
+    write(args, for_the_lab(args))?;
     Ok(())
 }
 
 /// The scenes that measurements alone need.
 #[cfg(feature = "lab")]
-fn measured(args: &Assets) -> Vec<(String, Scene)> {
+fn for_the_lab(args: &Assets) -> Vec<(String, Scene)> {
     use lightskin::lab::scenes;
     let mut made = Vec::new();
     if args.shadowed {
@@ -46,6 +50,9 @@ fn measured(args: &Assets) -> Vec<(String, Scene)> {
     if args.moving {
         made.push(("moving.glb".to_owned(), scenes::moving(0.1)));
         made.push(("crowd.glb".to_owned(), scenes::crowd(1000)));
+    }
+    if args.measured {
+        made.extend(scenes::measured().into_iter().map(|(name, scene)| (format!("{name}.glb"), scene)));
     }
     made
 }

@@ -15,8 +15,19 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 /// Metrics that are better the smaller they are, and the larger.
-const SMALLER: [&str; 10] =
-    ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "bias", "flip", "flip-q1", "flip-median", "flip-q3"];
+const SMALLER: [&str; 11] = [
+    "mae",
+    "mare",
+    "rmse",
+    "relmse",
+    "relmse-trimmed",
+    "median-relative",
+    "bias",
+    "flip",
+    "flip-q1",
+    "flip-median",
+    "flip-q3",
+];
 const LARGER: [&str; 2] = ["psnr", "ssim"];
 
 #[derive(clap::Args)]

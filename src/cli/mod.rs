@@ -66,9 +66,10 @@ enum Command {
     /// Errors of one image against another.
     ///
     /// Of the linear values: mean absolute error, the same relative to the reference (mare), root of the mean square
-    /// (rmse), relative mean square (relmse; trimmed: without the worst 1 % of pixels), relative error of the mean
-    /// (bias), psnr against the reference's largest value. Of what a display shows: ssim (11 x 11 Gaussian, sigma 1.5,
-    /// on the sRGB-encoded luminance) and flip with its weighted quartiles.
+    /// (rmse), relative mean square (relmse; trimmed: without the worst 1 % of pixels), the relative error of luminance
+    /// that half of the pixels stay below (median-relative), relative error of the mean (bias), psnr against the
+    /// reference's largest value. Of what a display shows: ssim (11 x 11 Gaussian, sigma 1.5, on the sRGB-encoded
+    /// luminance) and flip with its weighted quartiles.
     ///
     /// Two PNG files are shown as they are. Otherwise values are radiance: ssim brings the log-average luminance of the
     /// reference to middle grey and clips; flip is HDR-FLIP, for each pixel the largest flip over exposures from the

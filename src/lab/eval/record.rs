@@ -83,7 +83,8 @@ impl Errors {
 }
 
 /// Metrics of a row, in the order of their columns.
-pub const METRICS: [&str; 9] = ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "bias", "psnr", "ssim", "flip"];
+pub const METRICS: [&str; 10] =
+    ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "median-relative", "bias", "psnr", "ssim", "flip"];
 
 /// JSON has no infinity: what is kept must be what is read back.
 fn finite(value: f64) -> f64 {
@@ -347,10 +348,10 @@ mod tests {
         assert_eq!(
             lines[0],
             "caches,rsm,caches_placed,spacing_m,vals,triangles,frames,frame_ms,rsm_ms,gather_ms,reference,layer,\
-             pixels,mae,mare,rmse,relmse,relmse-trimmed,bias,psnr,ssim,flip,failed"
+             pixels,mae,mare,rmse,relmse,relmse-trimmed,median-relative,bias,psnr,ssim,flip,failed"
         );
-        assert_eq!(lines[1], "50,,0,0,0,0,5,3.5,1.5,2,same-vals,indirect,7,0,0.5,1,1.5,2,2.5,,3.5,4,");
-        assert_eq!(lines[2], "9,64,,,,,,,,,,,,,,,,,,,,,\"too large, \"\"really\"\"\"");
+        assert_eq!(lines[1], "50,,0,0,0,0,5,3.5,1.5,2,same-vals,indirect,7,0,0.5,1,1.5,2,2.5,3,,4,4.5,");
+        assert_eq!(lines[2], "9,64,,,,,,,,,,,,,,,,,,,,,,\"too large, \"\"really\"\"\"");
         assert_eq!(lines.len(), 3);
     }
 }

@@ -1,11 +1,13 @@
 //! Generated scenes that only measurements need, made with what [`crate::scene::build`] offers.
 
 mod between;
+mod measured;
 mod moving;
 mod shadowed;
 mod valley;
 
 pub use between::between_walls;
+pub use measured::measured;
 pub use moving::{crowd, moving};
 pub use shadowed::Shadowed;
 pub use valley::valley;

@@ -53,7 +53,7 @@ impl Shadowed {
 }
 
 /// Longest edge of walls and floors \[m\].
-const EDGE: f32 = 0.1;
+pub(super) const EDGE: f32 = 0.1;
 
 fn ball() -> Scene {
     let (low, high) = (Vec3::new(-1.5, 0.0, -1.5), Vec3::new(1.5, 2.4, 1.5));
@@ -125,7 +125,7 @@ fn skeleton() -> Scene {
 }
 
 /// A closed room seen from inside: grey, the wall at low x warm and that at low z cool, the floor with a lobe.
-fn room(low: Vec3, high: Vec3, floor: [f32; 3]) -> Scene {
+pub(super) fn room(low: Vec3, high: Vec3, floor: [f32; 3]) -> Scene {
     let mut scene = Scene::default();
     let paints = [
         phong("wall", [0.7; 3], [0.0; 3], 1.0),
@@ -145,13 +145,13 @@ fn room(low: Vec3, high: Vec3, floor: [f32; 3]) -> Scene {
     scene
 }
 
-fn add(scene: &mut Scene, name: &str, surface: Surface, material: usize) {
+pub(super) fn add(scene: &mut Scene, name: &str, surface: Surface, material: usize) {
     let mesh = add_mesh(scene, name, vec![(surface, material)]);
     place(scene, name, mesh, DAffine3::IDENTITY);
 }
 
 /// A spot light of 500 cd; cone angles in degrees.
-fn spot(scene: &mut Scene, position: [f64; 3], target: [f64; 3], [inner, outer]: [f32; 2]) {
+pub(super) fn spot(scene: &mut Scene, position: [f64; 3], target: [f64; 3], [inner, outer]: [f32; 2]) {
     let (position, target) = (DVec3::from(position), DVec3::from(target));
     scene.lights.push(Light {
         name: "spot".into(),
@@ -165,7 +165,7 @@ fn spot(scene: &mut Scene, position: [f64; 3], target: [f64; 3], [inner, outer]:
 }
 
 /// A closed cylinder on +Y from the origin.
-fn rod(radius: f32, length: f32, sides: usize, edge: f32) -> Surface {
+pub(super) fn rod(radius: f32, length: f32, sides: usize, edge: f32) -> Surface {
     let heights = spans(&[0.0, length], edge);
     let mut profile = vec![Vec2::ZERO];
     profile.extend(heights.into_iter().map(|height| Vec2::new(radius, height)));
