@@ -115,6 +115,18 @@ impl RayBuffers {
     }
 }
 
+/// Bytes of the triangles of a scene, at most.
+pub(super) fn bytes(scene: &Scene) -> u64 {
+    let of_instance = |instance: &crate::scene::Instance| -> u64 {
+        let primitives = &scene.meshes[instance.mesh].primitives;
+        primitives
+            .iter()
+            .map(|p| u64::from(p.index_count / 3) >> u32::from(scene.materials[p.material].double_sided))
+            .sum()
+    };
+    size_of::<[[f32; 4]; 3]>() as u64 * scene.instances.iter().map(of_instance).sum::<u64>()
+}
+
 /// All triangles that are drawn, bent as they stand. Both sides of a surface are one triangle.
 fn placed(
     scene: &Scene,
@@ -225,6 +237,8 @@ fn page(image: &Image, srgb: bool) -> Vec<u32> {
     let levels = mip_chain(&image.rgba, image.width, image.height, srgb);
     let root = |c: usize| (linear_from_srgb(c as u8).sqrt() * 255.0 + 0.5) as u8;
     let table: [u8; 256] = std::array::from_fn(|c| if srgb { root(c) } else { c as u8 });
-    let coded = |t: &[u8]| u32::from_le_bytes([table[usize::from(t[0])], table[usize::from(t[1])], table[usize::from(t[2])], t[3]]);
+    let coded = |t: &[u8]| {
+        u32::from_le_bytes([table[usize::from(t[0])], table[usize::from(t[1])], table[usize::from(t[2])], t[3]])
+    };
     levels.iter().skip(left_out(image) as usize).flat_map(|level| level.chunks_exact(4).map(coded)).collect()
 }
