@@ -288,8 +288,8 @@ impl Render {
             Some(asked) => asked.kind(),
             None if self.gather.by_clusters() => Shadows::Off,
             // Draws see no depth images.
-            None if self.gather.by_draws() => self.caches.quality().shadows(caches).min(Shadows::Proxy),
-            None => self.caches.quality().shadows(caches),
+            None if self.gather.by_draws() => self.caches.quality().shadows(caches, Near::Off).min(Shadows::Proxy),
+            None => self.caches.quality().shadows(caches, self.near()),
         }
     }
 
@@ -354,6 +354,8 @@ impl Render {
             ("cluster", json!(self.gather.cluster.cluster)),
             ("cluster_error", json!(self.gather.cluster.cluster_error)),
             ("cull", json!(caches.is_some_and(|caches| caches.cull))),
+            ("near_rays", json!(gather.map(|gather| gather.near().rays().0))),
+            ("near_every", json!(gather.map(|gather| gather.near().rays().1))),
             ("shadows", json!(ShadowsArg::of(gather.map_or(Shadows::Off, |gather| gather.shadows())))),
             ("skip", json!(reuse)),
             ("first_time", json!(animation.is_some().then_some(first))),
