@@ -104,7 +104,10 @@ impl Bounces {
                 self.gather(cmd, &self.diffuse, caches, sums, push);
             } else {
                 self.gather(cmd, &self.all, caches, sums, last);
-                leave_out.iter().for_each(|leave_out| leave_out());
+                if let Some(leave_out) = leave_out {
+                    wait();
+                    leave_out();
+                }
             }
         }
         self.resolve(cmd, sums, proxies, push);
