@@ -90,6 +90,7 @@ fn default_scene_becomes_a_png_with_times_and_counts() {
                 "cull",
                 "depth images",
                 "gather",
+                "near rays",
                 "interpolate",
                 "composite"
             ]

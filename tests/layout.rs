@@ -52,10 +52,17 @@ fn offsets(spirv: &[u32], wanted: &str) -> Vec<u32> {
     found.into_values().collect()
 }
 
+/// The file and what it includes, which is beside it.
+fn both(path: &Path) -> String {
+    let rays = fs::read_to_string(path.with_file_name("shared_rays.glsl")).expect("shared_rays.glsl");
+    let text = fs::read_to_string(path).expect("shared.glsl");
+    text.replace("#include \"shared_rays.glsl\"", &rays)
+}
+
 #[test]
 fn glslang_places_members_as_rust_does() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl/shared.glsl");
-    let source = fs::read_to_string(path).expect("shared.glsl");
+    let source = both(&path);
     let compiler = shaderc::Compiler::new().expect("shaderc");
     let mut options = shaderc::CompileOptions::new().expect("options");
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
@@ -83,7 +90,7 @@ fn glslang_places_members_as_rust_does() {
 fn rust_sizes_are_the_sums_of_their_members() {
     use lightskin::shared;
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl/shared.glsl");
-    let structs = structs(&fs::read_to_string(path).expect("shared.glsl"));
+    let structs = structs(&both(&path));
     let sizes = [
         ("Val", size_of::<shared::Val>()),
         ("Cache", size_of::<shared::Cache>()),

@@ -33,8 +33,12 @@ float near_lobe(float c) {
     return c * c;
 }
 
-// What the rays of the nearest NEAR_SIDE^2 pixels with rays found; each of these has other directions. Those on other surfaces
-// count for next to nothing. `asked`: the direction that caches' light comes from.
+// Pixels with rays around one, along a side: NEAR_SIDE, and a ramp at either end.
+const int NEAR_WINDOW = int(NEAR_SIDE) + 2;
+
+// What the rays of the pixels around one found; any NEAR_SIDE^2 of these in a square have all directions. The window is as wide
+// as that with soft ends, so that all directions count alike. Pixels on other surfaces count for next to nothing. `asked`: the
+// direction that caches' light comes from.
 Near near_of(NearPlace at, vec3 asked) {
     Near sum;
     sum.irradiance = vec3(0.0);
@@ -44,13 +48,13 @@ Near near_of(NearPlace at, vec3 asked) {
 #ifndef DIFFUSE_ONLY
     sum.glossy = vec3(0.0);
     sum.glossy_open = 0.0;
-    float shares[NEAR_SIDE * NEAR_SIDE]; // of each pixel
+    float shares[NEAR_WINDOW * NEAR_WINDOW]; // of each pixel
     float blur = 0.0;
     float blurred = 0.0;
 #endif
-    ivec2 first = (at.pixel + int(EVERY) / 2) / int(EVERY) - int(NEAR_SIDE) / 2;
-    for (int j = 0; j < int(NEAR_SIDE * NEAR_SIDE); ++j) {
-        ivec2 other = first + ivec2(j % int(NEAR_SIDE), j / int(NEAR_SIDE));
+    ivec2 first = at.pixel / int(EVERY) - NEAR_WINDOW / 2 + 1;
+    for (int j = 0; j < NEAR_WINDOW * NEAR_WINDOW; ++j) {
+        ivec2 other = first + ivec2(j % NEAR_WINDOW, j / NEAR_WINDOW);
 #ifndef DIFFUSE_ONLY
         shares[j] = 0.0;
 #endif
@@ -66,7 +70,9 @@ Near near_of(NearPlace at, vec3 asked) {
         float d2 = dot(d, d);
         float aside = max(abs(dot(d, p.normal)), abs(dot(d, at.geometric))) * inversesqrt(max(d2, 1e-30));
         aside -= 0.25 * distance(p.normal, at.geometric);
-        float weight = (1.0 - smoothstep(0.05, 0.2, aside)) * smoothstep(0.5, 0.9, dot(p.normal, at.geometric)) + 1e-4;
+        vec2 ramp = clamp(0.5 * float(NEAR_WINDOW) - abs(vec2(other) - vec2(at.pixel) / float(EVERY)), 0.0, 2.0);
+        float alike = (1.0 - smoothstep(0.05, 0.2, aside)) * smoothstep(0.5, 0.9, dot(p.normal, at.geometric));
+        float weight = ramp.x * ramp.y * (alike + 1e-4);
         weights += weight;
         sum.irradiance += weight * p.irradiance;
 #ifndef DIFFUSE_ONLY
@@ -91,9 +97,9 @@ Near near_of(NearPlace at, vec3 asked) {
     blur /= max(blurred, 1e-30);
     float lobes = 0.0;
     float lobe_weights = 0.0;
-    for (int j = 0; j < int(NEAR_SIDE * NEAR_SIDE); ++j) {
+    for (int j = 0; j < NEAR_WINDOW * NEAR_WINDOW; ++j) {
         if (shares[j] > 0.0) {
-            ivec2 other = first + ivec2(j % int(NEAR_SIDE), j / int(NEAR_SIDE));
+            ivec2 other = first + ivec2(j % NEAR_WINDOW, j / NEAR_WINDOW);
             NearPixel p = near_pixels[uint(other.y) * push.width + uint(other.x)];
             vec3 d = at.position - p.position;
             float of_blur = dot(d, d) / max(blur * blur, 1e-30);

@@ -89,17 +89,20 @@ impl NearRays {
     }
 
     /// Records the pass for views, what they see, and what comes out; `caches` are the VALs that caches are, where surfaces
-    /// reflect their light, too.
+    /// reflect their light, too. Unless it `waits` all of these have been waited for.
     pub(super) fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
         world: &World,
         caches: Option<&Buffer>,
+        waits: bool,
         views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)>,
     ) {
         let Some(rays) = world.rays() else { return };
-        // What is seen, caches, proxies -> here and the next pass.
-        cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
+        if waits {
+            // What is seen, caches, proxies -> here and the next pass.
+            cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
+        }
         for (view, surface, out) in views {
             let Some(element) = &surface.element else { continue };
             let mut resources = rays.binds(world).to_vec();

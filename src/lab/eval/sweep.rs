@@ -175,6 +175,12 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ("16", |point| cluster(point, 16.0)),
         ("2", |point| cluster(point, 2.0)),
     ];
+    let near_kinds: &[(&str, Turn)] = &[
+        ("8/2", |point| near(point, 8, 2)),
+        ("off", |point| point.frame.near = Near::Off),
+        ("8/1", |point| near(point, 8, 1)),
+        ("32/1", |point| near(point, 32, 1)),
+    ];
     vec![
         Knob::numbers("caches", "caches asked for", &[caches, &[base.caches as u32]].concat(), |point, n| {
             point.caches = n as usize;
@@ -214,12 +220,7 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         Knob::choices(
             "near",
             "rays of a pixel over pixels from one with rays to the next",
-            &[
-                ("8/2", |point| near(point, 8, 2)),
-                ("off", |point| point.frame.near = Near::Off),
-                ("8/1", |point| near(point, 8, 1)),
-                ("32/1", |point| near(point, 32, 1)),
-            ],
+            &near_kinds[..if quick { 2 } else { 4 }],
         ),
         Knob::choices(
             "cluster",
