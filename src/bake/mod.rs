@@ -9,9 +9,9 @@
 //! `theta_eps` of its own. It holds by construction (a piece's cache lies in its own voxel, whose diagonal is
 //! 0.87 `d_eps`), is kept by every step, and is measured at the end ([`Coverage`]).
 
-pub mod bvh;
 mod area;
 mod assign;
+pub mod bvh;
 mod cells;
 mod file;
 mod grid;

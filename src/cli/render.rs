@@ -17,8 +17,8 @@ use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{
-    Exposure, Indirect, Interpolation, Light, Look, Near, Picture, ProxyWeight, Quality, Settings, Shadows, Tonemap, View, World,
-    record,
+    Exposure, Indirect, Interpolation, Light, Look, Near, Picture, ProxyWeight, Quality, Settings, Shadows, Tonemap,
+    View, World, record,
 };
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Camera, Projection, Scene};
@@ -275,10 +275,9 @@ impl Render {
         };
         match near {
             Near::Off => Near::Off,
-            Near::Rays { per_pixel, every } => Near::Rays {
-                per_pixel: self.near_rays.unwrap_or(per_pixel),
-                every: self.near_every.unwrap_or(every),
-            },
+            Near::Rays { per_pixel, every } => {
+                Near::Rays { per_pixel: self.near_rays.unwrap_or(per_pixel), every: self.near_every.unwrap_or(every) }
+            }
         }
     }
 

@@ -42,8 +42,13 @@ impl Bounces {
     pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind) -> Result<Self> {
         let ComputeKind { glossy, shadows, bounces, emitted, weight, .. } = kind;
         // What follows each other in the list of caches lies in different directions.
-        let sum =
-            |glossy| sum_pipeline(gpu, ways, SumKind { glossy, shadows, together: 1, proxies: false, two_eyes: false, near: false });
+        let sum = |glossy| {
+            sum_pipeline(
+                gpu,
+                ways,
+                SumKind { glossy, shadows, together: 1, proxies: false, two_eyes: false, near: false },
+            )
+        };
         let caches = live.caches;
         let padded = caches.next_multiple_of(VAL_TILE).max(VAL_TILE) as usize;
         let spread = u32::from(shadows == Shadows::Proxy);

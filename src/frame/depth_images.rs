@@ -5,8 +5,8 @@
 
 use super::atlas::Atlas;
 use super::live::Live;
-use super::occlude::Bounds;
 use super::near::CACHE_REACH;
+use super::occlude::Bounds;
 use super::world::World;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
@@ -88,7 +88,13 @@ impl DepthImages {
     }
 
     /// The same, drawn.
-    pub fn draw(&self, cmd: &Cmd<'_>, atlas: &Atlas, live: &Live, (bounds, pipeline, alone): (&Bounds, &Pipeline, bool)) {
+    pub fn draw(
+        &self,
+        cmd: &Cmd<'_>,
+        atlas: &Atlas,
+        live: &Live,
+        (bounds, pipeline, alone): (&Bounds, &Pipeline, bool),
+    ) {
         bounds.record(cmd, atlas);
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         let resources = [

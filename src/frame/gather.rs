@@ -8,8 +8,8 @@ use super::bounce::Bounces;
 use super::depth_images::DepthImages;
 use super::gather_clusters::Clusters;
 use super::gather_draws::Draws;
-use super::near::CACHE_REACH;
 use super::live::{Items, Live, new_parts, parts_of, split_of};
+use super::near::CACHE_REACH;
 use super::plan::Plan;
 pub use super::proxies::Lit;
 use super::settings::{self, Near, Shadows, Ways};
@@ -169,7 +169,11 @@ impl Compute {
         let two_eyes = || -> Result<TwoEyes> {
             let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;
             Ok(TwoEyes {
-                sum: sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies: true, two_eyes: true, near: is_near })?,
+                sum: sum_pipeline(
+                    gpu,
+                    ways,
+                    SumKind { glossy, shadows, together, proxies: true, two_eyes: true, near: is_near },
+                )?,
                 parts: gpu.buffer("gather.second_parts", bytes)?,
             })
         };
@@ -177,7 +181,11 @@ impl Compute {
             two_eyes: (glossy && eyes > 1 && !further).then(two_eyes).transpose()?,
             parts: new_parts(gpu, caches, parts)?,
             arrived: gpu.buffer_from("gather.arrived", &vec![0_u32; caches.max(1) as usize])?,
-            sum: sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies: !further, two_eyes: false, near: is_near })?,
+            sum: sum_pipeline(
+                gpu,
+                ways,
+                SumKind { glossy, shadows, together, proxies: !further, two_eyes: false, near: is_near },
+            )?,
             depth_images,
             near,
             bounces,

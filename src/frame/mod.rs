@@ -21,8 +21,8 @@ pub mod gather_draws;
 pub mod gbuffer;
 pub mod interpolate;
 pub mod light;
-pub mod near;
 pub mod live;
+pub mod near;
 pub mod occlude;
 pub mod pack;
 pub mod picture;
@@ -47,8 +47,8 @@ pub use picture::Picture;
 pub use plan::{Features, Plan};
 pub use record::record;
 pub use settings::{
-    Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, Near, ProxyWeight, Quality, Settings, Shadows,
-    Tonemap, ValSource, Ways,
+    Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, Near, ProxyWeight, Quality, Settings,
+    Shadows, Tonemap, ValSource, Ways,
 };
 pub use view::View;
 pub use world::{AreaLight, World};

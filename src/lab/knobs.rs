@@ -111,9 +111,7 @@ impl Knobs {
         match (self.gi, self.path) {
             (Gi::Off, _) | (_, Path::Compute) => true,
             (Gi::BruteForce, _) => self.bounces <= 1,
-            (Gi::LightSkin, _) => {
-                self.bounces <= 1 && self.shadows != Shadows::PerLight && self.near == Near::Off
-            }
+            (Gi::LightSkin, _) => self.bounces <= 1 && self.shadows != Shadows::PerLight && self.near == Near::Off,
         }
     }
 
