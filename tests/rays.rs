@@ -205,8 +205,17 @@ fn still(scene: &Scene) -> (Scene, Vec<usize>) {
     (scene.frozen(), shown.map(|(i, _)| i).collect())
 }
 
-/// Distance and weights of all three corners where a ray meets the plane of a triangle.
-fn on_plane(scene: &Scene, [instance, triangle]: [usize; 2], origin: DVec3, direction: DVec3) -> (f64, [f64; 3]) {
+/// Where a ray meets the plane of a triangle.
+#[derive(Clone, Copy, Debug)]
+struct OnPlane {
+    distance: f64,
+    /// Least weight of a corner, without its sign.
+    weight: f64,
+    /// How far the ray passes from an edge \[m\].
+    edge: f64,
+}
+
+fn on_plane(scene: &Scene, [instance, triangle]: [usize; 2], origin: DVec3, direction: DVec3) -> OnPlane {
     let instance = &scene.instances[instance];
     let mesh = &scene.meshes[instance.mesh];
     let place = |v: usize| instance.world_from_model.transform_point3(mesh.vertices[v].position.as_dvec3()) - origin;
@@ -216,7 +225,17 @@ fn on_plane(scene: &Scene, [instance, triangle]: [usize; 2], origin: DVec3, dire
     let inverse = 1.0 / u.dot(p);
     let q = (-a).cross(u);
     let (second, third) = ((-a).dot(p) * inverse, direction.dot(q) * inverse);
-    (v.dot(q) * inverse, [1.0 - second - third, second, third])
+    let across = [a, b, c].map(|p| p - p.dot(direction) * direction);
+    let from_edge = |i: usize| {
+        let (p, along) = (across[i], across[(i + 1) % 3] - across[i]);
+        let share = (-p.dot(along) / along.length_squared()).clamp(0.0, 1.0);
+        (p + share * along).length()
+    };
+    OnPlane {
+        distance: v.dot(q) * inverse,
+        weight: [1.0 - second - third, second, third].into_iter().fold(f64::INFINITY, |m, w| m.min(w.abs())),
+        edge: [0, 1, 2].map(from_edge).into_iter().fold(f64::INFINITY, f64::min),
+    }
 }
 
 /// Hits of both, compared.
@@ -228,7 +247,7 @@ struct Count {
     same_place: usize,
     /// Rays that meet something else.
     differ: usize,
-    /// Of those, rays within 1e-5 of an edge [weights].
+    /// Of those, rays within 1e-5 of an edge [weights], or within 1e-6 radii.
     at_edges: usize,
     /// Of the others, rays that meet two surfaces within 1e-5 radii.
     close: usize,
@@ -296,7 +315,7 @@ fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Coun
         };
         if let (true, Some(e), Some(hit)) = (same, expected, hit) {
             let surface = truth.surface(&e);
-            let (exact, _) = on_plane(&frozen, hit, origin, direction);
+            let exact = on_plane(&frozen, hit, origin, direction).distance;
             if surface.geometric.dot(direction).abs() > 0.01 {
                 count.distance = (f64::from(met.distance) - exact).abs() / radius;
             }
@@ -326,15 +345,15 @@ fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Coun
         }
         let of_hit = hit.map(|hit| on_plane(&frozen, hit, origin, direction));
         let of_expected = expected.map(|e| on_plane(&frozen, [e.instance, e.triangle], origin, direction));
-        let apart = of_hit.zip(of_expected).map_or(f64::INFINITY, |(a, b)| (a.0 - b.0).abs() / radius);
+        let apart = of_hit.zip(of_expected).map_or(f64::INFINITY, |(a, b)| (a.distance - b.distance).abs() / radius);
         if apart < 1e-9 {
             count.same_place = 1;
             return count;
         }
         count.differ = 1;
-        let least = |(_, weights): (f64, [f64; 3])| weights.into_iter().fold(f64::INFINITY, |m, w| m.min(w.abs()));
+        let beside = |at: OnPlane| at.weight < 1e-5 || at.edge < 1e-6 * radius;
         let has_holes = |m: usize| frozen.materials[m].alpha_cutoff.is_some();
-        if [of_hit, of_expected].into_iter().flatten().any(|of| least(of) < 1e-5) {
+        if [of_hit, of_expected].into_iter().flatten().any(beside) {
             count.at_edges = 1;
         } else if apart < 1e-5 {
             count.close = 1;

@@ -131,6 +131,29 @@ fn small_textures_are_the_f64_tracers() {
 }
 
 #[test]
+fn holes_are_where_the_f64_tracer_has_them() {
+    let repeated = |image| Some(textured(image, 0, Affine2::IDENTITY, Wrap::Repeat, Wrap::Mirror));
+    let cut = |image| Material { base_color_texture: repeated(image), alpha_cutoff: Some(0.45), ..plain() };
+    // One that is larger than textures without holes are kept.
+    let scene = squares([cut(0), cut(1)], vec![noise(4, 40, 60), noise(5, 600, 410)]);
+    let tracer = Tracer::new(&scene);
+    let rays = at_squares(&tracer, 2);
+    let found = tracer.trace(&rays, Asked::default());
+    let truth = world::World::new(&scene);
+    let is_hole = |ray: &Ray| {
+        let origin = tracer.world.origin + ray.origin.as_dvec3();
+        truth.nearest(origin, ray.direction.as_dvec3(), Sides::Both).is_none()
+    };
+    for (square, all) in rays.chunks(rays.len() / 2).zip(found.chunks(rays.len() / 2)).enumerate() {
+        let pairs = all.0.iter().map(is_hole).zip(all.1.iter().map(|met| met.triangle == NOTHING));
+        let holes = pairs.clone().filter(|pair| pair.0).count();
+        let differ = pairs.filter(|pair| pair.0 != pair.1).count();
+        println!("square {square}: {holes} holes of {} rays, {differ} differ", all.0.len());
+        assert!(holes > 500 && holes + 500 < all.0.len() && differ <= 2, "square {square}: {holes}, {differ}");
+    }
+}
+
+#[test]
 fn wide_rays_see_textures_mean() {
     let texture = textured(0, 0, Affine2::IDENTITY, Wrap::Repeat, Wrap::Repeat);
     let scene = squares([Material { base_color_texture: Some(texture), ..plain() }], vec![noise(3, 64, 64)]);
