@@ -14,14 +14,11 @@ const uint VAL_TILE = 256u;
 
 // Items that a workgroup of the compacting passes looks at, and threads that do it.
 const uint PACK_BLOCK = 1024u;
-
 const uint PACK_THREADS = 64u;
 
 // Where the gather's shaders read VALs from.
 const uint VALS_TEXELS = 0u;
-
 const uint VALS_STORAGE = 1u;
-
 const uint VALS_SHARED = 2u;
 
 // Consecutive caches of the atlas that stage 7 skips together.
@@ -29,7 +26,6 @@ const uint OCCLUDER_GROUP = 32u;
 
 // Caches that a workgroup of stage 7 dims, and threads that share the discs for each.
 const uint OCCLUDE_RECEIVERS = 8u;
-
 const uint OCCLUDE_PARTS = 8u;
 
 // Threads of a gather's workgroup.
@@ -40,19 +36,15 @@ const uint CLUSTER_GROUP = 32u;
 
 // Rules of clustering.
 const uint CLUSTER_DISTANCE = 0u;
-
 const uint CLUSTER_BOUND = 1u;
 
 // 32-bit words of a `ClusterNode`, whole texels, and where its `skip` is.
 const uint CLUSTER_NODE_WORDS = 20u;
-
 const uint CLUSTER_SKIP_WORD = 14u;
 
 // Texels of a side of a cache's depth image, of the image, and workgroups in a row of the dispatch that draws them.
 const uint DEPTH_IMAGE_SIDE = 24u;
-
 const uint DEPTH_IMAGE_TEXELS = 576u;
-
 const uint DEPTH_IMAGE_ROW = 65535u;
 
 // No model has caches here.
@@ -64,20 +56,14 @@ const uint NO_CACHE = 65535u;
 // What the caches' VALs of a further bounce carry: their areas, which the sums of form factors are made of; the light of the
 // primary lights' VALs; that and the light of the bounce before; what the last gather alone has brought, of surfaces that emit.
 const uint BOUNCE_AREAS = 0u;
-
 const uint BOUNCE_FIRST = 1u;
-
 const uint BOUNCE_AGAIN = 2u;
-
 const uint BOUNCE_EMITTED = 3u;
 
 // Kinds of light.
 const uint LIGHT_DIRECTIONAL = 0u;
-
 const uint LIGHT_POINT = 1u;
-
 const uint LIGHT_SPOT = 2u;
-
 const uint LIGHT_AREA = 3u;
 
 // Faces of a cube that each sample of an area light looks through: all but the one behind.
@@ -85,37 +71,24 @@ const uint AREA_VIEWS = 5u;
 
 // Textures of a material, in binding order; each has its `TextureSlot`.
 const uint TEXTURE_BASE_COLOR = 0u;
-
 const uint TEXTURE_METALLIC_ROUGHNESS = 1u;
-
 const uint TEXTURE_NORMAL = 2u;
-
 const uint TEXTURE_EMISSIVE = 3u;
-
 const uint TEXTURE_SPECULAR = 4u;
-
 const uint TEXTURE_SPECULAR_COLOR = 5u;
-
 const uint TEXTURE_COUNT = 6u;
 
 // What the check for broken values looks at, and workgroups that share each.
 const uint CHECK_DIRECT = 0u;
-
 const uint CHECK_DIFFUSE = 1u;
-
 const uint CHECK_GLOSSY = 2u;
-
 const uint CHECK_VALS = 3u;
-
 const uint CHECK_PROXIES = 4u;
-
 const uint CHECK_TARGETS = 5u;
-
 const uint CHECK_GROUPS = 64u;
 
 // Kernel of the arithmetic peak: steps of each chain (lavapipe ends loops at 65 535), and chains of each invocation.
 const uint PEAK_STEPS = 16384u;
-
 const uint PEAK_CHAINS = 12u;
 
 // Words of a vertex as draws read it; position, normal and tangent are the first ten.
@@ -126,27 +99,6 @@ const uint RIGID = 0xffffffffu;
 
 // Workgroups in a row of the dispatches that pose meshes.
 const uint DEFORM_ROW = 32768u;
-
-// What a triangle that rays meet is, in bits below its instance's number: it has holes, both its sides are surface, it is of an
-// area light, its instance mirrors.
-const uint RAY_HOLES = 1u;
-
-const uint RAY_TWO_SIDED = 2u;
-
-const uint RAY_AREA_LIGHT = 4u;
-
-const uint RAY_MIRRORED = 8u;
-
-const uint RAY_KIND_BITS = 4u;
-
-// The instance of everything that stands still.
-const uint RAY_STILL = 0xfffffffeu;
-
-// Phong exponent from which on a lobe is narrower than caches know: its rays have no end.
-const float NEAR_SHARP = 24.0;
-
-// Pixels that share their short rays: a square of so many a side, each with directions of its own.
-const uint NEAR_SIDE = 4u;
 
 // A mesh in the world.
 struct Instance {
@@ -238,36 +190,6 @@ struct TextureSlot {
     vec2 translation;
     uint uv_set;
     uint present; // 0: the factor stands alone
-};
-
-// A texture of a material as rays look it up: RGBA8 texels in a buffer, level after level.
-struct HitTexture {
-    uint first; // texel of the finest level
-    uint width; // of that [texels]
-    uint height; // likewise
-    uint how; // wrapping along u, along v in bits 0-1 and 2-3: 0 repeats, 1 mirrors, 2 clamps; bit 4: RGB are square roots;
-              // bit 5: texels stay square
-};
-
-// What the short rays of a pixel found.
-struct NearPixel {
-    vec3 irradiance; // of what they met [lx]
-    uint open; // rays that met nothing, in bits
-    vec3 position; // of the surface
-    uint is_surface; // 0: nothing is there
-    vec3 normal; // unit vertex normal
-    vec3 glossy; // what the lobe's ray met, times its weight [cd/m^2]
-    float glossy_open; // its weight where it met nothing
-    float glossy_all; // its weight
-    float blur; // how far away other pixels' rays of the lobe say the same [m]
-};
-
-// Where the caches of what rays meet are found.
-struct InstanceCaches {
-    uint reference_base; // first of the model's references, in pairs; NO_REFERENCES without caches
-    uint cache_base; // atlas index of the instance's first cache
-    uint grid; // of the model, where pixels look references up
-    uint first_rest; // first vertex of the mesh as it was when caches were placed
 };
 
 // A punctual light, KHR_lights_punctual, or a rectangle of a surface that emits.
@@ -534,28 +456,6 @@ struct InterpolatePush {
     uint first_proxy; // of the eye
 };
 
-// Push constants of the passes that trace rays from surfaces and caches.
-struct TracePush {
-    mat4 clip_from_world;
-    vec4 eye; // as in DrawPush
-    float reach; // of short rays; of a cache's rays where they begin [m]
-    uint root; // of the hierarchy
-    uint width; // [pixels], each with rays
-    uint height;
-    uint light_count;
-    uint reflects; // 1: what rays meet reflects the lights
-};
-
-// Push constants of the passes that shade pixels with what short rays have found.
-struct NearPush {
-    mat4 clip_from_world;
-    vec4 eye; // as in DrawPush
-    float reach; // as in InterpolatePush
-    uint first_proxy; // of the eye
-    uint width; // [pixels], each with rays
-    uint height;
-};
-
 // Push constants of the pass that draws references into the atlas.
 struct AtlasPush {
     uint columns; // of blocks
@@ -654,5 +554,7 @@ struct CheckPush {
     uint val_count;
     uint cache_count;
 };
+
+#include "shared_rays.glsl"
 
 #endif

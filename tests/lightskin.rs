@@ -36,6 +36,7 @@ mod layout;
 mod lifetimes;
 mod malformed;
 mod moving;
+mod near;
 mod nets;
 mod normal_maps;
 mod occlude;

@@ -44,12 +44,16 @@ Near near_of(NearPlace at, vec3 asked) {
 #ifndef DIFFUSE_ONLY
     sum.glossy = vec3(0.0);
     sum.glossy_open = 0.0;
-    float lobes = 0.0;
-    float lobe_weights = 0.0;
+    float shares[NEAR_SIDE * NEAR_SIDE]; // of each pixel
+    float blur = 0.0;
+    float blurred = 0.0;
 #endif
     ivec2 first = (at.pixel + int(EVERY) / 2) / int(EVERY) - int(NEAR_SIDE) / 2;
     for (int j = 0; j < int(NEAR_SIDE * NEAR_SIDE); ++j) {
         ivec2 other = first + ivec2(j % int(NEAR_SIDE), j / int(NEAR_SIDE));
+#ifndef DIFFUSE_ONLY
+        shares[j] = 0.0;
+#endif
         if (any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, ivec2(push.width, push.height)))) {
             continue;
         }
@@ -57,21 +61,18 @@ Near near_of(NearPlace at, vec3 asked) {
         if (p.is_surface == 0u) {
             continue;
         }
-        // As far out of each other's planes as normals differ is how surfaces bend.
+        // Surfaces that bend are a little out of each other's planes.
         vec3 d = at.position - p.position;
         float d2 = dot(d, d);
         float aside = max(abs(dot(d, p.normal)), abs(dot(d, at.geometric))) * inversesqrt(max(d2, 1e-30));
-        aside -= distance(p.normal, at.geometric);
-        float weight = (1.0 - smoothstep(0.05, 0.25, aside)) * smoothstep(0.3, 0.8, dot(p.normal, at.geometric)) + 1e-4;
+        aside -= 0.25 * distance(p.normal, at.geometric);
+        float weight = (1.0 - smoothstep(0.05, 0.2, aside)) * smoothstep(0.5, 0.9, dot(p.normal, at.geometric)) + 1e-4;
         weights += weight;
         sum.irradiance += weight * p.irradiance;
 #ifndef DIFFUSE_ONLY
-        float of_blur = d2 / max(p.blur * p.blur, 1e-30);
-        float lobe_weight = weight / (1.0 + of_blur * of_blur);
-        lobe_weights += lobe_weight;
-        sum.glossy += lobe_weight * p.glossy;
-        sum.glossy_open += lobe_weight * p.glossy_open;
-        lobes += lobe_weight * p.glossy_all;
+        shares[j] = p.glossy_all > 0.0 ? weight : 0.0;
+        blur += shares[j] * p.blur;
+        blurred += shares[j];
 #endif
         vec3 tangent, bitangent;
         tangents(p.normal, tangent, bitangent);
@@ -86,6 +87,23 @@ Near near_of(NearPlace at, vec3 asked) {
     sum.irradiance /= max(weights, 1e-30);
     sum.open = all > 0.0 ? met / all : 1.0;
 #ifndef DIFFUSE_ONLY
+    // Each pixel has one direction of the lobe: all are taken alike, as far away as what is mirrored looks the same.
+    blur /= max(blurred, 1e-30);
+    float lobes = 0.0;
+    float lobe_weights = 0.0;
+    for (int j = 0; j < int(NEAR_SIDE * NEAR_SIDE); ++j) {
+        if (shares[j] > 0.0) {
+            ivec2 other = first + ivec2(j % int(NEAR_SIDE), j / int(NEAR_SIDE));
+            NearPixel p = near_pixels[uint(other.y) * push.width + uint(other.x)];
+            vec3 d = at.position - p.position;
+            float of_blur = dot(d, d) / max(blur * blur, 1e-30);
+            float share = shares[j] / (1.0 + of_blur * of_blur);
+            lobe_weights += share;
+            sum.glossy += share * p.glossy;
+            sum.glossy_open += share * p.glossy_open;
+            lobes += share * p.glossy_all;
+        }
+    }
     sum.glossy /= max(lobe_weights, 1e-37);
     sum.glossy_open /= max(lobes, 1e-37);
 #endif

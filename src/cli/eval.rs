@@ -1,6 +1,6 @@
 //! `lightskin eval`: speed against error, a curve for every knob, as a page.
 
-use super::{DeviceArgs, angle, at_least_zero, check_messages, load_punctual, progress_bar, render};
+use super::{DeviceArgs, angle, at_least_zero, camera, check_messages, load_punctual, progress_bar, render};
 use anyhow::{Context, Result};
 use lightskin::frame::Quality;
 use lightskin::lab::eval::figures::Figures;
@@ -72,7 +72,7 @@ impl Eval {
 pub(super) fn run(args: &Eval) -> Result<()> {
     report::check_writable(&args.out)?;
     let scene = load_punctual(args.scene.as_deref())?;
-    let camera = render::camera(&scene, args.camera.as_deref())?;
+    let camera = camera::camera(&scene, args.camera.as_deref())?;
     let gpu = args.device.open()?;
     let sweep = args.sweep();
     let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}, {eta} left  {wide_msg}");

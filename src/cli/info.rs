@@ -5,7 +5,7 @@ use super::{CacheArgs, ClusterArgs, DeviceArgs, QualityArg, bake_scene, check_me
 use anyhow::{Context, Result};
 use lightskin::frame::plan::STAGES;
 use lightskin::frame::settings::Gather;
-use lightskin::frame::{Indirect, Light, Look, Picture, Quality, Settings, View, World, record, tune};
+use lightskin::frame::{Indirect, Light, Look, Near, Picture, Quality, Settings, View, World, record, tune};
 use lightskin::gpu::Gpu;
 use lightskin::scene::{LightKind, luminance};
 use std::collections::BTreeMap;
@@ -142,7 +142,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
     say!("  of each cache {:.0} bytes ({})", state.iter().map(|name| each(name)).sum::<f64>(), told.join(", "));
     for (name, why) in [
         ("gather.parts", "sums of parts of the VALs, which fill the device where caches are few"),
-        ("gather.depth_images", "what each sees of the others, for --shadows per-light"),
+        ("gather.depth_images", "what each sees of the scene, for --shadows per-light"),
         ("scene.references", "which caches each vertex refers to"),
     ] {
         let bytes = each(name);
@@ -161,20 +161,24 @@ pub(super) fn run(args: &Info) -> Result<()> {
 
 /// What each level of quality asks for.
 fn say_levels(world: &World, now: Quality) {
-    say!("quality       caches  refs   VALs  shadow map  shadows");
+    say!("quality       caches  refs   VALs  shadow map  near rays  shadows");
     for quality in Quality::ALL {
         let sides =
             world.lights().iter().map(|light| u64::from(light.views) * u64::from(light.rsm_size(quality.rsm())).pow(2));
         let vals = sides.sum::<u64>() + world.emitters.len() as u64;
         say!(
-            "{} {:<10} {:>6} {:>5} {:>6} {:>11}  {}",
+            "{} {:<10} {:>6} {:>5} {:>6} {:>11} {:>10}  {}",
             if quality == now { '*' } else { ' ' },
             name(quality),
             quality.caches(),
             quality.references(),
             vals,
             quality.shadow_map(),
-            ShadowsArg::of(quality.shadows(quality.caches()))
+            match quality.near() {
+                Near::Off => "off".to_owned(),
+                Near::Rays { per_pixel, every } => format!("{per_pixel} / {}", every * every),
+            },
+            ShadowsArg::of(quality.shadows(quality.caches(), quality.near()))
         );
     }
 }

@@ -7,6 +7,7 @@ mod assets;
 mod bake;
 #[cfg(feature = "lab")]
 mod bench;
+mod camera;
 mod compare;
 mod devices;
 #[cfg(feature = "lab")]

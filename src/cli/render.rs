@@ -1,5 +1,6 @@
 //! `lightskin render`: a scene to a picture, with its layers, times and counts.
 
+use super::camera::camera;
 use super::motion::{Motion, MotionArgs, numbered};
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
@@ -11,7 +12,6 @@ use super::{
 };
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
-use glam::{DAffine3, DMat3, DVec3};
 use lightskin::bake::CacheSet;
 use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
@@ -21,7 +21,7 @@ use lightskin::frame::{
     View, World, record,
 };
 use lightskin::gpu::Gpu;
-use lightskin::scene::{Camera, Projection, Scene};
+use lightskin::scene::{Camera, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};
 use std::path::PathBuf;
@@ -288,8 +288,8 @@ impl Render {
             Some(asked) => asked.kind(),
             None if self.gather.by_clusters() => Shadows::Off,
             // Draws see no depth images.
-            None if self.gather.by_draws() => self.caches.quality().shadows(caches).min(Shadows::Proxy),
-            None => self.caches.quality().shadows(caches),
+            None if self.gather.by_draws() => self.caches.quality().shadows(caches, Near::Off).min(Shadows::Proxy),
+            None => self.caches.quality().shadows(caches, self.near()),
         }
     }
 
@@ -354,6 +354,8 @@ impl Render {
             ("cluster", json!(self.gather.cluster.cluster)),
             ("cluster_error", json!(self.gather.cluster.cluster_error)),
             ("cull", json!(caches.is_some_and(|caches| caches.cull))),
+            ("near_rays", json!(gather.map(|gather| gather.near().rays().0))),
+            ("near_every", json!(gather.map(|gather| gather.near().rays().1))),
             ("shadows", json!(ShadowsArg::of(gather.map_or(Shadows::Off, |gather| gather.shadows())))),
             ("skip", json!(reuse)),
             ("first_time", json!(animation.is_some().then_some(first))),
@@ -368,57 +370,6 @@ impl Render {
             ("check", json!(self.check)),
         ]
     }
-}
-
-/// The camera that `--camera` names, or the first.
-pub(super) fn camera(scene: &Scene, wanted: Option<&str>) -> Result<Camera> {
-    let names = || {
-        let all: Vec<_> = scene.cameras.iter().enumerate().map(|(i, c)| format!("{i} '{}'", c.name)).collect();
-        all.join(", ")
-    };
-    let Some(wanted) = wanted else {
-        return scene.cameras.first().cloned().context("the scene has no camera");
-    };
-    if wanted.contains(';') {
-        return free_camera(wanted);
-    }
-    let found = match wanted.parse::<usize>() {
-        Ok(index) => scene.cameras.get(index),
-        Err(_) => scene.cameras.iter().find(|c| c.name == wanted),
-    };
-    found.cloned().with_context(|| format!("--camera {wanted} is none of the scene's: {}", names()))
-}
-
-/// A camera from "eye;target;up;fov".
-fn free_camera(text: &str) -> Result<Camera> {
-    let form = || format!("--camera '{text}': needs 'eye;target;up;fov' like '0,1,4;0,1,0;0,1,0;40'");
-    let parts: Vec<&str> = text.split(';').collect();
-    let [eye, target, up, fov] = parts[..] else { bail!(form()) };
-    let vector = |text: &str| -> Result<DVec3> {
-        let numbers: Vec<f64> =
-            text.split(',').map(|n| n.trim().parse()).collect::<std::result::Result<_, _>>().with_context(form)?;
-        match numbers[..] {
-            [x, y, z] if DVec3::new(x, y, z).is_finite() => Ok(DVec3::new(x, y, z)),
-            _ => bail!(form()),
-        }
-    };
-    let (eye, target, up) = (vector(eye)?, vector(target)?, vector(up)?);
-    let fov: f32 = fov.trim().parse().with_context(form)?;
-    if !(0.1..=179.0).contains(&fov) {
-        bail!("--camera: the vertical field of view must be from 0.1 to 179 degrees");
-    }
-    let backward = (eye - target).normalize_or_zero();
-    let right = up.cross(backward).normalize_or_zero();
-    if right == DVec3::ZERO {
-        bail!("--camera: eye and target coincide, or up points along the view");
-    }
-    let world_from_camera =
-        DAffine3::from_mat3_translation(DMat3::from_cols(right, backward.cross(right), backward), eye);
-    Ok(Camera {
-        name: "--camera".into(),
-        world_from_camera,
-        projection: Projection::Perspective { yfov: fov.to_radians() },
-    })
 }
 
 pub(super) fn run(args: &Render) -> Result<()> {

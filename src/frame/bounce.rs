@@ -40,14 +40,11 @@ pub struct Bounces {
 impl Bounces {
     /// Makes it for caches that light caches once or more.
     pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind) -> Result<Self> {
+        let near = kind.near > 0.0;
         let ComputeKind { glossy, shadows, bounces, emitted, weight, .. } = kind;
         // What follows each other in the list of caches lies in different directions.
         let sum = |glossy| {
-            sum_pipeline(
-                gpu,
-                ways,
-                SumKind { glossy, shadows, together: 1, proxies: false, two_eyes: false, near: false },
-            )
+            sum_pipeline(gpu, ways, SumKind { glossy, shadows, together: 1, proxies: false, two_eyes: false, near })
         };
         let caches = live.caches;
         let padded = caches.next_multiple_of(VAL_TILE).max(VAL_TILE) as usize;
@@ -72,15 +69,17 @@ impl Bounces {
     }
 
     /// Records the bounces: in front of them the primary lights' sums are being written, and proxies are made of those and of
-    /// the caches' at their end. The last one has the glossy lobe, too, where there is one.
+    /// the caches' at their end. The last one has the glossy lobe, too, where there is one. What caches send on is gathered by
+    /// the first of `pushes`, what pixels get by the second; for that `leave_out` makes the primary lights' sums anew, where
+    /// something nearby is left to short rays.
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
-        albedos: &Buffer,
-        emitted: Option<&(Buffer, Buffer)>,
+        (albedos, emitted): (&Buffer, Option<&(Buffer, Buffer)>),
         sums: &SumBinds<'_>,
         proxies: &Buffer,
-        push: &GatherPush,
+        [push, last]: [&GatherPush; 2],
+        leave_out: Option<&dyn Fn()>,
     ) {
         let caches = (&self.vals, &self.val_count);
         // The sums before, and the VALs that they were made of.
@@ -101,7 +100,15 @@ impl Bounces {
             if bounce > 1 {
                 light(BOUNCE_AGAIN);
             }
-            self.gather(cmd, if bounce == self.count { &self.all } else { &self.diffuse }, caches, sums, push);
+            if bounce < self.count {
+                self.gather(cmd, &self.diffuse, caches, sums, push);
+            } else {
+                self.gather(cmd, &self.all, caches, sums, last);
+                if let Some(leave_out) = leave_out {
+                    wait();
+                    leave_out();
+                }
+            }
         }
         self.resolve(cmd, sums, proxies, push);
     }

@@ -240,12 +240,30 @@ impl Compute {
             depth_images: self.depth_images.as_ref().map(|images| &images.buffer),
             second_parts: second.map(|(two_eyes, _)| &two_eyes.parts),
         };
-        binds.bind(cmd, second.map_or(&self.sum, |(two_eyes, _)| &two_eyes.sum));
-        cmd.push(&push);
-        cmd.dispatch_indirect(&self.live.args, 0);
-        if let (Some(bounces), Some(albedos)) = (&self.bounces, lit.albedos) {
-            let sums = SumBinds { proxies: None, ..binds };
-            bounces.record(cmd, albedos, lit.vals.emitted.as_ref(), &sums, &lit.proxies.buffer, &push);
+        let primary = |push: &GatherPush| {
+            binds.bind(cmd, second.map_or(&self.sum, |(two_eyes, _)| &two_eyes.sum));
+            cmd.push(push);
+            cmd.dispatch_indirect(&self.live.args, 0);
+        };
+        match (&self.bounces, lit.albedos) {
+            (Some(bounces), Some(albedos)) => {
+                // What caches send on is all that they receive.
+                let of_all = GatherPush { near_begin: -1.0, near_scale: 1e30, ..push };
+                primary(&of_all);
+                let sums = SumBinds { proxies: None, ..binds };
+                let leave_out = || primary(&push);
+                let pushes = [&of_all, &push];
+                let leave_out = (self.near > 0.0).then_some(&leave_out as &dyn Fn());
+                bounces.record(
+                    cmd,
+                    (albedos, lit.vals.emitted.as_ref()),
+                    &sums,
+                    &lit.proxies.buffer,
+                    pushes,
+                    leave_out,
+                );
+            }
+            _ => primary(&push),
         }
     }
 }

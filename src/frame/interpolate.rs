@@ -106,7 +106,7 @@ impl Interpolate {
         })
     }
 
-    /// Records the stage for views; it waits for the proxies and visible vertices itself.
+    /// Records the stage for views; it waits for the proxies and visible vertices itself, unless short rays have done so.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
@@ -117,7 +117,9 @@ impl Interpolate {
         views: impl Iterator<Item = Shaded<'a>> + Clone,
     ) {
         if let Some(average) = &self.average {
-            cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead); // proxies, visible vertices -> here
+            if near.is_none() {
+                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead); // proxies, visible vertices -> here
+            }
             for Shaded { view, visible, first_proxy, .. } in views.clone() {
                 cmd.bind(
                     average,

@@ -98,7 +98,8 @@ impl NearRays {
         views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)>,
     ) {
         let Some(rays) = world.rays() else { return };
-        cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead); // what is seen, caches -> here
+        // What is seen, caches, proxies -> here and the next pass.
+        cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
         for (view, surface, out) in views {
             let Some(element) = &surface.element else { continue };
             let mut resources = rays.binds(world).to_vec();

@@ -20,6 +20,8 @@ pub struct Features {
     pub emits: bool,
     /// A material with a glossy lobe.
     pub glossy: bool,
+    /// The device can hold what rays need.
+    pub rays: bool,
 }
 
 impl Features {
@@ -32,6 +34,7 @@ impl Features {
             areas,
             emits,
             glossy: has_glossy_lobe(scene),
+            rays: true,
         }
     }
 
@@ -145,7 +148,7 @@ impl Plan {
             bounces,
             occlude: shadows == Shadows::Proxy,
             depth_images: shadows == Shadows::PerLight,
-            near: gather.map_or(Near::Off, |gather| gather.near()),
+            near: gather.filter(|_| scene.rays).map_or(Near::Off, |gather| gather.near()),
             brute_force,
             glossy: scene.glossy,
         }

@@ -272,10 +272,11 @@ impl Quality {
         }
     }
 
-    /// Shadows of indirect light with so many caches: they look at pairs of caches, which of very many are too many.
-    pub fn shadows(self, caches: usize) -> Shadows {
+    /// Shadows of indirect light with so many caches. Without rays they look at pairs of caches, which of very many are too many.
+    pub fn shadows(self, caches: usize, near: Near) -> Shadows {
         let best = match caches {
             0..=4096 => Shadows::PerLight,
+            4097..=20_000 if near != Near::Off => Shadows::PerLight,
             4097..=20_000 => Shadows::Proxy,
             _ => Shadows::Off,
         };
@@ -296,7 +297,7 @@ impl Settings {
                 gather: Gather::Compute {
                     ways: Ways::default(),
                     bounces: 1,
-                    shadows: quality.shadows(caches),
+                    shadows: quality.shadows(caches, quality.near()),
                     near: quality.near(),
                 },
                 cull: true,

@@ -309,6 +309,11 @@ impl Gpu {
         self.report.kind == "software"
     }
 
+    /// Bytes of a buffer that shaders can see at once.
+    pub fn most_buffer_bytes(&self) -> u64 {
+        self.shared.limits.max_storage_buffer_range.into()
+    }
+
     /// Color targets that a fragment shader can write at a time.
     pub fn most_color_targets(&self) -> u32 {
         let limits = &self.shared.limits;

@@ -79,7 +79,7 @@ impl Knobs {
         Self {
             rsm: quality.rsm(),
             shadow_map: quality.shadow_map(),
-            shadows: quality.shadows(caches),
+            shadows: quality.shadows(caches, quality.near()),
             near: quality.near(),
             ..Self::plain(size)
         }

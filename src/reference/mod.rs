@@ -25,6 +25,7 @@ pub mod interpolate;
 pub mod light;
 /// One diffuse bounce by random sampling: the truth behind the VALs.
 pub mod monte_carlo;
+pub mod near;
 /// Discs of caches in the way of proxy lights, stage 7.
 pub mod occlude;
 /// Light paths drawn at random: the truth behind all of it.

@@ -147,7 +147,7 @@ fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
         let mut scene = scene.clone();
         let spacing = tessellate::expected_spacing(&scene, args.caches.count());
         tessellate::divide(&mut scene, spacing, args.caches.max_edge);
-        let camera = crate::cli::render::camera(&scene, None)?;
+        let camera = crate::cli::camera::camera(&scene, None)?;
         // The picture takes no part.
         let settings = StudySettings { size: [2, 2], caches: args.caches.count(), rsm: DEPTH_IMAGES_RSM };
         columns.push(Study::new(&scene, &camera, settings)?.depth_images());
@@ -167,7 +167,7 @@ const DEPTH_IMAGES_RSM: usize = 48;
 
 /// Prints what clustering saves and costs.
 fn clusters(scene: &Scene, settings: &StudySettings) -> Result<()> {
-    let camera = crate::cli::render::camera(scene, None)?;
+    let camera = crate::cli::camera::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     say!("{}: {caches} caches, {vals} live VALs; shares of all pairs, errors against no clustering", scene.name);
@@ -196,7 +196,7 @@ fn clusters(scene: &Scene, settings: &StudySettings) -> Result<()> {
 
 /// Prints what each level of interpolation errs by.
 fn levels(scene: &Scene, settings: &StudySettings) -> Result<()> {
-    let camera = crate::cli::render::camera(scene, None)?;
+    let camera = crate::cli::camera::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     let [w, h] = settings.size;
@@ -228,7 +228,7 @@ fn dimming(args: &Choices) -> Result<()> {
 }
 
 fn dimming_in(scene: &Scene, settings: &StudySettings) -> Result<()> {
-    let camera = crate::cli::render::camera(scene, None)?;
+    let camera = crate::cli::camera::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     say!("{}: {caches} caches, {vals} live VALs; light at caches against a ray to each VAL", scene.name);
@@ -243,7 +243,7 @@ fn dimming_in(scene: &Scene, settings: &StudySettings) -> Result<()> {
 
 /// Prints every table that a scene has.
 pub(super) fn tables(scene: &Scene, settings: &StudySettings) -> Result<()> {
-    let camera = crate::cli::render::camera(scene, None)?;
+    let camera = crate::cli::camera::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
     let [caches, vals] = study.counts();
     let [w, h] = settings.size;

@@ -53,7 +53,7 @@ pub(super) fn run(args: &SourcesArgs) -> Result<()> {
     }
     let start = Instant::now();
     let scene = divided(load_punctual(args.scene.as_deref())?, &args.caches);
-    let camera = render::camera(&scene, args.camera.as_deref())?;
+    let camera = crate::cli::camera::camera(&scene, args.camera.as_deref())?;
     let baked = bake_scene(&scene, &args.caches.settings(), false)?;
     let settings = SourcesSettings { size: args.size, rsm: args.rsm, samples: args.spp, ..SourcesSettings::default() };
     let gpu = args.device.open()?;

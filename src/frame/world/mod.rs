@@ -227,6 +227,7 @@ impl World {
                 emits: patches.any_of(i) || area_lights.any_of(i),
             })
             .collect();
+        let rays = rays::bytes(scene).max(size_of_val(&vertices[..]) as u64) <= gpu.most_buffer_bytes();
         let mut dynamic = Dynamic::default();
         dynamic.fill_surfaces(scene, origin, &layouts);
         dynamic.fill_lights(scene, &areas, origin, half);
@@ -307,7 +308,7 @@ impl World {
             half,
             sky: scene.behind().map(|sky| SkyBuffer::new(gpu, &sky)).transpose()?,
             emitters: patches.vals(scene, origin),
-            features: Features::new(scene, !area_lights.is_empty(), !patches.is_empty()),
+            features: Features { rays, ..Features::new(scene, !area_lights.is_empty(), !patches.is_empty()) },
             areas,
             area_lights,
             patches,

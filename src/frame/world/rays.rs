@@ -118,6 +118,18 @@ impl RayBuffers {
     }
 }
 
+/// Bytes of the triangles of a scene, at most.
+pub(super) fn bytes(scene: &Scene) -> u64 {
+    let of_instance = |instance: &crate::scene::Instance| -> u64 {
+        let primitives = &scene.meshes[instance.mesh].primitives;
+        primitives
+            .iter()
+            .map(|p| u64::from(p.index_count / 3) >> u32::from(scene.materials[p.material].double_sided))
+            .sum()
+    };
+    size_of::<[[f32; 4]; 3]>() as u64 * scene.instances.iter().map(of_instance).sum::<u64>()
+}
+
 /// All triangles that are drawn, bent as they stand. Both sides of a surface are one triangle.
 fn placed(
     scene: &Scene,

@@ -222,7 +222,8 @@ impl World {
         if !self.structure.has_models_of(scene) {
             return Err(Error::Nothing("the scene has other models than were uploaded: bake and load it anew".into()));
         }
-        let features = Features::new(scene, self.features.areas, self.features.emits);
+        let Features { areas, emits, rays, .. } = self.features;
+        let features = Features { rays, ..Features::new(scene, areas, emits) };
         if !self.structure.has_materials_of(scene) || self.features != features {
             let caches = self.caches.take();
             let made = Self::new(gpu, scene, caches.as_ref());

@@ -1,6 +1,6 @@
 //! What is varied: one knob at a time around a default, with and without shadows of indirect light; and caches by VALs.
 
-use crate::frame::{ClusterRule, Interpolation, ProxyWeight, Shadows};
+use crate::frame::{ClusterRule, Interpolation, Near, ProxyWeight, Shadows};
 use crate::lab::knobs::{Gi, Knobs, Path};
 
 /// Everything that one measurement depends on besides scene, camera and device.
@@ -110,6 +110,7 @@ impl Sweep {
         let knobs = knobs(&base, extent);
         let mut bare = base.clone();
         bare.frame.shadows = Shadows::Off;
+        bare.frame.near = Near::Off;
         let bases = [base, bare];
         // Points of the same caches follow each other: they share a bake.
         let mut points = bases.to_vec();
@@ -151,6 +152,14 @@ impl Sweep {
 fn cluster(point: &mut Point, radii: f32) {
     point.frame.path = Path::Clusters(ClusterRule::Distance(radii));
     point.frame.shadows = Shadows::Off;
+    point.frame.near = Near::Off;
+}
+
+/// Short rays, but where nothing is in the way of light: references without shadows know nothing of them.
+fn near(point: &mut Point, per_pixel: u32, every: u32) {
+    if point.frame.shadows != Shadows::Off {
+        point.frame.near = Near::Rays { per_pixel, every };
+    }
 }
 
 /// Every knob there is: to add one, add an entry. The default's own values are among the numbers.
@@ -196,7 +205,20 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
             &[
                 ("per-light", |point| point.frame.shadows = Shadows::PerLight),
                 ("proxy", |point| point.frame.shadows = Shadows::Proxy),
-                ("off", |point| point.frame.shadows = Shadows::Off),
+                ("off", |point| {
+                    point.frame.shadows = Shadows::Off;
+                    point.frame.near = Near::Off;
+                }),
+            ],
+        ),
+        Knob::choices(
+            "near",
+            "rays of a pixel over pixels from one with rays to the next",
+            &[
+                ("8/2", |point| near(point, 8, 2)),
+                ("off", |point| point.frame.near = Near::Off),
+                ("8/1", |point| near(point, 8, 1)),
+                ("32/1", |point| near(point, 32, 1)),
             ],
         ),
         Knob::choices(

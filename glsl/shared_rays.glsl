@@ -1,0 +1,74 @@
+// Structs and constants of both sides that rays need: the second part of shared.glsl, under the same rules.
+#ifndef SHARED_RAYS_GLSL
+#define SHARED_RAYS_GLSL
+
+// What a triangle that rays meet is, in bits below its instance's number: it has holes, both its sides are surface, it is of an
+// area light, its instance mirrors.
+const uint RAY_HOLES = 1u;
+const uint RAY_TWO_SIDED = 2u;
+const uint RAY_AREA_LIGHT = 4u;
+const uint RAY_MIRRORED = 8u;
+const uint RAY_KIND_BITS = 4u;
+
+// The instance of everything that stands still.
+const uint RAY_STILL = 0xfffffffeu;
+
+// Phong exponent from which on a lobe is narrower than caches know: its rays have no end.
+const float NEAR_SHARP = 24.0;
+
+// Pixels that share their short rays: a square of so many a side, each with directions of its own.
+const uint NEAR_SIDE = 4u;
+
+// A texture of a material as rays look it up: RGBA8 texels in a buffer, level after level.
+struct HitTexture {
+    uint first; // texel of the finest level
+    uint width; // of that [texels]
+    uint height; // likewise
+    uint how; // wrapping along u, along v in bits 0-1 and 2-3: 0 repeats, 1 mirrors, 2 clamps; bit 4: RGB are square roots;
+              // bit 5: texels stay square
+};
+
+// What the short rays of a pixel found.
+struct NearPixel {
+    vec3 irradiance; // of what they met [lx]
+    uint open; // rays that met nothing, in bits
+    vec3 position; // of the surface
+    uint is_surface; // 0: nothing is there
+    vec3 normal; // unit vertex normal
+    vec3 glossy; // what the lobe's ray met, times its weight [cd/m^2]
+    float glossy_open; // its weight where it met nothing
+    float glossy_all; // its weight
+    float blur; // how far away other pixels' rays of the lobe say the same [m]
+};
+
+// Where the caches of what rays meet are found.
+struct InstanceCaches {
+    uint reference_base; // first of the model's references, in pairs; NO_REFERENCES without caches
+    uint cache_base; // atlas index of the instance's first cache
+    uint grid; // of the model, where pixels look references up
+    uint first_rest; // first vertex of the mesh as it was when caches were placed
+};
+
+// Push constants of the passes that trace rays from surfaces and caches.
+struct TracePush {
+    mat4 clip_from_world;
+    vec4 eye; // as in DrawPush
+    float reach; // of short rays; of a cache's rays where they begin [m]
+    uint root; // of the hierarchy
+    uint width; // [pixels], each with rays
+    uint height;
+    uint light_count;
+    uint reflects; // 1: what rays meet reflects the lights
+};
+
+// Push constants of the passes that shade pixels with what short rays have found.
+struct NearPush {
+    mat4 clip_from_world;
+    vec4 eye; // as in DrawPush
+    float reach; // as in InterpolatePush
+    uint first_proxy; // of the eye
+    uint width; // [pixels], each with rays
+    uint height;
+};
+
+#endif

@@ -1,0 +1,56 @@
+//! Which camera a picture is taken by: one of the scene's, or a place and a target.
+
+use anyhow::{Context, Result, bail};
+use glam::{DAffine3, DMat3, DVec3};
+use lightskin::scene::{Camera, Projection, Scene};
+
+/// The camera that `--camera` names, or the first.
+pub(super) fn camera(scene: &Scene, wanted: Option<&str>) -> Result<Camera> {
+    let names = || {
+        let all: Vec<_> = scene.cameras.iter().enumerate().map(|(i, c)| format!("{i} '{}'", c.name)).collect();
+        all.join(", ")
+    };
+    let Some(wanted) = wanted else {
+        return scene.cameras.first().cloned().context("the scene has no camera");
+    };
+    if wanted.contains(';') {
+        return free_camera(wanted);
+    }
+    let found = match wanted.parse::<usize>() {
+        Ok(index) => scene.cameras.get(index),
+        Err(_) => scene.cameras.iter().find(|c| c.name == wanted),
+    };
+    found.cloned().with_context(|| format!("--camera {wanted} is none of the scene's: {}", names()))
+}
+
+/// A camera from "eye;target;up;fov".
+fn free_camera(text: &str) -> Result<Camera> {
+    let form = || format!("--camera '{text}': needs 'eye;target;up;fov' like '0,1,4;0,1,0;0,1,0;40'");
+    let parts: Vec<&str> = text.split(';').collect();
+    let [eye, target, up, fov] = parts[..] else { bail!(form()) };
+    let vector = |text: &str| -> Result<DVec3> {
+        let numbers: Vec<f64> =
+            text.split(',').map(|n| n.trim().parse()).collect::<std::result::Result<_, _>>().with_context(form)?;
+        match numbers[..] {
+            [x, y, z] if DVec3::new(x, y, z).is_finite() => Ok(DVec3::new(x, y, z)),
+            _ => bail!(form()),
+        }
+    };
+    let (eye, target, up) = (vector(eye)?, vector(target)?, vector(up)?);
+    let fov: f32 = fov.trim().parse().with_context(form)?;
+    if !(0.1..=179.0).contains(&fov) {
+        bail!("--camera: the vertical field of view must be from 0.1 to 179 degrees");
+    }
+    let backward = (eye - target).normalize_or_zero();
+    let right = up.cross(backward).normalize_or_zero();
+    if right == DVec3::ZERO {
+        bail!("--camera: eye and target coincide, or up points along the view");
+    }
+    let world_from_camera =
+        DAffine3::from_mat3_translation(DMat3::from_cols(right, backward.cross(right), backward), eye);
+    Ok(Camera {
+        name: "--camera".into(),
+        world_from_camera,
+        projection: Projection::Perspective { yfov: fov.to_radians() },
+    })
+}

@@ -1,0 +1,60 @@
+//! Short rays from a point of a surface, in f64: what they meet and what that gives. Twin of `glsl/near.comp`. METHOD 11.
+
+use super::depth_image::tangents;
+use super::light::facing_irradiance;
+use super::world::{Sides, Surface, World};
+use crate::scene::{Light, LightKind};
+use glam::DVec3;
+use std::f64::consts::PI;
+
+/// Directions about +z as dense as their cosine, of which point `i` of `count` is one.
+pub fn direction(i: u32, count: u32) -> DVec3 {
+    let r2 = (f64::from(i) + 0.5) / f64::from(count);
+    let angle = f64::from(i) * PI * (3.0 - 5.0_f64.sqrt());
+    DVec3::new(r2.sqrt() * angle.cos(), r2.sqrt() * angle.sin(), (1.0 - r2).sqrt())
+}
+
+/// Radiance [cd/m^2] that a surface reflects diffusely of all punctual lights.
+pub fn reflected_direct(world: &World<'_>, surface: &Surface) -> DVec3 {
+    let given = |light: &Light| {
+        let (irradiance, way) = facing_irradiance(light, surface.position);
+        let distance = match light.kind {
+            LightKind::Directional => f64::INFINITY,
+            _ => light.position.distance(surface.position) * (1.0 - 1e-6),
+        };
+        let (cosine, above) = (surface.vertex_normal.dot(way), surface.geometric.dot(way));
+        let arrives = cosine > 0.0 && above > 0.0 && !world.blocked_within(surface.position, way, distance);
+        if arrives { irradiance * cosine } else { DVec3::ZERO }
+    };
+    surface.reflection.diffuse / PI * world.scene().lights.iter().map(given).sum::<DVec3>()
+}
+
+/// Irradiance \[lx\] of what the rays of a point with these numbers, of `count`, meet within `reach` \[m\], and which of them
+/// meet nothing. The point's unit normals are those of the triangle and of the vertices.
+pub fn short_rays(
+    world: &World<'_>,
+    position: DVec3,
+    [geometric, normal]: [DVec3; 2],
+    numbers: impl Iterator<Item = u32>,
+    count: u32,
+    reach: f64,
+) -> (DVec3, Vec<bool>) {
+    let [tangent, bitangent] = tangents(normal);
+    let mut sum = DVec3::ZERO;
+    let mut open = Vec::new();
+    for number in numbers {
+        let local = direction(number, count);
+        let mut way = tangent * local.x + bitangent * local.y + normal * local.z;
+        let above = way.dot(geometric);
+        if above < 0.0 {
+            way -= 2.0 * above * geometric;
+        }
+        let hit = world.nearest(position, way, Sides::Both).filter(|hit| hit.distance < reach);
+        open.push(hit.is_none());
+        if let Some(hit) = hit {
+            let surface = world.surface(&hit);
+            sum += surface.emission + reflected_direct(world, &surface);
+        }
+    }
+    (sum * (PI / open.len() as f64), open)
+}

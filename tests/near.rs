@@ -1,0 +1,153 @@
+//! Short rays at pixels: what they find is what f64 rays find, pictures come nearer to the path tracer's, and nothing of it is
+//! stale or broken however it is combined.
+
+use glam::{DAffine3, DVec3, Vec3};
+use lightskin::bake::CacheSet;
+use lightskin::frame::{Near, Quality, Shadows, View, World};
+use lightskin::lab::knobs::{Frame, Knobs};
+use lightskin::lab::scenes::Shadowed;
+use lightskin::metrics::{Metrics, metrics};
+use lightskin::reference::near::short_rays;
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
+use lightskin::reference::world::World as Placed;
+use lightskin::scene::Scene;
+use lightskin::scene::build::{CornellSurface, cornell, cuboid};
+use lightskin::shared::{NEAR_SIDE, NearPixel};
+
+use crate::common::frames::{add, baked, phong, shoot, small};
+use crate::common::{assert_clean, gpu};
+
+const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
+
+fn near(size: [u32; 2]) -> Knobs {
+    Knobs { size, near: RAYS, shadows: Shadows::PerLight, rsm: 96, shadow_map: 1024, ..small() }
+}
+
+#[test]
+fn rays_find_what_f64_finds() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Glossy, 0.1);
+    let caches = baked(&scene, 0.4, 8);
+    let knobs = near([96, 64]);
+    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let mut frame = Frame::new(&gpu, &scene, &world, &knobs).expect("made");
+    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
+    let drawn = gpu.frame(|cmd| {
+        frame.record(cmd, &world, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    let found = frame.picture.near.as_ref().expect("rays");
+    let pixels: Vec<NearPixel> = gpu.read(&found.pixels).expect("read");
+    let placed = Placed::new(&scene);
+    let [width, _] = found.size;
+    let count = 8 * NEAR_SIDE * NEAR_SIDE;
+    let (mut rays, mut differ, mut closed, mut off, mut sum) = (0, 0, 0, 0.0, 0.0);
+    for (i, pixel) in pixels.iter().enumerate().filter(|(_, pixel)| pixel.is_surface == 1) {
+        let (x, y) = (i as u32 % width, i as u32 / width);
+        let subset = y % NEAR_SIDE * NEAR_SIDE + x % NEAR_SIDE;
+        let numbers = (0..8).map(|ray| ray * NEAR_SIDE * NEAR_SIDE + subset);
+        let (position, normal) = (pixel.position.as_dvec3() + world.origin, pixel.normal.as_dvec3());
+        // All surfaces are flat. A little out of them, as positions are rounded.
+        let start = position + normal * 2e-5;
+        let (irradiance, open) = short_rays(&placed, start, [normal; 2], numbers, count, world.spacing());
+        rays += 8;
+        closed += open.iter().filter(|open| !**open).count();
+        differ += open.iter().enumerate().filter(|(ray, open)| (pixel.open >> ray & 1 == 1) != **open).count();
+        off += (irradiance - pixel.irradiance.as_dvec3()).length();
+        sum += irradiance.length();
+    }
+    println!("{rays} rays, {closed} met something, {differ} differ; irradiance off by {:.5}", off / sum);
+    assert!(rays > 8000 && closed * 8 > rays, "{closed} of {rays}");
+    assert!(differ * 2000 < rays, "{differ} of {rays} rays differ");
+    assert!(off < 0.005 * sum, "{off} of {sum}");
+    assert_clean(&gpu);
+}
+
+/// Diffuse indirect light of paths with so many bounces at most.
+fn paths(scene: &Scene, size: [u32; 2], bounces: u32, passes: usize) -> Vec<[f32; 3]> {
+    let settings = PathTraceSettings { size, bounces, ..PathTraceSettings::default() };
+    let mut paths = PathTrace::new(scene, &scene.cameras[0], &settings);
+    (0..passes).for_each(|_| paths.pass());
+    paths.diffuse()
+}
+
+fn against(scene: &Scene, caches: &CacheSet, knobs: &Knobs, truth: &[[f32; 3]]) -> Metrics {
+    let shot = shoot(&gpu(), scene, Some(caches), knobs);
+    let shown: Vec<[f32; 3]> = shot.diffuse.iter().map(|p| p.as_vec3().to_array()).collect();
+    metrics(&shown, truth)
+}
+
+#[test]
+fn every_number_of_bounces_is_the_path_tracers() {
+    let scene = cornell(CornellSurface::Diffuse, 0.1);
+    let caches = baked(&scene, 0.25, 8);
+    for (bounces, bias) in [(1, 0.03), (2, 0.05), (4, 0.06)] {
+        let truth = paths(&scene, [96, 64], bounces, 16);
+        let m = against(&scene, &caches, &Knobs { bounces, ..near([96, 64]) }, &truth);
+        println!("{bounces}: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
+        assert!(m.bias.abs() < bias && m.relmse_trimmed < 0.03, "{bounces}: {m:?}");
+    }
+}
+
+#[test]
+fn what_stands_nearby_is_nearer_to_paths() {
+    let scene = Shadowed::Gap.scene();
+    let caches = baked(&scene, 0.25, 8);
+    let truth = paths(&scene, [128, 72], 1, 32);
+    let [off, on] = [Near::Off, RAYS]
+        .map(|near_is| against(&scene, &caches, &Knobs { near: near_is, ..near([128, 72]) }, &truth).relmse_trimmed);
+    println!("relMSE without the worst 1 %: {off:.4} by caches alone, {on:.4} with rays");
+    assert!(on < 0.7 * off, "{on} against {off}");
+}
+
+#[test]
+fn every_way_is_clean() {
+    let gpu = gpu();
+    for surface in [CornellSurface::Diffuse, CornellSurface::Glossy] {
+        let scene = cornell(surface, 0.2);
+        let vertices = baked(&scene, 0.5, 8);
+        let cells = vertices.clone().with_cells(&scene).expect("cells");
+        for (caches, bounces) in [(&vertices, 1), (&vertices, 3), (&cells, 1), (&cells, 3)] {
+            for shadows in [Shadows::Off, Shadows::Proxy, Shadows::PerLight] {
+                for near_is in [RAYS, Quality::Reference.near()] {
+                    let knobs = Knobs { bounces, shadows, near: near_is, ..near([20, 14]) };
+                    let shot = shoot(&gpu, &scene, Some(caches), &knobs);
+                    assert_eq!(shot.complaints, [""; 0], "{knobs:?}");
+                    assert!(shot.diffuse.iter().any(|d| *d != DVec3::ZERO), "{knobs:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn rays_find_what_has_moved() {
+    let gpu = gpu();
+    let mut scene = cornell(CornellSurface::Diffuse, 0.2);
+    let body = cuboid(Vec3::splat(-0.2), Vec3::splat(0.2), 0.2, |_| true);
+    add(&mut scene, body, phong([0.6, 0.2, 0.2], [0.0; 3], 1.0), DAffine3::from_translation(DVec3::new(0.0, 0.3, 0.5)));
+    let caches = baked(&scene, 0.4, 8);
+    let knobs = near([48, 32]);
+    let picture = |world: &World| {
+        let mut frame = Frame::new(&gpu, &scene, world, &knobs).expect("made");
+        let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
+        let drawn = gpu.frame(|cmd| {
+            frame.record(cmd, world, &view);
+            Ok(())
+        });
+        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        gpu.read_image::<f32>(&frame.picture.indirect.as_ref().expect("indirect").diffuse).expect("read")
+    };
+    let mut world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let before = picture(&world);
+    let mut moved = scene.clone();
+    moved.instances.last_mut().expect("a body").world_from_model.translation.x += 0.4;
+    world.update(&gpu, &moved).expect("updated");
+    let after = picture(&world);
+    assert!(before != after, "the body has moved");
+    moved.instances.last_mut().expect("a body").world_from_model.translation.x -= 0.4;
+    world.update(&gpu, &moved).expect("updated");
+    assert!(picture(&world) == before, "and is back");
+    assert_clean(&gpu);
+}
