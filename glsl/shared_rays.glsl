@@ -24,7 +24,8 @@ struct HitTexture {
     uint first; // texel of the finest level
     uint width; // of that [texels]
     uint height; // likewise
-    uint how; // wrapping along u, along v in bits 0-1 and 2-3: 0 repeats, 1 mirrors, 2 clamps; bit 4: RGB are square roots
+    uint how; // wrapping along u, along v in bits 0-1 and 2-3: 0 repeats, 1 mirrors, 2 clamps; bit 4: RGB are square roots;
+              // bit 5: texels stay square
 };
 
 // What the short rays of a pixel found.

@@ -43,6 +43,7 @@ mod occlude;
 mod path_trace;
 mod proxies;
 mod quality;
+mod rays;
 mod scene;
 mod shaders;
 mod shadows_light;

@@ -64,8 +64,9 @@ vec4 hit_texture(uint material, uint which, vec4 uv, float width) {
         first += uint(size.x * size.y);
         size = max(size / 2, ivec2(1));
     }
-    vec2 at = clamp(t, -1e4, 1e4) * vec2(size) - 0.5;
-    vec2 f = fract(at);
+    bool square = (texture_.how & 32u) != 0u;
+    vec2 at = clamp(t, -1e4, 1e4) * vec2(size) - (square ? 0.0 : 0.5);
+    vec2 f = square ? vec2(0.0) : fract(at);
     ivec2 low = ivec2(floor(at));
     vec4 sum = vec4(0.0);
     for (int i = 0; i < 4; ++i) {

@@ -10,6 +10,27 @@
 
 layout(binding = 12, scalar) readonly buffer HitLights { Light hit_lights[]; };
 
+// A point of a polygon, evenly over its area; `chance`: two numbers in [0, 1).
+vec3 point_of(SeenPart part, vec2 chance) {
+    vec3 a = part.corners[0];
+    float whole = 0.0;
+    for (int i = 2; i < part.count; ++i) {
+        whole += length(cross(part.corners[i - 1] - a, part.corners[i] - a));
+    }
+    float pick = chance.x * whole;
+    int i = 2;
+    float area = 0.0;
+    for (; i < part.count; ++i) {
+        area = length(cross(part.corners[i - 1] - a, part.corners[i] - a));
+        if (pick < area || i + 1 == part.count) {
+            break;
+        }
+        pick -= area;
+    }
+    float root = sqrt(area > 0.0 ? min(pick / area, 1.0) : 0.0);
+    return mix(a, mix(part.corners[i - 1], part.corners[i], chance.y), root);
+}
+
 // Irradiance [lx] of a light at a surface, without anything in the way.
 vec3 light_irradiance(Light light, HitSurface s) {
     vec3 to = light.position - s.position;
@@ -69,7 +90,9 @@ vec3 reflected_direct(HitSurface s, uint light_count, uint root, vec3 chance) {
     float far = 3e38;
     uint passed = 0u;
     if (light.kind == LIGHT_AREA) {
-        way = light.position + (2.0 * chance.y - 1.0) * light.right + (2.0 * chance.z - 1.0) * light.up - start;
+        // Of what is above the horizon: all of the irradiance comes from there.
+        SeenPart part = above_horizon(light.position - s.position, light.right, light.up, s.normal);
+        way = s.position + point_of(part, chance.yz) - start;
         far = 0.9999;
         passed = RAY_AREA_LIGHT;
         if (dot(way, s.geometric) <= 0.0 || dot(way, light.direction) >= 0.0) {

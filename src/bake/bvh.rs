@@ -23,6 +23,9 @@ const LEAF: u32 = 3;
 /// Share of the nodes that find better places afterwards.
 const REINSERTED: f32 = 0.3;
 
+/// Depth from which on they do not: several times that of scenes.
+const DEEPEST: usize = 96;
+
 /// A box and what it is of.
 #[derive(Clone, Copy)]
 struct Item {
@@ -46,8 +49,27 @@ pub fn hierarchy(boxes: &[Aabb]) -> CwBvh {
         children_are_ordered_after_parents: true,
         ..Bvh2::default()
     };
+    let divided = tree.clone();
     ReinsertionOptimizer::default().run(&mut tree, REINSERTED, None);
+    // Boxes about one middle become a chain by that: rays would need a stack as deep.
+    if depth(&tree) > DEEPEST {
+        tree = divided;
+    }
     bvh2_to_cwbvh(&tree, LEAF, true, false)
+}
+
+/// Nodes on the longest way down.
+fn depth(tree: &Bvh2) -> usize {
+    let mut deepest = 0;
+    let mut open = vec![(0, 1)];
+    while let Some((at, depth)) = open.pop() {
+        let node = &tree.nodes[at];
+        deepest = deepest.max(depth);
+        if !node.is_leaf() {
+            open.extend([0, 1].map(|child| (node.first_index as usize + child, depth + 1)));
+        }
+    }
+    deepest
 }
 
 /// Fills in a node over `items`, which begin at `first` among all, and all nodes below it: `below` has two less than twice as
@@ -122,4 +144,124 @@ fn divide(items: &mut [Item]) -> usize {
     }
     // All in one place: any half will do.
     if middle == 0 || middle == items.len() { items.len() / 2 } else { middle }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use glam::{DVec3, Vec3};
+    use obvhs::cwbvh::node::CwBvhNode;
+
+    /// What of a tree has been walked.
+    struct Walk<'a> {
+        tree: &'a CwBvh,
+        boxes: &'a [Aabb],
+        /// How often each box was met.
+        met: Vec<u32>,
+        nodes: usize,
+    }
+
+    impl Walk<'_> {
+        /// Exact bounds of a node's boxes and how deep it is; fails where a child's box does not hold its own.
+        fn node(&mut self, at: usize) -> ([DVec3; 2], usize) {
+            let node: CwBvhNode = self.tree.nodes[at];
+            self.nodes += 1;
+            let step = DVec3::from_array(node.e.map(|e| f64::from(f32::from_bits(u32::from(e) << 23))));
+            let corner = node.p.as_dvec3();
+            let (mut all, mut depth, mut inner) = ([DVec3::INFINITY, DVec3::NEG_INFINITY], 1, 0);
+            for child in 0..8 {
+                let meta = node.child_meta[child];
+                if meta == 0 {
+                    continue;
+                }
+                let own = if node.imask >> child & 1 == 1 {
+                    inner += 1;
+                    let (own, below) = self.node((node.child_base_idx + inner - 1) as usize);
+                    depth = depth.max(below + 1);
+                    own
+                } else {
+                    let first = node.primitive_base_idx + u32::from(meta & 0x1f);
+                    let mut own = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+                    for slot in first..first + (meta >> 5).count_ones() {
+                        let number = self.tree.primitive_indices[slot as usize] as usize;
+                        self.met[number] += 1;
+                        own[0] = own[0].min(Vec3::from(self.boxes[number].min).as_dvec3());
+                        own[1] = own[1].max(Vec3::from(self.boxes[number].max).as_dvec3());
+                    }
+                    own
+                };
+                let of = |x: [u8; 8], y: [u8; 8], z: [u8; 8]| {
+                    corner + step * DVec3::from([x, y, z].map(|plane| f64::from(plane[child])))
+                };
+                let low = of(node.child_min_x, node.child_min_y, node.child_min_z);
+                let high = of(node.child_max_x, node.child_max_y, node.child_max_z);
+                // Half of what a ray adds to each side.
+                let slack = 1.2e-7 * (corner.abs() + 255.0 * step);
+                assert!(
+                    (low - slack).cmple(own[0]).all() && (high + slack).cmpge(own[1]).all(),
+                    "{low} {high} {own:?}"
+                );
+                all = [all[0].min(own[0]), all[1].max(own[1])];
+            }
+            (all, depth)
+        }
+    }
+
+    /// Walks the tree of some boxes and gives how deep it is.
+    fn walked(boxes: &[Aabb]) -> usize {
+        let tree = hierarchy(boxes);
+        let mut walk = Walk { tree: &tree, boxes, met: vec![0; boxes.len()], nodes: 0 };
+        let (all, depth) = walk.node(0);
+        assert!(walk.met.iter().all(|met| *met == 1), "{:?}", walk.met.iter().position(|met| *met != 1));
+        assert_eq!((walk.nodes, tree.primitive_indices.len()), (tree.nodes.len(), boxes.len()));
+        let whole = boxes.iter().fold(Aabb::empty(), |all, b| all.union(b));
+        assert_eq!(all, [whole.min, whole.max].map(|p| Vec3::from(p).as_dvec3()));
+        depth
+    }
+
+    /// Boxes anywhere in a cube, most of them small.
+    fn random(count: usize, size: f32) -> Vec<Aabb> {
+        let mut state = 1_u32;
+        let mut next = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 8) as f32 / (1 << 24) as f32
+        };
+        let one = |_| {
+            let low = Vec3A::new(next(), next(), next());
+            let extent = 0.1 * next().powi(4) * Vec3A::new(next(), next(), next());
+            Aabb::new(low * size, (low + extent) * size)
+        };
+        (0..count).map(one).collect()
+    }
+
+    #[test]
+    fn every_box_is_there_once_and_inside_its_parents() {
+        assert!(hierarchy(&[]).nodes.is_empty());
+        for count in [1, 2, 3, 4, 5, 8, 9, 25, 100, 3000, 20_000] {
+            let depth = walked(&random(count, 1.0));
+            assert!(depth <= 2 + count.ilog2() as usize / 2, "{count} boxes: {depth} deep");
+        }
+        for size in [1e-6, 1e9] {
+            walked(&random(1000, size));
+        }
+        // In a plane, on a line, and points.
+        for flat in [Vec3A::new(1.0, 1.0, 0.0), Vec3A::X, Vec3A::ZERO] {
+            let boxes: Vec<Aabb> = random(1000, 1.0).iter().map(|b| Aabb::new(b.min * flat, b.max * flat)).collect();
+            walked(&boxes);
+        }
+    }
+
+    #[test]
+    fn boxes_in_one_place_are_not_deep() {
+        let one = Aabb::new(Vec3A::ZERO, Vec3A::ONE);
+        let same = walked(&vec![one; 20_000]);
+        // About one middle, each larger than the one before.
+        let nested: Vec<Aabb> = (0..20_000).map(|i| Aabb::new(-Vec3A::ONE * i as f32, Vec3A::ONE * i as f32)).collect();
+        let nested = walked(&nested);
+        // Towards a corner, each half as large as the one before.
+        let shrinking: Vec<Aabb> =
+            (0..100).map(|i| 0.5_f32.powi(i)).map(|s| Aabb::new(Vec3A::ZERO, Vec3A::splat(s))).collect();
+        let shrinking = walked(&shrinking);
+        assert!(same <= 8 && nested <= 8 && shrinking <= 24, "{same}, {nested}, {shrinking}");
+    }
 }

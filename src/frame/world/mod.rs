@@ -358,7 +358,10 @@ impl World {
     }
 
     /// What rays meet; built on the first call.
-    pub(super) fn make_rays(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
+    ///
+    /// # Errors
+    /// What the device has no memory for.
+    pub fn make_rays(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
         if self.rays.get().is_none() {
             let made = self.rays_of(gpu, scene)?;
             self.rays.get_or_init(|| made);

@@ -5,7 +5,7 @@ use crate::bake::bvh::hierarchy;
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Gpu};
 use crate::image::{linear_from_srgb, mip_chain};
-use crate::scene::{Image, Scene, Wrap};
+use crate::scene::{Image, Sampler, Scene, Wrap};
 use crate::shared::{
     HitTexture, RAY_AREA_LIGHT, RAY_HOLES, RAY_KIND_BITS, RAY_MIRRORED, RAY_TWO_SIDED, TEXTURE_COUNT, TEXTURE_NORMAL,
 };
@@ -18,6 +18,9 @@ use std::collections::{BTreeMap, HashSet};
 
 /// Texels of a side that rays look up at most: what they see is taken together.
 const MOST_TEXELS: u32 = 256;
+
+/// The same of textures that cut holes: rays pass where pixels show none.
+const MOST_CUT: u32 = 1024;
 
 /// What rays read of a scene.
 pub struct RayBuffers {
@@ -91,13 +94,13 @@ impl RayBuffers {
     }
 
     /// Constants 0 to 3 of shaders with rays.
-    pub(in crate::frame) fn constants(&self, gpu: &Gpu) -> [u32; 4] {
+    pub fn constants(&self, gpu: &Gpu) -> [u32; 4] {
         // Whole sizes: another hierarchy seldom needs another pipeline.
         [self.stack.next_multiple_of(8), 1, u32::from(gpu.is_software()), u32::from(self.holes)]
     }
 
     /// Bindings 0 to 11 of shaders with rays.
-    pub(in crate::frame) fn binds<'a>(&'a self, world: &'a World) -> [Bind<'a>; 12] {
+    pub fn binds<'a>(&'a self, world: &'a World) -> [Bind<'a>; 12] {
         [
             (&self.nodes).into(),
             Bind::Texels(&self.nodes),
@@ -193,12 +196,16 @@ fn depth(tree: &CwBvh) -> u32 {
 
 /// How each texture of each material is looked up, and the texels.
 fn hit_textures(scene: &Scene) -> (Vec<HitTexture>, Vec<u32>) {
+    let cut = scene.materials.iter().filter(|m| m.alpha_cutoff.is_some());
+    let cut: HashSet<usize> = cut.filter_map(|m| Some(m.base_color_texture?.image)).collect();
+    let most = |image: usize| if cut.contains(&image) { MOST_CUT } else { MOST_TEXELS };
     let used = |m| textures::used(m).into_iter().enumerate().filter(|(which, _)| *which != TEXTURE_NORMAL as usize);
     let all = scene.materials.iter().flat_map(used);
     let mut wanted: BTreeMap<(usize, bool), u32> =
         all.filter_map(|(_, (texture, srgb))| Some(((texture?.image, srgb), 0))).collect();
     let keys: Vec<(usize, bool)> = wanted.keys().copied().collect();
-    let pages: Vec<Vec<u32>> = keys.par_iter().map(|&(image, srgb)| page(&scene.images[image], srgb)).collect();
+    let pages: Vec<Vec<u32>> =
+        keys.par_iter().map(|&(image, srgb)| page(&scene.images[image], most(image), srgb)).collect();
     let mut texels = Vec::new();
     for (key, page) in keys.iter().zip(pages) {
         wanted.insert(*key, texels.len() as u32);
@@ -213,8 +220,11 @@ fn hit_textures(scene: &Scene) -> (Vec<HitTexture>, Vec<u32>) {
     for (m, material) in scene.materials.iter().enumerate() {
         for (which, (texture, srgb)) in used(material) {
             let Some(texture) = texture else { continue };
-            let [width, height] = finest(&scene.images[texture.image]);
-            let how = wrap(texture.sampler.wrap_u) | wrap(texture.sampler.wrap_v) << 2 | u32::from(srgb) << 4;
+            let image = &scene.images[texture.image];
+            let [width, height] =
+                [image.width, image.height].map(|s| (s >> left_out(image, most(texture.image))).max(1));
+            let Sampler { wrap_u, wrap_v, nearest } = texture.sampler;
+            let how = wrap(wrap_u) | wrap(wrap_v) << 2 | u32::from(srgb) << 4 | u32::from(nearest) << 5;
             let first = wanted[&(texture.image, srgb)];
             out[m * TEXTURE_COUNT as usize + which] = HitTexture { first, width, height, how };
         }
@@ -222,23 +232,18 @@ fn hit_textures(scene: &Scene) -> (Vec<HitTexture>, Vec<u32>) {
     (out, texels)
 }
 
-/// Levels of an image that are left out.
-fn left_out(image: &Image) -> u32 {
-    (0..32).find(|level| image.width.max(image.height) >> level <= MOST_TEXELS).unwrap_or(0)
-}
-
-/// Width and height of the finest level that is kept.
-fn finest(image: &Image) -> [u32; 2] {
-    [image.width, image.height].map(|side| (side >> left_out(image)).max(1))
+/// Levels of an image that are left out where a side has `most` texels.
+fn left_out(image: &Image, most: u32) -> u32 {
+    (0..32).find(|level| image.width.max(image.height) >> level <= most).unwrap_or(0)
 }
 
 /// RGBA8 texels of the levels that are kept; of colours the square roots of linear values.
-fn page(image: &Image, srgb: bool) -> Vec<u32> {
+fn page(image: &Image, most: u32, srgb: bool) -> Vec<u32> {
     let levels = mip_chain(&image.rgba, image.width, image.height, srgb);
     let root = |c: usize| (linear_from_srgb(c as u8).sqrt() * 255.0 + 0.5) as u8;
     let table: [u8; 256] = std::array::from_fn(|c| if srgb { root(c) } else { c as u8 });
     let coded = |t: &[u8]| {
         u32::from_le_bytes([table[usize::from(t[0])], table[usize::from(t[1])], table[usize::from(t[2])], t[3]])
     };
-    levels.iter().skip(left_out(image) as usize).flat_map(|level| level.chunks_exact(4).map(coded)).collect()
+    levels.iter().skip(left_out(image, most) as usize).flat_map(|level| level.chunks_exact(4).map(coded)).collect()
 }

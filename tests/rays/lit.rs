@@ -1,0 +1,153 @@
+//! Direct light that surfaces reflect where rays have met them: what many chances give together is the sum over all lights.
+
+use super::{Asked, NOTHING, Ray, Tracer, still};
+use crate::analytic::numbers;
+use crate::common::frames::{SPOT, add, corner, phong};
+use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
+use lightskin::frame::AreaLight;
+use lightskin::reference::light::facing_irradiance;
+use lightskin::reference::world::{self, Sides};
+use lightskin::scene::build::quad;
+use lightskin::scene::{LightKind, Material, Scene};
+use rayon::prelude::*;
+use std::f64::consts::PI;
+
+/// Numbers that choose a light: so many at a time, so often for each ray. llvmpipe ends all loops of a thread after 65 535 turns.
+const CHANCES: u32 = 32;
+const TIMES: usize = 64;
+
+/// A lamp of 0.5 m by 0.3 m above the corner that shines down.
+fn with_lamp(mut scene: Scene, place: DAffine3) -> Scene {
+    let lamp = quad(vec3(-0.25, 0.0, -0.15), Vec3::X * 0.5, Vec3::Z * 0.3, 0.3);
+    let material = Material { emissive: vec3(300.0, 200.0, 100.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
+    add(&mut scene, lamp, material, place);
+    scene
+}
+
+/// Irradiance [lx] of a rectangle, by its parts that are not hidden.
+fn irradiance(truth: &world::World<'_>, lamp: &AreaLight, at: &world::Surface) -> DVec3 {
+    const SIDE: usize = 32;
+    let place = |i: usize| (2.0 * i as f64 + 1.0) / SIDE as f64 - 1.0;
+    let part = lamp.right.cross(lamp.up).length() * 4.0 / (SIDE * SIDE) as f64;
+    let normal = at.vertex_normal;
+    let mut sum = 0.0;
+    for (i, j) in (0..SIDE).flat_map(|i| (0..SIDE).map(move |j| (i, j))) {
+        let point = lamp.middle + place(i) * lamp.right + place(j) * lamp.up;
+        let way = point - at.position;
+        let (distance, towards) = (way.length(), way.normalize());
+        let factor = normal.dot(towards).max(0.0) * (-lamp.normal.dot(towards)).max(0.0) / (distance * distance);
+        if factor > 0.0 && at.geometric.dot(towards) > 0.0 && !truth.blocked(at.position, point) {
+            sum += factor * part;
+        }
+    }
+    lamp.radiance * sum
+}
+
+/// Radiance that a surface reflects diffusely of all lights.
+fn reflected(truth: &world::World<'_>, lamps: &[AreaLight], at: &world::Surface) -> DVec3 {
+    let mut sum = DVec3::ZERO;
+    for light in &truth.scene().lights {
+        let (facing, towards) = facing_irradiance(light, at.position);
+        let cosine = at.vertex_normal.dot(towards).max(0.0);
+        if facing == DVec3::ZERO || cosine == 0.0 || at.geometric.dot(towards) <= 0.0 {
+            continue;
+        }
+        let blocked = match light.kind {
+            LightKind::Directional => truth.blocked_within(at.position, towards, f64::INFINITY),
+            _ => truth.blocked(at.position, light.position),
+        };
+        if !blocked {
+            sum += facing * cosine;
+        }
+    }
+    sum += lamps.iter().map(|lamp| irradiance(truth, lamp, at)).sum::<DVec3>();
+    at.reflection.diffuse * sum / PI
+}
+
+/// Relative errors of the device's mean: of the sum over all points, of each point on average; shares of points that are lit and
+/// off by more than a tenth.
+#[derive(Clone, Copy, Debug)]
+struct Result {
+    bias: f64,
+    mean: f64,
+    lit: f64,
+    off: f64,
+}
+
+fn check(scene: &Scene) -> Result {
+    let tracer = Tracer::new(scene);
+    let mut next = numbers(9);
+    let mut rays = Vec::new();
+    for _ in 0..1500 {
+        let origin = dvec3(1.5 * next() - 0.6, 0.6 + next(), 1.5 * next() - 0.6) - tracer.world.origin;
+        rays.push(Ray::new(origin.as_vec3(), super::direction(&mut next).as_vec3()));
+    }
+    let often: Vec<Ray> = rays.iter().flat_map(|ray| [*ray; TIMES]).collect();
+    let found = tracer.trace(&often, Asked { chances: CHANCES, times: TIMES as u32, ..Asked::default() });
+    let mean = |all: &[super::Met]| all.iter().map(|met| met.direct.as_dvec3()).sum::<DVec3>() / TIMES as f64;
+    let found: Vec<(super::Met, DVec3)> = found.chunks(TIMES).map(|all| (all[0], mean(all))).collect();
+    let (frozen, _) = still(scene);
+    let truth = world::World::new(&frozen);
+    let (areas, middle) = (&tracer.world.areas, tracer.world.origin);
+    let one = |(ray, (met, direct)): (&Ray, &(super::Met, DVec3))| {
+        let origin = middle + ray.origin.as_dvec3();
+        let hit = truth.nearest(origin, ray.direction.as_dvec3(), Sides::Both)?;
+        (met.triangle as usize == hit.triangle && met.triangle != NOTHING)
+            .then(|| (reflected(&truth, areas, &truth.surface(&hit)), *direct))
+    };
+    let pairs: Vec<(DVec3, DVec3)> = rays.par_iter().zip(&found).filter_map(one).collect();
+    let whole: DVec3 = pairs.iter().map(|pair| pair.0).sum();
+    let given: DVec3 = pairs.iter().map(|pair| pair.1).sum();
+    let size: f64 = pairs.iter().map(|pair| pair.0.distance(pair.1)).sum();
+    let typical = whole.length() / pairs.len() as f64;
+    let lit = pairs.iter().filter(|pair| pair.0 != DVec3::ZERO).count();
+    let far = pairs.iter().filter(|pair| pair.0.distance(pair.1) > 0.1 * pair.0.length() + 1e-3 * typical).count();
+    let count = pairs.len() as f64;
+    assert!(pairs.len() > 300 && whole.length() > 0.0);
+    Result {
+        bias: (given - whole).length() / whole.length(),
+        mean: size / whole.length(),
+        lit: lit as f64 / count,
+        off: far as f64 / count,
+    }
+}
+
+#[test]
+fn one_light_and_all_lights_together_are_their_sum() {
+    let lamps: [(&str, &[LightKind], f64); 5] = [
+        ("spot", &[SPOT], 1e-3),
+        ("point", &[LightKind::Point], 1e-3),
+        ("directional", &[LightKind::Directional], 1e-3),
+        ("three", &[SPOT, LightKind::Point, LightKind::Directional], 5e-3),
+        ("with a range", &[LightKind::Point], 1e-3),
+    ];
+    for (what, kinds, bound) in lamps {
+        let mut scene = corner(kinds, 20.0);
+        if what == "with a range" {
+            scene.lights[0].range = Some(1.9);
+        }
+        let result = check(&scene);
+        println!("{what}: {result:?}");
+        assert!(
+            result.lit > 0.1 && result.bias < bound && result.mean < 4.0 * bound && result.off < 0.01,
+            "{what}: {result:?}"
+        );
+    }
+}
+
+#[test]
+fn rectangles_light_what_they_see() {
+    let down = DAffine3::from_translation(dvec3(0.1, 1.6, 0.1));
+    // Upright beside the wall: points of the floor and of the ball see a part of it.
+    let upright = DAffine3::from_rotation_translation(glam::DQuat::from_rotation_z(-1.4), dvec3(0.9, 0.35, 0.0));
+    // Behind other things a share of the rectangle's area stands for one of its light: so the bounds.
+    for (what, scene) in [
+        ("lamp above", with_lamp(corner(&[], 20.0), down)),
+        ("lamp upright", with_lamp(corner(&[], 20.0), upright)),
+        ("lamp and spot", with_lamp(corner(&[SPOT, LightKind::Point], 20.0), down)),
+    ] {
+        let result = check(&scene);
+        println!("{what}: {result:?}");
+        assert!(result.lit > 0.1 && result.bias < 0.008 && result.mean < 0.012, "{what}: {result:?}");
+    }
+}
