@@ -117,7 +117,9 @@ void main() {
     found.normal = n;
     found.is_surface = 1u;
     float from_eye = push.eye.w > 0.0 ? distance(push.eye.xyz, found.position) : 0.0;
-    vec3 start = found.position + geometric * lift_at(found.position, from_eye);
+    // In a corner the start lies in another surface, too, which is not met there.
+    float lift = lift_at(found.position, from_eye);
+    vec3 start = found.position + geometric * lift;
     vec3 tangent, bitangent;
     tangents(n, tangent, bitangent);
 
@@ -129,7 +131,7 @@ void main() {
         // Below the surface itself there is nothing to be seen: such rays are turned up.
         float above = dot(direction, geometric);
         direction -= above < 0.0 ? 2.0 * above * geometric : vec3(0.0);
-        Hit hit = trace(start, direction, 0.0, push.reach, push.root, 0u, false);
+        Hit hit = trace(start, direction, lift, push.reach, push.root, 0u, false);
         if (hit.triangle == NO_HIT) {
             found.open |= 1u << i;
             continue;
@@ -153,7 +155,7 @@ void main() {
         if (dot(direction, geometric) > 0.0) {
             float weight = (k + 2.0) / (k + 1.0) * max(dot(direction, own), 0.0);
             bool endless = k >= NEAR_SHARP;
-            Hit hit = trace(start, direction, 0.0, endless ? 3e38 : push.reach, push.root, 0u, false);
+            Hit hit = trace(start, direction, lift, endless ? 3e38 : push.reach, push.root, 0u, false);
             float width = inversesqrt(0.5 * (k + 1.0));
             found.glossy_all = weight;
             if (hit.triangle != NO_HIT) {

@@ -85,7 +85,8 @@ vec3 reflected_direct(HitSurface s, uint light_count, uint root, vec3 chance) {
         return vec3(0.0);
     }
     Light light = hit_lights[chosen];
-    vec3 start = s.position + s.geometric * lift_at(s.position, 0.0);
+    float lift = lift_at(s.position, 0.0);
+    vec3 start = s.position + s.geometric * lift;
     vec3 way = -light.direction;
     float far = 3e38;
     uint passed = 0u;
@@ -102,7 +103,7 @@ vec3 reflected_direct(HitSurface s, uint light_count, uint root, vec3 chance) {
         way = light.position - start;
         far = 0.99999;
     }
-    Hit blocker = trace(start, way, 0.0, far, root, passed, true);
+    Hit blocker = trace(start, way, lift * inversesqrt(max(dot(way, way), 1e-30)), far, root, passed, true);
     return blocker.triangle == NO_HIT ? s.diffuse / PI * given * (total / own) : vec3(0.0);
 }
 
