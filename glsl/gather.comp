@@ -119,19 +119,20 @@ void add(FourVals v) {
             seen[i] = last;
         }
 #endif
+        vec4 far = vec4(1.0);
         if (NEAR != 0u) {
             vec4 x = v.x - receivers[j].position.x;
             vec4 y = v.y - receivers[j].position.y;
             vec4 z = v.z - receivers[j].position.z;
-            seen *= clamp((x * x + y * y + z * z - push.near_begin) * push.near_scale, 0.0, 1.0);
+            far = clamp((x * x + y * y + z * z - push.near_begin) * push.near_scale, 0.0, 1.0);
         }
         GatherSums s = sums[j];
 #ifdef TWO_EYES
         GlossySums second = second_sums[j];
-        accumulate(s, second, receivers[j], v, seen);
+        accumulate(s, second, receivers[j], v, seen, far);
         second_sums[j] = second;
 #else
-        accumulate(s, receivers[j], v, seen);
+        accumulate(s, receivers[j], v, seen, far);
 #endif
         sums[j] = s;
     }

@@ -55,7 +55,7 @@ void main() {
         }
         [[unroll]] for (uint k = 0u; k < TEXEL_CACHES; ++k) {
             [[unroll]] for (uint f = 0u; f < FOURS; ++f) {
-                accumulate(sums[k], receivers[k], v[f], vec4(1.0));
+                accumulate(sums[k], receivers[k], v[f], vec4(1.0), vec4(1.0));
             }
         }
     }

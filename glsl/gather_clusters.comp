@@ -58,7 +58,7 @@ uint all_bits(uint mine) {
 
 void add(FourVals v) {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
-        accumulate(sums[j], receivers[j], v, vec4(1.0));
+        accumulate(sums[j], receivers[j], v, vec4(1.0), vec4(1.0));
     }
 }
 

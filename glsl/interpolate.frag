@@ -174,7 +174,8 @@ void main() {
     Near near = near_of(place, from);
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
-    out_glossy = vec4(specular.rgb * (lobe * near.glossy_open * g + near.glossy), 0.0);
+    // Wide lobes leave all to the caches.
+    out_glossy = vec4(specular.rgb * (normal_exponent.w >= NEAR_SHARP ? near.glossy : lobe * g), 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
     out_glossy = vec4(specular.rgb * lobe * g, 0.0);

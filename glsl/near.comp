@@ -1,6 +1,6 @@
 // Stage 8, first: rays of one cache spacing from surfaces that pixels show. What they meet gives its light, and
 // hides what caches say of that direction. A pixel has few rays; a square of NEAR_SIDE^2 pixels has all directions, which
-// the next pass takes together. A glossy lobe has one ray more, which has no end where the lobe is narrow. METHOD 11.
+// the next pass takes together. A narrow glossy lobe has one ray more, without end. METHOD 11.
 // variant near_glossy.comp: GLOSSY (where a material has a glossy lobe)
 // variant near_lit.comp: LIT (where surfaces reflect the light of caches, too)
 // variant near_glossy_lit.comp: GLOSSY LIT (both)
@@ -89,7 +89,7 @@ void main() {
     ivec2 size = textureSize(element_image, 0);
     ivec2 pixel = min(ivec2(at * EVERY), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
-    NearPixel found = NearPixel(vec3(0.0), 0xffffffffu, vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0);
+    NearPixel found = NearPixel(vec3(0.0), 0xffffffffu, vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0);
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;
@@ -142,7 +142,7 @@ void main() {
     found.irradiance *= PI / float(RAYS);
 #ifdef GLOSSY
     vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
-    if (texelFetch(specular_image, pixel, 0).rgb != vec3(0.0)) {
+    if (normal_exponent.w >= NEAR_SHARP && texelFetch(specular_image, pixel, 0).rgb != vec3(0.0)) {
         // Directions as many as the lobe's power of the cosine wants; what is left of it is the weight.
         float k = normal_exponent.w;
         vec3 own = normal_exponent.xyz;
@@ -153,16 +153,13 @@ void main() {
         tangents(mirrored, tangent, bitangent);
         vec3 direction = tangent * (aside * cos(angle)) + bitangent * (aside * sin(angle)) + mirrored * up;
         if (dot(direction, geometric) > 0.0) {
-            float weight = (k + 2.0) / (k + 1.0) * max(dot(direction, own), 0.0);
-            bool endless = k >= NEAR_SHARP;
-            Hit hit = trace(start, direction, lift, endless ? 3e38 : push.reach, push.root, 0u, false);
+            Hit hit = trace(start, direction, lift, 3e38, push.root, 0u, false);
             float width = inversesqrt(0.5 * (k + 1.0));
-            found.glossy_all = weight;
             if (hit.triangle != NO_HIT) {
+                float weight = (k + 2.0) / (k + 1.0) * max(dot(direction, own), 0.0);
                 found.glossy = weight * met_radiance(hit, start, direction, 0.25 * width, subset);
-            } else {
-                found.glossy_open = endless ? 0.0 : weight;
             }
+            found.is_sharp = 1u;
             // Seen from the next pixel the mirrored scene moves by as much as the pixel does.
             float far = hit.triangle != NO_HIT ? hit.distance : push.reach;
             found.blur = width * far / (1.0 + far / max(from_eye, 1e-30));

@@ -13,8 +13,8 @@ const uint RAY_KIND_BITS = 4u;
 // The instance of everything that stands still.
 const uint RAY_STILL = 0xfffffffeu;
 
-// Phong exponent from which on a lobe is narrower than caches know: its rays have no end.
-const float NEAR_SHARP = 24.0;
+// Phong exponent from which on a lobe is narrower than caches know, and has a ray without end.
+const float NEAR_SHARP = 200.0;
 
 // Pixels that share their short rays: a square of so many a side, each with directions of its own.
 const uint NEAR_SIDE = 4u;
@@ -36,8 +36,7 @@ struct NearPixel {
     uint is_surface; // 0: nothing is there
     vec3 normal; // unit vertex normal
     vec3 glossy; // what the lobe's ray met, times its weight [cd/m^2]
-    float glossy_open; // its weight where it met nothing
-    float glossy_all; // its weight
+    uint is_sharp; // 1: the lobe has a ray
     float blur; // how far away other pixels' rays of the lobe say the same [m]
 };
 

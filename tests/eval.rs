@@ -60,9 +60,9 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     for name in ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "median-relative", "bias", "psnr", "ssim", "flip"] {
         assert!(head.contains(&name), "{head:?}");
     }
-    // Thirteen points with shadows against one reference, fourteen without against four, three of brute force against three;
+    // Fifteen points with shadows against one reference, fourteen without against four, three of brute force against three;
     // two lobes and their sum.
-    assert_eq!(table.lines().count(), 1 + (13 + 14 * 4 + 3 * 3) * 3);
+    assert_eq!(table.lines().count(), 1 + (15 + 14 * 4 + 3 * 3) * 3);
     // Nothing with shadows is compared with a reference that has none.
     let [gi, shadows, reference] =
         ["gi", "shadows", "reference"].map(|name| head.iter().position(|n| *n == name).expect(name));

@@ -73,12 +73,12 @@ vec4 lobe_of(vec3 mirrored, vec4 x, vec4 y, vec4 z, vec4 d2, float half_exponent
 // No square root: with q = d^2 (A + pi d^2), G = |d|^2 cos cos / q, and the lobe's cos^2 = (R.d)^2 / d^2. The bound keeps 0/0
 // away where a cache lies on a VAL: the numerator is 0 there. It is on the whole of q because what devices flush to zero is
 // the product of a small area and a small distance. The lobe comes before the sums, which are made while it is worked out.
-// `seen`: 1, or 0 where something is in the way.
+// `seen`: 1, or 0 where something is in the way; `far`: 1, or less where the diffuse lobe leaves a VAL to short rays.
 void accumulate(inout GatherSums s,
 #ifdef TWO_EYES
                 inout GlossySums second,
 #endif
-                Receiver c, FourVals v, vec4 seen) {
+                Receiver c, FourVals v, vec4 seen, vec4 far) {
     vec4 x = v.x - c.position.x;
     vec4 y = v.y - c.position.y;
     vec4 z = v.z - c.position.z;
@@ -90,6 +90,8 @@ void accumulate(inout GatherSums s,
     vec4 at_cache = min(c.against.x * x + c.against.y * y + c.against.z * z, 0.0);
     vec4 g = at_val * at_cache * seen / q;
     vec4 w = v.weight * g;
+    vec4 diffuse_g = g * far;
+    vec4 diffuse_w = w * far;
     vec4 lobe = vec4(0.0);
     if (GLOSSY != 0u) {
         lobe = lobe_of(c.mirrored, x, y, z, d2, c.half_exponent);
@@ -98,10 +100,10 @@ void accumulate(inout GatherSums s,
     vec4 second_lobe = lobe_of(c.second_mirrored, x, y, z, d2, c.half_exponent);
 #endif
     [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
-        s.diffuse_position += vec3(x[i], y[i], z[i]) * w[i];
-        s.diffuse_weight += w[i];
-        s.diffuse_irradiance += v.flux[i] * g[i];
-        s.distance2 += d2[i] * w[i];
+        s.diffuse_position += vec3(x[i], y[i], z[i]) * diffuse_w[i];
+        s.diffuse_weight += diffuse_w[i];
+        s.diffuse_irradiance += v.flux[i] * diffuse_g[i];
+        s.distance2 += d2[i] * diffuse_w[i];
     }
 #ifdef TWO_EYES
     vec4 second_g = g * second_lobe;

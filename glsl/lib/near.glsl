@@ -21,8 +21,7 @@ struct Near {
     vec3 irradiance; // of what rays met [lx]
     float open; // share of the rays about a direction that met nothing
 #ifndef DIFFUSE_ONLY
-    vec3 glossy; // of the lobe's rays [cd/m^2]
-    float glossy_open; // share of the lobe in which they met nothing
+    vec3 glossy; // of a narrow lobe's rays [cd/m^2]
 #endif
 };
 
@@ -42,12 +41,11 @@ const int NEAR_WINDOW = int(NEAR_SIDE) + 2;
 Near near_of(NearPlace at, vec3 asked) {
     Near sum;
     sum.irradiance = vec3(0.0);
-    float met = 0.0;
+    float open = 0.0;
     float all = 0.0;
     float weights = 0.0;
 #ifndef DIFFUSE_ONLY
     sum.glossy = vec3(0.0);
-    sum.glossy_open = 0.0;
     float shares[NEAR_WINDOW * NEAR_WINDOW]; // of each pixel
     float blur = 0.0;
     float blurred = 0.0;
@@ -76,7 +74,7 @@ Near near_of(NearPlace at, vec3 asked) {
         weights += weight;
         sum.irradiance += weight * p.irradiance;
 #ifndef DIFFUSE_ONLY
-        shares[j] = p.glossy_all > 0.0 ? weight : 0.0;
+        shares[j] = p.is_sharp != 0u ? weight : 0.0;
         blur += shares[j] * p.blur;
         blurred += shares[j];
 #endif
@@ -87,15 +85,14 @@ Near near_of(NearPlace at, vec3 asked) {
         for (uint i = 0u; i < RAYS; ++i) {
             float lobe = weight * near_lobe(dot(directions[i * NEAR_SIDE * NEAR_SIDE + subset], local));
             all += lobe;
-            met += (p.open >> i & 1u) != 0u ? lobe : 0.0;
+            open += (p.open >> i & 1u) != 0u ? lobe : 0.0;
         }
     }
     sum.irradiance /= max(weights, 1e-30);
-    sum.open = all > 0.0 ? met / all : 1.0;
+    sum.open = all > 0.0 ? open / all : 1.0;
 #ifndef DIFFUSE_ONLY
     // Each pixel has one direction of the lobe: all are taken alike, as far away as what is mirrored looks the same.
     blur /= max(blurred, 1e-30);
-    float lobes = 0.0;
     float lobe_weights = 0.0;
     for (int j = 0; j < NEAR_WINDOW * NEAR_WINDOW; ++j) {
         if (shares[j] > 0.0) {
@@ -106,12 +103,9 @@ Near near_of(NearPlace at, vec3 asked) {
             float share = shares[j] / (1.0 + of_blur * of_blur);
             lobe_weights += share;
             sum.glossy += share * p.glossy;
-            sum.glossy_open += share * p.glossy_open;
-            lobes += share * p.glossy_all;
         }
     }
     sum.glossy /= max(lobe_weights, 1e-37);
-    sum.glossy_open /= max(lobes, 1e-37);
 #endif
     return sum;
 }
