@@ -155,10 +155,11 @@ fn cluster(point: &mut Point, radii: f32) {
     point.frame.near = Near::Off;
 }
 
-/// Short rays, but where nothing is in the way of light: references without shadows know nothing of them.
+/// Short rays, with shadows: references without know nothing of them.
 fn near(point: &mut Point, per_pixel: u32, every: u32) {
-    if point.frame.shadows != Shadows::Off {
-        point.frame.near = Near::Rays { per_pixel, every };
+    point.frame.near = Near::Rays { per_pixel, every };
+    if point.frame.shadows == Shadows::Off {
+        point.frame.shadows = Shadows::PerLight;
     }
 }
 
@@ -252,10 +253,10 @@ mod tests {
             assert!(!sweep.points[..i].contains(point), "{point:?} comes twice");
         }
         // With and without shadows: 5 counts of caches (four and the default) by 4 RSMs, and one alternative each of three
-        // other knobs. One further kind of shadows. Four distances of clusters.
-        assert_eq!(sweep.points.len(), 2 * (5 * 4 + 3) + 1 + 4);
+        // other knobs. One further kind of shadows, with and without rays. Three ways of these. Four distances of clusters.
+        assert_eq!(sweep.points.len(), 2 * (5 * 4 + 3) + 2 + 3 + 4);
         let pictured = sweep.points.iter().filter(|point| sweep.is_pictured(point)).count();
-        assert_eq!(pictured, 2 * (1 + 4 + 3 + 3) + 1 + 4);
+        assert_eq!(pictured, 2 * (1 + 4 + 3 + 3) + 2 + 3 + 4);
         assert_eq!(sweep.rsm_sides(), [32, 64, 128, 256]);
     }
 
