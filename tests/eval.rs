@@ -73,7 +73,7 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     }
     let results: serde_json::Value =
         serde_json::from_slice(&fs::read(report.join("results.json")).expect("results")).expect("JSON");
-    assert_eq!(results["points"].as_array().map(Vec::len), Some(30));
+    assert_eq!(results["points"].as_array().map(Vec::len), Some(32));
     assert_eq!(results["references"].as_array().map(Vec::len), Some(5));
 
     let second = eval(&at, &caches);
@@ -90,7 +90,7 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     let picture: Vec<_> = picture.filter(|p| p.to_string_lossy().contains(&format!("{key}-error"))).collect();
     fs::remove_file(&picture[0]).expect("a picture of the default");
     let third = eval(&at, &caches);
-    assert_eq!(counts(&third), (2, 25, 0), "{third}");
+    assert_eq!(counts(&third), (2, 27, 0), "{third}");
 
     // Other settings and another scene: nothing of it fits, and nothing of it is lost.
     let other = eval(&at, &["--caches", "250", "--angle", "45"]);
