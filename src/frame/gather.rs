@@ -126,7 +126,7 @@ pub struct Compute {
     pub depth_images: Option<DepthImages>,
     /// Only where caches light caches.
     pub bounces: Option<Bounces>,
-    /// What is nearer than this [m] is left to short rays; 0: nothing.
+    /// What is nearer than this \[m\] is left to short rays; 0: nothing.
     near: f32,
 }
 

@@ -23,7 +23,7 @@ pub struct ComputeKind {
     pub weight: ProxyWeight,
     /// Most views of a frame.
     pub eyes: u32,
-    /// What is nearer than this [m] is left to short rays; 0: nothing.
+    /// What is nearer than this \[m\] is left to short rays; 0: nothing.
     pub near: f32,
 }
 
