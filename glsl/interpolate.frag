@@ -170,8 +170,8 @@ void main() {
     float lobe = phong_lobe(normal_exponent.w, dot(r, glossy_from));
 #endif
 #ifdef NEAR
-    NearPlace place = NearPlace(pixel, light.position, octahedral_decode(vec2(albedo.a, texelFetch(specular_image, pixel, 0).a)));
-    Near near = near_of(place);
+    vec3 geometric = octahedral_decode(vec2(albedo.a, texelFetch(specular_image, pixel, 0).a));
+    Near near = near_of(pixel, light.position, geometric);
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
     // Wide lobes leave all to the caches.

@@ -46,6 +46,16 @@ struct NearPixel {
     float blur; // how far away other pixels' rays of the lobe say the same [m]
 };
 
+// What the short rays around a pixel found together.
+struct NearLight {
+    vec3 irradiance; // of what they met [lx]
+    uint is_surface; // 0: nothing is there
+    vec3 open; // share of the caches' light that comes along rays that met nothing
+    vec3 glossy; // of a narrow lobe's rays [cd/m^2]
+    vec3 position; // of the surface
+    vec3 normal; // unit vertex normal
+};
+
 // Where the caches of what rays meet are found.
 struct InstanceCaches {
     uint reference_base; // first of the model's references, in pairs; NO_REFERENCES without caches
@@ -64,6 +74,12 @@ struct TracePush {
     uint height;
     uint light_count;
     uint reflects; // 1: what rays meet reflects the lights
+};
+
+// Push constants of the pass that takes the rays of pixels together.
+struct NearFilterPush {
+    uint width; // [pixels], each with rays
+    uint height;
 };
 
 // Push constants of the pass that sorts the light of caches by directions.

@@ -14,7 +14,9 @@ use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::world::World as Placed;
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell, cuboid};
-use lightskin::shared::{Cache, DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, DIRECTIONS, NEAR_SIDE, NearPixel, Val};
+use lightskin::shared::{
+    Cache, DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, DIRECTIONS, NEAR_SIDE, NearLight, NearPixel, Val,
+};
 
 use crate::common::frames::{add, baked, phong, shoot, small};
 use crate::common::{assert_clean, gpu};
@@ -122,6 +124,59 @@ fn directions_of_light_are_those_of_f64() {
         lit.push(sum.length());
     }
     assert!(lit[2] < 0.99 * lit[0], "something hides light: {lit:?}");
+    assert_clean(&gpu);
+}
+
+#[test]
+fn neighbours_share_their_rays() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Diffuse, 0.1);
+    let caches = baked(&scene, 0.4, 8);
+    let knobs = near([96, 64]);
+    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let mut frame = Frame::new(&gpu, &scene, &world, &knobs).expect("made");
+    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
+    let drawn = gpu.frame(|cmd| {
+        frame.record(cmd, &world, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    let found = frame.picture.near.as_ref().expect("rays");
+    let pixels: Vec<NearPixel> = gpu.read(&found.pixels).expect("read");
+    let lights: Vec<NearLight> = gpu.read(&found.lights).expect("read");
+    let [width, height] = found.size.map(|side| side as usize);
+    let mut even = 0;
+    for (x, y) in (2..height - 2).flat_map(|y| (2..width - 2).map(move |x| (x, y))) {
+        let own = pixels[y * width + x];
+        let (at, normal) = (own.position, own.normal);
+        // The weights of an even surface: 1, a half at the ends.
+        let window = (-2..=2_isize).flat_map(|j| (-2..=2_isize).map(move |i| (i, j))).map(|(i, j)| {
+            let half = |k: isize| if k.abs() == 2 { 0.5 } else { 1.0 };
+            (half(i) * half(j), pixels[y.wrapping_add_signed(j) * width + x.wrapping_add_signed(i)])
+        });
+        let is_even = window.clone().all(|(_, p)| {
+            let (position, facing) = (p.position, p.normal);
+            p.is_surface == 1 && facing.dot(normal) > 0.999_99 && (position - at).dot(normal).abs() < 1e-5
+        });
+        if !is_even {
+            continue;
+        }
+        even += 1;
+        let (mut irradiance, mut far, mut all) = (DVec3::ZERO, DVec3::ZERO, DVec3::ZERO);
+        for (weight, p) in window {
+            irradiance += weight / 16.0 * p.irradiance.as_dvec3();
+            far += weight * p.far.as_dvec3();
+            all += weight * p.all.as_dvec3();
+        }
+        let light = lights[y * width + x];
+        let (shown, open) = (light.irradiance.as_dvec3(), light.open.as_dvec3());
+        assert!(
+            (shown - irradiance).length() < 1e-3 * irradiance.length() + 1e-6,
+            "{x}, {y}: {shown} for {irradiance}"
+        );
+        assert!((open - far / all).abs().max_element() < 2e-3, "{x}, {y}: {open} for {far} of {all}");
+    }
+    assert!(even > 200, "{even} pixels on even surfaces");
     assert_clean(&gpu);
 }
 

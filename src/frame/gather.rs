@@ -98,7 +98,7 @@ impl Gather {
 
     /// The light of caches by directions, where short rays ask for it.
     pub fn radiances(&self) -> Option<&Buffer> {
-        if let Self::Compute(by) = self { Some(&by.near.as_ref()?.directions.radiances) } else { None }
+        if let Self::Compute(by) = self { Some(&by.near.as_ref()?.radiances) } else { None }
     }
 
     /// The VALs that caches are, where caches light caches.
@@ -133,17 +133,7 @@ pub struct Compute {
     /// Only where caches light caches.
     pub bounces: Option<Bounces>,
     /// Only where what is near is left to short rays.
-    near: Option<ToRays>,
-}
-
-/// What is left to short rays.
-struct ToRays {
-    /// Squared distances between which VALs fade in [m^2].
-    fade: [f32; 2],
-    /// What they ask for.
-    directions: Directions,
-    /// VALs that are taken as one.
-    together: u32,
+    near: Option<Directions>,
 }
 
 /// A gather for two eyes at once, which share position and form factor.
@@ -182,9 +172,9 @@ impl Compute {
         let further = bounces > 0;
         let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind)).transpose()?;
         let parts = parts_of(vals, split) + bounces.as_ref().map_or(0, |bounces| bounces.parts);
-        let to_rays = |()| -> Result<ToRays> {
-            let directions = Directions::new(gpu, caches, shadows == Shadows::PerLight, bounces.is_some())?;
-            Ok(ToRays { fade: [0.8, 1.2].map(|share| (share * near).powi(2)), directions, together })
+        let to_rays = || {
+            let (shadowed, further) = (shadows == Shadows::PerLight, bounces.is_some());
+            Directions::new(gpu, caches, [shadowed, further], near, together)
         };
         let two_eyes = || -> Result<TwoEyes> {
             let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;
@@ -206,7 +196,7 @@ impl Compute {
                 ways,
                 SumKind { glossy, shadows, together, proxies: !further, two_eyes: false, near: is_near },
             )?,
-            near: is_near.then_some(()).map(to_rays).transpose()?,
+            near: is_near.then(to_rays).transpose()?,
             depth_images,
             bounces,
             live,
@@ -224,8 +214,8 @@ impl Compute {
             let second = self.two_eyes.as_ref().and_then(|two_eyes| Some((two_eyes, runs.next()?)));
             self.record_run(cmd, lit, run, second);
         }
-        if let Some(ToRays { fade, directions, together }) = &self.near {
-            directions.record(cmd, lit, self, *fade, *together);
+        if let Some(directions) = &self.near {
+            directions.record(cmd, lit, &self.live, self.bounces.as_ref(), self.depth_images.as_ref());
         }
     }
 

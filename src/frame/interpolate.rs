@@ -180,7 +180,7 @@ impl Interpolate {
         let near = found.filter(|_| near);
         let used = all.len() - usize::from(out.glossy.is_none() && near.is_none());
         let mut resources = all[..used].to_vec();
-        resources.extend(near.map(|found| Bind::from(&found.pixels)));
+        resources.extend(near.map(|found| Bind::from(&found.lights)));
         let reach = world.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);
         cmd.render(&Attachments { colors: &out.cleared(), depth: None, area: surface.area() }, |draw| {
             draw.bind(&self.shade, &resources);

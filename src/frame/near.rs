@@ -10,13 +10,14 @@ use super::view::View;
 use super::world::World;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{NEAR_SIDE, NearPixel, TracePush};
+use crate::shared::{NEAR_SIDE, NearFilterPush, NearLight, NearPixel, TracePush};
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Traces short rays.
+/// Traces short rays, and takes those of neighbours together.
 pub struct NearRays {
-    pipeline: Pipeline,
+    trace: Pipeline,
+    filter: Pipeline,
     glossy: bool,
     /// Whether what rays meet reflects the lights.
     reflects: bool,
@@ -32,8 +33,10 @@ pub struct NearRays {
 
 /// What the rays of a picture found.
 pub struct NearPixels {
-    /// Row by row.
+    /// Of each, row by row.
     pub pixels: Buffer,
+    /// Taken together with its neighbours'.
+    pub lights: Buffer,
     /// Pixels with rays in a row, and rows of them.
     pub size: [u32; 2],
 }
@@ -78,7 +81,8 @@ impl NearRays {
             (true, true) => "near_glossy_lit.comp",
         };
         Ok(Some(Self {
-            pipeline: gpu.compute(name, &constants)?,
+            trace: gpu.compute(name, &constants)?,
+            filter: gpu.compute(if plan.glossy { "near_filter_glossy.comp" } else { "near_filter.comp" }, &[])?,
             glossy: plan.glossy,
             reflects: plan.reflects,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
@@ -97,14 +101,14 @@ impl NearRays {
         radiances: &Buffer,
         lit: Option<&Buffer>,
         waits: bool,
-        views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)>,
+        views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)> + Clone,
     ) {
         let Some(rays) = world.rays() else { return };
         if waits {
             // What is seen, caches, their light -> here and the next pass.
             cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
         }
-        for (view, surface, out) in views {
+        for (view, surface, out) in views.clone() {
             let Some(element) = &surface.element else { continue };
             let mut resources = rays.binds(world).to_vec();
             resources.extend([Bind::from(&world.light_buffer), element.into()]);
@@ -114,7 +118,7 @@ impl NearRays {
             resources.extend(of_caches.map(Bind::from));
             resources.extend([&surface.normal, &surface.specular].map(Bind::from).iter().filter(|_| self.glossy));
             resources.extend(lit.map(Bind::from));
-            cmd.bind(&self.pipeline, &resources);
+            cmd.bind(&self.trace, &resources);
             let [width, height] = out.size;
             cmd.push(&TracePush {
                 clip_from_world: view.clip_from_world,
@@ -130,6 +134,13 @@ impl NearRays {
             let block = NEAR_SIDE * 8;
             cmd.dispatch(width.div_ceil(block) * NEAR_SIDE * NEAR_SIDE * 64, height.div_ceil(block), 1);
         }
+        cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
+        for (_, _, NearPixels { pixels, lights, size: [width, height] }) in views {
+            let (width, height) = (*width, *height);
+            cmd.bind(&self.filter, &[pixels, lights].map(Bind::from));
+            cmd.push(&NearFilterPush { width, height });
+            cmd.dispatch(width, height, 1);
+        }
     }
 }
 
@@ -141,6 +152,10 @@ impl NearPixels {
     pub(super) fn new(gpu: &Gpu, rays: &NearRays, size: [u32; 2]) -> Result<Self> {
         let size = size.map(|side| side.div_ceil(rays.every));
         let count = u64::from(size[0]) * u64::from(size[1]);
-        Ok(Self { pixels: gpu.buffer("near.pixels", count * size_of::<NearPixel>() as u64)?, size })
+        Ok(Self {
+            pixels: gpu.buffer("near.pixels", count * size_of::<NearPixel>() as u64)?,
+            lights: gpu.buffer("near.lights", count * size_of::<NearLight>() as u64)?,
+            size,
+        })
     }
 }

@@ -1,0 +1,85 @@
+// Stage 8, second: what the rays of neighbouring pixels found, taken together. Any NEAR_SIDE^2 pixels in a square have all
+// directions. The window is as wide as that with soft ends, so that all directions count alike. METHOD 11.
+// variant near_filter_glossy.comp: GLOSSY (where a material has a glossy lobe)
+#include "shared.glsl"
+#include "lib/near_alike.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { NearFilterPush push; };
+layout(binding = 0, scalar) readonly buffer NearPixels { NearPixel near_pixels[]; };
+layout(binding = 1, scalar) writeonly buffer NearLights { NearLight near_lights[]; };
+
+// Pixels to each side; the outermost count half.
+const int HALF = int(NEAR_SIDE) / 2;
+const int WINDOW = 2 * HALF + 1;
+
+void main() {
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    if (at.x >= int(push.width) || at.y >= int(push.height)) {
+        return;
+    }
+    uint index = uint(at.y) * push.width + uint(at.x);
+    NearPixel own = near_pixels[index];
+    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal);
+    if (own.is_surface == 0u) {
+        near_lights[index] = sum;
+        return;
+    }
+    vec3 far = vec3(0.0);
+    vec3 all = vec3(0.0);
+    float open = 0.0;
+    float weights = 0.0;
+#ifdef GLOSSY
+    float shares[WINDOW * WINDOW]; // of each pixel
+    float blur = 0.0;
+    float blurred = 0.0;
+#endif
+    for (int j = 0; j < WINDOW * WINDOW; ++j) {
+        ivec2 offset = ivec2(j % WINDOW, j / WINDOW) - HALF;
+        ivec2 other = at + offset;
+#ifdef GLOSSY
+        shares[j] = 0.0;
+#endif
+        if (any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, ivec2(push.width, push.height)))) {
+            continue;
+        }
+        NearPixel p = near_pixels[uint(other.y) * push.width + uint(other.x)];
+        if (p.is_surface == 0u) {
+            continue;
+        }
+        float weight = near_alike(own.position - p.position, own.normal, p.normal);
+        weight *= abs(offset.x) == HALF ? 0.5 : 1.0;
+        weight *= abs(offset.y) == HALF ? 0.5 : 1.0;
+        weights += weight;
+        sum.irradiance += weight * p.irradiance;
+        far += weight * p.far;
+        all += weight * p.all;
+        open += weight * p.open;
+#ifdef GLOSSY
+        shares[j] = p.is_sharp != 0u ? weight : 0.0;
+        blur += shares[j] * p.blur;
+        blurred += shares[j];
+#endif
+    }
+    sum.irradiance /= weights;
+    // Where the nearest caches have no light the others' comes from anywhere.
+    sum.open = mix(vec3(open / weights), far / max(all, 1e-37), greaterThan(all, vec3(0.0)));
+#ifdef GLOSSY
+    // Each pixel has one direction of the lobe: all are taken alike, as far away as what is mirrored looks the same.
+    blur /= max(blurred, 1e-30);
+    float lobe_weights = 0.0;
+    for (int j = 0; j < WINDOW * WINDOW; ++j) {
+        if (shares[j] > 0.0) {
+            ivec2 other = at + ivec2(j % WINDOW, j / WINDOW) - HALF;
+            NearPixel p = near_pixels[uint(other.y) * push.width + uint(other.x)];
+            vec3 d = own.position - p.position;
+            float of_blur = dot(d, d) / max(blur * blur, 1e-30);
+            float share = shares[j] / (1.0 + of_blur * of_blur);
+            lobe_weights += share;
+            sum.glossy += share * p.glossy;
+        }
+    }
+    sum.glossy /= max(lobe_weights, 1e-37);
+#endif
+    near_lights[index] = sum;
+}
