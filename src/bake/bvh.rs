@@ -38,28 +38,67 @@ pub fn hierarchy(boxes: &[Aabb]) -> CwBvh {
     if boxes.is_empty() {
         return CwBvh::default();
     }
-    let mut items: Vec<Item> =
-        boxes.iter().enumerate().map(|(i, bounds)| Item { bounds: *bounds, number: i as u32 }).collect();
-    let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0); 2 * boxes.len() - 1];
-    let (root, rest) = nodes.split_at_mut(1);
-    split(&mut root[0], rest, 1, &mut items, 0);
-    let mut tree = Bvh2 {
-        nodes,
-        primitive_indices: items.iter().map(|item| item.number).collect(),
-        children_are_ordered_after_parents: true,
-        ..Bvh2::default()
-    };
-    let divided = tree.clone();
+    let mut tree = divided(boxes, divide);
+    let before = tree.clone();
     ReinsertionOptimizer::default().run(&mut tree, REINSERTED, None);
     // Boxes about one middle become a chain by that: rays would need a stack as deep.
-    if depth(&tree) > DEEPEST {
-        tree = divided;
+    if binary_depth(&tree) > DEEPEST {
+        tree = before;
     }
     bvh2_to_cwbvh(&tree, LEAF, true, false)
 }
 
-/// Nodes on the longest way down.
-fn depth(tree: &Bvh2) -> usize {
+/// The same in less time and no deeper than `most_depth` says, for few boxes that are others in every frame.
+pub fn shallow(boxes: &[Aabb]) -> CwBvh {
+    if boxes.is_empty() {
+        return CwBvh::default();
+    }
+    let tree = bvh2_to_cwbvh(&divided(boxes, divide), LEAF, true, false);
+    if depth(&tree) <= most_depth(boxes.len()) {
+        return tree;
+    }
+    bvh2_to_cwbvh(&divided(boxes, |items| items.len() / 2), LEAF, true, false)
+}
+
+/// Nodes on the longest way down a `shallow` hierarchy over so many boxes, at most.
+pub fn most_depth(boxes: usize) -> u32 {
+    boxes.max(1).next_power_of_two().ilog2() + 1
+}
+
+/// Nodes on the longest way down; 1 without any.
+pub fn depth(tree: &CwBvh) -> u32 {
+    depths(tree).into_iter().max().unwrap_or(1)
+}
+
+/// Nodes on the way down to each node, itself included.
+pub fn depths(tree: &CwBvh) -> Vec<u32> {
+    let mut depths = vec![1_u32; tree.nodes.len()];
+    // Children come after parents.
+    for (at, node) in tree.nodes.iter().enumerate() {
+        for child in 0..node.imask.count_ones() {
+            depths[(node.child_base_idx + child) as usize] = depths[at] + 1;
+        }
+    }
+    depths
+}
+
+/// A hierarchy of nodes with two children, divided from the top as `divide` says.
+fn divided(boxes: &[Aabb], divide: impl Fn(&mut [Item]) -> usize + Copy + Send + Sync) -> Bvh2 {
+    let mut items: Vec<Item> =
+        boxes.iter().enumerate().map(|(i, bounds)| Item { bounds: *bounds, number: i as u32 }).collect();
+    let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0); 2 * boxes.len() - 1];
+    let (root, rest) = nodes.split_at_mut(1);
+    split(&mut root[0], rest, 1, &mut items, 0, divide);
+    Bvh2 {
+        nodes,
+        primitive_indices: items.iter().map(|item| item.number).collect(),
+        children_are_ordered_after_parents: true,
+        ..Bvh2::default()
+    }
+}
+
+/// Nodes on the longest way down, with two children each.
+fn binary_depth(tree: &Bvh2) -> usize {
     let mut deepest = 0;
     let mut open = vec![(0, 1)];
     while let Some((at, depth)) = open.pop() {
@@ -74,7 +113,14 @@ fn depth(tree: &Bvh2) -> usize {
 
 /// Fills in a node over `items`, which begin at `first` among all, and all nodes below it: `below` has two less than twice as
 /// many nodes as there are items and begins at `at` among all.
-fn split(node: &mut Bvh2Node, below: &mut [Bvh2Node], at: usize, items: &mut [Item], first: usize) {
+fn split(
+    node: &mut Bvh2Node,
+    below: &mut [Bvh2Node],
+    at: usize,
+    items: &mut [Item],
+    first: usize,
+    divide: impl Fn(&mut [Item]) -> usize + Copy + Send + Sync,
+) {
     let bounds = items.iter().fold(Aabb::empty(), |all, item| all.union(&item.bounds));
     if items.len() == 1 {
         *node = Bvh2Node::new(bounds, 1, first as u32);
@@ -88,8 +134,8 @@ fn split(node: &mut Bvh2Node, below: &mut [Bvh2Node], at: usize, items: &mut [It
     let (left_rest, right_rest) = rest.split_at_mut(2 * left.len() - 2);
     let (left_at, right_at) = (at + 2, at + 2 * left.len());
     let side_by_side = left.len() + right.len() >= SIDE_BY_SIDE;
-    let mut first_part = || split(&mut left_node[0], left_rest, left_at, left, first);
-    let mut second_part = || split(&mut right_node[0], right_rest, right_at, right, first + middle);
+    let mut first_part = || split(&mut left_node[0], left_rest, left_at, left, first, divide);
+    let mut second_part = || split(&mut right_node[0], right_rest, right_at, right, first + middle, divide);
     if side_by_side {
         rayon::join(first_part, second_part);
     } else {

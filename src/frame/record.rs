@@ -34,9 +34,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
     let some_surface = surfaces().next().is_some();
     let outdated = &light.outdated;
 
-    if let (true, Some(poses)) = (world.record_changes(cmd), &light.poses) {
+    if let (true, Some(poses), Some(refit)) = (world.record_changes(cmd), &light.poses, &light.refit) {
         poses.record(cmd, world); // what bends, before all stages
         cmd.barrier(Use::ComputeWrite, Use::VertexInput | Use::ComputeRead);
+        refit.record(cmd, world);
     }
     if some_surface {
         let _zone = enter(plan::GBUFFER); // 1
