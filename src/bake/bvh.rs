@@ -255,13 +255,19 @@ mod tests {
 
     /// Walks the tree of some boxes and gives how deep it is.
     fn walked(boxes: &[Aabb]) -> usize {
-        let tree = hierarchy(boxes);
+        walked_by(hierarchy, boxes)
+    }
+
+    /// The same of one that `make` makes.
+    fn walked_by(make: fn(&[Aabb]) -> CwBvh, boxes: &[Aabb]) -> usize {
+        let tree = make(boxes);
         let mut walk = Walk { tree: &tree, boxes, met: vec![0; boxes.len()], nodes: 0 };
         let (all, depth) = walk.node(0);
         assert!(walk.met.iter().all(|met| *met == 1), "{:?}", walk.met.iter().position(|met| *met != 1));
         assert_eq!((walk.nodes, tree.primitive_indices.len()), (tree.nodes.len(), boxes.len()));
         let whole = boxes.iter().fold(Aabb::empty(), |all, b| all.union(b));
         assert_eq!(all, [whole.min, whole.max].map(|p| Vec3::from(p).as_dvec3()));
+        assert_eq!(super::depth(&tree) as usize, depth);
         depth
     }
 
@@ -309,5 +315,20 @@ mod tests {
             (0..100).map(|i| 0.5_f32.powi(i)).map(|s| Aabb::new(Vec3A::ZERO, Vec3A::splat(s))).collect();
         let shrinking = walked(&shrinking);
         assert!(same <= 8 && nested <= 8 && shrinking <= 24, "{same}, {nested}, {shrinking}");
+    }
+
+    #[test]
+    fn a_top_level_is_never_deep() {
+        assert!(shallow(&[]).nodes.is_empty());
+        for count in [1, 2, 3, 4, 5, 8, 9, 25, 100, 299, 3000] {
+            let one = vec![Aabb::new(Vec3A::ZERO, Vec3A::ONE); count];
+            let nested = (0..count).map(|i| Aabb::new(-Vec3A::ONE * i as f32, Vec3A::ONE * i as f32)).collect();
+            let far = (0..count).map(|i| 0.5_f32.powi(i as i32)).map(|s| Aabb::new(Vec3A::ZERO, Vec3A::splat(s)));
+            for boxes in [random(count, 1.0), one, nested, far.collect()] {
+                let depth = walked_by(shallow, &boxes);
+                assert!(depth <= most_depth(count) as usize, "{count} boxes: {depth} deep");
+                assert!(shallow(&boxes).nodes.len() <= count, "{count} boxes");
+            }
+        }
     }
 }
