@@ -118,11 +118,12 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             let _zone = enter(plan::NEAR); // 8
             let seen = shown().filter(|(_, p)| p.outdated.surface || light.plan.bounces > 0);
             let seen = seen.filter_map(|(view, p)| Some((view, &p.surface, p.near.as_ref()?)));
-            // Where elements were listed they have been waited for, as caches have been; with cells nothing reads proxies
-            // before pixels do.
+            // Where elements were listed or RSMs drawn all images have been waited for, as caches have been; with cells nothing
+            // reads proxies before pixels do.
             let listed = shown().any(|(_, p)| p.outdated.visible);
+            let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
             let lit = caches.gather.cache_vals();
-            near.record(cmd, world, lit, world.cells.is_none() || !listed, seen);
+            near.record(cmd, world, lit, world.cells.is_none() || !(listed || drawn), seen);
         }
         let shaded = || {
             views.iter().enumerate().filter(|(_, (_, p))| p.outdated.indirect && !p.is_empty()).filter_map(

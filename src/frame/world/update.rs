@@ -218,7 +218,8 @@ pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
 
 impl World {
     /// Takes over how the scene is now; frames recorded from now on show it. Places, poses, lights' values and materials'
-    /// numbers cost what has changed of them. More, fewer or other kinds of lights make the lights' buffers anew, other
+    /// numbers cost what has changed of them; where rays are traced, and `Scene::may_move` does not say that an instance may move,
+    /// its first move builds their hierarchies anew. More, fewer or other kinds of lights make the lights' buffers anew, other
     /// textures, holes or lobes the whole world; lights and pictures of it then have to be fitted (`Light::fit`). The
     /// scene's middle and bounds stay those of the upload.
     ///
