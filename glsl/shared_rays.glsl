@@ -2,16 +2,38 @@
 #ifndef SHARED_RAYS_GLSL
 #define SHARED_RAYS_GLSL
 
-// What a triangle that rays meet is, in bits below its instance's number: it has holes, both its sides are surface, it is of an
-// area light, its instance mirrors.
+// What a triangle that rays meet is, in bits below its instance's number, or RAY_MODEL: it has holes, both its sides are surface,
+// it is of an area light, its instance mirrors, which is said of triangles in the world alone.
 const uint RAY_HOLES = 1u;
 const uint RAY_TWO_SIDED = 2u;
 const uint RAY_AREA_LIGHT = 4u;
 const uint RAY_MIRRORED = 8u;
 const uint RAY_KIND_BITS = 4u;
 
+// Instead of an instance's number: of triangles in model space, which several instances may share.
+const uint RAY_MODEL = 0x0fffffffu;
+
 // The instance of everything that stands still.
 const uint RAY_STILL = 0xfffffffeu;
+
+// A node of the hierarchy about a mesh that bends.
+struct RefitNode {
+    uint node; // which
+    uint first_vertex; // posed, of the instance
+};
+
+// A box in model space.
+struct RefitBox {
+    vec3 low;
+    vec3 high;
+};
+
+// Push constants of the pass that fits triangles and boxes to what bends.
+struct RefitPush {
+    uint first; // of the list
+    uint count; // nodes of one depth
+    uint first_node; // of all that bends
+};
 
 // Phong exponent from which on a lobe is narrower than caches know, and has a ray without end.
 const float NEAR_SHARP = 200.0;

@@ -4,7 +4,7 @@
 use glam::{DAffine3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, Density};
 use lightskin::frame::engine::Loaded;
-use lightskin::frame::{Engine, Exposure, Look, Picture, Quality, Settings, Shadows, Tonemap};
+use lightskin::frame::{Engine, Exposure, Look, Near, Picture, Quality, Settings, Shadows, Tonemap};
 use lightskin::gpu::{Counters, Gpu};
 use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::scene::build::{quad, sphere};
@@ -126,6 +126,7 @@ fn kinds() -> Vec<Settings> {
         Knobs { gi: Gi::BruteForce, ..base },
         Knobs { gi: Gi::Off, shadow_map: 128, ..base },
         Knobs { cull: false, ..base },
+        Knobs { shadows: Shadows::PerLight, near: Near::Rays { per_pixel: 4, every: 2 }, ..base },
     ];
     knobs.iter().map(Knobs::settings).collect()
 }
@@ -320,5 +321,43 @@ fn what_a_slider_moves_makes_no_pipeline() {
     engine.set(&Settings { rsm: 48, shadow_map: 128, ..settings });
     shown(&gpu, &mut engine, &mut picture, [30, 20], &Look::default());
     assert_eq!(gpu.counters().pipelines_made, before);
+    assert_clean(&gpu);
+}
+
+/// Frames of bodies that move, bend, hide and shine make nothing, short rays included; nor does one that had not said that it
+/// moves, after the first time.
+#[test]
+fn what_moves_makes_nothing_in_the_frame_loop() {
+    let gpu = gpu();
+    let settings = Settings { rsm: 32, shadow_map: 64, reuse: true, ..Settings::at(Quality::High, 100) };
+    for (seed, says_so) in [(1, true), (2, false)] {
+        let mut scene = world();
+        scene.instances[BALL].moves = says_so;
+        let mut engine = Engine::new(&gpu, loaded(&scene, 0.5), &settings).expect("made");
+        let mut picture = engine.picture(&gpu, [24, 16]).expect("made");
+        let mut random = Random(seed);
+        let mut frame = |what: usize| {
+            engine.edit(&gpu, |scene| _ = edit(scene, &mut random, what)).expect("edited");
+            let camera = engine.scene().cameras[0].clone();
+            let view = engine.view(&camera, [24, 16]);
+            engine.fit(&gpu, &mut [(&mut picture, [24, 16])]).expect("fits");
+            let drawn = gpu.frame(|cmd| {
+                engine.record(cmd, &mut [(view, &mut picture)], &Look::default());
+                Ok(())
+            });
+            assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        };
+        frame(13);
+        if !says_so {
+            frame(8);
+        }
+        (0..3).for_each(|_| frame(13));
+        gpu.wait().expect("done");
+        let before = gpu.counters();
+        for step in 0..20 {
+            frame([8, 9][step % 2]);
+            assert_eq!(gpu.counters(), before, "step {step}");
+        }
+    }
     assert_clean(&gpu);
 }

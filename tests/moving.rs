@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet};
-use lightskin::frame::{ClusterRule, Picture, Shadows, View, World};
+use lightskin::frame::{ClusterRule, Near, Picture, Shadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::lab::worlds::{SPOT, add, camera, corner, phong};
@@ -60,6 +60,7 @@ pub(crate) fn world() -> Scene {
     mesh.vertices = mesh.posed(&pose);
     scene.instances[BENT].world_from_model = DAffine3::from_translation(dvec3(0.5, 0.4, 0.3));
     scene.instances[BENT].pose = Some(pose);
+    [BALL, LAMP].into_iter().for_each(|i| scene.instances[i].moves = true);
     scene.extent = Some((dvec3(-1.5, -0.5, -1.5), dvec3(1.5, 2.5, 1.5)));
     scene
 }
@@ -300,4 +301,13 @@ fn edits_leave_nothing_stale_in_any_kind_of_frame() {
     walk(Knobs { gi: Gi::Off, ..with(Shadows::Off) }, false, 30, 6);
     walk(Knobs { path: Path::Clusters(ClusterRule::Distance(6.0)), ..with(Shadows::Off) }, false, 30, 8);
     walk(with(Shadows::PerLight), true, 30, 9);
+}
+
+/// Short rays meet what has moved, bit by bit as if hierarchies had been built of the scene as it stands.
+#[test]
+fn short_rays_leave_nothing_stale() {
+    let near = Near::Rays { per_pixel: 4, every: 2 };
+    walk(Knobs { near, ..with(Shadows::PerLight) }, false, 60, 10);
+    walk(Knobs { near, bounces: 3, ..with(Shadows::PerLight) }, true, 30, 11);
+    walk(Knobs { near, ..with(Shadows::Proxy) }, true, 20, 12);
 }

@@ -3,8 +3,9 @@
 
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::CacheSet;
+use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
-use lightskin::frame::{Near, Quality, Shadows, View, World};
+use lightskin::frame::{Engine, Look, Near, Picture, Quality, Shadows, View, World};
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::scenes::Shadowed;
 use lightskin::metrics::{Metrics, metrics};
@@ -265,5 +266,48 @@ fn rays_find_what_has_moved() {
     moved.instances.last_mut().expect("a body").world_from_model.translation.x -= 0.4;
     world.update(&gpu, &moved).expect("updated");
     assert!(picture(&world) == before, "and is back");
+    assert_clean(&gpu);
+}
+
+/// A scene in which nothing was said to move: the first edit builds hierarchies anew, and pictures are those of an engine that
+/// has known from the start, bit by bit.
+#[test]
+fn what_moves_by_surprise_is_shown_as_if_it_had_been_known() {
+    let gpu = gpu();
+    let mut scene = cornell(CornellSurface::Diffuse, 0.2);
+    let body = cuboid(Vec3::splat(-0.2), Vec3::splat(0.2), 0.2, |_| true);
+    add(&mut scene, body, phong([0.6, 0.2, 0.2], [0.0; 3], 1.0), DAffine3::from_translation(DVec3::new(0.0, 0.3, 0.5)));
+    scene.extent = scene.bounds();
+    let caches = baked(&scene, 0.4, 8);
+    let settings = Knobs { reuse: true, ..near([48, 32]) }.settings();
+    let engine = |scene: &Scene| {
+        let loaded = Loaded { scene: scene.clone(), caches: Some(caches.clone()) };
+        let engine = Engine::new(&gpu, loaded, &settings).expect("made");
+        let picture = engine.picture(&gpu, [48, 32]).expect("made");
+        (engine, picture)
+    };
+    let shown = |(engine, picture): &mut (Engine, Picture)| {
+        engine.fit(&gpu, &mut [(picture, [48, 32])]).expect("fits");
+        let view = engine.view(&engine.scene().cameras[0].clone(), [48, 32]);
+        let drawn = gpu.frame(|cmd| {
+            engine.record(cmd, &mut [(view, picture)], &Look::default());
+            Ok(())
+        });
+        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        gpu.read_image::<u32>(&picture.indirect.as_ref().expect("indirect").diffuse).expect("read")
+    };
+    let mut surprised = engine(&scene);
+    let before = shown(&mut surprised);
+    let last = scene.instances.len() - 1;
+    scene.instances[last].moves = true;
+    for step in 1..4 {
+        let turn = DAffine3::from_rotation_y(0.4) * DAffine3::from_rotation_x(0.3);
+        let body = &mut scene.instances[last];
+        body.world_from_model = DAffine3::from_translation(DVec3::X * 0.1) * body.world_from_model * turn;
+        let place = body.world_from_model;
+        surprised.0.edit(&gpu, |scene| scene.instances[last].world_from_model = place).expect("edited");
+        let found = shown(&mut surprised);
+        assert!(found != before && found == shown(&mut engine(&scene)), "step {step}");
+    }
     assert_clean(&gpu);
 }

@@ -1,6 +1,7 @@
 //! Rays on the device against the f64 tracer: what they meet, and where; nothing is lost at edges, at any size.
 
 mod closed;
+mod levels;
 mod lit;
 mod textures;
 

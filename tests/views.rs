@@ -2,7 +2,7 @@
 
 use lightskin::bake::CacheSet;
 use lightskin::frame::plan::STAGES;
-use lightskin::frame::{ClusterRule, Exposure, Light, Picture, Shadows, View, World, record};
+use lightskin::frame::{ClusterRule, Exposure, Light, Near, Picture, Shadows, View, World, record};
 use lightskin::gpu::{Gpu, Image};
 use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::scene::Scene;
@@ -140,12 +140,17 @@ fn views_without_indirect_light_and_with_all_of_it_by_brute_force_are_their_own_
 #[test]
 fn of_two_views_nothing_is_ever_stale() {
     let gpu = gpu();
-    for (shadows, path) in [(Shadows::PerLight, Path::Compute), (Shadows::Proxy, Path::DRAWS), (Shadows::Off, CLUSTERS)]
-    {
+    let rays = Near::Rays { per_pixel: 4, every: 2 };
+    for (shadows, path, near) in [
+        (Shadows::PerLight, Path::Compute, Near::Off),
+        (Shadows::PerLight, Path::Compute, rays),
+        (Shadows::Proxy, Path::DRAWS, Near::Off),
+        (Shadows::Off, CLUSTERS, Near::Off),
+    ] {
         let mut scene = moving_world();
         scene.cameras.push(camera(dvec3(1.1, 1.7, 1.4), dvec3(-0.6, 0.9, -0.8), 0.5));
         let caches = baked(&scene, 0.3, 8);
-        let knobs = Knobs { shadows, path, cull: true, shadow_map: 64, ..plain() };
+        let knobs = Knobs { shadows, path, near, cull: true, shadow_map: 64, ..plain() };
         let mut world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
         let lasting = Knobs { reuse: true, ..knobs };
         let mut both = Views::new(&gpu, &scene, &world, &lasting, &[0, 1]);

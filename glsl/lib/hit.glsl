@@ -113,7 +113,7 @@ vec3 hit_geometric(Hit hit, vec3 direction, out bool front) {
     vec4 third = ray_triangle(3u * hit.triangle + 2u);
     uint what = floatBitsToUint(third.w);
     vec3 n = cross(b - a, third.xyz - a);
-    if (LEVELS == 2u && what >> RAY_KIND_BITS == RAY_STILL >> RAY_KIND_BITS) {
+    if (LEVELS == 2u && what >> RAY_KIND_BITS == RAY_MODEL) {
         n = mat3(hit_instances[hit.instance].world_from_normal) * n;
     }
     front = (dot(n, direction) < 0.0) != ((what & RAY_MIRRORED) != 0u);

@@ -38,28 +38,67 @@ pub fn hierarchy(boxes: &[Aabb]) -> CwBvh {
     if boxes.is_empty() {
         return CwBvh::default();
     }
-    let mut items: Vec<Item> =
-        boxes.iter().enumerate().map(|(i, bounds)| Item { bounds: *bounds, number: i as u32 }).collect();
-    let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0); 2 * boxes.len() - 1];
-    let (root, rest) = nodes.split_at_mut(1);
-    split(&mut root[0], rest, 1, &mut items, 0);
-    let mut tree = Bvh2 {
-        nodes,
-        primitive_indices: items.iter().map(|item| item.number).collect(),
-        children_are_ordered_after_parents: true,
-        ..Bvh2::default()
-    };
-    let divided = tree.clone();
+    let mut tree = divided(boxes, divide);
+    let before = tree.clone();
     ReinsertionOptimizer::default().run(&mut tree, REINSERTED, None);
     // Boxes about one middle become a chain by that: rays would need a stack as deep.
-    if depth(&tree) > DEEPEST {
-        tree = divided;
+    if binary_depth(&tree) > DEEPEST {
+        tree = before;
     }
     bvh2_to_cwbvh(&tree, LEAF, true, false)
 }
 
-/// Nodes on the longest way down.
-fn depth(tree: &Bvh2) -> usize {
+/// The same in less time and no deeper than `most_depth` says, for few boxes that are others in every frame.
+pub fn shallow(boxes: &[Aabb]) -> CwBvh {
+    if boxes.is_empty() {
+        return CwBvh::default();
+    }
+    let tree = bvh2_to_cwbvh(&divided(boxes, divide), LEAF, true, false);
+    if depth(&tree) <= most_depth(boxes.len()) {
+        return tree;
+    }
+    bvh2_to_cwbvh(&divided(boxes, |items| items.len() / 2), LEAF, true, false)
+}
+
+/// Nodes on the longest way down a `shallow` hierarchy over so many boxes, at most.
+pub fn most_depth(boxes: usize) -> u32 {
+    boxes.max(1).next_power_of_two().ilog2() + 1
+}
+
+/// Nodes on the longest way down; 1 without any.
+pub fn depth(tree: &CwBvh) -> u32 {
+    depths(tree).into_iter().max().unwrap_or(1)
+}
+
+/// Nodes on the way down to each node, itself included.
+pub fn depths(tree: &CwBvh) -> Vec<u32> {
+    let mut depths = vec![1_u32; tree.nodes.len()];
+    // Children come after parents.
+    for (at, node) in tree.nodes.iter().enumerate() {
+        for child in 0..node.imask.count_ones() {
+            depths[(node.child_base_idx + child) as usize] = depths[at] + 1;
+        }
+    }
+    depths
+}
+
+/// A hierarchy of nodes with two children, divided from the top as `divide` says.
+fn divided(boxes: &[Aabb], divide: impl Fn(&mut [Item]) -> usize + Copy + Send + Sync) -> Bvh2 {
+    let mut items: Vec<Item> =
+        boxes.iter().enumerate().map(|(i, bounds)| Item { bounds: *bounds, number: i as u32 }).collect();
+    let mut nodes = vec![Bvh2Node::new(Aabb::empty(), 0, 0); 2 * boxes.len() - 1];
+    let (root, rest) = nodes.split_at_mut(1);
+    split(&mut root[0], rest, 1, &mut items, 0, divide);
+    Bvh2 {
+        nodes,
+        primitive_indices: items.iter().map(|item| item.number).collect(),
+        children_are_ordered_after_parents: true,
+        ..Bvh2::default()
+    }
+}
+
+/// Nodes on the longest way down, with two children each.
+fn binary_depth(tree: &Bvh2) -> usize {
     let mut deepest = 0;
     let mut open = vec![(0, 1)];
     while let Some((at, depth)) = open.pop() {
@@ -74,7 +113,14 @@ fn depth(tree: &Bvh2) -> usize {
 
 /// Fills in a node over `items`, which begin at `first` among all, and all nodes below it: `below` has two less than twice as
 /// many nodes as there are items and begins at `at` among all.
-fn split(node: &mut Bvh2Node, below: &mut [Bvh2Node], at: usize, items: &mut [Item], first: usize) {
+fn split(
+    node: &mut Bvh2Node,
+    below: &mut [Bvh2Node],
+    at: usize,
+    items: &mut [Item],
+    first: usize,
+    divide: impl Fn(&mut [Item]) -> usize + Copy + Send + Sync,
+) {
     let bounds = items.iter().fold(Aabb::empty(), |all, item| all.union(&item.bounds));
     if items.len() == 1 {
         *node = Bvh2Node::new(bounds, 1, first as u32);
@@ -88,8 +134,8 @@ fn split(node: &mut Bvh2Node, below: &mut [Bvh2Node], at: usize, items: &mut [It
     let (left_rest, right_rest) = rest.split_at_mut(2 * left.len() - 2);
     let (left_at, right_at) = (at + 2, at + 2 * left.len());
     let side_by_side = left.len() + right.len() >= SIDE_BY_SIDE;
-    let mut first_part = || split(&mut left_node[0], left_rest, left_at, left, first);
-    let mut second_part = || split(&mut right_node[0], right_rest, right_at, right, first + middle);
+    let mut first_part = || split(&mut left_node[0], left_rest, left_at, left, first, divide);
+    let mut second_part = || split(&mut right_node[0], right_rest, right_at, right, first + middle, divide);
     if side_by_side {
         rayon::join(first_part, second_part);
     } else {
@@ -209,13 +255,19 @@ mod tests {
 
     /// Walks the tree of some boxes and gives how deep it is.
     fn walked(boxes: &[Aabb]) -> usize {
-        let tree = hierarchy(boxes);
+        walked_by(hierarchy, boxes)
+    }
+
+    /// The same of one that `make` makes.
+    fn walked_by(make: fn(&[Aabb]) -> CwBvh, boxes: &[Aabb]) -> usize {
+        let tree = make(boxes);
         let mut walk = Walk { tree: &tree, boxes, met: vec![0; boxes.len()], nodes: 0 };
         let (all, depth) = walk.node(0);
         assert!(walk.met.iter().all(|met| *met == 1), "{:?}", walk.met.iter().position(|met| *met != 1));
         assert_eq!((walk.nodes, tree.primitive_indices.len()), (tree.nodes.len(), boxes.len()));
         let whole = boxes.iter().fold(Aabb::empty(), |all, b| all.union(b));
         assert_eq!(all, [whole.min, whole.max].map(|p| Vec3::from(p).as_dvec3()));
+        assert_eq!(super::depth(&tree) as usize, depth);
         depth
     }
 
@@ -263,5 +315,20 @@ mod tests {
             (0..100).map(|i| 0.5_f32.powi(i)).map(|s| Aabb::new(Vec3A::ZERO, Vec3A::splat(s))).collect();
         let shrinking = walked(&shrinking);
         assert!(same <= 8 && nested <= 8 && shrinking <= 24, "{same}, {nested}, {shrinking}");
+    }
+
+    #[test]
+    fn a_top_level_is_never_deep() {
+        assert!(shallow(&[]).nodes.is_empty());
+        for count in [1, 2, 3, 4, 5, 8, 9, 25, 100, 299, 3000] {
+            let one = vec![Aabb::new(Vec3A::ZERO, Vec3A::ONE); count];
+            let nested = (0..count).map(|i| Aabb::new(-Vec3A::ONE * i as f32, Vec3A::ONE * i as f32)).collect();
+            let far = (0..count).map(|i| 0.5_f32.powi(i as i32)).map(|s| Aabb::new(Vec3A::ZERO, Vec3A::splat(s)));
+            for boxes in [random(count, 1.0), one, nested, far.collect()] {
+                let depth = walked_by(shallow, &boxes);
+                assert!(depth <= most_depth(count) as usize, "{count} boxes: {depth} deep");
+                assert!(shallow(&boxes).nodes.len() <= count, "{count} boxes");
+            }
+        }
     }
 }

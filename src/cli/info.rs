@@ -150,6 +150,13 @@ pub(super) fn run(args: &Info) -> Result<()> {
             say!("    and {bytes:.0} in {name}: {why}");
         }
     }
+    if let (Some(rays), Some(things)) = (world.rays(), stages.get("rays")) {
+        let triangles = rays.triangle_count.max(1) as f64;
+        let each = |thing: &str| things.get(thing).map_or(0.0, |bytes| *bytes as f64 / triangles);
+        let told = ["nodes", "triangles", "instances"].map(|thing| format!("rays.{thing} {:.1}", each(thing)));
+        let all = thousands(rays.triangle_count);
+        say!("  of each of {all} triangles that rays meet, in bytes: {}", told.join(", "));
+    }
     say_levels(&world, quality);
     if args.measure {
         measure_levels(args, &gpu)?;

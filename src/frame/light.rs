@@ -6,6 +6,7 @@ use super::direct::Direct;
 use super::gather::Gather;
 use super::plan::{Plan, STAGES};
 use super::pose::Poses;
+use super::refit::Refit;
 use super::revision::Made;
 use super::rsm::Rsm;
 use super::settings::{self, Near, Settings};
@@ -36,6 +37,7 @@ pub struct Light {
     /// Stages 3 and 5 to 8.
     pub indirect: IndirectLight,
     pub(super) poses: Option<Poses>,
+    pub(super) refit: Option<Refit>,
     pub(super) made: MadeOfLights,
     pub(super) outdated: Outdated,
     settings: Settings,
@@ -121,6 +123,7 @@ impl Light {
                 _ => IndirectLight::Off,
             },
             poses: plan.deform.then(|| Poses::new(gpu)).transpose()?,
+            refit: plan.deform.then(|| Refit::new(gpu)).transpose()?,
             // VALs of emitters were uploaded.
             made: MadeOfLights { emitters: world.revisions.surfaces, ..MadeOfLights::default() },
             outdated: Outdated::default(),

@@ -32,6 +32,7 @@ pub mod pose;
 pub mod proxies;
 pub mod pyramid;
 mod record;
+pub mod refit;
 mod revision;
 pub mod rsm;
 pub mod settings;

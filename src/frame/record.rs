@@ -34,9 +34,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
     let some_surface = surfaces().next().is_some();
     let outdated = &light.outdated;
 
-    if let (true, Some(poses)) = (world.record_changes(cmd), &light.poses) {
+    if let (true, Some(poses), Some(refit)) = (world.record_changes(cmd), &light.poses, &light.refit) {
         poses.record(cmd, world); // what bends, before all stages
         cmd.barrier(Use::ComputeWrite, Use::VertexInput | Use::ComputeRead);
+        refit.record(cmd, world);
     }
     if some_surface {
         let _zone = enter(plan::GBUFFER); // 1
@@ -117,10 +118,12 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             let _zone = enter(plan::NEAR); // 8
             let seen = shown().filter_map(|(view, p)| Some((view, &p.surface, p.near.as_ref()?)));
             if let Some(radiances) = caches.gather.radiances() {
-                // Where elements were listed they have been waited for, as light has been by what dims it; with cells nothing
-                // reads proxies before pixels do.
+                // Where elements were listed or RSMs drawn all images have been waited for, as light has been by what dims it;
+                // with cells nothing reads proxies before pixels do.
                 let listed = shown().any(|(_, p)| p.outdated.visible);
-                let waits = world.cells.is_none() || !listed || caches.occlude.is_none();
+                let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
+                let lit = outdated.proxies && caches.occlude.is_none();
+                let waits = world.cells.is_none() || !(listed || drawn) || lit;
                 near.record(cmd, world, radiances, caches.gather.cache_vals(), waits, seen);
             }
         }

@@ -210,6 +210,16 @@ impl Scene {
         all.any(|property| quantities.contains(&property.quantity()) && property.of().contains(&of))
     }
 
+    /// Whether an instance may move, bend or vanish: by an animation or by what poses it, or since it says so.
+    pub fn may_move(&self, index: usize) -> bool {
+        let instance = &self.instances[index];
+        let by_rig = |rig: &Rig| {
+            let node = rig.parts.instances.get(index).map(|placed| placed.node);
+            rig.moves(index) || node.is_some_and(|node| rig.fades[node])
+        };
+        instance.moves || self.meshes[instance.mesh].deform.is_some() || self.rig.as_ref().is_some_and(by_rig)
+    }
+
     /// See [`Animation::looped`]; the time itself without that animation.
     pub fn looped(&self, animation: usize, time: f64) -> f64 {
         let played = self.rig.as_ref().and_then(|rig| rig.parts().animations.get(animation));

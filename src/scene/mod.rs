@@ -112,6 +112,8 @@ pub struct Instance {
     pub pose: Option<deform::Pose>,
     /// Neither drawn nor in the way of light.
     pub hidden: bool,
+    /// Edits will move, hide or show it: rays are then ready for that from the start. What animations move needs no word.
+    pub moves: bool,
     /// How many times farther apart than on others caches may stand on it; as on others without.
     pub sparse: Option<f64>,
 }

@@ -11,6 +11,7 @@ pub(super) mod deform;
 mod emitters;
 pub mod lights;
 mod model_caches;
+mod movers;
 pub mod rays;
 mod sky;
 mod textures;
@@ -34,7 +35,7 @@ use emitters::Patches;
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use lights::LightInfo;
 use model_caches::{CacheSurface, place_caches};
-use rays::RayBuffers;
+use rays::{Placed, RayBuffers};
 use std::cell::{Cell, OnceCell};
 use textures::{MaterialTextures, upload_textures};
 use update::{Dynamic, InstanceLayout, PendingCopies, Revisions, Structure};
@@ -363,14 +364,20 @@ impl World {
     /// What the device has no memory for.
     pub fn make_rays(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
         if self.rays.get().is_none() {
-            let made = self.rays_of(gpu, scene)?;
+            let moves = (0..scene.instances.len()).map(|i| scene.may_move(i)).collect();
+            let made = self.rays_of(gpu, scene, &self.dynamic, moves)?;
             self.rays.get_or_init(|| made);
         }
         Ok(())
     }
 
-    fn rays_of(&self, gpu: &Gpu, scene: &Scene) -> Result<RayBuffers> {
-        RayBuffers::new(gpu, scene, self.origin, &self.layouts, &self.area_lights.triangles())
+    /// Hierarchies over a scene that stands as `now` says; the next frame fits them to what bends.
+    fn rays_of(&self, gpu: &Gpu, scene: &Scene, now: &Dynamic, moves: Vec<bool>) -> Result<RayBuffers> {
+        let is_area = &self.area_lights.triangles();
+        let placed = Placed { scene, origin: self.origin, layouts: &self.layouts, is_area, now };
+        let made = RayBuffers::new(gpu, &placed, moves)?;
+        self.pending.set(self.pending.get().with_poses(self.deform.is_some()));
+        Ok(made)
     }
 
     /// What rays meet, where it has been asked for.

@@ -37,12 +37,18 @@ pub(super) struct PendingCopies {
     materials: bool,
     albedos: bool,
     caches: bool,
+    rays: bool,
 }
 
 impl PendingCopies {
     /// Of a scene that was just uploaded: poses alone are not.
     pub(super) fn new(bends: bool) -> Self {
         Self { poses: bends, ..Self::default() }
+    }
+
+    /// Also of poses, where something `bends`.
+    pub(super) fn with_poses(self, bends: bool) -> Self {
+        Self { poses: self.poses || bends, ..self }
     }
 }
 
@@ -212,7 +218,8 @@ pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
 
 impl World {
     /// Takes over how the scene is now; frames recorded from now on show it. Places, poses, lights' values and materials'
-    /// numbers cost what has changed of them. More, fewer or other kinds of lights make the lights' buffers anew, other
+    /// numbers cost what has changed of them; where rays are traced, and `Scene::may_move` does not say that an instance may move,
+    /// its first move builds their hierarchies anew. More, fewer or other kinds of lights make the lights' buffers anew, other
     /// textures, holes or lobes the whole world; lights and pictures of it then have to be fitted (`Light::fit`). The
     /// scene's middle and bounds stay those of the upload.
     ///
@@ -244,9 +251,22 @@ impl World {
         pending.materials |= materials;
         if surfaces {
             self.revisions.surfaces = new_revision();
-            let moved = instances || poses || now.hidden != old.hidden;
-            if moved && self.rays.get().is_some() {
-                self.rays = OnceCell::from(self.rays_of(gpu, scene)?);
+            let moved = |i: usize| now.instances[i] != old.instances[i] || now.hidden[i] != old.hidden[i];
+            if let Some(rays) = self.rays.get() {
+                let moves: Vec<bool> = rays.moves().iter().enumerate().map(|(i, moves)| *moves || moved(i)).collect();
+                if moves != rays.moves() {
+                    // Something moves for the first time. From now on it may.
+                    let made = self.rays_of(gpu, scene, &now, moves)?;
+                    if made.constants(gpu) != rays.constants(gpu) {
+                        self.layout = new_revision();
+                    }
+                    pending = pending.with_poses(self.deform.is_some());
+                    self.rays = OnceCell::from(made);
+                } else if let (true, Some(rays)) = (instances || poses || now.hidden != old.hidden, self.rays.get_mut())
+                {
+                    rays.place(&now);
+                    pending.rays = true;
+                }
             }
             let moved =
                 |(i, layout): (usize, &InstanceLayout)| layout.emits && (poses || now.instances[i] != old.instances[i]);
@@ -318,7 +338,11 @@ impl World {
         if pending.caches {
             cmd.update(&self.model_caches, 0, &self.placed_caches);
         }
-        cmd.barrier(Use::CopyWrite, Use::VertexRead | Use::FragmentRead | Use::ComputeRead);
+        if let (true, Some(rays)) = (pending.rays, self.rays.get()) {
+            rays.record_top(cmd);
+        }
+        let to = Use::VertexRead | Use::FragmentRead | Use::ComputeRead | Use::ComputeWrite;
+        cmd.barrier(Use::CopyWrite, to);
         poses
     }
 }
