@@ -1,5 +1,5 @@
-// Stage 6, before the gather: what each live cache sees of the scene beyond a distance, by one ray for each texel of its depth
-// image. METHOD 11.
+// Stage 6, before the gather: what each live cache sees of the scene, or of it beyond a distance, by one ray for each texel of
+// its depth image. METHOD 11.
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/depth_image.glsl"
@@ -24,13 +24,15 @@ void main() {
     Cache c = caches[live[slot]];
     vec3 tangent, bitangent;
     tangents(c.normal, tangent, bitangent);
+    float lift = lift_at(c.position, 0.0);
+    vec3 start = c.position + c.normal * lift;
     for (uint texel = gl_LocalInvocationID.x; texel < DEPTH_IMAGE_TEXELS; texel += gl_WorkGroupSize.x) {
         vec2 p = (vec2(texel % DEPTH_IMAGE_SIDE, texel / DEPTH_IMAGE_SIDE) + 0.5) * STEP - 1.0;
         float z2 = 1.0 - dot(p, p);
         float limit = 0.0;
         if (z2 > 0.0) {
             vec3 direction = tangent * p.x + bitangent * p.y + c.normal * sqrt(z2);
-            Hit hit = trace(c.position, direction, push.reach, 3e38, push.root, 0u, false);
+            Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, false);
             if (hit.triangle != NO_HIT) {
                 bool front;
                 vec3 n = -hit_geometric(hit, direction, front);

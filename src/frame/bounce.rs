@@ -70,13 +70,13 @@ impl Bounces {
 
     /// Records the bounces: in front of them the primary lights' sums are being written, and proxies are made of those and of
     /// the caches' at their end. The last one has the glossy lobe, too, where there is one. What caches send on is gathered by
-    /// the first of `pushes`, what pixels get by the second; for that `leave_out` makes the primary lights' sums anew, where
+    /// the first of `sums` and `pushes`, what pixels get by the second ones; for that `leave_out` makes the primary lights' sums anew, where
     /// something nearby is left to short rays.
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
         (albedos, emitted): (&Buffer, Option<&(Buffer, Buffer)>),
-        sums: &SumBinds<'_>,
+        [sums, last_sums]: [&SumBinds<'_>; 2],
         proxies: &Buffer,
         [push, last]: [&GatherPush; 2],
         leave_out: Option<&dyn Fn()>,
@@ -103,7 +103,7 @@ impl Bounces {
             if bounce < self.count {
                 self.gather(cmd, &self.diffuse, caches, sums, push);
             } else {
-                self.gather(cmd, &self.all, caches, sums, last);
+                self.gather(cmd, &self.all, caches, last_sums, last);
                 if let Some(leave_out) = leave_out {
                     wait();
                     leave_out();

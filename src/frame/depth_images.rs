@@ -17,6 +17,9 @@ use std::mem::offset_of;
 pub struct DepthImages {
     /// Slot by slot of the list, where the view of a live cache ends.
     pub buffer: Buffer,
+    /// The same for the light that caches send on, where that is another: rays at pixels see what is near there, rays at
+    /// caches would see it here.
+    pub sent_on: Option<Buffer>,
     made: Made,
 }
 
@@ -55,19 +58,21 @@ impl DepthImages {
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
         let buffer = gpu.buffer("gather.depth_images", bytes)?;
         let pipeline = gpu.compute(name, &[])?;
-        Ok(Self { buffer, made: Made::Drawn { bounds: Bounds::new(gpu, caches)?, pipeline, alone } })
+        Ok(Self { buffer, sent_on: None, made: Made::Drawn { bounds: Bounds::new(gpu, caches)?, pipeline, alone } })
     }
 
-    /// Makes it for images that are traced: of what caches see of the scene beyond what is left to short rays.
+    /// Makes it for images that are traced: of what caches see of the scene beyond what is left to short rays, and where they
+    /// `send_on` light of all that they see, too.
     ///
     /// # Errors
     /// As `new`, and a world without rays.
-    pub(super) fn traced(gpu: &Gpu, world: &World) -> Result<Self> {
+    pub(super) fn traced(gpu: &Gpu, world: &World, send_on: bool) -> Result<Self> {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let bytes = u64::from(world.cache_count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
         let pipeline = gpu.compute("trace_images.comp", &rays.constants(gpu))?;
         let made = Made::Traced(pipeline, (CACHE_REACH * world.spacing()) as f32);
-        Ok(Self { buffer: gpu.buffer("gather.depth_images", bytes)?, made })
+        let sent_on = send_on.then(|| gpu.buffer("gather.sent_on_images", bytes)).transpose()?;
+        Ok(Self { buffer: gpu.buffer("gather.depth_images", bytes)?, sent_on, made })
     }
 
     /// Records the pass; atlas and list of live caches must be there.
@@ -80,11 +85,13 @@ impl DepthImages {
 
     fn trace(&self, cmd: &Cmd<'_>, world: &World, atlas: &Atlas, live: &Live, (pipeline, reach): (&Pipeline, f32)) {
         let Some(rays) = world.rays() else { return };
-        let mut resources = rays.binds(world).to_vec();
-        resources.extend([&atlas.caches, &live.list, &live.args, &self.buffer].map(Bind::from));
-        cmd.bind(pipeline, &resources);
-        cmd.push(&TracePush { reach, root: rays.root, ..TracePush::default() });
-        cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
+        for (buffer, reach) in std::iter::once((&self.buffer, reach)).chain(self.sent_on.iter().map(|all| (all, 0.0))) {
+            let mut resources = rays.binds(world).to_vec();
+            resources.extend([&atlas.caches, &live.list, &live.args, buffer].map(Bind::from));
+            cmd.bind(pipeline, &resources);
+            cmd.push(&TracePush { reach, root: rays.root, ..TracePush::default() });
+            cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
+        }
     }
 
     /// The same, drawn.

@@ -62,7 +62,7 @@ impl Gather {
                 let kind = ComputeKind { glossy, shadows, together, bounces, emitted, weight, eyes, near };
                 Self::Compute(Box::new(match (shadows, is_near) {
                     (Shadows::PerLight, true) => {
-                        let images = DepthImages::traced(gpu, world)?;
+                        let images = DepthImages::traced(gpu, world, bounces > 0)?;
                         Compute::with_images(gpu, [caches, vals], &ways, kind, Some(images))?
                     }
                     _ => Compute::new(gpu, caches, vals, &ways, kind)?,
@@ -252,7 +252,7 @@ impl Compute {
             depth_images: self.depth_images.as_ref().map(|images| &images.buffer),
             second_parts: second.map(|(two_eyes, _)| &two_eyes.parts),
         };
-        let primary = |push: &GatherPush| {
+        let primary = |binds: &SumBinds<'_>, push: &GatherPush| {
             binds.bind(cmd, second.map_or(&self.sum, |(two_eyes, _)| &two_eyes.sum));
             cmd.push(push);
             cmd.dispatch_indirect(&self.live.args, 0);
@@ -261,21 +261,23 @@ impl Compute {
             (Some(bounces), Some(albedos)) => {
                 // What caches send on is all that they receive.
                 let of_all = GatherPush { near_begin: -1.0, near_scale: 1e30, ..push };
-                primary(&of_all);
-                let sums = SumBinds { proxies: None, ..binds };
-                let leave_out = || primary(&push);
+                let sent_on = self.depth_images.as_ref().and_then(|images| images.sent_on.as_ref());
+                let of_all_binds = SumBinds { depth_images: sent_on.or(binds.depth_images), ..binds };
+                primary(&of_all_binds, &of_all);
+                let sums = [of_all_binds, binds].map(|binds| SumBinds { proxies: None, ..binds });
+                let leave_out = || primary(&binds, &push);
                 let pushes = [&of_all, &push];
                 let leave_out = self.near.is_some().then_some(&leave_out as &dyn Fn());
                 bounces.record(
                     cmd,
                     (albedos, lit.vals.emitted.as_ref()),
-                    &sums,
+                    [&sums[0], &sums[1]],
                     &lit.proxies.buffer,
                     pushes,
                     leave_out,
                 );
             }
-            _ => primary(&push),
+            _ => primary(&binds, &push),
         }
     }
 }
