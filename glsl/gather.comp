@@ -34,9 +34,6 @@ layout(binding = 6, scalar) coherent buffer Parts { GatherSums parts[]; };
 layout(binding = 7, scalar) writeonly buffer Proxies { Proxy proxies[]; };
 layout(binding = 8, scalar) coherent buffer Arrived { uint arrived[]; }; // parts that are there, of each thread's caches
 #endif
-#ifdef SHADOWED
-layout(binding = 9) uniform samplerBuffer image_texels; // four texels of a row in one
-#endif
 
 #ifdef TWO_EYES
 layout(binding = 10, scalar) coherent buffer SecondParts { GlossySums second_parts[]; };
@@ -44,7 +41,8 @@ layout(binding = 10, scalar) coherent buffer SecondParts { GlossySums second_par
 
 #include "lib/gather.glsl"
 #ifdef SHADOWED
-#include "lib/depth_image.glsl"
+#define IMAGE_BINDING 9
+#include "lib/sees.glsl"
 #endif
 #ifndef SUMS_ALONE
 #include "lib/proxy.glsl"
@@ -75,35 +73,7 @@ FourVals from_memory(uint first) {
 }
 
 #ifdef SHADOWED
-// A cache's depth image and its frame, half a side long.
-struct View {
-    uint image;
-    vec3 right;
-    vec3 up;
-};
-
 View views[CACHES];
-
-View view(uint slot, vec3 normal) {
-    const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
-    View v = View(slot * (DEPTH_IMAGE_TEXELS / 4u), vec3(0.0), vec3(0.0));
-    tangents(normal, v.right, v.up);
-    v.right *= HALF;
-    v.up *= HALF;
-    return v;
-}
-
-// 1 where a cache sees a point, else 0. Points behind it have any of its texels.
-float sees(View v, vec3 d) {
-    const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
-    float d2 = dot(d, d);
-    float inverse = inversesqrt(max(d2, 1e-37));
-    uvec2 at = uvec2(clamp(vec2(dot(v.right, d), dot(v.up, d)) * inverse + HALF, 0.0, 2.0 * HALF - 0.5));
-    vec4 limits = texelFetch(image_texels, int(v.image + (at.y * DEPTH_IMAGE_SIDE + at.x) / 4u));
-    vec2 pair = (at.x & 2u) != 0u ? limits.zw : limits.xy;
-    float limit = (at.x & 1u) != 0u ? pair.y : pair.x;
-    return limit <= inverse ? 1.0 : 0.0;
-}
 #endif
 
 // VALs onto one cache after the other: its sums stay in registers meanwhile.

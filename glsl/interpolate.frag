@@ -171,7 +171,7 @@ void main() {
 #endif
 #ifdef NEAR
     NearPlace place = NearPlace(pixel, light.position, octahedral_decode(vec2(albedo.a, texelFetch(specular_image, pixel, 0).a)));
-    Near near = near_of(place, from);
+    Near near = near_of(place);
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
     // Wide lobes leave all to the caches.

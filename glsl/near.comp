@@ -8,6 +8,7 @@
 #include "lib/hit_light.glsl"
 #include "lib/triangle.glsl"
 #include "lib/depth_image.glsl"
+#include "lib/directions.glsl"
 
 layout(local_size_x = 64) in;
 layout(constant_id = 4) const uint RAYS = 8; // of a pixel
@@ -17,28 +18,32 @@ layout(binding = 13) uniform usampler2D element_image;
 layout(binding = 14, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 15, scalar) readonly buffer Directions { vec3 directions[]; }; // about +z, by cosine
 layout(binding = 16, scalar) writeonly buffer Near { NearPixel near_pixels[]; };
-#ifdef GLOSSY
-layout(binding = 17) uniform sampler2D normal_image;
-layout(binding = 18) uniform sampler2D specular_image;
-#endif
-#ifdef LIT
 layout(constant_id = 6) const uint REFERENCES = 8;
 layout(constant_id = 7) const uint BY_CELLS = 0; // 1: references are those of cells
-layout(binding = 19, scalar) readonly buffer CacheVals { Val cache_vals[]; };
-layout(binding = 20, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
-layout(binding = 21, scalar) readonly buffer Models { InstanceCaches instance_caches[]; };
-#define CELL_BINDINGS 22
+layout(binding = 17, scalar) readonly buffer Radiances { uint radiances[]; }; // of each cache, by directions [cd/m^2]
+layout(binding = 18, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
+layout(binding = 19, scalar) readonly buffer Models { InstanceCaches instance_caches[]; };
+#define CELL_BINDINGS 20
 #include "lib/cells.glsl"
+#ifdef GLOSSY
+layout(binding = 22) uniform sampler2D normal_image;
+layout(binding = 23) uniform sampler2D specular_image;
+#endif
+#ifdef LIT
+#ifdef GLOSSY
+layout(binding = 24, scalar) readonly buffer CacheVals { Val cache_vals[]; };
+#else
+layout(binding = 22, scalar) readonly buffer CacheVals { Val cache_vals[]; };
+#endif
+#endif
 
-// Radiance [cd/m^2] that the caches about a point reflect of what has reached them: a mean by the triangle's corners of the
-// nearest cache of each, or that of the point's cell.
-vec3 cache_radiance(Hit hit) {
-    InstanceCaches model = instance_caches[hit.instance];
+// The nearest cache of each corner of an instance's triangle, or that of the cell which a point of it lies in; NO_REFERENCES
+// where there is none. Vertices are the mesh's.
+uvec3 nearest_caches(uint instance, uvec3 v, vec3 w) {
+    InstanceCaches model = instance_caches[instance];
     if (model.reference_base == NO_REFERENCES) {
-        return vec3(0.0);
+        return uvec3(NO_REFERENCES);
     }
-    uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
-    vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
     uvec3 rows = v;
     if (BY_CELLS != 0u) {
         CellGrid grid = grids[model.grid];
@@ -48,13 +53,36 @@ vec3 cache_radiance(Hit hit) {
         }
         rows = uvec3(row_at(grid, at));
     }
-    vec3 sum = vec3(0.0);
+    uvec3 nearest = uvec3(NO_REFERENCES);
     for (uint i = 0u; i < 3u; ++i) {
         uint reference = rows[i] * REFERENCES;
         uint pair = rows[i] == NO_REFERENCES ? 0xffffffffu : references[model.reference_base + reference / 2u];
         uint index = (reference & 1u) == 0u ? pair & 0xffffu : pair >> 16;
-        if (index != NO_CACHE) {
-            Val val = cache_vals[model.cache_base + index];
+        nearest[i] = index == NO_CACHE ? NO_REFERENCES : model.cache_base + index;
+    }
+    return nearest;
+}
+
+// Radiance [cd/m^2] that arrives along a direction of what is far, by caches with these weights.
+vec3 far_radiance(uvec3 at, vec3 w, vec3 direction) {
+    uint index = direction_index(direction);
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < 3u; ++i) {
+        sum += at[i] == NO_REFERENCES ? vec3(0.0) : w[i] * unpack_radiance(radiances[at[i] * DIRECTIONS + index]);
+    }
+    return sum;
+}
+
+#ifdef LIT
+// Radiance [cd/m^2] that the caches about a point reflect of what has reached them.
+vec3 cache_radiance(Hit hit) {
+    uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
+    vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
+    uvec3 at = nearest_caches(hit.instance, v, w);
+    vec3 sum = vec3(0.0);
+    for (uint i = 0u; i < 3u; ++i) {
+        if (at[i] != NO_REFERENCES) {
+            Val val = cache_vals[at[i]];
             sum += w[i] * val.flux / max(PI * val.area, 1e-30);
         }
     }
@@ -89,7 +117,7 @@ void main() {
     ivec2 size = textureSize(element_image, 0);
     ivec2 pixel = min(ivec2(at * EVERY), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
-    NearPixel found = NearPixel(vec3(0.0), 0xffffffffu, vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0);
+    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0);
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;
@@ -98,8 +126,10 @@ void main() {
     Instance instance = hit_instances[draw.instance];
     vec3 place[3], facing[3];
     vec4 clip[3];
+    uvec3 corners;
     for (uint i = 0u; i < 3u; ++i) {
-        uint vertex = draw.first_vertex + hit_indices[draw.first_index + 3u * element.y + i];
+        corners[i] = hit_indices[draw.first_index + 3u * element.y + i];
+        uint vertex = draw.first_vertex + corners[i];
         place[i] = (instance.world_from_model * vec4(corner_vector(vertex, 0u), 1.0)).xyz;
         facing[i] = mat3(instance.world_from_normal) * corner_vector(vertex, 3u);
         clip[i] = push.clip_from_world * vec4(place[i], 1.0);
@@ -123,7 +153,8 @@ void main() {
     vec3 tangent, bitangent;
     tangents(n, tangent, bitangent);
 
-    found.open = 0u;
+    uvec3 around = nearest_caches(draw.instance, corners, w);
+    found.open = 0.0;
     for (uint i = 0u; i < RAYS; ++i) {
         uint number = i * ALL + subset;
         vec3 local = directions[number];
@@ -131,9 +162,12 @@ void main() {
         // Below the surface itself there is nothing to be seen: such rays are turned up.
         float above = dot(direction, geometric);
         direction -= above < 0.0 ? 2.0 * above * geometric : vec3(0.0);
+        vec3 far = far_radiance(around, w, direction);
+        found.all += far;
         Hit hit = trace(start, direction, lift, push.reach, push.root, 0u, false);
         if (hit.triangle == NO_HIT) {
-            found.open |= 1u << i;
+            found.far += far;
+            found.open += 1.0 / float(RAYS);
             continue;
         }
         // The ray stands for a cone: pi over the number of rays that are taken together.

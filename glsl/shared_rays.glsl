@@ -50,10 +50,16 @@ struct HitTexture {
               // bit 5: texels stay square
 };
 
+// Directions of a cache's light: an octahedral map of the world of so many a side, and all of them.
+const uint DIRECTION_SIDE = 12u;
+const uint DIRECTIONS = 144u;
+
 // What the short rays of a pixel found.
 struct NearPixel {
     vec3 irradiance; // of what they met [lx]
-    uint open; // rays that met nothing, in bits
+    float open; // share of them that met nothing
+    vec3 far; // sum of the caches' radiance along those that met nothing [cd/m^2]
+    vec3 all; // along all of them
     vec3 position; // of the surface
     uint is_surface; // 0: nothing is there
     vec3 normal; // unit vertex normal
@@ -80,6 +86,13 @@ struct TracePush {
     uint height;
     uint light_count;
     uint reflects; // 1: what rays meet reflects the lights
+};
+
+// Push constants of the pass that sorts the light of caches by directions.
+struct DirectionsPush {
+    float near_begin; // as in GatherPush
+    float near_scale;
+    uint together; // VALs that are taken as one
 };
 
 // Push constants of the passes that shade pixels with what short rays have found.

@@ -4,16 +4,18 @@
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::engine::Loaded;
+use lightskin::frame::near::CACHE_REACH;
 use lightskin::frame::{Engine, Look, Near, Picture, Quality, Shadows, View, World};
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::scenes::Shadowed;
 use lightskin::metrics::{Metrics, metrics};
-use lightskin::reference::near::short_rays;
+use lightskin::reference::depth_image::tangents;
+use lightskin::reference::near::{radiances, short_rays};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::world::World as Placed;
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell, cuboid};
-use lightskin::shared::{NEAR_SIDE, NearPixel};
+use lightskin::shared::{Cache, DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, DIRECTIONS, NEAR_SIDE, NearPixel, Val};
 
 use crate::common::frames::{add, baked, phong, shoot, small};
 use crate::common::{assert_clean, gpu};
@@ -54,7 +56,8 @@ fn rays_find_what_f64_finds() {
         let (irradiance, open) = short_rays(&placed, start, [normal; 2], numbers, count, world.spacing());
         rays += 8;
         closed += open.iter().filter(|open| !**open).count();
-        differ += open.iter().enumerate().filter(|(ray, open)| (pixel.open >> ray & 1 == 1) != **open).count();
+        let share = open.iter().filter(|open| **open).count() as f32;
+        differ += (pixel.open * 8.0 - share).abs().round() as usize;
         off += (irradiance - pixel.irradiance.as_dvec3()).length();
         sum += irradiance.length();
     }
@@ -62,6 +65,64 @@ fn rays_find_what_f64_finds() {
     assert!(rays > 8000 && closed * 8 > rays, "{closed} of {rays}");
     assert!(differ * 500 < rays, "{differ} of {rays} rays differ");
     assert!(off < 0.005 * sum, "{off} of {sum}");
+    assert_clean(&gpu);
+}
+
+#[test]
+fn directions_of_light_are_those_of_f64() {
+    let gpu = gpu();
+    let scene = cornell(CornellSurface::Diffuse, 0.1);
+    let caches = baked(&scene, 0.4, 8);
+    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let mut lit = Vec::new();
+    for (shadows, rsm, limit) in [(Shadows::Off, 48, 3e-3), (Shadows::Off, 96, 0.2), (Shadows::PerLight, 48, 3e-3)] {
+        let knobs = Knobs { shadows, rsm, ..near([96, 64]) };
+        let mut frame = Frame::new(&gpu, &scene, &world, &knobs).expect("made");
+        let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
+        let drawn = gpu.frame(|cmd| {
+            frame.record(cmd, &world, &view);
+            Ok(())
+        });
+        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        let light = frame.light.caches().expect("caches");
+        let live = light.gather.live().expect("a list");
+        let list: Vec<u32> = gpu.read(&live.list).expect("read");
+        let count = live.lit(&gpu).expect("read") as usize;
+        let vals: Vec<Val> = gpu.read(&frame.light.vals().expect("VALs").live).expect("read");
+        let val_count: u32 = gpu.read(&frame.light.vals().expect("VALs").live_count).expect("read")[0];
+        let places: Vec<Cache> = gpu.read(&light.atlas.caches).expect("read");
+        let images: Option<Vec<f32>> = light.gather.depth_images().map(|i| gpu.read(&i.buffer).expect("read"));
+        let found: Vec<u32> = gpu.read(light.gather.radiances().expect("directions")).expect("read");
+        let near = CACHE_REACH * world.spacing();
+        let fade = [0.8, 1.2].map(|share: f64| (share * near).powi(2));
+        let (mut off, mut sum) = (0.0, DVec3::ZERO);
+        for (slot, cache) in list[..count].iter().enumerate() {
+            let (position, normal) = (places[*cache as usize].position, places[*cache as usize].normal);
+            let (position, normal) = (position.as_dvec3(), normal.as_dvec3());
+            let [right, up] = tangents(normal);
+            let sees = |d: DVec3| {
+                let Some(images) = &images else { return true };
+                let texel = |axis: DVec3| {
+                    let half = f64::from(DEPTH_IMAGE_SIDE) / 2.0;
+                    (axis.dot(d.normalize()) * half + half).clamp(0.0, 2.0 * half - 0.5) as usize
+                };
+                let at = texel(up) * DEPTH_IMAGE_SIDE as usize + texel(right);
+                f64::from(images[slot * DEPTH_IMAGE_TEXELS as usize + at]) <= 1.0 / d.length()
+            };
+            let expected = radiances(&vals[..val_count as usize], (position, normal), fade, sees);
+            for (direction, expected) in expected.into_iter().enumerate() {
+                let packed = found[*cache as usize * DIRECTIONS as usize + direction];
+                let part = |i: u32| f64::from(packed >> (8 * i) & 0xff);
+                let shown = DVec3::new(part(0), part(1), part(2)) * 2.0_f64.powi((packed >> 24) as i32 - 135);
+                off += (shown - expected).length();
+                sum += expected;
+            }
+        }
+        println!("{shadows:?}, {rsm} texels: {count} caches, off by {:.5}", off / sum.length());
+        assert!(count > 20 && off < limit * sum.length(), "{off} of {sum}");
+        lit.push(sum.length());
+    }
+    assert!(lit[2] < 0.99 * lit[0], "something hides light: {lit:?}");
     assert_clean(&gpu);
 }
 

@@ -1,14 +1,11 @@
 // What short rays have found around a pixel, of its own and its neighbours'. METHOD 11. Whoever includes this has the push
-// constants of NearPush. Bindings 12 and 13 are its own. Twin: src/reference/near.rs.
+// constants of NearPush. Binding 12 is its own. Twin: src/reference/near.rs.
 #ifndef NEAR_GLSL
 #define NEAR_GLSL
-#include "lib/depth_image.glsl"
 #include "lib/octahedral.glsl"
 
-layout(constant_id = 2) const uint RAYS = 8; // of a pixel with rays
-layout(constant_id = 3) const uint EVERY = 2; // pixels and rows from one with rays to the next
+layout(constant_id = 2) const uint EVERY = 2; // pixels and rows from one with rays to the next
 layout(binding = 12, scalar) readonly buffer NearPixels { NearPixel near_pixels[]; };
-layout(binding = 13, scalar) readonly buffer Directions { vec3 directions[]; }; // about +z, by cosine
 
 // A pixel's surface.
 struct NearPlace {
@@ -19,30 +16,23 @@ struct NearPlace {
 
 struct Near {
     vec3 irradiance; // of what rays met [lx]
-    float open; // share of the rays about a direction that met nothing
+    vec3 open; // share of the caches' light that comes along rays that met nothing
 #ifndef DIFFUSE_ONLY
     vec3 glossy; // of a narrow lobe's rays [cd/m^2]
 #endif
 };
 
-// Rays within a lobe about a direction say whether it is open: cos^4.
-float near_lobe(float c) {
-    c = max(c, 0.0);
-    c *= c;
-    return c * c;
-}
-
 // Pixels with rays around one, along a side: NEAR_SIDE, and a ramp at either end.
 const int NEAR_WINDOW = int(NEAR_SIDE) + 2;
 
 // What the rays of the pixels around one found; any NEAR_SIDE^2 of these in a square have all directions. The window is as wide
-// as that with soft ends, so that all directions count alike. Pixels on other surfaces count for next to nothing. `asked`: the
-// direction that caches' light comes from.
-Near near_of(NearPlace at, vec3 asked) {
+// as that with soft ends, so that all directions count alike. Pixels on other surfaces count for next to nothing.
+Near near_of(NearPlace at) {
     Near sum;
     sum.irradiance = vec3(0.0);
+    vec3 far = vec3(0.0);
+    vec3 all = vec3(0.0);
     float open = 0.0;
-    float all = 0.0;
     float weights = 0.0;
 #ifndef DIFFUSE_ONLY
     sum.glossy = vec3(0.0);
@@ -78,18 +68,13 @@ Near near_of(NearPlace at, vec3 asked) {
         blur += shares[j] * p.blur;
         blurred += shares[j];
 #endif
-        vec3 tangent, bitangent;
-        tangents(p.normal, tangent, bitangent);
-        vec3 local = vec3(dot(asked, tangent), dot(asked, bitangent), dot(asked, p.normal));
-        uint subset = uint(other.y) % NEAR_SIDE * NEAR_SIDE + uint(other.x) % NEAR_SIDE;
-        for (uint i = 0u; i < RAYS; ++i) {
-            float lobe = weight * near_lobe(dot(directions[i * NEAR_SIDE * NEAR_SIDE + subset], local));
-            all += lobe;
-            open += (p.open >> i & 1u) != 0u ? lobe : 0.0;
-        }
+        far += weight * p.far;
+        all += weight * p.all;
+        open += weight * p.open;
     }
     sum.irradiance /= max(weights, 1e-30);
-    sum.open = all > 0.0 ? open / all : 1.0;
+    // Where the nearest caches have no light the others' comes from anywhere.
+    sum.open = mix(vec3(open / max(weights, 1e-30)), far / max(all, 1e-30), greaterThan(all, vec3(0.0)));
 #ifndef DIFFUSE_ONLY
     // Each pixel has one direction of the lobe: all are taken alike, as far away as what is mirrored looks the same.
     blur /= max(blurred, 1e-30);

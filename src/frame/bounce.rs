@@ -21,7 +21,7 @@ pub struct Bounces {
     /// The caches as VALs, padded with dark ones to whole tiles.
     pub(super) vals: Buffer,
     /// Their number before padding.
-    val_count: Buffer,
+    pub(super) val_count: Buffer,
     /// By what the light of all caches is multiplied at each.
     pub scales: Buffer,
     /// Parts that the caches' VALs are split into; they lie before those of the primary lights.

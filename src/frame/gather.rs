@@ -6,6 +6,7 @@
 
 use super::bounce::Bounces;
 use super::depth_images::DepthImages;
+use super::directions::Directions;
 use super::gather_clusters::Clusters;
 use super::gather_draws::Draws;
 use super::live::{Items, Live, new_parts, parts_of, split_of};
@@ -95,6 +96,11 @@ impl Gather {
         if let Self::Compute(by) = self { by.depth_images.as_ref() } else { None }
     }
 
+    /// The light of caches by directions, where short rays ask for it.
+    pub fn radiances(&self) -> Option<&Buffer> {
+        if let Self::Compute(by) = self { Some(&by.near.as_ref()?.directions.radiances) } else { None }
+    }
+
     /// The VALs that caches are, where caches light caches.
     pub(super) fn cache_vals(&self) -> Option<&Buffer> {
         if let Self::Compute(by) = self { by.bounces.as_ref().map(|bounces| &bounces.vals) } else { None }
@@ -126,8 +132,18 @@ pub struct Compute {
     pub depth_images: Option<DepthImages>,
     /// Only where caches light caches.
     pub bounces: Option<Bounces>,
-    /// What is nearer than this \[m\] is left to short rays; 0: nothing.
-    near: f32,
+    /// Only where what is near is left to short rays.
+    near: Option<ToRays>,
+}
+
+/// What is left to short rays.
+struct ToRays {
+    /// Squared distances between which VALs fade in [m^2].
+    fade: [f32; 2],
+    /// What they ask for.
+    directions: Directions,
+    /// VALs that are taken as one.
+    together: u32,
 }
 
 /// A gather for two eyes at once, which share position and form factor.
@@ -166,6 +182,10 @@ impl Compute {
         let further = bounces > 0;
         let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind)).transpose()?;
         let parts = parts_of(vals, split) + bounces.as_ref().map_or(0, |bounces| bounces.parts);
+        let to_rays = |()| -> Result<ToRays> {
+            let directions = Directions::new(gpu, caches, shadows == Shadows::PerLight, bounces.is_some())?;
+            Ok(ToRays { fade: [0.8, 1.2].map(|share| (share * near).powi(2)), directions, together })
+        };
         let two_eyes = || -> Result<TwoEyes> {
             let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;
             Ok(TwoEyes {
@@ -186,8 +206,8 @@ impl Compute {
                 ways,
                 SumKind { glossy, shadows, together, proxies: !further, two_eyes: false, near: is_near },
             )?,
+            near: is_near.then_some(()).map(to_rays).transpose()?,
             depth_images,
-            near,
             bounces,
             live,
         })
@@ -204,6 +224,9 @@ impl Compute {
             let second = self.two_eyes.as_ref().and_then(|two_eyes| Some((two_eyes, runs.next()?)));
             self.record_run(cmd, lit, run, second);
         }
+        if let Some(ToRays { fade, directions, together }) = &self.near {
+            directions.record(cmd, lit, self, *fade, *together);
+        }
     }
 
     /// For one eye, or for two: first proxy and position of each.
@@ -215,8 +238,7 @@ impl Compute {
         second: Option<(&TwoEyes, (u32, Vec4))>,
     ) {
         let (second_proxy, second_eye) = second.map_or((0, Vec4::ZERO), |(_, run)| run);
-        // VALs fade in about that distance.
-        let [begin, end] = [0.8, 1.2].map(|share| (share * self.near).powi(2));
+        let [begin, end] = self.near.as_ref().map_or([-1.0, 0.0], |near| near.fade);
         let push = GatherPush {
             cache_count: lit.atlas.count,
             first: 0,
@@ -253,7 +275,7 @@ impl Compute {
                 let sums = SumBinds { proxies: None, ..binds };
                 let leave_out = || primary(&push);
                 let pushes = [&of_all, &push];
-                let leave_out = (self.near > 0.0).then_some(&leave_out as &dyn Fn());
+                let leave_out = self.near.is_some().then_some(&leave_out as &dyn Fn());
                 bounces.record(
                     cmd,
                     (albedos, lit.vals.emitted.as_ref()),

@@ -5,7 +5,7 @@
 
 use super::atlas::Atlas;
 use super::gbuffer::Surface;
-use super::near::{NearPixels, NearRays};
+use super::near::NearPixels;
 use super::plan::Plan;
 use super::proxies::Proxies;
 use super::settings::{self, Near};
@@ -80,7 +80,7 @@ impl Interpolate {
         // Pixels look for so many references each; without, vertices have done so.
         let (of_pixels, references) = (world.references_of_pixels(), world.references_each as u32);
         let constants = [references, u32::from(plan.glossy), printed];
-        let (per_pixel, every) = plan.near.rays();
+        let (_, every) = plan.near.rays();
         Ok(Self {
             average: of_pixels.is_none().then(|| gpu.compute("average.comp", &constants)).transpose()?,
             shade: gpu.raster(&Raster {
@@ -101,7 +101,7 @@ impl Interpolate {
                 blend: Blend::Replace,
                 depth: Depth::None,
                 cull: Cull::None,
-                constants: &[printed, references, per_pixel, every][..if plan.near == Near::Off { 2 } else { 4 }],
+                constants: &[printed, references, every][..if plan.near == Near::Off { 2 } else { 3 }],
             })?,
         })
     }
@@ -113,11 +113,11 @@ impl Interpolate {
         world: &World,
         atlas: &Atlas,
         proxies: &Proxies,
-        near: Option<&NearRays>,
+        near: bool,
         views: impl Iterator<Item = Shaded<'a>> + Clone,
     ) {
         if let Some(average) = &self.average {
-            if near.is_none() {
+            if !near {
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead); // proxies, visible vertices -> here
             }
             for Shaded { view, visible, first_proxy, .. } in views.clone() {
@@ -147,15 +147,7 @@ impl Interpolate {
         }
     }
 
-    fn shade(
-        &self,
-        cmd: &Cmd<'_>,
-        world: &World,
-        atlas: &Atlas,
-        proxies: &Proxies,
-        near: Option<&NearRays>,
-        shaded: Shaded<'_>,
-    ) {
+    fn shade(&self, cmd: &Cmd<'_>, world: &World, atlas: &Atlas, proxies: &Proxies, near: bool, shaded: Shaded<'_>) {
         let Shaded { view, surface, visible, near: found, out, first_proxy } = shaded;
         let Some(element) = surface.element.as_ref().map(Bind::from) else { return };
         let draws = (&world.draw_records).into();
@@ -185,16 +177,16 @@ impl Interpolate {
             specular,
         ];
         let all = if self.average.is_some() { &by_vertices[..] } else { &by_cells };
-        let near = near.zip(found);
+        let near = found.filter(|_| near);
         let used = all.len() - usize::from(out.glossy.is_none() && near.is_none());
         let mut resources = all[..used].to_vec();
-        resources.extend(near.iter().flat_map(|(rays, found)| [Bind::from(&found.pixels), (&rays.directions).into()]));
+        resources.extend(near.map(|found| Bind::from(&found.pixels)));
         let reach = world.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);
         cmd.render(&Attachments { colors: &out.cleared(), depth: None, area: surface.area() }, |draw| {
             draw.bind(&self.shade, &resources);
             let View { clip_from_world, eye, .. } = *view;
             match near {
-                Some((_, NearPixels { size: [width, height], .. })) => {
+                Some(NearPixels { size: [width, height], .. }) => {
                     let (width, height) = (*width, *height);
                     draw.push(&NearPush { clip_from_world, eye, reach, first_proxy, width, height });
                 }

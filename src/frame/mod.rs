@@ -14,6 +14,7 @@ pub mod composite;
 pub mod cull;
 pub mod depth_images;
 pub mod direct;
+mod directions;
 pub mod engine;
 pub mod gather;
 pub mod gather_clusters;

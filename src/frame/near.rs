@@ -78,7 +78,7 @@ impl NearRays {
             (true, true) => "near_glossy_lit.comp",
         };
         Ok(Some(Self {
-            pipeline: gpu.compute(name, &constants[..if lit { 8 } else { 6 }])?,
+            pipeline: gpu.compute(name, &constants)?,
             glossy: plan.glossy,
             reflects: plan.reflects,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
@@ -88,19 +88,20 @@ impl NearRays {
         }))
     }
 
-    /// Records the pass for views, what they see, and what comes out; `caches` are the VALs that caches are, where surfaces
-    /// reflect their light, too. Unless it `waits` all of these have been waited for.
+    /// Records the pass for views, what they see, and what comes out, with the light of caches by directions; `lit` are the
+    /// VALs that caches are, where surfaces reflect their light, too. Unless it `waits` all of these have been waited for.
     pub(super) fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
         world: &World,
-        caches: Option<&Buffer>,
+        radiances: &Buffer,
+        lit: Option<&Buffer>,
         waits: bool,
         views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)>,
     ) {
         let Some(rays) = world.rays() else { return };
         if waits {
-            // What is seen, caches, proxies -> here and the next pass.
+            // What is seen, caches, their light -> here and the next pass.
             cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
         }
         for (view, surface, out) in views {
@@ -108,11 +109,11 @@ impl NearRays {
             let mut resources = rays.binds(world).to_vec();
             resources.extend([Bind::from(&world.light_buffer), element.into()]);
             resources.extend([&world.draw_records, &self.directions, &out.pixels].map(Bind::from));
+            let (grids, entries) = world.cells.as_ref().map_or((radiances, radiances), |c| (&c.grids, &c.entries));
+            let of_caches = [radiances, &world.references, &world.instance_caches, grids, entries];
+            resources.extend(of_caches.map(Bind::from));
             resources.extend([&surface.normal, &surface.specular].map(Bind::from).iter().filter(|_| self.glossy));
-            if let Some(caches) = caches {
-                let (grids, entries) = world.cells.as_ref().map_or((caches, caches), |c| (&c.grids, &c.entries));
-                resources.extend([caches, &world.references, &world.instance_caches, grids, entries].map(Bind::from));
-            }
+            resources.extend(lit.map(Bind::from));
             cmd.bind(&self.pipeline, &resources);
             let [width, height] = out.size;
             cmd.push(&TracePush {

@@ -116,14 +116,15 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         }
         if let (true, Some(near)) = (some_surface || outdated.proxies, &caches.near) {
             let _zone = enter(plan::NEAR); // 8
-            let seen = shown().filter(|(_, p)| p.outdated.surface || light.plan.bounces > 0);
-            let seen = seen.filter_map(|(view, p)| Some((view, &p.surface, p.near.as_ref()?)));
-            // Where elements were listed or RSMs drawn all images have been waited for, as caches have been; with cells nothing
-            // reads proxies before pixels do.
-            let listed = shown().any(|(_, p)| p.outdated.visible);
-            let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
-            let lit = caches.gather.cache_vals();
-            near.record(cmd, world, lit, world.cells.is_none() || !(listed || drawn), seen);
+            let seen = shown().filter_map(|(view, p)| Some((view, &p.surface, p.near.as_ref()?)));
+            if let Some(radiances) = caches.gather.radiances() {
+                // Where elements were listed or RSMs drawn all images have been waited for, as light has been by what dims it;
+                // with cells nothing reads proxies before pixels do.
+                let gathered = outdated.proxies && (world.cells.is_none() || caches.occlude.is_none());
+                let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
+                let waits = gathered || !(drawn || shown().any(|(_, p)| p.outdated.visible));
+                near.record(cmd, world, radiances, caches.gather.cache_vals(), waits, seen);
+            }
         }
         let shaded = || {
             views.iter().enumerate().filter(|(_, (_, p))| p.outdated.indirect && !p.is_empty()).filter_map(
@@ -136,7 +137,7 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         };
         if shaded().next().is_some() {
             let _zone = enter(plan::INTERPOLATE); // 8
-            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, caches.near.as_ref(), shaded());
+            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, caches.near.is_some(), shaded());
         }
     }
     if let (IndirectLight::BruteForce(brute_force), Some(rsm)) = (&light.indirect, &light.rsm)

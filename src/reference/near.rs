@@ -4,6 +4,7 @@ use super::depth_image::tangents;
 use super::light::facing_irradiance;
 use super::world::{Sides, Surface, World};
 use crate::scene::{Light, LightKind};
+use crate::shared::{DIRECTION_SIDE, DIRECTIONS, Val};
 use glam::DVec3;
 use std::f64::consts::PI;
 
@@ -12,6 +13,38 @@ pub fn direction(i: u32, count: u32) -> DVec3 {
     let r2 = (f64::from(i) + 0.5) / f64::from(count);
     let angle = f64::from(i) * PI * (3.0 - 5.0_f64.sqrt());
     DVec3::new(r2.sqrt() * angle.cos(), r2.sqrt() * angle.sin(), (1.0 - r2).sqrt())
+}
+
+/// Which of the directions of a cache's light one lies in: the unit vector on the octahedron |x| + |y| + |z| = 1, whose lower
+/// half is folded out around the upper one.
+pub fn direction_index(way: DVec3) -> usize {
+    let on = way / way.abs().element_sum();
+    let fold = |a: f64, b: f64| if on.z < 0.0 { (1.0 - b.abs()).copysign(if a < 0.0 { -1.0 } else { 1.0 }) } else { a };
+    let texel =
+        |a: f64| ((a + 1.0) / 2.0 * f64::from(DIRECTION_SIDE)).clamp(0.0, f64::from(DIRECTION_SIDE - 1)) as usize;
+    texel(fold(on.y, on.x)) * DIRECTION_SIDE as usize + texel(fold(on.x, on.y))
+}
+
+/// Mean radiance [cd/m^2] that arrives at a point from each of the directions, of VALs between whose squared distances
+/// `fade` [m^2] they begin to count; `sees` says of the way to one whether nothing is in it.
+pub fn radiances(
+    vals: &[Val],
+    (position, normal): (DVec3, DVec3),
+    fade: [f64; 2],
+    sees: impl Fn(DVec3) -> bool,
+) -> Vec<DVec3> {
+    let mut sums = vec![DVec3::ZERO; DIRECTIONS as usize];
+    for val in vals {
+        let (at, facing, flux, area) = (val.position, val.normal, val.flux, val.area);
+        let d = at.as_dvec3() - position;
+        let (squared, way) = (d.length_squared(), d.normalize_or_zero());
+        let cosine = -facing.as_dvec3().dot(way);
+        if cosine > 0.0 && normal.dot(way) > 0.0 && sees(d) {
+            let share = ((squared - fade[0]) / (fade[1] - fade[0])).clamp(0.0, 1.0);
+            sums[direction_index(way)] += flux.as_dvec3() * (share * cosine / (f64::from(area) + PI * squared));
+        }
+    }
+    sums.into_iter().map(|sum| sum / (4.0 * PI / f64::from(DIRECTIONS))).collect()
 }
 
 /// Radiance [cd/m^2] that a surface reflects diffusely of all punctual lights.

@@ -1,0 +1,31 @@
+// The light of a cache by where it comes from: an octahedral map of the world. METHOD 11. Twin: src/reference/near.rs.
+#ifndef DIRECTIONS_GLSL
+#define DIRECTIONS_GLSL
+#include "lib/octahedral.glsl"
+
+// Which texel of the map a unit direction lies in.
+uint direction_index(vec3 direction) {
+    vec2 at = (octahedral_encode(direction) * 0.5 + 0.5) * float(DIRECTION_SIDE);
+    uvec2 texel = uvec2(clamp(at, vec2(0.0), vec2(float(DIRECTION_SIDE) - 0.5)));
+    return texel.y * DIRECTION_SIDE + texel.x;
+}
+
+// A radiance in 32 bits: 8 a channel, and their exponent. 0 stays 0, and so does what is below 1e-37.
+uint pack_radiance(vec3 radiance) {
+    float most = max(radiance.x, max(radiance.y, radiance.z));
+    if (!(most > 1e-37)) {
+        return 0u;
+    }
+    int exponent;
+    frexp(min(most, 1e38), exponent);
+    // Their largest is rounded to 255 at most.
+    uvec3 parts = uvec3(min(ldexp(radiance, ivec3(8 - exponent)) + 0.5, 255.0));
+    return parts.x | parts.y << 8 | parts.z << 16 | uint(exponent + 127) << 24;
+}
+
+vec3 unpack_radiance(uint packed_) {
+    vec3 parts = vec3(packed_ & 0xffu, packed_ >> 8 & 0xffu, packed_ >> 16 & 0xffu);
+    return ldexp(parts, ivec3(int(packed_ >> 24) - 127 - 8));
+}
+
+#endif

@@ -1,0 +1,36 @@
+// What a cache sees, by its depth image. METHOD 6. Includer declares `IMAGE_BINDING`.
+#ifndef SEES_GLSL
+#define SEES_GLSL
+#include "lib/depth_image.glsl"
+
+layout(binding = IMAGE_BINDING) uniform samplerBuffer image_texels; // four texels of a row in one
+
+// A cache's depth image and its frame, half a side long.
+struct View {
+    uint image;
+    vec3 right;
+    vec3 up;
+};
+
+View view(uint slot, vec3 normal) {
+    const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
+    View v = View(slot * (DEPTH_IMAGE_TEXELS / 4u), vec3(0.0), vec3(0.0));
+    tangents(normal, v.right, v.up);
+    v.right *= HALF;
+    v.up *= HALF;
+    return v;
+}
+
+// 1 where a cache sees a point, else 0. Points behind it have any of its texels.
+float sees(View v, vec3 d) {
+    const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
+    float d2 = dot(d, d);
+    float inverse = inversesqrt(max(d2, 1e-37));
+    uvec2 at = uvec2(clamp(vec2(dot(v.right, d), dot(v.up, d)) * inverse + HALF, 0.0, 2.0 * HALF - 0.5));
+    vec4 limits = texelFetch(image_texels, int(v.image + (at.y * DEPTH_IMAGE_SIDE + at.x) / 4u));
+    vec2 pair = (at.x & 2u) != 0u ? limits.zw : limits.xy;
+    float limit = (at.x & 1u) != 0u ? pair.y : pair.x;
+    return limit <= inverse ? 1.0 : 0.0;
+}
+
+#endif
