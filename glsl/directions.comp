@@ -95,14 +95,12 @@ void main() {
         );
     }
     barrier();
-    // Each texel has about as much of the sphere.
-    const float OF_ALL = 4.0 * PI / float(DIRECTIONS);
     for (uint direction = thread; direction < DIRECTIONS; direction += THREADS) {
         vec3 sum = vec3(0.0);
         for (uint i = 0u; i < THREADS; ++i) {
             uint at = direction * 3u * THREADS + i;
             sum += vec3(sums[at], sums[at + THREADS], sums[at + 2u * THREADS]);
         }
-        radiances[cache * DIRECTIONS + direction] = pack_radiance(sum / OF_ALL);
+        radiances[cache * DIRECTIONS + direction] = pack_radiance(sum / direction_solid_angle(direction));
     }
 }

@@ -174,8 +174,10 @@ void main() {
     Near near = near_of(pixel, light.position, geometric);
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
-    // Wide lobes leave all to the caches.
-    out_glossy = vec4(specular.rgb * (normal_exponent.w >= NEAR_SHARP ? near.glossy : lobe * g), 0.0);
+    // Wide lobes and very narrow ones are those of rays; directions of caches are too coarse for those between.
+    float k = normal_exponent.w;
+    float by_caches = k < NEAR_SHARP ? smoothstep(3.0, 5.0, log2(max(k, 1.0))) : 0.0;
+    out_glossy = vec4(specular.rgb * mix(near.glossy, lobe * g, by_caches), 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
     out_glossy = vec4(specular.rgb * lobe * g, 0.0);

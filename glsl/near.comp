@@ -1,6 +1,6 @@
 // Stage 8, first: rays of one cache spacing from surfaces that pixels show. What they meet gives its light, and
 // hides what caches say of that direction. A pixel has few rays; a square of NEAR_SIDE^2 pixels has all directions, which
-// the next pass takes together. A narrow glossy lobe has one ray more, without end. METHOD 11.
+// the next pass takes together. A glossy lobe has one ray more. METHOD 11.
 // variant near_glossy.comp: GLOSSY (where a material has a glossy lobe)
 // variant near_lit.comp: LIT (where surfaces reflect the light of caches, too)
 // variant near_glossy_lit.comp: GLOSSY LIT (both)
@@ -104,6 +104,18 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
     return sum;
 }
 
+#ifdef GLOSSY
+// What of a direction's radiance a lobe takes, over how often such directions are chosen: by the cosine, and by the lobe.
+// Veach and Guibas 1995, balance heuristic.
+float lobe_share(vec3 direction, vec3 n, vec3 own, vec3 mirrored, float k) {
+    const uint ALL = NEAR_SIDE * NEAR_SIDE;
+    float power = cosine_power(max(dot(direction, mirrored), 0.0), k);
+    float by_cosine = float(RAYS) * max(dot(direction, n), 0.0) / PI;
+    float by_lobe = (k + 1.0) / (2.0 * PI) * power;
+    return (k + 2.0) / (2.0 * PI) * power * max(dot(direction, own), 0.0) / max(by_cosine + by_lobe, 1e-30);
+}
+#endif
+
 void main() {
     // Threads side by side have the same directions: they go the same way through the hierarchy.
     const uint ALL = NEAR_SIDE * NEAR_SIDE;
@@ -154,6 +166,13 @@ void main() {
     tangents(n, tangent, bitangent);
 
     uvec3 around = nearest_caches(draw.instance, corners, w);
+#ifdef GLOSSY
+    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
+    vec3 own = normal_exponent.xyz;
+    vec3 mirrored = reflect(-towards_eye, own);
+    float k = normal_exponent.w;
+    bool is_glossy = texelFetch(specular_image, pixel, 0).rgb != vec3(0.0);
+#endif
     found.open = 0.0;
     for (uint i = 0u; i < RAYS; ++i) {
         uint number = i * ALL + subset;
@@ -165,39 +184,46 @@ void main() {
         vec3 far = far_radiance(around, w, direction);
         found.all += far;
         Hit hit = trace(start, direction, lift, push.reach, push.root, 0u, false);
+        vec3 arrives = vec3(0.0);
         if (hit.triangle == NO_HIT) {
             found.far += far;
             found.open += 1.0 / float(RAYS);
-            continue;
+        } else {
+            // The ray stands for a cone: pi over the number of rays that are taken together.
+            arrives = met_radiance(hit, start, direction, 2.0 * inversesqrt(float(RAYS * ALL)), number);
+            found.irradiance += arrives;
         }
-        // The ray stands for a cone: pi over the number of rays that are taken together.
-        found.irradiance += met_radiance(hit, start, direction, 2.0 * inversesqrt(float(RAYS * ALL)), number);
+#ifdef GLOSSY
+        float share = is_glossy ? lobe_share(direction, n, own, mirrored, k) : 0.0;
+        if (share > 0.0) {
+            found.glossy += share * (hit.triangle == NO_HIT ? far : arrives);
+        }
+#endif
     }
     found.irradiance *= PI / float(RAYS);
 #ifdef GLOSSY
-    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
-    if (normal_exponent.w >= NEAR_SHARP && texelFetch(specular_image, pixel, 0).rgb != vec3(0.0)) {
-        // Directions as many as the lobe's power of the cosine wants; what is left of it is the weight.
-        float k = normal_exponent.w;
-        vec3 own = normal_exponent.xyz;
-        vec3 mirrored = reflect(-towards_eye, own);
+    if (is_glossy) {
+        // One of the directions of the lobe, of as many as pixels share. What is too narrow for caches has no end.
         float up = pow((float(subset) + 0.5) / float(ALL), 1.0 / (k + 1.0));
         float angle = float(subset) * 2.39996323;
         float aside = sqrt(max(1.0 - up * up, 0.0));
         tangents(mirrored, tangent, bitangent);
         vec3 direction = tangent * (aside * cos(angle)) + bitangent * (aside * sin(angle)) + mirrored * up;
+        float far = push.reach;
+        float width = inversesqrt(0.5 * (k + 1.0));
         if (dot(direction, geometric) > 0.0) {
-            Hit hit = trace(start, direction, lift, 3e38, push.root, 0u, false);
-            float width = inversesqrt(0.5 * (k + 1.0));
+            bool sharp = k >= NEAR_SHARP;
+            Hit hit = trace(start, direction, lift, sharp ? 3e38 : push.reach, push.root, 0u, false);
+            vec3 arrives = sharp ? vec3(0.0) : far_radiance(around, w, direction);
             if (hit.triangle != NO_HIT) {
-                float weight = (k + 2.0) / (k + 1.0) * max(dot(direction, own), 0.0);
-                found.glossy = weight * met_radiance(hit, start, direction, 0.25 * width, subset);
+                arrives = met_radiance(hit, start, direction, 0.25 * width, subset);
+                far = hit.distance;
             }
-            found.is_sharp = 1u;
-            // Seen from the next pixel the mirrored scene moves by as much as the pixel does.
-            float far = hit.triangle != NO_HIT ? hit.distance : push.reach;
-            found.blur = width * far / (1.0 + far / max(from_eye, 1e-30));
+            found.glossy += arrives * lobe_share(direction, n, own, mirrored, k);
         }
+        found.is_glossy = 1u;
+        // Seen from the next pixel the mirrored scene moves by as much as the pixel does.
+        found.blur = width * far / (1.0 + far / max(from_eye, 1e-30));
     }
 #endif
     near_pixels[at.y * push.width + at.x] = found;

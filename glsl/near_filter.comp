@@ -56,7 +56,7 @@ void main() {
         all += weight * p.all;
         open += weight * p.open;
 #ifdef GLOSSY
-        shares[j] = p.is_sharp != 0u ? weight : 0.0;
+        shares[j] = p.is_glossy != 0u ? weight : 0.0;
         blur += shares[j] * p.blur;
         blurred += shares[j];
 #endif

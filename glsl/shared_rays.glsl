@@ -63,8 +63,8 @@ struct NearPixel {
     vec3 position; // of the surface
     uint is_surface; // 0: nothing is there
     vec3 normal; // unit vertex normal
-    vec3 glossy; // what the lobe's ray met, times its weight [cd/m^2]
-    uint is_sharp; // 1: the lobe has a ray
+    vec3 glossy; // what a lobe takes of all rays, as its mean [cd/m^2]
+    uint is_glossy; // 1: there is a lobe
     float blur; // how far away other pixels' rays of the lobe say the same [m]
 };
 
@@ -73,7 +73,7 @@ struct NearLight {
     vec3 irradiance; // of what they met [lx]
     uint is_surface; // 0: nothing is there
     vec3 open; // share of the caches' light that comes along rays that met nothing
-    vec3 glossy; // of a narrow lobe's rays [cd/m^2]
+    vec3 glossy; // what a lobe takes [cd/m^2]
     vec3 position; // of the surface
     vec3 normal; // unit vertex normal
 };

@@ -2,19 +2,19 @@
 //! stale or broken however it is combined.
 
 use glam::{DAffine3, DVec3, Vec3};
-use lightskin::bake::CacheSet;
+use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
 use lightskin::frame::{Engine, Look, Near, Picture, Quality, Shadows, View, World};
 use lightskin::lab::knobs::{Frame, Knobs};
-use lightskin::lab::scenes::Shadowed;
+use lightskin::lab::scenes::{Shadowed, measured};
 use lightskin::metrics::{Metrics, metrics};
 use lightskin::reference::depth_image::tangents;
 use lightskin::reference::near::{radiances, short_rays};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::world::World as Placed;
-use lightskin::scene::Scene;
-use lightskin::scene::build::{CornellSurface, cornell, cuboid};
+use lightskin::scene::build::{CornellSurface, atrium, cornell, cuboid};
+use lightskin::scene::{Phong, Scene};
 use lightskin::shared::{
     Cache, DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, DIRECTIONS, NEAR_SIDE, NearLight, NearPixel, Val,
 };
@@ -216,6 +216,45 @@ fn what_stands_nearby_is_nearer_to_paths() {
         .map(|near_is| against(&scene, &caches, &Knobs { near: near_is, ..near([128, 72]) }, &truth).relmse_trimmed);
     println!("relMSE without the worst 1 %: {off:.4} by caches alone, {on:.4} with rays");
     assert!(on < 0.8 * off, "{on} against {off}");
+}
+
+#[test]
+fn wide_lobes_have_the_light_of_paths() {
+    let mut scene = atrium();
+    for material in &mut scene.materials {
+        material.phong = Some(Phong { specular: Vec3::splat(0.3), exponent: 4.0 });
+    }
+    let settings = BakeSettings { density: Density::Count(1000), angle: 30f32.to_radians(), references: 8 };
+    let caches = bake(&scene, &settings, &|_, _| ()).expect("baked");
+    let settings = PathTraceSettings { size: [96, 54], bounces: 1, ..PathTraceSettings::default() };
+    let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
+    (0..64).for_each(|_| paths.pass());
+    let [off, on] = [Near::Off, RAYS].map(|near_is| {
+        let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { near: near_is, ..near([96, 54]) });
+        let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
+        metrics(&shown, &paths.glossy())
+    });
+    println!("lobes: bias: {:+.4} by caches alone, {:+.4} with rays", off.bias, on.bias);
+    assert!(on.bias.abs() < 0.15 && off.bias.abs() > 0.3, "{on:?} against {off:?}");
+}
+
+/// What a sealed room gets of the light of a lit one beside it, which in truth is nothing, as a share of what that has.
+#[test]
+fn a_sealed_room_stays_dark() {
+    let gpu = gpu();
+    let settings = BakeSettings { density: Density::Count(1000), angle: 30f32.to_radians(), references: 8 };
+    for (name, scene) in measured().into_iter().filter(|(name, _)| name.starts_with("dark")) {
+        let caches = bake(&scene, &settings, &|_, _| ()).expect("baked");
+        for (bounces, limit) in [(1, 0.02), (4, 0.035)] {
+            let knobs = Knobs { bounces, ..near([64, 36]) };
+            let [dark, lit] = [0, 1].map(|camera| {
+                let seen = Scene { cameras: vec![scene.cameras[camera].clone()], ..scene.clone() };
+                shoot(&gpu, &seen, Some(&caches), &knobs).diffuse.iter().map(|d| d.element_sum()).sum::<f64>()
+            });
+            println!("{name}, {bounces} bounces: {:.2} %", 100.0 * dark / lit);
+            assert!(dark < limit * lit, "{name}, {bounces} bounces: {dark} of {lit}");
+        }
+    }
 }
 
 #[test]

@@ -10,6 +10,16 @@ uint direction_index(vec3 direction) {
     return texel.y * DIRECTION_SIDE + texel.x;
 }
 
+// Solid angle of a texel [sr]: of its square of the octahedron, at its middle.
+float direction_solid_angle(uint index) {
+    const float STEP = 2.0 / float(DIRECTION_SIDE);
+    vec2 at = abs((vec2(index % DIRECTION_SIDE, index / DIRECTION_SIDE) + 0.5) * STEP - 1.0);
+    at = at.x + at.y > 1.0 ? 1.0 - at.yx : at;
+    vec3 on = vec3(at, 1.0 - at.x - at.y);
+    float d2 = dot(on, on);
+    return STEP * STEP * inversesqrt(d2) / d2;
+}
+
 // A radiance in 32 bits: 8 a channel, and their exponent. 0 stays 0, and so does what is below 1e-37.
 uint pack_radiance(vec3 radiance) {
     float most = max(radiance.x, max(radiance.y, radiance.z));

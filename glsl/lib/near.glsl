@@ -11,7 +11,7 @@ layout(binding = 12, scalar) readonly buffer NearLights { NearLight near_lights[
 struct Near {
     vec3 irradiance; // of what rays met [lx]
     vec3 open; // share of the caches' light that comes along rays that met nothing
-    vec3 glossy; // of a narrow lobe's rays [cd/m^2]
+    vec3 glossy; // what a lobe takes of their light and the caches' [cd/m^2]
 };
 
 // At a pixel, by the place of its surface and the unit normal of its triangle. Pixels on other surfaces count for next to

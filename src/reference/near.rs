@@ -25,6 +25,17 @@ pub fn direction_index(way: DVec3) -> usize {
     texel(fold(on.y, on.x)) * DIRECTION_SIDE as usize + texel(fold(on.x, on.y))
 }
 
+/// Solid angle \[sr\] of the square of the octahedron that one of the directions stands for, as if all of it were its middle.
+pub fn solid_angle(index: usize) -> f64 {
+    let side = f64::from(DIRECTION_SIDE);
+    let middle = |i: usize| (i as f64 + 0.5) / side * 2.0 - 1.0;
+    let (x, y) = (middle(index % DIRECTION_SIDE as usize), middle(index / DIRECTION_SIDE as usize));
+    let z = 1.0 - x.abs() - y.abs();
+    let on = if z < 0.0 { DVec3::new(1.0 - y.abs(), 1.0 - x.abs(), z) } else { DVec3::new(x, y, z) };
+    // The face's own area is sqrt(3) of its picture's, and is seen under a cosine of 1 / (sqrt(3) |on|).
+    (2.0 / side).powi(2) / on.length().powi(3)
+}
+
 /// Mean radiance [cd/m^2] that arrives at a point from each of the directions, of VALs between whose squared distances
 /// `fade` [m^2] they begin to count; `sees` says of the way to one whether nothing is in it.
 pub fn radiances(
@@ -44,7 +55,7 @@ pub fn radiances(
             sums[direction_index(way)] += flux.as_dvec3() * (share * cosine / (f64::from(area) + PI * squared));
         }
     }
-    sums.into_iter().map(|sum| sum / (4.0 * PI / f64::from(DIRECTIONS))).collect()
+    sums.into_iter().enumerate().map(|(i, sum)| sum / solid_angle(i)).collect()
 }
 
 /// Radiance [cd/m^2] that a surface reflects diffusely of all punctual lights.
