@@ -6,6 +6,7 @@ use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
 use lightskin::frame::{Engine, Look, Near, Picture, Quality, Shadows, View, World};
+use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::lab::scenes::{Shadowed, measured};
 use lightskin::metrics::{Metrics, metrics};
@@ -28,6 +29,18 @@ fn near(size: [u32; 2]) -> Knobs {
     Knobs { size, near: RAYS, shadows: Shadows::PerLight, rsm: 96, shadow_map: 1024, ..small() }
 }
 
+/// A frame that has been drawn once, without complaints.
+fn drawn(gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> Frame {
+    let mut frame = Frame::new(gpu, scene, world, knobs).expect("made");
+    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
+    let drawn = gpu.frame(|cmd| {
+        frame.record(cmd, world, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    frame
+}
+
 #[test]
 fn rays_find_what_f64_finds() {
     let gpu = gpu();
@@ -35,13 +48,7 @@ fn rays_find_what_f64_finds() {
     let caches = baked(&scene, 0.4, 8);
     let knobs = near([96, 64]);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    let mut frame = Frame::new(&gpu, &scene, &world, &knobs).expect("made");
-    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-    let drawn = gpu.frame(|cmd| {
-        frame.record(cmd, &world, &view);
-        Ok(())
-    });
-    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    let frame = drawn(&gpu, &scene, &world, &knobs);
     let found = frame.picture.near.as_ref().expect("rays");
     let pixels: Vec<NearPixel> = gpu.read(&found.pixels).expect("read");
     let placed = Placed::new(&scene);
@@ -79,13 +86,7 @@ fn directions_of_light_are_those_of_f64() {
     let mut lit = Vec::new();
     for (shadows, rsm, limit) in [(Shadows::Off, 48, 3e-3), (Shadows::Off, 96, 0.2), (Shadows::PerLight, 48, 3e-3)] {
         let knobs = Knobs { shadows, rsm, ..near([96, 64]) };
-        let mut frame = Frame::new(&gpu, &scene, &world, &knobs).expect("made");
-        let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-        let drawn = gpu.frame(|cmd| {
-            frame.record(cmd, &world, &view);
-            Ok(())
-        });
-        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        let frame = drawn(&gpu, &scene, &world, &knobs);
         let light = frame.light.caches().expect("caches");
         let live = light.gather.live().expect("a list");
         let list: Vec<u32> = gpu.read(&live.list).expect("read");
@@ -135,13 +136,7 @@ fn neighbours_share_their_rays() {
     let caches = baked(&scene, 0.4, 8);
     let knobs = near([96, 64]);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    let mut frame = Frame::new(&gpu, &scene, &world, &knobs).expect("made");
-    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-    let drawn = gpu.frame(|cmd| {
-        frame.record(cmd, &world, &view);
-        Ok(())
-    });
-    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    let frame = drawn(&gpu, &scene, &world, &knobs);
     let found = frame.picture.near.as_ref().expect("rays");
     let pixels: Vec<NearPixel> = gpu.read(&found.pixels).expect("read");
     let lights: Vec<NearLight> = gpu.read(&found.lights).expect("read");
@@ -286,13 +281,7 @@ fn rays_find_what_has_moved() {
     let caches = baked(&scene, 0.4, 8);
     let knobs = near([48, 32]);
     let picture = |world: &World| {
-        let mut frame = Frame::new(&gpu, &scene, world, &knobs).expect("made");
-        let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-        let drawn = gpu.frame(|cmd| {
-            frame.record(cmd, world, &view);
-            Ok(())
-        });
-        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        let frame = drawn(&gpu, &scene, world, &knobs);
         gpu.read_image::<f32>(&frame.picture.indirect.as_ref().expect("indirect").diffuse).expect("read")
     };
     let mut world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");

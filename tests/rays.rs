@@ -424,19 +424,22 @@ fn rays_meet_what_the_f64_tracer_meets_in_the_atrium() {
     assert_eq!(check("atrium", &atrium(), RAYS).holes, 0);
 }
 
+/// Rays read as the other kind of device reads them, and with a larger stack, are the same; a stack that is too small loses
+/// hits: what was compared is able to differ.
+fn needs_its_stack(tracer: &Tracer, scene: &Scene, too_small: u32) {
+    let rays = random_rays(tracer, scene, 20_000);
+    let plain = tracer.trace(&rays, Asked::default());
+    assert_eq!(plain, tracer.trace(&rays, Asked { other_way: true, ..Asked::default() }));
+    assert_eq!(plain, tracer.trace(&rays, Asked { stack: Some(64), ..Asked::default() }));
+    assert_ne!(plain, tracer.trace(&rays, Asked { stack: Some(too_small), ..Asked::default() }));
+}
+
 #[test]
 fn rays_meet_turned_and_mirrored_bodies() {
     let scene = bodies();
     let count = check("bodies", &scene, RAYS);
     assert!(count.holes == 0 && count.glow > 1000, "{count:?}");
-    // The same, read as the other kind of device reads it, and with a larger stack.
-    let tracer = Tracer::new(&scene);
-    let rays = random_rays(&tracer, &scene, 20_000);
-    let plain = tracer.trace(&rays, Asked::default());
-    assert_eq!(plain, tracer.trace(&rays, Asked { other_way: true, ..Asked::default() }));
-    assert_eq!(plain, tracer.trace(&rays, Asked { stack: Some(64), ..Asked::default() }));
-    // One that is too small loses hits: what was compared is able to differ.
-    assert_ne!(plain, tracer.trace(&rays, Asked { stack: Some(1), ..Asked::default() }));
+    needs_its_stack(&Tracer::new(&scene), &scene, 1);
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Two levels: what may move is met where it is, as if all had been built anew, and no box leaves out what it is about.
 
-use super::{Asked, Count, RAYS, Tracer, bodies, check, compared, direction, numbers, random_rays};
+use super::{Asked, Count, RAYS, Tracer, bodies, check, compared, direction, needs_its_stack, numbers, random_rays};
 use crate::common::data;
 use crate::common::frames::{add, phong};
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3, dvec3, vec3};
@@ -63,11 +63,7 @@ fn rays_meet_what_may_move_turned_and_mirrored() {
     let count = check("movable", &scene, RAYS);
     assert!(count.holes == 0 && count.glow > 1000, "{count:?}");
     let tracer = Tracer::new(&scene);
-    let rays = random_rays(&tracer, &scene, 20_000);
-    let plain = tracer.trace(&rays, Asked::default());
-    assert_eq!(plain, tracer.trace(&rays, Asked { other_way: true, ..Asked::default() }));
-    assert_eq!(plain, tracer.trace(&rays, Asked { stack: Some(64), ..Asked::default() }));
-    assert_ne!(plain, tracer.trace(&rays, Asked { stack: Some(2), ..Asked::default() }));
+    needs_its_stack(&tracer, &scene, 2);
     let [_, levels, ..] = tracer.world.rays().expect("rays").constants(&tracer.gpu);
     assert_eq!(levels, 2);
 }
