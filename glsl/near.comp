@@ -178,10 +178,10 @@ void main() {
         uint number = i * ALL + subset;
         vec3 local = directions[number];
         vec3 direction = tangent * local.x + bitangent * local.y + n * local.z;
-        // Below the surface itself there is nothing to be seen: such rays are turned up.
+        vec3 far = far_radiance(around, w, direction);
+        // Below the surface itself there is nothing to be seen: such rays are turned up. Caches know vertex normals alone.
         float above = dot(direction, geometric);
         direction -= above < 0.0 ? 2.0 * above * geometric : vec3(0.0);
-        vec3 far = far_radiance(around, w, direction);
         found.all += far;
         Hit hit = trace(start, direction, lift, push.reach, push.root, 0u, false);
         vec3 arrives = vec3(0.0);
