@@ -33,12 +33,14 @@ layout(binding = 8, scalar) readonly buffer Scales { float scales[]; };
 // A map of each thread.
 shared float sums[3u * DIRECTIONS * THREADS];
 
-// Adds what a VAL sends to a cache, through a surface that faces it.
-void add(Cache c, Val val, vec3 flux
+// The workgroup's.
+Cache c;
 #ifdef SHADOWED
-         , View view
+View seen_by;
 #endif
-) {
+
+// Adds what a VAL with this flux sends to the cache, through a surface that faces it.
+void add(Val val, vec3 flux) {
     vec3 d = val.position - c.position;
     float d2 = dot(d, d);
     float inverse = inversesqrt(max(d2, 1e-37));
@@ -48,7 +50,7 @@ void add(Cache c, Val val, vec3 flux
         return;
     }
 #ifdef SHADOWED
-    share *= sees(view, d);
+    share *= sees(seen_by, d);
 #endif
     vec3 e = flux * (share * cosine / max(val.area + PI * d2, 1e-37));
     uint at = direction_index(d * inverse) * 3u * THREADS + gl_LocalInvocationID.x;
@@ -67,18 +69,14 @@ void main() {
         sums[i * THREADS + thread] = 0.0;
     }
     uint cache = live[slot];
-    Cache c = caches[cache];
+    c = caches[cache];
 #ifdef SHADOWED
-    View view = view(slot, c.normal);
+    seen_by = view(slot, c.normal);
 #endif
 #ifdef BOUNCES
     for (uint i = thread; i < cache_val_count; i += THREADS) {
         Val val = cache_vals[i];
-        add(c, val, val.flux * scales[slot]
-#ifdef SHADOWED
-            , view
-#endif
-        );
+        add(val, val.flux * scales[slot]);
     }
 #endif
     // Neighbours in an RSM lie in about the same direction. The list is padded with dark ones.
@@ -88,11 +86,7 @@ void main() {
         for (uint i = 1u; i < push.together; ++i) {
             flux += vals[first + i].flux;
         }
-        add(c, val, flux
-#ifdef SHADOWED
-            , view
-#endif
-        );
+        add(val, flux);
     }
     barrier();
     for (uint direction = thread; direction < DIRECTIONS; direction += THREADS) {

@@ -20,10 +20,11 @@ float direction_solid_angle(uint index) {
     return STEP * STEP * inversesqrt(d2) / d2;
 }
 
-// A radiance in 32 bits: 8 a channel, and their exponent. 0 stays 0, and so does what is below 1e-37.
+// A radiance in 32 bits: 8 a channel, and their exponent. What is below 1e-35 is 0: powers of two
+// have an end, too.
 uint pack_radiance(vec3 radiance) {
     float most = max(radiance.x, max(radiance.y, radiance.z));
-    if (!(most > 1e-37)) {
+    if (!(most > 1e-35)) {
         return 0u;
     }
     int exponent;

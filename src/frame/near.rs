@@ -22,9 +22,7 @@ pub struct NearRays {
     /// Whether what rays meet reflects the lights.
     reflects: bool,
     /// All directions about +z that neighbours share, ray after ray of each.
-    pub directions: Buffer,
-    /// Rays of a pixel that has some.
-    pub per_pixel: u32,
+    directions: Buffer,
     /// Pixels and rows from one with rays to the next.
     pub every: u32,
     /// How far they reach \[m\].
@@ -86,7 +84,6 @@ impl NearRays {
             glossy: plan.glossy,
             reflects: plan.reflects,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
-            per_pixel,
             every,
             reach: (PIXEL_REACH * world.spacing()) as f32,
         }))
