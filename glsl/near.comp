@@ -129,7 +129,7 @@ void main() {
     ivec2 size = textureSize(element_image, 0);
     ivec2 pixel = min(ivec2(at * EVERY), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
-    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0);
+    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0, 1.0);
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;
@@ -211,15 +211,21 @@ void main() {
         vec3 direction = tangent * (aside * cos(angle)) + bitangent * (aside * sin(angle)) + mirrored * up;
         float far = push.reach;
         float width = inversesqrt(0.5 * (k + 1.0));
-        if (dot(direction, geometric) > 0.0) {
-            bool sharp = k >= NEAR_SHARP;
-            Hit hit = trace(start, direction, lift, sharp ? 3e38 : push.reach, push.root, 0u, false);
-            vec3 arrives = sharp ? vec3(0.0) : far_radiance(around, w, direction);
-            if (hit.triangle != NO_HIT) {
+        bool sharp = k >= NEAR_SHARP;
+        bool endless = sharp || push.sky != 0u;
+        float above = dot(direction, geometric);
+        // The sky asks all directions of the lobe what is open.
+        vec3 way = direction - (above < 0.0 ? 2.0 * above * geometric : vec3(0.0));
+        if (above > 0.0 || push.sky != 0u) {
+            Hit hit = trace(start, way, lift, endless ? 3e38 : push.reach, push.root, 0u, false);
+            bool met = hit.triangle != NO_HIT;
+            found.sky = met ? 0.0 : 1.0;
+            far = met ? hit.distance : far;
+            vec3 arrives = sharp || above <= 0.0 ? vec3(0.0) : far_radiance(around, w, direction);
+            if (above > 0.0 && met && (sharp || hit.distance <= push.reach)) {
                 arrives = met_radiance(hit, start, direction, 0.25 * width, subset);
-                far = hit.distance;
             }
-            found.glossy += arrives * lobe_share(direction, n, own, mirrored, k);
+            found.glossy += above > 0.0 ? arrives * lobe_share(direction, n, own, mirrored, k) : vec3(0.0);
         }
         found.is_glossy = 1u;
         // Seen from the next pixel the mirrored scene moves by as much as the pixel does.

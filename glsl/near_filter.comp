@@ -20,7 +20,7 @@ void main() {
     }
     uint index = uint(at.y) * push.width + uint(at.x);
     NearPixel own = near_pixels[index];
-    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal);
+    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal, 0.0);
     if (own.is_surface == 0u) {
         near_lights[index] = sum;
         return;
@@ -77,9 +77,11 @@ void main() {
             float share = shares[j] / (1.0 + of_blur * of_blur);
             lobe_weights += share;
             sum.glossy += share * p.glossy;
+            sum.sky += share * p.sky;
         }
     }
     sum.glossy /= max(lobe_weights, 1e-37);
+    sum.sky /= max(lobe_weights, 1e-37);
 #endif
     near_lights[index] = sum;
 }

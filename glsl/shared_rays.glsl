@@ -54,6 +54,27 @@ struct HitTexture {
 const uint DIRECTION_SIDE = 12u;
 const uint DIRECTIONS = 144u;
 
+// A grid of a sky, by longitude and latitude.
+struct SkyLevel {
+    uint first; // of all texels
+    uint width;
+    uint height;
+    float turn; // about +Y [rad]
+};
+
+// Which grid is which: irradiance by normal; the sky itself; after it what Phong lobes take of it, the first with an exponent of
+// SKY_EXPONENT / 2, each next with half of the exponent before, so many of them. Caches look it up through one of these.
+const uint SKY_IRRADIANCE = 0u;
+const uint SKY_ITSELF = 1u;
+const float SKY_EXPONENT = 4096.0;
+const uint SKY_LOBES = 12u;
+const uint SKY_OF_CACHES = 5u;
+
+// Push constants of the pass that finds what caches see of the sky.
+struct SkySeenPush {
+    float least; // below which light from all around says nothing of shares [lx]
+};
+
 // What the short rays of a pixel found.
 struct NearPixel {
     vec3 irradiance; // of what they met [lx]
@@ -66,6 +87,7 @@ struct NearPixel {
     vec3 glossy; // what a lobe takes of all rays, as its mean [cd/m^2]
     uint is_glossy; // 1: there is a lobe
     float blur; // how far away other pixels' rays of the lobe say the same [m]
+    float sky; // 1: the ray of the lobe meets nothing however far it goes
 };
 
 // What the short rays around a pixel found together.
@@ -76,6 +98,7 @@ struct NearLight {
     vec3 glossy; // what a lobe takes [cd/m^2]
     vec3 position; // of the surface
     vec3 normal; // unit vertex normal
+    float sky; // share of the lobe's rays that meet nothing however far they go
 };
 
 // Where the caches of what rays meet are found.
@@ -96,6 +119,7 @@ struct TracePush {
     uint height;
     uint light_count;
     uint reflects; // 1: what rays meet reflects the lights
+    uint sky; // 1: there is one beyond everything that a lobe's ray may see
 };
 
 // Push constants of the pass that takes the rays of pixels together.

@@ -21,6 +21,8 @@ pub struct NearRays {
     glossy: bool,
     /// Whether what rays meet reflects the lights.
     reflects: bool,
+    /// Whether a sky is beyond everything.
+    sky: bool,
     /// All directions about +z that neighbours share, ray after ray of each.
     directions: Buffer,
     /// Pixels and rows from one with rays to the next.
@@ -83,6 +85,7 @@ impl NearRays {
             filter: gpu.compute(if plan.glossy { "near_filter_glossy.comp" } else { "near_filter.comp" }, &[])?,
             glossy: plan.glossy,
             reflects: plan.reflects,
+            sky: plan.sky_light,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
             every,
             reach: (PIXEL_REACH * world.spacing()) as f32,
@@ -126,6 +129,7 @@ impl NearRays {
                 height,
                 light_count: world.lights().len() as u32,
                 reflects: u32::from(self.reflects),
+                sky: u32::from(self.sky),
             });
             // A workgroup has 8 x 8 pixels of the same directions.
             let block = NEAR_SIDE * 8;

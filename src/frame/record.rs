@@ -113,6 +113,11 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 let _zone = enter(plan::OCCLUDE); // 7
                 occlude.record(cmd, atlas, caches.gather.live(), proxies, eyes.len());
             }
+            if let (Some((seen, _)), Some(sky), Some(live)) = (&caches.sky, &world.sky_light, caches.gather.live()) {
+                let _zone = enter(plan::SKY_SEEN); // 6
+                let of_gather = (caches.gather.depth_images(), caches.gather.radiances());
+                seen.record(cmd, (world, sky), atlas, live, of_gather, outdated.depth_images);
+            }
         }
         if let (true, Some(near)) = (some_surface || outdated.proxies, &caches.near) {
             let _zone = enter(plan::NEAR); // 8
@@ -122,7 +127,7 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 // with cells nothing reads proxies before pixels do.
                 let listed = shown().any(|(_, p)| p.outdated.visible);
                 let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
-                let lit = outdated.proxies && caches.occlude.is_none();
+                let lit = outdated.proxies && (caches.occlude.is_none() || caches.sky.is_some());
                 let waits = world.cells.is_none() || !(listed || drawn) || lit;
                 near.record(cmd, world, radiances, caches.gather.cache_vals(), waits, seen);
             }
@@ -138,7 +143,15 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         };
         if shaded().next().is_some() {
             let _zone = enter(plan::INTERPOLATE); // 8
-            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, caches.near.is_some(), shaded());
+            let seen = caches.sky.as_ref().map(|(seen, _)| &seen.seen);
+            let waited = caches.near.is_some();
+            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, (waited, seen), shaded());
+        }
+        if let (true, Some((seen, shading)), Some(sky)) = (some_surface, &caches.sky, &world.sky_light) {
+            let _zone = enter(plan::SKY_LIGHT); // 8
+            // Radiance of an earlier frame has it already.
+            let views = shaded().filter(|shaded| surfaces().any(|(_, surface)| std::ptr::eq(surface, shaded.surface)));
+            shading.record(cmd, (world, sky), &caches.atlas, &seen.seen, views);
         }
     }
     if let (IndirectLight::BruteForce(brute_force), Some(rsm)) = (&light.indirect, &light.rsm)

@@ -62,13 +62,13 @@ impl Sky {
     }
 
     /// Solid angle \[sr\] of a texel of a row.
-    pub(super) fn solid_angle(&self, row: usize) -> f64 {
+    pub(crate) fn solid_angle(&self, row: usize) -> f64 {
         let edge = |row: usize| (PI * row as f64 / f64::from(self.height)).cos();
         TAU / f64::from(self.width) * (edge(row) - edge(row + 1))
     }
 
     /// Unit direction towards the middle of a texel.
-    pub(super) fn direction(&self, column: usize, row: usize) -> DVec3 {
+    pub(crate) fn direction(&self, column: usize, row: usize) -> DVec3 {
         let latitude = PI * (row as f64 + 0.5) / f64::from(self.height);
         let longitude = TAU * ((column as f64 + 0.5) / f64::from(self.width) - 0.5) - self.turn;
         DVec3::new(latitude.sin() * longitude.sin(), latitude.cos(), -latitude.sin() * longitude.cos())

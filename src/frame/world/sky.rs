@@ -1,10 +1,12 @@
-//! A sky's radiance on the device. Its light is that of directional lights (`scene::sky`).
+//! A sky on the device: as it is seen, and as surfaces receive it.
 
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::scene::sky::Sky;
+use crate::scene::sky_filter;
+use crate::shared::SkyLevel;
 
-/// A sky on the device.
+/// A sky that is seen.
 pub struct SkyBuffer {
     /// Radiances, row by row.
     pub texels: Buffer,
@@ -21,5 +23,40 @@ impl SkyBuffer {
     pub fn new(gpu: &Gpu, sky: &Sky) -> Result<Self> {
         let texels = gpu.buffer_from("scene.sky", &sky.texels)?;
         Ok(Self { texels, width: sky.width, height: sky.height, turn: sky.turn as f32 })
+    }
+}
+
+/// A sky that lights surfaces, as grids: irradiance by normal, the sky itself, and what ever wider lobes take of it.
+pub struct SkyLight {
+    /// Where each grid is.
+    pub levels: Buffer,
+    /// Texels of all.
+    pub texels: Buffer,
+    /// Part of the light that comes from all around, below which a cache's own share of it says nothing \[lx\].
+    pub(in crate::frame) least: f32,
+}
+
+/// Most columns of the sky itself, as mirrors show it.
+const MOST_COLUMNS: u32 = 2048;
+
+impl SkyLight {
+    /// Works out the grids, and uploads them.
+    ///
+    /// # Errors
+    /// What the device has no memory for.
+    pub fn new(gpu: &Gpu, sky: &Sky) -> Result<Self> {
+        let mut grids = vec![sky_filter::irradiance(sky), sky_filter::halved(sky, MOST_COLUMNS)];
+        grids.extend(sky_filter::lobes(sky));
+        let (mut levels, mut texels) = (Vec::new(), Vec::new());
+        for grid in &grids {
+            let first = texels.len() as u32;
+            levels.push(SkyLevel { first, width: grid.width, height: grid.height, turn: grid.turn as f32 });
+            texels.extend_from_slice(&grid.texels);
+        }
+        Ok(Self {
+            levels: gpu.buffer_from("scene.sky_levels", &levels)?,
+            texels: gpu.buffer_from("scene.sky_light", &texels)?,
+            least: (1e-4 * sky.illuminance().max_element() / 4.0) as f32,
+        })
     }
 }

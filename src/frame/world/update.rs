@@ -152,7 +152,9 @@ impl Dynamic {
         let grows = |i| scene.animates(&[Quantity::Cone], i);
         (self.infos, self.lights, self.views) = lights::prepare_with(&scene.lights, areas, origin, half, grows);
         if let Some(sky) = &scene.sky {
-            self.infos[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as f64);
+            for light in &mut self.infos[sky.lights.clone()] {
+                (light.sharing, light.of_sky) = (sky.lights.len() as f64, true);
+            }
         }
     }
 
