@@ -41,6 +41,7 @@ mod nets;
 mod normal_maps;
 mod occlude;
 mod path_trace;
+mod path_trace_sky;
 mod proxies;
 mod quality;
 mod rays;

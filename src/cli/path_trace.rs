@@ -42,11 +42,13 @@ pub(super) struct PathTraceArgs {
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum SourcesArg {
-    /// Punctual lights: surfaces that emit show, and light nothing.
+    /// Punctual lights: surfaces that emit and the sky show, and light nothing.
     Punctual,
     /// Surfaces that emit.
     Surfaces,
-    /// Both.
+    /// The sky.
+    Sky,
+    /// All of them.
     All,
 }
 
@@ -72,6 +74,7 @@ impl PathTraceArgs {
                 None if self.no_visibility => Sources::Punctual,
                 Some(SourcesArg::Punctual) => Sources::Punctual,
                 Some(SourcesArg::Surfaces) => Sources::Surfaces,
+                Some(SourcesArg::Sky) => Sources::Sky,
                 Some(SourcesArg::All) | None => Sources::All,
             },
             seed: self.seed,
@@ -105,9 +108,7 @@ pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture:
         }
     };
     let is_done = |trace: &PathTrace<'_>| {
-        // Direct light from punctual lights is exact without any sample.
-        let is_exact = settings.bounces == 0 && settings.sources == Sources::Punctual;
-        is_exact || trace.samples() >= args.spp || args.noise.is_some_and(|noise| trace.noise() <= noise)
+        trace.is_exact() || trace.samples() >= args.spp || args.noise.is_some_and(|noise| trace.noise() <= noise)
     };
     signals::in_order(|stop| {
         while !is_done(&trace) && trace.pass_unless(stop) {

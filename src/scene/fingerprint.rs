@@ -34,6 +34,10 @@ impl Scene {
         ] {
             add(text.as_bytes());
         }
+        if let Some(sky) = &self.sky {
+            add(format!("{}x{} {} {:?}", sky.width, sky.height, sky.turn, sky.lights).as_bytes());
+            add(bytemuck::cast_slice(&sky.texels));
+        }
         hasher.finalize()
     }
 }

@@ -6,7 +6,7 @@
 
 use super::studio::Backdrop;
 use super::{Light, LightKind, Scene, luminance};
-use glam::{DVec3, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
@@ -69,18 +69,29 @@ impl Sky {
 
     /// Unit direction towards the middle of a texel.
     pub(crate) fn direction(&self, column: usize, row: usize) -> DVec3 {
-        let latitude = PI * (row as f64 + 0.5) / f64::from(self.height);
-        let longitude = TAU * ((column as f64 + 0.5) / f64::from(self.width) - 0.5) - self.turn;
+        self.direction_at(DVec2::new(column as f64 + 0.5, row as f64 + 0.5))
+    }
+
+    /// Unit direction towards a place on the grid \[texels\], from its first column and row.
+    pub fn direction_at(&self, place: DVec2) -> DVec3 {
+        let latitude = PI * place.y / f64::from(self.height);
+        let longitude = TAU * (place.x / f64::from(self.width) - 0.5) - self.turn;
         DVec3::new(latitude.sin() * longitude.sin(), latitude.cos(), -latitude.sin() * longitude.cos())
+    }
+
+    /// Where on the grid \[texels\] a unit direction leads.
+    pub fn place(&self, direction: DVec3) -> DVec2 {
+        // Straight up and down every longitude is right.
+        let level = direction.x != 0.0 || direction.z != 0.0;
+        let longitude = if level { direction.x.atan2(-direction.z) } else { 0.0 } + self.turn;
+        let across = (longitude / TAU + 0.5).rem_euclid(1.0);
+        let down = direction.y.clamp(-1.0, 1.0).acos() / PI;
+        DVec2::new(across * f64::from(self.width), down * f64::from(self.height))
     }
 
     /// Radiance [cd/m^2] from a unit direction, between the middles of texels; twin of glsl/sky.frag.
     pub fn radiance(&self, direction: DVec3) -> DVec3 {
-        // Straight up and down every longitude is right.
-        let level = direction.x != 0.0 || direction.z != 0.0;
-        let longitude = if level { direction.x.atan2(-direction.z) } else { 0.0 } + self.turn;
-        let x = (longitude / TAU + 0.5).rem_euclid(1.0) * f64::from(self.width) - 0.5;
-        let y = direction.y.clamp(-1.0, 1.0).acos() / PI * f64::from(self.height) - 0.5;
+        let DVec2 { x, y } = self.place(direction) - 0.5;
         let texel = |column: f64, row: f64| {
             let column = column.rem_euclid(f64::from(self.width)) as usize;
             let row = row.clamp(0.0, f64::from(self.height - 1)) as usize;

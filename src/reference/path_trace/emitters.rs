@@ -37,7 +37,8 @@ struct Beam {
 }
 
 impl Emitters {
-    pub(super) fn new(world: &World<'_>, punctual: bool, surfaces: bool) -> Self {
+    /// Those of these lights of the scene, and of its surfaces where they are wanted.
+    pub(super) fn new<'l>(world: &World<'_>, lights: impl Iterator<Item = &'l Light>, surfaces: bool) -> Self {
         let scene = world.scene();
         let (low, high) = scene.bounds().unwrap_or_default();
         let centre = 0.5 * (low + high);
@@ -50,7 +51,7 @@ impl Emitters {
             let disc = (centre - 2.0 * world.radius * axis, world.radius);
             Beam { light: light.clone(), axis, cone, disc, share: 0.0 }
         };
-        let mut beams: Vec<Beam> = if punctual { scene.lights.iter().map(beam).collect() } else { Vec::new() };
+        let mut beams: Vec<Beam> = lights.map(beam).collect();
         let powers: Vec<f64> = beams.iter().map(Beam::power).collect();
         let chosen = running_shares(&powers);
         for (i, beam) in beams.iter_mut().enumerate() {
@@ -211,7 +212,7 @@ impl Cone {
 }
 
 /// Running sums of shares of the whole; empty where there is nothing.
-fn running_shares(powers: &[f64]) -> Vec<f64> {
+pub(super) fn running_shares(powers: &[f64]) -> Vec<f64> {
     let total: f64 = powers.iter().sum();
     if total <= 0.0 {
         return vec![0.0; powers.len()];
@@ -227,7 +228,7 @@ fn running_shares(powers: &[f64]) -> Vec<f64> {
 }
 
 /// The index whose share `u` in [0, 1) falls into.
-fn choose(sums: &[f64], u: f64) -> Option<usize> {
+pub(super) fn choose(sums: &[f64], u: f64) -> Option<usize> {
     let last = *sums.last()?;
     (last > 0.0).then(|| sums.partition_point(|sum| *sum <= u * last))
 }

@@ -1,13 +1,14 @@
 //! The truth that the engine is held against: light paths drawn at random over the same scene, materials, lights and
 //! camera, without caches, VALs, proxies or interpolation. METHOD 0, Veach 1997.
 //!
-//! Each vertex of a path draws a direction from its surface's lobes and a point from the lights' own rays, weighted by
-//! the balance heuristic. Pixels are looked at through their centres, as the engine does. Sequences are Owen-scrambled
+//! Each vertex of a path draws a direction from its surface's lobes, a point from the lights' own rays, a point of a
+//! surface that emits and a direction of the sky, weighted by the balance heuristic. Pixels are looked at through their centres, as the engine does. Sequences are Owen-scrambled
 //! Sobol points: two per pixel, for even and odd passes, so that their difference tells the noise.
 
 mod emitters;
 mod file;
 mod scatter;
+mod sky;
 
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -21,6 +22,7 @@ use super::world::{Hit, Sides, Surface, World};
 use crate::scene::{Camera, Projection, Scene};
 use emitters::Emitters;
 use scatter::Scatter;
+use sky::SkyLight;
 
 /// Samples per pixel of a pass.
 pub const PASS_SAMPLES: u32 = 16;
@@ -48,11 +50,14 @@ pub struct PathTraceSettings {
 /// Where light comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sources {
-    /// Punctual lights; surfaces that emit show, and light nothing.
+    /// Punctual lights; surfaces that emit and the sky show, and light nothing. Without visibility those that stand for
+    /// the sky are among them.
     Punctual,
     /// Surfaces that emit.
     Surfaces,
-    /// Both.
+    /// The sky.
+    Sky,
+    /// All of them.
     All,
 }
 
@@ -73,6 +78,7 @@ impl Default for PathTraceSettings {
 pub struct PathTrace<'a> {
     world: World<'a>,
     emitters: Emitters,
+    sky: Option<SkyLight<'a>>,
     settings: PathTraceSettings,
     camera: &'a Camera,
     /// Hash of all that the samples depend on.
@@ -85,7 +91,7 @@ pub struct PathTrace<'a> {
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Pixel {
-    /// Sum over samples of directly reflected radiance from surfaces that emit.
+    /// Sum over samples of directly reflected radiance from surfaces that emit and the sky.
     direct: [f64; 3],
     /// Sum over samples of the diffuse lobe's indirect radiance.
     diffuse: [f64; 3],
@@ -112,11 +118,21 @@ impl<'a> PathTrace<'a> {
             "without visibility there is one bounce of punctual lights"
         );
         let world = World::new(scene);
-        let punctual = settings.sources != Sources::Surfaces;
-        let emitters = Emitters::new(&world, punctual, settings.sources != Sources::Punctual);
+        let has = |sources| settings.sources == sources || settings.sources == Sources::All;
+        // VALs know the sky by the lights that stand for it alone.
+        let stand_ins = scene.sky.as_ref().filter(|_| settings.visibility).map_or(0..0, |sky| sky.lights.clone());
+        let lights = scene.lights.iter().enumerate().filter(|(index, _)| !stand_ins.contains(index));
+        let lights = lights.map(|(_, light)| light).filter(|_| has(Sources::Punctual));
+        let emitters = Emitters::new(&world, lights, has(Sources::Surfaces));
+        let sky = scene.sky.as_ref().filter(|_| has(Sources::Sky)).and_then(SkyLight::new);
         let pixels = vec![Pixel::default(); settings.size[0] as usize * settings.size[1] as usize];
         let key = file::key(scene, camera, settings);
-        Self { world, emitters, settings: *settings, camera, key, pixels, samples: 0 }
+        Self { world, emitters, sky, settings: *settings, camera, key, pixels, samples: 0 }
+    }
+
+    /// Whether the picture has no noise, whatever the number of samples: that of punctual lights' direct light.
+    pub fn is_exact(&self) -> bool {
+        self.settings.bounces == 0 && self.sky.is_none() && !self.emitters.has_surfaces()
     }
 
     /// Adds [`PASS_SAMPLES`] samples to every pixel, on all cores.
@@ -249,7 +265,7 @@ impl<'a> PathTrace<'a> {
     }
 
     /// Follows one path from a lobe of the surface that a pixel shows; adds its indirect radiance, and gives the direct
-    /// radiance from surfaces that emit.
+    /// radiance from surfaces that emit and the sky.
     fn path(&self, mut at: Scatter, seed: u32, sample: u32, indirect: &mut DVec3) -> DVec3 {
         let (world, settings) = (&self.world, &self.settings);
         let from_surfaces = self.emitters.has_surfaces();
@@ -258,12 +274,15 @@ impl<'a> PathTrace<'a> {
         for depth in 0..=settings.bounces {
             let random = |set| sample_4d(sample, set, mix(seed.wrapping_add(depth))).map(f64::from);
             let is_last = depth == settings.bounces;
-            if is_last && !from_surfaces {
+            if is_last && !from_surfaces && self.sky.is_none() {
                 break;
             }
             let layer = if depth == 0 { &mut direct } else { &mut *indirect };
             if from_surfaces {
                 *layer += throughput * self.by_surface_point(&at, random(1));
+            }
+            if let Some(sky) = &self.sky {
+                *layer += throughput * self.by_sky(sky, &at, random(3));
             }
             if !is_last {
                 *indirect += throughput * self.by_lit_surface(&at, random(2));
@@ -286,7 +305,14 @@ impl<'a> PathTrace<'a> {
             if at.geometric.dot(direction) <= 0.0 {
                 break;
             }
-            let Some(hit) = world.nearest(at.position, direction, Sides::Both) else { break };
+            let Some(hit) = world.nearest(at.position, direction, Sides::Both) else {
+                if let Some(sky) = &self.sky {
+                    let layer = if depth == 0 { &mut direct } else { &mut *indirect };
+                    let weight = density / (density + sky.density(direction));
+                    *layer += throughput * share * sky.radiance(direction) * weight;
+                }
+                break;
+            };
             let surface = world.surface(&hit);
             if from_surfaces {
                 let other = self.emitters.surface_density(world, &hit) * hit.distance.powi(2)
@@ -358,6 +384,17 @@ impl<'a> PathTrace<'a> {
         }
         let own = density * distance * distance / cosine;
         reflected * surface.emission / (own + at.density(towards))
+    }
+
+    /// Radiance from a direction of the sky.
+    fn by_sky(&self, sky: &SkyLight<'_>, at: &Scatter, random: [f64; 4]) -> DVec3 {
+        let (towards, own) = sky.sample(DVec2::new(random[0], random[1]));
+        let reflected = at.reflected(towards);
+        let behind = at.geometric.dot(towards) <= 0.0;
+        if reflected == DVec3::ZERO || behind || self.world.blocked_within(at.position, towards, f64::INFINITY) {
+            return DVec3::ZERO;
+        }
+        reflected * sky.radiance(towards) / (own + at.density(towards))
     }
 }
 
