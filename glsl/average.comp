@@ -20,7 +20,7 @@ layout(binding = 7, scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(binding = 8, scalar) writeonly buffer Lights { VertexLight lights[]; };
 #ifdef SKY
 #include "lib/sky_seen.glsl"
-layout(binding = 9, scalar) readonly buffer Seen { vec3 seen[]; }; // of each cache
+layout(binding = 9, scalar) readonly buffer Seen { SkySeen seen[]; }; // of each cache
 layout(binding = 10, scalar) writeonly buffer SkyLights { vec3 sky_lights[]; }; // share of the sky's light that arrives
 #endif
 
@@ -63,7 +63,7 @@ void main() {
     for (uint round = 0u; round < 2u && sky.weight <= 0.0; ++round) {
         for (uint i = 0u; i < REFERENCES; ++i) {
             if (indices[i] != NO_REFERENCES) {
-                take_seen(sky, x.position, x.normal, x.d_max, caches[indices[i]], seen[indices[i]], round > 0u);
+                take_seen(sky, x.position, x.normal, x.d_max, caches[indices[i]], seen[indices[i]].share, round > 0u);
             }
         }
     }

@@ -119,23 +119,20 @@ void main() {
     vec3 e = received(light.position, light.diffuse_position, light.diffuse_irradiance, n, from);
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
 #ifndef DIFFUSE_ONLY
-    vec3 glossy_from;
-    vec3 g = received(light.position, light.glossy_position, light.glossy_irradiance, n, glossy_from);
-    vec3 r = reflect(view_direction(push.eye, light.position), n);
     vec4 specular = texelFetch(specular_image, pixel, 0);
-    float lobe = phong_lobe(normal_exponent.w, dot(r, glossy_from));
 #endif
 #ifdef NEAR
     vec3 geometric = octahedral_decode(vec2(albedo.a, texelFetch(specular_image, pixel, 0).a));
     Near near = near_of(pixel, light.position, geometric);
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
-    // Wide lobes and very narrow ones are those of rays; directions of caches are too coarse for those between.
-    float k = normal_exponent.w;
-    float by_caches = k < NEAR_SHARP ? smoothstep(3.0, 5.0, log2(max(k, 1.0))) : 0.0;
-    out_glossy = vec4(specular.rgb * mix(near.glossy, lobe * g, by_caches), 0.0);
+    out_glossy = vec4(specular.rgb * near.glossy, 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
+    vec3 glossy_from;
+    vec3 g = received(light.position, light.glossy_position, light.glossy_irradiance, n, glossy_from);
+    vec3 r = reflect(view_direction(push.eye, light.position), n);
+    float lobe = phong_lobe(normal_exponent.w, dot(r, glossy_from));
     out_glossy = vec4(specular.rgb * lobe * g, 0.0);
 #endif
     out_diffuse = vec4(albedo.rgb / PI * e, 0.0);

@@ -68,6 +68,7 @@ void main() {
     // Each pixel has one direction of the lobe: all are taken alike, as far away as what is mirrored looks the same.
     blur /= max(blurred, 1e-30);
     float lobe_weights = 0.0;
+    float sky_all = 0.0;
     for (int j = 0; j < WINDOW * WINDOW; ++j) {
         if (shares[j] > 0.0) {
             ivec2 other = at + ivec2(j % WINDOW, j / WINDOW) - HALF;
@@ -78,10 +79,11 @@ void main() {
             lobe_weights += share;
             sum.glossy += share * p.glossy;
             sum.sky += share * p.sky;
+            sky_all += share * p.sky_all;
         }
     }
     sum.glossy /= max(lobe_weights, 1e-37);
-    sum.sky /= max(lobe_weights, 1e-37);
+    sum.sky = min(sum.sky / max(sky_all, 1e-37), 1.0);
 #endif
     near_lights[index] = sum;
 }

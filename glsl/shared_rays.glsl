@@ -35,9 +35,6 @@ struct RefitPush {
     uint first_node; // of all that bends
 };
 
-// Phong exponent from which on a lobe is narrower than caches know, and has a ray without end.
-const float NEAR_SHARP = 200.0;
-
 // Pixels that share their short rays: a square of so many a side, each with directions of its own.
 const uint NEAR_SIDE = 4u;
 
@@ -70,8 +67,17 @@ const float SKY_EXPONENT = 4096.0;
 const uint SKY_LOBES = 12u;
 const uint SKY_OF_CACHES = 5u;
 
-// Push constants of the pass that finds what caches see of the sky.
+// What a cache sees of a sky.
+struct SkySeen {
+    vec3 share; // of what an open surface would receive
+    vec3 irradiance; // [lx]
+};
+
+// Push constants of the pass that finds it.
 struct SkySeenPush {
+    uint cache_count;
+    uint root; // of the hierarchy
+    float reach; // where a cache's rays begin [m]
     float least; // below which light from all around says nothing of shares [lx]
 };
 
@@ -87,7 +93,8 @@ struct NearPixel {
     vec3 glossy; // what a lobe takes of all rays, as its mean [cd/m^2]
     uint is_glossy; // 1: there is a lobe
     float blur; // how far away other pixels' rays of the lobe say the same [m]
-    float sky; // 1: the ray of the lobe meets nothing however far it goes
+    float sky; // luminance of the sky that a lobe takes [cd/m^2]
+    float sky_all; // of that without anything in the way
 };
 
 // What the short rays around a pixel found together.
@@ -98,7 +105,7 @@ struct NearLight {
     vec3 glossy; // what a lobe takes [cd/m^2]
     vec3 position; // of the surface
     vec3 normal; // unit vertex normal
-    float sky; // share of the lobe's rays that meet nothing however far they go
+    float sky; // share of the sky's light that arrives at a lobe
 };
 
 // Where the caches of what rays meet are found.
@@ -119,7 +126,8 @@ struct TracePush {
     uint height;
     uint light_count;
     uint reflects; // 1: what rays meet reflects the lights
-    uint sky; // 1: there is one beyond everything that a lobe's ray may see
+    uint first_sky_light; // the lights that stand for a sky which caches see: what rays meet has its light from these
+    uint sky_light_count;
 };
 
 // Push constants of the pass that takes the rays of pixels together.

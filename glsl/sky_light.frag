@@ -19,7 +19,7 @@ layout(push_constant, scalar) uniform Push { InterpolatePush push; };
 #ifdef BY_CELLS
 #include "lib/references.glsl"
 #include "lib/sky_seen.glsl"
-layout(binding = 8, scalar) readonly buffer Seen { vec3 seen[]; }; // of each cache
+layout(binding = 8, scalar) readonly buffer Seen { SkySeen seen[]; }; // of each cache
 #else
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 4, scalar) readonly buffer Slots { uint slots[]; };
@@ -52,7 +52,7 @@ vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
             if (cache == NO_REFERENCES) {
                 break;
             }
-            take_seen(sum, x.position, x.normal, x.d_max, caches[cache], seen[cache], round > 0u);
+            take_seen(sum, x.position, x.normal, x.d_max, caches[cache], seen[cache].share, round > 0u);
         }
     }
     return sum.weight > 0.0 ? sum.seen / sum.weight : vec3(1.0);
@@ -111,8 +111,7 @@ void main() {
         vec3 r = reflect(v, n);
         float share = phong_albedo(k, dot(n, r));
 #ifdef NEAR
-        // Wide lobes have it of the directions of their rays already.
-        share *= near.sky * (k < NEAR_SHARP ? smoothstep(3.0, 5.0, log2(max(k, 1.0))) : 1.0);
+        share *= near.sky;
 #else
         share *= lobe_seen(dot(seen, vec3(0.2126, 0.7152, 0.0722)), max(-dot(v, n), 0.0), k);
 #endif

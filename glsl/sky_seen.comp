@@ -1,54 +1,55 @@
-// Stage 6, last: what each live cache sees of the sky by its depth image: the share that arrives of what an open surface would
-// receive. METHOD 12. Twin: src/reference/sky.rs.
-// variant sky_seen_directed.comp: DIRECTED (where short rays ask for light by directions: adds that of the sky)
-#include "shared.glsl"
+// Stage 6, first: what each cache sees of the sky, by rays: the share that arrives of what an open surface would receive, and
+// how far it is open in each of the directions that short rays ask for. METHOD 12. Twin: src/reference/sky.rs.
+#extension GL_EXT_control_flow_attributes : require
+#include "lib/hit.glsl"
 #include "lib/depth_image.glsl"
+#include "lib/directions.glsl"
 
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { SkySeenPush push; };
-layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
-layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
-layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
-layout(binding = 3, scalar) readonly buffer Images { float images[]; };
-#define SKY_BINDING 4
+layout(binding = 12, scalar) readonly buffer Caches { Cache caches[]; };
+#define SKY_BINDING 13
 #include "lib/sky.glsl"
-layout(binding = 6, scalar) writeonly buffer Seen { vec3 seen[]; }; // of each cache
-#ifdef DIRECTED
-#include "lib/directions.glsl"
-layout(binding = 7, scalar) buffer Radiances { uint radiances[]; }; // DIRECTIONS of each cache [cd/m^2]
-#endif
+layout(binding = 15, scalar) writeonly buffer Seen { SkySeen seen[]; }; // of each cache
+layout(binding = 16, scalar) writeonly buffer Open { uint open_parts[]; }; // of each cache by directions, in 8 bits each
 
 const uint THREADS = gl_WorkGroupSize.x;
 const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
 
+shared uint is_open[DEPTH_IMAGE_TEXELS];
 shared vec3 arriving[THREADS];
 shared vec3 from_all[THREADS];
 shared vec2 counts[THREADS]; // of open texels, of all on the disc
 
 void main() {
-    uint slot = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;
-    if (slot >= args.cache_count) {
+    uint cache = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;
+    if (cache >= push.cache_count) {
         return;
     }
     uint thread = gl_LocalInvocationID.x;
-    uint cache = live[slot];
-    vec3 n = caches[cache].normal;
+    Cache c = caches[cache];
     vec3 tangent, bitangent;
-    tangents(n, tangent, bitangent);
+    tangents(c.normal, tangent, bitangent);
+    float lift = lift_at(c.position, 0.0);
+    vec3 start = c.position + c.normal * lift;
     vec3 open = vec3(0.0);
     vec3 all = vec3(0.0);
     vec2 count = vec2(0.0);
-    // Texels of the disc have equal shares of irradiance.
+    // Texels of the unit disc have equal shares of irradiance.
     for (uint texel = thread; texel < DEPTH_IMAGE_TEXELS; texel += THREADS) {
         vec2 p = (vec2(texel % DEPTH_IMAGE_SIDE, texel / DEPTH_IMAGE_SIDE) + 0.5) / HALF - 1.0;
         float z2 = 1.0 - dot(p, p);
+        uint found = 0u;
         if (z2 > 0.0) {
-            vec3 radiance = sky_at(SKY_OF_CACHES, tangent * p.x + bitangent * p.y + n * sqrt(z2));
-            bool is_open = images[slot * DEPTH_IMAGE_TEXELS + texel] == 0.0;
+            vec3 direction = tangent * p.x + bitangent * p.y + c.normal * sqrt(z2);
+            Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, true);
+            found = hit.triangle == NO_HIT ? 1u : 0u;
+            vec3 radiance = sky_at(SKY_OF_CACHES, direction);
             all += radiance;
-            open += is_open ? radiance : vec3(0.0);
-            count += vec2(is_open ? 1.0 : 0.0, 1.0);
+            open += float(found) * radiance;
+            count += vec2(found, 1.0);
         }
+        is_open[texel] = found;
     }
     arriving[thread] = open;
     from_all[thread] = all;
@@ -62,22 +63,21 @@ void main() {
         }
         // A surface that faces darkness has the share of its directions.
         float least = push.least * count.y / 3.14159265;
-        seen[cache] = (open + least * count.x / count.y) / max(all + least, 1e-37);
+        vec3 share = (open + least * count.x / count.y) / max(all + least, 1e-37);
+        seen[cache] = SkySeen(share, share * sky_at(SKY_IRRADIANCE, c.normal));
     }
-#ifdef DIRECTED
-    for (uint direction = thread; direction < DIRECTIONS; direction += THREADS) {
-        vec3 sum = vec3(0.0);
-        for (uint part = 0u; part < 4u; ++part) {
-            vec2 at = vec2(direction % DIRECTION_SIDE, direction / DIRECTION_SIDE) + 0.25 + 0.5 * vec2(part & 1u, part >> 1);
+    // Four parts of each direction, four directions to a number.
+    for (uint four = thread; four < DIRECTIONS / 4u; four += THREADS) {
+        uint numbers = 0u;
+        for (uint i = 0u; i < 16u; ++i) {
+            uint direction = 4u * four + i / 4u;
+            vec2 at = vec2(direction % DIRECTION_SIDE, direction / DIRECTION_SIDE) + 0.25 + 0.5 * vec2(i & 1u, i >> 1 & 1u);
             vec3 d = octahedral_decode(at * (2.0 / float(DIRECTION_SIDE)) - 1.0);
-            if (dot(d, n) > 0.0) {
-                uvec2 texel = uvec2(clamp(vec2(dot(tangent, d), dot(bitangent, d)) * HALF + HALF, 0.0, 2.0 * HALF - 0.5));
-                bool is_open = images[slot * DEPTH_IMAGE_TEXELS + texel.y * DEPTH_IMAGE_SIDE + texel.x] == 0.0;
-                sum += is_open ? sky_at(SKY_OF_CACHES, d) : vec3(0.0);
-            }
+            uvec2 texel = uvec2(clamp(vec2(dot(tangent, d), dot(bitangent, d)) * HALF + HALF, 0.0, 2.0 * HALF - 0.5));
+            // Below the horizon, and where the disc ends within a texel, nothing is known.
+            uint found = dot(d, c.normal) > 0.0 ? is_open[texel.y * DEPTH_IMAGE_SIDE + texel.x] : 0u;
+            numbers += found << (8u * (i / 4u));
         }
-        uint at = cache * DIRECTIONS + direction;
-        radiances[at] = pack_radiance(unpack_radiance(radiances[at]) + 0.25 * sum);
+        open_parts[cache * (DIRECTIONS / 4u) + four] = numbers;
     }
-#endif
 }

@@ -12,7 +12,7 @@ struct Near {
     vec3 irradiance; // of what rays met [lx]
     vec3 open; // share of the caches' light that comes along rays that met nothing
     vec3 glossy; // what a lobe takes of their light and the caches' [cd/m^2]
-    float sky; // share of the lobe's rays that meet nothing however far they go
+    float sky; // share of the sky's light that arrives at a lobe
 };
 
 // At a pixel, by the place of its surface and the unit normal of its triangle. Pixels on other surfaces count for next to

@@ -11,7 +11,7 @@ use super::proxies::Proxies;
 use super::revision::Made;
 use super::settings;
 use super::sky_light::SkyShading;
-use super::sky_seen::SkySeen;
+use super::sky_seen::SkyOfCaches;
 use super::visible::Visible;
 use super::world::World;
 use crate::error::Result;
@@ -28,7 +28,7 @@ pub struct CacheLight {
     /// Stage 8, first; only where what is nearby is left to short rays.
     pub near: Option<NearRays>,
     /// Stages 6 and 8 of a sky, where caches see one.
-    pub sky: Option<(SkySeen, SkyShading)>,
+    pub sky: Option<(SkyOfCaches, SkyShading)>,
     pub(super) visible: Visible,
     pub(super) cull: Option<Cull>,
     /// Stage 7; only where discs dim proxies.
@@ -47,6 +47,8 @@ pub(super) struct MadeOfCaches {
     pub(super) live: Made,
     pub(super) depth_images: Made,
     pub(super) proxies: Made,
+    /// What caches see of the sky.
+    pub(super) sky: Made,
 }
 
 impl CacheLight {
@@ -70,7 +72,7 @@ impl CacheLight {
             cull: plan.cull.then(|| Cull::new(gpu, &gather, world.references_each)).transpose()?,
             occlude: plan.occlude.then(|| Occlude::new(gpu, count, plan.glossy, group)).transpose()?,
             interpolate: Interpolate::new(gpu, plan, world, settings.interpolation)?,
-            sky: SkySeen::new(gpu, world, plan)?.zip(SkyShading::new(gpu, plan, world)?),
+            sky: SkyOfCaches::new(gpu, world, plan)?.zip(SkyShading::new(gpu, plan, world)?),
             near,
             gather,
             made: MadeOfCaches::default(),

@@ -5,6 +5,7 @@
 
 use super::atlas::Atlas;
 use super::live::Live;
+use super::near::CACHE_REACH;
 use super::occlude::Bounds;
 use super::world::World;
 use crate::error::{Error, Result};
@@ -60,16 +61,16 @@ impl DepthImages {
         Ok(Self { buffer, sent_on: None, made: Made::Drawn { bounds: Bounds::new(gpu, caches)?, pipeline, alone } })
     }
 
-    /// Makes it for images that are traced: of what caches see of the scene beyond a reach \[m\], and where they `send_on` light
-    /// of all that they see, too.
+    /// Makes it for images that are traced: of what caches see of the scene beyond what is left to short rays, and where they
+    /// `send_on` light of all that they see, too.
     ///
     /// # Errors
     /// As `new`, and a world without rays.
-    pub(super) fn traced(gpu: &Gpu, world: &World, reach: f64, send_on: bool) -> Result<Self> {
+    pub(super) fn traced(gpu: &Gpu, world: &World, send_on: bool) -> Result<Self> {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let bytes = u64::from(world.cache_count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
         let pipeline = gpu.compute("trace_images.comp", &rays.constants(gpu))?;
-        let made = Made::Traced(pipeline, reach as f32);
+        let made = Made::Traced(pipeline, (CACHE_REACH * world.spacing()) as f32);
         let sent_on = send_on.then(|| gpu.buffer("gather.sent_on_images", bytes)).transpose()?;
         Ok(Self { buffer: gpu.buffer("gather.depth_images", bytes)?, sent_on, made })
     }

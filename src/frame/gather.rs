@@ -62,7 +62,7 @@ impl Gather {
                 let kind = ComputeKind { glossy, shadows, together, bounces, emitted, weight, eyes, near };
                 Self::Compute(Box::new(match (shadows, is_near) {
                     (Shadows::PerLight, true) => {
-                        let images = DepthImages::traced(gpu, world, CACHE_REACH * world.spacing(), bounces > 0)?;
+                        let images = DepthImages::traced(gpu, world, bounces > 0)?;
                         Compute::with_images(gpu, [caches, vals], &ways, kind, Some(images))?
                     }
                     _ => Compute::new(gpu, caches, vals, &ways, kind)?,

@@ -72,6 +72,7 @@ pub(super) struct Outdated {
     pub(super) emitters: bool,
     pub(super) cull: bool,
     pub(super) depth_images: bool,
+    pub(super) sky: bool,
     pub(super) proxies: bool,
 }
 

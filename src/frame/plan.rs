@@ -117,8 +117,8 @@ stages! {
     VISIBLE: 5 "visible" |plan| plan.lightskin;
     CULL: 5 "cull" |plan| plan.cull;
     DEPTH_IMAGES: 6 "depth images" |plan| plan.depth_images;
-    GATHER: 6 "gather" |plan| plan.lightskin;
     SKY_SEEN: 6 "sky on caches" |plan| plan.sky_light;
+    GATHER: 6 "gather" |plan| plan.lightskin;
     OCCLUDE: 7 "occlude" |plan| plan.occlude;
     NEAR: 8 "near rays" |plan| plan.near != Near::Off;
     INTERPOLATE: 8 "interpolate" |plan| plan.lightskin;

@@ -101,6 +101,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             images.record(cmd, world, &caches.atlas, live);
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         }
+        if let (true, Some((caches_sky, _)), Some(sky)) = (outdated.sky, &caches.sky, &world.sky_light) {
+            let _zone = enter(plan::SKY_SEEN); // 6
+            caches_sky.record(cmd, (world, sky), &caches.atlas);
+        }
         if outdated.proxies {
             let eyes: Vec<_> = views.iter().map(|(view, _)| view.eye).collect();
             let (atlas, proxies) = (&caches.atlas, &caches.proxies);
@@ -113,11 +117,6 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 let _zone = enter(plan::OCCLUDE); // 7
                 occlude.record(cmd, atlas, caches.gather.live(), proxies, eyes.len());
             }
-            if let (Some((seen, _)), Some(sky), Some(live)) = (&caches.sky, &world.sky_light, caches.gather.live()) {
-                let _zone = enter(plan::SKY_SEEN); // 6
-                let of_gather = (caches.gather.depth_images(), caches.gather.radiances());
-                seen.record(cmd, (world, sky), atlas, live, of_gather, outdated.depth_images);
-            }
         }
         if let (true, Some(near)) = (some_surface || outdated.proxies, &caches.near) {
             let _zone = enter(plan::NEAR); // 8
@@ -127,9 +126,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 // with cells nothing reads proxies before pixels do.
                 let listed = shown().any(|(_, p)| p.outdated.visible);
                 let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
-                let lit = outdated.proxies && (caches.occlude.is_none() || caches.sky.is_some());
+                let lit = outdated.proxies && caches.occlude.is_none();
                 let waits = world.cells.is_none() || !(listed || drawn) || lit;
-                near.record(cmd, world, radiances, caches.gather.cache_vals(), waits, seen);
+                let of_caches = (caches.gather.cache_vals(), caches.sky.as_ref().map(|(seen, _)| seen));
+                near.record(cmd, world, radiances, of_caches, waits, seen);
             }
         }
         let shaded = || {
@@ -206,6 +206,7 @@ fn find_outdated(world: &World, light: &mut Light, views: &mut [(View, &mut Pict
         made.order.renew(shown().filter(|_| plan.cull).map(|picture| picture.made.visible.revision()));
         let order = made.order.revision();
         outdated.cull = made.live.renew([order, vals]) || anew;
+        outdated.sky = made.sky.renew([made.atlas.revision(), world.revisions.sky]) || anew;
         outdated.depth_images = made.depth_images.renew([made.atlas.revision(), order]) || anew;
         let eyes = views.iter().filter(|_| plan.glossy).map(|(_, picture)| picture.made.eye.revision());
         outdated.proxies = made.proxies.renew(eyes.chain([vals, made.atlas.revision(), order])) || anew;

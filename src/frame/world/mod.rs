@@ -489,6 +489,12 @@ impl World {
         &self.dynamic.infos
     }
 
+    /// Which of the lights stand for a sky.
+    pub(super) fn sky_lights(&self) -> std::ops::Range<u32> {
+        let first = self.lights().iter().position(|light| light.of_sky).unwrap_or(0) as u32;
+        first..first + self.lights().iter().filter(|light| light.of_sky).count() as u32
+    }
+
     /// Where a view of a light is seen from, as `LightInfo::eye`.
     pub(super) fn eye(&self, light: &LightInfo, view: u32) -> Vec4 {
         if light.is_area { self.dynamic.views[view as usize].position.extend(1.0) } else { light.eye }
