@@ -132,7 +132,7 @@ fn the_path_tracer_shows_the_sky_as_the_device_does() {
     sky(128, 64, 0.7, |d| dvec3(1.1 + d.x, 1.1 + d.y, 1.1 + d.z)).put_over(&mut scene, 2);
     let knobs = Knobs { gi: Gi::Off, ..small() };
     let shot = shoot(&gpu(), &scene, None, &knobs);
-    let settings = PathTraceSettings { size: knobs.size, bounces: 0, ..PathTraceSettings::default() };
+    let settings = PathTraceSettings::engine(knobs.size, 0);
     let mut trace = PathTrace::new(&scene, &scene.cameras[0], &settings);
     trace.pass();
     let mut behind = 0;
