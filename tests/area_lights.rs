@@ -5,7 +5,7 @@ use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use lightskin::frame::{Shadows, World};
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::area_light::Rectangle;
-use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources};
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::build::{CornellSurface, cornell, cuboid, quad};
 use lightskin::scene::{Material, Scene};
 
@@ -68,8 +68,7 @@ fn against_paths(scene: &Scene, settings: &Knobs, passes: usize) -> [f64; 2] {
     let gpu = gpu();
     let caches = baked(scene, 0.2, 8);
     let shot = shoot(&gpu, scene, Some(&caches), settings);
-    let (size, bounces, sources) = (settings.size, settings.bounces, Sources::All);
-    let paths = PathTraceSettings { size, bounces, sources, ..PathTraceSettings::default() };
+    let paths = PathTraceSettings::engine(settings.size, settings.bounces);
     let mut paths = PathTrace::new(scene, &scene.cameras[0], &paths);
     (0..passes).for_each(|_| paths.pass());
     let (mut off, mut sum, mut own) = (0.0, 0.0, 0.0);

@@ -161,8 +161,7 @@ fn pictures_converge_to_paths_of_as_many_bounces() {
     let caches = baked(&scene, 0.2, 8);
     for bounces in [1, 2, 4] {
         let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..settings });
-        let paths =
-            path_trace::PathTraceSettings { size: settings.size, bounces, ..path_trace::PathTraceSettings::default() };
+        let paths = path_trace::PathTraceSettings::engine(settings.size, bounces);
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &paths);
         (0..8).for_each(|_| paths.pass());
         let (mut off, mut sum, mut own) = (0.0, 0.0, 0.0);

@@ -365,6 +365,23 @@ fn a_path_trace_that_is_interrupted_goes_on() {
     let said = works(&folder, &[&args[..], &[&more, "--layer", "indirect"]].concat());
     assert!(said.contains("0 made"), "{said}");
     fails(&folder, &[&args[..], &["16", "--no-visibility", "--bounces", "2"]].concat(), 2, &["--no-visibility"]);
+    fails(&folder, &[&args[..], &["16", "--no-visibility", "--match", "engine"]].concat(), 2, &["--no-visibility"]);
+}
+
+#[test]
+fn a_path_trace_is_of_all_light_unless_told_otherwise() {
+    let folder = folder("cli path light");
+    let cornell = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cornell_glossy.glb");
+    let mean = |flags: &[&str]| {
+        let args = ["render", cornell, "--gi", "path-trace", "--size", "32x32", "-o", "a.exr", "--spp", "64"];
+        works(&folder, &[&args[..], flags].concat());
+        let picture = lightskin::image::read_picture(&folder.join("a.exr"), None).expect("read");
+        picture.rgb.iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / (3 * picture.rgb.len()) as f64
+    };
+    let [all, matched, one] = [&[][..], &["--match", "engine"], &["--match", "engine", "--bounces", "1"]].map(mean);
+    println!("{all} of all light, {matched} of the engine's");
+    assert!(matched == one && matched < 0.9 * all, "{all}, {matched}, {one}");
+    assert!(mean(&["--bounces", "1"]) < all);
 }
 
 #[test]

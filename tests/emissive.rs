@@ -5,7 +5,7 @@ use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, dvec3, vec3};
 use lightskin::frame::{ClusterRule, World};
 use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::reference::disc::polygon_form_factor;
-use lightskin::reference::path_trace::{self, PathTrace, Sources};
+use lightskin::reference::path_trace::{self, PathTrace};
 use lightskin::scene::build::{CornellSurface, Surface, cornell, quad, sphere};
 use lightskin::scene::defaults::Ground;
 use lightskin::scene::write::write_glb;
@@ -145,12 +145,7 @@ fn emitters_light_a_room_as_paths_do() {
     let caches = baked(&scene, 0.2, 8);
     for bounces in [0, 1, 3] {
         let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..settings });
-        let paths = path_trace::PathTraceSettings {
-            size: settings.size,
-            bounces,
-            sources: Sources::Surfaces,
-            ..path_trace::PathTraceSettings::default()
-        };
+        let paths = path_trace::PathTraceSettings::engine(settings.size, bounces);
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &paths);
         (0..8).for_each(|_| paths.pass());
         let (mut off, mut sum, mut own) = (0.0, 0.0, 0.0);

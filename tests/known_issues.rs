@@ -63,7 +63,7 @@ fn light_leaks_through_a_wall_where_caches_are_as_far_apart_as_rooms_are_wide() 
     let gpu = gpu();
     let caches = baked(&scene, 3.0, 8);
     let dark = sum(&shoot(&gpu, &scene, Some(&caches), &settings).diffuse);
-    let traced = traced(&scene, &path_trace::PathTraceSettings { size: settings.size, ..Default::default() }).diffuse();
+    let traced = traced(&scene, &path_trace::PathTraceSettings::engine(settings.size, 1)).diffuse();
     assert!(traced.iter().flatten().all(|v| *v == 0.0), "no path leads into the dark room");
     scene.cameras[0] = camera(dvec3(1.8, 1.8, 1.8), dvec3(0.0, 0.8, 0.2), 1.2);
     let lit = sum(&shoot(&gpu, &scene, Some(&caches), &settings).diffuse);

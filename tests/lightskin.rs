@@ -51,6 +51,7 @@ mod shadows_light;
 mod sky;
 mod sources;
 mod stage;
+mod sun;
 mod tessellate;
 mod texel;
 mod timing;

@@ -208,7 +208,7 @@ fn neighbours_share_their_rays() {
 
 /// Diffuse indirect light of paths with so many bounces at most.
 fn paths(scene: &Scene, size: [u32; 2], bounces: u32, passes: usize) -> Vec<[f32; 3]> {
-    let settings = PathTraceSettings { size, bounces, ..PathTraceSettings::default() };
+    let settings = PathTraceSettings::engine(size, bounces);
     let mut paths = PathTrace::new(scene, &scene.cameras[0], &settings);
     (0..passes).for_each(|_| paths.pass());
     paths.diffuse()
@@ -251,7 +251,7 @@ fn wide_lobes_have_the_light_of_paths() {
     }
     let settings = BakeSettings { density: Density::Count(1000), angle: 30f32.to_radians(), references: 8 };
     let caches = bake(&scene, &settings, &|_, _| ()).expect("baked");
-    let settings = PathTraceSettings { size: [96, 54], bounces: 1, ..PathTraceSettings::default() };
+    let settings = PathTraceSettings::engine([96, 54], 1);
     let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
     (0..64).for_each(|_| paths.pass());
     let [off, on] = [Near::Off, RAYS].map(|near_is| {

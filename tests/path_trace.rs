@@ -8,7 +8,7 @@ use lightskin::frame::{self, View};
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::metrics::metrics;
 use lightskin::reference::monte_carlo::one_bounce_irradiance;
-use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources, camera_ray};
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, camera_ray};
 use lightskin::reference::triangle::nearest;
 use lightskin::reference::world::{Sides, World};
 use lightskin::scene::build::{CornellSurface, Surface, cornell, cuboid, quad, sphere};
@@ -49,8 +49,7 @@ fn furnace(material: Material) -> Scene {
 fn a_white_furnace_gains_one_emission_per_bounce() {
     let scene = furnace(glowing(1.0, 3.0));
     for bounces in [0, 1, 4] {
-        let settings =
-            PathTraceSettings { size: [24, 24], bounces, sources: Sources::Surfaces, ..PathTraceSettings::default() };
+        let settings = PathTraceSettings::engine([24, 24], bounces);
         let trace = traced(&scene, &settings, 256);
         let radiance = mean(&trace.direct()) + mean(&trace.diffuse());
         // What is emitted, what of it is reflected once, and that again with every bounce: nothing gets lost.
@@ -61,13 +60,38 @@ fn a_white_furnace_gains_one_emission_per_bounce() {
 }
 
 #[test]
-fn a_grey_furnace_reaches_its_sum() {
-    let scene = furnace(glowing(0.5, 1.0));
-    let settings =
-        PathTraceSettings { size: [16, 16], bounces: 12, sources: Sources::Surfaces, ..PathTraceSettings::default() };
-    let trace = traced(&scene, &settings, 256);
-    let radiance = mean(&trace.direct()) + mean(&trace.diffuse());
-    assert!((radiance / 2.0 - 1.0).abs() < 0.01, "{radiance} instead of 1 / (1 - 0.5)");
+fn grey_furnaces_reach_their_sums() {
+    // Without an end, and by chance: what paths that end would have brought, the others bring.
+    for (albedo, bounces) in [(0.5, Some(12)), (0.5, None), (0.8, None), (0.95, None)] {
+        let scene = furnace(glowing(albedo, 1.0));
+        let trace = traced(&scene, &PathTraceSettings { bounces, ..PathTraceSettings::of([16, 16]) }, 512);
+        let radiance = (mean(&trace.direct()) + mean(&trace.diffuse())) * (1.0 - f64::from(albedo));
+        println!("furnace of albedo {albedo}, {bounces:?} bounces: {radiance:.4} of its sum");
+        assert!((radiance - 1.0).abs() < 0.01, "{radiance} of 1 / (1 - {albedo})");
+    }
+}
+
+#[test]
+fn the_default_is_all_light_and_the_engines_a_part_of_it() {
+    let scene = cornell(CornellSurface::Glossy, 0.5);
+    let size = [32, 32];
+    let sum = |settings: &PathTraceSettings| {
+        let trace = traced(&scene, settings, 256);
+        [mean(&trace.direct()), mean(&trace.diffuse()) + mean(&trace.glossy())]
+    };
+    let [one, four, all] = [
+        PathTraceSettings::engine(size, 1),
+        PathTraceSettings::engine(size, 4),
+        PathTraceSettings { size, ..PathTraceSettings::default() },
+    ]
+    .map(|settings| sum(&settings));
+    let limited = sum(&PathTraceSettings { bounces: Some(1), ..PathTraceSettings::of(size) });
+    println!(
+        "direct and indirect: {one:?} of one bounce, {limited:?} of one that may be glossy, {four:?} of four, {all:?}"
+    );
+    assert_eq!(PathTraceSettings::default(), PathTraceSettings::of([1280, 720]));
+    assert!(one[0] == all[0], "direct light is the same");
+    assert!(one[1] < 0.98 * limited[1] && limited[1] < 0.9 * all[1] && four[1] < 0.98 * all[1]);
 }
 
 #[test]
@@ -76,8 +100,7 @@ fn a_glossy_floor_seen_from_straight_above_reflects_its_albedo() {
     let floor = quad(vec3(-0.5, -0.9, -0.5), Vec3::Z, Vec3::X, 1.0);
     add(&mut scene, floor, phong([0.0; 3], [0.6; 3], 30.0), DAffine3::IDENTITY);
     scene.cameras[0] = camera(dvec3(0.0, 0.5, 0.0), dvec3(0.0, -0.9, 0.0), 0.01);
-    let settings =
-        PathTraceSettings { size: [1, 1], bounces: 0, sources: Sources::Surfaces, ..PathTraceSettings::default() };
+    let settings = PathTraceSettings::engine([1, 1], 0);
     let radiance = mean(&traced(&scene, &settings, 16_384).direct());
     // The integral of (k+2)/(2 pi) cos^(k+1) over the hemisphere is 1.
     assert!((radiance / 0.6 - 1.0).abs() < 0.005, "{radiance} instead of 0.6");
@@ -94,8 +117,7 @@ fn received(emitter: Surface) -> f64 {
     );
     add(&mut scene, emitter, glowing(0.0, 7.0), DAffine3::IDENTITY);
     scene.cameras.push(camera(dvec3(0.4, 0.3, 0.0), DVec3::ZERO, 0.01));
-    let settings =
-        PathTraceSettings { size: [1, 1], bounces: 0, sources: Sources::Surfaces, ..PathTraceSettings::default() };
+    let settings = PathTraceSettings::engine([1, 1], 0);
     mean(&traced(&scene, &settings, 16_384).direct()) * PI / 0.5
 }
 
@@ -257,7 +279,7 @@ fn rays_meet_what_is_close_and_what_is_far() {
 fn one_bounce_without_visibility_is_what_rays_of_the_light_bring() {
     let scene = cornell(CornellSurface::Diffuse, 2.0);
     let size = [16, 16];
-    let trace = traced(&scene, &PathTraceSettings { size, visibility: false, ..PathTraceSettings::default() }, 8192);
+    let trace = traced(&scene, &PathTraceSettings::unshadowed(size), 8192);
     let all: Vec<_> = triangles(&scene).into_iter().map(|(triangle, _)| triangle).collect();
     let (surfaces, diffuse) = (trace.surfaces(), trace.diffuse());
     // Ceiling, green wall, back wall: away from what the light reaches.
@@ -275,7 +297,7 @@ fn one_bounce_without_visibility_is_what_rays_of_the_light_bring() {
 fn against_brute_force(scene: &Scene, size: [u32; 2], rsm: u32, samples: u32) -> [f64; 4] {
     let gpu = gpu();
     let shot = shoot(&gpu, scene, None, &Knobs { size, gi: Gi::BruteForce, rsm, shadow_map: 1024, ..small() });
-    let trace = traced(scene, &PathTraceSettings { size, visibility: false, ..PathTraceSettings::default() }, samples);
+    let trace = traced(scene, &PathTraceSettings::unshadowed(size), samples);
     let device = |layer: &[DVec3]| layer.iter().map(|v| v.element_sum()).sum::<f64>() / (3 * layer.len()).max(1) as f64;
     [device(&shot.diffuse), mean(&trace.diffuse()), device(&shot.glossy), mean(&trace.glossy())]
 }
@@ -307,19 +329,19 @@ fn brute_force_and_the_path_tracer_agree_on_sponza() {
 #[test]
 fn visibility_only_takes_light_away() {
     let scene = cornell(CornellSurface::Diffuse, 2.0);
-    let settings = PathTraceSettings { size: [24, 24], ..PathTraceSettings::default() };
-    let open = traced(&scene, &PathTraceSettings { visibility: false, ..settings }, 256).diffuse();
+    let settings = PathTraceSettings::engine([24, 24], 1);
+    let open = traced(&scene, &PathTraceSettings::unshadowed([24, 24]), 256).diffuse();
     let shut = traced(&scene, &settings, 256).diffuse();
     let (open, shut) = (mean(&open), mean(&shut));
     assert!(shut < 0.95 * open, "the blocks hide nothing: {shut} and {open}");
-    let more = mean(&traced(&scene, &PathTraceSettings { bounces: 4, ..settings }, 256).diffuse());
+    let more = mean(&traced(&scene, &PathTraceSettings::engine([24, 24], 4), 256).diffuse());
     assert!(more > 1.1 * shut, "further bounces bring nothing: {more} and {shut}");
 }
 
 #[test]
 fn the_noise_estimate_is_the_noise() {
     let scene = cornell(CornellSurface::Diffuse, 2.0);
-    let settings = PathTraceSettings { size: [48, 48], ..PathTraceSettings::default() };
+    let settings = PathTraceSettings::engine([48, 48], 1);
     let (one, other) = (traced(&scene, &settings, 64), traced(&scene, &PathTraceSettings { seed: 1, ..settings }, 64));
     let (a, b) = (one.diffuse(), other.diffuse());
     assert_ne!(a, b);
@@ -335,7 +357,7 @@ fn the_noise_estimate_is_the_noise() {
 #[test]
 fn kept_samples_go_on_bit_by_bit() {
     let scene = cornell(CornellSurface::Glossy, 2.0);
-    let settings = PathTraceSettings { size: [16, 16], ..PathTraceSettings::default() };
+    let settings = PathTraceSettings::engine([16, 16], 1);
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("kept samples");
     let first = traced(&scene, &settings, 32);
     let file = first.kept_in(&folder);
@@ -380,8 +402,7 @@ fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
     let normals: Vec<[f32; 4]> = gpu.read_image(&frame.picture.surface.normal).expect("normals");
     let albedo: Vec<[u16; 4]> = gpu.read_image(&frame.picture.surface.albedo).expect("albedo");
     let depth: Vec<f32> = gpu.read_image(&frame.picture.surface.depth).expect("depth");
-    let surfaces =
-        PathTrace::new(scene, camera, &PathTraceSettings { size, ..PathTraceSettings::default() }).surfaces();
+    let surfaces = PathTrace::new(scene, camera, &PathTraceSettings::of(size)).surfaces();
     let (mut tilt, mut albedos, mut other, mut both) = (Vec::new(), [0.0; 2], 0.0, 0.0);
     for (i, surface) in surfaces.iter().enumerate() {
         match surface {

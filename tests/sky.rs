@@ -49,7 +49,9 @@ fn lights_have_the_energy_of_the_sky() {
         for count in [1, 5, 16, 64] {
             let mut scene = Scene::default();
             sky.clone().put_over(&mut scene, count);
-            assert_eq!(scene.lights.len(), count);
+            let suns = scene.lights.iter().filter(|light| light.name == "sun").count();
+            assert_eq!(scene.lights.len(), count + suns);
+            assert_eq!(suns == 1, scene.sky.as_ref().is_some_and(|sky| sky.shown.is_some()), "{name}");
             let light = |l: &lightskin::scene::Light| l.color.as_dvec3() * f64::from(l.intensity);
             let sum: DVec3 = scene.lights.iter().map(light).sum();
             assert!(sum.distance(whole) < 1e-6 * whole.length(), "{name}, {count}: {sum} of {whole}");
@@ -130,7 +132,7 @@ fn the_path_tracer_shows_the_sky_as_the_device_does() {
     sky(128, 64, 0.7, |d| dvec3(1.1 + d.x, 1.1 + d.y, 1.1 + d.z)).put_over(&mut scene, 2);
     let knobs = Knobs { gi: Gi::Off, ..small() };
     let shot = shoot(&gpu(), &scene, None, &knobs);
-    let settings = PathTraceSettings { size: knobs.size, bounces: 0, ..PathTraceSettings::default() };
+    let settings = PathTraceSettings::engine(knobs.size, 0);
     let mut trace = PathTrace::new(&scene, &scene.cameras[0], &settings);
     trace.pass();
     let mut behind = 0;

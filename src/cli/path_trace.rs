@@ -27,17 +27,24 @@ pub(super) struct PathTraceArgs {
     #[arg(long, value_name = "SHARE", value_parser = super::positive)]
     noise: Option<f64>,
     /// Let one bounce of indirect light pass through everything: what brute force converges to.
-    #[arg(long, conflicts_with_all = ["bounces", "glossy_bounces", "sources"])]
+    #[arg(long, conflicts_with_all = ["bounces", "matching", "sources"])]
     no_visibility: bool,
-    /// Let all bounces reflect glossily, and not the last one alone.
-    #[arg(long)]
-    glossy_bounces: bool,
-    /// Where light comes from; all without this flag, punctual lights alone with --no-visibility.
+    /// Follow the light paths alone that something else takes into account, and not all that there are.
+    #[arg(long = "match", value_name = "WHAT", value_enum)]
+    matching: Option<Match>,
+    /// Where light comes from; everywhere without this flag, from punctual lights with --no-visibility.
     #[arg(long, value_enum)]
     sources: Option<SourcesArg>,
     /// Another seed gives another noise.
     #[arg(long, value_name = "N", default_value_t = 0)]
     seed: u32,
+}
+
+/// What light paths are those of.
+#[derive(Clone, Copy, PartialEq, ValueEnum)]
+enum Match {
+    /// Of --gi lightskin: its number of bounces, which are diffuse but for the last one.
+    Engine,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
@@ -56,7 +63,7 @@ enum SourcesArg {
 pub(super) struct Picture<'a> {
     pub(super) out: &'a Path,
     pub(super) size: [u32; 2],
-    pub(super) bounces: u32,
+    pub(super) bounces: Option<u32>,
     pub(super) layer: Option<LayerArg>,
     pub(super) tonemap: TonemapArg,
     pub(super) ev: Option<f32>,
@@ -64,21 +71,20 @@ pub(super) struct Picture<'a> {
 }
 
 impl PathTraceArgs {
-    fn settings(&self, size: [u32; 2], bounces: u32) -> PathTraceSettings {
-        PathTraceSettings {
-            size,
-            bounces,
-            visibility: !self.no_visibility,
-            glossy_bounces: self.glossy_bounces,
-            sources: match self.sources {
-                None if self.no_visibility => Sources::Punctual,
-                Some(SourcesArg::Punctual) => Sources::Punctual,
-                Some(SourcesArg::Surfaces) => Sources::Surfaces,
-                Some(SourcesArg::Sky) => Sources::Sky,
-                Some(SourcesArg::All) | None => Sources::All,
-            },
-            seed: self.seed,
-        }
+    fn settings(&self, size: [u32; 2], bounces: Option<u32>) -> PathTraceSettings {
+        let mut settings = match self.matching {
+            _ if self.no_visibility => PathTraceSettings::unshadowed(size),
+            Some(Match::Engine) => PathTraceSettings::engine(size, bounces.unwrap_or(super::render::BOUNCES)),
+            None => PathTraceSettings { bounces, ..PathTraceSettings::of(size) },
+        };
+        settings.sources = match self.sources {
+            None => settings.sources,
+            Some(SourcesArg::Punctual) => Sources::Punctual,
+            Some(SourcesArg::Surfaces) => Sources::Surfaces,
+            Some(SourcesArg::Sky) => Sources::Sky,
+            Some(SourcesArg::All) => Sources::All,
+        };
+        PathTraceSettings { seed: self.seed, ..settings }
     }
 }
 

@@ -50,10 +50,10 @@ pub(super) struct Render {
     /// How indirect light is made.
     #[arg(long, value_enum, default_value_t)]
     gi: GiArg,
-    /// Indirect bounces, after what lights and surfaces that emit give directly; 0 is that alone. Caches take 16 at most, brute
-    /// force one.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=1000))]
-    bounces: u32,
+    /// Indirect bounces, after what lights, surfaces that emit and the sky give directly; 0 is that alone. Caches take 16 at
+    /// most, brute force one [default: 1; with --gi path-trace all that there are].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
+    bounces: Option<u32>,
     #[command(flatten)]
     caches: CacheArgs,
     /// Texels of an RSM's side: about N*N virtual lights per light [default: 128 at --quality high].
@@ -122,7 +122,7 @@ enum GiArg {
     Lightskin,
     /// Every virtual light onto every pixel.
     BruteForce,
-    /// Light paths drawn at random on the CPU: the reference (see --spp).
+    /// All light, by paths drawn at random on the CPU: the reference (see --spp and --match).
     PathTrace,
     /// Direct light of lights and of the largest flat surfaces that emit.
     Off,
@@ -222,7 +222,14 @@ fn exposure(text: &str) -> std::result::Result<f32, String> {
     }
 }
 
+/// Indirect bounces of caches and brute force without --bounces.
+pub(super) const BOUNCES: u32 = 1;
+
 impl Render {
+    fn bounces(&self) -> u32 {
+        self.bounces.unwrap_or(BOUNCES)
+    }
+
     /// The level's settings with what the flags put over them.
     fn settings(&self, gpu: &Gpu, caches: usize, reuse: bool) -> Result<Settings> {
         let mut settings = Settings::at(self.caches.quality(), caches);
@@ -231,11 +238,11 @@ impl Render {
         settings.shadow_map = self.shadow_map.unwrap_or(settings.shadow_map);
         settings.indirect = match self.gi {
             GiArg::PathTrace | GiArg::Off => Indirect::Off,
-            _ if self.bounces == 0 && (self.gather.by_draws() || self.gather.by_clusters()) => Indirect::Off,
-            GiArg::BruteForce if self.bounces == 0 => Indirect::Off,
+            _ if self.bounces() == 0 && (self.gather.by_draws() || self.gather.by_clusters()) => Indirect::Off,
+            GiArg::BruteForce if self.bounces() == 0 => Indirect::Off,
             GiArg::BruteForce => Indirect::BruteForce,
             GiArg::Lightskin => Indirect::Caches(Caches {
-                gather: self.gather.gather(gpu, self.shadows(caches), self.near(), self.bounces)?,
+                gather: self.gather.gather(gpu, self.shadows(caches), self.near(), self.bounces())?,
                 cull: !self.gather.no_cull,
                 interpolation: match self.interpolation {
                     InterpolationArg::Facing => Interpolation::Facing,
@@ -339,7 +346,7 @@ impl Render {
             ("size", json!(self.size)),
             ("gi", word(self.gi)),
             ("quality", word(self.caches.quality)),
-            ("bounces", json!(self.bounces)),
+            ("bounces", json!(self.bounces())),
             ("caches_wanted", json!(self.caches.spacing.is_none().then(|| self.caches.count()))),
             ("spacing_wanted", json!(self.caches.spacing)),
             ("angle", json!(self.caches.angle)),
@@ -375,9 +382,9 @@ impl Render {
 pub(super) fn run(args: &Render) -> Result<()> {
     args.gather.check(args.shadows(0));
     match args.gi {
-        GiArg::Lightskin if args.bounces > 16 => wrong_usage("--bounces: caches take 16 at most"),
-        GiArg::Lightskin if args.bounces > 1 => args.gather.check_bounces(),
-        GiArg::BruteForce if args.bounces > 1 => wrong_usage("--gi brute-force has one bounce: --bounces 0 or 1"),
+        GiArg::Lightskin if args.bounces() > 16 => wrong_usage("--bounces: caches take 16 at most"),
+        GiArg::Lightskin if args.bounces() > 1 => args.gather.check_bounces(),
+        GiArg::BruteForce if args.bounces() > 1 => wrong_usage("--gi brute-force has one bounce: --bounces 0 or 1"),
         _ => {}
     }
     if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
@@ -396,7 +403,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         // Rays need no small triangles.
         (GiArg::PathTrace, _) => false,
         // Nothing is interpolated over triangles; but what caches reflect in further bounces is found by the vertices.
-        (GiArg::Lightskin, Some(InterpArg::Texel)) if args.bounces <= 1 && args.caches.max_edge.is_none() => false,
+        (GiArg::Lightskin, Some(InterpArg::Texel)) if args.bounces() <= 1 && args.caches.max_edge.is_none() => false,
         (_, asked) => divide_for(&mut scene, &args.caches, asked == Some(InterpArg::Vertex)),
     };
     let motion = args.motion.motion(&scene, args.repeat)?;
@@ -418,7 +425,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
     // What small and curved surfaces that emit give directly comes through caches, too.
-    let mut baked = (args.gi == GiArg::Lightskin && (args.bounces > 0 || scene.emits()))
+    let mut baked = (args.gi == GiArg::Lightskin && (args.bounces() > 0 || scene.emits()))
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
         .transpose()?;
     let interp = match &mut baked {

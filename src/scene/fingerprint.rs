@@ -36,7 +36,10 @@ impl Scene {
         }
         if let Some(sky) = &self.sky {
             add(format!("{}x{} {} {:?}", sky.width, sky.height, sky.turn, sky.lights).as_bytes());
-            add(bytemuck::cast_slice(&sky.texels));
+            [Some(&sky.texels), sky.shown.as_ref()]
+                .into_iter()
+                .flatten()
+                .for_each(|grid| add(bytemuck::cast_slice(grid)));
         }
         hasher.finalize()
     }

@@ -1,12 +1,15 @@
-//! A sky all around the scene: its radiance, and the directional lights that stand for it.
+//! A sky all around the scene: its radiance, its sun, and the directional lights that stand for the rest.
 //!
 //! The sphere is divided along its circles of latitude and longitude, first at the horizon: of all regions, the one of the
 //! largest luminous energy is cut across its longer side into halves of equal energy, until there are as many as wanted
 //! (median cut, Debevec 2005). A region becomes parallel light of exactly its energy from its centre of energy.
 
+mod sun;
+
 use super::studio::Backdrop;
 use super::{Light, LightKind, Scene, luminance};
 use glam::{DVec2, DVec3, Vec3};
+use std::borrow::Cow;
 use std::f64::consts::{PI, TAU};
 use std::ops::Range;
 
@@ -19,9 +22,11 @@ pub struct Sky {
     pub height: u32,
     /// Radiance [cd/m^2], row by row. The middle column is about -Z, columns follow each other towards +X.
     pub texels: Vec<Vec3>,
+    /// What shows, row by row, where that is other than what lights: with the sun, which is a light of its own.
+    pub shown: Option<Vec<Vec3>>,
     /// Turn about +Y \[rad\], counter-clockwise seen from above.
     pub turn: f64,
-    /// Which of the scene's lights are the sky's.
+    /// Which of the scene's lights stand for the sky; its sun is none of them.
     pub lights: Range<usize>,
 }
 
@@ -43,7 +48,7 @@ impl Sky {
         let clean = |c: f32| if c.is_finite() { c.max(0.0) } else { 0.0 };
         let texels: Vec<Vec3> = radiance.map(|r| Vec3::from(r.to_array().map(clean))).collect();
         assert_eq!(texels.len(), width as usize * height as usize, "a sky's texels");
-        Self { width, height, texels, turn, lights: 0..0 }
+        Self { width, height, texels, shown: None, turn, lights: 0..0 }
     }
 
     /// The same radiance [cd/m^2] from everywhere.
@@ -52,8 +57,13 @@ impl Sky {
         Self::new(width, height, std::iter::repeat_n(radiance, (width * height) as usize), 0.0)
     }
 
-    /// Puts the sky over a scene, with so many directional lights at most. A black sky has none.
+    /// Puts the sky over a scene: its sun as a light of its own, if it has one, and so many directional lights at most
+    /// that stand for the rest. A black sky has none.
     pub fn put_over(mut self, scene: &mut Scene, lights: usize) {
+        if let Some(sun) = self.split_sun() {
+            scene.notes.push(sun::note(&sun, self.illuminance()));
+            scene.lights.push(sun);
+        }
         let first = scene.lights.len();
         scene.lights.extend(self.lights(lights));
         self.lights = first..scene.lights.len();
@@ -100,6 +110,17 @@ impl Sky {
         let (left, above) = (x.floor(), y.floor());
         let row = |row: f64| texel(left, row).lerp(texel(left + 1.0, row), x - left);
         row(above).lerp(row(above + 1.0), y - above)
+    }
+
+    /// The sky as it shows, with its sun.
+    pub(super) fn as_shown(&self) -> Cow<'_, Self> {
+        match &self.shown {
+            Some(shown) => {
+                let (width, height, turn, lights) = (self.width, self.height, self.turn, self.lights.clone());
+                Cow::Owned(Self { width, height, texels: shown.clone(), shown: None, turn, lights })
+            }
+            None => Cow::Borrowed(self),
+        }
     }
 
     /// Light \[lx\] through a plane that faces it all: the integral of radiance over the sphere.
@@ -183,15 +204,20 @@ impl Sky {
 
     fn light(&self, index: usize, region: &Region) -> Light {
         let (light, vector) = self.sum(&region.columns, &region.rows);
-        let peak = light.max_element();
-        Light {
-            name: format!("sky {index}"),
-            kind: LightKind::Directional,
-            color: (light / peak).as_vec3(),
-            intensity: peak as f32,
-            range: None,
-            position: DVec3::ZERO,
-            direction: -vector.try_normalize().unwrap_or(DVec3::Y).as_vec3(),
-        }
+        parallel(format!("sky {index}"), light, vector)
+    }
+}
+
+/// Parallel light \[lx\] from a direction, of any length.
+fn parallel(name: String, light: DVec3, from: DVec3) -> Light {
+    let peak = light.max_element();
+    Light {
+        name,
+        kind: LightKind::Directional,
+        color: (light / peak).as_vec3(),
+        intensity: peak as f32,
+        range: None,
+        position: DVec3::ZERO,
+        direction: -from.try_normalize().unwrap_or(DVec3::Y).as_vec3(),
     }
 }

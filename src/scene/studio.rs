@@ -11,7 +11,7 @@ use std::f64::consts::PI;
 /// What shows where no surface is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backdrop {
-    /// The sky's own radiance; nothing without a sky.
+    /// The sky's own radiance, with its sun; nothing without a sky.
     #[default]
     Sky,
     /// Below the horizon what an unshadowed ground reflects, above it a little less and less.
@@ -118,7 +118,7 @@ impl Scene {
     /// The grid of radiance that shows where no surface is, if any does.
     pub fn behind(&self) -> Option<Cow<'_, Sky>> {
         match self.backdrop {
-            Backdrop::Sky => self.sky.as_ref().map(Cow::Borrowed),
+            Backdrop::Sky => self.sky.as_ref().map(Sky::as_shown),
             Backdrop::Studio => Some(Cow::Owned(quiet(self.ground_radiance()))),
             Backdrop::Nothing => None,
         }

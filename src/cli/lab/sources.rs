@@ -52,7 +52,9 @@ pub(super) fn run(args: &SourcesArgs) -> Result<()> {
         return Ok(());
     }
     let start = Instant::now();
-    let scene = divided(load_punctual(args.scene.as_deref())?, &args.caches);
+    let mut scene = divided(load_punctual(args.scene.as_deref())?, &args.caches);
+    // Its stages know a sky by the lights that stand for it, and so the paths do.
+    scene.sky = None;
     let camera = crate::cli::camera::camera(&scene, args.camera.as_deref())?;
     let baked = bake_scene(&scene, &args.caches.settings(), false)?;
     let settings = SourcesSettings { size: args.size, rsm: args.rsm, samples: args.spp, ..SourcesSettings::default() };

@@ -254,8 +254,7 @@ impl Study<'_> {
 
     /// Both lobes by light paths of one bounce that pass through everything, and how noisy they are.
     fn light_paths(&self) -> ([Vec<[f32; 3]>; 2], f64) {
-        let settings =
-            path_trace::PathTraceSettings { size: self.settings.size, visibility: false, ..Default::default() };
+        let settings = path_trace::PathTraceSettings::unshadowed(self.settings.size);
         let mut trace = PathTrace::new(self.scene, self.camera, &settings);
         for _ in 0..SAMPLES / PASS_SAMPLES {
             trace.pass();

@@ -190,8 +190,7 @@ pub fn path_traced(
     progress: &dyn Fn(f32),
 ) -> (Layers, Value) {
     let PathTraced { size, visibility, samples, glossy } = *wanted;
-    // As the engine has it: punctual lights, and every bounce but the last one diffuse.
-    let settings = PathTraceSettings { size, bounces: 1, visibility, ..PathTraceSettings::default() };
+    let settings = if visibility { PathTraceSettings::engine(size, 1) } else { PathTraceSettings::unshadowed(size) };
     let mut trace = PathTrace::new(scene, camera, &settings);
     let file = trace.kept_in(folder);
     if trace.resume(&file) {

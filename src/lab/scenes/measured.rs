@@ -211,7 +211,7 @@ mod tests {
         for (thickness, is_shared) in [(0.01, true), (0.01, false), (0.2, true), (0.2, false)] {
             let scene = dark(thickness, is_shared);
             let mean = |camera: usize| {
-                let settings = PathTraceSettings { size: [32, 18], bounces: 4, ..PathTraceSettings::default() };
+                let settings = PathTraceSettings::engine([32, 18], 4);
                 let mut trace = PathTrace::new(&scene, &scene.cameras[camera], &settings);
                 trace.pass();
                 crate::metrics::mean(&trace.diffuse()) + crate::metrics::mean(&trace.direct())

@@ -107,10 +107,11 @@ pub fn sources(
     chain.add(FOOTPRINT, work.brute_force("tilted footprint", &texels, exact));
     chain.add(&rsm(2 * n), work.brute_force("RSM of 2N", &double, exact));
     chain.add(&rsm(4 * n), work.brute_force("RSM of 4N", &fourfold, exact));
-    let unlimited = path_trace::PathTraceSettings { visibility: false, ..work.one_bounce() };
+    let unlimited = path_trace::PathTraceSettings::unshadowed(settings.size);
     let [limit, limit_half] = work.traced("path tracer without shadows", &unlimited);
     chain.add("RSM: without end", limit.clone());
-    let [truth, truth_half] = work.traced("path tracer", &work.one_bounce());
+    let one_bounce = path_trace::PathTraceSettings::engine(settings.size, 1);
+    let [truth, truth_half] = work.traced("path tracer", &one_bounce);
     chain.add(SHADOWS, truth.clone());
 
     let mut alone: Vec<(String, Lights)> = Vec::new();
@@ -129,9 +130,9 @@ pub fn sources(
     alone.push((SHADOWS.into(), work.engine("shadows alone", &texels, none, true)));
 
     let mut beyond = Chain::new(truth.clone());
-    let glossy = path_trace::PathTraceSettings { glossy_bounces: true, ..work.one_bounce() };
+    let glossy = path_trace::PathTraceSettings { glossy_bounces: true, ..one_bounce };
     beyond.add("glossy first bounce", work.traced("path tracer with glossy bounces", &glossy)[0].clone());
-    let bounces = path_trace::PathTraceSettings { bounces: settings.bounces, ..glossy };
+    let bounces = path_trace::PathTraceSettings { bounces: Some(settings.bounces), ..glossy };
     let what = format!("{} bounces", settings.bounces);
     beyond.add(&what, work.traced("path tracer with more bounces", &bounces)[0].clone());
 
@@ -184,10 +185,6 @@ impl Work<'_> {
 
     fn brute_force(&mut self, what: &str, texels: &[Texel], exact: Exact) -> Lights {
         self.step(what, |w| w.stage.brute_force(texels, exact))
-    }
-
-    fn one_bounce(&self) -> path_trace::PathTraceSettings {
-        path_trace::PathTraceSettings { size: self.settings.size, ..path_trace::PathTraceSettings::default() }
     }
 
     /// The picture of all samples, and that of every other one: on average it is as far from the first as the first is

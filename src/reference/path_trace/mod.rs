@@ -30,16 +30,22 @@ pub const PASS_SAMPLES: u32 = 16;
 /// Length of a Sobol sequence; then a new scramble begins.
 const SEQUENCE: u32 = 1 << 16;
 
+/// Bounces after which paths end by chance: Russian roulette, whose survivors have the light of all.
+const ROULETTE: u32 = 4;
+
+/// Highest chance that a path goes on, even one that has lost no light.
+const LIKELIEST: f64 = 0.95;
+
 /// Which light paths are followed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathTraceSettings {
     /// Picture \[pixels\].
     pub size: [u32; 2],
-    /// Indirect bounces: 0 for direct light alone, 1 for what the method computes.
-    pub bounces: u32,
+    /// Most indirect bounces: 0 for direct light alone; all that there are without.
+    pub bounces: Option<u32>,
     /// Whether things are in the way of indirect light; without, one bounce is the limit of infinitely many VALs.
     pub visibility: bool,
-    /// Whether bounces before the last one also reflect glossily; the method's are diffuse.
+    /// Whether bounces before the last one also reflect glossily; the engine's are diffuse.
     pub glossy_bounces: bool,
     /// Where light comes from.
     pub sources: Sources,
@@ -63,14 +69,24 @@ pub enum Sources {
 
 impl Default for PathTraceSettings {
     fn default() -> Self {
-        Self {
-            size: [1280, 720],
-            bounces: 1,
-            visibility: true,
-            glossy_bounces: false,
-            sources: Sources::Punctual,
-            seed: 0,
-        }
+        Self::of([1280, 720])
+    }
+}
+
+impl PathTraceSettings {
+    /// All light that there is.
+    pub fn of(size: [u32; 2]) -> Self {
+        Self { size, bounces: None, visibility: true, glossy_bounces: true, sources: Sources::All, seed: 0 }
+    }
+
+    /// The light that the engine takes into account: so many bounces, of which the last one alone reflects glossily.
+    pub fn engine(size: [u32; 2], bounces: u32) -> Self {
+        Self { bounces: Some(bounces), glossy_bounces: false, ..Self::of(size) }
+    }
+
+    /// What brute force converges to: one bounce of punctual lights that passes through everything.
+    pub fn unshadowed(size: [u32; 2]) -> Self {
+        Self { visibility: false, sources: Sources::Punctual, ..Self::engine(size, 1) }
     }
 }
 
@@ -114,7 +130,8 @@ impl<'a> PathTrace<'a> {
     /// as sources, without visibility.
     pub fn new(scene: &'a Scene, camera: &'a Camera, settings: &PathTraceSettings) -> Self {
         assert!(
-            settings.visibility || (settings.bounces <= 1 && settings.sources == Sources::Punctual),
+            settings.visibility
+                || (settings.bounces.is_some_and(|bounces| bounces <= 1) && settings.sources == Sources::Punctual),
             "without visibility there is one bounce of punctual lights"
         );
         let world = World::new(scene);
@@ -132,7 +149,7 @@ impl<'a> PathTrace<'a> {
 
     /// Whether the picture has no noise, whatever the number of samples: that of punctual lights' direct light.
     pub fn is_exact(&self) -> bool {
-        self.settings.bounces == 0 && self.sky.is_none() && !self.emitters.has_surfaces()
+        self.settings.bounces == Some(0) && self.sky.is_none() && !self.emitters.has_surfaces()
     }
 
     /// Adds [`PASS_SAMPLES`] samples to every pixel, on all cores.
@@ -271,9 +288,9 @@ impl<'a> PathTrace<'a> {
         let from_surfaces = self.emitters.has_surfaces();
         let mut direct = DVec3::ZERO;
         let mut throughput = DVec3::ONE;
-        for depth in 0..=settings.bounces {
+        for depth in 0.. {
             let random = |set| sample_4d(sample, set, mix(seed.wrapping_add(depth))).map(f64::from);
-            let is_last = depth == settings.bounces;
+            let is_last = settings.bounces == Some(depth);
             if is_last && !from_surfaces && self.sky.is_none() {
                 break;
             }
@@ -288,7 +305,7 @@ impl<'a> PathTrace<'a> {
                 *indirect += throughput * self.by_lit_surface(&at, random(2));
             }
 
-            let [x, y, ..] = random(0);
+            let [x, y, chance, _] = random(0);
             let direction = at.sample(DVec2::new(x, y));
             let density = at.density(direction);
             let share = at.reflected(direction) / density;
@@ -326,6 +343,13 @@ impl<'a> PathTrace<'a> {
             let next = self.bounce(&surface, direction);
             *indirect += throughput * share * self.lit(&next, direction, density, hit.distance);
             throughput *= share;
+            if depth >= ROULETTE {
+                let survives = throughput.max_element().min(LIKELIEST);
+                if chance >= survives {
+                    break;
+                }
+                throughput /= survives;
+            }
             at = next;
         }
         direct
