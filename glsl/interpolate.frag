@@ -17,7 +17,7 @@ layout(push_constant, scalar) uniform Push { NearPush push; };
 #else
 layout(push_constant, scalar) uniform Push { InterpolatePush push; };
 #endif
-#ifdef DIFFUSE_ONLY
+#if defined(DIFFUSE_ONLY) || defined(NEAR)
 const uint GLOSSY = 0u;
 #else
 const uint GLOSSY = 1u;

@@ -69,8 +69,8 @@ const uint SKY_OF_CACHES = 5u;
 
 // What a cache sees of a sky.
 struct SkySeen {
-    vec3 share; // of what an open surface would receive
-    vec3 irradiance; // [lx]
+    vec3 share; // of what an open surface would receive, less what is in the way near enough for short rays
+    vec3 irradiance; // of all that arrives [lx]
 };
 
 // Push constants of the pass that finds it.

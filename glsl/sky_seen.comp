@@ -17,7 +17,8 @@ const uint THREADS = gl_WorkGroupSize.x;
 const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
 
 shared uint is_open[DEPTH_IMAGE_TEXELS];
-shared vec3 arriving[THREADS];
+shared vec3 arriving[THREADS]; // where nothing is in the way beyond what is left to short rays
+shared vec3 in_all[THREADS]; // where nothing is at all
 shared vec3 from_all[THREADS];
 shared vec2 counts[THREADS]; // of open texels, of all on the disc
 
@@ -33,6 +34,7 @@ void main() {
     float lift = lift_at(c.position, 0.0);
     vec3 start = c.position + c.normal * lift;
     vec3 open = vec3(0.0);
+    vec3 lit = vec3(0.0);
     vec3 all = vec3(0.0);
     vec2 count = vec2(0.0);
     // Texels of the unit disc have equal shares of irradiance.
@@ -42,29 +44,37 @@ void main() {
         uint found = 0u;
         if (z2 > 0.0) {
             vec3 direction = tangent * p.x + bitangent * p.y + c.normal * sqrt(z2);
-            Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, true);
+            Hit hit = trace(start, direction, lift, 3e38, push.root, 0u, false);
+            bool is_lit = hit.triangle == NO_HIT;
+            if (!is_lit && hit.distance < push.reach) {
+                hit = trace(start, direction, push.reach, 3e38, push.root, 0u, true);
+            }
             found = hit.triangle == NO_HIT ? 1u : 0u;
             vec3 radiance = sky_at(SKY_OF_CACHES, direction);
             all += radiance;
+            lit += is_lit ? radiance : vec3(0.0);
             open += float(found) * radiance;
             count += vec2(found, 1.0);
         }
         is_open[texel] = found;
     }
     arriving[thread] = open;
+    in_all[thread] = lit;
     from_all[thread] = all;
     counts[thread] = count;
     barrier();
     if (thread == 0u) {
         for (uint i = 1u; i < THREADS; ++i) {
             open += arriving[i];
+            lit += in_all[i];
             all += from_all[i];
             count += counts[i];
         }
         // A surface that faces darkness has the share of its directions.
         float least = push.least * count.y / 3.14159265;
         vec3 share = (open + least * count.x / count.y) / max(all + least, 1e-37);
-        seen[cache] = SkySeen(share, share * sky_at(SKY_IRRADIANCE, c.normal));
+        vec3 irradiance = sky_at(SKY_IRRADIANCE, c.normal) * lit / max(all, 1e-37);
+        seen[cache] = SkySeen(share, irradiance);
     }
     // Four parts of each direction, four directions to a number.
     for (uint four = thread; four < DIRECTIONS / 4u; four += THREADS) {

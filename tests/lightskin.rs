@@ -49,6 +49,7 @@ mod scene;
 mod shaders;
 mod shadows_light;
 mod sky;
+mod sky_light;
 mod sources;
 mod stage;
 mod sun;

@@ -67,10 +67,10 @@ impl CacheLight {
         let group = gather.live().map_or(0, |live| live.group);
         Ok(Self {
             atlas: Atlas::new(gpu, count)?,
-            proxies: Proxies::new(gpu, count, plan.glossy, eyes)?,
+            proxies: Proxies::new(gpu, count, plan.lobes, eyes)?,
             visible: Visible::new(gpu)?,
             cull: plan.cull.then(|| Cull::new(gpu, &gather, world.references_each)).transpose()?,
-            occlude: plan.occlude.then(|| Occlude::new(gpu, count, plan.glossy, group)).transpose()?,
+            occlude: plan.occlude.then(|| Occlude::new(gpu, count, plan.lobes, group)).transpose()?,
             interpolate: Interpolate::new(gpu, plan, world, settings.interpolation)?,
             sky: SkyOfCaches::new(gpu, world, plan)?.zip(SkyShading::new(gpu, plan, world)?),
             near,

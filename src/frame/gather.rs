@@ -55,7 +55,7 @@ impl Gather {
                 // What follows each other in a coarse picture, or in the list of patches, lies in different directions.
                 let fine = !plan.emitters && world.lights().iter().all(|light| light.rsm_size(rsm) >= FINE_RSM);
                 let together = if fine { SHADOWED_TOGETHER } else { 1 };
-                let (glossy, bounces, weight) = (plan.glossy, plan.bounces, way.proxy_weight);
+                let (glossy, bounces, weight) = (plan.lobes, plan.bounces, way.proxy_weight);
                 let emitted = if plan.emitters { world.emitters.len() as u32 } else { 0 };
                 let is_near = plan.near != Near::Off;
                 let near = if is_near { (CACHE_REACH * world.spacing()) as f32 } else { 0.0 };
@@ -69,10 +69,10 @@ impl Gather {
                 }))
             }
             settings::Gather::Draws { source, tile, dim } => {
-                Self::Draws(Box::new(Draws::new(gpu, caches, plan.glossy, plan.cull, source, tile, dim)?))
+                Self::Draws(Box::new(Draws::new(gpu, caches, plan.lobes, plan.cull, source, tile, dim)?))
             }
             settings::Gather::Clusters { rule, dim } => {
-                Self::Clusters(Box::new(Clusters::new(gpu, world, rsm, rule, plan.glossy, dim)?))
+                Self::Clusters(Box::new(Clusters::new(gpu, world, rsm, rule, plan.lobes, dim)?))
             }
         })
     }

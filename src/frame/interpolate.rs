@@ -79,7 +79,7 @@ impl Interpolate {
         let printed = u32::from(interpolation == settings::Interpolation::Printed);
         // Pixels look for so many references each; without, vertices have done so.
         let (of_pixels, references) = (world.references_of_pixels(), world.references_each as u32);
-        let constants = [references, u32::from(plan.glossy), printed];
+        let constants = [references, u32::from(plan.lobes), printed];
         let (_, every) = plan.near.rays();
         let average = if plan.sky_light { "average_sky.comp" } else { "average.comp" };
         Ok(Self {

@@ -83,6 +83,8 @@ pub struct Plan {
     pub brute_force: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
     pub glossy: bool,
+    /// Caches have proxies of the glossy lobe: rays do not see what it mirrors.
+    pub lobes: bool,
 }
 
 /// A stage: METHOD's number, its name in times, traces and reports, and when a frame has it.
@@ -145,6 +147,7 @@ impl Plan {
             Some(Gather::Compute { bounces, .. }) => bounces.saturating_sub(1),
             _ => 0,
         };
+        let near = gather.filter(|_| scene.rays).map_or(Near::Off, |gather| gather.near());
         let brute_force = light && settings.indirect == Indirect::BruteForce;
         Self {
             deform: scene.bends,
@@ -159,9 +162,10 @@ impl Plan {
             bounces,
             occlude: shadows == Shadows::Proxy,
             depth_images: shadows == Shadows::PerLight,
-            near: gather.filter(|_| scene.rays).map_or(Near::Off, |gather| gather.near()),
+            near,
             brute_force,
             glossy: scene.glossy,
+            lobes: scene.glossy && near == Near::Off,
         }
     }
 

@@ -208,7 +208,7 @@ fn find_outdated(world: &World, light: &mut Light, views: &mut [(View, &mut Pict
         outdated.cull = made.live.renew([order, vals]) || anew;
         outdated.sky = made.sky.renew([made.atlas.revision(), world.revisions.sky]) || anew;
         outdated.depth_images = made.depth_images.renew([made.atlas.revision(), order]) || anew;
-        let eyes = views.iter().filter(|_| plan.glossy).map(|(_, picture)| picture.made.eye.revision());
+        let eyes = views.iter().filter(|_| plan.lobes).map(|(_, picture)| picture.made.eye.revision());
         outdated.proxies = made.proxies.renew(eyes.chain([vals, made.atlas.revision(), order])) || anew;
         indirect = made.proxies.revision();
     }

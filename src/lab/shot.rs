@@ -99,7 +99,7 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs)
         let sums = gather_sums(gpu, &caches.gather, caches.atlas.count)?;
         shot.sums = [
             sums.iter().map(|s| s.diffuse_irradiance.as_dvec3()).collect(),
-            sums.iter().filter(|_| light.plan.glossy).map(|s| s.glossy_irradiance.as_dvec3()).collect(),
+            sums.iter().filter(|_| light.plan.lobes).map(|s| s.glossy_irradiance.as_dvec3()).collect(),
         ];
     }
     complaints.extend(gpu.messages().into_iter().skip(said));

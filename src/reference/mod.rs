@@ -34,6 +34,7 @@ pub mod path_trace;
 pub mod phong;
 /// A primary light's view of the scene to VALs, stage 4.
 pub mod rsm;
+pub mod sky;
 /// Scene-linear colour to the display, stage 11.
 pub mod tonemap;
 /// Triangles and the nearest one along a ray.

@@ -1,0 +1,270 @@
+//! The light of a sky on surfaces: grids of it against their integrals, what caches see of it against f64 rays, pictures against
+//! the path tracer, and nothing of an earlier sky left.
+
+use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
+use lightskin::bake::CacheSet;
+use lightskin::frame::engine::Loaded;
+use lightskin::frame::near::CACHE_REACH;
+use lightskin::frame::{Engine, Look, Near, Picture, Shadows, View, World};
+use lightskin::gpu::Gpu;
+use lightskin::lab::knobs::{Frame, Knobs};
+use lightskin::metrics::metrics;
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
+use lightskin::reference::sky::seen;
+use lightskin::reference::world::World as Placed;
+use lightskin::scene::build::{cuboid, quad, sphere};
+use lightskin::scene::sky::Sky;
+use lightskin::scene::sky_filter::{LOBES, irradiance, lobes};
+use lightskin::scene::{Scene, tessellate};
+use lightskin::shared::{Cache, DIRECTIONS, SKY_ITSELF, SKY_OF_CACHES, SkySeen};
+use std::f64::consts::PI;
+
+use crate::common::frames::{add, baked, camera, phong, shoot, small};
+use crate::common::{assert_clean, gpu};
+
+const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
+
+/// Brighter towards one side and above, with a colour.
+fn uneven() -> Sky {
+    let radiance = |direction: DVec3| {
+        let warm = (direction.dot(dvec3(0.6, 0.5, 0.62)).max(0.0)).powi(12);
+        dvec3(300.0, 500.0, 900.0) * (0.3 + 0.7 * direction.y.max(0.0)) + dvec3(4000.0, 2500.0, 1000.0) * warm
+    };
+    let plain = Sky::new(128, 64, std::iter::repeat_n(Vec3::ZERO, 128 * 64), 0.4);
+    let place = |i: usize| glam::DVec2::new((i % 128) as f64 + 0.5, (i / 128) as f64 + 0.5);
+    let texels: Vec<Vec3> = (0..128 * 64).map(|i| radiance(plain.direction_at(place(i))).as_vec3()).collect();
+    Sky::new(128, 64, texels.into_iter(), 0.4)
+}
+
+/// A ball and a box on a floor; lobes of balls have this specular part and exponent.
+fn on_a_floor(lobe: Option<(f32, f32)>) -> Scene {
+    let mut scene = Scene { name: "floor".into(), ..Scene::default() };
+    let floor = quad(vec3(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, 0.5);
+    add(&mut scene, floor, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    let ball = match lobe {
+        Some((specular, exponent)) => phong([0.0; 3], [specular; 3], exponent),
+        None => phong([0.8; 3], [0.0; 3], 1.0),
+    };
+    let place = DAffine3::from_translation(dvec3(-0.7, 0.5, 0.0));
+    add(&mut scene, sphere(0.5, 32), ball, place);
+    let body = cuboid(vec3(0.3, 0.0, -0.5), vec3(1.1, 0.9, 0.4), 0.3, |_| true);
+    add(&mut scene, body, phong([0.8, 0.5, 0.3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    scene.cameras.push(camera(dvec3(0.0, 1.6, 3.6), dvec3(0.0, 0.4, 0.0), 0.6));
+    scene
+}
+
+fn knobs(size: [u32; 2], near: Near) -> Knobs {
+    Knobs { size, near, shadows: Shadows::PerLight, rsm: 64, shadow_map: 512, ..small() }
+}
+
+fn divided(scene: &Scene, spacing: f64) -> (Scene, CacheSet) {
+    let mut scene = scene.clone();
+    tessellate::divide(&mut scene, spacing, None);
+    let caches = baked(&scene, spacing, 8);
+    (scene, caches)
+}
+
+#[test]
+fn grids_have_the_skys_integrals() {
+    let sky = uneven();
+    let received = irradiance(&sky);
+    let blurred = lobes(&sky);
+    assert_eq!(blurred.len(), LOBES as usize);
+    let mut off = vec![0.0_f64; 1 + blurred.len()];
+    for i in 0..60 {
+        let z = 1.0 - (f64::from(i) + 0.5) / 30.0;
+        let (sine, cosine) = (f64::from(i) * 2.4).sin_cos();
+        let axis = dvec3(cosine, sine, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z;
+        let whole = sky.received(axis);
+        off[0] = off[0].max(received.radiance(axis).distance(whole) / whole.length());
+        for (lobe, grid) in blurred.iter().enumerate() {
+            let exponent = f64::from(2048 >> lobe);
+            // The mean over directions as dense as the lobe: rings of equal shares.
+            let (right, up) = axis.any_orthonormal_pair();
+            let mut mean = DVec3::ZERO;
+            for ring in 0..64 {
+                let cosine = ((f64::from(ring) + 0.5) / 64.0).powf(1.0 / (exponent + 1.0));
+                for turn in 0..64 {
+                    let (y, x) = (f64::from(turn) * PI / 32.0).sin_cos();
+                    let aside = (1.0 - cosine * cosine).sqrt();
+                    mean += sky.radiance(axis * cosine + (right * x + up * y) * aside) / 4096.0;
+                }
+            }
+            off[1 + lobe] = off[1 + lobe].max(grid.radiance(axis).distance(mean) / mean.length());
+        }
+    }
+    println!("worst relative error of irradiance {:.4}, of lobes from narrow to wide {:.4?}", off[0], &off[1..]);
+    assert!(off[0] < 0.01, "{off:?}");
+    assert!(off[1..].iter().all(|off| *off < 0.04), "{off:?}");
+}
+
+#[test]
+fn caches_see_of_the_sky_what_f64_rays_see() {
+    let gpu = gpu();
+    let (mut scene, caches) = divided(&on_a_floor(None), 0.5);
+    uneven().put_over(&mut scene, 16);
+    let sky = scene.sky.as_ref().expect("a sky");
+    let smooth = &lobes(sky)[(SKY_OF_CACHES - SKY_ITSELF - 1) as usize];
+    let placed = Placed::new(&scene);
+    for near in [RAYS, Near::Off] {
+        let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        let frame = drawn(&gpu, &scene, &world, &knobs([48, 27], near));
+        let light = frame.light.caches().expect("caches");
+        let (of_caches, _) = light.sky.as_ref().expect("a sky");
+        let found: Vec<SkySeen> = gpu.read(&of_caches.seen).expect("read");
+        let parts: Vec<u32> = gpu.read(&of_caches.open).expect("read");
+        let places: Vec<Cache> = gpu.read(&light.atlas.caches).expect("read");
+        let reach = if near == Near::Off { 0.0 } else { CACHE_REACH * world.spacing() };
+        let least = 1e-4 * sky.illuminance().max_element() / 4.0;
+        let (mut share, mut irradiance, mut differ, mut closed) = (0.0, 0.0, 0.0, 0.0);
+        for (i, (cache, found)) in places.iter().zip(&found).enumerate() {
+            let (position, normal) = ({ cache.position }.as_dvec3() + world.origin, { cache.normal }.as_dvec3());
+            let expected = seen(&placed, [sky, smooth], (position, normal), [2e-5, reach, least]);
+            share += ({ found.share }.as_dvec3() - expected.share).length();
+            irradiance += ({ found.irradiance }.as_dvec3() - expected.irradiance).length() / sky.illuminance().length();
+            for (direction, open) in expected.open.iter().enumerate() {
+                let part = parts[(i * DIRECTIONS as usize + direction) / 4] >> (8 * (direction % 4)) & 0xff;
+                differ += (f64::from(part) / 4.0 - open).abs();
+                closed += 1.0 - open;
+            }
+        }
+        let count = places.len() as f64;
+        println!(
+            "{near:?}: {count} caches, shares off by {:.5}, irradiance by {:.5}, open directions by {:.5}",
+            share / count,
+            irradiance / count,
+            differ / closed
+        );
+        assert!(count > 100.0 && closed > 30.0 * count);
+        assert!(share / count < 2e-3 && irradiance / count < 1e-3 && differ / closed < 2e-3);
+    }
+    assert_clean(&gpu);
+}
+
+/// A frame that has been drawn once, without complaints.
+fn drawn(gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> Frame {
+    let mut frame = Frame::new(gpu, scene, world, knobs).expect("made");
+    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
+    let drawn = gpu.frame(|cmd| {
+        frame.record(cmd, world, &view);
+        Ok(())
+    });
+    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+    frame
+}
+
+#[test]
+fn a_white_ball_under_an_even_sky_is_as_bright_as_the_sky() {
+    let gpu = gpu();
+    let mut scene = Scene { name: "ball".into(), ..Scene::default() };
+    add(&mut scene, sphere(0.5, 24), phong([1.0; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    scene.cameras.push(camera(dvec3(0.0, 0.3, 2.0), DVec3::ZERO, 0.5));
+    for spacing in [0.9, 0.3, 0.1] {
+        let (mut scene, caches) = divided(&scene, spacing);
+        Sky::even(Vec3::splat(100.0)).put_over(&mut scene, 16);
+        for (near, shadows) in
+            [(RAYS, Shadows::PerLight), (RAYS, Shadows::Off), (Near::Off, Shadows::Off), (Near::Off, Shadows::Proxy)]
+        {
+            let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { shadows, ..knobs([48, 27], near) });
+            let on_ball = |(pixel, covered): (usize, &bool)| covered.then_some(shot.direct[pixel].y);
+            let worst = shot
+                .covered
+                .iter()
+                .enumerate()
+                .filter_map(on_ball)
+                .fold(0.0, |worst: f64, y| worst.max((y / 100.0 - 1.0).abs()));
+            println!("caches {spacing} m apart, {near:?}, {shadows:?}: off by {worst:.4} at most");
+            assert!(worst < 0.01, "{spacing} m, {near:?}, {shadows:?}: {worst}");
+        }
+    }
+}
+
+#[test]
+fn a_closed_room_under_a_bright_sky_stays_dark() {
+    let gpu = gpu();
+    let mut scene = Scene { name: "closed".into(), ..Scene::default() };
+    let inside = cuboid(vec3(-1.0, 0.0, -1.0), vec3(1.0, 2.0, 1.0), 0.5, |_| true).reversed();
+    add(&mut scene, inside, phong([0.8; 3], [0.3; 3], 30.0), DAffine3::IDENTITY);
+    let outside = cuboid(vec3(-1.1, -0.1, -1.1), vec3(1.1, 2.1, 1.1), 0.5, |_| true);
+    add(&mut scene, outside, phong([0.8; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    scene.cameras = vec![camera(dvec3(0.8, 1.6, 0.8), dvec3(-0.5, 0.4, -0.5), 1.2)];
+    let (mut scene, caches) = divided(&scene, 0.3);
+    Sky::even(Vec3::splat(10_000.0)).put_over(&mut scene, 16);
+    for (near, shadows) in [(RAYS, Shadows::PerLight), (Near::Off, Shadows::Off)] {
+        let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { shadows, ..knobs([48, 27], near) });
+        assert!(shot.covered.iter().all(|covered| *covered));
+        let brightest = shot.direct.iter().fold(0.0, |most: f64, light| most.max(light.max_element()));
+        println!("{near:?}: {brightest} cd/m^2 at most");
+        assert!(brightest < 1e-4 * 0.8 * 10_000.0, "{brightest}");
+    }
+}
+
+/// Direct light of paths, at pixels with a surface.
+fn paths(scene: &Scene, size: [u32; 2], passes: usize) -> (Vec<[f32; 3]>, Vec<bool>) {
+    let settings = PathTraceSettings::engine(size, 0);
+    let mut paths = PathTrace::new(scene, &scene.cameras[0], &settings);
+    (0..passes).for_each(|_| paths.pass());
+    (paths.direct(), paths.covered())
+}
+
+#[test]
+fn surfaces_have_the_skys_light_of_paths() {
+    let gpu = gpu();
+    for (lobe, spacing, limits) in [
+        (None, 0.15, [0.03, 0.08]),
+        (Some((0.9, 4.0)), 0.15, [0.03, 0.15]),
+        (Some((0.9, 40.0)), 0.15, [0.03, 0.15]),
+        (Some((0.9, 1000.0)), 0.4, [0.03, 0.2]),
+    ] {
+        let (mut scene, caches) = divided(&on_a_floor(lobe), spacing);
+        uneven().put_over(&mut scene, 16);
+        let size = [96, 54];
+        let (truth, covered) = paths(&scene, size, 16);
+        let shot = shoot(&gpu, &scene, Some(&caches), &knobs(size, RAYS));
+        let of_surfaces = |all: &dyn Fn(usize) -> [f32; 3]| -> Vec<[f32; 3]> {
+            (0..covered.len()).filter(|pixel| covered[*pixel]).map(all).collect()
+        };
+        let shown = of_surfaces(&|pixel| shot.direct[pixel].as_vec3().to_array());
+        let truth = of_surfaces(&|pixel| truth[pixel]);
+        let m = metrics(&shown, &truth);
+        let mean = truth.iter().map(|p| f64::from(p.iter().sum::<f32>()) / 3.0).sum::<f64>() / truth.len() as f64;
+        println!("{lobe:?}: bias {:+.4}, RMSE over mean {:.4}", m.bias, m.rmse / mean);
+        assert!(m.bias.abs() < limits[0] && m.rmse < limits[1] * mean, "{lobe:?}: {m:?}");
+    }
+}
+
+#[test]
+fn nothing_of_another_sky_is_left() {
+    let gpu = gpu();
+    let (bare, caches) = divided(&on_a_floor(Some((0.6, 20.0))), 0.4);
+    let under = |sky: Sky| {
+        let mut scene = bare.clone();
+        sky.put_over(&mut scene, 8);
+        scene
+    };
+    let turned = |turn: f64| Sky { turn, ..uneven() };
+    let settings = Knobs { reuse: true, ..knobs([48, 27], RAYS) }.settings();
+    let engine = |scene: Scene| {
+        let loaded = Loaded { scene, caches: Some(caches.clone()) };
+        let engine = Engine::new(&gpu, loaded, &settings).expect("made");
+        let picture = engine.picture(&gpu, [48, 27]).expect("made");
+        (engine, picture)
+    };
+    let picture = |(engine, picture): &mut (Engine, Picture)| {
+        engine.fit(&gpu, &mut [(picture, [48, 27])]).expect("fits");
+        let view = engine.view(&engine.scene().cameras[0].clone(), [48, 27]);
+        let drawn = gpu.frame(|cmd| {
+            engine.record(cmd, &mut [(view, picture)], &Look::default());
+            Ok(())
+        });
+        assert_eq!(drawn.expect("drawn").problems, [""; 0]);
+        gpu.read_image::<u32>(&picture.surface.radiance).expect("read")
+    };
+    let mut edited = engine(under(uneven()));
+    let before = picture(&mut edited);
+    edited.0.edit(&gpu, |scene| *scene = under(turned(1.5))).expect("edited");
+    let after = picture(&mut edited);
+    assert!(before != after, "the sky has turned");
+    assert!(after == picture(&mut engine(under(turned(1.5)))), "as if it had always stood so");
+    assert_clean(&gpu);
+}
