@@ -130,7 +130,10 @@ fn rendered(scene: &Path, out: &Path, args: &SheetArgs, flags: &[&str]) -> Resul
         .output()
         .map_err(|error| format!("this program could not be started again: {error}"))?;
     let told = String::from_utf8_lossy(&run.stderr);
-    let lines: Vec<String> = told.lines().map(|line| line.trim_start_matches("lightskin: ").to_owned()).collect();
+    // Its page names the file already.
+    let (program, file) = ("lightskin: ", format!("{}: ", scene.display()));
+    let own = |line: &str| line.trim_start_matches(program).trim_start_matches(&file).to_owned();
+    let lines: Vec<String> = told.lines().map(own).collect();
     if !run.status.success() {
         return Err(lines.last().cloned().unwrap_or_else(|| run.status.to_string()));
     }
