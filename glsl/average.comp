@@ -1,4 +1,5 @@
 // Stage 8, first half: the proxies of a visible vertex's references, averaged. METHOD 5, thesis listing 5.2.
+// variant average_sky.comp: SKY (where caches are lit by a sky, too)
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
@@ -17,6 +18,11 @@ layout(binding = 5, scalar) readonly buffer Corners { Corner corners[]; };
 layout(binding = 6, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 7, scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(binding = 8, scalar) writeonly buffer Lights { VertexLight lights[]; };
+#ifdef SKY
+#include "lib/sky_seen.glsl"
+layout(binding = 9, scalar) readonly buffer Seen { SkySeen seen[]; }; // of each cache
+layout(binding = 10, scalar) writeonly buffer SkyLights { vec3 sky_lights[]; }; // share of the sky's light that arrives
+#endif
 
 void main() {
     uint at = gl_GlobalInvocationID.x;
@@ -52,4 +58,16 @@ void main() {
         lobes = left_over(a);
     }
     lights[at] = averaged(a, x);
+#ifdef SKY
+    SeenSum sky = SeenSum(vec3(0.0), 0.0);
+    for (uint round = 0u; round < 2u && sky.weight <= 0.0; ++round) {
+        for (uint i = 0u; i < REFERENCES; ++i) {
+            if (indices[i] != NO_REFERENCES) {
+                take_seen(sky, x.position, x.normal, x.d_max, caches[indices[i]], seen[indices[i]].share, round > 0u);
+            }
+        }
+    }
+    // A surface without caches is out in the open.
+    sky_lights[at] = sky.weight > 0.0 ? sky.seen / sky.weight : vec3(1.0);
+#endif
 }

@@ -9,7 +9,6 @@
 // variant interpolate_near_cells.frag: NEAR BY_CELLS (with short rays)
 // variant interpolate_near_cells_diffuse.frag: NEAR BY_CELLS DIFFUSE_ONLY (with short rays)
 #include "shared.glsl"
-#include "lib/triangle.glsl"
 
 layout(constant_id = 0) const uint PRINTED = 0;
 layout(constant_id = 1) const uint REFERENCES = 8;
@@ -23,9 +22,8 @@ const uint GLOSSY = 0u;
 #else
 const uint GLOSSY = 1u;
 #endif
-layout(binding = 0) uniform usampler2D element_image;
+#include "lib/here.glsl"
 #ifdef BY_CELLS
-#include "lib/average.glsl"
 #include "lib/references.glsl"
 #else
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
@@ -33,12 +31,7 @@ layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 #include "lib/form_factor.glsl"
 #include "lib/phong.glsl"
 
-layout(binding = 3, scalar) readonly buffer Indices { uint indices[]; };
 #ifdef BY_CELLS
-layout(binding = 4, scalar) readonly buffer Instances { Instance instances[]; };
-layout(binding = 5, scalar) readonly buffer Corners { Corner corners[]; };
-layout(binding = 6, scalar) readonly buffer Rows { uint rows[]; };
-layout(binding = 7, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 8, scalar) readonly buffer Proxies { Proxy proxies[]; };
 #else
 layout(binding = 4, scalar) readonly buffer Slots { uint slots[]; };
@@ -67,48 +60,11 @@ vec3 received(vec3 position, vec3 light, vec3 carried, vec3 n, out vec3 towards)
     return max(carried, vec3(0.0)) * (max(dot(n, towards), 0.0) / (PRINTED != 0u ? d2 : 1.0));
 }
 
-// Weights of a triangle's corners at this pixel.
-vec3 weights_here(vec4 a, vec4 b, vec4 c) {
-    return weights_at(gl_FragCoord.xy / vec2(textureSize(element_image, 0)) * 2.0 - 1.0, a, b, c);
-}
-
 #ifdef BY_CELLS
 // The averaged light of this pixel's cell.
 VertexLight light_at(DrawRecord draw, uint first_index) {
-    Instance instance = instances[draw.instance];
-    vec3 place[3], facing[3];
-    vec4 clip[3];
-    vec3 posed[3];
-    for (uint i = 0u; i < 3u; ++i) {
-        Corner corner = corners[draw.first_vertex + indices[first_index + i]];
-        place[i] = (instance.world_from_model * vec4(corner.position, 1.0)).xyz;
-        facing[i] = unit_or(mat3(instance.world_from_normal) * corner.normal, vec3(0.0, 1.0, 0.0));
-        clip[i] = push.clip_from_world * vec4(place[i], 1.0);
-        posed[i] = corner.position;
-    }
-    // As the surface stretches, its caches move apart.
-    float growth = instance.growth;
-    if (draw.first_rest != draw.first_vertex) {
-        float most = 0.0;
-        for (uint i = 0u; i < 3u; ++i) {
-            vec3 a = corners[draw.first_rest + indices[first_index + i]].position;
-            vec3 b = corners[draw.first_rest + indices[first_index + (i + 1u) % 3u]].position;
-            // An edge that had no length says nothing.
-            if (distance(a, b) > 0.0) {
-                most = max(most, distance(posed[i], posed[(i + 1u) % 3u]) / distance(a, b));
-            }
-        }
-        growth *= most > 0.0 ? most : 1.0;
-    }
-    vec3 w = weights_here(clip[0], clip[1], clip[2]);
-    Point x;
-    x.position = w.x * place[0] + w.y * place[1] + w.z * place[2];
-    x.normal = unit_or(w.x * facing[0] + w.y * facing[1] + w.z * facing[2], facing[0]);
-    x.mirrored = reflect(view_direction(push.eye, x.position), x.normal);
-    x.eye = push.eye;
-    x.d_max = push.reach * growth;
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
-    uint row = rows[pixel.y * textureSize(element_image, 0).x + pixel.x];
+    Point x = point_here(draw, first_index);
+    uint row = row_here();
     Averages a = no_caches();
     bvec2 lobes = bvec2(row != NO_REFERENCES, row != NO_REFERENCES && GLOSSY != 0u);
     for (uint round = 0u; round < 2u && any(lobes); ++round) {
@@ -163,23 +119,20 @@ void main() {
     vec3 e = received(light.position, light.diffuse_position, light.diffuse_irradiance, n, from);
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
 #ifndef DIFFUSE_ONLY
-    vec3 glossy_from;
-    vec3 g = received(light.position, light.glossy_position, light.glossy_irradiance, n, glossy_from);
-    vec3 r = reflect(view_direction(push.eye, light.position), n);
     vec4 specular = texelFetch(specular_image, pixel, 0);
-    float lobe = phong_lobe(normal_exponent.w, dot(r, glossy_from));
 #endif
 #ifdef NEAR
     vec3 geometric = octahedral_decode(vec2(albedo.a, texelFetch(specular_image, pixel, 0).a));
     Near near = near_of(pixel, light.position, geometric);
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
-    // Wide lobes and very narrow ones are those of rays; directions of caches are too coarse for those between.
-    float k = normal_exponent.w;
-    float by_caches = k < NEAR_SHARP ? smoothstep(3.0, 5.0, log2(max(k, 1.0))) : 0.0;
-    out_glossy = vec4(specular.rgb * mix(near.glossy, lobe * g, by_caches), 0.0);
+    out_glossy = vec4(specular.rgb * near.glossy, 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
+    vec3 glossy_from;
+    vec3 g = received(light.position, light.glossy_position, light.glossy_irradiance, n, glossy_from);
+    vec3 r = reflect(view_direction(push.eye, light.position), n);
+    float lobe = phong_lobe(normal_exponent.w, dot(r, glossy_from));
     out_glossy = vec4(specular.rgb * lobe * g, 0.0);
 #endif
     out_diffuse = vec4(albedo.rgb / PI * e, 0.0);

@@ -4,6 +4,10 @@
 // variant near_glossy.comp: GLOSSY (where a material has a glossy lobe)
 // variant near_lit.comp: LIT (where surfaces reflect the light of caches, too)
 // variant near_glossy_lit.comp: GLOSSY LIT (both)
+// variant near_sky.comp: SKY (where caches see a sky)
+// variant near_glossy_sky.comp: GLOSSY SKY (where caches see a sky)
+// variant near_lit_sky.comp: LIT SKY (where caches see a sky)
+// variant near_glossy_lit_sky.comp: GLOSSY LIT SKY (where caches see a sky)
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit_light.glsl"
 #include "lib/triangle.glsl"
@@ -28,13 +32,20 @@ layout(binding = 19, scalar) readonly buffer Models { InstanceCaches instance_ca
 #ifdef GLOSSY
 layout(binding = 22) uniform sampler2D normal_image;
 layout(binding = 23) uniform sampler2D specular_image;
+#define NEXT_BINDING 24
+#else
+#define NEXT_BINDING 22
 #endif
 #ifdef LIT
-#ifdef GLOSSY
-layout(binding = 24, scalar) readonly buffer CacheVals { Val cache_vals[]; };
+layout(binding = NEXT_BINDING, scalar) readonly buffer CacheVals { Val cache_vals[]; };
+#define SKY_FIRST (NEXT_BINDING + 1)
 #else
-layout(binding = 22, scalar) readonly buffer CacheVals { Val cache_vals[]; };
+#define SKY_FIRST NEXT_BINDING
 #endif
+#ifdef SKY
+layout(binding = SKY_FIRST, scalar) readonly buffer Seen { SkySeen seen[]; }; // of each cache
+layout(binding = SKY_FIRST + 1, scalar) readonly buffer Open { uint open_parts[]; }; // of each cache by directions, of 4
+layout(binding = SKY_FIRST + 2, scalar) readonly buffer SkyDirections { vec3 sky_directions[]; }; // [cd/m^2]
 #endif
 
 // The nearest cache of each corner of an instance's triangle, or that of the cell which a point of it lies in; NO_REFERENCES
@@ -73,18 +84,40 @@ vec3 far_radiance(uvec3 at, vec3 w, vec3 direction) {
     return sum;
 }
 
-#ifdef LIT
-// Radiance [cd/m^2] that the caches about a point reflect of what has reached them.
-vec3 cache_radiance(Hit hit) {
+#ifdef SKY
+// How far caches with these weights are open in a direction, and what the sky has there [cd/m^2].
+float sky_open(uvec3 at, vec3 w, vec3 direction, out vec3 radiance) {
+    uint index = direction_index(direction);
+    radiance = sky_directions[index];
+    float sum = 0.0;
+    for (uint i = 0u; i < 3u; ++i) {
+        if (at[i] != NO_REFERENCES) {
+            uint parts = open_parts[at[i] * (DIRECTIONS / 4u) + index / 4u] >> (8u * (index % 4u)) & 0xffu;
+            sum += 0.25 * w[i] * float(parts);
+        }
+    }
+    return sum;
+}
+#endif
+
+#if defined(LIT) || defined(SKY)
+// Radiance [cd/m^2] that a point reflects of what the caches about it have received, of the sky or of all.
+vec3 cache_radiance(Hit hit, vec3 diffuse) {
     uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
     uvec3 at = nearest_caches(hit.instance, v, w);
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < 3u; ++i) {
-        if (at[i] != NO_REFERENCES) {
-            Val val = cache_vals[at[i]];
-            sum += w[i] * val.flux / max(PI * val.area, 1e-30);
+        if (at[i] == NO_REFERENCES) {
+            continue;
         }
+#ifdef LIT
+        Val val = cache_vals[at[i]];
+        sum += w[i] * val.flux / max(PI * val.area, 1e-30);
+#endif
+#ifdef SKY
+        sum += push.reflects != 0u ? w[i] * diffuse / PI * seen[at[i]].irradiance : vec3(0.0);
+#endif
     }
     return sum;
 }
@@ -96,10 +129,10 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
     vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
     vec3 sum = s.emission;
     if (push.reflects != 0u) {
-        sum += reflected_direct(s, push.light_count, push.root, chance);
+        sum += reflected_direct(s, push.light_count, push.first_sky_light, push.sky_light_count, push.root, chance);
     }
-#ifdef LIT
-    sum += cache_radiance(hit);
+#if defined(LIT) || defined(SKY)
+    sum += cache_radiance(hit, s.diffuse);
 #endif
     return sum;
 }
@@ -129,7 +162,7 @@ void main() {
     ivec2 size = textureSize(element_image, 0);
     ivec2 pixel = min(ivec2(at * EVERY), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
-    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0);
+    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0, 0.0, 0.0);
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;
@@ -172,7 +205,10 @@ void main() {
     vec3 mirrored = reflect(-towards_eye, own);
     float k = normal_exponent.w;
     bool is_glossy = texelFetch(specular_image, pixel, 0).rgb != vec3(0.0);
+    // Of wide lobes caches know what is far; narrow ones need rays without end.
+    float narrow = smoothstep(3.0, 5.0, log2(max(k, 1.0)));
 #endif
+    const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     found.open = 0.0;
     for (uint i = 0u; i < RAYS; ++i) {
         uint number = i * ALL + subset;
@@ -182,11 +218,18 @@ void main() {
         // Below the surface itself there is nothing to be seen: such rays are turned up. Caches know vertex normals alone.
         float above = dot(direction, geometric);
         direction -= above < 0.0 ? 2.0 * above * geometric : vec3(0.0);
-        found.all += far;
+        vec3 of_sky = vec3(0.0);
+#ifdef SKY
+        vec3 radiance;
+        float open = sky_open(around, w, direction, radiance);
+        float sky_luminance = dot(radiance, LUMINANCE);
+        of_sky = open * radiance;
+#endif
+        found.all += far + of_sky;
         Hit hit = trace(start, direction, lift, push.reach, push.root, 0u, false);
         vec3 arrives = vec3(0.0);
         if (hit.triangle == NO_HIT) {
-            found.far += far;
+            found.far += far + of_sky;
             found.open += 1.0 / float(RAYS);
         } else {
             // The ray stands for a cone: pi over the number of rays that are taken together.
@@ -194,36 +237,49 @@ void main() {
             found.irradiance += arrives;
         }
 #ifdef GLOSSY
-        float share = is_glossy ? lobe_share(direction, n, own, mirrored, k) : 0.0;
+        float share = is_glossy ? (1.0 - narrow) * lobe_share(direction, n, own, mirrored, k) : 0.0;
         if (share > 0.0) {
             found.glossy += share * (hit.triangle == NO_HIT ? far : arrives);
+#ifdef SKY
+            found.sky_all += share * sky_luminance;
+            found.sky += hit.triangle == NO_HIT ? share * sky_luminance * open : 0.0;
+#endif
         }
 #endif
     }
     found.irradiance *= PI / float(RAYS);
 #ifdef GLOSSY
     if (is_glossy) {
-        // One of the directions of the lobe, of as many as pixels share. What is too narrow for caches has no end.
+        // One of the directions of the lobe, of as many as pixels share.
         float up = pow((float(subset) + 0.5) / float(ALL), 1.0 / (k + 1.0));
         float angle = float(subset) * 2.39996323;
         float aside = sqrt(max(1.0 - up * up, 0.0));
         tangents(mirrored, tangent, bitangent);
         vec3 direction = tangent * (aside * cos(angle)) + bitangent * (aside * sin(angle)) + mirrored * up;
-        float far = push.reach;
         float width = inversesqrt(0.5 * (k + 1.0));
+        bool endless = narrow > 0.0;
+        float far = endless ? 3e37 : push.reach;
         if (dot(direction, geometric) > 0.0) {
-            bool sharp = k >= NEAR_SHARP;
-            Hit hit = trace(start, direction, lift, sharp ? 3e38 : push.reach, push.root, 0u, false);
-            vec3 arrives = sharp ? vec3(0.0) : far_radiance(around, w, direction);
-            if (hit.triangle != NO_HIT) {
-                arrives = met_radiance(hit, start, direction, 0.25 * width, subset);
-                far = hit.distance;
-            }
-            found.glossy += arrives * lobe_share(direction, n, own, mirrored, k);
+            Hit hit = trace(start, direction, lift, endless ? 3e38 : push.reach, push.root, 0u, false);
+            bool met = hit.triangle != NO_HIT;
+            bool is_near = met && hit.distance <= push.reach;
+            vec3 arrives = met ? met_radiance(hit, start, direction, 0.25 * width, subset) : vec3(0.0);
+            float wide_share = (1.0 - narrow) * lobe_share(direction, n, own, mirrored, k);
+            float narrow_share = narrow * (k + 2.0) / (k + 1.0) * max(dot(direction, own), 0.0);
+            found.glossy += narrow_share * arrives;
+            found.glossy += wide_share * (is_near ? arrives : far_radiance(around, w, direction));
+#ifdef SKY
+            vec3 radiance;
+            float open = sky_open(around, w, direction, radiance);
+            float sky_luminance = dot(radiance, LUMINANCE);
+            found.sky_all += (wide_share + narrow_share) * sky_luminance;
+            found.sky += (wide_share * (is_near ? 0.0 : open) + narrow_share * (met ? 0.0 : 1.0)) * sky_luminance;
+#endif
+            far = met ? hit.distance : far;
         }
         found.is_glossy = 1u;
         // Seen from the next pixel the mirrored scene moves by as much as the pixel does.
-        found.blur = width * far / (1.0 + far / max(from_eye, 1e-30));
+        found.blur = width * far / (1.0 + far / (push.eye.w > 0.0 ? max(from_eye, 1e-30) : 3e37));
     }
 #endif
     near_pixels[at.y * push.width + at.x] = found;

@@ -20,7 +20,7 @@ void main() {
     }
     uint index = uint(at.y) * push.width + uint(at.x);
     NearPixel own = near_pixels[index];
-    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal);
+    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal, 0.0);
     if (own.is_surface == 0u) {
         near_lights[index] = sum;
         return;
@@ -68,6 +68,7 @@ void main() {
     // Each pixel has one direction of the lobe: all are taken alike, as far away as what is mirrored looks the same.
     blur /= max(blurred, 1e-30);
     float lobe_weights = 0.0;
+    float sky_all = 0.0;
     for (int j = 0; j < WINDOW * WINDOW; ++j) {
         if (shares[j] > 0.0) {
             ivec2 other = at + ivec2(j % WINDOW, j / WINDOW) - HALF;
@@ -77,9 +78,12 @@ void main() {
             float share = shares[j] / (1.0 + of_blur * of_blur);
             lobe_weights += share;
             sum.glossy += share * p.glossy;
+            sum.sky += share * p.sky;
+            sky_all += share * p.sky_all;
         }
     }
     sum.glossy /= max(lobe_weights, 1e-37);
+    sum.sky = min(sum.sky / max(sky_all, 1e-37), 1.0);
 #endif
     near_lights[index] = sum;
 }

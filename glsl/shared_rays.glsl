@@ -35,9 +35,6 @@ struct RefitPush {
     uint first_node; // of all that bends
 };
 
-// Phong exponent from which on a lobe is narrower than caches know, and has a ray without end.
-const float NEAR_SHARP = 200.0;
-
 // Pixels that share their short rays: a square of so many a side, each with directions of its own.
 const uint NEAR_SIDE = 4u;
 
@@ -54,6 +51,36 @@ struct HitTexture {
 const uint DIRECTION_SIDE = 12u;
 const uint DIRECTIONS = 144u;
 
+// A grid of a sky, by longitude and latitude.
+struct SkyLevel {
+    uint first; // of all texels
+    uint width;
+    uint height;
+    float turn; // about +Y [rad]
+};
+
+// Which grid is which: irradiance by normal; the sky itself; after it what Phong lobes take of it, the first with an exponent of
+// SKY_EXPONENT / 2, each next with half of the exponent before, so many of them. Caches look it up through one of these.
+const uint SKY_IRRADIANCE = 0u;
+const uint SKY_ITSELF = 1u;
+const float SKY_EXPONENT = 4096.0;
+const uint SKY_LOBES = 12u;
+const uint SKY_OF_CACHES = 5u;
+
+// What a cache sees of a sky.
+struct SkySeen {
+    vec3 share; // of what an open surface would receive
+    vec3 irradiance; // [lx]
+};
+
+// Push constants of the pass that finds it.
+struct SkySeenPush {
+    uint cache_count;
+    uint root; // of the hierarchy
+    float reach; // where a cache's rays begin [m]
+    float least; // below which light from all around says nothing of shares [lx]
+};
+
 // What the short rays of a pixel found.
 struct NearPixel {
     vec3 irradiance; // of what they met [lx]
@@ -66,6 +93,8 @@ struct NearPixel {
     vec3 glossy; // what a lobe takes of all rays, as its mean [cd/m^2]
     uint is_glossy; // 1: there is a lobe
     float blur; // how far away other pixels' rays of the lobe say the same [m]
+    float sky; // luminance of the sky that a lobe takes [cd/m^2]
+    float sky_all; // of that without anything in the way
 };
 
 // What the short rays around a pixel found together.
@@ -76,6 +105,7 @@ struct NearLight {
     vec3 glossy; // what a lobe takes [cd/m^2]
     vec3 position; // of the surface
     vec3 normal; // unit vertex normal
+    float sky; // share of the sky's light that arrives at a lobe
 };
 
 // Where the caches of what rays meet are found.
@@ -96,6 +126,8 @@ struct TracePush {
     uint height;
     uint light_count;
     uint reflects; // 1: what rays meet reflects the lights
+    uint first_sky_light; // the lights that stand for a sky which caches see: what rays meet has its light from these
+    uint sky_light_count;
 };
 
 // Push constants of the pass that takes the rays of pixels together.

@@ -54,16 +54,17 @@ vec3 light_irradiance(Light light, HitSurface s) {
     return dot(s.geometric, towards) > 0.0 ? irradiance * max(dot(s.normal, towards), 0.0) : vec3(0.0);
 }
 
-// Radiance [cd/m^2] that a surface reflects diffusely of all lights; `chance`: three numbers in [0, 1), which choose a light and
-// a point of it.
-vec3 reflected_direct(HitSurface s, uint light_count, uint root, vec3 chance) {
+// Radiance [cd/m^2] that a surface reflects diffusely of all lights but a run of them; `chance`: three numbers in [0, 1), which
+// choose a light and a point of it.
+vec3 reflected_direct(HitSurface s, uint light_count, uint first_left_out, uint left_out, uint root, vec3 chance) {
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     float total = 0.0;
     float own = 0.0;
     uint chosen = 0u;
     vec3 given = vec3(0.0);
     float pick = chance.x;
-    for (uint i = 0u; i < light_count; ++i) {
+    for (uint at = 0u; at < light_count - left_out; ++at) {
+        uint i = at < first_left_out ? at : at + left_out;
         vec3 e = light_irradiance(hit_lights[i], s);
         float weight = dot(e, LUMINANCE);
         if (weight > 0.0) {

@@ -12,12 +12,13 @@ struct Near {
     vec3 irradiance; // of what rays met [lx]
     vec3 open; // share of the caches' light that comes along rays that met nothing
     vec3 glossy; // what a lobe takes of their light and the caches' [cd/m^2]
+    float sky; // share of the sky's light that arrives at a lobe
 };
 
 // At a pixel, by the place of its surface and the unit normal of its triangle. Pixels on other surfaces count for next to
 // nothing.
 Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
-    Near sum = Near(vec3(0.0), vec3(0.0), vec3(0.0));
+    Near sum = Near(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
     float weights = 0.0;
     ivec2 first = pixel / int(EVERY);
     vec2 part = vec2(pixel % int(EVERY)) / float(EVERY);
@@ -37,11 +38,12 @@ Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
         sum.irradiance += weight * p.irradiance;
         sum.open += weight * p.open;
         sum.glossy += weight * p.glossy;
+        sum.sky += weight * p.sky;
     }
     if (weights == 0.0) {
-        return Near(vec3(0.0), vec3(1.0), vec3(0.0));
+        return Near(vec3(0.0), vec3(1.0), vec3(0.0), 1.0);
     }
-    return Near(sum.irradiance / weights, sum.open / weights, sum.glossy / weights);
+    return Near(sum.irradiance / weights, sum.open / weights, sum.glossy / weights, sum.sky / weights);
 }
 
 #endif

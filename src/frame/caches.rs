@@ -10,6 +10,8 @@ use super::plan::Plan;
 use super::proxies::Proxies;
 use super::revision::Made;
 use super::settings;
+use super::sky_light::SkyShading;
+use super::sky_seen::SkyOfCaches;
 use super::visible::Visible;
 use super::world::World;
 use crate::error::Result;
@@ -25,6 +27,8 @@ pub struct CacheLight {
     pub proxies: Proxies,
     /// Stage 8, first; only where what is nearby is left to short rays.
     pub near: Option<NearRays>,
+    /// Stages 6 and 8 of a sky, where caches see one.
+    pub sky: Option<(SkyOfCaches, SkyShading)>,
     pub(super) visible: Visible,
     pub(super) cull: Option<Cull>,
     /// Stage 7; only where discs dim proxies.
@@ -43,6 +47,8 @@ pub(super) struct MadeOfCaches {
     pub(super) live: Made,
     pub(super) depth_images: Made,
     pub(super) proxies: Made,
+    /// What caches see of the sky.
+    pub(super) sky: Made,
 }
 
 impl CacheLight {
@@ -66,6 +72,7 @@ impl CacheLight {
             cull: plan.cull.then(|| Cull::new(gpu, &gather, world.references_each)).transpose()?,
             occlude: plan.occlude.then(|| Occlude::new(gpu, count, plan.glossy, group)).transpose()?,
             interpolate: Interpolate::new(gpu, plan, world, settings.interpolation)?,
+            sky: SkyOfCaches::new(gpu, world, plan)?.zip(SkyShading::new(gpu, plan, world)?),
             near,
             gather,
             made: MadeOfCaches::default(),

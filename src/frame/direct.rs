@@ -2,8 +2,9 @@
 //! lights, which all views use before the next light is drawn. An area light has a map for each of its samples.
 
 use super::gbuffer::Surface;
+use super::plan::Plan;
 use super::view::View;
-use super::world::{VERTEX, Which, World};
+use super::world::{LightInfo, VERTEX, Which, World};
 use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use};
 use crate::shared::{AreaPush, ScreenPush};
@@ -19,6 +20,8 @@ pub struct Direct {
     shade: Option<Pipeline>,
     /// Only with area lights.
     shade_area: Option<Pipeline>,
+    /// Whether caches see the sky, so that no light stands for it here.
+    sky_light: bool,
 }
 
 impl Direct {
@@ -26,7 +29,7 @@ impl Direct {
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
-    pub fn new(gpu: &Gpu, world: &World, side: u32) -> Result<Self> {
+    pub fn new(gpu: &Gpu, world: &World, plan: &Plan, side: u32) -> Result<Self> {
         let depth_only = Raster {
             vertex: "mesh.vert",
             fragment: None,
@@ -38,7 +41,8 @@ impl Direct {
             cull: Cull::None,
             constants: &[],
         };
-        let has = |area| world.lights().iter().any(|light| light.is_area == area);
+        let used = |light: &&LightInfo| !(plan.sky_light && light.of_sky);
+        let has = |area| world.lights().iter().filter(used).any(|light| light.is_area == area);
         let shade = |fragment| {
             gpu.raster(&Raster {
                 vertex: "screen.vert",
@@ -58,6 +62,7 @@ impl Direct {
             masked: gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), ..depth_only })?,
             shade: has(false).then(|| shade("direct.frag")).transpose()?,
             shade_area: has(true).then(|| shade("direct_area.frag")).transpose()?,
+            sky_light: plan.sky_light,
         })
     }
 
@@ -69,9 +74,11 @@ impl Direct {
         views: impl Iterator<Item = (&'a View, &'a Surface)> + Clone,
     ) {
         let shadow = &self.shadow;
-        for (i, light) in world.lights().iter().enumerate() {
+        let used = |(_, light): &(usize, &LightInfo)| !(self.sky_light && light.of_sky);
+        let mut is_first = true;
+        for (i, light) in world.lights().iter().enumerate().filter(used) {
             let size = light.shadow_size(shadow.width);
-            if i > 0 {
+            if !std::mem::take(&mut is_first) {
                 cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the last light's map has been read
             }
             let depth = Attachments {

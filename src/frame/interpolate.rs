@@ -14,7 +14,7 @@ use super::visible::VisibleList;
 use super::world::World;
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
 use crate::shared::{AveragePush, InterpolatePush, NearPush, VisibleArgs};
 
@@ -81,8 +81,9 @@ impl Interpolate {
         let (of_pixels, references) = (world.references_of_pixels(), world.references_each as u32);
         let constants = [references, u32::from(plan.glossy), printed];
         let (_, every) = plan.near.rays();
+        let average = if plan.sky_light { "average_sky.comp" } else { "average.comp" };
         Ok(Self {
-            average: of_pixels.is_none().then(|| gpu.compute("average.comp", &constants)).transpose()?,
+            average: of_pixels.is_none().then(|| gpu.compute(average, &constants)).transpose()?,
             shade: gpu.raster(&Raster {
                 vertex: "screen.vert",
                 fragment: Some(match (of_pixels, plan.glossy, plan.near) {
@@ -106,14 +107,15 @@ impl Interpolate {
         })
     }
 
-    /// Records the stage for views; it waits for the proxies and visible vertices itself, unless short rays have done so.
+    /// Records the stage for views; it waits for the proxies and visible vertices itself, unless short rays have done so. `seen`
+    /// is what caches see of a sky.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
         world: &World,
         atlas: &Atlas,
         proxies: &Proxies,
-        near: bool,
+        (near, seen): (bool, Option<&Buffer>),
         views: impl Iterator<Item = Shaded<'a>> + Clone,
     ) {
         if let Some(average) = &self.average {
@@ -121,20 +123,12 @@ impl Interpolate {
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead); // proxies, visible vertices -> here
             }
             for Shaded { view, visible, first_proxy, .. } in views.clone() {
-                cmd.bind(
-                    average,
-                    &[
-                        (&visible.list).into(),
-                        (&world.draw_records).into(),
-                        (&world.references).into(),
-                        (&visible.args).into(),
-                        (&world.instances).into(),
-                        (&world.corners).into(),
-                        (&atlas.caches).into(),
-                        (&proxies.buffer).into(),
-                        (&visible.lights).into(),
-                    ],
-                );
+                let lists = [&visible.list, &world.draw_records, &world.references, &visible.args];
+                let mut resources = lists.map(Bind::from).to_vec();
+                resources.extend([&world.instances, &world.corners, &atlas.caches, &proxies.buffer].map(Bind::from));
+                resources.push((&visible.lights).into());
+                resources.extend(seen.into_iter().chain(&visible.sky_lights).map(Bind::from));
+                cmd.bind(average, &resources);
                 cmd.push(&AveragePush { eye: view.eye, first_proxy });
                 cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(VisibleArgs, groups_x) as u64);
             }

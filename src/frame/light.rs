@@ -72,6 +72,7 @@ pub(super) struct Outdated {
     pub(super) emitters: bool,
     pub(super) cull: bool,
     pub(super) depth_images: bool,
+    pub(super) sky: bool,
     pub(super) proxies: bool,
 }
 
@@ -107,12 +108,12 @@ impl Light {
         if plan.bounces > 0 {
             world.make_albedos(gpu, scene)?;
         }
-        if plan.near != Near::Off {
+        if plan.near != Near::Off || plan.sky_light {
             world.make_rays(gpu, scene)?;
         }
         Ok(Self {
             rsm,
-            direct: plan.direct.then(|| Direct::new(gpu, world, settings.shadow_map.max(1))).transpose()?,
+            direct: plan.direct.then(|| Direct::new(gpu, world, &plan, settings.shadow_map.max(1))).transpose()?,
             indirect: match &settings.indirect {
                 settings::Indirect::Caches(caches) if plan.lightskin => {
                     IndirectLight::Caches(Box::new(CacheLight::new(gpu, &plan, world, caches, [vals, side, eyes])?))

@@ -36,6 +36,8 @@ pub mod refit;
 mod revision;
 pub mod rsm;
 pub mod settings;
+pub mod sky_light;
+pub mod sky_seen;
 mod sums;
 pub mod tune;
 pub mod vals;

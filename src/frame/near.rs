@@ -6,6 +6,7 @@
 use super::gbuffer::Surface;
 use super::plan::Plan;
 use super::settings::Near;
+use super::sky_seen::SkyOfCaches;
 use super::view::View;
 use super::world::World;
 use crate::error::{Error, Result};
@@ -21,6 +22,8 @@ pub struct NearRays {
     glossy: bool,
     /// Whether what rays meet reflects the lights.
     reflects: bool,
+    /// Whether a sky is beyond everything.
+    sky: bool,
     /// All directions about +z that neighbours share, ray after ray of each.
     directions: Buffer,
     /// Pixels and rows from one with rays to the next.
@@ -56,6 +59,18 @@ pub fn directions(count: u32) -> Vec<Vec3> {
     (0..count).map(direction).collect()
 }
 
+/// Shaders where materials are glossy (1), surfaces reflect the light of caches (2), caches see a sky (4).
+const SHADERS: [&str; 8] = [
+    "near.comp",
+    "near_glossy.comp",
+    "near_lit.comp",
+    "near_glossy_lit.comp",
+    "near_sky.comp",
+    "near_glossy_sky.comp",
+    "near_lit_sky.comp",
+    "near_glossy_lit_sky.comp",
+];
+
 impl NearRays {
     /// Makes what a plan needs for a world with rays.
     ///
@@ -72,17 +87,13 @@ impl NearRays {
         let by_cells = u32::from(world.references_of_pixels().is_some());
         let (references, lit) = (world.references_each as u32, plan.bounces > 0);
         let constants = [stack, levels, texels, holes, per_pixel, every, references, by_cells];
-        let name = match (plan.glossy, lit) {
-            (false, false) => "near.comp",
-            (true, false) => "near_glossy.comp",
-            (false, true) => "near_lit.comp",
-            (true, true) => "near_glossy_lit.comp",
-        };
+        let shader = usize::from(plan.glossy) + 2 * usize::from(lit) + 4 * usize::from(plan.sky_light);
         Ok(Some(Self {
-            trace: gpu.compute(name, &constants)?,
+            trace: gpu.compute(SHADERS[shader], &constants)?,
             filter: gpu.compute(if plan.glossy { "near_filter_glossy.comp" } else { "near_filter.comp" }, &[])?,
             glossy: plan.glossy,
             reflects: plan.reflects,
+            sky: plan.sky_light,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
             every,
             reach: (PIXEL_REACH * world.spacing()) as f32,
@@ -90,13 +101,13 @@ impl NearRays {
     }
 
     /// Records the pass for views, what they see, and what comes out, with the light of caches by directions; `lit` are the
-    /// VALs that caches are, where surfaces reflect their light, too. Unless it `waits` all of these have been waited for.
+    /// VALs that caches are, where surfaces reflect their light, too, and `sky` is what caches see of one. Unless it `waits` all of these have been waited for.
     pub(super) fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
         world: &World,
         radiances: &Buffer,
-        lit: Option<&Buffer>,
+        (lit, sky): (Option<&Buffer>, Option<&SkyOfCaches>),
         waits: bool,
         views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)> + Clone,
     ) {
@@ -115,8 +126,12 @@ impl NearRays {
             resources.extend(of_caches.map(Bind::from));
             resources.extend([&surface.normal, &surface.specular].map(Bind::from).iter().filter(|_| self.glossy));
             resources.extend(lit.map(Bind::from));
+            if let (Some(caches), Some(sky)) = (sky, &world.sky_light) {
+                resources.extend([&caches.seen, &caches.open, &sky.directions].map(Bind::from));
+            }
             cmd.bind(&self.trace, &resources);
             let [width, height] = out.size;
+            let sky_lights = if self.sky { world.sky_lights() } else { 0..0 };
             cmd.push(&TracePush {
                 clip_from_world: view.clip_from_world,
                 eye: view.eye,
@@ -126,6 +141,8 @@ impl NearRays {
                 height,
                 light_count: world.lights().len() as u32,
                 reflects: u32::from(self.reflects),
+                first_sky_light: sky_lights.start,
+                sky_light_count: sky_lights.len() as u32,
             });
             // A workgroup has 8 x 8 pixels of the same directions.
             let block = NEAR_SIDE * 8;

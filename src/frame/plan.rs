@@ -12,6 +12,10 @@ pub struct Features {
     pub bends: bool,
     /// Punctual lights.
     pub lights: bool,
+    /// Lights that are none of a sky's.
+    pub lamps: bool,
+    /// A sky that lights.
+    pub sky_light: bool,
     /// A sky, or another backdrop, that shows.
     pub sky: bool,
     /// Surfaces that emit and are area lights.
@@ -30,6 +34,8 @@ impl Features {
         Self {
             bends: scene.instances.iter().any(|instance| scene.meshes[instance.mesh].deform.is_some()),
             lights: !scene.lights.is_empty(),
+            lamps: scene.lights.len() > scene.sky.as_ref().map_or(0, |sky| sky.lights.len()),
+            sky_light: scene.sky.as_ref().is_some_and(|sky| !sky.lights.is_empty()),
             sky: scene.has_backdrop(),
             areas,
             emits,
@@ -57,6 +63,8 @@ pub struct Plan {
     pub emitters: bool,
     /// Stage 4 for lights: what they light gives light.
     pub reflects: bool,
+    /// Stages 6 and 8: caches see the sky. Without it lights stand for the sky.
+    pub sky_light: bool,
     /// Stages 3, 4, 6 and 8: interpolated caches.
     pub lightskin: bool,
     /// Stage 5: only visible caches are lit.
@@ -109,10 +117,12 @@ stages! {
     VISIBLE: 5 "visible" |plan| plan.lightskin;
     CULL: 5 "cull" |plan| plan.cull;
     DEPTH_IMAGES: 6 "depth images" |plan| plan.depth_images;
+    SKY_SEEN: 6 "sky on caches" |plan| plan.sky_light;
     GATHER: 6 "gather" |plan| plan.lightskin;
     OCCLUDE: 7 "occlude" |plan| plan.occlude;
     NEAR: 8 "near rays" |plan| plan.near != Near::Off;
     INTERPOLATE: 8 "interpolate" |plan| plan.lightskin;
+    SKY_LIGHT: 8 "sky light" |plan| plan.sky_light;
     BRUTE_FORCE: 8 "brute force" |plan| plan.brute_force;
     COMPOSITE: 11 "composite" |_| true;
 }
@@ -122,26 +132,27 @@ impl Plan {
     pub fn of(scene: &Features, settings: &Settings) -> Self {
         let lights = scene.lights || scene.areas;
         let light = lights || scene.emits;
-        let caches = match &settings.indirect {
-            Indirect::Caches(caches) if scene.emits || (lights && caches.gather.bounces() > 0) => Some(caches),
-            _ => None,
-        };
+        let asked = if let Indirect::Caches(caches) = &settings.indirect { Some(caches) } else { None };
+        let sees = |caches: &Caches| matches!(caches.gather, Gather::Compute { .. });
+        let sky_light = scene.sky_light && scene.rays && asked.is_some_and(sees);
+        let caches = asked.filter(|caches| scene.emits || sky_light || (lights && caches.gather.bounces() > 0));
         let gather = caches.map(|caches| caches.gather);
         let shadows = gather.map_or(Shadows::Off, |gather| gather.shadows());
         // What lights give has bounced once when it comes to caches, and without that there are none; what emitting surfaces
         // give has not bounced yet.
         let bounces = match gather {
             Some(Gather::Compute { bounces, .. }) if scene.emits => bounces,
-            Some(Gather::Compute { bounces, .. }) => bounces - 1,
+            Some(Gather::Compute { bounces, .. }) => bounces.saturating_sub(1),
             _ => 0,
         };
         let brute_force = light && settings.indirect == Indirect::BruteForce;
         Self {
             deform: scene.bends,
-            direct: lights,
+            direct: scene.areas || if sky_light { scene.lamps } else { scene.lights },
             sky: scene.sky,
             emitters: scene.emits,
             reflects: lights && (brute_force || gather.is_some_and(|gather| gather.bounces() > 0)),
+            sky_light,
             lightskin: caches.is_some(),
             cull: caches.is_some_and(|caches: &Caches| caches.cull) && bounces == 0,
             clusters: matches!(gather, Some(Gather::Clusters { .. })),
@@ -175,9 +186,12 @@ impl Plan {
         match stage.name {
             "gbuffer" | "composite" => "always",
             "direct" if planned => "there is a light",
-            "direct" => "no light",
+            "direct" if !self.sky_light => "no light",
             "sky" if planned => "what is behind all surfaces",
             "sky" => "none shows",
+            "direct" => "no light but the sky",
+            "sky on caches" | "sky light" if planned => "a sky lights the scene",
+            "sky on caches" | "sky light" => "no sky, or lights stand for it",
             "rsm" if planned && !self.reflects => "surfaces that emit are VALs",
             "rsm" if planned && self.emitters => {
                 "indirect light needs VALs; curved and small surfaces that emit are some, too"

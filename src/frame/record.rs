@@ -101,6 +101,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             images.record(cmd, world, &caches.atlas, live);
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         }
+        if let (true, Some((caches_sky, _)), Some(sky)) = (outdated.sky, &caches.sky, &world.sky_light) {
+            let _zone = enter(plan::SKY_SEEN); // 6
+            caches_sky.record(cmd, (world, sky), &caches.atlas);
+        }
         if outdated.proxies {
             let eyes: Vec<_> = views.iter().map(|(view, _)| view.eye).collect();
             let (atlas, proxies) = (&caches.atlas, &caches.proxies);
@@ -124,7 +128,8 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
                 let lit = outdated.proxies && caches.occlude.is_none();
                 let waits = world.cells.is_none() || !(listed || drawn) || lit;
-                near.record(cmd, world, radiances, caches.gather.cache_vals(), waits, seen);
+                let of_caches = (caches.gather.cache_vals(), caches.sky.as_ref().map(|(seen, _)| seen));
+                near.record(cmd, world, radiances, of_caches, waits, seen);
             }
         }
         let shaded = || {
@@ -138,7 +143,15 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         };
         if shaded().next().is_some() {
             let _zone = enter(plan::INTERPOLATE); // 8
-            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, caches.near.is_some(), shaded());
+            let seen = caches.sky.as_ref().map(|(seen, _)| &seen.seen);
+            let waited = caches.near.is_some();
+            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, (waited, seen), shaded());
+        }
+        if let (true, Some((seen, shading)), Some(sky)) = (some_surface, &caches.sky, &world.sky_light) {
+            let _zone = enter(plan::SKY_LIGHT); // 8
+            // Radiance of an earlier frame has it already.
+            let views = shaded().filter(|shaded| surfaces().any(|(_, surface)| std::ptr::eq(surface, shaded.surface)));
+            shading.record(cmd, (world, sky), &caches.atlas, &seen.seen, views);
         }
     }
     if let (IndirectLight::BruteForce(brute_force), Some(rsm)) = (&light.indirect, &light.rsm)
@@ -193,6 +206,7 @@ fn find_outdated(world: &World, light: &mut Light, views: &mut [(View, &mut Pict
         made.order.renew(shown().filter(|_| plan.cull).map(|picture| picture.made.visible.revision()));
         let order = made.order.revision();
         outdated.cull = made.live.renew([order, vals]) || anew;
+        outdated.sky = made.sky.renew([made.atlas.revision(), world.revisions.sky]) || anew;
         outdated.depth_images = made.depth_images.renew([made.atlas.revision(), order]) || anew;
         let eyes = views.iter().filter(|_| plan.glossy).map(|(_, picture)| picture.made.eye.revision());
         outdated.proxies = made.proxies.renew(eyes.chain([vals, made.atlas.revision(), order])) || anew;

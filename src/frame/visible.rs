@@ -6,6 +6,7 @@ use super::world::World;
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Cmd, Gpu, Image, Pipeline, Use};
 use crate::shared::{VertexLight, VisibleArgs, VisibleCellsPush, VisiblePush, VisibleVertex};
+use glam::Vec3;
 use std::cell::Cell;
 
 /// Vertices of the triangles that a view's pixels show, or cells of the surfaces.
@@ -18,6 +19,8 @@ pub struct VisibleList {
     pub list: Buffer,
     /// Averaged lights of vertices.
     pub lights: Buffer,
+    /// Share of the sky's light that arrives at vertices; only where caches see it.
+    pub sky_lights: Option<Buffer>,
     /// How many.
     pub args: Buffer,
     /// `args` of none.
@@ -27,11 +30,11 @@ pub struct VisibleList {
 }
 
 impl VisibleList {
-    /// Room for a picture of this size.
+    /// Room for a picture of this size, with or without the light of a sky.
     ///
     /// # Errors
     /// What the device has no memory for.
-    pub fn new(gpu: &Gpu, world: &World, [w, h]: [u32; 2]) -> Result<Self> {
+    pub fn new(gpu: &Gpu, world: &World, sky: bool, [w, h]: [u32; 2]) -> Result<Self> {
         let all = u64::from(world.slot_count.max(1));
         let pixels = u64::from(w) * u64::from(h);
         let by_cells = world.cells.is_some();
@@ -42,6 +45,9 @@ impl VisibleList {
             slots: gpu.buffer("visible.slots", 4 * if by_cells { pixels } else { all })?,
             list: gpu.buffer("visible.list", most * size_of::<VisibleVertex>() as u64)?,
             lights: gpu.buffer("visible.lights", if by_cells { 1 } else { most } * size_of::<VertexLight>() as u64)?,
+            sky_lights: sky
+                .then(|| gpu.buffer("visible.sky_lights", if by_cells { 1 } else { most } * size_of::<Vec3>() as u64))
+                .transpose()?,
             args: gpu.buffer("visible.args", size_of::<VisibleArgs>() as u64)?,
             none: gpu.buffer_from("visible.none", &[none])?,
             frame: Cell::new(1),

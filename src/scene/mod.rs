@@ -14,6 +14,7 @@ mod json;
 pub mod material;
 pub mod rays;
 pub mod sky;
+pub mod sky_filter;
 pub mod studio;
 pub mod tessellate;
 pub mod write;

@@ -78,7 +78,7 @@ impl Sky {
     }
 
     /// Unit direction towards the middle of a texel.
-    pub(super) fn direction(&self, column: usize, row: usize) -> DVec3 {
+    pub(crate) fn direction(&self, column: usize, row: usize) -> DVec3 {
         self.direction_at(DVec2::new(column as f64 + 0.5, row as f64 + 0.5))
     }
 

@@ -133,17 +133,20 @@ impl Scene {
         }
     }
 
-    /// Radiance [cd/m^2] of an unshadowed ground under the scene's parallel lights; without any, under 1 lx for each
+    /// Radiance [cd/m^2] of an unshadowed ground under the scene's sky and parallel lights; without any, under 1 lx for each
     /// candela and square metre of the others, seen from the middle of the scene.
     fn ground_radiance(&self) -> Vec3 {
         let (low, high) = self.bounds().unwrap_or_default();
         let (centre, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
         let is_parallel = |light: &&super::Light| light.kind == LightKind::Directional;
-        let parallel = self.lights.iter().filter(is_parallel);
-        let mut light: Vec3 = parallel.map(|l| l.color * l.intensity * (-l.direction.y).max(0.0)).sum();
+        let of_sky = self.sky.as_ref().map_or(0..0, |sky| sky.lights.clone());
+        let lamps = || self.lights.iter().enumerate().filter(|(i, _)| !of_sky.contains(i)).map(|(_, light)| light);
+        let parallel = lamps().filter(is_parallel).map(|l| l.color * l.intensity * (-l.direction.y).max(0.0));
+        let mut light = parallel.sum::<Vec3>();
+        light += self.sky.as_ref().map_or(Vec3::ZERO, |sky| sky.received(DVec3::Y).as_vec3());
         if light == Vec3::ZERO {
             let near = |l: &super::Light| l.position.distance_squared(centre).max(0.01 * radius * radius).max(1e-12);
-            let others = self.lights.iter().filter(|light| !is_parallel(light));
+            let others = lamps().filter(|light| !is_parallel(light));
             light = others.map(|l| l.color * (f64::from(l.intensity) / near(l)) as f32).sum();
         }
         light * (GROUND_ALBEDO / std::f32::consts::PI)

@@ -22,6 +22,8 @@ pub struct LightInfo {
     pub eye: Vec4,
     /// Whether it is an area light.
     pub is_area: bool,
+    /// Whether it stands for a part of the sky: the light of that itself comes by caches where they gather it.
+    pub of_sky: bool,
 }
 
 impl LightInfo {
@@ -113,7 +115,14 @@ pub(super) fn prepare_with(
             _ => position.extend(1.0),
         };
         let eye = eye.as_vec4();
-        infos.push(LightInfo { first_view, views: view_count, sharing: view_count.into(), eye, is_area: false });
+        infos.push(LightInfo {
+            first_view,
+            views: view_count,
+            sharing: view_count.into(),
+            eye,
+            is_area: false,
+            of_sky: false,
+        });
         all.push(shared::Light {
             position: position.as_vec3(),
             kind,
@@ -139,7 +148,7 @@ pub(super) fn prepare_with(
         let position = area.middle - origin;
         let eye = position.extend(1.0).as_vec4();
         let sharing = f64::from(view_count) / area.share;
-        infos.push(LightInfo { first_view, views: view_count, sharing, eye, is_area: true });
+        infos.push(LightInfo { first_view, views: view_count, sharing, eye, is_area: true, of_sky: false });
         all.push(shared::Light {
             position: position.as_vec3(),
             kind: shared::LIGHT_AREA,

@@ -13,6 +13,7 @@ pub mod lights;
 mod model_caches;
 mod movers;
 pub mod rays;
+mod sizes;
 mod sky;
 mod textures;
 mod update;
@@ -20,7 +21,8 @@ mod update;
 pub use area_lights::AreaLight;
 pub use cells::CellBuffers;
 pub use deform::DeformBuffers;
-pub use sky::SkyBuffer;
+pub(super) use lights::LightInfo;
+pub use sky::{SkyBuffer, SkyLight};
 
 use super::plan::{Features, Plan};
 use super::revision::new_revision;
@@ -28,12 +30,11 @@ use super::settings::{Indirect, Settings};
 use crate::bake::{CacheSet, ModelCaches};
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, Stream};
-use crate::scene::{Instance, Mesh, Primitive, Scene, Vertex};
+use crate::scene::{Mesh, Primitive, Scene, Vertex};
 use crate::shared::{self, Corner, DrawPush, DrawRecord, InstanceCaches, ModelCache, NO_REFERENCES, RIGID};
 use area_lights::AreaLights;
 use emitters::Patches;
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
-use lights::LightInfo;
 use model_caches::{CacheSurface, place_caches};
 use rays::{Placed, RayBuffers};
 use std::cell::{Cell, OnceCell};
@@ -52,12 +53,6 @@ pub(super) const VERTEX: Stream<'static> = Stream {
         (5, Format::R8G8B8A8_UNORM, 56),
     ],
 };
-
-/// Most vertices of all meshes and all instances that bend: shaders count their words in 32 bits.
-const MOST_VERTICES: usize = u32::MAX as usize / 16;
-
-/// Most triangles of a mesh that bends: their numbers are kept in floats.
-const MOST_BENT: usize = 1 << 24;
 
 /// A run of triangles of one instance with one material.
 struct DrawItem {
@@ -98,6 +93,8 @@ pub struct World {
     pub view_buffer: Buffer,
     /// What shows where no surface is.
     pub sky: Option<SkyBuffer>,
+    /// The sky that lights caches.
+    pub sky_light: Option<SkyLight>,
     /// The largest flat surfaces that emit.
     pub areas: Vec<AreaLight>,
     /// What they are made of.
@@ -195,7 +192,7 @@ impl World {
         let radius = half.length().max(1e-12);
         half = half.max(DVec3::splat(1e-6 * radius));
 
-        check_sizes(scene)?;
+        sizes::check(scene)?;
         let (mut vertices, mut indices) = (Vec::<Vertex>::new(), Vec::<u32>::new());
         let mut mesh_base = Vec::new();
         for mesh in &scene.meshes {
@@ -308,6 +305,7 @@ impl World {
             radius,
             half,
             sky: scene.behind().map(|sky| SkyBuffer::new(gpu, &sky)).transpose()?,
+            sky_light: scene.sky.as_ref().map(|sky| SkyLight::new(gpu, sky)).transpose()?,
             emitters: patches.vals(scene, origin),
             features: Features { rays, ..Features::new(scene, !area_lights.is_empty(), !patches.is_empty()) },
             areas,
@@ -491,6 +489,12 @@ impl World {
         &self.dynamic.infos
     }
 
+    /// Which of the lights stand for a sky.
+    pub(super) fn sky_lights(&self) -> std::ops::Range<u32> {
+        let first = self.lights().iter().position(|light| light.of_sky).unwrap_or(0) as u32;
+        first..first + self.lights().iter().filter(|light| light.of_sky).count() as u32
+    }
+
     /// Where a view of a light is seen from, as `LightInfo::eye`.
     pub(super) fn eye(&self, light: &LightInfo, view: u32) -> Vec4 {
         if light.is_area { self.dynamic.views[view as usize].position.extend(1.0) } else { light.eye }
@@ -572,28 +576,4 @@ fn bounds_of(mesh: &Mesh, primitive: &Primitive) -> [Vec3; 2] {
     let indices = &mesh.indices[first..first + primitive.index_count as usize];
     let positions = indices.iter().map(|i| mesh.vertices[*i as usize].position);
     positions.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
-}
-
-/// Refuses what shaders cannot number, before anything of it is copied.
-fn check_sizes(scene: &Scene) -> Result<()> {
-    let bent = |m: &&Mesh| m.deform.is_some() && m.triangle_count() > MOST_BENT;
-    if let Some(mesh) = scene.meshes.iter().find(bent) {
-        let name = &mesh.name;
-        return Err(Error::TooLarge(format!(
-            "mesh '{name}' bends and has more than {MOST_BENT} triangles; simplify it"
-        )));
-    }
-    let posed = scene.instances.iter().map(|i| &scene.meshes[i.mesh]).filter(|mesh| mesh.deform.is_some());
-    let all: usize = scene.meshes.iter().chain(posed).map(|mesh| mesh.vertices.len()).sum();
-    if all > MOST_VERTICES {
-        return Err(Error::TooLarge(format!(
-            "{all} vertices of all meshes, and of all instances that bend, but {MOST_VERTICES} can be held; simplify \
-             meshes or take fewer instances"
-        )));
-    }
-    let lacks_pose = |i: &&Instance| scene.meshes[i.mesh].deform.is_some() && i.pose.is_none();
-    match scene.instances.iter().find(lacks_pose) {
-        Some(instance) => Err(Error::Nothing(format!("'{}' bends and has no pose: give it one", instance.name))),
-        None => Ok(()),
-    }
 }

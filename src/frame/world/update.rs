@@ -2,7 +2,7 @@
 //! device has, the next frame copies what is new, and revisions tell the stages whose inputs are as they were.
 
 use super::lights::{self, LightInfo};
-use super::{AreaLight, World, albedo, textures};
+use super::{AreaLight, SkyBuffer, SkyLight, World, albedo, textures};
 use crate::error::{Error, Result};
 use crate::frame::plan::Features;
 use crate::frame::revision::new_revision;
@@ -20,11 +20,13 @@ pub(in crate::frame) struct Revisions {
     pub(in crate::frame) surfaces: u64,
     /// Each light.
     pub(in crate::frame) lights: Vec<u64>,
+    /// The sky.
+    pub(in crate::frame) sky: u64,
 }
 
 impl Revisions {
     pub(super) fn new(lights: usize) -> Self {
-        Self { surfaces: new_revision(), lights: (0..lights).map(|_| new_revision()).collect() }
+        Self { surfaces: new_revision(), lights: (0..lights).map(|_| new_revision()).collect(), sky: new_revision() }
     }
 }
 
@@ -152,7 +154,9 @@ impl Dynamic {
         let grows = |i| scene.animates(&[Quantity::Cone], i);
         (self.infos, self.lights, self.views) = lights::prepare_with(&scene.lights, areas, origin, half, grows);
         if let Some(sky) = &scene.sky {
-            self.infos[sky.lights.clone()].iter_mut().for_each(|light| light.sharing = sky.lights.len() as f64);
+            for light in &mut self.infos[sky.lights.clone()] {
+                (light.sharing, light.of_sky) = (sky.lights.len() as f64, true);
+            }
         }
     }
 
@@ -275,6 +279,7 @@ impl World {
                 self.areas = self.area_lights.now(scene);
             }
         }
+        let before = new_revision();
         now.fill_lights(scene, &self.areas, self.origin, self.half);
         let old = &self.dynamic;
         let same_lights = now.infos.len() == old.infos.len()
@@ -291,6 +296,13 @@ impl World {
                 pending.lights = true;
                 self.revisions.lights[i] = new_revision();
             }
+        }
+        // Another sky has other lights that stand for it.
+        let differs = |(now, info): (usize, &LightInfo)| info.of_sky && self.revisions.lights[now] > before;
+        if now.infos.iter().enumerate().any(differs) {
+            self.sky = scene.behind().map(|sky| SkyBuffer::new(gpu, &sky)).transpose()?;
+            self.sky_light = scene.sky.as_ref().map(|sky| SkyLight::new(gpu, sky)).transpose()?;
+            self.revisions.sky = new_revision();
         }
         if materials {
             for (cache, surface) in self.placed_caches.iter_mut().zip(&self.cache_surfaces) {

@@ -1,0 +1,46 @@
+// The sky as surfaces receive it. METHOD 12. Binding SKY_BINDING and the next are its own. Twins: src/scene/sky.rs,
+// src/scene/sky_filter.rs.
+#ifndef SKY_GLSL
+#define SKY_GLSL
+
+layout(binding = SKY_BINDING, scalar) readonly buffer SkyLevels { SkyLevel sky_levels[]; };
+layout(binding = SKY_BINDING + 1, scalar) readonly buffer SkyTexels { vec3 sky_texels[]; };
+
+vec3 sky_texel(SkyLevel level, int column, int row) {
+    int width = int(level.width);
+    return sky_texels[level.first + uint(clamp(row, 0, int(level.height) - 1) * width + (column + width) % width)];
+}
+
+// Value of a grid in a unit direction, between the middles of texels.
+vec3 sky_at(uint index, vec3 d) {
+    const float TAU = 6.28318530717959;
+    SkyLevel level = sky_levels[index];
+    // Straight up and down every longitude is right.
+    float longitude = (d.xz == vec2(0.0) ? 0.0 : atan(d.x, -d.z)) + level.turn;
+    float latitude = acos(clamp(d.y, -1.0, 1.0));
+    vec2 at = vec2(fract(longitude / TAU + 0.5) * float(level.width), latitude * 2.0 / TAU * float(level.height)) - 0.5;
+    vec2 f = fract(at);
+    ivec2 corner = ivec2(floor(at));
+    vec3 above = mix(sky_texel(level, corner.x, corner.y), sky_texel(level, corner.x + 1, corner.y), f.x);
+    vec3 below = mix(sky_texel(level, corner.x, corner.y + 1), sky_texel(level, corner.x + 1, corner.y + 1), f.x);
+    return mix(above, below, f.y);
+}
+
+// Mean radiance [cd/m^2] about a unit direction by cos^k.
+vec3 sky_lobe(vec3 d, float k) {
+    float level = clamp(log2(SKY_EXPONENT / max(k, 1.0)), 0.0, float(SKY_LOBES));
+    uint below = uint(level);
+    vec3 narrow = sky_at(SKY_ITSELF + below, d);
+    float part = level - float(below);
+    return part == 0.0 ? narrow : mix(narrow, sky_at(SKY_ITSELF + min(below + 1u, SKY_LOBES), d), part);
+}
+
+// Share of light from all around that a Phong lobe about a direction reflects, per rho_g, which has this cosine with the normal;
+// c / 2 of it is odd in the cosine, the rest even. Lensing 2014, eq. 5.30, integrated; even part fitted.
+float phong_albedo(float k, float c) {
+    // At the horizon: gamma((k + 1) / 2) / gamma(k / 2 + 1) / (2 sqrt(pi)), by the asymptote of that quotient.
+    float level = 0.282094792 * inversesqrt(0.5 * k + 0.25 + 1.0 / (16.0 * k + 8.0));
+    return 0.5 * (c + sqrt(c * c + 4.0 * level * level * max(1.0 - c * c, 0.0)));
+}
+
+#endif

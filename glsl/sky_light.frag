@@ -1,0 +1,121 @@
+// Stage 8, last: the light of the sky on each pixel's own surface: all of it by the normal, and the share that the caches around
+// see. Added to direct light. METHOD 12.
+// variant sky_light_cells.frag: BY_CELLS (at the level of pixels)
+// variant sky_light_near.frag: NEAR (with short rays)
+// variant sky_light_near_cells.frag: NEAR BY_CELLS (both)
+#include "shared.glsl"
+
+layout(constant_id = 0) const uint GLOSSY = 1;
+layout(constant_id = 1) const uint REFERENCES = 8;
+#ifdef BY_CELLS
+const uint PRINTED = 0u;
+#endif
+#ifdef NEAR
+layout(push_constant, scalar) uniform Push { NearPush push; };
+#else
+layout(push_constant, scalar) uniform Push { InterpolatePush push; };
+#endif
+#include "lib/here.glsl"
+#ifdef BY_CELLS
+#include "lib/references.glsl"
+#include "lib/sky_seen.glsl"
+layout(binding = 8, scalar) readonly buffer Seen { SkySeen seen[]; }; // of each cache
+#else
+layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
+layout(binding = 4, scalar) readonly buffer Slots { uint slots[]; };
+layout(binding = 5, scalar) readonly buffer Lights { VertexLight lights[]; };
+layout(binding = 8, scalar) readonly buffer SkyLights { vec3 sky_lights[]; }; // of each vertex
+#endif
+#include "lib/form_factor.glsl"
+#include "lib/phong.glsl"
+layout(binding = 9) uniform sampler2D normal_image;
+layout(binding = 10) uniform sampler2D albedo_image;
+layout(binding = 11) uniform sampler2D specular_image;
+#ifdef NEAR
+#include "lib/near.glsl"
+#endif
+#define SKY_BINDING 13
+#include "lib/sky.glsl"
+
+layout(location = 0) out vec4 out_radiance;
+
+#ifdef BY_CELLS
+// Share of the sky's light that this pixel's cell sees, and where the pixel's surface is.
+vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
+    Point x = point_here(draw, first_index);
+    position = x.position;
+    SeenSum sum = SeenSum(vec3(0.0), 0.0);
+    uint row = row_here();
+    for (uint round = 0u; round < 2u && sum.weight <= 0.0 && row != NO_REFERENCES; ++round) {
+        for (uint i = 0u; i < REFERENCES; ++i) {
+            uint cache = referred_cache(draw, row, i);
+            if (cache == NO_REFERENCES) {
+                break;
+            }
+            take_seen(sum, x.position, x.normal, x.d_max, caches[cache], seen[cache].share, round > 0u);
+        }
+    }
+    return sum.weight > 0.0 ? sum.seen / sum.weight : vec3(1.0);
+}
+#else
+// Share of the sky's light that the triangle's corners see, and where the pixel's surface is.
+vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
+    uvec3 at = uvec3(slots[draw.first_slot + indices[first_index]], slots[draw.first_slot + indices[first_index + 1u]],
+                     slots[draw.first_slot + indices[first_index + 2u]]);
+    vec3 a = lights[at.x].position;
+    vec3 b = lights[at.y].position;
+    vec3 c = lights[at.z].position;
+    vec3 w = weights_here(push.clip_from_world * vec4(a, 1.0), push.clip_from_world * vec4(b, 1.0),
+                          push.clip_from_world * vec4(c, 1.0));
+    position = w.x * a + w.y * b + w.z * c;
+    return w.x * sky_lights[at.x] + w.y * sky_lights[at.y] + w.z * sky_lights[at.z];
+}
+#endif
+
+#ifndef NEAR
+// Share of a lobe's light from the sky that arrives where that share of all light does: what is seen of a cone about the normal.
+// Lagarde and de Rousiers 2014, 4.10.2.
+float lobe_seen(float seen, float cosine, float k) {
+    float alpha = sqrt(2.0 / (k + 2.0));
+    return clamp(pow(cosine + seen, exp2(-16.0 * sqrt(alpha) - 1.0)) - 1.0 + seen, 0.0, 1.0);
+}
+#endif
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    out_radiance = vec4(0.0);
+    uvec2 element = texelFetch(element_image, pixel, 0).xy;
+    if (element.x == 0u) {
+        return;
+    }
+    DrawRecord draw = draws[element.x - 1u];
+    vec3 position = vec3(0.0);
+    vec3 seen = vec3(1.0);
+    if (draw.reference_base != NO_REFERENCES) {
+        seen = seen_here(draw, draw.first_index + 3u * element.y, position);
+    }
+    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
+    vec3 n = normal_exponent.xyz;
+    vec4 albedo = texelFetch(albedo_image, pixel, 0);
+    vec4 specular = texelFetch(specular_image, pixel, 0);
+    vec3 e = sky_at(SKY_IRRADIANCE, n) * seen;
+#ifdef NEAR
+    vec3 geometric = octahedral_decode(vec2(albedo.a, specular.a));
+    Near near = near_of(pixel, position, geometric);
+    e *= near.open;
+#endif
+    vec3 radiance = albedo.rgb / PI * e;
+    if (GLOSSY != 0u && specular.rgb != vec3(0.0)) {
+        float k = normal_exponent.w;
+        vec3 v = view_direction(push.eye, position);
+        vec3 r = reflect(v, n);
+        float share = phong_albedo(k, dot(n, r));
+#ifdef NEAR
+        share *= near.sky;
+#else
+        share *= lobe_seen(dot(seen, vec3(0.2126, 0.7152, 0.0722)), max(-dot(v, n), 0.0), k);
+#endif
+        radiance += specular.rgb * share * sky_lobe(r, k);
+    }
+    out_radiance = vec4(radiance, 0.0);
+}

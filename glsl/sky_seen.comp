@@ -1,0 +1,83 @@
+// Stage 6, first: what each cache sees of the sky, by rays: the share that arrives of what an open surface would receive, and
+// how far it is open in each of the directions that short rays ask for. METHOD 12. Twin: src/reference/sky.rs.
+#extension GL_EXT_control_flow_attributes : require
+#include "lib/hit.glsl"
+#include "lib/depth_image.glsl"
+#include "lib/directions.glsl"
+
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform Push { SkySeenPush push; };
+layout(binding = 12, scalar) readonly buffer Caches { Cache caches[]; };
+#define SKY_BINDING 13
+#include "lib/sky.glsl"
+layout(binding = 15, scalar) writeonly buffer Seen { SkySeen seen[]; }; // of each cache
+layout(binding = 16, scalar) writeonly buffer Open { uint open_parts[]; }; // of each cache by directions, in 8 bits each
+
+const uint THREADS = gl_WorkGroupSize.x;
+const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
+
+shared uint is_open[DEPTH_IMAGE_TEXELS];
+shared vec3 arriving[THREADS];
+shared vec3 from_all[THREADS];
+shared vec2 counts[THREADS]; // of open texels, of all on the disc
+
+void main() {
+    uint cache = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;
+    if (cache >= push.cache_count) {
+        return;
+    }
+    uint thread = gl_LocalInvocationID.x;
+    Cache c = caches[cache];
+    vec3 tangent, bitangent;
+    tangents(c.normal, tangent, bitangent);
+    float lift = lift_at(c.position, 0.0);
+    vec3 start = c.position + c.normal * lift;
+    vec3 open = vec3(0.0);
+    vec3 all = vec3(0.0);
+    vec2 count = vec2(0.0);
+    // Texels of the unit disc have equal shares of irradiance.
+    for (uint texel = thread; texel < DEPTH_IMAGE_TEXELS; texel += THREADS) {
+        vec2 p = (vec2(texel % DEPTH_IMAGE_SIDE, texel / DEPTH_IMAGE_SIDE) + 0.5) / HALF - 1.0;
+        float z2 = 1.0 - dot(p, p);
+        uint found = 0u;
+        if (z2 > 0.0) {
+            vec3 direction = tangent * p.x + bitangent * p.y + c.normal * sqrt(z2);
+            Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, true);
+            found = hit.triangle == NO_HIT ? 1u : 0u;
+            vec3 radiance = sky_at(SKY_OF_CACHES, direction);
+            all += radiance;
+            open += float(found) * radiance;
+            count += vec2(found, 1.0);
+        }
+        is_open[texel] = found;
+    }
+    arriving[thread] = open;
+    from_all[thread] = all;
+    counts[thread] = count;
+    barrier();
+    if (thread == 0u) {
+        for (uint i = 1u; i < THREADS; ++i) {
+            open += arriving[i];
+            all += from_all[i];
+            count += counts[i];
+        }
+        // A surface that faces darkness has the share of its directions.
+        float least = push.least * count.y / 3.14159265;
+        vec3 share = (open + least * count.x / count.y) / max(all + least, 1e-37);
+        seen[cache] = SkySeen(share, share * sky_at(SKY_IRRADIANCE, c.normal));
+    }
+    // Four parts of each direction, four directions to a number.
+    for (uint four = thread; four < DIRECTIONS / 4u; four += THREADS) {
+        uint numbers = 0u;
+        for (uint i = 0u; i < 16u; ++i) {
+            uint direction = 4u * four + i / 4u;
+            vec2 at = vec2(direction % DIRECTION_SIDE, direction / DIRECTION_SIDE) + 0.25 + 0.5 * vec2(i & 1u, i >> 1 & 1u);
+            vec3 d = octahedral_decode(at * (2.0 / float(DIRECTION_SIDE)) - 1.0);
+            uvec2 texel = uvec2(clamp(vec2(dot(tangent, d), dot(bitangent, d)) * HALF + HALF, 0.0, 2.0 * HALF - 0.5));
+            // Below the horizon, and where the disc ends within a texel, nothing is known.
+            uint found = dot(d, c.normal) > 0.0 ? is_open[texel.y * DEPTH_IMAGE_SIDE + texel.x] : 0u;
+            numbers += found << (8u * (i / 4u));
+        }
+        open_parts[cache * (DIRECTIONS / 4u) + four] = numbers;
+    }
+}

@@ -1,0 +1,94 @@
+//! Stage 8, last: the light of the sky on what pixels show, by the shares of it that caches see. METHOD 12.
+
+use super::atlas::Atlas;
+use super::interpolate::Shaded;
+use super::plan::Plan;
+use super::settings::Near;
+use super::view::View;
+use super::world::{SkyLight, World};
+use crate::error::Result;
+use crate::gpu::{
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use,
+};
+use crate::shared::{InterpolatePush, NearPush};
+
+/// Adds the light of the sky to direct light.
+pub struct SkyShading {
+    shade: Pipeline,
+    /// Whether pixels average caches themselves.
+    by_cells: bool,
+}
+
+impl SkyShading {
+    /// Makes the pipeline.
+    ///
+    /// # Errors
+    /// A driver that refuses the shaders.
+    pub(super) fn new(gpu: &Gpu, plan: &Plan, world: &World) -> Result<Option<Self>> {
+        if !plan.sky_light {
+            return Ok(None);
+        }
+        let by_cells = world.references_of_pixels().is_some();
+        let (_, every) = plan.near.rays();
+        let constants = [u32::from(plan.glossy), world.references_each as u32, every];
+        let shade = gpu.raster(&Raster {
+            vertex: "screen.vert",
+            fragment: Some(match (by_cells, plan.near) {
+                (false, Near::Off) => "sky_light.frag",
+                (true, Near::Off) => "sky_light_cells.frag",
+                (false, _) => "sky_light_near.frag",
+                (true, _) => "sky_light_near_cells.frag",
+            }),
+            shape: Shape::Triangles,
+            streams: &[],
+            colors: &[Format::R32G32B32A32_SFLOAT],
+            blend: Blend::Add,
+            depth: Depth::None,
+            cull: Cull::None,
+            constants: &constants[..if plan.near == Near::Off { 2 } else { 3 }],
+        })?;
+        Ok(Some(Self { shade, by_cells }))
+    }
+
+    /// Records the stage for views, after their indirect light.
+    pub(super) fn record<'a>(
+        &self,
+        cmd: &Cmd<'_>,
+        (world, sky): (&World, &SkyLight),
+        atlas: &Atlas,
+        seen: &Buffer,
+        views: impl Iterator<Item = Shaded<'a>>,
+    ) {
+        cmd.barrier(Use::ColorWrite, Use::ColorWrite); // direct light -> here
+        for Shaded { view, surface, visible, near, first_proxy, .. } in views {
+            let (Some(element), Some(of_vertices)) = (&surface.element, &visible.sky_lights) else { continue };
+            let draws = &world.draw_records;
+            let mut resources = vec![Bind::from(element), draws.into()];
+            if self.by_cells {
+                let of_cells = [&world.references, world.indices(), &world.instances, &world.corners];
+                resources.extend(of_cells.map(Bind::from));
+                resources.extend([&visible.slots, &atlas.caches, seen].map(Bind::from));
+            } else {
+                resources.extend([world.indices(), &visible.slots, &visible.lights, of_vertices].map(Bind::from));
+            }
+            resources.extend([&surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
+            resources.extend(near.map(|found| Bind::from(&found.lights)));
+            resources.extend([&sky.levels, &sky.texels].map(Bind::from));
+            let radiance =
+                Attachments { colors: &[Attach::keep(&surface.radiance)], depth: None, area: surface.area() };
+            let reach = world.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);
+            cmd.render(&radiance, |draw| {
+                draw.bind(&self.shade, &resources);
+                let View { clip_from_world, eye, .. } = *view;
+                match near {
+                    Some(found) => {
+                        let [width, height] = found.size;
+                        draw.push(&NearPush { clip_from_world, eye, reach, first_proxy, width, height });
+                    }
+                    None => draw.push(&InterpolatePush { clip_from_world, eye, reach, first_proxy }),
+                }
+                draw.draw(3);
+            });
+        }
+    }
+}

@@ -1,0 +1,95 @@
+//! A sky as surfaces receive it: its irradiance by normal, and what lobes take of it about each direction, as grids.
+
+use super::sky::Sky;
+use glam::{DVec3, Vec3};
+use rayon::prelude::*;
+use std::f64::consts::TAU;
+
+/// Phong exponent of the widest lobe of [`lobes`]; each one before is half as wide about its axis.
+pub const WIDEST: f64 = 1.0;
+
+/// Lobes of [`lobes`]: the narrowest has an exponent of 2048.
+pub const LOBES: u32 = 12;
+
+/// Columns of the grid of irradiance, and of those of the widest lobes.
+const COARSE: u32 = 64;
+
+/// Share of a lobe's peak from which on it counts.
+const LEAST: f64 = 1e-4;
+
+/// Irradiance \[lx\] by normal: a grid with the layout of a sky's.
+pub fn irradiance(sky: &Sky) -> Sky {
+    let mut received = convolved(&halved(sky, 2 * COARSE), COARSE, |cosine| cosine.max(0.0), 0.0);
+    // The mean by cosine over a hemisphere, whose cosines sum up to pi.
+    received.texels.iter_mut().for_each(|texel| *texel *= std::f32::consts::PI);
+    received
+}
+
+/// Mean radiance [cd/m^2] about each direction, weighed by Phong lobes: exponents of 2048, 1024, .. 1.
+pub fn lobes(sky: &Sky) -> Vec<Sky> {
+    let lobe = |i: u32| {
+        let exponent = WIDEST * f64::from(1_u32 << (LOBES - 1 - i));
+        // Texels are no wider than half of the lobe.
+        let columns = (TAU * exponent.sqrt()).log2().floor().exp2().clamp(32.0, 256.0) as u32;
+        let least = LEAST.powf(1.0 / exponent);
+        convolved(&halved(sky, 2 * columns), columns, |cosine| cosine.max(0.0).powf(exponent), least)
+    };
+    (0..LOBES).map(lobe).collect()
+}
+
+/// A sky of so many columns at most, each texel the mean of those that it takes the place of.
+pub fn halved(sky: &Sky, most: u32) -> Sky {
+    let mut now = Sky { lights: 0..0, ..sky.clone() };
+    while now.width > most && now.width.is_multiple_of(2) && now.height.is_multiple_of(2) {
+        let (width, height) = (now.width / 2, now.height / 2);
+        let mean = |texel: usize| {
+            let (column, row) = (texel % width as usize, texel / width as usize);
+            let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
+            for part in 0..4 {
+                let (column, row) = (2 * column + part % 2, 2 * row + part / 2);
+                let angle = now.solid_angle(row);
+                sum += angle * now.texels[row * now.width as usize + column].as_dvec3();
+                whole += angle;
+            }
+            (sum / whole).as_vec3()
+        };
+        now.texels = (0..(width * height) as usize).map(mean).collect();
+        (now.width, now.height) = (width, height);
+    }
+    now
+}
+
+/// The mean about each direction of a grid of so many columns, weighed by a function of the cosine from `least` on.
+fn convolved(sky: &Sky, columns: u32, weight: impl Fn(f64) -> f64 + Sync, least: f64) -> Sky {
+    let (width, height) = (columns, columns / 2);
+    let texel = |i: usize| (i % sky.width as usize, i / sky.width as usize);
+    let source: Vec<(DVec3, DVec3, f64)> = (0..sky.texels.len())
+        .map(|i| {
+            let (column, row) = texel(i);
+            (sky.direction(column, row), sky.texels[i].as_dvec3(), sky.solid_angle(row))
+        })
+        .collect();
+    let mut grid = Sky::new(width, height, std::iter::repeat_n(Vec3::ZERO, (width * height) as usize), 0.0);
+    let reach = least.max(-1.0).acos();
+    let mean = |i: usize| {
+        let axis = grid.direction(i % width as usize, i / width as usize);
+        // Rows farther away than the lobe reaches have nothing of it.
+        let latitude = axis.y.clamp(-1.0, 1.0).acos() / std::f64::consts::PI * f64::from(sky.height);
+        let rows = reach / std::f64::consts::PI * f64::from(sky.height) + 1.0;
+        let first = (latitude - rows).max(0.0) as usize * sky.width as usize;
+        let end = ((latitude + rows) as usize + 1).min(sky.height as usize) * sky.width as usize;
+        let (mut sum, mut whole) = (DVec3::ZERO, 0.0);
+        for (direction, radiance, angle) in &source[first..end] {
+            let cosine = axis.dot(*direction);
+            if cosine >= least {
+                let share = weight(cosine) * angle;
+                sum += share * *radiance;
+                whole += share;
+            }
+        }
+        // A lobe between the middles of texels has the nearest one.
+        if whole > 0.0 { (sum / whole).as_vec3() } else { sky.radiance(axis).as_vec3() }
+    };
+    grid.texels = (0..(width * height) as usize).into_par_iter().map(mean).collect();
+    grid
+}
