@@ -162,6 +162,12 @@ pub(crate) fn linear_from_srgb(code: u8) -> f32 {
 /// # Errors
 /// A file that cannot be written; nothing half-written is left behind.
 pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
+    let bytes = png(width, height, rgba).map_err(|reason| Error::Output { file: path.to_owned(), reason })?;
+    files::write(path, &bytes)
+}
+
+/// An 8-bit sRGB PNG of RGBA bytes, with alpha where a pixel is not opaque; or why there is none.
+pub(crate) fn png(width: u32, height: u32, rgba: &[u8]) -> std::result::Result<Vec<u8>, String> {
     let opaque = rgba.chunks_exact(4).all(|p| p[3] == 255);
     let rgb = || rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
     let (texels, kind) =
@@ -170,6 +176,6 @@ pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()
     let mut bytes = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
     let encoded = image::ImageEncoder::write_image(encoder, &texels, width, height, kind);
-    encoded.map_err(|error| Error::Output { file: path.to_owned(), reason: error.to_string() })?;
-    files::write(path, &bytes)
+    encoded.map_err(|error| error.to_string())?;
+    Ok(bytes)
 }

@@ -48,6 +48,7 @@ mod rays;
 mod scene;
 mod shaders;
 mod shadows_light;
+mod sheet;
 mod sky;
 mod sky_light;
 mod sources;

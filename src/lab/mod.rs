@@ -10,6 +10,7 @@ pub mod knobs;
 pub mod plot;
 pub mod scenes;
 pub mod shadows;
+pub mod sheet;
 pub mod shot;
 pub mod sources;
 pub mod worlds;

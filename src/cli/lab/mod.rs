@@ -3,6 +3,7 @@
 mod choices;
 mod flicker;
 mod hard_cases;
+mod sheet;
 mod sources;
 
 use anyhow::Result;
@@ -21,6 +22,8 @@ enum Study {
     Flicker(flicker::FlickerArgs),
     /// What is hard on numbers, one line each; fails if a case does.
     HardCases(hard_cases::HardCases),
+    /// Every scene of a folder beside the path tracer, as a page with FLIP and bias of each, the worst first.
+    Sheet(sheet::SheetArgs),
     /// Where the error of indirect light comes from.
     Sources(sources::SourcesArgs),
 }
@@ -30,6 +33,7 @@ pub(super) fn run(lab: &Lab) -> Result<()> {
         Study::Choices(args) => choices::run(args),
         Study::Flicker(args) => flicker::run(args),
         Study::HardCases(args) => hard_cases::run(args),
+        Study::Sheet(args) => sheet::run(args),
         Study::Sources(args) => sources::run(args),
     }
 }

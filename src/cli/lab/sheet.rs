@@ -1,0 +1,141 @@
+//! `lightskin lab sheet`: every scene of a folder beside the path tracer. Each picture is what the command `render` makes,
+//! in a process of its own: a file that brings one down costs its own line alone.
+
+use crate::cli::{progress_bar, render};
+use anyhow::{Context, Result, bail};
+use lightskin::files::check_writable;
+use lightskin::image::read_picture;
+use lightskin::lab::sheet::{Entry, Sheet};
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+#[derive(clap::Args)]
+pub(super) struct SheetArgs {
+    /// Folder whose .gltf and .glb files are drawn, those of the folders in it as well.
+    folder: PathBuf,
+    /// The page, which needs no other file; written anew after each scene.
+    #[arg(short, long, value_name = "FILE.html", default_value = "sheet.html")]
+    out: PathBuf,
+    /// Picture size [pixels].
+    #[arg(long, value_name = "WxH", value_parser = render::size, default_value = "240x135")]
+    size: [u32; 2],
+    /// Samples per pixel of the path tracer, rounded up to whole passes of 16. They are kept: a larger N refines.
+    #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    spp: u32,
+    /// Flags of render for both pictures, like --sky probe.hdr or --bounces 4.
+    #[arg(last = true, value_name = "FLAGS")]
+    flags: Vec<String>,
+}
+
+/// Draws all scenes; fails if there is none, or none could be drawn.
+pub(super) fn run(args: &SheetArgs) -> Result<()> {
+    check_writable(&args.out)?;
+    let mut scenes = Vec::new();
+    find(&args.folder, &mut scenes)?;
+    if scenes.is_empty() {
+        bail!("{}: neither the folder nor those in it hold a .gltf or .glb file", args.folder.display());
+    }
+    let [w, h] = args.size;
+    let mut about = format!("{w} x {h} pixels, at least {} samples per pixel of all light.", args.spp);
+    if !args.flags.is_empty() {
+        about += &format!(" Flags of both: {}.", args.flags.join(" "));
+    }
+    let pictures = Pictures::make()?;
+    let mut sheet = Sheet::default();
+    let bar = progress_bar("[{bar:40}] {percent:>3} %  {elapsed}, {eta} left  {wide_msg}");
+    for (index, scene) in scenes.iter().enumerate() {
+        let name = scene.strip_prefix(&args.folder).unwrap_or(scene).display().to_string();
+        bar.set_message(name.clone());
+        bar.set_position(1000 * index as u64 / scenes.len() as u64);
+        let entry = pictures.compare(scene, &name, args);
+        bar.suspend(|| match &entry {
+            Ok(entry) => say!("FLIP {:.4}, bias {:+7.2} %  {name}", entry.flip, 100.0 * entry.bias),
+            Err(reason) => log::warn!("{name}: {reason}"),
+        });
+        sheet.add(&name, entry);
+        sheet.write(&args.out, &about)?;
+    }
+    bar.finish_and_clear();
+    let [drawn, failed] = sheet.counts();
+    let Some([flip, bias]) = sheet.medians() else { bail!("none of {failed} scenes could be drawn") };
+    say!("scenes    {drawn}, {failed} could not be drawn");
+    say!("median    FLIP {flip:.4}, absolute bias {:.2} %", 100.0 * bias);
+    say!("sheet     {}", args.out.display());
+    Ok(())
+}
+
+/// glTF files of a folder and of those in it, sorted; folders that links lead to are left out.
+fn find(folder: &Path, scenes: &mut Vec<PathBuf>) -> Result<()> {
+    let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
+    let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
+    paths.sort();
+    for path in paths {
+        let is = |name: &str| path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case(name));
+        if path.is_dir() && !path.is_symlink() {
+            if let Err(error) = find(&path, scenes) {
+                log::warn!("{error:#}");
+            }
+        } else if is("gltf") || is("glb") {
+            scenes.push(path);
+        }
+    }
+    Ok(())
+}
+
+/// A folder for the two pictures of a scene, which goes in the end.
+struct Pictures {
+    folder: PathBuf,
+}
+
+impl Drop for Pictures {
+    fn drop(&mut self) {
+        // What is left is in the folder for such files.
+        let _ = std::fs::remove_dir_all(&self.folder);
+    }
+}
+
+impl Pictures {
+    fn make() -> Result<Self> {
+        let folder = std::env::temp_dir().join(format!("lightskin-sheet-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).with_context(|| folder.display().to_string())?;
+        Ok(Self { folder })
+    }
+
+    fn compare(&self, scene: &Path, name: &str, args: &SheetArgs) -> Result<Entry, String> {
+        let (drawn, traced) = (self.folder.join("drawn.exr"), self.folder.join("traced.exr"));
+        let spp = args.spp.to_string();
+        let (_, mut notes) = rendered(scene, &drawn, args, &[])?;
+        let (said, told) = rendered(scene, &traced, args, &["--gi", "path-trace", "--spp", &spp])?;
+        notes.extend(told.into_iter().filter(|line| !notes.contains(line)).collect::<Vec<_>>());
+        let noise = said.lines().filter_map(|line| line.strip_prefix("noise "));
+        notes.extend(noise.map(|noise| format!("Noise of the path tracer: {}.", noise.trim())));
+        let read = |path: &Path, layer| read_picture(path, layer).map_err(|error| error.to_string());
+        let covered: Vec<bool> = read(&traced, Some("Z"))?.rgb.iter().map(|z| z[0].is_finite()).collect();
+        Entry::new(name, &read(&drawn, None)?, &read(&traced, None)?, &covered, &notes)
+    }
+}
+
+/// Runs `render`; what it says on standard output, and each line of what it warns of. The last of these is the reason
+/// where it fails.
+fn rendered(scene: &Path, out: &Path, args: &SheetArgs, flags: &[&str]) -> Result<(String, Vec<String>), String> {
+    let program = std::env::current_exe().map_err(|error| format!("this program's own file: {error}"))?;
+    let [w, h] = args.size;
+    let run = Command::new(program)
+        .args([OsStr::new("render"), scene.as_os_str(), OsStr::new("-o"), out.as_os_str()])
+        .args(["--size", &format!("{w}x{h}")])
+        .args(flags)
+        .args(&args.flags)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|error| format!("this program could not be started again: {error}"))?;
+    let told = String::from_utf8_lossy(&run.stderr);
+    // Its page names the file already.
+    let (program, file) = ("lightskin: ", format!("{}: ", scene.display()));
+    let own = |line: &str| line.trim_start_matches(program).trim_start_matches(&file).to_owned();
+    let lines: Vec<String> = told.lines().map(own).collect();
+    if !run.status.success() {
+        return Err(lines.last().cloned().unwrap_or_else(|| run.status.to_string()));
+    }
+    Ok((String::from_utf8_lossy(&run.stdout).into_owned(), lines))
+}

@@ -1,0 +1,191 @@
+//! Scenes side by side: what the engine draws of each, what the path tracer does, and where they differ, as a page that
+//! stands alone.
+
+use crate::error::{Error, Result};
+use crate::files;
+use crate::image::{Picture, png};
+use crate::lab::plot::escape;
+use crate::metrics::display::{Values, clean, encode};
+use crate::metrics::flip::{PIXELS_PER_DEGREE, flip};
+use crate::metrics::heat::{Scale, colors};
+use crate::metrics::metrics;
+use crate::reference::tonemap::{automatic_ev, pbr_neutral};
+use base64::Engine;
+use glam::Vec3;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Scale of the maps of FLIP.
+const HEAT: Scale = Scale::Linear(1.0);
+
+const STYLE: &str = include_str!("eval/report.css");
+
+/// A scene's errors and its part of the page.
+pub struct Entry {
+    /// The scene's file.
+    pub scene: String,
+    /// HDR-FLIP, the mean over all pixels.
+    pub flip: f64,
+    /// The same over those that show a surface.
+    pub flip_of_surfaces: f64,
+    /// Mean radiance of the pixels that show a surface over the path tracer's, less 1.
+    pub bias: f64,
+    html: String,
+}
+
+impl Entry {
+    /// Compares a picture with the path tracer's; both hold linear radiance, and `covered` says which pixels show a
+    /// surface. `notes` are told below.
+    ///
+    /// # Errors
+    /// Pictures of different sizes or without a surface, and values that are not finite.
+    pub fn new(
+        scene: &str,
+        drawn: &Picture,
+        traced: &Picture,
+        covered: &[bool],
+        notes: &[String],
+    ) -> std::result::Result<Self, String> {
+        let size = [traced.width, traced.height];
+        if [drawn.width, drawn.height] != size || covered.len() != traced.rgb.len() {
+            return Err("the pictures differ in size".into());
+        }
+        if !covered.contains(&true) {
+            return Err("the camera sees no surface".into());
+        }
+        let map = flip(&drawn.rgb, &traced.rgb, size, Values::Radiance, PIXELS_PER_DEGREE);
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let of_surfaces = |rgb: &[[f32; 3]]| -> Vec<[f32; 3]> {
+            rgb.iter().zip(covered).filter(|(_, covered)| **covered).map(|(pixel, _)| *pixel).collect()
+        };
+        let seen: Vec<f64> =
+            map.iter().zip(covered).filter(|(_, covered)| **covered).map(|(error, _)| *error).collect();
+        let bias = metrics(&of_surfaces(&drawn.rgb), &of_surfaces(&traced.rgb)).bias;
+        let (flip, flip_of_surfaces) = (mean(&map), mean(&seen));
+        if !flip.is_finite() {
+            return Err("values of the pictures are not finite; this is a bug of lightskin".into());
+        }
+        let radiance: Vec<_> = traced.rgb.iter().map(|rgb| Vec3::from(*rgb).as_dvec3()).collect();
+        let exposure = (-automatic_ev(size, &radiance, covered)).exp2() / 1.2;
+        let shown = |rgb: &[[f32; 3]]| -> Vec<u8> {
+            let bytes = |pixel: &[f32; 3]| {
+                let srgb = encode(pbr_neutral(clean(*pixel) * exposure)) * 255.0 + 0.5;
+                [srgb.x as u8, srgb.y as u8, srgb.z as u8, 255]
+            };
+            rgb.iter().flat_map(bytes).collect()
+        };
+        let mut html = String::new();
+        for (what, rgba) in [
+            ("the engine", shown(&drawn.rgb)),
+            ("the path tracer", shown(&traced.rgb)),
+            ("FLIP of each pixel", colors(&map, HEAT)),
+        ] {
+            let data = base64::engine::general_purpose::STANDARD.encode(png(size[0], size[1], &rgba)?);
+            // Writing to a string cannot fail.
+            let _ = writeln!(
+                html,
+                "<figure><img alt=\"{what}\" src=\"data:image/png;base64,{data}\"><figcaption>{what}</figcaption></figure>"
+            );
+        }
+        let mut html = format!(
+            "<p>FLIP <b>{flip:.4}</b>, {flip_of_surfaces:.4} of surfaces; bias of surfaces <b>{:+.2} %</b></p>\n\
+             <div class=\"strip\">{html}</div>\n",
+            100.0 * bias
+        );
+        for note in notes {
+            let _ = writeln!(html, "<p><small>{}</small></p>", escape(note));
+        }
+        Ok(Self { scene: scene.into(), flip, flip_of_surfaces, bias, html })
+    }
+}
+
+/// All scenes so far.
+#[derive(Default)]
+pub struct Sheet {
+    /// Those that were drawn, the worst first.
+    entries: Vec<Entry>,
+    /// Those that were not, and why.
+    failed: Vec<(String, String)>,
+}
+
+impl Sheet {
+    /// Takes in a scene, or the reason why there is no picture of it.
+    pub fn add(&mut self, scene: &str, entry: std::result::Result<Entry, String>) {
+        match entry {
+            Ok(entry) => {
+                let worse = self.entries.partition_point(|other| other.flip >= entry.flip);
+                self.entries.insert(worse, entry);
+            }
+            Err(reason) => self.failed.push((scene.into(), reason)),
+        }
+    }
+
+    /// How many scenes were drawn, and how many were not.
+    pub fn counts(&self) -> [usize; 2] {
+        [self.entries.len(), self.failed.len()]
+    }
+
+    /// Median over scenes of FLIP and of the absolute bias; `None` without a scene.
+    pub fn medians(&self) -> Option<[f64; 2]> {
+        let median = |of: &dyn Fn(&Entry) -> f64| {
+            let mut sorted: Vec<f64> = self.entries.iter().map(of).collect();
+            sorted.sort_by(f64::total_cmp);
+            let middle = sorted.len() / 2;
+            if sorted.len() % 2 == 1 { sorted[middle] } else { 0.5 * (sorted[middle - 1] + sorted[middle]) }
+        };
+        (!self.entries.is_empty()).then(|| [median(&|entry| entry.flip), median(&|entry| entry.bias.abs())])
+    }
+
+    /// Writes the page; `about` says how the pictures came about.
+    ///
+    /// # Errors
+    /// A file that cannot be written.
+    pub fn write(&self, path: &Path, about: &str) -> Result<()> {
+        if path.is_dir() {
+            let reason = "is a folder; name a file".into();
+            return Err(Error::Output { file: path.to_owned(), reason });
+        }
+        files::write(path, self.html(about).as_bytes())
+    }
+
+    fn html(&self, about: &str) -> String {
+        let title = "lightskin: scenes beside the path tracer";
+        let mut page = format!(
+            "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+             <meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title><style>{STYLE}</style></head>\n\
+             <body>\n<h1>{title}</h1>\n<p>{}</p>\n",
+            escape(about)
+        );
+        if let Some([flip, bias]) = self.medians() {
+            let _ = writeln!(
+                page,
+                "<p>Median of {} scenes: FLIP <b>{flip:.4}</b>, absolute bias of surfaces <b>{:.2} %</b>.</p>",
+                self.entries.len(),
+                100.0 * bias
+            );
+        }
+        let lines: String = (self.failed.iter())
+            .map(|(scene, reason)| format!("<li>{}: {}</li>\n", escape(scene), escape(reason)))
+            .collect();
+        if !lines.is_empty() {
+            let _ = writeln!(page, "<div class=\"warn\">Not drawn:<ul>{lines}</ul></div>");
+        }
+        page.push_str("<table>\n<tr><th>scene</th><th>FLIP</th><th>of surfaces</th><th>bias of surfaces</th></tr>\n");
+        for (index, entry) in self.entries.iter().enumerate() {
+            let Entry { scene, flip, flip_of_surfaces, bias, .. } = entry;
+            let _ = writeln!(
+                page,
+                "<tr><td><a href=\"#scene-{index}\">{}</a></td><td>{flip:.4}</td><td>{flip_of_surfaces:.4}</td>\
+                 <td>{:+.2} %</td></tr>",
+                escape(scene),
+                100.0 * bias
+            );
+        }
+        page.push_str("</table>\n");
+        for (index, Entry { scene, html, .. }) in self.entries.iter().enumerate() {
+            let _ = writeln!(page, "<section><h2 id=\"scene-{index}\">{}</h2>\n{html}</section>", escape(scene));
+        }
+        page.push_str("</body></html>\n");
+        page
+    }
+}
