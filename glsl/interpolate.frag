@@ -30,8 +30,8 @@ layout(binding = 0) uniform usampler2D element_image;
 #else
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 #endif
+#include "lib/brdf.glsl"
 #include "lib/form_factor.glsl"
-#include "lib/phong.glsl"
 
 layout(binding = 3, scalar) readonly buffer Indices { uint indices[]; };
 #ifdef BY_CELLS
@@ -157,17 +157,19 @@ void main() {
         return;
     }
     VertexLight light = light_at(draw, draw.first_index + 3u * element.y);
-    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
-    vec3 n = normal_exponent.xyz;
+    vec4 normal_coded = texelFetch(normal_image, pixel, 0);
+    vec3 n = normal_coded.xyz;
     vec3 from;
     vec3 e = received(light.position, light.diffuse_position, light.diffuse_irradiance, n, from);
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
 #ifndef DIFFUSE_ONLY
     vec3 glossy_from;
     vec3 g = received(light.position, light.glossy_position, light.glossy_irradiance, n, glossy_from);
-    vec3 r = reflect(view_direction(push.eye, light.position), n);
+    vec3 looking = view_direction(push.eye, light.position);
+    vec3 r = reflect(looking, n);
     vec4 specular = texelFetch(specular_image, pixel, 0);
-    float lobe = phong_lobe(normal_exponent.w, dot(r, glossy_from));
+    PhongLobe fitted = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), CACHE_EXPONENT);
+    float lobe = phong_lobe(fitted.exponent, dot(r, glossy_from));
 #endif
 #ifdef NEAR
     vec3 geometric = octahedral_decode(vec2(albedo.a, texelFetch(specular_image, pixel, 0).a));
@@ -175,12 +177,12 @@ void main() {
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
     // Wide lobes and very narrow ones are those of rays; directions of caches are too coarse for those between.
-    float k = normal_exponent.w;
+    float k = fitted.exponent;
     float by_caches = k < NEAR_SHARP ? smoothstep(3.0, 5.0, log2(max(k, 1.0))) : 0.0;
-    out_glossy = vec4(specular.rgb * mix(near.glossy, lobe * g, by_caches), 0.0);
+    out_glossy = vec4(fitted.albedo * mix(near.glossy, lobe * g, by_caches), 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
-    out_glossy = vec4(specular.rgb * lobe * g, 0.0);
+    out_glossy = vec4(fitted.albedo * lobe * g, 0.0);
 #endif
     out_diffuse = vec4(albedo.rgb / PI * e, 0.0);
 }
