@@ -147,7 +147,7 @@ void main() {
     vec3 geometric = octahedral_decode(vec2(albedo.a, specular.a));
     vec3 looking = view_direction(push.eye, position);
     vec3 r = reflect(looking, n);
-    PhongLobe fitted = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), CACHE_EXPONENT);
+    PhongLobe fitted = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), 1e9);
     float exponent = fitted.exponent;
     bool glossy = fitted.albedo != vec3(0.0);
 

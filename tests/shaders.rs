@@ -464,4 +464,12 @@ fn rectangles_give_what_their_parts_give() {
     let expression = format!("polygon_lobe({part}, vec3(0.0, 0.0, 1.0), vec3(0.48, 0.6, 0.64), x[6])");
     // Eight points of a quadrature on each edge.
     check(AREA, &expression, &inputs, |_| 0.01, 2e-3, |x| rectangle(x).lobe(DVec3::ZERO, DVec3::Z, mirrored, x[6]));
+    // Narrow lobes across an edge: k times what cosines round by.
+    let mut inputs =
+        random(72, 24, [(0.2, 0.8), (0.3, 0.9), (0.4, 0.8), (-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (500.0, 1.2e5)]);
+    inputs.retain(|x| {
+        let (middle, right, up) = sides(&x.map(f64::from));
+        right.cross(up).normalize().dot(middle.normalize()).abs() > 0.3
+    });
+    check(AREA, &expression, &inputs, |_| 0.03, 5e-3, |x| rectangle(x).lobe(DVec3::ZERO, DVec3::Z, mirrored, x[6]));
 }
