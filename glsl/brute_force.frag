@@ -2,7 +2,7 @@
 // variant brute_force_diffuse.frag: DIFFUSE_ONLY (where nothing in the scene is glossy)
 #include "shared.glsl"
 #include "lib/form_factor.glsl"
-#include "lib/phong.glsl"
+#include "lib/brdf.glsl"
 
 layout(push_constant, scalar) uniform Push { ScreenPush push; };
 layout(binding = 0, scalar) uniform Tile { Val vals[VAL_TILE]; };
@@ -32,9 +32,14 @@ void main() {
     vec2 size = vec2(textureSize(depth_image, 0));
     vec4 world = push.world_from_clip * vec4(gl_FragCoord.xy / size * 2.0 - 1.0, depth, 1.0);
     vec3 position = world.xyz / world.w;
-    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
-    vec3 n = normal_exponent.xyz;
-    vec3 r = reflect(view_direction(push.eye, position), n);
+    vec4 normal_coded = texelFetch(normal_image, pixel, 0);
+    vec3 n = normal_coded.xyz;
+    vec3 looking = view_direction(push.eye, position);
+    vec3 r = reflect(looking, n);
+#ifndef DIFFUSE_ONLY
+    vec3 specular = texelFetch(specular_image, pixel, 0).rgb;
+    PhongLobe fitted = fitted_lobe(specular, normal_coded.w, -dot(n, looking), CACHE_EXPONENT);
+#endif
     vec3 irradiance = vec3(0.0);
     vec3 glossy = vec3(0.0);
     uint end = min(VAL_TILE, max(val_count, push.first_val) - push.first_val);
@@ -44,11 +49,11 @@ void main() {
         float g = disc_geometry_towards(d, v.normal, n, v.area);
         irradiance += v.flux * g;
 #ifndef DIFFUSE_ONLY
-        glossy += v.flux * (g * cosine_power(dot(r, d) * inversesqrt(max(dot(d, d), 1e-30)), normal_exponent.w));
+        glossy += v.flux * (g * cosine_power(dot(r, d) * inversesqrt(max(dot(d, d), 1e-30)), fitted.exponent));
 #endif
     }
     out_diffuse = vec4(texelFetch(albedo_image, pixel, 0).rgb / PI * irradiance, 0.0);
 #ifndef DIFFUSE_ONLY
-    out_glossy = vec4(texelFetch(specular_image, pixel, 0).rgb * (normal_exponent.w + 2.0) / (2.0 * PI) * glossy, 0.0);
+    out_glossy = vec4(fitted.albedo * (fitted.exponent + 2.0) / (2.0 * PI) * glossy, 0.0);
 #endif
 }

@@ -1,9 +1,9 @@
 // Stage 2: one light's direct reflection, shadowed by its map; added to what is there. METHOD 1.
 #include "shared.glsl"
+#include "lib/brdf.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
-#include "lib/phong.glsl"
 
 layout(push_constant, scalar) uniform Push { ScreenPush push; };
 layout(binding = 0, scalar) readonly buffer Lights { Light lights[]; };
@@ -59,11 +59,11 @@ void main() {
     vec2 size = vec2(textureSize(depth_image, 0));
     vec4 world = push.world_from_clip * vec4(gl_FragCoord.xy / size * 2.0 - 1.0, depth, 1.0);
     vec3 position = world.xyz / world.w;
-    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
+    vec4 normal_coded = texelFetch(normal_image, pixel, 0);
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
     vec4 specular = texelFetch(specular_image, pixel, 0);
     vec3 geometric = octahedral_decode(vec2(albedo.a, specular.a));
-    vec3 n = normal_exponent.xyz;
+    vec3 n = normal_coded.xyz;
 
     Light light = lights[push.light];
     vec3 towards = -light.direction;
@@ -81,7 +81,7 @@ void main() {
     if (cosine <= 0.0 || dot(geometric, towards) <= 0.0 || irradiance == vec3(0.0)) {
         return;
     }
-    vec3 r = reflect(view_direction(push.eye, position), n);
-    vec3 brdf = albedo.rgb / PI + specular.rgb * phong_lobe(normal_exponent.w, dot(r, towards));
+    vec3 looking = view_direction(push.eye, position);
+    vec3 brdf = albedo.rgb / PI + glossy_lobe(specular.rgb, normal_coded.w, n, looking, towards);
     out_radiance = vec4(brdf * irradiance * (cosine * visibility(light, position, geometric, towards)), 0.0);
 }

@@ -2,10 +2,10 @@
 // the way; of points on it, each with a shadow map of its own, those that are seen give the share that arrives.
 #include "shared.glsl"
 #include "lib/area_light.glsl"
+#include "lib/brdf.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
-#include "lib/phong.glsl"
 
 layout(push_constant, scalar) uniform Push { AreaPush push; };
 layout(binding = 0, scalar) readonly buffer Lights { Light lights[]; };
@@ -136,8 +136,8 @@ void main() {
     vec3 position = world.xyz / world.w;
     Light light = lights[push.light];
     vec3 to_middle = light.position - position;
-    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
-    vec3 n = normal_exponent.xyz;
+    vec4 normal_coded = texelFetch(normal_image, pixel, 0);
+    vec3 n = normal_coded.xyz;
     SeenPart part = above_horizon(to_middle, light.right, light.up, n);
     if (dot(to_middle, light.direction) >= 0.0 || part.count < 3 || light.intensity == vec3(0.0)) {
         return;
@@ -145,9 +145,11 @@ void main() {
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
     vec4 specular = texelFetch(specular_image, pixel, 0);
     vec3 geometric = octahedral_decode(vec2(albedo.a, specular.a));
-    vec3 r = reflect(view_direction(push.eye, position), n);
-    float exponent = normal_exponent.w;
-    bool glossy = specular.rgb != vec3(0.0);
+    vec3 looking = view_direction(push.eye, position);
+    vec3 r = reflect(looking, n);
+    PhongLobe fitted = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), 1e9);
+    float exponent = fitted.exponent;
+    bool glossy = fitted.albedo != vec3(0.0);
 
     // Without anything in the way.
     float d2 = dot(to_middle, to_middle);
@@ -186,6 +188,6 @@ void main() {
         }
     }
     vec2 arrives = seen / max(all, vec2(1e-30));
-    vec3 reflected = albedo.rgb * (diffuse_share * arrives.x) + specular.rgb * (glossy_share * arrives.y);
+    vec3 reflected = albedo.rgb * (diffuse_share * arrives.x) + fitted.albedo * (glossy_share * arrives.y);
     out_radiance = vec4(light.intensity * reflected, 0.0);
 }

@@ -12,9 +12,9 @@ layout(location = 2) in vec4 tangent;
 layout(location = 3) in vec4 uv;
 layout(location = 4) in vec4 color;
 
-layout(location = 0) out vec4 out_normal; // shading normal, Phong exponent
+layout(location = 0) out vec4 out_normal; // shading normal, coded lobe
 layout(location = 1) out vec4 out_albedo; // rho_d, x of the geometric normal
-layout(location = 2) out vec4 out_specular; // rho_g, y of the geometric normal
+layout(location = 2) out vec4 out_specular; // rho_g or F0, y of the geometric normal
 layout(location = 3) out vec4 out_radiance; // emitted [cd/m^2]; direct light is added by stage 2
 #ifdef ELEMENTS
 layout(location = 4) out uvec2 out_element; // draw, from 1, and triangle within it
@@ -66,7 +66,6 @@ void main() {
     if (base.a < m.alpha_cutoff || any(isnan(position))) {
         discard;
     }
-    Reflectance r = reflectance(material, base.rgb, here);
     vec3 towards_viewer = -view_direction(push.eye, position);
     // Closer than f32 resolves positions the differences vanish; the vertex normal serves there.
     vec3 geometric = cross(unit_or(px, vec3(0.0)), unit_or(py, vec3(0.0)));
@@ -76,12 +75,13 @@ void main() {
     if (has_texture(material, TEXTURE_NORMAL)) {
         n = bumped(n, material, here, px, py);
     }
+    Reflectance r = reflectance(material, base.rgb, here, dot(n, towards_viewer));
     vec3 emitted = m.emissive;
     if (has_texture(material, TEXTURE_EMISSIVE)) {
         emitted *= sample_texture(emissive_texture, material, TEXTURE_EMISSIVE, here).rgb;
     }
     vec2 packed_normal = octahedral_encode(geometric);
-    out_normal = vec4(n, r.exponent);
+    out_normal = vec4(n, r.coded);
     out_albedo = vec4(r.diffuse, packed_normal.x);
     out_specular = vec4(r.glossy, packed_normal.y);
     out_radiance = vec4(emitted, 0.0);

@@ -28,8 +28,8 @@ const uint GLOSSY = 1u;
 #else
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 #endif
+#include "lib/brdf.glsl"
 #include "lib/form_factor.glsl"
-#include "lib/phong.glsl"
 
 #ifdef BY_CELLS
 layout(binding = 8, scalar) readonly buffer Proxies { Proxy proxies[]; };
@@ -113,27 +113,29 @@ void main() {
         return;
     }
     VertexLight light = light_at(draw, draw.first_index + 3u * element.y);
-    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
-    vec3 n = normal_exponent.xyz;
+    vec4 normal_coded = texelFetch(normal_image, pixel, 0);
+    vec3 n = normal_coded.xyz;
     vec3 from;
     vec3 e = received(light.position, light.diffuse_position, light.diffuse_irradiance, n, from);
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
 #ifndef DIFFUSE_ONLY
     vec4 specular = texelFetch(specular_image, pixel, 0);
+    vec3 looking = view_direction(push.eye, light.position);
 #endif
 #ifdef NEAR
     vec3 geometric = octahedral_decode(vec2(albedo.a, texelFetch(specular_image, pixel, 0).a));
     Near near = near_of(pixel, light.position, geometric);
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
-    out_glossy = vec4(specular.rgb * near.glossy, 0.0);
+    // Rays know lobes however narrow.
+    out_glossy = vec4(fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), 1e9).albedo * near.glossy, 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
     vec3 glossy_from;
     vec3 g = received(light.position, light.glossy_position, light.glossy_irradiance, n, glossy_from);
-    vec3 r = reflect(view_direction(push.eye, light.position), n);
-    float lobe = phong_lobe(normal_exponent.w, dot(r, glossy_from));
-    out_glossy = vec4(specular.rgb * lobe * g, 0.0);
+    PhongLobe fitted = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), CACHE_EXPONENT);
+    float lobe = phong_lobe(fitted.exponent, dot(reflect(looking, n), glossy_from));
+    out_glossy = vec4(fitted.albedo * lobe * g, 0.0);
 #endif
     out_diffuse = vec4(albedo.rgb / PI * e, 0.0);
 }

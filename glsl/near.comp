@@ -200,10 +200,10 @@ void main() {
 
     uvec3 around = nearest_caches(draw.instance, corners, w);
 #ifdef GLOSSY
-    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
-    vec3 own = normal_exponent.xyz;
+    vec4 normal_coded = texelFetch(normal_image, pixel, 0);
+    vec3 own = normal_coded.xyz;
     vec3 mirrored = reflect(-towards_eye, own);
-    float k = normal_exponent.w;
+    float k = fitted_exponent(normal_coded.w);
     bool is_glossy = texelFetch(specular_image, pixel, 0).rgb != vec3(0.0);
     // Of wide lobes caches know what is far; narrow ones need rays without end.
     float narrow = smoothstep(3.0, 5.0, log2(max(k, 1.0)));

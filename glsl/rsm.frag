@@ -27,5 +27,6 @@ void main() {
     n = dot(n, view_direction(push.eye, position)) > 0.0 ? -n : n;
     out_position = vec4(position, 1.0);
     out_normal = vec4(n, float(push.material));
-    out_albedo = vec4(reflectance(push.material, base.rgb, here).diffuse, 0.0);
+    // Of all directions that it is seen from, the mean.
+    out_albedo = vec4(reflectance(push.material, base.rgb, here, MEAN_COSINE).diffuse, 0.0);
 }

@@ -26,8 +26,8 @@ layout(binding = 4, scalar) readonly buffer Slots { uint slots[]; };
 layout(binding = 5, scalar) readonly buffer Lights { VertexLight lights[]; };
 layout(binding = 8, scalar) readonly buffer SkyLights { vec3 sky_lights[]; }; // of each vertex
 #endif
+#include "lib/brdf.glsl"
 #include "lib/form_factor.glsl"
-#include "lib/phong.glsl"
 layout(binding = 9) uniform sampler2D normal_image;
 layout(binding = 10) uniform sampler2D albedo_image;
 layout(binding = 11) uniform sampler2D specular_image;
@@ -94,8 +94,8 @@ void main() {
     if (draw.reference_base != NO_REFERENCES) {
         seen = seen_here(draw, draw.first_index + 3u * element.y, position);
     }
-    vec4 normal_exponent = texelFetch(normal_image, pixel, 0);
-    vec3 n = normal_exponent.xyz;
+    vec4 normal_coded = texelFetch(normal_image, pixel, 0);
+    vec3 n = normal_coded.xyz;
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
     vec4 specular = texelFetch(specular_image, pixel, 0);
     vec3 e = sky_at(SKY_IRRADIANCE, n) * seen;
@@ -106,16 +106,16 @@ void main() {
 #endif
     vec3 radiance = albedo.rgb / PI * e;
     if (GLOSSY != 0u && specular.rgb != vec3(0.0)) {
-        float k = normal_exponent.w;
-        vec3 v = view_direction(push.eye, position);
-        vec3 r = reflect(v, n);
-        float share = phong_albedo(k, dot(n, r));
+        vec3 looking = view_direction(push.eye, position);
+        vec3 r = reflect(looking, n);
+        PhongLobe lobe = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), 1e9);
+        float share = phong_albedo(lobe.exponent, dot(n, r));
 #ifdef NEAR
         share *= near.sky;
 #else
-        share *= lobe_seen(dot(seen, vec3(0.2126, 0.7152, 0.0722)), max(-dot(v, n), 0.0), k);
+        share *= lobe_seen(dot(seen, vec3(0.2126, 0.7152, 0.0722)), max(-dot(looking, n), 0.0), lobe.exponent);
 #endif
-        radiance += specular.rgb * share * sky_lobe(r, k);
+        radiance += lobe.albedo * share * sky_lobe(r, lobe.exponent);
     }
     out_radiance = vec4(radiance, 0.0);
 }

@@ -7,7 +7,7 @@ use lightskin::reference::brute_force;
 use lightskin::reference::form_factor::{disc_form_factor, disc_form_factor_integral, disc_irradiance};
 use lightskin::reference::light::{direct_irradiance, intensity, range_window, spot_falloff};
 use lightskin::reference::monte_carlo::one_bounce_irradiance;
-use lightskin::reference::phong::{exponent_from_roughness, phong_lobe, reflect};
+use lightskin::reference::phong::{phong_lobe, reflect};
 use lightskin::reference::rsm::{Val, cast, cast_view, solid_angle, texel_area, texel_solid_angle, views};
 use lightskin::reference::tonemap;
 use lightskin::reference::triangle::Triangle;
@@ -206,11 +206,6 @@ fn phong_lobe_reflects_all_at_normal_incidence_and_less_when_tilted() {
         }
     }
     assert_eq!(phong_lobe(4.0, -0.9), 0.0);
-}
-
-#[test]
-fn roughness_maps_to_bounded_exponents() {
-    assert_eq!([0.0, 0.5, 1.0].map(exponent_from_roughness), [2048.0, 7.5, 1.0]);
 }
 
 // Punctual lights and tone maps.

@@ -8,6 +8,7 @@ mod bake;
 mod bench;
 mod bounce;
 mod bounded;
+mod brdf;
 mod choices;
 mod cli;
 mod cluster;

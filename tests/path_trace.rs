@@ -285,7 +285,7 @@ fn one_bounce_without_visibility_is_what_rays_of_the_light_bring() {
     // Ceiling, green wall, back wall: away from what the light reaches.
     for pixel in [2 * 16 + 10, 7 * 16 + 14, 4 * 16 + 8] {
         let s = surfaces[pixel].expect("a wall");
-        let irradiance = Vec3::from(diffuse[pixel]).as_dvec3() * PI / s.reflection.diffuse;
+        let irradiance = Vec3::from(diffuse[pixel]).as_dvec3() * PI / s.reflection.mean_diffuse().as_dvec3();
         let paths = one_bounce_irradiance(s.position, s.normal, &all, &scene.lights[0], 400_000, 3);
         let off = irradiance.distance(paths) / paths.length();
         println!("{}: {irradiance} lx instead of {paths}: {off:.4}", s.position);
@@ -412,7 +412,8 @@ fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
                 tilt.push(n.distance(s.normal));
                 let value = |c: usize| half::f16::from_bits(albedo[i][c]).to_f64();
                 albedos[0] += value(0) + value(1) + value(2);
-                albedos[1] += s.reflection.diffuse.element_sum();
+                let (_, direction) = camera_ray(camera, size, i);
+                albedos[1] += f64::from(s.reflection.diffuse(-s.normal.dot(direction)).element_sum());
             }
             None if depth[i] == 0.0 => {}
             _ => other += 1.0,

@@ -5,6 +5,7 @@ use std::path::Path;
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 use lightskin::scene::defaults::Ground;
+use lightskin::scene::material::Lobe;
 use lightskin::scene::{Camera, LightKind, Projection, Scene, Wrap, defaults, gltf};
 use serde_json::{Value, json};
 
@@ -426,7 +427,8 @@ fn specular_glossiness_is_converted_where_there_is_nothing_else() {
         {"diffuseFactor": [0.5, 0.5, 0.5, 1], "specularFactor": [0.25, 0.125, 0], "glossinessFactor": 0.5}}}]);
     let scene = b.load("glossy").expect("is valid");
     let r = scene.materials[0].reflectance(&scene, [Vec2::ZERO; 2], Vec4::ONE);
-    assert_eq!((r.diffuse, r.glossy, r.exponent), (Vec3::splat(0.5), Vec3::new(0.25, 0.125, 0.0), 7.5));
+    let Lobe::Ggx { f0, .. } = r.lobe else { panic!("{r:?}") };
+    assert_eq!((r.base, f0, r.cache_exponent()), (Vec3::splat(0.5), Vec3::new(0.25, 0.125, 0.0), 7.5));
 }
 
 /// A joint that mirrors: the surface still shows its front where its normal points.

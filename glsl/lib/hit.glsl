@@ -102,7 +102,7 @@ struct HitSurface {
     vec3 position;
     vec3 geometric; // unit normal of the triangle on the side that the ray came from
     vec3 normal; // unit vertex normal on that side
-    vec3 diffuse; // rho_d
+    vec3 diffuse; // rho_d, the mean over viewers
     vec3 emission; // of what is no area light [cd/m^2]
 };
 
@@ -157,8 +157,11 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
     s.diffuse = base;
     if (m.phong_exponent < 0.0) {
         float metallic = m.metallic;
+        float roughness = m.roughness;
         if (has_hit_texture(material, TEXTURE_METALLIC_ROUGHNESS)) {
-            metallic *= hit_texture(material, TEXTURE_METALLIC_ROUGHNESS, uv, width).b;
+            vec4 t = hit_texture(material, TEXTURE_METALLIC_ROUGHNESS, uv, width);
+            metallic *= t.b;
+            roughness *= t.g;
         }
         float specular = m.specular;
         if (has_hit_texture(material, TEXTURE_SPECULAR)) {
@@ -168,7 +171,7 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
         if (has_hit_texture(material, TEXTURE_SPECULAR_COLOR)) {
             specular_color *= hit_texture(material, TEXTURE_SPECULAR_COLOR, uv, width).rgb;
         }
-        s.diffuse = metallic_roughness(base, metallic, 1.0, m.ior, specular, specular_color).diffuse;
+        s.diffuse = metallic_roughness(base, metallic, roughness, m.ior, specular, specular_color, MEAN_COSINE).diffuse;
     }
     s.emission = vec3(0.0);
     if (front && (what & RAY_AREA_LIGHT) == 0u && m.emissive != vec3(0.0)) {

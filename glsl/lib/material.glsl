@@ -1,26 +1,34 @@
-// glTF's metallic-roughness material in the method's terms. Twin: src/scene/material.rs.
+// glTF's metallic-roughness material as a diffuse and a glossy lobe. Twin: src/scene/material.rs.
 #ifndef MATERIAL_GLSL
 #define MATERIAL_GLSL
-#include "lib/phong.glsl"
+#include "lib/brdf.glsl"
 
 struct Reflectance {
     vec3 diffuse; // rho_d
-    vec3 glossy; // rho_g
-    float exponent; // k
+    vec3 glossy; // rho_g, or F0
+    float coded; // k, or GGX's numbers: lib/brdf.glsl
 };
 
-// rho_d = base (1 - metallic), rho_g = F0; where both together would exceed 1 they are scaled to 1.
-Reflectance metallic_roughness(vec3 base, float metallic, float roughness, float ior, float specular, vec3 specular_color) {
+// Seen at this cosine: what the dielectric lobe reflects does not reach what is below it. A surface of less than 2 % at normal
+// incidence is darker at its edges, too; one of none has no lobe.
+Reflectance metallic_roughness(vec3 base, float metallic, float roughness, float ior, float specular, vec3 specular_color,
+                               float cosine) {
     float f = (ior - 1.0) / (ior + 1.0);
-    vec3 dielectric = min(f * f * specular_color, vec3(1.0)) * specular;
+    vec3 dielectric = min(f * f * specular_color, vec3(1.0));
+    float most = max(dielectric.x, max(dielectric.y, dielectric.z));
+    float f90 = specular * min(50.0 * most, 1.0);
+    roughness = clamp(roughness, LEAST_ROUGHNESS, 1.0);
+    dielectric *= specular;
+    float horizon = mix(f90, 1.0, metallic);
     Reflectance r;
-    r.diffuse = base * (1.0 - metallic);
     r.glossy = mix(dielectric, base, metallic);
-    vec3 sum = r.diffuse + r.glossy;
-    float s = max(1.0, max(sum.x, max(sum.y, sum.z)));
-    r.diffuse /= s;
-    r.glossy /= s;
-    r.exponent = exponent_from_roughness(roughness);
+    r.coded = coded_ggx(roughness, horizon);
+    vec2 once = scattered_once(roughness, cosine);
+    float under = 1.0 - ggx_albedo(vec3(most * specular), f90, once).x;
+    // What facets of both parts pass on to each other is more than by their mean F0; it is diffuse.
+    vec3 parts = mix(ggx_albedo(dielectric, f90, once), ggx_albedo(base, 1.0, once), metallic);
+    vec3 more = parts - ggx_albedo(r.glossy, horizon, once);
+    r.diffuse = base * ((1.0 - metallic) * clamp(under, 0.0, 1.0)) + max(more, vec3(0.0));
     return r;
 }
 

@@ -2,8 +2,8 @@
 #ifndef PHONG_GLSL
 #define PHONG_GLSL
 
-// max(0, c)^k by exp2 and log2; k >= 1 of metallic-roughness materials makes the bound inside
-// the logarithm a 0 for all purposes; a Phong material below that keeps 1e-30^k behind the lobe.
+// max(0, c)^k by exp2 and log2. The bound inside the logarithm is a 0 for all purposes from k = 1 on; a lobe below that keeps
+// 1e-30^k behind it.
 float cosine_power(float c, float k) {
     return exp2(k * log2(max(c, 1e-30)));
 }
@@ -11,12 +11,6 @@ float cosine_power(float c, float k) {
 // BRDF [1/sr] of the glossy lobe per unit of rho_g; Lensing 2014, eq. 5.30.
 float phong_lobe(float k, float cos_e) {
     return (k + 2.0) * (0.5 / 3.14159265358979) * cosine_power(cos_e, k);
-}
-
-// Exponent of a perceptual roughness: k = 1/2 (1/alpha^2 - 1), alpha = roughness^2, within [1, 2048].
-float exponent_from_roughness(float roughness) {
-    float alpha = roughness * roughness;
-    return clamp(0.5 * (1.0 / max(alpha * alpha, 1e-8) - 1.0), 1.0, 2048.0);
 }
 
 // A direction made unit; where interpolation has cancelled it to nothing, `otherwise`.

@@ -35,12 +35,4 @@ vec3 sky_lobe(vec3 d, float k) {
     return part == 0.0 ? narrow : mix(narrow, sky_at(SKY_ITSELF + min(below + 1u, SKY_LOBES), d), part);
 }
 
-// Share of light from all around that a Phong lobe about a direction reflects, per rho_g, which has this cosine with the normal;
-// c / 2 of it is odd in the cosine, the rest even. Lensing 2014, eq. 5.30, integrated; even part fitted.
-float phong_albedo(float k, float c) {
-    // At the horizon: gamma((k + 1) / 2) / gamma(k / 2 + 1) / (2 sqrt(pi)), by the asymptote of that quotient.
-    float level = 0.282094792 * inversesqrt(0.5 * k + 0.25 + 1.0 / (16.0 * k + 8.0));
-    return 0.5 * (c + sqrt(c * c + 4.0 * level * level * max(1.0 - c * c, 0.0)));
-}
-
 #endif

@@ -13,8 +13,8 @@ vec4 base_color(uint material, Uv uv, vec4 color) {
     return base;
 }
 
-// The method's rho_d, rho_g and k of a base colour at a point.
-Reflectance reflectance(uint material, vec3 base, Uv uv) {
+// What a base colour at a point reflects, seen at this cosine.
+Reflectance reflectance(uint material, vec3 base, Uv uv, float cosine) {
     Material m = materials[material];
     if (m.phong_exponent >= 0.0) {
         return Reflectance(base, m.phong_specular, m.phong_exponent);
@@ -34,7 +34,7 @@ Reflectance reflectance(uint material, vec3 base, Uv uv) {
     if (has_texture(material, TEXTURE_SPECULAR_COLOR)) {
         specular_color *= sample_texture(specular_color_texture, material, TEXTURE_SPECULAR_COLOR, uv).rgb;
     }
-    return metallic_roughness(base, metallic, roughness, m.ior, specular, specular_color);
+    return metallic_roughness(base, metallic, roughness, m.ior, specular, specular_color, cosine);
 }
 
 #endif

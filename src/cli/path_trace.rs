@@ -7,7 +7,8 @@ use clap::{Args, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::frame::Behind;
 use lightskin::kept;
-use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources};
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources, camera_ray};
+use lightskin::reference::world::Surface;
 use lightskin::scene::{Camera, Scene};
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
@@ -172,15 +173,20 @@ fn layers(trace: &PathTrace<'_>, camera: &Camera, size: [u32; 2]) -> Layers {
     let rgba = |texels: Vec<[f32; 3]>| texels.into_iter().map(|[r, g, b]| [r, g, b, 0.0]).collect::<Vec<_>>();
     let surfaces = trace.surfaces();
     let (eye, forward) = (camera.world_from_camera.translation, -camera.world_from_camera.matrix3.z_axis.normalize());
-    let seen = |value: &dyn Fn(&lightskin::reference::world::Surface) -> [f32; 4], nothing: f32| -> Vec<[f32; 4]> {
+    let seen = |value: &dyn Fn(&Surface) -> [f32; 4], nothing: f32| -> Vec<[f32; 4]> {
         surfaces.iter().map(|s| s.as_ref().map_or([nothing; 4], value)).collect()
+    };
+    let albedo = |(index, surface): (usize, &Option<Surface>)| {
+        let (_, direction) = camera_ray(camera, size, index);
+        let of = |s: &Surface| s.reflection.diffuse(-s.normal.dot(direction));
+        surface.as_ref().map_or([0.0; 4], |s| of(s).extend(0.0).to_array())
     };
     Layers {
         size,
         direct: rgba(trace.direct()),
         diffuse: rgba(trace.diffuse()),
         glossy: rgba(trace.glossy()),
-        albedo: seen(&|s| s.reflection.diffuse.as_vec3().extend(0.0).to_array(), 0.0),
+        albedo: (0..).zip(&surfaces).map(albedo).collect(),
         normal: seen(&|s| s.normal.as_vec3().extend(0.0).to_array(), 0.0),
         depth: seen(&|s| [(s.position - eye).dot(forward) as f32; 4], f32::INFINITY),
     }

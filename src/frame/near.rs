@@ -6,7 +6,6 @@
 use super::gbuffer::Surface;
 use super::plan::Plan;
 use super::settings::Near;
-use super::sky_seen::SkyOfCaches;
 use super::view::View;
 use super::world::World;
 use crate::error::{Error, Result};
@@ -107,7 +106,7 @@ impl NearRays {
         cmd: &Cmd<'_>,
         world: &World,
         radiances: &Buffer,
-        (lit, sky): (Option<&Buffer>, Option<&SkyOfCaches>),
+        (lit, sky): (Option<&Buffer>, Option<[&Buffer; 2]>),
         waits: bool,
         views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)> + Clone,
     ) {
@@ -126,8 +125,8 @@ impl NearRays {
             resources.extend(of_caches.map(Bind::from));
             resources.extend([&surface.normal, &surface.specular].map(Bind::from).iter().filter(|_| self.glossy));
             resources.extend(lit.map(Bind::from));
-            if let (Some(caches), Some(sky)) = (sky, &world.sky_light) {
-                resources.extend([&caches.seen, &caches.open, &sky.directions].map(Bind::from));
+            if let (Some([seen, open]), Some(sky)) = (sky, &world.sky_light) {
+                resources.extend([seen, open, &sky.directions].map(Bind::from));
             }
             cmd.bind(&self.trace, &resources);
             let [width, height] = out.size;

@@ -128,7 +128,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
                 let lit = outdated.proxies && caches.occlude.is_none();
                 let waits = world.cells.is_none() || !(listed || drawn) || lit;
-                let of_caches = (caches.gather.cache_vals(), caches.sky.as_ref().map(|(seen, _)| seen));
+                let of_caches = (
+                    caches.gather.cache_vals(),
+                    caches.sky.as_ref().map(|(of_caches, _)| [&of_caches.seen, &of_caches.open]),
+                );
                 near.record(cmd, world, radiances, of_caches, waits, seen);
             }
         }

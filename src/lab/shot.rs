@@ -252,7 +252,7 @@ pub fn triangles(scene: &Scene) -> Vec<(Triangle, usize)> {
 pub fn reflection(scene: &Scene, material: usize) -> Reflection {
     let material = &scene.materials[material];
     let lobe = material.phong.unwrap_or(Phong { specular: Vec3::ZERO, exponent: 1.0 });
-    let diffuse = material.base_color.truncate().as_dvec3();
+    let diffuse = material.reflectance(scene, Default::default(), Vec4::ONE).mean_diffuse().as_dvec3();
     Reflection { diffuse, specular: lobe.specular.as_dvec3(), exponent: lobe.exponent.into() }
 }
 

@@ -20,7 +20,7 @@ pub struct Rectangle {
 const FINE: f64 = 0.05;
 
 /// Most parts along a side.
-const MOST: usize = 400;
+const MOST: usize = 4000;
 
 impl Rectangle {
     /// Integral of `weight` over the solid angle \[sr\] that it fills at a point; of its back nothing.

@@ -7,6 +7,8 @@
 pub mod area_light;
 /// Lit caches as VALs of the next bounce.
 pub mod bounce;
+/// The glossy lobe of a surface, evaluated, sampled and integrated.
+pub mod brdf;
 /// Radiance from every VAL without caches: the ground truth of the interpolation.
 pub mod brute_force;
 /// Pyramids of VALs and the cuts that caches take of them.

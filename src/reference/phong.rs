@@ -39,11 +39,3 @@ pub fn reflect(incident: DVec3, normal: DVec3) -> DVec3 {
 pub fn mirrored_view(position: DVec3, normal: DVec3, eye: DVec3) -> DVec3 {
     reflect((position - eye).normalize_or(-normal), normal)
 }
-
-/// Phong exponent of a glTF roughness: `k = (1/alpha^2 - 1)/2` with `alpha = roughness^2`, kept within 1 and 2048.
-///
-/// A quarter of the Blinn-Phong exponent `2/alpha^2 - 2`, for mirrored directions turn twice as far as half vectors.
-pub fn exponent_from_roughness(roughness: f64) -> f64 {
-    let alpha = roughness * roughness;
-    (0.5 * (1.0 / (alpha * alpha) - 1.0)).clamp(1.0, 2048.0)
-}

@@ -8,7 +8,6 @@ use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
 use obvhs::ray::{Ray, RayHit};
 use rayon::prelude::*;
 
-use super::phong::Material as Reflection;
 use crate::scene::material::Reflectance;
 use crate::scene::{Material, Mesh, Scene, Vertex};
 
@@ -89,7 +88,7 @@ pub struct Surface {
     /// The same with the normal texture's tilt.
     pub normal: DVec3,
     /// What is reflected.
-    pub reflection: Reflection,
+    pub reflection: Reflectance,
     /// Emitted radiance [cd/m^2] on the front; zero behind.
     pub emission: DVec3,
 }
@@ -277,7 +276,6 @@ impl<'a> World<'a> {
 
         let material = &self.scene.materials[hit.material];
         let (uv, color) = interpolated(hit, a, b, c);
-        let Reflectance { diffuse, glossy, exponent } = material.reflectance(self.scene, uv, color);
         let mut normal = own_normal;
         if let Some(texture) = material.normal_texture {
             let texel = texture.sample(self.scene, uv, false).truncate().as_dvec3() * 2.0 - 1.0;
@@ -309,11 +307,7 @@ impl<'a> World<'a> {
             geometric,
             vertex_normal: facing * own_normal,
             normal: facing * normal,
-            reflection: Reflection {
-                diffuse: diffuse.as_dvec3(),
-                specular: glossy.as_dvec3(),
-                exponent: exponent.into(),
-            },
+            reflection: material.reflectance(self.scene, uv, color),
             emission: if hit.front { (material.emissive * emitted).as_dvec3() } else { DVec3::ZERO },
         }
     }

@@ -1,15 +1,11 @@
-//! A material at a point of a surface: the CPU twin of the shaders' mapping from glTF to diffuse + modified Phong.
+//! A material at a point of a surface: the CPU twin of the shaders' mapping from glTF to a diffuse and a glossy lobe.
 
 use std::f64::consts::TAU;
 
-use glam::{Affine2, Vec2, Vec3, Vec4};
+use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 
 use super::animation::Quantity;
-use super::{Image, Material, Scene, Texture, Wrap};
-
-/// Exponents between which roughness is mapped. Above, a lobe is narrower than a cache can resolve; below, the lobe
-/// would no longer fall off away from the mirror direction.
-const EXPONENTS: (f32, f32) = (1.0, 2048.0);
+use super::{Image, Material, Scene, Texture, Wrap, ggx};
 
 /// KHR_texture_transform: scale, then rotate \[rad\], then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
 /// 90 degrees.
@@ -23,15 +19,73 @@ pub(super) fn texture_transform(offset: [f64; 2], rotation: f64, scale: [f64; 2]
     )
 }
 
-/// What a surface does with light: `rho_d / pi + rho_g (k + 2) / (2 pi) cos^k`.
+/// What a surface does with light: a diffuse lobe and a glossy one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reflectance {
-    /// Diffuse albedo `rho_d`.
-    pub diffuse: Vec3,
-    /// Glossy albedo `rho_g`.
-    pub glossy: Vec3,
-    /// Exponent `k` of the glossy lobe.
-    pub exponent: f32,
+    /// Base colour: the diffuse albedo of what is no metal, where the glossy lobe takes nothing of it.
+    pub base: Vec3,
+    /// The glossy lobe.
+    pub lobe: Lobe,
+}
+
+/// A glossy lobe.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Lobe {
+    /// Normalised modified Phong, `rho_g (k + 2) / (2 pi) cos^k`.
+    Phong {
+        /// `rho_g`.
+        albedo: Vec3,
+        /// `k`.
+        exponent: f32,
+    },
+    /// glTF 2.0's: GGX, Smith's height-correlated shadowing, Schlick's Fresnel.
+    Ggx {
+        /// Reflectance at normal incidence.
+        f0: Vec3,
+        /// Reflectance at the horizon.
+        f90: f32,
+        /// Perceptual roughness, the root of alpha, at least [`ggx::LEAST_ROUGHNESS`].
+        roughness: f32,
+        /// How much of the surface is metal.
+        metallic: f32,
+        /// Of the part that is none: reflectance at normal incidence.
+        dielectric: Vec3,
+        /// And at the horizon.
+        dielectric_f90: f32,
+    },
+}
+
+impl Reflectance {
+    /// Diffuse albedo `rho_d` for a viewer at this cosine.
+    pub fn diffuse(&self, cosine: f64) -> Vec3 {
+        match self.lobe {
+            Lobe::Phong { .. } => self.base,
+            Lobe::Ggx { f0, f90, roughness, metallic, dielectric, dielectric_f90 } => {
+                let once = ggx::scattered_once(roughness.into(), cosine);
+                let albedo = |f0: Vec3, f90: f32| {
+                    DVec3::from(f0.to_array().map(|f0| ggx::albedo(f0.into(), f90.into(), once))).as_vec3()
+                };
+                let whole = albedo(dielectric, dielectric_f90);
+                let under = (1.0 - whole.max_element()).clamp(0.0, 1.0);
+                // What facets of both parts pass on to each other is more than by their mean F0; it is diffuse.
+                let more = whole.lerp(albedo(self.base, 1.0), metallic) - albedo(f0, f90);
+                self.base * ((1.0 - metallic) * under) + more.max(Vec3::ZERO)
+            }
+        }
+    }
+
+    /// Diffuse albedo, the mean over viewers: what a surface sends on.
+    pub fn mean_diffuse(&self) -> Vec3 {
+        self.diffuse(ggx::MEAN_COSINE)
+    }
+
+    /// Exponent of the Phong lobe that a cache has for it.
+    pub fn cache_exponent(&self) -> f32 {
+        match self.lobe {
+            Lobe::Phong { exponent, .. } => exponent,
+            Lobe::Ggx { roughness, .. } => ggx::fitted_exponent(roughness.into()).min(ggx::CACHE_EXPONENT) as f32,
+        }
+    }
 }
 
 impl Material {
@@ -49,39 +103,37 @@ impl Material {
 
     /// Evaluates the material at a point with texture coordinates `uv` and linear vertex colour.
     ///
-    /// With `base` = factor x texture x vertex colour, and `alpha` = roughness squared:
+    /// With `base` = factor x texture x vertex colour:
     ///
     /// ```text
-    /// k     = clamp((1 / alpha^2 - 1) / 2, 1, 2048)
-    /// F0    = mix(min(((ior - 1) / (ior + 1))^2 specularColor, 1) specular, base, metallic)
-    /// rho_d = base (1 - metallic)
-    /// rho_g = F0
+    /// dielectric = min(((ior - 1) / (ior + 1))^2 specularColor, 1)
+    /// F90        = mix(specular min(50 dielectric, 1), 1, metallic)
+    /// F0         = mix(dielectric specular, base, metallic)
+    /// rho_d      = base (1 - metallic) (1 - what the dielectric part reflects)
     /// ```
     ///
-    /// both divided by the largest channel of their sum where that exceeds 1. k comes from Blinn's exponent
-    /// `2 / alpha^2 - 2`, a quarter of which gives a Phong lobe of the same width. With `Material::phong`, `rho_d` is
-    /// `base`, and `rho_g` and k are as given: a scene made for the method is taken at its word.
+    /// What reflects less than 2 % at normal incidence is darker at its edges, too: without any there is no lobe. With
+    /// `Material::phong`, `rho_d` is `base`, and `rho_g` and k are as given: a scene made for the method is taken at its word.
     pub fn reflectance(&self, scene: &Scene, uv: [Vec2; 2], vertex_color: Vec4) -> Reflectance {
         let linear = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, false));
         let color = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, true));
         let base = (self.base_color * color(self.base_color_texture) * vertex_color).truncate();
         if let Some(phong) = self.phong {
-            return Reflectance { diffuse: base, glossy: phong.specular, exponent: phong.exponent };
+            return Reflectance { base, lobe: Lobe::Phong { albedo: phong.specular, exponent: phong.exponent } };
         }
         let metallic_roughness = linear(self.metallic_roughness_texture);
         let metallic = self.metallic * metallic_roughness.z;
-        let roughness = self.roughness * metallic_roughness.y;
-        let alpha = roughness * roughness;
-        let exponent = (0.5 * (1.0 / (alpha * alpha) - 1.0)).clamp(EXPONENTS.0, EXPONENTS.1);
+        let roughness = (self.roughness * metallic_roughness.y).clamp(ggx::LEAST_ROUGHNESS as f32, 1.0);
 
         let specular = self.specular * linear(self.specular_texture).w;
         let specular_color = self.specular_color * color(self.specular_color_texture).truncate();
         let normal_incidence = ((self.ior - 1.0) / (self.ior + 1.0)).powi(2);
-        let dielectric = (normal_incidence * specular_color).min(Vec3::ONE) * specular;
-        let glossy = dielectric.lerp(base, metallic);
-        let diffuse = base * (1.0 - metallic);
-        let scale = 1.0 / (diffuse + glossy).max_element().max(1.0);
-        Reflectance { diffuse: diffuse * scale, glossy: glossy * scale, exponent }
+        let dielectric = (normal_incidence * specular_color).min(Vec3::ONE);
+        let dielectric_f90 = specular * (50.0 * dielectric.max_element()).min(1.0);
+        let dielectric = dielectric * specular;
+        let f0 = dielectric.lerp(base, metallic);
+        let f90 = dielectric_f90 + (1.0 - dielectric_f90) * metallic;
+        Reflectance { base, lobe: Lobe::Ggx { f0, f90, roughness, metallic, dielectric, dielectric_f90 } }
     }
 }
 
@@ -208,9 +260,11 @@ mod tests {
     #[test]
     fn dielectric_has_four_percent() {
         let r = Material { base_color: Vec4::splat(0.5), ..material() }.reflectance(&Scene::default(), UV, Vec4::ONE);
-        assert_eq!(r.diffuse, Vec3::splat(0.5));
-        assert!((r.glossy - 0.04).abs().max_element() < 1e-6);
-        assert_eq!(r.exponent, 1.0);
+        assert_eq!(r.base, Vec3::splat(0.5));
+        let Lobe::Ggx { f0, f90, roughness, .. } = r.lobe else { panic!("{r:?}") };
+        assert!((f0 - 0.04).abs().max_element() < 1e-6);
+        assert_eq!((f90, roughness), (1.0, 1.0));
+        assert!(r.diffuse(0.1).x < r.diffuse(1.0).x && r.diffuse(1.0).x < 0.5);
     }
 
     #[test]
@@ -218,7 +272,8 @@ mod tests {
         let gold = Vec4::new(1.0, 0.8, 0.3, 1.0);
         let r = Material { base_color: gold, roughness: 0.5, ..Material::default() };
         let r = r.reflectance(&Scene::default(), UV, Vec4::ONE);
-        assert_eq!((r.diffuse, r.glossy, r.exponent), (Vec3::ZERO, gold.truncate(), 7.5));
+        let Lobe::Ggx { f0, f90, .. } = r.lobe else { panic!("{r:?}") };
+        assert_eq!((r.diffuse(0.5), f0, f90, r.cache_exponent()), (Vec3::ZERO, gold.truncate(), 1.0, 7.5));
     }
 
     #[test]
@@ -226,8 +281,20 @@ mod tests {
         for (metallic, roughness, ior) in [(0.0, 0.0, 0.0), (0.5, 0.0, 3.0), (1.0, 1.0, 1.0)] {
             let r = Material { metallic, roughness, ior, specular_color: Vec3::splat(9.0), ..material() };
             let r = r.reflectance(&Scene::default(), UV, Vec4::ONE);
-            assert!((r.diffuse + r.glossy).max_element() <= 1.0 + 1e-6);
-            assert!((1.0..=2048.0).contains(&r.exponent));
+            let Lobe::Ggx { f0, f90, roughness, .. } = r.lobe else { panic!("{r:?}") };
+            assert!(f0.max_element() <= 1.0 && f90 <= 1.0 && r.diffuse(0.5).min_element() >= 0.0);
+            assert!(
+                f64::from(roughness) >= ggx::LEAST_ROUGHNESS - 1e-8 && (0.25..=2048.0).contains(&r.cache_exponent())
+            );
+        }
+    }
+
+    #[test]
+    fn what_reflects_nothing_has_no_lobe() {
+        for material in [Material { ior: 1.0, ..material() }, Material { specular: 0.0, ..material() }] {
+            let r = material.reflectance(&Scene::default(), UV, Vec4::ONE);
+            let Lobe::Ggx { f0, f90, .. } = r.lobe else { panic!("{r:?}") };
+            assert_eq!((r.mean_diffuse(), f0, f90), (Vec3::ONE, Vec3::ZERO, 0.0));
         }
     }
 
@@ -235,7 +302,8 @@ mod tests {
     fn phong_is_taken_at_its_word() {
         let phong = Phong { specular: Vec3::splat(0.7), exponent: 0.5 };
         let r = Material { phong: Some(phong), ..material() }.reflectance(&Scene::default(), UV, Vec4::splat(0.5));
-        assert_eq!((r.diffuse, r.glossy, r.exponent), (Vec3::splat(0.5), Vec3::splat(0.7), 0.5));
+        assert_eq!((r.diffuse(0.3), r.cache_exponent()), (Vec3::splat(0.5), 0.5));
+        assert_eq!(r.lobe, Lobe::Phong { albedo: Vec3::splat(0.7), exponent: 0.5 });
     }
 
     #[test]

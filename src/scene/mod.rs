@@ -9,6 +9,7 @@ pub mod build;
 pub mod defaults;
 pub mod deform;
 mod fingerprint;
+pub mod ggx;
 pub mod gltf;
 mod json;
 pub mod material;

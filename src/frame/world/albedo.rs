@@ -94,5 +94,5 @@ fn at_point(scene: &Scene, mesh: &Mesh, material: usize, corners: [usize; 3], we
             return Vec3::ZERO;
         }
     }
-    material.reflectance(scene, uv, color).diffuse
+    material.reflectance(scene, uv, color).mean_diffuse()
 }

@@ -29,7 +29,7 @@ impl CacheSurface {
 
     /// Phong exponent there.
     pub(super) fn exponent(&self, scene: &Scene) -> f32 {
-        scene.materials[self.material].reflectance(scene, self.uv, Vec4::ONE).exponent
+        scene.materials[self.material].reflectance(scene, self.uv, Vec4::ONE).cache_exponent()
     }
 }
 

@@ -8,6 +8,7 @@ use rayon::prelude::*;
 
 use crate::bake::{self, CacheSet, Density, NO_CACHE};
 use crate::error::Result;
+use crate::reference::brdf::fitted;
 use crate::reference::brute_force;
 use crate::reference::depth_image::Plate;
 use crate::reference::gather::Cache;
@@ -168,7 +169,7 @@ impl<'a> Study<'a> {
                 position: surface.position,
                 normal: surface.normal,
                 mirrored: mirrored_view(surface.position, surface.normal, self.eye()),
-                material: surface.reflection,
+                material: fitted(&surface.reflection, -direction.dot(surface.normal)),
                 corners,
                 weights: [1.0 - hit.weights.x - hit.weights.y, hit.weights.x, hit.weights.y],
             });
@@ -204,7 +205,10 @@ fn caches(scene: &Scene, baked: &CacheSet) -> (Vec<Cache>, Vec<usize>) {
             Cache {
                 position: instance.world_from_model.transform_point3(cache.position.as_dvec3()),
                 normal: (normals * cache.normal.as_dvec3()).normalize(),
-                exponent: material.reflectance(scene, [mix(|v| v.uv0), mix(|v| v.uv1)], Vec4::ONE).exponent.into(),
+                exponent: material
+                    .reflectance(scene, [mix(|v| v.uv0), mix(|v| v.uv1)], Vec4::ONE)
+                    .cache_exponent()
+                    .into(),
             }
         }));
     }
@@ -245,7 +249,12 @@ pub(super) fn pictures(
                 let Some(hit) = world.nearest(origin, direction, Sides::Both) else { return Val::NOTHING };
                 let surface = world.surface(&hit);
                 let (position, normal) = (surface.position, surface.vertex_normal);
-                let met = Hit { distance: hit.distance, position, normal, diffuse: surface.reflection.diffuse };
+                let met = Hit {
+                    distance: hit.distance,
+                    position,
+                    normal,
+                    diffuse: surface.reflection.mean_diffuse().as_dvec3(),
+                };
                 let mut val = rsm::val(light, view, [x, y], n, &met);
                 if let (Some(limit), true) = (tilted, val != Val::NOTHING) {
                     let cos = (-surface.geometric.dot(direction)).max(1.0 / limit);

@@ -4,10 +4,12 @@ mod between;
 mod measured;
 mod moving;
 mod shadowed;
+mod spheres;
 mod valley;
 
 pub use between::between_walls;
 pub use measured::measured;
 pub use moving::{crowd, moving};
 pub use shadowed::Shadowed;
+pub use spheres::spheres;
 pub use valley::valley;

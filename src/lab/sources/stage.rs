@@ -8,6 +8,7 @@ use super::exact::{Exact, Receiver, receive};
 use super::vals::Texel;
 use crate::bake::seeds::error;
 use crate::bake::{CacheSet, NO_CACHE};
+use crate::reference::brdf::fitted;
 use crate::reference::gather::{Cache, Gathered, Received, gather_received, luminance};
 use crate::reference::path_trace::camera_ray;
 use crate::reference::phong::{Material, mirrored_view, reflect};
@@ -93,7 +94,7 @@ impl<'a> Stage<'a> {
                 caches.push(Cache {
                     position: instance.world_from_model.transform_point3(cache.position.as_dvec3()),
                     normal: (normals * cache.normal.as_dvec3()).normalize_or(DVec3::Y),
-                    exponent: material.reflectance(scene, uv, glam::Vec4::ONE).exponent.into(),
+                    exponent: material.reflectance(scene, uv, glam::Vec4::ONE).cache_exponent().into(),
                 });
             }
         }
@@ -113,7 +114,7 @@ impl<'a> Stage<'a> {
                 normal: surface.normal,
                 vertex_normal: surface.vertex_normal,
                 mirrored: reflect(direction, surface.normal),
-                material: surface.reflection,
+                material: fitted(&surface.reflection, -direction.dot(surface.normal)),
                 instance: hit.instance,
                 vertices: scene.meshes[scene.instances[hit.instance].mesh].triangle(hit.triangle),
                 weights: [1.0 - hit.weights.x - hit.weights.y, hit.weights.x, hit.weights.y],

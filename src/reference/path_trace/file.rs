@@ -11,7 +11,7 @@ use crate::{files, kept};
 const MAGIC: [u8; 8] = *b"LSKTRACE";
 
 /// Of the format and of the algorithm: counted up when either changes what the samples are.
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// Magic, version, key, samples.
 const HEADER: usize = 8 + 4 + 32 + 4;

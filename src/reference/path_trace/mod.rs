@@ -360,7 +360,7 @@ impl<'a> PathTrace<'a> {
         if self.settings.glossy_bounces {
             return Scatter::new(surface, direction);
         }
-        Scatter::new(&Surface { normal: surface.vertex_normal, ..*surface }, direction).diffuse()
+        Scatter::sending_on(surface)
     }
 
     /// Radiance of punctual lights reflected at `next` against the unit `direction`, in which a lobe's sample of this

@@ -1,11 +1,13 @@
-//! Directions that a surface scatters light along: Lambert and normalised modified Phong, evaluated and sampled.
+//! Directions that a surface scatters light along: Lambert and its glossy lobe, evaluated and sampled.
 
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::PI;
 
 use glam::{DVec2, DVec3};
 
+use crate::reference::brdf::Lobe;
+pub(super) use crate::reference::brdf::around;
 use crate::reference::gather::luminance;
-use crate::reference::phong::{DIFFUSE_LOBE, Material, phong_lobe, reflect};
+use crate::reference::phong::DIFFUSE_LOBE;
 use crate::reference::world::Surface;
 
 /// A point that scatters light towards a viewer.
@@ -17,9 +19,9 @@ pub(super) struct Scatter {
     pub(super) normal: DVec3,
     /// Unit normal of the triangle: nothing passes through it.
     pub(super) geometric: DVec3,
-    /// Unit mirror direction of the viewer.
-    mirrored: DVec3,
-    material: Material,
+    /// Diffuse albedo for this viewer.
+    diffuse: DVec3,
+    lobe: Lobe,
     /// Probability that a direction is drawn from the glossy lobe.
     glossy_share: f64,
 }
@@ -27,31 +29,44 @@ pub(super) struct Scatter {
 impl Scatter {
     /// A surface met by a ray of unit `direction`.
     pub(super) fn new(surface: &Surface, direction: DVec3) -> Self {
-        let material = surface.reflection;
-        let (diffuse, glossy) = (luminance(material.diffuse), luminance(material.specular));
+        let lobe = Lobe::new(&surface.reflection, surface.normal, direction);
+        let albedo = surface.reflection.diffuse(-surface.normal.dot(direction)).as_dvec3();
+        let (diffuse, glossy) = (luminance(albedo), luminance(lobe.albedo()));
         Self {
             position: surface.position,
             normal: surface.normal,
             geometric: surface.geometric,
-            mirrored: reflect(direction, surface.normal),
-            material,
+            diffuse: albedo,
+            lobe,
             glossy_share: if glossy > 0.0 { glossy / (diffuse + glossy) } else { 0.0 },
+        }
+    }
+
+    /// A surface that light goes on from as the engine has it: its diffuse lobe with the mean albedo, about the vertex normal.
+    pub(super) fn sending_on(surface: &Surface) -> Self {
+        Self {
+            position: surface.position,
+            normal: surface.vertex_normal,
+            geometric: surface.geometric,
+            diffuse: surface.reflection.mean_diffuse().as_dvec3(),
+            lobe: Lobe::NONE,
+            glossy_share: 0.0,
         }
     }
 
     /// The diffuse lobe alone.
     pub(super) fn diffuse(self) -> Self {
-        Self { material: Material { specular: DVec3::ZERO, ..self.material }, glossy_share: 0.0, ..self }
+        Self { lobe: Lobe::NONE, glossy_share: 0.0, ..self }
     }
 
     /// The glossy lobe alone.
     pub(super) fn glossy(self) -> Self {
-        Self { material: Material { diffuse: DVec3::ZERO, ..self.material }, glossy_share: 1.0, ..self }
+        Self { diffuse: DVec3::ZERO, glossy_share: 1.0, ..self }
     }
 
     /// Whether nothing is reflected at all.
     pub(super) fn is_black(&self) -> bool {
-        self.material.diffuse == DVec3::ZERO && self.material.specular == DVec3::ZERO
+        self.diffuse == DVec3::ZERO && self.lobe.albedo() == DVec3::ZERO
     }
 
     /// BRDF times cosine [1/sr] for light from the unit direction `towards`.
@@ -60,9 +75,9 @@ impl Scatter {
         if cosine <= 0.0 {
             return DVec3::ZERO;
         }
-        let mut brdf = self.material.diffuse * DIFFUSE_LOBE;
+        let mut brdf = self.diffuse * DIFFUSE_LOBE;
         if self.glossy_share > 0.0 {
-            brdf += self.material.specular * phong_lobe(self.material.exponent, self.mirrored.dot(towards));
+            brdf += self.lobe.brdf(towards);
         }
         brdf * cosine
     }
@@ -73,27 +88,16 @@ impl Scatter {
         if self.glossy_share == 0.0 {
             return diffuse;
         }
-        let k = self.material.exponent;
-        let glossy = (k + 1.0) / TAU * self.mirrored.dot(towards).max(0.0).powf(k);
-        diffuse + self.glossy_share * (glossy - diffuse)
+        diffuse + self.glossy_share * (self.lobe.density(towards) - diffuse)
     }
 
     /// A unit direction, by the cosine or by the lobe; `u` uniform in the unit square.
     pub(super) fn sample(&self, u: DVec2) -> DVec3 {
         if u.x < self.glossy_share {
-            let cosine = (1.0 - u.y).powf(1.0 / (self.material.exponent + 1.0));
-            around(self.mirrored, cosine, u.x / self.glossy_share)
+            self.lobe.sample(DVec2::new(u.x / self.glossy_share, u.y))
         } else {
             let x = (u.x - self.glossy_share) / (1.0 - self.glossy_share);
             around(self.normal, (1.0 - u.y).sqrt(), x)
         }
     }
-}
-
-/// The unit direction at this cosine to the unit `axis`, and `turn` of a full turn about it.
-pub(super) fn around(axis: DVec3, cosine: f64, turn: f64) -> DVec3 {
-    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
-    let (tangent, bitangent) = axis.any_orthonormal_pair();
-    let (y, x) = (TAU * turn).sin_cos();
-    (cosine * axis + sine * (x * tangent + y * bitangent)).normalize()
 }

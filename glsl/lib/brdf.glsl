@@ -1,0 +1,139 @@
+// The glossy lobe of a surface as the G-buffer has it: `specular`, and what it is in one number, `coded`. From 0 on that is
+// the exponent of a modified Phong lobe of albedo `specular`; negative it is glTF 2.0's lobe with F0 = `specular`: GGX,
+// Smith's height-correlated shadowing, Schlick's Fresnel, and what is scattered more than once. Twins: src/reference/brdf.rs,
+// src/scene/ggx.rs.
+#ifndef BRDF_GLSL
+#define BRDF_GLSL
+#include "lib/phong.glsl"
+
+// Smoother than this nothing is: the highlight of a light without size stays finite.
+const float LEAST_ROUGHNESS = 0.045;
+
+// Least cosine with the viewer: a normal of a map may even look away.
+const float LEAST_COSINE = 0.01;
+
+// Cosine at which a dielectric lobe reflects about what it does on average over the hemisphere.
+const float MEAN_COSINE = 0.475;
+
+// Exponent from which on a lobe is narrower than caches can resolve.
+const float CACHE_EXPONENT = 2048.0;
+
+// Roughness in [LEAST_ROUGHNESS, 1] and the reflectance at the horizon in one negative number.
+float coded_ggx(float roughness, float f90) {
+    return -(floor((1.0 - f90) * 255.0 + 0.5) + 0.5 * roughness);
+}
+
+float coded_roughness(float coded) {
+    return 2.0 * fract(-coded);
+}
+
+float coded_f90(float coded) {
+    return 1.0 - floor(-coded) / 255.0;
+}
+
+// By powers of cosine / (cosine + alpha): coefficients of 1, alpha, alpha^2, alpha^3.
+const vec4 WHOLE[6] = vec4[6](
+    vec4(0.9760314, 0.1620926, -0.2620544, 0.1039931), vec4(0.1939374, -3.278414, 0.3070236, -0.3667155),
+    vec4(-1.88827, 17.98381, -8.505335, 2.695105), vec4(2.219887, -39.50036, 5.196035, 3.272633),
+    vec4(0.8242185, 39.14375, 8.987958, -3.34294), vec4(-1.329452, -14.78641, -4.205442, -9.211608));
+
+// By powers of the cosine, the last one by cosine / (cosine + alpha): coefficients of roughness^1 to ^4, and of 1.
+const vec4 MEETING[5] = vec4[5](
+    vec4(0.6119457, 0.03954586, -0.09075218, -0.08407662), vec4(1.661892, -15.3, 15.61723, -3.295657),
+    vec4(1.745568, 11.67772, -20.20051, 7.251153), vec4(-4.235289, 3.581084, 0.3299611, 0.1033743),
+    vec4(-0.6735195, -0.7388668, 8.464338, -6.21879));
+const float MEETING_FIRST[5] = float[5](-0.02288454, 0.9627351, -0.1903572, 0.2899276, 0.02710257);
+
+// What a lobe scatters once of even light, for F0 and for F90. Fits within .004 of the integrals for cosines from .01 on: of
+// their sum, and of the cosine under which facets are met.
+vec2 scattered_once(float roughness, float cosine) {
+    float c = clamp(cosine, LEAST_COSINE, 1.0);
+    float a = roughness * roughness;
+    float p = c / (c + a);
+    vec4 powers = vec4(1.0, a, a * a, a * a * a);
+    float whole = 0.0;
+    for (int i = 5; i >= 0; --i) {
+        whole = whole * p + dot(WHOLE[i], powers);
+    }
+    whole = min(whole, 1.0);
+    powers = roughness * vec4(1.0, roughness, a, a * roughness);
+    float met = 0.0;
+    for (int i = 3; i >= 0; --i) {
+        met = met * c + dot(MEETING[i], powers) + MEETING_FIRST[i];
+    }
+    met += p * (dot(MEETING[4], powers) + MEETING_FIRST[4]);
+    float missed = clamp(1.0 - met, 0.0, 1.0);
+    float at_edges = whole * (missed * missed) * (missed * missed) * missed;
+    return vec2(whole - at_edges, at_edges);
+}
+
+// By what light that is scattered more than once raises a lobe; Turquin 2019.
+vec3 scattered_again(vec3 f0, vec2 once) {
+    return 1.0 + f0 * (1.0 / (once.x + once.y) - 1.0);
+}
+
+// Share of even light that a lobe reflects.
+vec3 ggx_albedo(vec3 f0, float f90, vec2 once) {
+    return (f0 * once.x + f90 * once.y) * scattered_again(f0, once);
+}
+
+// BRDF [1/sr] for light from `towards`; `looking` is the unit vector from the viewer.
+vec3 ggx_lobe(vec3 f0, float f90, float roughness, vec3 n, vec3 looking, vec3 towards) {
+    float facing = -dot(n, looking);
+    vec3 view = facing < LEAST_COSINE ? normalize(n * (LEAST_COSINE - facing) - looking) : -looking;
+    float nv = dot(n, view);
+    float nl = dot(n, towards);
+    vec3 h = normalize(view + towards);
+    float a = roughness * roughness;
+    // The sine by a cross product keeps its digits where lobes are narrow.
+    vec3 across = cross(n, h);
+    float nh = dot(n, h);
+    float narrow = a / (dot(across, across) + a * a * nh * nh);
+    float spread = 1.0 - a * a;
+    float seen = nl * sqrt(a * a + spread * nv * nv) + nv * sqrt(a * a + spread * nl * nl);
+    float missed = 1.0 - clamp(dot(view, h), 0.0, 1.0);
+    vec3 fresnel = f0 + (f90 - f0) * ((missed * missed) * (missed * missed) * missed);
+    return fresnel * scattered_again(f0, scattered_once(roughness, nv)) * (narrow * narrow * (0.5 / 3.14159265) / max(seen, 1e-30));
+}
+
+// BRDF [1/sr] of either lobe for light from `towards`, which is above the surface.
+vec3 glossy_lobe(vec3 specular, float coded, vec3 n, vec3 looking, vec3 towards) {
+    if (coded < 0.0) {
+        return ggx_lobe(specular, coded_f90(coded), coded_roughness(coded), n, looking, towards);
+    }
+    return specular * phong_lobe(coded, dot(reflect(looking, n), towards));
+}
+
+// A modified Phong lobe.
+struct PhongLobe {
+    vec3 albedo; // rho_g
+    float exponent; // k
+};
+
+// Share of even light that a Phong lobe of albedo 1 reflects: the part of it that is above the surface, by the cosine.
+// Within .5 %.
+float phong_albedo(float k, float cosine) {
+    float flat2 = 1.0 / (6.28318531 * k + 3.14159265 + 0.85840735 / (1.0 + 0.95 * k)); // at the horizon, squared
+    float c2 = cosine * cosine;
+    return 0.5 * (cosine + sqrt(c2 + 4.0 * flat2 * (1.0 - c2) * exp2(-0.81 * k * c2)));
+}
+
+// Exponent of the Phong lobe that is as wide as either: 1/2 (1/alpha^2 - 1) of GGX, whose peaks are alike.
+float fitted_exponent(float coded) {
+    float a = coded_roughness(coded) * coded_roughness(coded);
+    return coded < 0.0 ? max(0.5 * (1.0 / (a * a) - 1.0), 0.25) : coded;
+}
+
+// The Phong lobe that stands for either where only such can be used: as wide as GGX, an exponent of `most` at most, and as bright
+// under even light at this cosine with the viewer.
+PhongLobe fitted_lobe(vec3 specular, float coded, float cosine, float most) {
+    if (coded >= 0.0) {
+        return PhongLobe(specular, coded);
+    }
+    float c = clamp(cosine, LEAST_COSINE, 1.0);
+    float k = min(fitted_exponent(coded), most);
+    vec3 albedo = ggx_albedo(specular, coded_f90(coded), scattered_once(coded_roughness(coded), c));
+    return PhongLobe(albedo / phong_albedo(k, c), k);
+}
+
+#endif
