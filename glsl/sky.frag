@@ -9,10 +9,12 @@ layout(location = 0) out vec4 out_radiance;
 
 const float TAU = 6.28318530717959;
 
-// Texel of the grid; it goes round, and ends at the poles.
+// Texel of the grid; it goes round, and on beyond a pole on the other side.
 vec3 texel(int column, int row) {
     int width = int(push.width);
-    return texels[clamp(row, 0, int(push.height) - 1) * width + (column + width) % width];
+    int on = clamp(row, 0, int(push.height) - 1);
+    column += on == row ? width : width + width / 2;
+    return texels[on * width + column % width];
 }
 
 void main() {

@@ -6,9 +6,12 @@
 layout(binding = SKY_BINDING, scalar) readonly buffer SkyLevels { SkyLevel sky_levels[]; };
 layout(binding = SKY_BINDING + 1, scalar) readonly buffer SkyTexels { vec3 sky_texels[]; };
 
+// Texel of a grid; it goes round, and on beyond a pole on the other side.
 vec3 sky_texel(SkyLevel level, int column, int row) {
     int width = int(level.width);
-    return sky_texels[level.first + uint(clamp(row, 0, int(level.height) - 1) * width + (column + width) % width)];
+    int on = clamp(row, 0, int(level.height) - 1);
+    column += on == row ? width : width + width / 2;
+    return sky_texels[level.first + uint(on * width + column % width)];
 }
 
 // Value of a grid in a unit direction, between the middles of texels.

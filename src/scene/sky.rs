@@ -103,9 +103,11 @@ impl Sky {
     pub fn radiance(&self, direction: DVec3) -> DVec3 {
         let DVec2 { x, y } = self.place(direction) - 0.5;
         let texel = |column: f64, row: f64| {
-            let column = column.rem_euclid(f64::from(self.width)) as usize;
-            let row = row.clamp(0.0, f64::from(self.height - 1)) as usize;
-            self.texels[row * self.width as usize + column].as_dvec3()
+            // Beyond a pole the other side begins.
+            let on = row.clamp(0.0, f64::from(self.height - 1));
+            let turn = if on == row { 0 } else { self.width / 2 };
+            let column = (column + f64::from(turn)).rem_euclid(f64::from(self.width)) as usize;
+            self.texels[on as usize * self.width as usize + column].as_dvec3()
         };
         let (left, above) = (x.floor(), y.floor());
         let row = |row: f64| texel(left, row).lerp(texel(left + 1.0, row), x - left);

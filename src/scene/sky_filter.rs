@@ -5,10 +5,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Phong exponent of the widest lobe of [`lobes`]; each one before is half as wide about its axis.
-pub const WIDEST: f64 = 1.0;
-
-/// Lobes of [`lobes`]: the narrowest has an exponent of 2048.
+/// Lobes of [`lobes`]: exponents of powers of two, from 2048 down to 1.
 pub const LOBES: u32 = 12;
 
 /// Columns of the grid of irradiance, and of those of the widest lobes.
@@ -28,18 +25,21 @@ pub fn irradiance(sky: &Sky) -> Sky {
 /// Mean radiance [cd/m^2] about each direction, weighed by Phong lobes: exponents of 2048, 1024, .. 1.
 pub fn lobes(sky: &Sky) -> Vec<Sky> {
     let lobe = |i: u32| {
-        let exponent = WIDEST * f64::from(1_u32 << (LOBES - 1 - i));
-        // Texels are no wider than half of the lobe.
-        let columns = (TAU * exponent.sqrt()).log2().floor().exp2().clamp(32.0, 256.0) as u32;
+        let squarings = LOBES - 1 - i;
+        let exponent = f64::from(1_u32 << squarings);
+        // Texels are narrower than the lobe.
+        let columns = (1.4 * TAU * exponent.sqrt()).log2().ceil().exp2().clamp(64.0, 256.0) as u32;
         let least = LEAST.powf(1.0 / exponent);
-        convolved(&halved(sky, 2 * columns), columns, |cosine| cosine.max(0.0).powf(exponent), least)
+        let weight = |cosine: f64| (0..squarings).fold(cosine.max(0.0), |power, _| power * power);
+        convolved(&halved(sky, 2 * columns), columns, weight, least)
     };
     (0..LOBES).map(lobe).collect()
 }
 
 /// A sky of so many columns at most, each texel the mean of those that it takes the place of.
 pub fn halved(sky: &Sky, most: u32) -> Sky {
-    let mut now = Sky { lights: 0..0, ..sky.clone() };
+    let texels = sky.texels.clone();
+    let mut now = Sky { texels, shown: None, lights: 0..0, ..*sky };
     while now.width > most && now.width.is_multiple_of(2) && now.height.is_multiple_of(2) {
         let (width, height) = (now.width / 2, now.height / 2);
         let mean = |texel: usize| {
