@@ -1,4 +1,4 @@
-// Stage 4: what a light sees: position, normal on the lit side, diffuse albedo. METHOD 2, thesis 5.2.
+// Stage 4: what a light sees: position, normal on the lit side, share of the light that is sent on. METHOD 2, thesis 5.2.
 #include "shared.glsl"
 #include "lib/surface.glsl"
 
@@ -27,6 +27,5 @@ void main() {
     n = dot(n, view_direction(push.eye, position)) > 0.0 ? -n : n;
     out_position = vec4(position, 1.0);
     out_normal = vec4(n, float(push.material));
-    // Of all directions that it is seen from, the mean.
-    out_albedo = vec4(reflectance(push.material, base.rgb, here, MEAN_COSINE).diffuse, 0.0);
+    out_albedo = vec4(sent_on(reflectance(push.material, base.rgb, here, MEAN_COSINE)), 0.0);
 }

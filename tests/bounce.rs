@@ -212,7 +212,7 @@ fn albedos_are_means_of_what_a_cache_stands_for() {
     );
     assert!(mean.distance(Vec3::new(0.7, 0.5, 0.3) / 8.0) < 0.02 * mean.length(), "{mean}");
     assert!(floor.iter().all(|a| (a.x / mean.x - 1.0).abs() < 0.6));
-    let half_metal = scene.materials[1].reflectance(&scene, Default::default(), glam::Vec4::ONE).mean_diffuse();
+    let half_metal = scene.materials[1].reflectance(&scene, Default::default(), glam::Vec4::ONE).sent_on();
     assert!(half_metal.x > 0.2 && half_metal.x < 0.25, "the diffuse half, and what both halves pass on to each other");
     assert!(wall.iter().all(|a| a.distance(half_metal) < 1e-5), "{wall:?}");
 }

@@ -285,7 +285,7 @@ fn one_bounce_without_visibility_is_what_rays_of_the_light_bring() {
     // Ceiling, green wall, back wall: away from what the light reaches.
     for pixel in [2 * 16 + 10, 7 * 16 + 14, 4 * 16 + 8] {
         let s = surfaces[pixel].expect("a wall");
-        let irradiance = Vec3::from(diffuse[pixel]).as_dvec3() * PI / s.reflection.mean_diffuse().as_dvec3();
+        let irradiance = Vec3::from(diffuse[pixel]).as_dvec3() * PI / s.reflection.diffuse(1.0).as_dvec3();
         let paths = one_bounce_irradiance(s.position, s.normal, &all, &scene.lights[0], 400_000, 3);
         let off = irradiance.distance(paths) / paths.length();
         println!("{}: {irradiance} lx instead of {paths}: {off:.4}", s.position);

@@ -15,6 +15,9 @@ const float LEAST_COSINE = 0.01;
 // Cosine at which a dielectric lobe reflects about what it does on average over the hemisphere.
 const float MEAN_COSINE = 0.475;
 
+// The same of a Phong lobe: exactly where it is narrow.
+const float MEAN_PHONG_COSINE = 0.6666667;
+
 // Exponent from which on a lobe is narrower than caches can resolve.
 const float CACHE_EXPONENT = 2048.0;
 

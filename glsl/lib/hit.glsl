@@ -102,7 +102,7 @@ struct HitSurface {
     vec3 position;
     vec3 geometric; // unit normal of the triangle on the side that the ray came from
     vec3 normal; // unit vertex normal on that side
-    vec3 diffuse; // rho_d, the mean over viewers
+    vec3 diffuse; // share of the light that is sent on
     vec3 emission; // of what is no area light [cd/m^2]
 };
 
@@ -154,7 +154,7 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
 
     Material m = materials[material];
     vec3 base = hit_base_color(material, uv, color, width).rgb;
-    s.diffuse = base;
+    Reflectance r = Reflectance(base, m.phong_specular, m.phong_exponent);
     if (m.phong_exponent < 0.0) {
         float metallic = m.metallic;
         float roughness = m.roughness;
@@ -171,8 +171,9 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
         if (has_hit_texture(material, TEXTURE_SPECULAR_COLOR)) {
             specular_color *= hit_texture(material, TEXTURE_SPECULAR_COLOR, uv, width).rgb;
         }
-        s.diffuse = metallic_roughness(base, metallic, roughness, m.ior, specular, specular_color, MEAN_COSINE).diffuse;
+        r = metallic_roughness(base, metallic, roughness, m.ior, specular, specular_color, MEAN_COSINE);
     }
+    s.diffuse = sent_on(r);
     s.emission = vec3(0.0);
     if (front && (what & RAY_AREA_LIGHT) == 0u && m.emissive != vec3(0.0)) {
         s.emission = m.emissive;

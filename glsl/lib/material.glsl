@@ -32,4 +32,13 @@ Reflectance metallic_roughness(vec3 base, float metallic, float roughness, float
     return r;
 }
 
+// Share of the light that a surface sends on by both lobes, the mean over viewers, at most all of it: as if it were diffuse.
+// Its diffuse lobe is that of MEAN_COSINE.
+vec3 sent_on(Reflectance r) {
+    vec3 glossy = r.coded < 0.0
+        ? ggx_albedo(r.glossy, coded_f90(r.coded), scattered_once(coded_roughness(r.coded), MEAN_COSINE))
+        : r.glossy * phong_albedo(r.coded, MEAN_PHONG_COSINE);
+    return max(r.diffuse, min(r.diffuse + glossy, vec3(1.0)));
+}
+
 #endif

@@ -168,13 +168,13 @@ pub(super) fn run(args: &Info) -> Result<()> {
 
 /// What each level of quality asks for.
 fn say_levels(world: &World, now: Quality) {
-    say!("quality       caches  refs   VALs  shadow map  near rays  shadows");
+    say!("quality       caches  refs   VALs  shadow map  near rays  bounces  shadows");
     for quality in Quality::ALL {
         let sides =
             world.lights().iter().map(|light| u64::from(light.views) * u64::from(light.rsm_size(quality.rsm())).pow(2));
         let vals = sides.sum::<u64>() + world.emitters.len() as u64;
         say!(
-            "{} {:<10} {:>6} {:>5} {:>6} {:>11} {:>10}  {}",
+            "{} {:<10} {:>6} {:>5} {:>6} {:>11} {:>10} {:>8}  {}",
             if quality == now { '*' } else { ' ' },
             name(quality),
             quality.caches(),
@@ -185,6 +185,7 @@ fn say_levels(world: &World, now: Quality) {
                 Near::Off => "off".to_owned(),
                 Near::Rays { per_pixel, every } => format!("{per_pixel} / {}", every * every),
             },
+            quality.bounces(),
             ShadowsArg::of(quality.shadows(quality.caches(), quality.near()))
         );
     }

@@ -65,6 +65,8 @@ pub(super) struct Picture<'a> {
     pub(super) out: &'a Path,
     pub(super) size: [u32; 2],
     pub(super) bounces: Option<u32>,
+    /// Bounces of the engine by the same flags.
+    pub(super) of_engine: u32,
     pub(super) layer: Option<LayerArg>,
     pub(super) tonemap: TonemapArg,
     pub(super) ev: Option<f32>,
@@ -72,10 +74,11 @@ pub(super) struct Picture<'a> {
 }
 
 impl PathTraceArgs {
-    fn settings(&self, size: [u32; 2], bounces: Option<u32>) -> PathTraceSettings {
+    fn settings(&self, picture: &Picture<'_>) -> PathTraceSettings {
+        let (size, bounces) = (picture.size, picture.bounces);
         let mut settings = match self.matching {
             _ if self.no_visibility => PathTraceSettings::unshadowed(size),
-            Some(Match::Engine) => PathTraceSettings::engine(size, bounces.unwrap_or(super::render::BOUNCES)),
+            Some(Match::Engine) => PathTraceSettings::engine(size, picture.of_engine),
             None => PathTraceSettings { bounces, ..PathTraceSettings::of(size) },
         };
         settings.sources = match self.sources {
@@ -90,7 +93,7 @@ impl PathTraceArgs {
 }
 
 pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture: &Picture<'_>) -> Result<()> {
-    let settings = args.settings(picture.size, picture.bounces);
+    let settings = args.settings(picture);
     let mut trace = PathTrace::new(scene, camera, &settings);
     let file: Option<PathBuf> = kept::folder().map(|folder| trace.kept_in(&folder));
     let resumed = file.as_ref().is_some_and(|file| trace.resume(file));

@@ -51,7 +51,7 @@ pub(super) struct Render {
     #[arg(long, value_enum, default_value_t)]
     gi: GiArg,
     /// Indirect bounces, after what lights, surfaces that emit and the sky give directly; 0 is that alone. Caches take 16 at
-    /// most, brute force one [default: 1; with --gi path-trace all that there are].
+    /// most, brute force one [default: those of --quality; with --gi path-trace all that there are].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
     bounces: Option<u32>,
     #[command(flatten)]
@@ -222,12 +222,11 @@ fn exposure(text: &str) -> std::result::Result<f32, String> {
     }
 }
 
-/// Indirect bounces of caches and brute force without --bounces.
-pub(super) const BOUNCES: u32 = 1;
-
 impl Render {
+    /// Indirect bounces of what draws the picture: those of the level, where it has more than one.
     fn bounces(&self) -> u32 {
-        self.bounces.unwrap_or(BOUNCES)
+        let has_one = self.gi == GiArg::BruteForce || self.gather.by_draws() || self.gather.by_clusters();
+        self.bounces.unwrap_or(if has_one { 1 } else { self.caches.quality().bounces() })
     }
 
     /// The level's settings with what the flags put over them.
@@ -403,7 +402,11 @@ pub(super) fn run(args: &Render) -> Result<()> {
         // Rays need no small triangles.
         (GiArg::PathTrace, _) => false,
         // Nothing is interpolated over triangles; but what caches reflect in further bounces is found by the vertices.
-        (GiArg::Lightskin, Some(InterpArg::Texel)) if args.bounces() <= 1 && args.caches.max_edge.is_none() => false,
+        (GiArg::Lightskin, Some(InterpArg::Texel))
+            if args.bounces.is_none_or(|n| n <= 1) && args.caches.max_edge.is_none() =>
+        {
+            false
+        }
         (_, asked) => divide_for(&mut scene, &args.caches, asked == Some(InterpArg::Vertex)),
     };
     let motion = args.motion.motion(&scene, args.repeat)?;
@@ -417,6 +420,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
             out: &first_picture,
             size: args.size,
             bounces: args.bounces,
+            of_engine: args.bounces(),
             layer: args.layer,
             tonemap: args.tonemap,
             ev: args.ev,
@@ -425,7 +429,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
     // What small and curved surfaces that emit give directly comes through caches, too.
-    let mut baked = (args.gi == GiArg::Lightskin && (args.bounces() > 0 || scene.emits()))
+    let mut baked = (args.gi == GiArg::Lightskin && (args.bounces() > 0 || scene.emits() || scene.sky.is_some()))
         .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
         .transpose()?;
     let interp = match &mut baked {

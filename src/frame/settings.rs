@@ -263,6 +263,14 @@ impl Quality {
         }
     }
 
+    /// Indirect bounces. Without shadows of every VAL light leaks, and more with each.
+    pub fn bounces(self) -> u32 {
+        match self {
+            Self::Low | Self::Medium => 4,
+            Self::High | Self::Reference => 8,
+        }
+    }
+
     /// Light and shade from nearby.
     pub fn near(self) -> Near {
         match self {
@@ -296,7 +304,7 @@ impl Settings {
             indirect: Indirect::Caches(Caches {
                 gather: Gather::Compute {
                     ways: Ways::default(),
-                    bounces: 1,
+                    bounces: quality.bounces(),
                     shadows: quality.shadows(caches, quality.near()),
                     near: quality.near(),
                 },

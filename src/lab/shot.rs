@@ -241,7 +241,8 @@ pub fn triangles(scene: &Scene) -> Vec<(Triangle, usize)> {
             let corners = mesh.triangle(t).map(|v| mesh.vertices[v]);
             let positions = corners.map(|v| placed.transform_point3(v.position.as_dvec3()));
             let normals = corners.map(|v| normals * v.normal.as_dvec3());
-            let diffuse = reflection(scene, material).diffuse;
+            let material = &scene.materials[material];
+            let diffuse = material.reflectance(scene, Default::default(), Vec4::ONE).sent_on().as_dvec3();
             all.push((Triangle { positions, normals, diffuse }, i));
         }
     }
@@ -252,7 +253,7 @@ pub fn triangles(scene: &Scene) -> Vec<(Triangle, usize)> {
 pub fn reflection(scene: &Scene, material: usize) -> Reflection {
     let material = &scene.materials[material];
     let lobe = material.phong.unwrap_or(Phong { specular: Vec3::ZERO, exponent: 1.0 });
-    let diffuse = material.reflectance(scene, Default::default(), Vec4::ONE).mean_diffuse().as_dvec3();
+    let diffuse = material.reflectance(scene, Default::default(), Vec4::ONE).diffuse(1.0).as_dvec3();
     Reflection { diffuse, specular: lobe.specular.as_dvec3(), exponent: lobe.exponent.into() }
 }
 

@@ -70,7 +70,7 @@ pub fn reflected_direct(world: &World<'_>, surface: &Surface) -> DVec3 {
         let arrives = cosine > 0.0 && above > 0.0 && !world.blocked_within(surface.position, way, distance);
         if arrives { irradiance * cosine } else { DVec3::ZERO }
     };
-    surface.reflection.mean_diffuse().as_dvec3() / PI * world.scene().lights.iter().map(given).sum::<DVec3>()
+    surface.reflection.sent_on().as_dvec3() / PI * world.scene().lights.iter().map(given).sum::<DVec3>()
 }
 
 /// Irradiance \[lx\] of what the rays of a point with these numbers, of `count`, meet within `reach` \[m\], and which of them

@@ -12,6 +12,9 @@ pub const LEAST_COSINE: f64 = 0.01;
 /// Cosine at which a dielectric lobe reflects about what it does on average over the hemisphere.
 pub const MEAN_COSINE: f64 = 0.475;
 
+/// Cosine at which a Phong lobe reflects about what it does on average over the hemisphere: exactly where it is narrow.
+pub const MEAN_PHONG_COSINE: f64 = 2.0 / 3.0;
+
 /// Exponent from which on a lobe is narrower than caches can resolve.
 pub const CACHE_EXPONENT: f64 = 2048.0;
 

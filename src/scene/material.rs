@@ -74,9 +74,19 @@ impl Reflectance {
         }
     }
 
-    /// Diffuse albedo, the mean over viewers: what a surface sends on.
-    pub fn mean_diffuse(&self) -> Vec3 {
-        self.diffuse(ggx::MEAN_COSINE)
+    /// Share of the light that a surface sends on by both lobes, the mean over viewers, at most all of it: as if it were diffuse.
+    pub fn sent_on(&self) -> Vec3 {
+        let diffuse = self.diffuse(ggx::MEAN_COSINE);
+        let glossy = match self.lobe {
+            Lobe::Phong { albedo, exponent } => {
+                albedo * ggx::phong_albedo(exponent.into(), ggx::MEAN_PHONG_COSINE) as f32
+            }
+            Lobe::Ggx { f0, f90, roughness, .. } => {
+                let once = ggx::scattered_once(roughness.into(), ggx::MEAN_COSINE);
+                DVec3::from(f0.to_array().map(|f0| ggx::albedo(f0.into(), f90.into(), once))).as_vec3()
+            }
+        };
+        diffuse.max((diffuse + glossy).min(Vec3::ONE))
     }
 
     /// Exponent of the Phong lobe that a cache has for it.
@@ -294,7 +304,7 @@ mod tests {
         for material in [Material { ior: 1.0, ..material() }, Material { specular: 0.0, ..material() }] {
             let r = material.reflectance(&Scene::default(), UV, Vec4::ONE);
             let Lobe::Ggx { f0, f90, .. } = r.lobe else { panic!("{r:?}") };
-            assert_eq!((r.mean_diffuse(), f0, f90), (Vec3::ONE, Vec3::ZERO, 0.0));
+            assert_eq!((r.sent_on(), f0, f90), (Vec3::ONE, Vec3::ZERO, 0.0));
         }
     }
 

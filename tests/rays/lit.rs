@@ -61,7 +61,7 @@ fn reflected(truth: &world::World<'_>, lamps: &[AreaLight], at: &world::Surface)
         }
     }
     sum += lamps.iter().map(|lamp| irradiance(truth, lamp, at)).sum::<DVec3>();
-    at.reflection.mean_diffuse().as_dvec3() * sum / PI
+    at.reflection.sent_on().as_dvec3() * sum / PI
 }
 
 /// Relative errors of the device's mean: of the sum over all points, of each point on average; shares of points that are lit and

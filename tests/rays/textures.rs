@@ -80,7 +80,7 @@ fn errors(tracer: &Tracer, scene: &Scene, rays: &[Ray]) -> BTreeMap<usize, Error
         if hit.material != met.material as usize {
             continue;
         }
-        let exact = truth.surface(&hit).reflection.mean_diffuse().as_dvec3();
+        let exact = truth.surface(&hit).reflection.sent_on().as_dvec3();
         let off = met.diffuse.as_dvec3() - exact;
         let error = errors.entry(hit.material).or_default();
         error.sum += exact;

@@ -1,4 +1,4 @@
-//! Diffuse albedo of the surface that a cache stands for: what it sends on of the light it receives. METHOD 9.
+//! Albedo of the surface that a cache stands for, both lobes together: what it sends on of the light it receives. METHOD 9.
 
 use crate::bake::{CacheSet, ModelCaches, NO_CACHE};
 use crate::scene::{Mesh, Scene, Vertex};
@@ -17,7 +17,7 @@ pub(super) fn of_all(scene: &Scene, caches: &CacheSet) -> Vec<Vec3> {
     caches.instance_model.iter().flat_map(|model| models[*model].iter().copied()).collect()
 }
 
-/// Mean diffuse albedo by area, one of each cache of a model. A third of each triangle belongs to the first reference of
+/// Mean albedo by area, one of each cache of a model. A third of each triangle belongs to the first reference of
 /// each corner. Holes of masked materials reflect nothing; a cache that no vertex refers to first takes its own point's.
 fn of_caches(scene: &Scene, model: &ModelCaches) -> Vec<Vec3> {
     let mesh = &scene.meshes[model.mesh];
@@ -94,5 +94,5 @@ fn at_point(scene: &Scene, mesh: &Mesh, material: usize, corners: [usize; 3], we
             return Vec3::ZERO;
         }
     }
-    material.reflectance(scene, uv, color).mean_diffuse()
+    material.reflectance(scene, uv, color).sent_on()
 }

@@ -113,7 +113,7 @@ pub struct World {
     pub cache_count: u32,
     /// References of a vertex, or of a cell.
     pub(super) references_each: usize,
-    /// The caches' diffuse albedos, once more bounces have asked for them.
+    /// The caches' albedos, once more bounces have asked for them.
     albedos: OnceCell<CacheAlbedos>,
     /// What rays meet, once a frame has asked for it.
     rays: OnceCell<RayBuffers>,
@@ -346,7 +346,7 @@ impl World {
         })
     }
 
-    /// The diffuse albedos of the caches, which more than one bounce needs; found on the first call.
+    /// The albedos of the caches, which more than one bounce needs; found on the first call.
     pub(super) fn make_albedos(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
         if let (None, Some(caches)) = (self.albedos.get(), &self.caches) {
             let albedos = albedo::of_all(scene, caches);
@@ -479,7 +479,7 @@ impl World {
         Ok(gpu.read::<Vertex>(&self.vertices)?[first..first + count].to_vec())
     }
 
-    /// Diffuse albedos of the caches, where they have been asked for.
+    /// Albedos of the caches, where they have been asked for.
     pub fn cache_albedos(&self) -> Option<&Buffer> {
         self.albedos.get().map(|albedos| &albedos.buffer)
     }

@@ -85,7 +85,7 @@ fn cast_texel(world: &World<'_>, light: &Light, view: &View, x: usize, y: usize,
         let beam = mean_intensity(light, view, x, y, n) * omega * range_window(hit.distance, light.range);
         (depth, texel_area(depth, n, view.half.x), beam)
     };
-    let (flux, normal) = (surface.reflection.mean_diffuse().as_dvec3() * beam, surface.vertex_normal);
+    let (flux, normal) = (surface.reflection.sent_on().as_dvec3() * beam, surface.vertex_normal);
     // The ray that reaches a depth of 1: how its meeting point with the tilted plane moves with the texel.
     let ray = direction / direction.dot(view.forward);
     let slope = (-normal.dot(ray)).max(GRAZING);

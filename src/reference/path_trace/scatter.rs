@@ -48,7 +48,7 @@ impl Scatter {
             position: surface.position,
             normal: surface.vertex_normal,
             geometric: surface.geometric,
-            diffuse: surface.reflection.mean_diffuse().as_dvec3(),
+            diffuse: surface.reflection.sent_on().as_dvec3(),
             lobe: Lobe::NONE,
             glossy_share: 0.0,
         }
