@@ -1,5 +1,6 @@
 // Stage 6, before the gather: what each live cache sees of the scene, or of it beyond a distance, by one ray for each texel of
 // its depth image. METHOD 11.
+// variant trace_images_sent_on.comp: SENT_ON (of both: the light that caches send on is shadowed by all that they see)
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/depth_image.glsl"
@@ -16,6 +17,25 @@ const float STEP = 2.0 / float(DEPTH_IMAGE_SIDE);
 // How far behind what a texel's ray meets things are still seen: surfaces are not flat. [distances]
 const float MARGIN = 0.01;
 
+#ifdef SENT_ON
+layout(binding = 16, scalar) writeonly buffer AllImages { float all_images[]; };
+#endif
+
+// What a texel at a point of the unit disc keeps of its ray, whose square of the cosine is `z2`.
+float limit_of(Hit hit, vec3 direction, vec2 p, float z2, vec3 tangent, vec3 bitangent, vec3 normal) {
+    if (hit.triangle == NO_HIT) {
+        return 0.0;
+    }
+    bool front;
+    vec3 n = -hit_geometric(hit, direction, front);
+    vec3 own = vec3(dot(n, tangent), dot(n, bitangent), dot(n, normal));
+    float along = dot(n, direction);
+    // The reciprocal distance of a plane is linear in the direction: its least value in the texel.
+    float slope = 1.0 / max(sqrt(z2), DEPTH_IMAGE_LEAST_Z);
+    float least = along - 0.5 * STEP * (abs(own.x - own.z * p.x * slope) + abs(own.y - own.z * p.y * slope));
+    return max(least, 0.0) / (hit.distance * along * (1.0 + MARGIN));
+}
+
 void main() {
     uint slot = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;
     if (slot >= args.cache_count) {
@@ -30,20 +50,27 @@ void main() {
         vec2 p = (vec2(texel % DEPTH_IMAGE_SIDE, texel / DEPTH_IMAGE_SIDE) + 0.5) * STEP - 1.0;
         float z2 = 1.0 - dot(p, p);
         float limit = 0.0;
+#ifdef SENT_ON
+        float of_all = 0.0;
+#endif
         if (z2 > 0.0) {
             vec3 direction = tangent * p.x + bitangent * p.y + c.normal * sqrt(z2);
-            Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, false);
-            if (hit.triangle != NO_HIT) {
-                bool front;
-                vec3 n = -hit_geometric(hit, direction, front);
-                vec3 own = vec3(dot(n, tangent), dot(n, bitangent), dot(n, c.normal));
-                float along = dot(n, direction);
-                // The reciprocal distance of a plane is linear in the direction: its least value in the texel.
-                float slope = 1.0 / max(sqrt(z2), DEPTH_IMAGE_LEAST_Z);
-                float least = along - 0.5 * STEP * (abs(own.x - own.z * p.x * slope) + abs(own.y - own.z * p.y * slope));
-                limit = max(least, 0.0) / (hit.distance * along * (1.0 + MARGIN));
+#ifdef SENT_ON
+            Hit hit = trace(start, direction, lift, 3e38, push.root, 0u, false);
+            of_all = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
+            limit = of_all;
+            if (hit.triangle != NO_HIT && hit.distance < push.reach) {
+                hit = trace(start, direction, push.reach, 3e38, push.root, 0u, false);
+                limit = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
             }
+#else
+            Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, false);
+            limit = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
+#endif
         }
+#ifdef SENT_ON
+        all_images[slot * DEPTH_IMAGE_TEXELS + texel] = of_all;
+#endif
         images[slot * DEPTH_IMAGE_TEXELS + texel] = limit;
     }
 }

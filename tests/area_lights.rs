@@ -9,7 +9,7 @@ use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::build::{CornellSurface, cornell, cuboid, quad};
 use lightskin::scene::{Material, Scene};
 
-use crate::common::frames::{add, baked, camera, phong, reflection, seen, shoot, small};
+use crate::common::frames::{add, baked, camera, phong, reflection, seen, sent_on, shoot, small};
 use crate::common::gpu;
 
 fn shining(radiance: Vec3) -> Material {
@@ -118,7 +118,7 @@ fn what_a_lamp_lights_reflects_all_of_its_light() {
     let at = |i: u32| (f64::from(i) + 0.5) * 2.0 / f64::from(n) - 1.0;
     let factors = (0..n * n).map(|i| lamp.form_factor(dvec3(at(i % n), 0.0, at(i / n)), DVec3::Y));
     let arriving = std::f64::consts::PI * 30.0 * factors.sum::<f64>() * (2.0 / f64::from(n)).powi(2);
-    let share = reflected / (0.4 * arriving);
+    let share = reflected / (sent_on(&scene, 0).x * arriving);
     println!("{reflected:.4} lm reflected of {arriving:.4}: {share:.4} of what the albedo says");
     assert!((share - 1.0).abs() < 0.01, "{share}");
 }

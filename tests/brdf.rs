@@ -218,7 +218,7 @@ fn what_is_sent_on_is_the_mean_over_the_hemisphere() {
         println!("exponent {exponent}: {own:.4} for {mean:.4}");
         worst = worst.max((own / mean - 1.0).abs());
     }
-    assert!(worst < 0.02, "{worst}");
+    assert!(worst < 0.03, "{worst}");
 }
 
 #[test]

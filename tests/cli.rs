@@ -87,7 +87,6 @@ fn default_scene_becomes_a_png_with_times_and_counts() {
                 "atlas",
                 "rsm",
                 "visible",
-                "cull",
                 "depth images",
                 "gather",
                 "near rays",
@@ -222,7 +221,7 @@ fn compare_measures_maps_and_fails_above_limits() {
     let at = folder("cli-compare");
     for (name, gi) in [("a.exr", "lightskin"), ("b.exr", "brute-force")] {
         // As brute force has it: nothing in the way.
-        let mut args = vec!["render", "-o", name, "--gi", gi, "--near", "off"];
+        let mut args = vec!["render", "-o", name, "--gi", gi, "--near", "off", "--bounces", "1"];
         args.extend(SMALL);
         works(&at, &args);
     }
@@ -380,14 +379,15 @@ fn a_path_trace_is_of_all_light_unless_told_otherwise() {
     };
     let [all, matched, one] = [&[][..], &["--match", "engine"], &["--match", "engine", "--bounces", "1"]].map(mean);
     println!("{all} of all light, {matched} of the engine's");
-    assert!(matched == one && matched < 0.9 * all, "{all}, {matched}, {one}");
+    // By default the engine has several bounces, and all the energy of lobes, but not their directions.
+    assert!(one < 0.9 * all && one < 0.95 * matched && (matched / all - 1.0).abs() < 0.05, "{all}, {matched}, {one}");
     assert!(mean(&["--bounces", "1"]) < all);
 }
 
 #[test]
 fn the_fastest_gather_is_measured_once_and_kept() {
     let at = folder("cli-gather");
-    let mut args = vec!["render", "-o", "a.exr"];
+    let mut args = vec!["render", "-o", "a.exr", "--bounces", "1"];
     args.extend(SMALL);
     let measured = || -> Vec<PathBuf> {
         let files = fs::read_dir(at.join("cache/lightskin")).expect("kept").map(|f| f.expect("file").path());
@@ -410,7 +410,8 @@ fn the_fastest_gather_is_measured_once_and_kept() {
     assert!(first.contains("\"vals\": \"texels\"") && first.contains("\"vals\": \"storage\""), "{first}");
     for way in ["auto", "fragment", "compute"] {
         let out = format!("{way}.exr");
-        let mut args = vec!["render", "-o", &out, "--gather", way, "--shadows", "off", "--near", "off"];
+        let mut args =
+            vec!["render", "-o", &out, "--gather", way, "--shadows", "off", "--near", "off", "--bounces", "1"];
         args.extend(SMALL);
         works(&at, &args);
         assert_eq!(kept().0, first, "nothing is measured again");

@@ -5,7 +5,7 @@ use crate::common::frames::{SPOT, baked, corner, small};
 use crate::common::{assert_clean, frame_of, gpu};
 use crate::moving::{bend, world};
 use glam::Vec3;
-use lightskin::frame::{ClusterRule, Features, Plan, Quality, Shadows, View, World};
+use lightskin::frame::{ClusterRule, Features, Plan, Quality, Settings, Shadows, View, World};
 use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank, ticks_between};
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::scene::sky::Sky;
@@ -243,7 +243,7 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
 
     // Every stage of the plan on both tracks, once for each frame, as the command has them by default.
     let scene = gltf::load(CORNELL.as_ref()).expect("loads");
-    let plan = Plan::of(&Features::new(&scene, false, false), &Knobs::at(Quality::High, 60, [48, 48]).settings());
+    let plan = Plan::of(&Features::new(&scene, false, false), &Settings::at(Quality::High, 60));
     let stages: Vec<_> = plan.stages().map(|stage| stage.name).collect();
     assert!(stages.len() >= 10, "{stages:?}");
     let events = events(&at.join("t.json"));

@@ -69,7 +69,8 @@ impl DepthImages {
     pub(super) fn traced(gpu: &Gpu, world: &World, send_on: bool) -> Result<Self> {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let bytes = u64::from(world.cache_count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
-        let pipeline = gpu.compute("trace_images.comp", &rays.constants(gpu))?;
+        let name = if send_on { "trace_images_sent_on.comp" } else { "trace_images.comp" };
+        let pipeline = gpu.compute(name, &rays.constants(gpu))?;
         let made = Made::Traced(pipeline, (CACHE_REACH * world.spacing()) as f32);
         let sent_on = send_on.then(|| gpu.buffer("gather.sent_on_images", bytes)).transpose()?;
         Ok(Self { buffer: gpu.buffer("gather.depth_images", bytes)?, sent_on, made })
@@ -85,13 +86,12 @@ impl DepthImages {
 
     fn trace(&self, cmd: &Cmd<'_>, world: &World, atlas: &Atlas, live: &Live, (pipeline, reach): (&Pipeline, f32)) {
         let Some(rays) = world.rays() else { return };
-        for (buffer, reach) in std::iter::once((&self.buffer, reach)).chain(self.sent_on.iter().map(|all| (all, 0.0))) {
-            let mut resources = rays.binds(world).to_vec();
-            resources.extend([&atlas.caches, &live.list, &live.args, buffer].map(Bind::from));
-            cmd.bind(pipeline, &resources);
-            cmd.push(&TracePush { reach, root: rays.root, ..TracePush::default() });
-            cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
-        }
+        let mut resources = rays.binds(world).to_vec();
+        resources.extend([&atlas.caches, &live.list, &live.args, &self.buffer].map(Bind::from));
+        resources.extend(self.sent_on.as_ref().map(Bind::from));
+        cmd.bind(pipeline, &resources);
+        cmd.push(&TracePush { reach, root: rays.root, ..TracePush::default() });
+        cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
     }
 
     /// The same, drawn.

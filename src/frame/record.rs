@@ -126,8 +126,8 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
                 // with cells nothing reads proxies before pixels do.
                 let listed = shown().any(|(_, p)| p.outdated.visible);
                 let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
-                let lit = outdated.proxies && caches.occlude.is_none();
-                let waits = world.cells.is_none() || !(listed || drawn) || lit;
+                let lit = outdated.proxies && (world.cells.is_none() || caches.occlude.is_none());
+                let waits = !(listed || drawn) || lit;
                 let of_caches = (
                     caches.gather.cache_vals(),
                     caches.sky.as_ref().map(|(of_caches, _)| [&of_caches.seen, &of_caches.open]),

@@ -241,12 +241,16 @@ pub fn triangles(scene: &Scene) -> Vec<(Triangle, usize)> {
             let corners = mesh.triangle(t).map(|v| mesh.vertices[v]);
             let positions = corners.map(|v| placed.transform_point3(v.position.as_dvec3()));
             let normals = corners.map(|v| normals * v.normal.as_dvec3());
-            let material = &scene.materials[material];
-            let diffuse = material.reflectance(scene, Default::default(), Vec4::ONE).sent_on().as_dvec3();
+            let diffuse = sent_on(scene, material);
             all.push((Triangle { positions, normals, diffuse }, i));
         }
     }
     all
+}
+
+/// Share of the light that a material without textures sends on.
+pub fn sent_on(scene: &Scene, material: usize) -> DVec3 {
+    scene.materials[material].reflectance(scene, Default::default(), Vec4::ONE).sent_on().as_dvec3()
 }
 
 /// What a material without textures reflects.

@@ -6,7 +6,7 @@ use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::scene::Scene;
 
-pub(crate) use lightskin::lab::shot::{PixelSurface, Shot, reflection, seen, small, triangles};
+pub(crate) use lightskin::lab::shot::{PixelSurface, Shot, reflection, seen, sent_on, small, triangles};
 pub(crate) use lightskin::lab::worlds::{SPOT, add, camera, corner, lamp, phong, placed};
 
 /// Caches this far apart [m].

@@ -11,7 +11,7 @@ use crate::frame::proxies::Proxies;
 use crate::frame::vals::Vals;
 use crate::gpu::Gpu;
 use crate::lab::knobs::Knobs;
-use crate::lab::shot::{cache, gather_sums, seen, shoot, small, val};
+use crate::lab::shot::{cache, gather_sums, seen, sent_on, shoot, small, val};
 use crate::lab::worlds::{SPOT, baked, corner, one_cache};
 use crate::reference::gather::{LEAST_COSINE, ProxyWeight, gather, luminance, val_geometry};
 use crate::reference::interpolate::{Interpolated, Scheme, interpolate, shade};
@@ -274,7 +274,7 @@ fn many_vals(gpu: &Gpu) -> Result<Outcome> {
     let mut scene = corner(&[LightKind::Spot { inner: 0.3, outer: 0.3 }], 10.0);
     scene.instances.truncate(2);
     (scene.lights[0].position, scene.lights[0].direction) = (dvec3(0.1, 1.5, 0.2), Vec3::NEG_Y);
-    let albedo = scene.materials[0].base_color.truncate().as_dvec3();
+    let albedo = sent_on(&scene, 0);
     let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Knobs { rsm: 256, ..small() })?;
     let flux: DVec3 = shot.vals.iter().map(|v| v.flux).sum();
     let light = &scene.lights[0];

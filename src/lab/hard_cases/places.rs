@@ -5,7 +5,7 @@ use super::{Case, Outcome, oracle};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::lab::knobs::{Gi, Knobs};
-use crate::lab::shot::{Shot, seen, shoot, small, triangles};
+use crate::lab::shot::{Shot, seen, sent_on, shoot, small, triangles};
 use crate::lab::worlds::{SPOT, add, baked, camera, corner, lamp, phong};
 use crate::reference::light::direct_irradiance;
 use crate::reference::phong::DIFFUSE_LOBE;
@@ -71,7 +71,7 @@ fn grazing(gpu: &Gpu, elevation: f64) -> Result<Outcome> {
     let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &small())?;
     let light = &scene.lights[0];
     let entering = light.color.as_dvec3() * f64::from(light.intensity) * 4.0 * -direction.y;
-    let expected = dvec3(0.7, 0.5, 0.3) * entering;
+    let expected = sent_on(&scene, 0) * entering;
     let flux: DVec3 = shot.vals.iter().map(|v| v.flux).sum();
     Ok(Outcome::bounded(flux.distance(expected) / expected.length(), 5e-3).of(&[&shot]))
 }

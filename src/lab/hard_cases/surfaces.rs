@@ -42,8 +42,7 @@ pub(super) fn cases() -> Vec<Case> {
         ),
         Case::new("normals", "those of the wall oppose its winding", "f64 rays' VALs, f64 brute force", opposed),
         Case::new("normals", "those of all surfaces are zero", "no broken value, direct light as with flat ones", zero),
-        Case::new("black", "every albedo 0", "exactly no indirect light", |gpu| black(gpu, 0.0)),
-        Case::new("black", "every diffuse albedo 0, lobes white", "exactly no indirect light", |gpu| black(gpu, 1.0)),
+        Case::new("black", "every albedo 0", "exactly no indirect light", black),
         Case::new("white", "lamp in a sphere of albedo 1", "Ulbricht: L = I / (pi r^2) within 2 %", white),
         Case::new("white", "VALs of that sphere", "flux 4 pi I within 1e-4", furnace_flux),
     ];
@@ -201,9 +200,9 @@ fn zero(gpu: &Gpu) -> Result<Outcome> {
     Ok(Outcome::bounded(difference(&a.direct, &b.direct, 1.0), 1e-3).of(&[&a, &b, &c]))
 }
 
-fn black(gpu: &Gpu, specular: f32) -> Result<Outcome> {
+fn black(gpu: &Gpu) -> Result<Outcome> {
     let mut scene = corner(&[SPOT, LightKind::Point], 10.0);
-    scene.materials.iter_mut().for_each(|m| *m = phong([0.0; 3], [specular; 3], 10.0));
+    scene.materials.iter_mut().for_each(|m| *m = phong([0.0; 3], [0.0; 3], 10.0));
     let caches = baked(&scene, 0.5, 8)?;
     let (mut shots, mut most) = (Vec::new(), 0.0_f64);
     for proxy_weight in [ProxyWeight::Irradiance, ProxyWeight::FormFactor] {
