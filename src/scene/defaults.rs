@@ -82,6 +82,10 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
             let viewer =
                 if towards.x.hypot(towards.z) > 1e-3 * towards.length() { towards } else { -viewer.matrix3.y_axis };
             Sky::studio(viewer, height.is_some()).put_over(scene, studio::LIGHTS);
+            if let (Some(_), Some(sky)) = (height, &mut scene.sky) {
+                // What goes past the edge of the ground meets more of it. No light has to stand for that.
+                sky.continue_ground();
+            }
             scene.backdrop = Backdrop::Studio;
             scene.notes.push("The scene has no light; the soft light of a studio was put over it.".into());
         }

@@ -82,6 +82,13 @@ impl Sky {
         Self::of(|direction| Vec3::splat((PI / up * radiance(direction)) as f32))
     }
 
+    /// Below the horizon what an unshadowed ground reflects of this sky, without an end.
+    pub(super) fn continue_ground(&mut self) {
+        let ground = self.received(DVec3::Y).as_vec3() * (GROUND_ALBEDO / std::f32::consts::PI);
+        let below = self.texels.len() / 2;
+        self.texels[below..].fill(ground);
+    }
+
     /// A day's sky without its sun, which is a light of its own, over dark ground: 15 000 lx from above.
     pub fn day() -> Self {
         let radiance = |direction: DVec3| {
