@@ -128,7 +128,9 @@ void main() {
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
     // Rays know lobes however narrow.
-    out_glossy = vec4(fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), 1e9).albedo * near.glossy, 0.0);
+    float axis = dot(n, lobe_axis(normal_coded.w, n, looking));
+    PhongLobe lobe = fitted_about(specular.rgb, normal_coded.w, -dot(n, looking), axis, 1e9);
+    out_glossy = vec4(lobe.albedo * near.glossy, 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
     vec3 glossy_from;

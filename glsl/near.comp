@@ -202,7 +202,7 @@ void main() {
 #ifdef GLOSSY
     vec4 normal_coded = texelFetch(normal_image, pixel, 0);
     vec3 own = normal_coded.xyz;
-    vec3 mirrored = reflect(-towards_eye, own);
+    vec3 mirrored = lobe_axis(normal_coded.w, own, -towards_eye);
     float k = fitted_exponent(normal_coded.w);
     bool is_glossy = texelFetch(specular_image, pixel, 0).rgb != vec3(0.0);
     // Of wide lobes caches know what is far; narrow ones need rays without end.

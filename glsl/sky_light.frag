@@ -107,15 +107,15 @@ void main() {
     vec3 radiance = albedo.rgb / PI * e;
     if (GLOSSY != 0u && specular.rgb != vec3(0.0)) {
         vec3 looking = view_direction(push.eye, position);
-        vec3 r = reflect(looking, n);
-        PhongLobe lobe = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), 1e9);
-        float share = phong_albedo(lobe.exponent, dot(n, r));
+        vec3 axis = lobe_axis(normal_coded.w, n, looking);
+        PhongLobe lobe = fitted_about(specular.rgb, normal_coded.w, -dot(n, looking), dot(n, axis), 1e9);
+        float share = phong_albedo(lobe.exponent, dot(n, axis));
 #ifdef NEAR
         share *= near.sky;
 #else
         share *= lobe_seen(dot(seen, vec3(0.2126, 0.7152, 0.0722)), max(-dot(looking, n), 0.0), lobe.exponent);
 #endif
-        radiance += lobe.albedo * share * sky_lobe(r, lobe.exponent);
+        radiance += lobe.albedo * share * sky_lobe(axis, lobe.exponent);
     }
     out_radiance = vec4(radiance, 0.0);
 }

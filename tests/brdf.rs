@@ -148,6 +148,22 @@ fn fits_are_the_twins() {
 }
 
 #[test]
+fn lobes_are_about_their_mean_direction() {
+    let inputs = grid([&[0.1, 0.3, 0.5, 0.7, 0.85, 1.0], &[0.3, 0.5, 0.7, 0.9]]);
+    let axis = "lobe_axis(coded_ggx(x[0], 1.0), vec3(0.0, 0.0, 1.0), -vec3(sqrt(1.0 - x[1] * x[1]), 0.0, x[1]))";
+    // Angle from the normal, against the view's side.
+    let angle = format!("vec4(atan(-{axis}.x, {axis}.z), 0.0, 0.0, 0.0)");
+    let mean = |x: &[f64; 2]| {
+        let ggx = lobe(1.0, 1.0, x[0], x[1]);
+        let mirrored = dvec3(-(1.0 - x[1] * x[1]).sqrt(), 0.0, x[1]);
+        let part = |of: fn(DVec3) -> f64| hemisphere(mirrored, x[0] * x[0], |way| ggx.brdf(way).x * way.z * of(way));
+        [f64::atan2(-part(|way| way.x), part(|way| way.z)), 0.0, 0.0, 0.0]
+    };
+    // Three degrees.
+    check4(BRDF, &angle, &inputs, |_| (0.0, 0.053), mean);
+}
+
+#[test]
 fn fitted_lobes_are_the_twins_and_phong_stays_as_it_is() {
     let mut inputs = random(18, 2000, [(0.045, 1.0), (0.0, 1.0), (-0.1, 1.0)]);
     inputs.push([0.045, 1.0, 1.0]);

@@ -235,6 +235,17 @@ fn surfaces_have_the_skys_light_of_paths() {
 }
 
 #[test]
+fn the_sky_needs_no_bounce() {
+    let gpu = gpu();
+    let (mut scene, caches) = divided(&on_a_floor(None), 0.4);
+    uneven().put_over(&mut scene, 16);
+    let [none, one] =
+        [0, 1].map(|bounces| shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..knobs([48, 27], Near::Off) }));
+    assert!(none.direct == one.direct, "direct light is the same");
+    assert!(none.diffuse.iter().all(|light| *light == DVec3::ZERO) && one.diffuse.iter().any(|light| light.y > 0.0));
+}
+
+#[test]
 fn nothing_of_another_sky_is_left() {
     let gpu = gpu();
     let (bare, caches) = divided(&on_a_floor(Some((0.6, 20.0))), 0.4);

@@ -127,16 +127,33 @@ float fitted_exponent(float coded) {
     return coded < 0.0 ? max(0.5 * (1.0 / (a * a) - 1.0), 0.25) : coded;
 }
 
-// The Phong lobe that stands for either where only such can be used: as wide as GGX, an exponent of `most` at most, and as bright
-// under even light at this cosine with the viewer.
-PhongLobe fitted_lobe(vec3 specular, float coded, float cosine, float most) {
+// The unit direction that a lobe is about: the mirrored view, which GGX leaves for the normal as it widens. Lagarde and de Rousiers
+// 2014, 4.9.3, and less so the flatter the view.
+vec3 lobe_axis(float coded, vec3 n, vec3 looking) {
+    vec3 mirrored = reflect(looking, n);
+    if (coded >= 0.0) {
+        return mirrored;
+    }
+    float a = coded_roughness(coded) * coded_roughness(coded);
+    float c = clamp(-dot(n, looking), 0.0, 1.0);
+    return normalize(mix(n, mirrored, (1.0 - a) * (sqrt(1.0 - a) + a) * (1.0 - min(a, 0.54) * (1.0 - c))));
+}
+
+// The Phong lobe that stands for either about an axis that has a cosine with the normal: as wide as GGX, an exponent of `most` at
+// most, and as bright under even light at the cosine with the viewer.
+PhongLobe fitted_about(vec3 specular, float coded, float cosine, float axis, float most) {
     if (coded >= 0.0) {
         return PhongLobe(specular, coded);
     }
     float c = clamp(cosine, LEAST_COSINE, 1.0);
     float k = min(fitted_exponent(coded), most);
     vec3 albedo = ggx_albedo(specular, coded_f90(coded), scattered_once(coded_roughness(coded), c));
-    return PhongLobe(albedo / phong_albedo(k, c), k);
+    return PhongLobe(albedo / phong_albedo(k, clamp(axis, LEAST_COSINE, 1.0)), k);
+}
+
+// The same about the mirrored view, where only that is to be had.
+PhongLobe fitted_lobe(vec3 specular, float coded, float cosine, float most) {
+    return fitted_about(specular, coded, cosine, cosine, most);
 }
 
 #endif

@@ -7,7 +7,7 @@ use super::vals::Vals;
 use super::world::{VERTEX, Which, World};
 use crate::error::{Error, Result};
 use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use};
-use crate::shared::ValPush;
+use crate::shared::{Val, ValPush};
 
 /// Draws an RSM per view of each light, one at a time, and turns its texels into VALs.
 pub struct Rsm {
@@ -49,13 +49,17 @@ impl Rsm {
         let count = u32::try_from(count + world.emitters.len() as u64).ok().filter(|count| *count <= 1 << 25);
         let count =
             count.ok_or_else(|| Error::TooLarge("more than 33 million VALs; ask for a smaller --rsm".into()))?;
+        // Where nothing reflects and no VAL is given there is a dark one: a sky may light caches all the same.
+        let dark = [Val { area: 1.0, ..Val::default() }];
+        let given = if count == 0 { &dark[..] } else { &world.emitters };
+        let count = count.max(1);
         let float = Format::R32G32B32A32_SFLOAT;
         Ok(Self {
             position: gpu.target("rsm.position", float, n, n)?,
             normal: gpu.target("rsm.normal", float, n, n)?,
             albedo: gpu.target("rsm.albedo", float, n, n)?,
             depth: gpu.target("rsm.depth", Format::D32_SFLOAT, n, n)?,
-            vals: Vals::with(gpu, count, &world.emitters, weight)?,
+            vals: Vals::with(gpu, count, given, weight)?,
             draw: gpu.raster(&Raster {
                 vertex: "mesh.vert",
                 fragment: Some("rsm.frag"),
