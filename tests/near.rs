@@ -5,9 +5,8 @@ use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
-use lightskin::frame::{Engine, Look, Near, Picture, Quality, Shadows, View, World};
-use lightskin::gpu::Gpu;
-use lightskin::lab::knobs::{Frame, Knobs};
+use lightskin::frame::{Engine, Look, Near, Picture, Quality, Shadows, World};
+use lightskin::lab::knobs::Knobs;
 use lightskin::lab::scenes::{Shadowed, measured};
 use lightskin::metrics::{Metrics, metrics};
 use lightskin::reference::depth_image::tangents;
@@ -20,25 +19,13 @@ use lightskin::shared::{
     Cache, DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, DIRECTIONS, NEAR_SIDE, NearLight, NearPixel, Val,
 };
 
-use crate::common::frames::{add, baked, phong, shoot, small};
+use crate::common::frames::{add, baked, drawn_of, phong, shoot, small};
 use crate::common::{assert_clean, gpu};
 
 const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
 
 fn near(size: [u32; 2]) -> Knobs {
     Knobs { size, near: RAYS, shadows: Shadows::PerLight, rsm: 96, shadow_map: 1024, ..small() }
-}
-
-/// A frame that has been drawn once, without complaints.
-fn drawn(gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> Frame {
-    let mut frame = Frame::new(gpu, scene, world, knobs).expect("made");
-    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-    let drawn = gpu.frame(|cmd| {
-        frame.record(cmd, world, &view);
-        Ok(())
-    });
-    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-    frame
 }
 
 #[test]
@@ -48,7 +35,7 @@ fn rays_find_what_f64_finds() {
     let caches = baked(&scene, 0.4, 8);
     let knobs = near([96, 64]);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    let frame = drawn(&gpu, &scene, &world, &knobs);
+    let frame = drawn_of(&gpu, &scene, &world, &knobs);
     let found = frame.picture.near.as_ref().expect("rays");
     let pixels: Vec<NearPixel> = gpu.read(&found.pixels).expect("read");
     let placed = Placed::new(&scene);
@@ -88,7 +75,7 @@ fn directions_of_light_are_those_of_f64() {
         [(Shadows::Off, 48, [3e-3, 0.01]), (Shadows::Off, 96, [0.15, 0.05]), (Shadows::PerLight, 48, [3e-3, 0.01])]
     {
         let knobs = Knobs { shadows, rsm, ..near([96, 64]) };
-        let frame = drawn(&gpu, &scene, &world, &knobs);
+        let frame = drawn_of(&gpu, &scene, &world, &knobs);
         let light = frame.light.caches().expect("caches");
         let live = light.gather.live().expect("a list");
         let list: Vec<u32> = gpu.read(&live.list).expect("read");
@@ -147,7 +134,7 @@ fn rays_that_are_turned_ask_for_their_own_direction() {
     scene.meshes.last_mut().expect("a body").vertices.iter_mut().for_each(|v| v.normal = -v.normal);
     let caches = baked(&scene, 0.4, 8);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    let frame = drawn(&gpu, &scene, &world, &Knobs { shadows: Shadows::Off, ..near([96, 64]) });
+    let frame = drawn_of(&gpu, &scene, &world, &Knobs { shadows: Shadows::Off, ..near([96, 64]) });
     let pixels: Vec<NearPixel> = gpu.read(&frame.picture.near.as_ref().expect("rays").pixels).expect("read");
     let on_body = pixels.iter().filter(|p| {
         let position = p.position;
@@ -166,7 +153,7 @@ fn neighbours_share_their_rays() {
     let caches = baked(&scene, 0.4, 8);
     let knobs = near([96, 64]);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    let frame = drawn(&gpu, &scene, &world, &knobs);
+    let frame = drawn_of(&gpu, &scene, &world, &knobs);
     let found = frame.picture.near.as_ref().expect("rays");
     let pixels: Vec<NearPixel> = gpu.read(&found.pixels).expect("read");
     let lights: Vec<NearLight> = gpu.read(&found.lights).expect("read");
@@ -311,7 +298,7 @@ fn rays_find_what_has_moved() {
     let caches = baked(&scene, 0.4, 8);
     let knobs = near([48, 32]);
     let picture = |world: &World| {
-        let frame = drawn(&gpu, &scene, world, &knobs);
+        let frame = drawn_of(&gpu, &scene, world, &knobs);
         gpu.read_image::<f32>(&frame.picture.indirect.as_ref().expect("indirect").diffuse).expect("read")
     };
     let mut world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");

@@ -5,9 +5,8 @@ use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
-use lightskin::frame::{Engine, Look, Near, Picture, Shadows, View, World};
-use lightskin::gpu::Gpu;
-use lightskin::lab::knobs::{Frame, Knobs};
+use lightskin::frame::{Engine, Look, Near, Picture, Shadows, World};
+use lightskin::lab::knobs::Knobs;
 use lightskin::metrics::metrics;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::sky::seen;
@@ -19,7 +18,7 @@ use lightskin::scene::{Scene, tessellate};
 use lightskin::shared::{Cache, DIRECTIONS, SKY_ITSELF, SKY_OF_CACHES, SkySeen};
 use std::f64::consts::PI;
 
-use crate::common::frames::{add, baked, camera, phong, shoot, small};
+use crate::common::frames::{add, baked, camera, drawn_of, phong, shoot, small};
 use crate::common::{assert_clean, gpu};
 
 const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
@@ -109,7 +108,7 @@ fn caches_see_of_the_sky_what_f64_rays_see() {
     let placed = Placed::new(&scene);
     for near in [RAYS, Near::Off] {
         let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-        let frame = drawn(&gpu, &scene, &world, &knobs([48, 27], near));
+        let frame = drawn_of(&gpu, &scene, &world, &knobs([48, 27], near));
         let light = frame.light.caches().expect("caches");
         let (of_caches, _) = light.sky.as_ref().expect("a sky");
         let found: Vec<SkySeen> = gpu.read(&of_caches.seen).expect("read");
@@ -140,18 +139,6 @@ fn caches_see_of_the_sky_what_f64_rays_see() {
         assert!(share / count < 2e-3 && irradiance / count < 1e-3 && differ / closed < 2e-3);
     }
     assert_clean(&gpu);
-}
-
-/// A frame that has been drawn once, without complaints.
-fn drawn(gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> Frame {
-    let mut frame = Frame::new(gpu, scene, world, knobs).expect("made");
-    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-    let drawn = gpu.frame(|cmd| {
-        frame.record(cmd, world, &view);
-        Ok(())
-    });
-    assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-    frame
 }
 
 #[test]

@@ -27,11 +27,17 @@ pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, setting
 /// Draws one frame from the scene's first camera, fails if the barrier check says anything, and keeps what it wrote.
 #[track_caller]
 pub(crate) fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> Frame {
-    let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
-    let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
-    let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
+    let world = World::new(gpu, scene, Some(caches)).expect("upload");
+    drawn_of(gpu, scene, &world, settings)
+}
+
+/// The same of a world that is there.
+#[track_caller]
+pub(crate) fn drawn_of(gpu: &Gpu, scene: &Scene, world: &World, settings: &Knobs) -> Frame {
+    let mut frame = Frame::new(gpu, scene, world, settings).expect("made");
+    let view = View::new(&scene.cameras[0], settings.size, world.origin, world.radius);
     let drawn = gpu.frame(|cmd| {
-        frame.record(cmd, &buffers, &view);
+        frame.record(cmd, world, &view);
         Ok(())
     });
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
