@@ -141,7 +141,6 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
 // What of a direction's radiance a lobe takes, over how often such directions are chosen: by the cosine, and by the lobe.
 // Veach and Guibas 1995, balance heuristic.
 float lobe_share(vec3 direction, vec3 n, vec3 own, vec3 mirrored, float k) {
-    const uint ALL = NEAR_SIDE * NEAR_SIDE;
     float power = cosine_power(max(dot(direction, mirrored), 0.0), k);
     float by_cosine = float(RAYS) * max(dot(direction, n), 0.0) / PI;
     float by_lobe = (k + 1.0) / (2.0 * PI) * power;

@@ -293,7 +293,7 @@ fn the_backdrop_is_the_grounds_below_the_horizon() {
         // Near the edge little of the sky is hidden.
         let is_ground = hit.is_some_and(|hit| hit.instance == 1) && at.is_some_and(|at| at.z > 2.5);
         let is_beyond = hit.is_none() && !shot.covered[pixel] && direction.y < -0.06;
-        on_ground += usize::from(is_ground && (shown.x / expected - 1.0).abs() < 0.05);
+        on_ground += usize::from(is_ground && (shown.x / expected - 1.0).abs() < 0.03);
         if is_beyond {
             beyond += 1;
             assert!((shown.x / expected - 1.0).abs() < 1e-4, "{} instead of {expected} cd/m^2", shown.x);

@@ -1,32 +1,15 @@
-// The sky as surfaces receive it. METHOD 12. Binding SKY_BINDING and the next are its own. Twins: src/scene/sky.rs,
+// The sky as surfaces receive it. METHOD 12. Binding SKY_BINDING and the next are its own. Twin:
 // src/scene/sky_filter.rs.
 #ifndef SKY_GLSL
 #define SKY_GLSL
 
-layout(binding = SKY_BINDING, scalar) readonly buffer SkyLevels { SkyLevel sky_levels[]; };
-layout(binding = SKY_BINDING + 1, scalar) readonly buffer SkyTexels { vec3 sky_texels[]; };
+#include "lib/sky_grid.glsl"
 
-// Texel of a grid; it goes round, and on beyond a pole on the other side.
-vec3 sky_texel(SkyLevel level, int column, int row) {
-    int width = int(level.width);
-    int on = clamp(row, 0, int(level.height) - 1);
-    column += on == row ? width : width + width / 2;
-    return sky_texels[level.first + uint(on * width + column % width)];
-}
+layout(binding = SKY_BINDING + 1, scalar) readonly buffer SkyLevels { SkyLevel sky_levels[]; };
 
-// Value of a grid in a unit direction, between the middles of texels.
+// Value of a grid in a unit direction.
 vec3 sky_at(uint index, vec3 d) {
-    const float TAU = 6.28318530717959;
-    SkyLevel level = sky_levels[index];
-    // Straight up and down every longitude is right.
-    float longitude = (d.xz == vec2(0.0) ? 0.0 : atan(d.x, -d.z)) + level.turn;
-    float latitude = acos(clamp(d.y, -1.0, 1.0));
-    vec2 at = vec2(fract(longitude / TAU + 0.5) * float(level.width), latitude * 2.0 / TAU * float(level.height)) - 0.5;
-    vec2 f = fract(at);
-    ivec2 corner = ivec2(floor(at));
-    vec3 above = mix(sky_texel(level, corner.x, corner.y), sky_texel(level, corner.x + 1, corner.y), f.x);
-    vec3 below = mix(sky_texel(level, corner.x, corner.y + 1), sky_texel(level, corner.x + 1, corner.y + 1), f.x);
-    return mix(above, below, f.y);
+    return sky_value(sky_levels[index], d);
 }
 
 // Mean radiance [cd/m^2] about a unit direction by cos^k.

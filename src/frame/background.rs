@@ -1,10 +1,10 @@
-//! Stage 2, where no surface is: the sky's radiance. Its light is that of directional lights (`scene::sky`).
+//! Stage 2, where no surface is: the sky's radiance. Its light on surfaces is `sky_light`'s.
 
 use super::gbuffer::Surface;
 use super::view::View;
 use super::world::SkyBuffer;
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use};
+use crate::gpu::{Attach, Attachments, Cmd, Gpu, Pipeline, Use};
 use crate::shared::SkyPush;
 
 /// Fills the background.
@@ -18,17 +18,7 @@ impl Background {
     /// # Errors
     /// A driver that refuses the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        let pipeline = gpu.raster(&Raster {
-            vertex: "screen.vert",
-            fragment: Some("sky.frag"),
-            shape: Shape::Triangles,
-            streams: &[],
-            colors: &[Format::R32G32B32A32_SFLOAT],
-            blend: Blend::Add,
-            depth: Depth::None,
-            cull: Cull::None,
-            constants: &[],
-        })?;
+        let pipeline = Surface::adding(gpu, "sky.frag", &[])?;
         Ok(Self { pipeline })
     }
 

@@ -43,19 +43,7 @@ impl Direct {
         };
         let used = |light: &&LightInfo| !(plan.sky_light && light.of_sky);
         let has = |area| world.lights().iter().filter(used).any(|light| light.is_area == area);
-        let shade = |fragment| {
-            gpu.raster(&Raster {
-                vertex: "screen.vert",
-                fragment: Some(fragment),
-                shape: Shape::Triangles,
-                streams: &[],
-                colors: &[Format::R32G32B32A32_SFLOAT],
-                blend: Blend::Add,
-                depth: Depth::None,
-                cull: Cull::None,
-                constants: &[],
-            })
-        };
+        let shade = |fragment| Surface::adding(gpu, fragment, &[]);
         Ok(Self {
             shadow: gpu.target("direct.shadow", Format::D32_SFLOAT, side, side)?,
             opaque: gpu.raster(&depth_only)?,

@@ -45,6 +45,24 @@ impl Surface {
         })
     }
 
+    /// A pass over all pixels that adds to their radiance.
+    ///
+    /// # Errors
+    /// A driver that refuses the shaders.
+    pub(super) fn adding(gpu: &Gpu, fragment: &'static str, constants: &[u32]) -> Result<Pipeline> {
+        gpu.raster(&Raster {
+            vertex: "screen.vert",
+            fragment: Some(fragment),
+            shape: Shape::Triangles,
+            streams: &[],
+            colors: &[FLOAT],
+            blend: Blend::Add,
+            depth: Depth::None,
+            cull: Cull::None,
+            constants,
+        })
+    }
+
     /// All of the picture: corner and size \[pixels\].
     pub fn area(&self) -> [u32; 4] {
         [0, 0, self.size[0], self.size[1]]

@@ -1,15 +1,14 @@
 //! Stage 8, last: the light of the sky on what pixels show, by the shares of it that caches see. METHOD 12.
 
 use super::atlas::Atlas;
+use super::gbuffer::Surface;
 use super::interpolate::Shaded;
 use super::plan::Plan;
 use super::settings::Near;
 use super::view::View;
 use super::world::{SkyLight, World};
 use crate::error::Result;
-use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape, Use,
-};
+use crate::gpu::{Attach, Attachments, Bind, Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{InterpolatePush, NearPush};
 
 /// Adds the light of the sky to direct light.
@@ -31,22 +30,14 @@ impl SkyShading {
         let by_cells = world.references_of_pixels().is_some();
         let (_, every) = plan.near.rays();
         let constants = [u32::from(plan.glossy), world.references_each as u32, every];
-        let shade = gpu.raster(&Raster {
-            vertex: "screen.vert",
-            fragment: Some(match (by_cells, plan.near) {
-                (false, Near::Off) => "sky_light.frag",
-                (true, Near::Off) => "sky_light_cells.frag",
-                (false, _) => "sky_light_near.frag",
-                (true, _) => "sky_light_near_cells.frag",
-            }),
-            shape: Shape::Triangles,
-            streams: &[],
-            colors: &[Format::R32G32B32A32_SFLOAT],
-            blend: Blend::Add,
-            depth: Depth::None,
-            cull: Cull::None,
-            constants: &constants[..if plan.near == Near::Off { 2 } else { 3 }],
-        })?;
+        let fragment = match (by_cells, plan.near) {
+            (false, Near::Off) => "sky_light.frag",
+            (true, Near::Off) => "sky_light_cells.frag",
+            (false, _) => "sky_light_near.frag",
+            (true, _) => "sky_light_near_cells.frag",
+        };
+        let constants = &constants[..if plan.near == Near::Off { 2 } else { 3 }];
+        let shade = Surface::adding(gpu, fragment, constants)?;
         Ok(Some(Self { shade, by_cells }))
     }
 
@@ -73,7 +64,7 @@ impl SkyShading {
             }
             resources.extend([&surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
             resources.extend(near.map(|found| Bind::from(&found.lights)));
-            resources.extend([&sky.levels, &sky.texels].map(Bind::from));
+            resources.extend([&sky.texels, &sky.levels].map(Bind::from));
             let radiance =
                 Attachments { colors: &[Attach::keep(&surface.radiance)], depth: None, area: surface.area() };
             let reach = world.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);

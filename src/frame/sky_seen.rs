@@ -48,7 +48,7 @@ impl SkyOfCaches {
     pub(super) fn record(&self, cmd: &Cmd<'_>, (world, sky): (&World, &SkyLight), atlas: &Atlas) {
         let Some(rays) = world.rays() else { return };
         let mut resources = rays.binds(world).to_vec();
-        resources.extend([&atlas.caches, &sky.levels, &sky.texels, &self.seen, &self.open].map(Bind::from));
+        resources.extend([&atlas.caches, &sky.texels, &sky.levels, &self.seen, &self.open].map(Bind::from));
         cmd.bind(&self.pipeline, &resources);
         let (cache_count, least) = (atlas.count, sky.least);
         cmd.push(&SkySeenPush { cache_count, root: rays.root, reach: self.reach, least });

@@ -55,6 +55,11 @@ pub enum Lobe {
     },
 }
 
+/// Share of even light that a GGX lobe reflects, which scatters so much of it once.
+fn albedo(f0: Vec3, f90: f32, once: [f64; 2]) -> Vec3 {
+    DVec3::from(f0.to_array().map(|f0| ggx::albedo(f0.into(), f90.into(), once))).as_vec3()
+}
+
 impl Reflectance {
     /// Diffuse albedo `rho_d` for a viewer at this cosine.
     pub fn diffuse(&self, cosine: f64) -> Vec3 {
@@ -62,9 +67,7 @@ impl Reflectance {
             Lobe::Phong { .. } => self.base,
             Lobe::Ggx { f0, f90, roughness, metallic, dielectric, dielectric_f90 } => {
                 let once = ggx::scattered_once(roughness.into(), cosine);
-                let albedo = |f0: Vec3, f90: f32| {
-                    DVec3::from(f0.to_array().map(|f0| ggx::albedo(f0.into(), f90.into(), once))).as_vec3()
-                };
+                let albedo = |f0: Vec3, f90: f32| albedo(f0, f90, once);
                 let whole = albedo(dielectric, dielectric_f90);
                 let under = (1.0 - whole.max_element()).clamp(0.0, 1.0);
                 // What facets of both parts pass on to each other is more than by their mean F0; it is diffuse.
@@ -83,7 +86,7 @@ impl Reflectance {
             }
             Lobe::Ggx { f0, f90, roughness, .. } => {
                 let once = ggx::scattered_once(roughness.into(), ggx::MEAN_COSINE);
-                DVec3::from(f0.to_array().map(|f0| ggx::albedo(f0.into(), f90.into(), once))).as_vec3()
+                albedo(f0, f90, once)
             }
         };
         diffuse.max((diffuse + glossy).min(Vec3::ONE))

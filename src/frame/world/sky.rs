@@ -5,7 +5,7 @@ use crate::gpu::{Buffer, Gpu};
 use crate::scene::sky::Sky;
 use crate::scene::sky_filter;
 use crate::shared::{DIRECTION_SIDE, DIRECTIONS, SkyLevel};
-use glam::{DVec2, DVec3, Vec2, Vec3};
+use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::PI;
 
 /// A sky that is seen.
@@ -66,39 +66,22 @@ impl SkyLight {
     }
 }
 
-/// The mean radiance of each direction, of the texels that lie there.
+/// The mean radiance of each direction: of so many points along both sides of its square of the octahedron
+/// (glsl/lib/directions.glsl), of a sky of texels as wide as they are apart.
 fn by_directions(sky: &Sky) -> Vec<Vec3> {
-    let grid = sky_filter::halved(sky, 256);
-    let mut sums = vec![(DVec3::ZERO, 0.0); DIRECTIONS as usize];
-    for (i, texel) in grid.texels.iter().enumerate() {
-        let (column, row) = (i % grid.width as usize, i / grid.width as usize);
-        let (sum, whole) = &mut sums[direction_index(grid.direction(column, row).as_vec3())];
-        *sum += grid.solid_angle(row) * texel.as_dvec3();
-        *whole += grid.solid_angle(row);
-    }
+    const POINTS: usize = 4;
+    let (grid, side) = (sky_filter::halved(sky, 128), DIRECTION_SIDE as usize);
     let least = 1e-4 * sky.illuminance() / (4.0 * PI);
-    let mean = |(index, (sum, whole)): (usize, &(DVec3, f64))| {
-        // A grid of few texels has none in some directions.
-        let mean = if *whole > 0.0 { *sum / *whole } else { sky.radiance(direction(index)) };
-        (mean + least).as_vec3()
+    let mean = |index: usize| {
+        let part = |part: usize| {
+            let within = (DVec2::new((part % POINTS) as f64, (part / POINTS) as f64) + 0.5) / POINTS as f64;
+            let at = (DVec2::new((index % side) as f64, (index / side) as f64) + within) * 2.0 / side as f64 - 1.0;
+            let on = at.extend(1.0 - at.x.abs() - at.y.abs());
+            let below = (-on.z).max(0.0);
+            grid.radiance((on - DVec3::new(below.copysign(on.x), below.copysign(on.y), 0.0)).normalize())
+        };
+        let all = (0..POINTS * POINTS).map(part).sum::<DVec3>();
+        (all / (POINTS * POINTS) as f64 + least).as_vec3()
     };
-    sums.iter().enumerate().map(mean).collect()
-}
-
-/// Which direction a unit vector is; twin of glsl/lib/directions.glsl.
-fn direction_index(way: Vec3) -> usize {
-    let on = way / way.abs().element_sum();
-    let folded = (1.0 - Vec2::new(on.y, on.x).abs()) * Vec2::new(1f32.copysign(on.x), 1f32.copysign(on.y));
-    let at = if on.z < 0.0 { folded } else { on.truncate() };
-    let texel = ((at * 0.5 + 0.5) * DIRECTION_SIDE as f32).clamp(Vec2::ZERO, Vec2::splat(DIRECTION_SIDE as f32 - 0.5));
-    (texel.y as u32 * DIRECTION_SIDE + texel.x as u32) as usize
-}
-
-/// The middle of a direction.
-fn direction(index: usize) -> DVec3 {
-    let side = DIRECTION_SIDE as usize;
-    let at = (DVec2::new((index % side) as f64, (index / side) as f64) + 0.5) * 2.0 / side as f64 - 1.0;
-    let on = at.extend(1.0 - at.x.abs() - at.y.abs());
-    let below = (-on.z).max(0.0);
-    (on - DVec3::new(below.copysign(on.x), below.copysign(on.y), 0.0)).normalize()
+    (0..DIRECTIONS as usize).map(mean).collect()
 }
