@@ -1,7 +1,7 @@
 //! Scenes whose sizes differ very much cost no more than others: triangles, caches and memory are bounded over the whole
 //! scene, its instances counted.
 
-use crate::cli::{folder, text, works};
+use crate::cli::{folder, keeping, text, works};
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
 use lightskin::scene::tessellate::{divide, divide_if_few, expected_spacing};
@@ -118,11 +118,9 @@ fn small_parts_far_apart_are_a_scene() {
 fn bounded(name: &str, scene: &Scene, kib: u32, args: &[&str]) -> String {
     let at = folder(name);
     write_glb(scene, &at.join("scene.glb")).expect("writes");
-    let out = Command::new("sh")
-        .args(["-c", &format!("ulimit -v {kib}; exec \"$0\" \"$@\""), env!("CARGO_BIN_EXE_lightskin")])
-        .args(args)
-        .current_dir(&at)
-        .env("XDG_CACHE_HOME", at.join("cache"))
+    let mut shell = Command::new("sh");
+    let limit = format!("ulimit -v {kib}; exec \"$0\" \"$@\"");
+    let out = keeping(shell.args(["-c", &limit, env!("CARGO_BIN_EXE_lightskin")]).args(args), &at)
         .env("RAYON_NUM_THREADS", "1")
         .output()
         .expect("the tool runs");

@@ -12,14 +12,21 @@ pub(crate) fn folder(name: &str) -> PathBuf {
     path
 }
 
+/// A command in a folder, where it keeps what it keeps. What the driver keeps of shaders stays in the user's own folder:
+/// a software device takes ten seconds to compile all.
+pub(crate) fn keeping<'a>(command: &'a mut Command, folder: &Path) -> &'a mut Command {
+    let set = |name: &str| std::env::var_os(name).map(PathBuf::from);
+    let own = set("XDG_CACHE_HOME").or_else(|| Some(set("HOME")?.join(".cache")));
+    command.current_dir(folder).env("XDG_CACHE_HOME", folder.join("cache"));
+    if let Some(own) = own {
+        command.env("MESA_SHADER_CACHE_DIR", own);
+    }
+    command
+}
+
 /// Runs the tool in a folder, its kept bakes in there too.
 fn lightskin(folder: &Path, args: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_lightskin"))
-        .args(args)
-        .current_dir(folder)
-        .env("XDG_CACHE_HOME", folder.join("cache"))
-        .output()
-        .expect("the tool runs")
+    keeping(Command::new(env!("CARGO_BIN_EXE_lightskin")).args(args), folder).output().expect("the tool runs")
 }
 
 pub(crate) fn text(bytes: &[u8]) -> String {
@@ -337,11 +344,8 @@ fn a_path_trace_that_is_interrupted_goes_on() {
     let folder = folder("cli path trace");
     let cornell = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cornell_diffuse.glb");
     let args = ["render", cornell, "--gi", "path-trace", "--size", "48x48", "-o", "traced.exr", "--spp"];
-    let started = Command::new(env!("CARGO_BIN_EXE_lightskin"))
-        .args(args)
-        .arg("1000000")
-        .current_dir(&folder)
-        .env("XDG_CACHE_HOME", folder.join("cache"))
+    let mut tool = Command::new(env!("CARGO_BIN_EXE_lightskin"));
+    let started = keeping(tool.args(args).arg("1000000"), &folder)
         .stderr(std::process::Stdio::piped())
         .spawn()
         .expect("the tool runs");

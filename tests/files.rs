@@ -1,6 +1,6 @@
 //! Files and streams that end early: full disks, closed pipes, signals, named pipes, and headers that promise too much.
 
-use crate::cli::{fails, folder, left, text, works};
+use crate::cli::{fails, folder, keeping, left, text, works};
 use crate::common::{Builder, PNG, glb};
 use lightskin::image::{Layer, write_exr, write_png};
 use serde_json::json;
@@ -23,8 +23,8 @@ fn tool(folder: &Path, args: &[&str]) -> Command {
 /// The tool behind a few words of shell.
 fn shell(folder: &Path, before: &str, args: &[&str]) -> Command {
     let mut command = Command::new("sh");
-    command.args(["-c", &format!("{before}\nexec \"$0\" \"$@\""), TOOL]).args(args).current_dir(folder);
-    command.env("XDG_CACHE_HOME", folder.join("cache")).env_remove("RUST_BACKTRACE");
+    command.args(["-c", &format!("{before}\nexec \"$0\" \"$@\""), TOOL]).args(args);
+    keeping(&mut command, folder).env_remove("RUST_BACKTRACE");
     command
 }
 
