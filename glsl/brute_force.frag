@@ -26,7 +26,7 @@ void main() {
 #ifndef DIFFUSE_ONLY
     out_glossy = vec4(0.0);
 #endif
-    if (depth == 0.0) {
+    if (depth <= 0.0) {
         return;
     }
     vec2 size = vec2(textureSize(depth_image, 0));

@@ -4,7 +4,9 @@
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
+#include "lib/samples.glsl"
 
+layout(constant_id = 0) const uint SAMPLES = 0; // points of a pixel beside its middle that edges of shadows are smoothed by
 layout(push_constant, scalar) uniform Push { ScreenPush push; };
 layout(binding = 0, scalar) readonly buffer Lights { Light lights[]; };
 layout(binding = 1, scalar) readonly buffer Views { LightView views[]; };
@@ -49,16 +51,36 @@ float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     return mix(mix(seen.x, seen.y, f.x), mix(seen.z, seen.w, f.x), f.y);
 }
 
+vec3 place(vec2 ndc, float depth) {
+    vec4 world = push.world_from_clip * vec4(ndc, depth, 1.0);
+    return world.xyz / world.w;
+}
+
+// The same for all of a pixel: the mean over points of the surface's plane.
+float visibility_of_pixel(Light light, vec2 middle, vec2 pixel, float depth, vec3 position, vec3 n, vec3 towards) {
+    float sum = visibility(light, position, n, towards);
+    // Planes stay planes in clip space.
+    vec4 plane = vec4(n, -dot(n, position)) * push.world_from_clip;
+    vec2 slope = -plane.xy / plane.z;
+    for (uint i = 1u; i <= SAMPLES; ++i) {
+        vec2 offset = sample_offset(i, SAMPLES) * pixel;
+        float there = depth + dot(slope, offset);
+        // One seen from nearly edge on goes anywhere.
+        sum += visibility(light, there > 0.5 * depth && there < 2.0 * depth ? place(middle + offset, there) : position, n, towards);
+    }
+    return sum / float(SAMPLES + 1u);
+}
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     float depth = texelFetch(depth_image, pixel, 0).r;
     out_radiance = vec4(0.0);
-    if (depth == 0.0) {
+    if (depth <= 0.0) {
         return;
     }
     vec2 size = vec2(textureSize(depth_image, 0));
-    vec4 world = push.world_from_clip * vec4(gl_FragCoord.xy / size * 2.0 - 1.0, depth, 1.0);
-    vec3 position = world.xyz / world.w;
+    vec2 middle = gl_FragCoord.xy / size * 2.0 - 1.0;
+    vec3 position = place(middle, depth);
     vec4 normal_coded = texelFetch(normal_image, pixel, 0);
     vec4 albedo = texelFetch(albedo_image, pixel, 0);
     vec4 specular = texelFetch(specular_image, pixel, 0);
@@ -83,5 +105,6 @@ void main() {
     }
     vec3 looking = view_direction(push.eye, position);
     vec3 brdf = albedo.rgb / PI + glossy_lobe(specular.rgb, normal_coded.w, n, looking, towards);
-    out_radiance = vec4(brdf * irradiance * (cosine * visibility(light, position, geometric, towards)), 0.0);
+    float seen = visibility_of_pixel(light, middle, 2.0 / size, depth, position, geometric, towards);
+    out_radiance = vec4(brdf * irradiance * (cosine * seen), 0.0);
 }

@@ -128,7 +128,7 @@ void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     float depth = texelFetch(depth_image, pixel, 0).r;
     out_radiance = vec4(0.0);
-    if (depth == 0.0) {
+    if (depth <= 0.0) {
         return;
     }
     vec2 size = vec2(textureSize(depth_image, 0));

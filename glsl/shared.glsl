@@ -50,6 +50,9 @@ const uint DEPTH_IMAGE_ROW = 65535u;
 // No model has caches here.
 const uint NO_REFERENCES = 0xffffffffu;
 
+// Depth where a pixel has no second surface.
+const float NO_SURFACE = -1.0;
+
 // Marks an unused entry of a list of references.
 const uint NO_CACHE = 65535u;
 
@@ -421,6 +424,13 @@ struct SkyPush {
     uint width; // of its grid
     uint height;
     float turn; // about +Y [rad]
+};
+
+// Push constants of the pass that takes in one more sample of every pixel.
+struct EdgesPush {
+    mat4 world_from_clip;
+    vec2 offset; // of the sample from the pixel's middle [pixels]
+    uint begins; // 1 for the first sample
 };
 
 // Push constants of the pass that makes VALs of RSM texels.

@@ -90,6 +90,7 @@ fn default_scene_becomes_a_png_with_times_and_counts() {
             names,
             [
                 "gbuffer",
+                "edges",
                 "direct",
                 "atlas",
                 "rsm",
@@ -98,6 +99,7 @@ fn default_scene_becomes_a_png_with_times_and_counts() {
                 "gather",
                 "near rays",
                 "interpolate",
+                "mix edges",
                 "composite"
             ]
         );

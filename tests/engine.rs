@@ -4,7 +4,7 @@
 use glam::{DAffine3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, Density};
 use lightskin::frame::engine::Loaded;
-use lightskin::frame::{Engine, Exposure, Look, Near, Picture, Quality, Settings, Shadows, Tonemap};
+use lightskin::frame::{Antialiasing, Engine, Exposure, Look, Near, Picture, Quality, Settings, Shadows, Tonemap};
 use lightskin::gpu::{Counters, Gpu};
 use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::scene::build::{quad, sphere};
@@ -127,6 +127,8 @@ fn kinds() -> Vec<Settings> {
         Knobs { gi: Gi::Off, shadow_map: 128, ..base },
         Knobs { cull: false, ..base },
         Knobs { shadows: Shadows::PerLight, near: Near::Rays { per_pixel: 4, every: 2 }, ..base },
+        Knobs { antialiasing: Antialiasing::Four, near: Near::Rays { per_pixel: 4, every: 2 }, ..base },
+        Knobs { gi: Gi::Off, antialiasing: Antialiasing::Eight, ..base },
     ];
     knobs.iter().map(Knobs::settings).collect()
 }

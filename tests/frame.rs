@@ -3,7 +3,9 @@
 use crate::common::frame_of;
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use lightskin::bake::{self, CacheSet, Density};
-use lightskin::frame::{ClusterRule, DrawSource, Exposure, Interpolation, ProxyWeight, Shadows, View, World};
+use lightskin::frame::{
+    Antialiasing, ClusterRule, DrawSource, Exposure, Interpolation, ProxyWeight, Shadows, View, World,
+};
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::image::broken_values;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
@@ -62,14 +64,17 @@ fn every_plan_is_clean() {
     for surface in [CornellSurface::Diffuse, CornellSurface::Glossy] {
         for lights in &kinds {
             for gi in [Gi::LightSkin, Gi::BruteForce, Gi::Off] {
-                for (exposure, references) in [(Exposure::Automatic, 8), (Exposure::Ev(3.0), 16)] {
+                for (exposure, references, antialiasing) in
+                    [(Exposure::Automatic, 8, Antialiasing::Off), (Exposure::Ev(3.0), 16, Antialiasing::Four)]
+                {
                     let mut scene = cornell(surface, 0.5);
                     scene.lights = lights.iter().map(|k| light(*k)).collect();
                     if references == 16 {
                         // A holed material takes the other shadow pipeline.
                         scene.materials[0].alpha_cutoff = Some(0.5);
                     }
-                    let settings = Knobs { gi, rsm: 16, shadow_map: 48, exposure, ..Knobs::plain([16, 16]) };
+                    let settings =
+                        Knobs { gi, rsm: 16, shadow_map: 48, exposure, antialiasing, ..Knobs::plain([16, 16]) };
                     let caches = (gi == Gi::LightSkin).then(|| caches(&scene, references));
                     let values = render(&gpu, &scene, caches.as_ref(), &settings);
                     assert_eq!(broken_values(&values), 0, "{settings:?}");
@@ -106,7 +111,8 @@ fn shadows_bounces_levels_and_ways_go_together() {
                     continue;
                 }
                 for caches in [&by_vertices, &by_texels] {
-                    let values = render(&gpu, &scene, Some(caches), &settings);
+                    let antialiasing = [Antialiasing::Off, Antialiasing::Four, Antialiasing::Eight][count % 3];
+                    let values = render(&gpu, &scene, Some(caches), &Knobs { antialiasing, ..settings });
                     assert_eq!(broken_values(&values), 0, "{settings:?}");
                     assert!(values.iter().any(|v| *v > 0.0), "{settings:?}");
                     count += 1;
@@ -164,7 +170,8 @@ fn slivers_and_opposed_normals_leave_no_bad_value() {
 
 #[test]
 fn two_renders_are_bit_identical() {
-    let settings = Knobs { rsm: 32, shadow_map: 128, ..Knobs::plain([48, 32]) };
+    let antialiasing = Antialiasing::Eight;
+    let settings = Knobs { rsm: 32, shadow_map: 128, antialiasing, ..Knobs::plain([48, 32]) };
     let scene = cornell(CornellSurface::Glossy, 0.2);
     let caches = caches(&scene, 8);
     let [one, other] = [(); 2].map(|()| render(&open(), &scene, Some(&caches), &settings));

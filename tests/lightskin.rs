@@ -15,6 +15,7 @@ mod cluster;
 mod common;
 mod compare;
 mod cull;
+mod edges;
 mod emissive;
 mod energy;
 mod engine;

@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet};
-use lightskin::frame::{ClusterRule, Near, Picture, Shadows, View, World};
+use lightskin::frame::{Antialiasing, ClusterRule, Near, Picture, Shadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::lab::worlds::{SPOT, add, camera, corner, phong};
@@ -299,6 +299,7 @@ fn edits_leave_nothing_stale_in_any_kind_of_frame() {
     walk(Knobs { bounces: 3, ..with(Shadows::Off) }, false, 30, 4);
     walk(Knobs { gi: Gi::BruteForce, ..with(Shadows::Off) }, false, 30, 5);
     walk(Knobs { gi: Gi::Off, ..with(Shadows::Off) }, false, 30, 6);
+    walk(Knobs { antialiasing: Antialiasing::Four, ..with(Shadows::PerLight) }, false, 30, 9);
     walk(Knobs { path: Path::Clusters(ClusterRule::Distance(6.0)), ..with(Shadows::Off) }, false, 30, 8);
     walk(with(Shadows::PerLight), true, 30, 9);
 }

@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
-use lightskin::frame::{Engine, Look, Near, Picture, Quality, Shadows, World};
+use lightskin::frame::{Antialiasing, Engine, Look, Near, Picture, Quality, Shadows, World};
 use lightskin::lab::knobs::Knobs;
 use lightskin::lab::scenes::{Shadowed, measured};
 use lightskin::metrics::{Metrics, metrics};
@@ -278,8 +278,10 @@ fn every_way_is_clean() {
         let cells = vertices.clone().with_cells(&scene).expect("cells");
         for (caches, bounces) in [(&vertices, 1), (&vertices, 3), (&cells, 1), (&cells, 3)] {
             for shadows in [Shadows::Off, Shadows::Proxy, Shadows::PerLight] {
-                for near_is in [RAYS, Quality::Reference.near()] {
-                    let knobs = Knobs { bounces, shadows, near: near_is, ..near([20, 14]) };
+                for (near_is, antialiasing) in
+                    [(RAYS, Antialiasing::Four), (Quality::Reference.near(), Antialiasing::Off)]
+                {
+                    let knobs = Knobs { bounces, shadows, near: near_is, antialiasing, ..near([20, 14]) };
                     let shot = shoot(&gpu, &scene, Some(caches), &knobs);
                     assert_eq!(shot.complaints, [""; 0], "{knobs:?}");
                     assert!(shot.diffuse.iter().any(|d| *d != DVec3::ZERO), "{knobs:?}");

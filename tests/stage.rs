@@ -328,7 +328,9 @@ fn backgrounds_are_what_the_flags_say() {
         let with = |name: &str, background: &str| png(name, &[&gi[..], &["--background", background]].concat());
         let clear = with("clear.png", "transparent");
         let alphas: HashSet<u8> = clear.pixels().map(|p| p.0[3]).collect();
-        assert_eq!(alphas, HashSet::from([0, 255]));
+        assert!(alphas.len() > 4, "{alphas:?}: outlines are smooth");
+        let sharp = png("sharp.png", &[&gi[..], &["--background", "transparent", "--aa", "off"]].concat());
+        assert_eq!(sharp.pixels().map(|p| p.0[3]).collect::<HashSet<u8>>(), HashSet::from([0, 255]));
         assert_eq!((clear.get_pixel(0, 0).0[3], clear.get_pixel(24, 13).0[3]), (0, 255));
         assert_eq!(with("colour.png", "1,0.4,0").get_pixel(0, 0).0, [255, 102, 0, 255]);
         let (studio, plain) = (with("studio.png", "studio"), png("plain.png", &gi));

@@ -15,35 +15,52 @@ struct Near {
     float sky; // share of the sky's light that arrives at a lobe
 };
 
+// What is summed over pixels with rays.
+struct NearSum {
+    Near near;
+    float weights;
+};
+
+// Adds what a pixel's rays found, as far as its surface is alike.
+void take_near(inout NearSum sum, ivec2 at, float share, vec3 position, vec3 geometric) {
+    NearLight p = near_lights[uint(at.y) * push.width + uint(at.x)];
+    if (p.is_surface == 0u) {
+        return;
+    }
+    float weight = share * near_alike(position - p.position, geometric, p.normal);
+    sum.weights += weight;
+    sum.near.irradiance += weight * p.irradiance;
+    sum.near.open += weight * p.open;
+    sum.near.glossy += weight * p.glossy;
+    sum.near.sky += weight * p.sky;
+}
+
 // At a pixel, by the place of its surface and the unit normal of its triangle. Pixels on other surfaces count for next to
 // nothing.
 Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
-    Near sum = Near(vec3(0.0), vec3(0.0), vec3(0.0), 0.0);
-    float weights = 0.0;
+    NearSum sum = NearSum(Near(vec3(0.0), vec3(0.0), vec3(0.0), 0.0), 0.0);
+    ivec2 last = ivec2(push.width, push.height) - 1;
     ivec2 first = pixel / int(EVERY);
     vec2 part = vec2(pixel % int(EVERY)) / float(EVERY);
     for (int j = 0; j < 4; ++j) {
         ivec2 offset = ivec2(j & 1, j >> 1);
         vec2 share = mix(1.0 - part, part, equal(offset, ivec2(1)));
-        ivec2 other = min(first + offset, ivec2(push.width, push.height) - 1);
-        if (share.x * share.y == 0.0) {
-            continue;
+        if (share.x * share.y > 0.0) {
+            take_near(sum, min(first + offset, last), share.x * share.y, position, geometric);
         }
-        NearLight p = near_lights[uint(other.y) * push.width + uint(other.x)];
-        if (p.is_surface == 0u) {
-            continue;
-        }
-        float weight = share.x * share.y * near_alike(position - p.position, geometric, p.normal);
-        weights += weight;
-        sum.irradiance += weight * p.irradiance;
-        sum.open += weight * p.open;
-        sum.glossy += weight * p.glossy;
-        sum.sky += weight * p.sky;
     }
-    if (weights == 0.0) {
+    if (sum.weights < 0.01) {
+        // None of the nearest is alike: the surface is a sliver here, and may be wider a little farther away.
+        for (int j = 0; j < 16; ++j) {
+            ivec2 offset = ivec2(j & 3, j >> 2) - 1;
+            take_near(sum, clamp(first + offset, ivec2(0), last), 0.01, position, geometric);
+        }
+    }
+    if (sum.weights == 0.0) {
         return Near(vec3(0.0), vec3(1.0), vec3(0.0), 1.0);
     }
-    return Near(sum.irradiance / weights, sum.open / weights, sum.glossy / weights, sum.sky / weights);
+    Near near = sum.near;
+    return Near(near.irradiance / sum.weights, near.open / sum.weights, near.glossy / sum.weights, near.sky / sum.weights);
 }
 
 #endif

@@ -1,6 +1,6 @@
 //! `lightskin info`: what a scene holds, which stages its frame has, the memory of each, and what levels of quality cost.
 
-use super::render::ShadowsArg;
+use super::words::ShadowsArg;
 use super::{CacheArgs, ClusterArgs, DeviceArgs, QualityArg, bake_scene, check_messages, load_scene, thousands};
 use anyhow::{Context, Result};
 use lightskin::frame::plan::STAGES;
@@ -168,13 +168,13 @@ pub(super) fn run(args: &Info) -> Result<()> {
 
 /// What each level of quality asks for.
 fn say_levels(world: &World, now: Quality) {
-    say!("quality       caches  refs   VALs  shadow map  near rays  bounces  shadows");
+    say!("quality       caches  refs   VALs  shadow map  near rays  bounces  aa  shadows");
     for quality in Quality::ALL {
         let sides =
             world.lights().iter().map(|light| u64::from(light.views) * u64::from(light.rsm_size(quality.rsm())).pow(2));
         let vals = sides.sum::<u64>() + world.emitters.len() as u64;
         say!(
-            "{} {:<10} {:>6} {:>5} {:>6} {:>11} {:>10} {:>8}  {}",
+            "{} {:<10} {:>6} {:>5} {:>6} {:>11} {:>10} {:>8} {:>3}  {}",
             if quality == now { '*' } else { ' ' },
             name(quality),
             quality.caches(),
@@ -186,6 +186,7 @@ fn say_levels(world: &World, now: Quality) {
                 Near::Rays { per_pixel, every } => format!("{per_pixel} / {}", every * every),
             },
             quality.bounces(),
+            quality.antialiasing().samples(),
             ShadowsArg::of(quality.shadows(quality.caches(), quality.near()))
         );
     }

@@ -22,6 +22,7 @@ mod render;
 mod signals;
 mod sky;
 mod timings;
+mod words;
 
 pub(crate) use output::tell;
 

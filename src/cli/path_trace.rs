@@ -67,6 +67,8 @@ pub(super) struct Picture<'a> {
     pub(super) bounces: Option<u32>,
     /// Bounces of the engine by the same flags.
     pub(super) of_engine: u32,
+    /// Whether samples are spread over the pixels.
+    pub(super) spread: bool,
     pub(super) layer: Option<LayerArg>,
     pub(super) tonemap: TonemapArg,
     pub(super) ev: Option<f32>,
@@ -88,7 +90,7 @@ impl PathTraceArgs {
             Some(SourcesArg::Sky) => Sources::Sky,
             Some(SourcesArg::All) => Sources::All,
         };
-        PathTraceSettings { seed: self.seed, ..settings }
+        PathTraceSettings { seed: self.seed, spread: picture.spread, ..settings }
     }
 }
 
@@ -184,8 +186,11 @@ fn layers(trace: &PathTrace<'_>, camera: &Camera, size: [u32; 2]) -> Layers {
         let of = |s: &Surface| s.reflection.diffuse(-s.normal.dot(direction));
         surface.as_ref().map_or([0.0; 4], |s| of(s).extend(0.0).to_array())
     };
+    let (behind, covered) = trace.backdrop();
     Layers {
         size,
+        behind: rgba(behind),
+        covered,
         direct: rgba(trace.direct()),
         diffuse: rgba(trace.diffuse()),
         glossy: rgba(trace.glossy()),

@@ -62,6 +62,10 @@ pub(super) struct Layers {
     pub(super) normal: Vec<[f32; 4]>,
     /// Distance [m] from the camera's plane.
     pub(super) depth: Vec<[f32; 4]>,
+    /// Share of the pixel that shows surfaces.
+    pub(super) covered: Vec<f32>,
+    /// What the backdrop adds to `direct`.
+    pub(super) behind: Vec<[f32; 4]>,
 }
 
 impl Layers {
@@ -111,7 +115,6 @@ impl Layers {
         metadata: &str,
     ) -> Result<()> {
         let [w, h] = self.size;
-        let covered = || self.depth.iter().map(|depth| depth[0].is_finite());
         if is_exr(path) {
             let mut layers = match which {
                 Some(which) => vec![Layer::rgb("", &self.layer(which))],
@@ -126,22 +129,36 @@ impl Layers {
                 ],
             };
             if behind == Behind::Transparent {
-                let alpha: Vec<_> = covered().map(|covered| [f32::from(u8::from(covered)); 4]).collect();
+                let alpha: Vec<_> = self.covered.iter().map(|covered| [*covered; 4]).collect();
                 layers.push(Layer::of("", &["A"], &alpha));
             }
             write_exr(path, w, h, &layers, metadata)?;
         } else {
             let which = which.unwrap_or(LayerArg::Color);
-            let nothing = match behind {
-                Behind::Scene => None,
-                Behind::Color(color) => Some(bytes(tonemap::srgb_from_linear(color.as_dvec3()))),
-                Behind::Transparent => Some([0; 4]),
+            let lit = matches!(which, LayerArg::Color | LayerArg::Direct);
+            let pixel = |(i, p): (usize, &[f32; 4])| {
+                let covered = f64::from(self.covered[i]);
+                if behind == Behind::Scene {
+                    return bytes(display(which, *p, curve, ev), 1.0);
+                }
+                if covered == 0.0 {
+                    return match behind {
+                        Behind::Color(color) => bytes(tonemap::srgb_from_linear(color.as_dvec3()), 1.0),
+                        _ => [0; 4],
+                    };
+                }
+                // What the surfaces alone send, in full.
+                let own = |c: usize| if lit { (p[c] - self.behind[i][c]) / self.covered[i] } else { p[c] };
+                let shown = display(which, [own(0), own(1), own(2), 1.0], curve, ev);
+                match behind {
+                    Behind::Color(color) => {
+                        let mixed = color.as_dvec3().lerp(tonemap::linear_from_srgb(shown), covered);
+                        bytes(tonemap::srgb_from_linear(mixed), 1.0)
+                    }
+                    _ => bytes(shown, covered),
+                }
             };
-            let pixel = |(p, covered): (&[f32; 4], bool)| match nothing {
-                Some(nothing) if !covered => nothing,
-                _ => display(which, *p, curve, ev),
-            };
-            let shown: Vec<u8> = self.layer(which).iter().zip(covered()).flat_map(pixel).collect();
+            let shown: Vec<u8> = self.layer(which).iter().enumerate().flat_map(pixel).collect();
             write_png(path, w, h, &shown)?;
         }
         Ok(())
@@ -157,10 +174,10 @@ fn sum(a: &[[f32; 4]], b: &[[f32; 4]]) -> Vec<[f32; 4]> {
     a.iter().zip(b).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2], 1.0]).collect()
 }
 
-/// A layer's value as sRGB bytes: radiance as the picture is shown, others so that they can be looked at.
-fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> [u8; 4] {
+/// A layer's value as sRGB: radiance as the picture is shown, others so that they can be looked at.
+fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> DVec3 {
     let v = DVec3::new(p[0].into(), p[1].into(), p[2].into());
-    let srgb = match which {
+    match which {
         LayerArg::Albedo => tonemap::srgb_from_linear(v.clamp(DVec3::ZERO, DVec3::ONE)),
         LayerArg::Normal => v * 0.5 + 0.5,
         LayerArg::Z => DVec3::splat(1.0 / (1.0 + v.x.max(0.0))),
@@ -174,14 +191,12 @@ fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> [u8; 4] 
             };
             tonemap::srgb_from_linear(mapped.clamp(DVec3::ZERO, DVec3::ONE))
         }
-    };
-    bytes(srgb)
+    }
 }
 
-/// An opaque pixel.
-fn bytes(srgb: DVec3) -> [u8; 4] {
-    let byte = |c: f64| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8;
-    [byte(srgb.x), byte(srgb.y), byte(srgb.z), 255]
+/// A pixel.
+fn bytes(srgb: DVec3, alpha: f64) -> [u8; 4] {
+    [srgb.x, srgb.y, srgb.z, alpha].map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
 }
 
 /// The exposure value that the picture of the last frame is shown with.
@@ -222,15 +237,42 @@ fn read_layers(gpu: &Gpu, picture: &Picture, view: &View) -> Result<Layers> {
     let optional = |image: Option<&lightskin::gpu::Image>| -> Result<Vec<[f32; 4]>> {
         Ok(image.map(|image| gpu.read_image(image)).transpose()?.unwrap_or_else(dark))
     };
+    let direct: Vec<[f32; 4]> = gpu.read_image(&surface.radiance)?;
+    let depth: Vec<f32> = gpu.read_image(&surface.depth)?;
+    let (covered, behind) = backdrop(gpu, picture, &direct, &depth)?;
     Ok(Layers {
         size,
-        direct: gpu.read_image(&surface.radiance)?,
+        covered,
+        behind,
+        direct,
         diffuse: optional(indirect.map(|i| &i.diffuse))?,
         glossy: optional(indirect.and_then(|i| i.glossy.as_ref()))?,
         albedo: read_half(gpu, &surface.albedo)?,
         normal: gpu.read_image(&surface.normal)?,
-        depth: view_depth(&gpu.read_image::<f32>(&surface.depth)?, view, size),
+        depth: view_depth(&depth, view, size),
     })
+}
+
+/// Share of each pixel that shows surfaces, and what the backdrop adds to direct radiance.
+fn backdrop(gpu: &Gpu, picture: &Picture, direct: &[[f32; 4]], depth: &[f32]) -> Result<(Vec<f32>, Vec<[f32; 4]>)> {
+    let (mut second, mut shares) = (vec![[0.0; 4]; depth.len()], vec![(0.0, false); depth.len()]);
+    if let Some(edges) = &picture.edges {
+        second = gpu.read_image(&edges.surface.radiance)?;
+        let counts: Vec<u32> = gpu.read_image(&edges.counts)?;
+        let depths: Vec<f32> = gpu.read_image(&edges.surface.depth)?;
+        let share = |n: &u32| (n >> 16) as f32 / ((n >> 16) + (n & 0xffff)) as f32;
+        shares = counts.iter().map(share).zip(depths.iter().map(|depth| *depth > 0.0)).collect();
+    }
+    let pixel = |i: usize| {
+        let (share, is_surface) = shares[i];
+        let of_second = second[i].map(|c| if share > 0.0 { share * c } else { 0.0 });
+        match (depth[i] > 0.0, is_surface || share == 0.0) {
+            (true, true) => (1.0, [0.0; 4]),
+            (true, false) => (1.0 - share, of_second),
+            (false, _) => (share, [0, 1, 2, 3].map(|c| direct[i][c] - of_second[c])),
+        }
+    };
+    Ok((0..depth.len()).map(pixel).unzip())
 }
 
 /// RGBA16F texels as f32.

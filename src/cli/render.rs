@@ -6,6 +6,7 @@ use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
 use super::sky::SkyArgs;
 use super::timings::{Report, timings_file, trace_file};
+use super::words::{AntialiasingArg, GiArg, InterpArg, InterpolationArg, NearArg, ProxyWeightArg, ShadowsArg};
 use super::{
     Baked, CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divide_for, load_under, progress_bar,
     thousands, wrong_usage,
@@ -17,8 +18,8 @@ use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{
-    Exposure, Indirect, Interpolation, Light, Look, Near, Picture, ProxyWeight, Quality, Settings, Shadows, Tonemap,
-    View, World, record,
+    Antialiasing, Exposure, Indirect, Interpolation, Light, Look, Near, Picture, ProxyWeight, Quality, Settings,
+    Shadows, Tonemap, View, World, record,
 };
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Camera, Scene};
@@ -62,6 +63,10 @@ pub(super) struct Render {
     /// Texels of a shadow map's side [default: 2048 at --quality high].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=16384))]
     shadow_map: Option<u32>,
+    /// Smooth edges: points of a pixel, beside its middle, at which surfaces are told apart [default: 4 at --quality high].
+    /// A path trace spreads its samples over the pixels instead.
+    #[arg(long, value_name = "POINTS", value_enum)]
+    aa: Option<AntialiasingArg>,
     #[command(flatten)]
     gather: GatherArgs,
     /// Where caches are averaged [default: vertex, but texel where it would take very many triangles].
@@ -115,85 +120,6 @@ pub(super) struct Render {
     device: DeviceArgs,
 }
 
-#[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
-enum GiArg {
-    /// Interpolated caches.
-    #[default]
-    Lightskin,
-    /// Every virtual light onto every pixel.
-    BruteForce,
-    /// All light, by paths drawn at random on the CPU: the reference (see --spp and --match).
-    PathTrace,
-    /// Direct light of lights and of the largest flat surfaces that emit.
-    Off,
-}
-
-#[derive(Clone, Copy, Default, ValueEnum)]
-enum InterpolationArg {
-    /// Facing irradiance and position of lit caches, faster kernel.
-    #[default]
-    Facing,
-    /// Flux and position with the thesis's weights.
-    Printed,
-}
-
-#[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
-enum InterpArg {
-    /// At vertices: fast, but triangles must be small against the caches' distances.
-    #[default]
-    Vertex,
-    /// At every pixel, whatever the triangles, which are left undivided.
-    Texel,
-}
-
-#[derive(Clone, Copy, Default, ValueEnum)]
-enum ProxyWeightArg {
-    /// Irradiance on the cache.
-    #[default]
-    Irradiance,
-    /// Form factor, as printed.
-    FormFactor,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-enum NearArg {
-    /// Caches alone.
-    Off,
-    /// Short rays at pixels; caches give what is farther away.
-    Rays,
-}
-
-#[derive(Clone, Copy, ValueEnum)]
-pub(super) enum ShadowsArg {
-    /// Nothing.
-    Off,
-    /// The other caches' discs, for each cache's light as a whole, after all bounces. Harder than they should be with
-    /// clusters.
-    Proxy,
-    /// What the other caches stand for, for every virtual light.
-    PerLight,
-}
-
-impl ShadowsArg {
-    fn kind(self) -> Shadows {
-        match self {
-            Self::Off => Shadows::Off,
-            Self::Proxy => Shadows::Proxy,
-            Self::PerLight => Shadows::PerLight,
-        }
-    }
-
-    /// What one types for a kind.
-    pub(super) fn of(shadows: Shadows) -> String {
-        let arg = match shadows {
-            Shadows::Off => Self::Off,
-            Shadows::Proxy => Self::Proxy,
-            Shadows::PerLight => Self::PerLight,
-        };
-        arg.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
-    }
-}
-
 fn picture(text: &str) -> std::result::Result<PathBuf, String> {
     let path = PathBuf::from(text);
     match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
@@ -229,12 +155,18 @@ impl Render {
         self.bounces.unwrap_or(if has_one { 1 } else { self.caches.quality().bounces() })
     }
 
+    /// How edges are smoothed.
+    fn antialiasing(&self) -> Antialiasing {
+        self.aa.map_or(self.caches.quality().antialiasing(), Antialiasing::from)
+    }
+
     /// The level's settings with what the flags put over them.
     fn settings(&self, gpu: &Gpu, caches: usize, reuse: bool) -> Result<Settings> {
         let mut settings = Settings::at(self.caches.quality(), caches);
         settings.reuse = reuse;
         settings.rsm = self.rsm.unwrap_or(settings.rsm);
         settings.shadow_map = self.shadow_map.unwrap_or(settings.shadow_map);
+        settings.antialiasing = self.antialiasing();
         settings.indirect = match self.gi {
             GiArg::PathTrace | GiArg::Off => Indirect::Off,
             _ if self.bounces() == 0 && (self.gather.by_draws() || self.gather.by_clusters()) => Indirect::Off,
@@ -337,7 +269,7 @@ impl Render {
         let (_, last) = motion.moment(motion.frames().len() - 1);
         let animation = animation.and_then(|index| scene.animations().nth(index)).map(|(name, ..)| name.to_owned());
         // No `..`: a new setting belongs in this list.
-        let Settings { indirect, rsm, shadow_map, reuse } = *settings;
+        let Settings { indirect, rsm, shadow_map, antialiasing, reuse } = *settings;
         let caches = if let Indirect::Caches(caches) = indirect { Some(caches) } else { None };
         let gather = caches.map(|caches| caches.gather);
         let ways = if let Some(Gather::Compute { ways, .. }) = gather { Some(ways) } else { None };
@@ -353,6 +285,7 @@ impl Render {
             ("references", json!(self.caches.settings().references)),
             ("rsm", json!(rsm)),
             ("shadow_map", json!(shadow_map)),
+            ("aa", json!(antialiasing.samples())),
             ("gather", json!(gather.map(|gather| gather.name()))),
             ("gather_vals", json!(ways.map(|ways| ways.source.name()))),
             ("gather_caches_per_thread", json!(ways.map(|ways| ways.caches_per_thread))),
@@ -421,6 +354,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
             size: args.size,
             bounces: args.bounces,
             of_engine: args.bounces(),
+            spread: args.antialiasing() != Antialiasing::Off,
             layer: args.layer,
             tonemap: args.tonemap,
             ev: args.ev,

@@ -1,9 +1,10 @@
 //! Stage 11, composite: all radiance, depth -> exposure; tone map -> picture. METHOD 1, 10.
 
+use super::edges::Edges;
 use super::gbuffer::Surface;
 use super::interpolate::Radiance;
 use super::plan::Plan;
-use super::settings::{Behind, Exposure, Look};
+use super::settings::{Antialiasing, Behind, Exposure, Look};
 use crate::error::Result;
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
@@ -45,19 +46,35 @@ pub struct Composed<'a> {
     pub surface: &'a Surface,
     /// Indirect light.
     pub indirect: Option<&'a Radiance>,
+    /// Second surfaces of pixels.
+    pub edges: Option<&'a Edges>,
     /// What comes out.
     pub out: &'a Output,
 }
 
 impl<'a> Composed<'a> {
     /// A lobe that the plan has not is not read; the direct image only fills its place.
-    fn binds(&self) -> [Bind<'a>; 5] {
-        let direct = &self.surface.radiance;
-        let diffuse = self.indirect.map_or(direct, |i| &i.diffuse);
-        let glossy = self.indirect.and_then(|i| i.glossy.as_ref()).unwrap_or(direct);
-        let depth = &self.surface.depth;
-        [direct.into(), diffuse.into(), glossy.into(), depth.into(), (&self.out.exposure).into()]
+    fn binds(&self) -> Vec<Bind<'a>> {
+        let [direct, diffuse, glossy] = radiances(self.surface, self.indirect);
+        vec![direct, diffuse, glossy, (&self.surface.depth).into(), (&self.out.exposure).into()]
     }
+
+    /// The same, and what second surfaces send.
+    fn binds_with_edges(&self) -> Vec<Bind<'a>> {
+        let mut binds = self.binds();
+        if let Some(edges) = self.edges {
+            binds.extend(radiances(&edges.surface, edges.indirect.as_ref()));
+            binds.extend([&edges.surface.depth, &edges.counts].map(Bind::from));
+        }
+        binds
+    }
+}
+
+/// Direct light, and indirect light by lobes.
+fn radiances<'a>(surface: &'a Surface, indirect: Option<&'a Radiance>) -> [Bind<'a>; 3] {
+    let direct = &surface.radiance;
+    let glossy = indirect.and_then(|i| i.glossy.as_ref()).unwrap_or(direct);
+    [direct, indirect.map_or(direct, |i| &i.diffuse), glossy].map(Bind::from)
 }
 
 impl Composite {
@@ -71,7 +88,10 @@ impl Composite {
             expose: gpu.compute("expose.comp", &constants)?,
             map: gpu.raster(&Raster {
                 vertex: "screen.vert",
-                fragment: Some("composite.frag"),
+                fragment: Some(match plan.antialiasing {
+                    Antialiasing::Off => "composite.frag",
+                    _ => "composite_edges.frag",
+                }),
                 shape: Shape::Triangles,
                 streams: &[],
                 colors: &[Format::R8G8B8A8_SRGB],
@@ -118,7 +138,7 @@ impl Composite {
         for composed in views {
             let picture = [Attach::clear(&composed.out.picture)];
             cmd.render(&Attachments { colors: &picture, depth: None, area: composed.surface.area() }, |draw| {
-                draw.bind(&self.map, &composed.binds());
+                draw.bind(&self.map, &composed.binds_with_edges());
                 draw.push(&push(&composed));
                 draw.draw(3);
             });

@@ -43,13 +43,13 @@ impl Direct {
         };
         let used = |light: &&LightInfo| !(plan.sky_light && light.of_sky);
         let has = |area| world.lights().iter().filter(used).any(|light| light.is_area == area);
-        let shade = |fragment| Surface::adding(gpu, fragment, &[]);
+        let samples = plan.antialiasing.samples();
         Ok(Self {
             shadow: gpu.target("direct.shadow", Format::D32_SFLOAT, side, side)?,
             opaque: gpu.raster(&depth_only)?,
             masked: gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), ..depth_only })?,
-            shade: has(false).then(|| shade("direct.frag")).transpose()?,
-            shade_area: has(true).then(|| shade("direct_area.frag")).transpose()?,
+            shade: has(false).then(|| Surface::adding(gpu, "direct.frag", &[samples])).transpose()?,
+            shade_area: has(true).then(|| Surface::adding(gpu, "direct_area.frag", &[])).transpose()?,
             sky_light: plan.sky_light,
         })
     }

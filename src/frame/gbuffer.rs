@@ -4,7 +4,9 @@ use super::plan::Plan;
 use super::view::View;
 use super::world::{VERTEX, Which, World};
 use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape};
+use crate::gpu::{
+    Attach, Attachments, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster, Shape,
+};
 
 const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
 const HALF: Format = Format::R16G16B16A16_SFLOAT;
@@ -13,7 +15,7 @@ const HALF: Format = Format::R16G16B16A16_SFLOAT;
 pub struct Surface {
     /// Picture size \[pixels\].
     pub size: [u32; 2],
-    /// Reversed depth: 1 at the near plane, 0 where nothing is.
+    /// Reversed depth: 1 at the near plane, 0 where nothing is. Of second surfaces less than that where a pixel has none.
     pub depth: Image,
     /// Shading normal and Phong exponent.
     pub normal: Image,
@@ -42,6 +44,23 @@ impl Surface {
             specular: gpu.target("gbuffer.specular", HALF, w, h)?,
             element: plan.lightskin.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
             radiance: gpu.target("direct.radiance", FLOAT, w, h)?,
+        })
+    }
+
+    /// Images that shaders write: of pixels' second surfaces.
+    ///
+    /// # Errors
+    /// As `new`.
+    pub(super) fn written(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
+        let image = |name, format| gpu.image(&ImageDesc { name, format, size, extent: Extent::Plane, storage: true });
+        Ok(Self {
+            size,
+            depth: image("edges.depth", Format::R32_SFLOAT)?,
+            normal: image("edges.normal", FLOAT)?,
+            albedo: image("edges.albedo", HALF)?,
+            specular: image("edges.specular", HALF)?,
+            element: plan.lightskin.then(|| image("edges.element", Format::R32G32_UINT)).transpose()?,
+            radiance: image("edges.radiance", FLOAT)?,
         })
     }
 

@@ -15,6 +15,7 @@ pub mod cull;
 pub mod depth_images;
 pub mod direct;
 mod directions;
+pub mod edges;
 pub mod engine;
 pub mod gather;
 pub mod gather_clusters;
@@ -51,8 +52,8 @@ pub use picture::Picture;
 pub use plan::{Features, Plan};
 pub use record::record;
 pub use settings::{
-    Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, Near, ProxyWeight, Quality, Settings,
-    Shadows, Tonemap, ValSource, Ways,
+    Antialiasing, Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, Near, ProxyWeight, Quality,
+    Settings, Shadows, Tonemap, ValSource, Ways,
 };
 pub use view::View;
 pub use world::{AreaLight, World};

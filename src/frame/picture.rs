@@ -2,6 +2,7 @@
 
 use super::background::Background;
 use super::composite::{Composed, Composite, Output};
+use super::edges::Edges;
 use super::gbuffer::{GBuffer, Surface};
 use super::interpolate::Radiance;
 use super::light::Light;
@@ -26,6 +27,8 @@ pub struct Picture {
     pub near: Option<NearPixels>,
     /// Stage 8; only with indirect light.
     pub indirect: Option<Radiance>,
+    /// Second surfaces of pixels, where edges are smoothed.
+    pub edges: Option<Edges>,
     /// Stage 11.
     pub output: Output,
     pub(super) gbuffer: GBuffer,
@@ -75,6 +78,7 @@ impl Picture {
                 .map(|rays| NearPixels::new(gpu, rays, images))
                 .transpose()?,
             indirect: plan.indirect().then(|| Radiance::new(gpu, &plan, images)).transpose()?,
+            edges: Edges::new(gpu, world, &plan, images)?,
             output: Output::new(gpu, images)?,
             gbuffer: GBuffer::new(gpu, &plan)?,
             background: plan.sky.then(|| Background::new(gpu)).transpose()?,
@@ -113,8 +117,32 @@ impl Picture {
         self.size.contains(&0)
     }
 
+    /// First and second surfaces of its pixels.
+    pub(super) fn surfaces(&self) -> impl Iterator<Item = &Surface> + Clone {
+        [&self.surface].into_iter().chain(self.edges.as_ref().map(|edges| &edges.surface))
+    }
+
+    /// Surfaces with the lists of what they show.
+    pub(super) fn lists(&self) -> impl Iterator<Item = (&Surface, &VisibleList)> + Clone {
+        let first = self.visible.as_ref().map(|list| (&self.surface, list));
+        let second = self.edges.as_ref().and_then(|edges| Some((&edges.surface, edges.visible.as_ref()?)));
+        first.into_iter().chain(second)
+    }
+
+    /// Surfaces with their indirect light.
+    pub(super) fn shaded(&self) -> impl Iterator<Item = (&Surface, &Radiance)> + Clone {
+        let first = self.indirect.as_ref().map(|out| (&self.surface, out));
+        let second = self.edges.as_ref().and_then(|edges| Some((&edges.surface, edges.indirect.as_ref()?)));
+        first.into_iter().chain(second)
+    }
+
     /// What stage 11 reads and writes.
     pub(super) fn composed(&self) -> Composed<'_> {
-        Composed { surface: &self.surface, indirect: self.indirect.as_ref(), out: &self.output }
+        Composed {
+            surface: &self.surface,
+            indirect: self.indirect.as_ref(),
+            edges: self.edges.as_ref(),
+            out: &self.output,
+        }
     }
 }

@@ -1,7 +1,7 @@
 //! From a scene's features to the stages it needs, and the one table of stages. What a scene has not costs no pass, no
 //! target and no shader branch.
 
-use super::settings::{Caches, Gather, Indirect, Near, Settings, Shadows};
+use super::settings::{Antialiasing, Caches, Gather, Indirect, Near, Settings, Shadows};
 use crate::scene::Scene;
 use crate::scene::animation::Quantity;
 
@@ -81,6 +81,8 @@ pub struct Plan {
     pub near: Near,
     /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
     pub brute_force: bool,
+    /// Stages 1 and 8: pixels have a second surface.
+    pub antialiasing: Antialiasing,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
     pub glossy: bool,
     /// Caches have proxies of the glossy lobe: rays do not see what it mirrors.
@@ -111,6 +113,7 @@ macro_rules! stages {
 
 stages! {
     GBUFFER: 1 "gbuffer" |_| true;
+    EDGES: 1 "edges" |plan| plan.antialiasing != Antialiasing::Off;
     DIRECT: 2 "direct" |plan| plan.direct;
     SKY: 2 "sky" |plan| plan.sky;
     ATLAS: 3 "atlas" |plan| plan.lightskin;
@@ -126,6 +129,7 @@ stages! {
     INTERPOLATE: 8 "interpolate" |plan| plan.lightskin;
     SKY_LIGHT: 8 "sky light" |plan| plan.sky_light;
     BRUTE_FORCE: 8 "brute force" |plan| plan.brute_force;
+    MIX: 8 "mix edges" |plan| plan.antialiasing != Antialiasing::Off;
     COMPOSITE: 11 "composite" |_| true;
 }
 
@@ -164,6 +168,7 @@ impl Plan {
             depth_images: shadows == Shadows::PerLight,
             near,
             brute_force,
+            antialiasing: settings.antialiasing,
             glossy: scene.glossy,
             lobes: scene.glossy && near == Near::Off,
         }
@@ -189,6 +194,9 @@ impl Plan {
         };
         match stage.name {
             "gbuffer" | "composite" => "always",
+            "edges" if planned => "other surfaces in a pixel than the one in its middle",
+            "mix edges" if planned => "light of a pixel's second surface",
+            "edges" | "mix edges" => "not asked for by --aa",
             "direct" if planned => "there is a light",
             "direct" if !self.sky_light => "no light",
             "sky" if planned => "what is behind all surfaces",

@@ -30,7 +30,8 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         cmd.zone(STAGES[stage].name)
     };
     let shown = || views.iter().map(|(view, picture)| (view, &**picture)).filter(|(_, picture)| !picture.is_empty());
-    let surfaces = || shown().filter(|(_, p)| p.outdated.surface).map(|(view, p)| (view, &p.surface));
+    let drawn = || shown().filter(|(_, p)| p.outdated.surface);
+    let surfaces = || drawn().flat_map(|(view, p)| p.surfaces().map(move |surface| (view, surface)));
     let some_surface = surfaces().next().is_some();
     let outdated = &light.outdated;
 
@@ -41,8 +42,16 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
     }
     if some_surface {
         let _zone = enter(plan::GBUFFER); // 1
-        for (view, picture) in shown().filter(|(_, p)| p.outdated.surface) {
+        for (view, picture) in drawn() {
             picture.gbuffer.record(cmd, world, view, &picture.surface);
+        }
+    }
+    if drawn().any(|(_, p)| p.edges.is_some()) {
+        let _zone = enter(plan::EDGES); // 1
+        for (view, picture) in drawn() {
+            if let Some(edges) = &picture.edges {
+                edges.record(cmd, world, view, (&picture.gbuffer, &picture.surface));
+            }
         }
     }
     if let (true, Some(direct)) = (some_surface, &light.direct) {
@@ -71,22 +80,22 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         }
     }
     if let (IndirectLight::Caches(caches), Some(rsm)) = (&light.indirect, &light.rsm) {
-        let lists = || shown().filter_map(|(view, p)| Some((view, p, p.visible.as_ref()?)));
-        let seen = || lists().filter(|(_, p, _)| p.outdated.visible);
+        let seen = || {
+            let outdated = shown().filter(|(_, p)| p.outdated.visible);
+            outdated.flat_map(|(view, p)| p.lists().map(move |(surface, list)| (view, surface, list)))
+        };
         if seen().next().is_some() {
             let _zone = enter(plan::VISIBLE); // 5
-            caches.visible.record(
-                cmd,
-                world,
-                seen().filter_map(|(v, p, list)| Some((v, p.surface.element.as_ref()?, list))),
-            );
+            let listed = seen().filter_map(|(view, surface, list)| Some((view, surface.element.as_ref()?, list)));
+            caches.visible.record(cmd, world, listed);
         }
         if let (true, Some(cull)) = (outdated.cull, &caches.cull) {
             let _zone = enter(plan::CULL); // 5
             if seen().next().is_some() {
                 cmd.barrier(Use::ComputeWrite, Use::IndirectRead | Use::ComputeRead); // visible vertices -> here
             }
-            cull.record(cmd, world, lists().map(|(.., list)| list), &rsm.vals, &caches.gather);
+            let lists = shown().flat_map(|(_, p)| p.lists()).map(|(_, list)| list);
+            cull.record(cmd, world, lists, &rsm.vals, &caches.gather);
         }
         if some_surface || outdated.atlas || outdated.vals || outdated.cull {
             cmd.barrier(
@@ -136,13 +145,19 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             }
         }
         let shaded = || {
-            views.iter().enumerate().filter(|(_, (_, p))| p.outdated.indirect && !p.is_empty()).filter_map(
-                |(eye, (view, p))| {
-                    let (visible, out) = (p.visible.as_ref()?, p.indirect.as_ref()?);
-                    let first_proxy = caches.proxies.first(eye as u32);
-                    Some(Shaded { view, surface: &p.surface, visible, near: p.near.as_ref(), out, first_proxy })
-                },
-            )
+            let outdated = views.iter().enumerate().filter(|(_, (_, p))| p.outdated.indirect && !p.is_empty());
+            outdated.flat_map(|(eye, (view, p))| {
+                let (first_proxy, near) = (caches.proxies.first(eye as u32), p.near.as_ref());
+                let lists = p.lists().zip(p.shaded());
+                lists.map(move |((surface, visible), (_, out))| Shaded {
+                    view,
+                    surface,
+                    visible,
+                    near,
+                    out,
+                    first_proxy,
+                })
+            })
         };
         if shaded().next().is_some() {
             let _zone = enter(plan::INTERPOLATE); // 8
@@ -163,8 +178,19 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8
         let _zone = enter(plan::BRUTE_FORCE); // 8
         for (view, picture) in shown().filter(|(_, p)| p.outdated.indirect) {
-            if let Some(out) = &picture.indirect {
-                brute_force.record(cmd, &rsm.vals, view, &picture.surface, out);
+            for (surface, out) in picture.shaded() {
+                brute_force.record(cmd, &rsm.vals, view, surface, out);
+            }
+        }
+    }
+    let mixed = || shown().filter(|(_, p)| p.outdated.surface || p.outdated.indirect).map(|(_, p)| p);
+    if mixed().any(|p| p.edges.is_some()) {
+        cmd.barrier(Use::ColorWrite, Use::FragmentRead | Use::ColorWrite); //   radiance -> here
+        let _zone = enter(plan::MIX); // 8
+        for picture in mixed() {
+            if let Some(edges) = &picture.edges {
+                let which = (picture.outdated.surface, picture.outdated.indirect);
+                edges.record_mix(cmd, (&picture.surface, picture.indirect.as_ref()), which);
             }
         }
     }

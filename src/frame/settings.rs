@@ -2,7 +2,7 @@
 //! nothing here is ever refused. This file imports nothing of `frame`.
 
 use crate::shared::{VAL_TILE, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
-use glam::Vec3;
+use glam::{Vec2, Vec3};
 
 /// Everything that shapes a frame. Two that are equal draw equal pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -13,8 +13,22 @@ pub struct Settings {
     pub rsm: u32,
     /// Texels of a shadow map's side.
     pub shadow_map: u32,
+    /// How edges are smoothed.
+    pub antialiasing: Antialiasing,
     /// Stages whose inputs are those of the frame before are left out. Pictures do not change, times do.
     pub reuse: bool,
+}
+
+/// At how many points of a pixel, beside its middle, other surfaces are looked for than the one in the middle. METHOD 13.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Antialiasing {
+    /// None: a pixel shows the surface in its middle.
+    #[default]
+    Off,
+    /// Four.
+    Four,
+    /// Eight.
+    Eight,
 }
 
 /// How indirect light is made.
@@ -263,6 +277,15 @@ impl Quality {
         }
     }
 
+    /// How edges are smoothed.
+    pub fn antialiasing(self) -> Antialiasing {
+        match self {
+            Self::Low => Antialiasing::Off,
+            Self::Medium | Self::High => Antialiasing::Four,
+            Self::Reference => Antialiasing::Eight,
+        }
+    }
+
     /// Indirect bounces. Without shadows of every VAL light leaks, and more with each.
     pub fn bounces(self) -> u32 {
         match self {
@@ -314,6 +337,7 @@ impl Settings {
             }),
             rsm: quality.rsm(),
             shadow_map: quality.shadow_map(),
+            antialiasing: quality.antialiasing(),
             reuse: false,
         }
     }
@@ -329,6 +353,25 @@ impl Settings {
     /// What pulls proxies, wherever VALs are weighed.
     pub fn proxy_weight(&self) -> ProxyWeight {
         if let Indirect::Caches(caches) = &self.indirect { caches.proxy_weight } else { ProxyWeight::Irradiance }
+    }
+}
+
+impl Antialiasing {
+    /// Points beside the middle.
+    pub fn samples(self) -> u32 {
+        match self {
+            Self::Off => 0,
+            Self::Four => 4,
+            Self::Eight => 8,
+        }
+    }
+
+    /// Where they are, from the middle \[pixels\]. With the middle they are a lattice: no two in one row or column.
+    pub fn offsets(self) -> impl Iterator<Item = Vec2> {
+        let all = self.samples() + 1;
+        // Within half a pixel of the middle.
+        let centred = move |i: u32| ((i % all) as f32 / all as f32 + 0.5).fract() - 0.5;
+        (1..all).map(move |i| Vec2::new(centred(i), centred(2 * i)))
     }
 }
 

@@ -1,7 +1,7 @@
 //! A camera as the shaders see it: relative to the scene's origin, reversed depth without a far plane.
 
 use crate::scene::{Camera, Projection};
-use glam::{DAffine3, DMat4, DVec3, DVec4, Mat4, Vec4};
+use glam::{DAffine3, DMat4, DVec3, DVec4, Mat4, Vec2, Vec4};
 
 /// Matrices of one camera for one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -17,6 +17,14 @@ pub struct View {
 }
 
 impl View {
+    /// The view whose pixels have in their middle what this one has so far from there \[pixels\]. Only for drawing: its
+    /// `world_from_clip` is this one's.
+    pub(super) fn moved(&self, offset: Vec2, size: [u32; 2]) -> Self {
+        let by = 2.0 * offset / Vec2::new(size[0] as f32, size[1] as f32);
+        let moved = Mat4::from_translation((-by).extend(0.0));
+        Self { clip_from_world: moved * self.clip_from_world, ..*self }
+    }
+
     /// A camera's view of a scene around `origin` with this radius \[m\].
     pub fn new(camera: &Camera, size: [u32; 2], origin: DVec3, radius: f64) -> Self {
         let aspect = f64::from(size[0]) / f64::from(size[1]);

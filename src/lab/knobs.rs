@@ -3,8 +3,8 @@
 use crate::error::Result;
 use crate::frame::settings::{Caches, Gather};
 use crate::frame::{
-    ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Light, Look, Near, Picture, Plan, ProxyWeight, Quality,
-    Settings, Shadows, Tonemap, View, Ways, World, record,
+    Antialiasing, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Light, Look, Near, Picture, Plan,
+    ProxyWeight, Quality, Settings, Shadows, Tonemap, View, Ways, World, record,
 };
 use crate::gpu::{Cmd, Gpu};
 use crate::scene::Scene;
@@ -65,6 +65,8 @@ pub struct Knobs {
     pub shadows: Shadows,
     /// Light and shade from nearby.
     pub near: Near,
+    /// How edges are smoothed.
+    pub antialiasing: Antialiasing,
     /// Stages whose inputs are those of the frame before are left out.
     pub reuse: bool,
     /// Curve of stage 11.
@@ -74,7 +76,7 @@ pub struct Knobs {
 }
 
 impl Knobs {
-    /// What `render` draws by default, for so many caches.
+    /// What `render` draws by default, for so many caches; but pixels show what is in their middle, as truths do.
     pub fn at(quality: Quality, caches: usize, size: [u32; 2]) -> Self {
         Self {
             rsm: quality.rsm(),
@@ -100,6 +102,7 @@ impl Knobs {
             cull: true,
             shadows: Shadows::Off,
             near: Near::Off,
+            antialiasing: Antialiasing::Off,
             reuse: false,
             tonemap: Tonemap::PbrNeutral,
             exposure: Exposure::Automatic,
@@ -147,6 +150,7 @@ impl Knobs {
             },
             rsm: self.rsm,
             shadow_map: self.shadow_map,
+            antialiasing: self.antialiasing,
             reuse: self.reuse,
         }
     }

@@ -110,7 +110,7 @@ fn shadows(args: &Choices) -> Result<()> {
             "frame [ms]"
         );
         for row in &compared.rows {
-            let name = crate::cli::render::ShadowsArg::of(row.shadows);
+            let name = crate::cli::words::ShadowsArg::of(row.shadows);
             match &row.errors {
                 Err(reason) => say!("  {name:<22}{reason}"),
                 Ok(layers) => {

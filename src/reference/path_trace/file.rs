@@ -11,7 +11,7 @@ use crate::{files, kept};
 const MAGIC: [u8; 8] = *b"LSKTRACE";
 
 /// Of the format and of the algorithm: counted up when either changes what the samples are.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// Magic, version, key, samples.
 const HEADER: usize = 8 + 4 + 32 + 4;
@@ -20,7 +20,8 @@ const HEADER: usize = 8 + 4 + 32 + 4;
 pub(super) fn key(scene: &Scene, camera: &Camera, settings: &PathTraceSettings) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     hasher.update(scene.fingerprint().as_bytes());
-    hasher.update(format!("{camera:?} {settings:?}").as_bytes());
+    // What shows behind the scene is no part of its fingerprint.
+    hasher.update(format!("{camera:?} {settings:?} {:?}", scene.backdrop).as_bytes());
     *hasher.finalize().as_bytes()
 }
 

@@ -2,14 +2,16 @@
 //! camera, without caches, VALs, proxies or interpolation. METHOD 0, Veach 1997.
 //!
 //! Each vertex of a path draws a direction from its surface's lobes, a point from the lights' own rays, a point of a
-//! surface that emits and a direction of the sky, weighted by the balance heuristic. Pixels are looked at through their centres, as the engine does. Sequences are Owen-scrambled
-//! Sobol points: two per pixel, for even and odd passes, so that their difference tells the noise.
+//! surface that emits and a direction of the sky, weighted by the balance heuristic. Pixels are looked at all over, or through
+//! their centres alone. Sequences are Owen-scrambled Sobol points: two per pixel, for even and odd passes, so that their
+//! difference tells the noise.
 
 mod emitters;
 mod file;
 mod scatter;
 mod sky;
 
+use std::borrow::Cow;
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -19,6 +21,7 @@ use sobol_burley::sample_4d;
 
 use super::gather::luminance;
 use super::world::{Hit, Sides, Surface, World};
+use crate::scene::sky::Sky;
 use crate::scene::{Camera, Projection, Scene};
 use emitters::Emitters;
 use scatter::Scatter;
@@ -49,6 +52,8 @@ pub struct PathTraceSettings {
     pub glossy_bounces: bool,
     /// Where light comes from.
     pub sources: Sources,
+    /// Whether samples are spread over the pixels; all go through their centres without.
+    pub spread: bool,
     /// Another seed, another noise.
     pub seed: u32,
 }
@@ -76,7 +81,15 @@ impl Default for PathTraceSettings {
 impl PathTraceSettings {
     /// All light that there is.
     pub fn of(size: [u32; 2]) -> Self {
-        Self { size, bounces: None, visibility: true, glossy_bounces: true, sources: Sources::All, seed: 0 }
+        Self {
+            size,
+            bounces: None,
+            visibility: true,
+            glossy_bounces: true,
+            sources: Sources::All,
+            spread: false,
+            seed: 0,
+        }
     }
 
     /// The light that the engine takes into account: so many bounces, of which the last one alone reflects glossily.
@@ -95,6 +108,8 @@ pub struct PathTrace<'a> {
     world: World<'a>,
     emitters: Emitters,
     sky: Option<SkyLight<'a>>,
+    /// What shows where no surface is.
+    backdrop: Option<Cow<'a, Sky>>,
     settings: PathTraceSettings,
     camera: &'a Camera,
     /// Hash of all that the samples depend on.
@@ -115,6 +130,10 @@ struct Pixel {
     glossy: [f64; 3],
     /// Sum of luminance over the even passes.
     half: f64,
+    /// Sum over samples of the backdrop's radiance; part of `direct`.
+    behind: [f64; 3],
+    /// Samples that show the backdrop.
+    missed: f64,
 }
 
 /// Radiance [cd/m^2] of one sample or of many.
@@ -123,6 +142,10 @@ struct Radiance {
     direct: DVec3,
     diffuse: DVec3,
     glossy: DVec3,
+    /// The backdrop's; part of `direct`.
+    behind: DVec3,
+    /// Samples that show the backdrop.
+    missed: f64,
 }
 
 impl<'a> PathTrace<'a> {
@@ -144,12 +167,12 @@ impl<'a> PathTrace<'a> {
         let sky = scene.sky.as_ref().filter(|_| has(Sources::Sky)).and_then(SkyLight::new);
         let pixels = vec![Pixel::default(); settings.size[0] as usize * settings.size[1] as usize];
         let key = file::key(scene, camera, settings);
-        Self { world, emitters, sky, settings: *settings, camera, key, pixels, samples: 0 }
+        Self { world, emitters, sky, backdrop: scene.behind(), settings: *settings, camera, key, pixels, samples: 0 }
     }
 
     /// Whether the picture has no noise, whatever the number of samples: that of punctual lights' direct light.
     pub fn is_exact(&self) -> bool {
-        self.settings.bounces == Some(0) && self.sky.is_none() && !self.emitters.has_surfaces()
+        !self.settings.spread && self.settings.bounces == Some(0) && self.sky.is_none() && !self.emitters.has_surfaces()
     }
 
     /// Adds [`PASS_SAMPLES`] samples to every pixel, on all cores.
@@ -167,16 +190,25 @@ impl<'a> PathTrace<'a> {
             if stopped() {
                 return;
             }
-            let Some((surface, direction)) = self.seen(index) else { return };
-            let scatter = Scatter::new(&surface, direction);
             let mut sum = Radiance::default();
-            for sample in first..first + PASS_SAMPLES {
-                sum.add(&self.sample(&scatter, mix(index as u32 ^ mix(half)), sample));
+            let seed = mix(index as u32 ^ mix(half));
+            if self.settings.spread {
+                for sample in first..first + PASS_SAMPLES {
+                    sum.add(&self.sample_within(index, seed, sample));
+                }
+            } else {
+                let Some((surface, direction)) = self.seen(index) else { return };
+                let scatter = Scatter::new(&surface, direction);
+                for sample in first..first + PASS_SAMPLES {
+                    sum.add(&self.sample(&scatter, seed, sample));
+                }
             }
             let add = |to: &mut [f64; 3], sum: DVec3| *to = (DVec3::from(*to) + sum).to_array();
             add(&mut pixel.direct, sum.direct);
             add(&mut pixel.diffuse, sum.diffuse);
             add(&mut pixel.glossy, sum.glossy);
+            add(&mut pixel.behind, sum.behind);
+            pixel.missed += sum.missed;
             if half == 0 {
                 pixel.half += luminance(sum.direct + sum.diffuse + sum.glossy);
             }
@@ -218,19 +250,31 @@ impl<'a> PathTrace<'a> {
     /// Emitted and directly reflected radiance [cd/m^2], row by row from the top; the backdrop's where no surface is.
     pub fn direct(&self) -> Vec<[f32; 3]> {
         let sampled = self.mean(|pixel| pixel.direct);
-        let behind = self.world.scene().behind();
+        if self.settings.spread {
+            return sampled;
+        }
         let exact = |(index, sampled): (usize, [f32; 3])| {
-            let Some((surface, direction)) = self.seen(index) else {
-                let (_, direction) = camera_ray(self.camera, self.settings.size, index);
-                return behind.as_ref().map_or([0.0; 3], |sky| sky.radiance(direction).as_vec3().to_array());
+            let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
+            let exact = match self.world.nearest(origin, direction, Sides::Front) {
+                Some(hit) => self.at_once(&self.world.surface(&hit), direction),
+                None => self.behind(direction),
             };
-            let scatter = Scatter::new(&surface, direction);
-            let (light, _) = self
-                .emitters
-                .direct(&self.world, surface.position, surface.geometric, None, |towards| scatter.reflected(towards));
-            (surface.emission + light + DVec3::from(sampled.map(f64::from))).as_vec3().to_array()
+            (exact + DVec3::from(sampled.map(f64::from))).as_vec3().to_array()
         };
         sampled.into_par_iter().enumerate().map(exact).collect()
+    }
+
+    /// What a surface sends that takes no sampling: emission, and the light of punctual lights that it reflects.
+    fn at_once(&self, surface: &Surface, direction: DVec3) -> DVec3 {
+        let scatter = Scatter::new(surface, direction);
+        let reflected = |towards| scatter.reflected(towards);
+        let (light, _) = self.emitters.direct(&self.world, surface.position, surface.geometric, None, reflected);
+        surface.emission + light
+    }
+
+    /// Radiance of the backdrop in a direction.
+    fn behind(&self, direction: DVec3) -> DVec3 {
+        self.backdrop.as_ref().map_or(DVec3::ZERO, |sky| sky.radiance(direction))
     }
 
     /// Indirect radiance [cd/m^2] of the diffuse lobe, row by row from the top.
@@ -241,6 +285,19 @@ impl<'a> PathTrace<'a> {
     /// Indirect radiance [cd/m^2] of the glossy lobe, row by row from the top.
     pub fn glossy(&self) -> Vec<[f32; 3]> {
         self.mean(|pixel| pixel.glossy)
+    }
+
+    /// What the backdrop adds to [`Self::direct`], and the share of each pixel that shows surfaces.
+    pub fn backdrop(&self) -> (Vec<[f32; 3]>, Vec<f32>) {
+        if self.settings.spread {
+            let share = |pixel: &Pixel| 1.0 - (pixel.missed / f64::from(self.samples.max(1))) as f32;
+            return (self.mean(|pixel| pixel.behind), self.pixels.iter().map(share).collect());
+        }
+        let pixel = |index| match self.hit(index) {
+            Some(_) => ([0.0; 3], 1.0),
+            None => (self.behind(camera_ray(self.camera, self.settings.size, index).1).as_vec3().to_array(), 0.0),
+        };
+        (0..self.pixels.len()).into_par_iter().map(pixel).unzip()
     }
 
     /// Surface that each pixel's centre shows, row by row from the top.
@@ -265,6 +322,21 @@ impl<'a> PathTrace<'a> {
     fn hit(&self, index: usize) -> Option<(Hit, DVec3)> {
         let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
         self.world.nearest(origin, direction, Sides::Front).map(|hit| (hit, direction))
+    }
+
+    /// All light of a sample anywhere in a pixel.
+    fn sample_within(&self, index: usize, seed: u32, sample: u32) -> Radiance {
+        let own = mix(seed ^ mix(self.settings.seed ^ mix(sample / SEQUENCE)) ^ 0x9e37_79b9);
+        let [x, y, ..] = sample_4d(sample % SEQUENCE, 0, own).map(f64::from);
+        let (origin, direction) = camera_ray_at(self.camera, self.settings.size, index, DVec2::new(x, y));
+        let Some(hit) = self.world.nearest(origin, direction, Sides::Front) else {
+            let behind = self.behind(direction);
+            return Radiance { direct: behind, behind, missed: 1.0, ..Radiance::default() };
+        };
+        let surface = self.world.surface(&hit);
+        let mut radiance = self.sample(&Scatter::new(&surface, direction), seed, sample);
+        radiance.direct += self.at_once(&surface, direction);
+        radiance
     }
 
     fn sample(&self, seen: &Scatter, seed: u32, sample: u32) -> Radiance {
@@ -427,6 +499,8 @@ impl Radiance {
         self.direct += other.direct;
         self.diffuse += other.diffuse;
         self.glossy += other.glossy;
+        self.behind += other.behind;
+        self.missed += other.missed;
     }
 }
 
@@ -440,8 +514,13 @@ fn facing(from: DVec3, to: DVec3, normal: DVec3) -> Option<(DVec3, f64, f64)> {
 
 /// Origin \[m\] and unit direction of the ray through a pixel's centre; rows from the top.
 pub fn camera_ray(camera: &Camera, size: [u32; 2], index: usize) -> (DVec3, DVec3) {
+    camera_ray_at(camera, size, index, DVec2::splat(0.5))
+}
+
+/// The same through a point of the pixel, from (0, 0) at its upper left corner to (1, 1).
+fn camera_ray_at(camera: &Camera, size: [u32; 2], index: usize, within: DVec2) -> (DVec3, DVec3) {
     let (w, h) = (size[0] as usize, f64::from(size[1]));
-    let at = DVec2::new((index % w) as f64 + 0.5, (index / w) as f64 + 0.5);
+    let at = DVec2::new((index % w) as f64, (index / w) as f64) + within;
     let place = DVec2::new((2.0 * at.x - w as f64) / h, 1.0 - 2.0 * at.y / h);
     let pose = camera.world_from_camera;
     let world = |v: DVec3| (pose.matrix3 * v).normalize();
