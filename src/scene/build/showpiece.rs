@@ -32,7 +32,7 @@ pub struct Fineness {
 
 impl Default for Fineness {
     fn default() -> Self {
-        Self { texels: 1024, cell: 0.0095 }
+        Self { texels: 1024, cell: 0.0115 }
     }
 }
 
@@ -76,9 +76,9 @@ pub fn showpiece(fineness: Fineness) -> Scene {
     });
     Sky::clear(sun, 14_000.0).put_over(&mut scene, SKY_LIGHTS);
     for (name, eye, target, yfov) in [
-        ("Court", [0.9, 1.75, 7.6], [-0.55, 2.75, 0.0], 58.0_f32),
-        ("Gallery", [-6.1, 1.75, 7.9], [-5.0, 1.75, 0.0], 52.0),
-        ("Statue", [-2.9, 1.35, 5.2], [-0.75, 1.45, 0.6], 46.0),
+        ("Court", [-0.35, 1.7, 8.2], [-0.1, 2.6, 0.0], 54.0_f32),
+        ("Gallery", [-6.35, 1.7, 6.9], [-5.3, 1.85, 0.0], 54.0),
+        ("Statue", [-3.0, 1.3, 4.9], [-0.95, 1.6, 0.8], 48.0),
     ] {
         scene.cameras.push(camera(name, DVec3::from(eye), DVec3::from(target), yfov.to_radians()));
     }
@@ -112,9 +112,9 @@ fn palette(scene: &mut Scene, texels: u32) -> Palette {
         stone("ashlar", Paint::Ashlar),
         stone("polished slabs", Paint::Slabs),
         stone("plaster", Paint::Plaster),
-        cloth("red cloth", [0.62, 0.022, 0.026]),
-        cloth("teal cloth", [0.012, 0.27, 0.29]),
-        cloth("ochre cloth", [0.82, 0.42, 0.045]),
+        cloth("red cloth", [0.46, 0.014, 0.018]),
+        cloth("teal cloth", [0.010, 0.15, 0.17]),
+        cloth("ochre cloth", [0.72, 0.33, 0.03]),
         stone("oak", Paint::Wood),
         metal("brass", [0.90, 0.66, 0.30], 0.75),
         metal("bronze", [0.55, 0.36, 0.20], 1.0),

@@ -5,7 +5,7 @@
 use super::super::masonry::ring_lines;
 use super::super::{Surface, add_mesh, lathe, patch, place, quad, ring, sheet, spans, sphere, turned};
 use super::Palette;
-use super::solids::{arc, block, boxed, half_ring, moulding, wrapped};
+use super::solids::{arc, block, block_without, boxed, half_ring, moulding, wrapped};
 use crate::scene::{Instance, Scene};
 use glam::{Affine3A, DVec3, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
@@ -127,11 +127,20 @@ fn trims() -> Surface {
     for k in 0..15 {
         let x = -HALF + 0.1 + 0.2 * k as f32;
         let low = Vec3::new(x - 0.055, 8.385, front + 0.03);
-        trims = trims.and(block(low, Vec3::new(x + 0.055, 8.495, front + 0.15), 0.012, EDGE));
+        let high = Vec3::new(x + 0.055, 8.495, front + 0.15);
+        trims = trims.and(block_without(low, high, 0.012, EDGE, &[Vec3::Y, Vec3::NEG_Z]));
     }
-    let kerb = block(Vec3::new(-HALF, -0.05, -0.42), Vec3::new(HALF, FLOOR[0], 0.42), 0.03, EDGE);
-    let sill = block(Vec3::new(-1.4, FLOOR[1], -0.14), Vec3::new(1.4, FLOOR[1] + 0.14, 0.14), 0.02, EDGE);
-    let rail = block(Vec3::new(-1.4, FLOOR[1] + 0.80, -0.15), Vec3::new(1.4, FLOOR[1] + 0.93, 0.15), 0.045, EDGE);
+    let ends = [Vec3::X, Vec3::NEG_X, Vec3::NEG_Y];
+    let kerb = block_without(Vec3::new(-HALF, -0.05, -0.42), Vec3::new(HALF, FLOOR[0], 0.42), 0.03, EDGE, &ends);
+    let sill =
+        block_without(Vec3::new(-1.4, FLOOR[1], -0.14), Vec3::new(1.4, FLOOR[1] + 0.14, 0.14), 0.02, EDGE, &ends);
+    let rail = block_without(
+        Vec3::new(-1.4, FLOOR[1] + 0.80, -0.15),
+        Vec3::new(1.4, FLOOR[1] + 0.93, 0.15),
+        0.045,
+        EDGE,
+        &ends[..2],
+    );
     trims.and(kerb).and(sill).and(rail)
 }
 
@@ -166,10 +175,11 @@ fn balusters() -> Surface {
 fn beams() -> Surface {
     let mut beams = Surface::default();
     for ceiling in CEILING {
-        for k in 0..4 {
-            let x = 0.75 * (k as f32 - 1.5);
-            let low = Vec3::new(x - 0.085, ceiling - 0.2, -DEPTH - 0.05);
-            beams = beams.and(block(low, Vec3::new(x + 0.085, ceiling + 0.05, -0.2), 0.015, EDGE));
+        for k in 0..3 {
+            let x = k as f32 - 1.0;
+            let low = Vec3::new(x - 0.11, ceiling - 0.24, -DEPTH - 0.05);
+            let high = Vec3::new(x + 0.11, ceiling + 0.05, -0.2);
+            beams = beams.and(block_without(low, high, 0.02, 0.8, &[Vec3::Y, Vec3::Z, Vec3::NEG_Z]));
         }
     }
     beams
@@ -195,7 +205,7 @@ fn column(height: f32, r: f32) -> Surface {
         let t = k as f32 / 8.0;
         profile.push(Vec2::new(r * (0.84 + 0.42 * t * t * t), bell + t * 2.3 * r));
     }
-    let mut column = wrapped(lathe(&profile, 40), 1.5);
+    let mut column = wrapped(lathe(&profile, 32), 1.5);
     for (count, rise, long, turn) in [(8, 0.05 * r, 1.15 * r, 0.0), (8, 0.35 * r, 1.75 * r, 0.5)] {
         for k in 0..count {
             let angle = TAU * (k as f32 + turn) / count as f32;
@@ -218,7 +228,7 @@ fn column(height: f32, r: f32) -> Surface {
 
 /// An acanthus leaf on the bell of a capital, towards +X, seen from both sides.
 fn leaf(r: f32, bell: f32, rise: f32, long: f32) -> Surface {
-    let (columns, rows) = (9, 12);
+    let (columns, rows) = (7, 9);
     let shape = |s: f32, t: f32| {
         let up = t.min(0.72);
         let at = ((rise + long * up) / (2.3 * r)).clamp(0.0, 1.0);
@@ -362,7 +372,7 @@ fn walls(scene: &mut Scene, palette: &Palette) {
 /// A door of two leaves with panels in a stone frame, on a wall at z = 0.
 fn door(scene: &mut Scene, palette: &Palette) -> usize {
     let bar = |x: [f32; 2], y: [f32; 2], z: f32, round: f32| {
-        block(Vec3::new(x[0], y[0], -0.05), Vec3::new(x[1], y[1], z), round, EDGE)
+        block_without(Vec3::new(x[0], y[0], -0.05), Vec3::new(x[1], y[1], z), round, 0.8, &[Vec3::NEG_Z])
     };
     let frame = bar([-0.78, -0.62], [-0.02, 2.45], 0.10, 0.02)
         .and(bar([0.62, 0.78], [-0.02, 2.45], 0.10, 0.02))
@@ -418,6 +428,7 @@ fn roofs(scene: &mut Scene, palette: &Palette) {
         let mesh = add_mesh(scene, "roof", vec![(tiles.and(pans), palette.clay), (boards, palette.wood)]);
         let to = |z: f32| turned(quarter, DVec3::ZERO).transform_point3(DVec3::new(0.0, 0.0, f64::from(z)));
         place(scene, "roof", mesh, turned(quarter, to(-far)));
+        scene.instances.last_mut().expect("placed above").sparse = Some(3.0);
         let top = roof_at(eave - deep);
         let shell = quad(Vec3::new(long, -0.1, 0.0), Vec3::NEG_X * 2.0 * long, Vec3::Y * (top + 0.1), 2.0);
         let shell = add_mesh(scene, "outside", vec![(boxed(shell), palette.clay)]);

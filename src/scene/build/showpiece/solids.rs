@@ -6,14 +6,18 @@ use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 use std::f32::consts::{PI, TAU};
 
-/// Pieces of a quarter of a rounded edge.
-const ROUND: usize = 4;
-
 /// A box whose edges are rounded with this radius \[m\]; longer faces have grid lines `edge` \[m\] apart.
 pub(super) fn block(low: Vec3, high: Vec3, radius: f32, edge: f32) -> Surface {
+    block_without(low, high, radius, edge, &[])
+}
+
+/// The same without the faces that have these outward normals, where nobody sees them.
+pub(super) fn block_without(low: Vec3, high: Vec3, radius: f32, edge: f32, hidden: &[Vec3]) -> Surface {
+    // Pieces of half of a rounded edge.
+    let pieces = if radius > 0.028 { 2 } else { 1 };
     let lines = |low: f32, high: f32| {
-        let bend: Vec<f32> =
-            (0..=ROUND / 2).map(|k| radius * (1.0 - (0.25 * PI * 2.0 * k as f32 / ROUND as f32).tan())).collect();
+        let bend = (0..=pieces).map(|k| radius * (1.0 - (0.25 * PI * k as f32 / pieces as f32).tan()));
+        let bend: Vec<f32> = bend.collect();
         let mut lines: Vec<f32> = bend.iter().rev().map(|b| low + b).collect();
         let flat = spans(&[low + radius, high - radius], edge);
         lines.extend(&flat[1..flat.len() - 1]);
@@ -25,7 +29,10 @@ pub(super) fn block(low: Vec3, high: Vec3, radius: f32, edge: f32) -> Surface {
     let mut whole = Surface::default();
     for axis in 0..3 {
         let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-        for end in [low, high] {
+        for (end, sign) in [(low, -1.0), (high, 1.0)] {
+            if hidden.iter().any(|normal| normal[axis] == sign) {
+                continue;
+            }
             whole = whole.and(patch([all[u].len(), all[v].len()], [false; 2], |column, row| {
                 let mut at = Vec3::ZERO;
                 (at[axis], at[u], at[v]) = (end[axis], all[u][column], all[v][row]);

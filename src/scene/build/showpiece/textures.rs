@@ -168,11 +168,11 @@ fn ashlar(at: Vec2) -> Texel {
     let own = random(block, row, 5);
     let coarse = clouds(at, [6, 6], 5, 11);
     let grain = clouds(at, [64, 64], 2, 31);
-    let warm = Vec3::new(0.60, 0.51, 0.39).lerp(Vec3::new(0.66, 0.60, 0.50), own);
+    let warm = Vec3::new(0.47, 0.385, 0.28).lerp(Vec3::new(0.54, 0.475, 0.38), own);
     let stain = 1.0 + 0.10 * coarse + 0.05 * grain - 0.10 * smoothstep(0.25, 0.8, clouds(at, [3, 9], 3, 77));
     let color = warm * (0.93 + 0.14 * random(block, row, 6)) * stain;
     Texel {
-        height: 0.006 * face + 0.0016 * coarse + 0.0006 * grain + 0.002 * (own - 0.5),
+        height: 0.006 * face + 0.0012 * coarse + 0.00015 * grain + 0.002 * (own - 0.5),
         color: (color * 0.62).lerp(color, face),
         roughness: 0.78 + 0.08 * coarse + 0.1 * (1.0 - face),
     }
@@ -203,7 +203,7 @@ fn slabs(at: Vec2) -> Texel {
         let stone = Vec3::new(0.155, 0.085, 0.062).lerp(Vec3::new(0.25, 0.145, 0.105), broad);
         stone.lerp(Vec3::new(0.52, 0.42, 0.35), 0.55 * thin)
     } else {
-        let stone = Vec3::new(0.70, 0.645, 0.55).lerp(Vec3::new(0.58, 0.52, 0.44), broad);
+        let stone = Vec3::new(0.56, 0.505, 0.42).lerp(Vec3::new(0.46, 0.405, 0.33), broad);
         stone.lerp(Vec3::new(0.36, 0.31, 0.26), 0.40 * thin)
     };
     let worn = clouds(at, [5, 5], 4, 41);
@@ -218,9 +218,9 @@ fn plaster(at: Vec2) -> Texel {
     let broad = clouds(at, [4, 4], 5, 51);
     let strokes = clouds(at + 0.02 * clouds(at, [6, 6], 2, 61), [10, 22], 3, 52);
     let grain = clouds(at, [96, 96], 2, 53);
-    let color = Vec3::new(0.74, 0.60, 0.41).lerp(Vec3::new(0.80, 0.70, 0.54), 0.5 + 0.5 * broad);
+    let color = Vec3::new(0.62, 0.45, 0.27).lerp(Vec3::new(0.68, 0.55, 0.39), 0.5 + 0.5 * broad);
     Texel {
-        height: 0.004 * broad + 0.0022 * strokes + 0.0003 * grain,
+        height: 0.0025 * broad + 0.0006 * strokes + 0.00008 * grain,
         color: color * (1.0 + 0.05 * strokes + 0.02 * grain),
         roughness: 0.88 + 0.06 * strokes,
     }
@@ -319,7 +319,7 @@ fn marble(at: Vec2) -> Texel {
     let broad = clouds(at, [3, 3], 5, 131);
     let vein = veins(at, 4, 0.09, 132);
     let pits = smoothstep(0.45, 0.9, clouds(at, [40, 40], 2, 133));
-    let color = Vec3::new(0.74, 0.70, 0.63).lerp(Vec3::new(0.65, 0.59, 0.50), smoothstep(-0.2, 0.9, broad));
+    let color = Vec3::new(0.66, 0.615, 0.54).lerp(Vec3::new(0.56, 0.50, 0.41), smoothstep(-0.2, 0.9, broad));
     Texel {
         height: 0.0008 * broad - 0.0007 * pits,
         color: color.lerp(Vec3::new(0.48, 0.44, 0.39), 0.35 * vein) * (1.0 - 0.12 * pits),

@@ -59,7 +59,7 @@ fn fountain(scene: &mut Scene, palette: &Palette, cell: f32) {
     place(scene, "fountain", basin, turned(0, DVec3::ZERO));
     let statue = boxed(statue::statue(cell));
     let statue = add_mesh(scene, "statue", vec![(statue, palette.statue)]);
-    place(scene, "statue", statue, at(0.0, 1.335 + 0.012, 0.0, 24.0));
+    place(scene, "statue", statue, at(0.0, 1.335 + 0.012, 0.0, -8.0));
 }
 
 /// Jars, bowls and an ewer of metal and clay.
@@ -254,7 +254,7 @@ fn benches(scene: &mut Scene, palette: &Palette) {
 
 /// Cloth with texture coordinates in metres; its vertices are rows of a grid.
 fn cloth(size: [f32; 2], folds: f32, depth: f32) -> Surface {
-    let mut cloth = drape(size, folds, depth, 0.05);
+    let mut cloth = drape(size, folds, depth, 0.08);
     // Folds take more cloth than the width shows.
     let full = (1.0 + (3.0 * depth * folds / size[0]).powi(2)).sqrt();
     cloth.vertices.iter_mut().for_each(|vertex| {
@@ -275,7 +275,7 @@ fn cloths(scene: &mut Scene, palette: &Palette) {
     let rod = add_mesh(scene, "rod", vec![(rod(1.12), palette.brass)]);
     let wide = cloth([1.95, 2.62], 8.5, 0.075);
     let narrow = cloth([0.72, 2.62], 5.5, 0.085);
-    let banner = cloth([1.5, 3.1], 3.5, 0.05);
+    let banner = cloth([1.35, 2.35], 3.5, 0.045);
     let mut add = |kind: &str, surface: &Surface| {
         palette.cloths.map(|material| add_mesh(scene, kind, vec![(surface.clone(), material)]))
     };
@@ -307,9 +307,8 @@ fn cloths(scene: &mut Scene, palette: &Palette) {
     hang(narrow[teal], 3, 1.5, 0.72, hung, 0.0);
     hang(narrow[teal], 3, 1.5, -0.72, hung, 0.0);
     // Banners over the rail of the upper gallery.
-    for (quarter, along, colour) in
-        [(0, -3.0, red), (0, 0.0, teal), (0, 3.0, red), (1, -1.5, ochre), (1, 4.5, red), (3, 1.5, red), (3, -4.5, teal)]
-    {
+    let banners = [(0, -3.0, red), (0, 3.0, red), (1, -1.5, ochre), (1, 1.5, teal), (3, 1.5, red), (3, -1.5, ochre)];
+    for (quarter, along, colour) in banners {
         hang(banner[colour], quarter, along, 0.0, 5.42, 0.50);
     }
 }
