@@ -61,7 +61,7 @@ pub(crate) struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Render a glTF scene, or the built-in atrium, to a PNG or OpenEXR file.
+    /// Render a glTF scene, or the built-in showpiece, to a PNG or OpenEXR file.
     Render(Box<render::Render>),
     /// Place the caches of a scene and keep them for later renders.
     Bake(bake::Bake),
@@ -389,6 +389,10 @@ fn complete(mut scene: Scene, ground: Ground) -> Scene {
 fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>, ground: Ground) -> Result<Scene> {
     let mut scene = read_scene(path, || build::showpiece(Fineness::default()))?;
     if let Some((sky, lights)) = sky {
+        if path.is_none() {
+            // Another sky and its sun take the place of the showpiece's own.
+            scene.lights.clear();
+        }
         sky.put_over(&mut scene, lights);
     }
     Ok(complete(scene, ground))

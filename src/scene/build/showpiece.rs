@@ -69,12 +69,12 @@ pub fn showpiece(fineness: Fineness) -> Scene {
         name: "sun".into(),
         kind: LightKind::Directional,
         color: Vec3::new(1.0, 0.91, 0.78),
-        intensity: 90_000.0,
+        intensity: 75_000.0,
         range: None,
         position: DVec3::ZERO,
         direction: -sun.as_vec3(),
     });
-    Sky::clear(sun, 14_000.0).put_over(&mut scene, SKY_LIGHTS);
+    Sky::clear(sun, 17_000.0).put_over(&mut scene, SKY_LIGHTS);
     for (name, eye, target, yfov) in [
         ("Court", [-0.35, 1.7, 8.2], [-0.1, 2.6, 0.0], 54.0_f32),
         ("Gallery", [-6.35, 1.7, 6.9], [-5.3, 1.85, 0.0], 54.0),

@@ -232,7 +232,7 @@ fn leaf(r: f32, bell: f32, rise: f32, long: f32) -> Surface {
     let shape = |s: f32, t: f32| {
         let up = t.min(0.72);
         let at = ((rise + long * up) / (2.3 * r)).clamp(0.0, 1.0);
-        let curl = (t - 0.72).max(0.0) / 0.28 * 2.6;
+        let curl = (t - 0.72).max(0.0) / 0.28 * 1.9;
         let radius = 0.26 * r;
         let out = r * (0.87 + 0.42 * at * at * at) + 0.02 * r + 0.22 * r * t * t + radius * (1.0 - curl.cos());
         let high = bell + rise + long * up + radius * curl.sin();

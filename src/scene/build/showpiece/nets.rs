@@ -63,7 +63,7 @@ pub(super) fn surface(field: &(impl Fn(Vec3) -> f32 + Sync), low: Vec3, high: Ve
             }
         }
         let start = low + cell * (at.as_vec3() + sum / count);
-        Some(settled(field, start, cell))
+        Some(settled(field, start, place(at), cell))
     };
     let found: Vec<(usize, Vertex)> = (0..cells.z)
         .into_par_iter()
@@ -76,7 +76,7 @@ pub(super) fn surface(field: &(impl Fn(Vec3) -> f32 + Sync), low: Vec3, high: Ve
     for (number, (cell, _)) in found.iter().enumerate() {
         numbers[*cell] = number as u32;
     }
-    let vertices: Vec<Vertex> = found.into_iter().map(|(_, vertex)| vertex).collect();
+    let mut vertices: Vec<Vertex> = found.into_iter().map(|(_, vertex)| vertex).collect();
 
     // Two triangles across each edge that is crossed, between the vertices of the four cells around it.
     let mut indices = Vec::with_capacity(12 * vertices.len());
@@ -103,16 +103,31 @@ pub(super) fn surface(field: &(impl Fn(Vec3) -> f32 + Sync), low: Vec3, high: Ve
             }
         }
     }
+    face_out(&mut vertices, &indices);
     Surface { vertices, indices }
 }
 
-/// A vertex near the surface, brought onto it as far as it stays within its cell.
-fn settled(field: &impl Fn(Vec3) -> f32, start: Vec3, cell: f32) -> Vertex {
+/// Normals that are far from those of the triangles become theirs: in gaps narrower than a cell the field says little.
+fn face_out(vertices: &mut [Vertex], indices: &[u32]) {
+    let mut sums = vec![Vec3::ZERO; vertices.len()];
+    for triangle in indices.chunks_exact(3) {
+        let [a, b, c] = [0, 1, 2].map(|k| vertices[triangle[k] as usize].position);
+        triangle.iter().for_each(|index| sums[*index as usize] += (b - a).cross(c - a));
+    }
+    for (vertex, sum) in vertices.iter_mut().zip(sums) {
+        if let Some(facing) = sum.try_normalize().filter(|facing| facing.dot(vertex.normal) < 0.5) {
+            vertex.normal = facing;
+        }
+    }
+}
+
+/// A vertex near the surface, brought onto it as far as it stays within its cell, from `low` on.
+fn settled(field: &impl Fn(Vec3) -> f32, start: Vec3, low: Vec3, cell: f32) -> Vertex {
     let mut at = start;
     for _ in 0..2 {
         let slope = gradient(field, at, 0.1 * cell);
         let step = slope * (field(at) / slope.length_squared().max(1e-6));
-        at = start + (at - step - start).clamp_length_max(0.4 * cell);
+        at = (at - step.clamp_length_max(0.3 * cell)).clamp(low, low + cell);
     }
     let normal = gradient(field, at, 0.35 * cell).try_normalize().unwrap_or(Vec3::Y);
     Vertex { position: at, normal, color: [255; 4], ..Vertex::default() }

@@ -7,8 +7,8 @@ use super::noise::{clouds_in_space, smoothstep};
 use glam::{Vec2, Vec3, Vec3Swizzles};
 use rayon::prelude::*;
 
-const LOW: Vec3 = Vec3::new(-1.04, -0.03, -1.0);
-const HIGH: Vec3 = Vec3::new(1.04, 2.72, 0.56);
+const LOW: Vec3 = Vec3::new(-1.06, -0.12, -1.16);
+const HIGH: Vec3 = Vec3::new(1.06, 2.76, 0.62);
 
 /// The statue, 2.6 m high on her base at y = 0, facing +Z; by cells of side `cell` \[m\]. Folds are darker in the colours of
 /// its vertices.

@@ -59,7 +59,7 @@ fn fountain(scene: &mut Scene, palette: &Palette, cell: f32) {
     place(scene, "fountain", basin, turned(0, DVec3::ZERO));
     let statue = boxed(statue::statue(cell));
     let statue = add_mesh(scene, "statue", vec![(statue, palette.statue)]);
-    place(scene, "statue", statue, at(0.0, 1.335 + 0.012, 0.0, -8.0));
+    place(scene, "statue", statue, at(0.0, 1.335 + 0.012, 0.0, 6.0));
 }
 
 /// Jars, bowls and an ewer of metal and clay.
@@ -287,9 +287,10 @@ fn cloths(scene: &mut Scene, palette: &Palette) {
         let far = if quarter % 2 == 0 { z } else { x };
         let at = turned(quarter, DVec3::ZERO).transform_point3(DVec3::new(along + shift, height, -far + out));
         place(scene, "cloth", mesh, turned(quarter, at));
-        if shift == 0.0 || shift > 0.0 {
+        if shift >= 0.0 {
             let at = turned(quarter, DVec3::ZERO).transform_point3(DVec3::new(along, height + 0.01, -far + out));
             place(scene, "rod", rod, turned(quarter, at));
+            scene.instances.last_mut().expect("placed above").sparse = Some(4.0);
         }
     };
     // The side in the sun, seen on the left.
