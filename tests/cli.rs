@@ -64,12 +64,16 @@ pub(crate) fn left(folder: &Path) -> Vec<String> {
     names
 }
 
+/// The scene that is measured on; without one `render` takes longer.
+pub(crate) const ATRIUM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/atrium.glb");
+
 const SMALL: [&str; 6] = ["--size", "64x36", "--caches", "100", "--rsm", "16"];
 
 #[test]
-fn default_scene_becomes_a_png_with_times_and_counts() {
+fn a_scene_becomes_a_png_with_times_and_counts() {
     let at = folder("cli-default");
-    let mut args = vec!["render", "-o", "a.png", "--timings", "t.jsonl", "--repeat", "2", "--validation", "sync"];
+    let mut args =
+        vec!["render", ATRIUM, "-o", "a.png", "--timings", "t.jsonl", "--repeat", "2", "--validation", "sync"];
     args.extend(SMALL);
     let out = works(&at, &args);
     for part in
@@ -112,7 +116,7 @@ fn default_scene_becomes_a_png_with_times_and_counts() {
 fn exr_holds_all_layers_and_their_sum() {
     use exr::prelude::{ReadChannels, ReadLayers};
     let at = folder("cli-exr");
-    let mut args = vec!["render", "-o", "a.exr"];
+    let mut args = vec!["render", ATRIUM, "-o", "a.exr"];
     args.extend(SMALL);
     works(&at, &args);
     let image = exr::prelude::read()
@@ -138,10 +142,10 @@ fn exr_holds_all_layers_and_their_sum() {
     }
     assert!(plane("Z").iter().all(|z| *z > 0.0));
 
-    let mut args = vec!["render", "-o", "n.exr", "--layer", "normal"];
+    let mut args = vec!["render", ATRIUM, "-o", "n.exr", "--layer", "normal"];
     args.extend(SMALL);
     works(&at, &args);
-    let mut args = vec!["render", "-o", "d.png", "--layer", "indirect.diffuse"];
+    let mut args = vec!["render", ATRIUM, "-o", "d.png", "--layer", "indirect.diffuse"];
     args.extend(SMALL);
     works(&at, &args);
     assert_eq!(left(&at), ["a.exr", "d.png", "n.exr"]);
@@ -151,7 +155,7 @@ fn exr_holds_all_layers_and_their_sum() {
 fn two_runs_write_the_same_bytes() {
     let at = folder("cli-same");
     for name in ["a.exr", "b.exr"] {
-        let mut args = vec!["render", "-o", name];
+        let mut args = vec!["render", ATRIUM, "-o", name];
         args.extend(SMALL);
         works(&at, &args);
     }
@@ -230,7 +234,7 @@ fn compare_measures_maps_and_fails_above_limits() {
     let at = folder("cli-compare");
     for (name, gi) in [("a.exr", "lightskin"), ("b.exr", "brute-force")] {
         // As brute force has it: nothing in the way.
-        let mut args = vec!["render", "-o", name, "--gi", gi, "--near", "off", "--bounces", "1"];
+        let mut args = vec!["render", ATRIUM, "-o", name, "--gi", gi, "--near", "off", "--bounces", "1"];
         args.extend(SMALL);
         works(&at, &args);
     }
@@ -283,9 +287,9 @@ fn bad_input_is_one_line_and_exit_code_1() {
     fails(&at, &["render", "draco.gltf"], 1, &["draco.gltf", "KHR_draco_mesh_compression"]);
     fails(&at, &["render", "nothing.gltf"], 1, &["nothing.gltf", "no triangles"]);
     fails(&at, &["render", "folder"], 1, &["no .gltf or .glb"]);
-    fails(&at, &["render", "--camera", "9"], 1, &["--camera 9", "'Hero'"]);
-    fails(&at, &["render", "--camera", "0,0,0;1,0,0;0,1,0"], 1, &["eye;target;up;fov"]);
-    fails(&at, &["render", "--device", "nonesuch"], 1, &["nonesuch", "matches none"]);
+    fails(&at, &["render", ATRIUM, "--camera", "9"], 1, &["--camera 9", "'Hero'"]);
+    fails(&at, &["render", ATRIUM, "--camera", "0,0,0;1,0,0;0,1,0"], 1, &["eye;target;up;fov"]);
+    fails(&at, &["render", ATRIUM, "--device", "nonesuch"], 1, &["nonesuch", "matches none"]);
     fails(&at, &["render", "-o", "no/such/folder/a.png"], 1, &["no/such/folder/a.png", "does not exist"]);
     fails(&at, &["render", "-o", "folder/x/a.png"], 1, &["cannot write"]);
     fails(&at, &["bake", "--spacing", "1e-9"], 1, &["larger spacing"]);
@@ -296,7 +300,7 @@ fn bad_input_is_one_line_and_exit_code_1() {
 fn no_driver_is_one_line() {
     let at = folder("cli-no-driver");
     let out = Command::new(env!("CARGO_BIN_EXE_lightskin"))
-        .args(["render", "--gi", "off"])
+        .args(["render", ATRIUM, "--gi", "off"])
         .current_dir(&at)
         .env("VK_DRIVER_FILES", "/nonexistent.json")
         .env("VK_ICD_FILENAMES", "/nonexistent.json")
@@ -393,7 +397,7 @@ fn a_path_trace_is_of_all_light_unless_told_otherwise() {
 #[test]
 fn the_fastest_gather_is_measured_once_and_kept() {
     let at = folder("cli-gather");
-    let mut args = vec!["render", "-o", "a.exr", "--bounces", "1"];
+    let mut args = vec!["render", ATRIUM, "-o", "a.exr", "--bounces", "1"];
     args.extend(SMALL);
     let measured = || -> Vec<PathBuf> {
         let files = fs::read_dir(at.join("cache/lightskin")).expect("kept").map(|f| f.expect("file").path());
@@ -417,13 +421,13 @@ fn the_fastest_gather_is_measured_once_and_kept() {
     for way in ["auto", "fragment", "compute"] {
         let out = format!("{way}.exr");
         let mut args =
-            vec!["render", "-o", &out, "--gather", way, "--shadows", "off", "--near", "off", "--bounces", "1"];
+            vec!["render", ATRIUM, "-o", &out, "--gather", way, "--shadows", "off", "--near", "off", "--bounces", "1"];
         args.extend(SMALL);
         works(&at, &args);
         assert_eq!(kept().0, first, "nothing is measured again");
     }
     // Shadows that draws can have, unless told otherwise.
-    works(&at, &[&["render", "-o", "a.png", "--gather", "fragment"][..], &SMALL[..]].concat());
+    works(&at, &[&["render", ATRIUM, "-o", "a.png", "--gather", "fragment"][..], &SMALL[..]].concat());
     let mut compare = vec!["compare", "fragment.exr", "compute.exr", "--fail-above", "mare=1e-5"];
     compare.extend(["--layer", "indirect.diffuse"]);
     works(&at, &compare);

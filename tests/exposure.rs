@@ -10,7 +10,7 @@ use lightskin::scene::build::{CornellSurface, cornell, quad};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{LightKind, Material, Projection, Scene};
 
-use crate::cli::{folder, works};
+use crate::cli::{ATRIUM, folder, works};
 use crate::common::frames::{SPOT, add, camera, corner, phong};
 use crate::common::{assert_clean, gpu};
 
@@ -170,7 +170,8 @@ fn black_is_ev_0_and_a_fixed_value_stays() {
 fn the_path_tracer_exposes_as_the_device_does() {
     let folder = folder("exposure");
     let ev = |args: &[&str]| -> f64 {
-        let out = works(&folder, &[&["render", "--size", "160x90", "--aa", "off", "-o", "a.png"], args].concat());
+        let out =
+            works(&folder, &[&["render", ATRIUM, "--size", "160x90", "--aa", "off", "-o", "a.png"], args].concat());
         let line = out.lines().find_map(|l| l.strip_prefix("exposure  EV ")).expect("an exposure");
         line.trim().parse().expect("a number")
     };

@@ -1,6 +1,6 @@
 //! Files and streams that end early: full disks, closed pipes, signals, named pipes, and headers that promise too much.
 
-use crate::cli::{fails, folder, keeping, left, text, works};
+use crate::cli::{ATRIUM, fails, folder, keeping, left, text, works};
 use crate::common::{Builder, PNG, glb};
 use lightskin::image::{Layer, write_exr, write_png};
 use serde_json::json;
@@ -68,9 +68,9 @@ fn no_picture_is_lost_where_nothing_more_can_be_written() {
     write_png(&at.join("a.png"), 16, 16, &[128; 1024]).expect("a PNG");
     let before = left(&at);
     for args in [
-        &[&["render", "-o", "old.png"][..], &SMALL].concat(),
-        &[&["render", "-o", "new.png"][..], &SMALL].concat(),
-        &[&["render", "-o", "new.exr"][..], &SMALL].concat(),
+        &[&["render", ATRIUM, "-o", "old.png"][..], &SMALL].concat(),
+        &[&["render", ATRIUM, "-o", "new.png"][..], &SMALL].concat(),
+        &[&["render", ATRIUM, "-o", "new.exr"][..], &SMALL].concat(),
         &["compare", "a.png", "a.png", "--diff", "new.png"][..],
         &["compare", "a.png", "a.png", "--diff", "old.png"],
     ] {
@@ -202,7 +202,7 @@ fn signals_leave_nothing_half_written() {
 fn a_path_trace_stops_within_its_pass() {
     let at = folder("files-pass");
     // A pass takes minutes.
-    let args = ["render", "--gi", "path-trace", "--bounces", "64", "--size", "4096x4096", "-o", "a.exr"];
+    let args = ["render", ATRIUM, "--gi", "path-trace", "--bounces", "64", "--size", "4096x4096", "-o", "a.exr"];
     let child = tool(&at, &args).stderr(Stdio::piped()).spawn().expect("the tool runs");
     std::thread::sleep(Duration::from_secs(6));
     signal(&child, "-TERM");

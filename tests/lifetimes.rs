@@ -1,6 +1,6 @@
 //! How long what is made on the device lives: what is dropped, given up or kept, and pipelines that are made once.
 
-use crate::cli::{folder, works};
+use crate::cli::{ATRIUM, folder, works};
 use crate::common::{assert_clean, frame_of, gpu};
 use crate::gpu::{SCREEN, add, image, validated};
 use lightskin::gpu::{Attach, Attachments, Cmd, Cull, Depth, Extent, Format, Gpu, Image, Load, Raster};
@@ -210,7 +210,8 @@ fn few_pipelines_are_kept_that_nobody_holds() {
 #[test]
 fn compiled_pipelines_are_kept_on_disk_and_damage_is_no_error() {
     let at = folder("gpu-pipelines");
-    let render = || works(&at, &["render", "--gi", "off", "--size", "16x16", "-o", "a.png", "--validation", "core"]);
+    let args = ["render", ATRIUM, "--gi", "off", "--size", "16x16", "-o", "a.png", "--validation", "core"];
+    let render = || works(&at, &args);
     let kept = || {
         let files = fs::read_dir(at.join("cache/lightskin")).expect("the kept files");
         let mut files: Vec<_> = files.map(|f| f.expect("entry").path()).collect();

@@ -51,6 +51,7 @@ mod scene;
 mod shaders;
 mod shadows_light;
 mod sheet;
+mod showpiece;
 mod sky;
 mod sky_light;
 mod sources;

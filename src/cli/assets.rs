@@ -1,6 +1,7 @@
 //! `lightskin assets`: the built-in scenes as GLB files. What lies in `assets/` was made so.
 
 use anyhow::{Context, Result};
+use lightskin::image::{Layer, write_exr};
 use lightskin::scene::write::write_glb;
 use lightskin::scene::{Scene, build};
 use std::path::PathBuf;
@@ -10,6 +11,9 @@ pub(super) struct Assets {
     /// Folder to write to; made if missing.
     #[arg(default_value = "assets")]
     folder: PathBuf,
+    /// Also what `render` shows without a scene: showpiece.glb, and its sky as showpiece_sky.exr for --sky.
+    #[arg(long)]
+    showpiece: bool,
     /// Also the scenes that `lab choices --shadows` measures.
     #[cfg(feature = "lab")]
     #[arg(long)]
@@ -33,8 +37,23 @@ pub(super) fn run(args: &Assets) -> Result<()> {
         ("cornell_glossy.glb".to_owned(), build::cornell(build::CornellSurface::Glossy, 0.05)),
     ];
     write(args, scenes)?;
+    if args.showpiece {
+        write_showpiece(args)?;
+    }
     #[cfg(feature = "lab")]
     write(args, for_the_lab(args))?;
+    Ok(())
+}
+
+/// The showpiece and, since glTF has none, its sky.
+fn write_showpiece(args: &Assets) -> Result<()> {
+    let scene = build::showpiece(build::Fineness::default());
+    let sky = scene.sky.clone().context("the showpiece has a sky")?;
+    write(args, [("showpiece.glb".to_owned(), scene)])?;
+    let path = args.folder.join("showpiece_sky.exr");
+    let texels: Vec<[f32; 4]> = sky.texels.iter().map(|texel| texel.extend(1.0).to_array()).collect();
+    write_exr(&path, sky.width, sky.height, &[Layer::rgb("", &texels)], "radiance of the sky in cd/m^2")?;
+    say!("{}: {} x {} texels", path.display(), sky.width, sky.height);
     Ok(())
 }
 

@@ -34,6 +34,7 @@ use lightskin::bake::{BakeSettings, CacheSet, Density};
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{ClusterRule, DrawSource, Near, Quality, Shadows, tune};
 use lightskin::gpu::{Gpu, Options, Validation};
+use lightskin::scene::build::Fineness;
 use lightskin::scene::defaults::Ground;
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
@@ -61,7 +62,7 @@ pub(crate) struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Render a glTF scene, or the built-in atrium, to a PNG or OpenEXR file.
+    /// Render a glTF scene, or the built-in showpiece, to a PNG or OpenEXR file.
     Render(Box<render::Render>),
     /// Place the caches of a scene and keep them for later renders.
     Bake(bake::Bake),
@@ -368,10 +369,10 @@ fn angle(text: &str) -> std::result::Result<f64, String> {
     }
 }
 
-/// Loads a file, or builds the default scene.
-fn read_scene(path: Option<&Path>) -> Result<Scene> {
+/// Loads a file, or builds the scene that stands for none.
+fn read_scene(path: Option<&Path>, built_in: fn() -> Scene) -> Result<Scene> {
     Ok(match path {
-        None => build::atrium(),
+        None => built_in(),
         Some(path) => gltf::load(&gltf_in(path)?)?,
     })
 }
@@ -385,10 +386,14 @@ fn complete(mut scene: Scene, ground: Ground) -> Scene {
     scene
 }
 
-/// Loads a scene under a sky, which so many lights stand for.
+/// Loads what is to be shown, or the showpiece, under a sky, which so many lights stand for.
 fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>, ground: Ground) -> Result<Scene> {
-    let mut scene = read_scene(path)?;
+    let mut scene = read_scene(path, || build::showpiece(Fineness::default()))?;
     if let Some((sky, lights)) = sky {
+        if path.is_none() {
+            // Another sky and its sun take the place of the showpiece's own.
+            scene.lights.clear();
+        }
         sky.put_over(&mut scene, lights);
     }
     Ok(complete(scene, ground))
@@ -397,7 +402,7 @@ fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>, ground: Ground) ->
 /// Loads a scene for what is measured by the light of punctual lights: surfaces emit nothing.
 #[cfg(feature = "lab")]
 fn load_punctual(path: Option<&Path>) -> Result<Scene> {
-    let mut scene = read_scene(path)?;
+    let mut scene = read_scene(path, build::atrium)?;
     if scene.emits() {
         log::warn!("{}: its surfaces emit nothing here; what is measured is the light of punctual lights", scene.name);
         scene.materials.iter_mut().for_each(|material| material.emissive = glam::Vec3::ZERO);
@@ -407,7 +412,7 @@ fn load_punctual(path: Option<&Path>) -> Result<Scene> {
 
 /// Loads a scene, and divides triangles that are large against the distance of caches, where that costs little.
 fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
-    let mut scene = load_under(path, None, caches.ground)?;
+    let mut scene = complete(read_scene(path, build::atrium)?, caches.ground);
     divide_for(&mut scene, caches, false);
     Ok(scene)
 }

@@ -30,7 +30,7 @@ use std::time::Instant;
 
 #[derive(clap::Args)]
 pub(super) struct Render {
-    /// glTF or GLB file, or a folder with one; the built-in atrium without one.
+    /// glTF or GLB file, or a folder with one; the built-in showpiece without one.
     scene: Option<PathBuf>,
     /// Picture to write: .png (tone-mapped sRGB) or .exr (linear float, all layers). {frame} or {frame:04} in the name stands
     /// for the number of the frame.

@@ -8,12 +8,14 @@ mod cornell;
 mod fabric;
 mod masonry;
 mod shapes;
+mod showpiece;
 
 pub use atrium::atrium;
 pub use cornell::{CornellSurface, cornell};
 pub use fabric::{drape, torus_knot};
 pub use masonry::{ArchShape, arch, ring, steps, vault_dome};
 pub use shapes::{Surface, cuboid, lathe, loft_square, patch, quad, sheet, spans, sphere};
+pub use showpiece::{Fineness, showpiece};
 
 use super::{Camera, Instance, Material, Mesh, Phong, Primitive, Projection, Scene};
 use glam::{DAffine3, DMat3, DVec3, Vec3};

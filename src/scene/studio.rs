@@ -2,7 +2,7 @@
 
 use super::build::{add_material, add_mesh, patch, phong, place};
 use super::sky::Sky;
-use super::{LightKind, Scene};
+use super::{LightKind, Scene, luminance};
 use glam::{DAffine3, DVec3, Vec3};
 use std::borrow::Cow;
 use std::f32::consts::TAU;
@@ -97,6 +97,28 @@ impl Sky {
         };
         let sky = Self::of(|direction| radiance(direction).as_vec3());
         let scale = 15_000.0 / sky.received(DVec3::Y).y;
+        Self::of(|direction| (scale * radiance(direction)).as_vec3())
+    }
+
+    /// A clear sky without its sun, which is a light of its own in the unit direction `sun`, over dark ground: so many lx on
+    /// level ground. Its luminance is that of ISO 15469, type 12, paler at the horizon and about the sun.
+    pub fn clear(sun: DVec3, illuminance: f64) -> Self {
+        let gradation = |height: f64| 1.0 - (-0.32 / height.max(0.01)).exp();
+        let scattered = |angle: f64| {
+            let peak = 10.0 * ((-3.0 * angle).exp() - (-1.5 * PI).exp());
+            1.0 + peak + 0.45 * angle.cos().powi(2)
+        };
+        let radiance = |direction: DVec3| {
+            if direction.y < 0.0 {
+                return DVec3::splat(0.05);
+            }
+            let angle = direction.angle_between(sun);
+            let pale = (0.75 * (-5.0 * direction.y).exp() + 0.8 * (-4.0 * angle).exp()).min(1.0);
+            let color = DVec3::new(0.42, 0.68, 1.25).lerp(DVec3::new(0.93, 0.98, 1.06), pale);
+            color * gradation(direction.y) * scattered(angle) * (luminance(DVec3::ONE) / luminance(color))
+        };
+        let sky = Self::of(|direction| radiance(direction).as_vec3());
+        let scale = illuminance / luminance(sky.received(DVec3::Y));
         Self::of(|direction| (scale * radiance(direction)).as_vec3())
     }
 

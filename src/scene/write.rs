@@ -8,6 +8,7 @@ mod values;
 use super::Scene;
 use crate::error::{Error, Result};
 use crate::files;
+use rayon::prelude::*;
 use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -19,11 +20,12 @@ const VERTICES: u32 = 34962;
 /// Writes the scene as a GLB file.
 ///
 /// A double-sided material's triangles are written once, its second side is what `doubleSided` says. A scene that moves is
-/// written at rest, with what moves it; animations without channels are left out. Scenes with images are refused: scenes
-/// made in code have none. So are meshes that bend once their triangles are divided.
+/// written at rest, with what moves it; animations without channels are left out. Images are in it as PNG. glTF has no
+/// skies: a sky is left out, and so are the lights that stand for it. Meshes that bend are refused once their triangles
+/// are divided.
 ///
 /// # Errors
-/// A file that cannot be written.
+/// A file that cannot be written, an image without texels.
 pub fn write_glb(scene: &Scene, path: &Path) -> Result<()> {
     let failed = |reason: String| Error::Output { file: path.to_path_buf(), reason };
     let bytes = glb_bytes(scene).map_err(failed)?;
@@ -40,14 +42,15 @@ struct Document {
     /// Keys of animations, of which many accessors may share one, and those accessors by what they hold.
     keys: Vec<u8>,
     known_keys: BTreeMap<keys::Known, usize>,
+    textures: values::Textures,
 }
 
 fn glb_bytes(scene: &Scene) -> std::result::Result<Vec<u8>, String> {
-    if !scene.images.is_empty() {
-        return Err("the scene has images, which this writer does not know; write it with a glTF tool".into());
-    }
     let mut at_rest = scene.clone();
     at_rest.rest();
+    if let Some(sky) = at_rest.sky.take() {
+        at_rest.lights.drain(sky.lights);
+    }
     let scene = &at_rest;
     let mut document = Document::default();
     let rest = values::rest(scene);
@@ -57,12 +60,18 @@ fn glb_bytes(scene: &Scene) -> std::result::Result<Vec<u8>, String> {
     for mesh in &scene.meshes {
         meshes.push(surface::mesh(&mut document, scene, mesh)?);
     }
+    let pictures: Vec<_> = scene.images.par_iter().map(|i| crate::image::png(i.width, i.height, &i.rgba)).collect();
+    let mut images = Vec::new();
+    for (image, png) in scene.images.iter().zip(pictures) {
+        let view = document.view(&png.map_err(|reason| format!("image '{}': {reason}", image.name))?);
+        images.push(json!({ "name": image.name, "mimeType": "image/png", "bufferView": view }));
+    }
     let tree = rig::Tree::new(&mut document, scene)?;
     let skins = rig::skins(&mut document, scene);
     let animations = keys::animations(&mut document, scene, &tree)?;
 
     if u32::try_from(document.binary.len()).is_err() {
-        return Err("more than 4 GiB of vertices, which GLB cannot hold; split the scene".into());
+        return Err("more than 4 GiB of vertices and images, which GLB cannot hold; split the scene".into());
     }
     let mut root = Map::new();
     root.insert("asset".into(), json!({ "version": "2.0", "generator": "lightskin" }));
@@ -82,6 +91,9 @@ fn glb_bytes(scene: &Scene) -> std::result::Result<Vec<u8>, String> {
         ("skins", skins),
         ("animations", animations),
         ("materials", materials),
+        ("images", images),
+        ("textures", document.textures.list),
+        ("samplers", document.textures.samplers),
         ("cameras", scene.cameras.iter().map(values::camera).collect()),
         ("accessors", document.accessors),
         ("bufferViews", document.views),

@@ -2,8 +2,8 @@
 
 use super::Document;
 use crate::scene::animation::Quantity;
-use crate::scene::{Camera, Light, LightKind, Material, Projection, Scene};
-use glam::{DVec3, Vec3, Vec4};
+use crate::scene::{Camera, Light, LightKind, Material, Projection, Sampler, Scene, Texture, Wrap};
+use glam::{Affine2, DVec3, Vec3, Vec4};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
@@ -16,9 +16,56 @@ pub(super) fn rest(scene: &Scene) -> Rest {
     properties.flat_map(|p| p.of().iter().map(|&of| ((p.quantity(), of), p.at_rest()))).collect()
 }
 
+/// The textures of the file, each an image and a sampler, and the samplers.
+#[derive(Default)]
+pub(super) struct Textures {
+    pub(super) list: Vec<Value>,
+    pub(super) samplers: Vec<Value>,
+}
+
+/// The place of a value in a list, at whose end it is put where it is new.
+fn place(list: &mut Vec<Value>, value: Value) -> usize {
+    list.iter().position(|known| *known == value).unwrap_or_else(|| {
+        list.push(value);
+        list.len() - 1
+    })
+}
+
+/// What a material says of a texture.
+fn texture(document: &mut Document, texture: Texture) -> Value {
+    let Texture { image, uv_set, transform, sampler } = texture;
+    let mut own = json!({ "source": image });
+    if sampler != Sampler::default() {
+        let wrap = |wrap| match wrap {
+            Wrap::Repeat => 10497,
+            Wrap::Mirror => 33648,
+            Wrap::Clamp => 33071,
+        };
+        let filter = if sampler.nearest { 9728 } else { 9729 };
+        let value = json!({ "wrapS": wrap(sampler.wrap_u), "wrapT": wrap(sampler.wrap_v), "magFilter": filter });
+        own["sampler"] = json!(place(&mut document.textures.samplers, value));
+    }
+    let mut value = json!({ "index": place(&mut document.textures.list, own) });
+    if uv_set != 0 {
+        value["texCoord"] = json!(uv_set);
+    }
+    if transform != Affine2::IDENTITY {
+        let [x, y] = [transform.matrix2.x_axis, transform.matrix2.y_axis];
+        let scale = [x.length(), y.length().copysign(transform.matrix2.determinant())];
+        let rotation = if x.y == 0.0 && x.x > 0.0 { 0.0 } else { (-x.y).atan2(x.x) };
+        let members = json!({ "offset": transform.translation.to_array(), "rotation": rotation, "scale": scale });
+        document.extensions.insert("KHR_texture_transform");
+        value["extensions"]["KHR_texture_transform"] = members;
+    }
+    value
+}
+
 /// A material. Extensions that animations aim at are there even where their values say nothing.
 pub(super) fn material(document: &mut Document, index: usize, material: &Material, rest: &Rest) -> Value {
     let animated = |quantity| rest.get(&(quantity, index));
+    let mut told = |own: Option<Texture>| own.map(|own| texture(document, own));
+    let [base_color, metallic_roughness, normal, emission, specular_of, specular_color] =
+        material.clone().textures_mut().map(|own| told(*own));
     let mut value = json!({
         "name": material.name,
         "pbrMetallicRoughness": {
@@ -29,6 +76,19 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
     });
     if material.base_color == Vec4::ONE {
         value["pbrMetallicRoughness"].as_object_mut().expect("made above").remove("baseColorFactor");
+    }
+    let of_core = [("baseColorTexture", base_color), ("metallicRoughnessTexture", metallic_roughness)];
+    for (key, texture) in of_core.into_iter().filter_map(|(key, texture)| Some((key, texture?))) {
+        value["pbrMetallicRoughness"][key] = texture;
+    }
+    if let Some(mut normal) = normal {
+        if material.normal_scale != 1.0 {
+            normal["scale"] = json!(material.normal_scale);
+        }
+        value["normalTexture"] = normal;
+    }
+    if let Some(emission) = emission {
+        value["emissiveTexture"] = emission;
     }
     if material.double_sided {
         value["doubleSided"] = json!(true);
@@ -54,11 +114,16 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
         extend("KHR_materials_ior", json!({ "ior": material.ior }));
     }
     let specular = animated(Quantity::Specular).or(animated(Quantity::SpecularColor));
-    if material.specular != 1.0 || material.specular_color != Vec3::ONE || specular.is_some() {
-        let factors = json!({
+    let of_specular = [("specularTexture", specular_of), ("specularColorTexture", specular_color)];
+    let has_textures = of_specular.iter().any(|(_, texture)| texture.is_some());
+    if material.specular != 1.0 || material.specular_color != Vec3::ONE || specular.is_some() || has_textures {
+        let mut factors = json!({
             "specularFactor": material.specular,
             "specularColorFactor": material.specular_color.to_array(),
         });
+        for (key, texture) in of_specular.into_iter().filter_map(|(key, texture)| Some((key, texture?))) {
+            factors[key] = texture;
+        }
         extend("KHR_materials_specular", factors);
     }
     if emissive != DVec3::ZERO {
