@@ -13,6 +13,8 @@ pub enum Blend {
     Replace,
     /// It is added.
     Add,
+    /// It lies over the old one: its alpha is multiplied in already.
+    Over,
 }
 
 /// Depth test; depth is reversed, 1 near and 0 far.
@@ -143,13 +145,15 @@ impl Gpu {
                 Depth::Behind => vk::CompareOp::LESS,
                 Depth::Nearest | Depth::None => vk::CompareOp::GREATER,
             });
+        let kept =
+            if raster.blend == Blend::Over { vk::BlendFactor::ONE_MINUS_SRC_ALPHA } else { vk::BlendFactor::ONE };
         let blend = vk::PipelineColorBlendAttachmentState {
-            blend_enable: (raster.blend == Blend::Add).into(),
+            blend_enable: (raster.blend != Blend::Replace).into(),
             src_color_blend_factor: vk::BlendFactor::ONE,
-            dst_color_blend_factor: vk::BlendFactor::ONE,
+            dst_color_blend_factor: kept,
             color_blend_op: vk::BlendOp::ADD,
             src_alpha_blend_factor: vk::BlendFactor::ONE,
-            dst_alpha_blend_factor: vk::BlendFactor::ONE,
+            dst_alpha_blend_factor: kept,
             alpha_blend_op: vk::BlendOp::ADD,
             color_write_mask: vk::ColorComponentFlags::RGBA,
         };
