@@ -188,16 +188,18 @@ impl Canvas {
     pub(super) fn record(&self, cmd: &Cmd<'_>, picture: Option<(&Picture, [u32; 2])>, shown: Shown, look: &Look) {
         let _zone = cmd.zone("window");
         let area = [0, 0, self.image.width, self.image.height];
-        cmd.render(&Attachments { colors: &[Attach::clear(&self.image)], depth: None, area }, |_| {});
         let layer = picture.and_then(|(picture, _)| shown.layer(picture));
+        let mut canvas = Attach::clear(&self.image);
         if let (Some((picture, corner)), Shown::Picture) = (picture, shown) {
+            cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |_| {});
             cmd.barrier(Use::ColorWrite, Use::CopyRead | Use::CopyWrite);
             cmd.copy_image(&picture.output.picture, &self.image, corner);
             cmd.barrier(Use::CopyWrite, Use::ColorWrite);
+            canvas = Attach::keep(&self.image);
         } else if layer.is_some() {
-            cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::FragmentRead | Use::ColorWrite);
+            cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::FragmentRead);
         }
-        cmd.render(&Attachments { colors: &[Attach::keep(&self.image)], depth: None, area }, |draw| {
+        cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |draw| {
             if let (Some((picture, corner)), Some(layer)) = (picture, layer) {
                 self.draw_layer(draw, picture, corner, layer, look);
             }

@@ -2,7 +2,8 @@
 
 use super::camera::{Free, Seen};
 use super::canvas::Shown;
-use crate::cli::view::{Now, View as Args};
+use crate::cli::thousands;
+use crate::cli::view::{Now, View as Args, print};
 use anyhow::{Result, anyhow};
 use lightskin::frame::engine::{Loaded, Progress};
 use lightskin::frame::settings::{Caches, Gather};
@@ -52,8 +53,10 @@ pub(super) struct Document {
     pub(super) picture: Option<Picture>,
     /// Wanted from the next frame on.
     pub(super) settings: Settings,
-    /// With which the last frame was drawn.
-    drawn: Settings,
+    /// Which the device could do.
+    fitted: Settings,
+    /// What the last frame was seen by.
+    pub(super) drawn: Option<View>,
     pub(super) look: Look,
     pub(super) shown: Shown,
     pub(super) seen: Seen,
@@ -78,7 +81,8 @@ impl Document {
             engine: None,
             picture: None,
             settings,
-            drawn: settings,
+            fitted: settings,
+            drawn: None,
             look: args.look(),
             shown: Shown::Picture,
             seen: Seen::OfScene(0),
@@ -143,29 +147,19 @@ impl Document {
         }
         (self.args, self.settings, self.caches) = (args, settings, count);
         let scene = self.engine.as_ref().map(|engine| engine.scene().clone()).unwrap_or_default();
+        print(&format!(
+            "scene     {}: {} triangles, {} caches",
+            scene.name,
+            thousands(scene.triangle_count()),
+            thousands(count)
+        ));
         if anew {
             self.lights = scene.lights.iter().map(|light| (light.clone(), true)).collect();
             self.bookmarks = [None; 9];
             self.clip = Clip { animation: None, time: 0.0, playing: false, speed: self.clip.speed };
-            self.seen = match &self.args.camera {
-                Some(wanted) => self.begin_at(&scene, wanted),
-                None => Seen::OfScene(0),
-            };
+            self.seen = self.args.camera.as_ref().map_or(Seen::OfScene(0), |wanted| begin_at(&scene, wanted));
         }
         Ok(())
-    }
-
-    /// The camera that the command line names.
-    fn begin_at(&self, scene: &Scene, wanted: &str) -> Seen {
-        let of_scene = match wanted.parse::<usize>() {
-            Ok(index) => Some(index),
-            Err(_) => scene.cameras.iter().position(|camera| camera.name == wanted),
-        };
-        match (of_scene, Free::parse(wanted)) {
-            (Some(index), _) => Seen::OfScene(index),
-            (None, Some(free)) => Seen::Free(free),
-            (None, None) => Seen::OfScene(0),
-        }
     }
 
     /// The settings of the level.
@@ -253,14 +247,14 @@ impl Document {
             }),
         };
         if let Err(error) = fitted {
-            if self.settings == self.drawn {
+            if self.settings == self.fitted {
                 return Err(error.into());
             }
             log::error!("{error}; the settings are as they were");
-            self.settings = self.drawn;
+            self.settings = self.fitted;
             return self.fit(gpu, size);
         }
-        self.drawn = self.settings;
+        self.fitted = self.settings;
         Ok(())
     }
 
@@ -307,6 +301,15 @@ impl Document {
             camera,
             moment: self.clip.animation.map(|animation| (animation, self.clip.time)),
         }))
+    }
+}
+
+/// The camera that the command line names.
+fn begin_at(scene: &Scene, wanted: &str) -> Seen {
+    let index = wanted.parse().ok().or_else(|| scene.cameras.iter().position(|camera| camera.name == wanted));
+    match (Free::parse(wanted), index) {
+        (Some(free), _) => Seen::Free(free),
+        (None, index) => Seen::OfScene(index.unwrap_or(0)),
     }
 }
 

@@ -47,8 +47,8 @@ pub(super) struct State {
 pub(super) fn style(context: &egui::Context) {
     context.set_theme(egui::Theme::Dark);
     context.all_styles_mut(|style| {
-        style.spacing.slider_width = 150.0;
-        style.spacing.combo_width = 150.0;
+        style.spacing.slider_width = 118.0;
+        style.spacing.combo_width = 168.0;
         style.spacing.item_spacing.y = 5.0;
         style.interaction.tooltip_delay = 0.3;
     });
@@ -94,7 +94,7 @@ impl State {
     pub(super) fn show(&mut self, ui: &mut Ui, document: &mut Document, gpu: &Gpu) -> Vec<Wish> {
         let mut wishes = Vec::new();
         if self.visible {
-            egui::Panel::right("panels").resizable(false).exact_size(WIDTH).show(ui, |ui| {
+            egui::Panel::right("panels").resizable(false).show_separator_line(false).exact_size(WIDTH).show(ui, |ui| {
                 ui.add_space(6.0);
                 heading(ui, document, gpu);
                 ui.separator();
@@ -183,7 +183,7 @@ impl State {
                      They cost most at large pictures.{}",
                     cost(document, &["near rays"])
                 );
-                if row(ui, "Near rays", &help, |ui| ui.checkbox(&mut rays, "")).changed() {
+                if row(ui, "Near rays", &help, |ui| ui.checkbox(&mut rays, "from pixels")).changed() {
                     *near = if rays { Quality::High.near() } else { Near::Off };
                 }
                 if let Near::Rays { per_pixel, every } = near {
@@ -316,7 +316,7 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
         }
         let mut automatic = document.look.exposure == Exposure::Automatic;
         let help = "Exposes for the surfaces in view. Switch it off to fix the exposure; either costs nothing.";
-        if row(ui, "Automatic exposure", help, |ui| ui.checkbox(&mut automatic, "")).changed() {
+        if row(ui, "Exposure", help, |ui| ui.checkbox(&mut automatic, "automatic")).changed() {
             document.look.exposure = if automatic {
                 Exposure::Automatic
             } else {
@@ -327,7 +327,9 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
         }
         if let Exposure::Ev(ev) = &mut document.look.exposure {
             let help = "Exposure value at ISO 100: one more is half as bright.";
-            row(ui, "EV", help, |ui| ui.add(DragValue::new(ev).speed(0.05).range(-100.0..=100.0).max_decimals(2)));
+            row(ui, "Exposure value", help, |ui| {
+                ui.add(DragValue::new(ev).speed(0.05).range(-100.0..=100.0).max_decimals(2))
+            });
         }
         let curves = [
             (Tonemap::PbrNeutral, "PBR Neutral"),

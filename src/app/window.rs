@@ -7,7 +7,6 @@ use super::panel;
 use crate::cli::check_messages;
 use crate::cli::view::{View as Args, print};
 use anyhow::{Context, Result};
-use lightskin::frame::View;
 use lightskin::gpu::{Gpu, Swapchain};
 use lightskin::image::write_png;
 use std::path::PathBuf;
@@ -38,6 +37,8 @@ pub(super) struct Open {
     problems: Vec<String>,
     last: Instant,
     next: Option<Instant>,
+    /// What is asked of the next picture: what is asked before it changes it.
+    waiting: Vec<Wish>,
     closed: bool,
 }
 
@@ -70,6 +71,7 @@ impl Open {
             problems: Vec::new(),
             last: Instant::now(),
             next: None,
+            waiting: Vec::new(),
             closed: false,
         })
     }
@@ -108,7 +110,7 @@ impl Open {
     }
 
     fn grant(&mut self, wish: Wish) {
-        let (gpu, place) = (&self.gpu, self.place.1);
+        let gpu = &self.gpu;
         let document = &mut self.document;
         match wish {
             Wish::Close => self.closed = true,
@@ -159,24 +161,18 @@ impl Open {
                 document.bookmarks[index] = Some(document.seen);
                 log::warn!("camera {} is this one now", index + 1);
             }
-            Wish::Copy => self.copy_command(),
-            Wish::Save if place.contains(&0) => {}
-            Wish::Save => {
-                if let Err(error) = self.save() {
-                    log::error!("{error:#}");
-                }
-            }
+            Wish::Copy | Wish::Save => self.waiting.push(wish),
             Wish::Drop(file) => document.open(document.args.with_file(&file), true),
         }
     }
 
     /// Prints the command that writes this picture, and gives it to the clipboard.
-    fn copy_command(&mut self) {
-        if let Some(command) = self.document.command() {
-            print(&command);
-            self.egui.set_clipboard_text(command);
-            log::warn!("the command line for this picture is copied");
-        }
+    fn copy_command(&mut self) -> Result<()> {
+        let command = self.document.command().context("there is no picture to copy the command line of")?;
+        print(&command);
+        self.egui.set_clipboard_text(command);
+        log::warn!("the command line for this picture is copied");
+        Ok(())
     }
 
     /// Writes the picture, without panels, under the first free name.
@@ -243,6 +239,13 @@ impl Open {
         })?;
         self.problems.extend(frame.problems);
         self.document.time(self.gpu.finished_times()?);
+        self.document.drawn = view;
+        for wish in std::mem::take(&mut self.waiting) {
+            let done = if wish == Wish::Copy { self.copy_command() } else { self.save() };
+            if let Err(error) = done {
+                log::error!("{error:#}");
+            }
+        }
         self.window.pre_present_notify();
         let seen = self.swapchain.show(&self.canvas.image)?;
 
@@ -260,8 +263,7 @@ impl Open {
 
 /// How far from the eye what a place of the picture shows is [m], and where; places are from 0 at the top left to 1.
 fn depth_at(gpu: &Gpu, document: &Document, at: [f32; 2]) -> Option<(f64, glam::DVec3)> {
-    let (view, picture, engine): (View, _, _) =
-        (document.view()?, document.picture.as_ref()?, document.engine.as_ref()?);
+    let (view, picture, engine) = (document.drawn?, document.picture.as_ref()?, document.engine.as_ref()?);
     let [width, height] = picture.size();
     let depth: Vec<f32> = gpu.read_image(&picture.surface.depth).ok()?;
     let pixel = |at: f32, most: u32| ((at * most as f32) as u32).min(most - 1) as usize;
