@@ -29,7 +29,7 @@ impl Display {
     /// None, with a word, where there is no Xvfb.
     fn open() -> Option<Self> {
         // The server writes its number where it is told to: its standard output.
-        let arguments = ["-displayfd", "1", "-screen", "0", "1024x768x24", "-nolisten", "tcp"];
+        let arguments = ["-displayfd", "1", "-screen", "0", "1024x1024x24", "-nolisten", "tcp"];
         let started = Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut server) = started else {
             println!("skipped: no Xvfb here; scripts/setup installs it");
@@ -168,6 +168,38 @@ impl App {
         self.fake(BUTTON_RELEASE_EVENT, button, [0, 0]);
     }
 
+    /// Takes what has been done to the panels to heart: some of it takes more than a frame.
+    fn settle(&mut self, wanted: &str) {
+        self.command();
+        let command = self.command();
+        assert!(command.contains(wanted), "'{wanted}' is not in: {command}");
+    }
+
+    /// A button that goes down and up in different frames, as by hand.
+    fn tap(&mut self, at: [i16; 2], wanted: &str) {
+        self.move_to(at);
+        self.fake(BUTTON_PRESS_EVENT, 1, [0, 0]);
+        self.command();
+        self.fake(BUTTON_RELEASE_EVENT, 1, [0, 0]);
+        self.settle(wanted);
+    }
+
+    /// Chooses from a list, whose entries are 25 pixels high.
+    fn choose(&mut self, [x, y]: [i16; 2], entry: i16, wanted: &str) {
+        self.tap([x, y], "");
+        self.tap([x, y + 2 + 25 * entry], wanted);
+    }
+
+    fn slide(&mut self, [x, y]: [i16; 2], by: i16, wanted: &str) {
+        self.move_to([x, y]);
+        self.fake(BUTTON_PRESS_EVENT, 1, [0, 0]);
+        self.command();
+        self.move_to([x + by, y]);
+        self.command();
+        self.fake(BUTTON_RELEASE_EVENT, 1, [0, 0]);
+        self.settle(wanted);
+    }
+
     fn resize(&self, width: u32, height: u32) {
         let size = ConfigureWindowAux::new().width(width).height(height);
         self.x.configure_window(self.window, &size).expect("a size").check().expect("a size");
@@ -192,7 +224,9 @@ impl App {
 
     /// What the command line of the picture is: the answer comes after all that was asked for before it was seen to.
     fn command(&mut self) -> String {
+        self.hold("Shift", true);
         self.press_with("Control", "C");
+        self.hold("Shift", false);
         self.line("lightskin render")
     }
 
@@ -312,7 +346,7 @@ fn everything_can_be_pressed() {
     let scene = scene.to_str().expect("a path");
     let mut app = App::start(&display, &folder, &[&["view", scene, "--size", "64x48"], &SMALL[..]].concat());
     app.line("scene");
-    app.resize(384, 700);
+    app.resize(384, 860);
     let began = app.command();
     app.drag(1, [20, 20], [40, 30]);
     app.drag(2, [20, 20], [30, 30]);
@@ -331,15 +365,33 @@ fn everything_can_be_pressed() {
     app.press("2");
     assert_eq!(app.command(), moved, "camera 2 was kept");
     app.press("1");
-    // Down the panels, every control once: a click opens lists and toggles, a drag turns what slides.
-    let left = 64;
-    for (turn, y) in (90..690).step_by(12).enumerate() {
-        let x = left + if turn % 2 == 0 { 120 } else { 150 };
-        app.drag(1, [x, y], [x + 12, y]);
-        app.press("Escape");
+    // The panels, whose rows are 26 pixels high; each control changes what it should, in words of the command line.
+    let x = 64 + 135;
+    app.slide([x, 220], 30, "--bounces");
+    app.choose([x, 246], 1, "--shadows off");
+    app.tap([64 + 112, 272], "--near rays --near-rays 8 --near-every 2");
+    app.slide([x, 298], 30, "--near-every 2");
+    app.choose([x, 350], 1, "--rsm 32");
+    app.choose([x, 376], 1, "--shadow-map 512");
+    let lit = app.pixels([0, 0], [64, 860]);
+    app.tap([64 + 16, 439], "");
+    assert!(app.pixels([0, 0], [64, 860]) != lit, "a light that is off lights nothing");
+    app.tap([64 + 16, 439], "");
+    app.slide([x, 529], 30, "--camera '");
+    app.tap([64 + 112, 555], "--ev ");
+    app.choose([x, 607], 2, "--tonemap agx");
+    for shown in 0..6 {
+        app.choose([x, 633], shown, "");
     }
-    let changed = app.command();
-    assert_ne!(changed, began, "controls change what is rendered");
+    app.choose([x, 194], 3, "--gi off");
+    app.choose([x, 194], 2, "--gi brute-force");
+    app.choose([x, 142], 1, "lightskin");
+    app.line("scene");
+    let command = app.command();
+    assert!(command.contains("--quality low") && !command.contains("--gi"), "{command}");
+    app.slide([64 + 120, 168], 40, "lightskin");
+    app.line("scene");
+    assert!(app.command().contains("--caches"));
     for _ in 0..3 {
         app.press("F1");
         app.press("Tab");

@@ -196,9 +196,8 @@ impl Canvas {
             cmd.copy_image(&picture.output.picture, &self.image, corner);
             cmd.barrier(Use::CopyWrite, Use::ColorWrite);
             canvas = Attach::keep(&self.image);
-        } else if layer.is_some() {
-            cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::FragmentRead);
         }
+        // Layers need no barrier: the composite reads them in fragment shaders, too, or they are of an earlier frame.
         cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |draw| {
             if let (Some((picture, corner)), Some(layer)) = (picture, layer) {
                 self.draw_layer(draw, picture, corner, layer, look);

@@ -158,10 +158,11 @@ impl Input {
             self.keys.remove(&code);
             return None;
         }
-        if typing {
+        let control = self.modifiers.control_key();
+        let function = matches!(code, KeyCode::F1 | KeyCode::F12);
+        if typing && !control && !function {
             return None;
         }
-        let control = self.modifiers.control_key();
         if !control {
             self.keys.insert(code);
         }
@@ -171,11 +172,11 @@ impl Input {
         let digit = DIGITS.iter().position(|digit| *digit == code);
         match code {
             KeyCode::KeyQ if control => Some(Wish::Close),
-            KeyCode::KeyC if control => Some(Wish::Copy),
-            KeyCode::Tab | KeyCode::KeyH => Some(Wish::Panels),
+            KeyCode::KeyC if control && self.modifiers.shift_key() => Some(Wish::Copy),
+            KeyCode::Tab | KeyCode::KeyH if !control => Some(Wish::Panels),
             KeyCode::F1 => Some(Wish::Keys),
             KeyCode::F12 => Some(Wish::Save),
-            KeyCode::KeyP => Some(Wish::Play),
+            KeyCode::KeyP if !control => Some(Wish::Play),
             _ => digit.map(|index| if control { Wish::Keep(index) } else { Wish::Recall(index) }),
         }
     }

@@ -28,7 +28,7 @@ const KEYS: [(&str, &str); 16] = [
     ("Ctrl+1 to 9", "keep this camera"),
     ("P", "play the animation, or stop it"),
     ("Tab, H", "show or hide the panels"),
-    ("Ctrl+C", "copy the command line for this picture"),
+    ("Ctrl+Shift+C", "copy the command line for this picture"),
     ("F12", "write the picture as PNG"),
     ("F1", "show or hide this list"),
     ("Ctrl+Q", "quit"),
