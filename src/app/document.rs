@@ -112,12 +112,12 @@ impl Document {
         self.job.as_ref().map(|job| job.progress.get())
     }
 
-    /// Takes over what the job has made, if it is there. Never waits. A scene that does not load leaves what is shown.
+    /// Takes over what the job has made, if it is there; says whether it was. Never waits. A scene that does not load leaves what is shown.
     ///
     /// # Errors
     /// A first scene that does not load: there is nothing to show.
-    pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<()> {
-        let Some(job) = self.job.take_if(|job| job.thread.is_finished()) else { return Ok(()) };
+    pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
+        let Some(job) = self.job.take_if(|job| job.thread.is_finished()) else { return Ok(false) };
         let made = job.thread.join().map_err(|_| anyhow!("loading has ended by a bug of its own"));
         let taken = made.and_then(|loaded| self.take(gpu, loaded?, job.args, job.anew));
         match (taken, &self.engine) {
@@ -125,7 +125,7 @@ impl Document {
             (Err(error), None) => return Err(error),
             (Ok(()), _) => {}
         };
-        Ok(())
+        Ok(true)
     }
 
     fn take(&mut self, gpu: &Gpu, mut loaded: Loaded, args: Args, anew: bool) -> Result<()> {
@@ -145,6 +145,8 @@ impl Document {
             None => self.engine = Some(Engine::new(gpu, loaded, &settings)?),
             Some(engine) => engine.load(gpu, loaded)?,
         }
+        // Under another sky, or with other caches, it is the same scene.
+        let same = anew && self.engine.is_some() && args.scene == self.args.scene;
         (self.args, self.settings, self.caches) = (args, settings, count);
         let scene = self.engine.as_ref().map(|engine| engine.scene().clone()).unwrap_or_default();
         print(&format!(
@@ -153,8 +155,10 @@ impl Document {
             thousands(scene.triangle_count()),
             thousands(count)
         ));
-        if anew {
+        if anew || self.lights.len() != scene.lights.len() {
             self.lights = scene.lights.iter().map(|light| (light.clone(), true)).collect();
+        }
+        if anew && !same {
             self.bookmarks = [None; 9];
             self.clip = Clip { animation: None, time: 0.0, playing: false, speed: self.clip.speed };
             self.seen = self.args.camera.as_ref().map_or(Seen::OfScene(0), |wanted| begin_at(&scene, wanted));
@@ -221,14 +225,15 @@ impl Document {
     /// Poses the scene as the clip says.
     pub(super) fn pose(&mut self, gpu: &Gpu) {
         let clip = self.clip;
-        let of_panel = self.lights.clone();
-        self.edit(gpu, |scene| match clip.animation {
-            Some(animation) => scene.pose(animation, scene.looped(animation, clip.time)),
-            None => scene.rest(),
+        let off: Vec<bool> = self.lights.iter().map(|(_, on)| !on).collect();
+        self.edit(gpu, |scene| {
+            match clip.animation {
+                Some(animation) => scene.pose(animation, scene.looped(animation, clip.time)),
+                None => scene.rest(),
+            }
+            let off = scene.lights.iter_mut().zip(off).filter(|(_, off)| *off);
+            off.for_each(|(light, _)| light.intensity = 0.0);
         });
-        if of_panel.iter().any(|(_, on)| !on) {
-            self.light(gpu);
-        }
     }
 
     /// Makes light and picture fit what is wanted. What the device cannot do is said and taken back.
@@ -275,7 +280,10 @@ impl Document {
             if self.history.len() == HISTORY {
                 self.history.pop_front();
             }
-            self.history.push_back(Timed { ms: stages.iter().map(|(_, ms)| ms).sum(), stages });
+            let ms: f64 = stages.iter().map(|(_, ms)| ms).sum();
+            let window = stages.iter().find(|(name, _)| *name == "window").map_or(0.0, |(_, ms)| *ms);
+            log::debug!("frame {}: {ms:.1} ms, {window:.1} ms of them for the window", frame.number);
+            self.history.push_back(Timed { ms, stages });
         }
     }
 

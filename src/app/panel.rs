@@ -420,7 +420,7 @@ fn timings(ui: &mut Ui, document: &Document) {
         ui.label(RichText::new("No frame yet").weak());
         return;
     };
-    let width = ui.available_width();
+    let width = ui.available_width() - 10.0;
     let most = document.history.iter().map(|frame| frame.ms).fold(1e-6, f64::max);
     let (area, response) = ui.allocate_exact_size(egui::vec2(width, 44.0), egui::Sense::hover());
     ui.painter().rect_filled(area, 2.0, Color32::from_gray(18));
@@ -438,7 +438,8 @@ fn timings(ui: &mut Ui, document: &Document) {
         "The last {} frames that drew something; the slowest took {most:.1} ms.",
         document.history.len()
     ));
-    ui.label(format!("last frame {:.1} ms; what has not changed is left out", last.ms));
+    ui.label(format!("last frame {:.1} ms", last.ms))
+        .on_hover_text("The last one that drew something. What has not changed is left out.");
     let longest = last.stages.iter().map(|(_, ms)| *ms).fold(1e-6, f64::max);
     for (name, ms) in &last.stages {
         let (area, response) = ui.allocate_exact_size(egui::vec2(width, 16.0), egui::Sense::hover());

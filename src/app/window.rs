@@ -198,7 +198,11 @@ impl Open {
             self.next = None;
             return Ok(());
         }
-        self.document.poll(&self.gpu)?;
+        if self.document.poll(&self.gpu)?
+            && let Some(scene) = self.document.scene()
+        {
+            self.window.set_title(&format!("{} - lightskin", scene.name));
+        }
         self.input.fly(past, &mut self.document);
         if self.document.clip.playing {
             self.document.clip.time += past * self.document.clip.speed;

@@ -47,6 +47,10 @@ pub(super) struct Instance {
     /// Whether the instance and the device made from it are ours to destroy.
     pub(super) owned: bool,
     /// The loader's library, if we have loaded it.
+    #[cfg_attr(
+        not(feature = "app"),
+        expect(dead_code, reason = "windows ask it; without them it is only kept loaded")
+    )]
     pub(super) entry: Option<ash::Entry>,
 }
 
