@@ -11,5 +11,6 @@ void main() {
     if (second == 0.0) {
         discard;
     }
-    out_radiance = vec4(texelFetch(second_image, at, 0).rgb, second / (second + float(count & 0xffffu)));
+    float share = second / (second + float(count & 0xffffu));
+    out_radiance = vec4(texelFetch(second_image, at, 0).rgb * share, share);
 }

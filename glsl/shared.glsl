@@ -555,6 +555,23 @@ struct CompositePush {
     vec4 behind; // linear, of the display
 };
 
+// Push constants of the window's panels.
+struct UiPush {
+    vec2 scale; // points to clip space
+};
+
+// Push constants of a layer that the window shows alone.
+struct LayerPush {
+    uint how; // LAYER_RADIANCE, LAYER_REFLECTANCE or LAYER_DIRECTION
+    uint tonemap;
+    uint left; // corner of the picture in the window [pixels]
+    uint top;
+};
+
+const uint LAYER_RADIANCE = 0u; // exposed and tone-mapped like the picture
+const uint LAYER_REFLECTANCE = 1u; // as it is
+const uint LAYER_DIRECTION = 2u; // -1 dark, 1 bright
+
 // Push constants of the check for broken values; what the frame has not counts 0.
 struct CheckPush {
     uint width;

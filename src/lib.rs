@@ -59,8 +59,8 @@
 //! ```
 //!
 //! The engine alone is what default features off leave: [`gpu`], [`scene`], [`bake`], [`frame`], and the f64 twins of its
-//! shaders in [`mod@reference`]. Feature `exr` adds OpenEXR files, `compare` adds `metrics`, `lab` what measures the engine, and
-//! `cli` the command line.
+//! shaders in [`mod@reference`]. Feature `exr` adds OpenEXR files, `compare` adds `metrics`, `lab` what measures the engine,
+//! `cli` the command line, and `app` the window.
 
 pub mod bake;
 pub mod error;

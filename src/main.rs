@@ -1,13 +1,15 @@
 //! The command-line tool: parse, dispatch to `cli`, one line per error, exit code.
 #![warn(clippy::print_stderr, reason = "panics where standard error is broken")]
 
+#[cfg(feature = "app")]
+mod app;
 mod cli;
 
 use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let done = match cli::Cli::try_parse() {
+    let done = match cli::Cli::try_parse_from(cli::arguments()) {
         Ok(cli) => cli::run(&cli),
         Err(usage) => cli::usage(&usage),
     };

@@ -3,6 +3,8 @@
 
 mod analytic;
 mod animation;
+#[cfg(feature = "app")]
+mod app;
 mod area_lights;
 mod bake;
 mod bench;

@@ -6,7 +6,7 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(super) struct Bake {
-    /// glTF or GLB file; the built-in atrium without one.
+    /// glTF or GLB file; the built-in showpiece without one.
     scene: Option<PathBuf>,
     #[command(flatten)]
     caches: CacheArgs,

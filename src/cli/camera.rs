@@ -25,6 +25,12 @@ pub(super) fn camera(scene: &Scene, wanted: Option<&str>) -> Result<Camera> {
 
 /// A camera from "eye;target;up;fov".
 fn free_camera(text: &str) -> Result<Camera> {
+    let ([eye, target, up], fov) = parts(text)?;
+    look_at(eye, target, up, fov).context("--camera: eye and target coincide, or up points along the view")
+}
+
+/// Eye, target and up, and the field of view [degrees], of "eye;target;up;fov".
+pub(crate) fn parts(text: &str) -> Result<([DVec3; 3], f32)> {
     let form = || format!("--camera '{text}': needs 'eye;target;up;fov' like '0,1,4;0,1,0;0,1,0;40'");
     let parts: Vec<&str> = text.split(';').collect();
     let [eye, target, up, fov] = parts[..] else { bail!(form()) };
@@ -41,14 +47,20 @@ fn free_camera(text: &str) -> Result<Camera> {
     if !(0.1..=179.0).contains(&fov) {
         bail!("--camera: the vertical field of view must be from 0.1 to 179 degrees");
     }
+    Ok(([eye, target, up], fov))
+}
+
+/// A camera at a place that looks at a target; `fov` is the vertical field of view [degrees]. None where eye and target coincide, or
+/// up points along the view.
+pub(crate) fn look_at(eye: DVec3, target: DVec3, up: DVec3, fov: f32) -> Option<Camera> {
     let backward = (eye - target).normalize_or_zero();
     let right = up.cross(backward).normalize_or_zero();
     if right == DVec3::ZERO {
-        bail!("--camera: eye and target coincide, or up points along the view");
+        return None;
     }
     let world_from_camera =
         DAffine3::from_mat3_translation(DMat3::from_cols(right, backward.cross(right), backward), eye);
-    Ok(Camera {
+    Some(Camera {
         name: "--camera".into(),
         world_from_camera,
         projection: Projection::Perspective { yfov: fov.to_radians() },

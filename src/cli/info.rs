@@ -19,7 +19,7 @@ const FRAMES: usize = 3;
 
 #[derive(clap::Args)]
 pub(super) struct Info {
-    /// glTF or GLB file, or a folder with one; the built-in atrium without one.
+    /// glTF or GLB file, or a folder with one; the built-in showpiece without one.
     scene: Option<PathBuf>,
     #[command(flatten)]
     caches: CacheArgs,

@@ -7,7 +7,7 @@ mod assets;
 mod bake;
 #[cfg(feature = "lab")]
 mod bench;
-mod camera;
+pub(crate) mod camera;
 mod compare;
 mod devices;
 #[cfg(feature = "lab")]
@@ -22,8 +22,12 @@ mod render;
 mod signals;
 mod sky;
 mod timings;
+#[cfg(feature = "app")]
+pub(crate) mod view;
 mod words;
 
+#[cfg(feature = "app")]
+pub(crate) use output::recent;
 pub(crate) use output::tell;
 
 use anyhow::{Context, Result, bail};
@@ -38,6 +42,7 @@ use lightskin::scene::build::Fineness;
 use lightskin::scene::defaults::Ground;
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, build, defaults, gltf, tessellate};
+use std::ffi::OsString;
 use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -62,6 +67,13 @@ pub(crate) struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
+    /// Look at a glTF scene, or the built-in showpiece, in a window, and change its light.
+    ///
+    /// Panels at the right change light, quality and camera; each control says what it does and costs when the pointer rests
+    /// on it. F1 lists the keys: the left button turns the camera around its target, the wheel goes nearer, W A S D E Q fly. `lightskin
+    /// SCENE` is short for `lightskin view SCENE`.
+    #[cfg(feature = "app")]
+    View(Box<view::View>),
     /// Render a glTF scene, or the built-in showpiece, to a PNG or OpenEXR file.
     Render(Box<render::Render>),
     /// Place the caches of a scene and keep them for later renders.
@@ -101,6 +113,8 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     lightskin::image::set_max_memory(cli.max_memory);
     signals::watch()?;
     let done = match &cli.command {
+        #[cfg(feature = "app")]
+        Command::View(args) => view::run(args),
         Command::Render(args) => render::run(args),
         Command::Bake(args) => bake::run(args),
         #[cfg(feature = "lab")]
@@ -116,6 +130,21 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
     };
     // What the work has found comes first.
     done.and_then(|()| output::written())
+}
+
+/// The arguments of the run. A scene alone is to be looked at: `lightskin SCENE` is `lightskin view SCENE`.
+pub(crate) fn arguments() -> Vec<OsString> {
+    let mut all: Vec<OsString> = std::env::args_os().collect();
+    let is_command = |word: &OsString| Cli::command().get_subcommands().any(|c| word.to_str() == Some(c.get_name()));
+    let is_scene = |word: &OsString| {
+        let path = Path::new(word);
+        path.extension().is_some_and(|e| e.eq_ignore_ascii_case("gltf") || e.eq_ignore_ascii_case("glb"))
+            || path.is_dir()
+    };
+    if cfg!(feature = "app") && all.get(1).is_some_and(|first| !is_command(first) && is_scene(first)) {
+        all.insert(1, "view".into());
+    }
+    all
 }
 
 /// Prints help, or ends the run with exit code 2 for what cannot be understood.
@@ -192,6 +221,31 @@ impl CacheArgs {
         self.caches.map_or(self.quality().caches(), |count| count as usize)
     }
 
+    /// What differs from the default, as one types it.
+    #[cfg(feature = "app")]
+    fn words(&self) -> Vec<String> {
+        let Self { quality, caches, spacing, angle, max_edge, refs, ground } = self;
+        let mut words = Vec::new();
+        let mut flag = |name: &str, value: Option<String>| {
+            words.extend(value.into_iter().flat_map(|value| [name.to_owned(), value]));
+        };
+        flag("--quality", (*quality != QualityArg::default()).then(|| word(*quality)));
+        flag("--caches", caches.map(|n| n.to_string()));
+        flag("--spacing", spacing.map(|n| n.to_string()));
+        flag("--angle", (*angle != 60.0).then(|| angle.to_string()));
+        flag("--max-edge", max_edge.map(|n| n.to_string()));
+        flag("--refs", refs.clone());
+        flag(
+            "--ground",
+            match ground {
+                Ground::Auto => None,
+                Ground::Off => Some("off".into()),
+                Ground::At(height) => Some(height.to_string()),
+            },
+        );
+        words
+    }
+
     fn settings(&self) -> BakeSettings {
         BakeSettings {
             density: self.spacing.map_or(Density::Count(self.count()), Density::Spacing),
@@ -205,8 +259,13 @@ impl CacheArgs {
     }
 }
 
+/// A value of a flag as one types it.
+fn word(value: impl ValueEnum) -> String {
+    value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+}
+
 /// Which device, how closely watched.
-#[derive(Args)]
+#[derive(Args, Clone)]
 struct DeviceArgs {
     /// Device by index or part of its name (see `lightskin devices`).
     #[arg(long, value_name = "INDEX|NAME")]
@@ -226,12 +285,16 @@ enum ValidationArg {
 
 impl DeviceArgs {
     fn open(&self) -> Result<Gpu> {
+        Ok(Gpu::new(&self.options())?)
+    }
+
+    fn options(&self) -> Options {
         let validation = match self.validation {
             ValidationArg::Off => Validation::Off,
             ValidationArg::Core => Validation::Core,
             ValidationArg::Sync => Validation::Sync,
         };
-        Ok(Gpu::new(&Options { device: self.device.clone(), validation })?)
+        Options { device: self.device.clone(), validation }
     }
 }
 
@@ -412,7 +475,7 @@ fn load_punctual(path: Option<&Path>) -> Result<Scene> {
 
 /// Loads a scene, and divides triangles that are large against the distance of caches, where that costs little.
 fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
-    let mut scene = complete(read_scene(path, build::atrium)?, caches.ground);
+    let mut scene = load_under(path, None, caches.ground)?;
     divide_for(&mut scene, caches, false);
     Ok(scene)
 }
@@ -489,7 +552,7 @@ fn bake_scene(scene: &Scene, settings: &BakeSettings, again: bool) -> Result<Bak
 }
 
 /// Fails when the validation layer or the barrier check has said anything.
-fn check_messages(gpu: &Gpu, problems: &[String]) -> Result<()> {
+pub(crate) fn check_messages(gpu: &Gpu, problems: &[String]) -> Result<()> {
     let messages = gpu.messages();
     for problem in problems {
         log::error!("barriers: {problem}");
@@ -505,7 +568,7 @@ fn check_messages(gpu: &Gpu, problems: &[String]) -> Result<()> {
 }
 
 /// A number with spaces between thousands.
-fn thousands(n: usize) -> String {
+pub(crate) fn thousands(n: usize) -> String {
     let digits = n.to_string();
     let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(|g| String::from_utf8_lossy(g).into_owned()).collect();
     groups.join(" ")

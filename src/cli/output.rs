@@ -1,6 +1,7 @@
 //! Standard output and standard error. What they do not take never hides what the work has found.
 
 use anyhow::{Result, anyhow};
+use std::collections::VecDeque;
 use std::fmt::Arguments;
 use std::io::{Error, ErrorKind, Write, stderr, stdout};
 use std::sync::{Mutex, PoisonError};
@@ -42,15 +43,35 @@ pub(crate) fn tell(text: Arguments<'_>) {
     let _ = writeln!(stderr().lock(), "lightskin: {text}");
 }
 
+/// The last messages, oldest first.
+static RECENT: Mutex<VecDeque<String>> = Mutex::new(VecDeque::new());
+
+/// Messages that are remembered.
+const REMEMBERED: usize = 200;
+
+/// The last messages, oldest first: for a window that shows them.
+#[cfg(feature = "app")]
+pub(crate) fn recent() -> Vec<String> {
+    RECENT.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
+}
+
 /// Messages on standard error, one line each.
 struct Log;
 
 impl log::Log for Log {
     fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        metadata.target().starts_with("lightskin") || metadata.level() <= log::Level::Warn
+        // What the clipboard warns of is that nobody keeps its text once the window is closed.
+        let from = metadata.target();
+        from.starts_with("lightskin") || (metadata.level() <= log::Level::Warn && !from.starts_with("arboard"))
     }
     fn log(&self, record: &log::Record<'_>) {
         if self.enabled(record.metadata()) {
+            let mut recent = RECENT.lock().unwrap_or_else(PoisonError::into_inner);
+            if recent.len() == REMEMBERED {
+                recent.pop_front();
+            }
+            recent.push_back(record.args().to_string());
+            drop(recent);
             match record.level() {
                 log::Level::Error => tell(format_args!("error: {}", record.args())),
                 log::Level::Warn => tell(*record.args()),

@@ -3,13 +3,13 @@
 use anyhow::Result;
 use clap::ValueEnum;
 use glam::{DVec3, Vec4};
-use lightskin::frame::{Behind, Picture, View};
+use lightskin::frame::{Behind, Picture, Tonemap, View};
 use lightskin::gpu::Gpu;
 use lightskin::image::{Layer, broken_values, write_exr, write_png};
 use lightskin::reference::tonemap;
 use std::path::Path;
 
-#[derive(Clone, Copy, Default, ValueEnum)]
+#[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
 pub(super) enum TonemapArg {
     /// Khronos PBR Neutral.
     #[default]
@@ -20,6 +20,24 @@ pub(super) enum TonemapArg {
     Aces,
     /// Clipping alone.
     Linear,
+}
+
+impl TonemapArg {
+    const ALL: [(Self, Tonemap); 4] = [
+        (Self::PbrNeutral, Tonemap::PbrNeutral),
+        (Self::Agx, Tonemap::Agx),
+        (Self::Aces, Tonemap::Aces),
+        (Self::Linear, Tonemap::Linear),
+    ];
+
+    pub(super) fn curve(self) -> Tonemap {
+        Self::ALL.iter().find(|(arg, _)| *arg == self).map_or(Tonemap::default(), |(_, curve)| *curve)
+    }
+
+    #[cfg(feature = "app")]
+    pub(super) fn of(curve: Tonemap) -> Self {
+        Self::ALL.iter().find(|(_, of)| *of == curve).map_or(Self::default(), |(arg, _)| *arg)
+    }
 }
 
 /// Layers by the names they have in an EXR file.

@@ -9,17 +9,16 @@ use super::timings::{Report, timings_file, trace_file};
 use super::words::{AntialiasingArg, GiArg, InterpArg, InterpolationArg, NearArg, ProxyWeightArg, ShadowsArg};
 use super::{
     Baked, CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divide_for, load_under, progress_bar,
-    thousands, wrong_usage,
+    thousands, word, wrong_usage,
 };
 use anyhow::{Context, Result, bail};
-use clap::ValueEnum;
 use lightskin::bake::CacheSet;
 use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{
     Antialiasing, Exposure, Indirect, Interpolation, Light, Look, Near, Picture, ProxyWeight, Quality, Settings,
-    Shadows, Tonemap, View, World, record,
+    Shadows, View, World, record,
 };
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Camera, Scene};
@@ -136,12 +135,7 @@ pub(super) fn size(text: &str) -> std::result::Result<[u32; 2], String> {
     }
 }
 
-/// A value of a flag as one types it.
-fn word(value: impl ValueEnum) -> Value {
-    value.to_possible_value().map_or(Value::Null, |v| json!(v.get_name()))
-}
-
-fn exposure(text: &str) -> std::result::Result<f32, String> {
+pub(super) fn exposure(text: &str) -> std::result::Result<f32, String> {
     match text.parse::<f32>() {
         Ok(v) if v.abs() <= 100.0 => Ok(v),
         _ => Err("needs an exposure value from -100 to 100".into()),
@@ -191,12 +185,7 @@ impl Render {
     /// How the picture is shown.
     fn look(&self) -> Look {
         Look {
-            tonemap: match self.tonemap {
-                TonemapArg::PbrNeutral => Tonemap::PbrNeutral,
-                TonemapArg::Agx => Tonemap::Agx,
-                TonemapArg::Aces => Tonemap::Aces,
-                TonemapArg::Linear => Tonemap::Linear,
-            },
+            tonemap: self.tonemap.curve(),
             exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
             behind: self.sky.behind(),
         }
@@ -275,8 +264,8 @@ impl Render {
         let ways = if let Some(Gather::Compute { ways, .. }) = gather { Some(ways) } else { None };
         vec![
             ("size", json!(self.size)),
-            ("gi", word(self.gi)),
-            ("quality", word(self.caches.quality)),
+            ("gi", word(self.gi).into()),
+            ("quality", word(self.caches.quality).into()),
             ("bounces", json!(self.bounces())),
             ("caches_wanted", json!(self.caches.spacing.is_none().then(|| self.caches.count()))),
             ("spacing_wanted", json!(self.caches.spacing)),
@@ -300,12 +289,12 @@ impl Render {
             ("first_time", json!(animation.is_some().then_some(first))),
             ("last_time", json!(animation.is_some().then_some(last))),
             ("animation", json!(animation)),
-            ("interp", word(interp)),
-            ("interpolation", word(self.interpolation)),
-            ("proxy_weight", word(self.proxy_weight)),
-            ("tonemap", word(self.tonemap)),
+            ("interp", word(interp).into()),
+            ("interpolation", word(self.interpolation).into()),
+            ("proxy_weight", word(self.proxy_weight).into()),
+            ("tonemap", word(self.tonemap).into()),
             ("ev", json!(self.ev)),
-            ("validation", word(self.device.validation)),
+            ("validation", word(self.device.validation).into()),
             ("check", json!(self.check)),
         ]
     }

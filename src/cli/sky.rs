@@ -11,7 +11,7 @@ use lightskin::scene::sky::Sky;
 use lightskin::scene::studio::Backdrop;
 use std::path::PathBuf;
 
-#[derive(Args)]
+#[derive(Args, Clone)]
 #[command(next_help_heading = "Sky")]
 pub(super) struct SkyArgs {
     /// Sky all around: an equirectangular .hdr or .exr picture, its values in cd/m^2. The middle is about -Z.
@@ -74,6 +74,38 @@ impl SkyArgs {
             Some(Background::Color(srgb)) => Behind::Color(linear_from_srgb(srgb.as_dvec3()).as_vec3()),
             _ => Behind::Scene,
         }
+    }
+
+    /// Another picture in place of the sky.
+    #[cfg(feature = "app")]
+    pub(super) fn replace(&mut self, file: &std::path::Path) {
+        (self.sky, self.sky_color) = (Some(file.to_owned()), None);
+    }
+
+    /// What differs from the default, as one types it.
+    #[cfg(feature = "app")]
+    pub(super) fn words(&self) -> Vec<String> {
+        let Self { sky, sky_color, sky_lights, sky_scale, sky_rotate, background } = self;
+        let color = |c: Vec3| format!("{},{},{}", c.x, c.y, c.z);
+        let mut words = Vec::new();
+        let mut flag = |name: &str, value: Option<String>| {
+            words.extend(value.into_iter().flat_map(|value| [name.to_owned(), value]));
+        };
+        flag("--sky", sky.as_ref().map(|path| path.display().to_string()));
+        flag("--sky-color", sky_color.map(color));
+        flag("--sky-lights", (*sky_lights != 16).then(|| sky_lights.to_string()));
+        flag("--sky-scale", (*sky_scale != 1.0).then(|| sky_scale.to_string()));
+        flag("--sky-rotate", (*sky_rotate != 0.0).then(|| sky_rotate.to_string()));
+        flag(
+            "--background",
+            background.map(|background| match background {
+                Background::Studio => "studio".into(),
+                Background::Sky => "sky".into(),
+                Background::Transparent => "transparent".into(),
+                Background::Color(srgb) => color(srgb),
+            }),
+        );
+        words
     }
 
     /// Gives a scene the backdrop that is asked for.

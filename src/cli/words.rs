@@ -95,11 +95,10 @@ impl ShadowsArg {
 
     /// What one types for a kind.
     pub(super) fn of(shadows: Shadows) -> String {
-        let arg = match shadows {
+        super::word(match shadows {
             Shadows::Off => Self::Off,
             Shadows::Proxy => Self::Proxy,
             Shadows::PerLight => Self::PerLight,
-        };
-        arg.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
+        })
     }
 }

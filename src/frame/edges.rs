@@ -64,7 +64,7 @@ impl Edges {
                 shape: Shape::Triangles,
                 streams: &[],
                 colors: &[Format::R32G32B32A32_SFLOAT],
-                blend: Blend::Mix,
+                blend: Blend::Over,
                 depth: Depth::None,
                 cull: Cull::None,
                 constants: &[],

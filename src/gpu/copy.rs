@@ -2,7 +2,7 @@
 
 use super::cmd::Cmd;
 use super::hazards::Use;
-use super::image::aspect;
+use super::image::{Extent, aspect, is_depth, texel_bytes};
 use super::{Buffer, Image};
 use ash::vk;
 
@@ -76,6 +76,41 @@ impl Cmd<'_> {
                 &regions,
             );
         }
+    }
+
+    /// Copies an image bit by bit into a part of another, whose texels are as large: left and top \[pixels\].
+    pub fn copy_image(&self, from: &Image, to: &Image, [x, y]: [u32; 2]) {
+        if self.failed() {
+            return;
+        }
+        self.outside("a copy");
+        let ([width, height], [w, h]) = (from.made.size, to.made.size);
+        let inside = |at: u32, size: u32, of: u32| u64::from(at) + u64::from(size) <= u64::from(of);
+        assert!(inside(x, width, w) && inside(y, height, h), "{}: {width}x{height} texels at {x}, {y}", to.name);
+        assert!(from.id != to.id, "{}: copied onto itself", from.name);
+        let plane = |image: &Image| image.made.extent == Extent::Plane && !is_depth(image.made.format);
+        let alike = plane(from) && plane(to) && texel_bytes(from.made.format) == texel_bytes(to.made.format);
+        let usable = from.made.usage.contains(vk::ImageUsageFlags::TRANSFER_SRC);
+        assert!(alike && usable, "{} cannot be copied to {}", from.name, to.name);
+        self.touch_image(from, Use::CopyRead);
+        self.touch_image(to, Use::CopyWrite);
+        let layers = vk::ImageSubresourceLayers {
+            aspect_mask: vk::ImageAspectFlags::COLOR,
+            layer_count: 1,
+            ..Default::default()
+        };
+        let regions = [vk::ImageCopy {
+            src_subresource: layers,
+            dst_subresource: layers,
+            dst_offset: vk::Offset3D { x: x as i32, y: y as i32, z: 0 },
+            extent: vk::Extent3D { width, height, depth: 1 },
+            ..Default::default()
+        }];
+        let general = vk::ImageLayout::GENERAL;
+        let device = &self.gpu.shared.device;
+        // SAFETY: both are alive, in GENERAL and large enough, with texels of the same size; all images are made with
+        // transfer usage as target.
+        unsafe { device.cmd_copy_image(self.buffer, from.handle, general, to.handle, general, &regions) };
     }
 
     /// Fills all levels of a fresh texture from a buffer that holds them one after the other.

@@ -17,6 +17,7 @@ use ash::{ext, vk};
 use gpu_allocator::vulkan::{Allocator, AllocatorCreateDesc};
 use std::cell::RefCell;
 use std::collections::HashMap;
+use std::ffi::c_char;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
@@ -148,7 +149,12 @@ impl Gpu {
     /// # Errors
     /// No Vulkan, no device that can run the engine (it says what each lacks), or one that does not open.
     pub fn new(options: &Options) -> Result<Self> {
-        let opened = open_instance(options.validation)?;
+        Self::open(options, &[], &[])
+    }
+
+    /// Opens a device with these extensions of the instance and of itself.
+    pub(super) fn open(options: &Options, of_instance: &[*const c_char], of_device: &[*const c_char]) -> Result<Self> {
+        let opened = open_instance(options.validation, of_instance)?;
         let instance = &opened.instance;
         let (physical, report) = pick(instance, options.device.as_deref())?;
         let (family, _) = queue_family(instance, physical).expect("inspected");
@@ -165,6 +171,7 @@ impl Gpu {
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_features(&features)
+            .enabled_extension_names(of_device)
             .push_next(&mut v12)
             .push_next(&mut v13);
         // SAFETY: the features were found by `inspect`, and every pointer outlives the call.

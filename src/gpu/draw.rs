@@ -252,6 +252,23 @@ impl Draw<'_, '_> {
         }
     }
 
+    /// Part of the attachments outside of which nothing is drawn, without a change of scale: left, top, width and height
+    /// \[pixels\].
+    ///
+    /// # Panics
+    /// If it begins outside of what numbers of 31 bits can say.
+    pub fn clip(&self, [x, y, width, height]: [u32; 4]) {
+        if self.cmd.failed() {
+            return;
+        }
+        let small = |at: u32, size: u32| u64::from(at) + u64::from(size) <= i32::MAX as u64;
+        assert!(small(x, width) && small(y, height), "{width}x{height} pixels at {x}, {y}");
+        let scissor =
+            vk::Rect2D { offset: vk::Offset2D { x: x as i32, y: y as i32 }, extent: vk::Extent2D { width, height } };
+        // SAFETY: the scissor is dynamic in all our pipelines, and its offset and extent are in range.
+        unsafe { self.cmd.gpu.shared.device.cmd_set_scissor(self.cmd.buffer, 0, &[scissor]) };
+    }
+
     /// Whether counter-clockwise triangles show their front; false for mirrored instances.
     pub fn front_is_ccw(&self, ccw: bool) {
         if self.cmd.failed() {

@@ -46,14 +46,18 @@ pub(super) struct Instance {
     pub(super) has_debug_utils: bool,
     /// Whether the instance and the device made from it are ours to destroy.
     pub(super) owned: bool,
-    /// Keeps the loader's library, if we have loaded it.
-    _entry: Option<ash::Entry>,
+    /// The loader's library, if we have loaded it.
+    #[cfg_attr(
+        not(feature = "app"),
+        expect(dead_code, reason = "windows ask it; without them it is only kept loaded")
+    )]
+    pub(super) entry: Option<ash::Entry>,
 }
 
 impl Instance {
     /// An instance that the host has made and destroys.
     pub(super) fn of_host(instance: ash::Instance, has_debug_utils: bool) -> Self {
-        Self { instance, debug: None, messages: Box::default(), has_debug_utils, owned: false, _entry: None }
+        Self { instance, debug: None, messages: Box::default(), has_debug_utils, owned: false, entry: None }
     }
 }
 
@@ -62,15 +66,15 @@ impl Instance {
 /// # Errors
 /// No Vulkan loader, or one that finds no driver.
 pub fn devices() -> Result<Vec<DeviceReport>> {
-    let opened = open_instance(Validation::Off)?;
+    let opened = open_instance(Validation::Off, &[])?;
     // SAFETY: the instance is alive.
     unsafe { opened.instance.enumerate_physical_devices() }
         .map_err(vulkan("enumerating devices"))
         .map(|all| all.iter().enumerate().map(|(i, d)| inspect(&opened.instance, *d, i)).collect())
 }
 
-/// Loads the Vulkan library and makes an instance, with a messenger if there is validation.
-pub(super) fn open_instance(validation: Validation) -> Result<Instance> {
+/// Loads the Vulkan library and makes an instance with these extensions, and a messenger if there is validation.
+pub(super) fn open_instance(validation: Validation, wanted: &[*const c_char]) -> Result<Instance> {
     // SAFETY: loading the system's Vulkan loader runs its initialisers, which we must trust like any library's.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| {
         Error::NoDevice(format!("no Vulkan loader ({e}); install libvulkan1 and a driver (mesa-vulkan-drivers has one for machines without a GPU)"))
@@ -95,7 +99,7 @@ pub(super) fn open_instance(validation: Validation) -> Result<Instance> {
     // SAFETY: plain query of the loader.
     let available =
         unsafe { entry.enumerate_instance_extension_properties(None) }.map_err(vulkan("listing extensions"))?;
-    let mut extensions: Vec<*const c_char> = Vec::new();
+    let mut extensions: Vec<*const c_char> = wanted.to_vec();
     let has_debug = validation != Validation::Off
         || available.iter().any(|e| e.extension_name_as_c_str() == Ok(ext::debug_utils::NAME));
     if has_debug {
@@ -137,7 +141,7 @@ pub(super) fn open_instance(validation: Validation) -> Result<Instance> {
         messages: Box::default(),
         has_debug_utils: has_debug,
         owned: true,
-        _entry: Some(entry),
+        entry: Some(entry),
     };
     if validation != Validation::Off {
         let info = vk::DebugUtilsMessengerCreateInfoEXT::default()

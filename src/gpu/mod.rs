@@ -25,6 +25,8 @@ mod reflect;
 mod registry;
 mod sampler;
 mod spirv;
+#[cfg(feature = "app")]
+mod swapchain;
 mod timer;
 
 pub use ash::vk::Format;
@@ -42,6 +44,8 @@ pub(crate) use pipeline::shader;
 pub use raster::{Attribute, Blend, Cull, Depth, Raster, Shape, Stream};
 pub use registry::{Counters, ResourceInfo, ResourceKind};
 pub use sampler::SamplerKind;
+#[cfg(feature = "app")]
+pub use swapchain::{Present, Swapchain};
 pub use timer::{FrameTimes, Span, StageTime, Work, ZoneTime, nearest_rank, ticks_between};
 
 use crate::error::Error;

@@ -13,8 +13,8 @@ pub enum Blend {
     Replace,
     /// It is added.
     Add,
-    /// It takes the share of the old one that its alpha is; the old alpha stays.
-    Mix,
+    /// It lies over the old one: its alpha is multiplied in already.
+    Over,
 }
 
 /// Depth test; depth is reversed, 1 near and 0 far.
@@ -145,19 +145,15 @@ impl Gpu {
                 Depth::Behind => vk::CompareOp::LESS,
                 Depth::Nearest | Depth::None => vk::CompareOp::GREATER,
             });
-        let mix = raster.blend == Blend::Mix;
-        let [new, old] = if mix {
-            [vk::BlendFactor::SRC_ALPHA, vk::BlendFactor::ONE_MINUS_SRC_ALPHA]
-        } else {
-            [vk::BlendFactor::ONE; 2]
-        };
+        let kept =
+            if raster.blend == Blend::Over { vk::BlendFactor::ONE_MINUS_SRC_ALPHA } else { vk::BlendFactor::ONE };
         let blend = vk::PipelineColorBlendAttachmentState {
             blend_enable: (raster.blend != Blend::Replace).into(),
-            src_color_blend_factor: new,
-            dst_color_blend_factor: old,
+            src_color_blend_factor: vk::BlendFactor::ONE,
+            dst_color_blend_factor: kept,
             color_blend_op: vk::BlendOp::ADD,
-            src_alpha_blend_factor: if mix { vk::BlendFactor::ZERO } else { vk::BlendFactor::ONE },
-            dst_alpha_blend_factor: vk::BlendFactor::ONE,
+            src_alpha_blend_factor: vk::BlendFactor::ONE,
+            dst_alpha_blend_factor: kept,
             alpha_blend_op: vk::BlendOp::ADD,
             color_write_mask: vk::ColorComponentFlags::RGBA,
         };

@@ -13,6 +13,11 @@ pub struct SamplerKind {
     pub nearest: bool,
 }
 
+impl SamplerKind {
+    /// Filtered, with the edge's texels beyond it.
+    pub const CLAMPED: Self = Self { wrap: [vk::SamplerAddressMode::CLAMP_TO_EDGE; 2], nearest: false };
+}
+
 impl Gpu {
     /// The sampler of a kind; made on first use, kept as long as the device.
     pub(crate) fn sampler(&self, kind: SamplerKind) -> Result<vk::Sampler> {

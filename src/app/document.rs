@@ -1,0 +1,341 @@
+//! What is open: a scene, how it is lit, seen and shown, and the job that makes the next one.
+
+use super::camera::{Free, Seen};
+use super::canvas::Shown;
+use crate::cli::thousands;
+use crate::cli::view::{Now, View as Args, print};
+use anyhow::{Result, anyhow};
+use lightskin::frame::engine::{Loaded, Progress};
+use lightskin::frame::settings::{Caches, Gather};
+use lightskin::frame::{Engine, Indirect, Look, Picture, Settings, View, Ways, tune};
+use lightskin::gpu::{FrameTimes, Gpu};
+use lightskin::scene::{Camera, Light, Scene};
+use std::collections::VecDeque;
+use std::thread::JoinHandle;
+
+/// Frames whose times are kept.
+const HISTORY: usize = 120;
+
+/// A scene that is being loaded, or baked anew, in the background.
+struct Job {
+    thread: JoinHandle<Result<Loaded>>,
+    progress: Progress,
+    args: Args,
+    /// What the file has is put over what is shown: another scene. Otherwise what was edited stays.
+    anew: bool,
+}
+
+/// How an animation plays.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Clip {
+    /// Which; none for a scene at rest.
+    pub(super) animation: Option<usize>,
+    /// Moment [s].
+    pub(super) time: f64,
+    pub(super) playing: bool,
+    /// Seconds of the animation in a second.
+    pub(super) speed: f64,
+}
+
+/// Times of one frame.
+pub(super) struct Timed {
+    /// From its first zone to its last [ms].
+    pub(super) ms: f64,
+    /// Name and time [ms] of each stage.
+    pub(super) stages: Vec<(&'static str, f64)>,
+}
+
+/// A scene on the device, with everything that can be changed about it.
+pub(super) struct Document {
+    /// What was opened, with what baked it.
+    pub(super) args: Args,
+    pub(super) engine: Option<Engine>,
+    pub(super) picture: Option<Picture>,
+    /// Wanted from the next frame on.
+    pub(super) settings: Settings,
+    /// Which the device could do.
+    fitted: Settings,
+    /// What the last frame was seen by.
+    pub(super) drawn: Option<View>,
+    pub(super) look: Look,
+    pub(super) shown: Shown,
+    pub(super) seen: Seen,
+    pub(super) bookmarks: [Option<Seen>; 9],
+    pub(super) clip: Clip,
+    /// The lights as the panel has them: with their intensity, also where they are off.
+    pub(super) lights: Vec<(Light, bool)>,
+    /// Caches of the whole scene.
+    pub(super) caches: usize,
+    pub(super) history: VecDeque<Timed>,
+    job: Option<Job>,
+    ways: Ways,
+}
+
+impl Document {
+    /// Begins to load what the command line names.
+    pub(super) fn new(gpu: &Gpu, args: &Args) -> Result<Self> {
+        let ways = tune::fastest(gpu)?.ways;
+        let settings = usual(args, args.cache_count(), ways);
+        let mut document = Self {
+            args: args.clone(),
+            engine: None,
+            picture: None,
+            settings,
+            fitted: settings,
+            drawn: None,
+            look: args.look(),
+            shown: Shown::Picture,
+            seen: Seen::OfScene(0),
+            bookmarks: [None; 9],
+            clip: Clip { animation: None, time: 0.0, playing: false, speed: 1.0 },
+            lights: Vec::new(),
+            caches: 0,
+            history: VecDeque::new(),
+            job: None,
+            ways,
+        };
+        document.open(args.clone(), true);
+        Ok(document)
+    }
+
+    /// Begins to load this in the background; what is shown stays until it is there. Of several the last one counts.
+    pub(super) fn open(&mut self, args: Args, anew: bool) {
+        let progress = Progress::default();
+        let (told, of_job) = (progress.clone(), args.clone());
+        let thread = std::thread::spawn(move || of_job.load(&told));
+        let anew = anew || self.job.as_ref().is_some_and(|job| job.anew);
+        self.job = Some(Job { thread, progress, args, anew });
+    }
+
+    /// What is being loaded, and how far that is, from 0 to 1.
+    pub(super) fn progress(&self) -> Option<(f32, String)> {
+        self.job.as_ref().map(|job| job.progress.get())
+    }
+
+    /// Takes over what the job has made, if it is there; says whether it was. Never waits. A scene that does not load leaves what is shown.
+    ///
+    /// # Errors
+    /// A first scene that does not load: there is nothing to show.
+    pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
+        let Some(job) = self.job.take_if(|job| job.thread.is_finished()) else { return Ok(false) };
+        let made = job.thread.join().map_err(|_| anyhow!("loading has ended by a bug of its own"));
+        let taken = made.and_then(|loaded| self.take(gpu, loaded?, job.args, job.anew));
+        match (taken, &self.engine) {
+            (Err(error), Some(_)) => log::error!("{error:#}"),
+            (Err(error), None) => return Err(error),
+            (Ok(()), _) => {}
+        };
+        Ok(true)
+    }
+
+    fn take(&mut self, gpu: &Gpu, mut loaded: Loaded, args: Args, anew: bool) -> Result<()> {
+        let count = loaded
+            .caches
+            .as_ref()
+            .map_or(0, |caches| caches.instance_model.iter().map(|model| caches.models[*model].caches.len()).sum());
+        let mut settings = usual(&args, count, self.ways);
+        if let (false, Some(old)) = (anew, &self.engine) {
+            keep_edits(old.scene(), &mut loaded.scene);
+            // Another number of caches changes nothing that was chosen besides.
+            if args.quality() == self.args.quality() {
+                settings = self.settings;
+            }
+        }
+        match &mut self.engine {
+            None => self.engine = Some(Engine::new(gpu, loaded, &settings)?),
+            Some(engine) => engine.load(gpu, loaded)?,
+        }
+        // Under another sky, or with other caches, it is the same scene.
+        let same = anew && self.engine.is_some() && args.scene == self.args.scene;
+        (self.args, self.settings, self.caches) = (args, settings, count);
+        let scene = self.engine.as_ref().map(|engine| engine.scene().clone()).unwrap_or_default();
+        print(&format!(
+            "scene     {}: {} triangles, {} caches",
+            scene.name,
+            thousands(scene.triangle_count()),
+            thousands(count)
+        ));
+        if anew || self.lights.len() != scene.lights.len() {
+            self.lights = scene.lights.iter().map(|light| (light.clone(), true)).collect();
+        }
+        if anew && !same {
+            self.bookmarks = [None; 9];
+            self.clip = Clip { animation: None, time: 0.0, playing: false, speed: self.clip.speed };
+            self.seen = self.args.camera.as_ref().map_or(Seen::OfScene(0), |wanted| begin_at(&scene, wanted));
+        }
+        Ok(())
+    }
+
+    /// The settings of the level.
+    pub(super) fn usual(&self) -> Settings {
+        usual(&self.args, self.caches, self.ways)
+    }
+
+    /// The scene as it is drawn.
+    pub(super) fn scene(&self) -> Option<&Scene> {
+        self.engine.as_ref().map(|engine| &**engine.scene())
+    }
+
+    /// What the picture is seen by.
+    pub(super) fn camera(&self) -> Option<Camera> {
+        match self.seen {
+            Seen::OfScene(index) => self.scene()?.cameras.get(index).cloned(),
+            Seen::Free(free) => free.camera(),
+        }
+    }
+
+    /// How large the scene is [m].
+    pub(super) fn radius(&self) -> f64 {
+        self.engine.as_ref().map_or(1.0, |engine| engine.world().radius)
+    }
+
+    /// The user's own camera; one of the scene's becomes that, around what is so far away.
+    pub(super) fn free(&mut self, distance: impl FnOnce(&Self) -> Option<f64>) -> Option<&mut Free> {
+        if let Seen::OfScene(_) = self.seen {
+            let distance = distance(self).unwrap_or_else(|| self.radius());
+            self.seen = Seen::Free(Free::of(&self.camera()?, distance));
+        }
+        match &mut self.seen {
+            Seen::Free(free) => Some(free),
+            Seen::OfScene(_) => None,
+        }
+    }
+
+    /// Changes the scene from the next frame on.
+    pub(super) fn edit(&mut self, gpu: &Gpu, change: impl FnOnce(&mut Scene)) {
+        if let Some(engine) = &mut self.engine
+            && let Err(error) = engine.edit(gpu, change)
+        {
+            log::error!("{error}");
+        }
+    }
+
+    /// Gives the scene the lights of the panel.
+    pub(super) fn light(&mut self, gpu: &Gpu) {
+        let lights: Vec<Light> = (self.lights.iter())
+            .map(|(light, on)| Light { intensity: if *on { light.intensity } else { 0.0 }, ..light.clone() })
+            .collect();
+        self.edit(gpu, |scene| {
+            for (old, new) in scene.lights.iter_mut().zip(lights) {
+                (old.color, old.intensity) = (new.color, new.intensity);
+            }
+        });
+    }
+
+    /// Poses the scene as the clip says.
+    pub(super) fn pose(&mut self, gpu: &Gpu) {
+        let clip = self.clip;
+        let off: Vec<bool> = self.lights.iter().map(|(_, on)| !on).collect();
+        self.edit(gpu, |scene| {
+            match clip.animation {
+                Some(animation) => scene.pose(animation, scene.looped(animation, clip.time)),
+                None => scene.rest(),
+            }
+            let off = scene.lights.iter_mut().zip(off).filter(|(_, off)| *off);
+            off.for_each(|(light, _)| light.intensity = 0.0);
+        });
+    }
+
+    /// Makes light and picture fit what is wanted. What the device cannot do is said and taken back.
+    pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<()> {
+        let Some(engine) = &mut self.engine else { return Ok(()) };
+        if size.contains(&0) {
+            self.picture = None;
+            return Ok(());
+        }
+        engine.set(&self.settings);
+        let fitted = match &mut self.picture {
+            Some(picture) => engine.fit(gpu, &mut [(picture, size)]),
+            None => engine.fit(gpu, &mut []).and_then(|()| {
+                self.picture = Some(engine.picture(gpu, size)?);
+                Ok(())
+            }),
+        };
+        if let Err(error) = fitted {
+            if self.settings == self.fitted {
+                return Err(error.into());
+            }
+            log::error!("{error}; the settings are as they were");
+            self.settings = self.fitted;
+            return self.fit(gpu, size);
+        }
+        self.fitted = self.settings;
+        Ok(())
+    }
+
+    /// The view of the picture as it is.
+    pub(super) fn view(&self) -> Option<View> {
+        let (engine, picture, camera) = (self.engine.as_ref()?, self.picture.as_ref()?, self.camera()?);
+        Some(engine.view(&camera, picture.size()))
+    }
+
+    /// Keeps the times of frames that drew something.
+    pub(super) fn time(&mut self, frames: Vec<FrameTimes>) {
+        for frame in frames {
+            let stages: Vec<_> =
+                frame.stages().iter().map(|stage| (stage.name, stage.gpu_ms.unwrap_or(stage.cpu_ms))).collect();
+            if stages.len() < 2 {
+                continue;
+            }
+            if self.history.len() == HISTORY {
+                self.history.pop_front();
+            }
+            let ms: f64 = stages.iter().map(|(_, ms)| ms).sum();
+            let window = stages.iter().find(|(name, _)| *name == "window").map_or(0.0, |(_, ms)| *ms);
+            log::debug!("frame {}: {ms:.1} ms, {window:.1} ms of them for the window", frame.number);
+            self.history.push_back(Timed { ms, stages });
+        }
+    }
+
+    /// The settings of caches, where they light the picture.
+    pub(super) fn compute(settings: &mut Settings) -> Option<&mut Gather> {
+        match &mut settings.indirect {
+            Indirect::Caches(Caches { gather, .. }) => Some(gather),
+            _ => None,
+        }
+    }
+
+    /// The command that writes the picture; light that was edited is not in it.
+    pub(super) fn command(&self) -> Option<String> {
+        let camera = match self.seen {
+            Seen::OfScene(index) => index.to_string(),
+            Seen::Free(free) => free.argument(),
+        };
+        Some(self.args.command(&Now {
+            settings: &self.settings,
+            look: &self.look,
+            caches: self.caches,
+            size: self.picture.as_ref()?.size(),
+            camera,
+            moment: self.clip.animation.map(|animation| (animation, self.clip.time)),
+        }))
+    }
+}
+
+/// The camera that the command line names.
+fn begin_at(scene: &Scene, wanted: &str) -> Seen {
+    let index = wanted.parse().ok().or_else(|| scene.cameras.iter().position(|camera| camera.name == wanted));
+    match (Free::parse(wanted), index) {
+        (Some(free), _) => Seen::Free(free),
+        (None, index) => Seen::OfScene(index.unwrap_or(0)),
+    }
+}
+
+/// The settings of a level with so many caches. Nothing is drawn again that has not changed.
+fn usual(args: &Args, caches: usize, ways: Ways) -> Settings {
+    Settings { reuse: true, ..Settings::at(args.quality(), caches).with_ways(ways) }
+}
+
+/// Lights and visibility as they were, where the file has as many.
+fn keep_edits(old: &Scene, new: &mut Scene) {
+    if old.lights.len() == new.lights.len() {
+        for (old, new) in old.lights.iter().zip(&mut new.lights) {
+            (new.color, new.intensity) = (old.color, old.intensity);
+        }
+    }
+    if old.instances.len() == new.instances.len() {
+        for (old, new) in old.instances.iter().zip(&mut new.instances) {
+            new.hidden = old.hidden;
+        }
+    }
+}

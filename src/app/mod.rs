@@ -1,0 +1,93 @@
+//! The window of `lightskin view`: events in, frames out. What it shows is the library's; nothing here knows how light is made.
+
+mod camera;
+mod canvas;
+mod document;
+mod input;
+mod panel;
+mod window;
+
+use crate::cli::view::View;
+use anyhow::{Result, anyhow};
+use std::time::Instant;
+use window::Open;
+use winit::application::ApplicationHandler;
+use winit::event::WindowEvent;
+use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
+use winit::window::WindowId;
+
+/// The window, once the system lets there be one.
+struct App<'a> {
+    args: &'a View,
+    open: Option<Open>,
+    /// What ended the run.
+    ended: Result<()>,
+}
+
+/// Shows a window until it is closed.
+pub(crate) fn run(args: &View) -> Result<()> {
+    let events = EventLoop::new().map_err(|error| {
+        anyhow!("no display for a window ({error}); `lightskin render` writes pictures without one")
+    })?;
+    let mut app = App { args, open: None, ended: Ok(()) };
+    let ran = events.run_app(&mut app);
+    app.ended.and(ran.map_err(|error| anyhow!("the window's events: {error}")))
+}
+
+impl App<'_> {
+    /// Ends the run with this error, unless all is well.
+    fn check<T>(&mut self, events: &ActiveEventLoop, result: Result<T>) -> Option<T> {
+        match result {
+            Ok(value) => Some(value),
+            Err(error) => {
+                self.ended = Err(error);
+                events.exit();
+                None
+            }
+        }
+    }
+}
+
+impl ApplicationHandler for App<'_> {
+    fn resumed(&mut self, events: &ActiveEventLoop) {
+        if self.open.is_none() {
+            let open = Open::new(events, self.args);
+            self.open = self.check(events, open);
+        }
+    }
+
+    fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
+        let Some(open) = &mut self.open else { return };
+        if matches!(event, WindowEvent::RedrawRequested) {
+            let drawn = open.draw();
+            self.check(events, drawn);
+        } else {
+            open.event(&event);
+        }
+        if self.open.as_ref().is_some_and(Open::closed) {
+            events.exit();
+        }
+    }
+
+    fn about_to_wait(&mut self, events: &ActiveEventLoop) {
+        let Some(open) = &mut self.open else { return };
+        events.set_control_flow(match open.next_draw() {
+            Some(at) if at <= Instant::now() => {
+                open.redraw();
+                ControlFlow::Wait
+            }
+            Some(at) => ControlFlow::WaitUntil(at),
+            None => ControlFlow::Wait,
+        });
+    }
+
+    fn exiting(&mut self, _: &ActiveEventLoop) {
+        // Before the display goes.
+        if let Some(open) = self.open.take() {
+            let closed = open.close();
+            if self.ended.is_ok() {
+                self.ended = closed;
+            }
+        }
+    }
+}

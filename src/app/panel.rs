@@ -1,0 +1,481 @@
+//! The panels: every control, what it does and what it costs.
+
+use super::camera::Seen;
+use super::canvas::Shown;
+use super::document::Document;
+use super::input::Wish;
+use crate::cli::{recent, thousands};
+use egui::{Color32, ComboBox, DragValue, Grid, ProgressBar, Response, RichText, ScrollArea, Slider, Ui};
+use lightskin::frame::settings::Gather;
+use lightskin::frame::{Exposure, Indirect, Near, Quality, Shadows, Tonemap};
+use lightskin::gpu::Gpu;
+use lightskin::scene::{LightKind, Projection};
+
+/// Width of the panels [points].
+pub(super) const WIDTH: f32 = 320.0;
+
+/// Keys, and what they do.
+const KEYS: [(&str, &str); 16] = [
+    ("left drag", "turn around the target"),
+    ("right drag", "look around"),
+    ("middle drag", "move sideways"),
+    ("wheel", "go nearer or farther"),
+    ("double click", "centre on the surface there"),
+    ("W A S D", "fly forward, left, back, right"),
+    ("E, Q", "fly up, down"),
+    ("Shift", "fly faster"),
+    ("1 to 9", "camera of the scene, or one kept"),
+    ("Ctrl+1 to 9", "keep this camera"),
+    ("P", "play the animation, or stop it"),
+    ("Tab, H", "show or hide the panels"),
+    ("Ctrl+Shift+C", "copy the command line for this picture"),
+    ("F12", "write the picture as PNG"),
+    ("F1", "show or hide this list"),
+    ("Ctrl+Q", "quit"),
+];
+
+/// What of the panels is seen.
+pub(super) struct State {
+    pub(super) visible: bool,
+    /// The list of keys.
+    pub(super) keys: bool,
+    /// Caches that are being dialled.
+    caches: Option<u32>,
+}
+
+/// How the panels look: dark, so that the picture is judged by itself.
+pub(super) fn style(context: &egui::Context) {
+    context.set_theme(egui::Theme::Dark);
+    context.all_styles_mut(|style| {
+        style.spacing.slider_width = 118.0;
+        style.spacing.combo_width = 168.0;
+        style.spacing.item_spacing.y = 5.0;
+        style.interaction.tooltip_delay = 0.3;
+    });
+}
+
+/// Two columns: names and controls.
+fn rows(ui: &mut Ui, name: &str, add: impl FnOnce(&mut Ui)) {
+    Grid::new(name).num_columns(2).spacing([12.0, 6.0]).min_col_width(84.0).show(ui, add);
+}
+
+/// A named control of a grid with its explanation.
+fn row(ui: &mut Ui, name: &str, help: &str, add: impl FnOnce(&mut Ui) -> Response) -> Response {
+    ui.label(name).on_hover_text(help);
+    let response = add(ui).on_hover_text(help);
+    ui.end_row();
+    response
+}
+
+/// A list to choose from; says whether another was chosen.
+fn choose<T: Copy + PartialEq>(ui: &mut Ui, id: &str, value: &mut T, all: &[(T, &str)]) -> Response {
+    let name = all.iter().find(|(one, _)| one == value).map_or("", |(_, name)| *name);
+    let before = *value;
+    let mut response = ComboBox::from_id_salt(id)
+        .selected_text(name)
+        .show_ui(ui, |ui| {
+            for (one, name) in all {
+                ui.selectable_value(value, *one, *name);
+            }
+        })
+        .response;
+    if *value != before {
+        response.mark_changed();
+    }
+    response
+}
+
+impl State {
+    pub(super) fn new(visible: bool) -> Self {
+        Self { visible, keys: false, caches: None }
+    }
+
+    /// Shows the panels; what they ask for beyond the document comes back.
+    pub(super) fn show(&mut self, ui: &mut Ui, document: &mut Document, gpu: &Gpu) -> Vec<Wish> {
+        let mut wishes = Vec::new();
+        if self.visible {
+            egui::Panel::right("panels").resizable(false).show_separator_line(false).exact_size(WIDTH).show(ui, |ui| {
+                ui.add_space(6.0);
+                heading(ui, document, gpu);
+                ui.separator();
+                ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+                    section(ui, "Global illumination", true, |ui| self.gi(ui, document));
+                    section(ui, "Lights", true, |ui| lights(ui, document, gpu));
+                    section(ui, "Camera", true, |ui| camera(ui, document, gpu, &mut wishes));
+                    section(ui, "Animation", false, |ui| animation(ui, document, gpu));
+                    section(ui, "Scene", false, |ui| scene(ui, document, gpu));
+                    section(ui, "Timings", true, |ui| timings(ui, document));
+                    section(ui, "Log", false, log);
+                });
+            });
+        } else if let Some((done, what)) = document.progress() {
+            egui::Area::new(egui::Id::unique("progress"))
+                .fixed_pos([12.0, 12.0])
+                .show(ui.ctx(), |ui| progress(ui, done, &what));
+        }
+        if self.keys {
+            keys(ui, &mut self.keys);
+        }
+        wishes
+    }
+
+    fn gi(&mut self, ui: &mut Ui, document: &mut Document) {
+        let mut quality = document.args.quality();
+        let mut settings = document.settings;
+        rows(ui, "gi", |ui| {
+            let levels = [
+                (Quality::Low, "low"),
+                (Quality::Medium, "medium"),
+                (Quality::High, "high"),
+                (Quality::Reference, "reference"),
+            ];
+            let help = "Everything below as one choice: caches, sizes of maps, shadows and rays. Another level bakes \
+                        its caches in the background; the picture stays until they are there.";
+            if row(ui, "Quality", help, |ui| choose(ui, "quality", &mut quality, &levels)).changed() {
+                let mut args = document.args.clone();
+                args.set_quality(quality);
+                document.open(args, false);
+            }
+            let mut count = self.caches.unwrap_or(document.args.cache_count() as u32);
+            let help = "About how many caches stand on the surfaces. More catch finer changes of indirect light; time \
+                        grows in proportion, and with shadows faster. They are baked anew in the background.";
+            let response = row(ui, "Caches", help, |ui| {
+                ui.add(DragValue::new(&mut count).range(10..=100_000).speed(10.0).update_while_editing(false))
+            });
+            self.caches = (response.changed() || response.dragged()).then_some(count).or(self.caches);
+            if let (false, Some(count)) = (response.dragged() || response.has_focus(), self.caches) {
+                self.caches = None;
+                let mut args = document.args.clone();
+                if args.cache_count() != count as usize {
+                    args.set_caches(Some(count));
+                    document.open(args, false);
+                }
+            }
+            let ways =
+                [(document.usual().indirect, "caches"), (Indirect::BruteForce, "brute force"), (Indirect::Off, "off")];
+            let mut way = match settings.indirect {
+                Indirect::Caches(_) => ways[0].0,
+                other => other,
+            };
+            let help = "Caches are the engine's way. Brute force lights every pixel by every virtual light, without \
+                        shadows: slow, and what caches are measured against. Off is direct light alone.";
+            if row(ui, "Indirect", help, |ui| choose(ui, "indirect", &mut way, &ways)).changed() {
+                settings.indirect = way;
+            }
+            if let Some(Gather::Compute { bounces, shadows, near, .. }) = Document::compute(&mut settings) {
+                let help = format!(
+                    "How often light is reflected after what lights and shining surfaces give directly. Each bounce \
+                     lets all caches light each other once more.{}",
+                    cost(document, &["gather"])
+                );
+                row(ui, "Bounces", &help, |ui| ui.add(Slider::new(bounces, 0..=16)));
+                let kinds =
+                    [(Shadows::Off, "off"), (Shadows::Proxy, "of whole caches"), (Shadows::PerLight, "of every light")];
+                let help = format!(
+                    "What is in the way of indirect light. Off lets it through walls. Of whole caches dims each cache's \
+                     light at once. Of every light tests each virtual light, and costs most.{}",
+                    cost(document, &["depth images", "occlude"])
+                );
+                row(ui, "Shadows", &help, |ui| choose(ui, "shadows", shadows, &kinds));
+                let mut rays = *near != Near::Off;
+                let help = format!(
+                    "Short rays find light and shade from within one spacing of the caches: contact shadows, corners. \
+                     They cost most at large pictures.{}",
+                    cost(document, &["near rays"])
+                );
+                if row(ui, "Near rays", &help, |ui| ui.checkbox(&mut rays, "from pixels")).changed() {
+                    *near = if rays { Quality::High.near() } else { Near::Off };
+                }
+                if let Near::Rays { per_pixel, every } = near {
+                    let help = "Rays of a pixel that has some; 16 neighbours share theirs. Time grows in proportion.";
+                    row(ui, "  per pixel", help, |ui| ui.add(Slider::new(per_pixel, 1..=32)));
+                    let help = "Pixels and rows from one with rays to the next: 2 takes a quarter of the rays of 1.";
+                    row(ui, "  every", help, |ui| ui.add(Slider::new(every, 1..=8).suffix(" px")));
+                }
+            }
+            let sizes = [32, 64, 96, 128, 192, 256].map(|n| (n, format!("{n} x {n}")));
+            let sizes = sizes.each_ref().map(|(n, name)| (*n, name.as_str()));
+            let help = format!(
+                "Virtual lights of each light: texels of its reflective shadow map. The gather's time grows in \
+                 proportion to them.{}",
+                cost(document, &["rsm", "gather"])
+            );
+            row(ui, "Virtual lights", &help, |ui| choose(ui, "rsm", &mut settings.rsm, &sizes));
+            let sizes = [512, 1024, 2048, 4096].map(|n| (n, format!("{n} x {n}")));
+            let sizes = sizes.each_ref().map(|(n, name)| (*n, name.as_str()));
+            let help =
+                "Texels of the shadow maps of direct light: larger ones have sharper edges and take more memory.";
+            row(ui, "Shadow maps", help, |ui| choose(ui, "shadow_map", &mut settings.shadow_map, &sizes));
+        });
+        document.settings = settings;
+    }
+}
+
+/// What stages took in the last frame that was drawn.
+fn cost(document: &Document, stages: &[&str]) -> String {
+    let Some(last) = document.history.back() else { return String::new() };
+    let told: Vec<String> = (last.stages.iter())
+        .filter(|(name, _)| stages.contains(name))
+        .map(|(name, ms)| format!("{name} {ms:.2} ms"))
+        .collect();
+    if told.is_empty() { String::new() } else { format!("\n\nIn the last frame: {}.", told.join(", ")) }
+}
+
+fn section(ui: &mut Ui, name: &str, open: bool, add: impl FnOnce(&mut Ui)) {
+    egui::CollapsingHeader::new(RichText::new(name).strong()).default_open(open).show_unindented(ui, |ui| {
+        ui.add_space(2.0);
+        add(ui);
+        ui.add_space(6.0);
+    });
+}
+
+fn progress(ui: &mut Ui, done: f32, what: &str) {
+    ui.add(ProgressBar::new(done).desired_width(WIDTH - 24.0).text(what.to_owned()));
+}
+
+fn heading(ui: &mut Ui, document: &Document, gpu: &Gpu) {
+    if let Some(scene) = document.scene() {
+        let file = document.args.scene.as_ref().map_or("built in".into(), |path| path.display().to_string());
+        ui.label(RichText::new(&scene.name).heading()).on_hover_text(file);
+        let (triangles, caches) = (thousands(scene.triangle_count()), thousands(document.caches));
+        ui.label(format!("{triangles} triangles, {caches} caches"));
+    } else {
+        ui.label(RichText::new("lightskin").heading());
+    }
+    ui.label(RichText::new(&gpu.report().name).weak()).on_hover_text(&gpu.report().driver);
+    match document.progress() {
+        Some((done, what)) => progress(ui, done, &what),
+        None => {
+            ui.label(RichText::new("F1 lists the keys; drop a scene or a sky here").weak());
+        }
+    }
+}
+
+fn lights(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
+    let of_sky = document.scene().and_then(|scene| scene.sky.as_ref()).map_or(0..0, |sky| sky.lights.clone());
+    let mut changed = false;
+    for (index, (light, on)) in document.lights.iter_mut().enumerate() {
+        if of_sky.contains(&index) {
+            continue;
+        }
+        let (kind, unit, what) = match light.kind {
+            LightKind::Directional => ("sun", " lx", "illuminance on a surface that faces it"),
+            LightKind::Point => ("point", " cd", "luminous intensity, the same in all directions"),
+            LightKind::Spot { .. } => ("spot", " cd", "luminous intensity within its cone"),
+        };
+        ui.horizontal(|ui| {
+            changed |= ui.checkbox(on, "").on_hover_text("Whether the light is on.").changed();
+            let mut color = light.color.to_array();
+            let help = "Colour of the light, linear. Changing it costs one frame with new light.";
+            changed |= ui.color_edit_button_rgb(&mut color).on_hover_text(help).changed();
+            light.color = color.into();
+            let speed = f64::from(light.intensity).abs().max(1e-3) * 0.01;
+            let intensity = DragValue::new(&mut light.intensity).speed(speed).range(0.0..=1e9).suffix(unit);
+            changed |= ui.add_sized([92.0, 18.0], intensity).on_hover_text(format!("Brightness: {what}.")).changed();
+            let name = if light.name.is_empty() { kind } else { light.name.as_str() };
+            ui.add(egui::Label::new(name).truncate()).on_hover_text(format!("{name}: {kind}"));
+        });
+    }
+    if !of_sky.is_empty() {
+        ui.label(RichText::new(format!("A sky, for which {} lights stand", of_sky.len())).weak());
+    }
+    if document.lights.is_empty() {
+        ui.label(RichText::new("No lights but surfaces that shine").weak());
+    }
+    if changed {
+        document.light(gpu);
+    }
+}
+
+fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish>) {
+    let names: Vec<String> = document.scene().map_or_else(Vec::new, |scene| {
+        scene.cameras.iter().enumerate().map(|(i, camera)| format!("{} {}", i + 1, camera.name)).collect()
+    });
+    rows(ui, "camera", |ui| {
+        let mut all: Vec<(Seen, &str)> =
+            names.iter().enumerate().map(|(i, name)| (Seen::OfScene(i), name.as_str())).collect();
+        if let Seen::Free(_) = document.seen {
+            all.push((document.seen, "your own"));
+        }
+        let help = "Where the picture is seen from. Moving the view makes a camera of your own; Ctrl+1 to 9 keep it.";
+        let mut seen = document.seen;
+        row(ui, "Seen by", help, |ui| choose(ui, "camera", &mut seen, &all));
+        document.seen = seen;
+        let degrees = document.camera().map(|camera| match camera.projection {
+            Projection::Perspective { yfov } => yfov.to_degrees(),
+            Projection::Orthographic { .. } => 0.0,
+        });
+        if let Some(before) = degrees.filter(|degrees| *degrees > 0.0) {
+            let mut fov = before;
+            let help = "Vertical field of view: small is a long lens.";
+            if row(ui, "Field of view", help, |ui| ui.add(Slider::new(&mut fov, 5.0..=120.0).suffix(" deg"))).changed()
+                && let Some(free) = document.free(|_| None)
+            {
+                free.fov = fov;
+            }
+        }
+        let mut automatic = document.look.exposure == Exposure::Automatic;
+        let help = "Exposes for the surfaces in view. Switch it off to fix the exposure; either costs nothing.";
+        if row(ui, "Exposure", help, |ui| ui.checkbox(&mut automatic, "automatic")).changed() {
+            document.look.exposure = if automatic {
+                Exposure::Automatic
+            } else {
+                // Fixed where it is.
+                let now = document.picture.as_ref().and_then(|p| gpu.read::<f32>(&p.output.exposure).ok());
+                Exposure::Ev(now.map_or(0.0, |now| now[0]))
+            };
+        }
+        if let Exposure::Ev(ev) = &mut document.look.exposure {
+            let help = "Exposure value at ISO 100: one more is half as bright.";
+            row(ui, "Exposure value", help, |ui| {
+                ui.add(DragValue::new(ev).speed(0.05).range(-100.0..=100.0).max_decimals(2))
+            });
+        }
+        let curves = [
+            (Tonemap::PbrNeutral, "PBR Neutral"),
+            (Tonemap::Agx, "AgX"),
+            (Tonemap::Aces, "ACES"),
+            (Tonemap::Linear, "none, clipped"),
+        ];
+        let help =
+            "How radiance becomes colours of the display. PBR Neutral keeps base colours, AgX and ACES are films.";
+        row(ui, "Tone curve", help, |ui| choose(ui, "tonemap", &mut document.look.tonemap, &curves));
+        let help = "What of the picture is shown: all of it, or one layer alone. Costs nothing.";
+        row(ui, "Show", help, |ui| choose(ui, "shown", &mut document.shown, &Shown::ALL));
+    });
+    ui.horizontal(|ui| {
+        let help = "Copies and prints the command that renders this picture to a file. Lights that were changed here and \
+                    hidden objects are not in it.";
+        if ui.button("Copy as command line").on_hover_text(help).clicked() {
+            wishes.push(Wish::Copy);
+        }
+        if ui.button("Save PNG").on_hover_text("Writes the picture, without panels, to the current folder.").clicked() {
+            wishes.push(Wish::Save);
+        }
+    });
+}
+
+fn animation(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
+    let clips: Vec<(String, f64)> = document
+        .scene()
+        .map_or_else(Vec::new, |scene| scene.animations().map(|(name, _, end)| (name.to_owned(), end)).collect());
+    if clips.is_empty() {
+        ui.label(RichText::new("Nothing in this scene moves").weak());
+        return;
+    }
+    let mut clip = document.clip;
+    rows(ui, "animation", |ui| {
+        let names: Vec<String> = clips.iter().enumerate().map(|(i, (name, _))| format!("{} {name}", i + 1)).collect();
+        let mut all: Vec<(Option<usize>, &str)> = vec![(None, "at rest")];
+        all.extend(names.iter().enumerate().map(|(i, name)| (Some(i), name.as_str())));
+        row(ui, "Clip", "Which animation plays.", |ui| choose(ui, "clip", &mut clip.animation, &all));
+        let end = clip.animation.map_or(0.0, |animation| clips[animation].1);
+        if clip.animation.is_some() {
+            clip.time = if end > 0.0 { clip.time.rem_euclid(end) } else { 0.0 };
+            let help = "Moment of the animation. Nothing is baked again, and no picture knows of the one before.";
+            row(ui, "Time", help, |ui| ui.add(Slider::new(&mut clip.time, 0.0..=end).suffix(" s").max_decimals(2)));
+        }
+        let help = "Seconds of the animation in a second.";
+        row(ui, "Speed", help, |ui| ui.add(Slider::new(&mut clip.speed, 0.1..=4.0).suffix(" x").max_decimals(1)));
+    });
+    if ui.button(if clip.playing { "Stop" } else { "Play" }).on_hover_text("P does the same.").clicked() {
+        clip.playing = !clip.playing;
+        clip.animation.get_or_insert(0);
+    }
+    clip.playing &= clip.animation.is_some();
+    let moved = (clip.animation, clip.time) != (document.clip.animation, document.clip.time);
+    document.clip = clip;
+    if moved {
+        document.pose(gpu);
+    }
+}
+
+fn scene(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
+    let Some(scene) = document.scene() else { return };
+    let count = scene.instances.len();
+    let mut toggled = None;
+    let height = ui.spacing().interact_size.y;
+    ScrollArea::vertical().id_salt("instances").max_height(200.0).auto_shrink([false, true]).show_rows(
+        ui,
+        height,
+        count,
+        |ui, range| {
+            for index in range {
+                let instance = &scene.instances[index];
+                let mut visible = !instance.hidden;
+                let help = "Hidden objects are neither drawn nor in the way of light. Caches stay where they are.";
+                if ui.checkbox(&mut visible, &instance.name).on_hover_text(help).changed() {
+                    toggled = Some((index, !visible));
+                }
+            }
+        },
+    );
+    if let Some((index, hidden)) = toggled {
+        document.edit(gpu, |scene| scene.instances[index].hidden = hidden);
+    }
+}
+
+fn timings(ui: &mut Ui, document: &Document) {
+    let Some(last) = document.history.back() else {
+        ui.label(RichText::new("No frame yet").weak());
+        return;
+    };
+    let width = ui.available_width() - 10.0;
+    let most = document.history.iter().map(|frame| frame.ms).fold(1e-6, f64::max);
+    let (area, response) = ui.allocate_exact_size(egui::vec2(width, 44.0), egui::Sense::hover());
+    ui.painter().rect_filled(area, 2.0, Color32::from_gray(18));
+    let step = width / document.history.len().max(40) as f32;
+    for (i, frame) in document.history.iter().enumerate() {
+        let height = (frame.ms / most) as f32 * (area.height() - 4.0);
+        let left = area.left() + step * i as f32;
+        let bar = egui::Rect::from_min_max(
+            egui::pos2(left, area.bottom() - height),
+            egui::pos2(left + (step - 1.0).max(1.0), area.bottom()),
+        );
+        ui.painter().rect_filled(bar, 0.0, Color32::from_rgb(98, 140, 190));
+    }
+    response.on_hover_text(format!(
+        "The last {} frames that drew something; the slowest took {most:.1} ms.",
+        document.history.len()
+    ));
+    ui.label(format!("last frame {:.1} ms", last.ms))
+        .on_hover_text("The last one that drew something. What has not changed is left out.");
+    let longest = last.stages.iter().map(|(_, ms)| *ms).fold(1e-6, f64::max);
+    for (name, ms) in &last.stages {
+        let (area, response) = ui.allocate_exact_size(egui::vec2(width, 16.0), egui::Sense::hover());
+        let bar = egui::Rect::from_min_size(area.min, egui::vec2(width * (ms / longest) as f32, area.height()));
+        ui.painter().rect_filled(bar, 2.0, Color32::from_rgb(50, 68, 92));
+        let font = egui::FontId::proportional(12.0);
+        let text = ui.visuals().text_color();
+        let at = |x: f32| egui::pos2(x, area.center().y);
+        ui.painter().text(at(area.left() + 4.0), egui::Align2::LEFT_CENTER, name, font.clone(), text);
+        ui.painter().text(at(area.right() - 4.0), egui::Align2::RIGHT_CENTER, format!("{ms:.2} ms"), font, text);
+        response.on_hover_text("A stage of the frame; ARCHITECTURE.md says what each does.");
+    }
+}
+
+fn log(ui: &mut Ui) {
+    ScrollArea::vertical().id_salt("log").max_height(160.0).stick_to_bottom(true).auto_shrink([false, true]).show(
+        ui,
+        |ui| {
+            for line in recent() {
+                ui.label(RichText::new(line).small());
+            }
+        },
+    );
+}
+
+fn keys(ui: &Ui, open: &mut bool) {
+    egui::Window::new("Keys").open(open).collapsible(false).resizable(false).default_pos([24.0, 24.0]).show(
+        ui.ctx(),
+        |ui| {
+            rows(ui, "keys", |ui| {
+                for (key, what) in KEYS {
+                    ui.label(RichText::new(key).strong());
+                    ui.label(what);
+                    ui.end_row();
+                }
+            });
+        },
+    );
+}

@@ -1,0 +1,277 @@
+//! The open window: its images, its panels, and one frame of it.
+
+use super::canvas::Canvas;
+use super::document::Document;
+use super::input::{Input, Wish};
+use super::panel;
+use crate::cli::check_messages;
+use crate::cli::view::{View as Args, print};
+use anyhow::{Context, Result};
+use lightskin::gpu::{Gpu, Swapchain};
+use lightskin::image::write_png;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+use winit::dpi::PhysicalSize;
+use winit::event::WindowEvent;
+use winit::event_loop::ActiveEventLoop;
+use winit::raw_window_handle::HasDisplayHandle;
+use winit::window::Window;
+
+/// How often the progress of a job is looked at.
+const POLL: Duration = Duration::from_millis(100);
+
+/// A window and what it shows. In the order in which it is dropped.
+pub(super) struct Open {
+    document: Document,
+    canvas: Canvas,
+    swapchain: Swapchain,
+    egui: egui_winit::State,
+    input: Input,
+    panel: panel::State,
+    gpu: Gpu,
+    window: Arc<Window>,
+    /// Corner and size of the picture in the window [pixels].
+    place: ([u32; 2], [u32; 2]),
+    /// What the barrier check has said.
+    problems: Vec<String>,
+    last: Instant,
+    next: Option<Instant>,
+    /// What is asked of the next picture: what is asked before it changes it.
+    waiting: Vec<Wish>,
+    closed: bool,
+}
+
+impl Open {
+    /// Opens the window, and begins to load the scene.
+    pub(super) fn new(events: &ActiveEventLoop, args: &Args) -> Result<Self> {
+        let panels = if args.no_panels { 0.0 } else { panel::WIDTH };
+        // Until the window says how many pixels a point has, it has one.
+        let size = PhysicalSize::new(args.size[0] + panels as u32, args.size[1]);
+        let attributes = Window::default_attributes().with_title("lightskin").with_inner_size(size);
+        let window = Arc::new(events.create_window(attributes).context("opening a window")?);
+        let display = events.display_handle().context("the display")?.as_raw();
+        let gpu = args.open_device(display)?;
+        let swapchain = gpu.swapchain(window.clone(), args.present())?;
+        let size = window.inner_size();
+        let context = egui::Context::default();
+        panel::style(&context);
+        let scale = window.scale_factor() as f32;
+        let egui = egui_winit::State::new(context, egui::ViewportId::ROOT, &window, Some(scale), window.theme(), None);
+        Ok(Self {
+            document: Document::new(&gpu, args)?,
+            canvas: Canvas::new(&gpu, size.into())?,
+            swapchain,
+            egui,
+            input: Input::default(),
+            panel: panel::State::new(!args.no_panels),
+            gpu,
+            window,
+            place: ([0, 0], [0, 0]),
+            problems: Vec::new(),
+            last: Instant::now(),
+            next: None,
+            waiting: Vec::new(),
+            closed: false,
+        })
+    }
+
+    pub(super) fn closed(&self) -> bool {
+        self.closed
+    }
+
+    pub(super) fn redraw(&self) {
+        self.window.request_redraw();
+    }
+
+    /// When the next frame is due without an event; none without anything that moves.
+    pub(super) fn next_draw(&self) -> Option<Instant> {
+        self.next
+    }
+
+    /// Says what has gone wrong unseen.
+    pub(super) fn close(self) -> Result<()> {
+        self.gpu.wait()?;
+        check_messages(&self.gpu, &self.problems)
+    }
+
+    /// Takes an event; what it changes is seen by the next frame.
+    pub(super) fn event(&mut self, event: &WindowEvent) {
+        // Tab is ours: it shows and hides the panels.
+        let answer = if self.input.is_tab(event) { None } else { Some(self.egui.on_window_event(&self.window, event)) };
+        let wishes = self.input.take(event, self.egui.egui_ctx(), self.place, answer.is_some_and(|a| a.consumed));
+        let changes = !wishes.is_empty();
+        for wish in wishes {
+            self.grant(wish);
+        }
+        if changes || answer.is_none_or(|answer| answer.repaint) || matches!(event, WindowEvent::Resized(_)) {
+            self.redraw();
+        }
+    }
+
+    fn grant(&mut self, wish: Wish) {
+        let gpu = &self.gpu;
+        let document = &mut self.document;
+        match wish {
+            Wish::Close => self.closed = true,
+            Wish::Panels => self.panel.visible = !self.panel.visible,
+            Wish::Keys => self.panel.keys = !self.panel.keys,
+            Wish::Play => {
+                if document.scene().is_some_and(|scene| scene.animations().next().is_some()) {
+                    document.clip.animation.get_or_insert(0);
+                    document.clip.playing = !document.clip.playing;
+                }
+            }
+            Wish::Orbit(by) => {
+                if let Some(free) = document.free(|d| depth_at(gpu, d, [0.5, 0.5]).map(|(distance, _)| distance)) {
+                    free.orbit(by);
+                }
+            }
+            Wish::Look(by) => {
+                if let Some(free) = document.free(|_| None) {
+                    free.look(by);
+                }
+            }
+            Wish::Pan(by) => {
+                if let Some(free) = document.free(|d| depth_at(gpu, d, [0.5, 0.5]).map(|(distance, _)| distance)) {
+                    free.pan(by);
+                }
+            }
+            Wish::Zoom(steps) => {
+                if let Some(free) = document.free(|d| depth_at(gpu, d, [0.5, 0.5]).map(|(distance, _)| distance)) {
+                    free.zoom(steps);
+                }
+            }
+            Wish::Centre(at) => {
+                let found = depth_at(gpu, document, at);
+                if let (Some((distance, point)), Some(free)) = (found, document.free(|_| found.map(|(d, _)| d))) {
+                    log::debug!("centred on {point}, {distance} m away");
+                    free.centre(point);
+                }
+            }
+            Wish::Recall(index) => {
+                let cameras = document.scene().map_or(0, |scene| scene.cameras.len());
+                match document.bookmarks[index] {
+                    Some(seen) => document.seen = seen,
+                    None if index < cameras => document.seen = super::camera::Seen::OfScene(index),
+                    None => log::warn!("there is no camera {}; Ctrl+{} keeps this one there", index + 1, index + 1),
+                }
+            }
+            Wish::Keep(index) => {
+                document.bookmarks[index] = Some(document.seen);
+                log::warn!("camera {} is this one now", index + 1);
+            }
+            Wish::Copy | Wish::Save => self.waiting.push(wish),
+            Wish::Drop(file) => document.open(document.args.with_file(&file), true),
+        }
+    }
+
+    /// Prints the command that writes this picture, and gives it to the clipboard.
+    fn copy_command(&mut self) -> Result<()> {
+        let command = self.document.command().context("there is no picture to copy the command line of")?;
+        print(&command);
+        self.egui.set_clipboard_text(command);
+        log::warn!("the command line for this picture is copied");
+        Ok(())
+    }
+
+    /// Writes the picture, without panels, under the first free name.
+    fn save(&self) -> Result<()> {
+        let (Some(picture), Some(scene)) = (&self.document.picture, self.document.scene()) else { return Ok(()) };
+        let free = |n: &u32| !PathBuf::from(format!("{}-{n}.png", scene.name)).exists();
+        let number = (1..10_000).find(free).context("there are 9999 pictures here already; move them away")?;
+        let path = PathBuf::from(format!("{}-{number}.png", scene.name));
+        let [width, height] = picture.size();
+        write_png(&path, width, height, &self.gpu.read_image(&picture.output.picture)?)?;
+        print(&format!("picture   {}", path.display()));
+        log::warn!("wrote {}", path.display());
+        Ok(())
+    }
+
+    /// One frame: what the panels ask for, the picture where it has changed, the panels over it.
+    pub(super) fn draw(&mut self) -> Result<()> {
+        let now = Instant::now();
+        let past = now.duration_since(self.last).as_secs_f64().min(0.1);
+        self.last = now;
+        let size: [u32; 2] = self.window.inner_size().into();
+        if size.contains(&0) {
+            self.next = None;
+            return Ok(());
+        }
+        if self.document.poll(&self.gpu)?
+            && let Some(scene) = self.document.scene()
+        {
+            self.window.set_title(&format!("{} - lightskin", scene.name));
+        }
+        self.input.fly(past, &mut self.document);
+        if self.document.clip.playing {
+            self.document.clip.time += past * self.document.clip.speed;
+            self.document.pose(&self.gpu);
+        }
+
+        let input = self.egui.take_egui_input(&self.window);
+        let context = self.egui.egui_ctx().clone();
+        let (mut left_over, mut wishes) = (egui::Rect::NOTHING, Vec::new());
+        let (document, panel, gpu) = (&mut self.document, &mut self.panel, &self.gpu);
+        let output = context.run_ui(input, |ui| {
+            wishes.extend(panel.show(ui, document, gpu));
+            left_over = ui.available_rect_before_wrap();
+        });
+        self.egui.handle_platform_output(&self.window, output.platform_output);
+        for wish in wishes {
+            self.grant(wish);
+        }
+        let scale = output.pixels_per_point;
+        let pixel = |at: f32, most: u32| ((at * scale).round().max(0.0) as u32).min(most);
+        let corner = [pixel(left_over.min.x, size[0]), pixel(left_over.min.y, size[1])];
+        let far = [pixel(left_over.max.x, size[0]), pixel(left_over.max.y, size[1])];
+        self.place = (corner, [0, 1].map(|i| far[i].saturating_sub(corner[i])));
+
+        self.canvas.fit(&self.gpu, size)?;
+        self.document.fit(&self.gpu, self.place.1)?;
+        let primitives = context.tessellate(output.shapes, scale);
+        self.canvas.take(&self.gpu, &primitives, output.textures_delta, scale)?;
+        let view = self.document.view();
+        let document = &mut self.document;
+        let (canvas, look, shown) = (&self.canvas, document.look, document.shown);
+        let frame = self.gpu.timed_frame(|cmd| {
+            if let (Some(view), Some(engine), Some(picture)) = (view, &mut document.engine, &mut document.picture) {
+                engine.record(cmd, &mut [(view, picture)], &look);
+            }
+            canvas.record(cmd, document.picture.as_ref().map(|picture| (picture, corner)), shown, &look);
+            Ok(())
+        })?;
+        self.problems.extend(frame.problems);
+        self.document.time(self.gpu.finished_times()?);
+        self.document.drawn = view;
+        for wish in std::mem::take(&mut self.waiting) {
+            let done = if wish == Wish::Copy { self.copy_command() } else { self.save() };
+            if let Err(error) = done {
+                log::error!("{error:#}");
+            }
+        }
+        self.window.pre_present_notify();
+        let seen = self.swapchain.show(&self.canvas.image)?;
+
+        let soon = output.viewport_output.get(&egui::ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
+        let moves = self.document.clip.playing || self.input.flies();
+        let wait = match (moves, self.document.progress().is_some() || !seen) {
+            (true, _) => Some(Duration::ZERO),
+            (false, true) => Some(soon.min(POLL)),
+            (false, false) => Some(soon).filter(|wait| *wait < Duration::from_secs(3600)),
+        };
+        self.next = wait.map(|wait| Instant::now() + wait);
+        Ok(())
+    }
+}
+
+/// How far from the eye what a place of the picture shows is [m], and where; places are from 0 at the top left to 1.
+fn depth_at(gpu: &Gpu, document: &Document, at: [f32; 2]) -> Option<(f64, glam::DVec3)> {
+    let (view, picture, engine) = (document.drawn?, document.picture.as_ref()?, document.engine.as_ref()?);
+    let [width, height] = picture.size();
+    let depth: Vec<f32> = gpu.read_image(&picture.surface.depth).ok()?;
+    let pixel = |at: f32, most: u32| ((at * most as f32) as u32).min(most - 1) as usize;
+    let (x, y) = (pixel(at[0], width), pixel(at[1], height));
+    let point = super::camera::point_at(&view, at, *depth.get(y * width as usize + x)?)? + engine.world().origin;
+    Some((point.distance(document.camera()?.world_from_camera.translation), point))
+}

@@ -1,0 +1,234 @@
+//! `lightskin view`: what the window begins with, and how it loads a scene as `render` does.
+
+use super::camera::camera;
+use super::picture::TonemapArg;
+use super::sky::SkyArgs;
+use super::{CacheArgs, DeviceArgs, QualityArg, divide_for, load_under, word};
+use anyhow::{Context, Result};
+use clap::ValueEnum;
+use lightskin::bake::bake_cached;
+use lightskin::frame::engine::{Loaded, Progress};
+use lightskin::frame::{Exposure, Look, Near, Quality, Settings, Shadows, Tonemap};
+use lightskin::gpu::{Gpu, Present};
+use std::path::{Path, PathBuf};
+use winit::raw_window_handle::RawDisplayHandle;
+
+#[derive(clap::Args, Clone)]
+pub(crate) struct View {
+    /// glTF or GLB file, or a folder with one; the built-in showpiece without one. Other files can be dropped on the window.
+    pub(crate) scene: Option<PathBuf>,
+    /// Size of the picture without panels [pixels].
+    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = super::render::size)]
+    pub(crate) size: [u32; 2],
+    /// Camera to begin with, by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    pub(crate) camera: Option<String>,
+    /// Exposure value at ISO 100 (1.2 * 2^EV cd/m^2 becomes white); without it that of the surfaces in view.
+    #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = super::render::exposure)]
+    ev: Option<f32>,
+    /// Curve from scene to display.
+    #[arg(long, value_enum, default_value_t)]
+    tonemap: TonemapArg,
+    /// Begin without panels; Tab shows them.
+    #[arg(long)]
+    pub(crate) no_panels: bool,
+    /// When a picture takes the place of the one before. What the window does not know becomes fifo.
+    #[arg(long, value_enum, default_value_t)]
+    present: PresentArg,
+    #[command(flatten)]
+    caches: CacheArgs,
+    #[command(flatten)]
+    sky: SkyArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+enum PresentArg {
+    /// At the display's next refresh, in order: no tearing, and every device has it.
+    #[default]
+    Fifo,
+    /// At the next refresh, the newest of several pictures.
+    Mailbox,
+    /// At once: pictures may tear.
+    Immediate,
+}
+
+/// What a window shows, in words of the command line.
+pub(crate) struct Now<'a> {
+    pub(crate) settings: &'a Settings,
+    pub(crate) look: &'a Look,
+    /// Caches of the whole scene.
+    pub(crate) caches: usize,
+    pub(crate) size: [u32; 2],
+    pub(crate) camera: String,
+    /// Animation and time [s].
+    pub(crate) moment: Option<(usize, f64)>,
+}
+
+impl View {
+    /// Loads the scene and bakes its caches, or reads the kept bake, just as `render` does.
+    pub(crate) fn load(&self, progress: &Progress) -> Result<Loaded> {
+        progress.set(0.0, "load");
+        let mut scene = load_under(self.scene.as_deref(), self.sky.sky()?, self.caches.ground)?;
+        self.sky.put_behind(&mut scene)?;
+        // A camera that is not there is no reason to look at nothing, but at the start it is a mistake.
+        if let Some(wanted) = &self.camera {
+            camera(&scene, Some(wanted))?;
+        }
+        let at_vertices = divide_for(&mut scene, &self.caches, false);
+        let baked = bake_cached(&scene, &self.caches.settings(), &|done, what| progress.set(done, what));
+        let (mut caches, _) = baked.with_context(|| scene.name.clone())?;
+        if !at_vertices {
+            match caches.clone().with_cells(&scene) {
+                Ok(with_cells) => caches = with_cells,
+                Err(error) => log::warn!("{error:#}: light is interpolated at the vertices of undivided triangles"),
+            }
+        }
+        Ok(Loaded { scene, caches: Some(caches) })
+    }
+
+    /// The same with another scene, or another sky; whether a file is a sky says its name.
+    pub(crate) fn with_file(&self, file: &Path) -> Self {
+        let mut view = Self { camera: None, ..self.clone() };
+        let sky = file.extension().and_then(|e| e.to_str()).map(str::to_lowercase);
+        if sky.is_some_and(|ending| ending == "hdr" || ending == "exr") {
+            view.sky.replace(file);
+        } else {
+            view.scene = Some(file.to_owned());
+        }
+        view
+    }
+
+    pub(crate) fn quality(&self) -> Quality {
+        self.caches.quality()
+    }
+
+    pub(crate) fn set_quality(&mut self, quality: Quality) {
+        self.caches.quality = QualityArg::of(quality);
+        self.set_caches(None);
+    }
+
+    /// About how many caches the bake is asked for.
+    pub(crate) fn cache_count(&self) -> usize {
+        self.caches.count()
+    }
+
+    /// About so many caches, or those of the level.
+    pub(crate) fn set_caches(&mut self, count: Option<u32>) {
+        (self.caches.caches, self.caches.spacing) = (count, None);
+    }
+
+    /// How the picture is shown at first.
+    pub(crate) fn look(&self) -> Look {
+        Look {
+            tonemap: self.tonemap.curve(),
+            exposure: self.ev.map_or(Exposure::Automatic, Exposure::Ev),
+            behind: self.sky.behind(),
+        }
+    }
+
+    /// Opens a device that shows pictures on a display.
+    pub(crate) fn open_device(&self, display: RawDisplayHandle) -> Result<Gpu> {
+        Ok(Gpu::for_display(&self.device.options(), display)?)
+    }
+
+    pub(crate) fn present(&self) -> Present {
+        match self.present {
+            PresentArg::Fifo => Present::Fifo,
+            PresentArg::Mailbox => Present::Mailbox,
+            PresentArg::Immediate => Present::Immediate,
+        }
+    }
+
+    /// The command that writes the same picture.
+    pub(crate) fn command(&self, now: &Now<'_>) -> String {
+        use lightskin::frame::Indirect;
+        use lightskin::frame::settings::{Caches, Gather};
+        let Now { settings, look, caches, size, camera, moment } = now;
+        let mut words: Vec<String> = vec!["lightskin".into(), "render".into()];
+        words.extend(self.scene.as_ref().map(|path| path.display().to_string()));
+        let mut flag = |name: &str, value: String| words.extend([name.to_owned(), value]);
+        flag("-o", "picture.png".into());
+        flag("--size", format!("{}x{}", size[0], size[1]));
+        flag("--camera", camera.clone());
+        if let Some((animation, time)) = moment {
+            flag("--animation", animation.to_string());
+            flag("--time", time.to_string());
+        }
+        if let Exposure::Ev(ev) = look.exposure {
+            flag("--ev", ev.to_string());
+        }
+        if look.tonemap != Tonemap::default() {
+            flag("--tonemap", word(TonemapArg::of(look.tonemap)));
+        }
+        let level = Settings::at(self.quality(), *caches);
+        match (settings.indirect, level.indirect) {
+            (Indirect::Off, _) => flag("--gi", "off".into()),
+            (Indirect::BruteForce, _) => flag("--gi", "brute-force".into()),
+            (
+                Indirect::Caches(Caches { gather: Gather::Compute { bounces, shadows, near, .. }, .. }),
+                Indirect::Caches(Caches { gather: usual, .. }),
+            ) => {
+                if bounces != usual.bounces() {
+                    flag("--bounces", bounces.to_string());
+                }
+                if near != usual.near() {
+                    flag("--near", if near == Near::Off { "off".into() } else { "rays".into() });
+                    if let Near::Rays { per_pixel, every } = near {
+                        flag("--near-rays", per_pixel.to_string());
+                        flag("--near-every", every.to_string());
+                    }
+                }
+                if shadows != self.quality().shadows(*caches, near) {
+                    flag("--shadows", shadow_word(shadows));
+                }
+            }
+            _ => {}
+        }
+        if settings.rsm != level.rsm {
+            flag("--rsm", settings.rsm.to_string());
+        }
+        if settings.shadow_map != level.shadow_map {
+            flag("--shadow-map", settings.shadow_map.to_string());
+        }
+        words.extend(self.caches.words());
+        words.extend(self.sky.words());
+        words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
+    }
+}
+
+fn shadow_word(shadows: Shadows) -> String {
+    super::words::ShadowsArg::of(shadows)
+}
+
+/// Prints a line of the result on standard output.
+pub(crate) fn print(line: &str) {
+    say!("{line}");
+}
+
+/// A word as a shell takes it.
+fn quoted(word: &str) -> String {
+    let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,:=+@%".contains(c);
+    if !word.is_empty() && word.chars().all(plain) {
+        return word.to_owned();
+    }
+    format!("'{}'", word.replace('\'', "'\\''"))
+}
+
+pub(super) fn run(args: &View) -> Result<()> {
+    crate::app::run(args)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn words_for_a_shell() {
+        assert_eq!(quoted("scenes/a.glb"), "scenes/a.glb");
+        assert_eq!(quoted("0,1,4;0,1,0;0,1,0;40"), "'0,1,4;0,1,0;0,1,0;40'");
+        assert_eq!(quoted("it's"), "'it'\\''s'");
+        assert_eq!(quoted(""), "''");
+    }
+}

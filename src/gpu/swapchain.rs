@@ -1,0 +1,432 @@
+//! Windows: an image is shown in one by a copy, pixel by pixel.
+
+use super::device::{FRAMES_IN_FLIGHT, Gpu, Shared};
+use super::instance::queue_family;
+use super::{Image, Options, vulkan};
+use crate::error::{Error, Result};
+use ash::{khr, vk};
+use raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle};
+use std::sync::Arc;
+use std::sync::atomic::Ordering;
+
+/// When a picture takes the place of the one before.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Present {
+    /// At the display's next refresh, in order: no tearing, and every device has it.
+    #[default]
+    Fifo,
+    /// At the next refresh; of several pictures the newest is shown.
+    Mailbox,
+    /// At once: pictures may tear.
+    Immediate,
+}
+
+/// What a window's system has to give: an owner that lives as long as its surface.
+pub trait Window: HasWindowHandle + HasDisplayHandle {}
+impl<T: HasWindowHandle + HasDisplayHandle> Window for T {}
+
+/// The images of a window. They are made anew when the window has another size.
+pub struct Swapchain {
+    shared: Arc<Shared>,
+    queue: vk::Queue,
+    surfaces: khr::surface::Instance,
+    chains: khr::swapchain::Device,
+    surface: vk::SurfaceKHR,
+    /// None where the window has no pixels, or before the first picture.
+    chain: Option<Chain>,
+    /// The window has changed since the chain was made.
+    stale: bool,
+    slots: [Slot; FRAMES_IN_FLIGHT],
+    next: usize,
+    present: Present,
+    /// Dropped last: the surface is the window's.
+    window: Arc<dyn Window>,
+}
+
+/// The images of a window of one size.
+struct Chain {
+    handle: vk::SwapchainKHR,
+    images: Vec<vk::Image>,
+    /// By image: it is filled and may be shown.
+    filled: Vec<vk::Semaphore>,
+    format: vk::Format,
+    size: [u32; 2],
+}
+
+/// What one picture on its way to the window owns.
+struct Slot {
+    commands: vk::CommandBuffer,
+    /// The window has given an image.
+    acquired: vk::Semaphore,
+    /// Timeline value that says that the slot is free again.
+    done: u64,
+}
+
+/// Formats whose texels are bytes of the display, the one first that needs no change of order.
+const FORMATS: [vk::Format; 2] = [vk::Format::R8G8B8A8_UNORM, vk::Format::B8G8R8A8_UNORM];
+
+/// How long a window may keep its images back \[ns\]; then the picture is left out.
+const PATIENCE: u64 = 1_000_000_000;
+
+impl Gpu {
+    /// Opens a device as `new` does, one that can show pictures on this display.
+    ///
+    /// # Errors
+    /// As `new`; a display, a driver or a device that shows none.
+    pub fn for_display(options: &Options, display: RawDisplayHandle) -> Result<Self> {
+        let of_instance = ash_window::enumerate_required_extensions(display)
+            .map_err(|_| Error::NoDevice("Vulkan knows no windows of this system".into()))?;
+        Self::open(options, of_instance, &[khr::swapchain::NAME.as_ptr()])
+    }
+
+    /// The images of a window.
+    ///
+    /// # Errors
+    /// A device that was not opened by `for_display` or does not show pictures in this window.
+    pub fn swapchain(&self, window: Arc<dyn Window>, present: Present) -> Result<Swapchain> {
+        let shared = &self.shared;
+        let instance = &shared.instance;
+        let entry = instance.entry.as_ref().expect("`for_display` has loaded Vulkan");
+        let surfaces = khr::surface::Instance::new(entry, &instance.instance);
+        let chains = khr::swapchain::Device::new(&instance.instance, &shared.device);
+        let null = || Slot { commands: vk::CommandBuffer::null(), acquired: vk::Semaphore::null(), done: 0 };
+        let mut made = Swapchain {
+            shared: shared.clone(),
+            queue: self.queue,
+            surfaces,
+            chains,
+            surface: vk::SurfaceKHR::null(),
+            chain: None,
+            stale: false,
+            slots: [null(), null()],
+            next: 0,
+            present,
+            window,
+        };
+        made.make_surface()?;
+        let count = FRAMES_IN_FLIGHT as u32;
+        let info = vk::CommandBufferAllocateInfo::default().command_pool(shared.pool).command_buffer_count(count);
+        // SAFETY: the pool is alive; the buffers are freed in `Drop`.
+        let buffers = unsafe { shared.device.allocate_command_buffers(&info) }.map_err(vulkan("command buffers"))?;
+        for (i, (slot, commands)) in made.slots.iter_mut().zip(buffers).enumerate() {
+            slot.commands = commands;
+            shared.name(commands, &format!("window.commands {i}"));
+            slot.acquired = shared.semaphore(&format!("window.acquired {i}"))?;
+        }
+        Ok(made)
+    }
+}
+
+impl Shared {
+    fn semaphore(&self, name: &str) -> Result<vk::Semaphore> {
+        // SAFETY: the device is alive; whoever asks destroys it.
+        let made = unsafe { self.device.create_semaphore(&vk::SemaphoreCreateInfo::default(), None) };
+        let made = made.map_err(vulkan("semaphore"))?;
+        self.name(made, name);
+        Ok(made)
+    }
+}
+
+impl Swapchain {
+    /// Makes the surface of the window.
+    fn make_surface(&mut self) -> Result<()> {
+        let shared = &self.shared;
+        let refused = |what: &str| Error::NoDevice(format!("the window cannot be drawn to: {what}"));
+        let display = self.window.display_handle().map_err(|e| refused(&e.to_string()))?;
+        let window = self.window.window_handle().map_err(|e| refused(&e.to_string()))?;
+        let entry = shared.instance.entry.as_ref().expect("`for_display` has loaded Vulkan");
+        let instance = &shared.instance.instance;
+        // SAFETY: window and display live as long as `self.window`, which is dropped after the surface.
+        self.surface = unsafe { ash_window::create_surface(entry, instance, display.as_raw(), window.as_raw(), None) }
+            .map_err(|r| refused(&r.to_string()))?;
+        // It has no name: it is the instance's, and loaders crash that are asked to name it by way of a device.
+        // SAFETY: the surface was just made on this instance, of which the device is.
+        let shows = queue_family(instance, shared.physical).map(|(family, _)| unsafe {
+            self.surfaces.get_physical_device_surface_support(shared.physical, family, self.surface)
+        });
+        if shows != Some(Ok(true)) {
+            return Err(Error::NoDevice("the device shows nothing in this window; try another --device".into()));
+        }
+        Ok(())
+    }
+
+    /// Shows an image, whose format is `R8G8B8A8_UNORM`, from the window's top left corner on. Says whether it did: the window may
+    /// have no pixels, or keep its images to itself. It waits for the picture before last, and as the way to present does.
+    ///
+    /// # Errors
+    /// A device that was lost, or a window that shows no such pictures.
+    ///
+    /// # Panics
+    /// If the image is of another format or device.
+    pub fn show(&mut self, image: &Image) -> Result<bool> {
+        assert!(Arc::ptr_eq(&self.shared, &image.shared), "{}: of another device", image.name);
+        let copied = image.made.usage.contains(vk::ImageUsageFlags::TRANSFER_SRC);
+        assert!(copied && image.made.format == FORMATS[0], "{}: is not made to be shown", image.name);
+        // A window that is being dragged may change between two of these calls; the next picture then finds it at rest.
+        for _ in 0..3 {
+            let fits = self.chain.as_ref().is_some_and(|chain| chain.size == image.made.size);
+            if (self.stale || !fits) && !self.make_chain(image.made.size)? {
+                return Ok(false);
+            }
+            match self.try_show(image) {
+                Ok(shown) => return Ok(shown),
+                Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.stale = true,
+                Err(vk::Result::ERROR_SURFACE_LOST_KHR) => {
+                    self.drop_surface();
+                    self.make_surface()?;
+                }
+                Err(other) => return Err(vulkan("showing a picture")(other)),
+            }
+        }
+        Ok(false)
+    }
+
+    /// Makes the images anew, as large as the window; says whether it has pixels.
+    fn make_chain(&mut self, wanted: [u32; 2]) -> Result<bool> {
+        let (physical, surface) = (self.shared.physical, self.surface);
+        // SAFETY: the surface is alive, and the device was found to know it.
+        let found = unsafe {
+            let capabilities = self.surfaces.get_physical_device_surface_capabilities(physical, surface);
+            let formats = self.surfaces.get_physical_device_surface_formats(physical, surface);
+            let modes = self.surfaces.get_physical_device_surface_present_modes(physical, surface);
+            capabilities.and_then(|c| Ok((c, formats?, modes?)))
+        };
+        let (can, formats, modes) = found.map_err(vulkan("asking what the window can show"))?;
+        let of_window = [can.current_extent.width, can.current_extent.height];
+        let clamp = |i: usize, least: u32, most: u32| wanted[i].clamp(least, most.max(least));
+        let size = if of_window == [u32::MAX; 2] {
+            let (least, most) = (can.min_image_extent, can.max_image_extent);
+            [clamp(0, least.width, most.width), clamp(1, least.height, most.height)]
+        } else {
+            of_window
+        };
+        if size.contains(&0) {
+            self.drop_chain(None);
+            return Ok(false);
+        }
+        let bytes = |format: &&vk::Format| {
+            let same = |f: &vk::SurfaceFormatKHR| f.format == **format || f.format == vk::Format::UNDEFINED;
+            formats.iter().any(|f| same(f) && f.color_space == vk::ColorSpaceKHR::SRGB_NONLINEAR)
+        };
+        let format = FORMATS.iter().find(bytes).copied();
+        let usage = vk::ImageUsageFlags::TRANSFER_DST;
+        let Some(format) = format.filter(|_| can.supported_usage_flags.contains(usage)) else {
+            return Err(Error::NoDevice("the window takes no pictures of 8 bits; try another --device".into()));
+        };
+        let mode = match self.present {
+            Present::Fifo => vk::PresentModeKHR::FIFO,
+            Present::Mailbox => vk::PresentModeKHR::MAILBOX,
+            Present::Immediate => vk::PresentModeKHR::IMMEDIATE,
+        };
+        let mode = if modes.contains(&mode) {
+            mode
+        } else {
+            log::warn!("the window does not present pictures as {:?}; first in, first out it is", self.present);
+            self.present = Present::Fifo;
+            vk::PresentModeKHR::FIFO
+        };
+        let opaque = can.supported_composite_alpha.contains(vk::CompositeAlphaFlagsKHR::OPAQUE);
+        let alpha = if opaque { vk::CompositeAlphaFlagsKHR::OPAQUE } else { vk::CompositeAlphaFlagsKHR::INHERIT };
+        let most = if can.max_image_count == 0 { u32::MAX } else { can.max_image_count };
+        let info = vk::SwapchainCreateInfoKHR::default()
+            .surface(surface)
+            .min_image_count((can.min_image_count + 1).min(most))
+            .image_format(format)
+            .image_color_space(vk::ColorSpaceKHR::SRGB_NONLINEAR)
+            .image_extent(vk::Extent2D { width: size[0], height: size[1] })
+            .image_array_layers(1)
+            .image_usage(usage)
+            .pre_transform(can.current_transform)
+            .composite_alpha(alpha)
+            .present_mode(mode)
+            .clipped(true)
+            .old_swapchain(self.chain.as_ref().map_or(vk::SwapchainKHR::null(), |chain| chain.handle));
+        // SAFETY: all that `info` asks for was found to be there, and the old chain is the surface's own.
+        let handle = unsafe { self.chains.create_swapchain(&info, None) };
+        let handle = handle.map_err(vulkan(format!("images of the window, {}x{}", size[0], size[1])))?;
+        self.shared.name(handle, "window.chain");
+        self.drop_chain(Some(Chain { handle, images: Vec::new(), filled: Vec::new(), format, size }));
+        self.stale = false;
+        // SAFETY: the chain is alive.
+        let images = unsafe { self.chains.get_swapchain_images(handle) }.map_err(vulkan("images of the window"))?;
+        let mut filled = Vec::with_capacity(images.len());
+        for (i, image) in images.iter().enumerate() {
+            self.shared.name(*image, &format!("window.image {i}"));
+            filled.push(self.shared.semaphore(&format!("window.filled {i}"))?);
+        }
+        if let Some(chain) = &mut self.chain {
+            (chain.images, chain.filled) = (images, filled);
+        }
+        Ok(true)
+    }
+
+    /// Fills an image of the window and hands it over.
+    fn try_show(&mut self, image: &Image) -> std::result::Result<bool, vk::Result> {
+        let Some(chain) = &self.chain else { return Ok(false) };
+        let slot = &mut self.slots[self.next];
+        self.shared.wait_for(slot.done).map_err(|_| vk::Result::ERROR_DEVICE_LOST)?;
+        // SAFETY: chain and semaphore are alive; the semaphore's last wait is done with its slot.
+        let acquired =
+            unsafe { self.chains.acquire_next_image(chain.handle, PATIENCE, slot.acquired, vk::Fence::null()) };
+        let (index, suboptimal) = match acquired {
+            Err(vk::Result::TIMEOUT | vk::Result::NOT_READY) => return Ok(false),
+            other => other?,
+        };
+        self.next = (self.next + 1) % FRAMES_IN_FLIGHT;
+        self.stale |= suboptimal;
+        let filled = chain.filled[index as usize];
+        let submitted = &self.shared.submitted;
+        let value = submitted.load(Ordering::SeqCst) + 1;
+        let fresh = self.shared.fresh();
+        let transfer = vk::PipelineStageFlags2::ALL_TRANSFER;
+        let semaphore = |semaphore, stage| vk::SemaphoreSubmitInfo::default().semaphore(semaphore).stage_mask(stage);
+        let waits = [semaphore(slot.acquired, transfer)];
+        let signals = [
+            semaphore(filled, vk::PipelineStageFlags2::ALL_COMMANDS),
+            semaphore(self.shared.timeline, vk::PipelineStageFlags2::ALL_COMMANDS).value(value),
+        ];
+        let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(slot.commands)];
+        let info = vk::SubmitInfo2::default()
+            .wait_semaphore_infos(&waits)
+            .command_buffer_infos(&commands)
+            .signal_semaphore_infos(&signals);
+        let (device, begin) = (&self.shared.device, vk::CommandBufferBeginInfo::default());
+        // SAFETY: the slot's last submission is done, so its buffer may be recorded anew. `copy` keeps to both images. The
+        // semaphore `filled` was waited for by the presentation of this image before, which has ended: it was acquired again.
+        unsafe {
+            device.begin_command_buffer(slot.commands, &begin.flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT))?;
+            copy(device, slot.commands, &fresh, image, chain, chain.images[index as usize]);
+            device.end_command_buffer(slot.commands)?;
+            device.queue_submit2(self.queue, &[info], vk::Fence::null())?;
+        }
+        submitted.store(value, Ordering::SeqCst);
+        slot.done = value;
+        let (chains, indices, filled) = ([chain.handle], [index], [filled]);
+        let info = vk::PresentInfoKHR::default().wait_semaphores(&filled).swapchains(&chains).image_indices(&indices);
+        // SAFETY: the image was acquired, and the submission above brings it to the layout that is shown.
+        match unsafe { self.chains.queue_present(self.queue, &info) } {
+            Ok(suboptimal) => self.stale |= suboptimal,
+            // The picture was too late for a window of another size.
+            Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.stale = true,
+            Err(other) => return Err(other),
+        }
+        Ok(true)
+    }
+
+    /// Waits until nothing of the chain is in use, and puts another in its place.
+    fn drop_chain(&mut self, new: Option<Chain>) {
+        let Some(old) = std::mem::replace(&mut self.chain, new) else { return };
+        self.shared.wait_to_drop();
+        // SAFETY: once the queue is idle, nothing that was handed over names the images and semaphores.
+        unsafe {
+            if let Err(result) = self.shared.device.queue_wait_idle(self.queue) {
+                log::debug!("waiting for a window: {result}");
+            }
+            for semaphore in old.filled {
+                self.shared.device.destroy_semaphore(semaphore, None);
+            }
+            self.chains.destroy_swapchain(old.handle, None);
+        }
+    }
+
+    fn drop_surface(&mut self) {
+        self.drop_chain(None);
+        let surface = std::mem::replace(&mut self.surface, vk::SurfaceKHR::null());
+        // SAFETY: its chain has gone, and the instance lives; null handles are ignored.
+        unsafe { self.surfaces.destroy_surface(surface, None) };
+    }
+}
+
+/// Records the copy of an image to one of the window, as much as both have.
+///
+/// # Safety
+/// The buffer is recording. Both images are alive, the window's was acquired; `fresh` names images that are.
+unsafe fn copy(
+    device: &ash::Device,
+    commands: vk::CommandBuffer,
+    fresh: &[vk::ImageMemoryBarrier2<'_>],
+    image: &Image,
+    chain: &Chain,
+    to: vk::Image,
+) {
+    let (all, transfer) = (vk::PipelineStageFlags2::ALL_COMMANDS, vk::PipelineStageFlags2::ALL_TRANSFER);
+    let (undefined, target) = (vk::ImageLayout::UNDEFINED, vk::ImageLayout::TRANSFER_DST_OPTIMAL);
+    let range = vk::ImageSubresourceRange {
+        aspect_mask: vk::ImageAspectFlags::COLOR,
+        level_count: 1,
+        layer_count: 1,
+        ..Default::default()
+    };
+    let before = [vk::MemoryBarrier2::default()
+        .src_stage_mask(all)
+        .src_access_mask(vk::AccessFlags2::MEMORY_WRITE)
+        .dst_stage_mask(transfer)
+        .dst_access_mask(vk::AccessFlags2::TRANSFER_READ)];
+    let change = |from, to_layout| {
+        vk::ImageMemoryBarrier2::default()
+            .image(to)
+            .subresource_range(range)
+            .src_stage_mask(transfer)
+            .dst_stage_mask(transfer)
+            .old_layout(from)
+            .new_layout(to_layout)
+    };
+    let writes = vk::AccessFlags2::TRANSFER_WRITE;
+    let mut images = fresh.to_vec();
+    images.push(change(undefined, target).dst_access_mask(writes));
+    let cleared = [change(target, target).src_access_mask(writes).dst_access_mask(writes)];
+    let after = [change(target, vk::ImageLayout::PRESENT_SRC_KHR)
+        .src_access_mask(writes)
+        .dst_stage_mask(vk::PipelineStageFlags2::NONE)];
+    let [width, height] = [0, 1].map(|i| image.made.size[i].min(chain.size[i]));
+    let layers =
+        vk::ImageSubresourceLayers { aspect_mask: vk::ImageAspectFlags::COLOR, layer_count: 1, ..Default::default() };
+    let corner = vk::Offset3D { x: width as i32, y: height as i32, z: 1 };
+    // SAFETY: see above; both images have the region, and are in the layouts that are named.
+    unsafe {
+        let info = vk::DependencyInfo::default().memory_barriers(&before).image_memory_barriers(&images);
+        device.cmd_pipeline_barrier2(commands, &info);
+        if [width, height] != chain.size {
+            let black = vk::ClearColorValue { float32: [0.0, 0.0, 0.0, 1.0] };
+            device.cmd_clear_color_image(commands, to, target, &black, &[range]);
+            device.cmd_pipeline_barrier2(commands, &vk::DependencyInfo::default().image_memory_barriers(&cleared));
+        }
+        if chain.format == image.made.format {
+            let region = vk::ImageCopy {
+                src_subresource: layers,
+                dst_subresource: layers,
+                extent: vk::Extent3D { width, height, depth: 1 },
+                ..Default::default()
+            };
+            let general = vk::ImageLayout::GENERAL;
+            device.cmd_copy_image(commands, image.handle, general, to, target, &[region]);
+        } else {
+            // As large on both sides: nothing but the order of the bytes changes.
+            let region = vk::ImageBlit {
+                src_subresource: layers,
+                src_offsets: [vk::Offset3D::default(), corner],
+                dst_subresource: layers,
+                dst_offsets: [vk::Offset3D::default(), corner],
+            };
+            let (general, nearest) = (vk::ImageLayout::GENERAL, vk::Filter::NEAREST);
+            device.cmd_blit_image(commands, image.handle, general, to, target, &[region], nearest);
+        }
+        device.cmd_pipeline_barrier2(commands, &vk::DependencyInfo::default().image_memory_barriers(&after));
+    }
+}
+
+impl Drop for Swapchain {
+    fn drop(&mut self) {
+        self.shared.wait_to_drop();
+        self.drop_surface();
+        let device = &self.shared.device;
+        let commands = self.slots.each_ref().map(|slot| slot.commands);
+        // SAFETY: nothing is in use after the wait; null handles are ignored.
+        unsafe {
+            for slot in &self.slots {
+                device.destroy_semaphore(slot.acquired, None);
+            }
+            device.free_command_buffers(self.shared.pool, &commands);
+        }
+    }
+}

@@ -1,0 +1,428 @@
+//! The window as a user meets it: real keys and buttons through a display of its own, under validation.
+
+use crate::cli::{folder, works};
+use std::fs;
+use std::io::{BufRead, BufReader, Read};
+use std::os::fd::AsRawFd;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+use x11rb::connection::Connection;
+use x11rb::protocol::xproto::{
+    BUTTON_PRESS_EVENT, BUTTON_RELEASE_EVENT, ConfigureWindowAux, ConnectionExt as _, ImageFormat, InputFocus,
+    KEY_PRESS_EVENT, KEY_RELEASE_EVENT, MOTION_NOTIFY_EVENT, MapState, Window,
+};
+use x11rb::protocol::xtest::ConnectionExt as _;
+use x11rb::rust_connection::RustConnection;
+
+/// How long anything may take: the machine may be busy.
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A display without a screen. Its number is its own choice.
+struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    /// None, with a word, where there is no Xvfb.
+    fn open() -> Option<Self> {
+        // The server writes its number where it is told to: its standard output.
+        let arguments = ["-displayfd", "1", "-screen", "0", "1024x1024x24", "-nolisten", "tcp"];
+        let started = Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let Ok(mut server) = started else {
+            println!("skipped: no Xvfb here; scripts/setup installs it");
+            return None;
+        };
+        let mut number = String::new();
+        let out = server.stdout.as_mut().expect("its number");
+        assert!(out.as_raw_fd() > 0);
+        BufReader::new(out).read_line(&mut number).expect("its number");
+        Some(Self { server, name: format!(":{}", number.trim()) })
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// The running program and its window.
+struct App {
+    process: Child,
+    lines: Receiver<String>,
+    x: RustConnection,
+    root: Window,
+    window: Window,
+}
+
+/// Keys by their places on a keyboard, as evdev numbers them and X adds 8.
+const KEYS: [(&str, u8); 15] = [
+    ("Escape", 9),
+    ("1", 10),
+    ("2", 11),
+    ("Tab", 23),
+    ("Q", 24),
+    ("W", 25),
+    ("E", 26),
+    ("P", 33),
+    ("Control", 37),
+    ("A", 38),
+    ("H", 43),
+    ("Shift", 50),
+    ("C", 54),
+    ("F1", 67),
+    ("F12", 96),
+];
+
+impl App {
+    /// Starts the program in a folder, and waits for its window.
+    fn start(display: &Display, folder: &Path, arguments: &[&str]) -> Self {
+        let mut process = Command::new(env!("CARGO_BIN_EXE_lightskin"))
+            .args(arguments)
+            .current_dir(folder)
+            .env("XDG_CACHE_HOME", folder.join("cache"))
+            .env("DISPLAY", &display.name)
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("WAYLAND_SOCKET")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the tool runs");
+        let (send, lines) = channel();
+        let out = BufReader::new(process.stdout.take().expect("its output"));
+        std::thread::spawn(move || out.lines().map_while(Result::ok).try_for_each(|line| send.send(line)));
+        let (x, screen) = x11rb::connect(Some(&display.name)).expect("the display");
+        let root = x.setup().roots[screen].root;
+        let start = Instant::now();
+        let window = loop {
+            let all = x.query_tree(root).expect("windows").reply().expect("windows").children;
+            let shown = |window: &Window| {
+                let attributes = x.get_window_attributes(*window).ok().and_then(|a| a.reply().ok());
+                attributes.is_some_and(|a| a.map_state == MapState::VIEWABLE)
+            };
+            if let Some(window) = all.into_iter().find(shown) {
+                break window;
+            }
+            if let Some(status) = process.try_wait().expect("a process") {
+                let mut said = String::new();
+                let _ = process.stderr.take().map(|mut e| e.read_to_string(&mut said));
+                panic!("no window: {status}: {said}");
+            }
+            assert!(start.elapsed() < PATIENCE, "no window");
+            std::thread::sleep(Duration::from_millis(20));
+        };
+        let app = Self { process, lines, x, root, window };
+        // There is no window manager to do it.
+        app.x.set_input_focus(InputFocus::PARENT, app.window, 0_u32).expect("focus");
+        app.sync();
+        app
+    }
+
+    fn sync(&self) {
+        self.x.get_input_focus().expect("a request").reply().expect("an answer");
+    }
+
+    fn fake(&self, kind: u8, detail: u8, [x, y]: [i16; 2]) {
+        self.x.xtest_fake_input(kind, detail, 0, self.root, x, y, 0).expect("an event").check().expect("an event");
+    }
+
+    fn code(key: &str) -> u8 {
+        KEYS.iter().find(|(name, _)| *name == key).map(|(_, code)| *code).expect("a key")
+    }
+
+    fn hold(&self, key: &str, down: bool) {
+        self.fake(if down { KEY_PRESS_EVENT } else { KEY_RELEASE_EVENT }, Self::code(key), [0, 0]);
+    }
+
+    fn press(&self, key: &str) {
+        self.hold(key, true);
+        self.hold(key, false);
+    }
+
+    fn press_with(&self, other: &str, key: &str) {
+        self.hold(other, true);
+        self.press(key);
+        self.hold(other, false);
+    }
+
+    fn move_to(&self, at: [i16; 2]) {
+        self.fake(MOTION_NOTIFY_EVENT, 0, at);
+    }
+
+    fn click(&self, button: u8, at: [i16; 2]) {
+        self.move_to(at);
+        self.fake(BUTTON_PRESS_EVENT, button, [0, 0]);
+        self.fake(BUTTON_RELEASE_EVENT, button, [0, 0]);
+    }
+
+    fn drag(&self, button: u8, from: [i16; 2], to: [i16; 2]) {
+        self.move_to(from);
+        self.fake(BUTTON_PRESS_EVENT, button, [0, 0]);
+        for i in 1..=4 {
+            self.move_to([0, 1].map(|k| from[k] + (to[k] - from[k]) * i / 4));
+        }
+        self.fake(BUTTON_RELEASE_EVENT, button, [0, 0]);
+    }
+
+    /// Takes what has been done to the panels to heart: some of it takes more than a frame.
+    fn settle(&mut self, wanted: &str) {
+        self.command();
+        let command = self.command();
+        assert!(command.contains(wanted), "'{wanted}' is not in: {command}");
+    }
+
+    /// A button that goes down and up in different frames, as by hand.
+    fn tap(&mut self, at: [i16; 2], wanted: &str) {
+        self.move_to(at);
+        self.fake(BUTTON_PRESS_EVENT, 1, [0, 0]);
+        self.command();
+        self.fake(BUTTON_RELEASE_EVENT, 1, [0, 0]);
+        self.settle(wanted);
+    }
+
+    /// Chooses from a list, whose entries are 25 pixels high.
+    fn choose(&mut self, [x, y]: [i16; 2], entry: i16, wanted: &str) {
+        self.tap([x, y], "");
+        self.tap([x, y + 2 + 25 * entry], wanted);
+    }
+
+    fn slide(&mut self, [x, y]: [i16; 2], by: i16, wanted: &str) {
+        self.move_to([x, y]);
+        self.fake(BUTTON_PRESS_EVENT, 1, [0, 0]);
+        self.command();
+        self.move_to([x + by, y]);
+        self.command();
+        self.fake(BUTTON_RELEASE_EVENT, 1, [0, 0]);
+        self.settle(wanted);
+    }
+
+    fn resize(&self, width: u32, height: u32) {
+        let size = ConfigureWindowAux::new().width(width).height(height);
+        self.x.configure_window(self.window, &size).expect("a size").check().expect("a size");
+    }
+
+    /// The next line of standard output that begins so.
+    fn line(&mut self, begin: &str) -> String {
+        let start = Instant::now();
+        loop {
+            match self.lines.recv_timeout(PATIENCE.saturating_sub(start.elapsed())) {
+                Ok(line) if line.starts_with(begin) => return line,
+                Ok(_) => {}
+                Err(_) => {
+                    let _ = self.process.kill();
+                    let mut said = String::new();
+                    let _ = self.process.stderr.take().map(|mut e| e.read_to_string(&mut said));
+                    panic!("no line '{begin}': {said}");
+                }
+            }
+        }
+    }
+
+    /// What the command line of the picture is: the answer comes after all that was asked for before it was seen to.
+    fn command(&mut self) -> String {
+        self.hold("Shift", true);
+        self.press_with("Control", "C");
+        self.hold("Shift", false);
+        self.line("lightskin render")
+    }
+
+    /// The file of a picture that F12 writes.
+    fn picture(&mut self) -> String {
+        self.press("F12");
+        self.line("picture").split_whitespace().last().expect("a name").to_owned()
+    }
+
+    /// RGB of a part of the window.
+    fn pixels(&self, [x, y]: [i16; 2], [width, height]: [u16; 2]) -> Vec<[u8; 3]> {
+        let image = self.x.get_image(ImageFormat::Z_PIXMAP, self.window, x, y, width, height, !0);
+        let image = image.expect("a request").reply().expect("pixels");
+        image.data.chunks_exact(4).map(|p| [p[2], p[1], p[0]]).collect()
+    }
+
+    /// Waits until a part of the window looks so.
+    fn shows(&self, size: [u16; 2], wanted: &[[u8; 3]], what: &str) {
+        let start = Instant::now();
+        loop {
+            let seen = self.pixels([0, 0], size);
+            let differ = seen.iter().zip(wanted).filter(|(a, b)| a != b).count();
+            if differ == 0 && seen.len() == wanted.len() {
+                return;
+            }
+            assert!(start.elapsed() < PATIENCE, "{what}: {differ} of {} pixels differ", wanted.len());
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Quits, and wants all well: no message of the validation layer, no barrier too few or too many.
+    fn quit(mut self) -> ExitStatus {
+        self.press_with("Control", "Q");
+        let mut said = String::new();
+        let mut errors = self.process.stderr.take().expect("its messages");
+        errors.read_to_string(&mut said).expect("its messages");
+        let status = self.process.wait().expect("a process");
+        assert!(status.success(), "{status}: {said}");
+        assert!(!said.contains("error") && !said.contains("panicked"), "{said}");
+        status
+    }
+}
+
+impl Drop for App {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// Size and RGB of a PNG file.
+fn png(path: &Path) -> ([u16; 2], Vec<[u8; 3]>) {
+    let image = image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).into_rgb8();
+    ([image.width() as u16, image.height() as u16], image.pixels().map(|p| p.0).collect())
+}
+
+fn cornell() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell_glossy.glb")
+}
+
+const SMALL: [&str; 6] = ["--caches", "150", "--quality", "medium", "--validation", "sync"];
+
+/// The words of a command line, as a shell reads those that the tool writes.
+fn words(line: &str) -> Vec<String> {
+    let parts = line.split('\'').enumerate();
+    let quoted = |(i, part): (usize, &str)| {
+        if i % 2 == 1 { vec![part.to_owned()] } else { part.split_whitespace().map(str::to_owned).collect() }
+    };
+    parts.flat_map(quoted).collect()
+}
+
+/// The window shows `render`'s picture bit for bit: by a camera of the scene, by one that the user has turned, and after another
+/// number of bounces; and what F12 writes is the same.
+#[test]
+fn the_window_shows_what_render_writes() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_same");
+    let scene = cornell();
+    let scene = scene.to_str().expect("a path");
+    let arguments = [&["view", scene, "--size", "160x120", "--no-panels"], &SMALL[..]].concat();
+    let mut app = App::start(&display, &folder, &arguments);
+    app.line("scene");
+    for step in ["as it begins", "turned", "flown"] {
+        match step {
+            "turned" => {
+                app.drag(1, [60, 60], [90, 50]);
+                app.click(4, [80, 60]);
+            }
+            "flown" => {
+                app.hold("W", true);
+                std::thread::sleep(Duration::from_millis(300));
+                app.hold("W", false);
+            }
+            _ => {}
+        }
+        let command = app.command();
+        let saved = app.picture();
+        let mut words = words(&command);
+        assert_eq!(words.remove(0), "lightskin");
+        let rendered = folder.join("picture.png");
+        let _ = fs::remove_file(&rendered);
+        works(&folder, &words.iter().map(String::as_str).collect::<Vec<_>>());
+        let (size, wanted) = png(&rendered);
+        assert_eq!(size, [160, 120], "{command}");
+        assert!(png(&folder.join(&saved)).1 == wanted, "{step}: F12 wrote another picture than {command}");
+        app.shows(size, &wanted, step);
+    }
+    app.quit();
+}
+
+/// A small window with panels: the camera, every row of the panels, the keys, thirty sizes down to nearly nothing.
+#[test]
+fn everything_can_be_pressed() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_keys");
+    let scene = cornell();
+    let scene = scene.to_str().expect("a path");
+    let mut app = App::start(&display, &folder, &[&["view", scene, "--size", "64x48"], &SMALL[..]].concat());
+    app.line("scene");
+    app.resize(384, 860);
+    let began = app.command();
+    app.drag(1, [20, 20], [40, 30]);
+    app.drag(2, [20, 20], [30, 30]);
+    app.drag(3, [20, 20], [30, 20]);
+    app.click(5, [30, 300]);
+    app.click(1, [30, 300]);
+    app.click(1, [30, 300]);
+    app.hold("Shift", true);
+    app.press("W");
+    app.hold("Shift", false);
+    let moved = app.command();
+    assert_ne!(moved, began);
+    app.press_with("Control", "2");
+    app.press("1");
+    assert_eq!(app.command(), began, "camera 1 is the scene's own");
+    app.press("2");
+    assert_eq!(app.command(), moved, "camera 2 was kept");
+    app.press("1");
+    // The panels, whose rows are 26 pixels high; each control changes what it should, in words of the command line.
+    let x = 64 + 135;
+    app.slide([x, 220], 30, "--bounces");
+    app.choose([x, 246], 1, "--shadows off");
+    app.tap([64 + 112, 272], "--near rays --near-rays 8 --near-every 2");
+    app.slide([x, 298], 30, "--near-every 2");
+    app.choose([x, 350], 1, "--rsm 32");
+    app.choose([x, 376], 1, "--shadow-map 512");
+    let lit = app.pixels([0, 0], [64, 860]);
+    app.tap([64 + 16, 439], "");
+    assert!(app.pixels([0, 0], [64, 860]) != lit, "a light that is off lights nothing");
+    app.tap([64 + 16, 439], "");
+    app.slide([x, 529], 30, "--camera '");
+    app.tap([64 + 112, 555], "--ev ");
+    app.choose([x, 607], 2, "--tonemap agx");
+    for shown in 0..6 {
+        app.choose([x, 633], shown, "");
+    }
+    app.choose([x, 194], 3, "--gi off");
+    app.choose([x, 194], 2, "--gi brute-force");
+    app.choose([x, 142], 1, "lightskin");
+    app.line("scene");
+    let command = app.command();
+    assert!(command.contains("--quality low") && !command.contains("--gi"), "{command}");
+    app.slide([64 + 120, 168], 40, "lightskin");
+    app.line("scene");
+    assert!(app.command().contains("--caches"));
+    for _ in 0..3 {
+        app.press("F1");
+        app.press("Tab");
+    }
+    app.press("Tab");
+    for turn in 0..30_u32 {
+        let (width, height) = (1 + turn * 97 % 300, 1 + turn * 61 % 200);
+        app.resize(width, height);
+        app.press("H");
+    }
+    app.resize(1, 1);
+    app.command();
+    app.resize(96, 64);
+    let name = app.picture();
+    assert_eq!(png(&folder.join(name)).0, [96, 64], "without panels the picture is as large as the window");
+    app.quit();
+}
+
+/// Without a display the window says what to do instead.
+#[test]
+fn no_display_is_one_line() {
+    let folder = folder("app_blind");
+    let out = Command::new(env!("CARGO_BIN_EXE_lightskin"))
+        .args(["view"])
+        .current_dir(&folder)
+        .env_remove("DISPLAY")
+        .env_remove("WAYLAND_DISPLAY")
+        .env_remove("WAYLAND_SOCKET")
+        .output()
+        .expect("the tool runs");
+    let said = String::from_utf8_lossy(&out.stderr).into_owned();
+    assert_eq!(out.status.code(), Some(1), "{said}");
+    assert!(said.lines().count() == 1 && said.contains("display") && said.contains("`lightskin render`"), "{said}");
+}
