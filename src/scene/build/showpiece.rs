@@ -76,7 +76,7 @@ pub fn showpiece(fineness: Fineness) -> Scene {
     });
     Sky::clear(sun, 17_000.0).put_over(&mut scene, SKY_LIGHTS);
     for (name, eye, target, yfov) in [
-        ("Court", [-0.35, 1.7, 8.2], [-0.1, 2.6, 0.0], 54.0_f32),
+        ("Court", [-0.42, 1.7, 7.75], [-0.05, 2.62, 0.0], 54.0_f32),
         ("Gallery", [-6.35, 1.7, 6.9], [-5.3, 1.85, 0.0], 54.0),
         ("Statue", [-3.0, 1.3, 4.9], [-0.95, 1.6, 0.8], 48.0),
     ] {
@@ -122,7 +122,7 @@ fn palette(scene: &mut Scene, texels: u32) -> Palette {
         stone("fired clay", Paint::Clay),
         stone("clay tiles", Paint::ClayTiles),
         stone("marble", Paint::Marble),
-        Material { base_color: Vec4::new(0.98, 0.97, 0.95, 1.0), ..stone("statue marble", Paint::Marble) },
+        Material { base_color: Vec4::new(0.92, 0.91, 0.89, 1.0), ..stone("statue marble", Paint::Marble) },
         stone("mosaic", Paint::Mosaic),
         Material { ior: 1.33, ..rough("water", [0.012, 0.035, 0.040], 0.0, 0.03) },
         Material { double_sided: true, ..rough("leaf", [0.065, 0.16, 0.030], 0.0, 0.5) },

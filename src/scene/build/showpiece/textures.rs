@@ -319,7 +319,7 @@ fn marble(at: Vec2) -> Texel {
     let broad = clouds(at, [3, 3], 5, 131);
     let vein = veins(at, 4, 0.09, 132);
     let pits = smoothstep(0.45, 0.9, clouds(at, [40, 40], 2, 133));
-    let color = Vec3::new(0.66, 0.615, 0.54).lerp(Vec3::new(0.56, 0.50, 0.41), smoothstep(-0.2, 0.9, broad));
+    let color = Vec3::new(0.60, 0.55, 0.47).lerp(Vec3::new(0.50, 0.44, 0.355), smoothstep(-0.2, 0.9, broad));
     Texel {
         height: 0.0008 * broad - 0.0007 * pits,
         color: color.lerp(Vec3::new(0.48, 0.44, 0.39), 0.35 * vein) * (1.0 - 0.12 * pits),
