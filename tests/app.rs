@@ -5,16 +5,19 @@ use std::fs;
 use std::io::{BufRead, BufReader, Read};
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command, ExitStatus, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::{Duration, Instant};
 use x11rb::connection::Connection;
+use x11rb::protocol::Event;
 use x11rb::protocol::xproto::{
-    BUTTON_PRESS_EVENT, BUTTON_RELEASE_EVENT, ConfigureWindowAux, ConnectionExt as _, ImageFormat, InputFocus,
-    KEY_PRESS_EVENT, KEY_RELEASE_EVENT, MOTION_NOTIFY_EVENT, MapState, Window,
+    BUTTON_PRESS_EVENT, BUTTON_RELEASE_EVENT, ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _,
+    CreateWindowAux, EventMask, ImageFormat, InputFocus, KEY_PRESS_EVENT, KEY_RELEASE_EVENT, MOTION_NOTIFY_EVENT,
+    MapState, PropMode, SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window, WindowClass,
 };
 use x11rb::protocol::xtest::ConnectionExt as _;
 use x11rb::rust_connection::RustConnection;
+use x11rb::wrapper::ConnectionExt as _;
 
 /// How long anything may take: the machine may be busy.
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -258,15 +261,69 @@ impl App {
     }
 
     /// Quits, and wants all well: no message of the validation layer, no barrier too few or too many.
-    fn quit(mut self) -> ExitStatus {
+    fn quit(self) {
+        self.quit_after(None);
+    }
+
+    /// The same where one thing has failed.
+    fn quit_after(mut self, failed: Option<&str>) {
         self.press_with("Control", "Q");
         let mut said = String::new();
         let mut errors = self.process.stderr.take().expect("its messages");
         errors.read_to_string(&mut said).expect("its messages");
         let status = self.process.wait().expect("a process");
         assert!(status.success(), "{status}: {said}");
-        assert!(!said.contains("error") && !said.contains("panicked"), "{said}");
-        status
+        let errors: Vec<&str> = said.lines().filter(|l| l.contains("error") || l.contains("panicked")).collect();
+        let expected = |error: &&str| failed.is_some_and(|failed| error.contains(failed));
+        assert!(errors.len() == usize::from(failed.is_some()) && errors.iter().all(expected), "{said}");
+    }
+
+    /// Drops a file on the window, as a file manager does.
+    fn drop_file(&self, file: &Path) {
+        let atom =
+            |name: &str| self.x.intern_atom(false, name.as_bytes()).expect("a name").reply().expect("a name").atom;
+        let [enter, position, drop, finished] = ["XdndEnter", "XdndPosition", "XdndDrop", "XdndFinished"].map(atom);
+        let [selection, copy, list] = ["XdndSelection", "XdndActionCopy", "text/uri-list"].map(atom);
+        let source = self.x.generate_id().expect("a window");
+        let only_events = CreateWindowAux::new();
+        let made = self.x.create_window(0, source, self.root, 0, 0, 1, 1, 0, WindowClass::INPUT_ONLY, 0, &only_events);
+        made.expect("a window").check().expect("a window");
+        self.x.set_selection_owner(source, selection, 0_u32).expect("a selection");
+        let send = |kind, data: [u32; 5]| {
+            let event = ClientMessageEvent::new(32, self.window, kind, data);
+            self.x.send_event(false, self.window, EventMask::NO_EVENT, event).expect("an event");
+        };
+        send(enter, [source, 5 << 24, list, 0, 0]);
+        send(position, [source, 0, 8 << 16 | 8, 0, copy]);
+        self.x.flush().expect("events");
+        let start = Instant::now();
+        loop {
+            match self.x.poll_for_event().expect("events") {
+                Some(Event::SelectionRequest(asked)) => {
+                    let uri = format!("file://{}\r\n", file.display());
+                    let (to, at) = (asked.requestor, asked.property);
+                    self.x
+                        .change_property8(PropMode::REPLACE, to, at, asked.target, uri.as_bytes())
+                        .expect("a property");
+                    let answer = SelectionNotifyEvent {
+                        response_type: SELECTION_NOTIFY_EVENT,
+                        sequence: 0,
+                        time: asked.time,
+                        requestor: to,
+                        selection: asked.selection,
+                        target: asked.target,
+                        property: at,
+                    };
+                    self.x.send_event(false, to, EventMask::NO_EVENT, answer).expect("an answer");
+                    // Once it knows what is dropped.
+                    send(drop, [source, 0, 0, 0, 0]);
+                    self.x.flush().expect("an answer");
+                }
+                Some(Event::ClientMessage(message)) if message.type_ == finished => return,
+                _ => std::thread::sleep(Duration::from_millis(5)),
+            }
+            assert!(start.elapsed() < PATIENCE, "the file is not taken");
+        }
     }
 }
 
@@ -343,8 +400,8 @@ fn everything_can_be_pressed() {
     let Some(display) = Display::open() else { return };
     let folder = folder("app_keys");
     let scene = cornell();
-    let scene = scene.to_str().expect("a path");
-    let mut app = App::start(&display, &folder, &[&["view", scene, "--size", "64x48"], &SMALL[..]].concat());
+    let path = scene.to_str().expect("a path");
+    let mut app = App::start(&display, &folder, &[&["view", path, "--size", "64x48"], &SMALL[..]].concat());
     app.line("scene");
     app.resize(384, 860);
     let began = app.command();
@@ -406,23 +463,35 @@ fn everything_can_be_pressed() {
     app.command();
     app.resize(96, 64);
     let name = app.picture();
-    assert_eq!(png(&folder.join(name)).0, [96, 64], "without panels the picture is as large as the window");
-    app.quit();
+    let (size, picture) = png(&folder.join(name));
+    assert_eq!(size, [96, 64], "without panels the picture is as large as the window");
+    // What does not load leaves what is shown.
+    let broken = folder.join("broken.glb");
+    fs::write(&broken, b"nonsense").expect("a file");
+    app.drop_file(&broken);
+    app.drop_file(&scene.with_file_name("cornell_diffuse.glb"));
+    assert!(app.line("scene").contains("cornell_diffuse"));
+    let name = app.picture();
+    assert!(png(&folder.join(name)).1 != picture, "another scene, another picture");
+    app.quit_after(Some("broken.glb"));
 }
 
 /// Without a display the window says what to do instead.
 #[test]
 fn no_display_is_one_line() {
     let folder = folder("app_blind");
-    let out = Command::new(env!("CARGO_BIN_EXE_lightskin"))
-        .args(["view"])
-        .current_dir(&folder)
-        .env_remove("DISPLAY")
-        .env_remove("WAYLAND_DISPLAY")
-        .env_remove("WAYLAND_SOCKET")
-        .output()
-        .expect("the tool runs");
-    let said = String::from_utf8_lossy(&out.stderr).into_owned();
-    assert_eq!(out.status.code(), Some(1), "{said}");
-    assert!(said.lines().count() == 1 && said.contains("display") && said.contains("`lightskin render`"), "{said}");
+    // A scene alone is to be looked at.
+    for argument in [Path::new("view"), &cornell()] {
+        let out = Command::new(env!("CARGO_BIN_EXE_lightskin"))
+            .arg(argument)
+            .current_dir(&folder)
+            .env_remove("DISPLAY")
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("WAYLAND_SOCKET")
+            .output()
+            .expect("the tool runs");
+        let said = String::from_utf8_lossy(&out.stderr).into_owned();
+        assert_eq!(out.status.code(), Some(1), "{said}");
+        assert!(said.lines().count() == 1 && said.contains("display") && said.contains("`lightskin render`"), "{said}");
+    }
 }

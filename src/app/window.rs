@@ -89,10 +89,12 @@ impl Open {
         self.next
     }
 
-    /// Says what has gone wrong unseen.
+    /// Closes it, and says what has gone wrong unseen.
     pub(super) fn close(self) -> Result<()> {
-        self.gpu.wait()?;
-        check_messages(&self.gpu, &self.problems)
+        let Self { document, canvas, swapchain, gpu, problems, .. } = self;
+        drop((document, canvas, swapchain));
+        gpu.wait()?;
+        check_messages(&gpu, &problems)
     }
 
     /// Takes an event; what it changes is seen by the next frame.

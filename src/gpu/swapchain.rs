@@ -66,7 +66,7 @@ struct Slot {
 const FORMATS: [vk::Format; 2] = [vk::Format::R8G8B8A8_UNORM, vk::Format::B8G8R8A8_UNORM];
 
 /// How long a window may keep its images back \[ns\]; then the picture is left out.
-const PATIENCE: u64 = 1_000_000_000;
+const PATIENCE: u64 = 100_000_000;
 
 impl Gpu {
     /// Opens a device as `new` does, one that can show pictures on this display.
