@@ -430,15 +430,16 @@ fn everything_can_be_pressed() {
     app.slide([x, 298], 30, "--near-every 2");
     app.choose([x, 350], 1, "--rsm 32");
     app.choose([x, 376], 1, "--shadow-map 512");
+    app.choose([x, 402], 1, "--aa off");
     let lit = app.pixels([0, 0], [64, 860]);
-    app.tap([64 + 16, 439], "");
+    app.tap([64 + 16, 465], "");
     assert!(app.pixels([0, 0], [64, 860]) != lit, "a light that is off lights nothing");
-    app.tap([64 + 16, 439], "");
-    app.slide([x, 529], 30, "--camera '");
-    app.tap([64 + 112, 555], "--ev ");
-    app.choose([x, 607], 2, "--tonemap agx");
+    app.tap([64 + 16, 465], "");
+    app.slide([x, 555], 30, "--camera '");
+    app.tap([64 + 112, 581], "--ev ");
+    app.choose([x, 633], 2, "--tonemap agx");
     for shown in 0..6 {
-        app.choose([x, 633], shown, "");
+        app.choose([x, 659], shown, "");
     }
     app.choose([x, 194], 3, "--gi off");
     app.choose([x, 194], 2, "--gi brute-force");

@@ -165,10 +165,10 @@ fn two_runs_write_the_same_bytes() {
 #[test]
 fn bake_info_devices_and_assets_print_what_they_promise() {
     let at = folder("cli-others");
-    let bake = works(&at, &["bake", "--caches", "100"]);
+    let bake = works(&at, &["bake", ATRIUM, "--caches", "100"]);
     assert!(bake.contains("every surface point has a cache within"), "{bake}");
-    assert!(works(&at, &["bake", "--caches", "100"]).contains("read from the kept bake"));
-    let info = works(&at, &["info", "--caches", "100"]);
+    assert!(works(&at, &["bake", ATRIUM, "--caches", "100"]).contains("read from the kept bake"));
+    let info = works(&at, &["info", ATRIUM, "--caches", "100"]);
     for part in ["frame plan", " 6 gather", "atlas", "KiB", "of each cache", "directional", "spot"] {
         assert!(info.contains(part), "'{part}' is not in {info}");
     }

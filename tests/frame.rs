@@ -42,14 +42,11 @@ fn render(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Knobs)
         gpu.times(&drawn).expect("times");
         assert_eq!(drawn.problems, [] as [String; 0], "{settings:?}");
     }
-    let mut values: Vec<f32> = gpu.read_image(&frame.picture.surface.radiance).expect("direct");
-    if let Some(indirect) = &frame.picture.indirect {
-        values.extend(gpu.read_image::<f32>(&indirect.diffuse).expect("diffuse"));
-        if let Some(glossy) = &indirect.glossy {
-            values.extend(gpu.read_image::<f32>(glossy).expect("glossy"));
-        }
-    }
-    values
+    let indirect = frame.picture.indirect.as_ref();
+    let images =
+        [Some(&frame.picture.surface.radiance), indirect.map(|i| &i.diffuse), indirect.and_then(|i| i.glossy.as_ref())];
+    let texels = images.into_iter().flatten().flat_map(|image| gpu.read_image::<[f32; 4]>(image).expect("read"));
+    texels.flat_map(|[r, g, b, _]| [r, g, b]).collect()
 }
 
 #[test]

@@ -7,7 +7,7 @@ use super::input::Wish;
 use crate::cli::{recent, thousands};
 use egui::{Color32, ComboBox, DragValue, Grid, ProgressBar, Response, RichText, ScrollArea, Slider, Ui};
 use lightskin::frame::settings::Gather;
-use lightskin::frame::{Exposure, Indirect, Near, Quality, Shadows, Tonemap};
+use lightskin::frame::{Antialiasing, Exposure, Indirect, Near, Quality, Shadows, Tonemap};
 use lightskin::gpu::Gpu;
 use lightskin::scene::{LightKind, Projection};
 
@@ -206,6 +206,16 @@ impl State {
             let help =
                 "Texels of the shadow maps of direct light: larger ones have sharper edges and take more memory.";
             row(ui, "Shadow maps", help, |ui| choose(ui, "shadow_map", &mut settings.shadow_map, &sizes));
+            let kinds = [
+                (Antialiasing::Off, "off"),
+                (Antialiasing::Four, "4 more points"),
+                (Antialiasing::Eight, "8 more points"),
+            ];
+            let help = format!(
+                "Points of a pixel, beside its middle, at which surfaces are told apart. The scene is drawn once for each.{}",
+                cost(document, &["edges", "mix edges"])
+            );
+            row(ui, "Smooth edges", &help, |ui| choose(ui, "antialiasing", &mut settings.antialiasing, &kinds));
         });
         document.settings = settings;
     }

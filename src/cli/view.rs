@@ -3,6 +3,7 @@
 use super::camera::camera;
 use super::picture::TonemapArg;
 use super::sky::SkyArgs;
+use super::words::{AntialiasingArg, ShadowsArg};
 use super::{CacheArgs, DeviceArgs, QualityArg, divide_for, load_under, word};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
@@ -192,6 +193,9 @@ impl View {
         if settings.shadow_map != level.shadow_map {
             flag("--shadow-map", settings.shadow_map.to_string());
         }
+        if settings.antialiasing != level.antialiasing {
+            flag("--aa", word(AntialiasingArg::of(settings.antialiasing)));
+        }
         words.extend(self.caches.words());
         words.extend(self.sky.words());
         words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
@@ -199,7 +203,7 @@ impl View {
 }
 
 fn shadow_word(shadows: Shadows) -> String {
-    super::words::ShadowsArg::of(shadows)
+    ShadowsArg::of(shadows)
 }
 
 /// Prints a line of the result on standard output.

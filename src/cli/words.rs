@@ -46,6 +46,18 @@ pub(super) enum AntialiasingArg {
     Eight,
 }
 
+impl AntialiasingArg {
+    /// What one types for a kind.
+    #[cfg(feature = "app")]
+    pub(super) fn of(antialiasing: Antialiasing) -> Self {
+        match antialiasing {
+            Antialiasing::Off => Self::Off,
+            Antialiasing::Four => Self::Four,
+            Antialiasing::Eight => Self::Eight,
+        }
+    }
+}
+
 impl From<AntialiasingArg> for Antialiasing {
     fn from(arg: AntialiasingArg) -> Self {
         match arg {
