@@ -161,7 +161,7 @@ void main() {
     ivec2 size = textureSize(element_image, 0);
     ivec2 pixel = min(ivec2(at * EVERY), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
-    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0, 0.0, 0.0);
+    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0, 0.0, 0.0, 0.0);
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;
@@ -227,6 +227,7 @@ void main() {
         found.all += far + of_sky;
         Hit hit = trace(start, direction, lift, push.reach, push.root, 0u, false);
         vec3 arrives = vec3(0.0);
+        found.crowding += 1.0 / (float(RAYS) * max(hit.triangle == NO_HIT ? push.reach : hit.distance, 1e-30));
         if (hit.triangle == NO_HIT) {
             found.far += far + of_sky;
             found.open += 1.0 / float(RAYS);

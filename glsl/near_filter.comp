@@ -20,7 +20,7 @@ void main() {
     }
     uint index = uint(at.y) * push.width + uint(at.x);
     NearPixel own = near_pixels[index];
-    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal, 0.0);
+    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal, 0.0, 0.0);
     if (own.is_surface == 0u) {
         near_lights[index] = sum;
         return;
@@ -52,6 +52,7 @@ void main() {
         weight *= abs(offset.y) == HALF ? 0.5 : 1.0;
         weights += weight;
         sum.irradiance += weight * p.irradiance;
+        sum.crowding += weight * p.crowding;
         far += weight * p.far;
         all += weight * p.all;
         open += weight * p.open;
@@ -62,6 +63,7 @@ void main() {
 #endif
     }
     sum.irradiance /= weights;
+    sum.crowding /= weights;
     // Where the nearest caches have no light the others' comes from anywhere.
     sum.open = mix(vec3(open / weights), far / max(all, 1e-37), greaterThan(all, vec3(0.0)));
 #ifdef GLOSSY

@@ -95,6 +95,17 @@ struct NearPixel {
     float blur; // how far away other pixels' rays of the lobe say the same [m]
     float sky; // luminance of the sky that a lobe takes [cd/m^2]
     float sky_all; // of that without anything in the way
+    float crowding; // mean of one over the rays' lengths, up to what they meet or their reach [1/m]
+};
+
+// Shares fall off by e at one over the root of this, in units of the distance of what rays meet.
+const float NEAR_SPREAD = 25.0;
+
+// Push constants of the pass that spreads what rays found.
+struct NearSpreadPush {
+    uint width; // pixels with rays in a row
+    uint height; // rows of them
+    uint step; // from one of the pixels that are taken together to the next
 };
 
 // What the short rays around a pixel found together.
@@ -106,6 +117,7 @@ struct NearLight {
     vec3 position; // of the surface
     vec3 normal; // unit vertex normal
     float sky; // share of the sky's light that arrives at a lobe
+    float crowding; // as in NearPixel
 };
 
 // Where the caches of what rays meet are found.

@@ -10,7 +10,7 @@ use super::view::View;
 use super::world::World;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
-use crate::shared::{NEAR_SIDE, NearFilterPush, NearLight, NearPixel, TracePush};
+use crate::shared::{NEAR_SIDE, NearFilterPush, NearLight, NearPixel, NearSpreadPush, TracePush};
 use glam::Vec3;
 use std::f32::consts::PI;
 
@@ -18,6 +18,7 @@ use std::f32::consts::PI;
 pub struct NearRays {
     trace: Pipeline,
     filter: Pipeline,
+    spread: Pipeline,
     glossy: bool,
     /// Whether what rays meet reflects the lights.
     reflects: bool,
@@ -37,6 +38,8 @@ pub struct NearPixels {
     pub pixels: Buffer,
     /// Taken together with its neighbours'.
     pub lights: Buffer,
+    /// The same on its way, spread half as often.
+    halfway: Buffer,
     /// Pixels with rays in a row, and rows of them.
     pub size: [u32; 2],
 }
@@ -46,6 +49,9 @@ pub const CACHE_REACH: f64 = 0.5;
 
 /// Length of rays \[spacings\].
 pub const PIXEL_REACH: f64 = 1.0;
+
+/// Steps by which what rays found is spread \[pixels with rays\]; an even number of them.
+const SPREADS: [u32; 4] = [4, 8, 16, 32];
 
 /// Directions about +z, as many to each solid angle as its cosine wants: points on the unit disc, along a spiral.
 pub fn directions(count: u32) -> Vec<Vec3> {
@@ -90,6 +96,7 @@ impl NearRays {
         Ok(Some(Self {
             trace: gpu.compute(SHADERS[shader], &constants)?,
             filter: gpu.compute(if plan.glossy { "near_filter_glossy.comp" } else { "near_filter.comp" }, &[])?,
+            spread: gpu.compute("near_spread.comp", &[])?,
             glossy: plan.glossy,
             reflects: plan.reflects,
             sky: plan.sky_light,
@@ -148,11 +155,21 @@ impl NearRays {
             cmd.dispatch(width.div_ceil(block) * NEAR_SIDE * NEAR_SIDE * 64, height.div_ceil(block), 1);
         }
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
-        for (_, _, NearPixels { pixels, lights, size: [width, height] }) in views {
+        for (_, _, NearPixels { pixels, lights, size: [width, height], .. }) in views.clone() {
             let (width, height) = (*width, *height);
             cmd.bind(&self.filter, &[pixels, lights].map(Bind::from));
             cmd.push(&NearFilterPush { width, height });
             cmd.dispatch(width, height, 1);
+        }
+        for (i, step) in SPREADS.into_iter().enumerate() {
+            cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+            for (_, _, NearPixels { lights, halfway, size: [width, height], .. }) in views.clone() {
+                let (width, height) = (*width, *height);
+                let [from, to] = if i % 2 == 0 { [lights, halfway] } else { [halfway, lights] };
+                cmd.bind(&self.spread, &[from, to].map(Bind::from));
+                cmd.push(&NearSpreadPush { width, height, step });
+                cmd.dispatch(width, height, 1);
+            }
         }
     }
 }
@@ -168,6 +185,7 @@ impl NearPixels {
         Ok(Self {
             pixels: gpu.buffer("near.pixels", count * size_of::<NearPixel>() as u64)?,
             lights: gpu.buffer("near.lights", count * size_of::<NearLight>() as u64)?,
+            halfway: gpu.buffer("near.halfway", count * size_of::<NearLight>() as u64)?,
             size,
         })
     }

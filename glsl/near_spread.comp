@@ -1,0 +1,44 @@
+// Stage 8, third: what rays found is spread over pixels between which it cannot change much: those that are near to each other
+// against the distance of what the rays met. Light of something small and bright comes along few rays, which would show as spots.
+// Taken several times, with ever wider steps: Dammertz et al. 2010. METHOD 11.
+#include "shared.glsl"
+#include "lib/near_alike.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(push_constant, scalar) uniform Push { NearSpreadPush push; };
+layout(binding = 0, scalar) readonly buffer From { NearLight from[]; };
+layout(binding = 1, scalar) writeonly buffer To { NearLight to[]; };
+
+void main() {
+    ivec2 at = ivec2(gl_GlobalInvocationID.xy);
+    if (at.x >= int(push.width) || at.y >= int(push.height)) {
+        return;
+    }
+    uint index = uint(at.y) * push.width + uint(at.x);
+    NearLight own = from[index];
+    NearLight sum = own;
+    if (own.is_surface != 0u) {
+        float weights = 1.0;
+        for (int j = 0; j < 9; ++j) {
+            ivec2 offset = ivec2(j % 3, j / 3) - 1;
+            ivec2 other = at + offset * int(push.step);
+            if (offset == ivec2(0) || any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, ivec2(push.width, push.height)))) {
+                continue;
+            }
+            NearLight p = from[uint(other.y) * push.width + uint(other.x)];
+            if (p.is_surface == 0u) {
+                continue;
+            }
+            vec3 d = own.position - p.position;
+            float crowding = max(own.crowding, p.crowding);
+            float share = (offset.x == 0 ? 1.0 : 0.5) * (offset.y == 0 ? 1.0 : 0.5);
+            share *= near_alike(d, own.normal, p.normal) * exp(-NEAR_SPREAD * dot(d, d) * crowding * crowding);
+            weights += share;
+            sum.irradiance += share * p.irradiance;
+            sum.open += share * p.open;
+        }
+        sum.irradiance /= weights;
+        sum.open /= weights;
+    }
+    to[index] = sum;
+}
