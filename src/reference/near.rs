@@ -102,3 +102,56 @@ pub fn short_rays(
     }
     (sum * (PI / open.len() as f64), open)
 }
+
+/// What rays of one pixel found, as far as pixels share it.
+#[derive(Clone, Copy, Debug)]
+pub struct Found {
+    /// Irradiance of what they met \[lx\].
+    pub irradiance: DVec3,
+    /// Share of the caches' light that comes along those that met nothing.
+    pub open: DVec3,
+    /// Mean of one over their lengths \[1/m\].
+    pub crowding: f64,
+    /// Of the surface.
+    pub position: DVec3,
+    /// Unit vertex normal.
+    pub normal: DVec3,
+}
+
+/// How far rays of one surface say something of another: `d` from one to the other, with their normals. Twin of
+/// `glsl/lib/near_alike.glsl`.
+pub fn alike(d: DVec3, normal: DVec3, other: DVec3) -> f64 {
+    let smooth = |low: f64, high: f64, x: f64| {
+        let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
+        t * t * (3.0 - 2.0 * t)
+    };
+    let out_of_plane = d.dot(other).abs().max(d.dot(normal).abs()) / d.length().max(1e-15);
+    let aside = out_of_plane - 0.25 * (other - normal).length();
+    (1.0 - smooth(0.05, 0.2, aside)) * smooth(0.5, 0.9, other.dot(normal)) + 1e-4
+}
+
+/// What is found, spread once over pixels this many steps apart; `None` where no surface is. Twin of `glsl/near_spread.comp`.
+pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize) -> Vec<Option<Found>> {
+    let of_pixel = |index: usize| {
+        let own = found[index]?;
+        let (mut irradiance, mut open, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        for (dx, dy) in (-1..=1_isize).flat_map(|dy| (-1..=1_isize).map(move |dx| (dx, dy))) {
+            let x = (index % width).checked_add_signed(dx * step as isize).filter(|x| *x < width);
+            let y = (index / width).checked_add_signed(dy * step as isize).filter(|y| *y < height);
+            let Some(p) = x.zip(y).and_then(|(x, y)| found[y * width + x]) else { continue };
+            let d = own.position - p.position;
+            let apart = 5.0 * d.length() * own.crowding.max(p.crowding);
+            let weight = match (dx, dy) {
+                (0, 0) => 1.0,
+                _ => {
+                    0.5_f64.powi((dx.abs() + dy.abs()) as i32) * alike(d, own.normal, p.normal) * (-apart * apart).exp()
+                }
+            };
+            irradiance += weight * p.irradiance;
+            open += weight * p.open;
+            weights += weight;
+        }
+        Some(Found { irradiance: irradiance / weights, open: open / weights, ..own })
+    };
+    (0..found.len()).map(of_pixel).collect()
+}
