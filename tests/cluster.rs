@@ -5,7 +5,7 @@ use lightskin::bake::CacheSet;
 use lightskin::frame::pyramid::Pyramid as OnDevice;
 use lightskin::frame::rsm::Rsm;
 use lightskin::frame::{ClusterRule, Counts, View, World};
-use lightskin::gpu::Gpu;
+use lightskin::gpu::{Gpu, Validation};
 use lightskin::lab::knobs::{Frame, Knobs, Path};
 use lightskin::lab::shot;
 use lightskin::reference::cluster::{Cut, GROUP, Node, Pyramid, Rule, Share};
@@ -15,7 +15,7 @@ use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::{self, ClusterNode};
 
 use crate::common::frames::{SPOT, Shot, baked, camera, corner, placed, shoot, small};
-use crate::common::{assert_clean, gpu};
+use crate::common::{assert_clean, exclusively, gpu, open};
 use crate::gather::WEIGHTS;
 
 /// The device's nodes and VALs of one frame with RSMs of 24 texels a side, and the sides of all views.
@@ -327,7 +327,8 @@ fn lit_world(far: bool) -> (Scene, Vec<usize>, CacheSet) {
 
 #[test]
 fn the_devices_groups_receive_what_the_references_do() {
-    for gpu in [gpu(), gpu().without_votes()] {
+    let _turn = exclusively();
+    for gpu in [open(Validation::Sync), open(Validation::Sync).without_votes()] {
         for far in [false, true] {
             let (scene, sizes, caches) = lit_world(far);
             let rules = [

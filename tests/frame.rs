@@ -1,21 +1,16 @@
 //! Every plan, recorded twice on few pixels: no validation message, no missing barrier, no idle one, no bad value.
 
-use crate::common::frame_of;
+use crate::common::{frame_of, gpu};
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use lightskin::bake::{self, CacheSet, Density};
 use lightskin::frame::{
     Antialiasing, ClusterRule, DrawSource, Exposure, Interpolation, ProxyWeight, Shadows, View, World,
 };
-use lightskin::gpu::{Gpu, Options, Validation};
+use lightskin::gpu::Gpu;
 use lightskin::image::broken_values;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::scene::build::{CornellSurface, cornell};
 use lightskin::scene::{Camera, Light, LightKind, Projection, Scene};
-
-/// A device under both kinds of validation.
-fn open() -> Gpu {
-    Gpu::new(&Options { device: None, validation: Validation::Sync }).expect("a Vulkan device and the validation layer")
-}
 
 fn light(kind: LightKind) -> Light {
     let intensity = if kind == LightKind::Directional { 1000.0 } else { 500.0 };
@@ -51,7 +46,7 @@ fn render(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Knobs)
 
 #[test]
 fn every_plan_is_clean() {
-    let gpu = open();
+    let gpu = gpu();
     let kinds = [
         vec![],
         vec![LightKind::Spot { inner: 0.2, outer: 0.8 }],
@@ -86,7 +81,7 @@ fn every_plan_is_clean() {
 
 #[test]
 fn shadows_bounces_levels_and_ways_go_together() {
-    let gpu = open();
+    let gpu = gpu();
     let mut scene = cornell(CornellSurface::Glossy, 0.5);
     scene.materials[0].emissive = Vec3::splat(20.0);
     let by_vertices = caches(&scene, 8);
@@ -124,7 +119,7 @@ fn shadows_bounces_levels_and_ways_go_together() {
 
 #[test]
 fn other_kernels_weights_and_cameras_are_clean() {
-    let gpu = open();
+    let gpu = gpu();
     let mut scene = cornell(CornellSurface::Glossy, 0.4);
     scene.cameras[0] = Camera {
         name: "parallel".into(),
@@ -145,7 +140,7 @@ fn other_kernels_weights_and_cameras_are_clean() {
 
 #[test]
 fn slivers_and_opposed_normals_leave_no_bad_value() {
-    let gpu = open();
+    let gpu = gpu();
     let mut scene = cornell(CornellSurface::Glossy, 0.4);
     let mesh = &mut scene.meshes[0];
     for (i, vertex) in mesh.vertices.iter_mut().enumerate() {
@@ -171,6 +166,6 @@ fn two_renders_are_bit_identical() {
     let settings = Knobs { rsm: 32, shadow_map: 128, antialiasing, ..Knobs::plain([48, 32]) };
     let scene = cornell(CornellSurface::Glossy, 0.2);
     let caches = caches(&scene, 8);
-    let [one, other] = [(); 2].map(|()| render(&open(), &scene, Some(&caches), &settings));
+    let [one, other] = [(); 2].map(|()| render(&gpu(), &scene, Some(&caches), &settings));
     assert!(one == other, "the same device and scene give the same bits");
 }

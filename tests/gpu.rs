@@ -3,10 +3,10 @@
 #[path = "../build/variants.rs"]
 mod variants;
 
-use crate::common::{assert_clean, compile, gpu};
+use crate::common::{Turn, alone, assert_clean, compile, gpu};
 use lightskin::gpu::{
-    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Load, Options, Pipeline,
-    Raster, SamplerKind, Shape, Stream, Use, Validation,
+    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Load, Pipeline, Raster,
+    SamplerKind, Shape, Stream, Use, Validation,
 };
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -39,9 +39,8 @@ pub(crate) const SCREEN: Raster<'_> = Raster {
 };
 
 /// Devices with each kind of validation.
-pub(crate) fn validated() -> impl Iterator<Item = Gpu> {
-    let open = |validation| Gpu::new(&Options { device: None, validation }).expect("device and validation layer");
-    [Validation::Core, Validation::Sync].into_iter().map(open)
+pub(crate) fn validated() -> impl Iterator<Item = Turn> {
+    [Validation::Core, Validation::Sync].into_iter().map(alone)
 }
 
 #[test]
@@ -259,7 +258,7 @@ fn refused(gpu: &Gpu, record: impl FnOnce(&Cmd<'_>)) -> String {
 
 #[test]
 fn commands_that_break_their_contracts_are_refused() {
-    let (gpu, other) = (gpu(), gpu());
+    let (gpu, other) = (alone(Validation::Sync), alone(Validation::Sync));
     let (small, large) = (gpu.buffer("small", 16).expect("made"), gpu.buffer("large", 4096).expect("made"));
     let back = gpu.readback_buffer("back", 16).expect("made");
     let foreign = other.buffer("foreign", 4096).expect("made");

@@ -1,5 +1,6 @@
 //! The nets hold: a lost barrier, an idle barrier, a wrong binding count or push size, a bad value are all caught.
 
+use crate::common::{Turn, alone};
 use glam::Vec3;
 use lightskin::bake::{self, Density};
 use lightskin::frame::check::{Broken, Check};
@@ -11,8 +12,8 @@ use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell};
 use lightskin::shared::{Cache, OccludePush};
 
-fn open() -> Gpu {
-    Gpu::new(&Options { device: None, validation: Validation::Sync }).expect("a Vulkan device and the validation layer")
+fn open() -> Turn {
+    alone(Validation::Sync)
 }
 
 const PUSH: OccludePush = OccludePush { cache_count: 4, group_count: 1, first_proxy: 0 };

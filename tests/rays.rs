@@ -7,7 +7,7 @@ mod textures;
 
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3, dvec3};
 use lightskin::frame::{View, World};
-use lightskin::gpu::{Bind, Buffer, Gpu, Pipeline};
+use lightskin::gpu::{Bind, Buffer, Pipeline};
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::lab::scenes::moving;
 use lightskin::reference::world::{self, Sides};
@@ -17,7 +17,7 @@ use rayon::prelude::*;
 
 use crate::analytic::numbers;
 use crate::common::frames::{add, phong, placed, small};
-use crate::common::{assert_clean, compile, data, gpu};
+use crate::common::{Turn, assert_clean, compile, data, gpu};
 
 /// Rays of a scene.
 const RAYS: usize = 100_000;
@@ -122,8 +122,8 @@ struct Asked {
 
 /// A scene on the device.
 struct Tracer {
-    gpu: Gpu,
     world: World,
+    gpu: Turn,
 }
 
 impl Tracer {
@@ -131,7 +131,7 @@ impl Tracer {
         let gpu = gpu();
         let world = World::new(&gpu, scene, None).expect("uploaded");
         world.make_rays(&gpu, scene).expect("hierarchy");
-        let tracer = Self { gpu, world };
+        let tracer = Self { world, gpu };
         tracer.draw(scene);
         tracer
     }

@@ -2,11 +2,11 @@
 
 use crate::cli::{fails, folder, left, works};
 use crate::common::frames::{SPOT, baked, corner, small};
-use crate::common::{assert_clean, frame_of, gpu};
+use crate::common::{alone, assert_clean, exclusively, frame_of, gpu, open};
 use crate::moving::{bend, world};
 use glam::Vec3;
 use lightskin::frame::{ClusterRule, Features, Plan, Quality, Settings, Shadows, View, World};
-use lightskin::gpu::{FrameTimes, Gpu, Work, nearest_rank, ticks_between};
+use lightskin::gpu::{FrameTimes, Gpu, Validation, Work, nearest_rank, ticks_between};
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::{Scene, gltf};
@@ -86,7 +86,7 @@ fn assert_sound(times: &FrameTimes, split: bool) {
 
 #[test]
 fn many_frames_without_waiting_have_as_many_times() {
-    let gpu = gpu();
+    let gpu = alone(Validation::Sync);
     assert!(gpu.has_timestamps());
     for split in [false, true] {
         let mut all = Vec::new();
@@ -128,7 +128,8 @@ fn many_frames_without_waiting_have_as_many_times() {
 
 #[test]
 fn a_queue_without_timestamps_gives_cpu_times() {
-    let gpu = gpu().without_timestamps();
+    let _turn = exclusively();
+    let gpu = open(Validation::Sync).without_timestamps();
     for split in [false, true] {
         let frame = draw(&gpu, split);
         let times = gpu.times(&frame).expect("times");
