@@ -1,4 +1,5 @@
 // Stage 2: one light's direct reflection, shadowed by its map; added to what is there. METHOD 1.
+// variant direct_rays.frag: RAYS (where rays say what arrives)
 #include "shared.glsl"
 #include "lib/brdf.glsl"
 #include "lib/form_factor.glsl"
@@ -6,18 +7,34 @@
 #include "lib/octahedral.glsl"
 #include "lib/samples.glsl"
 
+#ifdef RAYS
+#include "lib/arriving.glsl"
+#else
 layout(constant_id = 0) const uint SAMPLES = 0; // points of a pixel beside its middle that edges of shadows are smoothed by
+layout(binding = 1, scalar) readonly buffer Views { LightView views[]; };
+layout(binding = 6) uniform sampler2D shadow_image;
+#endif
 layout(push_constant, scalar) uniform Push { ScreenPush push; };
 layout(binding = 0, scalar) readonly buffer Lights { Light lights[]; };
-layout(binding = 1, scalar) readonly buffer Views { LightView views[]; };
 layout(binding = 2) uniform sampler2D depth_image;
 layout(binding = 3) uniform sampler2D normal_image;
 layout(binding = 4) uniform sampler2D albedo_image;
 layout(binding = 5) uniform sampler2D specular_image;
-layout(binding = 6) uniform sampler2D shadow_image;
 
 layout(location = 0) out vec4 out_radiance;
 
+vec3 place(vec2 ndc, float depth) {
+    vec4 world = push.world_from_clip * vec4(ndc, depth, 1.0);
+    return world.xyz / world.w;
+}
+
+// Depth over place of a plane [NDC per NDC]: planes stay planes in clip space.
+vec2 slope_of(vec3 position, vec3 n) {
+    vec4 plane = vec4(n, -dot(n, position)) * push.world_from_clip;
+    return -plane.xy / plane.z;
+}
+
+#ifndef RAYS
 // Share of the 2x2 texels around the point's projection that see it; bilinear, so that edges are smooth.
 float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     bool directional = light.kind == LIGHT_DIRECTIONAL;
@@ -51,17 +68,10 @@ float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     return mix(mix(seen.x, seen.y, f.x), mix(seen.z, seen.w, f.x), f.y);
 }
 
-vec3 place(vec2 ndc, float depth) {
-    vec4 world = push.world_from_clip * vec4(ndc, depth, 1.0);
-    return world.xyz / world.w;
-}
-
 // The same for all of a pixel: the mean over points of the surface's plane.
 float visibility_of_pixel(Light light, vec2 middle, vec2 pixel, float depth, vec3 position, vec3 n, vec3 towards) {
     float sum = visibility(light, position, n, towards);
-    // Planes stay planes in clip space.
-    vec4 plane = vec4(n, -dot(n, position)) * push.world_from_clip;
-    vec2 slope = -plane.xy / plane.z;
+    vec2 slope = slope_of(position, n);
     for (uint i = 1u; i <= SAMPLES; ++i) {
         vec2 offset = sample_offset(i, SAMPLES) * pixel;
         float there = depth + dot(slope, offset);
@@ -70,6 +80,7 @@ float visibility_of_pixel(Light light, vec2 middle, vec2 pixel, float depth, vec
     }
     return sum / float(SAMPLES + 1u);
 }
+#endif
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -105,6 +116,10 @@ void main() {
     }
     vec3 looking = view_direction(push.eye, position);
     vec3 brdf = albedo.rgb / PI + glossy_lobe(specular.rgb, normal_coded.w, n, looking, towards);
+#ifdef RAYS
+    float seen = arriving(light.radius > 0.0, depth_image, pixel, depth, slope_of(position, geometric)).x;
+#else
     float seen = visibility_of_pixel(light, middle, 2.0 / size, depth, position, geometric, towards);
+#endif
     out_radiance = vec4(brdf * irradiance * (cosine * seen), 0.0);
 }

@@ -1,5 +1,6 @@
 // Stage 2: the direct reflection of a rectangle that shines, added to what is there. Its light is exact where nothing is in
 // the way; of points on it, each with a shadow map of its own, those that are seen give the share that arrives.
+// variant direct_area_rays.frag: RAYS (where rays say what arrives)
 #include "shared.glsl"
 #include "lib/area_light.glsl"
 #include "lib/brdf.glsl"
@@ -7,20 +8,25 @@
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
 
+#ifdef RAYS
+#include "lib/arriving.glsl"
+#else
+layout(binding = 1, scalar) readonly buffer Views { LightView views[]; };
+layout(binding = 6) uniform sampler2D shadow_image;
+#endif
 layout(push_constant, scalar) uniform Push { AreaPush push; };
 layout(binding = 0, scalar) readonly buffer Lights { Light lights[]; };
-layout(binding = 1, scalar) readonly buffer Views { LightView views[]; };
 layout(binding = 2) uniform sampler2D depth_image;
 layout(binding = 3) uniform sampler2D normal_image;
 layout(binding = 4) uniform sampler2D albedo_image;
 layout(binding = 5) uniform sampler2D specular_image;
-layout(binding = 6) uniform sampler2D shadow_image;
 
 layout(location = 0) out vec4 out_radiance;
 
 // Smaller than this share of its distance a rectangle is a point: differences of its corners round too much.
 const float SMALL = 0.003;
 
+#ifndef RAYS
 // Taps of all samples of a light together that look for what may be in the way; twice as many say how much of it is.
 const int TAPS = 96;
 
@@ -123,6 +129,7 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
     }
     return open / float(many);
 }
+#endif
 
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
@@ -166,6 +173,10 @@ void main() {
         glossy_share = glossy ? polygon_lobe(part, n, r, exponent) : 0.0;
     }
 
+#ifdef RAYS
+    vec4 plane = vec4(geometric, -dot(geometric, position)) * push.world_from_clip;
+    vec2 arrives = arriving(true, depth_image, pixel, depth, -plane.xy / plane.z);
+#else
     // What arrives of it: each lobe weighs the samples by what they would give it.
     uint samples = light.columns * light.rows;
     float cell = area / float(samples);
@@ -188,6 +199,7 @@ void main() {
         }
     }
     vec2 arrives = seen / max(all, vec2(1e-30));
+#endif
     vec3 reflected = albedo.rgb * (diffuse_share * arrives.x) + fitted.albedo * (glossy_share * arrives.y);
     out_radiance = vec4(light.intensity * reflected, 0.0);
 }

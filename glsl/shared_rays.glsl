@@ -165,4 +165,27 @@ struct NearPush {
     uint height;
 };
 
+// Pixels in a row that have different points of a light; a square of them has all.
+const uint LIGHT_SIDE = 4;
+
+const float ARRIVING_NOT = -1.0; // the light does not shine there at all
+const float ARRIVING_UNKNOWN = -2.0; // it does, but the ray's point of it is below the horizon
+
+// What of a light arrives at a pixel: for its diffuse and its glossy lobe what open rays and what all rays would give.
+struct Arriving {
+    vec2 open;
+    vec2 all;
+    float penumbra; // width of the widest that a ray has met [pixels]; -1 where all about it say what the first ray says
+    float first; // of the first ray: 1 where it is open, 0 where something is in its way, ARRIVING_...
+};
+
+// Push constants of the pass that traces rays to a light.
+struct LightRaysPush {
+    mat4 world_from_clip;
+    vec4 eye; // as in DrawPush
+    uint light;
+    uint root;
+    uint is_first; // one ray a pixel; then more where those of neighbours differ
+};
+
 #endif

@@ -2,7 +2,7 @@
 //! surfaces they are.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
-use lightskin::frame::{Shadows, World};
+use lightskin::frame::{LightShadows, Shadows, World};
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::area_light::Rectangle;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
@@ -97,7 +97,13 @@ fn lit_box() -> Scene {
 #[test]
 fn soft_shadows_and_bounces_are_the_path_tracers() {
     let scene = lit_box();
-    let settings = Knobs { size: [64, 48], rsm: 96, shadow_map: 1024, shadows: Shadows::PerLight, ..small() };
+    let settings = Knobs {
+        size: [64, 48],
+        rsm: 96,
+        light_shadows: LightShadows::Maps(1024),
+        shadows: Shadows::PerLight,
+        ..small()
+    };
     for (bounces, most, bias) in [(0, 0.05, 0.01), (1, 0.08, 0.03), (3, 0.12, 0.08)] {
         let [error, own] = against_paths(&scene, &Knobs { bounces, ..settings }, 32);
         println!("{bounces} bounces: mean error {error:.4} of the mean, bias {own:+.4}");

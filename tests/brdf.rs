@@ -3,6 +3,7 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec2, DVec3, Vec3, Vec4, dvec3, vec3};
+use lightskin::frame::LightShadows;
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::lab::scenes::spheres;
 use lightskin::reference::brdf::{Lobe, fitted, hemisphere};
@@ -401,7 +402,12 @@ fn spheres_in_the_sun_are_the_path_tracers() {
     let gpu = gpu();
     let scene = spheres();
     let size = [768, 256];
-    let shot = shoot(&gpu, &scene, None, &Knobs { gi: Gi::Off, shadow_map: 2048, ..Knobs::plain(size) });
+    let shot = shoot(
+        &gpu,
+        &scene,
+        None,
+        &Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(2048), ..Knobs::plain(size) },
+    );
     let trace = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings { size, ..PathTraceSettings::default() });
     let truth = trace.direct();
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"));

@@ -3,7 +3,7 @@
 use crate::common::frames::{add, baked, camera, drawn_of, small};
 use crate::common::gpu;
 use glam::{DAffine3, DVec2, DVec3, Vec2, Vec3};
-use lightskin::frame::{Antialiasing, Behind, World};
+use lightskin::frame::{Antialiasing, Behind, LightShadows, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::metrics::display::Values;
@@ -120,7 +120,7 @@ fn edges_come_near_to_those_of_many_samples() {
     let caches = baked(&scene, 1.5, 8);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("made");
     for size in [[160, 90], [320, 180]] {
-        let base = Knobs { size, shadow_map: 2048, ..Knobs::plain(size) };
+        let base = Knobs { size, light_shadows: LightShadows::Maps(2048), ..Knobs::plain(size) };
         let (truth, edges) = supersampled(&gpu, &scene, &world, &base);
         let truth: Vec<[f32; 3]> = truth.iter().map(|c| c.to_array()).collect();
         let error = |antialiasing| {

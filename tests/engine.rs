@@ -4,7 +4,9 @@
 use glam::{DAffine3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, Density};
 use lightskin::frame::engine::Loaded;
-use lightskin::frame::{Antialiasing, Engine, Exposure, Look, Near, Picture, Quality, Settings, Shadows, Tonemap};
+use lightskin::frame::{
+    Antialiasing, Engine, Exposure, LightShadows, Look, Near, Picture, Quality, Settings, Shadows, Tonemap,
+};
 use lightskin::gpu::{Counters, Gpu};
 use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::scene::build::{quad, sphere};
@@ -115,7 +117,7 @@ fn edit(scene: &mut Scene, random: &mut Random, what: usize) -> bool {
 
 /// Settings of every kind.
 fn kinds() -> Vec<Settings> {
-    let base = Knobs { cull: true, reuse: true, rsm: 16, shadow_map: 64, ..small() };
+    let base = Knobs { cull: true, reuse: true, rsm: 16, light_shadows: LightShadows::Maps(64), ..small() };
     let knobs = [
         base,
         Knobs { shadows: Shadows::PerLight, ..base },
@@ -124,11 +126,13 @@ fn kinds() -> Vec<Settings> {
         Knobs { path: Path::Clusters(lightskin::frame::ClusterRule::Distance(4.0)), ..base },
         Knobs { bounces: 2, ..base },
         Knobs { gi: Gi::BruteForce, ..base },
-        Knobs { gi: Gi::Off, shadow_map: 128, ..base },
+        Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(128), ..base },
         Knobs { cull: false, ..base },
         Knobs { shadows: Shadows::PerLight, near: Near::Rays { per_pixel: 4, every: 2 }, ..base },
         Knobs { antialiasing: Antialiasing::Four, near: Near::Rays { per_pixel: 4, every: 2 }, ..base },
         Knobs { gi: Gi::Off, antialiasing: Antialiasing::Eight, ..base },
+        Knobs { light_shadows: LightShadows::Rays, ..base },
+        Knobs { gi: Gi::Off, light_shadows: LightShadows::Rays, antialiasing: Antialiasing::Four, ..base },
     ];
     knobs.iter().map(Knobs::settings).collect()
 }
@@ -297,7 +301,7 @@ fn hundreds_of_changes_leave_nothing_behind() {
 #[test]
 fn what_a_slider_moves_makes_no_pipeline() {
     let gpu = gpu();
-    let settings = Settings { rsm: 32, shadow_map: 64, ..Settings::at(Quality::High, 100) };
+    let settings = Settings { rsm: 32, light_shadows: LightShadows::Maps(64), ..Settings::at(Quality::High, 100) };
     let mut engine = Engine::new(&gpu, loaded(&world(), 0.5), &settings).expect("made");
     let mut picture = engine.picture(&gpu, [16, 16]).expect("made");
     let size = [16, 16];
@@ -320,7 +324,7 @@ fn what_a_slider_moves_makes_no_pipeline() {
         shown(&gpu, &mut engine, &mut picture, size, &Look::default());
     }
     // Sizes of maps and pictures, too.
-    engine.set(&Settings { rsm: 48, shadow_map: 128, ..settings });
+    engine.set(&Settings { rsm: 48, light_shadows: LightShadows::Maps(128), ..settings });
     shown(&gpu, &mut engine, &mut picture, [30, 20], &Look::default());
     assert_eq!(gpu.counters().pipelines_made, before);
     assert_clean(&gpu);
@@ -331,7 +335,8 @@ fn what_a_slider_moves_makes_no_pipeline() {
 #[test]
 fn what_moves_makes_nothing_in_the_frame_loop() {
     let gpu = gpu();
-    let settings = Settings { rsm: 32, shadow_map: 64, reuse: true, ..Settings::at(Quality::High, 100) };
+    let settings =
+        Settings { rsm: 32, light_shadows: LightShadows::Maps(64), reuse: true, ..Settings::at(Quality::High, 100) };
     for (seed, says_so) in [(1, true), (2, false)] {
         let mut scene = world();
         scene.instances[BALL].moves = says_so;

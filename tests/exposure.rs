@@ -1,7 +1,7 @@
 //! The automatic exposure: against its f64 twin, and that surfaces are metered, not lamps and not what stands behind them.
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
-use lightskin::frame::{Exposure, View, World};
+use lightskin::frame::{Exposure, LightShadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::lab::shot::radiance;
@@ -54,7 +54,7 @@ fn metered(gpu: &Gpu, scene: &Scene, knobs: &Knobs) -> f64 {
 }
 
 fn direct(size: [u32; 2]) -> Knobs {
-    Knobs { gi: Gi::Off, shadow_map: 64, ..Knobs::plain(size) }
+    Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(64), ..Knobs::plain(size) }
 }
 
 /// Rectangles that emit, later ones before earlier ones, seen straight on in a picture from -1 to 1 both ways: left,
@@ -91,7 +91,8 @@ fn steps() -> Vec<[f32; 5]> {
 #[test]
 fn the_device_measures_what_the_twin_does() {
     let gpu = gpu();
-    let brute_force = Knobs { gi: Gi::BruteForce, rsm: 16, shadow_map: 64, ..Knobs::plain([48, 48]) };
+    let brute_force =
+        Knobs { gi: Gi::BruteForce, rsm: 16, light_shadows: LightShadows::Maps(64), ..Knobs::plain([48, 48]) };
     let room = cornell(CornellSurface::Glossy, 1.0);
     println!("a room: EV {:.3}", metered(&gpu, &room, &brute_force));
     println!("a room, large: EV {:.3}", metered(&gpu, &room, &direct([1200, 801])));

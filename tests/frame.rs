@@ -4,7 +4,7 @@ use crate::common::{frame_of, gpu};
 use glam::{DAffine3, DVec3, Vec2, Vec3};
 use lightskin::bake::{self, CacheSet, Density};
 use lightskin::frame::{
-    Antialiasing, ClusterRule, DrawSource, Exposure, Interpolation, ProxyWeight, Shadows, View, World,
+    Antialiasing, ClusterRule, DrawSource, Exposure, Interpolation, LightShadows, ProxyWeight, Shadows, View, World,
 };
 use lightskin::gpu::Gpu;
 use lightskin::image::broken_values;
@@ -56,9 +56,13 @@ fn every_plan_is_clean() {
     for surface in [CornellSurface::Diffuse, CornellSurface::Glossy] {
         for lights in &kinds {
             for gi in [Gi::LightSkin, Gi::BruteForce, Gi::Off] {
-                for (exposure, references, antialiasing) in
-                    [(Exposure::Automatic, 8, Antialiasing::Off), (Exposure::Ev(3.0), 16, Antialiasing::Four)]
-                {
+                let maps = LightShadows::Maps(48);
+                for (exposure, references, antialiasing, light_shadows) in [
+                    (Exposure::Automatic, 8, Antialiasing::Off, maps),
+                    (Exposure::Ev(3.0), 16, Antialiasing::Four, maps),
+                    (Exposure::Ev(3.0), 16, Antialiasing::Off, LightShadows::Rays),
+                    (Exposure::Automatic, 8, Antialiasing::Four, LightShadows::Rays),
+                ] {
                     let mut scene = cornell(surface, 0.5);
                     scene.lights = lights.iter().map(|k| light(*k)).collect();
                     if references == 16 {
@@ -66,7 +70,7 @@ fn every_plan_is_clean() {
                         scene.materials[0].alpha_cutoff = Some(0.5);
                     }
                     let settings =
-                        Knobs { gi, rsm: 16, shadow_map: 48, exposure, antialiasing, ..Knobs::plain([16, 16]) };
+                        Knobs { gi, rsm: 16, light_shadows, exposure, antialiasing, ..Knobs::plain([16, 16]) };
                     let caches = (gi == Gi::LightSkin).then(|| caches(&scene, references));
                     let values = render(&gpu, &scene, caches.as_ref(), &settings);
                     assert_eq!(broken_values(&values), 0, "{settings:?}");
@@ -97,7 +101,7 @@ fn shadows_bounces_levels_and_ways_go_together() {
     for shadows in [Shadows::Off, Shadows::Proxy, Shadows::PerLight] {
         for bounces in [1, 3] {
             for path in paths {
-                let plain = Knobs { rsm: 16, shadow_map: 48, ..Knobs::plain([16, 16]) };
+                let plain = Knobs { rsm: 16, light_shadows: LightShadows::Maps(48), ..Knobs::plain([16, 16]) };
                 let settings = Knobs { shadows, bounces, path, ..plain };
                 if !settings.go_together() {
                     continue;
@@ -129,7 +133,13 @@ fn other_kernels_weights_and_cameras_are_clean() {
     let caches = caches(&scene, 8);
     for interpolation in [Interpolation::Facing, Interpolation::Printed] {
         for proxy_weight in [ProxyWeight::Irradiance, ProxyWeight::FormFactor] {
-            let settings = Knobs { rsm: 20, shadow_map: 64, interpolation, proxy_weight, ..Knobs::plain([24, 16]) };
+            let settings = Knobs {
+                rsm: 20,
+                light_shadows: LightShadows::Maps(64),
+                interpolation,
+                proxy_weight,
+                ..Knobs::plain([24, 16])
+            };
             let values = render(&gpu, &scene, Some(&caches), &settings);
             assert_eq!(broken_values(&values), 0, "{settings:?}");
             assert!(values.iter().any(|v| *v > 0.0));
@@ -154,7 +164,7 @@ fn slivers_and_opposed_normals_leave_no_bad_value() {
     }
     let caches = caches(&scene, 8);
     for (gi, caches) in [(Gi::LightSkin, Some(&caches)), (Gi::BruteForce, None)] {
-        let settings = Knobs { gi, rsm: 32, shadow_map: 64, ..Knobs::plain([64, 64]) };
+        let settings = Knobs { gi, rsm: 32, light_shadows: LightShadows::Maps(64), ..Knobs::plain([64, 64]) };
         assert_eq!(broken_values(&render(&gpu, &scene, caches, &settings)), 0, "{gi:?}");
     }
     assert_eq!(gpu.messages(), [] as [String; 0]);
@@ -163,7 +173,7 @@ fn slivers_and_opposed_normals_leave_no_bad_value() {
 #[test]
 fn two_renders_are_bit_identical() {
     let antialiasing = Antialiasing::Eight;
-    let settings = Knobs { rsm: 32, shadow_map: 128, antialiasing, ..Knobs::plain([48, 32]) };
+    let settings = Knobs { rsm: 32, light_shadows: LightShadows::Maps(128), antialiasing, ..Knobs::plain([48, 32]) };
     let scene = cornell(CornellSurface::Glossy, 0.2);
     let caches = caches(&scene, 8);
     let [one, other] = [(); 2].map(|()| render(&gpu(), &scene, Some(&caches), &settings));

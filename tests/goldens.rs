@@ -6,7 +6,7 @@
 
 use glam::{DAffine3, Vec3, vec3};
 use lightskin::bake::{self, Density};
-use lightskin::frame::{Shadows, View, World};
+use lightskin::frame::{LightShadows, Shadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::image::{read_picture, write_png};
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
@@ -68,7 +68,7 @@ fn corner_under_a_sky() -> Scene {
 }
 
 fn goldens() -> Vec<Golden> {
-    let default = Knobs { rsm: 64, shadow_map: 512, ..Knobs::plain(SIZE) };
+    let default = Knobs { rsm: 64, light_shadows: LightShadows::Maps(512), ..Knobs::plain(SIZE) };
     let per_light = Knobs { shadows: Shadows::PerLight, ..default };
     let golden = |name, scene, knobs| Golden { name, scene, time: None, knobs, cells: false };
     let (glossy, diffuse) = (cornell(CornellSurface::Glossy, 0.1), cornell(CornellSurface::Diffuse, 0.1));

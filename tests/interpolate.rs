@@ -5,7 +5,7 @@
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{CacheSet, NO_CACHE};
-use lightskin::frame::Interpolation;
+use lightskin::frame::{Interpolation, LightShadows};
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::gather::{Cache, Gathered};
 use lightskin::reference::interpolate::{Interpolated, Scheme, interpolate, shade};
@@ -270,7 +270,7 @@ fn shadows_are_black_and_what_is_lit_is_not_dimmed() {
         let tile = quad(vec3(-0.3, 0.4, -0.3), Vec3::Z * 0.6, Vec3::X * 0.6, 0.6);
         add(&mut scene, tile, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
         // Shadows shrink by some of the map's texels; these are small against the 5 cm that are left out.
-        let settings = Knobs { gi: Gi::Off, shadow_map: 1536, ..small() };
+        let settings = Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(1536), ..small() };
         let shot = shoot(&gpu, &scene, None, &settings);
         let (mut dark, mut bright) = (0, 0);
         for s in seen(&scene, settings.size).iter().filter(|s| s.instance == 0) {

@@ -38,6 +38,7 @@ mod interpolate;
 mod known_issues;
 mod layout;
 mod lifetimes;
+mod light_rays;
 mod malformed;
 mod moving;
 mod near;

@@ -3,7 +3,7 @@
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet};
-use lightskin::frame::{Antialiasing, ClusterRule, Near, Picture, Shadows, View, World};
+use lightskin::frame::{Antialiasing, ClusterRule, LightShadows, Near, Picture, Shadows, View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::lab::worlds::{SPOT, add, camera, corner, phong};
@@ -163,7 +163,7 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
         defaults::complete(&mut scene, Ground::Auto);
         let settings = bake::BakeSettings { density: bake::Density::Count(60), angle: 1.0, references: 8 };
         let caches = bake::bake(&scene, &settings, &|_, _| {}).expect("bakes");
-        let settings = Knobs { size: [16, 16], rsm: 8, shadow_map: 16, ..small() };
+        let settings = Knobs { size: [16, 16], rsm: 8, light_shadows: LightShadows::Maps(16), ..small() };
         let mut buffers = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
         let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("made");
         let spans: Vec<(f64, f64)> = scene.animations().map(|(_, begin, end)| (begin, end)).collect();
@@ -283,7 +283,7 @@ fn walk(settings: Knobs, cells: bool, steps: usize, seed: u64) {
 }
 
 fn with(shadows: Shadows) -> Knobs {
-    Knobs { shadows, size: [48, 32], rsm: 24, shadow_map: 64, ..small() }
+    Knobs { shadows, size: [48, 32], rsm: 24, light_shadows: LightShadows::Maps(64), ..small() }
 }
 
 #[test]
@@ -311,4 +311,6 @@ fn short_rays_leave_nothing_stale() {
     walk(Knobs { near, ..with(Shadows::PerLight) }, false, 60, 10);
     walk(Knobs { near, bounces: 3, ..with(Shadows::PerLight) }, true, 30, 11);
     walk(Knobs { near, ..with(Shadows::Proxy) }, true, 20, 12);
+    let antialiasing = Antialiasing::Four;
+    walk(Knobs { light_shadows: LightShadows::Rays, antialiasing, ..with(Shadows::Off) }, false, 30, 13);
 }

@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
-use lightskin::frame::{Antialiasing, Engine, Look, Near, Picture, Quality, Shadows, World};
+use lightskin::frame::{Antialiasing, Engine, LightShadows, Look, Near, Picture, Quality, Shadows, World};
 use lightskin::lab::knobs::Knobs;
 use lightskin::lab::scenes::{Shadowed, measured};
 use lightskin::metrics::{Metrics, metrics};
@@ -26,7 +26,7 @@ use crate::common::{assert_clean, gpu};
 const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
 
 fn near(size: [u32; 2]) -> Knobs {
-    Knobs { size, near: RAYS, shadows: Shadows::PerLight, rsm: 96, shadow_map: 1024, ..small() }
+    Knobs { size, near: RAYS, shadows: Shadows::PerLight, rsm: 96, light_shadows: LightShadows::Maps(1024), ..small() }
 }
 
 #[test]

@@ -4,7 +4,7 @@ use crate::common::{Turn, alone};
 use glam::Vec3;
 use lightskin::bake::{self, Density};
 use lightskin::frame::check::{Broken, Check};
-use lightskin::frame::{View, World};
+use lightskin::frame::{LightShadows, View, World};
 use lightskin::gpu::{Gpu, Options, Use, Validation};
 use lightskin::image::broken_values;
 use lightskin::lab::knobs::{Frame, Knobs};
@@ -97,7 +97,7 @@ fn bad_values_are_counted() {
 fn check(gpu: &Gpu, scene: &Scene) -> (Vec<Broken>, usize) {
     let caches = bake::bake(scene, &CACHES, &|_, _| {}).expect("bake");
     let buffers = World::new(gpu, scene, Some(&caches)).expect("upload");
-    let settings = Knobs { rsm: 20, shadow_map: 64, ..Knobs::plain([70, 50]) };
+    let settings = Knobs { rsm: 20, light_shadows: LightShadows::Maps(64), ..Knobs::plain([70, 50]) };
     let mut frame = Frame::new(gpu, scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
     let drawn = gpu.frame(|cmd| {

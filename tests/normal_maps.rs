@@ -3,7 +3,7 @@
 
 use crate::common::{assert_clean, gpu};
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3};
-use lightskin::frame::{View, World};
+use lightskin::frame::{LightShadows, View, World};
 use lightskin::image::broken_values;
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::scene::{
@@ -60,7 +60,7 @@ fn quad(map: [u8; 3], tangents: bool, scale: DVec3, edge: f32) -> Scene {
 /// The normal in the middle of the picture, and the direct radiance of all pixels.
 fn shoot(scene: &Scene) -> (Vec3, Vec<f32>) {
     let gpu = gpu();
-    let settings = Knobs { gi: Gi::Off, shadow_map: 64, ..Knobs::plain([33, 33]) };
+    let settings = Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(64), ..Knobs::plain([33, 33]) };
     let buffers = World::new(&gpu, scene, None).expect("upload");
     let mut frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
@@ -133,7 +133,7 @@ fn near_things_show_in_wide_scenes() {
     let small = DAffine3::from_scale_rotation_translation(DVec3::splat(1e-6), glam::DQuat::IDENTITY, DVec3::Z * 3.5);
     scene.instances.push(Instance { name: "near".into(), mesh: 0, world_from_model: small, ..Instance::default() });
     let gpu = gpu();
-    let settings = Knobs { gi: Gi::Off, shadow_map: 64, ..Knobs::plain([33, 33]) };
+    let settings = Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(64), ..Knobs::plain([33, 33]) };
     let buffers = World::new(&gpu, &scene, None).expect("upload");
     let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
@@ -153,10 +153,11 @@ fn what_exceeds_the_device_is_refused_with_its_name() {
     let gpu = gpu();
     let scene = quad([128, 128, 255], false, DVec3::ONE, 1.0);
     let buffers = World::new(&gpu, &scene, None).expect("upload");
-    let settings = Knobs { gi: Gi::Off, shadow_map: 64, ..Knobs::plain([1 << 17, 4]) };
+    let settings = Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(64), ..Knobs::plain([1 << 17, 4]) };
     let error = Frame::new(&gpu, &scene, &buffers, &settings).err().expect("no device has 131 072 texels");
     assert!(error.to_string().contains("gbuffer.depth needs 131072x4"), "{error}");
-    let settings = Knobs { rsm: 2048, gi: Gi::BruteForce, shadow_map: 64, ..Knobs::plain([4, 4]) };
+    let settings =
+        Knobs { rsm: 2048, gi: Gi::BruteForce, light_shadows: LightShadows::Maps(64), ..Knobs::plain([4, 4]) };
     if gpu.report().kind == "software" {
         // 6 x 836^2 VALs of 48 bytes: more than the 128 MiB that lavapipe binds.
         let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");

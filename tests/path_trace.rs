@@ -4,7 +4,7 @@
 use std::f64::consts::PI;
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
-use lightskin::frame::{self, View};
+use lightskin::frame::{self, LightShadows, View};
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
 use lightskin::metrics::metrics;
 use lightskin::reference::monte_carlo::one_bounce_irradiance;
@@ -297,7 +297,12 @@ fn one_bounce_without_visibility_is_what_rays_of_the_light_bring() {
 /// Mean radiance of both lobes by brute force on the device and without visibility on the CPU.
 fn against_brute_force(scene: &Scene, size: [u32; 2], rsm: u32, samples: u32) -> [f64; 4] {
     let gpu = gpu();
-    let shot = shoot(&gpu, scene, None, &Knobs { size, gi: Gi::BruteForce, rsm, shadow_map: 1024, ..small() });
+    let shot = shoot(
+        &gpu,
+        scene,
+        None,
+        &Knobs { size, gi: Gi::BruteForce, rsm, light_shadows: LightShadows::Maps(1024), ..small() },
+    );
     let trace = traced(scene, &PathTraceSettings::unshadowed(size), samples);
     let device = |layer: &[DVec3]| layer.iter().map(|v| v.element_sum()).sum::<f64>() / (3 * layer.len()).max(1) as f64;
     [device(&shot.diffuse), mean(&trace.diffuse()), device(&shot.glossy), mean(&trace.glossy())]
@@ -391,7 +396,7 @@ fn kept_samples_go_on_bit_by_bit() {
 fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
     let gpu = gpu();
     let buffers = frame::World::new(&gpu, scene, None).expect("upload");
-    let settings = Knobs { gi: Gi::Off, shadow_map: 64, ..Knobs::plain(size) };
+    let settings = Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(64), ..Knobs::plain(size) };
     let mut frame = Frame::new(&gpu, scene, &buffers, &settings).expect("frame");
     let camera: &Camera = &scene.cameras[0];
     let view = View::new(camera, size, buffers.origin, buffers.radius);

@@ -3,7 +3,7 @@
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::depth_images::DepthImages;
-use lightskin::frame::{Shadows, View, Ways, World};
+use lightskin::frame::{LightShadows, Shadows, View, Ways, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::eval::measure::{Bench, Layers};
 use lightskin::lab::eval::references::{PathTraced, path_traced};
@@ -211,7 +211,7 @@ fn shadows_bring_pictures_nearer_to_light_paths() {
         let (truth, _) = path_traced(&scene, &scene.cameras[0], &wanted, &folder, &|_| ());
         let mut bench = Bench::new(&gpu, &scene, &scene.cameras[0]);
         let mut picture = |shadows| -> Layers {
-            let frame = Knobs { rsm: 64, shadow_map: 256, shadows, ..Knobs::plain(size) };
+            let frame = Knobs { rsm: 64, light_shadows: LightShadows::Maps(256), shadows, ..Knobs::plain(size) };
             let point = Point { frame, caches, references: 8, angle: 60_f32.to_radians(), max_edge: None };
             let measured = bench.measure(&point, 1, &|_, _| ()).expect("measured");
             assert_eq!(measured.problems, [""; 0]);

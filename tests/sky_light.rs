@@ -5,7 +5,7 @@ use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::near::CACHE_REACH;
-use lightskin::frame::{Engine, Look, Near, Picture, Shadows, World};
+use lightskin::frame::{Engine, LightShadows, Look, Near, Picture, Shadows, World};
 use lightskin::lab::knobs::Knobs;
 use lightskin::metrics::metrics;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
@@ -53,7 +53,7 @@ fn on_a_floor(lobe: Option<(f32, f32)>) -> Scene {
 }
 
 fn knobs(size: [u32; 2], near: Near) -> Knobs {
-    Knobs { size, near, shadows: Shadows::PerLight, rsm: 64, shadow_map: 512, ..small() }
+    Knobs { size, near, shadows: Shadows::PerLight, rsm: 64, light_shadows: LightShadows::Maps(512), ..small() }
 }
 
 fn divided(scene: &Scene, spacing: f64) -> (Scene, CacheSet) {

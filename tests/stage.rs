@@ -4,6 +4,7 @@ use std::collections::HashSet;
 
 use glam::{DAffine3, DVec3, Vec2, Vec3, dvec3, vec3};
 use lightskin::bake::{self, BakeSettings, Density};
+use lightskin::frame::LightShadows;
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::path_trace::camera_ray;
 use lightskin::reference::world::{Sides, World};
@@ -136,7 +137,12 @@ fn sees_backs(scene: &Scene, point: DVec3) -> bool {
 
 /// Luminance [cd/m^2] by direct light of the pixels that show a material, and how many do.
 fn luminance(scene: &Scene, of: impl Fn(&Material) -> bool) -> (f64, usize) {
-    let shot = shoot(&gpu(), scene, None, &Knobs { size: SIZE, gi: Gi::Off, shadow_map: 512, ..small() });
+    let shot = shoot(
+        &gpu(),
+        scene,
+        None,
+        &Knobs { size: SIZE, gi: Gi::Off, light_shadows: LightShadows::Maps(512), ..small() },
+    );
     let world = World::new(scene);
     let shown: Vec<f64> = (0..shot.direct.len())
         .filter(|pixel| {

@@ -5,7 +5,7 @@ use crate::common::frames::{SPOT, baked, corner, small};
 use crate::common::{alone, assert_clean, exclusively, frame_of, gpu, open};
 use crate::moving::{bend, world};
 use glam::Vec3;
-use lightskin::frame::{ClusterRule, Features, Plan, Quality, Settings, Shadows, View, World};
+use lightskin::frame::{ClusterRule, Features, LightShadows, Plan, Quality, Settings, Shadows, View, World};
 use lightskin::gpu::{FrameTimes, Gpu, Validation, Work, nearest_rank, ticks_between};
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::scene::sky::Sky;
@@ -327,7 +327,7 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
     let mut glowing_alone = glowing.clone();
     glowing_alone.lights.clear();
     let moving = world();
-    let usual = Knobs { size: [32, 32], rsm: 16, shadow_map: 64, cull: true, ..small() };
+    let usual = Knobs { size: [32, 32], rsm: 16, light_shadows: LightShadows::Maps(64), cull: true, ..small() };
     let with = |shadows| Knobs { shadows, ..usual };
     let by = |rule| Knobs { path: Path::Clusters(rule), ..usual };
     let frames: [Kind<'_>; 13] = [

@@ -2,7 +2,7 @@
 
 use lightskin::bake::CacheSet;
 use lightskin::frame::plan::STAGES;
-use lightskin::frame::{ClusterRule, Exposure, Light, Near, Picture, Shadows, View, World, record};
+use lightskin::frame::{ClusterRule, Exposure, Light, LightShadows, Near, Picture, Shadows, View, World, record};
 use lightskin::gpu::{Gpu, Image};
 use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::scene::Scene;
@@ -150,7 +150,7 @@ fn of_two_views_nothing_is_ever_stale() {
         let mut scene = moving_world();
         scene.cameras.push(camera(dvec3(1.1, 1.7, 1.4), dvec3(-0.6, 0.9, -0.8), 0.5));
         let caches = baked(&scene, 0.3, 8);
-        let knobs = Knobs { shadows, path, near, cull: true, shadow_map: 64, ..plain() };
+        let knobs = Knobs { shadows, path, near, cull: true, light_shadows: LightShadows::Maps(64), ..plain() };
         let mut world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
         let lasting = Knobs { reuse: true, ..knobs };
         let mut both = Views::new(&gpu, &scene, &world, &lasting, &[0, 1]);

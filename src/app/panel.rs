@@ -7,7 +7,7 @@ use super::input::Wish;
 use crate::cli::{recent, thousands};
 use egui::{Color32, ComboBox, DragValue, Grid, ProgressBar, Response, RichText, ScrollArea, Slider, Ui};
 use lightskin::frame::settings::Gather;
-use lightskin::frame::{Antialiasing, Exposure, Indirect, Near, Quality, Shadows, Tonemap};
+use lightskin::frame::{Antialiasing, Exposure, Indirect, LightShadows, Near, Quality, Shadows, Tonemap};
 use lightskin::gpu::Gpu;
 use lightskin::scene::{LightKind, Projection};
 
@@ -201,11 +201,19 @@ impl State {
                 cost(document, &["rsm", "gather"])
             );
             row(ui, "Virtual lights", &help, |ui| choose(ui, "rsm", &mut settings.rsm, &sizes));
-            let sizes = [512, 1024, 2048, 4096].map(|n| (n, format!("{n} x {n}")));
-            let sizes = sizes.each_ref().map(|(n, name)| (*n, name.as_str()));
-            let help =
-                "Texels of the shadow maps of direct light: larger ones have sharper edges and take more memory.";
-            row(ui, "Shadow maps", help, |ui| choose(ui, "shadow_map", &mut settings.shadow_map, &sizes));
+            let kinds = [
+                (LightShadows::Maps(512), "map of 512 x 512"),
+                (LightShadows::Maps(1024), "map of 1024 x 1024"),
+                (LightShadows::Maps(2048), "map of 2048 x 2048"),
+                (LightShadows::Maps(4096), "map of 4096 x 4096"),
+                (LightShadows::Rays, "rays"),
+            ];
+            let help = format!(
+                "What tells where lamps and the sun shine: rays from each pixel, or shadow maps, whose edges are as \
+                 coarse as their texels.{}",
+                cost(document, &["direct"])
+            );
+            row(ui, "Lamps and sun", &help, |ui| choose(ui, "light_shadows", &mut settings.light_shadows, &kinds));
             let kinds = [
                 (Antialiasing::Off, "off"),
                 (Antialiasing::Four, "4 more points"),

@@ -1,6 +1,6 @@
 //! `lightskin info`: what a scene holds, which stages its frame has, the memory of each, and what levels of quality cost.
 
-use super::words::ShadowsArg;
+use super::words::{ShadowsArg, light_shadows_word};
 use super::{CacheArgs, ClusterArgs, DeviceArgs, QualityArg, bake_scene, check_messages, load_scene, thousands};
 use anyhow::{Context, Result};
 use lightskin::frame::plan::STAGES;
@@ -180,7 +180,7 @@ fn say_levels(world: &World, now: Quality) {
             quality.caches(),
             quality.references(),
             vals,
-            quality.shadow_map(),
+            light_shadows_word(quality.light_shadows()),
             match quality.near() {
                 Near::Off => "off".to_owned(),
                 Near::Rays { per_pixel, every } => format!("{per_pixel} / {}", every * every),

@@ -6,7 +6,10 @@ use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
 use super::sky::SkyArgs;
 use super::timings::{Report, timings_file, trace_file};
-use super::words::{AntialiasingArg, GiArg, InterpArg, InterpolationArg, NearArg, ProxyWeightArg, ShadowsArg};
+use super::words::{
+    AntialiasingArg, GiArg, InterpArg, InterpolationArg, NearArg, ProxyWeightArg, ShadowsArg, light_shadows,
+    light_shadows_word,
+};
 use super::{
     Baked, CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divide_for, load_under, progress_bar,
     thousands, word, wrong_usage,
@@ -17,8 +20,8 @@ use lightskin::files::check_writable;
 use lightskin::frame::check::{Broken, Check};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{
-    Antialiasing, Exposure, Indirect, Interpolation, Light, Look, Near, Picture, ProxyWeight, Quality, Settings,
-    Shadows, View, World, record,
+    Antialiasing, Exposure, Indirect, Interpolation, Light, LightShadows, Look, Near, Picture, ProxyWeight, Quality,
+    Settings, Shadows, View, World, record,
 };
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Camera, Scene};
@@ -59,9 +62,10 @@ pub(super) struct Render {
     /// Texels of an RSM's side: about N*N virtual lights per light [default: 128 at --quality high].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: Option<u32>,
-    /// Texels of a shadow map's side [default: 2048 at --quality high].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=16384))]
-    shadow_map: Option<u32>,
+    /// What tells where lamps and the sun shine: rays from each pixel, or shadow maps of N texels a side [default: rays at
+    /// --quality high].
+    #[arg(long, value_name = "rays|N", value_parser = light_shadows)]
+    shadow_map: Option<LightShadows>,
     /// Smooth edges: points of a pixel, beside its middle, at which surfaces are told apart [default: 4 at --quality high].
     /// A path trace spreads its samples over the pixels instead.
     #[arg(long, value_name = "POINTS", value_enum)]
@@ -159,7 +163,7 @@ impl Render {
         let mut settings = Settings::at(self.caches.quality(), caches);
         settings.reuse = reuse;
         settings.rsm = self.rsm.unwrap_or(settings.rsm);
-        settings.shadow_map = self.shadow_map.unwrap_or(settings.shadow_map);
+        settings.light_shadows = self.shadow_map.unwrap_or(settings.light_shadows);
         settings.antialiasing = self.antialiasing();
         settings.indirect = match self.gi {
             GiArg::PathTrace | GiArg::Off => Indirect::Off,
@@ -258,7 +262,7 @@ impl Render {
         let (_, last) = motion.moment(motion.frames().len() - 1);
         let animation = animation.and_then(|index| scene.animations().nth(index)).map(|(name, ..)| name.to_owned());
         // No `..`: a new setting belongs in this list.
-        let Settings { indirect, rsm, shadow_map, antialiasing, reuse } = *settings;
+        let Settings { indirect, rsm, light_shadows, antialiasing, reuse } = *settings;
         let caches = if let Indirect::Caches(caches) = indirect { Some(caches) } else { None };
         let gather = caches.map(|caches| caches.gather);
         let ways = if let Some(Gather::Compute { ways, .. }) = gather { Some(ways) } else { None };
@@ -273,7 +277,7 @@ impl Render {
             ("max_edge", json!(self.caches.max_edge)),
             ("references", json!(self.caches.settings().references)),
             ("rsm", json!(rsm)),
-            ("shadow_map", json!(shadow_map)),
+            ("shadow_map", light_shadows_word(light_shadows).into()),
             ("aa", json!(antialiasing.samples())),
             ("gather", json!(gather.map(|gather| gather.name()))),
             ("gather_vals", json!(ways.map(|ways| ways.source.name()))),

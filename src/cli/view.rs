@@ -3,7 +3,7 @@
 use super::camera::camera;
 use super::picture::TonemapArg;
 use super::sky::SkyArgs;
-use super::words::{AntialiasingArg, ShadowsArg};
+use super::words::{AntialiasingArg, ShadowsArg, light_shadows_word};
 use super::{CacheArgs, DeviceArgs, QualityArg, divide_for, load_under, word};
 use anyhow::{Context, Result};
 use clap::ValueEnum;
@@ -190,8 +190,8 @@ impl View {
         if settings.rsm != level.rsm {
             flag("--rsm", settings.rsm.to_string());
         }
-        if settings.shadow_map != level.shadow_map {
-            flag("--shadow-map", settings.shadow_map.to_string());
+        if settings.light_shadows != level.light_shadows {
+            flag("--shadow-map", light_shadows_word(settings.light_shadows));
         }
         if settings.antialiasing != level.antialiasing {
             flag("--aa", word(AntialiasingArg::of(settings.antialiasing)));

@@ -1,7 +1,7 @@
 //! Words that flags of `render` take, and what they mean.
 
 use clap::ValueEnum;
-use lightskin::frame::{Antialiasing, Shadows};
+use lightskin::frame::{Antialiasing, LightShadows, Shadows};
 
 #[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
 pub(super) enum GiArg {
@@ -32,6 +32,23 @@ pub(super) enum InterpArg {
     Vertex,
     /// At every pixel, whatever the triangles, which are left undivided.
     Texel,
+}
+
+/// Reads what tells where lamps and the sun shine.
+pub(super) fn light_shadows(text: &str) -> Result<LightShadows, String> {
+    match text.parse() {
+        _ if text == "rays" => Ok(LightShadows::Rays),
+        Ok(side @ 16..=16384) => Ok(LightShadows::Maps(side)),
+        _ => Err("rays, or texels of a shadow map's side from 16 to 16384".into()),
+    }
+}
+
+/// The same as one types it.
+pub(super) fn light_shadows_word(light_shadows: LightShadows) -> String {
+    match light_shadows {
+        LightShadows::Rays => "rays".into(),
+        LightShadows::Maps(side) => side.to_string(),
+    }
 }
 
 #[derive(Clone, Copy, ValueEnum)]

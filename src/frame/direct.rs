@@ -1,35 +1,47 @@
-//! Stage 2, direct light: G-buffer, shadow maps -> radiance. METHOD 1. Light by light, with one shadow map for all
-//! lights, which all views use before the next light is drawn. An area light has a map for each of its samples.
+//! Stage 2, direct light: G-buffer, what hides lights -> radiance. METHOD 1 and 14. Light by light: rays from what pixels show,
+//! or one shadow map for all lights, which all views use before the next light is drawn. An area light has a map for each of
+//! its samples.
 
 use super::gbuffer::Surface;
 use super::plan::Plan;
 use super::view::View;
 use super::world::{LightInfo, VERTEX, Which, World};
-use crate::error::Result;
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use};
-use crate::shared::{AreaPush, ScreenPush};
+use crate::error::{Error, Result};
+use crate::gpu::{
+    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+};
+use crate::shared::{AreaPush, LightRaysPush, ScreenPush};
 use glam::Vec4;
 
-/// Shadow maps and their use.
+/// What hides lights, and shading by them.
 pub struct Direct {
-    /// Shadow map of one light at a time; six-view lights tile it three by two.
-    pub shadow: Image,
-    opaque: Pipeline,
-    masked: Pipeline,
+    hidden: Hidden,
     /// Only with punctual lights.
     shade: Option<Pipeline>,
     /// Only with area lights.
     shade_area: Option<Pipeline>,
     /// Whether caches see the sky, so that no light stands for it here.
     sky_light: bool,
+    /// Whether pixels have more points than their middle; then what shows there has been waited for.
+    edges: bool,
 }
 
-impl Direct {
-    /// Makes the pipelines, and a shadow map of so many texels a side.
-    ///
-    /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
-    pub fn new(gpu: &Gpu, world: &World, plan: &Plan, side: u32) -> Result<Self> {
+/// What tells where light arrives.
+enum Hidden {
+    Maps(Maps),
+    Rays(Pipeline),
+}
+
+/// Shadow maps.
+struct Maps {
+    /// Of one light at a time; six-view lights tile it three by two.
+    image: Image,
+    opaque: Pipeline,
+    masked: Pipeline,
+}
+
+impl Maps {
+    fn new(gpu: &Gpu, side: u32) -> Result<Self> {
         let depth_only = Raster {
             vertex: "mesh.vert",
             fragment: None,
@@ -41,16 +53,55 @@ impl Direct {
             cull: Cull::None,
             constants: &[],
         };
+        Ok(Self {
+            image: gpu.target("direct.shadow", Format::D32_SFLOAT, side, side)?,
+            opaque: gpu.raster(&depth_only)?,
+            masked: gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), ..depth_only })?,
+        })
+    }
+
+    /// Draws the map of a light.
+    fn record(&self, cmd: &Cmd<'_>, world: &World, light: &LightInfo) {
+        let Self { image, opaque, masked } = self;
+        let size = light.shadow_size(image.width);
+        let depth =
+            Attachments { colors: &[], depth: Some(Attach::clear(image)), area: [0, 0, image.width, image.height] };
+        cmd.render(&depth, |draw| {
+            for face in 0..light.views {
+                let [x, y] = light.tile(face);
+                draw.area([x * size, y * size, size, size]);
+                let clip = world.clip_from_world(light.first_view + face);
+                let (least, view) = (light.least(size), (clip, Vec4::ZERO));
+                world.draw_large(draw, opaque, Which::Opaque, view, least);
+                world.draw_large(draw, masked, Which::Masked, view, least);
+            }
+        });
+    }
+}
+
+impl Direct {
+    /// Makes the pipelines, and where maps hide lights one of so many texels a side.
+    ///
+    /// # Errors
+    /// What the device has no memory for, and a driver that refuses the shaders.
+    pub fn new(gpu: &Gpu, world: &World, plan: &Plan, side: u32) -> Result<Self> {
         let used = |light: &&LightInfo| !(plan.sky_light && light.of_sky);
         let has = |area| world.lights().iter().filter(used).any(|light| light.is_area == area);
         let samples = plan.antialiasing.samples();
+        let (hidden, shade, shade_area) = if plan.light_rays {
+            let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
+            let [stack, levels, texels, holes] = rays.constants(gpu);
+            let trace = gpu.compute("light_rays.comp", &[stack, levels, texels, holes, samples])?;
+            (Hidden::Rays(trace), ("direct_rays.frag", &[][..]), "direct_area_rays.frag")
+        } else {
+            (Hidden::Maps(Maps::new(gpu, side)?), ("direct.frag", &[samples][..]), "direct_area.frag")
+        };
         Ok(Self {
-            shadow: gpu.target("direct.shadow", Format::D32_SFLOAT, side, side)?,
-            opaque: gpu.raster(&depth_only)?,
-            masked: gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), ..depth_only })?,
-            shade: has(false).then(|| Surface::adding(gpu, "direct.frag", &[samples])).transpose()?,
-            shade_area: has(true).then(|| Surface::adding(gpu, "direct_area.frag", &[])).transpose()?,
+            hidden,
+            shade: has(false).then(|| Surface::adding(gpu, shade.0, shade.1)).transpose()?,
+            shade_area: has(true).then(|| Surface::adding(gpu, shade_area, &[])).transpose()?,
             sky_light: plan.sky_light,
+            edges: samples > 0,
         })
     }
 
@@ -61,57 +112,91 @@ impl Direct {
         world: &World,
         views: impl Iterator<Item = (&'a View, &'a Surface)> + Clone,
     ) {
-        let shadow = &self.shadow;
         let used = |(_, light): &(usize, &LightInfo)| !(self.sky_light && light.of_sky);
         let mut is_first = true;
         for (i, light) in world.lights().iter().enumerate().filter(used) {
-            let size = light.shadow_size(shadow.width);
-            if !std::mem::take(&mut is_first) {
-                cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the last light's map has been read
-            }
-            let depth = Attachments {
-                colors: &[],
-                depth: Some(Attach::clear(shadow)),
-                area: [0, 0, shadow.width, shadow.height],
-            };
-            cmd.render(&depth, |draw| {
-                for face in 0..light.views {
-                    let [x, y] = light.tile(face);
-                    draw.area([x * size, y * size, size, size]);
-                    let clip = world.clip_from_world(light.first_view + face);
-                    let (least, view) = (light.least(size), (clip, Vec4::ZERO));
-                    world.draw_large(draw, &self.opaque, Which::Opaque, view, least);
-                    world.draw_large(draw, &self.masked, Which::Masked, view, least);
-                }
-            });
-            cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
-            for (view, surface) in views.clone() {
-                let radiance =
-                    Attachments { colors: &[Attach::keep(&surface.radiance)], depth: None, area: surface.area() };
-                let shade = if light.is_area { &self.shade_area } else { &self.shade };
-                let Some(shade) = shade else { continue };
-                cmd.render(&radiance, |draw| {
-                    let resources = [
-                        (&world.light_buffer).into(),
-                        (&world.view_buffer).into(),
-                        (&surface.depth).into(),
-                        (&surface.normal).into(),
-                        (&surface.albedo).into(),
-                        (&surface.specular).into(),
-                        shadow.into(),
-                    ];
-                    draw.bind(shade, &resources);
-                    let View { world_from_clip, eye, .. } = *view;
-                    if light.is_area {
-                        let columns = light.columns();
-                        draw.push(&AreaPush { world_from_clip, eye, light: i as u32, face_size: size, columns });
-                    } else {
-                        let first_val = 0;
-                        draw.push(&ScreenPush { world_from_clip, eye, light: i as u32, shadow_size: size, first_val });
+            match &self.hidden {
+                Hidden::Maps(maps) => {
+                    if !is_first {
+                        cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the last light's map has been read
                     }
-                    draw.draw(3);
-                });
+                    maps.record(cmd, world, light);
+                    cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
+                }
+                Hidden::Rays(trace) => {
+                    if !is_first {
+                        cmd.barrier(Use::FragmentRead, Use::ComputeRead | Use::ComputeWrite); // what arrives of the last light has been read
+                    } else if !self.edges {
+                        cmd.barrier(Use::ColorWrite | Use::DepthWrite | Use::ComputeWrite, Use::ComputeRead);
+                    }
+                    record_rays(cmd, world, (i as u32, true), trace, views.clone());
+                    if self.edges || light.is_area {
+                        cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
+                        record_rays(cmd, world, (i as u32, false), trace, views.clone());
+                    }
+                    let drawn = if is_first { Use::ColorWrite | Use::DepthWrite } else { Use::ColorWrite };
+                    cmd.barrier(drawn | Use::ComputeWrite, Use::FragmentRead | Use::ColorWrite);
+                }
+            }
+            is_first = false;
+            let Some(shade) = (if light.is_area { &self.shade_area } else { &self.shade }) else { continue };
+            for (view, surface) in views.clone() {
+                self.record_shading(cmd, world, (i as u32, light), shade, (view, surface));
             }
         }
+    }
+
+    /// Adds what a view's surfaces reflect of a light.
+    fn record_shading(
+        &self,
+        cmd: &Cmd<'_>,
+        world: &World,
+        (i, light): (u32, &LightInfo),
+        shade: &Pipeline,
+        (view, surface): (&View, &Surface),
+    ) {
+        let radiance = Attachments { colors: &[Attach::keep(&surface.radiance)], depth: None, area: surface.area() };
+        let (hides, size): (Vec<Bind<'_>>, u32) = match &self.hidden {
+            Hidden::Maps(maps) => {
+                (vec![(&world.view_buffer).into(), (&maps.image).into()], light.shadow_size(maps.image.width))
+            }
+            Hidden::Rays(_) => (surface.arriving.iter().map(Bind::from).collect(), 1),
+        };
+        cmd.render(&radiance, |draw| {
+            let mut resources = vec![Bind::from(&world.light_buffer), hides[0]];
+            resources.extend([&surface.depth, &surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
+            resources.extend(hides.get(1));
+            draw.bind(shade, &resources);
+            let View { world_from_clip, eye, .. } = *view;
+            if light.is_area {
+                draw.push(&AreaPush { world_from_clip, eye, light: i, face_size: size, columns: light.columns() });
+            } else {
+                draw.push(&ScreenPush { world_from_clip, eye, light: i, shadow_size: size, first_val: 0 });
+            }
+            draw.draw(3);
+        });
+    }
+}
+
+/// Finds what of a light arrives at surfaces.
+fn record_rays<'a>(
+    cmd: &Cmd<'_>,
+    world: &World,
+    (light, is_first): (u32, bool),
+    trace: &Pipeline,
+    views: impl Iterator<Item = (&'a View, &'a Surface)>,
+) {
+    let Some(rays) = world.rays() else { return };
+    for (view, surface) in views {
+        let Some(arriving) = &surface.arriving else { continue };
+        let mut resources = rays.binds(world).to_vec();
+        resources.push((&world.light_buffer).into());
+        resources.extend([&surface.depth, &surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
+        resources.push(arriving.into());
+        cmd.bind(trace, &resources);
+        let View { world_from_clip, eye, .. } = *view;
+        cmd.push(&LightRaysPush { world_from_clip, eye, light, root: rays.root, is_first: u32::from(is_first) });
+        let [width, height] = surface.size;
+        cmd.dispatch(width, height, 1);
     }
 }

@@ -5,8 +5,10 @@ use super::view::View;
 use super::world::{VERTEX, Which, World};
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster, Shape,
+    Attach, Attachments, Blend, Buffer, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster,
+    Shape,
 };
+use crate::shared::Arriving;
 
 const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
 const HALF: Format = Format::R16G16B16A16_SFLOAT;
@@ -27,6 +29,14 @@ pub struct Surface {
     pub element: Option<Image>,
     /// Emitted radiance, to which stage 2 adds directly reflected radiance and the sky.
     pub radiance: Image,
+    /// What arrives of one light at a time; only where rays say it.
+    pub arriving: Option<Buffer>,
+}
+
+/// Room for what arrives at so many pixels.
+fn arriving(gpu: &Gpu, plan: &Plan, name: &str, [w, h]: [u32; 2]) -> Result<Option<Buffer>> {
+    let bytes = u64::from(w) * u64::from(h) * size_of::<Arriving>() as u64;
+    plan.light_rays.then(|| gpu.buffer(name, bytes)).transpose()
 }
 
 impl Surface {
@@ -44,6 +54,7 @@ impl Surface {
             specular: gpu.target("gbuffer.specular", HALF, w, h)?,
             element: plan.lightskin.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
             radiance: gpu.target("direct.radiance", FLOAT, w, h)?,
+            arriving: arriving(gpu, plan, "direct.arriving", size)?,
         })
     }
 
@@ -61,6 +72,7 @@ impl Surface {
             specular: image("edges.specular", HALF)?,
             element: plan.lightskin.then(|| image("edges.element", Format::R32G32_UINT)).transpose()?,
             radiance: image("edges.radiance", FLOAT)?,
+            arriving: arriving(gpu, plan, "edges.arriving", size)?,
         })
     }
 

@@ -108,12 +108,12 @@ impl Light {
         if plan.bounces > 0 {
             world.make_albedos(gpu, scene)?;
         }
-        if plan.near != Near::Off || plan.sky_light {
+        if plan.near != Near::Off || plan.sky_light || plan.light_rays {
             world.make_rays(gpu, scene)?;
         }
         Ok(Self {
             rsm,
-            direct: plan.direct.then(|| Direct::new(gpu, world, &plan, settings.shadow_map.max(1))).transpose()?,
+            direct: plan.direct.then(|| Direct::new(gpu, world, &plan, settings.light_shadows.map())).transpose()?,
             indirect: match &settings.indirect {
                 settings::Indirect::Caches(caches) if plan.lightskin => {
                     IndirectLight::Caches(Box::new(CacheLight::new(gpu, &plan, world, caches, [vals, side, eyes])?))

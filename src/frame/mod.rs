@@ -52,8 +52,8 @@ pub use picture::Picture;
 pub use plan::{Features, Plan};
 pub use record::record;
 pub use settings::{
-    Antialiasing, Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Look, Near, ProxyWeight, Quality,
-    Settings, Shadows, Tonemap, ValSource, Ways,
+    Antialiasing, Behind, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, LightShadows, Look, Near,
+    ProxyWeight, Quality, Settings, Shadows, Tonemap, ValSource, Ways,
 };
 pub use view::View;
 pub use world::{AreaLight, World};

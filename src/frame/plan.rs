@@ -1,7 +1,7 @@
 //! From a scene's features to the stages it needs, and the one table of stages. What a scene has not costs no pass, no
 //! target and no shader branch.
 
-use super::settings::{Antialiasing, Caches, Gather, Indirect, Near, Settings, Shadows};
+use super::settings::{Antialiasing, Caches, Gather, Indirect, LightShadows, Near, Settings, Shadows};
 use crate::scene::Scene;
 use crate::scene::animation::Quantity;
 
@@ -57,6 +57,8 @@ pub struct Plan {
     pub deform: bool,
     /// Stage 2: there is a light.
     pub direct: bool,
+    /// Stage 2 by rays, rather than shadow maps.
+    pub light_rays: bool,
     /// Stage 2 where no surface is: a sky, or another backdrop, shows.
     pub sky: bool,
     /// Surfaces that emit and are no area lights are VALs, beside those of stage 4.
@@ -153,9 +155,11 @@ impl Plan {
         };
         let near = gather.filter(|_| scene.rays).map_or(Near::Off, |gather| gather.near());
         let brute_force = light && settings.indirect == Indirect::BruteForce;
+        let direct = scene.areas || if sky_light { scene.lamps } else { scene.lights };
         Self {
             deform: scene.bends,
-            direct: scene.areas || if sky_light { scene.lamps } else { scene.lights },
+            direct,
+            light_rays: direct && scene.rays && settings.light_shadows == LightShadows::Rays,
             sky: scene.sky,
             emitters: scene.emits,
             reflects: lights && (brute_force || gather.is_some_and(|gather| gather.bounces() > 0)),

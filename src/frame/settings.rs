@@ -11,12 +11,31 @@ pub struct Settings {
     pub indirect: Indirect,
     /// Texels of an RSM's side; six-view lights share as many.
     pub rsm: u32,
-    /// Texels of a shadow map's side.
-    pub shadow_map: u32,
+    /// What tells where the light of lamps and the sun arrives.
+    pub light_shadows: LightShadows,
     /// How edges are smoothed.
     pub antialiasing: Antialiasing,
     /// Stages whose inputs are those of the frame before are left out. Pictures do not change, times do.
     pub reuse: bool,
+}
+
+/// What tells where the light of lamps and the sun arrives. METHOD 14.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LightShadows {
+    /// Shadow maps of so many texels a side.
+    Maps(u32),
+    /// Rays from what pixels show; maps where the device cannot hold the scene for them.
+    Rays,
+}
+
+impl LightShadows {
+    /// Texels of a shadow map's side, where there is one.
+    pub fn map(self) -> u32 {
+        match self {
+            Self::Maps(side) => side.max(1),
+            Self::Rays => 2048,
+        }
+    }
 }
 
 /// At how many points of a pixel, beside its middle, other surfaces are looked for than the one in the middle. METHOD 13.
@@ -268,12 +287,12 @@ impl Quality {
         }
     }
 
-    /// Texels of a shadow map's side.
-    pub fn shadow_map(self) -> u32 {
+    /// What tells where the light of lamps and the sun arrives.
+    pub fn light_shadows(self) -> LightShadows {
         match self {
-            Self::Low => 1024,
-            Self::Medium | Self::High => 2048,
-            Self::Reference => 4096,
+            Self::Low => LightShadows::Maps(1024),
+            Self::Medium => LightShadows::Maps(2048),
+            Self::High | Self::Reference => LightShadows::Rays,
         }
     }
 
@@ -336,7 +355,7 @@ impl Settings {
                 proxy_weight: ProxyWeight::Irradiance,
             }),
             rsm: quality.rsm(),
-            shadow_map: quality.shadow_map(),
+            light_shadows: quality.light_shadows(),
             antialiasing: quality.antialiasing(),
             reuse: false,
         }

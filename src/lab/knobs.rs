@@ -3,8 +3,8 @@
 use crate::error::Result;
 use crate::frame::settings::{Caches, Gather};
 use crate::frame::{
-    Antialiasing, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Light, Look, Near, Picture, Plan,
-    ProxyWeight, Quality, Settings, Shadows, Tonemap, View, Ways, World, record,
+    Antialiasing, ClusterRule, DrawSource, Exposure, Indirect, Interpolation, Light, LightShadows, Look, Near, Picture,
+    Plan, ProxyWeight, Quality, Settings, Shadows, Tonemap, View, Ways, World, record,
 };
 use crate::gpu::{Cmd, Gpu};
 use crate::scene::Scene;
@@ -49,8 +49,8 @@ pub struct Knobs {
     pub bounces: u32,
     /// Texels of an RSM's side.
     pub rsm: u32,
-    /// Texels of a shadow map's side.
-    pub shadow_map: u32,
+    /// What tells where lamps and the sun shine.
+    pub light_shadows: LightShadows,
     /// Kernel and quantities of stage 8.
     pub interpolation: Interpolation,
     /// Weights of stage 6.
@@ -80,7 +80,7 @@ impl Knobs {
     pub fn at(quality: Quality, caches: usize, size: [u32; 2]) -> Self {
         Self {
             rsm: quality.rsm(),
-            shadow_map: quality.shadow_map(),
+            light_shadows: quality.light_shadows(),
             shadows: quality.shadows(caches, quality.near()),
             near: quality.near(),
             ..Self::plain(size)
@@ -94,7 +94,7 @@ impl Knobs {
             gi: Gi::LightSkin,
             bounces: 1,
             rsm: Quality::High.rsm(),
-            shadow_map: Quality::High.shadow_map(),
+            light_shadows: LightShadows::Maps(2048),
             interpolation: Interpolation::Facing,
             proxy_weight: ProxyWeight::Irradiance,
             path: Path::Compute,
@@ -149,7 +149,7 @@ impl Knobs {
                 (Gi::LightSkin, _) => caches(),
             },
             rsm: self.rsm,
-            shadow_map: self.shadow_map,
+            light_shadows: self.light_shadows,
             antialiasing: self.antialiasing,
             reuse: self.reuse,
         }

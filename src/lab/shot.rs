@@ -4,7 +4,7 @@ use crate::bake::CacheSet;
 use crate::error::Result;
 use crate::frame::check::Check;
 use crate::frame::gather::Gather;
-use crate::frame::{Exposure, View, World};
+use crate::frame::{Exposure, LightShadows, View, World};
 use crate::gpu::{Gpu, Image};
 use crate::lab::knobs::{Frame, Knobs};
 use crate::reference::gather::{Cache, Gathered, Lobe};
@@ -17,7 +17,13 @@ use glam::{DVec2, DVec3, Vec3, Vec4, dvec3};
 
 /// Small pictures, every cache lit; the references do every pixel.
 pub fn small() -> Knobs {
-    Knobs { rsm: 24, shadow_map: 256, exposure: Exposure::Ev(0.0), cull: false, ..Knobs::plain([48, 48]) }
+    Knobs {
+        rsm: 24,
+        light_shadows: LightShadows::Maps(256),
+        exposure: Exposure::Ev(0.0),
+        cull: false,
+        ..Knobs::plain([48, 48])
+    }
 }
 
 /// What one frame made. Places are in the world, in f64.

@@ -170,7 +170,7 @@ fn closed_box(gpu: &Gpu, thickness: f32) -> Result<Outcome> {
 /// Farthest place inside that direct light reaches from the box's edges, in texels of the coarsest shadow map there.
 fn leaks(scene: &Scene, shot: &Shot, thickness: f32) -> f64 {
     // The point light's faces have a third of the texels; the box is up to 4 m from it.
-    let texel = 2.0 * 4.0 / f64::from(small().shadow_map / 3);
+    let texel = 2.0 * 4.0 / f64::from(small().light_shadows.map() / 3);
     let model_from_world = scene.instances[1].world_from_model.inverse();
     let from_edge = |position: DVec3| {
         let mut near = (1.0 - f64::from(thickness) - model_from_world.transform_point3(position).abs()).to_array();

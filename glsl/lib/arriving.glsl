@@ -1,0 +1,50 @@
+// What of a light arrives at a pixel, of the rays that it and its neighbours have sent. Binding 1 is its own. METHOD 14.
+#ifndef ARRIVING_GLSL
+#define ARRIVING_GLSL
+#include "shared.glsl"
+
+layout(binding = 1, scalar) readonly buffer Arrivals { Arriving arrivals[]; };
+
+vec2 share(vec2 open, vec2 all) {
+    return open / max(all, vec2(1e-30));
+}
+
+// Share of a light that arrives, by its diffuse and its glossy lobe. `slope` [NDC per NDC] is that of the surface's plane.
+// Where shadows have soft edges, the square of pixels that has all points of the light counts as one; its border counts
+// half, which is the same for all points.
+vec2 arriving(bool is_soft, sampler2D depth_image, ivec2 pixel, float depth, vec2 slope) {
+    ivec2 size = textureSize(depth_image, 0);
+    Arriving own = arrivals[pixel.y * size.x + pixel.x];
+    vec2 alone = share(own.open, own.all);
+    if (!is_soft || own.penumbra < 0.0) {
+        return alone;
+    }
+    const int REACH = int(LIGHT_SIDE) / 2;
+    vec2 open = vec2(0.0);
+    vec2 all = vec2(0.0);
+    float penumbra = 0.0;
+    for (int y = -REACH; y <= REACH; ++y) {
+        for (int x = -REACH; x <= REACH; ++x) {
+            ivec2 at = pixel + ivec2(x, y);
+            if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size))) {
+                continue;
+            }
+            // Of the same surface: near its plane.
+            float step_ = dot(slope, vec2(x, y) * 2.0 / vec2(size));
+            float there = texelFetch(depth_image, at, 0).r;
+            if (abs(there - depth - step_) > 0.1 * abs(step_) + 0.001 * depth) {
+                continue;
+            }
+            Arriving other = arrivals[at.y * size.x + at.x];
+            float weight = (abs(x) == REACH ? 0.5 : 1.0) * (abs(y) == REACH ? 0.5 : 1.0);
+            open += weight * other.open;
+            all += weight * other.all;
+            penumbra = max(penumbra, other.penumbra);
+        }
+    }
+    // A pixel's own rays are enough for an edge that is as sharp as the picture, if the light's points are above its horizon.
+    float together = own.all.x > 0.0 ? smoothstep(4.0, 12.0, penumbra) : 1.0;
+    return mix(alone, share(open, all), together);
+}
+
+#endif

@@ -1,0 +1,221 @@
+// Stage 2, first: rays from what pixels show to points of one light. A pixel has one, and more where those about it differ; a
+// square of LIGHT_SIDE^2 pixels has all points, which shading takes together where shadows have soft edges. METHOD 14.
+#extension GL_EXT_control_flow_attributes : require
+#include "lib/hit.glsl"
+#include "lib/brdf.glsl"
+#include "lib/depth_image.glsl"
+#include "lib/form_factor.glsl"
+#include "lib/light.glsl"
+#include "lib/octahedral.glsl"
+#include "lib/samples.glsl"
+
+layout(local_size_x = 8, local_size_y = 8) in;
+layout(constant_id = 4) const uint SAMPLES = 0; // points of a pixel beside its middle; with none its middle alone
+layout(push_constant, scalar) uniform Push { LightRaysPush push; };
+layout(binding = 12, scalar) readonly buffer Lights { Light lights[]; };
+layout(binding = 13) uniform sampler2D depth_image;
+layout(binding = 14) uniform sampler2D normal_image;
+layout(binding = 15) uniform sampler2D albedo_image;
+layout(binding = 16) uniform sampler2D specular_image;
+layout(binding = 17, scalar) buffer Arrivals { Arriving arrivals[]; };
+
+// Rays of a pixel to a light that has a size, at least.
+const uint LEAST = 4u;
+
+// Pixels in a row whose first rays go to different points.
+const uint FIRST_SIDE = 8u;
+
+// Golden angle [rad]: points of a disc that are evenly spread.
+const float GOLDEN = 2.39996323;
+
+vec3 place(vec2 ndc, float depth) {
+    vec4 world = push.world_from_clip * vec4(ndc, depth, 1.0);
+    return world.xyz / world.w;
+}
+
+// Point `i` of `count` on the unit disc.
+vec2 disc_point(uint i, uint count) {
+    float angle = float(i) * GOLDEN;
+    return sqrt((float(i) + 0.5) / float(count)) * vec2(cos(angle), sin(angle));
+}
+
+// Point `i` of `count` on the unit square: Hammersley's.
+vec2 square_point(uint i, uint count) {
+    return vec2((float(i) + 0.5) / float(count), float(bitfieldReverse(i)) * 2.3283064e-10 + 0.5 / float(count));
+}
+
+// What first rays say in the workgroup's square, and this far around it.
+const int AROUND = int(FIRST_SIDE) / 2;
+const int TILE = 8 + 2 * AROUND;
+shared float firsts[TILE * TILE];
+
+// What all first rays about a pixel say; ARRIVING_UNKNOWN where they differ.
+float agreed(int reach) {
+    ivec2 middle = ivec2(gl_LocalInvocationID.xy) + AROUND;
+    float all = ARRIVING_UNKNOWN;
+    for (int y = -reach; y <= reach; ++y) {
+        for (int x = -reach; x <= reach; ++x) {
+            float first = firsts[(middle.y + y) * TILE + middle.x + x];
+            if (first >= 0.0) {
+                if (all >= 0.0 && first != all) {
+                    return ARRIVING_UNKNOWN;
+                }
+                all = first;
+            }
+        }
+    }
+    return all;
+}
+
+// Whether a light can arrive at a surface at all: it shines there, and is above the horizon. What lies in a rectangle's own
+// plane, but for `lift`, does not.
+bool shines_at(Light light, vec3 to, vec3 n, vec3 geometric, float lift) {
+    if (light.intensity == vec3(0.0)) {
+        return false;
+    }
+    if (light.kind == LIGHT_AREA) {
+        // A corner that is above the horizon is enough.
+        vec2 reach = abs(vec2(dot(light.right, n), dot(light.up, n)));
+        return dot(to, light.direction) < -lift && dot(to, n) + reach.x + reach.y > lift;
+    }
+    if (dot(to, n) <= 0.0 || dot(to, geometric) <= 0.0) {
+        return false;
+    }
+    float d2 = max(dot(to, to), 1e-30);
+    float along = -dot(to, light.direction) * inversesqrt(d2);
+    return light.kind == LIGHT_DIRECTIONAL
+        || (range_window(d2, light.range) > 0.0
+            && (light.kind == LIGHT_POINT || spot_falloff(along, light.cone_scale, light.cone_offset) > 0.0));
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+    ivec2 size = textureSize(depth_image, 0);
+    uint at = uint(pixel.y * size.x + pixel.x);
+    Light light = lights[push.light];
+    bool is_area = light.kind == LIGHT_AREA;
+    bool is_parallel = light.kind == LIGHT_DIRECTIONAL;
+    bool is_soft = is_area || light.radius > 0.0;
+    bool is_first = push.is_first != 0u;
+    if (!is_first) {
+        ivec2 corner = ivec2(gl_WorkGroupID.xy) * 8 - AROUND;
+        for (int i = int(gl_LocalInvocationIndex); i < TILE * TILE; i += 64) {
+            ivec2 there = clamp(corner + ivec2(i % TILE, i / TILE), ivec2(0), size - 1);
+            firsts[i] = arrivals[there.y * size.x + there.x].first;
+        }
+        barrier();
+    }
+    if (any(greaterThanEqual(pixel, size))) {
+        return;
+    }
+    if (!is_first) {
+        float first = arrivals[at].first;
+        if (first == ARRIVING_NOT) {
+            return;
+        }
+        float all = agreed(is_soft ? AROUND : 1);
+        if (all >= 0.0) {
+            if (first == ARRIVING_UNKNOWN) {
+                arrivals[at].open = vec2(all);
+                arrivals[at].all = vec2(1.0);
+            }
+            return;
+        }
+    }
+    float depth = texelFetch(depth_image, pixel, 0).r;
+    vec2 step_ = 2.0 / vec2(size);
+    vec2 middle = (vec2(pixel) + 0.5) * step_ - 1.0;
+    vec3 position = place(middle, max(depth, 1e-30));
+    vec4 normal_coded = texelFetch(normal_image, pixel, 0);
+    vec3 n = normal_coded.xyz;
+    vec4 specular = texelFetch(specular_image, pixel, 0);
+    vec3 geometric = octahedral_decode(vec2(texelFetch(albedo_image, pixel, 0).a, specular.a));
+    vec3 to = is_parallel ? -light.direction : light.position - position;
+    float d2 = dot(to, to);
+    float lift = lift_at(position, push.eye.w > 0.0 ? distance(push.eye.xyz, position) : 0.0);
+    Arriving found = Arriving(vec2(0.0), vec2(0.0), -1.0, ARRIVING_NOT);
+    if (depth <= 0.0 || !shines_at(light, to, n, geometric, lift)) {
+        arrivals[at] = found;
+        return;
+    }
+
+    // Planes stay planes in clip space.
+    vec4 plane = vec4(geometric, -dot(geometric, position)) * push.world_from_clip;
+    vec2 slope = -plane.xy / plane.z;
+    vec3 looking = view_direction(push.eye, position);
+    vec3 mirrored = reflect(looking, n);
+    float exponent = fitted_exponent(normal_coded.w);
+    bool is_glossy = is_area && specular.rgb != vec3(0.0);
+    float footprint = max(distance(position, place(middle + vec2(step_.x, 0.0), depth)), 1e-30);
+    uint subset = uint(pixel.x) % LIGHT_SIDE + LIGHT_SIDE * (uint(pixel.y) % LIGHT_SIDE);
+    const uint SQUARE = LIGHT_SIDE * LIGHT_SIDE;
+    uint rays = max(SAMPLES + 1u, is_soft ? LEAST : 1u);
+    vec3 x_axis, y_axis;
+    tangents(to * inversesqrt(max(d2, 1e-30)), x_axis, y_axis);
+    float area = 4.0 * length(cross(light.right, light.up));
+    float cell = area / float(SQUARE * rays);
+    found.penumbra = 0.0;
+    for (uint i = 0u; i < (is_first ? 1u : rays); ++i) {
+        vec3 from = position;
+        if (SAMPLES > 0u && i > 0u) {
+            vec2 offset = sample_offset((i - 1u) % SAMPLES + 1u, SAMPLES) * step_;
+            float there = depth + dot(slope, offset);
+            // One seen from nearly edge on goes anywhere.
+            from = there > 0.5 * depth && there < 2.0 * depth ? place(middle + offset, there) : position;
+        }
+        // In a corner such a point may lie behind the other surface, which is not met there.
+        float least = max(lift, 1.5 * distance(from, position));
+        vec3 start = from + geometric * lift;
+        uint number = i * SQUARE + subset;
+        // First rays go to a lattice with the light's border: what comes into its way hides a point of that first.
+        vec2 lattice = vec2(uvec2(pixel) % FIRST_SIDE) / float(FIRST_SIDE - 1u) * 2.0 - 1.0;
+        vec2 weight = vec2(1.0, 0.0);
+        vec3 way;
+        float reach = 1.0; // distance of the light [lengths of the way]
+        if (is_area) {
+            vec2 on = is_first ? 0.999 * lattice : 2.0 * square_point(number, SQUARE * rays) - 1.0;
+            way = light.position + on.x * light.right + on.y * light.up - start;
+            float way2 = max(dot(way, way), 1e-30);
+            vec3 towards = way * inversesqrt(way2);
+            float given = max(-dot(towards, light.direction), 0.0) / (way2 + cell);
+            // A lobe narrower than what a point stands for is as wide as that here.
+            float k = min(exponent, 2.0 * PI * way2 / cell);
+            float received = max(dot(n, towards), 0.0);
+            weight = given * received * vec2(1.0, is_glossy ? cosine_power(dot(mirrored, towards), k) + 1e-4 : 0.0);
+            weight *= d2;
+            reach = 0.9999;
+        } else {
+            // The square's lattice on the disc: rings stay rings.
+            float ring = max(abs(lattice.x), abs(lattice.y));
+            vec2 on = is_first ? lattice * ring / max(length(lattice), 1e-30) : disc_point(number, SQUARE * rays);
+            on *= light.radius;
+            vec3 aside = x_axis * on.x + y_axis * on.y;
+            way = (is_parallel ? to : light.position - start) + aside;
+            reach = is_parallel ? 3e38 : 0.99999;
+        }
+        found.all += weight;
+        if (weight.x <= 0.0 || dot(way, geometric) <= 0.0) {
+            continue;
+        }
+        float scale = length(way);
+        Hit hit = trace(start, way, least / max(scale, 1e-30), reach, push.root, is_area ? RAY_AREA_LIGHT : 0u, true);
+        if (hit.triangle == NO_HIT) {
+            found.open += weight;
+        } else if (is_soft) {
+            // By similar triangles, with the blocker for the apex.
+            float wide = is_area ? sqrt(area) : 2.0 * light.radius;
+            float ahead = is_parallel ? hit.distance : hit.distance / max(1.0 - hit.distance, 1e-3);
+            found.penumbra = max(found.penumbra, wide * ahead / footprint);
+        }
+    }
+    if (is_first) {
+        // As if all its rays were like that.
+        float first = found.all.x <= 0.0 ? ARRIVING_UNKNOWN : found.open.x > 0.0 ? 1.0 : 0.0;
+        arrivals[at] = Arriving(float(rays) * found.open, float(rays) * found.all, -1.0, first);
+        return;
+    }
+    // What the first ray said stays as it is: neighbours read it.
+    arrivals[at].open = found.open;
+    arrivals[at].all = found.all;
+    arrivals[at].penumbra = found.penumbra;
+}

@@ -1,0 +1,139 @@
+//! Where lamps and the sun shine by rays: as the path tracer says, which shares no code with the device's.
+
+use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
+use lightskin::frame::{Antialiasing, LightShadows};
+use lightskin::lab::knobs::{Gi, Knobs};
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
+use lightskin::scene::build::{CornellSurface, cornell, quad, sphere};
+use lightskin::scene::{LightKind, Material, Scene};
+
+use crate::common::frames::{SPOT, add, camera, corner, lamp, phong, placed, shoot, small};
+use crate::common::gpu;
+
+/// Direct light by rays alone.
+fn rays(size: [u32; 2], antialiasing: Antialiasing) -> Knobs {
+    Knobs { gi: Gi::Off, light_shadows: LightShadows::Rays, size, antialiasing, ..small() }
+}
+
+/// What of the path tracer's direct light the device's differs by, pixel by pixel, and the path tracer's.
+fn against_paths(scene: &Scene, knobs: &Knobs, passes: usize) -> Vec<(f64, f64)> {
+    let shown = shoot(&gpu(), scene, None, knobs).direct;
+    let spread = knobs.antialiasing != Antialiasing::Off;
+    let paths = PathTraceSettings { spread, ..PathTraceSettings::engine(knobs.size, 0) };
+    let mut paths = PathTrace::new(scene, &scene.cameras[0], &paths);
+    (0..passes).for_each(|_| paths.pass());
+    let paths = paths.direct();
+    shown.iter().zip(&paths).map(|(own, path)| (own.y, f64::from(path[1]))).collect()
+}
+
+#[test]
+fn lamps_are_hidden_where_the_path_tracer_says() {
+    let lights = [SPOT, LightKind::Point, LightKind::Directional];
+    let places = [(1.0, DVec3::ZERO), (1e-3, DVec3::ZERO), (1e3, DVec3::ZERO), (1.0, dvec3(1e4, -2e4, 3e4))];
+    for (scale, shift) in places {
+        let scene = placed(&corner(&lights, 20.0), scale, shift);
+        let pixels = against_paths(&scene, &rays([96, 72], Antialiasing::Off), 1);
+        let mean = pixels.iter().map(|(_, path)| path).sum::<f64>() / pixels.len() as f64;
+        let wrong = pixels.iter().filter(|(own, path)| (own - path).abs() > 0.01 * path.max(mean)).count();
+        let lit = pixels.iter().filter(|(_, path)| *path > 0.0).count();
+        println!("scale {scale}, {shift}: {wrong} of {} pixels differ, {lit} are lit", pixels.len());
+        assert!(lit > pixels.len() / 2 && mean > 0.0, "{lit} are lit");
+        // At edges a ray of f32 passes where one of f64 does not.
+        assert!(wrong <= pixels.len() / 500, "{wrong} pixels are shadowed otherwise");
+    }
+}
+
+#[test]
+fn edges_of_shadows_are_smooth() {
+    let scene = corner(&[LightKind::Directional], 20.0);
+    let error = |antialiasing| {
+        let pixels = against_paths(&scene, &rays([96, 72], antialiasing), 16);
+        let sum = pixels.iter().map(|(own, path)| (own - path).powi(2)).sum::<f64>();
+        (sum / pixels.len() as f64).sqrt() / pixels.iter().map(|(_, path)| path).sum::<f64>() * pixels.len() as f64
+    };
+    // The same truth for both: a pixel's middle alone, and its points.
+    let truth = rays([96, 72], Antialiasing::Four);
+    let middle = shoot(&gpu(), &scene, None, &rays([96, 72], Antialiasing::Off)).direct;
+    let paths = PathTraceSettings { spread: true, ..PathTraceSettings::engine(truth.size, 0) };
+    let mut paths = PathTrace::new(&scene, &scene.cameras[0], &paths);
+    (0..16).for_each(|_| paths.pass());
+    let paths = paths.direct();
+    let mean = paths.iter().map(|path| f64::from(path[1])).sum::<f64>() / paths.len() as f64;
+    let off = middle.iter().zip(&paths).map(|(own, path)| (own.y - f64::from(path[1])).powi(2)).sum::<f64>();
+    let off = (off / paths.len() as f64).sqrt() / mean;
+    let four = error(Antialiasing::Four);
+    println!("RMSE over the mean: pixels' middles {off:.4}, four points more {four:.4}");
+    assert!(four < 0.55 * off, "{four} against {off}");
+}
+
+/// The Cornell box with its lamp as a surface 5 mm below the ceiling.
+fn lit_box() -> Scene {
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
+    scene.lights.clear();
+    let lamp = quad(vec3(-0.3, 1.995, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 0.6);
+    let shining = Material { emissive: Vec3::splat(100.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
+    add(&mut scene, lamp, shining, DAffine3::IDENTITY);
+    scene
+}
+
+#[test]
+fn soft_shadows_of_a_surface_that_emits_are_the_path_tracers() {
+    let scene = lit_box();
+    let error = |light_shadows| {
+        let knobs = Knobs { light_shadows, ..rays([192, 144], Antialiasing::Off) };
+        let pixels = against_paths(&scene, &knobs, 16);
+        let mut sums = [0.0; 3];
+        for (own, path) in pixels.into_iter().filter(|(_, path)| *path < 90.0) {
+            sums = [sums[0] + (own - path).abs(), sums[1] + own, sums[2] + path];
+        }
+        [sums[0] / sums[2], sums[1] / sums[2] - 1.0]
+    };
+    let [by_rays, bias] = error(LightShadows::Rays);
+    let [by_maps, _] = error(LightShadows::Maps(2048));
+    println!("mean error {by_rays:.4} of the mean, bias {bias:+.4}; by maps {by_maps:.4}");
+    assert!(by_rays < 0.02 && bias.abs() < 0.003, "{by_rays}, {bias}");
+}
+
+#[test]
+fn light_of_a_lamp_in_a_closed_housing_stays_in() {
+    // Maps let a ring of texels through where the housing is close.
+    let mut scene = Scene::default();
+    let white = || phong([0.7; 3], [0.0; 3], 1.0);
+    let floor = quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0.5);
+    add(&mut scene, floor, white(), DAffine3::IDENTITY);
+    let housing = DAffine3::from_scale_rotation_translation(DVec3::splat(0.3), DQuat::IDENTITY, dvec3(0.0, 0.6, 0.0));
+    add(&mut scene, sphere(1.0, 12), white(), housing);
+    let mut light = lamp(LightKind::Point);
+    light.position = dvec3(0.05, 0.62, 0.0);
+    scene.lights = vec![light];
+    scene.cameras.push(camera(dvec3(1.5, 1.2, 2.0), dvec3(0.0, 0.4, 0.0), 0.8));
+    for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
+        let shown = shoot(&gpu(), &scene, None, &rays([160, 120], antialiasing)).direct;
+        let lit = shown.iter().filter(|pixel| **pixel != DVec3::ZERO).count();
+        assert_eq!(lit, 0, "{antialiasing:?}: pixels outside are lit");
+    }
+}
+
+#[test]
+fn surfaces_do_not_hide_the_sun_from_themselves() {
+    // Nearly along a floor, and over a ball of few triangles; nothing but the ball's own shadow may be dark.
+    for (scale, shift) in [(1.0, DVec3::ZERO), (1e-3, DVec3::ZERO), (1e3, dvec3(1e6, 0.0, -1e6))] {
+        let mut scene = Scene::default();
+        let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.1);
+        add(&mut scene, floor, phong([0.7; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+        let mut sun = lamp(LightKind::Directional);
+        sun.direction = vec3(0.9, -0.03, 0.2).normalize();
+        scene.lights = vec![sun];
+        scene.cameras.push(camera(dvec3(0.2, 0.5, 1.6), dvec3(0.0, 0.0, 0.1), 0.7));
+        let scene = placed(&scene, scale, shift);
+        for antialiasing in [Antialiasing::Off, Antialiasing::Eight] {
+            let shot = shoot(&gpu(), &scene, None, &rays([120, 90], antialiasing));
+            let dark = shot.covered.iter().zip(&shot.direct).filter(|(covered, light)| **covered && light.y == 0.0);
+            assert_eq!(
+                dark.count(),
+                0,
+                "scale {scale}, {shift}, {antialiasing:?}: the floor hides the sun from itself"
+            );
+        }
+    }
+}
