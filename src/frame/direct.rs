@@ -28,7 +28,7 @@ pub struct Direct {
 
 /// What tells where light arrives.
 enum Hidden {
-    Maps(Maps),
+    Maps(Box<Maps>),
     Rays(Pipeline),
 }
 
@@ -94,7 +94,7 @@ impl Direct {
             let trace = gpu.compute("light_rays.comp", &[stack, levels, texels, holes, samples])?;
             (Hidden::Rays(trace), ("direct_rays.frag", &[][..]), "direct_area_rays.frag")
         } else {
-            (Hidden::Maps(Maps::new(gpu, side)?), ("direct.frag", &[samples][..]), "direct_area.frag")
+            (Hidden::Maps(Box::new(Maps::new(gpu, side)?)), ("direct.frag", &[samples][..]), "direct_area.frag")
         };
         Ok(Self {
             hidden,
