@@ -155,6 +155,10 @@ void main() {
     float area = 4.0 * length(cross(light.right, light.up));
     float cell = area / float(SQUARE * rays);
     found.penumbra = 0.0;
+    // A second surface shows half a pixel from its middle at most.
+    vec3 right = place(middle + vec2(step_.x, 0.0), depth + slope.x * step_.x);
+    vec3 below = place(middle + vec2(0.0, step_.y), depth + slope.y * step_.y);
+    float aside = push.is_second != 0u ? 0.5 * (distance(position, right) + distance(position, below)) : 0.0;
     for (uint i = 0u; i < (is_first ? 1u : rays); ++i) {
         vec3 from = position;
         if (SAMPLES > 0u && i > 0u) {
@@ -164,7 +168,7 @@ void main() {
             from = there > 0.5 * depth && there < 2.0 * depth ? place(middle + offset, there) : position;
         }
         // In a corner such a point may lie behind the other surface, which is not met there.
-        float least = max(lift, 1.5 * distance(from, position));
+        float least = max(lift, 1.5 * (distance(from, position) + aside));
         vec3 start = from + geometric * lift;
         uint number = i * SQUARE + subset;
         // First rays go to a lattice with the light's border: what comes into its way hides a point of that first.

@@ -186,6 +186,7 @@ struct LightRaysPush {
     uint light;
     uint root;
     uint is_first; // one ray a pixel; then more where those of neighbours differ
+    uint is_second; // of pixels' second surfaces, which show beside the pixel's middle
 };
 
 #endif

@@ -137,3 +137,25 @@ fn surfaces_do_not_hide_the_sun_from_themselves() {
         }
     }
 }
+
+#[test]
+fn corners_in_the_sun_are_not_dark() {
+    // A floor and a wall at which the sun shines alike: points of a pixel on the one lie behind the other.
+    let mut scene = Scene::default();
+    let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
+    let low = vec3(-1.0, 0.0, -1.0);
+    let white = || phong([0.7; 3], [0.0; 3], 1.0);
+    add(&mut scene, quad(low, z, x, 2.0), white(), DAffine3::IDENTITY);
+    add(&mut scene, quad(low, x, y, 2.0), white(), DAffine3::IDENTITY);
+    let mut sun = lamp(LightKind::Directional);
+    sun.direction = vec3(0.1, -1.0, -1.0).normalize();
+    scene.lights = vec![sun];
+    scene.cameras.push(camera(dvec3(0.3, 0.8, 0.4), dvec3(0.1, 0.0, -1.0), 0.6));
+    for antialiasing in [Antialiasing::Four, Antialiasing::Eight] {
+        let shown = shoot(&gpu(), &scene, None, &rays([120, 90], antialiasing)).direct;
+        let brightest = shown.iter().fold(0.0_f64, |most, pixel| most.max(pixel.y));
+        let darkest = shown.iter().fold(brightest, |least, pixel| least.min(pixel.y));
+        println!("{antialiasing:?}: from {darkest:.4} to {brightest:.4} cd/m^2");
+        assert!(darkest > 0.999 * brightest, "{antialiasing:?}: the corner is dark");
+    }
+}

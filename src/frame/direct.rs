@@ -195,7 +195,14 @@ fn record_rays<'a>(
         resources.push(arriving.into());
         cmd.bind(trace, &resources);
         let View { world_from_clip, eye, .. } = *view;
-        cmd.push(&LightRaysPush { world_from_clip, eye, light, root: rays.root, is_first: u32::from(is_first) });
+        cmd.push(&LightRaysPush {
+            world_from_clip,
+            eye,
+            light,
+            root: rays.root,
+            is_first: u32::from(is_first),
+            is_second: u32::from(surface.is_second),
+        });
         let [width, height] = surface.size;
         cmd.dispatch(width, height, 1);
     }

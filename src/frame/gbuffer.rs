@@ -29,6 +29,8 @@ pub struct Surface {
     pub element: Option<Image>,
     /// Emitted radiance, to which stage 2 adds directly reflected radiance and the sky.
     pub radiance: Image,
+    /// Whether these are pixels' second surfaces, which show beside the pixel's middle.
+    pub is_second: bool,
     /// What arrives of one light at a time; only where rays say it.
     pub arriving: Option<Buffer>,
 }
@@ -54,6 +56,7 @@ impl Surface {
             specular: gpu.target("gbuffer.specular", HALF, w, h)?,
             element: plan.lightskin.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
             radiance: gpu.target("direct.radiance", FLOAT, w, h)?,
+            is_second: false,
             arriving: arriving(gpu, plan, "direct.arriving", size)?,
         })
     }
@@ -72,6 +75,7 @@ impl Surface {
             specular: image("edges.specular", HALF)?,
             element: plan.lightskin.then(|| image("edges.element", Format::R32G32_UINT)).transpose()?,
             radiance: image("edges.radiance", FLOAT)?,
+            is_second: true,
             arriving: arriving(gpu, plan, "edges.arriving", size)?,
         })
     }
