@@ -341,3 +341,14 @@ fn what_stands_farther_off_than_numbers_reach_is_refused() {
         assert!(error.to_string().contains("its transform overflows"), "{error}");
     }
 }
+
+#[test]
+fn what_is_larger_than_sums_of_areas_hold_is_refused() {
+    let mut b = Builder::triangle();
+    b.json["nodes"][0]["scale"] = json!([1e30, 1e30, 1e30]);
+    let error = b.load("too_large").expect_err("too large");
+    assert!(error.to_string().contains("is larger than 1e15 m"), "{error}");
+    let mut b = Builder::triangle();
+    b.json["nodes"][0]["scale"] = json!([1e12, 1e12, 1e12]);
+    b.load("large").expect("a planet's orbit fits");
+}

@@ -31,6 +31,9 @@ use pose::Pose;
 /// Farther \[m\] from the origin than this nothing stands: squares of distances leave what f32 holds.
 const FARTHEST: f64 = 1e18;
 
+/// Larger \[m\] no surface is: the areas of millions of them are summed in f32, where rays find them.
+const LARGEST: f64 = 1e15;
+
 /// Loads a .gltf or .glb, at rest. Skins and morph targets that no animation reaches are posed once, here.
 ///
 /// # Errors
@@ -73,6 +76,15 @@ pub fn load(path: &Path) -> Result<Scene> {
         let told = left_out.iter().map(|note| format!(" {note}")).collect::<String>();
         return Err(error_at(path, "file", format!("no triangles to draw: {why}.{told}").trim_end_matches('.')));
     }
+    let reaches: Vec<f64> = scene.meshes.iter().map(reach).collect();
+    for Instance { name, mesh, world_from_model, .. } in &scene.instances {
+        let columns = world_from_model.matrix3.to_cols_array();
+        let stretch = columns.iter().fold(0.0_f64, |most, value| most.max(value.abs()));
+        if stretch * reaches[*mesh] > LARGEST {
+            let why = format!("\"{name}\" is larger than {LARGEST:e} m: export the file again, in metres");
+            return Err(error_at(path, "nodes", why.as_str()));
+        }
+    }
     let used = std::mem::take(&mut builder.materials.indices);
     (scene.materials, scene.images) = builder.materials.finish(&accessors, &mut notes)?;
     if !played.is_empty() {
@@ -85,6 +97,11 @@ pub fn load(path: &Path) -> Result<Scene> {
     }
     scene.notes = notes.finish();
     Ok(scene)
+}
+
+/// Farthest from its origin that a mesh has a vertex, along an axis.
+fn reach(mesh: &Mesh) -> f64 {
+    mesh.vertices.iter().fold(0.0, |most, vertex| most.max(f64::from(vertex.position.abs().max_element())))
 }
 
 /// What the user should know, each thing once.
