@@ -206,7 +206,7 @@ fn a_path_trace_stops_within_its_pass() {
     let child = tool(&at, &args).stderr(Stdio::piped()).spawn().expect("the tool runs");
     std::thread::sleep(Duration::from_secs(6));
     signal(&child, "-TERM");
-    let out = ends(child, 5);
+    let out = ends(child, 60);
     let message = text(&out.stderr);
     assert_eq!(out.status.code(), Some(1), "{message}");
     assert!(message.contains("stopped at 0 of 256 samples"), "{message}");
