@@ -62,6 +62,12 @@ pub fn halved(sky: &Sky, most: u32) -> Sky {
 /// The mean about each direction of a grid of so many columns, weighed by a function of the cosine from `least` on.
 fn convolved(sky: &Sky, columns: u32, weight: impl Fn(f64) -> f64 + Sync, least: f64) -> Sky {
     let (width, height) = (columns, columns / 2);
+    if let Some(&even) = sky.texels.first()
+        && sky.texels.iter().all(|&texel| texel == even)
+    {
+        // The mean of what is everywhere the same.
+        return Sky::new(width, height, std::iter::repeat_n(even, (width * height) as usize), 0.0);
+    }
     let texel = |i: usize| (i % sky.width as usize, i / sky.width as usize);
     let source: Vec<(DVec3, DVec3, f64)> = (0..sky.texels.len())
         .map(|i| {
