@@ -28,12 +28,6 @@ vec3 place(vec2 ndc, float depth) {
     return world.xyz / world.w;
 }
 
-// Depth over place of a plane [NDC per NDC]: planes stay planes in clip space.
-vec2 slope_of(vec3 position, vec3 n) {
-    vec4 plane = vec4(n, -dot(n, position)) * push.world_from_clip;
-    return -plane.xy / plane.z;
-}
-
 #ifndef RAYS
 // Share of the 2x2 texels around the point's projection that see it; bilinear, so that edges are smooth.
 float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
@@ -71,7 +65,7 @@ float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
 // The same for all of a pixel: the mean over points of the surface's plane.
 float visibility_of_pixel(Light light, vec2 middle, vec2 pixel, float depth, vec3 position, vec3 n, vec3 towards) {
     float sum = visibility(light, position, n, towards);
-    vec2 slope = slope_of(position, n);
+    vec2 slope = plane_slope(push.world_from_clip, position, n);
     for (uint i = 1u; i <= SAMPLES; ++i) {
         vec2 offset = sample_offset(i, SAMPLES) * pixel;
         float there = depth + dot(slope, offset);
@@ -117,7 +111,7 @@ void main() {
     vec3 looking = view_direction(push.eye, position);
     vec3 brdf = albedo.rgb / PI + glossy_lobe(specular.rgb, normal_coded.w, n, looking, towards);
 #ifdef RAYS
-    float seen = arriving(light.radius > 0.0, depth_image, pixel, depth, slope_of(position, geometric)).x;
+    float seen = arriving_alone(pixel.y * int(size.x) + pixel.x).x;
 #else
     float seen = visibility_of_pixel(light, middle, 2.0 / size, depth, position, geometric, towards);
 #endif

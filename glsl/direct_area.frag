@@ -7,6 +7,7 @@
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
+#include "lib/samples.glsl"
 
 #ifdef RAYS
 #include "lib/arriving.glsl"
@@ -174,8 +175,7 @@ void main() {
     }
 
 #ifdef RAYS
-    vec4 plane = vec4(geometric, -dot(geometric, position)) * push.world_from_clip;
-    vec2 arrives = arriving(true, depth_image, pixel, depth, -plane.xy / plane.z);
+    vec2 arrives = arriving(depth_image, pixel, depth, plane_slope(push.world_from_clip, position, geometric));
 #else
     // What arrives of it: each lobe weighs the samples by what they would give it.
     uint samples = light.columns * light.rows;

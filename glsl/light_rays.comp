@@ -3,7 +3,6 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/brdf.glsl"
-#include "lib/depth_image.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
@@ -19,24 +18,15 @@ layout(binding = 15) uniform sampler2D albedo_image;
 layout(binding = 16) uniform sampler2D specular_image;
 layout(binding = 17, scalar) buffer Arrivals { Arriving arrivals[]; };
 
-// Rays of a pixel to a light that has a size, at least.
+// Rays of a pixel to an area light, at least.
 const uint LEAST = 4u;
 
 // Pixels in a row whose first rays go to different points.
 const uint FIRST_SIDE = 8u;
 
-// Golden angle [rad]: points of a disc that are evenly spread.
-const float GOLDEN = 2.39996323;
-
 vec3 place(vec2 ndc, float depth) {
     vec4 world = push.world_from_clip * vec4(ndc, depth, 1.0);
     return world.xyz / world.w;
-}
-
-// Point `i` of `count` on the unit disc.
-vec2 disc_point(uint i, uint count) {
-    float angle = float(i) * GOLDEN;
-    return sqrt((float(i) + 0.5) / float(count)) * vec2(cos(angle), sin(angle));
 }
 
 // Point `i` of `count` on the unit square: Hammersley's.
@@ -95,7 +85,6 @@ void main() {
     Light light = lights[push.light];
     bool is_area = light.kind == LIGHT_AREA;
     bool is_parallel = light.kind == LIGHT_DIRECTIONAL;
-    bool is_soft = is_area || light.radius > 0.0;
     bool is_first = push.is_first != 0u;
     if (!is_first) {
         ivec2 corner = ivec2(gl_WorkGroupID.xy) * 8 - AROUND;
@@ -113,7 +102,7 @@ void main() {
         if (first == ARRIVING_NOT) {
             return;
         }
-        float all = agreed(is_soft ? AROUND : 1);
+        float all = agreed(is_area ? AROUND : 1);
         if (all >= 0.0) {
             if (first == ARRIVING_UNKNOWN) {
                 arrivals[at].open = vec2(all);
@@ -139,9 +128,7 @@ void main() {
         return;
     }
 
-    // Planes stay planes in clip space.
-    vec4 plane = vec4(geometric, -dot(geometric, position)) * push.world_from_clip;
-    vec2 slope = -plane.xy / plane.z;
+    vec2 slope = plane_slope(push.world_from_clip, position, geometric);
     vec3 looking = view_direction(push.eye, position);
     vec3 mirrored = reflect(looking, n);
     float exponent = fitted_exponent(normal_coded.w);
@@ -149,9 +136,7 @@ void main() {
     float footprint = max(distance(position, place(middle + vec2(step_.x, 0.0), depth)), 1e-30);
     uint subset = uint(pixel.x) % LIGHT_SIDE + LIGHT_SIDE * (uint(pixel.y) % LIGHT_SIDE);
     const uint SQUARE = LIGHT_SIDE * LIGHT_SIDE;
-    uint rays = max(SAMPLES + 1u, is_soft ? LEAST : 1u);
-    vec3 x_axis, y_axis;
-    tangents(to * inversesqrt(max(d2, 1e-30)), x_axis, y_axis);
+    uint rays = max(SAMPLES + 1u, is_area ? LEAST : 1u);
     float area = 4.0 * length(cross(light.right, light.up));
     float cell = area / float(SQUARE * rays);
     found.penumbra = 0.0;
@@ -171,12 +156,12 @@ void main() {
         float least = max(lift, 1.5 * (distance(from, position) + aside));
         vec3 start = from + geometric * lift;
         uint number = i * SQUARE + subset;
-        // First rays go to a lattice with the light's border: what comes into its way hides a point of that first.
-        vec2 lattice = vec2(uvec2(pixel) % FIRST_SIDE) / float(FIRST_SIDE - 1u) * 2.0 - 1.0;
         vec2 weight = vec2(1.0, 0.0);
-        vec3 way;
-        float reach = 1.0; // distance of the light [lengths of the way]
+        vec3 way = to;
+        float reach = 3e38; // how far off the light is [lengths of the way]
         if (is_area) {
+            // First rays go to a lattice with the light's border: what comes into its way hides a point of that first.
+            vec2 lattice = vec2(uvec2(pixel) % FIRST_SIDE) / float(FIRST_SIDE - 1u) * 2.0 - 1.0;
             vec2 on = is_first ? 0.999 * lattice : 2.0 * square_point(number, SQUARE * rays) - 1.0;
             way = light.position + on.x * light.right + on.y * light.up - start;
             float way2 = max(dot(way, way), 1e-30);
@@ -188,14 +173,9 @@ void main() {
             weight = given * received * vec2(1.0, is_glossy ? cosine_power(dot(mirrored, towards), k) + 1e-4 : 0.0);
             weight *= d2;
             reach = 0.9999;
-        } else {
-            // The square's lattice on the disc: rings stay rings.
-            float ring = max(abs(lattice.x), abs(lattice.y));
-            vec2 on = is_first ? lattice * ring / max(length(lattice), 1e-30) : disc_point(number, SQUARE * rays);
-            on *= light.radius;
-            vec3 aside = x_axis * on.x + y_axis * on.y;
-            way = (is_parallel ? to : light.position - start) + aside;
-            reach = is_parallel ? 3e38 : 0.99999;
+        } else if (!is_parallel) {
+            way = light.position - start;
+            reach = 0.99999;
         }
         found.all += weight;
         if (weight.x <= 0.0 || dot(way, geometric) <= 0.0) {
@@ -205,11 +185,10 @@ void main() {
         Hit hit = trace(start, way, least / max(scale, 1e-30), reach, push.root, is_area ? RAY_AREA_LIGHT : 0u, true);
         if (hit.triangle == NO_HIT) {
             found.open += weight;
-        } else if (is_soft) {
-            // By similar triangles, with the blocker for the apex.
-            float wide = is_area ? sqrt(area) : 2.0 * light.radius;
-            float ahead = is_parallel ? hit.distance : hit.distance / max(1.0 - hit.distance, 1e-3);
-            found.penumbra = max(found.penumbra, wide * ahead / footprint);
+        } else {
+            // By similar triangles, with the blocker for the apex. Of lamps without a size nobody reads it.
+            float ahead = hit.distance / max(1.0 - hit.distance, 1e-3);
+            found.penumbra = max(found.penumbra, sqrt(area) * ahead / footprint);
         }
     }
     if (is_first) {

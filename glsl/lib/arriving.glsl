@@ -9,14 +9,18 @@ vec2 share(vec2 open, vec2 all) {
     return open / max(all, vec2(1e-30));
 }
 
-// Share of a light that arrives, by its diffuse and its glossy lobe. `slope` [NDC per NDC] is that of the surface's plane.
-// Where shadows have soft edges, the square of pixels that has all points of the light counts as one; its border counts
-// half, which is the same for all points.
-vec2 arriving(bool is_soft, sampler2D depth_image, ivec2 pixel, float depth, vec2 slope) {
+// Share of a light that a pixel's own rays say arrives, by its diffuse and its glossy lobe.
+vec2 arriving_alone(int at) {
+    return share(arrivals[at].open, arrivals[at].all);
+}
+
+// The same of a light that has a size. `slope` [NDC per NDC] is that of the surface's plane. Where penumbrae are wide, the
+// square of pixels that has all points of the light counts as one; its border counts half, which is the same for all points.
+vec2 arriving(sampler2D depth_image, ivec2 pixel, float depth, vec2 slope) {
     ivec2 size = textureSize(depth_image, 0);
     Arriving own = arrivals[pixel.y * size.x + pixel.x];
     vec2 alone = share(own.open, own.all);
-    if (!is_soft || own.penumbra < 0.0) {
+    if (own.penumbra < 0.0) {
         return alone;
     }
     const int REACH = int(LIGHT_SIDE) / 2;
