@@ -1,5 +1,7 @@
 // Stage 11: all radiance, exposed and tone-mapped. METHOD 1.
 // variant composite_edges.frag: EDGES (where pixels have a second surface, whose light is mixed in)
+// variant composite_layers.frag: LAYERS (where surfaces are seen through, whose light is mixed in)
+// variant composite_edges_layers.frag: EDGES LAYERS (both)
 #include "shared.glsl"
 #include "lib/tonemap.glsl"
 
@@ -17,6 +19,14 @@ layout(binding = 6) uniform sampler2D second_diffuse;
 layout(binding = 7) uniform sampler2D second_glossy;
 layout(binding = 8) uniform sampler2D second_depth;
 layout(binding = 9) uniform usampler2D counts;
+#endif
+
+#ifdef LAYERS
+#ifdef EDGES
+layout(binding = 10) uniform sampler2D layer_depth;
+#else
+layout(binding = 5) uniform sampler2D layer_depth;
+#endif
 #endif
 
 layout(location = 0) out vec4 out_color;
@@ -49,6 +59,13 @@ void main() {
             covered = first ? 1.0 - share : share;
             vec3 other = radiance(second_direct, second_diffuse, second_glossy, at);
             c = first ? (c - share * other) / covered : other;
+        }
+#endif
+#ifdef LAYERS
+        // The scene's own surroundings show through, whatever else is behind it.
+        if (texelFetch(layer_depth, at, 0).r > 0.0) {
+            covered = 1.0;
+            c = radiance(direct_image, diffuse_image, glossy_image, at);
         }
 #endif
     }

@@ -1,5 +1,7 @@
 // Stage 1: the nearest surface of every pixel. METHOD 1, thesis 6.1.2.
 // variant gbuffer_elements.frag: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
+// variant layers.frag: LAYER (of what is seen through: METHOD 15)
+// variant layers_elements.frag: LAYER ELEMENTS (both)
 #include "shared.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/surface.glsl"
@@ -18,6 +20,16 @@ layout(location = 2) out vec4 out_specular; // rho_g or F0, y of the geometric n
 layout(location = 3) out vec4 out_radiance; // emitted [cd/m^2]; direct light is added by stage 2
 #ifdef ELEMENTS
 layout(location = 4) out uvec2 out_element; // draw, from 1, and triangle within it
+#endif
+#ifdef LAYER
+layout(binding = 0, scalar) readonly buffer Instances { Instance instances[]; };
+layout(binding = 11) uniform sampler2D opaque_depth;
+layout(binding = 12) uniform sampler2D depth_before; // of the layer before; one texel, 1, where none is
+#ifdef ELEMENTS
+layout(location = 5) out vec4 out_through; // share of the light from behind, and as alpha of the layer's own
+#else
+layout(location = 4) out vec4 out_through;
+#endif
 #endif
 
 // The normal map's tilt. Without tangents in the file the frame follows from how uv changes over the picture.
@@ -63,9 +75,16 @@ void main() {
     vec4 base = base_color(material, here, color);
     Material m = materials[material];
     // A sliver without extent on the pixel grid can come without a position: nothing to shade.
-    if (base.a < m.alpha_cutoff || any(isnan(position))) {
+    if (base.a < m.seen_cutoff || any(isnan(position))) {
         discard;
     }
+#ifdef LAYER
+    ivec2 pixel = ivec2(gl_FragCoord.xy);
+    float before = texelFetch(depth_before, min(pixel, textureSize(depth_before, 0) - 1), 0).r;
+    if (gl_FragCoord.z < texelFetch(opaque_depth, pixel, 0).r || gl_FragCoord.z >= before) {
+        discard;
+    }
+#endif
     vec3 towards_viewer = -view_direction(push.eye, position);
     // Closer than f32 resolves positions the differences vanish; the vertex normal serves there.
     vec3 geometric = cross(unit_or(px, vec3(0.0)), unit_or(py, vec3(0.0)));
@@ -80,6 +99,21 @@ void main() {
     if (has_texture(material, TEXTURE_EMISSIVE)) {
         emitted *= sample_texture(emissive_texture, material, TEXTURE_EMISSIVE, here).rgb;
     }
+#ifdef LAYER
+    // What gets below the surface comes back, or goes through.
+    float transmission = m.transmission;
+    if (has_texture(material, TEXTURE_TRANSMISSION)) {
+        transmission *= sample_texture(transmission_texture, material, TEXTURE_TRANSMISSION, here).r;
+    }
+    // Thickness is that of the model.
+    vec3 depth = m.optical_depth * pow(abs(determinant(mat3(instances[push.instance].world_from_model))), 1.0 / 3.0);
+    if (has_texture(material, TEXTURE_THICKNESS)) {
+        depth *= sample_texture(thickness_texture, material, TEXTURE_THICKNESS, here).g;
+    }
+    float alpha = m.blend != 0u ? clamp(base.a, 0.0, 1.0) : 1.0;
+    out_through = vec4(1.0 - alpha + alpha * transmission * r.diffuse * exp(-depth), alpha);
+    r.diffuse *= 1.0 - transmission;
+#endif
     vec2 packed_normal = octahedral_encode(geometric);
     out_normal = vec4(n, r.coded);
     out_albedo = vec4(r.diffuse, packed_normal.x);

@@ -128,9 +128,9 @@ void main() {
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
     // Rays know lobes however narrow.
-    float axis = dot(n, lobe_axis(normal_coded.w, n, looking));
+    float axis = clamp(dot(n, lobe_axis(normal_coded.w, n, looking)), LEAST_COSINE, 1.0);
     PhongLobe lobe = fitted_about(specular.rgb, normal_coded.w, -dot(n, looking), axis, 1e9);
-    out_glossy = vec4(lobe.albedo * near.glossy, 0.0);
+    out_glossy = vec4(lobe.albedo * phong_albedo(lobe.exponent, axis) * near.glossy, 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
     vec3 glossy_from;

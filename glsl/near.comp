@@ -277,6 +277,8 @@ void main() {
 #endif
             far = met ? hit.distance : far;
         }
+        // As a mean over the lobe: neighbours that take it may see theirs from another angle.
+        found.glossy /= phong_albedo(k, clamp(dot(own, mirrored), LEAST_COSINE, 1.0));
         found.is_glossy = 1u;
         // Seen from the next pixel the mirrored scene moves by as much as the pixel does.
         found.blur = width * far / (1.0 + far / (push.eye.w > 0.0 ? max(from_eye, 1e-30) : 3e37));

@@ -79,7 +79,9 @@ const uint TEXTURE_NORMAL = 2u;
 const uint TEXTURE_EMISSIVE = 3u;
 const uint TEXTURE_SPECULAR = 4u;
 const uint TEXTURE_SPECULAR_COLOR = 5u;
-const uint TEXTURE_COUNT = 6u;
+const uint TEXTURE_TRANSMISSION = 6u;
+const uint TEXTURE_THICKNESS = 7u;
+const uint TEXTURE_COUNT = 8u;
 
 // What the check for broken values looks at, and workgroups that share each.
 const uint CHECK_DIRECT = 0u;
@@ -176,7 +178,11 @@ struct BodyBlock {
 struct Material {
     vec4 base_color;
     vec3 emissive; // [cd/m^2]
-    float alpha_cutoff; // negative: opaque
+    float alpha_cutoff; // of light; negative: opaque
+    float seen_cutoff; // of viewers, likewise
+    uint blend; // 1: alpha is how much of what is behind is covered
+    float transmission;
+    vec3 optical_depth; // of what is behind the surface
     vec3 specular_color;
     float specular;
     vec3 phong_specular;

@@ -90,7 +90,7 @@ struct NearPixel {
     vec3 position; // of the surface
     uint is_surface; // 0: nothing is there
     vec3 normal; // unit vertex normal
-    vec3 glossy; // what a lobe takes of all rays, as its mean [cd/m^2]
+    vec3 glossy; // mean over the lobe of what all rays bring it [cd/m^2]
     uint is_glossy; // 1: there is a lobe
     float blur; // how far away other pixels' rays of the lobe say the same [m]
     float sky; // luminance of the sky that a lobe takes [cd/m^2]

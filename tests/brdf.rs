@@ -179,7 +179,7 @@ fn fitted_lobes_are_the_twins_and_phong_stays_as_it_is() {
             dielectric: Vec3::ZERO,
             dielectric_f90: 1.0,
         };
-        let material = fitted(&Reflectance { base: Vec3::ZERO, lobe }, x[2]);
+        let material = fitted(&Reflectance { base: Vec3::ZERO, lobe, transmission: 0.0 }, x[2]);
         material.specular.extend(material.exponent).to_array()
     };
     check4(BRDF, &expression, &inputs, |_| (1e-4, 1e-5), twin);
@@ -280,7 +280,7 @@ fn fitted_lobes_have_the_energy_and_about_the_shape() {
         let mut exponent = 0.0;
         for cosine in [1.0, 0.8, 0.5, 0.3] {
             let ggx = lobe(1.0, 1.0, roughness, cosine);
-            let fit = fitted(&Reflectance { base: Vec3::ZERO, lobe: lobe_of }, cosine);
+            let fit = fitted(&Reflectance { base: Vec3::ZERO, lobe: lobe_of, transmission: 0.0 }, cosine);
             // The cap is the caches'.
             exponent = lightskin::scene::ggx::fitted_exponent(roughness);
             let axis = at(cosine, PI);

@@ -2,16 +2,15 @@
 //! Then it becomes a test of what is right, beside others of its kind, and the README's list of what cannot be done loses a
 //! line.
 
-use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
+use glam::{DAffine3, DVec3, dvec3, vec3};
 use lightskin::frame::Shadows;
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::path_trace::{self, PathTrace};
-use lightskin::scene::build::{CornellSurface, cornell, cuboid, quad};
-use lightskin::scene::{LightKind, Material, Scene};
-use serde_json::json;
+use lightskin::scene::build::{CornellSurface, cornell, cuboid};
+use lightskin::scene::{LightKind, Scene};
 
 use crate::common::frames::{add, baked, camera, lamp, phong, shoot, small};
-use crate::common::{Builder, gpu};
+use crate::common::gpu;
 
 /// Fails once the wrong is mended.
 #[track_caller]
@@ -27,25 +26,6 @@ fn traced<'a>(scene: &'a Scene, settings: &path_trace::PathTraceSettings) -> Pat
 
 fn sum(pixels: &[DVec3]) -> f64 {
     pixels.iter().map(|p| p.element_sum()).sum()
-}
-
-#[test]
-fn blended_materials_are_drawn_as_masks() {
-    let mut builder = Builder::new();
-    builder.attribute("POSITION", "VEC3", &[-1.0, -1.0, 0.0, 1.0, -1.0, 0.0, 0.0, 1.0, 0.0]);
-    builder.json["materials"] = json!([{
-        "alphaMode": "BLEND", "emissiveFactor": [1.0, 0.0, 0.0], "pbrMetallicRoughness": {"baseColorFactor": [1.0, 1.0, 1.0, 0.6]}
-    }]);
-    builder.primitive()["material"] = json!(0);
-    let mut scene = builder.load("known_issues_blend").expect("loads");
-    let wall = quad(vec3(-3.0, -3.0, -1.0), Vec3::X * 6.0, Vec3::Y * 6.0, 6.0);
-    add(&mut scene, wall, Material { emissive: Vec3::Y, ..phong([0.0; 3], [0.0; 3], 1.0) }, DAffine3::IDENTITY);
-    scene.cameras.push(camera(dvec3(0.0, 0.0, 3.0), DVec3::ZERO, 0.5));
-    let shown = shoot(&gpu(), &scene, None, &Knobs { size: [9, 9], gi: Gi::Off, ..small() }).direct;
-    let (middle, corner) = (shown[40], shown[0]);
-    assert!(corner.y > 0.9, "the wall shines green beside the pane: {corner}");
-    assert!(middle.x > 0.5, "the pane shines red: {middle}");
-    assert_still_wrong(middle.y == 0.0, "a pane of alpha 0.6 lets light of the wall behind it through");
 }
 
 #[test]

@@ -36,6 +36,7 @@ mod host;
 mod house;
 mod interpolate;
 mod known_issues;
+mod layers;
 mod layout;
 mod lifetimes;
 mod light_rays;

@@ -394,7 +394,9 @@ fn materials_are_read_in_full() {
         "emissiveFactor": [1, 0.5, 0], "alphaMode": "BLEND",
         "extensions": {"KHR_materials_emissive_strength": {"emissiveStrength": 10}, "KHR_materials_ior": {"ior": 1.33},
             "KHR_materials_specular": {"specularFactor": 0.5, "specularColorFactor": [2, 1, 1],
-                "specularTexture": {"index": 0}}},
+                "specularTexture": {"index": 0}},
+            "KHR_materials_transmission": {"transmissionFactor": 0.75, "transmissionTexture": {"index": 0}},
+            "KHR_materials_volume": {"thicknessFactor": 2, "attenuationDistance": 4, "attenuationColor": [0.25, 1, 1]}},
         "extras": {"lightskin": {"phong": {"specular": [0.1, 0.2, 0.3], "exponent": 40}}},
     }, {"normalTexture": {"index": 2}}]);
     b.primitive()["material"] = json!(0);
@@ -404,6 +406,8 @@ fn materials_are_read_in_full() {
     assert_eq!((m.base_color, m.metallic, m.roughness), (Vec4::new(0.5, 0.25, 1.0, 1.0), 0.5, 0.75));
     assert_eq!((m.emissive, m.ior, m.specular), (Vec3::new(10.0, 5.0, 0.0), 1.33, 0.5));
     assert_eq!((m.specular_color, m.alpha_cutoff, m.normal_scale), (Vec3::new(2.0, 1.0, 1.0), Some(0.5), 0.5));
+    assert!(m.blend && m.transmission_texture.is_some() && m.thickness_texture.is_none());
+    assert_eq!((m.transmission, (-m.optical_depth).exp()), (0.75, Vec3::new(0.5, 1.0, 1.0)));
     let texture = m.base_color_texture.expect("is there");
     assert_eq!((texture.uv_set, texture.sampler.wrap_u, texture.sampler.wrap_v), (1, Wrap::Mirror, Wrap::Clamp));
     assert!(texture.sampler.nearest && m.specular_texture.is_some() && m.metallic_roughness_texture.is_none());

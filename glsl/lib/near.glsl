@@ -11,7 +11,7 @@ layout(binding = 12, scalar) readonly buffer NearLights { NearLight near_lights[
 struct Near {
     vec3 irradiance; // of what rays met [lx]
     vec3 open; // share of the caches' light that comes along rays that met nothing
-    vec3 glossy; // what a lobe takes of their light and the caches' [cd/m^2]
+    vec3 glossy; // mean of their light and the caches' over a lobe [cd/m^2]
     float sky; // share of the sky's light that arrives at a lobe
 };
 

@@ -1,5 +1,5 @@
-// The textures of the material being drawn: six samplers and their slots. Included by the entry shaders that shade
-// surfaces; bindings 1 to 8 are its own.
+// The textures of the material being drawn: samplers and their slots. Included by the entry shaders that shade surfaces;
+// bindings 1 to 10 are its own.
 #ifndef TEXTURES_GLSL
 #define TEXTURES_GLSL
 #include "shared.glsl"
@@ -12,6 +12,8 @@ layout(binding = 5) uniform sampler2D normal_texture;
 layout(binding = 6) uniform sampler2D emissive_texture;
 layout(binding = 7) uniform sampler2D specular_texture;
 layout(binding = 8) uniform sampler2D specular_color_texture;
+layout(binding = 9) uniform sampler2D transmission_texture;
+layout(binding = 10) uniform sampler2D thickness_texture;
 
 // Texture coordinate of one texture of a material: its set, transformed.
 vec2 texture_uv(uint material, uint which, vec4 uv) {

@@ -224,6 +224,13 @@ impl State {
                 cost(document, &["edges", "mix edges"])
             );
             row(ui, "Smooth edges", &help, |ui| choose(ui, "antialiasing", &mut settings.antialiasing, &kinds));
+            let kinds = [(1, "1 layer"), (2, "2 layers"), (4, "4 layers"), (8, "8 layers")];
+            let help = format!(
+                "Surfaces of glass and other blended materials that a pixel shows, one behind another. Each is shaded like a \
+                 picture of its own.{}",
+                cost(document, &["layers", "mix layers"])
+            );
+            row(ui, "Glass", &help, |ui| choose(ui, "layers", &mut settings.layers, &kinds));
         });
         document.settings = settings;
     }

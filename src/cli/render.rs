@@ -70,6 +70,9 @@ pub(super) struct Render {
     /// A path trace spreads its samples over the pixels instead.
     #[arg(long, value_name = "POINTS", value_enum)]
     aa: Option<AntialiasingArg>,
+    /// Surfaces that are seen through, one behind another, that a pixel shows: the nearest [default: 4 at --quality high]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
+    layers: Option<u32>,
     #[command(flatten)]
     gather: GatherArgs,
     /// Where caches are averaged [default: vertex, but texel where it would take very many triangles].
@@ -165,6 +168,7 @@ impl Render {
         settings.rsm = self.rsm.unwrap_or(settings.rsm);
         settings.light_shadows = self.shadow_map.unwrap_or(settings.light_shadows);
         settings.antialiasing = self.antialiasing();
+        settings.layers = self.layers.unwrap_or(settings.layers);
         settings.indirect = match self.gi {
             GiArg::PathTrace | GiArg::Off => Indirect::Off,
             _ if self.bounces() == 0 && (self.gather.by_draws() || self.gather.by_clusters()) => Indirect::Off,
@@ -262,7 +266,7 @@ impl Render {
         let (_, last) = motion.moment(motion.frames().len() - 1);
         let animation = animation.and_then(|index| scene.animations().nth(index)).map(|(name, ..)| name.to_owned());
         // No `..`: a new setting belongs in this list.
-        let Settings { indirect, rsm, light_shadows, antialiasing, reuse } = *settings;
+        let Settings { indirect, rsm, light_shadows, antialiasing, layers, reuse } = *settings;
         let caches = if let Indirect::Caches(caches) = indirect { Some(caches) } else { None };
         let gather = caches.map(|caches| caches.gather);
         let ways = if let Some(Gather::Compute { ways, .. }) = gather { Some(ways) } else { None };
@@ -279,6 +283,7 @@ impl Render {
             ("rsm", json!(rsm)),
             ("shadow_map", light_shadows_word(light_shadows).into()),
             ("aa", json!(antialiasing.samples())),
+            ("layers", json!(layers)),
             ("gather", json!(gather.map(|gather| gather.name()))),
             ("gather_vals", json!(ways.map(|ways| ways.source.name()))),
             ("gather_caches_per_thread", json!(ways.map(|ways| ways.caches_per_thread))),

@@ -196,6 +196,9 @@ impl View {
         if settings.antialiasing != level.antialiasing {
             flag("--aa", word(AntialiasingArg::of(settings.antialiasing)));
         }
+        if settings.layers != level.layers {
+            flag("--layers", settings.layers.to_string());
+        }
         words.extend(self.caches.words());
         words.extend(self.sky.words());
         words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")

@@ -3,6 +3,7 @@
 use super::edges::Edges;
 use super::gbuffer::Surface;
 use super::interpolate::Radiance;
+use super::layers::Layers;
 use super::plan::Plan;
 use super::settings::{Antialiasing, Behind, Exposure, Look};
 use crate::error::Result;
@@ -48,6 +49,8 @@ pub struct Composed<'a> {
     pub indirect: Option<&'a Radiance>,
     /// Second surfaces of pixels.
     pub edges: Option<&'a Edges>,
+    /// What is seen through.
+    pub layers: Option<&'a Layers>,
     /// What comes out.
     pub out: &'a Output,
 }
@@ -59,13 +62,15 @@ impl<'a> Composed<'a> {
         vec![direct, diffuse, glossy, (&self.surface.depth).into(), (&self.out.exposure).into()]
     }
 
-    /// The same, and what second surfaces send.
-    fn binds_with_edges(&self) -> Vec<Bind<'a>> {
+    /// The same, with what second surfaces send and where surfaces are seen through.
+    fn binds_with_more(&self) -> Vec<Bind<'a>> {
         let mut binds = self.binds();
         if let Some(edges) = self.edges {
             binds.extend(radiances(&edges.surface, edges.indirect.as_ref()));
             binds.extend([&edges.surface.depth, &edges.counts].map(Bind::from));
         }
+        // What shows nearest of all.
+        binds.extend(self.layers.and_then(|layers| layers.list.first()).map(|layer| Bind::from(&layer.surface.depth)));
         binds
     }
 }
@@ -88,9 +93,11 @@ impl Composite {
             expose: gpu.compute("expose.comp", &constants)?,
             map: gpu.raster(&Raster {
                 vertex: "screen.vert",
-                fragment: Some(match plan.antialiasing {
-                    Antialiasing::Off => "composite.frag",
-                    _ => "composite_edges.frag",
+                fragment: Some(match (plan.antialiasing, plan.layers) {
+                    (Antialiasing::Off, 0) => "composite.frag",
+                    (Antialiasing::Off, _) => "composite_layers.frag",
+                    (_, 0) => "composite_edges.frag",
+                    _ => "composite_edges_layers.frag",
                 }),
                 shape: Shape::Triangles,
                 streams: &[],
@@ -138,7 +145,7 @@ impl Composite {
         for composed in views {
             let picture = [Attach::clear(&composed.out.picture)];
             cmd.render(&Attachments { colors: &picture, depth: None, area: composed.surface.area() }, |draw| {
-                draw.bind(&self.map, &composed.binds_with_edges());
+                draw.bind(&self.map, &composed.binds_with_more());
                 draw.push(&push(&composed));
                 draw.draw(3);
             });

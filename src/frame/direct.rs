@@ -22,8 +22,10 @@ pub struct Direct {
     shade_area: Option<Pipeline>,
     /// Whether caches see the sky, so that no light stands for it here.
     sky_light: bool,
-    /// Whether pixels have more points than their middle; then what shows there has been waited for.
+    /// Whether pixels have more points than their middle.
     edges: bool,
+    /// Whether what pixels show has been waited for.
+    waited: bool,
 }
 
 /// What tells where light arrives.
@@ -72,8 +74,8 @@ impl Maps {
                 draw.area([x * size, y * size, size, size]);
                 let clip = world.clip_from_world(light.first_view + face);
                 let (least, view) = (light.least(size), (clip, Vec4::ZERO));
-                world.draw_large(draw, opaque, Which::Opaque, view, least);
-                world.draw_large(draw, masked, Which::Masked, view, least);
+                world.draw_large(draw, opaque, (Which::Opaque, &[]), view, least);
+                world.draw_large(draw, masked, (Which::Masked, &[]), view, least);
             }
         });
     }
@@ -102,6 +104,7 @@ impl Direct {
             shade_area: has(true).then(|| Surface::adding(gpu, shade_area, &[])).transpose()?,
             sky_light: plan.sky_light,
             edges: samples > 0,
+            waited: samples > 0 || plan.layers > 0,
         })
     }
 
@@ -126,7 +129,7 @@ impl Direct {
                 Hidden::Rays(trace) => {
                     if !is_first {
                         cmd.barrier(Use::FragmentRead, Use::ComputeRead | Use::ComputeWrite); // what arrives of the last light has been read
-                    } else if !self.edges {
+                    } else if !self.waited {
                         cmd.barrier(Use::ColorWrite | Use::DepthWrite | Use::ComputeWrite, Use::ComputeRead);
                     }
                     record_rays(cmd, world, (i as u32, true), trace, views.clone());

@@ -104,7 +104,22 @@ impl Surface {
     }
 }
 
-/// Draws every surface once; double-sided ones have both their sides among the triangles.
+/// A pipeline that draws what is nearest.
+fn surfaces(gpu: &Gpu, fragment: &'static str, colors: &[Format]) -> Result<Pipeline> {
+    gpu.raster(&Raster {
+        vertex: "mesh.vert",
+        fragment: Some(fragment),
+        shape: Shape::Triangles,
+        streams: &[VERTEX],
+        colors,
+        blend: Blend::Replace,
+        depth: Depth::Nearest,
+        cull: Cull::Back,
+        constants: &[],
+    })
+}
+
+/// Draws every opaque surface once; double-sided ones have both their sides among the triangles.
 pub struct GBuffer {
     pipeline: Pipeline,
 }
@@ -115,18 +130,18 @@ impl GBuffer {
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        let pipeline = gpu.raster(&Raster {
-            vertex: "mesh.vert",
-            fragment: Some(if plan.lightskin { "gbuffer_elements.frag" } else { "gbuffer.frag" }),
-            shape: Shape::Triangles,
-            streams: &[VERTEX],
-            colors: &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT][..if plan.lightskin { 5 } else { 4 }],
-            blend: Blend::Replace,
-            depth: Depth::Nearest,
-            cull: Cull::Back,
-            constants: &[],
-        })?;
-        Ok(Self { pipeline })
+        let name = if plan.lightskin { "gbuffer_elements.frag" } else { "gbuffer.frag" };
+        let colors = &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT][..if plan.lightskin { 5 } else { 4 }];
+        Ok(Self { pipeline: surfaces(gpu, name, colors)? })
+    }
+
+    /// The same for layers of what is seen through.
+    pub(super) fn of_layers(gpu: &Gpu, plan: &Plan) -> Result<Pipeline> {
+        if plan.lightskin {
+            surfaces(gpu, "layers_elements.frag", &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT, HALF])
+        } else {
+            surfaces(gpu, "layers.frag", &[FLOAT, HALF, HALF, FLOAT, HALF])
+        }
     }
 
     /// Records the stage for a view.
@@ -135,6 +150,6 @@ impl GBuffer {
         let colors: Vec<_> = images.into_iter().chain(&surface.element).map(Attach::clear).collect();
         let attachments =
             Attachments { colors: &colors, depth: Some(Attach::clear(&surface.depth)), area: surface.area() };
-        cmd.render(&attachments, |draw| world.draw(draw, &self.pipeline, Which::All, view.clip_from_world, view.eye));
+        cmd.render(&attachments, |draw| world.draw(draw, &self.pipeline, Which::Solid, view.clip_from_world, view.eye));
     }
 }

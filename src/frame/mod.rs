@@ -22,6 +22,7 @@ pub mod gather_clusters;
 pub mod gather_draws;
 pub mod gbuffer;
 pub mod interpolate;
+pub mod layers;
 pub mod light;
 pub mod live;
 pub mod near;

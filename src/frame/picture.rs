@@ -5,6 +5,7 @@ use super::composite::{Composed, Composite, Output};
 use super::edges::Edges;
 use super::gbuffer::{GBuffer, Surface};
 use super::interpolate::Radiance;
+use super::layers::{Layer, Layers};
 use super::light::Light;
 use super::near::NearPixels;
 use super::plan::Plan;
@@ -29,6 +30,8 @@ pub struct Picture {
     pub indirect: Option<Radiance>,
     /// Second surfaces of pixels, where edges are smoothed.
     pub edges: Option<Edges>,
+    /// What is seen through, where the scene has any.
+    pub layers: Option<Layers>,
     /// Stage 11.
     pub output: Output,
     pub(super) gbuffer: GBuffer,
@@ -79,6 +82,7 @@ impl Picture {
                 .transpose()?,
             indirect: plan.indirect().then(|| Radiance::new(gpu, &plan, images)).transpose()?,
             edges: Edges::new(gpu, world, &plan, images)?,
+            layers: Layers::new(gpu, world, light, images)?,
             output: Output::new(gpu, images)?,
             gbuffer: GBuffer::new(gpu, &plan)?,
             background: plan.sky.then(|| Background::new(gpu)).transpose()?,
@@ -122,18 +126,39 @@ impl Picture {
         [&self.surface].into_iter().chain(self.edges.as_ref().map(|edges| &edges.surface))
     }
 
+    /// Surfaces that are seen through, nearest first.
+    fn seen_through(&self) -> impl Iterator<Item = &Layer> + Clone {
+        self.layers.iter().flat_map(|layers| &layers.list)
+    }
+
+    /// All surfaces of its pixels.
+    pub(super) fn lit(&self) -> impl Iterator<Item = &Surface> + Clone {
+        self.surfaces().chain(self.seen_through().map(|layer| &layer.surface))
+    }
+
+    /// Surfaces with short rays of their own.
+    pub(super) fn near(&self) -> impl Iterator<Item = (&Surface, &NearPixels)> + Clone {
+        let first = self.near.as_ref().map(|near| (&self.surface, near));
+        let layers = self.seen_through().filter_map(|layer| Some((&layer.surface, layer.near.as_ref()?)));
+        first.into_iter().chain(layers)
+    }
+
     /// Surfaces with the lists of what they show.
     pub(super) fn lists(&self) -> impl Iterator<Item = (&Surface, &VisibleList)> + Clone {
         let first = self.visible.as_ref().map(|list| (&self.surface, list));
         let second = self.edges.as_ref().and_then(|edges| Some((&edges.surface, edges.visible.as_ref()?)));
-        first.into_iter().chain(second)
+        let layers = self.seen_through().filter_map(|layer| Some((&layer.surface, layer.visible.as_ref()?)));
+        first.into_iter().chain(second).chain(layers)
     }
 
-    /// Surfaces with their indirect light.
-    pub(super) fn shaded(&self) -> impl Iterator<Item = (&Surface, &Radiance)> + Clone {
-        let first = self.indirect.as_ref().map(|out| (&self.surface, out));
-        let second = self.edges.as_ref().and_then(|edges| Some((&edges.surface, edges.indirect.as_ref()?)));
-        first.into_iter().chain(second)
+    /// Surfaces with their indirect light, and the short rays that it takes into account.
+    pub(super) fn shaded(&self) -> impl Iterator<Item = (&Surface, &Radiance, Option<&NearPixels>)> + Clone {
+        let near = self.near.as_ref();
+        let first = self.indirect.as_ref().map(|out| (&self.surface, out, near));
+        let second = self.edges.as_ref().and_then(|edges| Some((&edges.surface, edges.indirect.as_ref()?, near)));
+        let own = self.seen_through();
+        let own = own.filter_map(|layer| Some((&layer.surface, layer.indirect.as_ref()?, layer.near.as_ref())));
+        first.into_iter().chain(second).chain(own)
     }
 
     /// What stage 11 reads and writes.
@@ -142,6 +167,7 @@ impl Picture {
             surface: &self.surface,
             indirect: self.indirect.as_ref(),
             edges: self.edges.as_ref(),
+            layers: self.layers.as_ref(),
             out: &self.output,
         }
     }

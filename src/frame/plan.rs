@@ -2,8 +2,8 @@
 //! target and no shader branch.
 
 use super::settings::{Antialiasing, Caches, Gather, Indirect, LightShadows, Near, Settings, Shadows};
-use crate::scene::Scene;
 use crate::scene::animation::Quantity;
+use crate::scene::{Material, Scene};
 
 /// What of a scene decides which stages there are.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,6 +24,8 @@ pub struct Features {
     pub emits: bool,
     /// A material with a glossy lobe.
     pub glossy: bool,
+    /// A material is seen through.
+    pub seen_through: bool,
     /// The device can hold what rays need.
     pub rays: bool,
 }
@@ -40,6 +42,7 @@ impl Features {
             areas,
             emits,
             glossy: has_glossy_lobe(scene),
+            seen_through: has_what_is_seen_through(scene),
             rays: true,
         }
     }
@@ -85,6 +88,8 @@ pub struct Plan {
     pub brute_force: bool,
     /// Stages 1 and 8: pixels have a second surface.
     pub antialiasing: Antialiasing,
+    /// Stages 1 and 8: so many surfaces that are seen through, one behind another.
+    pub layers: u32,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
     pub glossy: bool,
     /// Caches have proxies of the glossy lobe: rays do not see what it mirrors.
@@ -116,6 +121,7 @@ macro_rules! stages {
 stages! {
     GBUFFER: 1 "gbuffer" |_| true;
     EDGES: 1 "edges" |plan| plan.antialiasing != Antialiasing::Off;
+    LAYERS: 1 "layers" |plan| plan.layers > 0;
     DIRECT: 2 "direct" |plan| plan.direct;
     SKY: 2 "sky" |plan| plan.sky;
     ATLAS: 3 "atlas" |plan| plan.lightskin;
@@ -132,6 +138,7 @@ stages! {
     SKY_LIGHT: 8 "sky light" |plan| plan.sky_light;
     BRUTE_FORCE: 8 "brute force" |plan| plan.brute_force;
     MIX: 8 "mix edges" |plan| plan.antialiasing != Antialiasing::Off;
+    MIX_LAYERS: 8 "mix layers" |plan| plan.layers > 0;
     COMPOSITE: 11 "composite" |_| true;
 }
 
@@ -173,6 +180,7 @@ impl Plan {
             near,
             brute_force,
             antialiasing: settings.antialiasing,
+            layers: if scene.seen_through { settings.layers } else { 0 },
             glossy: scene.glossy,
             lobes: scene.glossy && near == Near::Off,
         }
@@ -201,6 +209,9 @@ impl Plan {
             "edges" if planned => "other surfaces in a pixel than the one in its middle",
             "mix edges" if planned => "light of a pixel's second surface",
             "edges" | "mix edges" => "not asked for by --aa",
+            "layers" if planned => "blended and transmitting materials, nearest first",
+            "mix layers" if planned => "light of what is seen through, and from behind it",
+            "layers" | "mix layers" => "nothing is seen through",
             "direct" if planned => "there is a light",
             "direct" if !self.sky_light => "no light",
             "sky" if planned => "what is behind all surfaces",
@@ -238,6 +249,12 @@ impl Plan {
 
 /// What a lobe may come from.
 const LOBE: [Quantity; 4] = [Quantity::Metallic, Quantity::Ior, Quantity::Specular, Quantity::SpecularColor];
+
+/// Whether a surface of the scene is seen through.
+fn has_what_is_seen_through(scene: &Scene) -> bool {
+    let materials = scene.meshes.iter().flat_map(|mesh| &mesh.primitives).map(|p| &scene.materials[p.material]);
+    materials.into_iter().any(Material::is_seen_through)
+}
 
 /// Whether a surface of the scene can have a glossy lobe.
 pub fn has_glossy_lobe(scene: &Scene) -> bool {

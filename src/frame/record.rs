@@ -54,9 +54,18 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             }
         }
     }
+    if drawn().any(|(_, p)| p.layers.is_some()) {
+        let _zone = enter(plan::LAYERS); // 1
+        for (view, picture) in drawn() {
+            if let Some(layers) = &picture.layers {
+                layers.record(cmd, world, view, &picture.surface);
+            }
+        }
+    }
+    let lit = || drawn().flat_map(|(view, p)| p.lit().map(move |surface| (view, surface)));
     if let (true, Some(direct)) = (some_surface, &light.direct) {
         let _zone = enter(plan::DIRECT); // 2
-        direct.record(cmd, world, surfaces());
+        direct.record(cmd, world, lit());
     }
     if let (true, Some(sky), Some((_, picture))) = (some_surface, &world.sky, shown().next())
         && let Some(background) = &picture.background
@@ -129,7 +138,7 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         }
         if let (true, Some(near)) = (some_surface || outdated.proxies, &caches.near) {
             let _zone = enter(plan::NEAR); // 8
-            let seen = shown().filter_map(|(view, p)| Some((view, &p.surface, p.near.as_ref()?)));
+            let seen = shown().flat_map(|(view, p)| p.near().map(move |(surface, near)| (view, surface, near)));
             if let Some(radiances) = caches.gather.radiances() {
                 // Where elements were listed or RSMs drawn all images have been waited for, as light has been by what dims it;
                 // with cells nothing reads proxies before pixels do.
@@ -147,9 +156,9 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         let shaded = || {
             let outdated = views.iter().enumerate().filter(|(_, (_, p))| p.outdated.indirect && !p.is_empty());
             outdated.flat_map(|(eye, (view, p))| {
-                let (first_proxy, near) = (caches.proxies.first(eye as u32), p.near.as_ref());
+                let first_proxy = caches.proxies.first(eye as u32);
                 let lists = p.lists().zip(p.shaded());
-                lists.map(move |((surface, visible), (_, out))| Shaded {
+                lists.map(move |((surface, visible), (_, out, near))| Shaded {
                     view,
                     surface,
                     visible,
@@ -168,7 +177,7 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         if let (true, Some((seen, shading)), Some(sky)) = (some_surface, &caches.sky, &world.sky_light) {
             let _zone = enter(plan::SKY_LIGHT); // 8
             // Radiance of an earlier frame has it already.
-            let views = shaded().filter(|shaded| surfaces().any(|(_, surface)| std::ptr::eq(surface, shaded.surface)));
+            let views = shaded().filter(|shaded| lit().any(|(_, surface)| std::ptr::eq(surface, shaded.surface)));
             shading.record(cmd, (world, sky), &caches.atlas, &seen.seen, views);
         }
     }
@@ -178,7 +187,7 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8
         let _zone = enter(plan::BRUTE_FORCE); // 8
         for (view, picture) in shown().filter(|(_, p)| p.outdated.indirect) {
-            for (surface, out) in picture.shaded() {
+            for (surface, out, _) in picture.shaded() {
                 brute_force.record(cmd, &rsm.vals, view, surface, out);
             }
         }
@@ -191,6 +200,16 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             if let Some(edges) = &picture.edges {
                 let which = (picture.outdated.surface, picture.outdated.indirect);
                 edges.record_mix(cmd, (&picture.surface, picture.indirect.as_ref()), which);
+            }
+        }
+    }
+    if mixed().any(|p| p.layers.is_some()) {
+        cmd.barrier(Use::ColorWrite, Use::FragmentRead | Use::ColorWrite); //   radiance -> here
+        let _zone = enter(plan::MIX_LAYERS); // 8
+        for picture in mixed() {
+            if let Some(layers) = &picture.layers {
+                let which = (picture.outdated.surface, picture.outdated.indirect);
+                layers.record_mix(cmd, (&picture.surface, picture.indirect.as_ref()), which);
             }
         }
     }

@@ -111,7 +111,9 @@ impl Rsm {
                 let clip = world.clip_from_world(view);
                 let eye = world.eye(light, view);
                 let least = light.least(size);
-                cmd.render(&attachments, |draw| world.draw_large(draw, &self.draw, Which::All, (clip, eye), least));
+                cmd.render(&attachments, |draw| {
+                    world.draw_large(draw, &self.draw, (Which::All, &[]), (clip, eye), least)
+                });
                 if drawn {
                     cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 } else {

@@ -15,6 +15,8 @@ pub struct Settings {
     pub light_shadows: LightShadows,
     /// How edges are smoothed.
     pub antialiasing: Antialiasing,
+    /// How many surfaces show that are seen through, one behind another. METHOD 15.
+    pub layers: u32,
     /// Stages whose inputs are those of the frame before are left out. Pictures do not change, times do.
     pub reuse: bool,
 }
@@ -305,6 +307,16 @@ impl Quality {
         }
     }
 
+    /// Surfaces that are seen through, one behind another.
+    pub fn layers(self) -> u32 {
+        match self {
+            Self::Low => 1,
+            Self::Medium => 2,
+            Self::High => 4,
+            Self::Reference => 8,
+        }
+    }
+
     /// Indirect bounces. Without shadows of every VAL light leaks, and more with each.
     pub fn bounces(self) -> u32 {
         match self {
@@ -357,6 +369,7 @@ impl Settings {
             rsm: quality.rsm(),
             light_shadows: quality.light_shadows(),
             antialiasing: quality.antialiasing(),
+            layers: quality.layers(),
             reuse: false,
         }
     }

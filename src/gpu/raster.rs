@@ -13,6 +13,8 @@ pub enum Blend {
     Replace,
     /// It is added.
     Add,
+    /// The old one is multiplied by it.
+    Multiply,
     /// It lies over the old one: its alpha is multiplied in already.
     Over,
 }
@@ -145,14 +147,17 @@ impl Gpu {
                 Depth::Behind => vk::CompareOp::LESS,
                 Depth::Nearest | Depth::None => vk::CompareOp::GREATER,
             });
-        let kept =
-            if raster.blend == Blend::Over { vk::BlendFactor::ONE_MINUS_SRC_ALPHA } else { vk::BlendFactor::ONE };
+        let (new, kept) = match raster.blend {
+            Blend::Replace | Blend::Add => (vk::BlendFactor::ONE, vk::BlendFactor::ONE),
+            Blend::Multiply => (vk::BlendFactor::DST_COLOR, vk::BlendFactor::ZERO),
+            Blend::Over => (vk::BlendFactor::ONE, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
+        };
         let blend = vk::PipelineColorBlendAttachmentState {
             blend_enable: (raster.blend != Blend::Replace).into(),
-            src_color_blend_factor: vk::BlendFactor::ONE,
+            src_color_blend_factor: new,
             dst_color_blend_factor: kept,
             color_blend_op: vk::BlendOp::ADD,
-            src_alpha_blend_factor: vk::BlendFactor::ONE,
+            src_alpha_blend_factor: new,
             dst_alpha_blend_factor: kept,
             alpha_blend_op: vk::BlendOp::ADD,
             color_write_mask: vk::ColorComponentFlags::RGBA,

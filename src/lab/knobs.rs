@@ -67,6 +67,8 @@ pub struct Knobs {
     pub near: Near,
     /// How edges are smoothed.
     pub antialiasing: Antialiasing,
+    /// How many surfaces show that are seen through.
+    pub layers: u32,
     /// Stages whose inputs are those of the frame before are left out.
     pub reuse: bool,
     /// Curve of stage 11.
@@ -103,6 +105,7 @@ impl Knobs {
             shadows: Shadows::Off,
             near: Near::Off,
             antialiasing: Antialiasing::Off,
+            layers: Quality::High.layers(),
             reuse: false,
             tonemap: Tonemap::PbrNeutral,
             exposure: Exposure::Automatic,
@@ -151,6 +154,7 @@ impl Knobs {
             rsm: self.rsm,
             light_shadows: self.light_shadows,
             antialiasing: self.antialiasing,
+            layers: self.layers,
             reuse: self.reuse,
         }
     }

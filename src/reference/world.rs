@@ -51,7 +51,7 @@ struct WorldTriangle {
 /// Which sides of surfaces a ray meets.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sides {
-    /// Those that face the ray's origin: what a camera sees.
+    /// Those that face the ray's origin: what a camera sees. What it also sees through is met, too.
     Front,
     /// Both: what light meets. Of a double-sided material's two triangles, the one that faces the origin.
     Both,
@@ -239,7 +239,8 @@ impl<'a> World<'a> {
             front,
             index,
         };
-        if let Some(cutoff) = material.alpha_cutoff {
+        let cutoff = if sides == Sides::Front { material.seen_cutoff() } else { material.alpha_cutoff };
+        if let Some(cutoff) = cutoff {
             let [a, b, c] = self.corners(&hit);
             let (uv, color) = interpolated(&hit, a, b, c);
             let texture = material.base_color_texture.map_or(1.0, |t| t.sample(self.scene, uv, true).w);
@@ -257,6 +258,20 @@ impl<'a> World<'a> {
     fn corners(&self, hit: &Hit) -> [&'a Vertex; 3] {
         let mesh = self.mesh(hit);
         mesh.triangle(hit.triangle).map(|v| &mesh.vertices[v])
+    }
+
+    /// Where what lies behind a hit can show: the share of the light that the surface itself sends against the unit `direction`,
+    /// and of what comes from behind it, by channel.
+    pub fn seen_through(&self, hit: &Hit, surface: &Surface, direction: DVec3) -> Option<(f64, DVec3)> {
+        let material = &self.scene.materials[hit.material];
+        if !material.is_seen_through() {
+            return None;
+        }
+        let [a, b, c] = self.corners(hit);
+        let (uv, color) = interpolated(hit, a, b, c);
+        let scale = self.scene.instances[hit.instance].world_from_model.matrix3.determinant().abs().cbrt();
+        let (alpha, behind) = material.seen_through(self.scene, uv, color, -surface.normal.dot(direction), scale);
+        Some((alpha.into(), behind.as_dvec3()))
     }
 
     /// The surface at a hit.

@@ -26,6 +26,8 @@ pub struct Reflectance {
     pub base: Vec3,
     /// The glossy lobe.
     pub lobe: Lobe,
+    /// Share of what the diffuse lobe would scatter that goes through instead.
+    pub transmission: f32,
 }
 
 /// A glossy lobe.
@@ -63,6 +65,11 @@ fn albedo(f0: Vec3, f90: f32, once: [f64; 2]) -> Vec3 {
 impl Reflectance {
     /// Diffuse albedo `rho_d` for a viewer at this cosine.
     pub fn diffuse(&self, cosine: f64) -> Vec3 {
+        self.under(cosine) * (1.0 - self.transmission)
+    }
+
+    /// What gets below the surface and out again, back or through, for a viewer at this cosine.
+    fn under(&self, cosine: f64) -> Vec3 {
         match self.lobe {
             Lobe::Phong { .. } => self.base,
             Lobe::Ggx { f0, f90, roughness, metallic, dielectric, dielectric_f90 } => {
@@ -103,7 +110,7 @@ impl Reflectance {
 
 impl Material {
     /// Its textures, in the order of the fields.
-    pub fn textures_mut(&mut self) -> [&mut Option<Texture>; 6] {
+    pub fn textures_mut(&mut self) -> [&mut Option<Texture>; 8] {
         [
             &mut self.base_color_texture,
             &mut self.metallic_roughness_texture,
@@ -111,7 +118,43 @@ impl Material {
             &mut self.emissive_texture,
             &mut self.specular_texture,
             &mut self.specular_color_texture,
+            &mut self.transmission_texture,
+            &mut self.thickness_texture,
         ]
+    }
+
+    /// Whether what lies behind can show.
+    pub fn is_seen_through(&self) -> bool {
+        self.blend || self.transmission > 0.0
+    }
+
+    /// Alpha below this is a hole for a viewer.
+    pub fn seen_cutoff(&self) -> Option<f32> {
+        let cutoff = if self.blend { Some(f32::MIN_POSITIVE) } else { self.alpha_cutoff };
+        cutoff.filter(|cutoff| cutoff.is_finite())
+    }
+
+    /// What a viewer at this cosine sees of a point of a surface of a model of this scale, and through it: the share of its own light, and of what
+    /// comes from behind, by channel. Straight through: nothing is refracted, and rough glass is as clear as smooth.
+    ///
+    /// ```text
+    /// behind = 1 - alpha + alpha transmission (what gets below the surface) e^(-optical depth)
+    /// ```
+    pub fn seen_through(
+        &self,
+        scene: &Scene,
+        uv: [Vec2; 2],
+        vertex_color: Vec4,
+        cosine: f64,
+        scale: f64,
+    ) -> (f32, Vec3) {
+        let linear = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, false));
+        let alpha =
+            self.base_color.w * vertex_color.w * self.base_color_texture.map_or(1.0, |t| t.sample(scene, uv, true).w);
+        let alpha = if self.blend { alpha.clamp(0.0, 1.0) } else { 1.0 };
+        let reflectance = self.reflectance(scene, uv, vertex_color);
+        let left = (-self.optical_depth * scale as f32 * linear(self.thickness_texture).y).exp();
+        (alpha, 1.0 - alpha + alpha * reflectance.transmission * reflectance.under(cosine) * left)
     }
 
     /// Evaluates the material at a point with texture coordinates `uv` and linear vertex colour.
@@ -131,8 +174,10 @@ impl Material {
         let linear = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, false));
         let color = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, true));
         let base = (self.base_color * color(self.base_color_texture) * vertex_color).truncate();
+        let transmission = self.transmission * linear(self.transmission_texture).x;
         if let Some(phong) = self.phong {
-            return Reflectance { base, lobe: Lobe::Phong { albedo: phong.specular, exponent: phong.exponent } };
+            let lobe = Lobe::Phong { albedo: phong.specular, exponent: phong.exponent };
+            return Reflectance { base, lobe, transmission };
         }
         let metallic_roughness = linear(self.metallic_roughness_texture);
         let metallic = self.metallic * metallic_roughness.z;
@@ -146,7 +191,8 @@ impl Material {
         let dielectric = dielectric * specular;
         let f0 = dielectric.lerp(base, metallic);
         let f90 = dielectric_f90 + (1.0 - dielectric_f90) * metallic;
-        Reflectance { base, lobe: Lobe::Ggx { f0, f90, roughness, metallic, dielectric, dielectric_f90 } }
+        let lobe = Lobe::Ggx { f0, f90, roughness, metallic, dielectric, dielectric_f90 };
+        Reflectance { base, lobe, transmission }
     }
 }
 

@@ -143,8 +143,20 @@ pub struct Material {
     pub emissive: Vec3,
     /// Multiplies `emissive`; sRGB image.
     pub emissive_texture: Option<Texture>,
-    /// Alpha below this is a hole; `None` for opaque materials.
+    /// Alpha below this is a hole; `None` for opaque materials. What is seen through has it for light alone: there it is where
+    /// light is blocked, and infinite where none is.
     pub alpha_cutoff: Option<f32>,
+    /// glTF's BLEND: alpha is how much of what lies behind is covered.
+    pub blend: bool,
+    /// Share of the light below the surface that goes through instead of being scattered; KHR_materials_transmission.
+    pub transmission: f32,
+    /// Red multiplies `transmission`; linear image.
+    pub transmission_texture: Option<Texture>,
+    /// Optical depth of what is behind the surface, by channel and unit of the model's scale: of what goes through, this power of
+    /// 1/e is left. KHR_materials_volume, its thickness times its rate of attenuation.
+    pub optical_depth: Vec3,
+    /// Green multiplies `optical_depth`; linear image.
+    pub thickness_texture: Option<Texture>,
     /// Whether the file asked for both sides (the loader has already made the second one).
     pub double_sided: bool,
     /// KHR_materials_ior; 1.5 is glTF's default.
@@ -185,6 +197,11 @@ impl Default for Material {
             emissive: Vec3::ZERO,
             emissive_texture: None,
             alpha_cutoff: None,
+            blend: false,
+            transmission: 0.0,
+            transmission_texture: None,
+            optical_depth: Vec3::ZERO,
+            thickness_texture: None,
             double_sided: false,
             ior: 1.5,
             specular: 1.0,

@@ -31,7 +31,9 @@ use crate::bake::{CacheSet, ModelCaches};
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, Stream};
 use crate::scene::{Mesh, Primitive, Scene, Vertex};
-use crate::shared::{self, Corner, DrawPush, DrawRecord, InstanceCaches, ModelCache, NO_REFERENCES, RIGID};
+use crate::shared::{
+    self, Corner, DrawPush, DrawRecord, InstanceCaches, ModelCache, NO_REFERENCES, RIGID, TEXTURE_COUNT,
+};
 use area_lights::AreaLights;
 use emitters::Patches;
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
@@ -73,6 +75,7 @@ struct DrawItem {
     /// First of the instance's vertices, or cells, among those of all instances.
     first_slot: u32,
     masked: bool,
+    seen_through: bool,
     /// Whether the model has caches to refer to.
     has_caches: bool,
     /// Smallest and largest coordinates in model space; none where it bends.
@@ -173,6 +176,10 @@ struct CacheAlbedos {
 pub enum Which {
     /// All.
     All,
+    /// Those behind which nothing shows.
+    Solid,
+    /// The others.
+    SeenThrough,
     /// Those whose material has no holes.
     Opaque,
     /// Those whose material has holes.
@@ -287,6 +294,7 @@ impl World {
                     grid: model.map_or(0, |(m, _)| m as u32),
                     first_slot,
                     masked: scene.materials[primitive.material].alpha_cutoff.is_some(),
+                    seen_through: scene.materials[primitive.material].is_seen_through(),
                     has_caches: model.is_some_and(|(_, m)| !m.caches.is_empty()),
                     bounds: mesh.deform.is_none().then(|| bounds_of(mesh, primitive)),
                 });
@@ -403,17 +411,23 @@ impl World {
         self.cells.as_ref().map(|cells| cells.row)
     }
 
-    /// Draws the scene's triangles. Bindings 0 to 8 of the shaders are the scene's own (see `lib/textures.glsl`).
-    pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4) {
-        self.draw_large(draw, pipeline, which, (clip_from_world, eye), 0.0);
+    /// One texel, 1.
+    pub(super) fn white(&self) -> &Image {
+        &self.textures[0]
     }
 
-    /// The same without what is smaller in the view than this [of its height and width, which are 2].
+    /// Draws the scene's triangles. Bindings 0 to 10 of the shaders are the scene's own (see `lib/textures.glsl`).
+    pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4) {
+        self.draw_large(draw, pipeline, (which, &[]), (clip_from_world, eye), 0.0);
+    }
+
+    /// The same without what is smaller in the view than this [of its height and width, which are 2], with what shaders have at
+    /// bindings from 11 on.
     pub(super) fn draw_large(
         &self,
         draw: &Draw<'_, '_>,
         pipeline: &Pipeline,
-        which: Which,
+        (which, more): (Which, &[Bind<'_>]),
         (clip_from_world, eye): (Mat4, Vec4),
         least: f32,
     ) {
@@ -421,6 +435,8 @@ impl World {
         for (i, item) in self.draws.iter().enumerate() {
             let wanted = match which {
                 Which::All => true,
+                Which::Solid => !item.seen_through,
+                Which::SeenThrough => item.seen_through,
                 Which::Opaque => !item.masked,
                 Which::Masked => item.masked,
             };
@@ -429,7 +445,7 @@ impl World {
                 continue;
             }
             if bound.replace(item.material) != Some(item.material) {
-                self.bind_material(draw, pipeline, item.material as usize);
+                self.bind_material(draw, pipeline, item.material as usize, more);
             }
             draw.push(&DrawPush {
                 clip_from_world,
@@ -516,26 +532,21 @@ impl World {
     }
 
     /// Binds those of the nine scene bindings that the pipeline's shaders declare.
-    fn bind_material(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, material: usize) {
+    fn bind_material(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, material: usize, more: &[Bind<'_>]) {
         let texture = |i: usize| {
             let (image, sampler) = self.material_textures[material][i];
             Bind::Texture(&self.textures[image], sampler)
         };
-        let all: [Bind<'_>; 9] = [
-            Bind::Buffer(&self.instances),
-            Bind::Buffer(&self.materials),
-            Bind::Buffer(&self.texture_slots),
-            texture(0),
-            texture(1),
-            texture(2),
-            texture(3),
-            texture(4),
-            texture(5),
-        ];
-        let mut used = all;
+        let own = [&self.instances, &self.materials, &self.texture_slots].map(Bind::Buffer);
+        let binding = |i: usize| match i.checked_sub(own.len()) {
+            None => own[i],
+            Some(i) if i < TEXTURE_COUNT as usize => texture(i),
+            Some(i) => more[i - TEXTURE_COUNT as usize],
+        };
+        let mut used = [own[0]; 16];
         let mut count = 0;
-        for binding in pipeline.bindings() {
-            used[count] = all[binding as usize];
+        for i in pipeline.bindings() {
+            used[count] = binding(i as usize);
             count += 1;
         }
         draw.bind(pipeline, &used[..count]);

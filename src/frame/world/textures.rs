@@ -16,6 +16,10 @@ pub(super) fn material(m: &Material) -> shared::Material {
         base_color: m.base_color,
         emissive: m.emissive,
         alpha_cutoff: m.alpha_cutoff.unwrap_or(-1.0),
+        seen_cutoff: m.seen_cutoff().unwrap_or(-1.0),
+        blend: m.blend.into(),
+        transmission: m.transmission,
+        optical_depth: m.optical_depth,
         specular_color: m.specular_color,
         specular: m.specular,
         phong_specular: m.phong.map_or(Vec3::ZERO, |p| p.specular),
@@ -36,6 +40,8 @@ pub(super) fn used(m: &Material) -> [(Option<Texture>, bool); TEXTURE_COUNT as u
         (m.emissive_texture, true),
         (m.specular_texture, false),
         (m.specular_color_texture, true),
+        (m.transmission_texture, false),
+        (m.thickness_texture, false),
     ]
 }
 

@@ -83,6 +83,8 @@ pub(super) struct Structure {
 struct MaterialStructure {
     /// Whether it has holes.
     masked: bool,
+    /// Whether what lies behind shows.
+    seen_through: bool,
     /// Whether it may shine.
     emits: bool,
     textures: [Option<(usize, Sampler)>; TEXTURE_COUNT as usize],
@@ -91,7 +93,12 @@ struct MaterialStructure {
 impl MaterialStructure {
     fn new(scene: &Scene, (index, material): (usize, &Material)) -> Self {
         let textures = textures::used(material).map(|(texture, _)| texture.map(|t| (t.image, t.sampler)));
-        Self { masked: material.alpha_cutoff.is_some(), emits: scene.emission(index).is_some(), textures }
+        Self {
+            masked: material.alpha_cutoff.is_some(),
+            seen_through: material.is_seen_through(),
+            emits: scene.emission(index).is_some(),
+            textures,
+        }
     }
 }
 

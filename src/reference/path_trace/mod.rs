@@ -36,6 +36,9 @@ const SEQUENCE: u32 = 1 << 16;
 /// Bounces after which paths end by chance: Russian roulette, whose survivors have the light of all.
 const ROULETTE: u32 = 4;
 
+/// Most surfaces that are seen one through another.
+const MOST_SEEN: usize = 64;
+
 /// Highest chance that a path goes on, even one that has lost no light.
 const LIKELIEST: f64 = 0.95;
 
@@ -194,13 +197,15 @@ impl<'a> PathTrace<'a> {
             let seed = mix(index as u32 ^ mix(half));
             if self.settings.spread {
                 for sample in first..first + PASS_SAMPLES {
-                    sum.add(&self.sample_within(index, seed, sample));
+                    sum.add(DVec3::ONE, &self.sample_within(index, seed, sample));
                 }
             } else {
-                let Some((surface, direction)) = self.seen(index) else { return };
-                let scatter = Scatter::new(&surface, direction);
-                for sample in first..first + PASS_SAMPLES {
-                    sum.add(&self.sample(&scatter, seed, sample));
+                let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
+                for (share, surface) in self.seen(origin, direction).0 {
+                    let scatter = Scatter::new(&surface, direction);
+                    for sample in first..first + PASS_SAMPLES {
+                        sum.add(share, &self.sample(&scatter, seed, sample));
+                    }
                 }
             }
             let add = |to: &mut [f64; 3], sum: DVec3| *to = (DVec3::from(*to) + sum).to_array();
@@ -255,10 +260,9 @@ impl<'a> PathTrace<'a> {
         }
         let exact = |(index, sampled): (usize, [f32; 3])| {
             let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
-            let exact = match self.world.nearest(origin, direction, Sides::Front) {
-                Some(hit) => self.at_once(&self.world.surface(&hit), direction),
-                None => self.behind(direction),
-            };
+            let (surfaces, left) = self.seen(origin, direction);
+            let behind = if left == DVec3::ZERO { DVec3::ZERO } else { left * self.behind(direction) };
+            let exact = surfaces.iter().fold(behind, |sum, (share, at)| sum + *share * self.at_once(at, direction));
             (exact + DVec3::from(sampled.map(f64::from))).as_vec3().to_array()
         };
         sampled.into_par_iter().enumerate().map(exact).collect()
@@ -300,9 +304,10 @@ impl<'a> PathTrace<'a> {
         (0..self.pixels.len()).into_par_iter().map(pixel).unzip()
     }
 
-    /// Surface that each pixel's centre shows, row by row from the top.
+    /// Nearest surface that each pixel's centre shows, row by row from the top.
     pub fn surfaces(&self) -> Vec<Option<Surface>> {
-        (0..self.pixels.len()).into_par_iter().map(|index| self.seen(index).map(|seen| seen.0)).collect()
+        let nearest = |index| self.hit(index).map(|hit| self.world.surface(&hit));
+        (0..self.pixels.len()).into_par_iter().map(nearest).collect()
     }
 
     /// Whether each pixel's centre shows a surface.
@@ -315,13 +320,27 @@ impl<'a> PathTrace<'a> {
         self.pixels.iter().map(|pixel| sum(pixel).map(|s| (s * share) as f32)).collect()
     }
 
-    fn seen(&self, index: usize) -> Option<(Surface, DVec3)> {
-        self.hit(index).map(|(hit, direction)| (self.world.surface(&hit), direction))
+    /// What a ray of the camera shows: surfaces one behind another with the share of each that arrives, and the share of the
+    /// backdrop.
+    fn seen(&self, mut origin: DVec3, direction: DVec3) -> (Vec<(DVec3, Surface)>, DVec3) {
+        let (mut surfaces, mut left) = (Vec::new(), DVec3::ONE);
+        while surfaces.len() < MOST_SEEN {
+            let Some(hit) = self.world.nearest(origin, direction, Sides::Front) else { return (surfaces, left) };
+            let surface = self.world.surface(&hit);
+            let Some((own, behind)) = self.world.seen_through(&hit, &surface, direction) else {
+                surfaces.push((left, surface));
+                break;
+            };
+            origin = surface.position;
+            surfaces.push((left * own, surface));
+            left *= behind;
+        }
+        (surfaces, DVec3::ZERO)
     }
 
-    fn hit(&self, index: usize) -> Option<(Hit, DVec3)> {
+    fn hit(&self, index: usize) -> Option<Hit> {
         let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
-        self.world.nearest(origin, direction, Sides::Front).map(|hit| (hit, direction))
+        self.world.nearest(origin, direction, Sides::Front)
     }
 
     /// All light of a sample anywhere in a pixel.
@@ -329,13 +348,18 @@ impl<'a> PathTrace<'a> {
         let own = mix(seed ^ mix(self.settings.seed ^ mix(sample / SEQUENCE)) ^ 0x9e37_79b9);
         let [x, y, ..] = sample_4d(sample % SEQUENCE, 0, own).map(f64::from);
         let (origin, direction) = camera_ray_at(self.camera, self.settings.size, index, DVec2::new(x, y));
-        let Some(hit) = self.world.nearest(origin, direction, Sides::Front) else {
-            let behind = self.behind(direction);
-            return Radiance { direct: behind, behind, missed: 1.0, ..Radiance::default() };
-        };
-        let surface = self.world.surface(&hit);
-        let mut radiance = self.sample(&Scatter::new(&surface, direction), seed, sample);
-        radiance.direct += self.at_once(&surface, direction);
+        let (surfaces, left) = self.seen(origin, direction);
+        let mut radiance = Radiance::default();
+        if left != DVec3::ZERO {
+            radiance.direct = left * self.behind(direction);
+        }
+        if surfaces.is_empty() {
+            (radiance.behind, radiance.missed) = (radiance.direct, 1.0);
+        }
+        for (share, surface) in surfaces {
+            radiance.add(share, &self.sample(&Scatter::new(&surface, direction), seed, sample));
+            radiance.direct += share * self.at_once(&surface, direction);
+        }
         radiance
     }
 
@@ -495,10 +519,10 @@ impl<'a> PathTrace<'a> {
 }
 
 impl Radiance {
-    fn add(&mut self, other: &Self) {
-        self.direct += other.direct;
-        self.diffuse += other.diffuse;
-        self.glossy += other.glossy;
+    fn add(&mut self, share: DVec3, other: &Self) {
+        self.direct += share * other.direct;
+        self.diffuse += share * other.diffuse;
+        self.glossy += share * other.glossy;
         self.behind += other.behind;
         self.missed += other.missed;
     }

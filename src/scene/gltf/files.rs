@@ -230,7 +230,7 @@ fn decode_percent(text: &str) -> Option<String> {
 }
 
 /// Extensions that the loader understands.
-const SUPPORTED: [&str; 10] = [
+const SUPPORTED: [&str; 12] = [
     "EXT_mesh_gpu_instancing",
     "KHR_animation_pointer",
     "KHR_lights_punctual",
@@ -238,6 +238,8 @@ const SUPPORTED: [&str; 10] = [
     "KHR_materials_ior",
     "KHR_materials_pbrSpecularGlossiness",
     "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_volume",
     "KHR_mesh_quantization",
     "KHR_node_visibility",
     "KHR_texture_transform",

@@ -124,7 +124,8 @@ impl Reader<'_, '_> {
             None | Some("OPAQUE") => None,
             Some("MASK") => Some(self.factor(object, "alphaCutoff", 0.5, f64::from(f32::MAX))?),
             Some("BLEND") => {
-                self.notes.count("Materials with alphaMode BLEND drawn as MASK with cutoff 0.5", 1);
+                self.notes.count("Materials with alphaMode BLEND that let light pass where alpha is under 0.5", 1);
+                material.blend = true;
                 Some(0.5)
             }
             Some(mode) => {
@@ -149,6 +150,27 @@ impl Reader<'_, '_> {
             let color = self.clamped(&extension, "specularColorFactor", color, f64::from(f32::MAX));
             material.specular_color = Vec3::from(color);
             material.specular_color_texture = self.texture(&extension, "specularColorTexture")?;
+        }
+        if let Some(extension) = object.extension("KHR_materials_transmission")? {
+            material.transmission = self.factor(&extension, "transmissionFactor", 0.0, 1.0)?;
+            material.transmission_texture = self.texture(&extension, "transmissionTexture")?;
+            // Light meets glass or it does not; most of it goes through what is clear all over.
+            let clear = material.transmission >= 0.5 && material.transmission_texture.is_none();
+            if clear && material.alpha_cutoff.is_none() {
+                material.alpha_cutoff = Some(f32::INFINITY);
+            }
+        }
+        if let Some(extension) = object.extension("KHR_materials_volume")? {
+            let thickness = self.factor(&extension, "thicknessFactor", 0.0, f64::from(f32::MAX))?;
+            let distance = extension.number("attenuationDistance")?.unwrap_or(f64::INFINITY);
+            let color = extension.vector::<3>("attenuationColor")?.unwrap_or([1.0; 3]);
+            let color = self.clamped(&extension, "attenuationColor", color, 1.0);
+            if distance > 0.0 {
+                let depths = f64::from(thickness) / distance;
+                material.optical_depth =
+                    Vec3::from(color.map(|left| (-left.max(1e-6).ln() * depths as f32).min(100.0)));
+            }
+            material.thickness_texture = self.texture(&extension, "thicknessTexture")?;
         }
         material.phong = self.phong(object)?;
         Ok(material)

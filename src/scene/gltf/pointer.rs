@@ -114,11 +114,13 @@ fn material_quantity(path: &[&str]) -> Option<(Quantity, usize, usize)> {
 }
 
 /// Where a material's textures are in the file, in the order of `Material::textures_mut`.
-pub(super) const TEXTURES: [&str; 6] = [
+pub(super) const TEXTURES: [&str; 8] = [
     "pbrMetallicRoughness/baseColorTexture",
     "pbrMetallicRoughness/metallicRoughnessTexture",
     "normalTexture",
     "emissiveTexture",
     "extensions/KHR_materials_specular/specularTexture",
     "extensions/KHR_materials_specular/specularColorTexture",
+    "extensions/KHR_materials_transmission/transmissionTexture",
+    "extensions/KHR_materials_volume/thicknessTexture",
 ];

@@ -64,7 +64,7 @@ fn texture(document: &mut Document, texture: Texture) -> Value {
 pub(super) fn material(document: &mut Document, index: usize, material: &Material, rest: &Rest) -> Value {
     let animated = |quantity| rest.get(&(quantity, index));
     let mut told = |own: Option<Texture>| own.map(|own| texture(document, own));
-    let [base_color, metallic_roughness, normal, emission, specular_of, specular_color] =
+    let [base_color, metallic_roughness, normal, emission, specular_of, specular_color, transmission, thickness] =
         material.clone().textures_mut().map(|own| told(*own));
     let mut value = json!({
         "name": material.name,
@@ -93,7 +93,9 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
     if material.double_sided {
         value["doubleSided"] = json!(true);
     }
-    if let Some(cutoff) = material.alpha_cutoff {
+    if material.blend {
+        value["alphaMode"] = json!("BLEND");
+    } else if let Some(cutoff) = material.seen_cutoff() {
         value["alphaMode"] = json!("MASK");
         value["alphaCutoff"] = json!(cutoff);
     }
@@ -112,6 +114,25 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
     }
     if material.ior != 1.5 || animated(Quantity::Ior).is_some() {
         extend("KHR_materials_ior", json!({ "ior": material.ior }));
+    }
+    if material.transmission > 0.0 {
+        let mut factors = json!({ "transmissionFactor": material.transmission });
+        if let Some(texture) = transmission {
+            factors["transmissionTexture"] = texture;
+        }
+        extend("KHR_materials_transmission", factors);
+    }
+    if material.optical_depth != Vec3::ZERO {
+        // What is left of light after one thickness.
+        let mut factors = json!({
+            "thicknessFactor": 1.0,
+            "attenuationDistance": 1.0,
+            "attenuationColor": (-material.optical_depth).exp().to_array(),
+        });
+        if let Some(texture) = thickness {
+            factors["thicknessTexture"] = texture;
+        }
+        extend("KHR_materials_volume", factors);
     }
     let specular = animated(Quantity::Specular).or(animated(Quantity::SpecularColor));
     let of_specular = [("specularTexture", specular_of), ("specularColorTexture", specular_color)];

@@ -1,0 +1,166 @@
+//! What is seen through: layers against sums on paper and the path tracer, which follows its rays through them.
+
+use glam::{DAffine3, DVec3, Vec3, Vec4, dvec3, vec3};
+use lightskin::frame::{LightShadows, Near, Shadows};
+use lightskin::lab::knobs::{Gi, Knobs};
+use lightskin::metrics::metrics;
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
+use lightskin::scene::build::{CornellSurface, cornell, quad};
+use lightskin::scene::gltf::load;
+use lightskin::scene::write::write_glb;
+use lightskin::scene::{LightKind, Material, Scene};
+
+use crate::common::frames::{add, baked, camera, lamp, phong, shoot, small};
+use crate::common::gpu;
+
+/// A square before the camera that shines and covers so much of what is behind it.
+fn pane(scene: &mut Scene, z: f32, color: Vec3, alpha: f32) {
+    let square = quad(vec3(-1.0, -1.0, z), Vec3::X * 2.0, Vec3::Y * 2.0, 2.0);
+    let dark = phong([0.0; 3], [0.0; 3], 1.0);
+    let material = Material {
+        emissive: color,
+        blend: true,
+        base_color: Vec4::new(0.0, 0.0, 0.0, alpha),
+        alpha_cutoff: Some(0.5),
+        ..dark
+    };
+    add(scene, square, material, DAffine3::IDENTITY);
+}
+
+/// Panes one behind another, and their colours and alphas from the farthest on.
+fn panes(order: &[usize]) -> (Scene, Vec<(DVec3, f64)>) {
+    let all: Vec<(Vec3, f32)> = (0..8_u8)
+        .map(|i| (vec3(f32::from(i % 3), f32::from(i % 2) * 2.0, 3.0 - f32::from(i) / 3.0), 0.1 + 0.1 * f32::from(i)))
+        .collect();
+    let mut scene = Scene::default();
+    for &i in order {
+        let (color, alpha) = all[i];
+        pane(&mut scene, 0.1 * i as f32, color, alpha);
+    }
+    let wall = quad(vec3(-3.0, -3.0, -1.0), Vec3::X * 6.0, Vec3::Y * 6.0, 6.0);
+    let wall_light = Material { emissive: vec3(5.0, 7.0, 9.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
+    add(&mut scene, wall, wall_light, DAffine3::IDENTITY);
+    scene.cameras.push(camera(dvec3(0.0, 0.0, 4.0), DVec3::ZERO, 0.5));
+    (scene, all.into_iter().map(|(color, alpha)| (color.as_dvec3(), f64::from(alpha))).collect())
+}
+
+/// Direct light alone, of pixels' middles.
+fn direct(size: [u32; 2], layers: u32) -> Knobs {
+    Knobs { gi: Gi::Off, size, layers, ..small() }
+}
+
+#[test]
+fn eight_layers_are_laid_over_each_other_in_any_order() {
+    for order in [[0, 1, 2, 3, 4, 5, 6, 7], [7, 6, 5, 4, 3, 2, 1, 0], [3, 0, 7, 1, 6, 2, 5, 4]] {
+        let (scene, panes) = panes(&order);
+        let expected = panes.iter().fold(dvec3(5.0, 7.0, 9.0), |behind, (color, alpha)| behind.lerp(*color, *alpha));
+        let shown = shoot(&gpu(), &scene, None, &direct([9, 9], 8)).direct[40];
+        println!("{order:?}: {shown:.5}, on paper {expected:.5}");
+        assert!(shown.abs_diff_eq(expected, 1e-3 * expected.max_element()), "{shown} is not {expected}");
+    }
+}
+
+#[test]
+fn the_nearest_layers_show_where_there_are_more() {
+    let (scene, panes) = panes(&[0, 1, 2, 3, 4, 5, 6, 7]);
+    for layers in [0, 1, 4] {
+        let over = |behind: DVec3, (color, alpha): &(DVec3, f64)| behind.lerp(*color, *alpha);
+        let expected = panes[8 - layers as usize..].iter().fold(dvec3(5.0, 7.0, 9.0), over);
+        let shown = shoot(&gpu(), &scene, None, &direct([9, 9], layers)).direct[40];
+        assert!(shown.abs_diff_eq(expected, 1e-3 * expected.max_element()), "{layers}: {shown} is not {expected}");
+    }
+}
+
+/// The glossy Cornell box with a red pane of glass, a blended one, and another behind the boxes.
+fn glazed() -> Scene {
+    let mut scene = cornell(CornellSurface::Glossy, 0.1);
+    let glass = Material {
+        base_color: Vec4::new(1.0, 0.5, 0.4, 1.0),
+        metallic: 0.0,
+        roughness: 0.3,
+        transmission: 0.9,
+        optical_depth: vec3(0.1, 0.2, 0.5),
+        alpha_cutoff: Some(f32::INFINITY),
+        ..Material::default()
+    };
+    let film = Material {
+        base_color: Vec4::new(0.2, 0.7, 0.3, 0.4),
+        metallic: 0.0,
+        roughness: 0.6,
+        blend: true,
+        alpha_cutoff: Some(0.5),
+        ..Material::default()
+    };
+    let upright = |x: f32, z: f32| quad(vec3(x, 0.3, z), Vec3::X * 0.7, Vec3::Y * 1.1, 0.1);
+    add(&mut scene, upright(-0.8, 0.9), glass.clone(), DAffine3::IDENTITY);
+    add(&mut scene, upright(-0.4, 0.7), film, DAffine3::IDENTITY);
+    add(&mut scene, upright(0.1, -0.95), glass, DAffine3::IDENTITY);
+    scene
+}
+
+#[test]
+fn glass_has_the_light_of_paths() {
+    let scene = glazed();
+    let size = [120, 90];
+    let settings = PathTraceSettings::engine(size, 1);
+    let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
+    (0..24).for_each(|_| paths.pass());
+    let knobs = Knobs {
+        size,
+        shadows: Shadows::PerLight,
+        near: Near::Rays { per_pixel: 8, every: 2 },
+        light_shadows: LightShadows::Rays,
+        rsm: 128,
+        ..small()
+    };
+    let shot = shoot(&gpu(), &scene, Some(&baked(&scene, 0.15, 8)), &knobs);
+    let layers = [
+        ("direct", shot.direct, paths.direct(), 0.001),
+        ("diffuse", shot.diffuse, paths.diffuse(), 0.03),
+        ("glossy", shot.glossy, paths.glossy(), 0.1),
+    ];
+    for (name, shown, truth, most) in layers {
+        let shown: Vec<[f32; 3]> = shown.iter().map(|p| p.as_vec3().to_array()).collect();
+        let m = metrics(&shown, &truth);
+        println!("{name}: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
+        assert!(m.bias.abs() < most, "{name}: {m:?}");
+    }
+}
+
+#[test]
+fn light_goes_through_clear_glass() {
+    // The sun through a pane onto a floor: as bright as beside it.
+    let mut scene = Scene::default();
+    let white = || phong([0.7; 3], [0.0; 3], 1.0);
+    add(&mut scene, quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0.5), white(), DAffine3::IDENTITY);
+    let clear = Material { transmission: 1.0, alpha_cutoff: Some(f32::INFINITY), ..white() };
+    add(&mut scene, quad(vec3(-0.5, 1.0, -0.5), Vec3::Z, Vec3::X, 0.5), clear, DAffine3::IDENTITY);
+    let mut sun = lamp(LightKind::Directional);
+    sun.direction = vec3(0.0, -1.0, 0.0);
+    scene.lights = vec![sun];
+    scene.cameras.push(camera(dvec3(0.0, 0.5, 3.0), dvec3(0.0, 0.0, 0.0), 0.3));
+    for light_shadows in [LightShadows::Rays, LightShadows::Maps(256)] {
+        let shown = shoot(&gpu(), &scene, None, &Knobs { light_shadows, ..direct([33, 9], 4) }).direct;
+        let row: Vec<f64> = shown[33 * 5..33 * 6].iter().map(|p| p.y).collect();
+        let brightest = row.iter().fold(0.0_f64, |most, y| most.max(*y));
+        assert!(brightest > 0.0 && row.iter().all(|y| *y > 0.99 * brightest), "{light_shadows:?}: {row:?}");
+    }
+}
+
+#[test]
+fn glass_is_written_as_it_is_read() {
+    let scene = glazed();
+    let path = std::env::temp_dir().join(format!("lightskin_glass_{}.glb", std::process::id()));
+    write_glb(&scene, &path).expect("written");
+    let read = load(&path).expect("read");
+    std::fs::remove_file(&path).expect("was there");
+    let seen_through = |scene: &Scene| -> Vec<_> {
+        let all = scene.materials.iter().filter(|material| material.is_seen_through());
+        all.map(|m| (m.blend, m.transmission, (m.optical_depth * 1e4).round(), m.alpha_cutoff, m.base_color)).collect()
+    };
+    let expected = seen_through(&scene);
+    assert!(expected.len() == 3 && seen_through(&read).len() >= 2, "{expected:?}");
+    for material in seen_through(&read) {
+        assert!(expected.contains(&material), "{material:?} is none of {expected:?}");
+    }
+}
