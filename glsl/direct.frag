@@ -111,7 +111,9 @@ void main() {
     vec3 looking = view_direction(push.eye, position);
     vec3 brdf = albedo.rgb / PI + glossy_lobe(specular.rgb, normal_coded.w, n, looking, towards);
 #ifdef RAYS
-    float seen = arriving_alone(pixel.y * int(size.x) + pixel.x).x;
+    float seen = light.radius > 0.0
+        ? arriving(depth_image, pixel, depth, plane_slope(push.world_from_clip, position, geometric)).x
+        : arriving_alone(pixel.y * int(size.x) + pixel.x).x;
 #else
     float seen = visibility_of_pixel(light, middle, 2.0 / size, depth, position, geometric, towards);
 #endif

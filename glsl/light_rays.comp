@@ -3,6 +3,7 @@
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/brdf.glsl"
+#include "lib/depth_image.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
@@ -18,15 +19,27 @@ layout(binding = 15) uniform sampler2D albedo_image;
 layout(binding = 16) uniform sampler2D specular_image;
 layout(binding = 17, scalar) buffer Arrivals { Arriving arrivals[]; };
 
-// Rays of a pixel to an area light, at least.
+// Rays of a pixel to a light that has a size, at least.
 const uint LEAST = 4u;
+
+// So many times as many, where a penumbra is too narrow for those of neighbours to be taken with them.
+const uint MORE = 4u;
 
 // Pixels in a row whose first rays go to different points.
 const uint FIRST_SIDE = 8u;
 
+// Golden angle [rad]: points of a disc that are evenly spread.
+const float GOLDEN = 2.39996323;
+
 vec3 place(vec2 ndc, float depth) {
     vec4 world = push.world_from_clip * vec4(ndc, depth, 1.0);
     return world.xyz / world.w;
+}
+
+// Point `i` of `count` on the unit disc: Vogel's.
+vec2 disc_point(uint i, uint count) {
+    float angle = float(i) * GOLDEN;
+    return sqrt((float(i) + 0.5) / float(count)) * vec2(cos(angle), sin(angle));
 }
 
 // Point `i` of `count` on the unit square: Hammersley's.
@@ -38,6 +51,19 @@ vec2 square_point(uint i, uint count) {
 const int AROUND = int(FIRST_SIDE) / 2;
 const int TILE = 8 + 2 * AROUND;
 shared float firsts[TILE * TILE];
+shared float widths[TILE * TILE];
+
+// Widest penumbra that a first ray about a pixel has met [pixels].
+float widest() {
+    ivec2 middle = ivec2(gl_LocalInvocationID.xy) + AROUND;
+    float all = 0.0;
+    for (int y = -AROUND; y <= AROUND; ++y) {
+        for (int x = -AROUND; x <= AROUND; ++x) {
+            all = max(all, widths[(middle.y + y) * TILE + middle.x + x]);
+        }
+    }
+    return all;
+}
 
 // What all first rays about a pixel say; ARRIVING_UNKNOWN where they differ.
 float agreed(int reach) {
@@ -85,12 +111,15 @@ void main() {
     Light light = lights[push.light];
     bool is_area = light.kind == LIGHT_AREA;
     bool is_parallel = light.kind == LIGHT_DIRECTIONAL;
+    bool is_soft = is_area || light.radius > 0.0;
     bool is_first = push.is_first != 0u;
+    float width = 0.0;
     if (!is_first) {
         ivec2 corner = ivec2(gl_WorkGroupID.xy) * 8 - AROUND;
         for (int i = int(gl_LocalInvocationIndex); i < TILE * TILE; i += 64) {
             ivec2 there = clamp(corner + ivec2(i % TILE, i / TILE), ivec2(0), size - 1);
             firsts[i] = arrivals[there.y * size.x + there.x].first;
+            widths[i] = arrivals[there.y * size.x + there.x].width;
         }
         barrier();
     }
@@ -102,7 +131,9 @@ void main() {
         if (first == ARRIVING_NOT) {
             return;
         }
-        float all = agreed(is_area ? AROUND : 1);
+        // No penumbra reaches farther than it is wide.
+        width = is_soft ? widest() : 0.0;
+        float all = agreed(min(1 + int(ceil(width)), AROUND));
         if (all >= 0.0) {
             if (first == ARRIVING_UNKNOWN) {
                 arrivals[at].open = vec2(all);
@@ -122,7 +153,7 @@ void main() {
     vec3 to = is_parallel ? -light.direction : light.position - position;
     float d2 = dot(to, to);
     float lift = lift_at(position, push.eye.w > 0.0 ? distance(push.eye.xyz, position) : 0.0);
-    Arriving found = Arriving(vec2(0.0), vec2(0.0), -1.0, ARRIVING_NOT);
+    Arriving found = Arriving(vec2(0.0), vec2(0.0), -1.0, 0.0, ARRIVING_NOT);
     if (depth <= 0.0 || !shines_at(light, to, n, geometric, lift)) {
         arrivals[at] = found;
         return;
@@ -136,15 +167,18 @@ void main() {
     float footprint = max(distance(position, place(middle + vec2(step_.x, 0.0), depth)), 1e-30);
     uint subset = uint(pixel.x) % LIGHT_SIDE + LIGHT_SIDE * (uint(pixel.y) % LIGHT_SIDE);
     const uint SQUARE = LIGHT_SIDE * LIGHT_SIDE;
-    uint rays = max(SAMPLES + 1u, is_area ? LEAST : 1u);
+    uint rays = max(SAMPLES + 1u, is_soft ? LEAST : 1u);
+    uint count = is_first ? 1u : is_soft && width < PENUMBRA_WIDE ? MORE * rays : rays;
     float area = 4.0 * length(cross(light.right, light.up));
-    float cell = area / float(SQUARE * rays);
-    found.penumbra = 0.0;
+    float cell = area / float(SQUARE * max(count, rays));
+    vec3 x_axis, y_axis;
+    tangents(to * inversesqrt(max(d2, 1e-30)), x_axis, y_axis);
+    found.penumbra = is_soft ? 0.0 : -1.0;
     // A second surface shows half a pixel from its middle at most.
     vec3 right = place(middle + vec2(step_.x, 0.0), depth + slope.x * step_.x);
     vec3 below = place(middle + vec2(0.0, step_.y), depth + slope.y * step_.y);
     float aside = push.is_second != 0u ? 0.5 * (distance(position, right) + distance(position, below)) : 0.0;
-    for (uint i = 0u; i < (is_first ? 1u : rays); ++i) {
+    for (uint i = 0u; i < count; ++i) {
         vec3 from = position;
         if (SAMPLES > 0u && i > 0u) {
             vec2 offset = sample_offset((i - 1u) % SAMPLES + 1u, SAMPLES) * step_;
@@ -156,13 +190,14 @@ void main() {
         float least = max(lift, 1.5 * (distance(from, position) + aside));
         vec3 start = from + geometric * lift;
         uint number = i * SQUARE + subset;
+        uint points = max(count, rays) * SQUARE;
         vec2 weight = vec2(1.0, 0.0);
         vec3 way = to;
         float reach = 3e38; // how far off the light is [lengths of the way]
+        // First rays go to a lattice with the light's border: what comes into its way hides a point of that first.
+        vec2 lattice = vec2(uvec2(pixel) % FIRST_SIDE) / float(FIRST_SIDE - 1u) * 2.0 - 1.0;
         if (is_area) {
-            // First rays go to a lattice with the light's border: what comes into its way hides a point of that first.
-            vec2 lattice = vec2(uvec2(pixel) % FIRST_SIDE) / float(FIRST_SIDE - 1u) * 2.0 - 1.0;
-            vec2 on = is_first ? 0.999 * lattice : 2.0 * square_point(number, SQUARE * rays) - 1.0;
+            vec2 on = is_first ? 0.999 * lattice : 2.0 * square_point(number, points) - 1.0;
             way = light.position + on.x * light.right + on.y * light.up - start;
             float way2 = max(dot(way, way), 1e-30);
             vec3 towards = way * inversesqrt(way2);
@@ -173,32 +208,38 @@ void main() {
             weight = given * received * vec2(1.0, is_glossy ? cosine_power(dot(mirrored, towards), k) + 1e-4 : 0.0);
             weight *= d2;
             reach = 0.9999;
-        } else if (!is_parallel) {
-            way = light.position - start;
-            reach = 0.99999;
+        } else {
+            // Squares of the lattice become rings.
+            float ring = max(abs(lattice.x), abs(lattice.y));
+            vec2 on = is_first ? lattice * ring / max(length(lattice), 1e-30) : disc_point(number, points);
+            way = is_parallel ? to : light.position - start;
+            way += light.radius * (x_axis * on.x + y_axis * on.y);
+            reach = is_parallel ? reach : 0.99999;
         }
         found.all += weight;
-        if (weight.x <= 0.0 || dot(way, geometric) <= 0.0) {
-            continue;
-        }
-        float scale = length(way);
-        Hit hit = trace(start, way, least / max(scale, 1e-30), reach, push.root, is_area ? RAY_AREA_LIGHT : 0u, true);
-        if (hit.triangle == NO_HIT) {
-            found.open += weight;
-        } else {
-            // By similar triangles, with the blocker for the apex. Of lamps without a size nobody reads it.
-            float ahead = hit.distance / max(1.0 - hit.distance, 1e-3);
-            found.penumbra = max(found.penumbra, sqrt(area) * ahead / footprint);
+        if (weight.x > 0.0 && dot(way, geometric) > 0.0) {
+            float scale = length(way);
+            Hit hit = trace(start, way, least / max(scale, 1e-30), reach, push.root, is_area ? RAY_AREA_LIGHT : 0u, true);
+            if (hit.triangle == NO_HIT) {
+                found.open += weight;
+            } else if (is_soft) {
+                // By similar triangles, with the blocker for the apex.
+                float wide = is_area ? sqrt(area) : 2.0 * light.radius;
+                float ahead = is_parallel ? hit.distance : hit.distance / max(1.0 - hit.distance, 1e-3);
+                found.penumbra = max(found.penumbra, wide * ahead / footprint);
+            }
         }
     }
+    // However many there are, they count alike beside those of neighbours; a first one as if all were like it.
+    found.open *= float(rays) / float(count);
+    found.all *= float(rays) / float(count);
     if (is_first) {
-        // As if all its rays were like that.
         float first = found.all.x <= 0.0 ? ARRIVING_UNKNOWN : found.open.x > 0.0 ? 1.0 : 0.0;
-        arrivals[at] = Arriving(float(rays) * found.open, float(rays) * found.all, -1.0, first);
+        arrivals[at] = Arriving(found.open, found.all, -1.0, max(found.penumbra, 0.0), first);
         return;
     }
     // What the first ray said stays as it is: neighbours read it.
     arrivals[at].open = found.open;
     arrivals[at].all = found.all;
-    arrivals[at].penumbra = found.penumbra;
+    arrivals[at].penumbra = max(found.penumbra, width);
 }

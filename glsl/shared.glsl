@@ -216,6 +216,7 @@ struct Light {
     vec3 up; // likewise, square to that
     uint columns; // of its samples, along `right`
     uint rows; // likewise
+    float radius; // of a ball that shines [m]; of directional light the tangent of its half angle
 };
 
 // One frustum of a light, for its shadow map and its RSM.

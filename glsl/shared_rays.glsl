@@ -168,6 +168,10 @@ struct NearPush {
 // Pixels in a row that have different points of a light; a square of them has all.
 const uint LIGHT_SIDE = 4;
 
+// Width of penumbrae up to which pixels have rays enough of their own, and from which on those of neighbours alone count [pixels].
+const float PENUMBRA_NARROW = 4.0;
+const float PENUMBRA_WIDE = 12.0;
+
 const float ARRIVING_NOT = -1.0; // the light does not shine there at all
 const float ARRIVING_UNKNOWN = -2.0; // it does, but the ray's point of it is below the horizon
 
@@ -176,6 +180,7 @@ struct Arriving {
     vec2 open;
     vec2 all;
     float penumbra; // width of the widest that a ray has met [pixels]; -1 where all about it say what the first ray says
+    float width; // of the penumbra that the first ray has met [pixels]
     float first; // of the first ray: 1 where it is open, 0 where something is in its way, ARRIVING_...
 };
 

@@ -37,6 +37,7 @@ fn light(kind: LightKind) -> Light {
         color: Vec3::new(1.0, 0.5, 0.25),
         intensity: 100.0,
         range: None,
+        radius: 0.0,
         position: DVec3::ZERO,
         direction: Vec3::NEG_Y,
     }

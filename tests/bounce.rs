@@ -37,6 +37,7 @@ fn cube(albedo: f32, light: DVec3) -> Scene {
         color: Vec3::ONE,
         intensity: 100.0,
         range: None,
+        radius: 0.0,
         position: light,
         direction: Vec3::NEG_Y,
     });

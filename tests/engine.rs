@@ -62,6 +62,7 @@ fn lamp(random: &mut Random) -> Light {
         color: vec3(random.number(), 0.5, random.number()),
         intensity: 10.0,
         range: None,
+        radius: 0.0,
         position: dvec3(random.number().into(), 1.5, random.number().into()),
         direction: vec3(random.number() - 0.5, -1.0, random.number() - 0.5).normalize(),
     }

@@ -15,7 +15,7 @@ use lightskin::scene::{Camera, Light, LightKind, Projection, Scene};
 fn light(kind: LightKind) -> Light {
     let intensity = if kind == LightKind::Directional { 1000.0 } else { 500.0 };
     let (position, direction) = (DVec3::new(0.2, 1.8, 0.5), Vec3::new(-0.5, -0.8, -0.3).normalize());
-    Light { name: "test".into(), kind, color: Vec3::ONE, intensity, range: None, position, direction }
+    Light { name: "test".into(), kind, color: Vec3::ONE, intensity, range: None, radius: 0.0, position, direction }
 }
 
 fn caches(scene: &Scene, references: usize) -> CacheSet {

@@ -248,6 +248,7 @@ fn written_lights_cameras_and_materials_are_the_scenes() {
         direction: Vec3::Z,
         kind: LightKind::Directional,
         range: Some(9.0),
+        radius: 0.25,
         ..scene.lights[0].clone()
     });
     let lamp = Material {

@@ -1,11 +1,11 @@
 //! Where lamps and the sun shine by rays: as the path tracer says, which shares no code with the device's.
 
-use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
+use glam::{Affine2, DAffine3, DQuat, DVec3, Vec3, dvec3, vec2, vec3};
 use lightskin::frame::{Antialiasing, LightShadows};
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
-use lightskin::scene::build::{CornellSurface, cornell, quad, sphere};
-use lightskin::scene::{LightKind, Material, Scene};
+use lightskin::scene::build::{CornellSurface, cornell, cuboid, quad, sphere};
+use lightskin::scene::{Image, Light, LightKind, Material, Sampler, Scene, Texture};
 
 use crate::common::frames::{SPOT, add, camera, corner, lamp, phong, placed, shoot, small};
 use crate::common::gpu;
@@ -88,6 +88,73 @@ fn soft_shadows_of_a_surface_that_emits_are_the_path_tracers() {
             "{surface:?}: mean error {error:.4} of the mean, RMSE {rms:.4}, bias {bias:+.4}; by maps {by_maps:.4}"
         );
         assert!(error < 0.0195 && rms < 0.1 && bias.abs() < 0.003, "{error}, {rms}, {bias}");
+    }
+}
+
+/// A floor, and things above it that hide a light: a ball, a grid of bars, a leaf cut out of a square.
+fn hiding(light: Light) -> Scene {
+    let mut scene = Scene::default();
+    let white = || phong([0.7; 3], [0.0; 3], 1.0);
+    add(&mut scene, quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0.5), white(), DAffine3::IDENTITY);
+    let over = |x: f64, z: f64| DAffine3::from_translation(dvec3(x, 0.6, z));
+    add(&mut scene, sphere(0.25, 16), white(), over(-0.9, 0.0));
+    for i in 0..4_u8 {
+        let bar = cuboid(vec3(-0.03, 0.0, -0.35), vec3(0.03, 0.04, 0.35), 0.2, |_| true);
+        add(&mut scene, bar, white(), over(-0.25 + 0.17 * f64::from(i), 0.0));
+    }
+    scene.images.push(leaf());
+    let texture = Texture { image: 0, uv_set: 0, transform: Affine2::IDENTITY, sampler: Sampler::default() };
+    let cut = Material { base_color_texture: Some(texture), alpha_cutoff: Some(0.5), ..white() };
+    let mut square = quad(vec3(-0.3, 0.0, -0.3), Vec3::Z * 0.6, Vec3::X * 0.6, 0.6);
+    for vertex in &mut square.vertices {
+        vertex.uv0 = vec2(vertex.position.x, vertex.position.z) / 0.6 + 0.5;
+    }
+    add(&mut scene, square, cut, over(0.95, 0.0));
+    scene.lights = vec![light];
+    scene.cameras.push(camera(dvec3(0.0, 1.9, 1.6), dvec3(0.0, 0.0, -0.1), 0.75));
+    scene
+}
+
+/// A pointed oval.
+fn leaf() -> Image {
+    let side = 64_u32;
+    let texel = |i: u32| {
+        let at = |k: u32| (k as f32 + 0.5) / side as f32 * 2.0 - 1.0;
+        let (x, y) = (at(i % side), at(i / side));
+        [255, 255, 255, if x.abs() < 0.5 * (1.0 - y * y) { 255 } else { 0 }]
+    };
+    Image { name: "leaf".into(), width: side, height: side, rgba: (0..side * side).flat_map(texel).collect() }
+}
+
+#[test]
+fn penumbrae_of_lamps_and_suns_are_the_path_tracers() {
+    let size = [192, 120];
+    let mut point = lamp(LightKind::Point);
+    (point.position, point.radius) = (dvec3(0.3, 2.5, -0.4), 0.15);
+    let mut spot = Light { kind: LightKind::Spot { inner: 0.7, outer: 0.9 }, ..point.clone() };
+    (spot.direction, spot.radius) = (vec3(-0.1, -1.0, 0.1).normalize(), 0.05);
+    let mut sun = lamp(LightKind::Directional);
+    (sun.direction, sun.radius) = (vec3(-0.2, -1.0, 0.1).normalize(), 0.06);
+    let narrow = Light { radius: Light::SUN_RADIUS, ..sun.clone() };
+    for (name, light) in [("point", point), ("spot", spot), ("sun of 7 degrees", sun), ("sun", narrow)] {
+        let scene = hiding(light);
+        let bare = Scene { instances: scene.instances[..1].to_vec(), ..scene.clone() };
+        let shown = shoot(&gpu(), &scene, None, &rays(size, Antialiasing::Off));
+        let truth = paths(&scene, size, false, 32);
+        // Shares of the light on the floor, by what arrives where nothing is in the way.
+        let whole = paths(&bare, size, false, 1);
+        let (mut soft, mut soft_of_paths, mut error, mut lit, mut sum) = (0.0, 0.0, 0.0, 0.0, 0.0);
+        for ((own, path), whole) in shown.direct.iter().zip(&truth).zip(&whole) {
+            error += (own.y - path).abs();
+            lit += path;
+            sum += own.y;
+            let between = |light: f64| (light / whole.max(1e-9)).clamp(0.0, 1.0);
+            soft += between(own.y) * (1.0 - between(own.y));
+            soft_of_paths += between(*path) * (1.0 - between(*path));
+        }
+        let [error, bias, width] = [error / lit, sum / lit - 1.0, soft / soft_of_paths - 1.0];
+        println!("{name}: mean error {error:.4} of the mean, bias {bias:+.4}, penumbrae {width:+.3}");
+        assert!(error < 0.02 && bias.abs() < 0.005 && width.abs() < 0.15, "{name}: {error}, {bias}, {width}");
     }
 }
 

@@ -45,6 +45,7 @@ fn quad(map: [u8; 3], tangents: bool, scale: DVec3, edge: f32) -> Scene {
             color: Vec3::ONE,
             intensity: 100.0,
             range: None,
+            radius: 0.0,
             position: DVec3::new(0.0, 0.0, 3.0 * f64::from(edge)),
             direction: Vec3::NEG_Z,
         }],

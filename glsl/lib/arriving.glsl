@@ -47,7 +47,7 @@ vec2 arriving(sampler2D depth_image, ivec2 pixel, float depth, vec2 slope) {
         }
     }
     // A pixel's own rays are enough for an edge that is as sharp as the picture, if the light's points are above its horizon.
-    float together = own.all.x > 0.0 ? smoothstep(4.0, 12.0, penumbra) : 1.0;
+    float together = own.all.x > 0.0 ? smoothstep(PENUMBRA_NARROW, PENUMBRA_WIDE, penumbra) : 1.0;
     return mix(alone, share(open, all), together);
 }
 

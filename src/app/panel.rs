@@ -9,7 +9,7 @@ use egui::{Color32, ComboBox, DragValue, Grid, ProgressBar, Response, RichText, 
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{Antialiasing, Exposure, Indirect, LightShadows, Near, Quality, Shadows, Tonemap};
 use lightskin::gpu::Gpu;
-use lightskin::scene::{LightKind, Projection};
+use lightskin::scene::{Light, LightKind, Projection};
 
 /// Width of the panels [points].
 pub(super) const WIDTH: f32 = 320.0;
@@ -297,6 +297,19 @@ fn lights(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
             let speed = f64::from(light.intensity).abs().max(1e-3) * 0.01;
             let intensity = DragValue::new(&mut light.intensity).speed(speed).range(0.0..=1e9).suffix(unit);
             changed |= ui.add_sized([92.0, 18.0], intensity).on_hover_text(format!("Brightness: {what}.")).changed();
+            let is_sun = light.kind == LightKind::Directional;
+            let (mut size, unit, most) = if is_sun {
+                (2.0 * light.radius.to_degrees(), "\u{b0}", 2.0 * Light::WIDEST_SUN.to_degrees())
+            } else {
+                (light.radius, " m", 1e6)
+            };
+            let help =
+                "How large it is, its angle in the sky or its radius: how soft shadows are, where rays find them.";
+            let drag = DragValue::new(&mut size).speed(0.01).range(0.0..=most).suffix(unit);
+            if ui.add_sized([48.0, 18.0], drag).on_hover_text(help).changed() {
+                light.radius = if is_sun { 0.5 * size.to_radians() } else { size };
+                changed = true;
+            }
             let name = if light.name.is_empty() { kind } else { light.name.as_str() };
             ui.add(egui::Label::new(name).truncate()).on_hover_text(format!("{name}: {kind}"));
         });

@@ -329,6 +329,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let mut trace = Trace::default();
     let mut scene = load_under(args.scene.as_deref(), args.sky.sky()?, args.caches.ground)?;
     args.sky.put_behind(&mut scene)?;
+    args.sky.size_lights(&mut scene);
     let at_vertices = match (args.gi, args.interp) {
         // Rays need no small triangles.
         (GiArg::PathTrace, _) => false,

@@ -6,9 +6,9 @@ use glam::Vec3;
 use lightskin::frame::Behind;
 use lightskin::image::read_radiance;
 use lightskin::reference::tonemap::linear_from_srgb;
-use lightskin::scene::Scene;
 use lightskin::scene::sky::Sky;
 use lightskin::scene::studio::Backdrop;
+use lightskin::scene::{Light, LightKind, Scene};
 use std::path::PathBuf;
 
 #[derive(Args, Clone)]
@@ -29,6 +29,13 @@ pub(super) struct SkyArgs {
     /// Turn of the sky about +Y [degrees], counter-clockwise seen from above.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
     sky_rotate: f64,
+    /// Radius of all lamps [m]: how soft their shadows are [default: what the file says in extras.lightskin.radius, or 0].
+    #[arg(long, value_name = "M", value_parser = super::at_least_zero)]
+    light_radius: Option<f64>,
+    /// Angle that all directional lights have in the sky [degrees]: how soft their shadows are; the sun's is 0.53 [default:
+    /// what the file says in extras.lightskin.angle, or 0, but 0.53 for a sun that was put in or is in --sky].
+    #[arg(long, value_name = "DEG", value_parser = super::at_least_zero)]
+    sun_angle: Option<f64>,
     /// What shows where no surface is: studio (a quiet grey, below the horizon that of a ground), sky (the radiance of the
     /// sky that lights the scene), transparent (alpha 0), or one colour of the display in sRGB, each part from 0 to 1 (none
     /// in .exr files) [default: studio where the light of one was put in, sky where there is one, else black].
@@ -85,7 +92,7 @@ impl SkyArgs {
     /// What differs from the default, as one types it.
     #[cfg(feature = "app")]
     pub(super) fn words(&self) -> Vec<String> {
-        let Self { sky, sky_color, sky_lights, sky_scale, sky_rotate, background } = self;
+        let Self { sky, sky_color, sky_lights, sky_scale, sky_rotate, light_radius, sun_angle, background } = self;
         let color = |c: Vec3| format!("{},{},{}", c.x, c.y, c.z);
         let mut words = Vec::new();
         let mut flag = |name: &str, value: Option<String>| {
@@ -96,6 +103,8 @@ impl SkyArgs {
         flag("--sky-lights", (*sky_lights != 16).then(|| sky_lights.to_string()));
         flag("--sky-scale", (*sky_scale != 1.0).then(|| sky_scale.to_string()));
         flag("--sky-rotate", (*sky_rotate != 0.0).then(|| sky_rotate.to_string()));
+        flag("--light-radius", light_radius.map(|radius| radius.to_string()));
+        flag("--sun-angle", sun_angle.map(|angle| angle.to_string()));
         flag(
             "--background",
             background.map(|background| match background {
@@ -106,6 +115,20 @@ impl SkyArgs {
             }),
         );
         words
+    }
+
+    /// Gives lights the sizes that are asked for; what stands for the sky has none.
+    pub(super) fn size_lights(&self, scene: &mut Scene) {
+        let of_sky = scene.sky.as_ref().map_or(0..0, |sky| sky.lights.clone());
+        for (_, light) in scene.lights.iter_mut().enumerate().filter(|(i, _)| !of_sky.contains(i)) {
+            let asked = match light.kind {
+                LightKind::Directional => {
+                    self.sun_angle.map(|angle| ((0.5 * angle).to_radians() as f32).min(Light::WIDEST_SUN))
+                }
+                _ => self.light_radius.map(|radius| radius as f32),
+            };
+            light.radius = asked.unwrap_or(light.radius);
+        }
     }
 
     /// Gives a scene the backdrop that is asked for.

@@ -73,6 +73,7 @@ impl View {
         progress.set(0.0, "load");
         let mut scene = load_under(self.scene.as_deref(), self.sky.sky()?, self.caches.ground)?;
         self.sky.put_behind(&mut scene)?;
+        self.sky.size_lights(&mut scene);
         // A camera that is not there is no reason to look at nothing, but at the start it is a mistake.
         if let Some(wanted) = &self.camera {
             camera(&scene, Some(wanted))?;

@@ -133,7 +133,7 @@ impl Direct {
                         cmd.barrier(Use::ColorWrite | Use::DepthWrite | Use::ComputeWrite, Use::ComputeRead);
                     }
                     record_rays(cmd, world, (i as u32, true), trace, views.clone());
-                    if self.edges || light.is_area {
+                    if self.edges || light.is_soft {
                         cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                         record_rays(cmd, world, (i as u32, false), trace, views.clone());
                     }

@@ -36,7 +36,16 @@ pub fn lamp(kind: LightKind) -> Light {
     };
     let intensity = if kind == LightKind::Directional { 300.0 } else { 500.0 };
     let direction = (target - position).as_vec3().normalize();
-    Light { name: "lamp".into(), kind, color: vec3(1.0, 0.8, 0.5), intensity, range: None, position, direction }
+    Light {
+        name: "lamp".into(),
+        kind,
+        color: vec3(1.0, 0.8, 0.5),
+        intensity,
+        range: None,
+        radius: 0.0,
+        position,
+        direction,
+    }
 }
 
 /// A spot of 23 degrees to 34.
@@ -91,6 +100,7 @@ pub fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
         light.range = light.range.map(|range| range * scale as f32);
         if light.kind != LightKind::Directional {
             light.intensity *= (scale * scale) as f32;
+            light.radius *= scale as f32;
         }
     }
     for camera in &mut scene.cameras {

@@ -116,6 +116,7 @@ fn put_day_over(scene: &mut Scene, space: &Space) {
         name: "added: sun".into(),
         kind: LightKind::Directional,
         intensity: SUN as f32,
+        radius: Light::SUN_RADIUS,
         position: space.centre() + space.radius() * sun,
         direction: -sun.as_vec3(),
         ..white()
@@ -163,6 +164,7 @@ fn white() -> Light {
         color: Vec3::ONE,
         intensity: 0.0,
         range: None,
+        radius: 0.0,
         position: DVec3::ZERO,
         direction: Vec3::NEG_Y,
     }

@@ -275,6 +275,9 @@ pub struct Light {
     pub intensity: f32,
     /// Distance \[m\] at which the light is windowed to zero; `None` for infinite.
     pub range: Option<f32>,
+    /// Of lamps: radius of the ball \[m\] that shines; of directional lights: half of the angle \[rad\] that the sun has in the sky.
+    /// Shadows know it, highlights do not. 0: shadows are sharp.
+    pub radius: f32,
     /// World position; meaningless for directional lights.
     pub position: DVec3,
     /// Unit direction in which the light shines; meaningless for point lights.
@@ -341,6 +344,12 @@ impl Light {
     /// Largest number a light may have: its products with colour, inverse squares of distances and one another must stay
     /// within single precision. Far beyond any lamp.
     pub(crate) const BRIGHTEST: f64 = 1e15;
+
+    /// Half of the angle \[rad\] of the sun in the sky of the Earth.
+    pub const SUN_RADIUS: f32 = 0.004_65;
+
+    /// Largest half angle \[rad\] of a directional light.
+    pub const WIDEST_SUN: f32 = 0.5;
 }
 
 impl Mesh {

@@ -219,6 +219,7 @@ fn parallel(name: String, light: DVec3, from: DVec3) -> Light {
         color: (light / peak).as_vec3(),
         intensity: peak as f32,
         range: None,
+        radius: 0.0,
         position: DVec3::ZERO,
         direction: -from.try_normalize().unwrap_or(DVec3::Y).as_vec3(),
     }

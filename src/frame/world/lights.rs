@@ -22,6 +22,8 @@ pub struct LightInfo {
     pub eye: Vec4,
     /// Whether it is an area light.
     pub is_area: bool,
+    /// Whether it has a size that its shadows show.
+    pub is_soft: bool,
     /// Whether it stands for a part of the sky: the light of that itself comes by caches where they gather it.
     pub of_sky: bool,
 }
@@ -121,6 +123,7 @@ pub(super) fn prepare_with(
             sharing: view_count.into(),
             eye,
             is_area: false,
+            is_soft: light.radius > 0.0,
             of_sky: false,
         });
         all.push(shared::Light {
@@ -129,6 +132,7 @@ pub(super) fn prepare_with(
             direction: direction.as_vec3(),
             range: light.range.unwrap_or(0.0),
             intensity: light.color * light.intensity,
+            radius: if light.kind == LightKind::Directional { light.radius.tan() } else { light.radius },
             cone_scale: cone[0],
             cone_offset: cone[1],
             first_view,
@@ -148,7 +152,15 @@ pub(super) fn prepare_with(
         let position = area.middle - origin;
         let eye = position.extend(1.0).as_vec4();
         let sharing = f64::from(view_count) / area.share;
-        infos.push(LightInfo { first_view, views: view_count, sharing, eye, is_area: true, of_sky: false });
+        infos.push(LightInfo {
+            first_view,
+            views: view_count,
+            sharing,
+            eye,
+            is_area: true,
+            is_soft: true,
+            of_sky: false,
+        });
         all.push(shared::Light {
             position: position.as_vec3(),
             kind: shared::LIGHT_AREA,

@@ -29,6 +29,7 @@ pub fn between_walls(edge: f32) -> Scene {
             color: Vec3::ONE,
             intensity: 400.0,
             range: None,
+            radius: 0.0,
             position,
             direction: (target - position).as_vec3().normalize(),
         });

@@ -66,6 +66,7 @@ fn lamp(scene: &mut Scene, position: [f64; 3], intensity: f32) {
         color: Vec3::ONE,
         intensity,
         range: None,
+        radius: 0.0,
         position: DVec3::from(position),
         direction: Vec3::NEG_Y,
     });

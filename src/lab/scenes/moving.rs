@@ -49,6 +49,7 @@ pub fn crowd(count: usize) -> Scene {
         color: Vec3::new(1.0, 0.95, 0.85),
         intensity: 50_000.0,
         range: None,
+        radius: 0.0,
         position: DVec3::ZERO,
         direction: Vec3::new(-0.5, -1.0, -0.3).normalize(),
     });
@@ -108,6 +109,7 @@ pub fn moving(edge: f32) -> Scene {
         color: Vec3::ONE,
         intensity: 100.0,
         range: None,
+        radius: 0.0,
         position: circle(0.0),
         direction: Vec3::NEG_Z,
     });

@@ -159,6 +159,7 @@ pub(super) fn spot(scene: &mut Scene, position: [f64; 3], target: [f64; 3], [inn
         color: Vec3::ONE,
         intensity: 500.0,
         range: None,
+        radius: 0.0,
         position,
         direction: (target - position).as_vec3().normalize(),
     });

@@ -24,6 +24,7 @@ pub fn spheres() -> Scene {
         color: Vec3::ONE,
         intensity: 1000.0,
         range: None,
+        radius: 0.0,
         position: DVec3::ZERO,
         direction: Vec3::new(0.5, -0.6, -1.0).normalize(),
     });

@@ -35,6 +35,7 @@ pub fn valley(triangles: usize, glossy: bool) -> Scene {
         color: Vec3::ONE,
         intensity: 1000.0,
         range: None,
+        radius: 0.0,
         position: DVec3::ZERO,
         direction: Vec3::NEG_Y,
     });

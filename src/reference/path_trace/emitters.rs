@@ -85,28 +85,44 @@ impl Emitters {
         !self.surfaces.is_empty()
     }
 
-    /// Reflection of the punctual lights at a point: `sum reflected(w_i) E_i V_i`, where `reflected` is BRDF times
+    /// Whether punctual lights have a size.
+    pub(super) fn has_soft(&self) -> bool {
+        self.punctual.iter().any(|beam| beam.light.radius > 0.0)
+    }
+
+    /// Reflection of these punctual lights at a point: `sum reflected(w_i) E_i V_i`, where `reflected` is BRDF times
     /// cosine [1/sr]; and the density [1/m^2] with which rays of the lights find the point. The light that is `known` to
-    /// reach it needs no ray.
+    /// reach it needs no ray. How large lights are decides where they arrive: at a point of theirs for each of them, by `u`, which is
+    /// uniform in the unit square. They reflect as if from their middle.
     pub(super) fn direct(
         &self,
         world: &World<'_>,
         position: DVec3,
         geometric: DVec3,
-        known: Option<usize>,
+        (known, which): (Option<usize>, Which),
+        u: DVec2,
         reflected: impl Fn(DVec3) -> DVec3,
     ) -> (DVec3, f64) {
         let (mut sum, mut density) = (DVec3::ZERO, 0.0);
         for (index, beam) in self.punctual.iter().enumerate() {
+            let is_soft = beam.light.radius > 0.0;
+            if which != Which::All && is_soft != (which == Which::Soft) {
+                continue;
+            }
             let (facing, towards) = facing_irradiance(&beam.light, position);
             let cosine = geometric.dot(towards);
             if facing == DVec3::ZERO || cosine <= 0.0 {
                 continue;
             }
-            let blocked = match beam.light.kind {
-                _ if known == Some(index) => false,
-                LightKind::Directional => world.blocked_within(position, towards, f64::INFINITY),
-                _ => world.blocked(position, beam.light.position),
+            let parallel = beam.light.kind == LightKind::Directional;
+            let blocked = if known == Some(index) {
+                false
+            } else if is_soft {
+                beam.point_is_hidden(world, position, geometric, towards, (u + 0.618 * index as f64).fract())
+            } else if parallel {
+                world.blocked_within(position, towards, f64::INFINITY)
+            } else {
+                world.blocked(position, beam.light.position)
             };
             if !blocked {
                 sum += reflected(towards) * facing;
@@ -137,7 +153,31 @@ impl Emitters {
     }
 }
 
+/// Which punctual lights.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Which {
+    All,
+    /// Those that are points.
+    Sharp,
+    /// Those that have a size.
+    Soft,
+}
+
 impl Beam {
+    /// Whether something is before a point of the light, on the disc that it shows towards `position`.
+    fn point_is_hidden(&self, world: &World<'_>, position: DVec3, geometric: DVec3, towards: DVec3, u: DVec2) -> bool {
+        let (right, up) = towards.any_orthonormal_pair();
+        let (y, x) = (TAU * u.y).sin_cos();
+        let aside = u.x.sqrt() * (x * right + y * up);
+        let radius = f64::from(self.light.radius);
+        if self.light.kind == LightKind::Directional {
+            let towards = (towards + radius.tan() * aside).normalize();
+            return geometric.dot(towards) <= 0.0 || world.blocked_within(position, towards, f64::INFINITY);
+        }
+        let point = self.light.position + radius * aside;
+        geometric.dot(point - position) <= 0.0 || world.blocked(position, point)
+    }
+
     /// Flux \[lm\] that leaves, or through the disc; steers choices only.
     fn power(&self) -> f64 {
         let full = luminance(self.light.color.as_dvec3()) * f64::from(self.light.intensity);

@@ -23,7 +23,7 @@ use super::gather::luminance;
 use super::world::{Hit, Sides, Surface, World};
 use crate::scene::sky::Sky;
 use crate::scene::{Camera, Projection, Scene};
-use emitters::Emitters;
+use emitters::{Emitters, Which};
 use scatter::Scatter;
 use sky::SkyLight;
 
@@ -175,7 +175,8 @@ impl<'a> PathTrace<'a> {
 
     /// Whether the picture has no noise, whatever the number of samples: that of punctual lights' direct light.
     pub fn is_exact(&self) -> bool {
-        !self.settings.spread && self.settings.bounces == Some(0) && self.sky.is_none() && !self.emitters.has_surfaces()
+        let sampled = self.emitters.has_surfaces() || self.emitters.has_soft() || self.sky.is_some();
+        !self.settings.spread && self.settings.bounces == Some(0) && !sampled
     }
 
     /// Adds [`PASS_SAMPLES`] samples to every pixel, on all cores.
@@ -272,7 +273,9 @@ impl<'a> PathTrace<'a> {
     fn at_once(&self, surface: &Surface, direction: DVec3) -> DVec3 {
         let scatter = Scatter::new(surface, direction);
         let reflected = |towards| scatter.reflected(towards);
-        let (light, _) = self.emitters.direct(&self.world, surface.position, surface.geometric, None, reflected);
+        let which = (None, Which::Sharp);
+        let (light, _) =
+            self.emitters.direct(&self.world, surface.position, surface.geometric, which, DVec2::ZERO, reflected);
         surface.emission + light
     }
 
@@ -366,6 +369,12 @@ impl<'a> PathTrace<'a> {
     fn sample(&self, seen: &Scatter, seed: u32, sample: u32) -> Radiance {
         let mut radiance = Radiance::default();
         let seed = mix(seed ^ mix(self.settings.seed ^ mix(sample / SEQUENCE)));
+        if self.emitters.has_soft() {
+            let [x, y, ..] = sample_4d(sample % SEQUENCE, 4, seed).map(f64::from);
+            let reflected = |towards| seen.reflected(towards);
+            let (which, u) = ((None, Which::Soft), DVec2::new(x, y));
+            radiance.direct += self.emitters.direct(&self.world, seen.position, seen.geometric, which, u, reflected).0;
+        }
         for (lobe, seed, indirect) in [
             (seen.diffuse(), seed, &mut radiance.diffuse),
             (seen.glossy(), mix(seed ^ 0x5bd1_e995), &mut radiance.glossy),
@@ -411,7 +420,7 @@ impl<'a> PathTrace<'a> {
             if !settings.visibility {
                 world.all(at.position, direction, |hit| {
                     let next = self.bounce(&world.surface(&hit), direction);
-                    *indirect += throughput * share * self.lit(&next, direction, density, hit.distance);
+                    *indirect += throughput * share * self.lit(&next, direction, density, hit.distance, random(4));
                 });
                 break;
             }
@@ -437,7 +446,7 @@ impl<'a> PathTrace<'a> {
                 break;
             }
             let next = self.bounce(&surface, direction);
-            *indirect += throughput * share * self.lit(&next, direction, density, hit.distance);
+            *indirect += throughput * share * self.lit(&next, direction, density, hit.distance, random(4));
             throughput *= share;
             if depth >= ROULETTE {
                 let survives = throughput.max_element().min(LIKELIEST);
@@ -461,9 +470,10 @@ impl<'a> PathTrace<'a> {
 
     /// Radiance of punctual lights reflected at `next` against the unit `direction`, in which a lobe's sample of this
     /// `density` [1/sr] has found it `distance` \[m\] away: its share by the balance heuristic.
-    fn lit(&self, next: &Scatter, direction: DVec3, density: f64, distance: f64) -> DVec3 {
+    fn lit(&self, next: &Scatter, direction: DVec3, density: f64, distance: f64, random: [f64; 4]) -> DVec3 {
         let reflected = |towards| next.reflected(towards);
-        let (light, other) = self.emitters.direct(&self.world, next.position, next.geometric, None, reflected);
+        let (which, u) = ((None, Which::All), DVec2::new(random[0], random[1]));
+        let (light, other) = self.emitters.direct(&self.world, next.position, next.geometric, which, u, reflected);
         let other = other * distance * distance / -next.geometric.dot(direction);
         light * (density / (density + other))
     }
@@ -482,7 +492,8 @@ impl<'a> PathTrace<'a> {
         }
         let next = self.bounce(&surface, towards);
         let reflected_on = |towards| next.reflected(towards);
-        let (radiance, density) = self.emitters.direct(world, next.position, next.geometric, Some(light), reflected_on);
+        let (which, u) = ((Some(light), Which::All), DVec2::new(random[3], random[1]));
+        let (radiance, density) = self.emitters.direct(world, next.position, next.geometric, which, u, reflected_on);
         let own = density * distance * distance / cosine;
         if own == 0.0 || (self.settings.visibility && world.blocked(at.position, surface.position)) {
             return DVec3::ZERO;

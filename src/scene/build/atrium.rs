@@ -397,6 +397,7 @@ fn lights(scene: &mut Scene) {
         color: Vec3::new(1.0, 0.90, 0.76),
         intensity: 64_000.0,
         range: None,
+        radius: 0.0,
         position: DVec3::ZERO,
         direction: Vec3::new(-0.28, -1.0, 0.14).normalize(),
     };
@@ -408,6 +409,7 @@ fn lights(scene: &mut Scene) {
         color: Vec3::new(1.0, 0.95, 0.88),
         intensity: 60_000.0,
         range: None,
+        radius: 0.0,
         position,
         direction: (target - position).normalize().as_vec3().normalize(),
     };

@@ -53,6 +53,7 @@ pub fn cornell(surface: CornellSurface, edge: f32) -> Scene {
         color: Vec3::ONE,
         intensity: 1000.0,
         range: None,
+        radius: 0.0,
         position,
         direction: (target - position).normalize().as_vec3().normalize(),
     });

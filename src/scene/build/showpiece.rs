@@ -71,6 +71,7 @@ pub fn showpiece(fineness: Fineness) -> Scene {
         color: Vec3::new(1.0, 0.91, 0.78),
         intensity: 75_000.0,
         range: None,
+        radius: Light::SUN_RADIUS,
         position: DVec3::ZERO,
         direction: -sun.as_vec3(),
     });

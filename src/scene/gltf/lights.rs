@@ -48,6 +48,8 @@ pub(super) fn read_light(object: &Object, name: String, world: DAffine3, notes: 
     let color = object.vector::<3>("color")?.unwrap_or([1.0; 3]).map(|c| at_least_zero("color", c));
     let intensity = at_least_zero("intensity", object.number("intensity")?.unwrap_or(1.0));
     let range = object.number("range")?.map(|range| at_least_zero("range", range)).filter(|&range| range > 0.0);
+    let (radius, angle) = size(object)?;
+    let (radius, angle) = (at_least_zero("radius", radius), at_least_zero("angle", angle));
     let kind = match object.text("type")? {
         Some("directional") => LightKind::Directional,
         Some("point") => LightKind::Point,
@@ -74,6 +76,19 @@ pub(super) fn read_light(object: &Object, name: String, world: DAffine3, notes: 
         }
         _ => return Err(object.error("its type is none of directional, point and spot")),
     };
+    let radius =
+        if kind == LightKind::Directional { (0.5 * angle).to_radians().min(Light::WIDEST_SUN) } else { radius };
     let (position, direction) = beam(world);
-    Ok(Light { name, kind, color: Vec3::from(color), intensity, range, position, direction })
+    Ok(Light { name, kind, color: Vec3::from(color), intensity, range, radius, position, direction })
+}
+
+/// Radius \[m\] of a lamp and angle \[degrees\] of a sun, from `extras.lightskin`. Extras may be anything; only what is under our own
+/// name must be right.
+fn size(object: &Object) -> Result<(f64, f64)> {
+    if object.value("extras").and_then(|extras| extras.get("lightskin")).is_none() {
+        return Ok((0.0, 0.0));
+    }
+    let own = object.object("extras")?.and_then(|extras| extras.object("lightskin").transpose()).transpose()?;
+    let number = |key: &str| own.as_ref().map_or(Ok(None), |own| own.number(key));
+    Ok((number("radius")?.unwrap_or(0.0), number("angle")?.unwrap_or(0.0)))
 }

@@ -60,7 +60,8 @@ impl Sky {
             self.texels[*texel] = self.left(*texel, sun.around).as_vec3();
         }
         self.shown = Some(shown);
-        Some(super::parallel("sun".into(), sun.light, sun.vector))
+        let sun = super::parallel("sun".into(), sun.light, sun.vector);
+        Some(Light { radius: Light::SUN_RADIUS, ..sun })
     }
 
     /// What is left of a texel's radiance where the surroundings have this one.

@@ -176,6 +176,13 @@ pub(super) fn light(index: usize, light: &Light, rest: &Rest) -> Value {
     if let Some(range) = light.range {
         value["range"] = json!(range);
     }
+    if light.radius > 0.0 {
+        let own = match light.kind {
+            LightKind::Directional => json!({ "angle": 2.0 * light.radius.to_degrees() }),
+            _ => json!({ "radius": light.radius }),
+        };
+        value["extras"] = json!({ "lightskin": own });
+    }
     value
 }
 
