@@ -8,6 +8,8 @@
 
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
+layout(constant_id = 0) const uint DAMPED = 0; // 1: lobes are as wide as what a pixel shows of bends and bumps makes them
+
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 tangent;
@@ -32,11 +34,19 @@ layout(location = 4) out vec4 out_through;
 #endif
 #endif
 
+// What bends and what bumps add at most to the square of GGX's alpha: what a pixel shows of a bend at its edge says too much.
+const float MOST_BENT = 0.02;
+const float MOST_BUMPED = 0.25;
+
 // The normal map's tilt. Without tangents in the file the frame follows from how uv changes over the picture.
-vec3 bumped(vec3 n, uint material, Uv here, vec3 px, vec3 py) {
-    vec3 m = sample_texture(normal_texture, material, TEXTURE_NORMAL, here).xyz * 2.0 - 1.0;
+// `variance`: of the bumps that a pixel stands for, along either tangent.
+vec3 bumped(vec3 n, uint material, Uv here, vec3 px, vec3 py, out float variance) {
+    vec4 texel = sample_texture(normal_texture, material, TEXTURE_NORMAL, here);
+    vec3 m = texel.xyz * 2.0 - 1.0;
+    float scale = materials[material].normal_scale;
+    variance = texel.a * texel.a * scale * scale;
     TextureSlot slot = texture_slots[material * TEXTURE_COUNT + TEXTURE_NORMAL];
-    m.xy *= materials[material].normal_scale;
+    m.xy *= scale;
     vec3 across = tangent.xyz;
     vec3 along;
     if (dot(across, across) > 0.0 && slot.uv_set == 0u) {
@@ -91,10 +101,20 @@ void main() {
     geometric = unit_or(geometric, unit_or(normal, towards_viewer));
     geometric = dot(geometric, towards_viewer) < 0.0 ? -geometric : geometric;
     vec3 n = unit_or(normal, geometric);
+    vec3 nx = dFdx(n);
+    vec3 ny = dFdy(n);
+    float bumps = 0.0;
     if (has_texture(material, TEXTURE_NORMAL)) {
-        n = bumped(n, material, here, px, py);
+        n = bumped(n, material, here, px, py, bumps);
     }
     Reflectance r = reflectance(material, base.rgb, here, dot(n, towards_viewer));
+    if (DAMPED != 0u && r.coded < 0.0) {
+        // A pixel is a box of variance 1/12. Tokuyoshi and Kaplanyan 2019, Toksvig 2005.
+        float alpha = coded_roughness(r.coded) * coded_roughness(r.coded);
+        float bent = min((dot(nx, nx) + dot(ny, ny)) / 12.0, MOST_BENT);
+        float wider = alpha * alpha + bent + min(2.0 * bumps, MOST_BUMPED);
+        r.coded = coded_ggx(min(sqrt(sqrt(wider)), 1.0), coded_f90(r.coded));
+    }
     vec3 emitted = m.emissive;
     if (has_texture(material, TEXTURE_EMISSIVE)) {
         emitted *= sample_texture(emissive_texture, material, TEXTURE_EMISSIVE, here).rgb;

@@ -11,6 +11,7 @@ pub use decode::set_max_memory;
 
 use crate::error::{Error, Result};
 use crate::files;
+use glam::Vec3;
 use image::ExtendedColorType;
 use image::ImageFormat;
 use std::io::BufReader;
@@ -55,6 +56,31 @@ pub fn mip_chain(rgba: &[u8], width: u32, height: u32, srgb: bool) -> Vec<Vec<u8
         }
         levels.push(level);
         (w, h) = (nw, nh);
+    }
+    levels
+}
+
+/// The same of normals, tangent-space vectors as codes; alpha is how much those that a texel stands for differ: the root of the
+/// variance along either tangent, which of the largest level is 0. Banerjee et al. 2005 for the variance by the mean's length.
+pub fn normal_mip_chain(rgba: &[u8], width: u32, height: u32) -> Vec<Vec<u8>> {
+    let mut levels = mip_chain(rgba, width, height, false);
+    let unit =
+        |code: &[u8]| (Vec3::new(code[0].into(), code[1].into(), code[2].into()) / 127.5 - 1.0).normalize_or(Vec3::Z);
+    let mut means: Vec<Vec3> = rgba.chunks_exact(4).map(unit).collect();
+    let (mut w, mut h) = (width as usize, height as usize);
+    for (i, level) in levels.iter_mut().enumerate() {
+        if i > 0 {
+            let (nw, nh) = ((w / 2).max(1), (h / 2).max(1));
+            let above = |x: usize, y: usize| means[y.min(h - 1) * w + x.min(w - 1)];
+            let four = |x: usize, y: usize| above(x, y) + above(x + 1, y) + above(x, y + 1) + above(x + 1, y + 1);
+            means = (0..nw * nh).map(|at| 0.25 * four(2 * (at % nw), 2 * (at / nw))).collect();
+            (w, h) = (nw, nh);
+        }
+        for (texel, mean) in level.chunks_exact_mut(4).zip(&means) {
+            let length = mean.length().clamp(1e-3, 1.0);
+            let variance = (1.0 - length * length) / (3.0 * length - length.powi(3));
+            texel[3] = if i == 0 { 0 } else { (255.0 * variance.clamp(0.0, 1.0).sqrt() + 0.5) as u8 };
+        }
     }
     levels
 }

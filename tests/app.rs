@@ -431,15 +431,16 @@ fn everything_can_be_pressed() {
     app.choose([x, 350], 1, "--rsm 32");
     app.choose([x, 376], 1, "--shadow-map 512");
     app.choose([x, 402], 1, "--aa off");
+    app.choose([x, 428], 3, "--layers 4");
     let lit = app.pixels([0, 0], [64, 860]);
-    app.tap([64 + 16, 465], "");
+    app.tap([64 + 16, 491], "");
     assert!(app.pixels([0, 0], [64, 860]) != lit, "a light that is off lights nothing");
-    app.tap([64 + 16, 465], "");
-    app.slide([x, 555], 30, "--camera '");
-    app.tap([64 + 112, 581], "--ev ");
-    app.choose([x, 633], 2, "--tonemap agx");
+    app.tap([64 + 16, 491], "");
+    app.slide([x, 607], 30, "--camera '");
+    app.tap([64 + 112, 607], "--ev ");
+    app.choose([x, 685], 2, "--tonemap agx");
     for shown in 0..6 {
-        app.choose([x, 659], shown, "");
+        app.choose([x, 685], shown, "");
     }
     app.choose([x, 194], 3, "--gi off");
     app.choose([x, 194], 2, "--gi brute-force");

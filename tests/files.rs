@@ -202,9 +202,9 @@ fn signals_leave_nothing_half_written() {
 fn a_path_trace_stops_within_its_pass() {
     let at = folder("files-pass");
     // A pass takes minutes.
-    let args = ["render", ATRIUM, "--gi", "path-trace", "--bounces", "64", "--size", "4096x4096", "-o", "a.exr"];
+    let args = ["render", ATRIUM, "--gi", "path-trace", "--bounces", "64", "--size", "2048x2048", "-o", "a.exr"];
     let child = tool(&at, &args).stderr(Stdio::piped()).spawn().expect("the tool runs");
-    std::thread::sleep(Duration::from_secs(6));
+    std::thread::sleep(Duration::from_secs(10));
     signal(&child, "-TERM");
     let out = ends(child, 60);
     let message = text(&out.stderr);

@@ -1,11 +1,13 @@
 //! Normal maps tilt the way their texture coordinates run: with tangents, without, on mirrored instances; and the
 //! G-buffer stays finite where pixels are smaller than f32 resolves positions.
 
+use crate::common::frames::drawn_of;
 use crate::common::{assert_clean, gpu};
-use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3};
-use lightskin::frame::{LightShadows, View, World};
+use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
+use lightskin::frame::{Antialiasing, LightShadows, View, World};
 use lightskin::image::broken_values;
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
+use lightskin::scene::build::sphere;
 use lightskin::scene::{
     Camera, Image, Instance, Light, LightKind, Material, Mesh, Primitive, Projection, Sampler, Scene, Texture, Vertex,
 };
@@ -131,7 +133,7 @@ fn pixels_below_float_resolution_stay_finite() {
 fn near_things_show_in_wide_scenes() {
     let mut scene = quad([128, 128, 255], false, DVec3::ONE, 10_000.0);
     // A second quad of 2 cm, half a metre before the camera.
-    let small = DAffine3::from_scale_rotation_translation(DVec3::splat(1e-6), glam::DQuat::IDENTITY, DVec3::Z * 3.5);
+    let small = DAffine3::from_scale_rotation_translation(DVec3::splat(1e-6), DQuat::IDENTITY, DVec3::Z * 3.5);
     scene.instances.push(Instance { name: "near".into(), mesh: 0, world_from_model: small, ..Instance::default() });
     let gpu = gpu();
     let settings = Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(64), ..Knobs::plain([33, 33]) };
@@ -171,4 +173,76 @@ fn what_exceeds_the_device_is_refused_with_its_name() {
         assert!(error.contains("rsm.vals needs"), "{error}");
     }
     assert_clean(&gpu);
+}
+
+/// A plate and a ball of metal in the light of a lamp, under bumps much finer than pixels.
+fn hammered(height: f32) -> Scene {
+    let side = 256_u32;
+    let texel = |i: u32| {
+        // Leaning as dice fall, so that many are spread like a bell.
+        let die = |k: u32| (i * 8 + k).wrapping_mul(0x9e37_79b9).rotate_left(15).wrapping_mul(0x85eb_ca6b) >> 8;
+        let three = |k: u32| (k..k + 3).map(|k| die(k) as f32 / 2.0_f32.powi(23) - 1.0).sum::<f32>();
+        let n = Vec3::new(height * three(0), height * three(4), 1.0).normalize();
+        let code = |c: f32| ((c + 1.0) * 127.5).round() as u8;
+        [code(n.x), code(n.y), code(n.z), 255]
+    };
+    let rgba = (0..side * side).flat_map(texel).collect();
+    let mut scene = quad([128, 128, 255], true, DVec3::ONE, 1.0);
+    scene.images[0] = Image { name: "hammered".into(), width: side, height: side, rgba };
+    let metal =
+        Material { base_color: Vec4::new(0.9, 0.8, 0.6, 1.0), metallic: 1.0, roughness: 0.25, ..Material::default() };
+    scene.materials = vec![Material { normal_texture: scene.materials[0].normal_texture, ..metal.clone() }, metal];
+    let ball = sphere(0.5, 48);
+    scene.meshes.push(Mesh {
+        name: "ball".into(),
+        primitives: vec![Primitive { first_index: 0, index_count: ball.indices.len() as u32, material: 1 }],
+        vertices: ball.vertices,
+        indices: ball.indices,
+        deform: None,
+    });
+    for x in [-0.6, 0.6] {
+        let place =
+            DAffine3::from_scale_rotation_translation(DVec3::splat(0.7), DQuat::IDENTITY, DVec3::new(x, 0.4, 0.5));
+        scene.instances.push(Instance { name: "ball".into(), mesh: 1, world_from_model: place, ..Instance::default() });
+    }
+    scene
+}
+
+#[test]
+fn bumps_and_bends_finer_than_pixels_make_lobes_wider() {
+    let gpu = gpu();
+    for height in [0.05, 0.1, 0.2] {
+        let scene = hammered(height);
+        let world = World::new(&gpu, &scene, None).expect("made");
+        let direct = |size: u32, antialiasing| {
+            let knobs = Knobs {
+                size: [size; 2],
+                gi: Gi::Off,
+                light_shadows: LightShadows::Rays,
+                antialiasing,
+                ..Knobs::plain([size; 2])
+            };
+            let frame = drawn_of(&gpu, &scene, &world, &knobs);
+            let texels: Vec<[f32; 4]> = gpu.read_image(&frame.picture.surface.radiance).expect("read");
+            texels.iter().map(|t| f64::from(t[1])).collect::<Vec<_>>()
+        };
+        let size = 24_usize;
+        let fine = direct(32 * size as u32, Antialiasing::Off);
+        let mean = |i: usize| {
+            let first = i / size * 32 * 32 * size + i % size * 32;
+            (0..1024).map(|s| fine[first + s / 32 * 32 * size + s % 32]).sum::<f64>() / 1024.0
+        };
+        let truth: Vec<f64> = (0..size * size).map(mean).collect();
+        let all = truth.iter().sum::<f64>();
+        let error = |antialiasing| {
+            let seen = direct(size as u32, antialiasing);
+            let squares: f64 = seen.iter().zip(&truth).map(|(a, b)| (a - b).powi(2)).sum();
+            [(squares * seen.len() as f64).sqrt() / all, seen.iter().sum::<f64>() / all - 1.0]
+        };
+        let ([off, bias_off], [four, bias]) = (error(Antialiasing::Off), error(Antialiasing::Four));
+        println!(
+            "{height}: RMSE over the mean {four:.3}, bias {bias:+.3}; of pixels' middles {off:.3}, {bias_off:+.3}"
+        );
+        assert!(four < 0.5 * off && bias.abs() < 0.2, "{height}: {four}, {bias}");
+    }
 }

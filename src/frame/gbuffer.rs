@@ -1,6 +1,7 @@
 //! Stage 1, G-buffer: scene, camera -> depth, normal, reflectances, emitted radiance, element. METHOD 1.
 
 use super::plan::Plan;
+use super::settings::Antialiasing;
 use super::view::View;
 use super::world::{VERTEX, Which, World};
 use crate::error::Result;
@@ -105,7 +106,7 @@ impl Surface {
 }
 
 /// A pipeline that draws what is nearest.
-fn surfaces(gpu: &Gpu, fragment: &'static str, colors: &[Format]) -> Result<Pipeline> {
+fn surfaces(gpu: &Gpu, plan: &Plan, fragment: &'static str, colors: &[Format]) -> Result<Pipeline> {
     gpu.raster(&Raster {
         vertex: "mesh.vert",
         fragment: Some(fragment),
@@ -115,7 +116,7 @@ fn surfaces(gpu: &Gpu, fragment: &'static str, colors: &[Format]) -> Result<Pipe
         blend: Blend::Replace,
         depth: Depth::Nearest,
         cull: Cull::Back,
-        constants: &[],
+        constants: &[u32::from(plan.antialiasing != Antialiasing::Off)],
     })
 }
 
@@ -132,15 +133,15 @@ impl GBuffer {
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let name = if plan.lightskin { "gbuffer_elements.frag" } else { "gbuffer.frag" };
         let colors = &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT][..if plan.lightskin { 5 } else { 4 }];
-        Ok(Self { pipeline: surfaces(gpu, name, colors)? })
+        Ok(Self { pipeline: surfaces(gpu, plan, name, colors)? })
     }
 
     /// The same for layers of what is seen through.
     pub(super) fn of_layers(gpu: &Gpu, plan: &Plan) -> Result<Pipeline> {
         if plan.lightskin {
-            surfaces(gpu, "layers_elements.frag", &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT, HALF])
+            surfaces(gpu, plan, "layers_elements.frag", &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT, HALF])
         } else {
-            surfaces(gpu, "layers.frag", &[FLOAT, HALF, HALF, FLOAT, HALF])
+            surfaces(gpu, plan, "layers.frag", &[FLOAT, HALF, HALF, FLOAT, HALF])
         }
     }
 

@@ -372,8 +372,10 @@ fn hit_textures(scene: &Scene) -> (Vec<HitTexture>, Vec<u32>) {
     let cut: HashSet<usize> = cut.filter_map(|m| Some(m.base_color_texture?.image)).collect();
     let most = |image: usize| if cut.contains(&image) { MOST_CUT } else { MOST_TEXELS };
     let of_pictures = [TEXTURE_NORMAL, TEXTURE_TRANSMISSION, TEXTURE_THICKNESS];
-    let used =
-        |m| textures::used(m).into_iter().enumerate().filter(|(which, _)| !of_pictures.contains(&(*which as u32)));
+    let used = |m| {
+        let all = textures::used(m).map(|(texture, holds)| (texture, holds == textures::Holds::Colors));
+        all.into_iter().enumerate().filter(|(which, _)| !of_pictures.contains(&(*which as u32)))
+    };
     let all = scene.materials.iter().flat_map(used);
     let mut wanted: BTreeMap<(usize, bool), u32> =
         all.filter_map(|(_, (texture, srgb))| Some(((texture?.image, srgb), 0))).collect();

@@ -2,8 +2,8 @@
 
 use crate::error::Result;
 use crate::gpu::{Format, Gpu, Image, SamplerKind};
-use crate::image::mip_chain;
-use crate::scene::{Material, Sampler, Scene, Texture, Wrap};
+use crate::image::{mip_chain, normal_mip_chain};
+use crate::scene::{self, Material, Sampler, Scene, Texture, Wrap};
 use crate::shared::{self, TEXTURE_COUNT, TextureSlot};
 use ash::vk::SamplerAddressMode;
 use glam::{Vec3, Vec4};
@@ -31,17 +31,27 @@ pub(super) fn material(m: &Material) -> shared::Material {
     }
 }
 
-/// Textures of a material in the order of the shaders, and whether they are sRGB.
-pub(super) fn used(m: &Material) -> [(Option<Texture>, bool); TEXTURE_COUNT as usize] {
+/// What a texture holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(super) enum Holds {
+    Numbers,
+    /// In sRGB.
+    Colors,
+    Normals,
+}
+
+/// Textures of a material in the order of the shaders, and what they hold.
+pub(super) fn used(m: &Material) -> [(Option<Texture>, Holds); TEXTURE_COUNT as usize] {
+    use Holds::{Colors, Normals, Numbers};
     [
-        (m.base_color_texture, true),
-        (m.metallic_roughness_texture, false),
-        (m.normal_texture, false),
-        (m.emissive_texture, true),
-        (m.specular_texture, false),
-        (m.specular_color_texture, true),
-        (m.transmission_texture, false),
-        (m.thickness_texture, false),
+        (m.base_color_texture, Colors),
+        (m.metallic_roughness_texture, Numbers),
+        (m.normal_texture, Normals),
+        (m.emissive_texture, Colors),
+        (m.specular_texture, Numbers),
+        (m.specular_color_texture, Colors),
+        (m.transmission_texture, Numbers),
+        (m.thickness_texture, Numbers),
     ]
 }
 
@@ -60,37 +70,41 @@ pub(super) fn slots(m: &Material) -> [TextureSlot; TEXTURE_COUNT as usize] {
 /// Image and sampler of each texture of each material.
 pub(super) type MaterialTextures = Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>;
 
-/// Uploads each image once per colour space it is used in; image 0 is one white texel for what a material lacks.
+/// Uploads each image once for each thing it holds; image 0 is one white texel for what a material lacks.
 pub(super) fn upload_textures(gpu: &Gpu, scene: &Scene) -> Result<(Vec<Image>, MaterialTextures)> {
-    let mut wanted: BTreeMap<(usize, bool), usize> = BTreeMap::new();
-    for (texture, srgb) in scene.materials.iter().flat_map(used) {
+    let mut wanted: BTreeMap<(usize, Holds), usize> = BTreeMap::new();
+    for (texture, holds) in scene.materials.iter().flat_map(used) {
         if let Some(texture) = texture {
             let next = wanted.len() + 1;
-            wanted.entry((texture.image, srgb)).or_insert(next);
+            wanted.entry((texture.image, holds)).or_insert(next);
         }
     }
     let chains: Vec<_> = wanted
         .par_iter()
-        .map(|(&(image, srgb), &slot)| {
-            let image = &scene.images[image];
-            (slot, srgb, mip_chain(&image.rgba, image.width, image.height, srgb))
+        .map(|(&(image, holds), &slot)| {
+            let scene::Image { rgba, width, height, .. } = &scene.images[image];
+            let levels = match holds {
+                Holds::Normals => normal_mip_chain(rgba, *width, *height),
+                _ => mip_chain(rgba, *width, *height, holds == Holds::Colors),
+            };
+            (slot, holds, levels)
         })
         .collect();
     let mut textures: Vec<Option<Image>> = Vec::new();
     textures.resize_with(wanted.len() + 1, || None);
     textures[0] = Some(gpu.texture("scene.texture white", Format::R8G8B8A8_UNORM, 1, 1, &[vec![255; 4]])?);
-    for ((&(index, _), _), (slot, srgb, levels)) in wanted.iter().zip(chains) {
+    for ((&(index, _), _), (slot, holds, levels)) in wanted.iter().zip(chains) {
         let image = &scene.images[index];
-        let format = if srgb { Format::R8G8B8A8_SRGB } else { Format::R8G8B8A8_UNORM };
+        let format = if holds == Holds::Colors { Format::R8G8B8A8_SRGB } else { Format::R8G8B8A8_UNORM };
         textures[slot] =
             Some(gpu.texture(&format!("scene.texture {}", image.name), format, image.width, image.height, &levels)?);
     }
     let mut per_material = Vec::new();
     for material in &scene.materials {
         let mut row = [(0, sampler_kind(Default::default())); TEXTURE_COUNT as usize];
-        for (i, (texture, srgb)) in used(material).into_iter().enumerate() {
+        for (i, (texture, holds)) in used(material).into_iter().enumerate() {
             if let Some(texture) = texture {
-                row[i] = (wanted[&(texture.image, srgb)], sampler_kind(texture.sampler));
+                row[i] = (wanted[&(texture.image, holds)], sampler_kind(texture.sampler));
             }
         }
         per_material.push(row);

@@ -20,7 +20,7 @@ use rayon::prelude::*;
 use sobol_burley::sample_4d;
 
 use super::gather::luminance;
-use super::world::{Hit, Sides, Surface, World};
+use super::world::{Sides, Surface, World};
 use crate::scene::sky::Sky;
 use crate::scene::{Camera, Projection, Scene};
 use emitters::{Emitters, Which};
@@ -300,22 +300,29 @@ impl<'a> PathTrace<'a> {
             let share = |pixel: &Pixel| 1.0 - (pixel.missed / f64::from(self.samples.max(1))) as f32;
             return (self.mean(|pixel| pixel.behind), self.pixels.iter().map(share).collect());
         }
-        let pixel = |index| match self.hit(index) {
-            Some(_) => ([0.0; 3], 1.0),
-            None => (self.behind(camera_ray(self.camera, self.settings.size, index).1).as_vec3().to_array(), 0.0),
+        let pixel = |index| {
+            let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
+            match self.world.nearest(origin, direction, Sides::Front) {
+                Some(_) => ([0.0; 3], 1.0),
+                None => (self.behind(direction).as_vec3().to_array(), 0.0),
+            }
         };
         (0..self.pixels.len()).into_par_iter().map(pixel).unzip()
     }
 
-    /// Nearest surface that each pixel's centre shows, row by row from the top.
+    /// Surface behind which each pixel's centre shows nothing, row by row from the top.
     pub fn surfaces(&self) -> Vec<Option<Surface>> {
-        let nearest = |index| self.hit(index).map(|hit| self.world.surface(&hit));
-        (0..self.pixels.len()).into_par_iter().map(nearest).collect()
+        let opaque = |index| {
+            let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
+            let (surfaces, left) = self.seen(origin, direction);
+            surfaces.last().filter(|_| left == DVec3::ZERO).map(|(_, surface)| *surface)
+        };
+        (0..self.pixels.len()).into_par_iter().map(opaque).collect()
     }
 
-    /// Whether each pixel's centre shows a surface.
+    /// Whether each pixel's centre shows such a surface.
     pub fn covered(&self) -> Vec<bool> {
-        (0..self.pixels.len()).into_par_iter().map(|index| self.hit(index).is_some()).collect()
+        self.surfaces().iter().map(Option::is_some).collect()
     }
 
     fn mean(&self, sum: impl Fn(&Pixel) -> [f64; 3]) -> Vec<[f32; 3]> {
@@ -339,11 +346,6 @@ impl<'a> PathTrace<'a> {
             left *= behind;
         }
         (surfaces, DVec3::ZERO)
-    }
-
-    fn hit(&self, index: usize) -> Option<Hit> {
-        let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
-        self.world.nearest(origin, direction, Sides::Front)
     }
 
     /// All light of a sample anywhere in a pixel.
