@@ -436,9 +436,9 @@ fn everything_can_be_pressed() {
     app.tap([64 + 16, 491], "");
     assert!(app.pixels([0, 0], [64, 860]) != lit, "a light that is off lights nothing");
     app.tap([64 + 16, 491], "");
-    app.slide([x, 607], 30, "--camera '");
+    app.slide([x, 581], 30, "--camera '");
     app.tap([64 + 112, 607], "--ev ");
-    app.choose([x, 685], 2, "--tonemap agx");
+    app.choose([x, 659], 2, "--tonemap agx");
     for shown in 0..6 {
         app.choose([x, 685], shown, "");
     }

@@ -325,11 +325,9 @@ fn shared_scenes_render_clean() {
         "thesis/stanford_bunny.glb",
         "thesis/LeePerrySmith.glb",
         "features/skin/CesiumMan.glb",
-        "features/skin/Fox.glb",
-        "features/morph/AnimatedMorphCube/AnimatedMorphCube.gltf",
         "features/morph/MorphStressTest.glb",
         "features/lights/KHR_lights_punctual_test.glb",
-        "features/structure/Cameras/Cameras.gltf",
+        "features/materials/AttenuationTest.glb",
         "features/structure/many-cubes/many-cubes.gltf",
         "features/normalmap/NormalTangentTest.glb",
     ];

@@ -15,7 +15,7 @@ use lightskin::scene::{LightKind, Scene};
 use lightskin::shared::{self, ClusterNode};
 
 use crate::common::frames::{SPOT, Shot, baked, camera, corner, placed, shoot, small};
-use crate::common::{assert_clean, exclusively, gpu, open};
+use crate::common::{apart, assert_clean, gpu, open};
 use crate::gather::WEIGHTS;
 
 /// The device's nodes and VALs of one frame with RSMs of 24 texels a side, and the sides of all views.
@@ -327,7 +327,9 @@ fn lit_world(far: bool) -> (Scene, Vec<usize>, CacheSet) {
 
 #[test]
 fn the_devices_groups_receive_what_the_references_do() {
-    let _turn = exclusively();
+    if apart() {
+        return;
+    }
     for gpu in [open(Validation::Sync), open(Validation::Sync).without_votes()] {
         for far in [false, true] {
             let (scene, sizes, caches) = lit_world(far);

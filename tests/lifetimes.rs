@@ -1,7 +1,7 @@
 //! How long what is made on the device lives: what is dropped, given up or kept, and pipelines that are made once.
 
 use crate::cli::{ATRIUM, folder, works};
-use crate::common::{alone, assert_clean, frame_of};
+use crate::common::{apart, assert_clean, frame_of, open};
 use crate::gpu::{SCREEN, add, image, validated};
 use lightskin::gpu::{Attach, Attachments, Cmd, Cull, Depth, Extent, Format, Gpu, Image, Load, Raster, Validation};
 use std::fs;
@@ -34,6 +34,9 @@ fn drop_what_was_bound(gpu: &Gpu, split: bool) -> lightskin::Result<lightskin::g
 
 #[test]
 fn what_is_dropped_while_it_is_recorded_lives_until_the_frame_is_done() {
+    if apart() {
+        return;
+    }
     for gpu in validated() {
         let before = gpu.counters();
         for split in [false, true, false, false] {
@@ -48,6 +51,9 @@ fn what_is_dropped_while_it_is_recorded_lives_until_the_frame_is_done() {
 
 #[test]
 fn a_frame_that_is_given_up_leaves_nothing_behind() {
+    if apart() {
+        return;
+    }
     for gpu in validated() {
         let kept = gpu.buffer("test.kept", 16).expect("buffer");
         let result = gpu.frame(|cmd| {
@@ -81,7 +87,10 @@ fn a_frame_that_is_given_up_leaves_nothing_behind() {
 
 #[test]
 fn nothing_piles_up_of_what_is_made_and_dropped() {
-    let gpu = alone(Validation::Sync);
+    if apart() {
+        return;
+    }
+    let gpu = open(Validation::Sync);
     let image = gpu.texture("test.red", Format::R32_SFLOAT, 1, 1, &[vec![0; 4]]).expect("texture");
     let mut first = None;
     for i in 0..1000_u32 {
@@ -105,7 +114,10 @@ fn nothing_piles_up_of_what_is_made_and_dropped() {
 
 #[test]
 fn memory_comes_back_without_another_frame() {
-    let gpu = alone(Validation::Sync);
+    if apart() {
+        return;
+    }
+    let gpu = open(Validation::Sync);
     let small = gpu.buffer("test.small", 16).expect("buffer");
     let before = gpu.counters();
     let large = gpu.buffer("test.large", 300 << 20).expect("buffer");
@@ -125,7 +137,10 @@ fn memory_comes_back_without_another_frame() {
 
 #[test]
 fn what_is_dropped_on_another_thread_is_destroyed_in_time() {
-    let gpu = alone(Validation::Sync);
+    if apart() {
+        return;
+    }
+    let gpu = open(Validation::Sync);
     let mut frames = Vec::new();
     std::thread::scope(|threads| {
         let (send, receive) = std::sync::mpsc::channel::<lightskin::gpu::Buffer>();
@@ -148,6 +163,9 @@ fn what_is_dropped_on_another_thread_is_destroyed_in_time() {
 
 #[test]
 fn what_outlives_its_device_stays_sound() {
+    if apart() {
+        return;
+    }
     for gpu in validated() {
         let (buffer, pipeline) = (gpu.host_buffer("test.kept", 16).expect("buffer"), add(&gpu, 1));
         let image = gpu.target("test.kept", Format::D32_SFLOAT, 4, 4).expect("target");
@@ -160,7 +178,10 @@ fn what_outlives_its_device_stays_sound() {
 
 #[test]
 fn what_is_asked_for_again_is_the_same_pipeline() {
-    let gpu = alone(Validation::Sync);
+    if apart() {
+        return;
+    }
+    let gpu = open(Validation::Sync);
     let made = |gpu: &Gpu| gpu.counters().pipelines_made;
     let (first, other) = (Raster { cull: Cull::Back, ..SCREEN }, Raster { depth: Depth::Behind, ..SCREEN });
     // There and back, with nothing held in between.
@@ -188,7 +209,10 @@ fn what_is_asked_for_again_is_the_same_pipeline() {
 
 #[test]
 fn few_pipelines_are_kept_that_nobody_holds() {
-    let gpu = alone(Validation::Sync);
+    if apart() {
+        return;
+    }
+    let gpu = open(Validation::Sync);
     let make = |i: u32| gpu.raster(&Raster { constants: &[i], ..SCREEN }).expect("pipeline");
     let held: Vec<_> = (0..200).map(make).collect();
     assert_eq!((gpu.counters().pipelines_kept, gpu.counters().pipelines_made), (200, 200));
@@ -240,7 +264,10 @@ fn compiled_pipelines_are_kept_on_disk_and_damage_is_no_error() {
 
 #[test]
 fn resources_are_known_by_name() {
-    let gpu = alone(Validation::Sync);
+    if apart() {
+        return;
+    }
+    let gpu = open(Validation::Sync);
     let buffer = gpu.buffer("test.list", 400).expect("buffer");
     let image = gpu.target("test.picture", Format::R8G8B8A8_UNORM, 8, 4).expect("target");
     let known = |gpu: &Gpu| gpu.resources().into_iter().map(|r| (r.name, r.bytes)).collect::<Vec<_>>();
@@ -253,6 +280,9 @@ fn resources_are_known_by_name() {
 
 #[test]
 fn images_are_ready_whenever_they_were_made() {
+    if apart() {
+        return;
+    }
     for gpu in validated() {
         for split in [false, true] {
             let early = image(&gpu, Format::R32_SFLOAT, [2, 2], Extent::Plane, false);

@@ -1,64 +1,64 @@
 //! A checked device, and GLSL expressions evaluated on it.
 
-use std::cell::Cell;
 use std::ops::Deref;
 use std::path::Path;
-use std::sync::{LazyLock, Mutex, MutexGuard, OnceLock, RwLock, RwLockReadGuard, RwLockWriteGuard};
+use std::process::Command;
+use std::sync::{LazyLock, Mutex, MutexGuard, OnceLock};
 
 use lightskin::gpu::{Cmd, Frame, Gpu, Options, Validation};
 
+/// Set where a test runs in a process of its own.
+const APART: &str = "LIGHTSKIN_TEST_APART";
+
+/// Runs the test that calls it in a process of its own; says whether it has run there, and its caller is not to go on.
+///
 /// The validation layer of Debian 12 finds the data of a device in a map without a lock: while one thread opens or closes a
 /// device, no other may call Vulkan at all, or one of them jumps to address 0 now and then. So tests share devices that
-/// stay open, and one that opens its own runs while no other has one.
-static TURNS: RwLock<()> = RwLock::new(());
-
-thread_local! {
-    /// Whether this thread has a turn already: a test may use two devices.
-    static HAS_TURN: Cell<bool> = const { Cell::new(false) };
-}
-
-/// A device while a test has it.
-pub(crate) struct Turn {
-    gpu: Option<Gpu>,
-    /// Goes back to the others, rather than being closed.
-    kept: bool,
-    _turn: Option<Held>,
-}
-
-/// Keeps other tests from opening devices, or from using any.
-#[expect(dead_code, reason = "held, never read")]
-pub(crate) enum Held {
-    Shared(RwLockReadGuard<'static, ()>),
-    Alone(RwLockWriteGuard<'static, ()>),
-}
-
-impl Drop for Held {
-    fn drop(&mut self) {
-        HAS_TURN.set(false);
+/// stay open, and those that open and close their own do so apart.
+pub(crate) fn apart() -> bool {
+    let name = std::thread::current().name().unwrap_or("main").to_owned();
+    if is_apart() || name == "main" {
+        return false;
     }
+    let out = Command::new(std::env::current_exe().expect("this program"))
+        .args([name.as_str(), "--exact", "--nocapture"])
+        .env(APART, "1")
+        .output()
+        .expect("runs again");
+    let told = [out.stdout, out.stderr].map(|told| String::from_utf8_lossy(&told).into_owned());
+    println!("{}", told[0]);
+    assert!(out.status.success() && told[0].contains("1 passed"), "{}", told[1]);
+    true
 }
 
-impl Held {
-    /// None where this thread has a turn already.
-    fn take(alone: bool) -> Option<Self> {
-        (!HAS_TURN.replace(true)).then(|| match alone {
-            false => Self::Shared(TURNS.read().unwrap_or_else(|broken| broken.into_inner())),
-            true => Self::Alone(TURNS.write().unwrap_or_else(|broken| broken.into_inner())),
-        })
-    }
+fn is_apart() -> bool {
+    std::env::var_os(APART).is_some() || std::thread::current().name().is_none_or(|name| name == "main")
 }
+
+/// A device of the test's own, which it closes. Only `apart`.
+pub(crate) fn open(validation: Validation) -> Gpu {
+    assert!(is_apart(), "a test that opens a device begins with `if apart() {{ return }}`");
+    opened(validation)
+}
+
+fn opened(validation: Validation) -> Gpu {
+    Gpu::new(&Options { device: None, validation }).expect("a Vulkan device and the validation layer")
+}
+
+/// A device that stays open, while a test has it.
+pub(crate) struct Turn(Option<Gpu>);
 
 impl Deref for Turn {
     type Target = Gpu;
 
     fn deref(&self) -> &Gpu {
-        self.gpu.as_ref().expect("there until it is dropped")
+        self.0.as_ref().expect("there until it is dropped")
     }
 }
 
 impl Drop for Turn {
     fn drop(&mut self) {
-        let Some(gpu) = self.gpu.take().filter(|_| self.kept) else { return };
+        let Some(gpu) = self.0.take() else { return };
         if std::thread::panicking() || gpu.wait().is_err() || !gpu.messages().is_empty() {
             // Not fit for the next test; closing it would disturb the others.
             std::mem::forget(gpu);
@@ -68,41 +68,22 @@ impl Drop for Turn {
     }
 }
 
-/// A device of the test's own while no other test has one.
-pub(crate) fn alone(validation: Validation) -> Turn {
-    let turn = exclusively();
-    Turn { gpu: Some(open(validation)), kept: false, _turn: turn }
-}
-
-/// While it lives, no other test has a device: for those that open theirs themselves.
-pub(crate) fn exclusively() -> Option<Held> {
-    Held::take(true)
-}
-
 /// A device with all checks on that other tests have used before. No device fails the test: software Vulkan is enough.
 pub(crate) fn gpu() -> Turn {
-    // All that are likely to be needed, before the first is used.
-    drop(free());
-    let turn = Held::take(false);
     let gpu = free().pop();
-    Turn { gpu: Some(gpu.unwrap_or_else(|| open(Validation::Sync))), kept: true, _turn: turn }
+    Turn(Some(gpu.unwrap_or_else(|| opened(Validation::Sync))))
 }
 
-/// The devices that no test has.
+/// The devices that no test has: at first all that are likely to be needed.
 fn free() -> MutexGuard<'static, Vec<Gpu>> {
     static FREE: OnceLock<Mutex<Vec<Gpu>>> = OnceLock::new();
-    let opened = || {
+    let all = || {
         let threads = std::env::var("RUST_TEST_THREADS").ok().and_then(|n| n.parse().ok());
         let threads = threads.or_else(|| std::thread::available_parallelism().ok().map(usize::from)).unwrap_or(1);
-        let _alone = exclusively();
-        Mutex::new((0..threads.min(8)).map(|_| open(Validation::Sync)).collect())
+        let threads = if is_apart() { 1 } else { threads.min(8) };
+        Mutex::new((0..threads).map(|_| opened(Validation::Sync)).collect())
     };
-    FREE.get_or_init(opened).lock().unwrap_or_else(|broken| broken.into_inner())
-}
-
-/// A device that the test closes: see `exclusively`.
-pub(crate) fn open(validation: Validation) -> Gpu {
-    Gpu::new(&Options { device: None, validation }).expect("a Vulkan device and the validation layer")
+    FREE.get_or_init(all).lock().unwrap_or_else(|broken| broken.into_inner())
 }
 
 /// Records a frame whose zones are submitted alone, as far as the device needs that for right times, or as one.

@@ -3,7 +3,7 @@
 pub(crate) mod frames;
 mod gpu;
 
-pub(crate) use gpu::{Turn, alone, assert_clean, compile, exclusively, frame_of, gpu, map_on_gpu, open};
+pub(crate) use gpu::{Turn, apart, assert_clean, compile, frame_of, gpu, map_on_gpu, open};
 
 use std::fs;
 use std::path::{Path, PathBuf};
