@@ -1,7 +1,7 @@
 //! What is seen through: layers against sums on paper and the path tracer, which follows its rays through them.
 
 use glam::{DAffine3, DVec3, Vec3, Vec4, dvec3, vec3};
-use lightskin::frame::{LightShadows, Near, Shadows};
+use lightskin::frame::{Antialiasing, LightShadows, Near, Shadows};
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::metrics::metrics;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
@@ -124,6 +124,24 @@ fn glass_has_the_light_of_paths() {
         let m = metrics(&shown, &truth);
         println!("{name}: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
         assert!(m.bias.abs() < most, "{name}: {m:?}");
+    }
+}
+
+#[test]
+fn every_kind_of_frame_is_clean() {
+    let scene = glazed();
+    let dark = Scene { lights: Vec::new(), ..glazed() };
+    let caches = baked(&scene, 0.6, 8);
+    for scene in [&scene, &dark] {
+        for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
+            for light_shadows in [LightShadows::Rays, LightShadows::Maps(64)] {
+                for gi in [Gi::Off, Gi::BruteForce, Gi::LightSkin] {
+                    let knobs = Knobs { gi, light_shadows, antialiasing, ..direct([20, 14], 2) };
+                    let shot = shoot(&gpu(), scene, Some(&caches), &knobs);
+                    assert!(scene.lights.is_empty() || shot.direct.iter().any(|p| *p != DVec3::ZERO), "{knobs:?}");
+                }
+            }
+        }
     }
 }
 

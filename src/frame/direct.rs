@@ -104,7 +104,7 @@ impl Direct {
             shade_area: has(true).then(|| Surface::adding(gpu, shade_area, &[])).transpose()?,
             sky_light: plan.sky_light,
             edges: samples > 0,
-            waited: samples > 0 || plan.layers > 0,
+            waited: samples > 0 && plan.layers == 0,
         })
     }
 

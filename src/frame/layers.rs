@@ -79,9 +79,9 @@ impl Layers {
 
     /// Draws the layers of a view, after its opaque surfaces: of what is before these and behind the layer before, the nearest.
     pub(super) fn record(&self, cmd: &Cmd<'_>, world: &World, view: &View, opaque: &Surface) {
-        cmd.barrier(Use::DepthWrite, Use::FragmentRead);
         let mut before = world.white();
         for Layer { surface, through, .. } in &self.list {
+            cmd.barrier(Use::DepthWrite, Use::FragmentRead); // of opaque surfaces, and of the layer before
             let images = [&surface.normal, &surface.albedo, &surface.specular, &surface.radiance];
             let colors: Vec<_> =
                 images.into_iter().chain(&surface.element).chain([through]).map(Attach::clear).collect();
@@ -91,10 +91,8 @@ impl Layers {
                 let view = (view.clip_from_world, view.eye);
                 world.draw_large(draw, &self.draw, (Which::SeenThrough, &limits), view, 0.0);
             });
-            cmd.barrier(Use::DepthWrite, Use::FragmentRead);
             before = &surface.depth;
         }
-        cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite | Use::ComputeRead); // for all that shades
     }
 
     /// Lays the light of layers over that of the opaque surfaces, direct or indirect, once all are done.

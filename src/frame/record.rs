@@ -204,7 +204,7 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         }
     }
     if mixed().any(|p| p.layers.is_some()) {
-        cmd.barrier(Use::ColorWrite, Use::FragmentRead | Use::ColorWrite); //   radiance -> here
+        cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite); //   radiance, layers -> here
         let _zone = enter(plan::MIX_LAYERS); // 8
         for picture in mixed() {
             if let Some(layers) = &picture.layers {
