@@ -320,12 +320,10 @@ fn shared_scenes_render_clean() {
     let at = folder("cli-scenes");
     let scenes = [
         "cornell/CornellBox.glb",
-        "cornell/cornell_box_original.glb",
         "sponza/Sponza.gltf",
         "thesis/stanford_bunny.glb",
         "thesis/LeePerrySmith.glb",
         "features/skin/CesiumMan.glb",
-        "features/morph/MorphStressTest.glb",
         "features/lights/KHR_lights_punctual_test.glb",
         "features/materials/AttenuationTest.glb",
         "features/structure/many-cubes/many-cubes.gltf",

@@ -104,7 +104,7 @@ fn glass_has_the_light_of_paths() {
     let size = [120, 90];
     let settings = PathTraceSettings::engine(size, 1);
     let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
-    (0..24).for_each(|_| paths.pass());
+    (0..10).for_each(|_| paths.pass());
     let knobs = Knobs {
         size,
         shadows: Shadows::PerLight,

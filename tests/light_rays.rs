@@ -140,7 +140,7 @@ fn penumbrae_of_lamps_and_suns_are_the_path_tracers() {
         let scene = hiding(light);
         let bare = Scene { instances: scene.instances[..1].to_vec(), ..scene.clone() };
         let shown = shoot(&gpu(), &scene, None, &rays(size, Antialiasing::Off));
-        let truth = paths(&scene, size, false, 32);
+        let truth = paths(&scene, size, false, 12);
         // Shares of the light on the floor, by what arrives where nothing is in the way.
         let whole = paths(&bare, size, false, 1);
         let (mut soft, mut soft_of_paths, mut error, mut lit, mut sum) = (0.0, 0.0, 0.0, 0.0, 0.0);

@@ -169,8 +169,8 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
         let spans: Vec<(f64, f64)> = scene.animations().map(|(_, begin, end)| (begin, end)).collect();
         let (mut vertices, mut of_caches) = (0.0_f64, 0.0_f64);
         for (animation, (begin, end)) in spans.into_iter().enumerate() {
-            for step in 0..8 {
-                scene.pose(animation, begin + (end - begin) * f64::from(step) / 7.0);
+            for step in 0..5 {
+                scene.pose(animation, begin + (end - begin) * f64::from(step) / 4.0);
                 buffers.update(&gpu, &scene).expect("the same scene");
                 record(&gpu, &mut frame, &buffers, &scene, settings.size);
                 let atlas: Vec<Cache> = gpu.read(&frame.light.caches().expect("caches").atlas.caches).expect("read");
