@@ -125,8 +125,9 @@ void main() {
     if (has_texture(material, TEXTURE_TRANSMISSION)) {
         transmission *= sample_texture(transmission_texture, material, TEXTURE_TRANSMISSION, here).r;
     }
-    // Thickness is that of the model.
-    vec3 depth = m.optical_depth * pow(abs(determinant(mat3(instances[push.instance].world_from_model))), 1.0 / 3.0);
+    // Thickness is that of the model. Of huge ones the determinant is infinite, and none may have no depth.
+    float scale = pow(abs(determinant(mat3(instances[push.instance].world_from_model))), 1.0 / 3.0);
+    vec3 depth = m.optical_depth * min(scale, 1e9);
     if (has_texture(material, TEXTURE_THICKNESS)) {
         depth *= sample_texture(thickness_texture, material, TEXTURE_THICKNESS, here).g;
     }

@@ -443,3 +443,17 @@ fn bounces_and_skies_that_cannot_be_are_refused() {
     fails(&folder, &["render", "--sky", "no.hdr"], 1, &["no.hdr"]);
     assert!(left(&folder).is_empty());
 }
+
+#[test]
+fn lamps_are_as_large_as_the_flags_say() {
+    let at = folder("cli-sizes");
+    let picture = |flags: &[&str]| {
+        let args = ["render", ATRIUM, "-o", "a.png", "--size", "64x36", "--gi", "off", "--ev", "0"];
+        works(&at, &[&args[..], flags].concat());
+        fs::read(at.join("a.png")).expect("a picture")
+    };
+    let sharp = picture(&[]);
+    assert!(picture(&["--light-radius", "0.3"]) != sharp && picture(&["--sun-angle", "8"]) != sharp);
+    assert!(picture(&["--light-radius", "0", "--sun-angle", "0"]) == sharp);
+    fails(&at, &["render", ATRIUM, "--sun-angle=-1"], 2, &["--sun-angle"]);
+}

@@ -269,8 +269,13 @@ fn written_lights_cameras_and_materials_are_the_scenes() {
     scene.instances[1].world_from_model *= DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let shear = glam::DMat3::from_cols(DVec3::X, DVec3::new(0.5, 1.0, 0.0), DVec3::Z);
     scene.instances[2].world_from_model = DAffine3::from_mat3_translation(shear, DVec3::X);
+    scene.lights[0].radius = 0.1;
     let path = scratch("parts.glb");
     write_glb(&scene, &path).expect("written");
+    let read = lightskin::scene::gltf::load(&path).expect("read");
+    for (own, read) in scene.lights.iter().zip(&read.lights) {
+        assert!((own.radius - read.radius).abs() < 1e-6, "{}: {}", own.name, read.radius);
+    }
     let file = gltf::Gltf::from_slice(&std::fs::read(&path).expect("there")).expect("valid");
 
     let world = |node: &gltf::Node<'_>| {

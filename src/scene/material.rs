@@ -134,8 +134,9 @@ impl Material {
         cutoff.filter(|cutoff| cutoff.is_finite())
     }
 
-    /// What a viewer at this cosine sees of a point of a surface of a model of this scale, and through it: the share of its own light, and of what
-    /// comes from behind, by channel. Straight through: nothing is refracted, and rough glass is as clear as smooth.
+    /// What a viewer at this cosine sees of a point of a surface of a model of this scale, and through it: the share of its own
+    /// light, and of what comes from behind, by channel. Straight through: nothing is refracted, and rough glass is as clear as
+    /// smooth.
     ///
     /// ```text
     /// behind = 1 - alpha + alpha transmission (what gets below the surface) e^(-optical depth)

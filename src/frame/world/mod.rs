@@ -531,7 +531,7 @@ impl World {
         &self.indices
     }
 
-    /// Binds those of the nine scene bindings that the pipeline's shaders declare.
+    /// Binds those of the scene's bindings, and of `more` after them, that the pipeline's shaders declare.
     fn bind_material(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, material: usize, more: &[Bind<'_>]) {
         let texture = |i: usize| {
             let (image, sampler) = self.material_textures[material][i];
