@@ -465,7 +465,7 @@ fn meshes_are_shared_between_nodes() {
 
 #[test]
 fn required_extensions_are_refused_with_a_remedy() {
-    for (name, remedy) in [("KHR_texture_basisu", "PNG or JPEG"), ("VENDOR_unknown", "export without it")] {
+    for (name, remedy) in [("EXT_texture_avif", "with PNG, JPEG"), ("VENDOR_unknown", "export without it")] {
         let mut b = Builder::triangle();
         b.json["extensionsRequired"] = json!([name]);
         let message = b.error("required");
