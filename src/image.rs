@@ -1,6 +1,7 @@
 //! Images on the CPU: mip levels, PNG, OpenEXR. What is decoded stays within a bound on memory.
 
 pub(crate) mod decode;
+pub(crate) mod ktx2;
 #[cfg(feature = "exr")]
 mod open_exr;
 

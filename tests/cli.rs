@@ -276,15 +276,15 @@ fn bad_input_is_one_line_and_exit_code_1() {
     let at = folder("cli-bad");
     fs::write(at.join("empty.glb"), b"").expect("file");
     fs::write(at.join("text.gltf"), b"hello").expect("file");
-    let draco = r#"{"asset":{"version":"2.0"},"extensionsRequired":["KHR_draco_mesh_compression"],"extensionsUsed":["KHR_draco_mesh_compression"]}"#;
-    fs::write(at.join("draco.gltf"), draco).expect("file");
+    let dds = r#"{"asset":{"version":"2.0"},"extensionsRequired":["MSFT_texture_dds"],"extensionsUsed":["MSFT_texture_dds"]}"#;
+    fs::write(at.join("dds.gltf"), dds).expect("file");
     fs::write(at.join("nothing.gltf"), r#"{"asset":{"version":"2.0"}}"#).expect("file");
     fs::create_dir(at.join("folder")).expect("folder");
     let before = left(&at);
     fails(&at, &["render", "missing.glb"], 1, &["missing.glb"]);
     fails(&at, &["render", "empty.glb"], 1, &["empty.glb"]);
     fails(&at, &["render", "text.gltf"], 1, &["text.gltf"]);
-    fails(&at, &["render", "draco.gltf"], 1, &["draco.gltf", "KHR_draco_mesh_compression"]);
+    fails(&at, &["render", "dds.gltf"], 1, &["dds.gltf", "MSFT_texture_dds"]);
     fails(&at, &["render", "nothing.gltf"], 1, &["nothing.gltf", "no triangles"]);
     fails(&at, &["render", "folder"], 1, &["no .gltf or .glb"]);
     fails(&at, &["render", ATRIUM, "--camera", "9"], 1, &["--camera 9", "'Hero'"]);

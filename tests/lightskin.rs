@@ -16,6 +16,7 @@ mod cli;
 mod cluster;
 mod common;
 mod compare;
+mod compressed;
 mod cull;
 mod edges;
 mod emissive;

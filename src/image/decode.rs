@@ -1,5 +1,6 @@
 //! Decoding within bounds: what it takes is told by the header, before anything is allocated for it.
 
+use image::codecs::webp::WebPDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::{BufRead, Seek, SeekFrom};
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -30,8 +31,8 @@ pub(crate) fn within(needed: u64) -> Result<(), String> {
 }
 
 /// An image of which the header alone is read so far.
-pub(crate) struct Encoded<D> {
-    decoder: D,
+pub(crate) struct Encoded<'a> {
+    decoder: Box<dyn ImageDecoder + 'a>,
     /// Texels.
     pub(crate) texels: u64,
     /// Width and height \[texels\].
@@ -41,29 +42,59 @@ pub(crate) struct Encoded<D> {
 }
 
 /// Reads the header of an image of this format.
-pub(crate) fn header<'a, R: BufRead + Seek + 'a>(
-    mut file: R,
-    format: ImageFormat,
-) -> Result<Encoded<impl ImageDecoder + 'a>, String> {
-    let describe_io = |error: std::io::Error| error.to_string();
-    let length = file.seek(SeekFrom::End(0)).map_err(describe_io)?;
-    file.rewind().map_err(describe_io)?;
-    let mut reader = ImageReader::with_format(file, format);
+pub(crate) fn header<'a, R: BufRead + Seek + 'a>(mut file: R, format: ImageFormat) -> Result<Encoded<'a>, String> {
+    let length = length(&mut file)?;
     let mut limits = Limits::default();
     limits.max_alloc = Some(max_memory());
-    reader.limits(limits);
-    let decoder = reader.into_decoder().map_err(describe)?;
+    let decoder: Box<dyn ImageDecoder + 'a> = if format == ImageFormat::WebP {
+        let mut decoder = WebPDecoder::new(file).map_err(describe)?;
+        // No texture moves, and what puts frames together panics on broken ones.
+        if decoder.has_animation() {
+            return Err("it is an animation".into());
+        }
+        decoder.set_limits(limits).map_err(describe)?;
+        Box::new(decoder)
+    } else {
+        let mut reader = ImageReader::with_format(file, format);
+        reader.limits(limits);
+        Box::new(reader.into_decoder().map_err(describe)?)
+    };
     let (width, height) = decoder.dimensions();
     let decoded = decoder.total_bytes();
     let working = match format {
         // A copy of the file, and 16 bits for each coefficient of a progressive one.
         ImageFormat::Jpeg => decoded.saturating_mul(3).saturating_add(length),
+        // Planes or a canvas of the frame and its transforms, and a copy of the file.
+        ImageFormat::WebP => decoded.saturating_mul(4).saturating_add(length),
         _ => decoded,
     };
-    Ok(Encoded { decoder, texels: u64::from(width) * u64::from(height), size: [width, height], working })
+    Ok(Encoded { decoder, texels: texels(width, height), size: [width, height], working })
 }
 
-impl<D: ImageDecoder> Encoded<D> {
+/// Reads a KTX2 file, and of what it holds the header.
+pub(crate) fn ktx2<'a>(mut file: impl BufRead + Seek) -> Result<Encoded<'a>, String> {
+    within(length(&mut file)?)?;
+    let mut bytes = Vec::new();
+    file.read_to_end(&mut bytes).map_err(|error| error.to_string())?;
+    let texture = super::ktx2::Texture::new(bytes)?;
+    let (width, height) = texture.dimensions();
+    let working = texture.working();
+    Ok(Encoded { decoder: Box::new(texture), texels: texels(width, height), size: [width, height], working })
+}
+
+/// Length \[bytes\] of a file, which is then read from its start.
+fn length(file: &mut impl Seek) -> Result<u64, String> {
+    let describe = |error: std::io::Error| error.to_string();
+    let length = file.seek(SeekFrom::End(0)).map_err(describe)?;
+    file.rewind().map_err(describe)?;
+    Ok(length)
+}
+
+fn texels(width: u32, height: u32) -> u64 {
+    u64::from(width) * u64::from(height)
+}
+
+impl Encoded<'_> {
     /// Decodes it.
     pub(crate) fn decode(self) -> Result<DynamicImage, String> {
         DynamicImage::from_decoder(self.decoder).map_err(describe)

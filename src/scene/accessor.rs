@@ -2,6 +2,7 @@
 //! is allocated; elements are decoded one by one afterwards, so that a reader takes only what it needs.
 
 use std::cell::Cell;
+use std::collections::BTreeMap;
 
 use super::json::{Document, Object};
 use crate::Result;
@@ -12,10 +13,29 @@ const MAX_ZEROS: u64 = 1 << 24;
 /// A buffer's bytes, or why it has none.
 pub(super) type Buffer = std::result::Result<Vec<u8>, String>;
 
+/// What a file's accessors read.
+#[derive(Default)]
+pub(super) struct Contents {
+    /// The file's buffers.
+    pub buffers: Vec<Buffer>,
+    /// Buffer views that were packed.
+    pub views: BTreeMap<usize, Vec<u8>>,
+    /// Accessors that were packed.
+    pub accessors: BTreeMap<usize, Decoded>,
+}
+
+/// What an accessor holds whose values were packed by themselves, without gaps.
+pub(super) struct Decoded {
+    pub bytes: Vec<u8>,
+    pub count: u64,
+    pub width: usize,
+    pub component: Component,
+}
+
 /// A file's accessors over its buffers' bytes.
 pub(super) struct Accessors<'a> {
     document: &'a Document,
-    buffers: &'a [Buffer],
+    contents: &'a Contents,
     zeros: Cell<u64>,
 }
 
@@ -74,8 +94,9 @@ pub(super) struct Accessor<'a> {
     sparse: Option<(Vec<u32>, &'a [u8])>,
 }
 
+/// The numbers that elements are made of.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Component {
+pub(super) enum Component {
     I8,
     U8,
     I16,
@@ -97,7 +118,8 @@ impl Component {
         }
     }
 
-    fn size(self) -> usize {
+    /// Bytes of one.
+    pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
             Self::I16 | Self::U16 => 2,
@@ -138,42 +160,52 @@ impl Semantic {
 
 impl<'a> Accessors<'a> {
     /// Accessors of a document whose buffers have been read.
-    pub(super) fn new(document: &'a Document, buffers: &'a [Buffer]) -> Self {
-        Self { document, buffers, zeros: Cell::new(0) }
+    pub(super) fn new(document: &'a Document, contents: &'a Contents) -> Self {
+        Self { document, contents, zeros: Cell::new(0) }
     }
 
     /// Bytes of a buffer view, and its stride where it has one.
     pub(super) fn view(&self, index: usize, from: &Object) -> Result<(&'a [u8], Option<u64>)> {
         let view = self.document.item("bufferViews", index, from)?;
+        let bytes = match self.contents.views.get(&index) {
+            Some(unpacked) => unpacked.as_slice(),
+            None => self.bytes(&view)?,
+        };
+        Ok((bytes, view.whole("byteStride")?))
+    }
+
+    /// The bytes of a buffer that an object names.
+    pub(super) fn bytes(&self, view: &Object) -> Result<&'a [u8]> {
         let buffer_index = view.index("buffer")?.ok_or_else(|| view.error("names no buffer"))?;
-        let buffer = self.document.item("buffers", buffer_index, &view)?;
-        let bytes = match self.buffers.get(buffer_index) {
+        let buffer = self.document.item("buffers", buffer_index, view)?;
+        let bytes = match self.contents.buffers.get(buffer_index) {
             Some(Ok(bytes)) => bytes.as_slice(),
             Some(Err(reason)) => return Err(buffer.error(reason)),
             None => return Err(buffer.error("has not been read")),
         };
         let offset = view.whole("byteOffset")?.unwrap_or(0);
         let length = view.needed_whole("byteLength")?;
-        let slice = slice(bytes, offset, length).ok_or_else(|| {
+        slice(bytes, offset, length).ok_or_else(|| {
             view.error(format!(
                 "covers {length} bytes from byte {offset} on, but buffer {buffer_index} holds {}; the file is truncated \
                  or its counts are wrong: export it again",
                 bytes.len()
             ))
-        })?;
-        Ok((slice, view.whole("byteStride")?))
+        })
     }
 
     /// Opens an accessor for `role` ("POSITION of mesh 0 'Wall'").
     pub(super) fn open(&self, index: usize, role: &str, semantic: Semantic, from: &Object) -> Result<Accessor<'a>> {
         let mut object = self.document.item("accessors", index, from)?;
         object.place = format!("accessor {index} ({role})");
-        let count = object.needed_whole("count")?;
+        let decoded = self.contents.accessors.get(&index);
+        let count = decoded.map_or_else(|| object.needed_whole("count"), |decoded| Ok(decoded.count))?;
         if count == 0 || count > u64::from(u32::MAX) {
             return Err(object.error(format!("has {count} elements, between 1 and 4294967295 are possible")));
         }
         let code = object.needed_whole("componentType")?;
-        let component = Component::from_code(code)
+        let component = decoded.map(|decoded| decoded.component).or_else(|| Component::from_code(code));
+        let component = component
             .ok_or_else(|| object.error(format!("has the unknown componentType {code}; export the file again")))?;
         let kind = object.text("type")?.ok_or_else(|| object.error("has no type"))?;
         let width = match kind {
@@ -191,9 +223,15 @@ impl<'a> Accessors<'a> {
             return Err(object.error(format!("cannot be {normalized}{component:?} {kind}; export the file again")));
         }
         let size = (component.size() * width) as u64;
-        let base = match object.index("bufferView")? {
-            Some(view) => Some(self.base(&object, view, count, size)?),
-            None => {
+        let base = match (decoded, object.index("bufferView")?) {
+            (Some(decoded), _) if decoded.width == width => Some((decoded.bytes.as_slice(), size as usize)),
+            (Some(decoded), _) => {
+                let kind = super::json::printable(kind);
+                let told = format!("is {kind}, but its stream has {} components: export the file again", decoded.width);
+                return Err(object.error(told));
+            }
+            (None, Some(view)) => Some(self.base(&object, view, count, size)?),
+            (None, None) => {
                 self.zeros.set(self.zeros.get().saturating_add(count));
                 if self.zeros.get() > MAX_ZEROS {
                     return Err(object.error(format!(

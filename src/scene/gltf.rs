@@ -3,11 +3,13 @@
 
 mod animations;
 mod bend;
+mod draco;
 mod files;
 mod geometry;
 mod instancing;
 mod lights;
 mod materials;
+mod meshopt;
 mod pointer;
 mod pose;
 mod rig;
@@ -17,7 +19,7 @@ use std::path::Path;
 
 use glam::{DAffine3, DQuat, DVec3};
 
-use super::accessor::Accessors;
+use super::accessor::{Accessors, Contents};
 use super::animation::{AnimatedInstance, Hold, Local, Skin};
 use super::json::{Document, Object, error_at, plural, printable};
 use super::{Instance, Mesh, Primitive, Scene};
@@ -43,8 +45,10 @@ pub fn load(path: &Path) -> Result<Scene> {
     let (document, binary) = files::open(path)?;
     let mut notes = Notes::default();
     notes.lines.extend(files::check_extensions(&document)?);
-    let buffers = files::buffers(&document, binary)?;
-    let accessors = Accessors::new(&document, &buffers);
+    let mut contents = Contents { buffers: files::buffers(&document, binary)?, ..Contents::default() };
+    meshopt::unpack(&document, &mut contents)?;
+    draco::unpack(&document, &mut contents)?;
+    let accessors = Accessors::new(&document, &contents);
     let graph = Graph::read(&document, &mut notes)?;
     let played = animations::read(&document, &accessors, &mut notes)?;
     let reached = Reached::by(&document, &played, &graph)?;

@@ -140,6 +140,11 @@ impl<'a> Object<'a> {
         error_at(self.file, &format!("{}: {key}", self.place), reason)
     }
 
+    /// The names of all fields.
+    pub(super) fn keys(&self) -> impl Iterator<Item = &'a str> + use<'a> {
+        self.map.keys().map(String::as_str)
+    }
+
     /// A field's value; null counts as absent.
     pub(super) fn value(&self, key: &str) -> Option<&'a Value> {
         self.map.get(key).filter(|value| !value.is_null())

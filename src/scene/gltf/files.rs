@@ -230,9 +230,12 @@ fn decode_percent(text: &str) -> Option<String> {
 }
 
 /// Extensions that the loader understands.
-const SUPPORTED: [&str; 12] = [
+const SUPPORTED: [&str; 17] = [
     "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
+    "EXT_texture_webp",
     "KHR_animation_pointer",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
@@ -241,7 +244,9 @@ const SUPPORTED: [&str; 12] = [
     "KHR_materials_transmission",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
 ];
 
@@ -253,14 +258,7 @@ pub(super) fn check_extensions(document: &Document) -> Result<Option<String>> {
             continue;
         }
         let remedy = match name {
-            "KHR_draco_mesh_compression" => {
-                "export without compression, for example by importing it to and exporting it from Blender"
-            }
-            "EXT_meshopt_compression" | "KHR_meshopt_compression" => {
-                "export without meshopt compression (gltfpack: leave out -c and -cc)"
-            }
-            "KHR_texture_basisu" => "export with PNG or JPEG textures instead of KTX2",
-            "EXT_texture_webp" | "EXT_texture_avif" | "MSFT_texture_dds" => "export with PNG or JPEG textures",
+            "EXT_texture_avif" | "MSFT_texture_dds" => "export with PNG, JPEG, WebP or KTX2 textures",
             _ if name.starts_with("KHR_materials_") => "export without this material extension or without requiring it",
             _ => "export without it",
         };

@@ -5,12 +5,13 @@ use std::io::Cursor;
 use std::path::Path;
 
 use glam::{Affine2, Vec3, Vec4};
-use image::{ImageDecoder, ImageFormat};
+use image::ImageFormat;
 use rayon::prelude::*;
 
 use super::{Notes, files};
 use crate::Result;
 use crate::image::decode::{self, Encoded};
+use crate::image::ktx2;
 use crate::scene::accessor::Accessors;
 use crate::scene::json::{Document, Object, error_at, printable};
 use crate::scene::material::texture_transform;
@@ -245,9 +246,9 @@ impl Reader<'_, '_> {
             Some(index) => sampler(&self.document.item("samplers", index, &texture)?)?,
             None => Sampler::default(),
         };
-        let Some(image) = texture.index("source")? else {
+        let Some(image) = source_of(&texture)? else {
             let place = &texture.place;
-            self.notes.add(format!("{}: {place} names no PNG or JPEG image and is not used.", info.place));
+            self.notes.add(format!("{}: {place} names no image that can be read and is not used.", info.place));
             return Ok(None);
         };
         self.document.item("images", image, &texture)?;
@@ -257,6 +258,18 @@ impl Reader<'_, '_> {
         }
         Ok(Some(Texture { image, uv_set: uv_set as u8, transform, sampler }))
     }
+}
+
+/// The image of a texture: of several that are to look the same the one that lost least, and that is there for those who
+/// can read it.
+fn source_of(texture: &Object) -> Result<Option<usize>> {
+    for name in ["EXT_texture_webp", "KHR_texture_basisu"] {
+        let source = texture.extension(name)?.map(|extension| extension.index("source")).transpose()?.flatten();
+        if source.is_some() {
+            return Ok(source);
+        }
+    }
+    texture.index("source")
 }
 
 fn sampler(object: &Object) -> Result<Sampler> {
@@ -298,16 +311,21 @@ fn source<'a>(document: &'a Document, index: usize, accessors: &Accessors<'a>) -
 
 impl Source<'_> {
     /// The image with its header read.
-    fn header(&self, folder: &Path) -> std::result::Result<Encoded<impl ImageDecoder>, String> {
+    fn header(&self, folder: &Path) -> std::result::Result<Encoded<'_>, String> {
         let mut contents: Box<dyn files::Contents> = match self.bytes {
             Ok(bytes) => Box::new(Cursor::new(bytes)),
             Err(uri) => files::reader(folder, uri)?,
         };
         // By content: mimeType and extension are often wrong.
         let start = contents.fill_buf().map_err(|error| printable(&error.to_string()))?;
-        let format = image::guess_format(start).ok().filter(|f| matches!(f, ImageFormat::Png | ImageFormat::Jpeg));
-        let format = format.ok_or("it is neither PNG nor JPEG")?;
-        let encoded = decode::header(contents, format).map_err(|reason| not_decoded(&reason))?;
+        let encoded = if start.starts_with(ktx2::MAGIC) {
+            decode::ktx2(contents)
+        } else {
+            let known = [ImageFormat::Png, ImageFormat::Jpeg, ImageFormat::WebP];
+            let format = image::guess_format(start).ok().filter(|format| known.contains(format));
+            decode::header(contents, format.ok_or("it is neither PNG, JPEG, WebP nor KTX2")?)
+        };
+        let encoded = encoded.map_err(|reason| not_decoded(&reason))?;
         let [width, height] = encoded.size;
         if width > MAX_SIDE || height > MAX_SIDE {
             return Err(format!("it has {width} x {height} texels, at most {MAX_SIDE} x {MAX_SIDE} are possible"));
