@@ -1,8 +1,9 @@
 // Stage 11: all radiance, exposed and tone-mapped. METHOD 1.
-// variant composite_edges.frag: EDGES (where pixels have a second surface, whose light is mixed in)
+// variant composite_edges.frag: EDGES (where points of a pixel show more than one surface)
 // variant composite_layers.frag: LAYERS (where surfaces are seen through, whose light is mixed in)
 // variant composite_edges_layers.frag: EDGES LAYERS (both)
 #include "shared.glsl"
+#include "lib/points.glsl"
 #include "lib/tonemap.glsl"
 
 layout(constant_id = 0) const uint DIFFUSE = 1;
@@ -14,16 +15,20 @@ layout(binding = 2) uniform sampler2D glossy_image;
 layout(binding = 3) uniform sampler2D depth_image;
 layout(binding = 4, scalar) readonly buffer Exposure { float ev; };
 #ifdef EDGES
-layout(binding = 5) uniform sampler2D second_direct;
-layout(binding = 6) uniform sampler2D second_diffuse;
-layout(binding = 7) uniform sampler2D second_glossy;
-layout(binding = 8) uniform sampler2D second_depth;
-layout(binding = 9) uniform usampler2D counts;
+layout(constant_id = 2) const uint POINTS = 4; // beside the middle
+layout(binding = 5) uniform sampler2D first_direct; // before points were mixed
+layout(binding = 6) uniform sampler2D first_diffuse;
+layout(binding = 7) uniform sampler2D first_glossy;
+layout(binding = 8) uniform sampler2D second_direct;
+layout(binding = 9) uniform sampler2D second_diffuse;
+layout(binding = 10) uniform sampler2D second_glossy;
+layout(binding = 11) uniform sampler2D second_depth;
+layout(binding = 12) uniform usampler2D codes_image;
 #endif
 
 #ifdef LAYERS
 #ifdef EDGES
-layout(binding = 10) uniform sampler2D layer_depth;
+layout(binding = 13) uniform sampler2D layer_depth;
 #else
 layout(binding = 5) uniform sampler2D layer_depth;
 #endif
@@ -52,13 +57,27 @@ void main() {
         bool first = texelFetch(depth_image, at, 0).r > 0.0;
         covered = first ? 1.0 : 0.0;
 #ifdef EDGES
-        uint count = texelFetch(counts, at, 0).r;
-        float share = float(count >> 16u) / float((count >> 16u) + (count & 0xffffu));
-        bool second = texelFetch(second_depth, at, 0).r > 0.0;
-        if (share > 0.0 && first != second) {
-            covered = first ? 1.0 - share : share;
-            vec3 other = radiance(second_direct, second_diffuse, second_glossy, at);
-            c = first ? (c - share * other) / covered : other;
+        uint codes = texelFetch(codes_image, at, 0).r;
+        if (codes != 0u) {
+            vec4 sum = covered * vec4(radiance(first_direct, first_diffuse, first_glossy, at), 1.0);
+            float points = 1.0;
+            for (uint i = 0u; i < POINTS; i++) {
+                uint code = shown_by(codes, i);
+                if (code == SHOWS_ANOTHER) {
+                    continue;
+                }
+                points += 1.0;
+                ivec2 pixel = code < SHOWS_AROUND ? at : at + pixel_around(code - SHOWS_AROUND);
+                if (code == SHOWS_SECOND) {
+                    if (texelFetch(second_depth, at, 0).r > 0.0) {
+                        sum += vec4(radiance(second_direct, second_diffuse, second_glossy, at), 1.0);
+                    }
+                } else if (texelFetch(depth_image, pixel, 0).r > 0.0) {
+                    sum += vec4(radiance(first_direct, first_diffuse, first_glossy, pixel), 1.0);
+                }
+            }
+            covered = sum.a / points;
+            c = sum.rgb / max(sum.a, 1.0);
         }
 #endif
 #ifdef LAYERS

@@ -1,32 +1,36 @@
-// Stage 1, second half: one more sample of every pixel. Samples that show another surface than the one at the pixel's middle
-// make up the pixel's second surface, which is shaded like the first and mixed in by its share of the samples. METHOD 13.
+// Stage 1, second half: one more point of every pixel. The first that shows another surface than the pixel's middle makes that the
+// pixel's second one, which is shaded like the first; others are looked for in the pixels around. What points of one surface
+// reflect is averaged. METHOD 13.
 // variant edges_elements.comp: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
 #include "shared.glsl"
 #include "lib/octahedral.glsl"
+#include "lib/points.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { EdgesPush push; };
 // The surface at the middle of the pixel.
 layout(binding = 0) uniform sampler2D first_depth;
-layout(binding = 1) uniform sampler2D first_albedo;
-layout(binding = 2) uniform sampler2D first_specular;
+layout(binding = 1, rgba16f) uniform image2D first_albedo;
+layout(binding = 2, rgba16f) uniform image2D first_specular;
+layout(binding = 3, rgba32f) uniform image2D first_radiance;
 // That at the sample.
-layout(binding = 3) uniform sampler2D sample_depth;
-layout(binding = 4) uniform sampler2D sample_normal;
-layout(binding = 5) uniform sampler2D sample_albedo;
-layout(binding = 6) uniform sampler2D sample_specular;
-layout(binding = 7) uniform sampler2D sample_radiance;
+layout(binding = 4) uniform sampler2D sample_depth;
+layout(binding = 5) uniform sampler2D sample_normal;
+layout(binding = 6) uniform sampler2D sample_albedo;
+layout(binding = 7) uniform sampler2D sample_specular;
+layout(binding = 8) uniform sampler2D sample_radiance;
 // The pixel's second one.
-layout(binding = 8, r32f) uniform image2D second_depth;
-layout(binding = 9, rgba32f) writeonly uniform image2D second_normal;
-layout(binding = 10, rgba16f) uniform image2D second_albedo;
-layout(binding = 11, rgba16f) uniform image2D second_specular;
-layout(binding = 12, rgba32f) writeonly uniform image2D second_radiance;
-layout(binding = 13, r32ui) uniform uimage2D counts; // samples of the first surface, and from bit 16 on of the second
+layout(binding = 9, r32f) uniform image2D second_depth;
+layout(binding = 10, rgba32f) writeonly uniform image2D second_normal;
+layout(binding = 11, rgba16f) uniform image2D second_albedo;
+layout(binding = 12, rgba16f) uniform image2D second_specular;
+layout(binding = 13, rgba32f) uniform image2D second_radiance;
+layout(binding = 14, r32ui) uniform uimage2D codes; // what each point shows
+layout(binding = 15) uniform sampler2D first_normal;
 #ifdef ELEMENTS
-layout(binding = 14) uniform usampler2D first_element;
-layout(binding = 15) uniform usampler2D sample_element;
-layout(binding = 16, rg32ui) uniform uimage2D second_element;
+layout(binding = 16) uniform usampler2D first_element;
+layout(binding = 17) uniform usampler2D sample_element;
+layout(binding = 18, rg32ui) uniform uimage2D second_element;
 #endif
 
 // A surface somewhere in a pixel.
@@ -66,6 +70,34 @@ float depth_in_the_middle(Seen at, vec2 middle, vec2 offset, float pixel) {
     return stays ? moved : at.depth;
 }
 
+// The pixel around whose first surface a point shows; of several the nearest. Its shading is the point's.
+uint found_around(Seen here, vec3 normal, ivec2 at, float pixel) {
+    ivec2 size = textureSize(first_depth, 0);
+    uint found = SHOWS_ANOTHER;
+    float nearest = 1e9;
+    for (uint i = 0u; i < 8u; i++) {
+        ivec2 other = at + pixel_around(i);
+        vec2 d = vec2(pixel_around(i)) - push.offset;
+        if (any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, size)) || dot(d, d) >= nearest) {
+            continue;
+        }
+        float depth = texelFetch(first_depth, other, 0).r;
+        bool is_it = depth == 0.0 && here.depth == 0.0;
+        if (depth > 0.0 && here.depth > 0.0) {
+            vec3 p = place((vec2(other) + 0.5) / vec2(size) * 2.0 - 1.0, depth);
+            is_it = abs(dot(p - here.position, here.normal)) < pixel && dot(texelFetch(first_normal, other, 0).xyz, normal) > 0.8;
+#ifdef ELEMENTS
+            is_it = is_it && texelFetch(first_element, other, 0).x == here.draw;
+#endif
+        }
+        if (is_it) {
+            found = SHOWS_AROUND + i;
+            nearest = dot(d, d);
+        }
+    }
+    return found;
+}
+
 void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
     ivec2 size = textureSize(first_depth, 0);
@@ -84,21 +116,35 @@ void main() {
     vec4 albedo = texelFetch(sample_albedo, at, 0);
     vec4 specular = texelFetch(sample_specular, at, 0);
     Seen here = seen(middle + offset, texelFetch(sample_depth, at, 0).r, draw, albedo.a, specular.a);
-    Seen first = seen(middle, texelFetch(first_depth, at, 0).r, first_draw, texelFetch(first_albedo, at, 0).a,
-                      texelFetch(first_specular, at, 0).a);
+    vec4 first_a = imageLoad(first_albedo, at);
+    vec4 first_s = imageLoad(first_specular, at);
+    Seen first = seen(middle, texelFetch(first_depth, at, 0).r, first_draw, first_a.a,
+                      first_s.a);
     float depth = max(here.depth, first.depth);
     float pixel = depth > 0.0 ? distance(place(middle, depth), place(middle + vec2(2.0 / float(size.x), 0.0), depth)) : 0.0;
 
-    uint count = push.begins != 0u ? 1u : imageLoad(counts, at).r;
+    uint all = push.point > 0u ? imageLoad(codes, at).r : 0u;
+    uint of_first = 1u;
+    uint of_second = 0u;
+    for (uint i = 0u; i < push.point; i++) {
+        uint code = shown_by(all, i);
+        of_first += code == SHOWS_FIRST ? 1u : 0u;
+        of_second += code == SHOWS_SECOND ? 1u : 0u;
+    }
+    vec4 emitted = texelFetch(sample_radiance, at, 0);
+    uint code = SHOWS_SECOND;
     if (alike(first, here, pixel)) {
-        count += 1u;
-    } else if (count >> 16u == 0u) {
-        count += 1u << 16u;
+        code = SHOWS_FIRST;
+        float share = 1.0 / float(of_first + 1u);
+        imageStore(first_albedo, at, vec4(mix(first_a.rgb, albedo.rgb, share), first_a.a));
+        imageStore(first_specular, at, vec4(mix(first_s.rgb, specular.rgb, share), first_s.a));
+        imageStore(first_radiance, at, mix(imageLoad(first_radiance, at), emitted, share));
+    } else if (of_second == 0u) {
         imageStore(second_depth, at, vec4(here.depth > 0.0 ? depth_in_the_middle(here, middle, offset, pixel) : 0.0));
         imageStore(second_normal, at, texelFetch(sample_normal, at, 0));
         imageStore(second_albedo, at, albedo);
         imageStore(second_specular, at, specular);
-        imageStore(second_radiance, at, vec4(texelFetch(sample_radiance, at, 0).rgb, 0.0));
+        imageStore(second_radiance, at, vec4(emitted.rgb, 0.0));
 #ifdef ELEMENTS
         imageStore(second_element, at, uvec4(element, 0u, 0u));
 #endif
@@ -107,17 +153,24 @@ void main() {
 #ifdef ELEMENTS
         second_draw = imageLoad(second_element, at).x;
 #endif
-        // A third surface counts for neither.
-        Seen second = seen(middle, imageLoad(second_depth, at).r, second_draw, imageLoad(second_albedo, at).a,
-                           imageLoad(second_specular, at).a);
-        count += alike(second, here, pixel) ? 1u << 16u : 0u;
+        vec4 second_a = imageLoad(second_albedo, at);
+        vec4 second_s = imageLoad(second_specular, at);
+        Seen second = seen(middle, imageLoad(second_depth, at).r, second_draw, second_a.a, second_s.a);
+        if (alike(second, here, pixel)) {
+            float share = 1.0 / float(of_second + 1u);
+            imageStore(second_albedo, at, vec4(mix(second_a.rgb, albedo.rgb, share), second_a.a));
+            imageStore(second_specular, at, vec4(mix(second_s.rgb, specular.rgb, share), second_s.a));
+            imageStore(second_radiance, at, mix(imageLoad(second_radiance, at), vec4(emitted.rgb, 0.0), share));
+        } else {
+            code = found_around(here, texelFetch(sample_normal, at, 0).xyz, at, pixel);
+        }
     }
-    if (push.begins != 0u && count >> 16u == 0u) {
+    if (push.point == 0u && code != SHOWS_SECOND) {
         // Behind everything: passes over pixels leave it alone.
         imageStore(second_depth, at, vec4(NO_SURFACE));
 #ifdef ELEMENTS
         imageStore(second_element, at, uvec4(0u));
 #endif
     }
-    imageStore(counts, at, uvec4(count));
+    imageStore(codes, at, uvec4(all | code << (4u * push.point)));
 }

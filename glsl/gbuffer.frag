@@ -8,7 +8,8 @@
 
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
-layout(constant_id = 0) const uint DAMPED = 0; // 1: lobes are as wide as what a pixel shows of bends and bumps makes them
+layout(constant_id = 0) const uint POINTS = 1; // of a pixel that are looked at, and whose textures' mean is taken
+layout(constant_id = 1) const uint DAMPED = 0; // 1: lobes are as wide as what a pixel shows of bends and bumps makes them
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
@@ -82,7 +83,10 @@ void main() {
     vec3 px = dFdx(position);
     vec3 py = dFdy(position);
     Uv here = uv_here(uv);
-    vec4 base = base_color(material, here, color);
+    // Each point stands for its share of the pixel. Normals have no mean: theirs is that of all of it.
+    float side = inversesqrt(float(POINTS));
+    Uv share = Uv(here.at, here.dx * side, here.dy * side);
+    vec4 base = base_color(material, share, color);
     Material m = materials[material];
     // A sliver without extent on the pixel grid can come without a position: nothing to shade.
     if (base.a < m.seen_cutoff || any(isnan(position))) {
@@ -107,7 +111,7 @@ void main() {
     if (has_texture(material, TEXTURE_NORMAL)) {
         n = bumped(n, material, here, px, py, bumps);
     }
-    Reflectance r = reflectance(material, base.rgb, here, dot(n, towards_viewer));
+    Reflectance r = reflectance(material, base.rgb, share, dot(n, towards_viewer));
     if (DAMPED != 0u && r.coded < 0.0) {
         // A pixel is a box of variance 1/12. Tokuyoshi and Kaplanyan 2019, Toksvig 2005.
         float alpha = coded_roughness(r.coded) * coded_roughness(r.coded);
@@ -117,19 +121,19 @@ void main() {
     }
     vec3 emitted = m.emissive;
     if (has_texture(material, TEXTURE_EMISSIVE)) {
-        emitted *= sample_texture(emissive_texture, material, TEXTURE_EMISSIVE, here).rgb;
+        emitted *= sample_texture(emissive_texture, material, TEXTURE_EMISSIVE, share).rgb;
     }
 #ifdef LAYER
     // What gets below the surface comes back, or goes through.
     float transmission = m.transmission;
     if (has_texture(material, TEXTURE_TRANSMISSION)) {
-        transmission *= sample_texture(transmission_texture, material, TEXTURE_TRANSMISSION, here).r;
+        transmission *= sample_texture(transmission_texture, material, TEXTURE_TRANSMISSION, share).r;
     }
     // Thickness is that of the model. Of huge ones the determinant is infinite, and none may have no depth.
     float scale = pow(abs(determinant(mat3(instances[push.instance].world_from_model))), 1.0 / 3.0);
     vec3 depth = m.optical_depth * min(scale, 1e9);
     if (has_texture(material, TEXTURE_THICKNESS)) {
-        depth *= sample_texture(thickness_texture, material, TEXTURE_THICKNESS, here).g;
+        depth *= sample_texture(thickness_texture, material, TEXTURE_THICKNESS, share).g;
     }
     float alpha = m.blend != 0u ? clamp(base.a, 0.0, 1.0) : 1.0;
     out_through = vec4(1.0 - alpha + alpha * transmission * r.diffuse * exp(-depth), alpha);

@@ -433,11 +433,17 @@ struct SkyPush {
     float turn; // about +Y [rad]
 };
 
+// Codes of 4 bits a point of a pixel: what it shows.
+const uint SHOWS_FIRST = 0u; // the pixel's first surface
+const uint SHOWS_SECOND = 1u;
+const uint SHOWS_AROUND = 2u; // to 9: the first of one of the 3 x 3 pixels around, row by row without the middle
+const uint SHOWS_ANOTHER = 15u; // none of these
+
 // Push constants of the pass that takes in one more sample of every pixel.
 struct EdgesPush {
     mat4 world_from_clip;
     vec2 offset; // of the sample from the pixel's middle [pixels]
-    uint begins; // 1 for the first sample
+    uint point; // which one, from 0
 };
 
 // Push constants of the pass that makes VALs of RSM texels.

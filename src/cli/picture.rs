@@ -3,6 +3,7 @@
 use anyhow::Result;
 use clap::ValueEnum;
 use glam::{DVec3, Vec4};
+use lightskin::frame::edges::Shown;
 use lightskin::frame::{Behind, Picture, Tonemap, View};
 use lightskin::gpu::Gpu;
 use lightskin::image::{Layer, broken_values, write_exr, write_png};
@@ -273,22 +274,29 @@ fn read_layers(gpu: &Gpu, picture: &Picture, view: &View) -> Result<Layers> {
 
 /// Share of each pixel that shows surfaces, and what the backdrop adds to direct radiance.
 fn backdrop(gpu: &Gpu, picture: &Picture, direct: &[[f32; 4]], depth: &[f32]) -> Result<(Vec<f32>, Vec<[f32; 4]>)> {
-    let (mut second, mut shares) = (vec![[0.0; 4]; depth.len()], vec![(0.0, false); depth.len()]);
-    if let Some(edges) = &picture.edges {
-        second = gpu.read_image(&edges.surface.radiance)?;
-        let counts: Vec<u32> = gpu.read_image(&edges.counts)?;
-        let depths: Vec<f32> = gpu.read_image(&edges.surface.depth)?;
-        let share = |n: &u32| (n >> 16) as f32 / ((n >> 16) + (n & 0xffff)) as f32;
-        shares = counts.iter().map(share).zip(depths.iter().map(|depth| *depth > 0.0)).collect();
-    }
+    let of_one = |(depth, direct): (&f32, &[f32; 4])| if *depth > 0.0 { (1.0, [0.0; 4]) } else { (0.0, *direct) };
+    let Some(edges) = &picture.edges else { return Ok(depth.iter().zip(direct).map(of_one).unzip()) };
+    let before: Vec<[f32; 4]> = gpu.read_image(&edges.before)?;
+    let second: Vec<[f32; 4]> = gpu.read_image(&edges.surface.radiance)?;
+    let second_depth: Vec<f32> = gpu.read_image(&edges.surface.depth)?;
+    let codes: Vec<u32> = gpu.read_image(&edges.codes)?;
+    let width = picture.size()[0] as usize;
     let pixel = |i: usize| {
-        let (share, is_surface) = shares[i];
-        let of_second = second[i].map(|c| if share > 0.0 { share * c } else { 0.0 });
-        match (depth[i] > 0.0, is_surface || share == 0.0) {
-            (true, true) => (1.0, [0.0; 4]),
-            (true, false) => (1.0 - share, of_second),
-            (false, _) => (share, [0, 1, 2, 3].map(|c| direct[i][c] - of_second[c])),
+        let shown: Vec<_> =
+            std::iter::once(Some(Shown::First([0, 0]))).chain(edges.shown(codes[i])).flatten().collect();
+        let (mut covered, mut behind) = (0.0, Vec4::ZERO);
+        for shown in &shown {
+            let (share, radiance) = of_one(match shown {
+                Shown::Second => (&second_depth[i], &second[i]),
+                Shown::First([x, y]) => {
+                    let at = (i / width).wrapping_add_signed(*y) * width + (i % width).wrapping_add_signed(*x);
+                    (&depth[at], &before[at])
+                }
+            });
+            covered += share;
+            behind += Vec4::from(radiance);
         }
+        (covered / shown.len() as f32, (behind / shown.len() as f32).to_array())
     };
     Ok((0..depth.len()).map(pixel).unzip())
 }

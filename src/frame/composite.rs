@@ -58,7 +58,7 @@ pub struct Composed<'a> {
 impl<'a> Composed<'a> {
     /// A lobe that the plan has not is not read; the direct image only fills its place.
     fn binds(&self) -> Vec<Bind<'a>> {
-        let [direct, diffuse, glossy] = radiances(self.surface, self.indirect);
+        let [direct, diffuse, glossy] = radiances(&self.surface.radiance, self.indirect);
         vec![direct, diffuse, glossy, (&self.surface.depth).into(), (&self.out.exposure).into()]
     }
 
@@ -66,8 +66,9 @@ impl<'a> Composed<'a> {
     fn binds_with_more(&self) -> Vec<Bind<'a>> {
         let mut binds = self.binds();
         if let Some(edges) = self.edges {
-            binds.extend(radiances(&edges.surface, edges.indirect.as_ref()));
-            binds.extend([&edges.surface.depth, &edges.counts].map(Bind::from));
+            binds.extend(radiances(&edges.before, edges.indirect_before.as_ref()));
+            binds.extend(radiances(&edges.surface.radiance, edges.indirect.as_ref()));
+            binds.extend([&edges.surface.depth, &edges.codes].map(Bind::from));
         }
         // What shows nearest of all.
         binds.extend(self.layers.and_then(|layers| layers.list.first()).map(|layer| Bind::from(&layer.surface.depth)));
@@ -76,8 +77,7 @@ impl<'a> Composed<'a> {
 }
 
 /// Direct light, and indirect light by lobes.
-fn radiances<'a>(surface: &'a Surface, indirect: Option<&'a Radiance>) -> [Bind<'a>; 3] {
-    let direct = &surface.radiance;
+fn radiances<'a>(direct: &'a Image, indirect: Option<&'a Radiance>) -> [Bind<'a>; 3] {
     let glossy = indirect.and_then(|i| i.glossy.as_ref()).unwrap_or(direct);
     [direct, indirect.map_or(direct, |i| &i.diffuse), glossy].map(Bind::from)
 }
@@ -88,7 +88,8 @@ impl Composite {
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        let constants = [u32::from(plan.indirect()), u32::from(plan.indirect() && plan.glossy)];
+        let points = plan.antialiasing.samples();
+        let constants = [u32::from(plan.indirect()), u32::from(plan.indirect() && plan.glossy), points];
         Ok(Self {
             expose: gpu.compute("expose.comp", &constants)?,
             map: gpu.raster(&Raster {

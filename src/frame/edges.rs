@@ -15,7 +15,16 @@ use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster, Shape,
     Use,
 };
-use crate::shared::EdgesPush;
+use crate::shared::{EdgesPush, SHOWS_ANOTHER, SHOWS_AROUND, SHOWS_FIRST, SHOWS_SECOND};
+
+/// What a point of a pixel shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// The first surface of the pixel so many columns and rows away, at most 1.
+    First([isize; 2]),
+    /// The second surface of the pixel.
+    Second,
+}
 
 /// Second surfaces of a picture's pixels.
 pub struct Edges {
@@ -24,15 +33,23 @@ pub struct Edges {
     sample: Surface,
     /// The second surfaces.
     pub surface: Surface,
-    /// Points of the pixel on its first surface, and from bit 16 on of its second.
-    pub counts: Image,
+    /// Which surface each point of a pixel shows.
+    pub codes: Image,
+    /// Direct light of the first surfaces before points are mixed.
+    pub before: Image,
+    /// Indirect light of these.
+    pub indirect_before: Option<Radiance>,
     /// Stage 5 of them; only where caches are interpolated.
     pub visible: Option<VisibleList>,
     /// Stage 8 of them; only with indirect light.
     pub indirect: Option<Radiance>,
     take: Pipeline,
+    keep: Pipeline,
     mix: Pipeline,
 }
+
+/// Of images of radiance.
+const RADIANCE: Format = Format::R32G32B32A32_SFLOAT;
 
 impl Edges {
     /// Makes what a plan needs.
@@ -43,44 +60,64 @@ impl Edges {
         if plan.antialiasing == Antialiasing::Off {
             return Ok(None);
         }
-        let format = Format::R32_UINT;
+        let over = |fragment, constants| {
+            gpu.raster(&Raster {
+                vertex: "screen.vert",
+                fragment: Some(fragment),
+                shape: Shape::Triangles,
+                streams: &[],
+                colors: &[RADIANCE],
+                blend: Blend::Replace,
+                depth: Depth::None,
+                cull: Cull::None,
+                constants,
+            })
+        };
         Ok(Some(Self {
             antialiasing: plan.antialiasing,
             sample: Surface::new(gpu, plan, size)?,
             surface: Surface::written(gpu, plan, size)?,
-            counts: gpu.image(&ImageDesc {
-                name: "edges.counts",
-                format,
+            codes: gpu.image(&ImageDesc {
+                name: "edges.codes",
+                format: Format::R32_UINT,
                 size,
                 extent: Extent::Plane,
                 storage: true,
             })?,
+            before: gpu.target("edges.before", RADIANCE, size[0], size[1])?,
+            indirect_before: plan.indirect().then(|| Radiance::new(gpu, plan, size)).transpose()?,
             visible: plan.lightskin.then(|| VisibleList::new(gpu, world, plan.sky_light, size)).transpose()?,
             indirect: plan.indirect().then(|| Radiance::new(gpu, plan, size)).transpose()?,
             take: gpu.compute(if plan.lightskin { "edges_elements.comp" } else { "edges.comp" }, &[])?,
-            mix: gpu.raster(&Raster {
-                vertex: "screen.vert",
-                fragment: Some("edges_mix.frag"),
-                shape: Shape::Triangles,
-                streams: &[],
-                colors: &[Format::R32G32B32A32_SFLOAT],
-                blend: Blend::Over,
-                depth: Depth::None,
-                cull: Cull::None,
-                constants: &[],
-            })?,
+            keep: over("edges_keep.frag", &[])?,
+            mix: over("edges_mix.frag", &[plan.antialiasing.samples()])?,
         }))
+    }
+
+    /// What each point beside the middle shows, by a texel of `codes`; `None` counts for nothing.
+    pub fn shown(&self, codes: u32) -> impl Iterator<Item = Option<Shown>> {
+        (0..self.antialiasing.samples()).map(move |point| match codes >> (4 * point) & 15 {
+            SHOWS_FIRST => Some(Shown::First([0, 0])),
+            SHOWS_SECOND => Some(Shown::Second),
+            SHOWS_ANOTHER => None,
+            around => {
+                let number = (around - SHOWS_AROUND) as isize;
+                let at = if number < 4 { number } else { number + 1 };
+                Some(Shown::First([at % 3 - 1, at / 3 - 1]))
+            }
+        })
     }
 
     /// Finds the second surfaces of a view, after its first ones.
     pub(super) fn record(&self, cmd: &Cmd<'_>, world: &World, view: &View, (gbuffer, first): (&GBuffer, &Surface)) {
         let Self { sample, surface, .. } = self;
         let mut resources: Vec<Bind<'_>> =
-            vec![(&first.depth).into(), (&first.albedo).into(), (&first.specular).into()];
+            [&first.depth, &first.albedo, &first.specular, &first.radiance].map(Bind::from).to_vec();
         for of in [sample, surface] {
             resources.extend([&of.depth, &of.normal, &of.albedo, &of.specular, &of.radiance].map(Bind::from));
         }
-        resources.push((&self.counts).into());
+        resources.push((&self.codes).into());
+        resources.push((&first.normal).into());
         resources.extend([first, sample, surface].into_iter().filter_map(|of| of.element.as_ref()).map(Bind::from));
         for (i, offset) in self.antialiasing.offsets().enumerate() {
             if i > 0 {
@@ -91,7 +128,7 @@ impl Edges {
             cmd.barrier(Use::ColorWrite | Use::DepthWrite | before, Use::ComputeRead | Use::ComputeWrite);
             cmd.bind(&self.take, &resources);
             let world_from_clip = view.world_from_clip;
-            cmd.push(&EdgesPush { world_from_clip, offset, begins: u32::from(i == 0) });
+            cmd.push(&EdgesPush { world_from_clip, offset, point: i as u32 });
             cmd.dispatch(sample.size[0], sample.size[1], 1);
         }
         cmd.barrier(Use::ComputeWrite, Use::FragmentRead | Use::ColorWrite | Use::ComputeRead); // for all that shades
@@ -100,16 +137,26 @@ impl Edges {
     /// Mixes the light of second surfaces into that of the first, direct or indirect, once both are done.
     pub(super) fn record_mix(&self, cmd: &Cmd<'_>, first: (&Surface, Option<&Radiance>), which: (bool, bool)) {
         let (direct, indirect) = which;
-        let of_direct = direct.then_some((&first.0.radiance, &self.surface.radiance));
-        let of_indirect = first.1.zip(self.indirect.as_ref()).filter(|_| indirect);
-        let glossy = of_indirect.and_then(|(to, from)| to.glossy.as_ref().zip(from.glossy.as_ref()));
-        let diffuse = of_indirect.map(|(to, from)| (&to.diffuse, &from.diffuse));
-        for (to, from) in [of_direct, diffuse, glossy].into_iter().flatten() {
+        let of_direct = direct.then_some([&first.0.radiance, &self.before, &self.surface.radiance]);
+        let all = first.1.zip(self.indirect_before.as_ref()).zip(self.indirect.as_ref()).filter(|_| indirect);
+        let diffuse = all.map(|((to, before), second)| [&to.diffuse, &before.diffuse, &second.diffuse]);
+        let glossy = all.and_then(|((to, before), second)| {
+            Some([to.glossy.as_ref()?, before.glossy.as_ref()?, second.glossy.as_ref()?])
+        });
+        let layers = || [of_direct, diffuse, glossy].into_iter().flatten();
+        let over = |to, pipeline, resources: &[Bind<'_>]| {
             let into = Attachments { colors: &[Attach::keep(to)], depth: None, area: first.0.area() };
             cmd.render(&into, |draw| {
-                draw.bind(&self.mix, &[from, &self.counts].map(Bind::from));
+                draw.bind(pipeline, resources);
                 draw.draw(3);
             });
+        };
+        for [to, before, _] in layers() {
+            over(before, &self.keep, &[to.into()]);
+        }
+        cmd.barrier(Use::ColorWrite | Use::FragmentRead, Use::FragmentRead | Use::ColorWrite);
+        for [to, before, second] in layers() {
+            over(to, &self.mix, &[before, second, &self.codes].map(Bind::from));
         }
     }
 }

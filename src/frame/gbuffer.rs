@@ -49,14 +49,17 @@ impl Surface {
     /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
         let [w, h] = size;
+        // What further points of a pixel show is taken in.
+        let storage = plan.antialiasing != Antialiasing::Off;
+        let image = |name, format| gpu.image(&ImageDesc { name, format, size, extent: Extent::Plane, storage });
         Ok(Self {
             size,
             depth: gpu.target("gbuffer.depth", Format::D32_SFLOAT, w, h)?,
             normal: gpu.target("gbuffer.normal", FLOAT, w, h)?,
-            albedo: gpu.target("gbuffer.albedo", HALF, w, h)?,
-            specular: gpu.target("gbuffer.specular", HALF, w, h)?,
+            albedo: image("gbuffer.albedo", HALF)?,
+            specular: image("gbuffer.specular", HALF)?,
             element: plan.lightskin.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
-            radiance: gpu.target("direct.radiance", FLOAT, w, h)?,
+            radiance: image("direct.radiance", FLOAT)?,
             is_second: false,
             arriving: arriving(gpu, plan, "direct.arriving", size)?,
         })
@@ -106,7 +109,7 @@ impl Surface {
 }
 
 /// A pipeline that draws what is nearest.
-fn surfaces(gpu: &Gpu, plan: &Plan, fragment: &'static str, colors: &[Format]) -> Result<Pipeline> {
+fn surfaces(gpu: &Gpu, plan: &Plan, points: u32, fragment: &'static str, colors: &[Format]) -> Result<Pipeline> {
     gpu.raster(&Raster {
         vertex: "mesh.vert",
         fragment: Some(fragment),
@@ -116,7 +119,7 @@ fn surfaces(gpu: &Gpu, plan: &Plan, fragment: &'static str, colors: &[Format]) -
         blend: Blend::Replace,
         depth: Depth::Nearest,
         cull: Cull::Back,
-        constants: &[u32::from(plan.antialiasing != Antialiasing::Off)],
+        constants: &[points, u32::from(plan.antialiasing != Antialiasing::Off)],
     })
 }
 
@@ -133,15 +136,15 @@ impl GBuffer {
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let name = if plan.lightskin { "gbuffer_elements.frag" } else { "gbuffer.frag" };
         let colors = &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT][..if plan.lightskin { 5 } else { 4 }];
-        Ok(Self { pipeline: surfaces(gpu, plan, name, colors)? })
+        Ok(Self { pipeline: surfaces(gpu, plan, 1 + plan.antialiasing.samples(), name, colors)? })
     }
 
     /// The same for layers of what is seen through.
     pub(super) fn of_layers(gpu: &Gpu, plan: &Plan) -> Result<Pipeline> {
         if plan.lightskin {
-            surfaces(gpu, plan, "layers_elements.frag", &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT, HALF])
+            surfaces(gpu, plan, 1, "layers_elements.frag", &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT, HALF])
         } else {
-            surfaces(gpu, plan, "layers.frag", &[FLOAT, HALF, HALF, FLOAT, HALF])
+            surfaces(gpu, plan, 1, "layers.frag", &[FLOAT, HALF, HALF, FLOAT, HALF])
         }
     }
 
