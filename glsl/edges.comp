@@ -1,6 +1,8 @@
 // Stage 1, second half: one more sample of every pixel. Samples that show another surface than the one at the pixel's middle
 // make up the pixel's second surface, which is shaded like the first and mixed in by its share of the samples. METHOD 13.
 // variant edges_elements.comp: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
+// variant edges_coat.comp: COAT (where a material has a clear coat or sheen)
+// variant edges_elements_coat.comp: ELEMENTS COAT (both)
 #include "shared.glsl"
 #include "lib/octahedral.glsl"
 
@@ -27,6 +29,10 @@ layout(binding = 13, r32ui) uniform uimage2D counts; // samples of the first sur
 layout(binding = 14) uniform usampler2D first_element;
 layout(binding = 15) uniform usampler2D sample_element;
 layout(binding = 16, rg32ui) uniform uimage2D second_element;
+#endif
+#ifdef COAT
+layout(binding = 17) uniform usampler2D sample_coat;
+layout(binding = 18, rgba32ui) writeonly uniform uimage2D second_coat;
 #endif
 
 // A surface somewhere in a pixel.
@@ -101,6 +107,9 @@ void main() {
         imageStore(second_radiance, at, vec4(texelFetch(sample_radiance, at, 0).rgb, 0.0));
 #ifdef ELEMENTS
         imageStore(second_element, at, uvec4(element, 0u, 0u));
+#endif
+#ifdef COAT
+        imageStore(second_coat, at, texelFetch(sample_coat, at, 0));
 #endif
     } else {
         uint second_draw = 0u;

@@ -44,6 +44,12 @@ impl Edges {
             return Ok(None);
         }
         let format = Format::R32_UINT;
+        let take = match (plan.lightskin, plan.coated) {
+            (false, false) => "edges.comp",
+            (true, false) => "edges_elements.comp",
+            (false, true) => "edges_coat.comp",
+            (true, true) => "edges_elements_coat.comp",
+        };
         Ok(Some(Self {
             antialiasing: plan.antialiasing,
             sample: Surface::new(gpu, plan, size)?,
@@ -57,7 +63,7 @@ impl Edges {
             })?,
             visible: plan.lightskin.then(|| VisibleList::new(gpu, world, plan.sky_light, size)).transpose()?,
             indirect: plan.indirect().then(|| Radiance::new(gpu, plan, size)).transpose()?,
-            take: gpu.compute(if plan.lightskin { "edges_elements.comp" } else { "edges.comp" }, &[])?,
+            take: gpu.compute(take, &[])?,
             mix: gpu.raster(&Raster {
                 vertex: "screen.vert",
                 fragment: Some("edges_mix.frag"),
@@ -82,6 +88,7 @@ impl Edges {
         }
         resources.push((&self.counts).into());
         resources.extend([first, sample, surface].into_iter().filter_map(|of| of.element.as_ref()).map(Bind::from));
+        resources.extend([sample, surface].into_iter().filter_map(|of| of.coat.as_ref()).map(Bind::from));
         for (i, offset) in self.antialiasing.offsets().enumerate() {
             if i > 0 {
                 cmd.barrier(Use::ComputeRead, Use::ColorWrite | Use::DepthWrite); // the last sample has been taken in

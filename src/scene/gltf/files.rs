@@ -230,13 +230,15 @@ fn decode_percent(text: &str) -> Option<String> {
 }
 
 /// Extensions that the loader understands.
-const SUPPORTED: [&str; 12] = [
+const SUPPORTED: [&str; 14] = [
     "EXT_mesh_gpu_instancing",
     "KHR_animation_pointer",
     "KHR_lights_punctual",
+    "KHR_materials_clearcoat",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_volume",
