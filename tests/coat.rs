@@ -433,6 +433,41 @@ fn scenes_without_have_nothing_of_it() {
     assert!(has(&scene));
 }
 
+/// A lit wall of a material beside a floor, and the light of one bounce on that.
+fn bounced(material: &Material, whole: bool) -> f64 {
+    let mut scene = Scene::default();
+    let matt = Material { specular: 0.0, ..body([1.0; 3], 0.0, 1.0) };
+    add(&mut scene, quad(vec3(0.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 2.0), matt, DAffine3::IDENTITY);
+    let wall = quad(vec3(0.0, 0.0, -1.0), Vec3::Y * 2.0, Vec3::Z * 2.0, 2.0);
+    add(&mut scene, wall, material.clone(), DAffine3::IDENTITY);
+    let mut sun = lamp(LightKind::Directional);
+    sun.direction = vec3(-1.0, -0.2, 0.3).normalize();
+    scene.lights.push(sun);
+    scene.cameras.push(camera(dvec3(1.0, 3.0, 0.01), dvec3(1.0, 0.0, 0.0), 0.6));
+    let settings = PathTraceSettings { glossy_bounces: whole, ..PathTraceSettings::engine([16, 16], 1) };
+    let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
+    (0..16).for_each(|_| paths.pass());
+    paths.diffuse().iter().flatten().map(|c| f64::from(*c)).sum()
+}
+
+#[test]
+fn light_that_is_sent_on_lacks_what_lies_over_a_surface() {
+    let matt = |color| Material { specular: 0.0, ..body(color, 0.0, 1.0) };
+    let white = bounced(&matt([1.0; 3]), false);
+    for (name, material, most) in [
+        ("coat over white", coated(1.0, 0.3, matt([1.0; 3])), 0.05),
+        ("coat over red", coated(1.0, 0.3, matt([0.6, 0.05, 0.04])), 0.1),
+        ("coat over black", coated(1.0, 0.3, matt([0.0; 3])), 0.15),
+        ("sheen over white", shiny([1.0; 3], 0.5, matt([1.0; 3])), 0.2),
+        ("sheen over grey", shiny([0.5; 3], 0.5, matt([0.3; 3])), 0.2),
+        ("sheen over black", shiny([1.0; 3], 0.5, matt([0.0; 3])), 0.3),
+    ] {
+        let off = (bounced(&material, false) - bounced(&material, true)) / white;
+        println!("{name}: off by {off:+.3} of what a white surface sends");
+        assert!(off.abs() < most, "{name}: {off}");
+    }
+}
+
 // Files.
 
 #[test]
