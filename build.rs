@@ -1,5 +1,5 @@
-//! Compiles `glsl/` to SPIR-V with glslang and turns `glsl/shared.glsl` with what it includes into Rust, so that both sides read one file.
-//! A shader error is a build error with file and line.
+//! Compiles `glsl/` to SPIR-V with glslang and turns `glsl/shared.glsl` with what it includes into Rust, so that both sides
+//! read one file. A shader error is a build error with file and line.
 
 #[path = "build/variants.rs"]
 mod variants;
