@@ -1,5 +1,5 @@
-//! Compiles `glsl/` to SPIR-V with glslang and turns `glsl/shared.glsl` and `shared_rays.glsl` into Rust, so that both sides read one file.
-//! A shader error is a build error with file and line.
+//! Compiles `glsl/` to SPIR-V with glslang and turns `glsl/shared.glsl` with what it includes into Rust, so that both sides
+//! read one file. A shader error is a build error with file and line.
 
 #[path = "build/variants.rs"]
 mod variants;
@@ -15,7 +15,7 @@ fn main() {
     println!("cargo:rerun-if-changed=build");
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));
     let read = |name: &str| fs::read_to_string(Path::new("glsl").join(name)).expect(name);
-    let shared = read("shared.glsl") + &read("shared_rays.glsl");
+    let shared = read("shared.glsl") + &read("shared_material.glsl") + &read("shared_rays.glsl");
     fs::write(out.join("shared.rs"), rust_from_glsl(&shared)).expect("write shared.rs");
     compile_shaders(&out);
 }

@@ -1,11 +1,16 @@
 // Stage 2: one light's direct reflection, shadowed by its map; added to what is there. METHOD 1.
 // variant direct_rays.frag: RAYS (where rays say what arrives)
+// variant direct_coat.frag: COAT (where a material has a clear coat or sheen: METHOD 16)
+// variant direct_rays_coat.frag: RAYS COAT (both)
 #include "shared.glsl"
 #include "lib/brdf.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/samples.glsl"
+#ifdef COAT
+#include "lib/coat.glsl"
+#endif
 
 #ifdef RAYS
 #include "lib/arriving.glsl"
@@ -20,6 +25,9 @@ layout(binding = 2) uniform sampler2D depth_image;
 layout(binding = 3) uniform sampler2D normal_image;
 layout(binding = 4) uniform sampler2D albedo_image;
 layout(binding = 5) uniform sampler2D specular_image;
+#ifdef COAT
+layout(binding = 7) uniform usampler2D coat_image;
+#endif
 
 layout(location = 0) out vec4 out_radiance;
 
@@ -105,11 +113,26 @@ void main() {
         }
     }
     float cosine = dot(n, towards);
-    if (cosine <= 0.0 || dot(geometric, towards) <= 0.0 || irradiance == vec3(0.0)) {
+#ifdef COAT
+    Coat coat = unpack_coat(texelFetch(coat_image, pixel, 0));
+    bool away = max(cosine, dot(coat.normal, towards)) <= 0.0;
+#else
+    bool away = cosine <= 0.0;
+#endif
+    if (away || dot(geometric, towards) <= 0.0 || irradiance == vec3(0.0)) {
         return;
     }
     vec3 looking = view_direction(push.eye, position);
+#ifdef COAT
+    CoatAlbedo over = albedo_of(coat, n, looking);
+    vec3 reflected = coat_reflected(coat, over, n, looking, towards);
+    if (cosine > 0.0) {
+        vec3 diffuse = without_sheen(albedo.rgb, over) / PI;
+        reflected += (diffuse + glossy_lobe(specular.rgb, normal_coded.w, n, looking, towards)) * cosine;
+    }
+#else
     vec3 brdf = albedo.rgb / PI + glossy_lobe(specular.rgb, normal_coded.w, n, looking, towards);
+#endif
 #ifdef RAYS
     float seen = light.radius > 0.0
         ? arriving(depth_image, pixel, depth, plane_slope(push.world_from_clip, position, geometric)).x
@@ -117,5 +140,9 @@ void main() {
 #else
     float seen = visibility_of_pixel(light, middle, 2.0 / size, depth, position, geometric, towards);
 #endif
+#ifdef COAT
+    out_radiance = vec4(reflected * irradiance * seen, 0.0);
+#else
     out_radiance = vec4(brdf * irradiance * (cosine * seen), 0.0);
+#endif
 }

@@ -1,6 +1,8 @@
 // Stage 2: the direct reflection of a rectangle that shines, added to what is there. Its light is exact where nothing is in
 // the way; of points on it, each with a shadow map of its own, those that are seen give the share that arrives.
 // variant direct_area_rays.frag: RAYS (where rays say what arrives)
+// variant direct_area_coat.frag: COAT (where a material has a clear coat or sheen: METHOD 16)
+// variant direct_area_rays_coat.frag: RAYS COAT (both)
 #include "shared.glsl"
 #include "lib/area_light.glsl"
 #include "lib/brdf.glsl"
@@ -8,6 +10,9 @@
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/samples.glsl"
+#ifdef COAT
+#include "lib/coat.glsl"
+#endif
 
 #ifdef RAYS
 #include "lib/arriving.glsl"
@@ -21,6 +26,9 @@ layout(binding = 2) uniform sampler2D depth_image;
 layout(binding = 3) uniform sampler2D normal_image;
 layout(binding = 4) uniform sampler2D albedo_image;
 layout(binding = 5) uniform sampler2D specular_image;
+#ifdef COAT
+layout(binding = 7) uniform usampler2D coat_image;
+#endif
 
 layout(location = 0) out vec4 out_radiance;
 
@@ -132,6 +140,56 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
 }
 #endif
 
+#ifdef COAT
+// What sheen reflects of the light that a rectangle sends to its surface, over it: the mean over points of what is above the horizon,
+// three of each triangle about its middle, by the light that comes from there.
+vec3 sheen_area(Coat coat, CoatAlbedo over, SeenPart part, vec3 n, vec3 looking) {
+    vec3 middle = vec3(0.0);
+    for (int i = 0; i < part.count; ++i) {
+        middle += part.corners[i] / float(part.count);
+    }
+    float roughness = max(coat.sheen_roughness, LEAST_SHEEN_ROUGHNESS);
+    float sum = 0.0;
+    float all = 0.0;
+    for (int i = 0; i < part.count; ++i) {
+        vec3 a = part.corners[i];
+        vec3 b = part.corners[i + 1 < part.count ? i + 1 : 0];
+        float area = length(cross(a - middle, b - middle));
+        vec3 third = (middle + a + b) / 6.0;
+        for (int j = 0; j < 3; ++j) {
+            vec3 d = third + 0.5 * (j == 0 ? middle : j == 1 ? a : b);
+            float d2 = max(dot(d, d), 1e-30);
+            vec3 towards = d * inversesqrt(d2);
+            // Of one plane: what is farther away is seen so much flatter.
+            float weight = area / (d2 * sqrt(d2));
+            sum += weight * sheen_formula(roughness, n, looking, towards);
+            all += weight * max(dot(n, towards), 0.0);
+        }
+    }
+    float excess = max(sheen_whole(roughness, -dot(n, looking)), 1.0);
+    return coat.sheen * ((1.0 - over.coat) * PI * sum / max(all * excess, 1e-37));
+}
+
+// Share of a rectangle's radiance that a coat reflects, by the Phong lobe that is like its own.
+vec3 coat_area(Coat coat, Light light, vec3 to_middle, vec3 looking) {
+    vec3 n = coat.normal;
+    SeenPart part = above_horizon(to_middle, light.right, light.up, n);
+    PhongLobe lobe = fitted_lobe(vec3(COAT_F0), coded_coat(coat), -dot(n, looking), 1e9);
+    float d2 = dot(to_middle, to_middle);
+    vec3 r = reflect(looking, n);
+    if (part.count < 3) {
+        return vec3(0.0);
+    }
+    if (max(dot(light.right, light.right), dot(light.up, light.up)) < SMALL * SMALL * d2) {
+        vec3 towards = to_middle * inversesqrt(d2);
+        float area = 4.0 * length(cross(light.right, light.up));
+        float facing = max(dot(n, towards), 0.0) * -dot(towards, light.direction) * area / d2;
+        return lobe.albedo * (coat.share * facing * phong_lobe(lobe.exponent, dot(r, towards)));
+    }
+    return lobe.albedo * (coat.share * polygon_lobe(part, n, r, lobe.exponent));
+}
+#endif
+
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     float depth = texelFetch(depth_image, pixel, 0).r;
@@ -200,6 +258,21 @@ void main() {
     }
     vec2 arrives = seen / max(all, vec2(1e-30));
 #endif
+#ifdef COAT
+    Coat coat = unpack_coat(texelFetch(coat_image, pixel, 0));
+    CoatAlbedo over = albedo_of(coat, n, looking);
+    vec3 diffuse = without_sheen(albedo.rgb, over);
+    vec3 sheen_and_coat = vec3(0.0);
+    if (over.sheen != vec3(0.0)) {
+        sheen_and_coat += sheen_area(coat, over, part, n, looking) * (diffuse_share * arrives.x);
+    }
+    if (coat.share > 0.0) {
+        sheen_and_coat += coat_area(coat, light, to_middle, looking) * (glossy ? arrives.y : arrives.x);
+    }
+    vec3 reflected =
+        diffuse * (diffuse_share * arrives.x) + fitted.albedo * (glossy_share * arrives.y) + sheen_and_coat;
+#else
     vec3 reflected = albedo.rgb * (diffuse_share * arrives.x) + fitted.albedo * (glossy_share * arrives.y);
+#endif
     out_radiance = vec4(light.intensity * reflected, 0.0);
 }

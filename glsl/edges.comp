@@ -2,6 +2,8 @@
 // pixel's second one, which is shaded like the first; others are looked for in the pixels around. What points of one surface
 // reflect is averaged. METHOD 13.
 // variant edges_elements.comp: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
+// variant edges_coat.comp: COAT (where a material has a clear coat or sheen)
+// variant edges_elements_coat.comp: ELEMENTS COAT (both)
 #include "shared.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/points.glsl"
@@ -31,6 +33,10 @@ layout(binding = 15) uniform sampler2D first_normal;
 layout(binding = 16) uniform usampler2D first_element;
 layout(binding = 17) uniform usampler2D sample_element;
 layout(binding = 18, rg32ui) uniform uimage2D second_element;
+#endif
+#ifdef COAT
+layout(binding = 19) uniform usampler2D sample_coat;
+layout(binding = 20, rgba32ui) writeonly uniform uimage2D second_coat;
 #endif
 
 // A surface somewhere in a pixel.
@@ -147,6 +153,9 @@ void main() {
         imageStore(second_radiance, at, vec4(emitted.rgb, 0.0));
 #ifdef ELEMENTS
         imageStore(second_element, at, uvec4(element, 0u, 0u));
+#endif
+#ifdef COAT
+        imageStore(second_coat, at, texelFetch(sample_coat, at, 0));
 #endif
     } else {
         uint second_draw = 0u;

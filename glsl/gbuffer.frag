@@ -2,9 +2,16 @@
 // variant gbuffer_elements.frag: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
 // variant layers.frag: LAYER (of what is seen through: METHOD 15)
 // variant layers_elements.frag: LAYER ELEMENTS (both)
+// variant gbuffer_coat.frag: COAT (where a material has a clear coat or sheen: METHOD 16)
+// variant gbuffer_elements_coat.frag: ELEMENTS COAT (likewise)
+// variant layers_coat.frag: LAYER COAT (likewise)
+// variant layers_elements_coat.frag: LAYER ELEMENTS COAT (likewise)
 #include "shared.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/surface.glsl"
+#ifdef COAT
+#include "lib/coat.glsl"
+#endif
 
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
@@ -26,13 +33,41 @@ layout(location = 4) out uvec2 out_element; // draw, from 1, and triangle within
 #endif
 #ifdef LAYER
 layout(binding = 0, scalar) readonly buffer Instances { Instance instances[]; };
-layout(binding = 11) uniform sampler2D opaque_depth;
-layout(binding = 12) uniform sampler2D depth_before; // of the layer before; one texel, 1, where none is
+layout(binding = 15) uniform sampler2D opaque_depth;
+layout(binding = 16) uniform sampler2D depth_before; // of the layer before; one texel, 1, where none is
 #ifdef ELEMENTS
 layout(location = 5) out vec4 out_through; // share of the light from behind, and as alpha of the layer's own
 #else
 layout(location = 4) out vec4 out_through;
 #endif
+#endif
+#ifdef COAT
+#if defined(ELEMENTS) && defined(LAYER)
+layout(location = 6) out uvec4 out_coat;
+#elif defined(ELEMENTS) || defined(LAYER)
+layout(location = 5) out uvec4 out_coat;
+#else
+layout(location = 4) out uvec4 out_coat;
+#endif
+
+// What lies over a material's lobes at a point, on a surface of this vertex normal.
+Coat coat_at(uint material, Uv here, vec3 n) {
+    Material m = materials[material];
+    Coat c = Coat(n, m.coat, m.coat_roughness, m.sheen_color, m.sheen_roughness);
+    if (has_texture(material, TEXTURE_COAT)) {
+        c.share *= sample_texture(coat_texture, material, TEXTURE_COAT, here).r;
+    }
+    if (has_texture(material, TEXTURE_COAT_ROUGHNESS)) {
+        c.roughness *= sample_texture(coat_roughness_texture, material, TEXTURE_COAT_ROUGHNESS, here).g;
+    }
+    if (has_texture(material, TEXTURE_SHEEN_COLOR)) {
+        c.sheen *= sample_texture(sheen_color_texture, material, TEXTURE_SHEEN_COLOR, here).rgb;
+    }
+    if (has_texture(material, TEXTURE_SHEEN_ROUGHNESS)) {
+        c.sheen_roughness *= sample_texture(sheen_roughness_texture, material, TEXTURE_SHEEN_ROUGHNESS, here).a;
+    }
+    return c;
+}
 #endif
 
 // What bends and what bumps add at most to the square of GGX's alpha: what a pixel shows of a bend at its edge says too much.
@@ -107,6 +142,9 @@ void main() {
     vec3 n = unit_or(normal, geometric);
     vec3 nx = dFdx(n);
     vec3 ny = dFdy(n);
+#ifdef COAT
+    Coat coat = coat_at(material, here, n);
+#endif
     float bumps = 0.0;
     if (has_texture(material, TEXTURE_NORMAL)) {
         n = bumped(n, material, here, px, py, bumps);
@@ -119,6 +157,17 @@ void main() {
         float wider = alpha * alpha + bent + min(2.0 * bumps, MOST_BUMPED);
         r.coded = coded_ggx(min(sqrt(sqrt(wider)), 1.0), coded_f90(r.coded));
     }
+#ifdef COAT
+    if (DAMPED != 0u) {
+        float rough = max(coat.roughness, LEAST_ROUGHNESS);
+        float bent = min((dot(nx, nx) + dot(ny, ny)) / 12.0, MOST_BENT);
+        coat.roughness = min(sqrt(sqrt(rough * rough * rough * rough + bent)), 1.0);
+    }
+    CoatAlbedo over = albedo_of(coat, n, -towards_viewer);
+    if (over.under < 1.0) {
+        r = dimmed(r, over.under, dot(n, towards_viewer));
+    }
+#endif
     vec3 emitted = m.emissive;
     if (has_texture(material, TEXTURE_EMISSIVE)) {
         emitted *= sample_texture(emissive_texture, material, TEXTURE_EMISSIVE, share).rgb;
@@ -138,6 +187,11 @@ void main() {
     float alpha = m.blend != 0u ? clamp(base.a, 0.0, 1.0) : 1.0;
     out_through = vec4(1.0 - alpha + alpha * transmission * r.diffuse * exp(-depth), alpha);
     r.diffuse *= 1.0 - transmission;
+#endif
+#ifdef COAT
+    r.diffuse += over.sheen;
+    emitted *= 1.0 - over.coat;
+    out_coat = pack_coat(coat);
 #endif
     vec2 packed_normal = octahedral_encode(geometric);
     out_normal = vec4(n, r.coded);

@@ -72,17 +72,6 @@ const uint LIGHT_AREA = 3u;
 // Faces of a cube that each sample of an area light looks through: all but the one behind.
 const uint AREA_VIEWS = 5u;
 
-// Textures of a material, in binding order; each has its `TextureSlot`.
-const uint TEXTURE_BASE_COLOR = 0u;
-const uint TEXTURE_METALLIC_ROUGHNESS = 1u;
-const uint TEXTURE_NORMAL = 2u;
-const uint TEXTURE_EMISSIVE = 3u;
-const uint TEXTURE_SPECULAR = 4u;
-const uint TEXTURE_SPECULAR_COLOR = 5u;
-const uint TEXTURE_TRANSMISSION = 6u;
-const uint TEXTURE_THICKNESS = 7u;
-const uint TEXTURE_COUNT = 8u;
-
 // What the check for broken values looks at, and workgroups that share each.
 const uint CHECK_DIRECT = 0u;
 const uint CHECK_DIFFUSE = 1u;
@@ -172,33 +161,6 @@ struct Body {
 struct BodyBlock {
     uint body;
     uint first;
-};
-
-// glTF's metallic-roughness material, or the method's own Phong material.
-struct Material {
-    vec4 base_color;
-    vec3 emissive; // [cd/m^2]
-    float alpha_cutoff; // of light; negative: opaque
-    float seen_cutoff; // of viewers, likewise
-    uint blend; // 1: alpha is how much of what is behind is covered
-    float transmission;
-    vec3 optical_depth; // of what is behind the surface
-    vec3 specular_color;
-    float specular;
-    vec3 phong_specular;
-    float phong_exponent; // negative: metallic-roughness
-    float metallic;
-    float roughness;
-    float ior;
-    float normal_scale;
-};
-
-// How one texture of a material is looked up.
-struct TextureSlot {
-    vec4 linear; // columns of the transform's 2x2 part
-    vec2 translation;
-    uint uv_set;
-    uint present; // 0: the factor stands alone
 };
 
 // A punctual light, KHR_lights_punctual, or a rectangle of a surface that emits.
@@ -595,6 +557,7 @@ struct CheckPush {
     uint cache_count;
 };
 
+#include "shared_material.glsl"
 #include "shared_rays.glsl"
 
 #endif

@@ -3,6 +3,10 @@
 // variant sky_light_cells.frag: BY_CELLS (at the level of pixels)
 // variant sky_light_near.frag: NEAR (with short rays)
 // variant sky_light_near_cells.frag: NEAR BY_CELLS (both)
+// variant sky_light_coat.frag: COAT (where a material has a clear coat: METHOD 16)
+// variant sky_light_cells_coat.frag: BY_CELLS COAT (likewise)
+// variant sky_light_near_coat.frag: NEAR COAT (likewise)
+// variant sky_light_near_cells_coat.frag: NEAR BY_CELLS COAT (likewise)
 #include "shared.glsl"
 
 layout(constant_id = 0) const uint GLOSSY = 1;
@@ -36,6 +40,10 @@ layout(binding = 11) uniform sampler2D specular_image;
 #endif
 #define SKY_BINDING 13
 #include "lib/sky.glsl"
+#ifdef COAT
+#include "lib/coat.glsl"
+layout(binding = 15) uniform usampler2D coat_image;
+#endif
 
 layout(location = 0) out vec4 out_radiance;
 
@@ -72,7 +80,7 @@ vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
 }
 #endif
 
-#ifndef NEAR
+#if !defined(NEAR) || defined(COAT)
 // Share of a lobe's light from the sky that arrives where that share of all light does: what is seen of a cone about the normal.
 // Lagarde and de Rousiers 2014, 4.10.2.
 float lobe_seen(float seen, float cosine, float k) {
@@ -117,5 +125,24 @@ void main() {
 #endif
         radiance += lobe.albedo * share * sky_lobe(axis, lobe.exponent);
     }
+#ifdef COAT
+    Coat coat = unpack_coat(texelFetch(coat_image, pixel, 0));
+    if (coat.share > 0.0) {
+        // Of what is in a coat's way caches alone know, and short rays how much of all there is.
+        vec3 looking = view_direction(push.eye, position);
+        vec3 axis = lobe_axis(coded_coat(coat), coat.normal, looking);
+        float cosine = dot(coat.normal, axis);
+        PhongLobe lobe = fitted_about(vec3(COAT_F0), coded_coat(coat), -dot(coat.normal, looking), cosine, 1e9);
+#ifdef NEAR
+        vec3 open = seen * near.open;
+#else
+        vec3 open = seen;
+#endif
+        float luminance = dot(open, vec3(0.2126, 0.7152, 0.0722));
+        float share = lobe_seen(luminance, max(-dot(looking, coat.normal), 0.0), lobe.exponent);
+        share *= coat.share * phong_albedo(lobe.exponent, cosine);
+        radiance += lobe.albedo * share * sky_lobe(axis, lobe.exponent);
+    }
+#endif
     out_radiance = vec4(radiance, 0.0);
 }

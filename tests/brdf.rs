@@ -12,7 +12,7 @@ use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, Sources};
 use lightskin::reference::phong::{DIFFUSE_LOBE, phong_lobe};
 use lightskin::scene::build::{cuboid, quad};
 use lightskin::scene::ggx::{LEAST_COSINE, LEAST_ROUGHNESS, MEAN_PHONG_COSINE, albedo, phong_albedo, scattered_once};
-use lightskin::scene::material::{self, Reflectance};
+use lightskin::scene::material::{self, Over, Reflectance};
 use lightskin::scene::{LightKind, Material, Scene};
 
 use crate::bake::meshes::Random;
@@ -179,7 +179,7 @@ fn fitted_lobes_are_the_twins_and_phong_stays_as_it_is() {
             dielectric: Vec3::ZERO,
             dielectric_f90: 1.0,
         };
-        let material = fitted(&Reflectance { base: Vec3::ZERO, lobe, transmission: 0.0 }, x[2]);
+        let material = fitted(&Reflectance { base: Vec3::ZERO, lobe, transmission: 0.0, over: Over::default() }, x[2]);
         material.specular.extend(material.exponent).to_array()
     };
     check4(BRDF, &expression, &inputs, |_| (1e-4, 1e-5), twin);
@@ -280,7 +280,10 @@ fn fitted_lobes_have_the_energy_and_about_the_shape() {
         let mut exponent = 0.0;
         for cosine in [1.0, 0.8, 0.5, 0.3] {
             let ggx = lobe(1.0, 1.0, roughness, cosine);
-            let fit = fitted(&Reflectance { base: Vec3::ZERO, lobe: lobe_of, transmission: 0.0 }, cosine);
+            let fit = fitted(
+                &Reflectance { base: Vec3::ZERO, lobe: lobe_of, transmission: 0.0, over: Over::default() },
+                cosine,
+            );
             // The cap is the caches'.
             exponent = lightskin::scene::ggx::fitted_exponent(roughness);
             let axis = at(cosine, PI);
@@ -311,7 +314,7 @@ fn fitted_lobes_have_the_energy_and_about_the_shape() {
 // Pictures.
 
 /// A box that glows, evenly, and a floor of a material in it; radiance of the floor over that of the box, seen at an angle.
-fn in_a_furnace(material: Material, cosine: f64) -> f64 {
+pub(crate) fn in_a_furnace(material: Material, cosine: f64) -> f64 {
     let mut scene = Scene::default();
     let inwards = cuboid(Vec3::NEG_ONE, Vec3::ONE, 2.0, |_| true).reversed();
     add(&mut scene, inwards, Material { emissive: Vec3::ONE, ..phong([0.0; 3], [0.0; 3], 1.0) }, DAffine3::IDENTITY);

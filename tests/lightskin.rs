@@ -14,6 +14,7 @@ mod brdf;
 mod choices;
 mod cli;
 mod cluster;
+mod coat;
 mod common;
 mod compare;
 mod compressed;

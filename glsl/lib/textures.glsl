@@ -1,5 +1,5 @@
 // The textures of the material being drawn: samplers and their slots. Included by the entry shaders that shade surfaces;
-// bindings 1 to 10 are its own.
+// bindings 1 to 14 are its own.
 #ifndef TEXTURES_GLSL
 #define TEXTURES_GLSL
 #include "shared.glsl"
@@ -14,6 +14,10 @@ layout(binding = 7) uniform sampler2D specular_texture;
 layout(binding = 8) uniform sampler2D specular_color_texture;
 layout(binding = 9) uniform sampler2D transmission_texture;
 layout(binding = 10) uniform sampler2D thickness_texture;
+layout(binding = 11) uniform sampler2D coat_texture;
+layout(binding = 12) uniform sampler2D coat_roughness_texture;
+layout(binding = 13) uniform sampler2D sheen_color_texture;
+layout(binding = 14) uniform sampler2D sheen_roughness_texture;
 
 // Texture coordinate of one texture of a material: its set, transformed.
 vec2 texture_uv(uint material, uint which, vec4 uv) {

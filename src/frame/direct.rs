@@ -94,9 +94,19 @@ impl Direct {
             let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
             let [stack, levels, texels, holes] = rays.constants(gpu);
             let trace = gpu.compute("light_rays.comp", &[stack, levels, texels, holes, samples])?;
-            (Hidden::Rays(trace), ("direct_rays.frag", &[][..]), "direct_area_rays.frag")
+            let names = if plan.coated {
+                ["direct_rays_coat.frag", "direct_area_rays_coat.frag"]
+            } else {
+                ["direct_rays.frag", "direct_area_rays.frag"]
+            };
+            (Hidden::Rays(trace), (names[0], &[][..]), names[1])
         } else {
-            (Hidden::Maps(Box::new(Maps::new(gpu, side)?)), ("direct.frag", &[samples][..]), "direct_area.frag")
+            let names = if plan.coated {
+                ["direct_coat.frag", "direct_area_coat.frag"]
+            } else {
+                ["direct.frag", "direct_area.frag"]
+            };
+            (Hidden::Maps(Box::new(Maps::new(gpu, side)?)), (names[0], &[samples][..]), names[1])
         };
         Ok(Self {
             hidden,
@@ -169,6 +179,7 @@ impl Direct {
             let mut resources = vec![Bind::from(&world.light_buffer), hides[0]];
             resources.extend([&surface.depth, &surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
             resources.extend(hides.get(1));
+            resources.extend(surface.coat.as_ref().map(Bind::from));
             draw.bind(shade, &resources);
             let View { world_from_clip, eye, .. } = *view;
             if light.is_area {

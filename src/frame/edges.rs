@@ -73,6 +73,12 @@ impl Edges {
                 constants,
             })
         };
+        let take = match (plan.lightskin, plan.coated) {
+            (false, false) => "edges.comp",
+            (true, false) => "edges_elements.comp",
+            (false, true) => "edges_coat.comp",
+            (true, true) => "edges_elements_coat.comp",
+        };
         Ok(Some(Self {
             antialiasing: plan.antialiasing,
             sample: Surface::new(gpu, plan, size)?,
@@ -88,7 +94,7 @@ impl Edges {
             indirect_before: plan.indirect().then(|| Radiance::new(gpu, plan, size)).transpose()?,
             visible: plan.lightskin.then(|| VisibleList::new(gpu, world, plan.sky_light, size)).transpose()?,
             indirect: plan.indirect().then(|| Radiance::new(gpu, plan, size)).transpose()?,
-            take: gpu.compute(if plan.lightskin { "edges_elements.comp" } else { "edges.comp" }, &[])?,
+            take: gpu.compute(take, &[])?,
             keep: over("edges_keep.frag", &[])?,
             mix: over("edges_mix.frag", &[plan.antialiasing.samples()])?,
         }))
@@ -119,6 +125,7 @@ impl Edges {
         resources.push((&self.codes).into());
         resources.push((&first.normal).into());
         resources.extend([first, sample, surface].into_iter().filter_map(|of| of.element.as_ref()).map(Bind::from));
+        resources.extend([sample, surface].into_iter().filter_map(|of| of.coat.as_ref()).map(Bind::from));
         for (i, offset) in self.antialiasing.offsets().enumerate() {
             if i > 0 {
                 cmd.barrier(Use::ComputeRead, Use::ColorWrite | Use::DepthWrite); // the last sample has been taken in

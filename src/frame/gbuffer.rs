@@ -13,6 +13,7 @@ use crate::shared::Arriving;
 
 const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
 const HALF: Format = Format::R16G16B16A16_SFLOAT;
+const COAT: Format = Format::R32G32B32A32_UINT;
 
 /// What a view sees of the scene's surfaces, and the light they send to it directly.
 pub struct Surface {
@@ -28,6 +29,8 @@ pub struct Surface {
     pub specular: Image,
     /// Which triangle a pixel shows: draw, from 1, and number within it. Only where caches are interpolated.
     pub element: Option<Image>,
+    /// What lies over both lobes: a clear coat with its normal, and sheen (`lib/coat.glsl`). Only where a material has either.
+    pub coat: Option<Image>,
     /// Emitted radiance, to which stage 2 adds directly reflected radiance and the sky.
     pub radiance: Image,
     /// Whether these are pixels' second surfaces, which show beside the pixel's middle.
@@ -59,6 +62,7 @@ impl Surface {
             albedo: image("gbuffer.albedo", HALF)?,
             specular: image("gbuffer.specular", HALF)?,
             element: plan.lightskin.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
+            coat: plan.coated.then(|| gpu.target("gbuffer.coat", COAT, w, h)).transpose()?,
             radiance: image("direct.radiance", FLOAT)?,
             is_second: false,
             arriving: arriving(gpu, plan, "direct.arriving", size)?,
@@ -78,6 +82,7 @@ impl Surface {
             albedo: image("edges.albedo", HALF)?,
             specular: image("edges.specular", HALF)?,
             element: plan.lightskin.then(|| image("edges.element", Format::R32G32_UINT)).transpose()?,
+            coat: plan.coated.then(|| image("edges.coat", COAT)).transpose()?,
             radiance: image("edges.radiance", FLOAT)?,
             is_second: true,
             arriving: arriving(gpu, plan, "edges.arriving", size)?,
@@ -102,10 +107,23 @@ impl Surface {
         })
     }
 
+    /// The images that drawing surfaces fills, with one more of layers, in the order of the shader's outputs.
+    pub(super) fn targets<'a>(&'a self, of_layer: Option<&'a Image>) -> impl Iterator<Item = &'a Image> {
+        let images = [&self.normal, &self.albedo, &self.specular, &self.radiance];
+        images.into_iter().chain(&self.element).chain(of_layer).chain(&self.coat)
+    }
+
     /// All of the picture: corner and size \[pixels\].
     pub fn area(&self) -> [u32; 4] {
         [0, 0, self.size[0], self.size[1]]
     }
+}
+
+/// The formats of `Surface::targets`.
+fn targets(plan: &Plan, of_layer: Option<Format>) -> Vec<Format> {
+    let element = plan.lightskin.then_some(Format::R32G32_UINT);
+    let coat = plan.coated.then_some(COAT);
+    [FLOAT, HALF, HALF, FLOAT].into_iter().chain(element).chain(of_layer).chain(coat).collect()
 }
 
 /// A pipeline that draws what is nearest.
@@ -134,24 +152,29 @@ impl GBuffer {
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        let name = if plan.lightskin { "gbuffer_elements.frag" } else { "gbuffer.frag" };
-        let colors = &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT][..if plan.lightskin { 5 } else { 4 }];
-        Ok(Self { pipeline: surfaces(gpu, plan, 1 + plan.antialiasing.samples(), name, colors)? })
+        let name = match (plan.lightskin, plan.coated) {
+            (false, false) => "gbuffer.frag",
+            (true, false) => "gbuffer_elements.frag",
+            (false, true) => "gbuffer_coat.frag",
+            (true, true) => "gbuffer_elements_coat.frag",
+        };
+        Ok(Self { pipeline: surfaces(gpu, plan, 1 + plan.antialiasing.samples(), name, &targets(plan, None))? })
     }
 
     /// The same for layers of what is seen through.
     pub(super) fn of_layers(gpu: &Gpu, plan: &Plan) -> Result<Pipeline> {
-        if plan.lightskin {
-            surfaces(gpu, plan, 1, "layers_elements.frag", &[FLOAT, HALF, HALF, FLOAT, Format::R32G32_UINT, HALF])
-        } else {
-            surfaces(gpu, plan, 1, "layers.frag", &[FLOAT, HALF, HALF, FLOAT, HALF])
-        }
+        let name = match (plan.lightskin, plan.coated) {
+            (false, false) => "layers.frag",
+            (true, false) => "layers_elements.frag",
+            (false, true) => "layers_coat.frag",
+            (true, true) => "layers_elements_coat.frag",
+        };
+        surfaces(gpu, plan, 1, name, &targets(plan, Some(HALF)))
     }
 
     /// Records the stage for a view.
     pub fn record(&self, cmd: &Cmd<'_>, world: &World, view: &View, surface: &Surface) {
-        let images = [&surface.normal, &surface.albedo, &surface.specular, &surface.radiance];
-        let colors: Vec<_> = images.into_iter().chain(&surface.element).map(Attach::clear).collect();
+        let colors: Vec<_> = surface.targets(None).map(Attach::clear).collect();
         let attachments =
             Attachments { colors: &colors, depth: Some(Attach::clear(&surface.depth)), area: surface.area() };
         cmd.render(&attachments, |draw| world.draw(draw, &self.pipeline, Which::Solid, view.clip_from_world, view.eye));

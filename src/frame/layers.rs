@@ -82,9 +82,7 @@ impl Layers {
         let mut before = world.white();
         for Layer { surface, through, .. } in &self.list {
             cmd.barrier(Use::DepthWrite, Use::FragmentRead); // of opaque surfaces, and of the layer before
-            let images = [&surface.normal, &surface.albedo, &surface.specular, &surface.radiance];
-            let colors: Vec<_> =
-                images.into_iter().chain(&surface.element).chain([through]).map(Attach::clear).collect();
+            let colors: Vec<_> = surface.targets(Some(through)).map(Attach::clear).collect();
             let depth = Some(Attach::clear(&surface.depth));
             cmd.render(&Attachments { colors: &colors, depth, area: surface.area() }, |draw| {
                 let limits = [&opaque.depth, before].map(Bind::from);

@@ -26,6 +26,8 @@ pub struct Features {
     pub glossy: bool,
     /// A material is seen through.
     pub seen_through: bool,
+    /// A material has a clear coat or sheen.
+    pub coated: bool,
     /// The device can hold what rays need.
     pub rays: bool,
 }
@@ -42,7 +44,8 @@ impl Features {
             areas,
             emits,
             glossy: has_glossy_lobe(scene),
-            seen_through: has_what_is_seen_through(scene),
+            seen_through: has(scene, Material::is_seen_through),
+            coated: has(scene, Material::is_coated),
             rays: true,
         }
     }
@@ -90,6 +93,8 @@ pub struct Plan {
     pub antialiasing: Antialiasing,
     /// Stages 1 and 8: so many surfaces that are seen through, one behind another.
     pub layers: u32,
+    /// A material has a clear coat or sheen: another target of stage 1, and their lobes in stage 2 and under the sky.
+    pub coated: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
     pub glossy: bool,
     /// Caches have proxies of the glossy lobe: rays do not see what it mirrors.
@@ -181,6 +186,7 @@ impl Plan {
             brute_force,
             antialiasing: settings.antialiasing,
             layers: if scene.seen_through { settings.layers } else { 0 },
+            coated: scene.coated,
             glossy: scene.glossy,
             lobes: scene.glossy && near == Near::Off,
         }
@@ -250,10 +256,10 @@ impl Plan {
 /// What a lobe may come from.
 const LOBE: [Quantity; 4] = [Quantity::Metallic, Quantity::Ior, Quantity::Specular, Quantity::SpecularColor];
 
-/// Whether a surface of the scene is seen through.
-fn has_what_is_seen_through(scene: &Scene) -> bool {
+/// Whether a surface of the scene has such a material.
+fn has(scene: &Scene, is: impl Fn(&Material) -> bool) -> bool {
     let materials = scene.meshes.iter().flat_map(|mesh| &mesh.primitives).map(|p| &scene.materials[p.material]);
-    materials.into_iter().any(Material::is_seen_through)
+    materials.into_iter().any(is)
 }
 
 /// Whether a surface of the scene can have a glossy lobe.

@@ -30,11 +30,15 @@ impl SkyShading {
         let by_cells = world.references_of_pixels().is_some();
         let (_, every) = plan.near.rays();
         let constants = [u32::from(plan.glossy), world.references_each as u32, every];
-        let fragment = match (by_cells, plan.near) {
-            (false, Near::Off) => "sky_light.frag",
-            (true, Near::Off) => "sky_light_cells.frag",
-            (false, _) => "sky_light_near.frag",
-            (true, _) => "sky_light_near_cells.frag",
+        let fragment = match (by_cells, plan.near, plan.coated) {
+            (false, Near::Off, false) => "sky_light.frag",
+            (true, Near::Off, false) => "sky_light_cells.frag",
+            (false, _, false) => "sky_light_near.frag",
+            (true, _, false) => "sky_light_near_cells.frag",
+            (false, Near::Off, true) => "sky_light_coat.frag",
+            (true, Near::Off, true) => "sky_light_cells_coat.frag",
+            (false, _, true) => "sky_light_near_coat.frag",
+            (true, _, true) => "sky_light_near_cells_coat.frag",
         };
         let constants = &constants[..if plan.near == Near::Off { 2 } else { 3 }];
         let shade = Surface::adding(gpu, fragment, constants)?;
@@ -65,6 +69,7 @@ impl SkyShading {
             resources.extend([&surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
             resources.extend(near.map(|found| Bind::from(&found.lights)));
             resources.extend([&sky.texels, &sky.levels].map(Bind::from));
+            resources.extend(surface.coat.as_ref().map(Bind::from));
             let radiance =
                 Attachments { colors: &[Attach::keep(&surface.radiance)], depth: None, area: surface.area() };
             let reach = world.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);

@@ -295,7 +295,7 @@ impl Image {
 /// Bytes of one texel of the formats the engine uses.
 pub(crate) fn texel_bytes(format: vk::Format) -> u64 {
     match format {
-        vk::Format::R32G32B32A32_SFLOAT => 16,
+        vk::Format::R32G32B32A32_SFLOAT | vk::Format::R32G32B32A32_UINT => 16,
         vk::Format::R16G16B16A16_SFLOAT | vk::Format::R32G32_SFLOAT | vk::Format::R32G32_UINT => 8,
         vk::Format::R8G8B8A8_UNORM | vk::Format::R8G8B8A8_SRGB | vk::Format::D32_SFLOAT | vk::Format::R32_SFLOAT => 4,
         vk::Format::R32_UINT => 4,

@@ -13,6 +13,7 @@ pub mod brdf;
 pub mod brute_force;
 /// Pyramids of VALs and the cuts that caches take of them.
 pub mod cluster;
+pub mod coat;
 /// What a cache sees of the discs around it.
 pub mod depth_image;
 /// Exact integrals over a disc or a polygon.

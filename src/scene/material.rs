@@ -5,7 +5,7 @@ use std::f64::consts::TAU;
 use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 
 use super::animation::Quantity;
-use super::{Image, Material, Scene, Texture, Wrap, ggx};
+use super::{Image, Material, Scene, Texture, Wrap, ggx, sheen};
 
 /// KHR_texture_transform: scale, then rotate \[rad\], then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
 /// 90 degrees.
@@ -28,6 +28,45 @@ pub struct Reflectance {
     pub lobe: Lobe,
     /// Share of what the diffuse lobe would scatter that goes through instead.
     pub transmission: f32,
+    /// What lies over both lobes.
+    pub over: Over,
+}
+
+/// What lies over a surface's own lobes: a clear coat, and sheen below it. Nothing, for most.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Over {
+    /// Share of the surface that has a coat.
+    pub coat: f32,
+    /// Its perceptual roughness, at least [`ggx::LEAST_ROUGHNESS`].
+    pub coat_roughness: f32,
+    /// Colour of sheen.
+    pub sheen: Vec3,
+    /// Its perceptual roughness, at least [`sheen::LEAST_ROUGHNESS`].
+    pub sheen_roughness: f32,
+}
+
+impl Over {
+    /// Reflectance of a coat at normal incidence: that of an index of 1.5.
+    pub const F0: f64 = 0.04;
+
+    /// Share of even light that the coat reflects to a viewer at this cosine.
+    pub fn coated(&self, cosine: f64) -> f64 {
+        if self.coat == 0.0 {
+            return 0.0;
+        }
+        let once = ggx::scattered_once(self.coat_roughness.into(), cosine);
+        f64::from(self.coat) * ggx::albedo(Self::F0, 1.0, once)
+    }
+
+    /// Share of even light that the sheen reflects to a viewer at this cosine, and of the light of what is below it that comes
+    /// through: 1 less the largest channel.
+    pub fn shone(&self, cosine: f64) -> (DVec3, f64) {
+        if self.sheen == Vec3::ZERO {
+            return (DVec3::ZERO, 1.0);
+        }
+        let shone = self.sheen.as_dvec3() * sheen::albedo(self.sheen_roughness.into(), cosine);
+        (shone, 1.0 - shone.max_element())
+    }
 }
 
 /// A glossy lobe.
@@ -110,7 +149,7 @@ impl Reflectance {
 
 impl Material {
     /// Its textures, in the order of the fields.
-    pub fn textures_mut(&mut self) -> [&mut Option<Texture>; 8] {
+    pub fn textures_mut(&mut self) -> [&mut Option<Texture>; 12] {
         [
             &mut self.base_color_texture,
             &mut self.metallic_roughness_texture,
@@ -120,12 +159,21 @@ impl Material {
             &mut self.specular_color_texture,
             &mut self.transmission_texture,
             &mut self.thickness_texture,
+            &mut self.coat_texture,
+            &mut self.coat_roughness_texture,
+            &mut self.sheen_color_texture,
+            &mut self.sheen_roughness_texture,
         ]
     }
 
     /// Whether what lies behind can show.
     pub fn is_seen_through(&self) -> bool {
         self.blend || self.transmission > 0.0
+    }
+
+    /// Whether anything lies over its own lobes, unless a texture says otherwise.
+    pub fn is_coated(&self) -> bool {
+        self.coat > 0.0 || self.sheen_color.max_element() > 0.0
     }
 
     /// Alpha below this is a hole for a viewer.
@@ -139,7 +187,7 @@ impl Material {
     /// smooth.
     ///
     /// ```text
-    /// behind = 1 - alpha + alpha transmission (what gets below the surface) e^(-optical depth)
+    /// behind = 1 - alpha + alpha transmission (what gets below the surface and what is over it) e^(-optical depth)
     /// ```
     pub fn seen_through(
         &self,
@@ -155,7 +203,9 @@ impl Material {
         let alpha = if self.blend { alpha.clamp(0.0, 1.0) } else { 1.0 };
         let reflectance = self.reflectance(scene, uv, vertex_color);
         let left = (-self.optical_depth * scale as f32 * linear(self.thickness_texture).y).exp();
-        (alpha, 1.0 - alpha + alpha * reflectance.transmission * reflectance.under(cosine) * left)
+        let passed = (1.0 - reflectance.over.coated(cosine)) * reflectance.over.shone(cosine).1;
+        let under = reflectance.under(cosine) * passed as f32;
+        (alpha, 1.0 - alpha + alpha * reflectance.transmission * under * left)
     }
 
     /// Evaluates the material at a point with texture coordinates `uv` and linear vertex colour.
@@ -176,9 +226,10 @@ impl Material {
         let color = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, true));
         let base = (self.base_color * color(self.base_color_texture) * vertex_color).truncate();
         let transmission = self.transmission * linear(self.transmission_texture).x;
+        let over = self.over(scene, uv);
         if let Some(phong) = self.phong {
             let lobe = Lobe::Phong { albedo: phong.specular, exponent: phong.exponent };
-            return Reflectance { base, lobe, transmission };
+            return Reflectance { base, lobe, transmission, over };
         }
         let metallic_roughness = linear(self.metallic_roughness_texture);
         let metallic = self.metallic * metallic_roughness.z;
@@ -193,7 +244,23 @@ impl Material {
         let f0 = dielectric.lerp(base, metallic);
         let f90 = dielectric_f90 + (1.0 - dielectric_f90) * metallic;
         let lobe = Lobe::Ggx { f0, f90, roughness, metallic, dielectric, dielectric_f90 };
-        Reflectance { base, lobe, transmission }
+        Reflectance { base, lobe, transmission, over }
+    }
+
+    /// What lies over its lobes at a point.
+    fn over(&self, scene: &Scene, uv: [Vec2; 2]) -> Over {
+        if !self.is_coated() {
+            return Over::default();
+        }
+        let texel = |texture: Option<Texture>, srgb| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, srgb));
+        let coat_roughness = self.coat_roughness * texel(self.coat_roughness_texture, false).y;
+        let sheen_roughness = self.sheen_roughness * texel(self.sheen_roughness_texture, false).w;
+        Over {
+            coat: self.coat * texel(self.coat_texture, false).x,
+            coat_roughness: coat_roughness.clamp(ggx::LEAST_ROUGHNESS as f32, 1.0),
+            sheen: self.sheen_color * texel(self.sheen_color_texture, true).truncate(),
+            sheen_roughness: sheen_roughness.clamp(sheen::LEAST_ROUGHNESS as f32, 1.0),
+        }
     }
 }
 

@@ -14,6 +14,7 @@ pub mod gltf;
 mod json;
 pub mod material;
 pub mod rays;
+pub mod sheen;
 pub mod sky;
 pub mod sky_filter;
 pub mod studio;
@@ -169,7 +170,24 @@ pub struct Material {
     pub specular_color: Vec3,
     /// Multiplies `specular_color`; sRGB image.
     pub specular_color_texture: Option<Texture>,
-    /// The method's own material, from `extras.lightskin.phong`; replaces everything but base colour and normal.
+    /// Share of the surface that has a clear coat; KHR_materials_clearcoat.
+    pub coat: f32,
+    /// Red multiplies `coat`; linear image.
+    pub coat_texture: Option<Texture>,
+    /// Perceptual roughness of the coat.
+    pub coat_roughness: f32,
+    /// Green multiplies `coat_roughness`; linear image.
+    pub coat_roughness_texture: Option<Texture>,
+    /// Colour of sheen, black without; KHR_materials_sheen.
+    pub sheen_color: Vec3,
+    /// Multiplies `sheen_color`; sRGB image.
+    pub sheen_color_texture: Option<Texture>,
+    /// Perceptual roughness of the sheen.
+    pub sheen_roughness: f32,
+    /// Alpha multiplies `sheen_roughness`; linear image.
+    pub sheen_roughness_texture: Option<Texture>,
+    /// The method's own material, from `extras.lightskin.phong`; replaces everything but base colour, normal and what lies
+    /// over it.
     pub phong: Option<Phong>,
 }
 
@@ -208,6 +226,14 @@ impl Default for Material {
             specular_texture: None,
             specular_color: Vec3::ONE,
             specular_color_texture: None,
+            coat: 0.0,
+            coat_texture: None,
+            coat_roughness: 0.0,
+            coat_roughness_texture: None,
+            sheen_color: Vec3::ZERO,
+            sheen_color_texture: None,
+            sheen_roughness: 0.0,
+            sheen_roughness_texture: None,
             phong: None,
         }
     }

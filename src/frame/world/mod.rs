@@ -416,13 +416,13 @@ impl World {
         &self.textures[0]
     }
 
-    /// Draws the scene's triangles. Bindings 0 to 10 of the shaders are the scene's own (see `lib/textures.glsl`).
+    /// Draws the scene's triangles. Bindings 0 to 14 of the shaders are the scene's own (see `lib/textures.glsl`).
     pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4) {
         self.draw_large(draw, pipeline, (which, &[]), (clip_from_world, eye), 0.0);
     }
 
     /// The same without what is smaller in the view than this [of its height and width, which are 2], with what shaders have at
-    /// bindings from 11 on.
+    /// bindings from 15 on.
     pub(super) fn draw_large(
         &self,
         draw: &Draw<'_, '_>,
@@ -543,7 +543,7 @@ impl World {
             Some(i) if i < TEXTURE_COUNT as usize => texture(i),
             Some(i) => more[i - TEXTURE_COUNT as usize],
         };
-        let mut used = [own[0]; 16];
+        let mut used = [own[0]; 17];
         let mut count = 0;
         for i in pipeline.bindings() {
             used[count] = binding(i as usize);

@@ -14,7 +14,7 @@ use crate::image::{linear_from_srgb, mip_chain};
 use crate::scene::{Image, Sampler, Scene, Wrap};
 use crate::shared::{
     HitTexture, RAY_AREA_LIGHT, RAY_HOLES, RAY_KIND_BITS, RAY_MIRRORED, RAY_MODEL, RAY_TWO_SIDED, RefitBox, RefitNode,
-    TEXTURE_COUNT, TEXTURE_NORMAL, TEXTURE_THICKNESS, TEXTURE_TRANSMISSION,
+    TEXTURE_COUNT, TEXTURE_NORMAL, TEXTURE_TRANSMISSION,
 };
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -371,10 +371,11 @@ fn hit_textures(scene: &Scene) -> (Vec<HitTexture>, Vec<u32>) {
     let cut = scene.materials.iter().filter(|m| m.alpha_cutoff.is_some());
     let cut: HashSet<usize> = cut.filter_map(|m| Some(m.base_color_texture?.image)).collect();
     let most = |image: usize| if cut.contains(&image) { MOST_CUT } else { MOST_TEXELS };
-    let of_pictures = [TEXTURE_NORMAL, TEXTURE_TRANSMISSION, TEXTURE_THICKNESS];
+    // What is seen through or lies over a surface is so in pictures alone.
+    let of_pictures = |which: u32| which == TEXTURE_NORMAL || which >= TEXTURE_TRANSMISSION;
     let used = |m| {
         let all = textures::used(m).map(|(texture, holds)| (texture, holds == textures::Holds::Colors));
-        all.into_iter().enumerate().filter(|(which, _)| !of_pictures.contains(&(*which as u32)))
+        all.into_iter().enumerate().filter(|(which, _)| !of_pictures(*which as u32))
     };
     let all = scene.materials.iter().flat_map(used);
     let mut wanted: BTreeMap<(usize, bool), u32> =

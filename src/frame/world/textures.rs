@@ -28,6 +28,10 @@ pub(super) fn material(m: &Material) -> shared::Material {
         roughness: m.roughness,
         ior: m.ior,
         normal_scale: m.normal_scale,
+        coat: m.coat,
+        coat_roughness: m.coat_roughness,
+        sheen_color: m.sheen_color,
+        sheen_roughness: m.sheen_roughness,
     }
 }
 
@@ -52,6 +56,10 @@ pub(super) fn used(m: &Material) -> [(Option<Texture>, Holds); TEXTURE_COUNT as 
         (m.specular_color_texture, Colors),
         (m.transmission_texture, Numbers),
         (m.thickness_texture, Numbers),
+        (m.coat_texture, Numbers),
+        (m.coat_roughness_texture, Numbers),
+        (m.sheen_color_texture, Colors),
+        (m.sheen_roughness_texture, Numbers),
     ]
 }
 

@@ -85,6 +85,8 @@ struct MaterialStructure {
     masked: bool,
     /// Whether what lies behind shows.
     seen_through: bool,
+    /// Whether a coat or sheen lies over it.
+    coated: bool,
     /// Whether it may shine.
     emits: bool,
     textures: [Option<(usize, Sampler)>; TEXTURE_COUNT as usize],
@@ -96,6 +98,7 @@ impl MaterialStructure {
         Self {
             masked: material.alpha_cutoff.is_some(),
             seen_through: material.is_seen_through(),
+            coated: material.is_coated(),
             emits: scene.emission(index).is_some(),
             textures,
         }

@@ -1,6 +1,7 @@
 //! Generated scenes that only measurements need, made with what [`crate::scene::build`] offers.
 
 mod between;
+mod coats;
 mod measured;
 mod moving;
 mod shadowed;
@@ -8,6 +9,7 @@ mod spheres;
 mod valley;
 
 pub use between::between_walls;
+pub use coats::coats;
 pub use measured::measured;
 pub use moving::{crowd, moving};
 pub use shadowed::Shadowed;

@@ -276,7 +276,7 @@ impl<'a> PathTrace<'a> {
         let which = (None, Which::Sharp);
         let (light, _) =
             self.emitters.direct(&self.world, surface.position, surface.geometric, which, DVec2::ZERO, reflected);
-        surface.emission + light
+        surface.emission * scatter.uncoated() + light
     }
 
     /// Radiance of the backdrop in a direction.

@@ -1,11 +1,12 @@
-//! Directions that a surface scatters light along: Lambert and its glossy lobe, evaluated and sampled.
+//! Directions that a surface scatters light along: Lambert, its glossy lobe and what lies over both, evaluated and sampled.
 
-use std::f64::consts::PI;
+use std::f64::consts::{PI, TAU};
 
-use glam::{DVec2, DVec3};
+use glam::{DVec2, DVec3, Vec3};
 
 use crate::reference::brdf::Lobe;
 pub(super) use crate::reference::brdf::around;
+use crate::reference::coat::Coat;
 use crate::reference::gather::luminance;
 use crate::reference::phong::DIFFUSE_LOBE;
 use crate::reference::world::Surface;
@@ -22,24 +23,39 @@ pub(super) struct Scatter {
     /// Diffuse albedo for this viewer.
     diffuse: DVec3,
     lobe: Lobe,
-    /// Probability that a direction is drawn from the glossy lobe.
-    glossy_share: f64,
+    coat: Coat,
+    /// Whether the sheen is there: it goes with the diffuse lobe, the coat with the glossy one.
+    shines: bool,
+    /// Probability that a direction is drawn from the glossy lobe, from the coat's, and of all of the hemisphere for sheen.
+    chances: [f64; 3],
 }
 
 impl Scatter {
     /// A surface met by a ray of unit `direction`.
     pub(super) fn new(surface: &Surface, direction: DVec3) -> Self {
         let lobe = Lobe::new(&surface.reflection, surface.normal, direction);
-        let albedo = surface.reflection.diffuse(-surface.normal.dot(direction)).as_dvec3();
-        let (diffuse, glossy) = (luminance(albedo), luminance(lobe.albedo()));
+        let cosine = -surface.normal.dot(direction);
+        let over = &surface.reflection.over;
         Self {
             position: surface.position,
             normal: surface.normal,
             geometric: surface.geometric,
-            diffuse: albedo,
+            diffuse: surface.reflection.diffuse(cosine).as_dvec3(),
             lobe,
-            glossy_share: if glossy > 0.0 { glossy / (diffuse + glossy) } else { 0.0 },
+            coat: Coat::new(over, [surface.normal, surface.vertex_normal], direction),
+            shines: over.sheen != Vec3::ZERO,
+            chances: [0.0; 3],
         }
+        .weighed(over.shone(cosine).0)
+    }
+
+    /// With chances in proportion to what the lobes reflect of even light.
+    fn weighed(self, shone: DVec3) -> Self {
+        let under = self.coat.under;
+        let sheen = if self.shines { (1.0 - self.coat.coated) * luminance(shone) } else { 0.0 };
+        let all = [under * luminance(self.lobe.albedo()), self.coat.coated, sheen];
+        let sum = under * luminance(self.diffuse) + all.iter().sum::<f64>();
+        Self { chances: if sum > 0.0 { all.map(|own| own / sum) } else { [0.0; 3] }, ..self }
     }
 
     /// A surface that light goes on from as the engine has it: its diffuse lobe with the mean albedo, about the vertex normal.
@@ -50,54 +66,85 @@ impl Scatter {
             geometric: surface.geometric,
             diffuse: surface.reflection.sent_on().as_dvec3(),
             lobe: Lobe::NONE,
-            glossy_share: 0.0,
+            coat: Coat::NONE,
+            shines: false,
+            chances: [0.0; 3],
         }
     }
 
-    /// The diffuse lobe alone.
+    /// The diffuse lobe and the sheen alone.
     pub(super) fn diffuse(self) -> Self {
-        Self { lobe: Lobe::NONE, glossy_share: 0.0, ..self }
+        let [_, _, sheen] = self.chances;
+        let sum = sheen + self.coat.under * luminance(self.diffuse);
+        let chances = [0.0, 0.0, if self.shines { sheen / sum } else { 0.0 }];
+        Self { lobe: Lobe::NONE, coat: Coat { share: 0.0, ..self.coat }, chances, ..self }
     }
 
-    /// The glossy lobe alone.
+    /// The glossy lobe and the coat alone.
     pub(super) fn glossy(self) -> Self {
-        Self { diffuse: DVec3::ZERO, glossy_share: 1.0, ..self }
+        let [lobe, coat, _] = self.chances;
+        let chances = if coat > 0.0 { [lobe / (lobe + coat), coat / (lobe + coat), 0.0] } else { [1.0, 0.0, 0.0] };
+        Self { diffuse: DVec3::ZERO, shines: false, chances, ..self }
     }
 
     /// Whether nothing is reflected at all.
     pub(super) fn is_black(&self) -> bool {
-        self.diffuse == DVec3::ZERO && self.lobe.albedo() == DVec3::ZERO
+        let own = self.diffuse == DVec3::ZERO && self.lobe.albedo() == DVec3::ZERO;
+        own && self.coat.share == 0.0 && !self.shines
+    }
+
+    /// Share of what the surface emits that comes through its coat.
+    pub(super) fn uncoated(&self) -> f64 {
+        1.0 - self.coat.coated
     }
 
     /// BRDF times cosine [1/sr] for light from the unit direction `towards`.
     pub(super) fn reflected(&self, towards: DVec3) -> DVec3 {
+        let coat = self.coat.reflected(towards);
         let cosine = self.normal.dot(towards);
         if cosine <= 0.0 {
-            return DVec3::ZERO;
+            return coat;
         }
         let mut brdf = self.diffuse * DIFFUSE_LOBE;
-        if self.glossy_share > 0.0 {
+        if self.chances[0] > 0.0 {
             brdf += self.lobe.brdf(towards);
         }
-        brdf * cosine
+        let sheen = if self.shines { self.coat.shone(towards) } else { DVec3::ZERO };
+        brdf * (cosine * self.coat.under) + sheen + coat
     }
 
     /// Probability density [1/sr] with which [`Self::sample`] gives the unit direction `towards`.
     pub(super) fn density(&self, towards: DVec3) -> f64 {
         let diffuse = self.normal.dot(towards).max(0.0) / PI;
-        if self.glossy_share == 0.0 {
-            return diffuse;
+        let [glossy, coat, sheen] = self.chances;
+        let mut density = diffuse;
+        if glossy > 0.0 {
+            density += glossy * (self.lobe.density(towards) - diffuse);
         }
-        diffuse + self.glossy_share * (self.lobe.density(towards) - diffuse)
+        if coat > 0.0 {
+            density += coat * (self.coat.lobe.density(towards) - diffuse);
+        }
+        if sheen > 0.0 {
+            let even = if self.normal.dot(towards) > 0.0 { 1.0 / TAU } else { 0.0 };
+            density += sheen * (even - diffuse);
+        }
+        density
     }
 
-    /// A unit direction, by the cosine or by the lobe; `u` uniform in the unit square.
+    /// A unit direction, by the cosine or by one of the other lobes; `u` uniform in the unit square.
     pub(super) fn sample(&self, u: DVec2) -> DVec3 {
-        if u.x < self.glossy_share {
-            self.lobe.sample(DVec2::new(u.x / self.glossy_share, u.y))
-        } else {
-            let x = (u.x - self.glossy_share) / (1.0 - self.glossy_share);
-            around(self.normal, (1.0 - u.y).sqrt(), x)
+        let mut before = 0.0;
+        for (which, chance) in self.chances.into_iter().enumerate() {
+            if u.x < before + chance {
+                let u = DVec2::new((u.x - before) / chance, u.y);
+                return match which {
+                    0 => self.lobe.sample(u),
+                    1 => self.coat.lobe.sample(u),
+                    _ => around(self.normal, 1.0 - u.y, u.x),
+                };
+            }
+            before += chance;
         }
+        around(self.normal, (1.0 - u.y).sqrt(), ((u.x - before) / (1.0 - before)).clamp(0.0, 1.0))
     }
 }

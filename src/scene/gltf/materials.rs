@@ -173,6 +173,22 @@ impl Reader<'_, '_> {
             }
             material.thickness_texture = self.texture(&extension, "thicknessTexture")?;
         }
+        if let Some(extension) = object.extension("KHR_materials_clearcoat")? {
+            material.coat = self.factor(&extension, "clearcoatFactor", 0.0, 1.0)?;
+            material.coat_texture = self.texture(&extension, "clearcoatTexture")?;
+            material.coat_roughness = self.factor(&extension, "clearcoatRoughnessFactor", 0.0, 1.0)?;
+            material.coat_roughness_texture = self.texture(&extension, "clearcoatRoughnessTexture")?;
+            if extension.value("clearcoatNormalTexture").is_some() {
+                self.notes.count("Normal textures of clear coats that are not used", 1);
+            }
+        }
+        if let Some(extension) = object.extension("KHR_materials_sheen")? {
+            let color = extension.vector::<3>("sheenColorFactor")?.unwrap_or([0.0; 3]);
+            material.sheen_color = Vec3::from(self.clamped(&extension, "sheenColorFactor", color, 1.0));
+            material.sheen_color_texture = self.texture(&extension, "sheenColorTexture")?;
+            material.sheen_roughness = self.factor(&extension, "sheenRoughnessFactor", 0.0, 1.0)?;
+            material.sheen_roughness_texture = self.texture(&extension, "sheenRoughnessTexture")?;
+        }
         material.phong = self.phong(object)?;
         Ok(material)
     }

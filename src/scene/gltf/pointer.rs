@@ -114,7 +114,7 @@ fn material_quantity(path: &[&str]) -> Option<(Quantity, usize, usize)> {
 }
 
 /// Where a material's textures are in the file, in the order of `Material::textures_mut`.
-pub(super) const TEXTURES: [&str; 8] = [
+pub(super) const TEXTURES: [&str; 12] = [
     "pbrMetallicRoughness/baseColorTexture",
     "pbrMetallicRoughness/metallicRoughnessTexture",
     "normalTexture",
@@ -123,4 +123,8 @@ pub(super) const TEXTURES: [&str; 8] = [
     "extensions/KHR_materials_specular/specularColorTexture",
     "extensions/KHR_materials_transmission/transmissionTexture",
     "extensions/KHR_materials_volume/thicknessTexture",
+    "extensions/KHR_materials_clearcoat/clearcoatTexture",
+    "extensions/KHR_materials_clearcoat/clearcoatRoughnessTexture",
+    "extensions/KHR_materials_sheen/sheenColorTexture",
+    "extensions/KHR_materials_sheen/sheenRoughnessTexture",
 ];

@@ -64,8 +64,17 @@ fn texture(document: &mut Document, texture: Texture) -> Value {
 pub(super) fn material(document: &mut Document, index: usize, material: &Material, rest: &Rest) -> Value {
     let animated = |quantity| rest.get(&(quantity, index));
     let mut told = |own: Option<Texture>| own.map(|own| texture(document, own));
-    let [base_color, metallic_roughness, normal, emission, specular_of, specular_color, transmission, thickness] =
-        material.clone().textures_mut().map(|own| told(*own));
+    let [
+        base_color,
+        metallic_roughness,
+        normal,
+        emission,
+        specular_of,
+        specular_color,
+        transmission,
+        thickness,
+        over @ ..,
+    ] = material.clone().textures_mut().map(|own| told(*own));
     let mut value = json!({
         "name": material.name,
         "pbrMetallicRoughness": {
@@ -134,6 +143,9 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
         }
         extend("KHR_materials_volume", factors);
     }
+    for (name, factors) in over_lobes(material, over) {
+        extend(name, factors);
+    }
     let specular = animated(Quantity::Specular).or(animated(Quantity::SpecularColor));
     let of_specular = [("specularTexture", specular_of), ("specularColorTexture", specular_color)];
     let has_textures = of_specular.iter().any(|(_, texture)| texture.is_some());
@@ -155,6 +167,30 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
         value["extras"] = json!({ "lightskin": { "phong": lobe } });
     }
     value
+}
+
+/// The extensions that say what lies over a material's own lobes, with the textures of these.
+fn over_lobes(material: &Material, textures: [Option<Value>; 4]) -> Vec<(&'static str, Value)> {
+    let [coat, coat_roughness, sheen, sheen_roughness] = textures;
+    let with = |mut factors: Value, textures: [(&str, Option<Value>); 2]| {
+        for (key, texture) in textures.into_iter().filter_map(|(key, texture)| Some((key, texture?))) {
+            factors[key] = texture;
+        }
+        factors
+    };
+    let mut extensions = Vec::new();
+    if material.coat > 0.0 {
+        let factors = json!({ "clearcoatFactor": material.coat, "clearcoatRoughnessFactor": material.coat_roughness });
+        let textures = [("clearcoatTexture", coat), ("clearcoatRoughnessTexture", coat_roughness)];
+        extensions.push(("KHR_materials_clearcoat", with(factors, textures)));
+    }
+    if material.sheen_color.max_element() > 0.0 {
+        let color = material.sheen_color.to_array();
+        let factors = json!({ "sheenColorFactor": color, "sheenRoughnessFactor": material.sheen_roughness });
+        let textures = [("sheenColorTexture", sheen), ("sheenRoughnessTexture", sheen_roughness)];
+        extensions.push(("KHR_materials_sheen", with(factors, textures)));
+    }
+    extensions
 }
 
 /// A light. One that is hidden at rest has an intensity all the same.
