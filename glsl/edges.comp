@@ -66,6 +66,11 @@ bool alike(Seen a, Seen b, float pixel) {
     return a.draw == b.draw && dot(a.normal, b.normal) > 0.9 && aside < 0.5 * pixel;
 }
 
+// Whether reflectances differ by more than what is lost where their mean is rounded.
+bool differ(vec4 a, vec4 b) {
+    return any(greaterThan(abs(a.rgb - b.rgb), 0.004 * a.rgb));
+}
+
 // Depth in the middle of the pixel of the plane that a sample at this offset from there is in.
 float depth_in_the_middle(Seen at, vec2 middle, vec2 offset, float pixel) {
     // Planes stay planes in clip space.
@@ -142,8 +147,12 @@ void main() {
     if (alike(first, here, pixel)) {
         code = SHOWS_FIRST;
         float share = 1.0 / float(of_first + 1u);
-        imageStore(first_albedo, at, vec4(mix(first_a.rgb, albedo.rgb, share), first_a.a));
-        imageStore(first_specular, at, vec4(mix(first_s.rgb, specular.rgb, share), first_s.a));
+        if (differ(first_a, albedo)) {
+            imageStore(first_albedo, at, vec4(mix(first_a.rgb, albedo.rgb, share), first_a.a));
+        }
+        if (differ(first_s, specular)) {
+            imageStore(first_specular, at, vec4(mix(first_s.rgb, specular.rgb, share), first_s.a));
+        }
         imageStore(first_radiance, at, mix(imageLoad(first_radiance, at), emitted, share));
     } else if (of_second == 0u) {
         imageStore(second_depth, at, vec4(here.depth > 0.0 ? depth_in_the_middle(here, middle, offset, pixel) : 0.0));
@@ -167,8 +176,12 @@ void main() {
         Seen second = seen(middle, imageLoad(second_depth, at).r, second_draw, second_a.a, second_s.a);
         if (alike(second, here, pixel)) {
             float share = 1.0 / float(of_second + 1u);
-            imageStore(second_albedo, at, vec4(mix(second_a.rgb, albedo.rgb, share), second_a.a));
-            imageStore(second_specular, at, vec4(mix(second_s.rgb, specular.rgb, share), second_s.a));
+            if (differ(second_a, albedo)) {
+                imageStore(second_albedo, at, vec4(mix(second_a.rgb, albedo.rgb, share), second_a.a));
+            }
+            if (differ(second_s, specular)) {
+                imageStore(second_specular, at, vec4(mix(second_s.rgb, specular.rgb, share), second_s.a));
+            }
             imageStore(second_radiance, at, mix(imageLoad(second_radiance, at), vec4(emitted.rgb, 0.0), share));
         } else {
             code = found_around(here, texelFetch(sample_normal, at, 0).xyz, at, pixel);

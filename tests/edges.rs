@@ -139,7 +139,7 @@ fn edges_come_near_to_those_of_many_samples() {
         for (name, found) in [("off", off), ("4", four), ("8", eight)] {
             let [on_edges, all, rmse] = [0, 1, 2].map(|i| found[i] / off[i]);
             println!("aa {name}: FLIP on edges {on_edges:.3} of off's, over all {all:.3}; RMSE on edges {rmse:.3}");
-            assert!(name == "off" || (on_edges < 0.5 && all < 0.48 && rmse < 0.46), "{name}");
+            assert!(name == "off" || (on_edges < 0.41 && all < 0.4 && rmse < 0.41), "{name}");
         }
     }
 }

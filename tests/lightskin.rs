@@ -19,6 +19,7 @@ mod common;
 mod compare;
 mod compressed;
 mod cull;
+mod curved;
 mod edges;
 mod emissive;
 mod energy;

@@ -1,7 +1,8 @@
-//! Edges, stages 1 and 8: a pixel's second surface, shaded like the first and mixed in by its share of the pixel. METHOD 13.
+//! Edges, stages 1 and 8: a pixel's second surface, shaded like the first, and the mean of what all points show. METHOD 13.
 //!
 //! The scene is drawn again for a few more points of every pixel. Where such a point shows another surface than the pixel's
-//! middle, that becomes the pixel's second one. Every pass that shades a picture works on it as on a picture of its own.
+//! middle, that becomes the pixel's second one. Every pass that shades a picture works on it as on a picture of its own. Third
+//! ones are looked for in the pixels around.
 
 use super::gbuffer::{GBuffer, Surface};
 use super::interpolate::Radiance;
@@ -141,7 +142,7 @@ impl Edges {
         cmd.barrier(Use::ComputeWrite, Use::FragmentRead | Use::ColorWrite | Use::ComputeRead); // for all that shades
     }
 
-    /// Mixes the light of second surfaces into that of the first, direct or indirect, once both are done.
+    /// Makes the light of pixels, direct or indirect, the mean over their points, once all surfaces are shaded.
     pub(super) fn record_mix(&self, cmd: &Cmd<'_>, first: (&Surface, Option<&Radiance>), which: (bool, bool)) {
         let (direct, indirect) = which;
         let of_direct = direct.then_some([&first.0.radiance, &self.before, &self.surface.radiance]);

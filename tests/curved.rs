@@ -1,0 +1,68 @@
+//! Bodies that bend more than caches are apart keep their glossy light.
+
+use glam::{DAffine3, DVec3, Vec3};
+use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
+use lightskin::frame::Quality;
+use lightskin::lab::knobs::Knobs;
+use lightskin::metrics::metrics;
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
+use lightskin::scene::build::{CornellSurface, Surface, cornell, sphere};
+use lightskin::scene::{Light, LightKind, Scene};
+
+use crate::common::frames::{add, camera, lamp, phong, shoot};
+use crate::common::gpu;
+
+fn caches(scene: &Scene, count: usize) -> CacheSet {
+    let settings = BakeSettings { density: Density::Count(count), angle: 30f32.to_radians(), references: 8 };
+    bake(scene, &settings, &|_, _| ()).expect("baked")
+}
+
+fn spot_at(intensity: f32, position: DVec3, direction: Vec3) -> Light {
+    let kind = LightKind::Spot { inner: 0.4, outer: 0.7 };
+    Light { intensity, position, direction: direction.normalize(), ..lamp(kind) }
+}
+
+/// A ball of this radius whose surface goes up and down.
+fn blob(radius: f32) -> Surface {
+    let mut surface = sphere(radius, 96);
+    let swell = |d: Vec3| 1.0 + 0.2 * (4.0 * d.x).sin() * (4.0 * d.y).sin() * (4.0 * d.z).cos();
+    for vertex in &mut surface.vertices {
+        let d = vertex.normal;
+        let across = d.any_orthonormal_vector();
+        let around = d.cross(across);
+        let at = |d: Vec3| radius * d.normalize() * swell(d.normalize());
+        let slope = |t: Vec3| at(d + 1e-3 * t) - at(d - 1e-3 * t);
+        vertex.position = at(d);
+        vertex.normal = slope(across).cross(slope(around)).normalize();
+    }
+    surface
+}
+
+/// A glossy body in a Cornell box of 10 m without its blocks.
+fn room_with(body: Surface) -> Scene {
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
+    scene.meshes.truncate(1);
+    scene.instances.truncate(1);
+    scene.instances[0].world_from_model = DAffine3::from_scale(DVec3::splat(5.0));
+    scene.lights.clear();
+    scene.lights.push(spot_at(3e4, DVec3::new(2.0, 9.5, 1.0), Vec3::new(-0.8, -0.5, -0.2)));
+    add(&mut scene, body, phong([0.1; 3], [0.6; 3], 30.0), DAffine3::from_translation(DVec3::new(0.0, 3.0, 0.0)));
+    scene.cameras = vec![camera(DVec3::new(0.0, 3.5, 4.0), DVec3::new(0.0, 3.0, 0.0), 0.5)];
+    scene
+}
+
+#[test]
+fn glossy_bodies_keep_their_light() {
+    let size = [64, 48];
+    for (name, body) in [("ball", sphere(0.62, 64)), ("blob", blob(0.62))] {
+        let scene = room_with(body);
+        let caches = caches(&scene, 1000);
+        let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(size, 1));
+        (0..64).for_each(|_| paths.pass());
+        let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs::at(Quality::High, 1000, size));
+        let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
+        let of_body = metrics(&shown, &paths.glossy());
+        println!("{name}, caches {:.2} m apart: glossy bias {:+.4}", caches.spacing, of_body.bias);
+        assert!(of_body.bias.abs() < 0.1, "{name}: {of_body:?}");
+    }
+}
