@@ -213,7 +213,7 @@ impl Plan {
         match stage.name {
             "gbuffer" | "composite" => "always",
             "edges" if planned => "other surfaces in a pixel than the one in its middle",
-            "mix edges" if planned => "light of a pixel's second surface",
+            "mix edges" if planned => "mean of what all points of a pixel show",
             "edges" | "mix edges" => "not asked for by --aa",
             "layers" if planned => "blended and transmitting materials, nearest first",
             "mix layers" if planned => "light of what is seen through, and from behind it",

@@ -194,7 +194,11 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
     }
     let mixed = || shown().filter(|(_, p)| p.outdated.surface || p.outdated.indirect).map(|(_, p)| p);
     if mixed().any(|p| p.edges.is_some()) {
-        cmd.barrier(Use::ColorWrite, Use::FragmentRead | Use::ColorWrite); //   radiance -> here
+        let direct = light.direct.is_some() || mixed().any(|p| p.background.is_some());
+        let indirect = light.rsm.is_some() && shown().any(|(_, p)| p.outdated.indirect && p.indirect.is_some());
+        if (some_surface && direct) || indirect {
+            cmd.barrier(Use::ColorWrite, Use::FragmentRead | Use::ColorWrite); //   radiance -> here
+        }
         let _zone = enter(plan::MIX); // 8
         for picture in mixed() {
             if let Some(edges) = &picture.edges {
