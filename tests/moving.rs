@@ -308,9 +308,9 @@ fn edits_leave_nothing_stale_in_any_kind_of_frame() {
 #[test]
 fn short_rays_leave_nothing_stale() {
     let near = Near::Rays { per_pixel: 4, every: 2 };
-    walk(Knobs { near, ..with(Shadows::PerLight) }, false, 60, 10);
-    walk(Knobs { near, bounces: 3, ..with(Shadows::PerLight) }, true, 30, 11);
-    walk(Knobs { near, ..with(Shadows::Proxy) }, true, 20, 12);
+    walk(Knobs { near, ..with(Shadows::PerLight) }, false, 25, 10);
+    walk(Knobs { near, bounces: 3, ..with(Shadows::PerLight) }, true, 12, 11);
+    walk(Knobs { near, ..with(Shadows::Proxy) }, true, 8, 12);
     let antialiasing = Antialiasing::Four;
-    walk(Knobs { light_shadows: LightShadows::Rays, antialiasing, ..with(Shadows::Off) }, false, 30, 13);
+    walk(Knobs { light_shadows: LightShadows::Rays, antialiasing, ..with(Shadows::Off) }, false, 15, 13);
 }
