@@ -250,7 +250,7 @@ fn wide_lobes_have_the_light_of_paths() {
     let caches = bake(&scene, &settings, &|_, _| ()).expect("baked");
     let settings = PathTraceSettings::engine([96, 54], 1);
     let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
-    (0..64).for_each(|_| paths.pass());
+    (0..24).for_each(|_| paths.pass());
     let [off, on] = [Near::Off, RAYS].map(|near_is| {
         let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { near: near_is, ..near([96, 54]) });
         let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
