@@ -24,8 +24,8 @@ use crate::common::frames::{add, corner, phong};
 use crate::common::{assert_clean, gpu};
 
 /// Largest mean FLIP of a picture that is as it was. The same driver gives the same bits, and FLIP is 0. But a software
-/// driver makes its code for the CPU it runs on, and rounds otherwise on another one: up to 0.0035 between two makers. This leaves room
-/// for codes that are off by one in a fifth of the pixels; off by one in all of them is 0.03, one percent more light 0.02.
+/// driver makes its code for the CPU it runs on, and rounds otherwise on another one: up to 0.0035 between two machines. This leaves
+/// room for codes that are off by one in a fifth of the pixels; off by one in all of them is 0.03, one percent more light 0.02.
 const MOST: f64 = 0.006;
 
 /// Most bytes of all pictures together: they stay in the repository's history.
