@@ -129,8 +129,7 @@ void main() {
     Seen here = seen(middle + offset, texelFetch(sample_depth, at, 0).r, draw, albedo.a, specular.a);
     vec4 first_a = imageLoad(first_albedo, at);
     vec4 first_s = imageLoad(first_specular, at);
-    Seen first = seen(middle, texelFetch(first_depth, at, 0).r, first_draw, first_a.a,
-                      first_s.a);
+    Seen first = seen(middle, texelFetch(first_depth, at, 0).r, first_draw, first_a.a, first_s.a);
     float depth = max(here.depth, first.depth);
     float pixel = depth > 0.0 ? distance(place(middle, depth), place(middle + vec2(2.0 / float(size.x), 0.0), depth)) : 0.0;
 

@@ -15,7 +15,7 @@
 
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
-layout(constant_id = 0) const uint POINTS = 1; // of a pixel that are looked at, and whose textures' mean is taken
+layout(constant_id = 0) const uint POINTS = 0; // of a pixel beside the middle, whose textures' mean is taken
 layout(constant_id = 1) const uint DAMPED = 0; // 1: lobes are as wide as what a pixel shows of bends and bumps makes them
 
 layout(location = 0) in vec3 position;
@@ -119,7 +119,7 @@ void main() {
     vec3 py = dFdy(position);
     Uv here = uv_here(uv);
     // Each point stands for its share of the pixel. Normals have no mean: theirs is that of all of it.
-    float side = inversesqrt(float(POINTS));
+    float side = inversesqrt(float(1u + POINTS));
     Uv share = Uv(here.at, here.dx * side, here.dy * side);
     vec4 base = base_color(material, share, color);
     Material m = materials[material];

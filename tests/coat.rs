@@ -245,7 +245,7 @@ fn spheres_under_a_lamp_are_the_path_tracers() {
             let [bias, median] = against(&shot.direct, &truth, is_own);
             worst = [worst[0].max(bias.abs()), worst[1].max(median)];
             // Maps are coarse where the lamp sets.
-            let most = if light_shadows == LightShadows::Rays { 0.01 } else { 0.02 };
+            let most = if light_shadows == LightShadows::Rays { 0.002 } else { 0.01 };
             assert!(bias.abs() < most && median < 2e-3, "{row} {column}: {bias:+.5} {median:.5}");
         }
         println!("{light_shadows:?}: bias at most {:.5}, median error at most {:.6}", worst[0], worst[1]);

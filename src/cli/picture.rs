@@ -282,21 +282,20 @@ fn backdrop(gpu: &Gpu, picture: &Picture, direct: &[[f32; 4]], depth: &[f32]) ->
     let codes: Vec<u32> = gpu.read_image(&edges.codes)?;
     let width = picture.size()[0] as usize;
     let pixel = |i: usize| {
-        let shown: Vec<_> =
-            std::iter::once(Some(Shown::First([0, 0]))).chain(edges.shown(codes[i])).flatten().collect();
-        let (mut covered, mut behind) = (0.0, Vec4::ZERO);
-        for shown in &shown {
+        let (mut points, mut covered, mut behind) = (0.0, 0.0, Vec4::ZERO);
+        for shown in edges.shown(codes[i]) {
             let (share, radiance) = of_one(match shown {
                 Shown::Second => (&second_depth[i], &second[i]),
                 Shown::First([x, y]) => {
-                    let at = (i / width).wrapping_add_signed(*y) * width + (i % width).wrapping_add_signed(*x);
+                    let at = (i / width).wrapping_add_signed(y) * width + (i % width).wrapping_add_signed(x);
                     (&depth[at], &before[at])
                 }
             });
+            points += 1.0;
             covered += share;
             behind += Vec4::from(radiance);
         }
-        (covered / shown.len() as f32, (behind / shown.len() as f32).to_array())
+        (covered / points, (behind / points).to_array())
     };
     Ok((0..depth.len()).map(pixel).unzip())
 }

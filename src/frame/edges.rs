@@ -101,9 +101,9 @@ impl Edges {
         }))
     }
 
-    /// What each point beside the middle shows, by a texel of `codes`; `None` counts for nothing.
-    pub fn shown(&self, codes: u32) -> impl Iterator<Item = Option<Shown>> {
-        (0..self.antialiasing.samples()).map(move |point| match codes >> (4 * point) & 15 {
+    /// What the points of a pixel show that count, the middle first, by a texel of `codes`.
+    pub fn shown(&self, codes: u32) -> impl Iterator<Item = Shown> {
+        let further = (0..self.antialiasing.samples()).filter_map(move |point| match codes >> (4 * point) & 15 {
             SHOWS_FIRST => Some(Shown::First([0, 0])),
             SHOWS_SECOND => Some(Shown::Second),
             SHOWS_ANOTHER => None,
@@ -112,7 +112,8 @@ impl Edges {
                 let at = if number < 4 { number } else { number + 1 };
                 Some(Shown::First([at % 3 - 1, at / 3 - 1]))
             }
-        })
+        });
+        std::iter::once(Shown::First([0, 0])).chain(further)
     }
 
     /// Finds the second surfaces of a view, after its first ones.

@@ -158,7 +158,7 @@ impl GBuffer {
             (false, true) => "gbuffer_coat.frag",
             (true, true) => "gbuffer_elements_coat.frag",
         };
-        Ok(Self { pipeline: surfaces(gpu, plan, 1 + plan.antialiasing.samples(), name, &targets(plan, None))? })
+        Ok(Self { pipeline: surfaces(gpu, plan, plan.antialiasing.samples(), name, &targets(plan, None))? })
     }
 
     /// The same for layers of what is seen through.
@@ -169,7 +169,7 @@ impl GBuffer {
             (false, true) => "layers_coat.frag",
             (true, true) => "layers_elements_coat.frag",
         };
-        surfaces(gpu, plan, 1, name, &targets(plan, Some(HALF)))
+        surfaces(gpu, plan, 0, name, &targets(plan, Some(HALF)))
     }
 
     /// Records the stage for a view.

@@ -11,7 +11,7 @@ use crate::scene::json::{Document, Object, printable};
 
 const NAME: &str = "KHR_draco_mesh_compression";
 
-/// Memory \[bytes\] that a triangle takes while it is decoded: 113 with its share of positions, of a mesh of 100 000.
+/// Memory \[bytes\] that a triangle takes at most while it is decoded, with its share of positions.
 const FACE: u64 = 128;
 
 /// A primitive to decode.
