@@ -5,11 +5,10 @@
 mod app;
 mod cli;
 
-use clap::Parser;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let done = match cli::Cli::try_parse_from(cli::arguments()) {
+    let done = match cli::parse(cli::arguments()) {
         Ok(cli) => cli::run(&cli),
         Err(usage) => cli::usage(&usage),
     };

@@ -51,7 +51,7 @@ fn an_open_lamp_is_the_integral_over_it() {
             let lobe = lamp.lobe(s.position, s.normal, mirrored, r.exponent);
             dvec3(30.0, 20.0, 10.0) * (r.diffuse * lamp.form_factor(s.position, s.normal) + r.specular * lobe)
         };
-        for s in floor.iter().step_by(7) {
+        for s in floor.iter().step_by(23) {
             let (exact, shown) = (exact(s), shot.direct[s.pixel]);
             worst = worst.max(exact.distance(shown));
             brightest = brightest.max(exact.length());
@@ -98,7 +98,7 @@ fn lit_box() -> Scene {
 fn soft_shadows_and_bounces_are_the_path_tracers() {
     let scene = lit_box();
     let settings = Knobs {
-        size: [64, 48],
+        size: [48, 36],
         rsm: 96,
         light_shadows: LightShadows::Maps(1024),
         shadows: Shadows::PerLight,

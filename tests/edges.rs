@@ -190,19 +190,19 @@ fn heap() -> Vec<(DVec2, f64, Vec3)> {
         let color = Vec3::new(part(i, 0.37) as f32, part(i, 0.73) as f32, part(i, 0.19) as f32);
         (middle, 7.0 * part(i, 0.271), color + 0.1)
     };
-    (0..20).map(square).collect()
+    (0..100).map(square).collect()
 }
 
 #[test]
 fn third_surfaces_have_the_light_of_pixels_around() {
     let gpu = gpu();
-    let (size, side) = (32_u32, 0.7);
+    let (size, side) = (64_u32, 0.4);
     let mut scene = Scene::default();
     for (i, (middle, angle, color)) in heap().into_iter().enumerate() {
         let material = Material { emissive: color, base_color: Vec3::ZERO.extend(1.0), ..Material::default() };
         let corner = Vec3::new(-0.5, -0.5, 0.0) * side as f32;
         let turned = DAffine3::from_rotation_z(angle);
-        let place = DAffine3::from_translation(middle.extend(-0.2 * i as f64)) * turned;
+        let place = DAffine3::from_translation(middle.extend(-0.05 * i as f64)) * turned;
         add(&mut scene, quad(corner, Vec3::X * side as f32, Vec3::Y * side as f32, 2.0), material, place);
     }
     let projection = Projection::Orthographic { ymag: 1.0 };
@@ -235,7 +235,7 @@ fn third_surfaces_have_the_light_of_pixels_around() {
             right += usize::from((Vec3::from_slice(seen) - mean).abs().max_element() < 1e-5);
         }
         println!("{antialiasing:?}: {right} of {all} pixels with three surfaces and more are right");
-        assert!(all > 20 && 10 * right >= 9 * all, "{right} of {all}");
+        assert!(all > 20 && 5 * right >= 4 * all, "{right} of {all}");
     }
 }
 
@@ -245,6 +245,9 @@ fn textures_are_means_over_points() {
     let mut scene = slanted(0.3);
     let texels =
         (0..32 * 32_u32).flat_map(|i| [i.wrapping_mul(2_654_435_761).to_be_bytes()[0]; 3].into_iter().chain([255]));
+    for vertex in &mut scene.meshes[0].vertices {
+        vertex.uv0 = vertex.position.truncate();
+    }
     scene.images.push(Image { name: "noise".into(), width: 32, height: 32, rgba: texels.collect() });
     let texture = Texture { image: 0, uv_set: 0, transform: Affine2::IDENTITY, sampler: Sampler::default() };
     let noise = Some(texture);
@@ -282,7 +285,7 @@ fn textures_are_means_over_points() {
     for (which, name) in ["albedo", "emission"].into_iter().enumerate() {
         let [four, eight] = [four, eight].map(|found| found[which] / off[which]);
         println!("{name}: RMSE {four:.3} of off's with 4 points, {eight:.3} with 8");
-        assert!(four < 0.6 && eight < 0.6, "{name}: {four} {eight}");
+        assert!(four < 0.4 && eight < 0.4, "{name}: {four} {eight}");
     }
 }
 

@@ -1,5 +1,5 @@
 //! What is known to be wrong. Each test holds as long as the wrong is there: one that fails says that something was mended.
-//! Then it becomes a test of what is right, beside others of its kind, and the README's list of what cannot be done loses a
+//! Then it becomes a test of what is right, beside others of its kind, and the list of limits in docs/guide.md loses a
 //! line.
 
 use glam::{DAffine3, DVec3, dvec3, vec3};
@@ -15,7 +15,10 @@ use crate::common::gpu;
 /// Fails once the wrong is mended.
 #[track_caller]
 fn assert_still_wrong(wrong: bool, what: &str) {
-    assert!(wrong, "mended: {what}. Test that it stays so, and take it out of this list and of the README's");
+    assert!(
+        wrong,
+        "mended: {what}. Test that it stays so, and take it out of this list and of the limits in docs/guide.md"
+    );
 }
 
 fn traced<'a>(scene: &'a Scene, settings: &path_trace::PathTraceSettings) -> PathTrace<'a> {

@@ -8,21 +8,21 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(super) struct Assets {
-    /// Folder to write to; made if missing.
+    /// Folder to write to.
     #[arg(default_value = "assets")]
     folder: PathBuf,
-    /// Also what `render` shows without a scene: showpiece.glb, and its sky as showpiece_sky.exr for --sky.
+    /// Also the showpiece, the default scene of `render`: showpiece.glb, and showpiece_sky.exr for --sky.
     #[arg(long)]
     showpiece: bool,
     /// Also the scenes that `lab choices --shadows` measures.
     #[cfg(feature = "lab")]
     #[arg(long)]
     shadowed: bool,
-    /// Also the scenes that move: moving.glb, a room, and crowd.glb, 1000 swaying tubes on one mesh.
+    /// Also two animated scenes: moving.glb, a room, and crowd.glb, 1000 swaying tubes.
     #[cfg(feature = "lab")]
     #[arg(long)]
     moving: bool,
-    /// Also the scenes that indirect light is measured on.
+    /// Also the scenes on which indirect light is measured.
     #[cfg(feature = "lab")]
     #[arg(long)]
     measured: bool,

@@ -7,13 +7,13 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(super) struct BenchArgs {
-    /// Folder for bench.md, bench.json, a CSV file for each table, and plots; made if missing.
+    /// Folder for the report (bench.md), bench.json, CSV tables and plots.
     #[arg(short, long, value_name = "FOLDER", default_value = "lightskin-bench")]
     out: PathBuf,
-    /// Few points and small pictures, minutes on a software device; the default there.
+    /// Few points and small pictures: minutes on a software device, and the default there.
     #[arg(long, conflicts_with = "full")]
     quick: bool,
-    /// Every point of the thesis's tables; the default on GPUs.
+    /// All points of the thesis's tables: the default on GPUs.
     #[arg(long)]
     full: bool,
     #[command(flatten)]

@@ -23,15 +23,23 @@ pub(super) fn camera(scene: &Scene, wanted: Option<&str>) -> Result<Camera> {
     found.cloned().with_context(|| format!("--camera {wanted} is none of the scene's: {}", names()))
 }
 
+/// Text of `--camera`: a name, an index, or a description that makes a camera.
+pub(crate) fn readable(text: &str) -> std::result::Result<String, String> {
+    if text.contains(';') {
+        free_camera(text).map_err(|error| format!("{error:#}"))?;
+    }
+    Ok(text.to_owned())
+}
+
 /// A camera from "eye;target;up;fov".
 fn free_camera(text: &str) -> Result<Camera> {
     let ([eye, target, up], fov) = parts(text)?;
-    look_at(eye, target, up, fov).context("--camera: eye and target coincide, or up points along the view")
+    look_at(eye, target, up, fov).context("eye and target coincide, or up points along the view")
 }
 
 /// Eye, target and up, and the field of view [degrees], of "eye;target;up;fov".
 pub(crate) fn parts(text: &str) -> Result<([DVec3; 3], f32)> {
-    let form = || format!("--camera '{text}': needs 'eye;target;up;fov' like '0,1,4;0,1,0;0,1,0;40'");
+    let form = || "needs 'eye;target;up;fov' like '0,1,4;0,1,0;0,1,0;40'";
     let parts: Vec<&str> = text.split(';').collect();
     let [eye, target, up, fov] = parts[..] else { bail!(form()) };
     let vector = |text: &str| -> Result<DVec3> {
@@ -45,7 +53,7 @@ pub(crate) fn parts(text: &str) -> Result<([DVec3; 3], f32)> {
     let (eye, target, up) = (vector(eye)?, vector(target)?, vector(up)?);
     let fov: f32 = fov.trim().parse().with_context(form)?;
     if !(0.1..=179.0).contains(&fov) {
-        bail!("--camera: the vertical field of view must be from 0.1 to 179 degrees");
+        bail!("the vertical field of view must be from 0.1 to 179 degrees");
     }
     Ok(([eye, target, up], fov))
 }

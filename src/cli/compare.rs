@@ -36,28 +36,28 @@ pub(super) struct Compare {
     image: PathBuf,
     /// Image to judge it by.
     reference: PathBuf,
-    /// Layer of EXR files, like indirect.diffuse; the picture itself without it.
+    /// Layer of EXR files, like indirect.diffuse [default: the picture].
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
-    /// Take only pixels that are not black in this image into the means.
+    /// Only compare pixels that are not black in this image.
     #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
-    /// Pixels per degree of visual angle for FLIP: 67 is 0.7 m before a display 0.7 m and 3840 pixels wide.
+    /// Pixels per degree of visual angle, for FLIP. 67 is a 4K display, 0.7 m wide, seen from 0.7 m.
     #[arg(long, value_name = "N", default_value_t = PIXELS_PER_DEGREE, value_parser = pixels_per_degree)]
     ppd: f32,
-    /// Write a heat map, black where there is no error; its scale is printed.
+    /// Write a heat map of the error, and print its scale.
     #[arg(long, value_name = "FILE.png")]
     diff: Option<PathBuf>,
     /// What the heat map shows.
     #[arg(long, value_enum, default_value_t, requires = "diff")]
     diff_of: DiffOf,
-    /// Print one JSON object instead of the table; null is infinite or not a number.
+    /// Print JSON instead of a table; null stands for infinity or NaN.
     #[arg(long)]
     json: bool,
-    /// Fail (exit code 1) if the absolute value of a metric is above a limit, like mare=0.05; may be repeated.
+    /// Exit with code 1 if the absolute value of a metric exceeds a limit, like mare=0.05. May be repeated.
     #[arg(long, value_name = "METRIC=LIMIT", value_parser = above)]
     fail_above: Vec<(String, f64)>,
-    /// Fail if psnr or ssim is below a limit, like ssim=0.95; may be repeated.
+    /// Exit with code 1 if psnr or ssim is below a limit, like ssim=0.95. May be repeated.
     #[arg(long, value_name = "METRIC=LIMIT", allow_hyphen_values = true, value_parser = below)]
     fail_below: Vec<(String, f64)>,
 }

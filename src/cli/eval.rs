@@ -16,36 +16,34 @@ use std::path::PathBuf;
 pub(super) struct Eval {
     /// glTF or GLB file, or a folder with one; the built-in atrium without one.
     scene: Option<PathBuf>,
-    /// Folder of the report; made if missing. What is finished there is not measured again.
+    /// Folder of the report. A run that was interrupted continues there.
     #[arg(short, long, value_name = "REPORT", default_value = "report")]
     out: PathBuf,
-    /// A small picture and fewer points: minutes instead of an hour on a software device.
+    /// Small pictures and fewer points: minutes instead of an hour on a software device.
     #[arg(long)]
     quick: bool,
-    /// Picture size [pixels]; 480x270, or with --quick 240x135.
+    /// Picture size [pixels] [default: 480x270, or 240x135 with --quick].
     #[arg(long, value_name = "WxH", value_parser = render::size)]
     size: Option<[u32; 2]>,
-    /// Samples per pixel of the path tracer, rounded up to whole passes of 16; 2048, or with --quick 256. They are
-    /// kept: a larger N refines.
+    /// Samples per pixel of the path tracer [default: 2048, or 256 with --quick]. They are kept: a larger N refines.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     spp: Option<u32>,
-    /// Frames whose median time counts.
+    /// Frames to time; the median counts.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: u32,
-    /// Camera by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
-    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    /// Camera by name or index, or "eye;target;up;fov".
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, value_parser = super::camera::readable)]
     camera: Option<String>,
-    /// Caches of the default, around which the knobs are varied, with and without shadows of indirect light.
+    /// Number of caches around which the other settings vary.
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     caches: u32,
-    /// Texels of an RSM's side of the default.
+    /// Virtual lights around which the other settings vary: N x N for each light.
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: u32,
-    /// Largest angle [degrees] between a surface and its cache.
+    /// Largest angle between the normals of a surface and of its cache [degrees].
     #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
-    /// Longest edge [m] of a triangle; longer ones are halved. 0 leaves all as they are; a quarter of the caches'
-    /// expected spacing without this flag.
+    /// Divide triangles until no edge is longer than this [m]; 0 divides none [default: a quarter of the caches' spacing].
     #[arg(long, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
     #[command(flatten)]

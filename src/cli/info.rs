@@ -1,7 +1,8 @@
 //! `lightskin info`: what a scene holds, which stages its frame has, the memory of each, and what levels of quality cost.
 
+use super::gather::ClusterArgs;
 use super::words::{ShadowsArg, light_shadows_word};
-use super::{CacheArgs, ClusterArgs, DeviceArgs, QualityArg, bake_scene, check_messages, load_scene, thousands};
+use super::{CacheArgs, DeviceArgs, QualityArg, bake_scene, check_messages, load_scene, thousands};
 use anyhow::{Context, Result};
 use lightskin::frame::plan::STAGES;
 use lightskin::frame::settings::Gather;
@@ -23,10 +24,10 @@ pub(super) struct Info {
     scene: Option<PathBuf>,
     #[command(flatten)]
     caches: CacheArgs,
-    /// Texels of an RSM's side [default: 128 at --quality high].
+    /// Virtual lights: N x N for each light [default: 128 at --quality high].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: Option<u32>,
-    /// Bake and draw every level of quality, and say what each takes on this device.
+    /// Bake and draw at every quality level, and show what each costs on this device.
     #[arg(long)]
     measure: bool,
     #[command(flatten)]

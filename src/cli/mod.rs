@@ -12,6 +12,7 @@ mod compare;
 mod devices;
 #[cfg(feature = "lab")]
 mod eval;
+mod gather;
 mod info;
 #[cfg(feature = "lab")]
 mod lab;
@@ -32,11 +33,10 @@ pub(crate) use output::tell;
 
 use anyhow::{Context, Result, bail};
 use clap::error::ErrorKind;
-use clap::{Args, CommandFactory, Parser, Subcommand, ValueEnum};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use indicatif::{ProgressBar, ProgressStyle};
 use lightskin::bake::{BakeSettings, CacheSet, Density};
-use lightskin::frame::settings::Gather;
-use lightskin::frame::{ClusterRule, DrawSource, Near, Quality, Shadows, tune};
+use lightskin::frame::Quality;
 use lightskin::gpu::{Gpu, Options, Validation};
 use lightskin::scene::build::Fineness;
 use lightskin::scene::defaults::Ground;
@@ -47,61 +47,66 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Real-time global illumination by interpolated light caches.
+/// Real-time global illumination for glTF scenes, without ray-tracing hardware.
 #[derive(Parser)]
-#[command(version, about, arg_required_else_help = true)]
+#[command(
+    version,
+    about = "Real-time global illumination for glTF scenes, without ray-tracing hardware",
+    arg_required_else_help = true
+)]
 pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Say more on standard error; twice for everything.
-    #[arg(short, long, global = true, action = clap::ArgAction::Count)]
+    /// Print more messages; twice for all of them.
+    #[arg(short, long, global = true, help_heading = GLOBAL, display_order = 1000, action = clap::ArgAction::Count)]
     verbose: u8,
-    /// Say nothing but errors on standard error.
-    #[arg(short, long, global = true)]
+    /// Print errors alone.
+    #[arg(short, long, global = true, help_heading = GLOBAL, display_order = 1000)]
     quiet: bool,
-    /// Most memory that decoding pictures and textures may take, and a scene's vertices, in bytes or like 512M or 2G; what
-    /// takes more is refused.
-    #[arg(long, global = true, value_name = "SIZE", default_value = "1G", value_parser = bytes)]
+    /// Limit of memory for decoding textures, and for a scene's vertices.
+    ///
+    /// In bytes, or like 512M or 2G. A file that needs more is refused.
+    #[arg(long, global = true, help_heading = GLOBAL, hide_short_help = true, display_order = 1000, value_name = "SIZE", default_value = "1G", value_parser = bytes)]
     max_memory: u64,
 }
 
 #[derive(Subcommand)]
 enum Command {
-    /// Look at a glTF scene, or the built-in showpiece, in a window, and change its light.
+    /// Open a glTF scene in a window and change its light.
     ///
-    /// Panels at the right change light, quality and camera; each control says what it does and costs when the pointer rests
-    /// on it. F1 lists the keys: the left button turns the camera around its target, the wheel goes nearer, W A S D E Q fly. `lightskin
-    /// SCENE` is short for `lightskin view SCENE`.
+    /// The panels at the right change light, quality and camera. Rest the pointer on a control to read what it does and what it
+    /// costs. Left drag orbits, the wheel zooms, W A S D E Q fly, F1 lists all keys. `lightskin SCENE` is short for
+    /// `lightskin view SCENE`.
     #[cfg(feature = "app")]
     View(Box<view::View>),
-    /// Render a glTF scene, or the built-in showpiece, to a PNG or OpenEXR file.
+    /// Render a glTF scene to a PNG or OpenEXR file.
     Render(Box<render::Render>),
-    /// Place the caches of a scene and keep them for later renders.
+    /// Place the light caches of a scene, and keep them for later renders.
     Bake(bake::Bake),
-    /// Errors of one image against another.
+    /// Print the errors of one image against another.
     ///
-    /// Of the linear values: mean absolute error, the same relative to the reference (mare), root of the mean square
-    /// (rmse), relative mean square (relmse; trimmed: without the worst 1 % of pixels), the relative error of luminance
-    /// that half of the pixels stay below (median-relative), relative error of the mean (bias), psnr against the
-    /// reference's largest value. Of what a display shows: ssim (11 x 11 Gaussian, sigma 1.5, on the sRGB-encoded
-    /// luminance) and flip with its weighted quartiles.
+    /// Errors of the linear values: mean absolute error (mae), the same relative to the reference (mare), root mean square
+    /// (rmse), relative mean square (relmse), relmse without the worst 1 % of pixels (trimmed), the median of relative errors
+    /// of luminance (median-relative), the relative error of the mean (bias), and psnr against the reference's largest value.
     ///
-    /// Two PNG files are shown as they are. Otherwise values are radiance: ssim brings the log-average luminance of the
-    /// reference to middle grey and clips; flip is HDR-FLIP, for each pixel the largest flip over exposures from the
-    /// one that shows the reference's largest luminance to the one that shows its median, 8 bits each.
+    /// Errors that an eye sees: ssim (11 x 11 Gaussian, sigma 1.5, of the sRGB luminance), and flip with its weighted quartiles.
+    ///
+    /// Two PNG files are compared as they are. Other values are radiance. For ssim the log-average luminance of the reference
+    /// becomes middle grey, and brighter values clip. flip is then HDR-FLIP: each pixel has its largest flip over a range of
+    /// exposures, from one that shows the reference's largest luminance to one that shows its median.
     Compare(compare::Compare),
-    /// Measure speed against error: a report with a curve for every knob.
+    /// Measure speed against error, and write a report with a curve for every setting.
     #[cfg(feature = "lab")]
     Eval(Box<eval::Eval>),
-    /// Measure times over triangles, resolution, caches and VALs on generated scenes, beside the thesis's figures.
+    /// Measure how times grow with triangles, pixels, caches and virtual lights.
     #[cfg(feature = "lab")]
     Bench(bench::BenchArgs),
-    /// Studies behind the defaults: where errors come from, what trembles, what is hard on numbers.
+    /// Studies behind the defaults: sources of error, flicker, numerically hard cases.
     #[cfg(feature = "lab")]
     Lab(Box<lab::Lab>),
-    /// Show what a scene holds, what its frame will do, and the memory of each stage.
+    /// Show what a scene contains, which stages its frame has, and the memory they take.
     Info(info::Info),
-    /// List Vulkan devices and what each lacks.
+    /// List the Vulkan devices, and what each lacks.
     Devices,
     /// Write the built-in scenes as GLB files.
     Assets(assets::Assets),
@@ -147,6 +152,20 @@ pub(crate) fn arguments() -> Vec<OsString> {
     all
 }
 
+/// Reads the arguments. What looks like a number below zero is a flag's value, so that the flag says what it takes.
+pub(crate) fn parse(arguments: Vec<OsString>) -> std::result::Result<Cli, clap::Error> {
+    fn with_negative_values(command: clap::Command) -> clap::Command {
+        let command = command.mut_args(|arg| {
+            let is_flag_of_value = !arg.is_positional() && arg.get_action().takes_values();
+            if is_flag_of_value { arg.allow_negative_numbers(true) } else { arg }
+        });
+        command.mut_subcommands(with_negative_values)
+    }
+    let mut command = with_negative_values(Cli::command());
+    let matches = command.try_get_matches_from_mut(arguments)?;
+    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+}
+
 /// Prints help, or ends the run with exit code 2 for what cannot be understood.
 pub(crate) fn usage(error: &clap::Error) -> Result<()> {
     if error.use_stderr() {
@@ -155,46 +174,54 @@ pub(crate) fn usage(error: &clap::Error) -> Result<()> {
     error.print().or_else(output::lost)
 }
 
+/// Heading of the flags that every subcommand has.
+const GLOBAL: &str = "Global options";
+
 /// How caches are placed.
 #[derive(Args, Clone)]
+#[command(next_help_heading = "Quality")]
 struct CacheArgs {
-    /// What changes the picture, as one choice: caches, their references, sizes of maps, shadows of indirect light. Single
-    /// flags go over it; `lightskin info` says what each level costs.
+    /// Quality level. It sets all that changes the picture; the flags below override single settings.
+    ///
+    /// `lightskin info --measure` shows what each level costs on this device.
     #[arg(long, value_enum, default_value_t)]
     quality: QualityArg,
-    /// About this many caches over the whole scene [default: 2000 at --quality high].
+    /// Number of light caches, about [default: 2000 at --quality high].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
     caches: Option<u32>,
-    /// Largest distance [m] of a surface point to a cache, instead of a count.
+    /// Largest distance between a surface and its nearest cache [m]; used instead of --caches.
     #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = positive)]
     spacing: Option<f64>,
-    /// Largest angle [degrees] between a surface and its cache.
-    #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
+    /// Largest angle between the normals of a surface and of its cache [degrees].
+    #[arg(long, hide_short_help = true, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
-    /// Longest edge [m] of a triangle; longer ones are halved, since light is interpolated per vertex. 0 leaves all as
-    /// they are; a quarter of the caches' expected spacing without this flag, and 0 at texel level and where a scene would
-    /// have more than twice its triangles and 64 for each cache.
-    #[arg(long, value_name = "M", value_parser = at_least_zero)]
+    /// Divide triangles until no edge is longer than this [m]; 0 divides none.
+    ///
+    /// Indirect light is interpolated at vertices, so triangles must be small against the spacing of the caches. The default
+    /// is a quarter of that spacing. A scene that would then have too many triangles stays undivided, and is lit at pixels
+    /// (--interp texel).
+    #[arg(long, hide_short_help = true, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
-    /// Caches that each vertex refers to [default: 8 at --quality high].
-    #[arg(long, value_name = "N", value_parser = ["8", "16"])]
+    /// Caches that each vertex interpolates [default: 8 at --quality high].
+    #[arg(long, hide_short_help = true, value_name = "N", value_parser = ["8", "16"])]
     refs: Option<String>,
-    /// A ground: auto puts one under an object that has neither lights nor a floor, at its lowest point; off leaves it
-    /// out; a height [m] on +Y puts one there, whatever the scene.
-    #[arg(long, value_name = "auto|off|HEIGHT", default_value = "auto", allow_hyphen_values = true, value_parser = ground)]
+    /// Ground plane: auto, off, or its height on +Y [m].
+    ///
+    /// auto puts a ground under an object that has neither lights nor a floor.
+    #[arg(long, help_heading = sky::HEADING, value_name = "auto|off|HEIGHT", default_value = "auto", allow_hyphen_values = true, value_parser = ground)]
     ground: Ground,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum QualityArg {
-    /// A quick look: few caches, small maps, no shadows of indirect light.
+    /// A quick look: few caches, no antialiasing, no shadows of indirect light.
     Low,
-    /// Shadows of each cache's light as a whole.
+    /// Antialiasing, and coarse shadows of indirect light.
     Medium,
-    /// Shadows of every virtual light, where caches are not very many.
+    /// Ray-traced shadows, short rays for nearby light, accurate shadows of indirect light.
     #[default]
     High,
-    /// Twice as dense in everything.
+    /// As high, with twice the density of everything.
     Reference,
 }
 
@@ -266,12 +293,13 @@ fn word(value: impl ValueEnum) -> String {
 
 /// Which device, how closely watched.
 #[derive(Args, Clone)]
+#[command(next_help_heading = GLOBAL)]
 struct DeviceArgs {
-    /// Device by index or part of its name (see `lightskin devices`).
+    /// Vulkan device, by index or part of its name (see `lightskin devices`).
     #[arg(long, value_name = "INDEX|NAME")]
     device: Option<String>,
-    /// Run under the Khronos validation layer; any message makes the run fail.
-    #[arg(long, value_enum, default_value_t)]
+    /// Run under the Khronos validation layer; fail on any message.
+    #[arg(long, hide_short_help = true, value_enum, default_value_t)]
     validation: ValidationArg,
 }
 
@@ -295,92 +323,6 @@ impl DeviceArgs {
             ValidationArg::Sync => Validation::Sync,
         };
         Options { device: self.device.clone(), validation }
-    }
-}
-
-/// How caches are lit.
-#[derive(Args)]
-struct GatherArgs {
-    /// What lights caches. How compute is spread over the device is measured within seconds when first needed, then kept.
-    #[arg(long, value_enum, default_value_t)]
-    gather: GatherArg,
-    /// Light every cache, not only those that visible surfaces need. The picture stays the same.
-    #[arg(long)]
-    no_cull: bool,
-    #[command(flatten)]
-    cluster: ClusterArgs,
-}
-
-/// Whether clusters stand for virtual lights.
-#[derive(Args)]
-struct ClusterArgs {
-    /// Let clusters of virtual lights light caches that are farther away than C of their radii. A larger C computes more
-    /// light, errs less and trembles less: while lights moved, 4 added up to 1.3 % and 3.4 % to the light of a cache in two
-    /// rooms and 82 % on a curved scan, 8 added 0.3 %, 2.9 % and 14 % (docs/clustering.md).
-    #[arg(long, value_name = "C", allow_hyphen_values = true, value_parser = positive)]
-    cluster: Option<f64>,
-    /// The same where they err by no more than the share P of what a cache receives, like 0.01.
-    #[arg(long, value_name = "P", allow_hyphen_values = true, value_parser = at_least_zero, conflicts_with = "cluster")]
-    cluster_error: Option<f64>,
-}
-
-impl ClusterArgs {
-    fn rule(&self) -> Option<ClusterRule> {
-        let distance = self.cluster.map(|c| ClusterRule::Distance(c as f32));
-        distance.or(self.cluster_error.map(|share| ClusterRule::Error(share as f32)))
-    }
-}
-
-#[derive(Clone, Copy, Default, ValueEnum)]
-enum GatherArg {
-    /// Compute shader over the list of caches that matter.
-    #[default]
-    #[value(alias = "auto")]
-    Compute,
-    /// Additive draws into float targets, culled by the depth test.
-    Fragment,
-}
-
-impl GatherArgs {
-    fn by_draws(&self) -> bool {
-        matches!(self.gather, GatherArg::Fragment)
-    }
-
-    fn by_clusters(&self) -> bool {
-        self.cluster.rule().is_some()
-    }
-
-    /// Ends the run where flags do not go together.
-    fn check(&self, shadows: Shadows) {
-        if shadows == Shadows::PerLight && self.by_draws() {
-            wrong_usage("--shadows per-light needs --gather compute: draws see no depth images");
-        }
-        if shadows == Shadows::PerLight && self.by_clusters() {
-            wrong_usage("--shadows per-light tests every virtual light: leave --cluster and --cluster-error out");
-        }
-        if matches!(self.gather, GatherArg::Fragment) && self.cluster.rule().is_some() {
-            wrong_usage("--cluster and --cluster-error need --gather compute: draws take every virtual light");
-        }
-    }
-
-    /// Ends the run where flags do not go with more than one bounce.
-    fn check_bounces(&self) {
-        if matches!(self.gather, GatherArg::Fragment) {
-            wrong_usage("--bounces above 1 needs --gather compute: draws take the lights' own virtual lights alone");
-        }
-        if self.cluster.rule().is_some() {
-            wrong_usage("--bounces above 1 does not go with --cluster or --cluster-error: lit caches form no pyramid");
-        }
-    }
-
-    /// What lights the caches; flags have been checked.
-    fn gather(&self, gpu: &Gpu, shadows: Shadows, near: Near, bounces: u32) -> Result<Gather> {
-        let dim = shadows == Shadows::Proxy;
-        Ok(match (self.cluster.rule(), self.gather) {
-            (Some(rule), _) => Gather::Clusters { rule, dim },
-            (None, GatherArg::Fragment) => Gather::Draws { source: DrawSource::Texels, tile: 4096, dim },
-            (None, GatherArg::Compute) => Gather::Compute { ways: tune::fastest(gpu)?.ways, bounces, shadows, near },
-        })
     }
 }
 
@@ -418,6 +360,13 @@ fn positive(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
         _ => Err("needs a number above zero".into()),
+    }
+}
+
+fn finite(text: &str) -> std::result::Result<f64, String> {
+    match text.parse::<f64>() {
+        Ok(v) if v.is_finite() => Ok(v),
+        _ => Err("needs a number".into()),
     }
 }
 

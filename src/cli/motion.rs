@@ -10,25 +10,25 @@ const MOST_FRAMES: usize = 1_000_000;
 
 /// Which moments of which animation.
 #[derive(clap::Args)]
+#[command(next_help_heading = "Animation")]
 pub(super) struct MotionArgs {
-    /// Animation by name or index; the first one without this flag.
+    /// Animation by name or index [default: the first].
     #[arg(long, value_name = "NAME|INDEX")]
     animation: Option<String>,
-    /// Moment of the animation [s], which plays over and over; without --time, --frames and --play the scene is at rest.
+    /// Show this moment of the animation [s]. Without --time, --frames and --play the scene is at rest.
     #[arg(long, value_name = "T", conflicts_with_all = ["frames", "play"], allow_hyphen_values = true, value_parser = time)]
     time: Option<f64>,
-    /// Render frames A, A + 1, .. up to but without B, one picture each: frame N is the moment N / fps. Name the pictures
-    /// with {frame} or {frame:04}.
+    /// Render the frames from A to B - 1, one picture each: name them with {frame} or {frame:04}.
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<std::ops::Range<u32>>,
-    /// Frames of a second.
+    /// Frames per second of --frames and --play.
     #[arg(long, value_name = "F", default_value_t = 30.0, value_parser = super::positive)]
     fps: f64,
-    /// Render for the times alone: the whole animation, or --frames of it; the last picture is written.
+    /// Render the whole animation, or --frames of it, to measure it; the last picture is written.
     #[arg(long)]
     play: bool,
-    /// Compute every stage of every frame, also those whose inputs have not changed. Pictures are the same.
-    #[arg(long)]
+    /// Run every stage in every frame, even if its inputs have not changed. The picture does not change.
+    #[arg(long, hide_short_help = true, help_heading = super::render::MEASURE)]
     no_skip: bool,
 }
 

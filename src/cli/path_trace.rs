@@ -18,43 +18,44 @@ use std::time::{Duration, Instant};
 const SAVE_EVERY: Duration = Duration::from_secs(20);
 
 #[derive(Args)]
-#[command(next_help_heading = "With --gi path-trace")]
+#[command(next_help_heading = "Reference pictures (--gi path-trace)")]
 pub(super) struct PathTraceArgs {
-    /// Samples per pixel, rounded up to whole passes of 16. Samples are kept: a run that was interrupted goes on, and a
-    /// larger N refines.
+    /// Samples per pixel, rounded up to a multiple of 16.
+    ///
+    /// Samples are kept: an interrupted run continues, and a larger N refines.
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     spp: u32,
-    /// Stop before --spp when the mean relative standard error of indirect light is down to this.
+    /// Stop earlier, once the mean relative standard error of indirect light is below this.
     #[arg(long, value_name = "SHARE", value_parser = super::positive)]
     noise: Option<f64>,
-    /// Let one bounce of indirect light pass through everything: what brute force converges to.
-    #[arg(long, conflicts_with_all = ["bounces", "matching", "sources"])]
+    /// One bounce of indirect light that nothing blocks: what --gi brute-force converges to.
+    #[arg(long, hide_short_help = true, conflicts_with_all = ["bounces", "matching", "sources"])]
     no_visibility: bool,
-    /// Follow the light paths alone that something else takes into account, and not all that there are.
-    #[arg(long = "match", value_name = "WHAT", value_enum)]
+    /// Restrict the light paths to those of something else.
+    #[arg(long = "match", hide_short_help = true, value_name = "WHAT", value_enum)]
     matching: Option<Match>,
-    /// Where light comes from; everywhere without this flag, from punctual lights with --no-visibility.
-    #[arg(long, value_enum)]
+    /// Which sources give light [default: all; punctual with --no-visibility].
+    #[arg(long, hide_short_help = true, value_enum)]
     sources: Option<SourcesArg>,
-    /// Another seed gives another noise.
-    #[arg(long, value_name = "N", default_value_t = 0)]
+    /// Seed of the noise.
+    #[arg(long, hide_short_help = true, value_name = "N", default_value_t = 0)]
     seed: u32,
 }
 
 /// What light paths are those of.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum Match {
-    /// Of --gi lightskin: its number of bounces, which are diffuse but for the last one.
+    /// Those of --gi lightskin: its number of bounces, all but the last of them diffuse.
     Engine,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum SourcesArg {
-    /// Punctual lights: surfaces that emit and the sky show, and light nothing.
+    /// Lamps and suns alone; emissive surfaces and the sky are visible but light nothing.
     Punctual,
-    /// Surfaces that emit.
+    /// Emissive surfaces alone.
     Surfaces,
-    /// The sky.
+    /// The sky alone.
     Sky,
     /// All of them.
     All,

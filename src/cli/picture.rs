@@ -19,7 +19,7 @@ pub(super) enum TonemapArg {
     Agx,
     /// ACES.
     Aces,
-    /// Clipping alone.
+    /// No curve: bright values clip.
     Linear,
 }
 

@@ -1,6 +1,7 @@
 //! `lightskin render`: a scene to a picture, with its layers, times and counts.
 
 use super::camera::camera;
+use super::gather::GatherArgs;
 use super::motion::{Motion, MotionArgs, numbered};
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
@@ -11,8 +12,8 @@ use super::words::{
     light_shadows_word,
 };
 use super::{
-    Baked, CacheArgs, DeviceArgs, GatherArgs, bake_scene, check_messages, divide_for, load_under, progress_bar,
-    thousands, word, wrong_usage,
+    Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, divide_for, load_under, progress_bar, thousands, word,
+    wrong_usage,
 };
 use anyhow::{Context, Result, bail};
 use lightskin::bake::CacheSet;
@@ -27,94 +28,107 @@ use lightskin::gpu::Gpu;
 use lightskin::scene::{Camera, Scene};
 use lightskin::trace::Trace;
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
+
+/// Headings of the help, in the order of what a picture needs first.
+pub(super) const QUALITY: &str = "Quality";
+const METHOD: &str = "Variants of the method";
+pub(super) const MEASURE: &str = "Measuring";
 
 #[derive(clap::Args)]
 pub(super) struct Render {
     /// glTF or GLB file, or a folder with one; the built-in showpiece without one.
     scene: Option<PathBuf>,
-    /// Picture to write: .png (tone-mapped sRGB) or .exr (linear float, all layers). {frame} or {frame:04} in the name stands
-    /// for the number of the frame.
+    /// Picture to write.
+    ///
+    /// .png is tone-mapped sRGB, .exr linear float with all layers. Write {frame} or {frame:04} in the name for the frame's number.
     #[arg(short, long, value_name = "FILE", default_value = "lightskin.png", value_parser = picture)]
     out: PathBuf,
     /// Picture size [pixels].
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
-    /// Camera by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
-    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    /// Camera by name or index, or "eye;target;up;fov".
+    ///
+    /// eye, target and up are x,y,z; fov is the vertical field of view in degrees.
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, value_parser = super::camera::readable)]
     camera: Option<String>,
-    /// Exposure value at ISO 100 (1.2 * 2^EV cd/m^2 becomes white); without it that of the surfaces in view.
+    /// Exposure value at ISO 100 [default: metered from the picture].
+    ///
+    /// 1.2 * 2^EV cd/m^2 becomes white.
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = exposure)]
     ev: Option<f32>,
-    /// Curve from scene to display.
+    /// Tone curve.
     #[arg(long, value_enum, default_value_t)]
     tonemap: TonemapArg,
-    /// How indirect light is made.
+    /// Write one layer instead of the picture.
+    #[arg(long, value_enum, value_name = "NAME")]
+    layer: Option<LayerArg>,
+    /// What computes indirect light.
     #[arg(long, value_enum, default_value_t)]
     gi: GiArg,
-    /// Indirect bounces, after what lights, surfaces that emit and the sky give directly; 0 is that alone. Caches take 16 at
-    /// most, brute force one [default: those of --quality; with --gi path-trace all that there are].
+    /// Number of indirect bounces [default: set by --quality; no limit with --gi path-trace].
+    ///
+    /// 0 is direct light alone: lamps, emissive surfaces and the sky. Caches do up to 16 bounces, brute force one.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
     bounces: Option<u32>,
     #[command(flatten)]
     caches: CacheArgs,
-    /// Texels of an RSM's side: about N*N virtual lights per light [default: 128 at --quality high].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
+    /// Virtual lights: N x N for each light, the texels of its reflective shadow map [default: 128 at --quality high].
+    #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: Option<u32>,
-    /// What tells where lamps and the sun shine: rays from each pixel, or shadow maps of N texels a side [default: rays at
-    /// --quality high].
-    #[arg(long, value_name = "rays|N", value_parser = light_shadows)]
+    /// Shadows of lamps and the sun: rays, or shadow maps of N x N texels [default: rays at --quality high].
+    #[arg(long, help_heading = QUALITY, value_name = "rays|N", value_parser = light_shadows)]
     shadow_map: Option<LightShadows>,
-    /// Smooth edges: points of a pixel, beside its middle, at which surfaces are told apart [default: 4 at --quality high].
-    /// A path trace spreads its samples over the pixels instead.
-    #[arg(long, value_name = "POINTS", value_enum)]
+    /// Antialiasing: extra points of each pixel that are looked at [default: 4 at --quality high].
+    ///
+    /// The path tracer spreads its samples over the pixel instead.
+    #[arg(long, help_heading = QUALITY, value_name = "POINTS", value_enum)]
     aa: Option<AntialiasingArg>,
-    /// Surfaces that are seen through, one behind another, that a pixel shows: the nearest [default: 4 at --quality high]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
+    /// Most layers of glass and blended surfaces in a pixel; the nearest count [default: 4 at --quality high].
+    #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
     layers: Option<u32>,
     #[command(flatten)]
     gather: GatherArgs,
-    /// Where caches are averaged [default: vertex, but texel where it would take very many triangles].
-    #[arg(long, value_enum)]
+    /// Where caches are interpolated [default: vertex, or texel where that would need too many triangles].
+    #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum)]
     interp: Option<InterpArg>,
-    /// What is averaged between caches, with which weights.
-    #[arg(long, value_enum, default_value_t)]
+    /// What is interpolated between caches.
+    #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum, default_value_t)]
     interpolation: InterpolationArg,
-    /// What pulls a proxy light's position.
-    #[arg(long, value_enum, default_value_t)]
+    /// What weighs the virtual lights when a proxy light is placed.
+    #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum, default_value_t)]
     proxy_weight: ProxyWeightArg,
-    /// What is in the way of indirect light. Without this flag and at --quality high, per-light up to 4096 caches (proxy
-    /// with --gather fragment), proxy up to 20000, off beyond and with clusters.
-    #[arg(long, value_enum)]
+    /// How indirect light is shadowed [default: per-light at --quality high].
+    ///
+    /// Above 20000 caches (4096 with --near off), with --gather fragment and with clusters a cheaper kind is used.
+    #[arg(long, help_heading = QUALITY, value_enum)]
     shadows: Option<ShadowsArg>,
-    /// Where light and shade from nearby come from, within one spacing of the caches. Without this flag the level decides.
-    #[arg(long, value_enum)]
+    /// Light and shadow from closer than the spacing of the caches [default: rays at --quality high].
+    #[arg(long, help_heading = QUALITY, value_enum)]
     near: Option<NearArg>,
-    /// Rays of a pixel that has some; 16 neighbours share theirs.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
+    /// Short rays of a pixel that traces any; 16 neighbours share theirs.
+    #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
     near_rays: Option<u32>,
-    /// Pixels and rows from one with rays to the next.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
+    /// Trace short rays at every N-th pixel of every N-th row.
+    #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     near_every: Option<u32>,
-    /// Write this layer alone as R, G, B.
-    #[arg(long, value_enum, value_name = "NAME")]
-    layer: Option<LayerArg>,
-    /// Render the frame N times, for steady times; the last one is written.
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
+    /// Render the frame N times, to measure it; the last one is written.
+    #[arg(long, help_heading = MEASURE, hide_short_help = true, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     repeat: u32,
-    /// Write the time of each stage of each frame: .jsonl (an object per frame) or .csv (a row per frame and stage). May
-    /// be given for both.
-    #[arg(long, value_name = "FILE", value_parser = timings_file)]
+    /// Write the time of every stage of every frame.
+    ///
+    /// .jsonl has an object per frame, .csv a row per frame and stage. May be given once for each.
+    #[arg(long, help_heading = MEASURE, hide_short_help = true, value_name = "FILE", value_parser = timings_file)]
     timings: Vec<PathBuf>,
-    /// Write what CPU and GPU did when, as a Chrome trace for ui.perfetto.dev.
-    #[arg(long, value_name = "FILE.json", value_parser = trace_file)]
+    /// Write a time line of CPU and GPU as a Chrome trace, for ui.perfetto.dev.
+    #[arg(long, help_heading = MEASURE, hide_short_help = true, value_name = "FILE.json", value_parser = trace_file)]
     trace: Option<PathBuf>,
-    /// Bake even if the result is kept already.
-    #[arg(long)]
+    /// Bake again, even if a kept bake fits.
+    #[arg(long, help_heading = MEASURE, hide_short_help = true)]
     bake_again: bool,
-    /// Count NaN, infinite and negative values in all layers, VALs and proxies of every frame; any makes the run fail.
-    #[arg(long)]
+    /// Fail if any layer, virtual light or proxy light holds a NaN, an infinity or a negative value.
+    #[arg(long, help_heading = MEASURE, hide_short_help = true)]
     check: bool,
     #[command(flatten)]
     motion: MotionArgs,
@@ -127,6 +141,9 @@ pub(super) struct Render {
 }
 
 fn picture(text: &str) -> std::result::Result<PathBuf, String> {
+    if text.contains("{frame") && numbered(text.as_ref(), 0) == Path::new(text) {
+        return Err("the frame's number is {frame}, or {frame:04} with at least four digits".into());
+    }
     let path = PathBuf::from(text);
     match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
         Some("png" | "exr") => Ok(path),

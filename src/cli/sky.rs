@@ -11,34 +11,42 @@ use lightskin::scene::studio::Backdrop;
 use lightskin::scene::{Light, LightKind, Scene};
 use std::path::PathBuf;
 
+/// Heading of the help.
+pub(super) const HEADING: &str = "Light and background";
+
 #[derive(Args, Clone)]
-#[command(next_help_heading = "Sky")]
+#[command(next_help_heading = HEADING)]
 pub(super) struct SkyArgs {
-    /// Sky all around: an equirectangular .hdr or .exr picture, its values in cd/m^2. The middle is about -Z.
+    /// Environment map: an equirectangular .hdr or .exr picture in cd/m^2.
+    ///
+    /// Its middle column shows the direction -Z.
     #[arg(long, value_name = "FILE", conflicts_with = "sky_color")]
     sky: Option<PathBuf>,
-    /// Sky of one radiance [cd/m^2] all around.
+    /// Even sky of this radiance [cd/m^2].
     #[arg(long, value_name = "R,G,B", value_parser = color)]
     sky_color: Option<Vec3>,
-    /// Directional lights that stand for the sky; all together have the virtual lights of one.
-    #[arg(long, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1024))]
+    /// Directional lights that stand for the sky where caches cannot take its light themselves.
+    #[arg(long, hide_short_help = true, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1024))]
     sky_lights: u32,
-    /// Factor on the picture's values.
+    /// Multiply the values of --sky by this.
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = super::positive)]
     sky_scale: f64,
-    /// Turn of the sky about +Y [degrees], counter-clockwise seen from above.
-    #[arg(long, value_name = "DEG", default_value_t = 0.0, allow_hyphen_values = true)]
+    /// Turn the sky about +Y [degrees], counter-clockwise seen from above.
+    #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = super::finite)]
     sky_rotate: f64,
-    /// Radius of all lamps [m]: how soft their shadows are [default: what the file says in extras.lightskin.radius, or 0].
+    /// Radius of all lamps [m]: larger lamps cast softer shadows [default: extras.lightskin.radius of each, or 0].
     #[arg(long, value_name = "M", value_parser = super::at_least_zero)]
     light_radius: Option<f64>,
-    /// Angle that all directional lights have in the sky [degrees]: how soft their shadows are; the sun's is 0.53 [default:
-    /// what the file says in extras.lightskin.angle, or 0, but 0.53 for a sun that was put in or is in --sky].
+    /// Apparent size of all directional lights [degrees]; the sun's is 0.53.
+    ///
+    /// The default is extras.lightskin.angle of each light, or 0. A sun that lightskin adds, or finds in --sky, has 0.53.
     #[arg(long, value_name = "DEG", value_parser = super::at_least_zero)]
     sun_angle: Option<f64>,
-    /// What shows where no surface is: studio (a quiet grey, below the horizon that of a ground), sky (the radiance of the
-    /// sky that lights the scene), transparent (alpha 0), or one colour of the display in sRGB, each part from 0 to 1 (none
-    /// in .exr files) [default: studio where the light of one was put in, sky where there is one, else black].
+    /// What shows where there is no surface.
+    ///
+    /// studio is a quiet grey, sky the sky that lights the scene, transparent has alpha 0, R,G,B is an sRGB colour with parts
+    /// from 0 to 1 (.png alone). The default is studio where lightskin added a studio's light, else the sky if there is one,
+    /// else black.
     #[arg(long, value_name = "studio|sky|transparent|R,G,B", value_parser = background)]
     background: Option<Background>,
 }
@@ -148,9 +156,6 @@ impl SkyArgs {
     /// The sky that the flags ask for and how many lights stand for it.
     pub(super) fn sky(&self) -> Result<Option<(Sky, usize)>> {
         let lights = self.sky_lights as usize;
-        if !self.sky_rotate.is_finite() {
-            bail!("--sky-rotate needs a finite number of degrees");
-        }
         if let Some(color) = self.sky_color {
             if color.max_element() <= 0.0 {
                 bail!("--sky-color: a black sky lights nothing; leave the flag out");

@@ -22,7 +22,7 @@ pub(crate) struct View {
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = super::render::size)]
     pub(crate) size: [u32; 2],
     /// Camera to begin with, by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
-    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, value_parser = super::camera::readable)]
     pub(crate) camera: Option<String>,
     /// Exposure value at ISO 100 (1.2 * 2^EV cd/m^2 becomes white); without it that of the surfaces in view.
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = super::render::exposure)]

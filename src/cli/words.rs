@@ -5,32 +5,32 @@ use lightskin::frame::{Antialiasing, LightShadows, Shadows};
 
 #[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
 pub(super) enum GiArg {
-    /// Interpolated caches.
+    /// Light caches.
     #[default]
     Lightskin,
-    /// Every virtual light onto every pixel.
+    /// Every virtual light at every pixel, without shadows: slow, measures interpolation.
     BruteForce,
-    /// All light, by paths drawn at random on the CPU: the reference (see --spp and --match).
+    /// A path tracer on the CPU: the reference.
     PathTrace,
-    /// Direct light of lights and of the largest flat surfaces that emit.
+    /// No indirect light.
     Off,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub(super) enum InterpolationArg {
-    /// Facing irradiance and position of lit caches, faster kernel.
+    /// The light that a surface facing the proxy light would receive, and the proxy's position.
     #[default]
     Facing,
-    /// Flux and position with the thesis's weights.
+    /// Flux and position, with the thesis's weights.
     Printed,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum InterpArg {
-    /// At vertices: fast, but triangles must be small against the caches' distances.
+    /// At vertices: fast; triangles must be small against the spacing of the caches.
     #[default]
     Vertex,
-    /// At every pixel, whatever the triangles, which are left undivided.
+    /// At every pixel: slower; triangles may be of any size.
     Texel,
 }
 
@@ -53,12 +53,12 @@ pub(super) fn light_shadows_word(light_shadows: LightShadows) -> String {
 
 #[derive(Clone, Copy, ValueEnum)]
 pub(super) enum AntialiasingArg {
-    /// None: a pixel shows the surface in its middle.
+    /// None: a pixel shows what is in its middle.
     Off,
-    /// Four.
+    /// Four extra points.
     #[value(name = "4")]
     Four,
-    /// Eight.
+    /// Eight extra points.
     #[value(name = "8")]
     Eight,
 }
@@ -87,29 +87,28 @@ impl From<AntialiasingArg> for Antialiasing {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub(super) enum ProxyWeightArg {
-    /// Irradiance on the cache.
+    /// Their irradiance on the cache.
     #[default]
     Irradiance,
-    /// Form factor, as printed.
+    /// Their form factor, as in the thesis.
     FormFactor,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 pub(super) enum NearArg {
-    /// Caches alone.
+    /// From caches, like all other indirect light.
     Off,
-    /// Short rays at pixels; caches give what is farther away.
+    /// From short rays at pixels.
     Rays,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 pub(super) enum ShadowsArg {
-    /// Nothing.
+    /// Not at all.
     Off,
-    /// The other caches' discs, for each cache's light as a whole, after all bounces. Harder than they should be with
-    /// clusters.
+    /// Each cache's light is dimmed as a whole: cheaper, the thesis's method.
     Proxy,
-    /// What the other caches stand for, for every virtual light.
+    /// Each virtual light is shadowed at each cache.
     PerLight,
 }
 

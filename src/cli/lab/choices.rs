@@ -8,37 +8,37 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(super) struct Choices {
-    /// glTF 2.0 file or GLB; the built-in body between two walls without it.
+    /// glTF or GLB file; without one, the built-in body between two walls.
     scene: Option<PathBuf>,
     #[command(flatten)]
     caches: crate::cli::CacheArgs,
-    /// Texels of an RSM's side.
+    /// Virtual lights: N x N for each light.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=512))]
     rsm: u32,
-    /// Pixels.
+    /// Picture size [pixels].
     #[arg(long, value_name = "WxH", default_value = "256x144", value_parser = crate::cli::render::size)]
     size: [u32; 2],
-    /// Replace the exponent of every exact Phong lobe.
+    /// Give every exact Phong lobe this exponent.
     #[arg(long, value_name = "K", value_parser = crate::cli::positive)]
     exponent: Option<f64>,
-    /// Only light clustering against none.
+    /// Compare clusters of virtual lights with single ones.
     #[arg(long)]
     clusters: bool,
-    /// Only where caches are averaged: at vertices, or at pixels by textures or cells of references.
+    /// Compare interpolation at vertices, by textures and by cells.
     #[arg(long, conflicts_with = "clusters")]
     levels: bool,
-    /// Only what is in the way of proxy lights, by every choice of stage 7, against rays: on the five built-in scenes of
-    /// --shadows, or on the given one.
+    /// Compare the ways of shadowing proxy lights with rays, on the five built-in scenes of --shadows or on SCENE.
     #[arg(long, conflicts_with_all = ["clusters", "levels", "shadows"])]
     occlusion: bool,
-    /// Only what caches see of each other's rectangles, by every choice of the depth images, against rays; likewise.
+    /// Compare the ways of drawing depth images with rays, on the same scenes.
     #[arg(long, conflicts_with_all = ["clusters", "levels", "occlusion", "shadows"])]
     depth_images: bool,
-    /// Only soft shadows of indirect light, on the device, against one bounce of the path tracer: on five built-in scenes
-    /// whose indirect light is mostly shadowed and on the atrium, or on the given one.
+    /// Compare the shadows of indirect light with one bounce of the path tracer.
+    ///
+    /// On five built-in scenes whose indirect light is mostly in shadow and on the atrium, or on SCENE.
     #[arg(long, conflicts_with_all = ["clusters", "levels"])]
     shadows: bool,
-    /// Samples per pixel of the path tracer with --shadows; they are kept, and a larger N refines.
+    /// Samples per pixel of the path tracer with --shadows. They are kept: a larger N refines.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
     spp: u32,
     #[command(flatten)]

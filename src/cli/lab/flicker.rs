@@ -1,9 +1,8 @@
 //! `lightskin lab flicker`: how much the indirect light trembles while something creeps along.
 
+use crate::cli::gather::ClusterArgs;
 use crate::cli::motion::animation_index;
-use crate::cli::{
-    CacheArgs, ClusterArgs, DeviceArgs, QualityArg, bake_scene, check_messages, divided, load_punctual, progress_bar,
-};
+use crate::cli::{CacheArgs, DeviceArgs, QualityArg, bake_scene, check_messages, divided, load_punctual, progress_bar};
 use anyhow::{Context, Result};
 use lightskin::frame::ClusterRule;
 use lightskin::lab::flicker::{Figures, Flicker, Job, Motion, Played, measure, model};
@@ -17,22 +16,22 @@ pub(super) struct FlickerArgs {
     /// Numbers of caches, separated by commas.
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [250, 1000, 4000], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     caches: Vec<u32>,
-    /// Sides of the RSMs [texels], separated by commas. They are held against one twice as large as the largest.
+    /// Sides of the reflective shadow maps [texels], separated by commas. Each is compared with twice the largest.
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [32, 64, 128, 256], value_parser = clap::value_parser!(u32).range(1..=2048))]
     rsm: Vec<u32>,
-    /// Node that moves, by name; the largest that is less than half the scene across without it.
+    /// Node that moves, by name [default: the largest below half the scene's size].
     #[arg(long, value_name = "NODE")]
     model: Option<String>,
-    /// Animations that play, one after the other, by name or index, separated by commas; the first one without it.
+    /// Animations to play, by name or index, separated by commas [default: the first].
     #[arg(long, value_name = "NAME|INDEX,..", value_delimiter = ',')]
     animation: Vec<String>,
-    /// Moment of the animation [s] at which its frames begin.
+    /// First moment of the animation [s].
     #[arg(long, value_name = "T", default_value_t = 0.0, allow_hyphen_values = true)]
     time: f64,
-    /// Frames of a second of the animation.
+    /// Frames per second of the animation.
     #[arg(long, value_name = "F", default_value_t = 60.0, value_parser = crate::cli::positive)]
     fps: f64,
-    /// Print one JSON object a row instead of the table.
+    /// Print JSON lines instead of a table.
     #[arg(long)]
     json: bool,
     #[command(flatten)]

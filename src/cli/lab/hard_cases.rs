@@ -6,7 +6,7 @@ use lightskin::lab::hard_cases;
 
 #[derive(clap::Args)]
 pub(super) struct HardCases {
-    /// Print one JSON object a line instead of a table.
+    /// Print JSON lines instead of a table.
     #[arg(long)]
     json: bool,
     #[command(flatten)]

@@ -16,15 +16,15 @@ pub(super) struct Lab {
 
 #[derive(clap::Subcommand)]
 enum Study {
-    /// What the defaults are chosen by: variants of the method on the CPU, as tables.
+    /// Compare variants of the method on the CPU: the tables behind the defaults.
     Choices(choices::Choices),
-    /// How much indirect light trembles while a light, the camera or a model creeps along.
+    /// Measure flicker while a light, the camera or a model moves slowly.
     Flicker(flicker::FlickerArgs),
-    /// What is hard on numbers, one line each; fails if a case does.
+    /// Check numerically hard cases; fails if one fails.
     HardCases(hard_cases::HardCases),
-    /// Every scene of a folder beside the path tracer, as a page with FLIP and bias of each, the worst first.
+    /// Draw every scene of a folder beside the path tracer, on one page with FLIP and bias, the worst first.
     Sheet(sheet::SheetArgs),
-    /// Where the error of indirect light comes from.
+    /// Measure how much each approximation adds to the error of indirect light.
     Sources(sources::SourcesArgs),
 }
 

@@ -12,18 +12,18 @@ use std::process::{Command, Stdio};
 
 #[derive(clap::Args)]
 pub(super) struct SheetArgs {
-    /// Folder whose .gltf and .glb files are drawn, those of the folders in it as well.
+    /// Folder to search for .gltf and .glb files, subfolders included.
     folder: PathBuf,
-    /// The page, which needs no other file; written anew after each scene.
+    /// HTML page to write, pictures included; updated after each scene.
     #[arg(short, long, value_name = "FILE.html", default_value = "sheet.html")]
     out: PathBuf,
     /// Picture size [pixels].
     #[arg(long, value_name = "WxH", value_parser = render::size, default_value = "240x135")]
     size: [u32; 2],
-    /// Samples per pixel of the path tracer, rounded up to whole passes of 16. They are kept: a larger N refines.
+    /// Samples per pixel of the path tracer. They are kept: a larger N refines.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     spp: u32,
-    /// Flags of render for both pictures, like --sky probe.hdr or --bounces 4.
+    /// Flags of `render` for both pictures, like --sky probe.hdr or --bounces 4.
     #[arg(last = true, value_name = "FLAGS")]
     flags: Vec<String>,
 }

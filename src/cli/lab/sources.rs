@@ -26,16 +26,16 @@ pub(super) struct SourcesArgs {
     /// Grid of pixels over the picture.
     #[arg(long, value_name = "WxH", default_value = "96x54", value_parser = render::size)]
     size: [u32; 2],
-    /// Camera by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
-    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true)]
+    /// Camera by name or index, or "eye;target;up;fov".
+    #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, value_parser = crate::cli::camera::readable)]
     camera: Option<String>,
-    /// Texels of an RSM's side.
+    /// Virtual lights: N x N for each light.
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=1024))]
     rsm: u32,
     /// Samples per pixel of the path tracer.
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
     spp: u32,
-    /// Write the errors of a BRDF that is constant over a square (figure 5.7), and nothing else.
+    /// Only write the error of assuming a constant BRDF over a square (figure 5.7).
     #[arg(long, value_name = "FILE.csv")]
     curves: Option<PathBuf>,
     #[command(flatten)]

@@ -1,0 +1,97 @@
+//! The flags of how caches are lit.
+
+use super::wrong_usage;
+use anyhow::Result;
+use clap::{Args, ValueEnum};
+use lightskin::frame::settings::Gather;
+use lightskin::frame::{ClusterRule, DrawSource, Near, Shadows, tune};
+use lightskin::gpu::Gpu;
+
+/// How caches are lit.
+#[derive(Args)]
+#[command(next_help_heading = "Variants of the method")]
+pub(super) struct GatherArgs {
+    /// What lights the caches.
+    ///
+    /// The compute path measures once, within seconds, how it runs fastest on a device, and keeps the result.
+    #[arg(long, hide_short_help = true, value_enum, default_value_t)]
+    pub(super) gather: GatherArg,
+    /// Light all caches, not only those that visible surfaces need. The picture does not change.
+    #[arg(long, hide_short_help = true)]
+    pub(super) no_cull: bool,
+    #[command(flatten)]
+    pub(super) cluster: ClusterArgs,
+}
+
+/// Whether clusters stand for virtual lights.
+#[derive(Args)]
+pub(super) struct ClusterArgs {
+    /// Light a cache by a whole cluster of virtual lights, where the cluster is more than C of its radii away.
+    ///
+    /// A larger C is more accurate and slower; 8 is a good start (docs/clustering.md).
+    #[arg(long, hide_short_help = true, help_heading = "Variants of the method", value_name = "C", allow_hyphen_values = true, value_parser = super::positive)]
+    pub(super) cluster: Option<f64>,
+    /// The same, where the error is at most the share P of a cache's light, like 0.01.
+    #[arg(long, hide_short_help = true, help_heading = "Variants of the method", value_name = "P", allow_hyphen_values = true, value_parser = super::at_least_zero, conflicts_with = "cluster")]
+    pub(super) cluster_error: Option<f64>,
+}
+
+impl ClusterArgs {
+    pub(super) fn rule(&self) -> Option<ClusterRule> {
+        let distance = self.cluster.map(|c| ClusterRule::Distance(c as f32));
+        distance.or(self.cluster_error.map(|share| ClusterRule::Error(share as f32)))
+    }
+}
+
+#[derive(Clone, Copy, Default, ValueEnum)]
+pub(super) enum GatherArg {
+    /// A compute shader, over the caches that visible surfaces need.
+    #[default]
+    #[value(alias = "auto")]
+    Compute,
+    /// Additive draws into float targets, culled by the depth test: the thesis's way.
+    Fragment,
+}
+
+impl GatherArgs {
+    pub(super) fn by_draws(&self) -> bool {
+        matches!(self.gather, GatherArg::Fragment)
+    }
+
+    pub(super) fn by_clusters(&self) -> bool {
+        self.cluster.rule().is_some()
+    }
+
+    /// Ends the run where flags do not go together.
+    pub(super) fn check(&self, shadows: Shadows) {
+        if shadows == Shadows::PerLight && self.by_draws() {
+            wrong_usage("--shadows per-light needs --gather compute: draws see no depth images");
+        }
+        if shadows == Shadows::PerLight && self.by_clusters() {
+            wrong_usage("--shadows per-light tests every virtual light: leave --cluster and --cluster-error out");
+        }
+        if matches!(self.gather, GatherArg::Fragment) && self.cluster.rule().is_some() {
+            wrong_usage("--cluster and --cluster-error need --gather compute: draws take every virtual light");
+        }
+    }
+
+    /// Ends the run where flags do not go with more than one bounce.
+    pub(super) fn check_bounces(&self) {
+        if matches!(self.gather, GatherArg::Fragment) {
+            wrong_usage("--bounces above 1 needs --gather compute: draws take the lights' own virtual lights alone");
+        }
+        if self.cluster.rule().is_some() {
+            wrong_usage("--bounces above 1 does not go with --cluster or --cluster-error: lit caches form no pyramid");
+        }
+    }
+
+    /// What lights the caches; flags have been checked.
+    pub(super) fn gather(&self, gpu: &Gpu, shadows: Shadows, near: Near, bounces: u32) -> Result<Gather> {
+        let dim = shadows == Shadows::Proxy;
+        Ok(match (self.cluster.rule(), self.gather) {
+            (Some(rule), _) => Gather::Clusters { rule, dim },
+            (None, GatherArg::Fragment) => Gather::Draws { source: DrawSource::Texels, tile: 4096, dim },
+            (None, GatherArg::Compute) => Gather::Compute { ways: tune::fastest(gpu)?.ways, bounces, shadows, near },
+        })
+    }
+}
