@@ -344,7 +344,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
         ("growth", 4),
         ("motion", 2),
         ("views", 4),
-        ("exponents", 8),
+        ("exponents", 4),
     ];
     assert_eq!(json["tables"].as_array().expect("tables").len(), counts.len());
     for (i, (name, rows)) in counts.into_iter().enumerate() {

@@ -156,7 +156,7 @@ fn edits_at_run_time_show_what_a_new_engine_shows() {
     let clone = |l: &Loaded| Loaded { scene: l.scene.clone(), caches: l.caches.clone() };
     let mut engine = Engine::new(&gpu, clone(&now), &settings).expect("made");
     let mut picture = engine.picture(&gpu, size).expect("made");
-    for step in 0..90 {
+    for step in 0..60 {
         match random.below(8) {
             0..=3 => {
                 let what = random.below(13);
@@ -279,15 +279,15 @@ fn hundreds_of_changes_leave_nothing_behind() {
         gpu.counters()
     };
     let mut after_ten = None;
-    for i in 0..300_u32 {
+    for i in 0..120_u32 {
         look_at(&mut engine, &mut picture, [8 + i % 5, 8 + i % 3]);
         if i == 15 {
             after_ten = Some(held());
         }
     }
-    assert_eq!(Some(held()), after_ten.map(|c| Counters { ..c }), "after 300 sizes");
+    assert_eq!(Some(held()), after_ten.map(|c| Counters { ..c }), "after 120 sizes");
     let mut after_ten = None;
-    for i in 0..300_usize.next_multiple_of(kinds.len()) {
+    for i in 0..120_usize.next_multiple_of(kinds.len()) {
         engine.set(&kinds[i % kinds.len()]);
         look_at(&mut engine, &mut picture, [8, 8]);
         if i + 1 == 2 * kinds.len() {
@@ -295,7 +295,7 @@ fn hundreds_of_changes_leave_nothing_behind() {
         }
     }
     // The last two are of the same kinds as then.
-    assert_eq!(Some(held()), after_ten, "after 300 settings");
+    assert_eq!(Some(held()), after_ten, "after 120 settings");
     assert_clean(&gpu);
 }
 

@@ -173,7 +173,7 @@ fn signals_leave_nothing_half_written() {
     let ignored = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
     let all = [("-INT", 2), ("-TERM", 15), ("-HUP", 1)];
     let heeded = all.into_iter().filter(|(_, number)| ignored.unwrap_or(0) >> (number - 1) & 1 == 0);
-    for (index, (name, number)) in heeded.cycle().take(9).enumerate() {
+    for (index, (name, number)) in heeded.cycle().take(6).enumerate() {
         let child = tool(&at, &args).spawn().expect("the tool runs");
         let start = Instant::now();
         while !at.join("f_1.exr").exists() {
@@ -233,7 +233,7 @@ fn named_pipes_are_refused() {
     fails(&["compare", "a.png", "a.png", "--mask", "p.png"]);
     fails(&["compare", "a.png", "a.png", "--diff", "p.png"]);
     // A kept bake that is none is made anew.
-    let bake = ["bake", "--caches", "50"];
+    let bake = ["bake", concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cornell_diffuse.glb"), "--caches", "50"];
     works(&at, &bake);
     let kept = fs::read_dir(at.join("cache/lightskin")).expect("kept").map(|entry| entry.expect("entry").path());
     let [kept] = &kept.collect::<Vec<_>>()[..] else { panic!("one bake") };

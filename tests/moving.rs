@@ -147,7 +147,7 @@ fn poses_are_those_of_the_host() {
     assert_clean(&gpu);
 }
 
-/// Every animated file of the shared data, at 20 times of each of its animations: the device's vertices and caches are those
+/// Every animated file of the shared data, at three times of each of its animations: the device's vertices and caches are those
 /// of `Mesh::posed`, which tests/animation.rs holds against a second reader.
 #[test]
 fn animated_files_stand_on_the_device_as_on_the_host() {
@@ -169,8 +169,8 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
         let spans: Vec<(f64, f64)> = scene.animations().map(|(_, begin, end)| (begin, end)).collect();
         let (mut vertices, mut of_caches) = (0.0_f64, 0.0_f64);
         for (animation, (begin, end)) in spans.into_iter().enumerate() {
-            for step in 0..5 {
-                scene.pose(animation, begin + (end - begin) * f64::from(step) / 4.0);
+            for step in 0..3 {
+                scene.pose(animation, begin + (end - begin) * f64::from(step) / 2.0);
                 buffers.update(&gpu, &scene).expect("the same scene");
                 record(&gpu, &mut frame, &buffers, &scene, settings.size);
                 let atlas: Vec<Cache> = gpu.read(&frame.light.caches().expect("caches").atlas.caches).expect("read");
@@ -308,9 +308,9 @@ fn edits_leave_nothing_stale_in_any_kind_of_frame() {
 #[test]
 fn short_rays_leave_nothing_stale() {
     let near = Near::Rays { per_pixel: 4, every: 2 };
-    walk(Knobs { near, ..with(Shadows::PerLight) }, false, 25, 10);
-    walk(Knobs { near, bounces: 3, ..with(Shadows::PerLight) }, true, 12, 11);
-    walk(Knobs { near, ..with(Shadows::Proxy) }, true, 8, 12);
+    walk(Knobs { near, ..with(Shadows::PerLight) }, false, 12, 10);
+    walk(Knobs { near, bounces: 3, ..with(Shadows::PerLight) }, true, 8, 11);
+    walk(Knobs { near, ..with(Shadows::Proxy) }, true, 5, 12);
     let antialiasing = Antialiasing::Four;
-    walk(Knobs { light_shadows: LightShadows::Rays, antialiasing, ..with(Shadows::Off) }, false, 15, 13);
+    walk(Knobs { light_shadows: LightShadows::Rays, antialiasing, ..with(Shadows::Off) }, false, 8, 13);
 }

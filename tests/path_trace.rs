@@ -326,7 +326,7 @@ fn brute_force_and_the_path_tracer_agree_on_sponza() {
     scene.lights.truncate(1);
     scene.sky = None;
     scene.lights[0].direction = -vec3(0.4226, 0.9063, 0.0);
-    let [diffuse, traced_diffuse, glossy, traced_glossy] = against_brute_force(&scene, [256, 144], 128, 16);
+    let [diffuse, traced_diffuse, glossy, traced_glossy] = against_brute_force(&scene, [128, 72], 128, 32);
     println!("diffuse {diffuse} and {traced_diffuse}, glossy {glossy} and {traced_glossy} cd/m^2");
     let (all, truth) = (diffuse + glossy, traced_diffuse + traced_glossy);
     assert!((all / truth - 1.0).abs() < 0.02, "{all} and {truth}");
@@ -433,12 +433,12 @@ fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
 fn rays_see_the_surfaces_that_the_device_draws() {
     let Some(data) = data() else { return };
     for (file, size) in [
-        ("normalmap/NormalTangentTest.glb", [640, 640]),
+        ("normalmap/NormalTangentTest.glb", [320, 320]),
         ("materials/TwoSidedPlane.glb", [64, 64]),
-        ("textures/TextureSettingsTest/TextureSettingsTest.gltf", [512, 512]),
+        ("textures/TextureSettingsTest/TextureSettingsTest.gltf", [256, 256]),
         ("materials/AlphaBlendModeTest.glb", [256, 256]),
         ("multiuv/orm_two_uvmaps/12_orm_two_uvmaps.gltf", [256, 256]),
-        ("skin/CesiumMan.glb", [512, 512]),
+        ("skin/CesiumMan.glb", [256, 256]),
     ] {
         let mut scene = gltf::load(&data.join("scenes/features").join(file)).expect(file);
         defaults::complete(&mut scene, Ground::Auto);

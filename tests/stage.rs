@@ -324,7 +324,7 @@ fn backgrounds_are_what_the_flags_say() {
     let scene = of(sphere(1.0, 10));
     write::write_glb(&scene, &folder.join("ball.glb")).expect("is written");
     let mut flags = vec!["render", "ball.glb", "--size", "48x27", "--rsm", "16", "--shadow-map", "128"];
-    flags.extend(["--caches", "40", "--ground", "off"]);
+    flags.extend(["--caches", "40", "--ground", "off", "--near", "off", "--bounces", "1"]);
     let png = |name: &str, more: &[&str]| {
         works(&folder, &[&flags[..], &["-o", name], more].concat());
         image::open(folder.join(name)).expect("is a picture").into_rgba8()
