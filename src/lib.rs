@@ -1,7 +1,7 @@
 //! lightskin: real-time global illumination by interpolated light caches, on Vulkan.
 //!
-//! A few hundred *caches*, placed once on the surfaces of models, each boil down all indirect light (thousands of
-//! virtual area lights from extended reflective shadow maps) to one diffuse and one glossy proxy light. Interpolating
+//! A few hundred *caches*, placed once on the surfaces of models, each condense all indirect light (thousands of
+//! virtual area lights from extended reflective shadow maps) into one diffuse and one glossy proxy light. Interpolating
 //! the lights, not the colours, gives every pixel diffuse and glossy indirect light: fully dynamic, without temporal
 //! history, without ray-tracing hardware. The method is Philipp Lensing's dissertation *LightSkin* (Ilmenau 2014).
 //!

@@ -18,6 +18,7 @@ mod coat;
 mod common;
 mod compare;
 mod compressed;
+mod crease;
 mod cull;
 mod curved;
 mod edges;

@@ -198,11 +198,9 @@ fn paths(scene: &Scene, size: [u32; 2], passes: usize) -> (Vec<[f32; 3]>, Vec<bo
 #[test]
 fn surfaces_have_the_skys_light_of_paths() {
     let gpu = gpu();
-    for (lobe, spacing, limits) in [
-        (None, 0.15, [0.01, 0.03]),
-        (Some((0.9, 40.0)), 0.15, [0.02, 0.1]),
-        (Some((0.9, 1000.0)), 0.4, [0.02, 0.1]),
-    ] {
+    for (lobe, spacing, limits) in
+        [(None, 0.15, [0.01, 0.03]), (Some((0.9, 40.0)), 0.15, [0.02, 0.1]), (Some((0.9, 1000.0)), 0.4, [0.02, 0.1])]
+    {
         let (mut scene, caches) = divided(&on_a_floor(lobe), spacing);
         uneven().put_over(&mut scene, 16);
         let size = [96, 54];

@@ -86,7 +86,7 @@ pub enum Gather {
         ways: Ways,
         /// Indirect bounces. With 0 caches are lit by surfaces that emit alone, and only where some are no area lights.
         bounces: u32,
-        /// What is in the way of indirect light.
+        /// How indirect light is shadowed.
         shadows: Shadows,
         /// Where light and shade from nearby come from.
         near: Near,
@@ -171,7 +171,7 @@ pub enum ProxyWeight {
     FormFactor,
 }
 
-/// What is in the way of indirect light. METHOD 6.
+/// How indirect light is shadowed. METHOD 6.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shadows {
     /// Nothing is.
@@ -264,7 +264,7 @@ impl Quality {
     /// All levels, least first.
     pub const ALL: [Self; 4] = [Self::Low, Self::Medium, Self::High, Self::Reference];
 
-    /// About so many caches over the whole scene.
+    /// Number of caches over the whole scene, about.
     pub fn caches(self) -> usize {
         match self {
             Self::Low => 500,
@@ -418,7 +418,7 @@ impl Near {
 }
 
 impl Gather {
-    /// What is in the way of indirect light.
+    /// How indirect light is shadowed.
     pub fn shadows(&self) -> Shadows {
         match *self {
             Self::Compute { shadows, .. } => shadows,

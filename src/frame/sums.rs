@@ -11,7 +11,7 @@ use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline};
 pub struct ComputeKind {
     /// A material has a glossy lobe.
     pub glossy: bool,
-    /// What is in the way.
+    /// How indirect light is shadowed.
     pub shadows: Shadows,
     /// VALs in a row that a cache sees or does not see as one, 1 or 4.
     pub together: u32,

@@ -1,4 +1,4 @@
-//! Temporal stability: how much the indirect light trembles while a light, the camera or a model creeps along.
+//! Temporal stability: how much indirect light flickers while a light, the camera or a model creeps along.
 //!
 //! The method keeps nothing from frame to frame, so that any trembling comes from sampling: texels of the RSM jump from
 //! one place to another (VALs), and caches see the jump together with their neighbours. A short sequence of steps far

@@ -1,4 +1,4 @@
-//! `lightskin lab flicker`: how much the indirect light trembles while something creeps along.
+//! `lightskin lab flicker`: how much indirect light flickers while something creeps along.
 
 use crate::cli::gather::ClusterArgs;
 use crate::cli::motion::animation_index;

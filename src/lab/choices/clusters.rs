@@ -1,4 +1,4 @@
-//! Light clustering against none: light computed and error added by each rule, and what trembles while lights move.
+//! Light clustering against none: light computed and error added by each rule, and what flickers while lights move.
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -39,7 +39,7 @@ pub struct Walked {
     pub turned: f64,
 }
 
-/// How one rule trembles.
+/// How much flicker one rule has.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flickered {
     /// The rule.
@@ -200,7 +200,7 @@ impl Study<'_> {
         [image(false), if self.is_glossy() { image(true) } else { Vec::new() }]
     }
 
-    /// What trembles while all lights move: without clustering, then by each rule.
+    /// What flickers while all lights move: without clustering, then by each rule.
     pub fn cluster_flicker(&self) -> Vec<Flickered> {
         let frames: Vec<(Vec<Val>, Vec<usize>)> = (0..FRAMES)
             .map(|frame| {
