@@ -16,6 +16,7 @@ pub mod cluster;
 pub mod coat;
 /// What a cache sees of the discs around it.
 pub mod depth_image;
+pub mod dipole;
 /// Exact integrals over a disc or a polygon.
 pub mod disc;
 /// Form factor between a point and a disc, eq. 5.7.

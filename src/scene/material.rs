@@ -5,6 +5,7 @@ use std::f64::consts::TAU;
 use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 
 use super::animation::Quantity;
+use super::medium::Subsurface;
 use super::{Image, Material, Scene, Texture, Wrap, ggx, sheen};
 
 /// KHR_texture_transform: scale, then rotate \[rad\], then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
@@ -164,6 +165,15 @@ impl Material {
             &mut self.sheen_color_texture,
             &mut self.sheen_roughness_texture,
         ]
+    }
+
+    /// Fills the body: light goes on below its surface, and what comes back in all is its base colour, for all who do not look
+    /// closer. It is no metal.
+    pub fn fill(&mut self, inside: Subsurface) {
+        let color = inside.medium().diffuse_albedo().as_vec3();
+        self.base_color = color.extend(self.base_color.w);
+        self.metallic = 0.0;
+        self.subsurface = Some(inside);
     }
 
     /// Whether what lies behind can show.

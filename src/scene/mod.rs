@@ -13,6 +13,7 @@ pub mod ggx;
 pub mod gltf;
 mod json;
 pub mod material;
+pub mod medium;
 pub mod rays;
 pub mod sheen;
 pub mod sky;
@@ -189,6 +190,8 @@ pub struct Material {
     /// The method's own material, from `extras.lightskin.phong`; replaces everything but base colour, normal and what lies
     /// over it.
     pub phong: Option<Phong>,
+    /// What fills the body, where light goes on below its surface; the base colour is then what that sends back in all.
+    pub subsurface: Option<medium::Subsurface>,
 }
 
 /// Normalised modified Phong lobe given exactly.
@@ -235,6 +238,7 @@ impl Default for Material {
             sheen_roughness: 0.0,
             sheen_roughness_texture: None,
             phong: None,
+            subsurface: None,
         }
     }
 }

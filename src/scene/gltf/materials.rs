@@ -15,6 +15,7 @@ use crate::image::ktx2;
 use crate::scene::accessor::Accessors;
 use crate::scene::json::{Document, Object, error_at, printable};
 use crate::scene::material::texture_transform;
+use crate::scene::medium::Subsurface;
 use crate::scene::{Image, Material, Phong, Sampler, Texture, Wrap};
 
 /// Largest width and height \[texels\] of an image: what every Vulkan desktop driver can hold.
@@ -190,6 +191,9 @@ impl Reader<'_, '_> {
             material.sheen_roughness_texture = self.texture(&extension, "sheenRoughnessTexture")?;
         }
         material.phong = self.phong(object)?;
+        if let Some(own) = extras(object, "subsurface")? {
+            self.subsurface(&own, &mut material)?;
+        }
         Ok(material)
     }
 
@@ -211,17 +215,9 @@ impl Reader<'_, '_> {
         Ok(())
     }
 
-    /// `extras.lightskin.phong`. Extras may be anything; only what is under our own name must be right.
+    /// `extras.lightskin.phong`.
     fn phong(&mut self, object: &Object) -> Result<Option<Phong>> {
-        let own = object.value("extras").and_then(|extras| extras.get("lightskin"));
-        if own.is_none() {
-            return Ok(None);
-        }
-        let lightskin =
-            object.object("extras")?.and_then(|extras| extras.object("lightskin").transpose()).transpose()?;
-        let Some(phong) = lightskin.and_then(|own| own.object("phong").transpose()).transpose()? else {
-            return Ok(None);
-        };
+        let Some(phong) = extras(object, "phong")? else { return Ok(None) };
         let specular = phong.vector::<3>("specular")?.ok_or_else(|| phong.error("has no specular [r, g, b]"))?;
         let exponent = phong.number("exponent")?.ok_or_else(|| phong.error("has no exponent"))?;
         if exponent < 0.0 {
@@ -229,6 +225,69 @@ impl Reader<'_, '_> {
         }
         let specular = Vec3::from(self.clamped(&phong, "specular", specular, 1.0));
         Ok(Some(Phong { specular, exponent: exponent as f32 }))
+    }
+
+    /// `extras.lightskin.subsurface`: a preset, a colour with a radius, or coefficients.
+    fn subsurface(&mut self, own: &Object, material: &mut Material) -> Result<()> {
+        let positive = |key: &str, least: f64, most: f64| -> Result<Option<f32>> {
+            match own.number(key)? {
+                Some(x) if !(least..=most).contains(&x) => {
+                    Err(own.error(format!("{key} is {x}; {least} to {most} is needed")))
+                }
+                x => Ok(x.map(|x| x as f32)),
+            }
+        };
+        let channels = |key: &str, least: f64, most: f64| -> Result<Option<Vec3>> {
+            let Some(values) = own.vector::<3>(key)? else { return Ok(None) };
+            match values.iter().find(|x| !(least..=most).contains(*x)) {
+                Some(x) => Err(own.error(format!("{key} holds {x}; {least} to {most} is needed"))),
+                None => Ok(Some(Vec3::from(values.map(|x| x as f32)))),
+            }
+        };
+        let own_ior = positive("ior", 1.0, 4.0)?;
+        let ior = own_ior.unwrap_or(if material.ior >= 1.0 { material.ior.min(4.0) } else { 1.5 });
+        let has = |key| own.value(key).is_some();
+        let mut medium = match (own.text("preset")?, channels("color", 0.0, 1.0)?, channels("sigma_s", 0.0, 1e9)?) {
+            (Some(name), None, None) => {
+                let found = Subsurface::preset(name).ok_or_else(|| {
+                    let known: Vec<_> = Subsurface::presets().collect();
+                    own.error(format!("has no preset {}; there are {}", printable(name), known.join(", ")))
+                })?;
+                Subsurface { ior: own_ior.unwrap_or(found.ior), ..found }
+            }
+            (None, Some(color), None) => {
+                let radius = match own.value("radius") {
+                    Some(value) if value.is_number() => positive("radius", 1e-9, 1e6)?.map(Vec3::splat),
+                    _ => channels("radius", 1e-9, 1e6)?,
+                };
+                let radius = radius.ok_or_else(|| own.error("has a color but no radius, the mean free path in metres"))?;
+                Subsurface::of_color(color, radius, ior)
+            }
+            (None, None, Some(sigma_s)) => {
+                let sigma_a = channels("sigma_a", 0.0, 1e9)?.ok_or_else(|| own.error("has sigma_s but no sigma_a"))?;
+                if (sigma_s + sigma_a).min_element() <= 0.0 {
+                    return Err(own.error("sigma_s and sigma_a are both 0 in a channel: nothing would stop light there"));
+                }
+                let g = positive("g", -0.99, 0.99)?.unwrap_or(0.0);
+                Subsurface { sigma_s, sigma_a, g, ior, scale: 1.0 }
+            }
+            _ => return Err(own.error("needs one of preset, color with radius, or sigma_s with sigma_a")),
+        };
+        medium.scale = positive("scale", 1e-6, 1e6)?.unwrap_or(1.0);
+        if has("g") && !has("sigma_s") {
+            return Err(own.error("g goes with sigma_s and sigma_a; presets and colours have none"));
+        }
+        if material.is_seen_through() {
+            self.notes.add(format!("{}: a body that scatters light inside is not seen through.", own.place));
+            (material.transmission, material.transmission_texture, material.optical_depth) = (0.0, None, Vec3::ZERO);
+            (material.blend, material.alpha_cutoff) = (false, None);
+        }
+        if material.base_color_texture.is_some() && material.alpha_cutoff.is_none() {
+            self.notes.add(format!("{}: what is inside gives the colour; the base colour's texture is not used.", own.place));
+            material.base_color_texture = None;
+        }
+        material.fill(medium);
+        Ok(())
     }
 
     fn factor(&mut self, object: &Object, key: &str, default: f64, most: f64) -> Result<f32> {
@@ -274,6 +333,15 @@ impl Reader<'_, '_> {
         }
         Ok(Some(Texture { image, uv_set: uv_set as u8, transform, sampler }))
     }
+}
+
+/// A member of `extras.lightskin`. Extras may be anything; only what is under our own name must be right.
+fn extras<'a>(object: &Object<'a>, key: &str) -> Result<Option<Object<'a>>> {
+    if object.value("extras").and_then(|extras| extras.get("lightskin")).is_none() {
+        return Ok(None);
+    }
+    let lightskin = object.object("extras")?.and_then(|extras| extras.object("lightskin").transpose()).transpose()?;
+    lightskin.and_then(|own| own.object(key).transpose()).transpose()
 }
 
 /// The image of a texture: of several that are to look the same the one that lost least, and that is there for those who

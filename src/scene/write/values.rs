@@ -164,7 +164,16 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
     }
     if let Some(phong) = material.phong {
         let lobe = json!({ "specular": phong.specular.to_array(), "exponent": phong.exponent });
-        value["extras"] = json!({ "lightskin": { "phong": lobe } });
+        value["extras"]["lightskin"]["phong"] = lobe;
+    }
+    if let Some(inside) = material.subsurface {
+        value["extras"]["lightskin"]["subsurface"] = json!({
+            "sigma_s": inside.sigma_s.to_array(),
+            "sigma_a": inside.sigma_a.to_array(),
+            "g": inside.g,
+            "ior": inside.ior,
+            "scale": inside.scale,
+        });
     }
     value
 }
