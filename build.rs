@@ -15,7 +15,8 @@ fn main() {
     println!("cargo:rerun-if-changed=build");
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));
     let read = |name: &str| fs::read_to_string(Path::new("glsl").join(name)).expect(name);
-    let shared = read("shared.glsl") + &read("shared_material.glsl") + &read("shared_rays.glsl");
+    let shared =
+        read("shared.glsl") + &read("shared_material.glsl") + &read("shared_rays.glsl") + &read("shared_inside.glsl");
     fs::write(out.join("shared.rs"), rust_from_glsl(&shared)).expect("write shared.rs");
     compile_shaders(&out);
 }

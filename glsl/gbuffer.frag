@@ -18,6 +18,8 @@ layout(push_constant, scalar) uniform Push { DrawPush push; };
 layout(constant_id = 0) const uint POINTS = 0; // of a pixel beside the middle, whose textures' mean is taken
 layout(constant_id = 1) const uint DAMPED = 0; // 1: lobes are as wide as what a pixel shows of bends and bumps makes them
 
+layout(constant_id = 2) const uint INSIDE = 0; // 1: stage 10 brings the light from inside filled bodies
+
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 tangent;
@@ -193,6 +195,9 @@ void main() {
     emitted *= 1.0 - over.coat;
     out_coat = pack_coat(coat);
 #endif
+    if (INSIDE != 0u && m.is_filled != 0u) {
+        r.diffuse = vec3(0.0);
+    }
     vec2 packed_normal = octahedral_encode(geometric);
     out_normal = vec4(n, r.coded);
     out_albedo = vec4(r.diffuse, packed_normal.x);

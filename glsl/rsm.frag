@@ -1,6 +1,10 @@
 // Stage 4: what a light sees: position, normal on the lit side, share of the light that is sent on. METHOD 2, thesis 5.2.
+// variant rsm_inside.frag: INSIDE (where bodies are filled: what enters them, too. METHOD 7)
 #include "shared.glsl"
 #include "lib/surface.glsl"
+#ifdef INSIDE
+#include "lib/dipole.glsl"
+#endif
 
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
@@ -12,6 +16,11 @@ layout(location = 4) in vec4 color;
 layout(location = 0) out vec4 out_position; // w = 1: something is here
 layout(location = 1) out vec4 out_normal; // w = material
 layout(location = 2) out vec4 out_albedo;
+#ifdef INSIDE
+layout(binding = 15, scalar) readonly buffer Parts { uint parts[]; }; // that each draw is of, or HOLLOW
+layout(binding = 16, scalar) readonly buffer FilledParts { Filled filled[]; };
+layout(location = 3) out vec4 out_inside; // share of the light that enters, part from 1, cosine of the triangle
+#endif
 
 void main() {
     vec3 geometric = cross(dFdx(position), dFdy(position));
@@ -28,4 +37,13 @@ void main() {
     out_position = vec4(position, 1.0);
     out_normal = vec4(n, float(push.material));
     out_albedo = vec4(sent_on(reflectance(push.material, base.rgb, here, MEAN_COSINE)), 0.0);
+#ifdef INSIDE
+    out_inside = vec4(0.0);
+    uint part = parts[push.draw - 1u];
+    if (part != HOLLOW) {
+        vec3 looking = view_direction(push.eye, position);
+        float entering = 1.0 - dielectric_fresnel(dot(n, looking), filled[part].ior);
+        out_inside = vec4(entering, float(part + 1u), abs(dot(unit_or(geometric, n), looking)), 0.0);
+    }
+#endif
 }

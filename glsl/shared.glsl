@@ -559,5 +559,6 @@ struct CheckPush {
 
 #include "shared_material.glsl"
 #include "shared_rays.glsl"
+#include "shared_inside.glsl"
 
 #endif

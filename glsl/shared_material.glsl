@@ -38,6 +38,7 @@ struct Material {
     float coat_roughness;
     vec3 sheen_color;
     float sheen_roughness;
+    uint is_filled; // 1: what is not reflected goes on inside
 };
 
 // How one texture of a material is looked up.

@@ -1,4 +1,5 @@
 // Stage 4: each texel of an extended RSM becomes a virtual area light. METHOD 2, thesis 5.2.
+// variant vals_inside.comp: INSIDE (where bodies are filled: what enters them, too. METHOD 7)
 #include "shared.glsl"
 #include "lib/area_light.glsl"
 #include "lib/light.glsl"
@@ -13,6 +14,14 @@ layout(binding = 3) uniform sampler2D normal_image;
 layout(binding = 4) uniform sampler2D albedo_image;
 layout(binding = 5, scalar) writeonly buffer Vals { Val vals[]; };
 layout(binding = 6, scalar) writeonly buffer Flags { uint flags[]; }; // 1 where a VAL carries light or pulls
+#ifdef INSIDE
+layout(binding = 7) uniform sampler2D inside_image;
+layout(binding = 8, scalar) writeonly buffer InnerVals { Val inner_vals[]; };
+layout(binding = 9, scalar) writeonly buffer InnerFlags { uint inner_flags[]; };
+
+// A texel that hits a surface from its edge on is not taken as larger than this.
+const float LEAST_TILT = 0.1;
+#endif
 
 // Sub-samples per axis of the intensity over a texel: the edge of a sharp cone crosses texels.
 const int SAMPLES = 4;
@@ -86,4 +95,13 @@ void main() {
     uint at = push.first + texel.y * push.size + texel.x;
     vals[at] = val;
     flags[at] = val.weight != 0.0 || flux != vec3(0.0) ? 1u : 0u;
+#ifdef INSIDE
+    vec4 inside = texelFetch(inside_image, ivec2(texel), 0);
+    val.flux = hit.w > 0.0 && inside.y > 0.0 ? entering * inside.x : vec3(0.0);
+    val.area /= max(inside.z, LEAST_TILT);
+    val.material = uint(max(inside.y, 1.0)) - 1u;
+    val.weight = 0.0;
+    inner_vals[at] = val;
+    inner_flags[at] = val.flux != vec3(0.0) ? 1u : 0u;
+#endif
 }

@@ -23,7 +23,8 @@ fn on_device(scene: &Scene, settings: &Knobs) -> (Vec<ClusterNode>, Vec<Val>, Ve
     let gpu = gpu();
     let caches = baked(scene, 1.0, 8);
     let world = World::new(&gpu, scene, Some(&caches)).expect("world");
-    let stage = Rsm::new(&gpu, &world, settings.rsm, settings.proxy_weight, false, true).expect("stage 4");
+    let plan = world.plan(&settings.settings());
+    let stage = Rsm::new(&gpu, &world, settings.rsm, settings.proxy_weight, false, &plan).expect("stage 4");
     let pyramid = OnDevice::new(&gpu, &world, settings.rsm).expect("a pyramid");
     let drawn = gpu.frame(|cmd| {
         stage.record(cmd, &world, |_| true, false, None);

@@ -64,6 +64,7 @@ mod sky;
 mod sky_light;
 mod sources;
 mod stage;
+mod subsurface;
 mod sun;
 mod tessellate;
 mod texel;

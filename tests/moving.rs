@@ -248,10 +248,13 @@ fn edit(scene: &mut Scene, random: &mut Random) {
     }
 }
 
-/// Edits a scene and draws it with what stands still left out, and from scratch.
 fn walk(settings: Knobs, cells: bool, steps: usize, seed: u64) {
+    walk_of(world(), settings, cells, steps, seed);
+}
+
+/// Edits a scene, `world` with other materials, and draws it with what stands still left out, and from scratch.
+pub(crate) fn walk_of(mut scene: Scene, settings: Knobs, cells: bool, steps: usize, seed: u64) {
     let gpu = gpu();
-    let mut scene = world();
     let mut caches = baked(&scene, 0.3, 8);
     if cells {
         caches = caches.with_cells(&scene).expect("cells");
@@ -282,7 +285,7 @@ fn walk(settings: Knobs, cells: bool, steps: usize, seed: u64) {
     assert_clean(&gpu);
 }
 
-fn with(shadows: Shadows) -> Knobs {
+pub(crate) fn with(shadows: Shadows) -> Knobs {
     Knobs { shadows, size: [48, 32], rsm: 24, light_shadows: LightShadows::Maps(64), ..small() }
 }
 

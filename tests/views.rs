@@ -17,7 +17,7 @@ use glam::dvec3;
 const SIZES: [[u32; 2]; 2] = [[40, 28], [24, 36]];
 
 /// All caches lit, and the exposure measured.
-fn plain() -> Knobs {
+pub(crate) fn plain() -> Knobs {
     Knobs { exposure: Exposure::Automatic, ..small() }
 }
 
@@ -62,7 +62,7 @@ impl Views {
 }
 
 /// Draws two views together, and each alone; gives how many caches were lit: by both, by each.
-fn compare(gpu: &Gpu, scene: &Scene, caches: &CacheSet, knobs: &Knobs) -> [u32; 3] {
+pub(crate) fn compare(gpu: &Gpu, scene: &Scene, caches: &CacheSet, knobs: &Knobs) -> [u32; 3] {
     let world = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let mut both = Views::new(gpu, scene, &world, knobs, &[0, 1]);
     // A second frame is as good as the first: nothing of that is left.
@@ -87,7 +87,7 @@ fn compare(gpu: &Gpu, scene: &Scene, caches: &CacheSet, knobs: &Knobs) -> [u32; 
 }
 
 /// A room with two cameras that look at different parts of it.
-fn room(surface: CornellSurface) -> Scene {
+pub(crate) fn room(surface: CornellSurface) -> Scene {
     let mut scene = cornell(surface, 0.2);
     scene.cameras = vec![
         camera(dvec3(0.1, 0.4, 1.5), dvec3(0.4, 0.1, -0.4), 0.3),

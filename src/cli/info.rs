@@ -4,16 +4,20 @@ use super::gather::ClusterArgs;
 use super::words::{ShadowsArg, light_shadows_word};
 use super::{CacheArgs, DeviceArgs, QualityArg, bake_scene, check_messages, load_scene, thousands};
 use anyhow::{Context, Result};
+use glam::DVec3;
 use lightskin::frame::plan::STAGES;
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{Indirect, Light, Look, Near, Picture, Quality, Settings, View, World, record, tune};
 use lightskin::gpu::Gpu;
-use lightskin::scene::{LightKind, luminance};
+use lightskin::scene::{Instance, LightKind, Scene, luminance};
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 /// Picture [pixels] that memory and times are of.
 const SIZE: [u32; 2] = [1280, 720];
+
+/// Reduced albedo below which the dipole model is inexact: METHOD 7 has the figures.
+const LEAST_ALBEDO: f64 = 0.8;
 
 /// Frames of a level whose median counts.
 const FRAMES: usize = 3;
@@ -71,6 +75,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
         };
         say!("  light {i} '{}' {kind}, {} {unit}", light.name, light.intensity);
     }
+    say_media(&scene);
     let bent = scene.instances.iter().filter(|instance| instance.pose.is_some()).count();
     if bent > 0 {
         say!("  {} instances bend", thousands(bent));
@@ -165,6 +170,38 @@ pub(super) fn run(args: &Info) -> Result<()> {
         say!("  --measure adds what each takes on this device: caches, memory and the time of a frame");
     }
     check_messages(&gpu, &[])
+}
+
+/// What fills bodies: how far light goes in them, against how large they are.
+fn say_media(scene: &Scene) {
+    for (index, material) in scene.materials.iter().enumerate() {
+        let Some(inside) = material.subsurface else { continue };
+        let medium = inside.medium();
+        let millimetres = |v: DVec3| format!("{:.4} {:.4} {:.4} mm", 1e3 * v.x, 1e3 * v.y, 1e3 * v.z);
+        say!("  inside '{}': mean free path {}, albedo {:.4}", material.name, millimetres(medium.z_r), medium.albedo);
+        let is_filled = |instance: &&Instance| {
+            scene.meshes[instance.mesh].primitives.iter().any(|primitive| primitive.material == index)
+        };
+        let size = |instance: &Instance| {
+            let points = scene.meshes[instance.mesh].vertices.iter();
+            let points = points.map(|v| instance.world_from_model.transform_point3(v.position.as_dvec3()));
+            let (low, high) = points.fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |(a, b), p| (a.min(p), b.max(p)));
+            (high - low).max_element()
+        };
+        let smallest = scene.instances.iter().filter(is_filled).map(size).fold(f64::INFINITY, f64::min);
+        if smallest.is_finite() {
+            let share = 100.0 * medium.z_r / smallest;
+            say!("    {:.3} {:.3} {:.3} % of the smallest model's {smallest:.4} m", share.x, share.y, share.z);
+        }
+        if medium.z_r.max_element() > 0.5 * smallest {
+            say!("    warning: light crosses the model without being scattered much; diffusion does not hold");
+        }
+        if medium.albedo.min_element() < LEAST_ALBEDO {
+            say!(
+                "    warning: an albedo below {LEAST_ALBEDO} is absorbed before it is scattered much; diffusion is inexact"
+            );
+        }
+    }
 }
 
 /// What each level of quality asks for.

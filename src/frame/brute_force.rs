@@ -1,6 +1,7 @@
 //! Every VAL onto every pixel: what interpolation is measured against. METHOD 3. Stands in for stages 3, 6 and 8.
 
 use super::gbuffer::Surface;
+use super::inside::InsideBruteForce;
 use super::interpolate::Radiance;
 use super::plan::Plan;
 use super::vals::Vals;
@@ -12,6 +13,8 @@ use crate::shared::{ScreenPush, VAL_TILE, Val};
 /// One full-screen draw per tile of VALs.
 pub struct BruteForce {
     pipeline: Pipeline,
+    /// Stage 10; only where light goes on inside bodies.
+    pub(super) inside: Option<InsideBruteForce>,
 }
 
 impl BruteForce {
@@ -32,7 +35,7 @@ impl BruteForce {
             cull: Cull::None,
             constants: &[],
         })?;
-        Ok(Self { pipeline })
+        Ok(Self { pipeline, inside: InsideBruteForce::new(gpu, plan)? })
     }
 
     /// Records the stage for a view.

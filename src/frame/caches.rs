@@ -1,8 +1,9 @@
-//! Indirect light by interpolated caches: stages 3 and 5 to 8, and what they write.
+//! Indirect light by interpolated caches: stages 3 and 5 to 10, and what they write.
 
 use super::atlas::Atlas;
 use super::cull::Cull;
 use super::gather::Gather;
+use super::inside::Dipoles;
 use super::interpolate::Interpolate;
 use super::near::NearRays;
 use super::occlude::Occlude;
@@ -29,6 +30,8 @@ pub struct CacheLight {
     pub near: Option<NearRays>,
     /// Stages 6 and 8 of a sky, where caches see one.
     pub sky: Option<(SkyOfCaches, SkyShading)>,
+    /// Stages 9 and 10; only where light goes on inside bodies.
+    pub inside: Option<Dipoles>,
     pub(super) visible: Visible,
     pub(super) cull: Option<Cull>,
     /// Stage 7; only where discs dim proxies.
@@ -74,6 +77,7 @@ impl CacheLight {
             interpolate: Interpolate::new(gpu, plan, world, settings.interpolation)?,
             sky: SkyOfCaches::new(gpu, world, plan)?.zip(SkyShading::new(gpu, plan, world)?),
             near,
+            inside: Dipoles::new(gpu, plan, world)?,
             gather,
             made: MadeOfCaches::default(),
         })

@@ -74,7 +74,7 @@ impl Edges {
                 constants,
             })
         };
-        let take = match (plan.lightskin, plan.coated) {
+        let take = match (plan.elements(), plan.coated) {
             (false, false) => "edges.comp",
             (true, false) => "edges_elements.comp",
             (false, true) => "edges_coat.comp",
@@ -93,7 +93,7 @@ impl Edges {
             })?,
             before: gpu.target("edges.before", RADIANCE, size[0], size[1])?,
             indirect_before: plan.indirect().then(|| Radiance::new(gpu, plan, size)).transpose()?,
-            visible: plan.lightskin.then(|| VisibleList::new(gpu, world, plan.sky_light, size)).transpose()?,
+            visible: plan.lightskin.then(|| VisibleList::new(gpu, world, plan, size)).transpose()?,
             indirect: plan.indirect().then(|| Radiance::new(gpu, plan, size)).transpose()?,
             take: gpu.compute(take, &[])?,
             keep: over("edges_keep.frag", &[])?,

@@ -27,7 +27,7 @@ pub struct Surface {
     pub albedo: Image,
     /// `rho_g`, and y of the octahedral geometric normal.
     pub specular: Image,
-    /// Which triangle a pixel shows: draw, from 1, and number within it. Only where caches are interpolated.
+    /// Which triangle a pixel shows: draw, from 1, and number within it. Only where caches are interpolated, or light goes on inside bodies.
     pub element: Option<Image>,
     /// What lies over both lobes: a clear coat with its normal, and sheen (`lib/coat.glsl`). Only where a material has either.
     pub coat: Option<Image>,
@@ -61,7 +61,7 @@ impl Surface {
             normal: gpu.target("gbuffer.normal", FLOAT, w, h)?,
             albedo: image("gbuffer.albedo", HALF)?,
             specular: image("gbuffer.specular", HALF)?,
-            element: plan.lightskin.then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
+            element: plan.elements().then(|| gpu.target("gbuffer.element", Format::R32G32_UINT, w, h)).transpose()?,
             coat: plan.coated.then(|| gpu.target("gbuffer.coat", COAT, w, h)).transpose()?,
             radiance: image("direct.radiance", FLOAT)?,
             is_second: false,
@@ -81,7 +81,7 @@ impl Surface {
             normal: image("edges.normal", FLOAT)?,
             albedo: image("edges.albedo", HALF)?,
             specular: image("edges.specular", HALF)?,
-            element: plan.lightskin.then(|| image("edges.element", Format::R32G32_UINT)).transpose()?,
+            element: plan.elements().then(|| image("edges.element", Format::R32G32_UINT)).transpose()?,
             coat: plan.coated.then(|| image("edges.coat", COAT)).transpose()?,
             radiance: image("edges.radiance", FLOAT)?,
             is_second: true,
@@ -121,7 +121,7 @@ impl Surface {
 
 /// The formats of `Surface::targets`.
 fn targets(plan: &Plan, of_layer: Option<Format>) -> Vec<Format> {
-    let element = plan.lightskin.then_some(Format::R32G32_UINT);
+    let element = plan.elements().then_some(Format::R32G32_UINT);
     let coat = plan.coated.then_some(COAT);
     [FLOAT, HALF, HALF, FLOAT].into_iter().chain(element).chain(of_layer).chain(coat).collect()
 }
@@ -137,7 +137,7 @@ fn surfaces(gpu: &Gpu, plan: &Plan, points: u32, fragment: &'static str, colors:
         blend: Blend::Replace,
         depth: Depth::Nearest,
         cull: Cull::Back,
-        constants: &[points, u32::from(plan.antialiasing != Antialiasing::Off)],
+        constants: &[points, u32::from(plan.antialiasing != Antialiasing::Off), u32::from(plan.inside)],
     })
 }
 
@@ -152,7 +152,7 @@ impl GBuffer {
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        let name = match (plan.lightskin, plan.coated) {
+        let name = match (plan.elements(), plan.coated) {
             (false, false) => "gbuffer.frag",
             (true, false) => "gbuffer_elements.frag",
             (false, true) => "gbuffer_coat.frag",
@@ -163,7 +163,7 @@ impl GBuffer {
 
     /// The same for layers of what is seen through.
     pub(super) fn of_layers(gpu: &Gpu, plan: &Plan) -> Result<Pipeline> {
-        let name = match (plan.lightskin, plan.coated) {
+        let name = match (plan.elements(), plan.coated) {
             (false, false) => "layers.frag",
             (true, false) => "layers_elements.frag",
             (false, true) => "layers_coat.frag",

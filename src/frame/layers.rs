@@ -50,7 +50,7 @@ impl Layers {
             Ok(Layer {
                 surface: Surface::new(gpu, plan, size)?,
                 through: gpu.target("layers.through", Format::R16G16B16A16_SFLOAT, size[0], size[1])?,
-                visible: plan.lightskin.then(|| VisibleList::new(gpu, world, plan.sky_light, size)).transpose()?,
+                visible: plan.lightskin.then(|| VisibleList::new(gpu, world, plan, size)).transpose()?,
                 near: (light.caches().and_then(|caches| caches.near.as_ref()))
                     .map(|rays| NearPixels::new(gpu, rays, size))
                     .transpose()?,

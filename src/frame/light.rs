@@ -103,7 +103,7 @@ impl Light {
             }
             _ => false,
         };
-        let rsm = plan.indirect().then(|| Rsm::new(gpu, world, side, weight, lights_all, plan.reflects)).transpose()?;
+        let rsm = plan.indirect().then(|| Rsm::new(gpu, world, side, weight, lights_all, &plan)).transpose()?;
         let vals = rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
         if plan.bounces > 0 {
             world.make_albedos(gpu, scene)?;

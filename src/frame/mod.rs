@@ -21,6 +21,7 @@ pub mod gather;
 pub mod gather_clusters;
 pub mod gather_draws;
 pub mod gbuffer;
+pub mod inside;
 pub mod interpolate;
 pub mod layers;
 pub mod light;

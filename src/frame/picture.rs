@@ -76,7 +76,7 @@ impl Picture {
         let (plan, images) = (light.plan, size.map(|side| side.max(1)));
         Ok(Self {
             surface: Surface::new(gpu, &plan, images)?,
-            visible: plan.lightskin.then(|| VisibleList::new(gpu, world, plan.sky_light, images)).transpose()?,
+            visible: plan.lightskin.then(|| VisibleList::new(gpu, world, &plan, images)).transpose()?,
             near: (light.caches().and_then(|caches| caches.near.as_ref()))
                 .map(|rays| NearPixels::new(gpu, rays, images))
                 .transpose()?,

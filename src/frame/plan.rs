@@ -28,6 +28,8 @@ pub struct Features {
     pub seen_through: bool,
     /// A material has a clear coat or sheen.
     pub coated: bool,
+    /// A material is filled with what scatters light.
+    pub filled: bool,
     /// The device can hold what rays need.
     pub rays: bool,
 }
@@ -46,6 +48,7 @@ impl Features {
             glossy: has_glossy_lobe(scene),
             seen_through: has(scene, Material::is_seen_through),
             coated: has(scene, Material::is_coated),
+            filled: has(scene, |material| material.subsurface.is_some()),
             rays: true,
         }
     }
@@ -95,6 +98,8 @@ pub struct Plan {
     pub layers: u32,
     /// A material has a clear coat or sheen: another target of stage 1, and their lobes in stage 2 and under the sky.
     pub coated: bool,
+    /// Stages 4, 9 and 10: light goes on inside bodies. Without, they reflect as much as if it came out where it entered.
+    pub inside: bool,
     /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
     pub glossy: bool,
     /// Caches have proxies of the glossy lobe: rays do not see what it mirrors.
@@ -142,6 +147,8 @@ stages! {
     INTERPOLATE: 8 "interpolate" |plan| plan.lightskin;
     SKY_LIGHT: 8 "sky light" |plan| plan.sky_light;
     BRUTE_FORCE: 8 "brute force" |plan| plan.brute_force;
+    DIPOLES: 9 "dipole gather" |plan| plan.inside && plan.lightskin;
+    SCATTER: 10 "scatter" |plan| plan.inside;
     MIX: 8 "mix edges" |plan| plan.antialiasing != Antialiasing::Off;
     MIX_LAYERS: 8 "mix layers" |plan| plan.layers > 0;
     COMPOSITE: 11 "composite" |_| true;
@@ -167,6 +174,7 @@ impl Plan {
         };
         let near = gather.filter(|_| scene.rays).map_or(Near::Off, |gather| gather.near());
         let brute_force = light && settings.indirect == Indirect::BruteForce;
+        let inside = scene.filled && (brute_force || gather.is_some_and(|gather| gather.bounces() > 0));
         let direct = scene.areas || if sky_light { scene.lamps } else { scene.lights };
         Self {
             deform: scene.bends,
@@ -177,7 +185,7 @@ impl Plan {
             reflects: lights && (brute_force || gather.is_some_and(|gather| gather.bounces() > 0)),
             sky_light,
             lightskin: caches.is_some(),
-            cull: caches.is_some_and(|caches: &Caches| caches.cull) && bounces == 0,
+            cull: caches.is_some_and(|caches: &Caches| caches.cull) && bounces == 0 && !inside,
             clusters: matches!(gather, Some(Gather::Clusters { .. })),
             bounces,
             occlude: shadows == Shadows::Proxy,
@@ -187,6 +195,7 @@ impl Plan {
             antialiasing: settings.antialiasing,
             layers: if scene.seen_through { settings.layers } else { 0 },
             coated: scene.coated,
+            inside,
             glossy: scene.glossy,
             lobes: scene.glossy && near == Near::Off,
         }
@@ -195,6 +204,11 @@ impl Plan {
     /// Whether there is indirect light at all.
     pub fn indirect(&self) -> bool {
         self.lightskin || self.brute_force
+    }
+
+    /// Whether pixels know which triangle they show.
+    pub(super) fn elements(&self) -> bool {
+        self.lightskin || self.inside
     }
 
     /// The stages that it has, in order.
@@ -234,12 +248,17 @@ impl Plan {
             "pyramid" if self.lightskin => "not asked for by --cluster",
             "visible" if planned => "what pixels show decides which caches matter",
             "cull" if planned => "only caches that visible surfaces need are lit",
+            "cull" if self.inside => "light enters bodies at all of their caches",
             "cull" if self.bounces > 0 => "every cache lights others in the next bounce",
             "cull" if self.lightskin => "switched off: every cache is lit",
             "depth images" if planned => "what caches see of each other hides VALs",
             "depth images" if self.lightskin => "not asked for by --shadows",
             "near rays" if planned => "light and shade from within one spacing of the caches",
             "near rays" if self.lightskin => "not asked for by --near",
+            "dipole gather" if planned => "light goes on inside bodies, to each of their caches",
+            "scatter" if planned => "it leaves them at pixels",
+            "dipole gather" if self.inside => "brute force stands in for it",
+            "dipole gather" | "scatter" if self.lightskin || self.brute_force => "no body is filled",
             "gather" if self.bounces > 0 => "caches light caches, bounce after bounce",
             "gather" if self.clusters => "clusters of VALs light caches where that is near enough",
             "occlude" if planned => "caches are in the way of proxy lights",

@@ -1,10 +1,12 @@
 //! One frame, top to bottom: what is outdated, and its stages in order.
 
+use super::brute_force::BruteForce;
 use super::gather::{Gather, Lit};
 use super::interpolate::Shaded;
 use super::light::{IndirectLight, Light};
 use super::picture::Picture;
 use super::plan::{self, STAGES};
+use super::rsm::Rsm;
 use super::settings::Look;
 use super::view::View;
 use super::world::World;
@@ -141,10 +143,11 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             let seen = shown().flat_map(|(view, p)| p.near().map(move |(surface, near)| (view, surface, near)));
             if let Some(radiances) = caches.gather.radiances() {
                 // Where elements were listed or RSMs drawn all images have been waited for, as light has been by what dims it;
-                // with cells nothing reads proxies before pixels do.
+                // with cells nothing reads proxies before pixels do, unless they enter bodies.
                 let listed = shown().any(|(_, p)| p.outdated.visible);
                 let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
-                let lit = outdated.proxies && (world.cells.is_none() || caches.occlude.is_none());
+                let read = world.cells.is_none() || caches.occlude.is_none() || caches.inside.is_some();
+                let lit = outdated.proxies && read;
                 let waits = !(listed || drawn) || lit;
                 let of_caches = (
                     caches.gather.cache_vals(),
@@ -174,11 +177,24 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             let waited = caches.near.is_some();
             caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, (waited, seen), shaded());
         }
+        // Radiance of an earlier frame has what is added to it already.
+        let anew = || shaded().filter(|shaded| lit().any(|(_, surface)| std::ptr::eq(surface, shaded.surface)));
         if let (true, Some((seen, shading)), Some(sky)) = (some_surface, &caches.sky, &world.sky_light) {
             let _zone = enter(plan::SKY_LIGHT); // 8
-            // Radiance of an earlier frame has it already.
-            let views = shaded().filter(|shaded| lit().any(|(_, surface)| std::ptr::eq(surface, shaded.surface)));
-            shading.record(cmd, (world, sky), &caches.atlas, &seen.seen, views);
+            shading.record(cmd, (world, sky), &caches.atlas, &seen.seen, anew());
+        }
+        if let (Some(dipoles), Some(inside)) = (&caches.inside, &rsm.inside) {
+            if outdated.proxies {
+                let _zone = enter(plan::DIPOLES); // 9
+                if world.cells.is_some() && caches.near.is_none() {
+                    cmd.barrier(Use::ComputeWrite, Use::ComputeRead); //   proxies -> here
+                }
+                dipoles.record(cmd, world, &inside.vals, &caches.atlas, &caches.proxies);
+            }
+            if some_surface {
+                let _zone = enter(plan::SCATTER); // 10
+                dipoles.record_pixels(cmd, world, &caches.atlas, anew());
+            }
         }
     }
     if let (IndirectLight::BruteForce(brute_force), Some(rsm)) = (&light.indirect, &light.rsm)
@@ -190,6 +206,18 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             for (surface, out, _) in picture.shaded() {
                 brute_force.record(cmd, &rsm.vals, view, surface, out);
             }
+        }
+    }
+    if let (
+        true,
+        IndirectLight::BruteForce(BruteForce { inside: Some(scatter), .. }),
+        Some(Rsm { inside: Some(inside), .. }),
+    ) = (some_surface, &light.indirect, &light.rsm)
+    {
+        let _zone = enter(plan::SCATTER); // 10
+        cmd.barrier(Use::ColorWrite, Use::ColorWrite); // direct light -> here
+        for (view, surface) in lit() {
+            scatter.record(cmd, world, &inside.vals, view, surface);
         }
     }
     let mixed = || shown().filter(|(_, p)| p.outdated.surface || p.outdated.indirect).map(|(_, p)| p);

@@ -1,12 +1,16 @@
 //! Stage 4, extended RSM: the scene as each light sees it -> VALs. METHOD 2, thesis 5.2. Area lights look from several points.
 
+use super::inside::Inside;
 use super::live::Live;
 use super::pack::PackVals;
+use super::plan::Plan;
 use super::settings::ProxyWeight;
 use super::vals::Vals;
 use super::world::{VERTEX, Which, World};
 use crate::error::{Error, Result};
-use crate::gpu::{Attach, Attachments, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use};
+use crate::gpu::{
+    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+};
 use crate::shared::{Val, ValPush};
 
 /// Draws an RSM per view of each light, one at a time, and turns its texels into VALs.
@@ -21,6 +25,8 @@ pub struct Rsm {
     pub depth: Image,
     /// What its texels become.
     pub vals: Vals,
+    /// What enters bodies there; only where they are filled.
+    pub inside: Option<Inside>,
     draw: Pipeline,
     to_vals: Pipeline,
     pack: PackVals,
@@ -30,7 +36,7 @@ pub struct Rsm {
 }
 
 impl Rsm {
-    /// Makes pipelines and images of `side` texels; lights have VALs if the plan `reflects`. Where the gather `lights_all`
+    /// Makes pipelines and images of `side` texels; lights have VALs if the plan says that they reflect. Where the gather `lights_all`
     /// caches, its dispatch follows from the number of VALs alone.
     ///
     /// # Errors
@@ -41,8 +47,9 @@ impl Rsm {
         side: u32,
         weight: ProxyWeight,
         lights_all: bool,
-        reflects: bool,
+        plan: &Plan,
     ) -> Result<Self> {
+        let reflects = plan.reflects;
         let n = if reflects { side.max(1) } else { 1 };
         let lights = if reflects { world.lights() } else { &[] };
         let count: u64 = lights.iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
@@ -53,6 +60,7 @@ impl Rsm {
         let dark = [Val { area: 1.0, ..Val::default() }];
         let given = if count == 0 { &dark[..] } else { &world.emitters };
         let count = count.max(1);
+        let inside = plan.inside.then(|| Inside::new(gpu, n, count)).transpose()?;
         let float = Format::R32G32B32A32_SFLOAT;
         Ok(Self {
             position: gpu.target("rsm.position", float, n, n)?,
@@ -62,17 +70,21 @@ impl Rsm {
             vals: Vals::with(gpu, count, given, weight)?,
             draw: gpu.raster(&Raster {
                 vertex: "mesh.vert",
-                fragment: Some("rsm.frag"),
+                fragment: Some(if plan.inside { "rsm_inside.frag" } else { "rsm.frag" }),
                 shape: Shape::Triangles,
                 streams: &[VERTEX],
-                colors: &[Format::R32G32B32A32_SFLOAT; 3],
+                colors: &[Format::R32G32B32A32_SFLOAT; 4][..if plan.inside { 4 } else { 3 }],
                 blend: Blend::Replace,
                 depth: Depth::Nearest,
                 cull: Cull::None,
                 constants: &[],
             })?,
-            to_vals: gpu.compute("vals.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
+            to_vals: gpu.compute(
+                if plan.inside { "vals_inside.comp" } else { "vals.comp" },
+                &[u32::from(weight == ProxyWeight::Irradiance)],
+            )?,
             pack: PackVals::new(gpu, lights_all)?,
+            inside,
             weight,
             reflects,
         })
@@ -103,34 +115,40 @@ impl Rsm {
                 if drawn {
                     cmd.barrier(Use::ComputeRead | Use::DepthWrite, Use::ColorWrite | Use::DepthWrite); // the last view is read
                 }
+                let inside = self.inside.as_ref();
+                let images = [&self.position, &self.normal, &self.albedo];
+                let images = images.into_iter().chain(inside.map(|inside| &inside.image));
                 let attachments = Attachments {
-                    colors: &[Attach::clear(&self.position), Attach::clear(&self.normal), Attach::clear(&self.albedo)],
+                    colors: &images.clone().map(Attach::clear).collect::<Vec<_>>(),
                     depth: Some(Attach::clear(&self.depth)),
                     area: [0, 0, size, size],
                 };
                 let clip = world.clip_from_world(view);
                 let eye = world.eye(light, view);
                 let least = light.least(size);
+                let filled = world.filled.as_ref().filter(|_| inside.is_some());
+                let more: Vec<Bind<'_>> = filled.map_or(Vec::new(), |f| vec![(&f.of_draws).into(), (&f.parts).into()]);
                 cmd.render(&attachments, |draw| {
-                    world.draw_large(draw, &self.draw, (Which::All, &[]), (clip, eye), least)
+                    world.draw_large(draw, &self.draw, (Which::All, &more), (clip, eye), least)
                 });
                 if drawn {
                     cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
                 } else {
                     cmd.barrier(Use::ColorWrite, Use::ComputeRead);
                 }
-                cmd.bind(
-                    &self.to_vals,
-                    &[
-                        (&world.light_buffer).into(),
-                        (&world.view_buffer).into(),
-                        (&self.position).into(),
-                        (&self.normal).into(),
-                        (&self.albedo).into(),
-                        (&self.vals.all).into(),
-                        (&self.vals.flags).into(),
-                    ],
-                );
+                let mut resources = vec![
+                    (&world.light_buffer).into(),
+                    (&world.view_buffer).into(),
+                    (&self.position).into(),
+                    (&self.normal).into(),
+                    (&self.albedo).into(),
+                    (&self.vals.all).into(),
+                    (&self.vals.flags).into(),
+                ];
+                if let Some(Inside { image, vals, .. }) = inside {
+                    resources.extend([Bind::from(image), (&vals.all).into(), (&vals.flags).into()]);
+                }
+                cmd.bind(&self.to_vals, &resources);
                 cmd.push(&ValPush { light: i as u32, view, size, first });
                 cmd.dispatch(size, size, 1);
                 first += size * size;
@@ -141,5 +159,8 @@ impl Rsm {
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // VALs, flags -> their list
         }
         self.pack.record(cmd, &self.vals, caches);
+        if let Some(inside) = &self.inside {
+            inside.record_list(cmd);
+        }
     }
 }

@@ -25,22 +25,23 @@ pub struct Vals {
 }
 
 impl Vals {
-    fn new(gpu: &Gpu, count: u32) -> Result<Self> {
+    /// Room for so many, under the name of the stage that writes them.
+    pub(super) fn new(gpu: &Gpu, stage: &str, count: u32) -> Result<Self> {
         let bytes = |count: u32| u64::from(count) * size_of::<Val>() as u64;
         Ok(Self {
-            all: gpu.buffer("rsm.vals", bytes(count))?,
+            all: gpu.buffer(&format!("{stage}.vals"), bytes(count))?,
             count,
-            flags: gpu.buffer("rsm.val_flags", 4 * u64::from(count))?,
-            blocks: gpu.buffer("rsm.val_blocks", 4 * u64::from(count.div_ceil(PACK_BLOCK)))?,
-            live: gpu.buffer("rsm.live_vals", bytes(count.next_multiple_of(VAL_TILE)))?,
-            live_count: gpu.buffer("rsm.live_val_count", 4)?,
+            flags: gpu.buffer(&format!("{stage}.val_flags"), 4 * u64::from(count))?,
+            blocks: gpu.buffer(&format!("{stage}.val_blocks"), 4 * u64::from(count.div_ceil(PACK_BLOCK)))?,
+            live: gpu.buffer(&format!("{stage}.live_vals"), bytes(count.next_multiple_of(VAL_TILE)))?,
+            live_count: gpu.buffer(&format!("{stage}.live_val_count"), 4)?,
             emitted: None,
         })
     }
 
     /// So many, of which the last are given and stay.
     pub(super) fn with(gpu: &Gpu, count: u32, last: &[Val], weight: ProxyWeight) -> Result<Self> {
-        let made = Self::new(gpu, count)?;
+        let made = Self::new(gpu, "rsm", count)?;
         if last.is_empty() {
             return Ok(made);
         }
@@ -84,7 +85,7 @@ impl Vals {
         padded.resize(vals.len().next_multiple_of(VAL_TILE as usize), Val { area: 1.0, ..Val::default() });
         let count = vals.len() as u32;
         let live = gpu.buffer_from("rsm.live_vals", &padded)?;
-        Ok(Self { live, live_count: gpu.buffer_from("rsm.live_val_count", &[count])?, ..Self::new(gpu, count)? })
+        Ok(Self { live, live_count: gpu.buffer_from("rsm.live_val_count", &[count])?, ..Self::new(gpu, "rsm", count)? })
     }
 }
 

@@ -1,6 +1,7 @@
 //! Stage 5, first half: what pixels show -> the vertices, or cells of surfaces, that stages 5, 6 and 8 have to work on.
 //! METHOD 9. Every view has a list of its own; what culling flags is the union.
 
+use super::plan::Plan;
 use super::view::View;
 use super::world::World;
 use crate::error::{Error, Result};
@@ -21,6 +22,8 @@ pub struct VisibleList {
     pub lights: Buffer,
     /// Share of the sky's light that arrives at vertices; only where caches see it.
     pub sky_lights: Option<Buffer>,
+    /// Irradiance from below at vertices; only where light goes on inside bodies, and without cells.
+    pub below: Option<Buffer>,
     /// How many.
     pub args: Buffer,
     /// `args` of none.
@@ -30,11 +33,11 @@ pub struct VisibleList {
 }
 
 impl VisibleList {
-    /// Room for a picture of this size, with or without the light of a sky.
+    /// Room for a picture of this size.
     ///
     /// # Errors
     /// What the device has no memory for.
-    pub fn new(gpu: &Gpu, world: &World, sky: bool, [w, h]: [u32; 2]) -> Result<Self> {
+    pub fn new(gpu: &Gpu, world: &World, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
         let all = u64::from(world.slot_count.max(1));
         let pixels = u64::from(w) * u64::from(h);
         let by_cells = world.cells.is_some();
@@ -45,8 +48,12 @@ impl VisibleList {
             slots: gpu.buffer("visible.slots", 4 * if by_cells { pixels } else { all })?,
             list: gpu.buffer("visible.list", most * size_of::<VisibleVertex>() as u64)?,
             lights: gpu.buffer("visible.lights", if by_cells { 1 } else { most } * size_of::<VertexLight>() as u64)?,
-            sky_lights: sky
+            sky_lights: plan
+                .sky_light
                 .then(|| gpu.buffer("visible.sky_lights", if by_cells { 1 } else { most } * size_of::<Vec3>() as u64))
+                .transpose()?,
+            below: (plan.inside && !by_cells)
+                .then(|| gpu.buffer("visible.below", most * size_of::<Vec3>() as u64))
                 .transpose()?,
             args: gpu.buffer("visible.args", size_of::<VisibleArgs>() as u64)?,
             none: gpu.buffer_from("visible.none", &[none])?,

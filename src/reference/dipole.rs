@@ -5,7 +5,8 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use crate::scene::medium::{Medium, fresnel};
+use crate::scene::medium::{Medium, fresnel, source};
+pub use crate::scene::medium::{diffuse_reflectance, widest};
 
 /// Light that has entered a body through one texel of an RSM, or around one cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -18,31 +19,6 @@ pub struct InnerVal {
     pub area: f64,
     /// Flux below the surface \[lm\].
     pub flux: DVec3,
-}
-
-/// One source of a dipole, `z` \[m\] below or above the surface at lateral distance `r`: its share of `R_d` [1/m^2] without
-/// albedo. Sources nearer to the surface than `widest` \[m\] are moved away from it and decay no faster than that, with the same
-/// integral over the plane: texels do not show where mean free paths are smaller than they are.
-pub fn source(r: f64, z: f64, sigma_tr: f64, widest: f64) -> f64 {
-    let deep = z.max(widest);
-    let decay = sigma_tr.min((sigma_tr * z).max(1.0) / deep);
-    let d = r.hypot(deep);
-    deep * (1.0 + decay * d) * (-decay * (d - deep) - sigma_tr * z).exp() / (4.0 * PI * d.powi(3))
-}
-
-/// `R_d` [1/m^2]: what leaves at distance `r` \[m\] of what has entered, by channel (5.83, without its first `1/sigma_t'`),
-/// with sources at least `widest` \[m\] from the surface.
-pub fn diffuse_reflectance(medium: &Medium, r: f64, widest: f64) -> DVec3 {
-    let of = |i: usize| {
-        let at = |z: f64| source(r, z, medium.sigma_tr[i], widest);
-        medium.albedo[i] * (at(medium.z_r[i]) + at(medium.z_v[i]))
-    };
-    DVec3::new(of(0), of(1), of(2))
-}
-
-/// By how much texels of this area widen dipoles \[m\].
-pub fn widest(area: f64) -> f64 {
-    area.sqrt()
 }
 
 /// What all VALs inside a body give to one cache: a dipole of each channel that stands for them.
@@ -95,18 +71,21 @@ fn spread(medium: &Medium, channel: usize, r2: f64, variance: f64, wide: f64) ->
     // What is spread is as far away as it is in the root mean square, and as wide.
     let wide = (wide * wide + 0.5 * variance).sqrt();
     let at = |z: f64| source(r2.sqrt(), z, medium.sigma_tr[channel], wide);
-    at(medium.z_r[channel]) + at(medium.z_v[channel])
+    medium.share[channel] * (at(medium.z_r[channel]) + at(medium.z_v[channel]))
 }
 
 /// Irradiance from below \[lx\] at a point, from the proxies of caches around it, with positions \[m\] and weights: (5.92), (5.93)
 /// with positions averaged, and scales as the quotient of averages.
 pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole)]) -> DVec3 {
+    let all: f64 = caches.iter().map(|(_, weight, _)| weight).sum();
+    let middle = caches.iter().map(|(position, weight, _)| *weight * (*position - x)).sum::<DVec3>() / all;
+    let apart = caches.iter().map(|(position, weight, _)| weight * (*position - x).length_squared()).sum::<f64>() / all
+        - middle.length_squared();
     let mut irradiance = DVec3::ZERO;
     for i in 0..3 {
-        let (mut all, mut sum, mut lit, mut place) = (0.0, 0.0, 0.0, DVec3::ZERO);
+        let (mut sum, mut lit, mut place) = (0.0, 0.0, DVec3::ZERO);
         let (mut second, mut variance, mut wide) = (0.0, 0.0, 0.0);
         for (position, weight, proxy) in caches {
-            all += weight;
             sum += weight * proxy.irradiance[i];
             if proxy.irradiance[i] > 0.0 {
                 let at = *position + proxy.place[i] - x;
@@ -121,14 +100,18 @@ pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole
             continue;
         }
         let (place, wide) = (place / lit, wide / lit);
-        let variance = variance / lit + (second / lit - place.length_squared()).max(0.0);
+        let between = (second / lit - place.length_squared()).max(0.0);
+        let variance = variance / lit + between;
+        // Where places move as caches do, light is all around, and irradiance itself is what to average.
+        let follows = (between / apart.max(1e-30)).clamp(0.0, 1.0);
         let (mut own, mut weights) = (0.0, 0.0);
         for (_, weight, proxy) in caches.iter().filter(|(_, _, proxy)| proxy.irradiance[i] > 0.0) {
             own += weight * spread(medium, i, proxy.place[i].length_squared(), variance, wide);
             weights += weight;
         }
         let here = spread(medium, i, place.length_squared(), variance, wide);
-        irradiance[i] = sum / all * (here * weights / own.max(f64::MIN_POSITIVE)).min(MOST_BRIGHTER);
+        let brighter = (here * weights / own.max(f64::MIN_POSITIVE)).min(MOST_BRIGHTER);
+        irradiance[i] = sum / all * brighter.powf(1.0 - follows);
     }
     irradiance
 }

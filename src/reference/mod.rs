@@ -43,5 +43,6 @@ pub mod sky;
 pub mod tonemap;
 /// Triangles and the nearest one along a ray.
 pub mod triangle;
+pub mod volume;
 /// Rays against a whole scene.
 pub mod world;

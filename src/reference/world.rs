@@ -55,6 +55,8 @@ pub enum Sides {
     Front,
     /// Both: what light meets. Of a double-sided material's two triangles, the one that faces the origin.
     Both,
+    /// Both, holes and all: what light inside a body meets.
+    Any,
 }
 
 /// Where a ray meets a surface.
@@ -91,6 +93,16 @@ pub struct Surface {
     pub reflection: Reflectance,
     /// Emitted radiance [cd/m^2] on the front; zero behind.
     pub emission: DVec3,
+    /// What is below it scatters light: instance and material.
+    pub inside: Option<(usize, usize)>,
+}
+
+impl Surface {
+    /// The same point, looked at from the other side.
+    pub fn turned(self) -> Self {
+        let Self { geometric, vertex_normal, normal, .. } = self;
+        Self { geometric: -geometric, vertex_normal: -vertex_normal, normal: -normal, ..self }
+    }
 }
 
 impl<'a> World<'a> {
@@ -239,7 +251,11 @@ impl<'a> World<'a> {
             front,
             index,
         };
-        let cutoff = if sides == Sides::Front { material.seen_cutoff() } else { material.alpha_cutoff };
+        let cutoff = match sides {
+            Sides::Front => material.seen_cutoff(),
+            Sides::Both => material.alpha_cutoff,
+            Sides::Any => None,
+        };
         if let Some(cutoff) = cutoff {
             let [a, b, c] = self.corners(&hit);
             let (uv, color) = interpolated(&hit, a, b, c);
@@ -323,6 +339,7 @@ impl<'a> World<'a> {
             vertex_normal: facing * own_normal,
             normal: facing * normal,
             reflection: material.reflectance(self.scene, uv, color),
+            inside: material.subsurface.map(|_| (hit.instance, hit.material)),
             emission: if hit.front { (material.emissive * emitted).as_dvec3() } else { DVec3::ZERO },
         }
     }

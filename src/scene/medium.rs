@@ -1,7 +1,10 @@
 //! Media that scatter light below a surface: coefficients, measured presets, and what the dipole model makes of them.
 //! METHOD 7; Jensen, Marschner, Levoy and Hanrahan 2001, "A Practical Model for Subsurface Light Transport".
 
+use std::f64::consts::PI;
+
 use glam::{DVec3, Vec3};
+use rayon::prelude::*;
 
 /// Least and largest reduced extinction [1/m] that is computed with: mean free paths of a thousand kilometres and of a
 /// nanometre. Single precision holds what follows from either.
@@ -104,6 +107,8 @@ pub struct Medium {
     pub ior: f64,
     /// Share of even light that enters, from outside.
     pub entering: f64,
+    /// Factor on `R_d` of a body that is no half space; see [`Medium::in_body`].
+    pub share: DVec3,
 }
 
 impl Medium {
@@ -114,7 +119,8 @@ impl Medium {
         let clamped = |x: f64| x.clamp(EXTINCTION[0], EXTINCTION[1]);
         let extinction = DVec3::from((reduced + absorption).to_array().map(clamped));
         // Beyond the bounds the albedo stays.
-        let albedo = (reduced / (reduced + absorption).max(DVec3::splat(f64::MIN_POSITIVE))).clamp(DVec3::ZERO, DVec3::ONE);
+        let albedo =
+            (reduced / (reduced + absorption).max(DVec3::splat(f64::MIN_POSITIVE))).clamp(DVec3::ZERO, DVec3::ONE);
         let ior = f64::from(of.ior);
         let z_r = extinction.recip();
         Self {
@@ -125,6 +131,7 @@ impl Medium {
             z_v: z_r * (1.0 + 4.0 / 3.0 * boundary(ior)),
             ior,
             entering: 1.0 - mean_fresnel(ior),
+            share: DVec3::ONE,
         }
     }
 
@@ -132,6 +139,53 @@ impl Medium {
     pub fn diffuse_albedo(&self) -> DVec3 {
         DVec3::from(self.albedo.to_array().map(|albedo| diffuse_albedo(albedo, boundary(self.ior))))
     }
+}
+
+impl Medium {
+    /// The same in a body of which these are points of the surface \[m\], evenly spread, with the area [m^2] of each. `R_d` is of a
+    /// half space: a thin body would send on more than has come, a small one loses what would leave beyond its end. A body sends on
+    /// no less than a half space, since nothing stays in it longer, and no more than all.
+    pub fn in_body(self, points: &[DVec3], area: f64) -> Self {
+        if points.is_empty() {
+            return self;
+        }
+        let wide = widest(area);
+        let sum_at =
+            |x: &DVec3| -> DVec3 { points.iter().map(|y| diffuse_reflectance(&self, x.distance(*y), wide)).sum() };
+        let sums: Vec<DVec3> = points.par_iter().map(sum_at).collect();
+        let sent = sums.into_iter().sum::<DVec3>() * (area / points.len() as f64);
+        let bounded = sent.clamp(self.diffuse_albedo(), DVec3::ONE);
+        let share = bounded / sent.max(DVec3::splat(f64::MIN_POSITIVE));
+        Self { share: DVec3::select(sent.cmpgt(DVec3::ZERO), share.min(DVec3::splat(MOST_SHARE)), DVec3::ONE), ..self }
+    }
+}
+
+/// Largest factor on `R_d`: of bodies that are far smaller than a mean free path.
+const MOST_SHARE: f64 = 1e3;
+
+/// One source of a dipole, `z` \[m\] below or above the surface at lateral distance `r`: its share of `R_d` [1/m^2] without
+/// albedo. Sources nearer to the surface than `widest` \[m\] are moved away from it and decay no faster than that, with the same
+/// integral over the plane: texels do not show where mean free paths are smaller than they are.
+pub fn source(r: f64, z: f64, sigma_tr: f64, widest: f64) -> f64 {
+    let deep = z.max(widest);
+    let decay = sigma_tr.min((sigma_tr * z).max(1.0) / deep);
+    let d = r.hypot(deep);
+    deep * (1.0 + decay * d) * (-decay * (d - deep) - sigma_tr * z).exp() / (4.0 * PI * d.powi(3))
+}
+
+/// `R_d` [1/m^2]: what leaves at distance `r` \[m\] of what has entered, by channel (5.83, without its first `1/sigma_t'`),
+/// with sources at least `widest` \[m\] from the surface, times the body's share.
+pub fn diffuse_reflectance(medium: &Medium, r: f64, widest: f64) -> DVec3 {
+    let of = |i: usize| {
+        let at = |z: f64| source(r, z, medium.sigma_tr[i], widest);
+        medium.share[i] * medium.albedo[i] * (at(medium.z_r[i]) + at(medium.z_v[i]))
+    };
+    DVec3::new(of(0), of(1), of(2))
+}
+
+/// By how much texels of this area widen dipoles \[m\].
+pub fn widest(area: f64) -> f64 {
+    area.sqrt()
 }
 
 /// `A` of the boundary condition, from the share of diffuse light that is reflected inside (5.77).

@@ -9,6 +9,7 @@ mod area_lights;
 mod cells;
 pub(super) mod deform;
 mod emitters;
+mod filled;
 pub mod lights;
 mod model_caches;
 mod movers;
@@ -21,6 +22,7 @@ mod update;
 pub use area_lights::AreaLight;
 pub use cells::CellBuffers;
 pub use deform::DeformBuffers;
+pub use filled::FilledBuffers;
 pub(super) use lights::LightInfo;
 pub use sky::{SkyBuffer, SkyLight};
 
@@ -120,6 +122,8 @@ pub struct World {
     albedos: OnceCell<CacheAlbedos>,
     /// What rays meet, once a frame has asked for it.
     rays: OnceCell<RayBuffers>,
+    /// Bodies that are filled, where there are any.
+    pub filled: Option<FilledBuffers>,
     /// The caches as they were baked.
     caches: Option<CacheSet>,
     /// What decides which stages there are.
@@ -323,6 +327,7 @@ impl World {
             view_buffer: gpu.buffer_from("scene.light_views", &dynamic.views)?,
             instances: gpu.buffer_from("scene.instances", &dynamic.instances)?,
             deform: DeformBuffers::new(gpu, scene, &first_posed)?,
+            filled: FilledBuffers::new(gpu, (scene, &layouts), &draws, (&model_caches, &cache_surfaces))?,
             cache_count: model_caches.len() as u32,
             model_caches: gpu.buffer_from("scene.model_caches", &model_caches)?,
             placed_caches: model_caches,

@@ -8,7 +8,7 @@ use glam::{DMat3, DVec3, Vec2, Vec3, Vec4};
 
 /// The surface that a cache lies on.
 pub(super) struct CacheSurface {
-    material: usize,
+    pub(super) material: usize,
     uv: [Vec2; 2],
 }
 

@@ -32,6 +32,7 @@ pub(super) fn material(m: &Material) -> shared::Material {
         coat_roughness: m.coat_roughness,
         sheen_color: m.sheen_color,
         sheen_roughness: m.sheen_roughness,
+        is_filled: m.subsurface.is_some().into(),
     }
 }
 

@@ -8,6 +8,7 @@ use crate::frame::plan::Features;
 use crate::frame::revision::new_revision;
 use crate::gpu::{Cmd, Gpu, Use};
 use crate::scene::animation::Quantity;
+use crate::scene::medium::Subsurface;
 use crate::scene::{Instance, Material, Sampler, Scene};
 use crate::shared::{self, Joint, LightView, RIGID, TEXTURE_COUNT, TextureSlot};
 use glam::{DMat3, DMat4, DVec3, Mat4};
@@ -87,6 +88,8 @@ struct MaterialStructure {
     seen_through: bool,
     /// Whether a coat or sheen lies over it.
     coated: bool,
+    /// What fills it.
+    inside: Option<Subsurface>,
     /// Whether it may shine.
     emits: bool,
     textures: [Option<(usize, Sampler)>; TEXTURE_COUNT as usize],
@@ -99,6 +102,7 @@ impl MaterialStructure {
             masked: material.alpha_cutoff.is_some(),
             seen_through: material.is_seen_through(),
             coated: material.is_coated(),
+            inside: material.subsurface,
             emits: scene.emission(index).is_some(),
             textures,
         }
@@ -118,7 +122,7 @@ impl Structure {
         self.meshes.iter().copied().eq(scene.instances.iter().map(|instance| instance.mesh))
     }
 
-    /// Whether its materials have the same textures and holes, and the same of them may shine.
+    /// Whether its materials have the same textures, holes and insides, and the same of them may shine.
     fn has_materials_of(&self, scene: &Scene) -> bool {
         scene.materials.len() == self.materials.len()
             && (scene.materials.iter().enumerate().zip(&self.materials))

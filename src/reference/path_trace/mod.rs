@@ -8,6 +8,7 @@
 
 mod emitters;
 mod file;
+mod inside;
 mod scatter;
 mod sky;
 
@@ -176,7 +177,8 @@ impl<'a> PathTrace<'a> {
     /// Whether the picture has no noise, whatever the number of samples: that of punctual lights' direct light.
     pub fn is_exact(&self) -> bool {
         let sampled = self.emitters.has_surfaces() || self.emitters.has_soft() || self.sky.is_some();
-        !self.settings.spread && self.settings.bounces == Some(0) && !sampled
+        let below = self.world.scene().materials.iter().any(|material| material.subsurface.is_some());
+        !self.settings.spread && self.settings.bounces == Some(0) && !sampled && !below
     }
 
     /// Adds [`PASS_SAMPLES`] samples to every pixel, on all cores.
@@ -203,9 +205,9 @@ impl<'a> PathTrace<'a> {
             } else {
                 let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
                 for (share, surface) in self.seen(origin, direction).0 {
-                    let scatter = Scatter::new(&surface, direction);
+                    let scatter = self.scatter(&surface, direction);
                     for sample in first..first + PASS_SAMPLES {
-                        sum.add(share, &self.sample(&scatter, seed, sample));
+                        sum.add(share, &self.sample((&scatter, &surface), direction, seed, sample));
                     }
                 }
             }
@@ -271,7 +273,7 @@ impl<'a> PathTrace<'a> {
 
     /// What a surface sends that takes no sampling: emission, and the light of punctual lights that it reflects.
     fn at_once(&self, surface: &Surface, direction: DVec3) -> DVec3 {
-        let scatter = Scatter::new(surface, direction);
+        let scatter = self.scatter(surface, direction);
         let reflected = |towards| scatter.reflected(towards);
         let which = (None, Which::Sharp);
         let (light, _) =
@@ -362,15 +364,19 @@ impl<'a> PathTrace<'a> {
             (radiance.behind, radiance.missed) = (radiance.direct, 1.0);
         }
         for (share, surface) in surfaces {
-            radiance.add(share, &self.sample(&Scatter::new(&surface, direction), seed, sample));
+            radiance.add(share, &self.sample((&self.scatter(&surface, direction), &surface), direction, seed, sample));
             radiance.direct += share * self.at_once(&surface, direction);
         }
         radiance
     }
 
-    fn sample(&self, seen: &Scatter, seed: u32, sample: u32) -> Radiance {
+    /// All light of a sample of a surface; `seen` is what of it scatters light there.
+    fn sample(&self, (seen, surface): (&Scatter, &Surface), direction: DVec3, seed: u32, sample: u32) -> Radiance {
         let mut radiance = Radiance::default();
         let seed = mix(seed ^ mix(self.settings.seed ^ mix(sample / SEQUENCE)));
+        if self.looks_inside(surface) {
+            radiance.direct += self.light_inside(surface, direction, seed, sample);
+        }
         if self.emitters.has_soft() {
             let [x, y, ..] = sample_4d(sample % SEQUENCE, 4, seed).map(f64::from);
             let reflected = |towards| seen.reflected(towards);

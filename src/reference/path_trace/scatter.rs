@@ -10,6 +10,7 @@ use crate::reference::coat::Coat;
 use crate::reference::gather::luminance;
 use crate::reference::phong::DIFFUSE_LOBE;
 use crate::reference::world::Surface;
+use crate::scene::medium::{Medium, fresnel};
 
 /// A point that scatters light towards a viewer.
 #[derive(Clone, Copy, Debug)]
@@ -26,6 +27,8 @@ pub(super) struct Scatter {
     coat: Coat,
     /// Whether the sheen is there: it goes with the diffuse lobe, the coat with the glossy one.
     shines: bool,
+    /// Where light has come out of a body: how it enters there.
+    entering: Option<Medium>,
     /// Probability that a direction is drawn from the glossy lobe, from the coat's, and of all of the hemisphere for sheen.
     chances: [f64; 3],
 }
@@ -44,6 +47,7 @@ impl Scatter {
             lobe,
             coat: Coat::new(over, [surface.normal, surface.vertex_normal], direction),
             shines: over.sheen != Vec3::ZERO,
+            entering: None,
             chances: [0.0; 3],
         }
         .weighed(over.shone(cosine).0)
@@ -68,8 +72,20 @@ impl Scatter {
             lobe: Lobe::NONE,
             coat: Coat::NONE,
             shines: false,
+            entering: None,
             chances: [0.0; 3],
         }
+    }
+
+    /// Without the diffuse lobe: of a body that light goes on in.
+    pub(super) fn on_the_surface(self) -> Self {
+        Self { diffuse: DVec3::ZERO, ..self.glossy() }
+    }
+
+    /// A point where light enters a body of this medium: from each direction what Fresnel lets in, and inside it goes on as even
+    /// light would.
+    pub(super) fn entering(surface: &Surface, medium: Medium) -> Self {
+        Self { diffuse: DVec3::ONE, entering: Some(medium), ..Self::sending_on(surface) }
     }
 
     /// The diffuse lobe and the sheen alone.
@@ -108,6 +124,9 @@ impl Scatter {
         let mut brdf = self.diffuse * DIFFUSE_LOBE;
         if self.chances[0] > 0.0 {
             brdf += self.lobe.brdf(towards);
+        }
+        if let Some(medium) = &self.entering {
+            brdf *= (1.0 - fresnel(cosine, medium.ior)) / medium.entering;
         }
         let sheen = if self.shines { self.coat.shone(towards) } else { DVec3::ZERO };
         brdf * (cosine * self.coat.under) + sheen + coat

@@ -260,13 +260,16 @@ impl Reader<'_, '_> {
                     Some(value) if value.is_number() => positive("radius", 1e-9, 1e6)?.map(Vec3::splat),
                     _ => channels("radius", 1e-9, 1e6)?,
                 };
-                let radius = radius.ok_or_else(|| own.error("has a color but no radius, the mean free path in metres"))?;
+                let radius =
+                    radius.ok_or_else(|| own.error("has a color but no radius, the mean free path in metres"))?;
                 Subsurface::of_color(color, radius, ior)
             }
             (None, None, Some(sigma_s)) => {
                 let sigma_a = channels("sigma_a", 0.0, 1e9)?.ok_or_else(|| own.error("has sigma_s but no sigma_a"))?;
                 if (sigma_s + sigma_a).min_element() <= 0.0 {
-                    return Err(own.error("sigma_s and sigma_a are both 0 in a channel: nothing would stop light there"));
+                    return Err(
+                        own.error("sigma_s and sigma_a are both 0 in a channel: nothing would stop light there")
+                    );
                 }
                 let g = positive("g", -0.99, 0.99)?.unwrap_or(0.0);
                 Subsurface { sigma_s, sigma_a, g, ior, scale: 1.0 }
@@ -283,7 +286,8 @@ impl Reader<'_, '_> {
             (material.blend, material.alpha_cutoff) = (false, None);
         }
         if material.base_color_texture.is_some() && material.alpha_cutoff.is_none() {
-            self.notes.add(format!("{}: what is inside gives the colour; the base colour's texture is not used.", own.place));
+            self.notes
+                .add(format!("{}: what is inside gives the colour; the base colour's texture is not used.", own.place));
             material.base_color_texture = None;
         }
         material.fill(medium);

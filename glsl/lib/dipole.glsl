@@ -1,0 +1,131 @@
+// Light below a surface: the dipole model, and the average of proxy dipoles. METHOD 7, thesis 5.5. Twin: src/reference/dipole.rs.
+#ifndef DIPOLE_GLSL
+#define DIPOLE_GLSL
+#include "lib/form_factor.glsl"
+
+// Most by which a point is brighter than the mean of its caches: where light falls between them.
+const float MOST_BRIGHTER = 64.0;
+
+// Irradiance below which a cache counts as dark: single precision has no more digits for it.
+const float LEAST_IRRADIANCE = 1e-37;
+
+// Weight of a cache at this distance, whatever the normals. (5.91); a single reference is the farthest one, too.
+float dipole_weight(float d, float d_max) {
+    return max(1.0 - d / d_max, 1e-6);
+}
+
+// One source of each channel's dipole at a lateral distance whose square is `r2`, `z` below or above the surface: its share of
+// R_d [1/m^2]. `widest`: of the texel that it stands for. (5.83), without its first 1/sigma_t'.
+vec3 dipole_source(vec3 r2, vec3 z, vec3 sigma_tr, vec3 of_source, vec3 widest) {
+    vec3 deep = max(z, widest);
+    vec3 decay = min(sigma_tr, max(sigma_tr * z, vec3(1.0)) / deep);
+    vec3 d = sqrt(r2 + deep * deep);
+    return of_source * deep * (1.0 + decay * d) * exp(-decay * (d - deep)) / (4.0 * PI * d * d * d);
+}
+
+// R_d [1/m^2] by channel.
+vec3 diffuse_reflectance(Filled f, vec3 r2, vec3 widest) {
+    return dipole_source(r2, f.z_r, f.sigma_tr, f.of_real, widest) + dipole_source(r2, f.z_v, f.sigma_tr, f.of_virtual, widest);
+}
+
+// By how much texels of this area widen dipoles [m].
+float widest_of(float area) {
+    return sqrt(area);
+}
+
+// R_d of light that is spread by this variance about its place.
+vec3 spread_reflectance(Filled f, vec3 r2, vec3 variance, vec3 widest) {
+    return diffuse_reflectance(f, r2, sqrt(widest * widest + 0.5 * variance));
+}
+
+// Share of unpolarised light that a smooth boundary reflects; `ior` is that of the far side over this one's.
+float dielectric_fresnel(float cosine, float ior) {
+    float c = min(abs(cosine), 1.0);
+    float below = 1.0 - (1.0 - c * c) / (ior * ior);
+    if (below <= 0.0) {
+        return 1.0;
+    }
+    float t = sqrt(below);
+    float s = (c - ior * t) / (c + ior * t);
+    float p = (ior * c - t) / (ior * c + t);
+    return 0.5 * (s * s + p * p);
+}
+
+// Radiance that a viewer at this cosine sees of irradiance from below.
+vec3 leaving(Filled f, float cosine, vec3 irradiance) {
+    return irradiance * ((1.0 - dielectric_fresnel(max(cosine, 0.0), f.ior)) / (f.entering * PI));
+}
+
+// Sums over caches, by channel.
+struct Dipoles {
+    float all; // of weights
+    vec3 from; // caches from the point
+    float from2; // of squares of these
+    vec3 irradiance;
+    vec3 lit; // of weights of those that are lit
+    vec3 place_r; // from the point
+    vec3 place_g;
+    vec3 place_b;
+    vec3 second; // of squares of these
+    vec3 variance;
+    vec3 widest;
+    vec3 follows; // whether places move as caches do: 0 where all know one place, 1 where each has its own
+};
+
+Dipoles no_dipoles() {
+    vec3 o = vec3(0.0);
+    return Dipoles(0.0, o, 0.0, o, o, o, o, o, o, o, o, o);
+}
+
+// Adds a cache's proxy; `from` is the cache's place from the point.
+void take_dipole(inout Dipoles s, float w, ProxyDipole p, vec3 from) {
+    vec3 lit = w * vec3(greaterThan(p.irradiance, vec3(0.0)));
+    vec3 r = from + p.place_r;
+    vec3 g = from + p.place_g;
+    vec3 b = from + p.place_b;
+    s.all += w;
+    s.from += w * from;
+    s.from2 += w * dot(from, from);
+    s.irradiance += w * p.irradiance;
+    s.lit += lit;
+    s.place_r += lit.r * r;
+    s.place_g += lit.g * g;
+    s.place_b += lit.b * b;
+    s.second += lit * vec3(dot(r, r), dot(g, g), dot(b, b));
+    s.variance += lit * p.variance;
+    s.widest += lit * p.widest;
+}
+
+// The mean of all: `lit`, places, `variance`, that of the places included, and `widest`.
+Dipoles mean_dipoles(Dipoles s) {
+    vec3 share = 1.0 / max(s.lit, vec3(1e-30));
+    s.place_r *= share.r;
+    s.place_g *= share.g;
+    s.place_b *= share.b;
+    s.widest *= share;
+    vec3 squares = vec3(dot(s.place_r, s.place_r), dot(s.place_g, s.place_g), dot(s.place_b, s.place_b));
+    vec3 between = max(s.second * share - squares, vec3(0.0));
+    vec3 middle = s.from / max(s.all, 1e-30);
+    float apart = max(s.from2 / max(s.all, 1e-30) - dot(middle, middle), 1e-30);
+    s.follows = clamp(between / apart, 0.0, 1.0);
+    s.variance = s.variance * share + between;
+    s.second = squares;
+    return s;
+}
+
+// What a cache's own dipole gives it, by the width that the mean has.
+vec3 own_reflectance(Filled f, Dipoles mean, ProxyDipole p) {
+    vec3 r2 = vec3(dot(p.place_r, p.place_r), dot(p.place_g, p.place_g), dot(p.place_b, p.place_b));
+    return spread_reflectance(f, r2, mean.variance, mean.widest) * vec3(greaterThan(p.irradiance, vec3(0.0)));
+}
+
+// Irradiance from below at the point [lx]; `own` is the sum of the caches' own reflectances by their weights. (5.92), (5.93) with
+// scales as the quotient of averages.
+vec3 irradiance_below(Filled f, Dipoles mean, vec3 own) {
+    vec3 here = spread_reflectance(f, mean.second, mean.variance, mean.widest);
+    vec3 brighter = clamp(here * mean.lit / max(own, vec3(1e-37)), vec3(1e-37), vec3(MOST_BRIGHTER));
+    brighter = exp2((1.0 - mean.follows) * log2(brighter));
+    return mean.all > 0.0 ? mean.irradiance / mean.all * brighter : vec3(0.0);
+}
+
+#endif

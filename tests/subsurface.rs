@@ -1,0 +1,585 @@
+//! Light below surfaces: the dipole's integral, shaders against their twins, files, whole frames against brute force, walks at
+//! random, and what no light can do.
+
+use std::f64::consts::TAU;
+
+use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
+use lightskin::bake::NO_CACHE;
+use lightskin::frame::check::Check;
+use lightskin::frame::{Antialiasing, ClusterRule, LightShadows, Near, Settings, Shadows, View, World};
+use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
+use lightskin::metrics::metrics;
+use lightskin::reference::dipole::{InnerVal, ProxyDipole, diffuse_reflectance, gather, interpolate, widest};
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
+use lightskin::reference::volume::{Volume, refracted, walk};
+use lightskin::scene::build::{CornellSurface, quad, sphere};
+use lightskin::scene::medium::{Medium, Subsurface, fresnel};
+use lightskin::scene::write::write_glb;
+use lightskin::scene::{Light, LightKind, Material, Scene};
+use lightskin::shared::{self, HOLLOW};
+use serde_json::{Value, json};
+
+use crate::bake::meshes::Random;
+use crate::common::frames::{add, baked, camera, lamp, phong, shoot, small};
+use crate::common::{Builder, assert_clean, gpu};
+use crate::moving;
+use crate::shaders::{check4, random};
+use crate::views::{compare, plain, room};
+
+const DIPOLE: &[&str] = &["shared.glsl", "lib/dipole.glsl"];
+
+fn of(sigma_s: f32, sigma_a: f32, g: f32, ior: f32) -> Subsurface {
+    Subsurface { sigma_s: Vec3::splat(sigma_s), sigma_a: Vec3::splat(sigma_a), g, ior, scale: 1.0 }
+}
+
+fn filled(inside: Subsurface) -> Material {
+    let mut material = Material { roughness: 0.5, specular: 0.0, ..Material::default() };
+    material.fill(inside);
+    material
+}
+
+// Formulas.
+
+#[test]
+fn what_leaves_is_the_dipoles_integral() {
+    for name in Subsurface::presets() {
+        let medium = Subsurface::preset(name).expect("a preset").medium();
+        for i in 0..3 {
+            // Sources as deep as they are, and moved as far as large texels do.
+            for widest in [0.0, 0.3 * medium.z_r[i], 10.0 * medium.z_r[i]] {
+                // In steps of the logarithm of the distance; what is left out at either end is less than 1e-5.
+                let (low, high, steps) = (1e-4 * medium.z_r[i], 1e5 * (medium.z_r[i] + widest), 4000);
+                let ratio = f64::powf(high / low, 1.0 / f64::from(steps));
+                let ring = |step: i32| {
+                    let r = low * ratio.powf(f64::from(step) + 0.5);
+                    TAU * r * r * ratio.ln() * diffuse_reflectance(&medium, r, widest)[i]
+                };
+                let sum: f64 = (0..steps).map(ring).sum();
+                let root = (3.0 * (1.0 - medium.albedo[i])).sqrt();
+                let a = 0.75 * (medium.z_v[i] / medium.z_r[i] - 1.0);
+                let whole = 0.5 * medium.albedo[i] * (1.0 + (-4.0 / 3.0 * a * root).exp()) * (-root).exp();
+                assert!((sum / whole - 1.0).abs() < 1e-3, "{name} {i}: {sum} instead of {whole}");
+                assert!((medium.diffuse_albedo()[i] / whole - 1.0).abs() < 1e-12);
+            }
+        }
+    }
+}
+
+#[test]
+fn colours_come_back() {
+    let (color, radius) = (vec3(0.9, 0.5, 0.02), vec3(0.01, 0.002, 3.0));
+    for ior in [1.0, 1.3, 2.5] {
+        let medium = Subsurface::of_color(color, radius, ior).medium();
+        assert!((medium.diffuse_albedo() - color.as_dvec3()).abs().max_element() < 1e-4, "{medium:?}");
+        assert!((medium.z_r / radius.as_dvec3() - 1.0).abs().max_element() < 1e-4, "{medium:?}");
+    }
+}
+
+#[test]
+fn shaders_are_the_twins() {
+    // Distance, texel, reduced scattering, absorption [1/m], index of refraction.
+    let mut inputs = random(91, 4000, [(0.0, 1.0), (0.0, 1.0), (1.0, 1e3), (0.0, 100.0), (1.0, 2.5)]);
+    for x in &mut inputs {
+        (x[0], x[1]) = (0.1 * x[0].powi(4), 0.05 * x[1].powi(4));
+    }
+    inputs.extend([[0.0, 0.0, 1e3, 0.0, 1.3], [1e3, 0.0, 1e3, 1e3, 1.3], [0.0, 0.0, 1e8, 1.0, 1.5]]);
+    let medium = |x: &[f64; 5]| of(x[2] as f32, x[3] as f32, 0.0, x[4] as f32).medium();
+    // The host makes a part's numbers; here the shader does, of what the twin has.
+    let dr = "clamp(-1.44 / (x[4] * x[4]) + 0.71 / x[4] + 0.668 + 0.0636 * x[4], 0.0, 0.999)";
+    let z_r = "(1.0 / (x[2] + x[3]))";
+    let z_v = format!("({z_r} * (1.0 + 4.0 / 3.0 * (1.0 + {dr}) / (1.0 - {dr})))");
+    let a = "(x[2] / (x[2] + x[3]))";
+    let tr = format!("(sqrt(3.0 * x[3] / (x[2] + x[3])) / {z_r})");
+    let made = format!(
+        "Filled(vec3({z_r}), 1.0, vec3({z_v}), x[4], vec3({tr}), vec3({a} * exp(-{tr} * {z_r})), vec3({a} * exp(-{tr} * {z_v})))"
+    );
+    let expression =
+        format!("vec4(diffuse_reflectance({made}, vec3(x[0] * x[0]), vec3(x[1])), dielectric_fresnel(x[1], x[4]))");
+    // An exponent of 100 is rounded by 1e-5.
+    check4(
+        DIPOLE,
+        &expression,
+        &inputs,
+        |_| (3e-4, 2e-6),
+        |x| {
+            let r = diffuse_reflectance(&medium(x), x[0], x[1]);
+            [r.x, r.y, r.z, fresnel(x[1], x[4])]
+        },
+    );
+}
+
+// Files.
+
+fn file_of(own: &Value) -> Builder {
+    let mut file = Builder::triangle();
+    file.primitive()["material"] = json!(0);
+    file.json["materials"] = json!([{ "name": "body", "extras": { "lightskin": { "subsurface": own } } }]);
+    file
+}
+
+#[test]
+fn files_say_what_is_inside() {
+    let loaded = |own: Value| file_of(&own).load("inside").expect("loads").materials[0].clone();
+    let marble = loaded(json!({ "preset": "marble", "scale": 10 }));
+    assert_eq!(marble.subsurface, Some(Subsurface { scale: 10.0, ..Subsurface::preset("marble").expect("marble") }));
+    assert_eq!(marble.metallic, 0.0);
+    let own = loaded(json!({ "sigma_s": [1, 2, 3], "sigma_a": [0, 0.5, 1], "g": 0.8, "ior": 1.4 }));
+    let expected =
+        Subsurface { sigma_s: vec3(1.0, 2.0, 3.0), sigma_a: vec3(0.0, 0.5, 1.0), g: 0.8, ior: 1.4, scale: 1.0 };
+    assert_eq!(own.subsurface, Some(expected));
+    let color = loaded(json!({ "color": [0.9, 0.5, 0.1], "radius": 0.01 }));
+    assert!((color.base_color.truncate() - vec3(0.9, 0.5, 0.1)).abs().max_element() < 1e-4, "{color:?}");
+    // Written and read again.
+    let mut scene = file_of(&json!({ "preset": "skin" })).load("inside").expect("loads");
+    let path = std::env::temp_dir().join(format!("lightskin-inside-{}.glb", std::process::id()));
+    write_glb(&scene, &path).expect("written");
+    let again = lightskin::scene::gltf::load(&path).expect("read");
+    std::fs::remove_file(&path).expect("removed");
+    assert_eq!(again.materials[0].subsurface, scene.materials[0].subsurface);
+    scene.materials[0].subsurface = None;
+    assert_ne!(again.fingerprint(), scene.fingerprint());
+}
+
+#[test]
+fn what_is_wrong_inside_is_named() {
+    for (own, reason) in [
+        (json!({}), "needs one of preset, color with radius, or sigma_s with sigma_a"),
+        (json!({ "preset": "glass" }), "has no preset glass; there are apple, chicken1"),
+        (json!({ "preset": "skin", "color": [1, 1, 1] }), "needs one of"),
+        (json!({ "preset": 3 }), "preset"),
+        (json!({ "color": [0.5, 0.5, 0.5] }), "has a color but no radius"),
+        (json!({ "color": [0.5, 0.5, 1.5], "radius": 1 }), "color holds 1.5; 0 to 1 is needed"),
+        (json!({ "color": [0.5, 0.5, 0.5], "radius": 0 }), "radius is 0"),
+        (json!({ "sigma_s": [1, 1, 1] }), "has sigma_s but no sigma_a"),
+        (json!({ "sigma_s": [1, 0, 1], "sigma_a": [1, 0, 1] }), "both 0 in a channel"),
+        (json!({ "sigma_s": [1, -1, 1], "sigma_a": [1, 0, 1] }), "sigma_s holds -1"),
+        (json!({ "sigma_s": [1, 1], "sigma_a": [1, 0, 1] }), "has 2 numbers where 3 are needed"),
+        (json!({ "sigma_s": [1, 1, 1], "sigma_a": [1, 1, 1], "g": 1 }), "g is 1"),
+        (json!({ "preset": "skin", "g": 0.5 }), "g goes with sigma_s"),
+        (json!({ "preset": "skin", "ior": 0.5 }), "ior is 0.5"),
+        (json!({ "preset": "skin", "scale": 0 }), "scale is 0"),
+        (json!("skin"), "subsurface"),
+    ] {
+        let error = file_of(&own).error("inside");
+        assert!(error.contains(reason), "{own}: {error}");
+    }
+}
+
+// Walks.
+
+/// Of walks that begin under a plane at 0, in a layer as thick \[m\] as this: shares that leave upwards and downwards.
+fn layer(volume: &Volume, thickness: f64, begin: impl Fn(&mut Random) -> DVec3, walks: u32) -> [f64; 2] {
+    let mut source = Random(7);
+    let mut counts = [0.0; 2];
+    for _ in 0..walks {
+        let direction = begin(&mut source);
+        let mut random = || source.next();
+        let exit = walk(volume, DVec3::ZERO, direction, &mut random, |p, d| {
+            let up = d.z > 0.0;
+            let distance = if up { -p.z / d.z } else { (-thickness - p.z) / d.z };
+            let normal = if up { DVec3::Z } else { DVec3::NEG_Z };
+            Some((distance.max(0.0), normal, usize::from(!up)))
+        });
+        if let Some(exit) = exit {
+            counts[exit.surface] += 1.0 / f64::from(walks);
+        }
+    }
+    counts
+}
+
+/// Chandrasekhar's H of isotropic scattering: `1 - H(1) sqrt(1 - albedo)` of light straight down comes back.
+fn comes_back(albedo: f64) -> f64 {
+    const N: usize = 200;
+    let mu = |i: usize| (i as f64 + 0.5) / N as f64;
+    let mut h = vec![1.0; N];
+    let root = (1.0 - albedo).sqrt();
+    let at = |h: &[f64], x: f64| {
+        let sum: f64 = (0..N).map(|j| mu(j) * h[j] / (x + mu(j))).sum::<f64>() / N as f64;
+        1.0 / (root + 0.5 * albedo * sum)
+    };
+    for _ in 0..200 {
+        h = (0..N).map(|i| at(&h, mu(i))).collect();
+    }
+    1.0 - at(&h, 1.0) * root
+}
+
+#[test]
+fn walks_come_back_as_often_as_theory_says() {
+    for albedo in [0.5, 0.9, 0.99] {
+        let volume = Volume { sigma_t: 100.0, albedo, g: 0.0, ior: 1.0 };
+        let [back, _] = layer(&volume, 1e9, |_| DVec3::NEG_Z, 60_000);
+        let expected = comes_back(albedo);
+        println!("half space of albedo {albedo}: {back:.4} comes back, {expected:.4} by Chandrasekhar's H");
+        assert!((back - expected).abs() < 0.008, "{back} instead of {expected}");
+    }
+    // Where nothing is absorbed everything leaves on either side, however it is scattered.
+    for (g, ior) in [(0.0, 1.0), (0.9, 1.5), (-0.7, 2.5)] {
+        let volume = Volume { sigma_t: 10.0, albedo: 1.0, g, ior };
+        let [back, through] = layer(&volume, 0.3, |_| refracted(dvec3(0.6, 0.0, -0.8), DVec3::Z, ior), 3000);
+        assert!((back + through - 1.0).abs() < 1e-9 && through > 0.05, "{back} + {through}");
+    }
+}
+
+#[test]
+fn dipoles_send_back_what_walks_do() {
+    // Even light, refracted: the cosine's square of what enters is even above the critical angle.
+    for (albedo, ior, bound) in [(0.8, 1.3, 0.15), (0.95, 1.3, 0.08), (0.99, 1.5, 0.05), (0.999, 1.3, 0.05)] {
+        let volume = Volume { sigma_t: 1.0, albedo, g: 0.0, ior };
+        let begin = |random: &mut Random| {
+            loop {
+                let cosine = random.next().sqrt();
+                if random.next() >= fresnel(cosine, ior) {
+                    let sine = (1.0 - cosine * cosine).sqrt();
+                    return refracted(dvec3(sine, 0.0, -cosine), DVec3::Z, ior);
+                }
+            }
+        };
+        let [back, _] = layer(&volume, 1e9, begin, 20_000);
+        let dipole = of(albedo as f32, (1.0 - albedo) as f32, 0.0, ior as f32).medium().diffuse_albedo().x;
+        let error = dipole / back - 1.0;
+        println!(
+            "half space of albedo {albedo}, index {ior}: {back:.4} by walks, {dipole:.4} by dipoles, {:+.1} %",
+            100.0 * error
+        );
+        assert!(error.abs() < bound, "{dipole} instead of {back}");
+    }
+}
+
+// Frames.
+
+/// A ball of 10 cm before a wall, lit from behind and above.
+fn ball(inside: Subsurface, kind: LightKind) -> Scene {
+    let mut scene = Scene { name: "ball".into(), ..Scene::default() };
+    add(&mut scene, sphere(0.05, 16), filled(inside), DAffine3::IDENTITY);
+    let wall = quad(vec3(-0.2, -0.2, -0.12), Vec3::X * 0.4, Vec3::Y * 0.4, 0.05);
+    add(&mut scene, wall, phong([0.6, 0.5, 0.4], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    let position = dvec3(0.2, 0.25, 0.02);
+    let direction = (-position).as_vec3().normalize();
+    scene.lights.push(Light { position, direction, intensity: 30.0, ..lamp(kind) });
+    scene.cameras.push(camera(dvec3(0.05, 0.05, 0.3), DVec3::ZERO, 0.5));
+    scene
+}
+
+fn wide() -> LightKind {
+    LightKind::Spot { inner: 0.2, outer: 0.35 }
+}
+
+fn knobs() -> Knobs {
+    Knobs { rsm: 64, size: [48, 36], ..small() }
+}
+
+/// What a frame has made.
+#[derive(Default)]
+struct Drawn {
+    radiance: Vec<DVec3>,
+    dipoles: Vec<shared::ProxyDipole>,
+    inner: Vec<shared::Val>,
+    caches: Vec<shared::Cache>,
+    /// Of the first part.
+    medium: Option<Medium>,
+    /// Of each visible vertex: its place, its references and what it gets from below.
+    vertices: Vec<(DVec3, Vec<usize>, DVec3)>,
+}
+
+/// Draws a frame and reads what it has made; references are those of a scene of one model.
+fn drawn(scene: &Scene, spacing: f64, knobs: &Knobs) -> Drawn {
+    let gpu = gpu();
+    let caches = baked(scene, spacing, 8);
+    let world = World::new(&gpu, scene, Some(&caches)).expect("world");
+    let mut frame = Frame::new(&gpu, scene, &world, knobs).expect("made");
+    let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
+    let recorded = gpu.frame(|cmd| {
+        frame.record(cmd, &world, &view);
+        Ok(())
+    });
+    assert_eq!(recorded.expect("drawn").problems, [""; 0]);
+    assert_clean(&gpu);
+    for found in Check::new(&gpu).expect("check").count(&gpu, &frame.light, &frame.picture).expect("counted") {
+        assert_eq!(found.broken, 0, "{}", found.target);
+    }
+    let picture = &frame.picture;
+    let medium = world.filled.as_ref().map(|filled| filled.media[0]);
+    let read: Vec<[f32; 4]> = gpu.read_image(&picture.surface.radiance).expect("radiance");
+    let mut made = Drawn {
+        radiance: read.iter().map(|p| dvec3(p[0].into(), p[1].into(), p[2].into())).collect(),
+        medium,
+        ..Drawn::default()
+    };
+    if let Some(inside) = frame.light.rsm.as_ref().and_then(|rsm| rsm.inside.as_ref()) {
+        let count = gpu.read::<u32>(&inside.vals.live_count).expect("count")[0] as usize;
+        made.inner = gpu.read::<shared::Val>(&inside.vals.live).expect("VALs")[..count].to_vec();
+    }
+    if let Some(of_light) = frame.light.caches() {
+        made.caches = gpu.read(&of_light.atlas.caches).expect("caches");
+        made.dipoles = of_light.inside.as_ref().map_or(Vec::new(), |inside| gpu.read(&inside.buffer).expect("dipoles"));
+    }
+    if let Some((visible, below)) = picture.visible.as_ref().and_then(|list| Some((list, list.below.as_ref()?))) {
+        let count = gpu.read::<shared::VisibleArgs>(&visible.args).expect("count")[0].count as usize;
+        let list: Vec<shared::VisibleVertex> = gpu.read(&visible.list).expect("vertices");
+        let lights: Vec<shared::VertexLight> = gpu.read(&visible.lights).expect("places");
+        let below: Vec<Vec3> = gpu.read(below).expect("irradiance");
+        for i in 0..count {
+            let own = &caches.models[0].references[8 * list[i].vertex as usize..][..8];
+            let own = own.iter().filter(|cache| **cache != NO_CACHE).map(|cache| usize::from(*cache)).collect();
+            made.vertices.push(({ lights[i].position }.as_dvec3(), own, below[i].as_dvec3()));
+        }
+    }
+    made
+}
+
+fn proxy(of: &shared::ProxyDipole) -> ProxyDipole {
+    ProxyDipole {
+        irradiance: { of.irradiance }.as_dvec3(),
+        place: [of.place_r, of.place_g, of.place_b].map(Vec3::as_dvec3),
+        variance: { of.variance }.as_dvec3(),
+        widest: { of.widest }.as_dvec3(),
+    }
+}
+
+fn lit(val: &shared::Val) -> InnerVal {
+    let (position, normal, flux) = (val.position, val.normal, val.flux);
+    InnerVal { position: position.as_dvec3(), normal: normal.as_dvec3(), area: val.area.into(), flux: flux.as_dvec3() }
+}
+
+#[test]
+fn dipoles_of_caches_are_the_twins_and_no_more_leaves_than_entered() {
+    for path in [0.0005, 0.005, 0.05] {
+        let inside = Subsurface { scale: 1.0, ..Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4) };
+        // Alone: what the wall reflects enters around caches, which the twin is not told of.
+        let mut scene = ball(inside, wide());
+        scene.instances.truncate(1);
+        let Drawn { dipoles, inner, caches, vertices, medium, .. } = drawn(&scene, 0.012, &knobs());
+        let medium = medium.expect("a medium");
+        let vals: Vec<InnerVal> = inner.iter().map(lit).collect();
+        let bodies: Vec<(DVec3, f64)> = caches.iter().map(|c| ({ c.position }.as_dvec3(), f64::from(c.area))).collect();
+        assert!(dipoles.len() > 50 && vals.len() > 100);
+        let (mut worst, mut leaves) = (0.0_f64, DVec3::ZERO);
+        let twins: Vec<_> = bodies.iter().map(|(at, _)| gather(&medium, *at, &vals, &bodies)).collect();
+        let most = twins.iter().map(|twin| twin.irradiance.max_element()).fold(0.0, f64::max);
+        for ((dipole, twin), (_, area)) in dipoles.iter().zip(&twins).zip(&bodies) {
+            assert_eq!({ dipole.filled }, 0);
+            let irradiance = { dipole.irradiance }.as_dvec3();
+            // Reflected light of the body's own comes on top.
+            worst = worst.max((irradiance - twin.irradiance).abs().max_element() / most);
+            leaves += irradiance * *area;
+        }
+        // And of dipoles at the caches irradiance at vertices.
+        let proxies: Vec<ProxyDipole> = dipoles.iter().map(proxy).collect();
+        let (mut worst_vertex, mut brightest) = (0.0_f64, 0.0_f64);
+        for (at, references, below) in &vertices {
+            let d_max = references.iter().map(|c| bodies[*c].0.distance(*at)).fold(1e-15, f64::max);
+            let weighed = |c: &usize| (bodies[*c].0, (1.0 - bodies[*c].0.distance(*at) / d_max).max(1e-6), proxies[*c]);
+            let twin = interpolate(&medium, *at, &references.iter().map(weighed).collect::<Vec<_>>());
+            worst_vertex = worst_vertex.max((*below - twin).abs().max_element());
+            brightest = brightest.max(twin.max_element());
+        }
+        assert!(vertices.len() > 50 && worst_vertex < 1e-3 * brightest, "{worst_vertex} of {brightest}");
+        let entered: DVec3 = vals.iter().map(|val| val.flux).sum();
+        println!(
+            "mean free path {path} m: of each lumen inside leaves {:.3}, worst cache {worst:.1e}",
+            leaves / entered
+        );
+        assert!(worst < 1e-4, "{worst}");
+        assert!((leaves / entered).max_element() < 1.02, "{leaves} of {entered}");
+    }
+}
+
+#[test]
+fn pixels_are_what_brute_force_says() {
+    let narrow = LightKind::Spot { inner: 0.02, outer: 0.04 };
+    for (what, kind, path, bound) in
+        [("5 %, broad", wide(), 0.005, 0.01), ("1 %, broad", wide(), 0.001, 0.01), ("5 %, narrow", narrow, 0.005, 0.2)]
+    {
+        let inside = Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4);
+        let mut scene = ball(inside, kind);
+        scene.instances.truncate(1);
+        let truth = drawn(&scene, 0.012, &Knobs { gi: Gi::BruteForce, ..knobs() }).radiance;
+        let Drawn { radiance: picture, dipoles, .. } = drawn(&scene, 0.012, &knobs());
+        let error = |picture: &[DVec3]| {
+            let of = |p: &[DVec3]| p.iter().map(|p| p.as_vec3().to_array()).collect::<Vec<_>>();
+            metrics(&of(picture), &of(&truth)).relmse
+        };
+        let found = error(&picture);
+        println!("mean free path {what}, {} caches: relMSE {found:.5}", dipoles.len());
+        assert!(found < bound, "{what}: {found}");
+    }
+}
+
+/// The thesis's figures 5.36 to 5.38: dipoles against irradiance that is itself interpolated, at visible vertices.
+#[test]
+fn dipoles_find_light_between_caches() {
+    let narrow = LightKind::Spot { inner: 0.02, outer: 0.04 };
+    for (what, kind, path) in
+        [("broad", wide(), 0.001), ("broad", wide(), 0.005), ("narrow", narrow, 0.001), ("narrow", narrow, 0.005)]
+    {
+        for spacing in [0.05, 0.028, 0.014] {
+            let inside = Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4);
+            let mut scene = ball(inside, kind);
+            scene.instances.truncate(1);
+            let Drawn { dipoles, inner, caches, vertices, medium, .. } = drawn(&scene, spacing, &knobs());
+            let (medium, vals) = (medium.expect("a medium"), inner.iter().map(lit).collect::<Vec<_>>());
+            let proxies: Vec<ProxyDipole> = dipoles.iter().map(proxy).collect();
+            let (mut errors, mut squares) = ([0.0; 2], 0.0);
+            for (at, references, below) in &vertices {
+                let given = |val: &InnerVal| {
+                    val.flux * diffuse_reflectance(&medium, val.position.distance(*at), widest(val.area))
+                };
+                let truth: DVec3 = vals.iter().map(given).sum();
+                let place = |c: &usize| { caches[*c].position }.as_dvec3();
+                let d_max = references.iter().map(|c| place(c).distance(*at)).fold(1e-15, f64::max);
+                let (mut sum, mut weights) = (DVec3::ZERO, 0.0);
+                for c in references {
+                    let weight = (1.0 - place(c).distance(*at) / d_max).max(1e-6);
+                    sum += weight * proxies[*c].irradiance;
+                    weights += weight;
+                }
+                squares += truth.length_squared();
+                errors[0] += (*below - truth).length_squared();
+                errors[1] += (sum / weights - truth).length_squared();
+            }
+            let [by_dipoles, directly] = errors.map(|error| (error / squares).sqrt());
+            println!(
+                "{what}, mean free path {path} m, {} caches: RMSE {by_dipoles:.4} by dipoles, {directly:.4} directly",
+                caches.len()
+            );
+            let bound = if what == "narrow" { 1.0 } else { 1.35 };
+            assert!(by_dipoles < bound * directly, "{what}, {path}, {spacing}: {by_dipoles} against {directly}");
+        }
+    }
+}
+
+#[test]
+fn light_that_a_wall_reflects_goes_on_inside() {
+    let mut scene = ball(Subsurface::preset("skin").expect("a preset"), LightKind::Spot { inner: 0.1, outer: 0.15 });
+    // Past the ball, onto the wall behind it.
+    scene.lights[0].position = dvec3(0.14, 0.1, 0.2);
+    scene.lights[0].direction = Vec3::NEG_Z;
+    let Drawn { inner, dipoles, caches, .. } = drawn(&scene, 0.03, &knobs());
+    assert!(inner.is_empty(), "{} texels hit the ball", inner.len());
+    let at = |front: bool| -> f32 {
+        let own =
+            dipoles.iter().zip(&caches).filter(|(d, c)| { d.filled } != HOLLOW && ({ c.normal }.z < -0.3) != front);
+        own.map(|(d, _)| { d.irradiance }.x).sum()
+    };
+    assert!(at(false) > 1.5 * at(true) && at(true) >= 0.0, "{} behind, {} before", at(false), at(true));
+}
+
+#[test]
+fn pictures_are_finite_whatever_is_inside() {
+    for (path, g, ior, absorbed, scale) in [
+        (1e-6, 0.0, 1.3, 0.0, 1.0),
+        (1.0, 0.95, 2.5, 0.5, 1.0),
+        (1e-3, -0.95, 1.0, 0.0, 1e-3),
+        (1e-3, 0.0, 1.5, 1.0, 1e3),
+    ] {
+        let inside = Subsurface { scale, ..of((1.0 - absorbed) / path, absorbed / path, g, ior) };
+        let scene = ball(inside, LightKind::Point);
+        // `drawn` counts what is broken.
+        let Drawn { radiance: picture, dipoles, .. } =
+            drawn(&scene, 0.03, &Knobs { size: [24, 18], rsm: 16, ..small() });
+        assert!(picture.iter().all(|p| p.is_finite() && p.min_element() >= 0.0));
+        assert!(dipoles.iter().all(|d| { d.irradiance }.is_finite() && { d.variance }.is_finite()));
+        assert!(dipoles.iter().any(|d| { d.filled } == HOLLOW), "the wall has caches, too");
+    }
+}
+
+#[test]
+fn scenes_without_filled_bodies_have_no_stages_for_them() {
+    let gpu = gpu();
+    let mut scene = ball(of(1e3, 1.0, 0.0, 1.3), wide());
+    let caches = baked(&scene, 0.03, 8);
+    let plan = |scene: &Scene, knobs: &Knobs| {
+        let world = World::new(&gpu, scene, Some(&caches)).expect("world");
+        let settings: Settings = knobs.settings();
+        world
+            .plan(&settings)
+            .stages()
+            .map(|stage| stage.name)
+            .filter(|name| ["dipole gather", "scatter"].contains(name))
+            .collect::<Vec<_>>()
+    };
+    assert_eq!(plan(&scene, &knobs()), ["dipole gather", "scatter"]);
+    assert_eq!(plan(&scene, &Knobs { gi: Gi::BruteForce, ..knobs() }), ["scatter"]);
+    assert_eq!(plan(&scene, &Knobs { gi: Gi::Off, ..knobs() }), [""; 0]);
+    scene.materials[0].subsurface = None;
+    assert_eq!(plan(&scene, &knobs()), [""; 0]);
+    // Without indirect light a filled body reflects as much as if light came out where it has entered.
+    scene.materials[0].fill(of(1e3, 1.0, 0.0, 1.3));
+    let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { gi: Gi::Off, ..knobs() });
+    assert!(shot.direct.iter().any(|p| p.max_element() > 0.0));
+}
+
+/// Against walks: what is left is the dipole's own error, which grows with the mean free path.
+#[test]
+fn pictures_are_near_the_path_tracers() {
+    for (path, bound) in [(0.0003, 0.1), (0.003, 0.25)] {
+        let mut scene = ball(Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4), wide());
+        scene.instances.truncate(1);
+        let knobs = Knobs { rsm: 96, ..knobs() };
+        let picture = drawn(&scene, 0.01, &knobs).radiance;
+        let mut trace = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(knobs.size, 1));
+        while trace.samples() < 64 {
+            trace.pass();
+        }
+        let truth = trace.direct();
+        let mean: DVec3 = truth.iter().map(|p| Vec3::from(*p).as_dvec3()).sum();
+        let bias = picture.iter().copied().sum::<DVec3>() / mean - 1.0;
+        println!("ball of 10 cm, mean free path {path} m: bias against walks {bias:+.3}");
+        assert!(bias.abs().max_element() < bound, "{bias}");
+    }
+}
+
+#[test]
+fn frames_of_every_kind_have_filled_bodies_in_every_view() {
+    let gpu = gpu();
+    let mut scene = room(CornellSurface::Glossy);
+    for material in scene.materials.iter_mut().rev().take(2) {
+        material.fill(Subsurface::of_color(vec3(0.8, 0.7, 0.4), Vec3::splat(0.03), 1.4));
+    }
+    let by_vertices = baked(&scene, 0.3, 8);
+    let by_texels = by_vertices.clone().with_cells(&scene).expect("cells");
+    let near = Near::Rays { per_pixel: 4, every: 2 };
+    let antialiasing = Antialiasing::Four;
+    let knobs = || Knobs { rsm: 16, ..plain() };
+    for (caches, knobs) in [
+        (&by_vertices, knobs()),
+        (&by_vertices, Knobs { path: Path::DRAWS, cull: true, ..knobs() }),
+        (&by_vertices, Knobs { path: Path::Clusters(ClusterRule::Distance(4.0)), shadows: Shadows::Proxy, ..knobs() }),
+        (
+            &by_vertices,
+            Knobs {
+                near,
+                bounces: 2,
+                shadows: Shadows::PerLight,
+                light_shadows: LightShadows::Rays,
+                antialiasing,
+                ..knobs()
+            },
+        ),
+        (&by_texels, Knobs { cull: true, antialiasing, ..knobs() }),
+        (&by_texels, Knobs { near, ..knobs() }),
+    ] {
+        compare(&gpu, &scene, caches, &knobs);
+    }
+    assert_clean(&gpu);
+}
+
+#[test]
+fn edits_leave_nothing_stale_inside() {
+    let mut scene = moving::world();
+    for body in [2, 3] {
+        scene.materials[body].fill(Subsurface::of_color(vec3(0.8, 0.7, 0.4), Vec3::splat(0.03), 1.4));
+    }
+    let near = Near::Rays { per_pixel: 4, every: 2 };
+    let with = moving::with;
+    moving::walk_of(scene.clone(), with(Shadows::Off), false, 5, 21);
+    moving::walk_of(scene.clone(), with(Shadows::Off), true, 5, 22);
+    moving::walk_of(
+        scene.clone(),
+        Knobs { near, antialiasing: Antialiasing::Four, ..with(Shadows::PerLight) },
+        false,
+        4,
+        23,
+    );
+    moving::walk_of(scene, Knobs { gi: Gi::BruteForce, ..with(Shadows::Off) }, false, 4, 24);
+}
