@@ -19,6 +19,7 @@ pub mod depth_image;
 /// Exact integrals over a disc or a polygon.
 pub mod disc;
 /// Form factor between a point and a disc, eq. 5.7.
+pub mod false_color;
 pub mod form_factor;
 /// VALs to proxy lights at one cache, stage 6.
 pub mod gather;
