@@ -171,8 +171,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         if shaded().next().is_some() {
             let _zone = enter(plan::INTERPOLATE); // 8
             let seen = caches.sky.as_ref().map(|(seen, _)| &seen.seen);
-            let waited = caches.near.is_some();
-            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, (waited, seen), shaded());
+            let near = caches.near.is_some();
+            // Visible vertices were waited for before stage 6, and by short rays all else.
+            let waits = !near && (outdated.proxies || (outdated.sky && caches.sky.is_some()));
+            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, (waits, near, seen), shaded());
         }
         if let (true, Some((seen, shading)), Some(sky)) = (some_surface, &caches.sky, &world.sky_light) {
             let _zone = enter(plan::SKY_LIGHT); // 8
