@@ -5,6 +5,10 @@ mod analytic;
 mod animation;
 #[cfg(feature = "app")]
 mod app;
+#[cfg(feature = "app")]
+mod app_soak;
+#[cfg(feature = "app")]
+mod app_tools;
 mod area_lights;
 mod bake;
 mod bench;
@@ -18,9 +22,12 @@ mod coat;
 mod common;
 mod compare;
 mod compressed;
+#[cfg(feature = "app")]
+mod config;
 mod crease;
 mod cull;
 mod curved;
+mod debug_views;
 mod edges;
 mod emissive;
 mod energy;

@@ -1,10 +1,17 @@
 //! The window of `lightskin view`: events in, frames out. What it shows is the library's; nothing here knows how light is made.
 
+mod background;
 mod camera;
 mod canvas;
+mod compare;
 mod document;
 mod input;
 mod panel;
+mod pixel;
+mod recent;
+mod reference;
+mod session;
+mod watch;
 mod window;
 
 use crate::cli::view::View;

@@ -1,26 +1,36 @@
 //! The panels: every control, what it does and what it costs.
 
+pub(super) mod compare;
+pub(super) mod debug;
+mod materials;
+mod timings;
+
 use super::camera::Seen;
 use super::canvas::Shown;
+use super::compare::Compare;
 use super::document::Document;
 use super::input::Wish;
+use super::recent;
 use crate::cli::{recent, thousands};
-use egui::{Color32, ComboBox, DragValue, Grid, ProgressBar, Response, RichText, ScrollArea, Slider, Ui};
+use egui::{ComboBox, DragValue, Grid, ProgressBar, Response, RichText, ScrollArea, Slider, Ui};
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{Antialiasing, Exposure, Indirect, LightShadows, Near, Quality, Shadows, Tonemap};
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Light, LightKind, Projection};
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 /// Width of the panels [points].
 pub(super) const WIDTH: f32 = 320.0;
 
 /// Keys, and what they do.
-const KEYS: [(&str, &str); 16] = [
+const KEYS: [(&str, &str); 21] = [
     ("left drag", "turn around the target"),
     ("right drag", "look around"),
     ("middle drag", "move sideways"),
     ("wheel", "go nearer or farther"),
     ("double click", "centre on the surface there"),
+    ("Ctrl+click", "tell all of the pixel there"),
     ("W A S D", "fly forward, left, back, right"),
     ("E, Q", "fly up, down"),
     ("Shift", "fly faster"),
@@ -29,10 +39,17 @@ const KEYS: [(&str, &str); 16] = [
     ("P", "play the animation, or stop it"),
     ("Tab, H", "show or hide the panels"),
     ("Ctrl+Shift+C", "copy the command line for this picture"),
+    ("Space", "show the reference of this view, or hide it"),
     ("F12", "write the picture as PNG"),
+    ("Shift+F12", "write it as OpenEXR with all layers"),
+    ("Ctrl+O", "open a file by the desktop's dialog"),
+    ("Ctrl+S", "write the session: scene, view, light, settings"),
     ("F1", "show or hide this list"),
     ("Ctrl+Q", "quit"),
 ];
+
+/// How long the hint of the first start is seen.
+const HINT: Duration = Duration::from_secs(30);
 
 /// What of the panels is seen.
 pub(super) struct State {
@@ -41,11 +58,18 @@ pub(super) struct State {
     pub(super) keys: bool,
     /// Caches that are being dialled.
     caches: Option<u32>,
+    /// What is typed to be opened.
+    path: String,
+    recent: Vec<PathBuf>,
+    /// Until when the hint of the first start is seen.
+    hint: Option<Instant>,
 }
 
 /// How the panels look: dark, so that the picture is judged by itself.
 pub(super) fn style(context: &egui::Context) {
     context.set_theme(egui::Theme::Dark);
+    // Where a frame takes a second, a button goes down and up in different ones.
+    context.options_mut(|options| options.input_options.max_click_duration = 10.0);
     context.all_styles_mut(|style| {
         style.spacing.slider_width = 118.0;
         style.spacing.combo_width = 168.0;
@@ -73,6 +97,7 @@ fn choose<T: Copy + PartialEq>(ui: &mut Ui, id: &str, value: &mut T, all: &[(T, 
     let before = *value;
     let mut response = ComboBox::from_id_salt(id)
         .selected_text(name)
+        .height(400.0)
         .show_ui(ui, |ui| {
             for (one, name) in all {
                 ui.selectable_value(value, *one, *name);
@@ -87,11 +112,12 @@ fn choose<T: Copy + PartialEq>(ui: &mut Ui, id: &str, value: &mut T, all: &[(T, 
 
 impl State {
     pub(super) fn new(visible: bool) -> Self {
-        Self { visible, keys: false, caches: None }
+        let hint = (visible && recent::is_first()).then(|| Instant::now() + HINT);
+        Self { visible, keys: false, caches: None, path: String::new(), recent: recent::all(), hint }
     }
 
     /// Shows the panels; what they ask for beyond the document comes back.
-    pub(super) fn show(&mut self, ui: &mut Ui, document: &mut Document, gpu: &Gpu) -> Vec<Wish> {
+    pub(super) fn show(&mut self, ui: &mut Ui, document: &mut Document, compare: &mut Compare, gpu: &Gpu) -> Vec<Wish> {
         let mut wishes = Vec::new();
         if self.visible {
             egui::Panel::right("panels").resizable(false).show_separator_line(false).exact_size(WIDTH).show(ui, |ui| {
@@ -102,9 +128,13 @@ impl State {
                     section(ui, "Global illumination", true, |ui| self.gi(ui, document));
                     section(ui, "Lights", true, |ui| lights(ui, document, gpu));
                     section(ui, "Camera", true, |ui| camera(ui, document, gpu, &mut wishes));
+                    compare::section(ui, compare, &mut wishes);
+                    debug::pixel(ui, document);
+                    section(ui, "Materials", false, |ui| materials::show(ui, document, gpu));
                     section(ui, "Animation", false, |ui| animation(ui, document, gpu));
                     section(ui, "Scene", false, |ui| scene(ui, document, gpu));
-                    section(ui, "Timings", true, |ui| timings(ui, document));
+                    section(ui, "Timings", true, |ui| timings::show(ui, document));
+                    section(ui, "Files", false, |ui| self.files(ui, document, &mut wishes));
                     section(ui, "Log", false, log);
                 });
             });
@@ -117,6 +147,62 @@ impl State {
             keys(ui, &mut self.keys);
         }
         wishes
+    }
+
+    /// Three lines over the picture at the very first start; they go away by themselves, or with the first drag.
+    pub(super) fn hint(&mut self, ui: &Ui, picture: egui::Rect) {
+        let is_small = picture.width() < 420.0 || picture.height() < 200.0;
+        let dragged = ui.input(|input| input.pointer.any_down());
+        let Some(left) = self.hint.and_then(|end| end.checked_duration_since(Instant::now())).filter(|_| !dragged)
+        else {
+            self.hint = None;
+            return;
+        };
+        if is_small {
+            return;
+        }
+        ui.ctx().request_repaint_after(left);
+        let middle = picture.center_top() + egui::vec2(0.0, 0.75 * picture.height());
+        egui::Area::new(egui::Id::unique("hint"))
+            .fixed_pos(middle)
+            .pivot(egui::Align2::CENTER_CENTER)
+            .interactable(false)
+            .show(ui.ctx(), |ui| {
+                egui::Frame::popup(ui.style()).show(ui, |ui| {
+                    ui.label("Drag to turn the camera, use the wheel to go nearer, W A S D to fly.");
+                    ui.label("Drop a glTF scene or a sky here. Space shows a path-traced reference.");
+                    ui.label("F1 lists all keys; each control says what it does when you rest on it.");
+                });
+            });
+    }
+
+    fn files(&mut self, ui: &mut Ui, document: &mut Document, wishes: &mut Vec<Wish>) {
+        let help = "A scene, a sky (.hdr, .exr), a session (.json) or a picture to compare with (.png). Enter opens it; so does \
+                    dropping it on the window.";
+        let typed = egui::TextEdit::singleline(&mut self.path).hint_text("path of a file").desired_width(WIDTH - 40.0);
+        let response = ui.add(typed).on_hover_text(help);
+        if response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter)) && !self.path.is_empty() {
+            wishes.push(Wish::Drop(PathBuf::from(self.path.trim())));
+        }
+        ui.horizontal(|ui| {
+            let help = "Asks by the desktop's own dialog (its portal) for a file to open.";
+            if ui.button("Open").on_hover_text(help).clicked() {
+                wishes.push(Wish::Ask);
+            }
+            let help = "Writes scene, view, light, materials and settings as JSON to the current folder. Drop the file here, or name \
+                        it instead of a scene, to have all of it back.";
+            if ui.button("Save session").on_hover_text(help).clicked() {
+                wishes.push(Wish::SaveSession);
+            }
+            let help = "Loads the scene again when its files change; the view stays.";
+            ui.checkbox(&mut document.args.watch, "watch").on_hover_text(help);
+        });
+        for path in &self.recent {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if ui.link(name).on_hover_text(path.display().to_string()).clicked() {
+                wishes.push(Wish::Drop(path.clone()));
+            }
+        }
     }
 
     fn gi(&mut self, ui: &mut Ui, document: &mut Document) {
@@ -378,8 +464,12 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
         let help =
             "How radiance becomes colours of the display. PBR Neutral keeps base colours, AgX and ACES are films.";
         row(ui, "Tone curve", help, |ui| choose(ui, "tonemap", &mut document.look.tonemap, &curves));
-        let help = "What of the picture is shown: all of it, or one layer alone. Costs nothing.";
-        row(ui, "Show", help, |ui| choose(ui, "shown", &mut document.shown, &Shown::ALL));
+        let help = "What of the picture is shown: all of it, or one layer alone. Depth and luminance are in false colours; \
+                    broken values are magenta where a layer has what no radiance can be. Costs nothing.";
+        if row(ui, "Show", help, |ui| choose(ui, "shown", &mut document.shown, &Shown::ALL)).changed() {
+            document.fit_scale(gpu);
+        }
+        debug::controls(ui, document, gpu);
     });
     ui.horizontal(|ui| {
         let help = "Copies and prints the command that renders this picture to a file. Lights that were changed here and \
@@ -450,45 +540,6 @@ fn scene(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
     );
     if let Some((index, hidden)) = toggled {
         document.edit(gpu, |scene| scene.instances[index].hidden = hidden);
-    }
-}
-
-fn timings(ui: &mut Ui, document: &Document) {
-    let Some(last) = document.history.back() else {
-        ui.label(RichText::new("No frame yet").weak());
-        return;
-    };
-    let width = ui.available_width() - 10.0;
-    let most = document.history.iter().map(|frame| frame.ms).fold(1e-6, f64::max);
-    let (area, response) = ui.allocate_exact_size(egui::vec2(width, 44.0), egui::Sense::hover());
-    ui.painter().rect_filled(area, 2.0, Color32::from_gray(18));
-    let step = width / document.history.len().max(40) as f32;
-    for (i, frame) in document.history.iter().enumerate() {
-        let height = (frame.ms / most) as f32 * (area.height() - 4.0);
-        let left = area.left() + step * i as f32;
-        let bar = egui::Rect::from_min_max(
-            egui::pos2(left, area.bottom() - height),
-            egui::pos2(left + (step - 1.0).max(1.0), area.bottom()),
-        );
-        ui.painter().rect_filled(bar, 0.0, Color32::from_rgb(98, 140, 190));
-    }
-    response.on_hover_text(format!(
-        "The last {} frames that drew something; the slowest took {most:.1} ms.",
-        document.history.len()
-    ));
-    ui.label(format!("last frame {:.1} ms", last.ms))
-        .on_hover_text("The last one that drew something. What has not changed is left out.");
-    let longest = last.stages.iter().map(|(_, ms)| *ms).fold(1e-6, f64::max);
-    for (name, ms) in &last.stages {
-        let (area, response) = ui.allocate_exact_size(egui::vec2(width, 16.0), egui::Sense::hover());
-        let bar = egui::Rect::from_min_size(area.min, egui::vec2(width * (ms / longest) as f32, area.height()));
-        ui.painter().rect_filled(bar, 2.0, Color32::from_rgb(50, 68, 92));
-        let font = egui::FontId::proportional(12.0);
-        let text = ui.visuals().text_color();
-        let at = |x: f32| egui::pos2(x, area.center().y);
-        ui.painter().text(at(area.left() + 4.0), egui::Align2::LEFT_CENTER, name, font.clone(), text);
-        ui.painter().text(at(area.right() - 4.0), egui::Align2::RIGHT_CENTER, format!("{ms:.2} ms"), font, text);
-        response.on_hover_text("A stage of the frame; ARCHITECTURE.md says what each does.");
     }
 }
 

@@ -1,0 +1,192 @@
+//! What the window offers beside the picture, by real keys and buttons: comparing, telling of a pixel.
+
+use crate::cli::{folder, works};
+use crate::common::window::{App, Display, SMALL, cornell, png};
+use lightskin::image::read_picture;
+use serde_json::{Value, json};
+use std::fs;
+use std::path::Path;
+use std::time::Duration;
+
+/// Numbers of a line of text, whatever stands between them.
+fn numbers(text: &str) -> Vec<f64> {
+    text.split(|c: char| !(c.is_ascii_digit() || ".-+e".contains(c))).filter_map(|word| word.parse().ok()).collect()
+}
+
+/// FLIP, relMSE and bias of the window are those of `lightskin compare`.
+fn assert_errors(line: &str, folder: &Path, image: &str, reference: &str) {
+    let told = works(folder, &["compare", image, reference, "--json"]);
+    let wanted: Value = serde_json::from_str(&told).expect("JSON");
+    let found = numbers(line);
+    for (i, name) in ["flip", "relmse", "bias"].into_iter().enumerate() {
+        let wanted = wanted[name].as_f64().expect(name);
+        assert!((found[i] - wanted).abs() < 1e-6 + 1e-5 * wanted.abs(), "{name} is {wanted}: {line}");
+    }
+}
+
+/// A picture in a file shows bit for bit, with the wipe beside lightskin's own, and is measured as by `compare`.
+#[test]
+fn a_file_is_compared() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_against");
+    let (scene, size) = (cornell(), [64, 48]);
+    let scene = scene.to_str().expect("a path");
+    works(&folder, &["render", scene, "-o", "other.png", "--size", "64x48", "--ev", "6", "--gi", "off"]);
+    let (_, other) = png(&folder.join("other.png"));
+    let words = ["view", scene, "--size", "64x48", "--ev", "5", "--no-panels", "--against", "other.png"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    let errors = app.line("errors");
+    let name = app.picture();
+    let own = png(&folder.join(&name)).1;
+    assert_errors(&errors, &folder, &name, "other.png");
+    app.shows(size, &other, "the file");
+    // The line stands at the left at first.
+    app.slide([3, 20], 29, "");
+    let seen = app.pixels([0, 0], size);
+    for (i, pixel) in seen.iter().enumerate().filter(|(i, _)| (i % 64).abs_diff(32) > 2) {
+        let wanted = if i % 64 < 32 { own[i] } else { other[i] };
+        assert_eq!(*pixel, wanted, "pixel {} of row {}", i % 64, i / 64);
+    }
+    app.press("Space");
+    app.command();
+    app.shows(size, &own, "without the reference");
+    app.quit();
+}
+
+/// The path tracer's samples are those of `render --gi path-trace`; another view has another reference; a click with Ctrl tells
+/// what the layers have.
+#[test]
+fn the_view_is_path_traced() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_traced");
+    let scene = cornell();
+    let scene = scene.to_str().expect("a path");
+    let words = ["view", scene, "--size", "48x36", "--no-panels", "--reference-spp", "32"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    app.press("Space");
+    let errors = app.line("errors");
+    assert!(errors.contains("32 samples"), "{errors}");
+    let traced = ["--gi", "path-trace", "--spp", "32", "--size", "48x36", "--quality", "medium"];
+    works(&folder, &[&["render", scene, "-o", "traced.exr"], &traced[..]].concat());
+    app.hold("Shift", true);
+    app.press("F12");
+    app.hold("Shift", false);
+    let name = app.line("picture").split_whitespace().last().expect("a name").to_owned();
+    assert_errors(&errors, &folder, &name, "traced.exr");
+
+    app.hold("Control", true);
+    app.click(1, [30, 25]);
+    app.hold("Control", false);
+    let told = app.line("pixel");
+    let part = |name: &str| numbers(told.split(name).nth(1).unwrap_or_else(|| panic!("no {name} in {told}")));
+    for (layer, said) in
+        [("direct", "direct "), ("indirect.diffuse", "indirect, diffuse "), ("indirect.glossy", "indirect, glossy ")]
+    {
+        let picture = read_picture(&folder.join(&name), Some(layer)).expect("a layer");
+        let (found, wanted) = (part(said), picture.rgb[25 * 48 + 30]);
+        let far = (0..3).map(|c| (found[c] - f64::from(wanted[c])).abs()).fold(0.0, f64::max);
+        assert!(far <= 5.1e-5, "{layer}: {wanted:?} in {told}");
+    }
+    assert!(told.contains("object 2 short block") && told.contains("material "), "{told}");
+
+    app.drag(1, [20, 20], [30, 18]);
+    let turned = app.line("errors");
+    assert_ne!(turned, errors, "another view");
+    app.quit();
+}
+
+/// A scene whose file changes is loaded again and seen from where it was; a session brings view, light, materials and settings
+/// back, in the same window and in a new one.
+#[test]
+fn files_and_sessions_come_back() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_session");
+    let scene = folder.join("box.glb");
+    fs::copy(cornell(), &scene).expect("a scene");
+    let words = ["view", "box.glb", "--size", "64x48", "--ev", "6", "--no-panels", "--watch"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    app.drag(1, [40, 20], [48, 22]);
+    app.press_with("Control", "2");
+    let turned = app.command();
+    let glossy = png(&folder.join(app.picture())).1;
+    fs::copy(cornell().with_file_name("cornell_diffuse.glb"), &scene).expect("another scene");
+    app.line("scene");
+    assert_eq!(app.command(), turned, "the view stays");
+    // A diffuse scene whose caches are all lit, seen from elsewhere: the light stays as it is.
+    app.press("1");
+    app.command();
+    app.press("2");
+    app.command();
+    let diffuse = png(&folder.join(app.picture())).1;
+    assert!(diffuse != glossy, "another scene");
+
+    app.press_with("Control", "S");
+    let file = folder.join(app.line("session").split_whitespace().last().expect("a name"));
+    let read = || -> Value { serde_json::from_slice(&fs::read(&file).expect("a session")).expect("JSON") };
+    let mut session = read();
+    session["lights"][0]["intensity"] = json!(200.0);
+    session["materials"] = json!({ "white": { "base_color": [0.1, 0.2, 0.9, 1.0], "emissive": [0.0, 0.0, 0.0] } });
+    session["hidden"] = json!(["short block"]);
+    session["settings"].as_array_mut().expect("flags").extend([json!("--bounces"), json!("1")]);
+    session["bookmarks"][0] = json!("0,1,3;0,1,0;0,1,0;50");
+    fs::write(&file, session.to_string()).expect("a session");
+    app.drop_file(&file);
+    app.line("scene");
+    let command = app.command();
+    assert_eq!(command.replace(" --bounces 1", "").replace(&format!("{}/", folder.display()), ""), turned);
+    assert!(command.contains("--bounces 1"), "{command}");
+    let changed = png(&folder.join(app.picture())).1;
+    assert!(changed != diffuse, "other light, another colour");
+    app.press("1");
+    assert!(app.command().contains("0,1,3;0,1,0;0,1,0;50"), "a kept camera");
+    app.press("2");
+    app.press_with("Control", "S");
+    app.line("session");
+    let again = read();
+    for part in ["lights", "hidden", "camera", "bookmarks", "exposure", "settings"] {
+        assert_eq!(again[part], session[part], "{part}");
+    }
+    let color = &again["materials"]["white"]["base_color"];
+    assert!((color[2].as_f64().expect("blue") - 0.9).abs() < 1e-6, "{color}");
+    // What is none leaves what is shown.
+    let broken = folder.join("broken.json");
+    fs::write(&broken, "{\"lightskin_session\": 1, \"arguments\": [\"--quality\", \"best\"]}").expect("a file");
+    app.drop_file(&broken);
+    assert_eq!(png(&folder.join(app.picture())).1, changed);
+    app.quit_after(Some("broken.json: arguments: "));
+
+    let name = file.to_str().expect("a path");
+    let words = ["view", name, "--size", "64x48", "--no-panels", "--validation", "sync"];
+    let mut app = App::start(&display, &folder, &words);
+    app.line("scene");
+    app.command();
+    assert_eq!(png(&folder.join(app.picture())).1, changed, "in a new window");
+    app.quit();
+}
+
+/// What the panel says of a material changes the picture live, and is in the session.
+#[test]
+fn materials_change_live() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_materials");
+    let scene = cornell();
+    let scene = scene.to_str().expect("a path");
+    let words = ["view", scene, "--size", "64x48", "--ev", "4"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    app.resize(384, 1000);
+    app.tap([64 + 60, 745], "");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
+    let before = app.pixels([0, 0], [64, 1000]);
+    app.slide([64 + 180, 876], 40, "");
+    assert!(app.pixels([0, 0], [64, 1000]) != before, "a surface that shines");
+    app.press_with("Control", "S");
+    let file = folder.join(app.line("session").split_whitespace().last().expect("a name"));
+    let session: Value = serde_json::from_slice(&fs::read(file).expect("a session")).expect("JSON");
+    let emissive = session["materials"]["white"]["emissive"].as_array().expect("a colour");
+    assert!(emissive.iter().all(|v| v.as_f64().is_some_and(|v| v > 0.1)), "{session}");
+    app.quit();
+}
