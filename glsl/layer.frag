@@ -1,22 +1,65 @@
 // One layer of a picture, as a window shows it: colours of the display, sRGB.
 #include "shared.glsl"
+#include "lib/false_color.glsl"
 #include "lib/tonemap.glsl"
 
 layout(push_constant, scalar) uniform Push { LayerPush push; };
 layout(binding = 0) uniform sampler2D image;
 layout(binding = 1, scalar) readonly buffer Exposure { float ev; };
+layout(binding = 2) uniform sampler2D second_image;
+layout(binding = 3) uniform sampler2D third_image;
 
 layout(location = 0) out vec4 out_color;
 
-void main() {
-    vec3 c = texelFetch(image, ivec2(gl_FragCoord.xy) - ivec2(push.left, push.top), 0).rgb;
-    if (push.how == LAYER_DIRECTION) {
-        out_color = vec4(c * 0.5 + 0.5, 1.0);
-        return;
-    }
-    if (push.how == LAYER_RADIANCE) {
-        c = tonemap(c * (exp2(-ev) / 1.2), push.tonemap);
-    }
+// What no radiance can be: endless or negative; -0 is neither. By its bits: compilers may take isnan for false.
+bool broken(float v) {
+    uint bits = floatBitsToUint(v);
+    return bits >= 0x7f800000u && bits != 0x80000000u;
+}
+
+bool broken(vec3 v) {
+    return broken(v.r) || broken(v.g) || broken(v.b);
+}
+
+float luminance_of(vec3 c) {
+    return dot(c, vec3(0.2126, 0.7152, 0.0722));
+}
+
+vec3 encoded(vec3 c) {
     c = clamp(c, 0.0, 1.0);
-    out_color = vec4(mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308))), 1.0);
+    return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308)));
+}
+
+void main() {
+    ivec2 pixel = ivec2(gl_FragCoord.xy) - ivec2(push.left, push.top);
+    vec3 part = texelFetch(image, pixel, 0).rgb;
+    vec3 c = part;
+    bool is_broken = broken(part);
+    if (push.parts > 1u) {
+        part = texelFetch(second_image, pixel, 0).rgb;
+        c += part;
+        is_broken = is_broken || broken(part);
+    }
+    if (push.parts > 2u) {
+        part = texelFetch(third_image, pixel, 0).rgb;
+        c += part;
+        is_broken = is_broken || broken(part);
+    }
+    float white = exp2(ev) * 1.2;
+    if (push.how == LAYER_DIRECTION) {
+        c = c * 0.5 + 0.5;
+    } else if (push.how == LAYER_LUMINANCE) {
+        c = false_color(decades(luminance_of(c), push.low, push.high));
+    } else if (push.how == LAYER_DEPTH) {
+        float distance = (push.depth.x + push.depth.y * c.r) / (push.depth.z + push.depth.w * c.r);
+        // Nothing is black.
+        c = c.r > 0.0 ? false_color(decades(distance, push.low, push.high)) : vec3(0.0);
+    } else if (push.how == LAYER_BROKEN) {
+        c = is_broken ? vec3(1.0, 0.0, 1.0) : encoded(vec3(0.5 * luminance_of(tonemap(c / white, push.tonemap))));
+    } else if (push.how == LAYER_RADIANCE) {
+        c = encoded(tonemap(c / white, push.tonemap));
+    } else if (push.how == LAYER_REFLECTANCE) {
+        c = encoded(c);
+    }
+    out_color = vec4(c, 1.0);
 }

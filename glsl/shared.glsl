@@ -537,15 +537,34 @@ struct UiPush {
 
 // Push constants of a layer that the window shows alone.
 struct LayerPush {
-    uint how; // LAYER_RADIANCE, LAYER_REFLECTANCE or LAYER_DIRECTION
+    uint how; // one of LAYER_*
     uint tonemap;
+    uint left; // corner of the picture in the window [pixels]
+    uint top;
+    uint parts; // images whose sum it is, 1 to 3
+    float low; // what is at either end of the false colours
+    float high;
+    vec4 depth; // (x + y d) / (z + w d) is the distance [m] of the depth d from the camera's plane
+};
+
+// Push constants of caches as discs.
+struct DiscPush {
+    mat4 clip_from_world;
+    vec4 eye; // position and 1, or direction towards the viewer and 0
+    float size; // radius, as a share of that of a cache's area
     uint left; // corner of the picture in the window [pixels]
     uint top;
 };
 
+const uint DISC_CORNERS = 16u;
+
 const uint LAYER_RADIANCE = 0u; // exposed and tone-mapped like the picture
 const uint LAYER_REFLECTANCE = 1u; // as it is
 const uint LAYER_DIRECTION = 2u; // -1 dark, 1 bright
+const uint LAYER_COLOR = 3u; // a colour of the display
+const uint LAYER_LUMINANCE = 4u; // in false colours
+const uint LAYER_DEPTH = 5u; // likewise, of depths
+const uint LAYER_BROKEN = 6u; // grey, but for what no radiance can be
 
 // Push constants of the check for broken values; what the frame has not counts 0.
 struct CheckPush {

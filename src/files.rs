@@ -29,7 +29,7 @@ pub(crate) fn open(path: &Path) -> std::result::Result<File, String> {
 }
 
 /// A whole regular file.
-pub(crate) fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
+pub fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
     let file = open(path)?;
     let broken = |error: io::Error| format!("cannot be read: {error}");
     let length = file.metadata().map_err(broken)?.len();

@@ -179,7 +179,7 @@ pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
 }
 
 /// Linear value of an 8-bit sRGB code.
-pub(crate) fn linear_from_srgb(code: u8) -> f32 {
+pub fn linear_from_srgb(code: u8) -> f32 {
     let v = f32::from(code) / 255.0;
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }

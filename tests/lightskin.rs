@@ -21,6 +21,7 @@ mod compressed;
 mod crease;
 mod cull;
 mod curved;
+mod debug_views;
 mod edges;
 mod emissive;
 mod energy;

@@ -1,15 +1,19 @@
 //! What the window shows, as an image: the picture, bit by bit, and the panels over it.
 
+use super::compare::Over;
 use egui::epaint::{ClippedPrimitive, Primitive, Vertex};
 use egui::{ImageData, TextureId, TexturesDelta};
-use glam::Vec2;
+use glam::{Vec2, Vec4};
 use lightskin::Result;
-use lightskin::frame::{Look, Picture};
+use lightskin::frame::{Look, Picture, View};
 use lightskin::gpu::{
     Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Draw, Format, Gpu, Image, Pipeline, Raster,
     SamplerKind, Shape, Stream, Use,
 };
-use lightskin::shared::{LAYER_DIRECTION, LAYER_RADIANCE, LAYER_REFLECTANCE, LayerPush, UiPush};
+use lightskin::shared::{
+    DISC_CORNERS, DiscPush, LAYER_BROKEN, LAYER_DEPTH, LAYER_DIRECTION, LAYER_LUMINANCE, LAYER_RADIANCE,
+    LAYER_REFLECTANCE, LayerPush, UiPush,
+};
 
 /// What of a picture the window shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -27,31 +31,69 @@ pub(super) enum Shown {
     Albedo,
     /// Shading normals.
     Normals,
+    /// Distances from the camera's plane, in false colours.
+    Depth,
+    /// Luminance in false colours.
+    Luminance,
+    /// Where a layer has what no radiance can be.
+    Broken,
 }
 
 impl Shown {
     /// All, with their names for people.
-    pub(super) const ALL: [(Self, &'static str); 6] = [
+    pub(super) const ALL: [(Self, &'static str); 9] = [
         (Self::Picture, "picture"),
         (Self::Direct, "direct light"),
         (Self::Diffuse, "indirect, diffuse"),
         (Self::Glossy, "indirect, glossy"),
         (Self::Albedo, "albedo"),
         (Self::Normals, "normals"),
+        (Self::Depth, "depth"),
+        (Self::Luminance, "luminance"),
+        (Self::Broken, "broken values"),
     ];
 
-    /// The layer of a picture, and how it is shown; none where the picture has no such layer.
-    fn layer(self, picture: &Picture) -> Option<(&Image, u32)> {
-        let indirect = picture.indirect.as_ref();
+    /// The layers of a picture whose sum it is, and how that is shown; none where the picture has no such layer.
+    fn layers(self, picture: &Picture) -> Option<(Vec<&Image>, u32)> {
+        let (surface, indirect) = (&picture.surface, picture.indirect.as_ref());
+        let [diffuse, glossy] = [indirect.map(|i| &i.diffuse), indirect.and_then(|i| i.glossy.as_ref())];
+        let all = || [&surface.radiance].into_iter().chain(diffuse).chain(glossy).collect();
+        Some(match self {
+            Self::Picture => return None,
+            Self::Direct => (vec![&surface.radiance], LAYER_RADIANCE),
+            Self::Diffuse => (vec![diffuse?], LAYER_RADIANCE),
+            Self::Glossy => (vec![glossy?], LAYER_RADIANCE),
+            Self::Albedo => (vec![&surface.albedo], LAYER_REFLECTANCE),
+            Self::Normals => (vec![&surface.normal], LAYER_DIRECTION),
+            Self::Depth => (vec![&surface.depth], LAYER_DEPTH),
+            Self::Luminance => (all(), LAYER_LUMINANCE),
+            Self::Broken => (all(), LAYER_BROKEN),
+        })
+    }
+
+    /// What false colours are colours of.
+    pub(super) fn unit(self) -> Option<&'static str> {
         match self {
-            Self::Picture => None,
-            Self::Direct => Some((&picture.surface.radiance, LAYER_RADIANCE)),
-            Self::Diffuse => indirect.map(|i| (&i.diffuse, LAYER_RADIANCE)),
-            Self::Glossy => indirect.and_then(|i| i.glossy.as_ref()).map(|image| (image, LAYER_RADIANCE)),
-            Self::Albedo => Some((&picture.surface.albedo, LAYER_REFLECTANCE)),
-            Self::Normals => Some((&picture.surface.normal, LAYER_DIRECTION)),
+            Self::Depth => Some("m"),
+            Self::Luminance => Some("cd/m\u{b2}"),
+            _ => None,
         }
     }
+}
+
+/// What the window shows of a picture.
+pub(super) struct Scenery<'a> {
+    pub(super) picture: &'a Picture,
+    pub(super) view: View,
+    /// Corner in the window [pixels].
+    pub(super) corner: [u32; 2],
+    pub(super) shown: Shown,
+    pub(super) look: &'a Look,
+    /// What is at either end of false colours.
+    pub(super) scale: [f32; 2],
+    pub(super) over: Option<Over<'a>>,
+    /// Caches to be drawn as discs, and how many.
+    pub(super) discs: Option<(&'a Buffer, u32)>,
 }
 
 /// Triangles of the panels, all in two buffers.
@@ -67,6 +109,7 @@ pub(super) struct Canvas {
     pub(super) image: Image,
     ui: Pipeline,
     layer: Pipeline,
+    discs: Pipeline,
     /// Glyphs and shapes of the panels, on both sides: changes are put together on the CPU.
     glyphs: Option<Image>,
     texels: egui::ColorImage,
@@ -103,6 +146,7 @@ impl Canvas {
             image: Self::image(gpu, size)?,
             ui: gpu.raster(&raster)?,
             layer: gpu.raster(&layer)?,
+            discs: gpu.raster(&Raster { vertex: "discs.vert", fragment: Some("discs.frag"), ..layer })?,
             glyphs: None,
             texels: egui::ColorImage::default(),
             panels: None,
@@ -184,41 +228,56 @@ impl Canvas {
         Ok(())
     }
 
-    /// Records the picture, if there is one, with its top left corner, and the panels over it.
-    pub(super) fn record(&self, cmd: &Cmd<'_>, picture: Option<(&Picture, [u32; 2])>, shown: Shown, look: &Look) {
+    /// Records the picture, if there is one, what is over it, and the panels over both.
+    pub(super) fn record(&self, cmd: &Cmd<'_>, scenery: Option<&Scenery<'_>>) {
         let _zone = cmd.zone("window");
         let area = [0, 0, self.image.width, self.image.height];
-        let layer = picture.and_then(|(picture, _)| shown.layer(picture));
         let mut canvas = Attach::clear(&self.image);
-        if let (Some((picture, corner)), Shown::Picture) = (picture, shown) {
+        if let Some(Scenery { picture, corner, .. }) = scenery.filter(|scenery| scenery.shown == Shown::Picture) {
             cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |_| {});
             cmd.barrier(Use::ColorWrite, Use::CopyRead | Use::CopyWrite);
-            cmd.copy_image(&picture.output.picture, &self.image, corner);
+            cmd.copy_image(&picture.output.picture, &self.image, *corner);
             cmd.barrier(Use::CopyWrite, Use::ColorWrite);
             canvas = Attach::keep(&self.image);
         }
         // Layers need no barrier: the composite reads them in fragment shaders, too, or they are of an earlier frame.
         cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |draw| {
-            if let (Some((picture, corner)), Some(layer)) = (picture, layer) {
-                self.draw_layer(draw, picture, corner, layer, look);
+            if let Some(scenery) = scenery {
+                if let Some((layers, how)) = scenery.shown.layers(scenery.picture) {
+                    self.draw_layer(draw, scenery, (&layers, how), 0);
+                }
+                if let Some((caches, count)) = scenery.discs.filter(|(_, count)| *count > 0) {
+                    self.draw_discs(draw, scenery, caches, count);
+                }
+                if let Some(over) = &scenery.over {
+                    let from = (over.from.clamp(0.0, 1.0) * scenery.picture.size()[0] as f32).round() as u32;
+                    self.draw_layer(draw, scenery, (&[over.image], over.how), from);
+                }
             }
             self.draw_panels(draw);
         });
     }
 
-    fn draw_layer(
-        &self,
-        draw: &Draw<'_, '_>,
-        picture: &Picture,
-        [left, top]: [u32; 2],
-        (layer, how): (&Image, u32),
-        look: &Look,
-    ) {
-        let [width, height] = picture.size();
-        draw.bind(&self.layer, &[layer.into(), (&picture.output.exposure).into()]);
-        draw.push(&LayerPush { how, tonemap: look.tonemap as u32, left, top });
+    fn draw_layer(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>, (layers, how): (&[&Image], u32), from: u32) {
+        let ([width, height], [left, top]) = (scenery.picture.size(), scenery.corner);
+        let part = |i: usize| Bind::from(layers[i.min(layers.len() - 1)]);
+        draw.bind(&self.layer, &[part(0), (&scenery.picture.output.exposure).into(), part(1), part(2)]);
+        let ([low, high], tonemap) = (scenery.scale, scenery.look.tonemap as u32);
+        let parts = layers.len() as u32;
+        draw.push(&LayerPush { how, tonemap, left, top, parts, low, high, depth: distance_by_depth(&scenery.view) });
         draw.area([left, top, width, height]);
+        draw.clip([left + from, top, width - from, height]);
         draw.draw(3);
+        draw.area([0, 0, self.image.width, self.image.height]);
+    }
+
+    fn draw_discs(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>, caches: &Buffer, count: u32) {
+        let ([width, height], [left, top]) = (scenery.picture.size(), scenery.corner);
+        draw.bind(&self.discs, &[caches.into(), (&scenery.picture.surface.depth).into()]);
+        let View { clip_from_world, eye, .. } = scenery.view;
+        draw.push(&DiscPush { clip_from_world, eye, size: 0.4, left, top });
+        draw.area([left, top, width, height]);
+        draw.draw(count * 3 * DISC_CORNERS);
         draw.area([0, 0, self.image.width, self.image.height]);
     }
 
@@ -233,4 +292,11 @@ impl Canvas {
             draw.draw_indexed(run.end - run.start, run.start);
         }
     }
+}
+
+/// What `LayerPush::depth` is of a view.
+fn distance_by_depth(view: &View) -> Vec4 {
+    // Of points in the middle of the picture; the others of the same depth are as far.
+    let [of_depth, of_one] = [view.world_from_clip.z_axis, view.world_from_clip.w_axis];
+    Vec4::new(view.plane.dot(of_one), view.plane.dot(of_depth), of_one.w, of_depth.w)
 }

@@ -1,7 +1,9 @@
 //! What is open: a scene, how it is lit, seen and shown, and the job that makes the next one.
 
+use super::background::Rest;
 use super::camera::{Free, Seen};
 use super::canvas::Shown;
+use super::pixel::Pixel;
 use crate::cli::thousands;
 use crate::cli::view::{Now, View as Args, print};
 use anyhow::{Result, anyhow};
@@ -59,6 +61,12 @@ pub(super) struct Document {
     pub(super) drawn: Option<View>,
     pub(super) look: Look,
     pub(super) shown: Shown,
+    /// What is at either end of the false colours of distances [m] and luminance [cd/m^2].
+    pub(super) scales: [[f32; 2]; 2],
+    /// Whether caches are shown as discs.
+    pub(super) discs: bool,
+    /// The pixel that was picked last.
+    pub(super) pixel: Option<Pixel>,
     pub(super) seen: Seen,
     pub(super) bookmarks: [Option<Seen>; 9],
     pub(super) clip: Clip,
@@ -67,13 +75,16 @@ pub(super) struct Document {
     /// Caches of the whole scene.
     pub(super) caches: usize,
     pub(super) history: VecDeque<Timed>,
+    /// Counts changes of the scene.
+    pub(super) edits: u64,
     job: Option<Job>,
     ways: Ways,
+    rest: Rest,
 }
 
 impl Document {
     /// Begins to load what the command line names.
-    pub(super) fn new(gpu: &Gpu, args: &Args) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, args: &Args, rest: Rest) -> Result<Self> {
         let ways = tune::fastest(gpu)?.ways;
         let settings = usual(args, args.cache_count(), ways);
         let mut document = Self {
@@ -85,14 +96,19 @@ impl Document {
             drawn: None,
             look: args.look(),
             shown: Shown::Picture,
+            scales: [[0.1, 10.0], [1.0, 1000.0]],
+            discs: false,
+            pixel: None,
             seen: Seen::OfScene(0),
             bookmarks: [None; 9],
             clip: Clip { animation: None, time: 0.0, playing: false, speed: 1.0 },
             lights: Vec::new(),
             caches: 0,
             history: VecDeque::new(),
+            edits: 0,
             job: None,
             ways,
+            rest,
         };
         document.open(args.clone(), true);
         Ok(document)
@@ -101,8 +117,19 @@ impl Document {
     /// Begins to load this in the background; what is shown stays until it is there. Of several the last one counts.
     pub(super) fn open(&mut self, args: Args, anew: bool) {
         let progress = Progress::default();
-        let (told, of_job) = (progress.clone(), args.clone());
-        let thread = std::thread::spawn(move || of_job.load(&told));
+        let (told, of_job, rest) = (progress.clone(), args.clone(), self.rest.clone());
+        // With nothing to look at, all cores may work; otherwise one, which rests while the user moves something.
+        let thread = match self.engine {
+            None => std::thread::spawn(move || of_job.load(&|done, what| told.set(done, what))),
+            Some(_) => std::thread::spawn(move || {
+                rest.first(|| {
+                    of_job.load(&|done, what| {
+                        rest.pause();
+                        told.set(done, what);
+                    })
+                })
+            }),
+        };
         let anew = anew || self.job.as_ref().is_some_and(|job| job.anew);
         self.job = Some(Job { thread, progress, args, anew });
     }
@@ -145,6 +172,8 @@ impl Document {
             None => self.engine = Some(Engine::new(gpu, loaded, &settings)?),
             Some(engine) => engine.load(gpu, loaded)?,
         }
+        self.edits += 1;
+        self.pixel = None;
         // Under another sky, or with other caches, it is the same scene.
         let same = anew && self.engine.is_some() && args.scene == self.args.scene;
         (self.args, self.settings, self.caches) = (args, settings, count);
@@ -201,8 +230,36 @@ impl Document {
         }
     }
 
+    /// The scale of what is shown.
+    pub(super) fn scale(&mut self) -> &mut [f32; 2] {
+        &mut self.scales[usize::from(self.shown == Shown::Luminance)]
+    }
+
+    /// Least and largest distance from the camera's plane [m] that the picture shows.
+    fn distances(&self, gpu: &Gpu) -> Option<[f32; 2]> {
+        let (picture, view) = (self.picture.as_ref()?, self.drawn?);
+        let depths: Vec<f32> = gpu.read_image(&picture.surface.depth).ok()?;
+        let seen = || depths.iter().copied().filter(|depth| *depth > 0.0);
+        // The nearest has the largest depth.
+        let ends = [seen().fold(0.0, f32::max), seen().fold(1.0, f32::min)].map(|depth| {
+            let point = view.world_from_clip * glam::Vec4::new(0.0, 0.0, depth, 1.0);
+            view.plane.dot(point / point.w)
+        });
+        (ends[0] > 0.0 && ends[1].is_finite()).then(|| [0.95 * ends[0], 1.05 * ends[1]])
+    }
+
+    /// Scales that suit the scene and the exposure.
+    pub(super) fn fit_scale(&mut self, gpu: &Gpu) {
+        let ev = self.picture.as_ref().and_then(|p| gpu.read::<f32>(&p.output.exposure).ok()).map_or(0.0, |ev| ev[0]);
+        *self.scale() = match self.shown {
+            Shown::Luminance => [1.2 * (ev - 8.0).exp2(), 1.2 * (ev + 2.0).exp2()],
+            _ => self.distances(gpu).unwrap_or([0.1, 10.0]),
+        };
+    }
+
     /// Changes the scene from the next frame on.
     pub(super) fn edit(&mut self, gpu: &Gpu, change: impl FnOnce(&mut Scene)) {
+        self.edits += 1;
         if let Some(engine) = &mut self.engine
             && let Err(error) = engine.edit(gpu, change)
         {

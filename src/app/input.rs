@@ -29,14 +29,22 @@ pub(super) enum Wish {
     Zoom(f32),
     /// Bring what is here to the middle; from 0 at the top left to 1.
     Centre([f32; 2]),
+    /// Tell what is here; likewise.
+    Pick([f32; 2]),
     /// See by this camera.
     Recall(usize),
     /// Remember the camera here.
     Keep(usize),
     /// Copy the command line of the picture.
     Copy,
-    /// Write the picture.
+    /// Write the picture as PNG.
     Save,
+    /// Write it as OpenEXR with all layers.
+    SaveLayers,
+    /// Show what it is compared with, or stop that.
+    Reference,
+    /// Give the picture this size in pixels.
+    Size([u32; 2]),
     /// Open a file.
     Drop(PathBuf),
 }
@@ -85,12 +93,13 @@ pub(super) struct Input {
 }
 
 impl Input {
-    /// Whether this is the Tab key, which panels would take for themselves.
-    pub(super) fn is_tab(&self, event: &WindowEvent) -> bool {
-        matches!(
-            event,
-            WindowEvent::KeyboardInput { event: KeyEvent { physical_key: PhysicalKey::Code(KeyCode::Tab), .. }, .. }
-        )
+    /// Whether this is a key that panels would take for themselves, which is ours unless a text is being written.
+    pub(super) fn is_ours(&self, event: &WindowEvent, panels: &egui::Context) -> bool {
+        let WindowEvent::KeyboardInput { event: KeyEvent { physical_key: PhysicalKey::Code(code), .. }, .. } = event
+        else {
+            return false;
+        };
+        *code == KeyCode::Tab || (*code == KeyCode::Space && !panels.text_edit_focused())
     }
 
     /// What an event asks for; `place` is corner and size of the picture [pixels], `taken` says that a panel has used it.
@@ -135,6 +144,9 @@ impl Input {
             WindowEvent::MouseInput { state: ElementState::Pressed, button, .. }
                 if self.over_picture(panels, place) =>
             {
+                if *button == MouseButton::Left && self.modifiers.control_key() {
+                    return vec![Wish::Pick(self.place_of(place))];
+                }
                 self.held = Some(*button);
                 self.click(*button, place).into_iter().collect()
             }
@@ -175,7 +187,9 @@ impl Input {
             KeyCode::KeyC if control && self.modifiers.shift_key() => Some(Wish::Copy),
             KeyCode::Tab | KeyCode::KeyH if !control => Some(Wish::Panels),
             KeyCode::F1 => Some(Wish::Keys),
+            KeyCode::F12 if self.modifiers.shift_key() => Some(Wish::SaveLayers),
             KeyCode::F12 => Some(Wish::Save),
+            KeyCode::Space if !control => Some(Wish::Reference),
             KeyCode::KeyP if !control => Some(Wish::Play),
             _ => digit.map(|index| if control { Wish::Keep(index) } else { Wish::Recall(index) }),
         }
@@ -191,15 +205,20 @@ impl Input {
             && layer.is_none_or(|layer| layer.order == egui::Order::Background)
     }
 
-    fn click(&mut self, button: MouseButton, (corner, size): ([u32; 2], [u32; 2])) -> Option<Wish> {
+    /// Where the pointer is in the picture, from 0 at its top left to 1.
+    fn place_of(&self, (corner, size): ([u32; 2], [u32; 2])) -> [f32; 2] {
+        [0, 1].map(|i| (self.pointer[i] - corner[i] as f32) / size[i] as f32)
+    }
+
+    fn click(&mut self, button: MouseButton, place: ([u32; 2], [u32; 2])) -> Option<Wish> {
         if button != MouseButton::Left {
             return None;
         }
         let now = (Instant::now(), self.pointer);
-        let second = |(at, place): (Instant, Vec2)| at.elapsed() < DOUBLE.0 && place.distance(self.pointer) <= DOUBLE.1;
+        let second =
+            |(at, before): (Instant, Vec2)| at.elapsed() < DOUBLE.0 && before.distance(self.pointer) <= DOUBLE.1;
         if self.clicked.take().is_some_and(second) {
-            let at = [0, 1].map(|i| (self.pointer[i] - corner[i] as f32) / size[i] as f32);
-            return Some(Wish::Centre(at));
+            return Some(Wish::Centre(self.place_of(place)));
         }
         self.clicked = Some(now);
         None

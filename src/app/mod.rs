@@ -1,10 +1,14 @@
 //! The window of `lightskin view`: events in, frames out. What it shows is the library's; nothing here knows how light is made.
 
+mod background;
 mod camera;
 mod canvas;
+mod compare;
 mod document;
 mod input;
 mod panel;
+mod pixel;
+mod reference;
 mod window;
 
 use crate::cli::view::View;

@@ -1,7 +1,11 @@
 //! The panels: every control, what it does and what it costs.
 
+pub(super) mod compare;
+pub(super) mod debug;
+
 use super::camera::Seen;
 use super::canvas::Shown;
+use super::compare::Compare;
 use super::document::Document;
 use super::input::Wish;
 use crate::cli::{recent, thousands};
@@ -15,12 +19,13 @@ use lightskin::scene::{Light, LightKind, Projection};
 pub(super) const WIDTH: f32 = 320.0;
 
 /// Keys, and what they do.
-const KEYS: [(&str, &str); 16] = [
+const KEYS: [(&str, &str); 19] = [
     ("left drag", "turn around the target"),
     ("right drag", "look around"),
     ("middle drag", "move sideways"),
     ("wheel", "go nearer or farther"),
     ("double click", "centre on the surface there"),
+    ("Ctrl+click", "tell all of the pixel there"),
     ("W A S D", "fly forward, left, back, right"),
     ("E, Q", "fly up, down"),
     ("Shift", "fly faster"),
@@ -29,7 +34,9 @@ const KEYS: [(&str, &str); 16] = [
     ("P", "play the animation, or stop it"),
     ("Tab, H", "show or hide the panels"),
     ("Ctrl+Shift+C", "copy the command line for this picture"),
+    ("Space", "show the reference of this view, or hide it"),
     ("F12", "write the picture as PNG"),
+    ("Shift+F12", "write it as OpenEXR with all layers"),
     ("F1", "show or hide this list"),
     ("Ctrl+Q", "quit"),
 ];
@@ -46,6 +53,8 @@ pub(super) struct State {
 /// How the panels look: dark, so that the picture is judged by itself.
 pub(super) fn style(context: &egui::Context) {
     context.set_theme(egui::Theme::Dark);
+    // Where a frame takes a second, a button goes down and up in different ones.
+    context.options_mut(|options| options.input_options.max_click_duration = 10.0);
     context.all_styles_mut(|style| {
         style.spacing.slider_width = 118.0;
         style.spacing.combo_width = 168.0;
@@ -91,7 +100,7 @@ impl State {
     }
 
     /// Shows the panels; what they ask for beyond the document comes back.
-    pub(super) fn show(&mut self, ui: &mut Ui, document: &mut Document, gpu: &Gpu) -> Vec<Wish> {
+    pub(super) fn show(&mut self, ui: &mut Ui, document: &mut Document, compare: &mut Compare, gpu: &Gpu) -> Vec<Wish> {
         let mut wishes = Vec::new();
         if self.visible {
             egui::Panel::right("panels").resizable(false).show_separator_line(false).exact_size(WIDTH).show(ui, |ui| {
@@ -102,6 +111,8 @@ impl State {
                     section(ui, "Global illumination", true, |ui| self.gi(ui, document));
                     section(ui, "Lights", true, |ui| lights(ui, document, gpu));
                     section(ui, "Camera", true, |ui| camera(ui, document, gpu, &mut wishes));
+                    compare::section(ui, compare, &mut wishes);
+                    debug::pixel(ui, document);
                     section(ui, "Animation", false, |ui| animation(ui, document, gpu));
                     section(ui, "Scene", false, |ui| scene(ui, document, gpu));
                     section(ui, "Timings", true, |ui| timings(ui, document));
@@ -378,8 +389,12 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
         let help =
             "How radiance becomes colours of the display. PBR Neutral keeps base colours, AgX and ACES are films.";
         row(ui, "Tone curve", help, |ui| choose(ui, "tonemap", &mut document.look.tonemap, &curves));
-        let help = "What of the picture is shown: all of it, or one layer alone. Costs nothing.";
-        row(ui, "Show", help, |ui| choose(ui, "shown", &mut document.shown, &Shown::ALL));
+        let help = "What of the picture is shown: all of it, or one layer alone. Depth and luminance are in false colours; \
+                    broken values are magenta where a layer has what no radiance can be. Costs nothing.";
+        if row(ui, "Show", help, |ui| choose(ui, "shown", &mut document.shown, &Shown::ALL)).changed() {
+            document.fit_scale(gpu);
+        }
+        debug::controls(ui, document, gpu);
     });
     ui.horizontal(|ui| {
         let help = "Copies and prints the command that renders this picture to a file. Lights that were changed here and \

@@ -1,14 +1,16 @@
 //! The open window: its images, its panels, and one frame of it.
 
-use super::canvas::Canvas;
+use super::canvas::{Canvas, Scenery};
+use super::compare::{Compare, Now};
 use super::document::Document;
 use super::input::{Input, Wish};
 use super::panel;
+use super::pixel::Pixel;
 use crate::cli::check_messages;
 use crate::cli::view::{View as Args, print};
 use anyhow::{Context, Result};
 use lightskin::gpu::{Gpu, Swapchain};
-use lightskin::image::write_png;
+use lightskin::image::is_exr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -24,6 +26,7 @@ const POLL: Duration = Duration::from_millis(100);
 /// A window and what it shows. In the order in which it is dropped.
 pub(super) struct Open {
     document: Document,
+    compare: Compare,
     canvas: Canvas,
     swapchain: Swapchain,
     egui: egui_winit::State,
@@ -33,6 +36,8 @@ pub(super) struct Open {
     window: Arc<Window>,
     /// Corner and size of the picture in the window [pixels].
     place: ([u32; 2], [u32; 2]),
+    /// Size of the window [pixels].
+    canvas_size: [u32; 2],
     /// What the barrier check has said.
     problems: Vec<String>,
     last: Instant,
@@ -58,8 +63,13 @@ impl Open {
         panel::style(&context);
         let scale = window.scale_factor() as f32;
         let egui = egui_winit::State::new(context, egui::ViewportId::ROOT, &window, Some(scale), window.theme(), None);
+        let mut compare = Compare::new(args.reference_spp);
+        if let Some(file) = &args.against {
+            compare.open(file);
+        }
         Ok(Self {
-            document: Document::new(&gpu, args)?,
+            document: Document::new(&gpu, args, compare.rest.clone())?,
+            compare,
             canvas: Canvas::new(&gpu, size.into())?,
             swapchain,
             egui,
@@ -68,6 +78,7 @@ impl Open {
             gpu,
             window,
             place: ([0, 0], [0, 0]),
+            canvas_size: size.into(),
             problems: Vec::new(),
             last: Instant::now(),
             next: None,
@@ -91,16 +102,20 @@ impl Open {
 
     /// Closes it, and says what has gone wrong unseen.
     pub(super) fn close(self) -> Result<()> {
-        let Self { document, canvas, swapchain, gpu, problems, .. } = self;
-        drop((document, canvas, swapchain));
+        let Self { document, compare, canvas, swapchain, gpu, mut problems, .. } = self;
+        problems.extend_from_slice(&compare.problems);
+        drop((document, compare, canvas, swapchain));
         gpu.wait()?;
         check_messages(&gpu, &problems)
     }
 
     /// Takes an event; what it changes is seen by the next frame.
     pub(super) fn event(&mut self, event: &WindowEvent) {
-        // Tab is ours: it shows and hides the panels.
-        let answer = if self.input.is_tab(event) { None } else { Some(self.egui.on_window_event(&self.window, event)) };
+        let ours = self.input.is_ours(event, self.egui.egui_ctx());
+        let answer = if ours { None } else { Some(self.egui.on_window_event(&self.window, event)) };
+        if is_input(event) {
+            self.compare.rest.touch();
+        }
         let wishes = self.input.take(event, self.egui.egui_ctx(), self.place, answer.is_some_and(|a| a.consumed));
         let changes = !wishes.is_empty();
         for wish in wishes {
@@ -151,6 +166,13 @@ impl Open {
                     free.centre(point);
                 }
             }
+            Wish::Pick(at) => match Pixel::pick(gpu, document, at) {
+                Ok(pixel) => {
+                    pixel.iter().for_each(|pixel| print(&pixel.line()));
+                    document.pixel = pixel;
+                }
+                Err(error) => log::error!("{error:#}"),
+            },
             Wish::Recall(index) => {
                 let cameras = document.scene().map_or(0, |scene| scene.cameras.len());
                 match document.bookmarks[index] {
@@ -163,7 +185,16 @@ impl Open {
                 document.bookmarks[index] = Some(document.seen);
                 log::warn!("camera {} is this one now", index + 1);
             }
-            Wish::Copy | Wish::Save => self.waiting.push(wish),
+            Wish::Copy | Wish::Save | Wish::SaveLayers => self.waiting.push(wish),
+            Wish::Reference => self.compare.shown = !self.compare.shown,
+            Wish::Size(picture) => {
+                let around = [0, 1].map(|i| self.canvas_size[i].saturating_sub(self.place.1[i]));
+                let size = PhysicalSize::new(picture[0] + around[0], picture[1] + around[1]);
+                let _ = self.window.request_inner_size(size);
+            }
+            Wish::Drop(file) if Compare::is_picture(&file) || (self.compare.shown && is_exr(&file)) => {
+                self.compare.open(&file);
+            }
             Wish::Drop(file) => document.open(document.args.with_file(&file), true),
         }
     }
@@ -177,14 +208,16 @@ impl Open {
         Ok(())
     }
 
-    /// Writes the picture, without panels, under the first free name.
-    fn save(&self) -> Result<()> {
+    /// Writes the picture, without panels, under the first free name; with this ending.
+    fn save(&self, ending: &str) -> Result<()> {
         let (Some(picture), Some(scene)) = (&self.document.picture, self.document.scene()) else { return Ok(()) };
-        let free = |n: &u32| !PathBuf::from(format!("{}-{n}.png", scene.name)).exists();
+        let named = |n: u32| PathBuf::from(format!("{}-{n}.{ending}", scene.name));
+        let free = |n: &u32| !named(*n).exists();
         let number = (1..10_000).find(free).context("there are 9999 pictures here already; move them away")?;
-        let path = PathBuf::from(format!("{}-{number}.png", scene.name));
-        let [width, height] = picture.size();
-        write_png(&path, width, height, &self.gpu.read_image(&picture.output.picture)?)?;
+        let (path, look) = (named(number), &self.document.look);
+        let view = self.document.drawn.context("no frame yet")?;
+        let about = format!("scene {}; {}", scene.name, self.document.command().unwrap_or_default());
+        crate::cli::view::write_picture(&self.gpu, picture, &view, look, &about, &path)?;
         print(&format!("picture   {}", path.display()));
         log::warn!("wrote {}", path.display());
         Ok(())
@@ -214,10 +247,12 @@ impl Open {
         let input = self.egui.take_egui_input(&self.window);
         let context = self.egui.egui_ctx().clone();
         let (mut left_over, mut wishes) = (egui::Rect::NOTHING, Vec::new());
-        let (document, panel, gpu) = (&mut self.document, &mut self.panel, &self.gpu);
+        let (document, compare, panel, gpu) = (&mut self.document, &mut self.compare, &mut self.panel, &self.gpu);
         let output = context.run_ui(input, |ui| {
-            wishes.extend(panel.show(ui, document, gpu));
+            wishes.extend(panel.show(ui, document, compare, gpu));
             left_over = ui.available_rect_before_wrap();
+            panel::debug::legend(ui, document, left_over);
+            panel::compare::overlay(ui, compare, left_over);
         });
         self.egui.handle_platform_output(&self.window, output.platform_output);
         for wish in wishes {
@@ -229,42 +264,91 @@ impl Open {
         let far = [pixel(left_over.max.x, size[0]), pixel(left_over.max.y, size[1])];
         self.place = (corner, [0, 1].map(|i| far[i].saturating_sub(corner[i])));
 
+        self.canvas_size = size;
         self.canvas.fit(&self.gpu, size)?;
         self.document.fit(&self.gpu, self.place.1)?;
         let primitives = context.tessellate(output.shapes, scale);
         self.canvas.take(&self.gpu, &primitives, output.textures_delta, scale)?;
         let view = self.document.view();
         let document = &mut self.document;
-        let (canvas, look, shown) = (&self.canvas, document.look, document.shown);
+        let (canvas, look, over) = (&self.canvas, document.look, self.compare.over());
+        let (shown, scale, discs) = (document.shown, *document.scale(), document.discs);
         let frame = self.gpu.timed_frame(|cmd| {
             if let (Some(view), Some(engine), Some(picture)) = (view, &mut document.engine, &mut document.picture) {
                 engine.record(cmd, &mut [(view, picture)], &look);
             }
-            canvas.record(cmd, document.picture.as_ref().map(|picture| (picture, corner)), shown, &look);
+            let atlas = document.engine.as_ref().and_then(|engine| engine.light().caches()).map(|caches| &caches.atlas);
+            let discs = atlas.filter(|_| discs).map(|atlas| (&atlas.caches, atlas.count));
+            let picture = document.picture.as_ref().zip(view);
+            let scenery = picture.map(|(picture, view)| Scenery {
+                picture,
+                view,
+                corner,
+                shown,
+                look: &look,
+                scale,
+                over,
+                discs,
+            });
+            canvas.record(cmd, scenery.as_ref());
             Ok(())
         })?;
         self.problems.extend(frame.problems);
         self.document.time(self.gpu.finished_times()?);
         self.document.drawn = view;
         for wish in std::mem::take(&mut self.waiting) {
-            let done = if wish == Wish::Copy { self.copy_command() } else { self.save() };
+            let done = match wish {
+                Wish::Copy => self.copy_command(),
+                Wish::SaveLayers => self.save("exr"),
+                _ => self.save("png"),
+            };
             if let Err(error) = done {
                 log::error!("{error:#}");
             }
         }
+        let compared = self.compare()?;
         self.window.pre_present_notify();
         let seen = self.swapchain.show(&self.canvas.image)?;
 
         let soon = output.viewport_output.get(&egui::ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
+        let works = self.document.progress().is_some() || self.compare.works();
         let moves = self.document.clip.playing || self.input.flies();
-        let wait = match (moves, self.document.progress().is_some() || !seen) {
+        let wait = match (moves, works || !seen) {
             (true, _) => Some(Duration::ZERO),
             (false, true) => Some(soon.min(POLL)),
             (false, false) => Some(soon).filter(|wait| *wait < Duration::from_secs(3600)),
         };
-        self.next = wait.map(|wait| Instant::now() + wait);
+        self.next = wait.map(|wait| Instant::now() + if compared { Duration::ZERO } else { wait });
         Ok(())
     }
+
+    /// Brings the comparison on; says whether there is something new to show.
+    fn compare(&mut self) -> Result<bool> {
+        let Document { engine, picture, drawn, edits, clip, .. } = &self.document;
+        let (Some(engine), Some(picture), Some(view)) = (engine, picture, *drawn) else { return Ok(false) };
+        let Some(camera) = self.document.camera() else { return Ok(false) };
+        let busy = clip.playing || self.document.progress().is_some() || self.input.flies();
+        let now = Now { engine, picture, view, camera, edits: *edits, busy };
+        let drew = !engine.light().skipped().contains(&"composite");
+        let before = self.compare.version();
+        let size = self.compare.step(&self.gpu, &now, drew)?;
+        if let Some(size) = size.filter(|size| *size != picture.size()) {
+            self.grant(Wish::Size(size));
+        }
+        Ok(self.compare.version() != before)
+    }
+}
+
+/// Whether the user does something.
+fn is_input(event: &WindowEvent) -> bool {
+    matches!(
+        event,
+        WindowEvent::KeyboardInput { .. }
+            | WindowEvent::CursorMoved { .. }
+            | WindowEvent::MouseInput { .. }
+            | WindowEvent::MouseWheel { .. }
+            | WindowEvent::Resized(_)
+    )
 }
 
 /// How far from the eye what a place of the picture shows is [m], and where; places are from 0 at the top left to 1.

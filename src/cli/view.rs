@@ -1,15 +1,16 @@
 //! `lightskin view`: what the window begins with, and how it loads a scene as `render` does.
 
 use super::camera::camera;
-use super::picture::TonemapArg;
+use super::picture::{TonemapArg, Writing};
 use super::sky::SkyArgs;
 use super::words::{AntialiasingArg, ShadowsArg, light_shadows_word};
 use super::{CacheArgs, DeviceArgs, QualityArg, divide_for, load_under, word};
-use anyhow::{Context, Result};
+use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
 use lightskin::bake::bake_cached;
-use lightskin::frame::engine::{Loaded, Progress};
-use lightskin::frame::{Exposure, Look, Near, Quality, Settings, Shadows, Tonemap};
+use lightskin::frame::View as FrameView;
+use lightskin::frame::engine::Loaded;
+use lightskin::frame::{Exposure, Look, Near, Picture, Quality, Settings, Shadows, Tonemap};
 use lightskin::gpu::{Gpu, Present};
 use std::path::{Path, PathBuf};
 use winit::raw_window_handle::RawDisplayHandle;
@@ -30,6 +31,12 @@ pub(crate) struct View {
     /// Curve from scene to display.
     #[arg(long, value_enum, default_value_t)]
     tonemap: TonemapArg,
+    /// Picture to compare with, of the same size: PNG or OpenEXR. Space shows it.
+    #[arg(long, value_name = "FILE")]
+    pub(crate) against: Option<PathBuf>,
+    /// Samples per pixel at which the reference that Space shows is done.
+    #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
+    pub(crate) reference_spp: u32,
     /// Begin without panels; Tab shows them.
     #[arg(long)]
     pub(crate) no_panels: bool,
@@ -69,8 +76,8 @@ pub(crate) struct Now<'a> {
 
 impl View {
     /// Loads the scene and bakes its caches, or reads the kept bake, just as `render` does.
-    pub(crate) fn load(&self, progress: &Progress) -> Result<Loaded> {
-        progress.set(0.0, "load");
+    pub(crate) fn load(&self, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Loaded> {
+        progress(0.0, "load");
         let mut scene = load_under(self.scene.as_deref(), self.sky.sky()?, self.caches.ground)?;
         self.sky.put_behind(&mut scene)?;
         self.sky.size_lights(&mut scene);
@@ -79,7 +86,7 @@ impl View {
             camera(&scene, Some(wanted))?;
         }
         let at_vertices = divide_for(&mut scene, &self.caches, false);
-        let baked = bake_cached(&scene, &self.caches.settings(), &|done, what| progress.set(done, what));
+        let baked = bake_cached(&scene, &self.caches.settings(), progress);
         let (mut caches, _) = baked.with_context(|| scene.name.clone())?;
         if !at_vertices {
             match caches.clone().with_cells(&scene) {
@@ -208,6 +215,22 @@ impl View {
 
 fn shadow_word(shadows: Shadows) -> String {
     ShadowsArg::of(shadows)
+}
+
+/// Writes the picture of the last frame: OpenEXR with all layers or PNG, by the name; `about` is what an EXR says of itself.
+pub(crate) fn write_picture(
+    gpu: &Gpu,
+    picture: &Picture,
+    view: &FrameView,
+    look: &Look,
+    about: &str,
+    path: &Path,
+) -> Result<()> {
+    let writing = Writing { layer: None, tonemap: TonemapArg::of(look.tonemap), behind: look.behind };
+    match writing.write(gpu, picture, view, about, path)? {
+        0 => Ok(()),
+        broken => bail!("{broken} values of the picture are negative or not finite; this is a bug of lightskin"),
+    }
 }
 
 /// Prints a line of the result on standard output.

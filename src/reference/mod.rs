@@ -20,6 +20,7 @@ pub mod dipole;
 /// Exact integrals over a disc or a polygon.
 pub mod disc;
 /// Form factor between a point and a disc, eq. 5.7.
+pub mod false_color;
 pub mod form_factor;
 /// VALs to proxy lights at one cache, stage 6.
 pub mod gather;

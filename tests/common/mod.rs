@@ -2,6 +2,8 @@
 
 pub(crate) mod frames;
 mod gpu;
+#[cfg(feature = "app")]
+pub(crate) mod window;
 
 pub(crate) use gpu::{Turn, apart, assert_clean, compile, frame_of, gpu, map_on_gpu, open};
 

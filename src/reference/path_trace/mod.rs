@@ -188,12 +188,20 @@ impl<'a> PathTrace<'a> {
 
     /// [`Self::pass`], unless the flag is set before its end, which stays set: then nothing is added. Says whether it is.
     pub fn pass_unless(&mut self, stop: &AtomicBool) -> bool {
+        self.pass_while(&|| !stop.load(Ordering::Relaxed))
+    }
+
+    /// [`Self::pass`] as long as this says that it goes on, which is asked before each pixel and may take its time. Once it has
+    /// said no, nothing is added. Says whether the samples are.
+    pub fn pass_while(&mut self, goes_on: &(dyn Fn() -> bool + Sync)) -> bool {
+        let stop = AtomicBool::new(false);
         let stopped = || stop.load(Ordering::Relaxed);
         let pass = self.samples / PASS_SAMPLES;
         let (half, first) = (pass % 2, pass / 2 * PASS_SAMPLES);
         let mut pixels = self.pixels.clone();
         pixels.par_iter_mut().enumerate().with_min_len(64).for_each(|(index, pixel)| {
-            if stopped() {
+            if stopped() || !goes_on() {
+                stop.store(true, Ordering::Relaxed);
                 return;
             }
             let mut sum = Radiance::default();
@@ -227,6 +235,14 @@ impl<'a> PathTrace<'a> {
         self.pixels = pixels;
         self.samples += PASS_SAMPLES;
         true
+    }
+
+    /// Begins anew with another number of pixels of the same view.
+    pub fn resize(&mut self, size: [u32; 2]) {
+        self.settings.size = size;
+        self.pixels = vec![Pixel::default(); size[0] as usize * size[1] as usize];
+        self.key = file::key(self.world.scene(), self.camera, &self.settings);
+        self.samples = 0;
     }
 
     /// Samples per pixel so far.

@@ -1,0 +1,87 @@
+//! What is behind the picture: scales of false colours, caches as discs, all of one pixel.
+
+use super::{row, rows};
+use crate::app::document::Document;
+use egui::{Align2, Color32, DragValue, FontId, Rect, RichText, Ui};
+use lightskin::gpu::Gpu;
+use lightskin::reference::false_color::false_color;
+
+/// Rows below the choice of what is shown.
+pub(super) fn controls(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
+    if let Some(unit) = document.shown.unit() {
+        let help = "What is dark blue, and what is dark red. Between them colours go by the logarithm.";
+        let mut fit = false;
+        row(ui, "Scale", help, |ui| {
+            ui.horizontal(|ui| {
+                let [low, high] = document.scale();
+                let (least, most) = (f64::from(*low), f64::from(*high));
+                ui.add(DragValue::new(low).speed(0.02 * least).range(1e-6..=0.99 * most).max_decimals(4));
+                ui.add(DragValue::new(high).speed(0.02 * most).range(1.01 * least..=1e9).max_decimals(4));
+                ui.label(unit);
+                fit = ui.button("fit").on_hover_text("Suits it to the scene and its exposure.").clicked();
+            })
+            .response
+        });
+        if fit {
+            document.fit_scale(gpu);
+        }
+    }
+    let help = "Draws a disc where each cache stands, on its surface. Their colours only tell them apart.";
+    row(ui, "Caches", help, |ui| ui.checkbox(&mut document.discs, "as discs"));
+}
+
+/// The colours of a scale, over the picture.
+pub(in crate::app) fn legend(ui: &Ui, document: &mut Document, picture: Rect) {
+    let Some(unit) = document.shown.unit().filter(|_| picture.width() > 260.0 && picture.height() > 80.0) else {
+        return;
+    };
+    let [low, high] = document.scale().map(f64::from);
+    let painter = ui.ctx().layer_painter(egui::LayerId::new(egui::Order::Middle, egui::Id::unique("legend")));
+    let painter = painter.with_clip_rect(picture);
+    let bar =
+        Rect::from_min_size(picture.min + egui::vec2(16.0, 14.0), egui::vec2(picture.width().min(420.0) - 60.0, 12.0));
+    painter.rect_filled(
+        bar.expand2(egui::vec2(10.0, 8.0)).translate(egui::vec2(0.0, 6.0)),
+        3.0,
+        Color32::from_black_alpha(170),
+    );
+    let steps = bar.width() as usize;
+    for i in 0..steps {
+        let [r, g, b] = (false_color(i as f64 / steps as f64) * 255.0).round().to_array().map(|v| v as u8);
+        let x = bar.left() + i as f32;
+        let part = Rect::from_min_max(egui::pos2(x, bar.top()), egui::pos2(x + 1.0, bar.bottom()));
+        painter.rect_filled(part, 0.0, Color32::from_rgb(r, g, b));
+    }
+    for i in 0..=4 {
+        let share = f64::from(i) / 4.0;
+        let value = low * (high / low).powf(share);
+        let digits = (2.0 - value.log10().floor()).clamp(0.0, 4.0) as usize;
+        let unit = if i == 4 { format!(" {unit}") } else { String::new() };
+        let (x, align) = match i {
+            0 => (bar.left(), Align2::LEFT_TOP),
+            4 => (bar.right(), Align2::RIGHT_TOP),
+            _ => (bar.left() + share as f32 * bar.width(), Align2::CENTER_TOP),
+        };
+        let text = format!("{value:.digits$}{unit}");
+        painter.text(egui::pos2(x, bar.bottom() + 2.0), align, text, FontId::proportional(11.0), Color32::WHITE);
+    }
+}
+
+/// All of the pixel that was picked.
+pub(super) fn pixel(ui: &mut Ui, document: &mut Document) {
+    let Some(pixel) = &document.pixel else { return };
+    let mut close = false;
+    super::section(ui, "Pixel", true, |ui| {
+        rows(ui, "pixel", |ui| {
+            for (name, value) in pixel.values() {
+                ui.label(name);
+                ui.label(RichText::new(value).monospace().size(11.0));
+                ui.end_row();
+            }
+        });
+        close = ui.button("Close").on_hover_text("Ctrl+click on the picture tells of another pixel.").clicked();
+    });
+    if close {
+        document.pixel = None;
+    }
+}

@@ -1,0 +1,117 @@
+//! Where a reference comes from that is made in the background: the path tracer, coarse first, then pass after pass.
+
+use super::background::{Rest, alone};
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
+use lightskin::scene::{Camera, Scene};
+use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+use std::thread::JoinHandle;
+
+/// How many times smaller than the picture the first passes are.
+const COARSE: [u32; 3] = [8, 4, 2];
+
+/// A path trace that grows in the background.
+pub(super) struct Trace {
+    thread: JoinHandle<()>,
+    told: Arc<Told>,
+}
+
+/// What the thread tells, and is told.
+#[derive(Default)]
+struct Told {
+    stop: AtomicBool,
+    newest: Mutex<Option<Traced>>,
+    /// Pixels of the pass under way, and how many it has.
+    pixels: [AtomicU32; 2],
+}
+
+/// What has been traced so far.
+pub(super) struct Traced {
+    /// Radiance [cd/m^2], row by row from the top.
+    pub(super) rgb: Vec<[f32; 3]>,
+    /// Samples per pixel; none of a picture that is coarser.
+    pub(super) samples: Option<u32>,
+    /// Mean relative standard error.
+    pub(super) noise: f64,
+}
+
+impl Trace {
+    /// Begins; ends by itself after so many samples per pixel.
+    pub(super) fn start(scene: Arc<Scene>, camera: Camera, settings: PathTraceSettings, most: u32, rest: Rest) -> Self {
+        let told = Arc::new(Told::default());
+        let of_thread = told.clone();
+        let thread = std::thread::spawn(move || alone(|| of_thread.trace(&scene, &camera, settings, most, &rest)));
+        Self { thread, told }
+    }
+
+    /// What is new.
+    pub(super) fn newest(&self) -> Option<Traced> {
+        self.told.newest.lock().unwrap_or_else(PoisonError::into_inner).take()
+    }
+
+    /// How far the pass under way is, from 0 to 1.
+    pub(super) fn progress(&self) -> f32 {
+        let [done, all] = self.told.pixels.each_ref().map(|n| n.load(Ordering::Relaxed));
+        done as f32 / all.max(1) as f32
+    }
+
+    /// Tells it to end, which it does within a moment.
+    pub(super) fn stop(&self) {
+        self.told.stop.store(true, Ordering::Relaxed);
+    }
+
+    pub(super) fn is_over(&self) -> bool {
+        self.thread.is_finished()
+    }
+}
+
+impl Drop for Trace {
+    fn drop(&mut self) {
+        self.stop();
+    }
+}
+
+impl Told {
+    fn trace(&self, scene: &Scene, camera: &Camera, settings: PathTraceSettings, most: u32, rest: &Rest) {
+        let stopped = || self.stop.load(Ordering::Relaxed);
+        rest.wait(stopped);
+        let size = settings.size;
+        let mut trace = PathTrace::new(scene, camera, &settings);
+        let coarse = COARSE.into_iter().filter(|by| size[0] / by >= 64);
+        for by in coarse.chain([1]) {
+            let small = size.map(|side| side.div_ceil(by));
+            trace.resize(small);
+            while trace.samples() == 0 || (by == 1 && trace.samples() < most && !trace.is_exact()) {
+                self.pixels[0].store(0, Ordering::Relaxed);
+                self.pixels[1].store(small[0] * small[1], Ordering::Relaxed);
+                let whole = trace.pass_while(&|| {
+                    rest.wait(stopped);
+                    self.pixels[0].fetch_add(1, Ordering::Relaxed);
+                    !stopped()
+                });
+                if !whole {
+                    return;
+                }
+                let rgb = enlarged(&sum(&trace), small, size, by);
+                let samples = (by == 1).then(|| trace.samples());
+                let traced = Traced { rgb, samples, noise: trace.noise() };
+                *self.newest.lock().unwrap_or_else(PoisonError::into_inner) = Some(traced);
+            }
+        }
+    }
+}
+
+/// All radiance.
+fn sum(trace: &PathTrace<'_>) -> Vec<[f32; 3]> {
+    let mut all = trace.direct();
+    for layer in [trace.diffuse(), trace.glossy()] {
+        all.iter_mut().zip(layer).for_each(|(all, one)| (0..3).for_each(|c| all[c] += one[c]));
+    }
+    all
+}
+
+/// Each pixel so many times larger.
+fn enlarged(rgb: &[[f32; 3]], [small, _]: [u32; 2], [width, height]: [u32; 2], by: u32) -> Vec<[f32; 3]> {
+    let at = |x: u32, y: u32| rgb[(y / by * small + x / by) as usize];
+    (0..height).flat_map(|y| (0..width).map(move |x| at(x, y))).collect()
+}

@@ -1,0 +1,94 @@
+//! What the window offers beside the picture, by real keys and buttons: comparing, telling of a pixel.
+
+use crate::cli::{folder, works};
+use crate::common::window::{App, Display, SMALL, cornell, png};
+use lightskin::image::read_picture;
+use std::path::Path;
+
+/// Numbers of a line of text, whatever stands between them.
+fn numbers(text: &str) -> Vec<f64> {
+    text.split(|c: char| !(c.is_ascii_digit() || ".-+e".contains(c))).filter_map(|word| word.parse().ok()).collect()
+}
+
+/// FLIP, relMSE and bias of the window are those of `lightskin compare`.
+fn assert_errors(line: &str, folder: &Path, image: &str, reference: &str) {
+    let told = works(folder, &["compare", image, reference, "--json"]);
+    let wanted: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    let found = numbers(line);
+    for (i, name) in ["flip", "relmse", "bias"].into_iter().enumerate() {
+        let wanted = wanted[name].as_f64().expect(name);
+        assert!((found[i] - wanted).abs() < 1e-6 + 1e-5 * wanted.abs(), "{name} is {wanted}: {line}");
+    }
+}
+
+/// A picture in a file shows bit for bit, with the wipe beside lightskin's own, and is measured as by `compare`.
+#[test]
+fn a_file_is_compared() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_against");
+    let (scene, size) = (cornell(), [64, 48]);
+    let scene = scene.to_str().expect("a path");
+    works(&folder, &["render", scene, "-o", "other.png", "--size", "64x48", "--ev", "6", "--gi", "off"]);
+    let (_, other) = png(&folder.join("other.png"));
+    let words = ["view", scene, "--size", "64x48", "--ev", "5", "--no-panels", "--against", "other.png"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    let errors = app.line("errors");
+    let name = app.picture();
+    let own = png(&folder.join(&name)).1;
+    assert_errors(&errors, &folder, &name, "other.png");
+    app.shows(size, &other, "the file");
+    // The line stands at the left at first.
+    app.slide([3, 20], 29, "");
+    let seen = app.pixels([0, 0], size);
+    for (i, pixel) in seen.iter().enumerate().filter(|(i, _)| (i % 64).abs_diff(32) > 2) {
+        let wanted = if i % 64 < 32 { own[i] } else { other[i] };
+        assert_eq!(*pixel, wanted, "pixel {} of row {}", i % 64, i / 64);
+    }
+    app.press("Space");
+    app.command();
+    app.shows(size, &own, "without the reference");
+    app.quit();
+}
+
+/// The path tracer's samples are those of `render --gi path-trace`; another view has another reference; a click with Ctrl tells
+/// what the layers have.
+#[test]
+fn the_view_is_path_traced() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_traced");
+    let scene = cornell();
+    let scene = scene.to_str().expect("a path");
+    let words = ["view", scene, "--size", "48x36", "--no-panels", "--reference-spp", "32"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    app.press("Space");
+    let errors = app.line("errors");
+    assert!(errors.contains("32 samples"), "{errors}");
+    let traced = ["--gi", "path-trace", "--spp", "32", "--size", "48x36", "--quality", "medium"];
+    works(&folder, &[&["render", scene, "-o", "traced.exr"], &traced[..]].concat());
+    app.hold("Shift", true);
+    app.press("F12");
+    app.hold("Shift", false);
+    let name = app.line("picture").split_whitespace().last().expect("a name").to_owned();
+    assert_errors(&errors, &folder, &name, "traced.exr");
+
+    app.hold("Control", true);
+    app.click(1, [30, 25]);
+    app.hold("Control", false);
+    let told = app.line("pixel");
+    let part = |name: &str| numbers(told.split(name).nth(1).unwrap_or_else(|| panic!("no {name} in {told}")));
+    for (layer, said) in
+        [("direct", "direct "), ("indirect.diffuse", "indirect, diffuse "), ("indirect.glossy", "indirect, glossy ")]
+    {
+        let picture = read_picture(&folder.join(&name), Some(layer)).expect("a layer");
+        let (found, wanted) = (part(said), picture.rgb[25 * 48 + 30]);
+        let far = (0..3).map(|c| (found[c] - f64::from(wanted[c])).abs()).fold(0.0, f64::max);
+        assert!(far <= 5.1e-5, "{layer}: {wanted:?} in {told}");
+    }
+    assert!(told.contains("object 2 short block") && told.contains("material "), "{told}");
+
+    app.drag(1, [20, 20], [30, 18]);
+    let turned = app.line("errors");
+    assert_ne!(turned, errors, "another view");
+    app.quit();
+}

@@ -1,0 +1,360 @@
+//! A window of the program as a user meets it: real keys and buttons through a display of its own.
+
+use crate::cli::keeping;
+use std::io::{BufRead, BufReader, Read};
+use std::os::fd::AsRawFd;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::mpsc::{Receiver, channel};
+use std::time::{Duration, Instant};
+use x11rb::connection::Connection;
+use x11rb::protocol::Event;
+use x11rb::protocol::xproto::{
+    BUTTON_PRESS_EVENT, BUTTON_RELEASE_EVENT, ClientMessageEvent, ConfigureWindowAux, ConnectionExt as _,
+    CreateWindowAux, EventMask, ImageFormat, InputFocus, KEY_PRESS_EVENT, KEY_RELEASE_EVENT, MOTION_NOTIFY_EVENT,
+    MapState, PropMode, SELECTION_NOTIFY_EVENT, SelectionNotifyEvent, Window, WindowClass,
+};
+use x11rb::protocol::xtest::ConnectionExt as _;
+use x11rb::rust_connection::RustConnection;
+use x11rb::wrapper::ConnectionExt as _;
+
+/// How long anything may take: the machine may be busy.
+pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A display without a screen. Its number is its own choice.
+pub(crate) struct Display {
+    server: Child,
+    name: String,
+}
+
+impl Display {
+    /// None, with a word, where there is no Xvfb.
+    pub(crate) fn open() -> Option<Self> {
+        // The server writes its number where it is told to: its standard output.
+        let arguments = ["-displayfd", "1", "-screen", "0", "1024x1024x24", "-nolisten", "tcp"];
+        let started = Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
+        let Ok(mut server) = started else {
+            println!("skipped: no Xvfb here; scripts/setup installs it");
+            return None;
+        };
+        let mut number = String::new();
+        let out = server.stdout.as_mut().expect("its number");
+        assert!(out.as_raw_fd() > 0);
+        BufReader::new(out).read_line(&mut number).expect("its number");
+        Some(Self { server, name: format!(":{}", number.trim()) })
+    }
+}
+
+impl Drop for Display {
+    fn drop(&mut self) {
+        let _ = self.server.kill();
+        let _ = self.server.wait();
+    }
+}
+
+/// The running program and its window.
+pub(crate) struct App {
+    process: Child,
+    lines: Receiver<String>,
+    x: RustConnection,
+    root: Window,
+    window: Window,
+}
+
+/// Keys by their places on a keyboard, as evdev numbers them and X adds 8.
+const KEYS: [(&str, u8); 17] = [
+    ("Escape", 9),
+    ("1", 10),
+    ("2", 11),
+    ("Tab", 23),
+    ("Q", 24),
+    ("W", 25),
+    ("E", 26),
+    ("P", 33),
+    ("Control", 37),
+    ("A", 38),
+    ("S", 39),
+    ("H", 43),
+    ("Shift", 50),
+    ("C", 54),
+    ("Space", 65),
+    ("F1", 67),
+    ("F12", 96),
+];
+
+impl App {
+    /// Starts the program in a folder, and waits for its window.
+    pub(crate) fn start(display: &Display, folder: &Path, arguments: &[&str]) -> Self {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_lightskin"));
+        let mut process = keeping(&mut command, folder)
+            .args(arguments)
+            // One for all: how the gather is spread is measured once.
+            .env("XDG_CACHE_HOME", folder.with_file_name("app_cache"))
+            .env("XDG_CONFIG_HOME", folder.join("config"))
+            .env("DISPLAY", &display.name)
+            .env_remove("WAYLAND_DISPLAY")
+            .env_remove("WAYLAND_SOCKET")
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the tool runs");
+        let (send, lines) = channel();
+        let out = BufReader::new(process.stdout.take().expect("its output"));
+        std::thread::spawn(move || out.lines().map_while(Result::ok).try_for_each(|line| send.send(line)));
+        let (x, screen) = x11rb::connect(Some(&display.name)).expect("the display");
+        let root = x.setup().roots[screen].root;
+        let start = Instant::now();
+        let window = loop {
+            let all = x.query_tree(root).expect("windows").reply().expect("windows").children;
+            let shown = |window: &Window| {
+                let attributes = x.get_window_attributes(*window).ok().and_then(|a| a.reply().ok());
+                attributes.is_some_and(|a| a.map_state == MapState::VIEWABLE)
+            };
+            if let Some(window) = all.into_iter().find(shown) {
+                break window;
+            }
+            if let Some(status) = process.try_wait().expect("a process") {
+                let mut said = String::new();
+                let _ = process.stderr.take().map(|mut e| e.read_to_string(&mut said));
+                panic!("no window: {status}: {said}");
+            }
+            assert!(start.elapsed() < PATIENCE, "no window");
+            std::thread::sleep(Duration::from_millis(20));
+        };
+        let app = Self { process, lines, x, root, window };
+        // There is no window manager to do it.
+        app.x.set_input_focus(InputFocus::PARENT, app.window, 0_u32).expect("focus");
+        app.sync();
+        app
+    }
+
+    fn sync(&self) {
+        self.x.get_input_focus().expect("a request").reply().expect("an answer");
+    }
+
+    fn fake(&self, kind: u8, detail: u8, [x, y]: [i16; 2]) {
+        self.x.xtest_fake_input(kind, detail, 0, self.root, x, y, 0).expect("an event").check().expect("an event");
+    }
+
+    fn code(key: &str) -> u8 {
+        KEYS.iter().find(|(name, _)| *name == key).map(|(_, code)| *code).expect("a key")
+    }
+
+    pub(crate) fn hold(&self, key: &str, down: bool) {
+        self.fake(if down { KEY_PRESS_EVENT } else { KEY_RELEASE_EVENT }, Self::code(key), [0, 0]);
+    }
+
+    pub(crate) fn press(&self, key: &str) {
+        self.hold(key, true);
+        self.hold(key, false);
+    }
+
+    pub(crate) fn press_with(&self, other: &str, key: &str) {
+        self.hold(other, true);
+        self.press(key);
+        self.hold(other, false);
+    }
+
+    pub(crate) fn move_to(&self, at: [i16; 2]) {
+        self.fake(MOTION_NOTIFY_EVENT, 0, at);
+    }
+
+    pub(crate) fn click(&self, button: u8, at: [i16; 2]) {
+        self.move_to(at);
+        self.fake(BUTTON_PRESS_EVENT, button, [0, 0]);
+        self.fake(BUTTON_RELEASE_EVENT, button, [0, 0]);
+    }
+
+    pub(crate) fn drag(&self, button: u8, from: [i16; 2], to: [i16; 2]) {
+        self.move_to(from);
+        self.fake(BUTTON_PRESS_EVENT, button, [0, 0]);
+        for i in 1..=4 {
+            self.move_to([0, 1].map(|k| from[k] + (to[k] - from[k]) * i / 4));
+        }
+        self.fake(BUTTON_RELEASE_EVENT, button, [0, 0]);
+    }
+
+    /// Takes what has been done to the panels to heart: some of it takes more than a frame.
+    pub(crate) fn settle(&mut self, wanted: &str) {
+        self.command();
+        let command = self.command();
+        assert!(command.contains(wanted), "'{wanted}' is not in: {command}");
+    }
+
+    /// A button that goes down and up in different frames, as by hand.
+    pub(crate) fn tap(&mut self, at: [i16; 2], wanted: &str) {
+        self.move_to(at);
+        self.fake(BUTTON_PRESS_EVENT, 1, [0, 0]);
+        self.command();
+        self.fake(BUTTON_RELEASE_EVENT, 1, [0, 0]);
+        self.settle(wanted);
+    }
+
+    /// Chooses from a list, whose entries are 25 pixels high.
+    pub(crate) fn choose(&mut self, [x, y]: [i16; 2], entry: i16, wanted: &str) {
+        self.tap([x, y], "");
+        self.tap([x, y + 2 + 25 * entry], wanted);
+    }
+
+    pub(crate) fn slide(&mut self, [x, y]: [i16; 2], by: i16, wanted: &str) {
+        self.move_to([x, y]);
+        self.fake(BUTTON_PRESS_EVENT, 1, [0, 0]);
+        self.command();
+        self.move_to([x + by, y]);
+        self.command();
+        self.fake(BUTTON_RELEASE_EVENT, 1, [0, 0]);
+        self.settle(wanted);
+    }
+
+    pub(crate) fn resize(&self, width: u32, height: u32) {
+        let size = ConfigureWindowAux::new().width(width).height(height);
+        self.x.configure_window(self.window, &size).expect("a size").check().expect("a size");
+    }
+
+    /// The next line of standard output that begins so.
+    pub(crate) fn line(&mut self, begin: &str) -> String {
+        let start = Instant::now();
+        loop {
+            match self.lines.recv_timeout(PATIENCE.saturating_sub(start.elapsed())) {
+                Ok(line) if line.starts_with(begin) => return line,
+                Ok(_) => {}
+                Err(_) => {
+                    let _ = self.process.kill();
+                    let mut said = String::new();
+                    let _ = self.process.stderr.take().map(|mut e| e.read_to_string(&mut said));
+                    panic!("no line '{begin}': {said}");
+                }
+            }
+        }
+    }
+
+    /// What the command line of the picture is: the answer comes after all that was asked for before it was seen to.
+    pub(crate) fn command(&mut self) -> String {
+        self.hold("Shift", true);
+        self.press_with("Control", "C");
+        self.hold("Shift", false);
+        self.line("lightskin render")
+    }
+
+    /// The file of a picture that F12 writes.
+    pub(crate) fn picture(&mut self) -> String {
+        self.press("F12");
+        self.line("picture").split_whitespace().last().expect("a name").to_owned()
+    }
+
+    /// RGB of a part of the window.
+    pub(crate) fn pixels(&self, [x, y]: [i16; 2], [width, height]: [u16; 2]) -> Vec<[u8; 3]> {
+        let image = self.x.get_image(ImageFormat::Z_PIXMAP, self.window, x, y, width, height, !0);
+        let image = image.expect("a request").reply().expect("pixels");
+        image.data.chunks_exact(4).map(|p| [p[2], p[1], p[0]]).collect()
+    }
+
+    /// Waits until a part of the window looks so.
+    pub(crate) fn shows(&self, size: [u16; 2], wanted: &[[u8; 3]], what: &str) {
+        let start = Instant::now();
+        loop {
+            let seen = self.pixels([0, 0], size);
+            let differ = seen.iter().zip(wanted).filter(|(a, b)| a != b).count();
+            if differ == 0 && seen.len() == wanted.len() {
+                return;
+            }
+            assert!(start.elapsed() < PATIENCE, "{what}: {differ} of {} pixels differ", wanted.len());
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
+    /// Quits, and wants all well: no message of the validation layer, no barrier too few or too many.
+    pub(crate) fn quit(self) {
+        self.quit_after(None);
+    }
+
+    /// The same where one thing has failed.
+    pub(crate) fn quit_after(mut self, failed: Option<&str>) {
+        self.press_with("Control", "Q");
+        let mut said = String::new();
+        let mut errors = self.process.stderr.take().expect("its messages");
+        errors.read_to_string(&mut said).expect("its messages");
+        let status = self.process.wait().expect("a process");
+        assert!(status.success(), "{status}: {said}");
+        let errors: Vec<&str> = said.lines().filter(|l| l.contains("error") || l.contains("panicked")).collect();
+        let expected = |error: &&str| failed.is_some_and(|failed| error.contains(failed));
+        assert!(errors.len() == usize::from(failed.is_some()) && errors.iter().all(expected), "{said}");
+    }
+
+    /// Drops a file on the window, as a file manager does.
+    pub(crate) fn drop_file(&self, file: &Path) {
+        let atom =
+            |name: &str| self.x.intern_atom(false, name.as_bytes()).expect("a name").reply().expect("a name").atom;
+        let [enter, position, drop, finished] = ["XdndEnter", "XdndPosition", "XdndDrop", "XdndFinished"].map(atom);
+        let [selection, copy, list] = ["XdndSelection", "XdndActionCopy", "text/uri-list"].map(atom);
+        let source = self.x.generate_id().expect("a window");
+        let only_events = CreateWindowAux::new();
+        let made = self.x.create_window(0, source, self.root, 0, 0, 1, 1, 0, WindowClass::INPUT_ONLY, 0, &only_events);
+        made.expect("a window").check().expect("a window");
+        self.x.set_selection_owner(source, selection, 0_u32).expect("a selection");
+        let send = |kind, data: [u32; 5]| {
+            let event = ClientMessageEvent::new(32, self.window, kind, data);
+            self.x.send_event(false, self.window, EventMask::NO_EVENT, event).expect("an event");
+        };
+        send(enter, [source, 5 << 24, list, 0, 0]);
+        send(position, [source, 0, 8 << 16 | 8, 0, copy]);
+        self.x.flush().expect("events");
+        let start = Instant::now();
+        loop {
+            match self.x.poll_for_event().expect("events") {
+                Some(Event::SelectionRequest(asked)) => {
+                    let uri = format!("file://{}\r\n", file.display());
+                    let (to, at) = (asked.requestor, asked.property);
+                    self.x
+                        .change_property8(PropMode::REPLACE, to, at, asked.target, uri.as_bytes())
+                        .expect("a property");
+                    let answer = SelectionNotifyEvent {
+                        response_type: SELECTION_NOTIFY_EVENT,
+                        sequence: 0,
+                        time: asked.time,
+                        requestor: to,
+                        selection: asked.selection,
+                        target: asked.target,
+                        property: at,
+                    };
+                    self.x.send_event(false, to, EventMask::NO_EVENT, answer).expect("an answer");
+                    // Once it knows what is dropped.
+                    send(drop, [source, 0, 0, 0, 0]);
+                    self.x.flush().expect("an answer");
+                }
+                Some(Event::ClientMessage(message)) if message.type_ == finished => return,
+                _ => std::thread::sleep(Duration::from_millis(5)),
+            }
+            assert!(start.elapsed() < PATIENCE, "the file is not taken");
+        }
+    }
+}
+
+impl Drop for App {
+    fn drop(&mut self) {
+        let _ = self.process.kill();
+        let _ = self.process.wait();
+    }
+}
+
+/// Size and RGB of a PNG file.
+pub(crate) fn png(path: &Path) -> ([u16; 2], Vec<[u8; 3]>) {
+    let image = image::open(path).unwrap_or_else(|error| panic!("{}: {error}", path.display())).into_rgb8();
+    ([image.width() as u16, image.height() as u16], image.pixels().map(|p| p.0).collect())
+}
+
+pub(crate) fn cornell() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell_glossy.glb")
+}
+
+/// Few caches, without what makes software devices slow, under validation.
+pub(crate) const SMALL: [&str; 6] = ["--caches", "150", "--quality", "medium", "--validation", "sync"];
+
+/// The words of a command line, as a shell reads those that the tool writes.
+pub(crate) fn words(line: &str) -> Vec<String> {
+    let parts = line.split('\'').enumerate();
+    let quoted = |(i, part): (usize, &str)| {
+        if i % 2 == 1 { vec![part.to_owned()] } else { part.split_whitespace().map(str::to_owned).collect() }
+    };
+    parts.flat_map(quoted).collect()
+}
