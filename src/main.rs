@@ -8,9 +8,12 @@ mod cli;
 use std::process::ExitCode;
 
 fn main() -> ExitCode {
-    let done = match cli::parse(cli::arguments()) {
-        Ok(cli) => cli::run(&cli),
-        Err(usage) => cli::usage(&usage),
+    let arguments = cli::arguments();
+    let parsed = cli::grammar_for(&arguments).map(|grammar| cli::parse(grammar, arguments));
+    let done = match parsed {
+        Ok(Ok(cli)) => cli::run(&cli),
+        Ok(Err(usage)) => cli::usage(&usage),
+        Err(error) => Err(error),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,

@@ -18,6 +18,8 @@ mod coat;
 mod common;
 mod compare;
 mod compressed;
+#[cfg(feature = "app")]
+mod config;
 mod crease;
 mod cull;
 mod curved;

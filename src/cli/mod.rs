@@ -9,6 +9,8 @@ mod bake;
 mod bench;
 pub(crate) mod camera;
 mod compare;
+#[cfg(feature = "app")]
+pub(crate) mod config;
 mod devices;
 #[cfg(feature = "lab")]
 mod eval;
@@ -16,6 +18,7 @@ mod gather;
 mod info;
 #[cfg(feature = "lab")]
 mod lab;
+mod manual;
 mod motion;
 mod path_trace;
 mod picture;
@@ -110,6 +113,15 @@ enum Command {
     Devices,
     /// Write the built-in scenes as GLB files.
     Assets(assets::Assets),
+    /// Settings of the window: the command line goes over variables like LIGHTSKIN_QUALITY, these over the file
+    /// lightskin/settings.toml in the config folder, that over the defaults.
+    #[cfg(feature = "app")]
+    #[command(subcommand)]
+    Config(config::Config),
+    /// Print completions for a shell, like `lightskin completions bash > ~/.local/share/bash-completion/completions/lightskin`.
+    Completions(manual::Completions),
+    /// Print a manual page, like `lightskin man render | man -l -`.
+    Man(manual::Manual),
 }
 
 /// Runs the chosen subcommand.
@@ -132,6 +144,10 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Info(args) => info::run(args),
         Command::Devices => devices::run(),
         Command::Assets(args) => assets::run(args),
+        #[cfg(feature = "app")]
+        Command::Config(args) => config::run(args),
+        Command::Completions(args) => manual::completions(args),
+        Command::Man(args) => manual::manual(args),
     };
     // What the work has found comes first.
     done.and_then(|()| output::written())
@@ -152,8 +168,8 @@ pub(crate) fn arguments() -> Vec<OsString> {
     all
 }
 
-/// Reads the arguments. What looks like a number below zero is a flag's value, so that the flag says what it takes.
-pub(crate) fn parse(arguments: Vec<OsString>) -> std::result::Result<Cli, clap::Error> {
+/// The grammar of the command line. What looks like a number below zero is a flag's value, so that the flag says what it takes.
+fn grammar() -> clap::Command {
     fn with_negative_values(command: clap::Command) -> clap::Command {
         let command = command.mut_args(|arg| {
             let is_flag_of_value = !arg.is_positional() && arg.get_action().takes_values();
@@ -161,9 +177,22 @@ pub(crate) fn parse(arguments: Vec<OsString>) -> std::result::Result<Cli, clap::
         });
         command.mut_subcommands(with_negative_values)
     }
-    let mut command = with_negative_values(Cli::command());
-    let matches = command.try_get_matches_from_mut(arguments)?;
-    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut command))
+    with_negative_values(Cli::command())
+}
+
+/// The grammar for these arguments: only the window has settings besides.
+pub(crate) fn grammar_for(arguments: &[OsString]) -> Result<clap::Command> {
+    match arguments.iter().any(|word| word == "view") {
+        #[cfg(feature = "app")]
+        true => config::grammar(),
+        _ => Ok(grammar()),
+    }
+}
+
+/// Reads the arguments.
+pub(crate) fn parse(mut grammar: clap::Command, arguments: Vec<OsString>) -> std::result::Result<Cli, clap::Error> {
+    let matches = grammar.try_get_matches_from_mut(arguments)?;
+    Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut grammar))
 }
 
 /// Prints help, or ends the run with exit code 2 for what cannot be understood.
