@@ -97,6 +97,8 @@ fn everything_can_be_pressed() {
     app.tap([64 + 112, 711], "");
     // The reference, whose controls open with it.
     app.press("Space");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
     app.choose([x, 824], 3, "");
     assert!(app.line("errors").contains("brute force"));
     app.slide([64 + 120, 850], 40, "");
@@ -132,6 +134,8 @@ fn everything_can_be_pressed() {
     let broken = folder.join("broken.glb");
     fs::write(&broken, b"nonsense").expect("a file");
     app.drop_file(&broken);
+    std::thread::sleep(Duration::from_millis(800));
+    app.settle("");
     app.drop_file(&scene.with_file_name("cornell_diffuse.glb"));
     assert!(app.line("scene").contains("cornell_diffuse"));
     let name = app.picture();

@@ -3,6 +3,8 @@
 use crate::cli::{folder, works};
 use crate::common::window::{App, Display, SMALL, cornell, png};
 use lightskin::image::read_picture;
+use serde_json::{Value, json};
+use std::fs;
 use std::path::Path;
 
 /// Numbers of a line of text, whatever stands between them.
@@ -13,7 +15,7 @@ fn numbers(text: &str) -> Vec<f64> {
 /// FLIP, relMSE and bias of the window are those of `lightskin compare`.
 fn assert_errors(line: &str, folder: &Path, image: &str, reference: &str) {
     let told = works(folder, &["compare", image, reference, "--json"]);
-    let wanted: serde_json::Value = serde_json::from_str(&told).expect("JSON");
+    let wanted: Value = serde_json::from_str(&told).expect("JSON");
     let found = numbers(line);
     for (i, name) in ["flip", "relmse", "bias"].into_iter().enumerate() {
         let wanted = wanted[name].as_f64().expect(name);
@@ -90,5 +92,70 @@ fn the_view_is_path_traced() {
     app.drag(1, [20, 20], [30, 18]);
     let turned = app.line("errors");
     assert_ne!(turned, errors, "another view");
+    app.quit();
+}
+
+/// A scene whose file changes is loaded again and seen from where it was; a session brings view, light, materials and settings
+/// back, in the same window and in a new one.
+#[test]
+fn files_and_sessions_come_back() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_session");
+    let scene = folder.join("box.glb");
+    fs::copy(cornell(), &scene).expect("a scene");
+    let words = ["view", "box.glb", "--size", "64x48", "--ev", "6", "--no-panels", "--watch"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    app.drag(1, [40, 20], [48, 22]);
+    app.press_with("Control", "2");
+    let turned = app.command();
+    let glossy = png(&folder.join(app.picture())).1;
+    fs::copy(cornell().with_file_name("cornell_diffuse.glb"), &scene).expect("another scene");
+    app.line("scene");
+    assert_eq!(app.command(), turned, "the view stays");
+    let diffuse = png(&folder.join(app.picture())).1;
+    assert!(diffuse != glossy, "another scene");
+
+    app.press_with("Control", "S");
+    let file = folder.join(app.line("session").split_whitespace().last().expect("a name"));
+    let read = || -> Value { serde_json::from_slice(&fs::read(&file).expect("a session")).expect("JSON") };
+    let mut session = read();
+    session["lights"][0]["intensity"] = json!(200.0);
+    session["materials"] = json!({ "white": { "base_color": [0.1, 0.2, 0.9, 1.0], "emissive": [0.0, 0.0, 0.0] } });
+    session["hidden"] = json!(["short block"]);
+    session["settings"].as_array_mut().expect("flags").extend([json!("--bounces"), json!("1")]);
+    session["bookmarks"][0] = json!("0,1,3;0,1,0;0,1,0;50");
+    fs::write(&file, session.to_string()).expect("a session");
+    app.drop_file(&file);
+    app.line("scene");
+    let command = app.command();
+    assert_eq!(command.replace(" --bounces 1", "").replace(&format!("{}/", folder.display()), ""), turned);
+    assert!(command.contains("--bounces 1"), "{command}");
+    let changed = png(&folder.join(app.picture())).1;
+    assert!(changed != diffuse, "other light, another colour");
+    app.press("1");
+    assert!(app.command().contains("0,1,3;0,1,0;0,1,0;50"), "a kept camera");
+    app.press("2");
+    app.press_with("Control", "S");
+    app.line("session");
+    let again = read();
+    for part in ["lights", "hidden", "camera", "bookmarks", "exposure", "settings"] {
+        assert_eq!(again[part], session[part], "{part}");
+    }
+    let color = &again["materials"]["white"]["base_color"];
+    assert!((color[2].as_f64().expect("blue") - 0.9).abs() < 1e-6, "{color}");
+    // What is none leaves what is shown.
+    let broken = folder.join("broken.json");
+    fs::write(&broken, "{\"lightskin_session\": 1, \"arguments\": [\"--quality\", \"best\"]}").expect("a file");
+    app.drop_file(&broken);
+    assert_eq!(png(&folder.join(app.picture())).1, changed);
+    app.quit_after(Some("broken.json: arguments: "));
+
+    let name = file.to_str().expect("a path");
+    let words = ["view", name, "--size", "64x48", "--no-panels", "--validation", "sync"];
+    let mut app = App::start(&display, &folder, &words);
+    app.line("scene");
+    app.command();
+    assert_eq!(png(&folder.join(app.picture())).1, changed, "in a new window");
     app.quit();
 }

@@ -5,6 +5,8 @@ mod analytic;
 mod animation;
 #[cfg(feature = "app")]
 mod app;
+#[cfg(feature = "app")]
+mod app_tools;
 mod area_lights;
 mod bake;
 mod bench;

@@ -4,6 +4,9 @@ use super::background::Rest;
 use super::camera::{Free, Seen};
 use super::canvas::Shown;
 use super::pixel::Pixel;
+use super::recent;
+use super::session::{self, Session};
+use super::watch::Watch;
 use crate::cli::thousands;
 use crate::cli::view::{Now, View as Args, print};
 use anyhow::{Result, anyhow};
@@ -12,11 +15,12 @@ use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{Engine, Indirect, Look, Picture, Settings, View, Ways, tune};
 use lightskin::gpu::{FrameTimes, Gpu};
 use lightskin::scene::{Camera, Light, Scene};
-use std::collections::VecDeque;
+use std::collections::{BTreeSet, VecDeque};
+use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 
 /// Frames whose times are kept.
-const HISTORY: usize = 120;
+const HISTORY: usize = 600;
 
 /// A scene that is being loaded, or baked anew, in the background.
 struct Job {
@@ -25,6 +29,8 @@ struct Job {
     args: Args,
     /// What the file has is put over what is shown: another scene. Otherwise what was edited stays.
     anew: bool,
+    /// What goes over it then.
+    session: Option<Session>,
 }
 
 /// How an animation plays.
@@ -77,6 +83,13 @@ pub(super) struct Document {
     pub(super) history: VecDeque<Timed>,
     /// Counts changes of the scene.
     pub(super) edits: u64,
+    /// The material that the panel shows.
+    pub(super) material: usize,
+    /// Materials that were changed by hand.
+    pub(super) edited: BTreeSet<usize>,
+    /// The session's file, once it has one.
+    pub(super) session: Option<PathBuf>,
+    watch: Option<Watch>,
     job: Option<Job>,
     ways: Ways,
     rest: Rest,
@@ -106,16 +119,39 @@ impl Document {
             caches: 0,
             history: VecDeque::new(),
             edits: 0,
+            material: 0,
+            edited: BTreeSet::new(),
+            session: None,
+            watch: None,
             job: None,
             ways,
             rest,
         };
-        document.open(args.clone(), true);
+        match args.scene.as_deref().filter(|path| session::is_session(path)) {
+            Some(file) => document.open_session(file)?,
+            None => document.open(args.clone(), true),
+        }
         Ok(document)
     }
 
     /// Begins to load this in the background; what is shown stays until it is there. Of several the last one counts.
     pub(super) fn open(&mut self, args: Args, anew: bool) {
+        let session = self.job.take().and_then(|job| job.session).filter(|_| !anew);
+        self.start(args, anew, session);
+    }
+
+    /// Opens a session in the same way.
+    ///
+    /// # Errors
+    /// A file that is none.
+    pub(super) fn open_session(&mut self, file: &Path) -> Result<()> {
+        let (args, session) = session::load(file, &self.args)?;
+        self.session = Some(file.to_owned());
+        self.start(args, true, Some(session));
+        Ok(())
+    }
+
+    fn start(&mut self, args: Args, anew: bool, session: Option<Session>) {
         let progress = Progress::default();
         let (told, of_job, rest) = (progress.clone(), args.clone(), self.rest.clone());
         // With nothing to look at, all cores may work; otherwise one, which rests while the user moves something.
@@ -131,7 +167,21 @@ impl Document {
             }),
         };
         let anew = anew || self.job.as_ref().is_some_and(|job| job.anew);
-        self.job = Some(Job { thread, progress, args, anew });
+        self.job = Some(Job { thread, progress, args, anew, session });
+    }
+
+    /// Loads the scene again if its files have changed and that is asked for.
+    pub(super) fn watch(&mut self) {
+        let Some(scene) = self.args.scene.clone().filter(|_| self.args.watch && self.job.is_none()) else { return };
+        match &mut self.watch {
+            Some(watch) if watch.is_of(&scene) => {
+                if watch.has_changed() {
+                    log::warn!("{} has changed: it is loaded again", scene.display());
+                    self.start(self.args.clone(), true, None);
+                }
+            }
+            watch => *watch = Some(Watch::new(&scene)),
+        }
     }
 
     /// What is being loaded, and how far that is, from 0 to 1.
@@ -146,7 +196,7 @@ impl Document {
     pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
         let Some(job) = self.job.take_if(|job| job.thread.is_finished()) else { return Ok(false) };
         let made = job.thread.join().map_err(|_| anyhow!("loading has ended by a bug of its own"));
-        let taken = made.and_then(|loaded| self.take(gpu, loaded?, job.args, job.anew));
+        let taken = made.and_then(|loaded| self.take(gpu, loaded?, (job.args, job.anew), job.session.as_ref()));
         match (taken, &self.engine) {
             (Err(error), Some(_)) => log::error!("{error:#}"),
             (Err(error), None) => return Err(error),
@@ -155,18 +205,29 @@ impl Document {
         Ok(true)
     }
 
-    fn take(&mut self, gpu: &Gpu, mut loaded: Loaded, args: Args, anew: bool) -> Result<()> {
+    fn take(
+        &mut self,
+        gpu: &Gpu,
+        mut loaded: Loaded,
+        (args, anew): (Args, bool),
+        session: Option<&Session>,
+    ) -> Result<()> {
         let count = loaded
             .caches
             .as_ref()
             .map_or(0, |caches| caches.instance_model.iter().map(|model| caches.models[*model].caches.len()).sum());
         let mut settings = usual(&args, count, self.ways);
         if let (false, Some(old)) = (anew, &self.engine) {
-            keep_edits(old.scene(), &mut loaded.scene);
-            // Another number of caches changes nothing that was chosen besides.
-            if args.quality() == self.args.quality() {
-                settings = self.settings;
-            }
+            keep_edits(old.scene(), &mut loaded.scene, &self.edited);
+        }
+        // Another number of caches, or a file that has changed, changes nothing that was chosen besides.
+        let same_scene = self.engine.is_some() && args.scene == self.args.scene;
+        if same_scene && args.quality() == self.args.quality() {
+            settings = self.settings;
+        }
+        if let Some(session) = session {
+            settings = session.settings(gpu, count)?;
+            session.change(&mut loaded.scene);
         }
         match &mut self.engine {
             None => self.engine = Some(Engine::new(gpu, loaded, &settings)?),
@@ -175,7 +236,7 @@ impl Document {
         self.edits += 1;
         self.pixel = None;
         // Under another sky, or with other caches, it is the same scene.
-        let same = anew && self.engine.is_some() && args.scene == self.args.scene;
+        let same = anew && same_scene;
         (self.args, self.settings, self.caches) = (args, settings, count);
         let scene = self.engine.as_ref().map(|engine| engine.scene().clone()).unwrap_or_default();
         print(&format!(
@@ -191,6 +252,22 @@ impl Document {
             self.bookmarks = [None; 9];
             self.clip = Clip { animation: None, time: 0.0, playing: false, speed: self.clip.speed };
             self.seen = self.args.camera.as_ref().map_or(Seen::OfScene(0), |wanted| begin_at(&scene, wanted));
+            self.edited.clear();
+        }
+        if let Seen::OfScene(index) = self.seen
+            && index >= scene.cameras.len()
+        {
+            self.seen = Seen::OfScene(0);
+        }
+        if let Some(session) = session {
+            session.apply(self);
+            self.light(gpu);
+            if self.clip.animation.is_some() {
+                self.pose(gpu);
+            }
+        }
+        if let Some(path) = self.args.scene.as_deref().filter(|_| anew) {
+            recent::add(path);
         }
         Ok(())
     }
@@ -383,8 +460,8 @@ fn usual(args: &Args, caches: usize, ways: Ways) -> Settings {
     Settings { reuse: true, ..Settings::at(args.quality(), caches).with_ways(ways) }
 }
 
-/// Lights and visibility as they were, where the file has as many.
-fn keep_edits(old: &Scene, new: &mut Scene) {
+/// Lights, visibility and edited materials as they were, where the file has as many.
+fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
     if old.lights.len() == new.lights.len() {
         for (old, new) in old.lights.iter().zip(&mut new.lights) {
             (new.color, new.intensity) = (old.color, old.intensity);
@@ -393,6 +470,13 @@ fn keep_edits(old: &Scene, new: &mut Scene) {
     if old.instances.len() == new.instances.len() {
         for (old, new) in old.instances.iter().zip(&mut new.instances) {
             new.hidden = old.hidden;
+        }
+    }
+    if old.materials.len() == new.materials.len() {
+        for index in edited {
+            let (old, new) = (&old.materials[*index], &mut new.materials[*index]);
+            (new.base_color, new.emissive) = (old.base_color, old.emissive);
+            (new.roughness, new.metallic) = (old.roughness, old.metallic);
         }
     }
 }

@@ -45,6 +45,8 @@ pub(super) enum Wish {
     Reference,
     /// Give the picture this size in pixels.
     Size([u32; 2]),
+    /// Write the session.
+    SaveSession,
     /// Open a file.
     Drop(PathBuf),
 }
@@ -184,6 +186,7 @@ impl Input {
         let digit = DIGITS.iter().position(|digit| *digit == code);
         match code {
             KeyCode::KeyQ if control => Some(Wish::Close),
+            KeyCode::KeyS if control => Some(Wish::SaveSession),
             KeyCode::KeyC if control && self.modifiers.shift_key() => Some(Wish::Copy),
             KeyCode::Tab | KeyCode::KeyH if !control => Some(Wish::Panels),
             KeyCode::F1 => Some(Wish::Keys),

@@ -8,7 +8,10 @@ mod document;
 mod input;
 mod panel;
 mod pixel;
+mod recent;
 mod reference;
+mod session;
+mod watch;
 mod window;
 
 use crate::cli::view::View;

@@ -2,24 +2,28 @@
 
 pub(super) mod compare;
 pub(super) mod debug;
+mod materials;
+mod timings;
 
 use super::camera::Seen;
 use super::canvas::Shown;
 use super::compare::Compare;
 use super::document::Document;
 use super::input::Wish;
+use super::recent;
 use crate::cli::{recent, thousands};
-use egui::{Color32, ComboBox, DragValue, Grid, ProgressBar, Response, RichText, ScrollArea, Slider, Ui};
+use egui::{ComboBox, DragValue, Grid, ProgressBar, Response, RichText, ScrollArea, Slider, Ui};
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{Antialiasing, Exposure, Indirect, LightShadows, Near, Quality, Shadows, Tonemap};
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Light, LightKind, Projection};
+use std::path::PathBuf;
 
 /// Width of the panels [points].
 pub(super) const WIDTH: f32 = 320.0;
 
 /// Keys, and what they do.
-const KEYS: [(&str, &str); 19] = [
+const KEYS: [(&str, &str); 20] = [
     ("left drag", "turn around the target"),
     ("right drag", "look around"),
     ("middle drag", "move sideways"),
@@ -37,6 +41,7 @@ const KEYS: [(&str, &str); 19] = [
     ("Space", "show the reference of this view, or hide it"),
     ("F12", "write the picture as PNG"),
     ("Shift+F12", "write it as OpenEXR with all layers"),
+    ("Ctrl+S", "write the session: scene, view, light, settings"),
     ("F1", "show or hide this list"),
     ("Ctrl+Q", "quit"),
 ];
@@ -48,6 +53,9 @@ pub(super) struct State {
     pub(super) keys: bool,
     /// Caches that are being dialled.
     caches: Option<u32>,
+    /// What is typed to be opened.
+    path: String,
+    recent: Vec<PathBuf>,
 }
 
 /// How the panels look: dark, so that the picture is judged by itself.
@@ -82,6 +90,7 @@ fn choose<T: Copy + PartialEq>(ui: &mut Ui, id: &str, value: &mut T, all: &[(T, 
     let before = *value;
     let mut response = ComboBox::from_id_salt(id)
         .selected_text(name)
+        .height(400.0)
         .show_ui(ui, |ui| {
             for (one, name) in all {
                 ui.selectable_value(value, *one, *name);
@@ -96,7 +105,7 @@ fn choose<T: Copy + PartialEq>(ui: &mut Ui, id: &str, value: &mut T, all: &[(T, 
 
 impl State {
     pub(super) fn new(visible: bool) -> Self {
-        Self { visible, keys: false, caches: None }
+        Self { visible, keys: false, caches: None, path: String::new(), recent: recent::all() }
     }
 
     /// Shows the panels; what they ask for beyond the document comes back.
@@ -113,9 +122,11 @@ impl State {
                     section(ui, "Camera", true, |ui| camera(ui, document, gpu, &mut wishes));
                     compare::section(ui, compare, &mut wishes);
                     debug::pixel(ui, document);
+                    section(ui, "Materials", false, |ui| materials::show(ui, document, gpu));
                     section(ui, "Animation", false, |ui| animation(ui, document, gpu));
                     section(ui, "Scene", false, |ui| scene(ui, document, gpu));
-                    section(ui, "Timings", true, |ui| timings(ui, document));
+                    section(ui, "Timings", true, |ui| timings::show(ui, document));
+                    section(ui, "Files", false, |ui| self.files(ui, document, &mut wishes));
                     section(ui, "Log", false, log);
                 });
             });
@@ -128,6 +139,31 @@ impl State {
             keys(ui, &mut self.keys);
         }
         wishes
+    }
+
+    fn files(&mut self, ui: &mut Ui, document: &mut Document, wishes: &mut Vec<Wish>) {
+        let help = "A scene, a sky (.hdr, .exr), a session (.json) or a picture to compare with (.png). Enter opens it; so does \
+                    dropping it on the window.";
+        let typed = egui::TextEdit::singleline(&mut self.path).hint_text("path of a file").desired_width(WIDTH - 40.0);
+        let response = ui.add(typed).on_hover_text(help);
+        if response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter)) && !self.path.is_empty() {
+            wishes.push(Wish::Drop(PathBuf::from(self.path.trim())));
+        }
+        ui.horizontal(|ui| {
+            let help = "Writes scene, view, light, materials and settings as JSON to the current folder. Drop the file here, or name \
+                        it instead of a scene, to have all of it back.";
+            if ui.button("Save session").on_hover_text(help).clicked() {
+                wishes.push(Wish::SaveSession);
+            }
+            let help = "Loads the scene again when its files change; the view stays.";
+            ui.checkbox(&mut document.args.watch, "watch").on_hover_text(help);
+        });
+        for path in &self.recent {
+            let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+            if ui.link(name).on_hover_text(path.display().to_string()).clicked() {
+                wishes.push(Wish::Drop(path.clone()));
+            }
+        }
     }
 
     fn gi(&mut self, ui: &mut Ui, document: &mut Document) {
@@ -465,45 +501,6 @@ fn scene(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
     );
     if let Some((index, hidden)) = toggled {
         document.edit(gpu, |scene| scene.instances[index].hidden = hidden);
-    }
-}
-
-fn timings(ui: &mut Ui, document: &Document) {
-    let Some(last) = document.history.back() else {
-        ui.label(RichText::new("No frame yet").weak());
-        return;
-    };
-    let width = ui.available_width() - 10.0;
-    let most = document.history.iter().map(|frame| frame.ms).fold(1e-6, f64::max);
-    let (area, response) = ui.allocate_exact_size(egui::vec2(width, 44.0), egui::Sense::hover());
-    ui.painter().rect_filled(area, 2.0, Color32::from_gray(18));
-    let step = width / document.history.len().max(40) as f32;
-    for (i, frame) in document.history.iter().enumerate() {
-        let height = (frame.ms / most) as f32 * (area.height() - 4.0);
-        let left = area.left() + step * i as f32;
-        let bar = egui::Rect::from_min_max(
-            egui::pos2(left, area.bottom() - height),
-            egui::pos2(left + (step - 1.0).max(1.0), area.bottom()),
-        );
-        ui.painter().rect_filled(bar, 0.0, Color32::from_rgb(98, 140, 190));
-    }
-    response.on_hover_text(format!(
-        "The last {} frames that drew something; the slowest took {most:.1} ms.",
-        document.history.len()
-    ));
-    ui.label(format!("last frame {:.1} ms", last.ms))
-        .on_hover_text("The last one that drew something. What has not changed is left out.");
-    let longest = last.stages.iter().map(|(_, ms)| *ms).fold(1e-6, f64::max);
-    for (name, ms) in &last.stages {
-        let (area, response) = ui.allocate_exact_size(egui::vec2(width, 16.0), egui::Sense::hover());
-        let bar = egui::Rect::from_min_size(area.min, egui::vec2(width * (ms / longest) as f32, area.height()));
-        ui.painter().rect_filled(bar, 2.0, Color32::from_rgb(50, 68, 92));
-        let font = egui::FontId::proportional(12.0);
-        let text = ui.visuals().text_color();
-        let at = |x: f32| egui::pos2(x, area.center().y);
-        ui.painter().text(at(area.left() + 4.0), egui::Align2::LEFT_CENTER, name, font.clone(), text);
-        ui.painter().text(at(area.right() - 4.0), egui::Align2::RIGHT_CENTER, format!("{ms:.2} ms"), font, text);
-        response.on_hover_text("A stage of the frame; ARCHITECTURE.md says what each does.");
     }
 }
 

@@ -6,6 +6,8 @@ use super::document::Document;
 use super::input::{Input, Wish};
 use super::panel;
 use super::pixel::Pixel;
+use super::session;
+use super::watch::EVERY;
 use crate::cli::check_messages;
 use crate::cli::view::{View as Args, print};
 use anyhow::{Context, Result};
@@ -169,6 +171,9 @@ impl Open {
             Wish::Pick(at) => match Pixel::pick(gpu, document, at) {
                 Ok(pixel) => {
                     pixel.iter().for_each(|pixel| print(&pixel.line()));
+                    if let Some((material, _)) = pixel.as_ref().and_then(|pixel| pixel.material.as_ref()) {
+                        document.material = *material;
+                    }
                     document.pixel = pixel;
                 }
                 Err(error) => log::error!("{error:#}"),
@@ -194,6 +199,16 @@ impl Open {
             }
             Wish::Drop(file) if Compare::is_picture(&file) || (self.compare.shown && is_exr(&file)) => {
                 self.compare.open(&file);
+            }
+            Wish::Drop(file) if session::is_session(&file) => {
+                if let Err(error) = document.open_session(&file) {
+                    log::error!("{error:#}");
+                }
+            }
+            Wish::SaveSession => {
+                if let Err(error) = self.save_session() {
+                    log::error!("{error:#}");
+                }
             }
             Wish::Drop(file) => document.open(document.args.with_file(&file), true),
         }
@@ -223,6 +238,21 @@ impl Open {
         Ok(())
     }
 
+    /// Writes the session to its file, or under the first free name.
+    fn save_session(&mut self) -> Result<()> {
+        let scene = self.document.scene().context("there is no scene yet")?;
+        let named = |n: u32| PathBuf::from(format!("{}-{n}.lightskin.json", scene.name));
+        let path = match &self.document.session {
+            Some(path) => path.clone(),
+            None => named((1..10_000).find(|n| !named(*n).exists()).context("there are 9999 sessions here already")?),
+        };
+        session::save(&self.document, &path)?;
+        print(&format!("session   {}", path.display()));
+        log::warn!("wrote {}", path.display());
+        self.document.session = Some(path);
+        Ok(())
+    }
+
     /// One frame: what the panels ask for, the picture where it has changed, the panels over it.
     pub(super) fn draw(&mut self) -> Result<()> {
         let now = Instant::now();
@@ -233,6 +263,7 @@ impl Open {
             self.next = None;
             return Ok(());
         }
+        self.document.watch();
         if self.document.poll(&self.gpu)?
             && let Some(scene) = self.document.scene()
         {
@@ -318,6 +349,7 @@ impl Open {
             (false, true) => Some(soon.min(POLL)),
             (false, false) => Some(soon).filter(|wait| *wait < Duration::from_secs(3600)),
         };
+        let wait = if self.document.args.watch { Some(wait.unwrap_or(EVERY).min(EVERY)) } else { wait };
         self.next = wait.map(|wait| Instant::now() + if compared { Duration::ZERO } else { wait });
         Ok(())
     }

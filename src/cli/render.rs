@@ -179,7 +179,7 @@ impl Render {
     }
 
     /// The level's settings with what the flags put over them.
-    fn settings(&self, gpu: &Gpu, caches: usize, reuse: bool) -> Result<Settings> {
+    pub(super) fn settings(&self, gpu: &Gpu, caches: usize, reuse: bool) -> Result<Settings> {
         let mut settings = Settings::at(self.caches.quality(), caches);
         settings.reuse = reuse;
         settings.rsm = self.rsm.unwrap_or(settings.rsm);

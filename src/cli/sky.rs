@@ -97,6 +97,12 @@ impl SkyArgs {
         (self.sky, self.sky_color) = (Some(file.to_owned()), None);
     }
 
+    /// The sky's file by its whole path.
+    #[cfg(feature = "app")]
+    pub(super) fn make_absolute(&mut self) {
+        self.sky = self.sky.take().map(|path| std::path::absolute(&path).unwrap_or(path));
+    }
+
     /// What differs from the default, as one types it.
     #[cfg(feature = "app")]
     pub(super) fn words(&self) -> Vec<String> {

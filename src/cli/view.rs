@@ -2,11 +2,12 @@
 
 use super::camera::camera;
 use super::picture::{TonemapArg, Writing};
+use super::render::Render;
 use super::sky::SkyArgs;
 use super::words::{AntialiasingArg, ShadowsArg, light_shadows_word};
-use super::{CacheArgs, DeviceArgs, QualityArg, divide_for, load_under, word};
-use anyhow::{Context, Result, bail};
-use clap::ValueEnum;
+use super::{CacheArgs, Cli, Command, DeviceArgs, QualityArg, divide_for, load_under, word};
+use anyhow::{Context, Result, anyhow, bail};
+use clap::{Parser, ValueEnum};
 use lightskin::bake::bake_cached;
 use lightskin::frame::View as FrameView;
 use lightskin::frame::engine::Loaded;
@@ -17,7 +18,8 @@ use winit::raw_window_handle::RawDisplayHandle;
 
 #[derive(clap::Args, Clone)]
 pub(crate) struct View {
-    /// glTF or GLB file, or a folder with one; the built-in showpiece without one. Other files can be dropped on the window.
+    /// glTF or GLB file, or a folder with one, or a session that the window has saved; the built-in showpiece without one. Other
+    /// files can be dropped on the window.
     pub(crate) scene: Option<PathBuf>,
     /// Size of the picture without panels [pixels].
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = super::render::size)]
@@ -37,6 +39,12 @@ pub(crate) struct View {
     /// Samples per pixel at which the reference that Space shows is done.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     pub(crate) reference_spp: u32,
+    /// Load the scene again when its files change; the view stays.
+    #[arg(long)]
+    pub(crate) watch: bool,
+    /// Frames per second that you aim for: the panel of times draws a line at what a frame may take.
+    #[arg(long, value_name = "HZ", value_parser = super::positive)]
+    pub(crate) target_hz: Option<f64>,
     /// Begin without panels; Tab shows them.
     #[arg(long)]
     pub(crate) no_panels: bool,
@@ -152,8 +160,6 @@ impl View {
 
     /// The command that writes the same picture.
     pub(crate) fn command(&self, now: &Now<'_>) -> String {
-        use lightskin::frame::Indirect;
-        use lightskin::frame::settings::{Caches, Gather};
         let Now { settings, look, caches, size, camera, moment } = now;
         let mut words: Vec<String> = vec!["lightskin".into(), "render".into()];
         words.extend(self.scene.as_ref().map(|path| path.display().to_string()));
@@ -171,7 +177,19 @@ impl View {
         if look.tonemap != Tonemap::default() {
             flag("--tonemap", word(TonemapArg::of(look.tonemap)));
         }
-        let level = Settings::at(self.quality(), *caches);
+        words.extend(self.settings_words(settings, *caches));
+        words.extend(self.caches.words());
+        words.extend(self.sky.words());
+        words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
+    }
+
+    /// Settings as flags of `render`, where they are not those of the level with so many caches.
+    fn settings_words(&self, settings: &Settings, caches: usize) -> Vec<String> {
+        use lightskin::frame::Indirect;
+        use lightskin::frame::settings::{Caches, Gather};
+        let mut words = Vec::new();
+        let mut flag = |name: &str, value: String| words.extend([name.to_owned(), value]);
+        let level = Settings::at(self.quality(), caches);
         match (settings.indirect, level.indirect) {
             (Indirect::Off, _) => flag("--gi", "off".into()),
             (Indirect::BruteForce, _) => flag("--gi", "brute-force".into()),
@@ -189,7 +207,7 @@ impl View {
                         flag("--near-every", every.to_string());
                     }
                 }
-                if shadows != self.quality().shadows(*caches, near) {
+                if shadows != self.quality().shadows(caches, near) {
                     flag("--shadows", shadow_word(shadows));
                 }
             }
@@ -207,10 +225,71 @@ impl View {
         if settings.layers != level.layers {
             flag("--layers", settings.layers.to_string());
         }
-        words.extend(self.caches.words());
-        words.extend(self.sky.words());
-        words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
+        words
     }
+
+    /// What `of_session` makes the same of: flags of `view`. `render` takes those of caches and settings, `drawing` reads them.
+    pub(crate) fn session_words(&self, look: &Look, settings: &Settings, caches: usize) -> [Vec<String>; 2] {
+        let mut view = self.clone();
+        view.sky.make_absolute();
+        let scene = self.scene.as_ref().map(|path| std::path::absolute(path).unwrap_or_else(|_| path.clone()));
+        let mut words: Vec<String> = scene.iter().map(|path| path.display().to_string()).collect();
+        if look.tonemap != Tonemap::default() {
+            words.extend(["--tonemap".into(), word(TonemapArg::of(look.tonemap))]);
+        }
+        words.extend(view.caches.words());
+        words.extend(view.sky.words());
+        let mut drawn = view.caches.words();
+        drawn.extend(self.settings_words(settings, caches));
+        [words, drawn]
+    }
+
+    /// What a session says to open, in a window like this one.
+    pub(crate) fn of_session(&self, words: &[String]) -> Result<Self> {
+        match parsed("view", words)? {
+            Command::View(view) => Ok(Self {
+                size: self.size,
+                no_panels: self.no_panels,
+                present: self.present,
+                device: self.device.clone(),
+                against: None,
+                reference_spp: self.reference_spp,
+                watch: self.watch,
+                target_hz: self.target_hz,
+                ..*view
+            }),
+            _ => bail!("needs flags of `lightskin view`"),
+        }
+    }
+}
+
+/// Flags of `render` that a session has read.
+pub(crate) struct Drawing(Box<Render>);
+
+impl Drawing {
+    /// From the words of `View::session_words`.
+    pub(crate) fn new(words: &[String]) -> Result<Self> {
+        let out = ["-o".to_owned(), "picture.png".to_owned()];
+        match parsed("render", &[&out, words].concat())? {
+            Command::Render(render) => Ok(Self(render)),
+            _ => bail!("needs flags of `lightskin render`"),
+        }
+    }
+
+    /// The settings, with so many caches.
+    pub(crate) fn settings(&self, gpu: &Gpu, caches: usize) -> Result<Settings> {
+        self.0.settings(gpu, caches, true)
+    }
+}
+
+/// What a subcommand makes of these words.
+fn parsed(command: &str, words: &[String]) -> Result<Command> {
+    let all = ["lightskin", command].into_iter().chain(words.iter().map(String::as_str));
+    let cli = Cli::try_parse_from(all).map_err(|error| {
+        let said = error.to_string();
+        anyhow!("{}", said.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned())
+    })?;
+    Ok(cli.command)
 }
 
 fn shadow_word(shadows: Shadows) -> String {

@@ -91,6 +91,7 @@ impl App {
             // One for all: how the gather is spread is measured once.
             .env("XDG_CACHE_HOME", folder.with_file_name("app_cache"))
             .env("XDG_CONFIG_HOME", folder.join("config"))
+            .env("XDG_STATE_HOME", folder.join("state"))
             .env("DISPLAY", &display.name)
             .env_remove("WAYLAND_DISPLAY")
             .env_remove("WAYLAND_SOCKET")
@@ -219,13 +220,25 @@ impl App {
                 Ok(line) if line.starts_with(begin) => return line,
                 Ok(_) => {}
                 Err(_) => {
+                    let seen = self.keep_picture();
                     let _ = self.process.kill();
                     let mut said = String::new();
                     let _ = self.process.stderr.take().map(|mut e| e.read_to_string(&mut said));
-                    panic!("no line '{begin}': {said}");
+                    panic!("no line '{begin}'; {} shows the window: {said}", seen.display());
                 }
             }
         }
+    }
+
+    /// Keeps what the window shows in a file, for whoever looks into why a test has failed.
+    fn keep_picture(&self) -> PathBuf {
+        let size = self.x.get_geometry(self.window).expect("a request").reply().expect("a size");
+        let pixels = self.pixels([0, 0], [size.width, size.height]);
+        let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("window.png");
+        let bytes: Vec<u8> = pixels.concat();
+        let (width, height) = (size.width.into(), size.height.into());
+        image::save_buffer(&path, &bytes, width, height, image::ColorType::Rgb8).expect("a picture");
+        path
     }
 
     /// What the command line of the picture is: the answer comes after all that was asked for before it was seen to.

@@ -26,7 +26,7 @@ fn controls(ui: &mut Ui, compare: &mut Compare, wishes: &mut Vec<Wish>) {
         row(ui, "Reference", help, |ui| ui.checkbox(&mut compare.shown, "shown (Space)"));
         let kinds = [
             (Against::PathTrace, "path tracer"),
-            (Against::SameBounces, "path tracer, same bounces"),
+            (Against::SameBounces, "same bounces, traced"),
             (Against::BruteForce, "brute force"),
             (Against::File, "a file"),
         ];

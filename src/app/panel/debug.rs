@@ -15,8 +15,9 @@ pub(super) fn controls(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
             ui.horizontal(|ui| {
                 let [low, high] = document.scale();
                 let (least, most) = (f64::from(*low), f64::from(*high));
-                ui.add(DragValue::new(low).speed(0.02 * least).range(1e-6..=0.99 * most).max_decimals(4));
-                ui.add(DragValue::new(high).speed(0.02 * most).range(1.01 * least..=1e9).max_decimals(4));
+                let drag = |value, speed| DragValue::new(value).speed(speed).custom_formatter(|value, _| short(value));
+                ui.add(drag(low, 0.02 * least).range(1e-6..=0.99 * most));
+                ui.add(drag(high, 0.02 * most).range(1.01 * least..=1e9));
                 ui.label(unit);
                 fit = ui.button("fit").on_hover_text("Suits it to the scene and its exposure.").clicked();
             })
@@ -28,6 +29,12 @@ pub(super) fn controls(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
     }
     let help = "Draws a disc where each cache stands, on its surface. Their colours only tell them apart.";
     row(ui, "Caches", help, |ui| ui.checkbox(&mut document.discs, "as discs"));
+}
+
+/// A number in three digits.
+fn short(value: f64) -> String {
+    let digits = (2.0 - value.log10().floor()).clamp(0.0, 6.0) as usize;
+    format!("{value:.digits$}")
 }
 
 /// The colours of a scale, over the picture.
@@ -55,14 +62,13 @@ pub(in crate::app) fn legend(ui: &Ui, document: &mut Document, picture: Rect) {
     for i in 0..=4 {
         let share = f64::from(i) / 4.0;
         let value = low * (high / low).powf(share);
-        let digits = (2.0 - value.log10().floor()).clamp(0.0, 4.0) as usize;
         let unit = if i == 4 { format!(" {unit}") } else { String::new() };
         let (x, align) = match i {
             0 => (bar.left(), Align2::LEFT_TOP),
             4 => (bar.right(), Align2::RIGHT_TOP),
             _ => (bar.left() + share as f32 * bar.width(), Align2::CENTER_TOP),
         };
-        let text = format!("{value:.digits$}{unit}");
+        let text = format!("{}{unit}", short(value));
         painter.text(egui::pos2(x, bar.bottom() + 2.0), align, text, FontId::proportional(11.0), Color32::WHITE);
     }
 }

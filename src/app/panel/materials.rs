@@ -1,0 +1,60 @@
+//! Materials: what of them changes live.
+
+use super::{choose, row, rows};
+use crate::app::document::Document;
+use egui::{DragValue, RichText, Slider, Ui};
+use glam::Vec3;
+use lightskin::gpu::Gpu;
+
+pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
+    let Some(scene) = document.scene().filter(|scene| !scene.materials.is_empty()) else {
+        ui.label(RichText::new("No materials").weak());
+        return;
+    };
+    let mut chosen = document.material.min(scene.materials.len() - 1);
+    let names: Vec<String> = scene.materials.iter().enumerate().map(|(i, m)| format!("{} {}", i + 1, m.name)).collect();
+    let all: Vec<(usize, &str)> = names.iter().enumerate().map(|(i, name)| (i, name.as_str())).collect();
+    let (mut material, mut changed) = (scene.materials[chosen].clone(), false);
+    rows(ui, "material", |ui| {
+        let help = "Which material. Ctrl+click on the picture picks that of the surface there.";
+        row(ui, "Material", help, |ui| choose(ui, "material", &mut chosen, &all));
+        let textured = |texture: bool| if texture { " A texture goes over it." } else { "" };
+        let help = format!(
+            "Colour of the surface, linear; of metals that of what they mirror.{} Light is made anew in one frame.",
+            textured(material.base_color_texture.is_some())
+        );
+        let mut color = material.base_color.truncate().to_array();
+        changed |= row(ui, "Base colour", &help, |ui| ui.color_edit_button_rgb(&mut color)).changed();
+        material.base_color = Vec3::from(color).extend(material.base_color.w);
+        let own = material.phong.is_some();
+        let of_lobe = if own { " This material has a lobe of its own instead." } else { "" };
+        let map = textured(material.metallic_roughness_texture.is_some());
+        let help = format!("From a mirror, 0, to dull, 1.{map}{of_lobe}");
+        let slider = |ui: &mut Ui, value: &mut f32| ui.add_enabled(!own, Slider::new(value, 0.0..=1.0).max_decimals(2));
+        changed |= row(ui, "Roughness", &help, |ui| slider(ui, &mut material.roughness)).changed();
+        let help = format!("0 is a dielectric, 1 a metal.{map}{of_lobe}");
+        changed |= row(ui, "Metallic", &help, |ui| slider(ui, &mut material.metallic)).changed();
+        let help = format!(
+            "Light that the surface sends by itself: colour and radiance in cd/m\u{b2}.{} What begins to shine, or ceases to, is \
+             uploaded anew with the whole scene.",
+            textured(material.emissive_texture.is_some())
+        );
+        let mut strength = material.emissive.max_element();
+        let mut color = if strength > 0.0 { (material.emissive / strength).to_array() } else { [1.0; 3] };
+        changed |= row(ui, "Emission", &help, |ui| {
+            let response = ui.horizontal(|ui| {
+                let color = ui.color_edit_button_rgb(&mut color);
+                let speed = f64::from(strength).max(1.0) * 0.01;
+                color.union(ui.add(DragValue::new(&mut strength).speed(speed).range(0.0..=1e9).suffix(" cd/m\u{b2}")))
+            });
+            response.inner
+        })
+        .changed();
+        material.emissive = Vec3::from(color) * strength;
+    });
+    if changed && chosen == document.material {
+        document.edited.insert(chosen);
+        document.edit(gpu, |scene| scene.materials[chosen] = material);
+    }
+    document.material = chosen;
+}

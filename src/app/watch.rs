@@ -1,0 +1,83 @@
+//! Files that may change while they are shown.
+
+use lightskin::files;
+use std::path::{Path, PathBuf};
+use std::time::{Duration, Instant, SystemTime};
+
+/// How often files are looked at.
+pub(super) const EVERY: Duration = Duration::from_millis(400);
+
+/// What tells that a file is another one: when it was written, and its size.
+type Stamp = Option<(SystemTime, u64)>;
+
+/// A scene's files.
+pub(super) struct Watch {
+    scene: PathBuf,
+    files: Vec<PathBuf>,
+    /// As they were loaded.
+    loaded: Vec<Stamp>,
+    /// As they were seen last: who still writes goes on writing.
+    seen: Vec<Stamp>,
+    looked: Instant,
+}
+
+impl Watch {
+    pub(super) fn new(scene: &Path) -> Self {
+        let files = files_of(scene);
+        let loaded = stamps(&files);
+        Self { scene: scene.to_owned(), seen: loaded.clone(), files, loaded, looked: Instant::now() }
+    }
+
+    /// Whether it is this scene's.
+    pub(super) fn is_of(&self, scene: &Path) -> bool {
+        self.scene == scene
+    }
+
+    /// Whether a file has changed, and then stayed as it is for a moment. Says so once.
+    pub(super) fn has_changed(&mut self) -> bool {
+        if self.looked.elapsed() < EVERY {
+            return false;
+        }
+        self.looked = Instant::now();
+        let now = stamps(&self.files);
+        let rests = now == self.seen;
+        self.seen = now;
+        let changed = rests && self.seen != self.loaded && self.seen.iter().all(Option::is_some);
+        if changed {
+            *self = Self::new(&self.scene);
+        }
+        changed
+    }
+}
+
+fn stamps(files: &[PathBuf]) -> Vec<Stamp> {
+    let stamp = |path: &PathBuf| {
+        let about = std::fs::metadata(path).ok()?;
+        Some((about.modified().ok()?, about.len()))
+    };
+    files.iter().map(stamp).collect()
+}
+
+/// The scene's own file, or those of its folder, and the files that these name.
+fn files_of(scene: &Path) -> Vec<PathBuf> {
+    let ends = |path: &Path, ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
+    let mut all = match std::fs::read_dir(scene) {
+        Err(_) => vec![scene.to_owned()],
+        Ok(entries) => {
+            let entries = entries.filter_map(|entry| entry.ok().map(|entry| entry.path()));
+            entries.filter(|path| ends(path, "gltf") || ends(path, "glb")).collect()
+        }
+    };
+    for file in all.clone().into_iter().filter(|file| ends(file, "gltf")) {
+        let Some(json) =
+            files::read(&file).ok().and_then(|bytes| serde_json::from_slice::<serde_json::Value>(&bytes).ok())
+        else {
+            continue;
+        };
+        let folder = file.parent().unwrap_or(Path::new(""));
+        let lists = ["buffers", "images"].into_iter().filter_map(|list| json[list].as_array());
+        let named = lists.flatten().filter_map(|entry| entry["uri"].as_str()).filter(|uri| !uri.starts_with("data:"));
+        all.extend(named.map(|uri| folder.join(uri.replace("%20", " "))));
+    }
+    all
+}
