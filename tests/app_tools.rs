@@ -6,6 +6,7 @@ use lightskin::image::read_picture;
 use serde_json::{Value, json};
 use std::fs;
 use std::path::Path;
+use std::time::Duration;
 
 /// Numbers of a line of text, whatever stands between them.
 fn numbers(text: &str) -> Vec<f64> {
@@ -157,5 +158,30 @@ fn files_and_sessions_come_back() {
     app.line("scene");
     app.command();
     assert_eq!(png(&folder.join(app.picture())).1, changed, "in a new window");
+    app.quit();
+}
+
+/// What the panel says of a material changes the picture live, and is in the session.
+#[test]
+fn materials_change_live() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_materials");
+    let scene = cornell();
+    let scene = scene.to_str().expect("a path");
+    let words = ["view", scene, "--size", "64x48", "--ev", "4"];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    app.resize(384, 1000);
+    app.tap([64 + 60, 745], "");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
+    let before = app.pixels([0, 0], [64, 1000]);
+    app.slide([64 + 180, 876], 40, "");
+    assert!(app.pixels([0, 0], [64, 1000]) != before, "a surface that shines");
+    app.press_with("Control", "S");
+    let file = folder.join(app.line("session").split_whitespace().last().expect("a name"));
+    let session: Value = serde_json::from_slice(&fs::read(file).expect("a session")).expect("JSON");
+    let emissive = session["materials"]["white"]["emissive"].as_array().expect("a colour");
+    assert!(emissive.iter().all(|v| v.as_f64().is_some_and(|v| v > 0.1)), "{session}");
     app.quit();
 }

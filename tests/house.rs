@@ -87,7 +87,9 @@ fn the_engine_alone_needs_no_tools() {
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let listed = String::from_utf8(output.stdout).expect("names");
     assert!(listed.lines().any(|line| line.starts_with("ash ")), "{listed}");
-    for tool in ["anyhow", "clap", "egui", "indicatif", "nv-flip", "pulp", "raw-cpuid", "signal-hook", "winit"] {
+    for tool in
+        ["anyhow", "clap", "egui", "indicatif", "nv-flip", "pulp", "raw-cpuid", "rfd", "signal-hook", "toml", "winit"]
+    {
         let needed = listed.lines().any(|line| line.split(' ').next() == Some(tool));
         assert!(!needed, "the engine compiles {tool}; `cargo tree --no-default-features -i {tool}` says why");
     }

@@ -100,6 +100,9 @@ pub(super) struct Now<'a> {
 /// Pictures, references and map of what was measured.
 pub(super) type Measured = (u64, u64, Map);
 
+/// The thread that measures: errors, and the map as RGBA.
+type Measuring = JoinHandle<(Errors, Vec<u8>)>;
+
 /// The comparison.
 pub(super) struct Compare {
     pub(super) against: Against,
@@ -117,7 +120,7 @@ pub(super) struct Compare {
     key: Option<Key>,
     trace: Option<Trace>,
     reference: Option<Arc<Reference>>,
-    measuring: Option<(Measured, JoinHandle<(Errors, Vec<u8>)>)>,
+    measuring: Option<(Measured, Measuring)>,
     /// Counts pictures and references.
     pictures: u64,
     references: u64,
@@ -230,6 +233,12 @@ impl Compare {
             Some(trace) => format!("{of}; next pass {:.0} %", 100.0 * trace.progress()),
             None => of,
         }
+    }
+
+    /// Shows the picture alone.
+    pub(super) fn stop(&mut self) {
+        self.shown = false;
+        self.forget();
     }
 
     /// Forgets the reference: it is of something else.

@@ -45,6 +45,8 @@ pub(super) enum Wish {
     Reference,
     /// Give the picture this size in pixels.
     Size([u32; 2]),
+    /// Ask the desktop for a file to open.
+    Ask,
     /// Write the session.
     SaveSession,
     /// Open a file.
@@ -186,6 +188,7 @@ impl Input {
         let digit = DIGITS.iter().position(|digit| *digit == code);
         match code {
             KeyCode::KeyQ if control => Some(Wish::Close),
+            KeyCode::KeyO if control => Some(Wish::Ask),
             KeyCode::KeyS if control => Some(Wish::SaveSession),
             KeyCode::KeyC if control && self.modifiers.shift_key() => Some(Wish::Copy),
             KeyCode::Tab | KeyCode::KeyH if !control => Some(Wish::Panels),

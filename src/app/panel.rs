@@ -18,12 +18,13 @@ use lightskin::frame::{Antialiasing, Exposure, Indirect, LightShadows, Near, Qua
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Light, LightKind, Projection};
 use std::path::PathBuf;
+use std::time::{Duration, Instant};
 
 /// Width of the panels [points].
 pub(super) const WIDTH: f32 = 320.0;
 
 /// Keys, and what they do.
-const KEYS: [(&str, &str); 20] = [
+const KEYS: [(&str, &str); 21] = [
     ("left drag", "turn around the target"),
     ("right drag", "look around"),
     ("middle drag", "move sideways"),
@@ -41,10 +42,14 @@ const KEYS: [(&str, &str); 20] = [
     ("Space", "show the reference of this view, or hide it"),
     ("F12", "write the picture as PNG"),
     ("Shift+F12", "write it as OpenEXR with all layers"),
+    ("Ctrl+O", "open a file by the desktop's dialog"),
     ("Ctrl+S", "write the session: scene, view, light, settings"),
     ("F1", "show or hide this list"),
     ("Ctrl+Q", "quit"),
 ];
+
+/// How long the hint of the first start is seen.
+const HINT: Duration = Duration::from_secs(30);
 
 /// What of the panels is seen.
 pub(super) struct State {
@@ -56,6 +61,8 @@ pub(super) struct State {
     /// What is typed to be opened.
     path: String,
     recent: Vec<PathBuf>,
+    /// Until when the hint of the first start is seen.
+    hint: Option<Instant>,
 }
 
 /// How the panels look: dark, so that the picture is judged by itself.
@@ -105,7 +112,8 @@ fn choose<T: Copy + PartialEq>(ui: &mut Ui, id: &str, value: &mut T, all: &[(T, 
 
 impl State {
     pub(super) fn new(visible: bool) -> Self {
-        Self { visible, keys: false, caches: None, path: String::new(), recent: recent::all() }
+        let hint = (visible && recent::is_first()).then(|| Instant::now() + HINT);
+        Self { visible, keys: false, caches: None, path: String::new(), recent: recent::all(), hint }
     }
 
     /// Shows the panels; what they ask for beyond the document comes back.
@@ -141,6 +149,33 @@ impl State {
         wishes
     }
 
+    /// Three lines over the picture at the very first start; they go away by themselves, or with the first drag.
+    pub(super) fn hint(&mut self, ui: &Ui, picture: egui::Rect) {
+        let is_small = picture.width() < 420.0 || picture.height() < 200.0;
+        let dragged = ui.input(|input| input.pointer.any_down());
+        let Some(left) = self.hint.and_then(|end| end.checked_duration_since(Instant::now())).filter(|_| !dragged)
+        else {
+            self.hint = None;
+            return;
+        };
+        if is_small {
+            return;
+        }
+        ui.ctx().request_repaint_after(left);
+        let middle = picture.center_top() + egui::vec2(0.0, 0.75 * picture.height());
+        egui::Area::new(egui::Id::unique("hint"))
+            .fixed_pos(middle)
+            .pivot(egui::Align2::CENTER_CENTER)
+            .interactable(false)
+            .show(ui.ctx(), |ui| {
+                egui::Frame::popup(ui.style()).show(ui, |ui| {
+                    ui.label("Drag to turn the camera, use the wheel to go nearer, W A S D to fly.");
+                    ui.label("Drop a glTF scene or a sky here. Space shows a path-traced reference.");
+                    ui.label("F1 lists all keys; each control says what it does when you rest on it.");
+                });
+            });
+    }
+
     fn files(&mut self, ui: &mut Ui, document: &mut Document, wishes: &mut Vec<Wish>) {
         let help = "A scene, a sky (.hdr, .exr), a session (.json) or a picture to compare with (.png). Enter opens it; so does \
                     dropping it on the window.";
@@ -150,6 +185,10 @@ impl State {
             wishes.push(Wish::Drop(PathBuf::from(self.path.trim())));
         }
         ui.horizontal(|ui| {
+            let help = "Asks by the desktop's own dialog (its portal) for a file to open.";
+            if ui.button("Open").on_hover_text(help).clicked() {
+                wishes.push(Wish::Ask);
+            }
             let help = "Writes scene, view, light, materials and settings as JSON to the current folder. Drop the file here, or name \
                         it instead of a scene, to have all of it back.";
             if ui.button("Save session").on_hover_text(help).clicked() {

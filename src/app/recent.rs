@@ -13,6 +13,17 @@ fn file() -> Option<PathBuf> {
     states.map(|folder| folder.join("lightskin/recent"))
 }
 
+/// Whether the window has been open before; from now on it has.
+pub(super) fn is_first() -> bool {
+    let Some(path) = file().map(|file| file.with_file_name("seen")) else { return false };
+    let first = !path.exists();
+    if first && path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok()) {
+        // Where that cannot be written the hint comes again.
+        let _ = files::write(&path, b"");
+    }
+    first
+}
+
 /// All of them that are there, one path a line.
 pub(super) fn all() -> Vec<PathBuf> {
     let text = file().and_then(|file| files::read(&file).ok()).and_then(|bytes| String::from_utf8(bytes).ok());

@@ -15,6 +15,7 @@ use lightskin::gpu::{Gpu, Swapchain};
 use lightskin::image::is_exr;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use winit::dpi::PhysicalSize;
 use winit::event::WindowEvent;
@@ -46,6 +47,8 @@ pub(super) struct Open {
     next: Option<Instant>,
     /// What is asked of the next picture: what is asked before it changes it.
     waiting: Vec<Wish>,
+    /// The desktop's dialog, while it is open.
+    dialog: Option<JoinHandle<Option<PathBuf>>>,
     closed: bool,
 }
 
@@ -85,6 +88,7 @@ impl Open {
             last: Instant::now(),
             next: None,
             waiting: Vec::new(),
+            dialog: None,
             closed: false,
         })
     }
@@ -205,6 +209,10 @@ impl Open {
                     log::error!("{error:#}");
                 }
             }
+            Wish::Ask => {
+                // Of two dialogs the second one's answer counts.
+                self.dialog = Some(std::thread::spawn(ask));
+            }
             Wish::SaveSession => {
                 if let Err(error) = self.save_session() {
                     log::error!("{error:#}");
@@ -263,6 +271,11 @@ impl Open {
             self.next = None;
             return Ok(());
         }
+        if let Some(dialog) = self.dialog.take_if(|dialog| dialog.is_finished())
+            && let Ok(Some(file)) = dialog.join()
+        {
+            self.grant(Wish::Drop(file));
+        }
         self.document.watch();
         if self.document.poll(&self.gpu)?
             && let Some(scene) = self.document.scene()
@@ -283,6 +296,7 @@ impl Open {
             wishes.extend(panel.show(ui, document, compare, gpu));
             left_over = ui.available_rect_before_wrap();
             panel::debug::legend(ui, document, left_over);
+            panel.hint(ui, left_over);
             panel::compare::overlay(ui, compare, left_over);
         });
         self.egui.handle_platform_output(&self.window, output.platform_output);
@@ -337,12 +351,12 @@ impl Open {
                 log::error!("{error:#}");
             }
         }
-        let compared = self.compare()?;
+        let compared = self.compare();
         self.window.pre_present_notify();
         let seen = self.swapchain.show(&self.canvas.image)?;
 
         let soon = output.viewport_output.get(&egui::ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
-        let works = self.document.progress().is_some() || self.compare.works();
+        let works = self.dialog.is_some() || self.document.progress().is_some() || self.compare.works();
         let moves = self.document.clip.playing || self.input.flies();
         let wait = match (moves, works || !seen) {
             (true, _) => Some(Duration::ZERO),
@@ -355,20 +369,33 @@ impl Open {
     }
 
     /// Brings the comparison on; says whether there is something new to show.
-    fn compare(&mut self) -> Result<bool> {
+    fn compare(&mut self) -> bool {
         let Document { engine, picture, drawn, edits, clip, .. } = &self.document;
-        let (Some(engine), Some(picture), Some(view)) = (engine, picture, *drawn) else { return Ok(false) };
-        let Some(camera) = self.document.camera() else { return Ok(false) };
+        let (Some(engine), Some(picture), Some(view)) = (engine, picture, *drawn) else { return false };
+        let Some(camera) = self.document.camera() else { return false };
         let busy = clip.playing || self.document.progress().is_some() || self.input.flies();
         let now = Now { engine, picture, view, camera, edits: *edits, busy };
         let drew = !engine.light().skipped().contains(&"composite");
         let before = self.compare.version();
-        let size = self.compare.step(&self.gpu, &now, drew)?;
+        let stepped = self.compare.step(&self.gpu, &now, drew);
+        let size = stepped.unwrap_or_else(|error| {
+            // What there is no room for leaves the picture; a device that is lost ends the next frame.
+            log::error!("{error:#}; the comparison is off");
+            self.compare.stop();
+            None
+        });
         if let Some(size) = size.filter(|size| *size != picture.size()) {
             self.grant(Wish::Size(size));
         }
-        Ok(self.compare.version() != before)
+        self.compare.version() != before
     }
+}
+
+/// Asks the desktop for a file. Without a portal there is none, and the log says so.
+fn ask() -> Option<PathBuf> {
+    let dialog = rfd::FileDialog::new().set_title("Open a scene, a sky, a session or a picture");
+    let files = ["gltf", "glb", "hdr", "exr", "json", "png"];
+    dialog.add_filter("All that lightskin opens", &files).pick_file()
 }
 
 /// Whether the user does something.

@@ -62,7 +62,7 @@ pub(crate) struct App {
 }
 
 /// Keys by their places on a keyboard, as evdev numbers them and X adds 8.
-const KEYS: [(&str, u8); 17] = [
+pub(crate) const KEYS: [(&str, u8); 18] = [
     ("Escape", 9),
     ("1", 10),
     ("2", 11),
@@ -70,6 +70,7 @@ const KEYS: [(&str, u8); 17] = [
     ("Q", 24),
     ("W", 25),
     ("E", 26),
+    ("O", 32),
     ("P", 33),
     ("Control", 37),
     ("A", 38),
@@ -228,6 +229,13 @@ impl App {
                 }
             }
         }
+    }
+
+    /// What the process has in memory [MiB].
+    pub(crate) fn memory(&self) -> u64 {
+        let status = std::fs::read_to_string(format!("/proc/{}/status", self.process.id())).expect("Linux");
+        let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("a size");
+        line.trim().trim_end_matches(" kB").parse::<u64>().expect("a number") / 1024
     }
 
     /// Keeps what the window shows in a file, for whoever looks into why a test has failed.
