@@ -114,6 +114,11 @@ fn files_and_sessions_come_back() {
     fs::copy(cornell().with_file_name("cornell_diffuse.glb"), &scene).expect("another scene");
     app.line("scene");
     assert_eq!(app.command(), turned, "the view stays");
+    // A diffuse scene whose caches are all lit, seen from elsewhere: the light stays as it is.
+    app.press("1");
+    app.command();
+    app.press("2");
+    app.command();
     let diffuse = png(&folder.join(app.picture())).1;
     assert!(diffuse != glossy, "another scene");
 

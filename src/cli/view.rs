@@ -5,14 +5,15 @@ use super::picture::{TonemapArg, Writing};
 use super::render::Render;
 use super::sky::SkyArgs;
 use super::words::{AntialiasingArg, ShadowsArg, light_shadows_word};
-use super::{CacheArgs, Cli, Command, DeviceArgs, QualityArg, divide_for, load_under, word};
+use super::{CacheArgs, Command, DeviceArgs, QualityArg, divide_for, load_under, word};
 use anyhow::{Context, Result, anyhow, bail};
-use clap::{Parser, ValueEnum};
+use clap::ValueEnum;
 use lightskin::bake::bake_cached;
 use lightskin::frame::View as FrameView;
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::{Exposure, Look, Near, Picture, Quality, Settings, Shadows, Tonemap};
 use lightskin::gpu::{Gpu, Present};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use winit::raw_window_handle::RawDisplayHandle;
 
@@ -284,8 +285,8 @@ impl Drawing {
 
 /// What a subcommand makes of these words.
 fn parsed(command: &str, words: &[String]) -> Result<Command> {
-    let all = ["lightskin", command].into_iter().chain(words.iter().map(String::as_str));
-    let cli = Cli::try_parse_from(all).map_err(|error| {
+    let all = ["lightskin", command].into_iter().chain(words.iter().map(String::as_str)).map(OsString::from);
+    let cli = super::parse(super::grammar(), all.collect()).map_err(|error| {
         let said = error.to_string();
         anyhow!("{}", said.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned())
     })?;

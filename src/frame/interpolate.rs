@@ -107,19 +107,19 @@ impl Interpolate {
         })
     }
 
-    /// Records the stage for views; it waits for the proxies and visible vertices itself, unless short rays have done so. `seen`
-    /// is what caches see of a sky.
+    /// Records the stage for views; `waits` for what it reads where nothing before it has. `near` says that there are short rays,
+    /// `seen` is what caches see of a sky.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
         world: &World,
         atlas: &Atlas,
         proxies: &Proxies,
-        (near, seen): (bool, Option<&Buffer>),
+        (waits, near, seen): (bool, bool, Option<&Buffer>),
         views: impl Iterator<Item = Shaded<'a>> + Clone,
     ) {
         if let Some(average) = &self.average {
-            if !near {
+            if waits {
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead); // proxies, visible vertices -> here
             }
             for Shaded { view, visible, first_proxy, .. } in views.clone() {

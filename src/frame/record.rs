@@ -174,8 +174,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
         if shaded().next().is_some() {
             let _zone = enter(plan::INTERPOLATE); // 8
             let seen = caches.sky.as_ref().map(|(seen, _)| &seen.seen);
-            let waited = caches.near.is_some();
-            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, (waited, seen), shaded());
+            let near = caches.near.is_some();
+            // Visible vertices were waited for before stage 6, and by short rays all else.
+            let waits = !near && (outdated.proxies || (outdated.sky && caches.sky.is_some()));
+            caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, (waits, near, seen), shaded());
         }
         // Radiance of an earlier frame has what is added to it already.
         let anew = || shaded().filter(|shaded| lit().any(|(_, surface)| std::ptr::eq(surface, shaded.surface)));
