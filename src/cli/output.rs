@@ -73,6 +73,8 @@ impl log::Log for Log {
             recent.push_back(record.args().to_string());
             drop(recent);
             match record.level() {
+                // A desktop without a dialog for files is no failure of ours.
+                log::Level::Error if record.target().starts_with("rfd") => tell(*record.args()),
                 log::Level::Error => tell(format_args!("error: {}", record.args())),
                 log::Level::Warn => tell(*record.args()),
                 level => tell(format_args!("[{}] {}", level.as_str().to_lowercase(), record.args())),

@@ -297,7 +297,8 @@ impl App {
         errors.read_to_string(&mut said).expect("its messages");
         let status = self.process.wait().expect("a process");
         assert!(status.success(), "{status}: {said}");
-        let errors: Vec<&str> = said.lines().filter(|l| l.contains("error") || l.contains("panicked")).collect();
+        let errors: Vec<&str> =
+            said.lines().filter(|l| l.contains("lightskin: error") || l.contains("panicked")).collect();
         let expected = |error: &&str| failed.is_some_and(|failed| error.contains(failed));
         assert!(errors.len() == usize::from(failed.is_some()) && errors.iter().all(expected), "{said}");
     }
