@@ -334,6 +334,12 @@ impl World {
         Ok(())
     }
 
+    /// Instance and material of a draw, counted from 1, as the G-buffer's elements name it.
+    pub fn drawn(&self, draw: u32) -> Option<(usize, usize)> {
+        let item = self.draws.get((draw as usize).checked_sub(1)?)?;
+        Some((item.instance as usize, item.material as usize))
+    }
+
     /// Records the copies of what is new; says whether poses are.
     pub(in crate::frame) fn record_changes(&self, cmd: &Cmd<'_>) -> bool {
         let pending = self.pending.take();

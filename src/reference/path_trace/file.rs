@@ -26,6 +26,14 @@ pub(super) fn key(scene: &Scene, camera: &Camera, settings: &PathTraceSettings) 
 }
 
 impl PathTrace<'_> {
+    /// Begins anew with another number of pixels of the same view.
+    pub fn resize(&mut self, size: [u32; 2]) {
+        self.settings.size = size;
+        self.pixels = vec![Pixel::default(); size[0] as usize * size[1] as usize];
+        self.key = key(self.world.scene(), self.camera, &self.settings);
+        self.samples = 0;
+    }
+
     /// The file in a folder that samples of this picture are kept in.
     pub fn kept_in(&self, folder: &Path) -> PathBuf {
         folder.join(format!("{}.samples", blake3::Hash::from(self.key).to_hex()))
