@@ -421,12 +421,6 @@ impl World {
         &self.textures[0]
     }
 
-    /// Instance and material of a draw, counted from 1, as the G-buffer's elements name it.
-    pub fn drawn(&self, draw: u32) -> Option<(usize, usize)> {
-        let item = self.draws.get((draw as usize).checked_sub(1)?)?;
-        Some((item.instance as usize, item.material as usize))
-    }
-
     /// Draws the scene's triangles. Bindings 0 to 14 of the shaders are the scene's own (see `lib/textures.glsl`).
     pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4) {
         self.draw_large(draw, pipeline, (which, &[]), (clip_from_world, eye), 0.0);

@@ -237,14 +237,6 @@ impl<'a> PathTrace<'a> {
         true
     }
 
-    /// Begins anew with another number of pixels of the same view.
-    pub fn resize(&mut self, size: [u32; 2]) {
-        self.settings.size = size;
-        self.pixels = vec![Pixel::default(); size[0] as usize * size[1] as usize];
-        self.key = file::key(self.world.scene(), self.camera, &self.settings);
-        self.samples = 0;
-    }
-
     /// Samples per pixel so far.
     pub fn samples(&self) -> u32 {
         self.samples
