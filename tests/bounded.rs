@@ -139,7 +139,20 @@ fn undivided_scenes_are_lit_at_pixels() {
     let at = folder("bounded-pixels");
     write_glb(&strips(100, 1e5), &at.join("scene.glb")).expect("writes");
     let interp = |more: &[&str]| {
-        let args = ["render", "scene.glb", "-o", "a.png", "--size", "32x32", "--rsm", "16", "--shadows", "off"];
+        let args = [
+            "render",
+            "scene.glb",
+            "-o",
+            "a.png",
+            "--size",
+            "32x32",
+            "--rsm",
+            "16",
+            "--shadows",
+            "off",
+            "--near",
+            "off",
+        ];
         works(&at, &[&args[..], &["--timings", "t.jsonl"], more].concat());
         let times = fs::read_to_string(at.join("t.jsonl")).expect("timings");
         let frame: serde_json::Value = serde_json::from_str(times.lines().next().expect("a frame")).expect("JSON");

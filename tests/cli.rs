@@ -323,7 +323,6 @@ fn shared_scenes_render_clean() {
     let at = folder("cli-scenes");
     let scenes = [
         "cornell/CornellBox.glb",
-        "sponza/Sponza.gltf",
         "thesis/stanford_bunny.glb",
         "features/skin/CesiumMan.glb",
         "features/lights/KHR_lights_punctual_test.glb",

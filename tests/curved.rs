@@ -58,7 +58,7 @@ fn glossy_bodies_keep_their_light() {
         let scene = room_with(body);
         let caches = caches(&scene, 1000);
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(size, 1));
-        (0..16).for_each(|_| paths.pass());
+        (0..10).for_each(|_| paths.pass());
         let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs::at(Quality::High, 1000, size));
         let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
         let of_body = metrics(&shown, &paths.glossy());

@@ -38,7 +38,7 @@ pub(super) struct Report<'a> {
     pub(super) light: &'a Light,
     /// What the last frame has worked with.
     pub(super) counts: Counts,
-    /// How long the frame before the others took [ms], in which the driver makes its code; without one where frames leave
+    /// How long the frame before the others took [ms], in which the driver compiles its shaders; without one where frames leave
     /// out what stands still.
     pub(super) first_ms: Option<f64>,
     /// Names and values of the flags that shape cost.
@@ -112,7 +112,7 @@ impl Report<'_> {
         }
         say!("exposure  EV {ev:.2}");
         if let Some(ms) = self.first_ms {
-            say!("first     {ms:.0} ms: a frame in which the driver makes its code, before those below");
+            say!("first     {ms:.0} ms: the driver compiles its shaders; not counted below");
         }
         self.print_times();
     }

@@ -63,7 +63,7 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
     };
     if let Some(height) = height {
         studio::put_ground(scene, space.centre(), space.radius(), height);
-        scene.notes.push(format!("A ground was put in at a height of {height:.4} m (--ground off leaves it out)."));
+        scene.notes.push(format!("Added a ground at a height of {height:.4} m; --ground off leaves it out."));
     }
     match () {
         () if !dark => {}
@@ -72,7 +72,7 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
         () if inside => {
             let lamp = lamp(&space);
             let (at, intensity) = (format_point(lamp.position), lamp.intensity);
-            scene.notes.push(format!("The scene has no light; a lamp of {intensity} cd was put in at {at}."));
+            scene.notes.push(format!("The scene has no lights: added a lamp of {intensity} cd at {at}."));
             scene.lights.push(lamp);
         }
         () => {
@@ -87,7 +87,7 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
                 sky.continue_ground();
             }
             scene.backdrop = Backdrop::Studio;
-            scene.notes.push("The scene has no light; the soft light of a studio was put over it.".into());
+            scene.notes.push("The scene has no lights: added the soft light of a studio.".into());
         }
     }
 }
@@ -124,7 +124,7 @@ fn put_day_over(scene: &mut Scene, space: &Space) {
     Sky::day().put_over(scene, studio::LIGHTS / 2);
     let from = format_point(sun);
     scene.notes.push(format!(
-        "The scene has no light; a sun of {SUN} lx was put in, which shines from {from} through the open top, and a sky."
+        "The scene has no lights: added a sky, and a sun of {SUN} lx that shines from {from} through the open top."
     ));
 }
 
@@ -182,7 +182,7 @@ fn describe_camera(camera: &Camera) -> String {
     };
     let (eye, view) = (format_point(eye), format_point(-back));
     format!(
-        "The scene has no camera; one was {} from {eye} along {view}, vertical field of view {yfov:.0} degrees.",
+        "No camera in the scene; {} from {eye} along {view}, vertical field of view {yfov:.0} degrees.",
         camera.name
     )
 }
