@@ -17,9 +17,8 @@
 //! | 6 | [`frame::depth_images`], [`frame::gather`], [`frame::bounce`] | VALs x caches -> proxy lights |
 //! | 7 | [`frame::occlude`] | discs of caches -> dimmed proxies |
 //! | 8 | [`frame::interpolate`] | proxies -> indirect radiance per pixel |
+//! | 9, 10 | [`frame::inside`] | light that enters translucent bodies -> proxy dipoles -> light that leaves them |
 //! | 11 | [`frame::composite`] | all radiance, exposure, tone map -> picture |
-//!
-//! Stages 9 and 10 (subsurface scattering) keep their numbers and are yet to come.
 //!
 //! A [`frame::World`] is a scene on the device, a [`frame::Light`] its light, once for all views, a [`frame::Picture`] what
 //! one view sees. A [`frame::Engine`] holds a world and its light and lets everything change between two frames:

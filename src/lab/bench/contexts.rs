@@ -266,7 +266,7 @@ impl Contexts<'_> {
         let how = format!(
             "{} triangles, {w}x{h} pixels, 8 caches of a vertex. DGS: DG with soft shadows of proxy lights (stage 7); \"of all discs\" is that stage where none is skipped. \
              \"first\" is the least of caches and VALs. The thesis's column SSS (subsurface scattering) is not here: it is \
-             not built yet. {}",
+             not measured. {}",
             self.extent.ground,
             self.method()
         );
