@@ -31,7 +31,8 @@ impl Display {
     /// None, with a word, where there is no Xvfb.
     pub(crate) fn open() -> Option<Self> {
         // The server writes its number where it is told to: its standard output.
-        let arguments = ["-displayfd", "1", "-screen", "0", "1024x1024x24", "-nolisten", "tcp"];
+        // Without `-noreset` it throws out who comes while the last one leaves.
+        let arguments = ["-displayfd", "1", "-screen", "0", "1024x1024x24", "-nolisten", "tcp", "-noreset"];
         let started = Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut server) = started else {
             println!("skipped: no Xvfb here; scripts/setup installs it");
@@ -55,6 +56,7 @@ impl Drop for Display {
 /// The running program and its window.
 pub(crate) struct App {
     process: Child,
+    folder: PathBuf,
     lines: Receiver<String>,
     x: RustConnection,
     root: Window,
@@ -123,7 +125,7 @@ impl App {
             assert!(start.elapsed() < PATIENCE, "no window");
             std::thread::sleep(Duration::from_millis(20));
         };
-        let app = Self { process, lines, x, root, window };
+        let app = Self { process, folder: folder.to_owned(), lines, x, root, window };
         // There is no window manager to do it.
         app.x.set_input_focus(InputFocus::PARENT, app.window, 0_u32).expect("focus");
         app.sync();
@@ -183,11 +185,17 @@ impl App {
         assert!(command.contains(wanted), "'{wanted}' is not in: {command}");
     }
 
+    /// Waits until what came before has been in a frame, without a key that changes what a drag does, as Shift does.
+    fn frame(&mut self) {
+        let written = self.picture();
+        std::fs::remove_file(self.folder.join(written)).expect("a picture");
+    }
+
     /// A button that goes down and up in different frames, as by hand.
     pub(crate) fn tap(&mut self, at: [i16; 2], wanted: &str) {
         self.move_to(at);
         self.fake(BUTTON_PRESS_EVENT, 1, [0, 0]);
-        self.command();
+        self.frame();
         self.fake(BUTTON_RELEASE_EVENT, 1, [0, 0]);
         self.settle(wanted);
     }
@@ -201,9 +209,9 @@ impl App {
     pub(crate) fn slide(&mut self, [x, y]: [i16; 2], by: i16, wanted: &str) {
         self.move_to([x, y]);
         self.fake(BUTTON_PRESS_EVENT, 1, [0, 0]);
-        self.command();
+        self.frame();
         self.move_to([x + by, y]);
-        self.command();
+        self.frame();
         self.fake(BUTTON_RELEASE_EVENT, 1, [0, 0]);
         self.settle(wanted);
     }
@@ -272,10 +280,15 @@ impl App {
 
     /// Waits until a part of the window looks so.
     pub(crate) fn shows(&self, size: [u16; 2], wanted: &[[u8; 3]], what: &str) {
+        self.shows_at(size, wanted, |_| true, what);
+    }
+
+    /// The same of some of the pixels.
+    pub(crate) fn shows_at(&self, size: [u16; 2], wanted: &[[u8; 3]], some: impl Fn(usize) -> bool, what: &str) {
         let start = Instant::now();
         loop {
             let seen = self.pixels([0, 0], size);
-            let differ = seen.iter().zip(wanted).filter(|(a, b)| a != b).count();
+            let differ = seen.iter().zip(wanted).enumerate().filter(|(i, (a, b))| some(*i) && a != b).count();
             if differ == 0 && seen.len() == wanted.len() {
                 return;
             }
