@@ -22,10 +22,13 @@ layout(binding = 7, scalar) readonly buffer CacheVals { Val cache_vals[]; };
 layout(binding = 8, scalar) readonly buffer Scales { float scales[]; };
 #endif
 #ifdef SHADOWED
+layout(constant_id = 0) const uint IMAGES_AS_TEXELS = 1;
 #ifdef BOUNCES
 #define IMAGE_BINDING 9
+#define IMAGE_WORDS_BINDING 10
 #else
 #define IMAGE_BINDING 6
+#define IMAGE_WORDS_BINDING 7
 #endif
 #include "lib/sees.glsl"
 #endif

@@ -19,6 +19,7 @@ layout(constant_id = 4) const uint BY_HAND = 0; // 1: the device is a CPU
 layout(constant_id = 5) const uint NEAR = 0; // 1: VALs nearby are left to short rays
 #ifdef SHADOWED
 layout(constant_id = 6) const uint TOGETHER = 1; // VALs that are seen or hidden together: 1 or all of a round
+layout(constant_id = 7) const uint IMAGES_AS_TEXELS = 1;
 #endif
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
@@ -42,6 +43,7 @@ layout(binding = 10, scalar) coherent buffer SecondParts { GlossySums second_par
 #include "lib/gather.glsl"
 #ifdef SHADOWED
 #define IMAGE_BINDING 9
+#define IMAGE_WORDS_BINDING 11
 #include "lib/sees.glsl"
 #endif
 #ifndef SUMS_ALONE

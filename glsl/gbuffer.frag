@@ -6,6 +6,10 @@
 // variant gbuffer_elements_coat.frag: ELEMENTS COAT (likewise)
 // variant layers_coat.frag: LAYER COAT (likewise)
 // variant layers_elements_coat.frag: LAYER ELEMENTS COAT (likewise)
+// variant gbuffer_pulled.frag: ELEMENTS PULLED (where the vertex shader says which triangle it is)
+// variant layers_pulled.frag: LAYER ELEMENTS PULLED (likewise)
+// variant gbuffer_pulled_coat.frag: ELEMENTS PULLED COAT (likewise)
+// variant layers_pulled_coat.frag: LAYER ELEMENTS PULLED COAT (likewise)
 #include "shared.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/surface.glsl"
@@ -25,6 +29,9 @@ layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 tangent;
 layout(location = 3) in vec4 uv;
 layout(location = 4) in vec4 color;
+#ifdef PULLED
+layout(location = 5) flat in uint triangle;
+#endif
 
 layout(location = 0) out vec4 out_normal; // shading normal, coded lobe
 layout(location = 1) out vec4 out_albedo; // rho_d, x of the geometric normal
@@ -204,6 +211,10 @@ void main() {
     out_specular = vec4(r.glossy, packed_normal.y);
     out_radiance = vec4(emitted, 0.0);
 #ifdef ELEMENTS
+#ifdef PULLED
+    out_element = uvec2(push.draw, triangle);
+#else
     out_element = uvec2(push.draw, gl_PrimitiveID);
+#endif
 #endif
 }

@@ -11,6 +11,7 @@
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 4) const uint SAMPLES = 0; // points of a pixel beside its middle; with none its middle alone
+layout(constant_id = 5) const uint STEPS = 0; // places in a pixel that vertices are moved to, where that is much; else 0
 layout(push_constant, scalar) uniform Push { LightRaysPush push; };
 layout(binding = 12, scalar) readonly buffer Lights { Light lights[]; };
 layout(binding = 13) uniform sampler2D depth_image;
@@ -152,7 +153,10 @@ void main() {
     vec3 geometric = octahedral_decode(vec2(texelFetch(albedo_image, pixel, 0).a, specular.a));
     vec3 to = is_parallel ? -light.direction : light.position - position;
     float d2 = dot(to, to);
+    float footprint = max(distance(position, place(middle + vec2(step_.x, 0.0), max(depth, 1e-30))), 1e-30);
     float lift = lift_at(position, push.eye.w > 0.0 ? distance(push.eye.xyz, position) : 0.0);
+    // What is drawn lies as far beside the surface as its vertices are moved.
+    lift += STEPS > 0u ? footprint / float(STEPS) : 0.0;
     Arriving found = Arriving(vec2(0.0), vec2(0.0), -1.0, 0.0, ARRIVING_NOT);
     if (depth <= 0.0 || !shines_at(light, to, n, geometric, lift)) {
         arrivals[at] = found;
@@ -164,7 +168,6 @@ void main() {
     vec3 mirrored = reflect(looking, n);
     float exponent = fitted_exponent(normal_coded.w);
     bool is_glossy = is_area && specular.rgb != vec3(0.0);
-    float footprint = max(distance(position, place(middle + vec2(step_.x, 0.0), depth)), 1e-30);
     uint subset = uint(pixel.x) % LIGHT_SIDE + LIGHT_SIDE * (uint(pixel.y) % LIGHT_SIDE);
     const uint SQUARE = LIGHT_SIDE * LIGHT_SIDE;
     uint rays = max(SAMPLES + 1u, is_soft ? LEAST : 1u);

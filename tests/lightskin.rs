@@ -28,6 +28,7 @@ mod crease;
 mod cull;
 mod curved;
 mod debug_views;
+mod devices;
 mod edges;
 mod emissive;
 mod energy;

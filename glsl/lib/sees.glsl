@@ -1,9 +1,11 @@
-// What a cache sees, by its depth image. METHOD 6. Includer declares `IMAGE_BINDING`.
+// What a cache sees, by its depth image. METHOD 6. Includer declares `IMAGE_BINDING`, `IMAGE_WORDS_BINDING` and the constant
+// `IMAGES_AS_TEXELS`: 0 where the device does not allow as many texels.
 #ifndef SEES_GLSL
 #define SEES_GLSL
 #include "lib/depth_image.glsl"
 
 layout(binding = IMAGE_BINDING) uniform samplerBuffer image_texels; // four texels of a row in one
+layout(binding = IMAGE_WORDS_BINDING, std430) readonly buffer ImageWords { vec4 image_words[]; }; // the same
 
 // A cache's depth image and its frame, half a side long.
 struct View {
@@ -27,7 +29,8 @@ float sees(View v, vec3 d) {
     float d2 = dot(d, d);
     float inverse = inversesqrt(max(d2, 1e-37));
     uvec2 at = uvec2(clamp(vec2(dot(v.right, d), dot(v.up, d)) * inverse + HALF, 0.0, 2.0 * HALF - 0.5));
-    vec4 limits = texelFetch(image_texels, int(v.image + (at.y * DEPTH_IMAGE_SIDE + at.x) / 4u));
+    uint word = v.image + (at.y * DEPTH_IMAGE_SIDE + at.x) / 4u;
+    vec4 limits = IMAGES_AS_TEXELS != 0u ? texelFetch(image_texels, int(word)) : image_words[word];
     vec2 pair = (at.x & 2u) != 0u ? limits.zw : limits.xy;
     float limit = (at.x & 1u) != 0u ? pair.y : pair.x;
     return limit <= inverse ? 1.0 : 0.0;

@@ -7,6 +7,7 @@
 //! What a surface that emits gives to a cache has not bounced yet. So where there are such VALs, caches first send on their
 //! light alone, and there is a gather more: after N of them all light has bounced N times at most, whatever it came from.
 
+use super::depth_images::are_texels;
 use super::live::Live;
 use super::settings::{ProxyWeight, Shadows, Ways};
 use super::sums::{ComputeKind, SumBinds, SumKind, sum_pipeline};
@@ -43,10 +44,13 @@ impl Bounces {
         let near = kind.near > 0.0;
         let ComputeKind { glossy, shadows, bounces, emitted, weight, .. } = kind;
         // What follows each other in the list of caches lies in different directions.
-        let sum = |glossy| {
-            sum_pipeline(gpu, ways, SumKind { glossy, shadows, together: 1, proxies: false, two_eyes: false, near })
-        };
         let caches = live.caches;
+        let images_as_texels = are_texels(gpu, caches);
+        let sum = |glossy| {
+            let (together, proxies, two_eyes) = (1, false, false);
+            let kind = SumKind { glossy, shadows, together, proxies, two_eyes, near, images_as_texels };
+            sum_pipeline(gpu, ways, kind)
+        };
         let padded = caches.next_multiple_of(VAL_TILE).max(VAL_TILE) as usize;
         let spread = u32::from(shadows == Shadows::Proxy);
         Ok(Self {

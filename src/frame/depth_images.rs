@@ -40,6 +40,16 @@ enum Made {
 /// rectangles and texels together, and a rectangle may have all texels.
 const AT_ONCE: u32 = (65_535 / (DEPTH_IMAGE_TEXELS + 1) - 1) / OCCLUDER_GROUP * OCCLUDER_GROUP;
 
+/// Whether shaders can read the images of so many caches as texels.
+pub(super) fn are_texels(gpu: &Gpu, caches: u32) -> bool {
+    u64::from(caches) * u64::from(DEPTH_IMAGE_TEXELS / 4) <= gpu.most_texels()
+}
+
+/// Images for `lib/sees.glsl`, which reads them either way.
+pub(super) fn binds(images: &Buffer) -> [Bind<'_>; 2] {
+    [Bind::SomeTexels(images), images.into()]
+}
+
 impl DepthImages {
     /// Of so many caches, drawn in the way that suits the device.
     ///

@@ -93,7 +93,8 @@ impl Direct {
         let (hidden, shade, shade_area) = if plan.light_rays {
             let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
             let [stack, levels, texels, holes] = rays.constants(gpu);
-            let trace = gpu.compute("light_rays.comp", &[stack, levels, texels, holes, samples])?;
+            let steps = gpu.coarse_subpixels().unwrap_or(0);
+            let trace = gpu.compute("light_rays.comp", &[stack, levels, texels, holes, samples, steps])?;
             let names = if plan.coated {
                 ["direct_rays_coat.frag", "direct_area_rays_coat.frag"]
             } else {

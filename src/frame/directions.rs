@@ -4,7 +4,7 @@
 //! each.
 
 use super::bounce::Bounces;
-use super::depth_images::DepthImages;
+use super::depth_images::{DepthImages, are_texels, binds};
 use super::live::Live;
 use super::proxies::Lit;
 use crate::error::Result;
@@ -37,6 +37,7 @@ impl Directions {
         together: u32,
     ) -> Result<Self> {
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DIRECTIONS);
+        let constants = [u32::from(are_texels(gpu, caches))];
         let name = match (shadowed, bounces) {
             (false, false) => "directions.comp",
             (true, false) => "directions_shadowed.comp",
@@ -45,7 +46,7 @@ impl Directions {
         };
         Ok(Self {
             radiances: gpu.buffer("directions.radiances", bytes)?,
-            pipeline: gpu.compute(name, &[])?,
+            pipeline: gpu.compute(name, &constants[..usize::from(shadowed)])?,
             fade: [0.8, 1.2].map(|share| (share * near).powi(2)),
             together,
         })
@@ -66,7 +67,7 @@ impl Directions {
         if let Some(bounces) = bounces {
             resources.extend([&bounces.val_count, &bounces.vals, &bounces.scales].map(Bind::from));
         }
-        resources.extend(images.map(|images| Bind::Texels(&images.buffer)));
+        resources.extend(images.iter().flat_map(|images| binds(&images.buffer)));
         cmd.bind(&self.pipeline, &resources);
         let [begin, end] = self.fade;
         cmd.push(&DirectionsPush { near_begin: begin, near_scale: 1.0 / (end - begin), together: self.together });

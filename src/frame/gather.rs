@@ -5,7 +5,7 @@
 //! (`gather_clusters.rs`) let nodes stand for VALs. The loop body of the first two is glsl/lib/gather.glsl.
 
 use super::bounce::Bounces;
-use super::depth_images::DepthImages;
+use super::depth_images::{DepthImages, are_texels};
 use super::directions::Directions;
 use super::gather_clusters::Clusters;
 use super::gather_draws::Draws;
@@ -164,6 +164,8 @@ impl Compute {
         kind: ComputeKind,
         depth_images: Option<DepthImages>,
     ) -> Result<Self> {
+        // Caches may become VALs, too.
+        let ways = &ways.within(gpu.most_texels(), vals.max(caches));
         let split = split_of(caches, vals, ways.split, LONGEST_PART);
         let per_workgroup = GATHER_THREADS * ways.caches();
         let live = Live::new(gpu, Items { caches, group: 1, per_workgroup, lights: vals, split })?;
@@ -172,30 +174,24 @@ impl Compute {
         let further = bounces > 0;
         let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind)).transpose()?;
         let parts = parts_of(vals, split) + bounces.as_ref().map_or(0, |bounces| bounces.parts);
+        let images_as_texels = are_texels(gpu, caches);
+        let sum = |proxies, two_eyes| {
+            let near = is_near;
+            sum_pipeline(gpu, ways, SumKind { glossy, shadows, together, proxies, two_eyes, near, images_as_texels })
+        };
         let to_rays = || {
             let (shadowed, further) = (shadows == Shadows::PerLight, bounces.is_some());
             Directions::new(gpu, caches, [shadowed, further], near, together)
         };
         let two_eyes = || -> Result<TwoEyes> {
             let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;
-            Ok(TwoEyes {
-                sum: sum_pipeline(
-                    gpu,
-                    ways,
-                    SumKind { glossy, shadows, together, proxies: true, two_eyes: true, near: is_near },
-                )?,
-                parts: gpu.buffer("gather.second_parts", bytes)?,
-            })
+            Ok(TwoEyes { sum: sum(true, true)?, parts: gpu.buffer("gather.second_parts", bytes)? })
         };
         Ok(Self {
             two_eyes: (glossy && eyes > 1 && !further).then(two_eyes).transpose()?,
             parts: new_parts(gpu, caches, parts)?,
             arrived: gpu.buffer_from("gather.arrived", &vec![0_u32; caches.max(1) as usize])?,
-            sum: sum_pipeline(
-                gpu,
-                ways,
-                SumKind { glossy, shadows, together, proxies: !further, two_eyes: false, near: is_near },
-            )?,
+            sum: sum(!further, false)?,
             near: is_near.then(to_rays).transpose()?,
             depth_images,
             bounces,

@@ -18,6 +18,7 @@ pub struct Draws {
     /// Which texels are lit; only where caches are culled.
     pub mask: Option<Mask>,
     sum: Pipeline,
+    source: DrawSource,
     tile: u32,
     resolve: Pipeline,
 }
@@ -83,6 +84,7 @@ impl Draws {
                 cull: Cull::None,
                 constants: &[source as u32, spread, u32::from(gpu.is_software())],
             })?,
+            source,
             tile: whole_tiles(tile),
             resolve: gpu.compute("proxies_images.comp", &[u32::from(glossy), 1, spread])?,
         })
@@ -108,7 +110,7 @@ impl Draws {
                 let resources: [Bind<'_>; 4] = [
                     (&lit.atlas.caches).into(),
                     (&vals.live_count).into(),
-                    Bind::Texels(&vals.live),
+                    if self.source == DrawSource::Texels { Bind::Texels } else { Bind::SomeTexels }(&vals.live),
                     (&vals.live).into(),
                 ];
                 draw.bind(&self.sum, &resources);

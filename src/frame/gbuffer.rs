@@ -126,13 +126,20 @@ fn targets(plan: &Plan, of_layer: Option<Format>) -> Vec<Format> {
     [FLOAT, HALF, HALF, FLOAT].into_iter().chain(element).chain(of_layer).chain(coat).collect()
 }
 
+/// Whether pixels get the number of their triangle from the vertex shader.
+fn pulls(gpu: &Gpu, plan: &Plan) -> bool {
+    plan.elements() && !gpu.numbers_triangles()
+}
+
 /// A pipeline that draws what is nearest.
 fn surfaces(gpu: &Gpu, plan: &Plan, points: u32, fragment: &'static str, colors: &[Format]) -> Result<Pipeline> {
+    let (vertex, streams): (_, &[_]) =
+        if pulls(gpu, plan) { ("mesh_pulled.vert", &[]) } else { ("mesh.vert", &[VERTEX]) };
     gpu.raster(&Raster {
-        vertex: "mesh.vert",
+        vertex,
         fragment: Some(fragment),
         shape: Shape::Triangles,
-        streams: &[VERTEX],
+        streams,
         colors,
         blend: Blend::Replace,
         depth: Depth::Nearest,
@@ -152,22 +159,26 @@ impl GBuffer {
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
-        let name = match (plan.elements(), plan.coated) {
-            (false, false) => "gbuffer.frag",
-            (true, false) => "gbuffer_elements.frag",
-            (false, true) => "gbuffer_coat.frag",
-            (true, true) => "gbuffer_elements_coat.frag",
+        let name = match (plan.elements(), pulls(gpu, plan), plan.coated) {
+            (false, _, false) => "gbuffer.frag",
+            (false, _, true) => "gbuffer_coat.frag",
+            (true, false, false) => "gbuffer_elements.frag",
+            (true, false, true) => "gbuffer_elements_coat.frag",
+            (true, true, false) => "gbuffer_pulled.frag",
+            (true, true, true) => "gbuffer_pulled_coat.frag",
         };
         Ok(Self { pipeline: surfaces(gpu, plan, plan.antialiasing.samples(), name, &targets(plan, None))? })
     }
 
     /// The same for layers of what is seen through.
     pub(super) fn of_layers(gpu: &Gpu, plan: &Plan) -> Result<Pipeline> {
-        let name = match (plan.elements(), plan.coated) {
-            (false, false) => "layers.frag",
-            (true, false) => "layers_elements.frag",
-            (false, true) => "layers_coat.frag",
-            (true, true) => "layers_elements_coat.frag",
+        let name = match (plan.elements(), pulls(gpu, plan), plan.coated) {
+            (false, _, false) => "layers.frag",
+            (false, _, true) => "layers_coat.frag",
+            (true, false, false) => "layers_elements.frag",
+            (true, false, true) => "layers_elements_coat.frag",
+            (true, true, false) => "layers_pulled.frag",
+            (true, true, true) => "layers_pulled_coat.frag",
         };
         surfaces(gpu, plan, 0, name, &targets(plan, Some(HALF)))
     }

@@ -39,7 +39,7 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
 
     if let (true, Some(poses), Some(refit)) = (world.record_changes(cmd), &light.poses, &light.refit) {
         poses.record(cmd, world); // what bends, before all stages
-        cmd.barrier(Use::ComputeWrite, Use::VertexInput | Use::ComputeRead);
+        cmd.barrier(Use::ComputeWrite, Use::VertexInput | Use::VertexRead | Use::ComputeRead);
         refit.record(cmd, world);
     }
     if some_surface {

@@ -463,6 +463,14 @@ impl Ways {
     pub fn caches(&self) -> u32 {
         self.caches_per_thread.clamp(1, 16)
     }
+
+    /// The same for so many VALs, on a device whose shaders see so many texels of a buffer: VALs that are more are read from
+    /// the storage buffer.
+    pub(super) fn within(self, most_texels: u64, vals: u32) -> Self {
+        let texels = 3 * u64::from(vals.next_multiple_of(VAL_TILE));
+        let fit = self.source != ValSource::Texels || texels <= most_texels;
+        if fit { self } else { Self { source: ValSource::Storage, ..self } }
+    }
 }
 
 /// VALs of one draw, as whole tiles.

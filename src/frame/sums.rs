@@ -1,6 +1,7 @@
 //! Stage 6: the compute shader that adds up VALs at caches, which further bounces use again. METHOD 3-4.
 
 use super::atlas::Atlas;
+use super::depth_images::binds;
 use super::live::Live;
 use super::settings::{ProxyWeight, Shadows, Ways};
 use crate::error::Result;
@@ -49,6 +50,8 @@ pub(super) struct SumKind {
     pub(super) two_eyes: bool,
     /// What is nearby is left to short rays.
     pub(super) near: bool,
+    /// What caches see, with shadows of every VAL, is read as texels.
+    pub(super) images_as_texels: bool,
 }
 
 /// The pipeline that adds up VALs.
@@ -56,10 +59,11 @@ pub(super) fn sum_pipeline(gpu: &Gpu, ways: &Ways, kind: SumKind) -> Result<Pipe
     let spread = u32::from(kind.shadows == Shadows::Proxy);
     let by_hand = u32::from(gpu.is_software());
     let (glossy, near) = (u32::from(kind.glossy), u32::from(kind.near));
-    let constants = [glossy, ways.source as u32, ways.caches(), spread, by_hand, near, kind.together];
+    let images_as_texels = u32::from(kind.images_as_texels);
+    let constants = [glossy, ways.source as u32, ways.caches(), spread, by_hand, near, kind.together, images_as_texels];
     let shadowed = kind.shadows == Shadows::PerLight;
     if kind.two_eyes {
-        let (name, used) = if shadowed { ("gather_shadowed_eyes.comp", 7) } else { ("gather_eyes.comp", 6) };
+        let (name, used) = if shadowed { ("gather_shadowed_eyes.comp", 8) } else { ("gather_eyes.comp", 6) };
         return gpu.compute(name, &constants[..used]);
     }
     match (shadowed, kind.proxies) {
@@ -94,13 +98,13 @@ impl SumBinds<'_> {
             (&self.live.list).into(),
             (&self.live.args).into(),
             count.into(),
-            Bind::Texels(vals),
+            Bind::SomeTexels(vals),
             vals.into(),
             self.parts.into(),
         ];
         resources.extend(self.proxies.iter().flat_map(|(proxies, arrived)| [Bind::from(*proxies), (*arrived).into()]));
-        resources.extend(self.depth_images.map(Bind::Texels));
-        resources.extend(self.second_parts.map(Bind::Buffer));
+        let [texels, words] = self.depth_images.map(binds).map_or([None; 2], |binds| binds.map(Some));
+        resources.extend([texels, self.second_parts.map(Bind::Buffer), words].into_iter().flatten());
         cmd.bind(pipeline, &resources);
     }
 }

@@ -14,7 +14,7 @@ use serde_json::{Value, json};
 use std::path::PathBuf;
 
 /// Caches and VALs that a candidate is timed on: enough to fill a device, few enough to take no time; and so few caches
-/// that a device is filled only where they are shared out well.
+/// that a device is filled only where they are shared out well. Slow devices get fewer VALs.
 const WORLDS: [[u32; 2]; 2] = [[2048, 4096], [250, 16_384]];
 
 /// Times that a pipeline is made to be measured. Some of lavapipe's, of the same code, stay slower than others as long as they
@@ -23,6 +23,12 @@ pub const PIPELINES: usize = 3;
 
 /// Frames that each of them is timed in, after one that does not count.
 const FRAMES: usize = 3;
+
+/// The longest that a frame of them may take [s]: all of the measurement is about 150 frames.
+const LONGEST_FRAME: f64 = 0.03;
+
+/// VALs of the frames that say how slow a device is.
+const FEW_VALS: u32 = 256;
 
 /// A candidate and how fast it is.
 #[derive(Clone, Copy, Debug)]
@@ -75,10 +81,19 @@ pub fn time(gpu: &Gpu, ways: &Ways, caches: u32, vals: u32) -> Result<Tuned> {
     Ok(Tuned { ways: *ways, pairs_per_second: rates / PIPELINES as f64 })
 }
 
+/// The worlds to time candidates on, with as many VALs as the device lights within `LONGEST_FRAME`, halved and halved again.
+fn worlds(gpu: &Gpu) -> Result<[[u32; 2]; 2]> {
+    let pairs = time(gpu, &Ways::default(), WORLDS[0][0], FEW_VALS)?.pairs_per_second * LONGEST_FRAME;
+    Ok(WORLDS.map(|[caches, most]| {
+        let halves = std::iter::successors(Some(most), |vals| Some(vals / 2)).take_while(|vals| *vals >= FEW_VALS);
+        [caches, halves.clone().find(|vals| f64::from(caches * vals) <= pairs).or(halves.last()).unwrap_or(most)]
+    }))
+}
+
 /// Times one way on many and on few caches.
-fn both(gpu: &Gpu, ways: &Ways) -> Result<Tuned> {
+fn both(gpu: &Gpu, ways: &Ways, worlds: [[u32; 2]; 2]) -> Result<Tuned> {
     let mut product = 1.0;
-    for [caches, vals] in WORLDS {
+    for [caches, vals] in worlds {
         product *= time(gpu, ways, caches, vals)?.pairs_per_second;
     }
     Ok(Tuned { ways: *ways, pairs_per_second: product.powf(1.0 / WORLDS.len() as f64) })
@@ -96,7 +111,8 @@ pub fn fastest(gpu: &Gpu) -> Result<Tuned> {
         Some(all) => all,
         None => {
             log::info!("measuring how caches are lit fastest on {}", gpu.report().name);
-            let all: Vec<Tuned> = ways.iter().map(|ways| both(gpu, ways)).collect::<Result<_>>()?;
+            let worlds = worlds(gpu)?;
+            let all: Vec<Tuned> = ways.iter().map(|ways| both(gpu, ways, worlds)).collect::<Result<_>>()?;
             if let Some(file) = &file
                 && let Err(error) = kept::write(file, &serde_json::to_vec_pretty(&write(gpu, &all)).expect("plain"))
             {

@@ -4,7 +4,7 @@
 use super::plan::Plan;
 use super::view::View;
 use super::world::World;
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Image, Pipeline, Use};
 use crate::shared::{VertexLight, VisibleArgs, VisibleCellsPush, VisiblePush, VisibleVertex};
 use glam::Vec3;
@@ -72,15 +72,8 @@ impl Visible {
     /// Makes the pipelines.
     ///
     /// # Errors
-    /// A device whose fragment shaders cannot number triangles.
+    /// A driver that refuses the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
-        if !gpu.numbers_triangles() {
-            let name = &gpu.report().name;
-            return Err(Error::NoDevice(format!(
-                "{name} lacks the feature geometryShader, by which pixels know their triangle; choose another --device, or \
-                 --gi brute-force"
-            )));
-        }
         Ok(Self { vertices: gpu.compute("visible.comp", &[])?, cells: gpu.compute("visible_cells.comp", &[])? })
     }
 

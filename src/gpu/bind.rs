@@ -19,6 +19,8 @@ pub enum Bind<'a> {
     Slice(&'a Buffer, u64, u64),
     /// A buffer read as RGBA32F texels.
     Texels(&'a Buffer),
+    /// The same, for shaders that read the buffer another way where it has more than `Gpu::most_texels`: those that there may be.
+    SomeTexels(&'a Buffer),
     /// An image read texel by texel, or as storage where the shader says so.
     Image(&'a Image),
     /// A filtered texture.
@@ -52,7 +54,7 @@ pub(super) struct Bound {
 /// Identity of what is bound.
 fn id(resource: &Bind<'_>) -> u64 {
     match resource {
-        Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) => b.id,
+        Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) | Bind::SomeTexels(b) => b.id,
         Bind::Image(i) | Bind::Texture(i, _) => i.id,
     }
 }
@@ -80,7 +82,7 @@ impl Cmd<'_> {
             key.extend(match *resource {
                 Bind::Buffer(buffer) => [0, buffer.held],
                 Bind::Slice(_, offset, size) => [offset, size],
-                Bind::Texels(_) => [4, 0],
+                Bind::Texels(_) | Bind::SomeTexels(_) => [4, 0],
                 Bind::Image(_) => [1, 0],
                 Bind::Texture(_, kind) => {
                     let wrap = kind.wrap.map(|w| w.as_raw() as u64);
@@ -89,7 +91,7 @@ impl Cmd<'_> {
             });
             for how in &slot.uses {
                 match resource {
-                    Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) => self.touch_buffer(b, *how),
+                    Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) | Bind::SomeTexels(b) => self.touch_buffer(b, *how),
                     Bind::Image(i) | Bind::Texture(i, _) => self.touch_image(i, *how),
                 }
             }
@@ -147,14 +149,14 @@ impl Cmd<'_> {
     /// Whether a resource fits a binding.
     fn check(&self, name: &str, slot: &DescriptorSlot, resource: &Bind<'_>) {
         let (of, shared) = match resource {
-            Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) => (&b.name, &b.shared),
+            Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) | Bind::SomeTexels(b) => (&b.name, &b.shared),
             Bind::Image(i) | Bind::Texture(i, _) => (&i.name, &i.shared),
         };
         self.own(shared, of);
         let limits = &self.gpu.shared.limits;
         let fits = match (slot.kind, *resource) {
             (vk::DescriptorType::STORAGE_BUFFER | vk::DescriptorType::UNIFORM_BUFFER, Bind::Buffer(_))
-            | (vk::DescriptorType::UNIFORM_TEXEL_BUFFER, Bind::Texels(_)) => true,
+            | (vk::DescriptorType::UNIFORM_TEXEL_BUFFER, Bind::Texels(_) | Bind::SomeTexels(_)) => true,
             (
                 kind @ (vk::DescriptorType::STORAGE_BUFFER | vk::DescriptorType::UNIFORM_BUFFER),
                 Bind::Slice(b, at, n),
@@ -208,8 +210,8 @@ impl Cmd<'_> {
                     buffer = [vk::DescriptorBufferInfo { buffer: b.handle, offset, range }];
                     write.buffer_info(&buffer)
                 }
-                Bind::Texels(b) => {
-                    texels = [self.gpu.texels(b)?];
+                Bind::Texels(b) | Bind::SomeTexels(b) => {
+                    texels = [self.gpu.texels(b, matches!(resource, Bind::Texels(_)))?];
                     write.texel_buffer_view(&texels)
                 }
                 Bind::Image(i) | Bind::Texture(i, _) => {

@@ -128,20 +128,20 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// The buffer as RGBA32F texels of 16 bytes.
-    pub(crate) fn texels(&self, buffer: &Buffer) -> Result<vk::BufferView> {
+    /// The buffer as RGBA32F texels of 16 bytes: all of it, or as much as the device allows.
+    pub(crate) fn texels(&self, buffer: &Buffer, all: bool) -> Result<vk::BufferView> {
+        let (limit, texels) = (self.most_texels(), buffer.held / 16);
+        if all && texels > limit {
+            return Err(self.too_large(format!("buffer {} needs {texels} texels", buffer.name), limit));
+        }
         if let Some(view) = buffer.texels.get() {
             return Ok(*view);
         }
-        let (limit, texels) = (u64::from(self.shared.limits.max_texel_buffer_elements), buffer.held / 16);
         assert!(texels > 0, "{}: too small to be read as texels", buffer.name);
-        if texels > limit {
-            return Err(self.too_large(format!("buffer {} needs {texels} texels", buffer.name), limit));
-        }
         let info = vk::BufferViewCreateInfo::default()
             .buffer(buffer.handle)
             .format(vk::Format::R32G32B32A32_SFLOAT)
-            .range(texels * 16);
+            .range(texels.min(limit) * 16);
         // SAFETY: the buffer is bound and made with texel usage; the view is destroyed before it, in `Drop`.
         let view = unsafe { self.shared.device.create_buffer_view(&info, None) }.map_err(vulkan("texel buffer"))?;
         self.shared.name(view, &buffer.name);

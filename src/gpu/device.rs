@@ -45,7 +45,8 @@ pub struct Host {
     pub queue: u32,
     /// Whether the instance has the extension VK_EXT_debug_utils: then all objects are named.
     pub debug_utils: bool,
-    /// Whether the feature geometryShader is enabled: interpolated caches need it.
+    /// Whether the feature geometryShader is enabled. With it fragment shaders know the number of their triangle; without
+    /// it vertex shaders count, which costs more.
     pub geometry_shader: bool,
     /// Whether the features subgroupSizeControl and computeFullSubgroups are enabled: clusters are faster with them.
     pub subgroup_sizes: bool,
@@ -96,6 +97,7 @@ pub struct Gpu {
     pub(crate) clock: Clock,
     pub(crate) check_barriers: bool,
     numbers_triangles: bool,
+    most_texels: u64,
     voting_threads: Option<u32>,
     report: DeviceReport,
     pub(crate) shared: Arc<Shared>,
@@ -299,6 +301,7 @@ impl Gpu {
             queue,
             clock: Clock { period_ns: f64::from(limits.timestamp_period), bits: timestamp_bits.min(64) },
             numbers_triangles: geometry_shader,
+            most_texels: limits.max_texel_buffer_elements.into(),
             voting_threads,
             check_barriers,
             report,
@@ -328,10 +331,34 @@ impl Gpu {
         all.into_iter().fold(limits.max_fragment_combined_output_resources, u32::min)
     }
 
-    /// Whether fragment shaders know which triangle they belong to: Vulkan has that with geometry shaders, which all
-    /// desktop devices and lavapipe have and SwiftShader has not.
+    /// Whether fragment shaders know which triangle they belong to: Vulkan has that with geometry shaders, which desktop
+    /// devices and lavapipe have, MoltenVK and SwiftShader have not.
     pub fn numbers_triangles(&self) -> bool {
         self.numbers_triangles
+    }
+
+    /// The device as if its fragment shaders did not know their triangle; tests use it.
+    pub fn without_triangle_numbers(mut self) -> Self {
+        self.numbers_triangles = false;
+        self
+    }
+
+    /// Places along a pixel's side to which vertices are moved before triangles are filled, where there are so few of them that
+    /// what is drawn lies visibly beside the surface: 16 on some devices. `None` where there are 256 or more.
+    pub fn coarse_subpixels(&self) -> Option<u32> {
+        let bits = self.shared.limits.sub_pixel_precision_bits;
+        (bits < 8).then(|| 1 << bits)
+    }
+
+    /// Texels of a buffer that shaders can see as texels: 65 536 on some devices, millions on most.
+    pub fn most_texels(&self) -> u64 {
+        self.most_texels
+    }
+
+    /// The device as if shaders could see no more texels of a buffer than every device allows; tests use it.
+    pub fn with_few_texels(mut self) -> Self {
+        self.most_texels = 65_536;
+        self
     }
 
     /// Threads of a compute subgroup, 32 or 8, if the device can be held to one of these sizes and lets its threads vote.

@@ -279,7 +279,7 @@ impl Draw<'_, '_> {
         unsafe { self.cmd.gpu.shared.device.cmd_set_front_face(self.cmd.buffer, face) };
     }
 
-    /// Draws vertices without buffers: 3 for the triangle that covers the screen, or points.
+    /// Draws vertices without buffers: 3 for the triangle that covers the screen, points, or what shaders look up themselves.
     pub fn draw(&self, vertex_count: u32) {
         if self.cmd.failed() {
             return;

@@ -217,6 +217,11 @@ impl Pipeline {
     pub fn bindings(&self) -> impl Iterator<Item = u32> {
         self.0.slots.iter().map(|s| s.binding)
     }
+
+    /// Whether draws give it vertices; others it looks up or makes itself.
+    pub fn has_vertex_buffers(&self) -> bool {
+        self.0.raster.as_ref().is_some_and(|state| !state.strides.is_empty())
+    }
 }
 
 pub(super) fn specialization(constants: &[u32]) -> (Vec<vk::SpecializationMapEntry>, Vec<u8>) {

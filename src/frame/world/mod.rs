@@ -460,9 +460,13 @@ impl World {
                 eye,
             });
             draw.front_is_ccw(!self.dynamic.mirrored[item.instance as usize]);
-            draw.vertices(&[(&self.vertices, item.vertex_offset)]);
-            draw.indices(&self.indices, item.index_offset);
-            draw.draw_indexed(item.index_count, item.first_index);
+            if pipeline.has_vertex_buffers() {
+                draw.vertices(&[(&self.vertices, item.vertex_offset)]);
+                draw.indices(&self.indices, item.index_offset);
+                draw.draw_indexed(item.index_count, item.first_index);
+            } else {
+                draw.draw(item.index_count);
+            }
         }
     }
 
@@ -543,12 +547,18 @@ impl World {
             Bind::Texture(&self.textures[image], sampler)
         };
         let own = [&self.instances, &self.materials, &self.texture_slots].map(Bind::Buffer);
-        let binding = |i: usize| match i.checked_sub(own.len()) {
-            None => own[i],
-            Some(i) if i < TEXTURE_COUNT as usize => texture(i),
-            Some(i) => more[i - TEXTURE_COUNT as usize],
+        // What vertex shaders look up that pull their vertices.
+        let pulled = [&self.vertices, &self.indices, &self.draw_records].map(Bind::Buffer);
+        const TEXTURES: usize = 3;
+        const MORE: usize = TEXTURES + TEXTURE_COUNT as usize;
+        const PULLED: usize = MORE + 2;
+        let binding = |i: usize| match i {
+            ..TEXTURES => own[i],
+            ..MORE => texture(i - TEXTURES),
+            ..PULLED => more[i - MORE],
+            _ => pulled[i - PULLED],
         };
-        let mut used = [own[0]; 17];
+        let mut used = [own[0]; PULLED + 3];
         let mut count = 0;
         for i in pipeline.bindings() {
             used[count] = binding(i as usize);

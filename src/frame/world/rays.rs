@@ -152,16 +152,18 @@ impl RayBuffers {
     /// Constants 0 to 3 of shaders with rays.
     pub fn constants(&self, gpu: &Gpu) -> [u32; 4] {
         // Whole sizes: another hierarchy seldom needs another pipeline.
-        [self.stack.next_multiple_of(8), self.levels, u32::from(gpu.is_software()), u32::from(self.holes)]
+        let most = self.nodes.size.max(self.triangles.size) / 16;
+        let as_texels = gpu.is_software() && most <= gpu.most_texels();
+        [self.stack.next_multiple_of(8), self.levels, u32::from(as_texels), u32::from(self.holes)]
     }
 
     /// Bindings 0 to 11 of shaders with rays.
     pub fn binds<'a>(&'a self, world: &'a World) -> [Bind<'a>; 12] {
         [
             (&self.nodes).into(),
-            Bind::Texels(&self.nodes),
+            Bind::SomeTexels(&self.nodes),
             (&self.triangles).into(),
-            Bind::Texels(&self.triangles),
+            Bind::SomeTexels(&self.triangles),
             (&self.instances).into(),
             world.vertices().into(),
             world.indices().into(),

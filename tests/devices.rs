@@ -1,0 +1,124 @@
+//! Devices that lack what others have: the same picture by other means.
+
+use std::process::Command;
+
+use glam::{DAffine3, DVec3, Vec3, vec3};
+use lightskin::frame::{Antialiasing, LightShadows, Near, Shadows};
+use lightskin::gpu::{Gpu, Validation};
+use lightskin::lab::knobs::{Gi, Knobs};
+use lightskin::scene::build::quad;
+use lightskin::scene::{Material, Scene};
+
+use crate::cli::{folder, keeping, text, works};
+use crate::common::frames::{Shot, add, baked, phong, shoot, small};
+use crate::common::gpu::{apart, open};
+use crate::moving;
+
+const RAYS: Near = Near::Rays { per_pixel: 4, every: 2 };
+
+/// Every number of a picture, bit by bit.
+fn bits(shot: &Shot) -> Vec<[u64; 3]> {
+    let all = [&shot.albedo, &shot.specular, &shot.direct, &shot.diffuse, &shot.glossy];
+    all.into_iter().flatten().map(|p: &DVec3| p.to_array().map(f64::to_bits)).collect()
+}
+
+/// What bends, mirrored and plain instances, glass before them, and a coat on it.
+fn everything() -> Scene {
+    let mut scene = moving::world();
+    moving::bend(&mut scene, 0.4, 0.5);
+    let coated = Material { coat: 0.8, coat_roughness: 0.3, ..phong([0.5; 3], [0.2; 3], 20.0) };
+    let mirror = DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
+    add(&mut scene, quad(vec3(-0.9, 0.1, 0.2), Vec3::X * 0.5, Vec3::Y * 0.5, 0.3), coated, mirror);
+    let glass = Material { blend: true, alpha_cutoff: Some(0.5), ..phong([0.9, 0.5, 0.4], [0.1; 3], 20.0) };
+    let glass = Material { base_color: glass.base_color.with_w(0.4), ..glass };
+    add(&mut scene, quad(vec3(-0.5, 0.2, 0.8), Vec3::X, Vec3::Y, 0.5), glass, DAffine3::IDENTITY);
+    scene
+}
+
+#[test]
+fn vertices_can_number_triangles_where_fragments_cannot() {
+    if apart() {
+        return;
+    }
+    let all = everything();
+    let plain = moving::world();
+    let [cached, cached_plain] = [&all, &plain].map(|scene| baked(scene, 0.3, 8));
+    let by_cells = cached.clone().with_cells(&all).expect("cells");
+    let draw = |gpu: &Gpu| {
+        let with = |near, antialiasing, layers| Knobs {
+            size: [40, 30],
+            near,
+            antialiasing,
+            layers,
+            shadows: Shadows::PerLight,
+            light_shadows: LightShadows::Rays,
+            ..small()
+        };
+        vec![
+            bits(&shoot(gpu, &all, Some(&cached), &with(RAYS, Antialiasing::Four, 2))),
+            bits(&shoot(gpu, &all, Some(&by_cells), &with(Near::Off, Antialiasing::Off, 1))),
+            bits(&shoot(gpu, &plain, Some(&cached_plain), &with(Near::Off, Antialiasing::Off, 0))),
+        ]
+    };
+    let numbered = open(Validation::Sync);
+    let expected = draw(&numbered);
+    assert!(expected[0].iter().any(|p| *p != [0; 3]));
+    let pulled = numbered.without_triangle_numbers();
+    assert!(draw(&pulled) == expected, "another picture");
+}
+
+#[test]
+fn what_has_too_many_texels_is_read_from_storage_buffers() {
+    if apart() {
+        return;
+    }
+    let scene = moving::world();
+    // More caches than 65 536 texels of depth images are, and more VALs.
+    let caches = baked(&scene, 0.1, 8);
+    let count = caches.models.iter().map(|model| model.caches.len()).sum::<usize>();
+    assert!(count * 144 > 65_536, "{count} caches");
+    let draw = |gpu: &Gpu| {
+        let knobs = |near, bounces| Knobs {
+            size: [24, 18],
+            rsm: 110,
+            gi: Gi::LightSkin,
+            near,
+            bounces,
+            shadows: Shadows::PerLight,
+            light_shadows: LightShadows::Rays,
+            ..small()
+        };
+        [knobs(RAYS, 0), knobs(Near::Off, 1)].map(|knobs| bits(&shoot(gpu, &scene, Some(&caches), &knobs)))
+    };
+    let wide = open(Validation::Sync);
+    let expected = draw(&wide);
+    assert!(draw(&wide.with_few_texels()) == expected, "another picture");
+}
+
+/// The whole command on SwiftShader and on the device of the other tests: the same picture, but for how coarsely SwiftShader
+/// places triangles.
+#[test]
+fn swiftshader_draws_what_other_devices_draw() {
+    let Some(icd) = std::env::var_os("LIGHTSKIN_SWIFTSHADER") else {
+        println!("skipped: LIGHTSKIN_SWIFTSHADER does not name SwiftShader's ICD file");
+        return;
+    };
+    let folder = folder("swiftshader");
+    let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cornell_glossy.glb");
+    let flags = ["render", scene, "--size", "64x48", "--caches", "300", "--rsm", "32", "--ev", "4", "-o"];
+    let out = keeping(Command::new(env!("CARGO_BIN_EXE_lightskin")).args(flags).arg("swift.exr"), &folder)
+        .env("VK_ICD_FILENAMES", &icd)
+        .env("VK_DRIVER_FILES", &icd)
+        .output()
+        .expect("runs");
+    assert!(out.status.success(), "{}", text(&out.stderr));
+    assert!(text(&out.stdout).contains("SwiftShader"), "{}", text(&out.stdout));
+    works(&folder, &[&flags[..], &["other.exr"]].concat());
+    let told = works(&folder, &["compare", "swift.exr", "other.exr"]);
+    println!("{told}");
+    let figure = |name: &str| -> f64 {
+        let line = told.lines().find(|line| line.split_whitespace().next() == Some(name)).expect("a figure");
+        line.split_whitespace().nth(1).expect("a number").parse().expect("a number")
+    };
+    assert!(figure("flip") < 0.03 && figure("bias").abs() < 0.02, "{told}");
+}
