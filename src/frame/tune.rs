@@ -52,18 +52,15 @@ pub fn candidates(software: bool) -> Vec<Ways> {
     sources.iter().copied().flat_map(of_source).collect()
 }
 
-/// Times one way on random caches and VALs.
-///
-/// # Errors
-/// What the device has no memory for.
-pub fn time(gpu: &Gpu, ways: &Ways, caches: u32, vals: u32) -> Result<Tuned> {
+/// Times one way on random caches and VALs, with so many pipelines.
+fn time(gpu: &Gpu, ways: &Ways, [caches, vals]: [u32; 2], pipelines: usize) -> Result<Tuned> {
     let (cache_list, val_list) = world(caches, vals);
     let (atlas, vals_on_device) = (Atlas::of(gpu, &cache_list)?, Vals::of(gpu, &val_list)?);
     let proxies = Proxies::new(gpu, caches, true, 1)?;
     let eyes = [Vec4::new(0.0, 0.0, 9.0, 1.0)];
     let lit = Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None };
     let mut rates = 0.0;
-    for _ in 0..PIPELINES {
+    for _ in 0..pipelines {
         gpu.forget_pipelines();
         let gather = Compute::new(gpu, caches, vals, ways, ComputeKind::plain(true))?;
         let mut best = f64::INFINITY;
@@ -78,12 +75,12 @@ pub fn time(gpu: &Gpu, ways: &Ways, caches: u32, vals: u32) -> Result<Tuned> {
         }
         rates += f64::from(caches) * f64::from(vals) / (best * 1e-3);
     }
-    Ok(Tuned { ways: *ways, pairs_per_second: rates / PIPELINES as f64 })
+    Ok(Tuned { ways: *ways, pairs_per_second: rates / pipelines as f64 })
 }
 
 /// The worlds to time candidates on, with as many VALs as the device lights within `LONGEST_FRAME`, halved and halved again.
 fn worlds(gpu: &Gpu) -> Result<[[u32; 2]; 2]> {
-    let pairs = time(gpu, &Ways::default(), WORLDS[0][0], FEW_VALS)?.pairs_per_second * LONGEST_FRAME;
+    let pairs = time(gpu, &Ways::default(), [WORLDS[0][0], FEW_VALS], 1)?.pairs_per_second * LONGEST_FRAME;
     Ok(WORLDS.map(|[caches, most]| {
         let halves = std::iter::successors(Some(most), |vals| Some(vals / 2)).take_while(|vals| *vals >= FEW_VALS);
         [caches, halves.clone().find(|vals| f64::from(caches * vals) <= pairs).or(halves.last()).unwrap_or(most)]
@@ -93,8 +90,10 @@ fn worlds(gpu: &Gpu) -> Result<[[u32; 2]; 2]> {
 /// Times one way on many and on few caches.
 fn both(gpu: &Gpu, ways: &Ways, worlds: [[u32; 2]; 2]) -> Result<Tuned> {
     let mut product = 1.0;
-    for [caches, vals] in worlds {
-        product *= time(gpu, ways, caches, vals)?.pairs_per_second;
+    // A slow device takes long to compile them, too.
+    let pipelines = if worlds == WORLDS { PIPELINES } else { 1 };
+    for world in worlds {
+        product *= time(gpu, ways, world, pipelines)?.pairs_per_second;
     }
     Ok(Tuned { ways: *ways, pairs_per_second: product.powf(1.0 / WORLDS.len() as f64) })
 }

@@ -91,7 +91,9 @@ impl Cmd<'_> {
             });
             for how in &slot.uses {
                 match resource {
-                    Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) | Bind::SomeTexels(b) => self.touch_buffer(b, *how),
+                    Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) | Bind::SomeTexels(b) => {
+                        self.touch_buffer(b, *how)
+                    }
                     Bind::Image(i) | Bind::Texture(i, _) => self.touch_image(i, *how),
                 }
             }

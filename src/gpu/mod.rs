@@ -7,6 +7,7 @@
 mod bind;
 mod buffer;
 mod cmd;
+mod codegen;
 mod copy;
 mod descriptors;
 mod device;
@@ -33,6 +34,7 @@ pub use ash::vk::Format;
 pub use bind::Bind;
 pub use buffer::Buffer;
 pub use cmd::Cmd;
+pub use codegen::{Codegen, Compiled};
 pub use device::{Gpu, Host, Options};
 pub use draw::{Attach, Attachments, Draw, Load};
 pub use frames::Frame;

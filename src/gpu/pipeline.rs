@@ -71,6 +71,11 @@ pub(crate) fn shader(name: &str) -> &'static [u8] {
     SHADERS.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("no shader glsl/{name}")).1
 }
 
+/// Names of all shaders.
+pub(super) fn shader_names() -> impl Iterator<Item = &'static str> {
+    SHADERS.iter().map(|(name, _)| *name)
+}
+
 pub(super) fn spirv(name: &str) -> Vec<u32> {
     bytemuck::pod_collect_to_vec(shader(name))
 }

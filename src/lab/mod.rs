@@ -3,6 +3,7 @@
 
 pub mod bench;
 pub mod choices;
+pub mod codegen;
 pub mod eval;
 pub mod flicker;
 pub mod hard_cases;

@@ -1,6 +1,7 @@
 //! `lightskin lab`: the studies behind the engine's defaults, one a file.
 
 mod choices;
+mod codegen;
 mod flicker;
 mod hard_cases;
 mod sheet;
@@ -18,6 +19,8 @@ pub(super) struct Lab {
 enum Study {
     /// Compare variants of the method on the CPU: the tables behind the defaults.
     Choices(choices::Choices),
+    /// Compile all compute shaders and print registers, spills, occupancy and instructions, as the driver gives them.
+    Codegen(codegen::CodegenArgs),
     /// Measure flicker while a light, the camera or a model moves slowly.
     Flicker(flicker::FlickerArgs),
     /// Check numerically hard cases; fails if one fails.
@@ -31,6 +34,7 @@ enum Study {
 pub(super) fn run(lab: &Lab) -> Result<()> {
     match &lab.study {
         Study::Choices(args) => choices::run(args),
+        Study::Codegen(args) => codegen::run(args),
         Study::Flicker(args) => flicker::run(args),
         Study::HardCases(args) => hard_cases::run(args),
         Study::Sheet(args) => sheet::run(args),

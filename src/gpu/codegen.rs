@@ -1,0 +1,189 @@
+//! What a driver makes of shaders: registers, spills, occupancy, instructions. Needs VK_KHR_pipeline_executable_properties and
+//! nothing that runs: drivers without hardware do.
+
+use super::instance::{self, Instance, Needs, needs, open_instance, pick, queue_family};
+use super::pipeline::{shader_names, specialization, spirv};
+use super::{DeviceReport, Validation, reflect, vulkan};
+use crate::error::{Error, Result};
+use ash::{khr, vk};
+
+/// A device that compiles and says what came of it.
+pub struct Codegen {
+    device: ash::Device,
+    ask: khr::pipeline_executable_properties::Device,
+    /// The device in words.
+    pub report: DeviceReport,
+    _instance: Instance,
+}
+
+/// What became of one shader.
+#[derive(Clone, Debug, Default)]
+pub struct Compiled {
+    /// Numbers by the driver's names for them.
+    pub numbers: Vec<(String, f64)>,
+    /// The machine's code as text, where the driver shows it.
+    pub assembly: Option<String>,
+}
+
+impl Compiled {
+    /// A number by its name.
+    pub fn number(&self, name: &str) -> Option<f64> {
+        self.numbers.iter().find(|(of, _)| of == name).map(|(_, number)| *number)
+    }
+}
+
+/// Text that Vulkan keeps in an array.
+fn text(bytes: &[std::ffi::c_char]) -> String {
+    bytes.iter().take_while(|c| **c != 0).map(|c| char::from(*c as u8)).collect()
+}
+
+impl Codegen {
+    /// Opens a device for nothing but compiling.
+    ///
+    /// # Errors
+    /// No such device, or one whose driver does not say what it compiles to.
+    pub fn new(wanted: Option<&str>) -> Result<Self> {
+        let opened = open_instance(Validation::Off, &[])?;
+        let instance = &opened.instance;
+        let (physical, report) = pick(instance, wanted)?;
+        let name = khr::pipeline_executable_properties::NAME;
+        // SAFETY: plain query.
+        let extensions = unsafe { instance.enumerate_device_extension_properties(physical) }.unwrap_or_default();
+        if !extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name)) {
+            let device = &report.name;
+            return Err(Error::NoDevice(format!(
+                "{device} does not say what shaders compile to (VK_KHR_pipeline_executable_properties); choose another --device"
+            )));
+        }
+        let (family, _) = queue_family(instance, physical).expect("inspected");
+        let priorities = [1.0];
+        let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&priorities)];
+        let voting = instance::voting_threads(instance, physical).is_some();
+        let Needs { mut v12, v13, .. } = needs();
+        let mut v13 = v13.subgroup_size_control(voting).compute_full_subgroups(voting);
+        let mut told =
+            vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
+        let names = [name.as_ptr()];
+        let info = vk::DeviceCreateInfo::default()
+            .queue_create_infos(&queues)
+            .enabled_extension_names(&names)
+            .push_next(&mut v12)
+            .push_next(&mut v13)
+            .push_next(&mut told);
+        // SAFETY: `pick` found the features, the extension is there and has its own, and every pointer outlives the call.
+        let device = unsafe { instance.create_device(physical, &info, None) }
+            .map_err(vulkan(format!("opening {}", report.name)))?;
+        let ask = khr::pipeline_executable_properties::Device::new(instance, &device);
+        Ok(Self { device, ask, report, _instance: opened })
+    }
+
+    /// Names of all compute shaders.
+    pub fn shaders() -> impl Iterator<Item = &'static str> {
+        shader_names().filter(|name| name.ends_with(".comp"))
+    }
+
+    /// Compiles `glsl/NAME`, a compute shader, with specialisation constants 0, 1, ...; those that are not given are its own.
+    ///
+    /// # Errors
+    /// A driver that refuses the shader.
+    pub fn compute(&self, name: &str, constants: &[u32]) -> Result<Compiled> {
+        let failed = |result| vulkan(format!("compiling {name}"))(result);
+        let code = spirv(name);
+        let interface = reflect::interface(&code, constants);
+        let bindings: Vec<_> = (interface.bindings.iter())
+            .map(|b| {
+                vk::DescriptorSetLayoutBinding::default()
+                    .binding(b.binding)
+                    .descriptor_type(b.kind)
+                    .descriptor_count(1)
+                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+            })
+            .collect();
+        let device = &self.device;
+        let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
+        // SAFETY: the device is alive, as in all calls below; each object goes once the pipeline is read.
+        let set = unsafe { device.create_descriptor_set_layout(&info, None) }.map_err(failed)?;
+        let sets = [set];
+        let range =
+            vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(interface.push_bytes);
+        let ranges = [range];
+        let ranges = if interface.push_bytes > 0 { &ranges[..] } else { &[] };
+        let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(ranges);
+        // SAFETY: as above.
+        let layout = unsafe { device.create_pipeline_layout(&info, None) }.map_err(failed)?;
+        let info = vk::ShaderModuleCreateInfo::default().code(&code);
+        // SAFETY: as above; the code is what the compiler made.
+        let module = unsafe { device.create_shader_module(&info, None) }.map_err(failed)?;
+        let (entries, bytes) = specialization(constants);
+        let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
+        let stage = vk::PipelineShaderStageCreateInfo::default()
+            .stage(vk::ShaderStageFlags::COMPUTE)
+            .module(module)
+            .name(c"main")
+            .specialization_info(&special);
+        let flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR
+            | vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
+        let info = vk::ComputePipelineCreateInfo::default().flags(flags).stage(stage).layout(layout);
+        // SAFETY: module and layout are alive.
+        let made = unsafe { device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
+        let told = made.map_err(|(_, result)| failed(result)).and_then(|made| {
+            let told = self.told(made[0]).map_err(failed);
+            // SAFETY: nothing uses it.
+            unsafe { device.destroy_pipeline(made[0], None) };
+            told
+        });
+        // SAFETY: nothing uses them any more.
+        unsafe {
+            device.destroy_shader_module(module, None);
+            device.destroy_pipeline_layout(layout, None);
+            device.destroy_descriptor_set_layout(set, None);
+        }
+        told
+    }
+
+    /// What the driver says of a pipeline's only stage.
+    fn told(&self, pipeline: vk::Pipeline) -> std::result::Result<Compiled, vk::Result> {
+        let info = vk::PipelineExecutableInfoKHR::default().pipeline(pipeline).executable_index(0);
+        // SAFETY: the pipeline was made to be asked, and has a stage.
+        let statistics = unsafe { self.ask.get_pipeline_executable_statistics(&info) }?;
+        let number = |s: &vk::PipelineExecutableStatisticKHR<'_>| {
+            // SAFETY: the format says which member is there.
+            unsafe {
+                match s.format {
+                    vk::PipelineExecutableStatisticFormatKHR::BOOL32 => f64::from(s.value.b32),
+                    vk::PipelineExecutableStatisticFormatKHR::INT64 => s.value.i64 as f64,
+                    vk::PipelineExecutableStatisticFormatKHR::UINT64 => s.value.u64 as f64,
+                    _ => s.value.f64,
+                }
+            }
+        };
+        let numbers = statistics.iter().map(|s| (text(&s.name), number(s))).collect();
+        let ask = self.ask.fp().get_pipeline_executable_internal_representations_khr;
+        let (handle, mut count) = (self.device.handle(), 0);
+        // SAFETY: the first call asks how many there are, the second how large each is, the third for the text.
+        let shown = unsafe {
+            ask(handle, &info, &mut count, std::ptr::null_mut()).result()?;
+            let mut all = vec![vk::PipelineExecutableInternalRepresentationKHR::default(); count as usize];
+            ask(handle, &info, &mut count, all.as_mut_ptr()).result()?;
+            let mut texts: Vec<Vec<u8>> = all.iter().map(|of| vec![0; of.data_size]).collect();
+            for (of, bytes) in all.iter_mut().zip(&mut texts) {
+                of.p_data = bytes.as_mut_ptr().cast();
+            }
+            ask(handle, &info, &mut count, all.as_mut_ptr()).result()?;
+            let last = all
+                .iter()
+                .zip(texts)
+                .filter(|(of, _)| of.is_text == vk::TRUE && text(&of.name).contains("ssembly"))
+                .next_back();
+            last.map(|(_, bytes)| String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_owned())
+        };
+        Ok(Compiled { numbers, assembly: shown })
+    }
+}
+
+impl Drop for Codegen {
+    fn drop(&mut self) {
+        // SAFETY: all that was made of it has gone.
+        unsafe { self.device.destroy_device(None) };
+    }
+}
