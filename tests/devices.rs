@@ -10,7 +10,9 @@ use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::scene::build::quad;
 use lightskin::scene::{Material, Scene};
 
-use crate::cli::{folder, keeping, text, works};
+use serde_json::json;
+
+use crate::cli::{fails, folder, keeping, text, works};
 use crate::common::frames::{Shot, add, baked, phong, shoot, small};
 use crate::common::{apart, open};
 use crate::moving;
@@ -163,4 +165,35 @@ fn gathers_that_gpus_may_choose_do_not_spill() {
         }
     }
     assert!(fit > 36 && spill > 0, "{fit} that fit and {spill} that spill");
+}
+
+#[test]
+fn what_is_too_large_names_the_flag() {
+    let folder = folder("many-lights");
+    let lights: Vec<_> = (0..300)
+        .map(|i| {
+            let place = [0.01 * f64::from(i), 0.3, 0.5];
+            json!({ "translation": place, "extensions": { "KHR_lights_punctual": { "light": 0 } } })
+        })
+        .collect();
+    let nodes = [vec![json!({ "mesh": 0 })], lights].concat();
+    let triangle = "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA";
+    let file = json!({
+        "asset": { "version": "2.0" },
+        "extensionsUsed": ["KHR_lights_punctual"],
+        "extensions": { "KHR_lights_punctual": { "lights": [{ "type": "point" }] } },
+        "scenes": [{ "nodes": (0..301).collect::<Vec<_>>() }],
+        "nodes": nodes,
+        "meshes": [{ "primitives": [{ "attributes": { "POSITION": 0 } }] }],
+        "accessors": [{ "bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0] }],
+        "bufferViews": [{ "buffer": 0, "byteLength": 36 }],
+        "buffers": [{ "byteLength": 36, "uri": triangle }],
+    });
+    fs::write(folder.join("lights.gltf"), file.to_string()).expect("written");
+    let told = works(&folder, &["info", "lights.gltf", "--caches", "20"]);
+    if told.contains("more VALs than") {
+        assert!(told.contains("at high, reference: lower --rsm"), "{told}");
+        let flags = ["render", "lights.gltf", "--size", "16x12", "--caches", "20", "-o", "a.png"];
+        fails(&folder, &flags, 1, &["rsm.vals", "lower --rsm"]);
+    }
 }

@@ -10,6 +10,7 @@ use lightskin::frame::settings::Gather;
 use lightskin::frame::{Indirect, Light, Look, Near, Picture, Quality, Settings, View, World, record, tune};
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Instance, LightKind, Scene, luminance};
+use lightskin::shared::Val;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -163,7 +164,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
         let all = thousands(rays.triangle_count);
         say!("  of each of {all} triangles that rays meet, in bytes: {}", told.join(", "));
     }
-    say_levels(&world, quality);
+    say_levels(&gpu, &world, quality);
     if args.measure {
         measure_levels(args, &gpu)?;
     } else {
@@ -205,12 +206,15 @@ fn say_media(scene: &Scene) {
 }
 
 /// What each level of quality asks for.
-fn say_levels(world: &World, now: Quality) {
+fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
+    let most = gpu.most_buffer_bytes() / size_of::<Val>() as u64;
+    let mut too_many = Vec::new();
     say!("quality       caches  refs   VALs  shadow map  near rays  bounces  aa  shadows");
     for quality in Quality::ALL {
         let sides =
             world.lights().iter().map(|light| u64::from(light.views) * u64::from(light.rsm_size(quality.rsm())).pow(2));
         let vals = sides.sum::<u64>() + world.emitters.len() as u64;
+        too_many.extend((vals > most).then(|| name(quality)));
         say!(
             "{} {:<10} {:>6} {:>5} {:>6} {:>11} {:>10} {:>8} {:>3}  {}",
             if quality == now { '*' } else { ' ' },
@@ -227,6 +231,10 @@ fn say_levels(world: &World, now: Quality) {
             quality.antialiasing().samples(),
             ShadowsArg::of(quality.shadows(quality.caches(), quality.near()))
         );
+    }
+    if !too_many.is_empty() {
+        let device = &gpu.report().name;
+        say!("  more VALs than {device} allows ({most}) at {}: lower --rsm or --quality", too_many.join(", "));
     }
 }
 

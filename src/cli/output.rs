@@ -14,11 +14,16 @@ macro_rules! say {
 /// Why standard output takes nothing more.
 static BROKEN: Mutex<Option<Error>> = Mutex::new(None);
 
+/// Text without what terminals take for commands, such as escape codes in the names of files.
+fn plain(text: Arguments<'_>) -> String {
+    text.to_string().replace(|c: char| c.is_control() && c != '\n' && c != '\t', "\u{fffd}")
+}
+
 /// What `say!` does.
 pub(super) fn line(text: Arguments<'_>) {
     let mut broken = BROKEN.lock().unwrap_or_else(PoisonError::into_inner);
     if broken.is_none() {
-        *broken = writeln!(stdout().lock(), "{text}").err();
+        *broken = writeln!(stdout().lock(), "{}", plain(text)).err();
     }
 }
 
@@ -40,7 +45,7 @@ pub(super) fn lost(error: Error) -> Result<()> {
 
 /// Prints a message on standard error. Where that is broken, nobody is there to be told.
 pub(crate) fn tell(text: Arguments<'_>) {
-    let _ = writeln!(stderr().lock(), "lightskin: {text}");
+    let _ = writeln!(stderr().lock(), "lightskin: {}", plain(text));
 }
 
 /// The last messages, oldest first.
@@ -94,5 +99,15 @@ pub(super) fn start_log(verbose: u8, quiet: bool) {
     };
     if log::set_logger(&Log).is_ok() {
         log::set_max_level(level);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_command_no_terminal() {
+        assert_eq!(plain(format_args!("a\x1b[31m\u{9b}2J\rb\tc\nd")), "a\u{fffd}[31m\u{fffd}2J\u{fffd}b\tc\nd");
     }
 }

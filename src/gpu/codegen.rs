@@ -170,11 +170,10 @@ impl Codegen {
                 of.p_data = bytes.as_mut_ptr().cast();
             }
             ask(handle, &info, &mut count, all.as_mut_ptr()).result()?;
-            let last = all
-                .iter()
-                .zip(texts)
-                .filter(|(of, _)| of.is_text == vk::TRUE && text(&of.name).contains("ssembly"))
-                .next_back();
+            let is_code = |of: &vk::PipelineExecutableInternalRepresentationKHR<'_>| {
+                of.is_text == vk::TRUE && text(&of.name).to_lowercase().contains("assembly")
+            };
+            let last = all.iter().zip(texts).rfind(|(of, _)| is_code(of));
             last.map(|(_, bytes)| String::from_utf8_lossy(&bytes).trim_end_matches('\0').to_owned())
         };
         Ok(Compiled { numbers, assembly: shown })

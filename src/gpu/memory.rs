@@ -50,6 +50,9 @@ impl Shared {
 impl Gpu {
     /// A resource beyond a limit of the device.
     pub(crate) fn too_large(&self, what: String, limit: u64) -> Error {
-        Error::TooLarge(format!("{what}, but {} allows {limit}; ask for less of it", self.report().name))
+        Error::TooLarge(format!(
+            "{what}, but {} allows {limit}; lower --rsm, --caches, --size or --quality",
+            self.report().name
+        ))
     }
 }

@@ -553,9 +553,9 @@ impl World {
         const MORE: usize = TEXTURES + TEXTURE_COUNT as usize;
         const PULLED: usize = MORE + 2;
         let binding = |i: usize| match i {
-            ..TEXTURES => own[i],
-            ..MORE => texture(i - TEXTURES),
-            ..PULLED => more[i - MORE],
+            0..TEXTURES => own[i],
+            TEXTURES..MORE => texture(i - TEXTURES),
+            MORE..PULLED => more[i - MORE],
             _ => pulled[i - PULLED],
         };
         let mut used = [own[0]; PULLED + 3];
