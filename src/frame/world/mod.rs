@@ -29,7 +29,7 @@ pub use sky::{SkyBuffer, SkyLight};
 use super::plan::{Features, Plan};
 use super::revision::new_revision;
 use super::settings::{Indirect, Settings};
-use crate::bake::{CacheSet, ModelCaches};
+use crate::bake::CacheSet;
 use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, Stream};
 use crate::scene::{Mesh, Primitive, Scene, Vertex};
@@ -39,7 +39,7 @@ use crate::shared::{
 use area_lights::AreaLights;
 use emitters::Patches;
 use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
-use model_caches::{CacheSurface, place_caches};
+use model_caches::{CacheSurface, place_caches, references_each};
 use rays::{Placed, RayBuffers};
 use std::cell::{Cell, OnceCell};
 use textures::{MaterialTextures, upload_textures};
@@ -580,16 +580,6 @@ fn record(draw: &DrawItem) -> DrawRecord {
         grid: draw.grid,
         first_rest: draw.first_rest,
     }
-}
-
-/// References of a vertex, or of a cell where pixels look them up.
-fn references_each(scene: &Scene, caches: Option<&CacheSet>) -> usize {
-    let Some(caches) = caches else { return 8 };
-    if let Some(cells) = &caches.cells {
-        return cells.row;
-    }
-    let of_model = |model: &ModelCaches| model.references.len().checked_div(scene.meshes[model.mesh].vertices.len());
-    caches.models.iter().find_map(of_model).unwrap_or(8)
 }
 
 fn too_many_references() -> Error {

@@ -1,7 +1,7 @@
 //! Caches as they were baked, in the form that stage 3 reads (`atlas.comp`).
 
 use super::update::normal_matrix;
-use crate::bake::{Cache, ModelCaches};
+use crate::bake::{Cache, CacheSet, ModelCaches};
 use crate::scene::{Mesh, Scene};
 use crate::shared::ModelCache;
 use glam::{DMat3, DVec3, Vec2, Vec3, Vec4};
@@ -84,4 +84,14 @@ fn on_triangle(mesh: &Mesh, linear: DMat3, c: &Cache, placed: ModelCache) -> Mod
         axis: within(linear * c.axis.as_dvec3()),
         ..placed
     }
+}
+
+/// References of a vertex, or of a cell where pixels look them up.
+pub(super) fn references_each(scene: &Scene, caches: Option<&CacheSet>) -> usize {
+    let Some(caches) = caches else { return 8 };
+    if let Some(cells) = &caches.cells {
+        return cells.row;
+    }
+    let of_model = |model: &ModelCaches| model.references.len().checked_div(scene.meshes[model.mesh].vertices.len());
+    caches.models.iter().find_map(of_model).unwrap_or(8)
 }
