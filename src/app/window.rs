@@ -23,6 +23,9 @@ use winit::event_loop::ActiveEventLoop;
 use winit::raw_window_handle::HasDisplayHandle;
 use winit::window::Window;
 
+/// Frames between two lines of the log that say what the device holds.
+const COUNTED: u64 = 100;
+
 /// How often the progress of a job is looked at.
 const POLL: Duration = Duration::from_millis(100);
 
@@ -43,6 +46,8 @@ pub(super) struct Open {
     canvas_size: [u32; 2],
     /// What the barrier check has said.
     problems: Vec<String>,
+    /// Frames that were drawn.
+    frames: u64,
     last: Instant,
     next: Option<Instant>,
     /// What is asked of the next picture: what is asked before it changes it.
@@ -85,6 +90,7 @@ impl Open {
             place: ([0, 0], [0, 0]),
             canvas_size: size.into(),
             problems: Vec::new(),
+            frames: 0,
             last: Instant::now(),
             next: None,
             waiting: Vec::new(),
@@ -117,6 +123,7 @@ impl Open {
 
     /// Takes an event; what it changes is seen by the next frame.
     pub(super) fn event(&mut self, event: &WindowEvent) {
+        let begin = Instant::now();
         let ours = self.input.is_ours(event, self.egui.egui_ctx());
         let answer = if ours { None } else { Some(self.egui.on_window_event(&self.window, event)) };
         if is_input(event) {
@@ -125,7 +132,9 @@ impl Open {
         let wishes = self.input.take(event, self.egui.egui_ctx(), self.place, answer.is_some_and(|a| a.consumed));
         let changes = !wishes.is_empty();
         for wish in wishes {
+            let name = format!("{wish:?}");
             self.grant(wish);
+            note(&name, begin.elapsed(), Duration::ZERO);
         }
         if changes || answer.is_none_or(|answer| answer.repaint) || matches!(event, WindowEvent::Resized(_)) {
             self.redraw();
@@ -318,6 +327,7 @@ impl Open {
         let document = &mut self.document;
         let (canvas, look, over) = (&self.canvas, document.look, self.compare.over());
         let (shown, scale, discs) = (document.shown, *document.scale(), document.discs);
+        let begin = Instant::now();
         let frame = self.gpu.timed_frame(|cmd| {
             if let (Some(view), Some(engine), Some(picture)) = (view, &mut document.engine, &mut document.picture) {
                 engine.record(cmd, &mut [(view, picture)], &look);
@@ -340,6 +350,7 @@ impl Open {
         })?;
         self.problems.extend(frame.problems);
         self.document.time(self.gpu.finished_times()?);
+        let mut in_frame = begin.elapsed();
         self.document.drawn = view;
         for wish in std::mem::take(&mut self.waiting) {
             let done = match wish {
@@ -353,7 +364,14 @@ impl Open {
         }
         let compared = self.compare();
         self.window.pre_present_notify();
+        let begin = Instant::now();
         let seen = self.swapchain.show(&self.canvas.image)?;
+        in_frame += begin.elapsed();
+        self.frames += 1;
+        note("draw", now.elapsed(), in_frame);
+        if self.frames.is_multiple_of(COUNTED) {
+            log::debug!("after {} frames {:?}", self.frames, self.gpu.counters());
+        }
 
         let soon = output.viewport_output.get(&egui::ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
         let works = self.dialog.is_some() || self.document.progress().is_some() || self.compare.works();
@@ -389,6 +407,12 @@ impl Open {
         }
         self.compare.version() != before
     }
+}
+
+/// Says in the log how long events had to wait for this, and how much of that was the frame itself.
+fn note(what: &str, held: Duration, in_frame: Duration) {
+    let [held, in_frame] = [held, in_frame].map(|time| time.as_secs_f64() * 1e3);
+    log::debug!("{what} held input for {held:.1} ms, {in_frame:.1} ms of them in the frame");
 }
 
 /// Asks the desktop for a file. Without a portal there is none, and the log says so.

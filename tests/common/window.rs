@@ -1,11 +1,13 @@
 //! A window of the program as a user meets it: real keys and buttons through a display of its own.
 
 use crate::cli::keeping;
-use std::io::{BufRead, BufReader, Read};
+use std::io::{BufRead, BufReader};
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 use x11rb::connection::Connection;
 use x11rb::protocol::Event;
@@ -58,6 +60,9 @@ pub(crate) struct App {
     process: Child,
     folder: PathBuf,
     lines: Receiver<String>,
+    /// What it writes on standard error, a line each.
+    said: Arc<Mutex<Vec<String>>>,
+    errors: Option<JoinHandle<()>>,
     x: RustConnection,
     root: Window,
     window: Window,
@@ -105,6 +110,11 @@ impl App {
         let (send, lines) = channel();
         let out = BufReader::new(process.stdout.take().expect("its output"));
         std::thread::spawn(move || out.lines().map_while(Result::ok).try_for_each(|line| send.send(line)));
+        let said: Arc<Mutex<Vec<String>>> = Arc::default();
+        let (err, of_thread) = (BufReader::new(process.stderr.take().expect("its messages")), said.clone());
+        let errors = std::thread::spawn(move || {
+            err.lines().map_while(Result::ok).for_each(|line| of_thread.lock().expect("messages").push(line));
+        });
         let (x, screen) = x11rb::connect(Some(&display.name)).expect("the display");
         let root = x.setup().roots[screen].root;
         let start = Instant::now();
@@ -118,14 +128,13 @@ impl App {
                 break window;
             }
             if let Some(status) = process.try_wait().expect("a process") {
-                let mut said = String::new();
-                let _ = process.stderr.take().map(|mut e| e.read_to_string(&mut said));
-                panic!("no window: {status}: {said}");
+                let _ = errors.join();
+                panic!("no window: {status}: {}", said.lock().expect("messages").join("\n"));
             }
             assert!(start.elapsed() < PATIENCE, "no window");
             std::thread::sleep(Duration::from_millis(20));
         };
-        let app = Self { process, folder: folder.to_owned(), lines, x, root, window };
+        let app = Self { process, folder: folder.to_owned(), lines, said, errors: Some(errors), x, root, window };
         // There is no window manager to do it.
         app.x.set_input_focus(InputFocus::PARENT, app.window, 0_u32).expect("focus");
         app.sync();
@@ -231,12 +240,22 @@ impl App {
                 Err(_) => {
                     let seen = self.keep_picture();
                     let _ = self.process.kill();
-                    let mut said = String::new();
-                    let _ = self.process.stderr.take().map(|mut e| e.read_to_string(&mut said));
-                    panic!("no line '{begin}'; {} shows the window: {said}", seen.display());
+                    let said = self.messages();
+                    panic!("no line '{begin}'; {} shows the window: {}", seen.display(), said.join("\n"));
                 }
             }
         }
+    }
+
+    /// What it has written on standard error, once it has ended.
+    fn messages(&mut self) -> Vec<String> {
+        let _ = self.errors.take().map(JoinHandle::join);
+        std::mem::take(&mut self.said.lock().expect("messages"))
+    }
+
+    /// Lines of standard error so far that have this in them.
+    pub(crate) fn told(&self, part: &str) -> Vec<String> {
+        self.said.lock().expect("messages").iter().filter(|line| line.contains(part)).cloned().collect()
     }
 
     /// What the process has in memory [MiB].
@@ -305,15 +324,13 @@ impl App {
     /// The same where one thing has failed.
     pub(crate) fn quit_after(mut self, failed: Option<&str>) {
         self.press_with("Control", "Q");
-        let mut said = String::new();
-        let mut errors = self.process.stderr.take().expect("its messages");
-        errors.read_to_string(&mut said).expect("its messages");
+        let said = self.messages();
         let status = self.process.wait().expect("a process");
-        assert!(status.success(), "{status}: {said}");
-        let errors: Vec<&str> =
-            said.lines().filter(|l| l.contains("lightskin: error") || l.contains("panicked")).collect();
-        let expected = |error: &&str| failed.is_some_and(|failed| error.contains(failed));
-        assert!(errors.len() == usize::from(failed.is_some()) && errors.iter().all(expected), "{said}");
+        assert!(status.success(), "{status}: {}", said.join("\n"));
+        let errors: Vec<&String> =
+            said.iter().filter(|l| l.contains("lightskin: error") || l.contains("panicked")).collect();
+        let expected = |error: &&String| failed.is_some_and(|failed| error.contains(failed));
+        assert!(errors.len() == usize::from(failed.is_some()) && errors.iter().all(expected), "{}", said.join("\n"));
     }
 
     /// Drops a file on the window, as a file manager does.
