@@ -3,9 +3,9 @@
 use anyhow::Result;
 use clap::ValueEnum;
 use glam::{DVec3, Vec4};
-use lightskin::frame::edges::Shown;
-use lightskin::frame::{Behind, Picture, Tonemap, View};
-use lightskin::gpu::Gpu;
+use lightskin::frame::edges::{Edges, Shown};
+use lightskin::frame::{Antialiasing, Behind, Picture, Tonemap, View};
+use lightskin::gpu::{Gpu, Image};
 use lightskin::image::{Layer, broken_values, write_exr, write_png};
 use lightskin::reference::tonemap;
 use std::path::Path;
@@ -107,7 +107,7 @@ impl Layers {
 
     /// How many values no radiance can have.
     pub(super) fn broken(&self) -> usize {
-        [&self.direct, &self.diffuse, &self.glossy].into_iter().flatten().map(|p| broken_values(&p[..3])).sum()
+        [&self.direct, &self.diffuse, &self.glossy].into_iter().map(|layer| broken(layer)).sum()
     }
 
     fn layer(&self, which: LayerArg) -> Vec<[f32; 4]> {
@@ -184,6 +184,11 @@ impl Layers {
     }
 }
 
+/// How many values of a layer no radiance can have.
+fn broken(layer: &[[f32; 4]]) -> usize {
+    layer.iter().map(|p| broken_values(&p[..3])).sum()
+}
+
 /// Whether a file's name asks for OpenEXR.
 pub(super) fn is_exr(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"))
@@ -224,6 +229,7 @@ pub(super) fn exposure_value(gpu: &Gpu, picture: &Picture) -> Result<f32> {
 }
 
 /// How a picture is written.
+#[derive(Clone, Copy)]
 pub(super) struct Writing {
     /// This layer alone.
     pub(super) layer: Option<LayerArg>,
@@ -237,58 +243,134 @@ impl Writing {
     /// Writes the picture of the last frame, and says how many of its values no radiance can have; `about` is what an EXR
     /// file says of itself.
     pub(super) fn write(&self, gpu: &Gpu, picture: &Picture, view: &View, about: &str, out: &Path) -> Result<usize> {
-        let ev = exposure_value(gpu, picture)?;
-        let layers = read_layers(gpu, picture, view)?;
-        if self.layer.is_none() && !is_exr(out) {
-            let [w, h] = picture.size();
-            write_png(out, w, h, &gpu.read_image(&picture.output.picture)?)?;
-        } else {
-            layers.write(out, self.layer, self.tonemap, ev, self.behind, &format!("{about}; EV {ev}"))?;
+        self.write_read(Read::of(gpu, picture, view, self.needs_all(out))?, about, out)
+    }
+
+    /// Whether such a file takes more than the picture and its radiance.
+    pub(super) fn needs_all(&self, out: &Path) -> bool {
+        self.layer.is_some() || is_exr(out)
+    }
+
+    /// The same of what was read back; without a device, so that any thread can do it.
+    pub(super) fn write_read(&self, read: Read, about: &str, out: &Path) -> Result<usize> {
+        let Read { ev, size: [w, h], .. } = read;
+        if !self.needs_all(out) {
+            write_png(out, w, h, &read.shown)?;
+            return Ok([&read.direct, &read.diffuse, &read.glossy].into_iter().map(|layer| broken(layer)).sum());
         }
+        let layers = read.layers();
+        layers.write(out, self.layer, self.tonemap, ev, self.behind, &format!("{about}; EV {ev}"))?;
         Ok(layers.broken())
     }
 }
 
-/// Reads the layers back.
-fn read_layers(gpu: &Gpu, picture: &Picture, view: &View) -> Result<Layers> {
-    let (surface, indirect, size) = (&picture.surface, picture.indirect.as_ref(), picture.size());
-    let dark = || vec![[0.0; 4]; size[0] as usize * size[1] as usize];
-    let optional = |image: Option<&lightskin::gpu::Image>| -> Result<Vec<[f32; 4]>> {
-        Ok(image.map(|image| gpu.read_image(image)).transpose()?.unwrap_or_else(dark))
-    };
-    let direct: Vec<[f32; 4]> = gpu.read_image(&surface.radiance)?;
-    let depth: Vec<f32> = gpu.read_image(&surface.depth)?;
-    let (covered, behind) = backdrop(gpu, picture, &direct, &depth)?;
-    Ok(Layers {
-        size,
-        covered,
-        behind,
-        direct,
-        diffuse: optional(indirect.map(|i| &i.diffuse))?,
-        glossy: optional(indirect.and_then(|i| i.glossy.as_ref()))?,
-        albedo: read_half(gpu, &surface.albedo)?,
-        normal: gpu.read_image(&surface.normal)?,
-        depth: view_depth(&depth, view, size),
-    })
+/// What of a picture was read back, as the device has it.
+pub(crate) struct Read {
+    size: [u32; 2],
+    view: View,
+    ev: f32,
+    /// Pixels as bytes; empty where all layers are read.
+    shown: Vec<u8>,
+    direct: Vec<[f32; 4]>,
+    diffuse: Vec<[f32; 4]>,
+    glossy: Vec<[f32; 4]>,
+    rest: Option<Rest>,
+}
+
+/// What only files with layers take.
+struct Rest {
+    albedo: Vec<[u16; 4]>,
+    normal: Vec<[f32; 4]>,
+    depth: Vec<f32>,
+    edges: Option<ReadEdges>,
+}
+
+/// What is seen beside the middles of pixels.
+struct ReadEdges {
+    antialiasing: Antialiasing,
+    /// Radiance of first surfaces alone.
+    before: Vec<[f32; 4]>,
+    /// Radiance and depth of second ones.
+    second: Vec<[f32; 4]>,
+    second_depth: Vec<f32>,
+    codes: Vec<u32>,
+}
+
+impl Read {
+    /// Reads a picture back, with all of its layers or what shows it alone; waits for the device.
+    pub(super) fn of(gpu: &Gpu, picture: &Picture, view: &View, all: bool) -> Result<Self> {
+        let (surface, indirect) = (&picture.surface, picture.indirect.as_ref());
+        let optional = |image: Option<&Image>| -> Result<Vec<[f32; 4]>> {
+            Ok(image.map(|image| gpu.read_image(image)).transpose()?.unwrap_or_default())
+        };
+        let edges = |edges: &Edges| -> Result<ReadEdges> {
+            Ok(ReadEdges {
+                antialiasing: edges.antialiasing,
+                before: gpu.read_image(&edges.before)?,
+                second: gpu.read_image(&edges.surface.radiance)?,
+                second_depth: gpu.read_image(&edges.surface.depth)?,
+                codes: gpu.read_image(&edges.codes)?,
+            })
+        };
+        let rest = || -> Result<Rest> {
+            Ok(Rest {
+                albedo: gpu.read_image(&surface.albedo)?,
+                normal: gpu.read_image(&surface.normal)?,
+                depth: gpu.read_image(&surface.depth)?,
+                edges: picture.edges.as_ref().map(edges).transpose()?,
+            })
+        };
+        Ok(Self {
+            size: picture.size(),
+            view: *view,
+            ev: exposure_value(gpu, picture)?,
+            shown: if all { Vec::new() } else { gpu.read_image(&picture.output.picture)? },
+            direct: gpu.read_image(&surface.radiance)?,
+            diffuse: optional(indirect.map(|i| &i.diffuse))?,
+            glossy: optional(indirect.and_then(|i| i.glossy.as_ref()))?,
+            rest: all.then(rest).transpose()?,
+        })
+    }
+
+    /// What files have.
+    fn layers(self) -> Layers {
+        let Self { size, view, direct, diffuse, glossy, rest, .. } = self;
+        let count = direct.len();
+        let or_dark = |layer: Vec<[f32; 4]>| if layer.is_empty() { vec![[0.0; 4]; count] } else { layer };
+        let Rest { albedo, normal, depth, edges } = rest.expect("all was read");
+        let (covered, behind) = backdrop(size[0] as usize, edges.as_ref(), &direct, &depth);
+        let half = |texel: [u16; 4]| texel.map(|h| half::f16::from_bits(h).to_f32());
+        Layers {
+            size,
+            covered,
+            behind,
+            direct,
+            diffuse: or_dark(diffuse),
+            glossy: or_dark(glossy),
+            albedo: albedo.into_iter().map(half).collect(),
+            normal,
+            depth: view_depth(&depth, &view, size),
+        }
+    }
 }
 
 /// Share of each pixel that shows surfaces, and what the backdrop adds to direct radiance.
-fn backdrop(gpu: &Gpu, picture: &Picture, direct: &[[f32; 4]], depth: &[f32]) -> Result<(Vec<f32>, Vec<[f32; 4]>)> {
+fn backdrop(
+    width: usize,
+    edges: Option<&ReadEdges>,
+    direct: &[[f32; 4]],
+    depth: &[f32],
+) -> (Vec<f32>, Vec<[f32; 4]>) {
     let of_one = |(depth, direct): (&f32, &[f32; 4])| if *depth > 0.0 { (1.0, [0.0; 4]) } else { (0.0, *direct) };
-    let Some(edges) = &picture.edges else { return Ok(depth.iter().zip(direct).map(of_one).unzip()) };
-    let before: Vec<[f32; 4]> = gpu.read_image(&edges.before)?;
-    let second: Vec<[f32; 4]> = gpu.read_image(&edges.surface.radiance)?;
-    let second_depth: Vec<f32> = gpu.read_image(&edges.surface.depth)?;
-    let codes: Vec<u32> = gpu.read_image(&edges.codes)?;
-    let width = picture.size()[0] as usize;
+    let Some(edges) = edges else { return depth.iter().zip(direct).map(of_one).unzip() };
     let pixel = |i: usize| {
         let (mut points, mut covered, mut behind) = (0.0, 0.0, Vec4::ZERO);
-        for shown in edges.shown(codes[i]) {
+        for shown in Edges::shown(edges.antialiasing, edges.codes[i]) {
             let (share, radiance) = of_one(match shown {
-                Shown::Second => (&second_depth[i], &second[i]),
+                Shown::Second => (&edges.second_depth[i], &edges.second[i]),
                 Shown::First([x, y]) => {
                     let at = (i / width).wrapping_add_signed(y) * width + (i % width).wrapping_add_signed(x);
-                    (&depth[at], &before[at])
+                    (&depth[at], &edges.before[at])
                 }
             });
             points += 1.0;
@@ -297,13 +379,7 @@ fn backdrop(gpu: &Gpu, picture: &Picture, direct: &[[f32; 4]], depth: &[f32]) ->
         }
         (covered / points, (behind / points).to_array())
     };
-    Ok((0..depth.len()).map(pixel).unzip())
-}
-
-/// RGBA16F texels as f32.
-fn read_half(gpu: &Gpu, image: &lightskin::gpu::Image) -> Result<Vec<[f32; 4]>> {
-    let texels: Vec<[u16; 4]> = gpu.read_image(image)?;
-    Ok(texels.into_iter().map(|t| t.map(|h| half::f16::from_bits(h).to_f32())).collect())
+    (0..depth.len()).map(pixel).unzip()
 }
 
 /// Distances [m] from the camera's plane; infinite where nothing is.

@@ -1,7 +1,7 @@
 //! `lightskin view`: what the window begins with, and how it loads a scene as `render` does.
 
 use super::camera::camera;
-use super::picture::{TonemapArg, Writing};
+use super::picture::{Read, TonemapArg, Writing};
 use super::render::Render;
 use super::sky::SkyArgs;
 use super::words::{AntialiasingArg, ShadowsArg, light_shadows_word};
@@ -297,19 +297,25 @@ fn shadow_word(shadows: Shadows) -> String {
     ShadowsArg::of(shadows)
 }
 
-/// Writes the picture of the last frame: OpenEXR with all layers or PNG, by the name; `about` is what an EXR says of itself.
-pub(crate) fn write_picture(
-    gpu: &Gpu,
-    picture: &Picture,
-    view: &FrameView,
-    look: &Look,
-    about: &str,
-    path: &Path,
-) -> Result<()> {
-    let writing = Writing { layer: None, tonemap: TonemapArg::of(look.tonemap), behind: look.behind };
-    match writing.write(gpu, picture, view, about, path)? {
-        0 => Ok(()),
-        broken => bail!("{broken} values of the picture are negative or not finite; this is a bug of lightskin"),
+/// A picture that was read back, and how it is written: OpenEXR with all layers or PNG, by the name.
+pub(crate) struct Taken {
+    writing: Writing,
+    read: Read,
+}
+
+impl Taken {
+    /// Reads the picture of the last frame back, for such a file.
+    pub(crate) fn of(gpu: &Gpu, picture: &Picture, view: &FrameView, look: &Look, path: &Path) -> Result<Self> {
+        let writing = Writing { layer: None, tonemap: TonemapArg::of(look.tonemap), behind: look.behind };
+        Ok(Self { writing, read: Read::of(gpu, picture, view, writing.needs_all(path))? })
+    }
+
+    /// Writes it; `about` is what an EXR says of itself.
+    pub(crate) fn write(self, about: &str, path: &Path) -> Result<()> {
+        match self.writing.write_read(self.read, about, path)? {
+            0 => Ok(()),
+            broken => bail!("{broken} values of the picture are negative or not finite; this is a bug of lightskin"),
+        }
     }
 }
 

@@ -9,6 +9,7 @@ use super::view::View;
 use crate::error::Result;
 use crate::gpu::{Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Pipeline, Raster, Shape};
 use crate::shared::{ScreenPush, VAL_TILE, Val};
+use std::ops::Range;
 
 /// One full-screen draw per tile of VALs.
 pub struct BruteForce {
@@ -38,9 +39,22 @@ impl BruteForce {
         Ok(Self { pipeline, inside: InsideBruteForce::new(gpu, plan)? })
     }
 
-    /// Records the stage for a view.
-    pub fn record(&self, cmd: &Cmd<'_>, vals: &Vals, view: &View, surface: &Surface, out: &Radiance) {
-        cmd.render(&Attachments { colors: &out.cleared(), depth: None, area: surface.area() }, |draw| {
+    /// Records the stage for these rows of a view, where it has such.
+    pub fn record(
+        &self,
+        cmd: &Cmd<'_>,
+        vals: &Vals,
+        view: &View,
+        surface: &Surface,
+        (out, rows): (&Radiance, &Range<u32>),
+    ) {
+        let [left, top, width, height] = surface.area();
+        let (first, end) = (rows.start.min(height), rows.end.min(height));
+        if first >= end {
+            return;
+        }
+        let area = [left, top + first, width, end - first];
+        cmd.render(&Attachments { colors: &out.cleared(), depth: None, area }, |draw| {
             for first_val in (0..vals.count).step_by(VAL_TILE as usize) {
                 let val = size_of::<Val>() as u64;
                 let all = [

@@ -29,7 +29,8 @@ pub enum Shown {
 
 /// Second surfaces of a picture's pixels.
 pub struct Edges {
-    antialiasing: Antialiasing,
+    /// How many points of a pixel there are.
+    pub antialiasing: Antialiasing,
     /// What one more point of every pixel shows.
     sample: Surface,
     /// The second surfaces.
@@ -102,8 +103,8 @@ impl Edges {
     }
 
     /// What the points of a pixel show that count, the middle first, by a texel of `codes`.
-    pub fn shown(&self, codes: u32) -> impl Iterator<Item = Shown> {
-        let further = (0..self.antialiasing.samples()).filter_map(move |point| match codes >> (4 * point) & 15 {
+    pub fn shown(antialiasing: Antialiasing, codes: u32) -> impl Iterator<Item = Shown> {
+        let further = (0..antialiasing.samples()).filter_map(move |point| match codes >> (4 * point) & 15 {
             SHOWS_FIRST => Some(Shown::First([0, 0])),
             SHOWS_SECOND => Some(Shown::Second),
             SHOWS_ANOTHER => None,

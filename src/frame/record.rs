@@ -11,6 +11,7 @@ use super::settings::Look;
 use super::view::View;
 use super::world::World;
 use crate::gpu::{Cmd, Use};
+use std::ops::Range;
 
 /// Records one frame of some views, top to bottom; the numbers are METHOD's. A stage the scene does not need is `None`, one
 /// whose inputs are as they were is not outdated. Light is made once for all views: each costs its own surfaces, shading and
@@ -19,11 +20,31 @@ use crate::gpu::{Cmd, Use};
 /// # Panics
 /// Where light or pictures were not fitted after a change of world, settings or number of views.
 pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(View, &mut Picture)], look: &Look) {
+    record_rows(cmd, world, light, views, look, 0..u32::MAX);
+}
+
+/// The same in several frames: brute force lights these rows of the pictures. What comes before it is recorded with the first row,
+/// what comes after it with the last one, so that all of them together give the bits of one frame. Between them nothing may
+/// change that a picture depends on; caches have no rows.
+///
+/// # Panics
+/// As `record`.
+pub fn record_rows(
+    cmd: &Cmd<'_>,
+    world: &World,
+    light: &mut Light,
+    views: &mut [(View, &mut Picture)],
+    look: &Look,
+    rows: Range<u32>,
+) {
     assert!(light.fits(world) && views.len() <= light.eyes(), "the light does not fit: call Light::fit");
     assert!(views.iter().all(|(_, p)| p.fits(world, light)), "a picture does not fit the light: call Picture::fit");
     if views.iter().all(|(_, picture)| picture.is_empty()) {
         light.ran = 0;
         return;
+    }
+    if rows.start > 0 {
+        return record_end(cmd, world, light, views, look, (0, rows));
     }
     find_outdated(world, light, views, look);
     let mut ran = 0;
@@ -199,16 +220,42 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
             }
         }
     }
+    record_end(cmd, world, light, views, look, (ran, rows));
+}
+
+/// Brute force for these rows, and with the last one what stands on all light. `ran` are the stages before.
+fn record_end(
+    cmd: &Cmd<'_>,
+    world: &World,
+    light: &mut Light,
+    views: &[(View, &mut Picture)],
+    look: &Look,
+    (mut ran, rows): (u32, Range<u32>),
+) {
+    let mut enter = |stage: usize| {
+        ran |= 1 << stage;
+        cmd.zone(STAGES[stage].name)
+    };
+    let shown = || views.iter().map(|(view, picture)| (view, &**picture)).filter(|(_, picture)| !picture.is_empty());
+    let drawn = || shown().filter(|(_, p)| p.outdated.surface);
+    let some_surface = drawn().next().is_some();
+    let (first, last) = (rows.start == 0, shown().all(|(_, p)| rows.end >= p.size()[1]));
     if let (IndirectLight::BruteForce(brute_force), Some(rsm)) = (&light.indirect, &light.rsm)
         && shown().any(|(_, p)| p.outdated.indirect)
     {
-        cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8
+        if first {
+            cmd.barrier(Use::ComputeWrite | Use::ColorWrite | Use::DepthWrite, Use::FragmentRead); //   VALs, G-buffer -> 8
+        }
         let _zone = enter(plan::BRUTE_FORCE); // 8
         for (view, picture) in shown().filter(|(_, p)| p.outdated.indirect) {
             for (surface, out, _) in picture.shaded() {
-                brute_force.record(cmd, &rsm.vals, view, surface, out);
+                brute_force.record(cmd, &rsm.vals, view, surface, (out, &rows));
             }
         }
+    }
+    if !last {
+        light.ran = ran;
+        return;
     }
     if let (
         true,
@@ -217,8 +264,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
     ) = (some_surface, &light.indirect, &light.rsm)
     {
         let _zone = enter(plan::SCATTER); // 10
-        cmd.barrier(Use::ColorWrite, Use::ColorWrite); // direct light -> here
-        for (view, surface) in lit() {
+        if first {
+            cmd.barrier(Use::ColorWrite, Use::ColorWrite); // direct light -> here
+        }
+        for (view, surface) in drawn().flat_map(|(view, p)| p.lit().map(move |surface| (view, surface))) {
             scatter.record(cmd, world, &inside.vals, view, surface);
         }
     }

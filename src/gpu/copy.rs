@@ -55,25 +55,40 @@ impl Cmd<'_> {
 
     /// Copies an image, tightly packed, into a buffer.
     pub fn copy_image_to_buffer(&self, from: &Image, to: &Buffer) {
+        self.copy_region(from, to, from.made.level_bytes(0), region(from, 0, 0));
+    }
+
+    /// Copies one texel, by column and row, to the beginning of a buffer.
+    pub(crate) fn copy_texel_to_buffer(&self, from: &Image, at: [u32; 2], to: &Buffer) {
+        let ([x, y], [width, height]) = (at, from.made.size);
+        assert!(x < width && y < height, "{}: texel {x}, {y} of {width}x{height}", from.name);
+        let here = vk::BufferImageCopy {
+            image_offset: vk::Offset3D { x: x as i32, y: y as i32, z: 0 },
+            image_extent: vk::Extent3D { width: 1, height: 1, depth: 1 },
+            ..region(from, 0, 0)
+        };
+        self.copy_region(from, to, texel_bytes(from.made.format), here);
+    }
+
+    /// Copies a part of an image, of so many bytes, into a buffer.
+    fn copy_region(&self, from: &Image, to: &Buffer, bytes: u64, region: vk::BufferImageCopy) {
         if self.failed() {
             return;
         }
         self.outside("a copy");
-        let bytes = from.made.level_bytes(0);
         assert!(bytes <= to.held, "{}: {bytes} bytes into {}, which has {}", from.name, to.name, to.held);
         let readable = from.made.usage.contains(vk::ImageUsageFlags::TRANSFER_SRC);
         assert!(readable, "{}: textures are not read back", from.name);
         self.touch_image(from, Use::CopyRead);
         self.touch_buffer(to, Use::CopyWrite);
-        let regions = [region(from, 0, 0)];
-        // SAFETY: the buffer has room for all texels; the image is in GENERAL.
+        // SAFETY: the region lies within the image, which is in GENERAL, and the buffer has room for its texels.
         unsafe {
             self.gpu.shared.device.cmd_copy_image_to_buffer(
                 self.buffer,
                 from.handle,
                 vk::ImageLayout::GENERAL,
                 to.handle,
-                &regions,
+                &[region],
             );
         }
     }

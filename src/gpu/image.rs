@@ -182,6 +182,19 @@ impl Gpu {
         Ok(bytemuck::pod_collect_to_vec(back.bytes()))
     }
 
+    /// Reads one texel of the largest level back, by column and row; waits for the device.
+    ///
+    /// # Errors
+    /// A device that was lost, and no memory to read into.
+    ///
+    /// # Panics
+    /// Where the image has no such texel, or texels are not as large as `T`.
+    pub fn read_texel<T: bytemuck::Pod>(&self, image: &Image, at: [u32; 2]) -> Result<T> {
+        let back = self.readback_buffer("readback", size_of::<T>() as u64)?;
+        self.run_once("readback", |cmd| cmd.copy_texel_to_buffer(image, at, &back))?;
+        Ok(bytemuck::pod_read_unaligned(&back.bytes()[..size_of::<T>()]))
+    }
+
     /// Refuses what the device cannot make.
     fn check_image(&self, name: &str, made: Made, kind: vk::ImageType) -> Result<()> {
         let [width, height] = made.size;
