@@ -50,6 +50,51 @@ fn a_file_is_compared() {
     app.quit();
 }
 
+/// Any two pictures: a file on the left, brute force on the right, which is `render`'s though it comes by rows.
+#[test]
+fn a_file_is_held_against_brute_force() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_both");
+    let scene = cornell();
+    let scene = scene.to_str().expect("a path");
+    let same = ["--size", "64x1000", "--quality", "low", "--caches", "150"];
+    for (gi, file) in [("off", "left.exr"), ("brute-force", "right.exr")] {
+        works(&folder, &[&["render", scene, "-o", file, "--gi", gi], &same[..]].concat());
+    }
+    let words = ["-vv", "view", scene, "--ev", "4", "--validation", "sync"];
+    let mut app = App::start(&display, &folder, &[&words[..], &same].concat());
+    app.line("scene");
+    app.resize(384, 1000);
+    app.press("Space");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
+    app.choose([64 + 135, 800], 4, "");
+    assert!(app.line("errors").contains("brute force"));
+    app.choose([64 + 135, 774], 5, "");
+    app.drop_file(&folder.join("left.exr"));
+    let errors = app.line("errors");
+    assert!(errors.contains("left.exr | brute force"), "{errors}");
+    assert_errors(&errors, &folder, "left.exr", "right.exr");
+    // The left picture ends at the wipe.
+    app.slide([64 + 120, 826], 60, "");
+    let seen = app.pixels([0, 0], [64, 1000]);
+    let files = ["left", "right"].map(|file| {
+        let shown = format!("{file}.png");
+        let gi = if file == "left" { "off" } else { "brute-force" };
+        works(&folder, &[&["render", scene, "-o", &shown, "--gi", gi, "--ev", "4"], &same[..]].concat());
+        png(&folder.join(shown)).1
+    });
+    for (column, file) in [(2, 0), (61, 1)] {
+        // The curve is evaluated by another shader: a step of rounding.
+        let far = |row: &usize| {
+            let [a, b] = [&seen, &files[file]].map(|pixels: &Vec<[u8; 3]>| pixels[row * 64 + column]);
+            (0..3).any(|c| a[c].abs_diff(b[c]) > 1)
+        };
+        assert_eq!((100..700).filter(far).count(), 0, "pixels of column {column} differ from picture {file}");
+    }
+    app.quit();
+}
+
 /// The path tracer's samples are those of `render --gi path-trace`; another view has another reference; a click with Ctrl tells
 /// what the layers have.
 #[test]

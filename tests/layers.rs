@@ -75,7 +75,7 @@ fn the_nearest_layers_show_where_there_are_more() {
 }
 
 /// The glossy Cornell box with a red pane of glass, a blended one, and another behind the boxes.
-fn glazed() -> Scene {
+pub(crate) fn glazed() -> Scene {
     let mut scene = cornell(CornellSurface::Glossy, 0.1);
     let texel = [200, 150, 0, 255];
     scene.images.push(Image { name: "texel".into(), width: 1, height: 1, rgba: texel.to_vec() });

@@ -2,16 +2,21 @@
 
 use lightskin::bake::CacheSet;
 use lightskin::frame::plan::STAGES;
-use lightskin::frame::{ClusterRule, Exposure, Light, LightShadows, Near, Picture, Shadows, View, World, record};
+use lightskin::frame::{
+    Antialiasing, ClusterRule, Exposure, Light, LightShadows, Near, Picture, Shadows, View, World, record, record_rows,
+};
 use lightskin::gpu::{Gpu, Image};
 use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, cornell};
+use lightskin::scene::medium::Subsurface;
 
 use crate::common::frames::{baked, camera, small};
 use crate::common::{assert_clean, gpu};
+use crate::layers::glazed;
 use crate::moving::{bend, world as moving_world};
-use glam::dvec3;
+use glam::{Vec3, dvec3, vec3};
+use std::ops::Range;
 
 /// Two pictures of unlike sizes.
 const SIZES: [[u32; 2]; 2] = [[40, 28], [24, 36]];
@@ -133,6 +138,41 @@ fn views_without_indirect_light_and_with_all_of_it_by_brute_force_are_their_own_
     let scene = room(CornellSurface::Glossy);
     let caches = baked(&scene, 0.3, 8);
     compare(&gpu, &scene, &caches, &Knobs { gi: Gi::BruteForce, ..plain() });
+}
+
+/// Brute force in three frames of some rows each gives the bits of one frame: with edges, layers and light inside bodies.
+#[test]
+fn brute_force_by_rows_is_one_frame() {
+    let gpu = gpu();
+    for is_filled in [false, true] {
+        let mut scene = glazed();
+        if is_filled {
+            scene.materials[0].fill(Subsurface::of_color(vec3(0.8, 0.7, 0.4), Vec3::splat(0.03), 1.4));
+        }
+        let world = World::new(&gpu, &scene, None).expect("uploaded");
+        for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
+            let knobs = Knobs { gi: Gi::BruteForce, antialiasing, layers: 2, size: [20, 14], reuse: true, ..plain() };
+            let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
+            let drawn = |parts: &[Range<u32>]| {
+                let mut light = Light::new(&gpu, &scene, &world, &knobs.settings(), 1).expect("light");
+                assert_eq!(light.plan.inside, is_filled);
+                let mut picture = Picture::new(&gpu, &world, &light, knobs.size).expect("a picture");
+                for rows in parts {
+                    let frame = gpu.frame(|cmd| {
+                        let views = &mut [(view, &mut picture)];
+                        record_rows(cmd, &world, &mut light, views, &knobs.look(), rows.clone());
+                        Ok(())
+                    });
+                    assert_eq!(frame.expect("drawn").problems, [""; 0], "{rows:?} of {knobs:?}");
+                }
+                layers(&gpu, &picture)
+            };
+            let whole = drawn(std::slice::from_ref(&(0..u32::MAX)));
+            assert!(whole == drawn(&[0..5, 5..6, 6..40]), "{knobs:?}");
+            assert!(whole[3].iter().any(|bits| *bits != 0), "there is indirect light");
+        }
+    }
+    assert_clean(&gpu);
 }
 
 /// What stands still is left out of frames of two views as of those of one: of moving cameras, moving lights, and a view that

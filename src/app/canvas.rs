@@ -91,7 +91,7 @@ pub(super) struct Scenery<'a> {
     pub(super) look: &'a Look,
     /// What is at either end of false colours.
     pub(super) scale: [f32; 2],
-    pub(super) over: Option<Over<'a>>,
+    pub(super) over: Vec<Over<'a>>,
     /// Caches to be drawn as discs, and how many.
     pub(super) discs: Option<(&'a Buffer, u32)>,
 }
@@ -244,29 +244,33 @@ impl Canvas {
         cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |draw| {
             if let Some(scenery) = scenery {
                 if let Some((layers, how)) = scenery.shown.layers(scenery.picture) {
-                    self.draw_layer(draw, scenery, (&layers, how), 0);
+                    self.draw_layer(draw, scenery, (&layers, how), [0.0, 1.0]);
                 }
                 if let Some((caches, count)) = scenery.discs.filter(|(_, count)| *count > 0) {
                     self.draw_discs(draw, scenery, caches, count);
                 }
-                if let Some(over) = &scenery.over {
-                    let from = (over.from.clamp(0.0, 1.0) * scenery.picture.size()[0] as f32).round() as u32;
-                    self.draw_layer(draw, scenery, (&[over.image], over.how), from);
+                for over in &scenery.over {
+                    self.draw_layer(draw, scenery, (&[over.image], over.how), over.part);
                 }
             }
             self.draw_panels(draw);
         });
     }
 
-    fn draw_layer(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>, (layers, how): (&[&Image], u32), from: u32) {
+    /// Draws layers in a part of the width, from one share of it to another.
+    fn draw_layer(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>, (layers, how): (&[&Image], u32), part: [f32; 2]) {
         let ([width, height], [left, top]) = (scenery.picture.size(), scenery.corner);
+        let [from, to] = part.map(|share| (share.clamp(0.0, 1.0) * width as f32).round() as u32);
+        if from >= to {
+            return;
+        }
         let part = |i: usize| Bind::from(layers[i.min(layers.len() - 1)]);
         draw.bind(&self.layer, &[part(0), (&scenery.picture.output.exposure).into(), part(1), part(2)]);
         let ([low, high], tonemap) = (scenery.scale, scenery.look.tonemap as u32);
         let parts = layers.len() as u32;
         draw.push(&LayerPush { how, tonemap, left, top, parts, low, high, depth: distance_by_depth(&scenery.view) });
         draw.area([left, top, width, height]);
-        draw.clip([left + from, top, width - from, height]);
+        draw.clip([left + from, top, to - from, height]);
         draw.draw(3);
         draw.area([0, 0, self.image.width, self.image.height]);
     }

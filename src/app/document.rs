@@ -408,6 +408,8 @@ impl Document {
         for frame in frames {
             let stages: Vec<_> =
                 frame.stages().iter().map(|stage| (stage.name, stage.gpu_ms.unwrap_or(stage.cpu_ms))).collect();
+            // Frames of a comparison are not the window's, and one that draws nothing but panels tells nothing.
+            let Some((_, window)) = stages.iter().find(|(name, _)| *name == "window").copied() else { continue };
             if stages.len() < 2 {
                 continue;
             }
@@ -415,7 +417,6 @@ impl Document {
                 self.history.pop_front();
             }
             let ms: f64 = stages.iter().map(|(_, ms)| ms).sum();
-            let window = stages.iter().find(|(name, _)| *name == "window").map_or(0.0, |(_, ms)| *ms);
             log::debug!("frame {}: {ms:.1} ms, {window:.1} ms of them for the window", frame.number);
             self.history.push_back(Timed { ms, stages });
         }

@@ -11,6 +11,7 @@ mod pixel;
 mod recent;
 mod reference;
 mod session;
+mod side;
 mod watch;
 mod window;
 

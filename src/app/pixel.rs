@@ -32,10 +32,11 @@ impl Pixel {
         };
         let (size, surface) = (picture.size(), &picture.surface);
         let at = [0, 1].map(|i| ((at[i].max(0.0) * size[i] as f32) as u32).min(size[i].saturating_sub(1)));
-        let index = (at[1] * size[0] + at[0]) as usize;
+        if picture.is_empty() {
+            return Ok(None);
+        }
         let float = |image: &Image| -> Result<DVec3> {
-            let texels: Vec<[f32; 4]> = gpu.read_image(image)?;
-            Ok(DVec3::from_slice(&texels[index].map(f64::from)))
+            Ok(DVec3::from_slice(&gpu.read_texel::<[f32; 4]>(image, at)?.map(f64::from)))
         };
         let mut light = vec![("direct", float(&surface.radiance)?)];
         if let Some(indirect) = &picture.indirect {
@@ -45,13 +46,13 @@ impl Pixel {
             }
         }
         light.push(("in all", light.iter().map(|(_, light)| light).sum()));
-        let albedo: Vec<[u16; 4]> = gpu.read_image(&surface.albedo)?;
-        let depth: Vec<f32> = gpu.read_image(&surface.depth)?;
+        let albedo = gpu.read_texel::<[u16; 4]>(&surface.albedo, at)?;
+        let depth = gpu.read_texel::<f32>(&surface.depth, at)?;
         let middle = [0, 1].map(|i| (at[i] as f32 + 0.5) / size[i] as f32);
-        let place = point_at(&view, middle, depth[index]).map(|point| point + engine.world().origin);
+        let place = point_at(&view, middle, depth).map(|point| point + engine.world().origin);
         let eye = document.camera().map(|camera| camera.world_from_camera.translation);
         let element = match &surface.element {
-            Some(element) if place.is_some() => gpu.read_image::<[u32; 2]>(element)?.get(index).copied(),
+            Some(element) if place.is_some() => Some(gpu.read_texel::<[u32; 2]>(element, at)?),
             _ => None,
         };
         let shown = element.and_then(|[draw, _]| engine.world().drawn(draw));
@@ -61,7 +62,7 @@ impl Pixel {
             place: place.map(|place| (place, eye.map_or(0.0, |eye| eye.distance(place)))),
             normal: float(&surface.normal)?,
             light,
-            albedo: DVec3::from_slice(&albedo[index].map(|h| f16::from_bits(h).to_f64())),
+            albedo: DVec3::from_slice(&albedo.map(|h| f16::from_bits(h).to_f64())),
             instance: shown.map(|(instance, _)| (instance, scene.instances[instance].name.clone())),
             material: shown.map(|(_, material)| (material, scene.materials[material].name.clone())),
         }))

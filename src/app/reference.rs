@@ -1,11 +1,17 @@
-//! Where a reference comes from that is made in the background: the path tracer, coarse first, then pass after pass.
+//! Where references come from: the path tracer in the background, coarse first, then pass after pass; brute force on the device, a few
+//! rows with each frame.
 
 use super::background::{Rest, alone};
+use super::compare::{Now, radiance};
+use anyhow::Result;
+use lightskin::frame::{Light, Look, Picture, Settings, record_rows};
+use lightskin::gpu::Gpu;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::{Camera, Scene};
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
 
 /// How many times smaller than the picture the first passes are.
 const COARSE: [u32; 3] = [8, 4, 2];
@@ -114,4 +120,51 @@ fn sum(trace: &PathTrace<'_>) -> Vec<[f32; 3]> {
 fn enlarged(rgb: &[[f32; 3]], [small, _]: [u32; 2], [width, height]: [u32; 2], by: u32) -> Vec<[f32; 3]> {
     let at = |x: u32, y: u32| rgb[(y / by * small + x / by) as usize];
     (0..height).flat_map(|y| (0..width).map(move |x| at(x, y))).collect()
+}
+
+/// How long a part of a brute force may hold up the window.
+const PART: Duration = Duration::from_millis(40);
+
+/// A brute force under way: the present view by other settings.
+pub(super) struct BruteForce {
+    light: Light,
+    picture: Picture,
+    /// The first row that is missing, and how many come with the next frame.
+    next: u32,
+    rows: u32,
+}
+
+impl BruteForce {
+    pub(super) fn new(gpu: &Gpu, now: &Now<'_>, settings: &Settings) -> Result<Self> {
+        let world = now.engine.world();
+        let light = Light::new(gpu, now.engine.scene(), world, settings, 1)?;
+        let picture = Picture::new(gpu, world, &light, now.picture.size())?;
+        Ok(Self { light, picture, next: 0, rows: 1 })
+    }
+
+    /// How far it is, from 0 to 1.
+    pub(super) fn progress(&self) -> f32 {
+        self.next as f32 / self.picture.size()[1].max(1) as f32
+    }
+
+    /// Lights a few rows more, as many as fit the time; comes back with the radiance once all are lit.
+    pub(super) fn step(
+        &mut self,
+        gpu: &Gpu,
+        now: &Now<'_>,
+        problems: &mut Vec<String>,
+    ) -> Result<Option<Vec<[f32; 3]>>> {
+        let Self { light, picture, next, rows } = self;
+        let (begin, end) = (Instant::now(), next.saturating_add(*rows));
+        let frame = gpu.frame(|cmd| {
+            record_rows(cmd, now.engine.world(), light, &mut [(now.view, picture)], &Look::default(), *next..end);
+            Ok(())
+        })?;
+        gpu.wait()?;
+        problems.extend(frame.problems);
+        let faster = PART.as_secs_f64() / begin.elapsed().as_secs_f64().max(1e-4);
+        *rows = ((f64::from(*rows) * faster.clamp(0.25, 4.0)) as u32).max(1);
+        *next = end;
+        if end < picture.size()[1] { Ok(None) } else { radiance(gpu, picture).map(Some) }
+    }
 }

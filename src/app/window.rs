@@ -1,5 +1,6 @@
 //! The open window: its images, its panels, and one frame of it.
 
+use super::background::alone;
 use super::canvas::{Canvas, Scenery};
 use super::compare::{Compare, Now};
 use super::document::Document;
@@ -9,10 +10,9 @@ use super::pixel::Pixel;
 use super::session;
 use super::watch::EVERY;
 use crate::cli::check_messages;
-use crate::cli::view::{View as Args, print};
-use anyhow::{Context, Result};
+use crate::cli::view::{Taken, View as Args, print};
+use anyhow::{Context, Result, bail};
 use lightskin::gpu::{Gpu, Swapchain};
-use lightskin::image::is_exr;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -23,8 +23,11 @@ use winit::event_loop::ActiveEventLoop;
 use winit::raw_window_handle::HasDisplayHandle;
 use winit::window::Window;
 
+/// Pictures that are written at a time: each is in memory as a whole.
+const MOST_WRITTEN: usize = 4;
+
 /// Frames between two lines of the log that say what the device holds.
-const COUNTED: u64 = 100;
+const COUNTED: u64 = 50;
 
 /// How often the progress of a job is looked at.
 const POLL: Duration = Duration::from_millis(100);
@@ -52,6 +55,8 @@ pub(super) struct Open {
     next: Option<Instant>,
     /// What is asked of the next picture: what is asked before it changes it.
     waiting: Vec<Wish>,
+    /// Pictures that are being written.
+    writing: Vec<(PathBuf, JoinHandle<()>)>,
     /// The desktop's dialog, while it is open.
     dialog: Option<JoinHandle<Option<PathBuf>>>,
     closed: bool,
@@ -94,6 +99,7 @@ impl Open {
             last: Instant::now(),
             next: None,
             waiting: Vec::new(),
+            writing: Vec::new(),
             dialog: None,
             closed: false,
         })
@@ -114,7 +120,9 @@ impl Open {
 
     /// Closes it, and says what has gone wrong unseen.
     pub(super) fn close(self) -> Result<()> {
-        let Self { document, compare, canvas, swapchain, gpu, mut problems, .. } = self;
+        let Self { document, compare, canvas, swapchain, gpu, mut problems, writing, .. } = self;
+        // What was asked for is written.
+        writing.into_iter().for_each(|(_, thread)| drop(thread.join()));
         problems.extend_from_slice(&compare.problems);
         drop((document, compare, canvas, swapchain));
         gpu.wait()?;
@@ -134,7 +142,7 @@ impl Open {
         for wish in wishes {
             let name = format!("{wish:?}");
             self.grant(wish);
-            note(&name, begin.elapsed(), Duration::ZERO);
+            note(&name, begin.elapsed(), [Duration::ZERO; 2]);
         }
         if changes || answer.is_none_or(|answer| answer.repaint) || matches!(event, WindowEvent::Resized(_)) {
             self.redraw();
@@ -210,7 +218,7 @@ impl Open {
                 let size = PhysicalSize::new(picture[0] + around[0], picture[1] + around[1]);
                 let _ = self.window.request_inner_size(size);
             }
-            Wish::Drop(file) if Compare::is_picture(&file) || (self.compare.shown && is_exr(&file)) => {
+            Wish::Drop(file) if self.compare.takes(&file) => {
                 self.compare.open(&file);
             }
             Wish::Drop(file) if session::is_session(&file) => {
@@ -240,18 +248,29 @@ impl Open {
         Ok(())
     }
 
-    /// Writes the picture, without panels, under the first free name; with this ending.
-    fn save(&self, ending: &str) -> Result<()> {
+    /// Writes the picture, without panels, under the first free name; with this ending. Reads it here, the rest a thread does.
+    fn save(&mut self, ending: &str) -> Result<()> {
         let (Some(picture), Some(scene)) = (&self.document.picture, self.document.scene()) else { return Ok(()) };
+        self.writing.retain(|(_, thread)| !thread.is_finished());
+        if self.writing.len() >= MOST_WRITTEN {
+            bail!("{MOST_WRITTEN} pictures are still being written; ask again in a moment");
+        }
         let named = |n: u32| PathBuf::from(format!("{}-{n}.{ending}", scene.name));
-        let free = |n: &u32| !named(*n).exists();
+        let free = |n: &u32| !named(*n).exists() && self.writing.iter().all(|(path, _)| *path != named(*n));
         let number = (1..10_000).find(free).context("there are 9999 pictures here already; move them away")?;
-        let (path, look) = (named(number), &self.document.look);
+        let path = named(number);
         let view = self.document.drawn.context("no frame yet")?;
         let about = format!("scene {}; {}", scene.name, self.document.command().unwrap_or_default());
-        crate::cli::view::write_picture(&self.gpu, picture, &view, look, &about, &path)?;
-        print(&format!("picture   {}", path.display()));
-        log::warn!("wrote {}", path.display());
+        let taken = Taken::of(&self.gpu, picture, &view, &self.document.look, &path)?;
+        let of_thread = path.clone();
+        let write = move || match alone(|| taken.write(&about, &of_thread)) {
+            Ok(()) => {
+                print(&format!("picture   {}", of_thread.display()));
+                log::warn!("wrote {}", of_thread.display());
+            }
+            Err(error) => log::error!("{error:#}"),
+        };
+        self.writing.push((path, std::thread::spawn(write)));
         Ok(())
     }
 
@@ -286,11 +305,13 @@ impl Open {
             self.grant(Wish::Drop(file));
         }
         self.document.watch();
+        let polled = Instant::now();
         if self.document.poll(&self.gpu)?
             && let Some(scene) = self.document.scene()
         {
             self.window.set_title(&format!("{} - lightskin", scene.name));
         }
+        let mut making = polled.elapsed();
         self.input.fly(past, &mut self.document);
         if self.document.clip.playing {
             self.document.clip.time += past * self.document.clip.speed;
@@ -320,7 +341,9 @@ impl Open {
 
         self.canvas_size = size;
         self.canvas.fit(&self.gpu, size)?;
+        let begin = Instant::now();
         self.document.fit(&self.gpu, self.place.1)?;
+        making += begin.elapsed();
         let primitives = context.tessellate(output.shapes, scale);
         self.canvas.take(&self.gpu, &primitives, output.textures_delta, scale)?;
         let view = self.document.view();
@@ -368,7 +391,7 @@ impl Open {
         let seen = self.swapchain.show(&self.canvas.image)?;
         in_frame += begin.elapsed();
         self.frames += 1;
-        note("draw", now.elapsed(), in_frame);
+        note("draw", now.elapsed(), [in_frame, making]);
         if self.frames.is_multiple_of(COUNTED) {
             log::debug!("after {} frames {:?}", self.frames, self.gpu.counters());
         }
@@ -388,11 +411,11 @@ impl Open {
 
     /// Brings the comparison on; says whether there is something new to show.
     fn compare(&mut self) -> bool {
-        let Document { engine, picture, drawn, edits, clip, .. } = &self.document;
+        let Document { engine, picture, drawn, edits, clip, look, .. } = &self.document;
         let (Some(engine), Some(picture), Some(view)) = (engine, picture, *drawn) else { return false };
         let Some(camera) = self.document.camera() else { return false };
         let busy = clip.playing || self.document.progress().is_some() || self.input.flies();
-        let now = Now { engine, picture, view, camera, edits: *edits, busy };
+        let now = Now { engine, picture, view, camera, look: *look, edits: *edits, busy };
         let drew = !engine.light().skipped().contains(&"composite");
         let before = self.compare.version();
         let stepped = self.compare.step(&self.gpu, &now, drew);
@@ -405,14 +428,15 @@ impl Open {
         if let Some(size) = size.filter(|size| *size != picture.size()) {
             self.grant(Wish::Size(size));
         }
-        self.compare.version() != before
+        self.compare.version() != before || self.compare.hurries()
     }
 }
 
-/// Says in the log how long events had to wait for this, and how much of that was the frame itself.
-fn note(what: &str, held: Duration, in_frame: Duration) {
-    let [held, in_frame] = [held, in_frame].map(|time| time.as_secs_f64() * 1e3);
-    log::debug!("{what} held input for {held:.1} ms, {in_frame:.1} ms of them in the frame");
+/// Says in the log how long events had to wait for this, and how much of that was the frame itself, and before it the
+/// making of scenes, pipelines and images that it takes.
+fn note(what: &str, held: Duration, [in_frame, making]: [Duration; 2]) {
+    let [held, in_frame, making] = [held, in_frame, making].map(|time| time.as_secs_f64() * 1e3);
+    log::debug!("{what} held input for {held:.1} ms, {in_frame:.1} ms of them in the frame, {making:.1} ms before it");
 }
 
 /// Asks the desktop for a file. Without a portal there is none, and the log says so.
@@ -437,10 +461,12 @@ fn is_input(event: &WindowEvent) -> bool {
 /// How far from the eye what a place of the picture shows is [m], and where; places are from 0 at the top left to 1.
 fn depth_at(gpu: &Gpu, document: &Document, at: [f32; 2]) -> Option<(f64, glam::DVec3)> {
     let (view, picture, engine) = (document.drawn?, document.picture.as_ref()?, document.engine.as_ref()?);
-    let [width, height] = picture.size();
-    let depth: Vec<f32> = gpu.read_image(&picture.surface.depth).ok()?;
-    let pixel = |at: f32, most: u32| ((at * most as f32) as u32).min(most - 1) as usize;
-    let (x, y) = (pixel(at[0], width), pixel(at[1], height));
-    let point = super::camera::point_at(&view, at, *depth.get(y * width as usize + x)?)? + engine.world().origin;
+    if picture.is_empty() {
+        return None;
+    }
+    let size = picture.size();
+    let pixel = [0, 1].map(|i| ((at[i].max(0.0) * size[i] as f32) as u32).min(size[i] - 1));
+    let depth = gpu.read_texel::<f32>(&picture.surface.depth, pixel).ok()?;
+    let point = super::camera::point_at(&view, at, depth)? + engine.world().origin;
     Some((point.distance(document.camera()?.world_from_camera.translation), point))
 }

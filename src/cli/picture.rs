@@ -355,12 +355,7 @@ impl Read {
 }
 
 /// Share of each pixel that shows surfaces, and what the backdrop adds to direct radiance.
-fn backdrop(
-    width: usize,
-    edges: Option<&ReadEdges>,
-    direct: &[[f32; 4]],
-    depth: &[f32],
-) -> (Vec<f32>, Vec<[f32; 4]>) {
+fn backdrop(width: usize, edges: Option<&ReadEdges>, direct: &[[f32; 4]], depth: &[f32]) -> (Vec<f32>, Vec<[f32; 4]>) {
     let of_one = |(depth, direct): (&f32, &[f32; 4])| if *depth > 0.0 { (1.0, [0.0; 4]) } else { (0.0, *direct) };
     let Some(edges) = edges else { return depth.iter().zip(direct).map(of_one).unzip() };
     let pixel = |i: usize| {

@@ -1,6 +1,7 @@
 //! A window of the program as a user meets it: real keys and buttons through a display of its own.
 
 use crate::cli::keeping;
+use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::os::fd::AsRawFd;
 use std::path::{Path, PathBuf};
@@ -230,6 +231,48 @@ impl App {
         self.x.configure_window(self.window, &size).expect("a size").check().expect("a size");
     }
 
+    /// Takes the window off the screen for a moment, as minimising does.
+    pub(crate) fn minimise(&self) {
+        self.x.unmap_window(self.window).expect("a request").check().expect("a window");
+        std::thread::sleep(Duration::from_millis(200));
+        self.x.map_window(self.window).expect("a request").check().expect("a window");
+        self.x.set_input_focus(InputFocus::PARENT, self.window, 0_u32).expect("focus");
+        self.sync();
+    }
+
+    /// How long input had to wait for what has been done so far, beyond the frames themselves [ms], and for what. Takes `-vv`.
+    pub(crate) fn held(&self) -> Vec<(f64, String)> {
+        let one = |line: String| {
+            let (_, times) = line.split_once(" held input for ")?;
+            let mut times = times.split_whitespace().filter_map(|word| word.parse::<f64>().ok());
+            Some((times.next()? - times.next()?, line.clone()))
+        };
+        self.told(" held input for ").into_iter().filter_map(one).collect()
+    }
+
+    /// Draws so many frames more by flying to and fro; comes back with what the device holds by name, before and
+    /// after; before with the memory that the process has [MiB].
+    /// Takes `-vv`.
+    pub(crate) fn fly(&self, frames: u64) -> [BTreeMap<String, u64>; 2] {
+        let counted = || self.told(" Counters { ").pop().map_or_else(BTreeMap::new, |line| counters(&line));
+        let begin = |count: &BTreeMap<String, u64>| count.get("frames").copied().unwrap_or(0);
+        let (start, mut before) = (Instant::now(), None);
+        for key in ["W", "S"].into_iter().cycle() {
+            self.hold(key, true);
+            std::thread::sleep(Duration::from_millis(300));
+            self.hold(key, false);
+            let now = counted();
+            // The first fifty frames make what there is to be made.
+            if before.is_none() && begin(&now) > 0 {
+                before = Some(now.into_iter().chain([("memory".to_owned(), self.memory())]).collect());
+            } else if let Some(before) = before.clone().filter(|before| begin(&now) >= begin(before) + frames) {
+                return [before, now];
+            }
+            assert!(start.elapsed() < PATIENCE * 5, "{frames} frames take too long");
+        }
+        unreachable!("keys go round for ever")
+    }
+
     /// The next line of standard output that begins so.
     pub(crate) fn line(&mut self, begin: &str) -> String {
         let start = Instant::now();
@@ -387,6 +430,15 @@ impl Drop for App {
         let _ = self.process.kill();
         let _ = self.process.wait();
     }
+}
+
+/// Names and numbers of a line that says what the device holds after how many frames.
+fn counters(line: &str) -> BTreeMap<String, u64> {
+    let (frames, held) = line.split_once(" Counters { ").expect("counters");
+    let frames = frames.split_whitespace().rev().nth(1).expect("a number").parse().expect("a number");
+    let pairs = held.trim_end_matches([' ', '}']).split(", ").filter_map(|pair| pair.split_once(": "));
+    let counted = pairs.map(|(name, count)| (name.to_owned(), count.parse().expect("a number")));
+    counted.chain([("frames".to_owned(), frames)]).collect()
 }
 
 /// Size and RGB of a PNG file.

@@ -1,8 +1,9 @@
 //! What the picture is held against: controls, and what stands over the picture.
 
 use super::{choose, row, rows};
-use crate::app::compare::{Against, Compare, Map};
+use crate::app::compare::{Compare, Map};
 use crate::app::input::Wish;
+use crate::app::side::Source;
 use egui::{Color32, CursorIcon, Id, Rect, RichText, Sense, Slider, Stroke, Ui};
 
 /// Width of what drags the wipe [points].
@@ -22,35 +23,42 @@ pub(super) fn section(ui: &mut Ui, compare: &mut Compare, wishes: &mut Vec<Wish>
 
 fn controls(ui: &mut Ui, compare: &mut Compare, wishes: &mut Vec<Wish>) {
     rows(ui, "compare", |ui| {
-        let help = "Shows the reference of this view in the place of the picture. Space does the same.";
+        let help = "Shows two pictures of this view side by side. Space does the same.";
         row(ui, "Reference", help, |ui| ui.checkbox(&mut compare.shown, "shown (Space)"));
-        let kinds = [
-            (Against::PathTrace, "path tracer"),
-            (Against::SameBounces, "same bounces, traced"),
-            (Against::BruteForce, "brute force"),
-            (Against::File, "a file"),
+        let sources = [
+            (Source::Lightskin, "lightskin"),
+            (Source::PathTrace, "path tracer"),
+            (Source::SameBounces, "same bounces, traced"),
+            (Source::BruteForce, "brute force"),
+            (Source::File, "a file"),
         ];
-        let help = "What the picture is held against. The path tracer follows all light there is; with the same bounces it \
-                    follows what the caches do. It works on one thread and rests while you move something. Brute force \
-                    lights every pixel by every virtual light, without shadows: one slow frame. A file is a PNG dropped \
-                    here, or an EXR dropped while the reference shows.";
-        row(ui, "Against", help, |ui| choose(ui, "against", &mut compare.against, &kinds));
-        let help =
-            "How much of the picture, from the left, stays lightskin's. The line over the picture can be dragged, too.";
+        let [left, right] = &mut compare.sides;
+        let help = "What is on the left of the wipe and is measured. The path tracer follows all light there is; with the same \
+                    bounces it follows what the caches do. It works on one thread and rests while you move something. Brute \
+                    force lights every pixel by every virtual light, without shadows, some rows with each frame. A file is a \
+                    PNG dropped here, or an EXR dropped while the reference shows.";
+        row(ui, "Left", help, |ui| choose(ui, "left", &mut left.source, &sources));
+        let help = "What is on the right of the wipe: the reference. The left picture is measured against it. A file that is \
+                    dropped comes here, unless the left side waits for one.";
+        row(ui, "Right", help, |ui| choose(ui, "right", &mut right.source, &sources));
+        let help = "How much of the width the left picture has. The line over the picture can be dragged, too.";
         row(ui, "Wipe", help, |ui| {
             let mut percent = 100.0 * compare.wipe;
             let response = ui.add(Slider::new(&mut percent, 0.0..=100.0).suffix(" %").max_decimals(0));
             compare.wipe = percent / 100.0;
             response
         });
-        let maps =
-            [(Map::Reference, "the reference"), (Map::Flip, "map of FLIP"), (Map::Relmse, "map of relative squares")];
-        let help = "What stands beside the wipe: the reference, or a map of how far the picture is from it. FLIP is what an \
+        let maps = [
+            (Map::Reference, "the right picture"),
+            (Map::Flip, "map of FLIP"),
+            (Map::Relmse, "map of relative squares"),
+        ];
+        let help = "What stands on the right of the wipe: the right picture, or a map of how far the left one is from it. FLIP is what an \
                     eye sees when flipping between both. Black is no error.";
         row(ui, "Show", help, |ui| choose(ui, "map", &mut compare.map, &maps));
     });
     let help = "FLIP is the mean of what an eye sees, from 0 to 1. relMSE is the mean relative squared error. Bias is how \
-                much brighter the picture is than the reference. `lightskin compare` says the same of two files.";
+                much brighter the left picture is than the right one. `lightskin compare` says the same of two files.";
     ui.label(numbers(compare)).on_hover_text(help);
     if let Some(size) = compare.file_size() {
         let text = format!("Size of the file, {} x {}", size[0], size[1]);
