@@ -82,6 +82,10 @@ fn a_monkey_breaks_nothing() {
             app.line("scene");
             app.resize(480, 600);
             app.command();
+            // Hidden panels leave the picture their place.
+            if app.command().contains("480x600") {
+                app.press("Tab");
+            }
             std::thread::sleep(Duration::from_secs(2));
             app.command();
             let held = app.told(" Counters { ").pop().unwrap_or_default();
@@ -93,11 +97,10 @@ fn a_monkey_breaks_nothing() {
     }
     let beyond = app.held().into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
     println!("{steps} steps, longest answer {:.1} s; longest beyond a frame {beyond:?} ms", most.as_secs_f64());
-    // Pipelines of all kinds and pools of all sizes are there after a while.
-    let [first, last] =
-        [&measured[MEASURED as usize / 4..][..2], &measured[measured.len() - 2..]].map(|m| m.iter().min());
-    let (first, last) = (*first.expect("measured"), *last.expect("measured"));
-    assert!(last < first + first / 5, "memory at rest grows: {measured:?} MiB");
+    let least = |part: &[u64]| part.iter().min().copied().expect("measured");
+    let (first, second) = measured.split_at(measured.len() / 2);
+    let grown = least(second) as f64 / least(first) as f64;
+    assert!(grown < 1.2, "memory at rest grows: {measured:?} MiB");
     app.quit();
 }
 

@@ -2,6 +2,7 @@
 
 use crate::cli::{folder, works};
 use crate::common::window::{App, Display, SMALL, cornell, png};
+use crate::common::{Builder, glb};
 use lightskin::image::read_picture;
 use serde_json::{Value, json};
 use std::fs;
@@ -205,6 +206,39 @@ fn files_and_sessions_come_back() {
     app.line("scene");
     app.command();
     assert_eq!(png(&folder.join(app.picture())).1, changed, "in a new window");
+    app.quit();
+}
+
+/// Shift+P writes the frames that `render --frames` writes, then the scene rests as before.
+#[test]
+fn a_video_is_renders_frames() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_video");
+    let mut file = Builder::triangle();
+    let times = file.floats("SCALAR", &[0.0, 0.09]);
+    (file.json["accessors"][times]["min"], file.json["accessors"][times]["max"]) = (json!([0.0]), json!([0.09]));
+    let places = file.floats("VEC3", &[0.0, 0.0, 0.0, 0.4, 0.3, 0.0]);
+    file.json["animations"] = json!([{
+        "samplers": [{"input": times, "output": places}],
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+    }]);
+    fs::write(folder.join("moves.glb"), glb(&file.json, &file.binary)).expect("a scene");
+    let same = ["--size", "64x48", "--ev", "4", "--caches", "150", "--quality", "low", "--validation", "sync"];
+    let mut app = App::start(&display, &folder, &[&["view", "moves.glb", "--no-panels"], &same[..]].concat());
+    app.line("scene");
+    let rests = png(&folder.join(app.picture())).1;
+    app.hold("Shift", true);
+    app.press("P");
+    app.hold("Shift", false);
+    let told = app.line("video");
+    assert!(told.ends_with("moves-video-1: 3 pictures"), "{told}");
+    works(&folder, &[&["render", "moves.glb", "-o", "{frame:05}.png", "--frames", "0..3"], &same[..]].concat());
+    let frame = |from: &str, n: u32| png(&folder.join(from).join(format!("{n:05}.png"))).1;
+    for n in 0..3 {
+        assert!(frame("moves-video-1", n) == frame(".", n), "frame {n}");
+    }
+    assert!(frame(".", 0) != frame(".", 2), "something moves");
+    assert_eq!(png(&folder.join(app.picture())).1, rests);
     app.quit();
 }
 

@@ -6,6 +6,7 @@ use super::canvas::Shown;
 use super::pixel::Pixel;
 use super::recent;
 use super::session::{self, Session};
+use super::video::Video;
 use super::watch::Watch;
 use crate::cli::thousands;
 use crate::cli::view::{Now, View as Args, print};
@@ -76,6 +77,8 @@ pub(super) struct Document {
     pub(super) seen: Seen,
     pub(super) bookmarks: [Option<Seen>; 9],
     pub(super) clip: Clip,
+    /// The video that is being written.
+    pub(super) video: Option<Video>,
     /// The lights as the panel has them: with their intensity, also where they are off.
     pub(super) lights: Vec<(Light, bool)>,
     /// Caches of the whole scene.
@@ -115,6 +118,7 @@ impl Document {
             seen: Seen::OfScene(0),
             bookmarks: [None; 9],
             clip: Clip { animation: None, time: 0.0, playing: false, speed: 1.0 },
+            video: None,
             lights: Vec::new(),
             caches: 0,
             history: VecDeque::new(),
@@ -234,7 +238,7 @@ impl Document {
             Some(engine) => engine.load(gpu, loaded)?,
         }
         self.edits += 1;
-        self.pixel = None;
+        (self.pixel, self.video) = (None, None);
         // Under another sky, or with other caches, it is the same scene.
         let same = anew && same_scene;
         (self.args, self.settings, self.caches) = (args, settings, count);

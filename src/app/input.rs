@@ -49,6 +49,8 @@ pub(super) enum Wish {
     Ask,
     /// Write the session.
     SaveSession,
+    /// Write the animation at so many frames a second, or end that.
+    Video(f64),
     /// Open a file.
     Drop(PathBuf),
 }
@@ -196,6 +198,7 @@ impl Input {
             KeyCode::F12 if self.modifiers.shift_key() => Some(Wish::SaveLayers),
             KeyCode::F12 => Some(Wish::Save),
             KeyCode::Space if !control => Some(Wish::Reference),
+            KeyCode::KeyP if self.modifiers.shift_key() => Some(Wish::Video(super::video::FPS)),
             KeyCode::KeyP if !control => Some(Wish::Play),
             _ => digit.map(|index| if control { Wish::Keep(index) } else { Wish::Recall(index) }),
         }

@@ -12,6 +12,7 @@ mod recent;
 mod reference;
 mod session;
 mod side;
+mod video;
 mod watch;
 mod window;
 
@@ -34,6 +35,7 @@ struct App<'a> {
 
 /// Shows a window until it is closed.
 pub(crate) fn run(args: &View) -> Result<()> {
+    lightskin::gpu::give_memory_back();
     let events = EventLoop::new().map_err(|error| {
         anyhow!("no display for a window ({error}); `lightskin render` writes pictures without one")
     })?;

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 pub(super) const WIDTH: f32 = 320.0;
 
 /// Keys, and what they do.
-const KEYS: [(&str, &str); 21] = [
+const KEYS: [(&str, &str); 22] = [
     ("left drag", "turn around the target"),
     ("right drag", "look around"),
     ("middle drag", "move sideways"),
@@ -37,6 +37,7 @@ const KEYS: [(&str, &str); 21] = [
     ("1 to 9", "camera of the scene, or one kept"),
     ("Ctrl+1 to 9", "keep this camera"),
     ("P", "play the animation, or stop it"),
+    ("Shift+P", "write the animation as PNG files, or stop that"),
     ("Tab, H", "show or hide the panels"),
     ("Ctrl+Shift+C", "copy the command line for this picture"),
     ("Space", "show the reference of this view, or hide it"),
@@ -58,6 +59,8 @@ pub(super) struct State {
     pub(super) keys: bool,
     /// Caches that are being dialled.
     caches: Option<u32>,
+    /// Frames of a video in a second.
+    fps: f64,
     /// What is typed to be opened.
     path: String,
     recent: Vec<PathBuf>,
@@ -113,7 +116,15 @@ fn choose<T: Copy + PartialEq>(ui: &mut Ui, id: &str, value: &mut T, all: &[(T, 
 impl State {
     pub(super) fn new(visible: bool) -> Self {
         let hint = (visible && recent::is_first()).then(|| Instant::now() + HINT);
-        Self { visible, keys: false, caches: None, path: String::new(), recent: recent::all(), hint }
+        Self {
+            visible,
+            keys: false,
+            caches: None,
+            fps: super::video::FPS,
+            path: String::new(),
+            recent: recent::all(),
+            hint,
+        }
     }
 
     /// Shows the panels; what they ask for beyond the document comes back.
@@ -131,7 +142,7 @@ impl State {
                     compare::section(ui, compare, &mut wishes);
                     debug::pixel(ui, document);
                     section(ui, "Materials", false, |ui| materials::show(ui, document, gpu));
-                    section(ui, "Animation", false, |ui| animation(ui, document, gpu));
+                    section(ui, "Animation", false, |ui| self.animation(ui, document, gpu, &mut wishes));
                     section(ui, "Scene", false, |ui| scene(ui, document, gpu));
                     section(ui, "Timings", true, |ui| timings::show(ui, document));
                     section(ui, "Files", false, |ui| self.files(ui, document, &mut wishes));
@@ -174,6 +185,30 @@ impl State {
                     ui.label("F1 lists all keys; each control says what it does when you rest on it.");
                 });
             });
+    }
+
+    fn animation(&mut self, ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish>) {
+        if let Some(video) = &document.video {
+            let (done, what) = video.progress();
+            progress(ui, done, &what);
+            if ui.button("Stop").on_hover_text("Keeps the pictures that are written.").clicked() {
+                wishes.push(Wish::Video(self.fps));
+            }
+            return;
+        }
+        animation(ui, document, gpu);
+        if document.scene().is_none_or(|scene| scene.animations().next().is_none()) {
+            return;
+        }
+        ui.horizontal(|ui| {
+            let help = "Writes the whole clip, frame by frame, as numbered PNG files to a folder of its own in the current one. \
+                        They are those of `lightskin render --frames`.";
+            if ui.button("Save video").on_hover_text(help).clicked() {
+                wishes.push(Wish::Video(self.fps));
+            }
+            let fps = DragValue::new(&mut self.fps).speed(0.1).range(1.0..=240.0).suffix(" frames/s");
+            ui.add(fps).on_hover_text("Frames of the video in a second.");
+        });
     }
 
     fn files(&mut self, ui: &mut Ui, document: &mut Document, wishes: &mut Vec<Wish>) {

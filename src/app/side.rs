@@ -216,12 +216,12 @@ impl Side {
         }
         if may && self.waits() && self.trace.is_none() {
             self.begin(gpu, now, key, rest)?;
-        } else if let Some(brute_force) = self.brute_force.as_mut().filter(|_| may) {
-            if let Some(rgb) = brute_force.step(gpu, now, problems)? {
-                let (size, values) = (now.picture.size(), Values::Radiance);
-                self.brute_force = None;
-                self.take(gpu, Arc::new(Reference { size, rgb, values, coarse: false, samples: None, noise: 0.0 }))?;
-            }
+        } else if let Some(brute_force) = self.brute_force.as_mut().filter(|_| may)
+            && let Some(rgb) = brute_force.step(gpu, now, problems)?
+        {
+            let (size, values) = (now.picture.size(), Values::Radiance);
+            self.brute_force = None;
+            self.take(gpu, Arc::new(Reference { size, rgb, values, coarse: false, samples: None, noise: 0.0 }))?;
         }
         self.take_trace(gpu)?;
         Ok(size)

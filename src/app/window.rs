@@ -8,6 +8,7 @@ use super::input::{Input, Wish};
 use super::panel;
 use super::pixel::Pixel;
 use super::session;
+use super::video::Video;
 use super::watch::EVERY;
 use crate::cli::check_messages;
 use crate::cli::view::{Taken, View as Args, print};
@@ -235,6 +236,11 @@ impl Open {
                     log::error!("{error:#}");
                 }
             }
+            Wish::Video(fps) => {
+                if let Err(error) = self.film(fps) {
+                    log::error!("{error:#}");
+                }
+            }
             Wish::Drop(file) => document.open(document.args.with_file(&file), true),
         }
     }
@@ -248,30 +254,77 @@ impl Open {
         Ok(())
     }
 
-    /// Writes the picture, without panels, under the first free name; with this ending. Reads it here, the rest a thread does.
+    /// Writes the picture, without panels, under the first free name; with this ending.
     fn save(&mut self, ending: &str) -> Result<()> {
-        let (Some(picture), Some(scene)) = (&self.document.picture, self.document.scene()) else { return Ok(()) };
-        self.writing.retain(|(_, thread)| !thread.is_finished());
-        if self.writing.len() >= MOST_WRITTEN {
+        let Some(scene) = self.document.scene() else { return Ok(()) };
+        if !self.can_write() {
             bail!("{MOST_WRITTEN} pictures are still being written; ask again in a moment");
         }
         let named = |n: u32| PathBuf::from(format!("{}-{n}.{ending}", scene.name));
         let free = |n: &u32| !named(*n).exists() && self.writing.iter().all(|(path, _)| *path != named(*n));
         let number = (1..10_000).find(free).context("there are 9999 pictures here already; move them away")?;
-        let path = named(number);
+        self.write(named(number), true)
+    }
+
+    /// Whether one more picture may be written.
+    fn can_write(&self) -> bool {
+        self.writing.iter().filter(|(_, thread)| !thread.is_finished()).count() < MOST_WRITTEN
+    }
+
+    /// Writes the picture to a file: reads it here, the rest a thread does.
+    fn write(&mut self, path: PathBuf, tells: bool) -> Result<()> {
+        self.writing.retain(|(_, thread)| !thread.is_finished());
+        let (Some(picture), Some(scene)) = (&self.document.picture, self.document.scene()) else { return Ok(()) };
         let view = self.document.drawn.context("no frame yet")?;
         let about = format!("scene {}; {}", scene.name, self.document.command().unwrap_or_default());
         let taken = Taken::of(&self.gpu, picture, &view, &self.document.look, &path)?;
         let of_thread = path.clone();
         let write = move || match alone(|| taken.write(&about, &of_thread)) {
-            Ok(()) => {
+            Ok(()) if tells => {
                 print(&format!("picture   {}", of_thread.display()));
                 log::warn!("wrote {}", of_thread.display());
             }
+            Ok(()) => {}
             Err(error) => log::error!("{error:#}"),
         };
         self.writing.push((path, std::thread::spawn(write)));
         Ok(())
+    }
+
+    /// Begins a video, or ends the one that is being written.
+    fn film(&mut self, fps: f64) -> Result<()> {
+        match self.document.video.take() {
+            Some(video) => video.end(&mut self.document),
+            None => self.document.video = Some(Video::begin(&mut self.document, fps)?),
+        }
+        Ok(())
+    }
+
+    /// Poses the scene for the next frame of a video, if it can be written; says whether it has.
+    fn pose_for_video(&mut self) -> bool {
+        let moment = self.document.video.as_ref().and_then(Video::moment);
+        let moment = moment.filter(|_| self.can_write() && self.document.picture.is_some());
+        if let Some(moment) = moment {
+            self.document.clip.time = moment;
+            self.document.pose(&self.gpu);
+        }
+        moment.is_some()
+    }
+
+    /// Writes the frame of the video that was drawn, if one was, and ends a video that is complete.
+    fn film_frame(&mut self, drawn: bool) {
+        let file = self.document.video.as_mut().filter(|_| drawn).map(Video::file);
+        if let Some(Err(error)) = file.map(|file| self.write(file, false)) {
+            log::error!("{error:#}; the video ends here");
+            self.document.video = None;
+        }
+        let written = self.writing.iter().all(|(_, thread)| thread.is_finished());
+        if let Some(video) = self.document.video.take_if(|video| video.moment().is_none() && written) {
+            print(&format!("video     {}: {} pictures", video.folder.display(), video.count));
+            log::warn!("wrote {}", video.folder.display());
+            video.end(&mut self.document);
+            self.document.pose(&self.gpu);
+        }
     }
 
     /// Writes the session to its file, or under the first free name.
@@ -317,6 +370,8 @@ impl Open {
             self.document.clip.time += past * self.document.clip.speed;
             self.document.pose(&self.gpu);
         }
+
+        let filmed = self.pose_for_video();
 
         let input = self.egui.take_egui_input(&self.window);
         let context = self.egui.egui_ctx().clone();
@@ -375,6 +430,7 @@ impl Open {
         self.document.time(self.gpu.finished_times()?);
         let mut in_frame = begin.elapsed();
         self.document.drawn = view;
+        self.film_frame(filmed);
         for wish in std::mem::take(&mut self.waiting) {
             let done = match wish {
                 Wish::Copy => self.copy_command(),
@@ -397,8 +453,11 @@ impl Open {
         }
 
         let soon = output.viewport_output.get(&egui::ViewportId::ROOT).map_or(Duration::MAX, |v| v.repaint_delay);
-        let works = self.dialog.is_some() || self.document.progress().is_some() || self.compare.works();
-        let moves = self.document.clip.playing || self.input.flies();
+        let works = self.dialog.is_some()
+            || self.document.progress().is_some()
+            || self.compare.works()
+            || self.document.video.is_some();
+        let moves = self.document.clip.playing || self.input.flies() || filmed;
         let wait = match (moves, works || !seen) {
             (true, _) => Some(Duration::ZERO),
             (false, true) => Some(soon.min(POLL)),
@@ -414,7 +473,8 @@ impl Open {
         let Document { engine, picture, drawn, edits, clip, look, .. } = &self.document;
         let (Some(engine), Some(picture), Some(view)) = (engine, picture, *drawn) else { return false };
         let Some(camera) = self.document.camera() else { return false };
-        let busy = clip.playing || self.document.progress().is_some() || self.input.flies();
+        let busy =
+            clip.playing || self.document.video.is_some() || self.document.progress().is_some() || self.input.flies();
         let now = Now { engine, picture, view, camera, look: *look, edits: *edits, busy };
         let drew = !engine.light().skipped().contains(&"composite");
         let before = self.compare.version();

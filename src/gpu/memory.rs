@@ -56,3 +56,17 @@ impl Gpu {
         ))
     }
 }
+
+/// Has the C library give blocks of a MiB and more back to the system as soon as they are freed. Left to itself it keeps them for the
+/// thread that had them: a program with many short threads grows by tens of MiB with each. For a program that runs for
+/// hours, before its first thread; a library leaves that to its host. Does nothing but with glibc.
+#[cfg(feature = "app")]
+pub fn give_memory_back() {
+    #[cfg(all(target_os = "linux", target_env = "gnu"))]
+    {
+        /// Smallest block that is one of the system's \[bytes\].
+        const SMALLEST: i32 = 1 << 20;
+        // SAFETY: sets a number of the allocator, which locks itself.
+        unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, SMALLEST) };
+    }
+}

@@ -41,6 +41,8 @@ pub use frames::Frame;
 pub use hazards::Use;
 pub use image::{Extent, Image, ImageDesc};
 pub use instance::{DeviceReport, Needs, Validation, devices};
+#[cfg(feature = "app")]
+pub use memory::give_memory_back;
 pub use pipeline::Pipeline;
 pub(crate) use pipeline::shader;
 pub use raster::{Attribute, Blend, Cull, Depth, Raster, Shape, Stream};

@@ -1,0 +1,63 @@
+//! A video: the frames of an animation as numbered PNG files, in a folder of their own.
+
+use super::document::{Clip, Document};
+use anyhow::{Context, Result};
+use std::path::PathBuf;
+
+/// Frames in a second, unless others are asked for.
+pub(super) const FPS: f64 = 30.0;
+
+/// Most frames.
+const MOST: f64 = 100_000.0;
+
+/// A video that is being written.
+pub(super) struct Video {
+    pub(super) folder: PathBuf,
+    fps: f64,
+    /// The frame that comes next, and how many there are.
+    next: u32,
+    pub(super) count: u32,
+    /// How the animation was before.
+    before: Clip,
+}
+
+impl Video {
+    /// Makes the folder for the animation that is chosen, or the first one.
+    ///
+    /// # Errors
+    /// A scene without any, and a folder that cannot be made.
+    pub(super) fn begin(document: &mut Document, fps: f64) -> Result<Self> {
+        let before = document.clip;
+        let index = before.animation.unwrap_or(0);
+        let scene = document.scene().context("there is no scene yet")?;
+        let (_, _, end) = scene.animations().nth(index).context("nothing in this scene moves")?;
+        let count = (end * fps).ceil().clamp(1.0, MOST) as u32;
+        let named = |n: u32| PathBuf::from(format!("{}-video-{n}", scene.name));
+        let number = (1..10_000).find(|n| !named(*n).exists()).context("there are 9999 videos here already")?;
+        let folder = named(number);
+        std::fs::create_dir(&folder).with_context(|| folder.display().to_string())?;
+        document.clip = Clip { animation: Some(index), playing: false, ..before };
+        Ok(Self { folder, fps, next: 0, count, before })
+    }
+
+    /// The moment of the next frame [s]; none after the last.
+    pub(super) fn moment(&self) -> Option<f64> {
+        (self.next < self.count).then(|| f64::from(self.next) / self.fps)
+    }
+
+    /// The file of the next frame, which has been drawn.
+    pub(super) fn file(&mut self) -> PathBuf {
+        self.next += 1;
+        self.folder.join(format!("{:05}.png", self.next - 1))
+    }
+
+    /// How far it is, from 0 to 1, and in words.
+    pub(super) fn progress(&self) -> (f32, String) {
+        (self.next as f32 / self.count as f32, format!("video, {} of {}", self.next, self.count))
+    }
+
+    /// Lets the animation go on as before.
+    pub(super) fn end(self, document: &mut Document) {
+        document.clip = self.before;
+    }
+}
