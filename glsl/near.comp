@@ -13,6 +13,9 @@
 #include "lib/triangle.glsl"
 #include "lib/depth_image.glsl"
 #include "lib/directions.glsl"
+#ifdef GLOSSY
+#include "lib/lobe.glsl"
+#endif
 
 layout(local_size_x = 64) in;
 layout(constant_id = 4) const uint RAYS = 8; // of a pixel
@@ -25,10 +28,8 @@ layout(binding = 16, scalar) writeonly buffer Near { NearPixel near_pixels[]; };
 layout(constant_id = 6) const uint REFERENCES = 8;
 layout(constant_id = 7) const uint BY_CELLS = 0; // 1: references are those of cells
 layout(binding = 17, scalar) readonly buffer Radiances { uint radiances[]; }; // of each cache, by directions [cd/m^2]
-layout(binding = 18, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
-layout(binding = 19, scalar) readonly buffer Models { InstanceCaches instance_caches[]; };
-#define CELL_BINDINGS 20
-#include "lib/cells.glsl"
+#define REFERENCE_BINDINGS 18
+#include "lib/hit_caches.glsl"
 #ifdef GLOSSY
 layout(binding = 22) uniform sampler2D normal_image;
 layout(binding = 23) uniform sampler2D specular_image;
@@ -47,32 +48,6 @@ layout(binding = SKY_FIRST, scalar) readonly buffer Seen { SkySeen seen[]; }; //
 layout(binding = SKY_FIRST + 1, scalar) readonly buffer Open { uint open_parts[]; }; // of each cache by directions, of 4
 layout(binding = SKY_FIRST + 2, scalar) readonly buffer SkyDirections { vec3 sky_directions[]; }; // [cd/m^2]
 #endif
-
-// The nearest cache of each corner of an instance's triangle, or that of the cell which a point of it lies in; NO_REFERENCES
-// where there is none. Vertices are the mesh's.
-uvec3 nearest_caches(uint instance, uvec3 v, vec3 w) {
-    InstanceCaches model = instance_caches[instance];
-    if (model.reference_base == NO_REFERENCES) {
-        return uvec3(NO_REFERENCES);
-    }
-    uvec3 rows = v;
-    if (BY_CELLS != 0u) {
-        CellGrid grid = grids[model.grid];
-        vec3 at = vec3(0.0);
-        for (uint i = 0u; i < 3u; ++i) {
-            at += w[i] * (corner_vector(model.first_rest + v[i], 0u) - grid.centre);
-        }
-        rows = uvec3(row_at(grid, at));
-    }
-    uvec3 nearest = uvec3(NO_REFERENCES);
-    for (uint i = 0u; i < 3u; ++i) {
-        uint reference = rows[i] * REFERENCES;
-        uint pair = rows[i] == NO_REFERENCES ? 0xffffffffu : references[model.reference_base + reference / 2u];
-        uint index = (reference & 1u) == 0u ? pair & 0xffffu : pair >> 16;
-        nearest[i] = index == NO_CACHE ? NO_REFERENCES : model.cache_base + index;
-    }
-    return nearest;
-}
 
 // Radiance [cd/m^2] that arrives along a direction of what is far, by caches with these weights.
 vec3 far_radiance(uvec3 at, vec3 w, vec3 direction) {
@@ -138,13 +113,12 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
 }
 
 #ifdef GLOSSY
-// What of a direction's radiance a lobe takes, over how often such directions are chosen: by the cosine, and by the lobe.
-// Veach and Guibas 1995, balance heuristic.
-float lobe_share(vec3 direction, vec3 n, vec3 own, vec3 mirrored, float k) {
-    float power = cosine_power(max(dot(direction, mirrored), 0.0), k);
+// What of a direction's radiance a lobe takes, over how often such directions are chosen: by the cosine about the vertex normal,
+// and by a lobe. Veach and Guibas 1995, balance heuristic.
+float share_of(Lobe lobe, Lobe chosen, vec3 direction, vec3 n) {
     float by_cosine = float(RAYS) * max(dot(direction, n), 0.0) / PI;
-    float by_lobe = (k + 1.0) / (2.0 * PI) * power;
-    return (k + 2.0) / (2.0 * PI) * power * max(dot(direction, own), 0.0) / max(by_cosine + by_lobe, 1e-30);
+    float taken = lobe_weight(lobe, direction) * lobe_density(lobe, direction);
+    return taken / max(by_cosine + lobe_density(chosen, direction), 1e-30);
 }
 #endif
 
@@ -161,7 +135,8 @@ void main() {
     ivec2 size = textureSize(element_image, 0);
     ivec2 pixel = min(ivec2(at * EVERY), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
-    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), 0u, 0.0, 0.0, 0.0, 0.0);
+    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0,
+                                 0.0, 0.0);
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;
@@ -200,12 +175,15 @@ void main() {
     uvec3 around = nearest_caches(draw.instance, corners, w);
 #ifdef GLOSSY
     vec4 normal_coded = texelFetch(normal_image, pixel, 0);
-    vec3 own = normal_coded.xyz;
-    vec3 mirrored = lobe_axis(normal_coded.w, own, -towards_eye);
-    float k = fitted_exponent(normal_coded.w);
-    bool is_glossy = texelFetch(specular_image, pixel, 0).rgb != vec3(0.0);
+    vec3 specular = texelFetch(specular_image, pixel, 0).rgb;
+    bool is_glossy = specular != vec3(0.0);
+    Lobe lobe = lobe_of(specular, normal_coded.w, normal_coded.xyz, towards_eye);
     // Of wide lobes caches know what is far; narrow ones need rays without end.
-    float narrow = smoothstep(3.0, 5.0, log2(max(k, 1.0)));
+    float narrow = smoothstep(3.0, 5.0, log2(max(lobe.exponent, 1.0)));
+    Lobe wide = fitted_lobe_of(lobe);
+    if (narrow == 0.0) {
+        lobe = wide;
+    }
 #endif
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     found.open = 0.0;
@@ -237,7 +215,7 @@ void main() {
             found.irradiance += arrives;
         }
 #ifdef GLOSSY
-        float share = is_glossy ? (1.0 - narrow) * lobe_share(direction, n, own, mirrored, k) : 0.0;
+        float share = is_glossy ? (1.0 - narrow) * share_of(wide, lobe, direction, n) : 0.0;
         if (share > 0.0) {
             found.glossy += share * (hit.triangle == NO_HIT ? far : arrives);
 #ifdef SKY
@@ -251,21 +229,17 @@ void main() {
 #ifdef GLOSSY
     if (is_glossy) {
         // One of the directions of the lobe, of as many as pixels share.
-        float up = pow((float(subset) + 0.5) / float(ALL), 1.0 / (k + 1.0));
-        float angle = float(subset) * 2.39996323;
-        float aside = sqrt(max(1.0 - up * up, 0.0));
-        tangents(mirrored, tangent, bitangent);
-        vec3 direction = tangent * (aside * cos(angle)) + bitangent * (aside * sin(angle)) + mirrored * up;
-        float width = inversesqrt(0.5 * (k + 1.0));
+        vec3 direction = lobe_direction(lobe, vec2((float(subset) + 0.5) / float(ALL), float(subset) * 2.39996323));
+        float width = inversesqrt(0.5 * (lobe.exponent + 1.0));
         bool endless = narrow > 0.0;
-        float far = endless ? 3e37 : push.reach;
+        found.nearness = endless ? 0.0 : 1.0 / push.reach;
         if (dot(direction, geometric) > 0.0) {
             Hit hit = trace(start, direction, lift, endless ? 3e38 : push.reach, push.root, 0u, false);
             bool met = hit.triangle != NO_HIT;
             bool is_near = met && hit.distance <= push.reach;
             vec3 arrives = met ? met_radiance(hit, start, direction, 0.25 * width, subset) : vec3(0.0);
-            float wide_share = (1.0 - narrow) * lobe_share(direction, n, own, mirrored, k);
-            float narrow_share = narrow * (k + 2.0) / (k + 1.0) * max(dot(direction, own), 0.0);
+            float wide_share = narrow < 1.0 ? (1.0 - narrow) * share_of(wide, lobe, direction, n) : 0.0;
+            float narrow_share = narrow * lobe_weight(lobe, direction);
             found.glossy += narrow_share * arrives;
             found.glossy += wide_share * (is_near ? arrives : far_radiance(around, w, direction));
 #ifdef SKY
@@ -275,13 +249,10 @@ void main() {
             found.sky_all += (wide_share + narrow_share) * sky_luminance;
             found.sky += (wide_share * (is_near ? 0.0 : open) + narrow_share * (met ? 0.0 : 1.0)) * sky_luminance;
 #endif
-            far = met ? hit.distance : far;
+            found.nearness = met ? 1.0 / max(hit.distance, 1e-30) : found.nearness;
         }
-        // As a mean over the lobe: neighbours that take it may see theirs from another angle.
-        found.glossy /= phong_albedo(k, clamp(dot(own, mirrored), LEAST_COSINE, 1.0));
-        found.is_glossy = 1u;
-        // Seen from the next pixel the mirrored scene moves by as much as the pixel does.
-        found.blur = width * far / (1.0 + far / (push.eye.w > 0.0 ? max(from_eye, 1e-30) : 3e37));
+        found.mirrored = lobe.mirrored;
+        found.width = width;
     }
 #endif
     near_pixels[at.y * push.width + at.x] = found;

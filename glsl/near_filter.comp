@@ -3,6 +3,7 @@
 // variant near_filter_glossy.comp: GLOSSY (where a material has a glossy lobe)
 #include "shared.glsl"
 #include "lib/near_alike.glsl"
+#include "lib/octahedral.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { NearFilterPush push; };
@@ -20,7 +21,7 @@ void main() {
     }
     uint index = uint(at.y) * push.width + uint(at.x);
     NearPixel own = near_pixels[index];
-    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal, 0.0, 0.0);
+    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal, 0u, 0.0, 0.0, 0.0, 0.0);
     if (own.is_surface == 0u) {
         near_lights[index] = sum;
         return;
@@ -31,8 +32,8 @@ void main() {
     float weights = 0.0;
 #ifdef GLOSSY
     float shares[WINDOW * WINDOW]; // of each pixel
-    float blur = 0.0;
-    float blurred = 0.0;
+    float nearness = 0.0;
+    float with_lobes = 0.0;
 #endif
     for (int j = 0; j < WINDOW * WINDOW; ++j) {
         ivec2 offset = ivec2(j % WINDOW, j / WINDOW) - HALF;
@@ -57,9 +58,9 @@ void main() {
         all += weight * p.all;
         open += weight * p.open;
 #ifdef GLOSSY
-        shares[j] = p.is_glossy != 0u ? weight : 0.0;
-        blur += shares[j] * p.blur;
-        blurred += shares[j];
+        shares[j] = p.width > 0.0 ? weight : 0.0;
+        nearness += shares[j] * p.nearness;
+        with_lobes += shares[j];
 #endif
     }
     sum.irradiance /= weights;
@@ -67,17 +68,16 @@ void main() {
     // Where the nearest caches have no light the others' comes from anywhere.
     sum.open = mix(vec3(open / weights), far / max(all, 1e-37), greaterThan(all, vec3(0.0)));
 #ifdef GLOSSY
-    // Each pixel has one direction of the lobe: all are taken alike, as far away as what is mirrored looks the same.
-    blur /= max(blurred, 1e-30);
+    // Each pixel has one direction of the lobe: all are taken alike, as far as what is mirrored looks the same.
+    nearness /= max(with_lobes, 1e-30);
     float lobe_weights = 0.0;
     float sky_all = 0.0;
     for (int j = 0; j < WINDOW * WINDOW; ++j) {
         if (shares[j] > 0.0) {
             ivec2 other = at + ivec2(j % WINDOW, j / WINDOW) - HALF;
             NearPixel p = near_pixels[uint(other.y) * push.width + uint(other.x)];
-            vec3 d = own.position - p.position;
-            float of_blur = dot(d, d) / max(blur * blur, 1e-30);
-            float share = shares[j] / (1.0 + of_blur * of_blur);
+            float apart = lobes_apart(own.position - p.position, own.mirrored - p.mirrored, nearness, own.width);
+            float share = shares[j] / (1.0 + apart * apart);
             lobe_weights += share;
             sum.glossy += share * p.glossy;
             sum.sky += share * p.sky;
@@ -86,6 +86,9 @@ void main() {
     }
     sum.glossy /= max(lobe_weights, 1e-37);
     sum.sky = min(sum.sky / max(sky_all, 1e-37), 1.0);
+    sum.mirrored = packSnorm2x16(octahedral_encode(own.mirrored + vec3(0.0, 0.0, own.width > 0.0 ? 0.0 : 1.0)));
+    sum.width = own.width;
+    sum.nearness = nearness;
 #endif
     near_lights[index] = sum;
 }

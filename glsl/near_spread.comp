@@ -1,8 +1,13 @@
 // Stage 8, third: what rays found is spread over pixels between which it cannot change much: those that are near to each other
 // against the distance of what the rays met. Light of something small and bright comes along few rays, which would show as spots.
-// Taken several times, with ever wider steps: Dammertz et al. 2010. METHOD 11.
+// Taken several times, with ever wider steps: Dammertz et al. 2010. METHOD 11. What a lobe takes is spread over pixels whose lobes
+// look at the same.
+// variant near_spread_glossy.comp: GLOSSY (where a material has a glossy lobe)
 #include "shared.glsl"
 #include "lib/near_alike.glsl"
+#ifdef GLOSSY
+#include "lib/octahedral.glsl"
+#endif
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { NearSpreadPush push; };
@@ -19,6 +24,10 @@ void main() {
     NearLight sum = own;
     if (own.is_surface != 0u) {
         float weights = 1.0;
+#ifdef GLOSSY
+        vec3 mirrored = octahedral_decode(unpackSnorm2x16(own.mirrored));
+        float lobe_weights = 1.0;
+#endif
         for (int j = 0; j < 9; ++j) {
             ivec2 offset = ivec2(j % 3, j / 3) - 1;
             ivec2 other = at + offset * int(push.step);
@@ -32,13 +41,28 @@ void main() {
             vec3 d = own.position - p.position;
             float crowding = max(own.crowding, p.crowding);
             float share = (offset.x == 0 ? 1.0 : 0.5) * (offset.y == 0 ? 1.0 : 0.5);
-            share *= near_alike(d, own.normal, p.normal) * exp(-NEAR_SPREAD * dot(d, d) * crowding * crowding);
+            share *= near_alike(d, own.normal, p.normal);
+#ifdef GLOSSY
+            float width = min(own.width, p.width);
+            vec3 turned = mirrored - octahedral_decode(unpackSnorm2x16(p.mirrored));
+            float lobe_share = share * exp(-LOBE_SPREAD * lobes_apart(d, turned, max(own.nearness, p.nearness), width));
+            // Of lobes of other widths neighbours know little.
+            lobe_share *= width > 0.0 ? smoothstep(0.25, 0.75, width / max(own.width, p.width)) : 0.0;
+            lobe_weights += lobe_share;
+            sum.glossy += lobe_share * p.glossy;
+            sum.sky += lobe_share * p.sky;
+#endif
+            share *= exp(-NEAR_SPREAD * dot(d, d) * crowding * crowding);
             weights += share;
             sum.irradiance += share * p.irradiance;
             sum.open += share * p.open;
         }
         sum.irradiance /= weights;
         sum.open /= weights;
+#ifdef GLOSSY
+        sum.glossy /= lobe_weights;
+        sum.sky /= lobe_weights;
+#endif
     }
     to[index] = sum;
 }

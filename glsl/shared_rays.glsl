@@ -91,8 +91,9 @@ struct NearPixel {
     uint is_surface; // 0: nothing is there
     vec3 normal; // unit vertex normal
     vec3 glossy; // mean over the lobe of what all rays bring it [cd/m^2]
-    uint is_glossy; // 1: there is a lobe
-    float blur; // how far away other pixels' rays of the lobe say the same [m]
+    vec3 mirrored; // unit axis of the lobe
+    float width; // of the lobe [rad]; 0: there is none
+    float nearness; // one over the length of the lobe's ray [1/m]
     float sky; // luminance of the sky that a lobe takes [cd/m^2]
     float sky_all; // of that without anything in the way
     float crowding; // mean of one over the rays' lengths, up to what they meet or their reach [1/m]
@@ -100,6 +101,9 @@ struct NearPixel {
 
 // Shares fall off by e at one over the root of this, in units of the distance of what rays meet.
 const float NEAR_SPREAD = 25.0;
+
+// The same of lobes, in units of their width.
+const float LOBE_SPREAD = 8.0;
 
 // Push constants of the pass that spreads what rays found.
 struct NearSpreadPush {
@@ -116,6 +120,9 @@ struct NearLight {
     vec3 glossy; // what a lobe takes [cd/m^2]
     vec3 position; // of the surface
     vec3 normal; // unit vertex normal
+    uint mirrored; // unit axis of the lobe, on the octahedron
+    float width; // of the lobe [rad]; 0: there is none
+    float nearness; // mean of one over the lengths of the lobe's rays [1/m]
     float sky; // share of the sky's light that arrives at a lobe
     float crowding; // as in NearPixel
 };

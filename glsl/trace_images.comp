@@ -1,6 +1,6 @@
 // Stage 6, before the gather: what each live cache sees of the scene, or of it beyond a distance, by one ray for each texel of
 // its depth image. METHOD 11.
-// variant trace_images_sent_on.comp: SENT_ON (of both: the light that caches send on is shadowed by all that they see)
+// variant trace_images_sent_on.comp: SENT_ON (of both, and caches of what rays meet: what caches send on comes from all that they see)
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/depth_image.glsl"
@@ -19,6 +19,36 @@ const float MARGIN = 0.01;
 
 #ifdef SENT_ON
 layout(binding = 16, scalar) writeonly buffer AllImages { float all_images[]; };
+layout(binding = 17, scalar) writeonly buffer Met { uint met[]; }; // the cache of what each texel's ray meets, or NO_REFERENCES
+layout(binding = 18, scalar) writeonly buffer Closed { float closed[]; }; // share of the other images that is not open
+layout(constant_id = 4) const uint REFERENCES = 8;
+layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are those of cells
+#define REFERENCE_BINDINGS 19
+#include "lib/hit_caches.glsl"
+
+shared uint closed_count;
+shared uint count;
+
+// The nearest cache on the side of a surface that a ray has met.
+uint met_cache(Hit hit, vec3 direction) {
+    InstanceCaches model = instance_caches[hit.instance];
+    if (hit.triangle == NO_HIT || model.reference_base == NO_REFERENCES) {
+        return NO_REFERENCES;
+    }
+    bool front;
+    vec3 n = hit_geometric(hit, direction, front);
+    uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
+    vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
+    uvec3 rows = reference_rows(model, v, w);
+    uint row = w.x >= max(w.y, w.z) ? rows.x : w.y >= w.z ? rows.y : rows.z;
+    for (uint i = 0u; i < REFERENCES && row != NO_REFERENCES; ++i) {
+        uint cache = reference_at(model, row * REFERENCES + i);
+        if (cache == NO_REFERENCES || dot(caches[cache].normal, n) > 0.0) {
+            return cache;
+        }
+    }
+    return NO_REFERENCES;
+}
 #endif
 
 // What a texel at a point of the unit disc keeps of its ray, whose square of the cosine is `z2`.
@@ -46,23 +76,34 @@ void main() {
     tangents(c.normal, tangent, bitangent);
     float lift = lift_at(c.position, 0.0);
     vec3 start = c.position + c.normal * lift;
+#ifdef SENT_ON
+    if (gl_LocalInvocationID.x == 0u) {
+        closed_count = 0u;
+        count = 0u;
+    }
+    barrier();
+    uvec2 own = uvec2(0u);
+#endif
     for (uint texel = gl_LocalInvocationID.x; texel < DEPTH_IMAGE_TEXELS; texel += gl_WorkGroupSize.x) {
         vec2 p = (vec2(texel % DEPTH_IMAGE_SIDE, texel / DEPTH_IMAGE_SIDE) + 0.5) * STEP - 1.0;
         float z2 = 1.0 - dot(p, p);
         float limit = 0.0;
 #ifdef SENT_ON
         float of_all = 0.0;
+        uint of_hit = NO_REFERENCES;
 #endif
         if (z2 > 0.0) {
             vec3 direction = tangent * p.x + bitangent * p.y + c.normal * sqrt(z2);
 #ifdef SENT_ON
             Hit hit = trace(start, direction, lift, 3e38, push.root, 0u, false);
             of_all = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
+            of_hit = met_cache(hit, direction);
             limit = of_all;
             if (hit.triangle != NO_HIT && hit.distance < push.reach) {
                 hit = trace(start, direction, push.reach, 3e38, push.root, 0u, false);
                 limit = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
             }
+            own += uvec2(hit.triangle == NO_HIT ? 0u : 1u, 1u);
 #else
             Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, false);
             limit = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
@@ -70,7 +111,16 @@ void main() {
         }
 #ifdef SENT_ON
         all_images[slot * DEPTH_IMAGE_TEXELS + texel] = of_all;
+        met[slot * DEPTH_IMAGE_TEXELS + texel] = of_hit;
 #endif
         images[slot * DEPTH_IMAGE_TEXELS + texel] = limit;
     }
+#ifdef SENT_ON
+    atomicAdd(closed_count, own.x);
+    atomicAdd(count, own.y);
+    barrier();
+    if (gl_LocalInvocationID.x == 0u) {
+        closed[slot] = float(closed_count) / float(count);
+    }
+#endif
 }

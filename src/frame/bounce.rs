@@ -7,14 +7,15 @@
 //! What a surface that emits gives to a cache has not bounced yet. So where there are such VALs, caches first send on their
 //! light alone, and there is a gather more: after N of them all light has bounced N times at most, whatever it came from.
 
-use super::depth_images::are_texels;
+use super::depth_images::{SentOn, are_texels};
 use super::live::Live;
 use super::settings::{ProxyWeight, Shadows, Ways};
 use super::sums::{ComputeKind, SumBinds, SumKind, sum_pipeline};
 use crate::error::Result;
-use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
+use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{
-    BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_EMITTED, BOUNCE_FIRST, BouncePush, GATHER_THREADS, GatherPush, VAL_TILE, Val,
+    BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_EMITTED, BOUNCE_FIRST, BouncePush, DEPTH_IMAGE_ROW, GATHER_THREADS, GatherPush, VAL_TILE,
+    Val,
 };
 
 /// Makes VALs of lit caches and gathers them.
@@ -31,6 +32,8 @@ pub struct Bounces {
     count: u32,
     caches_per_thread: u32,
     light: Pipeline,
+    /// Where caches trace rays: what they receive of the caches of what these meet, instead of a gather.
+    exchange: Option<Pipeline>,
     /// Gathers of the diffuse lobe alone: what later bounces need of earlier ones.
     diffuse: Pipeline,
     /// Of both lobes, where there are two.
@@ -40,7 +43,7 @@ pub struct Bounces {
 
 impl Bounces {
     /// Makes it for caches that light caches once or more.
-    pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind, is_traced: bool) -> Result<Self> {
         let near = kind.near > 0.0;
         let ComputeKind { glossy, shadows, bounces, emitted, weight, .. } = kind;
         // What follows each other in the list of caches lies in different directions.
@@ -60,7 +63,11 @@ impl Bounces {
             parts: caches.max(emitted).div_ceil(live.split),
             count: bounces,
             caches_per_thread: ways.caches(),
-            light: gpu.compute("bounce.comp", &[u32::from(weight == ProxyWeight::Irradiance)])?,
+            light: gpu.compute(
+                if is_traced { "bounce_traced.comp" } else { "bounce.comp" },
+                &[u32::from(weight == ProxyWeight::Irradiance)],
+            )?,
+            exchange: is_traced.then(|| gpu.compute("exchange.comp", &[])).transpose()?,
             diffuse: sum(false)?,
             all: sum(glossy)?,
             resolve: gpu.compute("proxies_bounces.comp", &[u32::from(glossy), 1, spread])?,
@@ -69,7 +76,7 @@ impl Bounces {
 
     /// Gathers of the caches' light, or of what stands for it.
     pub fn gathers(&self) -> u32 {
-        1 + self.count
+        if self.exchange.is_some() { 2 } else { 1 + self.count }
     }
 
     /// Records the bounces: in front of them the primary lights' sums are being written, and proxies are made of those and of
@@ -79,7 +86,7 @@ impl Bounces {
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
-        (albedos, emitted): (&Buffer, Option<&(Buffer, Buffer)>),
+        (albedos, emitted, sent_on): (&Buffer, Option<&(Buffer, Buffer)>, Option<&SentOn>),
         [sums, last_sums]: [&SumBinds<'_>; 2],
         proxies: &Buffer,
         [push, last]: [&GatherPush; 2],
@@ -90,11 +97,13 @@ impl Bounces {
         let wait = || cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
         let light = |step| {
             wait();
-            self.light(cmd, albedos, sums, step);
+            self.light(cmd, (albedos, sent_on), sums, step);
             wait();
         };
         light(BOUNCE_AREAS);
-        self.gather(cmd, &self.diffuse, caches, sums, push);
+        // Rays say what caches see of all; the gather's form factors are asked for what it is needed for.
+        let (of_areas, areas_push) = if self.exchange.is_some() { (last_sums, last) } else { (sums, push) };
+        self.gather(cmd, &self.diffuse, caches, of_areas, areas_push);
         light(BOUNCE_FIRST);
         if let Some((vals, count)) = emitted {
             self.gather(cmd, &self.diffuse, (vals, count), sums, push);
@@ -104,7 +113,12 @@ impl Bounces {
             if bounce > 1 {
                 light(BOUNCE_AGAIN);
             }
-            if bounce < self.count {
+            if let (true, Some(exchange), Some(sent_on)) = (bounce < self.count, &self.exchange, sent_on) {
+                cmd.bind(exchange, &[&sent_on.met, &self.vals, sums.parts].map(Into::into));
+                cmd.push(&BouncePush { cache_count: sums.atlas.count, cache_parts: self.parts, step: BOUNCE_AGAIN });
+                let row = DEPTH_IMAGE_ROW;
+                cmd.dispatch(sums.atlas.count.min(row) * GATHER_THREADS, sums.atlas.count.div_ceil(row), 1);
+            } else if bounce < self.count {
                 self.gather(cmd, &self.diffuse, caches, sums, push);
             } else {
                 self.gather(cmd, &self.all, caches, last_sums, last);
@@ -117,9 +131,11 @@ impl Bounces {
         self.resolve(cmd, sums, proxies, push);
     }
 
-    fn light(&self, cmd: &Cmd<'_>, albedos: &Buffer, sums: &SumBinds<'_>, step: u32) {
+    fn light(&self, cmd: &Cmd<'_>, (albedos, sent_on): (&Buffer, Option<&SentOn>), sums: &SumBinds<'_>, step: u32) {
         let resources = [&sums.atlas.caches, albedos, &sums.live.args, sums.parts, &self.scales, &self.vals];
-        cmd.bind(&self.light, &resources.map(Into::into));
+        let closed = sent_on.filter(|_| self.exchange.is_some()).map(|sent_on| &sent_on.closed);
+        let resources: Vec<Bind<'_>> = resources.into_iter().chain(closed).map(Into::into).collect();
+        cmd.bind(&self.light, &resources);
         cmd.push(&BouncePush { cache_count: sums.atlas.count, cache_parts: self.parts, step });
         cmd.dispatch(sums.atlas.count, 1, 1);
     }

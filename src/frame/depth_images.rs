@@ -19,8 +19,18 @@ pub struct DepthImages {
     pub buffer: Buffer,
     /// The same for the light that caches send on, where that is another: rays at pixels see what is near there, rays at
     /// caches would see it here.
-    pub sent_on: Option<Buffer>,
+    pub sent_on: Option<SentOn>,
     made: Made,
+}
+
+/// What caches see of all that is around them.
+pub struct SentOn {
+    /// Slot by slot of the list, where the view of a live cache ends.
+    pub images: Buffer,
+    /// Texel by texel of these, the cache of what is there, or `NO_REFERENCES`.
+    pub met: Buffer,
+    /// Share of the other images that is not open.
+    pub closed: Buffer,
 }
 
 /// How they are made.
@@ -80,9 +90,19 @@ impl DepthImages {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let bytes = u64::from(world.cache_count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
         let name = if send_on { "trace_images_sent_on.comp" } else { "trace_images.comp" };
-        let pipeline = gpu.compute(name, &rays.constants(gpu))?;
+        let [stack, levels, texels, holes] = rays.constants(gpu);
+        let by_cells = u32::from(world.references_of_pixels().is_some());
+        let constants = [stack, levels, texels, holes, world.references_each as u32, by_cells];
+        let pipeline = gpu.compute(name, &constants[..if send_on { 6 } else { 4 }])?;
         let made = Made::Traced(pipeline, (CACHE_REACH * world.spacing()) as f32);
-        let sent_on = send_on.then(|| gpu.buffer("gather.sent_on_images", bytes)).transpose()?;
+        let sent_on = || -> Result<SentOn> {
+            Ok(SentOn {
+                images: gpu.buffer("gather.sent_on_images", bytes)?,
+                met: gpu.buffer("gather.met", bytes)?,
+                closed: gpu.buffer("gather.closed", 4 * u64::from(world.cache_count.max(1)))?,
+            })
+        };
+        let sent_on = send_on.then(sent_on).transpose()?;
         Ok(Self { buffer: gpu.buffer("gather.depth_images", bytes)?, sent_on, made })
     }
 
@@ -98,7 +118,11 @@ impl DepthImages {
         let Some(rays) = world.rays() else { return };
         let mut resources = rays.binds(world).to_vec();
         resources.extend([&atlas.caches, &live.list, &live.args, &self.buffer].map(Bind::from));
-        resources.extend(self.sent_on.as_ref().map(Bind::from));
+        if let Some(SentOn { images, met, closed }) = &self.sent_on {
+            let (grids, entries) = world.cells.as_ref().map_or((&world.references, &world.references), |c| (&c.grids, &c.entries));
+            let of_caches = [images, met, closed, &world.references, &world.instance_caches, grids, entries];
+            resources.extend(of_caches.map(Bind::from));
+        }
         cmd.bind(pipeline, &resources);
         cmd.push(&TracePush { reach, root: rays.root, ..TracePush::default() });
         cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);

@@ -172,7 +172,8 @@ impl Compute {
         let ComputeKind { glossy, shadows, together, bounces, eyes, near, .. } = kind;
         let is_near = near > 0.0;
         let further = bounces > 0;
-        let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind)).transpose()?;
+        let is_traced = depth_images.as_ref().is_some_and(|images| images.sent_on.is_some());
+        let bounces = further.then(|| Bounces::new(gpu, &live, ways, kind, is_traced)).transpose()?;
         let parts = parts_of(vals, split) + bounces.as_ref().map_or(0, |bounces| bounces.parts);
         let images_as_texels = are_texels(gpu, caches);
         let sum = |proxies, two_eyes| {
@@ -258,7 +259,7 @@ impl Compute {
                 // What caches send on is all that they receive.
                 let of_all = GatherPush { near_begin: -1.0, near_scale: 1e30, ..push };
                 let sent_on = self.depth_images.as_ref().and_then(|images| images.sent_on.as_ref());
-                let of_all_binds = SumBinds { depth_images: sent_on.or(binds.depth_images), ..binds };
+                let of_all_binds = SumBinds { depth_images: sent_on.map(|s| &s.images).or(binds.depth_images), ..binds };
                 primary(&of_all_binds, &of_all);
                 let sums = [of_all_binds, binds].map(|binds| SumBinds { proxies: None, ..binds });
                 let leave_out = || primary(&binds, &push);
@@ -266,7 +267,7 @@ impl Compute {
                 let leave_out = self.near.is_some().then_some(&leave_out as &dyn Fn());
                 bounces.record(
                     cmd,
-                    (albedos, lit.vals.emitted.as_ref()),
+                    (albedos, lit.vals.emitted.as_ref(), sent_on),
                     [&sums[0], &sums[1]],
                     &lit.proxies.buffer,
                     pushes,

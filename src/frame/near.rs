@@ -96,7 +96,7 @@ impl NearRays {
         Ok(Some(Self {
             trace: gpu.compute(SHADERS[shader], &constants)?,
             filter: gpu.compute(if plan.glossy { "near_filter_glossy.comp" } else { "near_filter.comp" }, &[])?,
-            spread: gpu.compute("near_spread.comp", &[])?,
+            spread: gpu.compute(if plan.glossy { "near_spread_glossy.comp" } else { "near_spread.comp" }, &[])?,
             glossy: plan.glossy,
             reflects: plan.reflects,
             sky: plan.sky_light,
