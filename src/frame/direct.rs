@@ -5,7 +5,7 @@
 use super::gbuffer::Surface;
 use super::plan::Plan;
 use super::view::View;
-use super::world::{LightInfo, VERTEX, Which, World};
+use super::world::{ByKind, LightInfo, VERTEX, Which, World};
 use crate::error::{Error, Result};
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
@@ -38,12 +38,12 @@ enum Hidden {
 struct Maps {
     /// Of one light at a time; six-view lights tile it three by two.
     image: Image,
-    opaque: Pipeline,
-    masked: Pipeline,
+    opaque: ByKind,
+    masked: ByKind,
 }
 
 impl Maps {
-    fn new(gpu: &Gpu, side: u32) -> Result<Self> {
+    fn new(gpu: &Gpu, world: &World, side: u32) -> Result<Self> {
         let depth_only = Raster {
             vertex: "mesh.vert",
             fragment: None,
@@ -57,8 +57,10 @@ impl Maps {
         };
         Ok(Self {
             image: gpu.target("direct.shadow", Format::D32_SFLOAT, side, side)?,
-            opaque: gpu.raster(&depth_only)?,
-            masked: gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), ..depth_only })?,
+            opaque: world.by_kind(|_| gpu.raster(&depth_only))?,
+            masked: world.by_kind(|kind| {
+                gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), constants: &[kind], ..depth_only })
+            })?,
         })
     }
 
@@ -107,7 +109,7 @@ impl Direct {
             } else {
                 ["direct.frag", "direct_area.frag"]
             };
-            (Hidden::Maps(Box::new(Maps::new(gpu, side)?)), (names[0], &[samples][..]), names[1])
+            (Hidden::Maps(Box::new(Maps::new(gpu, world, side)?)), (names[0], &[samples][..]), names[1])
         };
         Ok(Self {
             hidden,

@@ -42,7 +42,7 @@ use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
 use model_caches::{CacheSurface, place_caches, references_each};
 use rays::{Placed, RayBuffers};
 use std::cell::{Cell, OnceCell};
-use textures::{MaterialTextures, upload_textures};
+use textures::{MaterialTextures, kinds, upload_textures};
 use update::{Dynamic, InstanceLayout, PendingCopies, Revisions, Structure};
 
 /// A vertex as the stages that draw the scene read it.
@@ -62,6 +62,8 @@ pub(super) const VERTEX: Stream<'static> = Stream {
 struct DrawItem {
     instance: u32,
     material: u32,
+    /// Of its material.
+    kind: usize,
     vertex_offset: u64,
     /// First vertex of the mesh at rest.
     first_rest: u32,
@@ -164,8 +166,13 @@ pub struct World {
     textures: Vec<Image>,
     /// Per material: image and sampler of each of its textures.
     material_textures: MaterialTextures,
+    /// Kinds of materials, for shaders.
+    kinds: Vec<u32>,
     draws: Vec<DrawItem>,
 }
+
+/// A pipeline for each kind of material that the scene has.
+pub(super) struct ByKind(Vec<Pipeline>);
 
 /// What caches reflect.
 struct CacheAlbedos {
@@ -252,6 +259,7 @@ impl World {
             references.push(crate::bake::NO_CACHE);
         }
 
+        let (kinds, kind_of) = kinds(scene);
         let (mut model_caches, mut cache_surfaces, mut draws, mut slot_count) =
             (Vec::new(), Vec::new(), Vec::new(), 0_u32);
         let mut instance_caches = Vec::<InstanceCaches>::new();
@@ -288,6 +296,7 @@ impl World {
                 draws.push(DrawItem {
                     instance: i as u32,
                     material: primitive.material as u32,
+                    kind: kind_of[primitive.material],
                     vertex_offset: first_vertex * size_of::<Vertex>() as u64,
                     first_rest: mesh_base[instance.mesh].0 as u32,
                     index_offset: mesh_base[instance.mesh].1 * 4,
@@ -350,6 +359,7 @@ impl World {
             texture_slots: gpu.buffer_from("scene.texture_slots", &dynamic.slots)?,
             textures,
             material_textures,
+            kinds,
             draws,
             layouts,
             revisions: Revisions::new(dynamic.lights.len()),
@@ -421,9 +431,14 @@ impl World {
         &self.textures[0]
     }
 
+    /// Makes the pipelines of those who draw the scene: the first of their constants is the kind of material.
+    pub(super) fn by_kind(&self, make: impl Fn(u32) -> Result<Pipeline>) -> Result<ByKind> {
+        Ok(ByKind(self.kinds.iter().map(|kind| make(*kind)).collect::<Result<_>>()?))
+    }
+
     /// Draws the scene's triangles. Bindings 0 to 14 of the shaders are the scene's own (see `lib/textures.glsl`).
-    pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4) {
-        self.draw_large(draw, pipeline, (which, &[]), (clip_from_world, eye), 0.0);
+    pub(super) fn draw(&self, draw: &Draw<'_, '_>, by_kind: &ByKind, which: Which, clip_from_world: Mat4, eye: Vec4) {
+        self.draw_large(draw, by_kind, (which, &[]), (clip_from_world, eye), 0.0);
     }
 
     /// The same without what is smaller in the view than this [of its height and width, which are 2], with what shaders have at
@@ -431,7 +446,7 @@ impl World {
     pub(super) fn draw_large(
         &self,
         draw: &Draw<'_, '_>,
-        pipeline: &Pipeline,
+        by_kind: &ByKind,
         (which, more): (Which, &[Bind<'_>]),
         (clip_from_world, eye): (Mat4, Vec4),
         least: f32,
@@ -449,6 +464,7 @@ impl World {
             if !wanted || self.dynamic.hidden[instance] || self.shows_nothing(item, clip_from_world, least) {
                 continue;
             }
+            let pipeline = &by_kind.0[item.kind];
             if bound.replace(item.material) != Some(item.material) {
                 self.bind_material(draw, pipeline, item.material as usize, more);
             }
