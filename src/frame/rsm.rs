@@ -6,7 +6,7 @@ use super::pack::PackVals;
 use super::plan::Plan;
 use super::settings::ProxyWeight;
 use super::vals::Vals;
-use super::world::{ByKind, VERTEX, Which, World};
+use super::world::{ByKind, VERTEX_PLAIN, Which, World};
 use crate::error::{Error, Result};
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
@@ -70,10 +70,10 @@ impl Rsm {
             vals: Vals::with(gpu, count, given, weight)?,
             draw: world.by_kind(|kind| {
                 gpu.raster(&Raster {
-                    vertex: "mesh.vert",
+                    vertex: "mesh_plain.vert",
                     fragment: Some(if plan.inside { "rsm_inside.frag" } else { "rsm.frag" }),
                     shape: Shape::Triangles,
-                    streams: &[VERTEX],
+                    streams: &[VERTEX_PLAIN],
                     colors: &[Format::R32G32B32A32_SFLOAT; 4][..if plan.inside { 4 } else { 3 }],
                     blend: Blend::Replace,
                     depth: Depth::Nearest,

@@ -58,6 +58,22 @@ pub(super) const VERTEX: Stream<'static> = Stream {
     ],
 };
 
+/// The same without tangents, as `mesh_plain.vert` reads it.
+pub(super) const VERTEX_PLAIN: Stream<'static> = Stream {
+    stride: size_of::<Vertex>() as u32,
+    attributes: &[
+        VERTEX.attributes[0],
+        VERTEX.attributes[1],
+        VERTEX.attributes[3],
+        VERTEX.attributes[4],
+        VERTEX.attributes[5],
+    ],
+};
+
+/// Where it is, as `mesh_depth.vert` reads it.
+pub(super) const VERTEX_PLACE: Stream<'static> =
+    Stream { stride: size_of::<Vertex>() as u32, attributes: &[VERTEX.attributes[0]] };
+
 /// A run of triangles of one instance with one material.
 struct DrawItem {
     instance: u32,
