@@ -214,7 +214,7 @@ void main() {
 #ifdef PULLED
     out_element = uvec2(push.draw, triangle);
 #else
-    out_element = uvec2(push.draw, gl_PrimitiveID);
+    out_element = uvec2(push.draw, push.first_triangle + uint(gl_PrimitiveID));
 #endif
 #endif
 }
