@@ -4,6 +4,7 @@
 // variant edges_elements.comp: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
 // variant edges_coat.comp: COAT (where a material has a clear coat or sheen)
 // variant edges_elements_coat.comp: ELEMENTS COAT (both)
+#extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/points.glsl"
@@ -86,7 +87,8 @@ uint found_around(Seen here, vec3 normal, ivec2 at, float pixel) {
     ivec2 size = textureSize(first_depth, 0);
     uint found = SHOWS_ANOTHER;
     float nearest = 1e9;
-    for (uint i = 0u; i < 8u; i++) {
+    // A loop ends where no thread needs it; what is unrolled is done for all of them on software devices.
+    [[dont_unroll]] for (uint i = 0u; i < 8u; i++) {
         ivec2 other = at + pixel_around(i);
         vec2 d = vec2(pixel_around(i)) - push.offset;
         if (any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, size)) || dot(d, d) >= nearest) {

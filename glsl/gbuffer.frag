@@ -19,10 +19,10 @@
 
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
-layout(constant_id = 0) const uint POINTS = 0; // of a pixel beside the middle, whose textures' mean is taken
-layout(constant_id = 1) const uint DAMPED = 0; // 1: lobes are as wide as what a pixel shows of bends and bumps makes them
+layout(constant_id = 1) const uint POINTS = 0; // of a pixel beside the middle, whose textures' mean is taken
+layout(constant_id = 2) const uint DAMPED = 0; // 1: lobes are as wide as what a pixel shows of bends and bumps makes them
 
-layout(constant_id = 2) const uint INSIDE = 0; // 1: stage 10 brings the light from inside filled bodies
+layout(constant_id = 3) const uint INSIDE = 0; // 1: stage 10 brings the light from inside filled bodies
 
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec3 normal;
@@ -214,7 +214,7 @@ void main() {
 #ifdef PULLED
     out_element = uvec2(push.draw, triangle);
 #else
-    out_element = uvec2(push.draw, gl_PrimitiveID);
+    out_element = uvec2(push.draw, push.first_triangle + uint(gl_PrimitiveID));
 #endif
 #endif
 }

@@ -365,6 +365,7 @@ struct DrawPush {
     uint instance;
     uint material;
     uint draw; // which, from 1
+    uint first_triangle; // of it, where only a part of it is drawn
     vec4 eye; // the viewer: position and 1, or the unit direction towards it and 0
 };
 

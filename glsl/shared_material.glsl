@@ -17,6 +17,10 @@ const uint TEXTURE_SHEEN_COLOR = 10u;
 const uint TEXTURE_SHEEN_ROUGHNESS = 11u;
 const uint TEXTURE_COUNT = 12u;
 
+// What the materials that one pipeline draws have in common: bit i where they have texture i, and these.
+const uint KIND_PHONG = 0x1000u; // they are the method's own
+const uint KIND_MIXED = 0x2000u; // they differ: bits say what any of them has, and each has to be asked
+
 // glTF's metallic-roughness material, or the method's own Phong material.
 struct Material {
     vec4 base_color;

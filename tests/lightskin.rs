@@ -29,6 +29,7 @@ mod cull;
 mod curved;
 mod debug_views;
 mod devices;
+mod draws;
 mod edges;
 mod emissive;
 mod energy;

@@ -16,7 +16,7 @@ vec4 base_color(uint material, Uv uv, vec4 color) {
 // What a base colour at a point reflects, seen at this cosine.
 Reflectance reflectance(uint material, vec3 base, Uv uv, float cosine) {
     Material m = materials[material];
-    if (m.phong_exponent >= 0.0) {
+    if (is_phong(material)) {
         return Reflectance(base, m.phong_specular, m.phong_exponent);
     }
     float metallic = m.metallic;

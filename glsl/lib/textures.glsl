@@ -4,6 +4,8 @@
 #define TEXTURES_GLSL
 #include "shared.glsl"
 
+layout(constant_id = 0) const uint KIND = 0x2fffu; // KIND_MIXED: of the materials that the pipeline draws
+
 layout(binding = 1, scalar) readonly buffer Materials { Material materials[]; };
 layout(binding = 2, scalar) readonly buffer TextureSlots { TextureSlot texture_slots[]; };
 layout(binding = 3) uniform sampler2D base_color_texture;
@@ -47,8 +49,15 @@ vec4 sample_texture(sampler2D image, uint material, uint which, Uv uv) {
                        linear * (first ? uv.dy.xy : uv.dy.zw));
 }
 
+// Known beforehand where the pipeline's materials are alike: then textures that are missing cost nothing.
 bool has_texture(uint material, uint which) {
-    return texture_slots[material * TEXTURE_COUNT + which].present != 0u;
+    bool any = (KIND >> which & 1u) != 0u;
+    return any && ((KIND & KIND_MIXED) == 0u || texture_slots[material * TEXTURE_COUNT + which].present != 0u);
+}
+
+// Whether it is the method's own Phong material.
+bool is_phong(uint material) {
+    return (KIND & KIND_MIXED) == 0u ? (KIND & KIND_PHONG) != 0u : materials[material].phong_exponent >= 0.0;
 }
 
 #endif

@@ -1,14 +1,14 @@
 //! Stage 2, direct light: G-buffer, what hides lights -> radiance. METHOD 1 and 14. Light by light: rays from what pixels show,
-//! or one shadow map for all lights, which all views use before the next light is drawn. An area light has a map for each of
-//! its samples.
+//! or shadow maps: where they are kept one for each light, else one for all lights, which all views use before the next light is
+//! drawn. An area light has a map for each of its samples.
 
 use super::gbuffer::Surface;
 use super::plan::Plan;
 use super::view::View;
-use super::world::{LightInfo, VERTEX, Which, World};
+use super::world::{ByKind, LightInfo, VERTEX_PLACE, VERTEX_PLAIN, Which, World};
 use crate::error::{Error, Result};
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Draw, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
 use crate::shared::{AreaPush, LightRaysPush, ScreenPush};
 use glam::Vec4;
@@ -36,35 +36,59 @@ enum Hidden {
 
 /// Shadow maps.
 struct Maps {
-    /// Of one light at a time; six-view lights tile it three by two.
-    image: Image,
-    opaque: Pipeline,
-    masked: Pipeline,
+    /// Of each light, where they are kept from frame to frame; else one, of one light at a time. Six-view lights tile it three by
+    /// two.
+    images: Vec<Image>,
+    opaque: ByKind,
+    masked: ByKind,
 }
 
+/// Most bytes of maps that are kept.
+const MOST_KEPT: u64 = 512 << 20;
+
 impl Maps {
-    fn new(gpu: &Gpu, side: u32) -> Result<Self> {
+    fn new(gpu: &Gpu, world: &World, side: u32, keep: bool) -> Result<Self> {
         let depth_only = Raster {
-            vertex: "mesh.vert",
+            vertex: "mesh_depth.vert",
             fragment: None,
             shape: Shape::Triangles,
-            streams: &[VERTEX],
+            streams: &[VERTEX_PLACE],
             colors: &[],
             blend: Blend::Replace,
             depth: Depth::Nearest,
             cull: Cull::None,
             constants: &[],
         };
+        let with_holes = Raster {
+            vertex: "mesh_plain.vert",
+            fragment: Some("shadow_mask.frag"),
+            streams: &[VERTEX_PLAIN],
+            ..depth_only
+        };
+        let lights = world.lights().len().max(1);
+        let kept = keep && 4 * u64::from(side).pow(2) * lights as u64 <= MOST_KEPT;
+        let image = |_| gpu.target("direct.shadow", Format::D32_SFLOAT, side, side);
         Ok(Self {
-            image: gpu.target("direct.shadow", Format::D32_SFLOAT, side, side)?,
-            opaque: gpu.raster(&depth_only)?,
-            masked: gpu.raster(&Raster { fragment: Some("shadow_mask.frag"), ..depth_only })?,
+            images: (0..if kept { lights } else { 1 }).map(image).collect::<Result<_>>()?,
+            opaque: world.by_kind(|_| gpu.raster(&depth_only))?,
+            masked: world.by_kind(|kind| gpu.raster(&Raster { constants: &[kind], ..with_holes }))?,
         })
     }
 
+    /// Whether every light has its own.
+    fn are_kept(&self, world: &World) -> bool {
+        self.images.len() == world.lights().len()
+    }
+
+    /// The map of a light.
+    fn image(&self, light: usize) -> &Image {
+        &self.images[light.min(self.images.len() - 1)]
+    }
+
     /// Draws the map of a light.
-    fn record(&self, cmd: &Cmd<'_>, world: &World, light: &LightInfo) {
-        let Self { image, opaque, masked } = self;
+    fn record(&self, cmd: &Cmd<'_>, world: &World, (i, light): (usize, &LightInfo)) {
+        let Self { opaque, masked, .. } = self;
+        let image = self.image(i);
         let size = light.shadow_size(image.width);
         let depth =
             Attachments { colors: &[], depth: Some(Attach::clear(image)), area: [0, 0, image.width, image.height] };
@@ -82,11 +106,12 @@ impl Maps {
 }
 
 impl Direct {
-    /// Makes the pipelines, and where maps hide lights one of so many texels a side.
+    /// Makes the pipelines, and where maps hide lights these of so many texels a side; whether they are to be kept for frames in which
+    /// lights and surfaces stay as they are.
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
-    pub fn new(gpu: &Gpu, world: &World, plan: &Plan, side: u32) -> Result<Self> {
+    pub fn new(gpu: &Gpu, world: &World, plan: &Plan, (side, keep): (u32, bool)) -> Result<Self> {
         let used = |light: &&LightInfo| !(plan.sky_light && light.of_sky);
         let has = |area| world.lights().iter().filter(used).any(|light| light.is_area == area);
         let samples = plan.antialiasing.samples();
@@ -107,7 +132,7 @@ impl Direct {
             } else {
                 ["direct.frag", "direct_area.frag"]
             };
-            (Hidden::Maps(Box::new(Maps::new(gpu, side)?)), (names[0], &[samples][..]), names[1])
+            (Hidden::Maps(Box::new(Maps::new(gpu, world, side, keep)?)), (names[0], &[samples][..]), names[1])
         };
         Ok(Self {
             hidden,
@@ -119,22 +144,35 @@ impl Direct {
         })
     }
 
-    /// Records the stage for views and what they see of surfaces.
+    /// Records the stage for views and what they see of surfaces. Maps that are kept are drawn for the lights that are `due`.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
         world: &World,
+        due: impl Fn(usize) -> bool,
         views: impl Iterator<Item = (&'a View, &'a Surface)> + Clone,
     ) {
         let used = |(_, light): &(usize, &LightInfo)| !(self.sky_light && light.of_sky);
+        let lights = || world.lights().iter().enumerate().filter(used);
+        if let Hidden::Maps(maps) = &self.hidden
+            && maps.are_kept(world)
+        {
+            for light in lights().filter(|(i, _)| due(*i)) {
+                maps.record(cmd, world, light);
+            }
+            if lights().next().is_some() {
+                cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
+            }
+            return self.record_shading(cmd, world, lights, views);
+        }
         let mut is_first = true;
-        for (i, light) in world.lights().iter().enumerate().filter(used) {
+        for (i, light) in lights() {
             match &self.hidden {
                 Hidden::Maps(maps) => {
                     if !is_first {
                         cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the last light's map has been read
                     }
-                    maps.record(cmd, world, light);
+                    maps.record(cmd, world, (i, light));
                     cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
                 }
                 Hidden::Rays(trace) => {
@@ -153,43 +191,68 @@ impl Direct {
                 }
             }
             is_first = false;
-            let Some(shade) = (if light.is_area { &self.shade_area } else { &self.shade }) else { continue };
-            for (view, surface) in views.clone() {
-                self.record_shading(cmd, world, (i as u32, light), shade, (view, surface));
-            }
+            self.record_shading(cmd, world, || std::iter::once((i, light)), views.clone());
         }
     }
 
-    /// Adds what a view's surfaces reflect of a light.
-    fn record_shading(
+    /// Adds what views' surfaces reflect of some lights.
+    fn record_shading<'a, 'l, Lights: Iterator<Item = (usize, &'l LightInfo)>>(
         &self,
         cmd: &Cmd<'_>,
         world: &World,
-        (i, light): (u32, &LightInfo),
+        lights: impl Fn() -> Lights,
+        views: impl Iterator<Item = (&'a View, &'a Surface)>,
+    ) {
+        let shaded = || lights().filter_map(|(i, light)| Some((i, light, self.shading(light)?)));
+        for (view, surface) in views.filter(|_| shaded().next().is_some()) {
+            let radiance =
+                Attachments { colors: &[Attach::keep(&surface.radiance)], depth: None, area: surface.area() };
+            cmd.render(&radiance, |draw| {
+                for (i, light, shade) in shaded() {
+                    self.shade(draw, world, (i, light), shade, (view, surface));
+                }
+            });
+        }
+    }
+
+    /// What adds the light of a light.
+    fn shading(&self, light: &LightInfo) -> Option<&Pipeline> {
+        if light.is_area { self.shade_area.as_ref() } else { self.shade.as_ref() }
+    }
+
+    /// Adds what a view's surfaces reflect of a light.
+    fn shade(
+        &self,
+        draw: &Draw<'_, '_>,
+        world: &World,
+        (i, light): (usize, &LightInfo),
         shade: &Pipeline,
         (view, surface): (&View, &Surface),
     ) {
-        let radiance = Attachments { colors: &[Attach::keep(&surface.radiance)], depth: None, area: surface.area() };
-        let (hides, size): (Vec<Bind<'_>>, u32) = match &self.hidden {
+        let (first, second, size): (Bind<'_>, Option<Bind<'_>>, u32) = match &self.hidden {
             Hidden::Maps(maps) => {
-                (vec![(&world.view_buffer).into(), (&maps.image).into()], light.shadow_size(maps.image.width))
+                let image = maps.image(i);
+                ((&world.view_buffer).into(), Some(image.into()), light.shadow_size(image.width))
             }
-            Hidden::Rays(_) => (surface.arriving.iter().map(Bind::from).collect(), 1),
+            Hidden::Rays(_) => match &surface.arriving {
+                Some(arriving) => (arriving.into(), None, 1),
+                None => return,
+            },
         };
-        cmd.render(&radiance, |draw| {
-            let mut resources = vec![Bind::from(&world.light_buffer), hides[0]];
-            resources.extend([&surface.depth, &surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
-            resources.extend(hides.get(1));
-            resources.extend(surface.coat.as_ref().map(Bind::from));
-            draw.bind(shade, &resources);
-            let View { world_from_clip, eye, .. } = *view;
-            if light.is_area {
-                draw.push(&AreaPush { world_from_clip, eye, light: i, face_size: size, columns: light.columns() });
-            } else {
-                draw.push(&ScreenPush { world_from_clip, eye, light: i, shadow_size: size, first_val: 0 });
-            }
-            draw.draw(3);
-        });
+        let mut resources = vec![Bind::from(&world.light_buffer), first];
+        resources.extend([&surface.depth, &surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
+        resources.extend(second);
+        resources.extend(surface.coat.as_ref().map(Bind::from));
+        draw.bind(shade, &resources);
+        let View { world_from_clip, eye, .. } = *view;
+        let light_number = i as u32;
+        if light.is_area {
+            let columns = light.columns();
+            draw.push(&AreaPush { world_from_clip, eye, light: light_number, face_size: size, columns });
+        } else {
+            draw.push(&ScreenPush { world_from_clip, eye, light: light_number, shadow_size: size, first_val: 0 });
+        }
+        draw.draw(3);
     }
 }
 

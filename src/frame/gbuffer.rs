@@ -3,7 +3,7 @@
 use super::plan::Plan;
 use super::settings::Antialiasing;
 use super::view::View;
-use super::world::{VERTEX, Which, World};
+use super::world::{ByKind, VERTEX, Which, World};
 use crate::error::Result;
 use crate::gpu::{
     Attach, Attachments, Blend, Buffer, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster,
@@ -131,34 +131,43 @@ fn pulls(gpu: &Gpu, plan: &Plan) -> bool {
     plan.elements() && !gpu.numbers_triangles()
 }
 
-/// A pipeline that draws what is nearest.
-fn surfaces(gpu: &Gpu, plan: &Plan, points: u32, fragment: &'static str, colors: &[Format]) -> Result<Pipeline> {
+/// Pipelines that draw what is nearest.
+fn surfaces(
+    (gpu, world): (&Gpu, &World),
+    plan: &Plan,
+    points: u32,
+    fragment: &'static str,
+    colors: &[Format],
+) -> Result<ByKind> {
     let (vertex, streams): (_, &[_]) =
         if pulls(gpu, plan) { ("mesh_pulled.vert", &[]) } else { ("mesh.vert", &[VERTEX]) };
-    gpu.raster(&Raster {
-        vertex,
-        fragment: Some(fragment),
-        shape: Shape::Triangles,
-        streams,
-        colors,
-        blend: Blend::Replace,
-        depth: Depth::Nearest,
-        cull: Cull::Back,
-        constants: &[points, u32::from(plan.antialiasing != Antialiasing::Off), u32::from(plan.inside)],
+    let (damped, inside) = (u32::from(plan.antialiasing != Antialiasing::Off), u32::from(plan.inside));
+    world.by_kind(|kind| {
+        gpu.raster(&Raster {
+            vertex,
+            fragment: Some(fragment),
+            shape: Shape::Triangles,
+            streams,
+            colors,
+            blend: Blend::Replace,
+            depth: Depth::Nearest,
+            cull: Cull::Back,
+            constants: &[kind, points, damped, inside],
+        })
     })
 }
 
 /// Draws every opaque surface once; double-sided ones have both their sides among the triangles.
 pub struct GBuffer {
-    pipeline: Pipeline,
+    draw: ByKind,
 }
 
 impl GBuffer {
-    /// Makes the pipeline.
+    /// Makes the pipelines.
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
-    pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
+    pub fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Self> {
         let name = match (plan.elements(), pulls(gpu, plan), plan.coated) {
             (false, _, false) => "gbuffer.frag",
             (false, _, true) => "gbuffer_coat.frag",
@@ -167,11 +176,11 @@ impl GBuffer {
             (true, true, false) => "gbuffer_pulled.frag",
             (true, true, true) => "gbuffer_pulled_coat.frag",
         };
-        Ok(Self { pipeline: surfaces(gpu, plan, plan.antialiasing.samples(), name, &targets(plan, None))? })
+        Ok(Self { draw: surfaces((gpu, world), plan, plan.antialiasing.samples(), name, &targets(plan, None))? })
     }
 
     /// The same for layers of what is seen through.
-    pub(super) fn of_layers(gpu: &Gpu, plan: &Plan) -> Result<Pipeline> {
+    pub(super) fn of_layers(gpu: &Gpu, world: &World, plan: &Plan) -> Result<ByKind> {
         let name = match (plan.elements(), pulls(gpu, plan), plan.coated) {
             (false, _, false) => "layers.frag",
             (false, _, true) => "layers_coat.frag",
@@ -180,7 +189,7 @@ impl GBuffer {
             (true, true, false) => "layers_pulled.frag",
             (true, true, true) => "layers_pulled_coat.frag",
         };
-        surfaces(gpu, plan, 0, name, &targets(plan, Some(HALF)))
+        surfaces((gpu, world), plan, 0, name, &targets(plan, Some(HALF)))
     }
 
     /// Records the stage for a view.
@@ -188,6 +197,6 @@ impl GBuffer {
         let colors: Vec<_> = surface.targets(None).map(Attach::clear).collect();
         let attachments =
             Attachments { colors: &colors, depth: Some(Attach::clear(&surface.depth)), area: surface.area() };
-        cmd.render(&attachments, |draw| world.draw(draw, &self.pipeline, Which::Solid, view.clip_from_world, view.eye));
+        cmd.render(&attachments, |draw| world.draw(draw, &self.draw, Which::Solid, view.clip_from_world, view.eye));
     }
 }

@@ -7,7 +7,7 @@ use super::light::Light;
 use super::near::NearPixels;
 use super::view::View;
 use super::visible::VisibleList;
-use super::world::{Which, World};
+use super::world::{ByKind, Which, World};
 use crate::error::Result;
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
@@ -17,7 +17,7 @@ use crate::gpu::{
 pub struct Layers {
     /// Nearest first.
     pub list: Vec<Layer>,
-    draw: Pipeline,
+    draw: ByKind,
     /// Dims what is behind, and adds what the layer sends.
     mix: [Pipeline; 2],
 }
@@ -72,7 +72,7 @@ impl Layers {
         };
         Ok(Some(Self {
             list: (0..plan.layers).map(layer).collect::<Result<_>>()?,
-            draw: GBuffer::of_layers(gpu, plan)?,
+            draw: GBuffer::of_layers(gpu, world, plan)?,
             mix: [mix(Blend::Multiply, 1)?, mix(Blend::Add, 0)?],
         }))
     }

@@ -113,7 +113,10 @@ impl Light {
         }
         Ok(Self {
             rsm,
-            direct: plan.direct.then(|| Direct::new(gpu, world, &plan, settings.light_shadows.map())).transpose()?,
+            direct: plan
+                .direct
+                .then(|| Direct::new(gpu, world, &plan, (settings.light_shadows.map(), settings.reuse)))
+                .transpose()?,
             indirect: match &settings.indirect {
                 settings::Indirect::Caches(caches) if plan.lightskin => {
                     IndirectLight::Caches(Box::new(CacheLight::new(gpu, &plan, world, caches, [vals, side, eyes])?))
@@ -142,7 +145,9 @@ impl Light {
     /// # Errors
     /// As `new`; the light is then as it was.
     pub fn fit(&mut self, gpu: &Gpu, scene: &Scene, world: &World, settings: &Settings, eyes: usize) -> Result<()> {
-        let same = Settings { reuse: settings.reuse, ..self.settings } == *settings;
+        // Maps that are kept take memory that others do not.
+        let reuse = if self.plan.direct && !self.plan.light_rays { self.settings.reuse } else { settings.reuse };
+        let same = Settings { reuse, ..self.settings } == *settings;
         if same && self.fits(world) && eyes <= self.eyes() {
             self.settings.reuse = settings.reuse;
             return Ok(());

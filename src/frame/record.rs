@@ -88,7 +88,7 @@ pub fn record_rows(
     let lit = || drawn().flat_map(|(view, p)| p.lit().map(move |surface| (view, surface)));
     if let (true, Some(direct)) = (some_surface, &light.direct) {
         let _zone = enter(plan::DIRECT); // 2
-        direct.record(cmd, world, lit());
+        direct.record(cmd, world, |i| outdated.lights[i], lit());
     }
     if let (true, Some(sky), Some((_, picture))) = (some_surface, &world.sky, shown().next())
         && let Some(background) = &picture.background

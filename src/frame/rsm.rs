@@ -6,7 +6,7 @@ use super::pack::PackVals;
 use super::plan::Plan;
 use super::settings::ProxyWeight;
 use super::vals::Vals;
-use super::world::{VERTEX, Which, World};
+use super::world::{ByKind, VERTEX_PLAIN, Which, World};
 use crate::error::{Error, Result};
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
@@ -27,7 +27,7 @@ pub struct Rsm {
     pub vals: Vals,
     /// What enters bodies there; only where they are filled.
     pub inside: Option<Inside>,
-    draw: Pipeline,
+    draw: ByKind,
     to_vals: Pipeline,
     pack: PackVals,
     weight: ProxyWeight,
@@ -68,16 +68,18 @@ impl Rsm {
             albedo: gpu.target("rsm.albedo", float, n, n)?,
             depth: gpu.target("rsm.depth", Format::D32_SFLOAT, n, n)?,
             vals: Vals::with(gpu, count, given, weight)?,
-            draw: gpu.raster(&Raster {
-                vertex: "mesh.vert",
-                fragment: Some(if plan.inside { "rsm_inside.frag" } else { "rsm.frag" }),
-                shape: Shape::Triangles,
-                streams: &[VERTEX],
-                colors: &[Format::R32G32B32A32_SFLOAT; 4][..if plan.inside { 4 } else { 3 }],
-                blend: Blend::Replace,
-                depth: Depth::Nearest,
-                cull: Cull::None,
-                constants: &[],
+            draw: world.by_kind(|kind| {
+                gpu.raster(&Raster {
+                    vertex: "mesh_plain.vert",
+                    fragment: Some(if plan.inside { "rsm_inside.frag" } else { "rsm.frag" }),
+                    shape: Shape::Triangles,
+                    streams: &[VERTEX_PLAIN],
+                    colors: &[Format::R32G32B32A32_SFLOAT; 4][..if plan.inside { 4 } else { 3 }],
+                    blend: Blend::Replace,
+                    depth: Depth::Nearest,
+                    cull: Cull::None,
+                    constants: &[kind],
+                })
             })?,
             to_vals: gpu.compute(
                 if plan.inside { "vals_inside.comp" } else { "vals.comp" },

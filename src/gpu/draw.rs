@@ -281,12 +281,17 @@ impl Draw<'_, '_> {
 
     /// Draws vertices without buffers: 3 for the triangle that covers the screen, points, or what shaders look up themselves.
     pub fn draw(&self, vertex_count: u32) {
+        self.draw_from(vertex_count, 0);
+    }
+
+    /// The same from this vertex on.
+    pub fn draw_from(&self, vertex_count: u32, first_vertex: u32) {
         if self.cmd.failed() {
             return;
         }
-        self.check_vertices(Some(vertex_count));
+        self.check_vertices(Some(first_vertex.saturating_add(vertex_count)));
         // SAFETY: pipeline and descriptors are bound; the shader makes its vertices from their index.
-        unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, 0, 0) };
+        unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, first_vertex, 0) };
     }
 
     /// Draws triangles from the bound buffers. The indices name vertices that are there: whoever fills an index buffer sees

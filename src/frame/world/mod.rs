@@ -8,6 +8,7 @@ mod albedo;
 mod area_lights;
 mod cells;
 pub(super) mod deform;
+mod draws;
 mod emitters;
 mod filled;
 pub mod lights;
@@ -22,6 +23,8 @@ mod update;
 pub use area_lights::AreaLight;
 pub use cells::CellBuffers;
 pub use deform::DeformBuffers;
+pub use draws::Which;
+pub(super) use draws::{ByKind, VERTEX, VERTEX_PLACE, VERTEX_PLAIN};
 pub use filled::FilledBuffers;
 pub(super) use lights::LightInfo;
 pub use sky::{SkyBuffer, SkyLight};
@@ -31,58 +34,19 @@ use super::revision::new_revision;
 use super::settings::{Indirect, Settings};
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
-use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Image, Pipeline, Stream};
-use crate::scene::{Mesh, Primitive, Scene, Vertex};
-use crate::shared::{
-    self, Corner, DrawPush, DrawRecord, InstanceCaches, ModelCache, NO_REFERENCES, RIGID, TEXTURE_COUNT,
-};
+use crate::gpu::{Buffer, Gpu, Image};
+use crate::scene::{Mesh, Scene, Vertex};
+use crate::shared::{self, Corner, DrawRecord, InstanceCaches, ModelCache, NO_REFERENCES, RIGID};
 use area_lights::AreaLights;
+use draws::{DrawItem, bounds_of};
 use emitters::Patches;
-use glam::{DVec3, Mat4, Vec2, Vec3, Vec4};
+use glam::{DVec3, Mat4, Vec3, Vec4};
 use model_caches::{CacheSurface, place_caches, references_each};
 use rays::{Placed, RayBuffers};
 use std::cell::{Cell, OnceCell};
-use textures::{MaterialTextures, upload_textures};
+use std::sync::Arc;
+use textures::{MaterialTextures, kinds, upload_textures};
 use update::{Dynamic, InstanceLayout, PendingCopies, Revisions, Structure};
-
-/// A vertex as the stages that draw the scene read it.
-pub(super) const VERTEX: Stream<'static> = Stream {
-    stride: size_of::<Vertex>() as u32,
-    attributes: &[
-        (0, Format::R32G32B32_SFLOAT, 0),
-        (1, Format::R32G32B32_SFLOAT, 12),
-        (2, Format::R32G32B32A32_SFLOAT, 24),
-        (3, Format::R32G32_SFLOAT, 40),
-        (4, Format::R32G32_SFLOAT, 48),
-        (5, Format::R8G8B8A8_UNORM, 56),
-    ],
-};
-
-/// A run of triangles of one instance with one material.
-struct DrawItem {
-    instance: u32,
-    material: u32,
-    vertex_offset: u64,
-    /// First vertex of the mesh at rest.
-    first_rest: u32,
-    index_offset: u64,
-    first_index: u32,
-    index_count: u32,
-    /// First of the model's references, in pairs.
-    reference_base: u32,
-    /// Atlas index of the instance's first cache.
-    cache_base: u32,
-    /// The instance's model.
-    grid: u32,
-    /// First of the instance's vertices, or cells, among those of all instances.
-    first_slot: u32,
-    masked: bool,
-    seen_through: bool,
-    /// Whether the model has caches to refer to.
-    has_caches: bool,
-    /// Smallest and largest coordinates in model space; none where it bends.
-    bounds: Option<[Vec3; 2]>,
-}
 
 /// A scene on the device with its caches: what all lights and pictures of it share.
 pub struct World {
@@ -164,6 +128,8 @@ pub struct World {
     textures: Vec<Image>,
     /// Per material: image and sampler of each of its textures.
     material_textures: MaterialTextures,
+    /// Kinds of materials, for shaders.
+    kinds: Vec<u32>,
     draws: Vec<DrawItem>,
 }
 
@@ -173,21 +139,6 @@ struct CacheAlbedos {
     buffer: Buffer,
     /// What is or will be there.
     albedos: Vec<Vec3>,
-}
-
-/// Which triangles a pass draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Which {
-    /// All.
-    All,
-    /// Those behind which nothing shows.
-    Solid,
-    /// The others.
-    SeenThrough,
-    /// Those whose material has no holes.
-    Opaque,
-    /// Those whose material has holes.
-    Masked,
 }
 
 impl World {
@@ -252,6 +203,9 @@ impl World {
             references.push(crate::bake::NO_CACHE);
         }
 
+        let (kinds, kind_of) = kinds(scene);
+        let bounds = |mesh: &Mesh| mesh.primitives.iter().map(|primitive| bounds_of(mesh, primitive)).collect();
+        let bounds: Vec<Vec<_>> = scene.meshes.iter().map(bounds).collect();
         let (mut model_caches, mut cache_surfaces, mut draws, mut slot_count) =
             (Vec::new(), Vec::new(), Vec::new(), 0_u32);
         let mut instance_caches = Vec::<InstanceCaches>::new();
@@ -284,10 +238,11 @@ impl World {
                 .ok()
                 .and_then(|n| slot_count.checked_add(n))
                 .ok_or_else(|| Error::TooLarge("more than 4 billion vertices or cells over all instances".into()))?;
-            for primitive in &mesh.primitives {
+            for (primitive, (bounds, runs)) in mesh.primitives.iter().zip(&bounds[instance.mesh]) {
                 draws.push(DrawItem {
                     instance: i as u32,
                     material: primitive.material as u32,
+                    kind: kind_of[primitive.material],
                     vertex_offset: first_vertex * size_of::<Vertex>() as u64,
                     first_rest: mesh_base[instance.mesh].0 as u32,
                     index_offset: mesh_base[instance.mesh].1 * 4,
@@ -300,7 +255,8 @@ impl World {
                     masked: scene.materials[primitive.material].alpha_cutoff.is_some(),
                     seen_through: scene.materials[primitive.material].is_seen_through(),
                     has_caches: model.is_some_and(|(_, m)| !m.caches.is_empty()),
-                    bounds: mesh.deform.is_none().then(|| bounds_of(mesh, primitive)),
+                    bounds: mesh.deform.is_none().then_some(*bounds),
+                    runs: if mesh.deform.is_none() { runs.clone() } else { Arc::default() },
                 });
             }
         }
@@ -350,6 +306,7 @@ impl World {
             texture_slots: gpu.buffer_from("scene.texture_slots", &dynamic.slots)?,
             textures,
             material_textures,
+            kinds,
             draws,
             layouts,
             revisions: Revisions::new(dynamic.lights.len()),
@@ -421,76 +378,6 @@ impl World {
         &self.textures[0]
     }
 
-    /// Draws the scene's triangles. Bindings 0 to 14 of the shaders are the scene's own (see `lib/textures.glsl`).
-    pub fn draw(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, which: Which, clip_from_world: Mat4, eye: Vec4) {
-        self.draw_large(draw, pipeline, (which, &[]), (clip_from_world, eye), 0.0);
-    }
-
-    /// The same without what is smaller in the view than this [of its height and width, which are 2], with what shaders have at
-    /// bindings from 15 on.
-    pub(super) fn draw_large(
-        &self,
-        draw: &Draw<'_, '_>,
-        pipeline: &Pipeline,
-        (which, more): (Which, &[Bind<'_>]),
-        (clip_from_world, eye): (Mat4, Vec4),
-        least: f32,
-    ) {
-        let mut bound = None;
-        for (i, item) in self.draws.iter().enumerate() {
-            let wanted = match which {
-                Which::All => true,
-                Which::Solid => !item.seen_through,
-                Which::SeenThrough => item.seen_through,
-                Which::Opaque => !item.masked,
-                Which::Masked => item.masked,
-            };
-            let instance = item.instance as usize;
-            if !wanted || self.dynamic.hidden[instance] || self.shows_nothing(item, clip_from_world, least) {
-                continue;
-            }
-            if bound.replace(item.material) != Some(item.material) {
-                self.bind_material(draw, pipeline, item.material as usize, more);
-            }
-            draw.push(&DrawPush {
-                clip_from_world,
-                instance: item.instance,
-                material: item.material,
-                draw: i as u32 + 1,
-                eye,
-            });
-            draw.front_is_ccw(!self.dynamic.mirrored[item.instance as usize]);
-            if pipeline.has_vertex_buffers() {
-                draw.vertices(&[(&self.vertices, item.vertex_offset)]);
-                draw.indices(&self.indices, item.index_offset);
-                draw.draw_indexed(item.index_count, item.first_index);
-            } else {
-                draw.draw(item.index_count);
-            }
-        }
-    }
-
-    /// Whether a draw is certainly outside what a view shows, or is smaller there than `least`.
-    fn shows_nothing(&self, item: &DrawItem, clip_from_world: Mat4, least: f32) -> bool {
-        let Some(bounds) = item.bounds else { return false };
-        let clip_from_model = clip_from_world * self.dynamic.instances[item.instance as usize].world_from_model;
-        let corner = |i: usize| {
-            let side = |axis: usize| bounds[i >> axis & 1][axis];
-            clip_from_model * Vec4::new(side(0), side(1), side(2), 1.0)
-        };
-        let corners: [Vec4; 8] = std::array::from_fn(corner);
-        // Rounding is a few millionths of the largest number in play.
-        let slack = 1e-5 * corners.iter().fold(0.0, |most: f32, c| most.max(c.abs().max_element()));
-        let beyond = |distance: fn(Vec4) -> f32| corners.iter().all(|c| distance(*c) < -slack);
-        if beyond(|c| c.w + c.x) || beyond(|c| c.w - c.x) || beyond(|c| c.w + c.y) || beyond(|c| c.w - c.y) {
-            return true;
-        }
-        let places = corners.map(|c| c.truncate().truncate() / c.w);
-        let size = places.iter().copied().fold(Vec2::NEG_INFINITY, Vec2::max)
-            - places.iter().copied().fold(Vec2::INFINITY, Vec2::min);
-        corners.iter().all(|c| c.w > slack) && size.max_element() < least
-    }
-
     /// The vertices of an instance as draws last read them; none of one that has no triangles. Waits for the device.
     ///
     /// # Errors
@@ -539,33 +426,6 @@ impl World {
     pub fn indices(&self) -> &Buffer {
         &self.indices
     }
-
-    /// Binds those of the scene's bindings, and of `more` after them, that the pipeline's shaders declare.
-    fn bind_material(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, material: usize, more: &[Bind<'_>]) {
-        let texture = |i: usize| {
-            let (image, sampler) = self.material_textures[material][i];
-            Bind::Texture(&self.textures[image], sampler)
-        };
-        let own = [&self.instances, &self.materials, &self.texture_slots].map(Bind::Buffer);
-        // What vertex shaders look up that pull their vertices.
-        let pulled = [&self.vertices, &self.indices, &self.draw_records].map(Bind::Buffer);
-        const TEXTURES: usize = 3;
-        const MORE: usize = TEXTURES + TEXTURE_COUNT as usize;
-        const PULLED: usize = MORE + 2;
-        let binding = |i: usize| match i {
-            0..TEXTURES => own[i],
-            TEXTURES..MORE => texture(i - TEXTURES),
-            MORE..PULLED => more[i - MORE],
-            _ => pulled[i - PULLED],
-        };
-        let mut used = [own[0]; PULLED + 3];
-        let mut count = 0;
-        for i in pipeline.bindings() {
-            used[count] = binding(i as usize);
-            count += 1;
-        }
-        draw.bind(pipeline, &used[..count]);
-    }
 }
 
 /// A draw for shaders.
@@ -584,12 +444,4 @@ fn record(draw: &DrawItem) -> DrawRecord {
 
 fn too_many_references() -> Error {
     Error::TooLarge("more than 8 billion cache references; ask for --refs 8 or render parts of the scene".into())
-}
-
-/// Smallest and largest coordinates of a run of triangles.
-fn bounds_of(mesh: &Mesh, primitive: &Primitive) -> [Vec3; 2] {
-    let first = primitive.first_index as usize;
-    let indices = &mesh.indices[first..first + primitive.index_count as usize];
-    let positions = indices.iter().map(|i| mesh.vertices[*i as usize].position);
-    positions.fold([Vec3::INFINITY, Vec3::NEG_INFINITY], |[low, high], p| [low.min(p), high.max(p)])
 }

@@ -76,6 +76,34 @@ pub(super) fn slots(m: &Material) -> [TextureSlot; TEXTURE_COUNT as usize] {
     })
 }
 
+/// Kinds of materials that have pipelines of their own, at most.
+const MOST_KINDS: usize = 16;
+
+/// The kinds of the materials that a scene uses, for shaders, and for each material which of them it is. What exceeds the bound
+/// is drawn as one kind.
+pub(super) fn kinds(scene: &Scene) -> (Vec<u32>, Vec<usize>) {
+    let kind = |m: &Material| {
+        let textures = used(m).map(|(texture, _)| u32::from(texture.is_some()));
+        let bits = textures.iter().enumerate().fold(0, |all, (i, bit)| all | bit << i);
+        bits | if m.phong.is_some() { shared::KIND_PHONG } else { 0 }
+    };
+    let mut drawn: Vec<usize> =
+        scene.meshes.iter().flat_map(|mesh| &mesh.primitives).map(|primitive| primitive.material).collect();
+    drawn.sort_unstable();
+    drawn.dedup();
+    let mut kinds: Vec<u32> = drawn.iter().map(|i| kind(&scene.materials[*i])).collect();
+    kinds.sort_unstable();
+    kinds.dedup();
+    if kinds.len() > MOST_KINDS {
+        let others = kinds.drain(MOST_KINDS - 1..).fold(shared::KIND_MIXED, |all, one| all | one);
+        kinds.push(others);
+    }
+    let last = kinds.len().saturating_sub(1);
+    let place = |m| kinds.iter().position(|one| *one == kind(m)).unwrap_or(last);
+    let of_materials = scene.materials.iter().map(place).collect();
+    (kinds, of_materials)
+}
+
 /// Image and sampler of each texture of each material.
 pub(super) type MaterialTextures = Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>;
 
