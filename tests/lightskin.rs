@@ -38,6 +38,8 @@ mod exposure;
 mod files;
 mod flicker;
 mod frame;
+#[cfg(feature = "app")]
+mod fuzz;
 mod gather;
 mod generated;
 mod goldens;
