@@ -131,7 +131,7 @@ fn mutant(seed: &Seed, random: &mut Random) -> Vec<u8> {
         Some((mut json, mut binary)) if random.below(5) > 0 => {
             let of_json = if seed.packed.is_some() { 1 } else { 3 };
             if binary.is_empty() || random.below(4) < of_json {
-                (0..1 + random.below(3)).for_each(|_| mutate_json(&mut json, 0, random));
+                (0..1 + random.below(5) / 3).for_each(|_| mutate_json(&mut json, 0, random));
             } else {
                 mutate_bytes(&mut binary, seed.packed.unwrap_or(0), random);
             }

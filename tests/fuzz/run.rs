@@ -20,11 +20,33 @@ const MOST_KIB: u32 = 2 << 20;
 
 /// How kept bakes and samples are asked for.
 pub(super) const CACHES: [&str; 2] = ["--caches", "40"];
-pub(super) const PATH_TRACE: [&str; 9] = ["render", BOX, "-o", "a.png", "--gi", "path-trace", "--size", "4x4", "--spp=16"];
+pub(super) const PATH_TRACE: [&str; 9] =
+    ["render", BOX, "-o", "a.png", "--gi", "path-trace", "--size", "4x4", "--spp=16"];
 const DRAW: [&str; 8] = ["-o", "a.png", "--size", "16x16", "--rsm", "8", "--quality", "low"];
 
 /// What a line of error may tell the user to do.
-const REMEDIES: [&str; 1] = ["export"];
+const REMEDIES: [&str; 20] = [
+    "export",
+    "write or download",
+    "give a",
+    "convert",
+    "simplify",
+    "split",
+    "merge",
+    "lower ",
+    "raise ",
+    "put the file",
+    "move the file",
+    "rename the file",
+    "keep buffers",
+    "allows it",
+    "is needed",
+    "are needed",
+    "needs ",
+    "must be",
+    "use ",
+    "leaves it out",
+];
 
 /// The numbers that `LIGHTSKIN_FUZZ` asks for.
 fn wanted() -> Option<Range<u64>> {
@@ -165,7 +187,7 @@ fn judged(ended: &Ended, kind: Kind) -> Result<Option<String>, String> {
     match ended.status.code() {
         Some(0) => Ok(None),
         _ if ended.stopped && kind == Kind::Session => Ok(None),
-        Some(1) if remedy(last) => Ok(Some(last.to_owned())),
+        Some(1) if remedy(last) || kind == Kind::Session && last.contains("mutant.json: ") => Ok(Some(last.to_owned())),
         Some(1) => Err(format!("no file, place or remedy: {last}")),
         _ => Err(format!("{}: {last}", ended.status)),
     }

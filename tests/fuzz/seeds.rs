@@ -4,7 +4,7 @@ use crate::cli::{folder, works};
 use crate::common::{data, glb, gltf_files};
 use crate::{compressed, malformed};
 use exr::prelude::{
-    Compression, Encoding, Image, LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage, Layer,
+    Compression, Encoding, Image, Layer, LayerAttributes, LineOrder, SpecificChannels, Vec2, WritableImage,
 };
 use serde_json::json;
 use std::fs;
@@ -50,11 +50,10 @@ pub(super) fn scenes() -> Vec<Seed> {
     seeds
 }
 
-/// Scenes of the test data, as they are: small ones, and hostile ones.
-fn scenes_of_data() -> Vec<Seed> {
-    let Some(data) = data() else { return Vec::new() };
-    let folders = ["repro", "malformed", "scenes/features", "scenes/cornell"];
-    let paths = folders.into_iter().flat_map(|folder| gltf_files(&data.join(folder)));
+/// The small scenes in these folders of the test data.
+fn scenes_of_data(folders: &[&str]) -> Vec<Seed> {
+    let Some(data) = data() else { return scenes() };
+    let paths = folders.iter().flat_map(|folder| gltf_files(&data.join(folder)));
     let small = paths.filter(|path| fs::metadata(path).is_ok_and(|file| file.len() < 1_000_000));
     let seed = |path: PathBuf| {
         let is_binary = path.extension().is_some_and(|e| e == "glb");
@@ -152,10 +151,14 @@ pub(super) fn all() -> Vec<(usize, Vec<Seed>)> {
     let pictures = named(Kind::Picture, "mutant.exr", exr);
     let (bakes, samples): (Vec<Seed>, Vec<Seed>) = kept_files().into_iter().partition(|seed| seed.kind == Kind::Bake);
     let sessions = named(Kind::Session, "mutant.json", vec![session()]);
-    let mut scenes_there = scenes_of_data();
-    if scenes_there.is_empty() {
-        scenes_there = scenes();
-    }
-    let weighted = [(60, scenes()), (60, scenes_there), (24, skies), (12, pictures), (20, bakes), (20, samples), (4, sessions)];
-    weighted.into()
+    vec![
+        (50, scenes()),
+        (60, scenes_of_data(&["scenes/features", "scenes/cornell"])),
+        (20, scenes_of_data(&["malformed", "repro"])),
+        (24, skies),
+        (12, pictures),
+        (20, bakes),
+        (20, samples),
+        (4, sessions),
+    ]
 }

@@ -93,7 +93,9 @@ impl Geometry<'_> {
             notes.count("Primitives of points or lines left out", 1);
             return Ok(None);
         }
-        let attributes = primitive.object("attributes")?.ok_or_else(|| primitive.error("has no attributes"))?;
+        let attributes = primitive
+            .object("attributes")?
+            .ok_or_else(|| primitive.error("has no attributes: export the file again"))?;
         let Some(index) = attributes.index("POSITION")? else {
             notes.count("Primitives without POSITION left out", 1);
             return Ok(None);
