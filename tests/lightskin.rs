@@ -69,6 +69,8 @@ mod scene;
 mod shaders;
 mod shadows_light;
 mod sheet;
+#[cfg(feature = "glsl")]
+mod shipped;
 mod showpiece;
 mod sky;
 mod sky_light;

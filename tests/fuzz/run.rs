@@ -25,7 +25,7 @@ pub(super) const PATH_TRACE: [&str; 9] =
 const DRAW: [&str; 8] = ["-o", "a.png", "--size", "16x16", "--rsm", "8", "--quality", "low"];
 
 /// What a line of error may tell the user to do.
-const REMEDIES: [&str; 20] = [
+const REMEDIES: [&str; 22] = [
     "export",
     "write or download",
     "give a",
@@ -39,6 +39,8 @@ const REMEDIES: [&str; 20] = [
     "move the file",
     "rename the file",
     "keep buffers",
+    "check its name",
+    "ask for",
     "allows it",
     "is needed",
     "are needed",
