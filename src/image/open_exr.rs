@@ -15,7 +15,12 @@ use std::path::Path;
 /// Reads a layer, or the picture itself; a layer of one channel comes three times.
 pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
-    let failed = |e: exr::error::Error| bad(format!("{e}; write or download it again"));
+    let failed = |error: exr::error::Error| {
+        bad(match error {
+            exr::error::Error::Io(_) => "its blocks do not lie where its table says; write or download it again".into(),
+            error => format!("{error}; write or download it again"),
+        })
+    };
     let chunks = exr::block::read(BufReader::new(files::open(path).map_err(bad)?), false).map_err(failed)?;
     decode::within(bytes_needed(chunks.headers())).map_err(bad)?;
     let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
