@@ -2,7 +2,8 @@
 //! the remedy.
 //!
 //! Scenes of a few kinds are always tried, within this process. `LIGHTSKIN_FUZZ=10000` tries so many files of all kinds with
-//! the tool itself: scenes, skies, pictures, kept bakes and samples, sessions. Each may take 10 s and 2 GiB of address space.
+//! the tool itself: scenes, skies, pictures, kept bakes and samples, sessions. Each may take 10 s of
+//! processor time and 2 GiB of address space.
 //! With `LIGHTSKIN_DATA` the scenes there are mutated, too. Mutants follow from their number alone: `LIGHTSKIN_FUZZ=37..38`
 //! tries number 37 again. What fails lies in `target/tmp/fuzz/found`, and all error lines in `target/tmp/fuzz/errors.txt`.
 
