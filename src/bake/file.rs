@@ -38,7 +38,7 @@ pub fn bake_cached(
     }
 }
 
-/// [`bake_cached`] with the folder given. A file that is missing, damaged or of another version is made anew; one
+/// [`bake_cached`] with the folder given. A file that is missing, damaged or of another version is baked again; one
 /// that cannot be written is a warning.
 ///
 /// # Errors
@@ -217,7 +217,7 @@ fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &BakeSettings) ->
     for _ in 0..count {
         models.push(read_model(&mut reader, scene, settings)?);
     }
-    // The hash vouches for the bytes, not for whoever wrote them: an index out of range would be a crash later.
+    // The hash proves that the bytes are whole, not that they are sound: an index out of range would crash later.
     let sound = reader.0.is_empty()
         && spacing > 0.0
         && instance_model.len() == scene.instances.len()

@@ -1,16 +1,16 @@
-//! Signals that end the run: half-written files go first, and a path trace keeps its samples.
+//! Signals that end the run: half-written files are removed first, and a path trace keeps its samples.
 
 use anyhow::{Context, Result};
 use lightskin::files;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether work is going on that ends in good order when it is asked to.
+/// Whether work is running that can stop cleanly when asked to.
 static IN_ORDER: AtomicBool = AtomicBool::new(false);
 
 /// Whether it is asked to.
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// From here on signals end the run so. Those that are ignored already, as under `nohup`, stay so.
+/// Handles signals from here on. Those that are ignored already, as under `nohup`, stay ignored.
 #[cfg(unix)]
 pub(super) fn watch() -> Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -29,16 +29,16 @@ pub(super) fn watch() -> Result<()> {
     Ok(())
 }
 
-/// From here on Ctrl+C, and the end of the console, end the run so.
+/// Handles Ctrl+C and the closing of the console from here on.
 #[cfg(windows)]
 pub(super) fn watch() -> Result<()> {
     // What a process ends with that Ctrl+C has ended: STATUS_CONTROL_C_EXIT.
     ctrlc::set_handler(|| asked_to_end(|| std::process::exit(0xC000_013A_u32 as i32))).context("Ctrl+C")
 }
 
-/// Ends the run by `end`, or leaves that to work that ends in good order.
+/// Ends the run by `end`, or asks running work to stop cleanly.
 fn asked_to_end(end: impl FnOnce()) {
-    // Who asks a second time does not want to wait.
+    // A second request does not wait.
     if IN_ORDER.load(Ordering::SeqCst) && !STOP.swap(true, Ordering::SeqCst) {
         return;
     }
@@ -46,7 +46,7 @@ fn asked_to_end(end: impl FnOnce()) {
     end();
 }
 
-/// Does work that ends in good order, and soon, once the flag is set.
+/// Runs work that stops cleanly, and soon, once the flag is set.
 pub(super) fn in_order<T>(work: impl FnOnce(&AtomicBool) -> T) -> T {
     IN_ORDER.store(true, Ordering::SeqCst);
     let done = work(&STOP);

@@ -82,7 +82,7 @@ impl Maps {
 }
 
 impl Direct {
-    /// Makes the pipelines, and where maps hide lights one of so many texels a side.
+    /// Makes the pipelines, and a shadow map with this many texels a side where maps hide lights.
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.

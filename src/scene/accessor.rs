@@ -72,7 +72,7 @@ pub(super) enum Semantic {
     InstanceRotation,
     /// Weights of morph targets.
     Weight,
-    /// Values for a JSON pointer: so many numbers, of any kind.
+    /// Values for a JSON pointer: this many numbers, of any kind.
     Numbers(usize),
     /// Values for a JSON pointer: true or false.
     Flag,

@@ -124,7 +124,7 @@ impl Reflectance {
         }
     }
 
-    /// Share of the light that a surface sends on by both lobes, the mean over viewers, at most all of it: as if it were diffuse.
+    /// Share of the light that both lobes reflect, averaged over viewers and at most 1, as if the surface were diffuse.
     pub fn sent_on(&self) -> Vec3 {
         let diffuse = self.diffuse(ggx::MEAN_COSINE);
         let glossy = match self.lobe {

@@ -213,7 +213,7 @@ fn judged(ended: &Ended, kind: Kind) -> Result<Option<String>, String> {
 /// Whether a line names file, place and remedy.
 fn remedy(line: &str) -> bool {
     let mut parts = line.split(": ");
-    let named = parts.next() == Some("lightskin") && parts.next().is_some_and(|file| file.contains('.'));
+    let named = parts.next() == Some("lightskin") && parts.next().is_some_and(|file| !file.is_empty());
     let rest: Vec<&str> = parts.collect();
     named && rest.len() > 1 && REMEDIES.iter().any(|word| rest[1..].iter().any(|part| part.contains(word)))
 }

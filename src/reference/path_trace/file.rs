@@ -26,7 +26,7 @@ pub(super) fn key(scene: &Scene, camera: &Camera, settings: &PathTraceSettings) 
 }
 
 impl PathTrace<'_> {
-    /// Begins anew with another number of pixels of the same view.
+    /// Starts again with another number of pixels of the same view.
     pub fn resize(&mut self, size: [u32; 2]) {
         self.settings.size = size;
         self.pixels = vec![Pixel::default(); size[0] as usize * size[1] as usize];
@@ -67,7 +67,7 @@ impl PathTrace<'_> {
             && blake3::hash(content).as_bytes() == hash;
         let values: Vec<f64> =
             numbers.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight bytes"))).collect();
-        // The hash vouches for the bytes, not for whoever wrote them. Pictures hold single precision.
+        // The hash proves that the bytes are whole, not that they are sound. Pictures hold single precision.
         let sane = values.iter().all(|value| (0.0..1e30).contains(value));
         if !known || !sound || !sane {
             log::debug!("{}: damaged or of another picture, starting anew", path.display());

@@ -265,7 +265,7 @@ pub(super) fn node_aim(
     Ok(Some((aim, Form { semantic, width })))
 }
 
-/// How many weights a channel sets of a mesh with so many targets.
+/// How many weights a channel sets, for a mesh with this many targets.
 pub(super) fn weights(
     targets: usize,
     element: Option<usize>,

@@ -170,7 +170,7 @@ fn component(kind: DataType) -> Option<Component> {
     }
 }
 
-/// The value of each point, of so many bytes.
+/// The value of each point, of this many bytes.
 fn values(attribute: &PointAttribute, points: usize, size: usize) -> Option<Vec<u8>> {
     let stride = usize::try_from(attribute.byte_stride()).ok()?;
     let data = attribute.buffer().data();

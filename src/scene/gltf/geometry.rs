@@ -261,7 +261,7 @@ impl Draft {
         let triangles = std::mem::take(&mut self.triangles);
         self.triangles = triangles.into_iter().filter(|&triangle| !self.is_degenerate(triangle)).collect();
         notes.count("Degenerate triangles left out (no area or not finite)", before - self.triangles.len());
-        // No triangle refers to these any more, but nobody should meet them either.
+        // No triangle refers to these any more, but they should not be left non-finite either.
         for vertex in &mut self.vertices {
             if !vertex.position.is_finite() {
                 vertex.position = Vec3::ZERO;
