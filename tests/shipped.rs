@@ -1,7 +1,7 @@
 //! The SPIR-V that comes with the sources is what `glsl/` becomes, without names and lines.
 
 #[path = "../build/shipped.rs"]
-mod shipped;
+mod file;
 
 use std::io::Write;
 
@@ -28,7 +28,7 @@ fn stripped(spirv: &[u8]) -> Vec<u8> {
     bytemuck::cast_slice(&kept).to_vec()
 }
 
-/// What `shipped::read` reads.
+/// What `file::read` reads.
 fn packed(sources: u64, shaders: &[(String, Vec<u8>)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let number = |bytes: &mut Vec<u8>, number: usize| bytes.extend((number as u64).to_le_bytes());
@@ -48,14 +48,14 @@ fn packed(sources: u64, shaders: &[(String, Vec<u8>)]) -> Vec<u8> {
 #[test]
 fn shipped_shaders_are_those_of_the_sources() {
     let made: Vec<_> = SHADERS.iter().map(|(name, spirv)| ((*name).to_owned(), stripped(spirv))).collect();
-    let sources = shipped::sources().expect("glsl/");
+    let sources = file::sources().expect("glsl/");
     if std::env::var_os("LIGHTSKIN_BLESS").is_some() {
-        std::fs::write(shipped::FILE, packed(sources, &made)).expect("writes");
+        std::fs::write(file::FILE, packed(sources, &made)).expect("writes");
     }
-    let there = shipped::read().expect("build/shaders.br");
-    let other = |(made, there): (&(String, Vec<u8>), &(String, Vec<u8>))| (made != there).then(|| made.0.clone());
-    let others: Vec<String> = made.iter().zip(&there.shaders).filter_map(other).collect();
+    let there = file::read().expect("build/shaders.br");
+    let pairs = made.iter().zip(&there.shaders);
+    let others: Vec<&str> = pairs.filter(|(made, there)| made != there).map(|(made, _)| made.0.as_str()).collect();
     let renew = "renew it: LIGHTSKIN_BLESS=1 cargo test --features glsl -- shipped";
-    assert!(others.is_empty(), "{} holds other SPIR-V of {}; {renew}", shipped::FILE, others.join(", "));
+    assert!(others.is_empty(), "{} holds other SPIR-V of {}; {renew}", file::FILE, others.join(", "));
     assert_eq!((there.shaders.len(), there.sources), (made.len(), sources), "{renew}");
 }
