@@ -292,6 +292,23 @@ fn what_a_small_file_asks_for_is_bounded() {
 }
 
 #[test]
+fn texture_coordinates_stay_in_range() {
+    let mut b = rich();
+    b.attribute("TEXCOORD_0", "VEC2", &[3e38, 0.0, -1e7, 0.5, 0.0, f32::NAN]);
+    let texture = &mut b.json["materials"][0]["pbrMetallicRoughness"]["baseColorTexture"];
+    texture["extensions"]["KHR_texture_transform"] = json!({"scale": [3e38, 1], "offset": [0, -3e38], "rotation": 1});
+    let scene = b.load("texture_range").expect("is valid");
+    let texture = scene.materials.iter().find_map(|material| material.base_color_texture).expect("a texture");
+    let seen = scene.meshes.iter().flat_map(|mesh| &mesh.vertices).map(|v| texture.transform.transform_point2(v.uv0));
+    assert!(seen.clone().count() > 0 && seen.into_iter().all(|uv| uv.abs().max_element() < 1e13));
+    let notes = scene.notes.join(" ");
+    assert!(
+        notes.contains("beyond a million set to zero: 3") && notes.contains("offset and scale are clamped"),
+        "{notes}"
+    );
+}
+
+#[test]
 fn what_stands_farther_off_than_numbers_reach_is_refused() {
     for distance in [1e19, 1e37] {
         let mut b = Builder::triangle();

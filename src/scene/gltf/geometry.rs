@@ -10,6 +10,7 @@ use crate::image::decode;
 use crate::scene::Vertex;
 use crate::scene::accessor::{Accessor, Accessors, Semantic};
 use crate::scene::json::Object;
+use crate::scene::material::MOST_UV;
 
 /// Most vertices (4 GiB) and indices (1 GiB) of all meshes together, which take no more memory than is allowed besides:
 /// accessors may be shared by any number of primitives, so a small file could ask for more than there is.
@@ -185,10 +186,11 @@ impl Geometry<'_> {
             let uv = coordinates.each_ref().map(|accessor| match accessor {
                 Some(accessor) => {
                     let uv = Vec2::from(accessor.floats::<2>(at));
-                    if !uv.is_finite() {
-                        notes.count("Texture coordinates that are not finite set to zero", 1);
+                    let sound = uv.abs().max_element() <= MOST_UV && uv.is_finite();
+                    if !sound {
+                        notes.count("Texture coordinates that are not finite or beyond a million set to zero", 1);
                     }
-                    if uv.is_finite() { uv } else { Vec2::ZERO }
+                    if sound { uv } else { Vec2::ZERO }
                 }
                 None => Vec2::ZERO,
             });

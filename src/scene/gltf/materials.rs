@@ -14,7 +14,7 @@ use crate::image::decode::{self, Encoded};
 use crate::image::ktx2;
 use crate::scene::accessor::Accessors;
 use crate::scene::json::{Document, Object, error_at, printable};
-use crate::scene::material::texture_transform;
+use crate::scene::material::{MOST_UV, texture_transform};
 use crate::scene::medium::Subsurface;
 use crate::scene::{Image, Material, Phong, Sampler, Texture, Wrap};
 
@@ -323,6 +323,10 @@ impl Reader<'_, '_> {
             let rotation = extension.number("rotation")?.unwrap_or(0.0);
             uv_set = extension.whole("texCoord")?.unwrap_or(uv_set);
             transform = texture_transform(offset, rotation, scale);
+            let most = f64::from(MOST_UV);
+            if offset.into_iter().chain(scale).any(|x| x.abs() > most) {
+                self.notes.add(format!("{}: offset and scale are clamped to -{most} ... {most}.", extension.place));
+            }
         }
         let sampler = match texture.index("sampler")? {
             Some(index) => sampler(&self.document.item("samplers", index, &texture)?)?,
