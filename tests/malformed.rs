@@ -303,7 +303,7 @@ fn texture_coordinates_stay_in_range() {
     assert!(seen.clone().count() > 0 && seen.into_iter().all(|uv| uv.abs().max_element() < 1e13));
     let notes = scene.notes.join(" ");
     assert!(
-        notes.contains("beyond a million set to zero: 3") && notes.contains("offset and scale are clamped"),
+        notes.contains("beyond a million set to zero: 6") && notes.contains("offset and scale are clamped"),
         "{notes}"
     );
 }
