@@ -1,6 +1,13 @@
-//! Compiles `glsl/` to SPIR-V with glslang and turns `glsl/shared.glsl` with what it includes into Rust, so that both sides
-//! read one file. A shader error is a build error with file and line.
+//! Puts the shaders' SPIR-V into the library and turns `glsl/shared.glsl` with what it includes into Rust, so that both sides
+//! read one file. With feature `glsl` the shaders are compiled; otherwise they are those that come with the sources.
 
+#[cfg(feature = "glsl")]
+#[path = "build/compile.rs"]
+mod compile;
+#[cfg(not(feature = "glsl"))]
+#[path = "build/shipped.rs"]
+mod shipped;
+#[cfg(feature = "glsl")]
 #[path = "build/variants.rs"]
 mod variants;
 
@@ -18,69 +25,42 @@ fn main() {
     let shared =
         read("shared.glsl") + &read("shared_material.glsl") + &read("shared_rays.glsl") + &read("shared_inside.glsl");
     fs::write(out.join("shared.rs"), rust_from_glsl(&shared)).expect("write shared.rs");
-    compile_shaders(&out);
+    write_shaders(&out, &shaders());
 }
 
-/// Stands before every entry shader.
-const PREAMBLE: &str =
-    "#version 460\n#extension GL_GOOGLE_include_directive : require\n#extension GL_EXT_scalar_block_layout : require\n";
+#[cfg(feature = "glsl")]
+fn shaders() -> Vec<(String, Vec<u8>)> {
+    compile::shaders()
+}
 
-/// Compiles every `glsl/*.{vert,frag,comp}` with all variants of it, and writes `shaders.rs`: a table of name and words.
-fn compile_shaders(out: &Path) {
-    let compiler = shaderc::Compiler::new().expect("shaderc; run ./scripts/setup");
-    let mut options = shaderc::CompileOptions::new().expect("shaderc options");
-    options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
-    options.set_optimization_level(shaderc::OptimizationLevel::Performance);
-    options.set_generate_debug_info();
-    options.set_warnings_as_errors();
-    options.set_include_callback(|name, _kind, _from, _depth| {
-        let path = Path::new("glsl").join(name);
-        let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-        Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
-    });
+#[cfg(not(feature = "glsl"))]
+fn shaders() -> Vec<(String, Vec<u8>)> {
+    let shipped = shipped::read().unwrap_or_else(|error| fail(&format!("{}: {error}", shipped::FILE)));
+    if shipped.sources != shipped::sources().unwrap_or_else(|error| fail(&format!("glsl: {error}"))) {
+        fail(&format!(
+            "{} is of other sources than glsl/: build with `--features glsl`, which takes ./scripts/setup; \
+             `LIGHTSKIN_BLESS=1 cargo test --features glsl -- shipped` renews the file",
+            shipped::FILE
+        ));
+    }
+    shipped.shaders
+}
 
-    let paths = fs::read_dir("glsl").expect("glsl").map(|e| e.expect("glsl entry").path());
-    let files: Vec<(String, String)> = paths
-        .filter(|path| kind(path).is_some())
-        .map(|path| {
-            let name = path.file_name().and_then(|n| n.to_str()).expect("shader file name").to_owned();
-            (name, fs::read_to_string(&path).expect("shader source"))
-        })
-        .collect();
-    let entries = variants::entries(&files).unwrap_or_else(|error| fail(&error));
-    let sources: BTreeMap<_, _> = files.into_iter().collect();
+/// Writes every shader, and `shaders.rs`: a table of name and words.
+fn write_shaders(out: &Path, shaders: &[(String, Vec<u8>)]) {
     let mut table = String::from(
         "/// Every entry shader: file name and SPIR-V.\npub(crate) static SHADERS: &[(&str, &[u8])] = &[\n",
     );
-    for (name, entry) in entries {
-        let path = Path::new("glsl").join(&entry.file);
-        let defines: String = entry.defines.iter().map(|define| format!("#define {define}\n")).collect();
-        let source = format!("{PREAMBLE}{defines}#line 1\n{}", sources[&entry.file]);
-        let kind = kind(&path).expect("an entry shader");
-        match compiler.compile_into_spirv(&source, kind, &path.display().to_string(), "main", Some(&options)) {
-            Ok(artifact) => {
-                fs::write(out.join(format!("{name}.spv")), artifact.as_binary_u8()).expect("write SPIR-V");
-                writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))),")
-                    .expect("string");
-            }
-            Err(error) => fail(&format!("{name}: {error}")),
-        }
+    for (name, spirv) in shaders {
+        fs::write(out.join(format!("{name}.spv")), spirv).expect("write SPIR-V");
+        writeln!(table, "    ({name:?}, include_bytes!(concat!(env!(\"OUT_DIR\"), \"/{name}.spv\"))),")
+            .expect("string");
     }
     table.push_str("];\n");
     fs::write(out.join("shaders.rs"), table).expect("write shaders.rs");
 }
 
-/// Stage of an entry shader; other files are included by these.
-fn kind(path: &Path) -> Option<shaderc::ShaderKind> {
-    match path.extension().and_then(|e| e.to_str()) {
-        Some("vert") => Some(shaderc::ShaderKind::Vertex),
-        Some("frag") => Some(shaderc::ShaderKind::Fragment),
-        Some("comp") => Some(shaderc::ShaderKind::Compute),
-        _ => None,
-    }
-}
-
-/// A shader's error is the build's.
+/// A mistake in what is built ends the build.
 fn fail(error: &str) -> ! {
     eprintln!("{error}");
     std::process::exit(1);

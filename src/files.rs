@@ -41,8 +41,8 @@ pub fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Writes a file under a temporary name beside it, and renames it once all of it is on the disk: whoever reads sees the
-/// old one or the whole new one.
+/// Writes a file under a temporary name beside it, and renames it once all of it is on the disk: a reader sees the old
+/// file or the whole new one.
 ///
 /// # Errors
 /// When the file cannot be written; the old one stays.
@@ -71,7 +71,7 @@ pub(crate) fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> i
     let (unfinished, file) = Unfinished::beside(path)?;
     let mut file = BufWriter::new(file);
     write(&mut file)?;
-    // Not left to the buffer's drop, which tells nobody that the disk is full.
+    // Not left to the buffer's drop, which would hide the error of a full disk.
     file.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
     unfinished.finish(path)
 }
@@ -96,12 +96,12 @@ fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes all half-written files, and whoever would begin or finish one waits from now on: for a process that is about to
-/// be ended by a signal.
+/// Removes all half-written files, for a process that is about to be ended by a signal. From now on, threads that begin or
+/// finish a file wait.
 pub fn abandon() {
     let files = unfinished();
     for file in files.iter() {
-        // Best effort: nobody is left to be told.
+        // Best effort: the process is about to end.
         let _ = fs::remove_file(file);
     }
     std::mem::forget(files);
@@ -111,7 +111,7 @@ pub fn abandon() {
 struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// Creates one that nobody else writes to.
+    /// Creates one that no other process writes to.
     fn beside(path: &Path) -> io::Result<(Self, File)> {
         let name = path.file_name().ok_or_else(|| io::Error::other("it names no file"))?;
         match fs::metadata(path) {

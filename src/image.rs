@@ -143,7 +143,7 @@ pub fn read_radiance(path: &Path) -> Result<Picture> {
     Ok(Picture { width, height, rgb: decoded.pixels().map(|p| p.0).collect() })
 }
 
-/// Decodes a file; what becomes of it takes no more than 16 bytes per pixel.
+/// Decodes a file. The result takes no more than 16 bytes per pixel.
 fn decoded(path: &Path, format: ImageFormat) -> std::result::Result<image::DynamicImage, String> {
     let encoded = decode::header(BufReader::new(files::open(path)?), format)?;
     decode::within(encoded.working.saturating_add(16 * encoded.texels))?;

@@ -5,10 +5,16 @@ use crate::files;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// `lightskin` under `$XDG_CACHE_HOME`, or else under `$HOME/.cache`; `None` with neither.
+/// `lightskin` under `$XDG_CACHE_HOME`, or else under `$HOME/.cache` (Windows: `%LOCALAPPDATA%`, macOS:
+/// `$HOME/Library/Caches`); `None` with neither.
 pub fn folder() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let caches = set("XDG_CACHE_HOME").or_else(|| set("HOME").map(|home| home.join(".cache")));
+    let usual = || match std::env::consts::OS {
+        "windows" => set("LOCALAPPDATA"),
+        "macos" => set("HOME").map(|home| home.join("Library/Caches")),
+        _ => set("HOME").map(|home| home.join(".cache")),
+    };
+    let caches = set("XDG_CACHE_HOME").or_else(usual);
     caches.map(|folder| folder.join("lightskin"))
 }
 

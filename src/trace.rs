@@ -63,7 +63,7 @@ impl Trace {
         ((from.duration_since(self.start).as_secs_f64() * 1e3 + ms) * 1e6).round() as i64
     }
 
-    /// Adds frames, oldest first, none of which the CPU began before it was done with the one before.
+    /// Adds frames, oldest first; the CPU must have finished each before it began the next.
     ///
     /// The device's clock has a zero of its own: its track is shifted as a whole, as little as lets no zone begin before
     /// the CPU began to submit it.

@@ -106,6 +106,14 @@ fn a_count_is_a_budget_over_all_instances() {
 }
 
 #[test]
+fn what_lies_more_cells_from_its_origin_than_are_counted_bakes() {
+    let far = Vec3::X * (1 << 30) as f32;
+    let set = baked(&scene(&[[far, far + Vec3::Y, far + Vec3::Z]], [DAffine3::IDENTITY]), 100);
+    assert!((50..=250).contains(&count(&set)), "{} caches", count(&set));
+    assert!(set.models[0].references.iter().all(|reference| usize::from(*reference) < count(&set)));
+}
+
+#[test]
 fn small_parts_far_apart_are_a_scene() {
     let part = |x: f32| rectangle(Vec3::X * x, Vec3::X * 0.01, Vec3::Y * 0.01);
     let far = scene(&[part(0.0), part(1000.0)].concat(), [DAffine3::IDENTITY]);

@@ -39,6 +39,8 @@ mod exposure;
 mod files;
 mod flicker;
 mod frame;
+#[cfg(feature = "app")]
+mod fuzz;
 mod gather;
 mod generated;
 mod goldens;
@@ -68,6 +70,8 @@ mod scene;
 mod shaders;
 mod shadows_light;
 mod sheet;
+#[cfg(feature = "glsl")]
+mod shipped;
 mod showpiece;
 mod sky;
 mod sky_light;

@@ -51,8 +51,11 @@ pub(super) fn assign(surface: &Surface, caches: &[Cache], positions: &[DVec3], c
 fn search(grid: &Grid, place: DVec3, spacing: f64, offer: &mut impl FnMut(u32) -> f64) {
     let home = grid::cell(place, grid.side);
     let (low, high) = grid.bounds;
-    // From afar, where rings would begin empty and cells may saturate, only all will do.
-    let inside = (0..3).all(|axis| (low[axis] - 2..=high[axis] + 2).contains(&home[axis]));
+    // From afar, where rings would begin empty, and where cells saturate, only all will do.
+    let saturate = |cell: i32| cell.unsigned_abs() >= 1 << 30;
+    let inside = (0..3).all(|axis| {
+        !saturate(low[axis]) && !saturate(high[axis]) && (low[axis] - 2..=high[axis] + 2).contains(&home[axis])
+    });
     let margin = (0..3)
         .map(|axis| {
             let within = place[axis] - f64::from(home[axis]) * grid.side;

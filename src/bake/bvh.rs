@@ -60,7 +60,7 @@ pub fn shallow(boxes: &[Aabb]) -> CwBvh {
     bvh2_to_cwbvh(&divided(boxes, |items| items.len() / 2), LEAF, true, false)
 }
 
-/// Nodes on the longest way down a `shallow` hierarchy over so many boxes, at most.
+/// At most this many nodes are on the longest way down a `shallow` hierarchy over this many boxes.
 pub fn most_depth(boxes: usize) -> u32 {
     boxes.max(1).next_power_of_two().ilog2() + 1
 }

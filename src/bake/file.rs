@@ -38,7 +38,7 @@ pub fn bake_cached(
     }
 }
 
-/// [`bake_cached`] with the folder given. A file that is missing, damaged or of another version is made anew; one
+/// [`bake_cached`] with the folder given. A file that is missing, damaged or of another version is baked again; one
 /// that cannot be written is a warning.
 ///
 /// # Errors
@@ -192,6 +192,12 @@ impl<'a> Reader<'a> {
     }
 }
 
+fn is_finite(cache: &Cache) -> bool {
+    let Cache { position, normal, area, middle, axis, breadth, triangle: _, barycentric } = cache;
+    let vectors = [position, normal, middle, axis].iter().all(|vector| vector.is_finite());
+    vectors && [*area, *breadth, barycentric[0], barycentric[1]].iter().all(|value| value.is_finite())
+}
+
 /// The set in a file's bytes, if they are whole, meant for this scene, and make sense with it.
 fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &BakeSettings) -> Option<CacheSet> {
     let mut reader = Reader(bytes);
@@ -211,7 +217,7 @@ fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &BakeSettings) ->
     for _ in 0..count {
         models.push(read_model(&mut reader, scene, settings)?);
     }
-    // The hash vouches for the bytes, not for whoever wrote them: an index out of range would be a crash later.
+    // The hash proves that the bytes are whole, not that they are sound: an index out of range would crash later.
     let sound = reader.0.is_empty()
         && spacing > 0.0
         && instance_model.len() == scene.instances.len()
@@ -249,7 +255,7 @@ fn read_model(reader: &mut Reader, scene: &Scene, settings: &BakeSettings) -> Op
     let references = reader.records(2)?.all(|reader| Some(u16::from_le_bytes(reader.array()?)))?;
     let sound = linear.is_finite()
         && caches.len() < usize::from(NO_CACHE)
-        && caches.iter().all(|cache| (cache.triangle as usize) < mesh.triangle_count())
+        && caches.iter().all(|cache| (cache.triangle as usize) < mesh.triangle_count() && is_finite(cache))
         && references.len() == mesh.vertices.len() * settings.references
         && references.iter().all(|&reference| reference == NO_CACHE || usize::from(reference) < caches.len());
     sound.then_some(ModelCaches { mesh: index, linear, caches, references, coverage })

@@ -1,4 +1,4 @@
-//! Drops caches that others make superfluous, as far as the guarantee holds, and proves the guarantee.
+//! Drops caches that others make superfluous while the guarantee still holds, and proves the guarantee.
 //! METHOD 8, thesis 5.6.3.
 
 use super::Coverage;
@@ -32,7 +32,7 @@ pub(super) fn prune(surface: &Surface, voxels: &Voxels, mut seeds: Vec<Seed>, bo
 
     for index in order {
         let seed = &seeds[index];
-        // Whoever covers one of its pieces is within d_eps of a point that is within d_eps of it.
+        // A seed that covers one of its pieces is within d_eps of a point that is within d_eps of it.
         others.clear();
         let mut alike = false;
         grid.near(seed.position, 2.0 * bounds.distance, |other| {

@@ -43,7 +43,7 @@ const FAR_TOO_MANY: f64 = 2.5;
 
 /// Pieces for each cache of a count, beyond two per triangle, that tell that a spacing is too fine without cutting the
 /// surface up: an even surface needs about one, long thin ones that lie side by side some dozens. Where more are needed after
-/// all, the search begins anew with four times as many.
+/// all, the search starts again with four times as many.
 const PIECES_PER_CACHE: f64 = 200.0;
 
 /// Places caches on one model: the five steps.

@@ -18,7 +18,7 @@ pub(super) struct Bake {
 pub(super) fn run(args: &Bake) -> Result<()> {
     let scene = load_scene(args.scene.as_deref(), &args.caches)?;
     let settings = args.caches.settings();
-    let baked = bake_scene(&scene, &settings, args.again)?;
+    let baked = bake_scene(&scene, args.scene.as_deref(), &settings, args.again)?;
     let set = &baked.caches;
     let coverage =
         set.models.iter().fold((0.0_f64, 0.0_f64), |(d, a), m| (d.max(m.coverage.distance), a.max(m.coverage.angle)));

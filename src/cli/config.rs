@@ -22,10 +22,12 @@ pub(super) enum Config {
 /// What belongs to one run, or would be in the way of another flag.
 const LEFT_OUT: [&str; 7] = ["help", "version", "against", "camera", "ev", "sky-color", "spacing"];
 
-/// `lightskin/settings.toml` under `$XDG_CONFIG_HOME`, or else under `$HOME/.config`; none with neither.
+/// `lightskin/settings.toml` under `$XDG_CONFIG_HOME`, or else under `$HOME/.config` (Windows: `%APPDATA%`); none with
+/// neither.
 fn file() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
-    let folder = set("XDG_CONFIG_HOME").or_else(|| set("HOME").map(|home| home.join(".config")));
+    let usual = || if cfg!(windows) { set("APPDATA") } else { set("HOME").map(|home| home.join(".config")) };
+    let folder = set("XDG_CONFIG_HOME").or_else(usual);
     folder.map(|folder| folder.join("lightskin/settings.toml"))
 }
 

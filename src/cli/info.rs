@@ -86,7 +86,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
         say!("  animation {i} '{}' {begin} to {end} s, {} channels", animation.name, animation.channels.len());
     }
 
-    let baked = bake_scene(&scene, &args.caches.settings(), false)?;
+    let baked = bake_scene(&scene, args.scene.as_deref(), &args.caches.settings(), false)?;
     say!("caches");
     say!(
         "  {} at {:.4} m spacing in {} models",
@@ -255,7 +255,7 @@ fn measure_levels(args: &Info, gpu: &Gpu) -> Result<()> {
     for quality in Quality::ALL {
         let caches = CacheArgs { quality: QualityArg::of(quality), ..args.caches.clone() };
         let scene = load_scene(args.scene.as_deref(), &caches)?;
-        let baked = bake_scene(&scene, &caches.settings(), false)?;
+        let baked = bake_scene(&scene, args.scene.as_deref(), &caches.settings(), false)?;
         let before: u64 = gpu.resources().iter().map(|resource| resource.bytes).sum();
         let world = World::new(gpu, &scene, Some(&baked.caches))?;
         let settings = Settings::at(quality, baked.count).with_ways(tune::fastest(gpu)?.ways);

@@ -511,7 +511,7 @@ struct Baked {
 }
 
 /// Bakes with a progress bar, or reads the kept bake.
-fn bake_scene(scene: &Scene, settings: &BakeSettings, again: bool) -> Result<Baked> {
+fn bake_scene(scene: &Scene, file: Option<&Path>, settings: &BakeSettings, again: bool) -> Result<Baked> {
     let bar = progress_bar("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}");
     let progress = |fraction: f32, what: &str| {
         bar.set_message(what.to_owned());
@@ -523,10 +523,15 @@ fn bake_scene(scene: &Scene, settings: &BakeSettings, again: bool) -> Result<Bak
     } else {
         lightskin::bake::bake_cached(scene, settings, &progress)
     };
-    let (caches, kept) = made.with_context(|| scene.name.clone())?;
+    let (caches, kept) = made.with_context(|| called(scene, file))?;
     bar.finish_and_clear();
     let count = caches.instance_model.iter().map(|m| caches.models[*m].caches.len()).sum();
     Ok(Baked { caches, count, time: start.elapsed(), kept })
+}
+
+/// What messages call a scene: its file, or the name of one without.
+fn called(scene: &Scene, file: Option<&Path>) -> String {
+    file.map_or_else(|| scene.name.clone(), |file| file.display().to_string())
 }
 
 /// Fails when the validation layer or the barrier check has said anything.

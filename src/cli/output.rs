@@ -27,7 +27,7 @@ pub(super) fn line(text: Arguments<'_>) {
     }
 }
 
-/// Fails if something that was said could not be written, unless the reader has closed the pipe: who does has read enough.
+/// Fails if something that was said could not be written, unless the reader has closed the pipe, having read enough.
 pub(super) fn written() -> Result<()> {
     BROKEN.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), lost)
 }
@@ -43,7 +43,7 @@ pub(super) fn lost(error: Error) -> Result<()> {
     }
 }
 
-/// Prints a message on standard error. Where that is broken, nobody is there to be told.
+/// Prints a message on standard error. Errors of standard error itself are ignored.
 pub(crate) fn tell(text: Arguments<'_>) {
     let _ = writeln!(stderr().lock(), "lightskin: {}", plain(text));
 }
@@ -65,7 +65,7 @@ struct Log;
 
 impl log::Log for Log {
     fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        // What the clipboard warns of is that nobody keeps its text once the window is closed.
+        // The clipboard only warns that its text is lost once the window is closed.
         let from = metadata.target();
         from.starts_with("lightskin") || (metadata.level() <= log::Level::Warn && !from.starts_with("arboard"))
     }

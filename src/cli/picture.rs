@@ -1,4 +1,4 @@
-//! The picture of a render: layers, whoever made them, to PNG or EXR.
+//! The picture of a render: writes layers, from the engine or the path tracer, to PNG or EXR.
 
 use anyhow::Result;
 use clap::ValueEnum;

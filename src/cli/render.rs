@@ -12,8 +12,8 @@ use super::words::{
     light_shadows_word,
 };
 use super::{
-    Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, divide_for, load_under, progress_bar, thousands, word,
-    wrong_usage,
+    Baked, CacheArgs, DeviceArgs, bake_scene, called, check_messages, divide_for, load_under, progress_bar, thousands,
+    word, wrong_usage,
 };
 use anyhow::{Context, Result, bail};
 use lightskin::bake::CacheSet;
@@ -248,7 +248,8 @@ impl Render {
     /// Where light is interpolated: as asked for, or at vertices if triangles are small enough. Adds the cells by which
     /// pixels look caches up.
     fn look_up(&self, scene: &Scene, baked: &mut Baked, at_vertices: bool) -> Result<InterpArg> {
-        let with_cells = |caches: CacheSet| caches.with_cells(scene).with_context(|| scene.name.clone());
+        let with_cells =
+            |caches: CacheSet| caches.with_cells(scene).with_context(|| called(scene, self.scene.as_deref()));
         match self.interp {
             Some(InterpArg::Vertex) => return Ok(InterpArg::Vertex),
             Some(InterpArg::Texel) => baked.caches = with_cells(std::mem::take(&mut baked.caches))?,
@@ -380,7 +381,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
     }
     // What small and curved surfaces that emit give directly comes through caches, too.
     let mut baked = (args.gi == GiArg::Lightskin && (args.bounces() > 0 || scene.emits() || scene.sky.is_some()))
-        .then(|| bake_scene(&scene, &args.caches.settings(), args.bake_again))
+        .then(|| bake_scene(&scene, args.scene.as_deref(), &args.caches.settings(), args.bake_again))
         .transpose()?;
     let interp = match &mut baked {
         Some(baked) => args.look_up(&scene, baked, at_vertices)?,

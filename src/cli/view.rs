@@ -5,7 +5,7 @@ use super::picture::{Read, TonemapArg, Writing};
 use super::render::Render;
 use super::sky::SkyArgs;
 use super::words::{AntialiasingArg, ShadowsArg, light_shadows_word};
-use super::{CacheArgs, Command, DeviceArgs, QualityArg, divide_for, load_under, word};
+use super::{CacheArgs, Command, DeviceArgs, QualityArg, called, divide_for, load_under, word};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::ValueEnum;
 use lightskin::bake::bake_cached;
@@ -96,7 +96,7 @@ impl View {
         }
         let at_vertices = divide_for(&mut scene, &self.caches, false);
         let baked = bake_cached(&scene, &self.caches.settings(), progress);
-        let (mut caches, _) = baked.with_context(|| scene.name.clone())?;
+        let (mut caches, _) = baked.with_context(|| called(&scene, self.scene.as_deref()))?;
         if !at_vertices {
             match caches.clone().with_cells(&scene) {
                 Ok(with_cells) => caches = with_cells,

@@ -15,7 +15,7 @@ pub struct Atlas {
 }
 
 impl Atlas {
-    /// Makes room for so many.
+    /// Makes room for this many caches.
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
@@ -24,7 +24,7 @@ impl Atlas {
         Ok(Self { caches, count, pipeline: gpu.compute("atlas.comp", &[])? })
     }
 
-    /// Of these caches, for whoever drives later stages by hand.
+    /// The atlas of these caches, for callers that drive later stages themselves.
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.

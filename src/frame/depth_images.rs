@@ -50,7 +50,7 @@ enum Made {
 /// rectangles and texels together, and a rectangle may have all texels.
 const AT_ONCE: u32 = (65_535 / (DEPTH_IMAGE_TEXELS + 1) - 1) / OCCLUDER_GROUP * OCCLUDER_GROUP;
 
-/// Whether shaders can read the images of so many caches as texels.
+/// Whether shaders can read the images of this many caches as texels.
 pub(super) fn are_texels(gpu: &Gpu, caches: u32) -> bool {
     u64::from(caches) * u64::from(DEPTH_IMAGE_TEXELS / 4) <= gpu.most_texels()
 }
@@ -61,7 +61,7 @@ pub(super) fn binds(images: &Buffer) -> [Bind<'_>; 2] {
 }
 
 impl DepthImages {
-    /// Of so many caches, drawn in the way that suits the device.
+    /// Images of this many caches, drawn in the way that suits the device.
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.

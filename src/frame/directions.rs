@@ -24,7 +24,7 @@ pub(super) struct Directions {
 }
 
 impl Directions {
-    /// Of so many caches, for a gather with shadows of every VAL or without, and with further bounces or without. VALs nearer
+    /// For this many caches, and a gather with shadows of every VAL or without, and with further bounces or without. VALs nearer
     /// than `near` \[m\] are left to rays; so many in a row are taken as one.
     ///
     /// # Errors

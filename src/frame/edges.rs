@@ -21,7 +21,7 @@ use crate::shared::{EdgesPush, SHOWS_ANOTHER, SHOWS_AROUND, SHOWS_FIRST, SHOWS_S
 /// What a point of a pixel shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
-    /// The first surface of the pixel so many columns and rows away, at most 1.
+    /// The first surface of the pixel this many columns and rows away, at most 1.
     First([isize; 2]),
     /// The second surface of the pixel.
     Second,

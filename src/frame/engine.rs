@@ -169,7 +169,7 @@ impl Engine {
         Ok(true)
     }
 
-    /// A picture of so many pixels.
+    /// A picture of this many pixels.
     ///
     /// # Errors
     /// As `Picture::new`.
@@ -177,11 +177,11 @@ impl Engine {
         Picture::new(gpu, &self.world, &self.light, size)
     }
 
-    /// Makes light and pictures anew where they no longer fit scene, settings, sizes or the number of views; costs nothing
+    /// Rebuilds light and pictures where they no longer fit scene, settings, sizes or the number of views; costs nothing
     /// where all do. Before each frame.
     ///
     /// # Errors
-    /// What the device cannot hold or do; what was not made anew is then as it was.
+    /// What the device cannot hold or do. What was not rebuilt by then stays as it was.
     pub fn fit(&mut self, gpu: &Gpu, pictures: &mut [(&mut Picture, [u32; 2])]) -> Result<()> {
         self.light.fit(gpu, &self.scene, &self.world, &self.settings, pictures.len())?;
         pictures.iter_mut().try_for_each(|(picture, size)| picture.fit(gpu, &self.world, &self.light, *size))

@@ -147,7 +147,7 @@ struct TwoEyes {
 const LONGEST_PART: u32 = 32_768;
 
 impl Compute {
-    /// Makes it for so many caches and VALs.
+    /// Makes it for this many caches and VALs.
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
@@ -256,7 +256,7 @@ impl Compute {
         };
         match (&self.bounces, lit.albedos) {
             (Some(bounces), Some(albedos)) => {
-                // What caches send on is all that they receive.
+                // Caches pass on all the light that they receive.
                 let of_all = GatherPush { near_begin: -1.0, near_scale: 1e30, ..push };
                 let sent_on = self.depth_images.as_ref().and_then(|images| images.sent_on.as_ref());
                 let of_all_binds = SumBinds { depth_images: sent_on.map(|s| &s.images).or(binds.depth_images), ..binds };

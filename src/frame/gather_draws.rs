@@ -32,7 +32,7 @@ pub struct Mask {
 }
 
 impl Draws {
-    /// Makes it for so many caches.
+    /// Makes it for this many caches.
     ///
     /// # Errors
     /// A device that draws into fewer images at a time than there are sums.

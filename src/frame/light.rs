@@ -139,7 +139,7 @@ impl Light {
         })
     }
 
-    /// Makes anew what no longer fits the world, the settings or the number of views; costs nothing where all does. Pictures
+    /// Rebuilds what no longer fits the world, the settings or the number of views; costs nothing if all fits. Pictures
     /// are to be fitted afterwards.
     ///
     /// # Errors

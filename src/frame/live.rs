@@ -57,7 +57,7 @@ pub(super) fn parts_of(lights: u32, split: u32) -> u32 {
     lights.max(1).div_ceil(split)
 }
 
-/// Room for so many parts of the sums of all caches.
+/// Room for this many parts of the sums of all caches.
 pub(super) fn new_parts(gpu: &Gpu, caches: u32, parts: u32) -> Result<Buffer> {
     gpu.buffer("gather.parts", u64::from(caches.max(1)) * size_of::<GatherSums>() as u64 * u64::from(parts))
 }

@@ -18,7 +18,7 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// Of so many caches.
+    /// For this many caches.
     ///
     /// # Errors
     /// What the device has no memory for, and a driver that refuses the shaders.
@@ -50,7 +50,7 @@ pub struct Occlude {
 }
 
 impl Occlude {
-    /// Makes it for so many caches, `group` of which are live together, or 0 where no list says which are: then those that
+    /// Makes it for this many caches, `group` of which are live together, or 0 where no list says which are: then those that
     /// are not are unlit.
     ///
     /// # Errors
@@ -73,7 +73,7 @@ impl Occlude {
         Ok(Self { bounds: Bounds::new(gpu, caches)?, skip, dim })
     }
 
-    /// Records the stage for the runs of so many eyes; it waits for the proxies itself. The list is that of the gather, if it
+    /// Records the stage for the runs of this many eyes; it waits for the proxies itself. The list is that of the gather, if it
     /// has one.
     pub fn record(&self, cmd: &Cmd<'_>, atlas: &Atlas, live: Option<&Live>, proxies: &Proxies, eyes: usize) {
         if self.skip {

@@ -68,7 +68,7 @@ pub(super) struct Outdated {
 }
 
 impl Picture {
-    /// Makes a picture of so many pixels. One without any, as windows have that are minimised, is left out of frames.
+    /// Makes a picture of this many pixels. A picture without any, as in a minimised window, is left out of frames.
     ///
     /// # Errors
     /// Sizes beyond the device's limits, and what it has no memory for.
@@ -95,7 +95,7 @@ impl Picture {
         })
     }
 
-    /// Makes it anew where it no longer fits the light or the size; costs nothing where it does.
+    /// Rebuilds it if it no longer fits the light or the size; costs nothing otherwise.
     ///
     /// # Errors
     /// As `new`; the picture is then as it was.

@@ -82,7 +82,7 @@ pub struct Plan {
     pub cull: bool,
     /// Stage 6 by clusters of VALs, and the pyramids before it.
     pub clusters: bool,
-    /// Stage 6 goes on: so many times lit caches light all caches.
+    /// Stage 6 repeats: this many times, lit caches light all caches.
     pub bounces: u32,
     /// Stage 7: the discs of caches dim the proxies of others.
     pub occlude: bool,

@@ -19,7 +19,7 @@ pub struct Proxies {
 }
 
 impl Proxies {
-    /// Unlit ones of so many caches, for so many eyes if there is a glossy lobe.
+    /// Unlit proxies of this many caches, for this many eyes if there is a glossy lobe.
     ///
     /// # Errors
     /// What the device has no memory for.
@@ -51,7 +51,7 @@ pub struct Lit<'a> {
 }
 
 impl Lit<'_> {
-    /// Eyes that sums have to be made for: with one run of proxies the first stands for all.
+    /// Eyes that need sums of their own: with one run of proxies, the first one's are used for all.
     pub(super) fn runs(&self) -> impl Iterator<Item = (u32, Vec4)> {
         let eyes = self.eyes.iter().take(self.proxies.runs as usize);
         eyes.enumerate().map(|(eye, position)| (self.proxies.first(eye as u32), *position))

@@ -43,7 +43,7 @@ impl Pyramid {
         })
     }
 
-    /// Records the pass; stage 4 has waited for its VALs. Who reads the nodes waits for compute writes.
+    /// Records the pass; stage 4 has waited for its VALs. A pass that reads the nodes waits for compute writes.
     pub fn record(&self, cmd: &Cmd<'_>, vals: &Vals) {
         let [size, levels] = self.largest;
         for level in 1..=levels {

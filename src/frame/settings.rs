@@ -24,7 +24,7 @@ pub struct Settings {
 /// What tells where the light of lamps and the sun arrives. METHOD 14.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightShadows {
-    /// Shadow maps of so many texels a side.
+    /// Shadow maps with this many texels a side.
     Maps(u32),
     /// Rays from what pixels show; maps where the device cannot hold the scene for them.
     Rays,
@@ -334,7 +334,7 @@ impl Quality {
         }
     }
 
-    /// Shadows of indirect light with so many caches. Without rays they look at pairs of caches, which of very many are too many.
+    /// Shadows of indirect light for this many caches. Without rays they test pairs of caches, which get too many.
     pub fn shadows(self, caches: usize, near: Near) -> Shadows {
         let best = match caches {
             0..=4096 => Shadows::PerLight,
@@ -382,7 +382,7 @@ impl Settings {
         self
     }
 
-    /// What pulls proxies, wherever VALs are weighed.
+    /// The weights by which VALs pull proxies.
     pub fn proxy_weight(&self) -> ProxyWeight {
         if let Indirect::Caches(caches) = &self.indirect { caches.proxy_weight } else { ProxyWeight::Irradiance }
     }
@@ -464,7 +464,7 @@ impl Ways {
         self.caches_per_thread.clamp(1, 16)
     }
 
-    /// The same for so many VALs, on a device whose shaders see so many texels of a buffer: VALs that are more are read from
+    /// The same for this many VALs, on a device whose shaders see this many texels of a buffer: more VALs than that are read from
     /// the storage buffer.
     pub(super) fn within(self, most_texels: u64, vals: u32) -> Self {
         let texels = 3 * u64::from(vals.next_multiple_of(VAL_TILE));

@@ -52,7 +52,7 @@ pub fn candidates(software: bool) -> Vec<Ways> {
     sources.iter().copied().flat_map(of_source).collect()
 }
 
-/// Times one way on random caches and VALs, with so many pipelines.
+/// Times one way on random caches and VALs, with this many pipelines.
 fn time(gpu: &Gpu, ways: &Ways, [caches, vals]: [u32; 2], pipelines: usize) -> Result<Tuned> {
     let (cache_list, val_list) = world(caches, vals);
     let (atlas, vals_on_device) = (Atlas::of(gpu, &cache_list)?, Vals::of(gpu, &val_list)?);

@@ -25,7 +25,7 @@ pub struct Vals {
 }
 
 impl Vals {
-    /// Room for so many, under the name of the stage that writes them.
+    /// Room for this many VALs, under the name of the stage that writes them.
     pub(super) fn new(gpu: &Gpu, stage: &str, count: u32) -> Result<Self> {
         let bytes = |count: u32| u64::from(count) * size_of::<Val>() as u64;
         Ok(Self {

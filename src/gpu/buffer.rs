@@ -26,7 +26,7 @@ pub struct Buffer {
     pub size: u64,
     /// The same, out of everybody's reach: what unsafe code relies on.
     pub(super) held: u64,
-    /// Asked for as host-visible; some devices map all memory, but nobody may rely on that.
+    /// Asked for as host-visible; some devices map all memory, but do not rely on that.
     host: bool,
     /// The submission that used it last.
     used: AtomicU64,

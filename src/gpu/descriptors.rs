@@ -67,7 +67,7 @@ impl Descriptors {
                 self.pools.push(pool(shared)?);
             }
             let info = vk::DescriptorSetAllocateInfo::default().descriptor_pool(self.pools[at]).set_layouts(&layouts);
-            // SAFETY: pool and layout are alive, and the pool is used by whoever holds `self` alone.
+            // SAFETY: pool and layout are alive, and only the holder of `self` uses the pool.
             match unsafe { shared.device.allocate_descriptor_sets(&info) } {
                 Ok(sets) => return Ok((sets[0], at)),
                 Err(vk::Result::ERROR_OUT_OF_POOL_MEMORY | vk::Result::ERROR_FRAGMENTED_POOL) if !fresh => {}

@@ -201,7 +201,7 @@ impl Gpu {
     ///
     /// # Safety
     /// What `host` says is so. Instance and device were made with what `needs` lists, and outlive the `Gpu` and everything
-    /// made from it. While one of these lives, nobody else uses the queue at the same time as its thread.
+    /// made from it. While one of these lives, no other thread uses the queue at the same time.
     pub unsafe fn from_raw(host: Host) -> Result<Self> {
         let Host {
             instance,

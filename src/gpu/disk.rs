@@ -64,7 +64,7 @@ impl Disk {
             return;
         }
         if let Some(file) = self.file.as_ref().filter(|_| pipelines_made > 0) {
-            // SAFETY: the cache is alive, and nobody else uses it.
+            // SAFETY: the cache is alive, and no other thread uses it.
             let data = unsafe { shared.device.get_pipeline_cache_data(cache) }.unwrap_or_default();
             if !data.is_empty()
                 && data.len() <= MOST

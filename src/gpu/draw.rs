@@ -294,8 +294,8 @@ impl Draw<'_, '_> {
         unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, first_vertex, 0) };
     }
 
-    /// Draws triangles from the bound buffers. The indices name vertices that are there: whoever fills an index buffer sees
-    /// to that.
+    /// Draws triangles from the bound buffers. The indices must be in range; the code that fills an index buffer
+    /// ensures it.
     pub fn draw_indexed(&self, index_count: u32, first_index: u32) {
         if self.cmd.failed() {
             return;

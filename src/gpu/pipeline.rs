@@ -1,5 +1,5 @@
 //! Pipelines: layout, descriptors and push constants follow from the shaders; the caller names only what they cannot know.
-//! Who asks for the same pipeline again gets the same.
+//! Asking for the same pipeline again returns the same one.
 
 use super::device::Shared;
 use super::graveyard::Remains;
@@ -62,8 +62,7 @@ struct Kept {
     turn: u64,
 }
 
-/// Pipelines that nobody holds and that are kept all the same, those that were asked for last: settings that go back and
-/// forth make none anew.
+/// How many unused pipelines are kept, the most recently used ones: settings that go back and forth compile nothing again.
 const SPARE: usize = 128;
 
 /// Bytes of an entry shader's SPIR-V, by file name.

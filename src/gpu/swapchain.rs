@@ -119,7 +119,7 @@ impl Gpu {
 
 impl Shared {
     fn semaphore(&self, name: &str) -> Result<vk::Semaphore> {
-        // SAFETY: the device is alive; whoever asks destroys it.
+        // SAFETY: the device is alive; the caller destroys it.
         let made = unsafe { self.device.create_semaphore(&vk::SemaphoreCreateInfo::default(), None) };
         let made = made.map_err(vulkan("semaphore"))?;
         self.name(made, name);

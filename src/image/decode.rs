@@ -102,5 +102,10 @@ impl Encoded<'_> {
 }
 
 fn describe(error: image::ImageError) -> String {
-    error.to_string().replace(['\n', '\r'], " ")
+    match error {
+        image::ImageError::IoError(error) if error.kind() == std::io::ErrorKind::UnexpectedEof => {
+            "it is cut off; write or download it again".into()
+        }
+        error => error.to_string().replace(['\n', '\r'], " ") + "; write or download it again",
+    }
 }

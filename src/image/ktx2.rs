@@ -75,7 +75,7 @@ impl Texture {
             (0, Some(166), 2) => Kind::Packed,
             _ => return Err("its KTX2 is not of Basis Universal, neither ETC1S nor UASTC".into()),
         };
-        // Nobody reads the keys.
+        // The keys are not used.
         bytes[KEYS..GLOBAL].fill(0);
         Ok(Self { bytes, size: [width, height], kind, descriptor, level })
     }

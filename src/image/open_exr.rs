@@ -15,7 +15,12 @@ use std::path::Path;
 /// Reads a layer, or the picture itself; a layer of one channel comes three times.
 pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
-    let failed = |e: exr::error::Error| bad(e.to_string());
+    let failed = |error: exr::error::Error| {
+        bad(match error {
+            exr::error::Error::Io(_) => "its blocks do not lie where its table says; write or download it again".into(),
+            error => format!("{error}; write or download it again"),
+        })
+    };
     let chunks = exr::block::read(BufReader::new(files::open(path).map_err(bad)?), false).map_err(failed)?;
     decode::within(bytes_needed(chunks.headers())).map_err(bad)?;
     let reader = exr::prelude::read().no_deep_data().largest_resolution_level().all_channels().first_valid_layer();
@@ -29,7 +34,11 @@ pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Picture> {
     let found = triple(["R", "G", "B"]).or_else(|| triple(["X", "Y", "Z"]).filter(|_| layer.is_some())).or_else(single);
     let found = found.ok_or_else(|| {
         let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
-        bad(format!("has no layer '{}'; its channels are {}", layer.unwrap_or("R, G, B"), names.join(", ")))
+        let names = names.join(", ");
+        bad(match layer {
+            Some(layer) => format!("has no layer '{layer}'; its channels are {names}; use one of their layers"),
+            None => format!("has no channels R, G and B, which are needed; its channels are {names}"),
+        })
     })?;
     let mut rgb = vec![[0.0; 3]; size.area()];
     for (c, channel) in found.iter().enumerate() {

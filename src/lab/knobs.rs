@@ -27,7 +27,7 @@ pub enum Path {
     /// Compute shader over a list of caches.
     #[default]
     Compute,
-    /// Additive draws into float targets, of so many VALs each.
+    /// Additive draws into float targets, with this many VALs each.
     Draws(DrawSource, u32),
     /// Clusters of VALs.
     Clusters(ClusterRule),

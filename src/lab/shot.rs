@@ -113,7 +113,7 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs)
     Ok(shot)
 }
 
-/// The gather's sums at each of so many caches; of caches that are culled no light.
+/// The gather's sums at each of this many caches; culled caches have no light.
 ///
 /// # Errors
 /// What the device cannot hold or do, and a device that was lost.

@@ -18,7 +18,7 @@ const C2: f64 = 9e-4;
 ///
 /// Compared is the sRGB-encoded Rec.709 luminance, clipped to 0 and 1; radiance is first scaled so that the
 /// log-average luminance of the reference is middle grey, the image by the same factor. At the edges the window is
-/// cut and weighted anew, where the paper leaves five pixels out. Both images hold `size[0] * size[1]` pixels.
+/// cut and renormalised, where the paper leaves five pixels out. Both images hold `size[0] * size[1]` pixels.
 pub fn ssim(image: &[[f32; 3]], reference: &[[f32; 3]], size: [u32; 2], values: Values) -> Vec<f64> {
     let width = size[0] as usize;
     assert!(

@@ -103,7 +103,7 @@ pub fn short_rays(
     (sum * (PI / open.len() as f64), open)
 }
 
-/// What rays of one pixel found, as far as pixels share it.
+/// What the rays of one pixel found: the part that pixels share.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
     /// Irradiance of what they met \[lx\].

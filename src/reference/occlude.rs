@@ -66,7 +66,7 @@ pub enum Cap {
     All,
 }
 
-/// What is left open.
+/// The share of light that is not blocked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choices {
     /// Area of a square over its form factor: 1 as printed; pi is what a form factor covers of the unit disc.

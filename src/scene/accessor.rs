@@ -72,7 +72,7 @@ pub(super) enum Semantic {
     InstanceRotation,
     /// Weights of morph targets.
     Weight,
-    /// Values for a JSON pointer: so many numbers, of any kind.
+    /// Values for a JSON pointer: this many numbers, of any kind.
     Numbers(usize),
     /// Values for a JSON pointer: true or false.
     Flag,
@@ -176,12 +176,12 @@ impl<'a> Accessors<'a> {
 
     /// The bytes of a buffer that an object names.
     pub(super) fn bytes(&self, view: &Object) -> Result<&'a [u8]> {
-        let buffer_index = view.index("buffer")?.ok_or_else(|| view.error("names no buffer"))?;
+        let buffer_index = view.index("buffer")?.ok_or_else(|| view.error("names no buffer: export the file again"))?;
         let buffer = self.document.item("buffers", buffer_index, view)?;
         let bytes = match self.contents.buffers.get(buffer_index) {
             Some(Ok(bytes)) => bytes.as_slice(),
             Some(Err(reason)) => return Err(buffer.error(reason)),
-            None => return Err(buffer.error("has not been read")),
+            None => return Err(buffer.error("has not been read: export the file again")),
         };
         let offset = view.whole("byteOffset")?.unwrap_or(0);
         let length = view.needed_whole("byteLength")?;
@@ -201,13 +201,14 @@ impl<'a> Accessors<'a> {
         let decoded = self.contents.accessors.get(&index);
         let count = decoded.map_or_else(|| object.needed_whole("count"), |decoded| Ok(decoded.count))?;
         if count == 0 || count > u64::from(u32::MAX) {
-            return Err(object.error(format!("has {count} elements, between 1 and 4294967295 are possible")));
+            return Err(object
+                .error(format!("has {count} elements, between 1 and 4294967295 are possible: export the file again")));
         }
         let code = object.needed_whole("componentType")?;
         let component = decoded.map(|decoded| decoded.component).or_else(|| Component::from_code(code));
         let component = component
             .ok_or_else(|| object.error(format!("has the unknown componentType {code}; export the file again")))?;
-        let kind = object.text("type")?.ok_or_else(|| object.error("has no type"))?;
+        let kind = object.text("type")?.ok_or_else(|| object.error("has no type: export the file again"))?;
         let width = match kind {
             "SCALAR" => 1,
             "VEC2" => 2,
@@ -277,8 +278,10 @@ impl<'a> Accessors<'a> {
             return Err(sparse.error(format!("replaces {changed} elements of {count}: export the file again")));
         }
         let part = |key: &str, size: u64| -> Result<&'a [u8]> {
-            let part = sparse.object(key)?.ok_or_else(|| sparse.error(format!("has no {key}")))?;
-            let view = part.index("bufferView")?.ok_or_else(|| part.error("has no bufferView"))?;
+            let part =
+                sparse.object(key)?.ok_or_else(|| sparse.error(format!("has no {key}: export the file again")))?;
+            let view =
+                part.index("bufferView")?.ok_or_else(|| part.error("has no bufferView: export the file again"))?;
             let (bytes, _) = self.view(view, &part)?;
             slice(bytes, part.whole("byteOffset")?.unwrap_or(0), changed * size).ok_or_else(|| {
                 part.error(format!(
@@ -290,10 +293,11 @@ impl<'a> Accessors<'a> {
         };
         let code = match sparse.object("indices")? {
             Some(indices) => indices.needed_whole("componentType")?,
-            None => return Err(sparse.error("has no indices")),
+            None => return Err(sparse.error("has no indices: export the file again")),
         };
         let component = Component::from_code(code).filter(|&c| Semantic::Indices.accepts(c, 1, false));
-        let component = component.ok_or_else(|| sparse.error(format!("indices cannot have componentType {code}")))?;
+        let component = component
+            .ok_or_else(|| sparse.error(format!("indices cannot have componentType {code}: export the file again")))?;
         let indices: Vec<u32> =
             part("indices", component.size() as u64)?.chunks_exact(component.size()).map(unsigned).collect();
         if indices.windows(2).any(|pair| pair[0] >= pair[1]) {

@@ -1,6 +1,6 @@
 //! Animations as glTF defines them: nodes, skins, morph weights, and what KHR_animation_pointer names, at any time.
 //!
-//! `Scene::pose` sets everything anew from its rest values, so that a pose depends on nothing but animation and time.
+//! `Scene::pose` starts from the rest values each time, so a pose depends only on the animation and the time.
 //! Times and world transforms are f64.
 
 mod extent;

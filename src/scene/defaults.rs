@@ -22,7 +22,7 @@ const SLACK: f64 = 1e-4;
 /// A lamp is free enough where nothing is nearer than this share of the scene's radius.
 const FREE: f64 = 0.03;
 
-/// The top of a room is open where so many directions up lead out.
+/// A room counts as open at the top if this many of the directions up lead out.
 const OPEN: f64 = 0.1;
 
 /// A ground that was put in lies lower than what stands on it by this share of its radius: they do not share a plane.
@@ -78,7 +78,7 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
         () => {
             let viewer = scene.cameras[0].world_from_camera;
             let towards = viewer.translation - space.centre();
-            // Whoever looks straight down has the front below.
+            // For a camera that looks straight down, the front is below.
             let viewer =
                 if towards.x.hypot(towards.z) > 1e-3 * towards.length() { towards } else { -viewer.matrix3.y_axis };
             Sky::studio(viewer, height.is_some()).put_over(scene, studio::LIGHTS);

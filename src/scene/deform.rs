@@ -1,4 +1,4 @@
-//! Meshes that bend: skins and morph targets as glTF defines them, applied anew for every pose.
+//! Meshes that bend: skins and morph targets as glTF defines them, applied from the rest shape for every pose.
 //!
 //! A mesh that bends keeps in `Mesh::vertices` how it stands at rest, which caches are placed on; `Deform` holds what its
 //! pose is made of. Both the device (`frame/deform.rs`) and `Mesh::posed` here read it.

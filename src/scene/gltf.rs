@@ -78,7 +78,11 @@ pub fn load(path: &Path) -> Result<Scene> {
         let why = if graph.drawn.is_empty() { "its scene has no nodes" } else { "none of its nodes draws any" };
         let left_out: Vec<String> = notes.finish();
         let told = left_out.iter().map(|note| format!(" {note}")).collect::<String>();
-        return Err(error_at(path, "file", format!("no triangles to draw: {why}.{told}").trim_end_matches('.')));
+        return Err(error_at(
+            path,
+            "file",
+            format!("no triangles to draw: {why}; export the file with its meshes.{told}").trim_end_matches('.'),
+        ));
     }
     let reaches: Vec<f64> = scene.meshes.iter().map(reach).collect();
     for Instance { name, mesh, world_from_model, .. } in &scene.instances {
@@ -208,10 +212,12 @@ impl<'a> Graph<'a> {
                 for &node in &top {
                     document.item("nodes", node, &scene)?;
                     if let Some(parent) = parents[node] {
-                        return Err(scene.error(format!("lists node {node}, which is a child of node {parent}")));
+                        return Err(scene.error(format!(
+                            "lists node {node}, which is a child of node {parent}: export the file again"
+                        )));
                     }
                     if std::mem::replace(&mut listed[node], true) {
-                        return Err(scene.error(format!("lists node {node} twice")));
+                        return Err(scene.error(format!("lists node {node} twice: export the file again")));
                     }
                 }
                 top
@@ -360,11 +366,15 @@ impl Builder<'_> {
             self.hung.cameras.push((index, camera));
         }
         if let Some(reference) = node.extension("KHR_lights_punctual")? {
-            let light = reference.index("light")?.ok_or_else(|| reference.error("names no light"))?;
+            let light =
+                reference.index("light")?.ok_or_else(|| reference.error("names no light: export the file again"))?;
             let root = self.document.object().extension("KHR_lights_punctual")?;
             let lights = root.map(|root| root.objects("lights", "light")).transpose()?.unwrap_or_default();
             let object = lights.get(light).ok_or_else(|| {
-                reference.error(format!("refers to light {light}, but the file has {}", plural(lights.len(), "light")))
+                reference.error(format!(
+                    "refers to light {light}, but the file has {}: export the file again",
+                    plural(lights.len(), "light")
+                ))
             })?;
             let name = node.name(|| object.name(|| format!("light {light}")));
             let read = lights::read_light(object, name, world, notes)?;

@@ -115,7 +115,7 @@ impl Document {
                     ));
                 }
                 None | Some(Value::Array(_)) => {}
-                Some(_) => return Err(error_at(&self.file, list, "is not a list")),
+                Some(_) => return Err(error_at(&self.file, list, "is not a list: export the file again")),
             }
         }
         Ok(())
@@ -126,7 +126,7 @@ impl<'a> Object<'a> {
     fn new(file: &'a Path, place: String, value: &'a Value) -> Result<Self> {
         match value {
             Value::Object(map) => Ok(Self { file, place, map }),
-            _ => Err(error_at(file, &place, "is not a JSON object")),
+            _ => Err(error_at(file, &place, "is not a JSON object: export the file again")),
         }
     }
 
@@ -137,7 +137,7 @@ impl<'a> Object<'a> {
 
     /// An input error at one of this object's fields.
     fn field_error(&self, key: &str, reason: &str) -> Error {
-        error_at(self.file, &format!("{}: {key}", self.place), reason)
+        error_at(self.file, &format!("{}: {key}", self.place), format!("{reason}: export the file again"))
     }
 
     /// The names of all fields.
@@ -183,7 +183,7 @@ impl<'a> Object<'a> {
 
     /// A whole number that must be there.
     pub(super) fn needed_whole(&self, key: &str) -> Result<u64> {
-        self.whole(key)?.ok_or_else(|| self.error(format!("has no {key}")))
+        self.whole(key)?.ok_or_else(|| self.error(format!("has no {key}: export the file again")))
     }
 
     /// An index into one of the file's lists.

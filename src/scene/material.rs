@@ -8,9 +8,15 @@ use super::animation::Quantity;
 use super::medium::Subsurface;
 use super::{Image, Material, Scene, Texture, Wrap, ggx, sheen};
 
-/// KHR_texture_transform: scale, then rotate \[rad\], then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
+/// Largest texture coordinate, and largest number of a texture's transform: far beyond it single precision has no texels, and
+/// products of them overflow.
+pub(super) const MOST_UV: f32 = 1e6;
+
+/// KHR_texture_transform, its numbers brought into [-[`MOST_UV`], [`MOST_UV`]]: scale, then rotate \[rad\], then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
 /// 90 degrees.
 pub(super) fn texture_transform(offset: [f64; 2], rotation: f64, scale: [f64; 2]) -> Affine2 {
+    let bounded = |x: f64| x.clamp(-f64::from(MOST_UV), f64::from(MOST_UV));
+    let (offset, scale) = (offset.map(bounded), scale.map(bounded));
     let (sin, cos) = rotation.rem_euclid(TAU).sin_cos();
     let column = |x: f64, y: f64| Vec2::new(x as f32, y as f32);
     Affine2::from_cols(
@@ -124,7 +130,7 @@ impl Reflectance {
         }
     }
 
-    /// Share of the light that a surface sends on by both lobes, the mean over viewers, at most all of it: as if it were diffuse.
+    /// Share of the light that both lobes reflect, averaged over viewers and at most 1, as if the surface were diffuse.
     pub fn sent_on(&self) -> Vec3 {
         let diffuse = self.diffuse(ggx::MEAN_COSINE);
         let glossy = match self.lobe {

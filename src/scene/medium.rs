@@ -202,7 +202,7 @@ fn diffuse_albedo(albedo: f64, boundary: f64) -> f64 {
     0.5 * albedo * (1.0 + (-4.0 / 3.0 * boundary * root).exp()) * (-root).exp()
 }
 
-/// The reduced albedo that sends back so much: the inverse, which is unique, since both grow together.
+/// The reduced albedo that reflects this share: the inverse, which is unique because both grow together.
 fn albedo_of(color: f64, boundary: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {

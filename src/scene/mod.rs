@@ -45,7 +45,7 @@ pub struct Scene {
     pub backdrop: studio::Backdrop,
     /// Cameras, in the file's order.
     pub cameras: Vec<Camera>,
-    /// What nothing is to leave, however it moves: smallest and largest world coordinates. Without it, what `bounds` finds.
+    /// Bounds that nothing leaves, however it moves: smallest and largest world coordinates. Without them, what `bounds` finds.
     pub extent: Option<(DVec3, DVec3)>,
     /// What moves it, where something does; see [`Scene::pose`].
     pub rig: Option<animation::Rig>,
@@ -190,7 +190,7 @@ pub struct Material {
     /// The method's own material, from `extras.lightskin.phong`; replaces everything but base colour, normal and what lies
     /// over it.
     pub phong: Option<Phong>,
-    /// What fills the body, where light goes on below its surface; the base colour is then what that sends back in all.
+    /// What fills the body, if light enters it. The base colour is then the total share of light that comes out again.
     pub subsurface: Option<medium::Subsurface>,
 }
 

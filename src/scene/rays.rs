@@ -101,7 +101,12 @@ impl Rays {
         let hierarchy = self.hierarchy.as_ref()?;
         // The traversal misses everything along a direction with a negative zero in it; adding 0 makes it positive.
         let unit = |v: DVec3| Vec3A::from(v.as_vec3()) + Vec3A::ZERO;
-        let ray = Ray::new(unit((origin - self.centre) / self.radius), unit(direction), 0.0, f32::MAX);
+        let (origin, towards) = (unit((origin - self.centre) / self.radius), unit(direction));
+        if !(origin.is_finite() && towards.is_finite()) {
+            // From farther off than single precision reaches nothing is met.
+            return None;
+        }
+        let ray = Ray::new(origin, towards, 0.0, f32::MAX);
         let mut found = RayHit::none();
         hierarchy.ray_traverse(ray, &mut found, |ray, slot| {
             let triangle = &self.triangles[hierarchy.primitive_indices[slot] as usize];

@@ -36,7 +36,7 @@ pub fn lobes(sky: &Sky) -> Vec<Sky> {
     (0..LOBES).map(lobe).collect()
 }
 
-/// A sky of so many columns at most, each texel the mean of those that it takes the place of.
+/// A sky with at most this many columns; each texel is the mean of those that it replaces.
 pub fn halved(sky: &Sky, most: u32) -> Sky {
     let texels = sky.texels.clone();
     let mut now = Sky { texels, shown: None, lights: 0..0, ..*sky };
@@ -59,7 +59,7 @@ pub fn halved(sky: &Sky, most: u32) -> Sky {
     now
 }
 
-/// The mean about each direction of a grid of so many columns, weighed by a function of the cosine from `least` on.
+/// The mean around each direction of a grid with this many columns, weighted by a function of the cosine from `least` on.
 fn convolved(sky: &Sky, columns: u32, weight: impl Fn(f64) -> f64 + Sync, least: f64) -> Sky {
     let (width, height) = (columns, columns / 2);
     if let Some(&even) = sky.texels.first()

@@ -36,7 +36,7 @@ const GROUND_SHARE: f64 = 0.2;
 const GRID: [u32; 2] = [128, 64];
 
 /// A light of the studio: its direction from the one that faces the viewer, to the left and up [degrees], the width of its
-/// soft edge [degrees] and its radiance at the middle, of which the largest is 1.
+/// soft edge [degrees] and its radiance at the middle, the largest of which is 1.
 struct Softbox {
     left: f64,
     up: f64,

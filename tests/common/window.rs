@@ -47,6 +47,11 @@ impl Display {
         BufReader::new(out).read_line(&mut number).expect("its number");
         Some(Self { server, name: format!(":{}", number.trim()) })
     }
+
+    /// What `DISPLAY` names it by.
+    pub(crate) fn name(&self) -> &str {
+        &self.name
+    }
 }
 
 impl Drop for Display {

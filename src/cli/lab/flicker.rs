@@ -65,7 +65,7 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     };
     let mut caches = Vec::new();
     for count in &args.caches {
-        caches.push(bake_scene(&scene, &asked(*count).settings(), false)?.caches);
+        caches.push(bake_scene(&scene, args.scene.as_deref(), &asked(*count).settings(), false)?.caches);
     }
     let mut animations = Vec::new();
     if args.animation.is_empty() && scene.animations().next().is_some() {

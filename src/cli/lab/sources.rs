@@ -56,7 +56,7 @@ pub(super) fn run(args: &SourcesArgs) -> Result<()> {
     // Its stages know a sky by the lights that stand for it, and so the paths do.
     scene.sky = None;
     let camera = crate::cli::camera::camera(&scene, args.camera.as_deref())?;
-    let baked = bake_scene(&scene, &args.caches.settings(), false)?;
+    let baked = bake_scene(&scene, args.scene.as_deref(), &args.caches.settings(), false)?;
     let settings = SourcesSettings { size: args.size, rsm: args.rsm, samples: args.spp, ..SourcesSettings::default() };
     let gpu = args.device.open()?;
     let device = device_picture(&gpu, &scene, &camera, &baked, &settings)?;

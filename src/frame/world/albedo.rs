@@ -1,4 +1,5 @@
-//! Albedo of the surface that a cache stands for, both lobes together: what it sends on of the light it receives. METHOD 9.
+//! Albedo of the surface that a cache represents, both lobes together: the share of the received light that it reflects.
+//! METHOD 9.
 
 use crate::bake::{CacheSet, ModelCaches, NO_CACHE};
 use crate::scene::{Mesh, Scene, Vertex};

@@ -35,7 +35,7 @@ pub(super) struct Emitter<'a> {
     area: f64,
 }
 
-/// A patch: part of a triangle, wherever that is.
+/// A patch: part of a triangle, independent of where the triangle is.
 struct Patch {
     instance: usize,
     /// Vertices of the mesh.

@@ -44,7 +44,8 @@ impl LightInfo {
         }
     }
 
-    /// Size in a view of so many texels a side of what its maps leave out: a texel of an area light's, which are coarse.
+    /// Size of what its maps cannot show, in a view with this many texels a side: a texel of an area light's maps, which are
+    /// coarse.
     pub fn least(&self, size: u32) -> f32 {
         if self.is_area { 2.0 / size as f32 } else { 0.0 }
     }

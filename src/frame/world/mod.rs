@@ -1,6 +1,6 @@
 //! The scene and its caches on the device: merged vertices, textures, materials, instances, lights, references.
 //!
-//! Most of it is written once; what moves is written anew by frames that find it changed (`update.rs`). Positions are
+//! Most of it is written once; frames write again what has moved (`update.rs`). Positions are
 //! relative to the scene's origin, the middle of its bounds, so that a scene far from the world's origin is drawn and lit
 //! like one that is near.
 

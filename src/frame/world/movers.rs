@@ -1,5 +1,5 @@
 //! What may move as rays see it: the box of each instance, however it is posed, and the top level over all of them, which is
-//! made anew in each frame that moves something.
+//! rebuilt in each frame that moves something.
 
 use super::InstanceLayout;
 use super::update::Dynamic;

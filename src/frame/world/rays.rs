@@ -180,7 +180,7 @@ impl RayBuffers {
         &self.movers.moves
     }
 
-    /// Makes the top level anew; the next frame copies it.
+    /// Rebuilds the top level; the next frame copies it.
     pub(super) fn place(&mut self, now: &Dynamic) {
         if self.levels == 2 {
             self.top = self.movers.top(now);

@@ -66,7 +66,7 @@ impl SkyLight {
     }
 }
 
-/// The mean radiance of each direction: of so many points along both sides of its square of the octahedron
+/// The mean radiance of each direction: of this many points along both sides of its square of the octahedron
 /// (glsl/lib/directions.glsl), of a sky of texels as wide as they are apart.
 fn by_directions(sky: &Sky) -> Vec<Vec3> {
     const POINTS: usize = 4;

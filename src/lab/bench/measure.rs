@@ -100,7 +100,7 @@ pub fn settings(size: [u32; 2], gi: Gi, rsm: u32, ways: Ways) -> Knobs {
     Knobs { gi, rsm, ways, exposure: Exposure::Ev(10.0), ..Knobs::plain(size) }
 }
 
-/// Places caches anew; gives them and the seconds that took.
+/// Bakes without the kept files; returns the caches and the seconds that it took.
 ///
 /// # Errors
 /// As `bake::bake`.

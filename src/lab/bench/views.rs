@@ -20,7 +20,7 @@ const CACHES: usize = 1000;
 /// Distance of a viewer's eyes \[m\].
 const EYES: f64 = 0.064;
 
-/// What frames of so many views are drawn with.
+/// What frames of this many views are drawn with.
 struct Drawn {
     light: Light,
     pictures: Vec<(View, Picture)>,

@@ -150,7 +150,7 @@ impl Study<'_> {
         Clustered { name, walks: [alone, together], pixels: [error(0), error(1)] }
     }
 
-    /// Walks in groups of so many neighbours.
+    /// Walks in groups of this many neighbours.
     fn walked(&self, pyramid: &Pyramid<'_>, cut: &Cut, group: usize, full: &[Gathered]) -> (Walked, Vec<Gathered>) {
         let order = morton_order(&self.caches);
         let eye = self.is_glossy().then(|| self.eye());

@@ -43,7 +43,7 @@ fn rules() -> Vec<(String, Rule)> {
 
 impl Study<'_> {
     /// No shadows, then every way to draw depth images, against a ray from a cache to every VAL. Caches inside of something
-    /// do not count: nobody sees their light.
+    /// do not count: their light is not seen.
     pub fn depth_images(&self) -> Vec<Occluded> {
         let reached: Vec<Option<Vec<(f64, bool)>>> = self.caches.par_iter().map(|cache| self.reached(cache)).collect();
         let sum = |of: &dyn Fn(f64, bool) -> f64| -> Vec<f64> {

@@ -1,4 +1,4 @@
-//! Lights and cameras in places where nobody would put them.
+//! Lights and cameras in unusual places.
 
 use super::oracle::{brute_force_picture, brute_force_picture_near, cast_vals, largest, material, sums_against_twins};
 use super::{Case, Outcome, oracle};

@@ -58,7 +58,7 @@ fn dark(thickness: f32, is_shared: bool) -> Scene {
     scene
 }
 
-/// A light of so many candela that shines in all directions.
+/// A light of this many candela that shines in all directions.
 fn lamp(scene: &mut Scene, position: [f64; 3], intensity: f32) {
     scene.lights.push(Light {
         name: "lamp".into(),

@@ -13,7 +13,7 @@ use std::ops::Range;
 /// Joints of a tube.
 const JOINTS: usize = 4;
 
-/// Seconds after which all begins anew, and keys in that time.
+/// Seconds after which everything repeats, and keys in that time.
 const PERIOD: f64 = 4.0;
 const KEYS: usize = 17;
 
@@ -59,7 +59,7 @@ pub fn crowd(count: usize) -> Scene {
 }
 
 /// A white room of 2 m, open towards +Z, with a block that turns, a tube that sways, a ball that stretches, and a lamp of
-/// 100 cd that circles under the ceiling; all of it begins anew after 4 s. The first animation moves all, the others one each.
+/// 100 cd that circles under the ceiling; everything repeats after 4 s. The first animation moves all, the others one each.
 ///
 /// `edge`, in metres, is the longest side of the walls' grid cells.
 pub fn moving(edge: f32) -> Scene {

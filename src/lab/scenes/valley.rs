@@ -50,7 +50,7 @@ fn height(x: f32, z: f32) -> (f32, [f32; 2]) {
     (height, [0.5 * x + 0.3 * a.cos() * b.cos(), 0.8 * z - 0.36 * a.sin() * b.sin()])
 }
 
-/// Columns and rows of so many cells, columns the more, as near to a square as the count can be divided.
+/// Columns and rows of this many cells, as close to a square as the count can be divided, with more columns than rows.
 fn grid(cells: usize) -> [usize; 2] {
     let rows = (1..=cells.isqrt()).rev().find(|rows| cells.is_multiple_of(*rows)).unwrap_or(1);
     [cells.max(1) / rows, rows]

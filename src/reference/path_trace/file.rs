@@ -26,7 +26,7 @@ pub(super) fn key(scene: &Scene, camera: &Camera, settings: &PathTraceSettings) 
 }
 
 impl PathTrace<'_> {
-    /// Begins anew with another number of pixels of the same view.
+    /// Starts again with another number of pixels of the same view.
     pub fn resize(&mut self, size: [u32; 2]) {
         self.settings.size = size;
         self.pixels = vec![Pixel::default(); size[0] as usize * size[1] as usize];
@@ -65,12 +65,14 @@ impl PathTrace<'_> {
         let sound = numbers.len() == size_of_val(self.pixels.as_slice())
             && samples.is_multiple_of(PASS_SAMPLES)
             && blake3::hash(content).as_bytes() == hash;
-        if !known || !sound {
+        let values: Vec<f64> =
+            numbers.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight bytes"))).collect();
+        // The hash proves that the bytes are whole, not that they are sound. Pictures hold single precision.
+        let sane = values.iter().all(|value| (0.0..1e30).contains(value));
+        if !known || !sound || !sane {
             log::debug!("{}: damaged or of another picture, starting anew", path.display());
             return false;
         }
-        let values: Vec<f64> =
-            numbers.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight bytes"))).collect();
         self.pixels = bytemuck::cast_slice::<f64, Pixel>(&values).to_vec();
         self.samples = samples;
         true

@@ -27,7 +27,7 @@ const DOWN: usize = 27;
 /// A side through which so many directions lead out is open.
 const OPEN: f64 = 0.5;
 
-/// Thinner than this share of its other sizes is a sheet; longer than so many times the next a row.
+/// An object thinner than this share of its other sizes is a sheet; one longer than this many times the next size is a row.
 const SHEET: f64 = 0.3;
 const ROW: f64 = 3.0;
 

@@ -119,7 +119,8 @@ impl Reader<'_> {
         let target = channel.object("target")?.ok_or_else(|| channel.error("has no target: export the file again"))?;
         let path = target.text("path")?.ok_or_else(|| target.error("has no path: export the file again"))?;
         if let Some(extension) = target.extension("KHR_animation_pointer")? {
-            let pointer = extension.text("pointer")?.ok_or_else(|| extension.error("has no pointer"))?;
+            let pointer =
+                extension.text("pointer")?.ok_or_else(|| extension.error("has no pointer: export the file again"))?;
             let found = pointer::aim(self.document, pointer, &extension)?;
             if found.is_none() {
                 notes.add(format!(
@@ -208,7 +209,9 @@ impl Reader<'_> {
     fn check_input(&self, input: usize, sampler: &Object) -> Result<()> {
         let accessor = self.document.item("accessors", input, sampler)?;
         if accessor.value("min").is_none() || accessor.value("max").is_none() {
-            return Err(accessor.error(format!("has no min and max, but is input of {}", sampler.place)));
+            return Err(
+                accessor.error(format!("has no min and max, but is input of {}: export the file again", sampler.place))
+            );
         }
         Ok(())
     }
@@ -262,7 +265,7 @@ pub(super) fn node_aim(
     Ok(Some((aim, Form { semantic, width })))
 }
 
-/// How many weights a channel sets of a mesh with so many targets.
+/// How many weights a channel sets, for a mesh with this many targets.
 pub(super) fn weights(
     targets: usize,
     element: Option<usize>,

@@ -92,9 +92,15 @@ impl<'a> Packed<'a> {
         extension: Object<'a>,
         required: bool,
     ) -> Result<Option<Self>> {
-        let view = extension.index("bufferView")?.ok_or_else(|| extension.error("names no bufferView"))?;
-        let of_stream = extension.object("attributes")?.ok_or_else(|| extension.error("has no attributes"))?;
-        let of_file = primitive.object("attributes")?.ok_or_else(|| primitive.error("has no attributes"))?;
+        let view = extension
+            .index("bufferView")?
+            .ok_or_else(|| extension.error("names no bufferView: export the file again"))?;
+        let of_stream = extension
+            .object("attributes")?
+            .ok_or_else(|| extension.error("has no attributes: export the file again"))?;
+        let of_file = primitive
+            .object("attributes")?
+            .ok_or_else(|| primitive.error("has no attributes: export the file again"))?;
         let mode = primitive.whole("mode")?.unwrap_or(4);
         if mode != 4 {
             return Err(
@@ -164,7 +170,7 @@ fn component(kind: DataType) -> Option<Component> {
     }
 }
 
-/// The value of each point, of so many bytes.
+/// The value of each point, of this many bytes.
 fn values(attribute: &PointAttribute, points: usize, size: usize) -> Option<Vec<u8>> {
     let stride = usize::try_from(attribute.byte_stride()).ok()?;
     let data = attribute.buffer().data();

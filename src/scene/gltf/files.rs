@@ -47,7 +47,9 @@ pub(super) fn open(path: &Path) -> Result<(Document, Option<Vec<u8>>)> {
     }
     let root: Value =
         serde_json::from_slice(json).map_err(|e| error(format!("its JSON is broken, export it again: {e}")))?;
-    let Value::Object(root) = root else { return Err(error("is not glTF: its JSON is not an object".into())) };
+    let Value::Object(root) = root else {
+        return Err(error("is not glTF: its JSON is not an object; give a .gltf or .glb file".into()));
+    };
     let document = Document { file: path.to_owned(), root };
     check_version(&document)?;
     Ok((document, binary))
@@ -58,7 +60,7 @@ fn check_version(document: &Document) -> Result<()> {
     let root = document.object();
     let Some(asset) = root.object("asset")? else {
         document.check_lists()?;
-        return Err(root.error("is not glTF 2.0: it has no asset.version"));
+        return Err(root.error("is not glTF 2.0: it has no asset.version; export the file again"));
     };
     let version = asset.text("version")?.unwrap_or("none");
     let needed = asset.text("minVersion")?.unwrap_or("2.0");
@@ -69,7 +71,10 @@ fn check_version(document: &Document) -> Result<()> {
         )));
     }
     if needed != "2.0" {
-        return Err(asset.error(format!("minVersion is {}, but this program reads 2.0", printable(needed))));
+        return Err(asset.error(format!(
+            "minVersion is {}, but this program reads 2.0; export the file as 2.0",
+            printable(needed)
+        )));
     }
     document.check_lists()
 }
@@ -131,7 +136,7 @@ pub(super) fn buffers(document: &Document, mut binary: Option<Vec<u8>>) -> Resul
             None if index == 0 => {
                 binary.take().ok_or_else(|| "has no uri and the file no binary chunk; export it again".into())
             }
-            None => Err("has no uri; only buffer 0 of a GLB may lack it".into()),
+            None => Err("has no uri, which only buffer 0 of a GLB may lack: export the file again".into()),
         };
         let bytes = bytes.and_then(|mut bytes| {
             if (bytes.len() as u64) < length {

@@ -10,6 +10,7 @@ use crate::image::decode;
 use crate::scene::Vertex;
 use crate::scene::accessor::{Accessor, Accessors, Semantic};
 use crate::scene::json::Object;
+use crate::scene::material::MOST_UV;
 
 /// Most vertices (4 GiB) and indices (1 GiB) of all meshes together, which take no more memory than is allowed besides:
 /// accessors may be shared by any number of primitives, so a small file could ask for more than there is.
@@ -93,7 +94,9 @@ impl Geometry<'_> {
             notes.count("Primitives of points or lines left out", 1);
             return Ok(None);
         }
-        let attributes = primitive.object("attributes")?.ok_or_else(|| primitive.error("has no attributes"))?;
+        let attributes = primitive
+            .object("attributes")?
+            .ok_or_else(|| primitive.error("has no attributes: export the file again"))?;
         let Some(index) = attributes.index("POSITION")? else {
             notes.count("Primitives without POSITION left out", 1);
             return Ok(None);
@@ -183,10 +186,11 @@ impl Geometry<'_> {
             let uv = coordinates.each_ref().map(|accessor| match accessor {
                 Some(accessor) => {
                     let uv = Vec2::from(accessor.floats::<2>(at));
-                    if !uv.is_finite() {
-                        notes.count("Texture coordinates that are not finite set to zero", 1);
+                    let sound = uv.abs().max_element() <= MOST_UV && uv.is_finite();
+                    if !sound {
+                        notes.count("Texture coordinates that are not finite or beyond a million set to zero", 1);
                     }
-                    if uv.is_finite() { uv } else { Vec2::ZERO }
+                    if sound { uv } else { Vec2::ZERO }
                 }
                 None => Vec2::ZERO,
             });
@@ -259,7 +263,7 @@ impl Draft {
         let triangles = std::mem::take(&mut self.triangles);
         self.triangles = triangles.into_iter().filter(|&triangle| !self.is_degenerate(triangle)).collect();
         notes.count("Degenerate triangles left out (no area or not finite)", before - self.triangles.len());
-        // No triangle refers to these any more, but nobody should meet them either.
+        // No triangle refers to these any more, but they should not be left non-finite either.
         for vertex in &mut self.vertices {
             if !vertex.position.is_finite() {
                 vertex.position = Vec3::ZERO;

@@ -14,7 +14,8 @@ const MAX_INSTANCES: usize = 1 << 20;
 /// already.
 pub(super) fn offsets(accessors: &Accessors, node: &Object, before: usize, notes: &mut Notes) -> Result<Vec<DAffine3>> {
     let Some(extension) = node.extension("EXT_mesh_gpu_instancing")? else { return Ok(vec![DAffine3::IDENTITY]) };
-    let attributes = extension.object("attributes")?.ok_or_else(|| extension.error("has no attributes"))?;
+    let attributes =
+        extension.object("attributes")?.ok_or_else(|| extension.error("has no attributes: export the file again"))?;
     let mut count = None;
     let mut open = |name: &str, semantic| -> Result<Option<Accessor>> {
         let Some(index) = attributes.index(name)? else { return Ok(None) };

@@ -11,11 +11,13 @@ use crate::scene::json::Object;
 use crate::scene::{Camera, Light, LightKind, Projection};
 
 pub(super) fn read_camera(object: &Object, name: String, world: DAffine3, notes: &mut Notes) -> Result<Camera> {
-    let needed = |key: &str| object.object(key)?.ok_or_else(|| object.error(format!("has no {key}")));
+    let needed =
+        |key: &str| object.object(key)?.ok_or_else(|| object.error(format!("has no {key}: export the file again")));
     let projection = match object.text("type")? {
         Some("perspective") => {
             let perspective = needed("perspective")?;
-            let yfov = perspective.number("yfov")?.ok_or_else(|| perspective.error("has no yfov"))?;
+            let yfov =
+                perspective.number("yfov")?.ok_or_else(|| perspective.error("has no yfov: export the file again"))?;
             if !(yfov > 0.0 && yfov < PI) {
                 return Err(perspective.error(format!("yfov is {yfov}; it must be between 0 and pi radians")));
             }
@@ -23,16 +25,17 @@ pub(super) fn read_camera(object: &Object, name: String, world: DAffine3, notes:
         }
         Some("orthographic") => {
             let orthographic = needed("orthographic")?;
-            let ymag = orthographic.number("ymag")?.ok_or_else(|| orthographic.error("has no ymag"))?;
+            let ymag =
+                orthographic.number("ymag")?.ok_or_else(|| orthographic.error("has no ymag: export the file again"))?;
             if ymag == 0.0 {
-                return Err(orthographic.error("ymag is 0: the picture would have no height"));
+                return Err(orthographic.error("ymag is 0: the picture would have no height: export the file again"));
             }
             if ymag < 0.0 {
                 notes.add(format!("{}: ymag is {ymag}, its sign is ignored.", orthographic.place));
             }
             Projection::Orthographic { ymag: ymag.abs() as f32 }
         }
-        _ => return Err(object.error("its type is neither perspective nor orthographic")),
+        _ => return Err(object.error("its type is neither perspective nor orthographic: export the file again")),
     };
     Ok(Camera { name, world_from_camera: rigid(world), projection })
 }
@@ -74,7 +77,7 @@ pub(super) fn read_light(object: &Object, name: String, world: DAffine3, notes: 
             }
             LightKind::Spot { inner: inner_used as f32, outer: outer_used as f32 }
         }
-        _ => return Err(object.error("its type is none of directional, point and spot")),
+        _ => return Err(object.error("its type is none of directional, point and spot: export the file again")),
     };
     let radius =
         if kind == LightKind::Directional { (0.5 * angle).to_radians().min(Light::WIDEST_SUN) } else { radius };

@@ -14,7 +14,7 @@ use crate::image::decode::{self, Encoded};
 use crate::image::ktx2;
 use crate::scene::accessor::Accessors;
 use crate::scene::json::{Document, Object, error_at, printable};
-use crate::scene::material::texture_transform;
+use crate::scene::material::{MOST_UV, texture_transform};
 use crate::scene::medium::Subsurface;
 use crate::scene::{Image, Material, Phong, Sampler, Texture, Wrap};
 
@@ -218,8 +218,9 @@ impl Reader<'_, '_> {
     /// `extras.lightskin.phong`.
     fn phong(&mut self, object: &Object) -> Result<Option<Phong>> {
         let Some(phong) = extras(object, "phong")? else { return Ok(None) };
-        let specular = phong.vector::<3>("specular")?.ok_or_else(|| phong.error("has no specular [r, g, b]"))?;
-        let exponent = phong.number("exponent")?.ok_or_else(|| phong.error("has no exponent"))?;
+        let specular =
+            phong.vector::<3>("specular")?.ok_or_else(|| phong.error("has no specular [r, g, b], which is needed"))?;
+        let exponent = phong.number("exponent")?.ok_or_else(|| phong.error("has no exponent, which is needed"))?;
         if exponent < 0.0 {
             return Err(phong.error(format!("exponent is {exponent}; at least 0 is needed")));
         }
@@ -260,15 +261,17 @@ impl Reader<'_, '_> {
                     Some(value) if value.is_number() => positive("radius", 1e-9, 1e6)?.map(Vec3::splat),
                     _ => channels("radius", 1e-9, 1e6)?,
                 };
-                let radius =
-                    radius.ok_or_else(|| own.error("has a color but no radius, the mean free path in metres"))?;
+                let radius = radius.ok_or_else(|| {
+                    own.error("has a color but no radius, the mean free path in metres, which is needed")
+                })?;
                 Subsurface::of_color(color, radius, ior)
             }
             (None, None, Some(sigma_s)) => {
-                let sigma_a = channels("sigma_a", 0.0, 1e9)?.ok_or_else(|| own.error("has sigma_s but no sigma_a"))?;
+                let sigma_a = channels("sigma_a", 0.0, 1e9)?
+                    .ok_or_else(|| own.error("has sigma_s but no sigma_a, which is needed"))?;
                 if (sigma_s + sigma_a).min_element() <= 0.0 {
                     return Err(
-                        own.error("sigma_s and sigma_a are both 0 in a channel: nothing would stop light there")
+                        own.error("sigma_s and sigma_a are both 0 in a channel: nothing would stop light there; raise one of them")
                     );
                 }
                 let g = positive("g", -0.99, 0.99)?.unwrap_or(0.0);
@@ -310,7 +313,7 @@ impl Reader<'_, '_> {
 
     fn texture(&mut self, owner: &Object, key: &str) -> Result<Option<Texture>> {
         let Some(info) = owner.object(key)? else { return Ok(None) };
-        let index = info.index("index")?.ok_or_else(|| info.error("has no index"))?;
+        let index = info.index("index")?.ok_or_else(|| info.error("has no index: export the file again"))?;
         let texture = self.document.item("textures", index, &info)?;
         let mut uv_set = info.whole("texCoord")?.unwrap_or(0);
         let mut transform = Affine2::IDENTITY;
@@ -320,6 +323,10 @@ impl Reader<'_, '_> {
             let rotation = extension.number("rotation")?.unwrap_or(0.0);
             uv_set = extension.whole("texCoord")?.unwrap_or(uv_set);
             transform = texture_transform(offset, rotation, scale);
+            let most = f64::from(MOST_UV);
+            if offset.into_iter().chain(scale).any(|x| x.abs() > most) {
+                self.notes.add(format!("{}: offset and scale are clamped to -{most} ... {most}.", extension.place));
+            }
         }
         let sampler = match texture.index("sampler")? {
             Some(index) => sampler(&self.document.item("samplers", index, &texture)?)?,

@@ -135,7 +135,7 @@ fn to_bytes<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
     cast_slice(values).to_vec()
 }
 
-/// A vertex of so many words: the decoder takes its stride from the type.
+/// A vertex of this many words: the decoder takes its stride from the type.
 #[derive(Clone)]
 struct Words<const N: usize>([u32; N]);
 
@@ -145,7 +145,7 @@ impl<const N: usize> Default for Words<N> {
     }
 }
 
-/// The words of vertices, so many each.
+/// The words of vertices, this many for each.
 fn vertices(bytes: &[u8], count: usize, words: usize) -> meshopt::Result<Vec<u32>> {
     fn decode<const N: usize>(bytes: &[u8], count: usize) -> meshopt::Result<Vec<u32>> {
         let vertices = meshopt::decode_vertex_buffer::<Words<N>>(bytes, count)?;

@@ -57,7 +57,9 @@ pub(super) fn aim(document: &Document, pointer: &str, from: &Object) -> Result<O
             let lights = root.map(|root| root.objects("lights", "light")).transpose()?.unwrap_or_default();
             if light >= lights.len() {
                 let lights = plural(lights.len(), "light");
-                return Err(from.error(format!("animates light {light}, but the file has {lights}")));
+                return Err(
+                    from.error(format!("animates light {light}, but the file has {lights}: export the file again"))
+                );
             }
             match field {
                 ["color"] => numbers(Aim::Light(light, Quantity::LightColor, 0), 3),

@@ -11,7 +11,7 @@ pub(super) fn block(low: Vec3, high: Vec3, radius: f32, edge: f32) -> Surface {
     block_without(low, high, radius, edge, &[])
 }
 
-/// The same without the faces that have these outward normals, where nobody sees them.
+/// The same without the faces that have these outward normals, where they cannot be seen.
 pub(super) fn block_without(low: Vec3, high: Vec3, radius: f32, edge: f32, hidden: &[Vec3]) -> Surface {
     // Pieces of half of a rounded edge.
     let pieces = if radius > 0.028 { 2 } else { 1 };

@@ -1,0 +1,63 @@
+//! The SPIR-V that comes with the sources, in `build/shaders.br`, so that nobody needs a shader compiler who does not change
+//! shaders: without names and lines, packed with brotli. The test `shipped` holds it against a fresh compile, and renews it.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::{fs, io};
+
+/// Where it lies.
+pub(crate) const FILE: &str = "build/shaders.br";
+
+/// What it holds: the hash of the sources that it was made of, and name and SPIR-V of each shader.
+pub(crate) struct Shipped {
+    pub(crate) sources: u64,
+    pub(crate) shaders: Vec<(String, Vec<u8>)>,
+}
+
+/// Reads it.
+pub(crate) fn read() -> io::Result<Shipped> {
+    let mut bytes = Vec::new();
+    brotli_decompressor::Decompressor::new(fs::File::open(FILE)?, 1 << 16).read_to_end(&mut bytes)?;
+    let mut rest = bytes.as_slice();
+    let mut take = |count: usize| {
+        let taken = rest.split_at_checked(count).map(|(taken, left)| {
+            rest = left;
+            taken
+        });
+        taken.ok_or_else(|| io::Error::other("is cut off"))
+    };
+    let number = |bytes: &[u8]| bytes.iter().rev().fold(0, |sum: u64, byte| sum << 8 | u64::from(*byte));
+    let sources = number(take(8)?);
+    let count = number(take(8)?);
+    let mut shaders = Vec::new();
+    for _ in 0..count {
+        let length = number(take(8)?) as usize;
+        let name = String::from_utf8_lossy(take(length)?).into_owned();
+        let length = number(take(8)?) as usize;
+        shaders.push((name, take(length)?.to_vec()));
+    }
+    Ok(Shipped { sources, shaders })
+}
+
+/// Hash of all files below `glsl/`: FNV-1a, whatever their ends of lines are.
+pub(crate) fn sources() -> io::Result<u64> {
+    fn files(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
+        for entry in fs::read_dir(folder)? {
+            let path = entry?.path();
+            if path.is_dir() { files(&path, found)? } else { found.push(path) }
+        }
+        Ok(())
+    }
+    let mut found = Vec::new();
+    files(Path::new("glsl"), &mut found)?;
+    let name = |path: &Path| path.to_string_lossy().replace('\\', "/");
+    found.sort_by_key(|path| name(path));
+    let mut hash = 0xCBF2_9CE4_8422_2325_u64;
+    for path in found {
+        let text = fs::read(&path)?;
+        for byte in name(&path).bytes().chain(text.into_iter().filter(|byte| *byte != b'\r')).chain([0]) {
+            hash = (hash ^ u64::from(byte)).wrapping_mul(0x100_0000_01B3);
+        }
+    }
+    Ok(hash)
+}

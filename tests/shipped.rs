@@ -1,0 +1,61 @@
+//! The SPIR-V that comes with the sources is what `glsl/` becomes, without names and lines.
+
+#[path = "../build/shipped.rs"]
+mod file;
+
+use std::io::Write;
+
+include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
+
+/// Words before the first instruction.
+const HEADER: usize = 5;
+
+/// Instructions that debuggers read: sources, names, strings, lines, how a module was made.
+const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];
+
+/// A module without what debuggers alone read.
+fn stripped(spirv: &[u8]) -> Vec<u8> {
+    let words: Vec<u32> = bytemuck::pod_collect_to_vec(spirv);
+    let mut kept = words[..HEADER].to_vec();
+    let mut at = HEADER;
+    while at < words.len() {
+        let (length, instruction) = ((words[at] >> 16) as usize, words[at] & 0xFFFF);
+        if !DEBUG.contains(&instruction) {
+            kept.extend(&words[at..at + length]);
+        }
+        at += length;
+    }
+    bytemuck::cast_slice(&kept).to_vec()
+}
+
+/// What `file::read` reads.
+fn packed(sources: u64, shaders: &[(String, Vec<u8>)]) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    let number = |bytes: &mut Vec<u8>, number: usize| bytes.extend((number as u64).to_le_bytes());
+    bytes.extend(sources.to_le_bytes());
+    number(&mut bytes, shaders.len());
+    for (name, spirv) in shaders {
+        number(&mut bytes, name.len());
+        bytes.extend(name.bytes());
+        number(&mut bytes, spirv.len());
+        bytes.extend(spirv);
+    }
+    let mut packer = brotli::CompressorWriter::new(Vec::new(), 1 << 16, 11, 22);
+    packer.write_all(&bytes).expect("in memory");
+    packer.into_inner()
+}
+
+#[test]
+fn shipped_shaders_are_those_of_the_sources() {
+    let made: Vec<_> = SHADERS.iter().map(|(name, spirv)| ((*name).to_owned(), stripped(spirv))).collect();
+    let sources = file::sources().expect("glsl/");
+    if std::env::var_os("LIGHTSKIN_BLESS").is_some() {
+        std::fs::write(file::FILE, packed(sources, &made)).expect("writes");
+    }
+    let there = file::read().expect("build/shaders.br");
+    let pairs = made.iter().zip(&there.shaders);
+    let others: Vec<&str> = pairs.filter(|(made, there)| made != there).map(|(made, _)| made.0.as_str()).collect();
+    let renew = "renew it: LIGHTSKIN_BLESS=1 cargo test --features glsl -- shipped";
+    assert!(others.is_empty(), "{} holds other SPIR-V of {}; {renew}", file::FILE, others.join(", "));
+    assert_eq!((there.shaders.len(), there.sources), (made.len(), sources), "{renew}");
+}
