@@ -2,17 +2,20 @@
 
 use glam::{DAffine3, DVec3, Vec3, dvec3};
 use lightskin::bake::CacheSet;
-use lightskin::frame::World;
+use lightskin::frame::gather::Gather;
+use lightskin::frame::{LightShadows, Near, Shadows, World};
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::reference::bounce::{self, Patch};
+use lightskin::reference::depth_image::tangents;
 use lightskin::reference::gather::Cache;
 use lightskin::reference::path_trace::{self, PathTrace};
 use lightskin::scene::build::quad;
 use lightskin::scene::ggx::{MEAN_PHONG_COSINE, phong_albedo};
 use lightskin::scene::{Image, Light, LightKind, Material, Scene, Texture};
+use lightskin::shared::{DEPTH_IMAGE_SIDE, NO_REFERENCES, Val};
 use std::f64::consts::PI;
 
-use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, phong, sent_on, shoot, small};
+use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, drawn_of, phong, sent_on, shoot, small};
 use crate::common::gpu;
 
 /// A closed cube of 2 m around the origin, walls facing inwards, with a small light in it that shines all around.
@@ -222,4 +225,59 @@ fn albedos_are_means_of_what_a_cache_stands_for() {
         "a diffuse half, and a rough one that loses a little: {half_metal}"
     );
     assert!(wall.iter().all(|a| a.distance(half_metal) < 1e-5), "{wall:?}");
+}
+
+#[test]
+fn caches_exchange_light_by_what_their_rays_meet() {
+    let gpu = gpu();
+    let scene = cube(0.8, dvec3(0.11, 0.23, -0.17));
+    let caches = baked(&scene, 0.4, 8);
+    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let knobs = Knobs {
+        near: Near::Rays { per_pixel: 8, every: 2 },
+        shadows: Shadows::PerLight,
+        light_shadows: LightShadows::Maps(1024),
+        rsm: 96,
+        ..small()
+    };
+    // Radiosities before and after one exchange; what rays have met.
+    let sent = |bounces: u32| {
+        let frame = drawn_of(&gpu, &scene, &world, &Knobs { bounces, ..knobs });
+        let Gather::Compute(by) = &frame.light.caches().expect("caches").gather else { panic!("a compute gather") };
+        let vals: Vec<Val> = gpu.read(&by.bounces.as_ref().expect("bounces").vals).expect("read");
+        let sent_on = by.depth_images.as_ref().and_then(|images| images.sent_on.as_ref()).expect("rays");
+        let met: Vec<u32> = gpu.read(&sent_on.met).expect("read");
+        (vals.iter().map(|val| { val.flux }.as_dvec3() / f64::from(val.area)).collect::<Vec<_>>(), met)
+    };
+    let ((first, met), (second, _)) = (sent(2), sent(3));
+    let places = shoot(&gpu, &scene, Some(&caches), &knobs).caches;
+    let side = DEPTH_IMAGE_SIDE as usize;
+    let middle = |i: usize| (i as f64 + 0.5) * 2.0 / side as f64 - 1.0;
+    let inside: Vec<usize> =
+        (0..side * side).filter(|texel| middle(texel % side).powi(2) + middle(texel / side).powi(2) < 1.0).collect();
+    let (mut worst, mut far, mut none) = (0.0_f64, 0.0_f64, 0);
+    for (i, cache) in places.iter().enumerate() {
+        let [tangent, bitangent] = tangents(cache.normal);
+        let of_cache = inside.iter().map(|texel| met[i * side * side + texel]);
+        let met: Vec<Option<usize>> = of_cache.map(|cache| (cache < NO_REFERENCES).then_some(cache as usize)).collect();
+        none += met.iter().filter(|met| met.is_none()).count();
+        for (texel, met) in inside.iter().zip(&met) {
+            let (x, y) = (middle(texel % side), middle(texel / side));
+            let way = tangent * x + bitangent * y + cache.normal * (1.0 - x * x - y * y).sqrt();
+            // Where the cube ends.
+            let end = (0..3).map(|axis| (way[axis].signum() - cache.position[axis]) / way[axis]);
+            let hit = cache.position + way * end.fold(f64::INFINITY, f64::min);
+            far = met.map_or(far, |met| far.max(places[met].position.distance(hit)));
+        }
+        let wanted = first[i] + 0.8 * bounce::exchange(&met, &first);
+        worst = worst.max(second[i].distance(wanted) / wanted.length());
+    }
+    let rays = places.len() * inside.len();
+    println!(
+        "{} caches: off by {worst:.1e}; of {rays} rays {none} meet none, the others one within {far:.2} m",
+        places.len()
+    );
+    assert!(worst < 1e-5 && none == 0, "{worst}, {none}");
+    // A cell is d_eps / 2 wide, and its nearest cache within d_eps of it.
+    assert!(far < 1.5 * caches.spacing, "{far} m");
 }

@@ -15,7 +15,7 @@ use lightskin::reference::near::{radiances, short_rays, solid_angle};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::world::World as Placed;
 use lightskin::scene::build::{CornellSurface, atrium, cornell, cuboid};
-use lightskin::scene::{Phong, Scene};
+use lightskin::scene::{Material, Phong, Projection, Scene};
 use lightskin::shared::{
     Cache, DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, DIRECTIONS, NEAR_SIDE, NearLight, NearPixel, Val,
 };
@@ -238,6 +238,72 @@ fn what_stands_nearby_is_nearer_to_paths() {
         .map(|near_is| against(&scene, &caches, &Knobs { near: near_is, ..near([128, 72]) }, &truth).relmse_trimmed);
     println!("relMSE without the worst 1 %: {off:.4} by caches alone, {on:.4} with rays");
     assert!(on < 0.8 * off, "{on} against {off}");
+}
+
+#[test]
+fn lobes_are_spread_over_what_mirrors_the_same() {
+    let gpu = gpu();
+    let mut scene = cornell(CornellSurface::Glossy, 0.1);
+    for phong in scene.materials.iter_mut().filter_map(|material| material.phong.as_mut()) {
+        phong.exponent = 10.0;
+    }
+    // So near that pixels mirror almost the same.
+    scene.cameras[0].projection = Projection::Perspective { yfov: 0.2 };
+    let caches = baked(&scene, 0.4, 8);
+    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let frame = drawn_of(&gpu, &scene, &world, &near([96, 64]));
+    let found = frame.picture.near.as_ref().expect("rays");
+    // The last of the steps by which light is spread.
+    let [before, after] = [&found.halfway, &found.lights].map(|lights| gpu.read::<NearLight>(lights).expect("read"));
+    let lobe = |light: &NearLight| {
+        let part = |bits: u32| f64::from(bits as u16 as i16).max(-32767.0) / 32767.0;
+        let (x, y) = (part(light.mirrored), part(light.mirrored >> 16));
+        let z = 1.0 - x.abs() - y.abs();
+        let fold = (-z).max(0.0);
+        let mirrored = DVec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize();
+        (light.width > 0.0).then(|| reference::FoundLobe {
+            taken: { light.glossy }.as_dvec3(),
+            position: { light.position }.as_dvec3(),
+            normal: { light.normal }.as_dvec3(),
+            mirrored,
+            width: light.width.into(),
+            nearness: light.nearness.into(),
+        })
+    };
+    let lobes: Vec<_> = before.iter().map(lobe).collect();
+    let wanted = reference::spread_lobes(&lobes, found.size.map(|side| side as usize), 32);
+    let (mut most, mut moved, mut count) = (0.0_f64, 0.0_f64, 0);
+    for ((wanted, light), before) in wanted.iter().zip(&after).zip(&lobes) {
+        let (Some(wanted), Some(before)) = (wanted, before) else { continue };
+        most = most.max(({ light.glossy }.as_dvec3() - *wanted).length() / (wanted.length() + 1e-6));
+        moved = moved.max((before.taken - *wanted).length() / (wanted.length() + 1e-6));
+        count += 1;
+    }
+    println!("{count} lobes: off by {most:.1e} of the twin; the step has changed {moved:.4} at most");
+    assert!(count > 500 && most < 1e-5 && moved > 3e-4, "{count}: {most}, {moved}");
+    assert_clean(&gpu);
+}
+
+#[test]
+fn metals_mirror_what_paths_do() {
+    let mut scene = cornell(CornellSurface::Glossy, 0.1);
+    let caches = baked(&scene, 0.3, 8);
+    for roughness in [0.15, 0.3, 0.4] {
+        for material in
+            scene.materials.iter_mut().filter(|material| material.phong.is_some() || material.metallic > 0.0)
+        {
+            let base_color = Vec3::splat(0.8).extend(1.0);
+            *material = Material { base_color, metallic: 1.0, roughness, ..Material::default() };
+        }
+        let size = [96, 64];
+        let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(size, 2));
+        (0..16).for_each(|_| paths.pass());
+        let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { bounces: 2, ..near(size) });
+        let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
+        let m = metrics(&shown, &paths.glossy());
+        println!("roughness {roughness}: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
+        assert!(m.bias.abs() < 0.06, "{roughness}: {m:?}");
+    }
 }
 
 #[test]

@@ -14,14 +14,14 @@ use super::sums::{ComputeKind, SumBinds, SumKind, sum_pipeline};
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{
-    BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_EMITTED, BOUNCE_FIRST, BouncePush, DEPTH_IMAGE_ROW, GATHER_THREADS, GatherPush, VAL_TILE,
-    Val,
+    BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_EMITTED, BOUNCE_FIRST, BouncePush, DEPTH_IMAGE_ROW, GATHER_THREADS, GatherPush,
+    VAL_TILE, Val,
 };
 
 /// Makes VALs of lit caches and gathers them.
 pub struct Bounces {
     /// The caches as VALs, padded with dark ones to whole tiles.
-    pub(super) vals: Buffer,
+    pub vals: Buffer,
     /// Their number before padding.
     pub(super) val_count: Buffer,
     /// By what the light of all caches is multiplied at each.

@@ -119,7 +119,8 @@ impl DepthImages {
         let mut resources = rays.binds(world).to_vec();
         resources.extend([&atlas.caches, &live.list, &live.args, &self.buffer].map(Bind::from));
         if let Some(SentOn { images, met, closed }) = &self.sent_on {
-            let (grids, entries) = world.cells.as_ref().map_or((&world.references, &world.references), |c| (&c.grids, &c.entries));
+            let (grids, entries) =
+                world.cells.as_ref().map_or((&world.references, &world.references), |c| (&c.grids, &c.entries));
             let of_caches = [images, met, closed, &world.references, &world.instance_caches, grids, entries];
             resources.extend(of_caches.map(Bind::from));
         }

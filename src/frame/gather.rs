@@ -259,7 +259,8 @@ impl Compute {
                 // Caches pass on all the light that they receive.
                 let of_all = GatherPush { near_begin: -1.0, near_scale: 1e30, ..push };
                 let sent_on = self.depth_images.as_ref().and_then(|images| images.sent_on.as_ref());
-                let of_all_binds = SumBinds { depth_images: sent_on.map(|s| &s.images).or(binds.depth_images), ..binds };
+                let of_all_binds =
+                    SumBinds { depth_images: sent_on.map(|s| &s.images).or(binds.depth_images), ..binds };
                 primary(&of_all_binds, &of_all);
                 let sums = [of_all_binds, binds].map(|binds| SumBinds { proxies: None, ..binds });
                 let leave_out = || primary(&binds, &push);

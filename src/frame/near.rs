@@ -38,8 +38,8 @@ pub struct NearPixels {
     pub pixels: Buffer,
     /// Taken together with its neighbours'.
     pub lights: Buffer,
-    /// The same on its way, spread half as often.
-    halfway: Buffer,
+    /// The same on its way, spread once less.
+    pub halfway: Buffer,
     /// Pixels with rays in a row, and rows of them.
     pub size: [u32; 2],
 }

@@ -53,3 +53,10 @@ pub fn irradiances(patches: &[Patch], vals: &[Val], bounces: u32) -> Vec<DVec3> 
         (0..patches.len()).into_par_iter().map(again).collect()
     })
 }
+
+/// Irradiance \[lx\] that a cache receives of what its rays have met, each for an equal share of what arrives under the cosine: the
+/// mean radiosity [lm/m^2] of the caches there, none where there is no cache.
+pub fn exchange(met: &[Option<usize>], radiosities: &[DVec3]) -> DVec3 {
+    let sent = met.iter().map(|cache| cache.map_or(DVec3::ZERO, |cache| radiosities[cache]));
+    sent.sum::<DVec3>() / met.len().max(1) as f64
+}

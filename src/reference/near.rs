@@ -155,3 +155,51 @@ pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize)
     };
     (0..found.len()).map(of_pixel).collect()
 }
+
+/// What a lobe takes at a pixel, as far as pixels share it.
+#[derive(Clone, Copy, Debug)]
+pub struct FoundLobe {
+    /// Mean radiance [cd/m^2].
+    pub taken: DVec3,
+    /// Of the surface.
+    pub position: DVec3,
+    /// Unit vertex normal.
+    pub normal: DVec3,
+    /// Unit axis of the lobe.
+    pub mirrored: DVec3,
+    /// Of the lobe \[rad\].
+    pub width: f64,
+    /// Mean of one over the lengths of its rays \[1/m\].
+    pub nearness: f64,
+}
+
+/// What lobes take [cd/m^2], spread once over pixels this many steps apart whose lobes look at the same; `None` where no lobe is.
+/// Twin of `glsl/near_spread.comp`.
+pub fn spread_lobes(found: &[Option<FoundLobe>], [width, height]: [usize; 2], step: usize) -> Vec<Option<DVec3>> {
+    let of_pixel = |index: usize| {
+        let own = found[index]?;
+        let (mut taken, mut weights) = (DVec3::ZERO, 0.0);
+        for (dx, dy) in (-1..=1_isize).flat_map(|dy| (-1..=1_isize).map(move |dx| (dx, dy))) {
+            let x = (index % width).checked_add_signed(dx * step as isize).filter(|x| *x < width);
+            let y = (index / width).checked_add_signed(dy * step as isize).filter(|y| *y < height);
+            let Some(p) = x.zip(y).and_then(|(x, y)| found[y * width + x]) else { continue };
+            // Where both look, per distance, in widths of the narrower lobe.
+            let (narrow, wide) = (own.width.min(p.width), own.width.max(p.width));
+            let d = own.position - p.position;
+            let apart = (d * own.nearness.max(p.nearness) + own.mirrored - p.mirrored).length() / narrow;
+            let t = ((narrow / wide - 0.25) / 0.5).clamp(0.0, 1.0);
+            let like = t * t * (3.0 - 2.0 * t);
+            let weight = match (dx, dy) {
+                (0, 0) => 1.0,
+                _ => {
+                    let near = 0.5_f64.powi((dx.abs() + dy.abs()) as i32) * alike(d, own.normal, p.normal);
+                    near * like * (-8.0 * apart * apart).exp()
+                }
+            };
+            taken += weight * p.taken;
+            weights += weight;
+        }
+        Some(taken / weights)
+    };
+    (0..found.len()).map(of_pixel).collect()
+}
