@@ -86,15 +86,20 @@ pub(super) fn save(document: &Document, path: &Path) -> Result<()> {
 pub(super) fn load(path: &Path, present: &Args) -> Result<(Args, Session)> {
     let read = || -> Result<(Args, Session)> {
         let bytes = files::read(path).map_err(|reason| anyhow!(reason))?;
-        let json: Value = serde_json::from_slice(&bytes).context("no JSON")?;
+        let json: Value = serde_json::from_slice(&bytes).context("file: its JSON is broken, save the session again")?;
         match json["lightskin_session"].as_u64() {
             Some(SCHEMA) => {}
-            Some(other) => bail!("a session of format {other}; this lightskin knows {SCHEMA}"),
-            None => bail!("no session of lightskin: it has no `lightskin_session`"),
+            Some(other) => {
+                bail!("file: is a session of format {other}; {SCHEMA} is needed, save it again with this lightskin")
+            }
+            None => bail!(
+                "file: is no session of lightskin, it has no `lightskin_session`; give a file that the window has saved"
+            ),
         }
         let words = strings(&json, "arguments")?;
-        let args = present.of_session(&words).context("arguments")?;
-        let drawing = Drawing::new(&strings(&json, "settings")?).context("settings")?;
+        let args = present.of_session(&words).context("arguments: correct this, or save the session again")?;
+        let drawing =
+            Drawing::new(&strings(&json, "settings")?).context("settings: correct this, or save the session again")?;
         let place = |value: &Value| value.as_str().and_then(seen);
         let mut bookmarks = [None; 9];
         for (kept, value) in bookmarks.iter_mut().zip(json["bookmarks"].as_array().into_iter().flatten()) {

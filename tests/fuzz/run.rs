@@ -29,7 +29,7 @@ pub(super) const PATH_TRACE: [&str; 9] =
 const DRAW: [&str; 8] = ["-o", "a.png", "--size", "16x16", "--rsm", "8", "--quality", "low"];
 
 /// What a line of error may tell the user to do.
-const REMEDIES: [&str; 22] = [
+const REMEDIES: [&str; 23] = [
     "export",
     "write or download",
     "give a",
@@ -45,6 +45,7 @@ const REMEDIES: [&str; 22] = [
     "keep buffers",
     "check its name",
     "ask for",
+    "save ",
     "allows it",
     "is needed",
     "are needed",
@@ -204,7 +205,7 @@ fn judged(ended: &Ended, kind: Kind) -> Result<Option<String>, String> {
     match ended.status.code() {
         Some(0) => Ok(None),
         _ if ended.stopped && kind == Kind::Session => Ok(None),
-        Some(1) if remedy(last) || kind == Kind::Session && last.contains("mutant.json: ") => Ok(Some(last.to_owned())),
+        Some(1) if remedy(last) => Ok(Some(last.to_owned())),
         Some(1) => Err(format!("no file, place or remedy: {last}")),
         _ => Err(format!("{}: {last}", ended.status)),
     }
