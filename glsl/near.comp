@@ -28,14 +28,15 @@ layout(binding = 16, scalar) writeonly buffer Near { NearPixel near_pixels[]; };
 layout(constant_id = 6) const uint REFERENCES = 8;
 layout(constant_id = 7) const uint BY_CELLS = 0; // 1: references are those of cells
 layout(binding = 17, scalar) readonly buffer Radiances { uint radiances[]; }; // of each cache, by directions [cd/m^2]
-#define REFERENCE_BINDINGS 18
+layout(binding = 18, scalar) readonly buffer Caches { Cache caches[]; };
+#define REFERENCE_BINDINGS 19
 #include "lib/hit_caches.glsl"
 #ifdef GLOSSY
-layout(binding = 22) uniform sampler2D normal_image;
-layout(binding = 23) uniform sampler2D specular_image;
-#define NEXT_BINDING 24
+layout(binding = 23) uniform sampler2D normal_image;
+layout(binding = 24) uniform sampler2D specular_image;
+#define NEXT_BINDING 25
 #else
-#define NEXT_BINDING 22
+#define NEXT_BINDING 23
 #endif
 #ifdef LIT
 layout(binding = NEXT_BINDING, scalar) readonly buffer CacheVals { Val cache_vals[]; };
@@ -77,10 +78,11 @@ float sky_open(uvec3 at, vec3 w, vec3 direction, out vec3 radiance) {
 
 #if defined(LIT) || defined(SKY)
 // Radiance [cd/m^2] that a point reflects of what the caches about it have received, of the sky or of all.
-vec3 cache_radiance(Hit hit, vec3 diffuse) {
+vec3 cache_radiance(Hit hit, HitSurface s) {
     uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
-    uvec3 at = nearest_caches(hit.instance, v, w);
+    vec3 shares;
+    uvec3 at = caches_about(hit.instance, v, w, s.position, s.normal, push.cache_reach, shares);
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < 3u; ++i) {
         if (at[i] == NO_REFERENCES) {
@@ -88,10 +90,10 @@ vec3 cache_radiance(Hit hit, vec3 diffuse) {
         }
 #ifdef LIT
         Val val = cache_vals[at[i]];
-        sum += w[i] * val.flux / max(PI * val.area, 1e-30);
+        sum += shares[i] * val.flux / max(PI * val.area, 1e-30);
 #endif
 #ifdef SKY
-        sum += push.reflects != 0u ? w[i] * diffuse / PI * seen[at[i]].irradiance : vec3(0.0);
+        sum += push.reflects != 0u ? shares[i] * s.diffuse / PI * seen[at[i]].irradiance : vec3(0.0);
 #endif
     }
     return sum;
@@ -107,7 +109,7 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
         sum += reflected_direct(s, push.light_count, push.first_sky_light, push.sky_light_count, push.root, chance);
     }
 #if defined(LIT) || defined(SKY)
-    sum += cache_radiance(hit, s.diffuse);
+    sum += cache_radiance(hit, s);
 #endif
     return sum;
 }
@@ -172,7 +174,8 @@ void main() {
     vec3 tangent, bitangent;
     tangents(n, tangent, bitangent);
 
-    uvec3 around = nearest_caches(draw.instance, corners, w);
+    vec3 shares;
+    uvec3 around = caches_about(draw.instance, corners, w, found.position, n, push.cache_reach, shares);
 #ifdef GLOSSY
     vec4 normal_coded = texelFetch(normal_image, pixel, 0);
     vec3 specular = texelFetch(specular_image, pixel, 0).rgb;
@@ -191,14 +194,14 @@ void main() {
         uint number = i * ALL + subset;
         vec3 local = directions[number];
         vec3 direction = tangent * local.x + bitangent * local.y + n * local.z;
-        vec3 far = far_radiance(around, w, direction);
+        vec3 far = far_radiance(around, shares, direction);
         // Below the surface itself there is nothing to be seen: such rays are turned up. Caches know vertex normals alone.
         float above = dot(direction, geometric);
         direction -= above < 0.0 ? 2.0 * above * geometric : vec3(0.0);
         vec3 of_sky = vec3(0.0);
 #ifdef SKY
         vec3 radiance;
-        float open = sky_open(around, w, direction, radiance);
+        float open = sky_open(around, shares, direction, radiance);
         float sky_luminance = dot(radiance, LUMINANCE);
         of_sky = open * radiance;
 #endif
@@ -241,10 +244,10 @@ void main() {
             float wide_share = narrow < 1.0 ? (1.0 - narrow) * share_of(wide, lobe, direction, n) : 0.0;
             float narrow_share = narrow * lobe_weight(lobe, direction);
             found.glossy += narrow_share * arrives;
-            found.glossy += wide_share * (is_near ? arrives : far_radiance(around, w, direction));
+            found.glossy += wide_share * (is_near ? arrives : far_radiance(around, shares, direction));
 #ifdef SKY
             vec3 radiance;
-            float open = sky_open(around, w, direction, radiance);
+            float open = sky_open(around, shares, direction, radiance);
             float sky_luminance = dot(radiance, LUMINANCE);
             found.sky_all += (wide_share + narrow_share) * sky_luminance;
             found.sky += (wide_share * (is_near ? 0.0 : open) + narrow_share * (met ? 0.0 : 1.0)) * sky_luminance;

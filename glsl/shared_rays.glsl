@@ -139,6 +139,7 @@ struct InstanceCaches {
 struct TracePush {
     mat4 clip_from_world;
     vec4 eye; // as in DrawPush
+    float cache_reach; // how far caches say something of a point [m]
     float reach; // of short rays; of a cache's rays where they begin [m]
     uint root; // of the hierarchy
     uint width; // [pixels], each with rays

@@ -29,25 +29,18 @@ layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are those of c
 shared uint closed_count;
 shared uint count;
 
-// The nearest cache on the side of a surface that a ray has met.
-uint met_cache(Hit hit, vec3 direction) {
-    InstanceCaches model = instance_caches[hit.instance];
-    if (hit.triangle == NO_HIT || model.reference_base == NO_REFERENCES) {
+// The cache on the side of a surface that a ray has met which says most of the point there.
+uint met_cache(Hit hit, vec3 start, vec3 direction) {
+    if (hit.triangle == NO_HIT) {
         return NO_REFERENCES;
     }
     bool front;
     vec3 n = hit_geometric(hit, direction, front);
     uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
-    uvec3 rows = reference_rows(model, v, w);
-    uint row = w.x >= max(w.y, w.z) ? rows.x : w.y >= w.z ? rows.y : rows.z;
-    for (uint i = 0u; i < REFERENCES && row != NO_REFERENCES; ++i) {
-        uint cache = reference_at(model, row * REFERENCES + i);
-        if (cache == NO_REFERENCES || dot(caches[cache].normal, n) > 0.0) {
-            return cache;
-        }
-    }
-    return NO_REFERENCES;
+    vec3 shares;
+    uint cache = caches_about(hit.instance, v, w, start + hit.distance * direction, n, push.cache_reach, shares).x;
+    return cache != NO_REFERENCES && dot(caches[cache].normal, n) > 0.0 ? cache : NO_REFERENCES;
 }
 #endif
 
@@ -97,7 +90,7 @@ void main() {
 #ifdef SENT_ON
             Hit hit = trace(start, direction, lift, 3e38, push.root, 0u, false);
             of_all = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
-            of_hit = met_cache(hit, direction);
+            of_hit = met_cache(hit, start, direction);
             limit = of_all;
             if (hit.triangle != NO_HIT && hit.distance < push.reach) {
                 hit = trace(start, direction, push.reach, 3e38, push.root, 0u, false);

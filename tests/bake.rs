@@ -5,7 +5,7 @@ pub(crate) mod meshes;
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use lightskin::Error;
 use lightskin::bake::{self, BakeSettings, Cache, CacheSet, Density, ModelCaches, NO_CACHE, seeds, voxel};
-use lightskin::scene::{Instance, Mesh, Scene, Vertex};
+use lightskin::scene::{Instance, Material, Mesh, Primitive, Scene, Vertex};
 use meshes::{Random, box_mesh, flat_mesh, grid_mesh, soup, sphere_mesh, torus_mesh};
 use std::f64::consts::{PI, TAU};
 
@@ -484,12 +484,66 @@ fn a_kept_bake_is_found_again() {
     assert!(kept(&scene, &settings).1, "translation does not matter");
     scene.instances[0].world_from_model = DAffine3::from_scale(DVec3::splat(1.5));
     assert!(!kept(&scene, &settings).1);
+    scene
+        .instances
+        .push(Instance { world_from_model: DAffine3::from_translation(DVec3::Z), ..scene.instances[0].clone() });
+    assert!(!kept(&scene, &settings).1);
+    scene.instances[1].world_from_model.translation.x += 0.5;
+    assert!(!kept(&scene, &settings).1, "neighbours close caches in");
     scene.meshes[0].vertices[0].position.x -= 0.1;
     assert!(!kept(&scene, &settings).1);
 
     // A folder that cannot be one is no error.
     let blocked = bake::bake_kept_in(&files[0], &scene, &settings, &|_, _| {}).expect("bakes");
     assert!(!blocked.1);
+}
+
+/// Squares of an edge \[m\], square to z, at places along it \[m\]; each turned to +z, or both ways.
+fn panels(edge: f64, places: &[f64], both: bool) -> Mesh {
+    let at = |i: i32, j: i32, z: f64| DVec3::new(f64::from(i), f64::from(j), 0.0) * edge / 8.0 + DVec3::Z * z;
+    let mut triangles = Vec::new();
+    for (&z, (i, j)) in places.iter().flat_map(|z| (0..64).map(move |n| (z, (n % 8 - 4, n / 8 - 4)))) {
+        let [a, b, c, d] = [at(i, j, z), at(i + 1, j, z), at(i + 1, j + 1, z), at(i, j + 1, z)];
+        triangles.extend([[a, b, c], [a, c, d]]);
+        triangles.extend([[a, c, b], [a, d, c]].iter().filter(|_| both));
+    }
+    let mut mesh = flat_mesh(&triangles);
+    mesh.primitives = vec![Primitive { first_index: 0, index_count: mesh.indices.len() as u32, material: 0 }];
+    mesh
+}
+
+#[test]
+fn gaps_have_no_caches() {
+    // A wall, and a thin board with two sides 5 mm in front of it.
+    let mut scene = scene(vec![
+        (panels(4.0, &[0.0], false), DAffine3::IDENTITY),
+        (panels(1.0, &[0.0], true), DAffine3::from_translation(DVec3::Z * 0.005)),
+    ]);
+    scene.materials.push(Material::default());
+    let behind = |set: &CacheSet| {
+        let [wall, board] = [0, 1].map(|i| &set.models[set.instance_model[i]]);
+        let in_gap = wall.caches.iter().filter(|c| c.position.truncate().abs().max_element() < 0.35).count();
+        assert!(wall.caches.len() > 40 && board.caches.iter().any(|c| c.normal.z > 0.5), "{}", wall.caches.len());
+        // Every vertex still has one to refer to.
+        let first = |model: &ModelCaches| model.references.chunks(8).all(|row| row[0] != NO_CACHE);
+        assert!(first(wall) && first(board));
+        (in_gap, board.caches.iter().filter(|c| c.normal.z < -0.5).count())
+    };
+    assert_eq!(behind(&run(&scene, &spacing(0.5))), (0, 0));
+    // What may move may go away: it closes nothing in, and all of it may come into the open.
+    scene.instances[1].moves = true;
+    let (in_gap, on_back) = behind(&run(&scene, &spacing(0.5)));
+    assert!(in_gap > 0 && on_back > 0, "{in_gap} {on_back}");
+}
+
+#[test]
+fn caches_lie_on_what_is_seen_of_layers() {
+    // A door and three layers of what is behind it: all face the same way, and most of the surface is behind.
+    let mut scene = scene(vec![(panels(1.0, &[0.0, -0.02, -0.04, -0.06], false), DAffine3::IDENTITY)]);
+    scene.materials.push(Material::default());
+    let set = run(&scene, &spacing(1.0));
+    let caches = &set.models[set.instance_model[0]].caches;
+    assert!(!caches.is_empty() && caches.iter().all(|c| c.position.z == 0.0), "{caches:?}");
 }
 
 #[test]

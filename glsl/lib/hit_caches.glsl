@@ -1,11 +1,12 @@
 // Caches of the surfaces that rays meet. Whoever includes this has lib/hit.glsl and the constants REFERENCES and BY_CELLS (1:
-// references are those of cells). Bindings from REFERENCE_BINDINGS on are its own, four of them.
+// references are those of cells), and the buffer `caches`. Bindings from REFERENCE_BINDINGS on are its own, four of them.
 #ifndef HIT_CACHES_GLSL
 #define HIT_CACHES_GLSL
 layout(binding = REFERENCE_BINDINGS, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
 layout(binding = REFERENCE_BINDINGS + 1, scalar) readonly buffer Models { InstanceCaches instance_caches[]; };
 #define CELL_BINDINGS REFERENCE_BINDINGS + 2
 #include "lib/cells.glsl"
+#include "lib/interpolation.glsl"
 
 // Rows of references of a triangle's corners, or of the cell which a point of it lies in, three times; NO_REFERENCES where there is
 // none.
@@ -28,19 +29,48 @@ uint reference_at(InstanceCaches model, uint reference) {
     return index == NO_CACHE ? NO_REFERENCES : model.cache_base + index;
 }
 
-// The nearest cache of each corner of an instance's triangle, or that of the cell which a point of it lies in; NO_REFERENCES
-// where there is none. Vertices are the mesh's.
-uvec3 nearest_caches(uint instance, uvec3 v, vec3 w) {
+// How much a cache says of a point, with that one's unit normal; 0 where it faces away.
+float cache_weight(uint cache, vec3 position, vec3 normal, float reach) {
+    float d = distance(caches[cache].position, position);
+    // Where surfaces have grown, the nearest may be farther than any was.
+    return facing_weight(min(d, 0.99 * reach), reach, dot(caches[cache].normal, normal));
+}
+
+// Whether a cache is one of three that have weights.
+bool is_among(uint cache, uvec3 best, vec3 weights) {
+    bvec3 same = equal(uvec3(cache), best);
+    return (same.x && weights.x > 0.0) || (same.y && weights.y > 0.0) || (same.z && weights.z > 0.0);
+}
+
+// Caches that say most of a point on an instance's triangle, of all that its corners or its cell refer to, and their weights, which
+// sum up to 1; NO_REFERENCES where there are fewer. Vertices are the mesh's, `w` the weights of corners.
+uvec3 caches_about(uint instance, uvec3 v, vec3 w, vec3 position, vec3 normal, float reach, out vec3 weights) {
     InstanceCaches model = instance_caches[instance];
+    uvec3 best = uvec3(NO_REFERENCES);
+    weights = vec3(0.0);
     if (model.reference_base == NO_REFERENCES) {
-        return uvec3(NO_REFERENCES);
+        return best;
     }
     uvec3 rows = reference_rows(model, v, w);
-    uvec3 nearest = uvec3(NO_REFERENCES);
-    for (uint i = 0u; i < 3u; ++i) {
-        nearest[i] = rows[i] == NO_REFERENCES ? NO_REFERENCES : reference_at(model, rows[i] * REFERENCES);
+    for (uint row = 0u; row < (BY_CELLS == 0u ? 3u : 1u) && rows[row] != NO_REFERENCES; ++row) {
+        for (uint i = 0u; i < REFERENCES; ++i) {
+            uint cache = reference_at(model, rows[row] * REFERENCES + i);
+            if (cache == NO_REFERENCES) {
+                break;
+            }
+            float weight = cache_weight(cache, position, normal, reach);
+            best.x = best.x == NO_REFERENCES ? cache : best.x; // where none faces the same way
+            if (weight > weights.z && !is_among(cache, best, weights)) {
+                bool first = weight > weights.x;
+                bool second = weight > weights.y;
+                best = uvec3(first ? cache : best.x, first ? best.x : second ? cache : best.y, second ? best.y : cache);
+                weights = vec3(first ? weight : weights.x, first ? weights.x : second ? weight : weights.y, second ? weights.y : weight);
+            }
+        }
     }
-    return nearest;
+    float sum = weights.x + weights.y + weights.z;
+    weights = sum > 0.0 ? weights / sum : vec3(1.0, 0.0, 0.0);
+    return best;
 }
 
 #endif

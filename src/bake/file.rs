@@ -14,7 +14,7 @@ use std::path::Path;
 const MAGIC: [u8; 8] = *b"LSKCACHE";
 
 /// Of the format and of the algorithm: counted up when either changes what a bake gives.
-const VERSION: u32 = 6;
+const VERSION: u32 = 7;
 
 /// Magic, version, key, length, hash.
 const HEADER: usize = 8 + 4 + 32 + 8 + 32;
@@ -86,6 +86,21 @@ fn key(scene: &Scene, settings: &BakeSettings) -> [u8; 32] {
     for instance in &scene.instances {
         number(instance.mesh as u64);
         instance.stretch().to_cols_array().iter().for_each(|element| number(element.to_bits()));
+    }
+    // What stands still closes caches in, wherever all of it is.
+    let mut origin = None;
+    for (index, instance) in scene.instances.iter().enumerate() {
+        let still = !scene.may_move(index) && !instance.hidden;
+        number(u64::from(still));
+        if still {
+            let place = instance.world_from_model;
+            let from = *origin.get_or_insert(place.translation);
+            let relative = (place.translation - from).to_array().map(|x| x + 0.0);
+            place.matrix3.to_cols_array().iter().chain(&relative).for_each(|element| number(element.to_bits()));
+        }
+    }
+    for material in scene.materials.iter() {
+        number(u64::from(material.double_sided));
     }
     number(scene.meshes.len() as u64);
     for mesh in &scene.meshes {

@@ -7,12 +7,14 @@
 //!
 //! *Guarantee*: every point of the surface has a cache within `d_eps` of it whose triangle's normal is within
 //! `theta_eps` of its own. It holds by construction (a piece's cache lies in its own voxel, whose diagonal is
-//! 0.87 `d_eps`), is kept by every step, and is measured at the end ([`Coverage`]).
+//! 0.87 `d_eps`), is kept by every step, and is measured at the end ([`Coverage`]). Caches in gaps between things that
+//! stand still are then left out ([`closed`]): nothing lights them and nobody sees what they stand for.
 
 mod area;
 mod assign;
 pub mod bvh;
 mod cells;
+mod closed;
 mod file;
 mod grid;
 mod prune;
@@ -26,6 +28,7 @@ pub use file::{bake_cached, bake_kept_in};
 
 use crate::error::Result;
 use crate::scene::{Mesh, Scene};
+use closed::Surroundings;
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;
 use search::{Model, Placement};
@@ -136,7 +139,8 @@ pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &(dyn Fn(f32, &str
     }
     progress(0.0, "reading surfaces");
     let (models, instance_model) = models(scene);
-    let search::Found { bounds, placements } = search::search(&models, settings, progress)?;
+    let around = Surroundings::new(scene, &instance_model, models.len());
+    let search::Found { bounds, placements } = search::search(&models, &around, settings, progress)?;
 
     let done = AtomicUsize::new(0);
     let steps = 2 * models.len().max(1);
@@ -183,7 +187,7 @@ fn same_stretch(a: DMat3, b: DMat3) -> bool {
 fn finish(
     model: &Model,
     mesh: &Mesh,
-    Placement { voxels, seeds }: Placement,
+    Placement { voxels, seeds, count }: Placement,
     bounds: Bounds,
     references: usize,
     step: &(dyn Fn(&str) + Sync),
@@ -204,7 +208,9 @@ fn finish(
     }
     drop(voxels);
     step("finding references");
-    let positions: Vec<DVec3> = seeds.iter().map(|s| s.position).collect();
+    // Those in gaps have had their share of the surface, and go.
+    caches.truncate(count);
+    let positions: Vec<DVec3> = seeds[..count].iter().map(|s| s.position).collect();
     let references = assign::assign(surface, &caches, &positions, references, spacing);
     ModelCaches { mesh: model.mesh, linear: surface.linear, caches, references, coverage }
 }

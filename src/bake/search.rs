@@ -1,7 +1,8 @@
 //! Places caches on all models of a scene, for a spacing or for a count. METHOD 8.
 
+use super::closed::Surroundings;
 use super::prune;
-use super::seeds::{self, Bounds, Seed};
+use super::seeds::{self, Bounds, Place, Seed};
 use super::surface::Surface;
 use super::voxel::{PIECE_LIMIT, Voxels};
 use super::{BakeSettings, Density, NO_CACHE};
@@ -25,8 +26,10 @@ pub(super) struct Model<'a> {
 pub(super) struct Placement {
     /// The surface in pieces.
     pub(super) voxels: Voxels,
-    /// The caches.
+    /// The caches, and after them those that nothing lights and nobody sees.
     pub(super) seeds: Vec<Seed>,
+    /// How many caches there are of the former.
+    pub(super) count: usize,
 }
 
 /// Most caches of a model: references are 16 bits, and the last value says "none".
@@ -46,21 +49,28 @@ const FAR_TOO_MANY: f64 = 2.5;
 /// all, the search starts again with four times as many.
 const PIECES_PER_CACHE: f64 = 200.0;
 
-/// Places caches on one model: the five steps.
-fn place(model: &Model, bounds: Bounds) -> Result<Placement> {
+/// Places caches on one model, by its index: the five steps, and which of them are kept.
+fn place((index, model): (usize, &Model), around: &Surroundings, bounds: Bounds) -> Result<Placement> {
     let voxels = Voxels::new(&model.surface, 0.5 * bounds.distance, model.name)?;
-    let seeds = seeds::form(&model.surface, &voxels, bounds);
-    let seeds = prune::prune(&model.surface, &voxels, seeds, bounds);
-    if seeds.len() > CACHE_LIMIT {
+    let openness = |place: Place| around.openness((index, model), place, bounds.distance);
+    let (mut open, mut closed): (Vec<Seed>, Vec<Seed>) =
+        seeds::form(&model.surface, &voxels, bounds, &openness).into_iter().partition(|seed| seed.open);
+    if open.is_empty() {
+        // A model has one at least.
+        let largest = (0..closed.len()).max_by(|&a, &b| closed[a].area.total_cmp(&closed[b].area));
+        open.extend(largest.map(|largest| closed.remove(largest)));
+    }
+    let mut seeds = prune::prune(&model.surface, &voxels, open, bounds);
+    let count = seeds.len();
+    seeds.extend(closed);
+    if count > CACHE_LIMIT {
         return Err(Error::TooLarge(format!(
             "mesh '{}': {} caches at a spacing of {:.3e} m, but a model can hold {CACHE_LIMIT}: ask for a larger \
              spacing or a smaller count",
-            model.name,
-            seeds.len(),
-            bounds.distance
+            model.name, count, bounds.distance
         )));
     }
-    Ok(Placement { voxels, seeds })
+    Ok(Placement { voxels, seeds, count })
 }
 
 /// How unwelcome a count is, from the logarithm of its ratio to the one asked for. The count is a budget: where the
@@ -70,7 +80,7 @@ fn regret(off: f64) -> f64 {
 }
 
 /// Places caches on all models; `None` where that would cut them into many more pieces than `most`.
-fn place_all(models: &[Model], bounds: Bounds, most: f64) -> Result<Option<Vec<Placement>>> {
+fn place_all(models: &[Model], around: &Surroundings, bounds: Bounds, most: f64) -> Result<Option<Vec<Placement>>> {
     let beyond = |model: &Model| {
         let surface = &model.surface;
         Voxels::estimate(surface, 0.5 * bounds.distance) - 2.0 * surface.triangles.len() as f64
@@ -78,7 +88,7 @@ fn place_all(models: &[Model], bounds: Bounds, most: f64) -> Result<Option<Vec<P
     if models.iter().map(|model| beyond(model).max(0.0)).sum::<f64>() > most {
         return Ok(None);
     }
-    models.par_iter().map(|model| place(model, bounds)).collect::<Result<_>>().map(Some)
+    models.par_iter().enumerate().map(|model| place(model, around, bounds)).collect::<Result<_>>().map(Some)
 }
 
 /// What a search has found.
@@ -92,13 +102,14 @@ pub(super) struct Found {
 /// Places caches as the settings ask.
 pub(super) fn search(
     models: &[Model],
+    around: &Surroundings,
     settings: &BakeSettings,
     progress: &(dyn Fn(f32, &str) + Sync),
 ) -> Result<Found> {
     let angle = f64::from(settings.angle);
     let at = |spacing: f64| {
         let bounds = Bounds::new(spacing, angle);
-        let placements: Result<_> = models.par_iter().map(|model| place(model, bounds)).collect();
+        let placements: Result<_> = models.par_iter().enumerate().map(|model| place(model, around, bounds)).collect();
         Ok(Found { bounds, placements: placements? })
     };
     let target = match settings.density {
@@ -122,7 +133,7 @@ pub(super) fn search(
     let target = target.max(1) as f64;
     let mut pieces = PIECES_PER_CACHE * target.max(2000.0);
     let (mut off, mut found) = loop {
-        match for_count(models, area, target, angle, pieces, progress) {
+        match for_count(models, around, [area, target], angle, pieces, progress) {
             Err(_) if pieces < PIECE_LIMIT => pieces *= 4.0,
             found => break found?,
         }
@@ -131,7 +142,7 @@ pub(super) fn search(
     for wider in [2.0 * FRAC_PI_3, PI] {
         if off > FAR_TOO_MANY.ln()
             && wider > angle
-            && let Ok(less) = for_count(models, area, target, wider, pieces, progress)
+            && let Ok(less) = for_count(models, around, [area, target], wider, pieces, progress)
         {
             log::info!("{:.0} caches where {target} were asked for: they stand for wider angles", target * off.exp());
             (off, found) = less;
@@ -143,8 +154,8 @@ pub(super) fn search(
 /// Searches the spacing for a count. Gives with what it has found the logarithm of how far off the count is.
 fn for_count(
     models: &[Model],
-    area: f64,
-    target: f64,
+    around: &Surroundings,
+    [area, target]: [f64; 2],
     angle: f64,
     most_pieces: f64,
     progress: &(dyn Fn(f32, &str) + Sync),
@@ -161,7 +172,7 @@ fn for_count(
     let mut refused = None;
     for attempt in 0..ATTEMPTS {
         progress(0.6 * (1.0 - 0.7f32.powi(attempt)), "searching the spacing");
-        match place_all(models, Bounds::new(spacing, angle), most_pieces) {
+        match place_all(models, around, Bounds::new(spacing, angle), most_pieces) {
             Err(error) => {
                 fine = Some((spacing, None));
                 refused = Some(error);
@@ -175,7 +186,7 @@ fn for_count(
                 refused.get_or_insert(Error::TooLarge(what));
             }
             Ok(Some(placements)) => {
-                let count: usize = models.iter().zip(&placements).map(|(m, p)| m.instances * p.seeds.len()).sum();
+                let count: usize = models.iter().zip(&placements).map(|(m, p)| m.instances * p.count).sum();
                 let off = (count as f64 / target).ln();
                 log::debug!("spacing {spacing:.4} m: {count} caches of {target}");
                 if best.as_ref().is_none_or(|b| regret(off) < regret(b.1)) {

@@ -1,5 +1,6 @@
 //! Voxels of pieces -> caches: binned normals, the mean of a group, snapped onto a triangle. METHOD 8, thesis 5.6.3.
 
+use super::closed::OPEN;
 use super::surface::Surface;
 use super::voxel::{Piece, Voxels};
 use glam::DVec3;
@@ -43,6 +44,12 @@ impl Bounds {
     }
 }
 
+/// A point of a surface: index into `Surface::triangles`, weights of the triangle's second and third corner.
+pub(super) type Place = (u32, [f32; 2]);
+
+/// Pieces of a group that are looked at, from the outermost to the innermost, where the best place of it is closed in.
+const TRIED: usize = 16;
+
 /// A cache in the making.
 #[derive(Clone)]
 pub(super) struct Seed {
@@ -58,6 +65,8 @@ pub(super) struct Seed {
     pub(super) area: f64,
     /// Pieces it answers for: each within both bounds.
     pub(super) pieces: Vec<u32>,
+    /// Whether it is in the open.
+    pub(super) open: bool,
 }
 
 /// Growth of the error (5.95) with position and normal: `|x - c| / d_eps + sqrt(1 - (N(x) . N(c))+)`. The print's
@@ -66,22 +75,31 @@ pub(crate) fn error(distance: f64, cos: f64, spacing: f64) -> f64 {
     distance / spacing + (1.0 - cos.clamp(0.0, 1.0)).sqrt()
 }
 
-/// Forms the caches of every voxel. Voxels do not know of each other, so the order of work changes nothing.
-pub(super) fn form(surface: &Surface, voxels: &Voxels, bounds: Bounds) -> Vec<Seed> {
+/// Forms the caches of every voxel, in the open if there is a place that is. Voxels do not know of each other, so the order of
+/// work changes nothing.
+pub(super) fn form(
+    surface: &Surface,
+    voxels: &Voxels,
+    bounds: Bounds,
+    openness: &(dyn Fn(Place) -> u32 + Sync),
+) -> Vec<Seed> {
     let per_voxel: Vec<Vec<Seed>> = voxels
         .cells
         .par_iter()
         .with_min_len(8)
-        .map_init(|| vec![0.0; BINS * BINS], |bins, cell| form_in(surface, voxels, cell.pieces.clone(), bounds, bins))
+        .map_init(
+            || vec![0.0; BINS * BINS],
+            |bins, cell| form_in((surface, voxels), cell.pieces.clone(), bounds, openness, bins),
+        )
         .collect();
     per_voxel.into_iter().flatten().collect()
 }
 
 fn form_in(
-    surface: &Surface,
-    voxels: &Voxels,
+    (surface, voxels): (&Surface, &Voxels),
     cell: std::ops::Range<u32>,
     bounds: Bounds,
+    openness: &(dyn Fn(Place) -> u32 + Sync),
     bins: &mut [f64],
 ) -> Vec<Seed> {
     let triangle = |piece: &Piece| &surface.triangles[piece.triangle as usize];
@@ -127,10 +145,29 @@ fn form_in(
                 }
             }
         }
-        let (_, snapped, point) = best;
-        let index = voxels.pieces[snapped as usize].triangle;
+        let place = |snapped: u32, point: DVec3| {
+            let index = voxels.pieces[snapped as usize].triangle;
+            (snapped, (index, surface.weights(&surface.triangles[index as usize], point)))
+        };
+        let mut found = place(best.1, best.2);
+        // A door's face may be in the open, and the shelves behind it, which face the same way, not.
+        let mut open = openness(found.1);
+        if open < OPEN {
+            let mut group: Vec<u32> = pieces().filter(|(_, p)| near(p)).map(|(index, _)| index).collect();
+            let height = |index: u32| voxels.pieces[index as usize].centroid.dot(mean_normal);
+            group.sort_by(|&a, &b| height(b).total_cmp(&height(a)).then(a.cmp(&b)));
+            let mut similarity = f64::INFINITY;
+            for &index in group.iter().step_by(group.len().div_ceil(TRIED)) {
+                let centroid = voxels.pieces[index as usize].centroid;
+                let other = place(index, centroid);
+                let (more, distance) = (openness(other.1).min(OPEN), centroid.distance(mean_position));
+                if more > open || (more == open && distance < similarity) {
+                    (found, open, similarity) = (other, more, distance);
+                }
+            }
+        }
+        let (snapped, (index, weights)) = found;
         let snapped_to = &surface.triangles[index as usize];
-        let weights = surface.weights(snapped_to, point);
 
         // Only what the cache covers goes; the rest stays for the next round. The snapped piece always goes.
         let goes =
@@ -143,6 +180,7 @@ fn form_in(
             normal: snapped_to.normal,
             area: gone.iter().map(|&i| voxels.pieces[i as usize].area).sum(),
             pieces: gone,
+            open: open > 0,
         });
         left = stays;
     }

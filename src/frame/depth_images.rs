@@ -125,7 +125,8 @@ impl DepthImages {
             resources.extend(of_caches.map(Bind::from));
         }
         cmd.bind(pipeline, &resources);
-        cmd.push(&TracePush { reach, root: rays.root, ..TracePush::default() });
+        let cache_reach = world.cells.as_ref().map_or(world.spacing(), |cells| cells.reach) as f32;
+        cmd.push(&TracePush { reach, cache_reach, root: rays.root, ..TracePush::default() });
         cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
     }
 

@@ -112,7 +112,7 @@ impl NearRays {
         &self,
         cmd: &Cmd<'_>,
         world: &World,
-        radiances: &Buffer,
+        (atlas, radiances): (&Buffer, &Buffer),
         (lit, sky): (Option<&Buffer>, Option<[&Buffer; 2]>),
         waits: bool,
         views: impl Iterator<Item = (&'a View, &'a Surface, &'a NearPixels)> + Clone,
@@ -128,7 +128,7 @@ impl NearRays {
             resources.extend([Bind::from(&world.light_buffer), element.into()]);
             resources.extend([&world.draw_records, &self.directions, &out.pixels].map(Bind::from));
             let (grids, entries) = world.cells.as_ref().map_or((radiances, radiances), |c| (&c.grids, &c.entries));
-            let of_caches = [radiances, &world.references, &world.instance_caches, grids, entries];
+            let of_caches = [radiances, atlas, &world.references, &world.instance_caches, grids, entries];
             resources.extend(of_caches.map(Bind::from));
             resources.extend([&surface.normal, &surface.specular].map(Bind::from).iter().filter(|_| self.glossy));
             resources.extend(lit.map(Bind::from));
@@ -141,6 +141,7 @@ impl NearRays {
             cmd.push(&TracePush {
                 clip_from_world: view.clip_from_world,
                 eye: view.eye,
+                cache_reach: world.cells.as_ref().map_or(world.spacing(), |cells| cells.reach) as f32,
                 reach: self.reach,
                 root: rays.root,
                 width,

@@ -174,7 +174,7 @@ pub fn record_rows(
                     caches.gather.cache_vals(),
                     caches.sky.as_ref().map(|(of_caches, _)| [&of_caches.seen, &of_caches.open]),
                 );
-                near.record(cmd, world, radiances, of_caches, waits, seen);
+                near.record(cmd, world, (&caches.atlas.caches, radiances), of_caches, waits, seen);
             }
         }
         let shaded = || {

@@ -51,8 +51,14 @@ pub struct Hit {
 impl Rays {
     /// Places all triangles that are drawn, bent as they stand, and builds the hierarchy, on all cores.
     pub fn new(scene: &Scene) -> Self {
-        let placed: Vec<([DVec3; 3], bool)> = (scene.instances.par_iter().filter(|instance| !instance.hidden))
-            .flat_map_iter(|instance| {
+        Self::of(scene, |_| true)
+    }
+
+    /// The same of those instances alone that are `among` the ones asked for.
+    pub fn of(scene: &Scene, among: impl Fn(usize) -> bool + Sync) -> Self {
+        let placed: Vec<([DVec3; 3], bool)> = (scene.instances.par_iter().enumerate())
+            .filter(|(index, instance)| !instance.hidden && among(*index))
+            .flat_map_iter(|(_, instance)| {
                 let mesh = &scene.meshes[instance.mesh];
                 let posed = instance.pose.as_ref().map(|pose| mesh.posed(pose));
                 let place = instance.world_from_model;
@@ -98,6 +104,11 @@ impl Rays {
     /// What the ray from `origin` \[m\] in the unit `direction` meets first. Of a double-sided material the side that faces
     /// the origin.
     pub fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
+        self.within(origin, direction, f64::INFINITY)
+    }
+
+    /// The same within a distance \[m\].
+    pub fn within(&self, origin: DVec3, direction: DVec3, distance: f64) -> Option<Hit> {
         let hierarchy = self.hierarchy.as_ref()?;
         // The traversal misses everything along a direction with a negative zero in it; adding 0 makes it positive.
         let unit = |v: DVec3| Vec3A::from(v.as_vec3()) + Vec3A::ZERO;
@@ -106,13 +117,14 @@ impl Rays {
             // From farther off than single precision reaches nothing is met.
             return None;
         }
-        let ray = Ray::new(origin, towards, 0.0, f32::MAX);
+        let end = (distance / self.radius).min(f64::from(f32::MAX)) as f32;
+        let ray = Ray::new(origin, towards, 0.0, end);
         let mut found = RayHit::none();
         hierarchy.ray_traverse(ray, &mut found, |ray, slot| {
             let triangle = &self.triangles[hierarchy.primitive_indices[slot] as usize];
             triangle.distance(ray.origin, ray.direction).filter(|t| *t < ray.tmax).unwrap_or(f32::INFINITY)
         });
-        if found.t >= f32::MAX {
+        if found.t >= end {
             return None;
         }
         let triangle = &self.triangles[hierarchy.primitive_indices[found.primitive_id as usize] as usize];

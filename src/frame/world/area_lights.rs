@@ -16,7 +16,7 @@ const MOST: usize = 16;
 const SAMPLES: usize = 16;
 
 /// Triangles that the maps of all samples may draw together; of larger scenes lights have fewer samples, but one each.
-const MOST_DRAWN: usize = 20_000_000;
+const MOST_DRAWN: usize = 64_000_000;
 
 /// Cosine between neighbours that face one way: those of a coarse ball do, those of a box do not.
 const SAME_SIDE: f64 = 0.75;
