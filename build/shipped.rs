@@ -1,12 +1,15 @@
-//! The SPIR-V that comes with the sources, in `build/shaders.br`, so that nobody needs a shader compiler who does not change
-//! shaders: without names and lines, packed with brotli. The test `shipped` holds it against a fresh compile, and renews it.
+//! The SPIR-V that comes with the sources, in `build/shaders.lzma`, so that nobody needs a shader compiler who does not change
+//! shaders: without names and lines, packed by LZMA. The test `shipped` holds it against a fresh compile, and renews it.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
 /// Where it lies.
-pub(crate) const FILE: &str = "build/shaders.br";
+pub(crate) const FILE: &str = "build/shaders.lzma";
+
+/// What unpacking it may take \[KiB\].
+const MOST_MEMORY: u32 = 64 << 10;
 
 /// What it holds: the hash of the sources that it was made of, and name and SPIR-V of each shader.
 pub(crate) struct Shipped {
@@ -17,7 +20,8 @@ pub(crate) struct Shipped {
 /// Reads it.
 pub(crate) fn read() -> io::Result<Shipped> {
     let mut bytes = Vec::new();
-    brotli_decompressor::Decompressor::new(fs::File::open(FILE)?, 1 << 16).read_to_end(&mut bytes)?;
+    let file = io::BufReader::new(fs::File::open(FILE)?);
+    lzma_rust2::LzmaReader::new_mem_limit(file, MOST_MEMORY, None)?.read_to_end(&mut bytes)?;
     let mut rest = bytes.as_slice();
     let mut take = |count: usize| {
         let taken = rest.split_at_checked(count).map(|(taken, left)| {

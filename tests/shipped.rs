@@ -3,6 +3,7 @@
 #[path = "../build/shipped.rs"]
 mod file;
 
+use lzma_rust2::{LzmaOptions, LzmaWriter};
 use std::io::Write;
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
@@ -40,9 +41,12 @@ fn packed(sources: u64, shaders: &[(String, Vec<u8>)]) -> Vec<u8> {
         number(&mut bytes, spirv.len());
         bytes.extend(spirv);
     }
-    let mut packer = brotli::CompressorWriter::new(Vec::new(), 1 << 16, 11, 22);
+    // Words of SPIR-V are four bytes.
+    let options =
+        LzmaOptions { dict_size: 16 << 20, lc: 0, lp: 2, pb: 2, nice_len: 273, ..LzmaOptions::with_preset(9) };
+    let mut packer = LzmaWriter::new_use_header(Vec::new(), &options, Some(bytes.len() as u64)).expect("options");
     packer.write_all(&bytes).expect("in memory");
-    packer.into_inner()
+    packer.finish().expect("all of it")
 }
 
 #[test]
@@ -52,7 +56,7 @@ fn shipped_shaders_are_those_of_the_sources() {
     if std::env::var_os("LIGHTSKIN_BLESS").is_some() {
         std::fs::write(file::FILE, packed(sources, &made)).expect("writes");
     }
-    let there = file::read().expect("build/shaders.br");
+    let there = file::read().expect("build/shaders.lzma");
     let pairs = made.iter().zip(&there.shaders);
     let others: Vec<&str> = pairs.filter(|(made, there)| made != there).map(|(made, _)| made.0.as_str()).collect();
     let renew = "renew it: LIGHTSKIN_BLESS=1 cargo test --features glsl -- shipped";
