@@ -8,7 +8,7 @@
 //! *Guarantee*: every point of the surface has a cache within `d_eps` of it whose triangle's normal is within
 //! `theta_eps` of its own. It holds by construction (a piece's cache lies in its own voxel, whose diagonal is
 //! 0.87 `d_eps`), is kept by every step, and is measured at the end ([`Coverage`]). Caches in gaps between things that
-//! stand still are then left out ([`closed`]): nothing lights them and nobody sees what they stand for.
+//! stand still are then left out (`closed`): nothing lights them and nobody sees what they stand for.
 
 mod area;
 mod assign;
