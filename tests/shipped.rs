@@ -8,17 +8,14 @@ use std::io::Write;
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 
-/// Words before the first instruction.
-const HEADER: usize = 5;
-
 /// Instructions that debuggers read: sources, names, strings, lines, how a module was made.
 const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];
 
 /// A module without what debuggers alone read.
 fn stripped(spirv: &[u8]) -> Vec<u8> {
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(spirv);
-    let mut kept = words[..HEADER].to_vec();
-    let mut at = HEADER;
+    let mut kept = words[..file::HEADER].to_vec();
+    let mut at = file::HEADER;
     while at < words.len() {
         let (length, instruction) = ((words[at] >> 16) as usize, words[at] & 0xFFFF);
         if !DEBUG.contains(&instruction) {
@@ -29,13 +26,30 @@ fn stripped(spirv: &[u8]) -> Vec<u8> {
     bytemuck::cast_slice(&kept).to_vec()
 }
 
-/// What `file::read` reads.
+/// What `file::unfolded` makes SPIR-V again of.
+fn folded(spirv: &[u8]) -> Vec<u8> {
+    let mut words: Vec<u32> = spirv.chunks(4).map(|word| u32::from_le_bytes(word.try_into().expect("words"))).collect();
+    let (mut at, mut last) = (file::HEADER, 0_u32);
+    while at < words.len() {
+        let end = at + (words[at] >> 16) as usize;
+        for i in at + 2..end {
+            let word = words[i];
+            words[i] = if i == at + 2 { word.wrapping_sub(last) } else { last.wrapping_sub(word) };
+            last = if i == at + 2 { word } else { last };
+        }
+        at = end;
+    }
+    words.iter().flat_map(|word| word.to_le_bytes()).collect()
+}
+
+/// What `file::read` reads. Names are padded, so that words stay where words begin.
 fn packed(sources: u64, shaders: &[(String, Vec<u8>)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let number = |bytes: &mut Vec<u8>, number: usize| bytes.extend((number as u64).to_le_bytes());
     bytes.extend(sources.to_le_bytes());
     number(&mut bytes, shaders.len());
     for (name, spirv) in shaders {
+        let (name, spirv) = (format!("{name:64}"), folded(spirv));
         number(&mut bytes, name.len());
         bytes.extend(name.bytes());
         number(&mut bytes, spirv.len());
