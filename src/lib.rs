@@ -25,22 +25,17 @@
 //!
 //! ```no_run
 //! use lightskin::frame::engine::Loaded;
-//! use lightskin::frame::{Engine, Look, Quality, Settings};
-//! use lightskin::scene::defaults::Ground;
-//! use lightskin::{bake, gpu, image, scene};
+//! use lightskin::frame::{Engine, Look, Quality};
+//! use lightskin::{gpu, image};
 //!
 //! fn main() -> lightskin::Result<()> {
-//!     let mut scene = scene::gltf::load("scene.glb".as_ref())?;
-//!     scene::defaults::complete(&mut scene, Ground::Auto); // what it lacks: a camera, light, a ground below
-//!     let camera = scene.cameras[0].clone();
-//!
-//!     let density = bake::Density::Count(Quality::High.caches());
-//!     let wanted = bake::BakeSettings { density, angle: 1.0, references: Quality::High.references() };
-//!     let caches = Some(bake::bake(&scene, &wanted, &|_, _| {})?);
+//!     // As the command line does: adds the camera, the light and the ground that the scene lacks, and places caches.
+//!     let loaded = Loaded::open("scene.glb".as_ref(), Quality::High, &|_, _| {})?;
+//!     let camera = loaded.scene.cameras[0].clone();
 //!
 //!     let gpu = gpu::Gpu::new(&gpu::Options::default())?;
-//!     let settings = Settings::at(Quality::High, Quality::High.caches());
-//!     let mut engine = Engine::new(&gpu, Loaded { scene, caches }, &settings)?;
+//!     let settings = loaded.settings(Quality::High);
+//!     let mut engine = Engine::new(&gpu, loaded, &settings)?;
 //!     let size = [640, 360];
 //!     let mut picture = engine.picture(&gpu, size)?;
 //!     for _ in 0..2 {

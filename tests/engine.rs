@@ -12,7 +12,8 @@ use lightskin::lab::knobs::{Gi, Knobs, Path};
 use lightskin::scene::build::{quad, sphere};
 use lightskin::scene::{Image, Light, LightKind, Scene, Texture};
 
-use crate::common::frames::{add, baked, phong, small};
+use crate::cli::{folder, works};
+use crate::common::frames::{add, baked, corner, phong, small};
 use crate::common::{assert_clean, gpu};
 use crate::moving::{bend, world};
 
@@ -366,6 +367,32 @@ fn what_moves_makes_nothing_in_the_frame_loop() {
             frame([8, 9][step % 2]);
             assert_eq!(gpu.counters(), before, "step {step}");
         }
+    }
+    assert_clean(&gpu);
+}
+
+#[test]
+fn the_librarys_picture_is_renders() {
+    let folder = folder("the_librarys_picture_is_renders");
+    // A room that is divided, and one that lacks camera and light; where kept bakes lie changes nothing.
+    let room = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell_glossy.glb");
+    let mut bare = corner(&[], 40.0);
+    bare.cameras.clear();
+    let lacking = folder.join("lacking.glb");
+    lightskin::scene::write::write_glb(&bare, &lacking).expect("written");
+    let gpu = gpu();
+    for file in [&room, &lacking] {
+        let out = folder.join("render.png");
+        let name = file.to_str().expect("a name");
+        works(&folder, &["render", name, "--size", "48x27", "-o", "render.png"]);
+        let loaded = Loaded::open(file, Quality::High, &|_, _| {}).expect("loaded");
+        let settings = loaded.settings(Quality::High);
+        let mut engine = Engine::new(&gpu, loaded, &settings).expect("an engine");
+        let mut picture = engine.picture(&gpu, [48, 27]).expect("a picture");
+        shown(&gpu, &mut engine, &mut picture, [48, 27], &Look::default());
+        let drawn: Vec<u8> = gpu.read_image(&picture.output.picture).expect("read");
+        let file = image::open(out).expect("a PNG").to_rgba8().into_raw();
+        assert_eq!(file, drawn);
     }
     assert_clean(&gpu);
 }

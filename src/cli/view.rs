@@ -8,7 +8,6 @@ use super::words::{AntialiasingArg, ShadowsArg, light_shadows_word};
 use super::{CacheArgs, Command, DeviceArgs, QualityArg, called, divide_for, load_under, word};
 use anyhow::{Context, Result, anyhow, bail};
 use clap::ValueEnum;
-use lightskin::bake::bake_cached;
 use lightskin::frame::View as FrameView;
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::{Exposure, Look, Near, Picture, Quality, Settings, Shadows, Tonemap};
@@ -95,15 +94,8 @@ impl View {
             camera(&scene, Some(wanted))?;
         }
         let at_vertices = divide_for(&mut scene, &self.caches, false);
-        let baked = bake_cached(&scene, &self.caches.settings(), progress);
-        let (mut caches, _) = baked.with_context(|| called(&scene, self.scene.as_deref()))?;
-        if !at_vertices {
-            match caches.clone().with_cells(&scene) {
-                Ok(with_cells) => caches = with_cells,
-                Err(error) => log::warn!("{error:#}: light is interpolated at the vertices of undivided triangles"),
-            }
-        }
-        Ok(Loaded { scene, caches: Some(caches) })
+        let name = called(&scene, self.scene.as_deref());
+        Loaded::with_caches(scene, &self.caches.settings(), at_vertices, progress).context(name)
     }
 
     /// The same with another scene, or another sky; whether a file is a sky says its name.

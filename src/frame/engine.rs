@@ -4,13 +4,15 @@
 use super::light::Light;
 use super::picture::Picture;
 use super::record::record;
-use super::settings::{Look, Settings};
+use super::settings::{Look, Quality, Settings};
 use super::view::View;
 use super::world::World;
-use crate::bake::CacheSet;
+use crate::bake::{BakeSettings, CacheSet, Density, bake_cached};
 use crate::error::{Error, Result};
 use crate::gpu::{Cmd, Gpu};
-use crate::scene::{Camera, Scene};
+use crate::scene::defaults::{Ground, complete};
+use crate::scene::{Camera, Scene, gltf, tessellate};
+use std::path::Path;
 use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
@@ -21,6 +23,52 @@ pub struct Loaded {
     pub scene: Scene,
     /// Its caches; without any there is direct light, or brute force.
     pub caches: Option<CacheSet>,
+}
+
+impl Loaded {
+    /// What the command line makes of a glTF file at a quality level: the scene with the camera, the light and the ground that
+    /// it lacks (its `notes` say which), its triangles divided where light is interpolated at their vertices, and its
+    /// caches, which are kept in the user's cache folder for the next time. `progress` hears how far it is, from 0 to 1,
+    /// and what is being done.
+    ///
+    /// # Errors
+    /// Files that cannot be read, and scenes on which no caches can be placed.
+    pub fn open(path: &Path, quality: Quality, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Self> {
+        progress(0.0, "load");
+        let mut scene = gltf::load(path)?;
+        complete(&mut scene, Ground::Auto);
+        let spacing = tessellate::expected_spacing(&scene, quality.caches());
+        let at_vertices = tessellate::divide_if_few(&mut scene, spacing);
+        let density = Density::Count(quality.caches());
+        let settings = BakeSettings { density, angle: 60_f32.to_radians(), references: quality.references() };
+        Self::with_caches(scene, &settings, at_vertices, progress)
+    }
+
+    /// Places caches, or reads kept ones. Where light is not interpolated at vertices, pixels find their caches by cells.
+    ///
+    /// # Errors
+    /// Scenes on which no caches can be placed.
+    pub fn with_caches(
+        scene: Scene,
+        settings: &BakeSettings,
+        at_vertices: bool,
+        progress: &(dyn Fn(f32, &str) + Sync),
+    ) -> Result<Self> {
+        let (mut caches, _) = bake_cached(&scene, settings, progress)?;
+        if !at_vertices {
+            match caches.clone().with_cells(&scene) {
+                Ok(with_cells) => caches = with_cells,
+                Err(error) => log::warn!("{error:#}: light is interpolated at the vertices of undivided triangles"),
+            }
+        }
+        Ok(Self { scene, caches: Some(caches) })
+    }
+
+    /// What `render` draws of it at a quality level.
+    pub fn settings(&self, quality: Quality) -> Settings {
+        let models = |set: &CacheSet| set.instance_model.iter().map(|m| set.models[*m].caches.len()).sum();
+        Settings::at(quality, self.caches.as_ref().map_or(0, models))
+    }
 }
 
 /// How far a background job is.
