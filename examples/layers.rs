@@ -1,4 +1,5 @@
 //! Reads back single layers, in physical units: `cargo run --release --example layers -- scene.glb`.
+#![allow(clippy::print_stdout, reason = "its output")]
 
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::{Engine, Look, Quality};

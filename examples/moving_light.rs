@@ -1,5 +1,6 @@
 //! A lamp on a circle, eight pictures of it: `cargo run --release --example moving_light -- scene.glb`.
 //! Nothing is placed, built or compiled anew between two frames.
+#![allow(clippy::print_stdout, reason = "its output")]
 
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::{Engine, Look, Quality};
