@@ -32,10 +32,11 @@ fn folded(spirv: &[u8]) -> Vec<u8> {
     let (mut at, mut last) = (file::HEADER, 0_u32);
     while at < words.len() {
         let end = at + (words[at] >> 16) as usize;
-        for i in at + 2..end {
-            let word = words[i];
-            words[i] = if i == at + 2 { word.wrapping_sub(last) } else { last.wrapping_sub(word) };
-            last = if i == at + 2 { word } else { last };
+        if let Some((second, others)) = words[at..end].get_mut(2..).and_then(|operands| operands.split_first_mut()) {
+            let result = *second;
+            *second = result.wrapping_sub(last);
+            others.iter_mut().for_each(|other| *other = result.wrapping_sub(*other));
+            last = result;
         }
         at = end;
     }
