@@ -20,7 +20,7 @@ pub(crate) fn open(path: &Path) -> std::result::Result<File, String> {
     };
     let metadata = fs::metadata(path).map_err(describe)?;
     if metadata.is_dir() {
-        return Err("is a folder; name a file".into());
+        return Err("is a folder; give a file".into());
     }
     if !metadata.is_file() {
         return Err("is not a regular file; copy its content to a regular file".into());
@@ -81,7 +81,7 @@ fn output(path: &Path, error: &io::Error) -> Error {
     let remedy = match error.kind() {
         ErrorKind::NotFound => "the folder does not exist; create it first",
         ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => "choose a writable folder",
-        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free disk space or choose another disk",
+        ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space or choose another disk",
         ErrorKind::FileTooLarge => "raise the file size limit or choose another disk",
         ErrorKind::IsADirectory => "give the name of a file",
         _ => "choose another path",

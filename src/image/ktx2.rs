@@ -59,7 +59,7 @@ impl Texture {
         let [format, _, width, height, depth, layers, faces, _, scheme] =
             std::array::from_fn(|at| word(&bytes, MAGIC.len() + 4 * at));
         if width == 0 || height == 0 || depth > 0 || layers > 0 || faces != 1 {
-            return Err("its KTX2 holds a line, volume, array or cube; use a 2D texture".into());
+            return Err("its KTX2 is no 2D texture but a line, volume, array or cube".into());
         }
         let range = |offset: u64, length: u64| -> Result<Range<usize>, String> {
             let end = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64).ok_or_else(broken)?;
@@ -73,7 +73,7 @@ impl Texture {
             (0, Some(163), 1) => Kind::Etc1s,
             (0, Some(166), 0) => Kind::Uastc,
             (0, Some(166), 2) => Kind::Packed,
-            _ => return Err("its KTX2 is not Basis Universal; encode it as ETC1S or UASTC".into()),
+            _ => return Err("its KTX2 is neither ETC1S nor UASTC of Basis Universal".into()),
         };
         // The key/value data is not used.
         bytes[KEYS..GLOBAL].fill(0);

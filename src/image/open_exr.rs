@@ -37,7 +37,7 @@ pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Picture> {
         let names = names.join(", ");
         bad(match layer {
             Some(layer) => format!("has no layer '{layer}'; its channels are {names}; use one of these layers"),
-            None => format!("lacks channels R, G and B; its channels are {names}; name one of its layers"),
+            None => format!("channels R, G and B are needed; its channels are {names}"),
         })
     })?;
     let mut rgb = vec![[0.0; 3]; size.area()];
