@@ -56,7 +56,9 @@ fn targets(scene: &Scene, tree: &Tree, channel: &Channel) -> Result<Vec<Value>, 
     let parts = rig.parts();
     let node = |node: usize, path: &str| match parts.nodes[node].rest {
         Local::Parts { .. } => Ok(vec![json!({ "node": node, "path": path })]),
-        Local::Matrix(_) => Err(format!("moves node {node}, which has a matrix; use translation, rotation and scale")),
+        Local::Matrix(_) => {
+            Err(format!("moves node {node}, which has a matrix; use translation, rotation and scale instead"))
+        }
     };
     match &channel.target {
         Target::Translation(index) => node(*index, "translation"),
@@ -79,9 +81,12 @@ fn targets(scene: &Scene, tree: &Tree, channel: &Channel) -> Result<Vec<Value>, 
         Target::Property { property, part } => {
             let property = &parts.properties[*property];
             let of = |&index: &usize| named(scene, property.quantity(), *part, index).map(pointer);
-            property.of().iter().map(of).collect::<Option<_>>().ok_or_else(|| {
-                format!("sets {:?} of an object without it; leave this channel out", property.quantity())
-            })
+            property
+                .of()
+                .iter()
+                .map(of)
+                .collect::<Option<_>>()
+                .ok_or_else(|| format!("targets a missing {:?}; leave this channel out", property.quantity()))
         }
     }
 }
