@@ -130,7 +130,7 @@ pub struct Picture {
 /// Reads linear radiance of any scale from an OpenEXR or a Radiance file.
 ///
 /// # Errors
-/// When the file cannot be read, is no equirectangular picture, or would exceed the memory limit.
+/// When the file cannot be read, is no picture, or would exceed the memory limit.
 pub fn read_radiance(path: &Path) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
     if is_exr(path) {

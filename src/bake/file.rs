@@ -20,7 +20,7 @@ const VERSION: u32 = 7;
 const HEADER: usize = 8 + 4 + 32 + 8 + 32;
 
 /// [`bake`], or the kept result of an earlier bake; the flag tells whether the result was kept. Files are in
-/// `lightskin` under `$XDG_CACHE_HOME`, otherwise in `$HOME/.cache`; if neither is set, nothing is kept.
+/// [`kept::folder`]; without a folder, nothing is kept.
 ///
 /// # Errors
 /// Those of `bake`. A kept file that cannot be read or written is no error.

@@ -105,7 +105,7 @@ impl Reader<'_> {
             })?;
             let Some((aim, form)) = self.aim(channel, notes)? else { continue };
             if overlaps(&set, aim) {
-                return Err(channel.error("sets what another channel sets: export the file again"));
+                return Err(channel.error("sets the same target as another channel: export the file again"));
             }
             set.insert(aim);
             let sampler = self.sampler(sampler, channel, aim, form)?;

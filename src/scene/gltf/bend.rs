@@ -157,9 +157,8 @@ impl Builder<'_> {
             let count = primitive.objects("targets", "morph target")?.len();
             if bend.weighed && *targets.get_or_insert(count) != count {
                 let count = plural(count, "morph target");
-                return Err(
-                    primitive.error(format!("has {count}, but other primitives have others: export the file again"))
-                );
+                return Err(primitive
+                    .error(format!("has {count}, but other primitives have another number: export the file again")));
             }
             let material = self.materials.index(&primitive, notes)?;
             let double_sided = self.materials.list[material].double_sided;
@@ -184,7 +183,7 @@ impl Builder<'_> {
         let rest = deform::Pose { joints, weights: rest_weights(&mesh, bend.weights) };
         mesh.vertices = mesh.posed(&rest);
         if let Some(vertex) = mesh.vertices.iter().find(|v| !v.position.is_finite()) {
-            return Err(object.error(format!("its skin takes vertices to {}: export the file again", vertex.position)));
+            return Err(object.error(format!("its skin moves vertices to {}: export the file again", vertex.position)));
         }
         scene.meshes.push(mesh);
         Ok(Some(scene.meshes.len() - 1))

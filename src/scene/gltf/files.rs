@@ -44,7 +44,7 @@ pub(super) fn open(path: &Path) -> Result<(Document, Option<Vec<u8>>)> {
         return Err(error("is not glTF: neither a GLB nor JSON; give a .gltf or .glb file".into()));
     }
     if json.len() > MAX_JSON {
-        return Err(error("its JSON is larger than 256 MiB; keep buffers and images in files of their own".into()));
+        return Err(error("its JSON is larger than 256 MiB; keep buffers and images in separate files".into()));
     }
     let root: Value =
         serde_json::from_slice(json).map_err(|e| error(format!("its JSON is broken, export it again: {e}")))?;
@@ -107,7 +107,7 @@ fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
         let start = at + 8;
         if size as usize > end - start {
             return Err(format!(
-                "a GLB chunk at byte {at} leaves the file: it is truncated, export or download it again"
+                "a GLB chunk at byte {at} exceeds the file: it is truncated, export or download it again"
             ));
         }
         at = start + size as usize;
