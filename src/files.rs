@@ -1,4 +1,4 @@
-//! Whole files: what is read is a regular file, and what is written appears at once or not at all.
+//! Whole files: reads only regular files; writes atomically, so that a file appears complete or not at all.
 
 use crate::error::{Error, Result};
 use std::ffi::OsString;
@@ -7,28 +7,28 @@ use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Largest file that is read whole \[bytes\].
+/// Largest file that is read \[bytes\].
 const MOST: u64 = 4 << 30;
 
-/// Opens a regular file; a pipe or a device may never end, or not even begin. The error says what the file is, without
-/// its name.
+/// Opens a regular file. A pipe or a device is refused: it may never end, or never start. The error describes the
+/// problem without the file's name.
 pub(crate) fn open(path: &Path) -> std::result::Result<File, String> {
     let describe = |error: io::Error| match error.kind() {
-        ErrorKind::NotFound => "does not exist; check its name and place".to_owned(),
-        ErrorKind::PermissionDenied => "may not be read; check its permissions".to_owned(),
+        ErrorKind::NotFound => "does not exist; check the path".to_owned(),
+        ErrorKind::PermissionDenied => "cannot be read; check its permissions".to_owned(),
         _ => format!("cannot be read: {error}"),
     };
     let metadata = fs::metadata(path).map_err(describe)?;
     if metadata.is_dir() {
-        return Err("is a folder; a file is needed".into());
+        return Err("is a folder; give a file".into());
     }
     if !metadata.is_file() {
-        return Err("is not a regular file; copy what it gives into one".into());
+        return Err("is not a regular file; copy its content to a regular file".into());
     }
     File::open(path).map_err(describe)
 }
 
-/// A whole regular file.
+/// Reads a whole regular file.
 pub fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
     let file = open(path)?;
     let broken = |error: io::Error| format!("cannot be read: {error}");
@@ -41,63 +41,63 @@ pub fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
     Ok(bytes)
 }
 
-/// Writes a file under a temporary name beside it, and renames it once all of it is on the disk: a reader sees the old
-/// file or the whole new one.
+/// Writes a file under a temporary name in the same folder and renames it when it is complete on disk. A reader sees
+/// the old file or the whole new one.
 ///
 /// # Errors
-/// When the file cannot be written; the old one stays.
+/// When the file cannot be written; the old file stays.
 pub fn replace_file(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     replace(path, write).map_err(|error| output(path, &error))
 }
 
-/// [`replace_file`] by bytes that are there already.
+/// [`replace_file`] with the given bytes.
 ///
 /// # Errors
-/// When the file cannot be written; the old one stays.
+/// When the file cannot be written; the old file stays.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     replace_file(path, |file| file.write_all(bytes))
 }
 
-/// Tries whether `replace_file` will be able to write here, before long work is done for it.
+/// Checks that `replace_file` can write here, before starting long work.
 ///
 /// # Errors
-/// When it will not.
+/// When the file cannot be written.
 pub fn check_writable(path: &Path) -> Result<()> {
     Unfinished::beside(path).map(drop).map_err(|error| output(path, &error))
 }
 
-/// [`replace_file`], with the system's own error.
+/// [`replace_file`] with the system's own error.
 pub(crate) fn replace(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> io::Result<()> {
     let (unfinished, file) = Unfinished::beside(path)?;
     let mut file = BufWriter::new(file);
     write(&mut file)?;
-    // Not left to the buffer's drop, which would hide the error of a full disk.
+    // Not left to the buffer's drop, which would swallow a disk-full error.
     file.into_inner().map_err(io::IntoInnerError::into_error)?.sync_all()?;
     unfinished.finish(path)
 }
 
-/// The error of a file that is not written, with a remedy.
+/// The error for a file that cannot be written, with a remedy.
 fn output(path: &Path, error: &io::Error) -> Error {
     let remedy = match error.kind() {
-        ErrorKind::NotFound => "the folder does not exist; make it first",
-        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => "choose a folder that can be written to",
+        ErrorKind::NotFound => "the folder does not exist; create it first",
+        ErrorKind::PermissionDenied | ErrorKind::ReadOnlyFilesystem => "choose a writable folder",
         ErrorKind::StorageFull | ErrorKind::QuotaExceeded => "free some space or choose another disk",
-        ErrorKind::FileTooLarge => "raise the limit on the size of files or choose another disk",
-        ErrorKind::IsADirectory => "name a file",
-        _ => "choose another place",
+        ErrorKind::FileTooLarge => "raise the file size limit or choose another disk",
+        ErrorKind::IsADirectory => "give the name of a file",
+        _ => "choose another path",
     };
     Error::Output { file: path.to_owned(), reason: format!("{error}; {remedy}") }
 }
 
-/// Files under temporary names.
+/// Temporary files that are being written.
 static UNFINISHED: Mutex<Vec<PathBuf>> = Mutex::new(Vec::new());
 
 fn unfinished() -> MutexGuard<'static, Vec<PathBuf>> {
     UNFINISHED.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes all half-written files, for a process that is about to be ended by a signal. From now on, threads that begin or
-/// finish a file wait.
+/// Removes all partial files, for a process that a signal is about to end. Afterwards, threads that start or finish a
+/// file block.
 pub fn abandon() {
     let files = unfinished();
     for file in files.iter() {
@@ -107,13 +107,13 @@ pub fn abandon() {
     std::mem::forget(files);
 }
 
-/// A file under a temporary name, which is removed unless it is finished.
+/// A file under a temporary name; removed on drop unless finished.
 struct Unfinished(PathBuf);
 
 impl Unfinished {
-    /// Creates one that no other process writes to.
+    /// Creates a temporary file that no other process writes to.
     fn beside(path: &Path) -> io::Result<(Self, File)> {
-        let name = path.file_name().ok_or_else(|| io::Error::other("it names no file"))?;
+        let name = path.file_name().ok_or_else(|| io::Error::other("the path names no file"))?;
         match fs::metadata(path) {
             Ok(there) if there.is_dir() => return Err(ErrorKind::IsADirectory.into()),
             Ok(there) if !there.is_file() => return Err(io::Error::other("it is not a regular file")),
@@ -125,7 +125,7 @@ impl Unfinished {
             hidden.push(name);
             let temporary = path.with_file_name(hidden);
             match File::create_new(&temporary) {
-                // Of a process that was killed and had the same number.
+                // Left over from a killed process with the same process ID.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 Err(error) => return Err(error),
                 Ok(file) => {
@@ -137,7 +137,7 @@ impl Unfinished {
         unreachable!("some number is free")
     }
 
-    /// Gives the file its name.
+    /// Renames the temporary file to its final name.
     fn finish(self, path: &Path) -> io::Result<()> {
         let mut files = unfinished();
         fs::rename(&self.0, path)?;
@@ -150,7 +150,7 @@ impl Unfinished {
 impl Drop for Unfinished {
     fn drop(&mut self) {
         let mut files = unfinished();
-        // Best effort: the error that led here is the one that matters.
+        // Best effort: the earlier error is the one to report.
         let _ = fs::remove_file(&self.0);
         files.retain(|file| *file != self.0);
     }

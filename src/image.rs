@@ -1,4 +1,4 @@
-//! Images on the CPU: mip levels, PNG, OpenEXR. What is decoded stays within a bound on memory.
+//! Images on the CPU: mip levels, PNG, OpenEXR. Decoding stays within a memory limit.
 
 pub(crate) mod decode;
 pub(crate) mod ktx2;
@@ -18,7 +18,7 @@ use image::ImageFormat;
 use std::io::BufReader;
 use std::path::Path;
 
-/// All mip levels of an RGBA8 image, largest first; colours are averaged linearly, not as sRGB codes.
+/// All mip levels of an RGBA8 image, largest first. Colours are averaged as linear values, not as sRGB codes.
 pub fn mip_chain(rgba: &[u8], width: u32, height: u32, srgb: bool) -> Vec<Vec<u8>> {
     let decode = |c: u8| if srgb { linear_from_srgb(c) } else { f32::from(c) / 255.0 };
     let table: Vec<f32> = (0..=255).map(decode).collect();
@@ -61,8 +61,9 @@ pub fn mip_chain(rgba: &[u8], width: u32, height: u32, srgb: bool) -> Vec<Vec<u8
     levels
 }
 
-/// The same of normals, tangent-space vectors as codes; alpha is how much those that a texel stands for differ: the root of the
-/// variance along either tangent, which of the largest level is 0. Banerjee et al. 2005 for the variance by the mean's length.
+/// All mip levels of a normal map (tangent-space vectors as codes), largest first. Alpha stores how much the normals
+/// under a texel vary: the root of the variance along either tangent, 0 at the largest level. The variance comes from
+/// the length of the mean normal (Banerjee et al. 2005).
 pub fn normal_mip_chain(rgba: &[u8], width: u32, height: u32) -> Vec<Vec<u8>> {
     let mut levels = mip_chain(rgba, width, height, false);
     let unit =
@@ -86,15 +87,15 @@ pub fn normal_mip_chain(rgba: &[u8], width: u32, height: u32) -> Vec<Vec<u8>> {
     levels
 }
 
-/// How many values no radiance can have: negative, infinite or not a number.
+/// Number of values that are no valid radiance: negative, infinite or not a number.
 pub fn broken_values(radiance: &[f32]) -> usize {
     radiance.iter().filter(|v| !(**v >= 0.0 && v.is_finite())).count()
 }
 
-/// Three float channels of an image, rows from the top, linear Rec.709.
+/// Named float channels of an image, rows from the top, linear Rec.709.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Layer {
-    /// Name of the layer, empty for the picture itself; channels are `name.R`, `name.G`, `name.B`.
+    /// Name of the layer, empty for the main picture; channels are `name.R`, `name.G`, `name.B`.
     pub name: String,
     /// Channel names.
     pub channels: Vec<&'static str>,
@@ -108,7 +109,7 @@ impl Layer {
         Self::of(name, &["R", "G", "B"], texels)
     }
 
-    /// A layer of the first channels of RGBA texels.
+    /// A layer from the first channels of RGBA texels.
     pub fn of(name: &str, channels: &[&'static str], texels: &[[f32; 4]]) -> Self {
         let planes = (0..channels.len()).map(|c| texels.iter().map(|t| t[c]).collect()).collect();
         Self { name: name.into(), channels: channels.to_vec(), planes }
@@ -126,45 +127,45 @@ pub struct Picture {
     pub rgb: Vec<[f32; 3]>,
 }
 
-/// Reads linear values of any scale from an OpenEXR or a Radiance file.
+/// Reads linear radiance of any scale from an OpenEXR or a Radiance file.
 ///
 /// # Errors
-/// A file that cannot be read, is no equirectangular picture, or would take more memory than is allowed.
+/// When the file cannot be read, is no picture, or would exceed the memory limit.
 pub fn read_radiance(path: &Path) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
     if is_exr(path) {
         return read_picture(path, None);
     }
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr")) {
-        return Err(bad("needs a file of linear values, .hdr or .exr".into()));
+        return Err(bad("is not a file of linear values; use .hdr or .exr".into()));
     }
     let decoded = decoded(path, ImageFormat::Hdr).map_err(bad)?.into_rgb32f();
     let (width, height) = decoded.dimensions();
     Ok(Picture { width, height, rgb: decoded.pixels().map(|p| p.0).collect() })
 }
 
-/// Decodes a file. The result takes no more than 16 bytes per pixel.
+/// Decodes a file. The result takes at most 16 bytes per pixel.
 fn decoded(path: &Path, format: ImageFormat) -> std::result::Result<image::DynamicImage, String> {
     let encoded = decode::header(BufReader::new(files::open(path)?), format)?;
     decode::within(encoded.working.saturating_add(16 * encoded.texels))?;
     encoded.decode()
 }
 
-/// Whether the name is that of an OpenEXR file: linear values of any scale.
+/// Whether the name is that of an OpenEXR file (linear values of any scale).
 pub fn is_exr(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"))
 }
 
-/// Reads a layer of an OpenEXR file (`None`: the picture itself), or a PNG or JPEG, which is made linear. A layer of one
-/// channel comes three times.
+/// Reads a picture as linear values: a layer of an OpenEXR file (`None`: the main picture), or a PNG or JPEG. A layer
+/// with one channel is copied to all three.
 ///
 /// # Errors
-/// A file that cannot be read, is no picture, or would take more memory than is allowed.
+/// When the file cannot be read, is no picture, or would exceed the memory limit.
 pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
     if !is_exr(path) {
         if let Some(layer) = layer {
-            return Err(bad(format!("has no layer '{layer}'; layers are in .exr files")));
+            return Err(bad(format!("has no layer '{layer}'; only .exr files have layers")));
         }
         let format = ImageFormat::from_path(path).map_err(|e| bad(e.to_string()))?;
         let decoded = decoded(path, format).map_err(bad)?.into_rgb8();
@@ -175,7 +176,7 @@ pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
     #[cfg(feature = "exr")]
     return open_exr::read(path, layer);
     #[cfg(not(feature = "exr"))]
-    Err(bad("OpenEXR is not in this build; its feature `exr` is off".into()))
+    Err(bad("OpenEXR is not in this build; build with feature `exr`".into()))
 }
 
 /// Linear value of an 8-bit sRGB code.
@@ -184,22 +185,22 @@ pub fn linear_from_srgb(code: u8) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Writes an 8-bit sRGB PNG from RGBA bytes; with alpha where a pixel is not opaque.
+/// Writes an 8-bit sRGB PNG from RGBA bytes. Alpha is written only if some pixel is not opaque.
 ///
 /// # Errors
-/// A file that cannot be written; nothing half-written is left behind.
+/// When the file cannot be written; no partial file is left behind.
 pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
     let bytes = png(width, height, rgba).map_err(|reason| Error::Output { file: path.to_owned(), reason })?;
     files::write(path, &bytes)
 }
 
-/// An 8-bit sRGB PNG of RGBA bytes, with alpha where a pixel is not opaque; or why there is none.
+/// Encodes RGBA bytes as an 8-bit sRGB PNG, with alpha only if some pixel is not opaque. The error is the reason.
 pub(crate) fn png(width: u32, height: u32, rgba: &[u8]) -> std::result::Result<Vec<u8>, String> {
     let opaque = rgba.chunks_exact(4).all(|p| p[3] == 255);
     let rgb = || rgba.chunks_exact(4).flat_map(|p| [p[0], p[1], p[2]]).collect();
     let (texels, kind) =
         if opaque { (rgb(), ExtendedColorType::Rgb8) } else { (rgba.to_vec(), ExtendedColorType::Rgba8) };
-    // In memory: the encoder would not tell that its last bytes could not be written.
+    // In memory: the encoder would not report a failure to write its last bytes.
     let mut bytes = Vec::new();
     let encoder = image::codecs::png::PngEncoder::new(&mut bytes);
     let encoded = image::ImageEncoder::write_image(encoder, &texels, width, height, kind);

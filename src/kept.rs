@@ -1,12 +1,12 @@
-//! Files that spare the next start work that this one has done: bakes and path-traced samples. All of them can be
-//! deleted at any time.
+//! Files that save the next start from repeating work: bakes and path-traced samples. All of them can be deleted at any
+//! time.
 
 use crate::files;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-/// `lightskin` under `$XDG_CACHE_HOME`, or else under `$HOME/.cache` (Windows: `%LOCALAPPDATA%`, macOS:
-/// `$HOME/Library/Caches`); `None` with neither.
+/// Folder of the kept files: `lightskin` under `$XDG_CACHE_HOME`, otherwise under `$HOME/.cache` (Windows:
+/// `%LOCALAPPDATA%`, macOS: `$HOME/Library/Caches`). `None` if none of these is set.
 pub fn folder() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let usual = || match std::env::consts::OS {
@@ -18,7 +18,7 @@ pub fn folder() -> Option<PathBuf> {
     caches.map(|folder| folder.join("lightskin"))
 }
 
-/// Writes a file whole or not at all. Makes the folder.
+/// Writes a file atomically. Creates the folder if needed.
 pub(crate) fn write(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     if let Some(folder) = path.parent() {
         std::fs::create_dir_all(folder)?;

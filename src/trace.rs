@@ -1,4 +1,4 @@
-//! Zones of CPU and GPU as a Chrome trace: JSON that <https://ui.perfetto.dev> and `chrome://tracing` open. Format:
+//! Writes CPU and GPU zones as a Chrome trace: JSON that <https://ui.perfetto.dev> and `chrome://tracing` open. Format:
 //! "Trace Event Format", Google; times in microseconds.
 
 use crate::error::Result;
@@ -11,35 +11,35 @@ use std::time::Instant;
 
 const PROCESS: u32 = 1;
 
-/// A thread of the trace.
+/// A track (thread) of the trace.
 #[derive(Clone, Copy, PartialEq)]
 enum Track {
     Cpu = 1,
     Gpu = 2,
 }
 
-/// Something that took time, from the trace's beginning \[ns\]; whole numbers, so that what nests stays nested.
+/// A span of time on a track, relative to the trace's start \[ns\]. Whole numbers, so that nested spans stay nested.
 struct Spent {
     track: Track,
     name: &'static str,
     begin: i64,
     end: i64,
-    /// Which frame, for its parts.
+    /// Index of the frame this span belongs to.
     frame: Option<usize>,
 }
 
-/// A program's run under construction.
+/// The trace of a program run, under construction.
 pub struct Trace {
     start: Instant,
     /// End of the last lap.
     last: Instant,
     spans: Vec<Spent>,
-    /// Beginnings of the frames, where counters are sampled.
+    /// Start times of the frames, where counters are sampled.
     frames: Vec<i64>,
     way: &'static str,
 }
 
-/// A counter: its name, and its series with their values.
+/// A counter: its name, and its named series with their values.
 pub type Counter<'a> = (&'a str, &'a [(&'a str, u64)]);
 
 impl Default for Trace {
@@ -50,7 +50,7 @@ impl Default for Trace {
 }
 
 impl Trace {
-    /// Notes what the CPU has done since the last lap, or since the beginning.
+    /// Records a CPU span from the last lap (or the start) until now.
     pub fn lap(&mut self, name: &'static str) {
         let now = Instant::now();
         let (begin, end) = (self.ns(self.last, 0.0), self.ns(now, 0.0));
@@ -58,15 +58,15 @@ impl Trace {
         self.spans.push(Spent { track: Track::Cpu, name, begin, end, frame: None });
     }
 
-    /// Nanoseconds from the trace's beginning to so many milliseconds after `from`.
+    /// Time of `from` plus `ms` milliseconds, in nanoseconds since the trace's start.
     fn ns(&self, from: Instant, ms: f64) -> i64 {
         ((from.duration_since(self.start).as_secs_f64() * 1e3 + ms) * 1e6).round() as i64
     }
 
-    /// Adds frames, oldest first; the CPU must have finished each before it began the next.
+    /// Adds frames, oldest first. The CPU must have finished each frame before it started the next.
     ///
-    /// The device's clock has a zero of its own: its track is shifted as a whole, as little as lets no zone begin before
-    /// the CPU began to submit it.
+    /// The device's clock has its own zero. The GPU track is therefore shifted as a whole, by the smallest amount for
+    /// which no zone starts before the CPU started to submit it.
     pub fn frames(&mut self, frames: &[FrameTimes]) {
         let shift = frames.iter().flat_map(|frame| self.least_shifts(frame)).reduce(f64::max);
         let mut idle_since = 0;
@@ -76,7 +76,7 @@ impl Trace {
             spans.extend(frame.work.iter().map(|(w, s)| (Track::Cpu, word(*w), at(s.begin_ms), at(s.end_ms))));
             spans.extend(frame.zones.iter().map(|z| (Track::Cpu, z.name, at(z.cpu.begin_ms), at(z.cpu.end_ms))));
             if let (Some(first), Some(shift), Some(length)) = (frame.first_stamp_ms, shift, frame.gpu_span_ms()) {
-                // Rounding must not let a frame begin before the end of the last one.
+                // Rounding must not let a frame start before the previous one ended.
                 let at = |ms: f64| (((shift + first + ms) * 1e6).round() as i64).max(idle_since);
                 spans.push((Track::Gpu, "frame", at(0.0), at(length)));
                 let zones = frame.zones.iter().filter_map(|z| Some((z.name, z.gpu?)));
@@ -95,8 +95,8 @@ impl Trace {
         }
     }
 
-    /// For each timed zone, how far \[ms\] the device's clock must at least be shifted for its first stamp to follow the
-    /// beginning of its submission.
+    /// For each timed zone, the smallest shift \[ms\] of the device's clock for which the zone's first timestamp
+    /// follows the start of its submission.
     fn least_shifts(&self, frame: &FrameTimes) -> Vec<f64> {
         let began = frame.begin.duration_since(self.start).as_secs_f64() * 1e3;
         let submits = || frame.work.iter().filter(|(work, _)| *work == Work::Submit).map(|(_, span)| span.begin_ms);
@@ -107,10 +107,10 @@ impl Trace {
         frame.zones.iter().filter_map(shift).collect()
     }
 
-    /// Writes the trace, with counters sampled at the beginning of each frame and facts about the run.
+    /// Writes the trace, with counters sampled at the start of each frame and facts about the run.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// When the file cannot be written.
     pub fn write(&self, path: &Path, counters: &[Counter<'_>], facts: &Map<String, Value>) -> Result<()> {
         let named = |what: &str, track: u32, name: String| json!({ "name": what, "ph": "M", "pid": PROCESS, "tid": track, "ts": 0, "args": { "name": name } });
         let mut head =
@@ -118,7 +118,7 @@ impl Trace {
         if self.spans.iter().any(|s| s.track == Track::Gpu) {
             head.push(named("thread_name", Track::Gpu as u32, format!("GPU ({})", self.way)));
         }
-        // What encloses comes before what it holds.
+        // Enclosing spans come before the spans that they contain.
         let mut spans: Vec<&Spent> = self.spans.iter().collect();
         spans.sort_by_key(|s| (s.track as u32, s.begin, -s.end));
         let us = |ns: i64| ns as f64 / 1e3;

@@ -236,12 +236,12 @@ fn draco_streams_hold_what_was_packed() {
 fn draco_that_does_not_fit_the_file_is_refused() {
     let grid = bytes(GRIDS[0]);
     let changes: [(&str, Value, &str); 8] = [
-        ("/mode", json!(5), "only lists of triangles"),
+        ("/mode", json!(5), "only triangle lists"),
         ("/indices", Value::Null, "no indices"),
         ("/indices", json!(9), "refers to accessor 9"),
         ("/extensions/KHR_draco_mesh_compression/bufferView", json!(7), "refers to buffer view 7"),
         ("/extensions/KHR_draco_mesh_compression/attributes/NORMAL", json!(77), "no such attribute"),
-        ("/extensions/KHR_draco_mesh_compression/attributes/TEXCOORD_1", json!(2), "which the primitive has not"),
+        ("/extensions/KHR_draco_mesh_compression/attributes/TEXCOORD_1", json!(2), "which the primitive lacks"),
         (
             "/extensions/KHR_draco_mesh_compression/attributes/TEXCOORD_0",
             json!(1),

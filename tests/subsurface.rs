@@ -144,7 +144,7 @@ fn files_say_what_is_inside() {
 fn what_is_wrong_inside_is_named() {
     for (own, reason) in [
         (json!({}), "needs one of preset, color with radius, or sigma_s with sigma_a"),
-        (json!({ "preset": "glass" }), "has no preset glass; there are apple, chicken1"),
+        (json!({ "preset": "glass" }), "has the unknown preset glass; use one of apple, chicken1"),
         (json!({ "preset": "skin", "color": [1, 1, 1] }), "needs one of"),
         (json!({ "preset": 3 }), "preset"),
         (json!({ "color": [0.5, 0.5, 0.5] }), "has a color but no radius"),
@@ -155,7 +155,7 @@ fn what_is_wrong_inside_is_named() {
         (json!({ "sigma_s": [1, -1, 1], "sigma_a": [1, 0, 1] }), "sigma_s holds -1"),
         (json!({ "sigma_s": [1, 1], "sigma_a": [1, 0, 1] }), "has 2 numbers where 3 are needed"),
         (json!({ "sigma_s": [1, 1, 1], "sigma_a": [1, 1, 1], "g": 1 }), "g is 1"),
-        (json!({ "preset": "skin", "g": 0.5 }), "g goes with sigma_s"),
+        (json!({ "preset": "skin", "g": 0.5 }), "g needs sigma_s"),
         (json!({ "preset": "skin", "ior": 0.5 }), "ior is 0.5"),
         (json!({ "preset": "skin", "scale": 0 }), "scale is 0"),
         (json!("skin"), "subsurface"),

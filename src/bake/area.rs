@@ -1,16 +1,18 @@
-//! Caches -> the share of the surface each stands for: its area (METHOD 6, thesis 5.4.2, eq. 5.58) and a rectangle like it.
+//! Computes the share of the surface that each cache represents: its area (METHOD 6, thesis 5.4.2, eq. 5.58) and an
+//! equivalent rectangle.
 //!
-//! A cache's plane cut with its Voronoi region is a convex polygon; the area of what the surface within the region
-//! covers of it, projected on the plane, is the cache's. That union of projections is taken as the sum of them,
-//! capped by the polygon: layers that lie above each other within one region (a sheet close to a wall, a model with
-//! faces inside) count together up to the whole polygon, where the union would count what they cover once.
+//! A cache's tangent plane within its Voronoi region is a convex polygon. The cache's area is the part of the polygon
+//! that the surface inside the region covers when projected onto the plane. This union of projections is approximated
+//! by their sum, capped by the polygon's area: stacked layers within one region (a sheet close to a wall, a model with
+//! inner faces) together count up to the whole polygon, whereas the union would count the area they cover once.
 //!
-//! The rectangle has the mean, principal axes and variances, on the plane square to the cache's normal, of what of the
-//! share hangs together with the cache's triangle: walls of rectangles have next to no holes, what is narrow is hardly
-//! overhung, and nothing spans the gap between two mouldings. For it, unlike for the area, what faces another cache better
-//! is that one's beyond the bisector, whichever way the two caches face: else on a thin rod, whose caches face every way, a
-//! share would be as wide as the rod, where the area has its cap. Where a corner lies in the middle of another triangle's
-//! edge the two do not hang together, and a rectangle is smaller than it might be.
+//! The rectangle lies in a plane perpendicular to the cache's normal. It has the mean, principal axes and variances of
+//! the connected part of the share around the cache's triangle. Walls of rectangles therefore have almost no holes,
+//! narrow parts have little overhang, and no rectangle spans the gap between two mouldings. For the rectangle, unlike
+//! for the area, surface that faces another cache better belongs to that cache beyond the bisector, whichever way the
+//! two caches face. Otherwise the shares on a thin rod, whose caches face all ways, would be as wide as the rod, where
+//! the area has its cap. If a corner lies in the middle of another triangle's edge, the two triangles are not
+//! connected, and a rectangle is smaller than it could be.
 
 use super::grid::Grid;
 use super::seeds::Seed;
@@ -20,14 +22,15 @@ use glam::{DMat2, DVec2, DVec3};
 use rayon::prelude::*;
 use std::collections::HashSet;
 
-/// Cosine of 84 degrees. Only caches that face the same way within that divide a plane between them, and only
-/// surface that does is projected on it. Without the bound the two sides of a sheet would share; at right angles, at
-/// the edges of a box, the bisector of a pair would take from the one side what is nothing projected on the other.
+/// Cosine of 84 degrees. Two caches divide a plane between them only if their directions differ by less than that, and
+/// surface is projected onto a cache's plane under the same condition. Without the bound, the two sides of a sheet
+/// would share their area. At right angles, at the edges of a box, the bisector of a pair would take area from one side
+/// that does not project onto the other.
 const SAME_WAY: f64 = 0.1;
 
-/// How far a rectangle lies behind its cache's plane, in mean depths of the share. On a cylinder of radius R that is
-/// divided into shares of half an angle a, rectangles as wide as arcs meet at their edges and have the cylinder's mean
-/// silhouette in the depth `R (1 - a cot a)`: 2 mean depths for narrow shares, 2.4 at 45 degrees, 2.7 at 60.
+/// Distance of a rectangle behind its cache's plane, in mean depths of the share. On a cylinder of radius R divided
+/// into shares of half angle a, rectangles as wide as the arcs meet at their edges and have the cylinder's mean
+/// silhouette at depth `R (1 - a cot a)`: 2 mean depths for narrow shares, 2.4 at 45 degrees, 2.7 at 60.
 const SUNK: f64 = 2.5;
 
 /// A cache's share of the surface.
@@ -35,25 +38,25 @@ const SUNK: f64 = 2.5;
 pub(super) struct Share {
     /// Area [m^2].
     pub(super) area: f64,
-    /// From the cache to the middle of the rectangle \[m\].
+    /// From the cache to the centre of the rectangle \[m\].
     pub(super) middle: DVec3,
-    /// From there to the middle of an edge \[m\], square to the cache's normal.
+    /// From the centre to the middle of an edge \[m\], perpendicular to the cache's normal.
     pub(super) axis: DVec3,
-    /// From there to the next edge \[m\], square to both.
+    /// From the centre to the adjacent edge \[m\], perpendicular to both.
     pub(super) breadth: f64,
 }
 
-/// Half way between a cache and a neighbour.
+/// The bisecting plane between a cache and a neighbour.
 struct Bisector {
     /// Unit direction to the neighbour.
     direction: DVec3,
-    /// Half of its distance.
+    /// Half of the distance to the neighbour.
     half: f64,
-    /// Where the neighbour faces.
+    /// Normal of the neighbour.
     normal: DVec3,
 }
 
-/// The share of each cache; `normals` are those that the caches keep, unit.
+/// The share of each cache. `normals` are the caches' final unit normals.
 pub(super) fn shares(
     surface: &Surface,
     voxels: &Voxels,
@@ -82,8 +85,8 @@ pub(super) fn shares(
                 parts.push((piece.triangle, within(own, piece, seed, better)));
             }
         };
-        // What faces the same way and is farther than d_eps from this cache has a nearer one. A voxel's half diagonal
-        // is less than half of d_eps.
+        // Surface that faces the same way and is farther than d_eps from this cache has a nearer one. Half of a voxel's
+        // diagonal is less than half of d_eps.
         cells.near(seed.position, 1.5 * spacing, |index| {
             let cell = &voxels.cells[index];
             if meets(&bisectors, cell.centre - seed.position, cell.radius, spacing) {
@@ -102,7 +105,7 @@ pub(super) fn shares(
     (0..seeds.len()).into_par_iter().with_min_len(4).map(share).collect()
 }
 
-/// The polygons of those parts of triangles that hang together with one triangle, by vertices in common.
+/// The polygons of those parts whose triangles are connected to the given triangle by shared vertices.
 fn connected<'a>(
     surface: &Surface,
     triangle: u32,
@@ -112,7 +115,7 @@ fn connected<'a>(
         let of_triangle = surface.triangles[triangle as usize].vertices;
         of_triangle.map(|v| surface.welded[v as usize])
     };
-    // Which parts there are at each vertex.
+    // The parts at each vertex.
     let corners = |(part, (triangle, _)): (usize, &(u32, Vec<DVec3>))| vertices(*triangle).map(|vertex| (vertex, part));
     let mut at: Vec<(u32, usize)> = parts.iter().enumerate().flat_map(corners).collect();
     at.sort_unstable();
@@ -130,14 +133,14 @@ fn connected<'a>(
     parts.iter().zip(is_in).filter(|(_, is_in)| *is_in).map(|((_, polygon), _)| polygon)
 }
 
-/// The planes that bound a cache's Voronoi region, nearest first, and those towards caches that face another way.
+/// The planes that bound a cache's Voronoi region, nearest first, and the planes towards caches that face another way.
 fn bisectors(seeds: &[Seed], index: usize, grid: &Grid, spacing: f64) -> (Vec<Bisector>, Vec<Bisector>) {
     let seed = &seeds[index];
     let (mut bisectors, mut others) = (Vec::new(), Vec::new());
     grid.near(seed.position, 4.0 * spacing, |other| {
         let to = seeds[other].position - seed.position;
         let distance = to.length();
-        // Caches in one place but with other normals cannot be parted by position.
+        // Position cannot separate caches at one place with different normals.
         if other != index && distance > 1e-9 * spacing && distance <= 4.0 * spacing {
             let normal = seeds[other].normal;
             let side = if normal.dot(seed.normal) > SAME_WAY { &mut bisectors } else { &mut others };
@@ -150,14 +153,14 @@ fn bisectors(seeds: &[Seed], index: usize, grid: &Grid, spacing: f64) -> (Vec<Bi
     (bisectors, others)
 }
 
-/// The cache's plane within its Voronoi region, around the cache as origin.
+/// The cache's tangent plane within its Voronoi region, with the cache as origin.
 fn plane_polygon(seed: &Seed, bisectors: &[Bisector], spacing: f64) -> Vec<DVec3> {
     let (x, y) = seed.normal.any_orthonormal_pair();
     let side = 2.0 * spacing;
     let mut polygon = vec![(x + y) * side, (y - x) * side, (-x - y) * side, (x - y) * side];
     let (mut below, mut above) = (Vec::new(), Vec::new());
     for bisector in bisectors {
-        // The rest is too far away to reach any corner.
+        // The remaining planes are too far away to reach a corner.
         if polygon.iter().all(|p| p.length() < bisector.half) {
             break;
         }
@@ -169,7 +172,7 @@ fn plane_polygon(seed: &Seed, bisectors: &[Bisector], spacing: f64) -> Vec<DVec3
     polygon
 }
 
-/// Whether a ball around `centre`, as seen from the cache, may reach into the Voronoi region, within `d_eps`.
+/// Whether a sphere around `centre`, relative to the cache, may reach into the Voronoi region within `d_eps`.
 fn meets(bisectors: &[Bisector], centre: DVec3, radius: f64, spacing: f64) -> bool {
     let distance = centre.length();
     distance - radius < spacing
@@ -177,8 +180,8 @@ fn meets(bisectors: &[Bisector], centre: DVec3, radius: f64, spacing: f64) -> bo
             .all(|b| centre.dot(b.direction) - b.half < radius)
 }
 
-/// The part of a piece's polygon that lies on the cache's side of bisectors, nearest first; without corners where there
-/// is none.
+/// The part of a piece's polygon on the cache's side of the bisectors, which come nearest first; empty if there is
+/// none.
 fn within<'a>(
     mut polygon: Vec<DVec3>,
     piece: &Piece,
@@ -203,7 +206,7 @@ fn area(polygon: &[DVec3]) -> f64 {
     if polygon.is_empty() { 0.0 } else { area_and_centroid(polygon).0 }
 }
 
-/// Integrals over what polygons cover of the plane square to a normal.
+/// Integrals over the projections of polygons onto the plane perpendicular to a normal.
 struct Moments {
     normal: DVec3,
     axes: [DVec3; 2],
@@ -233,7 +236,7 @@ impl Moments {
         }
     }
 
-    /// The rectangle of the same mean and variances; a point for a share without area.
+    /// The rectangle of equal mean and variances; a point for a share without area.
     fn rectangle(&self) -> Share {
         if self.area <= 0.0 {
             return Share::default();
@@ -242,7 +245,7 @@ impl Moments {
         let variance = self.squares * (1.0 / self.area) - square(mean);
         let skew = 2.0 * variance.x_axis.y;
         let main = DVec2::from_angle(0.5 * skew.atan2(variance.x_axis.x - variance.y_axis.y));
-        // The variance along an edge is a third of its half's square.
+        // The variance along an edge is a third of the square of half its length.
         let half = |along: DVec2| (3.0 * along.dot(variance * along).max(0.0)).sqrt();
         let lift = |p: DVec2| self.axes[0] * p.x + self.axes[1] * p.y;
         Share {

@@ -1,4 +1,4 @@
-//! Vertices -> references: for each the caches of least error. METHOD 8, thesis 5.6.2.
+//! Assigns each vertex its references: the caches of least error. METHOD 8, thesis 5.6.2.
 
 use super::grid::{self, Grid};
 use super::seeds::error;
@@ -7,13 +7,13 @@ use super::{Cache, NO_CACHE};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// The `count` caches of least error (5.95, put right) for each vertex of the mesh, best first, equal errors by index;
-/// exact. `positions` are the caches' in bake space. Normals are the shading normals on both sides. For meshes that bend
-/// the error is the distance alone, and one spacing more to caches on the other side of the surface.
+/// The `count` caches of least error (5.95, corrected) for each vertex of the mesh, best first, ties ordered by index;
+/// exact. `positions` are the caches' positions in bake space. Both normals are shading normals. For deforming meshes
+/// the error is the distance alone, plus one spacing for caches on the other side of the surface.
 pub(super) fn assign(surface: &Surface, caches: &[Cache], positions: &[DVec3], count: usize, spacing: f64) -> Vec<u16> {
     let normal = |cache: &Cache| (surface.normal_matrix * cache.normal.as_dvec3()).normalize_or_zero();
     let points: Vec<(DVec3, DVec3)> = positions.iter().copied().zip(caches.iter().map(normal)).collect();
-    // A voxel's side: where many normals meet, a cell holds many caches.
+    // Cells have a voxel's side: where many normals meet, a cell holds many caches.
     let grid = Grid::new(positions, 0.5 * spacing);
     let mut references = vec![NO_CACHE; surface.positions.len() * count];
     references.par_chunks_mut(count).enumerate().with_min_len(256).for_each_init(
@@ -27,7 +27,7 @@ pub(super) fn assign(surface: &Surface, caches: &[Cache], positions: &[DVec3], c
                 if distance_squared > (worst * spacing).powi(2) * (1.0 + 1e-12) {
                     return worst;
                 }
-                // A vertex that is no number, which no triangle with an area has, gets the first caches.
+                // A vertex with NaN coordinates, which no triangle with an area has, gets the first caches.
                 let distance = if distance_squared.is_nan() { f64::INFINITY } else { distance_squared.sqrt() };
                 let cos = normal.dot(cache_normal);
                 let cos = if surface.bends && cos > 0.0 { 1.0 } else { cos };
@@ -46,12 +46,13 @@ pub(super) fn assign(surface: &Surface, caches: &[Cache], positions: &[DVec3], c
     references
 }
 
-/// Offers points ring by ring around a place until none outside can have an error, which is at least the distance in
-/// spacings, as small as the worst that `offer` returns. Offers all at once where rings would take longer.
+/// Offers points ring by ring around a position, until no point outside can have an error as small as the worst that
+/// `offer` returns; the error is at least the distance in spacings. Offers all points at once if rings would take
+/// longer.
 fn search(grid: &Grid, place: DVec3, spacing: f64, offer: &mut impl FnMut(u32) -> f64) {
     let home = grid::cell(place, grid.side);
     let (low, high) = grid.bounds;
-    // From afar, where rings would begin empty, and where cells saturate, only all will do.
+    // All points are offered if the position is far away, where rings would start empty, or if cell numbers saturate.
     let saturate = |cell: i32| cell.unsigned_abs() >= 1 << 30;
     let inside = (0..3).all(|axis| {
         !saturate(low[axis]) && !saturate(high[axis]) && (low[axis] - 2..=high[axis] + 2).contains(&home[axis])
@@ -66,7 +67,7 @@ fn search(grid: &Grid, place: DVec3, spacing: f64, offer: &mut impl FnMut(u32) -
     let mut volume = 1;
     for ring in 0.. {
         if !inside || volume > 4 * grid.cell_count() {
-            // Those in the rings before must not be offered twice.
+            // Points in earlier rings must not be offered twice.
             let before = |i: i32, axis: usize| (i - home[axis]).abs() < ring;
             for &index in grid.all() {
                 let cell = grid.cell_of(index);

@@ -1,7 +1,8 @@
-//! A bounding volume hierarchy over boxes, by the surface area heuristic.
+//! Builds a bounding volume hierarchy over boxes with the surface area heuristic.
 //!
-//! obvhs builds by merging neighbours along a curve. Where triangles are alike, as those of divided walls are, rays then visit
-//! four to six times as many nodes as by splitting from the top; so this splits, and obvhs makes eight-wide nodes of it.
+//! obvhs builds by merging neighbours along a curve. With similar triangles, such as those of subdivided walls, rays
+//! then visit four to six times as many nodes as with top-down splitting. This module therefore splits top-down, and
+//! obvhs converts the result to eight-wide nodes.
 
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
@@ -11,29 +12,29 @@ use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::cwbvh::CwBvh;
 use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 
-/// Places where a node may be split, along each axis.
+/// Candidate split positions of a node, along each axis.
 const BINS: usize = 16;
 
-/// Boxes from which on the two parts of a node are built side by side.
+/// Number of boxes from which the two parts of a node are built in parallel.
 const SIDE_BY_SIDE: usize = 4096;
 
-/// Most boxes that a node's child holds without being a node itself.
+/// Most boxes in a child of a node that is a leaf.
 const LEAF: u32 = 3;
 
-/// Share of the nodes that find better places afterwards.
+/// Share of the nodes that reinsertion tries to improve afterwards.
 const REINSERTED: f32 = 0.3;
 
-/// Depth from which on they do not: several times that of scenes.
+/// Depth above which the result of reinsertion is discarded; several times the depth of usual scenes.
 const DEEPEST: usize = 96;
 
-/// A box and what it is of.
+/// A box and its index.
 #[derive(Clone, Copy)]
 struct Item {
     bounds: Aabb,
     number: u32,
 }
 
-/// A hierarchy of compressed nodes with eight children over boxes; empty for none. On all cores.
+/// A hierarchy of compressed nodes with eight children over the boxes; empty without boxes. Uses all cores.
 pub fn hierarchy(boxes: &[Aabb]) -> CwBvh {
     if boxes.is_empty() {
         return CwBvh::default();
@@ -41,14 +42,14 @@ pub fn hierarchy(boxes: &[Aabb]) -> CwBvh {
     let mut tree = divided(boxes, divide);
     let before = tree.clone();
     ReinsertionOptimizer::default().run(&mut tree, REINSERTED, None);
-    // Boxes about one middle become a chain by that: rays would need a stack as deep.
+    // Reinsertion turns concentric boxes into a chain, for which rays would need an equally deep stack.
     if binary_depth(&tree) > DEEPEST {
         tree = before;
     }
     bvh2_to_cwbvh(&tree, LEAF, true, false)
 }
 
-/// The same in less time and no deeper than `most_depth` says, for few boxes that are others in every frame.
+/// A hierarchy that is faster to build and no deeper than `most_depth`, for a few boxes that change in every frame.
 pub fn shallow(boxes: &[Aabb]) -> CwBvh {
     if boxes.is_empty() {
         return CwBvh::default();
@@ -60,20 +61,20 @@ pub fn shallow(boxes: &[Aabb]) -> CwBvh {
     bvh2_to_cwbvh(&divided(boxes, |items| items.len() / 2), LEAF, true, false)
 }
 
-/// At most this many nodes are on the longest way down a `shallow` hierarchy over this many boxes.
+/// Upper limit of the depth of a `shallow` hierarchy over this many boxes, in nodes.
 pub fn most_depth(boxes: usize) -> u32 {
     boxes.max(1).next_power_of_two().ilog2() + 1
 }
 
-/// Nodes on the longest way down; 1 without any.
+/// Depth of a hierarchy, in nodes; 1 if it is empty.
 pub fn depth(tree: &CwBvh) -> u32 {
     depths(tree).into_iter().max().unwrap_or(1)
 }
 
-/// Nodes on the way down to each node, itself included.
+/// Depth of each node, including the node itself.
 pub fn depths(tree: &CwBvh) -> Vec<u32> {
     let mut depths = vec![1_u32; tree.nodes.len()];
-    // Children come after parents.
+    // Children are stored after their parents.
     for (at, node) in tree.nodes.iter().enumerate() {
         for child in 0..node.imask.count_ones() {
             depths[(node.child_base_idx + child) as usize] = depths[at] + 1;
@@ -82,7 +83,7 @@ pub fn depths(tree: &CwBvh) -> Vec<u32> {
     depths
 }
 
-/// A hierarchy of nodes with two children, divided from the top as `divide` says.
+/// A binary hierarchy, split top-down by `divide`.
 fn divided(boxes: &[Aabb], divide: impl Fn(&mut [Item]) -> usize + Copy + Send + Sync) -> Bvh2 {
     let mut items: Vec<Item> =
         boxes.iter().enumerate().map(|(i, bounds)| Item { bounds: *bounds, number: i as u32 }).collect();
@@ -97,7 +98,7 @@ fn divided(boxes: &[Aabb], divide: impl Fn(&mut [Item]) -> usize + Copy + Send +
     }
 }
 
-/// Nodes on the longest way down, with two children each.
+/// Depth of a binary hierarchy, in nodes.
 fn binary_depth(tree: &Bvh2) -> usize {
     let mut deepest = 0;
     let mut open = vec![(0, 1)];
@@ -111,8 +112,8 @@ fn binary_depth(tree: &Bvh2) -> usize {
     deepest
 }
 
-/// Fills in a node over `items`, which begin at `first` among all, and all nodes below it: `below` has two less than twice as
-/// many nodes as there are items and begins at `at` among all.
+/// Fills in a node over `items` and all nodes below it. `first` is the index of the first item among all items. `below`
+/// holds the nodes below, two less than twice the number of items; `at` is the index of its first node among all nodes.
 fn split(
     node: &mut Bvh2Node,
     below: &mut [Bvh2Node],
@@ -144,7 +145,7 @@ fn split(
     }
 }
 
-/// Orders two or more items so that those before the returned place are one part, and the others the other.
+/// Partitions two or more items and returns the start of the second part.
 fn divide(items: &mut [Item]) -> usize {
     let centre = |item: &Item| item.bounds.min + item.bounds.max;
     let (low, high) = items
@@ -188,7 +189,7 @@ fn divide(items: &mut [Item]) -> usize {
             }
         }
     }
-    // All in one place: any half will do.
+    // If all items are in one place, any half will do.
     if middle == 0 || middle == items.len() { items.len() / 2 } else { middle }
 }
 
@@ -198,17 +199,17 @@ mod tests {
     use glam::{DVec3, Vec3};
     use obvhs::cwbvh::node::CwBvhNode;
 
-    /// What of a tree has been walked.
+    /// State of a walk through a tree.
     struct Walk<'a> {
         tree: &'a CwBvh,
         boxes: &'a [Aabb],
-        /// How often each box was met.
+        /// Number of visits of each box.
         met: Vec<u32>,
         nodes: usize,
     }
 
     impl Walk<'_> {
-        /// Exact bounds of a node's boxes and how deep it is; fails where a child's box does not hold its own.
+        /// Exact bounds of a node's boxes, and the node's depth; fails if a child's box does not contain its own boxes.
         fn node(&mut self, at: usize) -> ([DVec3; 2], usize) {
             let node: CwBvhNode = self.tree.nodes[at];
             self.nodes += 1;
@@ -241,7 +242,7 @@ mod tests {
                 };
                 let low = of(node.child_min_x, node.child_min_y, node.child_min_z);
                 let high = of(node.child_max_x, node.child_max_y, node.child_max_z);
-                // Half of what a ray adds to each side.
+                // Half of the margin that a ray adds to each side.
                 let slack = 1.2e-7 * (corner.abs() + 255.0 * step);
                 assert!(
                     (low - slack).cmple(own[0]).all() && (high + slack).cmpge(own[1]).all(),
@@ -253,12 +254,12 @@ mod tests {
         }
     }
 
-    /// Walks the tree of some boxes and gives how deep it is.
+    /// Walks the hierarchy over some boxes and returns its depth.
     fn walked(boxes: &[Aabb]) -> usize {
         walked_by(hierarchy, boxes)
     }
 
-    /// The same of one that `make` makes.
+    /// The same with a hierarchy built by `make`.
     fn walked_by(make: fn(&[Aabb]) -> CwBvh, boxes: &[Aabb]) -> usize {
         let tree = make(boxes);
         let mut walk = Walk { tree: &tree, boxes, met: vec![0; boxes.len()], nodes: 0 };
@@ -271,7 +272,7 @@ mod tests {
         depth
     }
 
-    /// Boxes anywhere in a cube, most of them small.
+    /// Random boxes in a cube, most of them small.
     fn random(count: usize, size: f32) -> Vec<Aabb> {
         let mut state = 1_u32;
         let mut next = || {
@@ -296,7 +297,7 @@ mod tests {
         for size in [1e-6, 1e9] {
             walked(&random(1000, size));
         }
-        // In a plane, on a line, and points.
+        // In a plane, on a line, and in a point.
         for flat in [Vec3A::new(1.0, 1.0, 0.0), Vec3A::X, Vec3A::ZERO] {
             let boxes: Vec<Aabb> = random(1000, 1.0).iter().map(|b| Aabb::new(b.min * flat, b.max * flat)).collect();
             walked(&boxes);
@@ -307,10 +308,10 @@ mod tests {
     fn boxes_in_one_place_are_not_deep() {
         let one = Aabb::new(Vec3A::ZERO, Vec3A::ONE);
         let same = walked(&vec![one; 20_000]);
-        // About one middle, each larger than the one before.
+        // Concentric, each larger than the one before.
         let nested: Vec<Aabb> = (0..20_000).map(|i| Aabb::new(-Vec3A::ONE * i as f32, Vec3A::ONE * i as f32)).collect();
         let nested = walked(&nested);
-        // Towards a corner, each half as large as the one before.
+        // With a common corner, each half as large as the one before.
         let shrinking: Vec<Aabb> =
             (0..100).map(|i| 0.5_f32.powi(i)).map(|s| Aabb::new(Vec3A::ZERO, Vec3A::splat(s))).collect();
         let shrinking = walked(&shrinking);

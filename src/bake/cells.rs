@@ -1,8 +1,8 @@
-//! Surface -> small cells of it, each with the caches that points in it can refer to: what the pixel level looks up, in
-//! the model's rest space, without an unwrap. METHOD 5, thesis 6.1.4.
+//! Divides a surface into small cells, each with the caches that points in it can refer to. Pixels look them up in the
+//! model's rest space, without an unwrap. METHOD 5, thesis 6.1.4.
 //!
-//! A cell lists every cache within `reach` of the surface in it. Weights vanish at `reach`, so that what a point gets
-//! does not jump where it leaves a cell, however the surface is divided into triangles.
+//! A cell lists every cache within `reach` of its surface. Weights vanish at `reach`, so that light does not jump at
+//! cell boundaries, however the surface is divided into triangles.
 
 use super::grid::Grid;
 use super::surface::Surface;
@@ -16,16 +16,16 @@ use rayon::prelude::*;
 /// Most caches of a cell; the nearest are kept.
 const LONGEST_ROW: usize = 64;
 
-/// Rows are as long as the longest, in steps of this.
+/// All rows are as long as the longest, rounded up to a multiple of this.
 const ROW_STEP: usize = 8;
 
-/// `reach` in units of `d_eps`, within which every point has a cache.
+/// `reach` in units of `d_eps`; every point has a cache within this distance.
 const REACH: f64 = 1.0;
 
-/// Side of a cell in units of `d_eps`: the bake's voxels.
+/// Side of a cell in units of `d_eps`; the same as the bake's voxels.
 const SIDE: f64 = 0.5;
 
-/// Share of a side by which surface counts for the neighbouring cells as well: more than a device's rounding.
+/// Share of a side by which surface also counts for neighbouring cells; more than a device's rounding.
 const MARGIN: f64 = 2e-3;
 
 /// Most cells along an axis.
@@ -34,9 +34,9 @@ const AXIS_LIMIT: f64 = 65_536.0;
 /// The cells of a scene.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CellSet {
-    /// Farthest cache that a point refers to [m in world space].
+    /// Largest distance to a cache that a point refers to [m in world space].
     pub reach: f64,
-    /// References of a cell.
+    /// Number of references per cell.
     pub row: usize,
     /// One per model of the cache set.
     pub models: Vec<Cells>,
@@ -45,22 +45,22 @@ pub struct CellSet {
 /// The cells of one model.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cells {
-    /// Middle of the model [model space].
+    /// Centre of the model [model space].
     pub centre: DVec3,
-    /// What takes a point, seen from `centre`, to world metres: the linear part of an instance's transform.
+    /// Transforms points relative to `centre` to world metres: the linear part of an instance's transform.
     pub linear: DMat3,
     /// Corner of cell 0, 0, 0 [m, from `centre`].
     pub low: DVec3,
     /// Side of a cell \[m\].
     pub side: f64,
-    /// The cells that hold surface, ascending.
+    /// Cells that contain surface, ascending.
     pub cells: Vec<[u16; 3]>,
-    /// `CellSet::row` indices of caches of each, nearest first; `NO_CACHE` pads.
+    /// `CellSet::row` cache indices per cell, nearest first; padded with `NO_CACHE`.
     pub references: Vec<u16>,
 }
 
 impl CacheSet {
-    /// Adds the cells by which pixels find their caches. Fails with `TooLarge` where the spacing is minute against a
+    /// Adds the cells in which pixels look up their caches. Fails with `TooLarge` if the spacing is tiny compared to a
     /// model.
     ///
     /// # Errors
@@ -93,7 +93,7 @@ struct Piece {
     high: DVec3,
 }
 
-/// The cells of a model without their references, and the references.
+/// The cells of a model, and separately their references.
 fn cells(surface: &Surface, caches: &ModelCaches, spacing: f64, name: &str) -> Result<(Cells, Vec<Vec<u16>>)> {
     let side = SIDE * spacing;
     let mut made = Cells {
@@ -109,7 +109,7 @@ fn cells(surface: &Surface, caches: &ModelCaches, spacing: f64, name: &str) -> R
     }
     if ((surface.high - surface.low) / side).max_element() + 3.0 > AXIS_LIMIT {
         return Err(Error::TooLarge(format!(
-            "mesh '{name}': a spacing of {spacing:.3e} m is too small for looking caches up per pixel: ask for a larger \
+            "mesh '{name}': a spacing of {spacing:.3e} m is too small for cache lookup per pixel: ask for a larger \
              spacing or --interp vertex"
         )));
     }
@@ -131,7 +131,7 @@ fn cells(surface: &Surface, caches: &ModelCaches, spacing: f64, name: &str) -> R
     Ok((made, rows))
 }
 
-/// What of a triangle lies in which cells.
+/// The pieces of a triangle, one for each cell that they belong to.
 fn pieces_of(corners: [DVec3; 3], triangle: u32, origin: DVec3, side: f64) -> Vec<Piece> {
     let mut pieces = Vec::new();
     clip(corners, origin, side, &mut |_, polygon| {
@@ -172,7 +172,7 @@ fn row(
         }
     });
     if found.is_empty() {
-        // No cache looks the same way: the nearest have to do.
+        // No cache faces the same way: use the nearest ones.
         found = positions.iter().map(|p| p.distance_squared(middle)).zip(0_u16..).collect();
         found.sort_by(|a, b| a.0.total_cmp(&b.0));
         found.truncate(ROW_STEP);

@@ -1,7 +1,7 @@
-//! Caches that nothing lights and nobody sees are left out: those in gaps between things that touch, and on the inner sides of
+//! Leaves out caches that receive no light and are never seen: in gaps between touching things, and on inner sides of
 //! thin walls, which files have wherever a closed body is double-sided. METHOD 8, "beyond the print".
 //!
-//! They would be half of the caches of a furnished room, and dark neighbours of those on the same wall that are seen.
+//! They would be half of the caches of a furnished room, and dark neighbours of visible caches on the same wall.
 
 use super::search::Model;
 use super::seeds::Place;
@@ -9,33 +9,33 @@ use crate::scene::rays::Rays;
 use crate::scene::{Instance, Mesh, Scene};
 use glam::DVec3;
 
-/// Rays that look for a way out, as dense as their cosine.
+/// Number of cosine-distributed rays that search for a way out.
 const RAYS: u32 = 32;
 
-/// How far rays look, in units of `d_eps`.
+/// Length of the rays, in units of `d_eps`.
 const FAR: f64 = 0.5;
 
-/// A place is closed in where all rays but one end within this part of that: a cache for its room is no use.
+/// A place is closed in if all rays but one end within this part of their length: a cache for such a space is useless.
 const GAP: f64 = 0.3;
 
-/// A place is in the open where so many rays meet nothing: it is as good as any near it.
+/// A place is in the open if this many rays hit nothing: it is as good as any place nearby.
 pub(super) const OPEN: u32 = 8;
 
-/// Start of a ray above its surface, in radii of the scene: more than single precision rounds by.
+/// Offset of a ray's start from its surface, in radii of the scene; more than the rounding of single precision.
 const LIFT: f64 = 1e-5;
 
-/// What stands still of a scene, to look about in.
+/// The static part of a scene, for visibility rays.
 pub(super) struct Surroundings<'a> {
     scene: &'a Scene,
     rays: Rays,
-    /// Instances of each model; none of a model of which one moves.
+    /// Instances of each model; empty if one of its instances moves.
     places: Vec<Vec<usize>>,
-    /// How far above surfaces rays start \[m\].
+    /// Offset of ray starts from surfaces \[m\].
     lift: f64,
 }
 
 impl<'a> Surroundings<'a> {
-    /// Of a scene whose instances have these models.
+    /// The surroundings for a scene whose instances have these models.
     pub(super) fn new(scene: &'a Scene, instance_model: &[usize], models: usize) -> Self {
         let moves: Vec<bool> = (0..scene.instances.len()).map(|index| scene.may_move(index)).collect();
         let mut places = vec![Vec::new(); models];
@@ -49,8 +49,8 @@ impl<'a> Surroundings<'a> {
         Self { scene, rays: Rays::of(scene, |index| !moves[index]), places, lift: LIFT * radius }
     }
 
-    /// How far a point of a model is open in any of its places, at a spacing \[m\]: 0 where it is closed in, [`OPEN`] and more
-    /// in the open.
+    /// How open a point of a model is, at a spacing \[m\], in the most open of its instances: 0 if closed in, at least
+    /// [`OPEN`] in the open.
     pub(super) fn openness(&self, (index, model): (usize, &Model<'_>), place: Place, spacing: f64) -> u32 {
         let places = &self.places[index];
         let mesh = &self.scene.meshes[model.mesh];
@@ -64,8 +64,8 @@ impl<'a> Surroundings<'a> {
         most
     }
 
-    /// Rays from a surface that meet nothing within a distance \[m\]; 1 where there are none, but others come out of the gap, and
-    /// 0 where these do not either.
+    /// Number of rays from a surface that hit nothing within a distance \[m\]. If there are none: 1 if some rays leave
+    /// the gap, otherwise 0.
     fn escaped(&self, position: DVec3, normal: DVec3, reach: f64) -> u32 {
         let (tangent, bitangent) = normal.any_orthonormal_pair();
         let start = position + normal * self.lift;
@@ -86,13 +86,13 @@ impl<'a> Surroundings<'a> {
     }
 }
 
-/// Where a place is in the world, and the unit normal of its triangle on the side that is shaded.
+/// World position of a place, and the unit normal of the shaded side of its triangle.
 fn placed(instance: &Instance, mesh: &Mesh, model: &Model<'_>, (triangle, weights): Place) -> (DVec3, DVec3) {
     let triangle = &model.surface.triangles[triangle as usize];
     let vertices = triangle.vertices.map(|v| mesh.vertices[v as usize]);
     let [a, b, c] = vertices.map(|v| instance.world_from_model.transform_point3(v.position.as_dvec3()));
     let normal = (b - a).cross(c - a).normalize_or_zero();
-    // Turned over as the model's own is.
+    // Flipped if the model's own normal is flipped.
     let [p, q, r] = model.surface.corners(triangle);
     let mirrored = instance.world_from_model.matrix3.determinant() * model.surface.linear.determinant() < 0.0;
     let turned = ((q - p).cross(r - p).dot(triangle.normal) < 0.0) != mirrored;

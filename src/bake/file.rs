@@ -1,8 +1,8 @@
-//! Keeps a bake in a file, so that the second start is instant.
+//! Keeps a bake in a file, so that the next start is instant.
 //!
-//! Little-endian: magic, version, the key again, the payload's length and its blake3 hash, the payload. The name is
-//! the key: a hash of all that the result depends on. Nothing is ever overwritten with something else or cleaned up;
-//! a few hundred KiB per scene and settings.
+//! Little-endian: magic, version, key, length of the payload, its blake3 hash, payload. The file name is the key, a
+//! hash of everything that the result depends on. Files are never overwritten with other content and never cleaned up;
+//! each takes a few hundred KiB per scene and settings.
 
 use super::{BakeSettings, Cache, CacheSet, Coverage, Density, ModelCaches, NO_CACHE, bake};
 use crate::error::Result;
@@ -13,17 +13,17 @@ use std::path::Path;
 
 const MAGIC: [u8; 8] = *b"LSKCACHE";
 
-/// Of the format and of the algorithm: counted up when either changes what a bake gives.
+/// Version of the format and of the algorithm; incremented when either changes the result of a bake.
 const VERSION: u32 = 7;
 
 /// Magic, version, key, length, hash.
 const HEADER: usize = 8 + 4 + 32 + 8 + 32;
 
-/// [`bake`], unless the result was kept; says whether it was. Kept in `lightskin` under `$XDG_CACHE_HOME`, or else in
-/// `$HOME/.cache`; with neither, nothing is kept.
+/// [`bake`], or the kept result of an earlier bake; the flag tells whether the result was kept. Files are in
+/// [`kept::folder`]; without a folder, nothing is kept.
 ///
 /// # Errors
-/// As `bake`. A kept file that cannot be read or written is no error.
+/// Those of `bake`. A kept file that cannot be read or written is no error.
 pub fn bake_cached(
     scene: &Scene,
     settings: &BakeSettings,
@@ -32,17 +32,17 @@ pub fn bake_cached(
     match kept::folder() {
         Some(folder) => bake_kept_in(&folder, scene, settings, progress),
         None => {
-            log::debug!("neither XDG_CACHE_HOME nor HOME is set: the bake is not kept");
+            log::debug!("neither XDG_CACHE_HOME nor HOME is set: the bake will not be kept");
             Ok((bake(scene, settings, progress)?, false))
         }
     }
 }
 
-/// [`bake_cached`] with the folder given. A file that is missing, damaged or of another version is baked again; one
-/// that cannot be written is a warning.
+/// [`bake_cached`] with a given folder. If the file is missing, damaged or of another version, the scene is baked
+/// again. If it cannot be written, a warning is logged.
 ///
 /// # Errors
-/// As `bake`. A kept file that cannot be read or written is no error.
+/// Those of `bake`. A kept file that cannot be read or written is no error.
 pub fn bake_kept_in(
     folder: &Path,
     scene: &Scene,
@@ -61,7 +61,7 @@ pub fn bake_kept_in(
     let set = bake(scene, settings, progress)?;
     if let Err(error) = kept::write(&path, &write(&set, &key)) {
         log::warn!(
-            "{}: cannot keep the bake, the next start will bake again: {error}; make the folder writable or point \
+            "{}: cannot keep the bake, so the next start will bake again: {error}; make the folder writable or point \
              XDG_CACHE_HOME to one that is",
             path.display()
         );
@@ -69,7 +69,7 @@ pub fn bake_kept_in(
     Ok((set, false))
 }
 
-/// Hash of all that a bake depends on.
+/// Hash of everything that a bake depends on.
 fn key(scene: &Scene, settings: &BakeSettings) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     let mut number = |value: u64| {
@@ -87,7 +87,7 @@ fn key(scene: &Scene, settings: &BakeSettings) -> [u8; 32] {
         number(instance.mesh as u64);
         instance.stretch().to_cols_array().iter().for_each(|element| number(element.to_bits()));
     }
-    // What stands still closes caches in, wherever all of it is.
+    // Static instances can close off caches, so their relative placement counts.
     let mut origin = None;
     for (index, instance) in scene.instances.iter().enumerate() {
         let still = !scene.may_move(index) && !instance.hidden;
@@ -104,7 +104,7 @@ fn key(scene: &Scene, settings: &BakeSettings) -> [u8; 32] {
     }
     number(scene.meshes.len() as u64);
     for mesh in &scene.meshes {
-        // In pieces large enough for the hash to be quick about it.
+        // Hashed in large chunks, for speed.
         hasher.update(&(mesh.vertices.len() as u64).to_le_bytes());
         let mut bytes = Vec::with_capacity(24 * 1024);
         for vertices in mesh.vertices.chunks(1024) {
@@ -165,7 +165,7 @@ fn write(set: &CacheSet, key: &[u8; 32]) -> Vec<u8> {
     bytes
 }
 
-/// Bytes not yet read. What runs out of them is `None`.
+/// Bytes not yet read. A read beyond the end returns `None`.
 struct Reader<'a>(&'a [u8]);
 
 impl<'a> Reader<'a> {
@@ -191,13 +191,13 @@ impl<'a> Reader<'a> {
         Some(f64::from_le_bytes(self.array()?))
     }
 
-    /// A count followed by that many records of `size` bytes, which are there.
+    /// A count followed by that many records of `size` bytes; `None` if they are incomplete.
     fn records(&mut self, size: usize) -> Option<Reader<'a>> {
         let count = self.number()?;
         Some(Reader(self.bytes(count.checked_mul(size)?)?))
     }
 
-    /// Reads until the bytes or the sense run out.
+    /// Reads records until the bytes run out; `None` if a record is invalid.
     fn all<T>(mut self, read: impl Fn(&mut Self) -> Option<T>) -> Option<Vec<T>> {
         let mut items = Vec::new();
         while !self.0.is_empty() {
@@ -213,7 +213,7 @@ fn is_finite(cache: &Cache) -> bool {
     vectors && [*area, *breadth, barycentric[0], barycentric[1]].iter().all(|value| value.is_finite())
 }
 
-/// The set in a file's bytes, if they are whole, meant for this scene, and make sense with it.
+/// Parses a file's bytes; `None` unless they are intact, belong to this key, and are consistent with the scene.
 fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &BakeSettings) -> Option<CacheSet> {
     let mut reader = Reader(bytes);
     let known = reader.array()? == MAGIC && u32::from_le_bytes(reader.array()?) == VERSION;
@@ -232,7 +232,7 @@ fn read(bytes: &[u8], key: &[u8; 32], scene: &Scene, settings: &BakeSettings) ->
     for _ in 0..count {
         models.push(read_model(&mut reader, scene, settings)?);
     }
-    // The hash proves that the bytes are whole, not that they are sound: an index out of range would crash later.
+    // The hash proves that the bytes are intact, not that they are valid: an index out of range would crash later.
     let sound = reader.0.is_empty()
         && spacing > 0.0
         && instance_model.len() == scene.instances.len()

@@ -1,14 +1,14 @@
-//! Points in a hashed grid, to find those near a place.
+//! A hashed grid of points, for finding the points near a position.
 
 use glam::DVec3;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 
-/// Points by the cell they lie in.
+/// Points grouped by cell.
 pub(super) struct Grid {
     /// Side of a cell.
     pub(super) side: f64,
-    /// Smallest and largest cell with a point in it.
+    /// Smallest and largest coordinates of occupied cells.
     pub(super) bounds: ([i32; 3], [i32; 3]),
     cells: HashMap<[i32; 3], (u32, u32), BuildHasherDefault<CellHasher>>,
     order: Vec<u32>,
@@ -36,7 +36,7 @@ impl Grid {
         Self { side, bounds: (low, high), cells, order, cell_of }
     }
 
-    /// Number of cells with points in them.
+    /// Number of occupied cells.
     pub(super) fn cell_count(&self) -> usize {
         self.cells.len()
     }
@@ -46,23 +46,23 @@ impl Grid {
         self.cell_of[point as usize]
     }
 
-    /// Distance of a place to a cell.
+    /// Distance from a position to a cell.
     pub(super) fn distance(&self, cell: [i32; 3], place: DVec3) -> f64 {
         let low = DVec3::from_array(cell.map(f64::from)) * self.side;
         (place - place.clamp(low, low + self.side)).length()
     }
 
-    /// The points in a cell, ascending.
+    /// Points in a cell, ascending.
     pub(super) fn at(&self, cell: [i32; 3]) -> &[u32] {
         self.cells.get(&cell).map_or(&[], |&(first, end)| &self.order[first as usize..end as usize])
     }
 
-    /// All points, in an order that depends on them alone.
+    /// All points, in an order that depends only on the points.
     pub(super) fn all(&self) -> &[u32] {
         &self.order
     }
 
-    /// Visits all points within the radius and some beyond, in an order that depends on nothing else.
+    /// Visits all points within the radius and some beyond, in a deterministic order.
     pub(super) fn near(&self, centre: DVec3, radius: f64, mut visit: impl FnMut(usize)) {
         let (mut low, mut high) = (cell(centre - radius, self.side), cell(centre + radius, self.side));
         let mut count = 1.0;
@@ -84,12 +84,12 @@ impl Grid {
     }
 }
 
-/// Cell of a point; far outside of any grid the nearest that an i32 can tell.
+/// Cell of a point; saturates at the range of i32 far outside of any grid.
 pub(super) fn cell(point: DVec3, side: f64) -> [i32; 3] {
     (point / side).floor().to_array().map(|x| x as i32)
 }
 
-/// The default hasher resists floods and took half of the time of looking a cell up.
+/// A fast hash of cells. The default hasher, which resists flooding, took half of the lookup time.
 #[derive(Default)]
 struct CellHasher(u64);
 

@@ -1,14 +1,14 @@
-//! Places the caches on the surfaces of a scene, once. METHOD 8, thesis 5.6.
+//! Places the caches on the surfaces of a scene, once per scene. METHOD 8, thesis 5.6.
 //!
-//! Each mesh is cut into pieces by voxels of side `d_eps / 2` ([`voxel`]); in each voxel caches are formed for groups
-//! of like normals and snapped onto triangles ([`seeds`]); those that others make superfluous go; then every vertex
-//! gets its references and every cache its area. All of it happens in world size, so that the spacing is in metres of
-//! the world under any scale, and around the mesh's own centre, so that it may lie anywhere.
+//! Voxels of side `d_eps / 2` cut each mesh into pieces ([`voxel`]). In each voxel, caches are formed for groups of
+//! similar normals and snapped onto triangles ([`seeds`]). Superfluous caches are removed. Then every vertex gets its
+//! references and every cache its area. All of this happens at world scale, so that the spacing is in metres of the
+//! world under any scale, and relative to the mesh's own centre, so that the mesh's place does not matter.
 //!
-//! *Guarantee*: every point of the surface has a cache within `d_eps` of it whose triangle's normal is within
-//! `theta_eps` of its own. It holds by construction (a piece's cache lies in its own voxel, whose diagonal is
-//! 0.87 `d_eps`), is kept by every step, and is measured at the end ([`Coverage`]). Caches in gaps between things that
-//! stand still are then left out (`closed`): nothing lights them and nobody sees what they stand for.
+//! *Guarantee*: every point of the surface has a cache within `d_eps` whose triangle's normal is within `theta_eps` of
+//! the point's normal. The guarantee holds by construction (a piece's cache lies in the piece's own voxel, whose
+//! diagonal is 0.87 `d_eps`). Every later step keeps it, and [`Coverage`] measures it at the end. Caches in gaps
+//! between static things are then left out (`closed`): they receive no light and their surface is never seen.
 
 mod area;
 mod assign;
@@ -36,36 +36,36 @@ use seeds::{Bounds, Seed};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use surface::Surface;
 
-/// What the bake is asked for.
+/// Settings of the bake.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct BakeSettings {
-    /// How densely caches stand.
+    /// How densely caches are placed.
     pub density: Density,
-    /// `theta_eps`: largest angle \[rad\] between a surface's normal and its cache's.
+    /// `theta_eps`: largest angle \[rad\] between the normals of a surface and its cache.
     pub angle: f32,
     /// References per vertex, 8 or 16.
     pub references: usize,
 }
 
-/// How densely caches stand.
+/// How densely caches are placed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Density {
-    /// About this many caches over all instances of the scene; the bake searches the spacing.
+    /// About this many caches over all instances of the scene; the bake searches for the spacing.
     Count(usize),
     /// `d_eps` [m in world space]: largest distance of a surface point to a cache.
     Spacing(f64),
 }
 
-/// The caches of a scene and which of them each vertex refers to.
+/// The caches of a scene and the references of its vertices to them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CacheSet {
-    /// `d_eps` \[m\] that was used or found.
+    /// `d_eps` \[m\], as given or found.
     pub spacing: f64,
-    /// One per mesh and stretch: instances that differ only by rotation, mirroring and translation share one.
+    /// One per mesh and stretch. Instances that differ only by rotation, mirroring and translation share one.
     pub models: Vec<ModelCaches>,
     /// For each of `Scene::instances`, the index into `models`.
     pub instance_model: Vec<usize>,
-    /// Where pixels find their caches; only where they look for themselves. See [`CacheSet::with_cells`].
+    /// Cells in which pixels look up their caches; only for lookup per pixel. See [`CacheSet::with_cells`].
     pub cells: Option<CellSet>,
 }
 
@@ -74,17 +74,18 @@ pub struct CacheSet {
 pub struct ModelCaches {
     /// Index into `Scene::meshes`.
     pub mesh: usize,
-    /// Linear part of the transform from model to world space that the caches were placed under.
+    /// Linear part of the transform from model to world space with which the caches were placed.
     pub linear: DMat3,
     /// The caches, in a space-filling order.
     pub caches: Vec<Cache>,
-    /// For each vertex of the mesh, `BakeSettings::references` indices into `caches`, best first; `NO_CACHE` pads.
+    /// For each vertex of the mesh, `BakeSettings::references` indices into `caches`, best first; padded with
+    /// `NO_CACHE`.
     pub references: Vec<u16>,
-    /// What was found when every piece of surface was checked against its caches.
+    /// Result of checking every piece of surface against its caches.
     pub coverage: Coverage,
 }
 
-/// A cache: a point on a triangle. Position and normal are the triangle's, interpolated in the mesh's model space.
+/// A cache: a point on a triangle. Position and normal are interpolated from the triangle in the mesh's model space.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Cache {
@@ -92,45 +93,45 @@ pub struct Cache {
     pub position: Vec3,
     /// Unit model-space shading normal: the triangle's vertex normals, interpolated at the cache.
     pub normal: Vec3,
-    /// Share of the surface that this cache stands for [m^2 in world space]; METHOD 6, eq. 5.58.
+    /// Area of the surface that this cache represents [m^2 in world space]; METHOD 6, eq. 5.58.
     pub area: f32,
-    /// Middle, in model space, of the rectangle that stands for that share when it is in the way of light.
+    /// Centre, in model space, of the rectangle that represents this surface as an occluder.
     pub middle: Vec3,
-    /// From there to the middle of an edge, in model space; square to the normal in the world.
+    /// From the centre to the middle of an edge, in model space; perpendicular to the normal in world space.
     pub axis: Vec3,
-    /// From there to the next edge, square to both [m in world space].
+    /// From the centre to the adjacent edge, perpendicular to normal and axis [m in world space].
     pub breadth: f32,
-    /// Triangle of the mesh the cache lies on.
+    /// Index of the mesh's triangle that the cache lies on.
     pub triangle: u32,
-    /// Barycentric weights of the triangle's second and third corner.
+    /// Barycentric weights of the triangle's second and third corners.
     pub barycentric: [f32; 2],
 }
 
-/// The proof that every surface point has its cache.
+/// Measured proof that every surface point has its cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Coverage {
-    /// Largest distance \[m\] of a surface point to the cache that covers it; at most `d_eps`.
+    /// Largest distance \[m\] from a surface point to the cache that covers it; at most `d_eps`.
     pub distance: f64,
     /// Largest angle \[rad\] between a surface's geometric normal and that of the covering cache's triangle.
     pub angle: f64,
 }
 
-/// Pads reference lists of models with fewer caches than references.
+/// Padding of reference lists, for models with fewer caches than references.
 pub const NO_CACHE: u16 = u16::MAX;
 
-/// Stretches that agree to this part of their largest element are one.
+/// Relative tolerance, as a part of the largest element, within which two stretches count as the same.
 const SAME_STRETCH: f64 = 1e-4;
 
-/// Places the caches of a scene and finds each vertex its references. METHOD 8.
+/// Places the caches of a scene and assigns each vertex its references. METHOD 8.
 ///
-/// `progress` is told how much is done, from 0 to 1, and what is being done; it may be called from several threads.
-/// The result depends on the scene and the settings alone, not on the number of threads. A count that cannot be met
-/// (an instance needs one cache) gives the nearest that can. Where far more caches than the count were needed because
-/// very many instances face all ways, caches stand for wider angles than asked for; [`Coverage::angle`] tells.
+/// `progress` gets the completed part from 0 to 1 and the current step; several threads may call it. The result depends
+/// only on the scene and the settings, not on the number of threads. If a count cannot be met (each instance needs one
+/// cache), the nearest possible count is used. If very many instances face all ways and therefore need far more caches
+/// than the count, each cache represents wider angles than requested; [`Coverage::angle`] reports the angle.
 ///
 /// # Errors
-/// A scene without triangles. `TooLarge` where a model would get more caches than 16-bit references can name, or where the
-/// spacing is minute against a model.
+/// A scene without triangles. `TooLarge` if a model would get more caches than 16-bit references can address, or if the
+/// spacing is tiny compared to a model.
 pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<CacheSet> {
     assert!(settings.angle.is_finite() && settings.angle > 0.0, "bake: angle {}", settings.angle);
     assert!(settings.references > 0, "bake: no references");
@@ -154,7 +155,7 @@ pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &(dyn Fn(f32, &str
     Ok(CacheSet { spacing: bounds.distance, models, instance_model, cells: None })
 }
 
-/// What is to be baked, and the model of each instance.
+/// The models to bake, and the model of each instance.
 fn models(scene: &Scene) -> (Vec<Model<'_>>, Vec<usize>) {
     let mut models: Vec<Model> = Vec::new();
     let mut of_mesh = vec![Vec::new(); scene.meshes.len()];
@@ -176,14 +177,14 @@ fn models(scene: &Scene) -> (Vec<Model<'_>>, Vec<usize>) {
     (models, instance_model)
 }
 
-/// Whether two transforms differ by no more than rotation and mirroring.
+/// Whether two transforms differ only by rotation and mirroring.
 fn same_stretch(a: DMat3, b: DMat3) -> bool {
     let (a, b) = (a.transpose() * a, b.transpose() * b);
     let largest = a.to_cols_array().into_iter().fold(0.0, f64::max);
     (a - b).to_cols_array().into_iter().all(|difference| difference.abs() <= SAME_STRETCH * largest)
 }
 
-/// Turns a placement into what is kept of it.
+/// Turns a placement into the caches of a model.
 fn finish(
     model: &Model,
     mesh: &Mesh,
@@ -208,14 +209,14 @@ fn finish(
     }
     drop(voxels);
     step("finding references");
-    // Those in gaps have had their share of the surface, and go.
+    // Caches in gaps have taken their share of the surface; drop them now.
     caches.truncate(count);
     let positions: Vec<DVec3> = seeds[..count].iter().map(|s| s.position).collect();
     let references = assign::assign(surface, &caches, &positions, references, spacing);
     ModelCaches { mesh: model.mesh, linear: surface.linear, caches, references, coverage }
 }
 
-/// The inverse of a transform; of one that flattens, the shortest way back.
+/// The inverse of a transform; the regularised pseudo-inverse of a flattening one.
 fn inverse(linear: DMat3) -> DMat3 {
     let squares = linear.transpose() * linear;
     let trace = squares.x_axis.x + squares.y_axis.y + squares.z_axis.z;
@@ -223,7 +224,7 @@ fn inverse(linear: DMat3) -> DMat3 {
     (squares + DMat3::from_diagonal(DVec3::splat(least))).inverse() * linear.transpose()
 }
 
-/// A cache in terms of the mesh, without its share of the surface.
+/// A cache relative to its mesh, without its share of the surface.
 fn cache(surface: &Surface, mesh: &Mesh, seed: &Seed) -> Cache {
     let triangle = &surface.triangles[seed.triangle as usize];
     let [second, third] = seed.weights.map(f64::from);

@@ -1,5 +1,4 @@
-//! Drops caches that others make superfluous while the guarantee still holds, and proves the guarantee.
-//! METHOD 8, thesis 5.6.3.
+//! Removes superfluous caches as long as the guarantee holds, and measures the guarantee. METHOD 8, thesis 5.6.3.
 
 use super::Coverage;
 use super::grid::Grid;
@@ -9,18 +8,18 @@ use super::voxel::{Piece, Voxels};
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Caches closer than this part of both bounds are alike (line 2326).
+/// Caches closer than this part of both bounds are duplicates (line 2326).
 const ALIKE: f64 = 0.15;
 
-/// A cache that stands for less than this part of what each of its stand-ins stands for is a splinter: where a voxel
-/// cuts a corner off the surface, it made a cache right beside its neighbour's. Measured for 400 caches on a slanted
-/// plane, a sphere and a torus, and 3000 in Sponza: with 0.25, 0.5 and 1 the areas' standard deviation is 0.18, 0.13,
-/// 0.22 of the mean; 0.14, 0.15, 0.21; 0.13, 0.12, 0.28; 0.74, 0.65, 0.94. At 1 caches stand twice as far apart for
-/// the same bound, but no longer evenly.
+/// A cache whose area is less than this part of the area of each cache that can replace it is a splinter: a voxel cut a
+/// corner off the surface and formed a cache next to its neighbour's. Measured for 400 caches on a slanted plane, a
+/// sphere and a torus, and for 3000 in Sponza: with 0.25, 0.5 and 1 the areas' standard deviation is 0.18, 0.13, 0.22
+/// of the mean; 0.14, 0.15, 0.21; 0.13, 0.12, 0.28; 0.74, 0.65, 0.94. With 1 caches are twice as far apart for the same
+/// bound, but no longer evenly spread.
 const SPLINTER: f64 = 0.5;
 
-/// Drops the lesser of caches that are alike, and splinters, least area first, if every piece they answer for lies
-/// within both bounds of one that stays.
+/// Removes the smaller of duplicate caches, and splinters, smallest area first, if every piece they cover lies within
+/// both bounds of a remaining cache.
 pub(super) fn prune(surface: &Surface, voxels: &Voxels, mut seeds: Vec<Seed>, bounds: Bounds) -> Vec<Seed> {
     let positions: Vec<DVec3> = seeds.iter().map(|s| s.position).collect();
     let grid = Grid::new(&positions, bounds.distance);
@@ -32,7 +31,7 @@ pub(super) fn prune(surface: &Surface, voxels: &Voxels, mut seeds: Vec<Seed>, bo
 
     for index in order {
         let seed = &seeds[index];
-        // A seed that covers one of its pieces is within d_eps of a point that is within d_eps of it.
+        // A seed that covers one of this seed's pieces is within d_eps of a point that is within d_eps of this seed.
         others.clear();
         let mut alike = false;
         grid.near(seed.position, 2.0 * bounds.distance, |other| {
@@ -67,8 +66,8 @@ pub(super) fn prune(surface: &Surface, voxels: &Voxels, mut seeds: Vec<Seed>, bo
     seeds
 }
 
-/// Largest distance \[m\] of a piece's points to a cache, if all of the piece lies within both bounds of it. A piece is
-/// convex: its corners decide.
+/// Largest distance \[m\] from a cache to a piece, if the whole piece lies within both bounds of the cache. A piece is
+/// convex, so its corners decide.
 fn covering_distance(surface: &Surface, voxels: &Voxels, piece: &Piece, seed: &Seed, bounds: Bounds) -> Option<f64> {
     let normal = surface.triangles[piece.triangle as usize].normal;
     if normal.dot(seed.normal) < bounds.cos {
@@ -86,8 +85,8 @@ fn angle(a: DVec3, b: DVec3) -> f64 {
     a.cross(b).length().atan2(a.dot(b)) // exact for small angles, where acos is not
 }
 
-/// Finds for every piece of surface the nearest cache that covers it, and the worst of those. Knows nothing of how
-/// the caches came about; a piece without cover, which would be a mistake of ours, shows as a figure out of bounds.
+/// Finds for every piece of surface the nearest cache that covers it; returns the worst values. Independent of how the
+/// caches were made: an uncovered piece, which would be a bug, shows as a value out of bounds.
 pub(super) fn measure(surface: &Surface, voxels: &Voxels, seeds: &[Seed], bounds: Bounds) -> Coverage {
     let positions: Vec<DVec3> = seeds.iter().map(|s| s.position).collect();
     let grid = Grid::new(&positions, bounds.distance);
@@ -107,7 +106,7 @@ pub(super) fn measure(surface: &Surface, voxels: &Voxels, seeds: &[Seed], bounds
                 let normal = surface.triangles[piece.triangle as usize].normal;
                 let mut covering: Option<(f64, &Seed)> = None;
                 for seed in near.iter().map(|&index| &seeds[index]) {
-                    // No piece's farthest corner is nearer than its centre of mass.
+                    // A piece's farthest corner is never nearer than its centroid.
                     let least = seed.position.distance_squared(piece.centroid);
                     if covering.is_none_or(|(distance, _)| least < distance * distance)
                         && let Some(distance) = covering_distance(surface, voxels, piece, seed, bounds)

@@ -1,4 +1,4 @@
-//! Places caches on all models of a scene, for a spacing or for a count. METHOD 8.
+//! Places caches on all models of a scene, for a given spacing or count. METHOD 8.
 
 use super::closed::Surroundings;
 use super::prune;
@@ -10,13 +10,13 @@ use crate::error::{Error, Result};
 use rayon::prelude::*;
 use std::f64::consts::{FRAC_PI_3, PI};
 
-/// What is baked once: a mesh under one stretch.
+/// A unit of baking: a mesh under one stretch.
 pub(super) struct Model<'a> {
     /// Index into `Scene::meshes`.
     pub(super) mesh: usize,
-    /// For messages.
+    /// Name for messages.
     pub(super) name: &'a str,
-    /// Number of instances that share it.
+    /// Number of instances that share the model.
     pub(super) instances: usize,
     /// The mesh in world size.
     pub(super) surface: Surface,
@@ -24,39 +24,39 @@ pub(super) struct Model<'a> {
 
 /// Caches placed on a model.
 pub(super) struct Placement {
-    /// The surface in pieces.
+    /// The surface cut into pieces.
     pub(super) voxels: Voxels,
-    /// The caches, and after them those that nothing lights and nobody sees.
+    /// The caches, followed by seeds in closed places, which receive no light and are never seen.
     pub(super) seeds: Vec<Seed>,
-    /// How many caches there are of the former.
+    /// Number of caches, without the seeds in closed places.
     pub(super) count: usize,
 }
 
-/// Most caches of a model: references are 16 bits, and the last value says "none".
+/// Most caches of a model: references have 16 bits, and the last value means "none".
 const CACHE_LIMIT: usize = NO_CACHE as usize - 1;
 
-/// Most placements for a count; from a good first guess three to six are needed.
+/// Most placements tried for a count; with a good first guess three to six are enough.
 const ATTEMPTS: i32 = 10;
 
-/// Part of the count that the search may be off.
+/// Relative tolerance of the count.
 const TOLERANCE: f64 = 0.02;
 
-/// Times the count that caches may be before they stand for wider angles than asked for.
+/// If there are more than this many times the requested caches, they represent wider angles than requested.
 const FAR_TOO_MANY: f64 = 2.5;
 
-/// Pieces for each cache of a count, beyond two per triangle, that tell that a spacing is too fine without cutting the
-/// surface up: an even surface needs about one, long thin ones that lie side by side some dozens. Where more are needed after
-/// all, the search starts again with four times as many.
+/// Pieces per requested cache, beyond two per triangle, above which a spacing is rejected as too fine without cutting
+/// the surface. An even surface needs about one, long thin parallel strips several dozen. If more turn out to be
+/// needed, the search restarts with four times as many.
 const PIECES_PER_CACHE: f64 = 200.0;
 
-/// Places caches on one model, by its index: the five steps, and which of them are kept.
+/// Places caches on one model, given with its index: forms, filters and prunes the seeds.
 fn place((index, model): (usize, &Model), around: &Surroundings, bounds: Bounds) -> Result<Placement> {
     let voxels = Voxels::new(&model.surface, 0.5 * bounds.distance, model.name)?;
     let openness = |place: Place| around.openness((index, model), place, bounds.distance);
     let (mut open, mut closed): (Vec<Seed>, Vec<Seed>) =
         seeds::form(&model.surface, &voxels, bounds, &openness).into_iter().partition(|seed| seed.open);
     if open.is_empty() {
-        // A model has one at least.
+        // A model has at least one cache.
         let largest = (0..closed.len()).max_by(|&a, &b| closed[a].area.total_cmp(&closed[b].area));
         open.extend(largest.map(|largest| closed.remove(largest)));
     }
@@ -73,13 +73,13 @@ fn place((index, model): (usize, &Model), around: &Surroundings, bounds: Bounds)
     Ok(Placement { voxels, seeds, count })
 }
 
-/// How unwelcome a count is, from the logarithm of its ratio to the one asked for. The count is a budget: where the
-/// voxels of a plain model allow only jumps, too few is better than too many.
+/// Cost of a count, from the logarithm of its ratio to the requested count. The count is a budget: where a simple
+/// model's voxels allow only jumps, too few caches are better than too many.
 fn regret(off: f64) -> f64 {
     if off > 0.05 { 2.5 * off } else { off.abs() }
 }
 
-/// Places caches on all models; `None` where that would cut them into many more pieces than `most`.
+/// Places caches on all models; `None` if that would cut them into many more pieces than `most`.
 fn place_all(models: &[Model], around: &Surroundings, bounds: Bounds, most: f64) -> Result<Option<Vec<Placement>>> {
     let beyond = |model: &Model| {
         let surface = &model.surface;
@@ -91,15 +91,15 @@ fn place_all(models: &[Model], around: &Surroundings, bounds: Bounds, most: f64)
     models.par_iter().enumerate().map(|model| place(model, around, bounds)).collect::<Result<_>>().map(Some)
 }
 
-/// What a search has found.
+/// Result of a search.
 pub(super) struct Found {
-    /// Bounds that the caches keep.
+    /// Bounds that the caches satisfy.
     pub(super) bounds: Bounds,
     /// The caches of each model.
     pub(super) placements: Vec<Placement>,
 }
 
-/// Places caches as the settings ask.
+/// Places caches according to the settings.
 pub(super) fn search(
     models: &[Model],
     around: &Surroundings,
@@ -138,20 +138,21 @@ pub(super) fn search(
             found => break found?,
         }
     };
-    // Each instance of a box needs six caches that each face their own way; of very many instances that is too much.
+    // Each instance of a box needs six caches, one per direction. With very many instances that is too much.
     for wider in [2.0 * FRAC_PI_3, PI] {
         if off > FAR_TOO_MANY.ln()
             && wider > angle
             && let Ok(less) = for_count(models, around, [area, target], wider, pieces, progress)
         {
-            log::info!("{:.0} caches where {target} were asked for: they stand for wider angles", target * off.exp());
+            log::info!("{:.0} caches instead of {target}: raising the angle that each represents", target * off.exp());
             (off, found) = less;
         }
     }
     Ok(found)
 }
 
-/// Searches the spacing for a count. Gives with what it has found the logarithm of how far off the count is.
+/// Searches the spacing for a count. Returns the logarithm of the ratio of the count found to `target`, and the
+/// placement.
 fn for_count(
     models: &[Model],
     around: &Surroundings,
@@ -160,12 +161,13 @@ fn for_count(
     most_pieces: f64,
     progress: &(dyn Fn(f32, &str) + Sync),
 ) -> Result<(f64, Found)> {
-    // A voxel that holds the largest model whole: coarser than that changes nothing.
+    // A voxel that holds the whole largest model: coarser spacings change nothing.
     let widest = models.iter().filter(|m| m.surface.area > 0.0).map(|m| (m.surface.high - m.surface.low).max_element());
     let coarsest = 2.5 * widest.fold(0.0, f64::max);
-    // Slanted planes meet half again as many voxels as even ones, and pruning takes some back: about 5 per d_eps^2.
+    // Slanted planes meet half again as many voxels as axis-aligned ones, and pruning removes some: about 5 caches per
+    // d_eps^2.
     let mut spacing = (5.0 * area / target).sqrt().min(coarsest);
-    // Spacings known to give too many and too few, with the logarithm of how far off (`None` if beyond all limits).
+    // Spacings known to give too many and too few, with the logarithm of the ratio (`None` if beyond all limits).
     let mut fine: Option<(f64, Option<f64>)> = None;
     let mut coarse: Option<(f64, f64)> = None;
     let mut best: Option<(f64, f64, Vec<Placement>)> = None;
@@ -180,9 +182,8 @@ fn for_count(
             Ok(None) => {
                 log::debug!("spacing {spacing:.4} m: too many pieces for {target} caches");
                 fine = Some((spacing, None));
-                let what = format!(
-                    "{target} caches: a spacing fine enough cuts the scene into too many pieces: ask for fewer"
-                );
+                let what =
+                    format!("{target} caches need a spacing that cuts the scene into too many pieces: ask for fewer");
                 refused.get_or_insert(Error::TooLarge(what));
             }
             Ok(Some(placements)) => {
@@ -199,7 +200,7 @@ fn for_count(
             }
         }
         spacing = match (fine, coarse) {
-            // About where the line between both ends, in logarithms, crosses zero; well inside, as counts jump.
+            // Where the line between both ends, in logarithms, crosses zero; kept well inside, because counts jump.
             (Some((low, too_many)), Some((high, too_few))) => {
                 if high < low * 1.0002 {
                     break;
@@ -207,14 +208,14 @@ fn for_count(
                 let part = too_many.map_or(0.5, |too_many| (too_many / (too_many - too_few)).clamp(0.1, 0.9));
                 low * (high / low).powf(part)
             }
-            // The count goes with the square of the spacing, a little less where surfaces are finer than voxels.
+            // The count varies with the square of the spacing, a little less where surfaces are finer than voxels.
             (Some((low, too_many)), None) => (low * too_many.map_or(4.0, |m| (0.55 * m).exp().max(1.02))).min(coarsest),
             (None, Some((high, too_few))) => high * (0.55 * too_few).exp().min(0.98),
             (None, None) => unreachable!("an attempt is too fine, too coarse, or the last"),
         };
     }
     match (best, refused) {
-        // Finer was refused, and what was not falls short.
+        // Finer spacings were refused, and the accepted ones give too few caches.
         (Some((_, off, _)), Some(error)) if off < -0.1 => Err(error),
         (Some((spacing, off, placements)), _) => Ok((off, Found { bounds: Bounds::new(spacing, angle), placements })),
         (None, error) => Err(error.expect("an attempt succeeds or is refused")),

@@ -1,4 +1,5 @@
-//! Voxels of pieces -> caches: binned normals, the mean of a group, snapped onto a triangle. METHOD 8, thesis 5.6.3.
+//! Forms caches from the pieces of each voxel: bins normals, averages a group, snaps it onto a triangle. METHOD 8,
+//! thesis 5.6.3.
 
 use super::closed::OPEN;
 use super::surface::Surface;
@@ -7,11 +8,11 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Bins along u and along theta; each of the 18 x 18 covers about 20 degrees (line 2308).
+/// Bins along u and along theta; each of the 18 x 18 bins covers about 20 degrees (line 2308).
 pub const BINS: usize = 18;
 
-/// Bin of a unit normal. Bins have equal areas: they divide `u = n_z` in [-1, 1] and theta in [0, 2 pi) evenly
-/// (eq. 5.96; the print's u in [0, 1] reaches only the upper half of the sphere).
+/// Bin of a unit normal. Bins have equal areas: they divide `u = n_z` in [-1, 1] and theta in [0, 2 pi) evenly (eq.
+/// 5.96; the printed range of u, [0, 1], covers only the upper hemisphere).
 pub fn normal_bin(normal: DVec3) -> usize {
     let u = (normal.z + 1.0) * 0.5;
     let theta = normal.y.atan2(normal.x).rem_euclid(TAU) / TAU;
@@ -27,14 +28,14 @@ pub fn bin_normal(bin: usize) -> DVec3 {
     DVec3::new(radius * theta.cos(), radius * theta.sin(), u)
 }
 
-/// The bounds that a cache must keep to the surface it stands for.
+/// Limits on the distance and angle between a cache and the surface it represents.
 #[derive(Clone, Copy)]
 pub(super) struct Bounds {
     /// `d_eps` \[m\].
     pub(super) distance: f64,
     /// `theta_eps` \[rad\].
     pub(super) angle: f64,
-    /// Its cosine, a trifle less than one at most: a normal must be within any angle of itself after rounding.
+    /// Cosine of `angle`, slightly below 1 at most, so that rounding cannot put a normal outside of its own bound.
     pub(super) cos: f64,
 }
 
@@ -44,39 +45,39 @@ impl Bounds {
     }
 }
 
-/// A point of a surface: index into `Surface::triangles`, weights of the triangle's second and third corner.
+/// A surface point: index into `Surface::triangles`, and weights of the triangle's second and third corners.
 pub(super) type Place = (u32, [f32; 2]);
 
-/// Pieces of a group that are looked at, from the outermost to the innermost, where the best place of it is closed in.
+/// Most pieces of a group that are tried, from outermost to innermost, if the group's best place is closed in.
 const TRIED: usize = 16;
 
-/// A cache in the making.
+/// A cache under construction.
 #[derive(Clone)]
 pub(super) struct Seed {
     /// Index into `Surface::triangles`.
     pub(super) triangle: u32,
-    /// Weights of the triangle's second and third corner.
+    /// Weights of the triangle's second and third corners.
     pub(super) weights: [f32; 2],
-    /// Where they are, in bake space.
+    /// Position in bake space.
     pub(super) position: DVec3,
     /// The triangle's geometric normal.
     pub(super) normal: DVec3,
-    /// Area [m^2] of the pieces it was formed for.
+    /// Area [m^2] of the pieces it was formed from.
     pub(super) area: f64,
-    /// Pieces it answers for: each within both bounds.
+    /// Pieces it covers, each within both bounds.
     pub(super) pieces: Vec<u32>,
-    /// Whether it is in the open.
+    /// Whether it is in the open, so that light can reach it.
     pub(super) open: bool,
 }
 
-/// Growth of the error (5.95) with position and normal: `|x - c| / d_eps + sqrt(1 - (N(x) . N(c))+)`. The print's
-/// product is least for normals at right angles.
+/// Error of a cache (5.95): `|x - c| / d_eps + sqrt(1 - (N(x) . N(c))+)`. The printed product would be smallest for
+/// perpendicular normals.
 pub(crate) fn error(distance: f64, cos: f64, spacing: f64) -> f64 {
     distance / spacing + (1.0 - cos.clamp(0.0, 1.0)).sqrt()
 }
 
-/// Forms the caches of every voxel, in the open if there is a place that is. Voxels do not know of each other, so the order of
-/// work changes nothing.
+/// Forms the caches of every voxel, preferring open places. Voxels are independent, so the order of work does not
+/// matter.
 pub(super) fn form(
     surface: &Surface,
     voxels: &Voxels,
@@ -108,21 +109,21 @@ fn form_in(
     while !left.is_empty() {
         let pieces = || left.iter().map(|&index| (index, &voxels.pieces[index as usize]));
 
-        // The fullest bin's normal and what is near it.
+        // The normal of the fullest bin, and the pieces close to it.
         bins.fill(0.0);
         pieces().for_each(|(_, p)| bins[triangle(p).bin as usize] += p.area);
         let fullest = (0..bins.len()).fold(0, |best, bin| if bins[bin] > bins[best] { bin } else { best });
         let mut normal = bin_normal(fullest);
         if !pieces().any(|(_, p)| triangle(p).normal.dot(normal) >= bounds.cos) {
-            // All of the bin lies outside theta_eps of its middle: its largest piece speaks for it. A voxel of
-            // nothing but vanishing areas may point at an empty bin: then the largest piece of all.
+            // All pieces of the bin are outside theta_eps of its middle: use its largest piece's normal. In a voxel of
+            // vanishing areas the fullest bin may be empty: then use the largest piece of all.
             let in_bin = pieces().filter(|(_, p)| triangle(p).bin as usize == fullest);
             let largest = in_bin.max_by(|a, b| a.1.area.total_cmp(&b.1.area)).or_else(|| pieces().next());
             normal = largest.map_or(normal, |(_, p)| triangle(p).normal);
         }
         let near = |p: &Piece| triangle(p).normal.dot(normal) >= bounds.cos;
 
-        // Their mean (5.97), normalised.
+        // Their normalised mean (5.97).
         let (mut mean_position, mut mean_normal, mut area) = (DVec3::ZERO, DVec3::ZERO, 0.0);
         for (_, piece) in pieces().filter(|(_, p)| near(p)) {
             mean_position += piece.centroid * piece.area;
@@ -132,7 +133,7 @@ fn form_in(
         let mean_position = mean_position / area;
         let mean_normal = mean_normal.try_normalize().unwrap_or(normal);
 
-        // The most similar point of the group's own surface.
+        // The most similar point on the group's own surface.
         let mut best = (f64::INFINITY, 0, DVec3::ZERO);
         for (index, piece) in pieces().filter(|(_, p)| near(p)) {
             let facing = triangle(piece).normal;
@@ -150,7 +151,7 @@ fn form_in(
             (snapped, (index, surface.weights(&surface.triangles[index as usize], point)))
         };
         let mut found = place(best.1, best.2);
-        // A door's face may be in the open, and the shelves behind it, which face the same way, not.
+        // A door's face may be in the open while the shelves behind it, which face the same way, are not.
         let mut open = openness(found.1);
         if open < OPEN {
             let mut group: Vec<u32> = pieces().filter(|(_, p)| near(p)).map(|(index, _)| index).collect();
@@ -169,7 +170,7 @@ fn form_in(
         let (snapped, (index, weights)) = found;
         let snapped_to = &surface.triangles[index as usize];
 
-        // Only what the cache covers goes; the rest stays for the next round. The snapped piece always goes.
+        // Only covered pieces are removed; the others stay for the next round. The snapped piece is always removed.
         let goes =
             |i: u32| i == snapped || triangle(&voxels.pieces[i as usize]).normal.dot(snapped_to.normal) >= bounds.cos;
         let (gone, stays): (Vec<u32>, Vec<u32>) = left.iter().partition(|&&i| goes(i));
@@ -187,7 +188,7 @@ fn form_in(
     seeds
 }
 
-/// Nearest point of a flat convex polygon, whichever way round its corners go.
+/// Nearest point of a flat convex polygon with either winding.
 fn nearest_point(polygon: &[DVec3], normal: DVec3, point: DVec3) -> DVec3 {
     let flat = point - normal * (point - polygon[0]).dot(normal);
     let (mut lefts, mut rights) = (0, 0);

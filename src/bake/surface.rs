@@ -1,4 +1,4 @@
-//! A mesh as the bake sees it: in world metres, turned as in the world, but around the mesh's own centre. METHOD 8.
+//! A mesh in bake space: in world metres, oriented as in the world, relative to the mesh's own centre. METHOD 8.
 
 use super::seeds;
 use crate::scene::{Mesh, Vertex};
@@ -7,19 +7,20 @@ use std::collections::HashMap;
 
 /// A mesh under the linear part of a transform.
 pub(super) struct Surface {
-    /// Middle of the mesh in model space: bake space counts from it.
+    /// Centre of the mesh in model space; the origin of bake space.
     pub(super) centre: DVec3,
     /// Linear part of `world_from_model`, as in the world.
     pub(super) linear: DMat3,
-    /// Takes model-space normals to bake space, unnormalised: the cofactors, which exist for flattening scales too.
+    /// Transforms model-space normals to bake space, unnormalised: the cofactor matrix, which exists for flattening
+    /// scales too.
     pub(super) normal_matrix: DMat3,
     /// All vertices of the mesh, in bake space.
     pub(super) positions: Vec<DVec3>,
-    /// Their shading normals in bake space: unit, or zero where the mesh gives none and no triangle helps out.
+    /// Their shading normals in bake space: unit, or zero if neither the mesh nor a triangle gives one.
     pub(super) normals: Vec<DVec3>,
-    /// For each vertex the first one in its place.
+    /// For each vertex, the first vertex at its position.
     pub(super) welded: Vec<u32>,
-    /// The triangles that have an area.
+    /// The triangles with non-zero area.
     pub(super) triangles: Vec<Triangle>,
     /// Smallest coordinates of `triangles`.
     pub(super) low: DVec3,
@@ -27,18 +28,18 @@ pub(super) struct Surface {
     pub(super) high: DVec3,
     /// Sum of the triangles' areas [m^2].
     pub(super) area: f64,
-    /// Whether the mesh bends: then normals at rest say little about those of other poses.
+    /// Whether the mesh deforms; rest normals then say little about other poses.
     pub(super) bends: bool,
 }
 
-/// A triangle with an area.
+/// A triangle with non-zero area.
 #[derive(Clone, Copy)]
 pub(super) struct Triangle {
-    /// Its number in the mesh.
+    /// Index in the mesh.
     pub(super) index: u32,
-    /// Vertices.
+    /// Vertex indices.
     pub(super) vertices: [u32; 3],
-    /// Unit geometric normal of the side that is shaded.
+    /// Unit geometric normal of the shaded side.
     pub(super) normal: DVec3,
     /// Area [m^2].
     pub(super) area: f64,
@@ -46,23 +47,23 @@ pub(super) struct Triangle {
     pub(super) bin: u16,
 }
 
-/// Twice the area over the longest side's square, below which a triangle counts as having none: its normal is then
+/// Twice the area over the square of the longest side, below which a triangle counts as degenerate. Its normal would be
 /// known to 1e-6 at best in f64, and it is a thousand million times longer than wide.
 const DEGENERATE: f64 = 1e-9;
 
 impl Surface {
-    /// Moves a mesh to bake space.
+    /// Transforms a mesh to bake space.
     pub(super) fn new(mesh: &Mesh, linear: DMat3) -> Self {
         let centre = centre(mesh);
         let columns = [linear.x_axis, linear.y_axis, linear.z_axis];
-        // det(L) L^-T; a mirroring transform turns the winding over but not the side that is shaded.
+        // det(L) L^-T: a mirroring transform reverses the winding but not the shaded side.
         let mirror = if linear.determinant() < 0.0 { -1.0 } else { 1.0 };
         let normal_matrix = DMat3::from_cols(
             columns[1].cross(columns[2]) * mirror,
             columns[2].cross(columns[0]) * mirror,
             columns[0].cross(columns[1]) * mirror,
         );
-        // Differences of f32 positions are exact enough in f64 wherever the mesh lies, hence the centre goes first.
+        // The centre is subtracted first: differences of f32 positions are exact enough in f64 wherever the mesh lies.
         let positions: Vec<_> = mesh.vertices.iter().map(|v| linear * (v.position.as_dvec3() - centre)).collect();
         let mut normals: Vec<_> =
             mesh.vertices.iter().map(|v| (normal_matrix * v.normal.as_dvec3()).normalize_or_zero()).collect();
@@ -106,7 +107,7 @@ impl Surface {
         triangle.vertices.map(|v| self.positions[v as usize])
     }
 
-    /// A point of a triangle as the weights of its second and third corner, rounded to what a cache keeps.
+    /// A point of a triangle as weights of its second and third corners, rounded to a cache's precision.
     pub(super) fn weights(&self, triangle: &Triangle, point: DVec3) -> [f32; 2] {
         let [a, b, c] = self.corners(triangle);
         let normal = (b - a).cross(c - a);
@@ -116,19 +117,19 @@ impl Surface {
         [second, (third as f32).clamp(0.0, 1.0 - second)]
     }
 
-    /// The point that the weights mean.
+    /// The point with the given weights.
     pub(super) fn point(&self, triangle: &Triangle, weights: [f32; 2]) -> DVec3 {
         let [a, b, c] = self.corners(triangle);
         a + (b - a) * f64::from(weights[0]) + (c - a) * f64::from(weights[1])
     }
 }
 
-/// For each vertex the first one in its place, within about a 100 000th of the mesh: several normals or coordinates repeat a
-/// vertex, and some meshes are triangles whose corners differ by rounding.
+/// For each vertex, the first vertex at its position, within about a 100 000th of the mesh. Vertices are duplicated for
+/// different normals or texture coordinates, and in some meshes the corners of adjacent triangles differ by rounding.
 fn welded(mesh: &Mesh) -> Vec<u32> {
     let [low, high] = bounds(mesh);
     let step = (1e-5 * (high - low).max_element()).max(f64::MIN_POSITIVE);
-    // Off the round numbers, which places are fond of.
+    // The offset avoids round coordinates, which are common.
     let place = |v: &Vertex| ((v.position.as_dvec3() - low) / step + 0.317).to_array().map(|x| x.floor() as i64);
     let mut first = HashMap::with_capacity(mesh.vertices.len());
     (mesh.vertices.iter().zip(0..)).map(|(vertex, index)| *first.entry(place(vertex)).or_insert(index)).collect()
@@ -140,7 +141,7 @@ fn centre(mesh: &Mesh) -> DVec3 {
     if low.is_finite() { (low + high) * 0.5 } else { DVec3::ZERO }
 }
 
-/// Least and largest coordinates of the vertices that triangles use, in model space.
+/// Smallest and largest coordinates of the vertices that triangles use, in model space.
 fn bounds(mesh: &Mesh) -> [DVec3; 2] {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &index in &mesh.indices {

@@ -1,7 +1,7 @@
-//! Triangles -> pieces, each within one voxel of side `d_eps / 2`. METHOD 8, thesis 5.6.3.
+//! Cuts triangles into pieces, each within one voxel of side `d_eps / 2`. METHOD 8, thesis 5.6.3.
 //!
-//! Voxels are kept sparsely as runs of pieces sorted by Morton key: everything is made once and then only walked, so
-//! an octree would buy nothing, and the caches come out in a space-filling order by themselves.
+//! Voxels are stored sparsely, as runs of pieces sorted by Morton key. They are built once and then only traversed, so
+//! an octree has no advantage, and the caches come out in a space-filling order.
 
 use super::surface::Surface;
 use crate::error::{Error, Result};
@@ -15,7 +15,7 @@ pub(super) struct Piece {
     key: u128,
     /// Index into `Surface::triangles`.
     pub(super) triangle: u32,
-    /// First corner in `Voxels::corners`.
+    /// Index of its first corner in `Voxels::corners`.
     first: u32,
     /// Number of corners.
     count: u32,
@@ -23,37 +23,37 @@ pub(super) struct Piece {
     pub(super) area: f64,
     /// Centre of mass.
     pub(super) centroid: DVec3,
-    /// Largest distance \[m\] of a corner to it.
+    /// Largest distance \[m\] from the centroid to a corner.
     pub(super) radius: f64,
 }
 
-/// A voxel.
+/// A voxel that contains surface.
 pub(super) struct Cell {
     /// Its pieces.
     pub(super) pieces: Range<u32>,
-    /// Middle of a ball around them.
+    /// Centre of a bounding sphere of its pieces.
     pub(super) centre: DVec3,
-    /// The ball's radius \[m\], at most half of a voxel's diagonal.
+    /// Radius of the sphere \[m\], at most half of a voxel's diagonal.
     pub(super) radius: f64,
 }
 
-/// A surface cut up.
+/// A surface cut into voxels.
 pub(super) struct Voxels {
-    /// Pieces, voxel by voxel.
+    /// Pieces, grouped by voxel.
     pub(super) pieces: Vec<Piece>,
-    /// The voxels that have any, in Morton order.
+    /// Voxels that contain pieces, in Morton order.
     pub(super) cells: Vec<Cell>,
     /// Corners of all pieces.
     corners: Vec<DVec3>,
 }
 
-/// Voxels along an axis: numbers of cells of the same size are 32 bits elsewhere.
+/// Most voxels along an axis: other code numbers cells of the same size with 32 bits.
 const AXIS_LIMIT: f64 = (1 << 30) as f64;
 
-/// Pieces beyond two per triangle, about 3 GiB of them. A model's 65 534 caches need some 200 000 such voxels.
+/// Most pieces beyond two per triangle, about 3 GiB. A model with 65 534 caches has about 200 000 such voxels.
 pub(super) const PIECE_LIMIT: f64 = 16e6;
 
-/// Pieces smaller than this part of their triangle are the rounding of a cut that met a corner or an edge.
+/// Pieces smaller than this part of their triangle are rounding errors of a cut through a corner or an edge.
 const NOTHING: f64 = 1e-14;
 
 impl Voxels {
@@ -62,7 +62,7 @@ impl Voxels {
         &self.corners[piece.first as usize..(piece.first + piece.count) as usize]
     }
 
-    /// About how many pieces voxels of the given side \[m\] cut a surface into.
+    /// Estimated number of pieces into which voxels of the given side \[m\] cut a surface.
     pub(super) fn estimate(surface: &Surface, side: f64) -> f64 {
         surface.triangles.iter().map(|t| estimate(surface.corners(t), t.normal, t.area, side)).sum()
     }
@@ -72,7 +72,7 @@ impl Voxels {
         let layers = ((surface.high - surface.low) / side).max_element() + 2.0;
         if layers.is_nan() || layers >= AXIS_LIMIT {
             return Err(Error::TooLarge(format!(
-                "mesh '{name}': it is {layers:.1e} times as long as half of a spacing of {:.3e} m: ask for a larger \
+                "mesh '{name}': its length is {layers:.1e} times half of the spacing of {:.3e} m: ask for a larger \
                  spacing or fewer caches",
                 2.0 * side
             )));
@@ -118,7 +118,7 @@ impl Voxels {
             pieces.extend(chunk_pieces.into_iter().map(|p| Piece { first: first + p.first, ..p }));
             corners.extend(chunk_corners);
         }
-        // A triangle has one piece per voxel: the order is total.
+        // A triangle has one piece per voxel, so the order is total.
         pieces.par_sort_unstable_by_key(|p| (p.key, p.triangle));
         let mut ranges: Vec<Range<u32>> = Vec::new();
         for chunk in pieces.chunk_by(|a, b| a.key == b.key) {
@@ -140,9 +140,9 @@ impl Voxels {
     }
 }
 
-/// Cuts a triangle into its parts in the voxels of a grid with a corner at `origin`, and hands each to `emit` with
-/// the voxel it lies in. Sutherland-Hodgman (SH74), slab after slab, so that each plane cuts once and the parts add
-/// up. Voxels own their lower faces: what lies in a plane of the grid falls to one voxel, not to two.
+/// Cuts a triangle into its parts in the voxels of a grid with a corner at `origin`, and passes each part to `emit`
+/// with its voxel. Sutherland-Hodgman (SH74), slab by slab, so that each plane cuts once and the parts add up. Voxels
+/// own their lower faces: surface in a plane of the grid belongs to one voxel, not to two.
 pub fn clip(triangle: [DVec3; 3], origin: DVec3, side: f64, emit: &mut impl FnMut([i64; 3], &[DVec3])) {
     slabs(&triangle, 0, origin, side, &mut [0; 3], emit);
 }
@@ -184,7 +184,7 @@ fn slabs(
     }
 }
 
-/// Appends the part of a convex polygon where `distance` is negative to `below` and the other one to `above`.
+/// Appends the part of a convex polygon with negative `distance` to `below` and the other part to `above`.
 pub(super) fn split(
     polygon: &[DVec3],
     distance: impl Fn(DVec3) -> f64,
@@ -222,15 +222,16 @@ pub(super) fn area_and_centroid(polygon: &[DVec3]) -> (f64, DVec3) {
     (area, if area > 0.0 { polygon[0] + moment / area } else { polygon[0] })
 }
 
-/// About how many voxels a triangle touches: those its inside crosses, those its outline crosses, and one.
+/// Estimated number of voxels that a triangle touches: those crossed by its interior, those crossed by its outline, and
+/// one.
 fn estimate([a, b, c]: [DVec3; 3], normal: DVec3, area: f64, side: f64) -> f64 {
     let extent = a.max(b).max(c) - a.min(b).min(c);
     area * normal.abs().element_sum() / (side * side) + extent.element_sum() / side + 1.0
 }
 
-/// Where the grid begins. Walls and floors that lie in a plane between two layers of voxels would fall apart into
-/// both by rounding or by the least slope, and so would a model that fits into one voxel: of a few phases per axis
-/// take the one with the least area near such planes, where a further layer counts by the share it adds.
+/// Origin of the grid. A wall or floor in a plane between two layers of voxels would be split between both by rounding
+/// or by a minimal slope, and so would a model that fits into one voxel. Of several phases per axis, the one with the
+/// least area near such planes is chosen; an additional layer costs the share that it adds.
 fn origin(surface: &Surface, side: f64) -> DVec3 {
     const PHASES: usize = 32;
     const NEAR: f64 = 0.1; // of a side
@@ -255,7 +256,7 @@ fn origin(surface: &Surface, side: f64) -> DVec3 {
                 .sum();
             near + surface.area * more / fewest
         };
-        // The first is the middle of what keeps the fewest layers.
+        // The first phase is the middle of the range with the fewest layers.
         let phases = (0..=PHASES).map(|i| if i == 0 { (fewest - extent) / 2.0 } else { i as f64 / PHASES as f64 });
         phases.map(|phase| (cost(phase), phase)).min_by(|a, b| a.0.total_cmp(&b.0)).map_or(0.0, |best| best.1)
     };

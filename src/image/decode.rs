@@ -1,25 +1,26 @@
-//! Decoding within bounds: what it takes is told by the header, before anything is allocated for it.
+//! Decoding within a memory limit: the header gives the memory needed before anything is allocated.
 
 use image::codecs::webp::WebPDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader, Limits};
 use std::io::{BufRead, Seek, SeekFrom};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Most memory \[bytes\] that decoding may take at once.
+/// Memory limit for decoding \[bytes\].
 static MOST: AtomicU64 = AtomicU64::new(1 << 30);
 
-/// Sets the most memory \[bytes\] that decoding pictures and textures may take at once, on all threads together and with
-/// what they become, and that vertices and indices of a scene may take; 1 GiB without this. What needs more is refused.
+/// Sets the memory limit \[bytes\] for decoding pictures and textures, for all threads together and including the
+/// decoded results. The same limit applies to the vertices and indices of a scene. The default is 1 GiB; input that
+/// needs more is refused.
 pub fn set_max_memory(bytes: u64) {
     MOST.store(bytes, Ordering::Relaxed);
 }
 
-/// Most memory \[bytes\] that decoding may take at once.
+/// Memory limit for decoding \[bytes\].
 pub(crate) fn max_memory() -> u64 {
     MOST.load(Ordering::Relaxed)
 }
 
-/// Refuses what takes more memory \[bytes\] than is allowed.
+/// Fails if the memory needed \[bytes\] exceeds the limit.
 pub(crate) fn within(needed: u64) -> Result<(), String> {
     let most = max_memory();
     if needed <= most {
@@ -27,17 +28,17 @@ pub(crate) fn within(needed: u64) -> Result<(), String> {
     }
     let mib = |bytes: u64| bytes.div_ceil(1 << 20);
     let (needed, most) = (mib(needed), mib(most));
-    Err(format!("decoding takes {needed} MiB of memory, and {most} are allowed; --max-memory {needed}M allows it"))
+    Err(format!("decoding takes {needed} MiB of memory, but the limit is {most} MiB; --max-memory {needed}M allows it"))
 }
 
-/// An image of which the header alone is read so far.
+/// An image of which only the header has been read.
 pub(crate) struct Encoded<'a> {
     decoder: Box<dyn ImageDecoder + 'a>,
-    /// Texels.
+    /// Number of texels.
     pub(crate) texels: u64,
     /// Width and height \[texels\].
     pub(crate) size: [u32; 2],
-    /// Most memory \[bytes\] while it is decoded.
+    /// Peak memory \[bytes\] during decoding.
     pub(crate) working: u64,
 }
 
@@ -48,9 +49,9 @@ pub(crate) fn header<'a, R: BufRead + Seek + 'a>(mut file: R, format: ImageForma
     limits.max_alloc = Some(max_memory());
     let decoder: Box<dyn ImageDecoder + 'a> = if format == ImageFormat::WebP {
         let mut decoder = WebPDecoder::new(file).map_err(describe)?;
-        // No texture moves, and what puts frames together panics on broken ones.
+        // Textures do not move, and the decoder's compositing of frames panics on broken animations.
         if decoder.has_animation() {
-            return Err("it is an animation".into());
+            return Err("it is an animation; use a still image".into());
         }
         decoder.set_limits(limits).map_err(describe)?;
         Box::new(decoder)
@@ -62,16 +63,16 @@ pub(crate) fn header<'a, R: BufRead + Seek + 'a>(mut file: R, format: ImageForma
     let (width, height) = decoder.dimensions();
     let decoded = decoder.total_bytes();
     let working = match format {
-        // A copy of the file, and 16 bits for each coefficient of a progressive one.
+        // A copy of the file, and 16 bits for each coefficient of a progressive JPEG.
         ImageFormat::Jpeg => decoded.saturating_mul(3).saturating_add(length),
-        // Planes or a canvas of the frame and its transforms, and a copy of the file.
+        // The frame's planes or canvas and its transforms, and a copy of the file.
         ImageFormat::WebP => decoded.saturating_mul(4).saturating_add(length),
         _ => decoded,
     };
     Ok(Encoded { decoder, texels: texels(width, height), size: [width, height], working })
 }
 
-/// Reads a KTX2 file, and of what it holds the header.
+/// Reads a KTX2 file and parses its header.
 pub(crate) fn ktx2<'a>(mut file: impl BufRead + Seek) -> Result<Encoded<'a>, String> {
     within(length(&mut file)?)?;
     let mut bytes = Vec::new();
@@ -82,7 +83,7 @@ pub(crate) fn ktx2<'a>(mut file: impl BufRead + Seek) -> Result<Encoded<'a>, Str
     Ok(Encoded { decoder: Box::new(texture), texels: texels(width, height), size: [width, height], working })
 }
 
-/// Length \[bytes\] of a file, which is then read from its start.
+/// Length of a file \[bytes\]; rewinds the file to its start.
 fn length(file: &mut impl Seek) -> Result<u64, String> {
     let describe = |error: std::io::Error| error.to_string();
     let length = file.seek(SeekFrom::End(0)).map_err(describe)?;
@@ -95,7 +96,7 @@ fn texels(width: u32, height: u32) -> u64 {
 }
 
 impl Encoded<'_> {
-    /// Decodes it.
+    /// Decodes the image.
     pub(crate) fn decode(self) -> Result<DynamicImage, String> {
         DynamicImage::from_decoder(self.decoder).map_err(describe)
     }

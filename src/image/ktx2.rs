@@ -1,5 +1,5 @@
-//! KTX2 textures of Basis Universal: ETC1S and UASTC, their largest level as RGBA8. The container is read here: what the
-//! transcoder is given has nothing in it that it would take on trust.
+//! KTX2 textures of Basis Universal (ETC1S and UASTC), their largest level as RGBA8. The container is parsed and
+//! checked here, so the transcoder gets no unchecked data that it would trust.
 
 use basisu::{DecodeFlags, TargetFormat, Transcoder};
 use image::error::{DecodingError, ImageFormatHint};
@@ -9,33 +9,33 @@ use std::borrow::Cow;
 use std::io::Read;
 use std::ops::Range;
 
-/// What KTX2 files start with.
+/// Magic bytes at the start of a KTX2 file.
 pub(crate) const MAGIC: &[u8] = b"\xABKTX 20\xBB\r\n\x1A\n";
 
-/// Windows of zstd that every decoder should take \[bytes\].
+/// Zstd window size that every decoder should accept \[bytes\].
 const WINDOW: u64 = 8 << 20;
 
-/// Codebooks of ETC1S and what is looked up in them \[bytes\].
+/// Size of ETC1S codebooks and their lookup tables \[bytes\].
 const CODEBOOKS: u64 = 8 << 20;
 
-/// Lengths of a KTX2 file's header and of an entry of its list of levels \[bytes\].
+/// Lengths of a KTX2 file's header and of an entry of its level index \[bytes\].
 const HEADER: usize = 80;
 const LEVEL: usize = 24;
 
-/// Where the header has what is changed in it.
+/// Offsets of the header fields that are changed \[bytes\].
 const LEVEL_COUNT: usize = 40;
 const SCHEME: usize = 44;
 const DESCRIPTOR: usize = 48;
 const KEYS: usize = 56;
 const GLOBAL: usize = 64;
 
-/// A texture whose container is read and checked.
+/// A texture whose container has been parsed and checked.
 pub(super) struct Texture {
     bytes: Vec<u8>,
     /// Width and height \[texels\].
     size: [u32; 2],
     kind: Kind,
-    /// What describes the format.
+    /// The data format descriptor.
     descriptor: Range<usize>,
     /// The largest level.
     level: Range<usize>,
@@ -45,12 +45,12 @@ pub(super) struct Texture {
 enum Kind {
     Etc1s,
     Uastc,
-    /// UASTC within zstd.
+    /// UASTC compressed with zstd.
     Packed,
 }
 
 impl Texture {
-    /// Reads a file's container.
+    /// Parses a file's container.
     pub(super) fn new(mut bytes: Vec<u8>) -> Result<Self, String> {
         let broken = || "its KTX2 container is broken or cut off".to_owned();
         if bytes.len() < HEADER + LEVEL || !bytes.starts_with(MAGIC) {
@@ -59,7 +59,7 @@ impl Texture {
         let [format, _, width, height, depth, layers, faces, _, scheme] =
             std::array::from_fn(|at| word(&bytes, MAGIC.len() + 4 * at));
         if width == 0 || height == 0 || depth > 0 || layers > 0 || faces != 1 {
-            return Err("its KTX2 holds no 2D texture, but a line, volume, array or cube".into());
+            return Err("its KTX2 is no 2D texture but a line, volume, array or cube".into());
         }
         let range = |offset: u64, length: u64| -> Result<Range<usize>, String> {
             let end = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64).ok_or_else(broken)?;
@@ -68,24 +68,24 @@ impl Texture {
         let descriptor = range(word(&bytes, DESCRIPTOR).into(), word(&bytes, DESCRIPTOR + 4).into())?;
         let level = range(long(&bytes, HEADER), long(&bytes, HEADER + 8))?;
         range(long(&bytes, GLOBAL), long(&bytes, GLOBAL + 8))?;
-        // Format 0, so that the descriptor's colour model tells, and how that is packed.
+        // Format 0 means that the descriptor's colour model and the supercompression scheme define the encoding.
         let kind = match (format, bytes[descriptor.clone()].get(12), scheme) {
             (0, Some(163), 1) => Kind::Etc1s,
             (0, Some(166), 0) => Kind::Uastc,
             (0, Some(166), 2) => Kind::Packed,
-            _ => return Err("its KTX2 is not of Basis Universal, neither ETC1S nor UASTC".into()),
+            _ => return Err("its KTX2 is neither ETC1S nor UASTC of Basis Universal".into()),
         };
-        // The keys are not used.
+        // The key/value data is not used.
         bytes[KEYS..GLOBAL].fill(0);
         Ok(Self { bytes, size: [width, height], kind, descriptor, level })
     }
 
-    /// Bytes of the largest level in UASTC: 16 for each 4 x 4 texels.
+    /// Size of the largest level in UASTC \[bytes\]: 16 for each 4 x 4 texels.
     fn blocks(&self) -> u64 {
         self.size.iter().map(|side| u64::from(side.div_ceil(4))).product::<u64>().saturating_mul(16)
     }
 
-    /// Most memory \[bytes\] while it is decoded.
+    /// Peak memory \[bytes\] during decoding.
     pub(super) fn working(&self) -> u64 {
         let aside = match self.kind {
             Kind::Etc1s => self.blocks().saturating_add(CODEBOOKS),
@@ -95,12 +95,12 @@ impl Texture {
         (self.bytes.len() as u64).saturating_add(aside).saturating_add(self.total_bytes())
     }
 
-    /// Largest window of zstd: encoders round the size of the level up to a power of two.
+    /// Largest zstd window: encoders round the size of the level up to a power of two.
     fn window(&self) -> u64 {
         self.blocks().saturating_mul(2).max(WINDOW)
     }
 
-    /// The file as the transcoder gets it: of UASTC the largest level alone.
+    /// The file for the transcoder. For UASTC it contains only the largest level.
     fn container(&self) -> Result<Cow<'_, [u8]>, String> {
         let stored = &self.bytes[self.level.clone()];
         let blocks: Cow<[u8]> = match self.kind {
@@ -126,7 +126,7 @@ impl Texture {
         Ok(Cow::Owned(bytes))
     }
 
-    /// A level that zstd packed: so many bytes as its texels need, whatever the file says.
+    /// Decompresses a zstd level. Reads only as many bytes as the texels need, whatever the file claims.
     fn unpacked(&self, packed: &[u8]) -> Result<Vec<u8>, String> {
         let broken = |why: String| format!("its KTX2 holds broken zstd: {why}");
         let decoder = StreamingDecoder::new_with_max_window_size(packed, self.window());
@@ -164,7 +164,7 @@ impl ImageDecoder for Texture {
     }
 }
 
-/// A number in the header, or in the first entry of the list of levels.
+/// A 32-bit number in the header or in the first entry of the level index.
 fn word(bytes: &[u8], at: usize) -> u32 {
     u32::from_le_bytes(std::array::from_fn(|byte| bytes[at + byte]))
 }

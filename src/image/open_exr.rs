@@ -12,12 +12,12 @@ use exr::prelude::{
 use std::io::BufReader;
 use std::path::Path;
 
-/// Reads a layer, or the picture itself; a layer of one channel comes three times.
+/// Reads a layer, or the main picture (`None`). A layer with one channel is copied to all three.
 pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
     let failed = |error: exr::error::Error| {
         bad(match error {
-            exr::error::Error::Io(_) => "its blocks do not lie where its table says; write or download it again".into(),
+            exr::error::Error::Io(_) => "its block table is broken; write or download it again".into(),
             error => format!("{error}; write or download it again"),
         })
     };
@@ -36,8 +36,8 @@ pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Picture> {
         let names: Vec<String> = channels.iter().map(|c| c.name.to_string()).collect();
         let names = names.join(", ");
         bad(match layer {
-            Some(layer) => format!("has no layer '{layer}'; its channels are {names}; use one of their layers"),
-            None => format!("has no channels R, G and B, which are needed; its channels are {names}"),
+            Some(layer) => format!("has no layer '{layer}'; its channels are {names}; use one of these layers"),
+            None => format!("channels R, G and B are needed; its channels are {names}"),
         })
     })?;
     let mut rgb = vec![[0.0; 3]; size.area()];
@@ -47,8 +47,8 @@ pub(super) fn read(path: &Path, layer: Option<&str>) -> Result<Picture> {
     Ok(Picture { width: size.width() as u32, height: size.height() as u32, rgb })
 }
 
-/// Most memory \[bytes\] that reading takes: the samples of the largest part and what becomes of them, a few blocks that are
-/// decompressed at the same time, and the places of all.
+/// Peak memory \[bytes\] of reading: the samples of the largest part and their converted values, a few blocks that are
+/// decompressed at the same time, and the offset tables of all parts.
 fn bytes_needed(headers: &[Header]) -> u64 {
     let at_once = 2 * (rayon::current_num_threads() as u64 + 3);
     let of = |header: &Header| {
@@ -65,11 +65,10 @@ fn bytes_needed(headers: &[Header]) -> u64 {
     headers.iter().map(of).max().unwrap_or(0).saturating_add(places)
 }
 
-/// Writes a 32-bit float OpenEXR with all layers in one part, linear Rec.709; `metadata` becomes its
-/// comment.
+/// Writes a 32-bit float OpenEXR with all layers in one part, linear Rec.709. `metadata` becomes the file's comment.
 ///
 /// # Errors
-/// A file that cannot be written; nothing half-written is left behind.
+/// When the file cannot be written; no partial file is left behind.
 pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadata: &str) -> Result<()> {
     let mut channels = exr::prelude::SmallVec::<[AnyChannel<FlatSamples>; 4]>::new();
     for layer in layers {
@@ -80,7 +79,7 @@ pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadat
     }
     let attributes = LayerAttributes {
         software_name: Text::new_or_none(concat!("lightskin ", env!("CARGO_PKG_VERSION"))),
-        // One attribute: the crate writes several in an order that changes from run to run.
+        // One attribute only: the crate writes several in an order that changes from run to run.
         comments: Text::new_or_none(metadata),
         ..LayerAttributes::default()
     };

@@ -1,5 +1,5 @@
-//! Bounds-checked reading of accessors. Everything is checked when an accessor is opened, in u64 and before anything
-//! is allocated; elements are decoded one by one afterwards, so that a reader takes only what it needs.
+//! Bounds-checked reading of accessors. Opening an accessor checks everything, in u64 and before any allocation.
+//! Elements are then decoded one by one, so that a reader takes only what it needs.
 
 use std::cell::Cell;
 use std::collections::BTreeMap;
@@ -7,24 +7,24 @@ use std::collections::BTreeMap;
 use super::json::{Document, Object};
 use crate::Result;
 
-/// Most elements that accessors without a buffer view (all zeros) may have together: nothing in the file backs them.
+/// Limit on the total elements of accessors without a buffer view (all zeros), since no file data backs them.
 const MAX_ZEROS: u64 = 1 << 24;
 
-/// A buffer's bytes, or why it has none.
+/// A buffer's bytes, or the reason why it has none.
 pub(super) type Buffer = std::result::Result<Vec<u8>, String>;
 
-/// What a file's accessors read.
+/// Data that a file's accessors read.
 #[derive(Default)]
 pub(super) struct Contents {
     /// The file's buffers.
     pub buffers: Vec<Buffer>,
-    /// Buffer views that were packed.
+    /// Decompressed buffer views.
     pub views: BTreeMap<usize, Vec<u8>>,
-    /// Accessors that were packed.
+    /// Decompressed accessors.
     pub accessors: BTreeMap<usize, Decoded>,
 }
 
-/// What an accessor holds whose values were packed by themselves, without gaps.
+/// Values of an accessor that was compressed separately; stored without gaps.
 pub(super) struct Decoded {
     pub bytes: Vec<u8>,
     pub count: u64,
@@ -39,7 +39,7 @@ pub(super) struct Accessors<'a> {
     zeros: Cell<u64>,
 }
 
-/// What an accessor is read as; decides which formats are accepted.
+/// Use of an accessor; decides which formats are accepted.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Semantic {
     /// Vertex indices.
@@ -72,15 +72,15 @@ pub(super) enum Semantic {
     InstanceRotation,
     /// Weights of morph targets.
     Weight,
-    /// Values for a JSON pointer: this many numbers, of any kind.
+    /// Values for a JSON pointer: this many numbers of any component type.
     Numbers(usize),
-    /// Values for a JSON pointer: true or false.
+    /// Values for a JSON pointer: booleans.
     Flag,
 }
 
 /// An opened accessor: every element below `count` is known to be inside its buffer.
 pub(super) struct Accessor<'a> {
-    /// "accessor 3 (POSITION of mesh 0 'Wall')".
+    /// Named "accessor 3 (POSITION of mesh 0 'Wall')".
     object: Object<'a>,
     /// Number of elements.
     pub count: usize,
@@ -88,13 +88,13 @@ pub(super) struct Accessor<'a> {
     pub width: usize,
     component: Component,
     normalized: bool,
-    /// First byte of element 0 onwards and the distance of elements; `None` for zeros.
+    /// Bytes from element 0 onwards, and the stride; `None` for zeros.
     base: Option<(&'a [u8], usize)>,
-    /// Elements that differ from `base`: increasing indices and tightly packed values.
+    /// Elements that replace those of `base`: increasing indices and tightly packed values.
     sparse: Option<(Vec<u32>, &'a [u8])>,
 }
 
-/// The numbers that elements are made of.
+/// Component type of elements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Component {
     I8,
@@ -118,7 +118,7 @@ impl Component {
         }
     }
 
-    /// Bytes of one.
+    /// Size \[bytes\].
     pub(super) fn size(self) -> usize {
         match self {
             Self::I8 | Self::U8 => 1,
@@ -164,7 +164,7 @@ impl<'a> Accessors<'a> {
         Self { document, contents, zeros: Cell::new(0) }
     }
 
-    /// Bytes of a buffer view, and its stride where it has one.
+    /// Bytes of a buffer view, and its stride if it has one.
     pub(super) fn view(&self, index: usize, from: &Object) -> Result<(&'a [u8], Option<u64>)> {
         let view = self.document.item("bufferViews", index, from)?;
         let bytes = match self.contents.views.get(&index) {
@@ -174,7 +174,7 @@ impl<'a> Accessors<'a> {
         Ok((bytes, view.whole("byteStride")?))
     }
 
-    /// The bytes of a buffer that an object names.
+    /// The bytes that an object references in a buffer.
     pub(super) fn bytes(&self, view: &Object) -> Result<&'a [u8]> {
         let buffer_index = view.index("buffer")?.ok_or_else(|| view.error("names no buffer: export the file again"))?;
         let buffer = self.document.item("buffers", buffer_index, view)?;
@@ -201,8 +201,9 @@ impl<'a> Accessors<'a> {
         let decoded = self.contents.accessors.get(&index);
         let count = decoded.map_or_else(|| object.needed_whole("count"), |decoded| Ok(decoded.count))?;
         if count == 0 || count > u64::from(u32::MAX) {
-            return Err(object
-                .error(format!("has {count} elements, between 1 and 4294967295 are possible: export the file again")));
+            return Err(
+                object.error(format!("has {count} elements; it must have 1 to 4294967295: export the file again"))
+            );
         }
         let code = object.needed_whole("componentType")?;
         let component = decoded.map(|decoded| decoded.component).or_else(|| Component::from_code(code));
@@ -259,7 +260,7 @@ impl<'a> Accessors<'a> {
             )));
         }
         let offset = object.whole("byteOffset")?.unwrap_or(0);
-        // Offsets are below 2^64 and counts below 2^32, so the product fits and only the sum may overflow.
+        // The stride is at most 252 and the count below 2^32, so the product fits; only adding the offset may overflow.
         let length = stride * (count - 1) + size;
         let slice = slice(bytes, offset, length).ok_or_else(|| {
             object.error(format!(
@@ -316,7 +317,7 @@ impl Accessor<'_> {
         self.object.error(reason)
     }
 
-    /// Refuses an attribute that has another number of elements than there are vertices.
+    /// Fails if an attribute has another number of elements than POSITION.
     pub(super) fn check_count(&self, vertices: usize) -> Result<()> {
         if self.count == vertices {
             return Ok(());
@@ -324,7 +325,7 @@ impl Accessor<'_> {
         Err(self.error(format!("has {} elements, but POSITION has {vertices}: export the file again", self.count)))
     }
 
-    /// Bytes of an element; `None` for zero.
+    /// Bytes of an element; `None` if it is zero.
     fn element(&self, index: usize) -> Option<&[u8]> {
         let size = self.component.size() * self.width;
         if let Some((indices, values)) = &self.sparse
@@ -336,7 +337,7 @@ impl Accessor<'_> {
         bytes.get(index * stride..index * stride + size)
     }
 
-    /// An element as numbers, normalised integers mapped to [-1, 1] or [0, 1]. Missing components are zero.
+    /// An element as numbers; normalised integers are mapped to [-1, 1] or [0, 1]. Missing components are zero.
     pub(super) fn floats<const N: usize>(&self, index: usize) -> [f32; N] {
         let mut numbers = [0.0; N];
         if let Some(bytes) = self.element(index) {
@@ -372,7 +373,7 @@ impl Accessor<'_> {
 
     /// All elements as vertex indices below `vertices`.
     pub(super) fn vertex_indices(&self, vertices: usize) -> Result<Vec<u32>> {
-        // glTF forbids the largest value of each type: graphics APIs take it for "start a new strip".
+        // glTF forbids the largest value of each type: graphics APIs interpret it as primitive restart.
         let restart = match self.component.size() {
             1 => 0xFF,
             2 => 0xFFFF,
@@ -392,7 +393,7 @@ impl Accessor<'_> {
     }
 }
 
-/// A part of `bytes`, if it is one.
+/// A part of `bytes`; `None` if it is out of range.
 fn slice(bytes: &[u8], offset: u64, length: u64) -> Option<&[u8]> {
     let end = usize::try_from(offset.checked_add(length)?).ok()?;
     bytes.get(usize::try_from(offset).ok()?..end)

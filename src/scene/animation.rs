@@ -1,7 +1,7 @@
-//! Animations as glTF defines them: nodes, skins, morph weights, and what KHR_animation_pointer names, at any time.
+//! Animations as glTF defines them, at any time: nodes, skins, morph weights, and targets of KHR_animation_pointer.
 //!
-//! `Scene::pose` starts from the rest values each time, so a pose depends only on the animation and the time.
-//! Times and world transforms are f64.
+//! `Scene::pose` starts from the rest values each time, so a pose depends only on the animation and the time. Times and
+//! world transforms are f64.
 
 mod extent;
 mod property;
@@ -14,72 +14,72 @@ use super::{Instance, Scene};
 use glam::{DAffine3, DMat3, DQuat, DVec3, Vec3};
 use std::ops::Range;
 
-/// What moves a scene. Made of [`Parts`]; knows besides which of them anything moves.
+/// The animation data of a scene: [`Parts`] and derived data about which of them move.
 #[derive(Clone, Debug, Default)]
 pub struct Rig {
     parts: Parts,
-    /// Nodes whose world transform some animation changes, parents first.
+    /// Nodes whose world transform an animation changes, parents first.
     moving: Vec<usize>,
-    /// By node: whether it is among them.
+    /// By node: whether it is in `moving`.
     moves: Vec<bool>,
-    /// Nodes whose visibility some animation changes, parents first.
+    /// Nodes whose visibility an animation changes, parents first.
     fading: Vec<usize>,
-    /// By node: whether it is among them.
+    /// By node: whether it is in `fading`.
     fades: Vec<bool>,
     /// By skin: whether any of its joints moves.
     bending: Vec<bool>,
-    /// Local transforms, world transforms and visibility of all nodes as they were last set.
+    /// Local transforms, world transforms and visibility of all nodes, as last set.
     locals: Vec<Local>,
     worlds: Vec<DAffine3>,
     shown: Vec<bool>,
     own_shown: Vec<bool>,
-    /// A sampled value.
+    /// Buffer for a sampled value.
     sampled: Vec<f64>,
 }
 
-/// What a rig is made of.
+/// The parts that make up a rig.
 #[derive(Clone, Debug, Default)]
 pub struct Parts {
-    /// The tree.
+    /// The node tree.
     pub nodes: Vec<Node>,
-    /// What bends meshes.
+    /// Skins that deform meshes.
     pub skins: Vec<Skin>,
-    /// What each of the first of `Scene::instances` hangs on.
+    /// For each of the first of `Scene::instances`, the node or skin that places it.
     pub instances: Vec<AnimatedInstance>,
-    /// The node of each of the first of `Scene::lights`.
+    /// For each of the first of `Scene::lights`, its node.
     pub lights: Vec<usize>,
-    /// The node of each of the first of `Scene::cameras`.
+    /// For each of the first of `Scene::cameras`, its node.
     pub cameras: Vec<usize>,
-    /// What animations set besides nodes and weights.
+    /// Animated properties other than node transforms, visibility and weights.
     pub properties: Vec<Property>,
     /// The animations.
     pub animations: Vec<Animation>,
 }
 
-/// A node at rest.
+/// A node in the rest pose.
 #[derive(Clone, Debug, Default)]
 pub struct Node {
-    /// The node it is a child of.
+    /// The parent node.
     pub parent: Option<usize>,
-    /// Its transform.
+    /// The rest transform.
     pub rest: Local,
-    /// KHR_node_visibility: whether it and what is below it is hidden.
+    /// KHR_node_visibility: whether the node and its descendants are hidden.
     pub hidden: bool,
 }
 
-/// A node's transform to its parent.
+/// A node's transform relative to its parent.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Local {
-    /// Scale, then rotate (unit length), then move.
+    /// Scale, then rotate, then translate.
     Parts {
         /// Translation \[m\].
         translation: DVec3,
         /// Unit quaternion.
         rotation: DQuat,
-        /// Scale by axis.
+        /// Scale along each axis.
         scale: DVec3,
     },
-    /// Cannot be animated.
+    /// A matrix, which cannot be animated.
     Matrix(DAffine3),
 }
 
@@ -90,7 +90,7 @@ impl Default for Local {
 }
 
 impl Local {
-    /// As a matrix.
+    /// The transform as an affine matrix.
     pub fn affine(&self) -> DAffine3 {
         match *self {
             Self::Parts { translation, rotation, scale } => {
@@ -101,93 +101,93 @@ impl Local {
     }
 }
 
-/// Nodes that bend meshes.
+/// Joints that deform meshes.
 #[derive(Clone, Debug, Default)]
 pub struct Skin {
-    /// Nodes; at least one.
+    /// Joint nodes; at least one.
     pub joints: Vec<usize>,
-    /// For each joint, the mesh's bind space to the joint's own.
+    /// For each joint, the transform from the mesh's bind space to the joint's space.
     pub inverse_bind: Vec<DAffine3>,
 }
 
-/// What an instance hangs on.
+/// Attachment of an instance to the node tree.
 #[derive(Clone, Debug, Default)]
 pub struct AnimatedInstance {
-    /// The node that draws it.
+    /// The node that draws the instance.
     pub node: usize,
-    /// What its place in the world is.
+    /// What places the instance in the world.
     pub hold: Hold,
-    /// Rest weights of its morph targets, where an animation may set them.
+    /// Rest weights of its morph targets; empty if no animation sets them.
     pub weights: Vec<f32>,
 }
 
-/// What gives an instance its place.
+/// What places an instance in the world.
 #[derive(Clone, Copy, Debug, Default)]
 pub enum Hold {
-    /// It stays where it is: skinned vertices that nothing animates are in world space.
+    /// Fixed: vertices of a skin without animation are in world space.
     #[default]
     World,
-    /// Its node, after this transform of its own (EXT_mesh_gpu_instancing).
+    /// The instance's node, with the given offset applied first (EXT_mesh_gpu_instancing).
     Node(DAffine3),
-    /// The joints of this skin: `world_from_model` is the translation to the first of them.
+    /// The joints of this skin; `world_from_model` is the translation to the first joint.
     Skin(usize),
 }
 
 /// A named set of channels that play together.
 #[derive(Clone, Debug, Default)]
 pub struct Animation {
-    /// glTF's name, or a made-up one.
+    /// glTF's name, or a generated one.
     pub name: String,
-    /// What it moves.
+    /// The animated values.
     pub channels: Vec<Channel>,
 }
 
-/// A value over time and what it sets.
+/// A value over time and its target.
 #[derive(Clone, Debug)]
 pub struct Channel {
-    /// The value.
+    /// The value over time.
     pub sampler: Sampler,
-    /// What it is a value of.
+    /// The target of the value.
     pub target: Target,
 }
 
-/// What a channel sets.
+/// Target of a channel.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Target {
-    /// Of a node \[m\].
+    /// Translation of a node \[m\].
     Translation(usize),
-    /// Of a node.
+    /// Rotation of a node.
     Rotation(usize),
-    /// Of a node.
+    /// Scale of a node.
     Scale(usize),
-    /// Of these instances, from the weight `first` on.
+    /// Morph weights of these instances, starting at weight `first`.
     Weights {
-        /// Instances of one node.
+        /// The instances of one node.
         instances: Range<usize>,
-        /// The first of the weights that are set.
+        /// Index of the first weight that is set.
         first: usize,
     },
     /// KHR_node_visibility of a node.
     Visible(usize),
     /// A part of one of `Parts::properties`.
     Property {
-        /// Which property.
+        /// Index of the property.
         property: usize,
-        /// Which of its parts.
+        /// Index of the part.
         part: usize,
     },
 }
 
 impl Animation {
-    /// Times \[s\] of its first and its last key.
+    /// Times \[s\] of the first and the last key.
     pub fn span(&self) -> (f64, f64) {
         let begin = self.channels.iter().map(|c| c.sampler.begin()).fold(f64::INFINITY, f64::min);
         let end = self.channels.iter().map(|c| c.sampler.end()).fold(f64::NEG_INFINITY, f64::max);
         if begin <= end { (begin, end) } else { (0.0, 0.0) }
     }
 
-    /// The time within the animation after it has played for `time` \[s\] over and over, from 0 to its last key, which is
-    /// shown when it is due.
+    /// Time within the animation after it has looped for `time` \[s\]. A loop runs from 0 to the last key; at a whole
+    /// number of loops the result is the last key.
     pub fn looped(&self, time: f64) -> f64 {
         let (_, end) = self.span();
         let within = if end > 0.0 { time.rem_euclid(end) } else { end };
@@ -210,7 +210,7 @@ impl Scene {
         all.any(|property| quantities.contains(&property.quantity()) && property.of().contains(&of))
     }
 
-    /// Whether an instance may move, bend or vanish: by an animation or by what poses it, or since it says so.
+    /// Whether an instance may move, deform or vanish: by an animation, by a pose, or because `Instance::moves` is set.
     pub fn may_move(&self, index: usize) -> bool {
         let instance = &self.instances[index];
         let by_rig = |rig: &Rig| {
@@ -220,31 +220,32 @@ impl Scene {
         instance.moves || self.meshes[instance.mesh].deform.is_some() || self.rig.as_ref().is_some_and(by_rig)
     }
 
-    /// See [`Animation::looped`]; the time itself without that animation.
+    /// See [`Animation::looped`]; without this animation, the time itself.
     pub fn looped(&self, animation: usize, time: f64) -> f64 {
         let played = self.rig.as_ref().and_then(|rig| rig.parts().animations.get(animation));
         played.map_or(time, |animation| animation.looped(time))
     }
 
-    /// Puts everything where an animation has it at `time` \[s\], and all that it does not move back to rest. Values are held
-    /// before its first and after its last key. Caches are placed at rest: bake first, then pose.
+    /// Poses the scene as an animation defines it at `time` \[s\]; everything that the animation does not change
+    /// returns to rest. Values are held before the first and after the last key. Caches are placed at rest: bake first,
+    /// then pose.
     ///
     /// # Panics
     ///
-    /// Without that animation.
+    /// If the animation does not exist.
     pub fn pose(&mut self, animation: usize, time: f64) {
         let count = self.animations().count();
         assert!(animation < count, "pose: animation {animation} of {count}");
         self.set(Some((animation, time)));
     }
 
-    /// Puts everything back to rest.
+    /// Returns everything to rest.
     pub fn rest(&mut self) {
         self.set(None);
     }
 
     fn set(&mut self, played: Option<(usize, f64)>) {
-        // The rig writes to the scene that it belongs to.
+        // Taken out, because the rig writes to the scene that owns it.
         let Some(mut rig) = self.rig.take() else { return };
         rig.play(played);
         rig.weigh(self, played);
@@ -258,7 +259,7 @@ impl Rig {
     ///
     /// # Panics
     ///
-    /// Where the nodes are no tree.
+    /// If the nodes do not form a tree.
     pub fn new(parts: Parts) -> Self {
         let count = parts.nodes.len();
         let mut children = vec![Vec::new(); count];
@@ -302,24 +303,24 @@ impl Rig {
             sampled: vec![0.0; widest],
             parts,
         };
-        // What nothing moves is worked out here, once and for all.
+        // Computes all nodes once; from now on only the animated ones.
         rig.play(None);
         rig.moving.retain(|&node| rig.moves[node]);
         rig.fading.retain(|&node| rig.fades[node]);
         rig
     }
 
-    /// What it is made of.
+    /// The parts of the rig.
     pub fn parts(&self) -> &Parts {
         &self.parts
     }
 
-    /// Where a node was last set to.
+    /// World transform of a node, as last set.
     pub(super) fn world(&self, node: usize) -> DAffine3 {
         self.worlds[node]
     }
 
-    /// Whether a node was last set to be shown.
+    /// Whether a node is shown, as last set.
     pub(super) fn is_shown(&self, node: usize) -> bool {
         self.shown[node]
     }
@@ -334,7 +335,7 @@ impl Rig {
         self.fades[node]
     }
 
-    /// Whether any animation moves an instance, or bends it.
+    /// Whether any animation moves or deforms an instance.
     pub fn moves(&self, instance: usize) -> bool {
         let Some(placed) = self.parts.instances.get(instance) else { return false };
         let held = match placed.hold {
@@ -345,7 +346,7 @@ impl Rig {
         held || !placed.weights.is_empty()
     }
 
-    /// Whether any animation changes anything of the scene.
+    /// Whether any animation changes anything in the scene.
     pub fn reaches(&self) -> bool {
         let on = |node: &usize| self.moves[*node] || self.fades[*node];
         !self.parts.properties.is_empty()
@@ -354,7 +355,7 @@ impl Rig {
             || self.parts.lights.iter().chain(&self.parts.cameras).any(on)
     }
 
-    /// Works out where all nodes are and what all properties are.
+    /// Computes all node transforms, visibilities and properties.
     fn play(&mut self, played: Option<(usize, f64)>) {
         for &node in &self.moving {
             self.locals[node] = self.parts.nodes[node].rest;
@@ -375,7 +376,7 @@ impl Rig {
                 let value = &mut self.sampled[..sampler.width];
                 sampler.sample(time, value);
                 match &channel.target {
-                    // Weights go straight to the instances.
+                    // `weigh` writes weights directly to the instances.
                     Target::Rotation(_) | Target::Weights { .. } => {}
                     Target::Translation(node) => {
                         if let Local::Parts { translation, .. } = &mut self.locals[*node] {
@@ -422,7 +423,7 @@ impl Rig {
         }
     }
 
-    /// Writes to the scene what moves and what is set.
+    /// Writes animated transforms, visibilities and properties to the scene.
     fn place(&mut self, scene: &mut Scene) {
         for (placed, instance) in self.parts.instances.iter().zip(&mut scene.instances) {
             self.place_instance(placed, instance);
@@ -435,7 +436,7 @@ impl Rig {
             camera.world_from_camera = rigid(self.worlds[node]);
         }
         self.parts.properties.iter().for_each(|property| property.apply(scene));
-        // Last, since a light that is hidden gives nothing whatever its intensity is.
+        // Last: a hidden light emits nothing, whatever its animated intensity.
         for (&node, light) in self.parts.lights.iter().zip(&mut scene.lights) {
             if self.fades[node] && !self.shown[node] {
                 light.intensity = 0.0;
@@ -463,8 +464,8 @@ impl Rig {
     }
 }
 
-/// Where the model of a skin is, and its joints from there: the translation to the first joint, so that vertices lie near
-/// 0 however far away the model stands.
+/// Model transform of a skin, and its joints relative to the model. The model transform is the translation to the first
+/// joint, so that vertices stay near 0 however far from the origin the model is.
 pub(super) fn joints<'a>(skin: &'a Skin, worlds: &'a [DAffine3]) -> (DAffine3, impl Iterator<Item = DAffine3> + 'a) {
     let anchor = worlds[skin.joints[0]].translation;
     let joint = move |(&node, bind): (&usize, &DAffine3)| {
@@ -481,7 +482,7 @@ pub(super) fn beam(world: DAffine3) -> (DVec3, Vec3) {
     (world.translation, direction.as_vec3())
 }
 
-/// Orientation and place of a node without its scale: a camera cannot be stretched.
+/// Orientation and position of a node without its scale, for cameras.
 pub(super) fn rigid(world: DAffine3) -> DAffine3 {
     let back = world.matrix3.z_axis.try_normalize().unwrap_or(DVec3::Z);
     let up = world.matrix3.y_axis.reject_from_normalized(back).try_normalize();

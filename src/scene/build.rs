@@ -1,7 +1,7 @@
-//! Scenes made in code: what `assets/` holds, and small worlds for tests and measurements.
+//! Scenes made in code: the contents of `assets/`, and small scenes for tests and measurements.
 //!
-//! Every builder is a pure function of its arguments. Light is interpolated per vertex, so large flat faces are
-//! grids with a stated edge length.
+//! Every builder is a pure function of its arguments. Light is interpolated per vertex, so large flat faces are grids
+//! with a given edge length.
 
 mod atrium;
 mod cornell;
@@ -20,9 +20,9 @@ pub use showpiece::{Fineness, showpiece};
 use super::{Camera, Instance, Material, Mesh, Phong, Primitive, Projection, Scene};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-/// Adds a mesh made of surfaces and their materials, one primitive each; returns its index.
+/// Adds a mesh made of surfaces and their materials, one primitive each. Returns the index of the mesh.
 ///
-/// A double-sided material gets a second primitive right behind the first: the same surface seen from its back.
+/// A double-sided material gets a second primitive right after the first: the same surface seen from its back.
 pub(crate) fn add_mesh(scene: &mut Scene, name: &str, parts: Vec<(Surface, usize)>) -> usize {
     let mut mesh = Mesh { name: name.into(), ..Mesh::default() };
     for (surface, material) in parts {
@@ -46,13 +46,13 @@ fn push_primitive(mesh: &mut Mesh, surface: Surface, material: usize) {
     mesh.primitives.push(Primitive { first_index, index_count: surface.indices.len() as u32, material });
 }
 
-/// Adds a material; returns its index.
+/// Adds a material. Returns its index.
 pub(crate) fn add_material(scene: &mut Scene, material: Material) -> usize {
     scene.materials.push(material);
     scene.materials.len() - 1
 }
 
-/// A material with an exact Phong lobe (`specular` zero: diffuse only).
+/// A material with an exact Phong lobe; with `specular` zero it is diffuse only.
 pub(crate) fn phong(name: &str, diffuse: [f32; 3], specular: [f32; 3], exponent: f32) -> Material {
     Material {
         name: name.into(),
@@ -74,12 +74,12 @@ pub(crate) fn rough(name: &str, base_color: [f32; 3], metallic: f32, roughness: 
     }
 }
 
-/// Stands a mesh in the world.
+/// Adds an instance of a mesh.
 pub(crate) fn place(scene: &mut Scene, name: &str, mesh: usize, world_from_model: DAffine3) {
     scene.instances.push(Instance { name: name.into(), mesh, world_from_model, ..Instance::default() });
 }
 
-/// Quarter turns about +Y (exact), then a translation; one turn takes +Z to +X.
+/// Exact quarter turns about +Y, then a translation; one turn takes +Z to +X.
 pub(crate) fn turned(quarters: i32, translation: DVec3) -> DAffine3 {
     let (sine, cosine) = [(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0)][quarters.rem_euclid(4) as usize];
     let x = DVec3::new(cosine, 0.0, -sine);
@@ -87,7 +87,7 @@ pub(crate) fn turned(quarters: i32, translation: DVec3) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_cols(x, DVec3::Y, z), translation)
 }
 
-/// A pinhole camera that stands at `eye` and looks at `target`, +Y up in the picture.
+/// A pinhole camera at `eye` that looks at `target`, +Y up in the picture.
 pub(crate) fn camera(name: &str, eye: DVec3, target: DVec3, yfov: f32) -> Camera {
     let back = (eye - target).normalize();
     let right = DVec3::Y.cross(back).normalize();

@@ -1,5 +1,5 @@
-//! A stage for scenes that come without: a camera, light, a ground. Rays tell an object from a room, and what a camera
-//! would show. Everything scales with the scene: files are in metres, millimetres or none.
+//! Adds a camera, light and a ground to scenes that lack them. Rays tell an object from a room and find what a camera
+//! would show. All sizes scale with the scene: files are in metres, millimetres or arbitrary units.
 
 mod space;
 mod view;
@@ -11,27 +11,27 @@ use super::{Camera, Light, LightKind, Projection, Scene};
 use glam::{DVec3, Vec3};
 use space::Space;
 
-/// Light of the sun through the open top of a room, and of a lamp on the floor below it \[lx\].
+/// Illuminance \[lx\] of the sun through the open top of a room, and of a lamp on the floor below it.
 const SUN: f64 = 1e5;
 const LAMP: f64 = 500.0;
 
-/// Share of the picture that the sun shall light, and how far off a surface \[radii\] it is looked for.
+/// Wanted share of the picture in sunlight, and offset \[radii\] of the shadow rays from a surface.
 const PATCH: f64 = 0.08;
 const SLACK: f64 = 1e-4;
 
-/// A lamp is free enough where nothing is nearer than this share of the scene's radius.
+/// A lamp has enough clearance if nothing is nearer than this share of the scene's radius.
 const FREE: f64 = 0.03;
 
-/// A room counts as open at the top if this many of the directions up lead out.
+/// A room counts as open at the top if at least this share of upward directions leads out.
 const OPEN: f64 = 0.1;
 
-/// A ground that was put in lies lower than what stands on it by this share of its radius: they do not share a plane.
+/// Distance of an added ground below the object, as a share of the scene's radius, so that they do not share a plane.
 const GAP: f64 = 5e-4;
 
 /// Whether a scene gets a ground.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Ground {
-    /// Under an object that has neither light nor a floor.
+    /// Under an object that has neither a light nor a floor.
     #[default]
     Auto,
     /// Never.
@@ -40,8 +40,8 @@ pub enum Ground {
     At(f64),
 }
 
-/// Adds what a scene lacks and notes what it added: a camera; light where it has no punctual one, unless it is a room
-/// whose surfaces emit; the ground that is asked for. Scenes without triangles stay as they are.
+/// Adds what a scene lacks and notes each addition: a camera; light, if the scene has no punctual light, except in a
+/// room with emissive surfaces; and the requested ground. Scenes without triangles stay unchanged.
 pub fn complete(scene: &mut Scene, ground: Ground) {
     let wanted = matches!(ground, Ground::At(_));
     if !scene.cameras.is_empty() && !scene.lights.is_empty() && !wanted {
@@ -67,7 +67,7 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
     }
     match () {
         () if !dark => {}
-        () if inside && scene.emits() => scene.notes.push("The scene has no light but its emissive surfaces.".into()),
+        () if inside && scene.emits() => scene.notes.push("The scene's only light is its emissive surfaces.".into()),
         () if inside && space.openness(DVec3::Y) >= OPEN => put_day_over(scene, &space),
         () if inside => {
             let lamp = lamp(&space);
@@ -78,12 +78,12 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
         () => {
             let viewer = scene.cameras[0].world_from_camera;
             let towards = viewer.translation - space.centre();
-            // For a camera that looks straight down, the front is below.
+            // For a camera that looks straight down, the lower edge of the picture is the front.
             let viewer =
                 if towards.x.hypot(towards.z) > 1e-3 * towards.length() { towards } else { -viewer.matrix3.y_axis };
             Sky::studio(viewer, height.is_some()).put_over(scene, studio::LIGHTS);
             if let (Some(_), Some(sky)) = (height, &mut scene.sky) {
-                // What goes past the edge of the ground meets more of it. No light has to stand for that.
+                // Rays past the edge of the ground meet more ground. No light has to represent that.
                 sky.continue_ground();
             }
             scene.backdrop = Backdrop::Studio;
@@ -92,7 +92,7 @@ pub fn complete(scene: &mut Scene, ground: Ground) {
     }
 }
 
-/// A sun through the open top of a room, and the sky that it stands in.
+/// Adds a sun that shines through the open top of a room, and a sky around it.
 fn put_day_over(scene: &mut Scene, space: &Space) {
     let towards = |tilt: f64, turn: f64| {
         let (tilt, turn) = (tilt.to_radians(), turn.to_radians());
@@ -101,7 +101,7 @@ fn put_day_over(scene: &mut Scene, space: &Space) {
     let suns = (0..12).flat_map(|turn| [20.0, 35.0, 50.0].map(|tilt| towards(tilt, 15.0 + 30.0 * f64::from(turn))));
     let shown = view::shown(space, &scene.cameras[0]);
     let reaches = |place: DVec3, sun: DVec3| space.rays.nearest(place, sun).is_none();
-    // It comes in, and draws a patch of light that neither floods the picture nor is missing in it.
+    // The sun must shine into the room, and the lit patch should neither fill the picture nor be missing.
     let unlike = |sun: DVec3| {
         let comes_in = space.free.iter().any(|place| reaches(place.position, sun));
         let lit = |(place, hit): &&(DVec3, Hit)| {
@@ -140,7 +140,7 @@ fn lamp(space: &Space) -> Light {
         for share in [0.8, 0.6, 0.4, 0.0] {
             let position = place.position + share * up * DVec3::Y;
             let (clearance, free) = space.clearance(position);
-            // The first that stands free enough is near the middle.
+            // The first place with enough clearance is near the middle.
             let clearance = clearance.min(FREE * space.radius());
             if free && best.is_none_or(|(most, ..)| clearance > most) {
                 best = Some((clearance, position, down + share * up));

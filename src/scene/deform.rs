@@ -1,26 +1,26 @@
-//! Meshes that bend: skins and morph targets as glTF defines them, applied from the rest shape for every pose.
+//! Deforming meshes: skins and morph targets as glTF defines them, applied to the rest shape for every pose.
 //!
-//! A mesh that bends keeps in `Mesh::vertices` how it stands at rest, which caches are placed on; `Deform` holds what its
-//! pose is made of. Both the device (`frame/deform.rs`) and `Mesh::posed` here read it.
+//! `Mesh::vertices` of a deforming mesh hold the rest pose, on which caches are placed. `Deform` holds the data from
+//! which poses are computed. Both the device (`frame/deform.rs`) and `Mesh::posed` here read it.
 
 use super::{Instance, Mesh, Scene, Vertex};
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
-/// What the poses of a mesh are made of.
+/// Data from which the poses of a mesh are computed.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Deform {
-    /// The mesh's first vertices before morphing and skinning. Vertices after them are followers.
+    /// The mesh's first vertices before morphing and skinning. All later vertices are followers.
     pub bind: Vec<Bind>,
-    /// Joints of all of `bind`, run by run; weights of a run sum to 1.
+    /// Joint influences of all of `bind`, one run per vertex; the weights of a run sum to 1.
     pub influences: Vec<Influence>,
-    /// For each morph target, what it adds to each of `bind`.
+    /// For each morph target, the displacement of each vertex of `bind`.
     pub targets: Vec<Vec<Displacement>>,
-    /// Vertices that go with a triangle of `bind`: those made by dividing it, and the corners of flat ones, whose normals are
-    /// those of the posed triangle.
+    /// Vertices that follow a triangle of `bind`: vertices made by subdivision, and corners of flat triangles, whose
+    /// normals are those of the posed triangle.
     pub followers: Vec<Follower>,
 }
 
-/// A vertex as the file stores it; two sides of a double-sided surface are two of them.
+/// A vertex as the file stores it. The two sides of a double-sided surface have separate vertices.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Bind {
@@ -28,51 +28,51 @@ pub struct Bind {
     pub position: Vec3,
     /// Unit shading normal.
     pub normal: Vec3,
-    /// As in `Vertex`.
+    /// Tangent, as in `Vertex`.
     pub tangent: [f32; 4],
-    /// First of its influences.
+    /// Index of its first influence.
     pub first_influence: u32,
-    /// How many; none where the mesh has no skin.
+    /// Number of influences; 0 if the mesh has no skin.
     pub influence_count: u32,
 }
 
-/// How strongly a joint moves a vertex.
+/// Influence of a joint on a vertex.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Influence {
     /// Index into `Pose::joints`.
     pub joint: u32,
-    /// Share of the vertex that moves with it.
+    /// Weight of the joint.
     pub weight: f32,
 }
 
-/// What a morph target of weight 1 adds to a vertex.
+/// Displacement of a vertex by a morph target of weight 1.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Displacement {
-    /// Of the position \[m\].
+    /// Displacement of the position \[m\].
     pub position: Vec3,
-    /// Of the normal.
+    /// Displacement of the normal.
     pub normal: Vec3,
-    /// Of the tangent's direction.
+    /// Displacement of the tangent's direction.
     pub tangent: Vec3,
 }
 
-/// A vertex that is carried along by a triangle of `Deform::bind`.
+/// A vertex that follows a triangle of `Deform::bind`.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Follower {
-    /// Which vertex of the mesh; one of `bind` only if it is flat, at its own corner.
+    /// Index of the mesh's vertex. A vertex of `bind` only if it is flat; it then follows its own corner.
     pub vertex: u32,
-    /// The triangle, counter-clockwise: vertices of `bind`.
+    /// The triangle, counter-clockwise, as vertices of `bind`.
     pub corners: [u32; 3],
-    /// Barycentric weights of the second and third corner.
+    /// Barycentric weights of the second and third corners.
     pub weights: [f32; 2],
-    /// 1: the normal is the posed triangle's own, and there is no tangent. 0: normal and tangent are interpolated.
+    /// 1: the normal is that of the posed triangle, and there is no tangent. 0: normal and tangent are interpolated.
     pub flat: u32,
 }
 
-/// How an instance of a mesh that bends stands.
+/// Pose of an instance of a deforming mesh.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Pose {
     /// For each joint of the skin, bind space to model space. Empty without a skin.
@@ -81,7 +81,7 @@ pub struct Pose {
     pub weights: Vec<f32>,
 }
 
-/// A vertex of `Deform::bind` as it stands.
+/// A posed vertex of `Deform::bind`.
 #[derive(Clone, Copy)]
 struct Posed {
     position: DVec3,
@@ -92,8 +92,8 @@ struct Posed {
 }
 
 impl Mesh {
-    /// The vertices as they stand in a pose, in model space; those at rest for meshes that do not bend. In f64 up to the
-    /// result: what the device computes is held against it.
+    /// The vertices in a pose, in model space; the rest vertices for meshes that do not deform. Computed in f64, as the
+    /// reference for the device's results.
     pub fn posed(&self, pose: &Pose) -> Vec<Vertex> {
         let mut vertices = self.vertices.clone();
         let Some(deform) = &self.deform else { return vertices };
@@ -112,7 +112,7 @@ impl Mesh {
         vertices
     }
 
-    /// Puts a follower where its corners are, of which `vertices` are some pose.
+    /// Moves a follower to its triangle, whose corners are read from `vertices` in any pose.
     pub(super) fn settle(&self, follower: &Follower, vertices: &mut [Vertex]) {
         let Some(deform) = &self.deform else { return };
         let corner = |at: usize| {
@@ -128,7 +128,7 @@ impl Mesh {
 }
 
 impl Deform {
-    /// A vertex of `bind`: targets added, then moved with its joints.
+    /// A posed vertex of `bind`: morph targets are added, then joints applied.
     fn corner(&self, at: usize, pose: &Pose) -> Posed {
         let bind = &self.bind[at];
         let [x, y, z, sign] = bind.tangent;
@@ -153,15 +153,15 @@ impl Deform {
         let along = if has_tangent { direction(m * tangent) } else { DVec3::ZERO };
         Posed {
             position: blend.transform_point3(position),
-            // Where a pose leaves no normal, that of the file is as good as any.
+            // If a pose leaves no normal, use the file's.
             normal: if turned == DVec3::ZERO { bind.normal.as_dvec3() } else { turned },
             tangent: along,
-            // Without a length the sign says which side this is, and mirroring does not change that.
+            // For a tangent without length the sign marks the side; mirroring does not change it.
             sign: if mirrored && along != DVec3::ZERO { -sign } else { sign },
         }
     }
 
-    /// The mean of some joints' matrices.
+    /// The weighted mean of joint matrices.
     pub(super) fn blend(&self, influences: std::ops::Range<usize>, joints: &[DAffine3]) -> DAffine3 {
         let mut blend = DAffine3 { matrix3: DMat3::ZERO, translation: DVec3::ZERO };
         for influence in &self.influences[influences] {
@@ -180,7 +180,7 @@ impl Deform {
         let position = between(a.position, b.position, c.position).as_vec3();
         if follower.flat == 1 {
             let normal = direction((b.position - a.position).cross(c.position - a.position));
-            // A triangle that has become a line has no normal of its own.
+            // A triangle that has collapsed to a line has no normal; use the rest normal.
             let bind = self.bind[follower.corners[0] as usize].normal.as_dvec3();
             return (position, if normal == DVec3::ZERO { bind } else { normal }.as_vec3(), own);
         }
@@ -192,8 +192,8 @@ impl Deform {
 }
 
 impl Scene {
-    /// The scene as it stands: every instance that bends has a mesh of its own that does not, nothing is animated, and what
-    /// is hidden is gone.
+    /// The scene frozen in its current pose: every deformed instance gets a static mesh of its own, animation is
+    /// removed, and hidden instances are dropped.
     pub fn frozen(&self) -> Self {
         let mut frozen = Self { meshes: Vec::new(), instances: Vec::new(), rig: None, ..self.clone() };
         let mut kept = vec![None; self.meshes.len()];
@@ -215,14 +215,14 @@ impl Scene {
     }
 }
 
-/// What takes normals along with a linear map, unnormalised: its cofactors, which exist for flattening ones too. The side
-/// that is shaded stays the same under mirroring.
+/// Transforms normals for a linear map, unnormalised: the cofactor matrix, which exists for flattening maps too. The
+/// shaded side stays the same under mirroring.
 fn cofactors(m: DMat3) -> DMat3 {
     let side = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
     DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)) * side
 }
 
-/// Unit length; zero where there is none.
+/// The unit vector; zero for a zero vector.
 fn direction(v: DVec3) -> DVec3 {
     v.try_normalize().unwrap_or(DVec3::ZERO)
 }

@@ -1,9 +1,9 @@
-//! A scene's content as a number: equal for equal scenes, different for different ones.
+//! A hash of a scene's content.
 
 use super::Scene;
 
 impl Scene {
-    /// Hash of everything that a picture of the scene depends on; not of its name or its notes.
+    /// Hash of everything that affects a picture of the scene; excludes its name and notes.
     pub fn fingerprint(&self) -> blake3::Hash {
         let mut hasher = blake3::Hasher::new();
         let mut add = |bytes: &[u8]| {
@@ -25,7 +25,7 @@ impl Scene {
             add(format!("{}x{}", image.width, image.height).as_bytes());
             add(&image.rgba);
         }
-        // Numbers are printed so that they read back as the same: nothing is lost in the text.
+        // Numbers are printed so that they parse back exactly: the text loses nothing.
         for text in [
             format!("{:?}", self.materials),
             format!("{:?}", self.instances),

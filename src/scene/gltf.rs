@@ -1,5 +1,5 @@
-//! glTF 2.0 -> `Scene`. Reads the JSON itself and trusts nothing in it: what is wrong ends in an error that names the
-//! place, what is left out ends in a note.
+//! glTF 2.0 -> `Scene`. Reads the JSON itself and validates everything: an invalid file gives an error that names the
+//! place; skipped content gives a note.
 
 mod animations;
 mod bend;
@@ -30,17 +30,17 @@ use geometry::Geometry;
 use materials::Materials;
 use pose::Pose;
 
-/// Farther \[m\] from the origin than this nothing stands: squares of distances leave what f32 holds.
+/// Largest distance \[m\] from the origin; squares of larger distances would overflow f32.
 const FARTHEST: f64 = 1e18;
 
-/// Larger \[m\] no surface is: the areas of millions of them are summed in f32, where rays find them.
+/// Largest size \[m\] of a surface; the ray code sums areas of millions of surfaces in f32.
 const LARGEST: f64 = 1e15;
 
-/// Loads a .gltf or .glb, at rest. Skins and morph targets that no animation reaches are posed once, here.
+/// Loads a .gltf or .glb in its rest pose. Skins and morph targets that no animation reaches are posed here, once.
 ///
 /// # Errors
 ///
-/// `Error::Input` for everything that the file does wrong, in one line.
+/// `Error::Input`, one line, for every fault of the file.
 pub fn load(path: &Path) -> Result<Scene> {
     let (document, binary) = files::open(path)?;
     let mut notes = Notes::default();
@@ -107,12 +107,12 @@ pub fn load(path: &Path) -> Result<Scene> {
     Ok(scene)
 }
 
-/// Farthest from its origin that a mesh has a vertex, along an axis.
+/// Largest coordinate of a mesh's vertices in model space, along any axis.
 fn reach(mesh: &Mesh) -> f64 {
     mesh.vertices.iter().fold(0.0, |most, vertex| most.max(f64::from(vertex.position.abs().max_element())))
 }
 
-/// What the user should know, each thing once.
+/// Notes for the user, without duplicates.
 #[derive(Default)]
 struct Notes {
     lines: Vec<String>,
@@ -120,7 +120,7 @@ struct Notes {
 }
 
 impl Notes {
-    /// Most lines: a file with thousands of odd materials needs no thousands of lines.
+    /// Most lines, for files with thousands of unusual materials.
     const MOST: usize = 64;
 
     fn add(&mut self, line: String) {
@@ -129,7 +129,7 @@ impl Notes {
         }
     }
 
-    /// Counts cases of something that is told in one line.
+    /// Counts cases that are reported together in one line.
     fn count(&mut self, what: &'static str, cases: usize) {
         if cases > 0 {
             *self.counts.entry(what).or_default() += cases;
@@ -142,17 +142,17 @@ impl Notes {
     }
 }
 
-/// The nodes and their places in the world.
+/// The node tree and its world transforms.
 struct Graph<'a> {
     nodes: Vec<Object<'a>>,
     parents: Vec<Option<usize>>,
     /// All nodes, parents first.
     order: Vec<usize>,
     locals: Vec<Local>,
-    /// KHR_node_visibility: nodes that say so themselves, and those below them, too.
+    /// KHR_node_visibility: nodes that hide themselves (`hides`), and these with their descendants (`hidden`).
     hides: Vec<bool>,
     hidden: Vec<bool>,
-    /// World transforms of all nodes, also of those outside the scene: joints may be there.
+    /// World transforms of all nodes, including nodes outside the scene, which may be joints.
     worlds: Vec<DAffine3>,
     /// Nodes of the scene, parents first.
     drawn: Vec<usize>,
@@ -179,7 +179,7 @@ impl<'a> Graph<'a> {
         let roots: Vec<usize> = (0..nodes.len()).filter(|&node| parents[node].is_none()).collect();
         let order = descend(&roots, &children);
         if order.len() < nodes.len() {
-            // With one parent each, what no root reaches hangs on a cycle.
+            // Each node has at most one parent, so a node that no root reaches is on or below a cycle.
             let mut reached = vec![false; nodes.len()];
             order.iter().for_each(|&node| reached[node] = true);
             let lost = reached.iter().position(|&reached| !reached).unwrap_or(0);
@@ -229,7 +229,7 @@ impl<'a> Graph<'a> {
     }
 }
 
-/// Nodes below and including `top`, parents first. Each node is met once: parents are unique.
+/// The nodes in and below `top`, parents first. Each node appears once, since parents are unique.
 fn descend(top: &[usize], children: &[Vec<usize>]) -> Vec<usize> {
     let mut stack: Vec<usize> = top.iter().rev().copied().collect();
     let mut order = Vec::new();
@@ -257,22 +257,22 @@ fn local_transform(node: &Object, notes: &mut Notes) -> Result<Local> {
         return Err(node.error("its rotation has no length: export the file again"));
     }
     if (length - 1.0).abs() > 0.01 {
-        notes.count("Node rotations brought to unit length", 1);
+        notes.count("Node rotations normalised", 1);
     }
     Ok(Local::Parts { translation, rotation: rotation / length, scale })
 }
 
-/// What animations reach.
+/// Nodes and meshes that animations reach.
 struct Reached {
-    /// By node: whether one moves it or a node above it.
+    /// By node: whether an animation moves it or an ancestor.
     moved: Vec<bool>,
-    /// By node: whether one may hide it or a node above it.
+    /// By node: whether an animation may hide it or an ancestor.
     fades: Vec<bool>,
-    /// By node: whether one sets weights of its mesh's morph targets.
+    /// By node: whether an animation sets morph weights of its mesh.
     weighed: Vec<bool>,
-    /// Meshes that some skin bends, and whether their weights change, too.
+    /// Meshes deformed by an animated skin, and whether their morph weights change too.
     skinned: BTreeMap<usize, bool>,
-    /// Meshes of nodes without skins whose weights change.
+    /// Meshes of nodes without a skin whose morph weights change.
     morphed: BTreeSet<usize>,
 }
 
@@ -318,17 +318,17 @@ impl Reached {
     }
 }
 
-/// Which mesh, and which morph weights by their bits: nodes that agree in both share the result.
+/// Mesh index and the bits of its morph weights. Nodes that agree in both share a mesh.
 type MeshKey = (usize, Vec<u64>);
 
-/// What of the scene hangs on which node.
+/// The nodes that the scene's objects belong to.
 #[derive(Default)]
 struct Hung {
     /// By instance.
     instances: Vec<AnimatedInstance>,
-    /// By light: the node, and the file's light.
+    /// By light: its node and its index in the file.
     lights: Vec<(usize, usize)>,
-    /// By camera: the node, and the file's camera.
+    /// By camera: its node and its index in the file.
     cameras: Vec<(usize, usize)>,
 }
 
@@ -340,14 +340,14 @@ struct Builder<'a> {
     reached: &'a Reached,
     geometry: Geometry<'a>,
     materials: Materials<'a>,
-    /// The scene's mesh for each one already made; `None` for those without triangles.
+    /// Scene mesh for each key already built; `None` for meshes without triangles.
     shared: BTreeMap<MeshKey, Option<usize>>,
-    /// Meshes that bend, which poses may share.
+    /// Deforming meshes, which poses may share.
     bent: BTreeMap<bend::Key, Vec<Bent>>,
-    /// The file's skins that are in use, and which they are in the file.
+    /// The skins in use, and the index of each by its index in the file.
     skins: Vec<Skin>,
     known_skins: BTreeMap<usize, usize>,
-    /// Joints of all poses together.
+    /// Number of joints of all poses together.
     joints: usize,
     hung: Hung,
 }
@@ -399,13 +399,13 @@ impl Builder<'_> {
         let hidden = self.graph.hidden[index];
         if let Some(skin) = node.index("skin")? {
             if node.extension("EXT_mesh_gpu_instancing")?.is_some() {
-                notes.count("Instances of skinned nodes left out but for one", 1);
+                notes.count("Instances of skinned nodes left out, except the first", 1);
             }
             if let Some(&weighed) = self.reached.skinned.get(&mesh) {
                 let instance = Instance { name, hidden, ..Instance::default() };
                 return self.bend_skin(index, &object, mesh, skin, (weights, weighed), instance, scene, notes);
             }
-            // The joints alone say where the skin is: its vertices become the world's.
+            // The joints alone place the skin: its vertices become world-space vertices.
             let skin = self.skin(skin, node)?;
             let joints = pose::joints(&self.skins[skin], &self.graph.worlds);
             if let Some(made) = self.mesh(&object, mesh, Pose { weights, joints: Some(joints) }, scene, notes)? {
@@ -417,7 +417,7 @@ impl Builder<'_> {
         let offsets = instancing::offsets(self.accessors, node, scene.instances.len(), notes)?;
         for (at, &offset) in offsets.iter().enumerate() {
             let world_from_model = self.graph.worlds[index] * offset;
-            // A node that is animated may get a volume.
+            // A node flattened at rest may get a volume when it is animated.
             let is_flat = |transform: DAffine3| !transform.inverse().is_finite();
             if is_flat(world_from_model) && (is_flat(offset) || !self.reached.moved[index]) {
                 notes.count("Nodes of no volume (scale 0) left out", 1);
@@ -452,7 +452,7 @@ impl Builder<'_> {
         scene.instances.push(instance);
     }
 
-    /// Adds a mesh to the scene, all its primitives merged; `None` when it has no triangles.
+    /// Adds a mesh with all its primitives to the scene; `None` if it has no triangles.
     fn mesh(
         &mut self,
         object: &Object,

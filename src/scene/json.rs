@@ -1,4 +1,5 @@
-//! The JSON half of glTF, read field by field: each access checks type and range and can say where it stood.
+//! The JSON part of glTF, read field by field. Each access checks type and range, and errors name the place in the
+//! file.
 
 use std::path::{Path, PathBuf};
 
@@ -6,7 +7,7 @@ use serde_json::{Map, Value};
 
 use crate::{Error, Result};
 
-/// A glTF file's JSON and the name under which the user knows it.
+/// A glTF file's JSON, and the file name as the user gave it.
 pub(super) struct Document {
     /// The file as the user named it.
     pub file: PathBuf,
@@ -14,16 +15,16 @@ pub(super) struct Document {
     pub root: Map<String, Value>,
 }
 
-/// An object somewhere in a document.
+/// A JSON object in a document.
 #[derive(Clone)]
 pub(super) struct Object<'a> {
     file: &'a Path,
-    /// Where it stands, in glTF's terms: "accessor 3", "material 2 'Wall': normalTexture".
+    /// Its place in glTF's terms: "accessor 3", "material 2 'Wall': normalTexture".
     pub place: String,
     map: &'a Map<String, Value>,
 }
 
-/// The top-level lists and what one of their members is called.
+/// The top-level lists, and the noun for one of their members.
 const LISTS: [(&str, &str); 13] = [
     ("accessors", "accessor"),
     ("animations", "animation"),
@@ -40,7 +41,7 @@ const LISTS: [(&str, &str); 13] = [
     ("textures", "texture"),
 ];
 
-/// Text from the file as it may stand in a one-line message.
+/// Text from the file, made safe for a one-line message.
 pub(super) fn printable(text: &str) -> String {
     let mut line: String = text.chars().take(80).map(|c| if c.is_control() { ' ' } else { c }).collect();
     if text.chars().nth(80).is_some() {
@@ -58,7 +59,7 @@ pub(super) fn plural(count: usize, noun: &str) -> String {
     }
 }
 
-/// An input error at a place.
+/// An input error at a place in the file.
 pub(super) fn error_at(file: &Path, place: &str, reason: impl Into<String>) -> Error {
     Error::Input { file: file.to_owned(), place: place.into(), reason: reason.into() }
 }
@@ -74,7 +75,7 @@ impl Document {
         self.root.get(list).and_then(Value::as_array).map_or(0, Vec::len)
     }
 
-    /// A member of a top-level list, asked for by `from`.
+    /// A member of a top-level list; `from` is the object that refers to it.
     pub(super) fn item<'a>(&'a self, list: &str, index: usize, from: &Object) -> Result<Object<'a>> {
         let noun = LISTS.iter().find(|(name, _)| *name == list).map_or(list, |(_, noun)| noun);
         let place = format!("{noun} {index}");
@@ -102,7 +103,7 @@ impl Document {
         Ok(object)
     }
 
-    /// Refuses a root whose lists are not lists: glTF 1.0 has objects there.
+    /// Fails if a top-level list is not a list: glTF 1.0 has objects there.
     pub(super) fn check_lists(&self) -> Result<()> {
         for (list, _) in LISTS {
             match self.root.get(list) {
@@ -150,7 +151,7 @@ impl<'a> Object<'a> {
         self.map.get(key).filter(|value| !value.is_null())
     }
 
-    /// The object's name without what would break a line; `otherwise` when it has none.
+    /// The object's name without control characters; `otherwise` if it has none.
     pub(super) fn name(&self, otherwise: impl FnOnce() -> String) -> String {
         match self.map.get("name") {
             Some(Value::String(name)) if !name.is_empty() => printable(name),
@@ -163,25 +164,25 @@ impl<'a> Object<'a> {
         self.value(key).map(|v| v.as_str().ok_or_else(|| self.field_error(key, "is not a string"))).transpose()
     }
 
-    /// A truth value, false where absent.
+    /// A boolean field; false if absent.
     pub(super) fn flag(&self, key: &str) -> Result<bool> {
         self.flag_or(key, false)
     }
 
-    /// A truth value.
+    /// A boolean field with a default.
     pub(super) fn flag_or(&self, key: &str, absent: bool) -> Result<bool> {
         let flag = self.value(key).map(|v| v.as_bool().ok_or_else(|| self.field_error(key, "is not true or false")));
         Ok(flag.transpose()?.unwrap_or(absent))
     }
 
-    /// A whole number from 0; "4.0" is one, too.
+    /// A whole number of at least 0; also accepts "4.0".
     pub(super) fn whole(&self, key: &str) -> Result<Option<u64>> {
         self.value(key)
             .map(|v| whole(v).ok_or_else(|| self.field_error(key, "is not a whole number of at least 0")))
             .transpose()
     }
 
-    /// A whole number that must be there.
+    /// A required whole number.
     pub(super) fn needed_whole(&self, key: &str) -> Result<u64> {
         self.whole(key)?.ok_or_else(|| self.error(format!("has no {key}: export the file again")))
     }
@@ -191,7 +192,7 @@ impl<'a> Object<'a> {
         Ok(self.whole(key)?.map(|index| usize::try_from(index).unwrap_or(usize::MAX)))
     }
 
-    /// A list of indices; empty where absent.
+    /// A list of indices; empty if absent.
     pub(super) fn indices(&self, key: &str) -> Result<Vec<usize>> {
         let wrong = || self.field_error(key, "is not a list of indices");
         let Some(value) = self.value(key) else { return Ok(Vec::new()) };
@@ -228,7 +229,7 @@ impl<'a> Object<'a> {
         self.value(key).map(|v| Object::new(self.file, format!("{}: {key}", self.place), v)).transpose()
     }
 
-    /// A list of objects inside this one, each called `noun` and its number; empty where absent.
+    /// A list of objects inside this one, each named by `noun` and its number; empty if absent.
     pub(super) fn objects(&self, key: &str, noun: &str) -> Result<Vec<Object<'a>>> {
         let Some(value) = self.value(key) else { return Ok(Vec::new()) };
         let list = value.as_array().ok_or_else(|| self.field_error(key, "is not a list"))?;
@@ -243,7 +244,7 @@ impl<'a> Object<'a> {
         }
     }
 
-    /// A list of texts; empty where absent.
+    /// A list of strings; empty if absent.
     pub(super) fn texts(&self, key: &str) -> Result<Vec<&'a str>> {
         let wrong = || self.field_error(key, "is not a list of strings");
         let Some(value) = self.value(key) else { return Ok(Vec::new()) };
@@ -252,7 +253,7 @@ impl<'a> Object<'a> {
 }
 
 fn whole(value: &Value) -> Option<u64> {
-    // Beyond 2^53 a double no longer tells neighbours apart.
+    // Above 2^53 a double cannot represent every whole number.
     let from_float = |x: f64| (x >= 0.0 && x.fract() == 0.0 && x < 9.0e15).then_some(x as u64);
     value.as_u64().or_else(|| value.as_f64().and_then(from_float))
 }

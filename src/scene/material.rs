@@ -1,4 +1,4 @@
-//! A material at a point of a surface: the CPU twin of the shaders' mapping from glTF to a diffuse and a glossy lobe.
+//! A material at a point of a surface: CPU twin of the shaders' mapping from glTF to a diffuse and a glossy lobe.
 
 use std::f64::consts::TAU;
 
@@ -8,12 +8,12 @@ use super::animation::Quantity;
 use super::medium::Subsurface;
 use super::{Image, Material, Scene, Texture, Wrap, ggx, sheen};
 
-/// Largest texture coordinate, and largest number of a texture's transform: far beyond it single precision has no texels, and
-/// products of them overflow.
+/// Limit of texture coordinates and of the numbers in a texture transform. Far beyond it single precision cannot
+/// resolve texels, and products overflow.
 pub(super) const MOST_UV: f32 = 1e6;
 
-/// KHR_texture_transform, its numbers brought into [-[`MOST_UV`], [`MOST_UV`]]: scale, then rotate \[rad\], then move. v points down, so counter-clockwise is (u, v) -> (v, -u) at
-/// 90 degrees.
+/// KHR_texture_transform with its numbers clamped to [-[`MOST_UV`], [`MOST_UV`]]: scale, then rotate \[rad\], then
+/// translate. v points down, so a counter-clockwise turn by 90 degrees is (u, v) -> (v, -u).
 pub(super) fn texture_transform(offset: [f64; 2], rotation: f64, scale: [f64; 2]) -> Affine2 {
     let bounded = |x: f64| x.clamp(-f64::from(MOST_UV), f64::from(MOST_UV));
     let (offset, scale) = (offset.map(bounded), scale.map(bounded));
@@ -26,37 +26,37 @@ pub(super) fn texture_transform(offset: [f64; 2], rotation: f64, scale: [f64; 2]
     )
 }
 
-/// What a surface does with light: a diffuse lobe and a glossy one.
+/// How a surface reflects light: a diffuse lobe and a glossy lobe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reflectance {
-    /// Base colour: the diffuse albedo of what is no metal, where the glossy lobe takes nothing of it.
+    /// Base colour: diffuse albedo of a non-metal, before the glossy lobe takes its share.
     pub base: Vec3,
     /// The glossy lobe.
     pub lobe: Lobe,
-    /// Share of what the diffuse lobe would scatter that goes through instead.
+    /// Share of the diffuse light that is transmitted instead.
     pub transmission: f32,
-    /// What lies over both lobes.
+    /// Layers over both lobes.
     pub over: Over,
 }
 
-/// What lies over a surface's own lobes: a clear coat, and sheen below it. Nothing, for most.
+/// Layers over a surface's own lobes: a clear coat, and sheen below the coat. Most surfaces have none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Over {
-    /// Share of the surface that has a coat.
+    /// Share of the surface covered by a coat.
     pub coat: f32,
-    /// Its perceptual roughness, at least [`ggx::LEAST_ROUGHNESS`].
+    /// Perceptual roughness of the coat, at least [`ggx::LEAST_ROUGHNESS`].
     pub coat_roughness: f32,
-    /// Colour of sheen.
+    /// Sheen colour.
     pub sheen: Vec3,
-    /// Its perceptual roughness, at least [`sheen::LEAST_ROUGHNESS`].
+    /// Perceptual roughness of the sheen, at least [`sheen::LEAST_ROUGHNESS`].
     pub sheen_roughness: f32,
 }
 
 impl Over {
-    /// Reflectance of a coat at normal incidence: that of an index of 1.5.
+    /// Reflectance of a coat at normal incidence, for an index of refraction of 1.5.
     pub const F0: f64 = 0.04;
 
-    /// Share of even light that the coat reflects to a viewer at this cosine.
+    /// Share of uniform light that the coat reflects to a viewer at this cosine.
     pub fn coated(&self, cosine: f64) -> f64 {
         if self.coat == 0.0 {
             return 0.0;
@@ -65,8 +65,8 @@ impl Over {
         f64::from(self.coat) * ggx::albedo(Self::F0, 1.0, once)
     }
 
-    /// Share of even light that the sheen reflects to a viewer at this cosine, and of the light of what is below it that comes
-    /// through: 1 less the largest channel.
+    /// Share of uniform light that the sheen reflects to a viewer at this cosine, and the transmitted share of the
+    /// light from the layers below: 1 minus the largest channel.
     pub fn shone(&self, cosine: f64) -> (DVec3, f64) {
         if self.sheen == Vec3::ZERO {
             return (DVec3::ZERO, 1.0);
@@ -86,7 +86,7 @@ pub enum Lobe {
         /// `k`.
         exponent: f32,
     },
-    /// glTF 2.0's: GGX, Smith's height-correlated shadowing, Schlick's Fresnel.
+    /// The lobe of glTF 2.0: GGX, Smith's height-correlated shadowing, Schlick's Fresnel.
     Ggx {
         /// Reflectance at normal incidence.
         f0: Vec3,
@@ -94,16 +94,16 @@ pub enum Lobe {
         f90: f32,
         /// Perceptual roughness, the root of alpha, at least [`ggx::LEAST_ROUGHNESS`].
         roughness: f32,
-        /// How much of the surface is metal.
+        /// Metallic share of the surface.
         metallic: f32,
-        /// Of the part that is none: reflectance at normal incidence.
+        /// Reflectance of the dielectric part at normal incidence.
         dielectric: Vec3,
-        /// And at the horizon.
+        /// Reflectance of the dielectric part at the horizon.
         dielectric_f90: f32,
     },
 }
 
-/// Share of even light that a GGX lobe reflects, which scatters so much of it once.
+/// Share of uniform light that a GGX lobe reflects, from its single-scattering terms `once`.
 fn albedo(f0: Vec3, f90: f32, once: [f64; 2]) -> Vec3 {
     DVec3::from(f0.to_array().map(|f0| ggx::albedo(f0.into(), f90.into(), once))).as_vec3()
 }
@@ -114,7 +114,8 @@ impl Reflectance {
         self.under(cosine) * (1.0 - self.transmission)
     }
 
-    /// What gets below the surface and out again, back or through, for a viewer at this cosine.
+    /// Share of light that enters the surface and leaves it again, reflected or transmitted, for a viewer at this
+    /// cosine.
     fn under(&self, cosine: f64) -> Vec3 {
         match self.lobe {
             Lobe::Phong { .. } => self.base,
@@ -123,14 +124,15 @@ impl Reflectance {
                 let albedo = |f0: Vec3, f90: f32| albedo(f0, f90, once);
                 let whole = albedo(dielectric, dielectric_f90);
                 let under = (1.0 - whole.max_element()).clamp(0.0, 1.0);
-                // What facets of both parts pass on to each other is more than by their mean F0; it is diffuse.
+                // Multiple scattering computed for both parts exceeds that of their mean F0. The difference counts as
+                // diffuse.
                 let more = whole.lerp(albedo(self.base, 1.0), metallic) - albedo(f0, f90);
                 self.base * ((1.0 - metallic) * under) + more.max(Vec3::ZERO)
             }
         }
     }
 
-    /// Share of the light that both lobes reflect, averaged over viewers and at most 1, as if the surface were diffuse.
+    /// Share of light that both lobes reflect, averaged over viewers and at most 1, as if the surface were diffuse.
     pub fn sent_on(&self) -> Vec3 {
         let diffuse = self.diffuse(ggx::MEAN_COSINE);
         let glossy = match self.lobe {
@@ -145,7 +147,7 @@ impl Reflectance {
         diffuse.max((diffuse + glossy).min(Vec3::ONE))
     }
 
-    /// Exponent of the Phong lobe that a cache has for it.
+    /// Exponent of the Phong lobe with which caches represent this lobe.
     pub fn cache_exponent(&self) -> f32 {
         match self.lobe {
             Lobe::Phong { exponent, .. } => exponent,
@@ -155,7 +157,7 @@ impl Reflectance {
 }
 
 impl Material {
-    /// Its textures, in the order of the fields.
+    /// The material's textures, in the order of the fields.
     pub fn textures_mut(&mut self) -> [&mut Option<Texture>; 12] {
         [
             &mut self.base_color_texture,
@@ -173,8 +175,8 @@ impl Material {
         ]
     }
 
-    /// Fills the body: light goes on below its surface, and what comes back in all is its base colour, for all who do not look
-    /// closer. It is no metal.
+    /// Fills the body with a medium. The base colour becomes the total share of light that leaves the surface, for code
+    /// that does not simulate the inside. The material becomes non-metallic.
     pub fn fill(&mut self, inside: Subsurface) {
         let color = inside.medium().diffuse_albedo().as_vec3();
         self.base_color = color.extend(self.base_color.w);
@@ -182,28 +184,28 @@ impl Material {
         self.subsurface = Some(inside);
     }
 
-    /// Whether what lies behind can show.
+    /// Whether the background can show through.
     pub fn is_seen_through(&self) -> bool {
         self.blend || self.transmission > 0.0
     }
 
-    /// Whether anything lies over its own lobes, unless a texture says otherwise.
+    /// Whether a coat or sheen lies over the lobes (textures may still remove it).
     pub fn is_coated(&self) -> bool {
         self.coat > 0.0 || self.sheen_color.max_element() > 0.0
     }
 
-    /// Alpha below this is a hole for a viewer.
+    /// Alpha below this value is a hole for a viewer.
     pub fn seen_cutoff(&self) -> Option<f32> {
         let cutoff = if self.blend { Some(f32::MIN_POSITIVE) } else { self.alpha_cutoff };
         cutoff.filter(|cutoff| cutoff.is_finite())
     }
 
-    /// What a viewer at this cosine sees of a point of a surface of a model of this scale, and through it: the share of its own
-    /// light, and of what comes from behind, by channel. Straight through: nothing is refracted, and rough glass is as clear as
-    /// smooth.
+    /// Contributions of a see-through surface and its background to a viewer at this cosine: the share of the surface's
+    /// own light, and the share of the background's light by channel. `scale` is the model's scale. Light goes straight
+    /// through: nothing is refracted, and rough glass is as clear as smooth glass.
     ///
     /// ```text
-    /// behind = 1 - alpha + alpha transmission (what gets below the surface and what is over it) e^(-optical depth)
+    /// behind = 1 - alpha + alpha transmission (share that passes coat, sheen and surface) e^(-optical depth)
     /// ```
     pub fn seen_through(
         &self,
@@ -232,11 +234,11 @@ impl Material {
     /// dielectric = min(((ior - 1) / (ior + 1))^2 specularColor, 1)
     /// F90        = mix(specular min(50 dielectric, 1), 1, metallic)
     /// F0         = mix(dielectric specular, base, metallic)
-    /// rho_d      = base (1 - metallic) (1 - what the dielectric part reflects)
+    /// rho_d      = base (1 - metallic) (1 - reflectance of the dielectric part)
     /// ```
     ///
-    /// What reflects less than 2 % at normal incidence is darker at its edges, too: without any there is no lobe. With
-    /// `Material::phong`, `rho_d` is `base`, and `rho_g` and k are as given: a scene made for the method is taken at its word.
+    /// A dielectric that reflects less than 2 % at normal incidence also reflects less at the horizon; with 0 % there
+    /// is no lobe. With `Material::phong`, `rho_d` is `base`, and `rho_g` and k are used as given, unchecked.
     pub fn reflectance(&self, scene: &Scene, uv: [Vec2; 2], vertex_color: Vec4) -> Reflectance {
         let linear = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, false));
         let color = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(scene, uv, true));
@@ -263,7 +265,7 @@ impl Material {
         Reflectance { base, lobe, transmission, over }
     }
 
-    /// What lies over its lobes at a point.
+    /// Coat and sheen at a point.
     fn over(&self, scene: &Scene, uv: [Vec2; 2]) -> Over {
         if !self.is_coated() {
             return Over::default();
@@ -280,7 +282,7 @@ impl Material {
     }
 }
 
-/// What a material emits from its front.
+/// Light that a material emits from its front side.
 pub struct Emission<'a> {
     scene: &'a Scene,
     material: &'a Material,
@@ -289,7 +291,7 @@ pub struct Emission<'a> {
 }
 
 impl Scene {
-    /// What a material emits; `None` for most. One that is dark, but that an animation may light, emits white.
+    /// Light that a material emits; `None` for most. A dark material that an animation may light counts as white.
     pub fn emission(&self, material: usize) -> Option<Emission<'_>> {
         let found = &self.materials[material];
         if found.emissive.max_element() > 0.0 || !self.animates(&[Quantity::Emission], material) {
@@ -300,7 +302,7 @@ impl Scene {
 }
 
 impl Material {
-    /// What the material emits as it is; `None` for most.
+    /// Light that the material emits without animation; `None` for most.
     pub fn emission<'a>(&'a self, scene: &'a Scene) -> Option<Emission<'a>> {
         let factor = Vec3::from(self.emissive.to_array().map(|c| if c.is_finite() { c.max(0.0) } else { 0.0 }));
         let is_black = |image: &Image| image.rgba.chunks_exact(4).all(|texel| texel[..3] == [0; 3]);
@@ -310,22 +312,22 @@ impl Material {
 }
 
 impl Emission<'_> {
-    /// Radiance without textures [cd/m^2].
+    /// Emitted radiance without textures [cd/m^2].
     pub fn factor(&self) -> Vec3 {
         self.factor
     }
 
-    /// Whether it is the same everywhere.
+    /// Whether the emission is the same everywhere.
     pub fn is_uniform(&self) -> bool {
         self.material.emissive_texture.is_none() && self.material.alpha_cutoff.is_none()
     }
 
-    /// Radiance [cd/m^2] at a point with these texture coordinates; none from a hole.
+    /// Radiance [cd/m^2] at a point with these texture coordinates; zero in a hole.
     pub fn radiance(&self, uv: [Vec2; 2]) -> Vec3 {
         self.factor * self.share(uv)
     }
 
-    /// Share of the material's own radiance at a point with these texture coordinates; none from a hole.
+    /// Texture factor of the emission at a point with these texture coordinates; zero in a hole.
     pub fn share(&self, uv: [Vec2; 2]) -> Vec3 {
         let sample = |texture: Option<Texture>| texture.map_or(Vec4::ONE, |t| t.sample(self.scene, uv, true));
         let alpha = self.material.base_color.w * sample(self.material.base_color_texture).w;
@@ -337,8 +339,8 @@ impl Emission<'_> {
 }
 
 impl Texture {
-    /// The image's texel or bilinear mean at a surface's texture coordinates, after the transform; `srgb` images are
-    /// decoded to linear before filtering, alpha never is. No mip levels.
+    /// The image's nearest texel or bilinear mean at a surface's texture coordinates, after the transform. `srgb`
+    /// images are decoded to linear before filtering; alpha is always linear. No mip levels.
     pub fn sample(&self, scene: &Scene, uv: [Vec2; 2], srgb: bool) -> Vec4 {
         let image = &scene.images[self.image];
         let uv = self.transform.transform_point2(uv[usize::from(self.uv_set)]);
@@ -360,7 +362,7 @@ impl Texture {
 }
 
 impl Image {
-    /// A texel as numbers in [0, 1]; `srgb` decodes the colour, not alpha.
+    /// A texel as numbers in [0, 1]; `srgb` decodes the colour but not alpha.
     pub fn texel(&self, x: u32, y: u32, srgb: bool) -> Vec4 {
         let at = 4 * (y as usize * self.width as usize + x as usize);
         let number = |channel: usize| f32::from(self.rgba[at + channel]) / 255.0;
@@ -369,12 +371,12 @@ impl Image {
     }
 }
 
-/// sRGB's transfer function, IEC 61966-2-1.
+/// sRGB transfer function, IEC 61966-2-1.
 fn srgb_to_linear(x: f32) -> f32 {
     if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) }
 }
 
-/// A whole texel coordinate brought into [0, size).
+/// Wraps a whole texel coordinate into [0, size).
 fn wrap(mode: Wrap, at: f32, size: u32) -> u32 {
     let (at, size) = (at as i64, i64::from(size));
     let inside = match mode {

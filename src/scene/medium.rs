@@ -1,4 +1,4 @@
-//! Media that scatter light below a surface: coefficients, measured presets, and what the dipole model makes of them.
+//! Media that scatter light below a surface: coefficients, measured presets, and their parameters in the dipole model.
 //! METHOD 7; Jensen, Marschner, Levoy and Hanrahan 2001, "A Practical Model for Subsurface Light Transport".
 
 use std::f64::consts::PI;
@@ -6,11 +6,11 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
-/// Least and largest reduced extinction [1/m] that is computed with: mean free paths of a thousand kilometres and of a
-/// nanometre. Single precision holds what follows from either.
+/// Smallest and largest reduced extinction [1/m] used in calculations: mean free paths of a thousand kilometres and of
+/// a nanometre. Values derived from either fit single precision.
 const EXTINCTION: [f64; 2] = [1e-6, 1e9];
 
-/// What fills a body, from `extras.lightskin.subsurface`.
+/// Medium that fills a body, from `extras.lightskin.subsurface`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Subsurface {
     /// Scattering coefficient [1/m].
@@ -28,7 +28,7 @@ pub struct Subsurface {
 /// Name, reduced scattering and absorption [1/mm], index of refraction.
 type Measured = (&'static str, [f32; 3], [f32; 3], f32);
 
-/// Measurements of Jensen et al. 2001, figure 5; what is scattered is given as if evenly in all directions.
+/// Measurements of Jensen et al. 2001, figure 5. The scattering coefficients are reduced, as for isotropic scattering.
 const MEASURED: [Measured; 12] = [
     ("apple", [2.29, 2.39, 1.97], [0.0030, 0.0034, 0.046], 1.3),
     ("chicken1", [0.15, 0.21, 0.38], [0.015, 0.077, 0.19], 1.3),
@@ -44,11 +44,11 @@ const MEASURED: [Measured; 12] = [
     ("wholemilk", [2.55, 3.21, 3.77], [0.0011, 0.0024, 0.014], 1.3),
 ];
 
-/// Chosen by eye, not measured: name, diffuse colour, mean free path [mm], index of refraction.
+/// Presets chosen by eye, not measured: name, diffuse colour, mean free path [mm], index of refraction.
 const CHOSEN: [(&str, [f32; 3], [f32; 3], f32); 2] =
     [("wax", [0.92, 0.80, 0.55], [2.0, 1.6, 1.2], 1.45), ("jade", [0.30, 0.62, 0.36], [1.2, 1.6, 1.3], 1.6)];
 
-/// Short names that people look for.
+/// Short names for common presets.
 const ALIASES: [(&str, &str); 3] = [("skin", "skin2"), ("milk", "wholemilk"), ("chicken", "chicken1")];
 
 impl Subsurface {
@@ -74,7 +74,7 @@ impl Subsurface {
         measured.chain(CHOSEN.iter().map(|(name, ..)| *name)).chain(ALIASES.iter().map(|(alias, _)| *alias))
     }
 
-    /// The medium of which a thick, flat body sends back this share of the light that enters it, with mean free paths of
+    /// The medium for which a thick, flat body returns this share of the light that enters it, with mean free paths of
     /// `radius` \[m\].
     pub fn of_color(color: Vec3, radius: Vec3, ior: f32) -> Self {
         let boundary = boundary(ior.into());
@@ -84,7 +84,7 @@ impl Subsurface {
         Self { sigma_s, sigma_a: (extinction - sigma_s).max(Vec3::ZERO), g: 0.0, ior, scale: 1.0 }
     }
 
-    /// What the dipole model makes of it.
+    /// Parameters of the medium in the dipole model.
     pub fn medium(&self) -> Medium {
         Medium::new(self)
     }
@@ -93,7 +93,8 @@ impl Subsurface {
 /// A medium in the dipole model, by channel. METHOD 7.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
-    /// Reduced extinction `sigma_t'` [1/m]; its reciprocal is the mean free path, and the depth `z_r` of the real source.
+    /// Reduced extinction `sigma_t'` [1/m]. Its reciprocal is the mean free path and the depth `z_r` of the real
+    /// source.
     pub extinction: DVec3,
     /// Reduced albedo `alpha'`.
     pub albedo: DVec3,
@@ -105,9 +106,9 @@ pub struct Medium {
     pub z_v: DVec3,
     /// Index of refraction.
     pub ior: f64,
-    /// Share of even light that enters, from outside.
+    /// Share of uniform light from outside that enters.
     pub entering: f64,
-    /// Factor on `R_d` of a body that is no half space; see [`Medium::in_body`].
+    /// Factor on `R_d` for a body that is not a half space; see [`Medium::in_body`].
     pub share: DVec3,
 }
 
@@ -118,7 +119,7 @@ impl Medium {
         let absorption = of.sigma_a.as_dvec3() / path;
         let clamped = |x: f64| x.clamp(EXTINCTION[0], EXTINCTION[1]);
         let extinction = DVec3::from((reduced + absorption).to_array().map(clamped));
-        // Beyond the bounds the albedo stays.
+        // The albedo is not affected by the limits of the extinction.
         let albedo =
             (reduced / (reduced + absorption).max(DVec3::splat(f64::MIN_POSITIVE))).clamp(DVec3::ZERO, DVec3::ONE);
         let ior = f64::from(of.ior);
@@ -135,16 +136,17 @@ impl Medium {
         }
     }
 
-    /// Share of the light that enters a thick, flat body and leaves it again: the integral of `R_d` over the plane.
+    /// Share of the light entering a thick, flat body that leaves it again: the integral of `R_d` over the plane.
     pub fn diffuse_albedo(&self) -> DVec3 {
         DVec3::from(self.albedo.to_array().map(|albedo| diffuse_albedo(albedo, boundary(self.ior))))
     }
 }
 
 impl Medium {
-    /// The same in a body of which these are points of the surface \[m\], evenly spread, with the area [m^2] of each. `R_d` is of a
-    /// half space: a thin body would send on more than has come, a small one loses what would leave beyond its end. A body sends on
-    /// no less than a half space, since nothing stays in it longer, and no more than all.
+    /// The same medium, corrected for a body. `points` \[m\] are evenly spread over the body's surface; `area` [m^2] is
+    /// the area of each. `R_d` holds for a half space: a thin body would return more light than it receives, and a
+    /// small one would lose the light that leaves beyond its end. A body returns no less than a half space, since no
+    /// light stays in it longer, and no more than all of it.
     pub fn in_body(self, points: &[DVec3], area: f64) -> Self {
         if points.is_empty() {
             return self;
@@ -152,7 +154,7 @@ impl Medium {
         let wide = widest(area);
         let sum_at =
             |x: &DVec3| -> DVec3 { points.iter().map(|y| diffuse_reflectance(&self, x.distance(*y), wide)).sum() };
-        // What leaves at a thousand of them is what leaves at all.
+        // A sample of a thousand points gives the mean over all.
         let some: Vec<&DVec3> = points.iter().step_by(points.len().div_ceil(1000)).collect();
         let sums: Vec<DVec3> = some.par_iter().map(|x| sum_at(x)).collect();
         let sent = sums.iter().sum::<DVec3>() * (area / sums.len() as f64);
@@ -162,12 +164,12 @@ impl Medium {
     }
 }
 
-/// Largest factor on `R_d`: of bodies that are far smaller than a mean free path.
+/// Largest factor on `R_d`, for bodies far smaller than a mean free path.
 const MOST_SHARE: f64 = 1e3;
 
-/// One source of a dipole, `z` \[m\] below or above the surface at lateral distance `r`: its share of `R_d` [1/m^2] without
-/// albedo. Sources nearer to the surface than `widest` \[m\] are moved away from it and decay no faster than that, with the same
-/// integral over the plane: texels do not show where mean free paths are smaller than they are.
+/// One source of a dipole, `z` \[m\] below or above the surface: its share of `R_d` [1/m^2] at lateral distance `r`,
+/// without the albedo. Sources nearer to the surface than `widest` \[m\] are moved away from it, and their decay is
+/// limited accordingly, with the same integral over the plane. Texels larger than the mean free path then do not show.
 pub fn source(r: f64, z: f64, sigma_tr: f64, widest: f64) -> f64 {
     let deep = z.max(widest);
     let decay = sigma_tr.min((sigma_tr * z).max(1.0) / deep);
@@ -175,8 +177,8 @@ pub fn source(r: f64, z: f64, sigma_tr: f64, widest: f64) -> f64 {
     deep * (1.0 + decay * d) * (-decay * (d - deep) - sigma_tr * z).exp() / (4.0 * PI * d.powi(3))
 }
 
-/// `R_d` [1/m^2]: what leaves at distance `r` \[m\] of what has entered, by channel (5.83, without its first `1/sigma_t'`),
-/// with sources at least `widest` \[m\] from the surface, times the body's share.
+/// `R_d` [1/m^2] by channel: share of the entered light that leaves at distance `r` \[m\] (5.83, without its first
+/// `1/sigma_t'`). Sources are at least `widest` \[m\] from the surface; the result includes the body's share.
 pub fn diffuse_reflectance(medium: &Medium, r: f64, widest: f64) -> DVec3 {
     let of = |i: usize| {
         let at = |z: f64| source(r, z, medium.sigma_tr[i], widest);
@@ -185,12 +187,12 @@ pub fn diffuse_reflectance(medium: &Medium, r: f64, widest: f64) -> DVec3 {
     DVec3::new(of(0), of(1), of(2))
 }
 
-/// By how much texels of this area widen dipoles \[m\].
+/// Least distance \[m\] of dipole sources from the surface, for texels of this area.
 pub fn widest(area: f64) -> f64 {
     area.sqrt()
 }
 
-/// `A` of the boundary condition, from the share of diffuse light that is reflected inside (5.77).
+/// `A` of the boundary condition, from the internal diffuse reflectance (5.77).
 pub fn boundary(ior: f64) -> f64 {
     let inside = (-1.44 / (ior * ior) + 0.71 / ior + 0.668 + 0.0636 * ior).clamp(0.0, 0.999);
     (1.0 + inside) / (1.0 - inside)
@@ -202,7 +204,7 @@ fn diffuse_albedo(albedo: f64, boundary: f64) -> f64 {
     0.5 * albedo * (1.0 + (-4.0 / 3.0 * boundary * root).exp()) * (-root).exp()
 }
 
-/// The reduced albedo that reflects this share: the inverse, which is unique because both grow together.
+/// The reduced albedo for a diffuse albedo: inverse of `diffuse_albedo`, unique because both increase together.
 fn albedo_of(color: f64, boundary: f64) -> f64 {
     let (mut low, mut high) = (0.0, 1.0);
     for _ in 0..60 {
@@ -212,8 +214,8 @@ fn albedo_of(color: f64, boundary: f64) -> f64 {
     0.5 * (low + high)
 }
 
-/// Share of unpolarised light that a smooth boundary reflects: of a ray of this cosine that comes to a medium of the
-/// relative index `ior`.
+/// Fresnel reflectance of a smooth boundary for unpolarised light, at this cosine. `ior` is the relative index of the
+/// medium beyond the boundary.
 pub fn fresnel(cosine: f64, ior: f64) -> f64 {
     let c = cosine.abs().min(1.0);
     let below = 1.0 - (1.0 - c * c) / (ior * ior);
@@ -225,9 +227,9 @@ pub fn fresnel(cosine: f64, ior: f64) -> f64 {
     0.5 * (square(c, ior * t) + square(ior * c, t))
 }
 
-/// The same of even light: the mean over the hemisphere, weighed by the cosine.
+/// Fresnel reflectance for uniform light: the cosine-weighted mean over the hemisphere.
 pub fn mean_fresnel(ior: f64) -> f64 {
-    // The midpoint rule in the cosine's square; its root at grazing angles leaves an error of 1e-5.
+    // The midpoint rule in the squared cosine. The square root at grazing angles leaves an error of 1e-5.
     const STEPS: usize = 4096;
     (0..STEPS).map(|i| fresnel(((i as f64 + 0.5) / STEPS as f64).sqrt(), ior)).sum::<f64>() / STEPS as f64
 }

@@ -1,7 +1,7 @@
 //! A scene as plain data in SI units: meshes, materials, images, instances, lights, cameras.
 //!
-//! Right-handed, Y up, metres, linear Rec.709 (glTF's conventions). World transforms are f64, so that a scene far
-//! from the origin loses nothing before the engine moves it to its own origin.
+//! Right-handed, Y up, metres, linear Rec.709 (glTF's conventions). World transforms are f64, so that a scene far from
+//! the origin loses no precision before the engine moves it to its own origin.
 
 mod accessor;
 pub mod animation;
@@ -24,39 +24,39 @@ pub mod write;
 
 use glam::{Affine2, DAffine3, DMat3, DVec3, Vec2, Vec3, Vec4};
 
-/// Everything the engine draws, lights and sees with.
+/// A complete scene: surfaces, materials, lights and cameras.
 #[derive(Clone, Debug, Default)]
 pub struct Scene {
-    /// Name for messages: the file's stem, or the generated scene's own.
+    /// Name for messages: the file's stem, or the name of the generated scene.
     pub name: String,
-    /// Surfaces in their own model space; shared between instances.
+    /// Surfaces in their own model space, shared between instances.
     pub meshes: Vec<Mesh>,
     /// Materials; primitives index them.
     pub materials: Vec<Material>,
     /// Decoded images, 8 bits per channel; textures index them.
     pub images: Vec<Image>,
-    /// Where meshes stand in the world.
+    /// Meshes placed in the world.
     pub instances: Vec<Instance>,
-    /// Punctual lights, those of the sky among them.
+    /// Punctual lights, including the lights of the sky.
     pub lights: Vec<Light>,
-    /// The sky whose light some of the lights are.
+    /// The sky that some of the lights represent.
     pub sky: Option<sky::Sky>,
-    /// What shows where no surface is.
+    /// What is shown where there is no surface.
     pub backdrop: studio::Backdrop,
     /// Cameras, in the file's order.
     pub cameras: Vec<Camera>,
-    /// Bounds that nothing leaves, however it moves: smallest and largest world coordinates. Without them, what `bounds` finds.
+    /// Bounds of all motion: smallest and largest world coordinates. `None`: `bounds` computes them from the instances.
     pub extent: Option<(DVec3, DVec3)>,
-    /// What moves it, where something does; see [`Scene::pose`].
+    /// Animation data, if the scene is animated; see [`Scene::pose`].
     pub rig: Option<animation::Rig>,
-    /// What the loader decided or left out, one sentence each, to be told to the user.
+    /// Notes for the user: what the loader decided or left out, one sentence each.
     pub notes: Vec<String>,
 }
 
-/// A surface: triangles over shared vertices. A double-sided material's triangles are here twice, once per side.
+/// A surface: triangles over shared vertices. Triangles of a double-sided material are stored twice, once per side.
 #[derive(Clone, Debug, Default)]
 pub struct Mesh {
-    /// glTF's name, or a made-up one.
+    /// glTF's name, or a generated one.
     pub name: String,
     /// Vertices of all primitives.
     pub vertices: Vec<Vertex>,
@@ -64,7 +64,7 @@ pub struct Mesh {
     pub indices: Vec<u32>,
     /// Runs of `indices` that share a material, in order, together covering it.
     pub primitives: Vec<Primitive>,
-    /// What its poses are made of, where it bends; `vertices` are those at rest.
+    /// Skins and morph targets of a deforming mesh; `vertices` are then the rest pose.
     pub deform: Option<deform::Deform>,
 }
 
@@ -76,8 +76,8 @@ pub struct Vertex {
     pub position: Vec3,
     /// Unit shading normal.
     pub normal: Vec3,
-    /// Unit tangent and bitangent sign; without a length where the file gives none: the shader then derives the frame,
-    /// and turns it round where the sign is negative (`Vertex::SECOND_SIDE`).
+    /// Unit tangent and bitangent sign. Zero length if the file gives no tangent: the shader then derives the frame and
+    /// reverses it if the sign is negative (`Vertex::SECOND_SIDE`).
     pub tangent: [f32; 4],
     /// First texture coordinate.
     pub uv0: Vec2,
@@ -88,7 +88,7 @@ pub struct Vertex {
 }
 
 impl Vertex {
-    /// Tangent of a second side whose file gives none.
+    /// Tangent of a second side if the file gives none.
     pub const SECOND_SIDE: [f32; 4] = [0.0, 0.0, 0.0, -1.0];
 }
 
@@ -106,26 +106,27 @@ pub struct Primitive {
 /// A mesh placed in the world.
 #[derive(Clone, Debug, Default)]
 pub struct Instance {
-    /// glTF's node name, or a made-up one.
+    /// glTF's node name, or a generated one.
     pub name: String,
     /// Index into `Scene::meshes`.
     pub mesh: usize,
     /// Model space to world space; may mirror or scale unevenly.
     pub world_from_model: DAffine3,
-    /// How it stands, for meshes that bend.
+    /// Pose of a deforming mesh.
     pub pose: Option<deform::Pose>,
-    /// Neither drawn nor in the way of light.
+    /// Hidden: not drawn, and casts no shadow.
     pub hidden: bool,
-    /// Edits will move, hide or show it: rays are then ready for that from the start. What animations move needs no word.
+    /// Announces that edits will move, hide or show this instance, so that ray structures are prepared for that from
+    /// the start. Not needed for animated instances.
     pub moves: bool,
-    /// How many times farther apart than on others caches may stand on it; as on others without.
+    /// Factor by which caches on this instance may be farther apart than on others; `None`: 1.
     pub sparse: Option<f64>,
 }
 
 /// Metallic-roughness material of glTF, with the extensions the method can use.
 #[derive(Clone, Debug)]
 pub struct Material {
-    /// glTF's name, or a made-up one.
+    /// glTF's name, or a generated one.
     pub name: String,
     /// Base colour and alpha, linear.
     pub base_color: Vec4,
@@ -145,21 +146,21 @@ pub struct Material {
     pub emissive: Vec3,
     /// Multiplies `emissive`; sRGB image.
     pub emissive_texture: Option<Texture>,
-    /// Alpha below this is a hole; `None` for opaque materials. What is seen through has it for light alone: there it is where
-    /// light is blocked, and infinite where none is.
+    /// Alpha below this value is a hole; `None` for opaque materials. A see-through material uses it only for light:
+    /// its surface blocks light where alpha reaches the cutoff, and an infinite cutoff blocks none.
     pub alpha_cutoff: Option<f32>,
-    /// glTF's BLEND: alpha is how much of what lies behind is covered.
+    /// glTF's BLEND mode: alpha is the covered share of the background.
     pub blend: bool,
-    /// Share of the light below the surface that goes through instead of being scattered; KHR_materials_transmission.
+    /// Share of the light below the surface that is transmitted instead of scattered; KHR_materials_transmission.
     pub transmission: f32,
     /// Red multiplies `transmission`; linear image.
     pub transmission_texture: Option<Texture>,
-    /// Optical depth of what is behind the surface, by channel and unit of the model's scale: of what goes through, this power of
-    /// 1/e is left. KHR_materials_volume, its thickness times its rate of attenuation.
+    /// Optical depth of the medium behind the surface, by channel and per unit of the model's scale: e^-depth of the
+    /// transmitted light remains. KHR_materials_volume: thickness times attenuation rate.
     pub optical_depth: Vec3,
     /// Green multiplies `optical_depth`; linear image.
     pub thickness_texture: Option<Texture>,
-    /// Whether the file asked for both sides (the loader has already made the second one).
+    /// Whether the file declared the material double-sided (the loader has already added the second side).
     pub double_sided: bool,
     /// KHR_materials_ior; 1.5 is glTF's default.
     pub ior: f32,
@@ -171,7 +172,7 @@ pub struct Material {
     pub specular_color: Vec3,
     /// Multiplies `specular_color`; sRGB image.
     pub specular_color_texture: Option<Texture>,
-    /// Share of the surface that has a clear coat; KHR_materials_clearcoat.
+    /// Share of the surface covered by a clear coat; KHR_materials_clearcoat.
     pub coat: f32,
     /// Red multiplies `coat`; linear image.
     pub coat_texture: Option<Texture>,
@@ -179,7 +180,7 @@ pub struct Material {
     pub coat_roughness: f32,
     /// Green multiplies `coat_roughness`; linear image.
     pub coat_roughness_texture: Option<Texture>,
-    /// Colour of sheen, black without; KHR_materials_sheen.
+    /// Sheen colour, black for none; KHR_materials_sheen.
     pub sheen_color: Vec3,
     /// Multiplies `sheen_color`; sRGB image.
     pub sheen_color_texture: Option<Texture>,
@@ -187,14 +188,15 @@ pub struct Material {
     pub sheen_roughness: f32,
     /// Alpha multiplies `sheen_roughness`; linear image.
     pub sheen_roughness_texture: Option<Texture>,
-    /// The method's own material, from `extras.lightskin.phong`; replaces everything but base colour, normal and what lies
-    /// over it.
+    /// The method's own material, from `extras.lightskin.phong`. Replaces everything except base colour, normal, coat
+    /// and sheen.
     pub phong: Option<Phong>,
-    /// What fills the body, if light enters it. The base colour is then the total share of light that comes out again.
+    /// Medium inside the body, if light enters it. The base colour is then the total share of light that leaves it
+    /// again.
     pub subsurface: Option<medium::Subsurface>,
 }
 
-/// Normalised modified Phong lobe given exactly.
+/// A normalised modified Phong lobe with exact parameters.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Phong {
     /// Glossy albedo `rho_g`.
@@ -248,15 +250,15 @@ impl Default for Material {
 pub struct Texture {
     /// Index into `Scene::images`.
     pub image: usize,
-    /// Which of the vertex's two texture coordinates, 0 or 1.
+    /// Index of the vertex's texture coordinate, 0 or 1.
     pub uv_set: u8,
-    /// KHR_texture_transform: applied to the coordinate first.
+    /// KHR_texture_transform, applied to the coordinate first.
     pub transform: Affine2,
     /// Wrapping and filtering.
     pub sampler: Sampler,
 }
 
-/// Wrapping per axis and magnification filter; minification is trilinear unless the file asks for nearest.
+/// Wrapping per axis and magnification filter. Minification is trilinear unless the file asks for nearest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct Sampler {
     /// Along u.
@@ -267,15 +269,15 @@ pub struct Sampler {
     pub nearest: bool,
 }
 
-/// What lies outside [0, 1].
+/// How coordinates outside [0, 1] are looked up.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
-    /// The image again.
+    /// The image repeats.
     #[default]
     Repeat,
-    /// The image again, every other time mirrored.
+    /// The image repeats, every other copy mirrored.
     Mirror,
-    /// The edge texel.
+    /// The edge texel repeats.
     Clamp,
 }
 
@@ -295,7 +297,7 @@ pub struct Image {
 /// A punctual light as KHR_lights_punctual defines it.
 #[derive(Clone, Debug)]
 pub struct Light {
-    /// glTF's name, or a made-up one.
+    /// glTF's name, or a generated one.
     pub name: String,
     /// Shape of the emission.
     pub kind: LightKind,
@@ -305,8 +307,8 @@ pub struct Light {
     pub intensity: f32,
     /// Distance \[m\] at which the light is windowed to zero; `None` for infinite.
     pub range: Option<f32>,
-    /// Of lamps: radius of the ball \[m\] that shines; of directional lights: half of the angle \[rad\] that the sun has in the sky.
-    /// Shadows know it, highlights do not. 0: shadows are sharp.
+    /// Size of the source. Lamps: radius of the emitting ball \[m\]. Directional lights: half of the sun's angle in the
+    /// sky \[rad\]. Affects shadows, not highlights. 0: sharp shadows.
     pub radius: f32,
     /// World position; meaningless for directional lights.
     pub position: DVec3,
@@ -325,7 +327,7 @@ pub enum LightKind {
     Spot {
         /// Half angle up to which the intensity is full.
         inner: f32,
-        /// Half angle beyond which it is zero.
+        /// Half angle beyond which the intensity is zero.
         outer: f32,
     },
 }
@@ -333,7 +335,7 @@ pub enum LightKind {
 /// A camera: looks along its own -Z, +Y up.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// glTF's name, or a made-up one.
+    /// glTF's name, or a generated one.
     pub name: String,
     /// Camera space to world space, rotation and translation only.
     pub world_from_camera: DAffine3,
@@ -341,7 +343,7 @@ pub struct Camera {
     pub projection: Projection,
 }
 
-/// How a camera forms its image; the aspect ratio is the image's.
+/// How a camera forms its image; the aspect ratio comes from the image.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Projection {
     /// Pinhole.
@@ -351,14 +353,15 @@ pub enum Projection {
     },
     /// Parallel.
     Orthographic {
-        /// Half of the height of the picture \[m\].
+        /// Half of the picture's height \[m\].
         ymag: f32,
     },
 }
 
 impl Instance {
-    /// Linear part of `world_from_model`, by which surfaces are measured and caches are placed; that of unit size for an
-    /// instance without volume, which an animation may give it. A sparse one is placed as if it were so much smaller.
+    /// Linear part of `world_from_model`, used to measure surfaces and place caches. Identity for an instance without
+    /// volume, which an animation may give a volume later. For a sparse instance it is divided by `sparse`, so that
+    /// caches are placed farther apart.
     pub fn stretch(&self) -> DMat3 {
         let linear = self.world_from_model.matrix3;
         let is_flat = linear.is_finite() && !linear.inverse().is_finite();
@@ -371,11 +374,11 @@ impl Instance {
 }
 
 impl Light {
-    /// Largest number a light may have: its products with colour, inverse squares of distances and one another must stay
-    /// within single precision. Far beyond any lamp.
+    /// Upper limit of a light's numbers, far above any lamp. Products with colours, inverse squared distances and one
+    /// another stay within single precision.
     pub(crate) const BRIGHTEST: f64 = 1e15;
 
-    /// Half of the angle \[rad\] of the sun in the sky of the Earth.
+    /// Half of the sun's angle \[rad\] in the Earth's sky.
     pub const SUN_RADIUS: f32 = 0.004_65;
 
     /// Largest half angle \[rad\] of a directional light.
@@ -383,7 +386,7 @@ impl Light {
 }
 
 impl Mesh {
-    /// Corners of a triangle as vertex indices.
+    /// Vertex indices of a triangle's corners.
     pub fn triangle(&self, triangle: usize) -> [usize; 3] {
         [0, 1, 2].map(|corner| self.indices[3 * triangle + corner] as usize)
     }
@@ -400,7 +403,7 @@ impl Mesh {
 }
 
 impl Scene {
-    /// Smallest and largest world coordinates of all instances' vertices, at any time; `None` when nothing is drawn.
+    /// Smallest and largest world coordinates of all instances' vertices at any time; `None` if nothing is drawn.
     pub fn bounds(&self) -> Option<(DVec3, DVec3)> {
         if self.extent.is_some() {
             return self.extent;
@@ -408,7 +411,7 @@ impl Scene {
         self.instances.iter().fold(None, |bounds, instance| self.grown(bounds, instance))
     }
 
-    /// Whether any surface emits light, or an animation may make it do so.
+    /// Whether any surface emits light, or may do so by an animation.
     pub fn emits(&self) -> bool {
         let shines: Vec<bool> = (0..self.materials.len()).map(|m| self.emission(m).is_some()).collect();
         let drawn =
@@ -416,7 +419,7 @@ impl Scene {
         self.instances.iter().any(drawn)
     }
 
-    /// Triangles over all instances.
+    /// Number of triangles over all instances.
     pub fn triangle_count(&self) -> usize {
         self.instances.iter().map(|i| self.meshes[i.mesh].triangle_count()).sum()
     }

@@ -1,4 +1,4 @@
-//! What a ray meets first among a scene's triangles, and which side of it: in f32, over a bounding volume hierarchy.
+//! Ray casting against a scene's triangles: nearest hit and its side, in f32, with a bounding volume hierarchy.
 
 use super::Scene;
 use glam::{DVec3, Vec3A};
@@ -8,53 +8,53 @@ use obvhs::cwbvh::{CwBvh, builder::build_cwbvh};
 use obvhs::ray::{Ray, RayHit};
 use rayon::prelude::*;
 
-/// Boxes are larger than their triangles by this share of the scene's radius: more than f32 rounds their rays by.
+/// Margin of the boxes around triangles, as a share of the scene's radius; more than the f32 rounding of rays.
 const MARGIN: f32 = 2e-6;
 
-/// Triangles no longer than this [radii] are points, and met by no ray.
+/// Triangles no longer than this [radii] count as points; no ray hits them.
 const LEAST: f32 = 1e-7;
 
-/// Triangles are larger by this share of themselves: a ray through the edge of two meets one of them.
+/// Relative enlargement of triangles, so that a ray through a shared edge hits one of the two.
 const OVERLAP: f32 = 1e-5;
 
-/// A scene as it stands, to shoot rays at. Cut-outs of textures count as surface.
+/// A scene in its current pose, for ray casting. Alpha cutouts count as surface.
 pub struct Rays {
-    /// Middle of the scene's bounds \[m\]; everything inside is relative to it, in units of `radius`.
+    /// Centre of the scene's bounds \[m\]; stored positions are relative to it, in units of `radius`.
     centre: DVec3,
-    /// Half of their diagonal \[m\].
+    /// Half of the bounds' diagonal \[m\].
     radius: f64,
     triangles: Vec<Triangle>,
-    /// None for a scene without triangles.
+    /// `None` for a scene without triangles.
     hierarchy: Option<CwBvh>,
 }
 
-/// A triangle, in the order that shows its front counter-clockwise.
+/// A triangle; counter-clockwise seen from its front.
 #[derive(Clone, Copy)]
 struct Triangle {
     corner: Vec3A,
     edges: [Vec3A; 2],
-    /// The other side is among the triangles, too.
+    /// The triangle list also contains the other side.
     double_sided: bool,
 }
 
-/// Where a ray meets a surface.
+/// A hit of a ray on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance along the ray \[m\].
     pub distance: f64,
     /// Unit normal of the front.
     pub normal: DVec3,
-    /// Whether the ray comes from the front.
+    /// Whether the ray hits the front side.
     pub front: bool,
 }
 
 impl Rays {
-    /// Places all triangles that are drawn, bent as they stand, and builds the hierarchy, on all cores.
+    /// Collects all visible triangles in their current pose and builds the hierarchy, on all cores.
     pub fn new(scene: &Scene) -> Self {
         Self::of(scene, |_| true)
     }
 
-    /// The same of those instances alone that are `among` the ones asked for.
+    /// The same, only for instances for which `among` is true.
     pub fn of(scene: &Scene, among: impl Fn(usize) -> bool + Sync) -> Self {
         let placed: Vec<([DVec3; 3], bool)> = (scene.instances.par_iter().enumerate())
             .filter(|(index, instance)| !instance.hidden && among(*index))
@@ -85,7 +85,7 @@ impl Rays {
             })
             .filter(|t| t.edges.iter().any(|edge| edge.abs().max_element() > LEAST))
             .collect();
-        // Very many in one place make a hierarchy as deep as they are many.
+        // Many identical triangles would make the hierarchy as deep as their number.
         triangles.par_sort_unstable_by_key(Triangle::bits);
         triangles.dedup_by_key(|t| t.bits());
         let boxes: Vec<Aabb> = (triangles.par_iter())
@@ -101,20 +101,20 @@ impl Rays {
         Self { centre, radius, triangles, hierarchy }
     }
 
-    /// What the ray from `origin` \[m\] in the unit `direction` meets first. Of a double-sided material the side that faces
-    /// the origin.
+    /// The nearest hit of the ray from `origin` \[m\] in the unit `direction`. A double-sided surface is hit on the
+    /// side that faces the origin.
     pub fn nearest(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
         self.within(origin, direction, f64::INFINITY)
     }
 
-    /// The same within a distance \[m\].
+    /// The nearest hit within a distance \[m\].
     pub fn within(&self, origin: DVec3, direction: DVec3, distance: f64) -> Option<Hit> {
         let hierarchy = self.hierarchy.as_ref()?;
-        // The traversal misses everything along a direction with a negative zero in it; adding 0 makes it positive.
+        // The traversal misses everything along a direction with a negative zero; adding 0 makes the zero positive.
         let unit = |v: DVec3| Vec3A::from(v.as_vec3()) + Vec3A::ZERO;
         let (origin, towards) = (unit((origin - self.centre) / self.radius), unit(direction));
         if !(origin.is_finite() && towards.is_finite()) {
-            // From farther off than single precision reaches nothing is met.
+            // An origin beyond the range of single precision hits nothing.
             return None;
         }
         let end = (distance / self.radius).min(f64::from(f32::MAX)) as f32;
@@ -134,14 +134,14 @@ impl Rays {
 }
 
 impl Triangle {
-    /// The same of triangles that are.
+    /// Sort key: equal for identical triangles.
     fn bits(&self) -> [u32; 10] {
         let [[a, b, c], [d, e, f], [g, h, i]] = [self.corner, self.edges[0], self.edges[1]].map(|v| v.to_array());
         let [a, b, c, d, e, f, g, h, i] = [a, b, c, d, e, f, g, h, i].map(f32::to_bits);
         [a, b, c, d, e, f, g, h, i, self.double_sided.into()]
     }
 
-    /// Moeller and Trumbore's intersection.
+    /// Moeller-Trumbore intersection.
     fn distance(&self, origin: Vec3A, direction: Vec3A) -> Option<f32> {
         let [u, v] = self.edges;
         let p = direction.cross(v);
@@ -155,7 +155,7 @@ impl Triangle {
         let q = offset.cross(u);
         let third = direction.dot(q) * inverse;
         let distance = v.dot(q) * inverse;
-        // Comparisons with NaN are false: triangles seen from their edge are missed.
+        // Comparisons with NaN are false: triangles seen edge-on are missed.
         let inside = second >= -OVERLAP && third >= -OVERLAP && second + third <= 1.0 + OVERLAP;
         (inside && distance > 0.0 && distance.is_finite()).then_some(distance)
     }

@@ -1,8 +1,8 @@
-//! A sky all around the scene: its radiance, its sun, and the directional lights that stand for the rest.
+//! A sky around the scene: its radiance, its sun, and the directional lights that represent the rest of its light.
 //!
-//! The sphere is divided along its circles of latitude and longitude, first at the horizon: of all regions, the one of the
-//! largest luminous energy is cut across its longer side into halves of equal energy, until there are as many as wanted
-//! (median cut, Debevec 2005). A region becomes parallel light of exactly its energy from its centre of energy.
+//! Median cut (Debevec 2005): circles of latitude and longitude divide the sphere, first at the horizon. The region
+//! with the largest luminous energy is repeatedly cut across its longer side into halves of equal energy until the
+//! wanted number is reached. Each region becomes parallel light with exactly its energy, from its centre of energy.
 
 mod sun;
 
@@ -16,34 +16,34 @@ use std::ops::Range;
 /// Radiance from all directions, on a grid of latitude and longitude.
 #[derive(Clone, Debug)]
 pub struct Sky {
-    /// Columns.
+    /// Number of columns.
     pub width: u32,
-    /// Rows, the first about +Y.
+    /// Number of rows, the first around +Y.
     pub height: u32,
-    /// Radiance [cd/m^2], row by row. The middle column is about -Z, columns follow each other towards +X.
+    /// Radiance [cd/m^2], row by row. The middle column is around -Z; column numbers increase towards +X.
     pub texels: Vec<Vec3>,
-    /// What shows, row by row, where that is other than what lights: with the sun, which is a light of its own.
+    /// Displayed radiance, row by row, if it differs from `texels`: it includes the sun, which is a separate light.
     pub shown: Option<Vec<Vec3>>,
-    /// Turn about +Y \[rad\], counter-clockwise seen from above.
+    /// Rotation about +Y \[rad\], counter-clockwise seen from above.
     pub turn: f64,
-    /// Which of the scene's lights stand for the sky; its sun is none of them.
+    /// Range of the scene's lights that represent the sky, without its sun.
     pub lights: Range<usize>,
 }
 
-/// Rows and columns of a grid that has one radiance everywhere: regions are cut between them.
+/// Columns and rows of a grid with uniform radiance; they set where regions can be cut.
 const EVEN: [u32; 2] = [512, 256];
 
-/// Texels of a region.
+/// A region of texels.
 #[derive(Clone)]
 struct Region {
     columns: Range<usize>,
     rows: Range<usize>,
-    /// Luminous energy.
+    /// Luminous energy of the region.
     energy: f64,
 }
 
 impl Sky {
-    /// A grid of radiances [cd/m^2]; what is negative or no number counts as none.
+    /// A sky from a grid of radiances [cd/m^2]. Negative values and NaN count as 0.
     pub fn new(width: u32, height: u32, radiance: impl Iterator<Item = Vec3>, turn: f64) -> Self {
         let clean = |c: f32| if c.is_finite() { c.max(0.0) } else { 0.0 };
         let texels: Vec<Vec3> = radiance.map(|r| Vec3::from(r.to_array().map(clean))).collect();
@@ -51,14 +51,14 @@ impl Sky {
         Self { width, height, texels, shown: None, turn, lights: 0..0 }
     }
 
-    /// The same radiance [cd/m^2] from everywhere.
+    /// A sky of uniform radiance [cd/m^2].
     pub fn even(radiance: Vec3) -> Self {
         let [width, height] = EVEN;
         Self::new(width, height, std::iter::repeat_n(radiance, (width * height) as usize), 0.0)
     }
 
-    /// Puts the sky over a scene: its sun as a light of its own, if it has one, and so many directional lights at most
-    /// that stand for the rest. A black sky has none.
+    /// Puts the sky over a scene. Adds its sun, if it has one, as a separate light, and at most `lights` directional
+    /// lights for the rest. A black sky adds no lights.
     pub fn put_over(mut self, scene: &mut Scene, lights: usize) {
         if let Some(sun) = self.split_sun() {
             scene.notes.push(sun::note(&sun, self.illuminance()));
@@ -82,16 +82,16 @@ impl Sky {
         self.direction_at(DVec2::new(column as f64 + 0.5, row as f64 + 0.5))
     }
 
-    /// Unit direction towards a place on the grid \[texels\], from its first column and row.
+    /// Unit direction towards a position on the grid \[texels\], counted from the first column and row.
     pub fn direction_at(&self, place: DVec2) -> DVec3 {
         let latitude = PI * place.y / f64::from(self.height);
         let longitude = TAU * (place.x / f64::from(self.width) - 0.5) - self.turn;
         DVec3::new(latitude.sin() * longitude.sin(), latitude.cos(), -latitude.sin() * longitude.cos())
     }
 
-    /// Where on the grid \[texels\] a unit direction leads.
+    /// Position on the grid \[texels\] of a unit direction.
     pub fn place(&self, direction: DVec3) -> DVec2 {
-        // Straight up and down every longitude is right.
+        // Straight up and down, any longitude is right.
         let level = direction.x != 0.0 || direction.z != 0.0;
         let longitude = if level { direction.x.atan2(-direction.z) } else { 0.0 } + self.turn;
         let across = (longitude / TAU + 0.5).rem_euclid(1.0);
@@ -99,11 +99,11 @@ impl Sky {
         DVec2::new(across * f64::from(self.width), down * f64::from(self.height))
     }
 
-    /// Radiance [cd/m^2] from a unit direction, between the middles of texels; twin of glsl/sky.frag.
+    /// Radiance [cd/m^2] from a unit direction, bilinear between texel centres. Twin of glsl/sky.frag.
     pub fn radiance(&self, direction: DVec3) -> DVec3 {
         let DVec2 { x, y } = self.place(direction) - 0.5;
         let texel = |column: f64, row: f64| {
-            // Beyond a pole the other side begins.
+            // Beyond a pole the grid continues on the opposite side.
             let on = row.clamp(0.0, f64::from(self.height - 1));
             let turn = if on == row { 0 } else { self.width / 2 };
             let column = (column + f64::from(turn)).rem_euclid(f64::from(self.width)) as usize;
@@ -114,7 +114,7 @@ impl Sky {
         row(above).lerp(row(above + 1.0), y - above)
     }
 
-    /// The sky as it shows, with its sun.
+    /// The sky as displayed, with its sun.
     pub(super) fn as_shown(&self) -> Cow<'_, Self> {
         match &self.shown {
             Some(shown) => {
@@ -125,12 +125,12 @@ impl Sky {
         }
     }
 
-    /// Light \[lx\] through a plane that faces it all: the integral of radiance over the sphere.
+    /// Total light \[lx\], each direction received by a plane that faces it: the integral of radiance over the sphere.
     pub fn illuminance(&self) -> DVec3 {
         self.sum(&(0..self.width as usize), &(0..self.height as usize)).0
     }
 
-    /// Integral of radiance over texels \[lx\], and of direction times luminance.
+    /// Integral over texels of radiance \[lx\], and of direction times luminance.
     fn sum(&self, columns: &Range<usize>, rows: &Range<usize>) -> (DVec3, DVec3) {
         let (mut light, mut vector) = (DVec3::ZERO, DVec3::ZERO);
         for row in rows.clone() {
@@ -144,18 +144,18 @@ impl Sky {
         (light, vector)
     }
 
-    /// The directional lights that stand for the sky.
+    /// The directional lights that represent the sky.
     fn lights(&self, count: usize) -> Vec<Light> {
         let region = |rows: Range<usize>| self.region(0..self.width as usize, rows);
         let (horizon, rows) = (self.height as usize / 2, self.height as usize);
-        // A floor sees one half alone: no light stands for parts of both.
+        // A floor sees only one hemisphere: no light may represent parts of both.
         let mut regions = match count {
             0 | 1 => vec![region(0..rows)],
             _ => vec![region(0..horizon), region(horizon..rows)],
         };
         regions.retain(|region| !region.rows.is_empty());
         while regions.len() < count {
-            // One texel cannot be cut.
+            // A single texel cannot be cut.
             let cuttable = |r: &&(usize, &Region)| r.1.columns.len() > 1 || r.1.rows.len() > 1;
             let brightest = regions
                 .iter()
@@ -175,7 +175,7 @@ impl Sky {
         Region { columns, rows, energy }
     }
 
-    /// Two halves of nearly equal energy, across the longer side.
+    /// Cuts a region across its longer side into two of nearly equal energy.
     fn cut(&self, region: &Region) -> [Region; 2] {
         let Region { columns, rows, energy } = region;
         let middle = PI * 0.5 * (rows.start + rows.end) as f64 / f64::from(self.height);
@@ -210,7 +210,7 @@ impl Sky {
     }
 }
 
-/// Parallel light \[lx\] from a direction, of any length.
+/// Parallel light \[lx\] from a direction of any length.
 fn parallel(name: String, light: DVec3, from: DVec3) -> Light {
     let peak = light.max_element();
     Light {

@@ -1,28 +1,28 @@
-//! A sky as surfaces receive it: its irradiance by normal, and what lobes take of it about each direction, as grids.
+//! Prefiltered skies: irradiance by normal, and radiance filtered by Phong lobes, each as a grid of directions.
 
 use super::sky::Sky;
 use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Lobes of [`lobes`]: exponents of powers of two, from 2048 down to 1.
+/// Number of lobes in [`lobes`]: exponents are powers of two, from 2048 down to 1.
 pub const LOBES: u32 = 12;
 
-/// Columns of the grid of irradiance, and of those of the widest lobes.
+/// Columns of the irradiance grid and of the grids of the widest lobes.
 const COARSE: u32 = 64;
 
-/// Share of a lobe's peak from which on it counts.
+/// Smallest weight of a lobe that counts, as a share of its peak.
 const LEAST: f64 = 1e-4;
 
-/// Irradiance \[lx\] by normal: a grid with the layout of a sky's.
+/// Irradiance \[lx\] by normal, on a grid with the layout of a sky.
 pub fn irradiance(sky: &Sky) -> Sky {
     let mut received = convolved(&halved(sky, 2 * COARSE), COARSE, |cosine| cosine.max(0.0), 0.0);
-    // The mean by cosine over a hemisphere, whose cosines sum up to pi.
+    // `convolved` gives the cosine-weighted mean over a hemisphere, where the cosine integrates to pi.
     received.texels.iter_mut().for_each(|texel| *texel *= std::f32::consts::PI);
     received
 }
 
-/// Mean radiance [cd/m^2] about each direction, weighed by Phong lobes: exponents of 2048, 1024, .. 1.
+/// Mean radiance [cd/m^2] around each direction, weighted by Phong lobes with exponents 2048, 1024, .. 1.
 pub fn lobes(sky: &Sky) -> Vec<Sky> {
     let lobe = |i: u32| {
         let squarings = LOBES - 1 - i;
@@ -36,7 +36,7 @@ pub fn lobes(sky: &Sky) -> Vec<Sky> {
     (0..LOBES).map(lobe).collect()
 }
 
-/// A sky with at most this many columns; each texel is the mean of those that it replaces.
+/// A sky with at most this many columns; each texel is the mean of the texels that it replaces.
 pub fn halved(sky: &Sky, most: u32) -> Sky {
     let texels = sky.texels.clone();
     let mut now = Sky { texels, shown: None, lights: 0..0, ..*sky };
@@ -59,13 +59,14 @@ pub fn halved(sky: &Sky, most: u32) -> Sky {
     now
 }
 
-/// The mean around each direction of a grid with this many columns, weighted by a function of the cosine from `least` on.
+/// The weighted mean around each direction, on a grid with this many columns. `weight` is a function of the cosine;
+/// cosines below `least` are ignored.
 fn convolved(sky: &Sky, columns: u32, weight: impl Fn(f64) -> f64 + Sync, least: f64) -> Sky {
     let (width, height) = (columns, columns / 2);
     if let Some(&even) = sky.texels.first()
         && sky.texels.iter().all(|&texel| texel == even)
     {
-        // The mean of what is everywhere the same.
+        // The mean of a constant is the constant.
         return Sky::new(width, height, std::iter::repeat_n(even, (width * height) as usize), 0.0);
     }
     let texel = |i: usize| (i % sky.width as usize, i / sky.width as usize);
@@ -79,7 +80,7 @@ fn convolved(sky: &Sky, columns: u32, weight: impl Fn(f64) -> f64 + Sync, least:
     let reach = least.max(-1.0).acos();
     let mean = |i: usize| {
         let axis = grid.direction(i % width as usize, i / width as usize);
-        // Rows farther away than the lobe reaches have nothing of it.
+        // Rows beyond the lobe's reach contribute nothing.
         let latitude = axis.y.clamp(-1.0, 1.0).acos() / std::f64::consts::PI * f64::from(sky.height);
         let rows = reach / std::f64::consts::PI * f64::from(sky.height) + 1.0;
         let first = (latitude - rows).max(0.0) as usize * sky.width as usize;
@@ -93,7 +94,7 @@ fn convolved(sky: &Sky, columns: u32, weight: impl Fn(f64) -> f64 + Sync, least:
                 whole += share;
             }
         }
-        // A lobe between the middles of texels has the nearest one.
+        // A lobe that falls between texel centres takes the sky's radiance at its axis.
         if whole > 0.0 { (sum / whole).as_vec3() } else { sky.radiance(axis).as_vec3() }
     };
     grid.texels = (0..(width * height) as usize).into_par_iter().map(mean).collect();

@@ -1,4 +1,4 @@
-//! A stage for files without one: a studio's soft light, a day's sky, a ground, and what shows behind them.
+//! A stage for files without one: soft studio light, a daylight sky, a ground, and the backdrop.
 
 use super::build::{add_material, add_mesh, patch, phong, place};
 use super::sky::Sky;
@@ -8,35 +8,35 @@ use std::borrow::Cow;
 use std::f32::consts::TAU;
 use std::f64::consts::PI;
 
-/// What shows where no surface is.
+/// What is shown where there is no surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Backdrop {
-    /// The sky's own radiance, with its sun; nothing without a sky.
+    /// The sky's radiance with its sun; nothing without a sky.
     #[default]
     Sky,
-    /// Below the horizon what an unshadowed ground reflects, above it a little less and less.
+    /// Below the horizon the radiance of an unshadowed ground, fading to half above it.
     Studio,
     /// Nothing.
     Nothing,
 }
 
-/// Directional lights that stand for a sky that is put over a scene here.
+/// Number of directional lights for the skies added here.
 pub(super) const LIGHTS: usize = 16;
 
 /// Diffuse albedo of the ground.
 pub const GROUND_ALBEDO: f32 = 0.4;
 
-/// Radius of the ground in radii of the scene that stands on it.
+/// Radius of the ground, in radii of the scene on it.
 const GROUND_RADIUS: f64 = 2.5;
 
-/// Most of the area that counts for caches that may be the ground's, as a share of the other surfaces'.
+/// Largest share of cache area that the ground may take, relative to the area of the other surfaces.
 const GROUND_SHARE: f64 = 0.2;
 
-/// Columns and rows of the grids that are made here.
+/// Columns and rows of the grids made here.
 const GRID: [u32; 2] = [128, 64];
 
-/// A light of the studio: its direction from the one that faces the viewer, to the left and up [degrees], the width of its
-/// soft edge [degrees] and its radiance at the middle, the largest of which is 1.
+/// A studio light: its direction relative to the viewer's, to the left and up [degrees], the width of its soft edge
+/// [degrees], and its radiance at the centre, relative to the brightest light.
 struct Softbox {
     left: f64,
     up: f64,
@@ -50,18 +50,19 @@ const SOFTBOXES: [Softbox; 3] = [
     Softbox { left: 160.0, up: 40.0, width: 25.0, radiance: 0.15 }, // edges
 ];
 
-/// Radiance of the rest of the upper half, of the glow at the horizon, and of the lower half where there is no ground.
+/// Radiance of the rest of the upper hemisphere, of the glow at the horizon, and of the lower hemisphere without a
+/// ground.
 const REST: f64 = 0.045;
 const GLOW: f64 = 0.05;
 const BELOW: f64 = 0.03;
 
 impl Sky {
-    /// A studio: a large soft key light above, to the left of a viewer in the horizontal direction `viewer`, a weaker fill to
-    /// the right, a dim rest and a glow at the horizon. An unshadowed white surface that faces straight up has a radiance of
-    /// 1 cd/m^2: `pi` lx. Over a ground nothing comes from below.
+    /// A studio sky: a large soft key light, above and to the left of a viewer in the horizontal direction `viewer`, a
+    /// weaker fill light to the right, a dim rest, and a glow at the horizon. An unshadowed white surface that faces
+    /// straight up has a radiance of 1 cd/m^2 (`pi` lx). With a ground, no light comes from below.
     pub fn studio(viewer: DVec3, grounded: bool) -> Self {
         let viewer = DVec3::new(viewer.x, 0.0, viewer.z).try_normalize().unwrap_or(DVec3::Z);
-        // Seen by the viewer, who looks the other way.
+        // Left as seen by the viewer, who looks towards the scene.
         let left = -DVec3::Y.cross(viewer);
         let towards = |softbox: &Softbox| {
             let (side, up) = (softbox.left.to_radians(), softbox.up.to_radians());
@@ -82,14 +83,14 @@ impl Sky {
         Self::of(|direction| Vec3::splat((PI / up * radiance(direction)) as f32))
     }
 
-    /// Below the horizon what an unshadowed ground reflects of this sky, without an end.
+    /// Fills the lower hemisphere with the radiance of an unshadowed ground under this sky.
     pub(super) fn continue_ground(&mut self) {
         let ground = self.received(DVec3::Y).as_vec3() * (GROUND_ALBEDO / std::f32::consts::PI);
         let below = self.texels.len() / 2;
         self.texels[below..].fill(ground);
     }
 
-    /// A day's sky without its sun, which is a light of its own, over dark ground: 15 000 lx from above.
+    /// A daylight sky over dark ground, without its sun, which is a separate light: 15 000 lx from above.
     pub fn day() -> Self {
         let radiance = |direction: DVec3| {
             let horizon = (-4.0 * direction.y.max(0.0)).exp();
@@ -100,8 +101,9 @@ impl Sky {
         Self::of(|direction| (scale * radiance(direction)).as_vec3())
     }
 
-    /// A clear sky without its sun, which is a light of its own in the unit direction `sun`, over dark ground: so many lx on
-    /// level ground. Its luminance is that of ISO 15469, type 12, paler at the horizon and about the sun.
+    /// A clear sky over dark ground, with `illuminance` \[lx\] on level ground. Excludes the sun in the unit direction
+    /// `sun`, which is a separate light. The luminance is that of ISO 15469, type 12, paler at the horizon and around
+    /// the sun.
     pub fn clear(sun: DVec3, illuminance: f64) -> Self {
         let gradation = |height: f64| 1.0 - (-0.32 / height.max(0.01)).exp();
         let scattered = |angle: f64| {
@@ -132,7 +134,7 @@ impl Sky {
         sky
     }
 
-    /// Light \[lx\] that falls on an unshadowed plane with this unit normal.
+    /// Illuminance \[lx\] of an unshadowed plane with this unit normal.
     pub fn received(&self, normal: DVec3) -> DVec3 {
         let texel = |index: usize| {
             let (column, row) = (index % self.width as usize, index / self.width as usize);
@@ -144,7 +146,7 @@ impl Sky {
 }
 
 impl Scene {
-    /// The grid of radiance that shows where no surface is, if any does.
+    /// The radiance grid of the backdrop, if there is one.
     pub fn behind(&self) -> Option<Cow<'_, Sky>> {
         match self.backdrop {
             Backdrop::Sky => self.sky.as_ref().map(Sky::as_shown),
@@ -153,7 +155,7 @@ impl Scene {
         }
     }
 
-    /// Whether anything shows where no surface is.
+    /// Whether the scene has a visible backdrop.
     pub(crate) fn has_backdrop(&self) -> bool {
         match self.backdrop {
             Backdrop::Sky => self.sky.is_some(),
@@ -162,8 +164,8 @@ impl Scene {
         }
     }
 
-    /// Radiance [cd/m^2] of an unshadowed ground under the scene's sky and parallel lights; without any, under 1 lx for each
-    /// candela and square metre of the others, seen from the middle of the scene.
+    /// Radiance [cd/m^2] of an unshadowed ground under the scene's sky and parallel lights. Without either, the other
+    /// lights illuminate it from their distance to the scene's centre.
     fn ground_radiance(&self) -> Vec3 {
         let (low, high) = self.bounds().unwrap_or_default();
         let (centre, radius) = (0.5 * (low + high), 0.5 * low.distance(high));
@@ -182,7 +184,7 @@ impl Scene {
     }
 }
 
-/// The studio's backdrop: even below the horizon, above it falling to half.
+/// The studio's backdrop: uniform below the horizon, falling to half above it.
 fn quiet(ground: Vec3) -> Sky {
     Sky::of(|direction| {
         let up = (direction.y.max(0.0) as f32 / 0.8).min(1.0);
@@ -190,8 +192,8 @@ fn quiet(ground: Vec3) -> Sky {
     })
 }
 
-/// Puts a ground under a scene whose middle, radius and height \[m\] are given: a disc that faces up. Its caches may stand
-/// farther apart than others', so that it takes few of them.
+/// Adds a ground under a scene with the given centre, radius and height \[m\]: a disc that faces up. Its caches may be
+/// farther apart than others, so that it takes few of them.
 pub(super) fn put_ground(scene: &mut Scene, middle: DVec3, radius: f64, height: f64) {
     let area = super::tessellate::area(scene);
     let reach = GROUND_RADIUS * radius;

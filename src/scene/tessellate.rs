@@ -1,6 +1,6 @@
-//! Divides triangles that are large against the distance of caches, since light is interpolated per vertex.
+//! Subdivides triangles that are large compared to the spacing of caches, since light is interpolated per vertex.
 //!
-//! An edge is halved by its own length alone, so that both triangles beside it agree and no crack opens.
+//! Whether an edge is halved depends only on its length, so both adjacent triangles agree and no crack opens.
 
 mod carried;
 
@@ -9,13 +9,13 @@ use carried::Carried;
 use glam::{DMat3, Vec4};
 use std::collections::HashMap;
 
-/// Rounds of halving: an edge a thousand times too long is left long.
+/// Rounds of halving; an edge more than a thousand times too long stays too long.
 const ROUNDS: usize = 10;
 
-/// About as many triangles over all instances may be made by dividing.
+/// Approximate limit on the triangles over all instances after subdivision.
 const MOST_TRIANGLES: usize = 2_000_000;
 
-/// Surface [m^2 in world space] over all instances.
+/// Surface area [m^2 in world space] over all instances.
 pub fn area(scene: &Scene) -> f64 {
     let triangle = |mesh: &Mesh, linear: DMat3, t: usize| {
         let [a, b, c] = mesh.triangle(t).map(|i| mesh.vertices[i].position.as_dvec3());
@@ -28,18 +28,18 @@ pub fn area(scene: &Scene) -> f64 {
     scene.instances.iter().map(instance).sum()
 }
 
-/// Distance \[m\] between caches that a count of them can be expected to have: the bake needs about five caches for the
-/// square of their spacing.
+/// Expected distance \[m\] between caches for a given count: the bake needs about five caches per square of their
+/// spacing.
 pub fn expected_spacing(scene: &Scene, caches: usize) -> f64 {
     (5.0 * area(scene) / caches.max(1) as f64).sqrt()
 }
 
-/// Triangles over all instances that dividing may make for each cache, however few there were: surface that is spread
-/// evenly needs about fifteen.
+/// Triangles over all instances per cache that subdivision may reach regardless of the original number. An evenly
+/// divided surface needs about fifteen.
 const TRIANGLES_PER_CACHE: f64 = 64.0;
 
-/// Divides for caches that stand `spacing` \[m\] apart: no edge is to be longer than a quarter of it, or than `max_edge`
-/// \[m\] where that is given; 0 leaves all as they are. Goes as far as about two million triangles over all instances allow.
+/// Subdivides for caches `spacing` \[m\] apart. No edge may be longer than a quarter of the spacing or, if given, than
+/// `max_edge` \[m\]; 0 leaves the scene unchanged. Stops at about two million triangles over all instances.
 pub fn divide(scene: &mut Scene, spacing: f64, max_edge: Option<f64>) {
     if max_edge == Some(0.0) {
         return;
@@ -50,15 +50,15 @@ pub fn divide(scene: &mut Scene, spacing: f64, max_edge: Option<f64>) {
         part(scene);
         let added = tessellate(scene, longest, most);
         log::warn!(
-            "{}: {added} triangles added by halving edges, and no more, though some are longer than {longest:.4} m",
+            "{}: {added} triangles added by halving edges; some edges stay longer than {longest:.4} m (triangle limit)",
             scene.name
         );
     }
 }
 
-/// Divides for caches that stand `spacing` \[m\] apart where that costs little: the scene, its instances counted, has no
-/// more than twice its triangles then, or few against its caches. Otherwise leaves all as they are, and gives `false`:
-/// light is better interpolated at pixels.
+/// Subdivides for caches `spacing` \[m\] apart if that is cheap: over all instances the scene then has at most twice
+/// its triangles, or few per cache. Otherwise leaves the scene unchanged and returns `false`: light is better
+/// interpolated per pixel.
 pub fn divide_if_few(scene: &mut Scene, spacing: f64) -> bool {
     let longest = longest(scene, 0.25 * spacing);
     let caches = 5.0 * area(scene) / (spacing * spacing);
@@ -66,14 +66,14 @@ pub fn divide_if_few(scene: &mut Scene, spacing: f64) -> bool {
     divide_whole(scene, longest, few.max(2 * scene.triangle_count()))
 }
 
-/// The longest edge \[m\] to leave, however fine is asked for: halved edges leave about two triangles for the square of
-/// the longest.
+/// The longest edge \[m\] to keep, limited for very fine requests: halving leaves about two triangles per square of the
+/// longest edge.
 fn longest(scene: &Scene, asked: f64) -> f64 {
     asked.max((2.0 * area(scene) / MOST_TRIANGLES as f64).sqrt())
 }
 
-/// Halves all edges longer than `longest` [m in world space]; where the scene would have more than `most` triangles, with
-/// meshes of their own for small and large instances; where that is too much as well, none.
+/// Halves all edges longer than `longest` [m in world space]. If the scene would exceed `most` triangles, retries with
+/// separate meshes for small and large instances. If that also exceeds the limit, leaves the scene unchanged.
 fn divide_whole(scene: &mut Scene, longest: f64, most: usize) -> bool {
     let (meshes, instances) = (scene.meshes.clone(), scene.instances.clone());
     let (mut added, mut whole) = halve_all(scene, longest, most, true);
@@ -91,8 +91,8 @@ fn divide_whole(scene: &mut Scene, longest: f64, most: usize) -> bool {
     whole
 }
 
-/// Gives instances whose sizes differ by more than about twofold meshes of their own, so that a small one is not divided
-/// for a large one. Says whether any did.
+/// Gives instances whose sizes differ by more than about a factor of two separate meshes, so that small ones are not
+/// subdivided for large ones. Returns whether any mesh was copied.
 fn part(scene: &mut Scene) -> bool {
     let size = |stretch: DMat3| {
         let longest = [stretch.x_axis, stretch.y_axis, stretch.z_axis].map(|axis| axis.length()).into_iter();
@@ -114,15 +114,15 @@ fn part(scene: &mut Scene) -> bool {
     scene.meshes.len() > before
 }
 
-/// Halves edges longer than `longest` [m in world space] until none is left, or until the scene would have more than
-/// `most` triangles over all instances. Gives the number of triangles that were added to meshes.
+/// Halves edges longer than `longest` [m in world space] until none is left, or until the scene would exceed `most`
+/// triangles over all instances. Returns the number of triangles added to meshes.
 pub fn tessellate(scene: &mut Scene, longest: f64, most: usize) -> usize {
     halve_all(scene, longest, most, false).0
 }
 
-/// As [`tessellate`], and whether `most` was enough; with `all_or_nothing` it ends as soon as that is not so.
+/// As [`tessellate`]; also returns whether `most` was enough. With `all_or_nothing` it stops as soon as it is not.
 fn halve_all(scene: &mut Scene, longest: f64, most: usize, all_or_nothing: bool) -> (usize, bool) {
-    // Instances that differ by rotation alone have the same metric.
+    // Instances that differ only by rotation have the same metric.
     let mut metrics: Vec<Vec<DMat3>> = vec![Vec::new(); scene.meshes.len()];
     let mut shared = vec![0; scene.meshes.len()];
     for instance in &scene.instances {
@@ -211,7 +211,7 @@ fn halve(mesh: &Mesh, metrics: &[DMat3], longest2: f64) -> Option<Mesh> {
     (!middles.is_empty()).then(|| Mesh { name: mesh.name.clone(), vertices, indices, primitives, deform })
 }
 
-/// The vertex halfway.
+/// The vertex halfway between two others.
 fn between(a: &Vertex, b: &Vertex) -> Vertex {
     let tangent = (Vec4::from_array(a.tangent).truncate() + Vec4::from_array(b.tangent).truncate()).normalize_or_zero();
     let color = std::array::from_fn(|i| ((u16::from(a.color[i]) + u16::from(b.color[i])).div_ceil(2)) as u8);

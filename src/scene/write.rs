@@ -1,4 +1,4 @@
-//! Scene -> GLB: glTF 2.0 in one binary file, positions and normals as plain floats, the same bytes every time.
+//! Scene -> GLB: glTF 2.0 in one binary file, positions and normals as plain floats, with deterministic bytes.
 
 mod keys;
 mod rig;
@@ -13,33 +13,33 @@ use serde_json::{Map, Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// glTF's codes: a float, and a buffer of vertices.
+/// glTF's codes for the float component type and for a vertex buffer.
 const FLOAT: u32 = 5126;
 const VERTICES: u32 = 34962;
 
 /// Writes the scene as a GLB file.
 ///
-/// A double-sided material's triangles are written once, its second side is what `doubleSided` says. A scene that moves is
-/// written at rest, with what moves it; animations without channels are left out. Images are in it as PNG. glTF has no
-/// skies: a sky is left out, and so are the lights that stand for it. Meshes that bend are refused once their triangles
-/// are divided.
+/// Triangles of a double-sided material are written once; `doubleSided` implies the second side. An animated scene is
+/// written at rest with its animations; animations without channels are left out. Images are embedded as PNG. glTF has
+/// no skies, so a sky and the lights that represent it are left out. Deforming meshes with subdivided triangles are
+/// refused.
 ///
 /// # Errors
-/// A file that cannot be written, an image without texels.
+/// A file that cannot be written, or an image without texels.
 pub fn write_glb(scene: &Scene, path: &Path) -> Result<()> {
     let failed = |reason: String| Error::Output { file: path.to_path_buf(), reason };
     let bytes = glb_bytes(scene).map_err(failed)?;
     files::write(path, &bytes)
 }
 
-/// The JSON lists and the binary chunk as they grow.
+/// The JSON lists and the binary chunk under construction.
 #[derive(Default)]
 struct Document {
     binary: Vec<u8>,
     views: Vec<Value>,
     accessors: Vec<Value>,
     extensions: BTreeSet<&'static str>,
-    /// Keys of animations, of which many accessors may share one, and those accessors by what they hold.
+    /// Animation keys, which accessors may share, and these accessors by content.
     keys: Vec<u8>,
     known_keys: BTreeMap<keys::Known, usize>,
     textures: values::Textures,
@@ -71,7 +71,7 @@ fn glb_bytes(scene: &Scene) -> std::result::Result<Vec<u8>, String> {
     let animations = keys::animations(&mut document, scene, &tree)?;
 
     if u32::try_from(document.binary.len()).is_err() {
-        return Err("more than 4 GiB of vertices and images, which GLB cannot hold; split the scene".into());
+        return Err("vertices and images exceed 4 GiB, the limit of GLB; split the scene".into());
     }
     let mut root = Map::new();
     root.insert("asset".into(), json!({ "version": "2.0", "generator": "lightskin" }));
@@ -108,7 +108,7 @@ fn glb_bytes(scene: &Scene) -> std::result::Result<Vec<u8>, String> {
     Ok(container(Value::Object(root).to_string().into_bytes(), document.binary))
 }
 
-/// The two chunks of a GLB file behind its header; lengths are padded to four bytes.
+/// A GLB file: header and two chunks, each padded to four bytes.
 fn container(mut text: Vec<u8>, mut binary: Vec<u8>) -> Vec<u8> {
     text.resize(text.len().next_multiple_of(4), b' ');
     binary.resize(binary.len().next_multiple_of(4), 0);
@@ -133,7 +133,7 @@ impl Document {
         self.accessors.len() - 1
     }
 
-    /// A buffer view of its own for some bytes.
+    /// Adds a buffer view for some bytes.
     fn view(&mut self, data: &[u8]) -> usize {
         self.binary.resize(self.binary.len().next_multiple_of(4), 0);
         let (offset, length) = (self.binary.len(), data.len());

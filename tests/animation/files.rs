@@ -150,7 +150,7 @@ fn hidden_nodes_hide_what_is_below_them() {
     assert_eq!(seen(&scene), (false, vec![0.0; 3]));
     assert!(scene.frozen().instances.is_empty());
     b.json["animations"][0]["samplers"][0]["interpolation"] = json!("LINEAR");
-    assert!(b.error("hidden").contains("takes STEP"));
+    assert!(b.error("hidden").contains("needs STEP"));
 }
 
 /// A triangle drawn three times by one node.

@@ -33,7 +33,7 @@ fn faults_are_refused_where_they_are() {
         ("/channels/0/target/path", Value::Null, "has no path"),
         ("/channels/0/target/node", json!(9), "refers to node 9, but the file has 1 node"),
         ("/channels/0/target/path", json!("scale"), "cannot be F32 VEC4"),
-        ("/channels/1/target/path", json!("rotation"), "sets what another channel sets"),
+        ("/channels/1/target/path", json!("rotation"), "sets the same target as another channel"),
         ("/samplers/0/interpolation", json!("BEZIER"), "unknown interpolation BEZIER"),
         ("/samplers/0/interpolation", json!("CUBICSPLINE"), "has 3 elements, but 3 keys of"),
         ("/samplers/0/input", json!(99), "refers to accessor 99"),
@@ -48,7 +48,7 @@ fn faults_are_refused_where_they_are() {
         ("/channels/0/target", pointer("/extensions/KHR_lights_punctual/lights/0/color"), "has 0 lights"),
         ("/channels/1/target", pointer("/nodes/0/weights/1"), "has 1 morph target"),
         ("/channels/1/target", pointer("/meshes/3/weights"), "refers to mesh 3"),
-        ("/channels/1/target", pointer("/nodes/0/rotation"), "sets what another channel sets"),
+        ("/channels/1/target", pointer("/nodes/0/rotation"), "sets the same target as another channel"),
     ];
     for (at, value, told) in faults {
         let mut b = moving();

@@ -248,7 +248,7 @@ fn what_gltf_cannot_say_is_refused() {
     };
     let mut divided = moving(0.5);
     assert!(tessellate::tessellate(&mut divided, 0.02, 1_000_000) > 0);
-    refused(&divided, "write the scene before it is divided");
+    refused(&divided, "write the scene before subdivision");
     let mut loose = moving(0.5);
     loose.rig = None;
     refused(&loose, "write the frozen scene");
@@ -259,7 +259,7 @@ fn what_gltf_cannot_say_is_refused() {
     refused(&mirrored, "is mirrored by its skin");
     let mut stiff = moving(0.5);
     stiff.instances[3].pose = None;
-    refused(&stiff, "give both or neither");
+    refused(&stiff, "or neither of them");
     // Without joints a pose needs no rig.
     let mut still = moving(0.5);
     still.rig = None;

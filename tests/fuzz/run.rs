@@ -43,7 +43,7 @@ const REMEDIES: [&str; 23] = [
     "move the file",
     "rename the file",
     "keep buffers",
-    "check its name",
+    "check the path",
     "ask for",
     "save ",
     "allows it",

@@ -1,25 +1,25 @@
-//! A box around all that moves, found by looking at many moments: views of parallel lights and the origin are laid out by it once.
+//! Bounds of all motion, found by sampling many times. The origin and the views of parallel lights are laid out by
+//! these bounds, once.
 
 use super::Rig;
 use crate::scene::deform::Pose;
 use crate::scene::{Instance, Mesh, Scene};
 use glam::DVec3;
 
-/// Times looked at in each animation besides its keys, and the most keys.
+/// Times sampled in each animation in addition to its keys, and the most keys sampled.
 const TIMES: usize = 32;
 const MOST_KEYS: usize = 96;
 
-/// What moves is given so much more room, as a share of the diagonal of the box it was found in: between the times that
-/// are looked at it may be anywhere.
+/// Margin around moving objects, as a share of the diagonal of their sampled bounds, for positions between the samples.
 const MARGIN: f64 = 0.02;
 
-/// About as many corners of boxes are looked at, but each animation at a few times at least.
+/// Approximate limit on the box corners transformed in total, and the least number of times per animation.
 const MOST_CORNERS: usize = 1 << 26;
 const FEWEST_TIMES: usize = 5;
 
 type Bounds = (DVec3, DVec3);
 
-/// What moves with one joint, or the whole of a mesh that has none.
+/// The part of a mesh that moves with one joint, or a whole mesh without joints.
 struct Part {
     /// Index into `Pose::joints`.
     joint: Option<usize>,
@@ -29,7 +29,7 @@ struct Part {
 }
 
 impl Scene {
-    /// A box around all at rest and in any animation; `None` when nothing is drawn. Leaves the scene at rest.
+    /// Bounds of everything at rest and in any animation; `None` if nothing is drawn. Leaves the scene at rest.
     pub(crate) fn sweep(&mut self) -> Option<Bounds> {
         self.extent = None;
         self.rest();
@@ -37,7 +37,7 @@ impl Scene {
             let of = |(index, instance): (usize, &Instance)| (!rig.moves(index)).then(|| instance.clone());
             self.instances.iter().enumerate().filter_map(of).collect()
         });
-        // Only what moves is looked at more than once.
+        // Static instances are measured only once.
         let mut bounds = still.iter().fold(None, |bounds, instance| self.grown(bounds, instance));
         let mesh_parts: Vec<Vec<Part>> = self.meshes.iter().map(parts).collect();
         let mut swept = self.swept(None, &mesh_parts);
@@ -81,7 +81,7 @@ impl Scene {
         bounds
     }
 
-    /// Bounds that hold an instance as it stands, too.
+    /// The given bounds, extended by an instance in its current pose.
     pub(in crate::scene) fn grown(&self, mut bounds: Option<Bounds>, instance: &Instance) -> Option<Bounds> {
         let mesh = &self.meshes[instance.mesh];
         let posed = instance.pose.as_ref().map(|pose| mesh.posed(pose));
@@ -94,7 +94,7 @@ impl Scene {
     }
 }
 
-/// The parts of a mesh that move each by itself. Posed vertices are means of what these are taken to.
+/// The parts of a mesh that move independently. Posed vertices are weighted means of their positions under these parts.
 fn parts(mesh: &Mesh) -> Vec<Part> {
     let Some(deform) = &mesh.deform else {
         let all = mesh.indices.iter().fold(None, |all, &v| union(all, mesh.vertices[v as usize].position.as_dvec3()));
@@ -127,7 +127,7 @@ fn parts(mesh: &Mesh) -> Vec<Part> {
     parts.into_iter().flatten().collect()
 }
 
-/// By animation, the times at which it is looked at, about `most` or less.
+/// Sample times by animation, about `most` or fewer.
 fn times(rig: &Rig, most: usize) -> Vec<Vec<f64>> {
     let of = |animation: &super::Animation| {
         let (begin, end) = animation.span();

@@ -1,4 +1,4 @@
-//! What animations set besides nodes and weights: numbers of lights, cameras and materials (KHR_animation_pointer).
+//! Animated numbers of lights, cameras and materials (KHR_animation_pointer).
 
 use std::f64::consts::{FRAC_PI_2, PI};
 
@@ -6,7 +6,7 @@ use crate::scene::material::texture_transform;
 use crate::scene::{Light, LightKind, Projection, Scene, Texture};
 use glam::{DVec3, Vec3, Vec4};
 
-/// Something that animations set, of one or several lights, cameras or materials that are one in the file.
+/// An animated quantity of one or more lights, cameras or materials that are a single object in the file.
 #[derive(Clone, Debug)]
 pub struct Property {
     quantity: Quantity,
@@ -16,60 +16,60 @@ pub struct Property {
     now: [[f64; 4]; 3],
 }
 
-/// What a property is, and the parts that it is put together from; those without any are one.
+/// Kind of a property. Properties of several parts are set part by part; all others have one part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quantity {
-    /// Of a light: linear colour.
+    /// Light: linear colour.
     LightColor,
-    /// Of a light [cd or lx].
+    /// Light: intensity [cd or lx].
     LightIntensity,
-    /// Of a light \[m\].
+    /// Light: range \[m\].
     LightRange,
-    /// Of a spot light: inner and outer half angle \[rad\].
+    /// Spot light: inner and outer half angle \[rad\], two parts.
     Cone,
-    /// Of a perspective camera \[rad\].
+    /// Perspective camera: vertical field of view \[rad\].
     Yfov,
-    /// Of an orthographic camera \[m\].
+    /// Orthographic camera: half height \[m\].
     Ymag,
-    /// Of a material.
+    /// Material: base colour and alpha.
     BaseColor,
-    /// Of a material.
+    /// Material: metalness.
     Metallic,
-    /// Of a material.
+    /// Material: perceptual roughness.
     Roughness,
-    /// Of a material: emissive factor and strength [cd/m^2].
+    /// Material: emissive factor and strength [cd/m^2], two parts.
     Emission,
-    /// Of a material.
+    /// Material: alpha cutoff.
     AlphaCutoff,
-    /// Of a material.
+    /// Material: normal texture scale.
     NormalScale,
-    /// Of a material.
+    /// Material: index of refraction.
     Ior,
-    /// Of a material.
+    /// Material: specular factor.
     Specular,
-    /// Of a material.
+    /// Material: specular colour.
     SpecularColor,
-    /// Of the texture at this place of `Material::textures_mut`: offset, rotation \[rad\] and scale.
+    /// Texture at this index of `Material::textures_mut`: offset, rotation \[rad\] and scale, three parts.
     TextureTransform(usize),
 }
 
 impl Property {
-    /// A property at rest, by its parts.
+    /// A property with the given rest values, by part.
     pub fn new(quantity: Quantity, of: Vec<usize>, rest: [[f64; 4]; 3]) -> Self {
         Self { quantity, of, rest, now: rest }
     }
 
-    /// What it is.
+    /// Kind of the property.
     pub fn quantity(&self) -> Quantity {
         self.quantity
     }
 
-    /// Indices into the scene's lights, cameras or materials, of which it is one.
+    /// Indices of the scene's lights, cameras or materials that have this property.
     pub fn of(&self) -> &[usize] {
         &self.of
     }
 
-    /// Its parts at rest.
+    /// Rest values, by part.
     pub fn at_rest(&self) -> [[f64; 4]; 3] {
         self.rest
     }
@@ -82,7 +82,7 @@ impl Property {
         self.now[part][..value.len()].copy_from_slice(value);
     }
 
-    /// Writes it to the scene, brought into the range that the loader would allow.
+    /// Writes the current values to the scene, clamped to the ranges that the loader allows.
     pub(super) fn apply(&self, scene: &mut Scene) {
         for &of in &self.of {
             match self.quantity {

@@ -1,29 +1,29 @@
-//! Values over time: keys and what lies between them.
+//! Animated values over time: keys and interpolation.
 
 use glam::DQuat;
 
-/// Values at increasing times, and how to get from one to the next.
+/// Values at increasing times, and their interpolation.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Sampler {
     /// Times of the keys \[s\], increasing; at least one.
     pub times: Vec<f32>,
     /// `width` numbers per key; with `Cubic` three times as many: in-tangents, values, out-tangents.
     pub values: Vec<f32>,
-    /// Numbers of a value.
+    /// Numbers per value.
     pub width: usize,
-    /// How values between keys are found.
+    /// Interpolation between keys.
     pub interpolation: Interpolation,
 }
 
-/// glTF's three ways from key to key.
+/// glTF's three interpolation modes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Interpolation {
-    /// The key before.
+    /// The value of the previous key.
     Step,
-    /// A straight line; for rotations the shorter great arc.
+    /// Linear; spherical along the shorter arc for rotations.
     #[default]
     Linear,
-    /// Hermite spline; rotations are brought to unit length.
+    /// Hermite spline; rotations are normalised.
     Cubic,
 }
 
@@ -38,7 +38,8 @@ impl Sampler {
         self.times.last().copied().map_or(0.0, f64::from)
     }
 
-    /// The value at `time` \[s\] to `out`, which holds `width` numbers; before the first and after the last key it is held.
+    /// Writes the value at `time` \[s\] to `out`, which holds `width` numbers. Values are held before the first and
+    /// after the last key.
     pub fn sample(&self, time: f64, out: &mut [f64]) {
         let (key, part) = self.place(time);
         let step = (part > 0.0).then(|| f64::from(self.times[key + 1]) - f64::from(self.times[key]));
@@ -59,7 +60,7 @@ impl Sampler {
         }
     }
 
-    /// The rotation at `time` \[s\], of unit length.
+    /// The unit rotation at `time` \[s\].
     pub fn rotation(&self, time: f64) -> DQuat {
         let (key, part) = self.place(time);
         let value = |key: usize| unit([0, 1, 2, 3].map(|at| self.value(key, at))).unwrap_or(DQuat::IDENTITY);
@@ -74,7 +75,8 @@ impl Sampler {
         }
     }
 
-    /// The last key that is not after `time`, and how far it is to the next, in [0, 1); 0 where there is no way to go.
+    /// The last key not after `time`, and the fraction of the way to the next key, in [0, 1); 0 before the first and
+    /// after the last key.
     fn place(&self, time: f64) -> (usize, f64) {
         let after = self.times.partition_point(|&key| f64::from(key) <= time);
         if after == 0 || after == self.times.len() {
@@ -88,7 +90,7 @@ impl Sampler {
         self.number(key, usize::from(self.interpolation == Interpolation::Cubic), at)
     }
 
-    /// A number of a key's in-tangent (0), value (1) or out-tangent (2); the only part of other interpolations is 0.
+    /// A number of a key's in-tangent (0), value (1) or out-tangent (2). Other interpolations have only part 0.
     fn number(&self, key: usize, part: usize, at: usize) -> f64 {
         let parts = if self.interpolation == Interpolation::Cubic { 3 } else { 1 };
         f64::from(self.values[(parts * key + part) * self.width + at])
@@ -101,10 +103,10 @@ fn unit(q: [f64; 4]) -> Option<DQuat> {
     (length > 0.0 && length.is_finite()).then(|| q / length)
 }
 
-/// The rotation `part` of the shorter way from `a` to `b`.
+/// Spherical interpolation by `part` along the shorter arc from `a` to `b`.
 fn slerp(a: DQuat, b: DQuat, part: f64) -> DQuat {
     let b = if a.dot(b) < 0.0 { -b } else { b };
-    // Half of the angle by its tangent: exact for small ones, too, unlike by the cosine.
+    // Half of the angle from its tangent: unlike the cosine, exact for small angles too.
     let angle = 2.0 * (a - b).length().atan2((a + b).length());
     let sine = angle.sin();
     let blended = if sine < 1e-12 {

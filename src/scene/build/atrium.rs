@@ -1,4 +1,4 @@
-//! The default scene: a hall around an open roof, lit by a slanting sun and one spot, nearly all of it indirectly.
+//! A hall around an open roof, lit by a slanting sun and one spot, almost entirely indirectly.
 
 use super::masonry::{ArchShape, ring_lines};
 use super::{Surface, add_material, add_mesh, camera, cuboid, lathe, loft_square, phong, place, rough, sheet};
@@ -7,7 +7,7 @@ use crate::scene::{Light, LightKind, Material, Scene};
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Quat, Vec2, Vec3};
 use std::f32::consts::{FRAC_PI_2, PI};
 
-// Measures of the building [m]. The hall lies along z; the nave is between the colonnades, the aisles behind them.
+// Dimensions of the building [m]. The hall lies along z; the nave is between the colonnades, the aisles behind them.
 const END: f32 = 8.0;
 const WALL: f32 = 5.6;
 const COLONNADE: f32 = 3.2;
@@ -17,7 +17,7 @@ const AISLE_TOP: f32 = SPRING + 0.5 * PITCH;
 const TOP: f32 = 7.0;
 const THICKNESS: f32 = 0.56;
 const NAVE: f32 = COLONNADE - 0.5 * THICKNESS;
-// The open roof: x and z.
+// Extent of the open roof in x and z.
 const OPENING: [[f32; 2]; 2] = [[-2.1, 2.1], [-5.8, 1.4]];
 // The niche in the far wall, above a dais of three steps.
 const NICHE: f32 = 1.25;
@@ -41,9 +41,9 @@ struct Palette {
     cloths: [usize; 3],
 }
 
-/// The default scene: a hall of 16 m by 11.2 m and 7 m high, two colonnades with arches, aisles behind them, an open roof over
-/// the middle, coloured drapes between the columns, a polished floor, a bronze knot on a pedestal, and a niche over
-/// steps at the far end.
+/// A hall of 16 m by 11.2 m and 7 m high, with two colonnades with arches, aisles behind them, an open roof over the
+/// middle, coloured drapes between the columns, a polished floor, a bronze knot on a pedestal, and a niche above steps
+/// at the far end.
 ///
 /// A warm sun (directional) slants through the roof; a spot lights a drape in the shaded right aisle. Repeated parts
 /// are instances of one mesh. Cameras: "Hero", down the hall, and "Detail", near the knot.
@@ -86,7 +86,7 @@ fn palette(scene: &mut Scene) -> Palette {
     Palette { plaster, stone, light_tile, dark_tile, slate, wood, brass, bronze, clay, cloths }
 }
 
-/// Tiles of 0.8 m: two marbles in the nave, the light one in the aisles.
+/// The floor: tiles of 0.8 m, of two marbles in the nave and of the light one in the aisles.
 fn floor(scene: &mut Scene, palette: &Palette) {
     let (xs, zs) = (spans(&[-WALL, WALL], 0.2), spans(&[-END, END], 0.2));
     let is_dark = |x: f32, z: f32| {
@@ -117,7 +117,7 @@ fn walls(scene: &mut Scene, palette: &Palette) {
     let far = add_mesh(scene, "far wall", parts);
     place(scene, "far wall", far, turned(0, DVec3::new(0.0, 0.0, f64::from(-END))));
 
-    // The landing reaches to the back of the niche.
+    // The landing extends to the back of the niche.
     let landing = 0.9 + NICHE;
     let flight = steps(2.0 * NICHE_HALF, DAIS / 3.0, [0.36, landing], 3, 0.2);
     let flight = add_mesh(scene, "steps", vec![(flight, palette.stone)]);
@@ -145,21 +145,21 @@ fn walls(scene: &mut Scene, palette: &Palette) {
     place(scene, "mouldings right", mouldings, turned(-1, DVec3::new(f64::from(NAVE), 0.0, 0.0)));
 }
 
-/// A wall across nave and aisles at z = 0, facing +Z; with a hole for the niche and the dais where the niche's grid
-/// lines are given.
+/// A wall across nave and aisles at z = 0, facing +Z. If the niche's grid lines are given, it has a hole for the niche
+/// and the dais.
 fn end_wall(niche: Option<(Vec<f32>, Vec<f32>)>) -> Surface {
     let has_niche = niche.is_some();
     let (top_lines, side_lines) = niche.unwrap_or((vec![-NICHE_HALF, NICHE_HALF], vec![0.0, NICHE_HALF]));
     let mut xs = spans(&[-WALL, -NAVE, -NICHE_HALF], EDGE);
     xs.extend(if has_niche { top_lines } else { spans(&top_lines, EDGE) }.into_iter().skip(1));
     xs.extend(spans(&[NICHE_HALF, NAVE, WALL], EDGE).into_iter().skip(1));
-    // Below the springing the jambs of the niche need a grid line of their own.
+    // Below the springing line the jambs of the niche need their own grid line.
     let jambs = spans(&[-NICHE_HALF, -NICHE], EDGE);
     let mut ys = spans(&[0.0, DAIS, NICHE_SPRING], EDGE);
     let below = ys.clone();
     ys.extend(side_lines.into_iter().skip(1).map(|y| NICHE_SPRING + y));
     ys.extend(spans(&[NICHE_SPRING + NICHE_HALF, TOP], EDGE).into_iter().skip(1));
-    // The row that crosses the aisles' ceiling ends there.
+    // The row that crosses the aisles' ceiling is moved to end there.
     let nearest = (0..ys.len()).min_by(|&a, &b| (ys[a] - AISLE_TOP).abs().total_cmp(&(ys[b] - AISLE_TOP).abs()));
     ys[nearest.expect("rows")] = AISLE_TOP;
     let wall = sheet(Vec3::ZERO, [Vec3::X, Vec3::Y], &xs, &ys, |x, y| {
@@ -176,7 +176,7 @@ fn end_wall(niche: Option<(Vec<f32>, Vec<f32>)>) -> Surface {
     wall.and(left).and(right)
 }
 
-/// Ceilings, the opening with its beams, and of the outside only what keeps the sun out.
+/// Ceilings, the opening with its beams, and only those outer faces that keep the sun out.
 fn roof(scene: &mut Scene, palette: &Palette) {
     let [[left, right], [far, near]] = OPENING;
     let is_closed = |x: f32, z: f32| !(x > left && x < right && z > far && z < near);
@@ -245,12 +245,12 @@ fn colonnades(scene: &mut Scene, palette: &Palette) {
     }
 }
 
-/// Middle of a bay, counted from the far end.
+/// z of a bay's middle, counted from the far end.
 fn bay_z(bay: i32) -> f64 {
     f64::from(PITCH) * (f64::from(bay) - 2.5)
 }
 
-/// Plinth, base, shaft with entasis, necking, echinus and abacus; 3.3 m high.
+/// A column, 3.3 m high: plinth, base, shaft with entasis, necking, echinus and abacus.
 fn column() -> Surface {
     let mut profile = vec![];
     let mut roll = |centre: Vec2, radius: f32, count: usize| {
@@ -286,10 +286,10 @@ fn column() -> Surface {
     lathe(&profile, 32).and(plinth).and(loft_square(&abacus, 0.2))
 }
 
-/// Middle of the rod of the drape that the spot lights.
+/// Middle of the rod that holds the drape lit by the spot.
 const CURTAIN: DVec3 = DVec3::new(4.53, 3.3, -4.0);
 
-/// Which cloth hangs in which bay of the left and of the right colonnade, counted from the far end.
+/// The cloth in each bay of the left and of the right colonnade, counted from the far end.
 const HUNG: [[Option<usize>; 6]; 2] =
     [[None, Some(1), Some(0), Some(2), None, Some(1)], [None, None, None, Some(0), None, Some(2)]];
 
@@ -327,7 +327,7 @@ fn drapes(scene: &mut Scene, palette: &Palette) {
             }
         }
     }
-    // Across the right aisle, where the spot shines; seen through the open bay before it.
+    // Across the right aisle, where the spot shines; visible through the open bay in front of it.
     hang(scene, 1, CURTAIN, 0);
     let wire = [Vec2::new(0.012, 0.0), Vec2::new(0.012, AISLE_TOP - CURTAIN.y as f32)];
     let wire = add_mesh(scene, "wire", vec![(lathe(&wire, 8), palette.brass)]);
@@ -352,7 +352,7 @@ fn statues(scene: &mut Scene, palette: &Palette) {
     let pedestal = add_mesh(scene, "pedestal", vec![(pedestal, palette.stone)]);
     let foot = [[0.26, 0.0], [0.26, 0.03], [0.2, 0.05], [0.07, 0.09], [0.05, 0.16], [0.0, 0.16]];
     let foot = lathe(&foot.map(Vec2::from), 48);
-    // A trefoil stands on one of its three loops when turned by a sixth.
+    // A trefoil stands on one of its three loops if turned by a sixth.
     let knot = torus_knot([2, 3], [0.36, 0.17, 0.1], [320, 28]);
     let knot = knot.moved(Affine3A::from_rotation_translation(Quat::from_rotation_z(FRAC_PI_2), Vec3::Y * 0.68));
     let knot = add_mesh(scene, "knot", vec![(knot.and(foot), palette.bronze)]);

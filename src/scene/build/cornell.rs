@@ -1,23 +1,23 @@
-//! The Cornell box of 2 m with a spot light aimed at its red wall.
+//! The 2 m Cornell box with a spot light aimed at its red wall.
 
 use super::{add_material, add_mesh, camera, cuboid, phong, place, quad};
 use crate::scene::{Light, LightKind, Material, Scene};
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 
-/// What the Cornell box's surfaces are made of.
+/// Material of the Cornell box's surfaces.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CornellSurface {
     /// Diffuse only.
     Diffuse,
-    /// A glossy lobe of albedo 0.2 and exponent 40 on a diffuse base that is darker by the same fifth.
+    /// A glossy lobe of albedo 0.2 and exponent 40 over a diffuse base that is darker by the same fifth.
     Glossy,
 }
 
-/// The Cornell box: a room of exactly 2 m, x in [-1, 1], y in [0, 2], z in [-1, 1], open towards +Z, with the classic two
-/// blocks. Red left, green right, white elsewhere. A spot light of 1000 cd under the ceiling is aimed at the red wall; it
-/// also reaches the tall block and the floor between, never the green wall.
+/// The Cornell box: a room of exactly 2 m, x in [-1, 1], y in [0, 2], z in [-1, 1], open towards +Z, with the two
+/// classic blocks. The left wall is red, the right wall green, everything else white. A spot light of 1000 cd under the
+/// ceiling is aimed at the red wall. It also reaches the tall block and the floor between, but never the green wall.
 ///
-/// `edge`, in metres, is the longest side of the grid cells all faces are made of. The blocks have no underside.
+/// `edge` (metres) is the longest side of the grid cells of all faces. The blocks have no underside.
 pub fn cornell(surface: CornellSurface, edge: f32) -> Scene {
     let mut scene = Scene { name: "cornell".into(), ..Scene::default() };
     let [white, red, green] =

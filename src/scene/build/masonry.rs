@@ -1,12 +1,12 @@
-//! What masons make: arches, vaults and steps. Metres, +Y up.
+//! Masonry: arches, vaults and steps. Metres, +Y up.
 
 use super::shapes::{Surface, patch, segments, sheet, spans};
 use glam::Vec3;
 use std::f32::consts::{FRAC_PI_2, PI};
 
-/// The wall between a semicircle about the origin and the half square around it, in the plane z = 0, facing +Z.
+/// The wall between a semicircle around the origin and the half square around it, in the plane z = 0, facing +Z.
 ///
-/// `count` pieces along the circle, a multiple of four so that the square's corners are met.
+/// `count` is the number of pieces along the circle, a multiple of four so that they meet the square's corners.
 pub fn ring(radius: f32, half: f32, count: usize, edge: f32) -> Surface {
     assert!(count.is_multiple_of(4), "ring: {count} pieces do not meet the corners");
     let rows = segments(half * 1.2 - radius, edge) + 1;
@@ -24,7 +24,7 @@ fn circle(k: usize, count: usize) -> Vec3 {
     Vec3::new(cosine, sine, 0.0)
 }
 
-/// Where the ring meets its square, seen from the centre past point `k` of the circle.
+/// Point of the surrounding square in the direction of point `k` of the circle.
 fn ring_outside(half: f32, k: usize, count: usize) -> Vec3 {
     let direction = circle(k, count);
     if 4 * k == count || 4 * k == 3 * count {
@@ -34,15 +34,15 @@ fn ring_outside(half: f32, k: usize, count: usize) -> Vec3 {
     if scaled.y.abs() > scaled.x.abs() { scaled.with_y(half) } else { scaled.with_x(half * direction.x.signum()) }
 }
 
-/// Grid lines that continue a ring: the x where it ends at the top of its square, and the y where it ends at the sides,
-/// both rising.
+/// Grid lines that continue a ring: the x of its points at the top of the square, and the y of its points at the sides,
+/// both increasing.
 pub(super) fn ring_lines(half: f32, count: usize) -> (Vec<f32>, Vec<f32>) {
     let top = (count / 4..=3 * count / 4).rev().map(|k| ring_outside(half, k, count).x).collect();
     let side = (0..=count / 4).map(|k| ring_outside(half, k, count).y).collect();
     (top, side)
 }
 
-/// Measures of one bay of an arcade (metres); the springing line is at y = 0, the opening about x = 0.
+/// Dimensions of one bay of an arcade (metres); the springing line is at y = 0, the opening is centred at x = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ArchShape {
     /// Distance from column axis to column axis.
@@ -53,12 +53,12 @@ pub struct ArchShape {
     pub thickness: f32,
     /// Top of the wall on the +Z side and on the -Z side, above the springing line; at least half the pitch.
     pub height: [f32; 2],
-    /// Width of the raised band around the opening and how far it stands out.
+    /// Width of the raised band around the opening, and its depth in front of the wall.
     pub band: [f32; 2],
 }
 
-/// One bay of an arcade: a wall along x with a semicircular opening, a raised band around the opening on both sides
-/// and the barrel under it. Bays put side by side at `pitch` join vertex to vertex.
+/// One bay of an arcade: a wall along x with a semicircular opening, a raised band around the opening on both sides,
+/// and the barrel vault in the opening. Adjacent bays at distance `pitch` join vertex to vertex.
 pub fn arch(shape: ArchShape, edge: f32) -> Surface {
     let ArchShape { pitch, radius, thickness, height, band } = shape;
     let half = 0.5 * pitch;
@@ -93,7 +93,7 @@ pub fn arch(shape: ArchShape, edge: f32) -> Surface {
 }
 
 /// The inside of a niche behind a wall at z = 0, towards -Z: half a cylinder from y = -`height` to 0 under a quarter
-/// of a sphere. Its front edge joins `ring` of the same radius and `count` vertex to vertex.
+/// sphere. Its front edge joins a `ring` of the same radius and `count` vertex to vertex.
 pub fn vault_dome(radius: f32, height: f32, count: usize, edge: f32) -> Surface {
     let levels = spans(&[-height, 0.0], edge);
     let plan = |k: usize| {
@@ -113,8 +113,9 @@ pub fn vault_dome(radius: f32, height: f32, count: usize, edge: f32) -> Surface 
     walls.and(dome)
 }
 
-/// A flight of steps about x = 0 that rises towards -Z from z = 0, open below and behind: `count` steps of height
-/// `rise` (metres); all but the last are `tread` (metres) deep, the last, a landing, is `landing` (metres) deep.
+/// A flight of steps centred at x = 0 that rises towards -Z from z = 0, open below and behind. It has `count` steps of
+/// height `rise` (metres). All steps except the last are `tread` (metres) deep; the last, a landing, is `landing`
+/// (metres) deep.
 pub fn steps(width: f32, rise: f32, [tread, landing]: [f32; 2], count: usize, edge: f32) -> Surface {
     let across = spans(&[-0.5 * width, 0.5 * width], edge);
     let mut surface = Surface::default();

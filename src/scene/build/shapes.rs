@@ -1,20 +1,20 @@
-//! Plain shapes as vertices and triangles: grids, boxes, lathes. Metres, +Y up, unit normals on the lit side.
+//! Basic shapes as vertices and triangles: grids, boxes, lathes. Metres, +Y up, unit normals on the lit side.
 
 use crate::scene::Vertex;
 use glam::{Affine3A, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// Triangles over vertices, counter-clockwise seen from the side the normals point to.
+/// A triangle mesh; triangles are counter-clockwise seen from the side that the normals point to.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Surface {
-    /// Vertices; no two triangles with different normals share one.
+    /// Vertices; triangles with different normals do not share vertices.
     pub vertices: Vec<Vertex>,
     /// Three per triangle.
     pub indices: Vec<u32>,
 }
 
 impl Surface {
-    /// The two surfaces as one.
+    /// Joins two surfaces.
     pub fn and(mut self, other: Self) -> Self {
         let base = self.vertices.len() as u32;
         self.vertices.extend(other.vertices);
@@ -22,7 +22,7 @@ impl Surface {
         self
     }
 
-    /// The surface moved rigidly.
+    /// Transforms the surface rigidly.
     pub fn moved(mut self, transform: Affine3A) -> Self {
         for vertex in &mut self.vertices {
             vertex.position = transform.transform_point3(vertex.position);
@@ -31,12 +31,12 @@ impl Surface {
         self
     }
 
-    /// The surface shifted.
+    /// Translates the surface \[m\].
     pub fn shifted(self, x: f32, y: f32, z: f32) -> Self {
         self.moved(Affine3A::from_translation(Vec3::new(x, y, z)))
     }
 
-    /// The other side: triangles the other way round, normals negated.
+    /// The other side: reversed winding and negated normals.
     pub fn reversed(&self) -> Self {
         let mut back = self.clone();
         back.vertices.iter_mut().for_each(|vertex| vertex.normal = -vertex.normal);
@@ -48,7 +48,7 @@ impl Surface {
         self.vertices[index as usize].position
     }
 
-    /// Adds a triangle, wound so that its front is where its normals point; drops it where it has no area.
+    /// Adds a triangle, wound so that its front faces along its normals; drops it if it has no area.
     fn triangle(&mut self, [a, b, c]: [u32; 3]) {
         let cross = (self.position(b) - self.position(a)).cross(self.position(c) - self.position(a));
         let extent = (self.position(b) - self.position(a)).length_squared()
@@ -60,7 +60,7 @@ impl Surface {
         self.indices.extend(if cross.dot(normal) > 0.0 { [a, b, c] } else { [a, c, b] });
     }
 
-    /// The quadrilateral with these corners in circular order, cut along its shorter diagonal.
+    /// Adds the quadrilateral with these corners in circular order, split along its shorter diagonal.
     fn quadrilateral(&mut self, [a, b, c, d]: [u32; 4]) {
         let split_ac = self.position(a).distance_squared(self.position(c))
             <= self.position(b).distance_squared(self.position(d)) * 1.0001;
@@ -68,7 +68,7 @@ impl Surface {
         halves.into_iter().for_each(|half| self.triangle(half));
     }
 
-    /// Drops vertices that no triangle uses; the others keep their order.
+    /// Removes unused vertices; the others keep their order.
     fn compacted(mut self) -> Self {
         let mut kept = vec![u32::MAX; self.vertices.len()];
         self.indices.iter().for_each(|&index| kept[index as usize] = 0);
@@ -82,8 +82,8 @@ impl Surface {
     }
 }
 
-/// A grid of `columns` x `rows` points, each a position and a unit normal; `closed` joins the last column to the first,
-/// the last row to the first.
+/// A grid of `columns` x `rows` points, each a position and a unit normal. `closed` joins the last column to the first,
+/// and the last row to the first.
 pub fn patch([columns, rows]: [usize; 2], closed: [bool; 2], point: impl Fn(usize, usize) -> (Vec3, Vec3)) -> Surface {
     let mut surface = Surface::default();
     for row in 0..rows {
@@ -102,7 +102,7 @@ pub fn patch([columns, rows]: [usize; 2], closed: [bool; 2], point: impl Fn(usiz
     surface.compacted()
 }
 
-/// The stops with points between them, evenly in each interval and at most `edge` (metres) apart.
+/// The stops and evenly spaced points between them, at most `edge` (metres) apart.
 pub fn spans(stops: &[f32], edge: f32) -> Vec<f32> {
     let mut points = vec![stops[0]];
     for pair in stops.windows(2) {
@@ -113,13 +113,13 @@ pub fn spans(stops: &[f32], edge: f32) -> Vec<f32> {
     points
 }
 
-/// How many pieces no longer than `edge` make up `length`; a thousandth over is forgiven.
+/// Number of pieces of at most `edge` that make up `length`, with a tolerance of a thousandth of a piece.
 pub(super) fn segments(length: f32, edge: f32) -> usize {
     ((length.abs() / edge - 1e-3).ceil() as usize).max(1)
 }
 
-/// A plane with grid lines at `us` along the unit vector `u` and at `vs` along `v`, facing `u x v`; only the cells
-/// are there whose centre (in u and v) `keep` wants.
+/// A plane with grid lines at `us` along the unit vector `u` and at `vs` along `v`, facing `u x v`. Contains only the
+/// cells for whose centre (in u and v) `keep` is true.
 pub fn sheet(origin: Vec3, [u, v]: [Vec3; 2], us: &[f32], vs: &[f32], keep: impl Fn(f32, f32) -> bool) -> Surface {
     let normal = u.cross(v).normalize();
     let mut surface = Surface::default();
@@ -141,14 +141,15 @@ pub fn sheet(origin: Vec3, [u, v]: [Vec3; 2], us: &[f32], vs: &[f32], keep: impl
     surface.compacted()
 }
 
-/// The parallelogram spanned at `origin` by `u` and `v` (metres), facing `u x v`, as a grid of edge length `edge` (metres).
+/// The parallelogram spanned at `origin` by `u` and `v` (metres), facing `u x v`, as a grid of edge length `edge`
+/// (metres).
 pub fn quad(origin: Vec3, u: Vec3, v: Vec3, edge: f32) -> Surface {
     let (us, vs) = (spans(&[0.0, u.length()], edge), spans(&[0.0, v.length()], edge));
     sheet(origin, [u.normalize(), v.normalize()], &us, &vs, |_, _| true)
 }
 
-/// An axis-aligned box with flat faces, each its own grid of edge length `edge` (metres); the faces are there whose outward
-/// normal `keep` wants.
+/// An axis-aligned box with flat faces, each its own grid of edge length `edge` (metres). Contains only the faces for
+/// whose outward normal `keep` is true.
 pub fn cuboid(low: Vec3, high: Vec3, edge: f32, keep: impl Fn(Vec3) -> bool) -> Surface {
     let size = high - low;
     let (x, y, z) = (Vec3::X * size.x, Vec3::Y * size.y, Vec3::Z * size.z);
@@ -164,9 +165,10 @@ pub fn cuboid(low: Vec3, high: Vec3, edge: f32, keep: impl Fn(Vec3) -> bool) -> 
     wanted.fold(Surface::default(), |all, (_, origin, u, v)| all.and(quad(origin, u, v, edge)))
 }
 
-/// The surface that a profile of (radius, height) points (metres) sweeps about +Y, outside on the right of the way.
+/// The surface that a profile of (radius, height) points (metres) sweeps about +Y; the outside is to the right along
+/// the profile.
 ///
-/// Normals are smooth where the profile bends by less than 40 degrees and creased where it has a corner.
+/// Normals are smooth where the profile bends by less than 40 degrees, and creased at its corners.
 pub fn lathe(profile: &[Vec2], sides: usize) -> Surface {
     let normals: Vec<Vec2> = profile.windows(2).map(|pair| -(pair[1] - pair[0]).perp().normalize()).collect();
     let mut surface = Surface::default();
@@ -194,7 +196,8 @@ pub fn lathe(profile: &[Vec2], sides: usize) -> Surface {
     surface
 }
 
-/// The square twin of `lathe`: a profile of (half width, height) points (metres) around four flat sides with sharp corners.
+/// Square version of `lathe`: a profile of (half width, height) points (metres) around four flat sides with sharp
+/// corners.
 pub fn loft_square(profile: &[Vec2], edge: f32) -> Surface {
     let widest = profile.iter().map(|p| p.x).fold(0.0, f32::max);
     let columns = segments(2.0 * widest, edge) + 1;
@@ -215,7 +218,7 @@ pub fn loft_square(profile: &[Vec2], edge: f32) -> Surface {
     surface
 }
 
-/// A sphere about the origin with `rings` rows of faces from pole to pole.
+/// A sphere around the origin with `rings` rows of faces from pole to pole.
 pub fn sphere(radius: f32, rings: usize) -> Surface {
     let at = |k: usize| PI * k as f32 / rings as f32;
     let point = |k: usize| if k == 0 || k == rings { 0.0 } else { radius * at(k).sin() };

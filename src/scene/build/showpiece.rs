@@ -1,4 +1,4 @@
-//! The default scene: a court between two storeys of arcades in the afternoon sun, under a clear sky.
+//! The default scene: a courtyard between two storeys of arcades in the afternoon sun, under a clear sky.
 
 mod building;
 mod nets;
@@ -15,18 +15,18 @@ use glam::{Affine2, DVec3, Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 use textures::Paint;
 
-/// Unit vector towards the sun, before it is brought to unit length.
+/// Vector towards the sun, not normalised.
 const SUN: DVec3 = DVec3::new(0.42, 0.88, 0.21);
 
-/// Directional lights that stand for the sky where caches cannot.
+/// Number of directional lights that represent the sky where caches cannot.
 const SKY_LIGHTS: usize = 16;
 
-/// How finely the showpiece is made.
+/// Resolution of the showpiece.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fineness {
-    /// Side of the largest pictures \[texels\], a multiple of two.
+    /// Side of the largest textures \[texels\], a multiple of two.
     pub texels: u32,
-    /// Side of the cells that the statue is made by \[m\].
+    /// Side of the cells of the statue's surface nets \[m\].
     pub cell: f32,
 }
 
@@ -54,11 +54,12 @@ struct Palette {
     leaf: usize,
 }
 
-/// The default scene: a court of 9 m by 12 m between two storeys of arcades with galleries behind them, in the afternoon
-/// sun under a clear sky. A fountain with a winged victory, vessels of metal, plants, curtains and banners; a polished floor.
+/// The default scene: a courtyard of 9 m by 12 m between two storeys of arcades with galleries behind them, in the
+/// afternoon sun under a clear sky. It contains a fountain with a winged victory, metal vessels, plants, curtains,
+/// banners and a polished floor.
 ///
-/// Pictures of ten kinds of surface are painted by its own code: base colour, normals and roughness. The sun (directional)
-/// and the sky are in absolute units. Cameras: "Court", "Gallery" and "Statue".
+/// Code paints the textures of ten kinds of surface: base colour, normals and roughness. The sun (directional) and the
+/// sky are in absolute units. Cameras: "Court", "Gallery" and "Statue".
 pub fn showpiece(fineness: Fineness) -> Scene {
     let mut scene = Scene { name: "showpiece".into(), ..Scene::default() };
     let palette = palette(&mut scene, fineness.texels);
@@ -86,7 +87,7 @@ pub fn showpiece(fineness: Fineness) -> Scene {
     scene
 }
 
-/// Paints the pictures and makes the materials.
+/// Paints the textures and creates the materials.
 fn palette(scene: &mut Scene, texels: u32) -> Palette {
     let painted: Vec<[Image; 3]> = Paint::ALL.par_iter().map(|paint| paint.images(texels)).collect();
     scene.images = painted.into_iter().flatten().collect();

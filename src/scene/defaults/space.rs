@@ -1,4 +1,4 @@
-//! Where a scene's surfaces are, and whether they are an object or a room: by rays from points in the free space near the
+//! Analyses a scene's space and decides whether it is an object or a room, with rays from points in free space near the
 //! middle.
 
 use super::super::Scene;
@@ -7,55 +7,55 @@ use glam::DVec3;
 use rayon::prelude::*;
 use std::f64::consts::TAU;
 
-/// Horizontal directions in the order in which an open side is looked for: the front first.
+/// Horizontal directions in the order in which an open side is searched, front first.
 pub(super) const SIDES: [DVec3; 4] = [DVec3::Z, DVec3::NEG_Z, DVec3::X, DVec3::NEG_X];
 
-/// Points along each axis of the middle half of the bounds.
+/// Points along each axis, in the middle half of the bounds.
 const POINTS: usize = 5;
 
-/// Directions that each point looks in.
+/// Directions of rays from each point.
 const DIRECTIONS: usize = 160;
 
-/// A room hides at least this share of the directions that are so many degrees or more from straight up: its top may be
+/// A room hides at least this share of the directions at `STEEPEST` degrees or more from straight up; its top may be
 /// open.
 const ROOM: f64 = 0.8;
 const STEEPEST: f64 = 70.0;
 
-/// Of the directions down within 45 degrees, at least this share of a room's meets one level.
+/// In a room, at least this share of the downward directions within 45 degrees hits one level.
 const FLOOR: f64 = 0.25;
 
-/// Least cosine to the vertical of what is level.
+/// Least cosine between the vertical and the normal of a level surface.
 const LEVEL: f64 = 0.95;
 
-/// Poses of each animation that are looked at, and the most vertices of all.
+/// Poses per animation that are examined, and the most vertices in total.
 const MOMENTS: usize = 8;
 const MOST_VERTICES: usize = 1 << 22;
 
-/// A scene as what puts cameras and lights into it sees it.
+/// A scene, analysed for placing cameras and lights.
 pub(super) struct Space {
     pub(super) rays: Rays,
-    /// Vertices of all that is drawn \[m\], also those of a few moments of each animation.
+    /// Visible vertices \[m\], including those at some times of each animation.
     pub(super) points: Vec<DVec3>,
-    /// Smallest and largest of them.
+    /// Smallest and largest coordinates of these.
     pub(super) low: DVec3,
     pub(super) high: DVec3,
-    /// Points in the free space near the middle \[m\], the nearest to it first, with what they see.
+    /// Points in free space near the middle \[m\], nearest to it first, with their ray hits.
     pub(super) free: Vec<Place>,
-    /// Mean share of directions, but those up, that surfaces hide from these.
+    /// Mean share of directions from these points, except steep upward ones, in which surfaces block the view.
     pub(super) enclosure: f64,
-    /// Share of their directions down that meets the commonest level.
+    /// Share of their downward directions that hits the most common level.
     pub(super) floor: f64,
 }
 
 /// A point in free space.
 pub(super) struct Place {
     pub(super) position: DVec3,
-    /// By direction of [`directions`].
+    /// Hit by direction of [`directions`].
     hits: Vec<Option<Hit>>,
 }
 
 impl Space {
-    /// Looks around in a scene; `None` where nothing is drawn.
+    /// Analyses a scene; `None` if nothing is visible.
     pub(super) fn new(scene: &mut Scene) -> Option<Self> {
         let rays = Rays::new(scene);
         let mut points = Vec::new();
@@ -85,17 +85,17 @@ impl Space {
         0.5 * self.low.distance(self.high)
     }
 
-    /// Whether it surrounds the free space in its middle, on a floor.
+    /// Whether the scene surrounds the free space in its middle and has a floor.
     pub(super) fn is_room(&self) -> bool {
         self.enclosure >= ROOM && self.floor >= FLOOR
     }
 
-    /// Whether it surrounds the free space in its middle, however.
+    /// Whether the scene surrounds the free space in its middle, with or without a floor.
     pub(super) fn encloses(&self) -> bool {
         self.enclosure >= ROOM
     }
 
-    /// Share of the directions within 30 degrees of `axis`, seen from the free points, that lead out.
+    /// Share of the directions within 30 degrees of `axis`, from the free points, that lead out.
     pub(super) fn openness(&self, axis: DVec3) -> f64 {
         self.share(30.0, axis, |hit| hit.is_none())
     }
@@ -111,7 +111,7 @@ impl Space {
     fn look_around(&mut self) {
         let half = 0.5 * (self.high - self.low);
         let step = |digit: usize| (digit % POINTS) as f64 / (POINTS - 1) as f64 - 0.5;
-        // A little off: walls like to stand in the middle.
+        // Slightly off centre, since walls are often exactly in the middle.
         let at = |i: usize| {
             DVec3::new(step(i), step(i / POINTS), step(i / POINTS / POINTS)) + DVec3::new(0.011, 0.017, 0.013)
         };
@@ -122,7 +122,7 @@ impl Space {
             let hits: Vec<_> = directions().map(|direction| self.rays.nearest(position, direction)).collect();
             let backs = hits.iter().flatten().filter(|hit| !hit.front).count();
             let fronts = hits.iter().flatten().count() - backs;
-            // Inside a solid, or behind the walls of a room, surfaces show their backs.
+            // Points inside a solid or behind a room's walls see back sides.
             (4 * backs <= fronts).then_some(Place { position, hits })
         };
         self.free = offsets.into_par_iter().filter_map(look).collect();
@@ -133,7 +133,7 @@ impl Space {
         self.floor = self.level_share();
     }
 
-    /// Share of the free points' directions down that meets the commonest level.
+    /// Share of downward directions from the free points that hits the most common level.
     fn level_share(&self) -> f64 {
         let (mut heights, mut all) = (Vec::new(), 0);
         for place in &self.free {
@@ -151,7 +151,7 @@ impl Space {
         most as f64 / all.max(1) as f64
     }
 
-    /// Distance to what is nearest around a point, and whether it is in free space.
+    /// Distance to the nearest surface around a point, and whether the point is in free space.
     pub(super) fn clearance(&self, position: DVec3) -> (f64, bool) {
         let hits: Vec<Hit> = directions().filter_map(|direction| self.rays.nearest(position, direction)).collect();
         let nearest = hits.iter().map(|hit| hit.distance).fold(f64::INFINITY, f64::min);
@@ -159,7 +159,7 @@ impl Space {
         (nearest, 5 * backs <= hits.len())
     }
 
-    /// Whether a surface that faces up covers most of the footprint, near the lowest point.
+    /// Whether an upward-facing surface near the lowest point covers most of the footprint.
     pub(super) fn has_floor(&self) -> bool {
         const CELLS: usize = 24;
         let size = self.high - self.low;
@@ -175,7 +175,7 @@ impl Space {
     }
 }
 
-/// Evenly spread unit directions: a Fibonacci spiral.
+/// Evenly distributed unit directions: a Fibonacci spiral.
 pub(super) fn directions() -> impl Iterator<Item = DVec3> {
     (0..DIRECTIONS).map(|index| {
         let y = 1.0 - (2 * index + 1) as f64 / DIRECTIONS as f64;
@@ -185,7 +185,7 @@ pub(super) fn directions() -> impl Iterator<Item = DVec3> {
     })
 }
 
-/// Adds the vertices of all that is drawn, as it stands.
+/// Adds the visible vertices in the current pose.
 fn add_vertices(scene: &Scene, points: &mut Vec<DVec3>) {
     for instance in scene.instances.iter().filter(|instance| !instance.hidden) {
         let mesh = &scene.meshes[instance.mesh];

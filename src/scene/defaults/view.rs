@@ -1,4 +1,4 @@
-//! Cameras for scenes without one: candidates in a fixed order, and rays that tell what each would show.
+//! Cameras for scenes without one: candidates in a fixed order, judged by rays that find what each would show.
 
 use super::super::rays::Hit;
 use super::super::{Camera, Projection};
@@ -7,41 +7,42 @@ use glam::{DAffine3, DMat3, DVec2, DVec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Vertical field of view \[rad\] of a camera outside, and the aspect ratio that it is placed for.
+/// Vertical field of view \[rad\] of a camera outside, and the aspect ratio it is placed for.
 const OUTSIDE_YFOV: f64 = 40.0 * PI / 180.0;
 const ASPECT: f64 = 16.0 / 9.0;
 
 /// Vertical field of view \[rad\] of a camera inside a room.
 const INSIDE_YFOV: f64 = 60.0 * PI / 180.0;
 
-/// Share of the picture's height and width that what is seen from outside fills.
+/// Share of the picture's height and width that an object seen from outside fills.
 const FILLED: f64 = 0.9;
 
-/// Times that a picture is moved towards the middle of what it shows.
+/// Number of steps that centre the object in the picture.
 const CENTRINGS: usize = 5;
 
-/// Rays of a picture that is tried, across and down.
+/// Rays per candidate picture, across and down.
 const ACROSS: usize = 48;
 const DOWN: usize = 27;
 
-/// A side through which so many directions lead out is open.
+/// A side is open if at least this share of its directions leads out.
 const OPEN: f64 = 0.5;
 
-/// An object thinner than this share of its other sizes is a sheet; one longer than this many times the next size is a row.
+/// An object thinner than this share of its other sizes is a sheet; one longer than this multiple of the next size is a
+/// row.
 const SHEET: f64 = 0.3;
 const ROW: f64 = 3.0;
 
-/// What rays through a picture meet first, as shares of all.
+/// What the rays through a picture hit first, as shares of all rays.
 #[derive(Clone, Copy, Debug, Default)]
 struct Seen {
     fronts: f64,
     backs: f64,
-    /// Mean distance of the fronts \[m\].
+    /// Mean distance of front-side hits \[m\].
     far: f64,
 }
 
 impl Seen {
-    /// From 0 to 1: surfaces are seen, and from their fronts.
+    /// Score from 0 to 1: high if surfaces are visible, and from their fronts.
     fn worth(&self) -> f64 {
         let all = self.fronts + self.backs;
         if all > 0.0 { self.fronts / all * (self.fronts / 0.02).min(1.0) } else { 0.0 }
@@ -51,11 +52,11 @@ impl Seen {
 /// The camera that shows a scene best.
 pub(super) struct Found {
     pub(super) camera: Camera,
-    /// The scene is a room, and the camera stands in it or looks in.
+    /// The scene is a room, and the camera stands in it or looks into it.
     pub(super) of_room: bool,
 }
 
-/// Tells an object from a room, and finds the camera for it.
+/// Decides between object and room, and finds a camera for it.
 pub(super) fn find(space: &Space) -> Found {
     let room = |camera| Found { camera, of_room: true };
     log::debug!("{} free places, {:.2} enclosed, {:.2} on a floor", space.free.len(), space.enclosure, space.floor);
@@ -67,7 +68,7 @@ pub(super) fn find(space: &Space) -> Found {
         }
     }
     let outside = from_outside(space);
-    // What has no floor is a room only where it cannot be seen from outside.
+    // Without a floor, it is a room only if it cannot be seen from outside.
     let enclosed = space.is_room() || (space.encloses() && seen(space, &outside).worth() < 0.5);
     match from_inside(space).filter(|_| enclosed) {
         Some(camera) => room(camera),
@@ -75,8 +76,8 @@ pub(super) fn find(space: &Space) -> Found {
     }
 }
 
-/// Sheets and rows from their front, all else from above and to the right of the front; from elsewhere where that shows
-/// little or backs.
+/// A camera outside. Sheets and rows are seen from their front, other objects from above and to the right of the front;
+/// from elsewhere if that shows little or back sides.
 fn from_outside(space: &Space) -> Camera {
     let mut directions: Vec<DVec3> = Vec::new();
     let [x, y, z] = (space.high - space.low).to_array();
@@ -105,7 +106,7 @@ fn from_outside(space: &Space) -> Camera {
     best.map_or_else(|| outside("added: view", space, DVec3::Z), |(_, camera)| camera)
 }
 
-/// At the height of eyes in a hall, back against a wall, along the longest free view.
+/// A camera inside a room, at eye height for a hall, with its back to a wall, along the longest free view.
 fn from_inside(space: &Space) -> Option<Camera> {
     let reach = |origin: DVec3, direction: DVec3| {
         let bounds = direction.dot(space.high - origin).max(direction.dot(space.low - origin));
@@ -130,7 +131,7 @@ fn from_inside(space: &Space) -> Option<Camera> {
         };
         let seen = seen(space, &camera);
         let worth = seen.worth() * seen.far;
-        // The nearest to the middle, unless another sees much farther.
+        // Prefers the place nearest to the middle, unless another sees much farther.
         if best.as_ref().is_none_or(|(most, _)| worth > 1.3 * most) {
             best = Some((worth, camera));
         }
@@ -138,12 +139,12 @@ fn from_inside(space: &Space) -> Option<Camera> {
     best.filter(|(worth, _)| *worth > 0.0).map(|(_, camera)| camera)
 }
 
-/// Camera in the unit `direction` of the scene, looking at it, so near that its vertices just fit the picture.
+/// A camera in the unit `direction` from the scene, looking at it, as near as its vertices fit into the picture.
 fn outside(name: &str, space: &Space, direction: DVec3) -> Camera {
     let frame = look(DVec3::ZERO, direction).matrix3;
     let slope = FILLED * (0.5 * OUTSIDE_YFOV).tan();
     let slopes = [slope * ASPECT, slope];
-    // The planes of the frustum that just touch the vertices, right, left, top, bottom.
+    // The planes of the frustum that touch the vertices: right, left, top, bottom.
     let touch = |mut farthest: [f64; 4], point: &DVec3| {
         let p = frame.transpose() * (*point - space.centre());
         for (side, at) in [p.x, -p.x, p.y, -p.y].into_iter().enumerate() {
@@ -157,7 +158,7 @@ fn outside(name: &str, space: &Space, direction: DVec3) -> Camera {
     let distance = ((right + left) / (2.0 * slopes[0])).max((top + bottom) / (2.0 * slopes[1]));
     let nearest = space.points.iter().map(|point| direction.dot(*point - space.centre())).fold(0.0, f64::max);
     let mut eye = DVec3::new(0.5 * (right - left), 0.5 * (top - bottom), distance.max(nearest + 0.05 * space.radius()));
-    // Into the middle of the picture along the axis that has room to spare.
+    // Centres the object along the axis with room to spare.
     for _ in 0..CENTRINGS {
         let shown = |bounds: [DVec2; 2], point: &DVec3| {
             let p = frame.transpose() * (*point - space.centre()) - eye;
@@ -176,13 +177,13 @@ fn outside(name: &str, space: &Space, direction: DVec3) -> Camera {
     }
 }
 
-/// Camera at `eye` that looks against the unit vector `back`, upright.
+/// Transform of an upright camera at `eye` that looks against the unit vector `back`.
 fn look(eye: DVec3, back: DVec3) -> DAffine3 {
     let right = DVec3::Y.cross(back).try_normalize().unwrap_or(DVec3::X);
     DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye)
 }
 
-/// What rays through a camera's picture meet, and where: a grid of it. Nothing for one without perspective.
+/// Hits of a grid of rays through a camera's picture, with their positions. Empty for a camera without perspective.
 pub(super) fn shown(space: &Space, camera: &Camera) -> Vec<(DVec3, Hit)> {
     let Projection::Perspective { yfov } = camera.projection else { return Vec::new() };
     let slope = (0.5 * f64::from(yfov)).tan();
@@ -197,7 +198,7 @@ pub(super) fn shown(space: &Space, camera: &Camera) -> Vec<(DVec3, Hit)> {
     (0..ACROSS * DOWN).into_par_iter().filter_map(ray).collect()
 }
 
-/// How much of what a camera would show.
+/// Statistics of what a camera would show.
 fn seen(space: &Space, camera: &Camera) -> Seen {
     let (hits, count) = (shown(space, camera), (ACROSS * DOWN) as f64);
     let fronts: Vec<f64> = hits.iter().filter(|(_, hit)| hit.front).map(|(_, hit)| hit.distance).collect();

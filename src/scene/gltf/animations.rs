@@ -1,4 +1,4 @@
-//! Animations: samplers read and checked, channels with what they aim at in the file's own terms.
+//! Animations: reads and checks samplers, and channels with their targets as indices of the file.
 
 use std::collections::BTreeSet;
 
@@ -9,11 +9,11 @@ use crate::scene::accessor::{Accessors, Semantic};
 use crate::scene::animation::{Interpolation, Quantity, Sampler};
 use crate::scene::json::{Document, Object, plural, printable};
 
-/// Most numbers of all samplers together (512 MiB): samplers may share accessors, so a small file could ask for more
-/// memory than there is.
+/// Limit on the numbers of all samplers together (512 MiB). Samplers may share accessors, so a small file could request
+/// more memory than there is.
 const MAX_NUMBERS: usize = 1 << 27;
 
-/// Lengths of rotations may differ from 1 by rounding to bytes.
+/// Tolerance of the length of rotations, since they may be rounded to bytes.
 const UNIT: f32 = 0.01;
 
 /// An animation of the file.
@@ -22,26 +22,26 @@ pub(super) struct Played {
     pub tracks: Vec<Track>,
 }
 
-/// A channel.
+/// A channel of an animation.
 pub(super) struct Track {
     pub sampler: Sampler,
     pub aim: Aim,
 }
 
-/// What a channel sets, by the file's indices.
+/// Target of a channel, by indices of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Aim {
-    /// Of a node.
+    /// Translation of a node.
     Translation(usize),
-    /// Of a node.
+    /// Rotation of a node.
     Rotation(usize),
-    /// Of a node.
+    /// Scale of a node.
     Scale(usize),
-    /// All weights of a node, or one of them.
+    /// All morph weights of a node, or one of them.
     Weights(usize, Option<usize>),
-    /// All weights of a mesh, or one of them: those of nodes that have none of their own.
+    /// All weights of a mesh, or one of them; applies to nodes without weights of their own.
     MeshWeights(usize, Option<usize>),
-    /// Of a node.
+    /// Visibility of a node.
     Visible(usize),
     /// A part of a light's property.
     Light(usize, Quantity, usize),
@@ -51,21 +51,21 @@ pub(super) enum Aim {
     Material(usize, Quantity, usize),
 }
 
-/// What the values of a channel are.
+/// Form of a channel's values.
 #[derive(Clone, Copy)]
 pub(super) struct Form {
     pub semantic: Semantic,
-    /// Numbers of a value.
+    /// Numbers per value.
     pub width: usize,
 }
 
-/// Reads all animations. Channels that aim at nothing known are left out with a note.
+/// Reads all animations. Channels with unknown targets are left out with a note.
 pub(super) fn read(document: &Document, accessors: &Accessors, notes: &mut Notes) -> Result<Vec<Played>> {
     let mut reader = Reader { document, accessors, numbers: 0 };
     document.items("animations")?.iter().enumerate().map(|(index, a)| reader.animation(index, a, notes)).collect()
 }
 
-/// Number of morph targets of a mesh; its primitives should have the same.
+/// Number of morph targets of a mesh, from its first primitive; all primitives should have the same.
 pub(super) fn target_count(mesh: &Object) -> Result<usize> {
     let first = mesh.objects("primitives", "primitive")?.into_iter().next();
     Ok(first.map(|first| first.objects("targets", "morph target")).transpose()?.map_or(0, |targets| targets.len()))
@@ -105,7 +105,7 @@ impl Reader<'_> {
             })?;
             let Some((aim, form)) = self.aim(channel, notes)? else { continue };
             if overlaps(&set, aim) {
-                return Err(channel.error("sets what another channel sets: export the file again"));
+                return Err(channel.error("sets the same target as another channel: export the file again"));
             }
             set.insert(aim);
             let sampler = self.sampler(sampler, channel, aim, form)?;
@@ -114,7 +114,7 @@ impl Reader<'_> {
         Ok(Played { name: object.name(|| format!("animation {index}")), tracks })
     }
 
-    /// What a channel sets; `None` where that is unknown to us.
+    /// Target of a channel; `None` if it is not supported.
     fn aim(&self, channel: &Object, notes: &mut Notes) -> Result<Option<(Aim, Form)>> {
         let target = channel.object("target")?.ok_or_else(|| channel.error("has no target: export the file again"))?;
         let path = target.text("path")?.ok_or_else(|| target.error("has no path: export the file again"))?;
@@ -124,7 +124,7 @@ impl Reader<'_> {
             let found = pointer::aim(self.document, pointer, &extension)?;
             if found.is_none() {
                 notes.add(format!(
-                    "{}: animates {}, which is not supported and stays as it is.",
+                    "{}: animates {}, which is not supported; it stays at rest.",
                     channel.place,
                     printable(pointer)
                 ));
@@ -145,7 +145,7 @@ impl Reader<'_> {
     fn sampler(&mut self, object: &Object, channel: &Object, aim: Aim, form: Form) -> Result<Sampler> {
         let interpolation = interpolation(object)?;
         if form.semantic == Semantic::Flag && interpolation != Interpolation::Step {
-            return Err(object.error("animates what is either true or false, which takes STEP: export the file again"));
+            return Err(object.error("animates a boolean, which needs STEP interpolation: export the file again"));
         }
         let role = |key: &str| format!("{key} of {}", channel.place);
         let (input, output) = (needed(object, "input")?, needed(object, "output")?);
@@ -155,7 +155,7 @@ impl Reader<'_> {
         }
         let keys = self.accessors.open(input, &role("input"), Semantic::Times, object)?;
         let values = self.accessors.open(output, &role("output"), form.semantic, object)?;
-        // Weights are numbers one by one, of which `width` make a value.
+        // Weights are single numbers, `width` of which form a value.
         let per_value = form.width / values.width;
         let parts = if interpolation == Interpolation::Cubic { 3 } else { 1 };
         if interpolation == Interpolation::Cubic && keys.count < 2 {
@@ -178,7 +178,9 @@ impl Reader<'_> {
         for at in 0..keys.count {
             let [time] = keys.floats::<1>(at);
             if !(time.is_finite() && time >= 0.0) {
-                return Err(keys.error(format!("element {at} is {time}, which is no time: export the file again")));
+                return Err(
+                    keys.error(format!("element {at} is {time}, which is no valid time: export the file again"))
+                );
             }
             if times.last().is_some_and(|&last| last >= time) {
                 return Err(
@@ -205,7 +207,7 @@ impl Reader<'_> {
         Ok(Sampler { times, values: numbers, width: form.width, interpolation })
     }
 
-    /// glTF asks for the bounds of times, so that players need not look for an animation's end.
+    /// glTF requires the bounds of times, so that players know an animation's end.
     fn check_input(&self, input: usize, sampler: &Object) -> Result<()> {
         let accessor = self.document.item("accessors", input, sampler)?;
         if accessor.value("min").is_none() || accessor.value("max").is_none() {
@@ -227,7 +229,7 @@ impl Reader<'_> {
     }
 }
 
-/// Whether a channel sets something of what others do.
+/// Whether a channel's target overlaps with that of an earlier channel.
 fn overlaps(set: &BTreeSet<Aim>, aim: Aim) -> bool {
     match aim {
         Aim::Weights(node, None) => set.range(aim..=Aim::Weights(node, Some(usize::MAX))).next().is_some(),
@@ -238,7 +240,7 @@ fn overlaps(set: &BTreeSet<Aim>, aim: Aim) -> bool {
     }
 }
 
-/// What the path of a node is, by path or by pointer; one weight alone where `element` is given.
+/// Target and form for a node's path, given as a path or by a pointer; with `element`, a single weight.
 pub(super) fn node_aim(
     document: &Document,
     node: usize,
@@ -265,7 +267,7 @@ pub(super) fn node_aim(
     Ok(Some((aim, Form { semantic, width })))
 }
 
-/// How many weights a channel sets, for a mesh with this many targets.
+/// Number of weights that a channel sets, for a mesh with this many targets.
 pub(super) fn weights(
     targets: usize,
     element: Option<usize>,

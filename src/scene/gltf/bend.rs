@@ -1,4 +1,4 @@
-//! Meshes that bend: what their poses are made of, and which instances share one.
+//! Deforming meshes: reads their pose data, and shares meshes between instances.
 
 use glam::{DAffine3, DMat3};
 
@@ -11,36 +11,36 @@ use crate::scene::deform::{self, Bind, Deform, Displacement, Follower};
 use crate::scene::json::{Object, plural};
 use crate::scene::{Instance, Mesh, Primitive, Scene};
 
-/// Most joints of all poses together: skins may be shared by any number of nodes.
+/// Limit on the joints of all poses together, since any number of nodes may share a skin.
 const MAX_JOINTS: usize = 1 << 24;
 
-/// Skins whose sizes are closer than this share a mesh \[octaves\]: caches placed on one suit the other.
+/// Skins whose sizes differ by less than this share a mesh \[octaves\], since caches placed for one suit the other.
 const SAME_SIZE: f64 = 0.25;
 
-/// Mesh, number of joints, and the bits of morph weights that do not change: what must agree to share a mesh.
+/// Mesh, number of joints, and the bits of constant morph weights; instances share a mesh only if these agree.
 pub(super) type Key = (usize, usize, Vec<u64>);
 
-/// A mesh that bends.
+/// A deforming mesh.
 pub(super) struct Bent {
-    /// Size of the skin, as its joints scale it.
+    /// Size of the skin, as scaled by its joints.
     size: f64,
     mirrored: bool,
-    /// The scene's mesh; `None` for one without triangles.
+    /// The scene's mesh; `None` if it has no triangles.
     mesh: Option<usize>,
 }
 
-/// What bends a mesh.
+/// Deformation of a mesh.
 pub(super) struct Bend<'a> {
-    /// Joints at rest.
+    /// Joint matrices at rest.
     joints: Option<&'a [DAffine3]>,
-    /// Weights of morph targets at rest.
+    /// Morph weights at rest.
     weights: &'a [f64],
-    /// Whether those change.
+    /// Whether an animation changes the weights.
     weighed: bool,
 }
 
 impl Builder<'_> {
-    /// The place in `skins` of a skin of the file, read once.
+    /// Index in `skins` of a skin of the file, which is read once.
     pub(super) fn skin(&mut self, index: usize, node: &Object) -> Result<usize> {
         if let Some(&known) = self.known_skins.get(&index) {
             return Ok(known);
@@ -51,7 +51,7 @@ impl Builder<'_> {
         Ok(self.skins.len() - 1)
     }
 
-    /// Adds an instance that a skin bends.
+    /// Adds an instance deformed by a skin.
     #[expect(clippy::too_many_arguments, reason = "a node's parts, and where to report")]
     pub(super) fn bend_skin(
         &mut self,
@@ -88,7 +88,7 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Adds an instance that morph targets bend.
+    /// Adds an instance deformed by morph targets.
     #[expect(clippy::too_many_arguments, reason = "a node's parts, and where to report")]
     pub(super) fn bend_morph(
         &mut self,
@@ -115,7 +115,7 @@ impl Builder<'_> {
         scene.instances.push(instance);
     }
 
-    /// The scene's mesh for a key and a size, made where there is none.
+    /// The scene's mesh for a key and a size; created if there is none.
     #[expect(clippy::too_many_arguments, reason = "what must agree, and where to report")]
     fn bent_mesh(
         &mut self,
@@ -140,7 +140,7 @@ impl Builder<'_> {
         Ok(mesh)
     }
 
-    /// Adds a mesh that bends to the scene; `None` when it has no triangles.
+    /// Adds a deforming mesh to the scene; `None` if it has no triangles.
     fn make_bent(
         &mut self,
         index: usize,
@@ -157,9 +157,8 @@ impl Builder<'_> {
             let count = primitive.objects("targets", "morph target")?.len();
             if bend.weighed && *targets.get_or_insert(count) != count {
                 let count = plural(count, "morph target");
-                return Err(
-                    primitive.error(format!("has {count}, but other primitives have others: export the file again"))
-                );
+                return Err(primitive
+                    .error(format!("has {count}, but other primitives have another number: export the file again")));
             }
             let material = self.materials.index(&primitive, notes)?;
             let double_sided = self.materials.list[material].double_sided;
@@ -184,14 +183,14 @@ impl Builder<'_> {
         let rest = deform::Pose { joints, weights: rest_weights(&mesh, bend.weights) };
         mesh.vertices = mesh.posed(&rest);
         if let Some(vertex) = mesh.vertices.iter().find(|v| !v.position.is_finite()) {
-            return Err(object.error(format!("its skin takes vertices to {}: export the file again", vertex.position)));
+            return Err(object.error(format!("its skin moves vertices to {}: export the file again", vertex.position)));
         }
         scene.meshes.push(mesh);
         Ok(Some(scene.meshes.len() - 1))
     }
 }
 
-/// Weights for all of a mesh's targets.
+/// Weights of all morph targets of a mesh; missing ones are 0.
 fn rest_weights(mesh: &Mesh, weights: &[f64]) -> Vec<f32> {
     let targets = mesh.deform.as_ref().map_or(0, |deform| deform.targets.len());
     (0..targets).map(|at| weights.get(at).map_or(0.0, |&weight| weight as f32)).collect()
@@ -204,7 +203,7 @@ fn check_weights(mesh: &Object, weights: &[f64]) -> Result<()> {
     Ok(())
 }
 
-/// Adds a primitive's part of a mesh whose vertices begin at `base`.
+/// Appends a primitive's deformation to that of its mesh, where the primitive's vertices start at `base`.
 fn append(deform: &mut Deform, mut own: Deform, base: u32) {
     let first = deform.influences.len() as u32;
     own.bind.iter_mut().for_each(|bind| bind.first_influence += first);
@@ -220,8 +219,8 @@ fn append(deform: &mut Deform, mut own: Deform, base: u32) {
 }
 
 impl Geometry<'_> {
-    /// The triangles of a primitive that bends, before they do, and what bends them; `None` when it draws none. Triangles
-    /// without area are kept: they may get one.
+    /// The undeformed triangles of a primitive, and its deformation; `None` if it draws none. Triangles without area
+    /// are kept, since a pose may give them one.
     fn bent(
         &mut self,
         primitive: &Object,
@@ -260,7 +259,7 @@ impl Geometry<'_> {
         }
 
         let is_flat = !draft.has_normals;
-        // Which of the vertices each one of the surface is.
+        // For each vertex of the surface, the index of its original vertex.
         let mut origins: Vec<u32> = match is_flat {
             true => draft.triangles.iter().flatten().copied().collect(),
             false => (0..draft.vertices.len() as u32).collect(),

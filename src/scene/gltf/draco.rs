@@ -1,4 +1,4 @@
-//! KHR_draco_mesh_compression: primitives decoded before anything reads them. Their accessors then hold what the streams do.
+//! KHR_draco_mesh_compression: decodes primitives before they are read. Their accessors then hold the streams' values.
 
 use std::collections::BTreeMap;
 
@@ -11,21 +11,21 @@ use crate::scene::json::{Document, Object, printable};
 
 const NAME: &str = "KHR_draco_mesh_compression";
 
-/// Memory \[bytes\] that a triangle takes at most while it is decoded, with its share of positions.
+/// Largest memory use \[bytes\] per triangle during decoding, including its share of positions.
 const FACE: u64 = 128;
 
-/// A primitive to decode.
+/// A compressed primitive.
 struct Packed<'a> {
     view: usize,
     primitive: Object<'a>,
     extension: Object<'a>,
     /// The accessor of its vertex indices.
     indices: usize,
-    /// The accessor and the stream's identifier of each attribute.
+    /// For each attribute, its name, its accessor and its identifier in the stream.
     attributes: Vec<(&'a str, usize, u32)>,
 }
 
-/// Decodes all primitives that have nothing else.
+/// Decodes all primitives that have no uncompressed fallback.
 pub(super) fn unpack(document: &Document, contents: &mut Contents) -> Result<()> {
     let required = document.object().texts("extensionsRequired")?.contains(&NAME);
     let mut packed = Vec::new();
@@ -37,11 +37,11 @@ pub(super) fn unpack(document: &Document, contents: &mut Contents) -> Result<()>
         }
     }
     let mut decoded = BTreeMap::new();
-    // Whose stream an accessor holds.
+    // By accessor, the stream that it holds.
     let mut sources = BTreeMap::new();
     let mut left = decode::max_memory();
     let accessors = Accessors::new(document, contents);
-    // Primitives of one stream come one after another.
+    // Primitives that share a stream must be adjacent.
     packed.sort_by_key(|packed| packed.view);
     for same in packed.chunk_by(|a, b| a.view == b.view) {
         let (bytes, _) = accessors.view(same[0].view, &same[0].extension)?;
@@ -62,7 +62,7 @@ pub(super) fn unpack(document: &Document, contents: &mut Contents) -> Result<()>
     Ok(())
 }
 
-/// Decodes a stream within bounds on memory.
+/// Decodes a stream within the memory limit.
 fn mesh(bytes: &[u8], left: u64, place: &Object) -> Result<draco_core::Mesh> {
     let limits =
         DecodeLimits::default().with_max_decoded_bytes(left).with_max_faces(left / FACE).with_max_points(left / FACE);
@@ -80,12 +80,12 @@ fn mesh(bytes: &[u8], left: u64, place: &Object) -> Result<draco_core::Mesh> {
 fn too_large(place: &Object) -> crate::Error {
     let most = decode::max_memory().div_ceil(1 << 20);
     place.error(format!(
-        "Draco streams take more than {most} MiB of memory from here on; simplify the file, or allow more with --max-memory"
+        "Draco streams exceed {most} MiB of memory at this point; simplify the file, or allow more with --max-memory"
     ))
 }
 
 impl<'a> Packed<'a> {
-    /// A primitive to decode; `None` where it is there without Draco, too.
+    /// A primitive to decode; `None` if it has an uncompressed fallback that may be used.
     fn read(
         document: &'a Document,
         primitive: Object<'a>,
@@ -103,16 +103,15 @@ impl<'a> Packed<'a> {
             .ok_or_else(|| primitive.error("has no attributes: export the file again"))?;
         let mode = primitive.whole("mode")?.unwrap_or(4);
         if mode != 4 {
-            return Err(
-                primitive.error(format!("has mode {mode}; with Draco only lists of triangles (4) are supported"))
-            );
+            return Err(primitive
+                .error(format!("has mode {mode}; Draco supports only triangle lists (4): export the file again")));
         }
         let mut attributes = Vec::new();
         for name in of_stream.keys() {
             let id = u32::try_from(of_stream.needed_whole(name)?).unwrap_or(u32::MAX);
             let accessor = of_file.index(name)?.ok_or_else(|| {
                 let name = printable(name);
-                extension.error(format!("has the attribute {name}, which the primitive has not: export the file again"))
+                extension.error(format!("has the attribute {name}, which the primitive lacks: export the file again"))
             })?;
             attributes.push((name, accessor, id));
         }
@@ -129,7 +128,7 @@ impl<'a> Packed<'a> {
         Ok(Some(Self { view, primitive, extension, indices, attributes }))
     }
 
-    /// Accessors, what of the stream they are (an attribute, or the indices), and what they hold.
+    /// Accessors, the part of the stream that each holds (an attribute, or `None` for the indices), and the values.
     fn accessors(&self, mesh: &draco_core::Mesh, left: &mut u64) -> Result<Vec<(usize, Option<u32>, Decoded)>> {
         let mut take = |bytes: usize| {
             *left = left.checked_sub(bytes as u64).ok_or_else(|| too_large(&self.extension))?;
@@ -147,7 +146,8 @@ impl<'a> Packed<'a> {
                 self.extension.error(format!("{}: its Draco stream {what}: export the file again", printable(name)))
             };
             let attribute = mesh.attribute_by_unique_id(id).ok_or_else(|| wrong("has no such attribute"))?;
-            let component = component(attribute.data_type()).ok_or_else(|| wrong("holds numbers that glTF has not"))?;
+            let component =
+                component(attribute.data_type()).ok_or_else(|| wrong("holds a number type that glTF lacks"))?;
             let width = usize::from(attribute.num_components());
             take(mesh.num_points() * width * component.size())?;
             let bytes = values(attribute, mesh.num_points(), width * component.size());
@@ -170,7 +170,7 @@ fn component(kind: DataType) -> Option<Component> {
     }
 }
 
-/// The value of each point, of this many bytes.
+/// The attribute's value at each point, `size` bytes each.
 fn values(attribute: &PointAttribute, points: usize, size: usize) -> Option<Vec<u8>> {
     let stride = usize::try_from(attribute.byte_stride()).ok()?;
     let data = attribute.buffer().data();

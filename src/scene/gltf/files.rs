@@ -1,4 +1,4 @@
-//! Files of a glTF asset: the JSON or GLB container, buffers and images beside it, data: URIs.
+//! Files of a glTF asset: the JSON or GLB container, external buffers and images, and data: URIs.
 
 use std::io::{BufRead, BufReader, Cursor, Seek};
 use std::path::{Path, PathBuf};
@@ -12,13 +12,14 @@ use crate::scene::accessor::Buffer;
 use crate::scene::json::{Document, error_at, printable};
 use crate::{Result, files};
 
-/// Most bytes that all buffers of an asset may hold together: more would not fit the engine's 32-bit indices.
+/// Limit on the bytes of all buffers of an asset; more would not fit the engine's 32-bit indices.
 const MAX_BYTES: u64 = 4 << 30;
 
-/// Largest JSON that is parsed \[bytes\]: "0," becomes a value of 32 bytes, so parsing may need 16 times as much.
+/// Largest JSON that is parsed \[bytes\]. "0," becomes a value of 32 bytes, so parsing may need 16 times as much
+/// memory.
 const MAX_JSON: usize = 256 << 20;
 
-/// Base64 as found in the wild: padding may lack.
+/// Base64 with optional padding, as found in practice.
 const BASE64: GeneralPurpose = GeneralPurpose::new(
     &STANDARD,
     GeneralPurposeConfig::new()
@@ -26,7 +27,7 @@ const BASE64: GeneralPurpose = GeneralPurpose::new(
         .with_decode_allow_trailing_bits(true),
 );
 
-/// Reads a .gltf or .glb: its JSON, checked to be glTF 2, and the GLB's binary chunk.
+/// Reads a .gltf or .glb: its JSON, checked to be glTF 2, and the binary chunk of a GLB.
 pub(super) fn open(path: &Path) -> Result<(Document, Option<Vec<u8>>)> {
     let error = |reason: String| error_at(path, "file", reason);
     let bytes = files::read(path).map_err(error)?;
@@ -43,7 +44,7 @@ pub(super) fn open(path: &Path) -> Result<(Document, Option<Vec<u8>>)> {
         return Err(error("is not glTF: neither a GLB nor JSON; give a .gltf or .glb file".into()));
     }
     if json.len() > MAX_JSON {
-        return Err(error("its JSON is larger than 256 MiB; keep buffers and images in files of their own".into()));
+        return Err(error("its JSON is larger than 256 MiB; keep buffers and images in separate files".into()));
     }
     let root: Value =
         serde_json::from_slice(json).map_err(|e| error(format!("its JSON is broken, export it again: {e}")))?;
@@ -55,7 +56,7 @@ pub(super) fn open(path: &Path) -> Result<(Document, Option<Vec<u8>>)> {
     Ok((document, binary))
 }
 
-/// Refuses everything but glTF 2.x that 2.0 loaders may read.
+/// Fails unless the file is glTF 2.x that 2.0 loaders may read.
 fn check_version(document: &Document) -> Result<()> {
     let root = document.object();
     let Some(asset) = root.object("asset")? else {
@@ -79,7 +80,7 @@ fn check_version(document: &Document) -> Result<()> {
     document.check_lists()
 }
 
-/// The JSON and the binary chunk of a GLB.
+/// The JSON chunk and the binary chunk of a GLB.
 fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
     let word = |at: usize| -> Option<u32> { Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?)) };
     let (Some(version), Some(length)) = (word(4), word(8)) else {
@@ -106,7 +107,7 @@ fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
         let start = at + 8;
         if size as usize > end - start {
             return Err(format!(
-                "a GLB chunk at byte {at} leaves the file: it is truncated, export or download it again"
+                "a GLB chunk at byte {at} exceeds the file: it is truncated, export or download it again"
             ));
         }
         at = start + size as usize;
@@ -123,8 +124,8 @@ fn chunks(bytes: &[u8]) -> std::result::Result<(&[u8], Option<&[u8]>), String> {
     Ok((json, binary))
 }
 
-/// Contents of all buffers, each cut to its byteLength; or why there are none, for those who need them: unused buffers
-/// may be placeholders.
+/// Contents of all buffers, each cut to its byteLength, or the reason why it has none. A missing buffer fails only when
+/// it is used, since unused buffers may be placeholders.
 pub(super) fn buffers(document: &Document, mut binary: Option<Vec<u8>>) -> Result<Vec<Buffer>> {
     let folder = folder(&document.file);
     let mut total = 0;
@@ -134,9 +135,9 @@ pub(super) fn buffers(document: &Document, mut binary: Option<Vec<u8>>) -> Resul
         let bytes = match buffer.text("uri")? {
             Some(uri) => fetch(&folder, uri),
             None if index == 0 => {
-                binary.take().ok_or_else(|| "has no uri and the file no binary chunk; export it again".into())
+                binary.take().ok_or_else(|| "has no uri, and the file has no binary chunk; export it again".into())
             }
-            None => Err("has no uri, which only buffer 0 of a GLB may lack: export the file again".into()),
+            None => Err("has no uri; only buffer 0 of a GLB may lack it: export the file again".into()),
         };
         let bytes = bytes.and_then(|mut bytes| {
             if (bytes.len() as u64) < length {
@@ -162,7 +163,7 @@ pub(super) fn folder(file: &Path) -> PathBuf {
     file.parent().map(Path::to_owned).unwrap_or_default()
 }
 
-/// What a URI names: the content of a data: URI or of a file in the asset's folder.
+/// Content of a URI: a data: URI, or a file in the asset's folder.
 pub(super) fn fetch(folder: &Path, uri: &str) -> std::result::Result<Vec<u8>, String> {
     if let Some(data) = uri.strip_prefix("data:") {
         let (kind, data) = data.split_once(',').ok_or("its data: URI has no comma; export it again")?;
@@ -175,7 +176,7 @@ pub(super) fn fetch(folder: &Path, uri: &str) -> std::result::Result<Vec<u8>, St
     files::read(&path).map_err(|reason| format!("'{}' {reason}", printable(uri)))
 }
 
-/// What a URI names, to be read piece by piece.
+/// Opens the content of a URI for reading in pieces.
 pub(super) fn reader(folder: &Path, uri: &str) -> std::result::Result<Box<dyn Contents>, String> {
     if uri.starts_with("data:") {
         return Ok(Box::new(Cursor::new(fetch(folder, uri)?)));
@@ -184,18 +185,19 @@ pub(super) fn reader(folder: &Path, uri: &str) -> std::result::Result<Box<dyn Co
     Ok(Box::new(BufReader::new(file)))
 }
 
-/// Bytes of a file or in memory.
+/// Seekable bytes of a file or in memory.
 pub(super) trait Contents: BufRead + Seek {}
 
 impl<T: BufRead + Seek> Contents for T {}
 
-/// A relative URI as a path that stays inside the folder it is relative to.
+/// A relative URI as a path that stays inside the folder that it is relative to.
 fn relative(uri: &str) -> std::result::Result<PathBuf, String> {
     let shown = printable(uri);
     if uri.split('/').next().is_some_and(|first| first.contains(':')) {
         return Err(format!("'{shown}' is not a relative path; put the file beside the glTF and refer to it by name"));
     }
-    let name = decode_percent(uri).ok_or_else(|| format!("'{shown}' is not UTF-8 once percent-decoded"))?;
+    let name =
+        decode_percent(uri).ok_or_else(|| format!("'{shown}' is not UTF-8 after percent-decoding; rename the file"))?;
     if name.is_empty() || name.starts_with('/') || name.contains(['\\', '\0']) {
         return Err(format!("'{shown}' is not a relative path with forward slashes; export the file again"));
     }
@@ -205,7 +207,7 @@ fn relative(uri: &str) -> std::result::Result<PathBuf, String> {
             "" | "." => {}
             ".." if path.pop() => {}
             ".." => return Err(format!("'{shown}' leaves the asset's folder; move the file into it")),
-            // "C:" would be a drive to some systems, so it is refused on all.
+            // "C:" would be a drive on some systems, so colons are refused on all.
             _ if part.contains(':') => return Err(format!("'{shown}' has a colon in it; rename the file")),
             _ => path.push(part),
         }
@@ -213,7 +215,7 @@ fn relative(uri: &str) -> std::result::Result<PathBuf, String> {
     Ok(path)
 }
 
-/// Percent-decoding; a percent sign that starts no escape stands for itself.
+/// Percent-decodes text; a percent sign that starts no escape is kept.
 fn decode_percent(text: &str) -> Option<String> {
     let hex = |byte: Option<&u8>| byte.and_then(|&b| char::from(b).to_digit(16));
     let bytes = text.as_bytes();
@@ -234,7 +236,7 @@ fn decode_percent(text: &str) -> Option<String> {
     String::from_utf8(decoded).ok()
 }
 
-/// Extensions that the loader understands.
+/// Extensions that the loader supports.
 const SUPPORTED: [&str; 19] = [
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
@@ -257,7 +259,7 @@ const SUPPORTED: [&str; 19] = [
     "KHR_texture_transform",
 ];
 
-/// Refuses required extensions that are not supported; returns a note on those that are merely used.
+/// Fails if a required extension is not supported. Returns a note on unsupported optional extensions.
 pub(super) fn check_extensions(document: &Document) -> Result<Option<String>> {
     let root = document.object();
     for name in root.texts("extensionsRequired")? {

@@ -1,5 +1,5 @@
-//! Primitives to triangles: strips and fans resolved, posed, degenerate triangles dropped, normals completed, second
-//! sides made.
+//! Converts primitives to triangles: resolves strips and fans, applies poses, drops degenerate triangles, completes
+//! normals, adds second sides.
 
 use glam::{DVec3, Vec2, Vec3, Vec4};
 
@@ -12,41 +12,42 @@ use crate::scene::accessor::{Accessor, Accessors, Semantic};
 use crate::scene::json::Object;
 use crate::scene::material::MOST_UV;
 
-/// Most vertices (4 GiB) and indices (1 GiB) of all meshes together, which take no more memory than is allowed besides:
-/// accessors may be shared by any number of primitives, so a small file could ask for more than there is.
+/// Limits on the vertices (4 GiB) and indices (1 GiB) of all meshes together, in addition to the memory limit. Any
+/// number of primitives may share accessors, so a small file could request more than there is.
 const MAX_VERTICES: usize = 1 << 26;
 const MAX_INDICES: usize = 1 << 28;
 
-/// A triangle is degenerate when twice its area is below this share of its longest edge squared.
+/// A triangle is degenerate if twice its area is below this share of its longest edge squared.
 const FLAT: f64 = 1e-10;
 
-/// Triangles of one primitive; both sides where it is double-sided.
+/// Triangles of one primitive; both sides if it is double-sided.
 pub(super) struct Surface {
-    /// Vertices that some triangle refers to.
+    /// Vertices that triangles refer to.
     pub vertices: Vec<Vertex>,
     /// Three per triangle.
     pub indices: Vec<u32>,
 }
 
-/// Reads primitives and counts what they took of the limits.
+/// Reads primitives and counts their vertices and indices towards the limits.
 pub(super) struct Geometry<'a> {
     pub accessors: &'a Accessors<'a>,
     pub vertices: usize,
     pub indices: usize,
 }
 
-/// Vertices before their normals are final.
+/// A primitive before its normals are final.
 pub(super) struct Draft {
     pub vertices: Vec<Vertex>,
     pub triangles: Vec<[u32; 3]>,
     pub has_normals: bool,
 }
 
-/// A primitive as the file stores it: its draft, its attributes, which vertices the draft has, and of how many.
+/// A primitive as the file stores it: its draft, its attributes, the indices of the draft's vertices, and the number of
+/// vertices in the file.
 pub(super) type Stored<'a> = (Draft, Object<'a>, Vec<u32>, usize);
 
 impl Geometry<'_> {
-    /// The triangles of a primitive of `mesh` ("mesh 0 'Wall'") in a pose; `None` when it draws none.
+    /// The triangles of a primitive of `mesh` ("mesh 0 'Wall'") in a pose; `None` if it draws none.
     pub(super) fn surface(
         &mut self,
         primitive: &Object,
@@ -79,7 +80,7 @@ impl Geometry<'_> {
         Ok(Some(surface))
     }
 
-    /// A primitive as the file stores it; `None` when it draws no triangles.
+    /// A primitive as the file stores it; `None` if it draws no triangles.
     pub(super) fn draft<'o>(
         &mut self,
         primitive: &Object<'o>,
@@ -118,7 +119,7 @@ impl Geometry<'_> {
         if mode == 4 && !corners.len().is_multiple_of(3) {
             notes.count("Incomplete last triangles left out", 1);
         }
-        // A strip or fan may have three times as many indices once resolved.
+        // A resolved strip or fan may have three times as many indices.
         self.take(0, if mode == 4 { 0 } else { 2 * corners.len() }, primitive)?;
         let triangles = triangulate(mode, &corners);
         let used = referenced(&corners, positions.count);
@@ -136,27 +137,27 @@ impl Geometry<'_> {
         Ok(Some((draft, attributes, used, positions.count)))
     }
 
-    /// Counts vertices and indices about to be made.
+    /// Counts vertices and indices towards the limits before they are created.
     pub(super) fn take(&mut self, vertices: usize, indices: usize, from: &Object) -> Result<()> {
         self.vertices = self.vertices.saturating_add(vertices);
         self.indices = self.indices.saturating_add(indices);
         if self.vertices > MAX_VERTICES || self.indices > MAX_INDICES {
             return Err(from.error(format!(
-                "the scene has more than {MAX_VERTICES} vertices or {MAX_INDICES} indices from here on; simplify it"
+                "the scene exceeds {MAX_VERTICES} vertices or {MAX_INDICES} indices at this point; simplify it"
             )));
         }
         let bytes = (self.vertices * size_of::<Vertex>() + self.indices * size_of::<u32>()) as u64;
         let (needed, most) = (bytes.div_ceil(1 << 20), decode::max_memory().div_ceil(1 << 20));
         if needed > most {
             return Err(from.error(format!(
-                "the scene's vertices and indices take more than {most} MiB of memory from here on; simplify it, or \
+                "the scene's vertices and indices exceed {most} MiB of memory at this point; simplify it, or \
                  allow more with --max-memory"
             )));
         }
         Ok(())
     }
 
-    /// The vertices `used`, as the file gives them.
+    /// The vertices `used`, as stored in the file.
     fn vertices(
         &self,
         attributes: &Object,
@@ -172,7 +173,7 @@ impl Geometry<'_> {
             Ok(Some(accessor))
         };
         let normals = open("NORMAL", Semantic::Normal)?;
-        // glTF: without normals, tangents must be ignored. They are checked all the same.
+        // glTF: without normals, tangents must be ignored. They are checked anyway.
         let tangents = open("TANGENT", Semantic::Tangent)?.filter(|_| normals.is_some());
         let coordinates = [open("TEXCOORD_0", Semantic::TexCoord)?, open("TEXCOORD_1", Semantic::TexCoord)?];
         let colors = open("COLOR_0", Semantic::Color)?;
@@ -197,7 +198,7 @@ impl Geometry<'_> {
             let color = match &colors {
                 Some(accessor) => {
                     let [r, g, b, a] = accessor.floats::<4>(at);
-                    // The cast saturates, and turns NaN into 0.
+                    // The cast saturates and turns NaN into 0.
                     [r, g, b, if accessor.width == 3 { 1.0 } else { a }].map(|c| (c * 255.0 + 0.5) as u8)
                 }
                 None => [255; 4],
@@ -217,7 +218,7 @@ impl Geometry<'_> {
 
 /// Vertex indices that occur, in increasing order.
 fn referenced(corners: &[u32], vertices: usize) -> Vec<u32> {
-    // Many small primitives over one large vertex buffer are common: no pass over all vertices for each of them.
+    // Many small primitives over one large vertex buffer are common: avoid a pass over all vertices for each of them.
     if vertices / 8 > corners.len() {
         let mut used = corners.to_vec();
         used.sort_unstable();
@@ -263,7 +264,7 @@ impl Draft {
         let triangles = std::mem::take(&mut self.triangles);
         self.triangles = triangles.into_iter().filter(|&triangle| !self.is_degenerate(triangle)).collect();
         notes.count("Degenerate triangles left out (no area or not finite)", before - self.triangles.len());
-        // No triangle refers to these any more, but they should not be left non-finite either.
+        // No triangle refers to these vertices any more, but they must not stay non-finite.
         for vertex in &mut self.vertices {
             if !vertex.position.is_finite() {
                 vertex.position = Vec3::ZERO;
@@ -278,14 +279,14 @@ impl Draft {
         !area.is_finite() || area <= FLAT * longest
     }
 
-    /// Drops triangles that never have an area, whatever becomes of their vertices.
+    /// Drops triangles with repeated corners, which have no area in any pose.
     pub(super) fn drop_repeated(&mut self, notes: &mut Notes) {
         let before = self.triangles.len();
         self.triangles.retain(|&[a, b, c]| a != b && b != c && c != a);
         notes.count("Degenerate triangles left out (no area or not finite)", before - self.triangles.len());
     }
 
-    /// Every triangle gets vertices of its own, as glTF asks where there are no normals.
+    /// Gives every triangle its own vertices with flat normals, as glTF requires without normals.
     pub(super) fn with_flat_normals(self) -> Surface {
         let mut vertices = Vec::with_capacity(3 * self.triangles.len());
         for &triangle in &self.triangles {
@@ -296,7 +297,7 @@ impl Draft {
         Surface { vertices, indices }
     }
 
-    /// Normals and tangents get unit length, unusable normals are replaced by the geometric ones.
+    /// Normalises normals and tangents, and replaces unusable normals by geometric ones.
     pub(super) fn with_own_normals(mut self, notes: &mut Notes) -> Surface {
         let unit = |v: Vec3| {
             let length = v.as_dvec3().length();
@@ -323,7 +324,7 @@ impl Draft {
                 }
             }
             for ((vertex, (sum, last)), _) in self.vertices.iter_mut().zip(sums).zip(&bad).filter(|(_, bad)| **bad) {
-                // Triangles back to back cancel: one of them is as good as the other.
+                // Normals of back-to-back triangles cancel: use that of either.
                 vertex.normal = sum.try_normalize().or(last.try_normalize()).unwrap_or(DVec3::Y).as_vec3();
             }
             let replaced = bad.iter().filter(|&&bad| bad).count();
@@ -335,8 +336,8 @@ impl Draft {
 }
 
 impl Surface {
-    /// Adds the other side: a dent seen from behind is a bump, so the whole normal-mapped frame turns round. With the
-    /// bitangent w * (n x t), the negated n, t and w negate it, too.
+    /// Adds the other side. A dent seen from behind is a bump, so the whole tangent frame is reversed: negating n, t
+    /// and w also negates the bitangent w * (n x t).
     pub(super) fn add_back(&mut self) {
         let front = self.vertices.len() as u32;
         let back: Vec<Vertex> = self

@@ -7,11 +7,11 @@ use crate::Result;
 use crate::scene::accessor::{Accessor, Accessors, Semantic};
 use crate::scene::json::Object;
 
-/// Most instances of a scene: a list may be shared by any number of nodes.
+/// Limit on the instances of a scene, since any number of nodes may share a list.
 const MAX_INSTANCES: usize = 1 << 20;
 
-/// Transforms of a node's instances to the node; one that changes nothing without the extension. `before` instances exist
-/// already.
+/// Transforms of a node's instances relative to the node; only the identity without the extension. `before` is the
+/// number of instances that already exist.
 pub(super) fn offsets(accessors: &Accessors, node: &Object, before: usize, notes: &mut Notes) -> Result<Vec<DAffine3>> {
     let Some(extension) = node.extension("EXT_mesh_gpu_instancing")? else { return Ok(vec![DAffine3::IDENTITY]) };
     let attributes =
@@ -33,7 +33,7 @@ pub(super) fn offsets(accessors: &Accessors, node: &Object, before: usize, notes
     let rotations = open("ROTATION", Semantic::InstanceRotation)?;
     let scales = open("SCALE", Semantic::Vector)?;
     let Some(count) = count else {
-        notes.count("Nodes whose instances have no places drawn once", 1);
+        notes.count("Instanced nodes without transforms drawn once", 1);
         return Ok(vec![DAffine3::IDENTITY]);
     };
     if before.saturating_add(count) > MAX_INSTANCES {

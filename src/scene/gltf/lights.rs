@@ -28,7 +28,7 @@ pub(super) fn read_camera(object: &Object, name: String, world: DAffine3, notes:
             let ymag =
                 orthographic.number("ymag")?.ok_or_else(|| orthographic.error("has no ymag: export the file again"))?;
             if ymag == 0.0 {
-                return Err(orthographic.error("ymag is 0: the picture would have no height: export the file again"));
+                return Err(orthographic.error("ymag is 0, so the picture has no height: export the file again"));
             }
             if ymag < 0.0 {
                 notes.add(format!("{}: ymag is {ymag}, its sign is ignored.", orthographic.place));
@@ -66,7 +66,7 @@ pub(super) fn read_light(object: &Object, name: String, world: DAffine3, notes: 
             if outer <= 0.0 {
                 return Err(object.error(format!("outerConeAngle is {outer}; it must be above 0")));
             }
-            // Single precision may round pi/2 up; what is meant is clear.
+            // Single precision may round pi/2 up; accept that.
             let outer_used = outer.min(FRAC_PI_2);
             let inner_used = inner.clamp(0.0, outer_used);
             if outer - outer_used > 1e-6 || (inner - inner_used).abs() > 1e-6 {
@@ -85,8 +85,8 @@ pub(super) fn read_light(object: &Object, name: String, world: DAffine3, notes: 
     Ok(Light { name, kind, color: Vec3::from(color), intensity, range, radius, position, direction })
 }
 
-/// Radius \[m\] of a lamp and angle \[degrees\] of a sun, from `extras.lightskin`. Extras may be anything; only what is under our own
-/// name must be right.
+/// Radius \[m\] of a lamp and angle \[degrees\] of a sun, from `extras.lightskin`. Other extras may hold anything; only
+/// the entry under our own name is checked.
 fn size(object: &Object) -> Result<(f64, f64)> {
     if object.value("extras").and_then(|extras| extras.get("lightskin")).is_none() {
         return Ok((0.0, 0.0));

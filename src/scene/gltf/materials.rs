@@ -1,4 +1,4 @@
-//! Materials, textures and images; only those that some drawn primitive uses.
+//! Materials, textures and images; reads only those that drawn primitives use.
 
 use std::collections::BTreeMap;
 use std::io::Cursor;
@@ -18,13 +18,13 @@ use crate::scene::material::{MOST_UV, texture_transform};
 use crate::scene::medium::Subsurface;
 use crate::scene::{Image, Material, Phong, Sampler, Texture, Wrap};
 
-/// Largest width and height \[texels\] of an image: what every Vulkan desktop driver can hold.
+/// Largest width and height \[texels\] of an image, supported by every desktop Vulkan driver.
 const MAX_SIDE: u32 = 16384;
 
 /// The materials in use so far. Their textures refer to the file's images until `finish`.
 pub(super) struct Materials<'a> {
     document: &'a Document,
-    /// The file's material (`None` for glTF's default) to the index in `list`.
+    /// Index in `list` by the file's material (`None` for glTF's default).
     pub indices: BTreeMap<Option<usize>, usize>,
     /// The scene's materials.
     pub list: Vec<Material>,
@@ -35,7 +35,7 @@ impl<'a> Materials<'a> {
         Self { document, indices: BTreeMap::new(), list: Vec::new() }
     }
 
-    /// The scene's index of the material that a primitive names.
+    /// The scene's index of a primitive's material.
     pub(super) fn index(&mut self, primitive: &Object, notes: &mut Notes) -> Result<usize> {
         let key = primitive.index("material")?;
         if let Some(&index) = self.indices.get(&key) {
@@ -54,7 +54,8 @@ impl<'a> Materials<'a> {
         Ok(self.list.len() - 1)
     }
 
-    /// The materials and the images they use, decoded. Textures whose image does not decode are dropped with a note.
+    /// The materials and the decoded images that they use. Textures whose image does not decode are dropped with a
+    /// note.
     pub(super) fn finish(mut self, accessors: &Accessors, notes: &mut Notes) -> Result<(Vec<Material>, Vec<Image>)> {
         let mut wanted: Vec<usize> =
             self.list.iter_mut().flat_map(Material::textures_mut).filter_map(|t| t.as_ref().map(|t| t.image)).collect();
@@ -88,7 +89,7 @@ impl<'a> Materials<'a> {
     }
 }
 
-/// Reads materials; notes what it had to change.
+/// Reads materials and notes what it has to change.
 struct Reader<'a, 'n> {
     document: &'a Document,
     notes: &'n mut Notes,
@@ -112,11 +113,11 @@ impl Reader<'_, '_> {
             material.normal_scale = normal.number("scale")?.unwrap_or(1.0) as f32;
         }
 
-        // Some exporters write factors above 1 instead of a strength; what they mean is clear.
+        // Some exporters write factors above 1 instead of a strength; accept that.
         let emissive = object.vector::<3>("emissiveFactor")?.unwrap_or([0.0; 3]);
         material.emissive = Vec3::from(self.clamped(object, "emissiveFactor", emissive, f64::from(f32::MAX)));
         if let Some(extension) = object.extension("KHR_materials_emissive_strength")? {
-            // 1e12 cd/m^2 is far above the sun's 1.6e9 and far below what overflows once multiplied and summed.
+            // 1e12 cd/m^2 is far above the sun's 1.6e9 and far below values whose products and sums overflow.
             material.emissive *= self.factor(&extension, "emissiveStrength", 1.0, 1e12)?;
         }
         material.emissive = material.emissive.min(Vec3::splat(1e12));
@@ -139,7 +140,7 @@ impl Reader<'_, '_> {
 
         if let Some(extension) = object.extension("KHR_materials_ior")? {
             let ior = extension.number("ior")?.unwrap_or(1.5);
-            // 0 is the extension's own way to say "reflects everything".
+            // In this extension, 0 means total reflection.
             material.ior = if ior == 0.0 || ior >= 1.0 { ior as f32 } else { 1.0 };
             if f64::from(material.ior) != f64::from(ior as f32) {
                 self.notes.add(format!("{}: ior is {ior}, taken as 1.", extension.place));
@@ -156,7 +157,7 @@ impl Reader<'_, '_> {
         if let Some(extension) = object.extension("KHR_materials_transmission")? {
             material.transmission = self.factor(&extension, "transmissionFactor", 0.0, 1.0)?;
             material.transmission_texture = self.texture(&extension, "transmissionTexture")?;
-            // Light meets glass or it does not; most of it goes through what is clear all over.
+            // For shadows a surface is either opaque or clear; most light passes an evenly clear one.
             let clear = material.transmission >= 0.5 && material.transmission_texture.is_none();
             if clear && material.alpha_cutoff.is_none() {
                 material.alpha_cutoff = Some(f32::INFINITY);
@@ -197,8 +198,8 @@ impl Reader<'_, '_> {
         Ok(material)
     }
 
-    /// The archived extension, where a material has nothing else: a dielectric whose F0 is given outright, which is
-    /// what the index of refraction 0 does to the specular colour.
+    /// The archived extension, for materials without metallic-roughness: a dielectric with explicit F0. Index of
+    /// refraction 0 makes F0 equal to the specular colour.
     fn specular_glossiness(&mut self, object: &Object, material: &mut Material) -> Result<()> {
         let diffuse = object.vector::<4>("diffuseFactor")?.unwrap_or([1.0; 4]);
         let specular = object.vector::<3>("specularFactor")?.unwrap_or([1.0; 3]);
@@ -252,7 +253,7 @@ impl Reader<'_, '_> {
             (Some(name), None, None) => {
                 let found = Subsurface::preset(name).ok_or_else(|| {
                     let known: Vec<_> = Subsurface::presets().collect();
-                    own.error(format!("has no preset {}; there are {}", printable(name), known.join(", ")))
+                    own.error(format!("has the unknown preset {}; use one of {}", printable(name), known.join(", ")))
                 })?;
                 Subsurface { ior: own_ior.unwrap_or(found.ior), ..found }
             }
@@ -262,7 +263,7 @@ impl Reader<'_, '_> {
                     _ => channels("radius", 1e-9, 1e6)?,
                 };
                 let radius = radius.ok_or_else(|| {
-                    own.error("has a color but no radius, the mean free path in metres, which is needed")
+                    own.error("has a color but no radius; the radius, a mean free path in metres, is needed")
                 })?;
                 Subsurface::of_color(color, radius, ior)
             }
@@ -271,7 +272,7 @@ impl Reader<'_, '_> {
                     .ok_or_else(|| own.error("has sigma_s but no sigma_a, which is needed"))?;
                 if (sigma_s + sigma_a).min_element() <= 0.0 {
                     return Err(
-                        own.error("sigma_s and sigma_a are both 0 in a channel: nothing would stop light there; raise one of them")
+                        own.error("sigma_s and sigma_a are both 0 in a channel, where nothing would stop light; raise one of them")
                     );
                 }
                 let g = positive("g", -0.99, 0.99)?.unwrap_or(0.0);
@@ -281,16 +282,21 @@ impl Reader<'_, '_> {
         };
         medium.scale = positive("scale", 1e-6, 1e6)?.unwrap_or(1.0);
         if has("g") && !has("sigma_s") {
-            return Err(own.error("g goes with sigma_s and sigma_a; presets and colours have none"));
+            return Err(own.error("g needs sigma_s and sigma_a; presets and colours do not use it"));
         }
         if material.is_seen_through() {
-            self.notes.add(format!("{}: a body that scatters light inside is not seen through.", own.place));
+            self.notes.add(format!(
+                "{}: a material with subsurface scattering is opaque; its transparency is ignored.",
+                own.place
+            ));
             (material.transmission, material.transmission_texture, material.optical_depth) = (0.0, None, Vec3::ZERO);
             (material.blend, material.alpha_cutoff) = (false, None);
         }
         if material.base_color_texture.is_some() && material.alpha_cutoff.is_none() {
-            self.notes
-                .add(format!("{}: what is inside gives the colour; the base colour's texture is not used.", own.place));
+            self.notes.add(format!(
+                "{}: the subsurface medium gives the colour; the base colour texture is not used.",
+                own.place
+            ));
             material.base_color_texture = None;
         }
         material.fill(medium);
@@ -302,7 +308,7 @@ impl Reader<'_, '_> {
         Ok(self.clamped(object, key, [value], most)[0])
     }
 
-    /// Numbers brought into [0, most], with a note if that changed them.
+    /// Clamps numbers to [0, most], with a note if that changes them.
     fn clamped<const N: usize>(&mut self, object: &Object, key: &str, values: [f64; N], most: f64) -> [f32; N] {
         if values.iter().any(|x| !(0.0..=most).contains(x)) {
             let range = if most < 1e30 { format!("clamped to 0 ... {most}") } else { "clamped to 0".into() };
@@ -334,7 +340,7 @@ impl Reader<'_, '_> {
         };
         let Some(image) = source_of(&texture)? else {
             let place = &texture.place;
-            self.notes.add(format!("{}: {place} names no image that can be read and is not used.", info.place));
+            self.notes.add(format!("{}: {place} has no readable image and is not used.", info.place));
             return Ok(None);
         };
         self.document.item("images", image, &texture)?;
@@ -346,7 +352,7 @@ impl Reader<'_, '_> {
     }
 }
 
-/// A member of `extras.lightskin`. Extras may be anything; only what is under our own name must be right.
+/// A member of `extras.lightskin`. Other extras may hold anything; only the entry under our own name is checked.
 fn extras<'a>(object: &Object<'a>, key: &str) -> Result<Option<Object<'a>>> {
     if object.value("extras").and_then(|extras| extras.get("lightskin")).is_none() {
         return Ok(None);
@@ -355,8 +361,8 @@ fn extras<'a>(object: &Object<'a>, key: &str) -> Result<Option<Object<'a>>> {
     lightskin.and_then(|own| own.object(key).transpose()).transpose()
 }
 
-/// The image of a texture: of several that are to look the same the one that lost least, and that is there for those who
-/// can read it.
+/// The image of a texture. WebP and KTX2 are preferred: the plain source is usually a lossier fallback for loaders that
+/// cannot read them.
 fn source_of(texture: &Object) -> Result<Option<usize>> {
     for name in ["EXT_texture_webp", "KHR_texture_basisu"] {
         let source = texture.extension(name)?.map(|extension| extension.index("source")).transpose()?.flatten();
@@ -382,13 +388,13 @@ fn sampler(object: &Object) -> Result<Sampler> {
     Ok(Sampler { wrap_u: wrap("wrapS")?, wrap_v: wrap("wrapT")?, nearest })
 }
 
-/// Where an image's bytes are.
+/// Location of an image's bytes: in memory, or the URI of a file.
 struct Source<'a> {
     name: String,
     bytes: std::result::Result<&'a [u8], &'a str>,
 }
 
-/// Finds an image: in a buffer view, or under a URI.
+/// Finds an image in a buffer view or under a URI.
 fn source<'a>(document: &'a Document, index: usize, accessors: &Accessors<'a>) -> Result<Source<'a>> {
     let object = document.item("images", index, &document.object())?;
     let uri = object.text("uri")?;
@@ -405,13 +411,13 @@ fn source<'a>(document: &'a Document, index: usize, accessors: &Accessors<'a>) -
 }
 
 impl Source<'_> {
-    /// The image with its header read.
+    /// Opens the image and reads its header.
     fn header(&self, folder: &Path) -> std::result::Result<Encoded<'_>, String> {
         let mut contents: Box<dyn files::Contents> = match self.bytes {
             Ok(bytes) => Box::new(Cursor::new(bytes)),
             Err(uri) => files::reader(folder, uri)?,
         };
-        // By content: mimeType and extension are often wrong.
+        // The format is detected by content: mimeType and extension are often wrong.
         let start = contents.fill_buf().map_err(|error| printable(&error.to_string()))?;
         let encoded = if start.starts_with(ktx2::MAGIC) {
             decode::ktx2(contents)
@@ -438,12 +444,13 @@ fn not_decoded(reason: &str) -> String {
     format!("it does not decode ({})", printable(reason))
 }
 
-/// The images, or why there is none: as many are decoded at the same time as the bound on memory allows.
+/// Decodes all images, as many at the same time as the memory limit allows. Each result is the image, or the reason why
+/// it does not decode.
 fn decode_all(
     sources: &[Source],
     folder: &Path,
 ) -> std::result::Result<Vec<std::result::Result<Image, String>>, String> {
-    // Bytes that stay, and bytes while it is decoded, of each.
+    // For each image, bytes of the result and bytes during decoding.
     let needs: Vec<[u64; 2]> = sources
         .par_iter()
         .map(|source| source.header(folder).map_or([0, 0], |encoded| [4 * encoded.texels, encoded.working]))
@@ -472,7 +479,7 @@ mod tests {
     use glam::Vec2;
     use std::f64::consts::TAU;
 
-    /// Against the matrices written out in the extension's README.
+    /// Compares with the matrices in the extension's README.
     #[test]
     fn texture_transform_is_that_of_the_extension() {
         let quarter = texture_transform([0.25, 0.5], TAU / 4.0, [2.0, 3.0]);

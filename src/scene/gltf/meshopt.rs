@@ -1,5 +1,5 @@
-//! EXT_meshopt_compression and KHR_meshopt_compression: buffer views unpacked before anything reads them. The decoders are
-//! C++ made for untrusted input; what they assert is checked here first.
+//! EXT_meshopt_compression and KHR_meshopt_compression: decompresses buffer views before they are read. The decoders
+//! are C++ code made for untrusted input; their assertions are checked here first.
 
 use bytemuck::{cast_slice, cast_slice_mut};
 use meshopt::{decode_filter_color, decode_filter_exp, decode_filter_oct, decode_filter_quat};
@@ -12,7 +12,7 @@ use crate::scene::json::{Document, Object, printable};
 
 const NAMES: [&str; 2] = ["EXT_meshopt_compression", "KHR_meshopt_compression"];
 
-/// Largest stride of vertices \[bytes\].
+/// Largest vertex stride \[bytes\].
 const MAX_STRIDE: u64 = 256;
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,7 +31,7 @@ enum Filter {
     Color,
 }
 
-/// A view to unpack.
+/// A compressed buffer view.
 struct Packed<'a> {
     view: usize,
     object: Object<'a>,
@@ -42,7 +42,7 @@ struct Packed<'a> {
     stride: usize,
 }
 
-/// Unpacks all packed buffer views.
+/// Decompresses all compressed buffer views.
 pub(super) fn unpack(document: &Document, contents: &mut Contents) -> Result<()> {
     let accessors = Accessors::new(document, contents);
     let mut packed = Vec::new();
@@ -116,7 +116,7 @@ impl<'a> Packed<'a> {
         Ok((self.view, unpacked.map_err(broken)?))
     }
 
-    /// Vertices as bytes, from what the filter stored.
+    /// Applies the filter to decoded vertices and returns their bytes.
     fn filtered(&self, mut words: Vec<u32>) -> Vec<u8> {
         match (self.filter, self.stride) {
             (Filter::None, _) => {}
@@ -135,7 +135,7 @@ fn to_bytes<T: bytemuck::NoUninit>(values: &[T]) -> Vec<u8> {
     cast_slice(values).to_vec()
 }
 
-/// A vertex of this many words: the decoder takes its stride from the type.
+/// A vertex of this many words; the decoder takes its stride from the type.
 #[derive(Clone)]
 struct Words<const N: usize>([u32; N]);
 
@@ -145,7 +145,7 @@ impl<const N: usize> Default for Words<N> {
     }
 }
 
-/// The words of vertices, this many for each.
+/// Decodes vertices of this many words each.
 fn vertices(bytes: &[u8], count: usize, words: usize) -> meshopt::Result<Vec<u32>> {
     fn decode<const N: usize>(bytes: &[u8], count: usize) -> meshopt::Result<Vec<u32>> {
         let vertices = meshopt::decode_vertex_buffer::<Words<N>>(bytes, count)?;

@@ -1,4 +1,4 @@
-//! JSON pointers of KHR_animation_pointer: what in the file they name, of what the engine has.
+//! JSON pointers of KHR_animation_pointer, resolved to the properties that the engine supports.
 
 use super::animations::{Aim, Form, node_aim, target_count, weights};
 use crate::Result;
@@ -6,7 +6,7 @@ use crate::scene::accessor::Semantic;
 use crate::scene::animation::Quantity;
 use crate::scene::json::{Document, Object, plural, printable};
 
-/// What a pointer names, and the form of its values; `None` for what the engine has not.
+/// Target of a pointer and the form of its values; `None` if the engine does not support it.
 pub(super) fn aim(document: &Document, pointer: &str, from: &Object) -> Result<Option<(Aim, Form)>> {
     let Some(path) = pointer.strip_prefix('/') else {
         return Err(from.error(format!("pointer {} does not begin with /: export the file again", printable(pointer))));
@@ -28,7 +28,7 @@ pub(super) fn aim(document: &Document, pointer: &str, from: &Object) -> Result<O
         }
         ["nodes", node, path] => {
             let found = node_aim(document, number(node)?, path, None, from)?;
-            // Behind a pointer, any integers will do.
+            // A pointer may have any integer component type.
             Ok(found.map(|(aim, form)| (aim, widened(form))))
         }
         ["nodes", node, "weights", element] => {
@@ -87,7 +87,7 @@ fn widened(form: Form) -> Form {
     Form { semantic: Semantic::Numbers(components), ..form }
 }
 
-/// The property of a material that a path names, which part of it, and how many numbers that has.
+/// The material property at a path, the part of it, and the number of components.
 fn material_quantity(path: &[&str]) -> Option<(Quantity, usize, usize)> {
     let found = match path {
         ["pbrMetallicRoughness", "baseColorFactor"] => (Quantity::BaseColor, 0, 4),
@@ -115,7 +115,7 @@ fn material_quantity(path: &[&str]) -> Option<(Quantity, usize, usize)> {
     Some(found)
 }
 
-/// Where a material's textures are in the file, in the order of `Material::textures_mut`.
+/// Paths of a material's textures in the file, in the order of `Material::textures_mut`.
 pub(super) const TEXTURES: [&str; 12] = [
     "pbrMetallicRoughness/baseColorTexture",
     "pbrMetallicRoughness/metallicRoughnessTexture",

@@ -1,4 +1,4 @@
-//! Morph targets and skins, at rest.
+//! Morph targets and skins at rest.
 
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 
@@ -10,11 +10,11 @@ use crate::scene::animation::Skin;
 use crate::scene::deform::{Displacement, Influence};
 use crate::scene::json::{Document, Object, plural};
 
-/// How a mesh is bent before it is drawn.
+/// Pose applied to a mesh at load time.
 pub(super) struct Pose {
     /// Weight of each morph target; empty for none.
     pub weights: Vec<f64>,
-    /// For skinned meshes: each joint's model-to-world matrix, inverse bind matrix included.
+    /// For skinned meshes, each joint's model-to-world matrix, including the inverse bind matrix.
     pub joints: Option<Vec<DAffine3>>,
 }
 
@@ -62,7 +62,7 @@ pub(super) fn joints(skin: &Skin, worlds: &[DAffine3]) -> Vec<DAffine3> {
     skin.joints.iter().zip(&skin.inverse_bind).map(|(&node, bind)| worlds[node] * *bind).collect()
 }
 
-/// Refuses weights that are not those of a primitive's morph targets.
+/// Fails if the number of weights differs from that of a primitive's morph targets.
 pub(super) fn check_weights(primitive: &Object, weights: &[f64]) -> Result<()> {
     let targets = primitive.objects("targets", "morph target")?.len();
     if weights.is_empty() || weights.len() == targets {
@@ -115,7 +115,7 @@ pub(super) fn morph(
     Ok(())
 }
 
-/// What the targets add to the vertices `used` of `count`, target by target.
+/// Displacements of the vertices `used` of `count`, by morph target.
 pub(super) fn displacements(
     used: &[u32],
     count: usize,
@@ -189,7 +189,8 @@ impl<'a> Sets<'a> {
         Ok(Self { sets })
     }
 
-    /// Calls `each` with the joints below `joints` that move a vertex, and their weights, which are above 0.
+    /// Calls `each` with the joints that move a vertex and their weights, which are above 0. Joints must be below
+    /// `joints`.
     fn influences(&self, index: u32, joints: usize, mut each: impl FnMut(u32, f32)) -> Result<()> {
         for (indices, weights) in &self.sets {
             let influences = indices.integers::<4>(index as usize).into_iter().zip(weights.floats::<4>(index as usize));
@@ -212,8 +213,8 @@ impl<'a> Sets<'a> {
     }
 }
 
-/// The influences of the vertices `used` of `count`, and by vertex the first of them and how many; weights of a vertex sum
-/// to 1.
+/// The influences of the vertices `used` of `count`, and by vertex the first influence and their number. The weights of
+/// a vertex sum to 1.
 pub(super) fn influences(
     used: &[u32],
     count: usize,
@@ -244,7 +245,7 @@ pub(super) fn influences(
 
 const WITHOUT_WEIGHTS: &str = "Vertices without skin weights moved with the skin's first joint";
 
-/// Moves the vertices `used` of `count` with their joints; returns which of them were mirrored.
+/// Moves the vertices `used` of `count` with their joints; returns for each whether it was mirrored.
 #[expect(clippy::too_many_arguments, reason = "the primitive's parts, and where to report")]
 pub(super) fn skin(
     vertices: &mut [Vertex],
@@ -274,21 +275,21 @@ pub(super) fn skin(
         };
         let m = blend.matrix3;
         let side = if m.determinant() < 0.0 { -1.0 } else { 1.0 };
-        // Cofactors: the inverse transpose without a division, so that a flattened joint is no special case.
+        // Cofactors: the inverse transpose without a division, so that a flattened joint needs no special case.
         let cofactors =
             DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis)) * side;
         let [x, y, z, w] = vertex.tangent;
         vertex.position = blend.transform_point3(vertex.position.as_dvec3()).as_vec3();
         vertex.normal = direction(cofactors * vertex.normal.as_dvec3());
         let tangent = direction(m * DVec3::new(f64::from(x), f64::from(y), f64::from(z)));
-        // Without a length the sign says which side this is, and mirroring does not change that.
+        // For a tangent without length the sign marks the side; mirroring does not change it.
         vertex.tangent = tangent.extend(if tangent == Vec3::ZERO { w } else { w * side as f32 }).into();
         mirrored.push(side < 0.0);
     }
     Ok(mirrored)
 }
 
-/// Unit length, so that nothing is lost in single precision; zero where there is none.
+/// The unit vector in single precision, normalised in f64; zero for a zero vector.
 fn direction(v: DVec3) -> Vec3 {
     v.try_normalize().unwrap_or(DVec3::ZERO).as_vec3()
 }

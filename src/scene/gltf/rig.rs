@@ -1,4 +1,4 @@
-//! What animations aim at in the file, as what they set in the scene.
+//! Maps the targets of a file's animations to those of the scene.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -11,8 +11,8 @@ use crate::scene::animation::{Animation, Channel, Node, Parts, Property, Quantit
 use crate::scene::json::{Document, Object};
 use crate::scene::{LightKind, Projection, Scene};
 
-/// The rig of a scene that has all its instances, lights, cameras and materials, at rest; `None` where no animation reaches
-/// any of them. `materials`: the file's to the scene's.
+/// The rig of a scene whose instances, lights, cameras and materials are complete and at rest; `None` if no animation
+/// reaches any of them. `materials` maps the file's materials to the scene's.
 pub(super) fn rig(
     document: &Document,
     graph: &Graph,
@@ -59,17 +59,17 @@ struct Maker<'a> {
     document: &'a Document,
     graph: &'a Graph<'a>,
     hung: &'a Hung,
-    /// By node, its instances, which lie next to each other.
+    /// By node, its instances, which are adjacent.
     instances: BTreeMap<usize, Range<usize>>,
     materials: &'a BTreeMap<Option<usize>, usize>,
     scene: &'a Scene,
     properties: Vec<Property>,
-    /// What is a property already, by the file's index; `None` for what the scene has not.
+    /// Properties created so far, by quantity and the file's index; `None` if the scene has no such object.
     known: BTreeMap<(Quantity, usize), Option<usize>>,
 }
 
 impl Maker<'_> {
-    /// What of the scene is aimed at.
+    /// Scene targets of a file target.
     fn targets(&mut self, aim: Aim) -> Result<Vec<Target>> {
         let (quantity, index, part) = match aim {
             Aim::Translation(node) => return Ok(vec![Target::Translation(node)]),
@@ -115,7 +115,7 @@ impl Maker<'_> {
         Ok(known)
     }
 
-    /// A property as the scene has it; `None` where it has nothing of that kind.
+    /// A property of the scene's objects; `None` if the scene has no such object.
     fn make(&self, quantity: Quantity, index: usize) -> Result<Option<Property>> {
         let users = |hung: &[(usize, usize)]| -> Vec<usize> {
             let of = |(at, &(_, file)): (usize, &(usize, usize))| (file == index).then_some(at);
@@ -192,7 +192,7 @@ impl Maker<'_> {
         }))
     }
 
-    /// Lights that animations may hide have an intensity to come back to.
+    /// Records the intensity of lights that animations may hide, to restore it later.
     fn intensities(&mut self, animations: &[Animation]) -> Result<()> {
         let hides = |channel: &Channel| matches!(channel.target, Target::Visible(_));
         if animations.iter().flat_map(|animation| &animation.channels).any(hides) {

@@ -1,38 +1,39 @@
-//! The sun of a sky, which becomes a directional light of its own: shadows of it are sharp.
+//! Separates the sun from a sky as a directional light of its own, for sharp shadows.
 //!
-//! A sun is a connected region of texels that is small, far brighter than the sky's mean and than what is around it, and
-//! has a good part of all light. Regions are looked for above one threshold after the other, from half of the brightest
-//! texel's luminance down: a sun's glare is in its region as far as that stays small.
+//! A sun is a small connected region of texels, far brighter than the sky's mean and its surroundings, with a
+//! considerable share of all light. The search lowers a luminance threshold step by step, from half of the brightest
+//! texel's luminance: a sun's glare belongs to its region as long as the region stays small.
 
 use super::Sky;
 use crate::scene::{Light, luminance};
 use glam::{DVec3, Vec3};
 
-/// Widest region \[rad\]: larger ones are lamps and windows, whose shadows are soft.
+/// Largest width of a sun \[rad\]; larger regions are lamps and windows with soft shadows.
 const WIDEST: f64 = 5.0_f64.to_radians();
 
-/// Least luminance of a sun's texels, in means of the sky.
+/// Least luminance of a sun's texels, as a multiple of the sky's mean.
 const BRIGHT: f64 = 30.0;
 
-/// Least luminance of its brightest texel, in means of what is around it.
+/// Least luminance of the brightest texel, as a multiple of the surroundings' mean.
 const CONTRAST: f64 = 10.0;
 
 /// Least share of the sky's luminous energy.
 const SHARE: f64 = 0.01;
 
-/// Texels that may be a sun's, and what is beyond their surroundings.
+/// A candidate for the sun: its texels and its light in excess of its surroundings.
 struct Region {
     texels: Vec<usize>,
-    /// Mean radiance [cd/m^2] of the texels around it.
+    /// Mean radiance [cd/m^2] of the surrounding texels.
     around: DVec3,
-    /// Light \[lx\] beyond that of the surroundings, through a plane that faces it.
+    /// Light \[lx\] in excess of the surroundings, through a plane that faces it.
     light: DVec3,
-    /// Sum of directions by that light's luminance.
+    /// Sum of directions weighted by the luminance of this light.
     vector: DVec3,
 }
 
 impl Sky {
-    /// Takes the sun out of what lights, down to the radiance around it, and gives its light. What is shown keeps it.
+    /// Removes the sun from the lighting, down to the radiance around it, and returns the sun as a light. The displayed
+    /// sky keeps it.
     pub(super) fn split_sun(&mut self) -> Option<Light> {
         let shades: Vec<f64> = self.texels.iter().map(|texel| luminance(texel.as_dvec3())).collect();
         let energy = luminance(self.illuminance());
@@ -64,12 +65,12 @@ impl Sky {
         Some(Light { radius: Light::SUN_RADIUS, ..sun })
     }
 
-    /// What is left of a texel's radiance where the surroundings have this one.
+    /// Radiance that remains in a texel if its surroundings have radiance `around`.
     fn left(&self, texel: usize, around: DVec3) -> DVec3 {
         self.texels[texel].as_dvec3().min(around).as_vec3().as_dvec3()
     }
 
-    /// Connected texels, at edges and corners, above a threshold of luminance.
+    /// Regions of texels above a luminance threshold, connected at edges and corners.
     fn regions(&self, shades: &[f64], threshold: f64) -> Vec<Region> {
         let mut seen = vec![false; shades.len()];
         let mut regions = Vec::new();
@@ -98,7 +99,7 @@ impl Sky {
         regions
     }
 
-    /// The eight texels around one; across the poles those of the other side are left out.
+    /// The eight texels around a texel; neighbours across a pole are left out.
     fn neighbours(&self, texel: usize) -> impl Iterator<Item = usize> {
         let (width, height) = (self.width as usize, self.height as usize);
         let (column, row) = (texel % width, texel / width);
@@ -118,25 +119,25 @@ impl Sky {
         Region { texels, around, light, vector }
     }
 
-    /// Whether the middles of all texels are within a circle about the energy's centre.
+    /// Whether all texel centres lie within a circle around the centre of energy.
     fn is_small(&self, region: &Region) -> bool {
         let centre = region.vector.normalize_or_zero();
         let width = self.width as usize;
         region.texels.iter().all(|t| self.direction(t % width, t / width).dot(centre) >= (0.5 * WIDEST).cos())
     }
 
-    /// Solid angle \[sr\] of all texels.
+    /// Solid angle \[sr\] of the whole grid.
     fn sphere(&self) -> f64 {
         (0..self.height as usize).map(|row| self.solid_angle(row) * f64::from(self.width)).sum()
     }
 }
 
-/// What is told of a sun that was split off.
+/// Note for the user about a sun that was separated.
 pub(super) fn note(sun: &Light, sky: DVec3) -> String {
     let light = luminance((sun.color * sun.intensity).as_dvec3());
     let Vec3 { x, y, z } = -sun.direction;
     let share = 100.0 * light / (light + luminance(sky));
     format!(
-        "The sky's sun is a light of its own: {light:.4} lx from ({x:.4}, {y:.4}, {z:.4}), {share:.1} % of its light."
+        "The sky's sun is a separate light: {light:.4} lx from ({x:.4}, {y:.4}, {z:.4}), {share:.1} % of all light."
     )
 }

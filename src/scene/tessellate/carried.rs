@@ -1,15 +1,15 @@
-//! Which triangle of a mesh that bends each vertex goes with, while triangles are divided.
+//! Tracks which triangle of a deforming mesh each vertex follows while triangles are subdivided.
 //!
-//! A vertex is a mean of at most three vertices of `Deform::bind`. One on an edge of the file is a mean of that edge's two,
-//! whichever of the triangles beside it is asked: no crack opens in any pose.
+//! A vertex is a weighted mean of at most three vertices of `Deform::bind`. A vertex on an original edge is a mean of
+//! the edge's two vertices, from either adjacent triangle, so no crack opens in any pose.
 
 use crate::scene::Mesh;
 use crate::scene::deform::{Deform, Follower};
 
-/// Shares of vertices of `bind` in a vertex of the mesh, by increasing index; they sum to 1. Unused places have no share.
+/// Weights of `bind` vertices in a mesh vertex, by increasing index; they sum to 1. Unused places have weight 0.
 type Shares = [(u32, f32); 3];
 
-/// Of all vertices of a mesh.
+/// Weights of all vertices of a mesh.
 pub(super) struct Carried {
     shares: Vec<Shares>,
     flat: Vec<bool>,
@@ -44,13 +44,13 @@ impl Carried {
             };
             0.5 * edge.iter().map(of).sum::<f32>()
         };
-        // The first corner's share is what is left. Halves of halves are exact, so that on an edge it is none at all.
+        // The first corner gets the remainder. Repeated halves are exact, so on an edge the remainder is exactly 0.
         let weights = [share(corners[1]), share(corners[2])];
         let flat = edge.iter().all(|&end| self.flat[end as usize]);
         Follower { vertex, corners, weights, flat: u32::from(flat) }
     }
 
-    /// The triangle of `bind` that a triangle of the mesh is a part of, the same way round.
+    /// The triangle of `bind` that contains a triangle of the mesh, with the same winding.
     fn source(&self, triangle: &[u32]) -> [u32; 3] {
         let shares = [0, 1, 2].map(|corner| self.shares[triangle[corner] as usize]);
         let mut corners: Vec<u32> =
@@ -58,7 +58,7 @@ impl Carried {
         corners.sort_unstable();
         corners.dedup();
         let [a, b, c] = corners[..] else { unreachable!("a part of a triangle has its three corners") };
-        // Rows are vertices, columns corners: turned over, the parts' determinant is negative.
+        // Rows are vertices, columns corners. The determinant is negative if the winding is reversed.
         let row = |shares: &Shares| {
             [a, b, c].map(|corner| shares.iter().find(|(index, _)| *index == corner).map_or(0.0, |(_, share)| *share))
         };
@@ -67,7 +67,7 @@ impl Carried {
     }
 }
 
-/// Puts all followers where the vertices of `bind` carry them at rest.
+/// Moves all followers to where the vertices of `bind` carry them at rest.
 pub(super) fn settle(mesh: &mut Mesh) {
     let Some(deform) = &mesh.deform else { return };
     let mut vertices = mesh.vertices.clone();

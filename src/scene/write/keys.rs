@@ -1,4 +1,4 @@
-//! Animations: keys that are equal are written once, however many channels read them.
+//! Animations. Equal keys are written once and shared by channels.
 
 use super::rig::Tree;
 use super::{Document, FLOAT};
@@ -7,17 +7,17 @@ use crate::scene::{LightKind, Projection, Scene};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// What an accessor of keys is: whether of times, its format, and its bytes.
+/// Identity of a key accessor: whether it holds times, its component type, its type, and its bytes.
 pub(super) type Known = (bool, u32, &'static str, Vec<u8>);
 
-/// All animations that have channels. `tree`: the nodes they aim at.
+/// All animations that have channels. `tree` holds the nodes that they target.
 pub(super) fn animations(document: &mut Document, scene: &Scene, tree: &Tree) -> Result<Vec<Value>, String> {
     let mut animations = Vec::new();
     let all = scene.rig.iter().flat_map(|rig| &rig.parts().animations);
     for animation in all.filter(|animation| !animation.channels.is_empty()) {
         animations.push(write(document, scene, tree, animation)?);
     }
-    // No other view has come between: all accessors of keys are in this one.
+    // No other view was added in between, so all key accessors use this one.
     let keys = std::mem::take(&mut document.keys);
     if !keys.is_empty() {
         document.view(&keys);
@@ -50,14 +50,14 @@ fn write(document: &mut Document, scene: &Scene, tree: &Tree, animation: &Animat
     Ok(json!({ "name": animation.name, "samplers": samplers, "channels": channels }))
 }
 
-/// What of the file a channel sets.
+/// The glTF targets of a channel.
 fn targets(scene: &Scene, tree: &Tree, channel: &Channel) -> Result<Vec<Value>, String> {
     let Some(rig) = &scene.rig else { return Ok(Vec::new()) };
     let parts = rig.parts();
     let node = |node: usize, path: &str| match parts.nodes[node].rest {
         Local::Parts { .. } => Ok(vec![json!({ "node": node, "path": path })]),
         Local::Matrix(_) => {
-            Err(format!("moves node {node}, which has a matrix; give it translation, rotation and scale"))
+            Err(format!("moves node {node}, which has a matrix; use translation, rotation and scale instead"))
         }
     };
     match &channel.target {
@@ -72,7 +72,7 @@ fn targets(scene: &Scene, tree: &Tree, channel: &Channel) -> Result<Vec<Value>, 
                 match (*first, width) {
                     (0, _) if width == count => Ok(json!({ "node": node, "path": "weights" })),
                     (_, 1) => Ok(pointer(format!("/nodes/{node}/weights/{first}"))),
-                    _ => Err(format!("sets {width} of {count} weights; set all of them, or one by one")),
+                    _ => Err(format!("sets {width} of {count} weights; set all of them or one at a time")),
                 }
             };
             instances.clone().map(of).collect()
@@ -86,7 +86,7 @@ fn targets(scene: &Scene, tree: &Tree, channel: &Channel) -> Result<Vec<Value>, 
                 .iter()
                 .map(of)
                 .collect::<Option<_>>()
-                .ok_or_else(|| format!("sets {:?} of what has none; leave that channel out", property.quantity()))
+                .ok_or_else(|| format!("targets a missing {:?}; leave this channel out", property.quantity()))
         }
     }
 }
@@ -95,7 +95,7 @@ fn pointer(pointer: String) -> Value {
     json!({ "path": "pointer", "extensions": { "KHR_animation_pointer": { "pointer": pointer } } })
 }
 
-/// The pointer to a part of a property; `None` where the file has no such thing.
+/// The JSON pointer to a part of a property; `None` if the file has no such object.
 fn named(scene: &Scene, quantity: Quantity, part: usize, index: usize) -> Option<String> {
     let light = |field: &str| Some(format!("/extensions/KHR_lights_punctual/lights/{index}/{field}"));
     let material = |field: &str| Some(format!("/materials/{index}/{field}"));
@@ -120,13 +120,13 @@ fn named(scene: &Scene, quantity: Quantity, part: usize, index: usize) -> Option
         Quantity::Ior => material("extensions/KHR_materials_ior/ior"),
         Quantity::Specular => material("extensions/KHR_materials_specular/specularFactor"),
         Quantity::SpecularColor => material("extensions/KHR_materials_specular/specularColorFactor"),
-        // Without images there are no textures.
+        // Pointers into texture references are not written.
         Quantity::NormalScale | Quantity::TextureTransform(_) => None,
     }
 }
 
 impl Document {
-    /// Times of keys, with the bounds that glTF asks for.
+    /// An accessor of key times, with the bounds that glTF requires.
     fn times(&mut self, times: &[f32]) -> usize {
         let accessor = self.shared((true, FLOAT, "SCALAR", bytemuck::cast_slice(times).to_vec()), times.len());
         self.accessors[accessor]["min"] = json!(times.first().map(|time| [time]));
@@ -134,7 +134,7 @@ impl Document {
         accessor
     }
 
-    /// Values of keys.
+    /// An accessor of key values.
     fn values(&mut self, sampler: &Sampler, target: &Target) -> usize {
         let values = &sampler.values;
         if matches!(target, Target::Visible(_)) {
@@ -151,7 +151,7 @@ impl Document {
         self.shared((false, FLOAT, kind, bytemuck::cast_slice(values).to_vec()), count)
     }
 
-    /// The accessor of keys with these bytes.
+    /// The accessor for keys with these bytes.
     fn shared(&mut self, known: Known, count: usize) -> usize {
         if let Some(&accessor) = self.known_keys.get(&known) {
             return accessor;

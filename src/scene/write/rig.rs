@@ -1,4 +1,4 @@
-//! Nodes and skins: the rig's nodes as they are, and on them what the scene holds.
+//! Nodes and skins: the rig's nodes, and the scene's objects attached to them.
 
 use super::{Document, FLOAT};
 use crate::scene::animation::{Hold, Local, Rig, Skin, Target, beam, rigid};
@@ -7,11 +7,11 @@ use glam::{DAffine3, DQuat, DVec3};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeMap;
 
-/// The nodes of the file: those of the rig by its indices, then those that only hold something.
+/// The nodes of the file: those of the rig at the same indices, then nodes that only hold an object.
 pub(super) struct Tree<'a> {
     rig: Option<&'a Rig>,
     pub nodes: Vec<Value>,
-    /// Nodes that are no children.
+    /// Nodes without a parent.
     pub roots: Vec<usize>,
     /// By instance of the scene, the node that draws it.
     pub instances: Vec<usize>,
@@ -35,7 +35,7 @@ impl<'a> Tree<'a> {
             let position = if light.kind == LightKind::Directional { DVec3::ZERO } else { light.position };
             let mut place = DAffine3::from_rotation_translation(turn, position);
             let on = parts.and_then(|parts| parts.lights.get(index)).copied();
-            // A node shines along its own -Z, however it is turned about it.
+            // A light shines along its node's -Z; rotation about that axis does not matter.
             if let Some(world) = on.and_then(|node| rig.map(|rig| rig.world(node))) {
                 let (at, along) = beam(world);
                 let is_there = light.kind == LightKind::Directional || near(at, light.position);
@@ -61,7 +61,7 @@ impl<'a> Tree<'a> {
         Ok(tree)
     }
 
-    /// The rig's nodes, which hold nothing yet.
+    /// Adds the rig's nodes, still without objects.
     fn grow(&mut self, document: &mut Document, rig: &Rig) {
         let parts = rig.parts();
         for node in &parts.nodes {
@@ -75,7 +75,7 @@ impl<'a> Tree<'a> {
         for (index, node) in parts.nodes.iter().enumerate() {
             self.adopt(node.parent, index);
         }
-        // A pointer names what is there.
+        // An animation pointer may only name an existing field.
         for channel in parts.animations.iter().flat_map(|animation| &animation.channels) {
             if let Target::Visible(node) = channel.target {
                 hide(document, &mut self.nodes[node], parts.nodes[node].hidden);
@@ -109,14 +109,14 @@ impl<'a> Tree<'a> {
                 members.insert("weights".into(), json!(pose.weights));
             }
             if pose.joints.iter().any(|joint| joint.matrix3.determinant() < 0.0) {
-                return refused("is mirrored by its skin, which this writer does not know; mirror its mesh instead");
+                return refused("is mirrored by its skin, which cannot be written; mirror its mesh instead");
             }
             if !pose.joints.is_empty() && !matches!(hold, Hold::Skin(_)) {
-                return refused("bends by joints, but no rig holds them; write the frozen scene");
+                return refused("is deformed by joints without a rig; write the frozen scene");
             }
         }
         if bends != instance.pose.is_some() {
-            return refused("has a pose but no mesh that bends, or such a mesh and no pose; give both or neither");
+            return refused("needs both a deforming mesh and a pose, or neither of them");
         }
         let mut on = placed.map(|placed| placed.node);
         let (mut offset, mut place) = (DAffine3::IDENTITY, instance.world_from_model);
@@ -126,10 +126,10 @@ impl<'a> Tree<'a> {
                 place = rig.world(node);
             }
             (Hold::Node(own), _) => offset = own,
-            // It stands in the world, whatever its node does.
+            // The instance is fixed in the world, whatever its node does.
             (_, Some((node, rig))) if rig.moves_node(node) => {
                 if rig.fades_node(node) {
-                    return refused("stands still, but is hidden by a node that moves; hide it by one that does not");
+                    return refused("is fixed, but a moving node hides it; hide it by a fixed node");
                 }
                 on = None;
             }
@@ -138,26 +138,27 @@ impl<'a> Tree<'a> {
         if !instance.hidden || on.zip(self.rig).is_some_and(|(node, rig)| !rig.is_shown(node)) {
             return self.hang(&instance.name, on, offset, place, members);
         }
-        // Hidden by itself: what hangs on its node besides is not.
+        // Hidden by itself: other objects on its node stay visible.
         let local = self.local(&instance.name, on, offset, place)?;
         let node = self.push(on, &instance.name, local, members);
         hide(document, &mut self.nodes[node], true);
         Ok(node)
     }
 
-    /// The transform to its node of what stands at `place`. `offset` is what it should be; where the two do not agree,
-    /// `place` is right.
+    /// Transform relative to its node of an object at `place`. `offset` is the expected value; if the two disagree,
+    /// `place` is used.
     fn local(&self, name: &str, on: Option<usize>, offset: DAffine3, place: DAffine3) -> Result<DAffine3, String> {
         let Some((node, rig)) = on.zip(self.rig) else { return Ok(place) };
         let world = rig.world(node);
         let local = if same(world * offset, place) { offset } else { world.inverse() * place };
         if !local.is_finite() {
-            return Err(format!("'{name}' hangs on a node without volume (scale 0); give that a scale"));
+            return Err(format!("'{name}' is on a node without volume (scale 0); give the node a scale"));
         }
         Ok(local)
     }
 
-    /// Hangs something on a node, or on none (see `local`). Returns the node that holds it: the one given, where that is free.
+    /// Attaches an object to a node, or to none (see `local`). Returns the node that holds it: the given node if it is
+    /// free.
     fn hang<K: Into<String>>(
         &mut self,
         name: &str,
@@ -199,7 +200,7 @@ impl<'a> Tree<'a> {
     }
 }
 
-/// Adds members to a node; extensions besides those that it has.
+/// Adds members to a node; extensions are merged with the existing ones.
 fn fill<K: Into<String>>(node: &mut Value, members: impl IntoIterator<Item = (K, Value)>) {
     for (key, value) in members {
         let key = key.into();
@@ -210,13 +211,13 @@ fn fill<K: Into<String>>(node: &mut Value, members: impl IntoIterator<Item = (K,
     }
 }
 
-/// KHR_node_visibility.
+/// Writes KHR_node_visibility.
 fn hide(document: &mut Document, node: &mut Value, hidden: bool) {
     document.extensions.insert("KHR_node_visibility");
     node["extensions"]["KHR_node_visibility"] = json!({ "visible": !hidden });
 }
 
-/// Translation, rotation and scale where they say it all, a matrix where they do not.
+/// Writes translation, rotation and scale, or the matrix of a matrix node.
 fn write_local(node: &mut Value, local: Local) {
     let (translation, rotation, scale) = match local {
         Local::Parts { translation, rotation, scale } => (translation, rotation, scale),
@@ -238,7 +239,7 @@ fn write_local(node: &mut Value, local: Local) {
 
 /// The rig's skins.
 pub(super) fn skins(document: &mut Document, scene: &Scene) -> Vec<Value> {
-    // Skins of many instances of one mesh have the same matrices.
+    // Skins of several instances of a mesh have the same matrices.
     let mut known = BTreeMap::new();
     let mut write = |skin: &Skin| {
         let column = |bind: &DAffine3| glam::DMat4::from(*bind).as_mat4().to_cols_array();
@@ -256,12 +257,12 @@ pub(super) fn skins(document: &mut Document, scene: &Scene) -> Vec<Value> {
     scene.rig.iter().flat_map(|rig| &rig.parts().skins).map(&mut write).collect()
 }
 
-/// The same place to rounding.
+/// Whether two positions are equal up to rounding.
 fn near(a: DVec3, b: DVec3) -> bool {
     a.distance(b) <= 1e-9 * (1.0 + a.length())
 }
 
-/// The same transform to rounding.
+/// Whether two transforms are equal up to rounding.
 fn same(a: DAffine3, b: DAffine3) -> bool {
     let size = a.matrix3.to_cols_array().iter().fold(0.0_f64, |size, x| size.max(x.abs()));
     near(a.translation, b.translation) && a.matrix3.abs_diff_eq(b.matrix3, 1e-9 * size)

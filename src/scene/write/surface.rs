@@ -1,4 +1,4 @@
-//! Meshes as glTF has them: primitives of the sides that the file tells, and what bends them.
+//! Meshes as glTF JSON: primitives, skin weights and morph targets. Second sides are left out.
 
 use super::{Document, FLOAT, VERTICES};
 use crate::scene::deform::{Bind, Deform, Displacement, Influence};
@@ -7,10 +7,10 @@ use glam::{Vec2, Vec3};
 use serde_json::{Map, Value, json};
 use std::collections::BTreeSet;
 
-/// Most joints of a vertex: as many as the loader reads.
+/// Most joints per vertex; the loader reads as many.
 const MOST_INFLUENCES: usize = 64;
 
-/// A mesh; an error where glTF has no way to say how it bends.
+/// A mesh. Fails if glTF cannot represent its deformation.
 pub(super) fn mesh(document: &mut Document, scene: &Scene, mesh: &Mesh) -> Result<Value, String> {
     let flat = flat(mesh)?;
     let mut primitives = Vec::new();
@@ -25,7 +25,7 @@ fn flat(mesh: &Mesh) -> Result<Vec<bool>, String> {
     let mut flat = vec![false; mesh.vertices.len()];
     let Some(deform) = &mesh.deform else { return Ok(flat) };
     let divided =
-        || format!("mesh '{}' bends and has divided triangles; write the scene before it is divided", mesh.name);
+        || format!("mesh '{}' deforms and has subdivided triangles; write the scene before subdivision", mesh.name);
     if deform.bind.len() != mesh.vertices.len() {
         return Err(divided());
     }
@@ -40,7 +40,7 @@ fn flat(mesh: &Mesh) -> Result<Vec<bool>, String> {
     Ok(flat)
 }
 
-/// The parts of a run that are flat throughout, or nowhere.
+/// The parts of a run that are flat throughout, or nowhere flat.
 fn alike(mesh: &Mesh, run: Primitive, flat: &[bool]) -> Vec<Primitive> {
     let indices = &mesh.indices[run.first_index as usize..(run.first_index + run.index_count) as usize];
     let mut parts = Vec::new();
@@ -55,7 +55,7 @@ fn alike(mesh: &Mesh, run: Primitive, flat: &[bool]) -> Vec<Primitive> {
     parts
 }
 
-/// What of a mesh goes into the file: all of it but the second sides of double-sided materials.
+/// The primitives of a mesh that are written: all except the second sides of double-sided materials.
 ///
 /// A second side is either the primitive right after its first side or the second half of a primitive.
 fn written_runs(scene: &Scene, mesh: &Mesh) -> Vec<Primitive> {
@@ -83,7 +83,7 @@ fn written_runs(scene: &Scene, mesh: &Mesh) -> Vec<Primitive> {
     runs
 }
 
-/// Whether `back` holds the triangles of `front` in the same order, each wound the other way round.
+/// Whether `back` holds the triangles of `front` in the same order with opposite winding.
 fn is_back(mesh: &Mesh, front: &[u32], back: &[u32]) -> bool {
     let at = |index: u32| mesh.vertices[index as usize].position;
     front.len() == back.len()
@@ -93,7 +93,7 @@ fn is_back(mesh: &Mesh, front: &[u32], back: &[u32]) -> bool {
         })
 }
 
-/// A primitive with vertices of its own: those it uses, in their order. One that bends has them before they do.
+/// A primitive with its own vertices: those it uses, in their order. For a deforming mesh they are undeformed.
 fn primitive(document: &mut Document, mesh: &Mesh, run: Primitive, flat: &[bool]) -> Result<Value, String> {
     let indices = &mesh.indices[run.first_index as usize..(run.first_index + run.index_count) as usize];
     let used: Vec<u32> = indices.iter().copied().collect::<BTreeSet<_>>().into_iter().collect();
@@ -114,7 +114,7 @@ fn primitive(document: &mut Document, mesh: &Mesh, run: Primitive, flat: &[bool]
     let mut float = |document: &mut Document, name: &str, kind, data: &[u8]| {
         attributes.insert(name.into(), json!(document.accessor(data, VERTICES, FLOAT, kind, count)));
     };
-    // Without normals glTF asks for those of the triangles.
+    // glTF defines that a primitive without normals has flat triangle normals.
     if !is_flat {
         float(document, "NORMAL", "VEC3", bytemuck::cast_slice(&vec3(|v| v.normal)));
     }
@@ -140,7 +140,7 @@ fn primitive(document: &mut Document, mesh: &Mesh, run: Primitive, flat: &[bool]
         joints(document, &mut attributes, mesh, deform, &used)?;
     }
 
-    // 65535 itself is the restart index and not allowed.
+    // 65535 itself is the primitive restart index and not allowed.
     let index_accessor = if vertices.len() <= 65535 {
         let short: Vec<u16> = indices.iter().map(|index| local(index) as u16).collect();
         document.accessor(bytemuck::cast_slice(&short), 34963, 5123, "SCALAR", indices.len())
@@ -161,7 +161,7 @@ fn primitive(document: &mut Document, mesh: &Mesh, run: Primitive, flat: &[bool]
     Ok(value)
 }
 
-/// An accessor of positions, with the bounds that glTF asks for.
+/// An accessor of positions, with the bounds that glTF requires.
 fn positions(document: &mut Document, positions: &[Vec3]) -> usize {
     let low = positions.iter().fold(Vec3::INFINITY, |low, p| low.min(*p));
     let high = positions.iter().fold(Vec3::NEG_INFINITY, |high, p| high.max(*p));
@@ -171,7 +171,7 @@ fn positions(document: &mut Document, positions: &[Vec3]) -> usize {
     accessor
 }
 
-/// JOINTS_n and WEIGHTS_n, as many as the vertex with the most joints needs.
+/// JOINTS_n and WEIGHTS_n, as many sets as the vertex with the most joints needs.
 fn joints(
     document: &mut Document,
     attributes: &mut Map<String, Value>,
@@ -192,11 +192,11 @@ fn joints(
         highest = own.iter().fold(highest, |highest, influence| highest.max(influence.joint));
     }
     if most > MOST_INFLUENCES || highest > u32::from(u16::MAX) {
-        let limit = format!("glTF files that we read end at {MOST_INFLUENCES} and at joint {}", u16::MAX);
+        let limit = format!("the loader reads at most {MOST_INFLUENCES} and up to joint {}", u16::MAX);
         return Err(format!("mesh '{}' has {most} joints at a vertex, up to joint {highest}; {limit}", mesh.name));
     }
     for set in 0..most.div_ceil(4) {
-        // What is left over has no weight, and then glTF wants joint 0.
+        // Unused slots have weight 0 and, as glTF requires, joint 0.
         let at = |index: &u32| [0, 1, 2, 3].map(|k| influences(index).get(4 * set + k).copied().unwrap_or_default());
         let four: Vec<[Influence; 4]> = used.iter().map(at).collect();
         let accessor = if highest <= u32::from(u8::MAX) {
@@ -214,7 +214,7 @@ fn joints(
     Ok(())
 }
 
-/// A morph target; normals and tangents only where the primitive has them and the target moves them.
+/// A morph target. Normals and tangents are written only if the primitive has them and the target changes them.
 fn morph_target(
     document: &mut Document,
     target: &[Displacement],

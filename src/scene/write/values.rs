@@ -1,4 +1,4 @@
-//! Materials, lights and cameras as glTF has them.
+//! Materials, lights and cameras as glTF JSON.
 
 use super::Document;
 use crate::scene::animation::Quantity;
@@ -7,23 +7,23 @@ use glam::{Affine2, DVec3, Vec3, Vec4};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// The rest values of what animations set, by what it is and the index of the light, camera or material.
+/// Rest values of animated properties, by quantity and by index of the light, camera or material.
 pub(super) type Rest = BTreeMap<(Quantity, usize), [[f64; 4]; 3]>;
 
-/// See [`Rest`].
+/// The rest values of a scene's animated properties.
 pub(super) fn rest(scene: &Scene) -> Rest {
     let properties = scene.rig.iter().flat_map(|rig| &rig.parts().properties);
     properties.flat_map(|p| p.of().iter().map(|&of| ((p.quantity(), of), p.at_rest()))).collect()
 }
 
-/// The textures of the file, each an image and a sampler, and the samplers.
+/// The file's textures, each an image and a sampler, and the file's samplers.
 #[derive(Default)]
 pub(super) struct Textures {
     pub(super) list: Vec<Value>,
     pub(super) samplers: Vec<Value>,
 }
 
-/// The place of a value in a list, at whose end it is put where it is new.
+/// Index of a value in a list; appends the value if it is new.
 fn place(list: &mut Vec<Value>, value: Value) -> usize {
     list.iter().position(|known| *known == value).unwrap_or_else(|| {
         list.push(value);
@@ -31,7 +31,7 @@ fn place(list: &mut Vec<Value>, value: Value) -> usize {
     })
 }
 
-/// What a material says of a texture.
+/// A material's reference to a texture.
 fn texture(document: &mut Document, texture: Texture) -> Value {
     let Texture { image, uv_set, transform, sampler } = texture;
     let mut own = json!({ "source": image });
@@ -60,7 +60,7 @@ fn texture(document: &mut Document, texture: Texture) -> Value {
     value
 }
 
-/// A material. Extensions that animations aim at are there even where their values say nothing.
+/// A material. Extensions targeted by animations are written even if their values are the defaults.
 pub(super) fn material(document: &mut Document, index: usize, material: &Material, rest: &Rest) -> Value {
     let animated = |quantity| rest.get(&(quantity, index));
     let mut told = |own: Option<Texture>| own.map(|own| texture(document, own));
@@ -112,7 +112,7 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
         document.extensions.insert(name);
         value["extensions"][name] = members;
     };
-    // The core's factor ends at 1; what is brighter is told by its largest channel.
+    // The core's factor is at most 1; brighter emission is scaled by its largest channel.
     let mut strength = f64::from(material.emissive.max_element().max(1.0));
     let mut emissive = (material.emissive / strength as f32).as_dvec3();
     if let Some([factor, [own, ..], _]) = animated(Quantity::Emission) {
@@ -132,7 +132,7 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
         extend("KHR_materials_transmission", factors);
     }
     if material.optical_depth != Vec3::ZERO {
-        // What is left of light after one thickness.
+        // Light that remains after one thickness.
         let mut factors = json!({
             "thicknessFactor": 1.0,
             "attenuationDistance": 1.0,
@@ -178,7 +178,7 @@ pub(super) fn material(document: &mut Document, index: usize, material: &Materia
     value
 }
 
-/// The extensions that say what lies over a material's own lobes, with the textures of these.
+/// The coat and sheen extensions of a material, with their textures.
 fn over_lobes(material: &Material, textures: [Option<Value>; 4]) -> Vec<(&'static str, Value)> {
     let [coat, coat_roughness, sheen, sheen_roughness] = textures;
     let with = |mut factors: Value, textures: [(&str, Option<Value>); 2]| {
@@ -202,7 +202,7 @@ fn over_lobes(material: &Material, textures: [Option<Value>; 4]) -> Vec<(&'stati
     extensions
 }
 
-/// A light. One that is hidden at rest has an intensity all the same.
+/// A light. A light hidden at rest keeps its intensity in the file.
 pub(super) fn light(index: usize, light: &Light, rest: &Rest) -> Value {
     let kind = match light.kind {
         LightKind::Directional => "directional",
@@ -231,7 +231,7 @@ pub(super) fn light(index: usize, light: &Light, rest: &Rest) -> Value {
     value
 }
 
-/// The engine takes the near plane from the scene, not from here; glTF wants one all the same.
+/// A camera. The engine takes the near plane from the scene, but glTF requires one here.
 pub(super) fn camera(camera: &Camera) -> Value {
     let mut value = match camera.projection {
         Projection::Perspective { yfov } => {

@@ -1,6 +1,7 @@
-//! The building: two storeys of arcades around a court that is open to the sky, galleries behind them, roofs.
+//! The building: two storeys of arcades around an open courtyard, with galleries behind them and roofs.
 //!
-//! What repeats is made once, about the middle of a bay at z = 0 with the court towards +Z, and stands in all bays.
+//! Repeated parts are made once, around the middle of a bay at z = 0 with the court towards +Z, and are instanced in
+//! all bays.
 
 use super::super::masonry::ring_lines;
 use super::super::{Surface, add_mesh, lathe, patch, place, quad, ring, sheet, spans, sphere, turned};
@@ -10,8 +11,8 @@ use crate::scene::{Instance, Scene};
 use glam::{Affine3A, DVec3, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-// Measures [m].
-/// Distance of columns, and bays along x and z.
+// Dimensions [m].
+/// Distance between columns, and number of bays along x and z.
 const PITCH: f32 = 3.0;
 const BAYS: [u32; 2] = [3, 4];
 /// Half sizes of the court, from axis to axis of the columns.
@@ -23,18 +24,18 @@ const THICK: f32 = 0.5;
 const RADIUS: f32 = 1.14;
 const BAND: f32 = 1.37;
 const PIECES: usize = 48;
-/// Floors of the lower and the upper gallery, springing lines, ceilings, top of the wall.
+/// Heights: floors of the lower and the upper gallery, springing lines, ceilings, top of the wall.
 pub(super) const FLOOR: [f32; 2] = [0.16, 4.6];
 const SPRING: [f32; 2] = [2.85, 6.75];
 const CEILING: [f32; 2] = [4.38, 8.3];
 const TOP: f32 = 8.66;
-/// Grid of plain faces.
+/// Grid spacing of plain faces.
 const EDGE: f32 = 0.5;
-/// Where the roof ends: beyond the columns' axis, its height there, its slope.
+/// Edge of the roof: distance beyond the columns' axis and height there; and the roof's slope.
 const EAVE: [f32; 2] = [0.85, 8.80];
 const SLOPE: f32 = 0.27;
 
-/// Middles of all bays: which quarter turn takes +Z to the court, and where.
+/// Middles of all bays: the quarter turn that takes +Z to the court, and the position.
 fn bays() -> Vec<(i32, DVec3)> {
     let mut all = Vec::new();
     for quarter in 0..4 {
@@ -47,12 +48,12 @@ fn bays() -> Vec<(i32, DVec3)> {
     all
 }
 
-/// The four sides: quarter turn, half length between the corners' axes, distance from the middle.
+/// The four sides: quarter turn, half length between the corners' axes, distance from the centre.
 fn sides() -> [(i32, f32, f32); 4] {
     [(0, COURT.x, COURT.y), (1, COURT.y, COURT.x), (2, COURT.x, COURT.y), (3, COURT.y, COURT.x)]
 }
 
-/// Puts the building up.
+/// Adds the building to the scene.
 pub(super) fn build(scene: &mut Scene, palette: &Palette) {
     let parts = vec![(arcade(0), palette.ashlar), (arcade(1), palette.plaster), (trims(), palette.marble)];
     let bay = add_mesh(scene, "bay", parts);
@@ -69,7 +70,7 @@ pub(super) fn build(scene: &mut Scene, palette: &Palette) {
     roofs(scene, palette);
 }
 
-/// The wall with its arch, of one storey.
+/// The wall with its arch, for one storey.
 fn arcade(storey: usize) -> Surface {
     let spring = SPRING[storey];
     let tops = [[FLOOR[1] - 0.1, CEILING[0]], [TOP, CEILING[1]]][storey];
@@ -86,7 +87,7 @@ fn arcade(storey: usize) -> Surface {
     boxed(wall.shifted(0.0, spring, 0.0))
 }
 
-/// Archivolts, keystones, the courses of the storeys and the kerb.
+/// Archivolts, keystones, string courses and the kerb.
 fn trims() -> Surface {
     let front = 0.5 * THICK;
     let side: Vec<Vec2> = [Vec2::new(BAND, front)]
@@ -226,7 +227,7 @@ fn column(height: f32, r: f32) -> Surface {
         .and(square(0.385, 0.335, height - 0.21, height + 0.005, 0.02))
 }
 
-/// An acanthus leaf on the bell of a capital, towards +X, seen from both sides.
+/// An acanthus leaf on the bell of a capital, towards +X, visible from both sides.
 fn leaf(r: f32, bell: f32, rise: f32, long: f32) -> Surface {
     let (columns, rows) = (7, 9);
     let shape = |s: f32, t: f32| {
@@ -253,7 +254,7 @@ fn leaf(r: f32, bell: f32, rise: f32, long: f32) -> Surface {
     front.and(back)
 }
 
-/// Columns between the bays of both storeys, piers at the corners.
+/// Columns between the bays of both storeys, and piers at the corners.
 fn columns(scene: &mut Scene, palette: &Palette) {
     let tall = SPRING[0] - FLOOR[0];
     let short = SPRING[1] - FLOOR[1];
@@ -285,14 +286,14 @@ fn columns(scene: &mut Scene, palette: &Palette) {
     }
 }
 
-/// A rectangle at a height, facing up or down.
+/// A horizontal rectangle at a height, facing up or down.
 fn level(x: [f32; 2], z: [f32; 2], y: f32, up: bool) -> Surface {
     let (along_x, along_z) = (Vec3::X * (x[1] - x[0]), Vec3::Z * (z[1] - z[0]));
     let origin = Vec3::new(x[0], y, z[0]);
     boxed(if up { quad(origin, along_z, along_x, EDGE) } else { quad(origin, along_x, along_z, EDGE) })
 }
 
-/// The four rectangles between two rectangles about the origin.
+/// The four rectangles between two rectangles around the origin.
 fn frame(inner: Vec2, outer: Vec2, y: f32, up: bool) -> Surface {
     let ends = [[-outer.y, -inner.y], [inner.y, outer.y]];
     let flanks = [[-outer.x, -inner.x], [inner.x, outer.x]];
@@ -300,7 +301,7 @@ fn frame(inner: Vec2, outer: Vec2, y: f32, up: bool) -> Surface {
     flanks.iter().fold(whole, |all, x| all.and(level(*x, [-inner.y, inner.y], y, up)))
 }
 
-/// The court's floor of slabs with a band of mosaic; tiles in the galleries; ceilings.
+/// The court's slab floor with a band of mosaic, tiles in the galleries, and ceilings.
 fn floors(scene: &mut Scene, palette: &Palette) {
     let (inner, band) = (Vec2::new(3.0, 4.5), 0.48);
     let edge = COURT - 0.40;
@@ -369,7 +370,7 @@ fn walls(scene: &mut Scene, palette: &Palette) {
     }
 }
 
-/// A door of two leaves with panels in a stone frame, on a wall at z = 0.
+/// A double door with panels in a stone frame, on a wall at z = 0.
 fn door(scene: &mut Scene, palette: &Palette) -> usize {
     let bar = |x: [f32; 2], y: [f32; 2], z: f32, round: f32| {
         block_without(Vec3::new(x[0], y[0], -0.05), Vec3::new(x[1], y[1], z), round, 0.8, &[Vec3::NEG_Z])
@@ -395,7 +396,7 @@ fn door(scene: &mut Scene, palette: &Palette) -> usize {
     add_mesh(scene, "door", vec![(frame, palette.marble), (leaves, palette.wood), (knobs, palette.brass)])
 }
 
-/// Tiled roofs that fall to the court, the boards below their eaves, and the outside, which only keeps light out.
+/// Tiled roofs that slope to the court, the boards below their eaves, and the outside, which only keeps light out.
 fn roofs(scene: &mut Scene, palette: &Palette) {
     let [eave, height] = EAVE;
     let deep = eave + DEPTH + 0.3;
@@ -443,7 +444,7 @@ fn roofs(scene: &mut Scene, palette: &Palette) {
     }
 }
 
-/// A row of cover tiles up the roof, each with its lower end on the one below.
+/// A row of cover tiles up the roof, each with its lower end on the tile below.
 fn cover(deep: f32) -> Surface {
     let [eave, height] = EAVE;
     let (around, count) = (9, 8);

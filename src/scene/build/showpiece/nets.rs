@@ -1,24 +1,25 @@
-//! Triangles of the surface where a field is zero: surface nets (Gibson 1998), a vertex per cell that it crosses.
+//! Triangulates the zero surface of a field: surface nets (Gibson 1998), with one vertex per crossed cell.
 
 use super::super::Surface;
 use crate::scene::Vertex;
 use glam::{UVec3, Vec3};
 use rayon::prelude::*;
 
-/// Cells of a block that is left out as a whole where the surface is far.
+/// Side of a block in cells; a block far from the surface is skipped as a whole.
 const BLOCK: u32 = 8;
 
-/// How much faster than distance a field may change.
+/// Largest gradient of a field, relative to a distance field.
 const STEEPEST: f32 = 1.5;
 
-/// The gradient of a field at a point, by differences over twice `step` \[m\].
+/// The gradient of a field at a point, by central differences over twice `step` \[m\].
 fn gradient(field: &impl Fn(Vec3) -> f32, at: Vec3, step: f32) -> Vec3 {
     let along = |axis: Vec3| field(at + step * axis) - field(at - step * axis);
     Vec3::new(along(Vec3::X), along(Vec3::Y), along(Vec3::Z)) / (2.0 * step)
 }
 
-/// The closed surface of what lies where `field` is negative, within `low` and `high` \[m\], by cells of side `cell` \[m\].
-/// The field is about the distance to the surface \[m\] and positive on the bounds. Normals are its gradient's.
+/// The closed surface of the region with negative `field` between `low` and `high` \[m\], by cells of side `cell`
+/// \[m\]. The field is approximately the distance to the surface \[m\] and positive on the bounds. Normals are the
+/// field's gradient.
 pub(super) fn surface(field: &(impl Fn(Vec3) -> f32 + Sync), low: Vec3, high: Vec3, cell: f32) -> Surface {
     let blocks = ((high - low) / (cell * BLOCK as f32)).ceil().as_uvec3();
     let size = blocks * BLOCK;
@@ -43,7 +44,8 @@ pub(super) fn surface(field: &(impl Fn(Vec3) -> f32 + Sync), low: Vec3, high: Ve
         })
         .collect();
 
-    // A vertex in each cell whose corners are not all on one side: the middle of where its edges are crossed.
+    // A vertex in each cell whose corners are on different sides: the mean of the points where the surface crosses its
+    // edges.
     let corners: [UVec3; 8] = std::array::from_fn(|k| UVec3::new(k as u32 & 1, k as u32 >> 1 & 1, k as u32 >> 2));
     let cells = size - 1;
     let vertex = |at: UVec3| {
@@ -78,7 +80,7 @@ pub(super) fn surface(field: &(impl Fn(Vec3) -> f32 + Sync), low: Vec3, high: Ve
     }
     let mut vertices: Vec<Vertex> = found.into_iter().map(|(_, vertex)| vertex).collect();
 
-    // Two triangles across each edge that is crossed, between the vertices of the four cells around it.
+    // Two triangles across each crossed edge, between the vertices of the four cells around it.
     let mut indices = Vec::with_capacity(12 * vertices.len());
     let axes = [UVec3::X, UVec3::Y, UVec3::Z];
     for z in 1..cells.z {
@@ -107,7 +109,8 @@ pub(super) fn surface(field: &(impl Fn(Vec3) -> f32 + Sync), low: Vec3, high: Ve
     Surface { vertices, indices }
 }
 
-/// Normals that are far from those of the triangles become theirs: in gaps narrower than a cell the field says little.
+/// Replaces normals that differ much from those of their triangles: in gaps narrower than a cell the field is
+/// unreliable.
 fn face_out(vertices: &mut [Vertex], indices: &[u32]) {
     let mut sums = vec![Vec3::ZERO; vertices.len()];
     for triangle in indices.chunks_exact(3) {
@@ -121,7 +124,7 @@ fn face_out(vertices: &mut [Vertex], indices: &[u32]) {
     }
 }
 
-/// A vertex near the surface, brought onto it as far as it stays within its cell, from `low` on.
+/// Moves a vertex near the surface onto it, but not out of its cell, which starts at `low`.
 fn settled(field: &impl Fn(Vec3) -> f32, start: Vec3, low: Vec3, cell: f32) -> Vertex {
     let mut at = start;
     for _ in 0..2 {

@@ -1,4 +1,4 @@
-//! Noise from an integer hash: the same on every machine. That of pictures repeats, so that they tile.
+//! Noise from an integer hash, identical on every machine. Noise for textures is periodic, so that they tile.
 
 use glam::{IVec3, Vec2, Vec3};
 
@@ -11,7 +11,7 @@ pub(super) fn hash(x: i32, y: i32, seed: u32) -> u32 {
     h ^ (h >> 15)
 }
 
-/// A number in [0, 1) of a lattice point.
+/// A random number in [0, 1) for a lattice point.
 pub(super) fn random(x: i32, y: i32, seed: u32) -> f32 {
     (hash(x, y, seed) >> 8) as f32 / (1 << 24) as f32
 }
@@ -24,13 +24,13 @@ fn mix(a: f32, b: f32, t: f32) -> f32 {
     a + (b - a) * t
 }
 
-/// From 0 to 1 where `x` goes from `low` to `high`, with a smooth start and end.
+/// Rises smoothly from 0 to 1 while `x` goes from `low` to `high`.
 pub(super) fn smoothstep(low: f32, high: f32, x: f32) -> f32 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }
 
-/// Gradient noise in about [-1, 1] at `at` \[cells\], again after `period` cells.
+/// Gradient noise in about [-1, 1] at `at` \[cells\], with a period of `period` cells.
 fn gradient(at: Vec2, period: [i32; 2], seed: u32) -> f32 {
     const GRADIENTS: [[f32; 2]; 8] = [
         [1.0, 0.0],
@@ -54,7 +54,7 @@ fn gradient(at: Vec2, period: [i32; 2], seed: u32) -> f32 {
     1.5 * mix(mix(value(0, 0), value(1, 0), u), mix(value(0, 1), value(1, 1), u), v)
 }
 
-/// Sum of octaves of noise in about [-1, 1] over a picture, whose sides are from 0 to 1; the first octave has so many cells
+/// Sum of octaves of noise in about [-1, 1] over a texture, with coordinates from 0 to 1; the first octave has `cells`
 /// across and down.
 pub(super) fn clouds(at: Vec2, cells: [i32; 2], octaves: u32, seed: u32) -> f32 {
     let (mut sum, mut weight) = (0.0, 1.0);
@@ -66,15 +66,15 @@ pub(super) fn clouds(at: Vec2, cells: [i32; 2], octaves: u32, seed: u32) -> f32 
     sum
 }
 
-/// A point of a picture against random points, one in each cell.
+/// Nearest random points to a position in a texture, with one random point per cell.
 pub(super) struct Scattered {
-    /// Distance to the nearest and to the next \[cells\].
+    /// Distances to the nearest and to the second-nearest point \[cells\].
     pub(super) distances: [f32; 2],
-    /// Number of the nearest.
+    /// Identifier of the nearest point.
     pub(super) id: u32,
 }
 
-/// Nearest of random points over a picture with so many cells across and down.
+/// Finds the nearest random points, with `cells` across and down the texture.
 pub(super) fn scattered(at: Vec2, cells: [i32; 2], seed: u32) -> Scattered {
     let at = at * Vec2::new(cells[0] as f32, cells[1] as f32);
     let (x, y) = (at.x.floor() as i32, at.y.floor() as i32);
@@ -94,7 +94,7 @@ pub(super) fn scattered(at: Vec2, cells: [i32; 2], seed: u32) -> Scattered {
     found
 }
 
-/// Value noise in [-1, 1] in space, of cells of unit size.
+/// Value noise in [-1, 1] in space, with cells of unit size.
 fn value_in_space(at: Vec3, seed: u32) -> f32 {
     let corner = at.floor();
     let t = at - corner;

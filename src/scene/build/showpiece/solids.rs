@@ -6,14 +6,14 @@ use glam::{Vec2, Vec3};
 use std::collections::HashMap;
 use std::f32::consts::{PI, TAU};
 
-/// A box whose edges are rounded with this radius \[m\]; longer faces have grid lines `edge` \[m\] apart.
+/// A box with edges rounded by this radius \[m\]; longer faces have grid lines `edge` \[m\] apart.
 pub(super) fn block(low: Vec3, high: Vec3, radius: f32, edge: f32) -> Surface {
     block_without(low, high, radius, edge, &[])
 }
 
-/// The same without the faces that have these outward normals, where they cannot be seen.
+/// The same without the faces with these outward normals, for faces that are never visible.
 pub(super) fn block_without(low: Vec3, high: Vec3, radius: f32, edge: f32, hidden: &[Vec3]) -> Surface {
-    // Pieces of half of a rounded edge.
+    // Number of pieces of half a rounded edge.
     let pieces = if radius > 0.028 { 2 } else { 1 };
     let lines = |low: f32, high: f32| {
         let bend = (0..=pieces).map(|k| radius * (1.0 - (0.25 * PI * k as f32 / pieces as f32).tan()));
@@ -45,7 +45,7 @@ pub(super) fn block_without(low: Vec3, high: Vec3, radius: f32, edge: f32, hidde
     boxed(whole)
 }
 
-/// Texture coordinates \[m\] by projection along the axis that each triangle faces most.
+/// Adds texture coordinates \[m\] by projection along the axis that each triangle faces most.
 pub(super) fn boxed(surface: Surface) -> Surface {
     let mut mapped = Surface::default();
     let mut known: HashMap<(u32, usize), u32> = HashMap::new();
@@ -67,14 +67,14 @@ pub(super) fn boxed(surface: Surface) -> Surface {
     mapped
 }
 
-/// Texture coordinates \[m\] around +Y, a turn as long as `around`, and along the profile of what stands upright.
+/// Adds texture coordinates \[m\] to an upright surface: around +Y, `around` per turn, and along the profile.
 pub(super) fn wrapped(mut surface: Surface, around: f32) -> Surface {
     let turn = |p: Vec3| (p.z.atan2(p.x) / TAU + 0.5) * around;
     for vertex in &mut surface.vertices {
         let p = vertex.position;
         vertex.uv0 = Vec2::new(turn(p), Vec2::new(p.x, p.z).length() - p.y);
     }
-    // Where a turn ends, the next one begins.
+    // Vertices at the seam are duplicated, since the next turn starts where one ends.
     let mut next: HashMap<u32, u32> = HashMap::new();
     for triangle in surface.indices.chunks_exact_mut(3) {
         let us = [0, 1, 2].map(|k| surface.vertices[triangle[k] as usize].uv0.x);
@@ -93,8 +93,8 @@ pub(super) fn wrapped(mut surface: Surface, around: f32) -> Surface {
     surface
 }
 
-/// Parts of a profile between its corners, with their normals to the right of the way; bends of less than 40 degrees are
-/// smooth.
+/// Parts of a profile between its corners, with their normals to the right along the profile; bends of less than 40
+/// degrees are smooth.
 fn smooth_runs(profile: &[Vec2]) -> Vec<(Vec<Vec2>, Vec<Vec2>)> {
     let normals: Vec<Vec2> = profile.windows(2).map(|pair| -(pair[1] - pair[0]).perp().normalize()).collect();
     let mut runs = Vec::new();
@@ -114,7 +114,7 @@ fn smooth_runs(profile: &[Vec2]) -> Vec<(Vec<Vec2>, Vec<Vec2>)> {
     runs
 }
 
-/// Length of the way along points.
+/// Lengths along a polyline, from its start to each point.
 fn lengths(points: &[Vec2]) -> Vec<f32> {
     let mut sum = 0.0;
     let steps = points.windows(2).map(|pair| {
@@ -124,7 +124,8 @@ fn lengths(points: &[Vec2]) -> Vec<f32> {
     std::iter::once(0.0).chain(steps).collect()
 }
 
-/// A moulding: a profile of (z, y) points \[m\] along x from `-half` to `half`, outside on the right of the way.
+/// A moulding: a profile of (z, y) points \[m\] along x from `-half` to `half`, with the outside to the right along the
+/// profile.
 pub(super) fn moulding(profile: &[Vec2], half: f32, edge: f32) -> Surface {
     let along = spans(&[-half, half], edge);
     let mut whole = Surface::default();
@@ -141,7 +142,8 @@ pub(super) fn moulding(profile: &[Vec2], half: f32, edge: f32) -> Surface {
     whole
 }
 
-/// A profile of (radius, z) points \[m\] swept about the z axis over the upper half circle, from +X to -X: `count` pieces.
+/// A profile of (radius, z) points \[m\] swept around the z axis over the upper half circle, from +X to -X, in `count`
+/// pieces.
 pub(super) fn half_ring(profile: &[Vec2], count: usize) -> Surface {
     let mut whole = Surface::default();
     for (points, normals) in smooth_runs(profile) {
@@ -161,7 +163,7 @@ pub(super) fn half_ring(profile: &[Vec2], count: usize) -> Surface {
     whole
 }
 
-/// A quarter circle of points about `middle` from one angle \[degrees\] to the other.
+/// Points on a circular arc around `middle`, from one angle \[degrees\] to the other.
 pub(super) fn arc(middle: Vec2, radius: f32, from: f32, to: f32, pieces: usize) -> Vec<Vec2> {
     let angle = |k: usize| (from + (to - from) * k as f32 / pieces as f32).to_radians();
     (0..=pieces).map(|k| middle + radius * Vec2::from_angle(angle(k))).collect()

@@ -1,5 +1,5 @@
-//! A winged victory in the antique manner, of marble: she has lost head and arms. A field of about the distance to her
-//! surface, turned into triangles.
+//! A marble statue of a winged victory in the antique manner, without head and arms. A field that approximates the
+//! distance to its surface is turned into triangles.
 
 use super::super::Surface;
 use super::nets;
@@ -10,8 +10,8 @@ use rayon::prelude::*;
 const LOW: Vec3 = Vec3::new(-1.06, -0.12, -1.16);
 const HIGH: Vec3 = Vec3::new(1.06, 2.76, 0.62);
 
-/// The statue, 2.6 m high on her base at y = 0, facing +Z; by cells of side `cell` \[m\]. Folds are darker in the colours of
-/// its vertices.
+/// The statue, 2.6 m high on its base at y = 0, facing +Z, made with cells of side `cell` \[m\]. Vertex colours darken
+/// the folds.
 pub(super) fn statue(cell: f32) -> Surface {
     let wing = Wing::new();
     let field = |at: Vec3| figure(at, &wing);
@@ -29,7 +29,7 @@ pub(super) fn statue(cell: f32) -> Surface {
     statue
 }
 
-/// Smooth union: within `k` \[m\] of both there is a fillet.
+/// Smooth union, with a fillet within `k` \[m\] of both surfaces.
 fn join(a: f32, b: f32, k: f32) -> f32 {
     let h = (k - (a - b).abs()).max(0.0) / k;
     a.min(b) - 0.25 * k * h * h
@@ -40,7 +40,7 @@ fn common(a: f32, b: f32, k: f32) -> f32 {
     -join(-a, -b, k)
 }
 
-/// A capsule whose radius goes from one end's to the other's.
+/// A capsule with different radii at its ends.
 fn limb(at: Vec3, a: Vec3, b: Vec3, radii: [f32; 2]) -> f32 {
     let t = ((at - a).dot(b - a) / (b - a).length_squared()).clamp(0.0, 1.0);
     at.distance(a.lerp(b, t)) - (radii[0] + (radii[1] - radii[0]) * t)
@@ -56,14 +56,14 @@ fn v(x: f32, y: f32, z: f32) -> Vec3 {
     Vec3::new(x, y, z)
 }
 
-/// Folds of cloth over a phase: broad backs, sharp valleys; from 0 to 1.
+/// Profile of cloth folds by phase, from 0 to 1: broad backs, sharp valleys.
 fn folds(phase: f32) -> f32 {
     (phase.sin().powi(2) + 0.015).sqrt()
 }
 
-/// Field of the whole: negative inside.
+/// Field of the whole statue: negative inside.
 fn figure(at: Vec3, wing: &Wing) -> f32 {
-    // The breast turns against the hips.
+    // The torso is turned against the hips.
     let turn = -0.22 * smoothstep(0.95, 1.5, at.y);
     let (sin, cos) = turn.sin_cos();
     let up = v(cos * at.x - sin * at.z, at.y, sin * at.x + cos * at.z);
@@ -73,7 +73,7 @@ fn figure(at: Vec3, wing: &Wing) -> f32 {
     wings.min(base(at))
 }
 
-/// The bow of a ship, hewn roughly.
+/// The base: the bow of a ship, roughly hewn.
 fn base(at: Vec3) -> f32 {
     let p = at - v(0.0, 0.16, -0.06);
     let narrow = 1.0 - 0.55 * smoothstep(0.1, 0.6, p.z) + 0.2 * p.y;
@@ -83,7 +83,7 @@ fn base(at: Vec3) -> f32 {
     0.8 * block - keel - 0.006 * clouds_in_space(9.0 * at, 3, 40)
 }
 
-/// Breast, belly and what is left of neck and arms, in a thin robe.
+/// Breast, belly and the stumps of neck and arms, in a thin robe.
 fn breast(at: Vec3) -> f32 {
     if at.y < 0.7 || at.y > 2.0 {
         return (at - v(0.0, 1.35, 0.0)).length() - 0.5;
@@ -96,7 +96,7 @@ fn breast(at: Vec3) -> f32 {
     }
     d = join(d, limb(at, v(-0.175, 1.54, 0.01), v(0.175, 1.54, 0.01), [0.062, 0.062]), 0.09);
     let thin = d;
-    // Pleats run from the shoulders between the breasts, and from the belt down.
+    // Pleats run from the shoulders between the breasts, and down from the belt.
     let above = smoothstep(1.24, 1.36, at.y);
     let spread = at.x * (1.0 + 1.6 * (1.56 - at.y).max(0.0) * above);
     let around = spread.atan2(0.35 + 0.5 * at.z.abs());
@@ -124,7 +124,7 @@ fn breast(at: Vec3) -> f32 {
     d
 }
 
-/// Hips and legs in a robe that the wind presses to the forward leg and blows back behind.
+/// Hips and legs in a robe that the wind presses against the forward leg and blows back behind.
 fn robe(at: Vec3) -> f32 {
     if at.y > 1.35 {
         return at.y - 1.15;
@@ -139,16 +139,16 @@ fn robe(at: Vec3) -> f32 {
     let broad = folds(5.5 * around + flow) * (0.008 + 0.045 * down);
     let fine = folds(12.5 * around + 2.2 * flow + 1.0) * (0.006 + 0.012 * down);
     let mut d = ((p / wide).length() - 1.0) * wide.min_element();
-    // Blown back behind the left leg.
+    // Cloth blown back behind the left leg.
     let tail = limb(at, v(-0.07, 0.98, -0.05), v(-0.16, 0.42, -0.47), [0.10, 0.09]);
     d = join(d, tail, 0.16);
     d = 0.85 * (d + 0.4 * (0.05 * down) - broad - fine);
-    // The forward leg, and the other.
+    // The forward leg, then the other.
     let thigh = limb(at, v(0.085, 0.97, 0.03), v(0.105, 0.665, 0.215), [0.118, 0.082]);
     let shin = limb(at, v(0.105, 0.665, 0.215), v(0.105, 0.40, 0.16), [0.078, 0.052]);
     let leg = join(thigh, shin, 0.04) - 0.006 * folds(46.0 * (at.y + 0.7 * at.x) + 3.0 * at.z);
     d = join(d, leg, 0.05);
-    // A mantle wound about the hips, its end between the legs.
+    // A mantle around the hips, with its end between the legs.
     let ends = [
         v(-0.21, 1.10, -0.03),
         v(-0.06, 0.99, 0.155),
@@ -163,7 +163,7 @@ fn robe(at: Vec3) -> f32 {
     }
     mantle -= 0.014 * folds(38.0 * (0.6 * at.x + at.y * 0.5 + 0.4 * at.z) + 5.0 * at.x);
     d = join(d, mantle, 0.025);
-    // The hem is above the base, the feet stand on it.
+    // The hem is above the base; the feet stand on the base.
     let hem = 0.325 + 0.02 * (3.0 * around).sin();
     d = common(d, hem - at.y, 0.02);
     let foot = ellipsoid(at, v(0.105, 0.345, 0.24), v(0.05, 0.04, 0.115));
@@ -173,13 +173,13 @@ fn robe(at: Vec3) -> f32 {
 
 /// A feather in the plane of the wing.
 struct Feather {
-    /// Its quill's end \[m\].
+    /// End of its quill \[m\].
     root: Vec2,
-    /// Unit vector along it.
+    /// Unit vector along the feather.
     along: Vec2,
     /// Length and half width \[m\].
     size: [f32; 2],
-    /// How far in front of the wing's middle it is \[m\].
+    /// Distance in front of the wing's middle plane \[m\].
     layer: f32,
     /// Half of its thickness \[m\].
     thickness: f32,
@@ -200,7 +200,7 @@ fn on_arm(s: f32) -> Vec2 {
     ARM[bone].lerp(ARM[bone + 1], s - bone as f32)
 }
 
-/// Where feathers of a place on the arm point to [degrees above the horizontal].
+/// Direction of the feathers at a place on the arm [degrees above the horizontal].
 fn spread(s: f32) -> f32 {
     let s = s.clamp(0.0, 1.0);
     -84.0 + 54.0 * smoothstep(-0.1, 0.7, s) + 106.0 * smoothstep(0.35, 1.08, s)
@@ -223,7 +223,7 @@ impl Wing {
         Self { feathers }
     }
 
-    /// Coordinates of the wing: outwards and back, up, and to the front; it is bent backwards.
+    /// Coordinates of the wing: outwards and back, up, and to the front; the wing is bent backwards.
     fn own(at: Vec3) -> Vec3 {
         let p = v(at.x.abs(), at.y, at.z) - v(0.085, 1.46, -0.10);
         let (out, front) = (0.80 * p.x - 0.60 * p.z, 0.60 * p.x + 0.80 * p.z);
@@ -253,11 +253,11 @@ impl Wing {
             let [length, half] = feather.size;
             let inside = Vec2::new(a - a.clamp(0.0, length - half), b).length() - half;
             let from_middle = front - feather.layer;
-            // Nearer ones are known already.
+            // This feather cannot be nearer than the nearest so far.
             if inside.max(from_middle.abs() - 0.03) > nearest {
                 continue;
             }
-            // Each lies with one edge on the next; the quill stands out.
+            // Each feather overlaps the next with one edge; the quill stands out.
             let own = if feather.layer == 0.0 { p.z } else { from_middle };
             let off = (own - 0.16 * b + 0.03 * (a / length) * a).abs();
             let quill = 0.0035 * (1.0 - smoothstep(0.003, 0.011, b.abs()));

@@ -1,13 +1,13 @@
-//! Pictures of surfaces: base colour, normals and roughness, from a height and a colour at every point. All of them tile.
+//! Tiling textures of surfaces: base colour, normals and roughness, computed from a height and a colour at every point.
 
 use super::noise::{clouds, hash, random, scattered, smoothstep};
 use crate::scene::Image;
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
 
-/// What a surface is like at a point of its picture.
+/// Surface properties at a point of a texture.
 struct Texel {
-    /// Above the middle \[m\].
+    /// Height above the mean surface \[m\].
     height: f32,
     /// Base colour, linear.
     color: Vec3,
@@ -15,7 +15,7 @@ struct Texel {
     roughness: f32,
 }
 
-/// A kind of surface that is painted here.
+/// A kind of surface with procedural textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Paint {
     /// Courses of sawn limestone.
@@ -55,7 +55,7 @@ impl Paint {
         Self::Mosaic,
     ];
 
-    /// Name of its pictures.
+    /// Name of the textures.
     pub(super) fn name(self) -> &'static str {
         match self {
             Self::Ashlar => "ashlar",
@@ -71,7 +71,7 @@ impl Paint {
         }
     }
 
-    /// Side of what its pictures show \[m\].
+    /// Side of the area that a texture covers \[m\].
     pub(super) fn size(self) -> f32 {
         match self {
             Self::Ashlar | Self::Slabs | Self::Plaster => 3.0,
@@ -85,7 +85,7 @@ impl Paint {
         }
     }
 
-    /// Share of the largest pictures' side that its own have.
+    /// Divisor of the largest textures' side for this kind.
     fn share(self) -> u32 {
         match self {
             Self::Ashlar | Self::Slabs | Self::Plaster | Self::ClayTiles => 1,
@@ -108,7 +108,8 @@ impl Paint {
         }
     }
 
-    /// Base colour, normals, and roughness beside metal, of pictures whose largest have `side` texels across.
+    /// The textures: base colour, normals, and roughness with metalness; the largest textures have `side` texels
+    /// across.
     pub(super) fn images(self, side: u32) -> [Image; 3] {
         let side = side / self.share();
         let count = side as usize;
@@ -120,7 +121,7 @@ impl Paint {
             let (x, y) = (index % count, index / count);
             let across = height(x + 1, y) - height(x + count - 1, y);
             let down = height(x, y + 1) - height(x, y + count - 1);
-            // Green is up the picture, rows go down.
+            // Green points up in the picture, but rows go down.
             let normal = Vec3::new(-across, down, step).normalize();
             let [x, y, z] = normal.to_array().map(|c| (c.mul_add(0.5, 0.5) * 255.0 + 0.5) as u8);
             [x, y, z, 255]
@@ -145,13 +146,14 @@ impl Paint {
     }
 }
 
-/// sRGB's code for 4096 linear values.
+/// sRGB codes of 4096 linear values.
 fn srgb_table() -> Vec<u8> {
     let code = |x: f32| if x <= 0.003_130_8 { 12.92 * x } else { 1.055 * x.powf(1.0 / 2.4) - 0.055 };
     (0..4096).map(|k| (code(k as f32 / 4095.0) * 255.0 + 0.5) as u8).collect()
 }
 
-/// Joint, bevel and face of a block: 0 in the joint, 1 on the face; `edge` is the distance to the block's edge \[m\].
+/// Profile of a block from joint to face: 0 in the joint, 1 on the face. `edge` is the distance to the block's edge
+/// \[m\].
 fn face(edge: f32, joint: f32, bevel: f32) -> f32 {
     smoothstep(joint, joint + bevel, edge)
 }
@@ -178,14 +180,14 @@ fn ashlar(at: Vec2) -> Texel {
     }
 }
 
-/// Veins of marble: 1 in the middle of one.
+/// Marble veins: 1 in the middle of a vein.
 fn veins(at: Vec2, cells: i32, width: f32, seed: u32) -> f32 {
     let warp = Vec2::new(clouds(at, [cells, cells], 3, seed), clouds(at, [cells, cells], 3, seed + 9));
     let line = clouds(at + 0.35 / cells as f32 * warp, [cells, cells], 4, seed + 20).abs();
     1.0 - smoothstep(0.0, width, line)
 }
 
-/// Four by four slabs of 0.75 m, every other of a darker stone, each with veins of its own.
+/// Four by four slabs of 0.75 m, every other one of a darker stone, each with its own veins.
 fn slabs(at: Vec2) -> Texel {
     let cell = (at * 4.0).floor();
     let (x, y) = (cell.x as i32, cell.y as i32);
@@ -193,7 +195,7 @@ fn slabs(at: Vec2) -> Texel {
     let edge = 0.75 * inside.min(1.0 - inside).min_element();
     let face = face(edge, 0.0015, 0.0035);
     let seed = hash(x, y, 91) % 1000;
-    // Slabs are cut from elsewhere each.
+    // Each slab is cut from another part of the stone.
     let cut = (at + Vec2::new(random(x, y, 92), random(x, y, 93))).fract();
     let thin = veins(cut, 5, 0.07, seed % 5);
     let broad = smoothstep(0.0, 0.9, clouds(cut, [4, 4], 4, 17 + seed % 3));
@@ -226,7 +228,7 @@ fn plaster(at: Vec2) -> Texel {
     }
 }
 
-/// A twill of threads of 6 mm, and an ornament of leaves that is woven smoother.
+/// A twill with threads of 6 mm and a smoother woven ornament of leaves.
 fn cloth(at: Vec2) -> Texel {
     let threads = 80.0;
     let (x, y) = (at.x * threads, at.y * threads);

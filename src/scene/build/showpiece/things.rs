@@ -1,4 +1,4 @@
-//! What stands and hangs in the court: the fountain with the statue, vessels, plants, benches, curtains, banners.
+//! Objects in the court: the fountain with the statue, vessels, plants, benches, curtains, banners.
 
 use super::super::{Surface, add_mesh, drape, lathe, patch, place, turned};
 use super::building::{COURT, FLOOR};
@@ -9,7 +9,7 @@ use crate::scene::Scene;
 use glam::{Affine3A, DAffine3, DQuat, DVec3, Quat, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
-/// Puts all of it in; the statue by cells of this side \[m\].
+/// Adds all objects; the statue is made with cells of this side \[m\].
 pub(super) fn furnish(scene: &mut Scene, palette: &Palette, cell: f32) {
     fountain(scene, palette, cell);
     vessels(scene, palette);
@@ -18,7 +18,7 @@ pub(super) fn furnish(scene: &mut Scene, palette: &Palette, cell: f32) {
     cloths(scene, palette);
 }
 
-/// A point of the scene turned about +Y \[degrees\].
+/// Transform to a position \[m\], turned about +Y \[degrees\].
 fn at(x: f64, y: f64, z: f64, degrees: f64) -> DAffine3 {
     DAffine3::from_rotation_translation(DQuat::from_rotation_y(degrees.to_radians()), DVec3::new(x, y, z))
 }
@@ -27,7 +27,7 @@ fn points(profile: &[[f32; 2]]) -> Vec<Vec2> {
     profile.iter().map(|p| Vec2::from(*p)).collect()
 }
 
-/// A basin with still water, a drum in it, the statue on that.
+/// A basin with still water, a drum in its middle, and the statue on the drum.
 fn fountain(scene: &mut Scene, palette: &Palette, cell: f32) {
     let mut foot = points(&[[1.86, -0.01], [1.86, 0.05]]);
     foot.extend(arc(Vec2::new(1.82, 0.06), 0.04, 0.0, 90.0, 4));
@@ -47,7 +47,7 @@ fn fountain(scene: &mut Scene, palette: &Palette, cell: f32) {
         drum.extend(points(&[[0.30, 1.335], [0.0, 1.335]]));
         drum
     };
-    // Twelve tesserae columns of 4 cm eleven times around.
+    // Eleven repeats of a pattern of tesserae around the basin, twelve columns of 4 cm each.
     let mosaic = wrapped(lathe(&band, 96), 0.96 * 11.0);
     let stone = wrapped(lathe(&foot, 96), 12.0).and(wrapped(lathe(&rim, 96), 10.5)).and(wrapped(lathe(&drum, 72), 4.5));
     let surface = patch([96, 6], [true, false], |column, row| {
@@ -62,7 +62,7 @@ fn fountain(scene: &mut Scene, palette: &Palette, cell: f32) {
     place(scene, "statue", statue, at(0.0, 1.335 + 0.012, 0.0, 6.0));
 }
 
-/// Jars, bowls and an ewer of metal and clay.
+/// Jars and bowls of metal and clay.
 fn vessels(scene: &mut Scene, palette: &Palette) {
     let jar = [
         [0.0, 0.0],
@@ -112,7 +112,7 @@ fn vessels(scene: &mut Scene, palette: &Palette) {
     ];
     let smooth = |profile: &[[f32; 2]], sides: usize, around: f32| {
         let points = points(profile);
-        // Catmull and Rom's curve through the points, four pieces each.
+        // A Catmull-Rom curve through the points, four pieces per segment.
         let at = |k: isize| points[k.clamp(0, points.len() as isize - 1) as usize];
         let mut fine = vec![points[0]];
         for k in 0..points.len() as isize - 1 {
@@ -168,7 +168,7 @@ fn vessels(scene: &mut Scene, palette: &Palette) {
     }
 }
 
-/// A leaf that rises from the origin towards +X and bends over; seen from both sides.
+/// A leaf that rises from the origin towards +X and bends over; visible from both sides.
 fn blade(long: f32, wide: f32, rise: f32, bend: f32) -> Surface {
     let shape = |s: f32, t: f32| {
         let angle = rise - bend * t * t;
@@ -185,7 +185,7 @@ fn blade(long: f32, wide: f32, rise: f32, bend: f32) -> Surface {
     patch([5, 13], [false; 2], point)
 }
 
-/// Large pots with blades of leaves.
+/// Large pots with leaf plants.
 fn plants(scene: &mut Scene, palette: &Palette) {
     let mut pot = points(&[[0.0, 0.0], [0.20, 0.0], [0.215, 0.015]]);
     pot.extend(points(&[[0.24, 0.15], [0.28, 0.32], [0.305, 0.46]]));
@@ -225,7 +225,7 @@ fn plants(scene: &mut Scene, palette: &Palette) {
     }
 }
 
-/// Benches of stone with a seat of wood.
+/// Stone benches with wooden seats.
 fn benches(scene: &mut Scene, palette: &Palette) {
     let part = |low: [f32; 3], high: [f32; 3], round| block(Vec3::from(low), Vec3::from(high), round, 0.5);
     let mut stone = Surface::default();
@@ -252,7 +252,7 @@ fn benches(scene: &mut Scene, palette: &Palette) {
     }
 }
 
-/// Cloth with texture coordinates in metres; its vertices are rows of a grid.
+/// Cloth with texture coordinates in metres; its vertices form a grid.
 fn cloth(size: [f32; 2], folds: f32, depth: f32) -> Surface {
     let mut cloth = drape(size, folds, depth, 0.08);
     // Folds take more cloth than the width shows.
@@ -263,7 +263,7 @@ fn cloth(size: [f32; 2], folds: f32, depth: f32) -> Surface {
     cloth
 }
 
-/// Curtains in arches of the lower storey, banners from the upper one, and the rods that hold them.
+/// Curtains in arches of the lower storey, banners on the upper one, and the rods that hold them.
 fn cloths(scene: &mut Scene, palette: &Palette) {
     let rod = |half: f32| {
         let bar =
@@ -293,7 +293,7 @@ fn cloths(scene: &mut Scene, palette: &Palette) {
             scene.instances.last_mut().expect("placed above").sparse = Some(4.0);
         }
     };
-    // The side in the sun, seen on the left.
+    // The sunlit side, on the left of the view.
     hang(wide[red], 1, 1.5, 0.0, hung, 0.0);
     hang(narrow[red], 1, -1.5, -0.72, hung, 0.0);
     hang(narrow[red], 1, -1.5, 0.72, hung, 0.0);
@@ -303,7 +303,7 @@ fn cloths(scene: &mut Scene, palette: &Palette) {
     hang(narrow[ochre], 0, -3.0, 0.72, hung, 0.0);
     hang(narrow[ochre], 0, 3.0, -0.72, hung, 0.0);
     hang(narrow[ochre], 0, 3.0, 0.72, hung, 0.0);
-    // The side in the shade.
+    // The shaded side.
     hang(wide[ochre], 3, -1.5, 0.0, hung, 0.0);
     hang(narrow[teal], 3, 1.5, 0.72, hung, 0.0);
     hang(narrow[teal], 3, 1.5, -0.72, hung, 0.0);
