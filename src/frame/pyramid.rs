@@ -26,7 +26,7 @@ impl Pyramid {
     /// Makes the pipeline and the nodes for RSMs of `rsm` texels a side.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, world: &World, rsm: u32) -> Result<Self> {
         let (views, node_count) = layout(world, rsm);
         let largest = views.iter().map(|v| [v.size, v.levels]).max().unwrap_or_default();

@@ -22,7 +22,7 @@ impl SkyShading {
     /// Makes the pipeline.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub(super) fn new(gpu: &Gpu, plan: &Plan, world: &World) -> Result<Option<Self>> {
         if !plan.sky_light {
             return Ok(None);

@@ -28,7 +28,7 @@ impl SkyOfCaches {
     /// Makes what a plan needs for a world with rays.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shader.
+    /// Fails if the device runs out of memory or the driver rejects the shader.
     pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Option<Self>> {
         if !plan.sky_light {
             return Ok(None);

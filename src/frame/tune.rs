@@ -101,7 +101,7 @@ fn both(gpu: &Gpu, ways: &Ways, worlds: [[u32; 2]; 2]) -> Result<Tuned> {
 /// The fastest way of the compute gather on this device; measured on the first call and kept.
 ///
 /// # Errors
-/// What the device has no memory for.
+/// Fails if the device runs out of memory.
 pub fn fastest(gpu: &Gpu) -> Result<Tuned> {
     let ways = candidates(gpu.is_software());
     let file = file(gpu, &ways);

@@ -79,7 +79,7 @@ impl Vals {
     /// These VALs, all of them live.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn of(gpu: &Gpu, vals: &[Val]) -> Result<Self> {
         let mut padded = vals.to_vec();
         padded.resize(vals.len().next_multiple_of(VAL_TILE as usize), Val { area: 1.0, ..Val::default() });

@@ -36,7 +36,7 @@ impl VisibleList {
     /// Room for a picture of this size.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, world: &World, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
         let all = u64::from(world.slot_count.max(1));
         let pixels = u64::from(w) * u64::from(h);
@@ -72,7 +72,7 @@ impl Visible {
     /// Makes the pipelines.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self { vertices: gpu.compute("visible.comp", &[])?, cells: gpu.compute("visible_cells.comp", &[])? })
     }

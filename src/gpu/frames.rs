@@ -154,7 +154,7 @@ impl Gpu {
     /// oldest are lost.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn finished_times(&self) -> Result<Vec<FrameTimes>> {
         // SAFETY: the semaphore is alive.
         let done = unsafe { self.shared.device.get_semaphore_counter_value(self.shared.timeline) }
@@ -172,7 +172,7 @@ impl Gpu {
     /// Waits for everything submitted; then `finished_times` has every frame.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn wait(&self) -> Result<()> {
         self.shared.wait()?;
         self.shared.collect();
@@ -182,7 +182,7 @@ impl Gpu {
     /// Waits for a frame and fetches its times, which must not have been fetched yet.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn times(&self, frame: &Frame) -> Result<FrameTimes> {
         let mut slot = self.ring.slots[frame.number as usize % FRAMES_IN_FLIGHT].borrow_mut();
         let held = slot.unread && slot.notes.number == frame.number;
@@ -222,7 +222,7 @@ impl Gpu {
     /// Records, submits and waits: for uploads and read-back, outside the frame loop. Has no times.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
         let frame = self.submit(false, |cmd| {
             cmd.zone.set(name);

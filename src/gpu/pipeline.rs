@@ -100,7 +100,7 @@ impl Gpu {
     /// A compute pipeline from `glsl/NAME`, with specialisation constants 0, 1, ...
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn compute(&self, name: &'static str, constants: &[u32]) -> Result<Pipeline> {
         self.kept(format!("{name} {constants:?}"), || self.make_compute(name, &spirv(name), constants, None))
     }
@@ -111,7 +111,7 @@ impl Gpu {
     /// If `voting_threads` does not give this number.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn compute_in_subgroups(&self, name: &'static str, constants: &[u32], threads: u32) -> Result<Pipeline> {
         assert!(self.voting_threads() == Some(threads), "{name}: subgroups of {threads} threads cannot be asked for");
         let key = format!("{name} {constants:?} {threads}");

@@ -87,7 +87,7 @@ impl Gpu {
     /// A graphics pipeline.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn raster(&self, raster: &Raster<'_>) -> Result<Pipeline> {
         self.kept(format!("{raster:?}"), || self.make_raster(raster))
     }

@@ -23,7 +23,7 @@ impl CellBuffers {
     /// Uploads the cells.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, cells: &CellSet) -> Result<Self> {
         let (mut grids, mut entries) = (Vec::new(), Vec::new());
         for model in &cells.models {

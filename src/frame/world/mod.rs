@@ -329,7 +329,7 @@ impl World {
     /// What rays meet; built on the first call.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn make_rays(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
         if self.rays.get().is_none() {
             let moves = (0..scene.instances.len()).map(|i| scene.may_move(i)).collect();
@@ -381,7 +381,7 @@ impl World {
     /// The vertices of an instance as draws last read them; none of one that has no triangles. Waits for the device.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn read_vertices(&self, gpu: &Gpu, scene: &Scene, instance: usize) -> Result<Vec<Vertex>> {
         let Some(item) = self.draws.iter().find(|item| item.instance as usize == instance) else {
             return Ok(Vec::new());

@@ -21,7 +21,7 @@ impl SkyBuffer {
     /// Uploads a sky.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, sky: &Sky) -> Result<Self> {
         let texels = gpu.buffer_from("scene.sky", &sky.texels)?;
         Ok(Self { texels, width: sky.width, height: sky.height, turn: sky.turn as f32 })
@@ -47,7 +47,7 @@ impl SkyLight {
     /// Works out the grids, and uploads them.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, sky: &Sky) -> Result<Self> {
         let mut grids = vec![sky_filter::irradiance(sky), sky_filter::halved(sky, MOST_COLUMNS)];
         grids.extend(sky_filter::lobes(sky));
