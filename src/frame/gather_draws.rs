@@ -145,7 +145,7 @@ pub struct Texels {
 }
 
 impl Texels {
-    /// Texels that hold caches.
+    /// Number of texels that hold caches.
     pub fn count(&self) -> u32 {
         self.caches.div_ceil(TEXEL_CACHES)
     }

@@ -37,7 +37,7 @@ pub struct Layer {
 }
 
 impl Layers {
-    /// Makes what a light's plan needs.
+    /// Creates the layers that a light's plan needs.
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.

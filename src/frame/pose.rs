@@ -18,7 +18,7 @@ pub struct Poses {
 }
 
 impl Poses {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
