@@ -331,7 +331,7 @@ fn commands_that_break_their_contracts_are_refused() {
             Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&small, u64::MAX, 2), (&red).into()]))
         }),
         ("slices begin at", Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&large, 1, 16), (&red).into()]))),
-        ("bound while nothing is rendered", Box::new(|cmd| cmd.bind(&screen, &[]))),
+        ("bound outside a rendering scope", Box::new(|cmd| cmd.bind(&screen, &[]))),
         // Dispatching.
         ("bind before dispatch", Box::new(|cmd| cmd.dispatch(1, 1, 1))),
         ("but the device allows", {
@@ -379,7 +379,7 @@ fn commands_that_break_their_contracts_are_refused() {
                 cmd.render(&Attachments { colors: &[], depth, area: [0, 0, 8, 8] }, |draw| draw.bind(&screen, &[]));
             })
         }),
-        ("a compute pipeline, bound while rendering", {
+        ("a compute pipeline, bound inside a rendering scope", {
             Box::new(|cmd| scope(cmd, &|draw| draw.bind(&sum, &[(&small).into(), (&red).into()])))
         }),
         ("bind before draw", Box::new(|cmd| scope(cmd, &|draw| draw.draw(3)))),
