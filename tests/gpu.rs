@@ -83,7 +83,7 @@ fn what_is_no_shader_is_refused() {
     endless[5] &= 0xffff; // an instruction of no words
     for wrong in [&[][..], &code[..4], &code[..5], &code[..6], &code[..code.len() - 1], &without_magic, &endless] {
         let error = gpu.compute_from_spirv("test.wrong", wrong, &[]).err().expect("refused");
-        assert!(error.to_string().contains("no SPIR-V module"), "{error}");
+        assert!(error.to_string().contains("not a SPIR-V module"), "{error}");
     }
     assert_clean(&gpu);
 }
@@ -411,7 +411,7 @@ fn commands_that_break_their_contracts_are_refused() {
                 });
             })
         }),
-        ("outside what is rendered", Box::new(|cmd| scope(cmd, &|draw| draw.area([4, 4, 5, 4])))),
+        ("outside the rendering scope's area", Box::new(|cmd| scope(cmd, &|draw| draw.area([4, 4, 5, 4])))),
         ("a rendering scope: not while", Box::new(|cmd| scope(cmd, &|_| scope(cmd, &|_| ())))),
         ("a copy: not while", Box::new(|cmd| scope(cmd, &|_| cmd.copy_buffer(&large, &small, 16)))),
         ("a fill: not while", Box::new(|cmd| scope(cmd, &|_| cmd.clear(&small)))),

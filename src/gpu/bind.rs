@@ -21,7 +21,7 @@ pub enum Bind<'a> {
     Texels(&'a Buffer),
     /// As `Texels`, but only the first `Gpu::most_texels`, for shaders that read larger buffers in another way.
     SomeTexels(&'a Buffer),
-    /// An image read texel by texel, or as storage where the shader says so.
+    /// An image read texel by texel, or a storage image if the shader declares it so.
     Image(&'a Image),
     /// A filtered texture.
     Texture(&'a Image, SamplerKind),

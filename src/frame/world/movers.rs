@@ -13,9 +13,9 @@ use std::collections::BTreeMap;
 
 /// Static and movable parts of the scene.
 pub(super) struct Movers {
-    /// By instance: whether it may move.
+    /// Whether each instance may move.
     pub(super) moves: Vec<bool>,
-    /// Box and root of all that stands still, where something does.
+    /// Bounds and root of all static instances, if there are any.
     still: Option<(Aabb, u32)>,
     all: Vec<Mover>,
     /// By mesh.
