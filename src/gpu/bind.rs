@@ -107,7 +107,8 @@ impl Cmd<'_> {
             let write = |set| self.write_set(set, pipeline, resources);
             let set = lock(&shared.descriptors).get(shared, &key, (name, pipeline.layout.set_layout), names, write);
             match set {
-                // SAFETY: the set is of this layout; it goes with what it names, which lives until the submission is done.
+                // SAFETY: the set has this layout; it is freed with the objects it refers to, which live until the
+                // submission is done.
                 Ok(set) => unsafe {
                     shared.device.cmd_bind_descriptor_sets(self.buffer, point, layout, 0, &[set], &[]);
                 },
@@ -234,7 +235,7 @@ impl Cmd<'_> {
                     write.image_info(&image)
                 }
             };
-            // SAFETY: the set is fresh and not in use; the infos live to the end of the call.
+            // SAFETY: the set is new and not in use; the infos live to the end of the call.
             unsafe { self.gpu.shared.device.update_descriptor_sets(&[write], &[]) };
         }
         Ok(())

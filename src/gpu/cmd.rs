@@ -112,7 +112,8 @@ impl<'g> Cmd<'g> {
         let (device, prologue) = (&self.gpu.shared.device, self.slot.borrow().prologue);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let barriers = vk::DependencyInfo::default().image_memory_barriers(&fresh);
-        // SAFETY: the buffer's last use is done with that of `self.buffer`; the images live until this submission is done.
+        // SAFETY: the prologue's last use ended with that of `self.buffer`; the images live until this submission is
+        // done.
         unsafe {
             device.begin_command_buffer(prologue, &begin).map_err(vulkan("beginning new images"))?;
             device.cmd_pipeline_barrier2(prologue, &barriers);

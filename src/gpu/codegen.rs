@@ -70,7 +70,8 @@ impl Codegen {
             .push_next(&mut v12)
             .push_next(&mut v13)
             .push_next(&mut told);
-        // SAFETY: `pick` found the features, the extension is there and has its own, and every pointer outlives the call.
+        // SAFETY: `pick` checked the features, the extension is available and includes its own feature, and every
+        // pointer outlives the call.
         let device = unsafe { instance.create_device(physical, &info, None) }
             .map_err(vulkan(format!("opening {}", report.name)))?;
         let ask = khr::pipeline_executable_properties::Device::new(instance, &device);
@@ -102,7 +103,8 @@ impl Codegen {
             .collect();
         let device = &self.device;
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        // SAFETY: the device is alive, as in all calls below; each object goes once the pipeline is read.
+        // SAFETY: the device is alive, as in all calls below; each object is destroyed after the pipeline has been
+        // queried.
         let set = unsafe { device.create_descriptor_set_layout(&info, None) }.map_err(failed)?;
         let sets = [set];
         let range =
@@ -113,7 +115,7 @@ impl Codegen {
         // SAFETY: as above.
         let layout = unsafe { device.create_pipeline_layout(&info, None) }.map_err(failed)?;
         let info = vk::ShaderModuleCreateInfo::default().code(&code);
-        // SAFETY: as above; the code is what the compiler made.
+        // SAFETY: as above; the code comes from the compiler.
         let module = unsafe { device.create_shader_module(&info, None) }.map_err(failed)?;
         let (entries, bytes) = specialization(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
@@ -145,10 +147,10 @@ impl Codegen {
     /// The driver's statistics of a pipeline's only stage.
     fn told(&self, pipeline: vk::Pipeline) -> std::result::Result<Compiled, vk::Result> {
         let info = vk::PipelineExecutableInfoKHR::default().pipeline(pipeline).executable_index(0);
-        // SAFETY: the pipeline was made to be asked, and has a stage.
+        // SAFETY: the pipeline was created with statistics enabled, and has one stage.
         let statistics = unsafe { self.ask.get_pipeline_executable_statistics(&info) }?;
         let number = |s: &vk::PipelineExecutableStatisticKHR<'_>| {
-            // SAFETY: the format says which member is there.
+            // SAFETY: the format tells which member is valid.
             unsafe {
                 match s.format {
                     vk::PipelineExecutableStatisticFormatKHR::BOOL32 => f64::from(s.value.b32),
@@ -183,7 +185,7 @@ impl Codegen {
 
 impl Drop for Codegen {
     fn drop(&mut self) {
-        // SAFETY: all that was made of it has gone.
+        // SAFETY: everything created from the device has been destroyed.
         unsafe { self.device.destroy_device(None) };
     }
 }

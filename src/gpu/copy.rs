@@ -48,7 +48,7 @@ impl Cmd<'_> {
         self.touch_buffer(to, Use::CopyWrite);
         for (i, part) in bytes.chunks(MOST).enumerate() {
             let offset = first_byte + (i * MOST) as u64;
-            // SAFETY: the buffer is alive, and offset and size, both of whole words, lie within it by the assertion above.
+            // SAFETY: the buffer is alive; offset and size are whole words and lie within it by the assertions above.
             unsafe { self.gpu.shared.device.cmd_update_buffer(self.buffer, to.handle, offset, part) };
         }
     }

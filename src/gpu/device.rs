@@ -413,7 +413,8 @@ impl Drop for Shared {
         self.collect_all();
         lock(&self.descriptors).destroy(&self.device);
         drop(lock(&self.allocator).take());
-        // SAFETY: `Shared` is dropped when the last object made from the device has gone; null handles are ignored.
+        // SAFETY: `Shared` is dropped when the last object created from the device has been dropped; null handles are
+        // ignored.
         unsafe {
             self.device.destroy_semaphore(self.timeline, None);
             self.device.destroy_command_pool(self.pool, None);

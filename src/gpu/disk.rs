@@ -44,7 +44,7 @@ impl Disk {
         }
         let make = |data| {
             let info = vk::PipelineCacheCreateInfo::default().initial_data(data);
-            // SAFETY: the device is alive; the data is what its driver gave out, by checksum and identity.
+            // SAFETY: the device is alive; checksum and identity show that its driver returned this data.
             unsafe { shared.device.create_pipeline_cache(&info, None) }
         };
         let cache = make(data).or_else(|_| make(&[])).unwrap_or_else(|result| {
@@ -74,7 +74,7 @@ impl Disk {
                 log::debug!("{}: {error}; the pipelines are not stored", file.display());
             }
         }
-        // SAFETY: made from this device; pipelines made by it do not need it.
+        // SAFETY: the cache belongs to this device; pipelines created with it do not need it.
         unsafe { shared.device.destroy_pipeline_cache(cache, None) };
     }
 }

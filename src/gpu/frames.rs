@@ -247,7 +247,7 @@ impl Gpu {
 impl Drop for Slot {
     fn drop(&mut self) {
         self.shared.wait_to_drop();
-        // SAFETY: nothing is in use after the wait; the command buffer goes with its pool.
+        // SAFETY: nothing is in use after the wait; the command buffers are freed with their pool.
         unsafe { self.shared.device.destroy_query_pool(self.queries, None) };
     }
 }

@@ -107,8 +107,9 @@ impl Shared {
     fn destroy(&self, Grave { id, remains, .. }: Grave) {
         lock(&self.descriptors).forget(&self.device, id);
         let device = &self.device;
-        // SAFETY: all handles were made from this device and their owner is gone; nothing submitted or being recorded uses
-        // them (`collect`), and no descriptor set that names them is left. Views go before what they show.
+        // SAFETY: all handles were created from this device and their owner has been dropped; no commands that are
+        // submitted or being recorded use them (`collect`), and no descriptor set refers to them any more. Views are
+        // destroyed before their buffer or image.
         let memory = unsafe {
             match remains {
                 Remains::Buffer { handle, texels, memory } => {

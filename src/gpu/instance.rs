@@ -350,7 +350,8 @@ pub(super) fn pick(instance: &ash::Instance, wanted: Option<&str>) -> Result<(vk
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // SAFETY: the device, if there was one, has gone; the sink of the messenger lives until this function ends.
+        // SAFETY: the device, if there was one, has been destroyed; the sink of the messenger lives until this function
+        // ends.
         unsafe {
             if let Some((loader, messenger)) = self.debug.take() {
                 loader.destroy_debug_utils_messenger(messenger, None);

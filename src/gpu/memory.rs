@@ -67,7 +67,7 @@ pub fn give_memory_back() {
     {
         /// Smallest block that is allocated directly from the system \[bytes\].
         const SMALLEST: i32 = 1 << 20;
-        // SAFETY: sets a number of the allocator, which locks itself.
+        // SAFETY: sets a parameter of the allocator, which does its own locking.
         unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, SMALLEST) };
     }
 }

@@ -183,7 +183,7 @@ impl Gpu {
             stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS).push_next(&mut size);
         }
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(declared.layout.handle);
-        // SAFETY: module and layout are alive; the module may go once the pipeline is made.
+        // SAFETY: module and layout are alive; the module may be destroyed once the pipeline is created.
         let made = unsafe {
             let made = self.shared.device.create_compute_pipelines(self.disk.cache, &[info], None);
             self.shared.device.destroy_shader_module(module, None);
@@ -210,7 +210,8 @@ impl Gpu {
 
     pub(super) fn module(&self, name: &str, code: &[u32]) -> Result<vk::ShaderModule> {
         let info = vk::ShaderModuleCreateInfo::default().code(code);
-        // SAFETY: glslang made the code, for this Vulkan version.
+        // SAFETY: glslang compiled the code for this Vulkan version; callers of `compute_from_spirv` must pass code
+        // that is as valid.
         let module = unsafe { self.shared.device.create_shader_module(&info, None) };
         let module = module.map_err(vulkan(format!("shader {name}")))?;
         self.shared.name(module, name);

@@ -183,7 +183,8 @@ impl Gpu {
             .dynamic_state(&dynamic)
             .layout(declared.layout.handle)
             .push_next(&mut rendering);
-        // SAFETY: all chained structs live to the end of the call; the modules may go once the pipeline is made.
+        // SAFETY: all chained structs live to the end of the call; the modules may be destroyed once the pipeline is
+        // created.
         let made = unsafe {
             let made = self.shared.device.create_graphics_pipelines(self.disk.cache, &[info], None);
             for (_, module) in &modules {

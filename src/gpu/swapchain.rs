@@ -140,7 +140,7 @@ impl Swapchain {
         self.surface = unsafe { ash_window::create_surface(entry, instance, display.as_raw(), window.as_raw(), None) }
             .map_err(|r| refused(&r.to_string()))?;
         // The surface gets no name. It belongs to the instance, and some loaders crash when a device names it.
-        // SAFETY: the surface was just made on this instance, of which the device is.
+        // SAFETY: the surface was just created from this instance, to which the device belongs.
         let shows = queue_family(instance, shared.physical).map(|(family, _)| unsafe {
             self.surfaces.get_physical_device_surface_support(shared.physical, family, self.surface)
         });
@@ -185,7 +185,7 @@ impl Swapchain {
     /// Recreates the images at the window's size. Returns whether the window has pixels.
     fn make_chain(&mut self, wanted: [u32; 2]) -> Result<bool> {
         let (physical, surface) = (self.shared.physical, self.surface);
-        // SAFETY: the surface is alive, and the device was found to know it.
+        // SAFETY: the surface is alive, and the device was found to support it.
         let found = unsafe {
             let capabilities = self.surfaces.get_physical_device_surface_capabilities(physical, surface);
             let formats = self.surfaces.get_physical_device_surface_formats(physical, surface);
@@ -242,7 +242,7 @@ impl Swapchain {
             .present_mode(mode)
             .clipped(true)
             .old_swapchain(self.chain.as_ref().map_or(vk::SwapchainKHR::null(), |chain| chain.handle));
-        // SAFETY: all that `info` asks for was found to be there, and the old chain is the surface's own.
+        // SAFETY: everything in `info` was found to be supported, and the old chain belongs to this surface.
         let handle = unsafe { self.chains.create_swapchain(&info, None) };
         let handle = handle.map_err(vulkan(format!("images of the window, {}x{}", size[0], size[1])))?;
         self.shared.name(handle, "window.chain");
@@ -292,8 +292,9 @@ impl Swapchain {
             .command_buffer_infos(&commands)
             .signal_semaphore_infos(&signals);
         let (device, begin) = (&self.shared.device, vk::CommandBufferBeginInfo::default());
-        // SAFETY: the slot's last submission is done, so its buffer may be recorded anew. `copy` keeps to both images. The
-        // semaphore `filled` was waited for by the presentation of this image before, which has ended: it was acquired again.
+        // SAFETY: the slot's last submission is done, so its buffer may be recorded again. `copy` stays within both
+        // images. The previous presentation of this image waited for `filled` and has ended, since the image was
+        // acquired again.
         unsafe {
             device.begin_command_buffer(slot.commands, &begin.flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT))?;
             copy(device, slot.commands, &fresh, image, chain, chain.images[index as usize]);
@@ -304,7 +305,7 @@ impl Swapchain {
         slot.done = value;
         let (chains, indices, filled) = ([chain.handle], [index], [filled]);
         let info = vk::PresentInfoKHR::default().wait_semaphores(&filled).swapchains(&chains).image_indices(&indices);
-        // SAFETY: the image was acquired, and the submission above brings it to the layout that is shown.
+        // SAFETY: the image was acquired, and the submission above transitions it to the layout for presentation.
         match unsafe { self.chains.queue_present(self.queue, &info) } {
             Ok(suboptimal) => self.stale |= suboptimal,
             // The window was resized before the picture was presented.
@@ -318,7 +319,7 @@ impl Swapchain {
     fn drop_chain(&mut self, new: Option<Chain>) {
         let Some(old) = std::mem::replace(&mut self.chain, new) else { return };
         self.shared.wait_to_drop();
-        // SAFETY: once the queue is idle, nothing that was handed over names the images and semaphores.
+        // SAFETY: once the queue is idle, nothing that was submitted refers to the images and semaphores.
         unsafe {
             if let Err(result) = self.shared.device.queue_wait_idle(self.queue) {
                 log::debug!("waiting for a window: {result}");
@@ -333,7 +334,7 @@ impl Swapchain {
     fn drop_surface(&mut self) {
         self.drop_chain(None);
         let surface = std::mem::replace(&mut self.surface, vk::SurfaceKHR::null());
-        // SAFETY: its chain has gone, and the instance lives; null handles are ignored.
+        // SAFETY: its chain has been destroyed, and the instance is alive; null handles are ignored.
         unsafe { self.surfaces.destroy_surface(surface, None) };
     }
 }
@@ -384,7 +385,7 @@ unsafe fn copy(
     let layers =
         vk::ImageSubresourceLayers { aspect_mask: vk::ImageAspectFlags::COLOR, layer_count: 1, ..Default::default() };
     let corner = vk::Offset3D { x: width as i32, y: height as i32, z: 1 };
-    // SAFETY: see above; both images have the region, and are in the layouts that are named.
+    // SAFETY: see above; both images contain the region and are in the given layouts.
     unsafe {
         let info = vk::DependencyInfo::default().memory_barriers(&before).image_memory_barriers(&images);
         device.cmd_pipeline_barrier2(commands, &info);

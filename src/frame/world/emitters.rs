@@ -231,7 +231,7 @@ fn share(triangle: &Emitter<'_>, emission: &Emission<'_>, weights: DVec3) -> Vec
 }
 
 /// Reduces the patches to at most [`MOST`] with the same total light. If there are more, one patch is taken per fixed
-/// amount of light [lm], and all taken ones are equally bright.
+/// amount of light \[lm\], and all taken ones are equally bright.
 fn fewer(nominal: &[DVec3], patches: Vec<(Patch, Val)>) -> Vec<(Patch, Val)> {
     if patches.len() <= MOST {
         return patches;
