@@ -29,7 +29,7 @@ pub struct SentOn {
     pub images: Buffer,
     /// For each texel of these images, the cache at the hit, or `NO_REFERENCES`.
     pub met: Buffer,
-    /// Share of the other images that is not open.
+    /// Share of each cache's texels in `DepthImages::buffer` that are not open.
     pub closed: Buffer,
 }
 

@@ -20,8 +20,8 @@ use glam::Vec4;
 const SPREAD: f32 = 0.3;
 const ERROR_SPREAD: f32 = 0.5;
 
-/// Maximum number of nodes in a part. Older lavapipe leaves loops after 65 535 iterations. Each node takes one iteration,
-/// and so does each VAL below it: at most three VALs per node on average.
+/// Maximum number of nodes in a part. Older lavapipe leaves loops after 65 535 iterations. Each node takes one, and so
+/// does each VAL below it: at most three VALs per node on average.
 const LONGEST_PART: u32 = 12_288;
 
 /// Nodes in a part if memory allows. They cover about 3000 VALs.

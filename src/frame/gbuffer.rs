@@ -1,5 +1,4 @@
-//! Stage 1, G-buffer: draws depth, normal, reflectances, emitted radiance and element of the visible surfaces. METHOD
-//! 1.
+//! Stage 1, G-buffer: draws depth, normal, reflectances, emitted radiance and element of visible surfaces. METHOD 1.
 
 use super::plan::Plan;
 use super::settings::Antialiasing;

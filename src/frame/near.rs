@@ -1,6 +1,6 @@
 //! Stage 8, first part: short rays from the visible surfaces. METHOD 11.
 //!
-//! Caches cannot resolve surfaces within one cache spacing. A few rays from every other pixel find these surfaces, and
+//! Caches cannot resolve surfaces within one cache spacing. A few rays from some of the pixels find these surfaces, and
 //! the next pass combines the rays of neighbouring pixels. The surfaces that rays hit add their own light and block the
 //! light of caches from that direction.
 

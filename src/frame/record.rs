@@ -24,10 +24,10 @@ pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(Vie
     record_rows(cmd, world, light, views, look, 0..u32::MAX);
 }
 
-/// Records a frame split into several command buffers: each call lights these rows of the pictures by brute force. The
-/// stages before brute force are recorded with the first row, the stages after it with the last row, so that all calls
-/// together give the bits of a single frame. The inputs of the pictures must not change between the calls. Caches are
-/// not split into rows.
+/// Records one frame in several parts, each for a submission of its own: each call lights these rows of the pictures by
+/// brute force. The stages before brute force are recorded with the first row, the stages after it with the last row,
+/// so that all calls together give the bits of a single frame. The inputs of the pictures must not change between the
+/// calls. Caches are not split into rows.
 ///
 /// # Panics
 /// As `record`.
@@ -340,7 +340,7 @@ fn find_outdated(world: &World, light: &mut Light, views: &mut [(View, &mut Pict
     if let IndirectLight::Caches(caches) = &mut light.indirect {
         let (plan, made) = (&light.plan, &mut caches.made);
         outdated.atlas = made.atlas.renew([surfaces]) || anew;
-        // The visible surfaces of the views determine which caches are live, and their order. The number of lights
+        // The visible surfaces of the views determine which caches are live, and their order. The number of VALs
         // affects only the dispatch.
         made.order.renew(shown().filter(|_| plan.cull).map(|picture| picture.made.visible.revision()));
         let order = made.order.revision();

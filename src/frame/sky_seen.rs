@@ -17,7 +17,7 @@ use crate::shared::{DEPTH_IMAGE_ROW, DIRECTIONS, SkySeen, SkySeenPush};
 pub struct SkyOfCaches {
     /// One `SkySeen` per cache.
     pub seen: Buffer,
-    /// Openness of each cache by direction, in 8 bits with 4 fractional ones.
+    /// Openness of each cache by direction, one byte each: the number of open parts of the direction, 0 to 4.
     pub open: Buffer,
     pipeline: Pipeline,
     /// Distance at which rays start \[m\].

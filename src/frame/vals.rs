@@ -39,7 +39,7 @@ impl Vals {
         })
     }
 
-    /// Creates `count` VALs, of which the last are given and constant.
+    /// Creates `count` VALs, of which the last are given. Only `update` changes these.
     pub(super) fn with(gpu: &Gpu, count: u32, last: &[Val], weight: ProxyWeight) -> Result<Self> {
         let made = Self::new(gpu, "rsm", count)?;
         if last.is_empty() {

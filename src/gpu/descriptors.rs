@@ -84,7 +84,7 @@ impl Descriptors {
         }
     }
 
-    /// Frees all sets that refer to an identity. No submission in use may use them.
+    /// Frees all sets that refer to an identity. No pending submission may use them.
     pub(super) fn forget(&mut self, device: &ash::Device, id: u64) {
         for key in self.naming.remove(&id).unwrap_or_default() {
             let Some(set) = self.sets.remove(&key) else { continue };

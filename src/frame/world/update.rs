@@ -238,10 +238,10 @@ pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
 impl World {
     /// Takes over the current state of the scene. Frames recorded from now on show it. The cost depends on the changes:
     ///
-    /// - Of transforms, poses, light values and material values, only changes are copied.
+    /// - Transforms, poses, light values and material values: each kind that has changed is copied.
     /// - With ray tracing, the first move of an instance rebuilds the BVHs, unless `Scene::may_move` has announced it.
     /// - Another number or other kinds of lights recreate the lights' buffers; fit lights and pictures afterwards
-    /// (`Light::fit`).
+    ///   (`Light::fit`).
     /// - Other textures, alpha masks or lobes recreate the whole world; fit afterwards as well.
     ///
     /// The scene's centre and bounds stay those of the upload.
