@@ -83,7 +83,7 @@ fn what_is_no_shader_is_refused() {
     endless[5] &= 0xffff; // an instruction of no words
     for wrong in [&[][..], &code[..4], &code[..5], &code[..6], &code[..code.len() - 1], &without_magic, &endless] {
         let error = gpu.compute_from_spirv("test.wrong", wrong, &[]).err().expect("refused");
-        assert!(error.to_string().contains("no SPIR-V module"), "{error}");
+        assert!(error.to_string().contains("not a SPIR-V module"), "{error}");
     }
     assert_clean(&gpu);
 }
@@ -331,7 +331,7 @@ fn commands_that_break_their_contracts_are_refused() {
             Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&small, u64::MAX, 2), (&red).into()]))
         }),
         ("slices begin at", Box::new(|cmd| cmd.bind(&sum, &[Bind::Slice(&large, 1, 16), (&red).into()]))),
-        ("bound while nothing is rendered", Box::new(|cmd| cmd.bind(&screen, &[]))),
+        ("bound outside a rendering scope", Box::new(|cmd| cmd.bind(&screen, &[]))),
         // Dispatching.
         ("bind before dispatch", Box::new(|cmd| cmd.dispatch(1, 1, 1))),
         ("but the device allows", {
@@ -379,7 +379,7 @@ fn commands_that_break_their_contracts_are_refused() {
                 cmd.render(&Attachments { colors: &[], depth, area: [0, 0, 8, 8] }, |draw| draw.bind(&screen, &[]));
             })
         }),
-        ("a compute pipeline, bound while rendering", {
+        ("a compute pipeline, bound inside a rendering scope", {
             Box::new(|cmd| scope(cmd, &|draw| draw.bind(&sum, &[(&small).into(), (&red).into()])))
         }),
         ("bind before draw", Box::new(|cmd| scope(cmd, &|draw| draw.draw(3)))),
@@ -411,7 +411,7 @@ fn commands_that_break_their_contracts_are_refused() {
                 });
             })
         }),
-        ("outside what is rendered", Box::new(|cmd| scope(cmd, &|draw| draw.area([4, 4, 5, 4])))),
+        ("outside the rendering scope's area", Box::new(|cmd| scope(cmd, &|draw| draw.area([4, 4, 5, 4])))),
         ("a rendering scope: not while", Box::new(|cmd| scope(cmd, &|_| scope(cmd, &|_| ())))),
         ("a copy: not while", Box::new(|cmd| scope(cmd, &|_| cmd.copy_buffer(&large, &small, 16)))),
         ("a fill: not while", Box::new(|cmd| scope(cmd, &|_| cmd.clear(&small)))),

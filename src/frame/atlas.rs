@@ -1,4 +1,4 @@
-//! Stage 3, cache atlas: model caches, instance transforms -> caches in the world. METHOD 1 and 9.
+//! Stage 3, cache atlas: transforms the caches of all instances from model space into the world. METHOD 1 and 9.
 
 use super::world::World;
 use crate::error::Result;
@@ -7,27 +7,27 @@ use crate::shared::{Cache, PlacePush};
 
 /// The caches of all instances in the world.
 pub struct Atlas {
-    /// Every instance's, one after the other; at least one, so that it can be bound.
+    /// The caches of all instances in order. At least one element, so that the buffer can be bound.
     pub caches: Buffer,
-    /// How many.
+    /// Number of caches.
     pub count: u32,
     pipeline: Pipeline,
 }
 
 impl Atlas {
-    /// Makes room for this many caches.
+    /// Creates a buffer for this many caches, and the pipeline.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, count: u32) -> Result<Self> {
         let caches = gpu.buffer("atlas.caches", u64::from(count.max(1)) * size_of::<Cache>() as u64)?;
         Ok(Self { caches, count, pipeline: gpu.compute("atlas.comp", &[])? })
     }
 
-    /// The atlas of these caches, for callers that drive later stages themselves.
+    /// Creates an atlas with these caches, for callers that run later stages themselves.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn of(gpu: &Gpu, caches: &[Cache]) -> Result<Self> {
         Ok(Self { caches: gpu.buffer_from("atlas.caches", caches)?, ..Self::new(gpu, caches.len() as u32)? })
     }

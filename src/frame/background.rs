@@ -1,4 +1,4 @@
-//! Stage 2, where no surface is: the sky's radiance. Its light on surfaces is `sky_light`'s.
+//! Stage 2 in pixels without a surface: adds the sky's radiance. `sky_light` handles the sky's light on surfaces.
 
 use super::gbuffer::Surface;
 use super::view::View;
@@ -7,22 +7,22 @@ use crate::error::Result;
 use crate::gpu::{Attach, Attachments, Cmd, Gpu, Pipeline, Use};
 use crate::shared::SkyPush;
 
-/// Fills the background.
+/// Draws the background.
 pub struct Background {
     pipeline: Pipeline,
 }
 
 impl Background {
-    /// Makes the pipeline.
+    /// Creates the pipeline.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let pipeline = Surface::adding(gpu, "sky.frag", &[])?;
         Ok(Self { pipeline })
     }
 
-    /// Records the pass for views and what they see of surfaces.
+    /// Records the pass for views and their surfaces.
     pub fn record<'a>(&self, cmd: &Cmd<'_>, sky: &SkyBuffer, views: impl Iterator<Item = (&'a View, &'a Surface)>) {
         cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite); // G-buffer, direct light
         for (view, surface) in views {

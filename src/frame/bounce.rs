@@ -1,11 +1,14 @@
-//! Stage 6, further bounces: lit caches become VALs and light all caches, bounce after bounce. METHOD 9, thesis 6.1.7.
+//! Stage 6, further bounces: lit caches become VALs and light all caches; this repeats for each bounce. METHOD 9,
+//! thesis 6.1.7.
 //!
-//! Every cache takes part in every bounce: one that is not seen sends light to those that are. The sums of the primary
-//! lights' VALs are made once; those of the caches lie in parts of their own and are made anew in every bounce. Before the
-//! first, a gather of the caches' areas gives each the sum of its form factors, by which what caches send is bounded.
+//! Every cache takes part in every bounce, since caches that are not visible light visible ones. The primary lights'
+//! VALs are summed once. The caches' VALs have separate parts of the sums, which each bounce recomputes. Before the
+//! first bounce, a gather of the caches' areas gives each cache the sum of its form factors, which bounds the light
+//! that caches send.
 //!
-//! What a surface that emits gives to a cache has not bounced yet. So where there are such VALs, caches first send on their
-//! light alone, and there is a gather more: after N of them all light has bounced N times at most, whatever it came from.
+//! Light from an emissive surface has not bounced yet when it reaches a cache. If there are VALs on emissive surfaces,
+//! caches first send on their light alone, and there is one more gather. So after N gathers all light has bounced at
+//! most N times, whatever its source.
 
 use super::depth_images::{SentOn, are_texels};
 use super::live::Live;
@@ -18,35 +21,35 @@ use crate::shared::{
     VAL_TILE, Val,
 };
 
-/// Makes VALs of lit caches and gathers them.
+/// Turns lit caches into VALs and gathers them.
 pub struct Bounces {
-    /// The caches as VALs, padded with dark ones to whole tiles.
+    /// The caches as VALs, padded to whole tiles with VALs without light.
     pub vals: Buffer,
-    /// Their number before padding.
+    /// Number of VALs before padding.
     pub(super) val_count: Buffer,
-    /// By what the light of all caches is multiplied at each.
+    /// Factor for the light of all caches, one per receiving cache.
     pub scales: Buffer,
-    /// Parts that the caches' VALs are split into; they lie before those of the primary lights.
+    /// Number of parts that the caches' VALs are split into. They come before the parts of the primary lights.
     pub parts: u32,
-    /// Gathers of the caches' light.
+    /// Number of gathers of the caches' light.
     count: u32,
     caches_per_thread: u32,
     light: Pipeline,
-    /// Where caches trace rays: what they receive of the caches of what these meet, instead of a gather.
+    /// Only if caches trace rays: replaces a gather by light from the caches at the hits of these rays.
     exchange: Option<Pipeline>,
-    /// Gathers of the diffuse lobe alone: what later bounces need of earlier ones.
+    /// Gathers the diffuse lobe only, for all bounces but the last.
     diffuse: Pipeline,
-    /// Of both lobes, where there are two.
+    /// Gathers both lobes, if there are two.
     all: Pipeline,
     resolve: Pipeline,
 }
 
 impl Bounces {
-    /// Makes it for caches that light caches once or more.
+    /// Creates the passes for caches that light each other at least once.
     pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind, is_traced: bool) -> Result<Self> {
         let near = kind.near > 0.0;
         let ComputeKind { glossy, shadows, bounces, emitted, weight, .. } = kind;
-        // What follows each other in the list of caches lies in different directions.
+        // Neighbours in the list of caches lie in different directions.
         let caches = live.caches;
         let images_as_texels = are_texels(gpu, caches);
         let sum = |glossy| {
@@ -74,15 +77,15 @@ impl Bounces {
         })
     }
 
-    /// Gathers of the caches' light, or of what stands for it.
+    /// Number of gathers of the caches' light, or of passes that replace them.
     pub fn gathers(&self) -> u32 {
         if self.exchange.is_some() { 2 } else { 1 + self.count }
     }
 
-    /// Records the bounces: in front of them the primary lights' sums are being written, and proxies are made of those and of
-    /// the caches' at their end. The last one has the glossy lobe, too, where there is one. What caches send on is gathered by
-    /// the first of `sums` and `pushes`, what pixels get by the second ones; for that `leave_out` makes the primary lights' sums anew, where
-    /// something nearby is left to short rays.
+    /// Records the bounces. The primary lights' sums must have been recorded before. At the end, proxies are made from
+    /// the primary sums and those of the caches. The last bounce includes the glossy lobe, if there is one. The first
+    /// of `sums` and `pushes` gather the light that caches send on; the second gather the light for pixels. If short
+    /// rays provide the light from nearby surfaces, `leave_out` recomputes the primary lights' sums for pixels.
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
@@ -93,7 +96,7 @@ impl Bounces {
         leave_out: Option<&dyn Fn()>,
     ) {
         let caches = (&self.vals, &self.val_count);
-        // The sums before, and the VALs that they were made of.
+        // Waits for the previous sums, and for reads of the VALs they were computed from.
         let wait = || cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
         let light = |step| {
             wait();
@@ -101,7 +104,7 @@ impl Bounces {
             wait();
         };
         light(BOUNCE_AREAS);
-        // Rays say what caches see of all; the gather's form factors are asked for what it is needed for.
+        // If rays tell caches what they see at all distances, the form factors are needed only for the last gather.
         let (of_areas, areas_push) = if self.exchange.is_some() { (last_sums, last) } else { (sums, push) };
         self.gather(cmd, &self.diffuse, caches, of_areas, areas_push);
         light(BOUNCE_FIRST);

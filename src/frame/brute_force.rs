@@ -1,4 +1,4 @@
-//! Every VAL onto every pixel: what interpolation is measured against. METHOD 3. Stands in for stages 3, 6 and 8.
+//! Brute force: every VAL lights every pixel, the reference for interpolation. METHOD 3. Replaces stages 3, 6 and 8.
 
 use super::gbuffer::Surface;
 use super::inside::InsideBruteForce;
@@ -14,15 +14,15 @@ use std::ops::Range;
 /// One full-screen draw per tile of VALs.
 pub struct BruteForce {
     pipeline: Pipeline,
-    /// Stage 10; only where light goes on inside bodies.
+    /// Stage 10; only where light travels through translucent bodies.
     pub(super) inside: Option<InsideBruteForce>,
 }
 
 impl BruteForce {
-    /// Makes the pipeline.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let targets = [Format::R32G32B32A32_SFLOAT; 2];
         let pipeline = gpu.raster(&Raster {
@@ -39,7 +39,7 @@ impl BruteForce {
         Ok(Self { pipeline, inside: InsideBruteForce::new(gpu, plan)? })
     }
 
-    /// Records the stage for these rows of a view, where it has such.
+    /// Records the stage for these rows of a view. Rows outside the picture are ignored.
     pub fn record(
         &self,
         cmd: &Cmd<'_>,

@@ -1,4 +1,4 @@
-//! Indirect light by interpolated caches: stages 3 and 5 to 10, and what they write.
+//! Indirect light by interpolated caches: stages 3 and 5 to 10 with their results.
 
 use super::atlas::Atlas;
 use super::cull::Cull;
@@ -18,19 +18,19 @@ use super::world::World;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// Caches in the world, what lights them, and how that gets to pixels.
+/// Caches in the world, the passes that light them, and the passes that carry their light to pixels.
 pub struct CacheLight {
     /// Stage 3.
     pub atlas: Atlas,
     /// Stage 6.
     pub gather: Gather,
-    /// What stage 6 makes and stage 7 dims.
+    /// Written by stage 6, dimmed by stage 7.
     pub proxies: Proxies,
-    /// Stage 8, first; only where what is nearby is left to short rays.
+    /// Stage 8, first part; only with short rays.
     pub near: Option<NearRays>,
-    /// Stages 6 and 8 of a sky, where caches see one.
+    /// Stages 6 and 8 for a sky; only where caches see one.
     pub sky: Option<(SkyOfCaches, SkyShading)>,
-    /// Stages 9 and 10; only where light goes on inside bodies.
+    /// Stages 9 and 10; only where light travels through translucent bodies.
     pub inside: Option<Dipoles>,
     pub(super) visible: Visible,
     pub(super) cull: Option<Cull>,
@@ -40,22 +40,22 @@ pub struct CacheLight {
     pub(super) made: MadeOfCaches,
 }
 
-/// What is up to date.
+/// Revisions of the results of these stages.
 #[derive(Default)]
 pub(super) struct MadeOfCaches {
     pub(super) atlas: Made,
-    /// Which caches are live, and in which order.
+    /// Which caches are live, and their order.
     pub(super) order: Made,
-    /// The list itself, with the gather's dispatch in it.
+    /// The list of live caches, including the gather's dispatch size.
     pub(super) live: Made,
     pub(super) depth_images: Made,
     pub(super) proxies: Made,
-    /// What caches see of the sky.
+    /// The sky as caches see it.
     pub(super) sky: Made,
 }
 
 impl CacheLight {
-    /// Makes it for a world, so many VALs of RSMs of `rsm` texels a side, and so many eyes.
+    /// Creates the stages for a world, this many VALs, RSMs with `rsm` texels a side, and this many eyes.
     pub(super) fn new(
         gpu: &Gpu,
         plan: &Plan,
@@ -66,7 +66,7 @@ impl CacheLight {
         let gather = Gather::new(gpu, plan, world, settings, [vals, rsm, eyes])?;
         let count = world.cache_count;
         let near = NearRays::new(gpu, world, plan)?;
-        // Caches that are live together.
+        // Number of consecutive caches that become live together.
         let group = gather.live().map_or(0, |live| live.group);
         Ok(Self {
             atlas: Atlas::new(gpu, count)?,

@@ -1,7 +1,7 @@
-//! Debugging: counts on the device what no radiance, VAL or proxy can be. METHOD 4 has no broken value anywhere.
+//! Debugging: counts invalid values of radiances, VALs and proxies on the device. By METHOD 4 there are none.
 //!
-//! A submission of its own after the frame: a frame that is not checked costs nothing, and one that is takes no other
-//! time for its stages.
+//! The check is a separate submission after the frame. So it costs unchecked frames nothing and does not affect the
+//! stage times of checked ones.
 
 use super::light::Light;
 use super::picture::Picture;
@@ -11,24 +11,24 @@ use crate::shared::{
     CHECK_DIFFUSE, CHECK_DIRECT, CHECK_GLOSSY, CHECK_GROUPS, CHECK_PROXIES, CHECK_TARGETS, CHECK_VALS, CheckPush,
 };
 
-/// Counts broken values: not a number, infinite, or negative where that makes no sense.
+/// Counts broken values: NaN, infinite, or negative where that makes no sense.
 pub struct Check {
     pipeline: Pipeline,
     counts: Buffer,
 }
 
-/// Broken values of one target.
+/// Broken values in one target.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Broken {
-    /// What was looked at.
+    /// Name of the target.
     pub target: &'static str,
-    /// Values that are not a number, infinite or negative.
+    /// Values that are NaN, infinite or negative.
     pub broken: u64,
-    /// Values that were looked at.
+    /// Values that were checked.
     pub values: u64,
 }
 
-/// Names in the order of the shader's targets, and values of each item that are looked at.
+/// Names in the order of the shader's targets, and the number of values checked per item.
 const TARGETS: [(u32, &str, u64); CHECK_TARGETS as usize] = [
     (CHECK_DIRECT, "direct", 3),
     (CHECK_DIFFUSE, "indirect.diffuse", 3),
@@ -38,20 +38,20 @@ const TARGETS: [(u32, &str, u64); CHECK_TARGETS as usize] = [
 ];
 
 impl Check {
-    /// Makes the pipeline and its buffer.
+    /// Creates the pipeline and its buffer.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let counts = gpu.buffer("check.counts", u64::from(4 * CHECK_TARGETS * CHECK_GROUPS))?;
         Ok(Self { pipeline: gpu.compute("count_broken.comp", &[])?, counts })
     }
 
-    /// Looks at what the last frame has left in a picture and its light; waits for the device. What the frame has not is left
-    /// out.
+    /// Checks the results of the last frame in a picture and its light; waits for the device. Targets that the frame
+    /// does not have are left out.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn count(&self, gpu: &Gpu, light: &Light, picture: &Picture) -> Result<Vec<Broken>> {
         let (surface, exposure) = (&picture.surface, &picture.output.exposure);
         let diffuse = picture.indirect.as_ref().map(|i| &i.diffuse);
@@ -66,7 +66,7 @@ impl Check {
             val_count: vals.map_or(0, |vals| vals.count),
             cache_count: proxies.map_or(0, |proxies| proxies.count * proxies.runs),
         };
-        // What is not there is not read; another resource only fills its place.
+        // Missing targets are not read; another resource takes their binding.
         let binds: [Bind<'_>; 6] = [
             (&surface.radiance).into(),
             diffuse.unwrap_or(&surface.radiance).into(),

@@ -1,4 +1,4 @@
-//! Stage 11, composite: all radiance, depth -> exposure; tone map -> picture. METHOD 1, 10.
+//! Stage 11, composite: measures exposure from all radiance, then tone-maps it into the picture. METHOD 1, 10.
 
 use super::edges::Edges;
 use super::gbuffer::Surface;
@@ -13,19 +13,19 @@ use crate::gpu::{
 use crate::shared::CompositePush;
 use glam::Vec4;
 
-/// A picture as it is shown.
+/// A finished picture.
 pub struct Output {
     /// Tone-mapped sRGB.
     pub picture: Image,
-    /// The exposure value that the picture is shown with, measured or fixed.
+    /// The exposure value of the picture, measured or fixed.
     pub exposure: Buffer,
 }
 
 impl Output {
-    /// Of this size.
+    /// Creates the images for a picture of this size \[pixels\].
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, [w, h]: [u32; 2]) -> Result<Self> {
         Ok(Self {
             picture: gpu.target("composite.output", Format::R8G8B8A8_SRGB, w, h)?,
@@ -34,35 +34,35 @@ impl Output {
     }
 }
 
-/// Measures the luminance of what the picture shows and maps it to the display. METHOD 10.
+/// Measures the luminance of the visible radiance and maps it to the display. METHOD 10.
 pub struct Composite {
     expose: Pipeline,
     map: Pipeline,
 }
 
-/// A picture to be composed.
+/// Inputs and output of the composite stage for one picture.
 #[derive(Clone, Copy)]
 pub struct Composed<'a> {
-    /// Direct light is in its radiance.
+    /// First surfaces, with direct light in their radiance.
     pub surface: &'a Surface,
     /// Indirect light.
     pub indirect: Option<&'a Radiance>,
     /// Second surfaces of pixels.
     pub edges: Option<&'a Edges>,
-    /// What is seen through.
+    /// Transparent layers.
     pub layers: Option<&'a Layers>,
-    /// What comes out.
+    /// Output.
     pub out: &'a Output,
 }
 
 impl<'a> Composed<'a> {
-    /// A lobe that the plan has not is not read; the direct image only fills its place.
+    /// The inputs without edges and layers. A lobe that the plan lacks is not read; the direct image takes its binding.
     fn binds(&self) -> Vec<Bind<'a>> {
         let [direct, diffuse, glossy] = radiances(&self.surface.radiance, self.indirect);
         vec![direct, diffuse, glossy, (&self.surface.depth).into(), (&self.out.exposure).into()]
     }
 
-    /// The same, with what second surfaces send and where surfaces are seen through.
+    /// The same inputs, with second surfaces and the depth of the nearest layer.
     fn binds_with_more(&self) -> Vec<Bind<'a>> {
         let mut binds = self.binds();
         if let Some(edges) = self.edges {
@@ -70,23 +70,23 @@ impl<'a> Composed<'a> {
             binds.extend(radiances(&edges.surface.radiance, edges.indirect.as_ref()));
             binds.extend([&edges.surface.depth, &edges.codes].map(Bind::from));
         }
-        // What shows nearest of all.
+        // The nearest layer.
         binds.extend(self.layers.and_then(|layers| layers.list.first()).map(|layer| Bind::from(&layer.surface.depth)));
         binds
     }
 }
 
-/// Direct light, and indirect light by lobes.
+/// Direct light, then indirect light of each lobe.
 fn radiances<'a>(direct: &'a Image, indirect: Option<&'a Radiance>) -> [Bind<'a>; 3] {
     let glossy = indirect.and_then(|i| i.glossy.as_ref()).unwrap_or(direct);
     [direct, indirect.map_or(direct, |i| &i.diffuse), glossy].map(Bind::from)
 }
 
 impl Composite {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan) -> Result<Self> {
         let points = plan.antialiasing.samples();
         let constants = [u32::from(plan.indirect()), u32::from(plan.indirect() && plan.glossy), points];
@@ -111,7 +111,7 @@ impl Composite {
         })
     }
 
-    /// Records the stage for all pictures; waits for their radiance where that is of this frame.
+    /// Records the stage for all pictures. Waits for their radiance if this frame wrote it.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
@@ -154,7 +154,7 @@ impl Composite {
     }
 }
 
-/// Every how many pixels and rows of a picture luminance is measured: some 2^18 pixels are enough.
+/// Distance in columns and rows between pixels whose luminance is measured: about 2^18 pixels are enough.
 fn metering_step([width, height]: [u32; 2]) -> u32 {
     (f64::from(width) * f64::from(height) / f64::from(1 << 18)).sqrt().ceil() as u32
 }

@@ -1,9 +1,10 @@
-//! Stage 5, second half, cull: visible vertices -> the caches that the gather has to light. METHOD 9, thesis 6.1.3.
+//! Stage 5, second half, cull: finds the caches that the gather must light for the visible vertices. METHOD 9, thesis
+//! 6.1.3.
 //!
-//! A cache matters where a visible triangle's corner refers to it, on whatever side of the model it lies. These are
-//! flagged. The compute path closes up the list of flagged caches; the fragment path flags texels of the atlas, of two caches
-//! each, and draws each that is flagged as a point into the atlas's depth. So it lights both caches of a texel in which one is
-//! needed, as clusters light all of a group.
+//! A cache is needed if a corner of a visible triangle references it, on whichever side of the model it lies. Such
+//! caches are flagged. The compute path compacts the flagged caches into a list. The fragment path flags texels of the
+//! atlas, each with two caches, and draws every flagged texel as a point into the atlas's depth. It therefore lights
+//! both caches of a texel if one is needed, as the cluster path lights whole groups.
 
 use super::gather::Gather;
 use super::gather_draws::Draws;
@@ -21,19 +22,19 @@ pub struct Cull {
     close_up: CloseUp,
 }
 
-/// How what is flagged becomes what the gather lights.
+/// How flags become the set of caches that the gather lights.
 enum CloseUp {
-    /// Points into the mask.
+    /// Points are drawn into the mask.
     Mask { histogram: Pipeline },
-    /// The list.
+    /// Flagged items are compacted into a list.
     List { pack: Box<PackCaches> },
 }
 
 impl Cull {
-    /// Makes the pipelines, for so many `references` of a visible vertex or cell.
+    /// Creates the pipelines. `references` is the number of references of a vertex or cell.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn new(gpu: &Gpu, gather: &Gather, references: usize) -> Result<Self> {
         assert!(references.is_multiple_of(2), "references are read in pairs");
         let (group, close_up) = match gather.live() {
@@ -56,7 +57,7 @@ impl Cull {
         Ok(Self { flag: gpu.compute("flag_caches.comp", &[references as u32, group])?, close_up })
     }
 
-    /// Records the stage for what all views show; their lists must be there.
+    /// Records the stage for all views. Their lists must be complete.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
@@ -78,7 +79,7 @@ impl Cull {
         }
     }
 
-    /// Flags what any view's vertices or cells refer to.
+    /// Flags all caches that the visible vertices or cells of any view reference.
     fn flag<'a>(&self, cmd: &Cmd<'_>, world: &World, views: impl Iterator<Item = &'a VisibleList>, flags: &Buffer) {
         for (i, visible) in views.enumerate() {
             if i > 0 {
@@ -100,7 +101,7 @@ impl Cull {
     ) {
         let Some(mask) = &draws.mask else { return };
         cmd.clear(&mask.flags);
-        cmd.barrier(Use::CopyWrite, Use::ComputeRead | Use::ComputeWrite); // flags that are not set
+        cmd.barrier(Use::CopyWrite, Use::ComputeRead | Use::ComputeWrite); // cleared flags
         self.flag(cmd, world, views, &mask.flags);
         cmd.barrier(Use::ComputeWrite, Use::VertexRead);
         let (texels, depth) = (draws.texels, Some(Attach::clear(&mask.image)));

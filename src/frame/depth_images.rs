@@ -1,7 +1,7 @@
-//! Stage 6, before the gather: rectangles of all caches -> what each live cache sees of them. METHOD 6, "beyond the print".
+//! Stage 6, before the gather: images of what each live cache sees of the scene. METHOD 6, "beyond the print".
 //!
-//! An image holds where a cache's view ends, on the unit disc of `Proj`, eq. 5.60. The gather then leaves out every VAL
-//! that lies farther away: shadows get colour and several directions, and things in the way fuse.
+//! An image stores where a cache's view ends in each direction, on the unit disc of `Proj`, eq. 5.60. The gather then
+//! leaves out every VAL that lies farther away. So shadows get colour and several directions, and occluders fuse.
 
 use super::atlas::Atlas;
 use super::live::Live;
@@ -13,49 +13,49 @@ use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{DEPTH_IMAGE_TEXELS, DepthImagePush, LiveArgs, OCCLUDER_GROUP, TracePush};
 use std::mem::offset_of;
 
-/// The images, and what draws them.
+/// The images, and the passes that create them.
 pub struct DepthImages {
-    /// Slot by slot of the list, where the view of a live cache ends.
+    /// Where the view of each live cache ends, by slots of the list.
     pub buffer: Buffer,
-    /// The same for the light that caches send on, where that is another: rays at pixels see what is near there, rays at
-    /// caches would see it here.
+    /// Separate images for the light that caches send on, if those differ: short rays at pixels see nearby surfaces
+    /// themselves, but light between caches must account for such surfaces here.
     pub sent_on: Option<SentOn>,
     made: Made,
 }
 
-/// What caches see of all that is around them.
+/// Everything that caches see around them, at all distances.
 pub struct SentOn {
-    /// Slot by slot of the list, where the view of a live cache ends.
+    /// Where the view of each live cache ends, by slots of the list.
     pub images: Buffer,
-    /// Texel by texel of these, the cache of what is there, or `NO_REFERENCES`.
+    /// For each texel of these images, the cache at the hit, or `NO_REFERENCES`.
     pub met: Buffer,
-    /// Share of the other images that is not open.
+    /// Share of each cache's texels in `DepthImages::buffer` that are not open.
     pub closed: Buffer,
 }
 
-/// How they are made.
+/// How the images are created.
 enum Made {
-    /// Of the rectangles of all caches.
+    /// Drawn from the rectangles of all caches.
     Drawn {
         bounds: Bounds,
         pipeline: Pipeline,
-        /// Whether a thread draws an image, instead of a workgroup.
+        /// Whether one thread draws an image, instead of a workgroup.
         alone: bool,
     },
-    /// By rays at the scene itself, which begin at this distance \[m\].
+    /// Traced by rays through the scene that start at this distance \[m\].
     Traced(Pipeline, f32),
 }
 
-/// Rectangles that a thread draws at a time, in whole groups: older lavapipe leaves loops after 65 535 rounds, of groups,
-/// rectangles and texels together, and a rectangle may have all texels.
+/// Rectangles that a thread draws per dispatch, in whole groups. Older lavapipe leaves loops after 65 535 iterations,
+/// counting groups, rectangles and texels together, and a rectangle may cover all texels.
 const AT_ONCE: u32 = (65_535 / (DEPTH_IMAGE_TEXELS + 1) - 1) / OCCLUDER_GROUP * OCCLUDER_GROUP;
 
-/// Whether shaders can read the images of this many caches as texels.
+/// Whether shaders can read the images of this many caches from a texel buffer.
 pub(super) fn are_texels(gpu: &Gpu, caches: u32) -> bool {
     u64::from(caches) * u64::from(DEPTH_IMAGE_TEXELS / 4) <= gpu.most_texels()
 }
 
-/// Images for `lib/sees.glsl`, which reads them either way.
+/// Bindings for `lib/sees.glsl`, which can read the images either way.
 pub(super) fn binds(images: &Buffer) -> [Bind<'_>; 2] {
     [Bind::SomeTexels(images), images.into()]
 }
@@ -64,15 +64,15 @@ impl DepthImages {
     /// Images of this many caches, drawn in the way that suits the device.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, caches: u32) -> Result<Self> {
         Self::with(gpu, caches, gpu.is_software())
     }
 
-    /// Makes it for a thread an image, or a workgroup. The images are the same.
+    /// Images drawn by one thread each (`alone`) or by one workgroup each. The results are identical.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn with(gpu: &Gpu, caches: u32, alone: bool) -> Result<Self> {
         let name = if alone { "depth_images_alone.comp" } else { "depth_images.comp" };
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
@@ -81,11 +81,11 @@ impl DepthImages {
         Ok(Self { buffer, sent_on: None, made: Made::Drawn { bounds: Bounds::new(gpu, caches)?, pipeline, alone } })
     }
 
-    /// Makes it for images that are traced: of what caches see of the scene beyond what is left to short rays, and where they
-    /// `send_on` light of all that they see, too.
+    /// Images traced by rays, which show the scene beyond the range of short rays. With `send_on`, caches also get
+    /// images of everything that they see, for the light they send on.
     ///
     /// # Errors
-    /// As `new`, and a world without rays.
+    /// As `new`. Also fails for a world without rays.
     pub(super) fn traced(gpu: &Gpu, world: &World, send_on: bool) -> Result<Self> {
         let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
         let bytes = u64::from(world.cache_count.max(1)) * u64::from(4 * DEPTH_IMAGE_TEXELS);
@@ -106,7 +106,7 @@ impl DepthImages {
         Ok(Self { buffer: gpu.buffer("gather.depth_images", bytes)?, sent_on, made })
     }
 
-    /// Records the pass; atlas and list of live caches must be there.
+    /// Records the pass. The atlas and the list of live caches must be complete.
     pub fn record(&self, cmd: &Cmd<'_>, world: &World, atlas: &Atlas, live: &Live) {
         match &self.made {
             Made::Drawn { bounds, pipeline, alone } => self.draw(cmd, atlas, live, (bounds, pipeline, *alone)),
@@ -130,7 +130,7 @@ impl DepthImages {
         cmd.dispatch_indirect(&live.args, offset_of!(LiveArgs, images_x) as u64);
     }
 
-    /// The same, drawn.
+    /// Draws the images from the rectangles of all caches.
     pub fn draw(
         &self,
         cmd: &Cmd<'_>,

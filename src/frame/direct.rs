@@ -1,6 +1,7 @@
-//! Stage 2, direct light: G-buffer, what hides lights -> radiance. METHOD 1 and 14. Light by light: rays from what pixels show,
-//! or shadow maps: where they are kept one for each light, else one for all lights, which all views use before the next light is
-//! drawn. An area light has a map for each of its samples.
+//! Stage 2, direct light: adds shadowed light to the radiance of the G-buffer's surfaces. METHOD 1 and 14. Lights are
+//! handled one by one, with rays from the visible surfaces or with shadow maps. If maps are kept between frames, each
+//! light has its own. Otherwise all lights share one map, and all views use it before the next light is drawn. An area
+//! light has one map for each of its samples.
 
 use super::gbuffer::Surface;
 use super::plan::Plan;
@@ -13,22 +14,22 @@ use crate::gpu::{
 use crate::shared::{AreaPush, LightRaysPush, ScreenPush};
 use glam::Vec4;
 
-/// What hides lights, and shading by them.
+/// Shadows and shading of direct light.
 pub struct Direct {
     hidden: Hidden,
     /// Only with punctual lights.
     shade: Option<Pipeline>,
     /// Only with area lights.
     shade_area: Option<Pipeline>,
-    /// Whether caches see the sky, so that no light stands for it here.
+    /// Whether caches see the sky, so that no light represents it here.
     sky_light: bool,
-    /// Whether pixels have more points than their middle.
+    /// Whether pixels have points besides their centre.
     edges: bool,
-    /// Whether what pixels show has been waited for.
+    /// Whether an earlier barrier already waited for the visible surfaces.
     waited: bool,
 }
 
-/// What tells where light arrives.
+/// How shadows are computed.
 enum Hidden {
     Maps(Box<Maps>),
     Rays(Pipeline),
@@ -36,14 +37,14 @@ enum Hidden {
 
 /// Shadow maps.
 struct Maps {
-    /// Of each light, where they are kept from frame to frame; else one, of one light at a time. Six-view lights tile it three by
-    /// two.
+    /// One map per light if they are kept from frame to frame, otherwise one for all. The faces of a six-view light
+    /// tile it three by two.
     images: Vec<Image>,
     opaque: ByKind,
     masked: ByKind,
 }
 
-/// Most bytes of maps that are kept.
+/// Maximum size of maps that are kept \[bytes\].
 const MOST_KEPT: u64 = 512 << 20;
 
 impl Maps {
@@ -75,7 +76,7 @@ impl Maps {
         })
     }
 
-    /// Whether every light has its own.
+    /// Whether every light has its own map.
     fn are_kept(&self, world: &World) -> bool {
         self.images.len() == world.lights().len()
     }
@@ -106,11 +107,11 @@ impl Maps {
 }
 
 impl Direct {
-    /// Makes the pipelines, and where maps hide lights these of so many texels a side; whether they are to be kept for frames in which
-    /// lights and surfaces stay as they are.
+    /// Creates the pipelines and, if shadows use maps, maps with `side` texels a side. `keep` asks for maps that last
+    /// across frames in which lights and surfaces do not change.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, world: &World, plan: &Plan, (side, keep): (u32, bool)) -> Result<Self> {
         let used = |light: &&LightInfo| !(plan.sky_light && light.of_sky);
         let has = |area| world.lights().iter().filter(used).any(|light| light.is_area == area);
@@ -144,7 +145,7 @@ impl Direct {
         })
     }
 
-    /// Records the stage for views and what they see of surfaces. Maps that are kept are drawn for the lights that are `due`.
+    /// Records the stage for views and their surfaces. If maps are kept, only those of lights that are `due` are drawn.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
@@ -170,14 +171,14 @@ impl Direct {
             match &self.hidden {
                 Hidden::Maps(maps) => {
                     if !is_first {
-                        cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the last light's map has been read
+                        cmd.barrier(Use::FragmentRead, Use::DepthWrite); // the previous light's map has been read
                     }
                     maps.record(cmd, world, (i, light));
                     cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
                 }
                 Hidden::Rays(trace) => {
                     if !is_first {
-                        cmd.barrier(Use::FragmentRead, Use::ComputeRead | Use::ComputeWrite); // what arrives of the last light has been read
+                        cmd.barrier(Use::FragmentRead, Use::ComputeRead | Use::ComputeWrite); // earlier reads
                     } else if !self.waited {
                         cmd.barrier(Use::ColorWrite | Use::DepthWrite | Use::ComputeWrite, Use::ComputeRead);
                     }
@@ -195,7 +196,7 @@ impl Direct {
         }
     }
 
-    /// Adds what views' surfaces reflect of some lights.
+    /// Adds the light that views' surfaces reflect from these lights.
     fn record_shading<'a, 'l, Lights: Iterator<Item = (usize, &'l LightInfo)>>(
         &self,
         cmd: &Cmd<'_>,
@@ -215,12 +216,12 @@ impl Direct {
         }
     }
 
-    /// What adds the light of a light.
+    /// The pipeline that adds a light.
     fn shading(&self, light: &LightInfo) -> Option<&Pipeline> {
         if light.is_area { self.shade_area.as_ref() } else { self.shade.as_ref() }
     }
 
-    /// Adds what a view's surfaces reflect of a light.
+    /// Adds the light that a view's surfaces reflect from one light.
     fn shade(
         &self,
         draw: &Draw<'_, '_>,
@@ -256,7 +257,7 @@ impl Direct {
     }
 }
 
-/// Finds what of a light arrives at surfaces.
+/// Traces how much of a light reaches the surfaces.
 fn record_rays<'a>(
     cmd: &Cmd<'_>,
     world: &World,

@@ -1,7 +1,7 @@
-//! Stage 6, after the gather: VALs x caches -> where the light of each cache comes from. METHOD 11.
+//! Stage 6, after the gather: computes the radiance that reaches each cache from a set of directions. METHOD 11.
 //!
-//! A proxy says it with one place. Short rays close some directions and leave others open, so they ask for the light along
-//! each.
+//! A proxy describes this light by a single position. Short rays block some directions and leave others open, so they
+//! need the light along each direction.
 
 use super::bounce::Bounces;
 use super::depth_images::{DepthImages, are_texels, binds};
@@ -12,23 +12,23 @@ use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline};
 use crate::shared::{DIRECTIONS, DirectionsPush, LiveArgs};
 use std::mem::offset_of;
 
-/// The light of caches by directions.
+/// Radiance at caches by direction.
 pub(super) struct Directions {
-    /// Radiance that arrives \[cd/m^2\], packed, `DIRECTIONS` of each cache.
+    /// Incoming radiance \[cd/m^2\], packed, `DIRECTIONS` values per cache.
     pub(super) radiances: Buffer,
     pipeline: Pipeline,
-    /// Squared distances between which VALs begin to count [m^2].
+    /// Squared distances between which VALs fade in [m^2].
     pub(super) fade: [f32; 2],
-    /// VALs that are taken as one.
+    /// Consecutive VALs that are treated as one.
     together: u32,
 }
 
 impl Directions {
-    /// For this many caches, and a gather with shadows of every VAL or without, and with further bounces or without. VALs nearer
-    /// than `near` \[m\] are left to rays; so many in a row are taken as one.
+    /// Creates the pass for this many caches, for a gather with or without shadows of every VAL, and with or without
+    /// further bounces. VALs nearer than `near` \[m\] are left to rays. `together` consecutive VALs are treated as one.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shader.
+    /// Fails if the device runs out of memory or the driver rejects the shader.
     pub(super) fn new(
         gpu: &Gpu,
         caches: u32,
@@ -52,7 +52,7 @@ impl Directions {
         })
     }
 
-    /// Records the pass for what a gather has just lit.
+    /// Records the pass for the result of a gather.
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,

@@ -1,8 +1,9 @@
-//! Edges, stages 1 and 8: a pixel's second surface, shaded like the first, and the mean of what all points show. METHOD 13.
+//! Edges, stages 1 and 8: finds a second surface per pixel, shades it like the first, and averages over all points of
+//! the pixel. METHOD 13.
 //!
-//! The scene is drawn again for a few more points of every pixel. Where such a point shows another surface than the pixel's
-//! middle, that becomes the pixel's second one. Every pass that shades a picture works on it as on a picture of its own. Third
-//! ones are looked for in the pixels around.
+//! The scene is drawn again for a few more points of every pixel. If such a point shows another surface than the
+//! pixel's centre, that surface becomes the pixel's second one. Every shading pass treats the second surfaces as a
+//! separate picture. Third surfaces are looked up in the neighbouring pixels.
 
 use super::gbuffer::{GBuffer, Surface};
 use super::interpolate::Radiance;
@@ -18,7 +19,7 @@ use crate::gpu::{
 };
 use crate::shared::{EdgesPush, SHOWS_ANOTHER, SHOWS_AROUND, SHOWS_FIRST, SHOWS_SECOND};
 
-/// What a point of a pixel shows.
+/// The surface at a point of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// The first surface of the pixel this many columns and rows away, at most 1.
@@ -29,35 +30,35 @@ pub enum Shown {
 
 /// Second surfaces of a picture's pixels.
 pub struct Edges {
-    /// How many points of a pixel there are.
+    /// Number of points per pixel.
     pub antialiasing: Antialiasing,
-    /// What one more point of every pixel shows.
+    /// G-buffer of one more point of every pixel.
     sample: Surface,
     /// The second surfaces.
     pub surface: Surface,
-    /// Which surface each point of a pixel shows.
+    /// Codes of the surface at each point of a pixel.
     pub codes: Image,
-    /// Direct light of the first surfaces before points are mixed.
+    /// Direct light of the first surfaces, before the points are averaged.
     pub before: Image,
-    /// Indirect light of these.
+    /// Indirect light of the first surfaces, before the points are averaged.
     pub indirect_before: Option<Radiance>,
-    /// Stage 5 of them; only where caches are interpolated.
+    /// Stage 5 for the second surfaces; only where caches are interpolated.
     pub visible: Option<VisibleList>,
-    /// Stage 8 of them; only with indirect light.
+    /// Stage 8 for the second surfaces; only with indirect light.
     pub indirect: Option<Radiance>,
     take: Pipeline,
     keep: Pipeline,
     mix: Pipeline,
 }
 
-/// Of images of radiance.
+/// Format of radiance images.
 const RADIANCE: Format = Format::R32G32B32A32_SFLOAT;
 
 impl Edges {
-    /// Makes what a plan needs.
+    /// Creates the resources that a plan needs.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan, size: [u32; 2]) -> Result<Option<Self>> {
         if plan.antialiasing == Antialiasing::Off {
             return Ok(None);
@@ -102,7 +103,7 @@ impl Edges {
         }))
     }
 
-    /// What the points of a pixel show that count, the middle first, by a texel of `codes`.
+    /// Decodes a texel of `codes`: the surfaces at all points of a pixel that count, the centre first.
     pub fn shown(antialiasing: Antialiasing, codes: u32) -> impl Iterator<Item = Shown> {
         let further = (0..antialiasing.samples()).filter_map(move |point| match codes >> (4 * point) & 15 {
             SHOWS_FIRST => Some(Shown::First([0, 0])),
@@ -131,7 +132,7 @@ impl Edges {
         resources.extend([sample, surface].into_iter().filter_map(|of| of.coat.as_ref()).map(Bind::from));
         for (i, offset) in self.antialiasing.offsets().enumerate() {
             if i > 0 {
-                cmd.barrier(Use::ComputeRead, Use::ColorWrite | Use::DepthWrite); // the last sample has been taken in
+                cmd.barrier(Use::ComputeRead, Use::ColorWrite | Use::DepthWrite); // the last sample has been processed
             }
             gbuffer.record(cmd, world, &view.moved(offset, sample.size), sample);
             let before = if i > 0 { Use::ComputeWrite } else { Use::ColorWrite };
@@ -141,10 +142,11 @@ impl Edges {
             cmd.push(&EdgesPush { world_from_clip, offset, point: i as u32 });
             cmd.dispatch(sample.size[0], sample.size[1], 1);
         }
-        cmd.barrier(Use::ComputeWrite, Use::FragmentRead | Use::ColorWrite | Use::ComputeRead); // for all that shades
+        cmd.barrier(Use::ComputeWrite, Use::FragmentRead | Use::ColorWrite | Use::ComputeRead); // for all shading
     }
 
-    /// Makes the light of pixels, direct or indirect, the mean over their points, once all surfaces are shaded.
+    /// Replaces the light of pixels, direct or indirect, by the mean over their points. Call it after all surfaces are
+    /// shaded.
     pub(super) fn record_mix(&self, cmd: &Cmd<'_>, first: (&Surface, Option<&Radiance>), which: (bool, bool)) {
         let (direct, indirect) = which;
         let of_direct = direct.then_some([&first.0.radiance, &self.before, &self.surface.radiance]);

@@ -1,5 +1,5 @@
-//! A world and its light that may change between two frames: scenes, caches, settings, sizes. What takes long is made in the
-//! background, while frames go on with what there is.
+//! A world and its light, both of which may change between two frames: scene, caches, settings, sizes. Slow work runs
+//! in the background, while frames continue with the current data.
 
 use super::light::Light;
 use super::picture::Picture;
@@ -17,19 +17,19 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 
-/// A scene with its caches, as a background job makes it.
+/// A scene with its caches, as a background job produces it.
 pub struct Loaded {
     /// The scene.
     pub scene: Scene,
-    /// Its caches; without any there is direct light, or brute force.
+    /// Its caches. Without caches, only direct light and brute force are possible.
     pub caches: Option<CacheSet>,
 }
 
 impl Loaded {
-    /// What the command line makes of a glTF file at a quality level: the scene with the camera, the light and the ground that
-    /// it lacks (its `notes` say which), its triangles divided where light is interpolated at their vertices, and its
-    /// caches, which are kept in the user's cache folder for the next time. `progress` hears how far it is, from 0 to 1,
-    /// and what is being done.
+    /// Loads a glTF file at a quality level, as the command line does. Adds the camera, the light and the ground if the
+    /// scene lacks them (its `notes` list them), subdivides triangles where light is interpolated at their vertices,
+    /// and places caches. The caches are stored in the user's cache folder for later runs. `progress` receives the
+    /// fraction done, from 0 to 1, and the name of the current step.
     ///
     /// # Errors
     /// Files that cannot be read, and scenes on which no caches can be placed.
@@ -44,7 +44,8 @@ impl Loaded {
         Self::with_caches(scene, &settings, at_vertices, progress)
     }
 
-    /// Places caches, or reads kept ones. Where light is not interpolated at vertices, pixels find their caches by cells.
+    /// Places caches, or reads stored ones. Where light is not interpolated at vertices, pixels look up their caches in
+    /// cells.
     ///
     /// # Errors
     /// Scenes on which no caches can be placed.
@@ -64,14 +65,14 @@ impl Loaded {
         Ok(Self { scene, caches: Some(caches) })
     }
 
-    /// What `render` draws of it at a quality level.
+    /// The settings that `render` uses for this scene at a quality level.
     pub fn settings(&self, quality: Quality) -> Settings {
         let models = |set: &CacheSet| set.instance_model.iter().map(|m| set.models[*m].caches.len()).sum();
         Settings::at(quality, self.caches.as_ref().map_or(0, models))
     }
 }
 
-/// How far a background job is.
+/// Progress of a background job.
 #[derive(Clone, Default)]
 pub struct Progress {
     /// In thousandths.
@@ -80,7 +81,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// So far, from 0 to 1, doing this: what `bake::bake` calls.
+    /// Sets the fraction done, from 0 to 1, and the current step. `bake::bake` calls this.
     pub fn set(&self, done: f32, what: &str) {
         self.done.store((done.clamp(0.0, 1.0) * 1000.0) as u32, Ordering::Relaxed);
         let mut now = self.what.lock().unwrap_or_else(PoisonError::into_inner);
@@ -89,7 +90,7 @@ impl Progress {
         }
     }
 
-    /// How far, from 0 to 1, and what is being done.
+    /// Fraction done, from 0 to 1, and the current step.
     pub fn get(&self) -> (f32, String) {
         let what = self.what.lock().unwrap_or_else(PoisonError::into_inner).clone();
         (self.done.load(Ordering::Relaxed) as f32 * 1e-3, what)
@@ -111,7 +112,7 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Uploads a scene and makes its light.
+    /// Uploads a scene and creates its light.
     ///
     /// # Errors
     /// As `World::new` and `Light::new`.
@@ -132,29 +133,30 @@ impl Engine {
         &self.world
     }
 
-    /// Its light.
+    /// The light of the scene.
     pub fn light(&self) -> &Light {
         &self.light
     }
 
-    /// What shapes it.
+    /// The current settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Other settings from the next `fit` on.
+    /// Changes the settings; they take effect at the next `fit`.
     pub fn set(&mut self, settings: &Settings) {
         self.settings = *settings;
     }
 
-    /// Changes places, poses, lights (also more or fewer of them) or materials, from the next frame on.
+    /// Changes transforms, poses, lights (including their number) or materials. Takes effect at the next frame.
     ///
     /// # Errors
-    /// Other models or instances, which need other caches: `scene` then has the change, and frames go on showing what they
-    /// showed, until a job (`start`) or `load` brings the caches. What the device has no memory for.
+    /// A change of models or instances, since it needs other caches: `scene` then has the change, but frames keep
+    /// showing the old state until a job (`start`) or `load` provides the caches. Also fails if the device runs out of
+    /// memory.
     pub fn edit(&mut self, gpu: &Gpu, change: impl FnOnce(&mut Scene)) -> Result<()> {
         let mut scene = self.scene.clone();
-        // No copy unless a job or the caller reads the scene.
+        // Avoids a copy unless a job or the caller still reads the scene.
         self.scene = Arc::default();
         change(Arc::make_mut(&mut scene));
         let updated = self.world.update(gpu, &scene);
@@ -162,33 +164,33 @@ impl Engine {
         updated
     }
 
-    /// Shows another scene, or this one with other caches, from the next `fit` on.
+    /// Replaces the scene, or its caches. Takes effect at the next `fit`.
     ///
     /// # Errors
-    /// As `World::new`; then everything is as it was.
+    /// As `World::new`; then nothing has changed.
     pub fn load(&mut self, gpu: &Gpu, loaded: Loaded) -> Result<()> {
         self.world = World::new(gpu, &loaded.scene, loaded.caches.as_ref())?;
         self.scene = Arc::new(loaded.scene);
         Ok(())
     }
 
-    /// Makes a scene or caches on another thread, which `poll` takes over when they are there: another file, more or fewer
-    /// instances, another spacing of caches. Of several jobs the last one counts.
+    /// Makes a scene or caches on another thread, for example another file, more or fewer instances, or another spacing
+    /// of caches. `poll` takes over the result. If several jobs are started, only the last one counts.
     pub fn start(&mut self, make: impl FnOnce(&Progress) -> Result<Loaded> + Send + 'static) {
         let progress = Progress::default();
         let told = progress.clone();
         self.job = Some(Job { thread: std::thread::spawn(move || make(&told)), progress });
     }
 
-    /// The job that is under way, if any.
+    /// The running job, if any.
     pub fn progress(&self) -> Option<&Progress> {
         self.job.as_ref().map(|job| &job.progress)
     }
 
-    /// Takes over what a job has made; says whether it has. Never waits.
+    /// Takes over the result of a finished job and returns whether there was one. Never waits.
     ///
     /// # Errors
-    /// Of the job, or as `load`; then everything is as it was.
+    /// Those of the job and of `load`; then nothing has changed.
     pub fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
         match self.job.take() {
             Some(job) if job.thread.is_finished() => self.take_over(gpu, job),
@@ -199,7 +201,7 @@ impl Engine {
         }
     }
 
-    /// The same, but waits for the job.
+    /// Waits for the job and takes over its result.
     ///
     /// # Errors
     /// As `poll`.
@@ -212,12 +214,12 @@ impl Engine {
 
     fn take_over(&mut self, gpu: &Gpu, job: Job) -> Result<bool> {
         let made = job.thread.join();
-        let made = made.map_err(|_| Error::Nothing("a background job has ended by a bug of its own".into()))?;
+        let made = made.map_err(|_| Error::Nothing("a background job panicked".into()))?;
         self.load(gpu, made?)?;
         Ok(true)
     }
 
-    /// A picture of this many pixels.
+    /// Creates a picture of this size \[pixels\].
     ///
     /// # Errors
     /// As `Picture::new`.
@@ -225,11 +227,11 @@ impl Engine {
         Picture::new(gpu, &self.world, &self.light, size)
     }
 
-    /// Rebuilds light and pictures where they no longer fit scene, settings, sizes or the number of views; costs nothing
-    /// where all do. Before each frame.
+    /// Rebuilds light and pictures that no longer fit the scene, the settings, the sizes or the number of views. Call
+    /// it before each frame; it costs nothing if everything fits.
     ///
     /// # Errors
-    /// What the device cannot hold or do. What was not rebuilt by then stays as it was.
+    /// Anything that the device cannot hold or support. Parts that were not rebuilt before the error stay as they were.
     pub fn fit(&mut self, gpu: &Gpu, pictures: &mut [(&mut Picture, [u32; 2])]) -> Result<()> {
         self.light.fit(gpu, &self.scene, &self.world, &self.settings, pictures.len())?;
         pictures.iter_mut().try_for_each(|(picture, size)| picture.fit(gpu, &self.world, &self.light, *size))

@@ -1,8 +1,9 @@
-//! Stage 6, gather: VALs x caches -> proxy lights. METHOD 3-4, thesis 5.3.
+//! Stage 6, gather: sums VALs at caches into proxy lights. METHOD 3-4, thesis 5.3.
 //!
-//! Three ways. Compute works through the list of live caches with several caches per thread, and splits the VALs into
-//! parts, so that few caches fill a device too. Draws (`gather_draws.rs`) add tiles of VALs to float images. Clusters
-//! (`gather_clusters.rs`) let nodes stand for VALs. The loop body of the first two is glsl/lib/gather.glsl.
+//! There are three ways. Compute processes the list of live caches with several caches per thread, and splits the VALs
+//! into parts so that few caches fill a device too. Draws (`gather_draws.rs`) add tiles of VALs to float images by
+//! blending. Clusters (`gather_clusters.rs`) replace VALs by nodes of a pyramid. The first two share the loop body in
+//! glsl/lib/gather.glsl.
 
 use super::bounce::Bounces;
 use super::depth_images::{DepthImages, are_texels};
@@ -23,7 +24,7 @@ use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{GATHER_THREADS, GatherPush, GlossySums};
 use glam::Vec4;
 
-/// Lights the caches, one way or another.
+/// Lights the caches in one of three ways.
 pub enum Gather {
     /// Every VAL, by a compute shader.
     Compute(Box<Compute>),
@@ -33,15 +34,16 @@ pub enum Gather {
     Clusters(Box<Clusters>),
 }
 
-/// VALs in a row that shadows show or hide together, as the first of them: neighbours in an RSM, which together are mostly
+/// Consecutive VALs that share the visibility of the first one. They are neighbours in an RSM and together mostly
 /// smaller than a texel of a depth image.
 const SHADOWED_TOGETHER: u32 = 4;
 
-/// Texels of an RSM's side from which on that many neighbours are near enough.
+/// Smallest RSM side \[texels\] at which this many neighbours lie close enough together.
 const FINE_RSM: u32 = 96;
 
 impl Gather {
-    /// Makes what a plan needs for a world's caches, so many VALs of RSMs of `rsm` texels a side, and so many eyes.
+    /// Creates the gather of a plan for a world's caches, this many VALs, RSMs with `rsm` texels a side, and this many
+    /// eyes.
     pub(super) fn new(
         gpu: &Gpu,
         plan: &Plan,
@@ -52,7 +54,7 @@ impl Gather {
         let caches = world.cache_count;
         Ok(match way.gather {
             settings::Gather::Compute { ways, shadows, .. } => {
-                // What follows each other in a coarse picture, or in the list of patches, lies in different directions.
+                // Neighbouring VALs of a coarse RSM, or of the list of emissive patches, lie in different directions.
                 let fine = !plan.emitters && world.lights().iter().all(|light| light.rsm_size(rsm) >= FINE_RSM);
                 let together = if fine { SHADOWED_TOGETHER } else { 1 };
                 let (glossy, bounces, weight) = (plan.lobes, plan.bounces, way.proxy_weight);
@@ -77,7 +79,7 @@ impl Gather {
         })
     }
 
-    /// The list of live caches, unless the depth test culls.
+    /// The list of live caches. `None` for the gather by draws, which culls by the depth test.
     pub fn live(&self) -> Option<&Live> {
         match self {
             Self::Compute(by) => Some(&by.live),
@@ -86,27 +88,27 @@ impl Gather {
         }
     }
 
-    /// Buffer with the number of VALs, or nodes over them, that are split into parts.
+    /// Buffer with the number of VALs, or of nodes over them, that are split into parts.
     pub(super) fn light_count<'a>(&'a self, vals: &'a Vals) -> &'a Buffer {
         if let Self::Clusters(by) = self { &by.node_count } else { &vals.live_count }
     }
 
-    /// What caches see of each other, with shadows of every VAL.
+    /// Depth images of the caches; only with shadows of every VAL.
     pub fn depth_images(&self) -> Option<&DepthImages> {
         if let Self::Compute(by) = self { by.depth_images.as_ref() } else { None }
     }
 
-    /// The light of caches by directions, where short rays ask for it.
+    /// Radiance at caches by direction, for short rays.
     pub fn radiances(&self) -> Option<&Buffer> {
         if let Self::Compute(by) = self { Some(&by.near.as_ref()?.radiances) } else { None }
     }
 
-    /// The VALs that caches are, where caches light caches.
+    /// The caches as VALs, if caches light caches.
     pub(super) fn cache_vals(&self) -> Option<&Buffer> {
         if let Self::Compute(by) = self { by.bounces.as_ref().map(|bounces| &bounces.vals) } else { None }
     }
 
-    /// Records the stage; depth images must be there.
+    /// Records the stage. Depth images must be complete.
     pub fn record(&self, cmd: &Cmd<'_>, lit: &Lit<'_>) {
         match self {
             Self::Compute(by) => by.record(cmd, lit),
@@ -118,13 +120,13 @@ impl Gather {
 
 /// The gather by a compute shader.
 pub struct Compute {
-    /// Which caches it lights.
+    /// The caches that it lights.
     pub live: Live,
-    /// Sums, part by part of the VALs.
+    /// Sums, one after the other for each part of the VALs.
     pub parts: Buffer,
-    /// How many of the parts are there, of the caches of each thread; all 0 between frames.
+    /// Number of finished parts for the caches of each thread; all 0 between frames.
     pub arrived: Buffer,
-    /// Makes proxies of the sums itself, unless caches light caches.
+    /// Sums VALs. Also makes the proxies, unless caches light caches.
     sum: Pipeline,
     /// The same for two eyes at once.
     two_eyes: Option<TwoEyes>,
@@ -132,31 +134,32 @@ pub struct Compute {
     pub depth_images: Option<DepthImages>,
     /// Only where caches light caches.
     pub bounces: Option<Bounces>,
-    /// Only where what is near is left to short rays.
+    /// Only with short rays.
     near: Option<Directions>,
 }
 
 /// A gather for two eyes at once, which share position and form factor.
 struct TwoEyes {
     sum: Pipeline,
-    /// Sums of the second eye's glossy lobe, part by part.
+    /// Sums of the second eye's glossy lobe, one after the other for each part.
     parts: Buffer,
 }
 
-/// Most VALs of a part: older lavapipe leaves loops after 65 535 rounds, and a few VALs are a round.
+/// Maximum number of VALs in a part. Older lavapipe leaves loops after 65 535 iterations, and an iteration handles a
+/// few VALs.
 const LONGEST_PART: u32 = 32_768;
 
 impl Compute {
-    /// Makes it for this many caches and VALs.
+    /// Creates the gather for this many caches and VALs.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, caches: u32, vals: u32, ways: &Ways, kind: ComputeKind) -> Result<Self> {
         let images = (kind.shadows == Shadows::PerLight).then(|| DepthImages::new(gpu, caches)).transpose()?;
         Self::with_images(gpu, [caches, vals], ways, kind, images)
     }
 
-    /// The same with these depth images.
+    /// Creates the gather with these depth images.
     fn with_images(
         gpu: &Gpu,
         [caches, vals]: [u32; 2],
@@ -164,7 +167,7 @@ impl Compute {
         kind: ComputeKind,
         depth_images: Option<DepthImages>,
     ) -> Result<Self> {
-        // Caches may become VALs, too.
+        // Caches can also become VALs.
         let ways = &ways.within(gpu.most_texels(), vals.max(caches));
         let split = split_of(caches, vals, ways.split, LONGEST_PART);
         let per_workgroup = GATHER_THREADS * ways.caches();
@@ -216,7 +219,7 @@ impl Compute {
         }
     }
 
-    /// For one eye, or for two: first proxy and position of each.
+    /// Records the gather for one eye or for two. Each is given by its first proxy and its position.
     fn record_run(
         &self,
         cmd: &Cmd<'_>,

@@ -1,7 +1,9 @@
-//! Stage 6 by clusters: caches x nodes and VALs -> proxy lights. METHOD 9, thesis listing 6.6; docs/clustering.md.
+//! Stage 6 by clusters: sums nodes and VALs at caches into proxy lights. METHOD 9, thesis listing 6.6;
+//! docs/clustering.md.
 //!
-//! Groups of neighbouring caches walk down the pyramids together: who of a group needs what is below a node takes all of it
-//! there. Groups are fixed parts of the atlas, so that a cache receives the same whatever else is seen.
+//! Groups of neighbouring caches traverse the pyramids together. All caches of a group that need the children of a node
+//! take all of them there. Groups are fixed parts of the atlas, so a cache receives the same light whichever other
+//! caches are visible.
 
 use super::live::{Items, Live, new_parts, parts_of, split_of};
 use super::proxies::Lit;
@@ -13,30 +15,31 @@ use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{CLUSTER_BOUND, CLUSTER_DISTANCE, CLUSTER_GROUP, ClusterPush, GatherPush, LiveArgs};
 use glam::Vec4;
 
-/// Most that the normals of a node may differ by, as points on the unit sphere; of errors what the spread counts in
-/// units of. By the study.
+/// Largest spread of the normals in a node, as points on the unit sphere, for the distance rule. `ERROR_SPREAD` is the
+/// unit in which the error rule counts the spread. Both were chosen in docs/clustering.md.
 const SPREAD: f32 = 0.3;
 const ERROR_SPREAD: f32 = 0.5;
 
-/// Most nodes of a part: each is a round, and so are four of the VALs below, three a node, at most.
+/// Maximum number of nodes in a part. Older lavapipe leaves loops after 65 535 iterations. Each node takes one, and so
+/// does each VAL below it: at most three VALs per node on average.
 const LONGEST_PART: u32 = 12_288;
 
-/// Nodes of a part if memory allows: those over 3000 VALs.
+/// Nodes in a part if memory allows. They cover about 3000 VALs.
 const PART: u32 = 1024;
 
 /// The gather by clusters.
 pub struct Clusters {
     /// The nodes.
     pub pyramid: Pyramid,
-    /// Which groups of caches it lights.
+    /// The groups of caches that it lights.
     pub live: Live,
-    /// Sums, part by part of the nodes.
+    /// Sums, one after the other for each part of the nodes.
     pub parts: Buffer,
     /// Number of nodes.
     pub(super) node_count: Buffer,
-    /// What each slot of the list receives by the coarse cut \[lx\].
+    /// Light that each slot of the list receives in the coarse traversal \[lx\].
     totals: Buffer,
-    /// Pairs of a cache and a node or VAL that each workgroup has computed.
+    /// Number of computed pairs of a cache and a node or VAL, for each workgroup.
     pairs: Buffer,
     coarse: Option<Coarse>,
     walk: Pipeline,
@@ -44,17 +47,18 @@ pub struct Clusters {
     rule: ClusterRule,
 }
 
-/// Estimates what a cache receives, for shares of it: nodes one radius away will do.
+/// Estimates the light that a cache receives, as the base of the error rule. Accepts nodes from a distance of one
+/// radius.
 struct Coarse {
     walk: Pipeline,
     totals: Pipeline,
 }
 
 impl Clusters {
-    /// Makes pipelines, list and nodes for RSMs of `rsm` texels a side.
+    /// Creates pipelines, list and nodes for RSMs with `rsm` texels a side.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, world: &World, rsm: u32, rule: ClusterRule, glossy: bool, dim: bool) -> Result<Self> {
         let spread = u32::from(dim);
         let by_hand = u32::from(gpu.is_software());
@@ -88,10 +92,10 @@ impl Clusters {
         })
     }
 
-    /// Pairs of a cache and a node or VAL whose light the last frame has computed. Waits for the device.
+    /// Pairs of a cache and a node or VAL whose light the last frame computed. Waits for the device.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn pairs(&self, gpu: &Gpu) -> Result<u64> {
         let LiveArgs { groups_x, groups_y, .. } = gpu.read(&self.live.args)?[0];
         let pairs: Vec<u32> = gpu.read(&self.pairs)?;
@@ -118,7 +122,7 @@ impl Clusters {
         let push = ClusterPush { eye, cache_count, node_count, split: live.split, limit, spread };
         if let Some(coarse) = &self.coarse {
             self.walk(cmd, &coarse.walk, lit, &ClusterPush { limit: 1.0, spread: f32::INFINITY, ..push });
-            // The walk's shader has the totals of shares bound, which it reads by the other rule alone.
+            // The traversal's shader binds these totals in both rules but reads them only in the error rule.
             cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             cmd.bind(&coarse.totals, &[(&live.args).into(), parts.into(), (&self.totals).into()]);
             cmd.push(&push);
@@ -130,7 +134,7 @@ impl Clusters {
         let resources = [&lit.atlas.caches, &lit.proxies.buffer, &live.list, &live.args, parts];
         cmd.bind(&self.resolve, &resources.map(Into::into));
         cmd.push(&GatherPush { cache_count, split: live.split, first_proxy, eye, ..GatherPush::default() });
-        // Slots of whole groups.
+        // Slots in whole groups.
         cmd.dispatch(cache_count.next_multiple_of(CLUSTER_GROUP), 1, 1);
     }
 

@@ -1,5 +1,5 @@
-//! Stage 6 by draws: every tile of VALs is drawn over the atlas, two caches to a texel, and added to float targets. Culling
-//! is left to the depth test. METHOD 3-4, thesis 5.3.
+//! Stage 6 by draws: draws every tile of VALs over the atlas, with two caches per texel, and adds the results into
+//! float targets. The depth test culls. METHOD 3-4, thesis 5.3.
 
 use super::proxies::Lit;
 use super::settings::{DrawSource, whole_tiles};
@@ -11,11 +11,12 @@ use crate::shared::{ATLAS_COLUMNS, GatherPush, TEXEL_CACHES};
 
 /// The gather by draws.
 pub struct Draws {
-    /// Where caches lie in the images.
+    /// Layout of the caches in the images.
     pub texels: Texels,
-    /// Sums: positions and irradiance of the diffuse, then of the glossy lobe, of a texel's first cache, then of its second.
+    /// Sums: positions and irradiance of the diffuse lobe, then of the glossy lobe, for the first cache of a texel,
+    /// then for the second.
     pub sums: Vec<Image>,
-    /// Which texels are lit; only where caches are culled.
+    /// Mask of lit texels; only where caches are culled.
     pub mask: Option<Mask>,
     sum: Pipeline,
     source: DrawSource,
@@ -23,19 +24,19 @@ pub struct Draws {
     resolve: Pipeline,
 }
 
-/// Texels that are lit. One is live with any of its caches, as a group is with clusters.
+/// Mask of lit texels. A texel is live if any of its caches is, as a group is in the cluster path.
 pub struct Mask {
-    /// Depth 1 where a texel is lit.
+    /// Depth is 1 where a texel is lit.
     pub image: Image,
-    /// 1 where a visible vertex or cell refers to a texel's caches: what the mask is drawn from.
+    /// 1 where a visible vertex or cell references a cache of the texel. The mask is drawn from these flags.
     pub flags: Buffer,
 }
 
 impl Draws {
-    /// Makes it for this many caches.
+    /// Creates the gather for this many caches.
     ///
     /// # Errors
-    /// A device that draws into fewer images at a time than there are sums.
+    /// Fails if the device has fewer simultaneous colour targets than there are sums.
     pub fn new(
         gpu: &Gpu,
         caches: u32,
@@ -47,11 +48,11 @@ impl Draws {
     ) -> Result<Self> {
         if !Self::can(gpu) {
             return Err(Error::NoDevice(format!(
-                "{} draws into fewer than 8 images at a time, and the gather by draws needs that; take --gather compute",
+                "{} has fewer than 8 simultaneous colour targets, which the gather by draws needs; use --gather compute",
                 gpu.report().name
             )));
         }
-        // Stage 7 wants to know of the glossy lobe, too, how far from the cache its VALs are.
+        // Stage 7 also needs the distance of the glossy lobe's VALs from the cache.
         let spread = u32::from(dim);
         let targets = [Format::R32G32B32A32_SFLOAT; 4 * TEXEL_CACHES as usize];
         let texels = Texels { caches };
@@ -90,7 +91,7 @@ impl Draws {
         })
     }
 
-    /// Whether the device draws into as many images at a time as there are sums.
+    /// Whether the device has as many simultaneous colour targets as there are sums.
     pub fn can(gpu: &Gpu) -> bool {
         gpu.most_color_targets() >= 4 * TEXEL_CACHES
     }
@@ -128,27 +129,28 @@ impl Draws {
         }
     }
 
-    /// Images of the sums for each cache of a texel; those of the diffuse lobe stand in where there is no glossy one.
+    /// Images of the sums for each cache of a texel. Without a glossy lobe, those of the diffuse lobe take its
+    /// bindings.
     fn sums_of_texel(&self) -> [[&Image; 4]; TEXEL_CACHES as usize] {
         let (first, second) = self.sums.split_at(self.sums.len() / 2);
         [first, second].map(|sums| [0, 1, 2, 3].map(|i| &sums[i % sums.len()]))
     }
 }
 
-/// Where caches lie in images: blocks of 8 x 8 texels of two caches each; twin of glsl/lib/atlas.glsl.
+/// Layout of caches in images: blocks of 8 x 8 texels with two caches each. Must match glsl/lib/atlas.glsl.
 #[derive(Clone, Copy, Debug)]
 pub struct Texels {
-    /// Caches of all instances.
+    /// Number of caches of all instances.
     pub caches: u32,
 }
 
 impl Texels {
-    /// Texels that hold caches.
+    /// Number of texels that hold caches.
     pub fn count(&self) -> u32 {
         self.caches.div_ceil(TEXEL_CACHES)
     }
 
-    /// Texel of a cache, row by row.
+    /// Index of a cache's texel, row by row.
     pub fn texel(&self, cache: u32) -> usize {
         let (texel, columns) = (cache / TEXEL_CACHES, self.columns());
         let (block, within) = (texel / 64, texel % 64);
@@ -156,32 +158,32 @@ impl Texels {
         (y * self.width() + self.left() + x) as usize
     }
 
-    /// Rows of blocks.
+    /// Number of rows of blocks.
     fn block_rows(&self) -> u32 {
         self.caches.div_ceil(64 * TEXEL_CACHES * ATLAS_COLUMNS).max(1)
     }
 
-    /// Columns of blocks; as few blocks as possible are left over.
+    /// Number of columns of blocks, chosen so that as few blocks as possible stay unused.
     pub fn columns(&self) -> u32 {
         self.caches.div_ceil(64 * TEXEL_CACHES).div_ceil(self.block_rows()).max(1)
     }
 
-    /// Texels to the left of the blocks.
+    /// Number of texels to the left of the blocks.
     fn left(&self) -> u32 {
         if self.columns() <= 16 { 64 - 8 * self.columns().div_ceil(2) } else { 0 }
     }
 
-    /// Texels of a row.
+    /// Number of texels in a row.
     fn width(&self) -> u32 {
         self.left() + 8 * self.columns()
     }
 
-    /// What holds blocks: corner and size \[texels\].
+    /// Area of the blocks: corner and size \[texels\].
     pub fn area(&self) -> [u32; 4] {
         [self.left(), 0, 8 * self.columns(), self.rows()]
     }
 
-    /// Rows of texels.
+    /// Number of rows of texels.
     pub fn rows(&self) -> u32 {
         8 * self.block_rows()
     }

@@ -1,4 +1,4 @@
-//! Stage 1, G-buffer: scene, camera -> depth, normal, reflectances, emitted radiance, element. METHOD 1.
+//! Stage 1, G-buffer: draws depth, normal, reflectances, emitted radiance and element of visible surfaces. METHOD 1.
 
 use super::plan::Plan;
 use super::settings::Antialiasing;
@@ -15,11 +15,12 @@ const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
 const HALF: Format = Format::R16G16B16A16_SFLOAT;
 const COAT: Format = Format::R32G32B32A32_UINT;
 
-/// What a view sees of the scene's surfaces, and the light they send to it directly.
+/// G-buffer of a view, and the direct light of its surfaces.
 pub struct Surface {
     /// Picture size \[pixels\].
     pub size: [u32; 2],
-    /// Reversed depth: 1 at the near plane, 0 where nothing is. Of second surfaces less than that where a pixel has none.
+    /// Reversed depth: 1 at the near plane, 0 without a surface. For second surfaces, negative in pixels that have
+    /// none.
     pub depth: Image,
     /// Shading normal and Phong exponent.
     pub normal: Image,
@@ -27,32 +28,34 @@ pub struct Surface {
     pub albedo: Image,
     /// `rho_g`, and y of the octahedral geometric normal.
     pub specular: Image,
-    /// Which triangle a pixel shows: draw, from 1, and number within it. Only where caches are interpolated, or light goes on inside bodies.
+    /// Triangle in a pixel: draw number, from 1, and index within the draw. Only where caches are interpolated or light
+    /// travels through translucent bodies.
     pub element: Option<Image>,
-    /// What lies over both lobes: a clear coat with its normal, and sheen (`lib/coat.glsl`). Only where a material has either.
+    /// Layers over both lobes: a clear coat with its normal, and sheen (`lib/coat.glsl`). Only if some material has
+    /// either.
     pub coat: Option<Image>,
-    /// Emitted radiance, to which stage 2 adds directly reflected radiance and the sky.
+    /// Emitted radiance. Stage 2 adds directly reflected radiance and the sky.
     pub radiance: Image,
-    /// Whether these are pixels' second surfaces, which show beside the pixel's middle.
+    /// Whether these are second surfaces, which are visible beside the pixel's centre.
     pub is_second: bool,
-    /// What arrives of one light at a time; only where rays say it.
+    /// Light of one source at a time that reaches the surfaces; only with ray-traced shadows.
     pub arriving: Option<Buffer>,
 }
 
-/// Room for what arrives at so many pixels.
+/// Creates a buffer for the light that reaches this many pixels.
 fn arriving(gpu: &Gpu, plan: &Plan, name: &str, [w, h]: [u32; 2]) -> Result<Option<Buffer>> {
     let bytes = u64::from(w) * u64::from(h) * size_of::<Arriving>() as u64;
     plan.light_rays.then(|| gpu.buffer(name, bytes)).transpose()
 }
 
 impl Surface {
-    /// Makes the images.
+    /// Creates the images.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
         let [w, h] = size;
-        // What further points of a pixel show is taken in.
+        // Further points of a pixel write into the images.
         let storage = plan.antialiasing != Antialiasing::Off;
         let image = |name, format| gpu.image(&ImageDesc { name, format, size, extent: Extent::Plane, storage });
         Ok(Self {
@@ -69,7 +72,7 @@ impl Surface {
         })
     }
 
-    /// Images that shaders write: of pixels' second surfaces.
+    /// Creates images that shaders write, for second surfaces of pixels.
     ///
     /// # Errors
     /// As `new`.
@@ -89,10 +92,10 @@ impl Surface {
         })
     }
 
-    /// A pass over all pixels that adds to their radiance.
+    /// Creates a pipeline that covers all pixels and adds to their radiance.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub(super) fn adding(gpu: &Gpu, fragment: &'static str, constants: &[u32]) -> Result<Pipeline> {
         gpu.raster(&Raster {
             vertex: "screen.vert",
@@ -107,13 +110,14 @@ impl Surface {
         })
     }
 
-    /// The images that drawing surfaces fills, with one more of layers, in the order of the shader's outputs.
+    /// The images that a surface draw fills, in the order of the shader's outputs. `of_layer` is the additional image
+    /// of layers.
     pub(super) fn targets<'a>(&'a self, of_layer: Option<&'a Image>) -> impl Iterator<Item = &'a Image> {
         let images = [&self.normal, &self.albedo, &self.specular, &self.radiance];
         images.into_iter().chain(&self.element).chain(of_layer).chain(&self.coat)
     }
 
-    /// All of the picture: corner and size \[pixels\].
+    /// The whole picture: corner and size \[pixels\].
     pub fn area(&self) -> [u32; 4] {
         [0, 0, self.size[0], self.size[1]]
     }
@@ -126,12 +130,12 @@ fn targets(plan: &Plan, of_layer: Option<Format>) -> Vec<Format> {
     [FLOAT, HALF, HALF, FLOAT].into_iter().chain(element).chain(of_layer).chain(coat).collect()
 }
 
-/// Whether pixels get the number of their triangle from the vertex shader.
+/// Whether the vertex shader passes triangle numbers to pixels.
 fn pulls(gpu: &Gpu, plan: &Plan) -> bool {
     plan.elements() && !gpu.numbers_triangles()
 }
 
-/// Pipelines that draw what is nearest.
+/// Creates pipelines that draw the nearest surfaces.
 fn surfaces(
     (gpu, world): (&Gpu, &World),
     plan: &Plan,
@@ -157,16 +161,16 @@ fn surfaces(
     })
 }
 
-/// Draws every opaque surface once; double-sided ones have both their sides among the triangles.
+/// Draws every opaque surface once. Double-sided surfaces have separate triangles for both sides.
 pub struct GBuffer {
     draw: ByKind,
 }
 
 impl GBuffer {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Self> {
         let name = match (plan.elements(), pulls(gpu, plan), plan.coated) {
             (false, _, false) => "gbuffer.frag",
@@ -179,7 +183,7 @@ impl GBuffer {
         Ok(Self { draw: surfaces((gpu, world), plan, plan.antialiasing.samples(), name, &targets(plan, None))? })
     }
 
-    /// The same for layers of what is seen through.
+    /// Creates the pipelines for transparent layers.
     pub(super) fn of_layers(gpu: &Gpu, world: &World, plan: &Plan) -> Result<ByKind> {
         let name = match (plan.elements(), pulls(gpu, plan), plan.coated) {
             (false, _, false) => "layers.frag",

@@ -1,5 +1,6 @@
-//! Light inside bodies, stages 4, 9 and 10: what enters them through RSMs becomes inner VALs; those give each cache of a body a
-//! proxy dipole; dipoles give pixels the light that leaves. METHOD 7, thesis 5.5.
+//! Subsurface scattering, stages 4, 9 and 10. Light that enters translucent bodies in RSMs becomes inner VALs. These
+//! light a proxy dipole at each cache of a body. The dipoles give pixels the light that leaves the body. METHOD 7,
+//! thesis 5.5.
 
 use super::atlas::Atlas;
 use super::gbuffer::Surface;
@@ -17,11 +18,12 @@ use crate::shared::{
     DIPOLE_THREADS, DipolePush, HOLLOW, INNER_RUN, InnerPush, InterpolatePush, ProxyDipole, VisibleArgs,
 };
 
-/// Stage 4: light that enters bodies where lights shine on them.
+/// Stage 4: light that enters translucent bodies where lights reach them.
 pub struct Inside {
-    /// Share of the light that enters, which part, from 1, and the cosine of the triangle.
+    /// Share of the light that enters, index of the part from 1, and cosine at the triangle.
     pub image: Image,
-    /// One of each texel; `material` is the part, `area` that of the surface, `flux` what has entered.
+    /// Inner VALs, one per texel. `material` is the part, `area` the area on the surface, `flux` the light that has
+    /// entered.
     pub vals: Vals,
     pack: PackVals,
 }
@@ -31,21 +33,21 @@ impl Inside {
         let dark = vec![0_u32; count as usize];
         Ok(Self {
             image: gpu.target("inside.entering", Format::R32G32B32A32_SFLOAT, side, side)?,
-            // Those that no texel is of stay dark.
+            // VALs that have no texel stay dark.
             vals: Vals { flags: gpu.buffer_from("inside.val_flags", &dark)?, ..Vals::new(gpu, "inside", count)? },
             pack: PackVals::new(gpu, false)?,
         })
     }
 
-    /// Closes up those that carry light, which must be there.
+    /// Compacts the VALs that carry light. The VALs must be complete.
     pub(super) fn record_list(&self, cmd: &Cmd<'_>) {
         self.pack.record(cmd, &self.vals, None);
     }
 }
 
-/// Stages 9 and 10 by caches.
+/// Stages 9 and 10 with caches.
 pub struct Dipoles {
-    /// One of each cache; of those that no body is filled around `HOLLOW`.
+    /// One dipole per cache; `HOLLOW` for caches outside translucent bodies.
     pub buffer: Buffer,
     gather: Pipeline,
     /// Only at vertex level.
@@ -54,10 +56,10 @@ pub struct Dipoles {
 }
 
 impl Dipoles {
-    /// Makes the pipelines, and dark dipoles of a world's caches.
+    /// Creates the pipelines, and dark dipoles for a world's caches.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub(super) fn new(gpu: &Gpu, plan: &Plan, world: &World) -> Result<Option<Self>> {
         if !plan.inside {
             return Ok(None);
@@ -74,7 +76,7 @@ impl Dipoles {
         }))
     }
 
-    /// Records stage 9; VALs and proxies must be there.
+    /// Records stage 9. VALs and proxies must be complete.
     pub(super) fn record(&self, cmd: &Cmd<'_>, world: &World, vals: &Vals, atlas: &Atlas, proxies: &Proxies) {
         let Some(filled) = world.filled.as_ref().filter(|filled| filled.count > 0) else { return };
         let lists = [&atlas.caches, &filled.caches, &filled.parts, &vals.live, &vals.live_count];
@@ -82,7 +84,7 @@ impl Dipoles {
             lists.into_iter().chain([&proxies.buffer, &self.buffer]).map(Bind::from).collect();
         cmd.bind(&self.gather, &resources);
         cmd.push(&DipolePush { count: filled.count });
-        // Rows of workgroups, since there may be more than fit in one.
+        // Several rows of workgroups, since a single row may be too short.
         let rows = filled.count.div_ceil(ROW);
         cmd.dispatch(filled.count.min(ROW) * DIPOLE_THREADS, rows, 1);
     }
@@ -97,7 +99,7 @@ impl Dipoles {
     ) {
         let Some(filled) = &world.filled else { return };
         if let Some(below) = &self.below {
-            cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // places of vertices, dipoles -> here
+            cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // positions of vertices, dipoles -> here
             for Shaded { visible, .. } in views.clone() {
                 let Some(out) = &visible.below else { continue };
                 let lists = [&visible.list, &world.draw_records, &world.references, &visible.args, &visible.lights];
@@ -107,7 +109,7 @@ impl Dipoles {
                 cmd.dispatch_indirect(&visible.args, std::mem::offset_of!(VisibleArgs, groups_x) as u64);
             }
         }
-        cmd.barrier(Use::ComputeWrite | Use::ColorWrite, Use::FragmentRead | Use::ColorWrite); // these, radiance -> here
+        cmd.barrier(Use::ComputeWrite | Use::ColorWrite, Use::FragmentRead | Use::ColorWrite); // both, radiance -> here
         let reach = world.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);
         for Shaded { view, surface, visible, first_proxy, .. } in views {
             let Some(resources) = self.of_pixels(world, atlas, surface, visible) else { continue };
@@ -122,7 +124,7 @@ impl Dipoles {
         }
     }
 
-    /// What the pass over pixels reads.
+    /// Resources of the pass over pixels.
     fn of_pixels<'a>(
         &'a self,
         world: &'a World,
@@ -146,10 +148,10 @@ impl Dipoles {
     }
 }
 
-/// Workgroups in a row of the gather's dispatch.
+/// Workgroups per row of the gather's dispatch.
 const ROW: u32 = 32_768;
 
-/// Stage 10 by brute force.
+/// Stage 10 with brute force.
 pub struct InsideBruteForce {
     pipeline: Pipeline,
 }

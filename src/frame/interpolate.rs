@@ -1,7 +1,8 @@
-//! Stage 8, interpolate: proxies -> indirect radiance per pixel. METHOD 5, thesis listings 5.2 and 6.5. Vertex level: the
-//! lights of each visible vertex's references are averaged once, and every pixel shades by those of its triangle's corners.
-//! Pixel level: every pixel averages the lights of its cell's references itself, whatever the triangles. Triangles are not
-//! drawn again, so the stage costs by what is seen, not by what there is.
+//! Stage 8, interpolate: computes each pixel's indirect radiance from proxies. METHOD 5, thesis listings 5.2 and 6.5.
+//! At vertex level, the lights of each visible vertex's references are averaged once, and every pixel is shaded with
+//! the lights of its triangle's corners. At pixel level, every pixel averages the lights of its cell's references
+//! itself, whatever the triangles. Triangles are not drawn again, so the cost depends on the visible part of the scene,
+//! not on its size.
 
 use super::atlas::Atlas;
 use super::gbuffer::Surface;
@@ -30,7 +31,7 @@ impl Radiance {
     /// Makes the images.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
         let float = Format::R32G32B32A32_SFLOAT;
         Ok(Self {
@@ -39,30 +40,30 @@ impl Radiance {
         })
     }
 
-    /// Both, to be drawn over.
+    /// Both lobes as cleared targets.
     pub(super) fn cleared(&self) -> Vec<Attach<'_>> {
         [&self.diffuse].into_iter().chain(&self.glossy).map(Attach::clear).collect()
     }
 }
 
-/// A view to be shaded.
+/// Inputs and output of the stage for one view.
 #[derive(Clone, Copy)]
 pub struct Shaded<'a> {
     /// The camera.
     pub view: &'a View,
-    /// What it sees.
+    /// Visible surfaces.
     pub surface: &'a Surface,
-    /// Of which vertices or cells.
+    /// Visible vertices or cells.
     pub visible: &'a VisibleList,
-    /// What short rays found, where there are some.
+    /// Results of the short rays, if any.
     pub near: Option<&'a NearPixels>,
-    /// What comes out.
+    /// Output.
     pub out: &'a Radiance,
-    /// First proxy of its eye.
+    /// First proxy of the view's eye.
     pub first_proxy: u32,
 }
 
-/// Averages and shades.
+/// Averages the lights of references and shades pixels.
 pub struct Interpolate {
     /// Only at vertex level.
     average: Option<Pipeline>,
@@ -70,14 +71,14 @@ pub struct Interpolate {
 }
 
 impl Interpolate {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan, world: &World, interpolation: settings::Interpolation) -> Result<Self> {
         let targets = [Format::R32G32B32A32_SFLOAT; 2];
         let printed = u32::from(interpolation == settings::Interpolation::Printed);
-        // Pixels look for so many references each; without, vertices have done so.
+        // With cells, every pixel reads this many references. Otherwise the vertices have done so.
         let (of_pixels, references) = (world.references_of_pixels(), world.references_each as u32);
         let constants = [references, u32::from(plan.lobes), printed];
         let (_, every) = plan.near.rays();
@@ -107,8 +108,8 @@ impl Interpolate {
         })
     }
 
-    /// Records the stage for views; `waits` for what it reads where nothing before it has. `near` says that there are short rays,
-    /// `seen` is what caches see of a sky.
+    /// Records the stage for views. `waits` adds a barrier for its inputs, if no earlier pass has waited for them.
+    /// `near` says that there are short rays. `seen` is the sky as caches see it.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,

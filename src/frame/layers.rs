@@ -1,5 +1,5 @@
-//! What is seen through, stages 1 and 8: surfaces of blended and transmitting materials, nearest first, each shaded like a
-//! picture of its own and laid over what is behind it. METHOD 15.
+//! Transparency, stages 1 and 8: surfaces of alpha-blended and transmitting materials, nearest first. Each layer is
+//! shaded like a separate picture and blended over the layers behind it. METHOD 15.
 
 use super::gbuffer::{GBuffer, Surface};
 use super::interpolate::Radiance;
@@ -13,34 +13,34 @@ use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
 
-/// What shows nearest before the opaque surfaces, next nearest, and so on.
+/// Transparent layers in front of the opaque surfaces.
 pub struct Layers {
-    /// Nearest first.
+    /// Layers, nearest first.
     pub list: Vec<Layer>,
     draw: ByKind,
-    /// Dims what is behind, and adds what the layer sends.
+    /// The first dims the light from behind; the second adds the layer's light.
     mix: [Pipeline; 2],
 }
 
-/// One of them: of each pixel one surface, or none.
+/// One layer: at most one transparent surface per pixel.
 pub struct Layer {
     /// Stages 1 and 2.
     pub surface: Surface,
-    /// Share of the light from behind that comes through, and as alpha the share of the layer's own.
+    /// Share of the light from behind that passes through; in alpha, the weight of the layer's own light.
     pub through: Image,
     /// Stage 5; only where caches are interpolated.
     pub visible: Option<VisibleList>,
-    /// Stage 8, first; only with short rays.
+    /// Stage 8, first part; only with short rays.
     pub near: Option<NearPixels>,
     /// Stage 8; only with indirect light.
     pub indirect: Option<Radiance>,
 }
 
 impl Layers {
-    /// Makes what a light's plan needs.
+    /// Creates the layers that a light's plan needs.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub(super) fn new(gpu: &Gpu, world: &World, light: &Light, size: [u32; 2]) -> Result<Option<Self>> {
         let plan = &light.plan;
         if plan.layers == 0 {
@@ -77,11 +77,12 @@ impl Layers {
         }))
     }
 
-    /// Draws the layers of a view, after its opaque surfaces: of what is before these and behind the layer before, the nearest.
+    /// Draws the layers of a view after its opaque surfaces. Each layer keeps the nearest surface in front of the
+    /// opaque ones and behind the previous layer.
     pub(super) fn record(&self, cmd: &Cmd<'_>, world: &World, view: &View, opaque: &Surface) {
         let mut before = world.white();
         for Layer { surface, through, .. } in &self.list {
-            cmd.barrier(Use::DepthWrite, Use::FragmentRead); // of opaque surfaces, and of the layer before
+            cmd.barrier(Use::DepthWrite, Use::FragmentRead); // depth of opaque surfaces and of the previous layer
             let colors: Vec<_> = surface.targets(Some(through)).map(Attach::clear).collect();
             let depth = Some(Attach::clear(&surface.depth));
             cmd.render(&Attachments { colors: &colors, depth, area: surface.area() }, |draw| {
@@ -93,7 +94,7 @@ impl Layers {
         }
     }
 
-    /// Lays the light of layers over that of the opaque surfaces, direct or indirect, once all are done.
+    /// Blends the light of the layers, direct or indirect, over that of the opaque surfaces. Call it after all shading.
     pub(super) fn record_mix(&self, cmd: &Cmd<'_>, behind: (&Surface, Option<&Radiance>), which: (bool, bool)) {
         let (direct, indirect) = which;
         self.mix_one(cmd, direct.then_some(&behind.0.radiance), |layer| Some(&layer.surface.radiance));

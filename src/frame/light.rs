@@ -1,4 +1,4 @@
-//! The light of a world: once for all views. What caches and pixels receive, and what that takes.
+//! The light of a world, shared by all views: the light of caches and pixels, and the passes that compute it.
 
 use super::brute_force::BruteForce;
 use super::caches::CacheLight;
@@ -16,59 +16,59 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::Scene;
 
-/// Where indirect light comes from.
+/// Source of indirect light.
 pub enum IndirectLight {
-    /// Nowhere.
+    /// None.
     Off,
-    /// Every VAL onto every pixel.
+    /// Every VAL lights every pixel.
     BruteForce(BruteForce),
     /// Interpolated caches.
     Caches(Box<CacheLight>),
 }
 
-/// Shadow map, VALs, caches and proxies of a world, and the passes that make them.
+/// Shadow maps, VALs, caches and proxies of a world, and the passes that compute them.
 pub struct Light {
-    /// Which stages there are.
+    /// The stages of a frame.
     pub plan: Plan,
     /// Stage 4; only with indirect light.
     pub rsm: Option<Rsm>,
     /// Stage 2; only with lights.
     pub direct: Option<Direct>,
-    /// Stages 3 and 5 to 8.
+    /// Stages 3 and 5 to 10.
     pub indirect: IndirectLight,
     pub(super) poses: Option<Poses>,
     pub(super) refit: Option<Refit>,
     pub(super) made: MadeOfLights,
     pub(super) outdated: Outdated,
     settings: Settings,
-    /// Most views of a frame.
+    /// Maximum number of views in a frame.
     eyes: u32,
-    /// Of the world that it was made for.
+    /// `World::layout` of the world that it was created for.
     layout: u64,
-    /// A bit for each stage that the last recorded frame has run.
+    /// A bit for each stage that the last recorded frame ran.
     pub(super) ran: u32,
 }
 
-/// What is up to date, of VALs.
+/// Revisions of the VALs.
 #[derive(Default)]
 pub(super) struct MadeOfLights {
-    /// Those of each light.
+    /// VALs of each light.
     pub(super) lights: Vec<Made>,
-    /// All of them, and their list.
+    /// All VALs, and their list.
     pub(super) vals: Made,
-    /// Revision of the surfaces that those of emitters are of.
+    /// Revision of the surfaces at which the VALs of emitters were written.
     pub(super) emitters: u64,
 }
 
-/// What the next frame has to make.
+/// Parts that the next frame must recompute.
 #[derive(Default)]
 pub(super) struct Outdated {
     pub(super) atlas: bool,
-    /// VALs, light by light.
+    /// VALs of each light.
     pub(super) lights: Vec<bool>,
-    /// The list of VALs, and what stands on it.
+    /// The list of VALs, and everything computed from it.
     pub(super) vals: bool,
-    /// VALs of the surfaces that emit.
+    /// VALs of the emissive surfaces.
     pub(super) emitters: bool,
     pub(super) cull: bool,
     pub(super) depth_images: bool,
@@ -76,23 +76,24 @@ pub(super) struct Outdated {
     pub(super) proxies: bool,
 }
 
-/// What a frame has worked with.
+/// Amount of work of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counts {
-    /// Caches that were lit.
+    /// Lit caches.
     pub caches: u32,
     /// VALs that carry light.
     pub vals: u32,
-    /// Pairs of a cache and a VAL, or a node that stands for some, whose light was computed.
+    /// Pairs of a cache and a VAL, or a cluster of VALs, whose light was computed.
     pub pairs: u64,
 }
 
 impl Light {
-    /// Makes the light of a world for frames of `eyes` views at most. The scene is the one that was uploaded; further bounces
-    /// look up what its surfaces reflect.
+    /// Creates the light of a world for frames of at most `eyes` views. `scene` must be the uploaded scene; further
+    /// bounces read the reflectance of its surfaces.
     ///
     /// # Errors
-    /// What the device cannot hold or do, by name: see `Draws::new` and `Visible::new`.
+    /// Fails with the name of the limit if the device cannot hold or support something: see `Draws::new` and
+    /// `Visible::new`.
     pub fn new(gpu: &Gpu, scene: &Scene, world: &World, settings: &Settings, eyes: usize) -> Result<Self> {
         let plan = world.plan(settings);
         let (weight, side) = (settings.proxy_weight(), settings.rsm.max(1));
@@ -128,7 +129,7 @@ impl Light {
             },
             poses: plan.deform.then(|| Poses::new(gpu)).transpose()?,
             refit: plan.deform.then(|| Refit::new(gpu)).transpose()?,
-            // VALs of emitters were uploaded.
+            // VALs of emitters are complete after the upload.
             made: MadeOfLights { emitters: world.revisions.surfaces, ..MadeOfLights::default() },
             outdated: Outdated::default(),
             settings: *settings,
@@ -139,13 +140,13 @@ impl Light {
         })
     }
 
-    /// Rebuilds what no longer fits the world, the settings or the number of views; costs nothing if all fits. Pictures
-    /// are to be fitted afterwards.
+    /// Rebuilds the light if it no longer fits the world, the settings or the number of views; otherwise it costs
+    /// nothing. Fit the pictures afterwards.
     ///
     /// # Errors
-    /// As `new`; the light is then as it was.
+    /// As `new`; then the light has not changed.
     pub fn fit(&mut self, gpu: &Gpu, scene: &Scene, world: &World, settings: &Settings, eyes: usize) -> Result<()> {
-        // Maps that are kept take memory that others do not.
+        // With shadow maps, `reuse` changes how many maps are allocated.
         let reuse = if self.plan.direct && !self.plan.light_rays { self.settings.reuse } else { settings.reuse };
         let same = Settings { reuse, ..self.settings } == *settings;
         if same && self.fits(world) && eyes <= self.eyes() {
@@ -156,35 +157,35 @@ impl Light {
         Ok(())
     }
 
-    /// Whether it was made for a world as that is now.
+    /// Whether the light was created for the world in its current state.
     pub fn fits(&self, world: &World) -> bool {
         self.layout == world.layout && self.plan == world.plan(&self.settings)
     }
 
-    /// What shapes it.
+    /// The settings of this light.
     pub fn settings(&self) -> &Settings {
         &self.settings
     }
 
-    /// Most views of a frame.
+    /// Maximum number of views in a frame.
     pub fn eyes(&self) -> usize {
         self.eyes as usize
     }
 
-    /// The VALs, where there are any.
+    /// The VALs, if there are any.
     pub fn vals(&self) -> Option<&Vals> {
         self.rsm.as_ref().map(|rsm| &rsm.vals)
     }
 
-    /// The caches, where light is interpolated.
+    /// The caches, if light is interpolated.
     pub fn caches(&self) -> Option<&CacheLight> {
         if let IndirectLight::Caches(caches) = &self.indirect { Some(caches) } else { None }
     }
 
-    /// Caches that the last frame has lit, VALs that carry light, and pairs of both. Waits for the device.
+    /// Caches that the last frame lit, VALs that carry light, and pairs of both. Waits for the device.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn counts(&self, gpu: &Gpu) -> Result<Counts> {
         let mut counts = Counts::default();
         if let Some(vals) = self.vals() {
@@ -214,7 +215,7 @@ impl Light {
         Ok(counts)
     }
 
-    /// Stages of the plan that the last recorded frame has left out, since nothing they read had changed.
+    /// Stages of the plan that the last recorded frame skipped because their inputs had not changed.
     pub fn skipped(&self) -> Vec<&'static str> {
         let planned = STAGES.iter().enumerate().filter(|(_, stage)| (stage.planned)(&self.plan));
         planned.filter(|(place, _)| self.ran >> place & 1 == 0).map(|(_, stage)| stage.name).collect()

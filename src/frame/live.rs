@@ -4,69 +4,70 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Gpu};
 use crate::shared::{DEPTH_IMAGE_ROW, GatherSums, LiveArgs, PACK_BLOCK, VAL_TILE};
 
-/// The list that a gather works through: of caches, or of groups of consecutive ones with clusters. A group is live with
-/// any of its caches, and all of it is lit: what a cache receives does not depend on which others are seen.
+/// The list that a gather processes. Its items are caches or, in the cluster path, groups of consecutive caches. A
+/// group is live if any of its caches is, and all of it is lit, so the light of a cache does not depend on which other
+/// caches are visible.
 pub struct Live {
-    /// 1 where a visible vertex or cell refers to an item; all 0 between frames.
+    /// 1 where a visible vertex or cell references an item; all 0 between frames.
     pub flags: Buffer,
-    /// Flagged items of each block.
+    /// Number of flagged items in each block.
     pub blocks: Buffer,
-    /// Indices of live items, ascending; of all, until culling says otherwise.
+    /// Indices of live items, ascending. Contains all items until they are culled.
     pub list: Buffer,
-    /// Their number, and the gather's dispatch; of all of them, too.
+    /// Number of live items, and the gather's dispatch size. Covers all items until they are culled.
     pub args: Buffer,
-    /// Items of all instances.
+    /// Number of items in all instances.
     pub count: u32,
-    /// Caches of all instances.
+    /// Number of caches in all instances.
     pub caches: u32,
-    /// Caches of an item.
+    /// Caches per item.
     pub group: u32,
-    /// Items of a workgroup.
+    /// Items per workgroup.
     pub per_workgroup: u32,
-    /// VALs, or nodes, of a part of the sums.
+    /// VALs, or nodes, per part of the sums.
     pub split: u32,
 }
 
-/// What a list is made for.
+/// Configuration of a list.
 #[derive(Clone, Copy, Debug)]
 pub struct Items {
-    /// Caches of all instances.
+    /// Number of caches in all instances.
     pub caches: u32,
-    /// Caches of an item.
+    /// Caches per item.
     pub group: u32,
-    /// Items of a workgroup.
+    /// Items per workgroup.
     pub per_workgroup: u32,
-    /// VALs, or nodes, that light them.
+    /// Number of VALs, or nodes, that light the caches.
     pub lights: u32,
-    /// VALs, or nodes, of a part of the sums.
+    /// VALs, or nodes, per part of the sums.
     pub split: u32,
 }
 
-/// Most memory that the parts of the sums take \[bytes\], unless a part would then be too long.
+/// Memory limit for the parts of the sums \[bytes\], unless parts would then become too long.
 const PARTS_BYTES: u64 = 64 << 20;
 
-/// Lights of a part: so many as are wanted, or more where parts would take too much memory, and never more than `longest`.
+/// Lights per part: the wanted number, or more if the parts would take too much memory, but never more than `longest`.
 pub(super) fn split_of(caches: u32, lights: u32, wanted: u32, longest: u32) -> u32 {
     let sums = u64::from(caches.max(1)) * size_of::<GatherSums>() as u64;
     let in_memory = u64::from(lights.max(1)).div_ceil((PARTS_BYTES / sums).max(1));
     in_memory.max(wanted.into()).next_multiple_of(VAL_TILE.into()).min(longest.into()) as u32
 }
 
-/// Parts of the sums of lights that are split so.
+/// Number of parts for this many lights.
 pub(super) fn parts_of(lights: u32, split: u32) -> u32 {
     lights.max(1).div_ceil(split)
 }
 
-/// Room for this many parts of the sums of all caches.
+/// Creates a buffer for this many parts of the sums of all caches.
 pub(super) fn new_parts(gpu: &Gpu, caches: u32, parts: u32) -> Result<Buffer> {
     gpu.buffer("gather.parts", u64::from(caches.max(1)) * size_of::<GatherSums>() as u64 * u64::from(parts))
 }
 
 impl Live {
-    /// Of all caches.
+    /// Creates a list of all caches.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, items: Items) -> Result<Self> {
         let Items { caches, group, per_workgroup, lights, split } = items;
         let (count, room) = (caches.div_ceil(group), caches.max(1).div_ceil(group));
@@ -83,10 +84,10 @@ impl Live {
         })
     }
 
-    /// Caches of the live items. Waits for the device.
+    /// Number of caches in the live items. Waits for the device.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn lit(&self, gpu: &Gpu) -> Result<u32> {
         let items = gpu.read::<LiveArgs>(&self.args)?[0].cache_count;
         let list: Vec<u32> = gpu.read(&self.list)?;
@@ -94,7 +95,7 @@ impl Live {
     }
 }
 
-/// The gather's dispatch over so many caches, or groups of them, and VALs, or nodes; twin of glsl/lib/pack.glsl.
+/// The gather's dispatch over these caches (or groups) and VALs (or nodes). Must match glsl/lib/pack.glsl.
 fn live_args(caches: u32, lights: u32, per_workgroup: u32, split: u32) -> LiveArgs {
     LiveArgs {
         groups_x: caches.div_ceil(per_workgroup),

@@ -1,8 +1,9 @@
-//! The frame: METHOD's eleven stages in order, each in the file of its name.
+//! The frame: METHOD's eleven stages in order, each in a file of the same name.
 //!
-//! Three lifetimes: a [`World`] is a scene on the device; a [`Light`] is its light, once for all views; a [`Picture`] is what
-//! one view sees. [`Settings`] shape light and pictures, a [`Look`] is given to each frame. [`Engine`] holds a world and its
-//! light and lets all of it change between two frames.
+//! There are three lifetimes. A [`World`] is a scene on the device. A [`Light`] is the light of a world, shared by all
+//! views. A [`Picture`] holds the targets and results of one view. [`Settings`] determine light and pictures; each
+//! frame takes its own [`Look`]. An [`Engine`] holds a world and its light and allows both to change between two
+//! frames.
 
 pub mod atlas;
 pub mod background;

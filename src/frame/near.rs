@@ -1,7 +1,8 @@
-//! Stage 8, first: short rays from what pixels show. METHOD 11.
+//! Stage 8, first part: short rays from the visible surfaces. METHOD 11.
 //!
-//! What lies within one spacing of the caches they cannot know. A few rays from every other pixel find it; the next pass
-//! takes the rays of neighbours together. What they meet gives its light, and hides what caches say of its direction.
+//! Caches cannot resolve surfaces within one cache spacing. A few rays from some of the pixels find these surfaces, and
+//! the next pass combines the rays of neighbouring pixels. The surfaces that rays hit add their own light and block the
+//! light of caches from that direction.
 
 use super::gbuffer::Surface;
 use super::plan::Plan;
@@ -14,46 +15,46 @@ use crate::shared::{NEAR_SIDE, NearFilterPush, NearLight, NearPixel, NearSpreadP
 use glam::Vec3;
 use std::f32::consts::PI;
 
-/// Traces short rays, and takes those of neighbours together.
+/// Traces short rays and combines those of neighbouring pixels.
 pub struct NearRays {
     trace: Pipeline,
     filter: Pipeline,
     spread: Pipeline,
     glossy: bool,
-    /// Whether what rays meet reflects the lights.
+    /// Whether the surfaces at hits reflect the lights.
     reflects: bool,
-    /// Whether a sky is beyond everything.
+    /// Whether open rays see a sky.
     sky: bool,
-    /// All directions about +z that neighbours share, ray after ray of each.
+    /// Directions about +z that neighbours share, one block per ray.
     directions: Buffer,
-    /// Pixels and rows from one with rays to the next.
+    /// Distance in columns and rows between traced pixels.
     pub every: u32,
-    /// How far they reach \[m\].
+    /// Length of the rays \[m\].
     pub reach: f32,
 }
 
-/// What the rays of a picture found.
+/// Results of the rays of a picture.
 pub struct NearPixels {
-    /// Of each, row by row.
+    /// Results per traced pixel, row by row.
     pub pixels: Buffer,
-    /// Taken together with its neighbours'.
+    /// Results combined with those of neighbours.
     pub lights: Buffer,
-    /// The same on its way, spread once less.
+    /// Second buffer for the spreading passes, which alternate between `lights` and this one.
     pub halfway: Buffer,
-    /// Pixels with rays in a row, and rows of them.
+    /// Number of columns and rows of traced pixels.
     pub size: [u32; 2],
 }
 
-/// Distance from a cache within which VALs and what is in their way are left to rays \[spacings\].
+/// Distance from a cache below which VALs and occluders are left to rays \[cache spacings\].
 pub const CACHE_REACH: f64 = 0.5;
 
-/// Length of rays \[spacings\].
+/// Length of rays \[cache spacings\].
 pub const PIXEL_REACH: f64 = 1.0;
 
-/// Steps by which what rays found is spread \[pixels with rays\]; an even number of them.
+/// Step sizes of the spreading passes \[traced pixels\]. Their number must be even.
 const SPREADS: [u32; 4] = [4, 8, 16, 32];
 
-/// Directions about +z, as many to each solid angle as its cosine wants: points on the unit disc, along a spiral.
+/// Directions about +z with a density proportional to the cosine: points on the unit disc along a spiral.
 pub fn directions(count: u32) -> Vec<Vec3> {
     let golden = PI * (3.0 - 5.0_f32.sqrt());
     let direction = |i: u32| {
@@ -64,7 +65,7 @@ pub fn directions(count: u32) -> Vec<Vec3> {
     (0..count).map(direction).collect()
 }
 
-/// Shaders where materials are glossy (1), surfaces reflect the light of caches (2), caches see a sky (4).
+/// Shaders by features: glossy materials (1), surfaces that reflect the light of caches (2), caches that see a sky (4).
 const SHADERS: [&str; 8] = [
     "near.comp",
     "near_glossy.comp",
@@ -77,10 +78,10 @@ const SHADERS: [&str; 8] = [
 ];
 
 impl NearRays {
-    /// Makes what a plan needs for a world with rays.
+    /// Creates the passes that a plan needs. The world must have rays.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shader.
+    /// Fails if the device runs out of memory or the driver rejects the shader.
     pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Option<Self>> {
         let near = plan.near;
         if near == Near::Off {
@@ -106,8 +107,9 @@ impl NearRays {
         }))
     }
 
-    /// Records the pass for views, what they see, and what comes out, with the light of caches by directions; `lit` are the
-    /// VALs that caches are, where surfaces reflect their light, too, and `sky` is what caches see of one. Unless it `waits` all of these have been waited for.
+    /// Records the pass for views, their surfaces and results. `atlas` and `radiances` are the caches and their light
+    /// by direction. `lit` is the caches as VALs, if surfaces also reflect their light. `sky` is the sky as caches see
+    /// it. Without `waits`, an earlier barrier must have waited for all of these.
     pub(super) fn record<'a>(
         &self,
         cmd: &Cmd<'_>,
@@ -119,7 +121,7 @@ impl NearRays {
     ) {
         let Some(rays) = world.rays() else { return };
         if waits {
-            // What is seen, caches, their light -> here and the next pass.
+            // Visible surfaces, caches and their light -> here and the next pass.
             cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::IndirectRead);
         }
         for (view, surface, out) in views.clone() {
@@ -151,7 +153,7 @@ impl NearRays {
                 first_sky_light: sky_lights.start,
                 sky_light_count: sky_lights.len() as u32,
             });
-            // A workgroup has 8 x 8 pixels of the same directions.
+            // A workgroup has 8 x 8 pixels that share their directions.
             let block = NEAR_SIDE * 8;
             cmd.dispatch(width.div_ceil(block) * NEAR_SIDE * NEAR_SIDE * 64, height.div_ceil(block), 1);
         }
@@ -176,10 +178,10 @@ impl NearRays {
 }
 
 impl NearPixels {
-    /// Room for a picture of this size.
+    /// Creates the buffers for a picture of this size.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub(super) fn new(gpu: &Gpu, rays: &NearRays, size: [u32; 2]) -> Result<Self> {
         let size = size.map(|side| side.div_ceil(rays.every));
         let count = u64::from(size[0]) * u64::from(size[1]);

@@ -1,7 +1,7 @@
-//! Stage 7, occlusion: caches x live caches -> dimmed proxy lights. METHOD 6, thesis 5.4.
+//! Stage 7, occlusion: discs of all caches dim the proxy lights of the live ones. METHOD 6, thesis 5.4.
 //!
-//! Every cache of the atlas is a disc in the way of what the live ones receive. Groups of consecutive discs, which lie
-//! near each other, are skipped together where their bounds say that none of them can cover anything of a light.
+//! Every cache of the atlas is a disc that can block the light of live caches. Consecutive discs lie near each other. A
+//! group of them is skipped as a whole if its bounds show that none can cover any part of a light.
 
 use super::atlas::Atlas;
 use super::live::Live;
@@ -10,18 +10,18 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{CLUSTER_GROUP, OCCLUDE_PARTS, OCCLUDER_GROUP, OccludePush, OccluderGroup};
 
-/// Bounds of groups of consecutive caches, which stage 7 and what draws depth images skip together.
+/// Bounds of groups of consecutive caches. Stage 7 and the drawing of depth images use them to skip whole groups.
 pub struct Bounds {
-    /// Group by group.
+    /// One element per group.
     pub groups: Buffer,
     pipeline: Pipeline,
 }
 
 impl Bounds {
-    /// For this many caches.
+    /// Creates bounds for this many caches.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, caches: u32) -> Result<Self> {
         let groups = u64::from(caches.div_ceil(OCCLUDER_GROUP).max(1));
         let groups = gpu.buffer("occlude.groups", groups * size_of::<OccluderGroup>() as u64)?;
@@ -50,19 +50,19 @@ pub struct Occlude {
 }
 
 impl Occlude {
-    /// Makes it for this many caches, `group` of which are live together, or 0 where no list says which are: then those that
-    /// are not are unlit.
+    /// Creates the pass for this many caches. `group` is the number of caches that are live together, or 0 if there is
+    /// no list of live caches: caches that are not live then have unlit proxies.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, caches: u32, glossy: bool, group: u32) -> Result<Self> {
         Self::made(gpu, caches, glossy, group, true)
     }
 
-    /// The same without skipping any disc: what skipping is measured against.
+    /// Creates a pass that skips no disc: the reference for skipping.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn without_skipping(gpu: &Gpu, caches: u32, glossy: bool, group: u32) -> Result<Self> {
         Self::made(gpu, caches, glossy, group, false)
     }
@@ -73,8 +73,8 @@ impl Occlude {
         Ok(Self { bounds: Bounds::new(gpu, caches)?, skip, dim })
     }
 
-    /// Records the stage for the runs of this many eyes; it waits for the proxies itself. The list is that of the gather, if it
-    /// has one.
+    /// Records the stage for the runs of this many eyes, including the barrier for the proxies. `live` is the gather's
+    /// list, if it has one.
     pub fn record(&self, cmd: &Cmd<'_>, atlas: &Atlas, live: Option<&Live>, proxies: &Proxies, eyes: usize) {
         if self.skip {
             self.bounds.record(cmd, atlas);
@@ -82,7 +82,7 @@ impl Occlude {
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite); // proxies, bounds -> here
         for eye in 0..proxies.runs.min(eyes as u32) {
             if eye > 0 {
-                // Other proxies, but the same buffer.
+                // Other proxies, but in the same buffer.
                 cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             }
             let all = [(&atlas.caches).into(), (&self.bounds.groups).into(), (&proxies.buffer).into()];
@@ -94,7 +94,7 @@ impl Occlude {
                 None => cmd.bind(&self.dim, &all),
             }
             cmd.push(&push(atlas, proxies.first(eye)));
-            // Items of the list are groups of caches with clusters.
+            // In the cluster path, items of the list are groups of caches.
             cmd.dispatch(atlas.count.next_multiple_of(CLUSTER_GROUP), OCCLUDE_PARTS, 1);
         }
     }

@@ -1,4 +1,4 @@
-//! Ends of stages 4 and 5: VALs that carry light, and caches that matter, close up in order. METHOD 9.
+//! Ends of stages 4 and 5: compacts the VALs that carry light, and the caches that are needed, in order. METHOD 9.
 
 use super::live::Live;
 use super::vals::Vals;
@@ -6,28 +6,30 @@ use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{PACK_BLOCK, PACK_THREADS, PackPush};
 
-/// Most items that one workgroup closes up alone, in one pass: on a software device a pass costs more than they do.
+/// Maximum number of items that one workgroup compacts in a single pass. On a software device a second pass costs more
+/// than the items.
 const ALONE: u32 = 4 * PACK_BLOCK;
 
-/// Closes up VALs in two passes, a count of every block and then the places.
+/// Compacts VALs in two passes: the first counts flags per block, the second places the items.
 pub struct PackVals {
     count: Pipeline,
     place: Pipeline,
-    /// Whether the gather's dispatch follows from their number alone.
+    /// Whether the gather's dispatch size depends only on the number of VALs.
     lights_all: bool,
 }
 
 impl PackVals {
-    /// Makes the pipelines. Where the gather lights all caches, its dispatch is made here.
+    /// Creates the pipelines. If the gather lights all caches, this pass also writes the gather's dispatch size.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn new(gpu: &Gpu, lights_all: bool) -> Result<Self> {
         let place = if lights_all { "pack_vals_args.comp" } else { "pack_vals.comp" };
         Ok(Self { count: gpu.compute("count_flags.comp", &[])?, place: gpu.compute(place, &[])?, lights_all })
     }
 
-    /// Flagged VALs, which must be there -> `live` and their number; the gather's dispatch over all caches.
+    /// Copies flagged VALs to `live` and writes their number and, if the gather lights all caches, its dispatch size.
+    /// The flags must be complete.
     pub fn record(&self, cmd: &Cmd<'_>, vals: &Vals, caches: Option<&Live>) {
         let args = caches.filter(|_| self.lights_all);
         let push = PackPush {
@@ -47,22 +49,23 @@ impl PackVals {
     }
 }
 
-/// Closes up caches: few in one pass, many in two as VALs.
+/// Compacts caches: few in one pass, many in two, like VALs.
 pub struct PackCaches {
     count: Pipeline,
     place: Pipeline,
 }
 
 impl PackCaches {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self { count: gpu.compute("count_flags.comp", &[])?, place: gpu.compute("pack_caches.comp", &[])? })
     }
 
-    /// Flagged caches -> `list` and the gather's dispatch over so many VALs or nodes, a number that must be there.
+    /// Writes flagged caches to `list`, and the gather's dispatch size over these and `light_count` VALs or nodes.
+    /// Flags and count must be complete.
     pub fn record(&self, cmd: &Cmd<'_>, caches: &Live, light_count: &Buffer) {
         let block = if caches.count <= ALONE { ALONE } else { PACK_BLOCK };
         let push = PackPush {
@@ -89,7 +92,7 @@ fn count_blocks(cmd: &Cmd<'_>, pipeline: &Pipeline, push: &PackPush, flags: &Buf
     cmd.dispatch(threads(push), 1, 1);
 }
 
-/// Threads that look at the items; at least one group, which writes that there are none.
+/// Number of threads for the items. At least one workgroup, which then writes a count of 0.
 fn threads(push: &PackPush) -> u32 {
     push.count.div_ceil(push.per_thread * PACK_THREADS).max(1) * PACK_THREADS
 }

@@ -1,4 +1,4 @@
-//! A picture of a world: what one view sees, and what is made of it. A second view is a second picture.
+//! A picture of a world: targets and results of one view. A second view needs a second picture.
 
 use super::background::Background;
 use super::composite::{Composed, Composite, Output};
@@ -18,19 +18,19 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use glam::Vec4;
 
-/// The images of one view, and the passes that are its own.
+/// Images of one view, and the passes that belong to it.
 pub struct Picture {
     /// Stages 1 and 2.
     pub surface: Surface,
     /// Stage 5; only where caches are interpolated.
     pub visible: Option<VisibleList>,
-    /// Stage 8, first; only with short rays.
+    /// Stage 8, first part; only with short rays.
     pub near: Option<NearPixels>,
     /// Stage 8; only with indirect light.
     pub indirect: Option<Radiance>,
-    /// Second surfaces of pixels, where edges are smoothed.
+    /// Second surfaces of pixels; only with antialiasing.
     pub edges: Option<Edges>,
-    /// What is seen through, where the scene has any.
+    /// Transparent layers, if the scene has any.
     pub layers: Option<Layers>,
     /// Stage 11.
     pub output: Output,
@@ -44,7 +44,7 @@ pub struct Picture {
     layout: u64,
 }
 
-/// What is up to date.
+/// Revisions of the results.
 #[derive(Default)]
 pub(super) struct MadeOfPicture {
     pub(super) view: Watched<View>,
@@ -57,7 +57,7 @@ pub(super) struct MadeOfPicture {
     pub(super) output: Made,
 }
 
-/// What the next frame has to make.
+/// Parts that the next frame must recompute.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Outdated {
     /// Stages 1 and 2, which write the same radiance.
@@ -68,10 +68,10 @@ pub(super) struct Outdated {
 }
 
 impl Picture {
-    /// Makes a picture of this many pixels. A picture without any, as in a minimised window, is left out of frames.
+    /// Creates a picture of this size \[pixels\]. Frames skip empty pictures, such as those of a minimised window.
     ///
     /// # Errors
-    /// Sizes beyond the device's limits, and what it has no memory for.
+    /// Fails if the size exceeds the device's limits or the device runs out of memory.
     pub fn new(gpu: &Gpu, world: &World, light: &Light, size: [u32; 2]) -> Result<Self> {
         let (plan, images) = (light.plan, size.map(|side| side.max(1)));
         Ok(Self {
@@ -95,10 +95,10 @@ impl Picture {
         })
     }
 
-    /// Rebuilds it if it no longer fits the light or the size; costs nothing otherwise.
+    /// Rebuilds the picture if it no longer fits the light or the size; otherwise it costs nothing.
     ///
     /// # Errors
-    /// As `new`; the picture is then as it was.
+    /// As `new`; then the picture has not changed.
     pub fn fit(&mut self, gpu: &Gpu, world: &World, light: &Light, size: [u32; 2]) -> Result<()> {
         if self.size != size || !self.fits(world, light) {
             *self = Self::new(gpu, world, light, size)?;
@@ -106,12 +106,12 @@ impl Picture {
         Ok(())
     }
 
-    /// Whether it was made for a light as that is now.
+    /// Whether the picture was created for the light in its current state.
     pub fn fits(&self, world: &World, light: &Light) -> bool {
         self.plan == light.plan && self.layout == world.layout
     }
 
-    /// Pixels of a row, and rows.
+    /// Width and height \[pixels\].
     pub fn size(&self) -> [u32; 2] {
         self.size
     }
@@ -121,17 +121,17 @@ impl Picture {
         self.size.contains(&0)
     }
 
-    /// First and second surfaces of its pixels.
+    /// First and second surfaces of the pixels.
     pub(super) fn surfaces(&self) -> impl Iterator<Item = &Surface> + Clone {
         [&self.surface].into_iter().chain(self.edges.as_ref().map(|edges| &edges.surface))
     }
 
-    /// Surfaces that are seen through, nearest first.
+    /// Transparent layers, nearest first.
     fn seen_through(&self) -> impl Iterator<Item = &Layer> + Clone {
         self.layers.iter().flat_map(|layers| &layers.list)
     }
 
-    /// All surfaces of its pixels.
+    /// All surfaces of the pixels, including transparent layers.
     pub(super) fn lit(&self) -> impl Iterator<Item = &Surface> + Clone {
         self.surfaces().chain(self.seen_through().map(|layer| &layer.surface))
     }
@@ -143,7 +143,7 @@ impl Picture {
         first.into_iter().chain(layers)
     }
 
-    /// Surfaces with the lists of what they show.
+    /// Surfaces with the lists of their visible vertices or cells.
     pub(super) fn lists(&self) -> impl Iterator<Item = (&Surface, &VisibleList)> + Clone {
         let first = self.visible.as_ref().map(|list| (&self.surface, list));
         let second = self.edges.as_ref().and_then(|edges| Some((&edges.surface, edges.visible.as_ref()?)));
@@ -151,7 +151,7 @@ impl Picture {
         first.into_iter().chain(second).chain(layers)
     }
 
-    /// Surfaces with their indirect light, and the short rays that it takes into account.
+    /// Surfaces with their indirect light, and the short rays that this light uses.
     pub(super) fn shaded(&self) -> impl Iterator<Item = (&Surface, &Radiance, Option<&NearPixels>)> + Clone {
         let near = self.near.as_ref();
         let first = self.indirect.as_ref().map(|out| (&self.surface, out, near));
@@ -161,7 +161,7 @@ impl Picture {
         first.into_iter().chain(second).chain(own)
     }
 
-    /// What stage 11 reads and writes.
+    /// Inputs and output of stage 11.
     pub(super) fn composed(&self) -> Composed<'_> {
         Composed {
             surface: &self.surface,

@@ -1,41 +1,41 @@
-//! From a scene's features to the stages it needs, and the one table of stages. What a scene has not costs no pass, no
-//! target and no shader branch.
+//! Selects the stages that a scene's features need, and holds the one table of stages. A feature that the scene lacks
+//! costs no pass, no target and no shader branch.
 
 use super::settings::{Antialiasing, Caches, Gather, Indirect, LightShadows, Near, Settings, Shadows};
 use crate::scene::animation::Quantity;
 use crate::scene::{Material, Scene};
 
-/// What of a scene decides which stages there are.
+/// Features of a scene that determine its stages.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Features {
-    /// Meshes that bend.
+    /// Some meshes are skinned or morphed.
     pub bends: bool,
     /// Punctual lights.
     pub lights: bool,
-    /// Lights that are none of a sky's.
+    /// Lights other than those that represent the sky.
     pub lamps: bool,
-    /// A sky that lights.
+    /// A sky that lights the scene.
     pub sky_light: bool,
-    /// A sky, or another backdrop, that shows.
+    /// A sky or another backdrop is visible.
     pub sky: bool,
-    /// Surfaces that emit and are area lights.
+    /// Emissive surfaces that are area lights.
     pub areas: bool,
-    /// Others that emit.
+    /// Other emissive surfaces.
     pub emits: bool,
-    /// A material with a glossy lobe.
+    /// Some material has a glossy lobe.
     pub glossy: bool,
-    /// A material is seen through.
+    /// Some material is transparent.
     pub seen_through: bool,
-    /// A material has a clear coat or sheen.
+    /// Some material has a clear coat or sheen.
     pub coated: bool,
-    /// A material is filled with what scatters light.
+    /// Some material scatters light below its surface.
     pub filled: bool,
-    /// The device can hold what rays need.
+    /// The device can hold the data for ray tracing.
     pub rays: bool,
 }
 
 impl Features {
-    /// Of a scene of whose surfaces that emit some are area lights, and some are not.
+    /// Features of a scene. `areas` says whether some emissive surfaces are area lights, `emits` whether some are not.
     pub fn new(scene: &Scene, areas: bool, emits: bool) -> Self {
         Self {
             bends: scene.instances.iter().any(|instance| scene.meshes[instance.mesh].deform.is_some()),
@@ -53,74 +53,76 @@ impl Features {
         }
     }
 
-    /// Whether surfaces emit, one way or the other.
+    /// Whether any surfaces emit, as area lights or otherwise.
     pub fn emits_at_all(&self) -> bool {
         self.areas || self.emits
     }
 }
 
-/// Which stages a frame has.
+/// Stages of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Plan {
-    /// Before stage 1: meshes that bend are posed.
+    /// Before stage 1: poses deformed meshes.
     pub deform: bool,
-    /// Stage 2: there is a light.
+    /// Stage 2: there is a direct light.
     pub direct: bool,
-    /// Stage 2 by rays, rather than shadow maps.
+    /// Stage 2 uses rays instead of shadow maps.
     pub light_rays: bool,
-    /// Stage 2 where no surface is: a sky, or another backdrop, shows.
+    /// Stage 2 in pixels without a surface: a sky or another backdrop is visible.
     pub sky: bool,
-    /// Surfaces that emit and are no area lights are VALs, beside those of stage 4.
+    /// Emissive surfaces that are not area lights become VALs, in addition to those of stage 4.
     pub emitters: bool,
-    /// Stage 4 for lights: what they light gives light.
+    /// Stage 4 for lights: lit surfaces become VALs.
     pub reflects: bool,
-    /// Stages 6 and 8: caches see the sky. Without it lights stand for the sky.
+    /// Stages 6 and 8: caches see the sky. Without these stages, directional lights represent it.
     pub sky_light: bool,
     /// Stages 3, 4, 6 and 8: interpolated caches.
     pub lightskin: bool,
     /// Stage 5: only visible caches are lit.
     pub cull: bool,
-    /// Stage 6 by clusters of VALs, and the pyramids before it.
+    /// Stage 6 uses clusters of VALs, and pyramids are built before it.
     pub clusters: bool,
-    /// Stage 6 repeats: this many times, lit caches light all caches.
+    /// Number of repetitions of stage 6. In each one, the lit caches light all caches.
     pub bounces: u32,
     /// Stage 7: the discs of caches dim the proxies of others.
     pub occlude: bool,
-    /// Stage 6 tests every VAL against what caches see of the others' rectangles.
+    /// Stage 6 tests every VAL against the other caches' rectangles, as each cache sees them.
     pub depth_images: bool,
-    /// Stage 6 leaves what is nearby to short rays at pixels, or nothing.
+    /// Source of light from nearby surfaces; with rays, stage 6 leaves these surfaces to short rays at pixels.
     pub near: Near,
-    /// Stage 4 and every VAL onto every pixel, instead of 3, 6 and 8.
+    /// Stage 4, and every VAL lights every pixel, instead of stages 3, 6 and 8.
     pub brute_force: bool,
     /// Stages 1 and 8: pixels have a second surface.
     pub antialiasing: Antialiasing,
-    /// Stages 1 and 8: so many surfaces that are seen through, one behind another.
+    /// Stages 1 and 8: maximum number of transparent layers.
     pub layers: u32,
-    /// A material has a clear coat or sheen: another target of stage 1, and their lobes in stage 2 and under the sky.
+    /// Some material has a clear coat or sheen: stage 1 has one more target; stage 2 and the sky light evaluate these
+    /// lobes.
     pub coated: bool,
-    /// Stages 4, 9 and 10: light goes on inside bodies. Without, they reflect as much as if it came out where it entered.
+    /// Stages 4, 9 and 10: light travels through translucent bodies. Without these stages such bodies reflect as much
+    /// light as if it left them where it entered.
     pub inside: bool,
-    /// A material has a glossy lobe: its share of stages 6 and 8 and its targets.
+    /// Some material has a glossy lobe: stages 6 and 8 evaluate it and have targets for it.
     pub glossy: bool,
-    /// Caches have proxies of the glossy lobe: rays do not see what it mirrors.
+    /// Caches have proxies for the glossy lobe. With short rays they have none.
     pub lobes: bool,
 }
 
-/// A stage: METHOD's number, its name in times, traces and reports, and when a frame has it.
+/// A stage: its number in METHOD, its name, and the condition under which a frame has it.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage {
-    /// METHOD's number; two that have one number are parts of one stage, or stand in for each other.
+    /// METHOD's number. Entries with the same number are parts of one stage or alternatives.
     pub number: u32,
-    /// As captures, timings and traces show it.
+    /// Name in captures, timings and traces.
     pub name: &'static str,
-    /// Whether a plan has it.
+    /// Whether a plan has this stage.
     pub planned: fn(&Plan) -> bool,
 }
 
-/// Declares the stages in the order of the frame, and a constant for the place of each in `STAGES`.
+/// Declares the stages in the order of the frame, and a constant for each one's index in `STAGES`.
 macro_rules! stages {
     ($($constant:ident: $number:literal $name:literal $planned:expr;)*) => {
-        /// All stages, in the order in which a frame runs them: what plans, `info`, skipping, times and tests go by.
+        /// All stages in the order of the frame. Plans, `info`, skipping, timings and tests use this table.
         pub const STAGES: &[Stage] = &[$(Stage { number: $number, name: $name, planned: $planned }),*];
         #[allow(non_camel_case_types, clippy::upper_case_acronyms, reason = "places in a table, named as constants")]
         enum Place { $($constant),* }
@@ -155,7 +157,7 @@ stages! {
 }
 
 impl Plan {
-    /// The stages that scenes with these features need under these settings.
+    /// The stages that a scene with these features needs under these settings.
     pub fn of(scene: &Features, settings: &Settings) -> Self {
         let lights = scene.lights || scene.areas;
         let light = lights || scene.emits;
@@ -165,8 +167,8 @@ impl Plan {
         let caches = asked.filter(|caches| scene.emits || sky_light || (lights && caches.gather.bounces() > 0));
         let gather = caches.map(|caches| caches.gather);
         let shadows = gather.map_or(Shadows::Off, |gather| gather.shadows());
-        // What lights give has bounced once when it comes to caches, and without that there are none; what emitting surfaces
-        // give has not bounced yet.
+        // Light of punctual and area lights has bounced once when it reaches caches; without bounces there are no
+        // caches for it. Light of other emissive surfaces has not bounced yet.
         let bounces = match gather {
             Some(Gather::Compute { bounces, .. }) if scene.emits => bounces,
             Some(Gather::Compute { bounces, .. }) => bounces.saturating_sub(1),
@@ -201,22 +203,22 @@ impl Plan {
         }
     }
 
-    /// Whether there is indirect light at all.
+    /// Whether there is any indirect light.
     pub fn indirect(&self) -> bool {
         self.lightskin || self.brute_force
     }
 
-    /// Whether pixels know which triangle they show.
+    /// Whether pixels store which triangle they show.
     pub(super) fn elements(&self) -> bool {
         self.lightskin || self.inside
     }
 
-    /// The stages that it has, in order.
+    /// The stages of this plan, in order.
     pub fn stages(&self) -> impl Iterator<Item = &'static Stage> {
         STAGES.iter().filter(|stage| (stage.planned)(self))
     }
 
-    /// Why a frame has a stage, or has it not: in the words of `info`.
+    /// The reason why a frame has or lacks a stage, as `info` prints it.
     pub fn why(&self, stage: &Stage) -> &'static str {
         let planned = (stage.planned)(self);
         let caches = match () {
@@ -230,7 +232,7 @@ impl Plan {
             "mix edges" if planned => "antialiasing: averages each pixel over its points",
             "edges" | "mix edges" => "not asked for by --aa",
             "layers" if planned => "glass and blended materials, nearest first",
-            "mix layers" if planned => "puts glass over what is behind it",
+            "mix layers" if planned => "blends glass over the surfaces behind it",
             "layers" | "mix layers" => "no glass, no blended materials",
             "direct" if planned => "there is a light",
             "direct" if !self.sky_light => "no light",
@@ -238,12 +240,12 @@ impl Plan {
             "sky" => "no sky shows",
             "direct" => "no light but the sky",
             "sky on caches" | "sky light" if planned => "a sky lights the scene",
-            "sky on caches" | "sky light" => "no sky, or directional lights stand for it",
+            "sky on caches" | "sky light" => "no sky, or directional lights represent it",
             "rsm" if planned && !self.reflects => "emissive surfaces become VALs",
             "rsm" if planned && self.emitters => {
-                "makes VALs of what lights shine on, and of curved and small emissive surfaces"
+                "makes VALs of lit surfaces, and of curved and small emissive surfaces"
             }
-            "rsm" if planned => "makes VALs of what lights shine on",
+            "rsm" if planned => "makes VALs of lit surfaces",
             "pyramid" if planned => "builds clusters of VALs",
             "pyramid" if self.lightskin => "not asked for by --cluster",
             "visible" if planned => "finds the caches that visible surfaces need",
@@ -251,9 +253,9 @@ impl Plan {
             "cull" if self.inside => "translucent bodies need all of their caches",
             "cull" if self.bounces > 0 => "all caches are lit: each lights others in the next bounce",
             "cull" if self.lightskin => "switched off: every cache is lit",
-            "depth images" if planned => "what each cache sees of the scene, to shadow VALs",
+            "depth images" if planned => "images of the scene from each cache, to shadow VALs",
             "depth images" if self.lightskin => "not asked for by --shadows",
-            "near rays" if planned => "light and shadow from closer than the spacing of the caches",
+            "near rays" if planned => "light and shadows from surfaces closer than the cache spacing",
             "near rays" if self.lightskin => "not asked for by --near",
             "dipole gather" if planned => "light inside translucent bodies, at each of their caches",
             "scatter" if planned => "light that leaves translucent bodies, at each pixel",
@@ -272,22 +274,22 @@ impl Plan {
     }
 }
 
-/// What a lobe may come from.
+/// Material quantities that can create a glossy lobe.
 const LOBE: [Quantity; 4] = [Quantity::Metallic, Quantity::Ior, Quantity::Specular, Quantity::SpecularColor];
 
-/// Whether a surface of the scene has such a material.
+/// Whether any surface of the scene has a material with this property.
 fn has(scene: &Scene, is: impl Fn(&Material) -> bool) -> bool {
     let materials = scene.meshes.iter().flat_map(|mesh| &mesh.primitives).map(|p| &scene.materials[p.material]);
     materials.into_iter().any(is)
 }
 
-/// Whether a surface of the scene can have a glossy lobe.
+/// Whether any surface of the scene can have a glossy lobe.
 pub fn has_glossy_lobe(scene: &Scene) -> bool {
     let glossy: Vec<bool> = (0..scene.materials.len()).map(|m| is_glossy(scene, m)).collect();
     scene.meshes.iter().flat_map(|mesh| &mesh.primitives).any(|p| glossy[p.material])
 }
 
-/// Whether a material can have a glossy lobe at all, whatever its textures hold and its animations set.
+/// Whether a material can have a glossy lobe, for any content of its textures and any state of its animations.
 fn is_glossy(scene: &Scene, index: usize) -> bool {
     let material = &scene.materials[index];
     if material.phong.is_none() && scene.animates(&LOBE, index) {

@@ -1,5 +1,6 @@
-//! Before stage 1: meshes that bend, posed. METHOD 8: morphing and skinning as glTF has them, for vertices; caches follow the
-//! triangles they lie on (`atlas.comp`). Every instance has posed vertices of its own, which all stages then draw as any other.
+//! Before stage 1: poses deformed meshes by morphing and skinning, as glTF defines them (METHOD 8). Only vertices are
+//! posed; caches follow the triangles they lie on (`atlas.comp`). Every instance has its own posed vertices, which all
+//! stages then draw like any others.
 
 use super::world::World;
 use super::world::deform::Blocks;
@@ -7,25 +8,25 @@ use crate::error::Result;
 use crate::gpu::{Bind, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{DEFORM_ROW, DeformPush};
 
-/// Vertices, or followers, of a workgroup.
+/// Vertices, or followers, per workgroup.
 const GROUP: u32 = 64;
 
-/// Poses meshes.
+/// Poses deformed meshes.
 pub struct Poses {
     deform: Pipeline,
     follow: Pipeline,
 }
 
 impl Poses {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self { deform: gpu.compute("deform.comp", &[])?, follow: gpu.compute("follow.comp", &[])? })
     }
 
-    /// Records the pass, of all instances that bend.
+    /// Records the pass for all deformed instances.
     pub fn record(&self, cmd: &Cmd<'_>, world: &World) {
         let Some(bodies) = &world.deform else { return };
         let _zone = cmd.zone("deform");

@@ -1,4 +1,4 @@
-//! The proxy lights of caches: what stage 6 makes, stage 7 dims and stage 8 interpolates. METHOD 4.
+//! The proxy lights of caches: written by stage 6, dimmed by stage 7 and interpolated by stage 8. METHOD 4.
 
 use super::atlas::Atlas;
 use super::vals::Vals;
@@ -7,22 +7,22 @@ use crate::gpu::{Buffer, Gpu};
 use crate::shared::Proxy;
 use glam::Vec4;
 
-/// Proxy lights of both lobes. The glossy lobe's sums are made for an eye, so where there is one every eye has a run of
-/// proxies of its own; else all share one.
+/// Proxy lights of both lobes. The sums of the glossy lobe depend on the eye. With a glossy lobe every eye therefore
+/// has its own run of proxies; without one, all eyes share a run.
 pub struct Proxies {
-    /// Run by run; of a cache that is not lit what an earlier frame has left.
+    /// Proxies, run by run. Proxies of unlit caches keep values of an earlier frame.
     pub buffer: Buffer,
-    /// Caches of a run.
+    /// Caches per run.
     pub count: u32,
-    /// Runs.
+    /// Number of runs.
     pub runs: u32,
 }
 
 impl Proxies {
-    /// Unlit proxies of this many caches, for this many eyes if there is a glossy lobe.
+    /// Creates unlit proxies of this many caches, one run per eye if there is a glossy lobe.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, count: u32, glossy: bool, eyes: u32) -> Result<Self> {
         let runs = if glossy { eyes.max(1) } else { 1 };
         let buffer = gpu.buffer_from("gather.proxies", &vec![Proxy::default(); (count.max(1) * runs) as usize])?;
@@ -35,23 +35,23 @@ impl Proxies {
     }
 }
 
-/// What a gather reads and writes.
+/// Inputs and outputs of a gather.
 #[derive(Clone, Copy)]
 pub struct Lit<'a> {
-    /// VALs, or what pyramids stand on.
+    /// VALs, or the VALs below the pyramids.
     pub vals: &'a Vals,
     /// The caches.
     pub atlas: &'a Atlas,
-    /// A run of proxies for each eye.
+    /// One run of proxies per eye.
     pub proxies: &'a Proxies,
     /// Position and 1, or direction towards the eye and 0.
     pub eyes: &'a [Vec4],
-    /// Diffuse albedos of the caches, where light bounces more than once.
+    /// Diffuse albedos of the caches; only with further bounces.
     pub albedos: Option<&'a Buffer>,
 }
 
 impl Lit<'_> {
-    /// Eyes that need sums of their own: with one run of proxies, the first one's are used for all.
+    /// Runs to compute: first proxy and eye of each. With a single run, the first eye is used for all.
     pub(super) fn runs(&self) -> impl Iterator<Item = (u32, Vec4)> {
         let eyes = self.eyes.iter().take(self.proxies.runs as usize);
         eyes.enumerate().map(|(eye, position)| (self.proxies.first(eye as u32), *position))

@@ -1,5 +1,5 @@
-//! Stage 4, its end: VALs -> pyramids of nodes that can stand for them. METHOD 9, thesis listing 6.6. One
-//! dispatch per level for all views.
+//! End of stage 4: builds pyramids of nodes over the VALs; a node can replace the VALs below it. METHOD 9, thesis
+//! listing 6.6. One dispatch per level covers all views.
 
 use super::vals::Vals;
 use super::world::World;
@@ -11,22 +11,22 @@ use crate::shared::{ClusterNode, ClusterView, PyramidPush};
 pub struct Pyramid {
     pipeline: Pipeline,
     views: Buffer,
-    /// The level below and the one being built, in turn: a level's cells row by row, view by view.
+    /// The level below and the one being built, alternating. Cells of a level are stored row by row, view by view.
     levels: [Buffer; 2],
-    /// The nodes of all views, depth first.
+    /// The nodes of all views, in depth-first order.
     pub nodes: Buffer,
-    /// How many.
+    /// Number of nodes.
     pub node_count: u32,
     view_count: u32,
-    /// Of the largest view: texels of its side, levels above them.
+    /// Of the largest view: texels a side, and number of levels above them.
     largest: [u32; 2],
 }
 
 impl Pyramid {
-    /// Makes the pipeline and the nodes for RSMs of `rsm` texels a side.
+    /// Creates the pipeline and the nodes for RSMs with `rsm` texels a side.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shaders.
+    /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, world: &World, rsm: u32) -> Result<Self> {
         let (views, node_count) = layout(world, rsm);
         let largest = views.iter().map(|v| [v.size, v.levels]).max().unwrap_or_default();
@@ -43,12 +43,13 @@ impl Pyramid {
         })
     }
 
-    /// Records the pass; stage 4 has waited for its VALs. A pass that reads the nodes waits for compute writes.
+    /// Records the pass. Stage 4 has already waited for its VALs. A pass that reads the nodes must wait for compute
+    /// writes.
     pub fn record(&self, cmd: &Cmd<'_>, vals: &Vals) {
         let [size, levels] = self.largest;
         for level in 1..=levels {
             if level > 1 {
-                // The level below; and the one before it has been read.
+                // Waits for the level below, and for reads of the buffer that this level overwrites.
                 cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
             }
             let [even, odd] = &self.levels;
@@ -62,14 +63,14 @@ impl Pyramid {
     }
 }
 
-/// Where the VALs and nodes of all views lie, and how many nodes there are.
+/// Places of the VALs and nodes of all views, and the number of nodes.
 fn layout(world: &World, rsm: u32) -> (Vec<ClusterView>, u32) {
     let sizes = world.lights().iter().flat_map(|light| (0..light.views).map(|_| light.rsm_size(rsm)));
-    // Those of the surfaces that emit lie like a picture, too.
+    // The VALs of emissive surfaces form a square like those of an RSM.
     let emitters = (!world.emitters.is_empty()).then(|| world.emitters.len().isqrt() as u32);
     let (mut views, mut first_val, mut first_node) = (Vec::new(), 0, 0);
     for size in sizes.chain(emitters) {
-        // At least one level, so that a lone VAL has a node over it.
+        // At least one level, so that a lone VAL also has a node above it.
         let levels = size.next_power_of_two().ilog2().max(1);
         views.push(ClusterView { first_val, size, first_node, levels });
         first_val += size * size;

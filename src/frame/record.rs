@@ -1,4 +1,4 @@
-//! One frame, top to bottom: what is outdated, and its stages in order.
+//! Records one frame: finds the outdated parts, then runs the stages in order.
 
 use super::brute_force::BruteForce;
 use super::gather::{Gather, Lit};
@@ -13,19 +13,21 @@ use super::world::World;
 use crate::gpu::{Cmd, Use};
 use std::ops::Range;
 
-/// Records one frame of some views, top to bottom; the numbers are METHOD's. A stage the scene does not need is `None`, one
-/// whose inputs are as they were is not outdated. Light is made once for all views: each costs its own surfaces, shading and
-/// share of the glossy lobe. Where no view has pixels nothing is recorded.
+/// Records one frame of all given views. The numbers in the code are METHOD's stages. A stage that the scene does not
+/// need is `None`; a stage whose inputs have not changed is not outdated. Light is computed once for all views; each
+/// view adds only the cost of its own surfaces, its shading and its share of the glossy lobe. If no view has pixels,
+/// nothing is recorded.
 ///
 /// # Panics
-/// Where light or pictures were not fitted after a change of world, settings or number of views.
+/// If light or pictures were not fitted after a change of the world, the settings or the number of views.
 pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(View, &mut Picture)], look: &Look) {
     record_rows(cmd, world, light, views, look, 0..u32::MAX);
 }
 
-/// The same in several frames: brute force lights these rows of the pictures. What comes before it is recorded with the first row,
-/// what comes after it with the last one, so that all of them together give the bits of one frame. Between them nothing may
-/// change that a picture depends on; caches have no rows.
+/// Records one frame in several parts, each for a submission of its own: each call lights these rows of the pictures by
+/// brute force. The stages before brute force are recorded with the first row, the stages after it with the last row,
+/// so that all calls together give the bits of a single frame. The inputs of the pictures must not change between the
+/// calls. Caches are not split into rows.
 ///
 /// # Panics
 /// As `record`.
@@ -37,7 +39,10 @@ pub fn record_rows(
     look: &Look,
     rows: Range<u32>,
 ) {
-    assert!(light.fits(world) && views.len() <= light.eyes(), "the light does not fit: call Light::fit");
+    assert!(
+        light.fits(world) && views.len() <= light.eyes(),
+        "the light does not fit the world or the views: call Light::fit"
+    );
     assert!(views.iter().all(|(_, p)| p.fits(world, light)), "a picture does not fit the light: call Picture::fit");
     if views.iter().all(|(_, picture)| picture.is_empty()) {
         light.ran = 0;
@@ -59,7 +64,7 @@ pub fn record_rows(
     let outdated = &light.outdated;
 
     if let (true, Some(poses), Some(refit)) = (world.record_changes(cmd), &light.poses, &light.refit) {
-        poses.record(cmd, world); // what bends, before all stages
+        poses.record(cmd, world); // deformed meshes, before all stages
         cmd.barrier(Use::ComputeWrite, Use::VertexInput | Use::VertexRead | Use::ComputeRead);
         refit.record(cmd, world);
     }
@@ -163,8 +168,9 @@ pub fn record_rows(
             let _zone = enter(plan::NEAR); // 8
             let seen = shown().flat_map(|(view, p)| p.near().map(move |(surface, near)| (view, surface, near)));
             if let Some(radiances) = caches.gather.radiances() {
-                // Where elements were listed or RSMs drawn all images have been waited for, as light has been by what dims it;
-                // with cells nothing reads proxies before pixels do, unless they enter bodies.
+                // The barriers for listed elements or drawn RSMs already waited for all images, and the occlusion stage
+                // waited for the light that it dims. With cells, no stage reads proxies before the pixels do, unless
+                // light enters translucent bodies.
                 let listed = shown().any(|(_, p)| p.outdated.visible);
                 let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
                 let read = world.cells.is_none() || caches.occlude.is_none() || caches.inside.is_some();
@@ -196,11 +202,11 @@ pub fn record_rows(
             let _zone = enter(plan::INTERPOLATE); // 8
             let seen = caches.sky.as_ref().map(|(seen, _)| &seen.seen);
             let near = caches.near.is_some();
-            // Visible vertices were waited for before stage 6, and by short rays all else.
+            // Stage 6 already waited for the visible vertices. If short rays ran, they waited for everything else.
             let waits = !near && (outdated.proxies || (outdated.sky && caches.sky.is_some()));
             caches.interpolate.record(cmd, world, &caches.atlas, &caches.proxies, (waits, near, seen), shaded());
         }
-        // Radiance of an earlier frame has what is added to it already.
+        // Radiance that is reused from an earlier frame already contains this light.
         let anew = || shaded().filter(|shaded| lit().any(|(_, surface)| std::ptr::eq(surface, shaded.surface)));
         if let (true, Some((seen, shading)), Some(sky)) = (some_surface, &caches.sky, &world.sky_light) {
             let _zone = enter(plan::SKY_LIGHT); // 8
@@ -223,7 +229,8 @@ pub fn record_rows(
     record_end(cmd, world, light, views, look, (ran, rows));
 }
 
-/// Brute force for these rows, and with the last one what stands on all light. `ran` are the stages before.
+/// Records brute force for these rows and, with the last row, the stages that need all light. `ran` are the stages
+/// recorded so far.
 fn record_end(
     cmd: &Cmd<'_>,
     world: &World,
@@ -299,14 +306,14 @@ fn record_end(
     let composed = || shown().filter(|(_, p)| p.outdated.output).map(|(_, p)| p);
     if let Some(first) = composed().next() {
         let _zone = enter(plan::COMPOSITE); // 11
-        // Where the look alone has changed, radiance is that of an earlier frame.
+        // If only the look has changed, the radiance comes from an earlier frame.
         let lit = shown().any(|(_, p)| p.outdated.surface || p.outdated.indirect);
         first.composite.record(cmd, look, lit, composed().map(Picture::composed));
     }
     light.ran = ran;
 }
 
-/// Finds what is newer than what was made of it, or all without `Settings::reuse`.
+/// Marks results that are older than their inputs as outdated; marks everything without `Settings::reuse`.
 fn find_outdated(world: &World, light: &mut Light, views: &mut [(View, &mut Picture)], look: &Look) {
     let anew = !light.settings().reuse;
     let (surfaces, lights) = (world.revisions.surfaces, &world.revisions.lights);
@@ -333,7 +340,8 @@ fn find_outdated(world: &World, light: &mut Light, views: &mut [(View, &mut Pict
     if let IndirectLight::Caches(caches) = &mut light.indirect {
         let (plan, made) = (&light.plan, &mut caches.made);
         outdated.atlas = made.atlas.renew([surfaces]) || anew;
-        // What views show decides which caches are live, in which order; how many lights there are, only the dispatch.
+        // The visible surfaces of the views determine which caches are live, and their order. The number of VALs
+        // affects only the dispatch.
         made.order.renew(shown().filter(|_| plan.cull).map(|picture| picture.made.visible.revision()));
         let order = made.order.revision();
         outdated.cull = made.live.renew([order, vals]) || anew;

@@ -1,26 +1,26 @@
-//! Before stage 1, after poses: triangles of meshes that bend and the boxes about them, for rays. METHOD 11.
+//! Before stage 1, after posing: updates the triangles and BVH boxes of deformed meshes for rays. METHOD 11.
 
 use super::world::World;
 use crate::error::Result;
 use crate::gpu::{Cmd, Gpu, Pipeline, Use};
 use crate::shared::{DEFORM_ROW, RefitPush};
 
-/// Nodes of a workgroup.
+/// Nodes per workgroup.
 const GROUP: u32 = 64;
 
-/// Fits hierarchies to what bends.
+/// Refits the BVHs of deformed meshes.
 pub struct Refit(Pipeline);
 
 impl Refit {
-    /// Makes the pipeline.
+    /// Creates the pipeline.
     ///
     /// # Errors
-    /// A driver that refuses the shader.
+    /// Fails if the driver rejects the shader.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self(gpu.compute("refit.comp", &[])?))
     }
 
-    /// Records the pass, where rays have been asked for; posed vertices have been waited for.
+    /// Records the pass if rays have been requested. The caller must have waited for the posed vertices.
     pub fn record(&self, cmd: &Cmd<'_>, world: &World) {
         let Some((rays, refit)) = world.rays().and_then(|rays| Some((rays, rays.refit.as_ref()?))) else { return };
         let _zone = cmd.zone("refit");

@@ -1,15 +1,15 @@
-//! Which content a thing has, as a number: a stage runs if what it reads is newer than what it made. Nothing of one moment
-//! is ever shown at another, since a stage gives the same bits for the same inputs.
+//! Revision numbers identify contents: a stage runs if its inputs are newer than its result. A stage gives the same
+//! bits for the same inputs, so a skipped stage never shows an outdated state.
 
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A number that no content has had, in any scene.
+/// A number that no content of any scene has had before.
 pub(super) fn new_revision() -> u64 {
     static NEXT: AtomicU64 = AtomicU64::new(1);
     NEXT.fetch_add(1, Ordering::Relaxed)
 }
 
-/// What a stage has made, by what it was made of.
+/// Revision of a stage's result, with the revisions of the inputs it was made from.
 #[derive(Debug, Default)]
 pub(super) struct Made {
     from: Vec<u64>,
@@ -17,7 +17,8 @@ pub(super) struct Made {
 }
 
 impl Made {
-    /// Takes note that it is about to be of these inputs; says whether it is of others, or of nothing, until now.
+    /// Records the inputs of the next result. Returns whether they differ from those of the current result, or there is
+    /// none yet.
     pub(super) fn renew(&mut self, from: impl IntoIterator<Item = u64> + Clone) -> bool {
         let same = self.revision != 0 && self.from.iter().copied().eq(from.clone());
         if !same {
@@ -28,7 +29,7 @@ impl Made {
         !same
     }
 
-    /// Which content it is.
+    /// Revision of the result.
     pub(super) fn revision(&self) -> u64 {
         self.revision
     }
@@ -48,7 +49,7 @@ impl<T> Default for Watched<T> {
 }
 
 impl<T: PartialEq + Copy> Watched<T> {
-    /// Revision of a value: a new one unless it is that of last time.
+    /// Returns the value's revision. It is a new one if the value differs from the last call's.
     pub(super) fn revision_of(&mut self, value: T) -> u64 {
         if self.value != Some(value) {
             (self.value, self.revision) = (Some(value), new_revision());
@@ -56,7 +57,7 @@ impl<T: PartialEq + Copy> Watched<T> {
         self.revision
     }
 
-    /// Revision of the value of last time.
+    /// Revision of the last value.
     pub(super) fn revision(&self) -> u64 {
         self.revision
     }

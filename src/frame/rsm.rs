@@ -1,4 +1,5 @@
-//! Stage 4, extended RSM: the scene as each light sees it -> VALs. METHOD 2, thesis 5.2. Area lights look from several points.
+//! Stage 4, extended RSM: draws the scene as each light sees it and turns texels into VALs. METHOD 2, thesis 5.2. Area
+//! lights draw it from several points.
 
 use super::inside::Inside;
 use super::live::Live;
@@ -15,7 +16,7 @@ use crate::shared::{Val, ValPush};
 
 /// Draws an RSM per view of each light, one at a time, and turns its texels into VALs.
 pub struct Rsm {
-    /// World position, and 1 where something is.
+    /// World position; w is 1 where there is a surface.
     pub position: Image,
     /// Normal on the lit side, and the material.
     pub normal: Image,
@@ -23,24 +24,24 @@ pub struct Rsm {
     pub albedo: Image,
     /// Reversed depth.
     pub depth: Image,
-    /// What its texels become.
+    /// VALs of the texels.
     pub vals: Vals,
-    /// What enters bodies there; only where they are filled.
+    /// Light that enters translucent bodies; only if the scene has any.
     pub inside: Option<Inside>,
     draw: ByKind,
     to_vals: Pipeline,
     pack: PackVals,
     weight: ProxyWeight,
-    /// Whether lights have any; else surfaces that emit alone.
+    /// Whether lights have VALs. Otherwise only emissive surfaces have them.
     reflects: bool,
 }
 
 impl Rsm {
-    /// Makes pipelines and images of `side` texels; lights have VALs if the plan says that they reflect. Where the gather `lights_all`
-    /// caches, its dispatch follows from the number of VALs alone.
+    /// Creates pipelines and images with `side` texels a side. Lights have VALs if the plan says that they reflect. If
+    /// the gather `lights_all` caches, its dispatch size depends only on the number of VALs.
     ///
     /// # Errors
-    /// More VALs than can be numbered.
+    /// Fails if there are more VALs than can be numbered.
     pub fn new(
         gpu: &Gpu,
         world: &World,
@@ -56,7 +57,7 @@ impl Rsm {
         let count = u32::try_from(count + world.emitters.len() as u64).ok().filter(|count| *count <= 1 << 25);
         let count =
             count.ok_or_else(|| Error::TooLarge("more than 33 million VALs; ask for a smaller --rsm".into()))?;
-        // Where nothing reflects and no VAL is given there is a dark one: a sky may light caches all the same.
+        // If there are no VALs, a dark one takes their place, since a sky may still light caches.
         let dark = [Val { area: 1.0, ..Val::default() }];
         let given = if count == 0 { &dark[..] } else { &world.emitters };
         let count = count.max(1);
@@ -92,8 +93,8 @@ impl Rsm {
         })
     }
 
-    /// Records the stage for the lights that are `due`; the VALs of the others are as they were. `emitters` says whether those
-    /// of surfaces that emit are not; the list of caches is for those that the gather lights all.
+    /// Records the stage for the lights that are `due`; the VALs of other lights do not change. `emitters` says whether
+    /// the VALs of emissive surfaces are outdated. `caches` is the list for gathers that light all caches.
     pub fn record(
         &self,
         cmd: &Cmd<'_>,
@@ -115,7 +116,7 @@ impl Rsm {
             }
             for view in light.first_view..light.first_view + light.views {
                 if drawn {
-                    cmd.barrier(Use::ComputeRead | Use::DepthWrite, Use::ColorWrite | Use::DepthWrite); // the last view is read
+                    cmd.barrier(Use::ComputeRead | Use::DepthWrite, Use::ColorWrite | Use::DepthWrite); // last view was read
                 }
                 let inside = self.inside.as_ref();
                 let images = [&self.position, &self.normal, &self.albedo];

@@ -1,37 +1,37 @@
-//! What shapes a frame besides scene, caches, camera and size. Only states that can be drawn can be written down, so
-//! nothing here is ever refused. This file imports nothing of `frame`.
+//! Settings of a frame, apart from scene, caches, camera and size. The types can only express valid combinations, so no
+//! settings are ever rejected. This file imports nothing from `frame`.
 
 use crate::shared::{VAL_TILE, VALS_SHARED, VALS_STORAGE, VALS_TEXELS};
 use glam::{Vec2, Vec3};
 
-/// Everything that shapes a frame. Two that are equal draw equal pictures.
+/// All settings of a frame. Equal settings draw equal pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Settings {
-    /// How indirect light is made.
+    /// How indirect light is computed.
     pub indirect: Indirect,
-    /// Texels of an RSM's side; six-view lights share as many.
+    /// Texels along each side of an RSM. The views of a six-view light together share this texel budget.
     pub rsm: u32,
-    /// What tells where the light of lamps and the sun arrives.
+    /// How shadows of punctual lights, area lights and the sun are computed.
     pub light_shadows: LightShadows,
-    /// How edges are smoothed.
+    /// How edges are antialiased.
     pub antialiasing: Antialiasing,
-    /// How many surfaces show that are seen through, one behind another. METHOD 15.
+    /// Maximum number of transparent layers per pixel. METHOD 15.
     pub layers: u32,
-    /// Stages whose inputs are those of the frame before are left out. Pictures do not change, times do.
+    /// Skips stages whose inputs have not changed since the previous frame. This changes times, not pictures.
     pub reuse: bool,
 }
 
-/// What tells where the light of lamps and the sun arrives. METHOD 14.
+/// How shadows of punctual lights, area lights and the sun are computed. METHOD 14.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum LightShadows {
     /// Shadow maps with this many texels a side.
     Maps(u32),
-    /// Rays from what pixels show; maps where the device cannot hold the scene for them.
+    /// Rays from the visible surfaces. Falls back to maps where the device cannot hold the scene for ray tracing.
     Rays,
 }
 
 impl LightShadows {
-    /// Texels of a shadow map's side, where there is one.
+    /// Texels along each side of a shadow map. With rays, this is the size of the fallback maps.
     pub fn map(self) -> u32 {
         match self {
             Self::Maps(side) => side.max(1),
@@ -40,83 +40,85 @@ impl LightShadows {
     }
 }
 
-/// At how many points of a pixel, beside its middle, other surfaces are looked for than the one in the middle. METHOD 13.
+/// Number of points in a pixel, besides its centre, that are tested for a second surface. METHOD 13.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Antialiasing {
-    /// None: a pixel shows the surface in its middle.
+    /// None: a pixel shows the surface at its centre.
     #[default]
     Off,
-    /// Four.
+    /// Four points.
     Four,
-    /// Eight.
+    /// Eight points.
     Eight,
 }
 
-/// How indirect light is made.
+/// How indirect light is computed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Indirect {
-    /// Not at all: direct light alone.
+    /// Direct light only.
     Off,
-    /// Every VAL lights every pixel, without shadows, by one bounce: what caches are measured against.
+    /// Every VAL lights every pixel, without shadows and with one bounce: the reference for caches.
     BruteForce,
-    /// Caches are lit, and their lights interpolated. Needs a `World` with caches; without any it is `Off`.
+    /// Caches are lit and their light is interpolated. Needs a `World` with caches; without them it acts as `Off`.
     Caches(Caches),
 }
 
-/// How light gets to caches and from them to pixels.
+/// How light reaches caches, and pixels from caches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Caches {
     /// How VALs light caches.
     pub gather: Gather,
-    /// Only caches that visible surfaces need are lit. Pictures do not change. Where caches light caches, bounce after
-    /// bounce, all are lit.
+    /// Lights only the caches that visible surfaces need. Pictures do not change. With further bounces all caches are
+    /// lit, because each one lights others.
     pub cull: bool,
-    /// Kernel and quantities of stage 8.
+    /// Kernel of stage 8 and the quantities it averages.
     pub interpolation: Interpolation,
-    /// What pulls a proxy's position.
+    /// Weights for the position of a proxy.
     pub proxy_weight: ProxyWeight,
 }
 
-/// Stage 6. Each way carries what only it can do.
+/// Method of stage 6. Each variant carries the options that only it supports.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Gather {
-    /// A compute shader works through the list of live caches.
+    /// A compute shader processes the list of live caches.
     Compute {
-        /// How it is spread over the device.
+        /// How the work is distributed over the device.
         ways: Ways,
-        /// Indirect bounces. With 0 caches are lit by surfaces that emit alone, and only where some are no area lights.
+        /// Indirect bounces. With 0, only emissive surfaces that are not area lights light the caches, if there are
+        /// any.
         bounces: u32,
         /// How indirect light is shadowed.
         shadows: Shadows,
-        /// Where light and shade from nearby come from.
+        /// Source of light and occlusion from nearby surfaces.
         near: Near,
     },
-    /// Tiles of VALs are drawn over the atlas and added to float images.
+    /// Tiles of VALs are drawn over the atlas and added into float images by blending.
     Draws {
         /// Where VALs are read from.
         source: DrawSource,
-        /// VALs of one draw; rounded up to whole tiles of 64.
+        /// VALs per draw; rounded up to whole tiles of 64.
         tile: u32,
-        /// Stage 7: the discs of the other caches dim a cache's proxy lights.
+        /// Stage 7: the discs of other caches dim the proxy lights of a cache.
         dim: bool,
     },
-    /// Clusters of VALs light caches where that is near enough.
+    /// Clusters of VALs light a cache where they approximate the VALs well enough.
     Clusters {
-        /// Where it is.
+        /// When a cluster is used.
         rule: ClusterRule,
-        /// Stage 7, as above.
+        /// Stage 7, as in `Draws`.
         dim: bool,
     },
 }
 
-/// How the compute gather is spread over a device. All give the same light up to rounding, so the fastest is measured.
+/// How the compute gather is distributed over a device. All ways give the same light up to rounding, so the fastest one
+/// is found by measurement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Ways {
     /// Where VALs are read from.
     pub source: ValSource,
     /// Caches that a thread keeps in registers, 1 to 16.
     pub caches_per_thread: u32,
-    /// VALs that a thread adds up; rounded up to whole tiles of 64.
+    /// VALs that a thread sums; rounded up to whole tiles of 64.
     pub split: u32,
 }
 
@@ -128,11 +130,11 @@ pub enum ValSource {
     Texels = VALS_TEXELS,
     /// A storage buffer.
     Storage = VALS_STORAGE,
-    /// The workgroup's memory, tile by tile.
+    /// Workgroup shared memory, loaded tile by tile.
     Shared = VALS_SHARED,
 }
 
-/// Where the gather by draws reads VALs: fragments share no memory.
+/// Where the gather by draws reads VALs. Fragments have no shared memory.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
 pub enum DrawSource {
@@ -142,77 +144,78 @@ pub enum DrawSource {
     Storage = VALS_STORAGE,
 }
 
-/// When a cluster stands for its VALs.
+/// When a cluster replaces its VALs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ClusterRule {
-    /// It is farther away than so many of its radii, and its normals are alike.
+    /// Its distance is more than this many of its radii, and its normals are similar.
     Distance(f32),
-    /// The most by which it could be wrong is no more than this share of what the cache receives.
+    /// The upper bound of its error is at most this fraction of the light that the cache receives.
     Error(f32),
 }
 
-/// What the light of a vertex's caches is averaged as. METHOD 5.
+/// Quantities and kernel of the average over a vertex's caches. METHOD 5.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// Facing irradiance and position of the lit caches, faster kernel: bounded, and the better one by measurement.
+    /// Averages facing irradiance and position of the lit caches with a faster kernel: bounded, and better by
+    /// measurement.
     #[default]
     Facing,
-    /// Flux and position with the thesis's weights, eq. 5.49 to 5.51.
+    /// Averages flux and position with the thesis's weights, eq. 5.49 to 5.51.
     Printed,
 }
 
-/// How strongly a VAL pulls a proxy's position. METHOD 4.
+/// Weight of a VAL in a proxy's position. METHOD 4.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ProxyWeight {
-    /// By its irradiance on the cache.
+    /// Its irradiance at the cache.
     #[default]
     Irradiance,
-    /// By its form factor, as eq. 5.42 prints it.
+    /// Its form factor, as printed in eq. 5.42.
     FormFactor,
 }
 
 /// How indirect light is shadowed. METHOD 6.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Shadows {
-    /// Nothing is.
+    /// Without shadows.
     #[default]
     Off,
-    /// Stage 7: the discs of the other caches dim a cache's proxy lights.
+    /// Stage 7: the discs of other caches dim the proxy lights of a cache.
     Proxy,
-    /// Stage 6 tests every VAL against what each cache sees of the others' rectangles.
+    /// Stage 6 tests every VAL against the rectangles of the other caches, as each cache sees them.
     PerLight,
 }
 
-/// Where the light and shade come from that what is within one spacing of the caches gives to a pixel. METHOD 11.
+/// Source of light and occlusion from surfaces within one cache spacing of a pixel. METHOD 11.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Near {
-    /// From caches, like all else.
+    /// From caches, as at all other distances.
     #[default]
     Off,
-    /// From short rays at pixels; caches leave out what is nearer than half of their spacing.
+    /// From short rays at pixels. Caches then leave out surfaces nearer than half of their spacing.
     Rays {
-        /// Rays of a pixel that has rays, 1 to 32; 16 neighbours share theirs.
+        /// Rays per traced pixel, 1 to 32. 16 neighbouring traced pixels share their rays.
         per_pixel: u32,
-        /// Pixels and rows from one with rays to the next.
+        /// Distance in columns and rows between traced pixels.
         every: u32,
     },
 }
 
-/// How a picture is shown; changes from frame to frame at no cost.
+/// How a picture is displayed. It may change every frame at no cost.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Look {
     /// Curve from scene to display.
     pub tonemap: Tonemap,
-    /// How bright.
+    /// Exposure.
     pub exposure: Exposure,
-    /// What shows where no surface is.
+    /// What the picture shows where there is no surface.
     pub behind: Behind,
 }
 
-/// What a picture shows where no surface is.
+/// What the picture shows where there is no surface.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Behind {
-    /// What the scene has there, exposed like all else: [`crate::scene::studio::Backdrop`].
+    /// The scene's own background, exposed like the surfaces: [`crate::scene::studio::Backdrop`].
     #[default]
     Scene,
     /// This colour of the display, linear Rec.709 in [0, 1].
@@ -232,11 +235,11 @@ pub enum Tonemap {
     Agx = 1,
     /// ACES, Hill's fit.
     Aces = 2,
-    /// None but clipping.
+    /// No curve, only clipping.
     Linear = 3,
 }
 
-/// How bright the picture is.
+/// Exposure of the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Exposure {
     /// The log-average luminance becomes middle grey.
@@ -246,25 +249,25 @@ pub enum Exposure {
     Ev(f32),
 }
 
-/// What changes the picture, as one choice; the same on every device.
+/// Quality level: one choice for everything that affects the picture. It does not depend on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Quality {
     /// A quick look: few caches, small maps, no shadows of indirect light.
     Low,
-    /// Shadows of each cache's light as a whole.
+    /// Shadows for the light of each cache as a whole.
     Medium,
-    /// Shadows of every virtual light, where caches are not very many.
+    /// Shadows for every VAL, unless there are very many caches.
     #[default]
     High,
-    /// Twice as dense in everything: what the others are compared with.
+    /// Twice the density of `High` in everything: the reference for the other levels.
     Reference,
 }
 
 impl Quality {
-    /// All levels, least first.
+    /// All levels, lowest first.
     pub const ALL: [Self; 4] = [Self::Low, Self::Medium, Self::High, Self::Reference];
 
-    /// Number of caches over the whole scene, about.
+    /// Approximate number of caches in the whole scene.
     pub fn caches(self) -> usize {
         match self {
             Self::Low => 500,
@@ -274,12 +277,12 @@ impl Quality {
         }
     }
 
-    /// Caches that each vertex refers to.
+    /// Caches that each vertex references.
     pub fn references(self) -> usize {
         if self == Self::Reference { 16 } else { 8 }
     }
 
-    /// Texels of an RSM's side.
+    /// Texels along each side of an RSM.
     pub fn rsm(self) -> u32 {
         match self {
             Self::Low => 64,
@@ -289,7 +292,7 @@ impl Quality {
         }
     }
 
-    /// What tells where the light of lamps and the sun arrives.
+    /// How shadows of direct light are computed.
     pub fn light_shadows(self) -> LightShadows {
         match self {
             Self::Low => LightShadows::Maps(1024),
@@ -298,7 +301,7 @@ impl Quality {
         }
     }
 
-    /// How edges are smoothed.
+    /// How edges are antialiased.
     pub fn antialiasing(self) -> Antialiasing {
         match self {
             Self::Low => Antialiasing::Off,
@@ -307,7 +310,7 @@ impl Quality {
         }
     }
 
-    /// Surfaces that are seen through, one behind another.
+    /// Maximum number of transparent layers per pixel.
     pub fn layers(self) -> u32 {
         match self {
             Self::Low => 1,
@@ -317,7 +320,7 @@ impl Quality {
         }
     }
 
-    /// Indirect bounces. Without shadows of every VAL light leaks, and more with each.
+    /// Indirect bounces. Without shadows for every VAL, light leaks, and each bounce leaks more.
     pub fn bounces(self) -> u32 {
         match self {
             Self::Low | Self::Medium => 4,
@@ -325,7 +328,7 @@ impl Quality {
         }
     }
 
-    /// Light and shade from nearby.
+    /// Source of light and occlusion from nearby surfaces.
     pub fn near(self) -> Near {
         match self {
             Self::Low | Self::Medium => Near::Off,
@@ -334,7 +337,8 @@ impl Quality {
         }
     }
 
-    /// Shadows of indirect light for this many caches. Without rays they test pairs of caches, which get too many.
+    /// Shadows of indirect light for this many caches. Without short rays, shadows test pairs of caches, and their
+    /// number grows too large.
     pub fn shadows(self, caches: usize, near: Near) -> Shadows {
         let best = match caches {
             0..=4096 => Shadows::PerLight,
@@ -351,8 +355,8 @@ impl Quality {
 }
 
 impl Settings {
-    /// What is drawn at a level for a world with so many caches: the one default of the command line, the reports and the
-    /// library. Ways of the gather are fixed; `tune::fastest` measures the device's own.
+    /// Settings of a quality level for a world with this many caches: the common default of the command line, the
+    /// reports and the library. The ways of the gather are fixed; `tune::fastest` measures the best ones for a device.
     pub fn at(quality: Quality, caches: usize) -> Self {
         Self {
             indirect: Indirect::Caches(Caches {
@@ -374,7 +378,7 @@ impl Settings {
         }
     }
 
-    /// The same with these ways of the compute gather, where that is what is used.
+    /// The same settings with these ways of the compute gather. Without a compute gather nothing changes.
     pub fn with_ways(mut self, new: Ways) -> Self {
         if let Indirect::Caches(Caches { gather: Gather::Compute { ways, .. }, .. }) = &mut self.indirect {
             *ways = new;
@@ -382,14 +386,14 @@ impl Settings {
         self
     }
 
-    /// The weights by which VALs pull proxies.
+    /// Weight of VALs in the positions of proxies.
     pub fn proxy_weight(&self) -> ProxyWeight {
         if let Indirect::Caches(caches) = &self.indirect { caches.proxy_weight } else { ProxyWeight::Irradiance }
     }
 }
 
 impl Antialiasing {
-    /// Points beside the middle.
+    /// Number of points besides the centre.
     pub fn samples(self) -> u32 {
         match self {
             Self::Off => 0,
@@ -398,17 +402,18 @@ impl Antialiasing {
         }
     }
 
-    /// Where they are, from the middle \[pixels\]. With the middle they are a lattice: no two in one row or column.
+    /// Offsets of the points from the centre \[pixels\]. With the centre they form a lattice: no two share a row or
+    /// column.
     pub fn offsets(self) -> impl Iterator<Item = Vec2> {
         let all = self.samples() + 1;
-        // Within half a pixel of the middle.
+        // Within half a pixel of the centre.
         let centred = move |i: u32| ((i % all) as f32 / all as f32 + 0.5).fract() - 0.5;
         (1..all).map(move |i| Vec2::new(centred(i), centred(2 * i)))
     }
 }
 
 impl Near {
-    /// Rays of a pixel that has some, and pixels and rows from one to the next.
+    /// Rays per traced pixel, and distance in columns and rows between traced pixels.
     pub fn rays(self) -> (u32, u32) {
         match self {
             Self::Off => (0, 1),
@@ -432,7 +437,7 @@ impl Gather {
         }
     }
 
-    /// Where light and shade from nearby come from.
+    /// Source of light and occlusion from nearby surfaces.
     pub fn near(&self) -> Near {
         if let Self::Compute { near, .. } = *self { near } else { Near::Off }
     }
@@ -442,7 +447,7 @@ impl Gather {
         if let Self::Compute { bounces, .. } = *self { bounces } else { 1 }
     }
 
-    /// In reports.
+    /// Name in reports.
     pub fn name(&self) -> &'static str {
         match self {
             Self::Compute { .. } => "compute",
@@ -459,13 +464,13 @@ impl Default for Ways {
 }
 
 impl Ways {
-    /// Caches that a thread keeps, within what shaders are made for.
+    /// Caches per thread, limited to the range that shaders support.
     pub fn caches(&self) -> u32 {
         self.caches_per_thread.clamp(1, 16)
     }
 
-    /// The same for this many VALs, on a device whose shaders see this many texels of a buffer: more VALs than that are read from
-    /// the storage buffer.
+    /// The same ways for this many VALs on a device whose shaders can read `most_texels` texels of a buffer. If the
+    /// VALs need more texels, they are read from the storage buffer.
     pub(super) fn within(self, most_texels: u64, vals: u32) -> Self {
         let texels = 3 * u64::from(vals.next_multiple_of(VAL_TILE));
         let fit = self.source != ValSource::Texels || texels <= most_texels;
@@ -473,13 +478,13 @@ impl Ways {
     }
 }
 
-/// VALs of one draw, as whole tiles.
+/// VALs per draw, rounded up to whole tiles.
 pub(super) fn whole_tiles(vals: u32) -> u32 {
     vals.clamp(1, 1 << 25).next_multiple_of(VAL_TILE)
 }
 
 impl ValSource {
-    /// In reports.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Texels => "texels",
@@ -490,7 +495,7 @@ impl ValSource {
 }
 
 impl DrawSource {
-    /// In reports.
+    /// Name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Texels => "texels",

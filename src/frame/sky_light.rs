@@ -1,4 +1,5 @@
-//! Stage 8, last: the light of the sky on what pixels show, by the shares of it that caches see. METHOD 12.
+//! Stage 8, last part: adds the sky's light to the visible surfaces, using the shares of the sky that caches see.
+//! METHOD 12.
 
 use super::atlas::Atlas;
 use super::gbuffer::Surface;
@@ -19,10 +20,10 @@ pub struct SkyShading {
 }
 
 impl SkyShading {
-    /// Makes the pipeline.
+    /// Creates the pipeline.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub(super) fn new(gpu: &Gpu, plan: &Plan, world: &World) -> Result<Option<Self>> {
         if !plan.sky_light {
             return Ok(None);

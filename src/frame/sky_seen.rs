@@ -1,8 +1,8 @@
-//! Stage 6, first: caches, a sky -> what each sees of it. METHOD 12.
+//! Stage 6, first part: finds how much of the sky each cache sees. METHOD 12.
 //!
-//! A cache sees the sky where its rays meet nothing. What it keeps is a share: what arrives of all that an open surface would
-//! receive. Pixels know the latter exactly, by their own normals. Only what moves changes it, so all caches have it, whether
-//! they are live or not.
+//! A cache sees the sky where its rays hit nothing. It stores a share: the light that arrives, relative to that on an
+//! open surface. Pixels compute the light on an open surface exactly, with their own normals. Since only moving objects
+//! change the shares, all caches have them, live or not.
 
 use super::atlas::Atlas;
 use super::near::CACHE_REACH;
@@ -13,22 +13,22 @@ use crate::error::{Error, Result};
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{DEPTH_IMAGE_ROW, DIRECTIONS, SkySeen, SkySeenPush};
 
-/// What caches see of the sky, and the pass that finds it.
+/// The sky as caches see it, and the pass that computes it.
 pub struct SkyOfCaches {
-    /// Of each cache a `SkySeen`.
+    /// One `SkySeen` per cache.
     pub seen: Buffer,
-    /// Of each cache how far it is open by directions, in 8 bits, of which 4 is all.
+    /// Openness of each cache by direction, one byte each: the number of open parts of the direction, 0 to 4.
     pub open: Buffer,
     pipeline: Pipeline,
-    /// Where rays begin \[m\].
+    /// Distance at which rays start \[m\].
     reach: f32,
 }
 
 impl SkyOfCaches {
-    /// Makes what a plan needs for a world with rays.
+    /// Creates the pass that a plan needs. The world must have rays.
     ///
     /// # Errors
-    /// What the device has no memory for, and a driver that refuses the shader.
+    /// Fails if the device runs out of memory or the driver rejects the shader.
     pub(super) fn new(gpu: &Gpu, world: &World, plan: &Plan) -> Result<Option<Self>> {
         if !plan.sky_light {
             return Ok(None);
@@ -39,12 +39,12 @@ impl SkyOfCaches {
             seen: gpu.buffer("gather.sky_seen", count * size_of::<SkySeen>() as u64)?,
             open: gpu.buffer("gather.sky_open", count * u64::from(DIRECTIONS))?,
             pipeline: gpu.compute("sky_seen.comp", &rays.constants(gpu))?,
-            // Without short rays caches see all that there is.
+            // Without short rays, caches see everything at any distance.
             reach: if plan.near == Near::Off { 0.0 } else { (CACHE_REACH * world.spacing()) as f32 },
         }))
     }
 
-    /// Records the pass; caches must be there.
+    /// Records the pass. Caches must be complete.
     pub(super) fn record(&self, cmd: &Cmd<'_>, (world, sky): (&World, &SkyLight), atlas: &Atlas) {
         let Some(rays) = world.rays() else { return };
         let mut resources = rays.binds(world).to_vec();

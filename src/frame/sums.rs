@@ -1,4 +1,4 @@
-//! Stage 6: the compute shader that adds up VALs at caches, which further bounces use again. METHOD 3-4.
+//! Stage 6: the compute pipeline that sums VALs at caches. Further bounces use it as well. METHOD 3-4.
 
 use super::atlas::Atlas;
 use super::depth_images::binds;
@@ -7,54 +7,54 @@ use super::settings::{ProxyWeight, Shadows, Ways};
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline};
 
-/// What a compute gather is made for.
+/// Configuration of a compute gather.
 #[derive(Clone, Copy, Debug)]
 pub struct ComputeKind {
-    /// A material has a glossy lobe.
+    /// Some material has a glossy lobe.
     pub glossy: bool,
     /// How indirect light is shadowed.
     pub shadows: Shadows,
-    /// VALs in a row that a cache sees or does not see as one, 1 or 4.
+    /// Consecutive VALs that share one visibility test, 1 or 4.
     pub together: u32,
-    /// How many times lit caches light all caches afterwards.
+    /// Number of further bounces, in each of which the lit caches light all caches.
     pub bounces: u32,
-    /// VALs of surfaces that emit, whose light at a cache has not bounced yet.
+    /// Number of VALs on emissive surfaces. Their light has not bounced yet when it reaches a cache.
     pub emitted: u32,
-    /// What pulls proxies.
+    /// Weight of VALs in the positions of proxies.
     pub weight: ProxyWeight,
-    /// Most views of a frame.
+    /// Maximum number of views in a frame.
     pub eyes: u32,
-    /// What is nearer than this \[m\] is left to short rays; 0: nothing.
+    /// Distance below which light is left to short rays \[m\]; 0: none.
     pub near: f32,
 }
 
 impl ComputeKind {
-    /// One gather without shadows.
+    /// A single gather without shadows.
     pub fn plain(glossy: bool) -> Self {
         let (shadows, weight) = (Shadows::Off, ProxyWeight::Irradiance);
         Self { glossy, shadows, together: 1, bounces: 0, emitted: 0, weight, eyes: 1, near: 0.0 }
     }
 }
 
-/// What sums are made of.
+/// Variant of the summing pipeline.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct SumKind {
-    /// The glossy lobe's, too.
+    /// Sums the glossy lobe as well.
     pub(super) glossy: bool,
     pub(super) shadows: Shadows,
-    /// VALs in a row that a cache sees or does not see as one.
+    /// Consecutive VALs that share one visibility test.
     pub(super) together: u32,
-    /// Proxies are made of the sums at once.
+    /// The pipeline also turns the sums into proxies.
     pub(super) proxies: bool,
-    /// The glossy lobe's are made for two eyes at once, with proxies.
+    /// Handles the glossy lobe of two eyes at once; needs `proxies`.
     pub(super) two_eyes: bool,
-    /// What is nearby is left to short rays.
+    /// Leaves light from nearby surfaces to short rays.
     pub(super) near: bool,
-    /// What caches see, with shadows of every VAL, is read as texels.
+    /// With shadows of every VAL: reads the depth images as texels.
     pub(super) images_as_texels: bool,
 }
 
-/// The pipeline that adds up VALs.
+/// Creates the pipeline that sums VALs.
 pub(super) fn sum_pipeline(gpu: &Gpu, ways: &Ways, kind: SumKind) -> Result<Pipeline> {
     let spread = u32::from(kind.shadows == Shadows::Proxy);
     let by_hand = u32::from(gpu.is_software());
@@ -74,7 +74,7 @@ pub(super) fn sum_pipeline(gpu: &Gpu, ways: &Ways, kind: SumKind) -> Result<Pipe
     }
 }
 
-/// What a pipeline of `sum_pipeline` reads and writes.
+/// Resources of a pipeline from `sum_pipeline`.
 #[derive(Clone, Copy)]
 pub(super) struct SumBinds<'a> {
     pub(super) atlas: &'a Atlas,
@@ -82,11 +82,11 @@ pub(super) struct SumBinds<'a> {
     /// VALs and their number.
     pub(super) vals: (&'a Buffer, &'a Buffer),
     pub(super) parts: &'a Buffer,
-    /// Where proxies are made at once: those, and the count of parts that are there.
+    /// With `SumKind::proxies`: the proxies, and the count of finished parts.
     pub(super) proxies: Option<(&'a Buffer, &'a Buffer)>,
-    /// With shadows of every VAL.
+    /// Only with shadows of every VAL.
     pub(super) depth_images: Option<&'a Buffer>,
-    /// With two eyes.
+    /// Only with two eyes.
     pub(super) second_parts: Option<&'a Buffer>,
 }
 

@@ -1,4 +1,4 @@
-//! Which way of lighting caches is the fastest on a device: measured once, kept by device and driver.
+//! Finds the fastest way of the compute gather on a device. It is measured once and stored by device and driver.
 
 use super::atlas::Atlas;
 use super::gather::{Compute, ComputeKind, Lit};
@@ -13,34 +13,35 @@ use glam::{Vec3, Vec4};
 use serde_json::{Value, json};
 use std::path::PathBuf;
 
-/// Caches and VALs that a candidate is timed on: enough to fill a device, few enough to take no time; and so few caches
-/// that a device is filled only where they are shared out well. Slow devices get fewer VALs.
+/// Numbers of caches and VALs for timing a candidate. The first pair is enough to fill a device, yet quick. The second
+/// has so few caches that only a good distribution fills a device. Slow devices get fewer VALs.
 const WORLDS: [[u32; 2]; 2] = [[2048, 4096], [250, 16_384]];
 
-/// Times that a pipeline is made to be measured. Some of lavapipe's, of the same code, stay slower than others as long as they
-/// live, by what two pages of a long loop take; where the code happens to lie seems to decide.
+/// Number of times that a pipeline is created for measuring. On lavapipe, some pipelines built from identical code stay
+/// slower than others for their whole lifetime. The address of the code seems to decide, when a long loop spans two
+/// pages.
 pub const PIPELINES: usize = 3;
 
-/// Frames that each of them is timed in, after one that does not count.
+/// Frames timed per pipeline, after one that does not count.
 const FRAMES: usize = 3;
 
-/// The longest that a frame of them may take [s]: all of the measurement is about 150 frames.
+/// Time limit for one of these frames [s]. The whole measurement takes about 150 frames.
 const LONGEST_FRAME: f64 = 0.03;
 
-/// VALs of the frames that say how slow a device is.
+/// VALs of the frames that measure the speed of a device.
 const FEW_VALS: u32 = 256;
 
-/// A candidate and how fast it is.
+/// A candidate and its speed.
 #[derive(Clone, Copy, Debug)]
 pub struct Tuned {
-    /// How caches are lit.
+    /// The way of the gather.
     pub ways: Ways,
-    /// Pairs of cache and VAL [1/s], both lobes: the best of a few frames, mean of a few pipelines; geometric mean where there
-    /// are several worlds.
+    /// Pairs of cache and VAL per second [1/s], both lobes: the best of a few frames, averaged over a few pipelines,
+    /// and the geometric mean over several worlds.
     pub pairs_per_second: f64,
 }
 
-/// All ways that are worth trying: on a CPU, threads that keep many caches, on GPUs, many threads.
+/// All ways that are worth trying: many caches per thread on CPUs, many threads on GPUs.
 pub fn candidates(software: bool) -> Vec<Ways> {
     let (sources, shapes): (&[ValSource], &[(u32, u32)]) = if software {
         (&[ValSource::Texels, ValSource::Storage], &[(4, 2048), (6, 2048), (8, 2048)])
@@ -78,7 +79,7 @@ fn time(gpu: &Gpu, ways: &Ways, [caches, vals]: [u32; 2], pipelines: usize) -> R
     Ok(Tuned { ways: *ways, pairs_per_second: rates / pipelines as f64 })
 }
 
-/// The worlds to time candidates on, with as many VALs as the device lights within `LONGEST_FRAME`, halved and halved again.
+/// Sizes of the worlds for timing candidates. VALs are halved until the device lights them within `LONGEST_FRAME`.
 fn worlds(gpu: &Gpu) -> Result<[[u32; 2]; 2]> {
     let pairs = time(gpu, &Ways::default(), [WORLDS[0][0], FEW_VALS], 1)?.pairs_per_second * LONGEST_FRAME;
     Ok(WORLDS.map(|[caches, most]| {
@@ -87,10 +88,10 @@ fn worlds(gpu: &Gpu) -> Result<[[u32; 2]; 2]> {
     }))
 }
 
-/// Times one way on many and on few caches.
+/// Times one way on both worlds: many caches and few.
 fn both(gpu: &Gpu, ways: &Ways, worlds: [[u32; 2]; 2]) -> Result<Tuned> {
     let mut product = 1.0;
-    // A slow device takes long to compile them, too.
+    // A slow device also compiles pipelines slowly.
     let pipelines = if worlds == WORLDS { PIPELINES } else { 1 };
     for world in worlds {
         product *= time(gpu, ways, world, pipelines)?.pairs_per_second;
@@ -98,10 +99,10 @@ fn both(gpu: &Gpu, ways: &Ways, worlds: [[u32; 2]; 2]) -> Result<Tuned> {
     Ok(Tuned { ways: *ways, pairs_per_second: product.powf(1.0 / WORLDS.len() as f64) })
 }
 
-/// The fastest way of the compute gather on this device; measured on the first call and kept.
+/// The fastest way of the compute gather on this device. It is measured on the first call and stored.
 ///
 /// # Errors
-/// What the device has no memory for.
+/// Fails if the device runs out of memory.
 pub fn fastest(gpu: &Gpu) -> Result<Tuned> {
     let ways = candidates(gpu.is_software());
     let file = file(gpu, &ways);
@@ -109,13 +110,13 @@ pub fn fastest(gpu: &Gpu) -> Result<Tuned> {
     let all = match kept {
         Some(all) => all,
         None => {
-            log::info!("measuring how caches are lit fastest on {}", gpu.report().name);
+            log::info!("measuring the fastest gather on {}", gpu.report().name);
             let worlds = worlds(gpu)?;
             let all: Vec<Tuned> = ways.iter().map(|ways| both(gpu, ways, worlds)).collect::<Result<_>>()?;
             if let Some(file) = &file
                 && let Err(error) = kept::write(file, &serde_json::to_vec_pretty(&write(gpu, &all)).expect("plain"))
             {
-                log::warn!("{}: {error}; the measurement is not kept", file.display());
+                log::warn!("{}: {error}; the measurement is not stored", file.display());
             }
             all
         }
@@ -124,7 +125,7 @@ pub fn fastest(gpu: &Gpu) -> Result<Tuned> {
     Ok(fastest.unwrap_or(Tuned { ways: Ways::default(), pairs_per_second: 0.0 }))
 }
 
-/// One file per device, driver and version of the shaders.
+/// One file per device, driver and shader version.
 fn file(gpu: &Gpu, ways: &[Ways]) -> Option<PathBuf> {
     let report = gpu.report();
     let mut hash = blake3::Hasher::new();
@@ -149,7 +150,7 @@ fn write(gpu: &Gpu, all: &[Tuned]) -> Value {
     json!({ "device": report.name, "driver": report.driver, "candidates": all.iter().map(line).collect::<Vec<_>>() })
 }
 
-/// The kept measurement; `None` if it is damaged.
+/// The stored measurement; `None` if it is damaged.
 fn read(bytes: &[u8], candidates: &[Ways]) -> Option<Vec<Tuned>> {
     let all: Value = serde_json::from_slice(bytes).ok()?;
     let line = |(line, ways): (&Value, &Ways)| {

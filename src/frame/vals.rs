@@ -1,4 +1,4 @@
-//! The VALs of all lights: what stage 4 writes and stage 6 reads. METHOD 2.
+//! The VALs of all lights: written by stage 4, read by stage 6. METHOD 2.
 
 use super::settings::ProxyWeight;
 use crate::error::Result;
@@ -8,24 +8,24 @@ use glam::Vec3;
 
 /// The VALs of all lights.
 pub struct Vals {
-    /// One of each texel, light by light, view by view, row by row; then those of the surfaces that emit.
+    /// One VAL per RSM texel, ordered by light, view and row, followed by the VALs of emissive surfaces.
     pub all: Buffer,
-    /// How many.
+    /// Number of VALs.
     pub count: u32,
-    /// 1 where a VAL carries light or pulls a proxy.
+    /// 1 where a VAL carries light or contributes to the position of a proxy.
     pub flags: Buffer,
-    /// Flagged VALs of each block.
+    /// Number of flagged VALs in each block.
     pub blocks: Buffer,
-    /// The flagged ones, in order, padded with dark ones to whole tiles.
+    /// The flagged VALs in order, padded to whole tiles with VALs without light.
     pub live: Buffer,
-    /// Their number before padding.
+    /// Number of flagged VALs before padding.
     pub live_count: Buffer,
-    /// Those of surfaces that emit once more, and how many of them shine; only where there are any.
+    /// Copy of the VALs of emissive surfaces that carry light, and their number; only if there are any.
     pub(super) emitted: Option<(Buffer, Buffer)>,
 }
 
 impl Vals {
-    /// Room for this many VALs, under the name of the stage that writes them.
+    /// Creates buffers for this many VALs, named after the stage that writes them.
     pub(super) fn new(gpu: &Gpu, stage: &str, count: u32) -> Result<Self> {
         let bytes = |count: u32| u64::from(count) * size_of::<Val>() as u64;
         Ok(Self {
@@ -39,7 +39,7 @@ impl Vals {
         })
     }
 
-    /// So many, of which the last are given and stay.
+    /// Creates `count` VALs, of which the last are given. Only `update` changes these.
     pub(super) fn with(gpu: &Gpu, count: u32, last: &[Val], weight: ProxyWeight) -> Result<Self> {
         let made = Self::new(gpu, "rsm", count)?;
         if last.is_empty() {
@@ -63,7 +63,7 @@ impl Vals {
         })
     }
 
-    /// Records that the last ones are these from now on.
+    /// Records an update of the last VALs.
     pub(super) fn update(&self, cmd: &Cmd<'_>, last: &[Val], weight: ProxyWeight) {
         let (vals, flags) = weighed(last, weight);
         let first = u64::from(self.count) - last.len() as u64;
@@ -79,7 +79,7 @@ impl Vals {
     /// These VALs, all of them live.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn of(gpu: &Gpu, vals: &[Val]) -> Result<Self> {
         let mut padded = vals.to_vec();
         padded.resize(vals.len().next_multiple_of(VAL_TILE as usize), Val { area: 1.0, ..Val::default() });
@@ -89,7 +89,7 @@ impl Vals {
     }
 }
 
-/// Those that shine, filled up with dark ones to whole tiles of all, and their number.
+/// The VALs that carry light, padded with dark ones to as many whole tiles as all VALs need, and their number.
 fn shining(vals: &[Val]) -> (Vec<Val>, u32) {
     let mut shining: Vec<Val> = vals.iter().filter(|val| val.flux != Vec3::ZERO).copied().collect();
     let count = shining.len() as u32;
@@ -97,7 +97,7 @@ fn shining(vals: &[Val]) -> (Vec<Val>, u32) {
     (shining, count)
 }
 
-/// VALs with the weights that their proxies' positions have, and which of them carry light.
+/// VALs with their weights for the positions of proxies, and flags of those that carry light.
 fn weighed(vals: &[Val], weight: ProxyWeight) -> (Vec<Val>, Vec<u32>) {
     let weight_of = |val: &Val| match weight {
         ProxyWeight::Irradiance => val.flux.dot(Vec3::new(0.2126, 0.7152, 0.0722)),

@@ -1,4 +1,4 @@
-//! A camera as the shaders see it: relative to the scene's origin, reversed depth without a far plane.
+//! A camera in the form that shaders use: relative to the scene's origin, reversed depth, no far plane.
 
 use crate::scene::{Camera, Projection};
 use glam::{DAffine3, DMat4, DVec3, DVec4, Mat4, Vec2, Vec4};
@@ -6,19 +6,20 @@ use glam::{DAffine3, DMat4, DVec3, DVec4, Mat4, Vec2, Vec4};
 /// Matrices of one camera for one picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct View {
-    /// World (relative to the scene's origin) to clip space; y down, z reversed.
+    /// World space (relative to the scene's origin) to clip space; y points down, z is reversed.
     pub clip_from_world: Mat4,
-    /// Its inverse.
+    /// Inverse of `clip_from_world`.
     pub world_from_clip: Mat4,
-    /// Position and 1, or for parallel projection the unit direction towards the viewer and 0.
+    /// Position and 1. For parallel projection, the unit direction towards the viewer and 0.
     pub eye: Vec4,
-    /// Plane through the camera: dot with a world position and 1 gives the distance \[m\] in front of it.
+    /// Plane through the camera. Its dot product with a world position and 1 is the distance in front of the camera
+    /// \[m\].
     pub plane: Vec4,
 }
 
 impl View {
-    /// The view whose pixels have in their middle what this one has so far from there \[pixels\]. Only for drawing: its
-    /// `world_from_clip` is this one's.
+    /// This view shifted so that each pixel's centre shows the point at this offset \[pixels\] from it. For drawing
+    /// only: `world_from_clip` stays that of the original view.
     pub(super) fn moved(&self, offset: Vec2, size: [u32; 2]) -> Self {
         let by = 2.0 * offset / Vec2::new(size[0] as f32, size[1] as f32);
         let moved = Mat4::from_translation((-by).extend(0.0));
@@ -45,7 +46,8 @@ impl View {
                 (projection, pose.translation.as_vec3().extend(1.0))
             }
             Projection::Orthographic { ymag } => {
-                // Depth 1 one radius before the scene's nearest point, 0 behind its farthest; the origin is its middle.
+                // Depth is 1 one radius in front of the scene's nearest point and 0 behind its farthest. The origin is
+                // the scene's centre.
                 let (half_height, middle) = (f64::from(ymag), camera_from_world.translation.z);
                 let (near, far) = (middle + 2.0 * radius, middle - 2.0 * radius);
                 let depth = near - far;

@@ -1,5 +1,5 @@
-//! Stage 5, first half: what pixels show -> the vertices, or cells of surfaces, that stages 5, 6 and 8 have to work on.
-//! METHOD 9. Every view has a list of its own; what culling flags is the union.
+//! Stage 5, first half: lists the visible vertices, or cells of surfaces, for stages 5, 6 and 8. METHOD 9. Every view
+//! has its own list; culling flags the union.
 
 use super::plan::Plan;
 use super::view::View;
@@ -10,33 +10,33 @@ use crate::shared::{VertexLight, VisibleArgs, VisibleCellsPush, VisiblePush, Vis
 use glam::Vec3;
 use std::cell::Cell;
 
-/// Vertices of the triangles that a view's pixels show, or cells of the surfaces.
+/// Vertices of the triangles in a view's pixels, or cells of the visible surfaces.
 pub struct VisibleList {
-    /// Per vertex or cell of each instance: the last frame that showed it.
+    /// For each vertex or cell of each instance, the last frame in which it was visible.
     pub seen: Buffer,
-    /// Per vertex: where in `list`. With cells, per pixel: the cell's row of references.
+    /// Index in `list` for each vertex. With cells, the cell's row of references for each pixel.
     pub slots: Buffer,
-    /// Each once.
+    /// Visible vertices or cells, each once.
     pub list: Buffer,
     /// Averaged lights of vertices.
     pub lights: Buffer,
-    /// Share of the sky's light that arrives at vertices; only where caches see it.
+    /// Share of the sky's light at vertices; only where caches see it.
     pub sky_lights: Option<Buffer>,
-    /// Irradiance from below at vertices; only where light goes on inside bodies, and without cells.
+    /// Irradiance from below at vertices; only with translucent bodies, and without cells.
     pub below: Option<Buffer>,
-    /// How many.
+    /// Length of the list.
     pub args: Buffer,
-    /// `args` of none.
+    /// `args` of an empty list.
     none: Buffer,
-    /// Number of the next frame: marks of earlier ones need no clearing.
+    /// Number of the next frame. Marks of earlier frames need no clearing.
     frame: Cell<u32>,
 }
 
 impl VisibleList {
-    /// Room for a picture of this size.
+    /// Creates a list for a picture of this size.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, world: &World, plan: &Plan, [w, h]: [u32; 2]) -> Result<Self> {
         let all = u64::from(world.slot_count.max(1));
         let pixels = u64::from(w) * u64::from(h);
@@ -62,22 +62,22 @@ impl VisibleList {
     }
 }
 
-/// Lists the corners of visible triangles; or the cells that pixels lie in, where they look references up.
+/// Lists the corners of visible triangles, or the cells in which pixels look up references.
 pub struct Visible {
     vertices: Pipeline,
     cells: Pipeline,
 }
 
 impl Visible {
-    /// Makes the pipelines.
+    /// Creates the pipelines.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         Ok(Self { vertices: gpu.compute("visible.comp", &[])?, cells: gpu.compute("visible_cells.comp", &[])? })
     }
 
-    /// Records the pass for views, their images of elements and their lists.
+    /// Records the pass for views, their element images and their lists.
     pub fn record<'a>(
         &self,
         cmd: &Cmd<'_>,

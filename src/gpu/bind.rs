@@ -1,4 +1,4 @@
-//! What shaders read and write: resources in the order of their bindings, and push constants.
+//! Shader resources in the order of their bindings, and push constants.
 
 use super::cmd::Cmd;
 use super::graveyard::lock;
@@ -19,9 +19,9 @@ pub enum Bind<'a> {
     Slice(&'a Buffer, u64, u64),
     /// A buffer read as RGBA32F texels.
     Texels(&'a Buffer),
-    /// The same, for shaders that read the buffer another way where it has more than `Gpu::most_texels`: those that there may be.
+    /// As `Texels`, but only the first `Gpu::most_texels`, for shaders that read larger buffers in another way.
     SomeTexels(&'a Buffer),
-    /// An image read texel by texel, or as storage where the shader says so.
+    /// An image read texel by texel, or a storage image if the shader declares it so.
     Image(&'a Image),
     /// A filtered texture.
     Texture(&'a Image, SamplerKind),
@@ -39,8 +39,8 @@ impl<'a> From<&'a Image> for Bind<'a> {
     }
 }
 
-/// What is copied of the bound pipeline, so that no lifetime leaks into the stages. Its handles live until the submission
-/// being recorded is done, also when the pipeline is dropped before.
+/// Data copied from the bound pipeline, so that its lifetime does not spread into the stages. The handles live until
+/// the submission being recorded is done, even if the pipeline is dropped earlier.
 #[derive(Clone, Copy)]
 pub(super) struct Bound {
     pub(super) name: &'static str,
@@ -51,7 +51,7 @@ pub(super) struct Bound {
     push_stages: vk::ShaderStageFlags,
 }
 
-/// Identity of what is bound.
+/// Identity of a resource.
 fn id(resource: &Bind<'_>) -> u64 {
     match resource {
         Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) | Bind::SomeTexels(b) => b.id,
@@ -107,7 +107,8 @@ impl Cmd<'_> {
             let write = |set| self.write_set(set, pipeline, resources);
             let set = lock(&shared.descriptors).get(shared, &key, (name, pipeline.layout.set_layout), names, write);
             match set {
-                // SAFETY: the set is of this layout; it goes with what it names, which lives until the submission is done.
+                // SAFETY: the set has this layout; it is freed with the objects it refers to, which live until the
+                // submission is done.
                 Ok(set) => unsafe {
                     shared.device.cmd_bind_descriptor_sets(self.buffer, point, layout, 0, &[set], &[]);
                 },
@@ -125,7 +126,7 @@ impl Cmd<'_> {
         }
     }
 
-    /// Pipelines that draw are bound where is drawn, the others elsewhere.
+    /// Graphics pipelines are bound inside rendering scopes, compute pipelines outside.
     fn check_scope(&self, pipeline: &Made) {
         let (name, scope) = (pipeline.name, self.scope.borrow());
         match (&pipeline.raster, &*scope) {
@@ -143,12 +144,12 @@ impl Cmd<'_> {
                 let writes = state.depth == Depth::Nearest;
                 assert!(!(writes && scope.read_only), "{name}: writes the depth, which this scope only reads");
             }
-            (None, Some(_)) => panic!("{name}: a compute pipeline, bound while rendering"),
-            (Some(_), None) => panic!("{name}: a graphics pipeline, bound while nothing is rendered to"),
+            (None, Some(_)) => panic!("{name}: a compute pipeline, bound inside a rendering scope"),
+            (Some(_), None) => panic!("{name}: a graphics pipeline, bound outside a rendering scope"),
         }
     }
 
-    /// Whether a resource fits a binding.
+    /// Checks that a resource fits a binding.
     fn check(&self, name: &str, slot: &DescriptorSlot, resource: &Bind<'_>) {
         let (of, shared) = match resource {
             Bind::Buffer(b) | Bind::Slice(b, ..) | Bind::Texels(b) | Bind::SomeTexels(b) => (&b.name, &b.shared),
@@ -184,7 +185,7 @@ impl Cmd<'_> {
         assert!(fits, "{name}: {of} does not fit binding {}, a {:?} {:?}", slot.binding, slot.kind, slot.image);
     }
 
-    /// How much of a buffer the device lets a binding have.
+    /// Checks the device's limit on the size of a binding.
     fn check_range(&self, kind: vk::DescriptorType, name: &str, bytes: u64) -> Result<()> {
         let limits = &self.gpu.shared.limits;
         let storage = kind == vk::DescriptorType::STORAGE_BUFFER;
@@ -234,13 +235,13 @@ impl Cmd<'_> {
                     write.image_info(&image)
                 }
             };
-            // SAFETY: the set is fresh and not in use; the infos live to the end of the call.
+            // SAFETY: the set is new and not in use; the infos live to the end of the call.
             unsafe { self.gpu.shared.device.update_descriptor_sets(&[write], &[]) };
         }
         Ok(())
     }
 
-    /// Whether the device interpolates between texels of an image.
+    /// Whether the device can filter an image linearly.
     fn filters(&self, image: &Image) -> bool {
         let shared = &self.gpu.shared;
         // SAFETY: plain query of a live instance and its device.

@@ -17,22 +17,22 @@ pub struct Buffer {
     pub(super) shared: Arc<Shared>,
     allocation: Option<Allocation>,
     pub(crate) handle: vk::Buffer,
-    /// The buffer as RGBA32F texels; made when a shader first reads it so.
+    /// View of the buffer as RGBA32F texels, created when a shader first reads it that way.
     texels: OnceCell<vk::BufferView>,
     pub(crate) id: u64,
     /// `stage.thing`, as validation messages and captures show it.
     pub name: String,
     /// Size \[bytes\].
     pub size: u64,
-    /// The same, out of everybody's reach: what unsafe code relies on.
+    /// A private copy of `size`, on which unsafe code relies.
     pub(super) held: u64,
-    /// Asked for as host-visible; some devices map all memory, but do not rely on that.
+    /// Whether host-visible memory was requested. Some devices map all memory, but callers must not rely on that.
     host: bool,
-    /// The submission that used it last.
+    /// The last submission that uses it.
     used: AtomicU64,
 }
 
-/// Every use a buffer of ours may be put to: one list, so that no buffer is refused a use it needs later.
+/// All usages of buffers in one list, so that every buffer can be used in any way later.
 const BUFFER_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
     vk::BufferUsageFlags::STORAGE_BUFFER.as_raw()
         | vk::BufferUsageFlags::UNIFORM_BUFFER.as_raw()
@@ -45,10 +45,10 @@ const BUFFER_USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
 );
 
 impl Gpu {
-    /// A device-local buffer; its content is undefined.
+    /// A device-local buffer with undefined content.
     ///
     /// # Errors
-    /// A size beyond the device's limit, and what it has no memory for.
+    /// Fails if the size exceeds the device's limit or the device runs out of memory.
     pub fn buffer(&self, name: &str, size: u64) -> Result<Buffer> {
         self.make_buffer(name, size, MemoryLocation::GpuOnly)
     }
@@ -56,7 +56,7 @@ impl Gpu {
     /// A buffer that the CPU writes and the GPU reads.
     ///
     /// # Errors
-    /// A size beyond the device's limit, and what it has no memory for.
+    /// Fails if the size exceeds the device's limit or the device runs out of memory.
     pub fn host_buffer(&self, name: &str, size: u64) -> Result<Buffer> {
         self.make_buffer(name, size, MemoryLocation::CpuToGpu)
     }
@@ -64,15 +64,15 @@ impl Gpu {
     /// A buffer that the GPU writes and the CPU reads.
     ///
     /// # Errors
-    /// A size beyond the device's limit, and what it has no memory for.
+    /// Fails if the size exceeds the device's limit or the device runs out of memory.
     pub fn readback_buffer(&self, name: &str, size: u64) -> Result<Buffer> {
         self.make_buffer(name, size, MemoryLocation::GpuToCpu)
     }
 
-    /// A device-local buffer that holds `data`; at least 16 bytes, so that an empty list can be bound.
+    /// A device-local buffer with this content. It has at least 16 bytes, so that an empty list can be bound.
     ///
     /// # Errors
-    /// A size beyond the device's limit, and what it has no memory for.
+    /// Fails if the size exceeds the device's limit or the device runs out of memory.
     pub fn buffer_from<T: bytemuck::NoUninit>(&self, name: &str, data: &[T]) -> Result<Buffer> {
         let bytes: &[u8] = bytemuck::cast_slice(data);
         let buffer = self.buffer(name, bytes.len().max(16) as u64)?;
@@ -87,7 +87,7 @@ impl Gpu {
     /// Reads a whole buffer back; waits for the device.
     ///
     /// # Errors
-    /// A device that was lost, and no memory to read into.
+    /// Fails if the device was lost or there is no memory to read into.
     pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
         let back = self.readback_buffer("readback", buffer.held)?;
         self.run_once("readback", |cmd| cmd.copy_buffer(buffer, &back, buffer.held))?;
@@ -128,7 +128,7 @@ impl Gpu {
         Ok(buffer)
     }
 
-    /// The buffer as RGBA32F texels of 16 bytes: all of it, or as much as the device allows.
+    /// View of the buffer as RGBA32F texels of 16 bytes: the whole buffer, or as much of it as the device allows.
     pub(crate) fn texels(&self, buffer: &Buffer, all: bool) -> Result<vk::BufferView> {
         let (limit, texels) = (self.most_texels(), buffer.held / 16);
         if all && texels > limit {
@@ -171,12 +171,12 @@ impl Buffer {
         all[..self.held as usize][offset as usize..][..bytes.len()].copy_from_slice(bytes);
     }
 
-    /// Notes that the submission being recorded uses it.
+    /// Marks the buffer as used by the submission being recorded.
     pub(super) fn used(&self) {
         self.used.store(self.shared.submitted.load(Ordering::SeqCst) + 1, Ordering::Relaxed);
     }
 
-    /// The CPU may look at what is meant for it, and not while the device uses it.
+    /// The CPU may access only host-visible buffers, and only while the device does not use them.
     fn assert_idle(&self) {
         assert!(self.host, "{}: not a host-visible buffer", self.name);
         let idle = self.used.load(Ordering::Relaxed) <= self.shared.done();

@@ -1,4 +1,4 @@
-//! Commands of one frame, in order: zones, binds, dispatches, rendering, barriers in words, copies.
+//! Commands of one frame, in order: zones, bindings, dispatches, rendering, barriers, copies.
 
 use super::bind::Bound;
 use super::buffer::Buffer;
@@ -23,21 +23,21 @@ pub struct Cmd<'g> {
     pub(super) bound: Cell<Option<Bound>>,
     pub(super) log: Option<RefCell<Log>>,
     pub(super) zone: Cell<&'static str>,
-    /// Submit and wait at the end of each zone: the only way to right figures per pass on lavapipe.
+    /// Submits and waits at the end of each zone: the only way to get correct timings per pass on lavapipe.
     split: bool,
     pub(super) error: RefCell<Option<Error>>,
     pub(super) key: RefCell<Vec<u64>>,
-    /// The rendering scope that is open.
+    /// The open rendering scope.
     pub(super) scope: RefCell<Option<Scope>>,
-    /// Whether the buffer is recording; then nothing may reset or submit it but `self`.
+    /// Whether the buffer is recording. Then only `self` may reset or submit it.
     open: Cell<bool>,
 }
 
-/// A stage of the frame: label, timestamps, and its name in the barrier check, until dropped.
+/// A stage of the frame, until dropped: its label, timestamps, and name in the barrier check.
 pub struct Zone<'c, 'g> {
     cmd: &'c Cmd<'g>,
     outer: &'static str,
-    /// Its place among the frame's zones.
+    /// Index among the frame's zones.
     index: usize,
     query: Option<u32>,
 }
@@ -61,18 +61,18 @@ impl<'g> Cmd<'g> {
 
     pub(super) fn begin(&self) -> Result<()> {
         let info = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
-        // What is dropped from here on may be named by what is being recorded.
+        // Commands being recorded may refer to resources that are dropped from here on.
         self.gpu.shared.recording.store(true, Ordering::SeqCst);
         // SAFETY: the buffer's last use is done; its pool allows resetting by beginning.
         unsafe { self.gpu.shared.device.begin_command_buffer(self.buffer, &info) }
             .map_err(vulkan("beginning a frame"))?;
         self.open.set(true);
-        // Each buffer begins with nothing bound.
+        // Each command buffer begins with nothing bound.
         self.bound.set(None);
         Ok(())
     }
 
-    /// Ends and submits what is recorded; gives the timeline value that says it is done.
+    /// Ends and submits the recorded commands. Returns the timeline value that signals their completion.
     pub(super) fn submit(&self) -> Result<u64> {
         let start = self.slot.borrow().notes.now();
         let submitted = &self.gpu.shared.submitted;
@@ -103,7 +103,7 @@ impl<'g> Cmd<'g> {
         Ok(value)
     }
 
-    /// Brings images that were made since the last submission to layout GENERAL, if there are any.
+    /// Transitions images created since the last submission to layout GENERAL, if there are any.
     fn prologue(&self) -> Result<Option<vk::CommandBuffer>> {
         let fresh = self.gpu.shared.fresh();
         if fresh.is_empty() {
@@ -112,7 +112,8 @@ impl<'g> Cmd<'g> {
         let (device, prologue) = (&self.gpu.shared.device, self.slot.borrow().prologue);
         let begin = vk::CommandBufferBeginInfo::default().flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT);
         let barriers = vk::DependencyInfo::default().image_memory_barriers(&fresh);
-        // SAFETY: the buffer's last use is done with that of `self.buffer`; the images live until this submission is done.
+        // SAFETY: the prologue's last use ended with that of `self.buffer`; the images live until this submission is
+        // done.
         unsafe {
             device.begin_command_buffer(prologue, &begin).map_err(vulkan("beginning new images"))?;
             device.cmd_pipeline_barrier2(prologue, &barriers);
@@ -129,12 +130,12 @@ impl<'g> Cmd<'g> {
         Ok(())
     }
 
-    /// Whether an earlier command has failed: then nothing more is recorded, and `Gpu::frame` gives its error.
+    /// Whether an earlier command failed. Then nothing more is recorded, and `Gpu::frame` returns the error.
     pub(super) fn failed(&self) -> bool {
         self.error.borrow().is_some()
     }
 
-    /// Submits what is recorded so far, waits, and goes on with an empty buffer.
+    /// Submits the recorded commands, waits, and continues with an empty buffer.
     fn flush(&self) {
         if self.failed() {
             return;
@@ -145,7 +146,7 @@ impl<'g> Cmd<'g> {
         }
     }
 
-    /// Opens a stage: debug label, timestamps, and the name under which the barrier check reports it.
+    /// Opens a stage: debug label, timestamps, and the stage's name in the barrier check.
     pub fn zone(&self, name: &'static str) -> Zone<'_, 'g> {
         let split = self.split && self.scope.borrow().is_none();
         if split {
@@ -164,14 +165,15 @@ impl<'g> Cmd<'g> {
         }
         drop(slot);
         if split {
-            // lavapipe runs a dispatch at once but takes timestamps when it flushes: else this one would come after it.
+            // lavapipe runs a dispatch at once but takes timestamps when it flushes. Without this, the timestamp would
+            // follow the dispatch.
             self.flush();
         }
         self.label(name);
         Zone { cmd: self, outer: self.zone.replace(name), index, query }
     }
 
-    /// Writes a timestamp when everything before is done.
+    /// Writes a timestamp when all earlier commands are done.
     fn stamp(&self, queries: vk::QueryPool, query: u32) {
         let stage = vk::PipelineStageFlags2::ALL_COMMANDS;
         // SAFETY: the buffer is recording; the query was reset and is written once per frame.
@@ -187,7 +189,7 @@ impl<'g> Cmd<'g> {
         }
     }
 
-    /// Everything before is done and visible to everything after. Opens every submission of commands; nowhere else.
+    /// Makes all earlier work complete and visible to all later work. Only at the start of every submission.
     pub(super) fn full_barrier(&self) {
         let all = vk::PipelineStageFlags2::ALL_COMMANDS;
         let barriers = [vk::MemoryBarrier2::default()
@@ -198,7 +200,8 @@ impl<'g> Cmd<'g> {
         self.pipeline_barrier(&vk::DependencyInfo::default().memory_barriers(&barriers));
     }
 
-    /// What `from` did before is done and visible to what `to` does after. The consumer writes it, before it reads.
+    /// Makes earlier work of kind `from` complete and visible to later work of kind `to`. The consuming stage calls it
+    /// before it reads.
     pub fn barrier(&self, from: Use, to: Use) {
         let ((src_stage, src_access), (dst_stage, dst_access)) = (from.masks(), to.masks());
         let barriers = [vk::MemoryBarrier2::default()
@@ -221,14 +224,14 @@ impl<'g> Cmd<'g> {
         unsafe { self.gpu.shared.device.cmd_pipeline_barrier2(self.buffer, info) };
     }
 
-    /// What is used here must be of the device that records.
+    /// Asserts that a resource belongs to the recording device.
     pub(super) fn own(&self, shared: &Arc<Shared>, name: &str) {
         assert!(Arc::ptr_eq(shared, &self.gpu.shared), "{name}: of another device");
     }
 
-    /// Some commands have no place in a rendering scope.
+    /// Asserts that no rendering scope is open, for commands that are not allowed inside one.
     pub(super) fn outside(&self, what: &str) {
-        assert!(self.scope.borrow().is_none(), "{what}: not while something is rendered");
+        assert!(self.scope.borrow().is_none(), "{what}: not while a rendering scope is open");
     }
 
     pub(super) fn touch_buffer(&self, buffer: &Buffer, how: Use) {
@@ -246,7 +249,7 @@ impl<'g> Cmd<'g> {
         }
     }
 
-    /// Runs the bound compute shader over this many items; the group size is the shader's own.
+    /// Runs the bound compute shader over this many items. The workgroup size comes from the shader.
     pub fn dispatch(&self, x: u32, y: u32, z: u32) {
         if self.failed() {
             return;
@@ -260,8 +263,8 @@ impl<'g> Cmd<'g> {
         unsafe { self.gpu.shared.device.cmd_dispatch(self.buffer, x, y, z) };
     }
 
-    /// Runs the bound compute shader over as many groups as three numbers of a buffer say; `offset` in bytes. The shader
-    /// that writes the numbers keeps to the device's limits.
+    /// Runs the bound compute shader with the workgroup counts stored as three numbers in a buffer, at `offset`
+    /// \[bytes\]. The shader that writes the numbers must respect the device's limits.
     pub fn dispatch_indirect(&self, arguments: &Buffer, offset: u64) {
         if self.failed() {
             return;
@@ -284,14 +287,14 @@ impl<'g> Cmd<'g> {
 impl Drop for Cmd<'_> {
     fn drop(&mut self) {
         if self.open.get() {
-            // The frame was given up, by an error or a panic.
+            // The frame was abandoned because of an error or a panic.
             // SAFETY: the buffer is not pending: nothing of it was submitted since it began. Its pool allows resetting.
             let reset = unsafe {
                 self.gpu.shared.device.reset_command_buffer(self.buffer, vk::CommandBufferResetFlags::empty())
             };
-            log::debug!("a frame was given up: {reset:?}");
+            log::debug!("a frame was abandoned: {reset:?}");
         }
-        // After the submission has been counted, so that what is dropped in between lies long enough.
+        // After the submission has been counted, so that resources dropped in between are kept long enough.
         self.gpu.shared.recording.store(false, Ordering::SeqCst);
     }
 }

@@ -1,5 +1,5 @@
-//! What a driver makes of shaders: registers, spills, occupancy, instructions. Needs VK_KHR_pipeline_executable_properties and
-//! nothing that runs: drivers without hardware do.
+//! Reports how a driver compiles shaders: registers, spills, occupancy, instructions. Needs
+//! VK_KHR_pipeline_executable_properties but runs nothing, so drivers without hardware will do.
 
 use super::instance::{self, Instance, Needs, needs, open_instance, pick, queue_family};
 use super::pipeline::{shader_names, specialization, spirv};
@@ -7,41 +7,41 @@ use super::{DeviceReport, Validation, reflect, vulkan};
 use crate::error::{Error, Result};
 use ash::{khr, vk};
 
-/// A device that compiles and says what came of it.
+/// A device that compiles shaders and reports the results.
 pub struct Codegen {
     device: ash::Device,
     ask: khr::pipeline_executable_properties::Device,
-    /// The device in words.
+    /// Description of the device.
     pub report: DeviceReport,
     _instance: Instance,
 }
 
-/// What became of one shader.
+/// Compilation result of one shader.
 #[derive(Clone, Debug, Default)]
 pub struct Compiled {
-    /// Numbers by the driver's names for them.
+    /// Statistics by the driver's names.
     pub numbers: Vec<(String, f64)>,
-    /// The machine's code as text, where the driver shows it.
+    /// Machine code as text, if the driver provides it.
     pub assembly: Option<String>,
 }
 
 impl Compiled {
-    /// A number by its name.
+    /// A statistic by its name.
     pub fn number(&self, name: &str) -> Option<f64> {
         self.numbers.iter().find(|(of, _)| of == name).map(|(_, number)| *number)
     }
 }
 
-/// Text that Vulkan keeps in an array.
+/// Text stored in a fixed-size Vulkan array.
 fn text(bytes: &[std::ffi::c_char]) -> String {
     bytes.iter().take_while(|c| **c != 0).map(|c| char::from(*c as u8)).collect()
 }
 
 impl Codegen {
-    /// Opens a device for nothing but compiling.
+    /// Opens a device only for compiling.
     ///
     /// # Errors
-    /// No such device, or one whose driver does not say what it compiles to.
+    /// Fails if there is no such device, or its driver does not report compilation results.
     pub fn new(wanted: Option<&str>) -> Result<Self> {
         let opened = open_instance(Validation::Off, &[])?;
         let instance = &opened.instance;
@@ -52,7 +52,7 @@ impl Codegen {
         if !extensions.iter().any(|e| e.extension_name_as_c_str() == Ok(name)) {
             let device = &report.name;
             return Err(Error::NoDevice(format!(
-                "{device} does not say what shaders compile to (VK_KHR_pipeline_executable_properties); choose another --device"
+                "{device} does not report how it compiles shaders (VK_KHR_pipeline_executable_properties); use another --device"
             )));
         }
         let (family, _) = queue_family(instance, physical).expect("inspected");
@@ -70,7 +70,8 @@ impl Codegen {
             .push_next(&mut v12)
             .push_next(&mut v13)
             .push_next(&mut told);
-        // SAFETY: `pick` found the features, the extension is there and has its own, and every pointer outlives the call.
+        // SAFETY: `pick` checked the features, the extension is available and includes its own feature, and every
+        // pointer outlives the call.
         let device = unsafe { instance.create_device(physical, &info, None) }
             .map_err(vulkan(format!("opening {}", report.name)))?;
         let ask = khr::pipeline_executable_properties::Device::new(instance, &device);
@@ -82,10 +83,11 @@ impl Codegen {
         shader_names().filter(|name| name.ends_with(".comp"))
     }
 
-    /// Compiles `glsl/NAME`, a compute shader, with specialisation constants 0, 1, ...; those that are not given are its own.
+    /// Compiles the compute shader `glsl/NAME` with specialisation constants 0, 1, ... Constants that are not given
+    /// keep their defaults.
     ///
     /// # Errors
-    /// A driver that refuses the shader.
+    /// Fails if the driver rejects the shader.
     pub fn compute(&self, name: &str, constants: &[u32]) -> Result<Compiled> {
         let failed = |result| vulkan(format!("compiling {name}"))(result);
         let code = spirv(name);
@@ -101,7 +103,8 @@ impl Codegen {
             .collect();
         let device = &self.device;
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
-        // SAFETY: the device is alive, as in all calls below; each object goes once the pipeline is read.
+        // SAFETY: the device is alive, as in all calls below; each object is destroyed after the pipeline has been
+        // queried.
         let set = unsafe { device.create_descriptor_set_layout(&info, None) }.map_err(failed)?;
         let sets = [set];
         let range =
@@ -112,7 +115,7 @@ impl Codegen {
         // SAFETY: as above.
         let layout = unsafe { device.create_pipeline_layout(&info, None) }.map_err(failed)?;
         let info = vk::ShaderModuleCreateInfo::default().code(&code);
-        // SAFETY: as above; the code is what the compiler made.
+        // SAFETY: as above; the code comes from the compiler.
         let module = unsafe { device.create_shader_module(&info, None) }.map_err(failed)?;
         let (entries, bytes) = specialization(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
@@ -141,13 +144,13 @@ impl Codegen {
         told
     }
 
-    /// What the driver says of a pipeline's only stage.
+    /// The driver's statistics of a pipeline's only stage.
     fn told(&self, pipeline: vk::Pipeline) -> std::result::Result<Compiled, vk::Result> {
         let info = vk::PipelineExecutableInfoKHR::default().pipeline(pipeline).executable_index(0);
-        // SAFETY: the pipeline was made to be asked, and has a stage.
+        // SAFETY: the pipeline was created with statistics enabled, and has one stage.
         let statistics = unsafe { self.ask.get_pipeline_executable_statistics(&info) }?;
         let number = |s: &vk::PipelineExecutableStatisticKHR<'_>| {
-            // SAFETY: the format says which member is there.
+            // SAFETY: the format tells which member is valid.
             unsafe {
                 match s.format {
                     vk::PipelineExecutableStatisticFormatKHR::BOOL32 => f64::from(s.value.b32),
@@ -182,7 +185,7 @@ impl Codegen {
 
 impl Drop for Codegen {
     fn drop(&mut self) {
-        // SAFETY: all that was made of it has gone.
+        // SAFETY: everything created from the device has been destroyed.
         unsafe { self.device.destroy_device(None) };
     }
 }

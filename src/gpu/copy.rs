@@ -33,9 +33,9 @@ impl Cmd<'_> {
         unsafe { self.gpu.shared.device.cmd_fill_buffer(self.buffer, buffer.handle, 0, vk::WHOLE_SIZE, 0) };
     }
 
-    /// Writes into a buffer, by way of the command buffer: for what changes from frame to frame.
+    /// Writes into a buffer through the command buffer, for data that changes from frame to frame.
     pub fn update<T: bytemuck::NoUninit>(&self, to: &Buffer, first_byte: u64, data: &[T]) {
-        /// Most bytes of one such command.
+        /// Maximum size of one such command \[bytes\].
         const MOST: usize = 65_536;
         let bytes: &[u8] = bytemuck::cast_slice(data);
         assert!(first_byte.is_multiple_of(4) && bytes.len().is_multiple_of(4), "{}: whole words", to.name);
@@ -48,7 +48,7 @@ impl Cmd<'_> {
         self.touch_buffer(to, Use::CopyWrite);
         for (i, part) in bytes.chunks(MOST).enumerate() {
             let offset = first_byte + (i * MOST) as u64;
-            // SAFETY: the buffer is alive, and offset and size, both of whole words, lie within it by the assertion above.
+            // SAFETY: the buffer is alive; offset and size are whole words and lie within it by the assertions above.
             unsafe { self.gpu.shared.device.cmd_update_buffer(self.buffer, to.handle, offset, part) };
         }
     }
@@ -58,7 +58,7 @@ impl Cmd<'_> {
         self.copy_region(from, to, from.made.level_bytes(0), region(from, 0, 0));
     }
 
-    /// Copies one texel, by column and row, to the beginning of a buffer.
+    /// Copies one texel, given by column and row, to the start of a buffer.
     pub(crate) fn copy_texel_to_buffer(&self, from: &Image, at: [u32; 2], to: &Buffer) {
         let ([x, y], [width, height]) = (at, from.made.size);
         assert!(x < width && y < height, "{}: texel {x}, {y} of {width}x{height}", from.name);
@@ -70,7 +70,7 @@ impl Cmd<'_> {
         self.copy_region(from, to, texel_bytes(from.made.format), here);
     }
 
-    /// Copies a part of an image, of so many bytes, into a buffer.
+    /// Copies a region of an image, with a size of `bytes`, into a buffer.
     fn copy_region(&self, from: &Image, to: &Buffer, bytes: u64, region: vk::BufferImageCopy) {
         if self.failed() {
             return;
@@ -93,7 +93,7 @@ impl Cmd<'_> {
         }
     }
 
-    /// Copies an image bit by bit into a part of another, whose texels are as large: left and top \[pixels\].
+    /// Copies an image bit by bit into another with texels of the same size, at left and top \[pixels\].
     pub fn copy_image(&self, from: &Image, to: &Image, [x, y]: [u32; 2]) {
         if self.failed() {
             return;
@@ -128,7 +128,7 @@ impl Cmd<'_> {
         unsafe { device.cmd_copy_image(self.buffer, from.handle, general, to.handle, general, &regions) };
     }
 
-    /// Fills all levels of a fresh texture from a buffer that holds them one after the other.
+    /// Fills all levels of a new texture from a buffer that holds them one after the other.
     pub(crate) fn copy_buffer_to_texture(&self, from: &Buffer, to: &Image) {
         if self.failed() {
             return;
@@ -156,7 +156,7 @@ impl Cmd<'_> {
     }
 }
 
-/// One level, all layers, tightly packed at an offset of a buffer.
+/// One level with all layers, tightly packed at an offset in a buffer.
 fn region(image: &Image, mip: u32, offset: u64) -> vk::BufferImageCopy {
     vk::BufferImageCopy {
         buffer_offset: offset,

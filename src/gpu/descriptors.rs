@@ -1,5 +1,5 @@
-//! Descriptor sets by what is bound: written once on first use, so that a frame like the last one makes none, and given
-//! back with the first of the things they name.
+//! Descriptor sets, cached by the bound resources. A set is written once on first use, so a frame like the previous one
+//! writes none. It is freed as soon as one of the objects it refers to is destroyed.
 
 use super::device::Shared;
 use super::vulkan;
@@ -8,14 +8,14 @@ use ash::vk;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-/// One set, with the pool it came from and the identities of everything it names.
+/// One set, with its pool and the identities of all objects it refers to.
 struct Set {
     handle: vk::DescriptorSet,
     pool: usize,
     names: Box<[u64]>,
 }
 
-/// What is bound, as numbers: the layout's identity, then three for each resource.
+/// Key of a set: the layout's identity, then three numbers for each resource.
 pub(super) type Key = [u64];
 
 /// All pools and sets.
@@ -23,15 +23,15 @@ pub(super) type Key = [u64];
 pub(super) struct Descriptors {
     pools: Vec<vk::DescriptorPool>,
     sets: HashMap<Arc<Key>, Set>,
-    /// Sets that name an identity.
+    /// Sets that refer to an identity.
     naming: HashMap<u64, Vec<Arc<Key>>>,
 }
 
 const SETS_PER_POOL: u32 = 256;
 
 impl Descriptors {
-    /// The set with this key, or a fresh one that `write` fills. It goes with the first of `names`, identities of the layout
-    /// and the resources, that is destroyed.
+    /// The set with this key, or a new one that `write` fills. It is freed when the first of `names` is destroyed, the
+    /// identities of the layout and the resources.
     pub(super) fn get(
         &mut self,
         shared: &Shared,
@@ -58,7 +58,7 @@ impl Descriptors {
         Ok(handle)
     }
 
-    /// A set from the first pool that has room.
+    /// Allocates a set from the first pool with space.
     fn allocate(&mut self, shared: &Shared, layout: vk::DescriptorSetLayout) -> Result<(vk::DescriptorSet, usize)> {
         let layouts = [layout];
         for at in 0.. {
@@ -74,7 +74,7 @@ impl Descriptors {
                 Err(result) => return Err(vulkan("descriptor set")(result)),
             }
         }
-        unreachable!("a fresh pool has given a set or an error")
+        unreachable!("a new pool returns a set or an error")
     }
 
     fn free(&self, device: &ash::Device, set: vk::DescriptorSet, pool: usize) {
@@ -84,7 +84,7 @@ impl Descriptors {
         }
     }
 
-    /// Gives back all sets that name something which nothing in use names any more.
+    /// Frees all sets that refer to an identity. No pending submission may use them.
     pub(super) fn forget(&mut self, device: &ash::Device, id: u64) {
         for key in self.naming.remove(&id).unwrap_or_default() {
             let Some(set) = self.sets.remove(&key) else { continue };
@@ -102,7 +102,7 @@ impl Descriptors {
         (self.sets.len(), self.pools.len())
     }
 
-    /// Destroys all pools, when the device goes.
+    /// Destroys all pools, together with the device.
     pub(super) fn destroy(&mut self, device: &ash::Device) {
         for pool in self.pools.drain(..) {
             // SAFETY: the device is idle, and no set is used after this.

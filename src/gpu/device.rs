@@ -1,4 +1,4 @@
-//! An open device: queue, allocator, and what everything made from it shares.
+//! An open device: queue, allocator, and the state shared by everything created from it.
 
 use super::descriptors::Descriptors;
 use super::disk::Disk;
@@ -24,13 +24,13 @@ use std::sync::{Arc, Mutex};
 /// How to open a device.
 #[derive(Clone, Debug, Default)]
 pub struct Options {
-    /// Index or part of a name; the most capable device when `None`.
+    /// Index or part of a name; `None` selects the most capable device.
     pub device: Option<String>,
     /// Validation layer and barrier check.
     pub validation: Validation,
 }
 
-/// Instance and device of a host that has opened them itself: see `Gpu::from_raw`.
+/// Instance and device that a host has opened itself: see `Gpu::from_raw`.
 #[derive(Clone)]
 pub struct Host {
     /// The instance.
@@ -39,22 +39,22 @@ pub struct Host {
     pub physical: vk::PhysicalDevice,
     /// The device.
     pub device: ash::Device,
-    /// A queue family that draws and computes.
+    /// A queue family with graphics and compute.
     pub family: u32,
-    /// Which queue of the family.
+    /// Index of the queue in its family.
     pub queue: u32,
-    /// Whether the instance has the extension VK_EXT_debug_utils: then all objects are named.
+    /// Whether the instance has the extension VK_EXT_debug_utils. If so, all objects get names.
     pub debug_utils: bool,
-    /// Whether the feature geometryShader is enabled. With it fragment shaders know the number of their triangle; without
-    /// it vertex shaders count, which costs more.
+    /// Whether the feature geometryShader is enabled. With it, fragment shaders know the index of their triangle.
+    /// Without it, vertex shaders count, which costs more.
     pub geometry_shader: bool,
-    /// Whether the features subgroupSizeControl and computeFullSubgroups are enabled: clusters are faster with them.
+    /// Whether the features subgroupSizeControl and computeFullSubgroups are enabled. They make clusters faster.
     pub subgroup_sizes: bool,
     /// Whether the engine's own barrier check runs.
     pub check_barriers: bool,
 }
 
-/// What is open, besides the handles.
+/// State of an open device, besides the handles.
 struct Open {
     physical: vk::PhysicalDevice,
     family: u32,
@@ -64,7 +64,7 @@ struct Open {
     check_barriers: bool,
 }
 
-/// What every Vulkan object of ours needs to be made and destroyed.
+/// State that every Vulkan object needs for its creation and destruction.
 pub(crate) struct Shared {
     pub(crate) device: ash::Device,
     pub(crate) allocator: Mutex<Option<Allocator>>,
@@ -72,11 +72,11 @@ pub(crate) struct Shared {
     pub(crate) limits: vk::PhysicalDeviceLimits,
     pub(crate) max_buffer_size: u64,
     pub(crate) pool: vk::CommandPool,
-    /// Counts submissions that are done.
+    /// Counts completed submissions.
     pub(crate) timeline: vk::Semaphore,
     /// Counts submissions.
     pub(crate) submitted: AtomicU64,
-    /// Whether commands are being recorded that will be the next submission.
+    /// Whether commands for the next submission are being recorded.
     pub(super) recording: AtomicBool,
     pub(super) graveyard: Mutex<Graveyard>,
     pub(super) descriptors: Mutex<Descriptors>,
@@ -86,7 +86,7 @@ pub(crate) struct Shared {
     pub(super) instance: Instance,
 }
 
-/// An open device: everything else is made from it. One thread records at a time (the type is not `Sync`).
+/// An open device, from which everything else is created. One thread records at a time (the type is not `Sync`).
 pub struct Gpu {
     pub(crate) ring: Ring,
     pub(super) pipelines: RefCell<Pipelines>,
@@ -103,16 +103,16 @@ pub struct Gpu {
     pub(crate) shared: Arc<Shared>,
 }
 
-/// Frames that may be under way at once: the CPU writes one while the GPU draws the other.
+/// Maximum number of frames in flight: the CPU writes one while the GPU draws the other.
 pub(crate) const FRAMES_IN_FLIGHT: usize = 2;
 
 impl Shared {
-    /// An identity for a resource that is never used again, unlike a handle.
+    /// A new identity for a resource. Unlike a handle, it is never reused.
     pub(crate) fn new_id(&self) -> u64 {
         self.next_id.fetch_add(1, Ordering::Relaxed)
     }
 
-    /// Waits until everything submitted is done. Whatever is destroyed afterwards is not in use.
+    /// Waits until all submissions are complete. Objects destroyed afterwards are not in use.
     pub(crate) fn wait(&self) -> Result<()> {
         self.wait_for(self.submitted.load(Ordering::SeqCst))
     }
@@ -125,14 +125,14 @@ impl Shared {
         unsafe { self.device.wait_semaphores(&info, u64::MAX) }.map_err(vulkan("waiting for the device"))
     }
 
-    /// `wait` for destructors: a lost device is done as well.
+    /// `wait` for destructors. A lost device counts as done.
     pub(crate) fn wait_to_drop(&self) {
         if let Err(error) = self.wait() {
             log::debug!("{error}");
         }
     }
 
-    /// Gives an object the name under which validation messages and captures show it.
+    /// Names an object for validation messages and captures.
     pub(crate) fn name<H: vk::Handle>(&self, handle: H, name: &str) {
         if let Some(names) = &self.names {
             let name = std::ffi::CString::new(name.replace('\0', "?")).unwrap_or_default();
@@ -149,12 +149,13 @@ impl Gpu {
     /// Opens a device. With `Validation::Sync` the engine's own barrier check runs as well.
     ///
     /// # Errors
-    /// No Vulkan, no device that can run the engine (it says what each lacks), or one that does not open.
+    /// Fails if there is no Vulkan, no device that can run the engine (the error says what each lacks), or the device
+    /// cannot be opened.
     pub fn new(options: &Options) -> Result<Self> {
         Self::open(options, &[], &[])
     }
 
-    /// Opens a device with these extensions of the instance and of itself.
+    /// Opens a device with these instance and device extensions.
     pub(super) fn open(options: &Options, of_instance: &[*const c_char], of_device: &[*const c_char]) -> Result<Self> {
         let opened = open_instance(options.validation, of_instance)?;
         let instance = &opened.instance;
@@ -188,20 +189,21 @@ impl Gpu {
         )
     }
 
-    /// What a host must enable that opens the device itself.
+    /// Everything that a host must enable if it opens the device itself.
     pub fn needs() -> Needs {
         needs()
     }
 
-    /// Works on an instance and a device that the host has opened: an XR runtime, an application. Both stay the host's:
-    /// nothing here destroys them.
+    /// Uses an instance and a device that the host has opened, such as an XR runtime or an application. Both remain the
+    /// host's; nothing here destroys them.
     ///
     /// # Errors
-    /// If the device lacks something, or memory for the first objects.
+    /// Fails if the device lacks something, or memory for the first objects.
     ///
     /// # Safety
-    /// What `host` says is so. Instance and device were made with what `needs` lists, and outlive the `Gpu` and everything
-    /// made from it. While one of these lives, no other thread uses the queue at the same time.
+    /// All statements in `host` must be true. Instance and device must have been created with everything that `needs`
+    /// lists, and outlive the `Gpu` and everything created from it. During that time no other thread may use the queue
+    /// at the same time.
     pub unsafe fn from_raw(host: Host) -> Result<Self> {
         let Host {
             instance,
@@ -228,7 +230,7 @@ impl Gpu {
         )
     }
 
-    /// On a device that is open.
+    /// Wraps a device that is already open.
     fn of(opened: Instance, device: ash::Device, report: DeviceReport, open: Open) -> Result<Self> {
         let instance = &opened.instance;
         let Open { physical, family, queue, geometry_shader, voting_threads, check_barriers } = open;
@@ -241,7 +243,7 @@ impl Gpu {
         // SAFETY: plain query.
         let families = unsafe { instance.get_physical_device_queue_family_properties(physical) };
         let timestamp_bits = families[family as usize].timestamp_valid_bits;
-        // From here on `shared` destroys what was made, also when something below fails.
+        // From here on, `shared` destroys everything created so far, even if something below fails.
         let mut shared = Shared {
             names: opened.has_debug_utils.then(|| ext::debug_utils::Device::new(instance, &device)),
             allocator: Mutex::new(None),
@@ -267,7 +269,7 @@ impl Gpu {
             buffer_device_address: false,
             allocation_sizes: Default::default(),
         })
-        .map_err(|e| Error::Vulkan { what: "making the memory allocator".into(), result: e.to_string() })?;
+        .map_err(|e| Error::Vulkan { what: "creating the memory allocator".into(), result: e.to_string() })?;
         shared.allocator = Mutex::new(Some(allocator));
         let pool = vk::CommandPoolCreateInfo::default()
             .queue_family_index(family)
@@ -309,81 +311,82 @@ impl Gpu {
         })
     }
 
-    /// The open device in words.
+    /// Description of the open device.
     pub fn report(&self) -> &DeviceReport {
         &self.report
     }
 
-    /// Whether the device is the CPU: ratios mean something there, absolute times little.
+    /// Whether the device is the CPU. There, ratios of times are meaningful but absolute times are not.
     pub fn is_software(&self) -> bool {
         self.report.kind == "software"
     }
 
-    /// Bytes of a buffer that shaders can see at once.
+    /// Maximum size of a buffer that shaders can access at once \[bytes\].
     pub fn most_buffer_bytes(&self) -> u64 {
         self.shared.limits.max_storage_buffer_range.into()
     }
 
-    /// Color targets that a fragment shader can write at a time.
+    /// Maximum number of colour targets that a fragment shader can write at a time.
     pub fn most_color_targets(&self) -> u32 {
         let limits = &self.shared.limits;
         let all = [limits.max_color_attachments, limits.max_fragment_output_attachments];
         all.into_iter().fold(limits.max_fragment_combined_output_resources, u32::min)
     }
 
-    /// Whether fragment shaders know which triangle they belong to: Vulkan has that with geometry shaders, which desktop
-    /// devices and lavapipe have, MoltenVK and SwiftShader have not.
+    /// Whether fragment shaders know which triangle they belong to. Vulkan provides this with geometry shaders, which
+    /// desktop devices and lavapipe have, but MoltenVK and SwiftShader lack.
     pub fn numbers_triangles(&self) -> bool {
         self.numbers_triangles
     }
 
-    /// The device as if its fragment shaders did not know their triangle; tests use it.
+    /// Makes the device act as if its fragment shaders did not know their triangle; for tests.
     pub fn without_triangle_numbers(mut self) -> Self {
         self.numbers_triangles = false;
         self
     }
 
-    /// Places along a pixel's side to which vertices are moved before triangles are filled, where there are so few of them that
-    /// what is drawn lies visibly beside the surface: 16 on some devices. `None` where there are 256 or more.
+    /// Number of vertex positions along a pixel's side, if the rasteriser has so few (16 on some devices) that drawn
+    /// triangles lie visibly beside the surface. `None` for 256 or more.
     pub fn coarse_subpixels(&self) -> Option<u32> {
         let bits = self.shared.limits.sub_pixel_precision_bits;
         (bits < 8).then(|| 1 << bits)
     }
 
-    /// Texels of a buffer that shaders can see as texels: 65 536 on some devices, millions on most.
+    /// Maximum number of texels of a texel buffer: 65 536 on some devices, millions on most.
     pub fn most_texels(&self) -> u64 {
         self.most_texels
     }
 
-    /// The device as if shaders could see no more texels of a buffer than every device allows; tests use it.
+    /// Limits texel buffers to the size that every device allows; for tests.
     pub fn with_few_texels(mut self) -> Self {
         self.most_texels = 65_536;
         self
     }
 
-    /// Threads of a compute subgroup, 32 or 8, if the device can be held to one of these sizes and lets its threads vote.
+    /// Threads of a compute subgroup, 32 or 8, if the device supports a fixed size of these and voting within
+    /// subgroups.
     pub fn voting_threads(&self) -> Option<u32> {
         self.voting_threads
     }
 
-    /// The device as if its subgroups could not vote, which is so on some; tests use it.
+    /// Makes the device act as if its subgroups could not vote, as on some devices; for tests.
     pub fn without_votes(mut self) -> Self {
         self.voting_threads = None;
         self
     }
 
-    /// Whether the queue has timestamps; without them zones have no GPU time, and everything else works.
+    /// Whether the queue has timestamps. Without them zones have no GPU time; everything else works.
     pub fn has_timestamps(&self) -> bool {
         self.clock.bits > 0
     }
 
-    /// The device as if its queue had no timestamps, which some have not; tests use it.
+    /// Makes the device act as if its queue had no timestamps, as on some devices; for tests.
     pub fn without_timestamps(mut self) -> Self {
         self.clock.bits = 0;
         self
     }
 
-    /// Messages of the validation layer so far, oldest first; empty is the only good answer.
+    /// Messages of the validation layer so far, oldest first. There should be none.
     pub fn messages(&self) -> Vec<String> {
         self.shared.instance.messages.lock().expect("message sink").clone()
     }
@@ -410,7 +413,8 @@ impl Drop for Shared {
         self.collect_all();
         lock(&self.descriptors).destroy(&self.device);
         drop(lock(&self.allocator).take());
-        // SAFETY: `Shared` is dropped when the last object made from the device has gone; null handles are ignored.
+        // SAFETY: `Shared` is dropped when the last object created from the device has been dropped; null handles are
+        // ignored.
         unsafe {
             self.device.destroy_semaphore(self.timeline, None);
             self.device.destroy_command_pool(self.pool, None);

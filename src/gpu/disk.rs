@@ -1,20 +1,20 @@
-//! Pipelines that the driver has compiled, kept from one run to the next. A file that is damaged or not of this device and
-//! driver counts as none.
+//! A cache of compiled pipelines on disk, kept between runs. Files that are damaged or belong to another device or
+//! driver are ignored.
 
 use super::device::Shared;
 use crate::{files, kept};
 use ash::vk;
 use std::path::{Path, PathBuf};
 
-/// The driver's cache, and the file that keeps it.
+/// The driver's pipeline cache and the file that stores it.
 pub(super) struct Disk {
-    /// Null where the driver refuses one, which Vulkan allows to be passed on.
+    /// Null if the driver cannot create one. Vulkan accepts a null cache.
     pub(super) cache: vk::PipelineCache,
     file: Option<PathBuf>,
     loaded: blake3::Hash,
 }
 
-/// Whose pipelines they are, as the head of the driver's data states it.
+/// Device and driver that the pipelines belong to, as in the header of the driver's data.
 #[derive(Clone, Copy)]
 struct Owner {
     vendor: u32,
@@ -22,17 +22,17 @@ struct Owner {
     uuid: [u8; vk::UUID_SIZE],
 }
 
-/// Begins each file; another version of the file has another.
+/// Start of each file. It differs between versions of the file format.
 const MAGIC: &[u8; 8] = b"lspipes1";
 
-/// Most bytes that are kept.
+/// Maximum size of the stored data \[bytes\].
 const MOST: usize = 64 << 20;
 
 /// Bytes before the driver's data: `MAGIC` and a checksum.
 const HEAD: usize = MAGIC.len() + blake3::OUT_LEN;
 
 impl Disk {
-    /// What was kept for this device and driver, or an empty cache.
+    /// Opens the stored cache for this device and driver, or an empty one.
     pub(super) fn open(shared: &Shared, properties: &vk::PhysicalDeviceProperties) -> Self {
         let owner =
             Owner { vendor: properties.vendor_id, device: properties.device_id, uuid: properties.pipeline_cache_uuid };
@@ -40,15 +40,15 @@ impl Disk {
         let bytes = file.as_deref().and_then(read).unwrap_or_default();
         let data = unwrap(&bytes, owner).unwrap_or_default();
         if let Some(file) = file.as_ref().filter(|_| !bytes.is_empty()) {
-            log::debug!("{}: {} bytes of kept pipelines", file.display(), data.len());
+            log::debug!("{}: {} bytes of stored pipelines", file.display(), data.len());
         }
         let make = |data| {
             let info = vk::PipelineCacheCreateInfo::default().initial_data(data);
-            // SAFETY: the device is alive; the data is what its driver gave out, by checksum and identity.
+            // SAFETY: the device is alive; checksum and identity show that its driver returned this data.
             unsafe { shared.device.create_pipeline_cache(&info, None) }
         };
         let cache = make(data).or_else(|_| make(&[])).unwrap_or_else(|result| {
-            log::debug!("no cache of pipelines: {result}");
+            log::debug!("no pipeline cache: {result}");
             vk::PipelineCache::null()
         });
         if cache != vk::PipelineCache::null() {
@@ -57,7 +57,7 @@ impl Disk {
         Self { cache, file, loaded: blake3::hash(data) }
     }
 
-    /// Keeps what was added, if anything, and destroys the cache.
+    /// Stores the cache if something was added, and destroys it.
     pub(super) fn close(&mut self, shared: &Shared, pipelines_made: u64) {
         let cache = std::mem::take(&mut self.cache);
         if cache == vk::PipelineCache::null() {
@@ -71,10 +71,10 @@ impl Disk {
                 && blake3::hash(&data) != self.loaded
                 && let Err(error) = kept::write(file, &wrap(&data))
             {
-                log::debug!("{}: {error}; the pipelines are not kept", file.display());
+                log::debug!("{}: {error}; the pipelines are not stored", file.display());
             }
         }
-        // SAFETY: made from this device; pipelines made by it do not need it.
+        // SAFETY: the cache belongs to this device; pipelines created with it do not need it.
         unsafe { shared.device.destroy_pipeline_cache(cache, None) };
     }
 }
@@ -87,7 +87,7 @@ fn file(properties: &vk::PhysicalDeviceProperties) -> Option<PathBuf> {
     Some(kept::folder()?.join(format!("pipelines-{}.bin", &hash.finalize().to_hex()[..32])))
 }
 
-/// The file, unless it is too long to be ours.
+/// Reads the file, unless it is too long to be valid.
 fn read(file: &Path) -> Option<Vec<u8>> {
     let length = std::fs::metadata(file).ok()?.len();
     if length > (HEAD + MOST) as u64 {
@@ -100,11 +100,11 @@ fn wrap(data: &[u8]) -> Vec<u8> {
     [&MAGIC[..], blake3::hash(data).as_bytes(), data].concat()
 }
 
-/// The driver's data in a file, if it is whole and was made by this device and driver.
+/// The driver's data in a file, if it is complete and from this device and driver.
 fn unwrap(bytes: &[u8], owner: Owner) -> Option<&[u8]> {
     let (head, data) = bytes.split_at_checked(HEAD)?;
     let (magic, sum) = head.split_at(MAGIC.len());
-    // Length of the driver's head, version 1, vendor, device and UUID.
+    // Length of the driver's header, version 1, vendor, device and UUID.
     let mut expected = Vec::from(32_u32.to_le_bytes());
     for word in [vk::PipelineCacheHeaderVersion::ONE.as_raw().cast_unsigned(), owner.vendor, owner.device] {
         expected.extend(word.to_le_bytes());
@@ -120,7 +120,7 @@ mod tests {
 
     const OWNER: Owner = Owner { vendor: 0x1234, device: 7, uuid: [9; vk::UUID_SIZE] };
 
-    /// As a driver gives it out.
+    /// Data as a driver returns it.
     fn data(owner: Owner) -> Vec<u8> {
         let words = [32, 1, owner.vendor, owner.device];
         let mut data: Vec<u8> = words.into_iter().flat_map(u32::to_le_bytes).collect();
@@ -156,7 +156,7 @@ mod tests {
         {
             assert_eq!(unwrap(&file, other), None);
         }
-        // With a right checksum around another length or version of the driver's head.
+        // A correct checksum with another length or version in the driver's header.
         for word in [0, 4] {
             let mut data = data(OWNER);
             data[word] += 1;

@@ -1,4 +1,4 @@
-//! Rendering scopes: what is drawn to, and the draws inside.
+//! Rendering scopes: attachments, and the draws inside.
 
 use super::bind::Bind;
 use super::cmd::Cmd;
@@ -7,14 +7,14 @@ use super::image::is_depth;
 use super::{Buffer, Image, Pipeline};
 use ash::vk;
 
-/// What an attachment holds when rendering begins.
+/// Content of an attachment when rendering begins.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Load {
-    /// What it held before.
+    /// The previous content.
     Keep,
     /// This value.
     Clear([f32; 4]),
-    /// What it held before; it is only tested against and stays so (depth alone).
+    /// The previous content, used only for tests and not changed (depth only).
     ReadOnly,
 }
 
@@ -23,43 +23,43 @@ pub enum Load {
 pub struct Attach<'a> {
     /// The image.
     pub image: &'a Image,
-    /// What it holds at first.
+    /// Its content at the start.
     pub load: Load,
 }
 
 impl<'a> Attach<'a> {
-    /// As it was.
+    /// Keeps the previous content.
     pub fn keep(image: &'a Image) -> Self {
         Self { image, load: Load::Keep }
     }
-    /// Cleared to zero.
+    /// Clears to zero.
     pub fn clear(image: &'a Image) -> Self {
         Self { image, load: Load::Clear([0.0; 4]) }
     }
 }
 
-/// Where a rendering scope draws to.
+/// Targets of a rendering scope.
 #[derive(Clone, Copy)]
 pub struct Attachments<'a> {
     /// Colour attachments, in location order.
     pub colors: &'a [Attach<'a>],
     /// Depth attachment.
     pub depth: Option<Attach<'a>>,
-    /// Left, top, width and height \[pixels\]; clearing and drawing stay inside.
+    /// Left, top, width and height \[pixels\]. Clearing and drawing stay inside.
     pub area: [u32; 4],
 }
 
-/// What is known of the open rendering scope.
+/// State of the open rendering scope.
 pub(super) struct Scope {
     pub(super) colors: Vec<vk::Format>,
     pub(super) depth: bool,
-    /// The depth is only tested against.
+    /// Depth is only tested, not written.
     pub(super) read_only: bool,
     area: [u32; 4],
     pub(super) pipeline: Option<Pipeline>,
-    /// Bytes of each vertex buffer that is bound, from its offset on.
+    /// Bytes available in each bound vertex buffer, from its offset on.
     vertices: Vec<u64>,
-    /// Indices in the buffer that is bound, from its offset on.
+    /// Indices available in the bound index buffer, from its offset on.
     indices: u64,
 }
 
@@ -69,7 +69,7 @@ impl<'g> Cmd<'g> {
         self.render_layer(0, attachments, draw);
     }
 
-    /// The same into this layer of every attachment.
+    /// Opens a rendering scope for this layer of every attachment and draws.
     pub fn render_layer(&self, layer: u32, attachments: &Attachments<'_>, draw: impl FnOnce(&Draw<'_, 'g>)) {
         if self.failed() {
             return;
@@ -140,7 +140,7 @@ impl<'g> Cmd<'g> {
             device.cmd_set_front_face(self.buffer, vk::FrontFace::COUNTER_CLOCKWISE);
         }
         *self.scope.borrow_mut() = Some(scope);
-        // What is bound belongs to the scope, and the other way round.
+        // Bindings do not carry over into or out of a scope.
         self.bound.set(None);
         let scope = Draw { cmd: self };
         scope.area(attachments.area);
@@ -168,7 +168,7 @@ impl Draw<'_, '_> {
         self.cmd.push(constants);
     }
 
-    /// Vertex buffers with byte offsets, in stream order.
+    /// Binds vertex buffers with byte offsets, in stream order.
     pub fn vertices(&self, buffers: &[(&Buffer, u64)]) {
         if self.cmd.failed() {
             return;
@@ -195,7 +195,7 @@ impl Draw<'_, '_> {
         }
     }
 
-    /// Index buffer of u32 with a byte offset. It holds what never changes, so the barrier check skips it.
+    /// Binds an index buffer of u32 with a byte offset. Index buffers never change, so the barrier check skips them.
     pub fn indices(&self, buffer: &Buffer, offset: u64) {
         if self.cmd.failed() {
             return;
@@ -218,7 +218,8 @@ impl Draw<'_, '_> {
         };
     }
 
-    /// Part of the attachments that is drawn to: left, top, width and height \[pixels\].
+    /// Sets the drawn part of the attachments: left, top, width and height \[pixels\]. It sets the viewport and the
+    /// scissor.
     ///
     /// # Panics
     /// If it is not inside the scope's own area.
@@ -229,7 +230,10 @@ impl Draw<'_, '_> {
         if let Some([left, top, w, h]) = self.cmd.scope.borrow().as_ref().map(|scope| scope.area) {
             let end = |at: u32, size: u32| u64::from(at) + u64::from(size);
             let inside = x >= left && y >= top && end(x, width) <= end(left, w) && end(y, height) <= end(top, h);
-            assert!(inside && width > 0 && height > 0, "{width}x{height} pixels at {x}, {y} outside what is rendered");
+            assert!(
+                inside && width > 0 && height > 0,
+                "{width}x{height} pixels at {x}, {y} outside the rendering scope's area"
+            );
         }
         let device = &self.cmd.gpu.shared.device;
         let viewport = vk::Viewport {
@@ -252,11 +256,11 @@ impl Draw<'_, '_> {
         }
     }
 
-    /// Part of the attachments outside of which nothing is drawn, without a change of scale: left, top, width and height
-    /// \[pixels\].
+    /// Sets the scissor only: nothing is drawn outside this part of the attachments, but the viewport stays. Left, top,
+    /// width and height \[pixels\].
     ///
     /// # Panics
-    /// If it begins outside of what numbers of 31 bits can say.
+    /// If the rectangle exceeds the range of 31-bit numbers.
     pub fn clip(&self, [x, y, width, height]: [u32; 4]) {
         if self.cmd.failed() {
             return;
@@ -269,7 +273,7 @@ impl Draw<'_, '_> {
         unsafe { self.cmd.gpu.shared.device.cmd_set_scissor(self.cmd.buffer, 0, &[scissor]) };
     }
 
-    /// Whether counter-clockwise triangles show their front; false for mirrored instances.
+    /// Whether counter-clockwise triangles are front-facing; false for mirrored instances.
     pub fn front_is_ccw(&self, ccw: bool) {
         if self.cmd.failed() {
             return;
@@ -279,12 +283,13 @@ impl Draw<'_, '_> {
         unsafe { self.cmd.gpu.shared.device.cmd_set_front_face(self.cmd.buffer, face) };
     }
 
-    /// Draws vertices without buffers: 3 for the triangle that covers the screen, points, or what shaders look up themselves.
+    /// Draws vertices without buffers: 3 for a full-screen triangle, points, or vertices that shaders look up
+    /// themselves.
     pub fn draw(&self, vertex_count: u32) {
         self.draw_from(vertex_count, 0);
     }
 
-    /// The same from this vertex on.
+    /// Draws vertices without buffers, starting at this index.
     pub fn draw_from(&self, vertex_count: u32, first_vertex: u32) {
         if self.cmd.failed() {
             return;
@@ -294,8 +299,8 @@ impl Draw<'_, '_> {
         unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, first_vertex, 0) };
     }
 
-    /// Draws triangles from the bound buffers. The indices must be in range; the code that fills an index buffer
-    /// ensures it.
+    /// Draws triangles from the bound buffers. The indices must be in range; the code that fills an index buffer must
+    /// ensure this.
     pub fn draw_indexed(&self, index_count: u32, first_index: u32) {
         if self.cmd.failed() {
             return;
@@ -308,7 +313,8 @@ impl Draw<'_, '_> {
         unsafe { self.cmd.gpu.shared.device.cmd_draw_indexed(self.cmd.buffer, index_count, 1, first_index, 0, 0) };
     }
 
-    /// A pipeline is bound, and the vertex buffers that it reads; `count` vertices from each, or as many as indices name.
+    /// Asserts that a pipeline and its vertex buffers are bound. Each buffer must hold `count` vertices; for indexed
+    /// draws only the first vertex is checked.
     fn check_vertices(&self, count: Option<u32>) {
         let scope = self.cmd.scope.borrow();
         let scope = scope.as_ref().expect("a scope is open");

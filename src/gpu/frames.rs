@@ -1,5 +1,5 @@
-//! Frame slots in turn: each has a command buffer and timestamps. Times of a frame are fetched when it is known to be
-//! done, so that no frame waits for its own figures.
+//! A ring of frame slots, each with a command buffer and timestamps. A frame's times are fetched once it is known to be
+//! done, so that no frame waits for its own times.
 
 use super::cmd::Cmd;
 use super::device::{FRAMES_IN_FLIGHT, Gpu, Shared};
@@ -14,25 +14,25 @@ use std::sync::Arc;
 use std::sync::atomic::Ordering;
 use std::time::Instant;
 
-/// Frames whose times are kept until they are fetched; older ones are forgotten.
+/// Maximum number of frames whose times are kept until they are fetched; older ones are dropped.
 const KEPT_TIMES: usize = 256;
 
-/// What one frame under way owns.
+/// Resources of one frame in flight.
 pub(crate) struct Slot {
     shared: Arc<Shared>,
     pub(crate) buffer: vk::CommandBuffer,
-    /// Submitted before `buffer`: new images go to layout GENERAL.
+    /// Submitted before `buffer`. Transitions new images to layout GENERAL.
     pub(super) prologue: vk::CommandBuffer,
     pub(crate) queries: vk::QueryPool,
-    /// The frame that is or was recorded here.
+    /// The frame that is being or was last recorded here.
     pub(crate) notes: Notes,
-    /// Timeline value that says this slot is free again.
+    /// Timeline value at which this slot is free again.
     done: u64,
-    /// Submitted, and its times not read yet.
+    /// Submitted, but its times have not been read yet.
     unread: bool,
 }
 
-/// All slots, and the times that have been read from them.
+/// All slots, and the times read from them.
 pub(crate) struct Ring {
     pub(crate) slots: Vec<RefCell<Slot>>,
     line: RefCell<Line>,
@@ -40,12 +40,12 @@ pub(crate) struct Ring {
     frames: Cell<u64>,
 }
 
-/// A submitted frame: which one, and what the barrier check said.
-#[must_use = "a frame's problems are to be looked at"]
+/// A submitted frame: its number, and the problems that the barrier check found.
+#[must_use = "check the frame's problems"]
 pub struct Frame {
     number: u64,
     value: u64,
-    /// Missing and idle barriers; only filled with `Validation::Sync`.
+    /// Missing and unnecessary barriers; only filled with `Validation::Sync`.
     pub problems: Vec<String>,
 }
 
@@ -72,7 +72,7 @@ impl Slot {
         Ok(Self { shared: shared.clone(), buffer, prologue, queries, notes, done: 0, unread: false })
     }
 
-    /// Opens the slot for a frame; the last one must be done.
+    /// Prepares the slot for a frame. The slot's last frame must be done.
     fn open(&mut self, number: u64, split: bool, begin: Instant) {
         self.notes.zones.clear();
         self.notes.work.clear();
@@ -94,16 +94,16 @@ impl Ring {
 }
 
 impl Gpu {
-    /// Records and submits a frame. Waits only if the frame before last is not done.
+    /// Records and submits a frame. Waits only if the frame before the previous one is not done.
     ///
     /// # Errors
-    /// What recording or submitting fails with; then nothing of the frame is submitted.
+    /// Returns errors of recording or submitting. Then nothing of the frame is submitted.
     pub fn frame(&self, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
         self.counted(false, record)
     }
 
-    /// The same for a frame whose times are looked at stage by stage: software devices attribute chained passes wrongly, so
-    /// there each zone is submitted alone and waited for.
+    /// Records and submits a frame with meaningful times per stage. Software devices attribute chained passes wrongly,
+    /// so on these each zone is submitted alone and waited for.
     ///
     /// # Errors
     /// As `frame`.
@@ -139,7 +139,8 @@ impl Gpu {
         cmd.full_barrier();
         let recorded = record(&cmd);
         cmd.slot.borrow_mut().notes.worked(Work::Record, start);
-        // A frame that is given up leaves nothing but what a split one has submitted and waited for (`Drop for Cmd`).
+        // An abandoned frame leaves nothing behind, except parts that a split frame has already submitted and waited
+        // for (`Drop for Cmd`).
         cmd.error.take().map_or(recorded, Err)?;
         let value = cmd.submit()?;
         if split {
@@ -150,16 +151,16 @@ impl Gpu {
         Ok(Frame { number, value, problems: cmd.log.as_ref().map_or_else(Vec::new, |log| log.take().problems()) })
     }
 
-    /// Times of all frames that are done and have not been fetched, oldest first; never waits. Of more than 256 the
-    /// oldest are lost.
+    /// Times of all frames that are done and have not been fetched, oldest first; never waits. If there are more than
+    /// 256, the oldest are lost.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn finished_times(&self) -> Result<Vec<FrameTimes>> {
         // SAFETY: the semaphore is alive.
         let done = unsafe { self.shared.device.get_semaphore_counter_value(self.shared.timeline) }
-            .map_err(vulkan("asking for finished frames"))?;
-        // The next slot in turn holds the oldest frame.
+            .map_err(vulkan("querying finished frames"))?;
+        // The next slot in the ring holds the oldest frame.
         for i in 0..FRAMES_IN_FLIGHT {
             let mut slot = self.ring.slots[(self.ring.frames.get() as usize + i) % FRAMES_IN_FLIGHT].borrow_mut();
             if slot.done <= done {
@@ -169,10 +170,10 @@ impl Gpu {
         Ok(self.ring.kept.borrow_mut().drain(..).collect())
     }
 
-    /// Waits for everything submitted; then `finished_times` has every frame.
+    /// Waits for everything submitted. Afterwards `finished_times` has every frame.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn wait(&self) -> Result<()> {
         self.shared.wait()?;
         self.shared.collect();
@@ -182,7 +183,7 @@ impl Gpu {
     /// Waits for a frame and fetches its times, which must not have been fetched yet.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn times(&self, frame: &Frame) -> Result<FrameTimes> {
         let mut slot = self.ring.slots[frame.number as usize % FRAMES_IN_FLIGHT].borrow_mut();
         let held = slot.unread && slot.notes.number == frame.number;
@@ -194,10 +195,12 @@ impl Gpu {
         }
         let mut kept = self.ring.kept.borrow_mut();
         let at = kept.iter().position(|times| times.number == frame.number);
-        Ok(at.and_then(|at| kept.remove(at)).expect("the times of a frame are fetched once, and soon"))
+        Ok(at
+            .and_then(|at| kept.remove(at))
+            .expect("times of a frame can be fetched once, and only while they are kept"))
     }
 
-    /// Reads the times of the slot's frame, which is done, and keeps them.
+    /// Reads the times of the slot's frame, which must be done, and keeps them.
     fn keep_times(&self, slot: &mut Slot) -> Result<()> {
         if !std::mem::take(&mut slot.unread) {
             return Ok(());
@@ -219,15 +222,15 @@ impl Gpu {
         Ok(())
     }
 
-    /// Records, submits and waits: for uploads and read-back, outside the frame loop. Has no times.
+    /// Records, submits and waits: for uploads and read-back outside the frame loop. Has no times.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
         let frame = self.submit(false, |cmd| {
             cmd.zone.set(name);
             record(cmd);
-            // What was copied becomes visible to the CPU.
+            // Makes copied data visible to the CPU.
             let ((src_stage, src_access), (dst_stage, dst_access)) = (Use::CopyWrite.masks(), Use::HostRead.masks());
             let barriers = [vk::MemoryBarrier2::default()
                 .src_stage_mask(src_stage)
@@ -244,7 +247,7 @@ impl Gpu {
 impl Drop for Slot {
     fn drop(&mut self) {
         self.shared.wait_to_drop();
-        // SAFETY: nothing is in use after the wait; the command buffer goes with its pool.
+        // SAFETY: nothing is in use after the wait; the command buffers are freed with their pool.
         unsafe { self.shared.device.destroy_query_pool(self.queries, None) };
     }
 }

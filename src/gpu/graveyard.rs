@@ -1,6 +1,7 @@
-//! How objects begin and end. What becomes of dropped ones: The GPU may still use them, and so may the commands that are being recorded: they lie
-//! in the graveyard until the timeline says that the last submission that can name them is done. No drop waits. And images,
-//! made in a layout that nothing can use, are brought to GENERAL by the next submission, whatever it is.
+//! Deferred destruction, and the first layout of images. The GPU and the commands being recorded may still use a
+//! dropped object. It stays in the graveyard until the timeline shows that the last submission that may refer to it is
+//! done, so no drop waits. New images have an unusable layout; the next submission of any kind transitions them to
+//! GENERAL.
 
 use super::device::Shared;
 use ash::vk;
@@ -9,7 +10,7 @@ use std::collections::VecDeque;
 use std::sync::atomic::Ordering;
 use std::sync::{Mutex, MutexGuard, PoisonError};
 
-/// Handles of a dropped object, and the memory behind them.
+/// Handles of a dropped object, and its memory.
 pub(super) enum Remains {
     Buffer { handle: vk::Buffer, texels: Option<vk::BufferView>, memory: Option<Allocation> },
     Image { handle: vk::Image, views: Vec<vk::ImageView>, memory: Option<Allocation> },
@@ -19,14 +20,14 @@ pub(super) enum Remains {
 
 /// One dropped object.
 struct Grave {
-    /// Timeline value of the last submission that can name it.
+    /// Timeline value of the last submission that may refer to it.
     until: u64,
-    /// Descriptor sets that name this identity go with it.
+    /// Descriptor sets that refer to this identity are freed with it.
     id: u64,
     remains: Remains,
 }
 
-/// An image that no submission has brought to layout GENERAL.
+/// An image that no submission has transitioned to layout GENERAL yet.
 struct Fresh {
     handle: vk::Image,
     id: u64,
@@ -37,21 +38,21 @@ struct Fresh {
 #[derive(Default)]
 pub(super) struct Graveyard {
     graves: VecDeque<Grave>,
-    /// All alive, or in a grave until the next submission is done.
+    /// New images. All are alive, or in a grave until the next submission is done.
     fresh: Vec<Fresh>,
 }
 
-/// Locks what a panic elsewhere cannot have left half changed: destructors run while a panic unwinds, too.
+/// Locks data that a panic elsewhere cannot leave half changed. Destructors also run while a panic unwinds.
 pub(super) fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 impl Shared {
-    /// Takes a dropped object over and destroys all whose time has come; waits for nothing.
+    /// Takes over a dropped object and destroys all objects that are no longer in use. Never waits.
     pub(super) fn bury(&self, id: u64, remains: Remains) {
         {
             let mut graveyard = lock(&self.graveyard);
-            // In this order: a recording that ends in between has counted its submission first.
+            // The order matters: a recording that ends in between has counted its submission first.
             let recording = self.recording.load(Ordering::SeqCst);
             let until = self.submitted.load(Ordering::SeqCst) + u64::from(recording);
             if !recording {
@@ -62,25 +63,26 @@ impl Shared {
         self.collect();
     }
 
-    /// The last submission that is done. Beyond all numbers if nothing is under way: then also one that was given up.
+    /// The last completed submission. If nothing is in flight, the maximum number, which also covers an abandoned
+    /// submission.
     pub(super) fn done(&self) -> u64 {
         let recording = self.recording.load(Ordering::SeqCst);
         let submitted = self.submitted.load(Ordering::SeqCst);
         // SAFETY: the semaphore is alive.
         let counter = unsafe { self.device.get_semaphore_counter_value(self.timeline) };
-        // A lost device is done with everything that it was given.
+        // A lost device no longer uses anything.
         let done = counter.unwrap_or(submitted);
         if !recording && done >= submitted { u64::MAX } else { done }
     }
 
-    /// Destroys what was dropped and is no longer in use; waits for nothing.
+    /// Destroys dropped objects that are no longer in use. Never waits.
     pub(super) fn collect(&self) {
         let over: Vec<Grave> = {
             let mut graveyard = lock(&self.graveyard);
             if graveyard.graves.is_empty() {
                 return;
             }
-            // Under the lock: nothing can be bound, dropped and buried while this is found out.
+            // Done under the lock, so that no object can be bound, dropped and buried at the same time.
             let done = self.done();
             let count = graveyard.graves.iter().take_while(|grave| grave.until <= done).count();
             let over: Vec<Grave> = graveyard.graves.drain(..count).collect();
@@ -94,7 +96,7 @@ impl Shared {
         }
     }
 
-    /// Destroys what is left when the device goes.
+    /// Destroys all remaining objects, together with the device.
     pub(super) fn collect_all(&self) {
         let all = std::mem::take(&mut lock(&self.graveyard).graves);
         for grave in all {
@@ -105,8 +107,9 @@ impl Shared {
     fn destroy(&self, Grave { id, remains, .. }: Grave) {
         lock(&self.descriptors).forget(&self.device, id);
         let device = &self.device;
-        // SAFETY: all handles were made from this device and their owner is gone; nothing submitted or being recorded uses
-        // them (`collect`), and no descriptor set that names them is left. Views go before what they show.
+        // SAFETY: all handles were created from this device and their owner has been dropped; no commands that are
+        // submitted or being recorded use them (`collect`), and no descriptor set refers to them any more. Views are
+        // destroyed before their buffer or image.
         let memory = unsafe {
             match remains {
                 Remains::Buffer { handle, texels, memory } => {
@@ -137,13 +140,13 @@ impl Shared {
         self.free(memory);
     }
 
-    /// Notes an image that is still in layout UNDEFINED.
+    /// Registers an image that is still in layout UNDEFINED.
     pub(super) fn freshly_made(&self, handle: vk::Image, id: u64, range: vk::ImageSubresourceRange) {
         lock(&self.graveyard).fresh.push(Fresh { handle, id, range });
     }
 
-    /// Barriers that bring all new images to layout GENERAL, for the submission that is about to be made. It must be the
-    /// one that is being recorded: images that were dropped since live as long.
+    /// Barriers that transition all new images to layout GENERAL, for the submission about to be made. It must be the
+    /// one being recorded, since images dropped meanwhile live only until its end.
     pub(super) fn fresh(&self) -> Vec<vk::ImageMemoryBarrier2<'static>> {
         let fresh = std::mem::take(&mut lock(&self.graveyard).fresh);
         let barrier = |fresh: Fresh| {
@@ -158,7 +161,7 @@ impl Shared {
         fresh.into_iter().map(barrier).collect()
     }
 
-    /// Dropped objects that are not destroyed yet.
+    /// Number of dropped objects that are not destroyed yet.
     pub(super) fn buried(&self) -> usize {
         lock(&self.graveyard).graves.len()
     }

@@ -1,10 +1,10 @@
-//! Uses of resources in a frame, the barrier masks they stand for, and the check that every conflicting pair of
-//! uses has a barrier between, and every barrier a pair that needs it.
+//! Uses of resources in a frame and their barrier masks. A check finds conflicting uses without a barrier in between,
+//! and barriers that no pair of uses needs.
 
 use ash::vk;
 use std::ops::BitOr;
 
-/// One or several ways in which the GPU touches a resource. Barriers are written in these words.
+/// One or several ways in which the GPU uses a resource. Barriers are written in these terms.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Use(u32);
 
@@ -17,7 +17,7 @@ impl Use {
     pub const ColorWrite: Use = Use(1);
     /// Depth attachment with depth writes.
     pub const DepthWrite: Use = Use(1 << 1);
-    /// Depth attachment that is only tested against.
+    /// Depth attachment that is only tested.
     pub const DepthRead: Use = Use(1 << 2);
     /// Read by a vertex shader.
     pub const VertexRead: Use = Use(1 << 3);
@@ -56,7 +56,7 @@ impl Use {
         "VertexInput",
     ];
 
-    /// Its writing part.
+    /// The writing uses of the set.
     fn written(self) -> Use {
         let writing = Use::ColorWrite | Use::DepthWrite | Use::FragmentWrite | Use::ComputeWrite | Use::CopyWrite;
         Use(self.0 & writing.0)
@@ -87,7 +87,7 @@ impl Use {
             (Stage::COMPUTE_SHADER, Access::SHADER_STORAGE_WRITE),
             (Stage::DRAW_INDIRECT, Access::INDIRECT_COMMAND_READ),
             (Stage::COPY, Access::TRANSFER_READ),
-            // What is written from the command buffer itself counts as a clear.
+            // Updates from the command buffer count as clears.
             (Stage::COPY | Stage::CLEAR, Access::TRANSFER_WRITE),
             (Stage::HOST, Access::HOST_READ),
             (Stage::VERTEX_ATTRIBUTE_INPUT, Access::VERTEX_ATTRIBUTE_READ),
@@ -126,7 +126,7 @@ struct Touch {
     resource: u64,
     zone: &'static str,
     how: Use,
-    /// Number of barriers recorded before.
+    /// Number of barriers recorded before this use.
     at: usize,
 }
 
@@ -137,8 +137,8 @@ struct Barrier {
     needed: bool,
 }
 
-/// Everything a frame touched, in order. Whole resources; a frame begins with a full barrier, so none reaches
-/// across frames.
+/// All uses of resources in a frame, in order. Resources are tracked as a whole. A frame begins with a full barrier, so
+/// no conflict reaches across frames.
 #[derive(Default)]
 pub(crate) struct Log {
     touches: Vec<Touch>,
@@ -151,17 +151,17 @@ impl Log {
         self.barriers.push(Barrier { from, to, zone, needed: false });
     }
 
-    /// Notes a use and checks it against the last write of the resource and the reads since.
+    /// Records a use and checks it against the resource's last write and all reads since.
     pub(crate) fn touch(&mut self, resource: u64, name: &str, how: Use, zone: &'static str) {
         let at = self.barriers.len();
         let mut reads_between = false;
         for touch in self.touches.iter().rev().filter(|t| t.resource == resource) {
             let write = touch.how.writes();
-            // A write followed by checked reads is already in order before anything that is ordered after the reads.
+            // A write followed by checked reads is already ordered before anything that is ordered after the reads.
             let conflict = if write { !(how.writes() && reads_between) } else { how.writes() };
             if conflict {
                 let between = &mut self.barriers[touch.at..at];
-                // What a shader reads and writes is waited for by waiting for its writes.
+                // For a use that reads and writes, waiting for the writes is enough.
                 let from = if write { touch.how.written() } else { touch.how };
                 match between.iter_mut().find(|b| b.from.contains(from) && b.to.contains(how)) {
                     Some(barrier) => barrier.needed = true,

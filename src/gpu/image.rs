@@ -10,18 +10,18 @@ use gpu_allocator::MemoryLocation;
 use gpu_allocator::vulkan::Allocation;
 use std::sync::Arc;
 
-/// An image: a render target, a shadow map, a texture, a volume. It goes to layout GENERAL once, with the first submission
-/// after it was made, and stays there.
+/// An image: a render target, shadow map, texture or volume. The first submission after its creation transitions it to
+/// layout GENERAL, in which it stays.
 pub struct Image {
     pub(super) shared: Arc<Shared>,
     allocation: Option<Allocation>,
     pub(super) handle: vk::Image,
-    /// The whole image, as shaders see it.
+    /// View of the whole image, for shaders.
     pub(super) view: vk::ImageView,
-    /// One view for each layer of several, as rendering sees them.
+    /// One view per layer for rendering, if there are several layers.
     layers: Vec<vk::ImageView>,
     pub(super) id: u64,
-    /// What it was made as, out of everybody's reach: what unsafe code relies on.
+    /// A private copy of the creation parameters, on which unsafe code relies.
     pub(super) made: Made,
     /// `stage.thing`, as validation messages and captures show it.
     pub name: String,
@@ -33,18 +33,18 @@ pub struct Image {
     pub height: u32,
 }
 
-/// How the texels of an image lie.
+/// Arrangement of an image's texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
     /// A plane; `sampler2D` and `image2D` in shaders.
     Plane,
-    /// So many planes; `sampler2DArray` and `image2DArray` in shaders, and each can be rendered into.
+    /// This many planes; `sampler2DArray` and `image2DArray` in shaders. Each layer can be rendered into.
     Layers(u32),
     /// A volume of this depth \[texels\]; `sampler3D` and `image3D` in shaders. It cannot be rendered into.
     Volume(u32),
 }
 
-/// An image to be made.
+/// Description of an image.
 #[derive(Clone, Copy, Debug)]
 pub struct ImageDesc<'a> {
     /// `stage.thing`.
@@ -53,13 +53,13 @@ pub struct ImageDesc<'a> {
     pub format: vk::Format,
     /// Width and height \[texels\].
     pub size: [u32; 2],
-    /// Planes, or depth.
+    /// Arrangement of the texels.
     pub extent: Extent,
-    /// Whether shaders write it as `image2D` and the like.
+    /// Whether shaders write it as a storage image (`image2D` and similar).
     pub storage: bool,
 }
 
-/// What unsafe code relies on.
+/// Creation parameters on which unsafe code relies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Made {
     pub(super) format: vk::Format,
@@ -75,24 +75,24 @@ impl Made {
         if let Extent::Layers(layers) = self.extent { layers } else { 1 }
     }
 
-    /// Texels from front to back.
+    /// Depth \[texels\].
     pub(super) fn depth(self) -> u32 {
         if let Extent::Volume(depth) = self.extent { depth } else { 1 }
     }
 
-    /// Width, height and depth of a level.
+    /// Width, height and depth of a mip level.
     pub(super) fn level(self, mip: u32) -> vk::Extent3D {
         let [width, height, depth] = [self.size[0], self.size[1], self.depth()].map(|n| (n >> mip).max(1));
         vk::Extent3D { width, height, depth }
     }
 
-    /// Bytes of a level, all layers of it.
+    /// Size of a mip level with all layers \[bytes\].
     pub(super) fn level_bytes(self, mip: u32) -> u64 {
         let vk::Extent3D { width, height, depth } = self.level(mip);
         [width, height, depth, self.layers()].into_iter().map(u64::from).product::<u64>() * texel_bytes(self.format)
     }
 
-    /// How shaders see it.
+    /// View type in shaders.
     pub(super) fn view_type(self) -> vk::ImageViewType {
         match self.extent {
             Extent::Plane => vk::ImageViewType::TYPE_2D,
@@ -101,7 +101,7 @@ impl Made {
         }
     }
 
-    /// All of it.
+    /// The whole image.
     pub(super) fn range(self) -> vk::ImageSubresourceRange {
         vk::ImageSubresourceRange {
             aspect_mask: aspect(self.format),
@@ -114,18 +114,19 @@ impl Made {
 }
 
 impl Gpu {
-    /// A render target that shaders can also read.
+    /// Creates a render target that shaders can also read.
     ///
     /// # Errors
-    /// A size or format beyond the device's limits, and what it has no memory for.
+    /// Fails if size or format exceed the device's limits, or the device runs out of memory.
     pub fn target(&self, name: &str, format: vk::Format, width: u32, height: u32) -> Result<Image> {
         self.image(&ImageDesc { name, format, size: [width, height], extent: Extent::Plane, storage: false })
     }
 
-    /// An image that is rendered into or written by shaders, and read by others.
+    /// Creates an image that is rendered into or written by shaders, and read by other passes.
     ///
     /// # Errors
-    /// If the device has no such image: too large, or the format not for this use. There is memory for it or not.
+    /// Fails if the size exceeds the device's limits, the format does not support this use, or the device runs out of
+    /// memory.
     pub fn image(&self, desc: &ImageDesc<'_>) -> Result<Image> {
         let mut usage =
             vk::ImageUsageFlags::SAMPLED | vk::ImageUsageFlags::TRANSFER_SRC | vk::ImageUsageFlags::TRANSFER_DST;
@@ -141,10 +142,10 @@ impl Gpu {
         self.make_image(name, Made { format, size, extent, mips: 1, usage })
     }
 
-    /// A sampled texture with all its mip levels given, largest first, tightly packed.
+    /// Creates a sampled texture from all its mip levels, largest first, tightly packed.
     ///
     /// # Errors
-    /// A size or format beyond the device's limits, and what it has no memory for.
+    /// Fails if size or format exceed the device's limits, or the device runs out of memory.
     pub fn texture(
         &self,
         name: &str,
@@ -172,30 +173,30 @@ impl Gpu {
         Ok(image)
     }
 
-    /// Reads the largest level of an image back as tightly packed texels, layer after layer; waits for the device.
+    /// Reads the largest mip level of an image back as tightly packed texels, layer after layer; waits for the device.
     ///
     /// # Errors
-    /// A device that was lost, and no memory to read into.
+    /// Fails if the device was lost or there is no memory to read into.
     pub fn read_image<T: bytemuck::Pod>(&self, image: &Image) -> Result<Vec<T>> {
         let back = self.readback_buffer("readback", image.made.level_bytes(0))?;
         self.run_once("readback", |cmd| cmd.copy_image_to_buffer(image, &back))?;
         Ok(bytemuck::pod_collect_to_vec(back.bytes()))
     }
 
-    /// Reads one texel of the largest level back, by column and row; waits for the device.
+    /// Reads one texel of the largest mip level back, by column and row; waits for the device.
     ///
     /// # Errors
-    /// A device that was lost, and no memory to read into.
+    /// Fails if the device was lost or there is no memory to read into.
     ///
     /// # Panics
-    /// Where the image has no such texel, or texels are not as large as `T`.
+    /// If the image has no such texel, or its texels are larger than `T`.
     pub fn read_texel<T: bytemuck::Pod>(&self, image: &Image, at: [u32; 2]) -> Result<T> {
         let back = self.readback_buffer("readback", size_of::<T>() as u64)?;
         self.run_once("readback", |cmd| cmd.copy_texel_to_buffer(image, at, &back))?;
         Ok(bytemuck::pod_read_unaligned(&back.bytes()[..size_of::<T>()]))
     }
 
-    /// Refuses what the device cannot make.
+    /// Rejects images that the device cannot create.
     fn check_image(&self, name: &str, made: Made, kind: vk::ImageType) -> Result<()> {
         let [width, height] = made.size;
         let (layers, depth) = (made.layers(), made.depth());
@@ -290,12 +291,12 @@ impl Gpu {
 }
 
 impl Image {
-    /// Device memory the image takes \[bytes\], as `info` and the frame plan state it.
+    /// Device memory of the image \[bytes\], as reported by `info` and the frame plan.
     pub fn bytes(&self) -> u64 {
         (0..self.made.mips).map(|mip| self.made.level_bytes(mip)).sum()
     }
 
-    /// The view by which a layer is rendered into.
+    /// The view for rendering into a layer.
     pub(super) fn layer(&self, layer: u32) -> vk::ImageView {
         let name = &self.name;
         let drawn = vk::ImageUsageFlags::COLOR_ATTACHMENT | vk::ImageUsageFlags::DEPTH_STENCIL_ATTACHMENT;
@@ -305,14 +306,14 @@ impl Image {
     }
 }
 
-/// Bytes of one texel of the formats the engine uses.
+/// Size of a texel \[bytes\], for the formats that the engine uses.
 pub(crate) fn texel_bytes(format: vk::Format) -> u64 {
     match format {
         vk::Format::R32G32B32A32_SFLOAT | vk::Format::R32G32B32A32_UINT => 16,
         vk::Format::R16G16B16A16_SFLOAT | vk::Format::R32G32_SFLOAT | vk::Format::R32G32_UINT => 8,
         vk::Format::R8G8B8A8_UNORM | vk::Format::R8G8B8A8_SRGB | vk::Format::D32_SFLOAT | vk::Format::R32_SFLOAT => 4,
         vk::Format::R32_UINT => 4,
-        other => panic!("images of {other:?} are not foreseen"),
+        other => panic!("images of format {other:?} are not supported"),
     }
 }
 

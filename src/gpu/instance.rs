@@ -1,4 +1,4 @@
-//! Instance, choice of a device, and the sink of validation messages.
+//! Instance, selection of a device, and collection of validation messages.
 
 use super::vulkan;
 use crate::error::{Error, Result};
@@ -6,7 +6,7 @@ use ash::{ext, vk};
 use std::ffi::{CStr, c_char, c_void};
 use std::sync::Mutex;
 
-/// Which checks the Khronos validation layer makes.
+/// Checks of the Khronos validation layer.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Validation {
     /// No layer.
@@ -23,7 +23,7 @@ pub enum Validation {
 pub struct DeviceReport {
     /// Index for `--device`.
     pub index: usize,
-    /// Name as the driver gives it.
+    /// Name reported by the driver.
     pub name: String,
     /// Driver name and version.
     pub driver: String,
@@ -31,40 +31,40 @@ pub struct DeviceReport {
     pub api: String,
     /// "discrete GPU", "software" ...
     pub kind: &'static str,
-    /// What the engine needs and the device has not; empty for a usable device.
+    /// Requirements that the device lacks; empty for a usable device.
     pub missing: Vec<String>,
 }
 
-/// Collected messages of the validation layer; shared with its callback.
+/// Collected messages of the validation layer, shared with its callback.
 type Messages = Mutex<Vec<String>>;
 
-/// The instance with its messenger; destroyed together, after the device.
+/// The instance with its messenger. Both are destroyed together, after the device.
 pub(super) struct Instance {
     pub(super) instance: ash::Instance,
     pub(super) debug: Option<(ext::debug_utils::Instance, vk::DebugUtilsMessengerEXT)>,
     pub(super) messages: Box<Messages>,
     pub(super) has_debug_utils: bool,
-    /// Whether the instance and the device made from it are ours to destroy.
+    /// Whether the instance and its device are ours to destroy.
     pub(super) owned: bool,
-    /// The loader's library, if we have loaded it.
+    /// The loader's library, if we loaded it.
     #[cfg_attr(
         not(feature = "app"),
-        expect(dead_code, reason = "windows ask it; without them it is only kept loaded")
+        expect(dead_code, reason = "windows use it; without them it only keeps the library loaded")
     )]
     pub(super) entry: Option<ash::Entry>,
 }
 
 impl Instance {
-    /// An instance that the host has made and destroys.
+    /// Wraps an instance that the host has created and destroys.
     pub(super) fn of_host(instance: ash::Instance, has_debug_utils: bool) -> Self {
         Self { instance, debug: None, messages: Box::default(), has_debug_utils, owned: false, entry: None }
     }
 }
 
-/// All devices that the Vulkan loader finds, with what each lacks.
+/// All devices that the Vulkan loader finds, and the requirements that each lacks.
 ///
 /// # Errors
-/// No Vulkan loader, or one that finds no driver.
+/// Fails if there is no Vulkan loader, or it finds no driver.
 pub fn devices() -> Result<Vec<DeviceReport>> {
     let opened = open_instance(Validation::Off, &[])?;
     // SAFETY: the instance is alive.
@@ -73,7 +73,7 @@ pub fn devices() -> Result<Vec<DeviceReport>> {
         .map(|all| all.iter().enumerate().map(|(i, d)| inspect(&opened.instance, *d, i)).collect())
 }
 
-/// Loads the Vulkan library and makes an instance with these extensions, and a messenger if there is validation.
+/// Loads the Vulkan library and creates an instance with these extensions, and a messenger if validation is on.
 pub(super) fn open_instance(validation: Validation, wanted: &[*const c_char]) -> Result<Instance> {
     // SAFETY: loading the system's Vulkan loader runs its initialisers, which we must trust like any library's.
     let entry = unsafe { ash::Entry::load() }.map_err(|e| {
@@ -108,8 +108,8 @@ pub(super) fn open_instance(validation: Validation, wanted: &[*const c_char]) ->
     let app = vk::ApplicationInfo::default().application_name(c"lightskin").api_version(vk::API_VERSION_1_3);
     let mut info = vk::InstanceCreateInfo::default().application_info(&app).enabled_layer_names(&layers);
 
-    // Two spellings of "check synchronization too": layer settings on new layers, validation features on old ones.
-    // New layers also skip shader accesses unless asked.
+    // Synchronization validation is enabled by layer settings on new layers, by validation features on old ones. New
+    // layers also skip shader accesses unless told otherwise.
     let on = [vk::TRUE];
     let settings = [c"validate_sync", c"syncval_shader_accesses_heuristic"].map(|name| {
         let mut setting =
@@ -132,7 +132,7 @@ pub(super) fn open_instance(validation: Validation, wanted: &[*const c_char]) ->
     let info = info.enabled_extension_names(&extensions);
     // SAFETY: every pointer in `info` outlives the call.
     let instance = unsafe { entry.create_instance(&info, None) }.map_err(|r| {
-        Error::NoDevice(format!("the Vulkan loader refused an instance ({r}); install a driver (mesa-vulkan-drivers has one for machines without a GPU)"))
+        Error::NoDevice(format!("the Vulkan loader could not create an instance ({r}); install a driver (mesa-vulkan-drivers has one for machines without a GPU)"))
     })?;
     let loader = ext::debug_utils::Instance::new(&entry, &instance);
     let mut opened = Instance {
@@ -153,21 +153,21 @@ pub(super) fn open_instance(validation: Validation, wanted: &[*const c_char]) ->
             .user_data((&raw const *opened.messages).cast_mut().cast());
         // SAFETY: the callback's sink is boxed and outlives the messenger (see `Drop for Instance`).
         let messenger = unsafe { loader.create_debug_utils_messenger(&info, None) };
-        opened.debug = Some((loader, messenger.map_err(vulkan("making the debug messenger"))?));
+        opened.debug = Some((loader, messenger.map_err(vulkan("creating the debug messenger"))?));
     }
     Ok(opened)
 }
 
-/// What must be enabled on a device, and on the instance it comes from: for hosts that open it themselves.
+/// Everything that hosts must enable on a device and its instance if they open them themselves.
 #[derive(Clone, Copy, Debug)]
 pub struct Needs {
-    /// Version of both.
+    /// Vulkan version of instance and device.
     pub api_version: u32,
-    /// Extensions of the device.
+    /// Device extensions.
     pub extensions: &'static [&'static CStr],
-    /// Features of Vulkan 1.2, those of ours alone.
+    /// Required features of Vulkan 1.2.
     pub v12: vk::PhysicalDeviceVulkan12Features<'static>,
-    /// Features of Vulkan 1.3, those of ours alone.
+    /// Required features of Vulkan 1.3.
     pub v13: vk::PhysicalDeviceVulkan13Features<'static>,
 }
 
@@ -187,7 +187,7 @@ pub(super) fn needs() -> Needs {
     }
 }
 
-/// Whether the features of `needs` are there, with their names.
+/// Whether each feature of `needs` is set, with its name.
 fn required(
     v12: &vk::PhysicalDeviceVulkan12Features<'_>,
     v13: &vk::PhysicalDeviceVulkan13Features<'_>,
@@ -202,7 +202,7 @@ fn required(
     ]
 }
 
-/// Properties of a device and what it lacks of what the engine needs.
+/// Properties of a device and the requirements that it lacks.
 pub(super) fn inspect(instance: &ash::Instance, device: vk::PhysicalDevice, index: usize) -> DeviceReport {
     let mut driver = vk::PhysicalDeviceDriverProperties::default();
     let mut properties = vk::PhysicalDeviceProperties2::default().push_next(&mut driver);
@@ -273,7 +273,7 @@ pub(super) fn voting_threads(instance: &ash::Instance, device: vk::PhysicalDevic
     [32, 8].into_iter().find(|size| can && range.contains(size))
 }
 
-/// First queue family that draws and computes.
+/// First queue family with graphics and compute.
 pub(super) fn queue_family(instance: &ash::Instance, device: vk::PhysicalDevice) -> Option<(u32, u32)> {
     // SAFETY: plain query.
     let families = unsafe { instance.get_physical_device_queue_family_properties(device) };
@@ -281,7 +281,7 @@ pub(super) fn queue_family(instance: &ash::Instance, device: vk::PhysicalDevice)
     families.iter().position(|f| f.queue_flags.contains(wanted)).map(|i| (i as u32, families[i].timestamp_valid_bits))
 }
 
-/// Keeps every message of the layer; `Gpu::messages` hands them out.
+/// Collects messages of the layer for `Gpu::messages`.
 unsafe extern "system" fn on_message(
     severity: vk::DebugUtilsMessageSeverityFlagsEXT,
     _kind: vk::DebugUtilsMessageTypeFlagsEXT,
@@ -310,14 +310,14 @@ unsafe extern "system" fn on_message(
     vk::FALSE
 }
 
-/// The asked-for device, or the most capable one; refusals name what is missing.
+/// The requested device, or the most capable one. Errors name the missing requirements.
 pub(super) fn pick(instance: &ash::Instance, wanted: Option<&str>) -> Result<(vk::PhysicalDevice, DeviceReport)> {
     // SAFETY: the instance is alive.
     let all = unsafe { instance.enumerate_physical_devices() }.map_err(vulkan("enumerating devices"))?;
     let mut reports: Vec<_> = all.iter().enumerate().map(|(i, d)| (*d, inspect(instance, *d, i))).collect();
     if reports.is_empty() {
         return Err(Error::NoDevice(
-            "the Vulkan loader found none; install a driver (mesa-vulkan-drivers has one for machines without a GPU)"
+            "the Vulkan loader found no device; install a driver (mesa-vulkan-drivers has one for machines without a GPU)"
                 .into(),
         ));
     }
@@ -340,20 +340,18 @@ pub(super) fn pick(instance: &ash::Instance, wanted: Option<&str>) -> Result<(vk
     if !best.missing.is_empty() {
         let mut refused = vec![format!("{} lacks {}", best.name, best.missing.join(", "))];
         refused.extend(reports.iter().map(|(_, r)| format!("{} lacks {}", r.name, r.missing.join(", "))));
-        return Err(Error::NoDevice(format!(
-            "{}; update the driver or choose another with --device",
-            refused.join("; ")
-        )));
+        return Err(Error::NoDevice(format!("{}; update the driver or use another --device", refused.join("; "))));
     }
     for (_, refused) in reports.iter().filter(|(_, r)| !r.missing.is_empty()) {
-        log::info!("device {} {} refused: lacks {}", refused.index, refused.name, refused.missing.join(", "));
+        log::info!("device {} {} rejected: lacks {}", refused.index, refused.name, refused.missing.join(", "));
     }
     Ok((device, best))
 }
 
 impl Drop for Instance {
     fn drop(&mut self) {
-        // SAFETY: the device, if there was one, has gone; the sink of the messenger lives until this function ends.
+        // SAFETY: the device, if there was one, has been destroyed; the sink of the messenger lives until this function
+        // ends.
         unsafe {
             if let Some((loader, messenger)) = self.debug.take() {
                 loader.destroy_debug_utils_messenger(messenger, None);

@@ -1,4 +1,4 @@
-//! What shaders of a pipeline declare together: descriptors, push constants, and the Vulkan layouts made of them.
+//! Interface of a pipeline's shaders together: descriptors, push constants, and the Vulkan layouts created from them.
 
 use super::device::Shared;
 use super::graveyard::Remains;
@@ -10,18 +10,18 @@ use ash::vk;
 use std::collections::HashMap;
 use std::sync::{Arc, Weak};
 
-/// One descriptor, with the uses that binding a resource there means.
+/// One descriptor, with the uses that binding a resource to it implies.
 #[derive(Clone, Debug)]
 pub(crate) struct DescriptorSlot {
     pub(crate) binding: u32,
     pub(crate) kind: vk::DescriptorType,
     pub(crate) uses: Vec<Use>,
-    /// How an image must be viewed, and the texels it must have as storage.
+    /// Required view type of an image, and required format of a storage image.
     pub(super) image: (Option<vk::ImageViewType>, Option<vk::Format>),
     stages: vk::ShaderStageFlags,
 }
 
-/// What the layouts of a pipeline depend on: number, kind and stages of each binding, and the push constants.
+/// Key of a layout: number, kind and stages of each binding, and the push constants.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Signature {
     bindings: Vec<(u32, vk::DescriptorType, vk::ShaderStageFlags)>,
@@ -29,7 +29,7 @@ pub(super) struct Signature {
     push_stages: vk::ShaderStageFlags,
 }
 
-/// Layouts of the pipelines that declare the same.
+/// Layouts shared by all pipelines with the same interface.
 pub(super) struct Layout {
     shared: Arc<Shared>,
     pub(super) handle: vk::PipelineLayout,
@@ -37,21 +37,21 @@ pub(super) struct Layout {
     pub(super) id: u64,
 }
 
-/// Layouts in use, by what they depend on.
+/// Layouts in use, by key.
 pub(super) type Layouts = HashMap<Signature, Weak<Layout>>;
 
-/// What the shaders of a pipeline declare together.
+/// Combined interface of a pipeline's shaders.
 pub(super) struct Declared {
     pub(super) layout: Arc<Layout>,
     pub(super) slots: Vec<DescriptorSlot>,
     pub(super) push_bytes: u32,
     pub(super) push_stages: vk::ShaderStageFlags,
-    /// Threads of a workgroup; of compute shaders alone.
+    /// Workgroup size; only for compute shaders.
     pub(super) group: [u32; 3],
 }
 
 impl Gpu {
-    /// What these shaders declare, and its layouts.
+    /// The combined interface of these shaders, and its layouts.
     pub(super) fn declared(&self, name: &str, shaders: &[(vk::ShaderStageFlags, Interface)]) -> Result<Declared> {
         let mut slots: Vec<DescriptorSlot> = Vec::new();
         for (stage, interface) in shaders {
@@ -84,10 +84,7 @@ impl Gpu {
             .filter(|(_, i)| i.push_bytes > 0)
             .fold(vk::ShaderStageFlags::empty(), |all, (s, _)| all | *s);
         let push_bytes = shaders.iter().map(|(_, i)| i.push_bytes).max().unwrap_or(0);
-        assert!(
-            push_bytes <= 128,
-            "{name}: {push_bytes} bytes of push constants; every device has 128 and some no more"
-        );
+        assert!(push_bytes <= 128, "{name}: {push_bytes} bytes of push constants; devices guarantee only 128");
         let bindings = slots.iter().map(|s| (s.binding, s.kind, s.stages)).collect();
         let layout = self.layout(name, Signature { bindings, push_bytes, push_stages })?;
         Ok(Declared { layout, slots, push_bytes, push_stages, group: shaders[0].1.group })
@@ -144,7 +141,7 @@ impl Drop for Layout {
     }
 }
 
-/// What binding a resource means, from the shader's own declaration.
+/// Uses of a resource at a binding, from the shader's declaration.
 fn uses(stage: vk::ShaderStageFlags, binding: Binding) -> Vec<Use> {
     let (read, write) = match stage {
         vk::ShaderStageFlags::VERTEX => (Use::VertexRead, None),

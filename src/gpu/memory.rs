@@ -1,4 +1,4 @@
-//! Device memory, and what to say when there is not enough.
+//! Device memory, and errors if there is not enough.
 
 use super::Gpu;
 use super::device::Shared;
@@ -26,14 +26,14 @@ impl Shared {
         let allocate = || lock(&self.allocator).as_mut().expect("alive").allocate(&desc);
         let mut allocation = allocate();
         if matches!(allocation, Err(AllocationError::OutOfMemory)) {
-            // What was dropped may be enough.
+            // Freeing dropped objects may give enough memory.
             self.wait()?;
             self.collect();
             allocation = allocate();
         }
         allocation.map_err(|e| Error::Vulkan {
             what: format!("{name}: {} KiB", requirements.size / 1024),
-            result: format!("{e}; ask for a smaller picture, RSM or shadow map, or for fewer caches"),
+            result: format!("{e}; use a smaller picture, RSM or shadow map, or fewer caches"),
         })
     }
 
@@ -48,7 +48,7 @@ impl Shared {
 }
 
 impl Gpu {
-    /// A resource beyond a limit of the device.
+    /// Error for a resource beyond a limit of the device.
     pub(crate) fn too_large(&self, what: String, limit: u64) -> Error {
         Error::TooLarge(format!(
             "{what}, but {} allows {limit}; lower --rsm, --caches, --size or --quality",
@@ -57,16 +57,17 @@ impl Gpu {
     }
 }
 
-/// Has the C library give blocks of a MiB and more back to the system as soon as they are freed. Left to itself it keeps them for the
-/// thread that had them: a program with many short threads grows by tens of MiB with each. For a program that runs for
-/// hours, before its first thread; a library leaves that to its host. Does nothing but with glibc.
+/// Makes the C library return blocks of 1 MiB and more to the system as soon as they are freed. By default it keeps
+/// them for the thread that used them, so a program with many short threads grows by tens of MiB with each one. Meant
+/// for programs that run for hours; call it before the first thread starts. A library should leave this to its host.
+/// Only has an effect with glibc.
 #[cfg(feature = "app")]
 pub fn give_memory_back() {
     #[cfg(all(target_os = "linux", target_env = "gnu"))]
     {
-        /// Smallest block that is one of the system's \[bytes\].
+        /// Smallest block that is allocated directly from the system \[bytes\].
         const SMALLEST: i32 = 1 << 20;
-        // SAFETY: sets a number of the allocator, which locks itself.
+        // SAFETY: sets a parameter of the allocator, which does its own locking.
         unsafe { libc::mallopt(libc::M_MMAP_THRESHOLD, SMALLEST) };
     }
 }

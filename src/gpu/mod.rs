@@ -1,7 +1,7 @@
-//! Vulkan, explicit and small: `Gpu` (device, allocator, messages), `Buffer`, `Image`, `Pipeline`, `Cmd`.
+//! A small, explicit layer over Vulkan: `Gpu` (device, allocator, messages), `Buffer`, `Image`, `Pipeline`, `Cmd`.
 //!
-//! Knows nothing of light. Vulkan 1.3 core and nothing beyond it, so that software devices run the same code as desktop
-//! GPUs. All unsafe code of the crate lies in this folder.
+//! This layer knows nothing about light. It uses only Vulkan 1.3 core, so that software devices run the same code as
+//! desktop GPUs. All unsafe code of the crate is in this folder.
 #![allow(unsafe_code, reason = "Vulkan is called from here and only from here")]
 
 mod bind;
@@ -54,12 +54,12 @@ pub use timer::{FrameTimes, Span, StageTime, Work, ZoneTime, nearest_rank, ticks
 
 use crate::error::Error;
 
-/// Adds what was being done to a Vulkan result, in the user's words.
+/// Adds a description of the failed operation to a Vulkan result.
 pub(crate) fn vulkan(what: impl Into<String>) -> impl FnOnce(ash::vk::Result) -> Error {
     move |result| {
         let result = match result {
             ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => {
-                "out of device memory; ask for a smaller picture, RSM or shadow map, or for fewer caches".to_owned()
+                "out of device memory; use a smaller picture, RSM or shadow map, or fewer caches".to_owned()
             }
             ash::vk::Result::ERROR_OUT_OF_HOST_MEMORY => "out of memory".to_owned(),
             ash::vk::Result::ERROR_DEVICE_LOST => {

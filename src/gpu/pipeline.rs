@@ -1,5 +1,5 @@
-//! Pipelines: layout, descriptors and push constants follow from the shaders; the caller names only what they cannot know.
-//! Asking for the same pipeline again returns the same one.
+//! Pipelines. Layout, descriptors and push constants follow from the shaders; the caller sets only the remaining state.
+//! A repeated request returns the same pipeline.
 
 use super::device::Shared;
 use super::graveyard::Remains;
@@ -13,11 +13,11 @@ use std::sync::Arc;
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 
-/// A compute or graphics pipeline with what its shaders declare. Clones are the same pipeline.
+/// A compute or graphics pipeline with its shaders' interface. Clones are the same pipeline.
 #[derive(Clone)]
 pub struct Pipeline(pub(super) Arc<Made>);
 
-/// What a pipeline consists of; destroyed with its last clone.
+/// Content of a pipeline; destroyed with the last clone.
 pub(super) struct Made {
     pub(super) shared: Arc<Shared>,
     pub(super) handle: vk::Pipeline,
@@ -26,16 +26,16 @@ pub(super) struct Made {
     pub(super) slots: Vec<DescriptorSlot>,
     pub(super) push_bytes: u32,
     pub(super) push_stages: vk::ShaderStageFlags,
-    /// Of graphics pipelines alone.
+    /// Only for graphics pipelines.
     pub(super) raster: Option<RasterState>,
     pub(super) group: [u32; 3],
 }
 
-/// What a graphics pipeline was made for.
+/// State that a graphics pipeline was created for.
 pub(super) struct RasterState {
     pub(super) colors: Vec<vk::Format>,
     pub(super) depth: Depth,
-    /// Bytes from one vertex to the next, of each buffer.
+    /// Bytes from one vertex to the next, for each buffer.
     pub(super) strides: Vec<u32>,
 }
 
@@ -48,7 +48,7 @@ impl Made {
     }
 }
 
-/// Pipelines by everything that they are made of, and how many have been made.
+/// Cached pipelines by everything they are created from, and the number of pipelines created.
 #[derive(Default)]
 pub(super) struct Pipelines {
     kept: HashMap<String, Kept>,
@@ -58,14 +58,15 @@ pub(super) struct Pipelines {
 
 struct Kept {
     pipeline: Pipeline,
-    /// When it was last asked for.
+    /// When it was last requested.
     turn: u64,
 }
 
-/// How many unused pipelines are kept, the most recently used ones: settings that go back and forth compile nothing again.
+/// Maximum number of unused pipelines in the cache, the most recently used ones. So switching settings back and forth
+/// recompiles nothing.
 const SPARE: usize = 128;
 
-/// Bytes of an entry shader's SPIR-V, by file name.
+/// SPIR-V of an entry shader, by file name.
 pub(crate) fn shader(name: &str) -> &'static [u8] {
     SHADERS.iter().find(|(n, _)| *n == name).unwrap_or_else(|| panic!("no shader glsl/{name}")).1
 }
@@ -80,63 +81,64 @@ pub(super) fn spirv(name: &str) -> Vec<u32> {
 }
 
 impl Pipelines {
-    /// How many have been made since the device was opened.
+    /// Number of pipelines created since the device was opened.
     pub(super) fn made(&self) -> u64 {
         self.made
     }
 
-    /// How many are given out again when they are asked for.
+    /// Number of pipelines in the cache.
     pub(super) fn kept(&self) -> usize {
         self.kept.len()
     }
 
-    /// Lets go of all pipelines but those that somebody holds.
+    /// Drops all cached pipelines that are not in use.
     pub(super) fn clear(&mut self) {
         self.kept.clear();
     }
 }
 
 impl Gpu {
-    /// A compute pipeline from `glsl/NAME`, with specialisation constants 0, 1, ...
+    /// Creates a compute pipeline from `glsl/NAME`, with specialisation constants 0, 1, ..., or returns the existing
+    /// one.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn compute(&self, name: &'static str, constants: &[u32]) -> Result<Pipeline> {
         self.kept(format!("{name} {constants:?}"), || self.make_compute(name, &spirv(name), constants, None))
     }
 
-    /// The same with subgroups of so many threads, all there.
+    /// The same with full subgroups of this many threads.
     ///
     /// # Panics
-    /// If `voting_threads` does not give this number.
+    /// If `voting_threads` does not return this number.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn compute_in_subgroups(&self, name: &'static str, constants: &[u32], threads: u32) -> Result<Pipeline> {
-        assert!(self.voting_threads() == Some(threads), "{name}: subgroups of {threads} threads cannot be asked for");
+        assert!(self.voting_threads() == Some(threads), "{name}: subgroups of {threads} threads are not available");
         let key = format!("{name} {constants:?} {threads}");
         self.kept(key, || self.make_compute(name, &spirv(name), constants, Some(threads)))
     }
 
-    /// A compute pipeline from SPIR-V made elsewhere, made anew with each call; tests use it for shaders of their own. The
-    /// code must be valid, as a compiler writes it for Vulkan 1.3: drivers may crash on what is not.
+    /// Creates a compute pipeline from other SPIR-V, newly with each call; tests use it for their own shaders. The code
+    /// must be valid for Vulkan 1.3, as compilers write it: drivers may crash on invalid code.
     ///
     /// # Errors
-    /// Of what is no module at all, and of what the driver refuses.
+    /// Fails if the code is not a SPIR-V module, or the driver rejects it.
     pub fn compute_from_spirv(&self, name: &'static str, code: &[u32], constants: &[u32]) -> Result<Pipeline> {
         if !reflect::is_module(code) {
-            return Err(Error::Vulkan { what: format!("shader {name}"), result: "this is no SPIR-V module".into() });
+            return Err(Error::Vulkan { what: format!("shader {name}"), result: "not a SPIR-V module".into() });
         }
         self.make_compute(name, code, constants, None)
     }
 
-    /// Makes what is asked for next anew, also where it has been made before. Pipelines that somebody holds stay as they
-    /// are. For measurements: some drivers' pipelines of the same code are not equally fast.
+    /// Clears the cache, so that pipelines are created again. Pipelines in use are not affected. For measurements: on
+    /// some drivers, pipelines built from identical code differ in speed.
     pub fn forget_pipelines(&self) {
         self.pipelines.borrow_mut().clear();
     }
 
-    /// The pipeline of this key, or a new one.
+    /// The pipeline with this key, or a new one.
     pub(super) fn kept(&self, key: String, make: impl FnOnce() -> Result<Pipeline>) -> Result<Pipeline> {
         {
             let pipelines = &mut *self.pipelines.borrow_mut();
@@ -181,7 +183,7 @@ impl Gpu {
             stage = stage.flags(vk::PipelineShaderStageCreateFlags::REQUIRE_FULL_SUBGROUPS).push_next(&mut size);
         }
         let info = vk::ComputePipelineCreateInfo::default().stage(stage).layout(declared.layout.handle);
-        // SAFETY: module and layout are alive; the module may go once the pipeline is made.
+        // SAFETY: module and layout are alive; the module may be destroyed once the pipeline is created.
         let made = unsafe {
             let made = self.shared.device.create_compute_pipelines(self.disk.cache, &[info], None);
             self.shared.device.destroy_shader_module(module, None);
@@ -190,7 +192,7 @@ impl Gpu {
         self.pipeline(name, declared, None, made)
     }
 
-    /// Takes over what Vulkan has made.
+    /// Wraps a pipeline that Vulkan has created.
     pub(super) fn pipeline(
         &self,
         name: &'static str,
@@ -208,7 +210,8 @@ impl Gpu {
 
     pub(super) fn module(&self, name: &str, code: &[u32]) -> Result<vk::ShaderModule> {
         let info = vk::ShaderModuleCreateInfo::default().code(code);
-        // SAFETY: glslang made the code, for this Vulkan version.
+        // SAFETY: glslang compiled the code for this Vulkan version; callers of `compute_from_spirv` must pass code
+        // that is as valid.
         let module = unsafe { self.shared.device.create_shader_module(&info, None) };
         let module = module.map_err(vulkan(format!("shader {name}")))?;
         self.shared.name(module, name);
@@ -222,7 +225,7 @@ impl Pipeline {
         self.0.slots.iter().map(|s| s.binding)
     }
 
-    /// Whether draws give it vertices; others it looks up or makes itself.
+    /// Whether it reads vertex buffers. Other pipelines look up or compute their vertices.
     pub fn has_vertex_buffers(&self) -> bool {
         self.0.raster.as_ref().is_some_and(|state| !state.strides.is_empty())
     }
@@ -235,7 +238,7 @@ pub(super) fn specialization(constants: &[u32]) -> (Vec<vk::SpecializationMapEnt
 
 impl Drop for Made {
     fn drop(&mut self) {
-        // No descriptor set names a pipeline: they name its layout.
+        // Descriptor sets refer to a pipeline's layout, never to the pipeline.
         self.shared.bury(0, Remains::Pipeline(self.handle));
     }
 }

@@ -1,4 +1,4 @@
-//! Graphics pipelines: what the caller states besides the shaders.
+//! Graphics pipelines: the state that the caller sets besides the shaders.
 
 use super::image::is_depth;
 use super::pipeline::{Pipeline, RasterState, specialization, spirv};
@@ -6,16 +6,16 @@ use super::{Gpu, reflect};
 use crate::error::Result;
 use ash::vk;
 
-/// What happens to a fragment's colour.
+/// Blending of a fragment's colour with the existing one.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Blend {
-    /// It replaces the old one.
+    /// Replaces the existing colour.
     Replace,
-    /// It is added.
+    /// Is added.
     Add,
-    /// The old one is multiplied by it.
+    /// The existing colour is multiplied by it.
     Multiply,
-    /// It lies over the old one: its alpha is multiplied in already.
+    /// Alpha blend over the existing colour, with premultiplied alpha.
     Over,
 }
 
@@ -24,70 +24,70 @@ pub enum Blend {
 pub enum Depth {
     /// No depth attachment.
     None,
-    /// The nearest wins and is written.
+    /// The nearest fragment wins, and depth is written.
     Nearest,
-    /// Only fragments behind what is there: where nothing is, nothing is drawn. Writes no depth.
+    /// Only fragments behind the existing depth pass, so nothing is drawn where the depth is empty. Writes no depth.
     Behind,
 }
 
-/// Which sides of triangles are drawn.
+/// Drawn sides of triangles.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cull {
-    /// The front alone.
+    /// The front only.
     Back,
-    /// Both.
+    /// Both sides.
     None,
 }
 
-/// What vertices are put together to.
+/// Primitive type.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shape {
-    /// Three make a triangle.
+    /// Every three vertices form a triangle.
     Triangles,
-    /// Each is a point of one pixel.
+    /// Each vertex is a point of one pixel.
     Points,
 }
 
 /// A vertex attribute: location, format, offset in its stream.
 pub type Attribute = (u32, vk::Format, u32);
 
-/// Vertices of one buffer: stride and attributes.
+/// Vertices in one buffer: stride and attributes.
 #[derive(Clone, Copy, Debug)]
 pub struct Stream<'a> {
     /// Bytes from one vertex to the next.
     pub stride: u32,
-    /// What each vertex holds.
+    /// Attributes of each vertex.
     pub attributes: &'a [Attribute],
 }
 
-/// A graphics pipeline to be made.
+/// Description of a graphics pipeline.
 #[derive(Clone, Copy, Debug)]
 pub struct Raster<'a> {
-    /// Vertex shader's file name; names the pipeline unless there is a fragment shader.
+    /// File name of the vertex shader. It names the pipeline if there is no fragment shader.
     pub vertex: &'static str,
-    /// Fragment shader's file name; `None` for depth alone.
+    /// File name of the fragment shader; `None` for depth only.
     pub fragment: Option<&'static str>,
-    /// What vertices make.
+    /// Primitive type.
     pub shape: Shape,
     /// Vertex buffers, in binding order.
     pub streams: &'a [Stream<'a>],
     /// Formats of the colour attachments.
     pub colors: &'a [vk::Format],
-    /// What happens to colours.
+    /// Blending of colours.
     pub blend: Blend,
     /// Depth attachment (D32) and test.
     pub depth: Depth,
-    /// Which sides are drawn.
+    /// Drawn sides.
     pub cull: Cull,
     /// Specialisation constants 0, 1, ... of both shaders.
     pub constants: &'a [u32],
 }
 
 impl Gpu {
-    /// A graphics pipeline.
+    /// Creates a graphics pipeline, or returns the existing one.
     ///
     /// # Errors
-    /// A driver that refuses the shaders.
+    /// Fails if the driver rejects the shaders.
     pub fn raster(&self, raster: &Raster<'_>) -> Result<Pipeline> {
         self.kept(format!("{raster:?}"), || self.make_raster(raster))
     }
@@ -183,7 +183,8 @@ impl Gpu {
             .dynamic_state(&dynamic)
             .layout(declared.layout.handle)
             .push_next(&mut rendering);
-        // SAFETY: all chained structs live to the end of the call; the modules may go once the pipeline is made.
+        // SAFETY: all chained structs live to the end of the call; the modules may be destroyed once the pipeline is
+        // created.
         let made = unsafe {
             let made = self.shared.device.create_graphics_pipelines(self.disk.cache, &[info], None);
             for (_, module) in &modules {

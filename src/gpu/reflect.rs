@@ -1,5 +1,5 @@
-//! What a shader declares: bindings with their access, push-constant size, workgroup size. Read from the SPIR-V, so
-//! that layouts, barrier checks and group counts follow the GLSL without being written twice.
+//! Interface of a shader: bindings with their access, push-constant size, workgroup size. It is read from the SPIR-V,
+//! so layouts, barrier checks and group counts follow the GLSL without duplication.
 
 use super::spirv::{HEADER, IMAGE_FORMATS, MAGIC, built_in, decoration, dim, mode, op, sampled, storage};
 use ash::vk;
@@ -10,9 +10,9 @@ use std::collections::HashMap;
 pub(crate) struct Binding {
     pub(crate) binding: u32,
     pub(crate) kind: vk::DescriptorType,
-    /// How an image must be viewed.
+    /// Required view type of an image.
     pub(crate) view: Option<vk::ImageViewType>,
-    /// Texels of a storage image.
+    /// Format of a storage image.
     pub(crate) format: Option<vk::Format>,
     pub(crate) reads: bool,
     pub(crate) writes: bool,
@@ -56,14 +56,14 @@ impl Image {
         }
     }
 
-    /// Texels as storage.
+    /// Format as a storage image.
     fn texels(self) -> vk::Format {
         let known = IMAGE_FORMATS.iter().find(|(number, _)| *number == self.format);
-        known.unwrap_or_else(|| panic!("a storage image of SPIR-V's format {} is not foreseen", self.format)).1
+        known.unwrap_or_else(|| panic!("storage images of SPIR-V format {} are not supported", self.format)).1
     }
 }
 
-/// What is collected of a module.
+/// Data collected from a module.
 #[derive(Default)]
 struct Module {
     types: HashMap<u32, Type>,
@@ -71,13 +71,13 @@ struct Module {
     composites: HashMap<u32, Vec<u32>>,
     /// By identity and decoration.
     decorations: HashMap<(u32, u32), u32>,
-    /// By identity of the struct, number of the member and decoration.
+    /// By identity of the struct, index of the member and decoration.
     members: HashMap<(u32, u32, u32), u32>,
     /// Type, identity and storage class.
     variables: Vec<(u32, u32, u32)>,
 }
 
-/// Whether this may be a module: the head is there, and instructions fill the rest up to the end of a function.
+/// Whether this may be a module: it has the header, and instructions fill the rest up to the end of a function.
 pub(crate) fn is_module(spirv: &[u32]) -> bool {
     let (mut at, mut last) = (HEADER, 0);
     while let Some(word) = spirv.get(at) {
@@ -90,8 +90,8 @@ pub(crate) fn is_module(spirv: &[u32]) -> bool {
     at == spirv.len() && spirv[0] == MAGIC && last == op::FUNCTION_END
 }
 
-/// Reads a module that glslang wrote, with these specialisation constants. Panics on what it does not know: the modules
-/// are ours.
+/// Reads a module written by glslang, with these specialisation constants. Panics on unknown constructs, since all
+/// modules are ours.
 pub(crate) fn interface(spirv: &[u32], specialised: &[u32]) -> Interface {
     let mut module = Module::default();
     let mut local_size = [1; 3];
@@ -144,7 +144,7 @@ pub(crate) fn interface(spirv: &[u32], specialised: &[u32]) -> Interface {
     }
     let group = local_size_ids.map_or(local_size, |ids| ids.map(|id| module.constants[&id]));
     let mut found = Interface { group, ..Interface::default() };
-    // `layout(local_size_x = CONSTANT)` may also arrive as the decorated WorkgroupSize composite.
+    // `layout(local_size_x = CONSTANT)` may also appear as the decorated WorkgroupSize composite.
     for (id, parts) in &module.composites {
         let built_in = module.decorations.get(&(*id, decoration::BUILT_IN));
         if built_in == Some(&built_in::WORKGROUP_SIZE) && parts.len() == 3 {
@@ -186,7 +186,7 @@ impl Module {
                 vk::DescriptorType::STORAGE_BUFFER
             }
             (storage::UNIFORM, _) => vk::DescriptorType::UNIFORM_BUFFER,
-            // `samplerBuffer` is a sampled image of a buffer here, and needs no sampler in Vulkan.
+            // A `samplerBuffer` is a sampled image of a buffer here, and needs no sampler in Vulkan.
             (storage::UNIFORM_CONSTANT, Some(Type::SampledImage(_) | Type::Image(Image { sampled: true, .. })))
                 if image.is_some_and(|image| image.dim == dim::BUFFER) =>
             {
@@ -212,7 +212,7 @@ impl Module {
         }
     }
 
-    /// Bytes of a type laid out as declared.
+    /// Size of a type with its declared layout \[bytes\].
     fn size_of(&self, id: u32) -> u32 {
         match &self.types[&id] {
             Type::Scalar(bytes) => *bytes,

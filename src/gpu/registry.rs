@@ -1,14 +1,14 @@
-//! Every live buffer and image of a device by name, and the counts by which tests see that nothing piles up.
+//! All live buffers and images of a device by name, and counters with which tests detect leaks.
 
 use super::Gpu;
 use super::device::Shared;
 use super::graveyard::lock;
 use std::collections::BTreeMap;
 
-/// What kind of resource it is.
+/// Kind of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ResourceKind {
-    /// A buffer of the device's own memory.
+    /// A buffer in device-local memory.
     Buffer,
     /// A buffer that the CPU writes or reads.
     HostBuffer,
@@ -21,27 +21,27 @@ pub enum ResourceKind {
 pub struct ResourceInfo {
     /// `stage.thing`.
     pub name: String,
-    /// What kind it is.
+    /// Kind of the resource.
     pub kind: ResourceKind,
-    /// What it holds \[bytes\]; the device may reserve a little more.
+    /// Size of its content \[bytes\]; the device may reserve slightly more.
     pub bytes: u64,
 }
 
-/// Live resources by identity: in the order in which they were made.
+/// Live resources by identity, which is the order of creation.
 pub(super) type Registry = BTreeMap<u64, ResourceInfo>;
 
-/// What a device holds and has made.
+/// Counters of a device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Counters {
-    /// Pipelines made since the device was opened; one that was there already does not count again.
+    /// Pipelines created since the device was opened; reused ones do not count again.
     pub pipelines_made: u64,
-    /// Pipelines that are given out again when they are asked for.
+    /// Pipelines in the cache.
     pub pipelines_kept: usize,
     /// Descriptor sets.
     pub sets: usize,
-    /// Pools they come from.
+    /// Descriptor pools.
     pub pools: usize,
-    /// Device memory reserved, that of dropped resources included which are still in use \[bytes\].
+    /// Reserved device memory, including dropped resources that are still in use \[bytes\].
     pub allocated_bytes: u64,
     /// Live buffers and images.
     pub resources: usize,
@@ -60,12 +60,12 @@ impl Shared {
 }
 
 impl Gpu {
-    /// Every live buffer and image, in the order in which they were made.
+    /// All live buffers and images, in order of creation.
     pub fn resources(&self) -> Vec<ResourceInfo> {
         lock(&self.shared.registry).values().cloned().collect()
     }
 
-    /// What the device holds, and how many pipelines it has made.
+    /// The current counters.
     pub fn counters(&self) -> Counters {
         self.shared.collect();
         let (sets, pools) = lock(&self.shared.descriptors).counts();

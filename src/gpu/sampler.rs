@@ -1,25 +1,25 @@
-//! How textures are filtered and wrapped.
+//! Filtering and wrapping of textures.
 
 use super::{Gpu, vulkan};
 use crate::error::Result;
 use ash::vk;
 
-/// How a texture is filtered and wrapped.
+/// Filtering and wrapping of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct SamplerKind {
     /// Wrapping along u and v.
     pub wrap: [vk::SamplerAddressMode; 2],
-    /// Texels stay square when magnified.
+    /// Whether to take the nearest texel instead of filtering.
     pub nearest: bool,
 }
 
 impl SamplerKind {
-    /// Filtered, with the edge's texels beyond it.
+    /// Filtered, with the edge's texels repeated beyond it.
     pub const CLAMPED: Self = Self { wrap: [vk::SamplerAddressMode::CLAMP_TO_EDGE; 2], nearest: false };
 }
 
 impl Gpu {
-    /// The sampler of a kind; made on first use, kept as long as the device.
+    /// The sampler of a kind, created on first use and kept as long as the device.
     pub(crate) fn sampler(&self, kind: SamplerKind) -> Result<vk::Sampler> {
         let mut samplers = self.samplers.borrow_mut();
         if let Some(sampler) = samplers.get(&kind) {

@@ -1,4 +1,4 @@
-//! Numbers of the SPIR-V specification by their names there: those that `reflect` reads.
+//! Constants of the SPIR-V specification, by their names there. Only those that `reflect` reads.
 
 use ash::vk;
 
@@ -48,7 +48,7 @@ pub(super) mod decoration {
     pub(crate) const OFFSET: u32 = 35;
 }
 
-/// What a decoration `BUILT_IN` names.
+/// Values of the decoration `BUILT_IN`.
 pub(super) mod built_in {
     pub(crate) const WORKGROUP_SIZE: u32 = 25;
 }
@@ -73,7 +73,7 @@ pub(super) mod sampled {
     pub(crate) const WITH_SAMPLER: u32 = 1;
 }
 
-/// Texel formats that storage images declare, with Vulkan's names for them.
+/// Texel formats of storage images, with Vulkan's names.
 pub(super) const IMAGE_FORMATS: [(u32, vk::Format); 9] = [
     (1, vk::Format::R32G32B32A32_SFLOAT),
     (2, vk::Format::R16G16B16A16_SFLOAT),

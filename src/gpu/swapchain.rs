@@ -1,4 +1,4 @@
-//! Windows: an image is shown in one by a copy, pixel by pixel.
+//! Windows: presents images by copying them pixel by pixel.
 
 use super::device::{FRAMES_IN_FLIGHT, Gpu, Shared};
 use super::instance::queue_family;
@@ -9,80 +9,80 @@ use raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// When a picture takes the place of the one before.
+/// When a picture replaces the previous one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Present {
-    /// At the display's next refresh, in order: no tearing, and every device has it.
+    /// At the display's next refresh, in order. No tearing; supported by every device.
     #[default]
     Fifo,
-    /// At the next refresh; of several pictures the newest is shown.
+    /// At the next refresh; if several pictures are ready, the newest is shown.
     Mailbox,
-    /// At once: pictures may tear.
+    /// Immediately; pictures may tear.
     Immediate,
 }
 
-/// What a window's system has to give: an owner that lives as long as its surface.
+/// A window as the system provides it, kept alive as long as its surface.
 pub trait Window: HasWindowHandle + HasDisplayHandle {}
 impl<T: HasWindowHandle + HasDisplayHandle> Window for T {}
 
-/// The images of a window. They are made anew when the window has another size.
+/// The images of a window. They are recreated when the window's size changes.
 pub struct Swapchain {
     shared: Arc<Shared>,
     queue: vk::Queue,
     surfaces: khr::surface::Instance,
     chains: khr::swapchain::Device,
     surface: vk::SurfaceKHR,
-    /// None where the window has no pixels, or before the first picture.
+    /// `None` if the window has no pixels, or before the first picture.
     chain: Option<Chain>,
-    /// The window has changed since the chain was made.
+    /// The window has changed since the chain was created.
     stale: bool,
     slots: [Slot; FRAMES_IN_FLIGHT],
     next: usize,
     present: Present,
-    /// Dropped last: the surface is the window's.
+    /// Dropped last, since the surface belongs to the window.
     window: Arc<dyn Window>,
 }
 
-/// The images of a window of one size.
+/// The images of a window at one size.
 struct Chain {
     handle: vk::SwapchainKHR,
     images: Vec<vk::Image>,
-    /// By image: it is filled and may be shown.
+    /// Per image: signals that it is filled and may be shown.
     filled: Vec<vk::Semaphore>,
     format: vk::Format,
     size: [u32; 2],
 }
 
-/// What one picture on its way to the window owns.
+/// Resources of one picture on its way to the window.
 struct Slot {
     commands: vk::CommandBuffer,
-    /// The window has given an image.
+    /// Signals that the window has provided an image.
     acquired: vk::Semaphore,
-    /// Timeline value that says that the slot is free again.
+    /// Timeline value at which the slot is free again.
     done: u64,
 }
 
-/// Formats whose texels are bytes of the display, the one first that needs no change of order.
+/// Formats with 8-bit display values. The first needs no swizzle.
 const FORMATS: [vk::Format; 2] = [vk::Format::R8G8B8A8_UNORM, vk::Format::B8G8R8A8_UNORM];
 
-/// How long a window may keep its images back \[ns\]; then the picture is left out.
+/// How long to wait for an image of the window \[ns\]. After that the picture is skipped.
 const PATIENCE: u64 = 100_000_000;
 
 impl Gpu {
-    /// Opens a device as `new` does, one that can show pictures on this display.
+    /// Opens a device, as `new` does, that can present to this display.
     ///
     /// # Errors
-    /// As `new`; a display, a driver or a device that shows none.
+    /// As `new`. Also fails if the display, the driver or the device cannot present.
     pub fn for_display(options: &Options, display: RawDisplayHandle) -> Result<Self> {
         let of_instance = ash_window::enumerate_required_extensions(display)
-            .map_err(|_| Error::NoDevice("Vulkan knows no windows of this system".into()))?;
+            .map_err(|_| Error::NoDevice("Vulkan does not support this window system".into()))?;
         Self::open(options, of_instance, &[khr::swapchain::NAME.as_ptr()])
     }
 
-    /// The images of a window.
+    /// Creates the images of a window.
     ///
     /// # Errors
-    /// A device that was not opened by `for_display` or does not show pictures in this window.
+    /// Fails if the device was not opened by `for_display` or cannot present to this window.
     pub fn swapchain(&self, window: Arc<dyn Window>, present: Present) -> Result<Swapchain> {
         let shared = &self.shared;
         let instance = &shared.instance;
@@ -128,10 +128,10 @@ impl Shared {
 }
 
 impl Swapchain {
-    /// Makes the surface of the window.
+    /// Creates the surface of the window.
     fn make_surface(&mut self) -> Result<()> {
         let shared = &self.shared;
-        let refused = |what: &str| Error::NoDevice(format!("the window cannot be drawn to: {what}"));
+        let refused = |what: &str| Error::NoDevice(format!("cannot draw to the window: {what}"));
         let display = self.window.display_handle().map_err(|e| refused(&e.to_string()))?;
         let window = self.window.window_handle().map_err(|e| refused(&e.to_string()))?;
         let entry = shared.instance.entry.as_ref().expect("`for_display` has loaded Vulkan");
@@ -139,30 +139,31 @@ impl Swapchain {
         // SAFETY: window and display live as long as `self.window`, which is dropped after the surface.
         self.surface = unsafe { ash_window::create_surface(entry, instance, display.as_raw(), window.as_raw(), None) }
             .map_err(|r| refused(&r.to_string()))?;
-        // It has no name: it is the instance's, and loaders crash that are asked to name it by way of a device.
-        // SAFETY: the surface was just made on this instance, of which the device is.
+        // The surface gets no name. It belongs to the instance, and some loaders crash when a device names it.
+        // SAFETY: the surface was just created from this instance, to which the device belongs.
         let shows = queue_family(instance, shared.physical).map(|(family, _)| unsafe {
             self.surfaces.get_physical_device_surface_support(shared.physical, family, self.surface)
         });
         if shows != Some(Ok(true)) {
-            return Err(Error::NoDevice("the device shows nothing in this window; try another --device".into()));
+            return Err(Error::NoDevice("the device cannot present to this window; try another --device".into()));
         }
         Ok(())
     }
 
-    /// Shows an image, whose format is `R8G8B8A8_UNORM`, from the window's top left corner on. Says whether it did: the window may
-    /// have no pixels, or keep its images to itself. It waits for the picture before last, and as the way to present does.
+    /// Shows an image with format `R8G8B8A8_UNORM` at the window's top left corner. Returns whether it was shown: the
+    /// window may have no pixels, or provide no image in time. Waits for the picture before the previous one, and as
+    /// the present mode requires.
     ///
     /// # Errors
-    /// A device that was lost, or a window that shows no such pictures.
+    /// Fails if the device was lost, or the window does not accept such pictures.
     ///
     /// # Panics
-    /// If the image is of another format or device.
+    /// If the image has another format or belongs to another device.
     pub fn show(&mut self, image: &Image) -> Result<bool> {
         assert!(Arc::ptr_eq(&self.shared, &image.shared), "{}: of another device", image.name);
         let copied = image.made.usage.contains(vk::ImageUsageFlags::TRANSFER_SRC);
-        assert!(copied && image.made.format == FORMATS[0], "{}: is not made to be shown", image.name);
-        // A window that is being dragged may change between two of these calls; the next picture then finds it at rest.
+        assert!(copied && image.made.format == FORMATS[0], "{}: cannot be presented", image.name);
+        // A window that is being resized may change between two of these calls. The next attempt then finds it stable.
         for _ in 0..3 {
             let fits = self.chain.as_ref().is_some_and(|chain| chain.size == image.made.size);
             if (self.stale || !fits) && !self.make_chain(image.made.size)? {
@@ -181,17 +182,17 @@ impl Swapchain {
         Ok(false)
     }
 
-    /// Makes the images anew, as large as the window; says whether it has pixels.
+    /// Recreates the images at the window's size. Returns whether the window has pixels.
     fn make_chain(&mut self, wanted: [u32; 2]) -> Result<bool> {
         let (physical, surface) = (self.shared.physical, self.surface);
-        // SAFETY: the surface is alive, and the device was found to know it.
+        // SAFETY: the surface is alive, and the device was found to support it.
         let found = unsafe {
             let capabilities = self.surfaces.get_physical_device_surface_capabilities(physical, surface);
             let formats = self.surfaces.get_physical_device_surface_formats(physical, surface);
             let modes = self.surfaces.get_physical_device_surface_present_modes(physical, surface);
             capabilities.and_then(|c| Ok((c, formats?, modes?)))
         };
-        let (can, formats, modes) = found.map_err(vulkan("asking what the window can show"))?;
+        let (can, formats, modes) = found.map_err(vulkan("querying the window"))?;
         let of_window = [can.current_extent.width, can.current_extent.height];
         let clamp = |i: usize, least: u32, most: u32| wanted[i].clamp(least, most.max(least));
         let size = if of_window == [u32::MAX; 2] {
@@ -211,7 +212,7 @@ impl Swapchain {
         let format = FORMATS.iter().find(bytes).copied();
         let usage = vk::ImageUsageFlags::TRANSFER_DST;
         let Some(format) = format.filter(|_| can.supported_usage_flags.contains(usage)) else {
-            return Err(Error::NoDevice("the window takes no pictures of 8 bits; try another --device".into()));
+            return Err(Error::NoDevice("the window does not accept 8-bit images; try another --device".into()));
         };
         let mode = match self.present {
             Present::Fifo => vk::PresentModeKHR::FIFO,
@@ -221,7 +222,7 @@ impl Swapchain {
         let mode = if modes.contains(&mode) {
             mode
         } else {
-            log::warn!("the window does not present pictures as {:?}; first in, first out it is", self.present);
+            log::warn!("the window does not support present mode {:?}; using Fifo", self.present);
             self.present = Present::Fifo;
             vk::PresentModeKHR::FIFO
         };
@@ -241,7 +242,7 @@ impl Swapchain {
             .present_mode(mode)
             .clipped(true)
             .old_swapchain(self.chain.as_ref().map_or(vk::SwapchainKHR::null(), |chain| chain.handle));
-        // SAFETY: all that `info` asks for was found to be there, and the old chain is the surface's own.
+        // SAFETY: everything in `info` was found to be supported, and the old chain belongs to this surface.
         let handle = unsafe { self.chains.create_swapchain(&info, None) };
         let handle = handle.map_err(vulkan(format!("images of the window, {}x{}", size[0], size[1])))?;
         self.shared.name(handle, "window.chain");
@@ -260,7 +261,7 @@ impl Swapchain {
         Ok(true)
     }
 
-    /// Fills an image of the window and hands it over.
+    /// Fills an image of the window and presents it.
     fn try_show(&mut self, image: &Image) -> std::result::Result<bool, vk::Result> {
         let Some(chain) = &self.chain else { return Ok(false) };
         let slot = &mut self.slots[self.next];
@@ -291,8 +292,9 @@ impl Swapchain {
             .command_buffer_infos(&commands)
             .signal_semaphore_infos(&signals);
         let (device, begin) = (&self.shared.device, vk::CommandBufferBeginInfo::default());
-        // SAFETY: the slot's last submission is done, so its buffer may be recorded anew. `copy` keeps to both images. The
-        // semaphore `filled` was waited for by the presentation of this image before, which has ended: it was acquired again.
+        // SAFETY: the slot's last submission is done, so its buffer may be recorded again. `copy` stays within both
+        // images. The previous presentation of this image waited for `filled` and has ended, since the image was
+        // acquired again.
         unsafe {
             device.begin_command_buffer(slot.commands, &begin.flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT))?;
             copy(device, slot.commands, &fresh, image, chain, chain.images[index as usize]);
@@ -303,21 +305,21 @@ impl Swapchain {
         slot.done = value;
         let (chains, indices, filled) = ([chain.handle], [index], [filled]);
         let info = vk::PresentInfoKHR::default().wait_semaphores(&filled).swapchains(&chains).image_indices(&indices);
-        // SAFETY: the image was acquired, and the submission above brings it to the layout that is shown.
+        // SAFETY: the image was acquired, and the submission above transitions it to the layout for presentation.
         match unsafe { self.chains.queue_present(self.queue, &info) } {
             Ok(suboptimal) => self.stale |= suboptimal,
-            // The picture was too late for a window of another size.
+            // The window was resized before the picture was presented.
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.stale = true,
             Err(other) => return Err(other),
         }
         Ok(true)
     }
 
-    /// Waits until nothing of the chain is in use, and puts another in its place.
+    /// Waits until nothing uses the chain, and replaces it.
     fn drop_chain(&mut self, new: Option<Chain>) {
         let Some(old) = std::mem::replace(&mut self.chain, new) else { return };
         self.shared.wait_to_drop();
-        // SAFETY: once the queue is idle, nothing that was handed over names the images and semaphores.
+        // SAFETY: once the queue is idle, nothing that was submitted refers to the images and semaphores.
         unsafe {
             if let Err(result) = self.shared.device.queue_wait_idle(self.queue) {
                 log::debug!("waiting for a window: {result}");
@@ -332,15 +334,16 @@ impl Swapchain {
     fn drop_surface(&mut self) {
         self.drop_chain(None);
         let surface = std::mem::replace(&mut self.surface, vk::SurfaceKHR::null());
-        // SAFETY: its chain has gone, and the instance lives; null handles are ignored.
+        // SAFETY: its chain has been destroyed, and the instance is alive; null handles are ignored.
         unsafe { self.surfaces.destroy_surface(surface, None) };
     }
 }
 
-/// Records the copy of an image to one of the window, as much as both have.
+/// Records the copy of an image to one of the window, limited to the size of the smaller one.
 ///
 /// # Safety
-/// The buffer is recording. Both images are alive, the window's was acquired; `fresh` names images that are.
+/// The buffer must be recording. Both images must be alive, the window's image must be acquired, and `fresh` may only
+/// refer to live images.
 unsafe fn copy(
     device: &ash::Device,
     commands: vk::CommandBuffer,
@@ -382,7 +385,7 @@ unsafe fn copy(
     let layers =
         vk::ImageSubresourceLayers { aspect_mask: vk::ImageAspectFlags::COLOR, layer_count: 1, ..Default::default() };
     let corner = vk::Offset3D { x: width as i32, y: height as i32, z: 1 };
-    // SAFETY: see above; both images have the region, and are in the layouts that are named.
+    // SAFETY: see above; both images contain the region and are in the given layouts.
     unsafe {
         let info = vk::DependencyInfo::default().memory_barriers(&before).image_memory_barriers(&images);
         device.cmd_pipeline_barrier2(commands, &info);
@@ -401,7 +404,7 @@ unsafe fn copy(
             let general = vk::ImageLayout::GENERAL;
             device.cmd_copy_image(commands, image.handle, general, to, target, &[region]);
         } else {
-            // As large on both sides: nothing but the order of the bytes changes.
+            // The sizes are equal, so only the order of the bytes changes.
             let region = vk::ImageBlit {
                 src_subresource: layers,
                 src_offsets: [vk::Offset3D::default(), corner],

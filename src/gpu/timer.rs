@@ -1,56 +1,56 @@
-//! Times of a frame: what the device's timestamps and the CPU's clock say of its zones.
+//! Times of a frame's zones, from the device's timestamps and the CPU's clock.
 
 use std::time::Instant;
 
-/// Zones per frame that are timed on the device; further ones have CPU times alone.
+/// Maximum number of zones per frame that are timed on the device; further zones have CPU times only.
 pub(crate) const MAX_ZONES: u32 = 64;
 
-/// From when to when \[ms\].
+/// A time interval \[ms\].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Span {
-    /// Beginning.
+    /// Start.
     pub begin_ms: f64,
-    /// End; not before the beginning.
+    /// End; never before the start.
     pub end_ms: f64,
 }
 
 impl Span {
-    /// How long \[ms\].
+    /// Duration \[ms\].
     pub fn ms(self) -> f64 {
         self.end_ms - self.begin_ms
     }
 }
 
-/// What the CPU does for a frame besides the zones.
+/// CPU work for a frame, besides the zones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Work {
     /// Waiting for the device.
     Wait,
-    /// Recording commands; a split frame's submissions and waits lie inside.
+    /// Recording commands. It includes a split frame's submissions and waits.
     Record,
-    /// Handing commands to the driver.
+    /// Submitting commands to the driver.
     Submit,
 }
 
 /// One zone of one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ZoneTime {
-    /// The stage's name.
+    /// Name of the stage.
     pub name: &'static str,
-    /// Zones around this one.
+    /// Number of zones around this one.
     pub depth: u32,
-    /// On the device, since the frame's first stamp; `None` where the queue has no timestamps.
+    /// Time on the device, relative to the frame's first timestamp; `None` if the queue has no timestamps.
     pub gpu: Option<Span>,
-    /// Its recording on the CPU, since the frame began.
+    /// Time of its recording on the CPU, relative to the start of the frame.
     pub cpu: Span,
 }
 
 /// All zones of one name in one frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StageTime {
-    /// The stage's name.
+    /// Name of the stage.
     pub name: &'static str,
-    /// GPU time \[ms\]; `None` where a zone has none.
+    /// GPU time \[ms\]; `None` if any of the zones has none.
     pub gpu_ms: Option<f64>,
     /// CPU time of recording \[ms\].
     pub cpu_ms: f64,
@@ -59,22 +59,22 @@ pub struct StageTime {
 /// Times of one frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameTimes {
-    /// Which frame of this device, from 0.
+    /// Number of the frame on this device, from 0.
     pub number: u64,
-    /// Whether each zone was submitted alone. A zone around others then holds the waits between them, too.
+    /// Whether each zone was submitted alone. Outer zones then include the waits between inner ones.
     pub split: bool,
-    /// When the CPU began with it.
+    /// When the CPU started the frame.
     pub begin: Instant,
-    /// The frame's first stamp on the device's clock \[ms\], which has a zero of its own.
+    /// The frame's first timestamp on the device's clock \[ms\], which has its own zero.
     pub first_stamp_ms: Option<f64>,
     /// Zones in the order in which they open.
     pub zones: Vec<ZoneTime>,
-    /// The CPU's work, since the frame began.
+    /// CPU work, relative to the start of the frame.
     pub work: Vec<(Work, Span)>,
 }
 
 impl FrameTimes {
-    /// How the device's times were taken.
+    /// How the device's times were measured.
     pub fn way(&self) -> &'static str {
         match (self.first_stamp_ms, self.split) {
             (None, _) => "no GPU times: the queue has no timestamps",
@@ -83,7 +83,7 @@ impl FrameTimes {
         }
     }
 
-    /// Time of each stage in the order of the frame; zones of the same name are summed.
+    /// Times of the stages in frame order; zones of the same name are summed.
     pub fn stages(&self) -> Vec<StageTime> {
         let mut stages: Vec<StageTime> = Vec::with_capacity(self.zones.len());
         for zone in &self.zones {
@@ -96,17 +96,17 @@ impl FrameTimes {
         stages
     }
 
-    /// GPU time \[ms\] of the whole frame: the sum of its outermost zones.
+    /// GPU time of the whole frame \[ms\]: the sum of its outermost zones.
     pub fn gpu_ms(&self) -> Option<f64> {
         self.zones.iter().filter(|z| z.depth == 0).map(|z| z.gpu.map(Span::ms)).sum()
     }
 
-    /// From the first stamp to the last \[ms\]: what lies between the zones counts as well.
+    /// Time from the first timestamp to the last \[ms\], including gaps between zones.
     pub fn gpu_span_ms(&self) -> Option<f64> {
         self.zones.iter().filter_map(|z| z.gpu).map(|g| g.end_ms).reduce(f64::max)
     }
 
-    /// CPU time \[ms\] of one kind of work; that of recording without what was submitted and waited for in between.
+    /// CPU time of one kind of work \[ms\]. Recording does not include submissions and waits inside.
     pub fn cpu_ms(&self, of: Work) -> f64 {
         let sum = |what: Work| self.work.iter().filter(move |(w, _)| *w == what).map(|(_, s)| s.ms()).sum::<f64>();
         let Some((_, record)) = self.work.iter().find(|(w, _)| *w == Work::Record && of == Work::Record) else {
@@ -119,7 +119,7 @@ impl FrameTimes {
         (record.ms() - inside.map(|(_, s)| s.ms()).sum::<f64>()).max(0.0)
     }
 
-    /// From the beginning of the frame to the end of the CPU's last work for it \[ms\].
+    /// Time from the start of the frame to the end of the last CPU work for it \[ms\].
     pub fn cpu_span_ms(&self) -> f64 {
         self.work.iter().map(|(_, s)| s.end_ms).fold(0.0, f64::max)
     }
@@ -128,28 +128,28 @@ impl FrameTimes {
 /// The queue's timestamps: unit and valid bits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Clock {
-    /// Nanoseconds of a tick.
+    /// Nanoseconds per tick.
     pub(crate) period_ns: f64,
-    /// Bits of a stamp that count, the others are anything; 0 where the queue has no timestamps.
+    /// Number of valid bits of a timestamp; the other bits are undefined. 0 if the queue has no timestamps.
     pub(crate) bits: u32,
 }
 
 impl Clock {
-    /// Milliseconds between two stamps.
+    /// Milliseconds between two timestamps.
     fn ms(&self, from: u64, to: u64) -> f64 {
         ticks_between(from, to, self.bits) as f64 * self.period_ns * 1e-6
     }
 }
 
-/// Ticks from one stamp to another; negative if the other is earlier. Only the lowest `bits` (1 to 64) of a stamp count
-/// and they wrap around: right for stamps less than half their range apart (36 bits of 1 ns, the least that Vulkan
-/// allows: 34 s).
+/// Ticks from one timestamp to another; negative if the other is earlier. Only the lowest `bits` (1 to 64) of a
+/// timestamp count, and they wrap around. The result is correct for timestamps less than half their range apart (with
+/// 36 bits of 1 ns, the least that Vulkan allows: 34 s).
 pub fn ticks_between(from: u64, to: u64, bits: u32) -> i64 {
     let unused = 64 - bits;
     (to.wrapping_sub(from) << unused).cast_signed() >> unused
 }
 
-/// Places the stamps of all frames on one line, across wrap-arounds.
+/// Places the timestamps of all frames on one time line, across wrap-arounds.
 #[derive(Debug, Default)]
 pub(crate) struct Line {
     last: Option<u64>,
@@ -157,7 +157,7 @@ pub(crate) struct Line {
 }
 
 impl Line {
-    /// Where a stamp lies \[ms\]; it must be less than half the range from the one before.
+    /// Position of a timestamp on the line \[ms\]. It must be less than half the range from the previous one.
     fn place(&mut self, clock: &Clock, stamp: u64) -> f64 {
         self.ms += self.last.map_or(0.0, |last| clock.ms(last, stamp));
         self.last = Some(stamp);
@@ -165,7 +165,7 @@ impl Line {
     }
 }
 
-/// A zone as it is recorded.
+/// A recorded zone.
 #[derive(Debug)]
 pub(crate) struct Recorded {
     pub(crate) name: &'static str,
@@ -174,31 +174,31 @@ pub(crate) struct Recorded {
     pub(crate) cpu: Span,
 }
 
-/// What is noted of a frame while it is recorded.
+/// Data collected while a frame is recorded.
 #[derive(Debug)]
 pub(crate) struct Notes {
     pub(crate) number: u64,
     pub(crate) split: bool,
     pub(crate) begin: Instant,
-    /// Zones that are open.
+    /// Number of open zones.
     pub(crate) depth: u32,
     pub(crate) zones: Vec<Recorded>,
     pub(crate) work: Vec<(Work, Span)>,
 }
 
 impl Notes {
-    /// Since the frame began \[ms\].
+    /// Time since the frame began \[ms\].
     pub(crate) fn now(&self) -> f64 {
         self.begin.elapsed().as_secs_f64() * 1e3
     }
 
-    /// Notes a piece of work that began at `begin_ms` and ends now.
+    /// Records a piece of work that began at `begin_ms` and ends now.
     pub(crate) fn worked(&mut self, what: Work, begin_ms: f64) {
         let end_ms = self.now();
         self.work.push((what, Span { begin_ms, end_ms }));
     }
 
-    /// Times with the stamps of the zones, a pair for each timed one.
+    /// Times of the frame, from a pair of timestamps for each timed zone.
     pub(crate) fn times(&self, stamps: &[u64], clock: &Clock, line: &mut Line) -> FrameTimes {
         let first = stamps.first().copied();
         let mut pairs = stamps.chunks_exact(2);
@@ -221,7 +221,7 @@ impl Notes {
     }
 }
 
-/// The smallest of the sorted values that at least `percent` of them do not exceed: the nearest-rank percentile.
+/// The nearest-rank percentile: the smallest value that at least `percent` of the sorted values do not exceed.
 pub fn nearest_rank(sorted: &[f64], percent: f64) -> f64 {
     let rank = (percent / 100.0 * sorted.len() as f64).ceil() as usize;
     sorted[rank.clamp(1, sorted.len()) - 1]
@@ -231,8 +231,8 @@ pub fn nearest_rank(sorted: &[f64], percent: f64) -> f64 {
 mod tests {
     use super::*;
 
-    /// Two frames of a queue with 36 valid bits and ticks of 2 ns; the counter wraps inside the first, and the bits above
-    /// it hold anything.
+    /// Two frames of a queue with 36 valid bits and ticks of 2 ns. The counter wraps within the first frame, and the
+    /// higher bits are arbitrary.
     #[test]
     fn frames_lie_on_one_line_across_a_wrap() {
         let clock = Clock { period_ns: 2.0, bits: 36 };
@@ -253,11 +253,11 @@ mod tests {
         assert_eq!(first.zones[0].gpu, Some(Span { begin_ms: 0.0, end_ms: 8.0 }));
         assert_eq!(first.zones[1].gpu, Some(Span { begin_ms: 1.0, end_ms: 4.0 }));
         assert_eq!((first.gpu_ms(), first.gpu_span_ms()), (Some(8.0), Some(8.0)));
-        // The next frame, and then one from before the wrap that was read late.
+        // The next frame, then one from before the wrap that was read late.
         notes.zones.truncate(1);
         assert_eq!(notes.times(&[4_000_000, 5_000_000], &clock, &mut line).first_stamp_ms, Some(10.0));
         assert_eq!(notes.times(&[a - 1_000_000, a], &clock, &mut line).first_stamp_ms, Some(-2.0));
-        // An end before its beginning, as no queue should give it, takes no time instead of an age.
+        // An end before the start, which no queue should produce, counts as zero instead of a huge time.
         let odd = notes.times(&[100, 90], &clock, &mut line);
         assert_eq!(odd.gpu_ms(), Some(0.0));
     }

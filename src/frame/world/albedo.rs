@@ -1,4 +1,4 @@
-//! Albedo of the surface that a cache represents, both lobes together: the share of the received light that it reflects.
+//! Albedo of the surface that a cache represents: the share of the received light that both lobes together reflect.
 //! METHOD 9.
 
 use crate::bake::{CacheSet, ModelCaches, NO_CACHE};
@@ -6,20 +6,21 @@ use crate::scene::{Mesh, Scene, Vertex};
 use glam::{Vec2, Vec3, Vec4};
 use rayon::prelude::*;
 
-/// Samples of the whole surface for each cache, at least: a texture is averaged.
+/// Minimum number of samples per cache over the whole surface; they average textures.
 const SAMPLES: f64 = 256.0;
 
-/// Most samples along a corner of a triangle: divided meshes have many triangles for each cache.
+/// Maximum number of samples along a corner of a triangle, since subdivided meshes have many triangles per cache.
 const MOST_STEPS: usize = 16;
 
-/// Those of all instances' caches, in the order of the atlas.
+/// Albedos of all instances' caches, in the order of the atlas.
 pub(super) fn of_all(scene: &Scene, caches: &CacheSet) -> Vec<Vec3> {
     let models: Vec<Vec<Vec3>> = caches.models.iter().map(|model| of_caches(scene, model)).collect();
     caches.instance_model.iter().flat_map(|model| models[*model].iter().copied()).collect()
 }
 
-/// Mean albedo by area, one of each cache of a model. A third of each triangle belongs to the first reference of
-/// each corner. Holes of masked materials reflect nothing; a cache that no vertex refers to first takes its own point's.
+/// Albedo of each cache of a model, averaged by area. A third of each triangle belongs to the first reference of each
+/// corner. Holes of alpha-masked materials reflect nothing. A cache that is no vertex's first reference takes the
+/// albedo at its own point.
 fn of_caches(scene: &Scene, model: &ModelCaches) -> Vec<Vec3> {
     let mesh = &scene.meshes[model.mesh];
     let materials = mesh.triangle_materials();
@@ -70,12 +71,14 @@ fn of_caches(scene: &Scene, model: &ModelCaches) -> Vec<Vec3> {
     model.caches.iter().zip(sums).map(mean).collect()
 }
 
-/// Weights of a triangle's corners at a place of the unit square, which maps evenly onto the part of the triangle that is
-/// nearest to a corner by its weights: the quadrilateral of the corner, the middles of its edges, and the centre.
+/// Weights of a triangle's corners for a point of the unit square. The square maps evenly to the part of the triangle
+/// nearest to one corner in barycentric terms: the quadrilateral of the corner, the midpoints of its edges, and the
+/// centre.
 fn quarter(corner: usize, [x, y]: [f32; 2]) -> [f32; 3] {
     let places = [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [1.0 / 3.0; 3], [0.5, 0.0, 0.5]].map(Vec3::from);
     let [own, edge, centre, other] = places;
-    // Bilinear: a little denser towards the centre, by no more than the texture changes within a third of a triangle.
+    // Bilinear: slightly denser towards the centre, which matters no more than the texture varies within a third of a
+    // triangle.
     let at = own.lerp(edge, x).lerp(other.lerp(centre, x), y);
     let mut weights = [0.0; 3];
     at.to_array().into_iter().enumerate().for_each(|(i, weight)| weights[(corner + i) % 3] = weight);

@@ -1,7 +1,8 @@
-//! The largest flat surfaces that emit, as rectangles: they light pixels themselves, and the scene through RSMs of their own.
+//! Area lights: the largest flat emissive surfaces as rectangles. They light pixels directly, and the scene through
+//! their own RSMs.
 //!
-//! Triangles of one material that meet at edges and face one way are a surface. One that is nearly flat and nearly a
-//! rectangle becomes that rectangle, with the surface's own middle, area and mean radiance; others stay patches.
+//! Triangles of one material that share edges and face the same way form a surface. A surface that is nearly flat and
+//! nearly a rectangle becomes a rectangle with the same centre, area and mean radiance. Other surfaces stay patches.
 
 use super::emitters::{Emitter, Places, emissive};
 use crate::scene::material::Emission;
@@ -9,49 +10,51 @@ use crate::scene::{Scene, luminance};
 use glam::{DVec2, DVec3};
 use std::collections::{HashMap, HashSet};
 
-/// Most area lights.
+/// Maximum number of area lights.
 const MOST: usize = 16;
 
-/// Samples of all area lights together: points that shadow maps and RSMs are drawn from.
+/// Number of samples of all area lights together. A sample is a point from which shadow maps and RSMs are drawn.
 const SAMPLES: usize = 16;
 
-/// Triangles that the maps of all samples may draw together; of larger scenes lights have fewer samples, but one each.
+/// Maximum number of triangles drawn into the maps of all samples together. In larger scenes lights have fewer samples,
+/// but at least one each.
 const MOST_DRAWN: usize = 64_000_000;
 
-/// Cosine between neighbours that face one way: those of a coarse ball do, those of a box do not.
+/// Minimum cosine between neighbours that face the same way. Those of a coarse ball do, those of a box do not.
 const SAME_SIDE: f64 = 0.75;
 
-/// Length of the sum of a flat surface's normals, over its area.
+/// Minimum length of the sum of a flat surface's normals, relative to its area.
 const FLAT: f64 = 0.95;
 
-/// Share of its bounding rectangle that a surface like one fills: a disc has 0.79.
+/// Minimum share of its bounding rectangle that a nearly rectangular surface fills; a disc fills 0.79.
 const FILLED: f64 = 0.6;
 
-/// Directions of edges that a rectangle is tried along, the longest first, and the sine between two that are not one.
+/// Maximum number of edge directions to try for a rectangle, longest edges first, and minimum sine between different
+/// ones.
 const TRIED: usize = 16;
 const SAME_DIRECTION: f64 = 1e-3;
 
-/// A rectangle that shines from its front, in the world.
+/// A rectangle in the world that emits from its front.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AreaLight {
-    /// Its middle \[m\].
+    /// Centre \[m\].
     pub middle: DVec3,
-    /// Unit normal of the side that shines.
+    /// Unit normal of the emitting side.
     pub normal: DVec3,
-    /// From the middle to an edge \[m\].
+    /// From the centre to the middle of an edge \[m\].
     pub right: DVec3,
-    /// Likewise, square to that; `right` x `up` is along the normal.
+    /// From the centre to the middle of a perpendicular edge \[m\]; `right` x `up` points along the normal.
     pub up: DVec3,
     /// Radiance [cd/m^2].
     pub radiance: DVec3,
-    /// Samples along `right` and along `up`.
+    /// Number of samples along `right` and along `up`.
     pub samples: [u32; 2],
-    /// Share of what all area lights shone with when they were chosen; it has as much of their VALs.
+    /// Share of the power of all area lights when they were chosen. The light has the same share of their VALs.
     pub share: f64,
 }
 
 impl AreaLight {
-    /// The middle of each sample's cell \[m\], row by row.
+    /// The centre of each sample's cell \[m\], row by row.
     pub fn sample_points(&self) -> impl Iterator<Item = DVec3> + '_ {
         let [columns, rows] = self.samples;
         let place = |i: u32, n: u32| (2.0 * f64::from(i) + 1.0) / f64::from(n) - 1.0;
@@ -65,11 +68,11 @@ struct Part {
     instance: usize,
     corners: [usize; 3],
     material: usize,
-    /// Mean share of the material's radiance that its texture lets through.
+    /// Mean share of the material's radiance after its texture.
     share: DVec3,
 }
 
-/// The area lights of a scene, as triangles that stay the same wherever they move.
+/// The area lights of a scene, as triangles that do not depend on their positions.
 #[derive(Default)]
 pub(super) struct AreaLights(Vec<Surface>);
 
@@ -81,7 +84,7 @@ struct Surface {
 }
 
 impl AreaLights {
-    /// Takes the largest area lights out of the triangles that emit.
+    /// Takes the largest area lights out of the emissive triangles.
     pub(super) fn take<'a>(
         scene: &Scene,
         emission: &[Option<Emission<'_>>],
@@ -121,22 +124,22 @@ impl AreaLights {
         (Self(lights), rest)
     }
 
-    /// Whether there are none.
+    /// Whether there are no area lights.
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// All their triangles, by instance and vertices of its mesh.
+    /// All triangles of the area lights, by instance and vertices of its mesh.
     pub(super) fn triangles(&self) -> HashSet<(usize, [usize; 3])> {
         self.0.iter().flat_map(|surface| &surface.parts).map(|part| (part.instance, part.corners)).collect()
     }
 
-    /// Whether one of them is part of this instance.
+    /// Whether any area light is part of this instance.
     pub(super) fn any_of(&self, instance: usize) -> bool {
         self.0.iter().flat_map(|surface| &surface.parts).any(|part| part.instance == instance)
     }
 
-    /// Where they are as the scene stands now; those that are hidden, or have become flat to a line, shine with nothing.
+    /// The area lights in the current state of the scene. Hidden lights and those collapsed to a line have no radiance.
     pub(super) fn now(&self, scene: &Scene) -> Vec<AreaLight> {
         let mut places = Places::new(scene);
         let nothing = AreaLight {
@@ -162,17 +165,17 @@ fn part(triangle: &Emitter<'_>, emission: &[Option<Emission<'_>>]) -> Part {
     Part { instance: triangle.instance, corners: triangle.corners, material: triangle.material, share }
 }
 
-/// At most `count` samples in a grid whose cells are about as wide as high.
+/// At most `count` samples in a grid with roughly square cells.
 fn grid(light: &AreaLight, count: u32) -> [u32; 2] {
     let aspect = light.right.length() / light.up.length();
     let columns = ((f64::from(count) * aspect).sqrt().round() as u32).clamp(1, count);
     [columns, (count / columns).max(1)]
 }
 
-/// Triangles that meet at edges, face one way and have one material, together: lists of numbers, in order.
+/// Groups triangles of one material and instance that share edges and face the same way: ordered lists of indices.
 fn surfaces(triangles: &[Emitter<'_>], places: &mut Places<'_>) -> Vec<Vec<usize>> {
     let placed: Vec<([DVec3; 3], DVec3)> = triangles.iter().map(|t| places.triangle(t.instance, t.corners)).collect();
-    // What a triangle belongs to: itself, or an earlier one.
+    // Union-find: each triangle's parent is itself or an earlier triangle.
     let mut parent: Vec<usize> = (0..triangles.len()).collect();
     let root = |parent: &mut Vec<usize>, mut i: usize| {
         while parent[i] != i {
@@ -209,8 +212,8 @@ fn surfaces(triangles: &[Emitter<'_>], places: &mut Places<'_>) -> Vec<Vec<usize
     surfaces
 }
 
-/// The rectangle of a nearly flat surface, and how much of its bounding rectangle the surface fills; `None` of others, and of
-/// one that is hidden.
+/// The rectangle of a nearly flat surface, and the share of its bounding rectangle that the surface fills. `None` for
+/// other surfaces and hidden ones.
 fn fit(parts: &[Part], places: &mut Places<'_>, emissive: impl Fn(usize) -> DVec3) -> Option<(AreaLight, f64)> {
     if parts.iter().any(|part| places.is_hidden(part.instance)) {
         return None;
@@ -255,7 +258,7 @@ fn fit(parts: &[Part], places: &mut Places<'_>, emissive: impl Fn(usize) -> DVec
     let (bounding, right) = tried.min_by(|a, b| a.0.total_cmp(&b.0))?;
     let up = normal.cross(right);
 
-    // Second moments say how long it is; its area is kept. Of a triangle: A/12 (sum v v + (sum v)(sum v)).
+    // Second moments give the aspect ratio; the area is kept. For a triangle: A/12 (sum v v + (sum v)(sum v)).
     let mut moments = DVec2::ZERO;
     for (corners, face) in &triangles {
         let flat = corners.map(|p| DVec2::new(right.dot(p - middle), up.dot(p - middle)));

@@ -1,4 +1,4 @@
-//! Where pixels look references up: the cells of the models' surfaces. METHOD 5 and 9; the cells are the bake's
+//! Cells of the models' surfaces, in which pixels look up references. METHOD 5 and 9; the bake makes the cells
 //! (`bake::CellSet`).
 
 use crate::bake::{CellSet, Cells};
@@ -9,13 +9,13 @@ use glam::{DAffine3, DMat3, DMat4};
 
 /// The cells on the device.
 pub struct CellBuffers {
-    /// Of each model.
+    /// One grid per model.
     pub grids: Buffer,
     /// Hash tables of all models.
     pub entries: Buffer,
-    /// References of a cell.
+    /// References per cell.
     pub row: usize,
-    /// Distance of the farthest cache that a pixel refers to \[m\].
+    /// Distance of the farthest cache that a pixel references \[m\].
     pub reach: f64,
 }
 
@@ -23,7 +23,7 @@ impl CellBuffers {
     /// Uploads the cells.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, cells: &CellSet) -> Result<Self> {
         let (mut grids, mut entries) = (Vec::new(), Vec::new());
         for model in &cells.models {
@@ -47,7 +47,7 @@ impl CellBuffers {
     }
 }
 
-/// A hash table with room to spare: half of it stays free at least.
+/// A hash table of which at least half stays free.
 fn table(cells: &Cells) -> Vec<CellEntry> {
     let size = (2 * cells.cells.len()).next_power_of_two().max(2);
     let mut table = vec![CellEntry { xy: 0, z: 0, row: NO_REFERENCES }; size];
@@ -62,7 +62,7 @@ fn table(cells: &Cells) -> Vec<CellEntry> {
     table
 }
 
-/// Twin of `cell_hash` in glsl/lib/cells.glsl.
+/// Must match `cell_hash` in glsl/lib/cells.glsl.
 fn hash(xy: u32, z: u32) -> u32 {
     let h = xy.wrapping_mul(0x9e37_79b1) ^ z.wrapping_mul(0x85eb_ca77);
     let h = (h ^ (h >> 15)).wrapping_mul(0x2c1b_3c6d);

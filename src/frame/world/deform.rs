@@ -1,4 +1,4 @@
-//! What poses of meshes that bend are made of. METHOD 8.
+//! Data for posing deformed meshes. METHOD 8.
 
 use crate::error::{Error, Result};
 use crate::gpu::{Buffer, Gpu};
@@ -6,16 +6,16 @@ use crate::scene::Scene;
 use crate::scene::deform::Deform;
 use crate::shared::{BindVertex, Body, BodyBlock, DEFORM_ROW, Displacement, Follower, Influence, Joint, VERTEX_WORDS};
 
-/// Vertices, or followers, of a workgroup.
+/// Vertices, or followers, per workgroup.
 const GROUP: u32 = 64;
 
 const _: () = assert!(size_of::<crate::scene::Vertex>() == 4 * VERTEX_WORDS as usize);
 
-/// What poses are made of, on the device.
+/// Data for posing, on the device.
 pub struct DeformBuffers {
     /// Joints of all bodies.
     pub(in crate::frame) joints: Buffer,
-    /// Weights of the morph targets of all bodies.
+    /// Morph target weights of all bodies.
     pub(in crate::frame) weights: Buffer,
     pub(in crate::frame) bodies: Buffer,
     pub(in crate::frame) bind: Buffer,
@@ -33,14 +33,14 @@ pub(in crate::frame) struct Blocks {
 }
 
 impl DeformBuffers {
-    /// Uploads what the instances that bend need, whose posed vertices begin at these places among all. `None` where none
-    /// bends.
+    /// Uploads the data of all deformed instances. `first_vertices` gives the first posed vertex of each. `None` if no
+    /// instance is deformed.
     pub(super) fn new(gpu: &Gpu, scene: &Scene, first_vertices: &[Option<u32>]) -> Result<Option<Self>> {
         if first_vertices.iter().all(Option::is_none) {
             return Ok(None);
         }
         let (mut bind, mut influences, mut displacements, mut followers) = (vec![], vec![], vec![], vec![]);
-        // Of each mesh: where its parts begin.
+        // First bind vertex, displacement and follower of each mesh.
         let firsts: Vec<Option<[u32; 3]>> = scene
             .meshes
             .iter()
@@ -100,8 +100,7 @@ impl DeformBuffers {
         }
         let blocks = |name: &str, all: &[BodyBlock]| -> Result<Blocks> {
             let count = u32::try_from(all.len()).ok().filter(|n| *n <= DEFORM_ROW * 65_535);
-            let count =
-                count.ok_or_else(|| Error::TooLarge("the instances that bend have too many vertices".into()))?;
+            let count = count.ok_or_else(|| Error::TooLarge("deformed instances have too many vertices".into()))?;
             Ok(Blocks { buffer: gpu.buffer_from(name, all)?, count })
         };
         Ok(Some(Self {
@@ -118,7 +117,7 @@ impl DeformBuffers {
     }
 }
 
-/// Joints and weights that a pose of this mesh has.
+/// Number of joints and weights in a pose of this mesh.
 pub(super) fn sizes(deform: &Deform) -> (u32, u32) {
     let joints = deform.influences.iter().map(|i| i.joint + 1).max().unwrap_or(0);
     (joints, deform.targets.len() as u32)

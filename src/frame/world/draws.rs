@@ -1,4 +1,4 @@
-//! What draws the scene's triangles: which of them, with which pipelines, without what is outside a view.
+//! Draws the scene's triangles: selection, pipelines by kind of material, and frustum culling.
 
 use super::World;
 use crate::error::Result;
@@ -8,7 +8,7 @@ use crate::shared::{DrawPush, TEXTURE_COUNT};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
-/// A vertex as the stages that draw the scene read it.
+/// Layout of a vertex for the stages that draw the scene.
 pub(in crate::frame) const VERTEX: Stream<'static> = Stream {
     stride: size_of::<Vertex>() as u32,
     attributes: &[
@@ -21,7 +21,7 @@ pub(in crate::frame) const VERTEX: Stream<'static> = Stream {
     ],
 };
 
-/// The same without tangents, as `mesh_plain.vert` reads it.
+/// The same layout without tangents, for `mesh_plain.vert`.
 pub(in crate::frame) const VERTEX_PLAIN: Stream<'static> = Stream {
     stride: size_of::<Vertex>() as u32,
     attributes: &[
@@ -33,18 +33,18 @@ pub(in crate::frame) const VERTEX_PLAIN: Stream<'static> = Stream {
     ],
 };
 
-/// Where it is, as `mesh_depth.vert` reads it.
+/// The position only, for `mesh_depth.vert`.
 pub(in crate::frame) const VERTEX_PLACE: Stream<'static> =
     Stream { stride: size_of::<Vertex>() as u32, attributes: &[VERTEX.attributes[0]] };
 
-/// Indices of a run of triangles that has bounds of its own.
+/// Indices in a run of triangles with its own bounds.
 const RUN: u32 = 3 * 1024;
 
 /// Triangles of one instance with one material.
 pub(super) struct DrawItem {
     pub(super) instance: u32,
     pub(super) material: u32,
-    /// Of its material.
+    /// Kind of the material.
     pub(super) kind: usize,
     pub(super) vertex_offset: u64,
     /// First vertex of the mesh at rest.
@@ -58,38 +58,39 @@ pub(super) struct DrawItem {
     pub(super) cache_base: u32,
     /// The instance's model.
     pub(super) grid: u32,
-    /// First of the instance's vertices, or cells, among those of all instances.
+    /// First of the instance's vertices or cells among those of all instances.
     pub(super) first_slot: u32,
     pub(super) masked: bool,
     pub(super) seen_through: bool,
-    /// Whether the model has caches to refer to.
+    /// Whether the model has caches to reference.
     pub(super) has_caches: bool,
-    /// Smallest and largest coordinates in model space; none where it bends.
+    /// Smallest and largest coordinates in model space; `None` for deformed meshes.
     pub(super) bounds: Option<[Vec3; 2]>,
-    /// The same of each of its runs of `RUN` indices, the last shorter; none where it bends or has few.
+    /// Bounds of each run of `RUN` indices; the last run may be shorter. Empty for deformed meshes and those with a
+    /// single run.
     pub(super) runs: Arc<[[Vec3; 2]]>,
 }
 
-/// A pipeline for each kind of material that the scene has.
+/// One pipeline for each kind of material in the scene.
 pub(in crate::frame) struct ByKind(Vec<Pipeline>);
 
-/// Which triangles a pass draws.
+/// Selects the triangles that a pass draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Which {
     /// All.
     All,
-    /// Those behind which nothing shows.
+    /// Opaque and alpha-masked surfaces.
     Solid,
-    /// The others.
+    /// Transparent surfaces.
     SeenThrough,
-    /// Those whose material has no holes.
+    /// Materials without an alpha mask.
     Opaque,
-    /// Those whose material has holes.
+    /// Materials with an alpha mask.
     Masked,
 }
 
-/// The four sides of a view as planes in model space, where what has a negative distance is outside, and how large the numbers are
-/// that they were made of.
+/// The four side planes of a view in model space; negative distances are outside. The second value is the magnitude of
+/// the numbers that a plane was computed from.
 struct Sides([(Vec4, f32); 4]);
 
 impl Sides {
@@ -101,25 +102,25 @@ impl Sides {
         )
     }
 
-    /// Whether a box is certainly outside one of them.
+    /// Whether a box is certainly outside one of the planes.
     fn hide(&self, [low, high]: &[Vec3; 2]) -> bool {
         let (middle, half) = (0.5 * (*low + *high), 0.5 * (*high - *low));
         self.0.iter().any(|(plane, size)| {
             let normal = plane.truncate();
             let farthest = normal.dot(middle) + plane.w + normal.abs().dot(half);
-            // Rounding is a few millionths of the largest number in play.
+            // Rounding errors are a few millionths of the largest number involved.
             farthest < -1e-5 * (size + normal.abs().dot(middle.abs() + half))
         })
     }
 }
 
 impl World {
-    /// Makes the pipelines of those who draw the scene: the first of their constants is the kind of material.
+    /// Creates pipelines for drawing the scene. Their first constant is the kind of material.
     pub(in crate::frame) fn by_kind(&self, make: impl Fn(u32) -> Result<Pipeline>) -> Result<ByKind> {
         Ok(ByKind(self.kinds.iter().map(|kind| make(*kind)).collect::<Result<_>>()?))
     }
 
-    /// Draws the scene's triangles. Bindings 0 to 14 of the shaders are the scene's own (see `lib/textures.glsl`).
+    /// Draws the scene's triangles. Bindings 0 to 14 of the shaders belong to the scene (see `lib/textures.glsl`).
     pub(in crate::frame) fn draw(
         &self,
         draw: &Draw<'_, '_>,
@@ -131,8 +132,8 @@ impl World {
         self.draw_large(draw, by_kind, (which, &[]), (clip_from_world, eye), 0.0);
     }
 
-    /// The same without what is smaller in the view than this [of its height and width, which are 2], with what shaders have at
-    /// bindings from 15 on.
+    /// Draws the scene's triangles without draws that are smaller in the view than `least` \[NDC, in which width and
+    /// height are 2\]. `more` are the resources from binding 15 on.
     pub(in crate::frame) fn draw_large(
         &self,
         draw: &Draw<'_, '_>,
@@ -180,7 +181,7 @@ impl World {
                 record(0, item.index_count);
                 continue;
             }
-            // Runs beside each other that may show are drawn at once.
+            // Consecutive runs that may be visible are drawn together.
             let sides = Sides::new(clip_from_world, self.dynamic.instances[instance].world_from_model);
             let mut from = None;
             for (run, bounds) in item.runs.iter().enumerate() {
@@ -200,7 +201,7 @@ impl World {
         }
     }
 
-    /// Whether a draw is certainly outside what a view shows, or is smaller there than `least`.
+    /// Whether a draw is certainly outside a view, or smaller there than `least`.
     fn shows_nothing(&self, item: &DrawItem, clip_from_world: Mat4, least: f32) -> bool {
         let Some(bounds) = item.bounds else { return false };
         let clip_from_model = clip_from_world * self.dynamic.instances[item.instance as usize].world_from_model;
@@ -209,7 +210,7 @@ impl World {
             clip_from_model * Vec4::new(side(0), side(1), side(2), 1.0)
         };
         let corners: [Vec4; 8] = std::array::from_fn(corner);
-        // Rounding is a few millionths of the largest number in play.
+        // Rounding errors are a few millionths of the largest number involved.
         let slack = 1e-5 * corners.iter().fold(0.0, |most: f32, c| most.max(c.abs().max_element()));
         let beyond = |distance: fn(Vec4) -> f32| corners.iter().all(|c| distance(*c) < -slack);
         if beyond(|c| c.w + c.x) || beyond(|c| c.w - c.x) || beyond(|c| c.w + c.y) || beyond(|c| c.w - c.y) {
@@ -221,14 +222,14 @@ impl World {
         corners.iter().all(|c| c.w > slack) && size.max_element() < least
     }
 
-    /// Binds those of the scene's bindings, and of `more` after them, that the pipeline's shaders declare.
+    /// Binds the scene's resources, followed by `more`, as far as the pipeline's shaders declare them.
     fn bind_material(&self, draw: &Draw<'_, '_>, pipeline: &Pipeline, material: usize, more: &[Bind<'_>]) {
         let texture = |i: usize| {
             let (image, sampler) = self.material_textures[material][i];
             Bind::Texture(&self.textures[image], sampler)
         };
         let own = [&self.instances, &self.materials, &self.texture_slots].map(Bind::Buffer);
-        // What vertex shaders look up that pull their vertices.
+        // Read by vertex shaders that pull their vertices.
         let pulled = [&self.vertices, &self.indices, &self.draw_records].map(Bind::Buffer);
         const TEXTURES: usize = 3;
         const MORE: usize = TEXTURES + TEXTURE_COUNT as usize;
@@ -249,7 +250,7 @@ impl World {
     }
 }
 
-/// Smallest and largest coordinates of a primitive's triangles; and of its runs, where it has several.
+/// Bounds of a primitive's triangles, and of its runs if it has several.
 pub(super) fn bounds_of(mesh: &Mesh, primitive: &Primitive) -> ([Vec3; 2], Arc<[[Vec3; 2]]>) {
     let first = primitive.first_index as usize;
     let indices = &mesh.indices[first..first + primitive.index_count as usize];

@@ -1,8 +1,8 @@
-//! Surfaces that emit and are no area lights, as VALs: they light caches, and pixels by brute force, beside those of the
-//! lights. METHOD 2.
+//! VALs for emissive surfaces that are not area lights. Like the VALs of lights, they light caches, and pixels by brute
+//! force. METHOD 2.
 //!
-//! A patch of radiance `L` and area `A` sends out `pi L A` lumen from its front; a VAL's flux is what leaves it, so the
-//! patch is a VAL of that flux. What a surface receives from it is shadowed as that of any VAL.
+//! A patch with radiance `L` and area `A` emits `pi L A` lumen from its front. A VAL's flux is the light that leaves
+//! it, so the patch is a VAL with that flux. Its light is shadowed like that of any VAL.
 
 use super::area_lights::AreaLights;
 use crate::scene::material::Emission;
@@ -12,19 +12,19 @@ use glam::{DVec3, Vec2, Vec3};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Patches that all emitting surfaces together are divided into, where triangles are larger than that.
+/// Number of patches for all emissive surfaces together, if triangles are larger than a patch.
 const WANTED: f64 = 1024.0;
 
-/// Most patches; of more triangles some stand for their neighbours in the file's order.
+/// Maximum number of patches. With more triangles, a patch represents its neighbours in the file's order.
 const MOST: usize = 16_384;
 
-/// Most parts along an edge of a triangle.
+/// Maximum number of parts along an edge of a triangle.
 const MOST_PARTS: usize = 64;
 
 /// Samples of a texture along an edge of a patch.
 const SAMPLES: usize = 8;
 
-/// A triangle that emits.
+/// An emissive triangle.
 pub(super) struct Emitter<'a> {
     pub(super) instance: usize,
     mesh: &'a Mesh,
@@ -35,26 +35,26 @@ pub(super) struct Emitter<'a> {
     area: f64,
 }
 
-/// A patch: part of a triangle, independent of where the triangle is.
+/// A patch: part of a triangle, independent of the triangle's position.
 struct Patch {
     instance: usize,
     /// Vertices of the mesh.
     corners: [usize; 3],
-    /// Barycentric weights of its middle.
+    /// Barycentric weights of its centre.
     weights: DVec3,
-    /// Its share of the triangle's area, and what of its neighbours it stands for.
+    /// Its share of the triangle's area, plus that of the neighbours it represents.
     area: f64,
     material: usize,
-    /// Mean share of the material's radiance that its texture lets through.
+    /// Mean share of the material's radiance after its texture.
     share: DVec3,
 }
 
-/// The emitting surfaces of a scene, as patches that stay the same wherever they move: those of a square of a power of two a
-/// side whose blocks lie near each other, filled up with none.
+/// The emissive surfaces of a scene as patches that do not depend on their positions. They fill a square whose side is
+/// a power of two and whose blocks hold patches near each other. Unused places are `None`.
 #[derive(Default)]
 pub(super) struct Patches(Vec<Option<Patch>>);
 
-/// Radiance of a material [cd/m^2], of no texture.
+/// Radiance of a material without its texture [cd/m^2].
 pub(super) fn emissive(scene: &Scene, material: usize) -> DVec3 {
     scene.materials[material]
         .emissive
@@ -64,10 +64,11 @@ pub(super) fn emissive(scene: &Scene, material: usize) -> DVec3 {
 }
 
 impl Patches {
-    /// Of the surfaces that emit as the scene stands, and the area lights among them. Empty where nothing emits.
+    /// Finds the area lights of a scene and divides its other emissive surfaces into patches. Empty without emissive
+    /// surfaces.
     pub(super) fn new(scene: &Scene) -> (AreaLights, Self) {
         let emission: Vec<Option<Emission<'_>>> = (0..scene.materials.len()).map(|m| scene.emission(m)).collect();
-        // Patches are chosen by what shines, and by what may.
+        // The choice includes materials that emit now and those that an animation may let emit.
         let nominal: Vec<DVec3> =
             (emission.iter()).map(|e| e.as_ref().map_or(DVec3::ZERO, |e| e.factor().as_dvec3())).collect();
         let mut places = Places::new(scene);
@@ -88,17 +89,18 @@ impl Patches {
         (areas, in_square(fewer(&nominal, patches.into_iter().zip(vals).collect())))
     }
 
-    /// Whether there are none.
+    /// Whether there are no patches.
     pub(super) fn is_empty(&self) -> bool {
         self.0.is_empty()
     }
 
-    /// Whether one of them is part of this instance.
+    /// Whether any patch is part of this instance.
     pub(super) fn any_of(&self, instance: usize) -> bool {
         self.0.iter().flatten().any(|patch| patch.instance == instance)
     }
 
-    /// As VALs without weights where the scene stands now, positions relative to `origin`; those of nothing carry nothing.
+    /// The patches in the current state of the scene as VALs without weights, at positions relative to `origin`. Unused
+    /// places become VALs without light.
     pub(super) fn vals(&self, scene: &Scene, origin: DVec3) -> Vec<Val> {
         let mut places = Places::new(scene);
         let nothing = Val { area: 1.0, ..Val::default() };
@@ -111,7 +113,7 @@ impl Patches {
     }
 }
 
-/// Where vertices are; those of instances that bend are posed once for all.
+/// Positions of vertices. Deformed instances are posed once and then reused.
 pub(super) struct Places<'a> {
     scene: &'a Scene,
     posed: Vec<Option<Vec<Vertex>>>,
@@ -127,7 +129,7 @@ impl<'a> Places<'a> {
         self.scene.instances[instance].hidden
     }
 
-    /// A triangle's corners, and twice its area along the normal of its front.
+    /// A triangle's corners, and its front normal with twice its area as length.
     pub(super) fn triangle(&mut self, instance: usize, corners: [usize; 3]) -> ([DVec3; 3], DVec3) {
         let Instance { mesh, world_from_model, pose, .. } = &self.scene.instances[instance];
         let mesh = &self.scene.meshes[*mesh];
@@ -158,7 +160,7 @@ impl<'a> Places<'a> {
     }
 }
 
-/// The triangles that emit and have an area.
+/// The emissive triangles with an area above 0.
 fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], places: &mut Places<'a>) -> Vec<Emitter<'a>> {
     let mut all = Vec::new();
     for (i, instance) in scene.instances.iter().enumerate() {
@@ -177,7 +179,7 @@ fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], places: &m
 }
 
 impl Emitter<'_> {
-    /// Mean share of its material's radiance that the texture lets through.
+    /// Mean share of the material's radiance after its texture.
     pub(super) fn mean_share(&self, emission: &Emission<'_>) -> DVec3 {
         let parts = if emission.is_uniform() { 1 } else { 4 * SAMPLES };
         let mut sum = Vec3::ZERO;
@@ -188,7 +190,7 @@ impl Emitter<'_> {
     }
 }
 
-/// A triangle in `parts` squared equal ones.
+/// Divides a triangle into `parts` squared equal ones.
 fn divide(triangle: &Emitter<'_>, emission: &Emission<'_>, parts: usize) -> Vec<Patch> {
     let patch = |weights: [DVec3; 3]| {
         let inner = if emission.is_uniform() { 1 } else { SAMPLES };
@@ -208,7 +210,7 @@ fn divide(triangle: &Emitter<'_>, emission: &Emission<'_>, parts: usize) -> Vec<
     all
 }
 
-/// The `n` squared like triangles of one, corners as barycentric weights.
+/// Calls `each` for the `n` squared equal parts of a triangle, with corners as barycentric weights.
 fn thirds([a, b, c]: [DVec3; 3], n: usize, mut each: impl FnMut([DVec3; 3])) {
     let at = |i: usize, j: usize| a + (b - a) * (i as f64 / n as f64) + (c - a) * (j as f64 / n as f64);
     for i in 0..n {
@@ -228,20 +230,20 @@ fn share(triangle: &Emitter<'_>, emission: &Emission<'_>, weights: DVec3) -> Vec
     emission.share(uv)
 }
 
-/// At most [`MOST`] patches of the same light: where there are more, every so many lumen one is taken, and all are of
-/// equal brightness.
+/// Reduces the patches to at most [`MOST`] with the same total light. If there are more, one patch is taken per fixed
+/// amount of light \[lm\], and all taken ones are equally bright.
 fn fewer(nominal: &[DVec3], patches: Vec<(Patch, Val)>) -> Vec<(Patch, Val)> {
     if patches.len() <= MOST {
         return patches;
     }
     log::warn!(
-        "{} triangles emit light: every {:.1}th stands for its neighbours",
+        "{} triangles emit light: every {:.1}th represents its neighbours",
         patches.len(),
         patches.len() as f64 / MOST as f64
     );
     let light = |val: &Val| luminance(val.flux.as_dvec3()).max(f64::MIN_POSITIVE);
     let step = patches.iter().map(|(_, val)| light(val)).sum::<f64>() / MOST as f64;
-    // Colours of those that are left out are kept: each taken one gets the sum since the last.
+    // Keeps the colours of skipped patches: each taken one gets the sum since the last.
     let (mut sum, mut flux, mut area) = (0.5 * step, DVec3::ZERO, 0.0);
     let mut taken: Vec<(Patch, Val, DVec3, f64)> = Vec::with_capacity(MOST + 1);
     for (patch, val) in patches {
@@ -259,7 +261,7 @@ fn fewer(nominal: &[DVec3], patches: Vec<(Patch, Val)>) -> Vec<(Patch, Val)> {
         last.3 += area;
     }
     let stands_for = |(patch, val, flux, area): (Patch, Val, DVec3, f64)| {
-        // Radiance over what the material has: channels that it lacks get what they can.
+        // Radiance relative to the material's. Channels that the material lacks get as much as possible.
         let own = nominal[patch.material];
         let own = own.max(DVec3::splat(1e-6 * own.max_element()));
         let share = flux / (PI * area) / own;
@@ -268,7 +270,8 @@ fn fewer(nominal: &[DVec3], patches: Vec<(Patch, Val)>) -> Vec<(Patch, Val)> {
     taken.into_iter().map(stands_for).collect()
 }
 
-/// Patches along a space-filling curve, which in a square of VALs runs through the blocks that nodes of a pyramid hold.
+/// Orders patches along a space-filling curve. In a square of VALs it runs through the blocks that the nodes of a
+/// pyramid cover.
 fn in_square(patches: Vec<(Patch, Val)>) -> Patches {
     if patches.is_empty() {
         return Patches::default();

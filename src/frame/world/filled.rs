@@ -1,4 +1,4 @@
-//! Bodies that are filled with what scatters light, for shaders. METHOD 7.
+//! Translucent bodies, for shaders. METHOD 7.
 
 use super::update::InstanceLayout;
 use super::{CacheSurface, DrawItem};
@@ -10,25 +10,25 @@ use crate::shared::{self, FilledCache, HOLLOW, ModelCache};
 use glam::{DMat3, DVec3};
 use std::collections::BTreeMap;
 
-/// Points of a body's surface by which it is measured.
+/// Number of points on a body's surface that measure it.
 const POINTS: usize = 512;
 
-/// Parts of instances that a medium fills each, and what belongs to them.
+/// Translucent parts: for each instance, its surfaces with one scattering material.
 pub struct FilledBuffers {
-    /// The parts' media.
+    /// Media of the parts.
     pub media: Vec<Medium>,
-    /// The same for shaders.
+    /// Media of the parts, for shaders.
     pub parts: Buffer,
-    /// Which part each draw is of, or `HOLLOW`.
+    /// Part of each draw, or `HOLLOW`.
     pub of_draws: Buffer,
-    /// Caches of parts, in the order of the atlas.
+    /// Caches of the parts, in the order of the atlas.
     pub caches: Buffer,
-    /// How many.
+    /// Number of caches.
     pub count: u32,
 }
 
 impl FilledBuffers {
-    /// Of a scene; `None` where no body is filled.
+    /// Creates the parts of a scene; `None` without translucent bodies.
     pub(super) fn new(
         gpu: &Gpu,
         (scene, layouts): (&Scene, &[InstanceLayout]),
@@ -41,7 +41,7 @@ impl FilledBuffers {
             let inside = scene.materials[material].subsurface?;
             let number = *numbers.entry((instance, material)).or_insert(media.len() as u32);
             if number as usize == media.len() {
-                // As it was when caches were placed; instances of one size are measured once.
+                // Measured in the shape in which caches were placed. Instances of equal size are measured once.
                 let linear = layouts[instance as usize].linear;
                 let mesh = scene.instances[instance as usize].mesh;
                 let size = linear.to_cols_array().map(f64::to_bits);
@@ -77,7 +77,7 @@ impl FilledBuffers {
     }
 }
 
-/// Points that are spread evenly over the triangles of a material \[m\], and the area [m^2] of each.
+/// Points distributed evenly over the triangles of a material \[m\], and the area per point [m^2].
 fn points(linear: DMat3, mesh: &Mesh, material: usize) -> (Vec<DVec3>, f64) {
     let materials = mesh.triangle_materials();
     let own = || (0..mesh.triangle_count()).filter(|t| materials[*t] == material);
@@ -91,7 +91,7 @@ fn points(linear: DMat3, mesh: &Mesh, material: usize) -> (Vec<DVec3>, f64) {
     for t in own().filter(|_| each > 0.0) {
         passed += area(t);
         while points.len() < POINTS && passed > (points.len() as f64 + 0.5) * each {
-            // The plastic number's sequence, folded into the triangle.
+            // Sequence of the plastic number, folded into the triangle.
             let [mut v, mut w] = [0.754_877_666_246_692_7, 0.569_840_290_998_053_2]
                 .map(|step| (0.5 + step * points.len() as f64).fract());
             if v + w > 1.0 {
@@ -104,7 +104,7 @@ fn points(linear: DMat3, mesh: &Mesh, material: usize) -> (Vec<DVec3>, f64) {
     (points, each)
 }
 
-/// A medium for shaders.
+/// A medium in the form that shaders use.
 fn filled(medium: &Medium) -> shared::Filled {
     let Medium { albedo, sigma_tr, z_r, z_v, ior, entering, share, .. } = *medium;
     let of_source = |z: DVec3| (share * albedo * (-sigma_tr * z).exp()).as_vec3();

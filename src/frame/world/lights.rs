@@ -1,41 +1,41 @@
-//! Lights as the shaders see them: relative to the scene's origin, each with the frusta of its shadow map and RSM.
+//! Lights in the form that shaders use: relative to the scene's origin, each with the frusta of its shadow map and RSM.
 
 use super::area_lights::AreaLight;
 use crate::scene::{Light, LightKind};
 use crate::shared::{self, AREA_VIEWS, LightView};
 use glam::{DMat4, DVec3, DVec4, Vec4};
 
-/// A spot wider than this half angle \[rad\] is seen through six faces, like a point light.
+/// Spots with a wider half angle than this \[rad\] use six faces, like point lights.
 const WIDEST_FRUSTUM: f32 = 70.0 / 180.0 * std::f32::consts::PI;
 
-/// What the host needs to know of a light to draw its maps.
+/// Data of a light that the host needs to draw its maps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LightInfo {
     /// First of its views.
     pub first_view: u32,
-    /// 1, or 6; of an area light 5 for each sample.
+    /// 1 or 6; for an area light, 5 for each sample.
     pub views: u32,
-    /// RSMs of its size that have the texels of one square together: its own views', those of all lights of a sky. Area lights
-    /// share a square by what they shine with.
+    /// Number of RSMs of this size that together have the texels of one square: all views of a light, or of all lights
+    /// of a sky. Area lights share a square by their power.
     pub sharing: f64,
-    /// The unit direction towards parallel light and 0, or the position relative to the scene's origin and 1.
+    /// The unit direction towards a directional light and 0, or the position relative to the scene's origin and 1.
     pub eye: Vec4,
     /// Whether it is an area light.
     pub is_area: bool,
-    /// Whether it has a size that its shadows show.
+    /// Whether it has a size and therefore soft shadows.
     pub is_soft: bool,
-    /// Whether it stands for a part of the sky: the light of that itself comes by caches where they gather it.
+    /// Whether it represents a part of the sky. If caches gather the sky's own light, this light is left out.
     pub of_sky: bool,
 }
 
 impl LightInfo {
-    /// Side \[texels\] of each of its RSMs.
+    /// Side of each of its RSMs \[texels\].
     pub fn rsm_size(&self, n: u32) -> u32 {
         ((f64::from(n) / self.sharing.sqrt()).round() as u32).max(1)
     }
 
-    /// Side \[texels\] of each tile of its shadow map: six faces tile it three by two, samples of an area light are such
-    /// tiles side by side.
+    /// Side of each tile of its shadow map \[texels\]. Six faces tile the map three by two; the samples of an area
+    /// light are such tiles side by side.
     pub fn shadow_size(&self, n: u32) -> u32 {
         match self.views {
             1 => n,
@@ -44,19 +44,19 @@ impl LightInfo {
         }
     }
 
-    /// Size of what its maps cannot show, in a view with this many texels a side: a texel of an area light's maps, which are
-    /// coarse.
+    /// Smallest visible size of a draw in a view with this many texels a side \[NDC\]: one texel for the coarse maps of
+    /// area lights, else 0.
     pub fn least(&self, size: u32) -> f32 {
         if self.is_area { 2.0 / size as f32 } else { 0.0 }
     }
 
-    /// Samples of an area light that lie side by side in its shadow map, three faces each and two high.
+    /// Number of samples of an area light side by side in its shadow map. Each has three columns and two rows of faces.
     pub fn columns(&self) -> u32 {
         let samples = self.views / AREA_VIEWS;
         (1..=samples).find(|columns| 3 * columns >= 2 * samples.div_ceil(*columns)).unwrap_or(1)
     }
 
-    /// Where the tile of a view is in the shadow map, in tiles.
+    /// Position of a view's tile in the shadow map \[tiles\].
     pub fn tile(&self, view: u32) -> [u32; 2] {
         let (sample, face) = if self.is_area { (view / AREA_VIEWS, view % AREA_VIEWS) } else { (0, view) };
         let columns = self.columns().max(1);
@@ -64,12 +64,13 @@ impl LightInfo {
     }
 }
 
-/// All punctual lights and their views of a scene around `origin` with half extent `half` \[m\].
+/// All punctual lights of a scene and their views. The scene lies around `origin` with half extent `half` \[m\].
 pub fn prepare(lights: &[Light], origin: DVec3, half: DVec3) -> (Vec<LightInfo>, Vec<shared::Light>, Vec<LightView>) {
     prepare_with(lights, &[], origin, half, |_| false)
 }
 
-/// The same with area lights after them, and with six views for spots of these numbers, whose cones may grow.
+/// Prepares punctual lights, followed by area lights. Spots whose index satisfies `grows` get six views, since their
+/// cones may widen.
 pub(super) fn prepare_with(
     lights: &[Light],
     areas: &[AreaLight],
@@ -84,7 +85,7 @@ pub(super) fn prepare_with(
         let direction = light.direction.as_dvec3().normalize_or(DVec3::NEG_Y);
         let first_view = views.len() as u32;
         let (mut kind, mut cone) = (shared::LIGHT_POINT, [0.0; 2]);
-        // Six faces, whose axes are the world's, unless one frustum holds the light.
+        // Six faces along the world's axes, unless one frustum can hold the light.
         match light.kind {
             LightKind::Directional => {
                 kind = shared::LIGHT_DIRECTIONAL;
@@ -92,7 +93,7 @@ pub(super) fn prepare_with(
             }
             LightKind::Spot { inner, outer } => {
                 kind = shared::LIGHT_SPOT;
-                // The extension's own bound keeps a sharp cone finite.
+                // The glTF extension's own bound keeps a sharp cone finite.
                 let scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
                 cone = [scale, -outer.cos() * scale];
                 if outer <= WIDEST_FRUSTUM && !grows(i) {
@@ -145,7 +146,7 @@ pub(super) fn prepare_with(
         let (first_view, view_count) = (views.len() as u32, AREA_VIEWS * area.samples[0] * area.samples[1]);
         let x = area.right.normalize();
         let axes = [x, area.normal.cross(x), area.normal];
-        // A little in front, so that the surface itself is behind.
+        // Slightly in front, so that the surface itself is behind.
         let front = 1e-3 * area.right.length().min(area.up.length()) * area.normal;
         for point in area.sample_points() {
             views.extend(cube(point + front - origin, axes, radius).into_iter().take(AREA_VIEWS as usize));
@@ -179,13 +180,13 @@ pub(super) fn prepare_with(
     (infos, all, views)
 }
 
-/// The six faces of a cube around a point, whose axes are these: +x -x +y -y +z -z.
+/// The six faces of a cube around a point, along these axes: +x -x +y -y +z -z.
 fn cube(position: DVec3, [x, y, z]: [DVec3; 3], radius: f64) -> [LightView; 6] {
     [(z, y, x), (-z, y, -x), (x, z, y), (x, -z, -y), (-x, y, z), (x, y, -z)]
         .map(|(right, up, forward)| perspective_view(position, right, up, forward, 1.0, radius))
 }
 
-/// Nearest thing a light or camera sees, in radii of the scene: reversed float depth loses nothing by it.
+/// Near plane of lights and cameras, in radii of the scene. Reversed float depth loses no precision by it.
 pub(in crate::frame) const NEAREST: f64 = 1e-7;
 
 /// A square frustum with reversed depth and no far plane.
@@ -200,11 +201,11 @@ fn perspective_view(position: DVec3, right: DVec3, up: DVec3, forward: DVec3, ta
     view(rows, position, right * tan_half, up * tan_half, forward)
 }
 
-/// A box around the scene, which is centred on the origin.
+/// A box around the scene, which is centred at the origin.
 fn parallel_view(position: DVec3, forward: DVec3, half: DVec3) -> LightView {
     let right = forward.any_orthonormal_vector();
     let up = right.cross(forward);
-    // Half extent of the scene's box along an axis, and a little: nothing lies on the border.
+    // Half extent of the scene's box along an axis, slightly enlarged so that nothing lies on the border.
     let reach = |axis: DVec3| 1.001 * axis.abs().dot(half);
     let (w, h, d) = (reach(right), reach(up), reach(forward));
     let rows = [(right / w).extend(0.0), (-up / h).extend(0.0), (-forward / (2.0 * d)).extend(0.5), DVec4::W];

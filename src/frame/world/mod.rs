@@ -1,8 +1,8 @@
 //! The scene and its caches on the device: merged vertices, textures, materials, instances, lights, references.
 //!
-//! Most of it is written once; frames write again what has moved (`update.rs`). Positions are
-//! relative to the scene's origin, the middle of its bounds, so that a scene far from the world's origin is drawn and lit
-//! like one that is near.
+//! Most data is written once; each frame rewrites only what has moved (`update.rs`). Positions are relative to the
+//! scene's origin, the centre of its bounds. So a scene far from the world's origin is drawn and lit as precisely as a
+//! near one.
 
 mod albedo;
 mod area_lights;
@@ -48,9 +48,9 @@ use std::sync::Arc;
 use textures::{MaterialTextures, kinds, upload_textures};
 use update::{Dynamic, InstanceLayout, PendingCopies, Revisions, Structure};
 
-/// A scene on the device with its caches: what all lights and pictures of it share.
+/// A scene with its caches on the device, shared by all its lights and pictures.
 pub struct World {
-    /// Middle of the scene in the world; everything on the device is relative to it.
+    /// Centre of the scene in the world. Everything on the device is relative to it.
     pub origin: DVec3,
     /// Half of the bounds' diagonal \[m\].
     pub radius: f64,
@@ -60,93 +60,93 @@ pub struct World {
     pub light_buffer: Buffer,
     /// Views of lights.
     pub view_buffer: Buffer,
-    /// What shows where no surface is.
+    /// The sky or backdrop that is visible without a surface.
     pub sky: Option<SkyBuffer>,
     /// The sky that lights caches.
     pub sky_light: Option<SkyLight>,
-    /// The largest flat surfaces that emit.
+    /// Area lights: the largest flat emissive surfaces.
     pub areas: Vec<AreaLight>,
-    /// What they are made of.
+    /// Source of `areas`.
     area_lights: AreaLights,
-    /// The other surfaces that emit, as VALs without weights: a square, or none.
+    /// The other emissive surfaces as VALs without weights: a square, or empty.
     pub emitters: Vec<shared::Val>,
-    /// What they are made of.
+    /// Source of `emitters`.
     patches: Patches,
-    /// What poses are made of, where something bends.
+    /// Data for posing, if meshes are deformed.
     pub(super) deform: Option<DeformBuffers>,
     /// Instances, for shaders.
     pub instances: Buffer,
     /// Caches of all instances in model space.
     pub model_caches: Buffer,
-    /// How many.
+    /// Number of caches.
     pub cache_count: u32,
-    /// References of a vertex, or of a cell.
+    /// References per vertex or cell.
     pub(super) references_each: usize,
-    /// The caches' albedos, once more bounces have asked for them.
+    /// Albedos of the caches; created for further bounces.
     albedos: OnceCell<CacheAlbedos>,
-    /// What rays meet, once a frame has asked for it.
+    /// Ray tracing data; created on request.
     rays: OnceCell<RayBuffers>,
-    /// Bodies that are filled, where there are any.
+    /// Translucent bodies, if there are any.
     pub filled: Option<FilledBuffers>,
-    /// The caches as they were baked.
+    /// The caches as baked.
     caches: Option<CacheSet>,
-    /// What decides which stages there are.
+    /// Features that determine the stages.
     pub(super) features: Features,
-    /// Changes with what resources are made for: lights, emitters, caches, vertices.
+    /// Changes with everything that resources are sized by: lights, emitters, caches, vertices.
     pub(super) layout: u64,
-    /// References of all models' vertices, or cells.
+    /// References of all models' vertices or cells.
     pub references: Buffer,
-    /// Where the caches of each instance are, for rays.
+    /// Location of each instance's caches, for rays.
     pub(super) instance_caches: Buffer,
-    /// What `draw` draws, for those who look up a visible triangle.
+    /// Records of the draws of `draw`, for passes that look up a visible triangle.
     pub draw_records: Buffer,
-    /// Positions and normals of all vertices: of all meshes, then posed of all instances that bend.
+    /// Positions and normals of all vertices: those of all meshes, then the posed ones of all deformed instances.
     pub corners: Buffer,
-    /// Where pixels look references up.
+    /// Cells in which pixels look up references.
     pub cells: Option<CellBuffers>,
-    /// Vertices of all instances, or cells of their surfaces.
+    /// Number of vertices of all instances, or of cells of their surfaces.
     pub slot_count: u32,
-    /// What the device has, or is about to get.
+    /// The state that the device has or is about to receive.
     dynamic: Dynamic,
-    /// Room for the next.
+    /// Scratch space for the next state.
     scratch: Dynamic,
-    /// What of it the next frame copies.
+    /// Parts of `dynamic` that the next frame copies.
     pending: Cell<PendingCopies>,
-    /// Which content it is.
+    /// Revisions of the contents.
     pub(super) revisions: Revisions,
-    /// Caches as they were uploaded, and the surface of each.
+    /// Caches as uploaded, and the surface of each.
     placed_caches: Vec<ModelCache>,
     cache_surfaces: Vec<CacheSurface>,
-    /// What must not change.
+    /// Parts of the scene that must not change.
     structure: Structure,
-    /// What of each instance stays.
+    /// Constant data of each instance.
     layouts: Vec<InstanceLayout>,
     vertices: Buffer,
     indices: Buffer,
     materials: Buffer,
     texture_slots: Buffer,
     textures: Vec<Image>,
-    /// Per material: image and sampler of each of its textures.
+    /// Image and sampler of each texture, for each material.
     material_textures: MaterialTextures,
     /// Kinds of materials, for shaders.
     kinds: Vec<u32>,
     draws: Vec<DrawItem>,
 }
 
-/// What caches reflect.
+/// Reflectance of caches.
 struct CacheAlbedos {
     /// For shaders.
     buffer: Buffer,
-    /// What is or will be there.
+    /// The values that the buffer has or will receive.
     albedos: Vec<Vec3>,
 }
 
 impl World {
-    /// Uploads a scene; `caches` may be missing where no caches are lit. Caches with cells are averaged at every pixel, those
-    /// without at vertices.
+    /// Uploads a scene. `caches` may be `None` if no caches are to be lit. Caches with cells are averaged at every
+    /// pixel, caches without cells at vertices.
     ///
     /// # Errors
-    /// A scene without triangles, or one that is larger than shaders can number or the device can hold.
+    /// Fails if the scene has no triangles, or more than shaders can number or the device can hold.
     pub fn new(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>) -> Result<Self> {
         let (low, high) = scene.bounds().ok_or_else(|| Error::Nothing("the scene has no triangles".into()))?;
         let origin = (low + high) * 0.5;
@@ -162,7 +162,7 @@ impl World {
             vertices.extend_from_slice(&mesh.vertices);
             indices.extend_from_slice(&mesh.indices);
         }
-        // Instances that bend have vertices of their own, which begin as those at rest.
+        // Deformed instances have their own vertices, which start as those at rest.
         let mut first_posed = Vec::new();
         for instance in &scene.instances {
             let mesh = &scene.meshes[instance.mesh];
@@ -173,7 +173,7 @@ impl World {
         }
         let (area_lights, patches) = Patches::new(scene);
         let areas = area_lights.now(scene);
-        // Caches were placed under these maps, whatever the instances' are now.
+        // The transforms under which caches were placed, whatever the instances' are now.
         let layouts: Vec<InstanceLayout> = (scene.instances.iter().enumerate())
             .map(|(i, instance)| InstanceLayout {
                 linear: match caches {
@@ -237,7 +237,7 @@ impl World {
             slot_count = u32::try_from(slots)
                 .ok()
                 .and_then(|n| slot_count.checked_add(n))
-                .ok_or_else(|| Error::TooLarge("more than 4 billion vertices or cells over all instances".into()))?;
+                .ok_or_else(|| Error::TooLarge("more than 4 billion vertices or cells in all instances".into()))?;
             for (primitive, (bounds, runs)) in mesh.primitives.iter().zip(&bounds[instance.mesh]) {
                 draws.push(DrawItem {
                     instance: i as u32,
@@ -260,11 +260,11 @@ impl World {
                 });
             }
         }
-        // Few pipeline and texture changes: draws of a material follow each other.
+        // Keeps draws of a material together, for few changes of pipelines and textures.
         draws.sort_by_key(|d| (d.material, d.instance, d.first_index));
 
         let (textures, material_textures) = upload_textures(gpu, scene)?;
-        // Only those who interpolate read them, and what poses meshes writes them.
+        // Only interpolation reads corners, and only posing writes them.
         let corner = |v: &Vertex| Corner { position: v.position, normal: v.normal };
         let has_corners = caches.is_some() || first_posed.iter().any(Option::is_some);
         let corners: Vec<Corner> = vertices.iter().filter(|_| has_corners).map(corner).collect();
@@ -316,7 +316,7 @@ impl World {
         })
     }
 
-    /// The albedos of the caches, which more than one bounce needs; found on the first call.
+    /// Computes the albedos of the caches, which further bounces need, on the first call.
     pub(super) fn make_albedos(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
         if let (None, Some(caches)) = (self.albedos.get(), &self.caches) {
             let albedos = albedo::of_all(scene, caches);
@@ -326,10 +326,10 @@ impl World {
         Ok(())
     }
 
-    /// What rays meet; built on the first call.
+    /// Creates the ray tracing data on the first call.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn make_rays(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
         if self.rays.get().is_none() {
             let moves = (0..scene.instances.len()).map(|i| scene.may_move(i)).collect();
@@ -339,7 +339,7 @@ impl World {
         Ok(())
     }
 
-    /// Hierarchies over a scene that stands as `now` says; the next frame fits them to what bends.
+    /// Builds BVHs over the scene in the state `now`. The next frame refits those of deformed meshes.
     fn rays_of(&self, gpu: &Gpu, scene: &Scene, now: &Dynamic, moves: Vec<bool>) -> Result<RayBuffers> {
         let is_area = &self.area_lights.triangles();
         let placed = Placed { scene, origin: self.origin, layouts: &self.layouts, is_area, now };
@@ -348,17 +348,17 @@ impl World {
         Ok(made)
     }
 
-    /// What rays meet, where it has been asked for.
+    /// The ray tracing data, if it has been requested.
     pub fn rays(&self) -> Option<&RayBuffers> {
         self.rays.get()
     }
 
-    /// Distance between caches \[m\]; 0 without any.
+    /// Distance between caches \[m\]; 0 without caches.
     pub fn spacing(&self) -> f64 {
         self.caches.as_ref().map_or(0.0, |caches| caches.spacing)
     }
 
-    /// Which stages frames of it have under these settings.
+    /// The stages of a frame of this world under these settings.
     pub fn plan(&self, settings: &Settings) -> Plan {
         match settings.indirect {
             Indirect::Caches(_) if self.caches.is_none() => {
@@ -368,20 +368,21 @@ impl World {
         }
     }
 
-    /// References of a cell, where pixels look them up.
+    /// References per cell, if pixels look them up.
     pub(super) fn references_of_pixels(&self) -> Option<usize> {
         self.cells.as_ref().map(|cells| cells.row)
     }
 
-    /// One texel, 1.
+    /// An image of a single texel of value 1.
     pub(super) fn white(&self) -> &Image {
         &self.textures[0]
     }
 
-    /// The vertices of an instance as draws last read them; none of one that has no triangles. Waits for the device.
+    /// The vertices of an instance as the last draws read them; empty for an instance without triangles. Waits for the
+    /// device.
     ///
     /// # Errors
-    /// A device that was lost.
+    /// Fails if the device was lost.
     pub fn read_vertices(&self, gpu: &Gpu, scene: &Scene, instance: usize) -> Result<Vec<Vertex>> {
         let Some(item) = self.draws.iter().find(|item| item.instance as usize == instance) else {
             return Ok(Vec::new());
@@ -391,7 +392,7 @@ impl World {
         Ok(gpu.read::<Vertex>(&self.vertices)?[first..first + count].to_vec())
     }
 
-    /// Albedos of the caches, where they have been asked for.
+    /// Albedos of the caches, if they have been requested.
     pub fn cache_albedos(&self) -> Option<&Buffer> {
         self.albedos.get().map(|albedos| &albedos.buffer)
     }
@@ -401,18 +402,18 @@ impl World {
         &self.dynamic.infos
     }
 
-    /// Which of the lights stand for a sky.
+    /// The lights that represent the sky.
     pub(super) fn sky_lights(&self) -> std::ops::Range<u32> {
         let first = self.lights().iter().position(|light| light.of_sky).unwrap_or(0) as u32;
         first..first + self.lights().iter().filter(|light| light.of_sky).count() as u32
     }
 
-    /// Where a view of a light is seen from, as `LightInfo::eye`.
+    /// Eye of a view of a light, as in `LightInfo::eye`.
     pub(super) fn eye(&self, light: &LightInfo, view: u32) -> Vec4 {
         if light.is_area { self.dynamic.views[view as usize].position.extend(1.0) } else { light.eye }
     }
 
-    /// From the world to the clip space of a view of a light.
+    /// Transform from the world to the clip space of a view of a light.
     pub fn clip_from_world(&self, view: u32) -> Mat4 {
         self.dynamic.views[view as usize].clip_from_world
     }
@@ -422,13 +423,13 @@ impl World {
         &self.vertices
     }
 
-    /// Indices of all triangles, draw by draw.
+    /// Indices of all triangles, by draw.
     pub fn indices(&self) -> &Buffer {
         &self.indices
     }
 }
 
-/// A draw for shaders.
+/// A draw in the form that shaders use.
 fn record(draw: &DrawItem) -> DrawRecord {
     DrawRecord {
         first_index: (draw.index_offset / 4) as u32 + draw.first_index,
@@ -443,5 +444,5 @@ fn record(draw: &DrawItem) -> DrawRecord {
 }
 
 fn too_many_references() -> Error {
-    Error::TooLarge("more than 8 billion cache references; ask for --refs 8 or render parts of the scene".into())
+    Error::TooLarge("more than 8 billion cache references; use --refs 8 or render parts of the scene".into())
 }

@@ -1,4 +1,4 @@
-//! Caches as they were baked, in the form that stage 3 reads (`atlas.comp`).
+//! Baked caches in the form that stage 3 reads (`atlas.comp`).
 
 use super::update::normal_matrix;
 use crate::bake::{Cache, CacheSet, ModelCaches};
@@ -13,7 +13,7 @@ pub(super) struct CacheSurface {
 }
 
 impl CacheSurface {
-    /// Of a model's caches.
+    /// The surfaces of a model's caches.
     pub(super) fn all(scene: &Scene, mesh: usize, model: &ModelCaches) -> Vec<Self> {
         let mesh = &scene.meshes[mesh];
         let materials = mesh.triangle_materials();
@@ -27,13 +27,13 @@ impl CacheSurface {
         model.caches.iter().map(surface).collect()
     }
 
-    /// Phong exponent there.
+    /// Phong exponent at the cache.
     pub(super) fn exponent(&self, scene: &Scene) -> f32 {
         scene.materials[self.material].reflectance(scene, self.uv, Vec4::ONE).cache_exponent()
     }
 }
 
-/// The caches of a model with the Phong exponent of the surface they lie on.
+/// The caches of a model, with the Phong exponent of their surfaces.
 pub(super) fn place_caches(
     scene: &Scene,
     mesh: usize,
@@ -51,7 +51,8 @@ pub(super) fn place_caches(
             position: c.position,
             exponent: surface.exponent(scene),
             normal: c.normal,
-            // The shader multiplies by what the normal's length then is: under the same map it is this one.
+            // The shader multiplies by the transformed normal's length. Under the baked transform, that length is this
+            // one.
             area: over(area, (normals * c.normal.as_dvec3()).length()),
             middle: c.middle,
             breadth: over(f64::from(c.breadth) * length, area),
@@ -63,7 +64,7 @@ pub(super) fn place_caches(
     model.caches.iter().zip(cache_surfaces).map(place).collect()
 }
 
-/// A cache in terms of its triangle, of a mesh under this map at rest.
+/// Expresses a cache relative to its triangle, for a mesh at rest under this transform.
 fn on_triangle(mesh: &Mesh, linear: DMat3, c: &Cache, placed: ModelCache) -> ModelCache {
     let corner = |i: usize| linear * mesh.vertices[i].position.as_dvec3();
     let [a, b, d] = mesh.triangle(c.triangle as usize).map(corner);
@@ -86,7 +87,7 @@ fn on_triangle(mesh: &Mesh, linear: DMat3, c: &Cache, placed: ModelCache) -> Mod
     }
 }
 
-/// References of a vertex, or of a cell where pixels look them up.
+/// References per vertex, or per cell if pixels look them up.
 pub(super) fn references_each(scene: &Scene, caches: Option<&CacheSet>) -> usize {
     let Some(caches) = caches else { return 8 };
     if let Some(cells) = &caches.cells {

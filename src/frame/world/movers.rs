@@ -1,5 +1,5 @@
-//! What may move as rays see it: the box of each instance, however it is posed, and the top level over all of them, which is
-//! rebuilt in each frame that moves something.
+//! Moving instances for ray tracing: the bounds of each instance in any pose, and the top level over all instances. The
+//! top level is rebuilt in each frame in which something moves.
 
 use super::InstanceLayout;
 use super::update::Dynamic;
@@ -11,11 +11,11 @@ use obvhs::aabb::Aabb;
 use obvhs::cwbvh::node::CwBvhNode;
 use std::collections::BTreeMap;
 
-/// What stands still, and what may move.
+/// Static and movable parts of the scene.
 pub(super) struct Movers {
-    /// By instance: whether it may move.
+    /// Whether each instance may move.
     pub(super) moves: Vec<bool>,
-    /// Box and root of all that stands still, where something does.
+    /// Bounds and root of all static instances, if there are any.
     still: Option<(Aabb, u32)>,
     all: Vec<Mover>,
     /// By mesh.
@@ -26,7 +26,7 @@ pub(super) struct Movers {
 struct Mover {
     instance: usize,
     mesh: usize,
-    /// Of its hierarchy, and where the middle of that is in model space.
+    /// Root of its BVH, and the centre of the BVH in model space.
     root: u32,
     centre: DVec3,
     /// First of its joints and weights among all.
@@ -34,34 +34,36 @@ struct Mover {
     first_weight: usize,
 }
 
-/// The top level: nodes over instances, and four words of each of these: rows of its space from the world; root and number.
+/// The top level: nodes over instances, and four words for each instance. Three are rows of the transform from the
+/// world to its space; the fourth holds root and index.
 #[derive(Default)]
 pub(super) struct Top {
     pub(super) nodes: Vec<CwBvhNode>,
     pub(super) instances: Vec<[[f32; 4]; 4]>,
 }
 
-/// How far a mesh reaches: the boxes of what moves together.
+/// Bounds of a mesh in any pose: one box for each set of vertices that move together.
 struct Reach {
     parts: Vec<Part>,
-    /// How much larger boxes must be to hold vertices that lie outside the triangles they follow.
+    /// Factor by which boxes grow to hold vertices outside the triangles they follow.
     stretch: f64,
 }
 
-/// Vertices that have a joint in common.
+/// Vertices that share a joint.
 struct Part {
-    /// None where the mesh has no skin.
+    /// `None` for meshes without a skin.
     joint: Option<usize>,
     /// In bind space, as [low, high].
     bounds: [DVec3; 2],
-    /// What each morph target adds at weight 1.
+    /// Displacement of each morph target at weight 1.
     targets: Vec<[DVec3; 2]>,
 }
 
 const EMPTY: [DVec3; 2] = [DVec3::INFINITY, DVec3::NEG_INFINITY];
 
 impl Movers {
-    /// Of instances with the roots of their hierarchies, and the bounds of the triangles at rest about a centre.
+    /// Creates movers from instances, the roots of their BVHs, and the bounds of their triangles at rest about a
+    /// centre.
     pub(super) fn new(
         scene: &Scene,
         layouts: &[InstanceLayout],
@@ -86,7 +88,7 @@ impl Movers {
         Self { moves, still, all, reaches }
     }
 
-    /// The top level over all that is shown.
+    /// The top level over all visible instances.
     pub(super) fn top(&self, now: &Dynamic) -> Top {
         let mut boxes = Vec::with_capacity(self.all.len() + 1);
         let mut words = Vec::with_capacity(self.all.len() + 1);
@@ -116,7 +118,7 @@ impl Movers {
 }
 
 impl Reach {
-    /// Of a mesh; where it does not bend, of its triangles, which have these bounds about a centre.
+    /// Bounds of a mesh. A rigid mesh has those of its triangles, given about a centre.
     fn new(mesh: &Mesh, centre: Vec3, bounds: Aabb) -> Self {
         let Some(deform) = &mesh.deform else {
             let bounds = [bounds.min, bounds.max].map(|p| Vec3::from(p).as_dvec3() + centre.as_dvec3());
@@ -147,7 +149,7 @@ impl Reach {
         Self { parts: parts.into_values().collect(), stretch }
     }
 
-    /// A box in the world that holds all of it, whatever is lost by rounding; none where it is nowhere.
+    /// A box in the world that holds the whole mesh despite rounding. `None` if it is empty or not finite.
     fn bounds(&self, place: &DAffine3, joints: &[Joint], weights: &[f32]) -> Option<Aabb> {
         let [mut low, mut high] = EMPTY;
         for part in &self.parts {
@@ -163,7 +165,7 @@ impl Reach {
             high = high.max(middle + half);
         }
         let (middle, half) = (0.5 * (low + high), 0.5 * self.stretch * (high - low));
-        // Positions are single precision, in the world and in model space, and so are rays.
+        // Positions and rays have single precision, in the world and in model space.
         let far = middle.abs().max((middle - place.translation).abs()).max_element() + half.max_element();
         let half = half + 1e-5 * half.max_element() + 4e-6 * far;
         let bounds = Aabb::new((middle - half).as_vec3().into(), (middle + half).as_vec3().into());
@@ -175,20 +177,22 @@ fn grow(bounds: &mut [DVec3; 2], position: Vec3) {
     *bounds = [bounds[0].min(position.as_dvec3()), bounds[1].max(position.as_dvec3())];
 }
 
-/// A joint's matrix.
+/// The matrix of a joint.
 fn affine(joint: &Joint) -> DAffine3 {
     let rows = [joint.x, joint.y, joint.z].map(|row| row.as_dvec4());
     DAffine3::from_mat4(DMat4::from_cols(rows[0], rows[1], rows[2], glam::DVec4::W).transpose())
 }
 
-/// A place that can be undone: what it makes flat gets a millionth of its size as thickness. None where nothing is left.
+/// Makes a transform invertible: a flattened direction gets a millionth of the size as thickness. `None` if nothing is
+/// left.
 fn with_volume(mut place: DAffine3) -> Option<DAffine3> {
     let m = place.matrix3;
     let cofactors = DMat3::from_cols(m.y_axis.cross(m.z_axis), m.z_axis.cross(m.x_axis), m.x_axis.cross(m.y_axis));
     let size = cofactors.to_cols_array().iter().fold(0.0_f64, |most, v| most.max(v.abs())).sqrt();
     let volume = m.determinant();
     if volume.abs() < 1e-6 * size.powi(3) {
-        // Cofactors are what the map lacks: from the direction that it loses to that in which nothing of it points.
+        // Cofactors complete the map: they lead from the direction it loses to the one that is missing from its
+        // results.
         place.matrix3 += cofactors * (1e-6 * if volume < 0.0 { -1.0 } else { 1.0 } / size);
     }
     (size > 0.0 && place.is_finite() && place.inverse().is_finite()).then_some(place)

@@ -1,8 +1,8 @@
-//! What rays on the device read: hierarchies of compressed nodes over triangles, and textures in one buffer.
+//! Ray tracing data: compressed BVHs over triangles, and textures in one buffer.
 //!
-//! What stands still is one hierarchy in the world. Where something may move, a top level is over that one and the instances
-//! that may: each has a hierarchy in its own space, which instances of a rigid mesh share. A frame copies another top level,
-//! and fits the boxes about what bends (`frame/refit.rs`).
+//! Static instances share one BVH in the world. If instances may move, a top level covers that BVH and those of the
+//! movable instances. Each movable instance has a BVH in its own space, which instances of a rigid mesh share. Frames
+//! copy a new top level and refit the boxes of deformed meshes (`frame/refit.rs`).
 
 use super::movers::{Movers, Top};
 use super::update::Dynamic;
@@ -24,49 +24,49 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
-/// Texels of a side that rays look up at most: what they see is taken together.
+/// Maximum side of textures at ray hits \[texels\]; rays are averaged anyway.
 const MOST_TEXELS: u32 = 256;
 
-/// The same of textures that cut holes: rays pass where pixels show none.
+/// Maximum side of alpha masks, so that rays pass where pixels show holes.
 const MOST_CUT: u32 = 1024;
 
-/// What rays read of a scene.
+/// Ray tracing data of a scene.
 pub struct RayBuffers {
-    /// Of all hierarchies; the top level, where there is one, comes first.
+    /// Nodes of all BVHs; the top level, if there is one, comes first.
     pub nodes: Buffer,
-    /// Of all hierarchies: three words each.
+    /// Triangles of all BVHs, three words each.
     pub triangles: Buffer,
-    /// What the top level is over: four words each.
+    /// Instances below the top level, four words each.
     pub instances: Buffer,
     textures: Buffer,
     texels: Buffer,
-    /// Entries of the stack that a ray needs at most.
+    /// Maximum number of stack entries that a ray needs.
     stack: u32,
-    /// 2 where something may move.
+    /// 2 if instances may move, else 1.
     levels: u32,
-    /// Whether some material has holes.
+    /// Whether some material has an alpha mask.
     holes: bool,
-    /// Triangles; a surface with two sides is one, and a mesh that moves is there once.
+    /// Number of triangles. A two-sided surface counts once, as does a mesh that moves.
     pub triangle_count: usize,
-    /// The node that rays begin with.
+    /// The node at which rays start.
     pub root: u32,
-    /// What moves.
+    /// Movable instances.
     movers: Movers,
-    /// The top level as the device has it, or is about to get it.
+    /// The top level that the device has or is about to receive.
     top: Top,
-    /// What bends.
+    /// Data for refitting deformed meshes.
     pub(in crate::frame) refit: Option<RefitBuffers>,
 }
 
-/// Nodes about what bends.
+/// Nodes of deformed meshes.
 pub(in crate::frame) struct RefitBuffers {
-    /// Depth by depth.
+    /// The nodes, by depth.
     pub(in crate::frame) list: Buffer,
-    /// Their boxes, in the order of nodes.
+    /// Boxes of the nodes, in node order.
     pub(in crate::frame) boxes: Buffer,
-    /// Of each depth, the deepest first: the first of the list, and how many.
+    /// First entry of the list and number of entries, for each depth, deepest first.
     pub(in crate::frame) depths: Vec<[u32; 2]>,
-    /// The first of the nodes.
+    /// The first node.
     pub(in crate::frame) first_node: u32,
 }
 
@@ -74,26 +74,26 @@ pub(in crate::frame) struct RefitBuffers {
 #[derive(Clone, Copy)]
 struct Triangle {
     corners: [Vec3; 3],
-    /// Of its indices, among all.
+    /// First of its indices among all.
     first_index: u32,
     material: u32,
-    /// Its instance, or `RAY_MODEL`, and what it is.
+    /// Its instance or `RAY_MODEL`, and bits for its kind.
     what: u32,
 }
 
-/// What hierarchies are built of.
+/// Input for building BVHs.
 pub(super) struct Placed<'a> {
     pub(super) scene: &'a Scene,
     pub(super) origin: DVec3,
     pub(super) layouts: &'a [InstanceLayout],
-    /// Triangles that are parts of area lights, by instance and vertices.
+    /// Triangles of area lights, by instance and vertices.
     pub(super) is_area: &'a HashSet<(usize, [usize; 3])>,
-    /// How all stands now.
+    /// The current state.
     pub(super) now: &'a Dynamic,
 }
 
 impl RayBuffers {
-    /// Builds all hierarchies, on all cores; `moves` says which instances have one of their own.
+    /// Builds all BVHs, on all cores. `moves` says which instances have their own.
     pub(super) fn new(gpu: &Gpu, placed: &Placed<'_>, moves: Vec<bool>) -> Result<Self> {
         let scene = placed.scene;
         let may_move = moves.iter().filter(|moves| **moves).count();
@@ -112,7 +112,7 @@ impl RayBuffers {
         for (group, of_mesh) in placed.groups(&moves) {
             let mut nodes = None;
             for instance in group.instances {
-                // What bends shares nothing.
+                // Deformed instances share nothing.
                 let own = nodes.take().filter(|_| !group.bends).unwrap_or_else(|| all.add(&of_mesh));
                 if group.bends {
                     let first_vertex = placed.layouts[instance].drawn_vertex;
@@ -151,7 +151,7 @@ impl RayBuffers {
 
     /// Constants 0 to 3 of shaders with rays.
     pub fn constants(&self, gpu: &Gpu) -> [u32; 4] {
-        // Whole sizes: another hierarchy seldom needs another pipeline.
+        // Rounded up, so that another BVH seldom needs another pipeline.
         let most = self.nodes.size.max(self.triangles.size) / 16;
         let as_texels = gpu.is_software() && most <= gpu.most_texels();
         [self.stack.next_multiple_of(8), self.levels, u32::from(as_texels), u32::from(self.holes)]
@@ -175,12 +175,12 @@ impl RayBuffers {
         ]
     }
 
-    /// Which instances have a hierarchy of their own.
+    /// Which instances have their own BVH.
     pub(super) fn moves(&self) -> &[bool] {
         &self.movers.moves
     }
 
-    /// Rebuilds the top level; the next frame copies it.
+    /// Rebuilds the top level. The next frame copies it.
     pub(super) fn place(&mut self, now: &Dynamic) {
         if self.levels == 2 {
             self.top = self.movers.top(now);
@@ -195,7 +195,7 @@ impl RayBuffers {
 }
 
 impl RefitBuffers {
-    /// Of nodes with their depths; nothing where there are none.
+    /// Creates the buffers for nodes with their depths; `None` without nodes.
     fn new(gpu: &Gpu, mut list: Vec<(u32, RefitNode)>) -> Result<Option<Self>> {
         let Some(&(_, RefitNode { node: first_node, .. })) = list.first() else { return Ok(None) };
         list.sort_by_key(|(depth, _)| std::cmp::Reverse(*depth));
@@ -214,18 +214,18 @@ impl RefitBuffers {
     }
 }
 
-/// Bytes of the triangles of a scene, at most.
+/// Upper bound of the size of a scene's triangles \[bytes\].
 pub(super) fn bytes(scene: &Scene) -> u64 {
     let of_instance = |instance: &crate::scene::Instance| -> u64 {
         let mesh = &scene.meshes[instance.mesh];
-        // Of what bends both sides are there.
+        // Deformed meshes keep the triangles of both sides.
         let sides = |material: usize| scene.materials[material].double_sided && mesh.deform.is_none();
         mesh.primitives.iter().map(|p| u64::from(p.index_count / 3) >> u32::from(sides(p.material))).sum()
     };
     size_of::<[[f32; 4]; 3]>() as u64 * scene.instances.iter().map(of_instance).sum::<u64>()
 }
 
-/// A hierarchy over triangles, and these in its order.
+/// A BVH over triangles, and the triangles in its order.
 struct Hierarchy {
     tree: CwBvh,
     words: Vec<[[f32; 4]; 3]>,
@@ -255,19 +255,19 @@ impl Hierarchy {
     }
 }
 
-/// Hierarchies one after the other.
+/// Several BVHs, one after the other.
 #[derive(Default)]
 struct Hierarchies {
     nodes: Vec<CwBvhNode>,
     triangles: Vec<[[f32; 4]; 3]>,
-    /// Nodes on the longest way down any of them.
+    /// Nodes on the longest path through any of the BVHs.
     deepest: u32,
-    /// Entries of the stack that what is above them needs.
+    /// Stack entries for the levels above the BVHs.
     above: u32,
 }
 
 impl Hierarchies {
-    /// Adds one; says which nodes are its.
+    /// Adds a BVH and returns the range of its nodes.
     fn add(&mut self, of: &Hierarchy) -> Range<u32> {
         let (first_node, first_triangle) = (self.nodes.len() as u32, self.triangles.len() as u32);
         self.nodes.extend(of.tree.nodes.iter().map(|node| CwBvhNode {
@@ -281,17 +281,17 @@ impl Hierarchies {
     }
 }
 
-/// Instances that have one hierarchy in their own space, or such copies of one.
+/// Instances with the same BVH in their own space, shared or copied.
 struct Group {
     instances: Vec<usize>,
     bends: bool,
-    /// Of the space, in model space.
+    /// Origin of that space, in model space.
     centre: Vec3,
 }
 
 impl Placed<'_> {
-    /// The instances that may move, by what they share, and their hierarchies: rigid ones first. Parts of area lights are told
-    /// from others, so not all instances of a mesh are alike.
+    /// Groups the movable instances by shared data and builds their BVHs, rigid ones first. Triangles of area lights
+    /// are marked, so instances of a mesh with and without area lights are in different groups.
     fn groups(&self, moves: &[bool]) -> Vec<(Group, Hierarchy)> {
         let mut groups: BTreeMap<(bool, usize, Vec<usize>), Vec<usize>> = BTreeMap::new();
         for (i, instance) in self.scene.instances.iter().enumerate().filter(|(i, _)| moves[*i]) {
@@ -303,7 +303,7 @@ impl Placed<'_> {
         let make = |((bends, mesh, _), instances): ((bool, usize, Vec<usize>), Vec<usize>)| {
             let positions = || self.scene.meshes[mesh].vertices.iter().map(|v| v.position);
             let (low, high) = (positions().reduce(Vec3::min), positions().reduce(Vec3::max));
-            // Where it bends to is known to the device.
+            // For deformed meshes the device computes positions, without a centre.
             let centre = low.zip(high).map_or(Vec3::ZERO, |(low, high)| 0.5 * low + 0.5 * high);
             let centre = if bends || !centre.is_finite() { Vec3::ZERO } else { centre };
             let hierarchy = Hierarchy::new(&self.in_model(instances[0], bends, centre));
@@ -312,7 +312,7 @@ impl Placed<'_> {
         groups.into_par_iter().map(make).collect()
     }
 
-    /// The triangles of an instance as it stands.
+    /// The triangles of an instance in its current place.
     fn in_world(&self, i: usize) -> Vec<Triangle> {
         let instance = &self.scene.instances[i];
         let mut place = instance.world_from_model;
@@ -322,14 +322,14 @@ impl Placed<'_> {
         without_twins(self.triangles(i, (i as u32) << RAY_KIND_BITS | mirrored, at))
     }
 
-    /// The triangles of an instance at rest, about a centre. Of one that bends all are there: what is a point, or in one place
-    /// with another, need not stay so.
+    /// The triangles of an instance at rest, about a centre. For a deformed mesh all are kept: degenerate or coinciding
+    /// triangles need not stay so.
     fn in_model(&self, i: usize, bends: bool, centre: Vec3) -> Vec<Triangle> {
         let all = self.triangles(i, RAY_MODEL << RAY_KIND_BITS, |p| p - centre);
         if bends { all } else { without_twins(all) }
     }
 
-    /// All triangles of an instance; `what` stands for the instance.
+    /// All triangles of an instance; `what` is the instance's bits.
     fn triangles(&self, i: usize, what: u32, place: impl Fn(Vec3) -> Vec3) -> Vec<Triangle> {
         let mesh = &self.scene.meshes[self.scene.instances[i].mesh];
         let mut all: Vec<Triangle> = Vec::with_capacity(mesh.triangle_count());
@@ -352,8 +352,8 @@ impl Placed<'_> {
     }
 }
 
-/// Of two sides of a surface the first; without what is no larger than a point, which no ray meets: very many points in one
-/// place make a hierarchy as deep as they are many.
+/// Keeps only the first side of two-sided surfaces, and drops triangles that are points, which no ray can hit. Many
+/// points in one place would also make a BVH as deep as their number.
 fn without_twins(mut all: Vec<Triangle>) -> Vec<Triangle> {
     let mut seen = HashSet::new();
     all.retain(|t| {
@@ -368,12 +368,12 @@ fn without_twins(mut all: Vec<Triangle>) -> Vec<Triangle> {
     all
 }
 
-/// How each texture of each material is looked up, and the texels.
+/// Lookup parameters of all textures of all materials, and their texels.
 fn hit_textures(scene: &Scene) -> (Vec<HitTexture>, Vec<u32>) {
     let cut = scene.materials.iter().filter(|m| m.alpha_cutoff.is_some());
     let cut: HashSet<usize> = cut.filter_map(|m| Some(m.base_color_texture?.image)).collect();
     let most = |image: usize| if cut.contains(&image) { MOST_CUT } else { MOST_TEXELS };
-    // What is seen through or lies over a surface is so in pictures alone.
+    // Normal maps, transmission, coats and sheen matter only in pictures.
     let of_pictures = |which: u32| which == TEXTURE_NORMAL || which >= TEXTURE_TRANSMISSION;
     let used = |m| {
         let all = textures::used(m).map(|(texture, holds)| (texture, holds == textures::Holds::Colors));
@@ -411,12 +411,12 @@ fn hit_textures(scene: &Scene) -> (Vec<HitTexture>, Vec<u32>) {
     (out, texels)
 }
 
-/// Levels of an image that are left out where a side has `most` texels.
+/// Number of levels that are dropped so that no side exceeds `most` texels.
 fn left_out(image: &Image, most: u32) -> u32 {
     (0..32).find(|level| image.width.max(image.height) >> level <= most).unwrap_or(0)
 }
 
-/// RGBA8 texels of the levels that are kept; of colours the square roots of linear values.
+/// RGBA8 texels of the kept levels. Colours are stored as square roots of linear values.
 fn page(image: &Image, most: u32, srgb: bool) -> Vec<u32> {
     let levels = mip_chain(&image.rgba, image.width, image.height, srgb);
     let root = |c: usize| (linear_from_srgb(c as u8).sqrt() * 255.0 + 0.5) as u8;

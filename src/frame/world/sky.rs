@@ -1,4 +1,4 @@
-//! A sky on the device: as it is seen, and as surfaces receive it.
+//! A sky on the device: as a visible background and as light on surfaces.
 
 use crate::error::Result;
 use crate::gpu::{Buffer, Gpu};
@@ -8,9 +8,9 @@ use crate::shared::{DIRECTION_SIDE, DIRECTIONS, SkyLevel};
 use glam::{DVec2, DVec3, Vec3};
 use std::f64::consts::PI;
 
-/// A sky that is seen.
+/// A sky as visible background.
 pub struct SkyBuffer {
-    /// Radiances, row by row.
+    /// Radiance, row by row.
     pub texels: Buffer,
     pub(in crate::frame) width: u32,
     pub(in crate::frame) height: u32,
@@ -21,33 +21,35 @@ impl SkyBuffer {
     /// Uploads a sky.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, sky: &Sky) -> Result<Self> {
         let texels = gpu.buffer_from("scene.sky", &sky.texels)?;
         Ok(Self { texels, width: sky.width, height: sky.height, turn: sky.turn as f32 })
     }
 }
 
-/// A sky that lights surfaces, as grids: irradiance by normal, the sky itself, and what ever wider lobes take of it.
+/// A sky that lights surfaces, as grids: irradiance by normal, the sky itself, and the sky filtered by increasingly
+/// wide lobes.
 pub struct SkyLight {
-    /// Where each grid is.
+    /// Location of each grid.
     pub levels: Buffer,
-    /// Texels of all.
+    /// Texels of all grids.
     pub texels: Buffer,
-    /// Mean radiance [cd/m^2] of each of the directions that short rays ask for; a little where there is none, since it weighs.
+    /// Mean radiance for each direction of short rays [cd/m^2]. It is slightly above 0 everywhere, since it serves as a
+    /// weight.
     pub directions: Buffer,
-    /// Part of the light that comes from all around, below which a cache's own share of it says nothing \[lx\].
+    /// Irradiance below which a cache's own share has no meaning, a small part of the mean illuminance \[lx\].
     pub(in crate::frame) least: f32,
 }
 
-/// Most columns of the sky itself, as mirrors show it.
+/// Maximum number of columns of the sky itself, as mirrors show it.
 const MOST_COLUMNS: u32 = 2048;
 
 impl SkyLight {
-    /// Works out the grids, and uploads them.
+    /// Computes the grids and uploads them.
     ///
     /// # Errors
-    /// What the device has no memory for.
+    /// Fails if the device runs out of memory.
     pub fn new(gpu: &Gpu, sky: &Sky) -> Result<Self> {
         let mut grids = vec![sky_filter::irradiance(sky), sky_filter::halved(sky, MOST_COLUMNS)];
         grids.extend(sky_filter::lobes(sky));
@@ -66,8 +68,8 @@ impl SkyLight {
     }
 }
 
-/// The mean radiance of each direction: of this many points along both sides of its square of the octahedron
-/// (glsl/lib/directions.glsl), of a sky of texels as wide as they are apart.
+/// The mean radiance of each direction, over `POINTS` points along both sides of its square of the octahedron
+/// (glsl/lib/directions.glsl). The sky is reduced so that its texels are as wide as the points are apart.
 fn by_directions(sky: &Sky) -> Vec<Vec3> {
     const POINTS: usize = 4;
     let (grid, side) = (sky_filter::halved(sky, 128), DIRECTION_SIDE as usize);

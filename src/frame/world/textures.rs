@@ -10,7 +10,7 @@ use glam::{Vec3, Vec4};
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
-/// A material for shaders.
+/// A material in the form that shaders use.
 pub(super) fn material(m: &Material) -> shared::Material {
     shared::Material {
         base_color: m.base_color,
@@ -36,7 +36,7 @@ pub(super) fn material(m: &Material) -> shared::Material {
     }
 }
 
-/// What a texture holds.
+/// Content of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Holds {
     Numbers,
@@ -45,7 +45,7 @@ pub(super) enum Holds {
     Normals,
 }
 
-/// Textures of a material in the order of the shaders, and what they hold.
+/// Textures of a material in the order of the shaders, and their contents.
 pub(super) fn used(m: &Material) -> [(Option<Texture>, Holds); TEXTURE_COUNT as usize] {
     use Holds::{Colors, Normals, Numbers};
     [
@@ -64,7 +64,7 @@ pub(super) fn used(m: &Material) -> [(Option<Texture>, Holds); TEXTURE_COUNT as 
     ]
 }
 
-/// How the textures of a material are looked up, for shaders.
+/// Lookup parameters of a material's textures, for shaders.
 pub(super) fn slots(m: &Material) -> [TextureSlot; TEXTURE_COUNT as usize] {
     used(m).map(|(texture, _)| {
         texture.map_or_else(TextureSlot::default, |t| TextureSlot {
@@ -76,11 +76,11 @@ pub(super) fn slots(m: &Material) -> [TextureSlot; TEXTURE_COUNT as usize] {
     })
 }
 
-/// Kinds of materials that have pipelines of their own, at most.
+/// Maximum number of kinds of materials with their own pipelines.
 const MOST_KINDS: usize = 16;
 
-/// The kinds of the materials that a scene uses, for shaders, and for each material which of them it is. What exceeds the bound
-/// is drawn as one kind.
+/// The kinds of the materials that a scene uses, for shaders, and the index of each material's kind. Kinds beyond the
+/// maximum are drawn as one.
 pub(super) fn kinds(scene: &Scene) -> (Vec<u32>, Vec<usize>) {
     let kind = |m: &Material| {
         let textures = used(m).map(|(texture, _)| u32::from(texture.is_some()));
@@ -107,7 +107,7 @@ pub(super) fn kinds(scene: &Scene) -> (Vec<u32>, Vec<usize>) {
 /// Image and sampler of each texture of each material.
 pub(super) type MaterialTextures = Vec<[(usize, SamplerKind); TEXTURE_COUNT as usize]>;
 
-/// Uploads each image once for each thing it holds; image 0 is one white texel for what a material lacks.
+/// Uploads each image once per kind of content. Image 0 is one white texel, for missing textures.
 pub(super) fn upload_textures(gpu: &Gpu, scene: &Scene) -> Result<(Vec<Image>, MaterialTextures)> {
     let mut wanted: BTreeMap<(usize, Holds), usize> = BTreeMap::new();
     for (texture, holds) in scene.materials.iter().flat_map(used) {

@@ -1,5 +1,6 @@
-//! What may differ from frame to frame: places, poses, lights, materials. `World::update` compares it with what the
-//! device has, the next frame copies what is new, and revisions tell the stages whose inputs are as they were.
+//! Everything that may change from frame to frame: transforms, poses, lights, materials. `World::update` compares it
+//! with the device's state, and the next frame copies the differences. Revisions tell the stages which inputs have
+//! changed.
 
 use super::lights::{self, LightInfo};
 use super::{AreaLight, SkyBuffer, SkyLight, World, albedo, textures};
@@ -14,10 +15,10 @@ use crate::shared::{self, Joint, LightView, RIGID, TEXTURE_COUNT, TextureSlot};
 use glam::{DMat3, DMat4, DVec3, Mat4};
 use std::cell::OnceCell;
 
-/// Which content there is.
+/// Revisions of the contents.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(in crate::frame) struct Revisions {
-    /// Places, poses and materials.
+    /// Transforms, poses and materials.
     pub(in crate::frame) surfaces: u64,
     /// Each light.
     pub(in crate::frame) lights: Vec<u64>,
@@ -31,7 +32,7 @@ impl Revisions {
     }
 }
 
-/// What is to be copied to the device.
+/// Data to be copied to the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct PendingCopies {
     instances: bool,
@@ -44,21 +45,21 @@ pub(super) struct PendingCopies {
 }
 
 impl PendingCopies {
-    /// Of a scene that was just uploaded: poses alone are not.
+    /// For a newly uploaded scene, in which only poses are missing.
     pub(super) fn new(bends: bool) -> Self {
         Self { poses: bends, ..Self::default() }
     }
 
-    /// Also of poses, where something `bends`.
+    /// Adds the poses if any mesh is deformed (`bends`).
     pub(super) fn with_poses(self, bends: bool) -> Self {
         Self { poses: self.poses || bends, ..self }
     }
 }
 
-/// What of an instance stays, however it moves.
+/// Data of an instance that does not change when it moves.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct InstanceLayout {
-    /// The map that its caches were placed under.
+    /// The transform under which its caches were placed.
     pub(super) linear: DMat3,
     /// First of its mesh's indices among all.
     pub(super) first_index: u32,
@@ -66,13 +67,13 @@ pub(super) struct InstanceLayout {
     pub(super) first_vertex: u32,
     /// First of the vertices that are drawn.
     pub(super) drawn_vertex: u32,
-    /// Joints and morph targets of its poses.
+    /// Number of joints and morph targets.
     pub(super) pose_sizes: (u32, u32),
-    /// Whether it has parts that emit.
+    /// Whether it has emissive parts.
     pub(super) emits: bool,
 }
 
-/// What of a scene must stay: what drawing it depends on besides what moves.
+/// Parts of a scene that must stay the same, since drawing depends on them.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Structure {
     /// Mesh of each instance.
@@ -82,15 +83,15 @@ pub(super) struct Structure {
 
 #[derive(Clone, Debug, PartialEq)]
 struct MaterialStructure {
-    /// Whether it has holes.
+    /// Whether it has an alpha mask.
     masked: bool,
-    /// Whether what lies behind shows.
+    /// Whether it is transparent.
     seen_through: bool,
-    /// Whether a coat or sheen lies over it.
+    /// Whether it has a coat or sheen.
     coated: bool,
-    /// What fills it.
+    /// Its scattering medium.
     inside: Option<Subsurface>,
-    /// Whether it may shine.
+    /// Whether it may emit.
     emits: bool,
     textures: [Option<(usize, Sampler)>; TEXTURE_COUNT as usize],
 }
@@ -122,7 +123,7 @@ impl Structure {
         self.meshes.iter().copied().eq(scene.instances.iter().map(|instance| instance.mesh))
     }
 
-    /// Whether its materials have the same textures, holes and insides, and the same of them may shine.
+    /// Whether a scene's materials have the same textures, alpha masks and media, and the same ones may emit.
     fn has_materials_of(&self, scene: &Scene) -> bool {
         scene.materials.len() == self.materials.len()
             && (scene.materials.iter().enumerate().zip(&self.materials))
@@ -130,7 +131,7 @@ impl Structure {
     }
 }
 
-/// The host's copy.
+/// The host's copy of the state.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Dynamic {
     pub(super) instances: Vec<shared::Instance>,
@@ -146,7 +147,7 @@ pub(super) struct Dynamic {
 }
 
 impl Dynamic {
-    /// Fills in how a scene's surfaces stand around `origin` \[m\]; `layouts` is what of each instance stays.
+    /// Sets the state of a scene's surfaces, relative to `origin`. `layouts` holds the constant data of each instance.
     pub(super) fn fill_surfaces(&mut self, scene: &Scene, origin: DVec3, layouts: &[InstanceLayout]) {
         self.instances.clear();
         self.mirrored.clear();
@@ -163,7 +164,7 @@ impl Dynamic {
         self.slots.extend(scene.materials.iter().flat_map(textures::slots));
     }
 
-    /// Fills in how its lights stand around `origin` with half extent `half` \[m\].
+    /// Sets the state of its lights, relative to `origin`, for a scene with half extent `half` \[m\].
     pub(super) fn fill_lights(&mut self, scene: &Scene, areas: &[AreaLight], origin: DVec3, half: DVec3) {
         let grows = |i| scene.animates(&[Quantity::Cone], i);
         (self.infos, self.lights, self.views) = lights::prepare_with(&scene.lights, areas, origin, half, grows);
@@ -187,7 +188,7 @@ impl Dynamic {
             world_from_model: DMat4::from(now).as_mat4(),
             growth: if growth.is_finite() { growth as f32 } else { 1.0 },
             world_from_normal: Mat4::from_mat3(normals.as_mat3()),
-            // On a mesh that bends areas are those of posed triangles.
+            // Areas on deformed meshes come from the posed triangles.
             area_scale: match (instance.hidden, layout.first_vertex) {
                 (true, _) => 0.0,
                 (false, RIGID) => (size / placed_size) as f32,
@@ -212,7 +213,7 @@ impl Dynamic {
     }
 }
 
-/// Largest factor by which a linear map makes a vector longer: by repeated squaring of what it does to lengths.
+/// Largest factor by which a linear map stretches a vector, by power iteration on the squared map.
 fn largest_stretch(map: DMat3) -> f64 {
     let mut v = DVec3::new(1.0, 1.1, 1.2).normalize();
     let lengths = map.transpose() * map;
@@ -222,8 +223,8 @@ fn largest_stretch(map: DMat3) -> f64 {
     (map * v).length()
 }
 
-/// The inverse transpose of a linear map up to a factor, and that factor [squares of the map's unit]: cofactors, so that flat
-/// ones are no special case, divided by the largest of them.
+/// The inverse transpose of a linear map up to a factor, and that factor [square of the map's unit]. It uses cofactors,
+/// divided by the largest of them, so that flat maps need no special case.
 pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
     let cofactors = DMat3::from_cols(
         linear.y_axis.cross(linear.z_axis),
@@ -235,17 +236,23 @@ pub(super) fn normal_matrix(linear: DMat3) -> (DMat3, f64) {
 }
 
 impl World {
-    /// Takes over how the scene is now; frames recorded from now on show it. Places, poses, lights' values and materials'
-    /// numbers cost what has changed of them; where rays are traced, and `Scene::may_move` does not say that an instance may move,
-    /// its first move builds their hierarchies anew. More, fewer or other kinds of lights make the lights' buffers anew, other
-    /// textures, holes or lobes the whole world; lights and pictures of it then have to be fitted (`Light::fit`). The
-    /// scene's middle and bounds stay those of the upload.
+    /// Takes over the current state of the scene. Frames recorded from now on show it. The cost depends on the changes:
+    ///
+    /// - Transforms, poses, light values and material values: each kind that has changed is copied.
+    /// - With ray tracing, the first move of an instance rebuilds the BVHs, unless `Scene::may_move` has announced it.
+    /// - Another number or other kinds of lights recreate the lights' buffers; fit lights and pictures afterwards
+    ///   (`Light::fit`).
+    /// - Other textures, alpha masks or lobes recreate the whole world; fit afterwards as well.
+    ///
+    /// The scene's centre and bounds stay those of the upload.
     ///
     /// # Errors
-    /// Other models or instances than were uploaded: these need caches, so they need a new world.
+    /// Fails if models or instances differ from the uploaded ones: they need other caches and therefore a new world.
     pub fn update(&mut self, gpu: &Gpu, scene: &Scene) -> Result<()> {
         if !self.structure.has_models_of(scene) {
-            return Err(Error::Nothing("the scene has other models than were uploaded: bake and load it anew".into()));
+            return Err(Error::Nothing(
+                "the scene's models differ from the uploaded ones: bake and load it again".into(),
+            ));
         }
         let Features { areas, emits, rays, .. } = self.features;
         let features = Features { rays, ..Features::new(scene, areas, emits) };
@@ -273,7 +280,7 @@ impl World {
             if let Some(rays) = self.rays.get() {
                 let moves: Vec<bool> = rays.moves().iter().enumerate().map(|(i, moves)| *moves || moved(i)).collect();
                 if moves != rays.moves() {
-                    // Something moves for the first time. From now on it may.
+                    // This is the first move of an instance. From now on it is treated as movable.
                     let made = self.rays_of(gpu, scene, &now, moves)?;
                     if made.constants(gpu) != rays.constants(gpu) {
                         self.layout = new_revision();
@@ -311,7 +318,7 @@ impl World {
                 self.revisions.lights[i] = new_revision();
             }
         }
-        // Another sky has other lights that stand for it.
+        // A change of the sky changes the lights that represent it.
         let differs = |(now, info): (usize, &LightInfo)| info.of_sky && self.revisions.lights[now] > before;
         if now.infos.iter().enumerate().any(differs) {
             self.sky = scene.behind().map(|sky| SkyBuffer::new(gpu, &sky)).transpose()?;
@@ -334,13 +341,13 @@ impl World {
         Ok(())
     }
 
-    /// Instance and material of a draw, counted from 1, as the G-buffer's elements name it.
+    /// Instance and material of a draw, counted from 1 as in the G-buffer's elements.
     pub fn drawn(&self, draw: u32) -> Option<(usize, usize)> {
         let item = self.draws.get((draw as usize).checked_sub(1)?)?;
         Some((item.instance as usize, item.material as usize))
     }
 
-    /// Records the copies of what is new; says whether poses are.
+    /// Records the copies of all changes. Returns whether poses changed.
     pub(in crate::frame) fn record_changes(&self, cmd: &Cmd<'_>) -> bool {
         let pending = self.pending.take();
         let poses = pending.poses;
