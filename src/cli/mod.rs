@@ -500,7 +500,7 @@ fn gltf_in(path: &Path) -> Result<PathBuf> {
     files.sort();
     match files.into_iter().next() {
         Some(file) => Ok(file),
-        None => bail!("{}: the folder holds no .gltf or .glb file", path.display()),
+        None => bail!("{}: the folder contains no .gltf or .glb file", path.display()),
     }
 }
 

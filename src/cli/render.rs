@@ -351,7 +351,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let at_vertices = match (args.gi, args.interp) {
         // The path tracer does not interpolate, so it needs no small triangles.
         (GiArg::PathTrace, _) => false,
-        // Pixels do not interpolate over triangles. Bounces after the first do: caches find reflected light by vertices.
+        // Interpolation at pixels needs no small triangles. But the albedos of caches, which further bounces use, are averaged
+        // from the triangles of the vertices.
         (GiArg::Lightskin, Some(InterpArg::Texel))
             if args.bounces.is_none_or(|n| n <= 1) && args.caches.max_edge.is_none() =>
         {
