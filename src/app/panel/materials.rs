@@ -33,7 +33,7 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         let help = format!("Roughness from 0, a mirror, to 1, matt.{map}{of_lobe}");
         let slider = |ui: &mut Ui, value: &mut f32| ui.add_enabled(!own, Slider::new(value, 0.0..=1.0).max_decimals(2));
         changed |= row(ui, "Roughness", &help, |ui| slider(ui, &mut material.roughness)).changed();
-        let help = format!("0 is a dielectric, 1 a metal.{map}{of_lobe}");
+        let help = format!("From 0, a dielectric, to 1, a metal.{map}{of_lobe}");
         changed |= row(ui, "Metallic", &help, |ui| slider(ui, &mut material.metallic)).changed();
         let help = format!(
             "Light that the surface emits: colour and radiance in cd/m\u{b2}.{} When a surface starts or stops emitting, the whole \
