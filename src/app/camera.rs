@@ -94,8 +94,8 @@ impl Free {
         DMat3::from_cols(right, backward.cross(right), backward)
     }
 
-    /// Moves sideways, so that a point at the target's distance stays under the pointer. `by` is the movement of the pointer in
-    /// heights of the picture.
+    /// Moves sideways, so that a point at the target's distance stays under the pointer. `by` is the movement of the
+    /// pointer in heights of the picture.
     pub(super) fn pan(&mut self, by: Vec2) {
         let height = 2.0 * self.distance() * (0.5 * f64::from(self.fov).to_radians()).tan();
         self.shift(self.axes() * DVec3::new(-f64::from(by.x) * height, f64::from(by.y) * height, 0.0));
@@ -123,8 +123,8 @@ impl Free {
     }
 }
 
-/// The point of the scene, relative to its origin, at a position in the picture; x and y are from 0 at the top left to 1. `depth`
-/// is the depth in the G-buffer there. `None` if there is no surface.
+/// The point of the scene, relative to its origin, at a position in the picture; x and y are from 0 at the top left to
+/// 1. `depth` is the depth in the G-buffer there. `None` if there is no surface.
 pub(super) fn point_at(view: &View, [x, y]: [f32; 2], depth: f32) -> Option<DVec3> {
     let clip = Vec4::new(2.0 * x - 1.0, 2.0 * y - 1.0, depth, 1.0);
     let world = view.world_from_clip * clip;

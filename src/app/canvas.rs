@@ -53,8 +53,8 @@ impl Shown {
         (Self::Broken, "broken values"),
     ];
 
-    /// The images whose sum is shown, and how to show it: a `LAYER_*`. `None` for the picture itself, and if the picture lacks
-    /// the layer.
+    /// The images whose sum is shown, and how to show it: a `LAYER_*`. `None` for the picture itself, and if the
+    /// picture lacks the layer.
     fn layers(self, picture: &Picture) -> Option<(Vec<&Image>, u32)> {
         let (surface, indirect) = (&picture.surface, picture.indirect.as_ref());
         let [diffuse, glossy] = [indirect.map(|i| &i.diffuse), indirect.and_then(|i| i.glossy.as_ref())];
@@ -241,7 +241,8 @@ impl Canvas {
             cmd.barrier(Use::CopyWrite, Use::ColorWrite);
             canvas = Attach::keep(&self.image);
         }
-        // Layers need no barrier: the composite also reads them in fragment shaders, or they come from an earlier frame.
+        // Layers need no barrier: the composite also reads them in fragment shaders, or they come from an earlier
+        // frame.
         cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |draw| {
             if let Some(scenery) = scenery {
                 if let Some((layers, how)) = scenery.shown.layers(scenery.picture) {

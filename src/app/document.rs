@@ -193,8 +193,8 @@ impl Document {
         self.job.as_ref().map(|job| job.progress.get())
     }
 
-    /// Takes over the result of a finished job. Returns whether a job had finished. Never waits. If a scene does not load, the old
-    /// one stays.
+    /// Takes over the result of a finished job. Returns whether a job had finished. Never waits. If a scene does not
+    /// load, the old one stays.
     ///
     /// # Errors
     /// If the first scene does not load, because there is nothing to show.
@@ -300,8 +300,8 @@ impl Document {
         self.engine.as_ref().map_or(1.0, |engine| engine.world().radius)
     }
 
-    /// The free camera. If a camera of the scene is active, a free camera at its place becomes active, with a target at `distance`
-    /// [m], or at the radius of the scene without one.
+    /// The free camera. If a camera of the scene is active, a free camera at its place becomes active, with a target at
+    /// `distance` [m], or at the radius of the scene without one.
     pub(super) fn free(&mut self, distance: impl FnOnce(&Self) -> Option<f64>) -> Option<&mut Free> {
         if let Seen::OfScene(_) = self.seen {
             let distance = distance(self).unwrap_or_else(|| self.radius());
@@ -376,7 +376,8 @@ impl Document {
         });
     }
 
-    /// Adapts light and picture to the requested settings and size. Settings that the device cannot handle are logged and reverted.
+    /// Adapts light and picture to the requested settings and size. Settings that the device cannot handle are logged
+    /// and reverted.
     pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<()> {
         let Some(engine) = &mut self.engine else { return Ok(()) };
         if size.contains(&0) {

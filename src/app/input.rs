@@ -108,8 +108,8 @@ impl Input {
         *code == KeyCode::Tab || (*code == KeyCode::Space && !panels.text_edit_focused())
     }
 
-    /// The actions that an event requests. `place` is the corner and size of the picture [pixels]; `taken` means that a panel has
-    /// used the event.
+    /// The actions that an event requests. `place` is the corner and size of the picture [pixels]; `taken` means that a
+    /// panel has used the event.
     pub(super) fn take(
         &mut self,
         event: &WindowEvent,

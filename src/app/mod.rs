@@ -1,5 +1,5 @@
-//! The window of `lightskin view`: it handles events and shows frames. The library renders the picture; no code here computes
-//! light.
+//! The window of `lightskin view`: it handles events and shows frames. The library renders the picture; no code here
+//! computes light.
 
 mod background;
 mod camera;

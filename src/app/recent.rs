@@ -6,14 +6,15 @@ use std::path::{Path, PathBuf};
 /// Maximum number of scenes in the list.
 const MOST: usize = 10;
 
-/// Path of the list: `lightskin/recent` under `$XDG_STATE_HOME`, or else under `$HOME/.local/state`. `None` if neither is set.
+/// Path of the list: `lightskin/recent` under `$XDG_STATE_HOME`, or else under `$HOME/.local/state`. `None` if neither
+/// is set.
 fn file() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let states = set("XDG_STATE_HOME").or_else(|| set("HOME").map(|home| home.join(".local/state")));
     states.map(|folder| folder.join("lightskin/recent"))
 }
 
-/// Whether the window is opened for the first time. Later calls return false.
+/// Whether the window is opened for the first time. Creates a marker file, so that later calls return false.
 pub(super) fn is_first() -> bool {
     let Some(path) = file().map(|file| file.with_file_name("seen")) else { return false };
     let first = !path.exists();

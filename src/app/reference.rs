@@ -1,5 +1,5 @@
-//! Sources of references: the path tracer in the background, first coarse, then pass after pass; and brute force on the device, a
-//! few rows per frame.
+//! Sources of references: the path tracer in the background, first coarse, then pass after pass; and brute force on the
+//! device, a few rows per frame.
 
 use super::background::{Rest, alone};
 use super::compare::{Now, radiance};

@@ -273,7 +273,8 @@ impl Open {
         self.writing.iter().filter(|(_, thread)| !thread.is_finished()).count() < MOST_WRITTEN
     }
 
-    /// Writes the picture to a file: reads it back here and encodes it on a thread. With `tells`, prints the name of the file.
+    /// Writes the picture to a file: reads it back here and encodes it on a thread. With `tells`, prints the name of
+    /// the file.
     fn write(&mut self, path: PathBuf, tells: bool) -> Result<()> {
         self.writing.retain(|(_, thread)| !thread.is_finished());
         let (Some(picture), Some(scene)) = (&self.document.picture, self.document.scene()) else { return Ok(()) };
@@ -494,8 +495,8 @@ impl Open {
     }
 }
 
-/// Logs how long input was held up, and how much of this time was spent in the frame itself and, before it, on creating scenes,
-/// pipelines and images.
+/// Logs how long input was held up, and how much of this time was spent in the frame itself and, before it, on creating
+/// scenes, pipelines and images.
 fn note(what: &str, held: Duration, [in_frame, making]: [Duration; 2]) {
     let [held, in_frame, making] = [held, in_frame, making].map(|time| time.as_secs_f64() * 1e3);
     log::debug!("{what} held input for {held:.1} ms, {in_frame:.1} ms of them in the frame, {making:.1} ms before it");

@@ -58,8 +58,8 @@ pub(crate) fn parts(text: &str) -> Result<([DVec3; 3], f32)> {
     Ok(([eye, target, up], fov))
 }
 
-/// A camera at `eye` that looks at `target`; `fov` is the vertical field of view [degrees]. `None` if eye and target coincide, or
-/// if `up` is parallel to the view direction.
+/// A camera at `eye` that looks at `target`; `fov` is the vertical field of view [degrees]. `None` if eye and target
+/// coincide, or if `up` is parallel to the view direction.
 pub(crate) fn look_at(eye: DVec3, target: DVec3, up: DVec3, fov: f32) -> Option<Camera> {
     let backward = (eye - target).normalize_or_zero();
     let right = up.cross(backward).normalize_or_zero();

@@ -22,8 +22,8 @@ pub(super) enum Config {
 /// Flags that cannot be settings, because they belong to a single run or conflict with another flag.
 const LEFT_OUT: [&str; 7] = ["help", "version", "against", "camera", "ev", "sky-color", "spacing"];
 
-/// Path of the settings file: `lightskin/settings.toml` under `$XDG_CONFIG_HOME`, or else under `$HOME/.config` (Windows:
-/// `%APPDATA%`). `None` if neither is set.
+/// Path of the settings file: `lightskin/settings.toml` under `$XDG_CONFIG_HOME`, or else under `$HOME/.config`
+/// (Windows: `%APPDATA%`). `None` if neither is set.
 fn file() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let usual = || if cfg!(windows) { set("APPDATA") } else { set("HOME").map(|home| home.join(".config")) };

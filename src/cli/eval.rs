@@ -43,7 +43,8 @@ pub(super) struct Eval {
     /// Largest angle between a surface normal and the normal of its cache [degrees].
     #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
-    /// Subdivide triangles until no edge is longer than this [m]; 0 subdivides none [default: a quarter of the cache spacing].
+    /// Subdivide triangles until no edge is longer than this [m]; 0 subdivides none [default: a quarter of the cache
+    /// spacing].
     #[arg(long, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
     #[command(flatten)]

@@ -26,12 +26,14 @@ pub(super) struct GatherArgs {
 /// Flags for clusters of virtual lights.
 #[derive(Args)]
 pub(super) struct ClusterArgs {
-    /// Light a cache by a whole cluster of virtual lights if the cluster is more than C of its radii away [default: off].
+    /// Light a cache by a whole cluster of virtual lights if the cluster is more than C of its radii away [default:
+    /// off].
     ///
     /// A larger C is more accurate and slower. 8 is a good start (docs/clustering.md).
     #[arg(long, hide_short_help = true, help_heading = "Variants of the method", value_name = "C", allow_hyphen_values = true, value_parser = super::positive)]
     pub(super) cluster: Option<f64>,
-    /// Light a cache by a whole cluster if the error is at most the fraction P of the cache's light, like 0.01 [default: off].
+    /// Light a cache by a whole cluster if the error is at most the fraction P of the cache's light, like 0.01
+    /// [default: off].
     #[arg(long, hide_short_help = true, help_heading = "Variants of the method", value_name = "P", allow_hyphen_values = true, value_parser = super::at_least_zero, conflicts_with = "cluster")]
     pub(super) cluster_error: Option<f64>,
 }

@@ -1,4 +1,5 @@
-//! `lightskin info`: the contents of a scene, the stages of its frame, their memory, and the cost of the quality levels.
+//! `lightskin info`: the contents of a scene, the stages of its frame, their memory, and the cost of the quality
+//! levels.
 
 use super::gather::ClusterArgs;
 use super::words::{ShadowsArg, light_shadows_word};

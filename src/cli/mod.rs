@@ -77,9 +77,9 @@ pub(crate) struct Cli {
 enum Command {
     /// Open a glTF scene in a window and edit its light.
     ///
-    /// The panels on the right change light, quality and camera. Hover over a control to read what it does and what it costs.
-    /// Drag with the left button to orbit, use the wheel to zoom and W A S D E Q to fly. F1 lists all keys. `lightskin SCENE` is
-    /// short for `lightskin view SCENE`.
+    /// The panels on the right change light, quality and camera. Hover over a control to read what it does and what it
+    /// costs. Drag with the left button to orbit, use the wheel to zoom and W A S D E Q to fly. F1 lists all keys.
+    /// `lightskin SCENE` is short for `lightskin view SCENE`.
     #[cfg(feature = "app")]
     View(Box<view::View>),
     /// Render a glTF scene to a PNG or OpenEXR file.
@@ -88,16 +88,18 @@ enum Command {
     Bake(bake::Bake),
     /// Print the errors of an image against a reference image.
     ///
-    /// Errors of the linear values: mean absolute error (mae), mean absolute relative error (mare), root mean square error
-    /// (rmse), relative mean square error (relmse), relmse without the worst 1 % of pixels (trimmed), the median relative error
-    /// of luminance (median-relative), the relative error of the mean (bias), and psnr against the reference's largest value.
+    /// Errors of the linear values: mean absolute error (mae), mean absolute relative error (mare), root mean square
+    /// error (rmse), relative mean square error (relmse), relmse without the worst 1 % of pixels (trimmed), the median
+    /// relative error of luminance (median-relative), the relative error of the mean (bias), and psnr against the
+    /// reference's largest value.
     ///
-    /// Perceptual errors: ssim (11 x 11 Gaussian, sigma 1.5, of the sRGB luminance), and flip with its weighted quartiles.
+    /// Perceptual errors: ssim (11 x 11 Gaussian, sigma 1.5, of the sRGB luminance), and flip with its weighted
+    /// quartiles.
     ///
-    /// Two PNG files are compared as they are displayed. If either file is EXR, the values are radiance. For ssim, the exposure
-    /// then maps the log-average luminance of the reference to middle grey, and brighter values clip. flip is then HDR-FLIP:
-    /// the largest flip of each pixel over a range of exposures, from one that shows the reference's largest luminance to one
-    /// that shows its median.
+    /// Two PNG files are compared as they are displayed. If either file is EXR, the values are radiance. For ssim, the
+    /// exposure then maps the log-average luminance of the reference to middle grey, and brighter values clip. flip is
+    /// then HDR-FLIP: the largest flip of each pixel over a range of exposures, from one that shows the reference's
+    /// largest luminance to one that shows its median.
     Compare(compare::Compare),
     /// Measure speed against error and write a report with a curve for every setting.
     #[cfg(feature = "lab")]
@@ -175,8 +177,8 @@ pub(crate) fn arguments() -> Vec<OsString> {
     all
 }
 
-/// The grammar of the command line. A negative number after a flag is read as that flag's value, so that an error message says
-/// which values the flag accepts.
+/// The grammar of the command line. A negative number after a flag is read as that flag's value, so that an error
+/// message says which values the flag accepts.
 fn grammar() -> clap::Command {
     fn with_negative_values(command: clap::Command) -> clap::Command {
         let command = command.mut_args(|arg| {
@@ -223,7 +225,8 @@ struct CacheArgs {
     /// `lightskin info --measure` prints the memory and frame time of each level on your device.
     #[arg(long, value_enum, default_value_t)]
     quality: QualityArg,
-    /// Approximate number of light caches, the surface points where indirect light is computed [default: 2000 at --quality high].
+    /// Approximate number of light caches, the surface points where indirect light is computed [default: 2000 at
+    /// --quality high].
     ///
     /// More caches give finer indirect light. The time grows in proportion.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
@@ -234,10 +237,12 @@ struct CacheArgs {
     /// Largest angle between a surface normal and the normal of its cache [degrees].
     #[arg(long, hide_short_help = true, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
-    /// Subdivide triangles until no edge is longer than this [m]; 0 subdivides none [default: a quarter of the cache spacing].
+    /// Subdivide triangles until no edge is longer than this [m]; 0 subdivides none [default: a quarter of the cache
+    /// spacing].
     ///
-    /// Indirect light is interpolated at vertices, so triangles must be small compared to the cache spacing. By default, a scene
-    /// that would get too many triangles is not subdivided. Its light is then interpolated at pixels (--interp texel).
+    /// Indirect light is interpolated at vertices, so triangles must be small compared to the cache spacing. By
+    /// default, a scene that would get too many triangles is not subdivided. Its light is then interpolated at pixels
+    /// (--interp texel).
     #[arg(long, hide_short_help = true, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
     /// Number of caches interpolated at each vertex [default: 8 at --quality high].
@@ -439,8 +444,8 @@ fn complete(mut scene: Scene, ground: Ground) -> Scene {
     scene
 }
 
-/// Loads a scene, or builds the showpiece without a path. `sky` is a sky to put over it and the number of directional lights
-/// that approximate that sky.
+/// Loads a scene, or builds the showpiece without a path. `sky` is a sky to put over it and the number of directional
+/// lights that approximate that sky.
 fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>, ground: Ground) -> Result<Scene> {
     let mut scene = read_scene(path, || build::showpiece(Fineness::default()))?;
     if let Some((sky, lights)) = sky {
@@ -464,7 +469,8 @@ fn load_punctual(path: Option<&Path>) -> Result<Scene> {
     Ok(complete(scene, Ground::Auto))
 }
 
-/// Loads a scene, and subdivides triangles that are large compared to the cache spacing, unless that adds too many triangles.
+/// Loads a scene, and subdivides triangles that are large compared to the cache spacing, unless that adds too many
+/// triangles.
 fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
     let mut scene = load_under(path, None, caches.ground)?;
     divide_for(&mut scene, caches, false);
@@ -478,8 +484,8 @@ fn divided(mut scene: Scene, caches: &CacheArgs) -> Scene {
     scene
 }
 
-/// Subdivides triangles that are large compared to the cache spacing. Returns whether light can be interpolated at vertices.
-/// If that would need very many triangles, none is subdivided, unless `anyway` or `--max-edge` demands it.
+/// Subdivides triangles that are large compared to the cache spacing. Returns whether light can be interpolated at
+/// vertices. If that would need very many triangles, none is subdivided, unless `anyway` or `--max-edge` demands it.
 fn divide_for(scene: &mut Scene, caches: &CacheArgs, anyway: bool) -> bool {
     let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(scene, caches.count()));
     if anyway || caches.max_edge.is_some() {

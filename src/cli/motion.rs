@@ -80,8 +80,8 @@ pub(super) fn animation_index(scene: &Scene, wanted: Option<&str>) -> Result<usi
 }
 
 impl MotionArgs {
-    /// Ends the process if the flags cannot be combined, before anything is loaded. `one` means that the method renders only one
-    /// frame. Returns the name of the first picture.
+    /// Ends the process if the flags cannot be combined, before anything is loaded. `one` means that the method renders
+    /// only one frame. Returns the name of the first picture.
     pub(super) fn check(&self, out: &Path, repeat: u32, one: bool) -> PathBuf {
         let first = self.frames.as_ref().map_or(0, |frames| frames.start);
         let numbered = numbered(out, first) != out;

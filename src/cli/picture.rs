@@ -240,8 +240,8 @@ pub(super) struct Writing {
 }
 
 impl Writing {
-    /// Writes the picture of the last frame. Returns the number of radiance values that are negative or not finite. `about` is
-    /// the description stored in an EXR file.
+    /// Writes the picture of the last frame. Returns the number of radiance values that are negative or not finite.
+    /// `about` is the description stored in an EXR file.
     pub(super) fn write(&self, gpu: &Gpu, picture: &Picture, view: &View, about: &str, out: &Path) -> Result<usize> {
         self.write_read(Read::of(gpu, picture, view, self.needs_all(out))?, about, out)
     }

@@ -42,7 +42,8 @@ pub(super) struct Render {
     scene: Option<PathBuf>,
     /// Picture file to write, .png or .exr.
     ///
-    /// .png is tone-mapped sRGB. .exr is linear float with all layers. {frame} or {frame:04} in the name becomes the frame number.
+    /// .png is tone-mapped sRGB. .exr is linear float with all layers. {frame} or {frame:04} in the name becomes the
+    /// frame number.
     #[arg(short, long, value_name = "FILE", default_value = "lightskin.png", value_parser = picture)]
     out: PathBuf,
     /// Picture size [pixels].
@@ -69,12 +70,14 @@ pub(super) struct Render {
     gi: GiArg,
     /// Number of indirect bounces [default: set by --quality; no limit with --gi path-trace].
     ///
-    /// 0 renders only direct light: lamps, emissive surfaces and the sky. Caches support up to 16 bounces, brute force one.
+    /// 0 renders only direct light: lamps, emissive surfaces and the sky. Caches support up to 16 bounces, brute force
+    /// one.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
     bounces: Option<u32>,
     #[command(flatten)]
     caches: CacheArgs,
-    /// Virtual lights per light source: N x N, the texels of its reflective shadow map [default: 128 at --quality high].
+    /// Virtual lights per light source: N x N, the texels of its reflective shadow map [default: 128 at --quality
+    /// high].
     #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: Option<u32>,
     /// Shadows of lamps and the sun: rays, or shadow maps of N x N texels [default: rays at --quality high].
@@ -233,7 +236,8 @@ impl Render {
         }
     }
 
-    /// Shadows of indirect light: as requested, or the best kind that the level, the other flags and the number of caches allow.
+    /// Shadows of indirect light: as requested, or the best kind that the level, the other flags and the number of
+    /// caches allow.
     fn shadows(&self, caches: usize) -> Shadows {
         match self.shadows {
             _ if self.gi != GiArg::Lightskin => Shadows::Off,
@@ -245,8 +249,8 @@ impl Render {
         }
     }
 
-    /// Place of interpolation: as requested, or at vertices if triangles are small enough. For interpolation at pixels, adds the
-    /// cells with which pixels look up caches.
+    /// Place of interpolation: as requested, or at vertices if triangles are small enough. For interpolation at pixels,
+    /// adds the cells with which pixels look up caches.
     fn look_up(&self, scene: &Scene, baked: &mut Baked, at_vertices: bool) -> Result<InterpArg> {
         let with_cells =
             |caches: CacheSet| caches.with_cells(scene).with_context(|| called(scene, self.scene.as_deref()));
@@ -351,8 +355,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let at_vertices = match (args.gi, args.interp) {
         // The path tracer does not interpolate, so it needs no small triangles.
         (GiArg::PathTrace, _) => false,
-        // Interpolation at pixels needs no small triangles. But the albedos of caches, which further bounces use, are averaged
-        // from the triangles of the vertices.
+        // Interpolation at pixels needs no small triangles. But the albedos of caches, which further bounces use, are
+        // averaged from the triangles of the vertices.
         (GiArg::Lightskin, Some(InterpArg::Texel))
             if args.bounces.is_none_or(|n| n <= 1) && args.caches.max_edge.is_none() =>
         {
@@ -439,7 +443,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
             picture.fit(&gpu, &world, &light, args.size)?;
             view = view_of(&seen_from, &world);
         }
-        // On software drivers each stage is submitted separately, because they attribute the times of chained passes wrongly.
+        // On software drivers each stage is submitted separately, because they attribute the times of chained passes
+        // wrongly.
         let drawn = gpu.timed_frame(|cmd| {
             record(cmd, &world, &mut light, &mut [(view, &mut picture)], &look);
             Ok(())

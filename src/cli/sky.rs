@@ -39,16 +39,17 @@ pub(super) struct SkyArgs {
     /// Radius of all lamps [m]; larger lamps cast softer shadows [default: extras.lightskin.radius of each lamp, or 0].
     #[arg(long, value_name = "M", value_parser = super::at_least_zero)]
     light_radius: Option<f64>,
-    /// Apparent diameter of all directional lights [degrees], 0.53 for the sun [default: extras.lightskin.angle of each, or 0].
+    /// Apparent diameter of all directional lights [degrees], 0.53 for the sun [default: extras.lightskin.angle of
+    /// each, or 0].
     ///
     /// Larger lights cast softer shadows. A sun that lightskin adds, or finds in --sky, has 0.53 by default.
     #[arg(long, value_name = "DEG", value_parser = super::at_least_zero)]
     sun_angle: Option<f64>,
     /// Background where there is no surface.
     ///
-    /// studio is a neutral grey. sky is the sky that lights the scene. transparent has alpha 0. R,G,B is an sRGB colour with
-    /// components from 0 to 1, for .png only. The default is studio if lightskin added the studio light, else the sky if there is
-    /// one, else black.
+    /// studio is a neutral grey. sky is the sky that lights the scene. transparent has alpha 0. R,G,B is an sRGB colour
+    /// with components from 0 to 1, for .png only. The default is studio if lightskin added the studio light, else the
+    /// sky if there is one, else black.
     #[arg(long, value_name = "studio|sky|transparent|R,G,B", value_parser = background)]
     background: Option<Background>,
 }

@@ -38,8 +38,8 @@ pub(super) struct Report<'a> {
     pub(super) light: &'a Light,
     /// Counts of the last frame.
     pub(super) counts: Counts,
-    /// Time of the uncounted first frame, in which the driver compiles its shaders [ms]. `None` if frames skip unchanged stages:
-    /// no extra frame is drawn then.
+    /// Time of the uncounted first frame, in which the driver compiles its shaders [ms]. `None` if frames skip
+    /// unchanged stages: no extra frame is drawn then.
     pub(super) first_ms: Option<f64>,
     /// Names and values of the flags that affect cost.
     pub(super) settings: Vec<(&'static str, Value)>,

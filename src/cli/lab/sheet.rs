@@ -1,5 +1,5 @@
-//! `lightskin lab sheet`: compares every scene of a folder with the path tracer. Each picture is rendered by the command `render`
-//! in a process of its own, so that a crash on one file affects only its own line.
+//! `lightskin lab sheet`: compares every scene of a folder with the path tracer. Each picture is rendered by the
+//! command `render` in a process of its own, so that a crash on one file affects only its own line.
 
 use crate::cli::{progress_bar, render};
 use anyhow::{Context, Result, bail};
@@ -116,8 +116,8 @@ impl Pictures {
     }
 }
 
-/// Runs `render`. Returns its standard output, and the lines of its standard error. If it fails, the last of these lines is the
-/// error.
+/// Runs `render`. Returns its standard output, and the lines of its standard error. If it fails, the last of these
+/// lines is the error.
 fn rendered(scene: &Path, out: &Path, args: &SheetArgs, flags: &[&str]) -> Result<(String, Vec<String>), String> {
     let program = std::env::current_exe().map_err(|error| format!("this program's own file: {error}"))?;
     let [w, h] = args.size;

@@ -104,7 +104,8 @@ fn print(found: &Sources, scene: &Scene, settings: &SourcesSettings, device: &[[
     }
 }
 
-/// The engine's own indirect light without shadows, both lobes of every pixel. The missing shadows are a row of the tables.
+/// The engine's own indirect light without shadows, both lobes of every pixel. The missing shadows are a row of the
+/// tables.
 fn device_picture(
     gpu: &Gpu,
     scene: &Scene,
