@@ -123,8 +123,8 @@ impl Free {
     }
 }
 
-/// The point of the scene, relative to its origin, at a position in the picture; x and y are from 0 at the top left to
-/// 1. `depth` is the depth in the G-buffer there. `None` if there is no surface.
+/// The point of the scene, relative to its origin, at a position in the picture. x and y go from 0 to 1, from the top
+/// left. `depth` is the depth in the G-buffer there. `None` if there is no surface.
 pub(super) fn point_at(view: &View, [x, y]: [f32; 2], depth: f32) -> Option<DVec3> {
     let clip = Vec4::new(2.0 * x - 1.0, 2.0 * y - 1.0, depth, 1.0);
     let world = view.world_from_clip * clip;

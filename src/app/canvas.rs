@@ -229,7 +229,7 @@ impl Canvas {
         Ok(())
     }
 
-    /// Records the picture, if there is one, what is over it, and the panels over both.
+    /// Records the picture, if there is one, the images that cover parts of it, and the panels over both.
     pub(super) fn record(&self, cmd: &Cmd<'_>, scenery: Option<&Scenery<'_>>) {
         let _zone = cmd.zone("window");
         let area = [0, 0, self.image.width, self.image.height];

@@ -122,7 +122,7 @@ fn enlarged(rgb: &[[f32; 3]], [small, _]: [u32; 2], [width, height]: [u32; 2], b
     (0..height).flat_map(|y| (0..width).map(move |x| at(x, y))).collect()
 }
 
-/// Longest time for which one step of brute force shall hold up the window.
+/// Target for the time that one step of brute force holds up the window.
 const PART: Duration = Duration::from_millis(40);
 
 /// An unfinished brute-force picture of the current view.

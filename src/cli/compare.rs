@@ -99,7 +99,7 @@ fn below(text: &str) -> std::result::Result<(String, f64), String> {
 fn pixels_per_degree(text: &str) -> std::result::Result<f32, String> {
     match text.parse::<f32>() {
         Ok(v) if (1.0..=1000.0).contains(&v) => Ok(v),
-        _ => Err("needs pixels from 1 to 1000".into()),
+        _ => Err("needs a number of pixels from 1 to 1000".into()),
     }
 }
 

@@ -193,7 +193,7 @@ fn say_media(scene: &Scene) {
         let smallest = scene.instances.iter().filter(is_filled).map(size).fold(f64::INFINITY, f64::min);
         if smallest.is_finite() {
             let share = 100.0 * medium.z_r / smallest;
-            say!("    {:.3} {:.3} {:.3} % of the smallest model's {smallest:.4} m", share.x, share.y, share.z);
+            say!("    {:.3} {:.3} {:.3} % of the smallest model, {smallest:.4} m", share.x, share.y, share.z);
         }
         if medium.z_r.max_element() > 0.5 * smallest {
             say!("    warning: light crosses the model with little scattering; the diffusion model is not valid");

@@ -228,7 +228,7 @@ struct CacheArgs {
     /// Approximate number of light caches, the surface points where indirect light is computed [default: 2000 at
     /// --quality high].
     ///
-    /// More caches give finer indirect light. The time grows in proportion.
+    /// More caches give finer indirect light. The time grows in proportion, or faster with shadows of indirect light.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
     caches: Option<u32>,
     /// Largest distance from a surface point to its nearest cache [m]. Replaces --caches.
@@ -423,7 +423,7 @@ fn at_least_zero(text: &str) -> std::result::Result<f64, String> {
 fn angle(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if (1.0..=90.0).contains(&v) => Ok(v),
-        _ => Err("needs degrees from 1 to 90".into()),
+        _ => Err("needs an angle from 1 to 90 degrees".into()),
     }
 }
 

@@ -78,6 +78,8 @@ pub(super) struct Render {
     caches: CacheArgs,
     /// Virtual lights per light source: N x N, the texels of its reflective shadow map [default: 128 at --quality
     /// high].
+    ///
+    /// A virtual light is a lit surface point that gives indirect light. More of them give smoother indirect light.
     #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: Option<u32>,
     /// Shadows of lamps and the sun: rays, or shadow maps of N x N texels [default: rays at --quality high].
@@ -97,6 +99,8 @@ pub(super) struct Render {
     #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum)]
     interp: Option<InterpArg>,
     /// Quantity that is interpolated between caches.
+    ///
+    /// Each cache condenses all indirect light into one diffuse and one glossy proxy light.
     #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum, default_value_t)]
     interpolation: InterpolationArg,
     /// Weight of each virtual light when the position of a proxy light is averaged.

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 /// Whether work is running that can stop cleanly on request.
 static IN_ORDER: AtomicBool = AtomicBool::new(false);
 
-/// Whether the running work shall stop.
+/// Whether the running work should stop.
 static STOP: AtomicBool = AtomicBool::new(false);
 
 /// Starts to handle signals. Signals that are already ignored, as under `nohup`, stay ignored.
