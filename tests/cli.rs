@@ -167,7 +167,7 @@ fn bake_info_devices_and_assets_print_what_they_promise() {
     let at = folder("cli-others");
     let bake = works(&at, &["bake", ATRIUM, "--caches", "100"]);
     assert!(bake.contains("every surface point has a cache within"), "{bake}");
-    assert!(works(&at, &["bake", ATRIUM, "--caches", "100"]).contains("read from the kept bake"));
+    assert!(works(&at, &["bake", ATRIUM, "--caches", "100"]).contains("read from the stored bake"));
     let info = works(&at, &["info", ATRIUM, "--caches", "100"]);
     for part in ["frame plan", " 6 gather", "atlas", "KiB", "of each cache", "directional", "spot"] {
         assert!(info.contains(part), "'{part}' is not in {info}");
@@ -359,13 +359,13 @@ fn a_path_trace_that_is_interrupted_goes_on() {
     assert_eq!(out.status.code(), Some(1), "{message}");
     let samples = message.split("stopped at ").nth(1).and_then(|rest| rest.split(' ').next());
     let samples: u32 = samples.and_then(|n| n.parse().ok()).unwrap_or_else(|| panic!("no count in: {message}"));
-    assert!(samples >= 16 && message.contains("goes on from there"), "{message}");
+    assert!(samples >= 16 && message.contains("continues from there"), "{message}");
     assert_eq!(left(&folder), [""; 0]);
 
     // All that were made are there, and a few more are added to them.
     let more = (samples + 32).to_string();
     let said = works(&folder, &[&args[..], &[&more]].concat());
-    assert!(said.contains(&format!("({samples} were kept, 32 made")), "{said}");
+    assert!(said.contains(&format!("({samples} were stored, 32 made")), "{said}");
     assert_eq!(left(&folder), ["traced.exr"]);
     let said = works(&folder, &[&args[..], &[&more, "--layer", "indirect"]].concat());
     assert!(said.contains("0 made"), "{said}");

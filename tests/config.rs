@@ -34,7 +34,7 @@ fn settings_say_where_they_come_from() {
     let pair = |value: &str, origin: &str| (value.to_owned(), origin.to_owned());
     let bare = shown(&folder, None, &[], &[]);
     assert_eq!(of(&bare, "quality"), pair("high", "default"));
-    assert!(text(&bare.stdout).contains("(not there)"));
+    assert!(text(&bare.stdout).contains("(does not exist)"));
     let file = "quality = \"low\"\ncaches = 321\nno-panels = true\n\"reference-spp\" = 64\n";
     let out =
         shown(&folder, Some(file), &[("LIGHTSKIN_CACHES", "77"), ("LIGHTSKIN_TONEMAP", "agx")], &["--tonemap", "aces"]);

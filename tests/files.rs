@@ -240,5 +240,5 @@ fn named_pipes_are_refused() {
     fs::remove_file(kept).expect("removed");
     pipe(kept);
     let out = ends(tool(&at, &bake).stdout(Stdio::piped()).spawn().expect("the tool runs"), 60);
-    assert!(out.status.success() && !text(&out.stdout).contains("kept bake"));
+    assert!(out.status.success() && !text(&out.stdout).contains("stored bake"));
 }

@@ -1,22 +1,22 @@
-//! Work beside the frames: one thread at a time, which rests while the user moves something.
+//! Background work: one thread at a time, which pauses while the user moves something.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// How long work rests after the last input.
+/// How long work pauses after the last input.
 const REST: Duration = Duration::from_millis(300);
 
-/// How long it rests at most between two steps of a bake: who moves the camera for minutes gets caches, too.
+/// Longest pause between two steps of a bake. It makes a bake finish even if the camera moves for minutes.
 const LONGEST: Duration = Duration::from_secs(2);
 
-/// Tells work when to rest. All copies are one.
+/// Controls when background work pauses. All clones share their state.
 #[derive(Clone)]
 pub(super) struct Rest {
     start: Instant,
-    /// When the last input came [ms since the start].
+    /// Time of the last input [ms since the start].
     touched: Arc<AtomicU64>,
-    /// Works that others have to wait for.
+    /// Number of running jobs with priority.
     held: Arc<AtomicU32>,
 }
 
@@ -25,7 +25,7 @@ impl Rest {
         Self { start: Instant::now(), touched: Arc::default(), held: Arc::default() }
     }
 
-    /// There was input just now.
+    /// Records that there was input.
     pub(super) fn touch(&self) {
         self.touched.store(self.start.elapsed().as_millis() as u64, Ordering::Relaxed);
     }
@@ -36,14 +36,14 @@ impl Rest {
         now.saturating_sub(self.touched.load(Ordering::Relaxed)) >= REST.as_millis() as u64
     }
 
-    /// Waits until the user rests and nothing else works that comes first, or this says to end.
+    /// Waits until there is no recent input and no job with priority runs, or until `ends` returns true.
     pub(super) fn wait(&self, ends: impl Fn() -> bool) {
         while !ends() && (!self.is_over() || self.held.load(Ordering::Relaxed) > 0) {
             std::thread::sleep(Duration::from_millis(5));
         }
     }
 
-    /// Waits until the user rests, but for a few seconds at most: there is always an end to work that was asked for.
+    /// Waits until there is no recent input, at most `LONGEST`, so that requested work always finishes.
     pub(super) fn pause(&self) {
         let start = Instant::now();
         while !self.is_over() && start.elapsed() < LONGEST {
@@ -51,7 +51,7 @@ impl Rest {
         }
     }
 
-    /// Runs work that was asked for, on this thread alone, before all that waits.
+    /// Runs requested work on one thread. It has priority over work that calls `wait`.
     pub(super) fn first<T: Send>(&self, work: impl FnOnce() -> T + Send) -> T {
         self.held.fetch_add(1, Ordering::Relaxed);
         let done = alone(work);
@@ -60,7 +60,7 @@ impl Rest {
     }
 }
 
-/// Runs work on one thread, also what of it would spread over all cores.
+/// Runs work on one thread, including parts that would otherwise use all cores.
 pub(super) fn alone<T: Send>(work: impl FnOnce() -> T + Send) -> T {
     match rayon::ThreadPoolBuilder::new().num_threads(1).build() {
         Ok(pool) => pool.install(work),

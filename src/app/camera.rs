@@ -1,4 +1,4 @@
-//! The window's camera: around a target, through the scene, or one of the scene's own.
+//! The camera of the window: a free camera with a target, or a camera of the scene.
 
 use crate::cli::camera::{look_at, parts};
 use glam::{DMat3, DVec3, Vec2, Vec4};
@@ -10,26 +10,26 @@ use lightskin::scene::{Camera, Projection};
 pub(super) struct Free {
     pub(super) eye: DVec3,
     pub(super) target: DVec3,
-    /// As the command line has it, and +Y once the camera is turned.
+    /// Up direction of the command line, or +Y once the camera has been turned.
     up: DVec3,
     /// Vertical field of view [degrees].
     pub(super) fov: f32,
 }
 
-/// Where the picture is seen from.
+/// The camera of the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Seen {
-    /// By a camera of the scene, by its index; it moves where an animation moves it.
+    /// A camera of the scene, by its index. Animations move it.
     OfScene(usize),
-    /// By the user's own.
+    /// The free camera of the user.
     Free(Free),
 }
 
-/// How near to straight up and down one can look [rad].
+/// Largest angle of the view above or below the horizon [rad].
 const STEEPEST: f64 = 89.0 * std::f64::consts::PI / 180.0;
 
 impl Free {
-    /// The camera from where a camera of the scene stands; it turns around what is so far away.
+    /// A free camera at the place of a camera of the scene, with its target at this distance [m].
     pub(super) fn of(camera: &Camera, distance: f64) -> Self {
         let eye = camera.world_from_camera.translation;
         let forward = -camera.world_from_camera.matrix3.z_axis.normalize();
@@ -40,7 +40,7 @@ impl Free {
         Self { eye, target: eye + forward * distance, up: camera.world_from_camera.matrix3.y_axis, fov }
     }
 
-    /// What `--camera` says, if it is no camera of the scene.
+    /// Parses "eye;target;up;fov". `None` for other values of `--camera`.
     pub(super) fn parse(text: &str) -> Option<Self> {
         let ([eye, target, up], fov) = parts(text).ok()?;
         Some(Self { eye, target, up, fov })
@@ -50,7 +50,7 @@ impl Free {
         look_at(self.eye, self.target, self.up, self.fov)
     }
 
-    /// What `--camera` makes the same camera of.
+    /// The value of `--camera` that gives this camera.
     pub(super) fn argument(&self) -> String {
         let v = |v: DVec3| format!("{},{},{}", v.x, v.y, v.z);
         format!("{};{};{};{}", v(self.eye), v(self.target), v(self.up), self.fov)
@@ -60,7 +60,7 @@ impl Free {
         self.eye.distance(self.target)
     }
 
-    /// Around +Y and up from the horizon [rad], where the eye is from the target.
+    /// Direction from the target to the eye: its angle about +Y and its elevation above the horizon [rad].
     fn angles(&self) -> (f64, f64) {
         let towards = (self.eye - self.target).normalize_or(DVec3::Z);
         (towards.x.atan2(towards.z), towards.y.clamp(-1.0, 1.0).asin())
@@ -71,7 +71,7 @@ impl Free {
         DVec3::new(yaw.sin() * pitch.cos(), pitch.sin(), yaw.cos() * pitch.cos())
     }
 
-    /// Turns around the target, by a part of the picture's height.
+    /// Orbits around the target. `by` is the movement of the pointer in heights of the picture.
     pub(super) fn orbit(&mut self, by: Vec2) {
         let (yaw, pitch) = self.angles();
         let turn = std::f64::consts::PI;
@@ -79,7 +79,7 @@ impl Free {
         (self.eye, self.up) = (self.target + self.distance() * towards, DVec3::Y);
     }
 
-    /// Turns where it stands, by a part of the picture's height.
+    /// Turns in place. `by` is the movement of the pointer in heights of the picture.
     pub(super) fn look(&mut self, by: Vec2) {
         let (yaw, pitch) = self.angles();
         let (turn, distance) = (f64::from(self.fov).to_radians(), self.distance());
@@ -87,31 +87,32 @@ impl Free {
         (self.target, self.up) = (self.eye - distance * towards, DVec3::Y);
     }
 
-    /// Right, up and backward.
+    /// The axes of the camera: right, up and backward.
     fn axes(&self) -> DMat3 {
         let backward = (self.eye - self.target).normalize_or(DVec3::Z);
         let right = self.up.cross(backward).normalize_or(DVec3::X);
         DMat3::from_cols(right, backward.cross(right), backward)
     }
 
-    /// Moves sideways with what is under the pointer at the target's distance, by a part of the picture's height.
+    /// Moves sideways, so that a point at the target's distance stays under the pointer. `by` is the movement of the
+    /// pointer in heights of the picture.
     pub(super) fn pan(&mut self, by: Vec2) {
         let height = 2.0 * self.distance() * (0.5 * f64::from(self.fov).to_radians()).tan();
         self.shift(self.axes() * DVec3::new(-f64::from(by.x) * height, f64::from(by.y) * height, 0.0));
     }
 
-    /// Goes nearer by so many steps of the wheel.
+    /// Moves towards the target by this number of wheel steps.
     pub(super) fn zoom(&mut self, steps: f32) {
         let distance = self.distance() * 0.9_f64.powf(steps.into());
         self.eye = self.target + (self.eye - self.target).normalize_or(DVec3::Z) * distance.clamp(1e-9, 1e12);
     }
 
-    /// Moves along its own axes [m]: right, up, forward.
+    /// Moves along the camera's own axes [m]: right, up, forward.
     pub(super) fn fly(&mut self, by: DVec3) {
         self.shift(self.axes() * DVec3::new(by.x, by.y, -by.z));
     }
 
-    /// Brings a point to the middle of the picture; distance and direction stay.
+    /// Moves the target to a point. Distance and direction stay.
     pub(super) fn centre(&mut self, on: DVec3) {
         self.shift(on - self.target);
     }
@@ -122,8 +123,8 @@ impl Free {
     }
 }
 
-/// The point of the scene, relative to its origin, at a place of a picture, x and y from 0 at its top left to 1; `depth` is what
-/// the G-buffer has there.
+/// The point of the scene, relative to its origin, at a position in the picture. x and y go from 0 to 1, from the top
+/// left. `depth` is the depth in the G-buffer there. `None` if there is no surface.
 pub(super) fn point_at(view: &View, [x, y]: [f32; 2], depth: f32) -> Option<DVec3> {
     let clip = Vec4::new(2.0 * x - 1.0, 2.0 * y - 1.0, depth, 1.0);
     let world = view.world_from_clip * clip;

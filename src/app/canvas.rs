@@ -1,4 +1,4 @@
-//! What the window shows, as an image: the picture, bit by bit, and the panels over it.
+//! The image of the window: an exact copy of the picture, with the panels over it.
 
 use super::compare::Over;
 use egui::epaint::{ClippedPrimitive, Primitive, Vertex};
@@ -15,10 +15,10 @@ use lightskin::shared::{
     LAYER_REFLECTANCE, LayerPush, UiPush,
 };
 
-/// What of a picture the window shows.
+/// The layer of a picture that the window shows.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Shown {
-    /// The picture.
+    /// The picture itself.
     #[default]
     Picture,
     /// Emitted and directly reflected radiance.
@@ -31,16 +31,16 @@ pub(super) enum Shown {
     Albedo,
     /// Shading normals.
     Normals,
-    /// Distances from the camera's plane, in false colours.
+    /// Distances from the camera plane, in false colours.
     Depth,
-    /// Luminance in false colours.
+    /// Luminance, in false colours.
     Luminance,
-    /// Where a layer has what no radiance can be.
+    /// Pixels where a layer has negative or non-finite radiance.
     Broken,
 }
 
 impl Shown {
-    /// All, with their names for people.
+    /// All layers, with their names in the panel.
     pub(super) const ALL: [(Self, &'static str); 9] = [
         (Self::Picture, "picture"),
         (Self::Direct, "direct light"),
@@ -53,7 +53,8 @@ impl Shown {
         (Self::Broken, "broken values"),
     ];
 
-    /// The layers of a picture whose sum it is, and how that is shown; none where the picture has no such layer.
+    /// The images whose sum is shown, and how to show it: a `LAYER_*`. `None` for the picture itself, and if the
+    /// picture lacks the layer.
     fn layers(self, picture: &Picture) -> Option<(Vec<&Image>, u32)> {
         let (surface, indirect) = (&picture.surface, picture.indirect.as_ref());
         let [diffuse, glossy] = [indirect.map(|i| &i.diffuse), indirect.and_then(|i| i.glossy.as_ref())];
@@ -71,7 +72,7 @@ impl Shown {
         })
     }
 
-    /// What false colours are colours of.
+    /// The unit of the false-colour scale. `None` for layers without false colours.
     pub(super) fn unit(self) -> Option<&'static str> {
         match self {
             Self::Depth => Some("m"),
@@ -81,7 +82,7 @@ impl Shown {
     }
 }
 
-/// What the window shows of a picture.
+/// A picture and how the window shows it.
 pub(super) struct Scenery<'a> {
     pub(super) picture: &'a Picture,
     pub(super) view: View,
@@ -89,28 +90,28 @@ pub(super) struct Scenery<'a> {
     pub(super) corner: [u32; 2],
     pub(super) shown: Shown,
     pub(super) look: &'a Look,
-    /// What is at either end of false colours.
+    /// Ends of the false-colour scale.
     pub(super) scale: [f32; 2],
     pub(super) over: Vec<Over<'a>>,
-    /// Caches to be drawn as discs, and how many.
+    /// Caches to draw as discs, and their number.
     pub(super) discs: Option<(&'a Buffer, u32)>,
 }
 
-/// Triangles of the panels, all in two buffers.
+/// Triangles of the panels in two buffers.
 struct Panels {
     vertices: Buffer,
     indices: Buffer,
-    /// Where they may draw [pixels], and which of the indices.
+    /// Clip rectangle [pixels] and range of indices of each draw.
     runs: Vec<([u32; 4], std::ops::Range<u32>)>,
 }
 
-/// The image that goes to the window.
+/// The image that is presented in the window.
 pub(super) struct Canvas {
     pub(super) image: Image,
     ui: Pipeline,
     layer: Pipeline,
     discs: Pipeline,
-    /// Glyphs and shapes of the panels, on both sides: changes are put together on the CPU.
+    /// Texture with the glyphs and shapes of the panels. `texels` is its copy on the CPU, to which changes are applied.
     glyphs: Option<Image>,
     texels: egui::ColorImage,
     panels: Option<Panels>,
@@ -159,7 +160,7 @@ impl Canvas {
         gpu.target("window.canvas", FORMAT, width, height)
     }
 
-    /// Makes the image anew for a window of another size.
+    /// Recreates the image if the size of the window has changed.
     pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<()> {
         if [self.image.width, self.image.height] != size.map(|side| side.max(1)) {
             self.image = Self::image(gpu, size)?;
@@ -167,7 +168,7 @@ impl Canvas {
         Ok(())
     }
 
-    /// Takes over what the panels look like now.
+    /// Uploads the current triangles and glyphs of the panels.
     pub(super) fn take(
         &mut self,
         gpu: &Gpu,
@@ -194,7 +195,7 @@ impl Canvas {
         }
         self.panels = None;
         if !runs.is_empty() {
-            // The frame before may still read its own.
+            // New buffers, because the previous frame may still read the old ones.
             let mut of_vertices = gpu.host_buffer("window.vertices", size_of_val(&vertices[..]) as u64)?;
             let mut of_indices = gpu.host_buffer("window.indices", size_of_val(&indices[..]) as u64)?;
             of_vertices.write(0, &vertices);
@@ -204,7 +205,7 @@ impl Canvas {
         Ok(())
     }
 
-    /// New glyphs. There are some in the first frames, then seldom.
+    /// Uploads new glyphs. They occur in the first frames, later rarely.
     fn take_glyphs(&mut self, gpu: &Gpu, mut textures: TexturesDelta) -> Result<()> {
         let deltas = textures.set.remove(&TextureId::default()).unwrap_or_default();
         let changed = !deltas.is_empty();
@@ -228,7 +229,7 @@ impl Canvas {
         Ok(())
     }
 
-    /// Records the picture, if there is one, what is over it, and the panels over both.
+    /// Records the picture, if there is one, the images that cover parts of it, and the panels over both.
     pub(super) fn record(&self, cmd: &Cmd<'_>, scenery: Option<&Scenery<'_>>) {
         let _zone = cmd.zone("window");
         let area = [0, 0, self.image.width, self.image.height];
@@ -240,7 +241,8 @@ impl Canvas {
             cmd.barrier(Use::CopyWrite, Use::ColorWrite);
             canvas = Attach::keep(&self.image);
         }
-        // Layers need no barrier: the composite reads them in fragment shaders, too, or they are of an earlier frame.
+        // Layers need no barrier: the composite also reads them in fragment shaders, or they come from an earlier
+        // frame.
         cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |draw| {
             if let Some(scenery) = scenery {
                 if let Some((layers, how)) = scenery.shown.layers(scenery.picture) {
@@ -257,7 +259,7 @@ impl Canvas {
         });
     }
 
-    /// Draws layers in a part of the width, from one share of it to another.
+    /// Draws the sum of layers in the part of the picture's width between two shares from 0 to 1.
     fn draw_layer(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>, (layers, how): (&[&Image], u32), part: [f32; 2]) {
         let ([width, height], [left, top]) = (scenery.picture.size(), scenery.corner);
         let [from, to] = part.map(|share| (share.clamp(0.0, 1.0) * width as f32).round() as u32);
@@ -298,9 +300,9 @@ impl Canvas {
     }
 }
 
-/// What `LayerPush::depth` is of a view.
+/// The value of `LayerPush::depth` for a view.
 fn distance_by_depth(view: &View) -> Vec4 {
-    // Of points in the middle of the picture; the others of the same depth are as far.
+    // Computed for points at the centre of the picture. Other points of the same depth have the same distance.
     let [of_depth, of_one] = [view.world_from_clip.z_axis, view.world_from_clip.w_axis];
     Vec4::new(view.plane.dot(of_one), view.plane.dot(of_depth), of_one.w, of_depth.w)
 }

@@ -1,5 +1,5 @@
-//! Two pictures side by side: lightskin's, references of the present view, files; how far one is from the other, in numbers and
-//! as a map.
+//! Comparison of two pictures side by side: lightskin's picture, references of the current view, or files. The error is
+//! shown as numbers and as a map.
 
 use super::background::Rest;
 use super::side::{Reference, Side, Source};
@@ -21,7 +21,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// What is shown on the right of the wipe.
+/// Content to the right of the wipe.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Map {
     /// The right picture itself.
@@ -32,65 +32,65 @@ pub(super) enum Map {
     Relmse,
 }
 
-/// A picture in the place of a part of lightskin's.
+/// A picture that covers a part of lightskin's picture.
 pub(super) struct Over<'a> {
     pub(super) image: &'a Image,
-    /// How it is shown: a `LAYER_*`.
+    /// How to show the image: a `LAYER_*`.
     pub(super) how: u32,
-    /// Shares of the width where it begins and ends.
+    /// Left and right end as shares of the width.
     pub(super) part: [f32; 2],
 }
 
-/// How far the left picture is from the right one.
+/// Errors of the left picture against the right one.
 pub(super) struct Errors {
     pub(super) flip: f64,
     pub(super) relmse: f64,
     pub(super) bias: f64,
-    /// Where the map is black and where light.
+    /// The scale of the map.
     pub(super) scale: Option<Scale>,
 }
 
-/// What is on the screen now.
+/// The current state of the window.
 pub(super) struct Now<'a> {
     pub(super) engine: &'a Engine,
     pub(super) picture: &'a Picture,
     pub(super) view: View,
     pub(super) camera: Camera,
     pub(super) look: Look,
-    /// Counts changes of the scene.
+    /// Number of changes of the scene so far.
     pub(super) edits: u64,
-    /// Whether something else works in the background, or an animation plays.
+    /// Whether a job runs, a video is written, an animation plays or the camera flies.
     pub(super) busy: bool,
 }
 
-/// What was measured: lightskin's picture and both references by their numbers, and the map.
+/// Identifies a measurement: the numbers of lightskin's picture and of both references, and the map.
 pub(super) type Measured = (u64, [u64; 2], Map);
 
-/// The thread that measures: errors, and the map as RGBA.
+/// The thread of a measurement. It returns the errors, and the map as RGBA.
 type Measuring = JoinHandle<(Errors, Vec<u8>)>;
 
 /// The comparison.
 pub(super) struct Compare {
-    /// Left and right of the wipe.
+    /// The pictures left and right of the wipe.
     pub(super) sides: [Side; 2],
-    /// Whether they are shown instead of lightskin's picture alone.
+    /// Whether the comparison is shown instead of lightskin's picture alone.
     pub(super) shown: bool,
-    /// Share of the picture's width that the left one has.
+    /// Share of the width for the left picture.
     pub(super) wipe: f32,
     pub(super) map: Map,
     pub(super) errors: Option<Errors>,
     pub(super) rest: Rest,
     measuring: Option<(Measured, Measuring)>,
-    /// Counts lightskin's pictures.
+    /// Number of lightskin's pictures so far.
     pictures: u64,
     measured: Option<Measured>,
     image: Option<Image>,
-    /// What the barrier check has said of frames of its own.
+    /// Problems that the barrier check has reported for frames of the comparison.
     pub(super) problems: Vec<String>,
 }
 
 impl Compare {
-    /// Lightskin beside the path tracer, with so many samples per pixel at most.
+    /// Compares lightskin with the path tracer, which stops at `most` samples per pixel.
     pub(super) fn new(most: u32) -> Self {
         Self {
             sides: [Source::Lightskin, Source::PathTrace].map(|source| Side::new(source, most)),
@@ -107,7 +107,7 @@ impl Compare {
         }
     }
 
-    /// Reads a picture in the background, and shows it: on the left if that waits for a file, else on the right.
+    /// Reads a picture in the background and shows it: on the left if that side waits for a file, else on the right.
     pub(super) fn open(&mut self, path: &Path) {
         let [left, right] = &mut self.sides;
         if left.waits_for_file() {
@@ -118,23 +118,24 @@ impl Compare {
         self.shown = true;
     }
 
-    /// Whether a file's name says that it is a picture to compare with, and nothing else.
+    /// Whether the ending of a file's name is that of a picture which can only be compared with.
     pub(super) fn is_picture(path: &Path) -> bool {
         let ending = path.extension().and_then(|e| e.to_str()).map(str::to_lowercase);
         ending.is_some_and(|ending| ["png", "jpg", "jpeg"].contains(&ending.as_str()))
     }
 
-    /// Whether a file's name may be that of a picture to compare with.
+    /// Whether a dropped file is to be compared with. An EXR is one only while the comparison is shown; otherwise it is
+    /// a sky.
     pub(super) fn takes(&self, path: &Path) -> bool {
         Self::is_picture(path) || (self.shown && is_exr(path))
     }
 
-    /// Size of the file, if there is one: what the picture's has to be.
+    /// Size of the file, if a side shows one. The picture needs the same size.
     pub(super) fn file_size(&self) -> Option<[u32; 2]> {
         self.sides.iter().rev().find_map(Side::file_size)
     }
 
-    /// What to draw over lightskin's picture.
+    /// The images to draw over lightskin's picture.
     pub(super) fn over(&self) -> Vec<Over<'_>> {
         if !self.shown {
             return Vec::new();
@@ -145,7 +146,7 @@ impl Compare {
         parts.into_iter().filter_map(|(seen, part)| seen.map(|(image, how)| Over { image, how, part })).collect()
     }
 
-    /// Changes with what there is to show.
+    /// A value that changes whenever there is something new to show.
     pub(super) fn version(&self) -> ([u64; 2], Option<Measured>, [bool; 2]) {
         (self.numbers(), self.measured, self.sides.each_ref().map(|side| side.reference().is_some()))
     }
@@ -154,13 +155,13 @@ impl Compare {
         self.sides.each_ref().map(|side| side.made)
     }
 
-    /// Whether it has something to do without input.
+    /// Whether there is work to do without input.
     pub(super) fn works(&self) -> bool {
         let waits = self.sides.iter().any(|side| side.works() || (self.shown && side.waits()));
         self.measuring.is_some() || waits || self.is_unmeasured()
     }
 
-    /// Whether its next step should come at once.
+    /// Whether the next step should follow at once.
     pub(super) fn hurries(&self) -> bool {
         self.shown && self.rest.is_over() && self.sides.iter().any(Side::hurries)
     }
@@ -169,7 +170,7 @@ impl Compare {
         (self.pictures, self.numbers(), self.map)
     }
 
-    /// Whether there are two pictures.
+    /// Whether the two sides can have different pictures.
     fn differ(&self) -> bool {
         self.sides[0].source != self.sides[1].source || self.sides[0].source == Source::File
     }
@@ -178,20 +179,21 @@ impl Compare {
         self.shown && self.differ() && self.sides.iter().all(Side::is_whole) && self.measured != Some(self.wanted())
     }
 
-    /// What is beside what, and how far they are, in a line.
+    /// A line that describes both sides and their progress.
     pub(super) fn state(&self) -> String {
         let [left, right] = &self.sides;
         if left.source == Source::Lightskin { right.state() } else { format!("{} | {}", left.state(), right.state()) }
     }
 
-    /// Shows lightskin's picture alone.
+    /// Switches the comparison off.
     pub(super) fn stop(&mut self) {
         self.shown = false;
         self.sides.iter_mut().for_each(Side::forget);
     }
 
-    /// One step after each frame: takes over what is new, begins what is missing, and waits for nothing but the device. `drew`
-    /// says that the picture is another one. Comes back with the size that a file needs the picture to have.
+    /// Advances by one step after each frame: takes over new results and starts missing work. Waits for nothing but the
+    /// device. `drew` means that the picture has changed. Returns the size that the picture needs for a newly loaded
+    /// file.
     pub(super) fn step(&mut self, gpu: &Gpu, now: &Now<'_>, drew: bool) -> Result<Option<[u32; 2]>> {
         self.pictures += u64::from(drew);
         let rests = self.rest.is_over() && !now.busy;
@@ -218,7 +220,7 @@ impl Compare {
                 .then(|| gpu.texture("window.map", Format::R8G8B8A8_UNORM, width, height, &[map]))
                 .transpose()?;
             self.measured = Some(of);
-            // Of references that do not change any more.
+            // Print the errors once the references are final.
             if !self.sides.iter().any(Side::works) && of == self.wanted() {
                 let Errors { flip, relmse, bias, .. } = errors;
                 print(&format!("errors    flip {flip:.6}, relmse {relmse:.6}, bias {bias:.6}: {}", self.state()));
@@ -228,7 +230,7 @@ impl Compare {
         if !rests || self.measuring.is_some() || !self.is_unmeasured() {
             return Ok(());
         }
-        // What a display shows and radiance are both judged as a display shows them.
+        // If either side has display values, both sides are compared as a display shows them.
         let values = self.sides.iter().filter_map(Side::reference).map(|reference| reference.values);
         let values = if values.clone().any(|v| v == Values::Display) { Values::Display } else { Values::Radiance };
         let look = (now.look.tonemap, gpu.read::<f32>(&now.picture.output.exposure)?[0]);
@@ -252,8 +254,9 @@ impl Compare {
 
 /// Pixels of a side.
 enum Pixels {
+    /// Pixels of lightskin's picture.
     Read(Vec<[f32; 3]>),
-    /// A reference; with curve and exposure value where it is to be seen as on a display.
+    /// A reference. With a tone curve and an exposure value, it is converted to display values.
     Of(Arc<Reference>, Option<(Tonemap, f32)>),
 }
 
@@ -280,7 +283,7 @@ impl Pixels {
     }
 }
 
-/// Errors, and the map as RGBA.
+/// Computes the errors, and the map as RGBA.
 fn errors(image: &[[f32; 3]], reference: &[[f32; 3]], values: Values, size: [u32; 2], map: Map) -> (Errors, Vec<u8>) {
     let flips = flip(image, reference, size, values, PIXELS_PER_DEGREE);
     let found = metrics(image, reference);
@@ -294,7 +297,7 @@ fn errors(image: &[[f32; 3]], reference: &[[f32; 3]], values: Values, size: [u32
     (Errors { flip: mean, relmse: found.relmse, bias: found.bias, scale }, colors)
 }
 
-/// All radiance of a picture [cd/m^2].
+/// Total radiance of a picture [cd/m^2].
 pub(super) fn radiance(gpu: &Gpu, picture: &Picture) -> Result<Vec<[f32; 3]>> {
     let indirect = picture.indirect.as_ref();
     let layers =
@@ -308,7 +311,7 @@ pub(super) fn radiance(gpu: &Gpu, picture: &Picture) -> Result<Vec<[f32; 3]>> {
     Ok(all)
 }
 
-/// The picture as a display shows it, linear.
+/// The picture as a display shows it, converted to linear.
 fn shown(gpu: &Gpu, picture: &Picture) -> Result<Vec<[f32; 3]>> {
     let texels: Vec<[u8; 4]> = gpu.read_image(&picture.output.picture)?;
     let linear: Vec<f32> = (0..=255).map(lightskin::image::linear_from_srgb).collect();

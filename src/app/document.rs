@@ -1,4 +1,4 @@
-//! What is open: a scene, how it is lit, seen and shown, and the job that makes the next one.
+//! The open document: a scene with its light, camera and display settings, and the job that loads the next scene.
 
 use super::background::Rest;
 use super::camera::{Free, Seen};
@@ -20,55 +20,55 @@ use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 
-/// Frames whose times are kept.
+/// Number of frames whose times are kept.
 const HISTORY: usize = 600;
 
-/// A scene that is being loaded, or baked anew, in the background.
+/// A scene that is being loaded or rebaked in the background.
 struct Job {
     thread: JoinHandle<Result<Loaded>>,
     progress: Progress,
     args: Args,
-    /// What the file has is put over what is shown: another scene. Otherwise what was edited stays.
+    /// Whether the state of the file replaces the current state. Otherwise edits are kept.
     anew: bool,
-    /// What goes over it then.
+    /// The session to apply after loading.
     session: Option<Session>,
 }
 
-/// How an animation plays.
+/// Playback state of an animation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Clip {
-    /// Which; none for a scene at rest.
+    /// Index of the animation. `None` for a scene at rest.
     pub(super) animation: Option<usize>,
-    /// Moment [s].
+    /// Time within the animation [s].
     pub(super) time: f64,
     pub(super) playing: bool,
-    /// Seconds of the animation in a second.
+    /// Playback speed, 1 for real time.
     pub(super) speed: f64,
 }
 
 /// Times of one frame.
 pub(super) struct Timed {
-    /// From its first zone to its last [ms].
+    /// Sum of the times of all stages [ms].
     pub(super) ms: f64,
     /// Name and time [ms] of each stage.
     pub(super) stages: Vec<(&'static str, f64)>,
 }
 
-/// A scene on the device, with everything that can be changed about it.
+/// A scene on the device and everything that can be edited.
 pub(super) struct Document {
-    /// What was opened, with what baked it.
+    /// Arguments with which the scene was loaded and baked.
     pub(super) args: Args,
     pub(super) engine: Option<Engine>,
     pub(super) picture: Option<Picture>,
-    /// Wanted from the next frame on.
+    /// Requested settings, used from the next frame on.
     pub(super) settings: Settings,
-    /// Which the device could do.
+    /// The last settings that the device supported.
     fitted: Settings,
-    /// What the last frame was seen by.
+    /// View of the last frame.
     pub(super) drawn: Option<View>,
     pub(super) look: Look,
     pub(super) shown: Shown,
-    /// What is at either end of the false colours of distances [m] and luminance [cd/m^2].
+    /// Ends of the false-colour scales of distance [m] and luminance [cd/m^2].
     pub(super) scales: [[f32; 2]; 2],
     /// Whether caches are shown as discs.
     pub(super) discs: bool,
@@ -79,18 +79,18 @@ pub(super) struct Document {
     pub(super) clip: Clip,
     /// The video that is being written.
     pub(super) video: Option<Video>,
-    /// The lights as the panel has them: with their intensity, also where they are off.
+    /// The lights of the panel, and whether each is on. A light that is off keeps its intensity here.
     pub(super) lights: Vec<(Light, bool)>,
-    /// Caches of the whole scene.
+    /// Number of caches in the whole scene.
     pub(super) caches: usize,
     pub(super) history: VecDeque<Timed>,
-    /// Counts changes of the scene.
+    /// Number of changes of the scene so far.
     pub(super) edits: u64,
-    /// The material that the panel shows.
+    /// Index of the material that the panel shows.
     pub(super) material: usize,
-    /// Materials that were changed by hand.
+    /// Indices of the materials that were edited.
     pub(super) edited: BTreeSet<usize>,
-    /// The session's file, once it has one.
+    /// File of the session, if it has one.
     pub(super) session: Option<PathBuf>,
     watch: Option<Watch>,
     job: Option<Job>,
@@ -99,7 +99,7 @@ pub(super) struct Document {
 }
 
 impl Document {
-    /// Begins to load what the command line names.
+    /// Starts to load the scene of the command line.
     pub(super) fn new(gpu: &Gpu, args: &Args, rest: Rest) -> Result<Self> {
         let ways = tune::fastest(gpu)?.ways;
         let settings = usual(args, args.cache_count(), ways);
@@ -138,16 +138,16 @@ impl Document {
         Ok(document)
     }
 
-    /// Begins to load this in the background; what is shown stays until it is there. Of several the last one counts.
+    /// Starts to load a scene in the background. The old scene stays visible until then. A later call replaces the job.
     pub(super) fn open(&mut self, args: Args, anew: bool) {
         let session = self.job.take().and_then(|job| job.session).filter(|_| !anew);
         self.start(args, anew, session);
     }
 
-    /// Opens a session in the same way.
+    /// Opens a session in the background, like `open`.
     ///
     /// # Errors
-    /// A file that is none.
+    /// If the file is not a valid session.
     pub(super) fn open_session(&mut self, file: &Path) -> Result<()> {
         let (args, session) = session::load(file, &self.args)?;
         self.session = Some(file.to_owned());
@@ -158,7 +158,7 @@ impl Document {
     fn start(&mut self, args: Args, anew: bool, session: Option<Session>) {
         let progress = Progress::default();
         let (told, of_job, rest) = (progress.clone(), args.clone(), self.rest.clone());
-        // With nothing to look at, all cores may work; otherwise one, which rests while the user moves something.
+        // The first scene is loaded on all cores. Later ones use one core, which pauses while the user moves something.
         let thread = match self.engine {
             None => std::thread::spawn(move || of_job.load(&|done, what| told.set(done, what))),
             Some(_) => std::thread::spawn(move || {
@@ -174,13 +174,13 @@ impl Document {
         self.job = Some(Job { thread, progress, args, anew, session });
     }
 
-    /// Loads the scene again if its files have changed and that is asked for.
+    /// Reloads the scene if watching is on and its files have changed.
     pub(super) fn watch(&mut self) {
         let Some(scene) = self.args.scene.clone().filter(|_| self.args.watch && self.job.is_none()) else { return };
         match &mut self.watch {
             Some(watch) if watch.is_of(&scene) => {
                 if watch.has_changed() {
-                    log::warn!("{} has changed: it is loaded again", scene.display());
+                    log::warn!("{} has changed and is reloaded", scene.display());
                     self.start(self.args.clone(), true, None);
                 }
             }
@@ -188,18 +188,19 @@ impl Document {
         }
     }
 
-    /// What is being loaded, and how far that is, from 0 to 1.
+    /// Progress of the job from 0 to 1, and its current step. `None` without a job.
     pub(super) fn progress(&self) -> Option<(f32, String)> {
         self.job.as_ref().map(|job| job.progress.get())
     }
 
-    /// Takes over what the job has made, if it is there; says whether it was. Never waits. A scene that does not load leaves what is shown.
+    /// Takes over the result of a finished job. Returns whether a job had finished. Never waits. If a scene does not
+    /// load, the old one stays.
     ///
     /// # Errors
-    /// A first scene that does not load: there is nothing to show.
+    /// If the first scene does not load, because there is nothing to show.
     pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
         let Some(job) = self.job.take_if(|job| job.thread.is_finished()) else { return Ok(false) };
-        let made = job.thread.join().map_err(|_| anyhow!("loading has ended by a bug of its own"));
+        let made = job.thread.join().map_err(|_| anyhow!("loading failed unexpectedly; this is a bug of lightskin"));
         let taken = made.and_then(|loaded| self.take(gpu, loaded?, (job.args, job.anew), job.session.as_ref()));
         match (taken, &self.engine) {
             (Err(error), Some(_)) => log::error!("{error:#}"),
@@ -224,7 +225,7 @@ impl Document {
         if let (false, Some(old)) = (anew, &self.engine) {
             keep_edits(old.scene(), &mut loaded.scene, &self.edited);
         }
-        // Another number of caches, or a file that has changed, changes nothing that was chosen besides.
+        // Keep the chosen settings if only the number of caches or the contents of the file have changed.
         let same_scene = self.engine.is_some() && args.scene == self.args.scene;
         if same_scene && args.quality() == self.args.quality() {
             settings = self.settings;
@@ -239,7 +240,7 @@ impl Document {
         }
         self.edits += 1;
         (self.pixel, self.video) = (None, None);
-        // Under another sky, or with other caches, it is the same scene.
+        // The file is the same, even with another sky or other caches.
         let same = anew && same_scene;
         (self.args, self.settings, self.caches) = (args, settings, count);
         let scene = self.engine.as_ref().map(|engine| engine.scene().clone()).unwrap_or_default();
@@ -276,17 +277,17 @@ impl Document {
         Ok(())
     }
 
-    /// The settings of the level.
+    /// The settings of the quality level.
     pub(super) fn usual(&self) -> Settings {
         usual(&self.args, self.caches, self.ways)
     }
 
-    /// The scene as it is drawn.
+    /// The current scene, with all edits.
     pub(super) fn scene(&self) -> Option<&Scene> {
         self.engine.as_ref().map(|engine| &**engine.scene())
     }
 
-    /// What the picture is seen by.
+    /// The camera of the picture.
     pub(super) fn camera(&self) -> Option<Camera> {
         match self.seen {
             Seen::OfScene(index) => self.scene()?.cameras.get(index).cloned(),
@@ -294,12 +295,13 @@ impl Document {
         }
     }
 
-    /// How large the scene is [m].
+    /// Radius of the scene [m].
     pub(super) fn radius(&self) -> f64 {
         self.engine.as_ref().map_or(1.0, |engine| engine.world().radius)
     }
 
-    /// The user's own camera; one of the scene's becomes that, around what is so far away.
+    /// The free camera. If a camera of the scene is active, a free camera at its place becomes active, with a target at
+    /// `distance` [m], or at the radius of the scene without one.
     pub(super) fn free(&mut self, distance: impl FnOnce(&Self) -> Option<f64>) -> Option<&mut Free> {
         if let Seen::OfScene(_) = self.seen {
             let distance = distance(self).unwrap_or_else(|| self.radius());
@@ -311,17 +313,17 @@ impl Document {
         }
     }
 
-    /// The scale of what is shown.
+    /// The false-colour scale of the shown layer.
     pub(super) fn scale(&mut self) -> &mut [f32; 2] {
         &mut self.scales[usize::from(self.shown == Shown::Luminance)]
     }
 
-    /// Least and largest distance from the camera's plane [m] that the picture shows.
+    /// Range of distances from the camera plane [m] that covers all surfaces in the picture, with a margin of 5 %.
     fn distances(&self, gpu: &Gpu) -> Option<[f32; 2]> {
         let (picture, view) = (self.picture.as_ref()?, self.drawn?);
         let depths: Vec<f32> = gpu.read_image(&picture.surface.depth).ok()?;
         let seen = || depths.iter().copied().filter(|depth| *depth > 0.0);
-        // The nearest has the largest depth.
+        // The nearest surface has the largest depth.
         let ends = [seen().fold(0.0, f32::max), seen().fold(1.0, f32::min)].map(|depth| {
             let point = view.world_from_clip * glam::Vec4::new(0.0, 0.0, depth, 1.0);
             view.plane.dot(point / point.w)
@@ -329,7 +331,7 @@ impl Document {
         (ends[0] > 0.0 && ends[1].is_finite()).then(|| [0.95 * ends[0], 1.05 * ends[1]])
     }
 
-    /// Scales that suit the scene and the exposure.
+    /// Fits the scale of the shown layer to the scene and the exposure.
     pub(super) fn fit_scale(&mut self, gpu: &Gpu) {
         let ev = self.picture.as_ref().and_then(|p| gpu.read::<f32>(&p.output.exposure).ok()).map_or(0.0, |ev| ev[0]);
         *self.scale() = match self.shown {
@@ -338,7 +340,7 @@ impl Document {
         };
     }
 
-    /// Changes the scene from the next frame on.
+    /// Edits the scene. The next frame shows the change.
     pub(super) fn edit(&mut self, gpu: &Gpu, change: impl FnOnce(&mut Scene)) {
         self.edits += 1;
         if let Some(engine) = &mut self.engine
@@ -348,7 +350,7 @@ impl Document {
         }
     }
 
-    /// Gives the scene the lights of the panel.
+    /// Applies the lights of the panel to the scene.
     pub(super) fn light(&mut self, gpu: &Gpu) {
         let lights: Vec<Light> = (self.lights.iter())
             .map(|(light, on)| Light { intensity: if *on { light.intensity } else { 0.0 }, ..light.clone() })
@@ -360,7 +362,7 @@ impl Document {
         });
     }
 
-    /// Poses the scene as the clip says.
+    /// Poses the scene at the time of the clip.
     pub(super) fn pose(&mut self, gpu: &Gpu) {
         let clip = self.clip;
         let off: Vec<bool> = self.lights.iter().map(|(_, on)| !on).collect();
@@ -374,7 +376,8 @@ impl Document {
         });
     }
 
-    /// Makes light and picture fit what is wanted. What the device cannot do is said and taken back.
+    /// Adapts light and picture to the requested settings and size. Settings that the device cannot handle are logged
+    /// and reverted.
     pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<()> {
         let Some(engine) = &mut self.engine else { return Ok(()) };
         if size.contains(&0) {
@@ -393,7 +396,7 @@ impl Document {
             if self.settings == self.fitted {
                 return Err(error.into());
             }
-            log::error!("{error}; the settings are as they were");
+            log::error!("{error}; the previous settings are restored");
             self.settings = self.fitted;
             return self.fit(gpu, size);
         }
@@ -401,18 +404,18 @@ impl Document {
         Ok(())
     }
 
-    /// The view of the picture as it is.
+    /// The view of the current camera and picture size.
     pub(super) fn view(&self) -> Option<View> {
         let (engine, picture, camera) = (self.engine.as_ref()?, self.picture.as_ref()?, self.camera()?);
         Some(engine.view(&camera, picture.size()))
     }
 
-    /// Keeps the times of frames that drew something.
+    /// Adds the times of frames to the history, if they rendered the picture.
     pub(super) fn time(&mut self, frames: Vec<FrameTimes>) {
         for frame in frames {
             let stages: Vec<_> =
                 frame.stages().iter().map(|stage| (stage.name, stage.gpu_ms.unwrap_or(stage.cpu_ms))).collect();
-            // Frames of a comparison are not the window's, and one that draws nothing but panels tells nothing.
+            // Skip frames of a comparison, which have no stage `window`, and frames that drew only panels.
             let Some((_, window)) = stages.iter().find(|(name, _)| *name == "window").copied() else { continue };
             if stages.len() < 2 {
                 continue;
@@ -421,12 +424,12 @@ impl Document {
                 self.history.pop_front();
             }
             let ms: f64 = stages.iter().map(|(_, ms)| ms).sum();
-            log::debug!("frame {}: {ms:.1} ms, {window:.1} ms of them for the window", frame.number);
+            log::debug!("frame {}: {ms:.1} ms, of which the window took {window:.1} ms", frame.number);
             self.history.push_back(Timed { ms, stages });
         }
     }
 
-    /// The settings of caches, where they light the picture.
+    /// The settings of the gather. `None` if no caches light the picture.
     pub(super) fn compute(settings: &mut Settings) -> Option<&mut Gather> {
         match &mut settings.indirect {
             Indirect::Caches(Caches { gather, .. }) => Some(gather),
@@ -434,7 +437,7 @@ impl Document {
         }
     }
 
-    /// The command that writes the picture; light that was edited is not in it.
+    /// The command that writes the picture. It does not include edited lights and materials.
     pub(super) fn command(&self) -> Option<String> {
         let camera = match self.seen {
             Seen::OfScene(index) => index.to_string(),
@@ -451,7 +454,7 @@ impl Document {
     }
 }
 
-/// The camera that the command line names.
+/// The camera that `--camera` requests.
 fn begin_at(scene: &Scene, wanted: &str) -> Seen {
     let index = wanted.parse().ok().or_else(|| scene.cameras.iter().position(|camera| camera.name == wanted));
     match (Free::parse(wanted), index) {
@@ -460,12 +463,12 @@ fn begin_at(scene: &Scene, wanted: &str) -> Seen {
     }
 }
 
-/// The settings of a level with so many caches. Nothing is drawn again that has not changed.
+/// The settings of the quality level for this number of caches. Stages with unchanged inputs are skipped.
 fn usual(args: &Args, caches: usize, ways: Ways) -> Settings {
     Settings { reuse: true, ..Settings::at(args.quality(), caches).with_ways(ways) }
 }
 
-/// Lights, visibility and edited materials as they were, where the file has as many.
+/// Copies lights, visibility and edited materials from the old scene, if the new scene has the same number of each.
 fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
     if old.lights.len() == new.lights.len() {
         for (old, new) in old.lights.iter().zip(&mut new.lights) {

@@ -1,4 +1,4 @@
-//! What events of the window ask for.
+//! Translates events of the window to actions.
 
 use super::document::Document;
 use glam::{DVec3, Vec2};
@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
 use winit::keyboard::{KeyCode, ModifiersState, PhysicalKey};
 
-/// What a key, a button or a panel asks for. Ways of the pointer are parts of the picture's height.
+/// An action that a key, a button or a panel requests. Movements of the pointer are in heights of the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Wish {
     /// Close the window.
@@ -17,45 +17,45 @@ pub(super) enum Wish {
     Panels,
     /// Show or hide the list of keys.
     Keys,
-    /// Play the animation, or stop it.
+    /// Play or stop the animation.
     Play,
-    /// Turn around the target.
+    /// Orbit the camera around its target.
     Orbit(Vec2),
-    /// Turn where the camera stands.
+    /// Turn the camera in place.
     Look(Vec2),
-    /// Move sideways.
+    /// Move the camera sideways.
     Pan(Vec2),
-    /// Go nearer by so many steps.
+    /// Move towards the target by this number of wheel steps.
     Zoom(f32),
-    /// Bring what is here to the middle; from 0 at the top left to 1.
+    /// Centre the surface at this position in the picture, from 0 at the top left to 1.
     Centre([f32; 2]),
-    /// Tell what is here; likewise.
+    /// Show the values of the pixel at this position, from 0 at the top left to 1.
     Pick([f32; 2]),
-    /// See by this camera.
+    /// Switch to the camera in this slot.
     Recall(usize),
-    /// Remember the camera here.
+    /// Store the current camera in this slot.
     Keep(usize),
     /// Copy the command line of the picture.
     Copy,
-    /// Write the picture as PNG.
+    /// Save the picture as PNG.
     Save,
-    /// Write it as OpenEXR with all layers.
+    /// Save the picture as OpenEXR with all layers.
     SaveLayers,
-    /// Show what it is compared with, or stop that.
+    /// Show or hide the comparison.
     Reference,
-    /// Give the picture this size in pixels.
+    /// Resize the window so that the picture has this size [pixels].
     Size([u32; 2]),
-    /// Ask the desktop for a file to open.
+    /// Open the desktop's file dialog.
     Ask,
-    /// Write the session.
+    /// Save the session.
     SaveSession,
-    /// Write the animation at so many frames a second, or end that.
+    /// Start writing the animation at this frame rate [frames/s], or stop writing it.
     Video(f64),
     /// Open a file.
     Drop(PathBuf),
 }
 
-/// Keys that fly, and where to: right, up, forward.
+/// Keys that fly the camera, and their directions: right, up, forward.
 const FLIGHT: [(KeyCode, [f64; 3]); 6] = [
     (KeyCode::KeyD, [1.0, 0.0, 0.0]),
     (KeyCode::KeyA, [-1.0, 0.0, 0.0]),
@@ -65,7 +65,7 @@ const FLIGHT: [(KeyCode, [f64; 3]); 6] = [
     (KeyCode::KeyS, [0.0, 0.0, -1.0]),
 ];
 
-/// Digits, which name cameras.
+/// Digit keys, which select cameras.
 const DIGITS: [KeyCode; 9] = [
     KeyCode::Digit1,
     KeyCode::Digit2,
@@ -78,17 +78,17 @@ const DIGITS: [KeyCode; 9] = [
     KeyCode::Digit9,
 ];
 
-/// Two clicks within this time, no farther apart than so many pixels, are one double click.
+/// Two clicks within this time and this distance [pixels] are a double click.
 const DOUBLE: (Duration, f32) = (Duration::from_millis(400), 5.0);
 
-/// Radii of the scene that the camera flies in a second, and how many times more with Shift.
+/// Flight speed of the camera [scene radii/s], and the factor that Shift applies to it.
 const SPEED: f64 = 0.4;
 const FAST: f64 = 5.0;
 
-/// Pixels of a touchpad that are a step of a wheel.
+/// Scroll distance of a touchpad that equals one step of a wheel [pixels].
 const STEP: f64 = 40.0;
 
-/// Keys and buttons that are held.
+/// State of the pointer, the buttons and the keys.
 #[derive(Default)]
 pub(super) struct Input {
     pointer: Vec2,
@@ -99,7 +99,7 @@ pub(super) struct Input {
 }
 
 impl Input {
-    /// Whether this is a key that panels would take for themselves, which is ours unless a text is being written.
+    /// Whether the window handles this key instead of the panels: Tab always, Space unless text is being edited.
     pub(super) fn is_ours(&self, event: &WindowEvent, panels: &egui::Context) -> bool {
         let WindowEvent::KeyboardInput { event: KeyEvent { physical_key: PhysicalKey::Code(code), .. }, .. } = event
         else {
@@ -108,7 +108,8 @@ impl Input {
         *code == KeyCode::Tab || (*code == KeyCode::Space && !panels.text_edit_focused())
     }
 
-    /// What an event asks for; `place` is corner and size of the picture [pixels], `taken` says that a panel has used it.
+    /// The actions that an event requests. `place` is the corner and size of the picture [pixels]; `taken` means that a
+    /// panel has used the event.
     pub(super) fn take(
         &mut self,
         event: &WindowEvent,
@@ -204,7 +205,7 @@ impl Input {
         }
     }
 
-    /// Whether the pointer is on the picture, with no panel between.
+    /// Whether the pointer is over the picture and not over a panel.
     fn over_picture(&self, panels: &egui::Context, ([left, top], [width, height]): ([u32; 2], [u32; 2])) -> bool {
         let inside = |at: f32, first: u32, count: u32| at >= first as f32 && at < (first + count) as f32;
         let at = self.pointer / panels.pixels_per_point();
@@ -214,7 +215,7 @@ impl Input {
             && layer.is_none_or(|layer| layer.order == egui::Order::Background)
     }
 
-    /// Where the pointer is in the picture, from 0 at its top left to 1.
+    /// Position of the pointer in the picture, from 0 at its top left to 1.
     fn place_of(&self, (corner, size): ([u32; 2], [u32; 2])) -> [f32; 2] {
         [0, 1].map(|i| (self.pointer[i] - corner[i] as f32) / size[i] as f32)
     }
@@ -233,12 +234,12 @@ impl Input {
         None
     }
 
-    /// Whether a key is held that moves the camera.
+    /// Whether a key that flies the camera is held.
     pub(super) fn flies(&self) -> bool {
         FLIGHT.iter().any(|(code, _)| self.keys.contains(code))
     }
 
-    /// Moves the camera as the keys say, for so many seconds.
+    /// Flies the camera in the direction of the held keys for this time [s].
     pub(super) fn fly(&self, seconds: f64, document: &mut Document) {
         if !self.flies() {
             return;

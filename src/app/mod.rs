@@ -1,4 +1,5 @@
-//! The window of `lightskin view`: events in, frames out. What it shows is the library's; nothing here knows how light is made.
+//! The window of `lightskin view`: it handles events and shows frames. The library renders the picture; no code here
+//! computes light.
 
 mod background;
 mod camera;
@@ -25,11 +26,12 @@ use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::WindowId;
 
-/// The window, once the system lets there be one.
+/// State of the event loop.
 struct App<'a> {
     args: &'a View,
+    /// The window, once the system allows to create one.
     open: Option<Open>,
-    /// What ended the run.
+    /// The error that ended the run, if any.
     ended: Result<()>,
 }
 
@@ -37,7 +39,7 @@ struct App<'a> {
 pub(crate) fn run(args: &View) -> Result<()> {
     lightskin::gpu::give_memory_back();
     let events = EventLoop::new().map_err(|error| {
-        anyhow!("no display for a window ({error}); `lightskin render` writes pictures without one")
+        anyhow!("no display for a window ({error}); use `lightskin render` to write pictures without one")
     })?;
     let mut app = App { args, open: None, ended: Ok(()) };
     let ran = events.run_app(&mut app);
@@ -45,7 +47,7 @@ pub(crate) fn run(args: &View) -> Result<()> {
 }
 
 impl App<'_> {
-    /// Ends the run with this error, unless all is well.
+    /// Returns the value of a result, or ends the run with its error.
     fn check<T>(&mut self, events: &ActiveEventLoop, result: Result<T>) -> Option<T> {
         match result {
             Ok(value) => Some(value),
@@ -92,7 +94,7 @@ impl ApplicationHandler for App<'_> {
     }
 
     fn exiting(&mut self, _: &ActiveEventLoop) {
-        // Before the display goes.
+        // The window must close before its display connection does.
         if let Some(open) = self.open.take() {
             let closed = open.close();
             if self.ended.is_ok() {

@@ -1,4 +1,4 @@
-//! The panels: every control, what it does and what it costs.
+//! The panels: all controls, with tooltips that say what each does and costs.
 
 mod animation;
 pub(super) mod compare;
@@ -24,55 +24,55 @@ use std::time::{Duration, Instant};
 /// Width of the panels [points].
 pub(super) const WIDTH: f32 = 320.0;
 
-/// Keys, and what they do.
+/// Keys and their actions.
 const KEYS: [(&str, &str); 22] = [
-    ("left drag", "turn around the target"),
+    ("left drag", "orbit around the target"),
     ("right drag", "look around"),
     ("middle drag", "move sideways"),
-    ("wheel", "go nearer or farther"),
-    ("double click", "centre on the surface there"),
-    ("Ctrl+click", "tell all of the pixel there"),
+    ("wheel", "zoom in or out"),
+    ("double click", "centre the surface under the pointer"),
+    ("Ctrl+click", "show all values of the pixel"),
     ("W A S D", "fly forward, left, back, right"),
     ("E, Q", "fly up, down"),
     ("Shift", "fly faster"),
-    ("1 to 9", "camera of the scene, or one kept"),
-    ("Ctrl+1 to 9", "keep this camera"),
-    ("P", "play the animation, or stop it"),
-    ("Shift+P", "write the animation as PNG files, or stop that"),
+    ("1 to 9", "use a stored camera or a camera of the scene"),
+    ("Ctrl+1 to 9", "store the current camera"),
+    ("P", "play or stop the animation"),
+    ("Shift+P", "start or stop writing the animation as PNG files"),
     ("Tab, H", "show or hide the panels"),
     ("Ctrl+Shift+C", "copy the command line for this picture"),
-    ("Space", "show the reference of this view, or hide it"),
-    ("F12", "write the picture as PNG"),
-    ("Shift+F12", "write it as OpenEXR with all layers"),
-    ("Ctrl+O", "open a file by the desktop's dialog"),
-    ("Ctrl+S", "write the session: scene, view, light, settings"),
+    ("Space", "show or hide the reference of this view"),
+    ("F12", "save the picture as PNG"),
+    ("Shift+F12", "save the picture as OpenEXR with all layers"),
+    ("Ctrl+O", "open a file with the file dialog"),
+    ("Ctrl+S", "save the session: scene, view, light, settings"),
     ("F1", "show or hide this list"),
     ("Ctrl+Q", "quit"),
 ];
 
-/// How long the hint of the first start is seen.
+/// How long the hint stays at the first start.
 const HINT: Duration = Duration::from_secs(30);
 
-/// What of the panels is seen.
+/// State of the panels.
 pub(super) struct State {
     pub(super) visible: bool,
-    /// The list of keys.
+    /// Whether the list of keys is open.
     pub(super) keys: bool,
-    /// Caches that are being dialled.
+    /// Number of caches while it is being edited.
     caches: Option<u32>,
-    /// Frames of a video in a second.
+    /// Frame rate of videos [frames/s].
     fps: f64,
-    /// What is typed to be opened.
+    /// Text in the field for a path.
     path: String,
     recent: Vec<PathBuf>,
-    /// Until when the hint of the first start is seen.
+    /// End of the hint at the first start.
     hint: Option<Instant>,
 }
 
-/// How the panels look: dark, so that the picture is judged by itself.
+/// Style of the panels: dark, so that they do not affect the impression of the picture.
 pub(super) fn style(context: &egui::Context) {
     context.set_theme(egui::Theme::Dark);
-    // Where a frame takes a second, a button goes down and up in different ones.
+    // On slow devices a frame can take a second, so the press and the release of a button are in different frames.
     context.options_mut(|options| options.input_options.max_click_duration = 10.0);
     context.all_styles_mut(|style| {
         style.spacing.slider_width = 118.0;
@@ -82,12 +82,12 @@ pub(super) fn style(context: &egui::Context) {
     });
 }
 
-/// Two columns: names and controls.
+/// Adds a grid of two columns: names and controls.
 fn rows(ui: &mut Ui, name: &str, add: impl FnOnce(&mut Ui)) {
     Grid::new(name).num_columns(2).spacing([12.0, 6.0]).min_col_width(84.0).show(ui, add);
 }
 
-/// A named control of a grid with its explanation.
+/// Adds a named control to a grid, with a tooltip.
 fn row(ui: &mut Ui, name: &str, help: &str, add: impl FnOnce(&mut Ui) -> Response) -> Response {
     ui.label(name).on_hover_text(help);
     let response = add(ui).on_hover_text(help);
@@ -95,7 +95,7 @@ fn row(ui: &mut Ui, name: &str, help: &str, add: impl FnOnce(&mut Ui) -> Respons
     response
 }
 
-/// A list to choose from; says whether another was chosen.
+/// Adds a drop-down list. The response is marked as changed if another entry was chosen.
 fn choose<T: Copy + PartialEq>(ui: &mut Ui, id: &str, value: &mut T, all: &[(T, &str)]) -> Response {
     let name = all.iter().find(|(one, _)| one == value).map_or("", |(_, name)| *name);
     let before = *value;
@@ -128,7 +128,7 @@ impl State {
         }
     }
 
-    /// Shows the panels; what they ask for beyond the document comes back.
+    /// Shows the panels. Returns the actions that they request beyond changes of the document.
     pub(super) fn show(&mut self, ui: &mut Ui, document: &mut Document, compare: &mut Compare, gpu: &Gpu) -> Vec<Wish> {
         let mut wishes = Vec::new();
         if self.visible {
@@ -163,7 +163,7 @@ impl State {
         wishes
     }
 
-    /// Three lines over the picture at the very first start; they go away by themselves, or with the first drag.
+    /// Shows three lines over the picture at the first start. They disappear after `HINT`, or when a button is pressed.
     pub(super) fn hint(&mut self, ui: &Ui, picture: egui::Rect) {
         let is_small = picture.width() < 420.0 || picture.height() < 200.0;
         let dragged = ui.input(|input| input.pointer.any_down());
@@ -183,32 +183,32 @@ impl State {
             .interactable(false)
             .show(ui.ctx(), |ui| {
                 egui::Frame::popup(ui.style()).show(ui, |ui| {
-                    ui.label("Drag to turn the camera, use the wheel to go nearer, W A S D to fly.");
+                    ui.label("Drag to orbit, use the wheel to zoom and W A S D to fly.");
                     ui.label("Drop a glTF scene or a sky here. Space shows a path-traced reference.");
-                    ui.label("F1 lists all keys; each control says what it does when you rest on it.");
+                    ui.label("F1 lists all keys. Hover over a control to read what it does.");
                 });
             });
     }
 
     fn files(&mut self, ui: &mut Ui, document: &mut Document, wishes: &mut Vec<Wish>) {
-        let help = "A scene, a sky (.hdr, .exr), a session (.json) or a picture to compare with (.png). Enter opens it; so does \
-                    dropping it on the window.";
+        let help = "Path of a scene, a sky (.hdr, .exr), a session (.json) or a picture to compare with (.png). Press Enter to \
+                    open it. You can also drop files on the window.";
         let typed = egui::TextEdit::singleline(&mut self.path).hint_text("path of a file").desired_width(WIDTH - 40.0);
         let response = ui.add(typed).on_hover_text(help);
         if response.lost_focus() && ui.input(|input| input.key_pressed(egui::Key::Enter)) && !self.path.is_empty() {
             wishes.push(Wish::Drop(PathBuf::from(self.path.trim())));
         }
         ui.horizontal(|ui| {
-            let help = "Asks by the desktop's own dialog (its portal) for a file to open.";
+            let help = "Opens a file with the desktop's file dialog. On Linux this needs a desktop portal.";
             if ui.button("Open").on_hover_text(help).clicked() {
                 wishes.push(Wish::Ask);
             }
-            let help = "Writes scene, view, light, materials and settings as JSON to the current folder. Drop the file here, or name \
-                        it instead of a scene, to have all of it back.";
+            let help = "Saves scene, view, light, materials and settings as a JSON file in the current folder. To restore them, drop \
+                        the file here or pass it on the command line instead of a scene.";
             if ui.button("Save session").on_hover_text(help).clicked() {
                 wishes.push(Wish::SaveSession);
             }
-            let help = "Loads the scene again when its files change; the view stays.";
+            let help = "Reloads the scene when its files change. The camera stays.";
             ui.checkbox(&mut document.args.watch, "watch").on_hover_text(help);
         });
         for path in &self.recent {
@@ -229,16 +229,16 @@ impl State {
                 (Quality::High, "high"),
                 (Quality::Reference, "reference"),
             ];
-            let help = "Everything below as one choice: caches, sizes of maps, shadows and rays. Another level bakes \
-                        its caches in the background; the picture stays until they are there.";
+            let help = "Sets everything below at once: caches, map sizes, shadows and rays. The caches of a new level are \
+                        baked in the background. The old picture stays until they are ready.";
             if row(ui, "Quality", help, |ui| choose(ui, "quality", &mut quality, &levels)).changed() {
                 let mut args = document.args.clone();
                 args.set_quality(quality);
                 document.open(args, false);
             }
             let mut count = self.caches.unwrap_or(document.args.cache_count() as u32);
-            let help = "About how many caches stand on the surfaces. More catch finer changes of indirect light; time \
-                        grows in proportion, and with shadows faster. They are baked anew in the background.";
+            let help = "Approximate number of light caches on the surfaces. More caches give finer indirect light. The time \
+                        grows in proportion, or faster with shadows. New caches are baked in the background.";
             let response = row(ui, "Caches", help, |ui| {
                 ui.add(DragValue::new(&mut count).range(10..=100_000).speed(10.0).update_while_editing(false))
             });
@@ -257,47 +257,49 @@ impl State {
                 Indirect::Caches(_) => ways[0].0,
                 other => other,
             };
-            let help = "Caches are the engine's way. Brute force lights every pixel by every virtual light, without \
-                        shadows: slow, and what caches are measured against. Off is direct light alone.";
-            if row(ui, "Indirect", help, |ui| choose(ui, "indirect", &mut way, &ways)).changed() {
+            let help = "Method for indirect light. Caches are the real-time method. Brute force lights every pixel by every \
+                        virtual light, without shadows: slow, but without interpolation. Off shows only direct light.";
+            if row(ui, "Indirect light", help, |ui| choose(ui, "indirect", &mut way, &ways)).changed() {
                 settings.indirect = way;
             }
             if let Some(Gather::Compute { bounces, shadows, near, .. }) = Document::compute(&mut settings) {
                 let help = format!(
-                    "How often light is reflected after what lights and shining surfaces give directly. Each bounce \
-                     lets all caches light each other once more.{}",
+                    "Number of reflections after the direct light of lamps and emissive surfaces. In each further bounce \
+                     all caches light each other once more.{}",
                     cost(document, &["gather"])
                 );
                 row(ui, "Bounces", &help, |ui| ui.add(Slider::new(bounces, 0..=16)));
                 let kinds =
-                    [(Shadows::Off, "off"), (Shadows::Proxy, "of whole caches"), (Shadows::PerLight, "of every light")];
+                    [(Shadows::Off, "off"), (Shadows::Proxy, "per cache"), (Shadows::PerLight, "per virtual light")];
                 let help = format!(
-                    "What is in the way of indirect light. Off lets it through walls. Of whole caches dims each cache's \
-                     light at once. Of every light tests each virtual light, and costs most.{}",
+                    "Shadows of indirect light. Off lets it pass through walls. Per cache dims the light of each cache as a \
+                     whole. Per virtual light tests each virtual light at each cache and costs most.{}",
                     cost(document, &["depth images", "occlude"])
                 );
-                row(ui, "Shadows", &help, |ui| choose(ui, "shadows", shadows, &kinds));
+                row(ui, "GI shadows", &help, |ui| choose(ui, "shadows", shadows, &kinds));
                 let mut rays = *near != Near::Off;
                 let help = format!(
-                    "Short rays find light and shade from within one spacing of the caches: contact shadows, corners. \
-                     They cost most at large pictures.{}",
+                    "Short rays find light and occlusion from surfaces within one cache spacing, such as contact shadows and \
+                     corners. The cost grows with the number of pixels.{}",
                     cost(document, &["near rays"])
                 );
-                if row(ui, "Near rays", &help, |ui| ui.checkbox(&mut rays, "from pixels")).changed() {
+                if row(ui, "Short rays", &help, |ui| ui.checkbox(&mut rays, "from pixels")).changed() {
                     *near = if rays { Quality::High.near() } else { Near::Off };
                 }
                 if let Near::Rays { per_pixel, every } = near {
-                    let help = "Rays of a pixel that has some; 16 neighbours share theirs. Time grows in proportion.";
+                    let help =
+                        "Rays per traced pixel. 16 neighbouring pixels share their rays. The time grows in proportion.";
                     row(ui, "  per pixel", help, |ui| ui.add(Slider::new(per_pixel, 1..=32)));
-                    let help = "Pixels and rows from one with rays to the next: 2 takes a quarter of the rays of 1.";
+                    let help =
+                        "Distance between traced pixels, along rows and columns. 2 needs a quarter of the rays of 1.";
                     row(ui, "  every", help, |ui| ui.add(Slider::new(every, 1..=8).suffix(" px")));
                 }
             }
             let sizes = [32, 64, 96, 128, 192, 256].map(|n| (n, format!("{n} x {n}")));
             let sizes = sizes.each_ref().map(|(n, name)| (*n, name.as_str()));
             let help = format!(
-                "Virtual lights of each light: texels of its reflective shadow map. The gather's time grows in \
-                 proportion to them.{}",
+                "Virtual lights of each light source: the texels of its reflective shadow map. The time of the gather \
+                 grows in proportion.{}",
                 cost(document, &["rsm", "gather"])
             );
             row(ui, "Virtual lights", &help, |ui| choose(ui, "rsm", &mut settings.rsm, &sizes));
@@ -309,34 +311,34 @@ impl State {
                 (LightShadows::Rays, "rays"),
             ];
             let help = format!(
-                "What tells where lamps and the sun shine: rays from each pixel, or shadow maps, whose edges are as \
-                 coarse as their texels.{}",
+                "Shadows of lamps and the sun: rays from each pixel, or shadow maps, whose edges are as coarse as their \
+                 texels.{}",
                 cost(document, &["direct"])
             );
-            row(ui, "Lamps and sun", &help, |ui| choose(ui, "light_shadows", &mut settings.light_shadows, &kinds));
+            row(ui, "Direct shadows", &help, |ui| choose(ui, "light_shadows", &mut settings.light_shadows, &kinds));
             let kinds = [
                 (Antialiasing::Off, "off"),
-                (Antialiasing::Four, "4 more points"),
-                (Antialiasing::Eight, "8 more points"),
+                (Antialiasing::Four, "4 extra points"),
+                (Antialiasing::Eight, "8 extra points"),
             ];
             let help = format!(
-                "Points of a pixel, beside its middle, at which surfaces are told apart. The scene is drawn once for each.{}",
+                "Sample points per pixel, in addition to its centre, for smooth edges. The scene is drawn once for each.{}",
                 cost(document, &["edges", "mix edges"])
             );
-            row(ui, "Smooth edges", &help, |ui| choose(ui, "antialiasing", &mut settings.antialiasing, &kinds));
+            row(ui, "Antialiasing", &help, |ui| choose(ui, "antialiasing", &mut settings.antialiasing, &kinds));
             let kinds = [(1, "1 layer"), (2, "2 layers"), (4, "4 layers"), (8, "8 layers")];
             let help = format!(
-                "Surfaces of glass and other blended materials that a pixel shows, one behind another. Each is shaded like a \
-                 picture of its own.{}",
+                "Maximum number of glass and other blended surfaces that a pixel shows, one behind another. Each layer costs as \
+                 much shading as a picture of its own.{}",
                 cost(document, &["layers", "mix layers"])
             );
-            row(ui, "Glass", &help, |ui| choose(ui, "layers", &mut settings.layers, &kinds));
+            row(ui, "Glass layers", &help, |ui| choose(ui, "layers", &mut settings.layers, &kinds));
         });
         document.settings = settings;
     }
 }
 
-/// What stages took in the last frame that was drawn.
+/// The times of these stages in the last drawn frame, as text for a tooltip.
 fn cost(document: &Document, stages: &[&str]) -> String {
     let Some(last) = document.history.back() else { return String::new() };
     let told: Vec<String> = (last.stages.iter())
@@ -371,7 +373,7 @@ fn heading(ui: &mut Ui, document: &Document, gpu: &Gpu) {
     match document.progress() {
         Some((done, what)) => progress(ui, done, &what),
         None => {
-            ui.label(RichText::new("F1 lists the keys; drop a scene or a sky here").weak());
+            ui.label(RichText::new("F1 lists all keys. Drop a scene or a sky here.").weak());
         }
     }
 }
@@ -384,14 +386,14 @@ fn lights(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
             continue;
         }
         let (kind, unit, what) = match light.kind {
-            LightKind::Directional => ("sun", " lx", "illuminance on a surface that faces it"),
-            LightKind::Point => ("point", " cd", "luminous intensity, the same in all directions"),
-            LightKind::Spot { .. } => ("spot", " cd", "luminous intensity within its cone"),
+            LightKind::Directional => ("sun", " lx", "illuminance on a surface that faces the light"),
+            LightKind::Point => ("point", " cd", "luminous intensity, equal in all directions"),
+            LightKind::Spot { .. } => ("spot", " cd", "luminous intensity within the cone"),
         };
         ui.horizontal(|ui| {
-            changed |= ui.checkbox(on, "").on_hover_text("Whether the light is on.").changed();
+            changed |= ui.checkbox(on, "").on_hover_text("Switches the light on or off.").changed();
             let mut color = light.color.to_array();
-            let help = "Colour of the light, linear. Changing it costs one frame with new light.";
+            let help = "Colour of the light, linear. After a change, one frame recomputes the light.";
             changed |= ui.color_edit_button_rgb(&mut color).on_hover_text(help).changed();
             light.color = color.into();
             let speed = f64::from(light.intensity).abs().max(1e-3) * 0.01;
@@ -404,7 +406,7 @@ fn lights(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
                 (light.radius, " m", 1e6)
             };
             let help =
-                "How large it is, its angle in the sky or its radius: how soft shadows are, where rays find them.";
+                "Size of the light: the apparent angle of a sun or the radius of a lamp. Ray-traced shadows become softer with it.";
             let drag = DragValue::new(&mut size).speed(0.01).range(0.0..=most).suffix(unit);
             if ui.add_sized([48.0, 18.0], drag).on_hover_text(help).changed() {
                 light.radius = if is_sun { 0.5 * size.to_radians() } else { size };
@@ -415,10 +417,10 @@ fn lights(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         });
     }
     if !of_sky.is_empty() {
-        ui.label(RichText::new(format!("A sky, for which {} lights stand", of_sky.len())).weak());
+        ui.label(RichText::new(format!("Sky, approximated by {} lights", of_sky.len())).weak());
     }
     if document.lights.is_empty() {
-        ui.label(RichText::new("No lights but surfaces that shine").weak());
+        ui.label(RichText::new("No lights except emissive surfaces").weak());
     }
     if changed {
         document.light(gpu);
@@ -433,11 +435,11 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
         let mut all: Vec<(Seen, &str)> =
             names.iter().enumerate().map(|(i, name)| (Seen::OfScene(i), name.as_str())).collect();
         if let Seen::Free(_) = document.seen {
-            all.push((document.seen, "your own"));
+            all.push((document.seen, "free camera"));
         }
-        let help = "Where the picture is seen from. Moving the view makes a camera of your own; Ctrl+1 to 9 keep it.";
+        let help = "Camera of the picture. Moving the view switches to a free camera. Ctrl+1 to 9 store it.";
         let mut seen = document.seen;
-        row(ui, "Seen by", help, |ui| choose(ui, "camera", &mut seen, &all));
+        row(ui, "Camera", help, |ui| choose(ui, "camera", &mut seen, &all));
         document.seen = seen;
         let degrees = document.camera().map(|camera| match camera.projection {
             Projection::Perspective { yfov } => yfov.to_degrees(),
@@ -445,7 +447,7 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
         });
         if let Some(before) = degrees.filter(|degrees| *degrees > 0.0) {
             let mut fov = before;
-            let help = "Vertical field of view: small is a long lens.";
+            let help = "Vertical field of view. A small angle is a long lens.";
             if row(ui, "Field of view", help, |ui| ui.add(Slider::new(&mut fov, 5.0..=120.0).suffix(" deg"))).changed()
                 && let Some(free) = document.free(|_| None)
             {
@@ -453,18 +455,18 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
             }
         }
         let mut automatic = document.look.exposure == Exposure::Automatic;
-        let help = "Exposes for the surfaces in view. Switch it off to fix the exposure; either costs nothing.";
+        let help = "Meters the exposure from the surfaces in view. Switch it off to fix the exposure. Free of cost.";
         if row(ui, "Exposure", help, |ui| ui.checkbox(&mut automatic, "automatic")).changed() {
             document.look.exposure = if automatic {
                 Exposure::Automatic
             } else {
-                // Fixed where it is.
+                // Fix the current exposure value.
                 let now = document.picture.as_ref().and_then(|p| gpu.read::<f32>(&p.output.exposure).ok());
                 Exposure::Ev(now.map_or(0.0, |now| now[0]))
             };
         }
         if let Exposure::Ev(ev) = &mut document.look.exposure {
-            let help = "Exposure value at ISO 100: one more is half as bright.";
+            let help = "Exposure value at ISO 100. A value larger by 1 makes the picture half as bright.";
             row(ui, "Exposure value", help, |ui| {
                 ui.add(DragValue::new(ev).speed(0.05).range(-100.0..=100.0).max_decimals(2))
             });
@@ -476,22 +478,22 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
             (Tonemap::Linear, "none, clipped"),
         ];
         let help =
-            "How radiance becomes colours of the display. PBR Neutral keeps base colours, AgX and ACES are films.";
+            "Curve from radiance to display colours. PBR Neutral preserves base colours. AgX and ACES look like film.";
         row(ui, "Tone curve", help, |ui| choose(ui, "tonemap", &mut document.look.tonemap, &curves));
-        let help = "What of the picture is shown: all of it, or one layer alone. Depth and luminance are in false colours; \
-                    broken values are magenta where a layer has what no radiance can be. Costs nothing.";
+        let help = "Shows the picture or a single layer. Depth and luminance are in false colours. Broken values marks pixels \
+                    with negative or non-finite radiance in magenta. Free of cost.";
         if row(ui, "Show", help, |ui| choose(ui, "shown", &mut document.shown, &Shown::ALL)).changed() {
             document.fit_scale(gpu);
         }
         debug::controls(ui, document, gpu);
     });
     ui.horizontal(|ui| {
-        let help = "Copies and prints the command that renders this picture to a file. Lights that were changed here and \
-                    hidden objects are not in it.";
+        let help = "Copies and prints the command that renders this picture to a file. It does not include edited lights and \
+                    materials, or hidden objects.";
         if ui.button("Copy as command line").on_hover_text(help).clicked() {
             wishes.push(Wish::Copy);
         }
-        if ui.button("Save PNG").on_hover_text("Writes the picture, without panels, to the current folder.").clicked() {
+        if ui.button("Save PNG").on_hover_text("Saves the picture without the panels to the current folder.").clicked() {
             wishes.push(Wish::Save);
         }
     });
@@ -510,7 +512,8 @@ fn scene(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
             for index in range {
                 let instance = &scene.instances[index];
                 let mut visible = !instance.hidden;
-                let help = "Hidden objects are neither drawn nor in the way of light. Caches stay where they are.";
+                let help =
+                    "Shows or hides the object. Hidden objects are not drawn and block no light. Caches stay in place.";
                 if ui.checkbox(&mut visible, &instance.name).on_hover_text(help).changed() {
                     toggled = Some((index, !visible));
                 }

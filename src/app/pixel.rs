@@ -1,4 +1,4 @@
-//! One pixel of the picture: all that is known of what it shows.
+//! All values of one pixel of the picture.
 
 use super::camera::point_at;
 use super::document::Document;
@@ -8,11 +8,11 @@ use half::f16;
 use lightskin::gpu::{Gpu, Image};
 use lightskin::scene::luminance;
 
-/// What a pixel shows.
+/// The values of a pixel.
 pub(super) struct Pixel {
     /// Column and row.
     pub(super) at: [u32; 2],
-    /// Place in the world [m], and distance from the eye.
+    /// Position in the world and distance from the eye [m]. `None` if there is no surface.
     pub(super) place: Option<(DVec3, f64)>,
     pub(super) normal: DVec3,
     /// Names and radiances [cd/m^2].
@@ -20,12 +20,12 @@ pub(super) struct Pixel {
     pub(super) albedo: DVec3,
     /// Index and name of the object.
     pub(super) instance: Option<(usize, String)>,
-    /// Of its material.
+    /// Index and name of the material.
     pub(super) material: Option<(usize, String)>,
 }
 
 impl Pixel {
-    /// Reads what the last frame has there; `at` is from 0 at the picture's top left to 1. None without a frame.
+    /// Reads a pixel of the last frame. `at` is from 0 at the top left of the picture to 1. `None` without a frame.
     pub(super) fn pick(gpu: &Gpu, document: &Document, at: [f32; 2]) -> Result<Option<Self>> {
         let (Some(view), Some(picture), Some(engine)) = (document.drawn, &document.picture, &document.engine) else {
             return Ok(None);
@@ -45,7 +45,7 @@ impl Pixel {
                 light.push(("indirect, glossy", float(glossy)?));
             }
         }
-        light.push(("in all", light.iter().map(|(_, light)| light).sum()));
+        light.push(("total", light.iter().map(|(_, light)| light).sum()));
         let albedo = gpu.read_texel::<[u16; 4]>(&surface.albedo, at)?;
         let depth = gpu.read_texel::<f32>(&surface.depth, at)?;
         let middle = [0, 1].map(|i| (at[i] as f32 + 0.5) / size[i] as f32);
@@ -80,7 +80,7 @@ impl Pixel {
                 add("normal", three(self.normal));
                 add("albedo", three(self.albedo));
             }
-            None => add("position", "nothing is there".into()),
+            None => add("position", "no surface".into()),
         }
         for (name, light) in &self.light {
             add(name, three(*light));
@@ -95,7 +95,7 @@ impl Pixel {
         values
     }
 
-    /// All in a line.
+    /// All values in one line.
     pub(super) fn line(&self) -> String {
         let values = self.values();
         let told: Vec<String> = values.iter().skip(1).map(|(name, value)| format!("{name} {value}")).collect();

@@ -1,36 +1,37 @@
-//! Scenes that were opened before, newest first, in a file of the user's.
+//! The list of recent scenes, newest first, in a file of the user.
 
 use lightskin::files;
 use std::path::{Path, PathBuf};
 
-/// How many are kept.
+/// Maximum number of scenes in the list.
 const MOST: usize = 10;
 
-/// `lightskin/recent` under `$XDG_STATE_HOME`, or else under `$HOME/.local/state`; none with neither.
+/// Path of the list: `lightskin/recent` under `$XDG_STATE_HOME`, or else under `$HOME/.local/state`. `None` if neither
+/// is set.
 fn file() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let states = set("XDG_STATE_HOME").or_else(|| set("HOME").map(|home| home.join(".local/state")));
     states.map(|folder| folder.join("lightskin/recent"))
 }
 
-/// Whether the window has been open before; from now on it has.
+/// Whether the window is opened for the first time. Creates a marker file, so that later calls return false.
 pub(super) fn is_first() -> bool {
     let Some(path) = file().map(|file| file.with_file_name("seen")) else { return false };
     let first = !path.exists();
     if first && path.parent().is_some_and(|folder| std::fs::create_dir_all(folder).is_ok()) {
-        // Where that cannot be written the hint comes again.
+        // If this file cannot be written, the hint appears again at the next start.
         let _ = files::write(&path, b"");
     }
     first
 }
 
-/// All of them that are there, one path a line.
+/// The scenes of the list whose files exist. The file has one path per line.
 pub(super) fn all() -> Vec<PathBuf> {
     let text = file().and_then(|file| files::read(&file).ok()).and_then(|bytes| String::from_utf8(bytes).ok());
     text.unwrap_or_default().lines().map(PathBuf::from).filter(|path| path.exists()).take(MOST).collect()
 }
 
-/// Puts one at the top. Where that cannot be written nothing is lost but the list.
+/// Puts a scene at the top of the list. If the file cannot be written, only a debug message is logged.
 pub(super) fn add(path: &Path) {
     let (Some(file), Ok(path)) = (file(), std::path::absolute(path)) else { return };
     let before = all().into_iter().filter(|other| *other != path);
@@ -38,6 +39,6 @@ pub(super) fn add(path: &Path) {
     let text: String = lines.collect();
     let folder = file.parent().map_or(Ok(()), |folder| std::fs::create_dir_all(folder).map_err(anyhow::Error::from));
     if let Err(error) = folder.and_then(|()| Ok(files::write(&file, text.as_bytes())?)) {
-        log::debug!("the list of recent scenes is not kept: {error}");
+        log::debug!("the list of recent scenes cannot be saved: {error}");
     }
 }

@@ -1,5 +1,5 @@
-//! Where references come from: the path tracer in the background, coarse first, then pass after pass; brute force on the device, a few
-//! rows with each frame.
+//! Sources of references: the path tracer in the background, first coarse, then pass after pass; and brute force on the
+//! device, a few rows per frame.
 
 use super::background::{Rest, alone};
 use super::compare::{Now, radiance};
@@ -13,36 +13,36 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How many times smaller than the picture the first passes are.
+/// Factors by which the first passes are smaller than the picture.
 const COARSE: [u32; 3] = [8, 4, 2];
 
-/// A path trace that grows in the background.
+/// A path trace that runs in the background.
 pub(super) struct Trace {
     thread: JoinHandle<()>,
     told: Arc<Told>,
 }
 
-/// What the thread tells, and is told.
+/// State shared with the thread.
 #[derive(Default)]
 struct Told {
     stop: AtomicBool,
     newest: Mutex<Option<Traced>>,
-    /// Pixels of the pass under way, and how many it has.
+    /// Finished pixels of the current pass, and all its pixels.
     pixels: [AtomicU32; 2],
 }
 
-/// What has been traced so far.
+/// The result of a path trace so far.
 pub(super) struct Traced {
     /// Radiance [cd/m^2], row by row from the top.
     pub(super) rgb: Vec<[f32; 3]>,
-    /// Samples per pixel; none of a picture that is coarser.
+    /// Samples per pixel. `None` if the picture is still coarse.
     pub(super) samples: Option<u32>,
     /// Mean relative standard error.
     pub(super) noise: f64,
 }
 
 impl Trace {
-    /// Begins; ends by itself after so many samples per pixel.
+    /// Starts a path trace that ends after `most` samples per pixel.
     pub(super) fn start(scene: Arc<Scene>, camera: Camera, settings: PathTraceSettings, most: u32, rest: Rest) -> Self {
         let told = Arc::new(Told::default());
         let of_thread = told.clone();
@@ -50,18 +50,18 @@ impl Trace {
         Self { thread, told }
     }
 
-    /// What is new.
+    /// Takes the newest result, if there is one since the last call.
     pub(super) fn newest(&self) -> Option<Traced> {
         self.told.newest.lock().unwrap_or_else(PoisonError::into_inner).take()
     }
 
-    /// How far the pass under way is, from 0 to 1.
+    /// Progress of the current pass from 0 to 1.
     pub(super) fn progress(&self) -> f32 {
         let [done, all] = self.told.pixels.each_ref().map(|n| n.load(Ordering::Relaxed));
         done as f32 / all.max(1) as f32
     }
 
-    /// Tells it to end, which it does within a moment.
+    /// Requests the thread to stop. It does so within a moment.
     pub(super) fn stop(&self) {
         self.told.stop.store(true, Ordering::Relaxed);
     }
@@ -107,7 +107,7 @@ impl Told {
     }
 }
 
-/// All radiance.
+/// Total radiance.
 fn sum(trace: &PathTrace<'_>) -> Vec<[f32; 3]> {
     let mut all = trace.direct();
     for layer in [trace.diffuse(), trace.glossy()] {
@@ -116,20 +116,20 @@ fn sum(trace: &PathTrace<'_>) -> Vec<[f32; 3]> {
     all
 }
 
-/// Each pixel so many times larger.
+/// Enlarges each pixel `by` times.
 fn enlarged(rgb: &[[f32; 3]], [small, _]: [u32; 2], [width, height]: [u32; 2], by: u32) -> Vec<[f32; 3]> {
     let at = |x: u32, y: u32| rgb[(y / by * small + x / by) as usize];
     (0..height).flat_map(|y| (0..width).map(move |x| at(x, y))).collect()
 }
 
-/// How long a part of a brute force may hold up the window.
+/// Target for the time that one step of brute force holds up the window.
 const PART: Duration = Duration::from_millis(40);
 
-/// A brute force under way: the present view by other settings.
+/// An unfinished brute-force picture of the current view.
 pub(super) struct BruteForce {
     light: Light,
     picture: Picture,
-    /// The first row that is missing, and how many come with the next frame.
+    /// The first missing row, and the number of rows for the next step.
     next: u32,
     rows: u32,
 }
@@ -142,12 +142,12 @@ impl BruteForce {
         Ok(Self { light, picture, next: 0, rows: 1 })
     }
 
-    /// How far it is, from 0 to 1.
+    /// Progress from 0 to 1.
     pub(super) fn progress(&self) -> f32 {
         self.next as f32 / self.picture.size()[1].max(1) as f32
     }
 
-    /// Lights a few rows more, as many as fit the time; comes back with the radiance once all are lit.
+    /// Lights the next few rows, as many as fit in `PART`. Returns the radiance once all rows are lit.
     pub(super) fn step(
         &mut self,
         gpu: &Gpu,

@@ -1,4 +1,5 @@
-//! A session: a scene with how it is lit, seen and shown, as a JSON file. What a file leaves out is as usual.
+//! Sessions: JSON files that store a scene with its light, camera and display settings. Missing members take their
+//! defaults.
 
 use super::camera::{Free, Seen};
 use super::document::{Clip, Document};
@@ -15,7 +16,7 @@ use std::path::Path;
 /// Version of the format.
 const SCHEMA: u64 = 1;
 
-/// What of a session is applied once its scene is there.
+/// The part of a session that is applied after its scene has been loaded.
 pub(super) struct Session {
     drawing: Drawing,
     seen: Option<Seen>,
@@ -27,7 +28,7 @@ pub(super) struct Session {
     hidden: Vec<String>,
 }
 
-/// Whether a file's name says that it is a session.
+/// Whether the ending of a file's name is that of a session.
 pub(super) fn is_session(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
 }
@@ -43,7 +44,7 @@ fn seen(text: &str) -> Option<Seen> {
     Free::parse(text).map(Seen::Free).or_else(|| text.parse().ok().map(Seen::OfScene))
 }
 
-/// Writes what is open.
+/// Writes the open document as a session.
 pub(super) fn save(document: &Document, path: &Path) -> Result<()> {
     let scene = document.scene().context("there is no scene yet")?;
     let lights = document.lights.iter().map(|(light, on)| {
@@ -82,18 +83,19 @@ pub(super) fn save(document: &Document, path: &Path) -> Result<()> {
     Ok(files::write(path, text.as_bytes())?)
 }
 
-/// Reads a session: what to open, and what to apply then. `present` says what no session does: device, size, panels.
+/// Reads a session: the arguments to load its scene, and the part to apply afterwards. `present` has the properties
+/// that a session does not store: device, size, panels.
 pub(super) fn load(path: &Path, present: &Args) -> Result<(Args, Session)> {
     let read = || -> Result<(Args, Session)> {
         let bytes = files::read(path).map_err(|reason| anyhow!(reason))?;
-        let json: Value = serde_json::from_slice(&bytes).context("file: its JSON is broken, save the session again")?;
+        let json: Value = serde_json::from_slice(&bytes).context("file: the JSON is broken; save the session again")?;
         match json["lightskin_session"].as_u64() {
             Some(SCHEMA) => {}
             Some(other) => {
-                bail!("file: is a session of format {other}; {SCHEMA} is needed, save it again with this lightskin")
+                bail!("file: session format {other} is not supported, only {SCHEMA}; save it again with this lightskin")
             }
             None => bail!(
-                "file: is no session of lightskin, it has no `lightskin_session`; give a file that the window has saved"
+                "file: not a session of lightskin, it has no `lightskin_session`; use a file that the window has saved"
             ),
         }
         let words = strings(&json, "arguments")?;
@@ -131,7 +133,7 @@ pub(super) fn load(path: &Path, present: &Args) -> Result<(Args, Session)> {
     read().with_context(|| path.display().to_string())
 }
 
-/// A number that single precision has.
+/// A number that is finite in single precision.
 fn number(value: &Value) -> Option<f32> {
     value.as_f64().map(|v| v as f32).filter(|v| v.is_finite())
 }
@@ -148,12 +150,12 @@ fn strings(json: &Value, name: &str) -> Result<Vec<String>> {
 }
 
 impl Session {
-    /// How it is drawn, with so many caches.
+    /// The settings for this number of caches.
     pub(super) fn settings(&self, gpu: &Gpu, caches: usize) -> Result<Settings> {
         self.drawing.settings(gpu, caches)
     }
 
-    /// What a document takes over besides.
+    /// Applies camera, bookmarks, exposure, animation and lights to a document, and marks the edited materials.
     pub(super) fn apply(&self, document: &mut Document) {
         document.seen = self.seen.filter(|seen| is_there(document.scene(), *seen)).unwrap_or(document.seen);
         (document.bookmarks, document.look) = (self.bookmarks, self.look);
@@ -170,7 +172,7 @@ impl Session {
             (0..materials.len()).filter(|index| self.materials.contains_key(&materials[*index].name)).collect();
     }
 
-    /// What of the scene itself is changed.
+    /// Applies visibility and materials to the scene itself.
     pub(super) fn change(&self, scene: &mut Scene) {
         for instance in &mut scene.instances {
             instance.hidden = self.hidden.contains(&instance.name);

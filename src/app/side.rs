@@ -1,4 +1,4 @@
-//! One side of a comparison: where its picture comes from, and what there is of it.
+//! One side of a comparison: the source of its picture and its progress.
 
 use super::background::Rest;
 use super::compare::Now;
@@ -14,34 +14,34 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-/// Where a picture comes from.
+/// Source of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Source {
-    /// What the window shows without a comparison.
+    /// Lightskin's picture, which the window shows without a comparison.
     Lightskin,
-    /// The path tracer, all light.
+    /// The path tracer with all light paths.
     PathTrace,
-    /// The path tracer with the engine's number of bounces, diffuse but for the last.
+    /// The path tracer with the engine's number of bounces, of which only the last is glossy.
     SameBounces,
-    /// Every virtual light onto every pixel.
+    /// Brute force: every virtual light at every pixel.
     BruteForce,
     /// A file.
     File,
 }
 
-/// A reference.
+/// A reference picture.
 pub(super) struct Reference {
     size: [u32; 2],
     pub(super) rgb: Vec<[f32; 3]>,
     pub(super) values: Values,
-    /// Whether it is smaller than the picture yet, and shown enlarged.
+    /// Whether it was rendered at a smaller size and enlarged.
     coarse: bool,
     /// Samples per pixel of a path trace.
     samples: Option<u32>,
     noise: f64,
 }
 
-/// What a reference was made of.
+/// The inputs of a reference. It is discarded when they change.
 #[derive(Clone, PartialEq)]
 struct Key {
     source: Source,
@@ -50,14 +50,14 @@ struct Key {
     edits: u64,
     spread: bool,
     bounces: u32,
-    /// Where they matter.
+    /// Settings of brute force. `None` for other sources, which do not depend on them.
     settings: Option<Settings>,
 }
 
-/// A side.
+/// A side of the comparison.
 pub(super) struct Side {
     pub(super) source: Source,
-    /// Most samples per pixel.
+    /// Samples per pixel at which the path tracer stops.
     most: u32,
     file: Option<(PathBuf, Arc<Reference>)>,
     loading: Option<(PathBuf, JoinHandle<Result<Reference>>)>,
@@ -66,7 +66,7 @@ pub(super) struct Side {
     brute_force: Option<BruteForce>,
     reference: Option<Arc<Reference>>,
     image: Option<Image>,
-    /// Counts references.
+    /// Number of references so far.
     pub(super) made: u64,
 }
 
@@ -86,7 +86,7 @@ impl Side {
         }
     }
 
-    /// Reads a picture in the background, and shows it then.
+    /// Reads a picture in the background and shows it when it is loaded.
     pub(super) fn open(&mut self, path: &Path) {
         let of_thread = path.to_owned();
         let read = move || {
@@ -98,7 +98,7 @@ impl Side {
         self.loading = Some((path.to_owned(), std::thread::spawn(read)));
     }
 
-    /// Whether it is to show a file and there is none.
+    /// Whether the source is a file, but none has been given.
     pub(super) fn waits_for_file(&self) -> bool {
         self.source == Source::File && self.file.is_none() && self.loading.is_none()
     }
@@ -107,12 +107,12 @@ impl Side {
         self.file.as_ref().filter(|_| self.source == Source::File).map(|(_, file)| file.size)
     }
 
-    /// What is shown; none for lightskin's picture.
+    /// The reference that is shown. `None` for lightskin's picture.
     pub(super) fn reference(&self) -> Option<Arc<Reference>> {
         self.reference.clone()
     }
 
-    /// The same as an image, and how it is shown: a `LAYER_*`.
+    /// The image of the reference, and how to show it: a `LAYER_*`.
     pub(super) fn image(&self) -> Option<(&Image, u32)> {
         let reference = self.reference.as_ref()?;
         let how = if reference.values == Values::Radiance { LAYER_RADIANCE } else { LAYER_REFLECTANCE };
@@ -124,41 +124,41 @@ impl Side {
         self.source == Source::Lightskin || self.reference.is_some()
     }
 
-    /// Whether there is a picture of all its pixels.
+    /// Whether there is a picture at full size.
     pub(super) fn is_whole(&self) -> bool {
         self.source == Source::Lightskin || self.reference.as_ref().is_some_and(|reference| !reference.coarse)
     }
 
-    /// Whether something is under way.
+    /// Whether a reference is being loaded or computed.
     pub(super) fn works(&self) -> bool {
         self.loading.is_some() || self.trace.is_some() || self.brute_force.is_some()
     }
 
-    /// Whether something has to begin.
+    /// Whether a reference is needed and not yet started.
     pub(super) fn waits(&self) -> bool {
         self.source != Source::Lightskin && self.key.is_none()
     }
 
-    /// Whether it goes on with each frame.
+    /// Whether each frame advances the reference.
     pub(super) fn hurries(&self) -> bool {
         self.brute_force.is_some()
     }
 
-    /// What it is, in words.
+    /// A description of the side.
     pub(super) fn state(&self) -> String {
         let of = match (&self.reference, self.source) {
             (_, Source::Lightskin) => "lightskin".into(),
             _ if self.loading.is_some() => "reading the file".into(),
             (_, Source::File) => match &self.file {
-                None => "drop a PNG here, or an EXR while the reference shows".into(),
+                None => "drop a PNG here, or an EXR while the reference is shown".into(),
                 Some((path, _)) => path.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             },
             (None, _) if self.trace.is_some() => "path trace".into(),
             (_, Source::BruteForce) if self.works() => "brute force".into(),
-            (None, _) => "waits until nothing moves".into(),
+            (None, _) => "starts when nothing moves".into(),
             (Some(_), Source::BruteForce) => "brute force".into(),
             (Some(reference), _) => match reference.samples {
-                None => "path trace, coarse at first".into(),
+                None => "path trace, coarse preview".into(),
                 Some(samples) if reference.noise.is_finite() => {
                     format!("path trace, {samples} samples, noise {:.1} %", 100.0 * reference.noise)
                 }
@@ -172,7 +172,7 @@ impl Side {
         }
     }
 
-    /// Forgets what it shows: that is of something else.
+    /// Discards the reference and stops its computation.
     pub(super) fn forget(&mut self) {
         (self.key, self.reference, self.image, self.brute_force) = (None, None, None, None);
         if let Some(trace) = &self.trace {
@@ -180,8 +180,8 @@ impl Side {
         }
     }
 
-    /// One step after each frame: takes over what is new, and begins or goes on where it may. Comes back with the size that a
-    /// new file needs the picture to have.
+    /// Advances by one step after each frame: takes over new results, and starts or continues work if `may` allows it.
+    /// Returns the size that the picture needs for a newly loaded file.
     pub(super) fn step(
         &mut self,
         gpu: &Gpu,

@@ -4,28 +4,28 @@ use super::document::{Clip, Document};
 use anyhow::{Context, Result};
 use std::path::PathBuf;
 
-/// Frames in a second, unless others are asked for.
+/// Default frame rate [frames/s].
 pub(super) const FPS: f64 = 30.0;
 
-/// Most frames.
+/// Maximum number of frames.
 const MOST: f64 = 100_000.0;
 
 /// A video that is being written.
 pub(super) struct Video {
     pub(super) folder: PathBuf,
     fps: f64,
-    /// The frame that comes next, and how many there are.
+    /// Index of the next frame, and number of frames.
     next: u32,
     pub(super) count: u32,
-    /// How the animation was before.
+    /// Playback state before the video.
     before: Clip,
 }
 
 impl Video {
-    /// Makes the folder for the animation that is chosen, or the first one.
+    /// Starts a video of the chosen animation, or of the first, and creates its folder.
     ///
     /// # Errors
-    /// A scene without any, and a folder that cannot be made.
+    /// If the scene has no animation, or if the folder cannot be created.
     pub(super) fn begin(document: &mut Document, fps: f64) -> Result<Self> {
         let before = document.clip;
         let index = before.animation.unwrap_or(0);
@@ -33,30 +33,30 @@ impl Video {
         let (_, _, end) = scene.animations().nth(index).context("nothing in this scene moves")?;
         let count = (end * fps).ceil().clamp(1.0, MOST) as u32;
         let named = |n: u32| PathBuf::from(format!("{}-video-{n}", scene.name));
-        let number = (1..10_000).find(|n| !named(*n).exists()).context("there are 9999 videos here already")?;
+        let number = (1..10_000).find(|n| !named(*n).exists()).context("the folder already has 9999 videos")?;
         let folder = named(number);
         std::fs::create_dir(&folder).with_context(|| folder.display().to_string())?;
         document.clip = Clip { animation: Some(index), playing: false, ..before };
         Ok(Self { folder, fps, next: 0, count, before })
     }
 
-    /// The moment of the next frame [s]; none after the last.
+    /// Time of the next frame [s]. `None` after the last.
     pub(super) fn moment(&self) -> Option<f64> {
         (self.next < self.count).then(|| f64::from(self.next) / self.fps)
     }
 
-    /// The file of the next frame, which has been drawn.
+    /// The file for the frame that has just been drawn. Advances to the next frame.
     pub(super) fn file(&mut self) -> PathBuf {
         self.next += 1;
         self.folder.join(format!("{:05}.png", self.next - 1))
     }
 
-    /// How far it is, from 0 to 1, and in words.
+    /// Progress from 0 to 1, and as text.
     pub(super) fn progress(&self) -> (f32, String) {
         (self.next as f32 / self.count as f32, format!("video, {} of {}", self.next, self.count))
     }
 
-    /// Lets the animation go on as before.
+    /// Restores the playback state from before the video.
     pub(super) fn end(self, document: &mut Document) {
         document.clip = self.before;
     }

@@ -1,22 +1,22 @@
-//! Files that may change while they are shown.
+//! Detects changes of the files of the open scene.
 
 use lightskin::files;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant, SystemTime};
 
-/// How often files are looked at.
+/// Time between two checks.
 pub(super) const EVERY: Duration = Duration::from_millis(400);
 
-/// What tells that a file is another one: when it was written, and its size.
+/// Time of the last write to a file, and its size. `None` if the file does not exist.
 type Stamp = Option<(SystemTime, u64)>;
 
-/// A scene's files.
+/// The files of a scene.
 pub(super) struct Watch {
     scene: PathBuf,
     files: Vec<PathBuf>,
-    /// As they were loaded.
+    /// Stamps when the scene was loaded.
     loaded: Vec<Stamp>,
-    /// As they were seen last: who still writes goes on writing.
+    /// Stamps at the last check. Files whose stamps still change are still being written.
     seen: Vec<Stamp>,
     looked: Instant,
 }
@@ -28,12 +28,12 @@ impl Watch {
         Self { scene: scene.to_owned(), seen: loaded.clone(), files, loaded, looked: Instant::now() }
     }
 
-    /// Whether it is this scene's.
+    /// Whether this watches the files of `scene`.
     pub(super) fn is_of(&self, scene: &Path) -> bool {
         self.scene == scene
     }
 
-    /// Whether a file has changed, and then stayed as it is for a moment. Says so once.
+    /// Whether a file has changed and then stayed the same between two checks. Reports each change once.
     pub(super) fn has_changed(&mut self) -> bool {
         if self.looked.elapsed() < EVERY {
             return false;
@@ -58,7 +58,7 @@ fn stamps(files: &[PathBuf]) -> Vec<Stamp> {
     files.iter().map(stamp).collect()
 }
 
-/// The scene's own file, or those of its folder, and the files that these name.
+/// The scene's own file, or the glTF files of its folder, and the files to which they refer.
 fn files_of(scene: &Path) -> Vec<PathBuf> {
     let ends = |path: &Path, ending: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(ending));
     let mut all = match std::fs::read_dir(scene) {

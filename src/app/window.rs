@@ -1,4 +1,4 @@
-//! The open window: its images, its panels, and one frame of it.
+//! The open window: its state, its panels, and the drawing of a frame.
 
 use super::background::alone;
 use super::canvas::{Canvas, Scenery};
@@ -24,16 +24,16 @@ use winit::event_loop::ActiveEventLoop;
 use winit::raw_window_handle::HasDisplayHandle;
 use winit::window::Window;
 
-/// Pictures that are written at a time: each is in memory as a whole.
+/// Maximum number of pictures that are written at the same time, because each is held in memory.
 const MOST_WRITTEN: usize = 4;
 
-/// Frames between two lines of the log that say what the device holds.
+/// Number of frames between two log lines with the counters of the device.
 const COUNTED: u64 = 50;
 
-/// How often the progress of a job is looked at.
+/// Time between two checks of background jobs.
 const POLL: Duration = Duration::from_millis(100);
 
-/// A window and what it shows. In the order in which it is dropped.
+/// A window and its contents. The order of the fields is the order in which they are dropped.
 pub(super) struct Open {
     document: Document,
     compare: Compare,
@@ -48,26 +48,28 @@ pub(super) struct Open {
     place: ([u32; 2], [u32; 2]),
     /// Size of the window [pixels].
     canvas_size: [u32; 2],
-    /// What the barrier check has said.
+    /// Problems that the barrier check has reported.
     problems: Vec<String>,
-    /// Frames that were drawn.
+    /// Number of drawn frames.
     frames: u64,
+    /// Time of the last frame.
     last: Instant,
+    /// Time of the next frame, if it is due without an event.
     next: Option<Instant>,
-    /// What is asked of the next picture: what is asked before it changes it.
+    /// Copies and saves that wait for the next frame, so that earlier actions are in it.
     waiting: Vec<Wish>,
     /// Pictures that are being written.
     writing: Vec<(PathBuf, JoinHandle<()>)>,
-    /// The desktop's dialog, while it is open.
+    /// The desktop's file dialog, while it is open.
     dialog: Option<JoinHandle<Option<PathBuf>>>,
     closed: bool,
 }
 
 impl Open {
-    /// Opens the window, and begins to load the scene.
+    /// Opens the window and starts to load the scene.
     pub(super) fn new(events: &ActiveEventLoop, args: &Args) -> Result<Self> {
         let panels = if args.no_panels { 0.0 } else { panel::WIDTH };
-        // Until the window says how many pixels a point has, it has one.
+        // The scale factor is unknown before the window exists; 1 is assumed.
         let size = PhysicalSize::new(args.size[0] + panels as u32, args.size[1]);
         let attributes = Window::default_attributes().with_title("lightskin").with_inner_size(size);
         let window = Arc::new(events.create_window(attributes).context("opening a window")?);
@@ -114,15 +116,15 @@ impl Open {
         self.window.request_redraw();
     }
 
-    /// When the next frame is due without an event; none without anything that moves.
+    /// Time of the next frame if it is due without an event. `None` if nothing moves.
     pub(super) fn next_draw(&self) -> Option<Instant> {
         self.next
     }
 
-    /// Closes it, and says what has gone wrong unseen.
+    /// Closes the window. Fails if the validation layer or the barrier check has reported anything.
     pub(super) fn close(self) -> Result<()> {
         let Self { document, compare, canvas, swapchain, gpu, mut problems, writing, .. } = self;
-        // What was asked for is written.
+        // Finish writing the requested pictures.
         writing.into_iter().for_each(|(_, thread)| drop(thread.join()));
         problems.extend_from_slice(&compare.problems);
         drop((document, compare, canvas, swapchain));
@@ -130,7 +132,7 @@ impl Open {
         check_messages(&gpu, &problems)
     }
 
-    /// Takes an event; what it changes is seen by the next frame.
+    /// Handles an event. Its changes appear in the next frame.
     pub(super) fn event(&mut self, event: &WindowEvent) {
         let begin = Instant::now();
         let ours = self.input.is_ours(event, self.egui.egui_ctx());
@@ -186,7 +188,7 @@ impl Open {
             Wish::Centre(at) => {
                 let found = depth_at(gpu, document, at);
                 if let (Some((distance, point)), Some(free)) = (found, document.free(|_| found.map(|(d, _)| d))) {
-                    log::debug!("centred on {point}, {distance} m away");
+                    log::debug!("centred on {point} at a distance of {distance} m");
                     free.centre(point);
                 }
             }
@@ -205,12 +207,12 @@ impl Open {
                 match document.bookmarks[index] {
                     Some(seen) => document.seen = seen,
                     None if index < cameras => document.seen = super::camera::Seen::OfScene(index),
-                    None => log::warn!("there is no camera {}; Ctrl+{} keeps this one there", index + 1, index + 1),
+                    None => log::warn!("there is no camera {}; Ctrl+{} stores the current one", index + 1, index + 1),
                 }
             }
             Wish::Keep(index) => {
                 document.bookmarks[index] = Some(document.seen);
-                log::warn!("camera {} is this one now", index + 1);
+                log::warn!("the current camera is stored as camera {}", index + 1);
             }
             Wish::Copy | Wish::Save | Wish::SaveLayers => self.waiting.push(wish),
             Wish::Reference => self.compare.shown = !self.compare.shown,
@@ -228,7 +230,7 @@ impl Open {
                 }
             }
             Wish::Ask => {
-                // Of two dialogs the second one's answer counts.
+                // If two dialogs are open, only the answer of the second counts.
                 self.dialog = Some(std::thread::spawn(ask));
             }
             Wish::SaveSession => {
@@ -245,37 +247,38 @@ impl Open {
         }
     }
 
-    /// Prints the command that writes this picture, and gives it to the clipboard.
+    /// Prints the command that writes this picture and copies it to the clipboard.
     fn copy_command(&mut self) -> Result<()> {
-        let command = self.document.command().context("there is no picture to copy the command line of")?;
+        let command = self.document.command().context("there is no picture whose command line could be copied")?;
         print(&command);
         self.egui.set_clipboard_text(command);
-        log::warn!("the command line for this picture is copied");
+        log::warn!("copied the command line for this picture");
         Ok(())
     }
 
-    /// Writes the picture, without panels, under the first free name; with this ending.
+    /// Saves the picture without the panels under the first free name with this ending.
     fn save(&mut self, ending: &str) -> Result<()> {
         let Some(scene) = self.document.scene() else { return Ok(()) };
         if !self.can_write() {
-            bail!("{MOST_WRITTEN} pictures are still being written; ask again in a moment");
+            bail!("{MOST_WRITTEN} pictures are still being written; try again in a moment");
         }
         let named = |n: u32| PathBuf::from(format!("{}-{n}.{ending}", scene.name));
         let free = |n: &u32| !named(*n).exists() && self.writing.iter().all(|(path, _)| *path != named(*n));
-        let number = (1..10_000).find(free).context("there are 9999 pictures here already; move them away")?;
+        let number = (1..10_000).find(free).context("the folder already has 9999 pictures; move them away")?;
         self.write(named(number), true)
     }
 
-    /// Whether one more picture may be written.
+    /// Whether another picture may be written now.
     fn can_write(&self) -> bool {
         self.writing.iter().filter(|(_, thread)| !thread.is_finished()).count() < MOST_WRITTEN
     }
 
-    /// Writes the picture to a file: reads it here, the rest a thread does.
+    /// Writes the picture to a file: reads it back here and encodes it on a thread. With `tells`, prints the name of
+    /// the file.
     fn write(&mut self, path: PathBuf, tells: bool) -> Result<()> {
         self.writing.retain(|(_, thread)| !thread.is_finished());
         let (Some(picture), Some(scene)) = (&self.document.picture, self.document.scene()) else { return Ok(()) };
-        let view = self.document.drawn.context("no frame yet")?;
+        let view = self.document.drawn.context("no frame has been drawn yet")?;
         let about = format!("scene {}; {}", scene.name, self.document.command().unwrap_or_default());
         let taken = Taken::of(&self.gpu, picture, &view, &self.document.look, &path)?;
         let of_thread = path.clone();
@@ -291,7 +294,7 @@ impl Open {
         Ok(())
     }
 
-    /// Begins a video, or ends the one that is being written.
+    /// Starts a video, or stops the one that is being written.
     fn film(&mut self, fps: f64) -> Result<()> {
         match self.document.video.take() {
             Some(video) => video.end(&mut self.document),
@@ -300,7 +303,7 @@ impl Open {
         Ok(())
     }
 
-    /// Poses the scene for the next frame of a video, if it can be written; says whether it has.
+    /// Poses the scene for the next frame of the video, if that frame can be written. Returns whether it was posed.
     fn pose_for_video(&mut self) -> bool {
         let moment = self.document.video.as_ref().and_then(Video::moment);
         let moment = moment.filter(|_| self.can_write() && self.document.picture.is_some());
@@ -311,11 +314,11 @@ impl Open {
         moment.is_some()
     }
 
-    /// Writes the frame of the video that was drawn, if one was, and ends a video that is complete.
+    /// Writes the video frame that was just drawn, if any, and ends a complete video.
     fn film_frame(&mut self, drawn: bool) {
         let file = self.document.video.as_mut().filter(|_| drawn).map(Video::file);
         if let Some(Err(error)) = file.map(|file| self.write(file, false)) {
-            log::error!("{error:#}; the video ends here");
+            log::error!("{error:#}; the video is stopped");
             self.document.video = None;
         }
         let written = self.writing.iter().all(|(_, thread)| thread.is_finished());
@@ -327,13 +330,13 @@ impl Open {
         }
     }
 
-    /// Writes the session to its file, or under the first free name.
+    /// Saves the session to its file, or under the first free name.
     fn save_session(&mut self) -> Result<()> {
         let scene = self.document.scene().context("there is no scene yet")?;
         let named = |n: u32| PathBuf::from(format!("{}-{n}.lightskin.json", scene.name));
         let path = match &self.document.session {
             Some(path) => path.clone(),
-            None => named((1..10_000).find(|n| !named(*n).exists()).context("there are 9999 sessions here already")?),
+            None => named((1..10_000).find(|n| !named(*n).exists()).context("the folder already has 9999 sessions")?),
         };
         session::save(&self.document, &path)?;
         print(&format!("session   {}", path.display()));
@@ -342,7 +345,7 @@ impl Open {
         Ok(())
     }
 
-    /// One frame: what the panels ask for, the picture where it has changed, the panels over it.
+    /// Draws one frame: handles the panels, renders the changed parts of the picture, and draws the panels over it.
     pub(super) fn draw(&mut self) -> Result<()> {
         let now = Instant::now();
         let past = now.duration_since(self.last).as_secs_f64().min(0.1);
@@ -468,7 +471,7 @@ impl Open {
         Ok(())
     }
 
-    /// Brings the comparison on; says whether there is something new to show.
+    /// Advances the comparison. Returns whether the next frame should follow at once.
     fn compare(&mut self) -> bool {
         let Document { engine, picture, drawn, edits, clip, look, .. } = &self.document;
         let (Some(engine), Some(picture), Some(view)) = (engine, picture, *drawn) else { return false };
@@ -480,8 +483,8 @@ impl Open {
         let before = self.compare.version();
         let stepped = self.compare.step(&self.gpu, &now, drew);
         let size = stepped.unwrap_or_else(|error| {
-            // What there is no room for leaves the picture; a device that is lost ends the next frame.
-            log::error!("{error:#}; the comparison is off");
+            // If memory ran out, the picture stays. If the device is lost, the next frame ends the run.
+            log::error!("{error:#}; the comparison is switched off");
             self.compare.stop();
             None
         });
@@ -492,21 +495,21 @@ impl Open {
     }
 }
 
-/// Says in the log how long events had to wait for this, and how much of that was the frame itself, and before it the
-/// making of scenes, pipelines and images that it takes.
+/// Logs how long input was held up, and how much of this time was spent in the frame itself and, before it, on creating
+/// scenes, pipelines and images.
 fn note(what: &str, held: Duration, [in_frame, making]: [Duration; 2]) {
     let [held, in_frame, making] = [held, in_frame, making].map(|time| time.as_secs_f64() * 1e3);
     log::debug!("{what} held input for {held:.1} ms, {in_frame:.1} ms of them in the frame, {making:.1} ms before it");
 }
 
-/// Asks the desktop for a file. Without a portal there is none, and the log says so.
+/// Shows the desktop's file dialog. Returns `None` without a desktop portal, which is logged.
 fn ask() -> Option<PathBuf> {
     let dialog = rfd::FileDialog::new().set_title("Open a scene, a sky, a session or a picture");
     let files = ["gltf", "glb", "hdr", "exr", "json", "png"];
-    dialog.add_filter("All that lightskin opens", &files).pick_file()
+    dialog.add_filter("All supported files", &files).pick_file()
 }
 
-/// Whether the user does something.
+/// Whether an event is user input.
 fn is_input(event: &WindowEvent) -> bool {
     matches!(
         event,
@@ -518,7 +521,7 @@ fn is_input(event: &WindowEvent) -> bool {
     )
 }
 
-/// How far from the eye what a place of the picture shows is [m], and where; places are from 0 at the top left to 1.
+/// Distance from the eye [m] and position of the surface at `at` in the picture, from 0 at the top left to 1.
 fn depth_at(gpu: &Gpu, document: &Document, at: [f32; 2]) -> Option<(f64, glam::DVec3)> {
     let (view, picture, engine) = (document.drawn?, document.picture.as_ref()?, document.engine.as_ref()?);
     if picture.is_empty() {

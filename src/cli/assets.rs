@@ -1,4 +1,4 @@
-//! `lightskin assets`: the built-in scenes as GLB files. What lies in `assets/` was made so.
+//! `lightskin assets`: writes the built-in scenes as GLB files. It wrote the files in `assets/`.
 
 use anyhow::{Context, Result};
 use lightskin::image::{Layer, write_exr};
@@ -11,18 +11,18 @@ pub(super) struct Assets {
     /// Folder to write to.
     #[arg(default_value = "assets")]
     folder: PathBuf,
-    /// Also the showpiece, the default scene of `render`: showpiece.glb, and showpiece_sky.exr for --sky.
+    /// Also write the showpiece, the default scene of `render`, as showpiece.glb and showpiece_sky.exr (for --sky).
     #[arg(long)]
     showpiece: bool,
-    /// Also the scenes that `lab choices --shadows` measures.
+    /// Also write the scenes that `lab choices --shadows` measures.
     #[cfg(feature = "lab")]
     #[arg(long)]
     shadowed: bool,
-    /// Also two animated scenes: moving.glb, a room, and crowd.glb, 1000 swaying tubes.
+    /// Also write two animated scenes: moving.glb, a room, and crowd.glb, 1000 swaying tubes.
     #[cfg(feature = "lab")]
     #[arg(long)]
     moving: bool,
-    /// Also the scenes on which indirect light is measured.
+    /// Also write the scenes on which indirect light is measured.
     #[cfg(feature = "lab")]
     #[arg(long)]
     measured: bool,
@@ -45,7 +45,7 @@ pub(super) fn run(args: &Assets) -> Result<()> {
     Ok(())
 }
 
-/// The showpiece and, since glTF has none, its sky.
+/// Writes the showpiece, and its sky as a file of its own, because glTF has no skies.
 fn write_showpiece(args: &Assets) -> Result<()> {
     let scene = build::showpiece(build::Fineness::default());
     let sky = scene.sky.clone().context("the showpiece has a sky")?;
@@ -57,7 +57,7 @@ fn write_showpiece(args: &Assets) -> Result<()> {
     Ok(())
 }
 
-/// The scenes that measurements alone need.
+/// The scenes that only measurements need.
 #[cfg(feature = "lab")]
 fn for_the_lab(args: &Assets) -> Vec<(String, Scene)> {
     use lightskin::lab::scenes;

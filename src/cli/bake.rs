@@ -1,4 +1,4 @@
-//! `lightskin bake`: places caches, keeps them, prints the proof that every surface point has its cache.
+//! `lightskin bake`: places caches, stores them, and prints the measured proof that every surface point has a cache.
 
 use super::{CacheArgs, bake_scene, load_scene, thousands};
 use anyhow::Result;
@@ -6,11 +6,11 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(super) struct Bake {
-    /// glTF or GLB file; the built-in showpiece without one.
+    /// glTF or GLB file, or a folder that contains one [default: the built-in showpiece].
     scene: Option<PathBuf>,
     #[command(flatten)]
     caches: CacheArgs,
-    /// Bake even if the result is kept already.
+    /// Bake again, even if a matching bake is stored.
     #[arg(long)]
     again: bool,
 }
@@ -33,6 +33,10 @@ pub(super) fn run(args: &Bake) -> Result<()> {
         100.0 * coverage.0 / set.spacing,
         coverage.1.to_degrees()
     );
-    say!("time        {:.2} s{}", baked.time.as_secs_f64(), if baked.kept { " (read from the kept bake)" } else { "" });
+    say!(
+        "time        {:.2} s{}",
+        baked.time.as_secs_f64(),
+        if baked.kept { " (read from the stored bake)" } else { "" }
+    );
     Ok(())
 }

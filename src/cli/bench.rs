@@ -1,4 +1,4 @@
-//! `lightskin bench`: the thesis's measurements on generated scenes, beside its figures.
+//! `lightskin bench`: repeats the measurements of the thesis on generated scenes and compares them with its figures.
 
 use super::{DeviceArgs, check_messages, progress_bar};
 use anyhow::Result;
@@ -10,10 +10,10 @@ pub(super) struct BenchArgs {
     /// Folder for the report (bench.md), bench.json, CSV tables and plots.
     #[arg(short, long, value_name = "FOLDER", default_value = "lightskin-bench")]
     out: PathBuf,
-    /// Few points and small pictures: minutes on a software device, and the default there.
+    /// Measure few points with small pictures. Takes minutes on a software device, where it is the default.
     #[arg(long, conflicts_with = "full")]
     quick: bool,
-    /// All points of the thesis's tables: the default on GPUs.
+    /// Measure all points of the tables of the thesis. This is the default on GPUs.
     #[arg(long)]
     full: bool,
     #[command(flatten)]
@@ -40,7 +40,7 @@ pub(super) fn run(args: &BenchArgs) -> Result<()> {
         say!("  {line}");
     }
     for skipped in results.tables.iter().flat_map(|table| &table.skipped) {
-        say!("left out  {skipped}");
+        say!("skipped   {skipped}");
     }
     say!("report    {}", args.out.join("bench.md").display());
     check_messages(&gpu, &results.problems)

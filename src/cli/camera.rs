@@ -1,10 +1,10 @@
-//! Which camera a picture is taken by: one of the scene's, or a place and a target.
+//! The camera of a picture: one of the scene, or one given by position and target.
 
 use anyhow::{Context, Result, bail};
 use glam::{DAffine3, DMat3, DVec3};
 use lightskin::scene::{Camera, Projection, Scene};
 
-/// The camera that `--camera` names, or the first.
+/// The camera that `--camera` requests, or the first of the scene.
 pub(super) fn camera(scene: &Scene, wanted: Option<&str>) -> Result<Camera> {
     let names = || {
         let all: Vec<_> = scene.cameras.iter().enumerate().map(|(i, c)| format!("{i} '{}'", c.name)).collect();
@@ -20,10 +20,10 @@ pub(super) fn camera(scene: &Scene, wanted: Option<&str>) -> Result<Camera> {
         Ok(index) => scene.cameras.get(index),
         Err(_) => scene.cameras.iter().find(|c| c.name == wanted),
     };
-    found.cloned().with_context(|| format!("--camera {wanted} is none of the scene's: {}", names()))
+    found.cloned().with_context(|| format!("--camera {wanted}: the scene has no such camera; it has {}", names()))
 }
 
-/// Text of `--camera`: a name, an index, or a description that makes a camera.
+/// Checks the value of `--camera`: a name, an index, or a valid "eye;target;up;fov".
 pub(crate) fn readable(text: &str) -> std::result::Result<String, String> {
     if text.contains(';') {
         free_camera(text).map_err(|error| format!("{error:#}"))?;
@@ -31,13 +31,13 @@ pub(crate) fn readable(text: &str) -> std::result::Result<String, String> {
     Ok(text.to_owned())
 }
 
-/// A camera from "eye;target;up;fov".
+/// Makes a camera from "eye;target;up;fov".
 fn free_camera(text: &str) -> Result<Camera> {
     let ([eye, target, up], fov) = parts(text)?;
     look_at(eye, target, up, fov).context("eye and target coincide, or up points along the view")
 }
 
-/// Eye, target and up, and the field of view [degrees], of "eye;target;up;fov".
+/// Parses "eye;target;up;fov" to eye, target and up, and the vertical field of view [degrees].
 pub(crate) fn parts(text: &str) -> Result<([DVec3; 3], f32)> {
     let form = || "needs 'eye;target;up;fov' like '0,1,4;0,1,0;0,1,0;40'";
     let parts: Vec<&str> = text.split(';').collect();
@@ -58,8 +58,8 @@ pub(crate) fn parts(text: &str) -> Result<([DVec3; 3], f32)> {
     Ok(([eye, target, up], fov))
 }
 
-/// A camera at a place that looks at a target; `fov` is the vertical field of view [degrees]. None where eye and target coincide, or
-/// up points along the view.
+/// A camera at `eye` that looks at `target`; `fov` is the vertical field of view [degrees]. `None` if eye and target
+/// coincide, or if `up` is parallel to the view direction.
 pub(crate) fn look_at(eye: DVec3, target: DVec3, up: DVec3, fov: f32) -> Option<Camera> {
     let backward = (eye - target).normalize_or_zero();
     let right = up.cross(backward).normalize_or_zero();

@@ -1,4 +1,4 @@
-//! `lightskin compare`: errors of one image against another, a heat map, and limits for scripts.
+//! `lightskin compare`: errors of an image against a reference, a heat map, and limits for scripts.
 
 use anyhow::{Result, bail};
 use indicatif::ProgressBar;
@@ -14,7 +14,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-/// Metrics that are better the smaller they are, and the larger.
+/// Metrics for which smaller is better.
 const SMALLER: [&str; 11] = [
     "mae",
     "mare",
@@ -28,18 +28,19 @@ const SMALLER: [&str; 11] = [
     "flip-median",
     "flip-q3",
 ];
+/// Metrics for which larger is better.
 const LARGER: [&str; 2] = ["psnr", "ssim"];
 
 #[derive(clap::Args)]
 pub(super) struct Compare {
-    /// Image to judge: .exr (linear) or .png (sRGB, made linear).
+    /// Image to measure: .exr (linear) or .png (sRGB, converted to linear).
     image: PathBuf,
-    /// Image to judge it by.
+    /// Reference image to measure it against.
     reference: PathBuf,
     /// Layer of EXR files, like indirect.diffuse [default: the picture].
     #[arg(long, value_name = "NAME")]
     layer: Option<String>,
-    /// Only compare pixels that are not black in this image.
+    /// Mask image: only pixels that are not black in it are compared.
     #[arg(long, value_name = "FILE")]
     mask: Option<PathBuf>,
     /// Pixels per degree of visual angle, for FLIP. 67 is a 4K display, 0.7 m wide, seen from 0.7 m.
@@ -48,10 +49,10 @@ pub(super) struct Compare {
     /// Write a heat map of the error, and print its scale.
     #[arg(long, value_name = "FILE.png")]
     diff: Option<PathBuf>,
-    /// What the heat map shows.
+    /// Error that the heat map shows.
     #[arg(long, value_enum, default_value_t, requires = "diff")]
     diff_of: DiffOf,
-    /// Print JSON instead of a table; null stands for infinity or NaN.
+    /// Print JSON instead of a table. null means infinity or NaN.
     #[arg(long)]
     json: bool,
     /// Exit with code 1 if the absolute value of a metric exceeds a limit, like mare=0.05. May be repeated.
@@ -67,7 +68,7 @@ enum DiffOf {
     /// Relative squared error.
     #[default]
     Relmse,
-    /// Absolute error against the mean of the reference.
+    /// Absolute error, on a scale up to the mean of the reference.
     Abs,
     /// FLIP.
     Flip,
@@ -98,7 +99,7 @@ fn below(text: &str) -> std::result::Result<(String, f64), String> {
 fn pixels_per_degree(text: &str) -> std::result::Result<f32, String> {
     match text.parse::<f32>() {
         Ok(v) if (1.0..=1000.0).contains(&v) => Ok(v),
-        _ => Err("needs pixels from 1 to 1000".into()),
+        _ => Err("needs a number of pixels from 1 to 1000".into()),
     }
 }
 
@@ -164,7 +165,7 @@ pub(super) fn run(args: &Compare) -> Result<()> {
         }
     }
     if let Some(path) = &args.diff {
-        // What the mask leaves out stays black.
+        // Pixels outside the mask stay black.
         let mut map = vec![0.0; image.rgb.len()];
         kept.iter().zip(&errors).for_each(|(i, error)| map[*i] = *error);
         write_png(path, image.width, image.height, &heat::colors(&map, scale))?;
@@ -175,7 +176,7 @@ pub(super) fn run(args: &Compare) -> Result<()> {
     check_limits(args, &named)
 }
 
-/// Fails with one line about every limit that is not kept. What is not a number keeps none.
+/// Fails with one line that lists every exceeded limit. A metric that is NaN exceeds every limit.
 fn check_limits(args: &Compare, named: &[(&str, f64)]) -> Result<()> {
     let value = |name: &str| named.iter().find(|(n, _)| *n == name).map_or(f64::NAN, |(_, v)| *v);
     let above =
@@ -198,14 +199,14 @@ fn check_limits(args: &Compare, named: &[(&str, f64)]) -> Result<()> {
     Ok(())
 }
 
-/// FLIP's maps go up to 2^28 pixels.
+/// Fails if the images differ in size, or have more than the 2^28 pixels that FLIP's maps support.
 fn same_size(path: &Path, a: &Picture, reference_path: &Path, b: &Picture) -> Result<()> {
     if (a.width, a.height) != (b.width, b.height) {
         let sizes = format!("{}x{} pixels against {}x{}", a.width, a.height, b.width, b.height);
         bail!("{}: {sizes} of {}; render both with the same --size", path.display(), reference_path.display());
     }
     if a.rgb.len() > 1 << 28 {
-        bail!("{}: {}x{} pixels are more than can be compared, 2^28", path.display(), a.width, a.height);
+        bail!("{}: {}x{} pixels are too many; at most 2^28 can be compared", path.display(), a.width, a.height);
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! Settings of the window from a file and the environment: command line > `LIGHTSKIN_*` > file > default.
+//! Settings of the window from a file and the environment. Precedence: command line > `LIGHTSKIN_*` > file > default.
 
 use super::Cli;
 use anyhow::{Context, Result, anyhow, bail};
@@ -11,19 +11,19 @@ use toml::{Table, Value};
 
 #[derive(Subcommand)]
 pub(super) enum Config {
-    /// Print every setting of `lightskin view` with its value and where that comes from.
+    /// Print every setting of `lightskin view`, its value, and where the value comes from.
     Show {
-        /// Flags of `lightskin view` that are taken into account.
+        /// Flags of `lightskin view` to take into account.
         #[arg(trailing_var_arg = true, allow_hyphen_values = true, value_name = "FLAGS")]
         flags: Vec<OsString>,
     },
 }
 
-/// What belongs to one run, or would be in the way of another flag.
+/// Flags that cannot be settings, because they belong to a single run or conflict with another flag.
 const LEFT_OUT: [&str; 7] = ["help", "version", "against", "camera", "ev", "sky-color", "spacing"];
 
-/// `lightskin/settings.toml` under `$XDG_CONFIG_HOME`, or else under `$HOME/.config` (Windows: `%APPDATA%`); none with
-/// neither.
+/// Path of the settings file: `lightskin/settings.toml` under `$XDG_CONFIG_HOME`, or else under `$HOME/.config`
+/// (Windows: `%APPDATA%`). `None` if neither is set.
 fn file() -> Option<PathBuf> {
     let set = |name| std::env::var_os(name).map(PathBuf::from).filter(|path| path.is_absolute());
     let usual = || if cfg!(windows) { set("APPDATA") } else { set("HOME").map(|home| home.join(".config")) };
@@ -31,7 +31,7 @@ fn file() -> Option<PathBuf> {
     folder.map(|folder| folder.join("lightskin/settings.toml"))
 }
 
-/// Flags of the window that a file may set.
+/// Flags of `view` that the settings file may set.
 fn names() -> Vec<String> {
     let command = Cli::command();
     let view = command.find_subcommand("view");
@@ -39,12 +39,12 @@ fn names() -> Vec<String> {
     long.filter(|name| !LEFT_OUT.contains(name)).map(str::to_owned).collect()
 }
 
-/// The variable of a flag.
+/// The environment variable of a flag.
 fn variable(name: &str) -> String {
     format!("LIGHTSKIN_{}", name.to_uppercase().replace('-', "_"))
 }
 
-/// Names and values of the file; none without a file.
+/// Names and values in the settings file. Empty without a file.
 fn settings() -> Result<Vec<(String, String)>> {
     let Some(path) = file().filter(|path| path.exists()) else { return Ok(Vec::new()) };
     read(&path).with_context(|| path.display().to_string())
@@ -58,7 +58,7 @@ fn read(path: &Path) -> Result<Vec<(String, String)>> {
     let known = names();
     let setting = |(name, value): (String, Value)| {
         if !known.contains(&name) {
-            bail!("{name}: no setting; there are {}", known.join(", "));
+            bail!("{name}: no setting has this name; known settings are {}", known.join(", "));
         }
         let text = match value {
             Value::String(text) => text,
@@ -79,7 +79,7 @@ fn read(path: &Path) -> Result<Vec<(String, String)>> {
     table.into_iter().map(setting).collect()
 }
 
-/// The command line's grammar, with what file and environment say instead of the defaults.
+/// The grammar of the command line, with defaults from the settings file and the environment.
 pub(super) fn grammar() -> Result<Command> {
     let (names, settings) = (names(), settings()?);
     Ok(super::grammar().mut_subcommand("view", |view| {
@@ -100,7 +100,7 @@ pub(super) fn run(config: &Config) -> Result<()> {
     let Config::Show { flags } = config;
     match file() {
         Some(path) if path.exists() => say!("{:<20}{}", "file", path.display()),
-        Some(path) => say!("{:<20}{} (not there)", "file", path.display()),
+        Some(path) => say!("{:<20}{} (does not exist)", "file", path.display()),
         None => say!("{:<20}none: neither XDG_CONFIG_HOME nor HOME is set", "file"),
     }
     let words = ["lightskin".into(), "view".into()].into_iter().chain(flags.iter().cloned());

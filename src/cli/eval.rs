@@ -1,4 +1,4 @@
-//! `lightskin eval`: speed against error, a curve for every knob, as a page.
+//! `lightskin eval`: a report of speed against error, with a curve for every setting.
 
 use super::{DeviceArgs, angle, at_least_zero, camera, check_messages, load_punctual, progress_bar, render};
 use anyhow::{Context, Result};
@@ -14,36 +14,37 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(super) struct Eval {
-    /// glTF or GLB file, or a folder with one; the built-in atrium without one.
+    /// glTF or GLB file, or a folder that contains one [default: the built-in atrium].
     scene: Option<PathBuf>,
-    /// Folder of the report. A run that was interrupted continues there.
+    /// Folder of the report. An interrupted run continues in the same folder.
     #[arg(short, long, value_name = "REPORT", default_value = "report")]
     out: PathBuf,
-    /// Small pictures and fewer points: minutes instead of an hour on a software device.
+    /// Measure fewer points with smaller pictures. Takes minutes instead of an hour on a software device.
     #[arg(long)]
     quick: bool,
     /// Picture size [pixels] [default: 480x270, or 240x135 with --quick].
     #[arg(long, value_name = "WxH", value_parser = render::size)]
     size: Option<[u32; 2]>,
-    /// Samples per pixel of the path tracer [default: 2048, or 256 with --quick]. They are kept: a larger N refines.
+    /// Samples per pixel of the path tracer [default: 2048, or 256 with --quick]. They are stored: a larger N refines.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     spp: Option<u32>,
-    /// Frames to time; the median counts.
+    /// Number of timed frames; the median counts.
     #[arg(long, value_name = "N", default_value_t = 5, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     frames: u32,
-    /// Camera by name or index, or "eye;target;up;fov".
+    /// Camera of the scene by name or index, or "eye;target;up;fov" [default: the first camera].
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, value_parser = super::camera::readable)]
     camera: Option<String>,
-    /// Number of caches around which the other settings vary.
+    /// Number of caches while other settings vary.
     #[arg(long, value_name = "N", default_value_t = 2000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     caches: u32,
-    /// Virtual lights around which the other settings vary: N x N for each light.
+    /// Virtual lights per light source, N x N, while other settings vary.
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: u32,
-    /// Largest angle between the normals of a surface and of its cache [degrees].
+    /// Largest angle between a surface normal and the normal of its cache [degrees].
     #[arg(long, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
-    /// Divide triangles until no edge is longer than this [m]; 0 divides none [default: a quarter of the caches' spacing].
+    /// Subdivide triangles until no edge is longer than this [m]; 0 subdivides none [default: a quarter of the cache
+    /// spacing].
     #[arg(long, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
     #[command(flatten)]
@@ -91,7 +92,7 @@ pub(super) fn run(args: &Eval) -> Result<()> {
         results.measured,
         results.kept
     );
-    // With shadows against paths with shadows, without them against the rest.
+    // Rows with shadows are compared with paths with shadows, rows without shadows with the other references.
     let figures = Figures { job: &job, results: &results };
     let rows = Truth::ALL.into_iter().filter_map(|truth| Some((truth, figures.row(figures.base(truth))?)));
     for errors in rows.flat_map(|(truth, row)| row.errors.iter().filter(move |errors| errors.truth == truth.name())) {
@@ -103,7 +104,7 @@ pub(super) fn run(args: &Eval) -> Result<()> {
     check_messages(&gpu, &results.problems)
 }
 
-/// Hash of this program: another one's results are not mixed with its own.
+/// Hash of this executable. Results of different executables are not mixed.
 fn identity() -> Result<String> {
     let path = std::env::current_exe().context("this program's own file")?;
     let bytes = std::fs::read(&path).with_context(|| path.display().to_string())?;

@@ -1,4 +1,4 @@
-//! The flags of how caches are lit.
+//! Flags for the gather, the stage that lights the caches.
 
 use super::wrong_usage;
 use anyhow::Result;
@@ -7,31 +7,33 @@ use lightskin::frame::settings::Gather;
 use lightskin::frame::{ClusterRule, DrawSource, Near, Shadows, tune};
 use lightskin::gpu::Gpu;
 
-/// How caches are lit.
+/// Flags for the gather.
 #[derive(Args)]
 #[command(next_help_heading = "Variants of the method")]
 pub(super) struct GatherArgs {
-    /// What lights the caches.
+    /// Method that lights the caches from the virtual lights.
     ///
-    /// The compute path measures once, within seconds, how it runs fastest on a device, and keeps the result.
+    /// The compute method measures once, within seconds, which variant is fastest on the device, and stores the result.
     #[arg(long, hide_short_help = true, value_enum, default_value_t)]
     pub(super) gather: GatherArg,
-    /// Light all caches, not only those that visible surfaces need. The picture does not change.
+    /// Light all caches, not only those that visible surfaces use. The picture stays the same.
     #[arg(long, hide_short_help = true)]
     pub(super) no_cull: bool,
     #[command(flatten)]
     pub(super) cluster: ClusterArgs,
 }
 
-/// Whether clusters stand for virtual lights.
+/// Flags for clusters of virtual lights.
 #[derive(Args)]
 pub(super) struct ClusterArgs {
-    /// Light a cache by a whole cluster of virtual lights, where the cluster is more than C of its radii away.
+    /// Light a cache by a whole cluster of virtual lights if the cluster is more than C of its radii away [default:
+    /// off].
     ///
-    /// A larger C is more accurate and slower; 8 is a good start (docs/clustering.md).
+    /// A larger C is more accurate and slower. 8 is a good start (docs/clustering.md).
     #[arg(long, hide_short_help = true, help_heading = "Variants of the method", value_name = "C", allow_hyphen_values = true, value_parser = super::positive)]
     pub(super) cluster: Option<f64>,
-    /// The same, where the error is at most the share P of a cache's light, like 0.01.
+    /// Light a cache by a whole cluster if the error is at most the fraction P of the cache's light, like 0.01
+    /// [default: off].
     #[arg(long, hide_short_help = true, help_heading = "Variants of the method", value_name = "P", allow_hyphen_values = true, value_parser = super::at_least_zero, conflicts_with = "cluster")]
     pub(super) cluster_error: Option<f64>,
 }
@@ -45,11 +47,11 @@ impl ClusterArgs {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub(super) enum GatherArg {
-    /// A compute shader, over the caches that visible surfaces need.
+    /// Compute shader over the caches that visible surfaces use.
     #[default]
     #[value(alias = "auto")]
     Compute,
-    /// Additive draws into float targets, culled by the depth test: the thesis's way.
+    /// Additive draws into float targets, culled by the depth test. The method of the thesis.
     Fragment,
 }
 
@@ -62,30 +64,34 @@ impl GatherArgs {
         self.cluster.rule().is_some()
     }
 
-    /// Ends the run where flags do not go together.
+    /// Ends the process if the flags cannot be combined.
     pub(super) fn check(&self, shadows: Shadows) {
         if shadows == Shadows::PerLight && self.by_draws() {
-            wrong_usage("--shadows per-light needs --gather compute: draws see no depth images");
+            wrong_usage("--shadows per-light needs --gather compute: --gather fragment cannot read depth images");
         }
         if shadows == Shadows::PerLight && self.by_clusters() {
-            wrong_usage("--shadows per-light tests every virtual light: leave --cluster and --cluster-error out");
+            wrong_usage("--shadows per-light tests every virtual light: remove --cluster and --cluster-error");
         }
         if matches!(self.gather, GatherArg::Fragment) && self.cluster.rule().is_some() {
-            wrong_usage("--cluster and --cluster-error need --gather compute: draws take every virtual light");
+            wrong_usage(
+                "--cluster and --cluster-error need --gather compute: --gather fragment draws every virtual light",
+            );
         }
     }
 
-    /// Ends the run where flags do not go with more than one bounce.
+    /// Ends the process if the flags do not support more than one bounce.
     pub(super) fn check_bounces(&self) {
         if matches!(self.gather, GatherArg::Fragment) {
-            wrong_usage("--bounces above 1 needs --gather compute: draws take the lights' own virtual lights alone");
+            wrong_usage("--bounces above 1 needs --gather compute: --gather fragment computes one bounce only");
         }
         if self.cluster.rule().is_some() {
-            wrong_usage("--bounces above 1 does not go with --cluster or --cluster-error: lit caches form no pyramid");
+            wrong_usage(
+                "--bounces above 1 cannot be used with --cluster or --cluster-error: lit caches are not clustered",
+            );
         }
     }
 
-    /// What lights the caches; flags have been checked.
+    /// The gather that the flags request. `check` and `check_bounces` must have accepted them.
     pub(super) fn gather(&self, gpu: &Gpu, shadows: Shadows, near: Near, bounces: u32) -> Result<Gather> {
         let dim = shadows == Shadows::Proxy;
         Ok(match (self.cluster.rule(), self.gather) {

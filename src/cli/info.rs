@@ -1,4 +1,5 @@
-//! `lightskin info`: what a scene holds, which stages its frame has, the memory of each, and what levels of quality cost.
+//! `lightskin info`: the contents of a scene, the stages of its frame, their memory, and the cost of the quality
+//! levels.
 
 use super::gather::ClusterArgs;
 use super::words::{ShadowsArg, light_shadows_word};
@@ -14,25 +15,25 @@ use lightskin::shared::Val;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// Picture [pixels] that memory and times are of.
+/// Size of the picture for which memory and times are measured [pixels].
 const SIZE: [u32; 2] = [1280, 720];
 
-/// Reduced albedo below which the dipole model is inexact: METHOD 7 has the figures.
+/// Reduced albedo below which the dipole model is inexact. METHOD 7 has the figures.
 const LEAST_ALBEDO: f64 = 0.8;
 
-/// Frames of a level whose median counts.
+/// Number of measured frames per quality level; the median is printed.
 const FRAMES: usize = 3;
 
 #[derive(clap::Args)]
 pub(super) struct Info {
-    /// glTF or GLB file, or a folder with one; the built-in showpiece without one.
+    /// glTF or GLB file, or a folder that contains one [default: the built-in showpiece].
     scene: Option<PathBuf>,
     #[command(flatten)]
     caches: CacheArgs,
-    /// Virtual lights: N x N for each light [default: 128 at --quality high].
+    /// Virtual lights per light source: N x N [default: 128 at --quality high].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: Option<u32>,
-    /// Bake and draw at every quality level, and show what each costs on this device.
+    /// Bake and draw at every quality level, and print the memory and frame time of each on this device.
     #[arg(long)]
     measure: bool,
     #[command(flatten)]
@@ -79,7 +80,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
     say_media(&scene);
     let bent = scene.instances.iter().filter(|instance| instance.pose.is_some()).count();
     if bent > 0 {
-        say!("  {} instances bend", thousands(bent));
+        say!("  {} instances are skinned or morphed", thousands(bent));
     }
     for (i, animation) in scene.rig.iter().flat_map(|rig| &rig.parts().animations).enumerate() {
         let (begin, end) = animation.span();
@@ -118,7 +119,7 @@ pub(super) fn run(args: &Info) -> Result<()> {
     if light.plan.emitters {
         let flux: f64 = patches.clone().map(|p| luminance(p.flux.as_dvec3())).sum();
         say!("emitters");
-        say!("  {} patches of the other surfaces that emit, {flux:.4} lm", thousands(patches.count()));
+        say!("  {} patches of other emissive surfaces, {flux:.4} lm", thousands(patches.count()));
     }
     say!("frame plan");
     for stage in STAGES {
@@ -148,9 +149,9 @@ pub(super) fn run(args: &Info) -> Result<()> {
     let told: Vec<String> = state.iter().map(|name| format!("{name} {:.0}", each(name))).collect();
     say!("  of each cache {:.0} bytes ({})", state.iter().map(|name| each(name)).sum::<f64>(), told.join(", "));
     for (name, why) in [
-        ("gather.parts", "sums of parts of the VALs, which fill the device where caches are few"),
-        ("gather.depth_images", "what each sees of the scene, for --shadows per-light"),
-        ("scene.references", "which caches each vertex refers to"),
+        ("gather.parts", "partial sums over the VALs, which keep the device busy if there are few caches"),
+        ("gather.depth_images", "the depth image of each cache, for --shadows per-light"),
+        ("scene.references", "the caches that each vertex interpolates"),
     ] {
         let bytes = each(name);
         if bytes > 0.0 {
@@ -162,18 +163,18 @@ pub(super) fn run(args: &Info) -> Result<()> {
         let each = |thing: &str| things.get(thing).map_or(0.0, |bytes| *bytes as f64 / triangles);
         let told = ["nodes", "triangles", "instances"].map(|thing| format!("rays.{thing} {:.1}", each(thing)));
         let all = thousands(rays.triangle_count);
-        say!("  of each of {all} triangles that rays meet, in bytes: {}", told.join(", "));
+        say!("  of each of {all} triangles in the ray hierarchy, in bytes: {}", told.join(", "));
     }
     say_levels(&gpu, &world, quality);
     if args.measure {
         measure_levels(args, &gpu)?;
     } else {
-        say!("  --measure adds what each takes on this device: caches, memory and the time of a frame");
+        say!("  --measure adds the caches, the memory and the frame time of each level on this device");
     }
     check_messages(&gpu, &[])
 }
 
-/// What fills bodies: how far light goes in them, against how large they are.
+/// Prints the media inside bodies: how far light travels in them compared to the size of the bodies.
 fn say_media(scene: &Scene) {
     for (index, material) in scene.materials.iter().enumerate() {
         let Some(inside) = material.subsurface else { continue };
@@ -192,20 +193,20 @@ fn say_media(scene: &Scene) {
         let smallest = scene.instances.iter().filter(is_filled).map(size).fold(f64::INFINITY, f64::min);
         if smallest.is_finite() {
             let share = 100.0 * medium.z_r / smallest;
-            say!("    {:.3} {:.3} {:.3} % of the smallest model's {smallest:.4} m", share.x, share.y, share.z);
+            say!("    {:.3} {:.3} {:.3} % of the smallest model, {smallest:.4} m", share.x, share.y, share.z);
         }
         if medium.z_r.max_element() > 0.5 * smallest {
-            say!("    warning: light crosses the model without being scattered much; diffusion does not hold");
+            say!("    warning: light crosses the model with little scattering; the diffusion model is not valid");
         }
         if medium.albedo.min_element() < LEAST_ALBEDO {
             say!(
-                "    warning: an albedo below {LEAST_ALBEDO} is absorbed before it is scattered much; diffusion is inexact"
+                "    warning: with an albedo below {LEAST_ALBEDO} light is absorbed before it scatters much; diffusion is inexact"
             );
         }
     }
 }
 
-/// What each level of quality asks for.
+/// Prints the settings of each quality level.
 fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
     let most = gpu.most_buffer_bytes() / size_of::<Val>() as u64;
     let mut too_many = Vec::new();
@@ -238,7 +239,7 @@ fn say_levels(gpu: &Gpu, world: &World, now: Quality) {
     }
 }
 
-/// As `--quality` takes it.
+/// The value of `--quality` for a level.
 fn name(quality: Quality) -> &'static str {
     match quality {
         Quality::Low => "low",
@@ -248,7 +249,7 @@ fn name(quality: Quality) -> &'static str {
     }
 }
 
-/// Bakes and draws each level, and says what that takes.
+/// Bakes and draws each quality level, and prints its caches, memory and frame time.
 fn measure_levels(args: &Info, gpu: &Gpu) -> Result<()> {
     say!("  on {} at {}x{}, median of {FRAMES} frames:", gpu.report().name, SIZE[0], SIZE[1]);
     say!("              caches   memory [MiB]   frame [ms]");
@@ -265,7 +266,7 @@ fn measure_levels(args: &Info, gpu: &Gpu) -> Result<()> {
         let camera = scene.cameras.first().context("the scene has no camera")?;
         let view = View::new(camera, SIZE, world.origin, world.radius);
         let mut times = Vec::new();
-        // The first frame makes what the driver puts off.
+        // Drivers defer work to the first frame, so it is not counted.
         for i in 0..=FRAMES {
             let drawn = gpu.timed_frame(|cmd| {
                 record(cmd, &world, &mut light, &mut [(view, &mut picture)], &Look::default());

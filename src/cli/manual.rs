@@ -1,4 +1,4 @@
-//! `lightskin completions` and `lightskin man`: what shells and manuals say of the command line, by clap's own generators.
+//! `lightskin completions` and `lightskin man`: shell completions and manual pages, made by clap's own generators.
 
 use super::Cli;
 use anyhow::{Context, Result};
@@ -8,14 +8,14 @@ use clap_mangen::Man;
 
 #[derive(clap::Args)]
 pub(super) struct Completions {
-    /// Shell that they are for.
+    /// Shell for which the script is made.
     #[arg(value_enum)]
     shell: Shell,
 }
 
 #[derive(clap::Args)]
 pub(super) struct Manual {
-    /// Subcommand that the page is of; the tool as a whole without it.
+    /// Subcommand to describe [default: the whole tool].
     command: Option<String>,
 }
 

@@ -1,4 +1,4 @@
-//! Subcommands and their shared arguments. Exit codes: 0 done, 1 failed, 2 wrong usage.
+//! Subcommands and the arguments they share. Exit codes: 0 success, 1 failure, 2 wrong usage.
 
 #[macro_use]
 mod output;
@@ -60,67 +60,76 @@ use std::time::{Duration, Instant};
 pub(crate) struct Cli {
     #[command(subcommand)]
     command: Command,
-    /// Print more messages; twice for all of them.
+    /// Print information messages; -vv also prints debug messages.
     #[arg(short, long, global = true, help_heading = GLOBAL, display_order = 1000, action = clap::ArgAction::Count)]
     verbose: u8,
-    /// Print errors alone.
+    /// Print only errors.
     #[arg(short, long, global = true, help_heading = GLOBAL, display_order = 1000)]
     quiet: bool,
-    /// Limit of memory for decoding textures, and for a scene's vertices.
+    /// Memory limit for decoding textures and for a scene's vertices, each.
     ///
-    /// In bytes, or like 512M or 2G. A file that needs more is refused.
+    /// A number of bytes, or a number with a suffix, like 512M or 2G. A file that needs more is refused.
     #[arg(long, global = true, help_heading = GLOBAL, hide_short_help = true, display_order = 1000, value_name = "SIZE", default_value = "1G", value_parser = bytes)]
     max_memory: u64,
 }
 
 #[derive(Subcommand)]
 enum Command {
-    /// Open a glTF scene in a window and change its light.
+    /// Open a glTF scene in a window and edit its light.
     ///
-    /// The panels at the right change light, quality and camera. Rest the pointer on a control to read what it does and what it
-    /// costs. Left drag orbits, the wheel zooms, W A S D E Q fly, F1 lists all keys. `lightskin SCENE` is short for
-    /// `lightskin view SCENE`.
+    /// The panels on the right change light, quality and camera. Hover over a control to read what it does and what it
+    /// costs. Drag with the left button to orbit, use the wheel to zoom and W A S D E Q to fly. F1 lists all keys.
+    /// `lightskin SCENE` is short for `lightskin view SCENE`.
     #[cfg(feature = "app")]
     View(Box<view::View>),
     /// Render a glTF scene to a PNG or OpenEXR file.
     Render(Box<render::Render>),
-    /// Place the light caches of a scene, and keep them for later renders.
+    /// Place the light caches of a scene and store them for later renders.
     Bake(bake::Bake),
-    /// Print the errors of one image against another.
+    /// Print the errors of an image against a reference image.
     ///
-    /// Errors of the linear values: mean absolute error (mae), the same relative to the reference (mare), root mean square
-    /// (rmse), relative mean square (relmse), relmse without the worst 1 % of pixels (trimmed), the median of relative errors
-    /// of luminance (median-relative), the relative error of the mean (bias), and psnr against the reference's largest value.
+    /// Errors of the linear values: mean absolute error (mae), mean absolute relative error (mare), root mean square
+    /// error (rmse), relative mean square error (relmse), relmse without the worst 1 % of pixels (trimmed), the median
+    /// relative error of luminance (median-relative), the relative error of the mean (bias), and psnr against the
+    /// reference's largest value.
     ///
-    /// Errors that an eye sees: ssim (11 x 11 Gaussian, sigma 1.5, of the sRGB luminance), and flip with its weighted quartiles.
+    /// Perceptual errors: ssim (11 x 11 Gaussian, sigma 1.5, of the sRGB luminance), and flip with its weighted
+    /// quartiles.
     ///
-    /// Two PNG files are compared as they are. Other values are radiance. For ssim the log-average luminance of the reference
-    /// becomes middle grey, and brighter values clip. flip is then HDR-FLIP: each pixel has its largest flip over a range of
-    /// exposures, from one that shows the reference's largest luminance to one that shows its median.
+    /// Two PNG files are compared as they are displayed. If either file is EXR, the values are radiance. For ssim, the
+    /// exposure then maps the log-average luminance of the reference to middle grey, and brighter values clip. flip is
+    /// then HDR-FLIP: the largest flip of each pixel over a range of exposures, from one that shows the reference's
+    /// largest luminance to one that shows its median.
     Compare(compare::Compare),
-    /// Measure speed against error, and write a report with a curve for every setting.
+    /// Measure speed against error and write a report with a curve for every setting.
     #[cfg(feature = "lab")]
     Eval(Box<eval::Eval>),
-    /// Measure how times grow with triangles, pixels, caches and virtual lights.
+    /// Measure how frame times grow with triangles, pixels, caches and virtual lights.
     #[cfg(feature = "lab")]
     Bench(bench::BenchArgs),
-    /// Studies behind the defaults: sources of error, flicker, numerically hard cases.
+    /// Run the studies behind the defaults: sources of error, flicker, numerically hard cases.
     #[cfg(feature = "lab")]
     Lab(Box<lab::Lab>),
-    /// Show what a scene contains, which stages its frame has, and the memory they take.
+    /// Print what a scene contains, which stages its frame runs, and how much memory they take.
     Info(info::Info),
-    /// List the Vulkan devices, and what each lacks.
+    /// List the Vulkan devices and the required features that each one lacks.
     Devices,
     /// Write the built-in scenes as GLB files.
     Assets(assets::Assets),
-    /// Settings of the window: the command line goes over variables like LIGHTSKIN_QUALITY, these over the file
-    /// lightskin/settings.toml in the config folder, that over the defaults.
+    /// Show the settings of the window and where each one comes from.
+    ///
+    /// The command line overrides environment variables like LIGHTSKIN_QUALITY. These override the file
+    /// lightskin/settings.toml in the config folder, and the file overrides the defaults.
     #[cfg(feature = "app")]
     #[command(subcommand)]
     Config(config::Config),
-    /// Print completions for a shell, like `lightskin completions bash > ~/.local/share/bash-completion/completions/lightskin`.
+    /// Print a completion script for a shell.
+    ///
+    /// For example `lightskin completions bash > ~/.local/share/bash-completion/completions/lightskin`.
     Completions(manual::Completions),
-    /// Print a manual page, like `lightskin man render | man -l -`.
+    /// Print a manual page.
+    ///
+    /// For example `lightskin man render | man -l -`.
     Man(manual::Manual),
 }
 
@@ -149,11 +158,11 @@ pub(crate) fn run(cli: &Cli) -> Result<()> {
         Command::Completions(args) => manual::completions(args),
         Command::Man(args) => manual::manual(args),
     };
-    // What the work has found comes first.
+    // The subcommand's own error takes precedence over an error of standard output.
     done.and_then(|()| output::written())
 }
 
-/// The arguments of the run. A scene alone is to be looked at: `lightskin SCENE` is `lightskin view SCENE`.
+/// The arguments of the process. `lightskin SCENE` becomes `lightskin view SCENE`.
 pub(crate) fn arguments() -> Vec<OsString> {
     let mut all: Vec<OsString> = std::env::args_os().collect();
     let is_command = |word: &OsString| Cli::command().get_subcommands().any(|c| word.to_str() == Some(c.get_name()));
@@ -168,7 +177,8 @@ pub(crate) fn arguments() -> Vec<OsString> {
     all
 }
 
-/// The grammar of the command line. What looks like a number below zero is a flag's value, so that the flag says what it takes.
+/// The grammar of the command line. A negative number after a flag is read as that flag's value, so that an error
+/// message says which values the flag accepts.
 fn grammar() -> clap::Command {
     fn with_negative_values(command: clap::Command) -> clap::Command {
         let command = command.mut_args(|arg| {
@@ -180,7 +190,7 @@ fn grammar() -> clap::Command {
     with_negative_values(Cli::command())
 }
 
-/// The grammar for these arguments: only the window has settings besides.
+/// The grammar for these arguments. Only `view` also reads settings from a file and the environment.
 pub(crate) fn grammar_for(arguments: &[OsString]) -> Result<clap::Command> {
     match arguments.iter().any(|word| word == "view") {
         #[cfg(feature = "app")]
@@ -195,7 +205,7 @@ pub(crate) fn parse(mut grammar: clap::Command, arguments: Vec<OsString>) -> std
     Cli::from_arg_matches(&matches).map_err(|error| error.format(&mut grammar))
 }
 
-/// Prints help, or ends the run with exit code 2 for what cannot be understood.
+/// Prints help or the version, or ends the process with exit code 2 if the arguments are wrong.
 pub(crate) fn usage(error: &clap::Error) -> Result<()> {
     if error.use_stderr() {
         error.exit();
@@ -203,54 +213,58 @@ pub(crate) fn usage(error: &clap::Error) -> Result<()> {
     error.print().or_else(output::lost)
 }
 
-/// Heading of the flags that every subcommand has.
+/// Help heading of the flags that do not belong to one subcommand.
 const GLOBAL: &str = "Global options";
 
-/// How caches are placed.
+/// Flags for the placement of caches.
 #[derive(Args, Clone)]
 #[command(next_help_heading = "Quality")]
 struct CacheArgs {
-    /// Quality level. It sets all that changes the picture; the flags below override single settings.
+    /// Quality level. It sets every quality setting; other flags override single settings.
     ///
-    /// `lightskin info --measure` shows what each level costs on this device.
+    /// `lightskin info --measure` prints the memory and frame time of each level on your device.
     #[arg(long, value_enum, default_value_t)]
     quality: QualityArg,
-    /// Number of light caches, about [default: 2000 at --quality high].
+    /// Approximate number of light caches, the surface points where indirect light is computed [default: 2000 at
+    /// --quality high].
+    ///
+    /// More caches give finer indirect light. The time grows in proportion, or faster with shadows of indirect light.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=1_000_000), conflicts_with = "spacing")]
     caches: Option<u32>,
-    /// Largest distance between a surface and its nearest cache [m]; used instead of --caches.
+    /// Largest distance from a surface point to its nearest cache [m]. Replaces --caches.
     #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = positive)]
     spacing: Option<f64>,
-    /// Largest angle between the normals of a surface and of its cache [degrees].
+    /// Largest angle between a surface normal and the normal of its cache [degrees].
     #[arg(long, hide_short_help = true, value_name = "DEG", default_value_t = 60.0, value_parser = angle)]
     angle: f64,
-    /// Divide triangles until no edge is longer than this [m]; 0 divides none.
+    /// Subdivide triangles until no edge is longer than this [m]; 0 subdivides none [default: a quarter of the cache
+    /// spacing].
     ///
-    /// Indirect light is interpolated at vertices, so triangles must be small against the spacing of the caches. The default
-    /// is a quarter of that spacing. A scene that would then have too many triangles stays undivided, and is lit at pixels
+    /// Indirect light is interpolated at vertices, so triangles must be small compared to the cache spacing. By
+    /// default, a scene that would get too many triangles is not subdivided. Its light is then interpolated at pixels
     /// (--interp texel).
     #[arg(long, hide_short_help = true, value_name = "M", value_parser = at_least_zero)]
     max_edge: Option<f64>,
-    /// Caches that each vertex interpolates [default: 8 at --quality high].
+    /// Number of caches interpolated at each vertex [default: 8 at --quality high].
     #[arg(long, hide_short_help = true, value_name = "N", value_parser = ["8", "16"])]
     refs: Option<String>,
-    /// Ground plane: auto, off, or its height on +Y [m].
+    /// Ground plane: auto, off, or its height along +Y [m].
     ///
-    /// auto puts a ground under an object that has neither lights nor a floor.
+    /// auto adds a ground below an object that has neither lights nor a floor.
     #[arg(long, help_heading = sky::HEADING, value_name = "auto|off|HEIGHT", default_value = "auto", allow_hyphen_values = true, value_parser = ground)]
     ground: Ground,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 enum QualityArg {
-    /// A quick look: few caches, no antialiasing, no shadows of indirect light.
+    /// Fast preview: few caches, no antialiasing, no shadows of indirect light.
     Low,
-    /// Antialiasing, and coarse shadows of indirect light.
+    /// Antialiasing and coarse shadows of indirect light.
     Medium,
     /// Ray-traced shadows, short rays for nearby light, accurate shadows of indirect light.
     #[default]
     High,
-    /// As high, with twice the density of everything.
+    /// Like high, with about twice the density of caches, virtual lights, rays and samples.
     Reference,
 }
 
@@ -272,12 +286,12 @@ impl CacheArgs {
         QualityArg::ALL.iter().find(|(arg, _)| *arg == self.quality).map_or(Quality::High, |(_, level)| *level)
     }
 
-    /// Caches that are asked for.
+    /// Requested number of caches.
     fn count(&self) -> usize {
         self.caches.map_or(self.quality().caches(), |count| count as usize)
     }
 
-    /// What differs from the default, as one types it.
+    /// The flags that differ from their defaults, as command-line words.
     #[cfg(feature = "app")]
     fn words(&self) -> Vec<String> {
         let Self { quality, caches, spacing, angle, max_edge, refs, ground } = self;
@@ -315,28 +329,31 @@ impl CacheArgs {
     }
 }
 
-/// A value of a flag as one types it.
+/// The command-line word for a value of a flag.
 fn word(value: impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |value| value.get_name().to_owned())
 }
 
-/// Which device, how closely watched.
+/// Flags for the device and its validation.
 #[derive(Args, Clone)]
 #[command(next_help_heading = GLOBAL)]
 struct DeviceArgs {
-    /// Vulkan device, by index or part of its name (see `lightskin devices`).
+    /// Vulkan device, by index or part of its name; see `lightskin devices` [default: the most capable].
     #[arg(long, value_name = "INDEX|NAME")]
     device: Option<String>,
-    /// Run under the Khronos validation layer; fail on any message.
+    /// Run with the Khronos validation layer and fail if it reports anything.
     #[arg(long, hide_short_help = true, value_enum, default_value_t)]
     validation: ValidationArg,
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 enum ValidationArg {
+    /// No validation layer.
     #[default]
     Off,
+    /// Core validation.
     Core,
+    /// Core and synchronization validation, and lightskin's own barrier check.
     Sync,
 }
 
@@ -355,7 +372,7 @@ impl DeviceArgs {
     }
 }
 
-/// Ends the run with exit code 2, for flags that do not go together.
+/// Ends the process with exit code 2, for flags that cannot be combined.
 fn wrong_usage(what: &str) -> ! {
     Cli::command().error(ErrorKind::ArgumentConflict, what).exit()
 }
@@ -369,7 +386,7 @@ fn ground(text: &str) -> std::result::Result<Ground, String> {
     }
 }
 
-/// A number of bytes, or of KiB, MiB, GiB or TiB.
+/// Parses a number of bytes, with an optional suffix: K, M, G or T for KiB, MiB, GiB or TiB.
 fn bytes(text: &str) -> std::result::Result<u64, String> {
     let digits = text.trim_end_matches(|c: char| !c.is_ascii_digit());
     let shift = match text[digits.len()..].to_ascii_uppercase().as_str() {
@@ -384,7 +401,7 @@ fn bytes(text: &str) -> std::result::Result<u64, String> {
     bytes.filter(|bytes| *bytes > 0).ok_or_else(|| "needs a number of bytes, or one like 512M or 2G".into())
 }
 
-/// A positive finite number.
+/// Parses a positive finite number.
 fn positive(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if v.is_finite() && v > 0.0 => Ok(v),
@@ -406,11 +423,11 @@ fn at_least_zero(text: &str) -> std::result::Result<f64, String> {
 fn angle(text: &str) -> std::result::Result<f64, String> {
     match text.parse::<f64>() {
         Ok(v) if (1.0..=90.0).contains(&v) => Ok(v),
-        _ => Err("needs degrees from 1 to 90".into()),
+        _ => Err("needs an angle from 1 to 90 degrees".into()),
     }
 }
 
-/// Loads a file, or builds the scene that stands for none.
+/// Loads a file, or builds `built_in` without one.
 fn read_scene(path: Option<&Path>, built_in: fn() -> Scene) -> Result<Scene> {
     Ok(match path {
         None => built_in(),
@@ -418,7 +435,7 @@ fn read_scene(path: Option<&Path>, built_in: fn() -> Scene) -> Result<Scene> {
     })
 }
 
-/// Adds the camera, the light and the ground that a scene may lack and says so.
+/// Adds a camera, a light and a ground where a scene lacks them, and prints what was added.
 fn complete(mut scene: Scene, ground: Ground) -> Scene {
     defaults::complete(&mut scene, ground);
     for note in &scene.notes {
@@ -427,12 +444,13 @@ fn complete(mut scene: Scene, ground: Ground) -> Scene {
     scene
 }
 
-/// Loads what is to be shown, or the showpiece, under a sky, which so many lights stand for.
+/// Loads a scene, or builds the showpiece without a path. `sky` is a sky to put over it and the number of directional
+/// lights that approximate that sky.
 fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>, ground: Ground) -> Result<Scene> {
     let mut scene = read_scene(path, || build::showpiece(Fineness::default()))?;
     if let Some((sky, lights)) = sky {
         if path.is_none() {
-            // Another sky and its sun take the place of the showpiece's own.
+            // The given sky and its sun replace those of the showpiece.
             scene.lights.clear();
         }
         sky.put_over(&mut scene, lights);
@@ -440,33 +458,34 @@ fn load_under(path: Option<&Path>, sky: Option<(Sky, usize)>, ground: Ground) ->
     Ok(complete(scene, ground))
 }
 
-/// Loads a scene for what is measured by the light of punctual lights: surfaces emit nothing.
+/// Loads a scene for measurements that use punctual lights only: emission of surfaces is removed.
 #[cfg(feature = "lab")]
 fn load_punctual(path: Option<&Path>) -> Result<Scene> {
     let mut scene = read_scene(path, build::atrium)?;
     if scene.emits() {
-        log::warn!("{}: its surfaces emit nothing here; what is measured is the light of punctual lights", scene.name);
+        log::warn!("{}: surface emission is ignored here; only punctual lights are measured", scene.name);
         scene.materials.iter_mut().for_each(|material| material.emissive = glam::Vec3::ZERO);
     }
     Ok(complete(scene, Ground::Auto))
 }
 
-/// Loads a scene, and divides triangles that are large against the distance of caches, where that costs little.
+/// Loads a scene, and subdivides triangles that are large compared to the cache spacing, unless that adds too many
+/// triangles.
 fn load_scene(path: Option<&Path>, caches: &CacheArgs) -> Result<Scene> {
     let mut scene = load_under(path, None, caches.ground)?;
     divide_for(&mut scene, caches, false);
     Ok(scene)
 }
 
-/// The scene with triangles divided that are large against the distance of caches, for light at vertices.
+/// Subdivides triangles that are large compared to the cache spacing, for interpolation at vertices.
 #[cfg(feature = "lab")]
 fn divided(mut scene: Scene, caches: &CacheArgs) -> Scene {
     divide_for(&mut scene, caches, true);
     scene
 }
 
-/// Divides triangles that are large against the distance of caches. Says whether light can be interpolated at vertices:
-/// where that would take very many triangles none is divided, unless `anyway` or `--max-edge` asks for it.
+/// Subdivides triangles that are large compared to the cache spacing. Returns whether light can be interpolated at
+/// vertices. If that would need very many triangles, none is subdivided, unless `anyway` or `--max-edge` demands it.
 fn divide_for(scene: &mut Scene, caches: &CacheArgs, anyway: bool) -> bool {
     let spacing = caches.spacing.unwrap_or_else(|| tessellate::expected_spacing(scene, caches.count()));
     if anyway || caches.max_edge.is_some() {
@@ -487,11 +506,11 @@ fn gltf_in(path: &Path) -> Result<PathBuf> {
     files.sort();
     match files.into_iter().next() {
         Some(file) => Ok(file),
-        None => bail!("{}: the folder holds no .gltf or .glb file", path.display()),
+        None => bail!("{}: the folder contains no .gltf or .glb file", path.display()),
     }
 }
 
-/// A bar of a thousand steps on a terminal, none elsewhere.
+/// A progress bar of 1000 steps. Hidden if standard error is not a terminal.
 fn progress_bar(template: &str) -> ProgressBar {
     let bar = if std::io::stderr().is_terminal() { ProgressBar::new(1000) } else { ProgressBar::hidden() };
     if let Ok(style) = ProgressStyle::with_template(template) {
@@ -500,17 +519,17 @@ fn progress_bar(template: &str) -> ProgressBar {
     bar
 }
 
-/// What a bake took.
+/// A finished bake.
 struct Baked {
     caches: CacheSet,
-    /// Caches over all instances.
+    /// Number of caches, summed over all instances.
     count: usize,
     time: Duration,
-    /// Read from the kept file instead of made.
+    /// Whether the caches were read from the stored bake.
     kept: bool,
 }
 
-/// Bakes with a progress bar, or reads the kept bake.
+/// Bakes with a progress bar, or reads the stored bake unless `again` is set.
 fn bake_scene(scene: &Scene, file: Option<&Path>, settings: &BakeSettings, again: bool) -> Result<Baked> {
     let bar = progress_bar("{msg:>24} [{bar:40}] {percent:>3} %  {elapsed}");
     let progress = |fraction: f32, what: &str| {
@@ -529,12 +548,12 @@ fn bake_scene(scene: &Scene, file: Option<&Path>, settings: &BakeSettings, again
     Ok(Baked { caches, count, time: start.elapsed(), kept })
 }
 
-/// What messages call a scene: its file, or the name of one without.
+/// The name of a scene in messages: its file, or its own name without a file.
 fn called(scene: &Scene, file: Option<&Path>) -> String {
     file.map_or_else(|| scene.name.clone(), |file| file.display().to_string())
 }
 
-/// Fails when the validation layer or the barrier check has said anything.
+/// Fails if the validation layer or the barrier check has reported anything.
 pub(crate) fn check_messages(gpu: &Gpu, problems: &[String]) -> Result<()> {
     let messages = gpu.messages();
     for problem in problems {
@@ -550,7 +569,7 @@ pub(crate) fn check_messages(gpu: &Gpu, problems: &[String]) -> Result<()> {
     Ok(())
 }
 
-/// A number with spaces between thousands.
+/// Formats a number with spaces between thousands.
 pub(crate) fn thousands(n: usize) -> String {
     let digits = n.to_string();
     let groups: Vec<_> = digits.as_bytes().rchunks(3).rev().map(|g| String::from_utf8_lossy(g).into_owned()).collect();

@@ -1,46 +1,48 @@
-//! Flags of scenes that move: which animation, at what times, to which files.
+//! Flags for animated scenes: the animation, its times, and the names of the pictures.
 
 use super::wrong_usage;
 use anyhow::{Context, Result, bail};
 use lightskin::scene::Scene;
 use std::path::{Path, PathBuf};
 
-/// Most frames of one run.
+/// Maximum number of frames in one run.
 const MOST_FRAMES: usize = 1_000_000;
 
-/// Which moments of which animation.
+/// Flags for the animation and its times.
 #[derive(clap::Args)]
 #[command(next_help_heading = "Animation")]
 pub(super) struct MotionArgs {
     /// Animation by name or index [default: the first].
     #[arg(long, value_name = "NAME|INDEX")]
     animation: Option<String>,
-    /// Show this moment of the animation [s]. Without --time, --frames and --play the scene is at rest.
+    /// Render the animation at this time [s].
+    ///
+    /// Without --time, --frames and --play the scene is rendered in its rest pose.
     #[arg(long, value_name = "T", conflicts_with_all = ["frames", "play"], allow_hyphen_values = true, value_parser = time)]
     time: Option<f64>,
-    /// Render the frames from A to B - 1, one picture each: name them with {frame} or {frame:04}.
+    /// Render frames A to B - 1, one picture each. Use {frame} or {frame:04} in the name of the file.
     #[arg(long, value_name = "A..B", value_parser = frames)]
     frames: Option<std::ops::Range<u32>>,
-    /// Frames per second of --frames and --play.
+    /// Frame rate of --frames and --play [frames/s].
     #[arg(long, value_name = "F", default_value_t = 30.0, value_parser = super::positive)]
     fps: f64,
-    /// Render the whole animation, or --frames of it, to measure it; the last picture is written.
+    /// Render the whole animation, or its --frames, to measure it; only the last picture is written.
     #[arg(long)]
     play: bool,
-    /// Run every stage in every frame, even if its inputs have not changed. The picture does not change.
+    /// Run every stage in every frame, even if its inputs have not changed. The picture stays the same.
     #[arg(long, hide_short_help = true, help_heading = super::render::MEASURE)]
     no_skip: bool,
 }
 
-/// What is rendered.
+/// The frames to render.
 pub(super) struct Motion {
     /// Index of the animation; `None` for a scene at rest.
     animation: Option<usize>,
     /// Number and time [s] of each frame.
     moments: Vec<(u32, f64)>,
-    /// Whether each frame has a picture of its own.
+    /// Whether each frame is written to its own picture.
     pub(super) pictures: bool,
-    /// Whether stages are left out whose inputs have not changed.
+    /// Whether stages are skipped if their inputs have not changed.
     pub(super) reuse: bool,
 }
 
@@ -55,16 +57,16 @@ fn frames(text: &str) -> std::result::Result<std::ops::Range<u32>, String> {
     let parsed = text.split_once("..").and_then(|(a, b)| Some((a.trim().parse().ok()?, b.trim().parse().ok()?)));
     match parsed {
         Some((first, end)) if first < end => Ok(first..end),
-        Some(_) => Err("is empty: the second number is the first frame that is not rendered".into()),
+        Some(_) => Err("is empty: A..B ends before frame B, so B must be greater than A".into()),
         None => Err("needs two whole numbers like 0..60".into()),
     }
 }
 
-/// The animation that is asked for, or the first.
+/// The index of the requested animation, or of the first.
 pub(super) fn animation_index(scene: &Scene, wanted: Option<&str>) -> Result<usize> {
     let all: Vec<&str> = scene.animations().map(|(name, ..)| name).collect();
     if all.is_empty() {
-        bail!("{}: nothing is animated; leave --time, --frames, --play and --animation out", scene.name);
+        bail!("{}: nothing is animated; remove --time, --frames, --play and --animation", scene.name);
     }
     let Some(wanted) = wanted else { return Ok(0) };
     let found = match wanted.parse::<usize>() {
@@ -73,27 +75,27 @@ pub(super) fn animation_index(scene: &Scene, wanted: Option<&str>) -> Result<usi
     };
     found.with_context(|| {
         let names: Vec<_> = all.iter().enumerate().map(|(i, name)| format!("{i} '{name}'")).collect();
-        format!("--animation {wanted} is none of the scene's: {}", names.join(", "))
+        format!("--animation {wanted}: the scene has no such animation; it has {}", names.join(", "))
     })
 }
 
 impl MotionArgs {
-    /// Refuses flags that do not go together, before anything is loaded; `one` says that only one moment can be rendered.
-    /// Gives the name of the first picture.
+    /// Ends the process if the flags cannot be combined, before anything is loaded. `one` means that the method renders
+    /// only one frame. Returns the name of the first picture.
     pub(super) fn check(&self, out: &Path, repeat: u32, one: bool) -> PathBuf {
         let first = self.frames.as_ref().map_or(0, |frames| frames.start);
         let numbered = numbered(out, first) != out;
         if out.parent().is_some_and(|folder| super::motion::numbered(folder, first) != folder) {
-            wrong_usage("-o: {frame} can stand in the name of the file, not of its folder");
+            wrong_usage("-o: {frame} is allowed in the name of the file, not in its folder");
         }
         if one && (self.play || self.frames.as_ref().is_some_and(|frames| frames.len() > 1)) {
-            wrong_usage("--gi path-trace renders one moment: take --time T");
+            wrong_usage("--gi path-trace renders one moment: use --time T");
         }
         if self.frames.as_ref().is_some_and(|frames| frames.len() > MOST_FRAMES) {
-            wrong_usage("--frames: more than a million of them; render a part at a time");
+            wrong_usage("--frames: more than a million frames; render them in several runs");
         }
         if self.rests() && self.animation.is_some() {
-            wrong_usage("--animation needs --time, --frames or --play: without them a scene is at rest");
+            wrong_usage("--animation needs --time, --frames or --play: without them the scene is at rest");
         }
         let many = self.frames.as_ref().is_some_and(|frames| frames.len() > 1) && !self.play;
         if many && !numbered {
@@ -103,17 +105,17 @@ impl MotionArgs {
             wrong_usage("-o: {frame} in the name needs --frames A..B");
         }
         if repeat > 1 && (self.frames.is_some() || self.play) {
-            wrong_usage("--repeat renders one moment again and again, --frames and --play many: leave one of them out");
+            wrong_usage("--repeat renders one moment repeatedly: remove it, or remove --frames and --play");
         }
         super::motion::numbered(out, first)
     }
 
-    /// Whether the scene is shown at rest.
+    /// Whether the scene is rendered at rest.
     fn rests(&self) -> bool {
         self.time.is_none() && self.frames.is_none() && !self.play
     }
 
-    /// What these flags ask of a scene, so many times each moment.
+    /// The frames that the flags request of a scene. A scene at rest or at one time is rendered `repeat` times.
     pub(super) fn motion(&self, scene: &Scene, repeat: u32) -> Result<Motion> {
         if self.rests() {
             return Ok(Motion {
@@ -144,17 +146,17 @@ impl MotionArgs {
 }
 
 impl Motion {
-    /// Frames, each with its number.
+    /// Index and number of each frame.
     pub(super) fn frames(&self) -> impl ExactSizeIterator<Item = (usize, u32)> {
         self.moments.iter().map(|(number, _)| *number).enumerate()
     }
 
-    /// The animation that plays, and the time [s] of a frame.
+    /// The animation, and the time [s] of the frame at `index`.
     pub(super) fn moment(&self, index: usize) -> (Option<usize>, f64) {
         (self.animation, self.moments[index].1)
     }
 
-    /// Puts the scene where the frame of this index has it; says whether anything can have moved since the one before.
+    /// Poses the scene for the frame at `index`. Returns whether anything can have moved since the previous frame.
     pub(super) fn pose(&self, scene: &mut Scene, index: usize) -> bool {
         let time = self.moments[index].1;
         let moves = index == 0 || self.moments[index - 1].1 != time;
@@ -166,7 +168,7 @@ impl Motion {
     }
 }
 
-/// The name of the picture of a frame: {frame} stands for its number, {frame:04} for one of four digits at least.
+/// The name of a frame's picture: {frame} becomes the frame number, {frame:04} the number with at least four digits.
 pub(super) fn numbered(out: &Path, frame: u32) -> PathBuf {
     let text = out.to_string_lossy();
     let Some((before, rest)) = text.split_once("{frame") else { return out.to_owned() };

@@ -1,4 +1,4 @@
-//! Standard output and standard error. What they do not take never hides what the work has found.
+//! Standard output and standard error. A failed write to them never hides the result or the error of the work itself.
 
 use anyhow::{Result, anyhow};
 use std::collections::VecDeque;
@@ -6,20 +6,20 @@ use std::fmt::Arguments;
 use std::io::{Error, ErrorKind, Write, stderr, stdout};
 use std::sync::{Mutex, PoisonError};
 
-/// Prints a line of the result on standard output.
+/// Prints a result line on standard output.
 macro_rules! say {
     ($($text:tt)*) => { $crate::cli::output::line(format_args!($($text)*)) };
 }
 
-/// Why standard output takes nothing more.
+/// The first write error of standard output. Later lines are dropped.
 static BROKEN: Mutex<Option<Error>> = Mutex::new(None);
 
-/// Text without what terminals take for commands, such as escape codes in the names of files.
+/// Replaces control characters, which terminals execute as commands. File names can contain escape codes.
 fn plain(text: Arguments<'_>) -> String {
     text.to_string().replace(|c: char| c.is_control() && c != '\n' && c != '\t', "\u{fffd}")
 }
 
-/// What `say!` does.
+/// Prints a line for `say!`.
 pub(super) fn line(text: Arguments<'_>) {
     let mut broken = BROKEN.lock().unwrap_or_else(PoisonError::into_inner);
     if broken.is_none() {
@@ -27,12 +27,12 @@ pub(super) fn line(text: Arguments<'_>) {
     }
 }
 
-/// Fails if something that was said could not be written, unless the reader has closed the pipe, having read enough.
+/// Fails if a result line could not be written. A pipe that its reader has closed is not an error.
 pub(super) fn written() -> Result<()> {
     BROKEN.lock().unwrap_or_else(PoisonError::into_inner).take().map_or(Ok(()), lost)
 }
 
-/// The failure that an error of standard output is.
+/// Turns a write error of standard output into the error of the run. A closed pipe is not one.
 pub(super) fn lost(error: Error) -> Result<()> {
     match error.kind() {
         ErrorKind::BrokenPipe => Ok(()),
@@ -48,24 +48,24 @@ pub(crate) fn tell(text: Arguments<'_>) {
     let _ = writeln!(stderr().lock(), "lightskin: {}", plain(text));
 }
 
-/// The last messages, oldest first.
+/// The latest log messages, oldest first.
 static RECENT: Mutex<VecDeque<String>> = Mutex::new(VecDeque::new());
 
-/// Messages that are remembered.
+/// Maximum number of messages in `RECENT`.
 const REMEMBERED: usize = 200;
 
-/// The last messages, oldest first: for a window that shows them.
+/// The latest log messages, oldest first, for the log panel of the window.
 #[cfg(feature = "app")]
 pub(crate) fn recent() -> Vec<String> {
     RECENT.lock().unwrap_or_else(PoisonError::into_inner).iter().cloned().collect()
 }
 
-/// Messages on standard error, one line each.
+/// A logger that prints each message as one line on standard error.
 struct Log;
 
 impl log::Log for Log {
     fn enabled(&self, metadata: &log::Metadata<'_>) -> bool {
-        // The clipboard only warns that its text is lost once the window is closed.
+        // arboard, the clipboard, only warns that its text is lost when the window is closed.
         let from = metadata.target();
         from.starts_with("lightskin") || (metadata.level() <= log::Level::Warn && !from.starts_with("arboard"))
     }
@@ -78,7 +78,7 @@ impl log::Log for Log {
             recent.push_back(record.args().to_string());
             drop(recent);
             match record.level() {
-                // A desktop without a dialog for files is no failure of ours.
+                // rfd logs an error if the desktop has no file dialog. That is not an error of lightskin.
                 log::Level::Error if record.target().starts_with("rfd") => tell(*record.args()),
                 log::Level::Error => tell(format_args!("error: {}", record.args())),
                 log::Level::Warn => tell(*record.args()),
@@ -89,7 +89,7 @@ impl log::Log for Log {
     fn flush(&self) {}
 }
 
-/// Starts the log: warnings, or more with `-v`, or errors alone with `-q`.
+/// Starts the log. It prints warnings by default, more with `-v`, and only errors with `-q`.
 pub(super) fn start_log(verbose: u8, quiet: bool) {
     let level = match (quiet, verbose) {
         (true, _) => log::LevelFilter::Error,

@@ -1,4 +1,4 @@
-//! `lightskin render --gi path-trace`: the reference picture, with progress, a noise estimate and samples that are kept.
+//! `lightskin render --gi path-trace`: the reference picture, with progress, a noise estimate and stored samples.
 
 use super::picture::{LayerArg, Layers, TonemapArg};
 use super::signals;
@@ -14,7 +14,7 @@ use std::io::IsTerminal;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// How often samples are put into the kept file: what a crash can cost.
+/// Time between two saves of the samples to their file. A crash loses at most the samples of this time.
 const SAVE_EVERY: Duration = Duration::from_secs(20);
 
 #[derive(Args)]
@@ -22,53 +22,53 @@ const SAVE_EVERY: Duration = Duration::from_secs(20);
 pub(super) struct PathTraceArgs {
     /// Samples per pixel, rounded up to a multiple of 16.
     ///
-    /// Samples are kept: an interrupted run continues, and a larger N refines.
+    /// Samples are stored: an interrupted run continues, and a larger N refines the picture.
     #[arg(long, value_name = "N", default_value_t = 256, value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     spp: u32,
-    /// Stop earlier, once the mean relative standard error of indirect light is below this.
+    /// Stop early once the mean relative standard error of indirect light is below this, like 0.01 [default: never].
     #[arg(long, value_name = "SHARE", value_parser = super::positive)]
     noise: Option<f64>,
-    /// One bounce of indirect light that nothing blocks: what --gi brute-force converges to.
+    /// Trace one bounce of indirect light without occlusion. --gi brute-force converges to this picture.
     #[arg(long, hide_short_help = true, conflicts_with_all = ["bounces", "matching", "sources"])]
     no_visibility: bool,
-    /// Restrict the light paths to those of something else.
+    /// Restrict the light paths to those of another method [default: all light paths].
     #[arg(long = "match", hide_short_help = true, value_name = "WHAT", value_enum)]
     matching: Option<Match>,
-    /// Which sources give light [default: all; punctual with --no-visibility].
+    /// Sources of light [default: all; punctual with --no-visibility].
     #[arg(long, hide_short_help = true, value_enum)]
     sources: Option<SourcesArg>,
-    /// Seed of the noise.
+    /// Seed of the random numbers.
     #[arg(long, hide_short_help = true, value_name = "N", default_value_t = 0)]
     seed: u32,
 }
 
-/// What light paths are those of.
+/// A method whose light paths are traced.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum Match {
-    /// Those of --gi lightskin: its number of bounces, all but the last of them diffuse.
+    /// The light paths of --gi lightskin: its number of bounces, and only the last bounce glossy.
     Engine,
 }
 
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 enum SourcesArg {
-    /// Lamps and suns alone; emissive surfaces and the sky are visible but light nothing.
+    /// Only lamps and suns. Emissive surfaces and the sky are visible but give no light.
     Punctual,
-    /// Emissive surfaces alone.
+    /// Only emissive surfaces.
     Surfaces,
-    /// The sky alone.
+    /// Only the sky.
     Sky,
-    /// All of them.
+    /// All sources.
     All,
 }
 
-/// Where the picture goes and how it is shown.
+/// The file of the picture and how it is shown.
 pub(super) struct Picture<'a> {
     pub(super) out: &'a Path,
     pub(super) size: [u32; 2],
     pub(super) bounces: Option<u32>,
-    /// Bounces of the engine by the same flags.
+    /// Number of bounces of `--gi lightskin` with the same flags.
     pub(super) of_engine: u32,
-    /// Whether samples are spread over the pixels.
+    /// Whether samples are spread over each pixel, instead of going through its centre.
     pub(super) spread: bool,
     pub(super) layer: Option<LayerArg>,
     pub(super) tonemap: TonemapArg,
@@ -102,7 +102,7 @@ pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture:
     let resumed = file.as_ref().is_some_and(|file| trace.resume(file));
     let before = trace.samples();
     if resumed {
-        log::info!("{before} samples per pixel were kept");
+        log::info!("{before} samples per pixel were stored");
     }
 
     let bar =
@@ -117,7 +117,7 @@ pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture:
     let mut saved = (Instant::now(), before);
     let save = |trace: &PathTrace<'_>| {
         if let Some(Err(error)) = file.as_ref().map(|file| trace.save(file)) {
-            log::warn!("the samples cannot be kept: {error}; point XDG_CACHE_HOME to a folder that can be written to");
+            log::warn!("the samples cannot be stored: {error}; set XDG_CACHE_HOME to a writable folder");
         }
     };
     let is_done = |trace: &PathTrace<'_>| {
@@ -138,7 +138,11 @@ pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture:
         }
     });
     if !is_done(&trace) {
-        bail!("stopped at {} of {} samples per pixel; the same command goes on from there", trace.samples(), args.spp);
+        bail!(
+            "stopped at {} of {} samples per pixel; the same command continues from there",
+            trace.samples(),
+            args.spp
+        );
     }
     let time = start.elapsed();
 
@@ -159,7 +163,7 @@ pub(super) fn run(args: &PathTraceArgs, scene: &Scene, camera: &Camera, picture:
         scene.lights.len()
     );
     say!(
-        "samples   {} per pixel ({before} were kept, {} made in {:.1} s)",
+        "samples   {} per pixel ({before} were stored, {} made in {:.1} s)",
         trace.samples(),
         trace.samples() - before,
         time.as_secs_f64()

@@ -1,4 +1,4 @@
-//! The picture of a render: writes layers, from the engine or the path tracer, to PNG or EXR.
+//! Writes the picture of a render and its layers, from the engine or the path tracer, to PNG or EXR.
 
 use anyhow::Result;
 use clap::ValueEnum;
@@ -19,7 +19,7 @@ pub(super) enum TonemapArg {
     Agx,
     /// ACES.
     Aces,
-    /// No curve: bright values clip.
+    /// No curve. Bright values clip.
     Linear,
 }
 
@@ -41,14 +41,14 @@ impl TonemapArg {
     }
 }
 
-/// Layers by the names they have in an EXR file.
+/// Layers, named as in an EXR file.
 #[derive(Clone, Copy, PartialEq, ValueEnum)]
 pub(super) enum LayerArg {
-    /// All radiance.
+    /// Total radiance.
     Color,
     /// Emitted and directly reflected radiance.
     Direct,
-    /// Both lobes of the indirect radiance.
+    /// Indirect radiance, diffuse and glossy.
     Indirect,
     /// Diffuse indirect radiance.
     #[value(name = "indirect.diffuse")]
@@ -60,14 +60,14 @@ pub(super) enum LayerArg {
     Albedo,
     /// World-space shading normal.
     Normal,
-    /// Distance [m] from the camera's plane.
+    /// Distance from the camera plane [m].
     #[value(name = "Z")]
     Z,
 }
 
-/// What a picture consists of; RGBA or XYZ and a spare, row by row from the top.
+/// The layers of a picture. Each is RGBA, or XYZ and an unused component, row by row from the top.
 pub(super) struct Layers {
-    /// Picture [pixels].
+    /// Size of the picture [pixels].
     pub(super) size: [u32; 2],
     /// Emitted and directly reflected radiance.
     pub(super) direct: Vec<[f32; 4]>,
@@ -79,33 +79,33 @@ pub(super) struct Layers {
     pub(super) albedo: Vec<[f32; 4]>,
     /// World-space shading normal.
     pub(super) normal: Vec<[f32; 4]>,
-    /// Distance [m] from the camera's plane.
+    /// Distance from the camera plane [m].
     pub(super) depth: Vec<[f32; 4]>,
-    /// Share of the pixel that shows surfaces.
+    /// Fraction of each pixel that surfaces cover.
     pub(super) covered: Vec<f32>,
-    /// What the backdrop adds to `direct`.
+    /// Radiance of the backdrop that is part of `direct`.
     pub(super) behind: Vec<[f32; 4]>,
 }
 
 impl Layers {
-    /// Both lobes of the indirect radiance.
+    /// Indirect radiance of both lobes.
     pub(super) fn indirect(&self) -> Vec<[f32; 4]> {
         sum(&self.diffuse, &self.glossy)
     }
 
-    /// All radiance.
+    /// Total radiance.
     pub(super) fn color(&self) -> Vec<[f32; 4]> {
         sum(&self.direct, &self.indirect())
     }
 
-    /// The exposure value that suits the surfaces.
+    /// The exposure value that is metered from the surfaces.
     pub(super) fn automatic_ev(&self) -> f64 {
         let radiance: Vec<DVec3> = self.color().iter().map(|p| Vec4::from(*p).truncate().as_dvec3()).collect();
         let seen: Vec<bool> = self.depth.iter().map(|z| z[0].is_finite()).collect();
         tonemap::automatic_ev(self.size, &radiance, &seen)
     }
 
-    /// How many values no radiance can have.
+    /// Number of radiance values that are negative or not finite.
     pub(super) fn broken(&self) -> usize {
         [&self.direct, &self.diffuse, &self.glossy].into_iter().map(|layer| broken(layer)).sum()
     }
@@ -123,7 +123,7 @@ impl Layers {
         }
     }
 
-    /// Writes an EXR with all layers, or one alone as EXR or PNG; without one a PNG shows all radiance.
+    /// Writes an EXR with all layers, a PNG of the total radiance, or only layer `which` in either format.
     pub(super) fn write(
         &self,
         path: &Path,
@@ -166,7 +166,7 @@ impl Layers {
                         _ => [0; 4],
                     };
                 }
-                // What the surfaces alone send, in full.
+                // The radiance of the surfaces alone, as if they covered the whole pixel.
                 let own = |c: usize| if lit { (p[c] - self.behind[i][c]) / self.covered[i] } else { p[c] };
                 let shown = display(which, [own(0), own(1), own(2), 1.0], curve, ev);
                 match behind {
@@ -184,12 +184,12 @@ impl Layers {
     }
 }
 
-/// How many values of a layer no radiance can have.
+/// Number of values of a layer that are negative or not finite.
 fn broken(layer: &[[f32; 4]]) -> usize {
     layer.iter().map(|p| broken_values(&p[..3])).sum()
 }
 
-/// Whether a file's name asks for OpenEXR.
+/// Whether the ending of a file's name is .exr.
 pub(super) fn is_exr(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("exr"))
 }
@@ -198,7 +198,7 @@ fn sum(a: &[[f32; 4]], b: &[[f32; 4]]) -> Vec<[f32; 4]> {
     a.iter().zip(b).map(|(a, b)| [a[0] + b[0], a[1] + b[1], a[2] + b[2], 1.0]).collect()
 }
 
-/// A layer's value as sRGB: radiance as the picture is shown, others so that they can be looked at.
+/// A layer's value as sRGB. Radiance is exposed and tone-mapped; other layers are mapped to a visible range.
 fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> DVec3 {
     let v = DVec3::new(p[0].into(), p[1].into(), p[2].into());
     match which {
@@ -218,12 +218,12 @@ fn display(which: LayerArg, p: [f32; 4], curve: TonemapArg, ev: f32) -> DVec3 {
     }
 }
 
-/// A pixel.
+/// A pixel in 8 bits per channel.
 fn bytes(srgb: DVec3, alpha: f64) -> [u8; 4] {
     [srgb.x, srgb.y, srgb.z, alpha].map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8)
 }
 
-/// The exposure value that the picture of the last frame is shown with.
+/// The exposure value of the picture of the last frame.
 pub(super) fn exposure_value(gpu: &Gpu, picture: &Picture) -> Result<f32> {
     Ok(gpu.read::<f32>(&picture.output.exposure)?[0])
 }
@@ -231,27 +231,27 @@ pub(super) fn exposure_value(gpu: &Gpu, picture: &Picture) -> Result<f32> {
 /// How a picture is written.
 #[derive(Clone, Copy)]
 pub(super) struct Writing {
-    /// This layer alone.
+    /// The only layer to write. `None` for the picture.
     pub(super) layer: Option<LayerArg>,
-    /// Curve from scene to display.
+    /// Tone curve from radiance to display colours.
     pub(super) tonemap: TonemapArg,
-    /// What shows where no surface is.
+    /// Background where there is no surface.
     pub(super) behind: Behind,
 }
 
 impl Writing {
-    /// Writes the picture of the last frame, and says how many of its values no radiance can have; `about` is what an EXR
-    /// file says of itself.
+    /// Writes the picture of the last frame. Returns the number of radiance values that are negative or not finite.
+    /// `about` is the description stored in an EXR file.
     pub(super) fn write(&self, gpu: &Gpu, picture: &Picture, view: &View, about: &str, out: &Path) -> Result<usize> {
         self.write_read(Read::of(gpu, picture, view, self.needs_all(out))?, about, out)
     }
 
-    /// Whether such a file takes more than the picture and its radiance.
+    /// Whether this file needs more than the picture and its radiance.
     pub(super) fn needs_all(&self, out: &Path) -> bool {
         self.layer.is_some() || is_exr(out)
     }
 
-    /// The same of what was read back; without a device, so that any thread can do it.
+    /// Writes a picture that was read back. Needs no device, so it can run on any thread.
     pub(super) fn write_read(&self, read: Read, about: &str, out: &Path) -> Result<usize> {
         let Read { ev, size: [w, h], .. } = read;
         if !self.needs_all(out) {
@@ -264,12 +264,12 @@ impl Writing {
     }
 }
 
-/// What of a picture was read back, as the device has it.
+/// The parts of a picture that were read back, in the formats of the device.
 pub(crate) struct Read {
     size: [u32; 2],
     view: View,
     ev: f32,
-    /// Pixels as bytes; empty where all layers are read.
+    /// The displayed pixels. Empty if all layers were read.
     shown: Vec<u8>,
     direct: Vec<[f32; 4]>,
     diffuse: Vec<[f32; 4]>,
@@ -277,7 +277,7 @@ pub(crate) struct Read {
     rest: Option<Rest>,
 }
 
-/// What only files with layers take.
+/// Layers that only files with layers need.
 struct Rest {
     albedo: Vec<[u16; 4]>,
     normal: Vec<[f32; 4]>,
@@ -285,19 +285,19 @@ struct Rest {
     edges: Option<ReadEdges>,
 }
 
-/// What is seen beside the middles of pixels.
+/// The second surfaces that antialiasing found off the centres of pixels.
 struct ReadEdges {
     antialiasing: Antialiasing,
-    /// Radiance of first surfaces alone.
+    /// Radiance of the first surfaces, before mixing.
     before: Vec<[f32; 4]>,
-    /// Radiance and depth of second ones.
+    /// Radiance and depth of the second surfaces.
     second: Vec<[f32; 4]>,
     second_depth: Vec<f32>,
     codes: Vec<u32>,
 }
 
 impl Read {
-    /// Reads a picture back, with all of its layers or what shows it alone; waits for the device.
+    /// Reads a picture back, with all layers or only with its displayed pixels and radiance. Waits for the device.
     pub(super) fn of(gpu: &Gpu, picture: &Picture, view: &View, all: bool) -> Result<Self> {
         let (surface, indirect) = (&picture.surface, picture.indirect.as_ref());
         let optional = |image: Option<&Image>| -> Result<Vec<[f32; 4]>> {
@@ -332,7 +332,7 @@ impl Read {
         })
     }
 
-    /// What files have.
+    /// Converts to the layers of files.
     fn layers(self) -> Layers {
         let Self { size, view, direct, diffuse, glossy, rest, .. } = self;
         let count = direct.len();
@@ -354,7 +354,7 @@ impl Read {
     }
 }
 
-/// Share of each pixel that shows surfaces, and what the backdrop adds to direct radiance.
+/// The fraction of each pixel that surfaces cover, and the backdrop's part of its direct radiance.
 fn backdrop(width: usize, edges: Option<&ReadEdges>, direct: &[[f32; 4]], depth: &[f32]) -> (Vec<f32>, Vec<[f32; 4]>) {
     let of_one = |(depth, direct): (&f32, &[f32; 4])| if *depth > 0.0 { (1.0, [0.0; 4]) } else { (0.0, *direct) };
     let Some(edges) = edges else { return depth.iter().zip(direct).map(of_one).unzip() };
@@ -377,7 +377,7 @@ fn backdrop(width: usize, edges: Option<&ReadEdges>, direct: &[[f32; 4]], depth:
     (0..depth.len()).map(pixel).unzip()
 }
 
-/// Distances [m] from the camera's plane; infinite where nothing is.
+/// Distances from the camera plane [m]; infinite where there is no surface.
 fn view_depth(depth: &[f32], view: &View, [w, h]: [u32; 2]) -> Vec<[f32; 4]> {
     let middle = |i: usize| {
         let (x, y) = (i as u32 % w, i as u32 / w);

@@ -1,4 +1,4 @@
-//! `lightskin render`: a scene to a picture, with its layers, times and counts.
+//! `lightskin render`: renders a scene to a picture or its layers, and prints times and counts.
 
 use super::camera::camera;
 use super::gather::GatherArgs;
@@ -31,103 +31,110 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Headings of the help, in the order of what a picture needs first.
+/// Headings of the help.
 pub(super) const QUALITY: &str = "Quality";
 const METHOD: &str = "Variants of the method";
 pub(super) const MEASURE: &str = "Measuring";
 
 #[derive(clap::Args)]
 pub(super) struct Render {
-    /// glTF or GLB file, or a folder with one; the built-in showpiece without one.
+    /// glTF or GLB file, or a folder that contains one [default: the built-in showpiece].
     scene: Option<PathBuf>,
-    /// Picture to write.
+    /// Picture file to write, .png or .exr.
     ///
-    /// .png is tone-mapped sRGB, .exr linear float with all layers. Write {frame} or {frame:04} in the name for the frame's number.
+    /// .png is tone-mapped sRGB. .exr is linear float with all layers. {frame} or {frame:04} in the name becomes the
+    /// frame number.
     #[arg(short, long, value_name = "FILE", default_value = "lightskin.png", value_parser = picture)]
     out: PathBuf,
     /// Picture size [pixels].
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
-    /// Camera by name or index, or "eye;target;up;fov".
+    /// Camera of the scene by name or index, or "eye;target;up;fov" [default: the first camera].
     ///
-    /// eye, target and up are x,y,z; fov is the vertical field of view in degrees.
+    /// eye, target and up are x,y,z [m]; fov is the vertical field of view [degrees].
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, value_parser = super::camera::readable)]
     camera: Option<String>,
     /// Exposure value at ISO 100 [default: metered from the picture].
     ///
-    /// 1.2 * 2^EV cd/m^2 becomes white.
+    /// A luminance of 1.2 * 2^EV cd/m^2 becomes white.
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = exposure)]
     ev: Option<f32>,
-    /// Tone curve.
+    /// Tone curve from radiance to display colours.
     #[arg(long, value_enum, default_value_t)]
     tonemap: TonemapArg,
-    /// Write one layer instead of the picture.
+    /// Write only this layer instead of the picture.
     #[arg(long, value_enum, value_name = "NAME")]
     layer: Option<LayerArg>,
-    /// What computes indirect light.
+    /// Method for indirect light.
     #[arg(long, value_enum, default_value_t)]
     gi: GiArg,
     /// Number of indirect bounces [default: set by --quality; no limit with --gi path-trace].
     ///
-    /// 0 is direct light alone: lamps, emissive surfaces and the sky. Caches do up to 16 bounces, brute force one.
+    /// 0 renders only direct light: lamps, emissive surfaces and the sky. Caches support up to 16 bounces, brute force
+    /// one.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=1000))]
     bounces: Option<u32>,
     #[command(flatten)]
     caches: CacheArgs,
-    /// Virtual lights: N x N for each light, the texels of its reflective shadow map [default: 128 at --quality high].
+    /// Virtual lights per light source: N x N, the texels of its reflective shadow map [default: 128 at --quality
+    /// high].
+    ///
+    /// A virtual light is a lit surface point that gives indirect light. More of them give smoother indirect light.
     #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=4096))]
     rsm: Option<u32>,
     /// Shadows of lamps and the sun: rays, or shadow maps of N x N texels [default: rays at --quality high].
     #[arg(long, help_heading = QUALITY, value_name = "rays|N", value_parser = light_shadows)]
     shadow_map: Option<LightShadows>,
-    /// Antialiasing: extra points of each pixel that are looked at [default: 4 at --quality high].
+    /// Antialiasing: extra sample points per pixel [default: 4 at --quality high].
     ///
-    /// The path tracer spreads its samples over the pixel instead.
+    /// With --gi path-trace, any value but off spreads the samples over the pixel.
     #[arg(long, help_heading = QUALITY, value_name = "POINTS", value_enum)]
     aa: Option<AntialiasingArg>,
-    /// Most layers of glass and blended surfaces in a pixel; the nearest count [default: 4 at --quality high].
+    /// Maximum number of glass and blended layers per pixel; the nearest are drawn [default: 4 at --quality high].
     #[arg(long, help_heading = QUALITY, value_name = "N", value_parser = clap::value_parser!(u32).range(0..=64))]
     layers: Option<u32>,
     #[command(flatten)]
     gather: GatherArgs,
-    /// Where caches are interpolated [default: vertex, or texel where that would need too many triangles].
+    /// Place of interpolation between caches [default: vertex, or texel if vertex would need too many triangles].
     #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum)]
     interp: Option<InterpArg>,
-    /// What is interpolated between caches.
+    /// Quantity that is interpolated between caches.
+    ///
+    /// Each cache condenses all indirect light into one diffuse and one glossy proxy light.
     #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum, default_value_t)]
     interpolation: InterpolationArg,
-    /// What weighs the virtual lights when a proxy light is placed.
+    /// Weight of each virtual light when the position of a proxy light is averaged.
     #[arg(long, help_heading = METHOD, hide_short_help = true, value_enum, default_value_t)]
     proxy_weight: ProxyWeightArg,
-    /// How indirect light is shadowed [default: per-light at --quality high].
+    /// Shadows of indirect light [default: per-light at --quality high].
     ///
-    /// Above 20000 caches (4096 with --near off), with --gather fragment and with clusters a cheaper kind is used.
+    /// The default is cheaper above 20000 caches (4096 with --near off), with --gather fragment and with clusters.
     #[arg(long, help_heading = QUALITY, value_enum)]
     shadows: Option<ShadowsArg>,
-    /// Light and shadow from closer than the spacing of the caches [default: rays at --quality high].
+    /// Light and occlusion from surfaces within one cache spacing [default: rays at --quality high].
     #[arg(long, help_heading = QUALITY, value_enum)]
     near: Option<NearArg>,
-    /// Short rays of a pixel that traces any; 16 neighbours share theirs.
+    /// Short rays per traced pixel; 16 neighbouring pixels share their rays [default: 8 at --quality high].
     #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=32))]
     near_rays: Option<u32>,
-    /// Trace short rays at every N-th pixel of every N-th row.
+    /// Trace short rays at every N-th pixel of every N-th row [default: 2 at --quality high].
     #[arg(long, help_heading = QUALITY, hide_short_help = true, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=8))]
     near_every: Option<u32>,
-    /// Render the frame N times, to measure it; the last one is written.
+    /// Render the frame N times to measure it; only the last picture is written.
     #[arg(long, help_heading = MEASURE, hide_short_help = true, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..=100_000))]
     repeat: u32,
-    /// Write the time of every stage of every frame.
+    /// Write the time of every stage of every frame to a .jsonl or .csv file.
     ///
-    /// .jsonl has an object per frame, .csv a row per frame and stage. May be given once for each.
+    /// .jsonl has one object per frame, .csv one row per frame and stage. Repeat the flag to write both.
     #[arg(long, help_heading = MEASURE, hide_short_help = true, value_name = "FILE", value_parser = timings_file)]
     timings: Vec<PathBuf>,
-    /// Write a time line of CPU and GPU as a Chrome trace, for ui.perfetto.dev.
+    /// Write a CPU and GPU timeline as a Chrome trace, for ui.perfetto.dev.
     #[arg(long, help_heading = MEASURE, hide_short_help = true, value_name = "FILE.json", value_parser = trace_file)]
     trace: Option<PathBuf>,
-    /// Bake again, even if a kept bake fits.
+    /// Bake again, even if a matching bake is stored.
     #[arg(long, help_heading = MEASURE, hide_short_help = true)]
     bake_again: bool,
-    /// Fail if any layer, virtual light or proxy light holds a NaN, an infinity or a negative value.
+    /// Fail if a layer, virtual light or proxy light contains a NaN, an infinity or a negative value.
     #[arg(long, help_heading = MEASURE, hide_short_help = true)]
     check: bool,
     #[command(flatten)]
@@ -142,7 +149,7 @@ pub(super) struct Render {
 
 fn picture(text: &str) -> std::result::Result<PathBuf, String> {
     if text.contains("{frame") && numbered(text.as_ref(), 0) == Path::new(text) {
-        return Err("the frame's number is {frame}, or {frame:04} with at least four digits".into());
+        return Err("needs {frame} for the frame number, or {frame:04} for at least four digits".into());
     }
     let path = PathBuf::from(text);
     match path.extension().and_then(|e| e.to_str()).map(str::to_lowercase).as_deref() {
@@ -167,18 +174,18 @@ pub(super) fn exposure(text: &str) -> std::result::Result<f32, String> {
 }
 
 impl Render {
-    /// Indirect bounces of what draws the picture: those of the level, where it has more than one.
+    /// Number of indirect bounces: as requested, else that of the quality level, or 1 if the method supports only one.
     fn bounces(&self) -> u32 {
         let has_one = self.gi == GiArg::BruteForce || self.gather.by_draws() || self.gather.by_clusters();
         self.bounces.unwrap_or(if has_one { 1 } else { self.caches.quality().bounces() })
     }
 
-    /// How edges are smoothed.
+    /// Antialiasing: as requested, or that of the quality level.
     fn antialiasing(&self) -> Antialiasing {
         self.aa.map_or(self.caches.quality().antialiasing(), Antialiasing::from)
     }
 
-    /// The level's settings with what the flags put over them.
+    /// The settings of the quality level, overridden by the flags.
     pub(super) fn settings(&self, gpu: &Gpu, caches: usize, reuse: bool) -> Result<Settings> {
         let mut settings = Settings::at(self.caches.quality(), caches);
         settings.reuse = reuse;
@@ -207,7 +214,7 @@ impl Render {
         Ok(settings)
     }
 
-    /// How the picture is shown.
+    /// Tone curve, exposure and background.
     fn look(&self) -> Look {
         Look {
             tonemap: self.tonemap.curve(),
@@ -216,7 +223,7 @@ impl Render {
         }
     }
 
-    /// What is asked for, or what the level has where that goes with the other flags.
+    /// Short rays: as requested, or those of the quality level if the other flags allow them.
     fn near(&self) -> Near {
         let of_level = self.caches.quality().near();
         let near = match self.near {
@@ -233,20 +240,21 @@ impl Render {
         }
     }
 
-    /// The kind that is asked for, or the best that goes with the other flags and so many caches.
+    /// Shadows of indirect light: as requested, or the best kind that the level, the other flags and the number of
+    /// caches allow.
     fn shadows(&self, caches: usize) -> Shadows {
         match self.shadows {
             _ if self.gi != GiArg::Lightskin => Shadows::Off,
             Some(asked) => asked.kind(),
             None if self.gather.by_clusters() => Shadows::Off,
-            // Draws see no depth images.
+            // The gather by draws cannot read depth images.
             None if self.gather.by_draws() => self.caches.quality().shadows(caches, Near::Off).min(Shadows::Proxy),
             None => self.caches.quality().shadows(caches, self.near()),
         }
     }
 
-    /// Where light is interpolated: as asked for, or at vertices if triangles are small enough. Adds the cells by which
-    /// pixels look caches up.
+    /// Place of interpolation: as requested, or at vertices if triangles are small enough. For interpolation at pixels,
+    /// adds the cells with which pixels look up caches.
     fn look_up(&self, scene: &Scene, baked: &mut Baked, at_vertices: bool) -> Result<InterpArg> {
         let with_cells =
             |caches: CacheSet| caches.with_cells(scene).with_context(|| called(scene, self.scene.as_deref()));
@@ -257,14 +265,14 @@ impl Render {
             None => match with_cells(baked.caches.clone()) {
                 Ok(caches) => {
                     log::warn!(
-                        "{}: light at vertices would need very many triangles: --interp texel is used; --interp vertex \
-                         divides as far as some two million triangles",
+                        "{}: interpolation at vertices would need too many triangles; --interp texel is used instead. \
+                         --interp vertex subdivides up to about two million triangles",
                         scene.name
                     );
                     baked.caches = caches;
                 }
                 Err(error) => {
-                    log::warn!("{error:#}: light is interpolated at the vertices of undivided triangles");
+                    log::warn!("{error:#}: light is interpolated at vertices without subdividing triangles");
                     return Ok(InterpArg::Vertex);
                 }
             },
@@ -272,7 +280,7 @@ impl Render {
         Ok(InterpArg::Texel)
     }
 
-    /// The settings that shape cost, in the words of the flags.
+    /// The settings that affect cost, named like the flags.
     fn facts(
         &self,
         settings: &Settings,
@@ -283,7 +291,7 @@ impl Render {
         let (animation, first) = motion.moment(0);
         let (_, last) = motion.moment(motion.frames().len() - 1);
         let animation = animation.and_then(|index| scene.animations().nth(index)).map(|(name, ..)| name.to_owned());
-        // No `..`: a new setting belongs in this list.
+        // No `..`, so that a new setting must be added to this list.
         let Settings { indirect, rsm, light_shadows, antialiasing, layers, reuse } = *settings;
         let caches = if let Indirect::Caches(caches) = indirect { Some(caches) } else { None };
         let gather = caches.map(|caches| caches.gather);
@@ -330,16 +338,16 @@ impl Render {
 pub(super) fn run(args: &Render) -> Result<()> {
     args.gather.check(args.shadows(0));
     match args.gi {
-        GiArg::Lightskin if args.bounces() > 16 => wrong_usage("--bounces: caches take 16 at most"),
+        GiArg::Lightskin if args.bounces() > 16 => wrong_usage("--bounces: caches support 16 at most"),
         GiArg::Lightskin if args.bounces() > 1 => args.gather.check_bounces(),
-        GiArg::BruteForce if args.bounces() > 1 => wrong_usage("--gi brute-force has one bounce: --bounces 0 or 1"),
+        GiArg::BruteForce if args.bounces() > 1 => wrong_usage("--gi brute-force has one bounce: use --bounces 0 or 1"),
         _ => {}
     }
     if args.gi == GiArg::PathTrace && (!args.timings.is_empty() || args.trace.is_some()) {
-        wrong_usage("--timings and --trace show the stages of a frame, and --gi path-trace has none");
+        wrong_usage("--timings and --trace record the stages of a frame; --gi path-trace has no stages");
     }
     let first_picture = args.motion.check(&args.out, args.repeat, args.gi == GiArg::PathTrace);
-    // All outputs are tried before long work is done for them.
+    // Check that all outputs can be written before the long work begins.
     for path in [&first_picture].into_iter().chain(&args.timings).chain(&args.trace) {
         check_writable(path)?;
     }
@@ -349,9 +357,10 @@ pub(super) fn run(args: &Render) -> Result<()> {
     args.sky.put_behind(&mut scene)?;
     args.sky.size_lights(&mut scene);
     let at_vertices = match (args.gi, args.interp) {
-        // Rays need no small triangles.
+        // The path tracer does not interpolate, so it needs no small triangles.
         (GiArg::PathTrace, _) => false,
-        // Nothing is interpolated over triangles; but what caches reflect in further bounces is found by the vertices.
+        // Interpolation at pixels needs no small triangles. But the albedos of caches, which further bounces use, are
+        // averaged from the triangles of the vertices.
         (GiArg::Lightskin, Some(InterpArg::Texel))
             if args.bounces.is_none_or(|n| n <= 1) && args.caches.max_edge.is_none() =>
         {
@@ -379,7 +388,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
         };
         return path_trace::run(&args.path_trace, &scene, &camera, &picture);
     }
-    // What small and curved surfaces that emit give directly comes through caches, too.
+    // Caches also carry the direct light of the sky and of small and curved emissive surfaces.
     let mut baked = (args.gi == GiArg::Lightskin && (args.bounces() > 0 || scene.emits() || scene.sky.is_some()))
         .then(|| bake_scene(&scene, args.scene.as_deref(), &args.caches.settings(), args.bake_again))
         .transpose()?;
@@ -416,7 +425,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let writing = Writing { layer: args.layer, tonemap: args.tonemap, behind: look.behind };
     let view_of = |camera: &Camera, world: &World| View::new(camera, args.size, world.origin, world.radius);
     let mut view = view_of(&seen_from, &world);
-    // The first frame makes what the driver puts off: the times of those after it are those that last.
+    // Drivers defer work to the first frame, such as compiling shaders. It is drawn separately and not counted.
     let mut first_ms = None;
     if !settings.reuse {
         let drawn = gpu.timed_frame(|cmd| {
@@ -438,7 +447,8 @@ pub(super) fn run(args: &Render) -> Result<()> {
             picture.fit(&gpu, &world, &light, args.size)?;
             view = view_of(&seen_from, &world);
         }
-        // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
+        // On software drivers each stage is submitted separately, because they attribute the times of chained passes
+        // wrongly.
         let drawn = gpu.timed_frame(|cmd| {
             record(cmd, &world, &mut light, &mut [(view, &mut picture)], &look);
             Ok(())
@@ -502,7 +512,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
     Ok(())
 }
 
-/// Says how many of the frames have left out which stages.
+/// Prints how many frames have skipped each stage.
 fn say_skipped(skipped: &[&'static str], frames: usize) {
     let mut counts: Vec<(&str, usize)> = Vec::new();
     for name in skipped {
@@ -513,11 +523,11 @@ fn say_skipped(skipped: &[&'static str], frames: usize) {
     }
     if !counts.is_empty() {
         let all: Vec<String> = counts.iter().map(|(name, count)| format!("{name} {count}")).collect();
-        say!("skipped   {} of {frames} frames, since nothing they read had changed", all.join(", "));
+        say!("skipped   {} of {frames} frames, because their inputs had not changed", all.join(", "));
     }
 }
 
-/// Says what `--check` has found in all frames, target by target, and fails if that is anything.
+/// Prints the broken values that `--check` has found in all frames, by target. Fails if there are any.
 fn report_broken(all: &[Broken]) -> Result<()> {
     let mut targets: Vec<Broken> = Vec::new();
     for found in all {

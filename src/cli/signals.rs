@@ -1,16 +1,16 @@
-//! Signals that end the run: half-written files are removed first, and a path trace keeps its samples.
+//! Signals that end the process. Half-written files are removed first, and a path trace stores its samples.
 
 use anyhow::{Context, Result};
 use lightskin::files;
 use std::sync::atomic::{AtomicBool, Ordering};
 
-/// Whether work is running that can stop cleanly when asked to.
+/// Whether work is running that can stop cleanly on request.
 static IN_ORDER: AtomicBool = AtomicBool::new(false);
 
-/// Whether it is asked to.
+/// Whether the running work should stop.
 static STOP: AtomicBool = AtomicBool::new(false);
 
-/// Handles signals from here on. Those that are ignored already, as under `nohup`, stay ignored.
+/// Starts to handle signals. Signals that are already ignored, as under `nohup`, stay ignored.
 #[cfg(unix)]
 pub(super) fn watch() -> Result<()> {
     use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -21,7 +21,7 @@ pub(super) fn watch() -> Result<()> {
     std::thread::Builder::new().name("signals".into()).spawn(move || {
         for signal in signals.forever() {
             asked_to_end(|| {
-                // It ends the process.
+                // This ends the process.
                 let _ = signal_hook::low_level::emulate_default_handler(signal);
             });
         }
@@ -29,16 +29,16 @@ pub(super) fn watch() -> Result<()> {
     Ok(())
 }
 
-/// Handles Ctrl+C and the closing of the console from here on.
+/// Starts to handle Ctrl+C and the closing of the console.
 #[cfg(windows)]
 pub(super) fn watch() -> Result<()> {
-    // What a process ends with that Ctrl+C has ended: STATUS_CONTROL_C_EXIT.
+    // The exit code of a process that Ctrl+C ended is STATUS_CONTROL_C_EXIT.
     ctrlc::set_handler(|| asked_to_end(|| std::process::exit(0xC000_013A_u32 as i32))).context("Ctrl+C")
 }
 
-/// Ends the run by `end`, or asks running work to stop cleanly.
+/// Ends the process with `end`, or requests running work to stop cleanly.
 fn asked_to_end(end: impl FnOnce()) {
-    // A second request does not wait.
+    // A second request ends the process at once.
     if IN_ORDER.load(Ordering::SeqCst) && !STOP.swap(true, Ordering::SeqCst) {
         return;
     }
@@ -46,7 +46,7 @@ fn asked_to_end(end: impl FnOnce()) {
     end();
 }
 
-/// Runs work that stops cleanly, and soon, once the flag is set.
+/// Runs work that stops cleanly and soon after the flag is set.
 pub(super) fn in_order<T>(work: impl FnOnce(&AtomicBool) -> T) -> T {
     IN_ORDER.store(true, Ordering::SeqCst);
     let done = work(&STOP);
@@ -54,7 +54,7 @@ pub(super) fn in_order<T>(work: impl FnOnce(&AtomicBool) -> T) -> T {
     done
 }
 
-/// A bit for each signal that is ignored, the lowest for number 1; none where the system does not say.
+/// A bit for each ignored signal; the lowest bit is signal 1. 0 if the system does not provide the mask.
 #[cfg(unix)]
 fn ignored() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();

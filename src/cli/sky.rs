@@ -1,4 +1,4 @@
-//! The flags of the sky and of what shows behind a scene.
+//! Flags for the sky, the sizes of lights, and the background.
 
 use anyhow::{Result, bail};
 use clap::Args;
@@ -19,45 +19,48 @@ pub(super) const HEADING: &str = "Light and background";
 pub(super) struct SkyArgs {
     /// Environment map: an equirectangular .hdr or .exr picture in cd/m^2.
     ///
-    /// Its middle column shows the direction -Z.
+    /// The middle column of the picture is the direction -Z.
     #[arg(long, value_name = "FILE", conflicts_with = "sky_color")]
     sky: Option<PathBuf>,
-    /// Even sky of this radiance [cd/m^2].
+    /// Uniform sky of this radiance [cd/m^2].
     #[arg(long, value_name = "R,G,B", value_parser = color)]
     sky_color: Option<Vec3>,
-    /// Directional lights that stand for the sky where caches cannot take its light themselves.
+    /// Number of directional lights that approximate the sky for methods that cannot use the sky itself.
+    ///
+    /// These are --gather fragment, clusters and brute force.
     #[arg(long, hide_short_help = true, value_name = "N", default_value_t = 16, value_parser = clap::value_parser!(u32).range(1..=1024))]
     sky_lights: u32,
-    /// Multiply the values of --sky by this.
+    /// Multiply the radiance of the sky by this factor.
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = super::positive)]
     sky_scale: f64,
-    /// Turn the sky about +Y [degrees], counter-clockwise seen from above.
+    /// Rotate the sky about +Y [degrees], counter-clockwise seen from above.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = super::finite)]
     sky_rotate: f64,
-    /// Radius of all lamps [m]: larger lamps cast softer shadows [default: extras.lightskin.radius of each, or 0].
+    /// Radius of all lamps [m]; larger lamps cast softer shadows [default: extras.lightskin.radius of each lamp, or 0].
     #[arg(long, value_name = "M", value_parser = super::at_least_zero)]
     light_radius: Option<f64>,
-    /// Apparent size of all directional lights [degrees]; the sun's is 0.53.
+    /// Apparent diameter of all directional lights [degrees], 0.53 for the sun [default: extras.lightskin.angle of
+    /// each, or 0].
     ///
-    /// The default is extras.lightskin.angle of each light, or 0. A sun that lightskin adds, or finds in --sky, has 0.53.
+    /// Larger lights cast softer shadows. A sun that lightskin adds, or finds in --sky, has 0.53 by default.
     #[arg(long, value_name = "DEG", value_parser = super::at_least_zero)]
     sun_angle: Option<f64>,
-    /// What shows where there is no surface.
+    /// Background where there is no surface.
     ///
-    /// studio is a quiet grey, sky the sky that lights the scene, transparent has alpha 0, R,G,B is an sRGB colour with parts
-    /// from 0 to 1 (.png alone). The default is studio where lightskin added a studio's light, else the sky if there is one,
-    /// else black.
+    /// studio is a neutral grey. sky is the sky that lights the scene. transparent has alpha 0. R,G,B is an sRGB colour
+    /// with components from 0 to 1, for .png only. The default is studio if lightskin added the studio light, else the
+    /// sky if there is one, else black.
     #[arg(long, value_name = "studio|sky|transparent|R,G,B", value_parser = background)]
     background: Option<Background>,
 }
 
-/// What shows where no surface is.
+/// Value of `--background`.
 #[derive(Clone, Copy, PartialEq)]
 enum Background {
     Studio,
     Sky,
     Transparent,
-    /// Of the display, sRGB.
+    /// Display colour, sRGB in [0, 1].
     Color(Vec3),
 }
 
@@ -82,7 +85,7 @@ fn color(text: &str) -> std::result::Result<Vec3, String> {
 }
 
 impl SkyArgs {
-    /// What a picture shows where no surface is.
+    /// The background of the picture.
     pub(super) fn behind(&self) -> Behind {
         match self.background {
             Some(Background::Transparent) => Behind::Transparent,
@@ -91,19 +94,19 @@ impl SkyArgs {
         }
     }
 
-    /// Another picture in place of the sky.
+    /// Replaces the sky by this environment map.
     #[cfg(feature = "app")]
     pub(super) fn replace(&mut self, file: &std::path::Path) {
         (self.sky, self.sky_color) = (Some(file.to_owned()), None);
     }
 
-    /// The sky's file by its whole path.
+    /// Makes the path of the environment map absolute.
     #[cfg(feature = "app")]
     pub(super) fn make_absolute(&mut self) {
         self.sky = self.sky.take().map(|path| std::path::absolute(&path).unwrap_or(path));
     }
 
-    /// What differs from the default, as one types it.
+    /// The flags that differ from their defaults, as command-line words.
     #[cfg(feature = "app")]
     pub(super) fn words(&self) -> Vec<String> {
         let Self { sky, sky_color, sky_lights, sky_scale, sky_rotate, light_radius, sun_angle, background } = self;
@@ -131,7 +134,7 @@ impl SkyArgs {
         words
     }
 
-    /// Gives lights the sizes that are asked for; what stands for the sky has none.
+    /// Gives lights the requested sizes, except the lights that approximate the sky.
     pub(super) fn size_lights(&self, scene: &mut Scene) {
         let of_sky = scene.sky.as_ref().map_or(0..0, |sky| sky.lights.clone());
         for (_, light) in scene.lights.iter_mut().enumerate().filter(|(i, _)| !of_sky.contains(i)) {
@@ -145,12 +148,12 @@ impl SkyArgs {
         }
     }
 
-    /// Gives a scene the backdrop that is asked for.
+    /// Gives a scene the requested backdrop.
     pub(super) fn put_behind(&self, scene: &mut Scene) -> Result<()> {
         scene.backdrop = match self.background {
             None => return Ok(()),
             Some(Background::Sky) if scene.sky.is_none() => {
-                bail!("--background sky: no sky lights this scene; name one by --sky or --sky-color")
+                bail!("--background sky: the scene has no sky; add one with --sky or --sky-color")
             }
             Some(Background::Sky) => Backdrop::Sky,
             Some(Background::Studio) => Backdrop::Studio,
@@ -159,12 +162,12 @@ impl SkyArgs {
         Ok(())
     }
 
-    /// The sky that the flags ask for and how many lights stand for it.
+    /// The requested sky, and the number of directional lights that approximate it.
     pub(super) fn sky(&self) -> Result<Option<(Sky, usize)>> {
         let lights = self.sky_lights as usize;
         if let Some(color) = self.sky_color {
             if color.max_element() <= 0.0 {
-                bail!("--sky-color: a black sky lights nothing; leave the flag out");
+                bail!("--sky-color: a black sky gives no light; remove the flag");
             }
             return Ok(Some((Sky::even(color * self.sky_scale as f32), lights)));
         }
@@ -173,7 +176,7 @@ impl SkyArgs {
         let radiance = picture.rgb.iter().map(|rgb| Vec3::from(*rgb) * self.sky_scale as f32);
         let sky = Sky::new(picture.width, picture.height, radiance, self.sky_rotate.to_radians());
         if sky.illuminance().max_element() <= 0.0 {
-            bail!("{}: the sky is black; name another picture", file.display());
+            bail!("{}: the sky is black; choose another picture", file.display());
         }
         Ok(Some((sky, lights)))
     }

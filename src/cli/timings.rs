@@ -1,4 +1,4 @@
-//! Times of `lightskin render`: the printed table, JSON lines, CSV, and a trace.
+//! Output of times by `lightskin render`: the printed table, JSON lines, CSV, and a trace.
 
 use super::{Baked, thousands};
 use anyhow::Result;
@@ -29,21 +29,21 @@ fn has_extension(path: &Path, extension: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
-/// Everything there is to say about a render.
+/// All data that is reported about a render.
 pub(super) struct Report<'a> {
     pub(super) scene: &'a Scene,
     pub(super) camera: &'a Camera,
     pub(super) baked: Option<&'a Baked>,
     pub(super) gpu: &'a Gpu,
     pub(super) light: &'a Light,
-    /// What the last frame has worked with.
+    /// Counts of the last frame.
     pub(super) counts: Counts,
-    /// How long the frame before the others took [ms], in which the driver compiles its shaders; without one where frames leave
-    /// out what stands still.
+    /// Time of the uncounted first frame, in which the driver compiles its shaders [ms]. `None` if frames skip
+    /// unchanged stages: no extra frame is drawn then.
     pub(super) first_ms: Option<f64>,
-    /// Names and values of the flags that shape cost.
+    /// Names and values of the flags that affect cost.
     pub(super) settings: Vec<(&'static str, Value)>,
-    /// One rendered frame each; at least one.
+    /// Times of the rendered frames, at least one.
     pub(super) runs: &'a [FrameTimes],
 }
 
@@ -56,12 +56,12 @@ impl Report<'_> {
         self.light.vals().map_or(0, |vals| vals.count)
     }
 
-    /// Pairs of a cache that is lit and a VAL that carries light.
+    /// Number of pairs of a lit cache and a VAL that carries light.
     fn pairs(&self) -> f64 {
         f64::from(self.counts.caches) * f64::from(self.counts.vals)
     }
 
-    /// Bytes of what frames write, of the scene's buffers and of its textures.
+    /// Device memory of render targets and other per-frame resources, of scene buffers, and of textures [bytes].
     fn memory(&self) -> [(&'static str, u64); 3] {
         let (mut targets, mut scene, mut textures) = (0, 0, 0);
         for resource in self.gpu.resources() {
@@ -85,7 +85,7 @@ impl Report<'_> {
         );
         say!("device    {} ({}, {})", report.name, report.kind, report.driver);
         if let Some(baked) = self.baked {
-            let how = if baked.kept { "read from the kept bake" } else { "baked" };
+            let how = if baked.kept { "read from the stored bake" } else { "baked" };
             say!(
                 "caches    {} at {:.3} m spacing ({how} in {:.2} s)",
                 thousands(baked.count),
@@ -94,7 +94,7 @@ impl Report<'_> {
             );
         }
         if self.light.plan.cull {
-            say!("          {} of them lit for what the camera sees", thousands(self.counts.caches as usize));
+            say!("          {} of them lit for the surfaces in view", thousands(self.counts.caches as usize));
         }
         say!(
             "VALs      {} of {} texels carry light",
@@ -112,12 +112,12 @@ impl Report<'_> {
         }
         say!("exposure  EV {ev:.2}");
         if let Some(ms) = self.first_ms {
-            say!("first     {ms:.0} ms: the driver compiles its shaders; not counted below");
+            say!("first     {ms:.0} ms, not counted below: the driver compiles its shaders");
         }
         self.print_times();
     }
 
-    /// A line for each stage, the whole frame, and the CPU's part.
+    /// Prints a line for each stage, for the whole frame, and for each part of the CPU's work.
     fn print_times(&self) {
         let repeated = self.runs.len() > 1;
         let way = self.runs[0].way();
@@ -158,7 +158,7 @@ impl Report<'_> {
         say!("  {:<14}{}", "frame", columns(&self.sorted(|run| Some(run.cpu_span_ms()))));
     }
 
-    /// A time of all frames that have it, sorted.
+    /// One kind of time of all frames that have it, sorted.
     fn sorted(&self, ms: impl Fn(&FrameTimes) -> Option<f64>) -> Vec<f64> {
         let mut all: Vec<f64> = self.runs.iter().filter_map(ms).collect();
         all.sort_by(f64::total_cmp);
@@ -168,7 +168,7 @@ impl Report<'_> {
     /// GPU times [ms] of each stage, sorted.
     fn stages(&self) -> Vec<(&'static str, Vec<f64>)> {
         let of = |name| self.sorted(|run| run.stages().iter().find(|s| s.name == name)?.gpu_ms);
-        // A frame may leave stages out: those of all, where they first come.
+        // Frames may skip stages. The list has the stages of all frames, each at the place where it first occurs.
         let mut names: Vec<&'static str> = Vec::new();
         for run in self.runs {
             let mut at = 0;
@@ -185,7 +185,7 @@ impl Report<'_> {
         names.into_iter().map(|name| (name, of(name))).collect()
     }
 
-    /// What is the same for all frames.
+    /// Facts that are the same for all frames.
     fn facts(&self) -> Vec<(&'static str, Value)> {
         let report = self.gpu.report();
         let mut facts = vec![
@@ -214,7 +214,7 @@ impl Report<'_> {
         facts
     }
 
-    /// What differs from frame to frame, besides the stages.
+    /// Facts that differ from frame to frame, without the stages.
     fn of_frame(&self, index: usize) -> Vec<(&'static str, Value)> {
         let run = &self.runs[index];
         let gather = run.stages().iter().find(|s| s.name == "gather").and_then(|s| s.gpu_ms);
@@ -231,7 +231,7 @@ impl Report<'_> {
         ]
     }
 
-    /// One JSON object per frame, or one line of CSV per frame and stage with the same facts.
+    /// Writes one JSON object per frame, or one line of CSV per frame and stage with the same facts.
     pub(super) fn write_timings(&self, path: &Path) -> Result<()> {
         let facts = self.facts();
         let is_csv = has_extension(path, "csv");
@@ -261,7 +261,7 @@ impl Report<'_> {
         Ok(())
     }
 
-    /// The trace, with counters and all facts.
+    /// Writes the trace, with counters and all facts.
     pub(super) fn write_trace(&self, path: &Path, trace: &Trace) -> Result<()> {
         let facts = self.facts().into_iter().map(|(name, value)| (name.to_owned(), value)).collect();
         let counters = [
@@ -273,7 +273,7 @@ impl Report<'_> {
     }
 }
 
-/// Median, 95th and 99th percentile and maximum by nearest rank, or the one time there is.
+/// Median, 95th and 99th percentile and maximum by nearest rank, or the time itself if there is only one.
 fn columns(sorted: &[f64]) -> String {
     match sorted {
         [] => format!("{:>10}", "-"),
@@ -285,7 +285,7 @@ fn columns(sorted: &[f64]) -> String {
     }
 }
 
-/// A cell of CSV: text in quotes where it needs them, a size as WxH, nothing for null.
+/// A cell of CSV: text is quoted if necessary, a size is written as WxH, null is empty.
 fn cell(value: &Value) -> String {
     match value {
         Value::Null => String::new(),

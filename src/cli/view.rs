@@ -1,4 +1,4 @@
-//! `lightskin view`: what the window begins with, and how it loads a scene as `render` does.
+//! `lightskin view`: the initial state of the window, and loading of a scene in the same way as `render`.
 
 use super::camera::camera;
 use super::picture::{Read, TonemapArg, Writing};
@@ -18,37 +18,42 @@ use winit::raw_window_handle::RawDisplayHandle;
 
 #[derive(clap::Args, Clone)]
 pub(crate) struct View {
-    /// glTF or GLB file, or a folder with one, or a session that the window has saved; the built-in showpiece without one. Other
-    /// files can be dropped on the window.
+    /// glTF or GLB file, a folder that contains one, or a saved session [default: the built-in showpiece].
+    ///
+    /// The window saves a session with Ctrl+S. Other files can be dropped on the window.
     pub(crate) scene: Option<PathBuf>,
-    /// Size of the picture without panels [pixels].
+    /// Size of the picture without the panels [pixels].
     #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = super::render::size)]
     pub(crate) size: [u32; 2],
-    /// Camera to begin with, by name or index, or "eye;target;up;fov" with vectors as x,y,z and the vertical field in degrees.
+    /// Initial camera of the scene by name or index, or "eye;target;up;fov" [default: the first camera].
+    ///
+    /// eye, target and up are x,y,z [m]; fov is the vertical field of view [degrees].
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, value_parser = super::camera::readable)]
     pub(crate) camera: Option<String>,
-    /// Exposure value at ISO 100 (1.2 * 2^EV cd/m^2 becomes white); without it that of the surfaces in view.
+    /// Exposure value at ISO 100 [default: metered from the surfaces in view].
+    ///
+    /// A luminance of 1.2 * 2^EV cd/m^2 becomes white.
     #[arg(long, value_name = "EV", allow_hyphen_values = true, value_parser = super::render::exposure)]
     ev: Option<f32>,
-    /// Curve from scene to display.
+    /// Tone curve from radiance to display colours.
     #[arg(long, value_enum, default_value_t)]
     tonemap: TonemapArg,
-    /// Picture to compare with, of the same size: PNG or OpenEXR. Space shows it.
+    /// Picture of the same size to compare with, PNG or OpenEXR. The Space key shows or hides it.
     #[arg(long, value_name = "FILE")]
     pub(crate) against: Option<PathBuf>,
-    /// Samples per pixel at which the reference that Space shows is done.
+    /// Samples per pixel at which the path-traced reference stops. The Space key shows the reference.
     #[arg(long, value_name = "N", default_value_t = 4096, value_parser = clap::value_parser!(u32).range(1..=16_777_216))]
     pub(crate) reference_spp: u32,
-    /// Load the scene again when its files change; the view stays.
+    /// Reload the scene when its files change. The camera stays.
     #[arg(long)]
     pub(crate) watch: bool,
-    /// Frames per second that you aim for: the panel of times draws a line at what a frame may take.
+    /// Target frame rate [frames/s]. The timings panel draws a line at the time that a frame may take.
     #[arg(long, value_name = "HZ", value_parser = super::positive)]
     pub(crate) target_hz: Option<f64>,
-    /// Begin without panels; Tab shows them.
+    /// Start with hidden panels. The Tab key shows them.
     #[arg(long)]
     pub(crate) no_panels: bool,
-    /// When a picture takes the place of the one before. What the window does not know becomes fifo.
+    /// Presentation mode. A mode that the device does not support falls back to fifo.
     #[arg(long, value_enum, default_value_t)]
     present: PresentArg,
     #[command(flatten)]
@@ -61,35 +66,36 @@ pub(crate) struct View {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 enum PresentArg {
-    /// At the display's next refresh, in order: no tearing, and every device has it.
+    /// At the next refresh of the display, in order. No tearing; every device supports it.
     #[default]
     Fifo,
-    /// At the next refresh, the newest of several pictures.
+    /// At the next refresh, the newest finished picture. No tearing.
     Mailbox,
-    /// At once: pictures may tear.
+    /// Immediately. Pictures may tear.
     Immediate,
 }
 
-/// What a window shows, in words of the command line.
+/// The state of the window that its command line describes.
 pub(crate) struct Now<'a> {
     pub(crate) settings: &'a Settings,
     pub(crate) look: &'a Look,
-    /// Caches of the whole scene.
+    /// Number of caches in the whole scene.
     pub(crate) caches: usize,
     pub(crate) size: [u32; 2],
+    /// Value of `--camera`.
     pub(crate) camera: String,
-    /// Animation and time [s].
+    /// Index of the animation and its time [s]. `None` for a scene at rest.
     pub(crate) moment: Option<(usize, f64)>,
 }
 
 impl View {
-    /// Loads the scene and bakes its caches, or reads the kept bake, just as `render` does.
+    /// Loads the scene, and bakes its caches or reads the stored bake, as `render` does.
     pub(crate) fn load(&self, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Loaded> {
         progress(0.0, "load");
         let mut scene = load_under(self.scene.as_deref(), self.sky.sky()?, self.caches.ground)?;
         self.sky.put_behind(&mut scene)?;
         self.sky.size_lights(&mut scene);
-        // A camera that is not there is no reason to look at nothing, but at the start it is a mistake.
+        // Fail if the camera named on the command line is missing from the scene.
         if let Some(wanted) = &self.camera {
             camera(&scene, Some(wanted))?;
         }
@@ -98,7 +104,7 @@ impl View {
         Loaded::with_caches(scene, &self.caches.settings(), at_vertices, progress).context(name)
     }
 
-    /// The same with another scene, or another sky; whether a file is a sky says its name.
+    /// These arguments with another scene or sky. A file named .hdr or .exr is a sky.
     pub(crate) fn with_file(&self, file: &Path) -> Self {
         let mut view = Self { camera: None, ..self.clone() };
         let sky = file.extension().and_then(|e| e.to_str()).map(str::to_lowercase);
@@ -119,17 +125,17 @@ impl View {
         self.set_caches(None);
     }
 
-    /// About how many caches the bake is asked for.
+    /// Requested number of caches. The bake meets it approximately.
     pub(crate) fn cache_count(&self) -> usize {
         self.caches.count()
     }
 
-    /// About so many caches, or those of the level.
+    /// Requests this number of caches, or that of the quality level for `None`.
     pub(crate) fn set_caches(&mut self, count: Option<u32>) {
         (self.caches.caches, self.caches.spacing) = (count, None);
     }
 
-    /// How the picture is shown at first.
+    /// Initial tone curve, exposure and background.
     pub(crate) fn look(&self) -> Look {
         Look {
             tonemap: self.tonemap.curve(),
@@ -138,7 +144,7 @@ impl View {
         }
     }
 
-    /// Opens a device that shows pictures on a display.
+    /// Opens a device that can present to this display.
     pub(crate) fn open_device(&self, display: RawDisplayHandle) -> Result<Gpu> {
         Ok(Gpu::for_display(&self.device.options(), display)?)
     }
@@ -151,7 +157,7 @@ impl View {
         }
     }
 
-    /// The command that writes the same picture.
+    /// The `lightskin render` command that writes the same picture.
     pub(crate) fn command(&self, now: &Now<'_>) -> String {
         let Now { settings, look, caches, size, camera, moment } = now;
         let mut words: Vec<String> = vec!["lightskin".into(), "render".into()];
@@ -176,7 +182,7 @@ impl View {
         words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")
     }
 
-    /// Settings as flags of `render`, where they are not those of the level with so many caches.
+    /// Settings as flags of `render`, where they differ from those of the quality level with `caches` caches.
     fn settings_words(&self, settings: &Settings, caches: usize) -> Vec<String> {
         use lightskin::frame::Indirect;
         use lightskin::frame::settings::{Caches, Gather};
@@ -221,7 +227,7 @@ impl View {
         words
     }
 
-    /// What `of_session` makes the same of: flags of `view`. `render` takes those of caches and settings, `drawing` reads them.
+    /// The arguments to store in a session: words for `View::of_session`, then words for `Drawing::new`.
     pub(crate) fn session_words(&self, look: &Look, settings: &Settings, caches: usize) -> [Vec<String>; 2] {
         let mut view = self.clone();
         view.sky.make_absolute();
@@ -237,7 +243,7 @@ impl View {
         [words, drawn]
     }
 
-    /// What a session says to open, in a window like this one.
+    /// Reads the words of a session. Size, panels, device and other properties of the window stay those of `self`.
     pub(crate) fn of_session(&self, words: &[String]) -> Result<Self> {
         match parsed("view", words)? {
             Command::View(view) => Ok(Self {
@@ -256,11 +262,11 @@ impl View {
     }
 }
 
-/// Flags of `render` that a session has read.
+/// Flags of `render` that were read from a session.
 pub(crate) struct Drawing(Box<Render>);
 
 impl Drawing {
-    /// From the words of `View::session_words`.
+    /// Reads the second list of words of `View::session_words`.
     pub(crate) fn new(words: &[String]) -> Result<Self> {
         let out = ["-o".to_owned(), "picture.png".to_owned()];
         match parsed("render", &[&out, words].concat())? {
@@ -269,13 +275,13 @@ impl Drawing {
         }
     }
 
-    /// The settings, with so many caches.
+    /// The settings for this number of caches.
     pub(crate) fn settings(&self, gpu: &Gpu, caches: usize) -> Result<Settings> {
         self.0.settings(gpu, caches, true)
     }
 }
 
-/// What a subcommand makes of these words.
+/// Parses words as arguments of a subcommand.
 fn parsed(command: &str, words: &[String]) -> Result<Command> {
     let all = ["lightskin", command].into_iter().chain(words.iter().map(String::as_str)).map(OsString::from);
     let cli = super::parse(super::grammar(), all.collect()).map_err(|error| {
@@ -289,20 +295,20 @@ fn shadow_word(shadows: Shadows) -> String {
     ShadowsArg::of(shadows)
 }
 
-/// A picture that was read back, and how it is written: OpenEXR with all layers or PNG, by the name.
+/// A picture that was read back from the device, ready to be written as OpenEXR with all layers or as PNG.
 pub(crate) struct Taken {
     writing: Writing,
     read: Read,
 }
 
 impl Taken {
-    /// Reads the picture of the last frame back, for such a file.
+    /// Reads back the picture of the last frame. The ending of `path` decides which layers are read.
     pub(crate) fn of(gpu: &Gpu, picture: &Picture, view: &FrameView, look: &Look, path: &Path) -> Result<Self> {
         let writing = Writing { layer: None, tonemap: TonemapArg::of(look.tonemap), behind: look.behind };
         Ok(Self { writing, read: Read::of(gpu, picture, view, writing.needs_all(path))? })
     }
 
-    /// Writes it; `about` is what an EXR says of itself.
+    /// Writes the picture. `about` is the description stored in an EXR file.
     pub(crate) fn write(self, about: &str, path: &Path) -> Result<()> {
         match self.writing.write_read(self.read, about, path)? {
             0 => Ok(()),
@@ -311,12 +317,12 @@ impl Taken {
     }
 }
 
-/// Prints a line of the result on standard output.
+/// Prints a result line on standard output.
 pub(crate) fn print(line: &str) {
     say!("{line}");
 }
 
-/// A word as a shell takes it.
+/// Quotes a word for a shell, if necessary.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./,:=+@%".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

@@ -1,16 +1,16 @@
-//! Words that flags of `render` take, and what they mean.
+//! Values of the flags of `render`.
 
 use clap::ValueEnum;
 use lightskin::frame::{Antialiasing, LightShadows, Shadows};
 
 #[derive(Clone, Copy, Default, PartialEq, ValueEnum)]
 pub(super) enum GiArg {
-    /// Light caches.
+    /// Light caches, in real time.
     #[default]
     Lightskin,
-    /// Every virtual light at every pixel, without shadows: slow, measures interpolation.
+    /// Every virtual light at every pixel, without shadows. Slow; shows the error of interpolation.
     BruteForce,
-    /// A path tracer on the CPU: the reference.
+    /// Path tracer on the CPU, as a reference.
     PathTrace,
     /// No indirect light.
     Off,
@@ -18,32 +18,32 @@ pub(super) enum GiArg {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub(super) enum InterpolationArg {
-    /// The light that a surface facing the proxy light would receive, and the proxy's position.
+    /// Position of the proxy light, and the irradiance on a surface that faces it.
     #[default]
     Facing,
-    /// Flux and position, with the thesis's weights.
+    /// Position and flux of the proxy light, with the weights of the thesis.
     Printed,
 }
 
 #[derive(Clone, Copy, Default, PartialEq, Eq, ValueEnum)]
 pub(super) enum InterpArg {
-    /// At vertices: fast; triangles must be small against the spacing of the caches.
+    /// At vertices. Fast; triangles must be small compared to the cache spacing.
     #[default]
     Vertex,
-    /// At every pixel: slower; triangles may be of any size.
+    /// At every pixel. Slower; triangles may have any size.
     Texel,
 }
 
-/// Reads what tells where lamps and the sun shine.
+/// Parses the value of `--shadow-map`.
 pub(super) fn light_shadows(text: &str) -> Result<LightShadows, String> {
     match text.parse() {
         _ if text == "rays" => Ok(LightShadows::Rays),
         Ok(side @ 16..=16384) => Ok(LightShadows::Maps(side)),
-        _ => Err("rays, or texels of a shadow map's side from 16 to 16384".into()),
+        _ => Err("needs rays, or the side of a shadow map from 16 to 16384 texels".into()),
     }
 }
 
-/// The same as one types it.
+/// The value of `--shadow-map` for these shadows.
 pub(super) fn light_shadows_word(light_shadows: LightShadows) -> String {
     match light_shadows {
         LightShadows::Rays => "rays".into(),
@@ -53,18 +53,18 @@ pub(super) fn light_shadows_word(light_shadows: LightShadows) -> String {
 
 #[derive(Clone, Copy, ValueEnum)]
 pub(super) enum AntialiasingArg {
-    /// None: a pixel shows what is in its middle.
+    /// No antialiasing: a pixel shows the surface at its centre.
     Off,
-    /// Four extra points.
+    /// Four extra sample points.
     #[value(name = "4")]
     Four,
-    /// Eight extra points.
+    /// Eight extra sample points.
     #[value(name = "8")]
     Eight,
 }
 
 impl AntialiasingArg {
-    /// What one types for a kind.
+    /// The value of `--aa` for this setting.
     #[cfg(feature = "app")]
     pub(super) fn of(antialiasing: Antialiasing) -> Self {
         match antialiasing {
@@ -87,28 +87,28 @@ impl From<AntialiasingArg> for Antialiasing {
 
 #[derive(Clone, Copy, Default, ValueEnum)]
 pub(super) enum ProxyWeightArg {
-    /// Their irradiance on the cache.
+    /// Irradiance on the cache.
     #[default]
     Irradiance,
-    /// Their form factor, as in the thesis.
+    /// Form factor, as in the thesis.
     FormFactor,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 pub(super) enum NearArg {
-    /// From caches, like all other indirect light.
+    /// No rays: nearby light comes from the caches, like all other indirect light.
     Off,
-    /// From short rays at pixels.
+    /// Short rays traced at pixels.
     Rays,
 }
 
 #[derive(Clone, Copy, ValueEnum)]
 pub(super) enum ShadowsArg {
-    /// Not at all.
+    /// No shadows of indirect light.
     Off,
-    /// Each cache's light is dimmed as a whole: cheaper, the thesis's method.
+    /// Dims the light of each cache as a whole. Cheaper; the method of the thesis.
     Proxy,
-    /// Each virtual light is shadowed at each cache.
+    /// Shadows each virtual light at each cache.
     PerLight,
 }
 
@@ -121,7 +121,7 @@ impl ShadowsArg {
         }
     }
 
-    /// What one types for a kind.
+    /// The value of `--shadows` for this setting.
     pub(super) fn of(shadows: Shadows) -> String {
         super::word(match shadows {
             Shadows::Off => Self::Off,

@@ -1,4 +1,4 @@
-//! The animation: which clip plays, and its video.
+//! The animation panel: the clip that plays, and its video.
 
 use super::{choose, progress, row, rows};
 use crate::app::document::Document;
@@ -6,12 +6,12 @@ use crate::app::input::Wish;
 use egui::{DragValue, RichText, Slider, Ui};
 use lightskin::gpu::Gpu;
 
-/// The clip and its moment; a video of it at so many frames a second.
+/// Shows the controls of the clip and of its video. `fps` is the frame rate of the video [frames/s].
 pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu, fps: &mut f64, wishes: &mut Vec<Wish>) {
     if let Some(video) = &document.video {
         let (done, what) = video.progress();
         progress(ui, done, &what);
-        if ui.button("Stop").on_hover_text("Keeps the pictures that are written.").clicked() {
+        if ui.button("Stop").on_hover_text("Stops the video. Pictures that are already written stay.").clicked() {
             wishes.push(Wish::Video(*fps));
         }
         return;
@@ -21,13 +21,13 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu, fps: &mut f6
         return;
     }
     ui.horizontal(|ui| {
-        let help = "Writes the whole clip, frame by frame, as numbered PNG files to a folder of its own in the current one. \
-                    They are those of `lightskin render --frames`.";
+        let help = "Saves the whole clip, frame by frame, as numbered PNG files in a new folder within the current folder. \
+                    `lightskin render --frames` writes the same pictures.";
         if ui.button("Save video").on_hover_text(help).clicked() {
             wishes.push(Wish::Video(*fps));
         }
         let fps = DragValue::new(fps).speed(0.1).range(1.0..=240.0).suffix(" frames/s");
-        ui.add(fps).on_hover_text("Frames of the video in a second.");
+        ui.add(fps).on_hover_text("Frame rate of the video.");
     });
 }
 
@@ -44,17 +44,17 @@ fn clip(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         let names: Vec<String> = clips.iter().enumerate().map(|(i, (name, _))| format!("{} {name}", i + 1)).collect();
         let mut all: Vec<(Option<usize>, &str)> = vec![(None, "at rest")];
         all.extend(names.iter().enumerate().map(|(i, name)| (Some(i), name.as_str())));
-        row(ui, "Clip", "Which animation plays.", |ui| choose(ui, "clip", &mut clip.animation, &all));
+        row(ui, "Clip", "Animation to play.", |ui| choose(ui, "clip", &mut clip.animation, &all));
         let end = clip.animation.map_or(0.0, |animation| clips[animation].1);
         if clip.animation.is_some() {
             clip.time = if end > 0.0 { clip.time.rem_euclid(end) } else { 0.0 };
-            let help = "Moment of the animation. Nothing is baked again, and no picture knows of the one before.";
+            let help = "Time within the animation. Nothing is rebaked, and no frame depends on the one before.";
             row(ui, "Time", help, |ui| ui.add(Slider::new(&mut clip.time, 0.0..=end).suffix(" s").max_decimals(2)));
         }
-        let help = "Seconds of the animation in a second.";
+        let help = "Playback speed. 1 x is real time.";
         row(ui, "Speed", help, |ui| ui.add(Slider::new(&mut clip.speed, 0.1..=4.0).suffix(" x").max_decimals(1)));
     });
-    if ui.button(if clip.playing { "Stop" } else { "Play" }).on_hover_text("P does the same.").clicked() {
+    if ui.button(if clip.playing { "Stop" } else { "Play" }).on_hover_text("The key P does the same.").clicked() {
         clip.playing = !clip.playing;
         clip.animation.get_or_insert(0);
     }

@@ -1,4 +1,4 @@
-//! What the picture is held against: controls, and what stands over the picture.
+//! The comparison panel: its controls, and the overlay on the picture.
 
 use super::{choose, row, rows};
 use crate::app::compare::{Compare, Map};
@@ -6,13 +6,13 @@ use crate::app::input::Wish;
 use crate::app::side::Source;
 use egui::{Color32, CursorIcon, Id, Rect, RichText, Sense, Slider, Stroke, Ui};
 
-/// Width of what drags the wipe [points].
+/// Width of the draggable area of the wipe [points].
 const HANDLE: f32 = 12.0;
 
 pub(super) fn section(ui: &mut Ui, compare: &mut Compare, wishes: &mut Vec<Wish>) {
     let was_shown =
         ui.ctx().data_mut(|data| std::mem::replace(data.get_temp_mut_or(Id::unique("shown"), false), compare.shown));
-    // What has just been switched on shows its controls.
+    // Open the section when the comparison is switched on.
     let open = (compare.shown && !was_shown).then_some(true);
     egui::CollapsingHeader::new(RichText::new("Compare").strong()).open(open).show_unindented(ui, |ui| {
         ui.add_space(2.0);
@@ -23,46 +23,43 @@ pub(super) fn section(ui: &mut Ui, compare: &mut Compare, wishes: &mut Vec<Wish>
 
 fn controls(ui: &mut Ui, compare: &mut Compare, wishes: &mut Vec<Wish>) {
     rows(ui, "compare", |ui| {
-        let help = "Shows two pictures of this view side by side. Space does the same.";
+        let help = "Shows two pictures of this view side by side. The Space key does the same.";
         row(ui, "Reference", help, |ui| ui.checkbox(&mut compare.shown, "shown (Space)"));
         let sources = [
             (Source::Lightskin, "lightskin"),
             (Source::PathTrace, "path tracer"),
-            (Source::SameBounces, "same bounces, traced"),
+            (Source::SameBounces, "traced, same bounces"),
             (Source::BruteForce, "brute force"),
             (Source::File, "a file"),
         ];
         let [left, right] = &mut compare.sides;
-        let help = "What is on the left of the wipe and is measured. The path tracer follows all light there is; with the same \
-                    bounces it follows what the caches do. It works on one thread and rests while you move something. Brute \
-                    force lights every pixel by every virtual light, without shadows, some rows with each frame. A file is a \
-                    PNG dropped here, or an EXR dropped while the reference shows.";
+        let help = "Picture on the left of the wipe. Its error is measured. The path tracer follows all light paths, or only \
+                    those of the caches with the same bounces. It uses one thread and pauses while you move something. Brute \
+                    force lights every pixel by every virtual light, without shadows, a few rows per frame. A file is a PNG \
+                    dropped on the window, or an EXR dropped while the reference is shown.";
         row(ui, "Left", help, |ui| choose(ui, "left", &mut left.source, &sources));
-        let help = "What is on the right of the wipe: the reference. The left picture is measured against it. A file that is \
-                    dropped comes here, unless the left side waits for one.";
+        let help = "Picture on the right of the wipe: the reference for the left picture. A dropped file is shown here, unless \
+                    the left side waits for a file.";
         row(ui, "Right", help, |ui| choose(ui, "right", &mut right.source, &sources));
-        let help = "How much of the width the left picture has. The line over the picture can be dragged, too.";
+        let help = "Share of the width for the left picture. You can also drag the line over the picture.";
         row(ui, "Wipe", help, |ui| {
             let mut percent = 100.0 * compare.wipe;
             let response = ui.add(Slider::new(&mut percent, 0.0..=100.0).suffix(" %").max_decimals(0));
             compare.wipe = percent / 100.0;
             response
         });
-        let maps = [
-            (Map::Reference, "the right picture"),
-            (Map::Flip, "map of FLIP"),
-            (Map::Relmse, "map of relative squares"),
-        ];
-        let help = "What stands on the right of the wipe: the right picture, or a map of how far the left one is from it. FLIP is what an \
-                    eye sees when flipping between both. Black is no error.";
+        let maps = [(Map::Reference, "the right picture"), (Map::Flip, "FLIP map"), (Map::Relmse, "relMSE map")];
+        let help = "Shows the right picture, or a map of the error of the left picture, on the right of the wipe. FLIP is the \
+                    difference that an eye sees when flipping between both. relMSE is the relative squared error. Black means \
+                    no error.";
         row(ui, "Show", help, |ui| choose(ui, "map", &mut compare.map, &maps));
     });
-    let help = "FLIP is the mean of what an eye sees, from 0 to 1. relMSE is the mean relative squared error. Bias is how \
-                much brighter the left picture is than the right one. `lightskin compare` says the same of two files.";
+    let help = "FLIP is the mean visible difference, from 0 to 1. relMSE is the mean relative squared error. Bias is how much \
+                brighter the left picture is than the right one. `lightskin compare` measures two files in the same way.";
     ui.label(numbers(compare)).on_hover_text(help);
     if let Some(size) = compare.file_size() {
-        let text = format!("Size of the file, {} x {}", size[0], size[1]);
-        let help = "Makes the window so large that the picture has the file's size. Only then can they be compared.";
+        let text = format!("Match the file's size, {} x {}", size[0], size[1]);
+        let help = "Resizes the window so that the picture has the size of the file. Only pictures of equal size can be compared.";
         if ui.button(text).on_hover_text(help).clicked() {
             wishes.push(Wish::Size(size));
         }
@@ -76,7 +73,7 @@ fn numbers(compare: &Compare) -> String {
     format!("FLIP {:.4}   relMSE {:.5}   bias {bias:+.2} %", errors.flip, errors.relmse)
 }
 
-/// The wipe's line, which can be dragged, and what is seen beside it.
+/// Draws the draggable line of the wipe, and a description of the two pictures with their errors.
 pub(in crate::app) fn overlay(ui: &Ui, compare: &mut Compare, picture: Rect) {
     if !compare.shown || picture.width() < 2.0 * HANDLE {
         return;

@@ -1,4 +1,4 @@
-//! What is behind the picture: scales of false colours, caches as discs, all of one pixel.
+//! Debug views: scales of false colours, caches as discs, and the values of one pixel.
 
 use super::{row, rows};
 use crate::app::document::Document;
@@ -6,10 +6,10 @@ use egui::{Align2, Color32, DragValue, FontId, Rect, RichText, Ui};
 use lightskin::gpu::Gpu;
 use lightskin::reference::false_color::false_color;
 
-/// Rows below the choice of what is shown.
+/// Adds the rows below the choice of the shown layer.
 pub(super) fn controls(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
     if let Some(unit) = document.shown.unit() {
-        let help = "What is dark blue, and what is dark red. Between them colours go by the logarithm.";
+        let help = "Values shown in dark blue and in dark red. The colours between them follow a logarithmic scale.";
         let mut fit = false;
         row(ui, "Scale", help, |ui| {
             ui.horizontal(|ui| {
@@ -19,7 +19,7 @@ pub(super) fn controls(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
                 ui.add(drag(low, 0.02 * least).range(1e-6..=0.99 * most));
                 ui.add(drag(high, 0.02 * most).range(1.01 * least..=1e9));
                 ui.label(unit);
-                fit = ui.button("fit").on_hover_text("Suits it to the scene and its exposure.").clicked();
+                fit = ui.button("fit").on_hover_text("Fits the scale to the scene and its exposure.").clicked();
             })
             .response
         });
@@ -27,17 +27,17 @@ pub(super) fn controls(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
             document.fit_scale(gpu);
         }
     }
-    let help = "Draws a disc where each cache stands, on its surface. Their colours only tell them apart.";
+    let help = "Draws a disc on the surface at each cache. The colours only serve to distinguish the caches.";
     row(ui, "Caches", help, |ui| ui.checkbox(&mut document.discs, "as discs"));
 }
 
-/// A number in three digits.
+/// Formats a number with three significant digits.
 fn short(value: f64) -> String {
     let digits = (2.0 - value.log10().floor()).clamp(0.0, 6.0) as usize;
     format!("{value:.digits$}")
 }
 
-/// The colours of a scale, over the picture.
+/// Draws the colours of the scale over the picture.
 pub(in crate::app) fn legend(ui: &Ui, document: &mut Document, picture: Rect) {
     let Some(unit) = document.shown.unit().filter(|_| picture.width() > 260.0 && picture.height() > 80.0) else {
         return;
@@ -73,7 +73,7 @@ pub(in crate::app) fn legend(ui: &Ui, document: &mut Document, picture: Rect) {
     }
 }
 
-/// All of the pixel that was picked.
+/// Shows all values of the picked pixel.
 pub(super) fn pixel(ui: &mut Ui, document: &mut Document) {
     let Some(pixel) = &document.pixel else { return };
     let mut close = false;
@@ -85,7 +85,7 @@ pub(super) fn pixel(ui: &mut Ui, document: &mut Document) {
                 ui.end_row();
             }
         });
-        close = ui.button("Close").on_hover_text("Ctrl+click on the picture tells of another pixel.").clicked();
+        close = ui.button("Close").on_hover_text("Ctrl+click on the picture shows another pixel.").clicked();
     });
     if close {
         document.pixel = None;

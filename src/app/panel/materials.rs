@@ -1,4 +1,4 @@
-//! Materials: what of them changes live.
+//! The materials panel: properties that can be edited live.
 
 use super::{choose, row, rows};
 use crate::app::document::Document;
@@ -16,27 +16,28 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
     let all: Vec<(usize, &str)> = names.iter().enumerate().map(|(i, name)| (i, name.as_str())).collect();
     let (mut material, mut changed) = (scene.materials[chosen].clone(), false);
     rows(ui, "material", |ui| {
-        let help = "Which material. Ctrl+click on the picture picks that of the surface there.";
+        let help = "Material to edit. Ctrl+click on the picture picks the material of a surface.";
         row(ui, "Material", help, |ui| choose(ui, "material", &mut chosen, &all));
-        let textured = |texture: bool| if texture { " A texture goes over it." } else { "" };
+        let textured = |texture: bool| if texture { " A texture is multiplied with it." } else { "" };
         let help = format!(
-            "Colour of the surface, linear; of metals that of what they mirror.{} Light is made anew in one frame.",
+            "Colour of the surface, linear. For metals it is the colour of reflections.{} After a change, one frame \
+             recomputes the light.",
             textured(material.base_color_texture.is_some())
         );
         let mut color = material.base_color.truncate().to_array();
         changed |= row(ui, "Base colour", &help, |ui| ui.color_edit_button_rgb(&mut color)).changed();
         material.base_color = Vec3::from(color).extend(material.base_color.w);
         let own = material.phong.is_some();
-        let of_lobe = if own { " This material has a lobe of its own instead." } else { "" };
+        let of_lobe = if own { " It has no effect: this material has its own Phong lobe." } else { "" };
         let map = textured(material.metallic_roughness_texture.is_some());
-        let help = format!("From a mirror, 0, to dull, 1.{map}{of_lobe}");
+        let help = format!("Roughness from 0, a mirror, to 1, matt.{map}{of_lobe}");
         let slider = |ui: &mut Ui, value: &mut f32| ui.add_enabled(!own, Slider::new(value, 0.0..=1.0).max_decimals(2));
         changed |= row(ui, "Roughness", &help, |ui| slider(ui, &mut material.roughness)).changed();
-        let help = format!("0 is a dielectric, 1 a metal.{map}{of_lobe}");
+        let help = format!("From 0, a dielectric, to 1, a metal.{map}{of_lobe}");
         changed |= row(ui, "Metallic", &help, |ui| slider(ui, &mut material.metallic)).changed();
         let help = format!(
-            "Light that the surface sends by itself: colour and radiance in cd/m\u{b2}.{} What begins to shine, or ceases to, is \
-             uploaded anew with the whole scene.",
+            "Light that the surface emits: colour and radiance in cd/m\u{b2}.{} When a surface starts or stops emitting, the whole \
+             scene is uploaded again.",
             textured(material.emissive_texture.is_some())
         );
         let mut strength = material.emissive.max_element();

@@ -1,12 +1,12 @@
-//! How long frames and their stages took.
+//! The timings panel: times of frames and their stages.
 
 use crate::app::document::Document;
 use egui::{Color32, RichText, Ui};
 
-/// Median, and what 95 and 99 of 100 values do not exceed.
+/// Median, 95th percentile and 99th percentile.
 fn quantiles(mut values: Vec<f64>) -> [f64; 3] {
     values.sort_by(f64::total_cmp);
-    // The smallest that so large a share is no larger than.
+    // Nearest rank: the smallest value that at least this share of the values does not exceed.
     let at = |share: f64| values[((share * values.len() as f64).ceil() as usize).clamp(1, values.len()) - 1];
     [0.5, 0.95, 0.99].map(at)
 }
@@ -37,20 +37,20 @@ pub(super) fn show(ui: &mut Ui, document: &Document) {
         ui.painter().hline(area.x_range(), y, egui::Stroke::new(1.0, Color32::from_rgb(230, 180, 60)));
     }
     response.on_hover_text(format!(
-        "The last {} frames that drew something; the slowest took {slowest:.1} ms. --target-hz draws a line at what one may take.",
+        "The last {} drawn frames. The slowest took {slowest:.1} ms. --target-hz adds a line at the time that a frame may take.",
         document.history.len()
     ));
     let [median, p95, p99] = quantiles(document.history.iter().map(|frame| frame.ms).collect());
-    let help = "Of the frames above: half of them took no longer than the first, 95 of 100 no longer than the second, 99 of 100 no \
-                longer than the third.";
+    let help = "Median, 95th and 99th percentile of the frames above: 50, 95 and 99 % of the frames took no longer than these \
+                times.";
     ui.label(format!("median {median:.1}, p95 {p95:.1}, p99 {p99:.1} ms")).on_hover_text(help);
     if let Some(budget) = budget {
         let over = document.history.iter().filter(|frame| frame.ms > budget).count();
         let text = format!("{over} of {} over {budget:.1} ms", document.history.len());
-        ui.label(text).on_hover_text("Frames that took longer than --target-hz leaves them.");
+        ui.label(text).on_hover_text("Frames that took longer than --target-hz allows.");
     }
     ui.label(format!("last frame {:.1} ms", last.ms))
-        .on_hover_text("The last one that drew something. What has not changed is left out.");
+        .on_hover_text("The last drawn frame. Stages whose inputs have not changed are skipped.");
     let longest = last.stages.iter().map(|(_, ms)| *ms).fold(1e-6, f64::max);
     for (name, ms) in &last.stages {
         let (area, response) = ui.allocate_exact_size(egui::vec2(width, 16.0), egui::Sense::hover());
@@ -61,7 +61,7 @@ pub(super) fn show(ui: &mut Ui, document: &Document) {
         let at = |x: f32| egui::pos2(x, area.center().y);
         ui.painter().text(at(area.left() + 4.0), egui::Align2::LEFT_CENTER, name, font.clone(), text);
         ui.painter().text(at(area.right() - 4.0), egui::Align2::RIGHT_CENTER, format!("{ms:.2} ms"), font, text);
-        response.on_hover_text("A stage of the frame; ARCHITECTURE.md says what each does.");
+        response.on_hover_text("A stage of the frame. ARCHITECTURE.md describes all stages.");
     }
 }
 

@@ -1,4 +1,4 @@
-//! `lightskin lab choices`: what the defaults are chosen by, as tables.
+//! `lightskin lab choices`: the tables by which the defaults were chosen.
 
 use anyhow::{Context, Result};
 use lightskin::lab::choices::{Row, Study, StudySettings, Worst};
@@ -8,37 +8,37 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(super) struct Choices {
-    /// glTF or GLB file; without one, the built-in body between two walls.
+    /// glTF or GLB file, or a folder that contains one [default: a built-in body between two walls].
     scene: Option<PathBuf>,
     #[command(flatten)]
     caches: crate::cli::CacheArgs,
-    /// Virtual lights: N x N for each light.
+    /// Virtual lights per light source: N x N.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=512))]
     rsm: u32,
     /// Picture size [pixels].
     #[arg(long, value_name = "WxH", default_value = "256x144", value_parser = crate::cli::render::size)]
     size: [u32; 2],
-    /// Give every exact Phong lobe this exponent.
+    /// Replace the exponent of every exact Phong lobe [default: unchanged].
     #[arg(long, value_name = "K", value_parser = crate::cli::positive)]
     exponent: Option<f64>,
-    /// Compare clusters of virtual lights with single ones.
+    /// Compare clusters of virtual lights with single virtual lights.
     #[arg(long)]
     clusters: bool,
-    /// Compare interpolation at vertices, by textures and by cells.
+    /// Compare interpolation at vertices, with textures and with cells.
     #[arg(long, conflicts_with = "clusters")]
     levels: bool,
-    /// Compare the ways of shadowing proxy lights with rays, on the five built-in scenes of --shadows or on SCENE.
+    /// Compare methods of shadowing proxy lights with rays, on the five built-in scenes of --shadows or on SCENE.
     #[arg(long, conflicts_with_all = ["clusters", "levels", "shadows"])]
     occlusion: bool,
-    /// Compare the ways of drawing depth images with rays, on the same scenes.
+    /// Compare methods of drawing depth images with rays, on the five built-in scenes of --shadows or on SCENE.
     #[arg(long, conflicts_with_all = ["clusters", "levels", "occlusion", "shadows"])]
     depth_images: bool,
     /// Compare the shadows of indirect light with one bounce of the path tracer.
     ///
-    /// On five built-in scenes whose indirect light is mostly in shadow and on the atrium, or on SCENE.
+    /// Uses SCENE, or the atrium and five built-in scenes whose indirect light is mostly shadowed.
     #[arg(long, conflicts_with_all = ["clusters", "levels"])]
     shadows: bool,
-    /// Samples per pixel of the path tracer with --shadows. They are kept: a larger N refines.
+    /// Samples per pixel of the path tracer with --shadows. They are stored: a larger N refines.
     #[arg(long, value_name = "N", default_value_t = 512, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
     spp: u32,
     #[command(flatten)]
@@ -69,7 +69,7 @@ pub(super) fn run(args: &Choices) -> Result<()> {
     if args.clusters { clusters(&scene, &settings) } else { tables(&scene, &settings) }
 }
 
-/// Prints how far each kind of soft shadows is from the truth.
+/// Prints the error of each kind of indirect shadows against the path tracer.
 fn shadows(args: &Choices) -> Result<()> {
     let mut scenes = shadowed_scenes(args)?;
     if args.scene.is_none() {
@@ -94,7 +94,7 @@ fn shadows(args: &Choices) -> Result<()> {
         bar.finish_and_clear();
         let noise = 100.0 * compared.noise;
         say!(
-            "{}: {} caches, {w} x {h} pixels without {} on edges; the truth has a noise of {noise:.1} %",
+            "{}: {} caches, {w} x {h} pixels without {} on edges; the noise of the path tracer is {noise:.1} %",
             scene.name,
             compared.caches,
             compared.on_edges
@@ -132,7 +132,7 @@ fn shadows(args: &Choices) -> Result<()> {
     Ok(())
 }
 
-/// The given scene, or those whose indirect light is mostly shadowed.
+/// The given scene, or the five built-in scenes whose indirect light is mostly shadowed.
 fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
     Ok(match &args.scene {
         Some(path) => vec![crate::cli::load_punctual(Some(path))?],
@@ -140,7 +140,7 @@ fn shadowed_scenes(args: &Choices) -> Result<Vec<Scene>> {
     })
 }
 
-/// Prints how depth images are drawn best: a column a scene.
+/// Prints the errors of the methods of drawing depth images, one column per scene.
 fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
     let mut columns = Vec::new();
     for scene in scenes {
@@ -148,7 +148,7 @@ fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
         let spacing = tessellate::expected_spacing(&scene, args.caches.count());
         tessellate::divide(&mut scene, spacing, args.caches.max_edge);
         let camera = crate::cli::camera::camera(&scene, None)?;
-        // The picture takes no part.
+        // This study draws no picture.
         let settings = StudySettings { size: [2, 2], caches: args.caches.count(), rsm: DEPTH_IMAGES_RSM };
         columns.push(Study::new(&scene, &camera, settings)?.depth_images());
     }
@@ -162,10 +162,10 @@ fn depth_images(args: &Choices, scenes: &[Scene]) -> Result<()> {
     Ok(())
 }
 
-/// Texels of an RSM's side where every cache sends a ray to every VAL.
+/// Side of an RSM for the study of depth images, in which every cache sends a ray to every VAL [texels].
 const DEPTH_IMAGES_RSM: usize = 48;
 
-/// Prints what clustering saves and costs.
+/// Prints the savings and errors of clustering.
 fn clusters(scene: &Scene, settings: &StudySettings) -> Result<()> {
     let camera = crate::cli::camera::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
@@ -194,7 +194,7 @@ fn clusters(scene: &Scene, settings: &StudySettings) -> Result<()> {
     Ok(())
 }
 
-/// Prints what each level of interpolation errs by.
+/// Prints the error of each level of interpolation.
 fn levels(scene: &Scene, settings: &StudySettings) -> Result<()> {
     let camera = crate::cli::camera::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;
@@ -218,7 +218,7 @@ fn levels(scene: &Scene, settings: &StudySettings) -> Result<()> {
     Ok(())
 }
 
-/// Prints what the choices of stage 7 leave of the light at caches.
+/// Prints the errors of cache light for the variants of stage 7.
 fn dimming(args: &Choices) -> Result<()> {
     let settings = StudySettings { size: args.size, caches: args.caches.count(), rsm: args.rsm as usize };
     match &args.scene {
@@ -241,7 +241,7 @@ fn dimming_in(scene: &Scene, settings: &StudySettings) -> Result<()> {
     Ok(())
 }
 
-/// Prints every table that a scene has.
+/// Prints all tables of a scene.
 pub(super) fn tables(scene: &Scene, settings: &StudySettings) -> Result<()> {
     let camera = crate::cli::camera::camera(scene, None)?;
     let study = Study::new(scene, &camera, *settings)?;

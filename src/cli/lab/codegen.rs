@@ -1,4 +1,4 @@
-//! `lightskin lab codegen`: what a driver makes of the compute shaders.
+//! `lightskin lab codegen`: statistics of the compute shaders as a driver compiles them.
 
 use anyhow::Result;
 use lightskin::gpu::Codegen;
@@ -6,10 +6,10 @@ use lightskin::lab::codegen;
 
 #[derive(clap::Args)]
 pub(super) struct CodegenArgs {
-    /// Vulkan device, by index or part of its name (see `lightskin devices`). It need not be able to draw.
+    /// Vulkan device, by index or part of its name; see `lightskin devices`. It does not have to support drawing.
     #[arg(long, value_name = "INDEX|NAME")]
     device: Option<String>,
-    /// Only shaders whose names begin with this.
+    /// Compile only shaders whose names begin with this [default: all].
     #[arg(long, value_name = "NAME", default_value = "")]
     only: String,
 }

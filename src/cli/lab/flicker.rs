@@ -1,4 +1,4 @@
-//! `lightskin lab flicker`: how much indirect light flickers while something creeps along.
+//! `lightskin lab flicker`: how much indirect light flickers while something moves slowly.
 
 use crate::cli::gather::ClusterArgs;
 use crate::cli::motion::animation_index;
@@ -11,24 +11,24 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub(super) struct FlickerArgs {
-    /// glTF or GLB file, or a folder with one; the built-in atrium without one.
+    /// glTF or GLB file, or a folder that contains one [default: the built-in atrium].
     scene: Option<PathBuf>,
     /// Numbers of caches, separated by commas.
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [250, 1000, 4000], value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     caches: Vec<u32>,
-    /// Sides of the reflective shadow maps [texels], separated by commas. Each is compared with twice the largest.
+    /// Sides of the reflective shadow maps [texels], separated by commas. Each is compared with twice the largest side.
     #[arg(long, value_name = "N,..", value_delimiter = ',', default_values_t = [32, 64, 128, 256], value_parser = clap::value_parser!(u32).range(1..=2048))]
     rsm: Vec<u32>,
-    /// Node that moves, by name [default: the largest below half the scene's size].
+    /// Node to move, by name [default: the largest that is smaller than half the scene].
     #[arg(long, value_name = "NODE")]
     model: Option<String>,
     /// Animations to play, by name or index, separated by commas [default: the first].
     #[arg(long, value_name = "NAME|INDEX,..", value_delimiter = ',')]
     animation: Vec<String>,
-    /// First moment of the animation [s].
+    /// Start time of the animation [s].
     #[arg(long, value_name = "T", default_value_t = 0.0, allow_hyphen_values = true)]
     time: f64,
-    /// Frames per second of the animation.
+    /// Frame rate of the animation [frames/s].
     #[arg(long, value_name = "F", default_value_t = 60.0, value_parser = crate::cli::positive)]
     fps: f64,
     /// Print JSON lines instead of a table.
@@ -40,7 +40,7 @@ pub(super) struct FlickerArgs {
     device: DeviceArgs,
 }
 
-/// Measures a scene, or the built-in atrium, and prints the table, or with `json` one object a row.
+/// Measures a scene, or the built-in atrium, and prints a table, or one JSON object per row with `json`.
 pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     let (path, device, json) = (args.scene.as_deref(), &args.device, args.json);
     let most = args.caches.iter().copied().max().context("--caches names no number")?;
@@ -57,7 +57,7 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
     let scene = divided(load_punctual(path)?, &asked(most));
     let named = |name: &String| {
         let found = scene.instances.iter().position(|i| i.name == *name);
-        found.with_context(|| format!("--model {name}: the scene has no such node with a mesh"))
+        found.with_context(|| format!("--model {name}: the scene has no node of this name with a mesh"))
     };
     let model = match &args.model {
         Some(name) => Some(named(name)?),
@@ -116,7 +116,7 @@ pub(super) fn run(args: &FlickerArgs) -> Result<()> {
             bar.set_message(what.to_owned());
             bar.set_position(((i as f32 + part) * share) as u64);
         };
-        // The frames lie within the animation: where it begins again, all jumps.
+        // All frames are within the animation, because everything jumps where it restarts.
         let played = |index: usize| {
             let end = scene.animations().nth(index).map_or(0.0, |(_, _, end)| end);
             let steps = (job.frames - 1) as f64;

@@ -1,4 +1,4 @@
-//! `lightskin lab hard-cases`: what is hard on numbers, one line each.
+//! `lightskin lab hard-cases`: numerically hard cases, one line each.
 
 use crate::cli::{DeviceArgs, check_messages};
 use anyhow::{Result, bail};
@@ -13,7 +13,7 @@ pub(super) struct HardCases {
     device: DeviceArgs,
 }
 
-/// Runs every case and prints the table, or with `json` one object a line; fails if a case does.
+/// Runs every case and prints a table, or one JSON object per line with `json`. Fails if any case fails.
 pub(super) fn run(args: &HardCases) -> Result<()> {
     let json = args.json;
     let gpu = args.device.open()?;
@@ -44,7 +44,7 @@ pub(super) fn run(args: &HardCases) -> Result<()> {
         bail!("{failed} of {} hard cases failed", cases.len());
     }
     if !json {
-        say!("all {} hard cases hold", cases.len());
+        say!("all {} hard cases passed", cases.len());
     }
     Ok(())
 }

@@ -1,4 +1,4 @@
-//! `lightskin lab`: the studies behind the engine's defaults, one a file.
+//! `lightskin lab`: the studies behind the engine's defaults, one per file.
 
 mod choices;
 mod codegen;
@@ -19,13 +19,13 @@ pub(super) struct Lab {
 enum Study {
     /// Compare variants of the method on the CPU: the tables behind the defaults.
     Choices(choices::Choices),
-    /// Compile all compute shaders and print registers, spills, occupancy and instructions, as the driver gives them.
+    /// Compile all compute shaders and print the registers, spills, occupancy and instructions that the driver reports.
     Codegen(codegen::CodegenArgs),
     /// Measure flicker while a light, the camera or a model moves slowly.
     Flicker(flicker::FlickerArgs),
-    /// Check numerically hard cases; fails if one fails.
+    /// Check numerically hard cases. Fails if any case fails.
     HardCases(hard_cases::HardCases),
-    /// Draw every scene of a folder beside the path tracer, on one page with FLIP and bias, the worst first.
+    /// Compare every scene of a folder with the path tracer, on one page with FLIP and bias, worst first.
     Sheet(sheet::SheetArgs),
     /// Measure how much each approximation adds to the error of indirect light.
     Sources(sources::SourcesArgs),

@@ -1,5 +1,5 @@
-//! `lightskin lab sheet`: every scene of a folder beside the path tracer. Each picture is what the command `render` makes,
-//! in a process of its own: a file that brings one down costs its own line alone.
+//! `lightskin lab sheet`: compares every scene of a folder with the path tracer. Each picture is rendered by the
+//! command `render` in a process of its own, so that a crash on one file affects only its own line.
 
 use crate::cli::{progress_bar, render};
 use anyhow::{Context, Result, bail};
@@ -14,13 +14,13 @@ use std::process::{Command, Stdio};
 pub(super) struct SheetArgs {
     /// Folder to search for .gltf and .glb files, subfolders included.
     folder: PathBuf,
-    /// HTML page to write, pictures included; updated after each scene.
+    /// HTML page to write, with embedded pictures. Updated after each scene.
     #[arg(short, long, value_name = "FILE.html", default_value = "sheet.html")]
     out: PathBuf,
     /// Picture size [pixels].
     #[arg(long, value_name = "WxH", value_parser = render::size, default_value = "240x135")]
     size: [u32; 2],
-    /// Samples per pixel of the path tracer. They are kept: a larger N refines.
+    /// Samples per pixel of the path tracer. They are stored: a larger N refines.
     #[arg(long, value_name = "N", default_value_t = 64, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
     spp: u32,
     /// Flags of `render` for both pictures, like --sky probe.hdr or --bounces 4.
@@ -28,13 +28,13 @@ pub(super) struct SheetArgs {
     flags: Vec<String>,
 }
 
-/// Draws all scenes; fails if there is none, or none could be drawn.
+/// Draws all scenes. Fails if there is no scene, or if none could be drawn.
 pub(super) fn run(args: &SheetArgs) -> Result<()> {
     check_writable(&args.out)?;
     let mut scenes = Vec::new();
     find(&args.folder, &mut scenes)?;
     if scenes.is_empty() {
-        bail!("{}: neither the folder nor those in it hold a .gltf or .glb file", args.folder.display());
+        bail!("{}: neither the folder nor its subfolders contain a .gltf or .glb file", args.folder.display());
     }
     let [w, h] = args.size;
     let mut about = format!("{w} x {h} pixels, at least {} samples per pixel of all light.", args.spp);
@@ -65,7 +65,7 @@ pub(super) fn run(args: &SheetArgs) -> Result<()> {
     Ok(())
 }
 
-/// glTF files of a folder and of those in it, sorted; folders that links lead to are left out.
+/// Finds the glTF files of a folder and its subfolders, sorted. Links to folders are not followed.
 fn find(folder: &Path, scenes: &mut Vec<PathBuf>) -> Result<()> {
     let entries = std::fs::read_dir(folder).with_context(|| folder.display().to_string())?;
     let mut paths: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
@@ -83,14 +83,14 @@ fn find(folder: &Path, scenes: &mut Vec<PathBuf>) -> Result<()> {
     Ok(())
 }
 
-/// A folder for the two pictures of a scene, which goes in the end.
+/// A temporary folder for the two pictures of a scene. Dropping it deletes the folder.
 struct Pictures {
     folder: PathBuf,
 }
 
 impl Drop for Pictures {
     fn drop(&mut self) {
-        // What is left is in the folder for such files.
+        // If this fails, the files stay in the system's folder for temporary files.
         let _ = std::fs::remove_dir_all(&self.folder);
     }
 }
@@ -116,8 +116,8 @@ impl Pictures {
     }
 }
 
-/// Runs `render`; what it says on standard output, and each line of what it warns of. The last of these is the reason
-/// where it fails.
+/// Runs `render`. Returns its standard output, and the lines of its standard error. If it fails, the last of these
+/// lines is the error.
 fn rendered(scene: &Path, out: &Path, args: &SheetArgs, flags: &[&str]) -> Result<(String, Vec<String>), String> {
     let program = std::env::current_exe().map_err(|error| format!("this program's own file: {error}"))?;
     let [w, h] = args.size;
@@ -130,7 +130,7 @@ fn rendered(scene: &Path, out: &Path, args: &SheetArgs, flags: &[&str]) -> Resul
         .output()
         .map_err(|error| format!("this program could not be started again: {error}"))?;
     let told = String::from_utf8_lossy(&run.stderr);
-    // Its page names the file already.
+    // The page already shows the name of the file.
     let (program, file) = ("lightskin: ", format!("{}: ", scene.display()));
     let own = |line: &str| line.trim_start_matches(program).trim_start_matches(&file).to_owned();
     let lines: Vec<String> = told.lines().map(own).collect();

@@ -1,4 +1,4 @@
-//! `lightskin lab sources`: where the error of indirect light comes from, as tables.
+//! `lightskin lab sources`: tables of the sources of error in indirect light.
 
 use crate::cli::{
     Baked, CacheArgs, DeviceArgs, bake_scene, check_messages, divided, load_punctual, progress_bar, render, thousands,
@@ -21,21 +21,21 @@ use std::time::Instant;
 
 #[derive(Args)]
 pub(super) struct SourcesArgs {
-    /// glTF or GLB file, or a folder with one; the built-in atrium without one.
+    /// glTF or GLB file, or a folder that contains one [default: the built-in atrium].
     scene: Option<PathBuf>,
-    /// Grid of pixels over the picture.
+    /// Picture size [pixels]. Errors are measured at every pixel.
     #[arg(long, value_name = "WxH", default_value = "96x54", value_parser = render::size)]
     size: [u32; 2],
-    /// Camera by name or index, or "eye;target;up;fov".
+    /// Camera of the scene by name or index, or "eye;target;up;fov" [default: the first camera].
     #[arg(long, value_name = "CAMERA", allow_hyphen_values = true, value_parser = crate::cli::camera::readable)]
     camera: Option<String>,
-    /// Virtual lights: N x N for each light.
+    /// Virtual lights per light source: N x N.
     #[arg(long, value_name = "N", default_value_t = 128, value_parser = clap::value_parser!(u32).range(1..=1024))]
     rsm: u32,
     /// Samples per pixel of the path tracer.
     #[arg(long, value_name = "N", default_value_t = 1024, value_parser = clap::value_parser!(u32).range(32..=1_000_000))]
     spp: u32,
-    /// Only write the error of assuming a constant BRDF over a square (figure 5.7).
+    /// Only write the error of assuming a constant BRDF over a square (figure 5.7) to this file.
     #[arg(long, value_name = "FILE.csv")]
     curves: Option<PathBuf>,
     #[command(flatten)]
@@ -53,7 +53,7 @@ pub(super) fn run(args: &SourcesArgs) -> Result<()> {
     }
     let start = Instant::now();
     let mut scene = divided(load_punctual(args.scene.as_deref())?, &args.caches);
-    // Its stages know a sky by the lights that stand for it, and so the paths do.
+    // The measured stages use the directional lights that approximate a sky. Without `sky`, the paths use them as well.
     scene.sky = None;
     let camera = crate::cli::camera::camera(&scene, args.camera.as_deref())?;
     let baked = bake_scene(&scene, args.scene.as_deref(), &args.caches.settings(), false)?;
@@ -92,11 +92,11 @@ fn print(found: &Sources, scene: &Scene, settings: &SourcesSettings, device: &[[
         say!("");
         let [limit, truth] = table.noise.map(|f| format!("{:.2} % (RMSE {:.2} %)", 100.0 * f.mae, 100.0 * f.rmse));
         say!(
-            "{}: {:.3} % of the device's light is not the chain's beginning's; {off} pixels are off by more than 1 %",
+            "{}: the device and the start of the chain differ by {:.3} % on average; {off} pixels differ by more than 1 %",
             table.lobe,
             100.0 * twin.mae
         );
-        say!("mean absolute noise of the path tracer: {limit} without shadows, {truth} with");
+        say!("mean absolute noise of the path tracer: {limit} without shadows, {truth} with shadows");
         say!("");
         for line in table.markdown().lines() {
             say!("{line}");
@@ -104,7 +104,8 @@ fn print(found: &Sources, scene: &Scene, settings: &SourcesSettings, device: &[[
     }
 }
 
-/// The engine's own indirect light, both lobes of every pixel. It has no shadows: what they are missing is a row of the tables.
+/// The engine's own indirect light without shadows, both lobes of every pixel. The missing shadows are a row of the
+/// tables.
 fn device_picture(
     gpu: &Gpu,
     scene: &Scene,
@@ -136,7 +137,7 @@ fn device_picture(
     Ok(lights)
 }
 
-/// The table of the disc's form factor.
+/// Prints the table of the disc's form factor.
 fn print_form_factors() {
     for (receives, name) in [
         (Receives::Facing, "normal towards the disc's centre"),
