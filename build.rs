@@ -1,5 +1,5 @@
-//! Puts the shaders' SPIR-V into the library and turns `glsl/shared.glsl` with what it includes into Rust, so that both sides
-//! read one file. With feature `glsl` the shaders are compiled; otherwise they are those that come with the sources.
+//! Embeds the shaders' SPIR-V in the library, and translates `glsl/shared.glsl` and its includes to Rust, so that both sides
+//! read one file. With feature `glsl` it compiles the shaders; otherwise it takes the SPIR-V shipped with the sources.
 
 #[cfg(feature = "glsl")]
 #[path = "build/compile.rs"]
@@ -46,7 +46,7 @@ fn shaders() -> Vec<(String, Vec<u8>)> {
     shipped.shaders
 }
 
-/// Writes every shader, and `shaders.rs`: a table of name and words.
+/// Writes every shader, and `shaders.rs`: a table of names and SPIR-V.
 fn write_shaders(out: &Path, shaders: &[(String, Vec<u8>)]) {
     let mut table = String::from(
         "/// Every entry shader: file name and SPIR-V.\npub(crate) static SHADERS: &[(&str, &[u8])] = &[\n",
@@ -60,15 +60,15 @@ fn write_shaders(out: &Path, shaders: &[(String, Vec<u8>)]) {
     fs::write(out.join("shaders.rs"), table).expect("write shaders.rs");
 }
 
-/// A mistake in what is built ends the build.
+/// Prints an error in the sources and ends the build.
 fn fail(error: &str) -> ! {
     eprintln!("{error}");
     std::process::exit(1);
 }
 
-/// Reads `struct`s and `const`s of `shared.glsl`, one member a line, and writes their Rust twins. The size of each
-/// is asserted, and `Pod` refuses padding, so a layout that differs from `scalar` does not compile. Packed to 4 bytes, as
-/// `scalar` packs: glam aligns its four-component types to 16.
+/// Translates the `struct`s and `const`s of `shared.glsl` to Rust, one member a line. The size of each struct is asserted,
+/// and `Pod` refuses padding, so a layout other than `scalar` does not compile. Structs are packed to 4 bytes like
+/// `scalar`, because glam aligns its four-component types to 16.
 fn rust_from_glsl(glsl: &str) -> String {
     let types: BTreeMap<&str, (&str, usize)> = BTreeMap::from([
         ("float", ("f32", 4)),
@@ -98,7 +98,7 @@ fn rust_from_glsl(glsl: &str) -> String {
         let indent = if open.is_some() { "    " } else { "" };
         let mut doc: Vec<String> = std::mem::take(&mut docs);
         doc.extend(comment.map(str::to_owned));
-        // Units in brackets are no links.
+        // Escape units in brackets: they are not links.
         let doc: String = doc.iter().map(|d| format!("{indent}/// {}\n", d.replace('[', "\\["))).collect();
         if let Some(name) = code.strip_prefix("struct ") {
             let name = name.trim_end_matches('{').trim();

@@ -1,15 +1,15 @@
-//! Compiles `glsl/` with glslang: feature `glsl`. A shader error is a build error with file and line.
+//! Compiles `glsl/` with glslang, for feature `glsl`. A shader error is a build error with file and line.
 
 use super::{fail, variants};
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
-/// Stands before every entry shader.
+/// Source text before every entry shader.
 const PREAMBLE: &str =
     "#version 460\n#extension GL_GOOGLE_include_directive : require\n#extension GL_EXT_scalar_block_layout : require\n";
 
-/// Every `glsl/*.{vert,frag,comp}` with all variants of it: name and SPIR-V.
+/// Compiles every `glsl/*.{vert,frag,comp}` and all its variants. Returns name and SPIR-V of each.
 pub(crate) fn shaders() -> Vec<(String, Vec<u8>)> {
     let compiler = shaderc::Compiler::new().expect("shaderc; run ./scripts/setup");
     let mut options = shaderc::CompileOptions::new().expect("shaderc options");
@@ -46,7 +46,7 @@ pub(crate) fn shaders() -> Vec<(String, Vec<u8>)> {
     entries.into_iter().map(compile).collect()
 }
 
-/// Stage of an entry shader; other files are included by these.
+/// Stage of an entry shader; `None` for files that entry shaders include.
 fn kind(path: &Path) -> Option<shaderc::ShaderKind> {
     match path.extension().and_then(|e| e.to_str()) {
         Some("vert") => Some(shaderc::ShaderKind::Vertex),

@@ -1,26 +1,27 @@
-//! The SPIR-V that comes with the sources, in `build/shaders.lzma`, so that nobody needs a shader compiler who does not change
-//! shaders: without names and lines, packed by LZMA. The test `shipped` holds it against a fresh compile, and renews it.
+//! Reads the SPIR-V shipped with the sources, `build/shaders.lzma`. With it, only those who change shaders need a shader
+//! compiler. It has no debug names or lines, and is packed by LZMA. The test `shipped` compares it with a fresh compile, and
+//! renews it.
 
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::{fs, io};
 
-/// Where it lies.
+/// Path of the shipped file.
 pub(crate) const FILE: &str = "build/shaders.lzma";
 
-/// What unpacking it may take \[KiB\].
+/// Memory limit of unpacking \[KiB\].
 const MOST_MEMORY: u32 = 64 << 10;
 
-/// Words before the first instruction of SPIR-V.
+/// Number of words before the first SPIR-V instruction.
 pub(crate) const HEADER: usize = 5;
 
-/// What it holds: the hash of the sources that it was made of, and name and SPIR-V of each shader.
+/// Content of the shipped file: the hash of its GLSL sources, and name and SPIR-V of each shader.
 pub(crate) struct Shipped {
     pub(crate) sources: u64,
     pub(crate) shaders: Vec<(String, Vec<u8>)>,
 }
 
-/// Reads it.
+/// Reads the shipped file.
 pub(crate) fn read() -> io::Result<Shipped> {
     let mut bytes = Vec::new();
     let file = io::BufReader::new(fs::File::open(FILE)?);
@@ -46,9 +47,9 @@ pub(crate) fn read() -> io::Result<Shipped> {
     Ok(Shipped { sources, shaders })
 }
 
-/// SPIR-V with what each instruction names told from what it makes itself, which packs a seventh smaller: its second operand, most
-/// often the identifier of its result, is the difference from that of the instruction before, and those behind it are
-/// differences from it.
+/// Decodes delta-coded SPIR-V, which packs a seventh smaller. The second operand of an instruction, most often the identifier
+/// of its result, is stored as the difference from the second operand of the instruction before. The operands behind it are
+/// stored as differences from it.
 fn unfolded(folded: &[u8]) -> Vec<u8> {
     let word = |bytes: &[u8]| bytes.iter().rev().fold(0, |sum: u32, byte| sum << 8 | u32::from(*byte));
     let mut words: Vec<u32> = folded.chunks(4).map(word).collect();
@@ -65,7 +66,7 @@ fn unfolded(folded: &[u8]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// Hash of all files below `glsl/`: FNV-1a, whatever their ends of lines are.
+/// FNV-1a hash of all files below `glsl/`, independent of line endings.
 pub(crate) fn sources() -> io::Result<u64> {
     fn files(folder: &Path, found: &mut Vec<PathBuf>) -> io::Result<()> {
         for entry in fs::read_dir(folder)? {

@@ -1,20 +1,20 @@
-//! Which shaders are made of which files. A line `// variant NAME: DEFINE DEFINE (what it is for)` in an entry shader makes
-//! a second shader of the same file with these preprocessor names defined.
+//! Finds the shaders of each entry file. A line `// variant NAME: DEFINE DEFINE (what it is for)` in an entry shader makes
+//! one more shader of the same file with these preprocessor names defined.
 
 use std::collections::BTreeMap;
 
-/// How one shader is made.
+/// Source and defines of one shader.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Entry {
-    /// File name of its source.
+    /// File name of the source.
     pub(crate) file: String,
-    /// Preprocessor names that are defined.
+    /// Defined preprocessor names.
     pub(crate) defines: Vec<String>,
-    /// Line of the file that asks for it, from 1; 0 for the file itself.
+    /// Line of the `variant` comment, from 1; 0 for the file itself.
     line: usize,
 }
 
-/// All shaders of these entry files, file name and text, by name. Errors begin with file and line.
+/// All shaders of these entry files, by name; `files` holds file name and text. Errors begin with file and line.
 pub(crate) fn entries(files: &[(String, String)]) -> Result<BTreeMap<String, Entry>, String> {
     let plain =
         |(file, _): &(String, String)| (file.clone(), Entry { file: file.clone(), defines: Vec::new(), line: 0 });
@@ -42,7 +42,7 @@ pub(crate) fn entries(files: &[(String, String)]) -> Result<BTreeMap<String, Ent
     Ok(all)
 }
 
-/// Name and defines of a line, less what it begins with.
+/// Parses name and defines from a variant line without its prefix.
 fn parse(line: &str) -> Option<(&str, Vec<String>)> {
     let (name, rest) = line.split_once(':')?;
     let (defines, purpose) = rest.split_once('(')?;
@@ -53,7 +53,7 @@ fn parse(line: &str) -> Option<(&str, Vec<String>)> {
     whole.then_some((name, defines))
 }
 
-/// Whether a file asks whether a name is defined.
+/// Whether a file has an `#ifdef` or `#ifndef` of a name.
 fn tests(text: &str, define: &str) -> bool {
     text.lines().any(|line| {
         let mut words = line.split_whitespace();
