@@ -126,7 +126,7 @@ fn every_animated_file_stands_as_a_second_reader_has_it() {
         }
         let bend = scene.instances.iter().filter(|i| i.pose.is_some()).count();
         println!(
-            "{:<28} {} animations, {bend:>2} of {:>2} instances bend: vertices off by {:.1e}, caches {:.1e} of the size, normals {:.1e} rad",
+            "{:<28} {} animations, {bend:>2} of {:>2} instances bend: largest differences: vertices {:.1e} and caches {:.1e} of the size, normals {:.1e} rad",
             scene.name,
             file.animations(),
             scene.instances.len(),

@@ -40,7 +40,7 @@ fn the_window_shows_what_render_writes() {
         works(&folder, &words.iter().map(String::as_str).collect::<Vec<_>>());
         let (size, wanted) = png(&rendered);
         assert_eq!(size, [160, 120], "{command}");
-        assert!(png(&folder.join(&saved)).1 == wanted, "{step}: F12 wrote another picture than {command}");
+        assert!(png(&folder.join(&saved)).1 == wanted, "{step}: the picture of F12 differs from that of {command}");
         app.shows(size, &wanted, step);
     }
     app.quit();

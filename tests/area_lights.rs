@@ -143,7 +143,7 @@ fn light_between_a_lamp_and_its_ceiling_stays_there() {
         shot.diffuse.iter().map(|d| d.y).sum::<f64>()
     };
     let (up, down) = (light(lamp.reversed()), light(lamp.clone()));
-    println!("upwards {:.4} of the indirect light downwards", up / down);
+    println!("upwards: {:.4} of the indirect light of the lamp that shines downwards", up / down);
     assert!(down > 0.0 && up < 0.1 * down);
 }
 

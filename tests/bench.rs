@@ -153,7 +153,7 @@ fn native_sums_make_the_devices_proxies() {
             let direction = mean.normalize();
             let moved = (position.as_dvec3() - at.position).distance(mean) / mean.length();
             let brighter = (facing.as_dvec3() * at.normal.dot(direction)).distance(irradiance) / irradiance.length();
-            assert!(moved.max(brighter) < 1e-4, "lobe {lobe}: moved {moved:e}, {brighter:e} brighter");
+            assert!(moved.max(brighter) < 1e-4, "lobe {lobe}: moved {moved:e}, relative irradiance error {brighter:e}");
             compared[lobe] += 1;
             worst = worst.max(moved).max(brighter);
         };
@@ -437,7 +437,10 @@ fn check_sense(results: &bench::Results) {
         let ms = caches.number(of_caches, "gather [ms]").expect("a time");
         let flop = FLOP_PER_PAIR[usize::from(pairs.has(row, "DG"))];
         let (count, share) = (of("caches") * of("VALs"), of("share of peak"));
-        assert!((rate * ms * 1e-3 / count - 1.0).abs() < 3e-4, "{count} pairs in {ms} ms are not {rate} a second");
+        assert!(
+            (rate * ms * 1e-3 / count - 1.0).abs() < 3e-4,
+            "{count} pairs in {ms} ms do not give {rate} pairs per second"
+        );
         assert!((rate * flop / results.peak / share - 1.0).abs() < 3e-4, "{share} of the peak for {rate} a second");
         // A pair takes at least the counted operations. The share can exceed 1 only if other tests slowed the
         // measurement of the peak.

@@ -50,7 +50,7 @@ fn mean(map: &[f64]) -> f64 {
 }
 
 fn near(value: f64, wanted: f64, tolerance: f64) {
-    assert!((value - wanted).abs() <= tolerance, "{value} is not {wanted} within {tolerance}");
+    assert!((value - wanted).abs() <= tolerance, "{value} differs from {wanted} by more than {tolerance}");
 }
 
 /// FLIP error of each pixel at the papers' viewing distance.

@@ -118,11 +118,11 @@ fn a_bright_sky_behind_an_object_does_not_change_its_exposure() {
         Sky::even(Vec3::splat(radiance)).put_over(&mut under_sky, 1);
         under_sky.lights[1].intensity = 0.0;
         let ev = metered(&gpu, &under_sky, &direct([160, 90]));
-        assert!((ev - alone).abs() < 1e-6, "EV {alone}, before a sky of {radiance} cd/m^2 {ev}");
+        assert!((ev - alone).abs() < 1e-6, "EV {alone}, in front of a sky of {radiance} cd/m^2 {ev}");
         // If nothing else is visible, the sky is metered.
         under_sky.cameras[0] = camera(dvec3(0.0, 5.0, 0.0), dvec3(0.0, 9.0, 1.0), 0.8);
         let ev = metered(&gpu, &under_sky, &direct([64, 36]));
-        assert!((ev - ev_of(radiance.into())).abs() < 0.01, "EV {ev} of a sky of {radiance} cd/m^2");
+        assert!((ev - ev_of(radiance.into())).abs() < 0.01, "EV {ev} for a sky of {radiance} cd/m^2");
     }
 }
 

@@ -35,7 +35,7 @@ fn ends(mut child: Child, seconds: u64) -> Output {
     while child.try_wait().expect("a child").is_none() {
         if start.elapsed() > Duration::from_secs(seconds) {
             child.kill().expect("killed");
-            panic!("runs on after {seconds} s");
+            panic!("still runs after {seconds} s");
         }
         std::thread::sleep(Duration::from_millis(10));
     }

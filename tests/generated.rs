@@ -29,7 +29,7 @@ fn check_triangles(what: &str, positions: &[Vec3], normals: &[Vec3], indices: &[
         assert!(cross.length() > 1e-3 * longest, "{what}: sliver {a} {b} {c}");
         for &corner in corners {
             let cosine = cross.normalize().dot(normals[corner as usize]);
-            assert!(cosine > 0.0, "{what}: normal against winding ({cosine}) at {a}");
+            assert!(cosine > 0.0, "{what}: the normal contradicts the winding ({cosine}) at {a}");
         }
     }
 }

@@ -11,7 +11,7 @@ use serde_json::{Value, json};
 /// Loads a file and, if that works, checks everything that indices in the scene refer to.
 pub(crate) fn load_safely(path: &Path) -> Result<Scene> {
     let result =
-        catch_unwind(|| gltf::load(path)).unwrap_or_else(|_| panic!("{} made the loader panic", path.display()));
+        catch_unwind(|| gltf::load(path)).unwrap_or_else(|_| panic!("the loader panicked on {}", path.display()));
     if let Ok(scene) = &result {
         check(scene, path);
     }
@@ -110,7 +110,7 @@ fn what_the_validator_finds_unsafe_is_refused() {
             assert!(load_safely(&path).is_err(), "{} was accepted despite {}", path.display(), fault["code"]);
         }
     }
-    assert!(seen > 10, "only {seen} reports had such a fault");
+    assert!(seen > 10, "only {seen} reports have such an error");
 }
 
 /// A scene with a bit of everything: texture, light, camera, skin, morph target, sparse accessor.

@@ -87,9 +87,7 @@ fn the_default_is_all_light_and_the_engines_a_part_of_it() {
     ]
     .map(|settings| sum(&settings));
     let limited = sum(&PathTraceSettings { bounces: Some(1), ..PathTraceSettings::of(size) });
-    println!(
-        "direct and indirect: {one:?} of one bounce, {limited:?} of one that may be glossy, {four:?} of four, {all:?}"
-    );
+    println!("direct and indirect: one bounce {one:?}, one that may be glossy {limited:?}, four {four:?}, all {all:?}");
     assert_eq!(PathTraceSettings::default(), PathTraceSettings::of([1280, 720]));
     assert!(one[0] == all[0], "direct light must be the same");
     assert!(one[1] < 0.9 * all[1] && limited[1] < 0.9 * all[1] && one[1] < 0.9 * four[1] && four[1] < 1.05 * all[1]);
@@ -274,7 +272,7 @@ fn rays_meet_what_is_close_and_what_is_far() {
                 lost[2] += usize::from(!world.blocked_within(origin, direction, expected.distance + tolerance));
             }
         }
-        println!("slope {slope}: nearest, all and blocked have lost {lost:?} so far");
+        println!("slope {slope}: rays lost so far by nearest, all and blocked: {lost:?}");
     }
     assert_eq!(lost, [0; 3]);
 }

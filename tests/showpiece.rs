@@ -91,7 +91,7 @@ fn pictures_of_the_showpiece_tile() {
         {
             assert!(
                 seam <= 1.25 * within + 1.0,
-                "{name}: its last and first {what} differ by {seam}, others by {within}"
+                "{name}: the last and first {what} differ by {seam}, other neighbours by up to {within}"
             );
         }
     }

@@ -181,7 +181,7 @@ fn objects_are_seen_from_outside_in_the_light_of_a_studio() {
         let (light, _) = luminance(&scene, |material| material.name != "ground" && material.emissive == Vec3::ZERO);
         println!("{name}: eye {eye:.3}, fronts {fronts:.3}, backs {backs:.3}, {light:.3} cd/m^2");
         assert!((eye - eye.clamp(low, high)).length() > 0.01 * (high - low).length(), "{name}: {eye} is not outside");
-        assert!(fronts > 0.08 && backs < 0.05 * fronts, "{name}: {fronts} of the picture, {backs} from behind");
+        assert!(fronts > 0.08 && backs < 0.05 * fronts, "{name}: fronts on {fronts} of the picture, backs on {backs}");
         assert!((0.05..2.0).contains(&light), "{name}: {light} cd/m^2");
         assert!(scene.lights.iter().all(|l| l.kind == LightKind::Directional), "{name}: {:?}", scene.lights);
         assert_eq!(scene.backdrop, Backdrop::Studio, "{name}");
@@ -229,7 +229,7 @@ fn white_in_the_studio_is_near_one_candela_for_a_square_metre() {
     let sky = scene.sky.as_ref().expect("a studio");
     let lights = || &scene.lights[sky.lights.clone()];
     let sent: f64 = lights().iter().map(|l| f64::from(l.intensity) * f64::from((-l.direction.y).max(0.0))).sum();
-    println!("{:.4} lx by the map, {sent:.4} lx by {} lights", sky.received(DVec3::Y).x, lights().len());
+    println!("{:.4} lx from the map, {sent:.4} lx from {} lights", sky.received(DVec3::Y).x, lights().len());
     assert!((sky.received(DVec3::Y).x / std::f64::consts::PI - 1.0).abs() < 1e-5);
     assert!((sent / std::f64::consts::PI - 1.0).abs() < 0.06, "{sent} lx");
 }

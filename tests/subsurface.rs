@@ -464,7 +464,7 @@ fn light_that_a_wall_reflects_goes_on_inside() {
             dipoles.iter().zip(&caches).filter(|(d, c)| { d.filled } != HOLLOW && ({ c.normal }.z < -0.3) != front);
         own.map(|(d, _)| { d.irradiance }.x).sum()
     };
-    assert!(at(false) > 1.5 * at(true) && at(true) >= 0.0, "{} behind, {} before", at(false), at(true));
+    assert!(at(false) > 1.5 * at(true) && at(true) >= 0.0, "{} at the back, {} at the front", at(false), at(true));
 }
 
 #[test]

@@ -81,7 +81,7 @@ fn glare_stays_around_the_sun() {
     let sun = energy(&sun.expect("a sun"));
     let core = sky(1024, 512, 0.0, all).illuminance() - without.illuminance();
     let widest = left.texels.iter().map(|t| t.x).fold(0.0, f32::max);
-    println!("sun {sun}, core {core}, left at most {widest} cd/m^2");
+    println!("sun {sun}, core {core}, remaining maximum {widest} cd/m^2");
     assert!((sun / core - 1.0).abs().max_element() < 0.1, "{sun} of {core}");
     assert!(widest < 4e4, "{widest}");
 }
@@ -136,7 +136,11 @@ fn probes_lose_their_suns_alone() {
         let (whole, mean) = (luminance(sky.illuminance()), luminance(sky.illuminance()) / (4.0 * std::f64::consts::PI));
         let peak = shades(&sky);
         let (scene, sun, left) = under(sky);
-        println!("{name}: {whole:.4} lx, brightest {:.0} means, then {:.0}", peak / mean, shades(&left) / mean);
+        println!(
+            "{name}: {whole:.4} lx, brightest texel {:.0} times the mean, without the sun {:.0} times",
+            peak / mean,
+            shades(&left) / mean
+        );
         scene.notes.iter().for_each(|note| println!("  {note}"));
         assert_eq!(sun.is_some(), has_sun, "{name}");
     }

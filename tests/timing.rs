@@ -182,7 +182,7 @@ fn assert_nested(events: &[Value]) {
             while open.last().is_some_and(|outer| outer.1 <= span.0) {
                 open.pop();
             }
-            assert!(open.last().is_none_or(|outer| span.1 <= outer.1), "{span:?} sticks out of {open:?}");
+            assert!(open.last().is_none_or(|outer| span.1 <= outer.1), "{span:?} extends beyond {open:?}");
             open.push(span);
         }
     }

@@ -317,7 +317,7 @@ fn what_has_no_volume_at_rest_may_get_one() {
             let frozen = scene.frozen();
             let world = World::new(&frozen);
             let hit = world.nearest(DVec3::new(0.2, 0.2, 1.0), DVec3::NEG_Z, Sides::Both);
-            let hit = hit.expect("the one behind is always there");
+            let hit = hit.expect("the triangle behind is always there");
             assert_eq!(hit.instance, usize::from(time == 0.0), "at {time} s");
             let surface = world.surface(&hit);
             assert!(surface.normal.is_finite() && surface.position.is_finite(), "{surface:?}");

@@ -297,7 +297,7 @@ fn mutants_end_in_a_result_or_one_line_with_a_remedy() {
                 // The driver may have compiled shaders for a new kind of scene. The second run finds them in its cache.
                 ended = run(&from, display, &words, MOST_SECONDS);
             }
-            let mut found = found.lock().expect("nobody panics with it");
+            let mut found = found.lock().expect("no thread panics while it holds the lock");
             found.slowest = found.slowest.max(ended.time);
             match judged(&ended, seed.kind) {
                 Ok(None) => found.accepted += 1,
@@ -319,7 +319,8 @@ fn mutants_end_in_a_result_or_one_line_with_a_remedy() {
         let work = &work;
         (0..threads).for_each(|worker| drop(scope.spawn(move || work(worker))));
     });
-    let Found { accepted, refused, slowest, lines, faults } = found.into_inner().expect("nobody panics with it");
+    let Found { accepted, refused, slowest, lines, faults } =
+        found.into_inner().expect("no thread panics while it holds the lock");
     let told: String = lines.values().map(|(count, line)| format!("{count:>6}  {line}\n")).collect();
     fs::write(folder("fuzz/told").join("errors.txt"), told).expect("the target folder is writable");
     println!(
