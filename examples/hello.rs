@@ -1,4 +1,4 @@
-//! From a glTF file to a picture: `cargo run --release --example hello -- scene.glb picture.png`.
+//! Renders a glTF file to a picture: `cargo run --release --example hello -- scene.glb picture.png`.
 
 use lightskin::frame::engine::Loaded;
 use lightskin::frame::{Engine, Look, Quality};

@@ -1,4 +1,4 @@
-//! Reads back single layers, in physical units: `cargo run --release --example layers -- scene.glb`.
+//! Reads back single layers of a picture, in physical units: `cargo run --release --example layers -- scene.glb`.
 #![allow(clippy::print_stdout, reason = "its output")]
 
 use lightskin::frame::engine::Loaded;
@@ -30,7 +30,7 @@ fn main() -> lightskin::Result<()> {
             println!("indirect, glossy  {:?}", mean(&gpu.read_image(glossy)?));
         }
     }
-    // Depth is reversed: 1 at the near plane, 0 where nothing is.
+    // Depth is reversed: 1 at the near plane, 0 where there is no surface.
     let depth: Vec<f32> = gpu.read_image(&picture.surface.depth)?;
     println!("pixels that show a surface: {}", depth.iter().filter(|d| **d > 0.0).count());
     Ok(())

@@ -1,5 +1,5 @@
-//! A lamp on a circle, eight pictures of it: `cargo run --release --example moving_light -- scene.glb`.
-//! Nothing is placed, built or compiled anew between two frames.
+//! Draws eight pictures of a lamp that moves on a circle: `cargo run --release --example moving_light -- scene.glb`.
+//! Between two frames no caches are placed, and nothing is rebuilt or recompiled.
 #![allow(clippy::print_stdout, reason = "its output")]
 
 use lightskin::frame::engine::Loaded;

@@ -1,4 +1,5 @@
-//! Draws on a Vulkan device that the application has opened itself: `cargo run --release --example own_device -- scene.glb`.
+//! Draws on a Vulkan device that the application has created itself:
+//! `cargo run --release --example own_device -- scene.glb`.
 #![allow(unsafe_code, reason = "the application calls Vulkan itself")]
 
 use ash::vk;
@@ -7,11 +8,11 @@ use lightskin::frame::{Engine, Look, Quality};
 use lightskin::gpu::{Gpu, Host, Needs};
 use lightskin::image::write_png;
 
-/// Opens the first device with what the engine needs. An application adds its own extensions and features.
+/// Creates the first device with the extensions and features that the engine needs. An application adds its own.
 fn open() -> Result<(ash::Entry, Host), Box<dyn std::error::Error>> {
     let Needs { api_version, extensions, mut v12, mut v13 } = Gpu::needs();
     let extensions: Vec<_> = extensions.iter().map(|name| name.as_ptr()).collect();
-    // SAFETY: every structure outlives the call that reads it, and the handles come from the calls before.
+    // SAFETY: every structure outlives the call that reads it, and the handles come from the calls above.
     unsafe {
         let entry = ash::Entry::load()?;
         let application = vk::ApplicationInfo::default().api_version(api_version);
@@ -51,7 +52,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let size = [320, 180];
     let (_entry, host) = open()?;
     {
-        // SAFETY: the handles are valid, and outlive everything that is made of them in this block.
+        // SAFETY: the handles are valid, and outlive everything that is made from them in this block.
         let gpu = unsafe { Gpu::from_raw(host.clone()) }?;
         let loaded = Loaded::open(file.as_ref(), Quality::High, &|_, _| {})?;
         let (camera, settings) = (loaded.scene.cameras[0].clone(), loaded.settings(Quality::High));
@@ -61,7 +62,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         gpu.run_once("frame", |cmd| engine.record(cmd, &mut [(view, &mut picture)], &Look::default()))?;
         write_png("own_device.png".as_ref(), size[0], size[1], &gpu.read_image(&picture.output.picture)?)?;
     }
-    // SAFETY: nothing that was made of them is left.
+    // SAFETY: everything that was made from these handles has been dropped.
     unsafe {
         host.device.destroy_device(None);
         host.instance.destroy_instance(None);

@@ -1,4 +1,4 @@
-//! The f64 references against closed forms: VALs, reflection, lights, tone maps, the bounce as a whole.
+//! The f64 references against closed forms: VALs, reflection, lights, tone maps, and one whole bounce.
 
 use std::f64::consts::{PI, TAU};
 
@@ -13,17 +13,21 @@ use lightskin::reference::tonemap;
 use lightskin::reference::triangle::Triangle;
 use lightskin::scene::{Light, LightKind};
 
-/// Rounding of a few hundred f64 operations.
+/// Rounding error of a few hundred f64 operations.
 pub(crate) const ROUNDING: f64 = 1e-10;
 
-/// Fails unless the two differ by at most `bound` of `expected`; NaN fails.
+/// Fails unless `actual` differs from `expected` by at most `bound` times `expected`. NaN fails.
 #[track_caller]
 fn assert_near(actual: f64, expected: f64, bound: f64) {
     let error = (actual - expected).abs();
-    assert!(error <= bound * expected.abs(), "{actual} instead of {expected}: {} off", error / expected.abs());
+    assert!(
+        error <= bound * expected.abs(),
+        "{actual} instead of {expected}: relative error {}",
+        error / expected.abs()
+    );
 }
 
-/// The same for vectors, relative to the length of `expected`.
+/// Like `assert_near`, for vectors. The error is relative to the length of `expected`.
 #[track_caller]
 pub(crate) fn assert_near3(actual: DVec3, expected: DVec3, bound: f64) {
     let error = actual.distance(expected);
@@ -43,7 +47,7 @@ fn light(kind: LightKind) -> Light {
     }
 }
 
-/// Numbers in [0, 1) that look random.
+/// Pseudorandom numbers in [0, 1).
 pub(crate) fn numbers(seed: u64) -> impl FnMut() -> f64 {
     let mut state = seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1;
     move || {
@@ -54,17 +58,17 @@ pub(crate) fn numbers(seed: u64) -> impl FnMut() -> f64 {
     }
 }
 
-// Form factor and VAL, METHOD 2.
+// Form factor and VAL (METHOD 2).
 
 #[test]
 fn form_factor_is_the_integral_on_the_axis() {
     for (distance, tilt) in [(0.5, 0.0), (1.0, 0.3), (2.0, 0.9), (10.0, 1.2)] {
         let area = PI;
-        // The tilted point sees the whole disc as long as the disc's rim is above its horizon.
+        // The tilted point sees the whole disc if the rim of the disc is above the point's horizon.
         assert!(f64::atan(1.0 / distance) + tilt < PI / 2.0 || tilt == 0.0);
         let normal = dvec3(f64::sin(tilt), 0.0, f64::cos(tilt));
         let integral = disc_form_factor_integral(area, distance * DVec3::Z, DVec3::NEG_Z, DVec3::ZERO, normal, 400);
-        // Midpoint rule: (1/400)^2 times the integrand's slope between rim and centre.
+        // Error of the midpoint rule: (1/400)^2 times the integrand's slope between rim and centre.
         assert_near(disc_form_factor(area, 1.0, normal.z, distance * distance), integral, 3e-5);
     }
 }
@@ -111,7 +115,7 @@ fn solid_angle_of_a_tiny_texel_keeps_its_digits() {
     let side = 1e-7;
     let corner = |i: f64, j: f64| dvec3(1.0 + side * i, side * j, 1.0);
     let omega = solid_angle(corner(0.0, 0.0), corner(1.0, 0.0), corner(1.0, 1.0), corner(0.0, 1.0));
-    // Cosine cubed at 45 degrees. Across the texel the angle changes by 1e-7, and the corners round at 1e-9.
+    // Expected: cosine cubed at 45 degrees. The angle changes by 1e-7 across the texel, and the corners round at 1e-9.
     assert_near(omega, side * side * 0.5_f64.sqrt().powi(3), 1e-6);
 }
 
@@ -125,7 +129,7 @@ fn texel_areas_of_a_facing_plane_sum_to_the_footprint() {
     assert_near(texel_area(3.0, 16, 0.5) * 256.0, 3.0 * 3.0, ROUNDING);
 }
 
-/// A square floor about the origin, tilted about the x axis.
+/// A square floor centred at the origin and tilted about the x axis.
 fn floor(size: f64, tilt: f64, albedo: f64) -> Vec<Triangle> {
     let back = dvec3(0.0, f64::sin(tilt), -f64::cos(tilt)) * size;
     let corner = -0.5 * (size * DVec3::X + back);
@@ -136,11 +140,11 @@ fn floor(size: f64, tilt: f64, albedo: f64) -> Vec<Triangle> {
 fn flux_of_a_hard_spot_is_its_cone_whatever_the_tilt() {
     let (outer, albedo) = (f64::from(0.6_f32), 0.7);
     let spot = Light { position: dvec3(0.0, 3.0, 0.0), ..light(LightKind::Spot { inner: 0.6, outer: 0.6 }) };
-    // The falloff is a squared ramp, 0.001 wide in the cosine, inside of the edge.
+    // The falloff is a squared ramp just inside the edge. It is 0.001 wide in the cosine.
     let cone = TAU * (1.0 - outer.cos() - 0.001 + 0.001 / 3.0);
     let expected = albedo * intensity(&spot, DVec3::NEG_Y) * cone;
-    // 256 sub-samples across: the rim crosses 800 of 51000, each errs by half of itself this way or that. Of 32 it is
-    // 100 of 800; without sub-samples, 25 of 50 texels, 5 %.
+    // With n = 64 there are 256 sub-samples across. The rim crosses 800 of 51000, each with a random error of half its
+    // value. With n = 8 it crosses 100 of 800. Without sub-samples it would cross 25 of 50 texels, an error of 5 %.
     for (tilt, (n, bound)) in [0.0, 0.4, 0.8].into_iter().flat_map(|tilt| [(64, 3e-4), (8, 6e-3)].map(|n| (tilt, n))) {
         let flux: DVec3 = cast(&floor(100.0, tilt, albedo), &spot, n).iter().map(|val| val.flux).sum();
         assert_near3(flux, expected, bound);
@@ -159,7 +163,7 @@ fn flux_of_parallel_light_is_what_the_projected_area_catches() {
     let sun = light(LightKind::Directional);
     for tilt in [0.0, 0.7] {
         let flux: DVec3 = cast(&floor(2.0, tilt, 0.5), &sun, 16).iter().map(|val| val.flux).sum();
-        // The picture fits the floor exactly when the floor's axes are the picture's.
+        // The frustum fits the floor exactly because both have the same axes.
         assert_near3(flux, 0.5 * 4.0 * f64::cos(tilt) * intensity(&sun, DVec3::NEG_Y), ROUNDING);
     }
 }
@@ -185,12 +189,12 @@ fn vals_face_the_light_and_misses_are_nothing() {
     assert!(misses.iter().all(|val| *val == Val::NOTHING));
 }
 
-// Reflection, METHOD 3.
+// Reflection (METHOD 3).
 
 #[test]
 fn phong_lobe_reflects_all_at_normal_incidence_and_less_when_tilted() {
-    const STEPS: [usize; 2] = [4000, 80]; // in height and around; the lobe is steep in height
-    // E12: albedo for k = 100, given to two digits.
+    const STEPS: [usize; 2] = [4000, 80]; // in height and azimuth; the lobe varies most in height
+    // E12: albedo for k = 100, given with two digits.
     for (degrees, expected) in [(0.0_f64, 1.0), (30.0, 0.87), (60.0, 0.50), (75.0, 0.26)] {
         let (sin, cos) = degrees.to_radians().sin_cos();
         let mirrored = reflect(dvec3(-sin, 0.0, -cos), DVec3::Z);
@@ -218,7 +222,7 @@ fn spot_falls_off_between_its_angles() {
     for (cos, expected) in [(1.0, 1.0), (inner.cos(), 1.0), (halfway, 0.25), (outer.cos(), 0.0), (-1.0, 0.0)] {
         assert!((spot_falloff(inner, outer, cos) - expected).abs() < 1e-12);
     }
-    // Equal angles: a hard edge and no division by zero.
+    // Equal angles give a hard edge and no division by zero.
     assert_eq!([0.49, 0.51].map(|angle| spot_falloff(0.5, 0.5, f64::cos(angle))), [1.0, 0.0]);
     let spot = light(LightKind::Spot { inner: 0.3, outer: 0.7 });
     assert_near3(intensity(&spot, DVec3::NEG_Y), dvec3(100.0, 50.0, 25.0), ROUNDING);
@@ -252,7 +256,7 @@ fn pbr_neutral_keeps_base_colours_and_can_be_undone() {
             let color = reach * dvec3(next(), next(), next());
             let shown = tonemap::pbr_neutral(color);
             assert!(shown.min_element() >= -1e-15 && shown.max_element() < 1.0);
-            // Near white the inverse multiplies rounding by (peak / 0.24)^2.
+            // Near white, the inverse multiplies rounding errors by (peak / 0.24)^2.
             assert_near3(tonemap::pbr_neutral_inverse(shown), color, 1e-8);
         }
     }
@@ -260,7 +264,8 @@ fn pbr_neutral_keeps_base_colours_and_can_be_undone() {
 
 #[test]
 fn tone_maps_keep_grey_grey_and_rise() {
-    // Middle grey: ACES by its rational fit; AgX shows it at half of the display's code, within the polynomial's error.
+    // Middle grey. ACES uses its rational fit. AgX maps it to half of the display's code range, within the error of its
+    // polynomial.
     assert_near(tonemap::aces(DVec3::splat(0.18)).y, 0.1056, 2e-3);
     assert_near(tonemap::agx(DVec3::splat(0.18)).y, 0.5_f64.powf(2.2), 0.02);
     for map in [tonemap::linear, tonemap::pbr_neutral, tonemap::aces, tonemap::agx] {
@@ -280,16 +285,16 @@ fn srgb_round_trips_and_joins() {
     for i in 0..=1000 {
         let color = DVec3::splat(f64::from(i) / 1000.0);
         let back = tonemap::linear_from_srgb(tonemap::srgb_from_linear(color));
-        assert!((back - color).abs().max_element() < 1e-7); // the standard's two pieces meet only to 1e-8
+        assert!((back - color).abs().max_element() < 1e-7); // the standard's two curve pieces differ by 1e-8
     }
     assert_near(tonemap::srgb_from_linear(DVec3::splat(0.5)).x, 0.735357, 1e-6);
 }
 
-// The bounce as a whole, METHOD 2.
+// One whole bounce (METHOD 2).
 
 const WALLS: [DVec3; 3] = [dvec3(0.7, 0.2, 0.1), dvec3(0.2, 0.6, 0.2), dvec3(0.7, 0.7, 0.6)];
 
-/// A closed box of 2 m about the origin with a 0.5 m block in it, walls of three colours.
+/// A closed 2 m box centred at the origin with walls of three colours.
 fn cornell() -> Vec<Triangle> {
     let mut triangles = Vec::new();
     let (x, y, z) = (2.0 * DVec3::X, 2.0 * DVec3::Y, 2.0 * DVec3::Z);
@@ -324,13 +329,13 @@ fn vals_bring_the_irradiance_that_random_paths_bring() {
         for (point, normal) in [(dvec3(0.3, 1.0, 0.2), DVec3::NEG_Y), (dvec3(1.0, 0.2, 0.1), DVec3::NEG_X)] {
             let sum = brute_force::irradiance(point, normal, &vals);
             let truth = one_bounce_irradiance(point, normal, triangles, &light, 200_000, 1);
-            // Measured: up to 0.8 %, nearly all of it the noise of 200 000 paths.
+            // Measured: up to 0.8 %. Nearly all of it is the noise of 200 000 paths.
             assert_near3(sum, truth, 0.02);
         }
     }
 }
 
-/// The block on a floor at height 0.
+/// Moves the block up so that it stands on a floor at height 0.
 fn raised(block: Vec<Triangle>) -> Vec<Triangle> {
     block.into_iter().map(|t| Triangle { positions: t.positions.map(|p| p + DVec3::Y), ..t }).collect()
 }

@@ -1,4 +1,4 @@
-//! Animated scenes stand where a second reader in f64 has them, at any time; malformed animations are refused.
+//! Poses of animated scenes agree at any time with a second reader that works in f64. Malformed animations are refused.
 
 mod built;
 mod files;
@@ -14,10 +14,10 @@ use lightskin::scene::{Instance, Mesh, Scene, gltf, tessellate};
 use second::{File, Triangle};
 use std::path::{Path, PathBuf};
 
-/// Times at which each animation is looked at.
+/// Number of times at which each animation is compared.
 const TIMES: usize = 20;
 
-/// Vertices of an instance in the world; f64 but for the vertices themselves.
+/// World-space positions and normals of an instance's vertices. The transforms are f64; the model's vertices are f32.
 fn placed(scene: &Scene, instance: &Instance) -> (Vec<DVec3>, Vec<DVec3>) {
     let mesh = &scene.meshes[instance.mesh];
     let vertices = match &instance.pose {
@@ -31,14 +31,14 @@ fn placed(scene: &Scene, instance: &Instance) -> (Vec<DVec3>, Vec<DVec3>) {
     (vertices.iter().map(position).collect(), vertices.iter().map(normal).collect())
 }
 
-/// What a comparison found.
+/// Largest differences that a comparison found.
 #[derive(Default)]
 struct Off {
-    /// Largest distance of a vertex, as a share of the model's size.
+    /// Largest distance between corresponding vertices, as a fraction of the model's size.
     position: f64,
-    /// Largest angle [rad] of a normal.
+    /// Largest angle [rad] between corresponding normals.
     normal: f64,
-    /// Largest distance of a cache, as a share of the model's size.
+    /// Largest distance between corresponding caches, as a fraction of the model's size.
     cache: f64,
 }
 
@@ -72,13 +72,13 @@ impl Off {
     }
 }
 
-/// Without triangles that have no area at rest, which a mesh that does not bend drops.
+/// Removes triangles without area at rest. The loader drops them from meshes that do not bend.
 fn without_flat(mut drawn: Vec<Vec<Triangle>>, scene: &Scene, rest: &[Vec<Triangle>]) -> Vec<Vec<Triangle>> {
     for ((drawn, rest), instance) in drawn.iter_mut().zip(rest).zip(&scene.instances) {
         if instance.pose.is_none() {
             let mut rest = rest.iter();
             drawn.retain(|_| {
-                let ([a, b, c], _) = rest.next().expect("as many");
+                let ([a, b, c], _) = rest.next().expect("one rest triangle for each drawn triangle");
                 (*b - *a).cross(*c - *a).length() > 1e-10 * (*b - *a).length_squared().max((*c - *a).length_squared())
             });
         }
@@ -113,7 +113,7 @@ fn every_animated_file_stands_as_a_second_reader_has_it() {
             let (_, first, last) = scene.animations().nth(animation).expect("is there");
             assert!(first >= begin && last <= end);
             for i in 0..TIMES {
-                // Some before the first key and after the last.
+                // Includes times before the first key and after the last.
                 let time = begin + (end - begin) * (1.2 * i as f64 / (TIMES - 1) as f64 - 0.1);
                 scene.pose(animation, time);
                 let drawn = without_flat(file.drawn(Some((animation, time))), &scene, &rest);
@@ -126,7 +126,7 @@ fn every_animated_file_stands_as_a_second_reader_has_it() {
         }
         let bend = scene.instances.iter().filter(|i| i.pose.is_some()).count();
         println!(
-            "{:<28} {} animations, {bend:>2} of {:>2} instances bend: vertices off by {:.1e}, caches {:.1e} of the size, normals {:.1e} rad",
+            "{:<28} {} animations, {bend:>2} of {:>2} instances bend: largest differences: vertices {:.1e} and caches {:.1e} of the size, normals {:.1e} rad",
             scene.name,
             file.animations(),
             scene.instances.len(),
@@ -160,7 +160,7 @@ fn a_pose_depends_on_animation_and_time_alone() {
     assert!((animation.looped(2.25 * (end - begin)) - begin - 0.25 * (end - begin)).abs() < 1e-12);
 }
 
-/// Positions in the world of all vertices of an instance.
+/// World-space positions of all vertices of the first instance.
 fn at(scene: &mut Scene, animation: usize, time: f64) -> Vec<Vec3> {
     scene.pose(animation, time);
     placed(scene, &scene.instances[0]).0.iter().map(|p| p.as_vec3()).collect()
@@ -170,20 +170,20 @@ fn has(found: &[Vec3], wanted: Vec3) -> bool {
     found.iter().any(|p| p.distance(wanted) < 1e-4)
 }
 
-/// In closed form, from the pictures in the files' descriptions.
+/// Expected positions in closed form, from the figures in the files' descriptions.
 #[test]
 fn the_simple_ones_stand_where_they_should() {
     let Some(data) = data() else { return };
     let load = |name: &str| gltf::load(&data.join("scenes").join(name)).expect("is valid");
     let mut skin = load("features/skin/SimpleSkin/SimpleSkin.gltf");
-    // A quarter turn of the second joint, which stands at (0, 1): the top (0.5, 2) is at (0.5, 1) from it.
+    // The second joint at (0, 1) makes a quarter turn. The top (0.5, 2) is at (0.5, 1) relative to the joint.
     let found = at(&mut skin, 0, 1.0);
     assert!(has(&found, Vec3::new(-1.0, 1.5, 0.0)) && has(&found, Vec3::new(-0.5, 0.0, 0.0)), "{found:?}");
     let mut morph = load("features/morph/SimpleMorph/SimpleMorph.gltf");
     // Half of (0, 1), then all of (1, 1).
     assert!(has(&at(&mut morph, 0, 0.5), Vec3::new(1.0, 1.0, 0.0)));
     assert!(has(&at(&mut morph, 0, 2.0), Vec3::new(0.5, 2.5, 0.0)));
-    // The same rotation as floats, bytes and shorts.
+    // The same rotation is stored as floats, bytes and shorts.
     let turn = |n: u32, time: f64| {
         let mut scene = load(&format!("asset_generator/Animation_SamplerType/Animation_SamplerType_0{n}.gltf"));
         scene.pose(0, time);
@@ -204,7 +204,7 @@ fn dividing_leaves_meshes_that_bend_without_cracks() {
         let mut fine = coarse.clone();
         let (low, high) = coarse.bounds().expect("is not empty");
         let added = tessellate::tessellate(&mut fine, 0.02 * low.distance(high), 1_000_000);
-        // Once more, on what is divided already.
+        // Divides the divided mesh once more.
         let again = tessellate::tessellate(&mut fine, 0.011 * low.distance(high), 1_000_000);
         assert!(added > 100 && again > 100, "{name}: {added} {again}");
         let at_rest = fine.meshes[0].posed(fine.instances[0].pose.as_ref().expect("bends"));
@@ -221,16 +221,16 @@ fn dividing_leaves_meshes_that_bend_without_cracks() {
                 (frozen.meshes[0].clone(), tessellate::area(&frozen))
             };
             let ((coarse_mesh, coarse_area), (fine_mesh, fine_area)) = (of(&coarse), of(&fine));
-            // Flat pieces of flat triangles, whose edges meet as those of the file do.
+            // Flat triangles are divided into flat pieces, whose edges meet where the edges in the file meet.
             assert!((fine_area / coarse_area - 1.0).abs() < 1e-4, "{name}: {fine_area} for {coarse_area}");
             let (was, is) = (open_edges(&coarse_mesh), open_edges(&fine_mesh));
-            println!("{name}: {was} m of open edges, {is} once divided");
-            assert!((was - is).abs() <= 1e-3 * was + 1e-9, "{name}: {was} m of open edges became {is}");
+            println!("{name}: {was} m of open edges before the division, {is} m after");
+            assert!((was - is).abs() <= 1e-3 * was + 1e-9, "{name}: {was} m of open edges became {is} m");
         }
     }
 }
 
-/// Length of edges that have a triangle on one side only, by vertices.
+/// Total length of edges that have a triangle on one side only. Edges are identified by vertex indices.
 fn open_edges(mesh: &Mesh) -> f64 {
     let mut count = std::collections::BTreeMap::new();
     for corners in mesh.indices.chunks_exact(3) {

@@ -1,4 +1,4 @@
-//! The window as a user meets it: real keys and buttons through a display of its own, under validation.
+//! The window from a user's view: real key and button events on a private display, with validation.
 
 use crate::cli::{folder, works};
 use crate::common::window::{App, Display, SMALL, cornell, png, words};
@@ -7,8 +7,8 @@ use std::path::Path;
 use std::process::Command;
 use std::time::Duration;
 
-/// The window shows `render`'s picture bit for bit: by a camera of the scene, by one that the user has turned, and after another
-/// number of bounces; and what F12 writes is the same.
+/// The window shows the same picture as `render`, bit for bit: from a camera of the scene, from cameras that the user
+/// has turned and flown, and so does the file that F12 writes.
 #[test]
 fn the_window_shows_what_render_writes() {
     let Some(display) = Display::open() else { return };
@@ -18,7 +18,7 @@ fn the_window_shows_what_render_writes() {
     let arguments = [&["view", scene, "--size", "160x120", "--no-panels"], &SMALL[..]].concat();
     let mut app = App::start(&display, &folder, &arguments);
     app.line("scene");
-    for step in ["as it begins", "turned", "flown"] {
+    for step in ["initial view", "turned", "flown"] {
         match step {
             "turned" => {
                 app.drag(1, [60, 60], [90, 50]);
@@ -40,13 +40,14 @@ fn the_window_shows_what_render_writes() {
         works(&folder, &words.iter().map(String::as_str).collect::<Vec<_>>());
         let (size, wanted) = png(&rendered);
         assert_eq!(size, [160, 120], "{command}");
-        assert!(png(&folder.join(&saved)).1 == wanted, "{step}: F12 wrote another picture than {command}");
+        assert!(png(&folder.join(&saved)).1 == wanted, "{step}: the picture of F12 differs from that of {command}");
         app.shows(size, &wanted, step);
     }
     app.quit();
 }
 
-/// A small window with panels: the camera, every row of the panels, the keys, two hundred sizes down to nearly nothing, none at all.
+/// A small window with panels: moves the camera, uses every row of the panels and all keys, sets two hundred window
+/// sizes down to nearly nothing, and minimises the window.
 #[test]
 fn everything_can_be_pressed() {
     let Some(display) = Display::open() else { return };
@@ -74,7 +75,7 @@ fn everything_can_be_pressed() {
     app.press("2");
     assert_eq!(app.command(), moved, "camera 2 was kept");
     app.press("1");
-    // The panels, whose rows are 26 pixels high; each control changes what it should, in words of the command line.
+    // The panels have rows 26 pixels high. Each control must change the named part of the printed command line.
     let x = 64 + 135;
     app.slide([x, 220], 30, "--bounces");
     app.choose([x, 246], 1, "--shadows off");
@@ -86,7 +87,7 @@ fn everything_can_be_pressed() {
     app.choose([x, 428], 3, "--layers 4");
     let lit = png(&folder.join(app.picture())).1;
     app.tap([64 + 16, 491], "");
-    assert!(png(&folder.join(app.picture())).1 != lit, "a light that is off lights nothing");
+    assert!(png(&folder.join(app.picture())).1 != lit, "the light was switched off, but the picture stays");
     app.tap([64 + 16, 491], "");
     app.slide([x, 581], 30, "--camera '");
     app.tap([64 + 112, 607], "--ev ");
@@ -95,7 +96,7 @@ fn everything_can_be_pressed() {
         app.choose([x, 685], shown, "");
     }
     app.tap([64 + 112, 711], "");
-    // The reference, whose controls open with it.
+    // The reference. Its controls appear when it opens.
     app.press("Space");
     std::thread::sleep(Duration::from_millis(300));
     app.settle("");
@@ -114,7 +115,7 @@ fn everything_can_be_pressed() {
     app.slide([64 + 120, 168], 40, "lightskin");
     app.line("scene");
     assert!(app.command().contains("--caches"));
-    // Without a desktop there is no dialog.
+    // Without a desktop no file dialog opens.
     app.press_with("Control", "O");
     for _ in 0..3 {
         app.press("F1");
@@ -132,8 +133,8 @@ fn everything_can_be_pressed() {
     app.resize(96, 64);
     let name = app.picture();
     let (size, picture) = png(&folder.join(name));
-    assert_eq!(size, [96, 64], "without panels the picture is as large as the window");
-    // What does not load leaves what is shown.
+    assert_eq!(size, [96, 64], "without panels the picture must be as large as the window");
+    // A file that does not load leaves the shown scene in place.
     let broken = folder.join("broken.glb");
     fs::write(&broken, b"nonsense").expect("a file");
     app.drop_file(&broken);
@@ -142,18 +143,18 @@ fn everything_can_be_pressed() {
     app.drop_file(&scene.with_file_name("cornell_diffuse.glb"));
     assert!(app.line("scene").contains("cornell_diffuse"));
     let name = app.picture();
-    assert!(png(&folder.join(name)).1 != picture, "another scene, another picture");
+    assert!(png(&folder.join(name)).1 != picture, "the picture must change with the scene");
     let mut held = app.held();
     held.sort_by(|a, b| b.0.total_cmp(&a.0));
-    println!("longest beyond a frame [ms]: {:?}", &held[..10]);
+    println!("longest delays beyond a frame [ms]: {:?}", &held[..10]);
     app.quit_after(Some("broken.glb"));
 }
 
-/// Without a display the window says what to do instead.
+/// Without a display the tool says in one line what to do instead.
 #[test]
 fn no_display_is_one_line() {
     let folder = folder("app_blind");
-    // A scene alone is to be looked at.
+    // A scene file as the only argument opens the window, too.
     for argument in [Path::new("view"), &cornell()] {
         let out = Command::new(env!("CARGO_BIN_EXE_lightskin"))
             .arg(argument)

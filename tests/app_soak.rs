@@ -1,13 +1,13 @@
-//! A monkey at the window: random keys, buttons, sizes and files for as long as it is asked to. `scripts/soak` runs it.
+//! A monkey test of the window: random keys, buttons, sizes and files for a given time. `scripts/soak` runs it.
 
 use crate::cli::folder;
 use crate::common::window::{App, Display, KEYS, SMALL, cornell};
 use std::time::{Duration, Instant};
 
-/// How often memory is measured.
+/// How many times memory is measured.
 const MEASURED: u32 = 8;
 
-/// Random numbers, the same for the same seed: xorshift.
+/// Xorshift random numbers. The same seed gives the same numbers.
 struct Random(u64);
 
 impl Random {
@@ -18,7 +18,8 @@ impl Random {
         self.0 % end
     }
 
-    /// A place in the window. Above the third row of the panels controls ask for more caches than a software device lights in a minute.
+    /// A random place in the window, below the panels' third row. The controls above can ask for more caches than a
+    /// software device lights in a minute.
     fn place(&mut self, [width, height]: [u64; 2]) -> [i16; 2] {
         [self.below(width) as i16, (180 + self.below(height.saturating_sub(180).max(1))) as i16]
     }
@@ -28,7 +29,7 @@ fn asked(name: &str, usual: u64) -> u64 {
     std::env::var(name).ok().and_then(|text| text.parse().ok()).unwrap_or(usual)
 }
 
-/// No panic, no message of the validation layer, no hang and no growth of memory. The seed is printed.
+/// Fails on a panic, a message of the validation layer, a hang or growing memory. Prints its seed.
 #[test]
 #[ignore = "takes minutes; scripts/soak runs it"]
 fn a_monkey_breaks_nothing() {
@@ -43,7 +44,7 @@ fn a_monkey_breaks_nothing() {
     app.line("scene");
     let mut size = [480, 600];
     app.resize(480, 600);
-    // What memory is measured in: the scene, the settings and the size that it began with.
+    // Memory is measured with the initial scene and settings and a fixed size. This session file restores them.
     app.press_with("Control", "S");
     let session = folder.join(app.line("session").split_whitespace().last().expect("a name"));
     let (start, mut steps, mut most) = (Instant::now(), 0_u64, Duration::ZERO);
@@ -57,7 +58,8 @@ fn a_monkey_breaks_nothing() {
                 10 => app.click(4 + random.below(2) as u8, random.place(size)),
                 11..=15 => {
                     let key = KEYS[random.below(KEYS.len() as u64) as usize].0;
-                    // What is held is let go of; Control with Q would be the end.
+                    // `press` releases the key again. Control is never held here, because Control+Q would close the
+                    // window.
                     app.press(key);
                 }
                 16 => app.press_with("Control", ["1", "2", "S", "C", "O"][random.below(5) as usize]),
@@ -72,7 +74,7 @@ fn a_monkey_breaks_nothing() {
                 _ => std::thread::sleep(Duration::from_millis(random.below(400))),
             }
         }
-        // It answers.
+        // The window must answer.
         let asked = Instant::now();
         app.command();
         most = most.max(asked.elapsed());
@@ -82,7 +84,7 @@ fn a_monkey_breaks_nothing() {
             app.line("scene");
             app.resize(480, 600);
             app.command();
-            // Hidden panels leave the picture their place.
+            // If the panels are hidden, the picture fills their space. Tab shows them again.
             if app.command().contains("480x600") {
                 app.press("Tab");
             }
@@ -96,7 +98,7 @@ fn a_monkey_breaks_nothing() {
         }
     }
     let beyond = app.held().into_iter().max_by(|a, b| a.0.total_cmp(&b.0));
-    println!("{steps} steps, longest answer {:.1} s; longest beyond a frame {beyond:?} ms", most.as_secs_f64());
+    println!("{steps} steps, longest answer {:.1} s; longest delay beyond a frame {beyond:?} ms", most.as_secs_f64());
     let least = |part: &[u64]| part.iter().min().copied().expect("measured");
     let (first, second) = measured.split_at(measured.len() / 2);
     let grown = least(second) as f64 / least(first) as f64;
@@ -104,7 +106,7 @@ fn a_monkey_breaks_nothing() {
     app.quit();
 }
 
-/// So many frames of a moving camera make no set, pool, pipeline or resource, and take no memory.
+/// `frames` frames of a moving camera create no descriptor set, pool, pipeline or resource, and take no memory.
 pub(crate) fn frames_leave_nothing(frames: u64) {
     let Some(display) = Display::open() else { return };
     let folder = folder("app_frames");

@@ -1,4 +1,5 @@
-//! What the window offers beside the picture, by real keys and buttons: comparing, telling of a pixel.
+//! Tools of the window besides the picture, driven by real key and button events: comparing pictures, inspecting a
+//! pixel, sessions, videos, materials.
 
 use crate::cli::{folder, works};
 use crate::common::window::{App, Display, SMALL, cornell, png};
@@ -9,12 +10,12 @@ use std::fs;
 use std::path::Path;
 use std::time::Duration;
 
-/// Numbers of a line of text, whatever stands between them.
+/// All numbers in a line of text.
 fn numbers(text: &str) -> Vec<f64> {
     text.split(|c: char| !(c.is_ascii_digit() || ".-+e".contains(c))).filter_map(|word| word.parse().ok()).collect()
 }
 
-/// FLIP, relMSE and bias of the window are those of `lightskin compare`.
+/// Asserts that the window's FLIP, relMSE and bias equal those of `lightskin compare`.
 fn assert_errors(line: &str, folder: &Path, image: &str, reference: &str) {
     let told = works(folder, &["compare", image, reference, "--json"]);
     let wanted: Value = serde_json::from_str(&told).expect("JSON");
@@ -25,7 +26,8 @@ fn assert_errors(line: &str, folder: &Path, image: &str, reference: &str) {
     }
 }
 
-/// A picture in a file shows bit for bit, with the wipe beside lightskin's own, and is measured as by `compare`.
+/// A picture from a file is shown bit for bit beside lightskin's own with the wipe, and its errors equal those of
+/// `compare`.
 #[test]
 fn a_file_is_compared() {
     let Some(display) = Display::open() else { return };
@@ -41,7 +43,7 @@ fn a_file_is_compared() {
     let own = png(&folder.join(&name)).1;
     assert_errors(&errors, &folder, &name, "other.png");
     app.shows(size, &other, "the file");
-    // The line stands at the left at first.
+    // The wipe's line is at the left edge at first.
     app.slide([3, 20], 29, "");
     let wanted: Vec<_> = (0..own.len()).map(|i| if i % 64 < 32 { own[i] } else { other[i] }).collect();
     app.shows_at(size, &wanted, |i| (i % 64).abs_diff(32) > 2, "the wipe");
@@ -51,7 +53,8 @@ fn a_file_is_compared() {
     app.quit();
 }
 
-/// Any two pictures: a file on the left, brute force on the right, which is `render`'s though it comes by rows.
+/// Compares any two pictures: a file on the left, brute force on the right. The brute-force picture is computed in rows
+/// and equals `render`'s.
 #[test]
 fn a_file_is_held_against_brute_force() {
     let Some(display) = Display::open() else { return };
@@ -86,7 +89,7 @@ fn a_file_is_held_against_brute_force() {
         png(&folder.join(shown)).1
     });
     for (column, file) in [(2, 0), (61, 1)] {
-        // The curve is evaluated by another shader: a step of rounding.
+        // A different shader evaluates the tone curve, so one step of rounding is allowed.
         let far = |row: &usize| {
             let [a, b] = [&seen, &files[file]].map(|pixels: &Vec<[u8; 3]>| pixels[row * 64 + column]);
             (0..3).any(|c| a[c].abs_diff(b[c]) > 1)
@@ -96,8 +99,8 @@ fn a_file_is_held_against_brute_force() {
     app.quit();
 }
 
-/// The path tracer's samples are those of `render --gi path-trace`; another view has another reference; a click with Ctrl tells
-/// what the layers have.
+/// The path tracer's samples equal those of `render --gi path-trace`. Another view gets another reference. Ctrl+click
+/// prints the values of the layers at a pixel.
 #[test]
 fn the_view_is_path_traced() {
     let Some(display) = Display::open() else { return };
@@ -135,12 +138,12 @@ fn the_view_is_path_traced() {
 
     app.drag(1, [20, 20], [30, 18]);
     let turned = app.line("errors");
-    assert_ne!(turned, errors, "another view");
+    assert_ne!(turned, errors, "the errors must change with the view");
     app.quit();
 }
 
-/// A scene whose file changes is loaded again and seen from where it was; a session brings view, light, materials and settings
-/// back, in the same window and in a new one.
+/// A scene whose file changes is loaded again, and the view stays. A session restores view, light, materials and
+/// settings, both in the same window and in a new one.
 #[test]
 fn files_and_sessions_come_back() {
     let Some(display) = Display::open() else { return };
@@ -156,14 +159,14 @@ fn files_and_sessions_come_back() {
     let glossy = png(&folder.join(app.picture())).1;
     fs::copy(cornell().with_file_name("cornell_diffuse.glb"), &scene).expect("another scene");
     app.line("scene");
-    assert_eq!(app.command(), turned, "the view stays");
-    // A diffuse scene whose caches are all lit, seen from elsewhere: the light stays as it is.
+    assert_eq!(app.command(), turned, "the view must stay");
+    // A diffuse scene lights all of its caches, so another view does not change the light.
     app.press("1");
     app.command();
     app.press("2");
     app.command();
     let diffuse = png(&folder.join(app.picture())).1;
-    assert!(diffuse != glossy, "another scene");
+    assert!(diffuse != glossy, "the picture must change with the scene");
 
     app.press_with("Control", "S");
     let file = folder.join(app.line("session").split_whitespace().last().expect("a name"));
@@ -181,9 +184,9 @@ fn files_and_sessions_come_back() {
     assert_eq!(command.replace(" --bounces 1", "").replace(&format!("{}/", folder.display()), ""), turned);
     assert!(command.contains("--bounces 1"), "{command}");
     let changed = png(&folder.join(app.picture())).1;
-    assert!(changed != diffuse, "other light, another colour");
+    assert!(changed != diffuse, "the picture must change with light and material");
     app.press("1");
-    assert!(app.command().contains("0,1,3;0,1,0;0,1,0;50"), "a kept camera");
+    assert!(app.command().contains("0,1,3;0,1,0;0,1,0;50"), "the session's camera must return");
     app.press("2");
     app.press_with("Control", "S");
     app.line("session");
@@ -193,7 +196,7 @@ fn files_and_sessions_come_back() {
     }
     let color = &again["materials"]["white"]["base_color"];
     assert!((color[2].as_f64().expect("blue") - 0.9).abs() < 1e-6, "{color}");
-    // What is none leaves what is shown.
+    // A file that is no valid session leaves the shown scene in place.
     let broken = folder.join("broken.json");
     fs::write(&broken, "{\"lightskin_session\": 1, \"arguments\": [\"--quality\", \"best\"]}").expect("a file");
     app.drop_file(&broken);
@@ -209,7 +212,7 @@ fn files_and_sessions_come_back() {
     app.quit();
 }
 
-/// Shift+P writes the frames that `render --frames` writes, then the scene rests as before.
+/// Shift+P writes the same frames as `render --frames`. Afterwards the scene is at rest again.
 #[test]
 fn a_video_is_renders_frames() {
     let Some(display) = Display::open() else { return };
@@ -237,12 +240,12 @@ fn a_video_is_renders_frames() {
     for n in 0..3 {
         assert!(frame("moves-video-1", n) == frame(".", n), "frame {n}");
     }
-    assert!(frame(".", 0) != frame(".", 2), "something moves");
+    assert!(frame(".", 0) != frame(".", 2), "the animation must move something");
     assert_eq!(png(&folder.join(app.picture())).1, rests);
     app.quit();
 }
 
-/// What the panel says of a material changes the picture live, and is in the session.
+/// Editing a material in the panel changes the picture at once, and the session stores the change.
 #[test]
 fn materials_change_live() {
     let Some(display) = Display::open() else { return };
@@ -253,14 +256,14 @@ fn materials_change_live() {
     let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
     app.line("scene");
     app.resize(384, 1000);
-    // What lies under a button is what the frame before has laid there.
+    // Buttons lie where the previous frame put them, so wait for one frame.
     app.command();
     app.tap([64 + 60, 745], "");
     std::thread::sleep(Duration::from_millis(300));
     app.settle("");
     let before = png(&folder.join(app.picture())).1;
     app.slide([64 + 180, 876], 40, "");
-    assert!(png(&folder.join(app.picture())).1 != before, "a surface that shines");
+    assert!(png(&folder.join(app.picture())).1 != before, "the emissive surface must change the picture");
     app.press_with("Control", "S");
     let file = folder.join(app.line("session").split_whitespace().last().expect("a name"));
     let session: Value = serde_json::from_slice(&fs::read(file).expect("a session")).expect("JSON");

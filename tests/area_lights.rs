@@ -1,5 +1,5 @@
-//! The largest flat surfaces that emit are area lights: closed form, soft shadows and bounces of the path tracer, and which
-//! surfaces they are.
+//! Area lights, which are the largest flat emissive surfaces: against the closed form, soft shadows and bounces against
+//! the path tracer, and which surfaces become area lights.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use lightskin::frame::{LightShadows, Shadows, World};
@@ -16,7 +16,7 @@ fn shining(radiance: Vec3) -> Material {
     Material { emissive: radiance, ..phong([0.0; 3], [0.0; 3], 1.0) }
 }
 
-/// A floor of 2 m with a Phong lobe and over it a lamp of 0.6 m by 0.4 m that shines downwards.
+/// A 2 m floor with a Phong lobe below a lamp of 0.6 m by 0.4 m that shines downwards.
 fn lamp_over_floor(exponent: f32, world_from_lamp: DAffine3) -> Scene {
     let mut scene = Scene { name: "lamp over floor".into(), ..Scene::default() };
     let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.5);
@@ -58,12 +58,12 @@ fn an_open_lamp_is_the_integral_over_it() {
             off += exact.distance(shown);
             sum += exact.length();
         }
-        println!("k {exponent}, height {height}: mean error {:.5}, worst {:.5}", off / sum, worst / brightest);
+        println!("k {exponent}, height {height}: mean error {:.5}, largest {:.5}", off / sum, worst / brightest);
         assert!(sum > 0.0 && off / sum < 2e-3 && worst < 0.02 * brightest, "{exponent}: {off} of {sum}, {worst}");
     }
 }
 
-/// Relative error and bias of the sum of layers against the path tracer, beside the lamps themselves.
+/// Relative error and bias of the sum of all layers against the path tracer. Pixels that show the lamps are left out.
 fn against_paths(scene: &Scene, settings: &Knobs, passes: usize) -> [f64; 2] {
     let gpu = gpu();
     let caches = baked(scene, 0.2, 8);
@@ -84,7 +84,7 @@ fn against_paths(scene: &Scene, settings: &Knobs, passes: usize) -> [f64; 2] {
     [off / sum, own / sum - 1.0]
 }
 
-/// The Cornell box with its lamp as a surface 5 mm below the ceiling, which shines to both sides.
+/// The Cornell box with an emissive surface as its lamp. It hangs 5 mm below the ceiling and shines to both sides.
 fn lit_box() -> Scene {
     let mut scene = cornell(CornellSurface::Diffuse, 0.1);
     scene.lights.clear();
@@ -113,7 +113,7 @@ fn soft_shadows_and_bounces_are_the_path_tracers() {
 
 #[test]
 fn what_a_lamp_lights_reflects_all_of_its_light() {
-    // A lamp near the floor: in its middle it fills 0.87 of what the floor sees.
+    // The lamp is near the floor. Below its centre it fills 0.87 of the floor's view.
     let gpu = gpu();
     let scene = lamp_over_floor(1.0, DAffine3::from_translation(DVec3::Y * 0.1));
     let settings = Knobs { gi: Gi::BruteForce, rsm: 96, ..small() };
@@ -125,13 +125,13 @@ fn what_a_lamp_lights_reflects_all_of_its_light() {
     let factors = (0..n * n).map(|i| lamp.form_factor(dvec3(at(i % n), 0.0, at(i / n)), DVec3::Y));
     let arriving = std::f64::consts::PI * 30.0 * factors.sum::<f64>() * (2.0 / f64::from(n)).powi(2);
     let share = reflected / (sent_on(&scene, 0).x * arriving);
-    println!("{reflected:.4} lm reflected of {arriving:.4}: {share:.4} of what the albedo says");
+    println!("{reflected:.4} lm reflected of {arriving:.4}: {share:.4} of the expected flux");
     assert!((share - 1.0).abs() < 0.01, "{share}");
 }
 
 #[test]
 fn light_between_a_lamp_and_its_ceiling_stays_there() {
-    // All of the light goes up, 5 mm below a ceiling that it nearly touches; the room gets what leaks at the rim.
+    // The lamp shines only upwards, 5 mm below the ceiling. The room gets only the light that leaks at the rim.
     let mut scene = cornell(CornellSurface::Diffuse, 0.1);
     scene.lights.clear();
     let lamp = quad(vec3(-0.3, 1.995, -0.3), Vec3::X * 0.6, Vec3::Z * 0.6, 0.6);
@@ -143,7 +143,7 @@ fn light_between_a_lamp_and_its_ceiling_stays_there() {
         shot.diffuse.iter().map(|d| d.y).sum::<f64>()
     };
     let (up, down) = (light(lamp.reversed()), light(lamp.clone()));
-    println!("upwards {:.4} of the indirect light downwards", up / down);
+    println!("upwards: {:.4} of the indirect light of the lamp that shines downwards", up / down);
     assert!(down > 0.0 && up < 0.1 * down);
 }
 
@@ -153,7 +153,7 @@ fn the_largest_flat_surfaces_are_area_lights_and_the_rest_are_not_lost() {
     let mut scene = Scene::default();
     let floor = quad(vec3(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, 0.5);
     add(&mut scene, floor, phong([0.7; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
-    // A mesh of twenty lamps of growing size, and a box, every face of which is one.
+    // One mesh with twenty lamps of increasing size, and later a box. Each face of the box is an area light.
     let lamp = |i: usize| {
         let side = 0.05 * (1.0 + i as f32);
         quad(vec3(-2.5 + i as f32 * 0.25, 1.0, -1.0), Vec3::X * 0.2, Vec3::Z * side, 0.07)
@@ -164,7 +164,7 @@ fn the_largest_flat_surfaces_are_area_lights_and_the_rest_are_not_lost() {
     assert_eq!(world.areas.len(), 16);
     let area = |light: &lightskin::frame::AreaLight| 4.0 * light.right.length() * light.up.length();
     let smallest = world.areas.iter().map(area).fold(f64::INFINITY, f64::min);
-    assert!((smallest - 0.2 * 0.25).abs() < 1e-6, "the four smallest are left out: {smallest}");
+    assert!((smallest - 0.2 * 0.25).abs() < 1e-6, "the four smallest must be left out: {smallest}");
     for light in &world.areas {
         assert!(light.normal.distance(DVec3::NEG_Y) < 1e-6 && light.right.cross(light.up).dot(light.normal) > 0.0);
         assert!((light.radiance - 10.0).abs().max_element() < 1e-4);
@@ -172,7 +172,7 @@ fn the_largest_flat_surfaces_are_area_lights_and_the_rest_are_not_lost() {
     let flat: f64 = world.areas.iter().map(|light| std::f64::consts::PI * light.radiance.x * area(light)).sum();
     let rest: f64 = world.emitters.iter().map(|val| f64::from(val.flux.x)).sum();
     let total = std::f64::consts::PI * 10.0 * (0..20).map(|i| 0.2 * 0.05 * (1.0 + f64::from(i))).sum::<f64>();
-    println!("{flat} lm of area lights, {rest} of patches, {total} in all");
+    println!("area lights {flat} lm, patches {rest} lm, expected sum {total} lm");
     assert!(((flat + rest) / total - 1.0).abs() < 1e-3 && rest > 0.0);
 
     scene.instances.truncate(1);
@@ -184,7 +184,7 @@ fn the_largest_flat_surfaces_are_area_lights_and_the_rest_are_not_lost() {
     let middle = turn.transform_point3(dvec3(0.2, 0.6, 0.1));
     for light in &world.areas {
         let out = light.middle - middle;
-        assert!(out.normalize().dot(light.normal) > 1.0 - 1e-5, "each shines outwards");
+        assert!(out.normalize().dot(light.normal) > 1.0 - 1e-5, "each must shine outwards");
     }
     assert!(world.emitters.is_empty());
 }

@@ -1,4 +1,5 @@
-//! Placing the caches: the guarantee, the counts, areas and references against brute force, and the kept file.
+//! Cache placement: the coverage guarantee, cache counts, areas and references against brute force, and the kept bake
+//! file.
 
 pub(crate) mod meshes;
 
@@ -35,14 +36,14 @@ fn run(scene: &Scene, settings: &BakeSettings) -> CacheSet {
     bake::bake(scene, settings, &|_, _| {}).expect("bakes")
 }
 
-/// Corners in the world without translation, and the normal of the shaded side; `None` without an area.
+/// Corners in world space without translation, and the normal of the shaded side. `None` if the triangle has no area.
 fn triangle(mesh: &Mesh, linear: DMat3, index: usize) -> Option<([DVec3; 3], DVec3)> {
     let corners = mesh.triangle(index).map(|v| mesh.vertices[v].position.as_dvec3());
     let shading: DVec3 = mesh.triangle(index).iter().map(|&v| mesh.vertices[v].normal.as_dvec3()).sum();
     let [a, b, c] = corners;
     let cross = (b - a).cross(c - a);
     let longest = (b - a).length_squared().max((c - a).length_squared()).max((c - b).length_squared());
-    // Twice the limit of the bake, as that looks at the stretched triangle.
+    // Twice the bake's limit, because the bake tests the transformed triangle.
     if !cross.is_finite() || cross.length() <= 2e-9 * longest {
         return None;
     }
@@ -50,14 +51,14 @@ fn triangle(mesh: &Mesh, linear: DMat3, index: usize) -> Option<([DVec3; 3], DVe
     Some((corners.map(|p| linear * p), (linear.inverse().transpose() * front).normalize()))
 }
 
-/// Where a cache is, in the world without translation, from the triangle it lies on.
+/// Position of a cache in world space without translation, computed from its triangle.
 fn place(mesh: &Mesh, linear: DMat3, cache: &Cache) -> DVec3 {
     let [a, b, c] = mesh.triangle(cache.triangle as usize).map(|v| mesh.vertices[v].position.as_dvec3());
     let [second, third] = cache.barycentric.map(f64::from);
     linear * (a + (b - a) * second + (c - a) * third)
 }
 
-/// For random points on all triangles of all instances: is there a cache within both bounds? Returns the caches.
+/// Checks for random points on all triangles that a cache lies within both bounds. Returns the caches.
 fn check_guarantee(scene: &Scene, settings: &BakeSettings, random: &mut Random) -> CacheSet {
     let set = run(scene, settings);
     let angle = f64::from(settings.angle);
@@ -69,7 +70,7 @@ fn check_guarantee(scene: &Scene, settings: &BakeSettings, random: &mut Random) 
         let caches: Vec<(DVec3, DVec3)> = (model.caches.iter())
             .map(|c| (place(mesh, linear, c), triangle(mesh, linear, c.triangle as usize).expect("has an area").1))
             .collect();
-        // Positions of the mesh are f32; what is computed from them is not.
+        // The mesh has f32 positions; everything computed from them is f64.
         let rounding = 1e-9 * set.spacing + 1e-13 * caches.iter().map(|c| c.0.length()).fold(0.0, f64::max);
         for index in 0..mesh.triangle_count() {
             let Some(([a, b, c], normal)) = triangle(mesh, linear, index) else { continue };
@@ -113,7 +114,8 @@ fn the_guarantee_holds_far_away_and_at_any_scale() {
     for offset in [DVec3::ZERO, DVec3::new(1e5, -1e5, 1e5)] {
         let plane = grid_mesh(7, 5, |u, v| (offset + DVec3::new(9.0 * u, 0.0, -6.0 * v), DVec3::Y));
         let set = check_guarantee(&scene(vec![(plane, DAffine3::IDENTITY)]), &spacing(1.0), &mut random);
-        // The plane falls to one layer of voxels: 18 x 12 of them, fewer where edges were splinters.
+        // The plane lies in one layer of 18 x 12 voxels. Some get no cache because their piece of the edge is a
+        // splinter.
         assert!((150..=260).contains(&set.models[0].caches.len()), "{}", set.models[0].caches.len());
     }
     for scale in [1e-3, 1.0, 1e3] {
@@ -137,7 +139,7 @@ fn slivers_are_covered_and_degenerate_triangles_skipped() {
     let mesh = scene(vec![(flat_mesh(&triangles), DAffine3::IDENTITY)]);
     let set = check_guarantee(&mesh, &spacing(0.5), &mut random);
     assert!(set.models[0].caches.iter().all(|c| c.triangle < 6));
-    // Vertices without surface, and even those without a place, get references all the same.
+    // Vertices without surface, even those with NaN positions, still get references.
     assert!(set.models[0].references.iter().all(|&reference| reference != NO_CACHE));
 
     let nothing = scene(vec![(flat_mesh(&[[p; 3]]), DAffine3::IDENTITY)]);
@@ -158,12 +160,12 @@ fn vertex_normals_decide_which_side_is_the_surface() {
     bare.vertices.iter_mut().for_each(|v| v.normal = Vec3::ZERO);
     let run = |mesh| run(&scene(vec![(mesh, DAffine3::IDENTITY)]), &spacing(0.3)).models.remove(0);
     let (even, mixed, bare) = (run(even), run(mixed), run(bare));
-    // Other diagonals, so rounded otherwise, but the same plane.
+    // The diagonals differ, so rounding differs, but the plane is the same.
     assert_eq!(even.caches.len(), mixed.caches.len());
     for (a, b) in even.caches.iter().zip(&mixed.caches) {
         assert!(a.position.distance(b.position) < 1e-5 && (a.area - b.area).abs() < 1e-5 && b.normal == Vec3::Y);
     }
-    // Without normals the winding decides, for caches and vertices alike.
+    // Without normals the winding decides, both for caches and for vertices.
     assert_eq!(even, bare);
 }
 
@@ -177,7 +179,8 @@ fn bins_have_equal_areas_and_cover_the_sphere() {
         let radius = (1.0 - u * u).sqrt();
         hits[seeds::normal_bin(DVec3::new(radius * theta.cos(), radius * theta.sin(), u))] += 1;
     }
-    // 400 expected in each, standard deviation 20: beyond 5 of them lies one bin in 5000 runs.
+    // Expected: 400 in each bin, standard deviation 20. One bin in 5000 runs deviates by more than 5 standard
+    // deviations.
     assert!(hits.iter().all(|&h| (300..=500).contains(&h)), "{hits:?}");
     for bin in 0..hits.len() {
         assert_eq!(seeds::normal_bin(seeds::bin_normal(bin)), bin);
@@ -194,7 +197,7 @@ fn clipped_pieces_add_up() {
     for round in 0..200 {
         let mut corners = [(); 3].map(|()| (random.point() - 0.5) * 10.0);
         if round % 4 == 0 {
-            corners.iter_mut().for_each(|corner| corner.y = 1.0); // in a plane of the grid
+            corners.iter_mut().for_each(|corner| corner.y = 1.0); // in a grid plane
         }
         let [a, b, c] = corners;
         let (mut sum, mut voxels) = (0.0, std::collections::HashSet::new());
@@ -216,7 +219,7 @@ fn clipped_pieces_add_up() {
 #[test]
 fn counts_are_met() {
     let cube = scene(vec![(box_mesh(DVec3::new(4.0, 3.0, 5.0), 8), DAffine3::IDENTITY)]);
-    // Caches come by layers of voxels: small counts jump.
+    // Each voxel layer adds its caches together, so small counts change in steps.
     for (target, percent) in [(1, 500.0), (6, 0.0), (50, 10.0), (250, 6.0), (1000, 3.0), (4000, 2.0)] {
         let set = run(&cube, &count(target));
         let off = 100.0 * (set.models[0].caches.len() as f64 - target as f64).abs() / target as f64;
@@ -234,7 +237,7 @@ fn total_area(model: &ModelCaches) -> f64 {
     model.caches.iter().map(|c| f64::from(c.area)).sum()
 }
 
-/// Middle and half axes of a cache's rectangle in the world, as the atlas places them.
+/// Centre and half axes of a cache's rectangle in world space, computed as in the atlas.
 fn rectangle(cache: &Cache, world: &DAffine3) -> (DVec3, [DVec3; 2]) {
     let normal = (world.matrix3.inverse().transpose() * cache.normal.as_dvec3()).normalize();
     let axis = world.transform_vector3(cache.axis.as_dvec3());
@@ -244,7 +247,7 @@ fn rectangle(cache: &Cache, world: &DAffine3) -> (DVec3, [DVec3; 2]) {
 
 #[test]
 fn rectangles_are_like_the_shares() {
-    // One cache of a flat rectangle has all of it, however it is stretched, turned and mirrored.
+    // The only cache of a flat rectangle covers all of it, even when it is stretched, turned and mirrored.
     let plane = grid_mesh(5, 5, |u, v| (DVec3::new(u, 0.0, -v), DVec3::Y));
     let turn = DQuat::from_axis_angle(DVec3::new(1.0, 2.0, 0.5).normalize(), 0.7);
     let world = DAffine3::from_scale_rotation_translation(DVec3::new(2.0, 5.0, -3.0), turn, DVec3::new(7.0, 8.0, 9.0));
@@ -256,8 +259,8 @@ fn rectangles_are_like_the_shares() {
     assert!(axes[0].cross(z).length() < 1e-4 && (axes[0].length() - 1.5).abs() < 1e-4, "{} along {z}", axes[0]);
     assert!(axes[1].cross(x).length() < 1e-4 && (axes[1].length() - 1.0).abs() < 1e-4, "{} along {x}", axes[1]);
 
-    // Of two strips in one mesh a cache's rectangle is that which it lies on, without the gap; also where triangles share no
-    // vertices, and their corners differ by rounding.
+    // In a mesh of two strips, a cache's rectangle covers only the strip below the cache, without the gap. This also
+    // holds if triangles share no vertices and their corners differ by rounding.
     let mut strips = grid_mesh(6, 3, |u, v| (DVec3::new(2.0 * u, 0.0, -v), DVec3::Y));
     strips.indices.drain(36..72);
     let mut soup = strips.clone();
@@ -273,7 +276,7 @@ fn rectangles_are_like_the_shares() {
         assert!(((middle.z + 0.5).abs() - 1.0 / 3.0).abs() < 1e-4, "{middle}");
     }
 
-    // Rectangles of a thin rod have its girth together, and do not stick out of it by much.
+    // The rectangles on a thin rod together cover its circumference and protrude only slightly.
     let radius = 0.1;
     let rod = grid_mesh(24, 24, |u, v| {
         let normal = DVec3::new((TAU * u).cos(), 0.0, -(TAU * u).sin());
@@ -293,7 +296,7 @@ fn rectangles_are_like_the_shares() {
         }
     }
     let (rectangles, shares) = (area / lateral, total_area(&set.models[0]) / lateral);
-    println!("{} caches: rectangles have {rectangles:.3} of the rod, shares {shares:.3}", caches.len());
+    println!("{} caches: rectangles cover {rectangles:.3} of the rod, shares {shares:.3}", caches.len());
     assert!((0.8..1.1).contains(&rectangles), "{rectangles}");
 }
 
@@ -304,11 +307,11 @@ fn areas_add_up_to_the_surface() {
     assert_eq!(square.models[0].caches.len(), 1);
     assert!((total_area(&square.models[0]) - 4.0).abs() < 1e-5);
 
-    // Planes and boxes are divided among their caches exactly: bisectors of one face know nothing of the next.
+    // On planes and boxes, areas are exact: bisectors on one face ignore the other faces.
     let cases = [
         (plane(0.0), 1.0, 1e-5),
         (box_mesh(DVec3::new(1.0, 2.0, 3.0), 3), 22.0, 1e-5),
-        // Curved surface is seen foreshortened by its caches: 0.4 % and 1 % are lost here.
+        // Caches see curved surfaces foreshortened: 0.4 % and 1 % of the area are lost here.
         (sphere_mesh(1.0, 48), 4.0 * PI, 0.01),
         (torus_mesh(1.0, 0.4, 48), 4.0 * PI * PI * 0.4, 0.02),
     ];
@@ -319,7 +322,7 @@ fn areas_add_up_to_the_surface() {
         assert!(set.models[0].caches.iter().all(|c| c.area > 0.0));
     }
 
-    // A sheet's two sides do not share.
+    // The two sides of a sheet share no area.
     let mut sheet = plane(0.0);
     let back: Vec<Vertex> = sheet.vertices.iter().map(|v| Vertex { normal: -Vec3::Y, ..*v }).collect();
     let first = sheet.vertices.len() as u32;
@@ -356,13 +359,13 @@ fn references_equal_brute_force() {
             all.sort_by(f64::total_cmp);
             for (rank, &reference) in list.iter().enumerate() {
                 match all.get(rank) {
-                    // Equal errors may come in another order by the last bit, through the square root of 1 - 1.
+                    // Equal errors may differ in order: the square root of 1 - 1 amplifies errors in the last bit.
                     Some(least) => assert!((error(usize::from(reference)) - least).abs() < 1e-7, "rank {rank}"),
                     None => assert_eq!(reference, NO_CACHE),
                 }
             }
             let given = list.iter().filter(|&&r| r != NO_CACHE).collect::<std::collections::HashSet<_>>().len();
-            assert_eq!(given, references.min(caches.len()), "each cache once");
+            assert_eq!(given, references.min(caches.len()), "each cache must appear once");
         }
     }
 }
@@ -412,18 +415,19 @@ fn stretches_make_models() {
     scene.instances = transforms.map(place).to_vec();
     let set = check_guarantee(&scene, &spacing(0.3), &mut Random(8));
     assert_eq!(set.instance_model, [0, 0, 0, 1, 2]);
-    // Transforms that leave little or nothing of the mesh are not what one wants, but no crash either.
+    // Transforms that are not finite leave no caches, and nothing crashes.
     for scale in [DVec3::NAN, DVec3::splat(f64::INFINITY)] {
         scene.instances[3].world_from_model = DAffine3::from_scale(scale);
         let odd = run(&scene, &spacing(0.3));
         assert!(odd.models[1].caches.is_empty(), "{scale}");
     }
-    // What has no volume now may get one: it is taken to be of unit size.
+    // An instance without volume may get one later, so the bake assumes unit size.
     for scale in [DVec3::new(1.0, 0.0, 1.0), DVec3::ZERO] {
         scene.instances[3].world_from_model = DAffine3::from_scale(scale);
         assert_eq!(run(&scene, &spacing(0.3)).instance_model, [0, 0, 0, 0, 1], "{scale}");
     }
-    // Twice as large in the same metres: four times the caches, give or take the tube's curvature.
+    // The second model is twice as large with the same spacing: four times the caches, except for effects of the tube's
+    // curvature.
     let ratio = set.models[1].caches.len() as f64 / set.models[0].caches.len() as f64;
     assert!((2.5..5.0).contains(&ratio), "{ratio}");
     assert!((total_area(&set.models[1]) / total_area(&set.models[0]) - 4.0).abs() < 0.3);
@@ -432,7 +436,7 @@ fn stretches_make_models() {
 #[test]
 fn too_much_is_refused() {
     let large = box_mesh(DVec3::splat(100.0), 1);
-    // A small neighbour raises what the scene may hold, not what the large box may.
+    // A small neighbour raises the scene's limit, but not the large box's.
     let boxes = scene(vec![(large, DAffine3::IDENTITY), (box_mesh(DVec3::ONE, 1), DAffine3::IDENTITY)]);
     for settings in [spacing(1e-9), spacing(1e-3), spacing(1.5), count(100_000), count(200_000)] {
         match bake::bake(&boxes, &settings, &|_, _| {}) {
@@ -456,9 +460,9 @@ fn a_kept_bake_is_found_again() {
     assert!(!was_kept);
     assert_eq!(kept(&scene, &settings), (first.clone(), true));
 
-    // Any byte changed, any length cut: baked again, and whole again afterwards.
+    // After any changed byte or cut, the bake runs again and rewrites the whole file.
     let files: Vec<_> = std::fs::read_dir(&folder).expect("folder").map(|e| e.expect("entry").path()).collect();
-    assert_eq!(files.len(), 1, "no temporary file stays: {files:?}");
+    assert_eq!(files.len(), 1, "temporary files must not stay: {files:?}");
     let whole = std::fs::read(&files[0]).expect("file");
     for _ in 0..40 {
         let mut damaged = whole.clone();
@@ -473,7 +477,7 @@ fn a_kept_bake_is_found_again() {
         assert_eq!(std::fs::read(&files[0]).expect("file"), whole);
     }
 
-    // Whatever matters is part of the key.
+    // Every input that affects the result is part of the key.
     for other in
         [spacing(0.31), BakeSettings { references: 16, ..settings }, BakeSettings { angle: 0.5, ..settings }, count(50)]
     {
@@ -481,7 +485,7 @@ fn a_kept_bake_is_found_again() {
         assert!(kept(&scene, &other).1);
     }
     scene.instances[0].world_from_model = DAffine3::from_translation(DVec3::X);
-    assert!(kept(&scene, &settings).1, "translation does not matter");
+    assert!(kept(&scene, &settings).1, "translation must not matter");
     scene.instances[0].world_from_model = DAffine3::from_scale(DVec3::splat(1.5));
     assert!(!kept(&scene, &settings).1);
     scene
@@ -489,16 +493,17 @@ fn a_kept_bake_is_found_again() {
         .push(Instance { world_from_model: DAffine3::from_translation(DVec3::Z), ..scene.instances[0].clone() });
     assert!(!kept(&scene, &settings).1);
     scene.instances[1].world_from_model.translation.x += 0.5;
-    assert!(!kept(&scene, &settings).1, "neighbours close caches in");
+    assert!(!kept(&scene, &settings).1, "neighbours can enclose caches, so their distance matters");
     scene.meshes[0].vertices[0].position.x -= 0.1;
     assert!(!kept(&scene, &settings).1);
 
-    // A folder that cannot be one is no error.
+    // An unusable folder path is no error.
     let blocked = bake::bake_kept_in(&files[0], &scene, &settings, &|_, _| {}).expect("bakes");
     assert!(!blocked.1);
 }
 
-/// Squares of an edge \[m\], square to z, at places along it \[m\]; each turned to +z, or both ways.
+/// Square panels of edge length `edge` \[m\], perpendicular to z at the `places` \[m\]. They face +z, or with `both`
+/// also -z.
 fn panels(edge: f64, places: &[f64], both: bool) -> Mesh {
     let at = |i: i32, j: i32, z: f64| DVec3::new(f64::from(i), f64::from(j), 0.0) * edge / 8.0 + DVec3::Z * z;
     let mut triangles = Vec::new();
@@ -514,7 +519,7 @@ fn panels(edge: f64, places: &[f64], both: bool) -> Mesh {
 
 #[test]
 fn gaps_have_no_caches() {
-    // A wall, and a thin board with two sides 5 mm in front of it.
+    // A wall, and a thin two-sided board 5 mm in front of it.
     let mut scene = scene(vec![
         (panels(4.0, &[0.0], false), DAffine3::IDENTITY),
         (panels(1.0, &[0.0], true), DAffine3::from_translation(DVec3::Z * 0.005)),
@@ -524,13 +529,13 @@ fn gaps_have_no_caches() {
         let [wall, board] = [0, 1].map(|i| &set.models[set.instance_model[i]]);
         let in_gap = wall.caches.iter().filter(|c| c.position.truncate().abs().max_element() < 0.35).count();
         assert!(wall.caches.len() > 40 && board.caches.iter().any(|c| c.normal.z > 0.5), "{}", wall.caches.len());
-        // Every vertex still has one to refer to.
+        // Every vertex still has at least one reference.
         let first = |model: &ModelCaches| model.references.chunks(8).all(|row| row[0] != NO_CACHE);
         assert!(first(wall) && first(board));
         (in_gap, board.caches.iter().filter(|c| c.normal.z < -0.5).count())
     };
     assert_eq!(behind(&run(&scene, &spacing(0.5))), (0, 0));
-    // What may move may go away: it closes nothing in, and all of it may come into the open.
+    // A moving board may leave, so it closes no gap. Its own surface may come into the open, so all of it gets caches.
     scene.instances[1].moves = true;
     let (in_gap, on_back) = behind(&run(&scene, &spacing(0.5)));
     assert!(in_gap > 0 && on_back > 0, "{in_gap} {on_back}");
@@ -538,7 +543,7 @@ fn gaps_have_no_caches() {
 
 #[test]
 fn caches_lie_on_what_is_seen_of_layers() {
-    // A door and three layers of what is behind it: all face the same way, and most of the surface is behind.
+    // A door and three layers behind it. All face the same way, and most of the surface is hidden.
     let mut scene = scene(vec![(panels(1.0, &[0.0, -0.02, -0.04, -0.06], false), DAffine3::IDENTITY)]);
     scene.materials.push(Material::default());
     let set = run(&scene, &spacing(1.0));
@@ -557,7 +562,7 @@ fn progress_goes_from_nothing_to_all() {
     assert_eq!((told[0].0, told[told.len() - 1].0), (0.0, 1.0));
 }
 
-/// Not a test but a measurement, of something of Sponza's size: `cargo test --release -- --ignored --nocapture speed`.
+/// A measurement rather than a test, on a mesh of Sponza's size: `cargo test --release -- --ignored --nocapture speed`.
 #[test]
 #[ignore = "takes seconds and is of interest in release only"]
 fn speed() {
@@ -566,7 +571,7 @@ fn speed() {
         let stand = DVec3::new(f64::from(column % 11) * 2.7 + 1.0, 5.0, f64::from(column / 11) * 4.0 + 2.0);
         parts.push((torus_mesh(1.0, 0.3, 36), DAffine3::from_translation(stand)));
     }
-    // One mesh in the end, as large models come.
+    // All parts become one mesh, like most large models.
     let mut mesh = Mesh { name: "hall".into(), ..Default::default() };
     for (part, transform) in parts {
         let first = mesh.vertices.len() as u32;

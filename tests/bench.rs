@@ -1,4 +1,4 @@
-//! The bench: its kernels against references and device, its scenes, and the files it writes.
+//! The benchmark: its kernels against references and the device, its scenes, and the files that it writes.
 
 use crate::cli::{fails, folder, left};
 use crate::common::frames::{SPOT, baked, corner, small};
@@ -21,7 +21,7 @@ use lightskin::shared::{self, GatherSums};
 use pulp::{Arch, Scalar, Simd, WithSimd};
 use std::fs;
 
-/// Both functions of one number each, in whatever registers.
+/// Evaluates exp2 and log2 of one number, in registers of any width.
 #[derive(Clone, Copy)]
 struct Functions(f32);
 
@@ -30,7 +30,7 @@ impl WithSimd for Functions {
 
     #[inline(always)]
     fn with_simd<S: Simd>(self, simd: S) -> [f32; 2] {
-        // The second of two is the one that is asked for.
+        // The number is in the second of the two registers.
         let x = [simd.splat_f32s(1.5), simd.splat_f32s(self.0)];
         [simd::exp2(simd, x)[1], simd::log2(simd, x)[1]].map(|y| simd.reduce_max_f32s(y))
     }
@@ -49,19 +49,19 @@ fn powers_and_logarithms_are_exact_to_a_millionth() {
     for i in 0..=20_000 {
         let x = -100.0 + 227.0 * i as f32 / 20_000.0;
         check(0, x, f64::from(x).exp2());
-        // Over all magnitudes, and around 1, where the logarithm itself vanishes.
+        // Values of all magnitudes, and values around 1, where the logarithm is near zero.
         for x in [(0.0122 * (i as f32 - 10_000.0)).exp2(), 1.0 + 1e-6 * (i as f32 - 10_000.0)] {
             check(1, x, f64::from(x).log2());
         }
     }
     check(0, -100.0, (-100_f64).exp2());
-    // What is less counts as that.
+    // Arguments below -100 count as -100.
     let [least, less] = [-100.0, -1e9].map(|x| Arch::new().dispatch(Functions(x))[0]);
     assert_eq!(least, less);
-    eprintln!("worst relative errors: exp2 {:e}, log2 {:e}", worst[0], worst[1]);
+    eprintln!("largest relative errors: exp2 {:e}, log2 {:e}", worst[0], worst[1]);
 }
 
-/// A frame's VALs and caches, its eye and its proxies.
+/// VALs, caches, eye position and proxies of a frame.
 struct Gathered {
     vals: Vec<shared::Val>,
     caches: Vec<shared::Cache>,
@@ -85,7 +85,8 @@ fn gathered(scene: &Scene, set: &lightskin::bake::CacheSet, settings: &Knobs) ->
     Gathered { vals, caches, eye, proxies }
 }
 
-/// A corner under three kinds of light, whose VALs and caches fill neither tiles nor registers.
+/// A corner under three kinds of lights. The numbers of VALs and caches are not multiples of tile sizes and register
+/// widths.
 fn odd_corner(exponent: f32) -> Gathered {
     let scene = corner(&[SPOT, LightKind::Point, LightKind::Directional], exponent);
     let all = gathered(&scene, &baked(&scene, 0.5, 8), &Knobs { rsm: 33, ..small() });
@@ -105,7 +106,7 @@ fn native_sums_are_the_references() {
         for (cache, sums) in all.caches.iter().zip(&sums) {
             let at = shot::cache(cache, DVec3::ZERO);
             let mirrored = mirrored_view(at.position, at.normal, all.eye.truncate().as_dvec3());
-            // Each sum, and the sum of the magnitudes of its terms.
+            // The exact sums, and the sums of the terms' magnitudes.
             let (mut exact, mut size) = ([0.0_f64; 15], [0.0_f64; 15]);
             for val in &all.vals {
                 let weight = f64::from(val.weight);
@@ -122,15 +123,15 @@ fn native_sums_are_the_references() {
             }
             let found: [f32; 16] = bytemuck::cast(*sums);
             for i in 0..15 {
-                // Below this the lobe is the kernel's least power of two.
+                // Below 1e-20 the lobe is the kernel's smallest power of two.
                 let error = (f64::from(found[i]) - exact[i]).abs() / size[i].max(1e-20);
-                // The error of the cosine grows with its exponent.
+                // The error of the cosine grows with the exponent.
                 assert!(error <= 1e-5 + 1e-6 * f64::from(exponent), "sum {i}: {} instead of {}", found[i], exact[i]);
                 worst = worst.max(error);
             }
         }
         assert!(sums.iter().filter(|sums| sums.glossy_weight > 1e-12).count() > 5);
-        eprintln!("k {exponent}: {} caches, worst {worst:e}", sums.len());
+        eprintln!("k {exponent}: {} caches, largest error {worst:e}", sums.len());
         let diffuse = native::gather(&all.vals, &all.caches, all.eye, false);
         for (without, with) in diffuse.iter().zip(&sums) {
             let dark =
@@ -152,7 +153,7 @@ fn native_sums_make_the_devices_proxies() {
             let direction = mean.normalize();
             let moved = (position.as_dvec3() - at.position).distance(mean) / mean.length();
             let brighter = (facing.as_dvec3() * at.normal.dot(direction)).distance(irradiance) / irradiance.length();
-            assert!(moved.max(brighter) < 1e-4, "lobe {lobe}: moved {moved:e}, {brighter:e} brighter");
+            assert!(moved.max(brighter) < 1e-4, "lobe {lobe}: moved {moved:e}, relative irradiance error {brighter:e}");
             compared[lobe] += 1;
             worst = worst.max(moved).max(brighter);
         };
@@ -161,7 +162,7 @@ fn native_sums_make_the_devices_proxies() {
             let mean = sums.diffuse_position.as_dvec3() / f64::from(sums.diffuse_weight);
             check(0, mean, irradiance, proxy.diffuse_position, proxy.diffuse_irradiance);
         }
-        // Darker lobes are lost in the least number of one or the other.
+        // Darker lobes fall below the smallest number of the host kernel or the device.
         if proxy.glossy_distance2 > 0.0 && sums.glossy_weight > 1e-12 * sums.diffuse_weight {
             let mean = sums.glossy_position.as_dvec3() / f64::from(sums.glossy_weight);
             let lobe = cos_power(at.exponent, mirrored.dot(mean.normalize()));
@@ -169,7 +170,7 @@ fn native_sums_make_the_devices_proxies() {
             check(1, mean, arrived, proxy.glossy_position, proxy.glossy_irradiance);
         }
     }
-    eprintln!("{compared:?} of {} caches, worst {worst:e}", all.caches.len());
+    eprintln!("{compared:?} of {} caches, largest error {worst:e}", all.caches.len());
     assert!(compared[0] * 2 > all.caches.len() && compared[1] > 10, "{compared:?} of {}", all.caches.len());
 }
 
@@ -215,7 +216,7 @@ fn numbers_of_the_thesis_are_found_by_their_row_and_column() {
     assert_eq!(table(thesis::CACHES, &[250], "DGS_4096"), Some(1000.0 / 709.8));
     assert_eq!(table(thesis::RESOLUTION, &[1280, 721], "GI"), None);
     assert_eq!(table(thesis::TRIANGLES, &[800], "DGS"), None);
-    // Every point of the full extent is in the thesis.
+    // The thesis contains every point of the full extent.
     let Extent { triangles, resolutions, caches, rsm, .. } = Extent::full();
     assert!(triangles.iter().all(|n| table(thesis::TRIANGLES, &[*n as u32], "D8").is_some()));
     assert!(resolutions.iter().all(|size| table(thesis::RESOLUTION, size, "LI").is_some()));
@@ -232,7 +233,7 @@ fn exponents_of_power_laws_are_found() {
     assert_eq!(exponent(&[]), None);
 }
 
-/// Times of the grid of the bench, of which some may be missing.
+/// Times on the benchmark's grid, without the last `missing` points.
 fn grid(ms: impl Fn(f64, f64) -> f64, missing: usize) -> Vec<Point> {
     let counts = [252.0, 1010.0, 3991.0, 15_906.0];
     let points = counts.into_iter().flat_map(|caches| [4096.0, 16_384.0, 65_536.0].map(|vals| (caches, vals)));
@@ -241,7 +242,8 @@ fn grid(ms: impl Fn(f64, f64) -> f64, missing: usize) -> Vec<Point> {
 
 #[test]
 fn exponents_of_two_quantities_are_found() {
-    // The powers of each are found whatever corner of the grid is missing, and every row and column has them.
+    // The fit finds the powers of both quantities for any missing corner of the grid, overall and in each row and
+    // column.
     for (missing, [caches, vals]) in [(0, [1.0, 1.0]), (0, [0.9, 1.1]), (1, [1.02, 0.97]), (2, [0.5, 2.0])] {
         let points = grid(|c, v| 3e-6 * c.powf(caches) * v.powf(vals), missing);
         let growth = Growth::new(&points).expect("enough points");
@@ -251,23 +253,23 @@ fn exponents_of_two_quantities_are_found() {
         }
         assert!(growth.worst < 1.0 + 1e-9);
     }
-    // Rows and columns of their own: the exponent of caches is 0.8 where there are fewest VALs and 1 elsewhere.
+    // Rows and columns are fitted separately: the exponent of caches is 0.8 with the fewest VALs and 1 elsewhere.
     let bent = |c: f64, v: f64| v * if v < 5000.0 { c.powf(0.8) } else { c };
     let Growth { all, of_caches, of_vals, worst } = Growth::new(&grid(bent, 0)).expect("enough points");
     assert!((of_caches[0] - 0.8).abs() < 1e-9 && (of_caches[1] - 1.0).abs() < 1e-9, "{of_caches:?}");
     assert!((all[0] - 2.8 / 3.0).abs() < 1e-9 && of_vals[0] < all[1] && all[1] < of_vals[1], "{all:?} {of_vals:?}");
     assert!(worst > 1.1, "{worst}");
-    // A fixed cost of a tenth of the least time shows: below 1, least where there is least to do.
+    // A fixed cost of a tenth of the least time lowers exponents below 1, most where there is least work.
     let fixed = |c: f64, v: f64| c * v + 0.1 * 252.0 * 4096.0;
     let Growth { all, of_caches, .. } = Growth::new(&grid(fixed, 0)).expect("enough points");
     assert!(all.iter().all(|e| *e > 0.96 && *e < 0.999) && of_caches[0] < all[0], "{all:?} {of_caches:?}");
-    // Too few to tell.
+    // Too few points for a fit.
     assert_eq!(Growth::new(&grid(|c, v| c * v, 10)), None);
     assert_eq!(Growth::new(&[]), None);
     assert_eq!(power_law(&[[1.0, 2.0, 3.0], [2.0, 4.0, 5.0], [3.0, 6.0, 7.0]]), None);
 }
 
-/// A few points, each once.
+/// A small extent with few points, each measured once.
 fn tiny() -> Extent {
     Extent {
         name: "tiny",
@@ -382,7 +384,7 @@ fn a_bench_writes_tables_plots_and_the_same_numbers_everywhere() {
     check_sense(&results);
 }
 
-/// Whether this measurement has nothing to say there: a stage that the frame has not, a point that the thesis has not.
+/// Whether this cell must be empty, because the frame lacks the stage or the thesis lacks the point.
 fn is_left_empty(table: &Table, row: usize, column: &str) -> bool {
     let number = |column: &str| table.number(row, column).expect("a number") as u32;
     match (table.name, column) {
@@ -398,13 +400,13 @@ fn is_left_empty(table: &Table, row: usize, column: &str) -> bool {
             let lobes = &numbers(&table.rows[row])[0];
             thesis::frame_ms(thesis::CACHES, &[number("asked")], &format!("{lobes}_{}", number("VALs"))).is_none()
         }
-        // The thesis has not the first point, and fewer than two of any line.
+        // The thesis lacks the first point, and has fewer than two points of each line.
         ("caches", "thesis / first") | ("exponents", "thesis frame") => true,
         _ => false,
     }
 }
 
-/// What must hold of any measurement.
+/// Conditions that every measurement must meet.
 fn check_sense(results: &bench::Results) {
     for table in &results.tables {
         for (row, (at, column)) in
@@ -419,7 +421,7 @@ fn check_sense(results: &bench::Results) {
                 "growth" => column.starts_with("of ") || column.starts_with("in the "),
                 _ => false,
             };
-            // Of a scene that stands still there may be nothing to do.
+            // A static scene may leave nothing to do.
             let may_be_none = column == "standing and skipped [ms]" && value == 0.0;
             assert!(value > 0.0 || is_slope || may_be_none, "{what}");
         }
@@ -430,14 +432,18 @@ fn check_sense(results: &bench::Results) {
     assert_eq!(without_shadows.clone().count(), pairs.rows.len());
     for (row, of_caches) in without_shadows.enumerate() {
         let of = |column: &str| pairs.number(row, column).expect("a number");
-        // All figures of a point are of the same time, that of the faster path, to the digits that are kept.
+        // All figures of a point come from one time, that of the faster path, up to the stored digits.
         let rate = of("compute [G pairs/s]").max(of("fragment [G pairs/s]")) * 1e9;
         let ms = caches.number(of_caches, "gather [ms]").expect("a time");
         let flop = FLOP_PER_PAIR[usize::from(pairs.has(row, "DG"))];
         let (count, share) = (of("caches") * of("VALs"), of("share of peak"));
-        assert!((rate * ms * 1e-3 / count - 1.0).abs() < 3e-4, "{count} pairs in {ms} ms are not {rate} a second");
+        assert!(
+            (rate * ms * 1e-3 / count - 1.0).abs() < 3e-4,
+            "{count} pairs in {ms} ms do not give {rate} pairs per second"
+        );
         assert!((rate * flop / results.peak / share - 1.0).abs() < 3e-4, "{share} of the peak for {rate} a second");
-        // A pair takes at least the operations that are counted; other tests may have run beside the peak alone.
+        // A pair takes at least the counted operations. The share can exceed 1 only if other tests slowed the
+        // measurement of the peak.
         assert!(share < 1.5, "{share} of the peak");
         assert!(of("diffuse off f64") < 1e-5, "row {row}");
         assert!(pairs.number(row, "glossy off f64").is_none_or(|off| off < 1e-3), "row {row}");
@@ -457,7 +463,9 @@ fn what_there_is_no_time_or_memory_for_is_left_out_and_told() {
     assert!(page.contains("Left out: 800, 3200 triangles: would take about"), "{page}");
     assert!(page.contains("Left out: DG, 250 caches, 64x64 VALs: would take"), "{page}");
     if cfg!(target_os = "linux") {
-        assert!(too_large(1 << 40).expect("no machine has that").contains("GiB of memory"));
+        assert!(
+            too_large(1 << 40).expect("a message, because no machine has that much memory").contains("GiB of memory")
+        );
     }
     assert_eq!(too_large(1), None);
 }

@@ -1,4 +1,5 @@
-//! More bounces: energy in closed boxes against the geometric series, the device against the twin and the path tracer.
+//! Multiple bounces: energy in closed boxes against the geometric series, the device against the f64 twin and the path
+//! tracer.
 
 use glam::{DAffine3, DVec3, Vec3, dvec3};
 use lightskin::bake::{CacheSet, NO_CACHE};
@@ -20,7 +21,7 @@ use std::f64::consts::PI;
 use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, drawn_of, phong, sent_on, shoot, small};
 use crate::common::gpu;
 
-/// A closed cube of 2 m around the origin, walls facing inwards, with a small light in it that shines all around.
+/// A closed 2 m cube centred at the origin. Its walls face inwards, and a point light shines inside.
 fn cube(albedo: f32, light: DVec3) -> Scene {
     let mut scene = Scene { name: "cube".into(), ..Scene::default() };
     let wall = phong([albedo; 3], [0.0; 3], 1.0);
@@ -50,7 +51,7 @@ fn cube(albedo: f32, light: DVec3) -> Scene {
     scene
 }
 
-/// The caches of a shot with their areas, and the albedos of their untextured materials.
+/// The caches of a shot with their areas and the albedos of their untextured materials.
 fn patches(scene: &Scene, caches: &CacheSet, shot: &Shot) -> Vec<Patch> {
     let of_instance = |(i, model): (usize, &usize)| {
         let materials = scene.meshes[scene.instances[i].mesh].triangle_materials();
@@ -61,7 +62,7 @@ fn patches(scene: &Scene, caches: &CacheSet, shot: &Shot) -> Vec<Patch> {
     shot.caches.iter().zip(surfaces).map(|(cache, (area, albedo))| Patch { cache: *cache, area, albedo }).collect()
 }
 
-/// Flux [lm] that arrives at all caches, of one channel.
+/// Flux [lm] that arrives at all caches, first channel.
 fn arriving(patches: &[Patch], irradiances: &[DVec3]) -> f64 {
     patches.iter().zip(irradiances).map(|(patch, irradiance)| patch.area * irradiance.x).sum()
 }
@@ -82,7 +83,10 @@ fn form_factors_of_a_closed_box_are_nearly_one() {
         let factors: Vec<f64> = all.iter().map(|p| bounce::form_factors(&p.cache, &all)).collect();
         let mean = all.iter().zip(&factors).map(|(p, f)| p.area * f).sum::<f64>() / area;
         let (least, most) = factors.iter().fold((9.0_f64, 0.0_f64), |(a, b), f| (a.min(*f), b.max(*f)));
-        eprintln!("{} caches of {area:.3} m^2: mean {mean:.4}, from {least:.3} to {most:.3}", all.len());
+        eprintln!(
+            "{} caches of {area:.3} m^2: form factors have the mean {mean:.4} and range from {least:.3} to {most:.3}",
+            all.len()
+        );
         assert!((area - 24.0).abs() < 0.01 && (0.96..1.01).contains(&mean) && least > 0.6 && most < 1.1);
     }
 }
@@ -99,10 +103,13 @@ fn bounces_are_the_twins() {
         let first = bounce::irradiances(&all, &shot.vals, 1);
         let worst = twins.iter().zip(&shot.sums[0]).map(|(t, s)| t.distance(*s) / t.length()).fold(0.0, f64::max);
         let more = arriving(&all, &twins) / arriving(&all, &first);
-        eprintln!("{bounces} bounces: {} caches, {more:.3} times the light of one, worst {worst:e}", all.len());
+        eprintln!(
+            "{bounces} bounces: {} caches, {more:.3} times the light of one bounce, largest error {worst:e}",
+            all.len()
+        );
         assert!(worst < 1e-5, "{bounces}: {worst}");
         assert!(more > 1.05);
-        // The glossy lobe takes part in the last bounce.
+        // The glossy lobe receives the last bounce.
         assert!(shot.sums[1].iter().any(|sum| sum.x > 0.0));
     }
 }
@@ -135,7 +142,7 @@ fn light_in_a_closed_box_is_the_geometric_series() {
 #[test]
 fn white_walls_never_make_light() {
     let gpu = gpu();
-    // A light in a corner, where discs are least like the surface.
+    // The light is in a corner, where discs approximate the surface worst.
     let scene = cube(1.0, dvec3(0.9, 0.9, 0.9));
     let phi = 4.0 * PI * f64::from(scene.lights[0].intensity);
     let caches = baked(&scene, 0.4, 8);
@@ -153,7 +160,7 @@ fn white_walls_never_make_light() {
             most / first / f64::from(bounces),
             sum / phi
         );
-        // Each bounce adds no more at any cache than the brightest of the bounce before sends.
+        // A bounce adds at most as much light to a cache as the brightest cache of the previous bounce sends.
         assert!(most <= first * f64::from(bounces) * 1.00001);
         assert!(sum < 1.05 * phi * f64::from(bounces));
     }
@@ -186,7 +193,7 @@ fn pictures_converge_to_paths_of_as_many_bounces() {
 fn albedos_are_means_of_what_a_cache_stands_for() {
     let gpu = gpu();
     let mut scene = corner(&[SPOT], 40.0);
-    // A row of a white texel and seven black ones, many times along the floor; the wall is half a metal.
+    // One white texel and seven black ones repeat many times along the floor. The wall is half metallic.
     let texels: Vec<u8> = (0..8).flat_map(|i| [if i == 0 { 255 } else { 0 }; 3].into_iter().chain([255])).collect();
     scene.images.push(Image { name: "stripes".into(), width: 8, height: 1, rgba: texels });
     let texture = Texture {
@@ -205,7 +212,7 @@ fn albedos_are_means_of_what_a_cache_stands_for() {
     let caches = baked(&scene, 0.5, 8);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("upload");
     Frame::new(&gpu, &scene, &world, &small()).expect("one bounce");
-    assert!(world.cache_albedos().is_none(), "who draws one bounce does not pay for them");
+    assert!(world.cache_albedos().is_none(), "one bounce must not need albedos");
     Frame::new(&gpu, &scene, &world, &Knobs { bounces: 2, ..small() }).expect("two bounces");
     let all: Vec<Vec3> = gpu.read(world.cache_albedos().expect("made")).expect("read");
     let floor = &all[..caches.models[caches.instance_model[0]].caches.len()];
@@ -216,7 +223,7 @@ fn albedos_are_means_of_what_a_cache_stands_for() {
         floor.iter().map(|a| a.x).fold(1.0, f32::min),
         floor.iter().map(|a| a.x).fold(0.0, f32::max)
     );
-    // The lobe, which has no texture, adds the same everywhere.
+    // The lobe has no texture, so it adds the same amount everywhere.
     let glossy = scene.materials[0].phong.expect("a lobe").specular * phong_albedo(40.0, MEAN_PHONG_COSINE) as f32;
     let diffuse = mean - glossy;
     assert!(diffuse.distance(Vec3::new(0.7, 0.5, 0.3) / 8.0) < 0.02 * diffuse.length(), "{mean}");
@@ -224,7 +231,7 @@ fn albedos_are_means_of_what_a_cache_stands_for() {
     let half_metal = scene.materials[1].reflectance(&scene, Default::default(), glam::Vec4::ONE).sent_on();
     assert!(
         half_metal.x > 0.3 && half_metal.x < 0.4,
-        "a diffuse half, and a rough one that loses a little: {half_metal}"
+        "a diffuse half and a rough metallic half that loses a little light: {half_metal}"
     );
     assert!(wall.iter().all(|a| a.distance(half_metal) < 1e-5), "{wall:?}");
 }
@@ -242,7 +249,7 @@ fn caches_exchange_light_by_what_their_rays_meet() {
         rsm: 96,
         ..small()
     };
-    // Radiosities before and after one exchange; what rays have met.
+    // Radiosities before and after one exchange, and the caches that rays hit.
     let sent = |bounces: u32| {
         let frame = drawn_of(&gpu, &scene, &world, &Knobs { bounces, ..knobs });
         let Gather::Compute(by) = &frame.light.caches().expect("caches").gather else { panic!("a compute gather") };
@@ -267,11 +274,12 @@ fn caches_exchange_light_by_what_their_rays_meet() {
         for (texel, met) in inside.iter().zip(&met) {
             let (x, y) = (middle(texel % side), middle(texel / side));
             let way = tangent * x + bitangent * y + cache.normal * (1.0 - x * x - y * y).sqrt();
-            // Where the cube ends.
+            // The exit point of the ray from the cube.
             let end = (0..3).map(|axis| (way[axis].signum() - cache.position[axis]) / way[axis]);
             let hit = cache.position + way * end.fold(f64::INFINITY, f64::min);
             far = met.map_or(far, |met| far.max(places[met].position.distance(hit)));
-            // Of all that the triangle's corners refer to, the one that says most of the place; next to edges walls are mistaken.
+            // The ray should choose the reference of the triangle's corners with the largest weight at the hit. Hits
+            // near edges are skipped, because f32 rays may hit the other wall.
             let start = cache.position + cache.normal * 1e-5;
             if hit.to_array().iter().filter(|x| x.abs() > 0.9999).count() > 1 {
                 continue;
@@ -300,13 +308,13 @@ fn caches_exchange_light_by_what_their_rays_meet() {
     }
     let rays = places.len() * inside.len();
     println!(
-        "{} caches: off by {worst:.1e}; of {rays} rays {none} meet none, the others one within {far:.2} m",
+        "{} caches: largest error {worst:.1e}; of {rays} rays {none} find no cache, the others find one within {far:.2} m",
         places.len()
     );
     assert!(worst < 1e-5 && none == 0, "{worst}, {none}");
-    // Rays of single precision end a little elsewhere.
-    println!("least weight of one that is met: {least:.5} of the most among references");
+    // Rays in f32 end at slightly different points.
+    println!("least weight of a found cache: {least:.5} of the largest among the references");
     assert!(least > 0.99, "{least}");
-    // A cell is d_eps / 2 wide, and its nearest cache within d_eps of it.
+    // A cell is d_eps / 2 wide, and its nearest cache lies within d_eps of it.
     assert!(far < 1.5 * caches.spacing, "{far} m");
 }

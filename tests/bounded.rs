@@ -1,5 +1,5 @@
-//! Scenes whose sizes differ very much cost no more than others: triangles, caches and memory are bounded over the whole
-//! scene, its instances counted.
+//! Scenes with very different sizes cost no more than others. Triangles, caches and memory are bounded over the whole
+//! scene, counting every instance.
 
 use crate::cli::{folder, keeping, text, works};
 use glam::{DAffine3, DVec3, Vec3};
@@ -10,7 +10,7 @@ use lightskin::scene::{Instance, Material, Mesh, Primitive, Scene, Vertex};
 use std::fs;
 use std::process::Command;
 
-/// Triangles as a mesh of its own vertices, at these places.
+/// A scene whose only mesh has these triangles, with one instance at each place.
 fn scene(triangles: &[[Vec3; 3]], places: impl IntoIterator<Item = DAffine3>) -> Scene {
     let corners = |[a, b, c]: &[Vec3; 3]| {
         let normal = (*b - *a).cross(*c - *a).normalize();
@@ -30,12 +30,12 @@ fn scene(triangles: &[[Vec3; 3]], places: impl IntoIterator<Item = DAffine3>) ->
     }
 }
 
-/// A rectangle in a corner of which `at` lies.
+/// A rectangle with one corner at `at` and the edges `x` and `y`.
 fn rectangle(at: Vec3, x: Vec3, y: Vec3) -> [[Vec3; 3]; 2] {
     [[at, at + x, at + x + y], [at, at + x + y, at + y]]
 }
 
-/// Cubes of about half a metre and one that is the floor below them.
+/// Cubes of about half a metre, and a large cube below them as the floor.
 fn cubes_on_a_cube(count: usize) -> Scene {
     let (low, high) = (Vec3::splat(-0.5), Vec3::splat(0.5));
     let [x, y, z] = [Vec3::X, Vec3::Y, Vec3::Z];
@@ -51,7 +51,7 @@ fn cubes_on_a_cube(count: usize) -> Scene {
     scene(&triangles, small.chain([floor]))
 }
 
-/// Strips, very long and very thin, side by side.
+/// Very long and very thin strips, side by side.
 fn strips(count: usize, length: f32) -> Scene {
     let strip = |i: usize| rectangle(Vec3::Z * (i as f32 * 0.1), Vec3::Z * 0.05, Vec3::X * length);
     scene(&(0..count).flat_map(strip).collect::<Vec<_>>(), [DAffine3::IDENTITY])
@@ -62,7 +62,7 @@ fn baked(scene: &Scene, count: usize) -> CacheSet {
     bake(scene, &settings, &|_, _| {}).expect("bakes")
 }
 
-/// Caches over all instances.
+/// Number of caches over all instances.
 fn count(set: &CacheSet) -> usize {
     set.instance_model.iter().map(|model| set.models[*model].caches.len()).sum()
 }
@@ -73,7 +73,7 @@ fn small_instances_are_not_divided_for_a_large_one() {
     let spacing = expected_spacing(&cubes, 2000);
     let (mut few, mut asked) = (cubes.clone(), cubes.clone());
     divide(&mut asked, spacing, None);
-    assert!(divide_if_few(&mut few, spacing), "the floor alone does not take many");
+    assert!(divide_if_few(&mut few, spacing), "the floor alone must not need many triangles");
     for scene in [few, asked] {
         let triangles = scene.triangle_count();
         assert!((20_000..128_000).contains(&triangles), "{triangles} triangles of {}", cubes.triangle_count());
@@ -88,7 +88,7 @@ fn what_would_take_very_many_triangles_stays_as_it_is() {
     let mut scene = many.clone();
     assert!(!divide_if_few(&mut scene, spacing));
     assert_eq!((scene.triangle_count(), scene.instances.len()), (200, 1));
-    // At any price: no more than some two million over all instances.
+    // Even a forced division makes at most two million triangles over all instances.
     scene.instances = vec![scene.instances[0].clone(); 300];
     let spacing = expected_spacing(&scene, 2000);
     divide(&mut scene, spacing, None);
@@ -122,7 +122,7 @@ fn small_parts_far_apart_are_a_scene() {
     assert!(set.models[0].coverage.distance <= set.spacing);
 }
 
-/// Runs the tool with so many KiB of address space, on one thread.
+/// Runs the tool on one thread with at most `kib` KiB of address space.
 fn bounded(name: &str, scene: &Scene, kib: u32, args: &[&str]) -> String {
     let at = folder(name);
     write_glb(scene, &at.join("scene.glb")).expect("writes");

@@ -1,4 +1,5 @@
-//! What materials reflect: shaders against their twins, fits against integrals, and what a furnace and the path tracer say.
+//! Reflection of materials: shaders against their f64 twins, fits against integrals, furnace tests, and pictures
+//! against the path tracer.
 
 use std::f64::consts::PI;
 
@@ -24,19 +25,19 @@ use crate::shaders::{FEW, check, check4, grid, random};
 const BRDF: &[&str] = &["lib/brdf.glsl"];
 const ROUGHNESSES: [f64; 12] = [LEAST_ROUGHNESS, 0.07, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0];
 
-/// Unit vector above +z at this cosine and turn \[rad\].
+/// Unit vector above the xy plane with this cosine to +z and this azimuth \[rad\].
 fn at(cosine: f64, turn: f64) -> DVec3 {
     let sine = (1.0 - cosine * cosine).sqrt();
     dvec3(sine * turn.cos(), sine * turn.sin(), cosine)
 }
 
-/// A lobe about +z, seen at a cosine.
+/// A lobe with the normal +z, seen at a cosine.
 fn lobe(f0: f64, f90: f64, roughness: f64, cosine: f64) -> Lobe {
     Lobe::Ggx { f0: DVec3::splat(f0), f90, roughness, normal: DVec3::Z, view: at(cosine, 0.0) }
 }
 
-/// Share of even light that a lobe reflects: the mean over an even grid of its own samples, which
-/// `samples_are_as_dense_as_they_say` holds against sums over directions.
+/// Fraction of uniform light that a lobe reflects: the mean over an even grid of its own samples.
+/// `samples_are_as_dense_as_they_say` compares this with sums over directions.
 fn integrated(lobe: &Lobe) -> f64 {
     const SIDE: usize = 128;
     let number = |i: usize| (i as f64 + 0.5) / SIDE as f64;
@@ -78,10 +79,10 @@ fn metallic_roughness_is_the_materials_mapping() {
     };
     let numbers = |x: &[f64; 7]| match twin(x).lobe {
         material::Lobe::Ggx { f0, f90, roughness, .. } => (f0.as_dvec3(), f64::from(f90), f64::from(roughness)),
-        material::Lobe::Phong { .. } => panic!("not asked for"),
+        material::Lobe::Phong { .. } => panic!("the material must not have a Phong lobe"),
     };
     let include = &["lib/material.glsl"];
-    // Sums of terms of up to 40 that cancel.
+    // Terms of up to 40 cancel each other.
     let diffuse = format!("vec4({call}.diffuse, 0.0)");
     check4(
         include,
@@ -92,7 +93,7 @@ fn metallic_roughness_is_the_materials_mapping() {
     );
     let glossy = format!("vec4({call}.glossy, 0.0)");
     check4(include, &glossy, &inputs, |_| (2.0 * FEW, 1e-6), |x| numbers(x).0.extend(0.0).to_array());
-    // The reflectance at the horizon has 8 bits, what they leave of 32 the roughness.
+    // The reflectance at the horizon has 8 bits. The roughness has the other 24 of 32 bits.
     let coded = format!("vec4(coded_roughness({call}.coded), coded_f90({call}.coded), 0.0, 0.0)");
     let bound = |x: &[f64; 7]| {
         (if numbers(x).1 < 1.0 { 1e-3 } else { 1e-6 }, if numbers(x).1 < 1.0 { 0.5 / 255.0 } else { 1e-6 })
@@ -107,17 +108,17 @@ fn lobes_are_the_twins() {
     let mut inputs = grid([&rough, &[0.0, 0.04, 1.0], &[0.0, 1.0], &cosines, &cosines, &[0.0, 3.1]]);
     let unit = (0.0, 1.0);
     inputs.extend(random(14, 4000, [(0.045, 1.0), unit, unit, (0.02, 1.0), (0.01, 1.0), (0.0, 6.3)]));
-    // About the mirror direction, where lobes are narrow.
+    // Samples around the mirror direction, where lobes are narrow.
     inputs.extend(random(15, 2000, [(0.045, 0.2), unit, unit, (0.3, 1.0), unit, (3.1, 3.2)]).map_cosines());
     let expression = "ggx_lobe(vec3(x[1]), x[2], x[0], vec3(0.0, 0.0, 1.0), \
                       -vec3(sqrt(1.0 - x[3] * x[3]), 0.0, x[3]), \
                       vec3(sqrt(1.0 - x[4] * x[4]) * vec2(cos(x[5]), sin(x[5])), x[4])).x";
-    // Directions round by 1e-7: of the narrowest lobe, 2e-3 wide, that is as much of its slope.
+    // Directions have rounding errors of 1e-7. The narrowest lobe is 2e-3 wide, so its slope amplifies them.
     let bound = |x: &[f64; 6]| 2e-5 + 1e-6 / (x[0] * x[0]);
     check(BRDF, expression, &inputs, bound, 1e-6, |x| lobe(x[1], x[2], x[0], x[3]).brdf(at(x[4], x[5])).x);
 }
 
-/// The light's cosine near the viewer's.
+/// Moves the light's cosine near the viewer's.
 trait MapCosines {
     fn map_cosines(self) -> Self;
 }
@@ -152,7 +153,7 @@ fn fits_are_the_twins() {
 fn lobes_are_about_their_mean_direction() {
     let inputs = grid([&[0.1, 0.3, 0.5, 0.7, 0.85, 1.0], &[0.3, 0.5, 0.7, 0.9]]);
     let axis = "lobe_axis(coded_ggx(x[0], 1.0), vec3(0.0, 0.0, 1.0), -vec3(sqrt(1.0 - x[1] * x[1]), 0.0, x[1]))";
-    // Angle from the normal, against the view's side.
+    // Angle from the normal, positive away from the viewer.
     let angle = format!("vec4(atan(-{axis}.x, {axis}.z), 0.0, 0.0, 0.0)");
     let mean = |x: &[f64; 2]| {
         let ggx = lobe(1.0, 1.0, x[0], x[1]);
@@ -198,7 +199,7 @@ fn albedos_are_the_integrals_within_half_a_percent() {
         for cosine in [LEAST_COSINE, 0.03, 0.06, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.97, 1.0] {
             let once = scattered_once(roughness, cosine);
             for (f0, f90) in [(0.02, 1.0), (0.04, 1.0), (0.5, 1.0), (1.0, 1.0), (0.0, 1.0), (0.04, 0.0)] {
-                // What the lobe itself adds for many scatterings is the same on either side.
+                // The lobe's term for multiple scattering is the same on both sides.
                 let lobe = lobe(f0, f90, roughness, cosine);
                 let truth = integrated(&lobe);
                 worst = worst.max((lobe.albedo().x - truth).abs());
@@ -209,7 +210,7 @@ fn albedos_are_the_integrals_within_half_a_percent() {
             }
         }
     }
-    println!("albedo off by at most {worst:.4}, a white metal by {worst_white:.4}");
+    println!("largest albedo error {worst:.4}, of a white metal {worst_white:.4}");
     assert!(worst < 0.005 && worst_white < 0.005, "{worst} {worst_white}");
 }
 
@@ -226,13 +227,13 @@ fn what_is_sent_on_is_the_mean_over_the_hemisphere() {
             (f64::from(r.diffuse(way.z).x) + glossy) * way.z
         }) / PI;
         let own = f64::from(r.sent_on().x);
-        println!("roughness {roughness}, metallic {metallic}: {own:.4} for {mean:.4}");
+        println!("roughness {roughness}, metallic {metallic}: {own:.4}, integral {mean:.4}");
         worst = worst.max((own / mean - 1.0).abs());
     }
     for exponent in [1.0, 4.0, 30.0, 1000.0] {
         let own = phong_albedo(exponent, MEAN_PHONG_COSINE);
         let mean = hemisphere(DVec3::Z, 1.0, |way| phong_albedo(exponent, way.z) * way.z) / PI;
-        println!("exponent {exponent}: {own:.4} for {mean:.4}");
+        println!("exponent {exponent}: {own:.4}, integral {mean:.4}");
         worst = worst.max((own / mean - 1.0).abs());
     }
     assert!(worst < 0.03, "{worst}");
@@ -258,14 +259,16 @@ fn samples_are_as_dense_as_they_say() {
         let truth = hemisphere(axis, roughness * roughness, |towards| lobe.brdf(towards).x * towards.z);
         assert!((integrated(&lobe) / truth - 1.0).abs() < 0.003, "{} {truth}", integrated(&lobe));
         let above = hemisphere(axis, roughness * roughness, |towards| lobe.density(towards));
-        println!("roughness {roughness}, cosine {cosine}: {reflected:.4} for {truth:.4}, {even:.4} for {above:.4}");
+        println!(
+            "roughness {roughness}, cosine {cosine}: reflected {reflected:.4}, integral {truth:.4}; above the horizon {even:.4}, integral {above:.4}"
+        );
         assert!((reflected / truth - 1.0).abs() < 0.01 && (even / above - 1.0).abs() < 0.01);
     }
 }
 
 #[test]
 fn fitted_lobes_have_the_energy_and_about_the_shape() {
-    println!("roughness, k, energy off, relative L2 error at cosines 1, .8, .5, .3, L2 error of the best k");
+    println!("roughness, k, energy error, relative L2 error at cosines 1, .8, .5, .3, L2 error of the best k");
     let mut all = 0.0;
     for roughness in ROUGHNESSES.into_iter().skip(2) {
         let (mut energy, mut errors, mut best_errors) = (0.0_f64, Vec::new(), Vec::new());
@@ -284,7 +287,7 @@ fn fitted_lobes_have_the_energy_and_about_the_shape() {
                 &Reflectance { base: Vec3::ZERO, lobe: lobe_of, transmission: 0.0, over: Over::default() },
                 cosine,
             );
-            // The cap is the caches'.
+            // Only caches cap the exponent, so this is the fit without the cap.
             exponent = lightskin::scene::ggx::fitted_exponent(roughness);
             let axis = at(cosine, PI);
             let width = roughness * roughness;
@@ -313,7 +316,8 @@ fn fitted_lobes_have_the_energy_and_about_the_shape() {
 
 // Pictures.
 
-/// A box that glows, evenly, and a floor of a material in it; radiance of the floor over that of the box, seen at an angle.
+/// A uniformly glowing box with a floor of the material in it. Returns the floor's radiance over the box's, seen at
+/// this cosine.
 pub(crate) fn in_a_furnace(material: Material, cosine: f64) -> f64 {
     let mut scene = Scene::default();
     let inwards = cuboid(Vec3::NEG_ONE, Vec3::ONE, 2.0, |_| true).reversed();
@@ -377,7 +381,7 @@ fn direct_light_on_metallic_roughness_is_the_references() {
             let radiance = |s: &crate::common::frames::PixelSurface| {
                 let direction = (s.position - eye).normalize();
                 let towards = light::facing_irradiance(&scene.lights[0], s.position).1;
-                // F0 and the diffuse albedo are halves in the G-buffer.
+                // The G-buffer stores F0 and the diffuse albedo as 16-bit floats.
                 let lobe = match Lobe::new(&own, s.normal, direction) {
                     Lobe::Ggx { f90, roughness, normal, view, .. } => {
                         Lobe::Ggx { f0: shot.specular[s.pixel], f90, roughness, normal, view }

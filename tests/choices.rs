@@ -1,5 +1,5 @@
-//! The study of the method's choices: it sees what it was made to see. That its defaults are the engine's is tested beside
-//! them.
+//! The study of the method's choices detects the effects that it was made for. Tests next to its defaults check that
+//! these are the engine's.
 
 use lightskin::lab::choices::{Row, Study, StudySettings};
 use lightskin::lab::scenes::between_walls;
@@ -42,7 +42,7 @@ fn vals_become_what_light_paths_see() {
     assert!(noise > 0.0 && noise < 0.1, "{noise}");
     for tilt in ["square", "tilted at most 1", "tilted at most 8"] {
         let of = |rsm: usize| row(&areas[0], &format!("{rsm}^2, {tilt}"));
-        // Of the paths' noise nothing is left in the mean over all pixels.
+        // In the mean over all pixels, the noise of the paths is negligible.
         assert!(of(128).bias.abs() < 0.002 && of(128).bias.abs() < of(32).bias.abs(), "{tilt}: {:?}", of(128));
     }
 }

@@ -1,10 +1,10 @@
-//! The tool as a user meets it: outputs, messages, exit codes, and nothing half-written left behind.
+//! The command-line tool from a user's view: outputs, messages, exit codes, and no partially written files.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-/// A folder of this test's own, emptied.
+/// Creates an empty folder for one test.
 pub(crate) fn folder(name: &str) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     let _ = fs::remove_dir_all(&path);
@@ -12,8 +12,8 @@ pub(crate) fn folder(name: &str) -> PathBuf {
     path
 }
 
-/// A command in a folder, where it keeps what it keeps. What the driver keeps of shaders stays in the user's own folder:
-/// a software device takes ten seconds to compile all.
+/// Makes a command run in a folder and keep its cache there. The driver's shader cache stays in the user's own folder,
+/// because a software device takes ten seconds to compile all shaders.
 pub(crate) fn keeping<'a>(command: &'a mut Command, folder: &Path) -> &'a mut Command {
     let set = |name: &str| std::env::var_os(name).map(PathBuf::from);
     let own = set("XDG_CACHE_HOME").or_else(|| Some(set("HOME")?.join(".cache")));
@@ -24,7 +24,7 @@ pub(crate) fn keeping<'a>(command: &'a mut Command, folder: &Path) -> &'a mut Co
     command
 }
 
-/// Runs the tool in a folder, its kept bakes in there too.
+/// Runs the tool in a folder. Its cache is in the same folder.
 fn lightskin(folder: &Path, args: &[&str]) -> Output {
     keeping(Command::new(env!("CARGO_BIN_EXE_lightskin")).args(args), folder).output().expect("the tool runs")
 }
@@ -33,14 +33,14 @@ pub(crate) fn text(bytes: &[u8]) -> String {
     String::from_utf8_lossy(bytes).into_owned()
 }
 
-/// Runs the tool and wants success.
+/// Runs the tool, requires success and returns its standard output.
 pub(crate) fn works(folder: &Path, args: &[&str]) -> String {
     let out = lightskin(folder, args);
     assert!(out.status.success(), "{args:?}: {}{}", text(&out.stdout), text(&out.stderr));
     text(&out.stdout)
 }
 
-/// Runs the tool and wants one line of error that holds all of `parts`, and this exit code.
+/// Runs the tool and requires this exit code and an error message of one line that contains all of `parts`.
 pub(crate) fn fails(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
     let out = lightskin(folder, args);
     let message = text(&out.stderr);
@@ -55,7 +55,7 @@ pub(crate) fn fails(folder: &Path, args: &[&str], code: i32, parts: &[&str]) {
     }
 }
 
-/// Files in a folder besides the kept bakes.
+/// Files in a folder, except the tool's cache.
 pub(crate) fn left(folder: &Path) -> Vec<String> {
     let entries = fs::read_dir(folder).expect("folder");
     let mut names: Vec<_> = entries.map(|e| e.expect("entry").file_name().to_string_lossy().into_owned()).collect();
@@ -64,7 +64,7 @@ pub(crate) fn left(folder: &Path) -> Vec<String> {
     names
 }
 
-/// The scene that is measured on; without one `render` takes longer.
+/// The scene that benchmarks use. Without a scene argument `render` takes longer.
 pub(crate) const ATRIUM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/atrium.glb");
 
 const SMALL: [&str; 6] = ["--size", "64x36", "--caches", "100", "--rsm", "16"];
@@ -83,7 +83,7 @@ fn a_scene_becomes_a_png_with_times_and_counts() {
     }
     let picture = image::open(at.join("a.png")).expect("a PNG").to_rgb8();
     assert_eq!(picture.dimensions(), (64, 36));
-    assert!(picture.pixels().any(|p| p.0[0] > 100), "the picture is not black");
+    assert!(picture.pixels().any(|p| p.0[0] > 100), "the picture must not be black");
     let timings = fs::read_to_string(at.join("t.jsonl")).expect("timings");
     assert_eq!(timings.lines().count(), 2);
     for line in timings.lines() {
@@ -159,7 +159,10 @@ fn two_runs_write_the_same_bytes() {
         args.extend(SMALL);
         works(&at, &args);
     }
-    assert!(fs::read(at.join("a.exr")).expect("a") == fs::read(at.join("b.exr")).expect("b"), "same scene, same bytes");
+    assert!(
+        fs::read(at.join("a.exr")).expect("a") == fs::read(at.join("b.exr")).expect("b"),
+        "the same scene must give the same bytes"
+    );
 }
 
 #[test]
@@ -197,11 +200,14 @@ fn scenes_that_move_are_rendered_moment_by_moment() {
     assert!(told.contains("pictures  f_003.png to f_005.png"), "{told}");
     render("all.png", &["--time", "2"]);
     let read = |name: &str| fs::read(at.join(name)).expect("a picture");
-    assert!(read("f_004.png") == read("all.png") && read("f_003.png") != read("f_004.png"), "frame 4 is second 2");
-    // It plays over and over.
+    assert!(
+        read("f_004.png") == read("all.png") && read("f_003.png") != read("f_004.png"),
+        "frame 4 must be the picture of second 2"
+    );
+    // Playback repeats.
     render("again.png", &["--time", "6"]);
     assert!(read("again.png") == read("all.png"));
-    // One that moves the lamp alone, skipped where nothing moves or not, gives the same pictures.
+    // An animation of the lamp alone gives the same pictures, whether unchanged stages are skipped or not.
     let lamp = ["--animation", "lamp", "--frames", "0..3", "--fps", "4"];
     render("s_{frame}.png", &lamp);
     render("n_{frame}.png", &[&lamp[..], &["--no-skip"]].concat());
@@ -224,7 +230,7 @@ fn scenes_that_move_are_rendered_moment_by_moment() {
     fails(&["made/atrium.glb", "--time", "1"], 1, &["nothing is animated"]);
     let paths = ["--gi", "path-trace", "--spp", "1", "--time", "1"];
     works(&at, &[&["render", "made/moving.glb", "-o", "paths.png", "--size", "16x16"][..], &paths].concat());
-    // Nothing but poses is made where no caches are lit.
+    // Without caches the frame only computes poses.
     render("b.png", &["--time", "1", "--gi", "brute-force"]);
     assert!(!left(&at).iter().any(|name| name.starts_with("a_") || name == "a.png" || name.ends_with(".part")));
 }
@@ -233,7 +239,7 @@ fn scenes_that_move_are_rendered_moment_by_moment() {
 fn compare_measures_maps_and_fails_above_limits() {
     let at = folder("cli-compare");
     for (name, gi) in [("a.exr", "lightskin"), ("b.exr", "brute-force")] {
-        // As brute force has it: nothing in the way.
+        // The same settings as brute force, which has no occlusion.
         let mut args = vec!["render", ATRIUM, "-o", name, "--gi", gi, "--near", "off", "--bounces", "1"];
         args.extend(SMALL);
         works(&at, &args);
@@ -296,7 +302,7 @@ fn bad_input_is_one_line_and_exit_code_1() {
     fails(&at, &["render", "-o", "no/such/folder/a.png"], 1, &["no/such/folder/a.png", "does not exist"]);
     fails(&at, &["render", "-o", "folder/x/a.png"], 1, &["cannot write"]);
     fails(&at, &["bake", "--spacing", "1e-9"], 1, &["larger spacing"]);
-    assert_eq!(left(&at), before, "nothing is left behind");
+    assert_eq!(left(&at), before, "no files must be left behind");
 }
 
 #[test]
@@ -315,7 +321,7 @@ fn no_driver_is_one_line() {
     assert_eq!(left(&at), [] as [&str; 0]);
 }
 
-/// Real files: a picture without a bad value (the tool fails on one) and without a validation message.
+/// Renders real files: pictures without invalid values (the tool fails on one) and without validation messages.
 #[test]
 fn shared_scenes_render_clean() {
     let Some(data) = crate::common::data() else { return };
@@ -362,7 +368,7 @@ fn a_path_trace_that_is_interrupted_goes_on() {
     assert!(samples >= 16 && message.contains("continues from there"), "{message}");
     assert_eq!(left(&folder), [""; 0]);
 
-    // All that were made are there, and a few more are added to them.
+    // All earlier samples were kept, and a few more are added.
     let more = (samples + 32).to_string();
     let said = works(&folder, &[&args[..], &[&more]].concat());
     assert!(said.contains(&format!("({samples} were stored, 32 made")), "{said}");
@@ -384,8 +390,8 @@ fn a_path_trace_is_of_all_light_unless_told_otherwise() {
         picture.rgb.iter().flatten().map(|v| f64::from(*v)).sum::<f64>() / (3 * picture.rgb.len()) as f64
     };
     let [all, matched, one] = [&[][..], &["--match", "engine"], &["--match", "engine", "--bounces", "1"]].map(mean);
-    println!("{all} of all light, {matched} of the engine's");
-    // By default the engine has several bounces, and all the energy of lobes, but not their directions.
+    println!("mean {all} with all light, {matched} with the engine's paths");
+    // By default the engine traces several bounces with the full energy of glossy lobes, but not their directions.
     assert!(one < 0.9 * all && one < 0.95 * matched && (matched / all - 1.0).abs() < 0.05, "{all}, {matched}, {one}");
     assert!(mean(&["--bounces", "1"]) < all);
 }
@@ -408,9 +414,9 @@ fn the_fastest_gather_is_measured_once_and_kept() {
     let mut direct = args.clone();
     direct.extend(["--gi", "off"]);
     works(&at, &direct);
-    assert!(measured().is_empty(), "direct light alone needs no measurement");
+    assert!(measured().is_empty(), "direct light alone must not need a measurement");
     works(&at, &[&args[..], &["--gather", "fragment"]].concat());
-    assert!(measured().is_empty(), "nor does light by draws");
+    assert!(measured().is_empty(), "a gather by draws must not need a measurement");
     works(&at, &args);
     let (first, file) = kept();
     assert!(first.contains("\"vals\": \"texels\"") && first.contains("\"vals\": \"storage\""), "{first}");
@@ -420,16 +426,16 @@ fn the_fastest_gather_is_measured_once_and_kept() {
             vec!["render", ATRIUM, "-o", &out, "--gather", way, "--shadows", "off", "--near", "off", "--bounces", "1"];
         args.extend(SMALL);
         works(&at, &args);
-        assert_eq!(kept().0, first, "nothing is measured again");
+        assert_eq!(kept().0, first, "nothing must be measured again");
     }
-    // Shadows that draws can have, unless told otherwise.
+    // With draws, the default shadows are the ones that draws support.
     works(&at, &[&["render", ATRIUM, "-o", "a.png", "--gather", "fragment"][..], &SMALL[..]].concat());
     let mut compare = vec!["compare", "fragment.exr", "compute.exr", "--fail-above", "mare=1e-5"];
     compare.extend(["--layer", "indirect.diffuse"]);
     works(&at, &compare);
     fs::write(&file, "half a fi").expect("damaged");
     works(&at, &args);
-    assert!(kept().0.contains("pairs_per_second"), "a damaged file is measured anew");
+    assert!(kept().0.contains("pairs_per_second"), "a damaged file must cause a new measurement");
 }
 
 #[test]

@@ -1,4 +1,5 @@
-//! Pyramids of VALs and the cuts that caches take of them: the device against its f64 twin, and what holds of any cut.
+//! Pyramids of VALs and the cuts that caches make through them: the device against its f64 twin, and properties of all
+//! cuts.
 
 use glam::{DVec3, Vec3, dvec3};
 use lightskin::bake::CacheSet;
@@ -18,7 +19,7 @@ use crate::common::frames::{SPOT, Shot, baked, camera, corner, placed, shoot, sm
 use crate::common::{apart, assert_clean, gpu, open};
 use crate::gather::WEIGHTS;
 
-/// The device's nodes and VALs of one frame with RSMs of 24 texels a side, and the sides of all views.
+/// The device's nodes and VALs of one frame, the sizes of all views, and the world's origin.
 fn on_device(scene: &Scene, settings: &Knobs) -> (Vec<ClusterNode>, Vec<Val>, Vec<usize>, DVec3) {
     let gpu = gpu();
     let caches = baked(scene, 1.0, 8);
@@ -63,7 +64,8 @@ fn assert_node(found: &ClusterNode, twin: &Node, origin: DVec3, scale: f64) {
 
 #[test]
 fn the_devices_nodes_are_the_references() {
-    // One view of 24 texels a side and six of 10, a shadow's edge and a cone's in both; other sizes by one light alone.
+    // Views of 24 texels a side and six of 10 (the point light), with edges of shadows and of the cone. A single light
+    // covers other sizes.
     let several = corner(&[SPOT, LightKind::Point, LightKind::Directional], 20.0);
     let far = placed(&several, 1.0, dvec3(1e4, -2e4, 3e4));
     let one = corner(&[SPOT], 20.0);
@@ -81,7 +83,7 @@ fn the_devices_nodes_are_the_references() {
     }
 }
 
-/// VALs on a floor and a wall that meet, 13 texels a side, some of them dead or black.
+/// VALs on a floor and a wall that meet, 13 texels a side. Some are dead or black.
 fn texels() -> (Vec<Val>, Vec<usize>) {
     let n = 13;
     let texel = |i: usize| {
@@ -124,7 +126,8 @@ fn cuts() -> Vec<Cut> {
 
 #[test]
 fn every_val_is_received_once() {
-    // The weight that VALs are summed by is theirs to give; flux is told apart by colours far from one another.
+    // VALs are summed with their own weights. Their colours differ widely, so the sum of flux shows missing and doubled
+    // VALs.
     let (vals, sizes) = texels();
     let pyramid = Pyramid::new(&vals, &sizes, gather::ProxyWeight::Irradiance);
     let (mut blended, mut saved) = (0, 0);
@@ -139,7 +142,7 @@ fn every_val_is_received_once() {
             });
             let dark = dark(&pyramid, &cache);
             let all: DVec3 = vals.iter().map(|val| val.flux).sum();
-            // Dark nodes are left out, but not where a node above has been used.
+            // Dark nodes are left out, unless a node above them has been used.
             let (low, high) = (all - dark - 1e-9 * all, all + 1e-9 * all);
             assert!(low.cmple(sum).all() && sum.cmple(high).all(), "{cut:?}: {sum} of {all}, {dark} of it dark");
             blended += partial;
@@ -149,7 +152,7 @@ fn every_val_is_received_once() {
     assert!(blended > 100 && saved > 20, "{blended} {saved}");
 }
 
-/// Flux of the VALs in nodes that are dark to a cache.
+/// Flux of the VALs in nodes that cannot light a cache.
 fn dark(pyramid: &Pyramid<'_>, cache: &Cache) -> DVec3 {
     let (mut sum, mut index) = (DVec3::ZERO, 0);
     while let Some(node) = pyramid.nodes.get(index) {
@@ -174,7 +177,7 @@ fn what_is_dark_lights_nothing() {
             if node.is_dark(cache.position, cache.normal) {
                 found += 1;
                 for val in below {
-                    // The rim that counts as dark is a hundred thousandth wide.
+                    // The margin that counts as dark is 1e-5 wide.
                     let open = 1.0 / (val.area + std::f64::consts::PI * val.position.distance_squared(cache.position));
                     assert!(light(val) <= 1e-4 * open, "{cache:?} is lit by {val:?} of {node:?}");
                 }
@@ -264,7 +267,7 @@ fn light(gathered: &Gathered) -> f64 {
 
 #[test]
 fn blended_light_does_not_jump() {
-    // A cache that flies away from the VALs in small steps: the largest second difference tells a jump from a slope.
+    // A cache moves away from the VALs in small steps. The largest second difference distinguishes a jump from a slope.
     let (vals, sizes) = texels();
     let pyramid = Pyramid::new(&vals, &sizes, gather::ProxyWeight::Irradiance);
     let largest = |blend: f64, rule: Rule| {
@@ -287,13 +290,13 @@ fn blended_light_does_not_jump() {
 
 const GROUP_OF_ATLAS: usize = shared::CLUSTER_GROUP as usize;
 
-/// One frame with a rule, and how many pairs it took.
+/// Draws one frame with the cluster rule of `settings`. Returns the frame and its counts of caches and pairs.
 fn clustered(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Shot, Counts) {
     let shot = shoot(gpu, scene, Some(caches), settings);
     let buffers = World::new(gpu, scene, Some(caches)).expect("buffers");
     let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("a frame");
     let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
-    // A second frame is as good as the first one: nothing of that is left.
+    // Draw two frames: the second must not depend on the first.
     for _ in 0..2 {
         let drawn = gpu.timed_frame(|cmd| {
             frame.record(cmd, &buffers, &view);
@@ -305,12 +308,13 @@ fn clustered(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (
         (gpu.read_image::<[u32; 4]>(&frame.picture.indirect.as_ref().expect("light").diffuse), &shot.diffuse);
     let again =
         again.expect("read").into_iter().map(|p| Vec3::from_array([p[0], p[1], p[2]].map(f32::from_bits)).as_dvec3());
-    assert!(again.eq(first.iter().copied()), "the same frame, the same bits");
+    assert!(again.eq(first.iter().copied()), "the same frame must give the same bits");
     assert_clean(gpu);
     (shot, frame.light.counts(gpu).expect("counts"))
 }
 
-/// Irradiance of all caches and of those that differ from the twin by more than `share` of the mean.
+/// Number of caches whose irradiance differs from the twin by more than `share` of the sum of the twin's and the mean
+/// irradiance.
 fn against(found: &[DVec3], twin: &[DVec3], share: f64) -> usize {
     let mean = twin.iter().map(|e| e.length()).sum::<f64>() / twin.len() as f64;
     assert_eq!(found.len(), twin.len());
@@ -359,14 +363,14 @@ fn the_devices_groups_receive_what_the_references_do() {
                 }
                 let off = against(&shot.sums[0], &wanted, 1e-4);
                 let all = live.caches as usize * shot.vals.iter().filter(|v| v.flux != DVec3::ZERO).count();
-                eprintln!("{rule:?}, far {far}: {} pairs, {pairs} by the twin, of {all}; {off} caches off", live.pairs);
+                eprintln!("{rule:?}, far {far}: {} pairs, the twin {pairs}, of {all}; {off} caches differ", live.pairs);
                 assert!(pairs < all * 9 / 10);
                 if gpu.is_software() {
-                    // On lavapipe no decision of f32 has been another than that of f64.
+                    // On lavapipe, all decisions in f32 have been those of f64.
                     assert_eq!((live.pairs, off), (pairs as u64, 0), "{rule:?}, far {far}");
                     continue;
                 }
-                // A GPU's arithmetic may turn one on the very edge, which takes its whole group along.
+                // A GPU's arithmetic may change a borderline decision, which affects the whole group of caches.
                 assert!(off <= GROUP_OF_ATLAS && off * 8 <= wanted.len(), "{off} of {}", wanted.len());
                 assert!((live.pairs as f64 / pairs as f64 - 1.0).abs() < 0.01);
             }
@@ -403,8 +407,8 @@ fn culling_changes_no_bit_with_clusters() {
         let (without, all) = clustered(&gpu, &scene, &caches, &settings);
         let (with, lit) = clustered(&gpu, &scene, &caches, &Knobs { cull: true, ..settings });
         eprintln!("{rule:?}: {} of {} caches, {} of {} pairs", lit.caches, all.caches, lit.pairs, all.pairs);
-        assert!(lit.caches < all.caches && lit.pairs < all.pairs, "something is culled");
+        assert!(lit.caches < all.caches && lit.pairs < all.pairs, "some caches and pairs must be culled");
         assert!(with.diffuse == without.diffuse && with.glossy == without.glossy, "{rule:?}: pictures differ");
-        assert!(with.diffuse.iter().any(|p| *p != DVec3::ZERO), "there is light");
+        assert!(with.diffuse.iter().any(|p| *p != DVec3::ZERO), "there must be light");
     }
 }

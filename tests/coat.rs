@@ -1,5 +1,5 @@
-//! Clear coats and sheen: shaders against their twins, fits against integrals, what a furnace says, and pictures against the path
-//! tracer.
+//! Clear coats and sheen: shaders against their f64 twins, fits against integrals, furnace tests, and pictures against
+//! the path tracer.
 
 use std::f64::consts::TAU;
 
@@ -28,13 +28,13 @@ const COAT: &[&str] = &["shared.glsl", "lib/coat.glsl"];
 const ROUGHNESSES: [f64; 7] = [0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0];
 const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
 
-/// Unit vector above +z at this cosine and turn \[rad\].
+/// Unit vector above the xy plane with this cosine to +z and this azimuth \[rad\].
 fn at(cosine: f64, turn: f64) -> DVec3 {
     let sine = (1.0 - cosine * cosine).sqrt();
     dvec3(sine * turn.cos(), sine * turn.sin(), cosine)
 }
 
-/// White sheen about +z, seen at a cosine.
+/// White sheen on a surface with the normal +z, seen at a cosine.
 fn fibres(roughness: f64, cosine: f64) -> Sheen {
     Sheen { color: DVec3::ONE, roughness, normal: DVec3::Z, view: at(cosine, 0.0) }
 }
@@ -60,7 +60,7 @@ fn sheen_is_the_twins() {
     inputs.extend(random(31, 3000, [(0.1, 1.0), (0.01, 1.0), (0.01, 1.0), (0.0, 6.3)]));
     let expression = "sheen_reflected(x[0], vec3(0.0, 0.0, 1.0), -vec3(sqrt(1.0 - x[1] * x[1]), 0.0, x[1]), \
                       vec3(sqrt(1.0 - x[2] * x[2]) * vec2(cos(x[3]), sin(x[3])), x[2]))";
-    // Powers of up to 100.
+    // The expression contains powers of up to 100.
     let twin = |x: &[f64; 4]| fibres(x[0], x[1]).reflected(at(x[2], x[3])).x;
     check(COAT, expression, &inputs, |x| 5e-5 + 2e-6 / (x[0] * x[0]), 1e-6, twin);
     let mut inputs = grid([&rough, &[-1.0, 0.01, 0.1, 0.5, 1.0]]);
@@ -79,7 +79,7 @@ fn what_is_packed_is_read_again() {
     });
     let expression = format!("vec4({coat}.sheen.z, {coat}.sheen_roughness, length({coat}.normal), 0.0)");
     check4(COAT, &expression, &inputs, half, |x| [x[4], x[5], 1.0, 0.0]);
-    // The normal's angle.
+    // Angle between the normals.
     let angle = format!("length(cross({coat}.normal, normalize(v(6) + 1e-3)))");
     check(COAT, &angle, &inputs, |_| 0.0, 6e-5, |_| 0.0);
 }
@@ -88,7 +88,7 @@ fn what_is_packed_is_read_again() {
 fn lobes_under_coats_have_their_share_of_the_light() {
     let unit = (0.0, 1.0);
     let inputs = random(34, 3000, [(0.2, 1.0), unit, (0.3, 1.0), (0.5, 1.0), (0.1, 1.0), (0.05, 1.0), (0.0, 6.3)]);
-    // Of a coloured lobe the share that is left, over what is asked for: x, y, z of f0 are x[1], 1 and .3.
+    // Remaining fraction of a coloured lobe, divided by the requested fraction. f0 is (x[1], 1, .3).
     let r = "Reflectance(vec3(0.5), vec3(x[1], 1.0, 0.3), coded_ggx(x[0], x[2]))";
     let lobe = |r: &str| {
         format!(
@@ -98,13 +98,13 @@ fn lobes_under_coats_have_their_share_of_the_light() {
     };
     let expression =
         format!("vec4({} / max({} * x[3], vec3(1e-9)), 0.0)", lobe(&format!("dimmed({r}, x[3], x[4])")), lobe(r));
-    // The reflectance at the horizon has 8 bits, and is one for three colours.
+    // The reflectance at the horizon has 8 bits, and three colours share it.
     check4(COAT, &expression, &inputs, |_| (0.0, 0.07), |_| [1.0, 1.0, 1.0, 0.0]);
     let expression = format!("vec4(dimmed({r}, x[3], x[4]).diffuse, 0.0)");
     check4(COAT, &expression, &inputs, |_| (FEW, 0.0), |x| [0.5 * x[3], 0.5 * x[3], 0.5 * x[3], 0.0]);
 }
 
-/// A coat over sheen over a surface about +z, and the shader's words for it: nine numbers.
+/// A coat over sheen over a surface with the normal +z, from the nine numbers that the shader gets, too.
 fn over(x: &[f64; 9]) -> Coat {
     let over = Over {
         coat: x[0] as f32,
@@ -163,7 +163,8 @@ fn sheens_albedo_is_the_integral() {
     for roughness in ROUGHNESSES {
         for cosine in [0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.45, 0.6, 0.8, 1.0] {
             let fibres = fibres(roughness, cosine);
-            // Even in the angle from the normal, where fibres are steep, and about it from the side that is far from the viewer.
+            // Steps are uniform in the angle from the normal, where sheen changes fast. In azimuth they are dense
+            // opposite the viewer.
             let (mut integral, steps) = (0.0, 300);
             for (i, j) in (0..steps).flat_map(|i| (0..steps).map(move |j| (i, j))) {
                 let part = |i: i32| (f64::from(i) + 0.5) / f64::from(steps);
@@ -173,10 +174,13 @@ fn sheens_albedo_is_the_integral() {
             }
             let off = (sheen::whole(roughness, cosine) - integral) / integral.max(1.0);
             worst = worst.max(off.abs());
-            assert!(off.abs() < 0.006, "roughness {roughness}, cosine {cosine}: off by {off:.4} of {integral:.4}");
+            assert!(
+                off.abs() < 0.006,
+                "roughness {roughness}, cosine {cosine}: relative error {off:.4}, integral {integral:.4}"
+            );
         }
     }
-    println!("sheen's albedo off by at most {worst:.4}");
+    println!("largest error of the sheen's albedo: {worst:.4}");
 }
 
 #[test]
@@ -189,7 +193,7 @@ fn the_rings_of_the_hemisphere_are_the_same_integral() {
 fn nothing_gives_more_light_than_it_gets() {
     let white = || body([1.0; 3], 0.0, 1.0);
     let all = [
-        // A white body keeps all light, whatever lies over it.
+        // A white body keeps all light under any coat or sheen.
         (coated(1.0, 0.0, white()), true),
         (coated(1.0, 0.5, body([1.0; 3], 1.0, 0.4)), true),
         (coated(0.5, 1.0, white()), true),
@@ -211,7 +215,7 @@ fn nothing_gives_more_light_than_it_gets() {
 
 // Pictures.
 
-/// Bias of a picture, and the middle of all pixels' relative errors.
+/// Bias of a picture, and the median of the pixels' relative errors.
 fn against(shown: &[DVec3], truth: &[[f32; 3]], of: impl Fn(usize) -> bool) -> [f64; 2] {
     let (mut own, mut other, mut off) = (0.0, 0.0, Vec::new());
     for (pixel, (shown, truth)) in shown.iter().zip(truth).enumerate().filter(|(pixel, _)| of(*pixel)) {
@@ -232,7 +236,7 @@ fn spheres_under_a_lamp_are_the_path_tracers() {
     let size = [150, 150];
     let trace = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::of(size));
     let (truth, surfaces) = (trace.direct(), trace.surfaces());
-    // To look at: `render` and `render --gi path-trace` take it.
+    // For visual inspection with `render` and `render --gi path-trace`.
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR"));
     write_glb(&scene, &folder.join("coats.glb")).expect("written");
     for light_shadows in [LightShadows::Rays, LightShadows::Maps(4096)] {
@@ -244,7 +248,7 @@ fn spheres_under_a_lamp_are_the_path_tracers() {
             let is_own = |pixel: usize| surfaces[pixel].is_some_and(|s| s.position.distance(middle) < 0.51);
             let [bias, median] = against(&shot.direct, &truth, is_own);
             worst = [worst[0].max(bias.abs()), worst[1].max(median)];
-            // Maps are coarse where the lamp sets.
+            // Shadow maps are coarse where the lamp is near the horizon.
             let most = if light_shadows == LightShadows::Rays { 0.002 } else { 0.01 };
             assert!(bias.abs() < most && median < 2e-3, "{row} {column}: {bias:+.5} {median:.5}");
         }
@@ -252,7 +256,7 @@ fn spheres_under_a_lamp_are_the_path_tracers() {
     }
 }
 
-/// A ball of each of these materials in a row.
+/// A row of balls, one for each material.
 fn balls(materials: &[Material]) -> Scene {
     let mut scene = Scene { name: "balls".into(), ..Scene::default() };
     for (i, material) in materials.iter().enumerate() {
@@ -272,7 +276,7 @@ fn various() -> [Material; 4] {
     ]
 }
 
-/// Direct light of paths, and which ball each pixel shows.
+/// Path-traced direct light, and the ball that each pixel shows.
 fn paths(scene: &Scene, size: [u32; 2], passes: usize) -> (Vec<[f32; 3]>, Vec<Option<usize>>) {
     let mut paths = PathTrace::new(scene, &scene.cameras[0], &PathTraceSettings::engine(size, 0));
     (0..passes).for_each(|_| paths.pass());
@@ -285,7 +289,7 @@ fn paths(scene: &Scene, size: [u32; 2], passes: usize) -> (Vec<[f32; 3]>, Vec<Op
 #[test]
 fn spheres_under_an_even_sky_are_the_path_tracers() {
     let gpu = gpu();
-    // One ball alone, of which nothing is in the way: what it reflects of even light.
+    // A single ball that nothing occludes reflects uniform light.
     for (i, material) in various().into_iter().enumerate() {
         let mut scene = balls(&[material]);
         Sky::even(Vec3::splat(1000.0)).put_over(&mut scene, 4);
@@ -304,7 +308,7 @@ fn spheres_under_an_even_sky_are_the_path_tracers() {
 #[test]
 fn area_lights_are_the_path_tracers() {
     let gpu = gpu();
-    // Of lobes of its own alone: what Phong lobes stand for GGX is no question here.
+    // Only coats and sheen have lobes here, so the fit of Phong lobes to GGX plays no role.
     let matt = |color| Material { specular: 0.0, ..body(color, 0.0, 1.0) };
     let mut scene = balls(&[
         coated(1.0, 0.1, matt([0.2; 3])),
@@ -360,7 +364,7 @@ fn textures_say_where_coats_and_sheen_are() {
         assert!(bias.abs() < 0.005 && median < 2e-3, "{bias} {median}");
         pictures.push(shown.direct);
     }
-    assert!(pictures[1..].iter().all(|picture| *picture != pictures[0]), "a texture changes nothing");
+    assert!(pictures[1..].iter().all(|picture| *picture != pictures[0]), "each texture must change the picture");
 }
 
 #[test]
@@ -433,7 +437,8 @@ fn scenes_without_have_nothing_of_it() {
     assert!(has(&scene));
 }
 
-/// A lit wall of a material beside a floor, and the light of one bounce on that.
+/// Light of one bounce that a floor receives from a lit wall of this material, by diffuse bounces only or, with
+/// `whole`, by glossy bounces, too.
 fn bounced(material: &Material, whole: bool) -> f64 {
     let mut scene = Scene::default();
     let matt = Material { specular: 0.0, ..body([1.0; 3], 0.0, 1.0) };
@@ -463,7 +468,7 @@ fn light_that_is_sent_on_lacks_what_lies_over_a_surface() {
         ("sheen over black", shiny([1.0; 3], 0.5, matt([0.0; 3])), 0.3),
     ] {
         let off = (bounced(&material, false) - bounced(&material, true)) / white;
-        println!("{name}: off by {off:+.3} of what a white surface sends");
+        println!("{name}: error {off:+.3} relative to a white surface");
         assert!(off.abs() < most, "{name}: {off}");
     }
 }

@@ -1,4 +1,4 @@
-//! `lightskin compare` and what it measures with: SSIM and FLIP against closed form and against other implementations.
+//! `lightskin compare` and its metrics: SSIM and FLIP against closed forms and other implementations.
 
 use crate::cli::{fails, folder, left, works};
 use lightskin::image::{Layer, write_exr, write_png};
@@ -18,12 +18,12 @@ fn flat(value: f32) -> Vec<[f32; 3]> {
     picture(|_, _| [value; 3])
 }
 
-/// The square in the middle in which `display` and `radiance` can differ.
+/// The central square, the only part where changed pictures differ.
 fn is_inside(x: u32, y: u32) -> bool {
     (32..64).contains(&x) && (16..48).contains(&y)
 }
 
-/// A patterned display picture, linear, as read from a PNG of these codes.
+/// A patterned display picture in linear values, as if read from a PNG with these codes.
 fn display(is_changed: bool) -> Vec<[f32; 3]> {
     let linear = |code: u32| {
         let v = code as f32 / 255.0;
@@ -35,7 +35,7 @@ fn display(is_changed: bool) -> Vec<[f32; 3]> {
     })
 }
 
-/// A pattern of radiance over nine stops.
+/// A pattern of radiances over nine stops.
 fn radiance(is_changed: bool) -> Vec<[f32; 3]> {
     picture(|x, y| {
         let stops = ((x * 7 / 8 + y * 3 / 4) % 9) as f32 - 4.0;
@@ -50,10 +50,10 @@ fn mean(map: &[f64]) -> f64 {
 }
 
 fn near(value: f64, wanted: f64, tolerance: f64) {
-    assert!((value - wanted).abs() <= tolerance, "{value} is not {wanted} within {tolerance}");
+    assert!((value - wanted).abs() <= tolerance, "{value} differs from {wanted} by more than {tolerance}");
 }
 
-/// Error of the same images in FLIP, looked at from the papers' distance.
+/// FLIP error of each pixel at the papers' viewing distance.
 fn flip_of(image: &[[f32; 3]], reference: &[[f32; 3]], values: Values) -> Vec<f64> {
     flip(image, reference, SIZE, values, PIXELS_PER_DEGREE)
 }
@@ -73,9 +73,9 @@ fn equal_images_have_no_error_to_the_eye() {
 
 #[test]
 fn flip_of_flat_greys_is_its_formula() {
-    // Flat pictures have no edges: FLIP is its colour term, of which greys of CIELAB have only the lightness. The
-    // largest distance of two colours is that of green and blue: CIELAB with Hunt's adjustment has them at
-    // (87.736, -75.610, 72.981) and (32.298, 25.578, -34.836).
+    // Flat pictures have no edges, so FLIP is its colour term alone. Greys have only the lightness of CIELAB. The
+    // largest distance of two colours is between green and blue. CIELAB with Hunt's adjustment has them at (87.736,
+    // -75.610, 72.981) and (32.298, 25.578, -34.836).
     let largest = (55.438_041 + 101.188_015_f64.hypot(107.817_598)).powf(0.7);
     let formula = |a: f64, b: f64| {
         let lightness = |v: f64| if v > 216.0 / 24389.0 { 116.0 * v.cbrt() - 16.0 } else { 24389.0 / 27.0 * v };
@@ -87,18 +87,19 @@ fn flip_of_flat_greys_is_its_formula() {
     let mut last = 1.0;
     for (a, b) in [(0.0, 1.0), (linear(180.0), linear(120.0)), (linear(200.0), linear(190.0))] {
         let map = flip_of(&flat(a as f32), &flat(b as f32), Values::Display);
-        // The feature term is a square root: of the 1e-7 that f32 leaves where there is no edge it makes 3e-4 in the
-        // exponent, and e ln(e) is 0.37 at most.
+        // The feature term is a square root. An f32 error of 1e-7 without an edge becomes 3e-4 in the exponent, and e
+        // ln(e) is at most 0.37.
         map.iter().for_each(|e| near(*e, formula(a, b), 1.2e-4));
-        assert!(map[0] < last, "less different, less error");
+        assert!(map[0] < last, "a smaller difference must give a smaller error");
         last = map[0];
     }
 }
 
 #[test]
 fn others_measure_the_same_flip() {
-    // Wanted is what flip-evaluator 1.7 (the authors' own Python package) says of the same pictures. It takes floats;
-    // here all is rounded to 8 bits, by half a code of 255 at the most, which counts the more the less differs.
+    // The expected values come from flip-evaluator 1.7 (the authors' own Python package) for the same pictures. It uses
+    // floats. Here values are rounded to 8 bits, by at most half a code of 255, which matters more for small
+    // differences.
     let brighter = |factor: f32| -> Vec<[f32; 3]> { radiance(false).iter().map(|c| c.map(|v| v * factor)).collect() };
     let (image, reference) = (radiance(true), radiance(false));
     near(mean(&flip_of(&display(true), &display(false), Values::Display)), 0.073935, 1e-5);
@@ -108,7 +109,7 @@ fn others_measure_the_same_flip() {
     near(mean(&flip_of(&brighter(1.02), &reference, Values::Radiance)), 0.033704, 2.1e-3);
     near(mean(&flip(&image, &reference, SIZE, Values::Radiance, 30.0)), 0.068429, 2e-5);
     near(mean(&flip(&image, &reference, SIZE, Values::Radiance, 120.0)), 0.051463, 2e-5);
-    // Radiance has no scale of its own.
+    // A common scale of both radiances does not matter.
     let scaled = |p: &[[f32; 3]]| -> Vec<[f32; 3]> { p.iter().map(|c| c.map(|v| v * 1024.0)).collect() };
     assert!(
         flip_of(&scaled(&image), &scaled(&reference), Values::Radiance)
@@ -118,8 +119,8 @@ fn others_measure_the_same_flip() {
 
 #[test]
 fn others_measure_the_same_ssim() {
-    // scikit-image 0.26 (gaussian_weights, sigma 1.5, no sample covariance, range 1) of the same encoded luminance:
-    // mean without the five pixels at the edges, and one pixel. The pixels' values are f32, hence 1e-7.
+    // scikit-image 0.26 (gaussian_weights, sigma 1.5, no sample covariance, range 1) on the same encoded luminance: the
+    // mean without five pixels at each edge, and one pixel. Pixels are f32, hence the bound 1e-7.
     for (image, reference, values, wanted, at, wanted_at) in [
         (display(true), display(false), Values::Display, 0.9893292002, (40, 20), 0.9544413236),
         (radiance(true), radiance(false), Values::Radiance, 0.9955744935, (48, 32), 0.9763673156),
@@ -134,8 +135,8 @@ fn others_measure_the_same_ssim() {
 
 #[test]
 fn ssim_of_flat_greys_is_its_first_factor() {
-    // Without structure only the luminances' term is left: (2ab + C1) / (a^2 + b^2 + C1), to the edges and in pictures
-    // smaller than the window.
+    // Without structure only the luminance term remains: (2ab + C1) / (a^2 + b^2 + C1). This includes edges and
+    // pictures smaller than the window.
     let linear = |v: f64| (((v + 0.055) / 1.055).powf(2.4)) as f32;
     let wanted = (2.0 * 0.5 * 0.25 + 1e-4) / (0.25 + 0.0625 + 1e-4);
     for map in [
@@ -177,7 +178,7 @@ fn a_picture_without_light_can_be_the_reference() {
 
 #[test]
 fn weighted_quantiles_weigh_by_value() {
-    // 0.1 + 0.2 + 0.3 of 1.0 lie below the half.
+    // The cumulative weights of the sorted values are 0.1, 0.3, 0.6 and 1.0.
     let map = [0.4, 0.1, 0.3, 0.2];
     for (share, wanted) in [(0.05, 0.1), (0.25, 0.2), (0.5, 0.3), (0.75, 0.4)] {
         assert_eq!(weighted_quantile(&map, share), wanted);
@@ -191,7 +192,8 @@ fn write(path: &Path, picture: &[[f32; 3]]) {
     write_exr(path, SIZE[0], SIZE[1], &[Layer::rgb("", &texels)], "").expect("an EXR file");
 }
 
-/// A folder with a.exr, its reference b.exr, and masks of what differs and of what is far from it.
+/// A folder with a.exr, its reference b.exr, and three masks: the region that differs, a region far from it, and
+/// nothing.
 fn files(name: &str) -> std::path::PathBuf {
     let at = folder(name);
     write(&at.join("a.exr"), &radiance(true));
@@ -231,7 +233,7 @@ fn every_metric_is_printed_and_masked() {
     near(all["flip"].as_f64().expect("flip"), 0.055844, 2e-5);
     assert!(all["flip-q1"].as_f64() < all["flip-median"].as_f64(), "{all}");
     assert!(all["flip-median"].as_f64() < all["flip-q3"].as_f64(), "{all}");
-    // Everything differs inside by half, and ten pixels and more from it nothing does.
+    // Inside, all values differ by half. Ten or more pixels away nothing differs.
     let inside = json(&["--mask", "inside.exr"]);
     assert_eq!(inside["pixels"], 32 * 32);
     assert!(inside["flip"].as_f64().expect("flip") > 4.0 * all["flip"].as_f64().expect("flip"), "{inside}");
@@ -239,7 +241,10 @@ fn every_metric_is_printed_and_masked() {
     let left = json(&["--mask", "left.exr"]);
     assert_eq!((&left["ssim"], &left["flip"], &left["mae"]), (&1.0.into(), &0.0.into(), &0.0.into()));
     assert!(left["psnr"].is_null(), "infinite: {left}");
-    assert!(json(&["--ppd", "30"])["flip"].as_f64() > all["flip"].as_f64(), "seen from nearer");
+    assert!(
+        json(&["--ppd", "30"])["flip"].as_f64() > all["flip"].as_f64(),
+        "fewer pixels per degree must give a larger error"
+    );
 }
 
 #[test]
@@ -260,7 +265,7 @@ fn limits_hold_in_the_direction_of_each_metric() {
     fails(&at, &with(&["--ppd", "0"]), 2, &["1 to 1000"]);
     fails(&at, &with(&["--diff-of", "flip"]), 2, &["--diff <FILE.png>"]);
 
-    // A value that is no number fails every limit, unless it is masked.
+    // A value that is not a number fails every limit, unless it is masked.
     let mut broken = radiance(true);
     broken[20 * 96 + 40] = [f32::NAN; 3];
     write(&at.join("nan.exr"), &broken);
@@ -278,13 +283,13 @@ fn heat_maps_are_black_where_nothing_differs() {
     let at = files("compare-heat");
     for of in ["relmse", "abs", "flip", "ssim"] {
         let out = works(&at, &["compare", "a.exr", "b.exr", "--diff", "d.png", "--diff-of", of]);
-        assert!(out.contains("d.png: from "), "the scale is printed: {out}");
+        assert!(out.contains("d.png: from "), "the scale must be printed: {out}");
         let map = image::open(at.join("d.png")).expect("a PNG").to_rgb8();
         assert_eq!(map.dimensions(), (SIZE[0], SIZE[1]));
         let (far, middle) = (map.get_pixel(5, 5).0, map.get_pixel(46, 30).0);
         assert!(far.iter().all(|v| *v < 5), "{of}: {far:?}");
         assert!(middle.iter().any(|v| *v > 5), "{of}: {middle:?}");
-        // Without the pixels that differ, all is black.
+        // With a mask that excludes all differing pixels, the map is black.
         works(&at, &["compare", "a.exr", "b.exr", "--diff", "d.png", "--diff-of", of, "--mask", "left.exr"]);
         let map = image::open(at.join("d.png")).expect("a PNG").to_rgb8();
         assert!(map.pixels().all(|p| p.0.iter().all(|v| *v < 5)), "{of}");
@@ -302,7 +307,7 @@ fn png_files_are_compared_as_they_are_shown() {
     grey("white.png", 255);
     let found: serde_json::Value =
         serde_json::from_str(&works(&at, &["compare", "black.png", "white.png", "--json"])).expect("JSON");
-    // Black against white, by the formula above; SSIM is C1 / (1 + C1).
+    // Black against white: FLIP by the formula above, SSIM is C1 / (1 + C1).
     near(found["flip"].as_f64().expect("flip"), 0.967399, 1e-5);
     near(found["ssim"].as_f64().expect("ssim"), 1e-4 / (1.0 + 1e-4), 1e-9);
 }

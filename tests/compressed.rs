@@ -1,5 +1,5 @@
-//! Packed files: meshopt, Draco, Basis Universal and WebP. They become what they were packed from, and what is broken in
-//! them ends in one line. `fuzz` breaks them at random.
+//! Packed files: meshopt, Draco, Basis Universal and WebP. They unpack to the original data, and errors in them end in
+//! one line. `fuzz` damages them at random.
 
 use std::path::Path;
 
@@ -19,8 +19,8 @@ fn bytes(base64: &str) -> Vec<u8> {
     BASE64_STANDARD.decode(base64).expect("is base64")
 }
 
-/// 2 x 2 squares in the unit square, packed by the reference encoder: POSITION, NORMAL, TEXCOORD_0 (x, 1 - y) and COLOR_0
-/// (200 x, 200 y, 50, 255) are 0 to 3. Edgebreaker, then sequential.
+/// 2 x 2 squares in the unit square, packed by the reference encoder. POSITION, NORMAL, TEXCOORD_0 (x, 1 - y) and
+/// COLOR_0 (200 x, 200 y, 50, 255) are the attributes 0 to 3. First edgebreaker, then sequential encoding.
 const GRIDS: [&str; 2] = [
     "RFJBQ08CAgEBAAAACQgDCAIAA3/aB/8BEf8CiED/AohA/wKIQAT/AAAAAAABAAACAAABAAkDAAACAQEJAwABAwEDCQIAAgIBAgIEAAMBAQEBAAwDrSoj\
      VRUDKmJM//8/AP4PAAAA4P8AAAAAAAAAAP8HAAAAAAAAAAAAAAAAAAAAAIA/CwADAQEBgAFxPP/3kQMDoMyK/wAAAH8AAAAIAQEBAAsDrSofVRUDKmJM\
@@ -30,8 +30,8 @@ const GRIDS: [&str; 2] = [
      AP//D4D/AAAAAAAA/wMAAAABAQECyQGpKskB/4fJASuRA/9bOQ4JfjKdZWewoLCAAAAAAP8AAAAAAAAAAAAAAAAAAAAAAIA/CwgAAAAAAAAAAAAAgD8K",
 ];
 
-/// 8 x 8 texels: red 230 left and 20 right, green 200 above and 30 below, blue 60, alpha 255 left and 0 right. By the
-/// reference encoders: ETC1S, UASTC, UASTC in zstd, WebP, WebP without loss.
+/// 8 x 8 texels: red 230 left and 20 right, green 200 above and 30 below, blue 60, alpha 255 left and 0 right. From the
+/// reference encoders: ETC1S, UASTC, UASTC in zstd, WebP, lossless WebP.
 const TEXTURES: [&str; 5] = [
     "q0tUWCAyMLsNChoKAAAAAAEAAAAIAAAACAAAAAAAAAAAAAAAAQAAAAEAAAABAAAAaAAAADwAAACkAAAAJAAAAMgAAAAAAAAAlgAAAAAAAABeAQAAAAAA\
      AAQAAAAAAAAAAAAAAAAAAAA8AAAAAAAAAAIAOACjAQIAAwMAAAgIAAAAAAAAAAA/AAAAAAAAAAAA/////0AAPw8AAAAAAAAAAP////8fAAAAS1RYd3Jp\
@@ -49,7 +49,7 @@ const TEXTURES: [&str; 5] = [
     "UklGRj4AAABXRUJQVlA4TDEAAAAvB8ABEB8gkE1Okv8iFggQInT471A0PAKCIv9Hi8weJCho24YpyZIsybeBiOh/yJ/4AA==",
 ];
 
-/// A buffer view packed with meshopt, over a buffer that is not there.
+/// Adds a buffer view packed with meshopt. Its fallback buffer has no data.
 fn packed(b: &mut Builder, name: &str, mode: &str, filter: &str, [count, stride]: [usize; 2], data: &[u8]) -> usize {
     let view = b.view(data);
     if b.json["buffers"].as_array().expect("a list").len() == 1 {
@@ -76,7 +76,7 @@ fn accessor(b: &mut Builder, view: usize, component: u32, kind: &str, count: usi
     ))
 }
 
-/// A square of two triangles and two instances of it, packed in all modes and filters.
+/// A square of two triangles, drawn twice, packed with all modes and filters.
 fn square(name: &str, version: i32, wide: bool) -> Builder {
     fn encoded<T>(vertices: &[T], version: i32) -> Vec<u8> {
         meshopt::encode_vertex_buffer_level(vertices, 2, Some(version)).expect("encodes")
@@ -143,7 +143,7 @@ fn meshopt_views_hold_what_was_packed() {
         let corners: Vec<Vec3> = (0..2).flat_map(|t| mesh.triangle(t)).map(|c| mesh.vertices[c].position).collect();
         let expected =
             [[0, 0], [1, 0], [1, 1], [0, 0], [1, 1], [0, 1]].map(|[x, y]| Vec3::new(x as f32, y as f32, 0.0));
-        // The sequence of triangles may begin with any of their corners.
+        // The decoder may rotate the corners of a triangle.
         assert_eq!(corners.len(), expected.len());
         assert!(
             expected
@@ -184,13 +184,13 @@ fn meshopt_that_decoders_do_not_take_is_refused() {
         let message = b.error("meshopt_refused");
         assert!(message.contains(told) && message.contains("buffer view 0: extensions: EXT_meshopt"), "{message}");
     }
-    // The buffer without bytes is named where something needs it.
+    // The buffer without data causes an error where something needs it.
     let mut b = square(MESHOPT[0], 0, false);
     b.json["bufferViews"][0]["extensions"] = json!({});
     assert!(b.error("meshopt_fallback").contains("buffer 1: has no uri"));
 }
 
-/// A primitive whose accessors nothing but a Draco stream fills.
+/// A primitive whose accessors are filled only by a Draco stream.
 fn draco(stream: &[u8]) -> Builder {
     let mut b = Builder::new();
     b.json["extensionsRequired"] = json!([DRACO]);
@@ -256,14 +256,14 @@ fn draco_that_does_not_fit_the_file_is_refused() {
         let message = b.error("draco_refused");
         assert!(message.contains(told), "{at}: {message}");
     }
-    // Where the file can do without Draco, what it holds besides is read.
+    // If the extension is not required, the uncompressed data is read.
     let mut b = Builder::triangle();
     let view = b.view(&grid);
     b.primitive()["extensions"] = json!({DRACO: {"bufferView": view, "attributes": {"POSITION": 0}}});
     assert_eq!(b.load("draco_besides").expect("is valid").triangle_count(), 1);
 }
 
-/// A triangle with a texture of these bytes, under an extension or as glTF has it.
+/// A triangle with a texture of these bytes, referenced by an extension or by glTF's own field.
 fn textured(texture: &[u8], extension: Option<&str>) -> Builder {
     let mut b = Builder::triangle();
     b.attribute("TEXCOORD_0", "VEC2", &[0.0, 0.0, 1.0, 0.0, 0.0, 1.0]);
@@ -279,14 +279,14 @@ fn textured(texture: &[u8], extension: Option<&str>) -> Builder {
     b
 }
 
-/// Whether a scene has the texture of `TEXTURES`.
+/// Whether a scene has the image of `TEXTURES`.
 fn is_texture(scene: &Scene) -> bool {
     let [image] = scene.images.as_slice() else { panic!("one image, but {:?}", scene.notes) };
     assert_eq!((image.width, image.height, image.rgba.len()), (8, 8, 256), "{:?}", scene.notes);
     image.rgba.chunks_exact(4).enumerate().all(|(at, texel)| {
         let (x, y) = (at % 8, at / 8);
         let expected = [if x < 4 { 230 } else { 20 }, if y < 4 { 200 } else { 30 }, 60, if x < 4 { 255 } else { 0 }];
-        // What nobody sees may have any colour, and edges of colours are not sharp where loss is allowed.
+        // Invisible texels may have any colour, and lossy formats blur edges of colours.
         let colored = x < 3 && !(3..5).contains(&y);
         (if colored { 0..4 } else { 3..4 }).all(|c| (i32::from(texel[c]) - expected[c]).abs() <= 16)
     })
@@ -332,7 +332,8 @@ fn textures_that_do_not_decode_are_told() {
     assert!(note(&packed[..packed.len() - 9]).contains("container is broken"));
 }
 
-/// Files with something packed, each with where that begins in its binary chunk: in textures, after the triangle and the PNG.
+/// Files with packed data, and the offset of that data in the binary chunk. In files with textures it follows the
+/// triangle and the PNG.
 pub(crate) fn packed_files() -> Vec<(Builder, usize)> {
     let mut files: Vec<(Builder, usize)> = Vec::new();
     files.extend([square(MESHOPT[0], 0, false), square(MESHOPT[1], 1, true)].map(|b| (b, 0)));

@@ -1,11 +1,11 @@
-//! Settings of the window by where they come from, completions and manual pages.
+//! Origins of the window's settings, shell completions, and manual pages.
 
 use crate::cli::{folder, text, works};
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-/// `lightskin config show` with this file, variables and flags.
+/// Runs `lightskin config show` with this settings file, variables and flags.
 fn shown(folder: &Path, file: Option<&str>, variables: &[(&str, &str)], flags: &[&str]) -> Output {
     let path = folder.join("config/lightskin/settings.toml");
     let _ = fs::remove_file(&path);
@@ -60,7 +60,7 @@ fn broken_settings_are_named() {
         assert_eq!(out.status.code(), Some(1), "{file}: {said}");
         assert!(said.contains("settings.toml") && said.contains(part) && said.lines().count() == 1, "{file}: {said}");
     }
-    // What draws to files has none.
+    // Commands without a window have no settings file.
     works(&folder, &["compare", "--help"]);
 }
 

@@ -1,4 +1,4 @@
-//! Light beside a crease, of which many caches are on surfaces that get no light: the backs of walls.
+//! Light next to a crease, where many nearby caches lie on unlit surfaces: the backs of walls.
 
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, Density, bake};
@@ -12,7 +12,7 @@ use lightskin::scene::{Light, LightKind, Scene};
 use crate::common::frames::{add, camera, lamp, phong, shoot};
 use crate::common::gpu;
 
-/// A floor and a wall of 10 cm, and a spot that shines on the floor along the wall.
+/// A floor, a wall of 10 cm, and a spot light that shines on the floor along the wall.
 fn floor_and_wall() -> Scene {
     let mut scene = Scene::default();
     let slab = |low: [f32; 3], high: [f32; 3]| cuboid(low.into(), high.into(), 0.05, |_| true);
@@ -40,7 +40,7 @@ fn more_caches_are_no_worse() {
         let shot = shoot(&gpu(), &scene, Some(&caches), &knobs);
         let shown: Vec<[f32; 3]> = shot.diffuse.iter().map(|p| p.as_vec3().to_array()).collect();
         let errors = metrics(&shown, &paths.diffuse());
-        println!("{count} caches, {:.3} m apart: RMSE {:.4}, bias {:+.4}", caches.spacing, errors.rmse, errors.bias);
+        println!("{count} caches, spacing {:.3} m: RMSE {:.4}, bias {:+.4}", caches.spacing, errors.rmse, errors.bias);
         assert!(errors.rmse < 1.05 * best && errors.bias.abs() < 0.02, "{count}: {errors:?}, best {best}");
         best = best.min(errors.rmse);
     }

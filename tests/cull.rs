@@ -1,5 +1,5 @@
-//! Stage 5: exactly the caches that visible triangles refer to are lit, and with them, by the fragment path, those of
-//! the same texel, with clusters those of the same group; no picture changes.
+//! Stage 5, culling: it lights exactly the caches that visible triangles refer to. The fragment path also lights the
+//! other caches of a texel, and clusters light the others of a group. Culling changes no picture.
 
 use std::collections::BTreeSet;
 
@@ -30,22 +30,22 @@ fn live(gpu: &Gpu, caches: &CacheLight) -> BTreeSet<usize> {
     if let Some(live) = caches.gather.live() {
         let count = gpu.read::<LiveArgs>(&live.args).expect("arguments")[0].cache_count as usize;
         let list: Vec<u32> = gpu.read(&live.list).expect("list");
-        assert!(list[..count].is_sorted_by(|a, b| a < b), "the list keeps the atlas's order");
+        assert!(list[..count].is_sorted_by(|a, b| a < b), "the list must keep the atlas's order");
         let lit = list[..count].iter().flat_map(|item| item * live.group..(item + 1) * live.group);
         return lit.filter(|c| *c < caches.atlas.count).map(|c| c as usize).collect();
     }
-    let Gather::Draws(draws) = &caches.gather else { panic!("one of both") };
+    let Gather::Draws(draws) = &caches.gather else { panic!("a gather with draws") };
     let places = &draws.texels;
     let mask: Vec<f32> = gpu.read_image(&draws.mask.as_ref().expect("culled").image).expect("mask");
     let lit: BTreeSet<_> = (0..places.caches as usize).filter(|c| mask[places.texel(*c as u32)] == 1.0).collect();
     let texels: BTreeSet<_> = lit.iter().map(|c| c / TEXEL_CACHES as usize).collect();
     let [left, _, width, _] = places.area().map(|n| n as usize);
     let marked = mask.chunks(left + width).flat_map(|row| &row[left..]).filter(|depth| **depth != 0.0).count();
-    assert_eq!(marked, texels.len(), "no texel without a cache");
+    assert_eq!(marked, texels.len(), "every marked texel must have a needed cache");
     lit
 }
 
-/// Caches in a row of the atlas that are lit with one that is needed.
+/// Number of consecutive caches in the atlas that are lit together when one of them is needed.
 fn together(path: Path) -> usize {
     match path {
         Path::Draws(..) => TEXEL_CACHES as usize,
@@ -54,13 +54,13 @@ fn together(path: Path) -> usize {
     }
 }
 
-/// These caches of so many, each with all that are lit `together` with it.
+/// The needed caches and all caches that are lit `together` with them. The atlas has `count` caches.
 fn with_neighbours(needed: &BTreeSet<usize>, together: usize, count: usize) -> BTreeSet<usize> {
     needed.iter().flat_map(|c| c / together * together..(c / together + 1) * together).filter(|c| *c < count).collect()
 }
 
-/// Caches that are needed: all references of all corners of the triangles at the centres of the pixels. And how many of
-/// them lie on faces that are turned away from the camera.
+/// The needed caches: all references of all corners of the triangles that the pixels' centres show. Also the number of
+/// them on faces that are turned away from the camera.
 fn needed(scene: &Scene, caches: &CacheSet, size: [u32; 2]) -> (BTreeSet<usize>, usize) {
     let mut base = Vec::new();
     let mut count = 0;
@@ -95,15 +95,18 @@ fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
     for (references, eye) in [(8, dvec3(1.41, 1.53, 2.07)), (16, dvec3(0.43, 0.71, 0.52))] {
         let mut scene = corner(&[SPOT], 40.0);
         let caches = baked(&scene, 0.12, references).expect("bakes");
-        // One after the other: nothing of a frame is left for the next.
+        // Both cameras are drawn in turn. Nothing of the first frame may affect the second.
         let cameras = [dvec3(-0.1, 0.5, -0.1), dvec3(-0.4, 0.2, 0.3)].map(|target| camera(eye, target, 0.5));
         let seen = cameras.map(|camera| {
             scene.cameras[0] = camera.clone();
             (camera, needed(&scene, &caches, small().size))
         });
         let [first, second] = seen.each_ref().map(|(_, (needed, _))| needed);
-        assert!(!first.is_subset(second) && !second.is_subset(first), "each needs caches of its own");
-        assert!(seen.iter().any(|(_, (_, hidden))| *hidden > 0), "caches on hidden faces count, too");
+        assert!(
+            !first.is_subset(second) && !second.is_subset(first),
+            "each camera must need caches that the other does not"
+        );
+        assert!(seen.iter().any(|(_, (_, hidden))| *hidden > 0), "some needed caches must lie on hidden faces");
         for path in PATHS {
             let settings = settings(path);
             let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
@@ -122,7 +125,10 @@ fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
                 assert_eq!(drawn.expect("drawn").problems, [""; 0]);
                 let found = live(&gpu, frame.light.caches().expect("caches"));
                 let apart: Vec<_> = found.symmetric_difference(&expected).collect();
-                assert!(apart.is_empty(), "{together} together, {references} references: {apart:?} on one side alone");
+                assert!(
+                    apart.is_empty(),
+                    "{together} together, {references} references: {apart:?} are only lit or only expected"
+                );
                 assert_eq!(frame.light.counts(&gpu).expect("counts").caches as usize, expected.len());
                 let (lit, needed) = (expected.len(), needed.len());
                 eprintln!("{together} together: {lit} of {all} caches for {needed}, {hidden} of them on hidden faces");
@@ -133,7 +139,7 @@ fn what_visible_triangles_refer_to_is_lit_alone_by_texels_or_by_groups() {
     assert_clean(&gpu);
 }
 
-/// Direct and both indirect layers, bit by bit.
+/// Both indirect layers as raw bits, and the numbers of lit caches and of all caches.
 fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec<Vec<[u32; 4]>>, [usize; 2]) {
     let frame = drawn(gpu, scene, caches, settings);
     let all = indirect(gpu, &frame);
@@ -160,9 +166,9 @@ fn culling_changes_no_bit_of_a_picture() {
             let (with, [lit, all]) = layers(&gpu, &scene, &caches, &culled);
             let (without, _) = layers(&gpu, &scene, &caches, &Knobs { cull: false, ..culled });
             eprintln!("{} by {path:?}: {lit} of {all} caches", scene.name);
-            assert!(lit < all, "something is culled");
+            assert!(lit < all, "some caches must be culled");
             assert!(with == without, "{} by {path:?}: pictures differ", scene.name);
-            assert!(with.iter().flatten().any(|p| p[0] != 0), "there is light");
+            assert!(with.iter().flatten().any(|p| p[0] != 0), "there must be light");
         }
     }
     assert_clean(&gpu);
@@ -183,7 +189,7 @@ fn of_several_views_every_one_is_served() {
         })
         .collect();
     let [first, second] = [&of_views[0], &of_views[1]];
-    assert!(!first.is_subset(second) && !second.is_subset(first), "both views need caches of their own");
+    assert!(!first.is_subset(second) && !second.is_subset(first), "each view must need caches that the other does not");
     for path in PATHS {
         let settings = settings(path);
         let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");

@@ -1,4 +1,4 @@
-//! Bodies that bend more than caches are apart keep their glossy light.
+//! Bodies whose surface curves strongly within one cache spacing keep their glossy light.
 
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
@@ -22,7 +22,7 @@ fn spot_at(intensity: f32, position: DVec3, direction: Vec3) -> Light {
     Light { intensity, position, direction: direction.normalize(), ..lamp(kind) }
 }
 
-/// A ball of this radius whose surface goes up and down.
+/// A ball of this radius with a wavy surface.
 fn blob(radius: f32) -> Surface {
     let mut surface = sphere(radius, 96);
     let swell = |d: Vec3| 1.0 + 0.2 * (4.0 * d.x).sin() * (4.0 * d.y).sin() * (4.0 * d.z).cos();
@@ -38,7 +38,7 @@ fn blob(radius: f32) -> Surface {
     surface
 }
 
-/// A glossy body in a Cornell box of 10 m without its blocks.
+/// A glossy body in a Cornell box of 10 m without blocks.
 fn room_with(body: Surface) -> Scene {
     let mut scene = cornell(CornellSurface::Diffuse, 0.1);
     scene.meshes.truncate(1);
@@ -62,7 +62,7 @@ fn glossy_bodies_keep_their_light() {
         let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs::at(Quality::High, 1000, size));
         let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
         let of_body = metrics(&shown, &paths.glossy());
-        println!("{name}, caches {:.2} m apart: glossy bias {:+.4}", caches.spacing, of_body.bias);
+        println!("{name}, cache spacing {:.2} m: glossy bias {:+.4}", caches.spacing, of_body.bias);
         assert!(of_body.bias.abs() < 0.05, "{name}: {of_body:?}");
     }
 }

@@ -1,4 +1,4 @@
-//! What windows show of a picture besides itself: false colours, broken values, caches as discs.
+//! Debug views of the window: false colours, marked invalid values, caches as discs.
 
 use glam::{DVec3, Mat4, Vec3, Vec4};
 use lightskin::gpu::{Attach, Attachments, Bind, Blend, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use};
@@ -14,11 +14,11 @@ fn false_colors_are_turbo() {
     for ([t], found) in inputs.iter().zip(found) {
         let wanted = false_color((*t).into());
         let far = DVec3::from_slice(&found.map(f64::from)).distance(wanted);
-        // Sums of terms a hundred times as large.
+        // The polynomial sums terms that are a hundred times as large.
         assert!(far < 1e-4, "{t}: {found:?} is not {wanted}");
     }
     let middle = false_color(0.5);
-    assert!(middle.y > middle.x && middle.y > middle.z, "green in the middle: {middle}");
+    assert!(middle.y > middle.x && middle.y > middle.z, "the middle must be green: {middle}");
     let values: Vec<[f32; 1]> = [-1.0, 0.0, 1e-9, 0.1, 0.5, 1.0, 7.0, 10.0, 1e9].map(|v| [v]).to_vec();
     let found = map_on_gpu(&gpu(), &["lib/false_color.glsl"], "vec4(decades(x[0], 0.1, 10.0))", &values);
     for ([value], found) in values.iter().zip(found) {
@@ -49,7 +49,7 @@ fn texture(gpu: &Gpu, [width, height]: [u32; 2], texels: &[[f32; 4]]) -> Image {
     gpu.texture("test", FLOAT, width, height, &[bytemuck::cast_slice(texels).to_vec()]).expect("a texture")
 }
 
-/// Rgb of a layer pass over one row of pixels.
+/// Pixels of a layer pass over one row of texels.
 fn layer(parts: &[Vec<[f32; 4]>], how: u32, [low, high]: [f32; 2]) -> Vec<[u8; 4]> {
     let gpu = gpu();
     let size = [parts[0].len() as u32, 1];
@@ -92,8 +92,8 @@ fn layers_are_summed_and_broken_ones_marked() {
     for (found, distance) in found.iter().zip([0.5, 2.0, 10.0]) {
         assert_color(*found, false_color(decades(distance, 0.5, 10.0)));
     }
-    assert_eq!(found[3], [0, 0, 0, 255], "nothing is black");
-    // Whichever layer it is in.
+    assert_eq!(found[3], [0, 0, 0, 255], "pixels without a surface must be black");
+    // An invalid value is marked in any of the layers.
     let broken = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1e-3];
     for place in 0..3 {
         let mut parts = vec![vec![grey(0.2); 6]; 3];
@@ -107,7 +107,7 @@ fn layers_are_summed_and_broken_ones_marked() {
     }
 }
 
-/// Discs of caches before, on, behind a surface and turned away from the eye, in a parallel view along -Z.
+/// Discs of caches on, in front of and behind a surface, and turned away from the eye, in a parallel view along -Z.
 #[test]
 fn discs_lie_on_what_is_seen() {
     let gpu = gpu();
@@ -133,7 +133,7 @@ fn discs_lie_on_what_is_seen() {
         let colors = [Attach::clear(&canvas)];
         cmd.render(&Attachments { colors: &colors, depth: None, area: [0, 0, 48, 48] }, |draw| {
             draw.bind(&pipeline, &[(&buffer).into(), (&depth).into()]);
-            // Depth is z.
+            // This view maps z to depth.
             draw.push(&DiscPush { clip_from_world: Mat4::IDENTITY, eye: Vec4::Z, size: 1.0, left: 0, top: 0 });
             draw.draw(caches.len() as u32 * 3 * DISC_CORNERS);
         });
@@ -156,12 +156,12 @@ fn discs_lie_on_what_is_seen() {
         assert!((x - middle.x).hypot(y) < 0.21, "{pixel:?} at {x} {y}");
         counts[which] += 1;
     }
-    // Of a polygon of 16 corners, 24 pixels to the unit.
+    // Area of a polygon with 16 corners, at 24 pixels per unit.
     let wanted = 16.0 * 0.5 * 0.04 * (std::f64::consts::TAU / 16.0).sin() * 576.0;
     for count in &counts[..2] {
         assert!((f64::from(*count) - wanted).abs() < 0.1 * wanted, "{count} of {wanted} pixels");
     }
-    assert_eq!(counts[2], 0, "behind the surface");
+    assert_eq!(counts[2], 0, "discs behind the surface must be hidden");
     let color = |x: usize| pixels[24 * 48 + x];
-    assert_ne!(color(9), color(24), "neighbours differ");
+    assert_ne!(color(9), color(24), "neighbouring discs must have different colours");
 }

@@ -1,4 +1,4 @@
-//! Devices that lack what others have: the same picture by other means.
+//! Devices that lack features of others draw the same picture by other means.
 
 use std::fs;
 use std::process::Command;
@@ -19,13 +19,13 @@ use crate::moving;
 
 const RAYS: Near = Near::Rays { per_pixel: 4, every: 2 };
 
-/// Every number of a picture, bit by bit.
+/// All layers of a picture as raw bits.
 fn bits(shot: &Shot) -> Vec<[u64; 3]> {
     let all = [&shot.albedo, &shot.specular, &shot.direct, &shot.diffuse, &shot.glossy];
     all.into_iter().flatten().map(|p: &DVec3| p.to_array().map(f64::to_bits)).collect()
 }
 
-/// What bends, mirrored and plain instances, glass before them, and a coat on it.
+/// A scene with bending bodies, mirrored and plain instances, glass in front of them, and a coated surface.
 fn everything() -> Scene {
     let mut scene = moving::world();
     moving::bend(&mut scene, 0.4, 0.5);
@@ -67,7 +67,7 @@ fn vertices_can_number_triangles_where_fragments_cannot() {
     let expected = draw(&numbered);
     assert!(expected[0].iter().any(|p| *p != [0; 3]));
     let pulled = numbered.without_triangle_numbers();
-    assert!(draw(&pulled) == expected, "another picture");
+    assert!(draw(&pulled) == expected, "the picture must stay the same");
 }
 
 #[test]
@@ -76,7 +76,7 @@ fn what_has_too_many_texels_is_read_from_storage_buffers() {
         return;
     }
     let scene = moving::world();
-    // More caches than 65 536 texels of depth images are, and more VALs.
+    // The depth images of these caches have more than 65 536 texels, and there are more VALs than that, too.
     let caches = baked(&scene, 0.1, 8);
     let count = caches.models.iter().map(|model| model.caches.len()).sum::<usize>();
     assert!(count * 144 > 65_536, "{count} caches");
@@ -95,11 +95,11 @@ fn what_has_too_many_texels_is_read_from_storage_buffers() {
     };
     let wide = open(Validation::Sync);
     let expected = draw(&wide);
-    assert!(draw(&wide.with_few_texels()) == expected, "another picture");
+    assert!(draw(&wide.with_few_texels()) == expected, "the picture must stay the same");
 }
 
-/// The whole command on SwiftShader and on the device of the other tests: the same picture, but for how coarsely SwiftShader
-/// places triangles.
+/// Runs the tool on SwiftShader and on the other tests' device. The pictures are the same, except for SwiftShader's
+/// coarse placement of triangles.
 #[test]
 fn swiftshader_draws_what_other_devices_draw() {
     let Some(icd) = std::env::var_os("LIGHTSKIN_SWIFTSHADER").filter(|icd| !icd.is_empty()) else {
@@ -127,7 +127,7 @@ fn swiftshader_draws_what_other_devices_draw() {
     assert!(figure("flip") < 0.03 && figure("bias").abs() < 0.02, "{told}");
 }
 
-/// Of Mesa's driver for AMD's GPUs, which compiles without one.
+/// Uses Mesa's driver for AMD GPUs, which compiles shaders without a GPU.
 #[test]
 fn gathers_that_gpus_may_choose_do_not_spill() {
     let Some(icd) = fs::read_dir("/usr/share/vulkan/icd.d").into_iter().flatten().find_map(|entry| {
@@ -154,11 +154,11 @@ fn gathers_that_gpus_may_choose_do_not_spill() {
     let (mut fit, mut spill) = (0, 0);
     for cells in table.lines().map(cells).filter(|cells| cells.len() > 8 && cells[1].starts_with("gather")) {
         let Ok(spilled) = cells[5].parse::<f64>() else { continue };
-        // Eight caches a thread with both lobes are no candidate: they are here to show that spills are seen.
+        // Eight caches per thread with both lobes are never chosen. They are here to show that the test detects spills.
         if cells[2].contains("8 caches") {
             spill += usize::from(spilled > 0.0);
         } else {
-            // Known: two views at once, with shadows and four caches, lack two registers.
+            // Known: two views at once, with shadows and four caches, need two registers too many.
             let most = if cells[1] == "gather_shadowed_eyes.comp" { 2.0 } else { 0.0 };
             assert!(spilled <= most, "{} with {} spills {spilled}", cells[1], cells[2]);
             fit += 1;

@@ -1,5 +1,5 @@
-//! What is drawn and with what changes no bit: runs of triangles outside a view are left out, and pipelines know the materials that
-//! they draw.
+//! Optimised drawing changes no bit: runs of triangles outside a view are skipped, and pipelines are specialised for
+//! the materials that they draw.
 
 use crate::analytic::numbers;
 use crate::common::frames::{baked, drawn, drawn_of, small};
@@ -13,7 +13,7 @@ use lightskin::scene::build::{quad, sphere};
 use lightskin::scene::deform::{Bind, Deform, Influence, Pose};
 use lightskin::scene::{Image, LightKind, Material, Sampler, Scene, Texture};
 
-/// Everything that stage 1 writes, bit by bit.
+/// Everything that stage 1 writes, as raw bits.
 fn surfaces(gpu: &Gpu, Picture { surface, .. }: &Picture) -> Vec<Vec<u32>> {
     let mut all: Vec<Vec<u32>> = vec![gpu.read_image(&surface.depth).expect("read")];
     for image in surface.element.iter().chain([&surface.normal, &surface.radiance]) {
@@ -26,7 +26,8 @@ fn surfaces(gpu: &Gpu, Picture { surface, .. }: &Picture) -> Vec<Vec<u32>> {
     all
 }
 
-/// Balls of many triangles about the corner: one that is near, one that is mirrored, one far away, and one of a few pixels.
+/// Balls with many triangles around the corner: one nearby, one mirrored, one far away, and one that covers a few
+/// pixels.
 fn balls() -> Scene {
     let mut scene = corner(&[SPOT, LightKind::Point], 20.0);
     let places = [
@@ -41,7 +42,8 @@ fn balls() -> Scene {
     scene
 }
 
-/// The same with every mesh bound to a joint that rests: what bends has no bounds, so that all of it is drawn.
+/// The same scene with every mesh bound to a joint in rest pose. Meshes that bend have no bounds, so all of them are
+/// drawn.
 fn unbounded(mut scene: Scene) -> Scene {
     for mesh in &mut scene.meshes {
         let mut deform = Deform::default();
@@ -67,7 +69,10 @@ fn unbounded(mut scene: Scene) -> Scene {
 fn triangles_outside_a_view_are_left_out_without_a_change() {
     let gpu = gpu();
     let mut scene = balls();
-    assert!(scene.meshes.iter().any(|mesh| mesh.indices.len() > 3 * 4096), "several runs");
+    assert!(
+        scene.meshes.iter().any(|mesh| mesh.indices.len() > 3 * 4096),
+        "meshes must have several runs of triangles"
+    );
     let mut next = numbers(7);
     for turn in 0..6 {
         let eye = dvec3(next(), 0.2 + next(), next()) * if turn == 5 { 8.0 } else { 1.0 };
@@ -79,14 +84,14 @@ fn triangles_outside_a_view_are_left_out_without_a_change() {
             let world = World::new(&gpu, scene, None).expect("upload");
             surfaces(&gpu, &drawn_of(&gpu, scene, &world, &knobs).picture)
         });
-        assert_eq!(few[0], every[0], "depth from {eye}");
+        assert_eq!(few[0], every[0], "depth differs from {eye}");
         assert!(few[0].iter().any(|depth| *depth != 0));
-        // Normals are posed on the way.
+        // Posing recomputes the normals, so direct light differs by rounding.
         let radiance = |of: &[Vec<u32>]| -> Vec<f32> { of[2].iter().map(|bits| f32::from_bits(*bits)).collect() };
         let (few, every) = (radiance(&few), radiance(&every));
         let off = few.iter().zip(&every).filter(|(a, b)| (*a - *b).abs() > 1e-3 * a.abs().max(1.0));
         let off: Vec<_> = off.collect();
-        assert!(off.len() <= 12, "direct light from {eye}: {off:?}");
+        assert!(off.len() <= 12, "direct light differs from {eye}: {off:?}");
     }
 }
 
@@ -102,11 +107,11 @@ fn triangles_keep_their_numbers_in_runs() {
     };
     let few = elements(&drawn(&gpu, &scene, &caches, &knobs));
     let every = elements(&drawn(&gpu, &of_all, &baked(&of_all, 0.7, 8), &knobs));
-    assert!(few == every, "draws and triangles");
-    assert!(few.iter().any(|element| element[1] > 2048), "some from later runs");
+    assert!(few == every, "draw and triangle numbers must be the same");
+    assert!(few.iter().any(|element| element[1] > 2048), "some triangles must be in later runs");
 }
 
-/// Materials with all kinds of textures side by side.
+/// Squares with all kinds of textured materials, side by side.
 fn textured(more: usize) -> Scene {
     let mut scene = corner(&[SPOT], 20.0);
     let mut next = numbers(3);
@@ -125,7 +130,7 @@ fn textured(more: usize) -> Scene {
         alpha_cutoff: (kind == 45).then_some(0.5),
         ..Material::default()
     };
-    // The larger the number, the sooner it shares a pipeline.
+    // Kinds with larger numbers share a pipeline sooner.
     for (i, number) in [0, 1, 7, 45, 63].into_iter().enumerate() {
         let mut surface = quad(Vec3::ZERO, 0.5 * Vec3::X, 0.5 * Vec3::Y, 0.1);
         for vertex in &mut surface.vertices {
@@ -134,10 +139,10 @@ fn textured(more: usize) -> Scene {
         let place = dvec3(-0.9 + 0.35 * i as f64, 0.2 + 0.1 * i as f64, -0.5 + 0.1 * i as f64);
         add(&mut scene, surface, kind(number), DAffine3::from_translation(place));
     }
-    // Behind the floor, where nobody sees them.
+    // These squares are hidden behind the floor.
     for number in (2..63).filter(|number| ![7, 45].contains(number)).take(more) {
         let place = DAffine3::from_translation(dvec3(0.0, -0.5, 0.0));
-        // They give no light.
+        // They emit no light.
         let dark = Material { emissive: Vec3::ZERO, ..kind(number) };
         add(&mut scene, quad(Vec3::ZERO, 0.01 * Vec3::X, 0.01 * Vec3::Y, 0.1), dark, place);
     }
@@ -155,14 +160,14 @@ fn pipelines_that_know_their_materials_draw_what_others_draw() {
     let gpu = gpu();
     for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
         let knobs = Knobs { size: [72, 54], gi: Gi::Off, antialiasing, ..small() };
-        // With few kinds each has pipelines of its own, with many the last ones share some.
+        // Each of few kinds has its own pipelines. Of many kinds, the last ones share pipelines.
         let [few, many] = [0, 40].map(|more| {
             let scene = textured(more);
             let world = World::new(&gpu, &scene, None).expect("upload");
             surfaces(&gpu, &drawn_of(&gpu, &scene, &world, &knobs).picture)
         });
-        assert!(few[0] == many[0], "depth: {antialiasing:?}");
-        // Compilers may round another way where they know more.
+        assert!(few[0] == many[0], "depth differs: {antialiasing:?}");
+        // Compilers may round differently in specialised pipelines.
         let floats = few[1..3].iter().flatten().zip(many[1..3].iter().flatten());
         let floats =
             floats.map(|(a, b)| [*a, *b].map(f32::from_bits)).filter(|[a, b]| (a - b).abs() > 1e-5 * a.abs().max(1.0));

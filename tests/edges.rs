@@ -1,4 +1,4 @@
-//! Smoothed edges: shares of pixels against the points that they are counted at, pictures against 64 samples a pixel.
+//! Smoothed edges: coverage of pixels against their sample points, and pictures against 64 samples a pixel.
 
 use crate::common::frames::{add, baked, camera, drawn_of, small};
 use crate::common::gpu;
@@ -16,7 +16,7 @@ use lightskin::scene::{Camera, Image, Material, Projection, Sampler, Scene, Text
 use std::collections::HashSet;
 use std::path::Path;
 
-/// A white square of side 1 that shines, turned by some angle, on nothing; a picture of it is 2 high.
+/// A white emissive square of side 1, rotated by `angle`, in front of nothing. The picture is 2 units high.
 fn slanted(angle: f64) -> Scene {
     let mut scene = Scene::default();
     let material = Material { emissive: Vec3::ONE, base_color: Vec3::ZERO.extend(1.0), ..Material::default() };
@@ -27,7 +27,7 @@ fn slanted(angle: f64) -> Scene {
     scene
 }
 
-/// Share of a pixel's points in the square, and whether a point is too near to its outline to be told.
+/// Fraction of a pixel's points inside the square, and whether a point is too close to its outline for a sure result.
 fn share(index: usize, size: u32, angle: f64, antialiasing: Antialiasing) -> (f64, bool) {
     let middle = DVec2::new((index as u32 % size) as f64 + 0.5, (index as u32 / size) as f64 + 0.5);
     let points: Vec<DVec2> =
@@ -67,14 +67,14 @@ fn shares_of_pixels_are_those_of_their_points() {
                     unsure || (alpha - wanted).abs() < 0.003,
                     "{angle} {antialiasing:?}: alpha {alpha}, not {wanted}"
                 );
-                // White has the same colour however little of it there is.
+                // White keeps its colour at any coverage.
                 assert!(wanted == 0.0 || unsure || clear[i][0] == clear[clear.len() / 2 + 16][0], "{:?}", clear[i]);
             }
         }
     }
 }
 
-/// Draws again, with whatever look the frame has, and gives the picture.
+/// Draws again with the frame's current look, and returns the picture.
 fn pictured(gpu: &Gpu, scene: &Scene, world: &World, frame: &mut Frame) -> Vec<[u8; 4]> {
     let view = lightskin::frame::View::new(&scene.cameras[0], frame.picture.size(), world.origin, world.radius);
     let drawn = gpu.frame(|cmd| {
@@ -85,7 +85,7 @@ fn pictured(gpu: &Gpu, scene: &Scene, world: &World, frame: &mut Frame) -> Vec<[
     gpu.read_image(&frame.picture.output.picture).expect("read")
 }
 
-/// All radiance of a picture.
+/// Sum of all radiance layers of a picture.
 fn radiance(gpu: &Gpu, frame: &Frame) -> Vec<Vec3> {
     let picture = &frame.picture;
     let indirect = picture.indirect.as_ref();
@@ -99,7 +99,7 @@ fn radiance(gpu: &Gpu, frame: &Frame) -> Vec<Vec3> {
     sum
 }
 
-/// Means over 8x8 samples of each pixel, and whether these are on more than one surface.
+/// Mean over 8x8 samples of each pixel, and whether the samples show more than one surface.
 fn supersampled(gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> (Vec<Vec3>, Vec<bool>) {
     let [w, h] = knobs.size.map(|side| side as usize);
     let frame = drawn_of(gpu, scene, world, &Knobs { size: knobs.size.map(|side| 8 * side), ..*knobs });
@@ -118,11 +118,12 @@ fn supersampled(gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> (Vec<
     pixels.unzip()
 }
 
-/// Shares of the error of pixels' middles that four and eight points leave: FLIP on edges, over all, and RMSE on edges.
+/// Errors with four and eight points, relative to errors with the pixels' centres alone: FLIP on edges, FLIP over all
+/// pixels, RMSE on edges.
 fn errors(gpu: &Gpu, scene: &Scene, caches: &CacheSet, base: Knobs) -> [[f64; 3]; 2] {
     let world = World::new(gpu, scene, Some(caches)).expect("made");
     let (truth, edges) = supersampled(gpu, scene, &world, &base);
-    // FLIP sees as much in scenes of any brightness.
+    // Scale the radiance, so that FLIP is equally sensitive in scenes of any brightness.
     let mut bright: Vec<f32> = truth.iter().map(|c| c.max_element()).collect();
     bright.sort_by(f32::total_cmp);
     let scale = 1.0 / bright[bright.len() * 3 / 4].max(f32::MIN_POSITIVE);
@@ -143,7 +144,7 @@ fn errors(gpu: &Gpu, scene: &Scene, caches: &CacheSet, base: Knobs) -> [[f64; 3]
     [("4", four), ("8", eight)].map(|(name, found)| {
         let of_off = [0, 1, 2].map(|i| found[i] / off[i]);
         let [on_edges, all, rmse] = of_off;
-        println!("aa {name}: FLIP on edges {on_edges:.3} of off's, over all {all:.3}; RMSE on edges {rmse:.3}");
+        println!("aa {name} relative to off: FLIP on edges {on_edges:.3}, over all {all:.3}; RMSE on edges {rmse:.3}");
         of_off
     })
 }
@@ -161,7 +162,7 @@ fn edges_come_near_to_those_of_many_samples() {
     }
 }
 
-/// Not a test but a measurement: `cargo test --test lightskin -- --ignored --nocapture edges_of_shared_scenes`.
+/// A measurement rather than a test: `cargo test --test lightskin -- --ignored --nocapture edges_of_shared_scenes`.
 #[test]
 #[ignore = "takes minutes, and says how good the picture is"]
 fn edges_of_shared_scenes() {
@@ -182,7 +183,7 @@ fn edges_of_shared_scenes() {
     }
 }
 
-/// Squares that shine in a colour of their own, one behind another, turned by some angle: middle, angle, colour.
+/// Emissive squares of different colours, one behind another: centre, rotation, colour.
 fn heap() -> Vec<(DVec2, f64, Vec3)> {
     let part = |i: usize, by: f64| (i as f64 * by).fract();
     let square = |i: usize| {
@@ -208,7 +209,7 @@ fn third_surfaces_have_the_light_of_pixels_around() {
     let projection = Projection::Orthographic { ymag: 1.0 };
     scene.cameras = vec![Camera { projection, ..camera(DVec3::Z, DVec3::ZERO, 1.0) }];
     let world = World::new(&gpu, &scene, None).expect("made");
-    // What a point shows, and whether it is too near to an outline to be told.
+    // The square that a point shows, and whether the point is too close to an outline for a sure result.
     let shown = |p: DVec2| {
         let at = (p / f64::from(size) * 2.0 - 1.0) * DVec2::new(1.0, -1.0);
         let outside = |(middle, angle, _): &(DVec2, f64, Vec3)| {
@@ -234,7 +235,7 @@ fn third_surfaces_have_the_light_of_pixels_around() {
             all += 1;
             right += usize::from((Vec3::from_slice(seen) - mean).abs().max_element() < 1e-5);
         }
-        println!("{antialiasing:?}: {right} of {all} pixels with three surfaces and more are right");
+        println!("{antialiasing:?}: {right} of {all} pixels with three or more surfaces are right");
         assert!(all > 20 && 5 * right >= 4 * all, "{right} of {all}");
     }
 }
@@ -284,12 +285,12 @@ fn textures_are_means_over_points() {
     let [off, four, eight] = [Antialiasing::Off, Antialiasing::Four, Antialiasing::Eight].map(error);
     for (which, name) in ["albedo", "emission"].into_iter().enumerate() {
         let [four, eight] = [four, eight].map(|found| found[which] / off[which]);
-        println!("{name}: RMSE {four:.3} of off's with 4 points, {eight:.3} with 8");
+        println!("{name}: RMSE relative to off {four:.3} with 4 points, {eight:.3} with 8");
         assert!(four < 0.4 && eight < 0.4, "{name}: {four} {eight}");
     }
 }
 
-/// Where one of `many` x `many` samples of a pixel is in the larger picture.
+/// Index in the larger picture of one of a pixel's `many` x `many` samples.
 fn truth_at(pixel: u32, sample: u32, size: u32, many: u32) -> usize {
     let (x, y) = (pixel % size * many + sample % many, pixel / size * many + sample / many);
     (y * size * many + x) as usize

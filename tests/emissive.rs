@@ -1,5 +1,5 @@
-//! Surfaces that emit and are no area lights: as VALs they light caches, and pixels by brute force. Absolute irradiance in
-//! closed form, energy, one-sidedness, the path tracer.
+//! Emissive surfaces that are not area lights. As VALs they light caches, and pixels in brute force. Tests absolute
+//! irradiance in closed form, energy and one-sidedness, and compares with the path tracer.
 
 use glam::{Affine2, DAffine3, DVec3, Vec2, Vec3, dvec3, vec3};
 use lightskin::frame::{ClusterRule, World};
@@ -16,13 +16,13 @@ use crate::cli::{folder, works};
 use crate::common::frames::{add, baked, camera, phong, shoot, small};
 use crate::common::gpu;
 
-/// Corners of the squares that the lamp consists of: an L, which is no rectangle.
+/// Corners of the squares that form the lamp: an L, which is not a rectangle.
 const SQUARES: [[f32; 2]; 5] = [[-0.375, -0.375], [-0.125, -0.375], [0.125, -0.375], [-0.375, -0.125], [-0.375, 0.125]];
 
-/// Side of each [m].
+/// Side of each square [m].
 const SIDE: f32 = 0.25;
 
-/// Their area [m^2].
+/// Area of all squares [m^2].
 const AREA: f32 = 5.0 * SIDE * SIDE;
 
 fn lamp(edge: f32) -> Surface {
@@ -30,7 +30,7 @@ fn lamp(edge: f32) -> Surface {
     SQUARES.into_iter().map(square).reduce(Surface::and).expect("squares")
 }
 
-/// A floor of 2 m and over it a lamp that shines downwards with this radiance [cd/m^2].
+/// A floor of 2 m below a lamp that shines downwards with this radiance [cd/m^2].
 fn lamp_over_floor(radiance: Vec3) -> Scene {
     let mut scene = Scene { name: "lamp over floor".into(), ..Scene::default() };
     let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.1);
@@ -53,19 +53,19 @@ fn a_lamps_irradiance_is_the_closed_form() {
     let exact = |p: DVec3, n: DVec3| {
         PI * radiance.as_dvec3() * SQUARES.iter().map(|s| polygon_form_factor(&corners(*s), p, n)).sum::<f64>()
     };
-    // No light comes twice.
+    // Caches receive only emitted light, nothing reflected.
     let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces: 0, ..small() });
     assert_eq!(shot.vals.len(), World::new(&gpu, &scene, None).expect("upload").emitters.len());
     let mut worst = 0.0_f64;
     for (cache, sum) in shot.caches.iter().zip(&shot.sums[0]) {
         if cache.position.y > 0.1 {
-            assert_eq!(*sum, DVec3::ZERO, "the lamp does not light itself");
+            assert_eq!(*sum, DVec3::ZERO, "the lamp must not light itself");
             continue;
         }
         let exact = exact(cache.position, cache.normal);
         worst = worst.max(sum.distance(exact) / exact.length());
     }
-    eprintln!("caches: worst {worst:.5}");
+    eprintln!("caches: largest error {worst:.5}");
     assert!(worst < 2e-3, "{worst}");
     for (gi, bound) in [(Gi::BruteForce, 2e-3), (Gi::LightSkin, 0.02)] {
         let bounces = u32::from(gi == Gi::BruteForce);
@@ -85,7 +85,7 @@ fn a_lamps_irradiance_is_the_closed_form() {
 fn patches_carry_all_the_light_of_textures_many_triangles_and_mirrored_instances() {
     let gpu = gpu();
     let mut scene = lamp_over_floor(Vec3::splat(10.0));
-    // Half of the lamp is red, in stripes; a mirrored instance of it shines from elsewhere, downwards as well.
+    // Half of the lamp is red, in stripes. A mirrored instance shines downwards from another place.
     let rgba = [[255, 0, 0, 255], [0, 0, 0, 255]].concat();
     scene.images.push(Image { name: "stripes".into(), width: 2, height: 1, rgba });
     scene.materials[1].emissive_texture = Some(Texture {
@@ -104,11 +104,11 @@ fn patches_carry_all_the_light_of_textures_many_triangles_and_mirrored_instances
     let buffers = World::new(&gpu, &scene, None).expect("upload");
     let flux: Vec3 = buffers.emitters.iter().map(|v| v.flux).sum();
     let exact = PI as f32 * 10.0 * 0.5 * AREA * 3.0;
-    eprintln!("{} patches, {flux} lm of {exact}", buffers.emitters.len());
+    eprintln!("{} patches, {flux} lm, expected {exact}", buffers.emitters.len());
     assert!((flux.x / exact - 1.0).abs() < 0.01 && flux.y == 0.0);
     assert!(buffers.emitters.iter().filter(|v| v.flux.x > 0.0).all(|v| v.normal.distance(Vec3::NEG_Y) < 1e-6));
 
-    // More triangles than patches: all of the light, from fewer.
+    // With more triangles than patches, fewer patches carry all of the light.
     let mut scene = lamp_over_floor(Vec3::splat(10.0));
     let fine = lamp(0.004);
     let shining = scene.materials[1].clone();
@@ -119,13 +119,13 @@ fn patches_carry_all_the_light_of_textures_many_triangles_and_mirrored_instances
     let flux: f32 = buffers.emitters.iter().map(|v| v.flux.x).sum();
     let middle: Vec3 = buffers.emitters.iter().map(|v| v.position * v.flux.x).sum::<Vec3>() / flux;
     let middle = middle.as_dvec3() + buffers.origin;
-    eprintln!("{triangles} triangles, {} patches: {flux} lm about {middle}", buffers.emitters.len());
+    eprintln!("{triangles} triangles, {} patches: {flux} lm, centred at {middle}", buffers.emitters.len());
     assert!(triangles > 16_384 && buffers.emitters.len() <= 16_384);
     assert!((flux / (PI as f32 * 10.0 * AREA) - 1.0).abs() < 1e-3);
     assert!(middle.distance(dvec3(-0.1, 0.8, -0.1)) < 0.01);
 }
 
-/// The Cornell box with its lamp, and a ball below the ceiling that shines.
+/// The Cornell box with its lamp, and an emissive ball below the ceiling.
 fn ball_in_a_box() -> Scene {
     let mut scene = cornell(CornellSurface::Diffuse, 0.1);
     scene.instances.truncate(1);
@@ -153,7 +153,7 @@ fn emitters_light_a_room_as_paths_do() {
             paths.direct().iter().zip(paths.diffuse()).zip(&shot.diffuse).zip(&shot.direct)
         {
             let (path, shown) = (f64::from(direct[1]) + f64::from(indirect[1]), diffuse.y + shown.y);
-            // The lamp itself is the same in both.
+            // Pixels of the lamp are the same in both, so they are left out.
             if shown < 90.0 {
                 off += (path - shown).abs();
                 sum += path;
@@ -185,7 +185,7 @@ fn the_command_shows_light_of_emitters_that_no_surface_has_reflected() {
 
 #[test]
 fn light_of_lamps_and_of_emitters_adds_up_after_every_bounce() {
-    // What a lamp gives to caches by way of VALs has bounced once, what an emitter gives to them has not.
+    // Light that a lamp sends to caches through VALs has bounced once. Light of an emitter has not bounced.
     let gpu = gpu();
     let both = ball_in_a_box();
     let (mut lamp, mut ball) = (both.clone(), both.clone());
@@ -199,7 +199,12 @@ fn light_of_lamps_and_of_emitters_adds_up_after_every_bounce() {
         let light = |sums: &[DVec3]| sums.iter().map(|sum| sum.length()).sum::<f64>();
         let apart = lamp.iter().zip(&ball).map(|(a, b)| *a + *b);
         let off: f64 = both.iter().zip(apart).map(|(both, apart)| both.distance(apart)).sum();
-        eprintln!("{bounces} bounces: {:e} of {} and {}", off / light(&both), light(&lamp), light(&ball));
+        eprintln!(
+            "{bounces} bounces: difference {:e}, light of lamps {} and of emitters {}",
+            off / light(&both),
+            light(&lamp),
+            light(&ball)
+        );
         assert!(light(&lamp) > 0.1 * light(&ball) && light(&ball) > 0.1 * light(&lamp));
         assert!(off < 1e-5 * light(&both), "{bounces}");
     }
@@ -210,11 +215,11 @@ fn clusters_hold_emitters_too() {
     let gpu = gpu();
     let scene = lamp_over_floor(vec3(30.0, 20.0, 10.0));
     let caches = baked(&scene, 0.3, 8);
-    // Clusters give what emitters do and reflect it no further: as every VAL without a bounce.
+    // Clusters gather emitted light and do not reflect it further, like a gather of every VAL without bounces.
     let all = shoot(&gpu, &scene, Some(&caches), &Knobs { bounces: 0, ..small() });
     let by = shoot(&gpu, &scene, Some(&caches), &Knobs { path: Path::Clusters(ClusterRule::Distance(8.0)), ..small() });
     let off: f64 = all.sums[0].iter().zip(&by.sums[0]).map(|(a, b)| a.distance(*b)).sum();
     let sum: f64 = all.sums[0].iter().map(|a| a.length()).sum();
-    eprintln!("clusters: {:.5}", off / sum);
+    eprintln!("clusters: relative error {:.5}", off / sum);
     assert!(sum > 0.0 && off / sum < 0.005);
 }

@@ -1,5 +1,5 @@
-//! Everything may change between two frames: after each edit the engine shows, bit by bit, what an engine made from scratch
-//! shows, and hundreds of changes leave nothing behind.
+//! Everything may change between two frames. After each edit the engine shows the same picture, bit by bit, as an
+//! engine made from scratch, and hundreds of changes leave no resources behind.
 
 use glam::{DAffine3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, Density};
@@ -17,14 +17,14 @@ use crate::common::frames::{add, baked, corner, phong, small};
 use crate::common::{assert_clean, gpu};
 use crate::moving::{bend, world};
 
-/// A ball of `world` that is rigid.
+/// Instance of a rigid ball in `world`.
 const BALL: usize = 2;
 
 fn loaded(scene: &Scene, spacing: f64) -> Loaded {
     Loaded { scene: scene.clone(), caches: Some(baked(scene, spacing, 8)) }
 }
 
-/// Fits, draws and reads all layers; nothing of a picture without pixels.
+/// Fits, draws and reads all layers. The result is empty for a picture without pixels.
 fn shown(gpu: &Gpu, engine: &mut Engine, picture: &mut Picture, size: [u32; 2], look: &Look) -> Vec<Vec<u32>> {
     engine.fit(gpu, &mut [(picture, size)]).expect("fits");
     let camera = engine.scene().cameras[0].clone();
@@ -43,7 +43,7 @@ fn shown(gpu: &Gpu, engine: &mut Engine, picture: &mut Picture, size: [u32; 2], 
     images.into_iter().map(|image| gpu.read_image(image).expect("read")).collect()
 }
 
-/// Numbers that look drawn at random, the same in every run.
+/// Pseudorandom numbers, the same in every run.
 struct Random(u64);
 
 impl Random {
@@ -69,7 +69,7 @@ fn lamp(random: &mut Random) -> Light {
     }
 }
 
-/// What an edit of the scene is; true where it asks for other caches.
+/// Applies edit number `what` to the scene. Returns true if the edit needs other caches.
 fn edit(scene: &mut Scene, random: &mut Random, what: usize) -> bool {
     let material = &mut scene.materials[1];
     match what {
@@ -139,7 +139,8 @@ fn kinds() -> Vec<Settings> {
     knobs.iter().map(Knobs::settings).collect()
 }
 
-/// A walk through scenes, caches, settings, sizes and looks; after each step the picture is that of a new engine.
+/// A random walk through scenes, caches, settings, sizes and looks. After each step the picture must be that of a new
+/// engine.
 #[test]
 fn edits_at_run_time_show_what_a_new_engine_shows() {
     let gpu = gpu();
@@ -163,7 +164,7 @@ fn edits_at_run_time_show_what_a_new_engine_shows() {
                 let what = random.below(13);
                 let mut scene = now.scene.clone();
                 if edit(&mut scene, &mut random, what) {
-                    // Other models need other caches, which are placed in the background while the old ones are shown.
+                    // Other models need other caches. They are placed in the background while the old scene is shown.
                     now = loaded(&scene, spacing);
                     engine.start(move |progress| {
                         let settings = bake_settings(spacing);
@@ -207,7 +208,7 @@ fn bake_settings(spacing: f64) -> bake::BakeSettings {
     bake::BakeSettings { density: Density::Spacing(spacing), angle: 0.5 * std::f32::consts::FRAC_PI_2, references: 8 }
 }
 
-/// Another scene at once, and back.
+/// Loads another scene, which is shown at once, and then the first one again.
 #[test]
 fn another_scene_is_shown_at_once() {
     let gpu = gpu();
@@ -231,7 +232,7 @@ fn another_scene_is_shown_at_once() {
     assert!(of_room == shown(&gpu, &mut scratch, &mut other, size, &look));
     engine.load(&gpu, loaded(&world(), 0.4)).expect("loaded");
     assert!(before == shown(&gpu, &mut engine, &mut picture, size, &look));
-    // A scene without anything to draw is refused, and the old one stays.
+    // A scene with nothing to draw is refused, and the old one stays.
     let nothing = Loaded { scene: Scene::default(), caches: None };
     assert!(engine.load(&gpu, nothing).is_err());
     assert!(before == shown(&gpu, &mut engine, &mut picture, size, &look));
@@ -253,8 +254,8 @@ fn a_job_that_fails_changes_nothing() {
     assert!(before == shown(&gpu, &mut engine, &mut picture, size, &look));
 }
 
-/// Sizes from one pixel to 8K, then hundreds of small ones and hundreds of settings: sets, pools, pipelines and memory stay
-/// where they were after the first of each.
+/// Sizes from one pixel to 8K, then hundreds of small ones, then hundreds of settings. Descriptor sets, pools,
+/// pipelines and memory do not grow after the first round of each.
 #[test]
 fn hundreds_of_changes_leave_nothing_behind() {
     let gpu = gpu();
@@ -295,7 +296,7 @@ fn hundreds_of_changes_leave_nothing_behind() {
             after_ten = Some(held());
         }
     }
-    // The last two are of the same kinds as then.
+    // The last settings are of the same kinds as at the first measurement.
     assert_eq!(Some(held()), after_ten, "after 120 settings");
     assert_clean(&gpu);
 }
@@ -325,15 +326,15 @@ fn what_a_slider_moves_makes_no_pipeline() {
             .expect("edited");
         shown(&gpu, &mut engine, &mut picture, size, &Look::default());
     }
-    // Sizes of maps and pictures, too.
+    // Other sizes of maps and pictures create no pipeline, either.
     engine.set(&Settings { rsm: 48, light_shadows: LightShadows::Maps(128), ..settings });
     shown(&gpu, &mut engine, &mut picture, [30, 20], &Look::default());
     assert_eq!(gpu.counters().pipelines_made, before);
     assert_clean(&gpu);
 }
 
-/// Frames of bodies that move, bend, hide and shine make nothing, short rays included; nor does one that had not said that it
-/// moves, after the first time.
+/// Frames with moving and bending bodies create no device objects, including those for short rays. This also holds for
+/// a body whose `moves` flag is unset, after it has moved once.
 #[test]
 fn what_moves_makes_nothing_in_the_frame_loop() {
     let gpu = gpu();
@@ -374,7 +375,7 @@ fn what_moves_makes_nothing_in_the_frame_loop() {
 #[test]
 fn the_librarys_picture_is_renders() {
     let folder = folder("the_librarys_picture_is_renders");
-    // A room that is divided, and one that lacks camera and light; where kept bakes lie changes nothing.
+    // One room that is divided, and one that lacks camera and light. The place of the kept bakes must not matter.
     let room = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell_glossy.glb");
     let mut bare = corner(&[], 40.0);
     bare.cameras.clear();

@@ -1,4 +1,4 @@
-//! The report of speed against error, through the tool: what is measured, what is kept, what is written.
+//! The report of speed against error, from the command line: measured points, kept points and written files.
 
 use crate::cli::{fails, folder, left, works};
 use lightskin::scene::build::{CornellSurface, cornell};
@@ -6,7 +6,7 @@ use lightskin::scene::{Scene, write::write_glb};
 use std::fs;
 use std::path::Path;
 
-/// A Cornell box of few triangles.
+/// A Cornell box with few triangles.
 fn small() -> Scene {
     cornell(CornellSurface::Glossy, 0.5)
 }
@@ -16,7 +16,7 @@ fn eval(at: &Path, more: &[&str]) -> String {
     works(at, &[&args, &["--max-edge", "0"][..], more].concat())
 }
 
-/// How many points were measured, and how many were kept.
+/// Numbers of measured, kept and failed points.
 fn counts(out: &str) -> (usize, usize, usize) {
     let line = out.lines().find(|line| line.starts_with("points")).expect("a line of counts");
     let numbers: Vec<usize> = line.split(|c: char| !c.is_ascii_digit()).filter_map(|n| n.parse().ok()).collect();
@@ -31,22 +31,25 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     write_glb(&small(), &at.join("box.glb")).expect("a scene");
     let caches = ["--caches", "250"];
     let first = eval(&at, &caches);
-    // With and without shadows: three counts of caches by three RSMs, one alternative each of three knobs. One further kind of
-    // shadows, with and without short rays, shadows without these, two distances of clusters.
+    // With and without shadows: three cache counts by three RSM sizes, and one alternative for each of three knobs.
+    // Also one more kind of shadows with and without short rays, shadows without short rays, and two cluster distances.
     assert_eq!(counts(&first), (29, 0, 0), "{first}");
     let report = at.join("report");
     let wanted = ["index.html", "pictures", "plots", "points.jsonl", "references", "results.csv", "results.json"];
     assert_eq!(left(&report), wanted);
 
     let page = fs::read_to_string(report.join("index.html")).expect("a page");
-    assert!(!page.contains("http") && !page.contains("href") && !page.contains("url("), "no other file is asked for");
+    assert!(
+        !page.contains("http") && !page.contains("href") && !page.contains("url("),
+        "the page must not load other files"
+    );
     assert!(!page.contains("<script") && !page.contains("@import"));
     assert_eq!(page.matches("src=").count(), page.matches("src=\"data:image/png;base64,").count());
     assert!(page.matches("<img").count() > 20 && page.matches("<svg").count() > 15);
     let words: String =
         page.split("data:image/png;base64,").map(|part| part.split_once('"').map_or(part, |of| of.1)).collect();
     assert!(!words.contains("NaN") && !words.contains("Not measured"));
-    assert!(!lightskin_is_software() || page.contains("software device"), "a software device is called one");
+    assert!(!lightskin_is_software() || page.contains("software device"), "the page must name a software device");
     for name in ["same virtual lights", "most virtual lights", "no shadows", "with shadows", "Pareto front"] {
         assert!(page.contains(name), "{name}");
     }
@@ -62,10 +65,10 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     for name in ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "median-relative", "bias", "psnr", "ssim", "flip"] {
         assert!(head.contains(&name), "{head:?}");
     }
-    // Fifteen points with shadows against one reference, fourteen without against four, three of brute force against three;
-    // two lobes and their sum.
+    // Fifteen points with shadows have one reference, fourteen without have four, and three of brute force have three.
+    // Each has two lobes and their sum.
     assert_eq!(table.lines().count(), 1 + (15 + 14 * 4 + 3 * 3) * 3);
-    // Nothing with shadows is compared with a reference that has none.
+    // Points with shadows are not compared with references without shadows.
     let [gi, shadows, reference] =
         ["gi", "shadows", "reference"].map(|name| head.iter().position(|n| *n == name).expect(name));
     for line in table.lines().skip(1) {
@@ -81,9 +84,12 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     let second = eval(&at, &caches);
     assert_eq!(counts(&second), (0, 29, 0), "{second}");
     assert_eq!(fs::read_to_string(report.join("results.csv")).expect("a table"), table);
-    assert!(fs::read_to_string(report.join("index.html")).expect("a page") == page, "the same numbers, the same page");
+    assert!(
+        fs::read_to_string(report.join("index.html")).expect("a page") == page,
+        "the same numbers must give the same page"
+    );
 
-    // An interrupted run: a line is cut short, and a picture of another point is missing.
+    // An interrupted run: one line is cut short, and another point lacks a picture.
     let lines = fs::read_to_string(report.join("points.jsonl")).expect("points");
     fs::write(report.join("points.jsonl"), &lines[..lines.len() - 100]).expect("points");
     let picture = fs::read_dir(report.join("pictures")).expect("pictures").map(|e| e.expect("entry").path());
@@ -94,7 +100,7 @@ fn a_report_stands_alone_and_a_restart_measures_what_is_missing() {
     let third = eval(&at, &caches);
     assert_eq!(counts(&third), (2, 27, 0), "{third}");
 
-    // Other settings and another scene: nothing of it fits, and nothing of it is lost.
+    // With other settings or another scene no kept point fits, but none is lost.
     let other = eval(&at, &["--caches", "250", "--angle", "45"]);
     assert_eq!(counts(&other), (29, 0, 0), "{other}");
     assert_eq!(counts(&eval(&at, &caches)), (0, 29, 0));
@@ -108,7 +114,7 @@ fn lightskin_is_software() -> bool {
     lightskin::gpu::Gpu::new(&lightskin::gpu::Options::default()).expect("a Vulkan device").is_software()
 }
 
-/// Three lights of 4096 x 4096 texels each are more VALs than there may be.
+/// Three lights of 4096 x 4096 texels each exceed the maximum number of VALs.
 #[test]
 fn a_point_that_fails_is_a_row_with_its_reason() {
     let at = folder("eval-fails");
@@ -122,13 +128,13 @@ fn a_point_that_fails_is_a_row_with_its_reason() {
     assert!(measured > 0 && kept == 0 && failed > 0, "{out}");
     let table = fs::read_to_string(at.join("report/results.csv")).expect("a table");
     let failures: Vec<&str> = table.lines().filter(|line| line.contains("smaller --rsm")).collect();
-    // And one of brute force.
+    // One brute-force point fails, too.
     assert_eq!(failures.len(), failed + 1, "{table}");
     assert!(failures.iter().all(|line| line.contains(",4096,")), "{table}");
     assert!(table.lines().any(|line| line.contains("same-vals")), "{table}");
     let page = fs::read_to_string(at.join("report/index.html")).expect("a page");
     assert!(page.contains("Not measured") && page.contains("smaller --rsm"));
-    // What failed is tried again, what was measured is kept.
+    // Failed points are tried again, measured points are kept.
     assert_eq!(counts(&eval(&at, &["--caches", "50", "--rsm", "4096"])), (0, measured, failed));
 }
 

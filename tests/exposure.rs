@@ -1,4 +1,4 @@
-//! The automatic exposure: against its f64 twin, and that surfaces are metered, not lamps and not what stands behind them.
+//! The automatic exposure against its f64 twin. It meters surfaces, but not lamps and not the sky behind surfaces.
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::frame::{Exposure, LightShadows, View, World};
@@ -14,12 +14,12 @@ use crate::cli::{ATRIUM, folder, works};
 use crate::common::frames::{SPOT, add, camera, corner, phong};
 use crate::common::{assert_clean, gpu};
 
-/// EV of grey 1 cd/m^2.
+/// EV that shows this luminance [cd/m^2] as middle grey.
 fn ev_of(luminance: f64) -> f64 {
     (luminance / (1.2 * 0.18)).log2()
 }
 
-/// EV that the device says, after holding it against the twin's.
+/// EV that the device measures, after a comparison with the twin.
 #[track_caller]
 fn metered(gpu: &Gpu, scene: &Scene, knobs: &Knobs) -> f64 {
     let world = World::new(gpu, scene, None).expect("uploaded");
@@ -57,8 +57,8 @@ fn direct(size: [u32; 2]) -> Knobs {
     Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(64), ..Knobs::plain(size) }
 }
 
-/// Rectangles that emit, later ones before earlier ones, seen straight on in a picture from -1 to 1 both ways: left,
-/// bottom, width, height, radiance.
+/// Emissive rectangles seen straight on, in a picture from -1 to 1 in both directions. Later rectangles are in front of
+/// earlier ones. Each has left, bottom, width, height and radiance.
 fn poster(rectangles: &[[f32; 5]]) -> Scene {
     let mut scene = Scene::default();
     for (i, [x, y, w, h, radiance]) in rectangles.iter().enumerate() {
@@ -78,12 +78,12 @@ fn of_poster(gpu: &Gpu, rectangles: &[[f32; 5]]) -> f64 {
     metered(gpu, &poster(rectangles), &direct([100, 100]))
 }
 
-/// All of the picture.
+/// A rectangle that fills the picture.
 fn wall(radiance: f32) -> [f32; 5] {
     [-1.0, -1.0, 2.0, 2.0, radiance]
 }
 
-/// Five columns, a stop from one to the next.
+/// Five columns. Each is one stop brighter than the one before.
 fn steps() -> Vec<[f32; 5]> {
     (0..5).map(|i| [-1.0 + 0.4 * i as f32, -1.0, 0.4, 2.0, 10.0 * (i as f32).exp2()]).collect()
 }
@@ -98,7 +98,7 @@ fn the_device_measures_what_the_twin_does() {
     println!("a room, large: EV {:.3}", metered(&gpu, &room, &direct([1200, 801])));
     println!("a room, long: EV {:.3}", metered(&gpu, &room, &direct([5000, 3])));
     println!("a corner: EV {:.3}", metered(&gpu, &corner(&[SPOT, LightKind::Point], 8.0), &direct([97, 41])));
-    // What has one luminance is what there is to know of it, however bright.
+    // The EV of a picture with one luminance follows from this luminance, however bright it is.
     for luminance in [1e-6, 0.01, 1.0, 777.0, 1e6] {
         let ev = of_poster(&gpu, &[wall(luminance)]);
         assert!((ev - ev_of(luminance.into())).abs() < 0.003, "{luminance}: EV {ev}");
@@ -114,15 +114,15 @@ fn a_bright_sky_behind_an_object_does_not_change_its_exposure() {
     let alone = metered(&gpu, &scene, &direct([160, 90]));
     for radiance in [0.01, 1e5] {
         let mut under_sky = scene.clone();
-        // A sky that shows and lights nothing.
+        // The sky is visible, but its light is switched off.
         Sky::even(Vec3::splat(radiance)).put_over(&mut under_sky, 1);
         under_sky.lights[1].intensity = 0.0;
         let ev = metered(&gpu, &under_sky, &direct([160, 90]));
-        assert!((ev - alone).abs() < 1e-6, "EV {alone}, before a sky of {radiance} cd/m^2 {ev}");
-        // Where there is nothing else the sky is metered.
+        assert!((ev - alone).abs() < 1e-6, "EV {alone}, in front of a sky of {radiance} cd/m^2 {ev}");
+        // If nothing else is visible, the sky is metered.
         under_sky.cameras[0] = camera(dvec3(0.0, 5.0, 0.0), dvec3(0.0, 9.0, 1.0), 0.8);
         let ev = metered(&gpu, &under_sky, &direct([64, 36]));
-        assert!((ev - ev_of(radiance.into())).abs() < 0.01, "EV {ev} of a sky of {radiance} cd/m^2");
+        assert!((ev - ev_of(radiance.into())).abs() < 0.01, "EV {ev} for a sky of {radiance} cd/m^2");
     }
 }
 
@@ -130,7 +130,7 @@ fn a_bright_sky_behind_an_object_does_not_change_its_exposure() {
 fn a_lamp_in_view_does_not_blacken_the_picture() {
     let gpu = gpu();
     let alone = of_poster(&gpu, &steps());
-    // 3 % of the picture, a thousand times as bright as the wall, in the middle and at the rim.
+    // A lamp on 3 % of the picture, a thousand times as bright as the wall, in the centre and at the border.
     for at in [-0.173, -0.98] {
         let mut lit = steps();
         lit.push([at, at, 0.346, 0.346, 40_000.0]);
@@ -138,10 +138,10 @@ fn a_lamp_in_view_does_not_blacken_the_picture() {
         println!("EV {alone:.3}, with a lamp {ev:.3}");
         assert!((ev - alone).abs() < 0.15, "EV {alone}, with a lamp {ev}");
     }
-    // Nor does what is nearly black burn the rest: it counts as five stops darker.
+    // Nearly black areas do not overexpose the rest, because they count as five stops darker.
     let spot = of_poster(&gpu, &[wall(1e-5), [-0.4, -0.4, 0.8, 0.8, 100.0]]);
     assert!(spot > ev_of(100.0) - 5.0 && spot < ev_of(100.0), "EV {spot}");
-    // What is black does not count at all, nor does a hole.
+    // Black areas do not count at all. Neither do areas without a surface.
     let spot = of_poster(&gpu, &[wall(0.0), [0.5, 0.5, 0.1, 0.1, 100.0]]);
     assert!((spot - ev_of(100.0)).abs() < 0.003, "EV {spot}");
     let lamp = of_poster(&gpu, &[[0.5, 0.5, 0.1, 0.1, 1e6]]);
@@ -151,12 +151,15 @@ fn a_lamp_in_view_does_not_blacken_the_picture() {
 #[test]
 fn the_centre_matters_more_than_the_rim() {
     let gpu = gpu();
-    // Half of the picture each: a square in the middle, and what is around it.
+    // The square in the centre and the area around it each fill half of the picture.
     let square = |around, inside| of_poster(&gpu, &[wall(around), [-0.707, -0.707, 1.414, 1.414, inside]]);
     let (bright, dark) = (square(1.0, 8.0), square(8.0, 1.0));
-    println!("bright centre EV {bright:.3}, bright rim EV {dark:.3}");
-    assert!(bright - dark > 0.5, "bright centre EV {bright}, bright rim EV {dark}");
-    assert!((bright + dark - ev_of(1.0) - ev_of(8.0)).abs() < 0.01, "one is the other's mirror image");
+    println!("bright centre EV {bright:.3}, bright border EV {dark:.3}");
+    assert!(bright - dark > 0.5, "bright centre EV {bright}, bright border EV {dark}");
+    assert!(
+        (bright + dark - ev_of(1.0) - ev_of(8.0)).abs() < 0.01,
+        "both must be symmetric to the mean of the two luminances"
+    );
 }
 
 #[test]

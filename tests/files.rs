@@ -1,4 +1,5 @@
-//! Files and streams that end early: full disks, closed pipes, signals, named pipes, and headers that promise too much.
+//! Files and streams that end early: full disks, closed pipes, signals, named pipes, and headers that claim too much
+//! data.
 
 use crate::cli::{ATRIUM, fails, folder, keeping, left, text, works};
 use crate::common::{Builder, PNG, glb};
@@ -15,12 +16,12 @@ const TOOL: &str = env!("CARGO_BIN_EXE_lightskin");
 
 const SMALL: [&str; 8] = ["--gi", "off", "--size", "64x36", "--shadow-map", "64", "--ev", "9"];
 
-/// The tool, to be run in a folder.
+/// The tool with arguments, to be run in a folder.
 fn tool(folder: &Path, args: &[&str]) -> Command {
     shell(folder, "", args)
 }
 
-/// The tool behind a few words of shell.
+/// The tool, started by a shell after the commands in `before`.
 fn shell(folder: &Path, before: &str, args: &[&str]) -> Command {
     let mut command = Command::new("sh");
     command.args(["-c", &format!("{before}\nexec \"$0\" \"$@\""), TOOL]).args(args);
@@ -28,13 +29,13 @@ fn shell(folder: &Path, before: &str, args: &[&str]) -> Command {
     command
 }
 
-/// Waits for the end of a process, for so many seconds at most.
+/// Waits until a process has ended, and fails after `seconds`.
 fn ends(mut child: Child, seconds: u64) -> Output {
     let start = Instant::now();
     while child.try_wait().expect("a child").is_none() {
         if start.elapsed() > Duration::from_secs(seconds) {
             child.kill().expect("killed");
-            panic!("runs on after {seconds} s");
+            panic!("still runs after {seconds} s");
         }
         std::thread::sleep(Duration::from_millis(10));
     }
@@ -74,7 +75,7 @@ fn no_picture_is_lost_where_nothing_more_can_be_written() {
         &["compare", "a.png", "a.png", "--diff", "new.png"][..],
         &["compare", "a.png", "a.png", "--diff", "old.png"],
     ] {
-        // No byte fits into any file: what a full disk does, without one.
+        // No byte can be written to any file, as on a full disk.
         let out = shell(&at, "trap '' XFSZ; ulimit -f 0", args).output().expect("the tool runs");
         let message = text(&out.stderr);
         assert_eq!(out.status.code(), Some(1), "{args:?}: {message}");
@@ -84,7 +85,7 @@ fn no_picture_is_lost_where_nothing_more_can_be_written() {
     }
 }
 
-/// Headers of pictures that would take tens of GiB.
+/// Headers of pictures that would need tens of GiB.
 #[test]
 fn headers_that_promise_too_much_are_refused() {
     let at = folder("files-bombs");
@@ -95,7 +96,7 @@ fn headers_that_promise_too_much_are_refused() {
         let found = bytes.windows(attribute.len()).position(|part| part == attribute).expect("the attribute");
         bytes[found + attribute.len() + 4 + at..][..4].copy_from_slice(&value.to_le_bytes());
     };
-    // Corner of the picture, and its blocks of 16 rows.
+    // Corner of the picture, and number of its blocks of 16 rows.
     set(b"dataWindow\0box2i\0", 8, 99_999);
     set(b"dataWindow\0box2i\0", 12, 99_999);
     set(b"chunkCount\0int\0", 0, 6250);
@@ -123,7 +124,7 @@ fn images_of_a_scene_share_the_bound_on_memory() {
         "metallicRoughnessTexture": {"index": 1}}, "normalTexture": {"index": 2}, "emissiveTexture": {"index": 3}}]);
     fs::write(at.join("walls.glb"), glb(&b.json, &b.binary)).expect("file");
 
-    // Three of a MiB each stay, and one of them is decoded to 3/4 MiB at a time, at the least.
+    // Three images of 1 MiB each stay in memory. Decoding one of them takes at least another 3/4 MiB at a time.
     let info = |most| ["info", "walls.glb", "--caches", "10", "--max-memory", most];
     fails(&at, &info("3M"), 1, &["walls.glb: images", "4 MiB", "--max-memory 4M"]);
     assert!(works(&at, &info("4M")).contains(" 4 images"));
@@ -139,7 +140,7 @@ fn closed_pipes_and_full_disks_hide_no_verdict() {
     let judge = ["compare", "a.png", "b.png", "--fail-above", "mae=0"];
     let same = ["compare", "a.png", "a.png", "--fail-above", "mae=0"];
 
-    // Who has closed the pipe has read enough, but what failed has failed.
+    // A reader that closes the pipe causes no failure, but a failed comparison still fails.
     for (args, code) in [(&judge[..], 1), (&same, 0), (&["--help"], 0)] {
         let mut child = tool(&at, args).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().expect("the tool runs");
         drop(child.stdout.take());
@@ -148,14 +149,14 @@ fn closed_pipes_and_full_disks_hide_no_verdict() {
         assert_eq!(out.status.code(), Some(code), "{args:?}: {message}");
         assert_eq!(message.contains("mae"), code == 1, "{args:?}: {message}");
     }
-    // A full disk is a failure of its own, and hides no other.
+    // A full disk is a failure, and hides no other failure.
     for (args, part) in [(&judge[..], "mae"), (&same, "standard output"), (&["--help"], "standard output")] {
         let out = shell(&at, "exec > /dev/full", args).output().expect("the tool runs");
         let message = text(&out.stderr);
         assert_eq!(out.status.code(), Some(1), "{args:?}: {message}");
         assert!(message.contains(part) && message.lines().count() == 1, "{args:?}: {message}");
     }
-    // Nobody is told on a broken standard error.
+    // With a broken standard error nothing can be printed, but the exit code is correct.
     for (args, code) in [(&judge[..], 1), (&["compare", "no.png", "b.png", "-vv"], 1), (&same, 0), (&["lab"], 2)] {
         let out = shell(&at, "exec 2> /dev/full", args).output().expect("the tool runs");
         assert_eq!(out.status.code(), Some(code), "{args:?}");
@@ -168,7 +169,7 @@ fn signals_leave_nothing_half_written() {
     works(&at, &["assets", "made", "--moving"]);
     let frames = ["render", "made/moving.glb", "-o", "f_{frame}.exr", "--frames", "0..1000", "-q"];
     let args = [&frames[..], &["--gi", "off", "--size", "320x240"]].concat();
-    // Who starts these tests in the background, or under nohup, ignores some of them, and so does then the tool.
+    // If these tests run in the background or under nohup, they ignore some signals, and the tool inherits this.
     let status = fs::read_to_string("/proc/self/status").unwrap_or_default();
     let ignored = status.lines().find_map(|line| u64::from_str_radix(line.strip_prefix("SigIgn:")?.trim(), 16).ok());
     let all = [("-INT", 2), ("-TERM", 15), ("-HUP", 1)];
@@ -183,25 +184,25 @@ fn signals_leave_nothing_half_written() {
         std::thread::sleep(Duration::from_millis(7 * index as u64));
         signal(&child, name);
         let out = ends(child, 10);
-        assert_eq!(out.status.signal(), Some(number), "{name} ends it as it ends others");
+        assert_eq!(out.status.signal(), Some(number), "{name} must end the process with its signal");
         for file in left(&at).iter().filter(|file| *file != "made") {
             assert!(!file.starts_with('.') && fs::metadata(at.join(file)).is_ok_and(|f| f.len() > 0), "{name}: {file}");
             fs::remove_file(at.join(file)).expect("removed");
         }
     }
-    // As under nohup.
+    // The same as under nohup.
     let child = shell(&at, "trap '' HUP", &args).spawn().expect("the tool runs");
     std::thread::sleep(Duration::from_millis(500));
     signal(&child, "-HUP");
     std::thread::sleep(Duration::from_millis(500));
     signal(&child, "-TERM");
-    assert_eq!(ends(child, 10).status.signal(), Some(15), "what is ignored already stays so");
+    assert_eq!(ends(child, 10).status.signal(), Some(15), "an ignored signal must stay ignored");
 }
 
 #[test]
 fn a_path_trace_stops_within_its_pass() {
     let at = folder("files-pass");
-    // A pass takes minutes.
+    // One pass takes minutes.
     let args = ["render", ATRIUM, "--gi", "path-trace", "--bounces", "64", "--size", "2048x2048", "-o", "a.exr"];
     let child = tool(&at, &args).stderr(Stdio::piped()).spawn().expect("the tool runs");
     std::thread::sleep(Duration::from_secs(10));
@@ -232,7 +233,7 @@ fn named_pipes_are_refused() {
     fails(&["compare", "a.png", "p.png"]);
     fails(&["compare", "a.png", "a.png", "--mask", "p.png"]);
     fails(&["compare", "a.png", "a.png", "--diff", "p.png"]);
-    // A kept bake that is none is made anew.
+    // A kept bake that is not a regular file is made again.
     let bake = ["bake", concat!(env!("CARGO_MANIFEST_DIR"), "/assets/cornell_diffuse.glb"), "--caches", "50"];
     works(&at, &bake);
     let kept = fs::read_dir(at.join("cache/lightskin")).expect("kept").map(|entry| entry.expect("entry").path());

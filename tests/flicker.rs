@@ -1,4 +1,4 @@
-//! The measure of flicker itself: nothing where nothing moves, and less of it where there are more VALs.
+//! The measure of flicker: zero in static scenes, and lower with more VALs.
 
 use lightskin::bake::{self, CacheSet, Density};
 use lightskin::frame::ClusterRule;
@@ -54,7 +54,7 @@ fn a_moving_light_flickers_and_more_vals_flicker_less() {
     assert_clean(&gpu);
 }
 
-/// Brute force knows nothing of clusters; caches do, and the less the finer the cuts are.
+/// Clusters do not affect brute force. They affect caches, and less so with finer cuts.
 #[test]
 fn clusters_are_measured_by_their_rule() {
     let gpu = gpu();
@@ -71,7 +71,8 @@ fn clusters_are_measured_by_their_rule() {
     assert_clean(&gpu);
 }
 
-/// Why a moving camera says nothing of the diffuse lobe's stability: it cannot tremble.
+/// A moving camera says nothing about the stability of the diffuse lobe, because diffuse light does not depend on the
+/// camera.
 #[test]
 fn the_diffuse_light_of_caches_does_not_know_the_camera() {
     let gpu = gpu();
@@ -80,6 +81,12 @@ fn the_diffuse_light_of_caches_does_not_know_the_camera() {
     other.cameras[0].world_from_camera.translation.x += 0.37;
     let caches = caches(&scene);
     let [a, b] = [&scene, &other].map(|scene| shoot(&gpu, scene, Some(&caches), &small()));
-    assert!(a.proxies.iter().zip(&b.proxies).all(|(a, b)| a.diffuse == b.diffuse), "to the bit");
-    assert!(a.proxies.iter().zip(&b.proxies).any(|(a, b)| a.glossy != b.glossy), "glossy proxies follow the view");
+    assert!(
+        a.proxies.iter().zip(&b.proxies).all(|(a, b)| a.diffuse == b.diffuse),
+        "diffuse proxies must be equal to the bit"
+    );
+    assert!(
+        a.proxies.iter().zip(&b.proxies).any(|(a, b)| a.glossy != b.glossy),
+        "glossy proxies must depend on the view"
+    );
 }

@@ -1,4 +1,4 @@
-//! Every plan, recorded twice on few pixels: no validation message, no missing barrier, no idle one, no bad value.
+//! Every plan, recorded twice on few pixels: no validation messages, no missing or idle barriers, no invalid values.
 
 use crate::common::{frame_of, gpu};
 use glam::{DAffine3, DVec3, Vec2, Vec3};
@@ -23,7 +23,7 @@ fn caches(scene: &Scene, references: usize) -> CacheSet {
     bake::bake(scene, &settings, &|_, _| {}).expect("bake")
 }
 
-/// Records a frame twice and gives the values of its three radiance images.
+/// Records a frame twice and returns the values of its three radiance images.
 fn render(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Knobs) -> Vec<f32> {
     let world = World::new(gpu, scene, caches).expect("upload");
     let mut frame = Frame::new(gpu, scene, &world, settings).expect("frame");
@@ -66,7 +66,7 @@ fn every_plan_is_clean() {
                     let mut scene = cornell(surface, 0.5);
                     scene.lights = lights.iter().map(|k| light(*k)).collect();
                     if references == 16 {
-                        // A holed material takes the other shadow pipeline.
+                        // A material with an alpha mask uses the other shadow pipeline.
                         scene.materials[0].alpha_cutoff = Some(0.5);
                     }
                     let settings =
@@ -75,7 +75,11 @@ fn every_plan_is_clean() {
                     let values = render(&gpu, &scene, caches.as_ref(), &settings);
                     assert_eq!(broken_values(&values), 0, "{settings:?}");
                     let lit = values.iter().any(|v| *v > 0.0);
-                    assert_eq!(lit, !lights.is_empty(), "light and dark differ: {settings:?}");
+                    assert_eq!(
+                        lit,
+                        !lights.is_empty(),
+                        "lit pixels must exist exactly if there are lights: {settings:?}"
+                    );
                 }
             }
         }
@@ -116,7 +120,8 @@ fn shadows_bounces_levels_and_ways_go_together() {
             }
         }
     }
-    // By compute all three shadows with one bounce and more; by each other path two of them with one.
+    // Compute supports all three kinds of shadows with one and more bounces. Each other path supports two of them with
+    // one bounce.
     assert_eq!(count, 2 * (3 * 2 + 4 * 2));
     assert_eq!(gpu.messages(), [] as [String; 0]);
 }
@@ -177,5 +182,5 @@ fn two_renders_are_bit_identical() {
     let scene = cornell(CornellSurface::Glossy, 0.2);
     let caches = caches(&scene, 8);
     let [one, other] = [(); 2].map(|()| render(&gpu(), &scene, Some(&caches), &settings));
-    assert!(one == other, "the same device and scene give the same bits");
+    assert!(one == other, "the same device and scene must give the same bits");
 }

@@ -1,11 +1,12 @@
-//! Mutants: files with something changed at random. Each ends in a result, or in one line that names the file, the place and
-//! the remedy.
+//! Mutants: files with random changes. Each must give a result, or one line that names the file, the place and the
+//! remedy.
 //!
-//! Scenes of a few kinds are always tried, within this process. `LIGHTSKIN_FUZZ=10000` tries so many files of all kinds with
-//! the tool itself: scenes, skies, pictures, kept bakes and samples, sessions. Each may take 10 s of
+//! A few kinds of scenes are always tested, within this process. `LIGHTSKIN_FUZZ=10000` runs the tool itself on that
+//! many files of all kinds: scenes, skies, pictures, kept bakes and samples, sessions. Each run may take 10 s of
 //! processor time and 2 GiB of address space.
-//! With `LIGHTSKIN_DATA` the scenes there are mutated, too. Mutants follow from their number alone: `LIGHTSKIN_FUZZ=37..38`
-//! tries number 37 again. What fails lies in `target/tmp/fuzz/found`, and all error lines in `target/tmp/fuzz/errors.txt`.
+//! With `LIGHTSKIN_DATA` the scenes there are mutated, too. A mutant depends on its number alone:
+//! `LIGHTSKIN_FUZZ=37..38` repeats number 37. Failing files are in `target/tmp/fuzz/found`, and all error lines in
+//! `target/tmp/fuzz/told/errors.txt`.
 
 mod run;
 mod seeds;
@@ -15,7 +16,7 @@ use crate::malformed::load_safely;
 use seeds::{Kind, Seed};
 use serde_json::{Value, json};
 
-/// Numbers that follow from a first one.
+/// Pseudorandom numbers from a seed.
 struct Random(u64);
 
 impl Random {
@@ -37,7 +38,7 @@ impl Random {
     }
 }
 
-/// Values of JSON that are where numbers, texts or lists end.
+/// JSON values at the limits of numbers, texts or lists.
 fn hostile(random: &mut Random) -> Value {
     let numbers = [0.0, -1.0, 0.5, 1.0, 1e-38, 1e-300, 1e9, 1e15, 1e18, 3e38, 1e39, 1e300, -1e30];
     let whole = [0, 1, 2, 3, 255, 256, 65535, 65536, 1 << 31, u32::MAX as u64, 1 << 40, u64::MAX];
@@ -50,7 +51,7 @@ fn hostile(random: &mut Random) -> Value {
     }
 }
 
-/// Changes a value anywhere in a tree: to another, away, or twice.
+/// Changes one value anywhere in a tree: replaces, removes, duplicates or renames it.
 fn mutate_json(json: &mut Value, depth: usize, random: &mut Random) {
     let children = match json {
         Value::Array(list) => list.len(),
@@ -79,7 +80,7 @@ fn mutate_json(json: &mut Value, depth: usize, random: &mut Random) {
     }
 }
 
-/// Changes bytes from `start` on.
+/// Changes bytes at or after `start`.
 fn mutate_bytes(bytes: &mut Vec<u8>, start: usize, random: &mut Random) {
     if bytes.len() <= start {
         return;
@@ -88,13 +89,13 @@ fn mutate_bytes(bytes: &mut Vec<u8>, start: usize, random: &mut Random) {
         bytes.truncate(start + random.below(bytes.len() - start));
         return;
     }
-    // Headers are where it hurts.
+    // Half of the mutants have their changes near the start, because headers are most sensitive.
     let length = bytes.len() - start;
     let span = if random.below(2) == 0 { length } else { length.min(120) };
     for _ in 0..1 + random.below(4) {
         let at = start + random.below(span);
         match random.below(6) {
-            // In JSON, digits are: indices, counts and offsets that still parse.
+            // In JSON, digits are indices, counts and offsets. With another digit they still parse.
             0 | 1 if bytes[at].is_ascii_digit() => bytes[at] = b'0' + random.below(10) as u8,
             0 => bytes[at] ^= 1 << random.below(8),
             1 | 2 => bytes[at] = *random.of(&[0, 1, 0x7F, 0x80, 0xFF]),
@@ -112,7 +113,7 @@ fn mutate_bytes(bytes: &mut Vec<u8>, start: usize, random: &mut Random) {
     }
 }
 
-/// The JSON and the binary chunk of a GLB.
+/// JSON and binary chunk of a GLB file.
 fn chunks(bytes: &[u8]) -> Option<(Value, Vec<u8>)> {
     let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?) as usize);
     let end = word(12)?.checked_add(20)?;
@@ -120,7 +121,7 @@ fn chunks(bytes: &[u8]) -> Option<(Value, Vec<u8>)> {
     Some((json, bytes.get(end + 8..).unwrap_or_default().to_vec()))
 }
 
-/// A seed's file with something changed.
+/// A seed's file with random changes.
 fn mutant(seed: &Seed, random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.bytes.clone();
     let tree = match seed.kind {
@@ -139,7 +140,7 @@ fn mutant(seed: &Seed, random: &mut Random) -> Vec<u8> {
             if bytes.starts_with(b"glTF") { glb(&json, &binary) } else { json.to_string().into_bytes() }
         }
         _ => {
-            // What is hashed is changed and hashed again, or it would be refused for that alone.
+            // Hashed data gets a new hash after the change. Otherwise its old hash alone would cause a refusal.
             let end = bytes.len();
             match seed.kind {
                 Kind::Bake if random.below(8) > 0 => {
@@ -167,7 +168,7 @@ fn mutant(seed: &Seed, random: &mut Random) -> Vec<u8> {
 fn mutants_of_scenes_end_in_a_scene_or_an_error() {
     let seeds = seeds::scenes();
     for seed in &seeds {
-        load_safely(&written("mutant.glb", &seed.bytes)).expect("the original is good");
+        load_safely(&written("mutant.glb", &seed.bytes)).expect("the original is valid");
     }
     let (mut loaded, mut refused) = (0, 0);
     for number in 0..3000 {

@@ -20,15 +20,15 @@ use rayon::prelude::*;
 use crate::common::frames::{SPOT, Shot, baked, corner, shoot, small, triangles};
 use crate::common::{assert_clean, gpu};
 
-/// Both weights, as the frame and as the reference name them.
+/// Both weights, as the frame's and as the reference's type.
 pub(crate) const WEIGHTS: [(ProxyWeight, gather::ProxyWeight); 2] = [
     (ProxyWeight::Irradiance, gather::ProxyWeight::Irradiance),
     (ProxyWeight::FormFactor, gather::ProxyWeight::FormFactor),
 ];
 
-// Stage 4, METHOD 2.
+// Stage 4 (METHOD 2).
 
-/// The VALs that the references see through the device's own frusta, in the device's order: rows from the top.
+/// The reference's VALs for the device's own frusta, in the device's order: rows from the top.
 fn cast(scene: &Scene, shot: &Shot) -> Vec<Val> {
     let triangles: Vec<_> = triangles(scene).into_iter().map(|(triangle, _)| triangle).collect();
     let n = (shot.vals.len() / shot.views.len()).isqrt();
@@ -39,7 +39,7 @@ fn cast(scene: &Scene, shot: &Shot) -> Vec<Val> {
 #[test]
 fn vals_of_every_kind_of_light_are_the_references() {
     let gpu = gpu();
-    // Form-factor weights, so that a VAL that should not be there is seen by its weight.
+    // With form-factor weights, a wrong VAL shows by its weight.
     let settings = Knobs { rsm: 40, proxy_weight: ProxyWeight::FormFactor, ..small() };
     let wide = LightKind::Spot { inner: 1.2, outer: 1.4 }; // six views
     for kind in [SPOT, LightKind::Spot { inner: 0.5, outer: 0.5 }, wide, LightKind::Point, LightKind::Directional] {
@@ -51,15 +51,15 @@ fn vals_of_every_kind_of_light_are_the_references() {
         let brightest = expected.iter().map(|val| val.flux.length()).fold(0.0, f64::max);
         let mut elsewhere = 0;
         for (val, twin) in shot.vals.iter().zip(&expected) {
-            // A texel's centre on the rim of a triangle may hit what is behind instead.
+            // A texel's centre on the edge of a triangle may hit a surface behind the triangle.
             if val.position.distance(twin.position) > 1e-4 {
                 elsewhere += 1;
                 continue;
             }
             assert!((val.area - twin.area).abs() <= 1e-5 * twin.area, "{kind:?}: {val:?} instead of {twin:?}");
             assert!(val.normal.distance(twin.normal) < 1e-5, "{kind:?}: {val:?} instead of {twin:?}");
-            // Mesa's arc tangent is 2.1e-5 off. A sharp cone's ramp is 0.001 wide: one of 16 sub-samples of a VAL on its
-            // rim can be off by its rounding of 1e-4.
+            // Mesa's arc tangent has an error of 2.1e-5. A sharp cone's ramp is 0.001 wide, so one of the 16
+            // sub-samples of a VAL on the cone's edge may differ by its rounding of 1e-4.
             let bound = 4e-5 * twin.flux.length() + 1e-5 * brightest;
             assert!(val.flux.distance(twin.flux) <= bound, "{kind:?}: {val:?} instead of {twin:?}");
         }
@@ -81,7 +81,7 @@ fn flux(vals: &[Val]) -> DVec3 {
 fn caches_stand_where_their_instances_put_them() {
     let gpu = gpu();
     let mut scene = corner(&[SPOT], 40.0);
-    // The wall again, mirrored and squeezed.
+    // The wall a second time, mirrored and scaled.
     let turned = DAffine3::from_rotation_y(0.8) * DAffine3::from_scale(dvec3(-1.0, 0.5, 2.0));
     scene.instances.push(Instance { world_from_model: turned, ..scene.instances[1].clone() });
     let baked = baked(&scene, 0.5, 8);
@@ -101,20 +101,24 @@ fn caches_stand_where_their_instances_put_them() {
     assert!(caches.next().is_none());
 }
 
-// Stage 6, METHOD 3-4.
+// Stage 6 (METHOD 3-4).
 
-/// Fails unless a proxy is the twin's; `bound` is relative to its irradiance and to its distance from the cache.
+/// Asserts that a proxy is the twin's. `bound` is relative to the proxy's irradiance and to its distance from the
+/// cache.
 #[track_caller]
 fn assert_lobe(actual: &Lobe, twin: &Lobe, from: DVec3, bound: f64, what: &str) -> f64 {
     assert_eq!(actual.lit, twin.lit, "{what}: {actual:?} instead of {twin:?}");
     let moved = actual.position.distance(twin.position) / twin.position.distance(from);
     let off = actual.facing_irradiance.distance(twin.facing_irradiance);
     let off = if off == 0.0 { 0.0 } else { off / twin.facing_irradiance.length() };
-    assert!(moved.max(off) <= bound, "{what}: {actual:?} instead of {twin:?}: moved {moved}, {off} brighter");
+    assert!(
+        moved.max(off) <= bound,
+        "{what}: {actual:?} instead of {twin:?}: moved {moved}, relative irradiance error {off}"
+    );
     moved.max(off)
 }
 
-/// Compares every cache with the reference, fed with the device's own VALs.
+/// Compares every cache with the reference, which uses the device's own VALs.
 #[track_caller]
 fn assert_gathered(scene: &Scene, shot: &Shot, weight: gather::ProxyWeight) -> [f64; 2] {
     let eye = scene.cameras[0].world_from_camera.translation;
@@ -122,13 +126,13 @@ fn assert_gathered(scene: &Scene, shot: &Shot, weight: gather::ProxyWeight) -> [
     for (cache, proxies) in shot.caches.iter().zip(&shot.proxies) {
         let twin = gather::gather(cache, &shot.vals, Some(eye), weight);
         worst[0] = worst[0].max(assert_lobe(&proxies.diffuse, &twin.diffuse, cache.position, 1e-5, "diffuse"));
-        // cos^k leaves f32 where f64 still knows it: below 1e-25 of a lumen per square metre the device may say unlit,
-        // and below 1e-30 it bounds the quotient by another branch. Both are darkness.
+        // cos^k underflows in f32 before it does in f64. Below 1e-25 lm/m^2 the device may say unlit, and below 1e-30
+        // it limits the quotient by another branch. Both cases are dark.
         let lobe = Material { diffuse: DVec3::ZERO, specular: DVec3::ONE, exponent: cache.exponent };
         let mirrored = mirrored_view(cache.position, cache.normal, eye);
         let reaches = brute_force::radiance(cache.position, cache.normal, mirrored, &lobe, &shot.vals).1;
         if luminance(reaches) > 1e-25 {
-            // The device's cosine power errs by so much more.
+            // The error of the device's cosine power grows with the exponent.
             let bound = 2e-5 + 1e-6 * cache.exponent;
             worst[1] = worst[1].max(assert_lobe(&proxies.glossy, &twin.glossy, cache.position, bound, "glossy"));
         } else {
@@ -147,7 +151,10 @@ fn proxies_of_every_cache_are_the_references() {
         for (weight, twin) in WEIGHTS {
             let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { proxy_weight: weight, ..small() });
             let [diffuse, glossy] = assert_gathered(&scene, &shot, twin);
-            eprintln!("k {exponent}, {twin:?}: {} caches, diffuse {diffuse:e}, glossy {glossy:e}", shot.caches.len());
+            eprintln!(
+                "k {exponent}, {twin:?}: {} caches, largest errors: diffuse {diffuse:e}, glossy {glossy:e}",
+                shot.caches.len()
+            );
             let lit = |lobe: fn(&Gathered) -> &Lobe| shot.proxies.iter().filter(|p| lobe(p).lit).count();
             assert!(lit(|p| &p.diffuse) * 2 > shot.caches.len() && lit(|p| &p.glossy) > 5);
         }
@@ -180,11 +187,12 @@ fn scenes_far_from_the_origin_are_drawn_around_their_own() {
 #[test]
 fn every_way_of_lighting_caches_agrees() {
     let gpu = gpu();
-    // More VALs than one invocation of older lavapipe runs rounds, and a number of caches that fills no group.
+    // More VALs than the maximum number of loop rounds in older lavapipe, and a number of caches that is no multiple of
+    // a group.
     let (caches, vals) = tune::world(333, 70_001);
     let eye = glam::Vec4::new(-1.5, 0.4, 2.0, 1.0);
     let (atlas, vals_on_device) = (Atlas::of(&gpu, &caches).expect("caches"), Vals::of(&gpu, &vals).expect("VALs"));
-    // f64 sums of both lobes, and of the sizes of their terms.
+    // f64 sums of both lobes, and sums of the magnitudes of their terms.
     let twin = |c: &shared::Cache| -> [f64; 30] {
         let (position, normal) = (c.position.as_dvec3(), c.normal.as_dvec3());
         let mirrored = mirrored_view(position, normal, eye.truncate().as_dvec3());
@@ -205,7 +213,7 @@ fn every_way_of_lighting_caches_agrees() {
     };
     let twins: Vec<[f64; 30]> = caches.par_iter().map(twin).collect();
     let mut stages = Vec::new();
-    // Parts as long as they get, too.
+    // The longest parts as well.
     let longest = Ways { split: 32_768, ..Ways::default() };
     for ways in [tune::candidates(true), tune::candidates(false), vec![longest]].concat() {
         let stage = Compute::new(&gpu, 333, 70_001, &ways, ComputeKind::plain(true)).expect("stage 6");
@@ -225,7 +233,8 @@ fn every_way_of_lighting_caches_agrees() {
                 Ok(())
             });
             assert_eq!(drawn.expect("drawn").problems, [""; 0]);
-            // Whoever brings the last part of a cache, its proxies are the same, and nothing is left for the next frame.
+            // Proxies must not depend on the thread that finishes a cache's last part, and nothing may be left for the
+            // next frame.
             let proxies: Vec<shared::Proxy> = gpu.read(&proxies.buffer).expect("proxies");
             assert!(proxies.iter().all(|p| p.diffuse_distance2 > 0.0), "a dark cache: {way}");
             if let Some(before) = before.replace(proxies.clone()) {
@@ -244,7 +253,7 @@ fn every_way_of_lighting_caches_agrees() {
                 worst[i / 8] = worst[i / 8].max(error);
             }
         }
-        eprintln!("diffuse {:.1e}, glossy {:.1e}: {way}", worst[0], worst[1]);
+        eprintln!("largest errors: diffuse {:.1e}, glossy {:.1e}: {way}", worst[0], worst[1]);
         assert!(worst[0] < 1e-5 && worst[1] < 1e-4, "{worst:?}: {way}");
     }
     assert_clean(&gpu);
@@ -253,7 +262,7 @@ fn every_way_of_lighting_caches_agrees() {
 #[test]
 fn vals_without_light_are_closed_up() {
     let gpu = gpu();
-    // A cone that leaves most texels dark, and a texel count that is no multiple of a block.
+    // A cone that leaves most texels dark, and a number of texels that is not a multiple of a block.
     let scene = corner(&[LightKind::Spot { inner: 0.2, outer: 0.3 }, LightKind::Point], 40.0);
     let ways = Ways { split: 256, ..Ways::default() };
     let settings = Knobs { rsm: 45, cull: false, ways, ..small() };
@@ -271,11 +280,11 @@ fn vals_without_light_are_closed_up() {
     let count = gpu.read::<u32>(&vals.live_count).expect("read")[0] as usize;
     let lit: Vec<shared::Val> = all.iter().filter(|v| v.weight != 0.0 || v.flux != Vec3::ZERO).copied().collect();
     assert!(lit.len() > 500 && 2 * lit.len() < all.len(), "{} of {}", lit.len(), all.len());
-    assert_eq!(live[..count], lit[..], "in their order");
+    assert_eq!(live[..count], lit[..], "lit VALs must keep their order");
     let dark = &live[count..count.next_multiple_of(shared::VAL_TILE as usize)];
     assert!(!dark.is_empty() && dark.iter().all(|v| v.flux == Vec3::ZERO && v.weight == 0.0 && v.area == 1.0));
     assert_eq!(frame.light.counts(&gpu).expect("counts").vals as usize, count);
-    // Without culling the gather's dispatch follows from their number: dark ones have no part.
+    // Without culling, the gather's dispatch size depends on the number of lit VALs. Dark VALs take no part.
     let caches = frame.light.caches().expect("caches");
     let args = gpu.read::<shared::LiveArgs>(&caches.gather.live().expect("compute path").args).expect("read")[0];
     assert_eq!([args.cache_count, args.groups_y], [caches.atlas.count, count.div_ceil(256) as u32]);

@@ -10,12 +10,13 @@ fn scenes() -> Vec<Scene> {
     vec![cornell(CornellSurface::Diffuse, 0.08), cornell(CornellSurface::Glossy, 0.1), atrium()]
 }
 
-/// A file of the test's own in cargo's folder for them.
+/// Path of a test's own file in cargo's folder for such files.
 fn scratch(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(name)
 }
 
-/// Indices in range, unit normals, no slivers, and each triangle's front where its normals point.
+/// Checks that indices are in range, normals have unit length, no triangle is a sliver, and fronts face where their
+/// normals point.
 fn check_triangles(what: &str, positions: &[Vec3], normals: &[Vec3], indices: &[u32]) {
     assert!(indices.len().is_multiple_of(3) && !indices.is_empty(), "{what}");
     for normal in normals {
@@ -28,7 +29,7 @@ fn check_triangles(what: &str, positions: &[Vec3], normals: &[Vec3], indices: &[
         assert!(cross.length() > 1e-3 * longest, "{what}: sliver {a} {b} {c}");
         for &corner in corners {
             let cosine = cross.normalize().dot(normals[corner as usize]);
-            assert!(cosine > 0.0, "{what}: normal against winding ({cosine}) at {a}");
+            assert!(cosine > 0.0, "{what}: the normal contradicts the winding ({cosine}) at {a}");
         }
     }
 }
@@ -42,7 +43,7 @@ fn check_surface(what: &str, surface: &Surface) {
     assert!(used.iter().all(|used| *used), "{what}: unused vertices");
 }
 
-/// Six times the enclosed volume; that of a closed surface does not depend on the origin.
+/// Enclosed volume. For a closed surface it does not depend on the origin.
 fn volume(surface: &Surface) -> f32 {
     let at = |index: u32| surface.vertices[index as usize].position;
     surface.indices.chunks_exact(3).map(|t| at(t[0]).cross(at(t[1])).dot(at(t[2]))).sum::<f32>() / 6.0
@@ -54,7 +55,7 @@ fn longest_edge(scene: &Scene) -> f64 {
         let mesh = &scene.meshes[instance.mesh];
         for triangle in 0..mesh.triangle_count() {
             let [a, b, c] = mesh.triangle(triangle).map(|k| mesh.vertices[k].position.as_dvec3());
-            // The diagonal is the longest side of half a grid cell; the other two are the cell's.
+            // The longest side of half a grid cell is its diagonal. The other two sides are the cell's.
             let mut sides = [a.distance(b), b.distance(c), c.distance(a)];
             sides.sort_by(f64::total_cmp);
             longest = longest.max(sides[1]);
@@ -87,7 +88,7 @@ fn shapes_are_sound_and_closed_ones_hold_their_volume() {
     let cuboid = build::cuboid(Vec3::new(-1.0, 0.0, 2.0), Vec3::new(1.0, 3.0, 3.5), 0.2, |_| true);
     let cone = build::lathe(&[Vec2::ZERO, Vec2::new(1.0, 0.0), Vec2::new(0.0, 1.0)], 64);
     let pyramid = build::loft_square(&[Vec2::ZERO, Vec2::new(1.0, 0.0), Vec2::new(0.0, 1.0)], 0.2);
-    // A tube's volume is its cross-section times the length of its centre line (Pappus).
+    // By Pappus's theorem, a tube's volume is its cross-section times the length of its centre line.
     let knot = build::torus_knot([2, 3], [0.5, 0.2, 0.05], [600, 48]);
     let ring = build::torus_knot([1, 0], [0.5, 0.0, 0.1], [256, 64]);
     let pi = std::f32::consts::PI;
@@ -100,7 +101,7 @@ fn shapes_are_sound_and_closed_ones_hold_their_volume() {
     ] {
         check_surface(what, surface);
         let found = volume(surface);
-        // Chords instead of arcs: half a percent at these tessellations.
+        // Chords instead of arcs change the volume by half a percent at these tessellations.
         assert!((found / expected - 1.0).abs() < 6e-3, "{what}: {found} instead of {expected}");
     }
     check_surface("knot", &knot);
@@ -164,7 +165,7 @@ fn atrium_keeps_to_its_measures() {
     assert!(low.cmpge(DVec3::new(-6.0, 0.0, -9.6)).all() && high.cmple(DVec3::new(6.0, 7.4, 8.4)).all());
     let triangles = scene.triangle_count();
     assert!((80_000..200_000).contains(&triangles), "{triangles}");
-    assert!(scene.instances.len() > 2 * scene.meshes.len(), "repeated parts are instances");
+    assert!(scene.instances.len() > 2 * scene.meshes.len(), "repeated parts must be instances");
     for instance in &scene.instances {
         let matrix = instance.world_from_model.matrix3;
         assert!((matrix.determinant() - 1.0).abs() < 1e-12, "{}: not a rotation", instance.name);
@@ -172,7 +173,7 @@ fn atrium_keeps_to_its_measures() {
     }
     let names: Vec<&str> = scene.cameras.iter().map(|camera| camera.name.as_str()).collect();
     assert_eq!(names, ["Hero", "Detail"]);
-    // Double-sided materials come as pairs of primitives, front then back.
+    // Double-sided materials have pairs of primitives, front then back.
     for mesh in &scene.meshes {
         let sides: Vec<_> = mesh.primitives.iter().filter(|p| scene.materials[p.material].double_sided).collect();
         assert!(sides.len().is_multiple_of(2), "{}", mesh.name);
@@ -207,7 +208,8 @@ fn written_file_is_valid_and_the_same_every_time() {
     }
 }
 
-/// Every primitive of the file, read by hand, against the scene's: positions, normals and triangles, bit for bit.
+/// Every primitive of the file, read by a second reader, against the scene's: positions, normals and triangles, bit for
+/// bit.
 #[test]
 fn written_vertices_are_the_scenes() {
     let scene = atrium();
@@ -265,7 +267,7 @@ fn written_lights_cameras_and_materials_are_the_scenes() {
         world_from_camera: view,
         projection: Projection::Orthographic { ymag: 2.0 },
     });
-    // A mirror image and a shear: one has a scale, the other needs a matrix.
+    // A mirror image can be written as a scale. A shear needs a matrix.
     scene.instances[1].world_from_model *= DAffine3::from_scale(DVec3::new(-1.0, 1.0, 1.0));
     let shear = glam::DMat3::from_cols(DVec3::X, DVec3::new(0.5, 1.0, 0.0), DVec3::Z);
     scene.instances[2].world_from_model = DAffine3::from_mat3_translation(shear, DVec3::X);

@@ -1,8 +1,8 @@
-//! Golden pictures: small ones of our own scenes, kept in `tests/goldens` and compared by FLIP. They show what no formula
-//! asks for: whether a whole picture still looks as it did.
+//! Golden pictures: small pictures of our own scenes in `tests/goldens`, compared by FLIP. They check what no formula
+//! covers: whether a whole picture still looks the same.
 //!
-//! `LIGHTSKIN_BLESS=1 cargo test --test lightskin -- goldens` renews them. Look at them before they are committed. Other
-//! drivers round otherwise: pictures are compared on the driver that drew them, which `driver.txt` names.
+//! `LIGHTSKIN_BLESS=1 cargo test --test lightskin -- goldens` renews them. Look at them before committing. Other
+//! drivers round differently, so pictures are compared only on the driver that drew them, which `driver.txt` names.
 
 use glam::{DAffine3, Vec3, vec3};
 use lightskin::bake::{self, Density};
@@ -23,33 +23,34 @@ use std::path::{Path, PathBuf};
 use crate::common::frames::{add, corner, phong};
 use crate::common::{assert_clean, gpu};
 
-/// Largest mean FLIP of a picture that is as it was. The same driver gives the same bits, and FLIP is 0. But a software
-/// driver makes its code for the CPU it runs on, and rounds otherwise on another one: up to 0.0035 between two machines. This leaves
-/// room for codes that are off by one in a fifth of the pixels; off by one in all of them is 0.03, one percent more light 0.02.
+/// Largest mean FLIP of an unchanged picture. The same driver gives the same bits, and FLIP is 0. A software driver,
+/// however, compiles for the CPU it runs on and rounds differently on another CPU: up to 0.0035 between two machines.
+/// The limit allows codes that are off by one in a fifth of the pixels. Off by one in all pixels is 0.03, and one
+/// percent more light is 0.02.
 const MOST: f64 = 0.006;
 
-/// Most bytes of all pictures together: they stay in the repository's history.
+/// Largest size of all pictures together [bytes]. They stay in the repository's history.
 const MOST_BYTES: u64 = 64 << 10;
 
 /// Width and height of the pictures [pixels].
 const SIZE: [u32; 2] = [96, 64];
 
-/// Caches that are asked for.
+/// Requested number of caches.
 const CACHES: usize = 300;
 
-/// One picture.
+/// One golden picture.
 struct Golden {
-    /// Of its file.
+    /// Name of its file, without extension.
     name: &'static str,
     scene: Scene,
-    /// Moment of the first animation [s]; at rest without one.
+    /// Time in the first animation [s]. At rest if there is none.
     time: Option<f64>,
     knobs: Knobs,
-    /// Caches are averaged at pixels.
+    /// Whether caches are averaged at pixels.
     cells: bool,
 }
 
-/// The Cornell box, lit by a lamp below its ceiling alone.
+/// The Cornell box, lit only by an emissive surface below its ceiling.
 fn lamp_in_a_room() -> Scene {
     let mut scene = cornell(CornellSurface::Diffuse, 0.1);
     scene.lights.clear();
@@ -59,7 +60,7 @@ fn lamp_in_a_room() -> Scene {
     scene
 }
 
-/// A floor, a wall and a ball under a sky that is brighter above.
+/// A floor, a wall and a ball under a sky that is brighter at the top.
 fn corner_under_a_sky() -> Scene {
     let mut scene = corner(&[], 30.0);
     let row = |y: u32| if y < 8 { vec3(1000.0, 2000.0, 4000.0) } else { Vec3::splat(300.0) };
@@ -87,7 +88,7 @@ fn goldens() -> Vec<Golden> {
     ]
 }
 
-/// Draws a golden and gives its RGBA bytes.
+/// Draws a golden picture and returns its RGBA bytes.
 fn draw(gpu: &Gpu, golden: Golden) -> Vec<u8> {
     let Golden { name, mut scene, time, knobs, cells } = golden;
     let spacing = tessellate::expected_spacing(&scene, CACHES);
@@ -112,24 +113,24 @@ fn draw(gpu: &Gpu, golden: Golden) -> Vec<u8> {
     gpu.read_image(&frame.picture.output.picture).expect(name)
 }
 
-/// Where the goldens lie.
+/// Folder of the golden pictures.
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/goldens")
 }
 
-/// The device and the driver, as `driver.txt` holds them.
+/// Device and driver, as in `driver.txt`.
 fn driver(gpu: &Gpu) -> String {
     let report = gpu.report();
     format!("{}\n{}\n", report.name, report.driver)
 }
 
-/// Mean FLIP of a picture against its golden. Where that is too much, a heat map is written, and the answer is what to
+/// Mean FLIP of a picture against its golden. If it is too large, writes a heat map, and the error names the files to
 /// look at.
 fn compare(picture: &Path, golden: &Path) -> Result<f64, String> {
     let read = |path: &Path| read_picture(path, None).map_err(|error| error.to_string());
     let (shown, kept) = (read(picture)?, read(golden)?);
     if [shown.width, shown.height] != [kept.width, kept.height] {
-        return Err(format!("{} has another size than {}", picture.display(), golden.display()));
+        return Err(format!("{} differs in size from {}", picture.display(), golden.display()));
     }
     let map = flip(&shown.rgb, &kept.rgb, [kept.width, kept.height], Values::Display, PIXELS_PER_DEGREE);
     let mean = map.iter().sum::<f64>() / map.len() as f64;
@@ -149,7 +150,9 @@ fn pictures_look_as_they_did() {
     let bless = std::env::var_os("LIGHTSKIN_BLESS").is_some();
     let drawn_by = fs::read_to_string(folder().join("driver.txt")).unwrap_or_default();
     if !bless && drawn_by != driver {
-        println!("skipped: the goldens are of {drawn_by:?}, and this is {driver:?}; LIGHTSKIN_BLESS=1 renews them");
+        println!(
+            "skipped: the goldens were drawn by {drawn_by:?}, but this is {driver:?}; LIGHTSKIN_BLESS=1 renews them"
+        );
         return;
     }
     let out = if bless { folder() } else { Path::new(env!("CARGO_TARGET_TMPDIR")).join("goldens") };

@@ -1,4 +1,4 @@
-//! The layer over Vulkan by itself: its shaders and images, and what it refuses. How long things live is in `lifetimes`.
+//! The Vulkan layer on its own: shaders, images, and refused calls. Lifetimes of objects are tested in `lifetimes`.
 
 #[path = "../build/variants.rs"]
 mod variants;
@@ -10,7 +10,7 @@ use lightskin::gpu::{
 };
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-/// Adds a number to the first texel of an image's red and writes it to a buffer.
+/// Adds a number to the red channel of an image's first texel and writes the sum to a buffer.
 const ADD: &str = "#version 460
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x = 1) in;
@@ -20,12 +20,12 @@ layout(binding = 1) uniform sampler2D image;
 void main() { sum = texelFetch(image, ivec2(0), 0).r + float(MORE); }
 ";
 
-/// Makes a pipeline of it.
+/// Makes a pipeline from `ADD`.
 pub(crate) fn add(gpu: &Gpu, more: u32) -> Pipeline {
     gpu.compute_from_spirv("test.add", &compile(ADD).expect("compiles"), &[more]).expect("pipeline")
 }
 
-/// Draws the whole screen's depth.
+/// Draws depth on the whole screen.
 pub(crate) const SCREEN: Raster<'_> = Raster {
     vertex: "screen.vert",
     fragment: None,
@@ -80,7 +80,7 @@ fn what_is_no_shader_is_refused() {
     let code = compile(ADD).expect("compiles");
     let without_magic = [&[0], &code[1..]].concat();
     let mut endless = code.clone();
-    endless[5] &= 0xffff; // an instruction of no words
+    endless[5] &= 0xffff; // an instruction with zero words
     for wrong in [&[][..], &code[..4], &code[..5], &code[..6], &code[..code.len() - 1], &without_magic, &endless] {
         let error = gpu.compute_from_spirv("test.wrong", wrong, &[]).err().expect("refused");
         assert!(error.to_string().contains("not a SPIR-V module"), "{error}");
@@ -116,7 +116,7 @@ pub(crate) fn image(gpu: &Gpu, format: Format, size: [u32; 2], extent: Extent, s
     gpu.image(&ImageDesc { name: "test.image", format, size, extent, storage }).expect("image")
 }
 
-/// Compiles a compute shader of one line and makes a pipeline of it.
+/// Compiles a compute shader of one line and makes a pipeline.
 fn pipeline(gpu: &Gpu, group: &str, declarations: &str, main: &str) -> Pipeline {
     let code = format!(
         "#version 460\n#extension GL_EXT_scalar_block_layout : require\nlayout({group}) in;\n{declarations}\n\
@@ -152,7 +152,7 @@ fn each_layer_is_rendered_into_alone() {
         assert_eq!(texels[..16], [[0.2; 8], [1.0; 8]].concat());
         assert_eq!((layers.bytes(), depths.bytes()), (64, 96));
 
-        // Shaders see all of them.
+        // Shaders see all layers.
         let sampled = "layout(binding = 0) uniform sampler2DArray image; \
             layout(binding = 1, scalar) writeonly buffer Out { float sums[]; };";
         let read =
@@ -211,7 +211,8 @@ fn shaders_write_volumes_and_planes() {
                 }
                 Ok(())
             });
-            // The engine's own check knows storage images, too; what lacks its barrier here is bound alone.
+            // The engine's own check includes storage images. Without the barrier, the second pipeline is only bound
+            // here.
             let problems = frame.expect("frame").problems;
             let lacks = |what: &str| problems.iter().any(|p| p.contains("test.image: no barrier") && p.contains(what));
             assert_eq!(!problems.is_empty(), checks && !barrier, "{problems:?}");
@@ -247,7 +248,7 @@ fn images_that_no_device_has_are_refused_by_name() {
     assert_clean(&gpu);
 }
 
-/// Records this on a checked device and gives what it panics with. Nothing of it may reach the validation layer.
+/// Records commands on a checked device and returns their panic message. Nothing may reach the validation layer.
 #[track_caller]
 fn refused(gpu: &Gpu, record: impl FnOnce(&Cmd<'_>)) -> String {
     let unwound = catch_unwind(AssertUnwindSafe(|| {
@@ -417,7 +418,7 @@ fn commands_that_break_their_contracts_are_refused() {
         ("a fill: not while", Box::new(|cmd| scope(cmd, &|_| cmd.clear(&small)))),
         ("a barrier: not while", Box::new(|cmd| scope(cmd, &|_| cmd.barrier(Use::ColorWrite, Use::CopyRead)))),
         ("bind before dispatch", Box::new(|cmd| scope(cmd, &|_| cmd.dispatch(1, 1, 1)))),
-        // The CPU's side.
+        // Access by the CPU.
         ("small: not a host-visible buffer", Box::new(|_| assert!(small.bytes().is_empty()))),
         ("back: the device still uses it", {
             Box::new(|cmd| {
@@ -435,7 +436,7 @@ fn commands_that_break_their_contracts_are_refused() {
         let said = refused(&gpu, record);
         assert!(said.contains(message), "not '{message}' but: {said}");
     }
-    // After all of that the device still works.
+    // Afterwards the device still works.
     assert_eq!(gpu.read::<u32>(&gpu.buffer_from("four", &[4_u32]).expect("made")).expect("read")[0], 4);
     assert_clean(&gpu);
     assert_clean(&other);

@@ -1,4 +1,4 @@
-//! What must hold on the device whatever the weights, METHOD 4: whole frames compared with each other.
+//! Invariants on the device for all weights (METHOD 4): whole frames compared with each other.
 
 use std::f64::consts::TAU;
 
@@ -18,22 +18,24 @@ use crate::gather::WEIGHTS;
 
 const SCHEMES: [Interpolation; 2] = [Interpolation::Facing, Interpolation::Printed];
 
-/// Knobs of every proxy weight and interpolation.
+/// Knobs with every proxy weight and every interpolation.
 fn variants() -> impl Iterator<Item = Knobs> {
     let of = |(weight, _)| SCHEMES.map(|s| Knobs { proxy_weight: weight, interpolation: s, ..small() });
     WEIGHTS.into_iter().flat_map(of)
 }
 
-/// Rounding of sums in another order moves proxies by 1e-6 of their distance; a lobe of exponent 40 makes up to k tan
-/// of that, a hundredfold and more where it is dark. Reflectances are halves: the last bit is 1e-3 of the number and may tip.
+/// Sums in another order move proxies by 1e-6 of their distance. A lobe of exponent 40 amplifies this by up to k tan, a
+/// hundredfold and more where it is dark. Reflectances are 16-bit floats: the last bit is 1e-3 of the number and may
+/// flip.
 const ROUNDED: [f64; 5] = [1e-3, 1e-3, 1e-3, 1e-4, 2e-5];
 
 fn lobes(gathered: &Gathered) -> [&Lobe; 2] {
     [&gathered.diffuse, &gathered.glossy]
 }
 
-/// Largest relative differences between two frames, where the second's radiance is to be `factor` times the first's:
-/// the three images, facing irradiances, and places of proxies over their distance, after `place` has brought the second's home.
+/// Largest relative differences between two frames, where the second should have `factor` times the radiance of the
+/// first: the three images, facing irradiances, and positions of proxies relative to their distance. `place` maps the
+/// second frame's positions to the first's.
 fn differences(a: &Shot, b: &Shot, factor: f64, place: impl Fn(DVec3) -> DVec3) -> [f64; 5] {
     let (mut brighter, mut moved) = (0.0_f64, 0.0_f64);
     assert_eq!(a.caches.len(), b.caches.len());
@@ -72,12 +74,12 @@ fn one_val_alone_is_reproduced_exactly() {
             let d = val.position - cache.position;
             let cosine = cache.normal.dot(d.normalize());
             let emitted = val.normal.dot(-d.normalize()).max(0.0) / (val.area + 0.5 * TAU * d.length_squared());
-            // Below 1e-30 the lobe itself is no number to divide by; what it reflects of that light is none either.
+            // Below 1e-30 the lobe is too small to divide by, and it reflects no light, either.
             let lobe = cos_power(k.into(), proxies.mirrored_view.dot(d.normalize()));
             let glossy = proxies.glossy.lit && lobe > 1e-29;
             for lobe in lobes(proxies).into_iter().filter(|l| l.lit).take(1 + usize::from(glossy)) {
                 lit += 1;
-                // The quotient of the sums is the VAL's place; of both cosines nothing but rounding of 1 is left over.
+                // The quotient of the sums is the VAL's position. Both cosines cancel, except for rounding.
                 assert!(lobe.position.distance(val.position) <= 1e-6 * d.length(), "{lobe:?} is not at {val:?}");
                 let facing = val.flux * emitted;
                 let bound = (2e-6 + 4e-7 / cosine + 2e-6 * f64::from(k)) * facing.length();
@@ -95,7 +97,7 @@ fn brighter_lights_move_no_proxy() {
     let caches = baked(&scene, 0.5, 8);
     for settings in variants() {
         let once = shoot(&gpu, &scene, Some(&caches), &settings);
-        // Twice rounds like once; a million times only rounds.
+        // A factor of two does not change rounding. A factor of a million changes nothing but rounding.
         for (factor, bounds) in [(2.0_f32, [0.0; 5]), (1e6, ROUNDED), (1e-6, ROUNDED)] {
             let mut brighter = scene.clone();
             brighter.lights.iter_mut().for_each(|light| light.intensity *= factor);
@@ -118,7 +120,7 @@ fn scaling_the_scene_changes_no_pixel() {
     let caches = baked(&scene, 0.5, 8);
     for settings in variants() {
         let one = shoot(&gpu, &scene, Some(&caches), &settings);
-        // Powers of two round alike, so that every constant with a unit in it shows.
+        // Powers of two round alike, so any constant with a unit shows.
         let exact = [1e-6; 5];
         for (scale, bounds) in [(2_f64.powi(-10), exact), (2_f64.powi(10), exact), (1e-3, ROUNDED), (1e3, ROUNDED)] {
             let shot = shoot(&gpu, &placed(&scene, scale, DVec3::ZERO), Some(&caches), &settings);
@@ -136,7 +138,7 @@ fn moving_the_scene_by_ten_kilometres_changes_no_pixel() {
     for settings in variants() {
         let here = shoot(&gpu, &scene, Some(&caches), &settings);
         let there = shoot(&gpu, &placed(&scene, 1.0, shift), Some(&caches), &settings);
-        // f64 rounds 17 km at 2e-12 m, which may be the last bit of an f32.
+        // f64 rounds 17 km at 2e-12 m, which may change the last bit of an f32.
         assert_below(differences(&here, &there, 1.0, |p| p - shift), ROUNDED, "10 km");
     }
 }
@@ -154,7 +156,7 @@ fn order_of_lights_changes_nothing_but_rounding() {
     }
 }
 
-/// A lit floor, turned so that no axis is special, and nothing above it.
+/// A lit floor with nothing above it, turned so that no axis is special.
 fn bare_floor() -> Scene {
     let mut scene = Scene::default();
     let turn = DAffine3::from_axis_angle(dvec3(0.3, 0.2, 1.0).normalize(), 0.4);
@@ -188,7 +190,7 @@ fn a_flat_surface_is_not_lit_by_itself() {
 #[test]
 fn caches_with_all_vals_behind_them_are_dark() {
     let gpu = gpu();
-    // The lit floor is below the floor that has the caches, and both look up.
+    // The lit floor is below the floor with the caches, and both face up.
     let mut scene = bare_floor();
     scene.instances[0].world_from_model = DAffine3::IDENTITY;
     let surface = quad(vec3(1.5, 0.5, -1.0), Vec3::Z * 2.0, Vec3::X * 0.5, 0.5);
@@ -203,7 +205,7 @@ fn one_cache_lights_its_whole_surface_and_no_other() {
     let gpu = gpu();
     let scene = corner(&[SPOT], 10.0);
     for (settings, references) in variants().flat_map(|s| [8, 16].map(|references| (s, references))) {
-        // In the middle of a face, and on a vertex, which has no farther cache to measure by.
+        // In the middle of a face, and on a vertex, where the farthest cache has the distance 0.
         for position in [vec3(0.1, 0.0, 0.2), vec3(0.0, 0.0, 0.0)] {
             let shot = shoot(&gpu, &scene, Some(&one_cache(&scene, references, position, Vec3::Y)), &settings);
             assert!(shot.caches.len() == 1 && shot.proxies[0].diffuse.lit);
@@ -217,8 +219,8 @@ fn one_cache_lights_its_whole_surface_and_no_other() {
 #[test]
 fn a_cache_that_lies_on_a_val_is_lit_by_the_others() {
     let gpu = gpu();
-    // One texel straight down meets the floor where the cache is: distance 0 to the bit, at last in a scene of
-    // millimetres, whose VALs are small. Another texel meets the wall.
+    // One texel looks straight down and hits the floor at the cache: the distance is exactly 0. The scene in
+    // millimetres also has small VALs. Another texel hits the wall.
     let narrow = LightKind::Spot { inner: 0.01, outer: 0.02 };
     for scale in [1.0, 2_f64.powi(-10)] {
         let mut scene = corner(&[narrow, narrow], 10.0);
@@ -227,7 +229,7 @@ fn a_cache_that_lies_on_a_val_is_lit_by_the_others() {
         scene.lights[1].direction = Vec3::NEG_X;
         let scene = placed(&scene, scale, DVec3::ZERO);
         for settings in variants().map(|settings| Knobs { rsm: 1, ..settings }) {
-            // The cache is put where the device has found the VAL.
+            // Put the cache where the device found the VAL.
             let caches = |position: DVec3| one_cache(&scene, 8, (position / scale).as_vec3(), Vec3::Y);
             let under = shoot(&gpu, &scene, Some(&caches(DVec3::ZERO)), &settings).vals[0].position;
             let shot = shoot(&gpu, &scene, Some(&caches(under)), &settings);

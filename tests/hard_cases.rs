@@ -1,16 +1,16 @@
-//! The hard cases of `lightskin lab hard-cases`, kind by kind.
+//! The hard cases of `lightskin lab hard-cases`, one test for each kind.
 
 use lightskin::lab::hard_cases::{lines, run};
 
 use crate::common::{assert_clean, gpu};
 
-/// Runs the cases of a kind and tells of all that fail.
+/// Runs the cases of a kind and reports all failures.
 fn hold(kind: &str) {
     let gpu = gpu();
     let (mut count, mut failed) = (0, Vec::new());
     for case in lines().iter().filter(|case| case.kind == kind) {
         let line = run(&gpu, case).unwrap_or_else(|error| panic!("{kind}: {}: {error}", case.input));
-        let text = format!("{kind}: {}: {}, and must be: {}", line.input, line.measured, line.expected);
+        let text = format!("{kind}: {}: {}, expected: {}", line.input, line.measured, line.expected);
         println!("{text}");
         count += 1;
         if !line.pass {
@@ -18,7 +18,7 @@ fn hold(kind: &str) {
         }
     }
     assert!(count > 0, "no case of {kind}");
-    assert!(failed.is_empty(), "{} of {count} cases do not hold:\n{}", failed.len(), failed.join("\n"));
+    assert!(failed.is_empty(), "{} of {count} cases fail:\n{}", failed.len(), failed.join("\n"));
     assert_clean(&gpu);
 }
 

@@ -1,4 +1,4 @@
-//! A host that opens instance and device itself, by hand.
+//! A host application that creates instance and device itself.
 #![allow(unsafe_code, reason = "the host calls Vulkan itself")]
 
 use crate::common::apart;
@@ -8,7 +8,7 @@ use lightskin::gpu::{Gpu, Host, Needs};
 use std::ffi::{CStr, c_void};
 use std::sync::Mutex;
 
-/// What the validation layer said.
+/// Messages of the validation layer.
 static MESSAGES: Mutex<Vec<String>> = Mutex::new(Vec::new());
 
 unsafe extern "system" fn on_message(
@@ -30,7 +30,7 @@ fn a_host_brings_its_own_device() {
     if apart() {
         return;
     }
-    // SAFETY: as the specification asks, step by step; everything is destroyed in the end, and the `Gpu` before.
+    // SAFETY: follows the specification step by step. Everything is destroyed at the end, after the `Gpu`.
     unsafe {
         let entry = ash::Entry::load().expect("a Vulkan loader");
         let app = vk::ApplicationInfo::default().api_version(api_version);
@@ -73,7 +73,7 @@ fn a_host_brings_its_own_device() {
             subgroup_sizes: false,
             check_barriers: true,
         };
-        // One after the other on the same device; the second draws whole frames.
+        // Two `Gpu`s in turn use the same device. The second draws whole frames.
         for frames in [false, true] {
             let gpu = Gpu::from_raw(host.clone()).expect("usable");
             assert_eq!(gpu.voting_threads(), None);

@@ -1,5 +1,5 @@
-//! Rules of the house that no compiler checks: which module may use which, where unsafe code may lie, file lengths,
-//! and that the committed scenes are what our own code makes.
+//! House rules that no compiler checks: dependencies of modules, the place of unsafe code, file lengths, and that our
+//! own code makes the committed scenes.
 
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
 use lightskin::scene::{Scene, gltf};
@@ -21,7 +21,7 @@ fn files(folder: &str, extensions: &[&str]) -> Vec<(PathBuf, String)> {
             }
         }
     }
-    assert!(!found.is_empty(), "{folder} holds sources");
+    assert!(!found.is_empty(), "{folder} must hold sources");
     found
 }
 
@@ -35,7 +35,7 @@ fn modules_depend_one_way() {
         ("src/reference", &["crate::gpu", "crate::frame", "crate::bake", "ash::vk"]),
         ("src/metrics", &["crate::gpu", "crate::frame", "crate::bake", "crate::scene", "ash::vk"]),
     ];
-    // What measures the engine and what shows it to people stand on top of it.
+    // Modules that measure the engine or show it to users are above it.
     let tools = ["crate::app", "crate::lab", "crate::cli", "crate::metrics", "crate::reference"];
     let engine = ["src/gpu", "src/scene", "src/bake", "src/frame"];
     for (folder, forbidden) in rules {
@@ -48,8 +48,8 @@ fn modules_depend_one_way() {
     }
 }
 
-/// A file of the frame imports others by their names and never, by whatever way, itself: no circles, and nothing by way of
-/// `mod.rs`. The files of `world` count as one.
+/// Files of the frame import each other by name, without cycles and never through `mod.rs`. The files of `world` count
+/// as one.
 #[test]
 fn nothing_in_the_frame_imports_upwards() {
     let mut imports: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -60,15 +60,16 @@ fn nothing_in_the_frame_imports_upwards() {
             continue;
         }
         let own = imports.entry(if in_world { "world" } else { name }.to_owned()).or_default();
-        // Within `world`, `super` is the world itself but for its own first file.
+        // Within `world`, `super` is `world` itself, except in its `mod.rs`.
         let from = if in_world && name != "mod" { "use crate::frame::" } else { "use super::" };
         for rest in content.lines().filter_map(|line| line.trim().trim_start_matches("pub ").strip_prefix(from)) {
             let other = rest.split(|c: char| !(c.is_lowercase() || c == '_')).next().expect("a name");
-            assert!(!other.is_empty(), "{}: `{from}{rest}` goes by way of mod.rs", path.display());
+            assert!(!other.is_empty(), "{}: `{from}{rest}` goes through mod.rs", path.display());
             own.insert(other.to_owned());
         }
     }
-    // Files that import only such as are known to be below them are below the rest.
+    // In each round, add the files that import only files below them. If there are none, the remaining files form a
+    // cycle.
     let mut below: BTreeSet<String> = BTreeSet::new();
     while below.len() < imports.len() {
         let next: Vec<_> = imports.iter().filter(|(name, of)| !below.contains(*name) && of.is_subset(&below)).collect();
@@ -78,7 +79,7 @@ fn nothing_in_the_frame_imports_upwards() {
     }
 }
 
-/// What a program compiles that uses the library with default features off.
+/// Dependencies of a program that uses the library without default features.
 #[test]
 fn the_engine_alone_needs_no_tools() {
     let tree = ["tree", "--offline", "--no-default-features", "--edges", "normal", "--prefix", "none"];
@@ -91,7 +92,7 @@ fn the_engine_alone_needs_no_tools() {
         ["anyhow", "clap", "egui", "indicatif", "nv-flip", "pulp", "raw-cpuid", "rfd", "signal-hook", "toml", "winit"]
     {
         let needed = listed.lines().any(|line| line.split(' ').next() == Some(tool));
-        assert!(!needed, "the engine compiles {tool}; `cargo tree --no-default-features -i {tool}` says why");
+        assert!(!needed, "the engine compiles {tool}; `cargo tree --no-default-features -i {tool}` shows why");
     }
 }
 
@@ -99,7 +100,7 @@ fn the_engine_alone_needs_no_tools() {
 fn unsafe_code_lies_in_gpu_alone() {
     for (path, content) in files("src", &["rs"]) {
         let in_gpu = path.components().any(|c| c.as_os_str() == "gpu");
-        assert!(in_gpu || !content.contains("unsafe {"), "{} holds unsafe code", path.display());
+        assert!(in_gpu || !content.contains("unsafe {"), "{} contains unsafe code", path.display());
     }
 }
 
@@ -108,11 +109,11 @@ fn files_stay_readable() {
     let rust = ["src", "tests", "build", "examples"].into_iter().flat_map(|folder| files(folder, &["rs"]));
     for (path, content) in rust.chain(files("glsl", &["glsl", "vert", "frag", "comp"])) {
         let lines = content.lines().count();
-        assert!(lines <= 600, "{} has {lines} lines: is it two things?", path.display());
+        assert!(lines <= 600, "{} has {lines} lines: can it be divided?", path.display());
     }
 }
 
-/// The same to rounding: the sine of another C library may differ in its last bit.
+/// Compares up to rounding, because the sine of another C library may differ in its last bit.
 fn assert_same(file: &str, made: &Scene) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets").join(file);
     let kept = gltf::load(&path).expect("the committed scene loads");

@@ -1,7 +1,7 @@
-//! Pictures against the f64 references: indirect light interpolated and by brute force, and direct light.
+//! Pictures against the f64 references: interpolated indirect light, brute force, and direct light.
 //!
-//! The references get the device's own VALs, caches, proxies and reflectances, so that each picture tests its stage
-//! alone. What is left is the rounding of f32: of the place of a pixel, which comes from its depth, and of directions.
+//! The references use the device's own VALs, caches, proxies and reflectances, so each picture tests only its own
+//! stage. The remaining error is f32 rounding of directions and of pixels' positions, which are computed from depth.
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{CacheSet, NO_CACHE};
@@ -20,11 +20,11 @@ use crate::common::frames::{
 };
 use crate::common::gpu;
 
-/// Share of pixels whose centre lies on a rim, where the device may see another triangle.
+/// Fraction of pixels whose centre lies on an edge, where the device may see another triangle.
 const RIMS: f64 = 0.001;
 
-/// Fails unless the picture is the twins' at all pixels but the rims': within `bound` of the radiance, and of a hundredth
-/// of the brightest for what is darker.
+/// Asserts that a picture is the twins' within `bound`, relative to the radiance plus a hundredth of the brightest
+/// pixel. The fraction `RIMS` of pixels may differ.
 #[track_caller]
 pub(crate) fn assert_picture(picture: &[DVec3], twins: &[(usize, DVec3)], bound: f64, what: &str) {
     let brightest = twins.iter().map(|(_, radiance)| radiance.length()).fold(0.0, f64::max);
@@ -39,11 +39,11 @@ pub(crate) fn assert_picture(picture: &[DVec3], twins: &[(usize, DVec3)], bound:
     let rims = (RIMS * all.len() as f64) as usize;
     let (worst, pixel, actual, radiance) = all[all.len() - 1 - rims];
     let over = all.iter().filter(|a| a.0 > bound).count();
-    eprintln!("{what}: {worst:.2e} off but for {rims} of {} pixels, {over} over {bound}", all.len());
+    eprintln!("{what}: error {worst:.2e} without the {rims} worst of {} pixels, {over} above {bound}", all.len());
     assert!(worst <= bound, "{what}: pixel {pixel} is {actual} instead of {radiance}, and {over} pixels like it");
 }
 
-/// What a pixel reflects, by the device's own G-buffer.
+/// Reflectances of a pixel from the device's own G-buffer.
 fn material(s: &PixelSurface, scene: &Scene, shot: &Shot) -> Reflection {
     let (diffuse, specular) = (shot.albedo[s.pixel], shot.specular[s.pixel]);
     Reflection { diffuse, specular, ..reflection(scene, s.material) }
@@ -57,7 +57,7 @@ fn the_g_buffer_keeps_reflectances_as_halves() {
     let scene = corner(&[SPOT], 30.0);
     let settings = Knobs { gi: Gi::Off, ..small() };
     let shot = shoot(&gpu, &scene, None, &settings);
-    // The last bit of a half is 1e-3 of the number, and devices may cut off.
+    // The last bit of a 16-bit float is 1e-3 of the number, and devices may truncate.
     let twins = |of: fn(&Reflection) -> DVec3| -> Vec<_> {
         seen(&scene, settings.size).iter().map(|s| (s.pixel, of(&reflection(&scene, s.material)))).collect()
     };
@@ -65,7 +65,7 @@ fn the_g_buffer_keeps_reflectances_as_halves() {
     assert_picture(&shot.specular, &twins(|r| r.specular), 1e-3, "specular");
 }
 
-// Stage 8, METHOD 5.
+// Stage 8 (METHOD 5).
 
 /// The references of a vertex, from the scene's own list.
 fn references(scene: &Scene, caches: &CacheSet, shot: &Shot, instance: usize, vertex: usize) -> Vec<(Cache, Gathered)> {
@@ -94,14 +94,14 @@ fn at_vertex(
     let eye = scene.cameras[0].world_from_camera.translation;
     let mut light = interpolate(x, normal, mirrored_view(x, normal, eye), references, scheme);
     if scheme == Scheme::Printed {
-        // What varies over the triangle is the flux; the pixel's own distance makes irradiance of it.
+        // Flux is interpolated over the triangle. The pixel's own distance converts it to irradiance.
         light.diffuse_irradiance *= light.diffuse_position.distance_squared(x);
         light.glossy_irradiance *= light.glossy_position.distance_squared(x);
     }
     light
 }
 
-/// Both lobes of the radiance that the references see in every pixel.
+/// Radiance of both lobes in every pixel, by the references.
 fn interpolated(
     scene: &Scene,
     caches: &CacheSet,
@@ -141,7 +141,7 @@ fn interpolated(
 fn interpolated_pictures_are_the_references() {
     let gpu = gpu();
     for k in [1.0, 30.0] {
-        // A spot on the wall: the wall's own caches and those on the ball's far side are unlit.
+        // A spot on the wall. The wall's own caches and those on the far side of the ball are unlit.
         let mut scene = corner(&[LightKind::Spot { inner: 0.1, outer: 0.25 }], k);
         scene.lights[0].direction = vec3(-2.0, -0.4, 0.2).normalize();
         for count in [8, 16] {
@@ -180,7 +180,7 @@ fn surfaces_with_fewer_caches_than_references_use_those_they_have() {
 #[test]
 fn where_all_weights_vanish_the_device_falls_back_like_the_reference() {
     let gpu = gpu();
-    // Caches whose normals stand at right angles to the surface's: no kernel has weight.
+    // The caches' normals are perpendicular to the surface's, so all kernel weights are zero.
     let scene = corner(&[SPOT], 10.0);
     let mut caches = baked(&scene, 0.6, 8);
     caches.models[0].caches.iter_mut().for_each(|cache| cache.normal = Vec3::NEG_X);
@@ -193,7 +193,7 @@ fn where_all_weights_vanish_the_device_falls_back_like_the_reference() {
     }
 }
 
-// Brute force, METHOD 3.
+// Brute force (METHOD 3).
 
 #[test]
 fn brute_force_pictures_are_the_references() {
@@ -216,9 +216,9 @@ fn brute_force_pictures_are_the_references() {
     }
 }
 
-// Stage 2, METHOD 1.
+// Stage 2 (METHOD 1).
 
-/// A tilted floor alone: nothing casts a shadow.
+/// A tilted floor on its own, where nothing casts a shadow.
 fn floor(kind: LightKind) -> Scene {
     let mut scene = Scene::default();
     let tilt = DAffine3::from_rotation_x(0.3);
@@ -266,10 +266,10 @@ fn shadows_are_black_and_what_is_lit_is_not_dimmed() {
     for kind in [SPOT, LightKind::Point, LightKind::Directional] {
         let mut scene = floor(kind);
         scene.instances[0].world_from_model = DAffine3::IDENTITY;
-        // A tile above the floor. Its shadow is the rest of the plane's points that do not see the light past it.
+        // A tile above the floor. Floor points are in its shadow if the line to the light passes through the tile.
         let tile = quad(vec3(-0.3, 0.4, -0.3), Vec3::Z * 0.6, Vec3::X * 0.6, 0.6);
         add(&mut scene, tile, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
-        // Shadows shrink by some of the map's texels; these are small against the 5 cm that are left out.
+        // Shadows shrink by a few texels of the map. These are small compared with the 5 cm that the test leaves out.
         let settings = Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(1536), ..small() };
         let shot = shoot(&gpu, &scene, None, &settings);
         let (mut dark, mut bright) = (0, 0);

@@ -1,6 +1,6 @@
-//! What is known to be wrong. Each test holds as long as the wrong is there: one that fails says that something was mended.
-//! Then it becomes a test of what is right, beside others of its kind, and the list of limits in docs/guide.md loses a
-//! line.
+//! Known errors. Each test passes as long as its error exists. A failing test means that an error was fixed. Then turn
+//! it into a test of the correct behaviour, next to similar tests, and remove the line from the list of limits in
+//! docs/guide.md.
 
 use glam::{DAffine3, DVec3, dvec3, vec3};
 use lightskin::frame::Shadows;
@@ -12,12 +12,12 @@ use lightskin::scene::{LightKind, Scene};
 use crate::common::frames::{add, baked, camera, lamp, phong, shoot, small};
 use crate::common::gpu;
 
-/// Fails once the wrong is mended.
+/// Fails once the error is fixed.
 #[track_caller]
 fn assert_still_wrong(wrong: bool, what: &str) {
     assert!(
         wrong,
-        "mended: {what}. Test that it stays so, and take it out of this list and of the limits in docs/guide.md"
+        "fixed: {what}. Test that it stays so, and remove it from this list and from the limits in docs/guide.md"
     );
 }
 
@@ -33,7 +33,7 @@ fn sum(pixels: &[DVec3]) -> f64 {
 
 #[test]
 fn light_leaks_through_a_wall_where_caches_are_as_far_apart_as_rooms_are_wide() {
-    // Two rooms of 2 m, a wall of 10 cm between them, a lamp in the first, a camera in the second.
+    // Two rooms of 2 m with a wall of 10 cm between them, a lamp in the first and a camera in the second.
     let mut scene = Scene::default();
     let white = || phong([0.7; 3], [0.0; 3], 1.0);
     for low in [0.0, 2.1] {
@@ -47,7 +47,7 @@ fn light_leaks_through_a_wall_where_caches_are_as_far_apart_as_rooms_are_wide() 
     let caches = baked(&scene, 3.0, 8);
     let dark = sum(&shoot(&gpu, &scene, Some(&caches), &settings).diffuse);
     let traced = traced(&scene, &path_trace::PathTraceSettings::engine(settings.size, 1)).diffuse();
-    assert!(traced.iter().flatten().all(|v| *v == 0.0), "no path leads into the dark room");
+    assert!(traced.iter().flatten().all(|v| *v == 0.0), "no path may lead into the dark room");
     scene.cameras[0] = camera(dvec3(1.8, 1.8, 1.8), dvec3(0.0, 0.8, 0.2), 1.2);
     let lit = sum(&shoot(&gpu, &scene, Some(&caches), &settings).diffuse);
     println!("the dark room has {:.5} of the lit one's indirect light", dark / lit);

@@ -1,4 +1,4 @@
-//! What is seen through: layers against sums on paper and the path tracer, which follows its rays through them.
+//! Transparent surfaces: layers against sums in closed form and against the path tracer, whose rays pass through them.
 
 use glam::{Affine2, DAffine3, DVec3, Vec3, Vec4, dvec3, vec3};
 use lightskin::frame::{Antialiasing, LightShadows, Near, Shadows};
@@ -14,7 +14,7 @@ use crate::cli::{folder, works};
 use crate::common::frames::{add, baked, camera, lamp, phong, shoot, small};
 use crate::common::gpu;
 
-/// A square before the camera that shines and covers so much of what is behind it.
+/// Adds an emissive square in front of the camera that covers the fraction `alpha` of the light behind it.
 fn pane(scene: &mut Scene, z: f32, color: Vec3, alpha: f32) {
     let square = quad(vec3(-1.0, -1.0, z), Vec3::X * 2.0, Vec3::Y * 2.0, 2.0);
     let dark = phong([0.0; 3], [0.0; 3], 1.0);
@@ -28,7 +28,7 @@ fn pane(scene: &mut Scene, z: f32, color: Vec3, alpha: f32) {
     add(scene, square, material, DAffine3::IDENTITY);
 }
 
-/// Panes one behind another, and their colours and alphas from the farthest on.
+/// Panes one behind another, and their colours and alphas from the farthest to the nearest.
 fn panes(order: &[usize]) -> (Scene, Vec<(DVec3, f64)>) {
     let all: Vec<(Vec3, f32)> = (0..8_u8)
         .map(|i| (vec3(f32::from(i % 3), f32::from(i % 2) * 2.0, 3.0 - f32::from(i) / 3.0), 0.1 + 0.1 * f32::from(i)))
@@ -38,7 +38,7 @@ fn panes(order: &[usize]) -> (Scene, Vec<(DVec3, f64)>) {
         let (color, alpha) = all[i];
         pane(&mut scene, 0.1 * i as f32, color, alpha);
     }
-    // What stands behind a wall is not seen through anything.
+    // A pane behind a wall is not visible through other panes.
     pane(&mut scene, -2.0, Vec3::splat(50.0), 0.5);
     let wall = quad(vec3(-3.0, -3.0, -1.0), Vec3::X * 6.0, Vec3::Y * 6.0, 6.0);
     let wall_light = Material { emissive: vec3(5.0, 7.0, 9.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
@@ -47,7 +47,7 @@ fn panes(order: &[usize]) -> (Scene, Vec<(DVec3, f64)>) {
     (scene, all.into_iter().map(|(color, alpha)| (color.as_dvec3(), f64::from(alpha))).collect())
 }
 
-/// Direct light alone, of pixels' middles.
+/// Direct light alone, at the centres of pixels.
 fn direct(size: [u32; 2], layers: u32) -> Knobs {
     Knobs { gi: Gi::Off, size, layers, ..small() }
 }
@@ -58,7 +58,7 @@ fn eight_layers_are_laid_over_each_other_in_any_order() {
         let (scene, panes) = panes(&order);
         let expected = panes.iter().fold(dvec3(5.0, 7.0, 9.0), |behind, (color, alpha)| behind.lerp(*color, *alpha));
         let shown = shoot(&gpu(), &scene, None, &direct([9, 9], 8)).direct[40];
-        println!("{order:?}: {shown:.5}, on paper {expected:.5}");
+        println!("{order:?}: {shown:.5}, in closed form {expected:.5}");
         assert!(shown.abs_diff_eq(expected, 1e-3 * expected.max_element()), "{shown} is not {expected}");
     }
 }
@@ -74,7 +74,7 @@ fn the_nearest_layers_show_where_there_are_more() {
     }
 }
 
-/// The glossy Cornell box with a red pane of glass, a blended one, and another behind the boxes.
+/// The glossy Cornell box with a red glass pane, a blended pane, and another glass pane behind the boxes.
 pub(crate) fn glazed() -> Scene {
     let mut scene = cornell(CornellSurface::Glossy, 0.1);
     let texel = [200, 150, 0, 255];
@@ -89,7 +89,7 @@ pub(crate) fn glazed() -> Scene {
         alpha_cutoff: Some(f32::INFINITY),
         ..Material::default()
     };
-    // Glass that is clear in places blocks light.
+    // Glass that is clear only in places blocks light.
     let glass = Material {
         transmission_texture: Some(texture),
         thickness_texture: Some(texture),
@@ -160,7 +160,7 @@ fn every_kind_of_frame_is_clean() {
 
 #[test]
 fn light_goes_through_clear_glass() {
-    // The sun through a pane onto a floor: as bright as beside it.
+    // The sun shines through a pane onto a floor. The light under the pane is as bright as beside it.
     let mut scene = Scene::default();
     let white = || phong([0.7; 3], [0.0; 3], 1.0);
     add(&mut scene, quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0.5), white(), DAffine3::IDENTITY);

@@ -1,11 +1,12 @@
-//! Host and shaders agree on every struct of `glsl/shared.glsl`: the offsets that glslang gives the members are the
-//! running sums of their sizes, which is how the Rust twins lie in memory (packed, and their total size asserted).
+//! Host and shaders agree on every struct of `glsl/shared.glsl`. The offsets that glslang gives to members are the
+//! running sums of the members' sizes. The Rust twins have the same layout: they are packed, and their total size is
+//! asserted.
 
 use std::collections::{BTreeMap, HashMap};
 use std::fs;
 use std::path::Path;
 
-/// Structs of the file: name, members in order with their sizes [bytes].
+/// Structs of the file: name, and members in order with their sizes [bytes].
 fn structs(source: &str) -> BTreeMap<String, Vec<(String, u32)>> {
     let sizes = HashMap::from([("float", 4), ("uint", 4), ("vec2", 8), ("vec3", 12), ("vec4", 16), ("mat4", 64)]);
     let mut found = BTreeMap::new();
@@ -24,9 +25,9 @@ fn structs(source: &str) -> BTreeMap<String, Vec<(String, u32)>> {
     found
 }
 
-/// Offsets of the members of the struct named `wanted` in a module.
+/// Offsets of the members of the struct `wanted` in a module.
 fn offsets(spirv: &[u32], wanted: &str) -> Vec<u32> {
-    // Instructions and a decoration of the SPIR-V specification.
+    // Numbers of instructions and a decoration in the SPIR-V specification.
     const NAME: u32 = 5;
     const MEMBER_DECORATE: u32 = 72;
     const OFFSET: u32 = 35;
@@ -52,7 +53,7 @@ fn offsets(spirv: &[u32], wanted: &str) -> Vec<u32> {
     found.into_values().collect()
 }
 
-/// The file and what it includes, which is beside it.
+/// The file with its included files, which are in the same folder.
 fn both(path: &Path) -> String {
     let text = fs::read_to_string(path).expect("shared.glsl");
     ["shared_material.glsl", "shared_rays.glsl", "shared_inside.glsl"].into_iter().fold(text, |text, name| {
@@ -71,7 +72,7 @@ fn glslang_places_members_as_rust_does() {
     options.set_optimization_level(shaderc::OptimizationLevel::Zero);
     options.set_generate_debug_info();
     let structs = structs(&source);
-    assert!(structs.len() >= 12, "the structs are found: {:?}", structs.keys());
+    assert!(structs.len() >= 12, "too few structs were found: {:?}", structs.keys());
     for (name, members) in &structs {
         let first = &members[0].0;
         let shader = format!(

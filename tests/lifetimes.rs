@@ -1,4 +1,4 @@
-//! How long what is made on the device lives: what is dropped, given up or kept, and pipelines that are made once.
+//! Lifetimes of device objects: dropped objects, abandoned frames, memory, and pipelines that are made once and kept.
 
 use crate::cli::{ATRIUM, folder, works};
 use crate::common::{apart, assert_clean, frame_of, open};
@@ -184,7 +184,7 @@ fn what_is_asked_for_again_is_the_same_pipeline() {
     let gpu = open(Validation::Sync);
     let made = |gpu: &Gpu| gpu.counters().pipelines_made;
     let (first, other) = (Raster { cull: Cull::Back, ..SCREEN }, Raster { depth: Depth::Behind, ..SCREEN });
-    // There and back, with nothing held in between.
+    // Request the pipelines repeatedly, without holding any in between.
     for _ in 0..3 {
         for constant in [0, 1] {
             gpu.compute("vals.comp", &[constant]).expect("pipeline");
@@ -219,10 +219,10 @@ fn few_pipelines_are_kept_that_nobody_holds() {
     for i in 200..500 {
         make(i);
     }
-    // The one that is being handed out is not spare.
+    // The pipeline that is just handed out does not count as unused.
     let now = gpu.counters();
     assert_eq!((now.pipelines_kept, now.pipelines_made, now.buried), (200 + 128 + 1, 500, 0));
-    // What is held and what was asked for last is still there.
+    // Held pipelines and the most recently requested pipelines are still there.
     (0..200).chain(450..500).for_each(|i| drop(make(i)));
     assert_eq!(gpu.counters().pipelines_made, 500);
     drop(held);
@@ -247,11 +247,11 @@ fn compiled_pipelines_are_kept_on_disk_and_damage_is_no_error() {
     let whole = fs::read(kept()).expect("kept");
     let picture = fs::read(at.join("a.png")).expect("picture");
     let written = |file: &std::path::Path| fs::metadata(file).expect("kept").modified().expect("a time");
-    // What nothing was added to is not written again.
+    // The file is not written again if nothing was added.
     let first = written(&kept());
     render();
     assert_eq!(written(&kept()), first);
-    // Damaged, cut off, empty, of another device: the picture is the same, and the file is whole again.
+    // Damaged, cut off, empty, from another device: the picture is the same, and the file is whole again afterwards.
     let foreign = [&whole[..48], &[whole[48] ^ 1], &whole[49..]].concat();
     let flipped = [&whole[..whole.len() - 1], &[whole[whole.len() - 1] ^ 1]].concat();
     for bytes in [foreign, flipped, whole[..20].to_vec(), whole[..whole.len() - 1].to_vec(), vec![]] {

@@ -1,4 +1,4 @@
-//! Where lamps and the sun shine by rays: as the path tracer says, which shares no code with the device's.
+//! Direct light of lamps and the sun by rays, against the path tracer, which shares no code with the device.
 
 use glam::{Affine2, DAffine3, DQuat, DVec3, Vec3, dvec3, vec2, vec3};
 use lightskin::frame::{Antialiasing, LightShadows};
@@ -10,12 +10,12 @@ use lightskin::scene::{Image, Light, LightKind, Material, Sampler, Scene, Textur
 use crate::common::frames::{SPOT, add, camera, corner, lamp, phong, placed, shoot, small};
 use crate::common::gpu;
 
-/// Direct light by rays alone.
+/// Direct light alone, with shadows by rays.
 fn rays(size: [u32; 2], antialiasing: Antialiasing) -> Knobs {
     Knobs { gi: Gi::Off, light_shadows: LightShadows::Rays, size, antialiasing, ..small() }
 }
 
-/// The path tracer's direct light, of pixels' middles or spread over them.
+/// The path tracer's direct light, at the centres of pixels or spread over them.
 fn paths(scene: &Scene, size: [u32; 2], spread: bool, passes: usize) -> Vec<f64> {
     let settings = PathTraceSettings { spread, ..PathTraceSettings::engine(size, 0) };
     let mut paths = PathTrace::new(scene, &scene.cameras[0], &settings);
@@ -23,7 +23,7 @@ fn paths(scene: &Scene, size: [u32; 2], spread: bool, passes: usize) -> Vec<f64>
     paths.direct().iter().map(|path| f64::from(path[1])).collect()
 }
 
-/// The device's direct light in pixels' middles, and the path tracer's.
+/// Direct light at the centres of pixels: the device's and the path tracer's.
 fn against_paths(scene: &Scene, knobs: &Knobs, passes: usize) -> Vec<(f64, f64)> {
     let shown = shoot(&gpu(), scene, None, knobs).direct;
     shown.iter().map(|own| own.y).zip(paths(scene, knobs.size, false, passes)).collect()
@@ -41,8 +41,8 @@ fn lamps_are_hidden_where_the_path_tracer_says() {
         let lit = pixels.iter().filter(|(_, path)| *path > 0.0).count();
         println!("scale {scale}, {shift}: {wrong} of {} pixels differ, {lit} are lit", pixels.len());
         assert!(lit > pixels.len() / 2 && mean > 0.0, "{lit} are lit");
-        // At edges a ray of f32 passes where one of f64 does not.
-        assert!(wrong <= pixels.len() / 500, "{wrong} pixels are shadowed otherwise");
+        // At edges an f32 ray may pass where an f64 ray does not.
+        assert!(wrong <= pixels.len() / 500, "{wrong} pixels differ in shadow");
     }
 }
 
@@ -50,17 +50,17 @@ fn lamps_are_hidden_where_the_path_tracer_says() {
 fn edges_of_shadows_are_smooth() {
     let scene = corner(&[LightKind::Directional], 20.0);
     let [middle, four] = [Antialiasing::Off, Antialiasing::Four].map(|antialiasing| {
-        // The truth is that of whole pixels for both.
+        // Both are compared with the mean over whole pixels.
         let shown = shoot(&gpu(), &scene, None, &rays([96, 72], antialiasing)).direct;
         let truth = paths(&scene, [96, 72], true, 16);
         shown.iter().zip(&truth).map(|(own, path)| (own.y - path).powi(2)).sum::<f64>().sqrt()
             / truth.iter().sum::<f64>()
     });
-    println!("four points more leave {:.3} of the error of pixels' middles", four / middle);
+    println!("four more points: {:.3} of the error with pixels' centres alone", four / middle);
     assert!(four < 0.55 * middle, "{four} against {middle}");
 }
 
-/// The Cornell box with its lamp as a surface 5 mm below the ceiling.
+/// The Cornell box with an emissive surface as its lamp, 5 mm below the ceiling.
 fn lit_box(surface: CornellSurface) -> Scene {
     let mut scene = cornell(surface, 0.1);
     scene.lights.clear();
@@ -76,7 +76,7 @@ fn soft_shadows_of_a_surface_that_emits_are_the_path_tracers() {
     for surface in [CornellSurface::Diffuse, CornellSurface::Glossy] {
         let scene = lit_box(surface);
         let pixels = against_paths(&scene, &rays(size, Antialiasing::Off), 16);
-        // Of the mean of what the lamp lights; the lamp's own pixels are held against the truth like all others.
+        // Errors are relative to the light on surfaces other than the lamp. The lamp's own pixels are compared as well.
         let mean = pixels.iter().map(|(_, path)| path).filter(|path| **path < 90.0).sum::<f64>();
         let sum = |of: fn(f64) -> f64| pixels.iter().map(|(own, path)| of(own - path)).sum::<f64>();
         let squares = sum(|error| error * error) * pixels.len() as f64;
@@ -86,7 +86,8 @@ fn soft_shadows_of_a_surface_that_emits_are_the_path_tracers() {
     }
 }
 
-/// A floor, and things above it that hide a light: a ball, a grid of bars, a leaf cut out of a square.
+/// A floor, and objects above it that block a light: a ball, a grid of bars, and a square with an alpha mask in the
+/// shape of a leaf.
 fn hiding(light: Light) -> Scene {
     let mut scene = Scene::default();
     let white = || phong([0.7; 3], [0.0; 3], 1.0);
@@ -110,7 +111,7 @@ fn hiding(light: Light) -> Scene {
     scene
 }
 
-/// A pointed oval.
+/// A pointed oval in the alpha channel.
 fn leaf() -> Image {
     let side = 64_u32;
     let texel = |i: u32| {
@@ -136,7 +137,7 @@ fn penumbrae_of_lamps_and_suns_are_the_path_tracers() {
         let bare = Scene { instances: scene.instances[..1].to_vec(), ..scene.clone() };
         let shown = shoot(&gpu(), &scene, None, &rays(size, Antialiasing::Off));
         let truth = paths(&scene, size, false, 12);
-        // Shares of the light on the floor, by what arrives where nothing is in the way.
+        // The light on the floor without any objects, to compute the fraction that arrives.
         let whole = paths(&bare, size, false, 1);
         let (mut soft, mut soft_of_paths, mut error, mut lit, mut sum) = (0.0, 0.0, 0.0, 0.0, 0.0);
         for ((own, path), whole) in shown.direct.iter().zip(&truth).zip(&whole) {
@@ -148,14 +149,14 @@ fn penumbrae_of_lamps_and_suns_are_the_path_tracers() {
             soft_of_paths += between(*path) * (1.0 - between(*path));
         }
         let [error, bias, width] = [error / lit, sum / lit - 1.0, soft / soft_of_paths - 1.0];
-        println!("{name}: mean error {error:.4} of the mean, bias {bias:+.4}, penumbrae {width:+.3}");
+        println!("{name}: mean error {error:.4} of the mean, bias {bias:+.4}, penumbra width {width:+.3}");
         assert!(error < 0.02 && bias.abs() < 0.005 && width.abs() < 0.15, "{name}: {error}, {bias}, {width}");
     }
 }
 
 #[test]
 fn light_of_a_lamp_in_a_closed_housing_stays_in() {
-    // Maps let a ring of texels through where the housing is close.
+    // Shadow maps let light through in a ring of texels where the housing is close.
     let mut scene = Scene::default();
     let white = || phong([0.7; 3], [0.0; 3], 1.0);
     let floor = quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0.5);
@@ -169,13 +170,13 @@ fn light_of_a_lamp_in_a_closed_housing_stays_in() {
     for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
         let shown = shoot(&gpu(), &scene, None, &rays([160, 120], antialiasing)).direct;
         let lit = shown.iter().filter(|pixel| **pixel != DVec3::ZERO).count();
-        assert_eq!(lit, 0, "{antialiasing:?}: pixels outside are lit");
+        assert_eq!(lit, 0, "{antialiasing:?}: pixels outside must be dark");
     }
 }
 
 #[test]
 fn surfaces_do_not_hide_the_sun_from_themselves() {
-    // Nearly along a floor, and over a ball of few triangles; nothing but the ball's own shadow may be dark.
+    // The sun shines nearly along a floor. No pixel of the floor may be dark.
     for (scale, shift) in [(1.0, DVec3::ZERO), (1e-3, DVec3::ZERO), (1e3, dvec3(1e6, 0.0, -1e6))] {
         let mut scene = Scene::default();
         let floor = quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 0.1);
@@ -199,7 +200,7 @@ fn surfaces_do_not_hide_the_sun_from_themselves() {
 
 #[test]
 fn corners_in_the_sun_are_not_dark() {
-    // A floor and a wall at which the sun shines alike: points of a pixel on the one lie behind the other.
+    // The sun lights a floor and a wall equally. Some points of a pixel on one of them lie behind the other.
     let mut scene = Scene::default();
     let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
     let low = vec3(-1.0, 0.0, -1.0);

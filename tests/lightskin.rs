@@ -1,5 +1,5 @@
-//! The one integration-test binary: it links once.
-#![allow(clippy::print_stdout, reason = "tests print the figures they judge by")]
+//! The only integration-test binary, so that tests link once.
+#![allow(clippy::print_stdout, reason = "tests print the figures that they check")]
 
 mod analytic;
 mod animation;

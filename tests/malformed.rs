@@ -8,17 +8,17 @@ use lightskin::Result;
 use lightskin::scene::{Scene, gltf};
 use serde_json::{Value, json};
 
-/// Loads and, where that works, touches everything that an index in the scene refers to.
+/// Loads a file and, if that works, checks everything that indices in the scene refer to.
 pub(crate) fn load_safely(path: &Path) -> Result<Scene> {
     let result =
-        catch_unwind(|| gltf::load(path)).unwrap_or_else(|_| panic!("{} made the loader panic", path.display()));
+        catch_unwind(|| gltf::load(path)).unwrap_or_else(|_| panic!("the loader panicked on {}", path.display()));
     if let Ok(scene) = &result {
         check(scene, path);
     }
     result
 }
 
-/// What the rest of the program relies on.
+/// Invariants that the rest of the program relies on.
 pub(crate) fn check(scene: &Scene, path: &Path) {
     for instance in &scene.instances {
         assert!(instance.mesh < scene.meshes.len() && instance.world_from_model.is_finite(), "{}", path.display());
@@ -74,7 +74,7 @@ fn every_malformed_file_loads_or_is_refused_in_one_line() {
     assert!(refused > 100);
 }
 
-/// Faults that the reference validator finds and that would make an unchecked loader read or write wrong memory.
+/// Errors found by the reference validator that would make an unchecked loader access wrong memory.
 const UNSAFE: [&str; 14] = [
     "ACCESSOR_INDEX_OOB",
     "ACCESSOR_JOINTS_INDEX_OOB",
@@ -107,10 +107,10 @@ fn what_the_validator_finds_unsafe_is_refused() {
             .find(|message| UNSAFE.iter().any(|code| message["code"] == *code));
         if let Some(fault) = fault {
             seen += 1;
-            assert!(load_safely(&path).is_err(), "{} has {}", path.display(), fault["code"]);
+            assert!(load_safely(&path).is_err(), "{} was accepted despite {}", path.display(), fault["code"]);
         }
     }
-    assert!(seen > 10, "only {seen} reports had such a fault");
+    assert!(seen > 10, "only {seen} reports have such an error");
 }
 
 /// A scene with a bit of everything: texture, light, camera, skin, morph target, sparse accessor.
@@ -149,7 +149,7 @@ pub(crate) fn rich() -> Builder {
 fn every_truncation_ends_in_an_error() {
     let rich = rich();
     let good = glb(&rich.json, &rich.binary);
-    let scene = gltf::load(&written("truncated.glb", &good)).expect("the original is good");
+    let scene = gltf::load(&written("truncated.glb", &good)).expect("the original is valid");
     assert_eq!((scene.triangle_count(), scene.lights.len(), scene.cameras.len(), scene.images.len()), (4, 1, 1, 1));
     for length in (0..good.len()).step_by(7) {
         one_line(load_safely(&written("truncated.glb", &good[..length])).expect_err("is truncated"));
@@ -256,7 +256,7 @@ fn node_graphs_are_trees() {
     let mut nodes: Vec<Value> = (1..50_000).map(|child| json!({"children": [child]})).collect();
     nodes.push(json!({"mesh": 0}));
     b.json["nodes"] = Value::Array(nodes);
-    assert_eq!(b.load("chain").expect("depth is no problem").triangle_count(), 1);
+    assert_eq!(b.load("chain").expect("a deep tree is valid").triangle_count(), 1);
 }
 
 #[test]
@@ -284,7 +284,8 @@ fn uris_stay_in_the_folder() {
 
 #[test]
 fn what_a_small_file_asks_for_is_bounded() {
-    // A strip of six million triangles without normals, all zeros that no buffer holds: 18 million vertices of 60 bytes.
+    // A strip of six million triangles without normals. No buffer has its positions, so all are zero. The scene would
+    // need 18 million vertices of 60 bytes.
     let mut b = Builder::new();
     let positions = b.push("accessors", json!({"componentType": 5126, "type": "VEC3", "count": 6_000_000}));
     *b.primitive() = json!({"attributes": {"POSITION": positions}, "mode": 5});

@@ -1,5 +1,5 @@
-//! Everything moves: poses on the device against those of the host, and frames that leave out what stands still against
-//! frames made from scratch, bit by bit.
+//! Everything moves: poses on the device against the host's, and frames that skip unchanged stages against frames made
+//! from scratch, bit by bit.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet};
@@ -17,12 +17,12 @@ use lightskin::shared::Cache;
 use crate::common::frames::{baked, small};
 use crate::common::{assert_clean, data, gltf_files, gpu};
 
-/// Instance that moves as a whole, one that bends, one that emits.
+/// Instances: one that moves as a whole, one that bends, one that emits.
 const BALL: usize = 2;
 const BENT: usize = 3;
 const LAMP: usize = 4;
 
-/// The corner with its ball, a ball that bends and bulges, and one that emits.
+/// The corner with its ball, a ball that bends and bulges, and an emissive ball.
 pub(crate) fn world() -> Scene {
     let mut scene = corner(&[SPOT, LightKind::Point], 20.0);
     add(&mut scene, sphere(0.25, 6), phong([0.3, 0.7, 0.3], [0.1, 0.1, 0.1], 20.0), DAffine3::IDENTITY);
@@ -30,7 +30,8 @@ pub(crate) fn world() -> Scene {
     glow.emissive = vec3(300.0, 200.0, 100.0);
     add(&mut scene, sphere(0.06, 3), glow, DAffine3::from_translation(dvec3(0.4, 1.2, -0.5)));
     let mesh = &mut scene.meshes[BENT];
-    // The top goes with the second joint; the last vertices follow triangles of the others, some of them flat.
+    // The top follows the second joint. The last vertices follow triangles of the other vertices, some with flat
+    // normals.
     let followers = 20;
     let bound = mesh.vertices.len() - followers;
     let mut deform = Deform::default();
@@ -65,7 +66,7 @@ pub(crate) fn world() -> Scene {
     scene
 }
 
-/// A pose of the ball that bends: its top turned and shifted, and it bulges.
+/// Poses the bending ball: its top is turned and shifted, and it bulges.
 pub(crate) fn bend(scene: &mut Scene, turn: f64, bulge: f32) {
     let pose = scene.instances[BENT].pose.as_mut().expect("bends");
     let rotation = DQuat::from_axis_angle(dvec3(0.3, 0.1, 1.0).normalize(), turn);
@@ -86,7 +87,7 @@ fn record(gpu: &Gpu, frame: &mut Frame, buffers: &World, scene: &Scene, size: [u
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
 }
 
-/// All layers, bit by bit.
+/// All layers as raw bits.
 fn layers(gpu: &Gpu, frame: &Frame) -> Vec<Vec<u32>> {
     let Picture { surface, indirect, output, .. } = &frame.picture;
     let mut images = vec![&surface.radiance, &surface.normal];
@@ -126,7 +127,7 @@ fn poses_are_those_of_the_host() {
                 let position = instance.world_from_model.transform_point3(mean(&|v| posed[v].position.as_dvec3()));
                 let normal = mean(&|v| posed[v].normal.as_dvec3());
                 let normal = (linear.inverse().transpose() * normal).normalize();
-                // Shares grow with their triangles.
+                // A cache's area scales with its triangle.
                 let area = |linear: glam::DMat3, vertices: &[lightskin::scene::Vertex]| {
                     let [a, b, c] = corners.map(|v| linear * vertices[v].position.as_dvec3());
                     (b - a).cross(c - a).length()
@@ -136,7 +137,8 @@ fn poses_are_those_of_the_host() {
                 assert!((device.position.as_dvec3() + buffers.origin).distance(position) < 2e-6, "{i}: {position}");
                 assert!(device.normal.as_dvec3().distance(normal) < 1e-5, "{i}: {normal}");
                 let wanted = f64::from(cache.area) * grown;
-                // Of rigid models by the cache's own normal, which on a coarse mesh is not its triangle's.
+                // On rigid models the area scales by the cache's own normal. On a coarse mesh this differs from the
+                // triangle's normal.
                 let bound = if i == BENT || grown == 1.0 { 1e-4 } else { 0.1 };
                 assert!((f64::from(device.area) - wanted).abs() < bound * wanted, "{i}: {} {wanted}", device.area);
                 at += 1;
@@ -147,15 +149,15 @@ fn poses_are_those_of_the_host() {
     assert_clean(&gpu);
 }
 
-/// Every animated file of the shared data, at three times of each of its animations: the device's vertices and caches are those
-/// of `Mesh::posed`, which tests/animation.rs holds against a second reader.
+/// Every animated file of the shared data, at three times of each animation. The device's vertices and caches must
+/// equal those of `Mesh::posed`, which tests/animation.rs compares with a second reader.
 #[test]
 fn animated_files_stand_on_the_device_as_on_the_host() {
     let Some(data) = data() else { return };
     let gpu = gpu();
     let mut files = 0;
     for path in gltf_files(&data.join("scenes")) {
-        // Reading the text is quick, loading all that stands still is not.
+        // Search the text first, because it is faster than loading all static files.
         let text = std::fs::read(&path).expect("a file");
         let says = |word: &str| text.windows(word.len()).any(|part| part == word.as_bytes());
         if !["\"animations\"", "\"skins\"", "\"targets\""].into_iter().any(says) {
@@ -211,18 +213,18 @@ fn animated_files_stand_on_the_device_as_on_the_host() {
     assert_clean(&gpu);
 }
 
-/// Numbers that look drawn at random, the same in every run.
+/// Pseudorandom numbers, the same in every run.
 struct Random(u64);
 
 impl Random {
-    /// From 0 to 1.
+    /// A number from 0 to 1.
     fn number(&mut self) -> f64 {
         self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (self.0 >> 11) as f64 / (1_u64 << 53) as f64
     }
 }
 
-/// Moves this or that.
+/// Applies a random edit to the scene.
 fn edit(scene: &mut Scene, random: &mut Random) {
     let mut some = |size: f64| size * (random.number() - 0.5);
     match (some(9.0) + 4.5) as usize {
@@ -258,7 +260,8 @@ fn walk(settings: Knobs, cells: bool, steps: usize, seed: u64) {
     walk_of(world(), settings, cells, steps, seed);
 }
 
-/// Edits a scene, `world` with other materials, and draws it with what stands still left out, and from scratch.
+/// Edits a scene (`world`, possibly with other materials) and draws each step twice: with unchanged stages skipped, and
+/// from scratch.
 pub(crate) fn walk_of(mut scene: Scene, settings: Knobs, cells: bool, steps: usize, seed: u64) {
     let gpu = gpu();
     let mut caches = baked(&scene, 0.3, 8);
@@ -272,7 +275,7 @@ pub(crate) fn walk_of(mut scene: Scene, settings: Knobs, cells: bool, steps: usi
     let mut random = Random(seed);
     let mut skipped = std::collections::BTreeSet::new();
     for step in 0..steps {
-        // Now and then nothing moves.
+        // In some steps nothing moves.
         if step % 8 != 3 {
             edit(&mut scene, &mut random);
         }
@@ -285,7 +288,7 @@ pub(crate) fn walk_of(mut scene: Scene, settings: Knobs, cells: bool, steps: usi
         assert!(scratch.light.skipped().is_empty());
         assert!(layers(&gpu, &frame) == layers(&gpu, &scratch), "step {step} differs");
         let lit = [&frame, &scratch].map(|frame| frame.light.counts(&gpu).expect("counts").caches);
-        assert_eq!(lit[0], lit[1], "caches lit at step {step}");
+        assert_eq!(lit[0], lit[1], "numbers of lit caches at step {step}");
     }
     assert!(skipped.len() >= 2, "{skipped:?}");
     assert_clean(&gpu);
@@ -313,7 +316,7 @@ fn edits_leave_nothing_stale_in_any_kind_of_frame() {
     walk(with(Shadows::PerLight), true, 15, 9);
 }
 
-/// Short rays meet what has moved, bit by bit as if hierarchies had been built of the scene as it stands.
+/// Short rays hit what has moved, bit by bit as with hierarchies built from the current scene.
 #[test]
 fn short_rays_leave_nothing_stale() {
     let near = Near::Rays { per_pixel: 4, every: 2 };

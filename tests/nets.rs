@@ -1,4 +1,5 @@
-//! The nets hold: a lost barrier, an idle barrier, a wrong binding count or push size, a bad value are all caught.
+//! The safety nets catch errors: a missing barrier, an idle barrier, a wrong number of bindings, a wrong push size, an
+//! invalid value.
 
 use crate::common::{apart, open};
 use glam::Vec3;
@@ -14,7 +15,7 @@ use lightskin::shared::{Cache, OccludePush};
 
 const PUSH: OccludePush = OccludePush { cache_count: 4, group_count: 1, first_proxy: 0 };
 
-/// Two dispatches, the second reading what the first has written, with `barriers` between.
+/// Two dispatches with `barriers` between them. The second reads what the first has written.
 fn write_then_read(gpu: &Gpu, barriers: &[(Use, Use)]) -> Vec<String> {
     let first = gpu.buffer_from("test.first", &[Cache::default(); 4]).expect("buffer");
     let caches = gpu.buffer("test.caches", 4 * size_of::<Cache>() as u64).expect("buffer");
@@ -45,12 +46,12 @@ fn a_lost_barrier_is_caught_by_both_nets() {
     }
     let gpu = open(Validation::Sync);
     assert_eq!(write_then_read(&gpu, &[(Use::ComputeWrite, Use::ComputeRead)]), [] as [String; 0]);
-    assert_eq!(gpu.messages(), [] as [String; 0], "with the barrier nothing complains");
+    assert_eq!(gpu.messages(), [] as [String; 0], "with the barrier there must be no messages");
 
     let problems = write_then_read(&gpu, &[]);
     assert_eq!(problems, ["test.caches: no barrier between test:ComputeWrite and test:ComputeRead"]);
     let messages = gpu.messages();
-    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "the layer sees it too: {messages:?}");
+    assert!(messages.iter().any(|m| m.contains("SYNC-HAZARD")), "the validation layer must see it, too: {messages:?}");
 }
 
 #[test]
@@ -65,7 +66,7 @@ fn an_idle_barrier_is_caught() {
     assert!(problems[0].contains("separates nothing"), "{problems:?}");
 }
 
-/// What a panic says.
+/// The message of a panic.
 fn panics<T>(run: impl FnOnce() -> T) -> String {
     let panic = std::panic::catch_unwind(std::panic::AssertUnwindSafe(run)).err().expect("a panic");
     let text = panic.downcast_ref::<String>().cloned();
@@ -112,7 +113,7 @@ fn bad_values_are_counted() {
     assert_eq!(broken_values(&[f32::NAN, f32::INFINITY, f32::NEG_INFINITY, -1e-30]), 4);
 }
 
-/// What the check finds in a frame of this scene.
+/// Counts of the device's check for a frame of this scene, and the host's count for direct light.
 fn check(gpu: &Gpu, scene: &Scene) -> (Vec<Broken>, usize) {
     let caches = bake::bake(scene, &CACHES, &|_, _| {}).expect("bake");
     let buffers = World::new(gpu, scene, Some(&caches)).expect("upload");
@@ -145,18 +146,18 @@ fn broken_values_are_counted_on_the_device() {
     let caches = found[4].values / 14;
     assert!(found[0].values == 3 * 70 * 50 && found[3].values == 11 * 400 && caches >= 30, "{found:?}");
 
-    // Every surface shines with one value of each kind: the device counts what the host does.
+    // Every surface emits one value of each kind. The device must count as many invalid values as the host.
     let mut shining = scene.clone();
     shining.lights.clear();
     for (i, material) in shining.materials.iter_mut().enumerate() {
         material.emissive = [Vec3::new(-1.0, f32::NAN, 2.0), Vec3::new(f32::INFINITY, -0.0, 1.0), Vec3::NEG_ONE][i];
     }
     let (found, on_host) = check(&gpu, &shining);
-    // What is no number sends no light.
+    // Invalid emission is not sent on as light.
     assert_eq!(counts(&found), targets.map(|t| (t, if t == "direct" { on_host as u64 } else { 0 })));
     assert!(on_host > 3000, "{on_host}");
 
-    // A light that is no number breaks everything that it reaches.
+    // A light with an invalid intensity makes everything that it reaches invalid.
     for intensity in [f32::NAN, f32::INFINITY, -1.0] {
         let mut broken = scene.clone();
         broken.lights[0].intensity = intensity;

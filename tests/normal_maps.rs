@@ -1,5 +1,5 @@
-//! Normal maps tilt the way their texture coordinates run: with tangents, without, on mirrored instances; and the
-//! G-buffer stays finite where pixels are smaller than f32 resolves positions.
+//! Normal maps tilt in the direction of their texture coordinates: with tangents, without, and on mirrored instances.
+//! The G-buffer also stays finite where pixels are smaller than the resolution of f32 positions.
 
 use crate::common::frames::drawn_of;
 use crate::common::{assert_clean, gpu};
@@ -12,13 +12,13 @@ use lightskin::scene::{
     Camera, Image, Instance, Light, LightKind, Material, Mesh, Primitive, Projection, Sampler, Scene, Texture, Vertex,
 };
 
-/// A 2 m quad in the xy plane, facing +z, under a camera and a lamp on the z axis.
+/// A 2 m quad in the xy plane that faces +z, with a camera and a lamp on the z axis.
 fn quad(map: [u8; 3], tangents: bool, scale: DVec3, edge: f32) -> Scene {
     let corner = |x: f32, y: f32| Vertex {
         position: Vec3::new(x, y, 0.0) * edge,
         normal: Vec3::Z,
         tangent: if tangents { [1.0, 0.0, 0.0, 1.0] } else { [0.0; 4] },
-        // glTF's v runs down: the bitangent is +y.
+        // In glTF v points down, so the bitangent is +y.
         uv0: Vec2::new(0.5 + 0.5 * x, 0.5 - 0.5 * y),
         color: [255; 4],
         ..Vertex::default()
@@ -60,7 +60,7 @@ fn quad(map: [u8; 3], tangents: bool, scale: DVec3, edge: f32) -> Scene {
     }
 }
 
-/// The normal in the middle of the picture, and the direct radiance of all pixels.
+/// The normal in the centre of the picture, and the direct radiance of all pixels.
 fn shoot(scene: &Scene) -> (Vec3, Vec<f32>) {
     let gpu = gpu();
     let settings = Knobs { gi: Gi::Off, light_shadows: LightShadows::Maps(64), ..Knobs::plain([33, 33]) };
@@ -81,21 +81,21 @@ fn shoot(scene: &Scene) -> (Vec3, Vec<f32>) {
 
 #[test]
 fn bumps_tilt_along_the_texture_with_and_without_tangents() {
-    // 45 degrees towards +u, and towards +v of the bitangent.
+    // 45 degrees towards +u, and 45 degrees towards the bitangent.
     let tilts = [([218, 128, 218], Vec3::X), ([128, 218, 218], Vec3::Y)];
     for (map, along) in tilts {
         for tangents in [true, false] {
             for scale in [DVec3::ONE, DVec3::new(-1.0, 1.0, 1.0)] {
                 let (n, _) = shoot(&quad(map, tangents, scale, 1.0));
                 let wanted = (along * scale.as_vec3() + Vec3::Z).normalize();
-                // A texel of 8 bits holds the tilt to 0.3 degrees.
+                // Texels of 8 bits represent the tilt within 0.3 degrees.
                 assert!(n.dot(wanted) > 0.9999, "map {map:?}, tangents {tangents}, scale {scale}: {n} is not {wanted}");
             }
         }
     }
 }
 
-/// PixelSurface from behind, a double-sided surface shows the same map as dents: the normal is the front's, negated.
+/// Seen from behind, bumps of a double-sided surface are dents: the normal is the front's, negated.
 #[test]
 fn second_sides_turn_the_whole_frame_round() {
     for (map, along) in [([218, 128, 218], Vec3::X), ([128, 218, 218], Vec3::Y)] {
@@ -120,19 +120,19 @@ fn second_sides_turn_the_whole_frame_round() {
 #[test]
 fn pixels_below_float_resolution_stay_finite() {
     let mut scene = quad([128, 128, 255], false, DVec3::ONE, 1000.0);
-    // 2 km of floor, and a camera that looks at half a millimetre of it, 900 m from the middle.
+    // A floor of 2 km, and a camera that sees half a millimetre of it, 900 m from its centre.
     scene.cameras[0].world_from_camera = DAffine3::from_translation(DVec3::new(900.0, 900.0, 0.3));
     scene.cameras[0].projection = Projection::Perspective { yfov: 0.002 };
     let (n, direct) = shoot(&scene);
     assert!((n - Vec3::Z).length() < 1e-3, "{n}");
     assert_eq!(broken_values(&direct), 0);
-    assert!(direct.iter().any(|v| *v > 0.0), "the lamp reaches the floor");
+    assert!(direct.iter().any(|v| *v > 0.0), "the lamp must reach the floor");
 }
 
 #[test]
 fn near_things_show_in_wide_scenes() {
     let mut scene = quad([128, 128, 255], false, DVec3::ONE, 10_000.0);
-    // A second quad of 2 cm, half a metre before the camera.
+    // A second quad of 2 cm, half a metre in front of the camera.
     let small = DAffine3::from_scale_rotation_translation(DVec3::splat(1e-6), DQuat::IDENTITY, DVec3::Z * 3.5);
     scene.instances.push(Instance { name: "near".into(), mesh: 0, world_from_model: small, ..Instance::default() });
     let gpu = gpu();
@@ -146,7 +146,7 @@ fn near_things_show_in_wide_scenes() {
     });
     gpu.times(&drawn.expect("frame")).expect("times");
     let depth: Vec<f32> = gpu.read_image(&frame.picture.surface.depth).expect("depth");
-    // Reversed depth is inverse to distance: 0.5 m against 4 m.
+    // Reversed depth is inversely proportional to distance: 0.5 m against 4 m.
     assert!((depth[16 * 33 + 16] / depth[0] - 8.0).abs() < 0.01, "{} {}", depth[16 * 33 + 16], depth[0]);
     assert_clean(&gpu);
 }
@@ -162,7 +162,7 @@ fn what_exceeds_the_device_is_refused_with_its_name() {
     let settings =
         Knobs { rsm: 2048, gi: Gi::BruteForce, light_shadows: LightShadows::Maps(64), ..Knobs::plain([4, 4]) };
     if gpu.report().kind == "software" {
-        // 6 x 836^2 VALs of 48 bytes: more than the 128 MiB that lavapipe binds.
+        // 6 x 836^2 VALs of 48 bytes need more than the 128 MiB that lavapipe can bind.
         let mut frame = Frame::new(&gpu, &scene, &buffers, &settings).expect("frame");
         let view = View::new(&scene.cameras[0], settings.size, buffers.origin, buffers.radius);
         let drawn = gpu.frame(|cmd| {
@@ -175,11 +175,11 @@ fn what_exceeds_the_device_is_refused_with_its_name() {
     assert_clean(&gpu);
 }
 
-/// A plate and a ball of metal in the light of a lamp, under bumps much finer than pixels.
+/// A metal plate and metal balls, lit by a lamp. The plate has bumps that are much finer than pixels.
 fn hammered(height: f32) -> Scene {
     let side = 256_u32;
     let texel = |i: u32| {
-        // Leaning as dice fall, so that many are spread like a bell.
+        // Slopes are sums of random numbers, so they are nearly normally distributed.
         let die = |k: u32| (i * 8 + k).wrapping_mul(0x9e37_79b9).rotate_left(15).wrapping_mul(0x85eb_ca6b) >> 8;
         let three = |k: u32| (k..k + 3).map(|k| die(k) as f32 / 2.0_f32.powi(23) - 1.0).sum::<f32>();
         let n = Vec3::new(height * three(0), height * three(4), 1.0).normalize();
@@ -241,7 +241,7 @@ fn bumps_and_bends_finer_than_pixels_make_lobes_wider() {
         };
         let ([off, bias_off], [four, bias]) = (error(Antialiasing::Off), error(Antialiasing::Four));
         println!(
-            "{height}: RMSE over the mean {four:.3}, bias {bias:+.3}; of pixels' middles {off:.3}, {bias_off:+.3}"
+            "{height}: RMSE over the mean {four:.3}, bias {bias:+.3}; with pixels' centres alone {off:.3}, {bias_off:+.3}"
         );
         assert!(four < 0.5 * off && bias.abs() < 0.2, "{height}: {four}, {bias}");
     }

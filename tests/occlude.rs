@@ -1,4 +1,4 @@
-//! Stage 7: what discs leave of proxy lights, against the f64 twin and against what must hold whatever the formulas.
+//! Stage 7: occlusion of proxy lights by discs, against the f64 twin and against invariants.
 
 use glam::{DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::{self, CacheSet, Density};
@@ -23,13 +23,13 @@ use crate::analytic::numbers;
 use crate::common::frames::{SPOT, baked, corner, drawn, indirect, placed, shoot, small};
 use crate::common::{assert_clean, gpu};
 
-/// Dims proxies by discs on the device, each lobe of irradiance 1, and gives what is left of both. `list`: one says which
-/// caches are live, here all of them. `skip`: groups of discs that cannot matter are skipped.
+/// Dims proxies by discs on the device. Each lobe has irradiance 1 before. Returns the remaining irradiance of both
+/// lobes. `list`: a list names the live caches (here all). `skip`: groups of discs that cannot matter are skipped.
 fn left(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], list: bool, skip: bool) -> Vec<[f32; 2]> {
     timed(gpu, caches, proxies, list, skip).0
 }
 
-/// The same, and how long it took [ms].
+/// Like `left`, and the time that it took [ms].
 fn timed(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], list: bool, skip: bool) -> (Vec<[f32; 2]>, f64) {
     let count = caches.len() as u32;
     let atlas = Atlas::of(gpu, caches).expect("caches");
@@ -48,12 +48,12 @@ fn timed(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], list: bool, ski
     let dimmed: Vec<Proxy> = gpu.read(&on_device.buffer).expect("proxies");
     for (before, after) in proxies.iter().zip(&dimmed) {
         let kept = |p: &Proxy| (p.diffuse_position, p.diffuse_distance2, p.glossy_position, p.glossy_distance2);
-        assert_eq!(kept(before), kept(after), "only irradiances change");
+        assert_eq!(kept(before), kept(after), "only irradiances may change");
     }
     (dimmed.iter().map(|p| [p.diffuse_irradiance.x, p.glossy_irradiance.x]).collect(), ms)
 }
 
-/// A proxy whose lobes both have irradiance 1, from offsets and variances [m^2].
+/// A proxy with irradiance 1 in both lobes, from offsets [m] and variances [m^2].
 fn proxy(cache: &shared::Cache, offsets: [Vec3; 2], variances: [f32; 2]) -> Proxy {
     let place = |offset: Vec3| cache.position + offset;
     let distance2 = |lobe: usize| {
@@ -70,7 +70,7 @@ fn proxy(cache: &shared::Cache, offsets: [Vec3; 2], variances: [f32; 2]) -> Prox
     }
 }
 
-/// Caches of all directions in a cube of this side [m] about a place, and proxies above them.
+/// Caches with random normals in a cube of side `side` [m] around `place`, and proxies above them.
 fn random(seed: u64, count: usize, side: f32, place: Vec3) -> (Vec<shared::Cache>, Vec<Proxy>) {
     let mut next = numbers(seed);
     let mut number = || next() as f32;
@@ -105,7 +105,7 @@ fn random(seed: u64, count: usize, side: f32, place: Vec3) -> (Vec<shared::Cache
     (caches, proxies)
 }
 
-/// What the twin leaves.
+/// Remaining irradiance by the twin.
 fn twin(caches: &[shared::Cache], proxies: &[Proxy]) -> Vec<[f64; 2]> {
     let discs: Vec<Disc> = caches
         .iter()
@@ -127,12 +127,12 @@ fn twin(caches: &[shared::Cache], proxies: &[Proxy]) -> Vec<[f64; 2]> {
     caches.iter().zip(proxies).map(at).collect()
 }
 
-/// Fails unless device and twin agree, both paths agree, and skipping changes no bit.
+/// Asserts that device and twin agree, that both paths agree, and that skipping changes no bit.
 #[track_caller]
 fn assert_twin(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], bound: f64, what: &str) -> Vec<[f32; 2]> {
     let found = left(gpu, caches, proxies, true, true);
-    assert!(found == left(gpu, caches, proxies, true, false), "{what}: skipping shows");
-    assert!(found == left(gpu, caches, proxies, false, true), "{what}: without a list");
+    assert!(found == left(gpu, caches, proxies, true, false), "{what}: skipping changes the result");
+    assert!(found == left(gpu, caches, proxies, false, true), "{what}: the result differs without a list");
     let mut worst = 0.0_f64;
     for (i, (found, twin)) in found.iter().zip(twin(caches, proxies)).enumerate() {
         for (found, twin) in found.iter().zip(twin) {
@@ -142,7 +142,7 @@ fn assert_twin(gpu: &Gpu, caches: &[shared::Cache], proxies: &[Proxy], bound: f6
         }
     }
     let blocked = found.iter().flatten().filter(|share| **share < 0.99).count();
-    eprintln!("{what}: {blocked} of {} lobes dimmed, worst {worst:.1e}", 2 * found.len());
+    eprintln!("{what}: {blocked} of {} lobes dimmed, largest error {worst:.1e}", 2 * found.len());
     found
 }
 
@@ -164,7 +164,7 @@ fn size_and_place_of_the_world_do_not_matter() {
     for (side, place, bound) in [
         (1e-4, Vec3::ZERO, 2e-4),
         (1e5, Vec3::ZERO, 2e-4),
-        // So far from the origin positions are rounded to a thousandth of the cube: by twin and device alike.
+        // So far from the origin, both twin and device round positions to a thousandth of the cube.
         (1.0, vec3(8e3, -3e3, 5e3), 2e-3),
     ] {
         let (caches, proxies) = random(77, 300, side, place);
@@ -177,7 +177,8 @@ fn size_and_place_of_the_world_do_not_matter() {
 fn what_is_degenerate_leaves_finite_light() {
     let gpu = gpu();
     let (mut caches, mut proxies) = random(5, 200, 1.0, Vec3::ZERO);
-    // Lights without extent, coincident discs, a disc at the receiver, a light at the receiver, unlit lobes, no area.
+    // Lights without extent, coincident discs, a disc at the receiver, a light at the receiver, unlit lobes, discs
+    // without area.
     for i in 0..200 {
         match i % 8 {
             0 => proxies[i] = proxy(&caches[i], [caches[i].normal * 0.5, caches[i].normal * 0.2], [0.0; 2]),
@@ -194,12 +195,12 @@ fn what_is_degenerate_leaves_finite_light() {
         let found = left(&gpu, &caches, &proxies, true, skip);
         assert!(found.iter().flatten().all(|share| (0.0..=1.0).contains(share)), "{found:?}");
         let unlit = (0..200).filter(|i| i % 8 == 4).all(|i| found[i][0] == 1.0);
-        assert!(unlit, "an unlit lobe stays as it is");
+        assert!(unlit, "an unlit lobe must not change");
     }
     assert_clean(&gpu);
 }
 
-/// A cache at the origin that looks up, its light two metres above, and a disc.
+/// A cache at the origin that faces up, its light two metres above, and a disc.
 fn one_disc(position: Vec3, normal: Vec3, area: f32) -> (Vec<shared::Cache>, Vec<Proxy>) {
     let receiver =
         shared::Cache { position: Vec3::ZERO, exponent: 1.0, normal: Vec3::Y, area: 1e-3, ..Default::default() };
@@ -217,25 +218,25 @@ fn a_disc_blocks_where_it_stands_between_cache_and_light_alone() {
         assert_twin(&gpu, &caches, &proxies, 1e-5, &format!("{area} m^2 at {position}"))[0]
     };
     let down = Vec3::NEG_Y;
-    assert_eq!(share(Vec3::Y, down, 1.0), [0.0; 2], "a large disc before the light");
-    assert_eq!(share(Vec3::Y, Vec3::Y, 1.0), [0.0; 2], "whichever side it shows");
-    assert_eq!(share(Vec3::Y, Vec3::X, 1.0), [1.0; 2], "but its edge");
+    assert_eq!(share(Vec3::Y, down, 1.0), [0.0; 2], "a large disc in front of the light blocks it");
+    assert_eq!(share(Vec3::Y, Vec3::Y, 1.0), [0.0; 2], "from either side");
+    assert_eq!(share(Vec3::Y, Vec3::X, 1.0), [1.0; 2], "but not edge-on");
     assert_eq!(share(Vec3::Y * 2.5, down, 1.0), [1.0; 2], "behind the light");
     assert_eq!(share(Vec3::NEG_Y, Vec3::Y, 1.0), [1.0; 2], "behind the cache");
-    assert_eq!(share(Vec3::Y + Vec3::X, down, 0.1), [1.0; 2], "beside the way");
+    assert_eq!(share(Vec3::Y + Vec3::X, down, 0.1), [1.0; 2], "beside the line to the light");
     let inside = share(Vec3::Y * 1.9, down, 1.0)[0];
-    assert!(inside > 0.0 && inside < 1.0, "within the light's sphere it fades: {inside}");
+    assert!(inside > 0.0 && inside < 1.0, "inside the light's sphere a disc blocks a part: {inside}");
     let mut before = 1.0;
     for i in 0..40 {
         let now = share(vec3(0.03, 1.0, -0.02), down, 0.001 * 1.2_f32.powi(i))[0];
-        assert!(now <= before, "a larger disc leaves no more: {now} after {before}");
+        assert!(now <= before, "a larger disc must not leave more light: {now} after {before}");
         before = now;
     }
     assert_eq!(before, 0.0);
     assert_clean(&gpu);
 }
 
-/// Indirect layers of a frame bit by bit, and its stages.
+/// Indirect layers of a frame as raw bits, and the names of its stages.
 fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec<Vec<[u32; 4]>>, Vec<String>) {
     let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let mut frame = Frame::new(gpu, scene, &buffers, settings).expect("made");
@@ -266,8 +267,8 @@ fn shadows_that_are_off_cost_nothing_and_discs_without_area_change_no_bit() {
         let (with, stages) = layers(&gpu, &scene, &caches, &on);
         let at = |name| stages.iter().position(|stage| stage == name);
         assert!(at("gather") < at("occlude") && at("occlude") < at("interpolate"), "{stages:?}");
-        assert!(with != without, "something is in the way");
-        assert!(layers(&gpu, &scene, &thin, &on).0 == without, "nothing is in the way");
+        assert!(with != without, "something must be occluded");
+        assert!(layers(&gpu, &scene, &thin, &on).0 == without, "nothing may be occluded");
     }
     assert_clean(&gpu);
 }
@@ -297,7 +298,7 @@ fn culling_and_clusters_leave_what_all_caches_leave() {
     assert_clean(&gpu);
 }
 
-/// Light of a frame's proxies against that of the twins, from the same VALs; worst and mean error of each lobe.
+/// Asserts that a frame's occluded proxies match the twins', which are computed from the same VALs.
 #[track_caller]
 fn assert_frame(gpu: &Gpu, scene: &Scene, caches: &CacheSet) {
     let shot = shoot(gpu, scene, Some(caches), &Knobs { shadows: Shadows::Proxy, ..small() });
@@ -317,7 +318,7 @@ fn assert_frame(gpu: &Gpu, scene: &Scene, caches: &CacheSet) {
         let reaches = brute_force::radiance(cache.position, cache.normal, mirrored, &lobe, &shot.vals).1;
         for (i, (found, before)) in [(found.diffuse, twin.diffuse), (found.glossy, twin.glossy)].into_iter().enumerate()
         {
-            // Lobes so dark that the device may say unlit, or bounds them otherwise.
+            // Skip lobes that are so dark that the device may call them unlit, or limit them differently.
             if i == 1 && luminance(reaches) < 1e-20 {
                 continue;
             }
@@ -328,8 +329,11 @@ fn assert_frame(gpu: &Gpu, scene: &Scene, caches: &CacheSet) {
             worst[i] = worst[i].max(off);
         }
     }
-    eprintln!("{}: {} caches, {dimmed} lobes dimmed, worst {worst:?}", scene.name, discs.len());
-    assert!(dimmed > discs.len() / 20 && worst[0] < 1e-3 && worst[1] < 1e-2, "{dimmed} dimmed, worst {worst:?}");
+    eprintln!("{}: {} caches, {dimmed} lobes dimmed, largest errors {worst:?}", scene.name, discs.len());
+    assert!(
+        dimmed > discs.len() / 20 && worst[0] < 1e-3 && worst[1] < 1e-2,
+        "{dimmed} dimmed, largest errors {worst:?}"
+    );
 }
 
 #[test]
@@ -385,8 +389,14 @@ fn skipping_changes_no_bit_of_whole_scenes() {
         let mut proxies: Vec<Proxy> = gpu.read(&light.proxies.buffer).expect("proxies");
         proxies.iter_mut().for_each(|p| (p.diffuse_irradiance, p.glossy_irradiance) = (Vec3::ONE, Vec3::ONE));
         let [all, skipping] = [false, true].map(|skip| timed(&gpu, &atlas, &proxies, true, skip));
-        println!("{}: {} caches, every disc {:.1} ms, skipping {:.1} ms", scene.name, atlas.len(), all.1, skipping.1);
-        assert!(all.0 == skipping.0, "skipping shows");
-        assert!(all.0.iter().flatten().any(|share| *share < 0.95), "something is in the way");
+        println!(
+            "{}: {} caches, {:.1} ms with every disc, {:.1} ms with skipping",
+            scene.name,
+            atlas.len(),
+            all.1,
+            skipping.1
+        );
+        assert!(all.0 == skipping.0, "skipping changes the result");
+        assert!(all.0.iter().flatten().any(|share| *share < 0.95), "something must be occluded");
     }
 }

@@ -1,5 +1,5 @@
-//! The path tracer against closed forms, against another way of sampling, against brute force on the device, and
-//! against itself: the reference must be right before anything is measured with it.
+//! The path tracer against closed forms, another sampling method, brute force on the device, and itself. The reference
+//! must be correct before anything is measured with it.
 
 use std::f64::consts::PI;
 
@@ -19,7 +19,7 @@ use crate::bake::meshes::Random;
 use crate::common::frames::{SPOT, add, camera, corner, phong, shoot, small, triangles};
 use crate::common::{data, gpu};
 
-/// Traces a picture of the scene's first camera.
+/// Traces a picture from the scene's first camera.
 fn traced<'a>(scene: &'a Scene, settings: &PathTraceSettings, samples: u32) -> PathTrace<'a> {
     let mut trace = PathTrace::new(scene, &scene.cameras[0], settings);
     while trace.samples() < samples {
@@ -36,7 +36,7 @@ fn glowing(albedo: f32, radiance: f32) -> Material {
     Material { emissive: Vec3::splat(radiance), ..phong([albedo; 3], [0.0; 3], 1.0) }
 }
 
-/// A box of 2 m seen from inside, all of it of one material.
+/// A box of 2 m seen from inside, all of one material.
 fn furnace(material: Material) -> Scene {
     let mut scene = Scene::default();
     let inwards = cuboid(Vec3::NEG_ONE, Vec3::ONE, 1.0, |_| true).reversed();
@@ -52,7 +52,7 @@ fn a_white_furnace_gains_one_emission_per_bounce() {
         let settings = PathTraceSettings::engine([24, 24], bounces);
         let trace = traced(&scene, &settings, 256);
         let radiance = mean(&trace.direct()) + mean(&trace.diffuse());
-        // What is emitted, what of it is reflected once, and that again with every bounce: nothing gets lost.
+        // Emission, its first reflection, and one more reflection for each bounce. No light is lost.
         let expected = 3.0 * f64::from(2 + bounces);
         println!("furnace, {bounces} bounces: {radiance:.4} instead of {expected}");
         assert!((radiance / expected - 1.0).abs() < 0.01, "{radiance} instead of {expected}");
@@ -61,12 +61,13 @@ fn a_white_furnace_gains_one_emission_per_bounce() {
 
 #[test]
 fn grey_furnaces_reach_their_sums() {
-    // Without an end, and by chance: what paths that end would have brought, the others bring.
+    // With limited and unlimited bounces. Without a limit paths end at random, and the remaining paths make up for
+    // them.
     for (albedo, bounces) in [(0.5, Some(12)), (0.5, None), (0.8, None), (0.95, None)] {
         let scene = furnace(glowing(albedo, 1.0));
         let trace = traced(&scene, &PathTraceSettings { bounces, ..PathTraceSettings::of([16, 16]) }, 512);
         let radiance = (mean(&trace.direct()) + mean(&trace.diffuse())) * (1.0 - f64::from(albedo));
-        println!("furnace of albedo {albedo}, {bounces:?} bounces: {radiance:.4} of its sum");
+        println!("furnace of albedo {albedo}, {bounces:?} bounces: {radiance:.4} of the closed form");
         assert!((radiance - 1.0).abs() < 0.01, "{radiance} of 1 / (1 - {albedo})");
     }
 }
@@ -86,13 +87,11 @@ fn the_default_is_all_light_and_the_engines_a_part_of_it() {
     ]
     .map(|settings| sum(&settings));
     let limited = sum(&PathTraceSettings { bounces: Some(1), ..PathTraceSettings::of(size) });
-    println!(
-        "direct and indirect: {one:?} of one bounce, {limited:?} of one that may be glossy, {four:?} of four, {all:?}"
-    );
+    println!("direct and indirect: one bounce {one:?}, one that may be glossy {limited:?}, four {four:?}, all {all:?}");
     assert_eq!(PathTraceSettings::default(), PathTraceSettings::of([1280, 720]));
-    assert!(one[0] == all[0], "direct light is the same");
+    assert!(one[0] == all[0], "direct light must be the same");
     assert!(one[1] < 0.9 * all[1] && limited[1] < 0.9 * all[1] && one[1] < 0.9 * four[1] && four[1] < 1.05 * all[1]);
-    assert!((one[1] / limited[1] - 1.0).abs() > 0.01, "one bounce of the engine's is diffuse");
+    assert!((one[1] / limited[1] - 1.0).abs() > 0.01, "the engine's only bounce must be diffuse");
 }
 
 #[test]
@@ -107,7 +106,7 @@ fn a_glossy_floor_seen_from_straight_above_reflects_its_albedo() {
     assert!((radiance / 0.6 - 1.0).abs() < 0.005, "{radiance} instead of 0.6");
 }
 
-/// Irradiance [lx] that the middle of a small floor receives from an emitter, by the radiance that it reflects.
+/// Irradiance [lx] of a small floor's centre from an emitter, computed from the radiance that the floor reflects.
 fn received(emitter: Surface) -> f64 {
     let mut scene = Scene::default();
     add(
@@ -124,7 +123,7 @@ fn received(emitter: Surface) -> f64 {
 
 #[test]
 fn disc_sphere_and_rectangle_lights_bring_their_closed_forms() {
-    // Radius 0.5 at height 1.2, facing down: a fan.
+    // A fan of radius 0.5 at height 1.2 that faces down.
     let mut disc = Surface::default();
     let rim = |i: u32| {
         let (y, x) = (f32::to_radians(360.0) * i as f32 / 512.0).sin_cos();
@@ -141,7 +140,7 @@ fn disc_sphere_and_rectangle_lights_bring_their_closed_forms() {
         }));
     }
     let ball = sphere(0.4, 96).shifted(0.0, 1.5, 0.0);
-    // 0.8 by 0.6 at height 1, its near corner above the point; and the same tilted and aside.
+    // A rectangle of 0.8 by 0.6 at height 1 whose near corner is above the point, and a tilted rectangle to the side.
     let (x, y) = (0.8, 0.6_f64);
     let rectangle = quad(vec3(0.0, 1.0, 0.0), Vec3::X * 0.8, Vec3::Z * 0.6, 1.0);
     let above = |a: f64, b: f64| a / (1.0 + a * a).sqrt() * (b / (1.0 + a * a).sqrt()).atan();
@@ -159,7 +158,7 @@ fn disc_sphere_and_rectangle_lights_bring_their_closed_forms() {
     }
 }
 
-/// Lambert's contour sum of a parallelogram above a floor's middle: `sum angle_i (n . axis_i)`.
+/// Lambert's contour sum of a parallelogram, seen from a floor's centre: `sum angle_i (n . axis_i)`.
 fn lambert([corner, u, v]: [DVec3; 3]) -> f64 {
     let corners = [corner, corner + u, corner + u + v, corner + v];
     let edge = |i: usize| {
@@ -172,7 +171,7 @@ fn lambert([corner, u, v]: [DVec3; 3]) -> f64 {
 #[test]
 fn the_hierarchy_finds_what_trying_all_triangles_finds() {
     let mut scene = corner(&[SPOT], 20.0);
-    // Mirrored, far from the origin: neither must matter.
+    // Mirroring and distance from the origin must not matter.
     for instance in &mut scene.instances {
         instance.world_from_model = DAffine3::from_translation(dvec3(3e5, -1e5, 2e5))
             * DAffine3::from_scale(dvec3(-1.0, 1.0, 1.0))
@@ -190,10 +189,11 @@ fn the_hierarchy_finds_what_trying_all_triangles_finds() {
         if let (Some(hit), Some(expected)) = (hit, expected) {
             let surface = world.surface(&hit);
             met += 1;
-            // 3e5 m away f64 knows places to 1e-10.
+            // At 3e5 m from the origin f64 resolves positions to 1e-10 m.
             assert!((hit.distance - expected.distance).abs() < 1e-8, "ray {index}");
             assert!(surface.position.distance(expected.position) < 1e-8, "ray {index}");
-            // At a silhouette the other way turns a vertex normal against the ray, and this one by the winding.
+            // At a silhouette, `nearest` turns the vertex normal against the ray, but `surface` turns it by the
+            // winding.
             let same =
                 surface.vertex_normal.distance(expected.normal).min(surface.vertex_normal.distance(-expected.normal));
             assert!(same < 1e-6, "ray {index}");
@@ -204,7 +204,7 @@ fn the_hierarchy_finds_what_trying_all_triangles_finds() {
             assert!(world.blocked(origin, surface.position + 0.01 * direction), "ray {index}");
         }
     }
-    assert!(met > 2000, "only {met} rays meet anything");
+    assert!(met > 2000, "only {met} rays hit anything");
 }
 
 #[test]
@@ -228,7 +228,8 @@ fn rays_along_the_axes_meet_what_is_there() {
     }
 }
 
-/// Rays from 1e-6 to 1e-3 of the scene's radius before a surface, towards it and nearly along it, and from far outside.
+/// Rays that start at 1e-6 to 1e-3 of the scene's radius in front of a surface, towards it and nearly along it, and
+/// rays from far outside.
 #[test]
 fn rays_meet_what_is_close_and_what_is_far() {
     let mut random = Random(11);
@@ -236,7 +237,7 @@ fn rays_meet_what_is_close_and_what_is_far() {
     for i in 0..300 {
         let size = 10.0_f64.powf(-3.0 * random.next());
         let [at, mut u, mut v] = [1.0, size, size].map(|scale| (2.0 * random.point() - DVec3::ONE) * scale);
-        // Most lie in a plane along the axes, as walls and floors do.
+        // Most rectangles lie in planes along the axes, as walls and floors do.
         if i % 4 < 3 {
             (u[i % 4], v[i % 4]) = (0.0, 0.0);
         }
@@ -257,9 +258,9 @@ fn rays_meet_what_is_close_and_what_is_far() {
             let close = world.radius * 10.0_f64.powf(-6.0 + 3.0 * random.next()) + 2e-6 * world.radius;
             for distance in [close, 1e3 * world.radius] {
                 let origin = target - distance * direction;
-                let Some(expected) = nearest(&all, origin, direction) else { panic!("ray {i} has its target") };
+                let Some(expected) = nearest(&all, origin, direction) else { panic!("ray {i} must hit a triangle") };
                 if expected.distance < 1.5e-6 * world.radius {
-                    continue; // too close to count
+                    continue; // too close for a sure result
                 }
                 let tolerance = 1e-9 * distance.max(world.radius);
                 let is_it = |found: f64| (found - expected.distance).abs() < tolerance;
@@ -271,7 +272,7 @@ fn rays_meet_what_is_close_and_what_is_far() {
                 lost[2] += usize::from(!world.blocked_within(origin, direction, expected.distance + tolerance));
             }
         }
-        println!("slope {slope}: nearest, all and blocked have lost {lost:?} so far");
+        println!("slope {slope}: rays lost so far by nearest, all and blocked: {lost:?}");
     }
     assert_eq!(lost, [0; 3]);
 }
@@ -283,18 +284,18 @@ fn one_bounce_without_visibility_is_what_rays_of_the_light_bring() {
     let trace = traced(&scene, &PathTraceSettings::unshadowed(size), 8192);
     let all: Vec<_> = triangles(&scene).into_iter().map(|(triangle, _)| triangle).collect();
     let (surfaces, diffuse) = (trace.surfaces(), trace.diffuse());
-    // Ceiling, green wall, back wall: away from what the light reaches.
+    // Points on the ceiling, the green wall and the back wall, all without direct light.
     for pixel in [2 * 16 + 10, 7 * 16 + 14, 4 * 16 + 8] {
         let s = surfaces[pixel].expect("a wall");
         let irradiance = Vec3::from(diffuse[pixel]).as_dvec3() * PI / s.reflection.diffuse(1.0).as_dvec3();
         let paths = one_bounce_irradiance(s.position, s.normal, &all, &scene.lights[0], 400_000, 3);
         let off = irradiance.distance(paths) / paths.length();
-        println!("{}: {irradiance} lx instead of {paths}: {off:.4}", s.position);
+        println!("{}: {irradiance} lx, paths {paths} lx: relative error {off:.4}", s.position);
         assert!(off < 0.01 && paths.min_element() > 0.0, "at {}: {irradiance} lx instead of {paths}", s.position);
     }
 }
 
-/// Mean radiance of both lobes by brute force on the device and without visibility on the CPU.
+/// Mean radiance of both lobes, by brute force on the device and by paths without visibility on the CPU.
 fn against_brute_force(scene: &Scene, size: [u32; 2], rsm: u32, samples: u32) -> [f64; 4] {
     let gpu = gpu();
     let shot = shoot(
@@ -322,7 +323,7 @@ fn brute_force_and_the_path_tracer_agree_on_sponza() {
     let Some(data) = data() else { return };
     let mut scene = gltf::load(&data.join("scenes/sponza/Sponza.gltf")).expect("Sponza");
     defaults::complete(&mut scene, Ground::Auto);
-    // The sun alone, along the nave.
+    // The sun alone, which shines along the nave.
     scene.lights.truncate(1);
     scene.sky = None;
     scene.lights[0].direction = -vec3(0.4226, 0.9063, 0.0);
@@ -339,9 +340,9 @@ fn visibility_only_takes_light_away() {
     let open = traced(&scene, &PathTraceSettings::unshadowed([24, 24]), 256).diffuse();
     let shut = traced(&scene, &settings, 256).diffuse();
     let (open, shut) = (mean(&open), mean(&shut));
-    assert!(shut < 0.95 * open, "the blocks hide nothing: {shut} and {open}");
+    assert!(shut < 0.95 * open, "the blocks must hide light: {shut} and {open}");
     let more = mean(&traced(&scene, &PathTraceSettings::engine([24, 24], 4), 256).diffuse());
-    assert!(more > 1.1 * shut, "further bounces bring nothing: {more} and {shut}");
+    assert!(more > 1.1 * shut, "further bounces must add light: {more} and {shut}");
 }
 
 #[test]
@@ -351,7 +352,7 @@ fn the_noise_estimate_is_the_noise() {
     let (one, other) = (traced(&scene, &settings, 64), traced(&scene, &PathTraceSettings { seed: 1, ..settings }, 64));
     let (a, b) = (one.diffuse(), other.diffuse());
     assert_ne!(a, b);
-    // Of two pictures with deviation s each the mean absolute difference is 2 s / sqrt(pi).
+    // The mean absolute difference of two pictures with standard deviation s each is 2 s / sqrt(pi).
     let measured = metrics(&a, &b).mare * PI.sqrt() / 2.0;
     let (estimate, again) = (one.noise(), other.noise());
     println!("estimated {estimate:.4} and {again:.4}, measured {measured:.4}");
@@ -378,12 +379,12 @@ fn kept_samples_go_on_bit_by_bit() {
     assert_eq!(second.glossy(), straight.glossy());
     assert_eq!(second.noise(), straight.noise());
 
-    // Another picture has another file, and does not take this one.
+    // Another picture has another file, and rejects this one.
     let other_settings = PathTraceSettings { seed: 1, ..settings };
     let mut other = PathTrace::new(&scene, &scene.cameras[0], &other_settings);
     assert_ne!(other.kept_in(&folder), file);
     assert!(!other.resume(&file));
-    // Nor is a damaged one taken.
+    // A damaged file is rejected, too.
     let mut bytes = std::fs::read(&file).expect("kept");
     bytes[60] ^= 1;
     std::fs::write(&file, &bytes).expect("written");
@@ -392,7 +393,8 @@ fn kept_samples_go_on_bit_by_bit() {
     assert!(!second.resume(&file));
 }
 
-/// Normals, albedo and depth by rays and by the device's G-buffer, over the pixels that both see.
+/// Compares the surfaces that rays hit with the device's G-buffer. Returns the median difference of normals, the bias
+/// of albedo, and the number of pixels that only one of them covers, relative to those that both cover.
 fn gbuffers_agree(scene: &Scene, size: [u32; 2]) -> (f64, f64, f64) {
     let gpu = gpu();
     let buffers = frame::World::new(&gpu, scene, None).expect("upload");
@@ -443,8 +445,8 @@ fn rays_see_the_surfaces_that_the_device_draws() {
         let mut scene = gltf::load(&data.join("scenes/features").join(file)).expect(file);
         defaults::complete(&mut scene, Ground::Auto);
         let (tilt, albedo, other) = gbuffers_agree(&scene, size);
-        println!("{file}: normals {tilt:.5}, albedo {albedo:.5}, seen by one alone {other:.5}");
-        // Textures are filtered with mip levels on the device and without by rays; edges fall this way or that.
+        println!("{file}: normals {tilt:.5}, albedo {albedo:.5}, covered by one alone {other:.5}");
+        // The device filters textures with mip levels, rays do not. Pixels on edges may differ.
         assert!(tilt < 0.02 && albedo.abs() < 0.01 && other < 0.01, "{file}: {tilt} {albedo} {other}");
     }
 }

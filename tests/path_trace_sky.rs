@@ -1,4 +1,5 @@
-//! The path tracer under a sky: against furnaces, the sky's own sum, numerical integration, and the parts of its light.
+//! The path tracer under a sky: against furnaces, the sky's own sum and numerical integration, and by parts of its
+//! light.
 
 use std::f64::consts::{PI, TAU};
 
@@ -33,14 +34,14 @@ fn sky(width: u32, height: u32, turn: f64, radiance: impl Fn(DVec3) -> DVec3) ->
     Sky::new(width, height, (0..width * height).map(|i| radiance(empty.direction_at(middle(i))).as_vec3()), turn)
 }
 
-/// Brighter on one side, with a bright spot of some 20 degrees, and a little from below.
+/// Brighter on one side, with a bright spot of about 20 degrees, and some light from below.
 fn uneven(direction: DVec3) -> DVec3 {
     let spot = 5000.0 * (-30.0 * (1.0 - direction.dot(dvec3(0.6, 0.64, -0.48)))).exp();
     let blue = if direction.y > 0.0 { dvec3(100.0, 200.0, 400.0) * (1.2 + direction.x) } else { DVec3::splat(30.0) };
     blue + spot
 }
 
-/// A floor of 2 m seen from above, in the middle of which a picture looks at one point.
+/// A floor of 2 m, seen from above. The picture shows a single point in its centre.
 fn floor(material: Material) -> Scene {
     let mut scene = Scene::default();
     add(&mut scene, quad(vec3(-1.0, 0.0, -1.0), Vec3::Z * 2.0, Vec3::X * 2.0, 2.0), material, DAffine3::IDENTITY);
@@ -48,7 +49,7 @@ fn floor(material: Material) -> Scene {
     scene
 }
 
-/// Integral over the sphere: `of` each direction, 4 x 4 of them a texel.
+/// Integral over the sphere of radiance times `of`, with 4 x 4 directions for each texel.
 fn integral(sky: &Sky, of: impl Fn(DVec3) -> f64) -> DVec3 {
     let (width, height, fine) = (sky.width, sky.height, 4);
     let mut sum = DVec3::ZERO;
@@ -86,7 +87,7 @@ fn a_white_sphere_vanishes_under_an_even_sky() {
 
 #[test]
 fn what_is_between_white_walls_vanishes_after_many_bounces() {
-    // Half a box, open above and in front: light needs many bounces out of its corner.
+    // Half a box, open at the top and in front. Light needs many bounces to leave its corner.
     let mut scene = Scene::default();
     let walls = cuboid(Vec3::ZERO, Vec3::ONE, 1.0, |n| n != Vec3::Y && n != Vec3::Z).reversed();
     add(&mut scene, walls, phong([1.0; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
@@ -120,7 +121,7 @@ fn an_open_plane_receives_the_sum_of_the_sky() {
 #[test]
 fn a_wall_hides_its_part_of_the_sky() {
     let mut scene = floor(phong([0.5; 3], [0.0; 3], 1.0));
-    // Black, between the spot and the point that is seen, as wide as z from -0.7 to 0.1.
+    // A black wall between the bright spot and the visible point. It extends from z = -0.7 to 0.1.
     let wall = quad(vec3(0.5, 0.0, -0.7), Vec3::Y * 0.8, Vec3::Z * 0.8, 2.0);
     add(&mut scene, wall.clone(), phong([0.0; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
     add(&mut scene, wall.reversed(), phong([0.0; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
@@ -143,7 +144,7 @@ fn a_wall_hides_its_part_of_the_sky() {
 fn glossy_floors_reflect_the_sky_by_their_lobes() {
     for exponent in [5.0_f32, 100.0, 2000.0] {
         let mut scene = floor(phong([0.0; 3], [0.6; 3], exponent));
-        // The brightest spot is where the eye's mirrored direction is not.
+        // The brightest spot is not in the mirrored direction of the eye.
         let sky = sky(256, 128, 0.0, uneven);
         let (_, direction) = camera_ray(&scene.cameras[0], [1, 1], 0);
         let mirrored = reflect(direction, DVec3::Y);
@@ -168,7 +169,7 @@ fn a_closed_box_is_black_under_a_bright_sky() {
     let seen = traced(&scene, &settings(16, 8), 64);
     let most = seen.iter().map(|p| p.max_element()).fold(0.0, f64::max);
     println!("closed box: {:.3} at most, {:.5} in the mean", most, seen.iter().sum::<DVec3>().y / seen.len() as f64);
-    // Rays meet nothing within a millionth of the box, so single ones slip out of its edges.
+    // Rays ignore hits within a millionth of the box, so a few rays leave it at its edges.
     assert!(seen.iter().all(|p| p.is_finite()) && most < 1e-4 * 1e4, "{most} in a closed box");
 }
 
@@ -194,7 +195,7 @@ fn other_skies_have_other_kept_samples() {
         let mut sky = Sky::even(Vec3::splat(radiance));
         sky.turn = turn;
         sky.put_over(&mut scene, 1);
-        // The lights that stand for it are made the same: the sky itself must tell.
+        // Remove the lights that stand for the sky, so that the sky itself must change the fingerprint.
         scene.lights.clear();
         scene.fingerprint()
     };

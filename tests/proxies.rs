@@ -1,5 +1,4 @@
-//! Proxies and their interpolation: METHOD section 4's list of what must hold whatever the weights, and section 5's
-//! cases.
+//! Proxies and their interpolation: the invariants of METHOD section 4 for all weights, and the cases of section 5.
 
 use std::f64::consts::{PI, TAU};
 
@@ -15,7 +14,7 @@ use crate::analytic::{ROUNDING, assert_near3, numbers};
 const WEIGHTS: [ProxyWeight; 2] = [ProxyWeight::Irradiance, ProxyWeight::FormFactor];
 const SCHEMES: [Scheme; 2] = [Scheme::Facing, Scheme::Printed];
 
-/// VALs above the plane z = 0.3, coloured, of different areas, facing roughly down.
+/// Coloured VALs above the plane z = 0.3, with different areas, facing roughly down.
 fn some_vals(count: usize) -> Vec<Val> {
     let mut next = numbers(7);
     let mut val = || Val {
@@ -29,7 +28,7 @@ fn some_vals(count: usize) -> Vec<Val> {
 
 const EYE: DVec3 = dvec3(-1.5, 0.4, 2.0);
 
-/// Caches near the origin whose normals lie about +z, and last one that looks down and gets no light.
+/// Caches near the origin with normals around +z. The last cache faces down and gets no light.
 fn some_caches() -> Vec<Cache> {
     let mut caches: Vec<Cache> = [(0.0, 0.0), (0.3, 0.1), (-0.2, 0.3), (0.1, -0.4)]
         .map(|(x, y)| Cache { position: dvec3(x, y, 0.0), normal: dvec3(x, y, 2.0).normalize(), exponent: 30.0 })
@@ -40,7 +39,7 @@ fn some_caches() -> Vec<Cache> {
 
 const MATERIAL: Material = Material { diffuse: dvec3(0.8, 0.4, 0.0), specular: dvec3(0.1, 0.0, 0.3), exponent: 30.0 };
 
-/// Radiance at `x` interpolated from `caches`, after gathering.
+/// Radiance at `x`, interpolated from `caches` after a gather.
 fn render(x: DVec3, caches: &[Cache], vals: &[Val], eye: DVec3, weight: ProxyWeight, scheme: Scheme) -> (DVec3, DVec3) {
     let references: Vec<(Cache, Gathered)> =
         caches.iter().map(|cache| (*cache, gather(cache, vals, Some(eye), weight))).collect();
@@ -53,7 +52,7 @@ fn variants() -> impl Iterator<Item = (ProxyWeight, Scheme)> {
     WEIGHTS.into_iter().flat_map(|weight| SCHEMES.map(|scheme| (weight, scheme)))
 }
 
-// Proxies, METHOD 4.
+// Proxies (METHOD 4).
 
 #[test]
 fn one_val_alone_is_reproduced_exactly_by_a_proxy_on_it() {
@@ -101,7 +100,7 @@ fn doubling_the_light_doubles_flux_and_moves_no_proxy() {
     for weight in WEIGHTS {
         let (once, twice) = (gather(&cache, &vals, Some(EYE), weight), gather(&cache, &doubled, Some(EYE), weight));
         for (once, twice) in [(once.diffuse, twice.diffuse), (once.glossy, twice.glossy)] {
-            assert_eq!(once.position, twice.position); // to the bit: a factor of two does not round
+            assert_eq!(once.position, twice.position); // exact: a factor of two does not change rounding
             assert_eq!(2.0 * once.flux(&cache), twice.flux(&cache));
         }
     }
@@ -133,7 +132,7 @@ fn moving_the_scene_by_10_km_changes_no_pixel() {
     for (weight, scheme) in variants() {
         let expected = render(x, &caches, &vals, EYE, weight, scheme);
         let actual = render(x + far, &moved_caches, &moved_vals, EYE + far, weight, scheme);
-        // Positions round at 1e-12 m, 3e-12 of the nearest distances; the exponent multiplies that by 30.
+        // Positions round at 1e-12 m, which is 3e-12 of the shortest distances. The exponent multiplies this by 30.
         assert_near3(actual.0, expected.0, ROUNDING);
         assert_near3(actual.1, expected.1, ROUNDING);
     }
@@ -148,7 +147,7 @@ fn an_unlit_cache_is_dark_finite_and_drags_no_position() {
         let position = unlit.position + unlit.normal;
         let dark = Lobe { position, facing_irradiance: DVec3::ZERO, lit: false, distance2: 0.0 };
         assert_eq!((b.1.diffuse, b.1.glossy), (dark, dark));
-        // Half way, with a normal that makes both count; a third, far cache only sets the scale.
+        // A point halfway, with a normal that gives both caches weight. A third cache far away only sets the scale.
         let x = 0.5 * (lit.position + unlit.position);
         let normal = dvec3(1.0, 1.0, 0.0).normalize();
         let far = Cache { position: dvec3(0.0, 3.0, 0.0), ..unlit };
@@ -171,7 +170,7 @@ fn an_unlit_cache_darkens_the_diffuse_lobe_but_not_the_glossy_one() {
     unlit.0.position += 0.2 * DVec3::X;
     unlit.1.diffuse = Lobe { facing_irradiance: DVec3::ZERO, lit: false, ..lit.1.diffuse };
     unlit.1.glossy = Lobe { facing_irradiance: DVec3::ZERO, lit: false, ..lit.1.glossy };
-    // Both at the same distance: all other weights vanish, distance alone shares equally.
+    // Both references are at the same distance. All other weights vanish, so both have equal weight by distance alone.
     let x = lit.0.position + 0.1 * DVec3::X;
     let light = interpolate(x, DVec3::Z, lit.1.mirrored_view, &[lit, unlit], Scheme::Facing);
     let Lobe { position, facing_irradiance, distance2, .. } = lit.1.diffuse;
@@ -195,28 +194,28 @@ fn light_falls_off_as_the_root_of_the_mean_squared_distance_of_its_vals() {
         let expected = (mean_squared(cache.position) / mean_squared(x)).sqrt();
         assert!((left - expected).abs() < ROUNDING * expected, "{left} instead of {expected}");
     }
-    assert_eq!(falloff(1.0, 1.0, 0.0), 4.0); // on a VAL that stands alone
+    assert_eq!(falloff(1.0, 1.0, 0.0), 4.0); // at the position of a single VAL
 }
 
 #[test]
 fn proxies_that_the_lobe_does_not_see_neither_drag_nor_brighten_the_glossy_light() {
-    // Two caches with one VAL each, far apart; the point between them looks at the first.
+    // Two caches far apart with one VAL each. The point between them looks at the first VAL.
     let caches = [-1.0, 1.0].map(|x| Cache { position: dvec3(x, 0.0, 0.0), normal: DVec3::Z, exponent: 80.0 });
     let places = [dvec3(0.0, 0.0, 2.0), dvec3(2.5, 0.0, 1.0)];
     let val =
         |i: usize| Val { position: places[i], area: 0.01, normal: DVec3::NEG_Z, flux: DVec3::splat([1.0, 50.0][i]) };
     let [seen, unseen] = [0, 1].map(|i| {
-        // From an eye whose mirror image is the VAL.
+        // The mirrored direction of this eye points at the VAL.
         let eye = 2.0 * caches[i].position - places[i] + 2.0 * places[i].z * DVec3::Z;
         (caches[i], gather(&caches[i], &[val(i)], Some(eye), ProxyWeight::Irradiance))
     });
     let light = interpolate(DVec3::ZERO, DVec3::Z, DVec3::Z, &[seen, unseen], Scheme::Facing);
     assert_near3(light.glossy_position, places[0], 1e-9);
     let (bright, other) = (seen.1.glossy.facing_irradiance, unseen.1.glossy.facing_irradiance);
-    assert!(other.min_element() > bright.max_element(), "the unseen one is the brighter one");
+    assert!(other.min_element() > bright.max_element(), "the unseen light must be the brighter one");
     let share = (0.5 * light.glossy_irradiance / (0.25 * bright)).x;
     assert!((1.0..1.1).contains(&share), "{share} of the seen light's half");
-    // Where the lobe sees neither, the light is somewhere between, and no brighter than their mean.
+    // If the lobe sees neither, the light lies between them and is no brighter than their mean.
     let behind = interpolate(DVec3::ZERO, DVec3::Z, DVec3::NEG_Z, &[seen, unseen], Scheme::Facing);
     assert_near3(behind.glossy_position, 0.5 * (places[0] + places[1]), ROUNDING);
     assert_near3(behind.glossy_irradiance, 0.5 * (bright + other), ROUNDING);
@@ -251,7 +250,7 @@ fn a_cache_on_a_val_gets_nothing_from_it_and_just_above_no_more_than_it_sends() 
                 assert!(lobe.facing_irradiance.cmple(bound).all(), "{height} m: {lobe:?}");
             }
         }
-        // Same place, no area at all: 0/0 twice over.
+        // A VAL at the same position without area: 0/0 twice.
         let point = Val { area: 0.0, normal: DVec3::NEG_Z, ..under };
         assert!(!gather(&cache, &[point], Some(EYE), weight).diffuse.lit);
     }
@@ -289,7 +288,7 @@ fn grazing_vals_leave_flux_finite_and_bounded() {
             assert!(lobe.position.is_finite() && lobe.flux(&cache).is_finite());
             assert!(lobe.facing_irradiance.cmple(bound).all());
         }
-        // A single one is still exact where its cosine is not below the least.
+        // A single VAL is exact, unless its cosine is below the smallest cosine.
         let one = gather(&cache, &vals[..1], None, weight).diffuse;
         if height > LEAST_COSINE {
             let facing = vals[0].flux * (1.0 / (1.0 + height * height).sqrt()) / (0.01 + PI * (1.0 + height * height));
@@ -300,8 +299,8 @@ fn grazing_vals_leave_flux_finite_and_bounded() {
 
 #[test]
 fn glossy_flux_is_bounded_by_all_the_light_that_arrives() {
-    // A tiny bright VAL in the middle of the lobe and a wide black one 30 degrees off: by form factor the proxy stands
-    // on the black one, where cos^k is 0.056, and 18 times the light would leave.
+    // A tiny bright VAL in the middle of the lobe, and a wide black one 30 degrees off. With form-factor weights the
+    // proxy lies on the black VAL, where cos^k is 0.056. Without the bound, 18 times the light would leave.
     let cache = Cache { position: DVec3::ZERO, normal: DVec3::Z, exponent: 20.0 };
     let aside = dvec3(0.5, 0.0, f64::sqrt(3.0) / 2.0);
     let bright = Val { position: DVec3::Z, area: 1e-6, normal: DVec3::NEG_Z, flux: DVec3::splat(10.0) };
@@ -310,7 +309,7 @@ fn glossy_flux_is_bounded_by_all_the_light_that_arrives() {
     let arriving = brute_force::irradiance(cache.position, cache.normal, &[bright]);
     assert!(gathered.glossy.position.distance(aside) < 1e-3);
     assert_near3(gathered.glossy.facing_irradiance, arriving / aside.z, 1e-3);
-    // And for a sharp lobe that no VAL is near to.
+    // The bound also holds for a sharp lobe without a VAL near its axis.
     for (weight, exponent) in WEIGHTS.into_iter().flat_map(|weight| [30.0, 300.0, 2048.0].map(|k| (weight, k))) {
         let (cache, vals) = (Cache { exponent, ..cache }, some_vals(200));
         let lobe = gather(&cache, &vals, Some(dvec3(9.0, 0.0, 0.1)), weight).glossy;
@@ -330,7 +329,7 @@ fn black_channels_stay_black() {
     }
 }
 
-// Interpolation, METHOD 5.
+// Interpolation (METHOD 5).
 
 #[test]
 fn at_a_cache_of_its_own_the_radiance_is_the_caches() {
@@ -343,12 +342,13 @@ fn at_a_cache_of_its_own_the_radiance_is_the_caches() {
     };
     let truth = brute_force::radiance(own.0.position, own.0.normal, own.1.mirrored_view, &MATERIAL, &vals);
     for scheme in SCHEMES {
-        // The farthest reference has no weight; of two, that is the other one.
+        // The farthest reference has no weight. With two references this is the other one.
         let (diffuse, glossy) = radiance(&[own, gathered(&some_caches()[2])], scheme);
         assert_near3(diffuse, truth.0, ROUNDING);
         assert_near3(glossy, truth.1, ROUNDING);
     }
-    // Nearer ones keep about 1e-3 / t^2 of the kernel's weight: at half of the farthest distance each a thousandth.
+    // Nearer references keep about 1e-3 / t^2 of the kernel's weight. At half of the farthest distance this is a
+    // thousandth each.
     let others: Vec<_> = [own].into_iter().chain(some_caches().iter().map(gathered).filter(|c| c.0 != own.0)).collect();
     let (diffuse, glossy) = radiance(&others, Scheme::Facing);
     assert_near3(diffuse, truth.0, 3e-3);
@@ -371,7 +371,7 @@ fn where_all_weights_vanish_distance_alone_decides() {
     let one = some_caches()[0];
     let gathered = gather(&one, &vals, Some(EYE), ProxyWeight::Irradiance);
     for scheme in SCHEMES {
-        // A single cache is its own farthest one; normals at right angles make all weights vanish as well.
+        // A single cache is its own farthest reference. Perpendicular normals make all weights vanish as well.
         for (x, normal) in
             [(dvec3(0.1, 0.0, 0.0), DVec3::Z), (dvec3(0.1, 0.0, 0.0), DVec3::X), (one.position, DVec3::X)]
         {

@@ -1,5 +1,5 @@
-//! How far interpolated caches are from every VAL on every pixel, on the Cornell box. Run with `--nocapture` to see
-//! the figures.
+//! Error of interpolated caches against every VAL at every pixel, mainly on the Cornell box. `--nocapture` prints the
+//! figures.
 
 use lightskin::bake::{self, Density};
 use lightskin::frame::{Interpolation, ProxyWeight, View, World};
@@ -9,7 +9,7 @@ use lightskin::metrics::{Metrics, metrics};
 use lightskin::scene::Scene;
 use lightskin::scene::build::{CornellSurface, atrium, cornell};
 
-/// Diffuse and glossy indirect radiance, RGB per pixel, of the pixels that show a surface.
+/// Diffuse and glossy indirect radiance, RGB per pixel, of pixels that show a surface.
 struct Layers {
     diffuse: Vec<[f32; 3]>,
     glossy: Vec<[f32; 3]>,
@@ -19,7 +19,7 @@ fn render(gpu: &Gpu, scene: &Scene, gi: Gi, caches: usize, size: [u32; 2]) -> La
     render_with(gpu, scene, &spread(caches, 60.0, 8), &Knobs { gi, ..Knobs::plain(size) })
 }
 
-/// So many caches, at an angle [degrees], so many of which each vertex refers to.
+/// Settings for this number of caches, this angle [degrees], and this number of references per vertex.
 fn spread(caches: usize, angle: f32, references: usize) -> bake::BakeSettings {
     bake::BakeSettings { density: Density::Count(caches), angle: angle.to_radians(), references }
 }
@@ -45,7 +45,7 @@ fn render_with(gpu: &Gpu, scene: &Scene, bake: &bake::BakeSettings, settings: &K
     Layers { diffuse: read(&indirect.diffuse), glossy: indirect.glossy.as_ref().map(read).unwrap_or_default() }
 }
 
-/// The figures of one comparison, in a line.
+/// The figures of one comparison, in one line.
 fn line(e: &Metrics) -> String {
     let Metrics { mare, bias, relmse, relmse_trimmed, .. } = e;
     format!("MARE {mare:.4}, bias {bias:+.4}, relMSE {relmse:.4}, without the worst 1 % {relmse_trimmed:.5}")
@@ -67,13 +67,13 @@ fn diffuse_cornell_box_converges_to_brute_force() {
     assert!(found[2].relmse_trimmed < 0.01, "{:?}", found[2]);
     for pair in found.windows(2) {
         assert!(pair[1].mare < pair[0].mare, "{pair:?}");
-        // The light of 250 caches and more is right within the noise of their placement.
+        // With 250 caches and more, the light is correct within the noise of their placement.
         assert!(pair[1].bias.abs() < 0.01, "{pair:?}");
         assert!(pair[1].relmse_trimmed < pair[0].relmse_trimmed, "{pair:?}");
     }
 }
 
-/// No bound is known for the glossy lobe: it is reported, and must come closer with more caches.
+/// No bound is known for the glossy lobe. Its error is printed, and must fall with more caches.
 #[test]
 fn glossy_cornell_box_is_reported() {
     let gpu = Gpu::new(&Options::default()).expect("a Vulkan device");

@@ -1,4 +1,4 @@
-//! Valid files become the scene they describe; scenes without camera or light get some.
+//! Valid files become the scene that they describe. Scenes without a camera or a light get one.
 
 use std::f32::consts::FRAC_1_SQRT_2;
 use std::path::Path;
@@ -29,7 +29,7 @@ fn assert_near(a: Vec3, b: Vec3) {
 #[test]
 fn every_valid_file_loads() {
     let Some(data) = data() else { return };
-    // What these files are made to test is a refusal, or they hold points and lines only.
+    // These files test a refusal, or contain only points and lines.
     let refused = [("Compatibility_04", "minVersion"), ("Compatibility_05", "requires the extension")];
     let without_triangles: Vec<String> =
         [0, 1, 2, 3, 7, 8, 9, 10].map(|n| format!("Mesh_PrimitiveMode_{n:02}")).to_vec();
@@ -58,7 +58,7 @@ fn every_valid_file_loads() {
     assert!(loaded > 70);
 }
 
-/// Adds camera and light and checks that they are somewhere.
+/// Adds camera and light and checks that both are valid.
 fn complete_and_check(scene: &mut Scene) {
     defaults::complete(scene, Ground::Auto);
     let name = &scene.name;
@@ -116,7 +116,7 @@ fn objects_and_boxes_are_seen_from_outside() {
     }
 }
 
-/// All vertices but the ground's are in a 16:9 picture, and fill its height or width.
+/// Asserts that all vertices except the ground's are in a 16:9 picture and fill its height or width.
 fn assert_sees(scene: &Scene, camera: &Camera) {
     let Projection::Perspective { yfov } = camera.projection else { panic!("is a perspective camera") };
     let slope = f64::from(yfov / 2.0).tan();
@@ -132,7 +132,7 @@ fn assert_sees(scene: &Scene, camera: &Camera) {
     assert!(extent < 0.95 && extent > 0.85, "{extent}");
 }
 
-/// A closed room, an open-topped one, scaled: heuristics may not depend on the unit.
+/// A closed room and one without a ceiling, at several scales. Heuristics must not depend on the unit.
 #[test]
 fn rooms_get_a_camera_and_a_light_inside() {
     for scale in [0.001_f32, 1.0, 1000.0] {
@@ -182,9 +182,9 @@ fn simple_skin_is_posed() {
     let Some(data) = data() else { return };
     let path = data.join("scenes/features/skin/SimpleSkin/SimpleSkin.gltf");
     let scene = gltf::load(&path).expect("is valid");
-    // Both inverse bind matrices move by (-0.5, -1, 0), the joints stand at (0, 1, 0).
+    // Both inverse bind matrices move by (-0.5, -1, 0), and the joints are at (0, 1, 0).
     let place = scene.instances[0].world_from_model;
-    assert_eq!(place, glam::DAffine3::from_translation(DVec3::Y), "the model is where its first joint is");
+    assert_eq!(place, glam::DAffine3::from_translation(DVec3::Y), "the model must be at its first joint");
     let still = Scene { extent: None, ..scene };
     let (low, high) = still.bounds().expect("is not empty");
     assert_eq!((low, high), (DVec3::new(-0.5, 0.0, 0.0), DVec3::new(0.5, 2.0, 0.0)));
@@ -193,7 +193,7 @@ fn simple_skin_is_posed() {
     json["nodes"][2]["rotation"] = json!([0, 0, FRAC_1_SQRT_2, FRAC_1_SQRT_2]);
     let scene = gltf::load(&written("bent.gltf", json.to_string().as_bytes())).expect("is valid");
     let found: Vec<Vec3> = positions(&scene).iter().map(|p| *p + Vec3::Y).collect();
-    // The top is the second joint's alone: (1, 2) -> (0.5, 1) -> turned (-1, 0.5) -> (-1, 1.5).
+    // Only the second joint moves the top: (1, 2) -> (0.5, 1) -> turned (-1, 0.5) -> (-1, 1.5).
     assert!(found.iter().any(|p| (*p - Vec3::new(-1.0, 1.5, 0.0)).length() < 1e-5), "{found:?}");
     assert!(found.iter().any(|p| (*p - Vec3::new(-0.5, 0.0, 0.0)).length() < 1e-5), "{found:?}");
 }
@@ -202,7 +202,7 @@ fn simple_skin_is_posed() {
 fn figures_stand_as_their_joints_say() {
     let Some(data) = data() else { return };
     for (name, height) in [("CesiumMan.glb", 1.5), ("Fox.glb", 80.0)] {
-        // As it stands, not as far as it ever moves.
+        // Bounds of the current pose, without the extent of the animations.
         let scene = Scene { extent: None, ..load(&data, &format!("features/skin/{name}")) };
         let (low, high) = scene.bounds().expect("is not empty");
         println!("{name}: {low} to {high}");
@@ -325,7 +325,7 @@ fn strips_and_fans_become_triangles() {
         b.attribute("POSITION", "VEC3", &corners);
         b.primitive()["mode"] = json!(mode);
         let scene = b.load("strip").expect("is valid");
-        // Flat normals take the triangles apart: they are compared by place.
+        // Flat normals separate the triangles, so compare positions.
         let found: Vec<Vec3> = positions(&scene);
         let wanted: Vec<Vec3> =
             expected.iter().flatten().map(|&i: &usize| Vec3::from_slice(&corners[3 * i..])).collect();
@@ -363,7 +363,7 @@ fn double_sided_materials_get_a_second_side() {
     let mesh = &scene.meshes[0];
     assert_eq!(mesh.indices, [0, 1, 2, 3, 5, 4]);
     assert_eq!((mesh.vertices[3].normal, mesh.vertices[3].tangent), (Vec3::NEG_Z, [-1.0, 0.0, 0.0, -1.0]));
-    // The whole frame turns round: n, t and b = w (n x t).
+    // The whole tangent frame is reversed: n, t and b = w (n x t).
     let bitangent = |i: usize| {
         let v = &mesh.vertices[i];
         v.tangent[3] * v.normal.cross(Vec3::from_slice(&v.tangent[..3]))
@@ -430,7 +430,7 @@ fn specular_glossiness_is_converted_where_there_is_nothing_else() {
     assert_eq!((r.base, f0, r.cache_exponent()), (Vec3::splat(0.5), Vec3::new(0.25, 0.125, 0.0), 7.5));
 }
 
-/// A joint that mirrors: the surface still shows its front where its normal points.
+/// With a mirroring joint, the front of a surface still faces along its normal.
 #[test]
 fn mirrored_joints_keep_front_and_normal_together() {
     let mut b = Builder::triangle();

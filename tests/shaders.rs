@@ -1,7 +1,8 @@
-//! Every function of `glsl/lib` against its f64 twin, on grids and on random numbers with extremes among them.
+//! Every function of `glsl/lib` against its f64 twin, on grids and on random numbers that include extremes.
 //!
-//! Bounds are relative unless said otherwise. f32 rounds at 6e-8, and the device's square roots and quotients may be
-//! 2.5 ulp off: `FEW` allows ten operations of that. Twins get the very f32 inputs, so inputs do not count.
+//! Bounds are relative unless stated otherwise. f32 rounds at 6e-8, and the device's square roots and quotients may
+//! have errors of 2.5 ulp: `FEW` allows ten such operations. Twins get exactly the f32 inputs, so the rounding of
+//! inputs does not count.
 
 use std::f64::consts::PI;
 
@@ -22,10 +23,11 @@ use crate::common::{assert_clean, gpu, map_on_gpu};
 /// Ten roundings of quotients and roots.
 pub(crate) const FEW: f64 = 2e-6;
 
-/// f32 has no normal numbers below this; devices may give 0 instead.
+/// Smallest normal number of f32. Devices may give 0 for smaller numbers.
 const TINY: f64 = 1.2e-38;
 
-/// Evaluates on a device of its own and compares the first component of each result with the twin's number.
+/// Evaluates an expression on the device and compares each result with the twin's number. `least` is the absolute error
+/// that is always allowed.
 #[track_caller]
 pub(crate) fn check<const N: usize>(
     includes: &[&str],
@@ -38,7 +40,7 @@ pub(crate) fn check<const N: usize>(
     check4(includes, &format!("vec4({expression})"), inputs, |x| (bound(x), least), |x| [twin(x); 4]);
 }
 
-/// The same for four components. `bound` gives the relative error, and the absolute one below which all is equal.
+/// Like `check`, for four components. `bound` gives the relative error and the absolute error that are allowed.
 #[track_caller]
 pub(crate) fn check4<const N: usize>(
     includes: &[&str],
@@ -64,7 +66,7 @@ pub(crate) fn check4<const N: usize>(
             }
         }
     }
-    eprintln!("worst: {}", worst.1);
+    eprintln!("largest error: {}", worst.1);
     assert_clean(&gpu);
 }
 
@@ -81,7 +83,7 @@ pub(crate) fn grid<const N: usize>(axes: [&[f32]; N]) -> Vec<[f32; N]> {
     (0..count).map(point).collect()
 }
 
-/// Random numbers, each axis in its range; where the range spans decades, even in its logarithm.
+/// Random numbers, each axis in its range. In a range of several decades the logarithm is uniform.
 pub(crate) fn random<const N: usize>(seed: u64, count: usize, ranges: [(f32, f32); N]) -> Vec<[f32; N]> {
     let mut next = numbers(seed);
     let mut one = |(low, high): (f32, f32)| {
@@ -110,7 +112,7 @@ fn disc_geometry_and_form_factor_are_the_twins() {
     inputs.extend(random(1, 2000, [(1e-9, 1e4), (-1.0, 1.0), (-1.0, 1.0), (1e-12, 1e12)]));
     let twin = |f: fn(f64, f64, f64, f64) -> f64| move |x: &[f64; 4]| f(x[0], x[1], x[2], x[3]);
     check(FORM_FACTOR, "disc_geometry(x[0], x[1], x[2], x[3])", &inputs, |_| FEW, TINY, twin(disc_geometry));
-    // The least is what the area makes of a geometry that was too small.
+    // The absolute bound is the error of an underflow of the geometry, times the area.
     check(
         FORM_FACTOR,
         "disc_form_factor(x[0], x[1], x[2], x[3])",
@@ -130,10 +132,10 @@ fn disc_geometry_towards_is_the_twins() {
     }
     let expression = "vec4(disc_geometry_towards(v(0) * x[4], vec3(0.6, 0.0, -0.8), vec3(0.0, 0.6, 0.8), x[3]))";
     let offset = |x: &[f64; 5]| dvec3(x[0], x[1], x[2]) * x[4];
-    // Nearer than a millionth of a VAL's side the twin holds the distance, the shader does not: in f32 both cosines are
-    // noise there.
+    // Closer than a millionth of a VAL's side the twin limits the distance, but the shader does not: in f32 both
+    // cosines are noise there.
     inputs.retain(|x| offset(&x.map(f64::from)).length_squared() > 2e-12 * f64::from(x[3]));
-    // A cosine near 0 is a difference of products: its error is relative to the length, not to the cosine.
+    // A cosine near 0 is a difference of products, so its error is relative to the length rather than to the cosine.
     let bound = |x: &[f64; 5]| {
         let d = offset(x);
         (FEW, FEW / (x[3] + PI * d.length_squared()) + TINY)
@@ -146,8 +148,8 @@ fn disc_geometry_towards_is_the_twins() {
 
 #[test]
 fn a_point_on_a_val_of_any_size_gets_nothing_from_it() {
-    // Products of squares of small lengths leave f32: 0/0 must not come of it.
-    // Nothing here is a constant that the compiler could multiply by.
+    // Products of squared small lengths underflow in f32, which must not lead to 0/0. All values are inputs, so the
+    // compiler cannot fold constants.
     let zero: &[f32] = &[0.0];
     let inputs = grid([&[0.0, 1e-25, 1e-15, 1e-10], zero, zero, &[1.0], zero, &[0.0, 1e-20, 1e-12, 1e-9, 1e-6, 1.0]]);
     let expression = "vec4(disc_geometry_towards(v(0), v(2), v(2), x[5]))";
@@ -156,7 +158,7 @@ fn a_point_on_a_val_of_any_size_gets_nothing_from_it() {
 
 // Phong.
 
-/// The logarithm is good to about 1e-7 and its error grows k-fold; the product itself is at most 128.
+/// The logarithm's error is about 1e-7 and grows k-fold. The product itself is at most 128.
 fn power_bound(k: f64) -> f64 {
     1e-5 + 2.5e-7 * k
 }
@@ -166,7 +168,7 @@ fn cosine_power_and_lobe_are_the_twins() {
     let mut inputs = grid([&EXPONENTS, &COSINES]);
     inputs.extend(random(3, 2000, [(1.0, 2048.0), (-1.0, 1.0)]));
     inputs.extend(random(4, 2000, [(1.0, 2048.0), (0.99, 1.0)]));
-    // The shader's floor inside the logarithm is 1e-30: with k = 1 that is what it gives for 0.
+    // The shader limits the logarithm's argument to 1e-30. With k = 1, this is its result for 0.
     let least = 2e-30;
     check(PHONG, "cosine_power(x[1], x[0])", &inputs, |x| power_bound(x[0]), least, |x| cos_power(x[0], x[1]));
     check(PHONG, "phong_lobe(x[0], x[1])", &inputs, |x| power_bound(x[0]), 1e3 * least, |x| phong_lobe(x[0], x[1]));
@@ -180,17 +182,17 @@ fn powers_of_quotients_are_right_by_either_way() {
     inputs.extend(random(6, 4000, [(0.99, 1.0), (1e-6, 1e4), (0.5, 1024.0)]));
     let inputs: Vec<[f32; 3]> = inputs.into_iter().map(|[cosine, b, k]| [cosine * cosine * b, b, k]).collect();
     let lanes = |[a, b, k]: &[f64; 3]| [1.0, 0.5, 0.25, 0.125].map(|part| (part * a / b).powf(*k));
-    // Below 2^-110 either way may give 0.
+    // Below 2^-110 both ways may give 0.
     let least = 2_f64.powi(-109);
     let expression =
         |by_hand: &str| format!("power_of(x[0] * vec4(1.0, 0.5, 0.25, 0.125), vec4(x[1]), x[2], {by_hand})");
-    // By hand: the logarithm's fit and two roundings, all in proportion to the exponent, of which 110 is the most.
+    // By hand: error of the logarithm's fit and two roundings, all in proportion to the exponent, which is at most 110.
     let by_hand = |x: &[f64; 3]| (5e-7 + 3.2e-7 * (x[2] * (0.125 * x[0] / x[1]).log2()).abs().min(110.0), least);
     check4(&["lib/power.glsl"], &expression("true"), &inputs, by_hand, lanes);
     check4(&["lib/power.glsl"], &expression("false"), &inputs, |x| (power_bound(2.0 * x[2]), least), lanes);
     for by_hand in ["true", "false"] {
         let call = format!("power_of(vec4(x[0]), vec4(x[1]), x[2], {by_hand})");
-        // Nothing at all, and no number that is none, where nothing is along the lobe.
+        // Exactly 0, and never NaN, if no light comes from along the lobe.
         let dark = [[0.0, 1e-6, 20.0], [0.0, 1.0, 20.0], [0.0, 1e6, 1024.0]];
         check4(&["lib/power.glsl"], &call, &dark, |_| (0.0, 0.0), |_| [0.0; 4]);
         let results =
@@ -208,7 +210,7 @@ fn view_direction_is_a_unit_vector_at_any_distance() {
     check4(PHONG, eye, &inputs, |_| (FEW, 1e-7), |x| direction(x).extend(0.0).to_array());
     let parallel = "vec4(view_direction(vec4(normalize(v(0)), 0.0), vec3(x[3])), 0.0)";
     check4(PHONG, parallel, &inputs, |_| (FEW, 1e-7), |x| (-direction(x)).extend(0.0).to_array());
-    // On the eye itself there is no direction, but no NaN either.
+    // At the eye itself there is no direction, but no NaN either.
     let here = random(14, 50, [(-1.0, 1.0); 3]).into_iter().map(|[x, y, z]| [x, y, z, x, y, z]).collect::<Vec<_>>();
     check4(PHONG, "vec4(view_direction(vec4(v(0), 1.0), v(3)), 0.0)", &here, |_| (0.0, 0.0), |_| [0.0; 4]);
 }
@@ -220,13 +222,13 @@ fn spot_falloff_is_the_twins() {
     let mut inputs = grid([&COSINES, &[0.0, 0.3, 0.5], &[0.01, 0.5, 0.7, 1.2, 1.55]]);
     inputs.extend(random(7, 2000, [(-1.0, 1.0), (0.0, 0.7), (0.7, 1.57)]));
     inputs.retain(|x| x[1] <= x[2]);
-    // The host makes scale and offset; the shader gets them as it does in a frame.
+    // The host computes scale and offset. The shader gets them as in a frame.
     let cone = |&[cos, inner, outer]: &[f32; 3]| {
         let scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
         [cos, scale, -outer.cos() * scale, inner, outer]
     };
     let handed: Vec<[f32; 5]> = inputs.iter().map(cone).collect();
-    // Product and offset cancel: up to `scale` roundings, of a ramp from 0 to 1 that is then squared.
+    // Product and offset cancel: up to `scale` roundings of a ramp from 0 to 1, which is then squared.
     let bound = |x: &[f64; 5]| (0.0, 6e-7 * x[1] + FEW);
     check4(LIGHT, "vec4(spot_falloff(x[0], x[1], x[2]))", &handed, bound, |x| [spot_falloff(x[3], x[4], x[0]); 4]);
 }
@@ -235,7 +237,7 @@ fn spot_falloff_is_the_twins() {
 fn range_window_is_the_twins() {
     let mut inputs = grid([&DISTANCES, &[0.0, 1e-3, 1.0, 31.0, 1e4]]);
     inputs.extend(random(8, 2000, [(0.0, 2.0), (0.5, 2.0)]));
-    // The window is a difference from 1: absolute error. 0 stands for an infinite range.
+    // The window is a difference from 1, so its error is absolute. 0 stands for an infinite range.
     let twin = |x: &[f64; 2]| range_window(x[0], (x[1] > 0.0).then_some(x[1] as f32));
     check(LIGHT, "range_window(x[0] * x[0], x[1])", &inputs, |_| 0.0, FEW, twin);
 }
@@ -252,8 +254,8 @@ fn solid_angle_is_the_twins_down_to_tiny_texels() {
     }
     let expression = "vec4(solid_angle(vec3(x[0], x[1], 1.0), vec3(x[0] + x[2], x[1], 1.0), \
                       vec3(x[0] + x[2], x[1] + x[3], 1.0), vec3(x[0], x[1] + x[3], 1.0)))";
-    // Corners are unit vectors of f32: each edge of a texel is known to a few roundings of 1, not of itself. Mesa's
-    // arc tangent is 2.1e-5 too small for small angles; Vulkan allows ten times that.
+    // Corners are f32 unit vectors, so the error of a texel's edge is a few roundings of 1 rather than of its length.
+    // Mesa's arc tangent is 2.1e-5 too small for small angles. Vulkan allows ten times that.
     let bound = |x: &[f64; 4]| {
         let edge = x[2] / (1.0 + x[0] * x[0] + x[1] * x[1]);
         (3e-5 + 4.0 * 6e-8 / edge, 0.0)
@@ -287,7 +289,7 @@ fn cube_face_is_that_of_the_largest_component() {
 fn interpolation_kernels_are_the_twins() {
     let mut inputs = grid([&[0.0, 1e-4, 0.1, 0.5, 0.9, 1.0], &DISTANCES, &COSINES]);
     inputs.extend(random(10, 2000, [(0.0, 1.0), (1e-6, 1e6), (-1.0, 1.0)]));
-    // 1 - d / d_max is rounded at 1: near the farthest cache that is what is left of it.
+    // 1 - d / d_max is rounded at 1, so its relative error is large near the farthest cache.
     let close = |x: &[f64; 3], power: f64| FEW + power * 2e-7 / (1.0 - x[0]).max(1e-7);
     check(
         INTERPOLATION,
@@ -305,8 +307,8 @@ fn interpolation_kernels_are_the_twins() {
 
 #[test]
 fn weights_are_finite_where_all_caches_lie_on_the_point() {
-    // What the vertex shader calls with when the farthest of a vertex's caches is no distance away. A light of 1e6 lx
-    // and sixteen references must fit under 3.4e38.
+    // The vertex shader's arguments if even the farthest of a vertex's caches has distance zero. With a light of 1e6 lx
+    // and sixteen references, the sum must stay below 3.4e38.
     let expression = "vec4(facing_weight(x[0], x[1], 1.0), distance_weight(x[0], x[1]), 0.0, 0.0) * 16.0 * 1e6";
     let gpu = gpu();
     let result = map_on_gpu(&gpu, INTERPOLATION, expression, &[[0.0_f32, 1e-15]])[0];
@@ -324,7 +326,7 @@ fn tone_maps_are_the_twins() {
     inputs.push([-1.0, 0.5, -0.1]);
     let curves: [fn(DVec3) -> DVec3; 4] = [tonemap::pbr_neutral, tonemap::agx, tonemap::aces, tonemap::linear];
     for (kind, curve) in curves.into_iter().enumerate() {
-        // What a display shows of 8 bits is 4e-3. AgX sums terms of up to 40 and raises to 2.2 by logarithms.
+        // One step of an 8-bit display is 4e-3. AgX sums terms of up to 40 and computes powers of 2.2 by logarithms.
         let least = if kind == 1 { 3e-5 } else { 2e-6 };
         check4(
             TONEMAP,
@@ -339,7 +341,7 @@ fn tone_maps_are_the_twins() {
     }
 }
 
-// Unit vectors in two numbers.
+// Unit vectors as two numbers.
 
 #[test]
 fn octahedral_coding_round_trips_within_the_unit_square() {
@@ -363,7 +365,7 @@ fn sphere_form_factor_is_the_twins() {
     inputs.extend(random(60, 2000, [(1e-9, 1e4), (-1.0, 1.0), (1e-9, 1e6)]));
     let twin = |x: &[f64; 3]| occlude::sphere_form_factor(x[0], x[1], x[2]);
     check(OVERLAP, "sphere_form_factor(x[0], x[1], x[2])", &inputs, |_| FEW, TINY, twin);
-    // A light of no size at the cache itself.
+    // A light without size at the cache itself.
     let inputs = [[0.0, 1.0, 0.0]];
     check(OVERLAP, "sphere_form_factor(x[0], x[1], x[2])", &inputs, |_| FEW, TINY, |_| 0.0);
 }
@@ -379,7 +381,7 @@ fn squares_overlap_as_the_twins_do() {
         corners.map_or(0.0, |[low, high]| (high - low).element_product())
     };
     let expression = "overlap_area(overlap(vec2(x[0], x[1]), 0.5 * x[2], vec2(x[3], x[4]), 0.5 * x[5]))";
-    // Squares that barely touch do so by a difference of numbers up to 1.5.
+    // The overlap of squares that barely touch is a difference of numbers up to 1.5.
     check(OVERLAP, expression, &inputs, |_| FEW, 1e-6, twin);
 }
 
@@ -394,10 +396,10 @@ fn discs_fade_as_the_twins_do() {
 fn squares_of_discs_are_those_of_their_form_factors() {
     let (disc, normal) = (dvec3(0.6, 0.0, -0.8), dvec3(0.0, 0.6, 0.8));
     let mut inputs = random(64, 3000, [(-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (1e-6, 1e4), (1e-3, 1e3)]);
-    // A disc at the cache, of any size, covers nothing.
+    // A disc of any size at the cache itself covers nothing.
     inputs.extend([[0.0, 0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1e-20, 1.0], [1e-25, 0.0, 0.0, 1e-20, 1.0]]);
     let offset = |x: &[f64; 5]| dvec3(x[0], x[1], x[2]) * x[4];
-    // Both cosines are differences of products: their errors are relative to the length.
+    // Both cosines are differences of products, so their errors are relative to the length.
     let bound = |_: &[f64; 5]| (FEW, 4.0 * FEW);
     let expression = "vec4(disc_side2(v(0) * x[4], vec3(0.6, 0.0, -0.8), vec3(0.0, 0.6, 0.8), x[3]))";
     check4(OVERLAP, expression, &inputs, bound, |x| {
@@ -412,7 +414,7 @@ fn squares_of_discs_are_those_of_their_form_factors() {
 fn tangents_lie_on_the_surface_along_the_light() {
     let mut inputs = random(63, 3000, [(-1.0, 1.0); 6]);
     inputs.retain(|x| x[..3].iter().map(|c| c * c).sum::<f32>() > 1e-3);
-    // Straight down, where the surface's own tangents have no direction, and a light on the normal.
+    // Lights along the normal, one of them straight down, where the surface's own tangents have no direction.
     inputs.extend([[0.0, -1.0, 0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0, 1.0, 0.0], [0.6, -0.8, 0.0, 0.6, -0.8, 0.0]]);
     let expression = "vec4(tangent_towards(normalize(v(3)), normalize(v(0))), 0.0)";
     check4(
@@ -434,10 +436,11 @@ fn tangents_lie_on_the_surface_along_the_light() {
 
 #[test]
 fn rectangles_give_what_their_parts_give() {
-    // Middle, and sides about their directions; the point is the origin, its normal +Z.
+    // Centre, and directions of the sides. The point is the origin and its normal is +Z.
     let mut inputs =
         random(71, 600, [(-1.0, 1.0), (-1.0, 1.0), (0.0, 1.5), (-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (1.0, 500.0)]);
-    // Farther off than it is wide, and as wide as it is far off; none that touches the point.
+    // Includes rectangles that are small for their distance and rectangles that are as wide as their distance, but none
+    // that touches the point.
     inputs.retain(|x| x[..3].iter().map(|c| c * c).sum::<f32>() > 0.3);
     let sides = |x: &[f64; 7]| {
         let right = 0.3 * dvec3(x[3], x[4], x[5]).normalize();
@@ -446,13 +449,13 @@ fn rectangles_give_what_their_parts_give() {
     };
     let rectangle = |x: &[f64; 7]| {
         let (middle, right, up) = sides(x);
-        // The shader's caller sees to it that the front is seen.
+        // The shader's caller makes sure that the front faces the point.
         let up = if right.cross(up).dot(middle) > 0.0 { -up } else { up };
         Rectangle { middle, right, up }
     };
     inputs.retain(|x| {
         let (middle, right, up) = sides(&x.map(f64::from));
-        // Seen from its edge it is all rounding.
+        // Edge-on rectangles give only rounding errors.
         right.cross(up).normalize().dot(middle.normalize()).abs() > 0.02
     });
     let part = "above_horizon(v(0), 0.3 * normalize(v(3)), 0.2 * normalize(cross(normalize(v(3)), vec3(x[5], x[3], x[4]))), \
@@ -462,9 +465,9 @@ fn rectangles_give_what_their_parts_give() {
     check(AREA, &expression, &inputs, |_| 1e-3, 1e-4, |x| rectangle(x).form_factor(DVec3::ZERO, DVec3::Z));
     let mirrored = dvec3(0.48, 0.6, 0.64);
     let expression = format!("polygon_lobe({part}, vec3(0.0, 0.0, 1.0), vec3(0.48, 0.6, 0.64), x[6])");
-    // Eight points of a quadrature on each edge.
+    // The shader uses eight quadrature points on each edge.
     check(AREA, &expression, &inputs, |_| 0.01, 2e-3, |x| rectangle(x).lobe(DVec3::ZERO, DVec3::Z, mirrored, x[6]));
-    // Narrow lobes across an edge: k times what cosines round by.
+    // Narrow lobes across an edge: the error is k times the rounding error of cosines.
     let mut inputs =
         random(72, 24, [(0.2, 0.8), (0.3, 0.9), (0.4, 0.8), (-1.0, 1.0), (-1.0, 1.0), (-1.0, 1.0), (500.0, 1.2e5)]);
     inputs.retain(|x| {

@@ -1,4 +1,4 @@
-//! Shadows of every VAL: depth images and sums against the f64 twin, leaks, and pictures against light paths.
+//! Shadows of every VAL: depth images and sums against the f64 twin, light leaks, and pictures against light paths.
 
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::CacheSet;
@@ -26,7 +26,7 @@ fn shadowed() -> Knobs {
     Knobs { shadows: Shadows::PerLight, ..small() }
 }
 
-/// The corner with a box that stands in the light of its walls.
+/// The corner with a box that blocks light from its walls.
 fn blocked() -> Scene {
     let mut scene = corner(&[SPOT], 40.0);
     let block = cuboid(Vec3::new(-0.5, 0.1, -0.4), Vec3::new(-0.2, 0.7, 0.2), 0.1, |_| true);
@@ -34,7 +34,7 @@ fn blocked() -> Scene {
     scene
 }
 
-/// What stands for caches as the twin has it, from the device's atlas.
+/// The twin's plates, which stand for caches, from the device's atlas.
 fn plates(gpu: &Gpu, scene: &Scene, caches: &CacheSet) -> Vec<Plate> {
     let buffers = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let mut frame = Frame::new(gpu, scene, &buffers, &shadowed()).expect("made");
@@ -63,7 +63,7 @@ fn draw(gpu: &Gpu, scene: &Scene, buffers: &World, frame: &mut Frame, settings: 
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
 }
 
-/// A cache for the twin.
+/// The twin's cache of a plate.
 fn cache(plate: &Plate) -> Cache {
     Cache { position: plate.disc.position, normal: plate.disc.normal, exponent: 1.0 }
 }
@@ -72,7 +72,8 @@ fn cache(plate: &Plate) -> Cache {
 fn depth_images_are_the_references() {
     let gpu = gpu();
     let mut scene = blocked();
-    // A drape with folds that are small against the caches' distances: rectangles of its sides lie behind each other.
+    // A drape whose folds are small compared with the distances of caches, so that the rectangles of its two sides lie
+    // behind each other.
     let mut drape = cuboid(Vec3::new(0.1, 0.1, -0.5), Vec3::new(0.7, 0.8, -0.48), 0.05, |_| true);
     drape.vertices.iter_mut().for_each(|v| v.position.z += 0.06 * (15.0 * v.position.x).sin());
     add(&mut scene, drape, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
@@ -94,15 +95,16 @@ fn depth_images_are_the_references() {
         let image = &images[slot * DEPTH_IMAGE_TEXELS as usize..][..DEPTH_IMAGE_TEXELS as usize];
         for (texel, end) in image.iter().zip(&twin.ends) {
             filled += usize::from(*end > 0.0);
-            // A texel's centre on the rim of a rectangle. Views of more than 10 km have no end.
+            // Texels whose centre is on the edge of a rectangle may differ. Distances of more than 10 km count as no
+            // end.
             differ += usize::from((f64::from(*texel) - end).abs() > 1e-3 * end.max(0.1));
         }
     }
     println!("{filled} of {} texels have an end, {differ} differ", count * DEPTH_IMAGE_TEXELS as usize);
-    assert!(filled * 10 > count * DEPTH_IMAGE_TEXELS as usize, "rectangles are in the way");
+    assert!(filled * 10 > count * DEPTH_IMAGE_TEXELS as usize, "rectangles must be visible");
     assert!(differ * 1000 < filled, "{differ} of {filled} texels differ");
 
-    // A workgroup an image, as GPUs do it, draws the same.
+    // One workgroup per image, as on GPUs, draws the same images.
     let by_workgroups = DepthImages::with(&gpu, light.atlas.count, !gpu.is_software()).expect("made");
     let drawn = gpu.frame(|cmd| {
         by_workgroups.record(cmd, &buffers, &light.atlas, live);
@@ -111,21 +113,21 @@ fn depth_images_are_the_references() {
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
     let again: Vec<f32> = gpu.read(&by_workgroups.buffer).expect("read");
     let used = count * DEPTH_IMAGE_TEXELS as usize;
-    assert!(again[..used] == images[..used], "both ways draw the same images");
+    assert!(again[..used] == images[..used], "both ways must draw the same images");
     assert_clean(&gpu);
 }
 
 #[test]
 fn two_sides_of_one_thing_do_not_shadow_each_other() {
-    // The front of a folded drape, whose rectangle lies behind its back.
+    // The front of a folded drape. Its rectangle lies behind the drape's back.
     let front = Disc { position: DVec3::ZERO, normal: DVec3::Z, area: std::f64::consts::PI };
     let plate = Plate { disc: front, middle: DVec3::new(0.0, 0.0, -0.7), axis: DVec3::X * 0.9, breadth: 0.9 };
     let ends = |position: DVec3, normal: DVec3| {
         let cache = Cache { position, normal, exponent: 1.0 };
         DepthImage::new(&cache, &[plate], &Rule::default()).ends.iter().filter(|end| **end > 0.0).count()
     };
-    assert_eq!(ends(DVec3::new(0.1, 0.0, -0.3), DVec3::NEG_Z), 0, "the back's cache");
-    // What is before the front, or sees it, is something else.
+    assert_eq!(ends(DVec3::new(0.1, 0.0, -0.3), DVec3::NEG_Z), 0, "the front must not shadow the back's cache");
+    // Caches in front of the front, and caches that see it, belong to other objects.
     assert!(ends(DVec3::new(0.1, 0.0, 0.3), DVec3::NEG_Z) > 150);
     assert!(ends(DVec3::new(0.1, 0.0, -1.5), DVec3::Z) > 150);
 }
@@ -136,7 +138,7 @@ fn shadowed_sums_are_the_references() {
     let scene = blocked();
     let caches = baked(&scene, 0.3, 8);
     let plates = plates(&gpu, &scene, &caches);
-    // Of coarse pictures each VAL is tested alone.
+    // With coarse RSMs each VAL is tested alone.
     let ways = [(1, 256, 24, 1), (4, 2048, 96, 4), (3, 512, 96, 4)];
     for (caches_per_thread, split, rsm, together) in ways {
         let ways = Ways { caches_per_thread, split, ..Ways::default() };
@@ -156,11 +158,11 @@ fn shadowed_sums_are_the_references() {
             hidden += (open - twin).abs().element_sum();
         }
         println!(
-            "{caches_per_thread} caches a thread, parts of {split}: off by {:.2e}, shadows {:.3}",
+            "{caches_per_thread} caches a thread, parts of {split}: relative error {:.2e}, shadows {:.3}",
             error / total,
             hidden / total
         );
-        assert!(hidden > 0.05 * total, "there are shadows");
+        assert!(hidden > 0.05 * total, "there must be shadows");
         assert!(error < 2e-3 * total, "{} of the light", error / total);
     }
 }
@@ -169,7 +171,7 @@ fn shadowed_sums_are_the_references() {
 fn a_closed_dark_box_stays_dark() {
     let gpu = gpu();
     let mut scene = corner(&[SPOT], 40.0);
-    // Walls of 6 cm around a room of 0.5 m, with a floor to look at.
+    // Walls of 6 cm around a room of 0.5 m, with a visible floor.
     let paint = || phong([0.7; 3], [0.0; 3], 1.0);
     let (low, high) = (Vec3::new(-0.6, 0.2, 0.3), Vec3::new(0.0, 0.8, 0.9));
     let wall = Vec3::splat(0.06);
@@ -184,8 +186,8 @@ fn a_closed_dark_box_stays_dark() {
         shot.diffuse.iter().map(|pixel| pixel.element_sum()).sum::<f64>()
     };
     let [open, leaked] = [Shadows::Off, Shadows::PerLight].map(light);
-    println!("of the light that would pass through the walls {:.2} % leaks", 100.0 * leaked / open);
-    // Rectangles leave holes between them; walls have two layers of them.
+    println!("{:.2} % of the light without shadows leaks through the walls", 100.0 * leaked / open);
+    // There are holes between rectangles, but walls have two layers of them.
     assert!(open > 0.0 && leaked < 0.08 * open, "{leaked} of {open}");
 }
 
@@ -204,7 +206,7 @@ fn shadows_bring_pictures_nearer_to_light_paths() {
     let folder = std::env::temp_dir().join(format!("lightskin-shadows-{}", std::process::id()));
     std::fs::create_dir_all(&folder).expect("a folder");
     let size = [40, 30];
-    // Things that are thin, folded, or many in one mesh, beside those that are mostly shadowed.
+    // Objects that are thin, folded, or many in one mesh, next to mostly shadowed objects.
     let scenes = Shadowed::ALL.iter().map(|which| (which.scene(), 500, 0.75)).chain([(atrium(), 2000, 0.9)]);
     for (scene, caches, at_most) in scenes {
         let wanted = PathTraced { size, visibility: true, samples: 64, glossy: false };

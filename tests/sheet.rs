@@ -27,7 +27,7 @@ fn a_sheet_has_every_scene_and_a_word_on_every_broken_one() {
     let broken = page.lines().find(|line| line.contains("broken.gltf")).expect("told");
     assert!(broken.contains("JSON"), "{broken}");
     assert!(!page.contains("notes.txt"));
-    // The worst first, with the same figures as in the output.
+    // The worst scene is first, with the figures of the output.
     let figures = |line: &str| -> Option<(f64, String)> {
         let (flip, rest) = line.strip_prefix("FLIP ")?.split_once(", bias ")?;
         Some((flip.parse().ok()?, rest.split_once("%  ")?.1.to_owned()))
@@ -38,7 +38,7 @@ fn a_sheet_has_every_scene_and_a_word_on_every_broken_one() {
     let heads: Vec<&str> = page.lines().filter(|line| line.contains("<h2")).collect();
     for ((flip, scene), (index, head)) in lines.iter().zip(heads.iter().enumerate()) {
         assert!(*flip > 0.0 && head.contains(&format!("scene-{index}")), "{head}");
-        assert!(head.contains(&scene.replace('&', "&amp;")), "{head} is not of {scene}");
+        assert!(head.contains(&scene.replace('&', "&amp;")), "{head} does not name {scene}");
         assert!(page.contains(&format!("<b>{flip:.4}</b>")), "{flip}");
     }
 }

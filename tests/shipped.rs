@@ -1,4 +1,4 @@
-//! The SPIR-V that comes with the sources is what `glsl/` becomes, without names and lines.
+//! The shipped SPIR-V must be compiled from `glsl/`, without names and lines.
 
 #[path = "../build/shipped.rs"]
 mod file;
@@ -8,10 +8,10 @@ use std::io::Write;
 
 include!(concat!(env!("OUT_DIR"), "/shaders.rs"));
 
-/// Instructions that debuggers read: sources, names, strings, lines, how a module was made.
+/// Instructions for debuggers: sources, names, strings, lines, and how the module was compiled.
 const DEBUG: [u32; 9] = [2, 3, 4, 5, 6, 7, 8, 317, 330];
 
-/// A module without what debuggers alone read.
+/// A module without instructions that only debuggers read.
 fn stripped(spirv: &[u8]) -> Vec<u8> {
     let words: Vec<u32> = bytemuck::pod_collect_to_vec(spirv);
     let mut kept = words[..file::HEADER].to_vec();
@@ -26,7 +26,7 @@ fn stripped(spirv: &[u8]) -> Vec<u8> {
     bytemuck::cast_slice(&kept).to_vec()
 }
 
-/// What `file::unfolded` makes SPIR-V again of.
+/// The inverse of `file::unfolded`.
 fn folded(spirv: &[u8]) -> Vec<u8> {
     let mut words: Vec<u32> = spirv.chunks(4).map(|word| u32::from_le_bytes(word.try_into().expect("words"))).collect();
     let (mut at, mut last) = (file::HEADER, 0_u32);
@@ -43,7 +43,7 @@ fn folded(spirv: &[u8]) -> Vec<u8> {
     words.iter().flat_map(|word| word.to_le_bytes()).collect()
 }
 
-/// What `file::read` reads. Names are padded, so that words stay where words begin.
+/// Packs shaders in the format that `file::read` reads. Names are padded, so that words stay aligned.
 fn packed(sources: u64, shaders: &[(String, Vec<u8>)]) -> Vec<u8> {
     let mut bytes = Vec::new();
     let number = |bytes: &mut Vec<u8>, number: usize| bytes.extend((number as u64).to_le_bytes());
@@ -56,7 +56,7 @@ fn packed(sources: u64, shaders: &[(String, Vec<u8>)]) -> Vec<u8> {
         number(&mut bytes, spirv.len());
         bytes.extend(spirv);
     }
-    // Words of SPIR-V are four bytes.
+    // SPIR-V words have four bytes.
     let options =
         LzmaOptions { dict_size: 16 << 20, lc: 0, lp: 2, pb: 2, nice_len: 273, ..LzmaOptions::with_preset(9) };
     let mut packer = LzmaWriter::new_use_header(Vec::new(), &options, Some(bytes.len() as u64)).expect("options");
@@ -75,6 +75,6 @@ fn shipped_shaders_are_those_of_the_sources() {
     let pairs = made.iter().zip(&there.shaders);
     let others: Vec<&str> = pairs.filter(|(made, there)| made != there).map(|(made, _)| made.0.as_str()).collect();
     let renew = "renew it: LIGHTSKIN_BLESS=1 cargo test --features glsl -- shipped";
-    assert!(others.is_empty(), "{} holds other SPIR-V of {}; {renew}", file::FILE, others.join(", "));
+    assert!(others.is_empty(), "{} has different SPIR-V for {}; {renew}", file::FILE, others.join(", "));
     assert_eq!((there.shaders.len(), there.sources), (made.len(), sources), "{renew}");
 }

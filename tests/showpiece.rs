@@ -1,4 +1,4 @@
-//! The default scene: what it is made of, that it is the same every time, and that its file holds it.
+//! The default scene: its parts, that it is the same every time, and that its file contains it.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -9,7 +9,7 @@ use lightskin::scene::build::{Fineness, showpiece};
 use lightskin::scene::write::write_glb;
 use lightskin::scene::{Image, Mesh, Scene, gltf, luminance};
 
-/// As `render` shows it but for small pictures and a coarse statue, so that it is made quickly.
+/// The scene of `render` with small pictures and a coarse statue, so that it is made quickly.
 const COARSE: Fineness = Fineness { texels: 64, cell: 0.016 };
 
 static SCENE: LazyLock<Scene> = LazyLock::new(|| showpiece(COARSE));
@@ -29,8 +29,8 @@ fn the_showpiece_holds_what_it_promises() {
         })
         .collect();
     assert!(painted.len() >= 8, "{} sets of pictures", painted.len());
-    assert_eq!(painted.iter().flatten().count(), SCENE.images.len(), "all pictures are used");
-    // The sun first, then what stands for the sky: as bright as promised on level ground.
+    assert_eq!(painted.iter().flatten().count(), SCENE.images.len(), "all pictures must be used");
+    // The sun comes first, then the lights that stand for the sky. Level ground receives the intended illuminance.
     let sky = SCENE.sky.as_ref().expect("a sky");
     assert_eq!((SCENE.lights[0].name.as_str(), sky.lights.start), ("sun", 1));
     let light = luminance(sky.received(DVec3::Y));
@@ -44,20 +44,20 @@ fn vertices_of_the_showpiece_are_sound() {
             assert!(vertex.position.is_finite() && vertex.uv0.is_finite(), "{}: {vertex:?}", mesh.name);
             assert!((vertex.normal.length() - 1.0).abs() < 1e-4, "{}: {vertex:?}", mesh.name);
         }
-        // Normals of vertices are on the side of the triangles that faces out.
+        // Vertex normals must be on the side of the triangle's front.
         let against = |t: &usize| {
             let [a, b, c] = mesh.triangle(*t).map(|k| mesh.vertices[k]);
             let cross = (b.position - a.position).cross(c.position - a.position);
             cross.dot(a.normal + b.normal + c.normal) < 0.0
         };
         let against = (0..mesh.triangle_count()).filter(against).count();
-        // The coarse statue's fold in gaps that are narrower than its cells.
+        // The coarse statue has folds in gaps that are narrower than its cells.
         let most = if mesh.name == "statue" { mesh.triangle_count() / 50 } else { 0 };
-        assert!(against <= most, "{}: {against} triangles are wound against", mesh.name);
+        assert!(against <= most, "{}: {against} triangles face away from their normals", mesh.name);
     }
 }
 
-/// Along each edge as many triangles run one way as the other.
+/// Each edge has as many triangles in one direction as in the other.
 #[test]
 fn the_statue_is_closed() {
     let statue: &Mesh = SCENE.meshes.iter().find(|mesh| mesh.name == "statue").expect("a statue");
@@ -75,7 +75,7 @@ fn the_statue_is_closed() {
     assert!(runs.len() > 10_000 && open == 0, "{open} of {} edges are open", runs.len());
 }
 
-/// What meets where a picture ends differs no more than what meets within it.
+/// Texels must not differ more across opposite edges of a picture than inside it.
 #[test]
 fn pictures_of_the_showpiece_tile() {
     for image in showpiece(Fineness { texels: 256, cell: 0.2 }).images {
@@ -91,7 +91,7 @@ fn pictures_of_the_showpiece_tile() {
         {
             assert!(
                 seam <= 1.25 * within + 1.0,
-                "{name}: its last and first {what} differ by {seam}, others by {within}"
+                "{name}: the last and first {what} differ by {seam}, other neighbours by up to {within}"
             );
         }
     }
@@ -105,9 +105,9 @@ fn the_showpiece_is_the_same_every_time_and_in_its_file() {
     let read = gltf::load(&path).expect("reads");
     assert_eq!(read.notes, [""; 0]);
     assert_eq!(read.triangle_count(), SCENE.triangle_count());
-    // Of the lights the sky's are left out.
+    // The file leaves out the lights that stand for the sky.
     assert_eq!((read.lights.len(), read.cameras.len()), (1, 3));
-    // Materials and images come in the order in which they are met.
+    // Materials and images are in the order of their first use.
     let image = |scene: &Scene, texture: Option<lightskin::scene::Texture>| {
         texture.map(|t| (scene.images[t.image].rgba.clone(), t.transform, t.uv_set, t.sampler))
     };

@@ -1,4 +1,4 @@
-//! A sky: the energy of the lights that stand for it, an open plane under it, its picture, files that are none.
+//! Skies: the energy of the lights that stand for them, an open plane, the background, and files that are not skies.
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::frame::World;
@@ -58,12 +58,12 @@ fn lights_have_the_energy_of_the_sky() {
             assert!(scene.lights.iter().all(|l| l.kind == LightKind::Directional && l.direction.is_normalized()));
             let brightest = scene.lights.iter().map(|l| light(l).length()).fold(0.0, f64::max);
             eprintln!(
-                "{name}: {count} lights, the brightest has {:.2} shares",
+                "{name}: {count} lights, the brightest has {:.2} times the mean",
                 brightest / sum.length() * count as f64
             );
         }
     }
-    // The sun is a light of its own direction.
+    // The sun has a light of its own, in its own direction.
     let mut scene = Scene::default();
     sky(256, 128, 0.0, sunny).put_over(&mut scene, 16);
     let to_sun = scene.lights.iter().map(|l| -l.direction.as_dvec3().dot(dvec3(0.6, 0.64, -0.48))).fold(-1.0, f64::max);
@@ -88,7 +88,7 @@ fn an_open_plane_under_an_even_sky_receives_pi_l() {
         let facing = |l: &lightskin::scene::Light| f64::from(l.intensity) * f64::from(-l.direction.y).max(0.0);
         let error = scene.lights.iter().map(facing).sum::<f64>() / (PI * 100.0) - 1.0;
         eprintln!("{count} lights: {:+.2} %", 100.0 * error);
-        // Light from the middle of a region arrives more steeply than from all of it.
+        // Light from the centre of a region arrives more steeply than light from the whole region.
         assert!(error > -1e-6 && error < before && error < 1.2 / (count as f64).sqrt(), "{count}: {error}");
         before = error;
         if count == 16 {
@@ -112,7 +112,7 @@ fn the_background_shows_the_sky_from_every_side() {
         let mut shown = 0;
         for pixel in (0..shot.direct.len()).filter(|pixel| !shot.covered[*pixel]) {
             let (_, direction) = camera_ray(&scene.cameras[0], small().size, pixel);
-            // What is seen there has been turned there.
+            // The sky is turned, so turn the direction back.
             let expected = radiance(glam::DMat3::from_rotation_y(-turn) * direction);
             assert!(
                 shot.direct[pixel].distance(expected) < 4e-3,

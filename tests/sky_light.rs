@@ -1,5 +1,5 @@
-//! The light of a sky on surfaces: grids of it against their integrals, what caches see of it against f64 rays, pictures against
-//! the path tracer, and nothing of an earlier sky left.
+//! The light of a sky on surfaces: its grids against integrals, the sky that caches see against f64 rays, pictures
+//! against the path tracer, and no traces of an earlier sky.
 
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::CacheSet;
@@ -23,7 +23,7 @@ use crate::common::{assert_clean, gpu};
 
 const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
 
-/// Brighter towards one side and above, with a colour.
+/// A coloured sky that is brighter on one side and at the top.
 fn uneven() -> Sky {
     let radiance = |direction: DVec3| {
         let warm = (direction.dot(dvec3(0.6, 0.5, 0.62)).max(0.0)).powi(12);
@@ -35,7 +35,7 @@ fn uneven() -> Sky {
     Sky::new(128, 64, texels.into_iter(), 0.4)
 }
 
-/// A ball and a box on a floor; lobes of balls have this specular part and exponent.
+/// A ball and a box on a floor. `lobe` gives the specular part and the exponent of the ball.
 fn on_a_floor(lobe: Option<(f32, f32)>) -> Scene {
     let mut scene = Scene { name: "floor".into(), ..Scene::default() };
     let floor = quad(vec3(-3.0, 0.0, -3.0), Vec3::Z * 6.0, Vec3::X * 6.0, 0.5);
@@ -71,7 +71,7 @@ fn grids_have_the_skys_integrals() {
     assert_eq!(blurred.len(), LOBES as usize);
     let mut off = vec![0.0_f64; 1 + blurred.len()];
     for i in 0..=60 {
-        // The poles among them.
+        // The directions include the poles.
         let y = 1.0 - f64::from(i) / 30.0;
         let (sine, cosine) = (f64::from(i) * 2.4).sin_cos();
         let axis = dvec3(cosine, 0.0, sine) * (1.0 - y * y).sqrt() + DVec3::Y * y;
@@ -79,7 +79,7 @@ fn grids_have_the_skys_integrals() {
         off[0] = off[0].max(received.radiance(axis).distance(whole) / whole.length());
         for (lobe, grid) in blurred.iter().enumerate() {
             let exponent = f64::from(2048 >> lobe);
-            // The mean over directions as dense as the lobe: rings of equal shares.
+            // The mean over directions that are as dense as the lobe, in rings of equal weight.
             let (right, up) = axis.any_orthonormal_pair();
             let mut mean = DVec3::ZERO;
             for ring in 0..64 {
@@ -93,7 +93,7 @@ fn grids_have_the_skys_integrals() {
             off[1 + lobe] = off[1 + lobe].max(grid.radiance(axis).distance(mean) / mean.length());
         }
     }
-    println!("worst relative error of irradiance {:.4}, of lobes from narrow to wide {:.4?}", off[0], &off[1..]);
+    println!("largest relative error of irradiance {:.4}, of lobes from narrow to wide {:.4?}", off[0], &off[1..]);
     assert!(off[0] < 0.01, "{off:?}");
     assert!(off[1..].iter().all(|off| *off < 0.03), "{off:?}");
 }
@@ -130,7 +130,7 @@ fn caches_see_of_the_sky_what_f64_rays_see() {
         }
         let count = places.len() as f64;
         println!(
-            "{near:?}: {count} caches, shares off by {:.5}, irradiance by {:.5}, open directions by {:.5}",
+            "{near:?}: {count} caches, error of shares {:.5}, of irradiance {:.5}, of open directions {:.5}",
             share / count,
             irradiance / count,
             differ / closed
@@ -161,7 +161,7 @@ fn a_white_ball_under_an_even_sky_is_as_bright_as_the_sky() {
                 .enumerate()
                 .filter_map(on_ball)
                 .fold(0.0, |worst: f64, y| worst.max((y / 100.0 - 1.0).abs()));
-            println!("caches {spacing} m apart, {near:?}, {shadows:?}: off by {worst:.4} at most");
+            println!("cache spacing {spacing} m, {near:?}, {shadows:?}: largest error {worst:.4}");
             assert!(worst < 0.01, "{spacing} m, {near:?}, {shadows:?}: {worst}");
         }
     }
@@ -187,7 +187,7 @@ fn a_closed_room_under_a_bright_sky_stays_dark() {
     }
 }
 
-/// Direct light of paths, at pixels with a surface.
+/// Path-traced direct light, and the pixels that show a surface.
 fn paths(scene: &Scene, size: [u32; 2], passes: usize) -> (Vec<[f32; 3]>, Vec<bool>) {
     let settings = PathTraceSettings::engine(size, 0);
     let mut paths = PathTrace::new(scene, &scene.cameras[0], &settings);
@@ -225,7 +225,7 @@ fn the_sky_needs_no_bounce() {
     uneven().put_over(&mut scene, 16);
     let [none, one] =
         [0, 1].map(|bounces| shoot(&gpu, &scene, Some(&caches), &Knobs { bounces, ..knobs([48, 27], Near::Off) }));
-    assert!(none.direct == one.direct, "direct light is the same");
+    assert!(none.direct == one.direct, "direct light must be the same");
     assert!(none.diffuse.iter().all(|light| *light == DVec3::ZERO) && one.diffuse.iter().any(|light| light.y > 0.0));
 }
 
@@ -260,7 +260,7 @@ fn nothing_of_another_sky_is_left() {
     let before = picture(&mut edited);
     edited.0.edit(&gpu, |scene| *scene = under(turned(1.5))).expect("edited");
     let after = picture(&mut edited);
-    assert!(before != after, "the sky has turned");
-    assert!(after == picture(&mut engine(under(turned(1.5)))), "as if it had always stood so");
+    assert!(before != after, "the picture must change with the sky");
+    assert!(after == picture(&mut engine(under(turned(1.5)))), "the picture must be that of a new engine");
     assert_clean(&gpu);
 }

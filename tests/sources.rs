@@ -1,5 +1,5 @@
-//! Where the error comes from: the exact integrals against closed forms and quadrature, VALs by rays against the
-//! references, the chain's beginning against the device, and each replacement where its effect is known.
+//! Sources of error: exact integrals against closed forms and quadrature, VALs by rays against the references, the
+//! start of the chain against the device, and each replacement where its effect is known.
 
 use std::f64::consts::PI;
 
@@ -24,7 +24,7 @@ fn assert_near(actual: f64, expected: f64, relative: f64, what: &str) {
     assert!((actual - expected).abs() <= relative * expected.abs(), "{what}: {actual} instead of {expected}");
 }
 
-/// Directions all over the sphere, by the golden ratio.
+/// Directions spread over the sphere by the golden ratio.
 fn directions(count: usize) -> impl Iterator<Item = DVec3> {
     (0..count).map(move |i| {
         let z = 1.0 - (2.0 * i as f64 + 1.0) / count as f64;
@@ -46,8 +46,9 @@ fn a_disc_on_the_axis_has_its_closed_form() {
     }
 }
 
-/// From a point inside a sphere's surface a disc that cuts off a cap hides just the cap, and a sphere's points receive the
-/// same from every part of it: the form factor is the cap's share of the sphere, wherever the point is.
+/// A disc that cuts a cap off a sphere hides exactly the cap from every point on the rest of the sphere. Such a point
+/// receives equal light from equal parts of the sphere. The form factor is therefore the cap's fraction of the sphere,
+/// for every point.
 #[test]
 fn a_disc_in_a_sphere_is_its_caps_share_from_everywhere() {
     for half_angle in [0.05_f64, 0.5, 1.2] {
@@ -68,9 +69,9 @@ fn a_disc_that_the_horizon_halves_has_its_closed_form() {
     for x in [0.1_f64, 1.0, 8.0] {
         let expected = (x.atan() - x / (1.0 + x * x)) / PI;
         let factor = disc_form_factor(PI * x * x, DVec3::Z, -DVec3::Z, DVec3::ZERO, DVec3::X);
-        // The rim is a polygon there.
+        // The code uses a polygon for the rim in this case.
         let relative = (factor / expected - 1.0).abs();
-        println!("half a disc of radius {x} at distance 1: {relative:.1e} off");
+        println!("half a disc of radius {x} at distance 1: relative error {relative:.1e}");
         assert!(relative < 4e-4, "{factor} instead of {expected}");
     }
 }
@@ -94,9 +95,9 @@ fn any_disc_is_its_integral() {
         let centre = point + distance * DVec3::Z;
         for normal in directions(12) {
             let factor = disc_form_factor(1.0, centre, disc_normal, point, normal);
-            // The plane of a tilted disc may have the point behind it: the integral sees no part of it then either.
+            // The point may be behind the plane of a tilted disc. Then the integral sees no part of the disc, either.
             let integral = disc_form_factor_integral(1.0, centre, disc_normal, point, normal, 800);
-            // Midpoints along a horizon, and a polygon for the rim.
+            // Both have errors: midpoints along a horizon, and a polygon for the rim.
             assert!((factor - integral).abs() < 2e-3 * integral + 1e-5, "{disc_normal} {normal}: {factor}, {integral}");
             let polygon = regular_polygon::<1024>(1.0, centre, disc_normal);
             if factor > 0.0 {
@@ -111,7 +112,7 @@ fn any_disc_is_its_integral() {
 
 #[test]
 fn a_patch_in_the_points_own_plane_brings_nothing() {
-    // As in a room whose walls were placed in another frame: coplanar to rounding.
+    // Rotated walls are coplanar only up to rounding.
     let turn = DQuat::from_axis_angle(dvec3(1.0, 2.0, 3.0).normalize(), 0.7);
     let place = |x: f64, y: f64| turn * dvec3(x, y, 0.3);
     let normal = turn * DVec3::Z;
@@ -147,24 +148,24 @@ fn the_mean_of_a_lobe_is_its_integral() {
             }
             let mean = lobe_mean(&corners, 0.7, DVec3::ZERO, point_normal, mirrored, k);
             let expected = lobe / weight;
-            // Far outside the lobe nothing needs to be exact.
+            // Far outside the lobe the result need not be exact.
             let error = (mean - expected).abs() / (expected + 1e-4);
             worst = worst.max(error);
             assert!(error < 3e-3, "k {k}, {distance} m, {tilt}, {aim}: {mean} instead of {expected}");
         }
     }
-    println!("lobe over a patch: at most {worst:.1e} off");
+    println!("lobe over a patch: largest error {worst:.1e}");
 }
 
 #[test]
 fn curves_are_what_is_known() {
-    // Over a small square that the lobe aims at, cos^k is 1 - k/2 theta^2, and the mean of theta^2 is a sixth of the
-    // squared side over the distance.
+    // Over a small square at which the lobe aims, cos^k is 1 - k/2 theta^2. The mean of theta^2 is a sixth of the
+    // squared ratio of side and distance.
     for (k, distance) in [(3.0, 20.0), (10.0, 20.0), (30.0, 40.0)] {
         let expected = k / 12.0 / (distance * distance);
         assert_near(lobe_error(k, 0.0, distance), expected, 0.05, "constant BRDF");
     }
-    // The thesis's claim: below 10 % for k < 30 at five sides.
+    // The thesis's claim: less than 10 % for k < 30 at a distance of five sides.
     assert!(lobe_error(29.0, 0.0, 5.0) < 0.10 && lobe_error(31.0, 0.0, 5.0) > 0.10);
     for distance in [0.3, 3.0] {
         assert!(form_factor_error(Receives::Parallel, distance, 0.0).is_some_and(|e| e.abs() < 1e-9));
@@ -187,12 +188,12 @@ fn vals_by_rays_are_the_references() {
             for (texel, twin) in cast_view(&world, light, &view, n).into_iter().zip(twins) {
                 let val = texel.map_or(Val::NOTHING, |texel| texel.val);
                 if val.position.distance(twin.position) > 1e-6 {
-                    elsewhere += 1; // a ray along the rim of a triangle
+                    elsewhere += 1; // a ray along the edge of a triangle
                     continue;
                 }
                 if val.normal.dot(twin.normal) < 0.0 {
-                    // At a silhouette the light sees a triangle's front whose vertex normals look away: the reference
-                    // turns them against the ray, the device takes them as they are, and so do VALs by rays.
+                    // At a silhouette the light sees a triangle's front whose vertex normals face away. The reference
+                    // turns them against the ray. The device and VALs by rays use them unchanged.
                     turned += 1;
                     continue;
                 }
@@ -207,7 +208,7 @@ fn vals_by_rays_are_the_references() {
     }
 }
 
-/// A floor of 2 m and a light 3 m above that shines straight down, or slantingly.
+/// A floor of 2 m and a light at a distance of 3 m, which shines straight or obliquely down.
 fn floor(kind: LightKind, direction: DVec3) -> Scene {
     let mut scene = Scene { name: "floor".into(), ..Scene::default() };
     let surface = quad(vec3(-1.0, 0.0, -1.0), vec3(0.0, 0.0, 2.0), vec3(2.0, 0.0, 0.0), 0.25);
@@ -231,13 +232,13 @@ fn footprints_tile_the_surface() {
         let scene = floor(kind, direction);
         let texels = cast(&World::new(&scene), 400);
         let (footprint, square) = texels.iter().fold((0.0, 0.0), |(f, s), t| (f + t.footprint(), s + t.val.area));
-        println!("{kind:?} {direction}: {footprint} m^2, square to the axis {square} m^2");
-        // Texels on the floor's rim count whole or not at all: they are 1 % of its side.
+        println!("{kind:?} {direction}: {footprint} m^2, perpendicular to the axis {square} m^2");
+        // Texels on the floor's edge count fully or not at all. Their size is 1 % of its side.
         assert_near(footprint, 4.0, 0.02, "footprints");
         if direction.x != 0.0 {
             assert!(square < 0.9 * footprint);
         } else {
-            assert_near(square, footprint, 1e-6, "a floor square to the axis");
+            assert_near(square, footprint, 1e-6, "a floor perpendicular to the axis");
         }
         let corners = texels[texels.len() / 3].corners();
         assert!(corners.iter().all(|c| c.y.abs() < 1e-9), "corners off the floor: {corners:?}");
@@ -262,21 +263,21 @@ fn the_chain_begins_with_the_devices_picture() {
             let off: DVec3 =
                 stage.pixels.iter().zip(&engine).map(|(p, light)| (light[lobe] - picture[p.index]).abs()).sum();
             let relative = off.element_sum() / total.element_sum();
-            println!("{kind:?}, lobe {lobe}: {relative:.1e} of the light off over {} pixels", engine.len());
-            // f32 rounding moves texels over rims of triangles: one VAL in some hundred may be another.
+            println!("{kind:?}, lobe {lobe}: relative error {relative:.1e} over {} pixels", engine.len());
+            // f32 rounding moves texels over edges of triangles: about one VAL in some hundred may differ.
             assert!(total.min_element() > 0.0 && relative < 2e-3, "{kind:?}, lobe {lobe}: {relative} off");
         }
     }
 }
 
-/// A VAL that shines down from a height, as large as 1 m^2 and square to the axis.
+/// A VAL of 1 m^2 that shines straight down from a height.
 fn far_val(height: f64, x: f64) -> Texel {
     let val =
         Val { position: dvec3(x, height, 0.0), area: 1.0, normal: -DVec3::Y, flux: DVec3::splat(height * height) };
     Texel { val, edges: [DVec3::X, DVec3::Z] }
 }
 
-/// Largest relative difference of a lobe over the pixels.
+/// Largest difference of a lobe over all pixels, relative to the brightest pixel.
 fn apart(a: &Lights, b: &Lights, lobe: usize) -> f64 {
     let brightest = b.iter().map(|light| light[lobe].max_element()).fold(0.0, f64::max);
     assert!(brightest > 0.0, "nothing to see");
@@ -304,7 +305,7 @@ fn from_afar_nothing_is_left_to_replace() {
             assert!(far < 0.02 * near.max(0.5) && farther < 1e-3, "{exact:?}: {near}, {far}, {farther}");
         }
     }
-    // Square to the axis: the footprint is the area, and alone it changes nothing.
+    // Perpendicular to the axis the footprint equals the area, so the footprint alone changes nothing.
     let footprint = Exact { footprint: true, ..Exact::default() };
     let here = far_val(1.5, 0.4);
     assert_eq!(receive(&here, &at(DVec3::Y), footprint), receive(&here, &at(DVec3::Y), Exact::default()));
@@ -320,7 +321,7 @@ fn caches_and_proxies_are_exact_where_light_is_even() {
     let caches = baked(&scene, 0.4, 8);
     let stage = Stage::new(World::new(&scene), &scene.cameras[0], &caches, [40, 24]);
     let none = Exact::default();
-    // A single light from afar is the same everywhere: no proxy and no interpolation can do wrong.
+    // A single distant light is the same everywhere, so proxies and interpolation cause no error.
     let one = [far_val(1e4, 0.0)];
     let truth = stage.brute_force(&one, none);
     for level in [Level::Vertex, Level::Pixel] {
@@ -328,17 +329,17 @@ fn caches_and_proxies_are_exact_where_light_is_even() {
         assert!(apart(&stage.interpolate(&proxies, level), &truth, 0) < 1e-3);
         assert!(apart(&stage.interpolate_each(&one, level), &truth, 0) < 1e-3);
     }
-    // A single light nearby: caches do wrong, its proxy does not.
+    // A single nearby light: caches cause errors, its proxy does not.
     let one = [far_val(0.7, 0.2)];
     let truth = stage.brute_force(&one, none);
     let engine = stage.interpolate(&stage.gather(&one, none, false), Level::Pixel);
     let each = stage.interpolate_each(&one, Level::Pixel);
     for lobe in [0, 1] {
-        assert!(apart(&each, &engine, lobe) < 1e-5, "one light is its proxy, lobe {lobe}");
+        assert!(apart(&each, &engine, lobe) < 1e-5, "one light must equal its proxy, lobe {lobe}");
         assert!(apart(&engine, &truth, lobe) > 0.01, "caches 0.4 m apart below a light at 0.7 m");
     }
-    // Two lights from afar that are mirrored at different places of the floor: one proxy stands between them, all lights
-    // keep their directions.
+    // Two distant lights that are mirrored at different places of the floor. One proxy lies between them, but
+    // interpolating all lights keeps their directions.
     let two = [0.27, -0.27].map(|x| {
         let val = Val { position: 1e4 * dvec3(x, 0.36, -0.9), ..far_val(1e4, 0.0).val };
         Texel { val, ..far_val(1e4, 0.0) }
@@ -360,7 +361,7 @@ fn shadows_are_no_source_where_nothing_is_in_the_way() {
         let texels = cast(&stage.world, 40);
         let [with, without] = [true, false]
             .map(|shadows| stage.interpolate(&stage.gather(&texels, Exact::default(), shadows), Level::Vertex));
-        // A pixel may gain, where its caches' proxies move; all pixels together lose.
+        // A pixel may become brighter if its caches' proxies move, but all pixels together may not.
         let total = |lights: &Lights| lights.iter().map(|light| light[0].element_sum()).sum::<f64>();
         assert!(total(&with) <= total(&without), "shadows brighten");
         apart(&with, &without, 0)
@@ -383,12 +384,12 @@ fn the_steps_add_up_to_the_whole() {
         assert!((sum(|row| row.change.bias) - table.whole.bias).abs() < 1e-9);
         assert!((sum(|row| row.share) - 1.0).abs() < 1e-9);
         assert!((sum(|row| row.square_share) - 1.0).abs() < 1e-9);
-        // Nothing is in the way: what is left of the last step is the noise of both pictures.
+        // Nothing is occluded, so the last step contains only the noise of both pictures.
         let shadows = table.rows.last().expect("rows");
         let noise = table.noise.map(|f| f.rmse);
         assert!(shadows.change.rmse < 2.0 * noise[0].hypot(noise[1]), "{shadows:?}, noise {noise:?}");
         assert!(shadows.change.bias.abs() < 0.01, "{shadows:?}");
-        // Of all RSMs' sides the finest is next to the limit.
+        // Of all RSM sizes the finest is closest to the limit.
         let resolution: Vec<f64> =
             table.rows.iter().filter(|r| r.name.starts_with("RSM")).map(|r| r.change.mae).collect();
         assert!(resolution.len() == 3 && resolution[1] < resolution[0], "{resolution:?}");

@@ -1,4 +1,4 @@
-//! The stage of scenes that come without one: where the camera stands, what lights them, the ground, what shows behind.
+//! The stage of scenes that come without one: camera, lights, ground and background.
 
 use std::collections::HashSet;
 
@@ -24,7 +24,7 @@ fn grey() -> Material {
     phong([0.5; 3], [0.0; 3], 1.0)
 }
 
-/// A scene of one grey surface.
+/// A scene with one grey surface.
 fn of(surface: Surface) -> Scene {
     let mut scene = Scene { name: "stage".into(), ..Scene::default() };
     add(&mut scene, surface, grey(), DAffine3::IDENTITY);
@@ -40,7 +40,7 @@ fn ground(scene: &Scene) -> Option<&Instance> {
     scene.instances.iter().find(|instance| instance.name == "ground")
 }
 
-/// A bowl upside down, deep as a helmet, with an outside and an inside.
+/// An upside-down bowl, as deep as a helmet, with an outside and an inside.
 fn helmet() -> Scene {
     let at = |radius: f32, step: i32| {
         let (sine, cosine) = (0.09 * step as f32).sin_cos();
@@ -52,7 +52,7 @@ fn helmet() -> Scene {
     of(lathe(&profile, 32))
 }
 
-/// Solids that reach into each other, so that the middle is inside.
+/// Solids that intersect, so that the scene's centre is inside a solid.
 fn statue() -> Scene {
     let base = cuboid(vec3(-0.6, 0.0, -0.6), vec3(0.6, 0.4, 0.6), 1.0, |_| true);
     let body = cuboid(vec3(-0.3, 0.3, -0.25), vec3(0.3, 2.0, 0.25), 1.0, |_| true);
@@ -64,7 +64,7 @@ fn plane(origin: Vec3, u: Vec3, v: Vec3) -> Scene {
     of(quad(origin, u, v, 1.0))
 }
 
-/// 125 cubes of one mesh.
+/// 125 cubes that share one mesh.
 fn grid() -> Scene {
     let mut scene = of(cuboid(Vec3::splat(-0.3), Vec3::splat(0.3), 1.0, |_| true));
     scene.instances.clear();
@@ -83,7 +83,7 @@ fn building() -> Scene {
     of(walls.and(roof))
 }
 
-/// Spheres beside labels that shine.
+/// Spheres next to emissive labels.
 fn sheet() -> Scene {
     let mut scene = Scene { name: "sheet".into(), ..Scene::default() };
     for row in 0..4 {
@@ -99,7 +99,7 @@ fn sheet() -> Scene {
     scene
 }
 
-/// A room of 6 x 3 x 4 m; its walls are seen from inside alone, or have an outside, too.
+/// A room of 6 x 3 x 4 m. Its walls have only an inside, or with `thick` also an outside.
 fn room(thick: bool) -> Scene {
     let inside = cuboid(Vec3::ZERO, vec3(6.0, 3.0, 4.0), 1.0, |_| true).reversed();
     let outside = cuboid(Vec3::splat(-0.2), vec3(6.2, 3.2, 4.2), 1.0, |_| true);
@@ -107,7 +107,7 @@ fn room(thick: bool) -> Scene {
     of(if thick { inside.and(outside) } else { inside }.and(table))
 }
 
-/// Of the rays through the picture's pixels: the share that meets a front of the scene's own surfaces first, and a back.
+/// Fractions of the picture whose rays first hit a front, and a back, of the scene's own surfaces.
 fn met(scene: &Scene) -> (f64, f64) {
     let world = World::new(scene);
     let pixels = (SIZE[0] * SIZE[1]) as usize;
@@ -123,7 +123,7 @@ fn met(scene: &Scene) -> (f64, f64) {
     (share(true), share(false))
 }
 
-/// Whether a point lies inside a solid, or behind walls: it sees backs.
+/// Whether a point sees many backs, because it is inside a solid or behind walls.
 fn sees_backs(scene: &Scene, point: DVec3) -> bool {
     let world = World::new(scene);
     let directions = (0..200).map(|i| {
@@ -135,7 +135,7 @@ fn sees_backs(scene: &Scene, point: DVec3) -> bool {
     3 * hits.iter().filter(|hit| !hit.front).count() > hits.len()
 }
 
-/// Luminance [cd/m^2] by direct light of the pixels that show a material, and how many do.
+/// Mean luminance [cd/m^2] by direct light of the pixels that show a material, and the number of these pixels.
 fn luminance(scene: &Scene, of: impl Fn(&Material) -> bool) -> (f64, usize) {
     let shot = shoot(
         &gpu(),
@@ -181,7 +181,7 @@ fn objects_are_seen_from_outside_in_the_light_of_a_studio() {
         let (light, _) = luminance(&scene, |material| material.name != "ground" && material.emissive == Vec3::ZERO);
         println!("{name}: eye {eye:.3}, fronts {fronts:.3}, backs {backs:.3}, {light:.3} cd/m^2");
         assert!((eye - eye.clamp(low, high)).length() > 0.01 * (high - low).length(), "{name}: {eye} is not outside");
-        assert!(fronts > 0.08 && backs < 0.05 * fronts, "{name}: {fronts} of the picture, {backs} from behind");
+        assert!(fronts > 0.08 && backs < 0.05 * fronts, "{name}: fronts on {fronts} of the picture, backs on {backs}");
         assert!((0.05..2.0).contains(&light), "{name}: {light} cd/m^2");
         assert!(scene.lights.iter().all(|l| l.kind == LightKind::Directional), "{name}: {:?}", scene.lights);
         assert_eq!(scene.backdrop, Backdrop::Studio, "{name}");
@@ -229,7 +229,7 @@ fn white_in_the_studio_is_near_one_candela_for_a_square_metre() {
     let sky = scene.sky.as_ref().expect("a studio");
     let lights = || &scene.lights[sky.lights.clone()];
     let sent: f64 = lights().iter().map(|l| f64::from(l.intensity) * f64::from((-l.direction.y).max(0.0))).sum();
-    println!("{:.4} lx by the map, {sent:.4} lx by {} lights", sky.received(DVec3::Y).x, lights().len());
+    println!("{:.4} lx from the map, {sent:.4} lx from {} lights", sky.received(DVec3::Y).x, lights().len());
     assert!((sky.received(DVec3::Y).x / std::f64::consts::PI - 1.0).abs() < 1e-5);
     assert!((sent / std::f64::consts::PI - 1.0).abs() < 0.06, "{sent} lx");
 }
@@ -273,7 +273,7 @@ fn a_ground_takes_few_caches() {
     let [object, ground] = [0, 1].map(|instance| caches.models[caches.instance_model[instance]].caches.len());
     println!("{object} on the ball, {ground} on the ground");
     assert!(ground > 20 && ground < object / 3, "{object} and {ground}");
-    // Which stand for all of it.
+    // These caches stand for the whole ground.
     let model = &caches.models[caches.instance_model[1]];
     let share: f64 = model.caches.iter().map(|cache| f64::from(cache.area)).sum();
     let placed = scene.instances[1].sparse.expect("is sparse").powi(2) * share;
@@ -281,7 +281,7 @@ fn a_ground_takes_few_caches() {
     assert!((placed / (std::f64::consts::PI * radius * radius) - 1.0).abs() < 0.1, "{placed} m^2");
 }
 
-/// The edge of the ground does not show: the backdrop goes on with its radiance.
+/// The edge of the ground is invisible, because the backdrop continues with its radiance.
 #[test]
 fn the_backdrop_is_the_grounds_below_the_horizon() {
     let mut scene = completed(of(sphere(1.0, 12)));
@@ -296,7 +296,7 @@ fn the_backdrop_is_the_grounds_below_the_horizon() {
         let (origin, direction) = camera_ray(&scene.cameras[0], SIZE, pixel);
         let hit = world.nearest(origin, direction, Sides::Front);
         let at = hit.map(|hit| origin + hit.distance * direction);
-        // Near the edge little of the sky is hidden.
+        // Near the edge of the ground, little of the sky is hidden.
         let is_ground = hit.is_some_and(|hit| hit.instance == 1) && at.is_some_and(|at| at.z > 2.5);
         let is_beyond = hit.is_none() && !shot.covered[pixel] && direction.y < -0.06;
         on_ground += usize::from(is_ground && (shown.x / expected - 1.0).abs() < 0.03);
@@ -334,13 +334,13 @@ fn backgrounds_are_what_the_flags_say() {
         let with = |name: &str, background: &str| png(name, &[&gi[..], &["--background", background]].concat());
         let clear = with("clear.png", "transparent");
         let alphas: HashSet<u8> = clear.pixels().map(|p| p.0[3]).collect();
-        assert!(alphas.len() > 4, "{alphas:?}: outlines are smooth");
+        assert!(alphas.len() > 4, "{alphas:?}: outlines must be smooth");
         let sharp = png("sharp.png", &[&gi[..], &["--background", "transparent", "--aa", "off"]].concat());
         assert_eq!(sharp.pixels().map(|p| p.0[3]).collect::<HashSet<u8>>(), HashSet::from([0, 255]));
         assert_eq!((clear.get_pixel(0, 0).0[3], clear.get_pixel(24, 13).0[3]), (0, 255));
         assert_eq!(with("colour.png", "1,0.4,0").get_pixel(0, 0).0, [255, 102, 0, 255]);
         let (studio, plain) = (with("studio.png", "studio"), png("plain.png", &gi));
-        assert_eq!(studio, plain, "the studio is the default");
+        assert_eq!(studio, plain, "the studio must be the default");
         assert!(studio.get_pixel(0, 26).0[0] > 30, "{:?}", studio.get_pixel(0, 26));
         assert_ne!(with("sky.png", "sky"), studio);
     }
@@ -351,7 +351,8 @@ fn backgrounds_are_what_the_flags_say() {
 
 #[test]
 fn very_many_triangles_in_one_place_are_no_work() {
-    // A far one makes a point of all others; and one is there very often.
+    // In one scene a far rectangle makes all other triangles a point in comparison. In another the same triangles occur
+    // very often.
     let sheet = of(quad(Vec3::ZERO, Vec3::X, Vec3::Y, 0.004));
     let mut apart = sheet.clone();
     let far = quad(Vec3::ZERO, Vec3::X, Vec3::Y, 1.0);

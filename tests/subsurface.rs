@@ -1,5 +1,5 @@
-//! Light below surfaces: the dipole's integral, shaders against their twins, files, whole frames against brute force, walks at
-//! random, and what no light can do.
+//! Subsurface scattering: the dipole's integral, shaders against their f64 twins, files, whole frames against brute
+//! force and random walks, and physical limits.
 
 use std::f64::consts::TAU;
 
@@ -45,9 +45,10 @@ fn what_leaves_is_the_dipoles_integral() {
     for name in Subsurface::presets() {
         let medium = Subsurface::preset(name).expect("a preset").medium();
         for i in 0..3 {
-            // Sources as deep as they are, and moved as far as large texels do.
+            // Sources that are widened by nothing, and by as much as large texels widen them.
             for widest in [0.0, 0.3 * medium.z_r[i], 10.0 * medium.z_r[i]] {
-                // In steps of the logarithm of the distance; what is left out at either end is less than 1e-5.
+                // Integrate in steps of the logarithm of the distance. The parts that are left out at both ends are
+                // less than 1e-5.
                 let (low, high, steps) = (1e-4 * medium.z_r[i], 1e5 * (medium.z_r[i] + widest), 4000);
                 let ratio = f64::powf(high / low, 1.0 / f64::from(steps));
                 let ring = |step: i32| {
@@ -77,14 +78,14 @@ fn colours_come_back() {
 
 #[test]
 fn shaders_are_the_twins() {
-    // Distance, texel, reduced scattering, absorption [1/m], index of refraction.
+    // Distance, texel width, reduced scattering, absorption [1/m], index of refraction.
     let mut inputs = random(91, 4000, [(0.0, 1.0), (0.0, 1.0), (1.0, 1e3), (0.0, 100.0), (1.0, 2.5)]);
     for x in &mut inputs {
         (x[0], x[1]) = (0.1 * x[0].powi(4), 0.05 * x[1].powi(4));
     }
     inputs.extend([[0.0, 0.0, 1e3, 0.0, 1.3], [1e3, 0.0, 1e3, 1e3, 1.3], [0.0, 0.0, 1e8, 1.0, 1.5]]);
     let medium = |x: &[f64; 5]| of(x[2] as f32, x[3] as f32, 0.0, x[4] as f32).medium();
-    // The host makes a part's numbers; here the shader does, of what the twin has.
+    // In a frame the host computes the numbers of a filled body. Here the shader computes them from the twin's input.
     let dr = "clamp(-1.44 / (x[4] * x[4]) + 0.71 / x[4] + 0.668 + 0.0636 * x[4], 0.0, 0.999)";
     let z_r = "(1.0 / (x[2] + x[3]))";
     let z_v = format!("({z_r} * (1.0 + 4.0 / 3.0 * (1.0 + {dr}) / (1.0 - {dr})))");
@@ -95,7 +96,7 @@ fn shaders_are_the_twins() {
     );
     let expression =
         format!("vec4(diffuse_reflectance({made}, vec3(x[0] * x[0]), vec3(x[1])), dielectric_fresnel(x[1], x[4]))");
-    // An exponent of 100 is rounded by 1e-5.
+    // An exponent of 100 has a rounding error of 1e-5.
     check4(
         DIPOLE,
         &expression,
@@ -129,7 +130,7 @@ fn files_say_what_is_inside() {
     assert_eq!(own.subsurface, Some(expected));
     let color = loaded(json!({ "color": [0.9, 0.5, 0.1], "radius": 0.01 }));
     assert!((color.base_color.truncate() - vec3(0.9, 0.5, 0.1)).abs().max_element() < 1e-4, "{color:?}");
-    // Written and read again.
+    // Write the scene and read it again.
     let mut scene = file_of(&json!({ "preset": "skin" })).load("inside").expect("loads");
     let path = std::env::temp_dir().join(format!("lightskin-inside-{}.glb", std::process::id()));
     write_glb(&scene, &path).expect("written");
@@ -167,7 +168,8 @@ fn what_is_wrong_inside_is_named() {
 
 // Walks.
 
-/// Of walks that begin under a plane at 0, in a layer as thick \[m\] as this: shares that leave upwards and downwards.
+/// Random walks that start below the plane z = 0 in a layer of this thickness \[m\]. Returns the fractions that leave
+/// at the top and at the bottom.
 fn layer(volume: &Volume, thickness: f64, begin: impl Fn(&mut Random) -> DVec3, walks: u32) -> [f64; 2] {
     let mut source = Random(7);
     let mut counts = [0.0; 2];
@@ -187,7 +189,8 @@ fn layer(volume: &Volume, thickness: f64, begin: impl Fn(&mut Random) -> DVec3, 
     counts
 }
 
-/// Chandrasekhar's H of isotropic scattering: `1 - H(1) sqrt(1 - albedo)` of light straight down comes back.
+/// The fraction of vertical light that returns from a half space with isotropic scattering, by Chandrasekhar's H: `1 -
+/// H(1) sqrt(1 - albedo)`.
 fn comes_back(albedo: f64) -> f64 {
     const N: usize = 200;
     let mu = |i: usize| (i as f64 + 0.5) / N as f64;
@@ -209,10 +212,10 @@ fn walks_come_back_as_often_as_theory_says() {
         let volume = Volume { sigma_t: 100.0, albedo, g: 0.0, ior: 1.0 };
         let [back, _] = layer(&volume, 1e9, |_| DVec3::NEG_Z, 60_000);
         let expected = comes_back(albedo);
-        println!("half space of albedo {albedo}: {back:.4} comes back, {expected:.4} by Chandrasekhar's H");
+        println!("half space of albedo {albedo}: {back:.4} returns, {expected:.4} by Chandrasekhar's H");
         assert!((back - expected).abs() < 0.008, "{back} instead of {expected}");
     }
-    // Where nothing is absorbed everything leaves on either side, however it is scattered.
+    // Without absorption all light leaves on one of the sides, for any scattering.
     for (g, ior) in [(0.0, 1.0), (0.9, 1.5), (-0.7, 2.5)] {
         let volume = Volume { sigma_t: 10.0, albedo: 1.0, g, ior };
         let [back, through] = layer(&volume, 0.3, |_| refracted(dvec3(0.6, 0.0, -0.8), DVec3::Z, ior), 3000);
@@ -222,7 +225,7 @@ fn walks_come_back_as_often_as_theory_says() {
 
 #[test]
 fn dipoles_send_back_what_walks_do() {
-    // Even light, refracted: the cosine's square of what enters is even above the critical angle.
+    // Uniform light, refracted: the squared cosine of the light that enters is uniform above the critical angle.
     for (albedo, ior, bound) in [(0.8, 1.3, 0.15), (0.95, 1.3, 0.08), (0.99, 1.5, 0.05), (0.999, 1.3, 0.05)] {
         let volume = Volume { sigma_t: 1.0, albedo, g: 0.0, ior };
         let begin = |random: &mut Random| {
@@ -247,7 +250,7 @@ fn dipoles_send_back_what_walks_do() {
 
 // Frames.
 
-/// A ball of 10 cm before a wall, lit from behind and above.
+/// A ball of 10 cm in front of a wall, lit from the side and above.
 fn ball(inside: Subsurface, kind: LightKind) -> Scene {
     let mut scene = Scene { name: "ball".into(), ..Scene::default() };
     add(&mut scene, sphere(0.05, 16), filled(inside), DAffine3::IDENTITY);
@@ -268,20 +271,20 @@ fn knobs() -> Knobs {
     Knobs { rsm: 64, size: [48, 36], ..small() }
 }
 
-/// What a frame has made.
+/// Results of a frame.
 #[derive(Default)]
 struct Drawn {
     radiance: Vec<DVec3>,
     dipoles: Vec<shared::ProxyDipole>,
     inner: Vec<shared::Val>,
     caches: Vec<shared::Cache>,
-    /// Of the first part.
+    /// Medium of the first filled body.
     medium: Option<Medium>,
-    /// Of each visible vertex: its place, its references and what it gets from below.
+    /// For each visible vertex: position, references, and irradiance from below the surface.
     vertices: Vec<(DVec3, Vec<usize>, DVec3)>,
 }
 
-/// Draws a frame and reads what it has made; references are those of a scene of one model.
+/// Draws a frame and reads its results. References are only correct in a scene with one model.
 fn drawn(scene: &Scene, spacing: f64, knobs: &Knobs) -> Drawn {
     let gpu = gpu();
     let caches = baked(scene, spacing, 8);
@@ -345,7 +348,7 @@ fn lit(val: &shared::Val) -> InnerVal {
 fn dipoles_of_caches_are_the_twins_and_no_more_leaves_than_entered() {
     for path in [0.0005, 0.005, 0.05] {
         let inside = Subsurface { scale: 1.0, ..Subsurface::of_color(vec3(0.9, 0.7, 0.3), Vec3::splat(path), 1.4) };
-        // Alone: what the wall reflects enters around caches, which the twin is not told of.
+        // The ball alone. Light from the wall would enter around caches, which the twin does not include.
         let mut scene = ball(inside, wide());
         scene.instances.truncate(1);
         let Drawn { dipoles, inner, caches, vertices, medium, .. } = drawn(&scene, 0.012, &knobs());
@@ -359,11 +362,11 @@ fn dipoles_of_caches_are_the_twins_and_no_more_leaves_than_entered() {
         for ((dipole, twin), (_, area)) in dipoles.iter().zip(&twins).zip(&bodies) {
             assert_eq!({ dipole.filled }, 0);
             let irradiance = { dipole.irradiance }.as_dvec3();
-            // Reflected light of the body's own comes on top.
+            // The device's dipoles also contain light that the body reflects onto itself.
             worst = worst.max((irradiance - twin.irradiance).abs().max_element() / most);
             leaves += irradiance * *area;
         }
-        // And of dipoles at the caches irradiance at vertices.
+        // The irradiance at vertices follows from the caches' dipoles.
         let proxies: Vec<ProxyDipole> = dipoles.iter().map(proxy).collect();
         let (mut worst_vertex, mut brightest) = (0.0_f64, 0.0_f64);
         for (at, references, below) in &vertices {
@@ -376,7 +379,7 @@ fn dipoles_of_caches_are_the_twins_and_no_more_leaves_than_entered() {
         assert!(vertices.len() > 50 && worst_vertex < 1e-3 * brightest, "{worst_vertex} of {brightest}");
         let entered: DVec3 = vals.iter().map(|val| val.flux).sum();
         println!(
-            "mean free path {path} m: of each lumen inside leaves {:.3}, worst cache {worst:.1e}",
+            "mean free path {path} m: {:.3} of the light inside leaves, largest error of a cache {worst:.1e}",
             leaves / entered
         );
         assert!(worst < 1e-4, "{worst}");
@@ -405,7 +408,7 @@ fn pixels_are_what_brute_force_says() {
     }
 }
 
-/// The thesis's figures 5.36 to 5.38: dipoles against irradiance that is itself interpolated, at visible vertices.
+/// The thesis's figures 5.36 to 5.38: dipoles compared with interpolated irradiance, at visible vertices.
 #[test]
 fn dipoles_find_light_between_caches() {
     let narrow = LightKind::Spot { inner: 0.02, outer: 0.04 };
@@ -439,7 +442,7 @@ fn dipoles_find_light_between_caches() {
             }
             let [by_dipoles, directly] = errors.map(|error| (error / squares).sqrt());
             println!(
-                "{what}, mean free path {path} m, {} caches: RMSE {by_dipoles:.4} by dipoles, {directly:.4} directly",
+                "{what}, mean free path {path} m, {} caches: RMSE {by_dipoles:.4} by dipoles, {directly:.4} by interpolated irradiance",
                 caches.len()
             );
             let bound = if what == "narrow" { 1.0 } else { 1.35 };
@@ -451,7 +454,7 @@ fn dipoles_find_light_between_caches() {
 #[test]
 fn light_that_a_wall_reflects_goes_on_inside() {
     let mut scene = ball(Subsurface::preset("skin").expect("a preset"), LightKind::Spot { inner: 0.1, outer: 0.15 });
-    // Past the ball, onto the wall behind it.
+    // The light shines past the ball onto the wall behind it.
     scene.lights[0].position = dvec3(0.14, 0.1, 0.2);
     scene.lights[0].direction = Vec3::NEG_Z;
     let Drawn { inner, dipoles, caches, .. } = drawn(&scene, 0.03, &knobs());
@@ -461,7 +464,7 @@ fn light_that_a_wall_reflects_goes_on_inside() {
             dipoles.iter().zip(&caches).filter(|(d, c)| { d.filled } != HOLLOW && ({ c.normal }.z < -0.3) != front);
         own.map(|(d, _)| { d.irradiance }.x).sum()
     };
-    assert!(at(false) > 1.5 * at(true) && at(true) >= 0.0, "{} behind, {} before", at(false), at(true));
+    assert!(at(false) > 1.5 * at(true) && at(true) >= 0.0, "{} at the back, {} at the front", at(false), at(true));
 }
 
 #[test]
@@ -474,12 +477,12 @@ fn pictures_are_finite_whatever_is_inside() {
     ] {
         let inside = Subsurface { scale, ..of((1.0 - absorbed) / path, absorbed / path, g, ior) };
         let scene = ball(inside, LightKind::Point);
-        // `drawn` counts what is broken.
+        // `drawn` fails on invalid values.
         let Drawn { radiance: picture, dipoles, .. } =
             drawn(&scene, 0.03, &Knobs { size: [24, 18], rsm: 16, ..small() });
         assert!(picture.iter().all(|p| p.is_finite() && p.min_element() >= 0.0));
         assert!(dipoles.iter().all(|d| { d.irradiance }.is_finite() && { d.variance }.is_finite()));
-        assert!(dipoles.iter().any(|d| { d.filled } == HOLLOW), "the wall has caches, too");
+        assert!(dipoles.iter().any(|d| { d.filled } == HOLLOW), "the wall must have caches, too");
     }
 }
 
@@ -503,13 +506,13 @@ fn scenes_without_filled_bodies_have_no_stages_for_them() {
     assert_eq!(plan(&scene, &Knobs { gi: Gi::Off, ..knobs() }), [""; 0]);
     scene.materials[0].subsurface = None;
     assert_eq!(plan(&scene, &knobs()), [""; 0]);
-    // Without indirect light a filled body reflects as much as if light came out where it has entered.
+    // Without indirect light a filled body reflects as if light left at the point where it entered.
     scene.materials[0].fill(of(1e3, 1.0, 0.0, 1.3));
     let shot = shoot(&gpu, &scene, Some(&caches), &Knobs { gi: Gi::Off, ..knobs() });
     assert!(shot.direct.iter().any(|p| p.max_element() > 0.0));
 }
 
-/// Against walks: what is left is the dipole's own error, which grows with the mean free path.
+/// Against random walks. The remaining error is the dipole's own, which grows with the mean free path.
 #[test]
 fn pictures_are_near_the_path_tracers() {
     for (path, bound) in [(0.0003, 0.1), (0.003, 0.25)] {

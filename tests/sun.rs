@@ -1,4 +1,4 @@
-//! The sun of a sky: split off with all of its energy where there is one, and left where what is bright is a lamp.
+//! The sun of a sky: it is split off with all of its energy, but bright lamps remain in the sky.
 
 use glam::{DVec2, DVec3, Vec3, dvec3, vec3};
 use lightskin::image::read_radiance;
@@ -7,7 +7,7 @@ use lightskin::scene::{Light, LightKind, Scene, luminance};
 
 use crate::common::data;
 
-/// Where the sun of these skies is.
+/// Direction to the sun in these skies.
 const TO_SUN: DVec3 = dvec3(0.6, 0.64, -0.48);
 
 fn sky(width: u32, height: u32, turn: f64, radiance: impl Fn(DVec3) -> Vec3) -> Sky {
@@ -35,7 +35,7 @@ fn energy(light: &Light) -> DVec3 {
     light.color.as_dvec3() * f64::from(light.intensity)
 }
 
-/// The scene under a sky, its sun, and the sky that is left.
+/// The scene under a sky, its sun, and the remaining sky.
 fn under(sky: Sky) -> (Scene, Option<Light>, Sky) {
     let mut scene = Scene::default();
     let whole = sky.illuminance();
@@ -43,11 +43,11 @@ fn under(sky: Sky) -> (Scene, Option<Light>, Sky) {
     let sun = scene.lights.iter().find(|light| light.name == "sun").cloned();
     let left = scene.sky.clone().expect("a sky");
     let all = left.illuminance() + sun.as_ref().map_or(DVec3::ZERO, energy);
-    assert!((all / whole - 1.0).abs().max_element() < 1e-6, "{all} is left of {whole}");
+    assert!((all / whole - 1.0).abs().max_element() < 1e-6, "{all} instead of {whole}");
     let stand_ins: DVec3 = scene.lights[left.lights.clone()].iter().map(energy).sum();
     assert!(stand_ins.distance(left.illuminance()) < 1e-6 * whole.length(), "{stand_ins} for {}", left.illuminance());
-    assert!(!left.lights.clone().any(|light| scene.lights[light].name == "sun"), "the sun stands for itself");
-    assert_eq!(scene.behind().expect("a backdrop").texels, sky.texels, "what shows keeps its sun");
+    assert!(!left.lights.clone().any(|light| scene.lights[light].name == "sun"), "no stand-in may be the sun");
+    assert_eq!(scene.behind().expect("a backdrop").texels, sky.texels, "the backdrop must keep the sun");
     assert_eq!(sun.is_some(), left.shown.is_some());
     assert_eq!(scene.notes.len(), usize::from(sun.is_some()));
     (scene, sun, left)
@@ -56,7 +56,7 @@ fn under(sky: Sky) -> (Scene, Option<Light>, Sky) {
 #[test]
 fn a_sun_becomes_a_light_of_its_energy_beyond_the_sky() {
     let radiance = vec3(4e7, 3e7, 2e7);
-    // Also across the seam, straight up, and turned.
+    // Suns at the seam, straight up, and in a turned sky are included.
     for (to_sun, turn) in [(TO_SUN, 0.0), (dvec3(0.0, 0.3, 1.0), 0.0), (DVec3::Y, 0.0), (TO_SUN, 2.0)] {
         for radius in [0.3, 1.0, 2.3] {
             let of = |sun: Vec3| sky(1024, 512, turn, |d| sunny(d, to_sun, radius, sun));
@@ -67,7 +67,7 @@ fn a_sun_becomes_a_light_of_its_energy_beyond_the_sky() {
             assert!((energy(&sun) / expected - 1.0).abs().max_element() < 1e-5, "{} of {expected}", energy(&sun));
             let off = (-sun.direction.as_dvec3()).angle_between(to_sun.normalize()).to_degrees();
             assert!(off < 0.1, "{off} degrees off at {to_sun}, radius {radius}");
-            assert_eq!(left.texels, of(BLUE).texels, "what is left is the sky around");
+            assert_eq!(left.texels, of(BLUE).texels, "the remaining sky must be the sky around the sun");
         }
     }
 }
@@ -81,7 +81,7 @@ fn glare_stays_around_the_sun() {
     let sun = energy(&sun.expect("a sun"));
     let core = sky(1024, 512, 0.0, all).illuminance() - without.illuminance();
     let widest = left.texels.iter().map(|t| t.x).fold(0.0, f32::max);
-    println!("sun {sun}, core {core}, left at most {widest} cd/m^2");
+    println!("sun {sun}, core {core}, remaining maximum {widest} cd/m^2");
     assert!((sun / core - 1.0).abs().max_element() < 0.1, "{sun} of {core}");
     assert!(widest < 4e4, "{widest}");
 }
@@ -94,7 +94,7 @@ fn one_texel_can_be_a_sun() {
     let (_, sun, left) = under(bright);
     assert!(sun.is_some());
     assert_eq!(left.texels, Sky::even(BLUE).texels);
-    // Nothing else lights: nothing is left.
+    // If nothing else emits light, nothing remains.
     let mut alone = Sky::even(Vec3::ZERO);
     alone.texels[texel] = Vec3::ONE;
     let mut scene = Scene::default();
@@ -136,7 +136,11 @@ fn probes_lose_their_suns_alone() {
         let (whole, mean) = (luminance(sky.illuminance()), luminance(sky.illuminance()) / (4.0 * std::f64::consts::PI));
         let peak = shades(&sky);
         let (scene, sun, left) = under(sky);
-        println!("{name}: {whole:.4} lx, brightest {:.0} means, then {:.0}", peak / mean, shades(&left) / mean);
+        println!(
+            "{name}: {whole:.4} lx, brightest texel {:.0} times the mean, without the sun {:.0} times",
+            peak / mean,
+            shades(&left) / mean
+        );
         scene.notes.iter().for_each(|note| println!("  {note}"));
         assert_eq!(sun.is_some(), has_sun, "{name}");
     }

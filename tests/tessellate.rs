@@ -1,4 +1,4 @@
-//! Dividing large triangles changes how finely a surface is cut, and nothing else.
+//! Dividing large triangles refines the tessellation of a surface and changes nothing else.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3};
 use lightskin::scene::build::{CornellSurface, cornell};
@@ -6,7 +6,7 @@ use lightskin::scene::tessellate::{area, tessellate};
 use lightskin::scene::{Instance, Mesh, Primitive, Scene, Vertex};
 use std::collections::HashMap;
 
-/// Times each pair of places is an edge, whichever way round; vertices at one place count as one.
+/// Number of triangles at each edge, in either direction. Vertices at the same position count as one.
 fn edges(mesh: &Mesh) -> HashMap<[[u32; 3]; 2], usize> {
     let place = |i: u32| mesh.vertices[i as usize].position.to_array().map(f32::to_bits);
     let mut count = HashMap::new();
@@ -35,7 +35,7 @@ fn longest(scene: &Scene) -> f64 {
     longest
 }
 
-/// An octahedron, a mesh without a border, at two stretches.
+/// An octahedron, which is a closed mesh, as two instances with different scales.
 fn octahedra() -> Scene {
     let tips = [Vec3::X, Vec3::NEG_X, Vec3::Y, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
     let vertices = tips.map(|position| Vertex { position, normal: position, ..Vertex::default() }).to_vec();
@@ -60,12 +60,15 @@ fn octahedra() -> Scene {
 fn no_edge_stays_longer_and_no_crack_opens() {
     let mut scene = octahedra();
     let (before, surface) = (scene.meshes[0].triangle_count(), area(&scene));
-    assert!(edges(&scene.meshes[0]).values().all(|n| *n == 2), "the mesh is closed to begin with");
+    assert!(edges(&scene.meshes[0]).values().all(|n| *n == 2), "the mesh must be closed at the start");
     let added = tessellate(&mut scene, 0.3, 1_000_000);
     assert_eq!(scene.meshes[0].triangle_count(), before + added);
     assert!(longest(&scene) <= 0.3, "an edge of {} m is left", longest(&scene));
-    assert!(edges(&scene.meshes[0]).values().all(|n| *n == 2), "every edge still has two triangles: no T-junction");
-    assert!((area(&scene) / surface - 1.0).abs() < 1e-6, "flat triangles keep their area");
+    assert!(
+        edges(&scene.meshes[0]).values().all(|n| *n == 2),
+        "every edge must still have two triangles, without T-junctions"
+    );
+    assert!((area(&scene) / surface - 1.0).abs() < 1e-6, "flat triangles must keep their area");
     assert!(scene.meshes[0].vertices.iter().all(|v| (v.normal.length() - 1.0).abs() < 1e-5));
 }
 
@@ -87,7 +90,7 @@ fn fine_meshes_stay_as_they_are_and_materials_keep_their_triangles() {
     };
     for material in 0..coarse.materials.len() {
         let (was, is) = (surface_of(&coarse, material), surface_of(&scene, material));
-        assert!((was - is).abs() <= 1e-5 * was, "material {material}: {was} m^2 became {is}");
+        assert!((was - is).abs() <= 1e-5 * was, "material {material}: {was} m^2 became {is} m^2");
     }
 }
 

@@ -1,4 +1,4 @@
-//! Stage 8 at texel level: pixels look their caches up in cells of the models' surfaces. METHOD 5, thesis 6.1.4.
+//! Stage 8 at texel level: pixels look up their caches in cells of the models' surfaces (METHOD 5, thesis 6.1.4).
 
 use glam::{DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::CacheSet;
@@ -23,8 +23,8 @@ fn with_cells(scene: &Scene, spacing: f64) -> CacheSet {
     baked(scene, spacing, 8).with_cells(scene).expect("cells")
 }
 
-/// Both lobes of what every pixel must show: of all caches of its model, cells or not. Pixels that no cache within reach
-/// looks the same way as are left out, and counted.
+/// Expected radiance of both lobes in every pixel, from all caches of its model without cells. Pixels for which no
+/// cache within reach faces the same way are left out and counted.
 fn twins(scene: &Scene, caches: &CacheSet, shot: &Shot, scheme: Scheme) -> ([Vec<(usize, DVec3)>; 2], usize) {
     let reach = caches.cells.as_ref().expect("cells").reach;
     let eye = scene.cameras[0].world_from_camera.translation;
@@ -78,7 +78,7 @@ fn pictures_are_those_of_all_caches_within_reach() {
     }
 }
 
-/// A floor of two triangles, or of squares with this edge, before a wall on which a spot shines. Figure 6.4.
+/// A floor of two triangles, or of squares with this edge, in front of a wall that a spot lights. Figure 6.4.
 fn floor(edge: f32) -> Scene {
     let mut scene = Scene { name: "floor".into(), ..Scene::default() };
     let white = || phong([0.8, 0.8, 0.8], [0.3, 0.3, 0.3], 20.0);
@@ -110,11 +110,11 @@ fn two_triangles_are_as_good_as_many() {
         let vertex = metrics(&two_by_vertex[lobe], &many_by_vertex[lobe]).relmse;
         eprintln!("{name}: two triangles against many: relMSE {texel:.2e} at texel level, {vertex:.2e} at vertices");
         assert!(texel < 0.005, "{name}: {texel}");
-        assert!(vertex > 0.005, "{name}: vertices alone do as well: {vertex}");
+        assert!(vertex > 0.005, "{name}: vertices alone must not do as well: {vertex}");
     }
 }
 
-/// Indirect layers bit by bit, how many caches are lit, and how many pixels of surfaces find no cell.
+/// Indirect layers as raw bits, the number of lit caches, and the number of surface pixels that find no cell.
 fn layers(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> (Vec<Vec<[u32; 4]>>, u32, usize) {
     let frame = drawn(gpu, scene, caches, settings);
     let all = indirect(gpu, &frame);
@@ -158,7 +158,7 @@ fn every_pixel_finds_its_cell() {
         let settings = Knobs { size: [160, 120], rsm: 32, ..small() };
         let (_, _, lost) = layers(&gpu, &scene, &caches, &settings);
         let count: usize = caches.models.iter().map(|m| m.caches.len()).sum();
-        eprintln!("{}: rows of {}, {} bytes for each of {count} caches", scene.name, cells.row, bytes / count);
+        eprintln!("{}: rows of {}, {} bytes per cache, {count} caches", scene.name, cells.row, bytes / count);
         assert_eq!(lost, 0, "{}", scene.name);
     }
     assert_clean(&gpu);

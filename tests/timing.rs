@@ -1,4 +1,4 @@
-//! Times of frames: fetched without waiting, across wrap-arounds, in tables and traces that say the same.
+//! Frame times: read without waiting, correct across wrap-arounds, and the same in tables and traces.
 
 use crate::cli::{fails, folder, left, works};
 use crate::common::frames::{SPOT, baked, corner, small};
@@ -37,13 +37,13 @@ fn stamps_wrap_around_their_valid_bits() {
     assert_eq!(ticks_between(last, 0, bits), 1);
     assert_eq!(ticks_between(last - 9, 20, bits), 30);
     assert_eq!(ticks_between(20, last - 9, bits), -30);
-    // What stands above the valid bits means nothing.
+    // Bits above the valid bits are ignored.
     assert_eq!(ticks_between(0xdead << 40 | 7, 0xbeef << 40 | 9, bits), 2);
-    // As far as half the range.
+    // Differences of up to half the range.
     assert_eq!(ticks_between(3, 3 + (1 << 35) - 1, bits), (1 << 35) - 1);
 }
 
-/// A frame of two stages, the first with two parts.
+/// A frame of two stages. The first has two parts.
 fn draw(gpu: &Gpu, split: bool) -> lightskin::gpu::Frame {
     let frame = frame_of(gpu, split, |cmd| {
         {
@@ -80,7 +80,7 @@ fn assert_sound(times: &FrameTimes, split: bool) {
     assert!(record > 0.0 && submit > 0.0 && wait >= 0.0, "{times:?}");
     assert!(record + submit + wait <= times.cpu_span_ms() * 1.001, "{times:?}");
     let submissions = times.work.iter().filter(|(work, _)| *work == Work::Submit).count();
-    // The first stamp of a zone goes alone.
+    // The first stamp of a zone is submitted separately.
     assert_eq!(submissions, if split { 9 } else { 1 });
 }
 
@@ -114,13 +114,13 @@ fn many_frames_without_waiting_have_as_many_times() {
         }
         assert_eq!(gpu.finished_times().expect("times"), []);
     }
-    // Fetched late and together, too, and what runs in between leaves no times.
+    // Times can be read late and together. Work in between leaves no times.
     let frames: Vec<_> = (0..10).map(|_| draw(&gpu, false)).collect();
     gpu.run_once("between", |_| ()).expect("run");
     assert_sound(&gpu.times(&frames[9]).expect("times"), false);
     assert_sound(&gpu.times(&frames[0]).expect("times"), false);
     assert_eq!(gpu.finished_times().expect("times").len(), 8);
-    // A loop that never fetches keeps the last 256.
+    // A loop that never reads times keeps the last 256.
     for _ in 0..300 {
         let _ = draw(&gpu, false);
     }
@@ -152,7 +152,7 @@ fn a_queue_without_timestamps_gives_cpu_times() {
     assert_clean(&gpu);
 }
 
-/// The events of a trace, each with what a viewer needs.
+/// The events of a trace. Each must have the fields that viewers need.
 fn events(file: &std::path::Path) -> Vec<Value> {
     let text = fs::read_to_string(file).expect("a trace");
     let trace: Value = serde_json::from_str(&text).expect("JSON");
@@ -166,7 +166,7 @@ fn events(file: &std::path::Path) -> Vec<Value> {
     events
 }
 
-/// Spans of each track [ns], which nest or stand apart.
+/// Asserts that the spans [ns] of each track are nested or disjoint.
 fn assert_nested(events: &[Value]) {
     let mut tracks: BTreeMap<u64, Vec<(i64, i64, String)>> = BTreeMap::new();
     let ns = |value: &Value| (value.as_f64().expect("number") * 1e3).round() as i64;
@@ -182,13 +182,13 @@ fn assert_nested(events: &[Value]) {
             while open.last().is_some_and(|outer| outer.1 <= span.0) {
                 open.pop();
             }
-            assert!(open.last().is_none_or(|outer| span.1 <= outer.1), "{span:?} sticks out of {open:?}");
+            assert!(open.last().is_none_or(|outer| span.1 <= outer.1), "{span:?} extends beyond {open:?}");
             open.push(span);
         }
     }
 }
 
-/// On a software device each zone lies between the beginning of its submission and the end of the wait for it.
+/// Asserts that on a software device each zone lies between the start of its submission and the end of the wait for it.
 fn assert_aligned(events: &[Value]) {
     let spans = |track: u64, names: &[&str]| -> Vec<(f64, f64)> {
         let of = |e: &&Value| e["ph"] == "X" && e["tid"] == track && names.contains(&e["name"].as_str().expect("name"));
@@ -204,15 +204,15 @@ fn assert_aligned(events: &[Value]) {
     for name in ["gbuffer", "gather", "composite"] {
         for ((cpu_begin, _), (begin, end)) in spans(1, &[name]).into_iter().zip(spans(2, &[name])) {
             let submit = submits.iter().find(|s| s.0 >= cpu_begin).expect("a submission").0;
-            // The first stamp is submitted alone, and then the zone.
+            // The first stamp is submitted separately, and then the zone.
             let waited = waits.iter().filter(|w| w.0 >= submit).nth(1).expect("two waits").1;
-            // A microsecond for rounding, a hundred for clocks that run apart.
+            // Allow a microsecond for rounding and a hundred microseconds for clocks that drift apart.
             assert!(begin >= submit - 1.0 && end <= waited + 100.0, "{name}: {begin} to {end}, {submit} to {waited}");
         }
     }
 }
 
-/// Lines of a CSV file by their heading.
+/// Lines of a CSV file, with cells by heading.
 fn rows(text: &str) -> Vec<BTreeMap<String, String>> {
     let cells = |line: &str| {
         let (mut all, mut quoted) = (vec![String::new()], false);
@@ -247,7 +247,7 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
     }
     assert_eq!(left(&at), ["a.png", "t.csv", "t.json", "t.jsonl"]);
 
-    // Every stage of the plan on both tracks, once for each frame, as the command has them by default.
+    // Every stage of the command's default plan is on both tracks, once for each frame.
     let scene = gltf::load(CORNELL.as_ref()).expect("loads");
     let plan = Plan::of(&Features::new(&scene, false, false), &Settings::at(Quality::High, 60));
     let stages: Vec<_> = plan.stages().map(|stage| stage.name).collect();
@@ -277,7 +277,7 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
     let targets = counter("device memory [bytes]", "targets");
     assert!(targets > 48 * 48 * (16 + 16 + 8 + 8 + 4 + 4) && targets < 100_000_000, "{targets}");
 
-    // The same numbers in both tables.
+    // Both tables have the same numbers.
     let rows = rows(&fs::read_to_string(at.join("t.csv")).expect("CSV"));
     let text = fs::read_to_string(at.join("t.jsonl")).expect("JSON lines");
     let frames: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
@@ -309,7 +309,7 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
             assert!(frame[name].as_str().is_some_and(|text| !text.is_empty()), "{name} in {frame}");
         }
     }
-    // What the trace draws of a frame is as long as the table says.
+    // A frame is as long in the trace as in the table.
     let drawn =
         events.iter().filter(|e| e["tid"] == 2 && e["name"] == "frame").map(|e| e["dur"].as_f64().expect("dur"));
     for (us, frame) in drawn.zip(&frames) {
@@ -320,7 +320,7 @@ fn trace_csv_and_json_lines_tell_of_every_stage() {
 
 #[test]
 fn traces_name_every_pass_of_every_kind_of_frame() {
-    /// Name, world, settings, and what makes its plan one of the kind.
+    /// Name, world, settings, and a test that its plan is of the intended kind.
     type Kind<'a> = (&'a str, &'a Scene, Knobs, fn(&Plan) -> bool);
     const FRAMES: usize = 2;
     let gpu = gpu();
@@ -396,7 +396,7 @@ fn traces_name_every_pass_of_every_kind_of_frame() {
             for zones in [zones(1), zones(2)] {
                 let names: Vec<&str> = zones.iter().map(|e| e["name"].as_str().expect("a name")).collect();
                 assert_eq!(names, expected, "{kind}, frame {i}");
-                // Stamps in the wrong order would make a zone of no time at all.
+                // Stamps in the wrong order would make a zone without duration.
                 assert!(!gpu.is_software() || zones.iter().all(|e| e["dur"].as_f64() > Some(0.0)), "{kind}: {zones:?}");
             }
         }

@@ -1,4 +1,5 @@
-//! Several views of one world: each picture is, bit by bit, that of a frame of its own, and their light is made once.
+//! Several views of one world: each picture equals that of a separate frame, bit by bit, and the light is computed
+//! once.
 
 use lightskin::bake::CacheSet;
 use lightskin::frame::plan::STAGES;
@@ -18,17 +19,17 @@ use crate::moving::{bend, world as moving_world};
 use glam::{Vec3, dvec3, vec3};
 use std::ops::Range;
 
-/// Two pictures of unlike sizes.
+/// Two pictures of different sizes.
 const SIZES: [[u32; 2]; 2] = [[40, 28], [24, 36]];
 
-/// All caches lit, and the exposure measured.
+/// Lights all caches and measures the exposure.
 pub(crate) fn plain() -> Knobs {
     Knobs { exposure: Exposure::Automatic, ..small() }
 }
 
 const CLUSTERS: Path = Path::Clusters(ClusterRule::Distance(4.0));
 
-/// All layers of a picture, bit by bit.
+/// All layers of a picture as raw bits.
 fn layers(gpu: &Gpu, picture: &Picture) -> Vec<Vec<u32>> {
     let Picture { surface, indirect, output, .. } = picture;
     let mut images: Vec<&Image> = vec![&surface.radiance, &surface.normal, &output.picture];
@@ -38,10 +39,10 @@ fn layers(gpu: &Gpu, picture: &Picture) -> Vec<Vec<u32>> {
     all
 }
 
-/// A light and pictures of as many of a scene's cameras.
+/// A light, and pictures of several cameras of a scene.
 struct Views {
     light: Light,
-    /// With the number of its camera.
+    /// Each picture with the number of its camera.
     pictures: Vec<(usize, Picture)>,
 }
 
@@ -52,7 +53,7 @@ impl Views {
         Self { pictures: cameras.iter().map(picture).collect(), light }
     }
 
-    /// Draws a frame; gives the names of its zones.
+    /// Draws a frame and returns the names of its zones.
     fn draw(&mut self, gpu: &Gpu, scene: &Scene, world: &World, knobs: &Knobs) -> Vec<String> {
         let drawn = gpu.frame(|cmd| {
             let view = |i: usize| View::new(&scene.cameras[i], SIZES[i], world.origin, world.radius);
@@ -66,16 +67,16 @@ impl Views {
     }
 }
 
-/// Draws two views together, and each alone; gives how many caches were lit: by both, by each.
+/// Draws two views together and each separately. Returns the numbers of lit caches: for both views, and for each.
 pub(crate) fn compare(gpu: &Gpu, scene: &Scene, caches: &CacheSet, knobs: &Knobs) -> [u32; 3] {
     let world = World::new(gpu, scene, Some(caches)).expect("uploaded");
     let mut both = Views::new(gpu, scene, &world, knobs, &[0, 1]);
-    // A second frame is as good as the first: nothing of that is left.
+    // Draw two frames: the second must not depend on the first.
     for _ in 0..2 {
         let zones = both.draw(gpu, scene, &world, knobs);
         let planned: Vec<_> = both.light.plan.stages().map(|stage| stage.name).collect();
         let stages: Vec<_> = zones.iter().filter(|zone| STAGES.iter().any(|stage| stage.name == **zone)).collect();
-        assert_eq!(stages, planned, "every stage is one zone, however many views: {knobs:?}");
+        assert_eq!(stages, planned, "every stage must be one zone for any number of views: {knobs:?}");
     }
     let mut lit = [both.light.counts(gpu).expect("counts").caches; 3];
     for (i, (camera, picture)) in both.pictures.iter().enumerate() {
@@ -85,7 +86,7 @@ pub(crate) fn compare(gpu: &Gpu, scene: &Scene, caches: &CacheSet, knobs: &Knobs
         for (layer, (a, b)) in together.iter().zip(&alone_).enumerate() {
             assert!(a == b, "layer {layer} of view {i} differs from its own frame's: {knobs:?}");
         }
-        assert!(together[3].iter().any(|bits| *bits != 0), "there is indirect light: {knobs:?}");
+        assert!(together[3].iter().any(|bits| *bits != 0), "there must be indirect light: {knobs:?}");
         lit[1 + i] = alone.light.counts(gpu).expect("counts").caches;
     }
     lit
@@ -140,7 +141,8 @@ fn views_without_indirect_light_and_with_all_of_it_by_brute_force_are_their_own_
     compare(&gpu, &scene, &caches, &Knobs { gi: Gi::BruteForce, ..plain() });
 }
 
-/// Brute force in three frames of some rows each gives the bits of one frame: with edges, layers and light inside bodies.
+/// Brute force in three frames of some rows each gives the same bits as one frame. This includes edges, layers and
+/// light inside bodies.
 #[test]
 fn brute_force_by_rows_is_one_frame() {
     let gpu = gpu();
@@ -169,14 +171,13 @@ fn brute_force_by_rows_is_one_frame() {
             };
             let whole = drawn(std::slice::from_ref(&(0..u32::MAX)));
             assert!(whole == drawn(&[0..5, 5..6, 6..40]), "{knobs:?}");
-            assert!(whole[3].iter().any(|bits| *bits != 0), "there is indirect light");
+            assert!(whole[3].iter().any(|bits| *bits != 0), "there must be indirect light");
         }
     }
     assert_clean(&gpu);
 }
 
-/// What stands still is left out of frames of two views as of those of one: of moving cameras, moving lights, and a view that
-/// is minimised for a while.
+/// Frames of two views skip unchanged stages like frames of one view, with moving cameras, lights and bodies.
 #[test]
 fn of_two_views_nothing_is_ever_stale() {
     let gpu = gpu();
@@ -200,7 +201,7 @@ fn of_two_views_nothing_is_ever_stale() {
                 2 => scene.cameras[0].world_from_camera.translation.y -= 0.05,
                 3 => bend(&mut scene, 0.1 * f64::from(step), 0.2),
                 4 => scene.lights[0].position.x += 0.1,
-                // 5 and 0: nothing moves.
+                // Nothing moves in steps 5 and 0.
                 6 => scene.cameras.iter_mut().for_each(|camera| camera.world_from_camera.translation.z += 0.03),
                 _ => {}
             }
@@ -218,7 +219,7 @@ fn of_two_views_nothing_is_ever_stale() {
                 let mut alone = Views::new(&gpu, &scene, &world, &knobs, &[*camera]);
                 alone.draw(&gpu, &scene, &world, &knobs);
                 let [together, alone] = [picture, &alone.pictures[0].1].map(|picture| layers(&gpu, picture));
-                assert!(together == alone, "step {step}: view {camera} is not what its own frame would be");
+                assert!(together == alone, "step {step}: view {camera} differs from its own frame");
             }
         }
     }
@@ -235,7 +236,7 @@ fn a_view_that_is_minimised_leaves_the_other_alone() {
     let mut both = Views::new(&gpu, &scene, &world, &knobs, &[0, 1]);
     both.draw(&gpu, &scene, &world, &knobs);
     let whole: Vec<_> = both.pictures.iter().map(|(_, picture)| layers(&gpu, picture)).collect();
-    // A frame of no pixels does nothing, and is no reason for the next to do less.
+    // A frame without pixels does nothing, and the next frame must still be complete.
     for minimised in [vec![0], vec![1], vec![0, 1]] {
         let Views { light, pictures } = &mut both;
         for &i in &minimised {

@@ -1,4 +1,4 @@
-//! Scenes made in code move as they say.
+//! Scenes made in code move as specified.
 
 use super::placed;
 use glam::{DQuat, DVec3};
@@ -24,7 +24,7 @@ fn a_crowd_sways_out_of_step() {
     for frame in 0..10 {
         scene.pose(0, 0.1 * f64::from(frame));
     }
-    println!("{:.2} ms for a pose of 1000 skeletons", begin.elapsed().as_secs_f64() * 100.0);
+    println!("{:.2} ms to pose 1000 skeletons", begin.elapsed().as_secs_f64() * 100.0);
     assert!(!leaves(&scene));
     let tip = |i: usize| {
         let instance = &scene.instances[i];
@@ -52,7 +52,7 @@ fn everything_in_the_moving_room_moves() {
     let turned = DQuat::from_rotation_y(std::f64::consts::FRAC_PI_2) * DQuat::from_rotation_x(0.6);
     let found = scene.instances[block].world_from_model.matrix3;
     assert!(found.abs_diff_eq(glam::DMat3::from_quat(turned), 1e-6), "{found}");
-    // Half as much of the target is 1.35 times as high.
+    // With half of the morph target, the height is 1.35 times as large.
     let high = placed(&scene, &scene.instances[ball]).0.iter().map(|p| p.y).fold(0.0, f64::max);
     assert!((high - 0.35 - 0.2 * 1.35).abs() < 1e-6, "{high}");
     for time in [0.3, 1.7, 2.9, 4.0] {

@@ -1,4 +1,4 @@
-//! Small files written here: pointers, visibility, instances, shared skeletons, degenerate poses.
+//! Small files written here: animation pointers, visibility, instances, shared skeletons, degenerate poses.
 
 use crate::common::Builder;
 use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3, Vec4};
@@ -8,7 +8,7 @@ use lightskin::scene::{LightKind, Projection, Scene};
 use serde_json::{Value, json};
 
 impl Builder {
-    /// Keys of an animation.
+    /// Adds an accessor with key times and returns its index.
     pub(super) fn times(&mut self, times: &[f32]) -> usize {
         let accessor = self.floats("SCALAR", times);
         let bounds = (times.first().copied().unwrap_or(0.0), times.last().copied().unwrap_or(0.0));
@@ -104,7 +104,7 @@ fn pointers_set_what_they_name() {
     assert!(scene.notes.iter().any(|n| n.contains("occlusionTexture/strength")), "{:?}", scene.notes);
     let fresh = format!("{:?}{:?}{:?}", scene.materials, scene.lights, scene.cameras);
     scene.pose(0, 0.5);
-    // The light stands at two nodes.
+    // Two nodes refer to this light.
     for light in [&scene.lights[0], &scene.lights[2]] {
         assert_eq!((light.color, light.intensity, light.range), (Vec3::new(0.5, 0.25, 0.125), 4.0, Some(3.0)));
         let LightKind::Spot { inner, outer } = light.kind else { panic!("is a spot light") };
@@ -119,7 +119,7 @@ fn pointers_set_what_they_name() {
     assert_eq!((material.normal_scale, material.ior, material.specular), (1.5, 1.5, 0.5));
     assert_eq!(material.specular_color, Vec3::new(1.0, 0.5, 0.25));
     let texture = material.base_color_texture.expect("has one").transform;
-    // A quarter turn takes u, twice as large, to -v; offset in the middle.
+    // Scaled by two and turned by a quarter, u becomes -v. The offset is halfway.
     assert!((texture.transform_point2(Vec2::new(1.0, 0.0)) - Vec2::new(0.5, 1.0 - 2.0)).length() < 1e-6, "{texture:?}");
     assert_eq!(scene.cameras[0].projection, Projection::Perspective { yfov: 1.0 });
     assert_eq!(scene.cameras[1].projection, Projection::Orthographic { ymag: 2.0 });
@@ -153,7 +153,7 @@ fn hidden_nodes_hide_what_is_below_them() {
     assert!(b.error("hidden").contains("needs STEP"));
 }
 
-/// A triangle drawn three times by one node.
+/// A triangle that one node draws three times.
 fn instanced() -> Builder {
     let mut b = Builder::triangle();
     let translation = b.floats("VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 2.0, 0.0]);
@@ -198,7 +198,8 @@ fn instances_of_a_node_share_its_mesh_and_move_with_it() {
     }
 }
 
-/// A strip of two triangles on two joints, drawn by `count` nodes that have a skeleton each; skeletons stand apart.
+/// A strip of two triangles with two joints. Each of `count` nodes draws it with its own skeleton; the skeletons stand
+/// apart.
 fn crowd(count: usize, scale: impl Fn(usize) -> f64, far: f64) -> Builder {
     let mut b = Builder::new();
     b.attribute("POSITION", "VEC3", &[0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0]);
@@ -243,13 +244,13 @@ fn a_crowd_has_one_mesh_and_a_pose_each() {
         let top = scene.meshes[0].posed(pose)[3];
         assert!(top.position.distance(Vec3::new(1.0, 1.0 + up, 0.0)) < 1e-4, "{i}: {}", top.position);
         assert!((instance.world_from_model.translation - DVec3::new(3.0 * i as f64, 0.0, 0.0)).length() < 1e-9);
-        // The other side faces the other way.
+        // The back side faces the opposite way.
         assert_eq!((top.normal, scene.meshes[0].posed(pose)[7].normal), (Vec3::Z, Vec3::NEG_Z));
     }
     let caches = bake(&scene, &BakeSettings { density: Density::Count(4000), angle: 0.8, references: 8 }, &|_, _| {});
     let caches = caches.expect("bakes");
     assert_eq!(caches.models.len(), 1);
-    // By distance alone, those of the other side farther by a spacing.
+    // References are chosen by distance alone, with one spacing added for caches on the opposite side.
     let model = &caches.models[0];
     for (vertex, references) in scene.meshes[0].vertices.iter().zip(model.references.chunks_exact(8)) {
         let far = |cache: &Cache| {
@@ -263,14 +264,14 @@ fn a_crowd_has_one_mesh_and_a_pose_each() {
             assert!((far(cache) - nearest).abs() < 1e-5);
         }
     }
-    // Sizes an octave apart are different meshes to the bake, a tenth is not.
+    // The bake treats sizes an octave apart as different meshes, but not sizes that differ by a tenth.
     assert_eq!(crowd(4, |i| 1.0 + 0.03 * i as f64, 0.0).load("crowd").expect("is valid").meshes.len(), 1);
     assert_eq!(crowd(4, |i| f64::from(1 << i), 0.0).load("crowd").expect("is valid").meshes.len(), 4);
 }
 
 #[test]
 fn skins_far_away_lose_nothing() {
-    // Not a number that single precision has.
+    // This number has no exact f32 representation.
     let far = 1e7 / 3.0;
     let mut near = crowd(1, |_| 1.0, 0.0).load("near").expect("is valid");
     let mut away = crowd(1, |_| 1.0, far).load("away").expect("is valid");
@@ -283,7 +284,7 @@ fn skins_far_away_lose_nothing() {
     }
 }
 
-/// Scale 0 at rest, for a node and for a joint: there is nothing to see yet, and nothing becomes NaN.
+/// A node and a joint with scale 0 at rest. Nothing is visible at first, and nothing becomes NaN.
 #[test]
 fn what_has_no_volume_at_rest_may_get_one() {
     let grow = [0.0, 0.0, 0.0, 2.0, 2.0, 2.0];
@@ -294,7 +295,7 @@ fn what_has_no_volume_at_rest_may_get_one() {
     let mut skinned = crowd(1, |_| 0.0, 0.0);
     skinned.channel(json!({"node": 0, "path": "scale"}), &[0.0, 1.0], "VEC3", &grow);
     for (mut builder, bends) in [(rigid, false), (skinned, true)] {
-        // Something else to see.
+        // The scene needs some other visible triangle.
         let plain = json!({"primitives": [{"attributes": {"POSITION": 0}, "indices": builder.primitive()["indices"]}]});
         let mesh = builder.push("meshes", plain);
         let node = builder.push("nodes", json!({"mesh": mesh, "translation": [0, 0, -5]}));
@@ -316,7 +317,7 @@ fn what_has_no_volume_at_rest_may_get_one() {
             let frozen = scene.frozen();
             let world = World::new(&frozen);
             let hit = world.nearest(DVec3::new(0.2, 0.2, 1.0), DVec3::NEG_Z, Sides::Both);
-            let hit = hit.expect("the one behind is always there");
+            let hit = hit.expect("the triangle behind is always there");
             assert_eq!(hit.instance, usize::from(time == 0.0), "at {time} s");
             let surface = world.surface(&hit);
             assert!(surface.normal.is_finite() && surface.position.is_finite(), "{surface:?}");
@@ -328,7 +329,7 @@ fn what_has_no_volume_at_rest_may_get_one() {
 fn cubic_splines_and_steps_are_those_of_the_specification() {
     let mut b = Builder::triangle();
     let input = b.times(&[1.0, 3.0]);
-    // In-tangent, value, out-tangent of two keys.
+    // In-tangent, value and out-tangent of each of the two keys.
     let output = b.floats(
         "VEC3",
         &[
@@ -344,9 +345,9 @@ fn cubic_splines_and_steps_are_those_of_the_specification() {
     let mut scene = b.load("spline").expect("is valid");
     assert_eq!(scene.animations().next(), Some(("Play", 1.0, 3.0)));
     scene.pose(0, 2.0);
-    // Halfway: half of the values, an eighth of the span times the difference of tangents.
+    // Halfway: half of the sum of the values, plus an eighth of the span times the difference of the tangents.
     let translation = DVec3::new(2.0 + 0.25, -0.75, 0.0);
-    // A turn and its negative are one: the short way is none at all.
+    // A quaternion and its negative are the same rotation, so the shortest path between them is no rotation.
     let wanted = DAffine3::from_scale_rotation_translation(DVec3::ONE, DQuat::IDENTITY, translation);
     assert!(scene.instances[0].world_from_model.abs_diff_eq(wanted, 1e-12), "{:?}", scene.instances[0]);
     scene.pose(0, 99.0);

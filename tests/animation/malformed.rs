@@ -1,10 +1,10 @@
-//! Faults of animations end in one line that names the place.
+//! Errors in animations end in one line that names the place.
 
 use crate::common::{Builder, data, gltf_files, one_line};
 use lightskin::scene::gltf;
 use serde_json::{Value, json};
 
-/// A triangle that moves, and is morphed by one target.
+/// A moving triangle with one morph target.
 fn moving() -> Builder {
     let mut b = Builder::triangle();
     let target = b.floats("VEC3", &[0.0; 9]);
@@ -91,7 +91,7 @@ fn numbers_of_keys_are_checked() {
     check(6, 1, f32::NAN, "element 1 is not finite");
 }
 
-/// What the reference validator finds wrong in an animation, the loader does, too.
+/// The loader finds every error in animations that the reference validator reports.
 #[test]
 fn what_the_validator_finds_in_animations_is_refused() {
     let Some(data) = data() else { return };
@@ -110,7 +110,7 @@ fn what_the_validator_finds_in_animations_is_refused() {
             seen += 1;
             let message = one_line(gltf::load(&path).expect_err("is malformed"));
             println!("{}: {message}", fault["code"]);
-            // They draw nothing, so all are refused: what counts is for what.
+            // These files draw nothing, so each is refused anyway. The reason must be the animation.
             assert!(!message.contains("no triangles to draw"), "{}: {message}", fault["code"]);
         }
     }

@@ -1,18 +1,18 @@
-//! A second reader of animated files, in f64 and by other means than the engine's: matrices written out, keys searched one
-//! by one.
+//! A second reader of animated files, in f64. Its methods differ from the engine's: it writes out matrices and searches
+//! keys linearly.
 
 use base64::Engine;
 use glam::{DMat3, DMat4, DVec3, DVec4};
 use serde_json::Value;
 use std::path::Path;
 
-/// A file's JSON and its buffers.
+/// JSON and buffers of a file.
 pub(super) struct File {
     json: Value,
     buffers: Vec<Vec<u8>>,
 }
 
-/// A drawn triangle: corners in the world, and their unit normals where the file has any.
+/// A drawn triangle: world-space corners, and their unit normals if the file has normals.
 pub(super) type Triangle = ([DVec3; 3], Option<[DVec3; 3]>);
 
 struct Node {
@@ -52,7 +52,7 @@ impl File {
         self.list("animations").len()
     }
 
-    /// All elements of an accessor.
+    /// Reads all elements of an accessor.
     fn read(&self, index: u64) -> Vec<Vec<f64>> {
         let accessor = &self.json["accessors"][index as usize];
         let width = match accessor["type"].as_str().expect("has a type") {
@@ -107,7 +107,7 @@ impl File {
         (0..count).map(|i| (0..width).map(|c| component(i * stride + c * size)).collect()).collect()
     }
 
-    /// First and last time of an animation.
+    /// First and last key time of an animation.
     pub(super) fn span(&self, animation: usize) -> (f64, f64) {
         let samplers = self.json["animations"][animation]["samplers"].as_array().expect("has samplers");
         let times = samplers.iter().flat_map(|s| self.read(s["input"].as_u64().expect("has one"))).flatten();
@@ -129,7 +129,7 @@ impl File {
         self.list("nodes").iter().map(node).collect()
     }
 
-    /// Everything that is drawn at a time, by node that draws; at rest without an animation.
+    /// All drawn triangles at a time, grouped by the node that draws them. Without an animation, the rest pose.
     pub(super) fn drawn(&self, played: Option<(usize, f64)>) -> Vec<Vec<Triangle>> {
         let mut nodes = self.nodes();
         if let Some((animation, time)) = played {
@@ -217,7 +217,7 @@ impl File {
                         }
                     }
                 }
-                // Shares of a vertex sum to what the file says, up to rounding: the last row tells.
+                // The stored weights of a vertex sum to 1 only approximately. The matrix's last row holds their sum.
                 places.iter_mut().for_each(|place| *place *= 1.0 / place.w_axis.w);
             }
             let placed: Vec<DVec3> =
@@ -291,7 +291,7 @@ impl File {
             }
             "LINEAR" => from.iter().zip(to).map(|(a, b)| a + (b - a) * t).collect(),
             _ => {
-                // The cubic by its four coefficients.
+                // The cubic polynomial by its four coefficients.
                 let (m, n) = (part(key, 2), part(key + 1, 0));
                 let hermite = |i: usize| {
                     let (p, q, m, n) = (from[i], to[i], m[i] * span, n[i] * span);

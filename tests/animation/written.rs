@@ -1,4 +1,4 @@
-//! Scenes that move stand after writing and loading where they stood before, at any time.
+//! Animated scenes have the same poses after writing and loading, at any time.
 
 use super::second::File;
 use super::{animated, placed};
@@ -16,7 +16,7 @@ fn scratch(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_TARGET_TMPDIR")).join(format!("written-{name}.glb"))
 }
 
-/// The scene after writing and loading, and the file's bytes, which are the same twice.
+/// Writes the scene twice and loads it. Returns the loaded scene and the file's bytes, which must be equal both times.
 fn again(scene: &Scene, name: &str) -> (Scene, Vec<u8>) {
     let [first, second] = ["", "-twice"].map(|run| {
         let path = scratch(&format!("{name}{run}"));
@@ -24,12 +24,12 @@ fn again(scene: &Scene, name: &str) -> (Scene, Vec<u8>) {
         path
     });
     let bytes = std::fs::read(&first).expect("is there");
-    assert!(bytes == std::fs::read(second).expect("is there"), "{name}: the same every time");
+    assert!(bytes == std::fs::read(second).expect("is there"), "{name}: written twice, the files differ");
     (gltf::load(&first).unwrap_or_else(|error| panic!("{name}: {error}")), bytes)
 }
 
-/// Largest distance of two scenes, as a share of their size: vertices of what is shown, lights, cameras. What has names is
-/// found by these.
+/// Largest difference of two scenes, as a fraction of their size: vertices of visible instances, lights, cameras. Items
+/// with names are matched by name.
 fn apart(a: &Scene, b: &Scene, size: f64) -> f64 {
     let shown = |scene: &Scene| -> Vec<Instance> {
         let mut shown: Vec<_> = scene.instances.iter().filter(|i| !i.hidden).cloned().collect();
@@ -55,7 +55,7 @@ fn apart(a: &Scene, b: &Scene, size: f64) -> f64 {
     for (i, j) in lights_a.iter().zip(&lights_b) {
         assert_eq!((i.kind, i.color, i.range), (j.kind, j.color, j.range), "{}", i.name);
         assert!((i.intensity - j.intensity).abs() <= 1e-6 * i.intensity, "{}", i.name);
-        // Where the light of parallel rays stands and where a bare bulb points says nothing.
+        // A directional light's position and a point light's direction have no meaning.
         if i.kind != lightskin::scene::LightKind::Directional {
             off = off.max(i.position.distance(j.position) / size);
         }
@@ -75,7 +75,8 @@ fn apart(a: &Scene, b: &Scene, size: f64) -> f64 {
     off
 }
 
-/// Writes, loads and compares at rest and at times of all animations; returns what is loaded, the bytes, and how far apart.
+/// Writes and loads a scene, and compares both at rest and during all animations. Returns the loaded scene, the file's
+/// bytes and the largest difference.
 fn compare(scene: &mut Scene, name: &str) -> (Scene, Vec<u8>, f64) {
     let (low, high) = scene.bounds().expect("is not empty");
     let size = low.distance(high);
@@ -101,9 +102,9 @@ fn compare(scene: &mut Scene, name: &str) -> (Scene, Vec<u8>, f64) {
 fn the_moving_room_and_the_crowd_move_as_before() {
     let mut crowd = crowd(1000);
     let (loaded, bytes, off) = compare(&mut crowd, "crowd");
-    println!("crowd of 1000: {} bytes, off by {off:.1e} of the size", bytes.len());
+    println!("crowd of 1000: {} bytes, largest difference {off:.1e} of the size", bytes.len());
     assert!(bytes.len() < 3_000_000 && off < 1e-5);
-    // One mesh, a pose each, one bake.
+    // All crowd members share one mesh and one bake; each has its own pose.
     assert_eq!((loaded.meshes.len(), loaded.instances.len()), (2, 1001));
     assert_eq!(loaded.meshes.iter().filter(|mesh| mesh.deform.is_some()).count(), 1);
     assert_eq!(loaded.instances.iter().filter(|instance| instance.pose.is_some()).count(), 1000);
@@ -111,20 +112,20 @@ fn the_moving_room_and_the_crowd_move_as_before() {
     assert_eq!(bake(&loaded, &settings, &|_, _| {}).expect("bakes").models.len(), 2);
     let file = ::gltf::Gltf::from_slice(&bytes).expect("is valid glTF");
     assert_eq!((file.skins().count(), file.animations().count()), (1000, 1));
-    // All channels are keyed at the same times, and all skins bind alike.
+    // All channels share one set of key times, and all skins share their bind matrices.
     let inputs = file.animations().flat_map(|a| a.samplers().map(|s| s.input().index()).collect::<Vec<_>>());
     assert_eq!(inputs.collect::<std::collections::BTreeSet<_>>().len(), 1);
 
     let mut room = moving(0.25);
     let (mut loaded, bytes, off) = compare(&mut room, "moving");
-    println!("moving room: {} bytes, off by {off:.1e} of the size", bytes.len());
+    println!("moving room: {} bytes, largest difference {off:.1e} of the size", bytes.len());
     assert!(off < 1e-5);
     assert_eq!(loaded.meshes.iter().filter(|mesh| mesh.deform.is_some()).count(), 2);
     let valid = ::gltf::Gltf::from_slice(&bytes).expect("is valid glTF");
     let channels: usize = valid.animations().map(|animation| animation.channels().count()).sum();
     assert_eq!((channels, valid.skins().count()), (12, 1));
 
-    // A reader of its own finds the triangles where the scene has them.
+    // The second reader finds the triangles where the scene has them.
     let file = File::open(&scratch("moving"));
     for time in [0.0, 0.6, 1.3, 3.9] {
         room.pose(0, time);
@@ -140,7 +141,7 @@ fn the_moving_room_and_the_crowd_move_as_before() {
         }
     }
 
-    // Written while it stands in some pose, it is the same file; what is loaded stands elsewhere at another time.
+    // A scene written in some pose gives the same file. The loaded scene has a different pose at a different time.
     room.pose(0, 1.3);
     loaded.pose(0, 1.4);
     assert!(apart(&room, &loaded, 2.0) > 1e-3);
@@ -154,7 +155,7 @@ fn animated_files_move_as_before() {
     let mut written = 0;
     for path in animated(&data) {
         let mut scene = gltf::load(&path).expect("is valid");
-        // Images are not written; what they cover moves all the same.
+        // Images are not written. The scene moves the same without them.
         scene.images.clear();
         scene.materials.iter_mut().flat_map(|m| m.textures_mut()).for_each(|texture| *texture = None);
         let name = path.file_stem().expect("has a name").to_string_lossy().into_owned();
@@ -169,7 +170,7 @@ fn animated_files_move_as_before() {
             continue;
         }
         let (_, bytes, off) = compare(&mut scene, &name);
-        println!("{name}: {} bytes, off by {off:.1e} of the size", bytes.len());
+        println!("{name}: {} bytes, largest difference {off:.1e} of the size", bytes.len());
         assert!(off < 1e-5, "{name}: {off}");
         written += 1;
     }
@@ -177,7 +178,7 @@ fn animated_files_move_as_before() {
     assert!(written >= 20, "{written}");
 }
 
-/// A triangle that another triangle hides below it, a light and a camera on one node, and what pointers set of them.
+/// A triangle, a hidden triangle as its child, and a node with a light and a camera. Pointers animate their properties.
 #[test]
 fn what_pointers_set_is_set_as_before() {
     let mut b = Builder::triangle();
@@ -260,7 +261,7 @@ fn what_gltf_cannot_say_is_refused() {
     let mut stiff = moving(0.5);
     stiff.instances[3].pose = None;
     refused(&stiff, "or neither of them");
-    // Without joints a pose needs no rig.
+    // A pose without joints needs no rig.
     let mut still = moving(0.5);
     still.rig = None;
     still.instances.remove(2);

@@ -1,10 +1,10 @@
-//! Meshes to place caches on.
+//! Meshes on which the tests place caches.
 
 use glam::DVec3;
 use lightskin::scene::{Mesh, Vertex};
 use std::f64::consts::{PI, TAU};
 
-/// Numbers in [0, 1), the same in every run (splitmix64).
+/// Pseudorandom numbers in [0, 1), the same in every run (splitmix64).
 pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
@@ -16,13 +16,13 @@ impl Random {
         ((x ^ x >> 31) >> 11) as f64 / (1u64 << 53) as f64
     }
 
-    /// A point in the unit cube.
+    /// A random point in the unit cube.
     pub(crate) fn point(&mut self) -> DVec3 {
         DVec3::new(self.next(), self.next(), self.next())
     }
 }
 
-/// Triangles with their own corners and their geometric normals.
+/// Triangles that share no corners, with geometric normals.
 pub(super) fn flat_mesh(triangles: &[[DVec3; 3]]) -> Mesh {
     let corners = |[a, b, c]: &[DVec3; 3]| {
         let normal = (*b - *a).cross(*c - *a).normalize_or_zero().as_vec3();
@@ -32,7 +32,7 @@ pub(super) fn flat_mesh(triangles: &[[DVec3; 3]]) -> Mesh {
     Mesh { name: "flat".into(), indices: (0..vertices.len() as u32).collect(), vertices, ..Mesh::default() }
 }
 
-/// A grid of quads over the unit square under a map to position and normal.
+/// A grid of quads over the unit square. `map` gives position and normal of each grid point.
 pub(super) fn grid_mesh(columns: usize, rows: usize, map: impl Fn(f64, f64) -> (DVec3, DVec3)) -> Mesh {
     let mut mesh = Mesh { name: "grid".into(), ..Default::default() };
     for row in 0..=rows {
@@ -51,7 +51,7 @@ pub(super) fn grid_mesh(columns: usize, rows: usize, map: impl Fn(f64, f64) -> (
     mesh
 }
 
-/// A closed box from the origin to `size`, its faces cut into `cuts` x `cuts` quads, normals outwards.
+/// A closed box from the origin to `size` with outward normals. Each face is divided into `cuts` x `cuts` quads.
 pub(super) fn box_mesh(size: DVec3, cuts: usize) -> Mesh {
     let mut mesh = Mesh { name: "box".into(), ..Default::default() };
     for axis in 0..3 {

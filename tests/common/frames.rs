@@ -1,4 +1,4 @@
-//! Small worlds, whole frames of them, and what the device made on the way, as the references read it.
+//! Small worlds, whole frames of them, and the device's intermediate results in the form that the references use.
 
 use lightskin::bake::CacheSet;
 use lightskin::frame::{View, World};
@@ -9,13 +9,13 @@ use lightskin::scene::Scene;
 pub(crate) use lightskin::lab::shot::{PixelSurface, Shot, reflection, seen, sent_on, small, triangles};
 pub(crate) use lightskin::lab::worlds::{SPOT, add, camera, corner, lamp, phong, placed};
 
-/// Caches this far apart [m].
+/// Bakes caches with this spacing [m].
 pub(crate) fn baked(scene: &Scene, spacing: f64, references: usize) -> CacheSet {
     lightskin::lab::worlds::baked(scene, spacing, references).expect("bakes")
 }
 
-/// Draws one frame from the scene's first camera, fails if validation, the barrier check or the check for broken values
-/// say anything, and reads it back.
+/// Draws one frame from the scene's first camera and reads it back. Fails on any message of the validation layer, the
+/// barrier check or the check for invalid values.
 #[track_caller]
 pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, settings: &Knobs) -> Shot {
     let shot = lightskin::lab::shot::shoot(gpu, scene, caches, settings).expect("drawn");
@@ -24,14 +24,15 @@ pub(crate) fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, setting
     shot
 }
 
-/// Draws one frame from the scene's first camera, fails if the barrier check says anything, and keeps what it wrote.
+/// Draws one frame from the scene's first camera and returns it on the device. Fails on any message of the barrier
+/// check.
 #[track_caller]
 pub(crate) fn drawn(gpu: &Gpu, scene: &Scene, caches: &CacheSet, settings: &Knobs) -> Frame {
     let world = World::new(gpu, scene, Some(caches)).expect("upload");
     drawn_of(gpu, scene, &world, settings)
 }
 
-/// The same of a world that is there.
+/// Like `drawn`, for an uploaded world.
 #[track_caller]
 pub(crate) fn drawn_of(gpu: &Gpu, scene: &Scene, world: &World, settings: &Knobs) -> Frame {
     let mut frame = Frame::new(gpu, scene, world, settings).expect("made");
@@ -44,7 +45,7 @@ pub(crate) fn drawn_of(gpu: &Gpu, scene: &Scene, world: &World, settings: &Knobs
     frame
 }
 
-/// Both indirect layers, bit by bit.
+/// Both indirect layers as raw bits.
 pub(crate) fn indirect(gpu: &Gpu, frame: &Frame) -> Vec<Vec<[u32; 4]>> {
     let indirect = frame.picture.indirect.as_ref().expect("indirect light");
     let images = [&indirect.diffuse].into_iter().chain(&indirect.glossy);

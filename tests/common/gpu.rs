@@ -1,4 +1,4 @@
-//! A checked device, and GLSL expressions evaluated on it.
+//! A device with all checks, and GLSL expressions evaluated on it.
 
 use std::ops::Deref;
 use std::path::Path;
@@ -7,14 +7,14 @@ use std::sync::{LazyLock, Mutex, MutexGuard, OnceLock};
 
 use lightskin::gpu::{Cmd, Frame, Gpu, Options, Validation};
 
-/// Set where a test runs in a process of its own.
+/// Environment variable that is set in a test that runs in its own process.
 const APART: &str = "LIGHTSKIN_TEST_APART";
 
-/// Runs the test that calls it in a process of its own; says whether it has run there, and its caller is not to go on.
+/// Runs the calling test in its own process. Returns true if the test has run there, so that the caller must return.
 ///
-/// The validation layer of Debian 12 finds the data of a device in a map without a lock: while one thread opens or closes a
-/// device, no other may call Vulkan at all, or one of them jumps to address 0 now and then. So tests share devices that
-/// stay open, and those that open and close their own do so apart.
+/// The validation layer of Debian 12 looks up a device's data in a map without a lock. While one thread opens or closes
+/// a device, no other thread may call Vulkan; otherwise one of them occasionally jumps to address 0. Most tests
+/// therefore share devices that stay open, and tests that open their own device run in their own process.
 pub(crate) fn apart() -> bool {
     let name = std::thread::current().name().unwrap_or("main").to_owned();
     if is_apart() || name == "main" {
@@ -35,7 +35,7 @@ fn is_apart() -> bool {
     std::env::var_os(APART).is_some() || std::thread::current().name().is_none_or(|name| name == "main")
 }
 
-/// A device of the test's own, which it closes. Only `apart`.
+/// Opens a device that the test closes itself. Only allowed after `apart`.
 pub(crate) fn open(validation: Validation) -> Gpu {
     assert!(is_apart(), "a test that opens a device begins with `if apart() {{ return }}`");
     opened(validation)
@@ -45,7 +45,7 @@ fn opened(validation: Validation) -> Gpu {
     Gpu::new(&Options { device: None, validation }).expect("a Vulkan device and the validation layer")
 }
 
-/// A device that stays open, while a test has it.
+/// Access of one test to a shared device that stays open.
 pub(crate) struct Turn(Option<Gpu>);
 
 impl Deref for Turn {
@@ -60,7 +60,7 @@ impl Drop for Turn {
     fn drop(&mut self) {
         let Some(gpu) = self.0.take() else { return };
         if std::thread::panicking() || gpu.wait().is_err() || !gpu.messages().is_empty() {
-            // Not fit for the next test; closing it would disturb the others.
+            // The device may be broken, so no other test gets it. Closing it would disturb other tests.
             std::mem::forget(gpu);
         } else {
             free().push(gpu);
@@ -68,13 +68,13 @@ impl Drop for Turn {
     }
 }
 
-/// A device with all checks on that other tests have used before. No device fails the test: software Vulkan is enough.
+/// A shared device with all checks enabled. The test fails if there is no device; a software device is enough.
 pub(crate) fn gpu() -> Turn {
     let gpu = free().pop();
     Turn(Some(gpu.unwrap_or_else(|| opened(Validation::Sync))))
 }
 
-/// The devices that no test has: at first all that are likely to be needed.
+/// The devices that no test is using. The first call opens as many as tests will probably need.
 fn free() -> MutexGuard<'static, Vec<Gpu>> {
     static FREE: OnceLock<Mutex<Vec<Gpu>>> = OnceLock::new();
     let all = || {
@@ -86,7 +86,7 @@ fn free() -> MutexGuard<'static, Vec<Gpu>> {
     FREE.get_or_init(all).lock().unwrap_or_else(|broken| broken.into_inner())
 }
 
-/// Records a frame whose zones are submitted alone, as far as the device needs that for right times, or as one.
+/// Records a frame. With `timed`, zones are submitted separately if the device needs that for correct times.
 pub(crate) fn frame_of(
     gpu: &Gpu,
     timed: bool,
@@ -95,15 +95,15 @@ pub(crate) fn frame_of(
     if timed { gpu.timed_frame(record) } else { gpu.frame(record) }
 }
 
-/// Fails if the validation layer has said anything.
+/// Fails if there are messages of the validation layer.
 #[track_caller]
 pub(crate) fn assert_clean(gpu: &Gpu) {
     let messages = gpu.messages();
     assert!(messages.is_empty(), "the validation layer says:\n{}", messages.join("\n"));
 }
 
-/// Evaluates a GLSL expression of type `vec4` for every input and gives the results in order. The expression sees the
-/// input as `x[0]` to `x[N - 1]`, three from the i-th on as `v(i)`, and what `includes` names in `glsl/`.
+/// Evaluates a GLSL expression of type `vec4` for every input and returns the results in order. The expression sees the
+/// input as `x[0]` to `x[N - 1]`, three values from index i as `v(i)`, and the files of `glsl/` in `includes`.
 #[track_caller]
 pub(crate) fn map_on_gpu<const N: usize>(
     gpu: &Gpu,

@@ -1,4 +1,4 @@
-//! What several test modules need.
+//! Helpers that several test modules use.
 
 pub(crate) mod frames;
 mod gpu;
@@ -13,7 +13,8 @@ use std::path::{Path, PathBuf};
 use lightskin::scene::{self, Scene};
 use serde_json::{Value, json};
 
-/// The folder of test data, from `LIGHTSKIN_DATA`; tests that need it say that they skip and return without it.
+/// The folder of test data from `LIGHTSKIN_DATA`. Without it, tests that need the data return and print that they were
+/// skipped.
 pub(crate) fn data() -> Option<PathBuf> {
     let folder = std::env::var_os("LIGHTSKIN_DATA").map(PathBuf::from);
     if folder.is_none() {
@@ -40,7 +41,7 @@ pub(crate) fn gltf_files(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// A GLB of JSON and binary chunk.
+/// A GLB file from JSON and a binary chunk.
 pub(crate) fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
     let mut json = json.to_string().into_bytes();
     json.resize(json.len().next_multiple_of(4), b' ');
@@ -58,7 +59,7 @@ pub(crate) fn glb(json: &Value, binary: &[u8]) -> Vec<u8> {
     bytes
 }
 
-/// Writes a file for one test; the name must be that test's own.
+/// Writes a file for one test. No other test may use this name.
 pub(crate) fn written(name: &str, bytes: &[u8]) -> PathBuf {
     let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
     fs::create_dir_all(path.parent().expect("has a folder")).expect("the target folder is writable");
@@ -66,19 +67,19 @@ pub(crate) fn written(name: &str, bytes: &[u8]) -> PathBuf {
     path
 }
 
-/// Loads a scene made of JSON and one binary buffer.
+/// Loads a scene from JSON and one binary buffer.
 pub(crate) fn load(name: &str, json: &Value, binary: &[u8]) -> lightskin::Result<Scene> {
     scene::gltf::load(&written(&format!("{name}.glb"), &glb(json, binary)))
 }
 
-/// JSON and binary chunk under construction.
+/// Builds a GLB file from JSON and a binary chunk.
 pub(crate) struct Builder {
     pub(crate) json: Value,
     pub(crate) binary: Vec<u8>,
 }
 
 impl Builder {
-    /// One node with one mesh of one primitive without attributes.
+    /// A file with one node, one mesh and one primitive without attributes.
     pub(crate) fn new() -> Self {
         let json = json!({
             "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0}],
@@ -88,7 +89,7 @@ impl Builder {
         Self { json, binary: Vec::new() }
     }
 
-    /// The usual triangle (0,0,0) (1,0,0) (0,1,0) with indices.
+    /// An indexed triangle (0,0,0) (1,0,0) (0,1,0).
     pub(crate) fn triangle() -> Self {
         let mut builder = Self::new();
         let positions = [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
@@ -147,18 +148,18 @@ impl Builder {
         load(name, &self.json, &self.binary)
     }
 
-    /// The one-line message with which loading fails.
+    /// Loads the file, which must fail with a message of one line, and returns the message.
     pub(crate) fn error(&self, name: &str) -> String {
         one_line(self.load(name).expect_err("should be refused"))
     }
 }
 
-/// An error's message, checked to be one line.
+/// An error's message, which must be one line.
 pub(crate) fn one_line(error: lightskin::Error) -> String {
     let message = error.to_string();
     assert!(!message.contains(['\n', '\r']), "more than one line: {message:?}");
     message
 }
 
-/// A PNG of a black and a white texel.
+/// A PNG with one black and one white texel.
 pub(crate) const PNG: &[u8] = b"\x89PNG\x0D\x0A\x1A\x0A\x00\x00\x00\x0DIHDR\x00\x00\x00\x02\x00\x00\x00\x01\x08\x06\x00\x00\x00\xF4\x22\x7F\x8A\x00\x00\x00\x0EIDATx\x9Cc```\xF8\x0F\x02\x00\x0E\xFA\x04\xFCE\xB0\x1D\x8B\x00\x00\x00\x00IEND\xAEB`\x82";

@@ -1,4 +1,4 @@
-//! A window of the program as a user meets it: real keys and buttons through a display of its own.
+//! Runs the window from a user's view: real key and button events on a private display.
 
 use crate::cli::keeping;
 use std::collections::BTreeMap;
@@ -21,20 +21,20 @@ use x11rb::protocol::xtest::ConnectionExt as _;
 use x11rb::rust_connection::RustConnection;
 use x11rb::wrapper::ConnectionExt as _;
 
-/// How long anything may take: the machine may be busy.
+/// Time limit for each wait. It is long because the machine may be busy.
 pub(crate) const PATIENCE: Duration = Duration::from_secs(120);
 
-/// A display without a screen. Its number is its own choice.
+/// A virtual display without a screen (Xvfb). The server chooses the number.
 pub(crate) struct Display {
     server: Child,
     name: String,
 }
 
 impl Display {
-    /// None, with a word, where there is no Xvfb.
+    /// Starts the server. If Xvfb is missing, prints a message and returns `None`.
     pub(crate) fn open() -> Option<Self> {
-        // The server writes its number where it is told to: its standard output.
-        // Without `-noreset` it throws out who comes while the last one leaves.
+        // The server writes its number to standard output. Without `-noreset` it rejects clients that connect while the
+        // last one leaves.
         let arguments = ["-displayfd", "1", "-screen", "0", "1024x1024x24", "-nolisten", "tcp", "-noreset"];
         let started = Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut server) = started else {
@@ -48,7 +48,7 @@ impl Display {
         Some(Self { server, name: format!(":{}", number.trim()) })
     }
 
-    /// What `DISPLAY` names it by.
+    /// The value of `DISPLAY` for this display.
     pub(crate) fn name(&self) -> &str {
         &self.name
     }
@@ -66,7 +66,7 @@ pub(crate) struct App {
     process: Child,
     folder: PathBuf,
     lines: Receiver<String>,
-    /// What it writes on standard error, a line each.
+    /// Lines that the program has written to standard error.
     said: Arc<Mutex<Vec<String>>>,
     errors: Option<JoinHandle<()>>,
     x: RustConnection,
@@ -74,7 +74,7 @@ pub(crate) struct App {
     window: Window,
 }
 
-/// Keys by their places on a keyboard, as evdev numbers them and X adds 8.
+/// Key codes of X, which are evdev's codes plus 8.
 pub(crate) const KEYS: [(&str, u8); 18] = [
     ("Escape", 9),
     ("1", 10),
@@ -97,12 +97,12 @@ pub(crate) const KEYS: [(&str, u8); 18] = [
 ];
 
 impl App {
-    /// Starts the program in a folder, and waits for its window.
+    /// Starts the program in a folder and waits for its window.
     pub(crate) fn start(display: &Display, folder: &Path, arguments: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_lightskin"));
         let mut process = keeping(&mut command, folder)
             .args(arguments)
-            // One for all: how the gather is spread is measured once.
+            // All tests share one cache, so the fastest gather is measured only once.
             .env("XDG_CACHE_HOME", folder.with_file_name("app_cache"))
             .env("XDG_CONFIG_HOME", folder.join("config"))
             .env("XDG_STATE_HOME", folder.join("state"))
@@ -141,7 +141,7 @@ impl App {
             std::thread::sleep(Duration::from_millis(20));
         };
         let app = Self { process, folder: folder.to_owned(), lines, said, errors: Some(errors), x, root, window };
-        // There is no window manager to do it.
+        // There is no window manager to set the focus.
         app.x.set_input_focus(InputFocus::PARENT, app.window, 0_u32).expect("focus");
         app.sync();
         app
@@ -193,20 +193,22 @@ impl App {
         self.fake(BUTTON_RELEASE_EVENT, button, [0, 0]);
     }
 
-    /// Takes what has been done to the panels to heart: some of it takes more than a frame.
+    /// Waits until changes in the panels have taken effect, which may need more than one frame, and checks the command
+    /// line.
     pub(crate) fn settle(&mut self, wanted: &str) {
         self.command();
         let command = self.command();
         assert!(command.contains(wanted), "'{wanted}' is not in: {command}");
     }
 
-    /// Waits until what came before has been in a frame, without a key that changes what a drag does, as Shift does.
+    /// Waits until a frame has processed all earlier input. This uses no modifier key such as Shift, which would change
+    /// a drag.
     fn frame(&mut self) {
         let written = self.picture();
         std::fs::remove_file(self.folder.join(written)).expect("a picture");
     }
 
-    /// A button that goes down and up in different frames, as by hand.
+    /// Presses and releases a button in different frames, as a person does.
     pub(crate) fn tap(&mut self, at: [i16; 2], wanted: &str) {
         self.move_to(at);
         self.fake(BUTTON_PRESS_EVENT, 1, [0, 0]);
@@ -215,7 +217,7 @@ impl App {
         self.settle(wanted);
     }
 
-    /// Chooses from a list, whose entries are 25 pixels high.
+    /// Chooses an entry from a list. Entries are 25 pixels high.
     pub(crate) fn choose(&mut self, [x, y]: [i16; 2], entry: i16, wanted: &str) {
         self.tap([x, y], "");
         self.tap([x, y + 2 + 25 * entry], wanted);
@@ -236,7 +238,7 @@ impl App {
         self.x.configure_window(self.window, &size).expect("a size").check().expect("a size");
     }
 
-    /// Takes the window off the screen for a moment, as minimising does.
+    /// Hides the window for a moment, like minimising.
     pub(crate) fn minimise(&self) {
         self.x.unmap_window(self.window).expect("a request").check().expect("a window");
         std::thread::sleep(Duration::from_millis(200));
@@ -245,7 +247,7 @@ impl App {
         self.sync();
     }
 
-    /// How long input had to wait for what has been done so far, beyond the frames themselves [ms], and for what. Takes `-vv`.
+    /// Delays of input so far beyond the frames themselves [ms], and the lines that report them. Needs `-vv`.
     pub(crate) fn held(&self) -> Vec<(f64, String)> {
         let one = |line: String| {
             let (_, times) = line.split_once(" held input for ")?;
@@ -255,9 +257,8 @@ impl App {
         self.told(" held input for ").into_iter().filter_map(one).collect()
     }
 
-    /// Draws so many frames more by flying to and fro; comes back with what the device holds by name, before and
-    /// after; before with the memory that the process has [MiB].
-    /// Takes `-vv`.
+    /// Draws `frames` more frames by flying back and forth. Returns the device's counters by name, before and after.
+    /// The first map also has the memory of the process [MiB]. Needs `-vv`.
     pub(crate) fn fly(&self, frames: u64) -> [BTreeMap<String, u64>; 2] {
         let counted = || self.told(" Counters { ").pop().map_or_else(BTreeMap::new, |line| counters(&line));
         let begin = |count: &BTreeMap<String, u64>| count.get("frames").copied().unwrap_or(0);
@@ -267,7 +268,7 @@ impl App {
             std::thread::sleep(Duration::from_millis(300));
             self.hold(key, false);
             let now = counted();
-            // The first fifty frames make what there is to be made.
+            // The first fifty frames create all objects.
             if before.is_none() && begin(&now) > 0 {
                 before = Some(now.into_iter().chain([("memory".to_owned(), self.memory())]).collect());
             } else if let Some(before) = before.clone().filter(|before| begin(&now) >= begin(before) + frames) {
@@ -278,7 +279,7 @@ impl App {
         unreachable!("keys go round for ever")
     }
 
-    /// The next line of standard output that begins so.
+    /// The next line of standard output that starts with `begin`.
     pub(crate) fn line(&mut self, begin: &str) -> String {
         let start = Instant::now();
         loop {
@@ -295,25 +296,25 @@ impl App {
         }
     }
 
-    /// What it has written on standard error, once it has ended.
+    /// All lines on standard error, after the program has ended.
     fn messages(&mut self) -> Vec<String> {
         let _ = self.errors.take().map(JoinHandle::join);
         std::mem::take(&mut self.said.lock().expect("messages"))
     }
 
-    /// Lines of standard error so far that have this in them.
+    /// Lines on standard error so far that contain `part`.
     pub(crate) fn told(&self, part: &str) -> Vec<String> {
         self.said.lock().expect("messages").iter().filter(|line| line.contains(part)).cloned().collect()
     }
 
-    /// What the process has in memory [MiB].
+    /// Resident memory of the process [MiB].
     pub(crate) fn memory(&self) -> u64 {
         let status = std::fs::read_to_string(format!("/proc/{}/status", self.process.id())).expect("Linux");
         let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:")).expect("a size");
         line.trim().trim_end_matches(" kB").parse::<u64>().expect("a number") / 1024
     }
 
-    /// Keeps what the window shows in a file, for whoever looks into why a test has failed.
+    /// Saves the window's content to a file, to help find out why a test failed.
     fn keep_picture(&self) -> PathBuf {
         let size = self.x.get_geometry(self.window).expect("a request").reply().expect("a size");
         let pixels = self.pixels([0, 0], [size.width, size.height]);
@@ -324,7 +325,7 @@ impl App {
         path
     }
 
-    /// What the command line of the picture is: the answer comes after all that was asked for before it was seen to.
+    /// The command line of the current picture. The answer comes after all earlier requests have been processed.
     pub(crate) fn command(&mut self) -> String {
         self.hold("Shift", true);
         self.press_with("Control", "C");
@@ -332,7 +333,7 @@ impl App {
         self.line("lightskin render")
     }
 
-    /// The file of a picture that F12 writes.
+    /// Presses F12 and returns the name of the picture file.
     pub(crate) fn picture(&mut self) -> String {
         self.press("F12");
         self.line("picture").split_whitespace().last().expect("a name").to_owned()
@@ -345,12 +346,12 @@ impl App {
         image.data.chunks_exact(4).map(|p| [p[2], p[1], p[0]]).collect()
     }
 
-    /// Waits until a part of the window looks so.
+    /// Waits until the window's top left part shows the pixels `wanted`.
     pub(crate) fn shows(&self, size: [u16; 2], wanted: &[[u8; 3]], what: &str) {
         self.shows_at(size, wanted, |_| true, what);
     }
 
-    /// The same of some of the pixels.
+    /// Like `shows`, but compares only some of the pixels.
     pub(crate) fn shows_at(&self, size: [u16; 2], wanted: &[[u8; 3]], some: impl Fn(usize) -> bool, what: &str) {
         let start = Instant::now();
         loop {
@@ -364,12 +365,12 @@ impl App {
         }
     }
 
-    /// Quits, and wants all well: no message of the validation layer, no barrier too few or too many.
+    /// Quits. Fails on any error, message of the validation layer, or missing or idle barrier.
     pub(crate) fn quit(self) {
         self.quit_after(None);
     }
 
-    /// The same where one thing has failed.
+    /// Like `quit`, but requires one error that contains `failed`.
     pub(crate) fn quit_after(mut self, failed: Option<&str>) {
         self.press_with("Control", "Q");
         let said = self.messages();
@@ -418,7 +419,7 @@ impl App {
                         property: at,
                     };
                     self.x.send_event(false, to, EventMask::NO_EVENT, answer).expect("an answer");
-                    // Once it knows what is dropped.
+                    // The window now knows the file, so it can be dropped.
                     send(drop, [source, 0, 0, 0, 0]);
                     self.x.flush().expect("an answer");
                 }
@@ -437,7 +438,7 @@ impl Drop for App {
     }
 }
 
-/// Names and numbers of a line that says what the device holds after how many frames.
+/// Counters and number of frames from a line of the log.
 fn counters(line: &str) -> BTreeMap<String, u64> {
     let (frames, held) = line.split_once(" Counters { ").expect("counters");
     let frames = frames.split_whitespace().rev().nth(1).expect("a number").parse().expect("a number");
@@ -456,10 +457,10 @@ pub(crate) fn cornell() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell_glossy.glb")
 }
 
-/// Few caches, without what makes software devices slow, under validation.
+/// Few caches and a quality that software devices can draw fast, with validation.
 pub(crate) const SMALL: [&str; 6] = ["--caches", "150", "--quality", "medium", "--validation", "sync"];
 
-/// The words of a command line, as a shell reads those that the tool writes.
+/// Splits a command line that the tool has written into words, like a shell.
 pub(crate) fn words(line: &str) -> Vec<String> {
     let parts = line.split('\'').enumerate();
     let quoted = |(i, part): (usize, &str)| {

@@ -1,4 +1,4 @@
-//! Mutants of all kinds through the tool, each in a process of its own.
+//! Runs the tool on mutants of all kinds, each in its own process.
 
 use super::seeds::{self, BOX, Kind, Seed};
 use super::{Random, mutant};
@@ -15,20 +15,20 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{Duration, Instant};
 
-/// What each may take: processor time [s], and address space [KiB].
+/// Limits of each run: processor time [s] and address space [KiB].
 const MOST_SECONDS: u32 = 10;
 const MOST_KIB: u32 = 2 << 20;
 
-/// What each may take in all on a machine that is busy.
+/// Time limit of each run on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(100);
 
-/// How kept bakes and samples are asked for.
+/// Arguments that make kept bakes and samples.
 pub(super) const CACHES: [&str; 2] = ["--caches", "40"];
 pub(super) const PATH_TRACE: [&str; 9] =
     ["render", BOX, "-o", "a.png", "--gi", "path-trace", "--size", "4x4", "--spp=16"];
 const DRAW: [&str; 8] = ["-o", "a.png", "--size", "16x16", "--rsm", "8", "--quality", "low"];
 
-/// What a line of error may tell the user to do.
+/// Phrases that tell the user what to do. An error line must contain one of them.
 const REMEDIES: [&str; 23] = [
     "export",
     "write or download",
@@ -55,7 +55,7 @@ const REMEDIES: [&str; 23] = [
     "leaves it out",
 ];
 
-/// The numbers that `LIGHTSKIN_FUZZ` asks for.
+/// The numbers of mutants from `LIGHTSKIN_FUZZ`.
 fn wanted() -> Option<Range<u64>> {
     let text = std::env::var("LIGHTSKIN_FUZZ").ok()?;
     let number = |text: &str| text.parse().expect("LIGHTSKIN_FUZZ is a number of mutants, or FIRST..END");
@@ -65,7 +65,7 @@ fn wanted() -> Option<Range<u64>> {
     })
 }
 
-/// One of the seeds by how often each kind is taken, with its index over all kinds.
+/// A random seed, according to the weights of the kinds, and its index over all kinds.
 fn chosen<'a>(seeds: &'a [(usize, Vec<Seed>)], random: &mut Random) -> (usize, &'a Seed) {
     let mut at = random.below(seeds.iter().map(|(weight, _)| weight).sum());
     let mut before = 0;
@@ -80,7 +80,7 @@ fn chosen<'a>(seeds: &'a [(usize, Vec<Seed>)], random: &mut Random) -> (usize, &
     unreachable!("is below the sum")
 }
 
-/// Where a mutant of a seed lies, with the files that it refers to.
+/// Folder for mutants of a seed, with the files that the seed refers to.
 fn place(at: &Path, index: usize, seed: &Seed) -> PathBuf {
     fn copy(from: &Path, to: &Path, depth: usize) {
         fs::create_dir_all(to).expect("the target folder is writable");
@@ -89,7 +89,7 @@ fn place(at: &Path, index: usize, seed: &Seed) -> PathBuf {
             if path.is_dir() && depth > 0 {
                 copy(&path, &to, depth - 1);
             } else if path.is_file() && path.extension().is_none_or(|e| e != "gltf" && e != "glb") {
-                // Without the right not to be written to, which is copied, too, by `fs::copy`.
+                // Unlike `fs::copy`, this does not copy a read-only permission.
                 fs::write(to, fs::read(path).expect("test data is readable")).expect("the target folder is writable");
             }
         }
@@ -122,24 +122,24 @@ fn arguments(seed: &Seed, random: &mut Random) -> Vec<String> {
     words.into_iter().map(str::to_owned).collect()
 }
 
-/// How a run of the tool went.
+/// How a run of the tool ended.
 struct Ended {
     status: ExitStatus,
-    /// Ended by us: out of time, or a window that shows what it should.
+    /// Stopped by the test, because time ran out or the window shows its scene.
     stopped: bool,
     time: Duration,
     said: String,
 }
 
 impl Ended {
-    /// Whether the limit of processor time has ended it.
+    /// Whether the limit of processor time has ended the process.
     fn is_out_of_time(&self) -> bool {
         const SIGXCPU: i32 = 24;
         matches!(self.status.signal(), Some(SIGXCPU | 9)) && !self.stopped
     }
 }
 
-/// Runs the tool under the limits.
+/// Runs the tool with the limits.
 fn run(folder: &Path, display: Option<&Display>, words: &[String], seconds: u32) -> Ended {
     let err = folder.join("stderr.txt");
     let mut command = Command::new("sh");
@@ -172,7 +172,7 @@ fn run(folder: &Path, display: Option<&Display>, words: &[String], seconds: u32)
     Ended { status: status.expect("has ended"), stopped, time, said }
 }
 
-/// Reads what the tool prints; becomes 1 once a window shows its scene.
+/// Reads the tool's standard output. The result becomes 1 once a window shows its scene.
 fn lines(process: &mut Child) -> std::sync::Arc<AtomicU64> {
     let shown = std::sync::Arc::new(AtomicU64::new(0));
     let (out, told) = (BufReader::new(process.stdout.take().expect("its output")), shown.clone());
@@ -186,7 +186,8 @@ fn lines(process: &mut Child) -> std::sync::Arc<AtomicU64> {
     shown
 }
 
-/// What is wrong with how a run ended, or its line of error if it was refused.
+/// An error describes what is wrong with a run. Otherwise the result is the tool's error line, if the mutant was
+/// refused.
 fn judged(ended: &Ended, kind: Kind) -> Result<Option<String>, String> {
     let last = ended.said.lines().last().unwrap_or_default();
     let broken = ["panicked", "bug of lightskin", "memory allocation", "not a number"];
@@ -197,7 +198,7 @@ fn judged(ended: &Ended, kind: Kind) -> Result<Option<String>, String> {
         return Err(format!("took more than {:.1} s", ended.time.as_secs_f64()));
     }
     if let Some(line) = ended.said.lines().find(|line| !line.starts_with("lightskin: ")) {
-        return Err(format!("not a line of its own: {line}"));
+        return Err(format!("a line that the tool did not write: {line}"));
     }
     if ended.is_out_of_time() {
         return Err(format!("took more than {MOST_SECONDS} s"));
@@ -251,7 +252,7 @@ struct Found {
     accepted: usize,
     refused: usize,
     slowest: Duration,
-    /// Shape of each line of error, how often it was, and one of them.
+    /// For each shape of error lines: how often it occurred, and one such line.
     lines: BTreeMap<String, (usize, String)>,
     faults: Vec<String>,
 }
@@ -259,7 +260,7 @@ struct Found {
 #[test]
 fn mutants_end_in_a_result_or_one_line_with_a_remedy() {
     let Some(range) = wanted() else {
-        println!("skipped: LIGHTSKIN_FUZZ=10000 tries so many broken files with the tool, in half an hour");
+        println!("skipped: LIGHTSKIN_FUZZ=10000 runs the tool on that many broken files, in half an hour");
         return;
     };
     let seeds = seeds::all();
@@ -270,7 +271,7 @@ fn mutants_end_in_a_result_or_one_line_with_a_remedy() {
     let work = |worker: usize| {
         let at = folder(&format!("fuzz/worker_{worker}"));
         seeds::write_box(&at);
-        // How the gather is spread is measured once; the driver compiles its shaders.
+        // The first run measures the fastest gather, and the driver compiles the shaders.
         let words = [&["render", BOX][..], &DRAW, &CACHES].concat().into_iter().map(str::to_owned).collect::<Vec<_>>();
         let first = run(&at, None, &words, 300);
         assert!(first.status.success(), "{}", first.said);
@@ -293,10 +294,10 @@ fn mutants_end_in_a_result_or_one_line_with_a_remedy() {
             let from = if kept { at.join("../..") } else { at };
             let mut ended = run(&from, display, &words, MOST_SECONDS);
             if ended.is_out_of_time() && words.iter().any(|word| word == "--rsm") {
-                // What the driver has compiled for a kind of scene that it had not seen yet is there the next time.
+                // The driver may have compiled shaders for a new kind of scene. The second run finds them in its cache.
                 ended = run(&from, display, &words, MOST_SECONDS);
             }
-            let mut found = found.lock().expect("nobody panics with it");
+            let mut found = found.lock().expect("no thread panics while it holds the lock");
             found.slowest = found.slowest.max(ended.time);
             match judged(&ended, seed.kind) {
                 Ok(None) => found.accepted += 1,
@@ -318,11 +319,12 @@ fn mutants_end_in_a_result_or_one_line_with_a_remedy() {
         let work = &work;
         (0..threads).for_each(|worker| drop(scope.spawn(move || work(worker))));
     });
-    let Found { accepted, refused, slowest, lines, faults } = found.into_inner().expect("nobody panics with it");
+    let Found { accepted, refused, slowest, lines, faults } =
+        found.into_inner().expect("no thread panics while it holds the lock");
     let told: String = lines.values().map(|(count, line)| format!("{count:>6}  {line}\n")).collect();
     fs::write(folder("fuzz/told").join("errors.txt"), told).expect("the target folder is writable");
     println!(
-        "{accepted} accepted, {refused} refused with {} kinds of lines, {} faults, slowest {:.2} s",
+        "{accepted} accepted, {refused} refused with {} kinds of error lines, {} faults, slowest {:.2} s",
         lines.len(),
         faults.len(),
         slowest.as_secs_f64()

@@ -1,4 +1,4 @@
-//! The files that mutants are made of.
+//! The files from which mutants are made.
 
 use crate::cli::{folder, works};
 use crate::common::{data, glb, gltf_files};
@@ -21,15 +21,15 @@ pub(super) enum Kind {
     Session,
 }
 
-/// A good file, or a hostile one that is refused as it should be.
+/// A valid file, or a hostile file that is correctly refused.
 pub(super) struct Seed {
     pub(super) kind: Kind,
-    /// Name of its mutants.
+    /// File name of its mutants.
     pub(super) name: String,
     pub(super) bytes: Vec<u8>,
-    /// Where in the binary chunk something packed begins.
+    /// Offset of packed data in the binary chunk.
     pub(super) packed: Option<usize>,
-    /// The folder with what it refers to.
+    /// Folder of the files that it refers to.
     pub(super) beside: Option<PathBuf>,
 }
 
@@ -39,7 +39,7 @@ impl Seed {
     }
 }
 
-/// Scenes of our own. The first has a bit of everything.
+/// Our own scenes. The first uses a bit of everything.
 pub(super) fn scenes() -> Vec<Seed> {
     let rich = malformed::rich();
     let mut seeds = vec![Seed::new(Kind::Scene, "mutant.glb", glb(&rich.json, &rich.binary))];
@@ -66,7 +66,7 @@ fn scenes_of_data(folders: &[&str]) -> Vec<Seed> {
 
 const SIZE: [usize; 2] = [16, 8];
 
-/// OpenEXR pictures in every packing that the reader knows.
+/// OpenEXR pictures with every compression that the reader supports.
 fn exr_files() -> Vec<Vec<u8>> {
     let packings = [
         Compression::Uncompressed,
@@ -88,7 +88,7 @@ fn exr_files() -> Vec<Vec<u8>> {
     packings.map(file).to_vec()
 }
 
-/// Radiance pictures: texels as they are, and runs of them.
+/// Radiance pictures: one with plain texels, one run-length encoded.
 fn hdr_files() -> [Vec<u8>; 2] {
     let header = format!("#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y {} +X {}\n", SIZE[1], SIZE[0]).into_bytes();
     let flat = [header.clone(), [100, 120, 140, 128].repeat(SIZE[0] * SIZE[1])].concat();
@@ -96,7 +96,7 @@ fn hdr_files() -> [Vec<u8>; 2] {
     [flat, [header, row.repeat(SIZE[1])].concat()]
 }
 
-/// What the window writes as a session.
+/// A session as the window writes it.
 fn session() -> Vec<u8> {
     let session = json!({
         "lightskin_session": 1, "arguments": ["box.glb", "--quality", "low", "--caches", "20"],
@@ -111,7 +111,7 @@ fn session() -> Vec<u8> {
     session.to_string().into_bytes()
 }
 
-/// A scene in which kept files and sessions are tried: two triangles that see each other.
+/// A scene for testing kept files and sessions: two triangles that see each other.
 pub(super) const BOX: &str = "box.glb";
 
 pub(super) fn write_box(folder: &Path) {
@@ -119,7 +119,7 @@ pub(super) fn write_box(folder: &Path) {
     fs::write(folder.join(BOX), glb(&rich.json, &rich.binary)).expect("the target folder is writable");
 }
 
-/// A bake and samples, as the tool keeps them.
+/// A bake and samples as the tool keeps them.
 fn kept_files() -> Vec<Seed> {
     let at = folder("fuzz/kept");
     write_box(&at);
@@ -139,7 +139,7 @@ fn kept_files() -> Vec<Seed> {
     seeds
 }
 
-/// Seeds of every kind, with how often each kind is taken.
+/// Seeds of every kind, with the weights of the kinds.
 pub(super) fn all() -> Vec<(usize, Vec<Seed>)> {
     let exr: Vec<Vec<u8>> = exr_files();
     let bomb = data().map(|data| fs::read(data.join("repro/exr_bomb_100k.exr")).expect("test data is readable"));
