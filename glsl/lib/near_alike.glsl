@@ -1,9 +1,9 @@
-// Whether surfaces of pixels are so much alike that rays of one say something of the other. METHOD 11.
+// Similarity of the surfaces of two pixels: how far the rays of one are valid for the other. METHOD 11.
 #ifndef NEAR_ALIKE_GLSL
 #define NEAR_ALIKE_GLSL
 
-// From 1 to next to nothing; `d`: from one to the other, with their unit normals. Surfaces that bend are a little out of each
-// other's planes.
+// Weight from 1 down to almost 0; `d` is the vector between the points, with their unit normals. The tolerance grows
+// with the angle between the normals because curved surfaces leave each other's tangent planes.
 float near_alike(vec3 d, vec3 normal, vec3 other) {
     float aside = max(abs(dot(d, other)), abs(dot(d, normal))) * inversesqrt(max(dot(d, d), 1e-30));
     aside -= 0.25 * distance(other, normal);
