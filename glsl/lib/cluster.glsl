@@ -11,7 +11,7 @@ struct Bounds {
     float spread;
 };
 
-// Least cosine of light, as the twin has it: VALs and caches of one wall see nothing of each other.
+// Smallest cosine that counts as lit, as in the twin: VALs and caches on one wall do not see each other.
 const float CLUSTER_RIM = 1e-5;
 
 // Upper bounds of the VALs' extent along the cache's normal, and along their own normals towards the cache.

@@ -10,8 +10,9 @@ float near_alike(vec3 d, vec3 normal, vec3 other) {
     return (1.0 - smoothstep(0.05, 0.2, aside)) * smoothstep(0.5, 0.9, dot(other, normal)) + 1e-4;
 }
 
-// How far apart two lobes look at what they mirror, squared, in units of their width: `d` from one surface to the other, `turned`
-// from one axis to the other, their width [rad], and one over the distance of what they mirror [1/m].
+// Squared distance between the points that two lobes look at, in units of the lobes' width. `d`: from one surface to the
+// other; `turned`: from one axis to the other; `width`: of the lobes [rad]; `nearness`: reciprocal distance of the
+// mirrored surfaces [1/m].
 float lobes_apart(vec3 d, vec3 turned, float nearness, float width) {
     vec3 apart = (d * nearness + turned) / max(width, 1e-9);
     return min(dot(apart, apart), 1e9);

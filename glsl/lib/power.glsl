@@ -27,8 +27,8 @@ vec4 exp2_by_hand(vec4 x) {
 }
 
 // (a / b)^k for 0 <= a <= b, k >= 0; some number in [0, 1] if both are 0. Results below 2^-110 become 0: their products
-// could be denormal, which are slow on CPUs and invisible. `by_hand`: use the polynomials, for devices whose log2 and
-// exp2 are scalar library calls.
+// could be denormal, which are slow on CPUs and invisible. `by_hand`: use the polynomials, for devices that
+// compute log2 and exp2 by library calls, one value after the other.
 vec4 power_of(vec4 a, vec4 b, float k, bool by_hand) {
     vec4 exponent = k * (by_hand ? log2_by_hand(a, b) : log2(max(a / max(b, 1e-37), 1e-37)));
     vec4 power = by_hand ? exp2_by_hand(exponent) : exp2(exponent);

@@ -5,7 +5,7 @@
 #include "lib/depth_image.glsl"
 
 layout(binding = IMAGE_BINDING) uniform samplerBuffer image_texels; // four consecutive texels of a row each
-layout(binding = IMAGE_WORDS_BINDING, std430) readonly buffer ImageWords { vec4 image_words[]; }; // the same data as a storage buffer
+layout(binding = IMAGE_WORDS_BINDING, std430) readonly buffer ImageWords { vec4 image_words[]; }; // the same
 
 // A cache's depth image and its tangent frame, scaled to half a side.
 struct View {
