@@ -1,4 +1,4 @@
-//! The bench's files: `bench.json`, a CSV for each table, `bench.md`, plots.
+//! Files of the benchmark: `bench.json`, a CSV for each table, `bench.md`, plots.
 
 use super::Results;
 use super::contexts::VERSIONS;
@@ -15,10 +15,10 @@ use crate::lab::plot::{Axis, Mark, Plot, Series, short};
 use serde_json::json;
 use std::path::Path;
 
-/// Makes the folder and tries whether the report can be written there, before long work is done for it.
+/// Creates the folder and checks that the report can be written there, before the long measurement starts.
 ///
 /// # Errors
-/// A folder or file that cannot be written.
+/// If a folder or file cannot be written.
 pub fn check_writable(folder: &Path) -> Result<()> {
     make_folder(folder)?;
     files::check_writable(&folder.join("bench.md"))
@@ -27,7 +27,7 @@ pub fn check_writable(folder: &Path) -> Result<()> {
 /// Writes the report into a folder.
 ///
 /// # Errors
-/// A folder or file that cannot be written.
+/// If a folder or file cannot be written.
 pub fn write(folder: &Path, gpu: &Gpu, results: &Results) -> Result<()> {
     make_folder(folder)?;
     let text = |name: &str, content: &str| files::write(&folder.join(name), content.as_bytes());
@@ -50,7 +50,7 @@ pub fn write(folder: &Path, gpu: &Gpu, results: &Results) -> Result<()> {
     text("bench.md", &markdown(gpu, results))
 }
 
-/// The device as the report names it.
+/// The device as named in the report.
 fn device(gpu: &Gpu) -> String {
     let report = gpu.report();
     format!("{} ({}, {})", report.name, report.kind, report.driver)
@@ -81,7 +81,7 @@ fn markdown(gpu: &Gpu, results: &Results) -> String {
     page
 }
 
-/// What there is to say in a few sentences: ratios, and on GPUs frames per second.
+/// Summary sentences: ratios, and on GPUs frames per second.
 pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
     let mut lines = Vec::new();
     let triangles = results.table("triangles");
@@ -128,7 +128,7 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
     lines
 }
 
-/// How well few caches fill the device.
+/// How well few caches occupy the device.
 fn small_scenes(pairs: &Table) -> Option<String> {
     let with = |row: usize| Some((pairs.number(row, "caches")?, pairs.number(row, "compute [G pairs/s]")?));
     let usual = |row: &usize| pairs.has(*row, "DG") && pairs.number(*row, "VALs") == Some(16_384.0);
@@ -141,7 +141,7 @@ fn small_scenes(pairs: &Table) -> Option<String> {
     ))
 }
 
-/// What the largest count of caches costs where a part of them is live.
+/// Cost of culling and gather for the largest cache count, if a part of the caches is live.
 fn culling(table: &Table) -> Option<String> {
     let most = (0..table.rows.len()).filter_map(|row| table.number(row, "caches")).fold(0.0, f64::max);
     let of = |order: &str, path: &str| {
@@ -220,7 +220,7 @@ fn plots(gpu: &Gpu, results: &Results) -> Vec<(&'static str, Plot)> {
     all
 }
 
-/// The table of resolutions with a column of pixels.
+/// The table of resolutions with an added column of pixel counts.
 fn with_pixels(table: &Table) -> Table {
     let mut table = table.clone();
     table.columns.push("pixels".into());
