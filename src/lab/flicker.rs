@@ -236,7 +236,7 @@ impl Figures {
 
 /// Length \[m\] of a step, or its duration \[s\].
 fn step(scene: &Scene, motion: Motion, job: &Job) -> Result<f64> {
-    let nothing = |what: &str| Error::Nothing(format!("{}: {what}, so that nothing can be moved", scene.name));
+    let nothing = |what: &str| Error::Nothing(format!("{}: {what}; nothing can be moved", scene.name));
     if motion == Motion::Animation {
         let played = job.animation.ok_or_else(|| nothing("the scene has no animation"))?;
         return Ok(job.pace * played.step);
@@ -246,7 +246,7 @@ fn step(scene: &Scene, motion: Motion, job: &Job) -> Result<f64> {
     let light = scene.lights.first().ok_or_else(|| nothing("the scene has no light"))?;
     let camera = scene.cameras.first().ok_or_else(|| nothing("the scene has no camera"))?;
     if motion == Motion::Model && job.model.is_none() {
-        return Err(nothing("the scene has no model that is less than half of it across"));
+        return Err(nothing("the scene has no model that is less than half as large as the scene"));
     }
     if motion == Motion::Camera {
         let height = match camera.projection {

@@ -47,7 +47,7 @@ pub struct Knobs {
     pub gi: Gi,
     /// Indirect bounces; 0 is direct light only, including that of emitting surfaces.
     pub bounces: u32,
-    /// Side of an RSM [texels].
+    /// Side of an RSM \[texels\].
     pub rsm: u32,
     /// Shadows of lamps and the sun.
     pub light_shadows: LightShadows,
@@ -124,7 +124,7 @@ impl Knobs {
     /// The settings.
     ///
     /// # Panics
-    /// Panics if the knobs do not go together.
+    /// If the knobs do not go together.
     pub fn settings(&self) -> Settings {
         assert!(self.go_together(), "{self:?} is no frame");
         let dim = self.shadows == Shadows::Proxy;

@@ -22,7 +22,7 @@ pub struct ShadowsSettings {
     pub size: [u32; 2],
     /// Caches requested.
     pub caches: usize,
-    /// Side of an RSM [texels].
+    /// Side of an RSM \[texels\].
     pub rsm: u32,
     /// Samples per pixel of the path tracer.
     pub samples: u32,

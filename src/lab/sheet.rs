@@ -148,7 +148,7 @@ impl Sheet {
     }
 
     fn html(&self, about: &str) -> String {
-        let title = "lightskin: scenes beside the path tracer";
+        let title = "lightskin: scenes compared with the path tracer";
         let mut page = format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title><style>{STYLE}</style></head>\n\

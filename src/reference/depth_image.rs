@@ -40,7 +40,7 @@ pub enum Shape {
 /// How occluders are drawn. Lengths are in radii of the circle of a share's area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
-    /// Side of an image [texels].
+    /// Side of an image \[texels\].
     pub side: usize,
     /// Shape of occluders.
     pub shape: Shape,

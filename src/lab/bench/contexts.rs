@@ -82,7 +82,7 @@ impl Contexts<'_> {
         let Extent { warm_up, frames, .. } = self.extent;
         let how =
             if self.gpu.is_software() { "each stage submitted alone" } else { "timestamps within one submission" };
-        format!("GPU timestamps of each stage ({how}), median of {frames} frames after {warm_up} that do not count.")
+        format!("GPU timestamps of each stage ({how}), median of {frames} frames after {warm_up} warm-up frames.")
     }
 
     fn keep(&mut self, times: Times) -> Times {
@@ -111,14 +111,14 @@ impl Contexts<'_> {
         columns.extend(["LI", "DG8"].map(|v| format!("thesis {v} [ms]")));
         let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         let how = format!(
-            "D: diffuse only, DG: diffuse and glossy lobe, each with 8 or 16 caches of a vertex; LI: direct light only. \
-             {} caches, {w}x{h} pixels, {RSM}x{RSM} VALs; the thesis does not name its picture and its VALs. Versions are drawn \
-             in turn, frame by frame. {}",
+            "D: diffuse only; DG: diffuse and glossy lobes; each with 8 or 16 references per vertex. LI: direct light only. \
+             {} caches, {w}x{h} pixels, {RSM}x{RSM} VALs; the thesis does not state its picture size and number of VALs. \
+             Versions alternate frame by frame. {}",
             CACHES[0],
             self.method()
         );
         let mut table = Table::new("triangles", "Triangles (thesis table 6.1)", how, &columns);
-        let how = "Time to place the caches and find 8 or 16 references for each vertex, on all cores, once; nothing is kept.";
+        let how = "Time to place the caches and find 8 or 16 references per vertex, on all cores, measured once without kept files.";
         let columns = ["triangles", "caches", "bake of 8 [s]", "bake of 16 [s]"];
         let mut bakes = Table::new("bake", "Bake", how.into(), &columns);
         let columns: Vec<String> = ["triangles", "version"]
@@ -202,8 +202,8 @@ impl Contexts<'_> {
         let columns =
             ["width", "height", "LI [ms]", "GI [ms]", "GI / LI", "thesis LI [ms]", "thesis GI [ms]", "thesis GI / LI"];
         let how = format!(
-            "GI: diffuse and glossy lobe, 8 caches of a vertex, {} caches, {RSM}x{RSM} VALs; LI: direct light only. {} \
-             triangles; the thesis names neither its scene nor its lobes. {}",
+            "GI: diffuse and glossy lobes, 8 references per vertex, {} caches, {RSM}x{RSM} VALs; LI: direct light only. {} \
+             triangles; the thesis states neither its scene nor its lobes. {}",
             CACHES[1],
             self.extent.ground,
             self.method()
@@ -264,9 +264,9 @@ impl Contexts<'_> {
         ];
         let [w, h] = self.extent.size;
         let how = format!(
-            "{} triangles, {w}x{h} pixels, 8 caches of a vertex. DGS: DG with soft shadows of proxy lights (stage 7); \"of all discs\" is that stage where none is skipped. \
-             \"first\" is the least of caches and VALs. The thesis's column SSS (subsurface scattering) is not here: it is \
-             not measured. {}",
+            "{} triangles, {w}x{h} pixels, 8 references per vertex. DGS: DG with proxy shadows (stage 7); \"of all discs\" is that \
+             stage without skipping. \"first\" is the row with the fewest caches and VALs. The thesis's \
+             column SSS (subsurface scattering) is not measured. {}",
             self.extent.ground,
             self.method()
         );
@@ -286,11 +286,12 @@ impl Contexts<'_> {
             "glossy off f64",
         ];
         let how = format!(
-            "Pairs of a cache and a VAL in stage 6, every cache lit, by both paths. Peak, of which the faster path has its share: {:.1} Gflop/s, what a \
-             shader reaches in the same run by independent multiply-adds (`glsl/peak.comp`); a pair counts {} operations, with the glossy lobe {}. Native: the same sums of \
-             the same caches and VALs on {} CPU threads, {lanes} numbers to a register ({registers}). Both paths and the CPU in turn, median of {ROUNDS} \
-             rounds or more until {LONG_ENOUGH} s have passed, by {} pipelines in turn: of the same code some stay slower than \
-             others. Off f64: largest relative error of a lobe's irradiance, of either path, at some of the caches.",
+            "Pairs of a cache and a VAL in stage 6 with every cache lit, by both paths. Share of peak: of the faster path, relative \
+             to {:.1} Gflop/s, the rate of independent multiply-adds in a shader in the same run (`glsl/peak.comp`); a pair \
+             counts {} operations, {} with the glossy lobe. Native: the same sums for the same caches and VALs on {} CPU \
+             threads with {lanes} lanes per register ({registers}). Both paths and the CPU alternate; medians of at least {ROUNDS} \
+             rounds and {LONG_ENOUGH} s, over {} pipelines in turn, because pipelines of identical code can differ in speed. Off \
+             f64: largest relative error of a lobe's irradiance by either path at a sample of caches.",
             self.peak * 1e-9,
             FLOP_PER_PAIR[0],
             FLOP_PER_PAIR[1],
@@ -461,9 +462,9 @@ impl Contexts<'_> {
         ];
         let [w, h] = self.extent.size;
         let how = format!(
-            "A camera that sees a part of the valley, {w}x{h} pixels, {RSM}x{RSM} VALs, both lobes. Caches lie in the atlas in \
-             the bake's space-filling order (near), or shuffled: then the live ones are spread at random. Finding \
-             the visible vertices is not counted: averaging caches at them needs it, too. {}",
+            "A camera that sees a part of the valley, {w}x{h} pixels, {RSM}x{RSM} VALs, both lobes. Caches are stored in the atlas \
+             in the bake's space-filling order (near), or shuffled (random), which scatters the live ones. Finding the visible \
+             vertices is not counted, because averaging caches needs it, too. {}",
             self.method()
         );
         let mut table = Table::new("culling", "Culling", how, &columns);

@@ -64,11 +64,11 @@ impl Contexts<'_> {
             "standing and skipped [ms]",
         ];
         let how = format!(
-            "Frames of {w}x{h} pixels, both lobes, {RSM}x{RSM} VALs, no shadows of indirect light: at each moment of \
-             the animation when everything has just moved there, then as it stands, with those stages left out whose inputs \
-             have not changed, and with every stage computed. Medians over {MOMENTS} moments, gone through up to {} times \
-             but not again after {LONG_ENOUGH} s, ratios of each. GPU timestamps of each stage; the CPU's part is \
-             sampling the animation and comparing with what the device has.",
+            "Frames of {w}x{h} pixels, both lobes, {RSM}x{RSM} VALs, no shadows of indirect light. At each moment of the animation \
+             three frames are timed: right after the motion, standing still with unchanged stages skipped, and standing still \
+             with all stages computed. Medians over {MOMENTS} moments, repeated up to {} times but not after {LONG_ENOUGH} s; \
+             ratios are taken at each moment. GPU timestamps of each stage. The CPU's part is sampling the animation and \
+             comparing it with the device's state.",
             self.extent.frames
         );
         let mut table = Table::new("motion", "Motion", how, &columns);
@@ -173,8 +173,8 @@ pub fn headlines(table: &Table) -> Vec<String> {
     let of = |row: usize, column: &str| table.number(row, column).unwrap_or(0.0);
     let line = |row: usize| {
         format!(
-            "{}: a frame in which everything moves takes {:.3} of the time of the same one standing still ({:.3} with the CPU's \
-             part); standing still with what has not changed left out, {:.2} ms of {:.1}.",
+            "{}: a frame in motion takes {:.3} times as long as the same frame standing still ({:.3} with the CPU's part); \
+             standing still with unchanged stages skipped takes {:.2} ms instead of {:.1} ms.",
             scene(row),
             of(row, "moving / standing"),
             of(row, "with the CPU's part"),

@@ -52,8 +52,8 @@ fn check(results: &[f32]) -> Result<()> {
         let expected: f64 = starts.map(|start| 1.0 + (start - 1.0) * left).sum();
         // Rounding errors of a step add up to 4096-fold.
         if (f64::from(*result) - expected).abs() > 0.005 * expected {
-            let what = format!("the kernel of the arithmetic peak gave {result} instead of {expected}");
-            return Err(Error::Nothing(format!("{what}; the device or its driver does not do what it is told")));
+            let what = format!("the kernel of the arithmetic peak returned {result} instead of {expected}");
+            return Err(Error::Nothing(format!("{what}; the device or its driver computes wrong results")));
         }
     }
     Ok(())

@@ -64,10 +64,10 @@ fn markdown(gpu: &Gpu, results: &Results) -> String {
         results.extent, results.seconds
     );
     if gpu.is_software() {
-        page += "This is a **software device**: ratios mean something, absolute times little. The thesis's times are of a \
-                 GeForce GTX 780 and stand here only for the shape of their growth.\n\n";
+        page += "This is a **software device**: ratios are meaningful, absolute times hardly. The thesis's times are from a GeForce GTX \
+                 780 and only show how times grow.\n\n";
     } else {
-        page += "The thesis's times are of a GeForce GTX 780.\n\n";
+        page += "The thesis's times are from a GeForce GTX 780.\n\n";
     }
     for line in headlines(gpu, results) {
         page += &format!("- {line}\n");
@@ -92,9 +92,16 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
             format!("{version} {} (thesis {thesis})", of(&format!("{version} / LI")).map_or("-".into(), short))
         };
         let all = VERSIONS.map(|version| ratio(version.0)).join(", ");
-        lines.push(format!("{} triangles, frame time over direct light only: {all}.", of("triangles").unwrap_or(0.0)));
+        lines.push(format!(
+            "{} triangles, frame time relative to direct light only: {all}.",
+            of("triangles").unwrap_or(0.0)
+        ));
         if let (false, Some(ms), Some(thesis)) = (gpu.is_software(), of("DG8 [ms]"), of("thesis DG8 [ms]")) {
-            lines.push(format!("There DG8 makes {} frames/s (thesis {}).", short(1e3 / ms), short(1e3 / thesis)));
+            lines.push(format!(
+                "At this count DG8 runs at {} frames/s (thesis {}).",
+                short(1e3 / ms),
+                short(1e3 / thesis)
+            ));
         }
     }
     let pairs = results.table("pairs");
@@ -153,9 +160,9 @@ fn culling(table: &Table) -> Option<String> {
     let ((share, compute), (_, near)) = (of("random", "compute")?, of("near", "compute")?);
     let ((texels, fragment), (_, fragment_near)) = (of("random", "fragment")?, of("near", "fragment")?);
     Some(format!(
-        "{share} % of {most} caches live at random: culling and gather cost {compute} % of lighting all by compute; by \
-         fragments, which light {texels} % of them, two to a texel, {fragment} %; in the bake's order {near} % and \
-         {fragment_near} %."
+        "With {share} % of {most} caches live in random order, culling and gather take {compute} % of the time for lighting all \
+         caches by compute, and {fragment} % by fragments, which light {texels} % of them (two per texel); in the bake's order \
+         {near} % and {fragment_near} %."
     ))
 }
 

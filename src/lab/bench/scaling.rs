@@ -257,13 +257,13 @@ impl Contexts<'_> {
             "steadied [ns/pair]",
         ];
         let mut how = format!(
-            "Stage 6 alone, by the compute path ({} caches to a thread, parts of {} VALs, read from {}): live caches and live \
-             VALs of the valley, which the camera and the sun see all of. Each time is that of one gather of so many in one \
-             submission, a barrier between them, as often as takes {LONG_ENOUGH} ms; all points in turn, in {ROUNDS} rounds, by {} \
-             pipelines in turn (of the same code some stay slower than others). Between all \
-             others the first point is timed: steadied is the median over the rounds of a time in those of the first point \
-             just before and just after, times the least of the first point, so that it does not count when the machine is \
-             slow for a while. On a machine that does nothing else the least times say more, on a busy one those.",
+            "Stage 6 alone by the compute path ({} caches per thread, parts of {} VALs, read from {}), on live caches and VALs of \
+             the valley, all of which the camera and the sun see. One measurement repeats a gather within one submission, with \
+             barriers in between, for {LONG_ENOUGH} ms; times are per gather. All points are measured in turn in {ROUNDS} rounds, \
+             over {} pipelines in turn (pipelines of identical code can differ in speed). The first point is timed between all \
+             others. \"steadied\" is the median over the rounds of a time relative to the first point's times just before and \
+             after, multiplied by the first point's least time, so that temporary slowness of the machine cancels out. On an \
+             idle machine the least times are more meaningful, on a busy one the steadied times.",
             way.caches_per_thread,
             way.split,
             way.source.name(),
@@ -271,9 +271,9 @@ impl Contexts<'_> {
         );
         if let Some([empty, alone, often]) = fixed {
             how += &format!(
-                " Nothing is subtracted. For comparison, in the same rounds: one cache and one VAL take {} ms in a submission \
-                 of their own, as stages are measured in the other tables, and {} ms a gather where {MOST} are in one; a \
-                 submission with nothing in it counts {} ms.",
+                " No overhead is subtracted. For comparison, in the same rounds: a gather of one cache and one VAL takes {} ms in a \
+                 submission of its own, as stages are measured in the other tables, and {} ms if {MOST} gathers share a submission; \
+                 an empty submission takes {} ms.",
                 short(alone),
                 short(often),
                 short(empty)
@@ -353,16 +353,16 @@ fn growth_table() -> Table {
         "in the largest column",
         "worst point / fit",
     ];
-    let how = "Exponents of the times above: log time = a + e log caches + f log VALs by least squares over all points; 1 is \
-               proportional. Rows share the VALs and columns the caches; each is fitted by itself, and the least and the \
-               largest exponent are here.";
+    let how = "Exponents of the times above: log time = a + e log caches + f log VALs by least squares over all points; 1 means \
+               proportional. A row has one VAL count, a column one cache count; each is fitted separately, and the least and the \
+               largest exponents are listed.";
     Table::new("growth", "How the gather grows", how.into(), &columns)
 }
 
 /// Exponents by which whole frames grow with caches and VALs, from the table of caches.
 pub fn exponents(caches: &Table) -> Table {
-    let how = "Slope of log time over log count by least squares, over the points that share everything else; 1 is \
-               proportional. The thesis's whole frames at the same points are beside it: it gives no times of stages.";
+    let how = "Least squares slope of log time over log count, over points that share everything else; 1 means proportional. The \
+               thesis's column is for whole frames at the same points, because it gives no times of stages.";
     let columns = ["lobes", "grows with", "at", "points", "frame", "thesis frame"];
     let mut table = Table::new("exponents", "How frames grow", how.into(), &columns);
     let counts = |column: &str| -> Vec<f64> {

@@ -37,9 +37,9 @@ impl Contexts<'_> {
             ["lobes", "caches", "VALs", "views", "frame [ms]", "gather [ms]", "frame / one view", "gather / one view"];
         let [w, h] = self.extent.size;
         let how = format!(
-            "Frames of one view and of two, {EYES} m apart, in turn: {w}x{h} pixels each, {RSM}x{RSM} VALs, every cache lit. VALs \
-             and the diffuse lobe of caches are made once for both, the glossy lobe for each eye in one pass. Medians of {} \
-             frames after {} that do not count, the middle one of several pipelines by the time of two views.",
+            "Frames of one view and of two views {EYES} m apart, in turn: {w}x{h} pixels each, {RSM}x{RSM} VALs, every cache lit. \
+             VALs and the caches' diffuse lobe are computed once for both eyes, the glossy lobe for each eye in the same pass. \
+             Medians of {} frames after {} warm-up frames; of several pipelines the one with the median time of two views.",
             self.extent.frames, self.extent.warm_up
         );
         let mut table = Table::new("views", "Two views", how, &columns);
@@ -124,7 +124,7 @@ pub fn headlines(table: &Table) -> Vec<String> {
         let of = |column: &str| table.number(row, column).unwrap_or(0.0);
         let lobes = if table.has(row, "DG") { "both lobes" } else { "the diffuse lobe" };
         format!(
-            "A frame of two views takes {:.2} of the time of one, with {lobes}; its gather {:.2}.",
+            "With {lobes}, a frame of two views takes {:.2} times as long as a frame of one, its gather {:.2} times.",
             of("frame / one view"),
             of("gather / one view")
         )

@@ -26,7 +26,7 @@ pub struct StudySettings {
     pub size: [u32; 2],
     /// Caches requested.
     pub caches: usize,
-    /// Side of an RSM [texels]; the six views of a point light share as many texels.
+    /// Side of an RSM \[texels\]; the six views of a point light share as many texels.
     pub rsm: usize,
 }
 

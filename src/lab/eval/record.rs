@@ -189,7 +189,7 @@ impl Store {
         for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
             match serde_json::from_str(line).ok().as_ref().and_then(Row::from_json) {
                 Some(row) => rows.push(row),
-                None => log::warn!("{}: line {} is no finished point; it is left out", path.display(), i + 1),
+                None => log::warn!("{}: line {} is not a finished point; it is skipped", path.display(), i + 1),
             }
         }
         Ok(Self { path: path.into(), rows })

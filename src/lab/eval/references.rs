@@ -113,7 +113,7 @@ impl Library {
         match read(&path, has_glossy) {
             Ok(layers) => Some(Reference { layers, about }),
             Err(error) => {
-                log::warn!("{error}; it is made again");
+                log::warn!("{error}; the reference is computed again");
                 None
             }
         }

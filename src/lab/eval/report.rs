@@ -98,7 +98,10 @@ impl Page<'_> {
         let (job, sweep) = (self.job, self.job.sweep);
         let report = job.gpu.report();
         let (method, note) = if job.gpu.is_software() {
-            ("each stage submitted alone", "; a software device: times compare with each other, not with a GPU's")
+            (
+                "each stage submitted alone",
+                "; a software device: times are comparable with each other, not with a GPU's",
+            )
         } else {
             ("timestamps within one submission", "")
         };
@@ -109,7 +112,7 @@ impl Page<'_> {
             (
                 "scene",
                 format!(
-                    "{}, {} triangles before any is divided, lights: {}",
+                    "{}, {} triangles before tessellation, lights: {}",
                     job.scene.name,
                     job.scene.triangle_count(),
                     job.scene.lights.len()
@@ -121,13 +124,13 @@ impl Page<'_> {
             (
                 "times",
                 format!(
-                    "median of {} frames after one to warm up, fewer where those take over 10 s; {method}",
+                    "median of {} frames after one warm-up frame, fewer if they take over 10 s; {method}",
                     sweep.frames
                 ),
             ),
             ("path tracer", format!("at least {} samples per pixel, one bounce", sweep.samples)),
             ("default", knobs.join(", ")),
-            ("angle", format!("{:.0} degrees between a surface and its cache", sweep.base.angle.to_degrees())),
+            ("angle", format!("at most {:.0} degrees between a surface and its cache", sweep.base.angle.to_degrees())),
             ("program", format!("lightskin {}", env!("CARGO_PKG_VERSION"))),
         ]
     }
@@ -206,7 +209,7 @@ impl Page<'_> {
         let (shadowed, bare): (Vec<_>, Vec<_>) = self.truths().into_iter().partition(|t| *t == Truth::Shadowed);
         let best = [Truth::FinestVals, Truth::Unshadowed].into_iter().find(|t| bare.contains(t));
         [
-            Half { title: "As render draws it", base: &sweep.base, truths: shadowed, best: Truth::Shadowed },
+            Half { title: "Default of render", base: &sweep.base, truths: shadowed, best: Truth::Shadowed },
             Half {
                 title: "Without shadows of indirect light: the error of caches and virtual lights alone",
                 base: &sweep.bare,
@@ -253,7 +256,7 @@ impl Page<'_> {
         };
         let all: Vec<String> = self.results.references.iter().filter_map(noise).collect();
         if all.is_empty() {
-            return "Noise of the path tracer is part of every error against it; one pass does not tell how much."
+            return "Noise of the path tracer is part of every error against it; one pass does not allow an estimate."
                 .into();
         }
         format!(
@@ -266,8 +269,8 @@ impl Page<'_> {
         let plots: String = self.truths().into_iter().map(|truth| inline(&self.figures.against_time(truth))).collect();
         let html = format!(
             "<p>Each mark is a point of the sweep: GPU time of a whole frame, and {} of indirect light (both lobes). \
-             Only paths with shadows are compared with points with shadows; the curves of the other plots are of points \
-             without. Lower left is better. Ringed marks are the Pareto front: no other point is both faster and closer.</p>\n\
+             Points with shadows are compared only with path tracing with shadows; the other plots show points without \
+             shadows. Lower left is better. Ringed marks are the Pareto front: no other point is both faster and closer.</p>\n\
              <div class=\"plots\">{plots}</div>\n",
             METRIC.1
         );
@@ -398,8 +401,8 @@ impl Page<'_> {
             strip.push_str(&self.figure(&self.key_of(truth), truth.title(), error_against));
         }
         let html = format!(
-            "{}<div class=\"strip\">{strip}</div>\n<p><small>Below the path-traced ones: how far brute force is from \
-             them, {HEAT}.</small></p>\n",
+            "{}<div class=\"strip\">{strip}</div>\n<p><small>Below the path-traced pictures: relative squared error of brute force \
+             against them, {HEAT}.</small></p>\n",
             table(&cells)
         );
         Section { title: "References".into(), html }

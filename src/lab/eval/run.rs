@@ -118,7 +118,7 @@ pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Resul
         work.point(point, &truths, exposure)?;
     }
     if work.results.kept == 0 && kept_before > 0 {
-        log::info!("{kept_before} kept points are of another scene, device, program or settings");
+        log::info!("{kept_before} kept points belong to another scene, device, program or settings");
     }
     progress(1.0, "done");
     Ok(work.results)

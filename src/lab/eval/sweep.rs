@@ -20,7 +20,7 @@ pub struct Point {
 }
 
 impl Point {
-    /// Brute force with this RSM side [texels].
+    /// Brute force with this RSM side \[texels\].
     pub fn brute_force(size: [u32; 2], rsm: u32) -> Self {
         let frame = Knobs { gi: Gi::BruteForce, rsm, ..Knobs::plain(size) };
         Self { frame, caches: 0, references: 8, angle: 0.0, max_edge: Some(0.0) }
@@ -184,16 +184,16 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ("32/1", |point| near(point, 32, 1)),
     ];
     vec![
-        Knob::numbers("caches", "caches asked for", &[caches, &[base.caches as u32]].concat(), |point, n| {
+        Knob::numbers("caches", "caches requested", &[caches, &[base.caches as u32]].concat(), |point, n| {
             point.caches = n as usize;
         }),
-        Knob::numbers("rsm", "texels of an RSM's side", &[sides, &[base.frame.rsm]].concat(), |point, n| {
+        Knob::numbers("rsm", "RSM side in texels", &[sides, &[base.frame.rsm]].concat(), |point, n| {
             point.frame.rsm = n;
         }),
         Knob::numbers("refs", "references per vertex", references, |point, n| point.references = n as usize),
         Knob::choices(
             "interpolation",
-            "what is averaged between caches",
+            "averaging between caches",
             &[
                 ("facing", |point| point.frame.interpolation = Interpolation::Facing),
                 ("printed", |point| point.frame.interpolation = Interpolation::Printed),
@@ -201,7 +201,7 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ),
         Knob::choices(
             "proxy-weight",
-            "what pulls a proxy light",
+            "weights of a proxy light's position",
             &[
                 ("irradiance", |point| point.frame.proxy_weight = ProxyWeight::Irradiance),
                 ("form-factor", |point| point.frame.proxy_weight = ProxyWeight::FormFactor),
@@ -209,7 +209,7 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ),
         Knob::choices(
             "shadows",
-            "what is in the way of indirect light",
+            "shadows of indirect light",
             &[
                 ("per-light", |point| point.frame.shadows = Shadows::PerLight),
                 ("proxy", |point| point.frame.shadows = Shadows::Proxy),
@@ -221,12 +221,12 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ),
         Knob::choices(
             "near",
-            "rays of a pixel over pixels from one with rays to the next",
+            "short rays per pixel / distance between pixels with rays",
             &near_kinds[..if quick { 2 } else { 4 }],
         ),
         Knob::choices(
             "cluster",
-            "least distance of clusters, without shadows, in their radii",
+            "least distance of clusters in radii, without shadows",
             &clusters[..if quick { 3 } else { 5 }],
         ),
     ]

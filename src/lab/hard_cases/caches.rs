@@ -190,11 +190,11 @@ pub(super) fn cases() -> Vec<Case> {
     }));
     all.push(Case::new("caches", "a whole frame with about 30 000 baked caches", "f64 sums within 5e-5", many_caches));
     all.push(Case::new("caches", "one cache for a whole scene", "f64 shading by its one proxy within 1e-3", one));
-    all.push(Case::new("VALs", "a whole frame with one VAL", "phi G of it at every cache within 1e-5", one_val));
+    all.push(Case::new("VALs", "a whole frame with one VAL", "its phi G at every cache within 1e-5", one_val));
     let expected = "flux rho I 2 pi (1 - cos - ramp) within 3e-4, f64 sums within 5e-5";
     all.push(Case::new("VALs", "a whole frame with 65 536 VALs of a sharp cone", expected, many_vals));
     for height in [1.0, 1e-2, 1e-4, 1e-6, 1e-12, 0.0] {
-        let expected = if height > 0.0 { "phi / (A + pi h^2) within 1e-6" } else { "no light of it, and no NaN" };
+        let expected = if height > 0.0 { "phi / (A + pi h^2) within 1e-6" } else { "no light from it, and no NaN" };
         all.push(Case::new("touching VAL", format!("VAL {height:e} m above a cache"), expected, move |gpu| {
             touching(gpu, height)
         }));
@@ -204,7 +204,7 @@ pub(super) fn cases() -> Vec<Case> {
         let expected = "f64 sums within 1e-5, proxy at most 1e4 E";
         all.push(Case::new("grazing VALs", input, expected, move |gpu| grazing(gpu, sine)));
     }
-    all.push(Case::new("VALs behind", "1000 VALs below 64 caches that look up", "exactly no light", behind));
+    all.push(Case::new("VALs behind", "1000 VALs below 64 caches that face up", "exactly no light", behind));
     all
 }
 

@@ -27,9 +27,9 @@ pub(super) fn cases() -> Vec<Case> {
     all.push(Case::new("light in a wall", "point light inside a thick wall", oracle, in_wall));
     let oracle = "f64 VALs, f64 brute force within 1e-3";
     all.push(Case::new("light on a wall", "point light in the plane of the floor", oracle, on_floor));
-    let dark = "inside exactly no direct and no indirect light";
+    let dark = "exactly no direct and no indirect light inside";
     all.push(Case::new("closed box", "walls 5 cm thick, three lights outside", dark, |gpu| closed_box(gpu, 0.05)));
-    let dark = "inside direct light within 2 shadow texels of an edge, indirect below 1e-6 of the outside's brightest";
+    let dark = "inside, direct light only within 2 shadow texels of an edge, indirect light below 1e-6 of the brightest outside";
     all.push(Case::new("closed box", "walls without thickness, three lights outside", dark, |gpu| {
         closed_box(gpu, 0.0)
     }));
@@ -37,8 +37,8 @@ pub(super) fn cases() -> Vec<Case> {
     all.push(Case::new("closed box", "the thick box over a lit ground", through, box_on_ground));
     all.push(Case::new(
         "no lights",
-        "an emissive ball and no light",
-        "its radiance to the bit, else no direct light, and none on it",
+        "an emissive ball without lights",
+        "exactly its radiance, no other direct light, no indirect light on the ball",
         no_lights,
     ));
     for distance in [1e2, 1e3, 1e4] {

@@ -20,7 +20,7 @@ fn brute_force() -> Knobs {
 }
 
 pub(super) fn cases() -> Vec<Case> {
-    let halves = "the same pictures as with the nodes' transforms in the vertices, within 1e-3";
+    let halves = "the same pictures as with the nodes' transforms applied to the vertices, within 1e-3";
     let oracle = "f64 brute force at the pixels within 1e-3";
     let mut all = vec![
         Case::new("nodes", "every node mirrored", halves, |gpu| nodes(gpu, dvec3(-1.0, 1.0, 1.0))),
@@ -30,7 +30,7 @@ pub(super) fn cases() -> Vec<Case> {
         }),
         Case::new(
             "triangles",
-            "300 triangles without area on the corners of others",
+            "300 degenerate triangles on the corners of others",
             "exactly the same caches, VALs and pictures as without",
             without_area,
         ),
@@ -40,8 +40,8 @@ pub(super) fn cases() -> Vec<Case> {
             "the same picture by brute force within 1e-3",
             slivers,
         ),
-        Case::new("normals", "those of the wall oppose its winding", "f64 rays' VALs, f64 brute force", opposed),
-        Case::new("normals", "those of all surfaces are zero", "no broken value, direct light as with flat ones", zero),
+        Case::new("normals", "normals of the wall oppose its winding", "f64 rays' VALs, f64 brute force", opposed),
+        Case::new("normals", "all normals are zero", "no broken value, direct light as with flat normals", zero),
         Case::new("black", "every albedo 0", "exactly no indirect light", black),
         Case::new("white", "lamp in a sphere of albedo 1", "Ulbricht: L = I / (pi r^2) within 2 %", white),
         Case::new("white", "VALs of that sphere", "flux 4 pi I within 1e-4", furnace_flux),

@@ -33,7 +33,7 @@ pub type Lights = Vec<[DVec3; 2]>;
 pub struct SourcesSettings {
     /// Grid of pixels over the camera's picture.
     pub size: [u32; 2],
-    /// Side of an RSM [texels].
+    /// Side of an RSM \[texels\].
     pub rsm: u32,
     /// Samples per pixel of the path tracer.
     pub samples: u32,

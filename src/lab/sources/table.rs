@@ -78,13 +78,13 @@ pub struct Table {
 
 /// Column titles and their meaning.
 pub const COLUMNS: [(&str, &str); 8] = [
-    ("made exact", "approximation that is replaced, after all above it"),
+    ("made exact", "approximation that is replaced, in addition to all above it"),
     ("MARE", "mean absolute relative error of the picture before against the one after"),
-    ("RMSE", "root of the mean squared change, over the truth's mean"),
-    ("bias", "mean change, over the truth's mean; adds up to the whole"),
-    ("share", "mean absolute change, over the sum of all steps'"),
-    ("of squares", "part in the whole squared error; adds up to 100 %, negative where a step undoes others"),
-    ("alone: MARE", "error against the truth of the engine with this one made exact and no other"),
+    ("RMSE", "root mean square change, relative to the truth's mean"),
+    ("bias", "mean change, relative to the truth's mean; the steps add up to the whole"),
+    ("share", "mean absolute change, relative to the sum over all steps"),
+    ("of squares", "share of the whole squared error; adds up to 100 %, negative if a step undoes others"),
+    ("alone: MARE", "error of the engine against the truth with only this approximation made exact"),
     ("alone: RMSE", "likewise"),
 ];
 

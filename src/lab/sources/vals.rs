@@ -36,7 +36,7 @@ impl Texel {
     }
 }
 
-/// The device's views from each of a scene's lights, and their RSM sides [texels] if the settings ask for `n`.
+/// The device's views from each of a scene's lights, and their RSM sides \[texels\] if the settings ask for `n`.
 pub fn views<'a>(world: &World<'a>, n: u32) -> Vec<(&'a Light, View, usize)> {
     let scene = world.scene();
     let Some((low, high)) = scene.bounds() else { return Vec::new() };
