@@ -102,7 +102,7 @@ struct Instance {
     mat4 world_from_model;
     mat4 world_from_normal; // inverse transpose of the linear part, up to a factor
     float growth; // largest length scale relative to when the caches were placed
-    float area_scale; // area scale relative to when the caches were placed; 0 for a hidden instance
+    float area_scale; // factor of `world_from_normal` relative to cache placement; 1 on a deforming mesh, 0 if hidden
     uint first_index; // first index of its mesh in the shared index buffer
     uint first_vertex; // first of its posed vertices in the shared vertex buffer; RIGID for a rigid instance
     uint drawn_vertex; // first vertex to draw

@@ -16,8 +16,8 @@ pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 /// encoded as 8-bit sRGB. The paper does not round to 8 bits; the crate does. This matters below a few percent: in
 /// `tests/compare.rs` a pattern 2 % brighter has 0.0357 instead of 0.0337, one 10 % brighter 0.1070 instead of 0.1069.
 ///
-/// `pixels_per_degree`: per degree of visual angle, above 0; see [`PIXELS_PER_DEGREE`]. Both images hold `size[0] *
-/// size[1]` pixels, at most 2^28.
+/// `pixels_per_degree`: per degree of visual angle, above 0; see [`PIXELS_PER_DEGREE`]. Both images hold
+/// `size[0] * size[1]` pixels, at most 2^28.
 pub fn flip(
     image: &[[f32; 3]],
     reference: &[[f32; 3]],

@@ -12,8 +12,8 @@ pub fn irradiance(point: DVec3, normal: DVec3, vals: &[Val]) -> DVec3 {
     vals.iter().map(|val| val.flux * val_geometry(point, normal, val).0).sum()
 }
 
-/// Radiance [cd/m^2] that leaves a point towards the viewer of `mirrored_view`, diffuse (5.20) and glossy (5.32): `L_d
-/// = sum phi_j rho_d/pi G_j`, `L_g = sum phi_j rho_g (k+2)/(2 pi) cos^k(theta_e) G_j`.
+/// Radiance [cd/m^2] that leaves a point towards the viewer of `mirrored_view`, diffuse (5.20) and glossy (5.32):
+/// `L_d = sum phi_j rho_d/pi G_j`, `L_g = sum phi_j rho_g (k+2)/(2 pi) cos^k(theta_e) G_j`.
 pub fn radiance(
     point: DVec3,
     normal: DVec3,

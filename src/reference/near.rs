@@ -1,5 +1,5 @@
-//! Short rays from a point of a surface, in f64: their hits and the resulting light. Twin of `glsl/near.comp`. METHOD
-//! 11.
+//! Short rays from a point of a surface, in f64: their hits and the resulting light. Twin of `glsl/near.comp`.
+//! METHOD 11.
 
 use super::depth_image::tangents;
 use super::light::facing_irradiance;

@@ -36,9 +36,9 @@ impl Figures {
     }
 }
 
-/// Share of the squared error between `first` and `last` due to the step from `before` to `after`: `<before - after,
-/// first - last> / |first - last|^2`. The shares of all steps add up to 1; a step that undoes others has a negative
-/// one.
+/// Share of the squared error between `first` and `last` due to the step from `before` to `after`:
+/// `<before - after, first - last> / |first - last|^2`. The shares of all steps add up to 1; a step that undoes others
+/// has a negative one.
 pub fn square_share(before: &[DVec3], after: &[DVec3], first: &[DVec3], last: &[DVec3]) -> f64 {
     let whole = first.iter().zip(last).map(|(a, b)| *a - *b);
     let total: f64 = whole.clone().map(DVec3::length_squared).sum();

@@ -1,5 +1,5 @@
-//! Light that has passed through a body: random walks from the visible surface to the point where light enters. METHOD
-//! 7.
+//! Light that has passed through a body: random walks from the visible surface to the point where light enters.
+//! METHOD 7.
 //!
 //! A walk starts in the refracted direction of the camera's ray; every boundary that it meets reflects by Fresnel.
 //! Where it leaves the body, light from each direction counts by its Fresnel transmittance and continues inside as
