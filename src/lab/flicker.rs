@@ -8,8 +8,8 @@
 //! `rms(x)`, relative to the mean of `B`:
 //!
 //! - *change* `rms(D L)`, `rms(D B)`: total change, most of it legitimate;
-//! - *flicker* `rms(D L - D B)`: change by caches and interpolation that the VALs do not have; also without the worst 1
-//!   % of pixels, which lie in creases next to lit surfaces where a single VAL is near enough to be visible;
+//! - *flicker* `rms(D L - D B)`: change by caches and interpolation that the VALs do not have; also without the worst
+//!   1 % of pixels, which lie in creases next to lit surfaces where a single VAL is near enough to be visible;
 //! - *VALs' own* `rms(D B - D F)`: change by the VALs that finer ones do not have;
 //! - *tremble* `rms(D2 L)`, `rms(D2 B)`: needs no other picture to compare with. The second difference of smoothly
 //!   changing light is of the order of the squared step, almost 0; light that alternates has twice its change;
@@ -18,7 +18,7 @@
 //!
 //! A moving camera sees other surface points in the same pixels, which is change, not flicker. `D L - D B` remains
 //! meaningful because both pictures show the same points: it is the change of the interpolation error from a point to
-//! its neighbour. The diffuse light of caches does not depend on the camera and cannot flicker; glossy proxies do
+//! its neighbour. The diffuse light of caches does not depend on the camera, so it cannot flicker; glossy proxies do
 //! depend on it. The mean and the second differences do not depend on the point that a pixel shows, as long as the
 //! whole path is at most a pixel long.
 
