@@ -1,5 +1,5 @@
-// Stage 3: every instance's caches into the world. METHOD 1, 8 and 9. On a model that bends a cache stays where it is on its
-// triangle: posed corners give its place and its normal, and as the triangle grows, so does its share of the surface.
+// Stage 3: places every instance's caches in the world. METHOD 1, 8 and 9. On a deforming model a cache stays at its
+// point of its triangle: the posed corners give its position and normal, and its area scales with the triangle's.
 #include "shared.glsl"
 #include "lib/phong.glsl"
 #include "lib/form_factor.glsl"
@@ -12,7 +12,7 @@ layout(binding = 3, scalar) readonly buffer Corners { Corner corners[]; };
 layout(binding = 4, scalar) writeonly buffer Caches { Cache caches[]; };
 layout(push_constant, scalar) uniform Push { PlacePush push; };
 
-// On a triangle of a model that bends.
+// A cache on a triangle of a deforming model.
 Cache on_triangle(ModelCache c, Instance instance) {
     uint first = instance.first_index + 3u * uint(c.position.z);
     Corner a = corners[instance.first_vertex + indices[first]];
@@ -33,7 +33,7 @@ Cache on_triangle(ModelCache c, Instance instance) {
     return Cache(position, c.exponent, normal, area, middle, 0.0, axis - normal * dot(axis, normal), 0.0);
 }
 
-// Where its transform takes it.
+// A cache moved by a rigid transform.
 Cache rigid(ModelCache c, Instance instance) {
     vec3 position = (instance.world_from_model * vec4(c.position, 1.0)).xyz;
     vec3 normal = mat3(instance.world_from_normal) * c.normal;

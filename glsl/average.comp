@@ -1,11 +1,11 @@
-// Stage 8, first half: the proxies of a visible vertex's references, averaged. METHOD 5, thesis listing 5.2.
+// Stage 8, first half: averages the proxies of each visible vertex's references. METHOD 5, thesis listing 5.2.
 // variant average_sky.comp: SKY (where caches are lit by a sky, too)
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint REFERENCES = 8;
 layout(constant_id = 1) const uint GLOSSY = 1;
-layout(constant_id = 2) const uint PRINTED = 0; // 1: the thesis's weights, flux and position
+layout(constant_id = 2) const uint PRINTED = 0; // 1: the thesis's weights, averaging flux and position
 layout(push_constant, scalar) uniform Push { AveragePush push; };
 layout(binding = 0, scalar) readonly buffer Visible { VisibleVertex visible[]; };
 
@@ -20,7 +20,7 @@ layout(binding = 7, scalar) readonly buffer Proxies { Proxy proxies[]; };
 layout(binding = 8, scalar) writeonly buffer Lights { VertexLight lights[]; };
 #ifdef SKY
 #include "lib/sky_seen.glsl"
-layout(binding = 9, scalar) readonly buffer Seen { SkySeen seen[]; }; // of each cache
+layout(binding = 9, scalar) readonly buffer Seen { SkySeen seen[]; }; // per cache
 layout(binding = 10, scalar) writeonly buffer SkyLights { vec3 sky_lights[]; }; // share of the sky's light that arrives
 #endif
 
@@ -67,7 +67,7 @@ void main() {
             }
         }
     }
-    // A surface without caches is out in the open.
+    // A surface without caches counts as unoccluded.
     sky_lights[at] = sky.weight > 0.0 ? sky.seen / sky.weight : vec3(1.0);
 #endif
 }

@@ -1,4 +1,5 @@
-// Stage 10, first half: irradiance from below at each visible vertex of a filled body. METHOD 7, thesis (5.91) to (5.93).
+// Stage 10, first half: irradiance from below at each visible vertex of a filled body. METHOD 7, thesis (5.91) to
+// (5.93).
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
@@ -14,7 +15,7 @@ layout(binding = 7, scalar) readonly buffer FilledParts { Filled filled[]; };
 layout(binding = 8, scalar) readonly buffer ProxyDipoles { ProxyDipole dipoles[]; };
 layout(binding = 9, scalar) writeonly buffer Below { vec3 below[]; };
 
-// Irradiance from below at a place of a part, by the references of a vertex.
+// Irradiance from below at a point of a filled part, from a vertex's references.
 vec3 from_below(DrawRecord draw, uint vertex, uint part, vec3 position) {
     float d_max = 1e-15;
     for (uint i = 0u; i < REFERENCES; ++i) {

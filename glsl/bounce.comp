@@ -1,5 +1,5 @@
-// Stage 6, further bounces: what the caches have received so far makes them VALs. METHOD 9, thesis 6.1.7.
-// Every cache is live here, in order: a slot of the list is a cache.
+// Stage 6, further bounces: turns the light that caches have received so far into VALs. METHOD 9, thesis 6.1.7.
+// All caches are live here, in order, so that list slots equal cache indices.
 // variant bounce_traced.comp: TRACED (where caches trace rays)
 #include "shared.glsl"
 
@@ -15,11 +15,12 @@ layout(binding = 5, scalar) writeonly buffer Vals { Val vals[]; };
 #ifdef TRACED
 layout(binding = 6, scalar) readonly buffer Closed { float closed[]; };
 
-// What the exchange brings is the first part of what caches send; the gather of what is far is no more than caches see there.
+// Upper bound of the scale in TRACED variants: the gather of far light brings at most this many times the caches' form
+// factors. The exchange pass fills the first cache part.
 const float MOST_SCALE = 4.0;
 #endif
 
-// Irradiance of parts [first, end) at a cache.
+// Irradiance at a cache from parts [first, end).
 vec3 received(uint cache, uint first, uint end) {
     vec3 sum = vec3(0.0);
     for (uint part = first; part < end; ++part) {
@@ -34,7 +35,7 @@ void main() {
         return;
     }
     Cache c = caches[i];
-    vec3 flux = vec3(c.area); // the gather's sums of it are sums of form factors
+    vec3 flux = vec3(c.area); // gathered, these fluxes yield sums of form factors
     if (push.step != BOUNCE_AREAS) {
         vec3 first = received(i, push.cache_parts, push.cache_parts + args.groups_y);
 #ifdef TRACED
@@ -44,10 +45,10 @@ void main() {
 #endif
         if (push.step == BOUNCE_FIRST) {
 #ifdef TRACED
-            // Form factors are those of what rays meet.
+            // Scales the form factors to the share of rays that hit something.
             scales[i] = min(closed[i] / max(again.x, 1e-6), MOST_SCALE);
 #else
-            // Nobody sees more than a hemisphere.
+            // No cache sees more than a hemisphere.
             scales[i] = 1.0 / max(again.x, 1.0);
 #endif
             again = vec3(0.0);

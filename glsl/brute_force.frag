@@ -1,4 +1,4 @@
-// The thesis's ground truth: one tile of VALs onto every pixel, no cache, no interpolation. METHOD 3.
+// The thesis's ground truth: sums one tile of VALs at every pixel, without caches or interpolation. METHOD 3.
 // variant brute_force_diffuse.frag: DIFFUSE_ONLY (where nothing in the scene is glossy)
 #include "shared.glsl"
 #include "lib/form_factor.glsl"

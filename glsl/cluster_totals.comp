@@ -1,4 +1,4 @@
-// Stage 6 by clusters: what each cache receives by the coarse cut, which the rule of a bound takes shares of.
+// Stage 6 by clusters: each cache's illuminance from the coarse cut. The bound rule limits errors to shares of it.
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;

@@ -1,4 +1,4 @@
-// Stage 11: all radiance, exposed and tone-mapped. METHOD 1.
+// Stage 11: sums all radiance, exposes it and tone-maps it. METHOD 1.
 // variant composite_edges.frag: EDGES (where points of a pixel show more than one surface)
 // variant composite_layers.frag: LAYERS (where surfaces are seen through, whose light is mixed in)
 // variant composite_edges_layers.frag: EDGES LAYERS (both)
@@ -15,8 +15,8 @@ layout(binding = 2) uniform sampler2D glossy_image;
 layout(binding = 3) uniform sampler2D depth_image;
 layout(binding = 4, scalar) readonly buffer Exposure { float ev; };
 #ifdef EDGES
-layout(constant_id = 2) const uint POINTS = 4; // beside the middle
-layout(binding = 5) uniform sampler2D first_direct; // before points were mixed
+layout(constant_id = 2) const uint POINTS = 4; // besides the centre
+layout(binding = 5) uniform sampler2D first_direct; // first surfaces, before mixing
 layout(binding = 6) uniform sampler2D first_diffuse;
 layout(binding = 7) uniform sampler2D first_glossy;
 layout(binding = 8) uniform sampler2D second_direct;
@@ -36,7 +36,7 @@ layout(binding = 5) uniform sampler2D layer_depth;
 
 layout(location = 0) out vec4 out_color;
 
-// All radiance of a pixel; the lobes that there are.
+// Radiance of a pixel: direct light and the enabled lobes.
 vec3 radiance(sampler2D direct, sampler2D diffuse, sampler2D glossy, ivec2 at) {
     vec3 c = texelFetch(direct, at, 0).rgb;
     if (DIFFUSE != 0u) {
@@ -51,7 +51,8 @@ vec3 radiance(sampler2D direct, sampler2D diffuse, sampler2D glossy, ivec2 at) {
 void main() {
     ivec2 at = ivec2(gl_FragCoord.xy);
     vec3 c = radiance(direct_image, diffuse_image, glossy_image, at);
-    // Share of the pixel that shows surfaces, where something else is to show behind them; `c` becomes theirs alone.
+    // Share of the pixel covered by surfaces, if the background is replaced; `c` then becomes the radiance of the
+    // surfaces alone.
     float covered = 1.0;
     if (push.replaced != 0u) {
         bool first = texelFetch(depth_image, at, 0).r > 0.0;
@@ -81,7 +82,7 @@ void main() {
         }
 #endif
 #ifdef LAYERS
-        // The scene's own surroundings show through, whatever else is behind it.
+        // Through transparent layers the scene's own background shows, even where it is replaced.
         if (texelFetch(layer_depth, at, 0).r > 0.0) {
             covered = 1.0;
             c = radiance(direct_image, diffuse_image, glossy_image, at);
@@ -92,7 +93,7 @@ void main() {
     if (covered == 0.0) {
         out_color = push.behind;
     } else {
-        // What is transparent has no colour to mix in.
+        // A fully transparent background has no colour to mix in.
         out_color = vec4(push.behind.a == 0.0 ? color : mix(push.behind.rgb, color, covered), mix(push.behind.a, 1.0, covered));
     }
 }

@@ -1,4 +1,5 @@
-// Debugging: counts what no radiance, VAL or proxy can be: not a number, infinite, or negative. METHOD 4 has none.
+// Debugging: counts impossible values in radiance, VALs and proxies: NaN, infinite or negative. METHOD 4 rules them
+// out.
 #include "shared.glsl"
 
 layout(local_size_x = 256) in;
@@ -8,11 +9,11 @@ layout(binding = 1) uniform sampler2D diffuse_image;
 layout(binding = 2) uniform sampler2D glossy_image;
 layout(binding = 3, scalar) readonly buffer Vals { Val vals[]; };
 layout(binding = 4, scalar) readonly buffer Proxies { Proxy proxies[]; };
-layout(binding = 5, scalar) writeonly buffer Counts { uint counts[]; }; // CHECK_GROUPS of each target
+layout(binding = 5, scalar) writeonly buffer Counts { uint counts[]; }; // CHECK_GROUPS counts per target
 
 shared uint sum;
 
-// By their bits: compilers may take isnan for false, and devices flush the least negative numbers to zero.
+// Tests NaN and infinity by bits: compilers may fold isnan to false, and devices flush denormals to zero.
 uint endless(float v) {
     return (floatBitsToUint(v) & 0x7f800000u) == 0x7f800000u ? 1u : 0u;
 }
@@ -21,7 +22,7 @@ uint endless(vec3 v) {
     return endless(v.x) + endless(v.y) + endless(v.z);
 }
 
-// Endless, or negative; -0 is neither.
+// NaN, infinite or negative; -0 is valid.
 uint broken(float v) {
     uint bits = floatBitsToUint(v);
     return bits >= 0x7f800000u && bits != 0x80000000u ? 1u : 0u;

@@ -1,4 +1,4 @@
-// Compaction, first pass: how many items of each block are flagged.
+// Compaction, first pass: counts the flagged items of each block.
 #include "shared.glsl"
 #include "lib/pack.glsl"
 

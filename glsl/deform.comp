@@ -1,4 +1,5 @@
-// Before stage 1: vertices of meshes that bend, morphed and skinned as glTF says. METHOD 8. Twin: scene/deform.rs.
+// Before stage 1: morphs and skins the vertices of deforming meshes as glTF defines it. METHOD 8. Twin:
+// scene/deform.rs.
 #include "shared.glsl"
 #include "lib/phong.glsl"
 
@@ -45,17 +46,17 @@ void main() {
             m.y += weight * joint.y;
             m.z += weight * joint.z;
         }
-        // Rows of the cofactor matrix: the inverse transpose without a division.
+        // Rows of the cofactor matrix: the inverse transpose up to a factor, without a division.
         vec3 cx = cross(m.y.xyz, m.z.xyz), cy = cross(m.z.xyz, m.x.xyz), cz = cross(m.x.xyz, m.y.xyz);
         float side = dot(m.x.xyz, cx) < 0.0 ? -1.0 : 1.0;
         vec4 p = vec4(v.position, 1.0);
         v.position = vec3(dot(m.x, p), dot(m.y, p), dot(m.z, p));
         v.normal = side * vec3(dot(cx, v.normal), dot(cy, v.normal), dot(cz, v.normal));
         vec3 t = v.tangent.xyz;
-        // Without a length the sign says which side this is, and mirroring does not change that.
+        // Without a tangent the sign only marks the side of a double-sided surface, which mirroring does not change.
         v.tangent = vec4(dot(m.x.xyz, t), dot(m.y.xyz, t), dot(m.z.xyz, t), has_tangent ? side * v.tangent.w : v.tangent.w);
     }
-    // Where a pose leaves no normal, that of the file is as good as any.
+    // If the pose leaves no normal, use the one in the file.
     v.normal = unit_of_any_or(v.normal, bind_normal);
     v.tangent.xyz = has_tangent ? unit_of_any_or(v.tangent.xyz, vec3(0.0)) : vec3(0.0);
     uint vertex = body.first_vertex + i;

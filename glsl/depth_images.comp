@@ -1,8 +1,8 @@
-// Stage 6, before the gather: every live cache draws the rectangles of all caches into its depth image. METHOD 6, beyond
-// the print. Whatever lies nearest hides what is farther than itself by more than a margin. A rectangle blocks from both
-// sides: holes between those of a closed thing's near side are filled by those of its far side.
-// A workgroup draws one image in its own memory; with ALONE a thread draws one, and neighbours' work is alike, which is
-// what CPUs want, whose vectors are threads side by side.
+// Stage 6, before the gather: every live cache draws the rectangles of all caches into its depth image. METHOD 6,
+// beyond the print. The nearest rectangle hides everything more than a margin behind it. Rectangles occlude from both
+// sides: the far side of a closed body thus fills the gaps between rectangles of its near side.
+// A workgroup draws one image in shared memory. With ALONE each thread draws one image; neighbouring caches have
+// similar work, which suits CPUs, whose vector lanes are the threads.
 // variant depth_images_alone.comp: ALONE (a thread draws an image)
 #include "shared.glsl"
 #include "lib/form_factor.glsl"
@@ -18,10 +18,10 @@ layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
 layout(binding = 3, scalar) readonly buffer Groups { OccluderGroup groups[]; };
-layout(binding = 4) uniform samplerBuffer cache_texels; // all caches again: lavapipe reads texels faster
+layout(binding = 4) uniform samplerBuffer cache_texels; // all caches again: lavapipe reads texels faster than buffers
 #ifdef ALONE
 layout(binding = 5, scalar) buffer Images { float images[]; };
-uint image; // where it begins
+uint image; // offset of this thread's image
 #else
 layout(binding = 5, scalar) writeonly buffer Images { float images[]; };
 shared uint image[DEPTH_IMAGE_TEXELS];
@@ -35,25 +35,25 @@ void keep(int texel, float limit) {
     uint at = image + uint(texel);
     images[at] = max(images[at], limit);
 #else
-    // Bits of numbers that are not negative are in order.
+    // The bits of non-negative floats sort like the floats.
     atomicMax(image[texel], floatBitsToUint(limit));
 #endif
 }
 
-// First and last texel whose centre can lie between two coordinates.
+// First and last texel whose centre may lie between two coordinates.
 ivec2 texels(float low, float high) {
     vec2 bounds = (vec2(low, high) + 1.0) * (1.0 / STEP) - 0.5;
     return clamp(ivec2(ceil(bounds.x), floor(bounds.y)), ivec2(0, -1), ivec2(SIDE, SIDE - 1));
 }
 
-// The same of a ball that is seen in the unit direction of which w is a component, under an angle.
+// The same for a ball: `w` is a component of the unit direction to its centre, `sine` the sine of its angular radius.
 ivec2 texels_of_ball(float w, float sine) {
     float cosine = sqrt(max(1.0 - sine * sine, 0.0));
     float reach = sine * sqrt(max(1.0 - w * w, 0.0));
     return texels(w < -cosine ? -1.0 : w * cosine - reach, w > cosine ? 1.0 : w * cosine + reach);
 }
 
-// Draws the rectangle of a cache; rows of `own` are the viewer's frame.
+// Draws one cache's rectangle; the rows of `own` are the viewing cache's frame.
 void draw(Cache c, mat3 own, uint other) {
     vec3 to = texelFetch(cache_texels, int(4u * other)).xyz - c.position;
     vec3 n = texelFetch(cache_texels, int(4u * other + 1u)).xyz;
@@ -61,12 +61,12 @@ void draw(Cache c, mat3 own, uint other) {
     vec3 o = middle_breadth.xyz - c.position;
     vec4 axis_radius = texelFetch(cache_texels, int(4u * other + 3u));
     float share = axis_radius.w;
-    // Two sides of one thing: neither cache is before the other, whatever their rectangles are.
+    // Two sides of one body: neither cache lies in front of the other, so their rectangles do not occlude.
     float level = DEPTH_IMAGE_PLANE * share;
     if (-dot(to, n) < level && dot(to, c.normal) <= level) {
         return;
     }
-    // Distance from the rectangle's plane. In the plane, or nearly, it is a neighbour on the same surface.
+    // Distance from the rectangle's plane. A cache in or near the plane is a neighbour on the same surface.
     float h = dot(o, n);
     n = own * (h < 0.0 ? -n : n);
     h = abs(h);
@@ -88,13 +88,13 @@ void draw(Cache c, mat3 own, uint other) {
     ivec2 xs = ivec2(0, SIDE - 1);
     ivec2 ys = xs;
     if (sine < 0.25) {
-        // Directions of first order, and what those of second and third can add.
+        // First-order bound of the directions, plus a bound of the second- and third-order terms.
         vec2 reach = abs(u.xy - w0.xy * dot(w0, u)) + abs(v.xy - w0.xy * dot(w0, v));
         reach = reach * inverse + 1.25 * sine * sine;
         xs = texels(w0.x - reach.x, w0.x + reach.x);
         ys = texels(w0.y - reach.y, w0.y + reach.y);
     } else {
-        // Coordinates reach as far as the corners', distances from that of the nearest point to that of the farthest corner.
+        // Bound from the corners' coordinates, divided by the distance of the nearest point or of the farthest corner.
         vec2 reach = abs(u.xy) + abs(v.xy);
         vec2 aside = abs(vec2(dot(o, u), dot(o, v))) * inversesqrt(max(vec2(u2, v2), vec2(1e-37)));
         vec2 halves = sqrt(vec2(u2, v2));
@@ -115,10 +115,11 @@ void draw(Cache c, mat3 own, uint other) {
             ys = ivec2(max(ys.x, y.x), min(ys.y, y.y));
         }
     }
-    // Where a ray meets the plane, `w h / along` from here, has these coordinates along the axes, times `along`.
+    // The ray meets the plane at `w h / along`. Its coordinates along the axes, times `along`, are the dot products
+    // with these.
     vec3 across = u * h - n * dot(o, u);
     vec3 upward = v * h - n * dot(o, v);
-    // One loop: older lavapipe counts rounds of all loops together.
+    // A single loop: older lavapipe versions count the rounds of all loops together.
     int width = xs.y - xs.x + 1;
     int count = max(width, 0) * max(ys.y - ys.x + 1, 0);
     ivec2 at = ivec2(xs.x, ys.x);
@@ -128,7 +129,8 @@ void draw(Cache c, mat3 own, uint other) {
         vec3 w = vec3(p, sqrt(max(z2, 0.0)));
         float along = dot(w, n);
         if (z2 > 0.0 && abs(dot(w, across)) < u2 * along && abs(dot(w, upward)) < v2 * along) {
-            // The reciprocal distance of a plane is linear in w: its least value in the texel, but for the curvature of z.
+            // The reciprocal distance of a plane is linear in w: this is its minimum in the texel, up to the curvature
+            // of z.
             float slope = 1.0 / max(w.z, DEPTH_IMAGE_LEAST_Z);
             float least = along - 0.5 * STEP * (abs(n.x - n.z * p.x * slope) + abs(n.y - n.z * p.y * slope));
             if (least > 0.0) {
@@ -140,13 +142,13 @@ void draw(Cache c, mat3 own, uint other) {
     }
 }
 
-// Whether all rectangles of a group lie behind a cache. The margin is for rounding.
+// Whether all rectangles of a group lie behind a cache. The margin covers rounding.
 bool is_behind(Cache c, OccluderGroup g) {
     vec3 o = g.position - c.position;
     return dot(o, c.normal) + g.reach + 1e-5 * (length(o) + g.reach) <= 0.0;
 }
 
-// Whose rows are the frame of a cache's image.
+// Matrix whose rows are the frame of a cache's image.
 mat3 frame(Cache c) {
     vec3 tangent, bitangent;
     tangents(c.normal, tangent, bitangent);

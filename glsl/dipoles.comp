@@ -1,5 +1,6 @@
-// Stage 9: what all light inside a body gives to each of its caches, as one dipole of each channel. METHOD 7, thesis 5.5.4.
-// Light enters through the RSMs' texels, and around caches by what they receive. One workgroup a cache; sums add up in a fixed order.
+// Stage 9: condenses all light inside a body into one dipole per channel at each of its caches. METHOD 7, thesis 5.5.4.
+// Light enters through the RSMs' texels and, around caches, as the light that they receive. One workgroup per cache;
+// sums have a fixed order.
 #include "shared.glsl"
 #include "lib/dipole.glsl"
 #include "lib/phong.glsl"
@@ -21,11 +22,11 @@ struct Sums {
     vec3 place_r;
     vec3 place_g;
     vec3 place_b;
-    vec3 whole; // what the body would send if every cache received 1
+    vec3 whole; // response of the body if every cache received 1
 };
 shared Sums sums[DIPOLE_THREADS];
 
-// Irradiance that a cache receives through its surface, of light that has been reflected or comes from what shines.
+// Irradiance that a cache receives through its surface: reflected light and light from emitters.
 vec3 received(Cache c, Proxy p) {
     vec3 towards = unit_or(p.diffuse_position - c.position, c.normal);
     return p.diffuse_distance2 > 0.0 ? p.diffuse_irradiance * max(dot(towards, c.normal), 0.0) : vec3(0.0);
@@ -86,11 +87,11 @@ void main() {
         return;
     }
     s = sums[0];
-    // A channel without light has a place all the same.
+    // Channels without light still need a finite position.
     bvec3 is_lit = greaterThan(s.irradiance, vec3(LEAST_IRRADIANCE));
     vec3 share = mix(vec3(0.0), 1.0 / max(s.irradiance, vec3(LEAST_IRRADIANCE)), is_lit);
     ProxyDipole p;
-    // A body of which each place sends on more than comes to it would make light.
+    // Bound for thin bodies: no part may send on more light than arrives.
     p.irradiance = mix(vec3(0.0), s.irradiance / max(s.whole, vec3(1.0)), is_lit);
     p.filled = own.filled;
     p.place_r = s.place_r * share.r;

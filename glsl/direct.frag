@@ -1,4 +1,4 @@
-// Stage 2: one light's direct reflection, shadowed by its map; added to what is there. METHOD 1.
+// Stage 2: adds one light's direct reflection, shadowed by its shadow map. METHOD 1.
 // variant direct_rays.frag: RAYS (where rays say what arrives)
 // variant direct_coat.frag: COAT (where a material has a clear coat or sheen: METHOD 16)
 // variant direct_rays_coat.frag: RAYS COAT (both)
@@ -15,7 +15,7 @@
 #ifdef RAYS
 #include "lib/arriving.glsl"
 #else
-layout(constant_id = 0) const uint SAMPLES = 0; // points of a pixel beside its middle that edges of shadows are smoothed by
+layout(constant_id = 0) const uint SAMPLES = 0; // further points of a pixel that smooth shadow edges
 layout(binding = 1, scalar) readonly buffer Views { LightView views[]; };
 layout(binding = 6) uniform sampler2D shadow_image;
 #endif
@@ -37,19 +37,19 @@ vec3 place(vec2 ndc, float depth) {
 }
 
 #ifndef RAYS
-// Share of the 2x2 texels around the point's projection that see it; bilinear, so that edges are smooth.
+// Visibility by the shadow map: bilinear over the 2x2 texels around the point's projection.
 float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     bool directional = light.kind == LIGHT_DIRECTIONAL;
     bool six = light.view_count > 1u;
     float size = float(push.shadow_size);
-    // All views of a light are alike; that of parallel light may be higher than wide.
+    // All views of a light have the same size; a directional light's view may be taller than wide.
     LightView first = views[light.first_view];
     float spread = max(length(first.right), length(first.up));
     float texel = 2.0 * spread * (directional ? 1.0 : length(position - light.position)) / size;
-    // Out of the surface by as much as it can slope over a texel: nothing shadows itself.
+    // Normal offset: by as much as the surface can slope within a texel, against self-shadowing.
     float cosine = clamp(dot(n, towards), 0.0, 1.0);
     vec3 p = position + n * texel * (0.5 + 1.5 * sqrt(1.0 - cosine * cosine));
-    // Seen from the stepped-out point, which may have crossed an edge of the cube.
+    // Projected from the offset point, which may lie on another cube face.
     uint face = six ? cube_face(p - light.position) : 0u;
     vec4 clip = views[light.first_view + face].clip_from_world * vec4(p, 1.0);
     vec3 ndc = clip.xyz / clip.w;
@@ -60,7 +60,8 @@ float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     vec2 corner = floor(at);
     vec2 f = at - corner;
     ivec2 origin = ivec2(face % 3u, face / 3u) * int(push.shadow_size);
-    // Reversed depth: nearer is greater. Rounding of the map is relative for perspective, absolute for parallel light.
+    // Reversed depth: nearer is greater. The map's rounding error is relative for perspective, absolute for parallel
+    // light.
     float own = directional ? ndc.z + 1e-5 : ndc.z * 1.0005;
     vec4 seen;
     for (int i = 0; i < 4; ++i) {
@@ -70,14 +71,14 @@ float visibility(Light light, vec3 position, vec3 n, vec3 towards) {
     return mix(mix(seen.x, seen.y, f.x), mix(seen.z, seen.w, f.x), f.y);
 }
 
-// The same for all of a pixel: the mean over points of the surface's plane.
+// Visibility of a whole pixel: the mean over points of its surface's plane.
 float visibility_of_pixel(Light light, vec2 middle, vec2 pixel, float depth, vec3 position, vec3 n, vec3 towards) {
     float sum = visibility(light, position, n, towards);
     vec2 slope = plane_slope(push.world_from_clip, position, n);
     for (uint i = 1u; i <= SAMPLES; ++i) {
         vec2 offset = sample_offset(i, SAMPLES) * pixel;
         float there = depth + dot(slope, offset);
-        // One seen from nearly edge on goes anywhere.
+        // On planes seen nearly edge-on the point may be far off; use the centre then.
         sum += visibility(light, there > 0.5 * depth && there < 2.0 * depth ? place(middle + offset, there) : position, n, towards);
     }
     return sum / float(SAMPLES + 1u);
@@ -102,7 +103,7 @@ void main() {
 
     Light light = lights[push.light];
     vec3 towards = -light.direction;
-    vec3 irradiance = light.intensity; // through a plane that faces the light
+    vec3 irradiance = light.intensity; // on a plane that faces the light
     if (light.kind != LIGHT_DIRECTIONAL) {
         vec3 d = light.position - position;
         float d2 = max(dot(d, d), 1e-30);

@@ -1,5 +1,5 @@
-// Stage 2: the direct reflection of a rectangle that shines, added to what is there. Its light is exact where nothing is in
-// the way; of points on it, each with a shadow map of its own, those that are seen give the share that arrives.
+// Stage 2: adds the direct reflection of a rectangular area light. Its unoccluded light is exact. Visible sample
+// points, each with a shadow map of its own, give the share that arrives.
 // variant direct_area_rays.frag: RAYS (where rays say what arrives)
 // variant direct_area_coat.frag: COAT (where a material has a clear coat or sheen: METHOD 16)
 // variant direct_area_rays_coat.frag: RAYS COAT (both)
@@ -32,44 +32,45 @@ layout(binding = 7) uniform usampler2D coat_image;
 
 layout(location = 0) out vec4 out_radiance;
 
-// Smaller than this share of its distance a rectangle is a point: differences of its corners round too much.
+// Below this size, as a share of its distance, a rectangle is treated as a point: differences of its corners would
+// round too much.
 const float SMALL = 0.003;
 
 #ifndef RAYS
-// Taps of all samples of a light together that look for what may be in the way; twice as many say how much of it is.
+// Blocker search taps for all samples of a light together; the filter uses up to twice as many.
 const int TAPS = 96;
 
-// What is nearer than this share of the surface's own depth is in the way.
+// A blocker must be nearer than this share of the surface's own depth.
 const float NEARER = 0.998;
 
-// Golden angle [rad]: points of a disc that are evenly spread.
+// Golden angle [rad]: spreads points evenly on a disc.
 const float GOLDEN = 2.39996323;
 
-// One face of a sample's shadow map, as a point sees it.
+// One face of a sample's shadow map, relative to the shaded point.
 struct Face {
     ivec2 corner; // texel
-    vec2 at; // where the point is, as tangents
-    vec3 normal; // the surface's, in the axes of the face
-    vec3 front; // the light's, likewise
-    float offset; // of the surface's plane from the sample
-    float depth; // of the point, along the face's axis
-    float near; // depth times the map's value
+    vec2 at; // position of the point in the face, as tangents
+    vec3 normal; // the surface's normal in the face's axes
+    vec3 front; // the light's normal in the face's axes
+    float offset; // distance of the surface's plane from the sample
+    float depth; // depth of the point along the face's axis
+    float near; // view depth times the map's value, a constant
 };
 
-// What four texels about a direction see, as depths along the axis, and where the point's own plane is there.
+// Depths of the four texels about a direction, and the depth of the point's own plane there.
 void look(Face face, vec2 tangents, out vec4 seen, out vec4 own, out vec2 f) {
     float size = float(push.face_size);
     vec2 at = (tangents * vec2(0.5, -0.5) + 0.5) * size - 0.5;
     vec2 corner = clamp(floor(at), vec2(0.0), vec2(size - 2.0));
     f = clamp(at - corner, vec2(0.0), vec2(1.0));
-    // In the order (0, 1), (1, 1), (1, 0), (0, 0).
+    // Texel order: (0, 1), (1, 1), (1, 0), (0, 0).
     vec2 between = (vec2(face.corner) + corner + 1.0) / vec2(textureSize(shadow_image, 0));
     seen = face.near / max(textureGather(shadow_image, between, 0), vec4(1e-30));
     vec2 low = (corner + 0.5) / size * 2.0 - 1.0;
     float step = 2.0 / size;
     vec4 x = low.x + step * vec4(0.0, 1.0, 1.0, 0.0);
     vec4 y = -(low.y + step * vec4(1.0, 1.0, 0.0, 0.0));
-    // What is behind the light is not in its way: the light itself, and what it is let into.
+    // Ignore geometry behind the light: the light's own surface and its housing.
     seen = mix(vec4(1e30), seen, greaterThan(face.front.x * x + face.front.y * y + face.front.z, vec4(0.0)));
     vec4 slope = face.normal.x * x + face.normal.y * y + face.normal.z;
     own = mix(vec4(2.0 * face.depth), vec4(face.offset) / slope, greaterThan(slope * face.offset, vec4(0.0)));
@@ -81,12 +82,12 @@ vec2 disc_point(int i, int count, float turn) {
     return sqrt((float(i) + 0.5) / float(count)) * vec2(cos(angle), sin(angle));
 }
 
-// Share of a disc of this radius about sample `number` that a point sees: blockers are looked for, and their mean depth says
-// how wide the shadow's edge is; Fernando 2005.
+// Visibility of a sample from a point, with the sample as a disc of this radius. A blocker search finds the mean
+// blocker depth, which gives the width of the penumbra; Fernando 2005.
 float visibility(Light light, uint number, float radius, int taps, vec3 position, vec3 n) {
     LightView first = views[light.first_view + number * AREA_VIEWS];
     vec3 d = position - first.position;
-    // In the light's own axes, which the faces are along.
+    // In the light's own axes, along which the faces are aligned.
     vec3 z = light.direction;
     vec3 x = normalize(light.right);
     uint side = cube_face(vec3(dot(d, x), dot(d, cross(z, x)), dot(d, z)));
@@ -95,7 +96,7 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
     }
     LightView view = views[light.first_view + number * AREA_VIEWS + side];
     float texel = 2.0 / float(push.face_size);
-    // A little out of the surface, for what is not quite flat.
+    // Small normal offset for surfaces that are not quite flat.
     d += n * (0.25 * texel * dot(d, view.forward));
     uvec2 tile = uvec2(number % push.columns, number / push.columns) * uvec2(3u, 2u) + uvec2(side % 3u, side / 3u);
     Face face;
@@ -128,7 +129,7 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
     float blocker = sum / count;
     float penumbra = radius * max(face.depth - blocker, 0.0) / (face.depth * blocker);
     penumbra = clamp(penumbra, texel, 2.0 * region);
-    // A few texels need few taps.
+    // A narrow penumbra needs few taps.
     int many = clamp(int(2.0 * penumbra * penumbra / (texel * texel)), 8, 2 * taps);
     float open = 0.0;
     for (int i = 0; i < many; ++i) {
@@ -141,8 +142,8 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
 #endif
 
 #ifdef COAT
-// What sheen reflects of the light that a rectangle sends to its surface, over it: the mean over points of what is above the horizon,
-// three of each triangle about its middle, by the light that comes from there.
+// Sheen's reflection of a rectangle, relative to the surface's form factor: the mean over 3 points in each triangle
+// about the centre of the visible part, weighted by the light from each point.
 vec3 sheen_area(Coat coat, CoatAlbedo over, SeenPart part, vec3 n, vec3 looking) {
     vec3 middle = vec3(0.0);
     for (int i = 0; i < part.count; ++i) {
@@ -160,7 +161,7 @@ vec3 sheen_area(Coat coat, CoatAlbedo over, SeenPart part, vec3 n, vec3 looking)
             vec3 d = third + 0.5 * (j == 0 ? middle : j == 1 ? a : b);
             float d2 = max(dot(d, d), 1e-30);
             vec3 towards = d * inversesqrt(d2);
-            // Of one plane: what is farther away is seen so much flatter.
+            // Points of one plane: the cosine at the light falls with distance, too.
             float weight = area / (d2 * sqrt(d2));
             sum += weight * sheen_formula(roughness, n, looking, towards);
             all += weight * max(dot(n, towards), 0.0);
@@ -170,7 +171,7 @@ vec3 sheen_area(Coat coat, CoatAlbedo over, SeenPart part, vec3 n, vec3 looking)
     return coat.sheen * ((1.0 - over.coat) * PI * sum / max(all * excess, 1e-37));
 }
 
-// Share of a rectangle's radiance that a coat reflects, by the Phong lobe that is like its own.
+// Share of a rectangle's radiance that a coat reflects, by the Phong lobe fitted to the coat.
 vec3 coat_area(Coat coat, Light light, vec3 to_middle, vec3 looking) {
     vec3 n = coat.normal;
     SeenPart part = above_horizon(to_middle, light.right, light.up, n);
@@ -217,7 +218,7 @@ void main() {
     float exponent = fitted.exponent;
     bool glossy = fitted.albedo != vec3(0.0);
 
-    // Without anything in the way.
+    // Unoccluded light.
     float d2 = dot(to_middle, to_middle);
     float area = 4.0 * length(cross(light.right, light.up));
     float diffuse_share;
@@ -235,7 +236,7 @@ void main() {
 #ifdef RAYS
     vec2 arrives = arriving(depth_image, pixel, depth, plane_slope(push.world_from_clip, position, geometric));
 #else
-    // What arrives of it: each lobe weighs the samples by what they would give it.
+    // Share that arrives: each lobe weights the samples by their unoccluded light.
     uint samples = light.columns * light.rows;
     float cell = area / float(samples);
     float radius = sqrt(cell / PI);
@@ -247,7 +248,7 @@ void main() {
         float cell_d2 = max(dot(d, d), 1e-30);
         vec3 towards = d * inversesqrt(cell_d2);
         float given = max(-dot(towards, light.direction), 0.0) / (cell_d2 + cell);
-        // A lobe narrower than a cell is as wide as that here.
+        // A lobe narrower than a sample's cell is widened to it.
         float k = min(exponent, 2.0 * PI * cell_d2 / cell);
         float received = max(dot(n, towards), 0.0) + 0.01;
         vec2 weight = given * received * vec2(1.0, glossy ? cosine_power(dot(r, towards), k) + 1e-4 : 0.0);

@@ -1,5 +1,5 @@
-// Stage 6, after the gather: the light of each live cache once more, sorted by where it comes from. Short rays ask for it
-// along themselves. A workgroup has a cache. METHOD 11.
+// Stage 6, after the gather: sorts the light of each live cache by direction, for short rays to look up. One workgroup
+// per cache. METHOD 11.
 // variant directions_shadowed.comp: SHADOWED (where things are in the way of indirect light)
 // variant directions_bounces.comp: BOUNCES (where caches light caches, too)
 // variant directions_shadowed_bounces.comp: SHADOWED BOUNCES (both)
@@ -15,7 +15,7 @@ layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
 layout(binding = 3, scalar) readonly buffer ValCount { uint val_count; };
 layout(binding = 4, scalar) readonly buffer Vals { Val vals[]; };
-layout(binding = 5, scalar) writeonly buffer Radiances { uint radiances[]; }; // DIRECTIONS of each cache [cd/m^2]
+layout(binding = 5, scalar) writeonly buffer Radiances { uint radiances[]; }; // DIRECTIONS values per cache [cd/m^2]
 #ifdef BOUNCES
 layout(binding = 6, scalar) readonly buffer CacheValCount { uint cache_val_count; };
 layout(binding = 7, scalar) readonly buffer CacheVals { Val cache_vals[]; };
@@ -33,16 +33,16 @@ layout(constant_id = 0) const uint IMAGES_AS_TEXELS = 1;
 #include "lib/sees.glsl"
 #endif
 
-// A map of each thread.
+// One map per thread.
 shared float sums[3u * DIRECTIONS * THREADS];
 
-// The workgroup's.
+// The workgroup's cache.
 Cache c;
 #ifdef SHADOWED
 View seen_by;
 #endif
 
-// Adds what a VAL with this flux sends to the cache, through a surface that faces it.
+// Adds a VAL's irradiance on a surface that faces it, with the given flux.
 void add(Val val, vec3 flux) {
     vec3 d = val.position - c.position;
     float d2 = dot(d, d);
@@ -82,7 +82,7 @@ void main() {
         add(val, val.flux * scales[slot]);
     }
 #endif
-    // Neighbours in an RSM lie in about the same direction. The list is padded with dark ones.
+    // Neighbours in an RSM lie in about the same direction and are merged. The list is padded with dark VALs.
     for (uint first = thread * push.together; first < val_count; first += THREADS * push.together) {
         Val val = vals[first];
         vec3 flux = val.flux;

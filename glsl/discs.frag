@@ -10,7 +10,7 @@ layout(location = 0) out vec4 out_color;
 
 void main() {
     float depth = texelFetch(depth_image, ivec2(gl_FragCoord.xy) - ivec2(push.left, push.top), 0).r;
-    // A little behind the surface still lies on it: a disc is flat, the surface may not be.
+    // Keeps fragments slightly behind the surface: discs are flat, surfaces may be curved.
     if (gl_FragCoord.z < depth * 0.98) {
         discard;
     }

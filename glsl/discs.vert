@@ -1,4 +1,4 @@
-// Caches as discs on their surfaces, for a window that shows where they stand. One triangle after the other from the middle.
+// Draws caches as discs on their surfaces, for the window's cache view. One triangle after another from the centre.
 #include "shared.glsl"
 
 layout(push_constant, scalar) uniform Push { DiscPush push; };
@@ -10,12 +10,12 @@ void main() {
     uint index = uint(gl_VertexIndex) / (3u * DISC_CORNERS);
     uint corner = uint(gl_VertexIndex) % (3u * DISC_CORNERS);
     Cache cache = caches[index];
-    // Neighbours have colours far apart: steps of the golden section round the circle of hues.
+    // Neighbouring caches get very different hues: steps of the golden ratio around the hue circle.
     float hue = fract(float(index) * 0.61803399);
     out_color = clamp(abs(fract(hue + vec3(0.0, 2.0 / 3.0, 1.0 / 3.0)) * 6.0 - 3.0) - 1.0, 0.0, 1.0) * 0.85 + 0.15;
     vec3 towards = push.eye.xyz - cache.position * push.eye.w;
     if (cache.area <= 0.0 || dot(cache.normal, towards) <= 0.0) {
-        gl_Position = vec4(0.0, 0.0, 0.0, 1.0); // no area, no pixel
+        gl_Position = vec4(0.0, 0.0, 0.0, 1.0); // degenerate: covers no pixel
         return;
     }
     float radius = push.size * sqrt(cache.area / 3.14159265);

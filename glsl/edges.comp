@@ -1,6 +1,6 @@
-// Stage 1, second half: one more point of every pixel. The first that shows another surface than the pixel's middle makes that the
-// pixel's second one, which is shaded like the first; others are looked for in the pixels around. What points of one surface
-// reflect is averaged. METHOD 13.
+// Stage 1, second half: evaluates one more point of every pixel. The first point on another surface than the pixel's
+// centre defines the pixel's second surface, which is shaded like the first. Points on further surfaces use a
+// neighbouring pixel's shading. Reflectances are averaged over the points of one surface. METHOD 13.
 // variant edges_elements.comp: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
 // variant edges_coat.comp: COAT (where a material has a clear coat or sheen)
 // variant edges_elements_coat.comp: ELEMENTS COAT (both)
@@ -11,24 +11,24 @@
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { EdgesPush push; };
-// The surface at the middle of the pixel.
+// The surface at the pixel's centre.
 layout(binding = 0) uniform sampler2D first_depth;
 layout(binding = 1, rgba16f) uniform image2D first_albedo;
 layout(binding = 2, rgba16f) uniform image2D first_specular;
 layout(binding = 3, rgba32f) uniform image2D first_radiance;
-// That at the sample.
+// The surface at the sample.
 layout(binding = 4) uniform sampler2D sample_depth;
 layout(binding = 5) uniform sampler2D sample_normal;
 layout(binding = 6) uniform sampler2D sample_albedo;
 layout(binding = 7) uniform sampler2D sample_specular;
 layout(binding = 8) uniform sampler2D sample_radiance;
-// The pixel's second one.
+// The pixel's second surface.
 layout(binding = 9, r32f) uniform image2D second_depth;
 layout(binding = 10, rgba32f) writeonly uniform image2D second_normal;
 layout(binding = 11, rgba16f) uniform image2D second_albedo;
 layout(binding = 12, rgba16f) uniform image2D second_specular;
 layout(binding = 13, rgba32f) uniform image2D second_radiance;
-layout(binding = 14, r32ui) uniform uimage2D codes; // what each point shows
+layout(binding = 14, r32ui) uniform uimage2D codes; // SHOWS_* code of each point
 layout(binding = 15) uniform sampler2D first_normal;
 #ifdef ELEMENTS
 layout(binding = 16) uniform usampler2D first_element;
@@ -40,10 +40,10 @@ layout(binding = 19) uniform usampler2D sample_coat;
 layout(binding = 20, rgba32ui) writeonly uniform uimage2D second_coat;
 #endif
 
-// A surface somewhere in a pixel.
+// A surface at a point in a pixel.
 struct Seen {
-    float depth; // 0 where none is
-    uint draw; // 0 where that is not known
+    float depth; // 0: none
+    uint draw; // 0: unknown
     vec3 position;
     vec3 normal; // of its triangle
 };
@@ -57,7 +57,7 @@ Seen seen(vec2 ndc, float depth, uint draw, float x, float y) {
     return Seen(depth, draw, depth > 0.0 ? place(ndc, depth) : vec3(0.0), octahedral_decode(vec2(x, y)));
 }
 
-// Whether two samples are on one surface: of one draw, in one plane but for half a pixel, and facing alike.
+// Whether two samples lie on one surface: same draw, within half a pixel of each other's planes, similar normals.
 bool alike(Seen a, Seen b, float pixel) {
     if (a.depth == 0.0 || b.depth == 0.0) {
         return a.depth == b.depth;
@@ -67,27 +67,28 @@ bool alike(Seen a, Seen b, float pixel) {
     return a.draw == b.draw && dot(a.normal, b.normal) > 0.9 && aside < 0.5 * pixel;
 }
 
-// Whether reflectances differ by more than what is lost where their mean is rounded.
+// Whether reflectances differ by more than the rounding of their mean.
 bool differ(vec4 a, vec4 b) {
     return any(greaterThan(abs(a.rgb - b.rgb), 0.004 * a.rgb));
 }
 
-// Depth in the middle of the pixel of the plane that a sample at this offset from there is in.
+// Depth at the pixel's centre of the plane through a sample at this offset.
 float depth_in_the_middle(Seen at, vec2 middle, vec2 offset, float pixel) {
-    // Planes stay planes in clip space.
+    // Planes remain planes in clip space.
     vec4 plane = vec4(at.normal, -dot(at.normal, at.position)) * push.world_from_clip;
     float moved = at.depth + dot(plane.xy, offset) / plane.z;
-    // One seen from nearly edge on goes anywhere.
+    // On planes seen nearly edge-on the depth may be far off; keep the sample's depth then.
     bool stays = moved > 0.0 && distance(place(middle, moved), at.position) < 4.0 * pixel;
     return stays ? moved : at.depth;
 }
 
-// The pixel around whose first surface a point shows; of several the nearest. Its shading is the point's.
+// Code of the nearest of the 8 pixels around whose first surface contains the point; its shading serves for the point.
 uint found_around(Seen here, vec3 normal, ivec2 at, float pixel) {
     ivec2 size = textureSize(first_depth, 0);
     uint found = SHOWS_ANOTHER;
     float nearest = 1e9;
-    // A loop ends where no thread needs it; what is unrolled is done for all of them on software devices.
+    // Not unrolled: the loop ends once no thread needs it, but software devices execute unrolled rounds for all
+    // threads.
     [[dont_unroll]] for (uint i = 0u; i < 8u; i++) {
         ivec2 other = at + pixel_around(i);
         vec2 d = vec2(pixel_around(i)) - push.offset;
@@ -189,7 +190,7 @@ void main() {
         }
     }
     if (push.point == 0u && code != SHOWS_SECOND) {
-        // Behind everything: passes over pixels leave it alone.
+        // Depth behind everything: passes over pixels skip it.
         imageStore(second_depth, at, vec4(NO_SURFACE));
 #ifdef ELEMENTS
         imageStore(second_element, at, uvec4(0u));

@@ -1,4 +1,4 @@
-// Stage 8, end: light of pixels' first surfaces before it is mixed, which the pixels around read. METHOD 13.
+// Stage 8, end: saves the light of pixels' first surfaces before mixing, for neighbouring pixels to read. METHOD 13.
 layout(binding = 0) uniform sampler2D image;
 
 layout(location = 0) out vec4 out_radiance;

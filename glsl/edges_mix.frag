@@ -1,9 +1,9 @@
-// Stage 8, end: what all points of a pixel show, mixed. METHOD 13.
+// Stage 8, end: mixes the light of all points of a pixel. METHOD 13.
 #include "shared.glsl"
 #include "lib/points.glsl"
 
-layout(constant_id = 0) const uint POINTS = 4; // beside the middle
-layout(binding = 0) uniform sampler2D first_image; // light of all pixels' first surfaces
+layout(constant_id = 0) const uint POINTS = 4; // besides the centre
+layout(binding = 0) uniform sampler2D first_image; // light of each pixel's first surface
 layout(binding = 1) uniform sampler2D second_image;
 layout(binding = 2) uniform usampler2D codes_image;
 
@@ -16,7 +16,7 @@ void main() {
         discard;
     }
     vec3 first = texelFetch(first_image, at, 0).rgb;
-    vec3 second = texelFetch(second_image, at, 0).rgb; // of some point, as any are not of the first
+    vec3 second = texelFetch(second_image, at, 0).rgb; // valid: any code but SHOWS_FIRST implies a second surface
     vec3 sum = first;
     float count = 1.0;
     for (uint i = 0u; i < POINTS; i++) {

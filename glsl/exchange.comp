@@ -1,14 +1,14 @@
-// Stage 6, further bounces where caches trace rays: what each receives of the caches of all that its rays meet. Texels of a depth
-// image have equal shares of what arrives under the cosine. A workgroup has a cache. METHOD 9.
+// Stage 6, further bounces with traced caches: each cache receives the light of the caches that its rays hit. All
+// texels of a depth image have equal shares of irradiance. One workgroup per cache. METHOD 9.
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform Push { BouncePush push; };
-layout(binding = 0, scalar) readonly buffer Met { uint met[]; }; // of each texel
-layout(binding = 1, scalar) readonly buffer Vals { Val vals[]; }; // the caches
+layout(binding = 0, scalar) readonly buffer Met { uint met[]; }; // cache index per texel
+layout(binding = 1, scalar) readonly buffer Vals { Val vals[]; }; // of the caches
 layout(binding = 2, scalar) writeonly buffer Parts { GatherSums parts[]; };
 
-shared vec4 sums[64]; // radiosity [lm/m^2] and texels that are in the disc
+shared vec4 sums[64]; // radiosity [lm/m^2], and the number of texels in the disc
 
 void main() {
     uint i = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;

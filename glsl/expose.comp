@@ -1,5 +1,5 @@
-// Stage 11: exposure by the luminance of what the picture shows. METHOD 10. One workgroup, and sums of integers: the same
-// every time, in whatever order they are added. Twin: automatic_ev in src/reference/tonemap.rs.
+// Stage 11: automatic exposure from the picture's luminance. METHOD 10. One workgroup with integer sums: results do not
+// depend on the order of additions. Twin: automatic_ev in src/reference/tonemap.rs.
 #include "shared.glsl"
 
 layout(local_size_x = 256) in;
@@ -12,12 +12,12 @@ layout(binding = 2) uniform sampler2D glossy_image;
 layout(binding = 3) uniform sampler2D depth_image;
 layout(binding = 4, scalar) writeonly buffer Exposure { float ev; };
 
-// Log2 of luminance [cd/m^2] is sorted into bins of a 16th of a stop; of each the mean is kept as well, to a 16th of a bin.
+// Histogram of log2 luminance [cd/m^2] with bins of 1/16 stop; each bin also keeps its mean, to 1/16 of a bin.
 const uint BINS = 1024u;
 const float LEAST = -32.0;
 const float BINS_PER_STOP = 16.0;
 const float PARTS = 16.0;
-// Weight of a pixel in the middle of the picture, so that the sums over 2^18 pixels fit.
+// Weight of a pixel at the picture's centre. Sums over 2^18 pixels still fit.
 const float MOST_WEIGHT = 256.0;
 
 shared uint weights[BINS];
@@ -35,7 +35,8 @@ float luminance(ivec2 at) {
     return dot(c, vec3(0.2126, 0.7152, 0.0722));
 }
 
-// Sorts the lit pixels that show a surface, or those that show none; says how much they weigh.
+// Fills the histogram with the lit pixels that show a surface, or with those that show none; returns their total
+// weight.
 uint sort_pixels(bool surfaces) {
     barrier();
     for (uint bin = gl_LocalInvocationID.x; bin < BINS; bin += 256u) {
@@ -68,14 +69,14 @@ uint sort_pixels(bool surfaces) {
     return total;
 }
 
-// Mean log2 of luminance in a bin that is not empty.
+// Mean log2 luminance of a non-empty bin.
 float bin_mean(uint bin) {
     float part = (float(parts[bin]) / float(weights[bin]) + 0.5) / PARTS;
     return LEAST + (float(bin) + part) / BINS_PER_STOP;
 }
 
-// Mean log2 of luminance without the darkest and the brightest tenth. What is more than five stops darker than the
-// brightest that counts, counts as that much darker: what is nearly black shall not wash out the rest.
+// Mean log2 luminance without the darkest and the brightest tenth. Values more than five stops below the brightest
+// remaining bin are raised to that level, so that nearly black areas do not overexpose the picture.
 float clipped_mean() {
     uint tail = total / 10u;
     uint last = BINS - 1u;
@@ -103,13 +104,13 @@ void main() {
         }
         return;
     }
-    // What stands behind the scene counts where nothing else is to be seen.
+    // The background counts only if no lit surface is visible.
     bool is_lit = sort_pixels(true) > 0u;
     if (!is_lit) {
         is_lit = sort_pixels(false) > 0u;
     }
     if (gl_LocalInvocationID.x == 0u) {
-        // The mean becomes middle grey: exposure is 1 / (1.2 * 2^EV), and 0.18 of that is wanted.
+        // The mean becomes middle grey: exposure is 1 / (1.2 * 2^EV), and the mean must map to 0.18.
         ev = is_lit ? clipped_mean() - log2(1.2 * 0.18) : 0.0;
     }
 }

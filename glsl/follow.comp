@@ -1,5 +1,5 @@
-// Before stage 1: vertices that go with a triangle of a mesh that bends, after its corners are posed: those made by dividing
-// it, and the corners of flat triangles, which need their normal.
+// Before stage 1: vertices that follow a triangle of a deforming mesh, after its corners are posed: vertices created by
+// tessellation, and corners of flat triangles, which need the posed normal.
 #include "shared.glsl"
 #include "lib/phong.glsl"
 
@@ -35,7 +35,7 @@ void main() {
     vec3 position = w.x * pa + w.y * pb + w.z * pc;
     vec3 normal, tangent = vec3(0.0);
     if (f.is_flat == 1u) {
-        // A triangle that has become a line has no normal of its own.
+        // A triangle degenerated to a line has no normal of its own.
         normal = unit_of_any_or(cross(pb - pa, pc - pa), bind[body.first_bind + f.a].normal);
     } else {
         normal = unit_of_any_or(w.x * three(a + 3u) + w.y * three(b + 3u) + w.z * three(c + 3u), three(a + 3u));
@@ -43,7 +43,7 @@ void main() {
     }
     uint vertex = body.first_vertex + f.vertex;
     uint word = VERTEX_WORDS * vertex;
-    // A flat corner is where it was posed: others may be reading it.
+    // A flat corner keeps its posed position; other threads may be reading it.
     bool moves = f.vertex >= body.bind_count;
     for (uint k = 0u; k < 3u; ++k) {
         if (moves) {

@@ -1,7 +1,8 @@
-// Stage 6, compute path: a part of the VALs onto the live caches, several caches per thread. METHOD 3-4, thesis 5.3.
-// A part is short enough for its sums to keep their accuracy, and the same whatever else is lit. What is done last of a
-// thread's caches adds up all of their parts, in order, and makes proxies of them: a pass of its own would cost a software
-// device as much as a thousand VALs. Where light bounces the parts are left for others (SUMS_ALONE).
+// Stage 6, compute path: adds one part of the VALs to the live caches, several caches per thread. METHOD 3-4, thesis
+// 5.3.
+// A part is short enough to keep its sums accurate, and does not depend on which caches are live. The thread that
+// finishes a cache's last part sums all parts in a fixed order and writes the proxies: a separate pass would cost a
+// software device as much as a thousand VALs. With bounces the parts are left to later passes (SUMS_ALONE).
 // variant gather_sums.comp: SUMS_ALONE (the sums alone)
 // variant gather_shadowed.comp: SHADOWED (where things are in the way of indirect light)
 // variant gather_shadowed_sums.comp: SHADOWED SUMS_ALONE (both)
@@ -13,12 +14,12 @@
 layout(local_size_x = GATHER_THREADS) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
 layout(constant_id = 1) const uint SOURCE = VALS_TEXELS;
-layout(constant_id = 2) const uint CACHES = 4; // of a thread
-layout(constant_id = 3) const uint SPREAD = 0; // 1: stage 7 asks for it
+layout(constant_id = 2) const uint CACHES = 4; // per thread
+layout(constant_id = 3) const uint SPREAD = 0; // 1: stage 7 needs the distances of glossy VALs
 layout(constant_id = 4) const uint BY_HAND = 0; // 1: the device is a CPU
-layout(constant_id = 5) const uint NEAR = 0; // 1: VALs nearby are left to short rays
+layout(constant_id = 5) const uint NEAR = 0; // 1: nearby VALs are left to short rays
 #ifdef SHADOWED
-layout(constant_id = 6) const uint TOGETHER = 1; // VALs that are seen or hidden together: 1 or all of a round
+layout(constant_id = 6) const uint TOGETHER = 1; // VALs per visibility test: 1 or all of a round
 layout(constant_id = 7) const uint IMAGES_AS_TEXELS = 1;
 #endif
 layout(push_constant, scalar) uniform Push { GatherPush push; };
@@ -33,7 +34,7 @@ layout(binding = 6, scalar) writeonly buffer Parts { GatherSums parts[]; };
 #else
 layout(binding = 6, scalar) coherent buffer Parts { GatherSums parts[]; };
 layout(binding = 7, scalar) writeonly buffer Proxies { Proxy proxies[]; };
-layout(binding = 8, scalar) coherent buffer Arrived { uint arrived[]; }; // parts that are there, of each thread's caches
+layout(binding = 8, scalar) coherent buffer Arrived { uint arrived[]; }; // finished parts of each thread's caches
 #endif
 
 #ifdef TWO_EYES
@@ -50,7 +51,7 @@ layout(binding = 10, scalar) coherent buffer SecondParts { GlossySums second_par
 #include "lib/proxy.glsl"
 #endif
 
-// VALs in the workgroup's memory at a time.
+// VALs in shared memory at a time.
 const uint STAGED = GATHER_THREADS;
 shared vec4 staged[3u * STAGED];
 
@@ -63,7 +64,7 @@ GlossySums second_sums[CACHES];
 FourVals from_memory(uint first) {
     FourVals v;
     [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
-        // Places are added last: they are constants where the loop is unrolled.
+        // Offsets are added last: they become constants in the unrolled loop.
         int at = int(3u * first) + int(3u * i);
         if (SOURCE == VALS_TEXELS) {
             put(v, i, texelFetch(val_texels, at), texelFetch(val_texels, at + 1), texelFetch(val_texels, at + 2));
@@ -78,7 +79,7 @@ FourVals from_memory(uint first) {
 View views[CACHES];
 #endif
 
-// VALs onto one cache after the other: its sums stay in registers meanwhile.
+// Adds VALs to one cache after another, so that its sums stay in registers.
 void add(FourVals v) {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
         vec4 seen = vec4(1.0);
@@ -111,7 +112,7 @@ void add(FourVals v) {
 }
 
 #ifndef SUMS_ALONE
-// Proxies of a thread's caches, once all of their parts are there; by whoever brings the last one.
+// Writes the proxies of a thread's caches, in the thread that finishes their last part.
 void resolve(uint first_slot) {
     uint counter = gl_GlobalInvocationID.x;
     memoryBarrierBuffer();
@@ -119,7 +120,7 @@ void resolve(uint first_slot) {
         return;
     }
     memoryBarrierBuffer();
-    arrived[counter] = 0u; // for the next frame
+    arrived[counter] = 0u; // reset for the next frame
     for (uint slot = first_slot; slot < min(first_slot + CACHES, args.cache_count); ++slot) {
         GatherSums s = no_light();
         for (uint part = 0u; part < args.groups_y; ++part) {
@@ -147,7 +148,7 @@ void resolve(uint first_slot) {
 
 void main() {
     uint first_slot = gl_GlobalInvocationID.x * CACHES;
-    // Threads that stage for others stay.
+    // Threads that stage VALs for others must not return.
     if (SOURCE != VALS_SHARED && first_slot >= args.cache_count) {
         return;
     }

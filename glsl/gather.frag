@@ -1,11 +1,11 @@
-// Stage 6, fragment path: one tile of VALs onto every live cache, added to float targets. METHOD 3-4, thesis listing 5.1.
+// Stage 6, fragment path: adds one tile of VALs to every live cache in float targets. METHOD 3-4, thesis listing 5.1.
 // variant gather_diffuse.frag: DIFFUSE_ONLY (where nothing in the scene is glossy)
 #extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 #include "lib/atlas.glsl"
 
 layout(constant_id = 0) const uint SOURCE = VALS_TEXELS;
-layout(constant_id = 1) const uint SPREAD = 0; // 1: stage 7 asks for it
+layout(constant_id = 1) const uint SPREAD = 0; // 1: stage 7 needs the distances of glossy VALs
 layout(constant_id = 2) const uint BY_HAND = 0; // 1: the device is a CPU
 layout(early_fragment_tests) in; // culling is the depth test
 layout(push_constant, scalar) uniform Push { GatherPush push; };
@@ -14,7 +14,8 @@ layout(binding = 1, scalar) readonly buffer ValCount { uint val_count; };
 layout(binding = 2) uniform samplerBuffer val_texels;
 layout(binding = 3, std430) readonly buffer Vals { vec4 vals[]; };
 
-// Of the texel's first cache, then of its second: position and weight; irradiance and distance2; the glossy lobe's.
+// For the texel's first cache, then its second: position and weight; irradiance and distance2; the same for the glossy
+// lobe.
 #ifdef DIFFUSE_ONLY
 const uint GLOSSY = 0u;
 layout(location = 0) out vec4 out_sums[TEXEL_CACHES * 2u];
@@ -25,10 +26,10 @@ layout(location = 0) out vec4 out_sums[TEXEL_CACHES * 4u];
 
 #include "lib/gather.glsl"
 
-// Fours of VALs of a round of the loop. On lavapipe one and four are slower.
+// Groups of four VALs per round of the loop. On lavapipe one and four groups are slower.
 const uint FOURS = 2u;
 
-// A third of a VAL.
+// One texel of a VAL, a third of it.
 vec4 val_part(int at) {
     if (SOURCE == VALS_TEXELS) {
         return texelFetch(val_texels, at);
@@ -41,7 +42,7 @@ void main() {
     Receiver receivers[TEXEL_CACHES];
     GatherSums sums[TEXEL_CACHES];
     [[unroll]] for (uint k = 0u; k < TEXEL_CACHES; ++k) {
-        // Texels that are left over repeat the last cache: a branch around the loop costs more than they do.
+        // Unused texels repeat the last cache: a branch around the loop would cost more.
         uint cache = min(first_cache + k, max(push.cache_count, 1u) - 1u);
         receivers[k] = receiver(caches[cache], push.eye);
         sums[k] = no_light();

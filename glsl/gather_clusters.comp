@@ -1,7 +1,7 @@
-// Stage 6 by clusters: a group of neighbouring caches walks down the pyramids together and takes light from nodes where
-// all of it can, from VALs elsewhere. METHOD 9, thesis listing 6.6.
-// A workgroup walks the nodes of one part of the list. It decides on those above them too, without taking light from
-// them, so that the cut does not depend on the parts, nor on what else is lit.
+// Stage 6 by clusters: a group of neighbouring caches traverses the pyramids together. It takes light from a node if
+// all of its caches can, and from single VALs otherwise. METHOD 9, thesis listing 6.6.
+// A workgroup traverses the nodes of one part of the list. It also decides on their ancestors, without taking light
+// from them, so that the cut does not depend on the parts or on other caches.
 // variant gather_clusters_votes.comp: VOTES (a workgroup is a subgroup that can vote)
 #extension GL_EXT_control_flow_attributes : require
 #ifdef VOTES
@@ -13,16 +13,16 @@
 layout(local_size_x_id = 3) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
 layout(constant_id = 1) const uint RULE = CLUSTER_DISTANCE;
-layout(constant_id = 2) const uint CACHES = 1; // of a thread; all threads have CLUSTER_GROUP
-layout(constant_id = 4) const uint SPREAD = 0; // 1: stage 7 asks for it
+layout(constant_id = 2) const uint CACHES = 1; // per thread; all threads together have CLUSTER_GROUP
+layout(constant_id = 4) const uint SPREAD = 0; // 1: stage 7 needs the distances of glossy VALs
 layout(constant_id = 5) const uint BY_HAND = 0; // 1: the device is a CPU
 layout(push_constant, scalar) uniform Push { ClusterPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Live { uint live[]; }; // groups
 layout(binding = 2) uniform samplerBuffer node_texels;
-layout(binding = 3, scalar) readonly buffer Nodes { uint node_words[]; }; // the same
+layout(binding = 3, scalar) readonly buffer Nodes { uint node_words[]; }; // the same data
 layout(binding = 4) uniform samplerBuffer val_texels;
-layout(binding = 5, scalar) readonly buffer Totals { float totals[]; }; // luminance [lx] of slots by a coarse cut
+layout(binding = 5, scalar) readonly buffer Totals { float totals[]; }; // illuminance of each slot from the coarse cut [lx]
 layout(binding = 6, scalar) writeonly buffer Parts { GatherSums parts[]; };
 layout(binding = 7, scalar) buffer Pairs { uint pairs[]; };
 
@@ -31,16 +31,16 @@ layout(binding = 7, scalar) buffer Pairs { uint pairs[]; };
 Receiver receivers[CACHES];
 GatherSums sums[CACHES];
 
-const uint LIT = 1u; // some cache may receive light
-const uint NEAR = 2u; // and needs what is below
+const uint LIT = 1u; // some cache may receive light from the node
+const uint NEAR = 2u; // and needs its children
 
 #ifdef VOTES
-// The bits of all caches: a workgroup is a subgroup.
+// Combines the bits of all caches; the workgroup is a subgroup.
 uint all_bits(uint mine) {
     return (subgroupAny(mine != 0u) ? LIT : 0u) | (subgroupAny((mine & NEAR) != 0u) ? NEAR : 0u);
 }
 #else
-// Three in turn: one is written while another is cleared, with one barrier a round.
+// Three words in rotation: one is written while another is cleared, with one barrier per round.
 shared uint asked[3];
 uint turn = 0u;
 
@@ -49,7 +49,7 @@ uint all_bits(uint mine) {
     barrier();
     uint bits = asked[turn];
     if (gl_LocalInvocationID.x == 0u) {
-        asked[(turn + 2u) % 3u] = 0u; // the last round's: all have read it
+        asked[(turn + 2u) % 3u] = 0u; // last round's word: all threads have read it
     }
     turn = (turn + 1u) % 3u;
     return bits;
@@ -75,13 +75,13 @@ void put_val(inout FourVals v, uint i, uint val, float lit) {
     put(v, i, texelFetch(val_texels, at), texelFetch(val_texels, at + 1), lit * texelFetch(val_texels, at + 2));
 }
 
-// What the walk has found and not yet added: devices that run both sides of a branch then add once a round. All threads
-// write the same, and none gets ahead of another: they decide together on every node.
+// Nodes and VALs found but not yet added. Adding them in batches suits devices that execute both sides of a branch. All
+// threads write the same values and stay in step, because they decide on every node together.
 const uint FOUND = 64u;
 shared uint found_nodes[FOUND];
 shared uint found_vals[FOUND];
 
-// What a cache says about a node.
+// Decision bits of one cache for a node.
 uint bits_of(Receiver c, float total, Bounds b, vec3 position, float flux) {
     vec3 offset = position - c.position;
     float distance = length(offset);
@@ -121,8 +121,8 @@ void main() {
     uint first = gl_WorkGroupID.y * push.split;
     uint end = min(first + push.split, push.node_count);
     uint added = 0u;
-    // Rounds of one invocation are the part's nodes, a few above, and what is added: older lavapipe leaves loops after
-    // 65 535.
+    // An invocation's rounds are the part's nodes, a few ancestors, and the additions; older lavapipe versions end
+    // loops after 65 535.
     for (uint index = 0u; index < end;) {
         uint nodes = 0u;
         uint vals = 0u;
@@ -142,7 +142,7 @@ void main() {
             }
             bits = all_bits(bits);
             if (more.x == 0.0 || skip <= first) {
-                bits = 0u; // empty, or wholly before this part
+                bits = 0u; // empty, or entirely before this part
             }
             if (bits == LIT && index >= first) {
                 found_nodes[nodes++] = index;
@@ -162,7 +162,7 @@ void main() {
             }
             index += 1u;
         }
-        // The last of a list is repeated, dark, where it ends within a round.
+        // Unused places of the last batch repeat its last entry without light.
         FourVals v;
         for (uint from = 0u; from < nodes; from += AT_ONCE) {
             [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
@@ -186,7 +186,7 @@ void main() {
     if (gl_LocalInvocationID.x == 0u) {
         uint counter = gl_WorkGroupID.y * gl_NumWorkGroups.x + gl_WorkGroupID.x;
         uint mine = added * min(push.cache_count - group * CLUSTER_GROUP, CLUSTER_GROUP);
-        // What the coarse cut took counts as well.
+        // The pairs of the coarse cut count, too.
         pairs[counter] = RULE == CLUSTER_BOUND ? pairs[counter] + mine : mine;
     }
 }

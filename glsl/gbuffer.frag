@@ -19,8 +19,8 @@
 
 layout(push_constant, scalar) uniform Push { DrawPush push; };
 
-layout(constant_id = 1) const uint POINTS = 0; // of a pixel beside the middle, whose textures' mean is taken
-layout(constant_id = 2) const uint DAMPED = 0; // 1: lobes are as wide as what a pixel shows of bends and bumps makes them
+layout(constant_id = 1) const uint POINTS = 0; // further points of a pixel, over which textures are averaged
+layout(constant_id = 2) const uint DAMPED = 0; // 1: widen lobes by the curvature and bumps within a pixel
 
 layout(constant_id = 3) const uint INSIDE = 0; // 1: stage 10 brings the light from inside filled bodies
 
@@ -38,14 +38,14 @@ layout(location = 1) out vec4 out_albedo; // rho_d, x of the geometric normal
 layout(location = 2) out vec4 out_specular; // rho_g or F0, y of the geometric normal
 layout(location = 3) out vec4 out_radiance; // emitted [cd/m^2]; direct light is added by stage 2
 #ifdef ELEMENTS
-layout(location = 4) out uvec2 out_element; // draw, from 1, and triangle within it
+layout(location = 4) out uvec2 out_element; // draw from 1, triangle within it
 #endif
 #ifdef LAYER
 layout(binding = 0, scalar) readonly buffer Instances { Instance instances[]; };
 layout(binding = 15) uniform sampler2D opaque_depth;
-layout(binding = 16) uniform sampler2D depth_before; // of the layer before; one texel, 1, where none is
+layout(binding = 16) uniform sampler2D depth_before; // of the previous layer; a single texel of 1 if there is none
 #ifdef ELEMENTS
-layout(location = 5) out vec4 out_through; // share of the light from behind, and as alpha of the layer's own
+layout(location = 5) out vec4 out_through; // transmitted share of the background; alpha: weight of the layer's own light
 #else
 layout(location = 4) out vec4 out_through;
 #endif
@@ -59,7 +59,7 @@ layout(location = 5) out uvec4 out_coat;
 layout(location = 4) out uvec4 out_coat;
 #endif
 
-// What lies over a material's lobes at a point, on a surface of this vertex normal.
+// Coat and sheen of a material at a point with this vertex normal.
 Coat coat_at(uint material, Uv here, vec3 n) {
     Material m = materials[material];
     Coat c = Coat(n, m.coat, m.coat_roughness, m.sheen_color, m.sheen_roughness);
@@ -79,12 +79,13 @@ Coat coat_at(uint material, Uv here, vec3 n) {
 }
 #endif
 
-// What bends and what bumps add at most to the square of GGX's alpha: what a pixel shows of a bend at its edge says too much.
+// Upper bounds of what curvature and bumps add to alpha^2: at silhouettes a pixel's derivatives overstate the
+// curvature.
 const float MOST_BENT = 0.02;
 const float MOST_BUMPED = 0.25;
 
-// The normal map's tilt. Without tangents in the file the frame follows from how uv changes over the picture.
-// `variance`: of the bumps that a pixel stands for, along either tangent.
+// Perturbs a normal by the normal map. If the file has no tangents, the frame follows from the screen derivatives of
+// uv. `variance`: of the bumps within a pixel, along either tangent.
 vec3 bumped(vec3 n, uint material, Uv here, vec3 px, vec3 py, out float variance) {
     vec4 texel = sample_texture(normal_texture, material, TEXTURE_NORMAL, here);
     vec3 m = texel.xyz * 2.0 - 1.0;
@@ -103,9 +104,9 @@ vec3 bumped(vec3 n, uint material, Uv here, vec3 px, vec3 py, out float variance
         vec2 ty = linear * (slot.uv_set == 0u ? here.dy.xy : here.dy.zw);
         vec3 a = cross(py, n);
         vec3 b = cross(n, px);
-        // Rows run down the picture, so px, py and a normal towards the viewer are left-handed; the sign undoes it.
+        // Image rows run downwards, so px, py and a normal towards the viewer are left-handed; the sign corrects this.
         float side = dot(n, cross(px, py)) < 0.0 ? -1.0 : 1.0;
-        // A dent seen from behind is a bump: on a second side the whole frame is turned round, as n already is.
+        // A dent seen from behind is a bump: on a back side the whole frame is flipped, as n already is.
         side = tangent.w < 0.0 ? -side : side;
         across = side * (a * tx.x + b * ty.x);
         // glTF's v runs down the image, its bitangent up.
@@ -127,12 +128,13 @@ void main() {
     vec3 px = dFdx(position);
     vec3 py = dFdy(position);
     Uv here = uv_here(uv);
-    // Each point stands for its share of the pixel. Normals have no mean: theirs is that of all of it.
+    // Each point covers its share of the pixel. Normals cannot be averaged this way: the normal map is filtered over
+    // the whole pixel.
     float side = inversesqrt(float(1u + POINTS));
     Uv share = Uv(here.at, here.dx * side, here.dy * side);
     vec4 base = base_color(material, share, color);
     Material m = materials[material];
-    // A sliver without extent on the pixel grid can come without a position: nothing to shade.
+    // A sliver between pixel centres may come without a valid position: nothing to shade.
     if (base.a < m.seen_cutoff || any(isnan(position))) {
         discard;
     }
@@ -144,7 +146,7 @@ void main() {
     }
 #endif
     vec3 towards_viewer = -view_direction(push.eye, position);
-    // Closer than f32 resolves positions the differences vanish; the vertex normal serves there.
+    // If neighbouring positions are equal in f32, the differences vanish; use the vertex normal then.
     vec3 geometric = cross(unit_or(px, vec3(0.0)), unit_or(py, vec3(0.0)));
     geometric = unit_or(geometric, unit_or(normal, towards_viewer));
     geometric = dot(geometric, towards_viewer) < 0.0 ? -geometric : geometric;
@@ -160,7 +162,7 @@ void main() {
     }
     Reflectance r = reflectance(material, base.rgb, share, dot(n, towards_viewer));
     if (DAMPED != 0u && r.coded < 0.0) {
-        // A pixel is a box of variance 1/12. Tokuyoshi and Kaplanyan 2019, Toksvig 2005.
+        // A pixel is a box filter of variance 1/12. Tokuyoshi and Kaplanyan 2019, Toksvig 2005.
         float alpha = coded_roughness(r.coded) * coded_roughness(r.coded);
         float bent = min((dot(nx, nx) + dot(ny, ny)) / 12.0, MOST_BENT);
         float wider = alpha * alpha + bent + min(2.0 * bumps, MOST_BUMPED);
@@ -182,12 +184,13 @@ void main() {
         emitted *= sample_texture(emissive_texture, material, TEXTURE_EMISSIVE, share).rgb;
     }
 #ifdef LAYER
-    // What gets below the surface comes back, or goes through.
+    // Light that enters the surface is either reflected diffusely or transmitted.
     float transmission = m.transmission;
     if (has_texture(material, TEXTURE_TRANSMISSION)) {
         transmission *= sample_texture(transmission_texture, material, TEXTURE_TRANSMISSION, share).r;
     }
-    // Thickness is that of the model. Of huge ones the determinant is infinite, and none may have no depth.
+    // Thickness is in model units. The determinant of huge models may be infinite, and infinity times zero depth is
+    // NaN.
     float scale = pow(abs(determinant(mat3(instances[push.instance].world_from_model))), 1.0 / 3.0);
     vec3 depth = m.optical_depth * min(scale, 1e9);
     if (has_texture(material, TEXTURE_THICKNESS)) {

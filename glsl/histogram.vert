@@ -1,4 +1,4 @@
-// Stage 5, fragment way: every flagged texel of the atlas becomes a point of depth 1 there. METHOD 9, thesis 6.1.3.
+// Stage 5, fragment path: draws a point of depth 1 at every flagged texel of the atlas. METHOD 9, thesis 6.1.3.
 #include "shared.glsl"
 #include "lib/atlas.glsl"
 

@@ -1,6 +1,6 @@
-// Stage 8, second half: lights of caches, averaged, put on each pixel's own surface. METHOD 5, thesis listings 5.2 and 6.5.
-// At the level of vertices what was averaged at a triangle's corners is interpolated; at the level of pixels each averages
-// the caches of its cell.
+// Stage 8, second half: applies the averaged cache lights to each pixel's surface. METHOD 5, thesis listings 5.2 and
+// 6.5. At vertex level the averages at a triangle's corners are interpolated; at texel level each pixel averages the
+// caches of its cell.
 // variant interpolate_diffuse.frag: DIFFUSE_ONLY (where nothing in the scene is glossy)
 // variant interpolate_cells.frag: BY_CELLS (at the level of pixels)
 // variant interpolate_cells_diffuse.frag: BY_CELLS DIFFUSE_ONLY (both)
@@ -51,17 +51,17 @@ layout(location = 0) out vec4 out_diffuse;
 layout(location = 1) out vec4 out_glossy;
 #endif
 
-// Irradiance of an averaged light through the surface, and the direction it comes from.
+// Irradiance from an averaged light, and the direction to it.
 vec3 received(vec3 position, vec3 light, vec3 carried, vec3 n, out vec3 towards) {
     vec3 d = light - position;
     float d2 = max(dot(d, d), 1e-30);
     towards = d * inversesqrt(d2);
-    // Rounding of the interpolation leaves -1e-13 where the vertices say 0.
+    // Interpolation may round a value of 0 at the vertices to -1e-13.
     return max(carried, vec3(0.0)) * (max(dot(n, towards), 0.0) / (PRINTED != 0u ? d2 : 1.0));
 }
 
 #ifdef BY_CELLS
-// The averaged light of this pixel's cell.
+// Light averaged over the caches of this pixel's cell.
 VertexLight light_at(DrawRecord draw, uint first_index) {
     Point x = point_here(draw, first_index);
     uint row = row_here();
@@ -83,7 +83,7 @@ VertexLight light_at(DrawRecord draw, uint first_index) {
     return averaged(a, x);
 }
 #else
-// The lights of the triangle's corners, interpolated.
+// Light interpolated between the triangle's corners.
 VertexLight light_at(DrawRecord draw, uint first_index) {
     VertexLight a = lights[slots[draw.first_slot + indices[first_index]]];
     VertexLight b = lights[slots[draw.first_slot + indices[first_index + 1u]]];
@@ -127,7 +127,7 @@ void main() {
     Near near = near_of(pixel, light.position, geometric);
     e = e * near.open + near.irradiance;
 #ifndef DIFFUSE_ONLY
-    // Rays know lobes however narrow.
+    // Rays handle lobes of any width.
     float axis = clamp(dot(n, lobe_axis(normal_coded.w, n, looking)), LEAST_COSINE, 1.0);
     PhongLobe lobe = fitted_about(specular.rgb, normal_coded.w, -dot(n, looking), axis, 1e9);
     out_glossy = vec4(lobe.albedo * phong_albedo(lobe.exponent, axis) * near.glossy, 0.0);

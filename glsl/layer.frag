@@ -1,4 +1,4 @@
-// One layer of a picture, as a window shows it: colours of the display, sRGB.
+// Shows one layer of a picture in the window, in sRGB display colours.
 #include "shared.glsl"
 #include "lib/false_color.glsl"
 #include "lib/tonemap.glsl"
@@ -11,7 +11,7 @@ layout(binding = 3) uniform sampler2D third_image;
 
 layout(location = 0) out vec4 out_color;
 
-// What no radiance can be: endless or negative; -0 is neither. By its bits: compilers may take isnan for false.
+// Impossible radiance: NaN, infinite or negative; -0 is valid. Tested by bits: compilers may fold isnan to false.
 bool broken(float v) {
     uint bits = floatBitsToUint(v);
     return bits >= 0x7f800000u && bits != 0x80000000u;
@@ -52,7 +52,7 @@ void main() {
         c = false_color(decades(luminance_of(c), push.low, push.high));
     } else if (push.how == LAYER_DEPTH) {
         float distance = (push.depth.x + push.depth.y * c.r) / (push.depth.z + push.depth.w * c.r);
-        // Nothing is black.
+        // Pixels without a surface are black.
         c = c.r > 0.0 ? false_color(decades(distance, push.low, push.high)) : vec3(0.0);
     } else if (push.how == LAYER_BROKEN) {
         c = is_broken ? vec3(1.0, 0.0, 1.0) : encoded(vec3(0.5 * luminance_of(tonemap(c / white, push.tonemap))));

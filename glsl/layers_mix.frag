@@ -1,5 +1,5 @@
-// Stage 8, end: what a layer lets through of the light behind it, and what it sends itself. METHOD 15.
-layout(constant_id = 0) const uint DIMS = 0; // the first of these, to be multiplied; else the second, to be added
+// Stage 8, end: attenuates the background by a layer and adds the layer's own light. METHOD 15.
+layout(constant_id = 0) const uint DIMS = 0; // 1: output factors to multiply by; 0: output light to add
 layout(binding = 0) uniform sampler2D layer_image;
 layout(binding = 1) uniform sampler2D through_image;
 layout(binding = 2) uniform sampler2D depth_image;

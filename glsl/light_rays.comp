@@ -1,5 +1,6 @@
-// Stage 2, first: rays from what pixels show to points of one light. A pixel has one, and more where those about it differ; a
-// square of LIGHT_SIDE^2 pixels has all points, which shading takes together where shadows have soft edges. METHOD 14.
+// Stage 2, first: traces rays from pixels' surfaces to points of one light. Each pixel has one ray, and more where its
+// neighbours' rays differ. A square of LIGHT_SIDE^2 pixels covers all points of the light; at soft shadow edges shading
+// combines their rays. METHOD 14.
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/brdf.glsl"
@@ -10,8 +11,8 @@
 #include "lib/samples.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
-layout(constant_id = 4) const uint SAMPLES = 0; // points of a pixel beside its middle; with none its middle alone
-layout(constant_id = 5) const uint STEPS = 0; // places in a pixel that vertices are moved to, where that is much; else 0
+layout(constant_id = 4) const uint SAMPLES = 0; // further points of a pixel; 0: its centre alone
+layout(constant_id = 5) const uint STEPS = 0; // subpixel positions of the rasterizer, if coarse; else 0
 layout(push_constant, scalar) uniform Push { LightRaysPush push; };
 layout(binding = 12, scalar) readonly buffer Lights { Light lights[]; };
 layout(binding = 13) uniform sampler2D depth_image;
@@ -20,16 +21,16 @@ layout(binding = 15) uniform sampler2D albedo_image;
 layout(binding = 16) uniform sampler2D specular_image;
 layout(binding = 17, scalar) buffer Arrivals { Arriving arrivals[]; };
 
-// Rays of a pixel to a light that has a size, at least.
+// Minimum number of rays per pixel to a light with a size.
 const uint LEAST = 4u;
 
-// So many times as many, where a penumbra is too narrow for those of neighbours to be taken with them.
+// Factor on the number of rays if a penumbra is too narrow to combine neighbours.
 const uint MORE = 4u;
 
-// Pixels in a row whose first rays go to different points.
+// Side of the square of pixels whose first rays go to different points.
 const uint FIRST_SIDE = 8u;
 
-// Golden angle [rad]: points of a disc that are evenly spread.
+// Golden angle [rad]: spreads points evenly on a disc.
 const float GOLDEN = 2.39996323;
 
 vec3 place(vec2 ndc, float depth) {
@@ -37,24 +38,24 @@ vec3 place(vec2 ndc, float depth) {
     return world.xyz / world.w;
 }
 
-// Point `i` of `count` on the unit disc: Vogel's.
+// Vogel's point `i` of `count` on the unit disc.
 vec2 disc_point(uint i, uint count) {
     float angle = float(i) * GOLDEN;
     return sqrt((float(i) + 0.5) / float(count)) * vec2(cos(angle), sin(angle));
 }
 
-// Point `i` of `count` on the unit square: Hammersley's.
+// Hammersley's point `i` of `count` on the unit square.
 vec2 square_point(uint i, uint count) {
     return vec2((float(i) + 0.5) / float(count), float(bitfieldReverse(i)) * 2.3283064e-10 + 0.5 / float(count));
 }
 
-// What first rays say in the workgroup's square, and this far around it.
+// Results of first rays in the workgroup's square and this far around it.
 const int AROUND = int(FIRST_SIDE) / 2;
 const int TILE = 8 + 2 * AROUND;
 shared float firsts[TILE * TILE];
 shared float widths[TILE * TILE];
 
-// Widest penumbra that a first ray about a pixel has met [pixels].
+// Widest penumbra met by the first rays around a pixel [pixels].
 float widest() {
     ivec2 middle = ivec2(gl_LocalInvocationID.xy) + AROUND;
     float all = 0.0;
@@ -66,7 +67,7 @@ float widest() {
     return all;
 }
 
-// What all first rays about a pixel say; ARRIVING_UNKNOWN where they differ.
+// Common result of all first rays around a pixel; ARRIVING_UNKNOWN if they differ.
 float agreed(int reach) {
     ivec2 middle = ivec2(gl_LocalInvocationID.xy) + AROUND;
     float all = ARRIVING_UNKNOWN;
@@ -84,14 +85,14 @@ float agreed(int reach) {
     return all;
 }
 
-// Whether a light can arrive at a surface at all: it shines there, and is above the horizon. What lies in a rectangle's own
-// plane, but for `lift`, does not.
+// Whether a light can reach a surface at all: it shines there and is above the horizon. An area light does not light
+// points within `lift` of its own plane.
 bool shines_at(Light light, vec3 to, vec3 n, vec3 geometric, float lift) {
     if (light.intensity == vec3(0.0)) {
         return false;
     }
     if (light.kind == LIGHT_AREA) {
-        // A corner that is above the horizon is enough.
+        // One corner above the horizon is enough.
         vec2 reach = abs(vec2(dot(light.right, n), dot(light.up, n)));
         return dot(to, light.direction) < -lift && dot(to, n) + reach.x + reach.y > lift;
     }
@@ -132,7 +133,7 @@ void main() {
         if (first == ARRIVING_NOT) {
             return;
         }
-        // No penumbra reaches farther than it is wide.
+        // A penumbra does not reach farther than its width.
         width = is_soft ? widest() : 0.0;
         float all = agreed(min(1 + int(ceil(width)), AROUND));
         if (all >= 0.0) {
@@ -155,7 +156,7 @@ void main() {
     float d2 = dot(to, to);
     float footprint = max(distance(position, place(middle + vec2(step_.x, 0.0), max(depth, 1e-30))), 1e-30);
     float lift = lift_at(position, push.eye.w > 0.0 ? distance(push.eye.xyz, position) : 0.0);
-    // What is drawn lies as far beside the surface as its vertices are moved.
+    // Coarse rasterization displaces positions from the surface by as much as vertices are moved.
     lift += STEPS > 0u ? footprint / float(STEPS) : 0.0;
     Arriving found = Arriving(vec2(0.0), vec2(0.0), -1.0, 0.0, ARRIVING_NOT);
     if (depth <= 0.0 || !shines_at(light, to, n, geometric, lift)) {
@@ -177,7 +178,7 @@ void main() {
     vec3 x_axis, y_axis;
     tangents(to * inversesqrt(max(d2, 1e-30)), x_axis, y_axis);
     found.penumbra = is_soft ? 0.0 : -1.0;
-    // A second surface shows half a pixel from its middle at most.
+    // A second surface shows up to half a pixel from the pixel's centre.
     vec3 right = place(middle + vec2(step_.x, 0.0), depth + slope.x * step_.x);
     vec3 below = place(middle + vec2(0.0, step_.y), depth + slope.y * step_.y);
     float aside = push.is_second != 0u ? 0.5 * (distance(position, right) + distance(position, below)) : 0.0;
@@ -186,18 +187,18 @@ void main() {
         if (SAMPLES > 0u && i > 0u) {
             vec2 offset = sample_offset((i - 1u) % SAMPLES + 1u, SAMPLES) * step_;
             float there = depth + dot(slope, offset);
-            // One seen from nearly edge on goes anywhere.
+            // On planes seen nearly edge-on the point may be far off; use the centre then.
             from = there > 0.5 * depth && there < 2.0 * depth ? place(middle + offset, there) : position;
         }
-        // In a corner such a point may lie behind the other surface, which is not met there.
+        // In a corner this point may lie behind the adjacent surface; ignore hits this near.
         float least = max(lift, 1.5 * (distance(from, position) + aside));
         vec3 start = from + geometric * lift;
         uint number = i * SQUARE + subset;
         uint points = max(count, rays) * SQUARE;
         vec2 weight = vec2(1.0, 0.0);
         vec3 way = to;
-        float reach = 3e38; // how far off the light is [lengths of the way]
-        // First rays go to a lattice with the light's border: what comes into its way hides a point of that first.
+        float reach = 3e38; // distance to the light [lengths of `way`]
+        // First rays go to a lattice that includes the light's border: an occluder covers border points first.
         vec2 lattice = vec2(uvec2(pixel) % FIRST_SIDE) / float(FIRST_SIDE - 1u) * 2.0 - 1.0;
         if (is_area) {
             vec2 on = is_first ? 0.999 * lattice : 2.0 * square_point(number, points) - 1.0;
@@ -205,14 +206,14 @@ void main() {
             float way2 = max(dot(way, way), 1e-30);
             vec3 towards = way * inversesqrt(way2);
             float given = max(-dot(towards, light.direction), 0.0) / (way2 + cell);
-            // A lobe narrower than what a point stands for is as wide as that here.
+            // A lobe narrower than the area of one point is widened to it.
             float k = min(exponent, 2.0 * PI * way2 / cell);
             float received = max(dot(n, towards), 0.0);
             weight = given * received * vec2(1.0, is_glossy ? cosine_power(dot(mirrored, towards), k) + 1e-4 : 0.0);
             weight *= d2;
             reach = 0.9999;
         } else {
-            // Squares of the lattice become rings.
+            // Squares of the lattice become rings on the disc.
             float ring = max(abs(lattice.x), abs(lattice.y));
             vec2 on = is_first ? lattice * ring / max(length(lattice), 1e-30) : disc_point(number, points);
             way = is_parallel ? to : light.position - start;
@@ -226,14 +227,14 @@ void main() {
             if (hit.triangle == NO_HIT) {
                 found.open += weight;
             } else if (is_soft) {
-                // By similar triangles, with the blocker for the apex.
+                // Width by similar triangles, with the blocker as apex.
                 float wide = is_area ? sqrt(area) : 2.0 * light.radius;
                 float ahead = is_parallel ? hit.distance : hit.distance / max(1.0 - hit.distance, 1e-3);
                 found.penumbra = max(found.penumbra, wide * ahead / footprint);
             }
         }
     }
-    // However many there are, they count alike beside those of neighbours; a first one as if all were like it.
+    // Normalised to the same weight for any number of rays; a first ray stands for all of them.
     found.open *= float(rays) / float(count);
     found.all *= float(rays) / float(count);
     if (is_first) {
@@ -241,7 +242,7 @@ void main() {
         arrivals[at] = Arriving(found.open, found.all, -1.0, max(found.penumbra, 0.0), first);
         return;
     }
-    // What the first ray said stays as it is: neighbours read it.
+    // Keep the first ray's result: neighbours read it.
     arrivals[at].open = found.open;
     arrivals[at].all = found.all;
     arrivals[at].penumbra = max(found.penumbra, width);

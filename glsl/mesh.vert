@@ -1,4 +1,4 @@
-// Stages 1 and 4, and shadow maps: a model's vertex into the world and into a view.
+// Stages 1 and 4, and shadow maps: transforms a model's vertex to the world and into a view.
 // variant mesh_pulled.vert: PULLED (stage 1 where fragment shaders do not know which triangle they belong to)
 // variant mesh_depth.vert: DEPTH (shadow maps of what has no holes: where a vertex is, and nothing else)
 // variant mesh_plain.vert: PLAIN (stage 4 and other shadow maps: no tangents)
@@ -8,7 +8,8 @@ layout(push_constant, scalar) uniform Push { DrawPush push; };
 layout(binding = 0, scalar) readonly buffer Instances { Instance instances[]; };
 
 #ifdef PULLED
-// The draw has no indices: a vertex looks its own up, so no two triangles share one, and each can carry its number.
+// Drawn without indices: each vertex looks up its own, so that triangles share no vertices and each can carry its
+// number.
 layout(binding = 17, scalar) readonly buffer Vertices { uint vertex_words[]; };
 layout(binding = 18, scalar) readonly buffer Indices { uint indices[]; };
 layout(binding = 19, scalar) readonly buffer Draws { DrawRecord draws[]; };
@@ -37,7 +38,7 @@ layout(location = 4) out vec4 out_color;
 #ifdef PULLED
 layout(location = 5) flat out uint out_triangle;
 
-// Two floats of a vertex, from this word of it on.
+// Two floats of a vertex, starting at this word.
 vec2 two(uint word) {
     return uintBitsToFloat(uvec2(vertex_words[word], vertex_words[word + 1u]));
 }
@@ -64,7 +65,7 @@ void main() {
     out_normal = mat3(instance.world_from_normal) * model_normal;
 #ifndef PLAIN
     mat3 linear = mat3(instance.world_from_model);
-    // A mirror turns the bitangent round. Without a tangent the sign says which side this is, and stays.
+    // Mirroring flips the bitangent. Without a tangent the sign only marks the side of the surface and stays.
     bool turned = determinant(linear) < 0.0 && dot(model_tangent.xyz, model_tangent.xyz) > 0.0;
     out_tangent = vec4(linear * model_tangent.xyz, turned ? -model_tangent.w : model_tangent.w);
 #endif

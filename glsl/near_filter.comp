@@ -1,5 +1,5 @@
-// Stage 8, second: what the rays of neighbouring pixels found, taken together. Any NEAR_SIDE^2 pixels in a square have all
-// directions. The window is as wide as that with soft ends, so that all directions count alike. METHOD 11.
+// Stage 8, second: combines the short rays of neighbouring pixels. Any square of NEAR_SIDE^2 pixels has all directions.
+// The window is that wide with half-weighted borders, so that all directions count equally. METHOD 11.
 // variant near_filter_glossy.comp: GLOSSY (where a material has a glossy lobe)
 #include "shared.glsl"
 #include "lib/near_alike.glsl"
@@ -10,7 +10,7 @@ layout(push_constant, scalar) uniform Push { NearFilterPush push; };
 layout(binding = 0, scalar) readonly buffer NearPixels { NearPixel near_pixels[]; };
 layout(binding = 1, scalar) writeonly buffer NearLights { NearLight near_lights[]; };
 
-// Pixels to each side; the outermost count half.
+// Window radius in pixels; the outermost pixels count half.
 const int HALF = int(NEAR_SIDE) / 2;
 const int WINDOW = 2 * HALF + 1;
 
@@ -31,7 +31,7 @@ void main() {
     float open = 0.0;
     float weights = 0.0;
 #ifdef GLOSSY
-    float shares[WINDOW * WINDOW]; // of each pixel
+    float shares[WINDOW * WINDOW]; // weight of each pixel
     float nearness = 0.0;
     float with_lobes = 0.0;
 #endif
@@ -65,10 +65,10 @@ void main() {
     }
     sum.irradiance /= weights;
     sum.crowding /= weights;
-    // Where the nearest caches have no light the others' comes from anywhere.
+    // If the nearest caches have no light, assume that light comes equally from all directions.
     sum.open = mix(vec3(open / weights), far / max(all, 1e-37), greaterThan(all, vec3(0.0)));
 #ifdef GLOSSY
-    // Each pixel has one direction of the lobe: all are taken alike, as far as what is mirrored looks the same.
+    // Each pixel has one direction of the lobe. Directions are combined if both lobes mirror the same place.
     nearness /= max(with_lobes, 1e-30);
     float lobe_weights = 0.0;
     float sky_all = 0.0;

@@ -1,7 +1,7 @@
-// Stage 8, third: what rays found is spread over pixels between which it cannot change much: those that are near to each other
-// against the distance of what the rays met. Light of something small and bright comes along few rays, which would show as spots.
-// Taken several times, with ever wider steps: Dammertz et al. 2010. METHOD 11. What a lobe takes is spread over pixels whose lobes
-// look at the same.
+// Stage 8, third: spreads the results of short rays over pixels between which indirect light cannot change much: their
+// distance is small compared to that of the surfaces hit. Small bright sources are hit by few rays and would otherwise
+// show as spots. Runs several times with growing steps: Dammertz et al. 2010. METHOD 11. Lobes are spread over pixels
+// whose lobes look at the same place.
 // variant near_spread_glossy.comp: GLOSSY (where a material has a glossy lobe)
 #include "shared.glsl"
 #include "lib/near_alike.glsl"
@@ -46,7 +46,7 @@ void main() {
             float width = min(own.width, p.width);
             vec3 turned = mirrored - octahedral_decode(unpackSnorm2x16(p.mirrored));
             float lobe_share = share * exp(-LOBE_SPREAD * lobes_apart(d, turned, max(own.nearness, p.nearness), width));
-            // Of lobes of other widths neighbours know little.
+            // Lobes of very different width are hardly mixed.
             lobe_share *= width > 0.0 ? smoothstep(0.25, 0.75, width / max(own.width, p.width)) : 0.0;
             lobe_weights += lobe_share;
             sum.glossy += lobe_share * p.glossy;

@@ -1,14 +1,14 @@
-// Stage 7: what the discs of caches leave of the proxy lights of the live ones. METHOD 6, thesis listing 5.3.
-// A workgroup dims a few caches, neighbours in the list; each thread covers one cache's light with every so many groups of
-// discs. What threads have found is put together in their order, so that skipping changes no bit.
+// Stage 7: dims the proxy lights of live caches by the discs of all caches. METHOD 6, thesis listing 5.3.
+// A workgroup dims a few consecutive caches of the list. Each thread tests one cache against every OCCLUDE_PARTS-th
+// group of discs. Partial results are combined in a fixed order, so that skipping groups changes no bit.
 // variant occlude_all.comp: ALL (no list says which caches are live: those that are not are unlit)
 #include "shared.glsl"
 #include "lib/overlap.glsl"
 
 layout(local_size_x = OCCLUDE_RECEIVERS, local_size_y = OCCLUDE_PARTS) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
-layout(constant_id = 1) const uint GROUP = 1; // caches that are live together
-layout(constant_id = 2) const uint SKIP = 1; // 0: every disc is looked at
+layout(constant_id = 1) const uint GROUP = 1; // caches per flag
+layout(constant_id = 2) const uint SKIP = 1; // 0: test every disc
 layout(push_constant, scalar) uniform Push { OccludePush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Groups { OccluderGroup groups[]; };
@@ -18,35 +18,35 @@ layout(binding = 3, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 4, scalar) readonly buffer Args { LiveArgs args; };
 #endif
 
-// Least radius of a light in distances from the cache: a point has no area to cover, and variances below this are
-// rounding.
+// Minimal radius of a light, as a share of its distance from the cache: a point has no area to cover, and smaller
+// variances are rounding errors.
 const float LEAST_RADIUS = 1.0 / 64.0;
 
-// A proxy light as its cache sees it.
+// A proxy light as its cache sees it, as a square on the unit disc.
 struct SeenLight {
     vec3 towards_cache; // unit
     float distance;
     vec3 tangent;
-    float reach; // from here on before it discs are in the way in full
+    float reach; // distance in front of it at which discs occlude it fully
     vec3 bitangent;
     float half_side; // of its square
     vec2 centre;
 };
 
-// What covers it.
+// Accumulated occlusion of a light.
 struct Cover {
     float sum;
-    vec2 low; // corners of all overlaps' bounds
+    vec2 low; // bounds of all overlaps
     vec2 high;
 };
 
-// An unlit one is a square that nothing reaches.
+// An unlit proxy becomes a square that nothing overlaps.
 SeenLight light_of(Cache c, vec3 position, float distance2) {
     vec3 offset = position - c.position;
     float d2 = max(dot(offset, offset), 1e-36);
     float inverse = inversesqrt(d2);
     vec3 direction = offset * inverse;
-    // The radius of an even disc that spreads as much.
+    // Radius of a uniform disc with the same variance.
     float radius2 = max(2.0 * (distance2 - d2), LEAST_RADIUS * LEAST_RADIUS * d2);
     vec3 tangent = tangent_towards(direction, c.normal);
     vec3 bitangent = cross(c.normal, tangent);
@@ -56,8 +56,8 @@ SeenLight light_of(Cache c, vec3 position, float distance2) {
                  vec2(dot(tangent, direction), dot(bitangent, direction)));
 }
 
-// Whether a disc of a group can cover anything: discs within `radius` about `offset`, whose directions from the cache are
-// within `chord`, and whose squares have at most this half side. The margin is for rounding.
+// Whether a group's discs can cover any part of a light: discs within `radius` of `offset`, with directions from the
+// cache within `chord` and squares of at most this half side. The margins cover rounding.
 bool may_cover(SeenLight l, vec3 offset, float radius, float chord, float half_side) {
     vec3 direction = offset * inversesqrt(max(dot(offset, offset), 1e-36));
     vec2 apart = abs(vec2(dot(l.tangent, direction), dot(l.bitangent, direction)) - l.centre);
@@ -98,7 +98,7 @@ void cover(inout Cover found, SeenLight l, vec3 offset, float inverse, float hal
     }
 }
 
-// Share of the light that is left.
+// Unoccluded share of the light.
 float left(Cover c, SeenLight l) {
     vec2 size = max(c.high - c.low, vec2(0.0));
     float all = 4.0 * l.half_side * l.half_side;
@@ -107,7 +107,7 @@ float left(Cover c, SeenLight l) {
 
 shared Cover covers[2][OCCLUDE_PARTS][OCCLUDE_RECEIVERS];
 
-// What all threads of a cache have found.
+// Combines the results of all threads of a cache.
 Cover together(uint lobe, uint receiver) {
     Cover all = covers[lobe][0][receiver];
     for (uint part = 1u; part < OCCLUDE_PARTS; ++part) {
@@ -127,7 +127,7 @@ void main() {
     if (gl_WorkGroupID.x * OCCLUDE_RECEIVERS >= count) {
         return;
     }
-    // Threads without a cache of their own repeat the last one, and write nothing.
+    // Threads without a cache of their own repeat the last one and write nothing.
     uint to_do = min(slot, count - 1u);
 #ifdef ALL
     uint i = to_do;

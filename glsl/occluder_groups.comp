@@ -1,4 +1,4 @@
-// Stages 6 and 7: what bounds the discs, and the rectangles, of each group of consecutive caches.
+// Stages 6 and 7: bounds of the discs and rectangles of each group of consecutive caches.
 #include "shared.glsl"
 
 layout(local_size_x = 32) in;

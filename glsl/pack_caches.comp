@@ -1,5 +1,5 @@
-// Stage 5, compaction, second pass: the list of the live caches, in order, and the gather's dispatch. The flags are
-// cleared for the next frame.
+// Stage 5, compaction, second pass: writes the ordered list of live caches and the gather's dispatch arguments. Clears
+// the flags for the next frame.
 #include "shared.glsl"
 #include "lib/pack.glsl"
 
@@ -7,7 +7,7 @@ layout(local_size_x = PACK_THREADS) in;
 layout(push_constant, scalar) uniform Push { PackPush push; };
 layout(binding = 0, scalar) buffer Flags { uint flags[]; };
 layout(binding = 1, scalar) readonly buffer Blocks { uint blocks[]; };
-layout(binding = 2, scalar) readonly buffer LightCount { uint light_count; }; // VALs, or nodes over them
+layout(binding = 2, scalar) readonly buffer LightCount { uint light_count; }; // VALs, or cluster nodes
 layout(binding = 3, scalar) writeonly buffer Live { uint live[]; };
 layout(binding = 4, scalar) writeonly buffer Args { LiveArgs args; };
 

@@ -1,4 +1,4 @@
-// Stage 4, compaction, second pass: the VALs that carry light, in order, padded with dark ones to whole tiles.
+// Stage 4, compaction, second pass: copies the VALs that carry light, in order, padded with dark VALs to whole tiles.
 // variant pack_vals_args.comp: ARGS (where no cache is culled: the gather's dispatch, too)
 #include "shared.glsl"
 #include "lib/pack.glsl"

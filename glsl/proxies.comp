@@ -1,4 +1,4 @@
-// Stage 6: sums become proxy lights, where the pass that adds them up does not see to that itself. METHOD 4.
+// Stage 6: turns sums into proxy lights, if the gather does not do so itself. METHOD 4.
 // variant proxies_bounces.comp: BOUNCES (where caches light caches, too)
 // variant proxies_images.comp: FROM_IMAGES (after the fragment path)
 #include "shared.glsl"
@@ -10,8 +10,8 @@
 
 layout(local_size_x = 64) in;
 layout(constant_id = 0) const uint GLOSSY = 1;
-layout(constant_id = 1) const uint GROUP = 1; // caches that are live together
-layout(constant_id = 2) const uint SPREAD = 0; // 1: stage 7 asks for it
+layout(constant_id = 1) const uint GROUP = 1; // caches per flag
+layout(constant_id = 2) const uint SPREAD = 0; // 1: stage 7 needs the distances of glossy VALs
 layout(push_constant, scalar) uniform Push { GatherPush push; };
 layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) writeonly buffer Proxies { Proxy proxies[]; };
@@ -34,7 +34,7 @@ layout(binding = 5, scalar) readonly buffer Scales { float scales[]; };
 #endif
 
 #ifdef FROM_IMAGES
-// The sums of a cache of the atlas.
+// Sums of a cache of the atlas.
 GatherSums sums_of(uint cache) {
     ivec2 at = atlas_texel(cache, push.columns);
     bool first = cache % TEXEL_CACHES == 0u;
@@ -52,11 +52,11 @@ GatherSums sums_of(uint cache) {
     return s;
 }
 #else
-// The sums of a live cache: its parts, in order.
+// Sums of a live cache: its parts, in order.
 GatherSums sums_of(uint slot) {
     GatherSums s = GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
 #ifdef BOUNCES
-    // What the caches send comes first, and is scaled as a whole.
+    // Light from caches comes first and is scaled as a whole.
     for (uint part = 0u; part < push.cache_parts; ++part) {
         add_part(s, parts[part * push.cache_count + slot], GLOSSY != 0u);
     }

@@ -1,20 +1,22 @@
-// Stage 6, before the gather: one level of the pyramids over the VALs of all views. METHOD 9, thesis listing 6.6.
+// Stage 6, before the gather: builds one level of the pyramids over the VALs of all views. METHOD 9, thesis listing
+// 6.6.
 #include "shared.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { PyramidPush push; };
 layout(binding = 0, scalar) readonly buffer Views { ClusterView views[]; };
 layout(binding = 1, scalar) readonly buffer Vals { Val vals[]; };
-layout(binding = 2, scalar) readonly buffer Below { ClusterNode below[]; }; // the last level, view by view, row by row
-layout(binding = 3, scalar) writeonly buffer Level { ClusterNode cells[]; }; // this one, for the next
-layout(binding = 4, scalar) writeonly buffer Nodes { ClusterNode nodes[]; }; // all, depth first
+layout(binding = 2, scalar) readonly buffer Below { ClusterNode below[]; }; // the previous level, view by view, row by row
+layout(binding = 3, scalar) writeonly buffer Level { ClusterNode cells[]; }; // this level, read by the next
+layout(binding = 4, scalar) writeonly buffer Nodes { ClusterNode nodes[]; }; // all nodes, depth first
 
-// Cells of a level that cover so many texels.
+// Number of cells of a level that cover this many texels.
 uvec2 cells_of(uvec2 texels, uint level) {
     return (texels + ((1u << level) - 1u)) >> level;
 }
 
-// Nodes over the VALs of a cell `2^level` texels a side, itself and all below, as far as the cell lies in the view.
+// Number of nodes over a cell's VALs, `2^level` texels a side: the node and its descendants, as far as the cell lies in
+// the view.
 uint nodes_of(uint size, uint level, uvec2 cell) {
     uvec2 corner = cell << level;
     if (any(greaterThanEqual(corner, uvec2(size)))) {
@@ -29,7 +31,7 @@ uint nodes_of(uint size, uint level, uvec2 cell) {
     return count;
 }
 
-// Where a cell's node lies, depth first: down from the view's last level, past the siblings before.
+// Index of a cell's node in depth-first order: descends from the view's last level, skipping earlier siblings.
 uint index_of(ClusterView view, uint level, uvec2 cell) {
     uint index = view.first_node;
     for (uint above = view.levels; above > level; --above) {
@@ -43,7 +45,7 @@ uint index_of(ClusterView view, uint level, uvec2 cell) {
     return index;
 }
 
-// A VAL as a node of its own.
+// A single VAL as a node.
 ClusterNode single(Val val) {
     return ClusterNode(val.position, 0.0, val.normal, 0.0, val.flux, val.area, val.weight, 0.0, 0u, 0u, 0u, 0u, 0u, 0u);
 }
@@ -58,7 +60,7 @@ void main() {
     ClusterNode node = ClusterNode(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, 0.0, 0.0, 0u, 0u, 0u, 0u, 0u, 0u);
     node.skip = index + nodes_of(view.size, push.level, cell);
 
-    // What it is made of: VALs, or cells of the level below, as far as they lie in the view.
+    // Children: VALs, or cells of the level below, as far as they lie in the view.
     ClusterNode parts[4];
     uint count = 0u;
     uvec2 side = cells_of(uvec2(view.size), push.level - 1u);
@@ -84,7 +86,7 @@ void main() {
         }
     }
 
-    // Relative to the first, so that a block's place does not matter.
+    // Relative to the first child, so that precision does not depend on the block's place.
     for (uint i = 0u; i < count; ++i) {
         node.weight += parts[i].weight;
         node.flux += parts[i].flux;
@@ -102,7 +104,7 @@ void main() {
         vec3 offset = parts[i].position - node.position;
         node.radius = max(node.radius, length(offset) + parts[i].radius);
         node.spread = max(node.spread, distance(parts[i].normal, node.normal) + parts[i].spread);
-        // How far the part reaches along the normal: a product of vectors, since 1 - cos^2 loses small angles.
+        // Extent of the child along the normal. Vector products, because 1 - cos^2 loses small angles.
         float reach = parts[i].thickness * abs(dot(parts[i].normal, node.normal))
             + parts[i].radius * length(cross(parts[i].normal, node.normal));
         node.thickness = max(node.thickness, abs(dot(offset, node.normal)) + reach);

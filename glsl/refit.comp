@@ -1,5 +1,5 @@
-// Before stage 1, for rays: triangles of meshes that bend and the boxes about them, as their vertices are posed. A thread has a
-// node; those of one depth run together, the deepest first. The hierarchy stays that of the mesh at rest. METHOD 11.
+// Before stage 1, for rays: refits triangles and boxes of deforming meshes to the posed vertices. One thread per node;
+// nodes of one depth run together, deepest first. The hierarchy keeps its structure from the rest pose. METHOD 11.
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
@@ -9,9 +9,9 @@ layout(binding = 1, scalar) readonly buffer Vertices { float vertices[]; };
 layout(binding = 2, scalar) readonly buffer Indices { uint indices[]; };
 layout(binding = 3, std430) buffer Nodes { uvec4 nodes[]; }; // as in lib/trace.glsl
 layout(binding = 4, std430) buffer Triangles { vec4 triangles[]; }; // likewise
-layout(binding = 5, scalar) buffer Boxes { RefitBox boxes[]; }; // exact, of all nodes
+layout(binding = 5, scalar) buffer Boxes { RefitBox boxes[]; }; // exact boxes of all nodes
 
-// More than boxes lose by rounding: they are widened by so much of their distance from the corner of the grid.
+// Margin against rounding: boxes are widened by this share of their distance from the grid's origin.
 const float WIDER = 1e-6;
 
 const float FARTHEST = 1e30;
@@ -25,14 +25,14 @@ bool is_finite(vec3 p) {
     return all(lessThan(abs(p), vec3(FARTHEST)));
 }
 
-// Writes a triangle as it is posed; gives its box.
+// Writes a posed triangle; returns its box.
 RefitBox placed(uint triangle, uint first_vertex) {
     vec4 first = triangles[3u * triangle];
     uint index = floatBitsToUint(first.w);
     vec3 a = corner(first_vertex + indices[index]);
     vec3 b = corner(first_vertex + indices[index + 1u]);
     vec3 c = corner(first_vertex + indices[index + 2u]);
-    // What is nowhere becomes a point, which no ray meets.
+    // Triangles with non-finite corners become a point, which no ray hits.
     if (!is_finite(a) || !is_finite(b) || !is_finite(c)) {
         a = b = c = vec3(0.0);
     }
@@ -42,7 +42,7 @@ RefitBox placed(uint triangle, uint first_vertex) {
     return RefitBox(min(min(a, b), c), max(max(a, b), c));
 }
 
-// Exponent of the least power of two that is no less than this.
+// Exponent of the smallest power of two that is at least this.
 uint exponent(float least) {
     uint bits = floatBitsToUint(least);
     return clamp((bits >> 23) + uint((bits & 0x007fffffu) != 0u), 20u, 230u);
@@ -76,11 +76,11 @@ void main() {
 
     vec3 least = (all_.high - all_.low) * ((1.0 + 4.0 * WIDER) / 255.0);
     uvec3 e = uvec3(exponent(least.x), exponent(least.y), exponent(least.z));
-    vec3 steps = uintBitsToFloat((254u - e) << 23); // a length
+    vec3 steps = uintBitsToFloat((254u - e) << 23); // reciprocal lengths of a grid step
     uvec2 planes[6] = uvec2[6](uvec2(0u), uvec2(0u), uvec2(0u), uvec2(0u), uvec2(0u), uvec2(0u));
     for (uint i = 0u; i < 8u; ++i) {
         if (((i < 4u ? base.z : base.w) >> (8u * (i & 3u)) & 0xffu) == 0u) {
-            continue; // nothing is there
+            continue; // empty child
         }
         uvec3 low = uvec3(floor((children[i].low - all_.low) * steps * (1.0 - WIDER)));
         uvec3 high = uvec3(min(ceil((children[i].high - all_.low) * steps * (1.0 + WIDER)), vec3(255.0)));

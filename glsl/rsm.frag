@@ -1,4 +1,5 @@
-// Stage 4: what a light sees: position, normal on the lit side, share of the light that is sent on. METHOD 2, thesis 5.2.
+// Stage 4: the scene as a light sees it: position, normal on the lit side, reflected share of the light. METHOD 2,
+// thesis 5.2.
 // variant rsm_inside.frag: INSIDE (where bodies are filled: what enters them, too. METHOD 7)
 #include "shared.glsl"
 #include "lib/surface.glsl"
@@ -13,26 +14,26 @@ layout(location = 1) in vec3 normal;
 layout(location = 3) in vec4 uv;
 layout(location = 4) in vec4 color;
 
-layout(location = 0) out vec4 out_position; // w = 1: something is here
+layout(location = 0) out vec4 out_position; // w = 1: the texel hit a surface
 layout(location = 1) out vec4 out_normal; // w = material
 layout(location = 2) out vec4 out_albedo;
 #ifdef INSIDE
-layout(binding = 15, scalar) readonly buffer Parts { uint parts[]; }; // that each draw is of, or HOLLOW
+layout(binding = 15, scalar) readonly buffer Parts { uint parts[]; }; // filled part of each draw, or HOLLOW
 layout(binding = 16, scalar) readonly buffer FilledParts { Filled filled[]; };
-layout(location = 3) out vec4 out_inside; // share of the light that enters, part from 1, cosine of the triangle
+layout(location = 3) out vec4 out_inside; // share of the light that enters, part from 1, cosine of the triangle's normal
 #endif
 
 void main() {
     vec3 geometric = cross(dFdx(position), dFdy(position));
     Uv here = uv_here(uv);
     vec4 base = base_color(push.material, here, color);
-    // A sliver without extent on the pixel grid can come without a position; one such VAL would blacken every cache.
+    // A sliver between pixel centres may come without a valid position; one such VAL would blacken every cache.
     if (base.a < materials[push.material].alpha_cutoff || any(isnan(position))) {
         discard;
     }
-    // Rows run down the picture: the cross product points away from the light.
+    // Image rows run downwards: the cross product points away from the light.
     vec3 n = unit_or(normal, unit_or(-geometric, vec3(0.0, 1.0, 0.0)));
-    // Both sides reflect, and by the side that the light is on, not by the winding, which normals may oppose.
+    // Both sides reflect. The side that faces the light decides, not the winding, which normals may contradict.
     n = dot(n, view_direction(push.eye, position)) > 0.0 ? -n : n;
     out_position = vec4(position, 1.0);
     out_normal = vec4(n, float(push.material));

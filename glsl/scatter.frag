@@ -1,4 +1,4 @@
-// Stage 10: the light that leaves filled bodies at each pixel, added to direct light. METHOD 7, thesis (5.87).
+// Stage 10: adds the light that leaves filled bodies at each pixel to direct light. METHOD 7, thesis (5.87).
 // variant scatter_cells.frag: BY_CELLS (at the level of pixels)
 #include "shared.glsl"
 
@@ -18,7 +18,7 @@ layout(binding = 8, scalar) readonly buffer ProxyDipoles { ProxyDipole dipoles[]
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 4, scalar) readonly buffer Slots { uint slots[]; };
 layout(binding = 5, scalar) readonly buffer Lights { VertexLight lights[]; };
-layout(binding = 8, scalar) readonly buffer Below { vec3 below[]; }; // of each vertex
+layout(binding = 8, scalar) readonly buffer Below { vec3 below[]; }; // per vertex
 #endif
 layout(binding = 9) uniform sampler2D normal_image;
 layout(binding = 10, scalar) readonly buffer Parts { uint parts[]; };
@@ -27,7 +27,7 @@ layout(binding = 11, scalar) readonly buffer FilledParts { Filled filled[]; };
 layout(location = 0) out vec4 out_radiance;
 
 #ifdef BY_CELLS
-// Irradiance from below, by the caches of this pixel's cell.
+// Irradiance from below, from the caches of this pixel's cell.
 vec3 from_below(DrawRecord draw, uint first_index, uint part, out vec3 position) {
     Point x = point_here(draw, first_index);
     position = x.position;
@@ -59,7 +59,7 @@ vec3 from_below(DrawRecord draw, uint first_index, uint part, out vec3 position)
     return irradiance_below(f, mean, own);
 }
 #else
-// Irradiance from below, by the triangle's corners.
+// Irradiance from below, interpolated between the triangle's corners.
 vec3 from_below(DrawRecord draw, uint first_index, uint part, out vec3 position) {
     uvec3 at = uvec3(slots[draw.first_slot + indices[first_index]], slots[draw.first_slot + indices[first_index + 1u]],
                      slots[draw.first_slot + indices[first_index + 2u]]);

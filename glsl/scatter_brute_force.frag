@@ -1,4 +1,5 @@
-// The truth of proxy dipoles: every inner VAL onto every pixel of a filled body, added to direct light. METHOD 7, thesis (5.87).
+// Reference for proxy dipoles: sums every inner VAL at every pixel of a filled body; added to direct light. METHOD 7,
+// thesis (5.87).
 #include "shared.glsl"
 #include "lib/dipole.glsl"
 #include "lib/phong.glsl"

@@ -1,4 +1,4 @@
-// Shadow maps of alpha-masked materials: holes let light through.
+// Shadow maps of alpha-masked materials: light passes through holes.
 #include "shared.glsl"
 #include "lib/surface.glsl"
 

@@ -1,54 +1,54 @@
-// Structs and constants of both sides that light below surfaces needs: a part of shared.glsl, under the same rules.
+// Structs and constants for subsurface scattering, shared by shaders and Rust: part of shared.glsl, same rules.
 #ifndef SHARED_INSIDE_GLSL
 #define SHARED_INSIDE_GLSL
 
-// Threads that sum up a cache's dipole.
+// Threads that sum one cache's dipole.
 const uint DIPOLE_THREADS = 64u;
 
-// Inner VALs that a pass of brute force adds up: lavapipe ends loops at 65 535.
+// Inner VALs summed per pass of brute force: lavapipe ends loops at 65 535.
 const uint INNER_RUN = 32768u;
 
-// Not filled with anything.
+// Marks a surface that no medium fills.
 const uint HOLLOW = 0xffffffffu;
 
-// A part of an instance that one medium fills, and that in the dipole model, by channel.
+// A part of an instance filled by one medium: parameters of the dipole model, by channel.
 struct Filled {
     vec3 z_r; // depth of the real source [m]
-    float entering; // share of even light that enters
+    float entering; // share of uniform light that enters
     vec3 z_v; // height of the virtual source [m]
     float ior;
     vec3 sigma_tr; // effective extinction [1/m]
-    vec3 of_real; // what the real source sends of what enters, before its distance counts
+    vec3 of_real; // weight of the real source, as a share of the entering light, before the distance terms
     vec3 of_virtual;
 };
 
-// A cache of a filled part.
+// A cache on a filled part.
 struct FilledCache {
     uint cache; // of the atlas
-    uint filled; // which part
+    uint filled; // index of the filled part
 };
 
-// The light inside a body as one of its caches receives it, by channel: a dipole that stands for all of it.
+// Light inside a body as one of its caches receives it: a proxy dipole, by channel.
 struct ProxyDipole {
     vec3 irradiance; // from below [lx]
-    uint filled; // which part the cache is of, or HOLLOW
-    vec3 place_r; // mean place of the light on the surface, from the cache [m]
+    uint filled; // index of the cache's filled part, or HOLLOW
+    vec3 place_r; // mean position of the light on the surface, relative to the cache [m]
     vec3 place_g;
     vec3 place_b;
-    vec3 variance; // of these [m^2]
-    vec3 widest; // by how much texels widen the dipole [m]
+    vec3 variance; // of these positions [m^2]
+    vec3 widest; // by how much the size of texels widens the dipole [m]
 };
 
 // Push constants of the dipole gather.
 struct DipolePush {
-    uint count; // caches of filled parts
+    uint count; // caches on filled parts
 };
 
-// Push constants of adding up inner VALs at each pixel.
+// Push constants of the pass that sums inner VALs at each pixel.
 struct InnerPush {
     mat4 world_from_clip;
     vec4 eye; // as in DrawPush
-    uint first; // inner VAL of this run
+    uint first; // first inner VAL of this pass
 };
 
 #endif

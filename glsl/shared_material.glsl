@@ -1,8 +1,8 @@
-// Structs and constants of both sides that materials need: a part of shared.glsl, under the same rules.
+// Structs and constants of materials, shared by shaders and Rust: part of shared.glsl, same rules.
 #ifndef SHARED_MATERIAL_GLSL
 #define SHARED_MATERIAL_GLSL
 
-// Textures of a material, in binding order; each has its `TextureSlot`.
+// Textures of a material in binding order; each has a `TextureSlot`.
 const uint TEXTURE_BASE_COLOR = 0u;
 const uint TEXTURE_METALLIC_ROUGHNESS = 1u;
 const uint TEXTURE_NORMAL = 2u;
@@ -17,19 +17,19 @@ const uint TEXTURE_SHEEN_COLOR = 10u;
 const uint TEXTURE_SHEEN_ROUGHNESS = 11u;
 const uint TEXTURE_COUNT = 12u;
 
-// What the materials that one pipeline draws have in common: bit i where they have texture i, and these.
-const uint KIND_PHONG = 0x1000u; // they are the method's own
-const uint KIND_MIXED = 0x2000u; // they differ: bits say what any of them has, and each has to be asked
+// Properties shared by all materials of one pipeline: bit i is set if they have texture i; the bits below come on top.
+const uint KIND_PHONG = 0x1000u; // Phong materials of the method
+const uint KIND_MIXED = 0x2000u; // materials differ: bits say what any of them has, and shaders check each material
 
 // glTF's metallic-roughness material, or the method's own Phong material.
 struct Material {
     vec4 base_color;
     vec3 emissive; // [cd/m^2]
-    float alpha_cutoff; // of light; negative: opaque
-    float seen_cutoff; // of viewers, likewise
-    uint blend; // 1: alpha is how much of what is behind is covered
+    float alpha_cutoff; // for light (shadows, RSMs, rays); negative: opaque
+    float seen_cutoff; // for viewers; negative: opaque
+    uint blend; // 1: alpha is the share of the background that is covered
     float transmission;
-    vec3 optical_depth; // of what is behind the surface
+    vec3 optical_depth; // of the medium behind the surface
     vec3 specular_color;
     float specular;
     vec3 phong_specular;
@@ -42,15 +42,15 @@ struct Material {
     float coat_roughness;
     vec3 sheen_color;
     float sheen_roughness;
-    uint is_filled; // 1: what is not reflected goes on inside
+    uint is_filled; // 1: light that is not reflected enters the body
 };
 
-// How one texture of a material is looked up.
+// Lookup of one texture of a material.
 struct TextureSlot {
-    vec4 linear; // columns of the transform's 2x2 part
+    vec4 linear; // columns of the 2x2 part of the texture transform
     vec2 translation;
     uint uv_set;
-    uint present; // 0: the factor stands alone
+    uint present; // 0: no texture, only the factor counts
 };
 
 #endif

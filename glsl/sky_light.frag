@@ -1,5 +1,5 @@
-// Stage 8, last: the light of the sky on each pixel's own surface: all of it by the normal, and the share that the caches around
-// see. Added to direct light. METHOD 12.
+// Stage 8, last: adds the light of the sky at each pixel to direct light: the unoccluded light by the pixel's normal,
+// times the share that the caches around see. METHOD 12.
 // variant sky_light_cells.frag: BY_CELLS (at the level of pixels)
 // variant sky_light_near.frag: NEAR (with short rays)
 // variant sky_light_near_cells.frag: NEAR BY_CELLS (both)
@@ -23,12 +23,12 @@ layout(push_constant, scalar) uniform Push { InterpolatePush push; };
 #ifdef BY_CELLS
 #include "lib/references.glsl"
 #include "lib/sky_seen.glsl"
-layout(binding = 8, scalar) readonly buffer Seen { SkySeen seen[]; }; // of each cache
+layout(binding = 8, scalar) readonly buffer Seen { SkySeen seen[]; }; // per cache
 #else
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 4, scalar) readonly buffer Slots { uint slots[]; };
 layout(binding = 5, scalar) readonly buffer Lights { VertexLight lights[]; };
-layout(binding = 8, scalar) readonly buffer SkyLights { vec3 sky_lights[]; }; // of each vertex
+layout(binding = 8, scalar) readonly buffer SkyLights { vec3 sky_lights[]; }; // per vertex
 #endif
 #include "lib/brdf.glsl"
 #include "lib/form_factor.glsl"
@@ -48,7 +48,7 @@ layout(binding = 15) uniform usampler2D coat_image;
 layout(location = 0) out vec4 out_radiance;
 
 #ifdef BY_CELLS
-// Share of the sky's light that this pixel's cell sees, and where the pixel's surface is.
+// Visible share of the sky's light from this pixel's cell, and the position of the pixel's surface.
 vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
     Point x = point_here(draw, first_index);
     position = x.position;
@@ -66,7 +66,7 @@ vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
     return sum.weight > 0.0 ? sum.seen / sum.weight : vec3(1.0);
 }
 #else
-// Share of the sky's light that the triangle's corners see, and where the pixel's surface is.
+// Visible share of the sky's light from the triangle's corners, and the position of the pixel's surface.
 vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
     uvec3 at = uvec3(slots[draw.first_slot + indices[first_index]], slots[draw.first_slot + indices[first_index + 1u]],
                      slots[draw.first_slot + indices[first_index + 2u]]);
@@ -81,8 +81,8 @@ vec3 seen_here(DrawRecord draw, uint first_index, out vec3 position) {
 #endif
 
 #if !defined(NEAR) || defined(COAT)
-// Share of a lobe's light from the sky that arrives where that share of all light does: what is seen of a cone about the normal.
-// Lagarde and de Rousiers 2014, 4.10.2.
+// Visible share of the sky for a lobe, from the visible share `seen` of all light, as if a cone about the normal were
+// open. Lagarde and de Rousiers 2014, 4.10.2.
 float lobe_seen(float seen, float cosine, float k) {
     float alpha = sqrt(2.0 / (k + 2.0));
     return clamp(pow(cosine + seen, exp2(-16.0 * sqrt(alpha) - 1.0)) - 1.0 + seen, 0.0, 1.0);
@@ -128,7 +128,7 @@ void main() {
 #ifdef COAT
     Coat coat = unpack_coat(texelFetch(coat_image, pixel, 0));
     if (coat.share > 0.0) {
-        // Of what is in a coat's way caches alone know, and short rays how much of all there is.
+        // Occlusion of a coat is known only from caches and, for light as a whole, from short rays.
         vec3 looking = view_direction(push.eye, position);
         vec3 axis = lobe_axis(coded_coat(coat), coat.normal, looking);
         float cosine = dot(coat.normal, axis);

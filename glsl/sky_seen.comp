@@ -1,5 +1,5 @@
-// Stage 6, first: what each cache sees of the sky, by rays: the share that arrives of what an open surface would receive, and
-// how far it is open in each of the directions that short rays ask for. METHOD 12. Twin: src/reference/sky.rs.
+// Stage 6, first: visibility of the sky from each cache, by rays: the arriving share of the light on an open surface,
+// and the openness of each direction that short rays look up. METHOD 12. Twin: src/reference/sky.rs.
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/depth_image.glsl"
@@ -10,17 +10,17 @@ layout(push_constant, scalar) uniform Push { SkySeenPush push; };
 layout(binding = 12, scalar) readonly buffer Caches { Cache caches[]; };
 #define SKY_BINDING 13
 #include "lib/sky.glsl"
-layout(binding = 15, scalar) writeonly buffer Seen { SkySeen seen[]; }; // of each cache
-layout(binding = 16, scalar) writeonly buffer Open { uint open_parts[]; }; // of each cache by directions, in 8 bits each
+layout(binding = 15, scalar) writeonly buffer Seen { SkySeen seen[]; }; // per cache
+layout(binding = 16, scalar) writeonly buffer Open { uint open_parts[]; }; // per cache: openness by direction, 8 bits each
 
 const uint THREADS = gl_WorkGroupSize.x;
 const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
 
 shared uint is_open[DEPTH_IMAGE_TEXELS];
-shared vec3 arriving[THREADS]; // where nothing is in the way beyond what is left to short rays
-shared vec3 in_all[THREADS]; // where nothing is at all
+shared vec3 arriving[THREADS]; // without occluders beyond those left to short rays
+shared vec3 in_all[THREADS]; // without any occluders
 shared vec3 from_all[THREADS];
-shared vec2 counts[THREADS]; // of open texels, of all on the disc
+shared vec2 counts[THREADS]; // open texels, all texels on the disc
 
 void main() {
     uint cache = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;
@@ -37,7 +37,7 @@ void main() {
     vec3 lit = vec3(0.0);
     vec3 all = vec3(0.0);
     vec2 count = vec2(0.0);
-    // Texels of the unit disc have equal shares of irradiance.
+    // All texels of the unit disc have equal shares of irradiance.
     for (uint texel = thread; texel < DEPTH_IMAGE_TEXELS; texel += THREADS) {
         vec2 p = (vec2(texel % DEPTH_IMAGE_SIDE, texel / DEPTH_IMAGE_SIDE) + 0.5) / HALF - 1.0;
         float z2 = 1.0 - dot(p, p);
@@ -70,13 +70,13 @@ void main() {
             all += from_all[i];
             count += counts[i];
         }
-        // A surface that faces darkness has the share of its directions.
+        // A surface that faces a dark sky gets the open share of its directions.
         float least = push.least * count.y / 3.14159265;
         vec3 share = (open + least * count.x / count.y) / max(all + least, 1e-37);
         vec3 irradiance = sky_at(SKY_IRRADIANCE, c.normal) * lit / max(all, 1e-37);
         seen[cache] = SkySeen(share, irradiance);
     }
-    // Four parts of each direction, four directions to a number.
+    // Four sub-directions per direction, four directions per word.
     for (uint four = thread; four < DIRECTIONS / 4u; four += THREADS) {
         uint numbers = 0u;
         for (uint i = 0u; i < 16u; ++i) {
@@ -84,7 +84,7 @@ void main() {
             vec2 at = vec2(direction % DIRECTION_SIDE, direction / DIRECTION_SIDE) + 0.25 + 0.5 * vec2(i & 1u, i >> 1 & 1u);
             vec3 d = octahedral_decode(at * (2.0 / float(DIRECTION_SIDE)) - 1.0);
             uvec2 texel = uvec2(clamp(vec2(dot(tangent, d), dot(bitangent, d)) * HALF + HALF, 0.0, 2.0 * HALF - 0.5));
-            // Below the horizon, and where the disc ends within a texel, nothing is known.
+            // Below the horizon, and where the disc ends within a texel, nothing is known: counted as closed.
             uint found = dot(d, c.normal) > 0.0 ? is_open[texel.y * DEPTH_IMAGE_SIDE + texel.x] : 0u;
             numbers += found << (8u * (i / 4u));
         }

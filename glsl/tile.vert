@@ -1,4 +1,4 @@
-// A triangle over the whole target at half depth, for a tile of VALs; none where the tile has no VALs.
+// A triangle over the whole target at half depth for a tile of VALs; nothing if the tile has no VALs.
 #include "shared.glsl"
 
 layout(push_constant, scalar) uniform Push { GatherPush push; };

@@ -1,5 +1,5 @@
-// Stage 6, before the gather: what each live cache sees of the scene, or of it beyond a distance, by one ray for each texel of
-// its depth image. METHOD 11.
+// Stage 6, before the gather: traces each live cache's depth image, one ray per texel. Rays begin at a given distance.
+// METHOD 11.
 // variant trace_images_sent_on.comp: SENT_ON (of both, and caches of what rays meet: what caches send on comes from all that they see)
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
@@ -14,13 +14,13 @@ layout(binding = 15, scalar) writeonly buffer Images { float images[]; };
 
 const float STEP = 2.0 / float(DEPTH_IMAGE_SIDE);
 
-// How far behind what a texel's ray meets things are still seen: surfaces are not flat. [distances]
+// How far behind a hit points still count as visible, as a share of the distance: surfaces are not flat.
 const float MARGIN = 0.01;
 
 #ifdef SENT_ON
 layout(binding = 16, scalar) writeonly buffer AllImages { float all_images[]; };
-layout(binding = 17, scalar) writeonly buffer Met { uint met[]; }; // the cache of what each texel's ray meets, or NO_REFERENCES
-layout(binding = 18, scalar) writeonly buffer Closed { float closed[]; }; // share of the other images that is not open
+layout(binding = 17, scalar) writeonly buffer Met { uint met[]; }; // cache at each ray's hit, or NO_REFERENCES
+layout(binding = 18, scalar) writeonly buffer Closed { float closed[]; }; // share of `images` that is not open
 layout(constant_id = 4) const uint REFERENCES = 8;
 layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are those of cells
 #define REFERENCE_BINDINGS 19
@@ -29,7 +29,7 @@ layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are those of c
 shared uint closed_count;
 shared uint count;
 
-// The cache on the side of a surface that a ray has met which says most of the point there.
+// The cache of largest weight at a ray's hit, on the side that was hit.
 uint met_cache(Hit hit, vec3 start, vec3 direction) {
     if (hit.triangle == NO_HIT) {
         return NO_REFERENCES;
@@ -44,7 +44,7 @@ uint met_cache(Hit hit, vec3 start, vec3 direction) {
 }
 #endif
 
-// What a texel at a point of the unit disc keeps of its ray, whose square of the cosine is `z2`.
+// Value that a texel keeps of its ray. `p`: its point on the unit disc; `z2`: squared cosine of the ray.
 float limit_of(Hit hit, vec3 direction, vec2 p, float z2, vec3 tangent, vec3 bitangent, vec3 normal) {
     if (hit.triangle == NO_HIT) {
         return 0.0;
@@ -53,7 +53,7 @@ float limit_of(Hit hit, vec3 direction, vec2 p, float z2, vec3 tangent, vec3 bit
     vec3 n = -hit_geometric(hit, direction, front);
     vec3 own = vec3(dot(n, tangent), dot(n, bitangent), dot(n, normal));
     float along = dot(n, direction);
-    // The reciprocal distance of a plane is linear in the direction: its least value in the texel.
+    // The reciprocal distance of a plane is linear in the direction: this is its minimum in the texel.
     float slope = 1.0 / max(sqrt(z2), DEPTH_IMAGE_LEAST_Z);
     float least = along - 0.5 * STEP * (abs(own.x - own.z * p.x * slope) + abs(own.y - own.z * p.y * slope));
     return max(least, 0.0) / (hit.distance * along * (1.0 + MARGIN));

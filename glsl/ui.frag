@@ -1,4 +1,4 @@
-// Panels over the picture in a window. All colours are of the display, sRGB, with their alpha multiplied in.
+// Panels over the picture in a window. All colours are sRGB display colours with premultiplied alpha.
 
 layout(binding = 0) uniform sampler2D glyphs;
 layout(location = 0) in vec2 uv;

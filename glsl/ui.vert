@@ -1,4 +1,4 @@
-// Panels over the picture in a window: triangles in points of the screen, from its top left corner.
+// Panels over the picture in a window: triangles in screen points, from the top left corner.
 #include "shared.glsl"
 
 layout(push_constant, scalar) uniform Push { UiPush push; };

@@ -1,4 +1,4 @@
-// Stage 4: each texel of an extended RSM becomes a virtual area light. METHOD 2, thesis 5.2.
+// Stage 4: turns each texel of an extended RSM into a virtual area light. METHOD 2, thesis 5.2.
 // variant vals_inside.comp: INSIDE (where bodies are filled: what enters them, too. METHOD 7)
 #include "shared.glsl"
 #include "lib/area_light.glsl"
@@ -13,23 +13,23 @@ layout(binding = 2) uniform sampler2D position_image;
 layout(binding = 3) uniform sampler2D normal_image;
 layout(binding = 4) uniform sampler2D albedo_image;
 layout(binding = 5, scalar) writeonly buffer Vals { Val vals[]; };
-layout(binding = 6, scalar) writeonly buffer Flags { uint flags[]; }; // 1 where a VAL carries light or pulls
+layout(binding = 6, scalar) writeonly buffer Flags { uint flags[]; }; // 1 for VALs with light or weight
 #ifdef INSIDE
 layout(binding = 7) uniform sampler2D inside_image;
 layout(binding = 8, scalar) writeonly buffer InnerVals { Val inner_vals[]; };
 layout(binding = 9, scalar) writeonly buffer InnerFlags { uint inner_flags[]; };
 
-// A texel that hits a surface from its edge on is not taken as larger than this.
+// Lower bound of the cosine for a texel that hits a surface edge-on: limits its area.
 const float LEAST_TILT = 0.1;
 #endif
 
-// Sub-samples per axis of the intensity over a texel: the edge of a sharp cone crosses texels.
+// Sub-samples of the intensity per axis of a texel: the edge of a sharp cone crosses texels.
 const int SAMPLES = 4;
 
-// Where an area light fills all but this share of what a surface sees, less and less of the surface's light gets past it.
+// If an area light fills more than 1 - UNDER of a surface's view, less and less of the surface's light gets past it.
 const float UNDER = 0.05;
 
-// Direction through a point of the view's picture, u to the right and v up, both in [-1, 1].
+// Direction through a point of the view's image; u to the right, v up, both in [-1, 1].
 vec3 through(LightView view, vec2 p) {
     return view.forward + view.right * p.x + view.up * p.y;
 }
@@ -48,7 +48,7 @@ void main() {
     float n = float(push.size);
     vec2 low = vec2(float(texel.x), n - 1.0 - float(texel.y)) * (2.0 / n) - 1.0;
     float step = 2.0 / n;
-    // Footprint on a plane square to the axis, eq. 5.10; light through the texel [lm].
+    // Footprint on a plane perpendicular to the axis, eq. 5.10; light through the texel [lm].
     float area = step * step * length(view.right) * length(view.up);
     vec3 entering;
     if (light.kind == LIGHT_DIRECTIONAL) {
@@ -74,14 +74,14 @@ void main() {
         }
         vec3 d = hit.xyz - view.position;
         entering = light.intensity * (falloff * omega * range_window(dot(d, d), light.range));
-        // What lies right under the light gives its own light back to it.
+        // A surface directly under the light reflects light back to it.
         if (light.kind == LIGHT_AREA) {
             SeenPart part = above_horizon(light.position - hit.xyz, light.right, light.up, normal.xyz);
             entering *= min((1.0 - polygon_form_factor(part, normal.xyz)) / UNDER, 1.0);
         }
     }
     vec3 flux = hit.w > 0.0 ? albedo * entering : vec3(0.0);
-    // Outside the cone or the range no light is there to make a VAL of a surface. A black surface in the light is one.
+    // Outside the cone or the range there is no light, hence no VAL. A lit black surface is one.
     bool has_light = hit.w > 0.0 && entering != vec3(0.0);
 
     Val val;

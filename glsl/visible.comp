@@ -1,6 +1,6 @@
-// Stage 5: the vertices of the triangles that pixels show, each once. Neighbours mostly show the same triangle, so a pixel
-// speaks only where the ones to its left and above show another: of any set of pixels the leftmost of the topmost row does.
-// METHOD 9.
+// Stage 5: lists the vertices of visible triangles, each once. Neighbouring pixels mostly show the same triangle, so a
+// pixel reports only if its left and upper neighbours show another one. In any set of pixels the leftmost of the top
+// row does. METHOD 9.
 #include "shared.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
@@ -8,8 +8,8 @@ layout(push_constant, scalar) uniform Push { VisiblePush push; };
 layout(binding = 0) uniform usampler2D element_image;
 layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 2, scalar) readonly buffer Indices { uint indices[]; };
-layout(binding = 3, scalar) buffer Seen { uint seen[]; }; // per vertex of each instance: the last frame that showed it
-layout(binding = 4, scalar) writeonly buffer Slots { uint slots[]; }; // likewise: where in the list
+layout(binding = 3, scalar) buffer Seen { uint seen[]; }; // per vertex of each instance: last frame that showed it
+layout(binding = 4, scalar) writeonly buffer Slots { uint slots[]; }; // likewise: its index in the list
 layout(binding = 5, scalar) writeonly buffer Visible { VisibleVertex visible[]; };
 layout(binding = 6, scalar) buffer Args { VisibleArgs args; };
 

@@ -1,5 +1,5 @@
-// Stage 5 where pixels look references up: the cell of the model's surface that each pixel lies in, and all such cells,
-// each once. METHOD 5 and 9.
+// Stage 5 at texel level: finds the cell of the model's surface at each pixel, and lists all visible cells, each once.
+// METHOD 5 and 9.
 #include "shared.glsl"
 #include "lib/triangle.glsl"
 #define CELL_BINDINGS 5
@@ -12,10 +12,10 @@ layout(binding = 1, scalar) readonly buffer Draws { DrawRecord draws[]; };
 layout(binding = 2, scalar) readonly buffer Indices { uint indices[]; };
 layout(binding = 3, scalar) readonly buffer Instances { Instance instances[]; };
 layout(binding = 4, scalar) readonly buffer Corners { Corner corners[]; };
-layout(binding = 7, scalar) buffer Seen { uint seen[]; }; // per cell of each instance: the last frame that showed it
+layout(binding = 7, scalar) buffer Seen { uint seen[]; }; // per cell of each instance: last frame that showed it
 layout(binding = 8, scalar) writeonly buffer Visible { VisibleVertex visible[]; };
 layout(binding = 9, scalar) buffer Args { VisibleArgs args; };
-layout(binding = 10, scalar) writeonly buffer Rows { uint rows[]; }; // of each pixel, row by row
+layout(binding = 10, scalar) writeonly buffer Rows { uint rows[]; }; // per pixel, row by row
 
 void main() {
     ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
@@ -34,14 +34,14 @@ void main() {
         for (uint i = 0u; i < 3u; ++i) {
             uint vertex = indices[draw.first_index + 3u * element.y + i];
             clip[i] = clip_from_model * vec4(corners[draw.first_vertex + vertex].position, 1.0);
-            // Cells are those of the model at rest.
+            // Cells belong to the model's rest pose.
             corner[i] = corners[draw.first_rest + vertex].position;
         }
         vec2 place = (vec2(pixel) + 0.5) / vec2(size) * 2.0 - 1.0;
         vec3 w = weights_at(place, clip[0], clip[1], clip[2]);
         row = row_at(grid, w.x * (corner[0] - grid.centre) + w.y * (corner[1] - grid.centre) + w.z * (corner[2] - grid.centre));
         uint slot = draw.first_slot + row;
-        // Looked at before it is exchanged: that is dearer, and most pixels are not their cell's first.
+        // Test before the atomic exchange, which costs more: most pixels are not the first of their cell.
         if (row != NO_REFERENCES && seen[slot] != push.frame && atomicExchange(seen[slot], push.frame) != push.frame) {
             uint at = atomicAdd(args.count, 1u);
             visible[at] = VisibleVertex(element.x - 1u, row);

@@ -1,4 +1,4 @@
-// Rectangles of one radiance, by contour integrals that are exact. Twin: src/reference/area_light.rs.
+// Exact contour integrals over rectangles of uniform radiance. Twin: src/reference/area_light.rs.
 #ifndef AREA_LIGHT_GLSL
 #define AREA_LIGHT_GLSL
 
@@ -6,13 +6,13 @@
 
 const float TWO_PI = 6.28318530717959;
 
-// What a point sees of a rectangle above its horizon: corners relative to the point, in turn.
+// The part of a rectangle above a point's horizon: corners relative to the point, in order.
 struct SeenPart {
     vec3 corners[5];
     int count;
 };
 
-// The part of a rectangle above the plane through the point whose normal is n.
+// Clips a rectangle to the half space above the plane through the point with normal n.
 SeenPart above_horizon(vec3 middle, vec3 right, vec3 up, vec3 n) {
     vec3 corner[4] = vec3[4](middle - right - up, middle + right - up, middle + right + up, middle - right + up);
     SeenPart part;
@@ -34,8 +34,8 @@ SeenPart above_horizon(vec3 middle, vec3 right, vec3 up, vec3 n) {
     return part;
 }
 
-// Form factor from a point with normal n to what it sees of a polygon: Lambert's 1/(2 pi) sum of angle_i (n . m_i), m_i
-// square to edge i and to the point.
+// Form factor from a point with normal n to the visible part of a polygon: Lambert's 1/(2 pi) sum of angle_i (n . m_i),
+// where m_i is perpendicular to the plane of edge i and the point.
 float polygon_form_factor(SeenPart part, vec3 n) {
     float sum = 0.0;
     for (int i = 0; i < part.count; ++i) {
@@ -48,19 +48,19 @@ float polygon_form_factor(SeenPart part, vec3 n) {
     return abs(sum) / TWO_PI;
 }
 
-// Abscissae and weights of Gauss and Legendre's rule of eight points on [-1, 1], the positive half.
+// Abscissae (positive half) and weights of the 8-point Gauss-Legendre rule on [-1, 1].
 const float NODES[4] = float[4](0.183434642, 0.525532410, 0.796666477, 0.960289856);
 const float NODE_WEIGHTS[4] = float[4](0.362683783, 0.313706646, 0.222381034, 0.101228536);
 
-// Integrals of c^k along an arc between a and b (unit vectors) on the circle of axis m, c the cosine with r: over the azimuth
-// about r, and over the arc's length.
+// Integrals of c^k along the arc from a to b (unit vectors) on the circle with axis m, where c is the cosine with r:
+// over the azimuth about r, and over the arc length.
 vec2 arc_integrals(vec3 a, vec3 b, vec3 m, vec3 r, float k) {
     float h = dot(m, r);
     float nearest = sqrt(max(1.0 - h * h, 0.0));
     if (k * log2(max(nearest, 1e-30)) < -16.0) {
-        return vec2(0.0); // the whole circle is outside the lobe
+        return vec2(0.0); // the whole circle lies outside the lobe
     }
-    // Angles along the arc from where it is nearest to r. The lobe is within `reach` of there.
+    // Angles along the arc, measured from its closest point to r. The lobe lies within `reach` of that point.
     vec3 foot = (r - h * m) / max(nearest, 1e-6);
     vec3 onwards = cross(m, foot);
     float first = atan(dot(a, onwards), dot(a, foot));
@@ -93,9 +93,10 @@ vec2 arc_integrals(vec3 a, vec3 b, vec3 m, vec3 r, float k) {
     return 0.5 * sum * vec2((end - begin) * (h < 0.0 ? -1.0 : 1.0), last - first);
 }
 
-// Share of the normalised Phong lobe about r that a polygon fills, weighed by the cosine with n: the integral of
-// (k + 2)/(2 pi) (r.w)^k (n.w) over directions w. By Gauss's theorem on the sphere (k + 2) times that of (r.w)^k (n.w) is
-// (r.n) (2 pi [r inside] - sum of azimuth integrals of c^k) + sum of (n.m_i) times arc integrals of c^k; Arvo 1995, for any k.
+// Share of the normalised Phong lobe about r that a polygon fills, weighted by the cosine with n: the integral of (k +
+// 2)/(2 pi) (r.w)^k (n.w) over directions w. By Gauss's theorem on the sphere, (k + 2) times the integral of (r.w)^k
+// (n.w) is (r.n) (2 pi [r inside] - sum of azimuth integrals of c^k) + sum of (n.m_i) times arc integrals of c^k; Arvo
+// 1995, extended to any k.
 float polygon_lobe(SeenPart part, vec3 n, vec3 r, float k) {
     vec3 unit[5];
     vec3 middle = vec3(0.0);
@@ -113,7 +114,7 @@ float polygon_lobe(SeenPart part, vec3 n, vec3 r, float k) {
         if (dot(across, across) == 0.0) {
             continue;
         }
-        // Inwards, and the arc in the sense that goes round the polygon by it.
+        // m points inwards; the arc runs around the polygon in the matching direction.
         vec3 m = normalize(across);
         bool turned = dot(m, middle) < 0.0;
         m = turned ? -m : m;

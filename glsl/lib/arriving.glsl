@@ -1,4 +1,4 @@
-// What of a light arrives at a pixel, of the rays that it and its neighbours have sent. Binding 1 is its own. METHOD 14.
+// Share of a light that arrives at a pixel, from the rays of the pixel and its neighbours. METHOD 14. Uses binding 1.
 #ifndef ARRIVING_GLSL
 #define ARRIVING_GLSL
 #include "shared.glsl"
@@ -9,13 +9,14 @@ vec2 share(vec2 open, vec2 all) {
     return open / max(all, vec2(1e-30));
 }
 
-// Share of a light that a pixel's own rays say arrives, by its diffuse and its glossy lobe.
+// Share of a light that arrives at a pixel by the pixel's own rays: for the diffuse and the glossy lobe.
 vec2 arriving_alone(int at) {
     return share(arrivals[at].open, arrivals[at].all);
 }
 
-// The same of a light that has a size. `slope` [NDC per NDC] is that of the surface's plane. Where penumbrae are wide, the
-// square of pixels that has all points of the light counts as one; its border counts half, which is the same for all points.
+// The same for a light with a size. `slope` [NDC per NDC] is the slope of the surface's plane. Wide penumbrae use the
+// combined rays of the 5 x 5 pixels around. The outermost pixels count half, so that all points of the light have equal
+// weight.
 vec2 arriving(sampler2D depth_image, ivec2 pixel, float depth, vec2 slope) {
     ivec2 size = textureSize(depth_image, 0);
     Arriving own = arrivals[pixel.y * size.x + pixel.x];
@@ -33,7 +34,7 @@ vec2 arriving(sampler2D depth_image, ivec2 pixel, float depth, vec2 slope) {
             if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size))) {
                 continue;
             }
-            // Of the same surface: near its plane.
+            // Skip pixels of other surfaces: they lie off this surface's plane.
             float step_ = dot(slope, vec2(x, y) * 2.0 / vec2(size));
             float there = texelFetch(depth_image, at, 0).r;
             if (abs(there - depth - step_) > 0.1 * abs(step_) + 0.001 * depth) {
@@ -46,7 +47,8 @@ vec2 arriving(sampler2D depth_image, ivec2 pixel, float depth, vec2 slope) {
             penumbra = max(penumbra, other.penumbra);
         }
     }
-    // A pixel's own rays are enough for an edge that is as sharp as the picture, if the light's points are above its horizon.
+    // The pixel's own rays suffice for penumbrae about as sharp as the picture, if any of their points is above the
+    // horizon.
     float together = own.all.x > 0.0 ? smoothstep(PENUMBRA_NARROW, PENUMBRA_WIDE, penumbra) : 1.0;
     return mix(alone, share(open, all), together);
 }

@@ -1,21 +1,21 @@
-// Lights of caches -> the light of a point: the averaging of stage 8. METHOD 5, thesis listing 5.2. Twin:
-// src/reference/interpolate.rs. Includer declares `GLOSSY` and `PRINTED`.
+// Averages the lights of caches at a point: the core of stage 8. METHOD 5, thesis listing 5.2. Twin:
+// src/reference/interpolate.rs. The including shader declares `GLOSSY` and `PRINTED`.
 #ifndef AVERAGE_GLSL
 #define AVERAGE_GLSL
 
 #include "lib/interpolation.glsl"
 #include "lib/phong.glsl"
 
-// Who looks at the caches.
+// The point at which caches are averaged.
 struct Point {
     vec3 position;
     vec3 normal;
-    vec3 mirrored; // the view, about the normal
+    vec3 mirrored; // view direction reflected about the normal
     vec4 eye;
-    float d_max; // distance at which weights vanish
+    float d_max; // distance at which weights reach 0
 };
 
-// Sums of one lobe: irradiance over the caches that take part, position over those that are lit.
+// Sums for one lobe: irradiance over all caches that take part, position over the lit ones.
 struct Sums {
     vec3 irradiance;
     float weight;
@@ -26,7 +26,7 @@ struct Sums {
 struct Averages {
     Sums diffuse;
     Sums glossy;
-    vec3 glossy_plain; // facing irradiance and exponent, whatever the lobe sees of them
+    vec3 glossy_plain; // facing irradiance and exponent, not weighted by the lobe
     float exponent;
 };
 
@@ -42,18 +42,18 @@ void add(inout Sums s, float w, float lit, vec3 irradiance, vec3 position) {
     s.lit += w * lit;
 }
 
-// As printed: flux, here over 4 pi, and position.
+// As printed in the thesis: averages flux (here over 4 pi) and position.
 void add_printed(inout Sums s, float w, float lit, vec3 irradiance, vec3 proxy, vec3 cache) {
     vec3 d = proxy - cache;
     add(s, w, lit, irradiance * dot(d, d), proxy);
 }
 
-// Lobes that no weight of a first round is above zero for, and that take part in a second one, by distance alone.
+// Lobes without any positive weight in the first round. A second round weights their caches by distance alone.
 bvec2 left_over(Averages a) {
     return bvec2(a.diffuse.weight <= 0.0, GLOSSY != 0u && a.glossy.weight <= 0.0);
 }
 
-// Adds a cache to the `lobes` that are wanted: diffuse, glossy.
+// Adds a cache to the requested `lobes`: diffuse, glossy.
 void take(inout Averages a, Point x, Cache c, Proxy p, bool by_distance, bvec2 lobes) {
     float d = distance(x.position, c.position);
     float apart = distance_weight(d, x.d_max);
@@ -77,7 +77,7 @@ void take(inout Averages a, Point x, Cache c, Proxy p, bool by_distance, bvec2 l
         float left = falloff(p.diffuse_distance2, dot(there, there), dot(here, here));
         add(a.diffuse, w, diffuse_lit, p.diffuse_irradiance * left, p.diffuse_position);
     }
-    // A cache whose lobe catches no light has no proxy to average.
+    // A cache whose glossy lobe receives no light takes no part.
     if (lobes.y && p.glossy_distance2 > 0.0) {
         vec3 towards = p.glossy_position - x.position;
         float cosine = dot(x.mirrored, towards) * inversesqrt(max(dot(towards, towards), 1e-30));
@@ -96,7 +96,8 @@ VertexLight averaged(Averages a, Point x) {
     light.glossy_irradiance = a.glossy.weight > 0.0 ? a.glossy.irradiance / a.glossy.weight : vec3(0.0);
     light.glossy_position = a.glossy.lit > 0.0 ? a.glossy.position / a.glossy.lit : x.position + x.normal;
     if (GLOSSY != 0u && PRINTED == 0u && a.glossy.weight > 0.0) {
-        // What the lobes see of the proxies is what the lobe is to see of the average; never more than without lobes.
+        // The averaged light must give the lobe what the single proxies give it on average, but never more than the
+        // plain mean.
         vec3 towards = light.glossy_position - x.position;
         float cosine = dot(x.mirrored, towards) * inversesqrt(max(dot(towards, towards), 1e-30));
         float seen = cosine_power(max(cosine, LEAST_LOBE_COSINE), WEIGHED_SHARE * a.exponent / a.glossy.weight);

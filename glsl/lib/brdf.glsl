@@ -1,27 +1,27 @@
-// The glossy lobe of a surface as the G-buffer has it: `specular`, and what it is in one number, `coded`. From 0 on that is
-// the exponent of a modified Phong lobe of albedo `specular`; negative it is glTF 2.0's lobe with F0 = `specular`: GGX,
-// Smith's height-correlated shadowing, Schlick's Fresnel, and what is scattered more than once. Twins: src/reference/brdf.rs,
-// src/scene/ggx.rs.
+// The glossy lobe of a surface as stored in the G-buffer: `specular` and one number `coded`. If `coded` >= 0 it is the
+// exponent of a modified Phong lobe with albedo `specular`. If negative, it encodes glTF 2.0's lobe with F0 =
+// `specular`: GGX, Smith's height-correlated shadowing, Schlick's Fresnel and multiple scattering. Twins:
+// src/reference/brdf.rs, src/scene/ggx.rs.
 #ifndef BRDF_GLSL
 #define BRDF_GLSL
 #include "lib/phong.glsl"
 
-// Smoother than this nothing is: the highlight of a light without size stays finite.
+// Lower bound of roughness: keeps the highlight of a light without size finite.
 const float LEAST_ROUGHNESS = 0.045;
 
-// Least cosine with the viewer: a normal of a map may even look away.
+// Lower bound of the cosine with the viewer: a normal from a normal map may even face away.
 const float LEAST_COSINE = 0.01;
 
-// Cosine at which a dielectric lobe reflects about what it does on average over the hemisphere.
+// Cosine at which a dielectric lobe's reflectance is about its mean over the hemisphere.
 const float MEAN_COSINE = 0.475;
 
-// The same of a Phong lobe: exactly where it is narrow.
+// The same for a Phong lobe; exact for narrow lobes.
 const float MEAN_PHONG_COSINE = 0.6666667;
 
-// Exponent from which on a lobe is narrower than caches can resolve.
+// Exponent above which a lobe is narrower than caches can resolve.
 const float CACHE_EXPONENT = 2048.0;
 
-// Roughness in [LEAST_ROUGHNESS, 1] and the reflectance at the horizon in one negative number.
+// Packs roughness in [LEAST_ROUGHNESS, 1] and the reflectance at grazing incidence into one negative number.
 float coded_ggx(float roughness, float f90) {
     return -(floor((1.0 - f90) * 255.0 + 0.5) + 0.5 * roughness);
 }
@@ -34,21 +34,21 @@ float coded_f90(float coded) {
     return 1.0 - floor(-coded) / 255.0;
 }
 
-// By powers of cosine / (cosine + alpha): coefficients of 1, alpha, alpha^2, alpha^3.
+// Fit by powers of cosine / (cosine + alpha): coefficients of 1, alpha, alpha^2, alpha^3.
 const vec4 WHOLE[6] = vec4[6](
     vec4(0.9760314, 0.1620926, -0.2620544, 0.1039931), vec4(0.1939374, -3.278414, 0.3070236, -0.3667155),
     vec4(-1.88827, 17.98381, -8.505335, 2.695105), vec4(2.219887, -39.50036, 5.196035, 3.272633),
     vec4(0.8242185, 39.14375, 8.987958, -3.34294), vec4(-1.329452, -14.78641, -4.205442, -9.211608));
 
-// By powers of the cosine, the last one by cosine / (cosine + alpha): coefficients of roughness^1 to ^4, and of 1.
+// Fit by powers of the cosine, the last row by cosine / (cosine + alpha): coefficients of roughness^1 to ^4, then of 1.
 const vec4 MEETING[5] = vec4[5](
     vec4(0.6119457, 0.03954586, -0.09075218, -0.08407662), vec4(1.661892, -15.3, 15.61723, -3.295657),
     vec4(1.745568, 11.67772, -20.20051, 7.251153), vec4(-4.235289, 3.581084, 0.3299611, 0.1033743),
     vec4(-0.6735195, -0.7388668, 8.464338, -6.21879));
 const float MEETING_FIRST[5] = float[5](-0.02288454, 0.9627351, -0.1903572, 0.2899276, 0.02710257);
 
-// What a lobe scatters once of even light, for F0 and for F90. Fits within .004 of the integrals for cosines from .01 on: of
-// their sum, and of the cosine under which facets are met.
+// Single-scattering reflectance of a lobe under uniform light, as factors of F0 and of F90. Fits of their sum and of
+// the mean cosine at the microfacets; within .004 of the integrals for cosines >= .01.
 vec2 scattered_once(float roughness, float cosine) {
     float c = clamp(cosine, LEAST_COSINE, 1.0);
     float a = roughness * roughness;
@@ -70,17 +70,17 @@ vec2 scattered_once(float roughness, float cosine) {
     return vec2(whole - at_edges, at_edges);
 }
 
-// By what light that is scattered more than once raises a lobe; Turquin 2019.
+// Factor by which multiple scattering brightens a lobe; Turquin 2019.
 vec3 scattered_again(vec3 f0, vec2 once) {
     return 1.0 + f0 * (1.0 / (once.x + once.y) - 1.0);
 }
 
-// Share of even light that a lobe reflects.
+// Albedo of a lobe under uniform light.
 vec3 ggx_albedo(vec3 f0, float f90, vec2 once) {
     return (f0 * once.x + f90 * once.y) * scattered_again(f0, once);
 }
 
-// BRDF [1/sr] for light from `towards`; `looking` is the unit vector from the viewer.
+// GGX BRDF [1/sr] for light from direction `towards`; `looking` is the unit vector from the viewer.
 vec3 ggx_lobe(vec3 f0, float f90, float roughness, vec3 n, vec3 looking, vec3 towards) {
     float facing = -dot(n, looking);
     vec3 view = facing < LEAST_COSINE ? normalize(n * (LEAST_COSINE - facing) - looking) : -looking;
@@ -88,7 +88,7 @@ vec3 ggx_lobe(vec3 f0, float f90, float roughness, vec3 n, vec3 looking, vec3 to
     float nl = dot(n, towards);
     vec3 h = normalize(view + towards);
     float a = roughness * roughness;
-    // The sine by a cross product keeps its digits where lobes are narrow.
+    // The sine from a cross product keeps its precision in narrow lobes.
     vec3 across = cross(n, h);
     float nh = dot(n, h);
     float narrow = a / (dot(across, across) + a * a * nh * nh);
@@ -99,7 +99,7 @@ vec3 ggx_lobe(vec3 f0, float f90, float roughness, vec3 n, vec3 looking, vec3 to
     return fresnel * scattered_again(f0, scattered_once(roughness, nv)) * (narrow * narrow * (0.5 / 3.14159265) / max(seen, 1e-30));
 }
 
-// BRDF [1/sr] of either lobe for light from `towards`, which is above the surface.
+// BRDF [1/sr] of either lobe type for light from `towards`, which must be above the surface.
 vec3 glossy_lobe(vec3 specular, float coded, vec3 n, vec3 looking, vec3 towards) {
     if (coded < 0.0) {
         return ggx_lobe(specular, coded_f90(coded), coded_roughness(coded), n, looking, towards);
@@ -113,22 +113,21 @@ struct PhongLobe {
     float exponent; // k
 };
 
-// Share of even light that a Phong lobe of albedo 1 reflects: the part of it that is above the surface, by the cosine.
-// Within .5 %.
+// Albedo of a Phong lobe with rho_g = 1 under uniform light: the cosine-weighted part above the surface. Within .5 %.
 float phong_albedo(float k, float cosine) {
     float flat2 = 1.0 / (6.28318531 * k + 3.14159265 + 0.85840735 / (1.0 + 0.95 * k)); // at the horizon, squared
     float c2 = cosine * cosine;
     return 0.5 * (cosine + sqrt(c2 + 4.0 * flat2 * (1.0 - c2) * exp2(-0.81 * k * c2)));
 }
 
-// Exponent of the Phong lobe that is as wide as either: 1/2 (1/alpha^2 - 1) of GGX, whose peaks are alike.
+// Exponent of the Phong lobe of equal width. For GGX 1/2 (1/alpha^2 - 1): both peaks have the same height.
 float fitted_exponent(float coded) {
     float a = coded_roughness(coded) * coded_roughness(coded);
     return coded < 0.0 ? max(0.5 * (1.0 / (a * a) - 1.0), 0.25) : coded;
 }
 
-// The unit direction that a lobe is about: the mirrored view, which GGX leaves for the normal as it widens. Lagarde and de Rousiers
-// 2014, 4.9.3, and less so the flatter the view.
+// Unit axis of a lobe: the mirrored view direction, which for GGX bends towards the normal with growing roughness.
+// Lagarde and de Rousiers 2014, 4.9.3, reduced at grazing views.
 vec3 lobe_axis(float coded, vec3 n, vec3 looking) {
     vec3 mirrored = reflect(looking, n);
     if (coded >= 0.0) {
@@ -139,8 +138,8 @@ vec3 lobe_axis(float coded, vec3 n, vec3 looking) {
     return normalize(mix(n, mirrored, (1.0 - a) * (sqrt(1.0 - a) + a) * (1.0 - min(a, 0.54) * (1.0 - c))));
 }
 
-// The Phong lobe that stands for either about an axis that has a cosine with the normal: as wide as GGX, an exponent of `most` at
-// most, and as bright under even light at the cosine with the viewer.
+// Phong lobe that approximates either lobe type about an axis; `axis` is the axis's cosine with the normal. It has
+// GGX's width, an exponent of at most `most`, and GGX's albedo under uniform light at the viewer's cosine.
 PhongLobe fitted_about(vec3 specular, float coded, float cosine, float axis, float most) {
     if (coded >= 0.0) {
         return PhongLobe(specular, coded);
@@ -151,7 +150,7 @@ PhongLobe fitted_about(vec3 specular, float coded, float cosine, float axis, flo
     return PhongLobe(albedo / phong_albedo(k, clamp(axis, LEAST_COSINE, 1.0)), k);
 }
 
-// The same about the mirrored view, where only that is to be had.
+// The same about the mirrored view direction, for callers without another axis.
 PhongLobe fitted_lobe(vec3 specular, float coded, float cosine, float most) {
     return fitted_about(specular, coded, cosine, cosine, most);
 }

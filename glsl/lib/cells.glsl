@@ -1,9 +1,9 @@
-// Cells of a model's surface: where the references of a point are. Twin: src/frame/cells.rs. With CELL_BINDINGS, the first of
-// two bindings, the cells are there, too.
+// Cells of a model's surface: look up the references of a point. Twin: src/frame/cells.rs. If CELL_BINDINGS is defined,
+// it is the first of two bindings that hold the cells.
 #ifndef CELLS_GLSL
 #define CELLS_GLSL
 
-// Where a cell begins to look for its place in a model's hash table.
+// Hash of a cell: where probing starts in a model's hash table.
 uint cell_hash(uint xy, uint z) {
     uint h = (xy * 0x9e3779b1u) ^ (z * 0x85ebca77u);
     h = (h ^ (h >> 15)) * 0x2c1b3c6du;
@@ -14,7 +14,8 @@ uint cell_hash(uint xy, uint z) {
 layout(binding = CELL_BINDINGS, scalar) readonly buffer Grids { CellGrid grids[]; };
 layout(binding = CELL_BINDINGS + 1, scalar) readonly buffer Entries { CellEntry entries[]; };
 
-// Row of references of the cell that a point lies in, seen from the model's centre; NO_REFERENCES where there is none.
+// Row of references for the cell that contains a point (relative to the model's centre); NO_REFERENCES if there is
+// none.
 uint row_at(CellGrid grid, vec3 offset) {
     vec3 place = (grid.cell_from_offset * vec4(offset, 1.0)).xyz;
     uvec3 cell = uvec3(clamp(floor(place), vec3(0.0), vec3(65535.0)));

@@ -1,25 +1,25 @@
-// What lies over a surface's own lobes: a clear coat, KHR_materials_clearcoat, and under it sheen, KHR_materials_sheen. METHOD 16.
-// Twins: src/reference/coat.rs, src/scene/sheen.rs.
+// Layers above a surface's own lobes: clear coat (KHR_materials_clearcoat) and, below it, sheen (KHR_materials_sheen).
+// METHOD 16. Twins: src/reference/coat.rs, src/scene/sheen.rs.
 #ifndef COAT_GLSL
 #define COAT_GLSL
 #include "lib/material.glsl"
 #include "lib/octahedral.glsl"
 
-// Reflectance of a coat at normal incidence: that of an index of 1.5.
+// Reflectance of a coat at normal incidence, for an index of refraction of 1.5.
 const float COAT_F0 = 0.04;
 
-// Smoother than this no sheen is: it would be seen from the very edge alone.
+// Lower bound of sheen roughness: smoother sheen would show only at the very edge.
 const float LEAST_SHEEN_ROUGHNESS = 0.1;
 
 struct Coat {
     vec3 normal; // unit, of the coat
-    float share; // of the surface that has it
+    float share; // share of the surface that is coated
     float roughness;
     vec3 sheen; // colour of the sheen
     float sheen_roughness;
 };
 
-// As the G-buffer has it.
+// Packs a coat into the G-buffer format.
 uvec4 pack_coat(Coat c) {
     return uvec4(packSnorm2x16(octahedral_encode(c.normal)), packUnorm2x16(vec2(c.share, c.roughness)),
                  packUnorm2x16(vec2(c.sheen_roughness, c.sheen.x)), packUnorm2x16(c.sheen.yz));
@@ -31,12 +31,12 @@ Coat unpack_coat(uvec4 bits) {
     return Coat(octahedral_decode(unpackSnorm2x16(bits.x)), coat.x, coat.y, vec3(sheen.y, unpackUnorm2x16(bits.w)), sheen.x);
 }
 
-// The coat as one number, as the G-buffer has GGX.
+// The coat's lobe in the G-buffer encoding of GGX.
 float coded_coat(Coat c) {
     return coded_ggx(max(c.roughness, LEAST_ROUGHNESS), 1.0);
 }
 
-// Logarithm of Lambda up to a cosine of 1/2. Estevez and Kulla 2017.
+// Logarithm of Lambda for cosines up to 1/2. Estevez and Kulla 2017.
 float sheen_log(float alpha, float x) {
     float t = (1.0 - alpha) * (1.0 - alpha);
     float a = mix(21.5473, 25.3245, t);
@@ -47,19 +47,19 @@ float sheen_log(float alpha, float x) {
     return a / (1.0 + b * pow(x, c)) + d * x + e;
 }
 
-// Smith's Lambda of fibres.
+// Smith's Lambda for the fibre distribution.
 float sheen_lambda(float alpha, float cosine) {
     return exp(cosine < 0.5 ? sheen_log(alpha, cosine) : 2.0 * sheen_log(alpha, 0.5) - sheen_log(alpha, max(1.0 - cosine, 1e-7)));
 }
 
-// By powers of ln(roughness) + 1: coefficients of 1, u, u^2, u^3, and of u^4, with u = 2 root(cosine) - 1.
+// Fit by powers of ln(roughness) + 1: coefficients of 1, u, u^2, u^3, then of u^4, with u = 2 sqrt(cosine) - 1.
 const vec4 SHEEN[4] = vec4[4](
     vec4(-0.8648058, -1.705422, -0.8879002, -0.7520157), vec4(0.1153187, 1.904287, 1.519958, 0.9126094),
     vec4(-0.3688529, -1.150307, -0.8343759, 0.07790181), vec4(0.2132948, 0.3470406, 0.08235765, -0.3056653));
 const vec4 SHEEN_LAST = vec4(-0.5639245, 0.3321902, 0.3511139, -0.2085173);
 
-// Share of even light that white sheen reflects to a viewer at this cosine, as its formula says: a fit within .004 of the
-// integral or of its share. At the edges of smooth sheen it is more than 1.
+// Albedo of white sheen under uniform light for a viewer at this cosine, by its formula: a fit, within .004 of the
+// integral (absolute, or relative above 1). At the edges of smooth sheen it exceeds 1.
 float sheen_whole(float roughness, float cosine) {
     float c = clamp(cosine, LEAST_COSINE, 1.0);
     float u = 2.0 * sqrt(c) - 1.0;
@@ -70,8 +70,8 @@ float sheen_whole(float roughness, float cosine) {
     return exp(log_) / (c * (1.0 + sheen_lambda(roughness * roughness, c)));
 }
 
-// BRDF times cosine [1/sr] of white sheen for light from `towards`, which is above the surface; `looking` is the unit vector from
-// the viewer.
+// BRDF times cosine [1/sr] of white sheen for light from `towards`, which must be above the surface; `looking` is the
+// unit vector from the viewer.
 float sheen_formula(float roughness, vec3 n, vec3 looking, vec3 towards) {
     float facing = -dot(n, looking);
     vec3 view = facing < LEAST_COSINE ? normalize(n * (LEAST_COSINE - facing) - looking) : -looking;
@@ -84,22 +84,22 @@ float sheen_formula(float roughness, vec3 n, vec3 looking, vec3 towards) {
     return fibres / (seen * 4.0 * nv);
 }
 
-// The same where the formula gives no more light than it gets, and by so much less where it would.
+// The same, scaled down where the formula would reflect more light than arrives.
 float sheen_reflected(float roughness, vec3 n, vec3 looking, vec3 towards) {
     return sheen_formula(roughness, n, looking, towards) / max(sheen_whole(roughness, -dot(n, looking)), 1.0);
 }
 
-// Share of even light that a coat of the whole surface reflects to a viewer at this cosine.
+// Albedo of a full coat under uniform light for a viewer at this cosine.
 float coat_albedo(float roughness, float cosine) {
     roughness = max(roughness, LEAST_ROUGHNESS);
     return ggx_albedo(vec3(COAT_F0), 1.0, scattered_once(roughness, cosine)).x;
 }
 
-// What of even light a viewer gets from either.
+// Reflectance of coat and sheen under uniform light.
 struct CoatAlbedo {
     float coat;
     vec3 sheen; // below the coat
-    float under; // share of the light of what is below both that comes through
+    float under; // share of the base layer's light that passes both
 };
 
 CoatAlbedo albedo_of(Coat c, vec3 n, vec3 looking) {
@@ -117,8 +117,8 @@ CoatAlbedo albedo_of(Coat c, vec3 n, vec3 looking) {
     return a;
 }
 
-// A surface's own lobes, seen at this cosine, with `share` of their light. What GGX scatters more than once depends on F0 by its
-// square: it is solved for.
+// A surface's own lobes at this cosine, dimmed to `share` of their light. GGX's multiple scattering makes its light
+// quadratic in F0, so F0 is solved for.
 Reflectance dimmed(Reflectance r, float share, float cosine) {
     r.diffuse *= share;
     if (r.coded >= 0.0) {
@@ -131,14 +131,14 @@ Reflectance dimmed(Reflectance r, float share, float cosine) {
     vec3 wanted = share * r.glossy * again;
     r.glossy = 2.0 * wanted / (1.0 + sqrt(1.0 + 4.0 * more * wanted));
     vec3 ratio = again / (1.0 + more * r.glossy);
-    // One number for three channels.
+    // One F90 must serve three channels.
     float between = 0.5 * (min(ratio.x, min(ratio.y, ratio.z)) + max(ratio.x, max(ratio.y, ratio.z)));
     float f90 = share * coded_f90(r.coded) * between;
     r.coded = coded_ggx(coded_roughness(r.coded), min(f90, 1.0));
     return r;
 }
 
-// What the diffuse lobe of the G-buffer is without the sheen, which it has as even light would show it.
+// Diffuse albedo without sheen. The G-buffer's diffuse albedo includes the sheen's reflectance under uniform light.
 vec3 without_sheen(vec3 albedo, CoatAlbedo a) {
     return max(albedo - a.sheen, vec3(0.0));
 }

@@ -1,21 +1,24 @@
-// Light below a surface: the dipole model, and the average of proxy dipoles. METHOD 7, thesis 5.5. Twin: src/reference/dipole.rs.
+// Subsurface scattering: the dipole model and the average of proxy dipoles. METHOD 7, thesis 5.5. Twin:
+// src/reference/dipole.rs.
 #ifndef DIPOLE_GLSL
 #define DIPOLE_GLSL
 #include "lib/form_factor.glsl"
 
-// Most by which a point is brighter than the mean of its caches: where light falls between them.
+// Upper bound of a point's brightness relative to the mean of its caches, for light that falls between caches.
 const float MOST_BRIGHTER = 64.0;
 
-// Irradiance below which a cache counts as dark: single precision has no more digits for it.
+// Irradiance below which a cache counts as dark: f32 has no more digits for it.
 const float LEAST_IRRADIANCE = 1e-37;
 
-// Weight of a cache at this distance, whatever the normals. (5.91); a single reference is the farthest one, too.
+// Weight of a cache at this distance, independent of normals. (5.91). The bound serves a single reference, which is
+// also the farthest.
 float dipole_weight(float d, float d_max) {
     return max(1.0 - d / d_max, 1e-6);
 }
 
-// One source of each channel's dipole at a lateral distance whose square is `r2`, `z` below or above the surface: its share of
-// R_d [1/m^2]. `widest`: of the texel that it stands for. (5.83), without its first 1/sigma_t'.
+// One source of each channel's dipole: its part of R_d [1/m^2] at the squared lateral distance `r2`. `z` is its depth
+// below or height above the surface, `widest` the minimal depth for the size of its texel. (5.83), without its first
+// 1/sigma_t'.
 vec3 dipole_source(vec3 r2, vec3 z, vec3 sigma_tr, vec3 of_source, vec3 widest) {
     vec3 deep = max(z, widest);
     vec3 decay = min(sigma_tr, max(sigma_tr * z, vec3(1.0)) / deep);
@@ -23,22 +26,23 @@ vec3 dipole_source(vec3 r2, vec3 z, vec3 sigma_tr, vec3 of_source, vec3 widest) 
     return of_source * deep * (1.0 + decay * d) * exp(-decay * (d - deep)) / (4.0 * PI * d * d * d);
 }
 
-// R_d [1/m^2] by channel.
+// Diffuse reflectance R_d [1/m^2] by channel.
 vec3 diffuse_reflectance(Filled f, vec3 r2, vec3 widest) {
     return dipole_source(r2, f.z_r, f.sigma_tr, f.of_real, widest) + dipole_source(r2, f.z_v, f.sigma_tr, f.of_virtual, widest);
 }
 
-// By how much texels of this area widen dipoles [m].
+// Minimal depth of dipole sources for texels of this area [m].
 float widest_of(float area) {
     return sqrt(area);
 }
 
-// R_d of light that is spread by this variance about its place.
+// R_d for light spread by this variance about its mean position.
 vec3 spread_reflectance(Filled f, vec3 r2, vec3 variance, vec3 widest) {
     return diffuse_reflectance(f, r2, sqrt(widest * widest + 0.5 * variance));
 }
 
-// Share of unpolarised light that a smooth boundary reflects; `ior` is that of the far side over this one's.
+// Fresnel reflectance of a smooth dielectric boundary for unpolarised light; `ior` is the far side's index over the
+// near side's.
 float dielectric_fresnel(float cosine, float ior) {
     float c = min(abs(cosine), 1.0);
     float below = 1.0 - (1.0 - c * c) / (ior * ior);
@@ -51,25 +55,25 @@ float dielectric_fresnel(float cosine, float ior) {
     return 0.5 * (s * s + p * p);
 }
 
-// Radiance that a viewer at this cosine sees of irradiance from below.
+// Radiance that leaves the surface towards a viewer at this cosine, from the irradiance from below.
 vec3 leaving(Filled f, float cosine, vec3 irradiance) {
     return irradiance * ((1.0 - dielectric_fresnel(max(cosine, 0.0), f.ior)) / (f.entering * PI));
 }
 
-// Sums over caches, by channel.
+// Weighted sums over caches, by channel.
 struct Dipoles {
-    float all; // of weights
-    vec3 from; // caches from the point
-    float from2; // of squares of these
+    float all; // sum of weights
+    vec3 from; // positions of caches relative to the point
+    float from2; // their squared lengths
     vec3 irradiance;
-    vec3 lit; // of weights of those that are lit
-    vec3 place_r; // from the point
+    vec3 lit; // sum of weights of the lit caches
+    vec3 place_r; // positions of the light relative to the point
     vec3 place_g;
     vec3 place_b;
-    vec3 second; // of squares of these
+    vec3 second; // their squared lengths
     vec3 variance;
     vec3 widest;
-    vec3 follows; // whether places move as caches do: 0 where all know one place, 1 where each has its own
+    vec3 follows; // 0: all caches agree on one position; 1: the positions move with the caches
 };
 
 Dipoles no_dipoles() {
@@ -77,7 +81,7 @@ Dipoles no_dipoles() {
     return Dipoles(0.0, o, 0.0, o, o, o, o, o, o, o, o, o);
 }
 
-// Adds a cache's proxy; `from` is the cache's place from the point.
+// Adds a cache's proxy dipole; `from` is the cache's position relative to the point.
 void take_dipole(inout Dipoles s, float w, ProxyDipole p, vec3 from) {
     vec3 lit = w * vec3(greaterThan(p.irradiance, vec3(0.0)));
     vec3 r = from + p.place_r;
@@ -96,7 +100,7 @@ void take_dipole(inout Dipoles s, float w, ProxyDipole p, vec3 from) {
     s.widest += lit * p.widest;
 }
 
-// The mean of all: `lit`, places, `variance`, that of the places included, and `widest`.
+// Turns sums into means: `lit`, positions, `variance` (including the variance of the positions) and `widest`.
 Dipoles mean_dipoles(Dipoles s) {
     vec3 share = 1.0 / max(s.lit, vec3(1e-30));
     s.place_r *= share.r;
@@ -113,14 +117,14 @@ Dipoles mean_dipoles(Dipoles s) {
     return s;
 }
 
-// What a cache's own dipole gives it, by the width that the mean has.
+// Reflectance of a cache's own dipole, with the width of the mean dipole.
 vec3 own_reflectance(Filled f, Dipoles mean, ProxyDipole p) {
     vec3 r2 = vec3(dot(p.place_r, p.place_r), dot(p.place_g, p.place_g), dot(p.place_b, p.place_b));
     return spread_reflectance(f, r2, mean.variance, mean.widest) * vec3(greaterThan(p.irradiance, vec3(0.0)));
 }
 
-// Irradiance from below at the point [lx]; `own` is the sum of the caches' own reflectances by their weights. (5.92), (5.93) with
-// scales as the quotient of averages.
+// Irradiance from below at the point [lx]; `own` is the weighted sum of the caches' own reflectances. (5.92), (5.93),
+// with the scale as a quotient of averages.
 vec3 irradiance_below(Filled f, Dipoles mean, vec3 own) {
     vec3 here = spread_reflectance(f, mean.second, mean.variance, mean.widest);
     vec3 brighter = clamp(here * mean.lit / max(own, vec3(1e-37)), vec3(1e-37), vec3(MOST_BRIGHTER));

@@ -1,16 +1,16 @@
-// The light of a cache by where it comes from: an octahedral map of the world. METHOD 11. Twin: src/reference/near.rs.
+// A cache's light by direction: an octahedral map of the world. METHOD 11. Twin: src/reference/near.rs.
 #ifndef DIRECTIONS_GLSL
 #define DIRECTIONS_GLSL
 #include "lib/octahedral.glsl"
 
-// Which texel of the map a unit direction lies in.
+// Index of the texel that contains a unit direction.
 uint direction_index(vec3 direction) {
     vec2 at = (octahedral_encode(direction) * 0.5 + 0.5) * float(DIRECTION_SIDE);
     uvec2 texel = uvec2(clamp(at, vec2(0.0), vec2(float(DIRECTION_SIDE) - 0.5)));
     return texel.y * DIRECTION_SIDE + texel.x;
 }
 
-// Solid angle of a texel [sr]: of its square of the octahedron, at its middle.
+// Solid angle of a texel [sr], from its square on the octahedron, evaluated at its centre.
 float direction_solid_angle(uint index) {
     const float STEP = 2.0 / float(DIRECTION_SIDE);
     vec2 at = abs((vec2(index % DIRECTION_SIDE, index / DIRECTION_SIDE) + 0.5) * STEP - 1.0);
@@ -20,8 +20,8 @@ float direction_solid_angle(uint index) {
     return STEP * STEP * inversesqrt(d2) / d2;
 }
 
-// A radiance in 32 bits: 8 a channel, and their exponent. What is below 1e-35 is 0: powers of two
-// have an end, too.
+// Packs a radiance into 32 bits: 8 bits per channel and a shared exponent. Values below 1e-35 become 0, because the
+// exponent's range ends.
 uint pack_radiance(vec3 radiance) {
     float most = max(radiance.x, max(radiance.y, radiance.z));
     if (!(most > 1e-35)) {
@@ -29,7 +29,7 @@ uint pack_radiance(vec3 radiance) {
     }
     int exponent;
     frexp(min(most, 1e38), exponent);
-    // Their largest is rounded to 255 at most.
+    // The bound keeps the largest channel from rounding up to 256.
     uvec3 parts = uvec3(min(ldexp(radiance, ivec3(8 - exponent)) + 0.5, 255.0));
     return parts.x | parts.y << 8 | parts.z << 16 | uint(exponent + 127) << 24;
 }

@@ -1,8 +1,8 @@
-// Numbers as colours of the display: Turbo (Mikhailov 2019), by his polynomials. Twin: src/reference/false_color.rs.
+// False colours: Turbo (Mikhailov 2019), by his polynomials. Twin: src/reference/false_color.rs.
 #ifndef FALSE_COLOR_GLSL
 #define FALSE_COLOR_GLSL
 
-// From dark blue by green and yellow to dark red, for `t` from 0 to 1; sRGB.
+// sRGB colour from dark blue over green and yellow to dark red, for `t` from 0 to 1.
 vec3 false_color(float t) {
     t = clamp(t, 0.0, 1.0);
     vec4 low = vec4(1.0, t, t * t, t * t * t);
@@ -14,7 +14,7 @@ vec3 false_color(float t) {
     ), 0.0, 1.0);
 }
 
-// Where a value is between two others, 0 to 1, by its logarithm; 0 for what has none.
+// Logarithmic position of a value between two bounds, 0 to 1; 0 for values without a logarithm.
 float decades(float value, float low, float high) {
     return value > low ? clamp(log2(value / low) / log2(high / low), 0.0, 1.0) : 0.0;
 }

@@ -1,18 +1,20 @@
-// VALs onto one cache, added to its sums: the loop body of stage 6. METHOD 3-4, thesis listing 5.1.
-// Positions are summed relative to the cache, so that the sums do not know how far the scene is from anywhere.
-// Whoever includes this has the constants GLOSSY, SPREAD (how far the glossy lobe's VALs are is asked, too) and BY_HAND
-// (the device is a CPU), 0 or 1. With TWO_EYES the glossy lobe is summed for two views at once, which share all the rest.
+// Inner loop of stage 6: adds the light of VALs to a cache's sums. METHOD 3-4, thesis listing 5.1.
+// Positions are summed relative to the cache, so that precision does not depend on the scene's distance from the
+// origin.
+// The including shader defines the constants GLOSSY, SPREAD (the glossy lobe also needs its VALs' distances) and
+// BY_HAND (the device is a CPU), 0 or 1. With TWO_EYES the glossy lobe is summed for two views that share everything
+// else.
 #ifndef GATHER_GLSL
 #define GATHER_GLSL
 
 #include "lib/phong.glsl"
 #include "lib/power.glsl"
 
-// A cache as the loop needs it.
+// A cache as the loop reads it.
 struct Receiver {
     vec3 position;
-    vec3 against; // its normal, negated
-    vec3 mirrored; // the view, about the normal
+    vec3 against; // negated normal
+    vec3 mirrored; // view direction reflected about the normal
     float half_exponent;
 #ifdef TWO_EYES
     vec3 second_mirrored;
@@ -34,11 +36,11 @@ GatherSums no_light() {
     return GatherSums(vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0);
 }
 
-// VALs of a round of the loop: every step is done to all of them before the next. A CPU has little else to do while it
-// waits for one step's result, and sums stay in its registers for longer.
+// VALs per round of the loop: each step processes all of them before the next. A CPU can thus work on another VAL while
+// it waits for a result, and sums stay in registers longer.
 const uint AT_ONCE = 4u;
 
-// Each vector holds one number of four VALs.
+// Four VALs, one component per vector.
 struct FourVals {
     vec4 x;
     vec4 y;
@@ -51,7 +53,7 @@ struct FourVals {
     vec3 flux[AT_ONCE];
 };
 
-// A VAL as three texels: position, area; normal, -; flux, weight.
+// Inserts a VAL from three texels: (position, area), (normal, -), (flux, weight).
 void put(inout FourVals v, uint i, vec4 place, vec4 facing, vec4 light) {
     v.x[i] = place.x;
     v.y[i] = place.y;
@@ -64,16 +66,16 @@ void put(inout FourVals v, uint i, vec4 place, vec4 facing, vec4 light) {
     v.flux[i] = light.rgb;
 }
 
-// cos^k between the mirrored view and the way to each VAL.
+// cos^k between the mirrored view and the direction to each VAL.
 vec4 lobe_of(vec3 mirrored, vec4 x, vec4 y, vec4 z, vec4 d2, float half_exponent) {
     vec4 along = max(mirrored.x * x + mirrored.y * y + mirrored.z * z, 0.0);
     return power_of(along * along, d2, half_exponent, BY_HAND != 0u);
 }
 
-// No square root: with q = d^2 (A + pi d^2), G = |d|^2 cos cos / q, and the lobe's cos^2 = (R.d)^2 / d^2. The bound keeps 0/0
-// away where a cache lies on a VAL: the numerator is 0 there. It is on the whole of q because what devices flush to zero is
-// the product of a small area and a small distance. The lobe comes before the sums, which are made while it is worked out.
-// `seen`: 1, or 0 where something is in the way; `far`: 1, or less where the diffuse lobe leaves a VAL to short rays.
+// No square root: with q = d^2 (A + pi d^2), G = |d|^2 cos cos / q, and the lobe's cos^2 = (R.d)^2 / d^2. The lower
+// bound avoids 0/0 for a cache on a VAL, where the numerator is 0. It applies to all of q because devices may flush the
+// product of a small area and a small distance to zero. The lobe is computed first, so that the sums fill its latency.
+// `seen`: 1, or 0 if occluded. `far`: 1, or less if the diffuse lobe leaves a VAL to short rays.
 void accumulate(inout GatherSums s,
 #ifdef TWO_EYES
                 inout GlossySums second,
@@ -85,7 +87,7 @@ void accumulate(inout GatherSums s,
     vec4 d2 = x * x + y * y + z * z;
     vec4 disc = v.area + 3.14159265358979 * d2;
     vec4 q = max(d2 * disc, 1e-37);
-    // Both cosines are negative where there is light.
+    // Both cosines are negative for VALs that light the cache.
     vec4 at_val = min(v.normal_x * x + v.normal_y * y + v.normal_z * z, 0.0);
     vec4 at_cache = min(c.against.x * x + c.against.y * y + c.against.z * z, 0.0);
     vec4 g = at_val * at_cache * seen / q;

@@ -1,6 +1,7 @@
-// Where a pixel lies in the triangle that it shows, and, with BY_CELLS, the point there that averages caches itself. METHOD 5.
-// Whoever includes this has the push constants clip_from_world, eye and reach. Bindings 0, 3 and, with BY_CELLS, 4 to 7 are its
-// own.
+// The pixel's position in its visible triangle and, with BY_CELLS, the point at which a pixel averages caches. METHOD
+// 5.
+// The including shader has the push constants clip_from_world, eye and reach. Uses bindings 0 and 3, and with BY_CELLS
+// 4 to 7.
 #ifndef HERE_GLSL
 #define HERE_GLSL
 #include "lib/triangle.glsl"
@@ -15,19 +16,19 @@ layout(binding = 6, scalar) readonly buffer Rows { uint rows[]; };
 layout(binding = 7, scalar) readonly buffer Caches { Cache caches[]; };
 #endif
 
-// Weights of a triangle's corners at this pixel.
+// Barycentric weights of this pixel in a triangle.
 vec3 weights_here(vec4 a, vec4 b, vec4 c) {
     return weights_at(gl_FragCoord.xy / vec2(textureSize(element_image, 0)) * 2.0 - 1.0, a, b, c);
 }
 
 #ifdef BY_CELLS
-// This pixel's row of references; NO_REFERENCES where there are none.
+// This pixel's row of references; NO_REFERENCES if it has none.
 uint row_here() {
     ivec2 pixel = ivec2(gl_FragCoord.xy);
     return rows[pixel.y * textureSize(element_image, 0).x + pixel.x];
 }
 
-// The point of a triangle that this pixel shows.
+// The point on a triangle that this pixel shows.
 Point point_here(DrawRecord draw, uint first_index) {
     Instance instance = instances[draw.instance];
     vec3 place[3], facing[3];
@@ -40,14 +41,14 @@ Point point_here(DrawRecord draw, uint first_index) {
         clip[i] = push.clip_from_world * vec4(place[i], 1.0);
         posed[i] = corner.position;
     }
-    // As the surface stretches, its caches move apart.
+    // A stretched surface moves its caches apart.
     float growth = instance.growth;
     if (draw.first_rest != draw.first_vertex) {
         float most = 0.0;
         for (uint i = 0u; i < 3u; ++i) {
             vec3 a = corners[draw.first_rest + indices[first_index + i]].position;
             vec3 b = corners[draw.first_rest + indices[first_index + (i + 1u) % 3u]].position;
-            // An edge that had no length says nothing.
+            // Skip edges that had no length at rest.
             if (distance(a, b) > 0.0) {
                 most = max(most, distance(posed[i], posed[(i + 1u) % 3u]) / distance(a, b));
             }

@@ -1,5 +1,5 @@
-// Caches of the surfaces that rays meet. Whoever includes this has lib/hit.glsl and the constants REFERENCES and BY_CELLS (1:
-// references are those of cells), and the buffer `caches`. Bindings from REFERENCE_BINDINGS on are its own, four of them.
+// Caches of surfaces that rays hit. The including shader has lib/hit.glsl, the constants REFERENCES and BY_CELLS (1:
+// references are stored per cell), and the buffer `caches`. Uses four bindings from REFERENCE_BINDINGS on.
 #ifndef HIT_CACHES_GLSL
 #define HIT_CACHES_GLSL
 layout(binding = REFERENCE_BINDINGS, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
@@ -8,8 +8,8 @@ layout(binding = REFERENCE_BINDINGS + 1, scalar) readonly buffer Models { Instan
 #include "lib/cells.glsl"
 #include "lib/interpolation.glsl"
 
-// Rows of references of a triangle's corners, or of the cell which a point of it lies in, three times; NO_REFERENCES where there is
-// none.
+// Rows of references of a triangle's corners or, by cells, the row of the cell that contains the point, three times;
+// NO_REFERENCES if there is none.
 uvec3 reference_rows(InstanceCaches model, uvec3 v, vec3 w) {
     if (BY_CELLS == 0u) {
         return v;
@@ -22,28 +22,29 @@ uvec3 reference_rows(InstanceCaches model, uvec3 v, vec3 w) {
     return uvec3(row_at(grid, at));
 }
 
-// The cache that a reference of a model is to; NO_REFERENCES where it is to none.
+// Atlas index of the cache that a model's reference names; NO_REFERENCES if unused.
 uint reference_at(InstanceCaches model, uint reference) {
     uint pair = references[model.reference_base + reference / 2u];
     uint index = (reference & 1u) == 0u ? pair & 0xffffu : pair >> 16;
     return index == NO_CACHE ? NO_REFERENCES : model.cache_base + index;
 }
 
-// How much a cache says of a point, with that one's unit normal; 0 where it faces away.
+// Weight of a cache at a point with this unit normal; 0 if it faces away.
 float cache_weight(uint cache, vec3 position, vec3 normal, float reach) {
     float d = distance(caches[cache].position, position);
-    // Where surfaces have grown, the nearest may be farther than any was.
+    // On surfaces that have stretched, even the nearest cache may be beyond `reach`.
     return facing_weight(min(d, 0.99 * reach), reach, dot(caches[cache].normal, normal));
 }
 
-// Whether a cache is one of three that have weights.
+// Whether a cache is already among the three weighted ones.
 bool is_among(uint cache, uvec3 best, vec3 weights) {
     bvec3 same = equal(uvec3(cache), best);
     return (same.x && weights.x > 0.0) || (same.y && weights.y > 0.0) || (same.z && weights.z > 0.0);
 }
 
-// Caches that say most of a point on an instance's triangle, of all that its corners or its cell refer to, and their weights, which
-// sum up to 1; NO_REFERENCES where there are fewer. Vertices are the mesh's, `w` the weights of corners.
+// The three caches of largest weight at a point on an instance's triangle, among the references of its corners or cell,
+// and their weights, which sum to 1. Missing caches are NO_REFERENCES. `v`: vertices within the mesh; `w`: barycentric
+// weights.
 uvec3 caches_about(uint instance, uvec3 v, vec3 w, vec3 position, vec3 normal, float reach, out vec3 weights) {
     InstanceCaches model = instance_caches[instance];
     uvec3 best = uvec3(NO_REFERENCES);
@@ -59,7 +60,7 @@ uvec3 caches_about(uint instance, uvec3 v, vec3 w, vec3 position, vec3 normal, f
                 break;
             }
             float weight = cache_weight(cache, position, normal, reach);
-            best.x = best.x == NO_REFERENCES ? cache : best.x; // where none faces the same way
+            best.x = best.x == NO_REFERENCES ? cache : best.x; // fallback if none faces the same way
             if (weight > weights.z && !is_among(cache, best, weights)) {
                 bool first = weight > weights.x;
                 bool second = weight > weights.y;

@@ -2,13 +2,13 @@
 #ifndef LIGHT_GLSL
 #define LIGHT_GLSL
 
-// Falloff of a spot's intensity towards a direction: squared linear ramp between the cones.
+// Angular falloff of a spot light: squared linear ramp between the cones.
 float spot_falloff(float cos_direction, float cone_scale, float cone_offset) {
     float ramp = clamp(cos_direction * cone_scale + cone_offset, 0.0, 1.0);
     return ramp * ramp;
 }
 
-// Window that brings a light to zero at its range; 1 for infinite range (0).
+// Window that fades a light to zero at its range; 1 for infinite range (0).
 float range_window(float d2, float range) {
     if (range <= 0.0) {
         return 1.0;
@@ -17,13 +17,13 @@ float range_window(float d2, float range) {
     return clamp(1.0 - r2 * r2, 0.0, 1.0);
 }
 
-// Solid angle [sr] of the triangle seen under unit vectors a, b, c. Differences keep tiny triangles exact.
+// Solid angle [sr] of the triangle with unit directions a, b, c. Differences keep small triangles precise.
 float triangle_solid_angle(vec3 a, vec3 b, vec3 c) {
     float volume = abs(dot(a, cross(b - a, c - a)));
     return 2.0 * atan(volume, 1.0 + dot(a, b) + dot(b, c) + dot(c, a));
 }
 
-// Solid angle [sr] of a texel: the plane quad whose corners are seen under a, b, c, d in turn.
+// Solid angle [sr] of a texel: the planar quad with corner directions a, b, c, d in order.
 float solid_angle(vec3 a, vec3 b, vec3 c, vec3 d) {
     a = normalize(a);
     b = normalize(b);
@@ -32,7 +32,7 @@ float solid_angle(vec3 a, vec3 b, vec3 c, vec3 d) {
     return triangle_solid_angle(a, b, c) + triangle_solid_angle(a, c, d);
 }
 
-// Face of a six-view light that a direction falls on: +x -x +y -y +z -z.
+// Face of a six-view light for a direction: +x -x +y -y +z -z.
 uint cube_face(vec3 d) {
     vec3 a = abs(d);
     if (a.x >= a.y && a.x >= a.z) {

@@ -1,19 +1,20 @@
-// The glossy lobe of a surface that is seen, for rays: directions, how often they are chosen, and what the lobe takes of them. Both
-// are of even light 1: of a lobe that takes light as a mean. Whoever includes this has PI and tangents().
+// A visible surface's glossy lobe for ray tracing: sampled directions, their density, and the weight of each direction.
+// Everything is normalised to an albedo of 1 under uniform light, so that a lobe takes a mean of radiance. The
+// including shader has PI and tangents().
 #ifndef LOBE_GLSL
 #define LOBE_GLSL
 #include "lib/brdf.glsl"
 
 struct Lobe {
     vec3 n; // unit normal
-    vec3 view; // unit vector to the viewer, who is above the surface
-    vec3 mirrored; // the unit direction that it is about
-    float exponent; // as wide a Phong lobe's
-    float alpha; // of GGX; negative: it is a Phong lobe
-    float f0, f90; // luminance of the reflectance at normal incidence and at the horizon, over that of even light
+    vec3 view; // unit vector to the viewer, clamped to above the surface
+    vec3 mirrored; // unit axis of the lobe
+    float exponent; // of the Phong lobe of equal width
+    float alpha; // GGX alpha; negative for a Phong lobe
+    float f0, f90; // luminance of the reflectance at normal and at grazing incidence, divided by the albedo
 };
 
-// `specular`, `coded`: lib/brdf.glsl.
+// For `specular` and `coded` see lib/brdf.glsl.
 Lobe lobe_of(vec3 specular, float coded, vec3 n, vec3 towards_eye) {
     float facing = dot(n, towards_eye);
     vec3 view = facing < LEAST_COSINE ? normalize(n * (LEAST_COSINE - facing) + towards_eye) : towards_eye;
@@ -29,18 +30,18 @@ Lobe lobe_of(vec3 specular, float coded, vec3 n, vec3 towards_eye) {
     return Lobe(n, view, mirrored, k, roughness * roughness, f0 / whole, coded_f90(coded) / whole);
 }
 
-// The Phong lobe that stands for either.
+// The Phong lobe that approximates either lobe type.
 Lobe fitted_lobe_of(Lobe lobe) {
     float albedo = phong_albedo(lobe.exponent, clamp(dot(lobe.n, lobe.mirrored), LEAST_COSINE, 1.0));
     return Lobe(lobe.n, lobe.view, lobe.mirrored, lobe.exponent, -1.0, 1.0 / albedo, 0.0);
 }
 
-// Smith's share of facets that are seen at a cosine.
+// Smith's masking term: share of microfacets visible at a cosine.
 float seen_share(float cosine, float alpha) {
     return 2.0 * cosine / (cosine + sqrt(alpha * alpha + (1.0 - alpha * alpha) * cosine * cosine));
 }
 
-// What a lobe takes of a direction that it has chosen.
+// Weight of a direction that the lobe has sampled: BRDF times cosine over density.
 float lobe_weight(Lobe lobe, vec3 direction) {
     float nl = max(dot(lobe.n, direction), 0.0);
     if (lobe.alpha < 0.0) {
@@ -54,7 +55,7 @@ float lobe_weight(Lobe lobe, vec3 direction) {
     return fresnel * (2.0 * nl * nv / max(meets, 1e-30)) / seen_share(nv, lobe.alpha);
 }
 
-// How often a lobe chooses a direction [1/sr].
+// Probability density with which a lobe samples a direction [1/sr].
 float lobe_density(Lobe lobe, vec3 direction) {
     if (lobe.alpha < 0.0) {
         return (lobe.exponent + 1.0) * (0.5 / PI) * cosine_power(max(dot(direction, lobe.mirrored), 0.0), lobe.exponent);
@@ -67,7 +68,8 @@ float lobe_density(Lobe lobe, vec3 direction) {
     return narrow * narrow / PI * seen_share(nv, lobe.alpha) / (4.0 * nv);
 }
 
-// A direction of a lobe; `chance`: a number in (0, 1) and an angle [rad]. GGX by the facets that are seen: Dupuy and Benyoub 2023.
+// Samples a direction of a lobe; `chance`: a number in (0, 1) and an angle [rad]. GGX by visible normals: Dupuy and
+// Benyoub 2023.
 vec3 lobe_direction(Lobe lobe, vec2 chance) {
     vec3 tangent, bitangent;
     if (lobe.alpha < 0.0) {

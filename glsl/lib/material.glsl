@@ -6,11 +6,12 @@
 struct Reflectance {
     vec3 diffuse; // rho_d
     vec3 glossy; // rho_g, or F0
-    float coded; // k, or GGX's numbers: lib/brdf.glsl
+    float coded; // Phong exponent k, or encoded GGX parameters: lib/brdf.glsl
 };
 
-// Seen at this cosine: what the dielectric lobe reflects does not reach what is below it. A surface of less than 2 % at normal
-// incidence is darker at its edges, too; one of none has no lobe.
+// For a viewer at this cosine. Light that the dielectric lobe reflects does not reach the diffuse lobe below. A surface
+// that reflects less than 2 % at normal incidence is also darker at grazing angles; one that reflects nothing has no
+// lobe.
 Reflectance metallic_roughness(vec3 base, float metallic, float roughness, float ior, float specular, vec3 specular_color,
                                float cosine) {
     float f = (ior - 1.0) / (ior + 1.0);
@@ -25,15 +26,16 @@ Reflectance metallic_roughness(vec3 base, float metallic, float roughness, float
     r.coded = coded_ggx(roughness, horizon);
     vec2 once = scattered_once(roughness, cosine);
     float under = 1.0 - ggx_albedo(vec3(most * specular), f90, once).x;
-    // What facets of both parts pass on to each other is more than by their mean F0; it is diffuse.
+    // Microfacets of the mixed parts exchange more light than the mixed F0 accounts for; the difference becomes
+    // diffuse.
     vec3 parts = mix(ggx_albedo(dielectric, f90, once), ggx_albedo(base, 1.0, once), metallic);
     vec3 more = parts - ggx_albedo(r.glossy, horizon, once);
     r.diffuse = base * ((1.0 - metallic) * clamp(under, 0.0, 1.0)) + max(more, vec3(0.0));
     return r;
 }
 
-// Share of the light that a surface sends on by both lobes, the mean over viewers, at most all of it: as if it were diffuse.
-// Its diffuse lobe is that of MEAN_COSINE.
+// Light that a surface reflects by both lobes together, as if it were diffuse: the mean over viewers, at most 1. Its
+// diffuse lobe must be the one at MEAN_COSINE.
 vec3 sent_on(Reflectance r) {
     vec3 glossy = r.coded < 0.0
         ? ggx_albedo(r.glossy, coded_f90(r.coded), scattered_once(coded_roughness(r.coded), MEAN_COSINE))

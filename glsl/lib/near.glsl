@@ -1,27 +1,27 @@
-// What short rays have found at a pixel, from the nearest pixels with rays. METHOD 11. Whoever includes this has the push
-// constants of NearPush. Binding 12 is its own.
+// Results of short rays at a pixel, interpolated from the nearest pixels with rays. METHOD 11. The including shader has
+// the push constants of NearPush. Uses binding 12.
 #ifndef NEAR_GLSL
 #define NEAR_GLSL
 #include "lib/near_alike.glsl"
 #include "lib/octahedral.glsl"
 
-layout(constant_id = 2) const uint EVERY = 2; // pixels and rows from one with rays to the next
+layout(constant_id = 2) const uint EVERY = 2; // distance between pixels with rays, in columns and rows
 layout(binding = 12, scalar) readonly buffer NearLights { NearLight near_lights[]; };
 
 struct Near {
-    vec3 irradiance; // of what rays met [lx]
-    vec3 open; // share of the caches' light that comes along rays that met nothing
-    vec3 glossy; // mean of their light and the caches' over a lobe [cd/m^2]
-    float sky; // share of the sky's light that arrives at a lobe
+    vec3 irradiance; // from the surfaces hit [lx]
+    vec3 open; // share of the caches' light along rays that hit nothing
+    vec3 glossy; // mean radiance over a lobe, from the surfaces hit and the caches [cd/m^2]
+    float sky; // share of the sky's light that reaches a lobe
 };
 
-// What is summed over pixels with rays.
+// Weighted sum over pixels with rays.
 struct NearSum {
     Near near;
     float weights;
 };
 
-// Adds what a pixel's rays found, as far as its surface is alike.
+// Adds a pixel's result, weighted by the similarity of its surface.
 void take_near(inout NearSum sum, ivec2 at, float share, vec3 position, vec3 geometric) {
     NearLight p = near_lights[uint(at.y) * push.width + uint(at.x)];
     if (p.is_surface == 0u) {
@@ -35,8 +35,8 @@ void take_near(inout NearSum sum, ivec2 at, float share, vec3 position, vec3 geo
     sum.near.sky += weight * p.sky;
 }
 
-// At a pixel, by the place of its surface and the unit normal of its triangle. Pixels on other surfaces count for next to
-// nothing.
+// Result at a pixel, from its surface's position and the unit normal of its triangle. Pixels on other surfaces hardly
+// count.
 Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
     NearSum sum = NearSum(Near(vec3(0.0), vec3(0.0), vec3(0.0), 0.0), 0.0);
     ivec2 last = ivec2(push.width, push.height) - 1;
@@ -50,7 +50,7 @@ Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
         }
     }
     if (sum.weights < 0.01) {
-        // None of the nearest is alike: the surface is a sliver here, and may be wider a little farther away.
+        // No similar surface among the nearest pixels: the surface is a sliver here; search a wider neighbourhood.
         for (int j = 0; j < 16; ++j) {
             ivec2 offset = ivec2(j & 3, j >> 2) - 1;
             take_near(sum, clamp(first + offset, ivec2(0), last), 0.01, position, geometric);

@@ -1,4 +1,4 @@
-// Unit vectors in two numbers.
+// Octahedral encoding of unit vectors.
 #ifndef OCTAHEDRAL_GLSL
 #define OCTAHEDRAL_GLSL
 

@@ -1,10 +1,10 @@
-// Compaction in order: what a thread needs to know to place its items among all that are flagged.
+// Order-preserving compaction: prefix sums that give each thread the output position of its flagged items.
 #ifndef PACK_GLSL
 #define PACK_GLSL
 
 shared uint pack_sums[PACK_THREADS];
 
-// Sum over the workgroup's threads up to and including this one; `all` is that of the last one.
+// Inclusive prefix sum over the workgroup's threads; `all` receives the total.
 uint running_sum(uint mine, out uint all) {
     uint thread = gl_LocalInvocationID.x;
     barrier();
@@ -20,8 +20,8 @@ uint running_sum(uint mine, out uint all) {
     return pack_sums[thread];
 }
 
-// The gather's dispatch of so many live caches and VALs, or nodes over them. There is one part at least: without light it
-// says so.
+// Dispatch of the gather for these numbers of live caches and of VALs (or cluster nodes). At least one part, so that
+// caches get written without light, too.
 LiveArgs live_args(uint caches, uint lights, uint caches_per_group, uint split) {
     return LiveArgs((caches + caches_per_group - 1u) / caches_per_group, max((lights + split - 1u) / split, 1u), 1u, caches,
                     min(caches, DEPTH_IMAGE_ROW), (caches + DEPTH_IMAGE_ROW - 1u) / DEPTH_IMAGE_ROW, 1u);

@@ -7,7 +7,7 @@ uint shown_by(uint codes, uint point) {
     return codes >> (4u * point) & 15u;
 }
 
-// From a pixel to the one of 3 x 3 with this number.
+// Offset from a pixel to one of its eight neighbours, by number.
 ivec2 pixel_around(uint number) {
     int at = int(number < 4u ? number : number + 1u);
     return ivec2(at % 3, at / 3) - 1;

@@ -1,18 +1,18 @@
-// Sums become proxy lights. METHOD 4: one VAL alone is exact; nothing is divided by what can vanish.
+// Turns gather sums into proxy lights. METHOD 4: exact for a single VAL; no division by a value that can vanish.
 #ifndef PROXY_GLSL
 #define PROXY_GLSL
 
 #include "lib/phong.glsl"
 
-// Least N.w of light. The weighted mean of points above the surface lies above it; lower it is the rounding of VALs in
-// the cache's own plane, which send it nothing and must not move a proxy.
+// Lower bound of N.w for light. The weighted mean of points above the surface lies above it, too. Smaller values are
+// rounding errors of VALs in the cache's own plane, which give no light and must not move a proxy.
 const float MIN_COSINE = 1e-4;
 
-// Least sum of weights. Below lie the numbers that some devices flush to zero and others keep in few bits: the mean of
-// such terms points anywhere.
+// Lower bound of the sum of weights. Smaller sums may be denormal, which some devices flush to zero and others keep
+// with few bits, so that their mean direction would be arbitrary.
 const float MIN_WEIGHT = 1e-36;
 
-// Adds what a part of the VALs sends to what others do.
+// Adds the sums of one part of the VALs.
 void add_part(inout GatherSums s, GatherSums p, bool glossy) {
     s.diffuse_position += p.diffuse_position;
     s.diffuse_weight += p.diffuse_weight;
@@ -26,7 +26,7 @@ void add_part(inout GatherSums s, GatherSums p, bool glossy) {
     }
 }
 
-// Both proxies of a cache; `spread`: stage 7 asks how far the glossy lobe's VALs are, too.
+// Both proxy lights of a cache; `spread`: stage 7 needs the distance of the glossy lobe's VALs.
 Proxy proxy_of(Cache c, GatherSums s, vec4 eye, bool glossy, bool spread) {
     vec3 irradiance = s.diffuse_irradiance;
 
@@ -52,8 +52,7 @@ Proxy proxy_of(Cache c, GatherSums s, vec4 eye, bool glossy, bool spread) {
         vec3 w = d * inversesqrt(max(dot(d, d), 1e-30));
         vec3 mirrored = reflect(view_direction(eye, c.position), c.normal);
         float lobe = cosine_power(dot(mirrored, w), c.exponent);
-        // The mean direction can miss the lobe that its parts lie in: what is divided by it never exceeds all the light
-        // there is.
+        // The mean direction can miss the lobe that its parts lie in: the quotient is limited to the total light.
         vec3 seen = min(s.glossy_irradiance / max(lobe, 1e-30), irradiance);
         vec3 facing = mix(irradiance, seen, lobe > 0.0 ? 1.0 : 0.0);
         float cosine = dot(c.normal, w);

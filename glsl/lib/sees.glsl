@@ -1,13 +1,13 @@
-// What a cache sees, by its depth image. METHOD 6. Includer declares `IMAGE_BINDING`, `IMAGE_WORDS_BINDING` and the constant
-// `IMAGES_AS_TEXELS`: 0 where the device does not allow as many texels.
+// Visibility of points from a cache, by its depth image. METHOD 6. The including shader defines `IMAGE_BINDING`,
+// `IMAGE_WORDS_BINDING` and the constant `IMAGES_AS_TEXELS` (0 if the device's texel buffers are too small).
 #ifndef SEES_GLSL
 #define SEES_GLSL
 #include "lib/depth_image.glsl"
 
-layout(binding = IMAGE_BINDING) uniform samplerBuffer image_texels; // four texels of a row in one
+layout(binding = IMAGE_BINDING) uniform samplerBuffer image_texels; // four consecutive texels of a row each
 layout(binding = IMAGE_WORDS_BINDING, std430) readonly buffer ImageWords { vec4 image_words[]; }; // the same
 
-// A cache's depth image and its frame, half a side long.
+// A cache's depth image and its tangent frame, scaled to half a side.
 struct View {
     uint image;
     vec3 right;
@@ -23,7 +23,7 @@ View view(uint slot, vec3 normal) {
     return v;
 }
 
-// 1 where a cache sees a point, else 0. Points behind it have any of its texels.
+// 1 if a cache sees a point, else 0. For points behind the cache the result is arbitrary.
 float sees(View v, vec3 d) {
     const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
     float d2 = dot(d, d);

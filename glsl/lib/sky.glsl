@@ -1,4 +1,4 @@
-// The sky as surfaces receive it. METHOD 12. Binding SKY_BINDING and the next are its own. Twin:
+// Sky light as surfaces receive it. METHOD 12. Uses bindings SKY_BINDING and SKY_BINDING + 1. Twin:
 // src/scene/sky_filter.rs.
 #ifndef SKY_GLSL
 #define SKY_GLSL
@@ -12,7 +12,7 @@ vec3 sky_at(uint index, vec3 d) {
     return sky_value(sky_levels[index], d);
 }
 
-// Mean radiance [cd/m^2] about a unit direction by cos^k.
+// Mean radiance [cd/m^2] of the sky about a unit direction, weighted by cos^k.
 vec3 sky_lobe(vec3 d, float k) {
     float level = clamp(log2(SKY_EXPONENT / max(k, 1.0)), 0.0, float(SKY_LOBES));
     uint below = uint(level);

@@ -1,4 +1,5 @@
-// What the caches about a point see of the sky, averaged. METHOD 12. Includer declares `REFERENCES` and has the caches.
+// Average share of the sky visible to the caches about a point. METHOD 12. The including shader declares `REFERENCES`
+// and the caches.
 #ifndef SKY_SEEN_GLSL
 #define SKY_SEEN_GLSL
 
@@ -9,7 +10,7 @@ struct SeenSum {
     float weight;
 };
 
-// Adds a cache; where every weight vanishes they count by distance alone.
+// Adds a cache; `by_distance` weights it by distance alone, for points where every weight is 0.
 void take_seen(inout SeenSum sum, vec3 position, vec3 normal, float d_max, Cache c, vec3 seen, bool by_distance) {
     float d = distance(position, c.position);
     float w = by_distance ? distance_weight(d, d_max) : facing_weight(d, d_max, dot(normal, c.normal));

@@ -1,4 +1,4 @@
-// Reflectance of the surface under a fragment, textures looked up.
+// Reflectance of the surface at a fragment, from its material's textures.
 #ifndef SURFACE_GLSL
 #define SURFACE_GLSL
 #include "lib/material.glsl"
@@ -13,7 +13,7 @@ vec4 base_color(uint material, Uv uv, vec4 color) {
     return base;
 }
 
-// What a base colour at a point reflects, seen at this cosine.
+// Reflectance for a base colour at a point and a viewer at this cosine.
 Reflectance reflectance(uint material, vec3 base, Uv uv, float cosine) {
     Material m = materials[material];
     if (is_phong(material)) {

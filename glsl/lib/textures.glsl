@@ -1,10 +1,10 @@
-// The textures of the material being drawn: samplers and their slots. Included by the entry shaders that shade surfaces;
-// bindings 1 to 14 are its own.
+// Textures of the drawn material: samplers and their slots. Included by entry shaders that shade surfaces; uses
+// bindings 1 to 14.
 #ifndef TEXTURES_GLSL
 #define TEXTURES_GLSL
 #include "shared.glsl"
 
-layout(constant_id = 0) const uint KIND = 0x2fffu; // KIND_MIXED: of the materials that the pipeline draws
+layout(constant_id = 0) const uint KIND = 0x2fffu; // KIND_* bits of the pipeline's materials
 
 layout(binding = 1, scalar) readonly buffer Materials { Material materials[]; };
 layout(binding = 2, scalar) readonly buffer TextureSlots { TextureSlot texture_slots[]; };
@@ -21,15 +21,15 @@ layout(binding = 12) uniform sampler2D coat_roughness_texture;
 layout(binding = 13) uniform sampler2D sheen_color_texture;
 layout(binding = 14) uniform sampler2D sheen_roughness_texture;
 
-// Texture coordinate of one texture of a material: its set, transformed.
+// Texture coordinate for one texture of a material: selected set, transformed.
 vec2 texture_uv(uint material, uint which, vec4 uv) {
     TextureSlot slot = texture_slots[material * TEXTURE_COUNT + which];
     vec2 t = slot.uv_set == 0u ? uv.xy : uv.zw;
     return slot.linear.xy * t.x + slot.linear.zw * t.y + slot.translation;
 }
 
-// Texture coordinates and how they change from pixel to pixel: taken before any branch, since inside one the
-// neighbours' values may be missing and the mip level would be anybody's guess.
+// Texture coordinates and their screen derivatives. Computed before any branch: inside a branch neighbours' values may
+// be undefined, and so would be the mip level.
 struct Uv {
     vec4 at;
     vec4 dx;
@@ -40,7 +40,7 @@ Uv uv_here(vec4 uv) {
     return Uv(uv, dFdx(uv), dFdy(uv));
 }
 
-// One texture of a material at a point.
+// Samples one texture of a material at a point.
 vec4 sample_texture(sampler2D image, uint material, uint which, Uv uv) {
     TextureSlot slot = texture_slots[material * TEXTURE_COUNT + which];
     mat2 linear = mat2(slot.linear.xy, slot.linear.zw);
@@ -49,13 +49,13 @@ vec4 sample_texture(sampler2D image, uint material, uint which, Uv uv) {
                        linear * (first ? uv.dy.xy : uv.dy.zw));
 }
 
-// Known beforehand where the pipeline's materials are alike: then textures that are missing cost nothing.
+// Known at pipeline creation if all materials of the pipeline are alike; missing textures then cost nothing.
 bool has_texture(uint material, uint which) {
     bool any = (KIND >> which & 1u) != 0u;
     return any && ((KIND & KIND_MIXED) == 0u || texture_slots[material * TEXTURE_COUNT + which].present != 0u);
 }
 
-// Whether it is the method's own Phong material.
+// Whether the material is one of the method's own Phong materials.
 bool is_phong(uint material) {
     return (KIND & KIND_MIXED) == 0u ? (KIND & KIND_PHONG) != 0u : materials[material].phong_exponent >= 0.0;
 }

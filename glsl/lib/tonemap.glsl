@@ -7,7 +7,7 @@ const uint TONEMAP_AGX = 1u;
 const uint TONEMAP_ACES = 2u;
 const uint TONEMAP_LINEAR = 3u;
 
-// Khronos PBR Neutral: base colours come out as they are up to 0.8, highlights roll off and desaturate.
+// Khronos PBR Neutral: keeps base colours up to 0.8, then compresses and desaturates highlights.
 vec3 pbr_neutral(vec3 c) {
     const float start = 0.8 - 0.04;
     const float desaturation = 0.15;
@@ -35,7 +35,7 @@ vec3 aces(vec3 c) {
     return clamp(output_matrix * (a / b), 0.0, 1.0);
 }
 
-// AgX with its default look: log encoding between -12.47 and 4.03 stops, sixth-order fit of the sigmoid.
+// AgX with its default look: log encoding from -12.47 to 4.03 stops, sixth-order fit of the sigmoid.
 vec3 agx(vec3 c) {
     const mat3 inset = mat3(0.842479062253094, 0.0423282422610123, 0.0423756549057051, 0.0784335999999992, 0.878468636469772,
                             0.0784336, 0.0792237451477643, 0.0791661274605434, 0.879142973793104);
@@ -50,7 +50,7 @@ vec3 agx(vec3 c) {
     return clamp(pow(max(outset * s, vec3(0.0)), vec3(2.2)), 0.0, 1.0);
 }
 
-// The chosen curve, into [0, 1].
+// Applies the chosen curve; result in [0, 1].
 vec3 tonemap(vec3 c, uint kind) {
     c = max(c, vec3(0.0));
     if (kind == TONEMAP_PBR_NEUTRAL) {

@@ -1,33 +1,34 @@
-// Rays against the scene's triangles, over a hierarchy of compressed nodes with eight children; Ylitie, Karras and Laine 2017.
-// One level of nodes in the world for what stands still, below a second one over what moves. Triangles by the edge test of
-// Woop, Benthin and Wald 2013: what two triangles share is decided alike for both. Bindings 0 to 4 are its own.
-// Twin: src/reference/world.rs. Made by src/frame/world/rays.rs.
+// Ray tracing against the scene's triangles with compressed eight-wide BVHs; Ylitie, Karras and Laine 2017. Static
+// geometry has one BVH in world space. If anything moves, a top level is over it and the BVHs of moving instances.
+// Triangles use the watertight edge test of Woop, Benthin and Wald 2013: two triangles decide alike about a shared
+// edge. Uses bindings 0 to 4. Twin: src/reference/world.rs. Data written by src/frame/world/rays.rs.
 #ifndef TRACE_GLSL
 #define TRACE_GLSL
 #include "shared.glsl"
 
-layout(constant_id = 0) const uint STACK = 24; // entries that the hierarchy needs at most
-layout(constant_id = 1) const uint LEVELS = 1; // 2: the root is over instances
+layout(constant_id = 0) const uint STACK = 24; // most entries that the BVH needs
+layout(constant_id = 1) const uint LEVELS = 1; // 2: the root is a top level over instances
 layout(constant_id = 2) const uint AS_TEXELS = 0; // 1: nodes and triangles are read as texels
-layout(constant_id = 3) const uint HAS_HOLES = 1; // 0: no material is cut out
+layout(constant_id = 3) const uint HAS_HOLES = 1; // 0: no material has an alpha mask
 
-// Five words a node: corner of its boxes' grid and three exponents; first child, first triangle and what the children are;
-// planes of x, y, z: lower of eight, upper of eight.
+// Five words per node: origin of the boxes' grid and three exponents; first child, first triangle and child
+// descriptors; then for x, y and z eight lower and eight upper planes.
 layout(binding = 0, std430) readonly buffer RayNodes { uvec4 ray_nodes[]; };
 layout(binding = 1) uniform samplerBuffer ray_node_texels;
-// Three words a triangle: corners; in w where its indices are, its material, and its instance and what it is.
+// Three words per triangle: its corners. The w components hold its index offset, its material, and its instance with
+// flags.
 layout(binding = 2, std430) readonly buffer RayTriangles { vec4 ray_triangles[]; };
 layout(binding = 3) uniform samplerBuffer ray_triangle_texels;
-// Four words an instance that moves: rows of model from world; root, number.
+// Four words per moving instance: rows of model_from_world; root node, instance number.
 layout(binding = 4, std430) readonly buffer RayInstances { vec4 ray_instances[]; };
 
 const uint NO_HIT = 0xffffffffu;
 
-// What a ray meets first.
+// First hit of a ray.
 struct Hit {
-    float distance; // in lengths of the direction
+    float distance; // in multiples of the direction's length
     vec2 weights; // of the second and third corner
-    uint triangle; // its place; NO_HIT where nothing is
+    uint triangle; // index of the triangle; NO_HIT for a miss
     uint instance;
 };
 
@@ -39,13 +40,13 @@ vec4 ray_triangle(uint i) {
     return AS_TEXELS != 0u ? texelFetch(ray_triangle_texels, int(i)) : ray_triangles[i];
 }
 
-// The part of a ray that tests of boxes and triangles need, in one space.
+// Ray parameters for box and triangle tests, in one space.
 struct Path {
     vec3 origin;
     vec3 direction;
     vec3 inverse;
     uint octant;
-    // The axis along which the ray is longest comes last.
+    // The axis of the ray's largest component; it is rotated to the last place.
     uint axis;
     vec2 shear;
 };
@@ -55,7 +56,7 @@ vec3 turned(vec3 v, uint axis) {
 }
 
 Path path_of(vec3 origin, vec3 direction) {
-    // Without infinities: 0 times infinity is no number.
+    // Avoids infinities: 0 times infinity is NaN.
     const float LEAST = 1e-18;
     vec3 sign_ = mix(vec3(LEAST), vec3(-LEAST), lessThan(direction, vec3(0.0)));
     vec3 inverse = 1.0 / mix(direction, sign_, lessThan(abs(direction), vec3(LEAST)));
@@ -67,8 +68,8 @@ Path path_of(vec3 origin, vec3 direction) {
     return Path(origin, direction, inverse, octant, axis, d.xy / d.z);
 }
 
-// Children of a node that a ray meets between two distances: in the high byte those that are nodes, the nearest first; in the
-// low 24 bits triangles.
+// Children of a node that a ray hits between two distances: inner nodes in the high byte, nearest first; triangles in
+// the low 24 bits.
 uint children_met(uint at, Path path, float from, float to, out uvec2 first, out uint inner_nodes) {
     uvec4 place = ray_node(at);
     uvec4 base = ray_node(at + 1u);
@@ -80,7 +81,7 @@ uint children_met(uint at, Path path, float from, float to, out uvec2 first, out
     vec3 size = uintBitsToFloat(uvec3(place.w & 0xffu, place.w >> 8 & 0xffu, place.w >> 16 & 0xffu) << 23);
     vec3 step_ = size * path.inverse;
     vec3 start = (uintBitsToFloat(place.xyz) - path.origin) * path.inverse;
-    // A plane near the origin is the difference of two long ways: what they are rounded by is added to the box.
+    // The position of a plane near the origin is a difference of large numbers: the box grows by their rounding error.
     vec3 slack = (abs(start) + 255.0 * abs(step_)) * 2.4e-7;
     vec3 sooner = start - slack;
     vec3 later = start + slack;
@@ -94,7 +95,7 @@ uint children_met(uint at, Path path, float from, float to, out uvec2 first, out
     uint met = 0u;
     [[unroll]] for (uint half_ = 0u; half_ < 2u; ++half_) {
         uint meta = half_ == 0u ? base.z : base.w;
-        // Bits 3 and 4 of a byte are both set for nodes, never for triangles.
+        // Bits 3 and 4 of a byte are both set for inner nodes, never for triangles.
         uint inner = (meta & (meta << 1)) & 0x10101010u;
         uint index = (meta ^ (path.octant & (inner >> 4) * 0xffu)) & 0x1f1f1f1fu;
         uint bits = meta >> 5 & 0x07070707u;
@@ -112,10 +113,11 @@ uint children_met(uint at, Path path, float from, float to, out uvec2 first, out
     return met;
 }
 
-// Whether a triangle of a material with holes is there at a point.
+// Whether the alpha mask keeps a triangle at a point.
 bool is_there(uint at, vec2 weights, uint instance);
 
-// Whether a ray meets a triangle between two distances; if so where. `passed`: kinds of triangles that it goes through.
+// Intersects a ray with a triangle between two distances; writes `hit` if it hits. `passed`: RAY_* flags of triangles
+// to ignore.
 bool meets(Path path, uint at, float from, float to, uint passed, uint moving, inout Hit hit) {
     vec4 first = ray_triangle(3u * at);
     vec4 second = ray_triangle(3u * at + 1u);
@@ -129,10 +131,11 @@ bool meets(Path path, uint at, float from, float to, uint passed, uint moving, i
     vec3 edges = vec3(c.x * b.y - c.y * b.x, a.x * c.y - a.y * c.x, b.x * a.y - b.y * a.x);
     float sum = edges.x + edges.y + edges.z;
     bool inside = min(min(edges.x, edges.y), edges.z) >= 0.0 || max(max(edges.x, edges.y), edges.z) <= 0.0;
-    // Of the plane: the weighted mean of the corners' distances is rounded by the triangle's size, not by the distance.
+    // Distance to the plane: its rounding error scales with the triangle's size. A weighted mean of the corners'
+    // distances would round with the distance.
     vec3 n = cross(second.xyz - first.xyz, third.xyz - first.xyz);
     float distance_ = dot(first.xyz - path.origin, n) / dot(path.direction, n);
-    // What has no area gives no number, which is not between the two.
+    // A degenerate triangle yields NaN, which fails the range test.
     if (!(inside && sum != 0.0 && distance_ >= from && distance_ < to)) {
         return false;
     }
@@ -149,18 +152,19 @@ bool meets(Path path, uint at, float from, float to, uint passed, uint moving, i
     return true;
 }
 
-// What the ray from `origin` along `direction` meets first between two distances [lengths of the direction]; with `any`
-// whatever it meets. `passed`: kinds of triangles that it goes through (RAY_...).
+// First hit of the ray from `origin` along `direction` between two distances [lengths of the direction]; with `any` an
+// arbitrary hit. `passed`: RAY_* flags of triangles to ignore.
 Hit trace(vec3 origin, vec3 direction, float from, float to, uint root, uint passed, bool any) {
     Hit hit = Hit(to, vec2(0.0), NO_HIT, NO_HIT);
     uvec2 stack[STACK];
     uint top = 0u;
     Path path = path_of(origin, direction);
-    uint moving = NO_HIT; // the instance whose space the path is in
-    uint bottom = 0u; // of the stack within it
-    // First child of a group, and which are left: nodes in the high byte, which children are nodes in the low one.
+    uint moving = NO_HIT; // the instance whose space the path is in, or NO_HIT
+    uint bottom = 0u; // stack height at entry into that instance
+    // First child of a node group, and its remaining members: hit nodes in the high byte, inner-node mask in the low
+    // byte.
     uvec2 nodes = uvec2(root, 0x80000000u);
-    // First triangle of a group, and which are left.
+    // First triangle of a group, and its remaining triangles.
     uvec2 leaves = uvec2(0u);
     while (true) {
         if (nodes.y > 0x00ffffffu) {
@@ -185,7 +189,7 @@ Hit trace(vec3 origin, vec3 direction, float from, float to, uint root, uint pas
             leaves.y &= ~(1u << i);
             uint at = leaves.x + i;
             if (LEVELS == 2u && moving == NO_HIT) {
-                // An instance: the rest waits.
+                // Enter an instance; push the remaining work.
                 if (nodes.y > 0x00ffffffu && top < STACK) {
                     stack[top++] = nodes;
                 }

@@ -1,39 +1,39 @@
-//! What a driver makes of the engine's compute shaders: registers, spills, occupancy, instructions.
+//! Driver statistics of the engine's compute shaders: registers, spills, occupancy, instructions.
 
 use crate::error::Result;
 use crate::frame::tune;
 use crate::gpu::{Codegen, Compiled};
 
-/// A shader with its constants, as compiled.
+/// Statistics of a shader compiled with given constants.
 pub struct Line {
     /// File name in `glsl/`.
     pub shader: String,
-    /// What its constants stand for.
+    /// Meaning of its constants.
     pub kind: String,
-    /// Registers of a thread, or of a group of threads where all have the same value.
+    /// Registers per thread, and scalar registers that a group of threads shares.
     pub registers: Option<[f64; 2]>,
-    /// Registers, or bytes, that did not fit.
+    /// Spilled registers or bytes.
     pub spilled: Option<f64>,
-    /// Groups of threads that a unit keeps at a time.
+    /// Groups of threads that a unit holds at a time.
     pub occupancy: Option<f64>,
-    /// Instructions in all.
+    /// Total number of instructions.
     pub instructions: Option<f64>,
-    /// Vector instructions of the longest loop for each pair of cache and VAL; of gathers alone.
+    /// Vector instructions of the longest loop per pair of cache and VAL; gathers only.
     pub per_pair: Option<f64>,
 }
 
-/// VALs of a round of the gather's loop.
+/// VALs per round of the gather's loop.
 const AT_ONCE: u32 = 4;
 
-/// Compiles the compute gather in all its kinds for GPUs, then every compute shader with its own constants; of all these those
+/// Compiles all kinds of the compute gather for GPUs, then every compute shader with its own constants; only shaders
 /// whose names begin with `only`.
 ///
 /// # Errors
-/// A driver that refuses a shader.
+/// If the driver rejects a shader.
 pub fn lines(codegen: &Codegen, only: &str) -> Result<Vec<Line>> {
     let mut all = Vec::new();
     let mut shapes: Vec<_> = tune::candidates(false).iter().map(|ways| (ways.source, ways.caches())).collect();
-    // One step beyond what is tried.
+    // One step beyond the candidates.
     shapes.extend(shapes.clone().iter().filter(|(_, caches)| *caches == 4).map(|(source, _)| (*source, 8)));
     let gathers = [("gather.comp", ""), ("gather_shadowed.comp", ", shadows")];
     for (shader, shadows) in gathers.into_iter().filter(|(shader, _)| shader.starts_with(only)) {
@@ -71,8 +71,8 @@ fn line(shader: &str, kind: String, compiled: &Compiled) -> Line {
     }
 }
 
-/// Of AMD's assembly as Mesa writes it: what begins with `v_` between a label and the last jump back to it, of the longest
-/// such stretch that has no other within.
+/// Counts vector instructions (`v_`) of the longest innermost loop in AMD assembly as written by Mesa. A loop runs from
+/// a label to the last jump back to it.
 fn vector_instructions_of_longest_loop(assembly: &str) -> Option<u32> {
     let lines: Vec<&str> = assembly.lines().map(str::trim).collect();
     let label = |line: &str| line.strip_suffix(':').filter(|name| name.starts_with("BB")).map(str::to_owned);

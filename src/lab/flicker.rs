@@ -1,26 +1,26 @@
-//! Temporal stability: how much indirect light flickers while a light, the camera or a model creeps along.
+//! Temporal stability: flicker of indirect light while a light, the camera or a model moves slowly.
 //!
-//! The method keeps nothing from frame to frame, so that any trembling comes from sampling: texels of the RSM jump from
-//! one place to another (VALs), and caches see the jump together with their neighbours. A short sequence of steps far
-//! below a texel is drawn with interpolated caches (`L_t`), by brute force on the same VALs (`B_t`), and by brute force
-//! on finer ones (`F_t`); each is both lobes of the indirect radiance. Over all steps, channels and pixels `p` that show
-//! the same surface throughout, with `D x_t = x_{t+1} - x_t`, `D2 x_t = x_{t+1} - 2 x_t + x_{t-1}` and
-//! `rms(x)` the root of the mean square, relative to the mean of `B`:
+//! No state is kept between frames, so all flicker comes from sampling: RSM texels jump from one place to another
+//! (VALs), and caches react together with their neighbours. A short sequence with steps far below a texel is drawn with
+//! interpolated caches (`L_t`), by brute force on the same VALs (`B_t`), and by brute force on finer VALs (`F_t`); each
+//! is the sum of both lobes of indirect radiance. The figures run over all steps, channels and pixels `p` that show the
+//! same surface throughout. With `D x_t = x_{t+1} - x_t`, `D2 x_t = x_{t+1} - 2 x_t + x_{t-1}` and the root mean square
+//! `rms(x)`, relative to the mean of `B`:
 //!
-//! - *change* `rms(D L)`, `rms(D B)`: what changes at all, most of it as it should;
-//! - *flicker* `rms(D L - D B)`: what caches and interpolation change that the VALs do not; also without the worst 1 % of
-//!   pixels, which lie in creases next to lit surfaces, where one VAL is near enough to be seen alone;
-//! - *VALs' own* `rms(D B - D F)`: what the VALs change that finer ones do not;
-//! - *tremble* `rms(D2 L)`, `rms(D2 B)`: without any other picture to compare with. Light that changes smoothly has a
-//!   second difference of the square of the step, next to nothing; what jumps to and fro has twice its change;
-//! - *of the mean* `rms(D2 mean_p L)`, `rms(D2 mean_p B)`: the same of the picture's mean, which a pixel's own noise averages out
-//!   of, but pumping of all light does not.
+//! - *change* `rms(D L)`, `rms(D B)`: total change, most of it legitimate;
+//! - *flicker* `rms(D L - D B)`: change by caches and interpolation that the VALs do not have; also without the worst
+//!   1 % of pixels, which lie in creases next to lit surfaces where a single VAL is near enough to be visible;
+//! - *VALs' own* `rms(D B - D F)`: change by the VALs that finer ones do not have;
+//! - *tremble* `rms(D2 L)`, `rms(D2 B)`: needs no other picture to compare with. The second difference of smoothly
+//!   changing light is of the order of the squared step, almost 0; light that alternates has twice its change;
+//! - *of the mean* `rms(D2 mean_p L)`, `rms(D2 mean_p B)`: the same for the picture's mean, which averages out pixel
+//!   noise, but not pumping of all light.
 //!
-//! A camera that moves sees other points of the surfaces in the same pixels, and that is change, not flicker. `D L - D B`
-//! still means something, since both pictures show the same points: it is the change of the interpolation's error from one
-//! point to its neighbour. The diffuse light of the caches does not know the camera, so none of it is trembling in time;
-//! glossy proxies do know it. The mean and the second differences do not depend on which point a pixel shows as long
-//! as the whole way is no longer than a pixel.
+//! A moving camera sees other surface points in the same pixels, which is change, not flicker. `D L - D B` remains
+//! meaningful because both pictures show the same points: it is the change of the interpolation error from a point to
+//! its neighbour. The diffuse light of caches does not depend on the camera, so it cannot flicker; glossy proxies do
+//! depend on it. The mean and the second differences do not depend on the point that a pixel shows, as long as the
+//! whole path is at most a pixel long.
 
 use crate::bake::CacheSet;
 use crate::error::{Error, Result};
@@ -32,96 +32,96 @@ use crate::scene::{LightKind, Projection, Scene, Vertex};
 use crate::shared::Proxy;
 use glam::{DVec3, Vec4};
 
-/// What creeps along.
+/// The kind of slow motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
-    /// The first light, by half a texel of the finest RSM a frame: sideways, or turning if its light is parallel.
+    /// The first light, by half a texel of the finest RSM per frame: sideways, or by rotation for parallel light.
     Light,
-    /// The camera, to its right by a sixteenth of a pixel of what is as far as the scene's middle.
+    /// The camera, to its right by 1/16 pixel at the distance of the scene's centre.
     Camera,
-    /// A model, level and by as much as the light.
+    /// A model, horizontally by as much as the light.
     Model,
-    /// Whatever the animation moves: rigid, skinned and morphed models, lights, the camera.
+    /// Everything that the animation moves: rigid, skinned and morphed models, lights, the camera.
     Animation,
 }
 
 impl Motion {
-    /// In a word.
+    /// Name in one word.
     pub fn name(self) -> &'static str {
         ["light", "camera", "model", "animation"][self as usize]
     }
 }
 
-/// What is measured.
+/// Parameters of a measurement.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Job {
     /// Picture \[pixels\].
     pub size: [u32; 2],
-    /// Frames of the sequence, at least 3.
+    /// Number of frames, at least 3.
     pub frames: usize,
-    /// Sides \[texels\] of the RSMs; each frame makes the square of it VALs per light.
+    /// Sides \[texels\] of the RSMs; each has side^2 VALs per light.
     pub rsm: Vec<u32>,
-    /// Side \[texels\] of the finer RSM that VALs are held against.
+    /// Side \[texels\] of the finer RSM used for comparison.
     pub fine: u32,
-    /// Clusters of VALs light caches where that is near enough.
+    /// Cluster rule, if caches are lit by clusters.
     pub cluster: Option<ClusterRule>,
-    /// Steps are this many times as long; 0 stands still.
+    /// Factor on the step length; 0 stands still.
     pub pace: f64,
-    /// The instance that moves, see [`model`].
+    /// The moving instance, see [`model`].
     pub model: Option<usize>,
-    /// The animation that plays.
+    /// The animation to play.
     pub animation: Option<Played>,
 }
 
 /// Part of an animation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Played {
-    /// Which of the scene's.
+    /// Index among the scene's animations.
     pub index: usize,
-    /// Where it begins \[s\].
+    /// Start time \[s\].
     pub begin: f64,
-    /// From frame to frame \[s\].
+    /// Time step per frame \[s\].
     pub step: f64,
 }
 
-/// One row: a motion, an RSM, a set of caches.
+/// One row: a motion, an RSM and a set of caches.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flicker {
-    /// What moved.
+    /// The motion.
     pub motion: Motion,
     /// Side \[texels\] of the RSM.
     pub rsm: u32,
-    /// Caches over all instances.
+    /// Number of caches over all instances.
     pub caches: usize,
-    /// How much the light trembled.
+    /// Flicker of the light.
     pub figures: Figures,
 }
 
-/// How much the light trembled, relative to the mean of brute force; see the module's own words.
+/// Flicker of the light relative to the mean of brute force; see the module documentation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
     /// Share of the pixels that show the same surface throughout.
     pub kept: f64,
-    /// Change from frame to frame: caches, brute force.
+    /// Change between frames: caches, brute force.
     pub change: [f64; 2],
-    /// Difference of the two changes.
+    /// Difference between the two changes.
     pub flicker: f64,
     /// The same without the worst 1 % of pixels.
     pub flicker_trimmed: f64,
-    /// Difference of the changes by brute force and by brute force with finer VALs.
+    /// Difference between the changes by brute force and by brute force with finer VALs.
     pub vals_own: f64,
     /// Second difference: caches, brute force.
     pub tremble: [f64; 2],
     /// Second difference of the picture's mean: caches, brute force.
     pub of_mean: [f64; 2],
-    /// Change from frame to frame of what caches receive in the diffuse lobe, relative to its own mean.
+    /// Change between frames of the caches' diffuse irradiance, relative to its own mean.
     pub of_caches: f64,
 }
 
 /// Frames of one sequence: indirect radiance of every pixel.
 type Sequence = Vec<Vec<DVec3>>;
 
-/// What was drawn.
+/// A drawn sequence.
 struct Drawn {
     frames: Sequence,
     /// Pixels that show the same surface in all frames.
@@ -130,7 +130,7 @@ struct Drawn {
     of_caches: f64,
 }
 
-/// The instance that moves unless another is asked for: the largest that is less than half the scene across.
+/// The default moving instance: the largest that is less than half the scene across.
 pub fn model(scene: &Scene) -> Option<usize> {
     let across = |i: usize| {
         let (instance, mesh) = (&scene.instances[i], &scene.meshes[scene.instances[i].mesh]);
@@ -144,11 +144,11 @@ pub fn model(scene: &Scene) -> Option<usize> {
     all.max_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| i)
 }
 
-/// Measures a scene with each of these sets of caches, which stay as they are: they move with their models.
-/// `progress` is told how much is done, from 0 to 1, and what is being done.
+/// Measures a scene with each of these sets of caches, which move with their models. `progress` receives the completed
+/// share, 0 to 1, and the current step.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn measure(
     gpu: &Gpu,
     scene: &Scene,
@@ -166,7 +166,7 @@ pub fn measure(
         let what = if caches.is_some() { "caches" } else { "brute force" };
         progress(done / total, &format!("{} moves: {what}, RSM {rsm}", motion.name()));
         done += 1.0;
-        // All caches are lit: those that the camera does not see are looked at, too.
+        // No culling: caches outside the view are evaluated, too.
         let path = job.cluster.map_or(Path::Compute, Path::Clusters);
         sequence(gpu, &scenes, caches, &Knobs { gi, rsm, path, cull: false, ..Knobs::plain(job.size) })
     };
@@ -189,13 +189,13 @@ pub fn measure(
 }
 
 impl Figures {
-    /// Of three sequences of the same frames, by the pixels that are kept.
+    /// From three sequences of the same frames, over the kept pixels.
     fn new(ours: &Sequence, truth: &Sequence, fine: &Sequence, kept: &[bool]) -> Self {
         let pixels: Vec<usize> = (0..kept.len()).filter(|p| kept[*p]).collect();
         let count = pixels.len().max(1) as f64;
         let mean = |frame: &[DVec3]| pixels.iter().map(|p| frame[*p]).sum::<DVec3>() / count;
         let brightness = truth.iter().map(|frame| mean(frame).element_sum()).sum::<f64>() / (3 * truth.len()) as f64;
-        // Of steps, each given as the sum of squares over pixels and channels; nothing that changes is 0, even in the dark.
+        // Takes the squares summed over pixels and channels for each step. Constant light gives 0, even if black.
         let relative = |squares: &mut dyn Iterator<Item = f64>, values: f64| {
             let (sum, steps) = squares.fold((0.0, 0.0), |(sum, steps), square| (sum + square, steps + 1.0));
             if sum == 0.0 { 0.0 } else { (sum / (steps * values)).sqrt() / brightness }
@@ -208,7 +208,7 @@ impl Figures {
         let apart = |a: &Sequence, b: &Sequence| {
             relative(&mut (0..steps).map(|t| over_pixels(&|p| first(a, t, p) - first(b, t, p))), 3.0 * count)
         };
-        // The same without the worst hundredth of the pixels.
+        // The same without the worst 1 % of pixels.
         let mut worst: Vec<f64> = (pixels.iter())
             .map(|&p| (0..steps).map(|t| (first(ours, t, p) - first(truth, t, p)).length_squared()).sum())
             .collect();
@@ -234,9 +234,9 @@ impl Figures {
     }
 }
 
-/// Length \[m\] of a step, or its time \[s\].
+/// Length \[m\] of a step, or its duration \[s\].
 fn step(scene: &Scene, motion: Motion, job: &Job) -> Result<f64> {
-    let nothing = |what: &str| Error::Nothing(format!("{}: {what}, so that nothing can be moved", scene.name));
+    let nothing = |what: &str| Error::Nothing(format!("{}: {what}; nothing can be moved", scene.name));
     if motion == Motion::Animation {
         let played = job.animation.ok_or_else(|| nothing("the scene has no animation"))?;
         return Ok(job.pace * played.step);
@@ -246,7 +246,7 @@ fn step(scene: &Scene, motion: Motion, job: &Job) -> Result<f64> {
     let light = scene.lights.first().ok_or_else(|| nothing("the scene has no light"))?;
     let camera = scene.cameras.first().ok_or_else(|| nothing("the scene has no camera"))?;
     if motion == Motion::Model && job.model.is_none() {
-        return Err(nothing("the scene has no model that is less than half of it across"));
+        return Err(nothing("the scene has no model that is less than half as large as the scene"));
     }
     if motion == Motion::Camera {
         let height = match camera.projection {
@@ -259,13 +259,13 @@ fn step(scene: &Scene, motion: Motion, job: &Job) -> Result<f64> {
     }
     let (infos, _, views) = lights::prepare(&scene.lights[..1], middle, half);
     let finest = infos[0].rsm_size(job.rsm.iter().copied().max().unwrap_or(job.fine));
-    // What a light lights is about as far from it as the scene is wide.
+    // Lit surfaces are about as far from the light as the scene is wide.
     let distance = if light.kind == LightKind::Directional { 1.0 } else { half.length() };
     let right = views[0].right;
     Ok(job.pace * 0.5 * 2.0 * f64::from(right.length()) * distance / f64::from(finest))
 }
 
-/// The scene with the light, camera or model `way` \[m\] from where it was, or so much later \[s\].
+/// The scene with the light, camera or model moved by `way` \[m\], or after `way` \[s\].
 fn moved(scene: &Scene, motion: Motion, job: &Job, way: f64) -> Scene {
     let mut scene = scene.clone();
     match motion {
@@ -275,7 +275,7 @@ fn moved(scene: &Scene, motion: Motion, job: &Job, way: f64) -> Scene {
             let direction = light.direction.as_dvec3().normalize_or(DVec3::NEG_Y);
             let aside = direction.any_orthonormal_vector();
             if light.kind == LightKind::Directional {
-                // By as much at the scene's rim.
+                // By the same distance at the scene's rim.
                 light.direction = (direction + aside * (way / radius)).normalize().as_vec3();
             } else {
                 light.position += aside * way;
@@ -297,7 +297,7 @@ fn moved(scene: &Scene, motion: Motion, job: &Job, way: f64) -> Scene {
     scene
 }
 
-/// Draws the frames.
+/// Draws the frames of a sequence.
 fn sequence(gpu: &Gpu, scenes: &[Scene], caches: Option<&CacheSet>, knobs: &Knobs) -> Result<Drawn> {
     let mut world = World::new(gpu, &scenes[0], caches)?;
     let mut frame = Frame::new(gpu, &scenes[0], &world, knobs)?;
@@ -342,7 +342,7 @@ fn sequence(gpu: &Gpu, scenes: &[Scene], caches: Option<&CacheSet>, knobs: &Knob
     Ok(Drawn { frames, kept, of_caches })
 }
 
-/// Whether depth and normal of a pixel are those of one surface, seen a little later.
+/// Whether two consecutive depths and normals of a pixel belong to one surface.
 fn is_same_surface(a: (f32, Vec4), b: (f32, Vec4)) -> bool {
     (a.0 - b.0).abs() < 0.01 * a.0 && a.1.truncate().dot(b.1.truncate()) > 0.99
 }
@@ -351,7 +351,7 @@ fn is_same_surface(a: (f32, Vec4), b: (f32, Vec4)) -> bool {
 mod tests {
     use super::*;
 
-    /// Frames of four pixels, of which the last is not kept, with a mean of 10.
+    /// Frames of four pixels with a mean of 10; the last pixel is not kept.
     fn figures(ours: impl Fn(f64) -> f64, truth: impl Fn(f64) -> f64) -> Figures {
         let frames = |of: &dyn Fn(f64) -> f64| -> Sequence {
             (0..8)

@@ -1,4 +1,4 @@
-//! Settings in flat form, for sweeps and tests that turn one knob at a time; and a frame of one view by them.
+//! Settings as a flat struct, for sweeps and tests that vary one at a time; and a frame with one view.
 
 use crate::error::Result;
 use crate::frame::settings::{Caches, Gather};
@@ -9,7 +9,7 @@ use crate::frame::{
 use crate::gpu::{Cmd, Gpu};
 use crate::scene::Scene;
 
-/// How indirect light is made.
+/// Kind of indirect light.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Gi {
     /// Interpolated caches.
@@ -21,64 +21,64 @@ pub enum Gi {
     Off,
 }
 
-/// What lights the caches.
+/// Method of lighting the caches.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Path {
     /// Compute shader over a list of caches.
     #[default]
     Compute,
-    /// Additive draws into float targets, with this many VALs each.
+    /// Additive draws into float targets, each with this many VALs.
     Draws(DrawSource, u32),
     /// Clusters of VALs.
     Clusters(ClusterRule),
 }
 
 impl Path {
-    /// The gather by draws as it is by default.
+    /// The default gather by draws.
     pub const DRAWS: Self = Self::Draws(DrawSource::Texels, 4096);
 }
 
-/// Every setting and the size, side by side. Not all of them go together: see `go_together`.
+/// All settings and the picture size as a flat struct. Some combinations are invalid: see `go_together`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Knobs {
     /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Indirect light.
     pub gi: Gi,
-    /// Indirect bounces; 0 is direct light alone, that of surfaces that emit included.
+    /// Indirect bounces; 0 is direct light only, including that of emitting surfaces.
     pub bounces: u32,
-    /// Texels of an RSM's side.
+    /// Side of an RSM \[texels\].
     pub rsm: u32,
-    /// What tells where lamps and the sun shine.
+    /// Shadows of lamps and the sun.
     pub light_shadows: LightShadows,
     /// Kernel and quantities of stage 8.
     pub interpolation: Interpolation,
     /// Weights of stage 6.
     pub proxy_weight: ProxyWeight,
-    /// How stage 6 runs.
+    /// Method of stage 6.
     pub path: Path,
-    /// How its compute shader is spread over the device.
+    /// Parameters of the compute gather.
     pub ways: Ways,
     /// Only caches that visible surfaces need are lit.
     pub cull: bool,
     /// Soft shadows of indirect light.
     pub shadows: Shadows,
-    /// Light and shade from nearby.
+    /// Light and occlusion from nearby surfaces.
     pub near: Near,
-    /// How edges are smoothed.
+    /// Antialiasing of edges.
     pub antialiasing: Antialiasing,
-    /// How many surfaces show that are seen through.
+    /// Largest number of transparent layers.
     pub layers: u32,
-    /// Stages whose inputs are those of the frame before are left out.
+    /// Whether stages with unchanged inputs are skipped.
     pub reuse: bool,
-    /// Curve of stage 11.
+    /// Tone curve of stage 11.
     pub tonemap: Tonemap,
     /// Exposure of stage 11.
     pub exposure: Exposure,
 }
 
 impl Knobs {
-    /// What `render` draws by default, for so many caches; but pixels show what is in their middle, as truths do.
+    /// The default of `render` for this many caches, but without antialiasing, like the references.
     pub fn at(quality: Quality, caches: usize, size: [u32; 2]) -> Self {
         Self {
             rsm: quality.rsm(),
@@ -89,7 +89,7 @@ impl Knobs {
         }
     }
 
-    /// Caches without shadows: the method as the thesis has it.
+    /// Caches without shadows: the thesis's method.
     pub fn plain(size: [u32; 2]) -> Self {
         Self {
             size,
@@ -112,7 +112,7 @@ impl Knobs {
         }
     }
 
-    /// Whether there are settings that say all of this: shadows of every VAL and bounces are compute's.
+    /// Whether these knobs form valid settings: per-light shadows and bounces need the compute gather.
     pub fn go_together(&self) -> bool {
         match (self.gi, self.path) {
             (Gi::Off, _) | (_, Path::Compute) => true,
@@ -124,7 +124,7 @@ impl Knobs {
     /// The settings.
     ///
     /// # Panics
-    /// Where knobs do not go together.
+    /// If the knobs do not go together.
     pub fn settings(&self) -> Settings {
         assert!(self.go_together(), "{self:?} is no frame");
         let dim = self.shadows == Shadows::Proxy;
@@ -159,24 +159,24 @@ impl Knobs {
         }
     }
 
-    /// How its pictures are shown.
+    /// Tone mapping and exposure.
     pub fn look(&self) -> Look {
         Look { tonemap: self.tonemap, exposure: self.exposure, ..Look::default() }
     }
 }
 
-/// One view of a world: its light and its picture together.
+/// One view of a world: its light and picture.
 pub struct Frame {
     /// The light.
     pub light: Light,
     /// The picture.
     pub picture: Picture,
-    /// How that is shown.
+    /// Tone mapping and exposure.
     pub look: Look,
 }
 
 impl Frame {
-    /// Makes light and picture.
+    /// Creates light and picture.
     ///
     /// # Errors
     /// As `Light::new` and `Picture::new`.
@@ -186,7 +186,7 @@ impl Frame {
         Ok(Self { light, picture, look: knobs.look() })
     }
 
-    /// Which stages there are.
+    /// The plan of stages.
     pub fn plan(&self) -> &Plan {
         &self.light.plan
     }

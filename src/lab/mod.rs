@@ -1,5 +1,5 @@
-//! The laboratory: what each setting costs in error and in time, where errors come from, and how the engine bears what is
-//! hard on numbers and on time.
+//! The laboratory: error and time of each setting, sources of error, and behaviour in numerically difficult and moving
+//! scenes.
 
 pub mod bench;
 pub mod choices;

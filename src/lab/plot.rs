@@ -1,29 +1,29 @@
-//! Small plots as SVG: curves and scatter over logarithmic or named axes, readable on light and on dark ground.
+//! Small SVG plots: curves and scatter plots over logarithmic or named axes, legible on light and dark backgrounds.
 
 use std::fmt::Write;
 
 /// A plot.
 pub struct Plot {
-    /// Headline.
+    /// Title.
     pub title: String,
-    /// Across.
+    /// Horizontal axis.
     pub x: Axis,
-    /// Upwards; logarithmic.
+    /// Vertical axis; logarithmic.
     pub y: Axis,
-    /// What is drawn, first below.
+    /// Series in drawing order.
     pub series: Vec<Series>,
-    /// Marks that no other mark beats in both x and y are joined, ringed and labelled.
+    /// Whether the Pareto front is joined, ringed and labelled: marks that no other mark beats in both x and y.
     pub front: bool,
     /// Width and height [CSS pixels].
     pub size: [f64; 2],
 }
 
-/// An axis: logarithmic, or one place for each of its names.
+/// An axis: logarithmic, or with one position per name.
 #[derive(Clone, Debug, Default)]
 pub struct Axis {
     /// Quantity and unit.
     pub label: String,
-    /// Names of the values 0, 1, 2, ...; logarithmic without.
+    /// Names of the values 0, 1, 2, ...; if empty the axis is logarithmic.
     pub names: Vec<String>,
 }
 
@@ -33,30 +33,29 @@ pub struct Series {
     pub name: String,
     /// Its marks.
     pub marks: Vec<Mark>,
-    /// Whether a line joins them.
+    /// Whether a line joins the marks.
     pub line: bool,
-    /// Which of the nine colours.
+    /// Index of the colour, of nine.
     pub color: usize,
 }
 
-/// One mark. Marks that an axis cannot show (zero, negative, not finite) are left out.
+/// One mark. Values that an axis cannot show (zero, negative, not finite) are left out.
 #[derive(Clone, Debug)]
 pub struct Mark {
-    /// Across.
+    /// Horizontal value.
     pub x: f64,
-    /// Upwards.
+    /// Vertical value.
     pub y: f64,
-    /// Shown beside marks of the front, and under the pointer.
+    /// Shown next to marks of the front, and as a tooltip.
     pub label: String,
 }
 
 const STYLE: &str = include_str!("plot.css");
 
-/// Colours that `STYLE` has.
+/// Number of colours in `STYLE`.
 const COLORS: usize = 9;
 
-/// Indices of the points that no other point beats in one coordinate without being worse in the other; smaller is
-/// better in both. From the smallest x to the smallest y.
+/// Indices of the Pareto-optimal points, from the smallest x to the smallest y; smaller is better in both coordinates.
 pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     let mut order: Vec<usize> =
         (0..points.len()).filter(|i| points[*i].0.is_finite() && points[*i].1.is_finite()).collect();
@@ -70,13 +69,13 @@ pub fn pareto_front(points: &[(f64, f64)]) -> Vec<usize> {
     front
 }
 
-/// Values of a logarithmic axis from `low` to `high` that carry a label: powers of ten, or with fewer than three of
-/// them also their 2- and 5-fold, or all their multiples. `0 < low < high`.
+/// Labelled values of a logarithmic axis from `low` to `high`: powers of ten; if there are fewer than three, also their
+/// multiples by 2 and 5, or all multiples. `0 < low < high`.
 pub fn log_ticks(low: f64, high: f64) -> Vec<f64> {
     assert!(0.0 < low && low < high && high.is_finite(), "an axis from {low} to {high}");
     let multiples = |factors: &[u32]| -> Vec<f64> {
         let (first, last) = (low.log10().floor() as i32, high.log10().ceil() as i32);
-        // From text: 3e-4 is then the nearest number to it, which powers times factors miss.
+        // Parsed from text, which gives the nearest float to 3e-4; powers times factors may miss it.
         let all =
             (first..=last).flat_map(|e| factors.iter().map(move |f| format!("{f}e{e}").parse().unwrap_or(f64::NAN)));
         all.filter(|v| (low * (1.0 - 1e-9)..=high * (1.0 + 1e-9)).contains(v)).collect()
@@ -89,21 +88,21 @@ pub fn log_ticks(low: f64, high: f64) -> Vec<f64> {
     if step > 1 && ticks.len() > 9 { ticks.into_iter().step_by(step).collect() } else { ticks }
 }
 
-/// A number as an axis shows it.
+/// Formats a number for an axis.
 pub fn tick_label(value: f64) -> String {
     if !(1e-4..1e6).contains(&value) {
         return format!("{value:e}");
     }
-    // Shortest form that reads back the same: 0.05, not 0.050000000000000003.
+    // Shortest form that reads back equal: 0.05, not 0.050000000000000003.
     format!("{value}")
 }
 
-/// Text as XML content or attribute.
+/// Escapes text for XML content or attributes.
 pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// Where values of an axis lie, from 0 to 1.
+/// Maps values of an axis to positions from 0 to 1.
 enum Scale {
     Log { low: f64, high: f64 },
     Names(usize),
@@ -119,7 +118,7 @@ impl Scale {
         if shown.is_empty() {
             (low, high) = (0.1, 10.0);
         }
-        // Less than a factor of four has too few round numbers to label.
+        // A range below a factor of four has too few round numbers to label.
         let widen = (2.0 / (high / low).sqrt()).max(1.0);
         (low, high) = (low / widen, high * widen);
         let margin = (high / low).powf(0.06);
@@ -137,7 +136,7 @@ impl Scale {
         value.is_finite() && (matches!(self, Self::Names(_)) || value > 0.0)
     }
 
-    /// Labelled places and unlabelled ones.
+    /// Labelled and unlabelled positions.
     fn ticks(&self, axis: &Axis) -> (Vec<(f64, String)>, Vec<f64>) {
         match self {
             Self::Names(_) => {
@@ -156,7 +155,7 @@ impl Scale {
     }
 }
 
-/// Width [CSS pixels] of a label, on average.
+/// Approximate width of a label [CSS pixels].
 fn width(text: &str) -> f64 {
     6.7 * text.chars().count() as f64
 }
@@ -174,7 +173,7 @@ struct Canvas<'a> {
     svg: String,
     x: Scale,
     y: Scale,
-    /// Where the marks lie.
+    /// Area of the marks.
     area: Area,
 }
 
@@ -204,7 +203,7 @@ impl Canvas<'_> {
         for (t, label) in ticks {
             let x = left + t * (right - left);
             self.put(format_args!("<path class=\"pl-grid\" d=\"M{x:.1} {top:.1}V{bottom:.1}\"/>"));
-            // A label that would run into the last one is left out; its line stays.
+            // Skip labels that would overlap the previous one; the line stays.
             if x - width(&label) / 2.0 > free {
                 let y = bottom + 17.0;
                 self.put(format_args!(
@@ -262,7 +261,7 @@ impl Canvas<'_> {
         }
     }
 
-    /// Shapes differ as colours do.
+    /// Shapes vary with colours.
     fn mark(&mut self, color: usize, x: f64, y: f64, title: &str) {
         let shape = match color % 4 {
             0 => format!("M{:.1} {y:.1}a4 4 0 1 0 8 0a4 4 0 1 0 -8 0z", x - 4.0),
@@ -295,7 +294,7 @@ impl Canvas<'_> {
                 [(11.0, -8.0), (11.0, 18.0), (-11.0 - w, 18.0), (-11.0 - w, -8.0), (11.0, -24.0), (-11.0 - w, 34.0)];
             let areas = spots.map(|(dx, dy)| [x + dx, y + dy - 11.0, x + dx + w, y + dy + 3.0]);
             let inside = |a: &Area| a[0] > left && a[2] < right && a[1] > top && a[3] < bottom;
-            // Where there is no room, the label is left to the pointer.
+            // Without room the label is only shown as a tooltip.
             let Some(area) = areas.into_iter().find(|a| inside(a) && !taken.iter().any(|t| overlap(a, t))) else {
                 continue;
             };
@@ -336,7 +335,7 @@ impl Canvas<'_> {
     }
 }
 
-/// A number with three digits that count.
+/// Formats a number with three significant digits.
 pub fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
         return format!("{value}");
@@ -346,7 +345,7 @@ pub fn short(value: f64) -> String {
 }
 
 impl Plot {
-    /// The plot as an SVG document of its own, which can also stand inside a page.
+    /// The plot as a standalone SVG document, which can also be embedded in a page.
     pub fn svg(&self) -> String {
         let [w, h] = self.size;
         let names = self.series.iter().map(|s| s.name.as_str()).chain(self.front.then_some("Pareto front"));

@@ -1,4 +1,4 @@
-//! Soft shadows of indirect light on the device against one bounce of the path tracer: how far each kind is from the truth.
+//! Soft shadows of indirect light: error of each kind on the device against one bounce of the path tracer.
 
 use super::eval::measure::{Bench, Layers};
 use super::eval::references::{PathTraced, path_traced};
@@ -15,70 +15,70 @@ use crate::scene::{Camera, Scene};
 use rayon::prelude::*;
 use std::path::Path;
 
-/// What a comparison is made of.
+/// Parameters of a comparison.
 #[derive(Clone, Copy, Debug)]
 pub struct ShadowsSettings {
     /// Picture \[pixels\].
     pub size: [u32; 2],
-    /// Caches that are asked for.
+    /// Caches requested.
     pub caches: usize,
-    /// Texels of an RSM's side.
+    /// Side of an RSM \[texels\].
     pub rsm: u32,
     /// Samples per pixel of the path tracer.
     pub samples: u32,
-    /// Frames whose median time counts.
+    /// Frames of which the median time is taken.
     pub frames: usize,
 }
 
-/// One kind of shadows in one scene.
+/// Results for one kind of shadows in one scene.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// The kind.
     pub shadows: Shadows,
-    /// Errors of each layer by its name, over the pixels that show a surface; or why there are none.
+    /// Errors of each layer by name, over pixels that show a surface; or the reason for failure.
     pub errors: std::result::Result<Vec<(&'static str, Errors)>, String>,
-    /// Median GPU time \[ms\] of the whole frame; 0 where the device has no timestamps.
+    /// Median GPU time \[ms\] of the whole frame; 0 if the device has no timestamps.
     pub frame_ms: f64,
-    /// Of the gather and what shadows add to it.
+    /// GPU time \[ms\] of the gather and its shadows.
     pub gather_ms: f64,
 }
 
-/// Errors of a layer.
+/// Errors of one layer.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Errors {
-    /// Against the path tracer.
+    /// Metrics against the path tracer.
     pub metrics: Metrics,
-    /// Root of the mean squared error over the mean of the truth.
+    /// Root mean square error, divided by the mean of the reference.
     pub rmse_over_mean: f64,
 }
 
-/// All kinds in one scene.
+/// Results for all kinds in one scene.
 #[derive(Clone, Debug)]
 pub struct Compared {
-    /// One for each kind.
+    /// One row per kind.
     pub rows: Vec<Row>,
-    /// Caches that were placed.
+    /// Caches placed.
     pub caches: u32,
-    /// Relative standard error of the truth, mean over its pixels.
+    /// Mean relative standard error of the reference.
     pub noise: f64,
-    /// Pixels left out, as an edge runs through their centres: the rasteriser and a ray may show either of two surfaces.
+    /// Excluded pixels with an edge through their centre, where rasterizer and rays may show different surfaces.
     pub on_edges: usize,
-    /// What the barrier check said against the frames.
+    /// Complaints of the barrier check about the frames.
     pub problems: Vec<String>,
 }
 
 /// All kinds of shadows.
 pub const KINDS: [Shadows; 3] = [Shadows::Off, Shadows::Proxy, Shadows::PerLight];
 
-/// Whether the time of a stage is that of lighting caches: of METHOD's stages 6 and 7.
+/// Whether a stage belongs to lighting the caches: METHOD's stages 6 and 7.
 fn lights_caches(name: &str) -> bool {
     STAGES.iter().any(|stage| stage.name == name && (6..=7).contains(&stage.number))
 }
 
-/// Compares every kind with the path tracer, from the scene's first camera. Path-traced samples are kept in `folder`.
+/// Compares every kind with the path tracer from the scene's first camera. Path-traced samples are kept in `folder`.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn compare(
     gpu: &Gpu,
     scene: &Scene,
@@ -130,8 +130,8 @@ pub fn compare(
     Ok(compared)
 }
 
-/// Pixels whose centres lie on an edge between two surfaces, as far as rays tell that pass a thousandth of a pixel beside
-/// them: in a picture of a room along its axis whole edges run through centres.
+/// Pixels whose centre lies on an edge between two surfaces, tested by rays a thousandth of a pixel away. In a view
+/// along a room's axis whole edges pass through pixel centres.
 pub fn edges(scene: &Scene, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
     const PARTS: u32 = 1001;
     let world = World::new(scene);
@@ -155,7 +155,7 @@ pub fn edges(scene: &Scene, camera: &Camera, size: [u32; 2]) -> Vec<bool> {
     (0..w * h).into_par_iter().map(is_edge).collect()
 }
 
-/// Errors of each lobe, and of both together, over the pixels that both say show a surface.
+/// Errors of each lobe and their sum, over pixels that show a surface in both.
 pub fn errors(layers: &Layers, truth: &Layers) -> Vec<(&'static str, Errors)> {
     let covered = |image: &[[f32; 3]]| -> Vec<[f32; 3]> {
         let both = layers.covered.iter().zip(&truth.covered).map(|(a, b)| *a && *b);

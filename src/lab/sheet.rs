@@ -1,5 +1,4 @@
-//! Scenes side by side: what the engine draws of each, what the path tracer does, and where they differ, as a page that
-//! stands alone.
+//! Contact sheet of scenes: the engine's picture, the path tracer's, and their difference, as a self-contained page.
 
 use crate::error::{Error, Result};
 use crate::files;
@@ -15,30 +14,30 @@ use glam::Vec3;
 use std::fmt::Write;
 use std::path::Path;
 
-/// Scale of the maps of FLIP.
+/// Scale of the FLIP maps.
 const HEAT: Scale = Scale::Linear(1.0);
 
 const STYLE: &str = include_str!("eval/report.css");
 
-/// A scene's errors and its part of the page.
+/// Errors of a scene, and its part of the page.
 pub struct Entry {
-    /// The scene's file.
+    /// The scene's file name.
     pub scene: String,
-    /// HDR-FLIP, the mean over all pixels.
+    /// HDR-FLIP: mean over all pixels.
     pub flip: f64,
-    /// The same over those that show a surface.
+    /// HDR-FLIP: mean over pixels that show a surface.
     pub flip_of_surfaces: f64,
-    /// Mean radiance of the pixels that show a surface over the path tracer's, less 1.
+    /// Relative error of the mean radiance over pixels that show a surface.
     pub bias: f64,
     html: String,
 }
 
 impl Entry {
-    /// Compares a picture with the path tracer's; both hold linear radiance, and `covered` says which pixels show a
-    /// surface. `notes` are told below.
+    /// Compares a picture with the path tracer's; both hold linear radiance. `covered` marks pixels that show a
+    /// surface. `notes` are printed below.
     ///
     /// # Errors
-    /// Pictures of different sizes or without a surface, and values that are not finite.
+    /// If the pictures differ in size, show no surface or have non-finite values.
     pub fn new(
         scene: &str,
         drawn: &Picture,
@@ -102,14 +101,14 @@ impl Entry {
 /// All scenes so far.
 #[derive(Default)]
 pub struct Sheet {
-    /// Those that were drawn, the worst first.
+    /// Drawn scenes, the worst first.
     entries: Vec<Entry>,
-    /// Those that were not, and why.
+    /// Scenes that could not be drawn, with reasons.
     failed: Vec<(String, String)>,
 }
 
 impl Sheet {
-    /// Takes in a scene, or the reason why there is no picture of it.
+    /// Adds a scene, or the reason why there is no picture of it.
     pub fn add(&mut self, scene: &str, entry: std::result::Result<Entry, String>) {
         match entry {
             Ok(entry) => {
@@ -120,12 +119,12 @@ impl Sheet {
         }
     }
 
-    /// How many scenes were drawn, and how many were not.
+    /// Numbers of drawn and of failed scenes.
     pub fn counts(&self) -> [usize; 2] {
         [self.entries.len(), self.failed.len()]
     }
 
-    /// Median over scenes of FLIP and of the absolute bias; `None` without a scene.
+    /// Medians over scenes of FLIP and of the absolute bias; `None` without scenes.
     pub fn medians(&self) -> Option<[f64; 2]> {
         let median = |of: &dyn Fn(&Entry) -> f64| {
             let mut sorted: Vec<f64> = self.entries.iter().map(of).collect();
@@ -136,10 +135,10 @@ impl Sheet {
         (!self.entries.is_empty()).then(|| [median(&|entry| entry.flip), median(&|entry| entry.bias.abs())])
     }
 
-    /// Writes the page; `about` says how the pictures came about.
+    /// Writes the page; `about` says how the pictures were made.
     ///
     /// # Errors
-    /// A file that cannot be written.
+    /// If a file cannot be written.
     pub fn write(&self, path: &Path, about: &str) -> Result<()> {
         if path.is_dir() {
             let reason = "is a folder; name a file".into();
@@ -149,7 +148,7 @@ impl Sheet {
     }
 
     fn html(&self, about: &str) -> String {
-        let title = "lightskin: scenes beside the path tracer";
+        let title = "lightskin: scenes compared with the path tracer";
         let mut page = format!(
             "<!doctype html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
              <meta name=\"viewport\" content=\"width=device-width\"><title>{title}</title><style>{STYLE}</style></head>\n\

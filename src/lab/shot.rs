@@ -1,4 +1,4 @@
-//! One frame of a small world and what the device made on the way, as the references read it.
+//! One frame of a small world, read back with all intermediate results in the references' types.
 
 use crate::bake::CacheSet;
 use crate::error::Result;
@@ -15,7 +15,7 @@ use crate::scene::{LightKind, Phong, Projection, Scene};
 use crate::shared::{self, GatherSums, LiveArgs, TEXEL_CACHES};
 use glam::{DVec2, DVec3, Vec3, Vec4, dvec3};
 
-/// Small pictures, every cache lit; the references do every pixel.
+/// Small pictures with every cache lit; references compute every pixel.
 pub fn small() -> Knobs {
     Knobs {
         rsm: 24,
@@ -26,38 +26,39 @@ pub fn small() -> Knobs {
     }
 }
 
-/// What one frame made. Places are in the world, in f64.
+/// Results of one frame. Positions are in the world, in f64.
 pub struct Shot {
-    /// VALs; `Val::NOTHING` where the device gives neither flux nor weight.
+    /// VALs; `Val::NOTHING` for those with neither flux nor weight.
     pub vals: Vec<Val>,
     /// Caches in atlas order.
     pub caches: Vec<Cache>,
-    /// Their proxies, and the mirrored view that the shaders make on the fly.
+    /// Proxies, with the mirrored view that shaders compute on the fly.
     pub proxies: Vec<Gathered>,
-    /// `rho_d` of every pixel, as halves keep it.
+    /// `rho_d` of every pixel, as stored in half floats.
     pub albedo: Vec<DVec3>,
     /// `rho_g`, likewise.
     pub specular: Vec<DVec3>,
     /// Emitted and directly reflected radiance.
     pub direct: Vec<DVec3>,
-    /// Indirect radiance; empty without a lobe.
+    /// Indirect radiance of the diffuse lobe; empty without one.
     pub diffuse: Vec<DVec3>,
-    /// The same of the glossy lobe.
+    /// The same for the glossy lobe.
     pub glossy: Vec<DVec3>,
     /// Whether a pixel shows a surface.
     pub covered: Vec<bool>,
-    /// The gather's sums of irradiance \[lx\] at each cache: all light, and light times `cos^k`; empty without the lobe.
+    /// The gather's sums of irradiance \[lx\] at each cache: all light, and light times `cos^k`; empty without the
+    /// lobe.
     pub sums: [Vec<DVec3>; 2],
-    /// The lights' pictures as the references know them.
+    /// The lights' views in the references' types.
     pub views: Vec<rsm::View>,
-    /// What the validation layer, the barrier check and the check for broken values say against the frame.
+    /// Complaints of the validation layer, the barrier check and the check for broken values about the frame.
     pub complaints: Vec<String>,
 }
 
 /// Draws one frame from the scene's first camera and reads it back.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs) -> Result<Shot> {
     let said = gpu.messages().len();
     let world = World::new(gpu, scene, caches)?;
@@ -116,7 +117,7 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs)
 /// The gather's sums at each of this many caches; culled caches have no light.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn gather_sums(gpu: &Gpu, gather: &Gather, count: u32) -> Result<Vec<GatherSums>> {
     let mut sums = vec![GatherSums::default(); count as usize];
     let (live, parts, bounces) = match gather {
@@ -169,10 +170,10 @@ pub fn gather_sums(gpu: &Gpu, gather: &Gather, count: u32) -> Result<Vec<GatherS
     Ok(sums)
 }
 
-/// RGB of a float image.
+/// RGB values of a float image.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn radiance(gpu: &Gpu, image: &Image) -> Result<Vec<DVec3>> {
     let texels: Vec<[f32; 4]> = gpu.read_image(image)?;
     Ok(texels.iter().map(|t| Vec3::new(t[0], t[1], t[2]).as_dvec3()).collect())
@@ -184,7 +185,7 @@ fn halves(gpu: &Gpu, image: &Image) -> Result<Vec<DVec3>> {
     Ok(texels.iter().map(|t| dvec3(number(t[0]), number(t[1]), number(t[2]))).collect())
 }
 
-/// A VAL as the references know it.
+/// A VAL in the references' type.
 pub fn val(v: &shared::Val, origin: DVec3) -> Val {
     if v.weight == 0.0 && v.flux == Vec3::ZERO {
         return Val::NOTHING;
@@ -193,7 +194,7 @@ pub fn val(v: &shared::Val, origin: DVec3) -> Val {
     Val { position, area, normal: v.normal.as_dvec3(), flux: v.flux.as_dvec3() }
 }
 
-/// A cache as the references know it.
+/// A cache in the references' type.
 pub fn cache(c: &shared::Cache, origin: DVec3) -> Cache {
     let (position, normal) = (c.position.as_dvec3() + origin, c.normal.as_dvec3().normalize());
     Cache { position, normal, exponent: c.exponent.into() }
@@ -213,7 +214,7 @@ fn gathered(p: &shared::Proxy, cache: &Cache, origin: DVec3, eye: DVec3) -> Gath
     }
 }
 
-/// The device's frusta as the references' own, so that both look through the same texels. Rows run against `up`.
+/// The device's frusta in the references' type, so that both use the same texels. Rows run against `up`.
 fn light_views(gpu: &Gpu, scene: &Scene, world: &World) -> Result<Vec<rsm::View>> {
     let views: Vec<shared::LightView> = gpu.read(&world.view_buffer)?;
     let mut all = Vec::new();
@@ -234,8 +235,9 @@ fn light_views(gpu: &Gpu, scene: &Scene, world: &World) -> Result<Vec<rsm::View>
     Ok(all)
 }
 
-/// World-space corners and normals of every triangle with its instance, for the references. Normals are interpolated in
-/// the model, as those of caches are, and then transformed: the corners' keep the lengths that the transform gives them.
+/// World-space corners and normals of every triangle with its instance, for the references. Like those of caches,
+/// normals are interpolated in model space and then transformed, so corner normals keep the lengths that the transform
+/// gives them.
 pub fn triangles(scene: &Scene) -> Vec<(Triangle, usize)> {
     let mut all = Vec::new();
     for (i, instance) in scene.instances.iter().enumerate() {
@@ -254,12 +256,12 @@ pub fn triangles(scene: &Scene) -> Vec<(Triangle, usize)> {
     all
 }
 
-/// Share of the light that a material without textures sends on.
+/// Reflected share of light of a material without textures.
 pub fn sent_on(scene: &Scene, material: usize) -> DVec3 {
     scene.materials[material].reflectance(scene, Default::default(), Vec4::ONE).sent_on().as_dvec3()
 }
 
-/// What a material without textures reflects.
+/// Reflectance of a material without textures.
 pub fn reflection(scene: &Scene, material: usize) -> Reflection {
     let material = &scene.materials[material];
     let lobe = material.phong.unwrap_or(Phong { specular: Vec3::ZERO, exponent: 1.0 });
@@ -267,15 +269,15 @@ pub fn reflection(scene: &Scene, material: usize) -> Reflection {
     Reflection { diffuse, specular: lobe.specular.as_dvec3(), exponent: lobe.exponent.into() }
 }
 
-/// What a pixel's centre sees.
+/// The surface at a pixel's centre.
 pub struct PixelSurface {
-    /// Row by row from the top.
+    /// Index, row by row from the top.
     pub pixel: usize,
-    /// Which instance.
+    /// Index of the instance.
     pub instance: usize,
-    /// Which material.
+    /// Index of the material.
     pub material: usize,
-    /// Its mesh's vertices at the corners.
+    /// Vertices of its mesh at the triangle's corners.
     pub vertices: [usize; 3],
     /// Barycentric weights of the corners.
     pub weights: [f64; 3],
@@ -285,7 +287,8 @@ pub struct PixelSurface {
     pub normal: DVec3,
 }
 
-/// The nearest front face at the centre of every pixel of the scene's first camera, a pinhole, by trying all triangles.
+/// The nearest front face at the centre of every pixel, for the scene's first (perspective) camera, by testing all
+/// triangles.
 pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<PixelSurface> {
     let camera = &scene.cameras[0];
     let Projection::Perspective { yfov } = camera.projection else { panic!("a pinhole") };
@@ -305,7 +308,7 @@ pub fn seen(scene: &Scene, size: [u32; 2]) -> Vec<PixelSurface> {
             let [a, b, c] = triangle.positions;
             let face = (b - a).cross(c - a);
             let distance = (a - pose.translation).dot(face) / ray.dot(face);
-            // Mirrors turn the winding round. Also false where the triangle is seen from the side.
+            // Mirroring flips the winding. Also fails for triangles seen edge-on.
             let front = ray.dot(face) * scene.instances[*instance].world_from_model.matrix3.determinant();
             if !(front < 0.0 && distance > 0.0) || nearest.as_ref().is_some_and(|n| n.0 < distance) {
                 continue;

@@ -1,4 +1,4 @@
-//! Small worlds that measurements and tests are made on.
+//! Small worlds for measurements and tests.
 
 use crate::bake::{self, Cache, CacheSet, Coverage, Density, ModelCaches, NO_CACHE};
 use crate::error::Result;
@@ -13,7 +13,7 @@ pub fn phong(diffuse: [f32; 3], specular: [f32; 3], exponent: f32) -> Material {
     Material { base_color: Vec3::from(diffuse).extend(1.0), metallic: 0.0, phong, ..Material::default() }
 }
 
-/// Adds a mesh of one surface and stands it in the world.
+/// Adds a mesh with one surface and places it in the world.
 pub fn add(scene: &mut Scene, surface: Surface, material: Material, world_from_model: DAffine3) {
     let primitives =
         vec![Primitive { first_index: 0, index_count: surface.indices.len() as u32, material: scene.materials.len() }];
@@ -48,10 +48,10 @@ pub fn lamp(kind: LightKind) -> Light {
     }
 }
 
-/// A spot of 23 degrees to 34.
+/// A spot light with half angles of 23 and 34 degrees.
 pub const SPOT: LightKind = LightKind::Spot { inner: 0.4, outer: 0.6 };
 
-/// A camera that stands at `eye` and looks at `target`, +Y up in the picture.
+/// A camera at `eye` that looks at `target`, with +Y up in the picture.
 pub fn camera(eye: DVec3, target: DVec3, yfov: f32) -> Camera {
     let back = (eye - target).normalize();
     let right = if back.cross(DVec3::Y).length() < 1e-9 { DVec3::X } else { DVec3::Y.cross(back).normalize() };
@@ -63,8 +63,8 @@ pub fn camera(eye: DVec3, target: DVec3, yfov: f32) -> Camera {
     }
 }
 
-/// A floor and a wall of 2 m, and above the floor a ball that its instance turns, squeezes and stretches. Every glossy
-/// lobe has this exponent.
+/// A floor and a wall of 2 m, and above the floor a ball whose instance rotates and stretches it unevenly. All glossy
+/// lobes have this exponent.
 pub fn corner(lights: &[LightKind], exponent: f32) -> Scene {
     let (x, y, z) = (Vec3::X * 2.0, Vec3::Y * 2.0, Vec3::Z * 2.0);
     let low = vec3(-1.0, 0.0, -1.0);
@@ -79,7 +79,7 @@ pub fn corner(lights: &[LightKind], exponent: f32) -> Scene {
     scene
 }
 
-/// Caches this far apart \[m\].
+/// Bakes caches with this spacing \[m\].
 ///
 /// # Errors
 /// As `bake::bake`.
@@ -88,7 +88,7 @@ pub fn baked(scene: &Scene, spacing: f64, references: usize) -> Result<CacheSet>
     bake::bake(scene, &settings, &|_, _| ())
 }
 
-/// The scene, scaled about the world's origin and then moved; lights are brighter by the square of the scale.
+/// The scene, scaled about the world's origin and then moved; light intensities scale with the square.
 pub fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
     let mut scene = scene.clone();
     let world = DAffine3::from_scale_rotation_translation(DVec3::splat(scale), DQuat::IDENTITY, shift);
@@ -113,7 +113,7 @@ pub fn placed(scene: &Scene, scale: f64, shift: DVec3) -> Scene {
     scene
 }
 
-/// One cache in the middle of the first mesh, and none on others.
+/// One cache on the first mesh, none on the others.
 pub fn one_cache(scene: &Scene, references: usize, position: Vec3, normal: Vec3) -> CacheSet {
     let cache = Cache { position, normal, area: 1.0, barycentric: [0.3, 0.3], ..Cache::default() };
     let model = |mesh: usize| {

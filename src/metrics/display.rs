@@ -1,41 +1,41 @@
-//! What a display shows of linear values: FLIP and SSIM judge that, as an eye does.
+//! Display values of linear images, on which FLIP and SSIM judge errors as an eye sees them.
 
 use crate::reference::gather;
 use crate::reference::tonemap::srgb_from_linear;
 use glam::{DVec3, Vec3};
 
-/// What the linear values of an image are.
+/// Interpretation of an image's linear values.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Values {
-    /// A display's, 0 to 1, as PNG files hold them: shown as they are.
+    /// Display values from 0 to 1, as in PNG files; used unchanged.
     Display,
-    /// Radiance of any scale, as EXR files hold it: shown at exposures that follow from the reference.
+    /// Radiance of any scale, as in EXR files; exposed according to the reference.
     Radiance,
 }
 
-/// Luminance of linear Rec.709. What no radiance can be (negative, infinite, not a number) counts as black.
+/// Luminance of linear Rec.709. Values that no radiance can have (negative, infinite, NaN) count as black.
 pub fn luminance(color: [f32; 3]) -> f64 {
     gather::luminance(clean(color))
 }
 
-/// sRGB-encoded colour, clipped to what a display shows: 0 to 1.
+/// sRGB encoding of a colour, clipped to 0 and 1.
 pub fn encode(color: DVec3) -> DVec3 {
     srgb_from_linear(color.clamp(DVec3::ZERO, DVec3::ONE))
 }
 
-/// The colour with 0 for each value that no radiance can have.
+/// Replaces values that no radiance can have by 0.
 pub fn clean(color: [f32; 3]) -> DVec3 {
     Vec3::from(color).as_dvec3().map(|v| if v > 0.0 && v.is_finite() { v } else { 0.0 })
 }
 
-/// Whether a colour holds a value without a size. Maps of errors are NaN there, and only there.
+/// Whether a colour has a non-finite value. Error maps are NaN at such pixels, and only there.
 pub fn is_broken(color: [f32; 3]) -> bool {
     color.iter().any(|v| !v.is_finite())
 }
 
-/// Factor that brings the log-average luminance of an image's lit pixels to middle grey, 0.18; `None` if none is lit.
+/// Factor that maps the log-average luminance of an image's lit pixels to middle grey, 0.18; `None` if none is lit.
 ///
-/// What is darker than 1/32 of the mean counts as 1/32 of it.
+/// Pixels darker than 1/32 of the mean count as 1/32 of it.
 pub fn middle_grey(image: &[[f32; 3]]) -> Option<f64> {
     let lit: Vec<f64> = image.iter().map(|c| luminance(*c)).filter(|l| *l > 0.0).collect();
     if lit.is_empty() {

@@ -1,24 +1,23 @@
-//! FLIP: the difference that is seen when flipping between two images. LDR-FLIP: Andersson et al. 2020, "FLIP: A
-//! Difference Evaluator for Alternating Images"; HDR-FLIP: Andersson et al. 2021, "Visualizing Errors in Rendered
-//! High Dynamic Range Images". The crate computes the first, and the second follows from it here.
+//! FLIP: the difference that is visible when flipping between two images. LDR-FLIP: Andersson et al. 2020, "FLIP: A
+//! Difference Evaluator for Alternating Images"; HDR-FLIP: Andersson et al. 2021, "Visualizing Errors in Rendered High
+//! Dynamic Range Images". The crate `nv-flip` computes LDR-FLIP; this module builds HDR-FLIP from it.
 
 use super::display::{Values, clean, encode, is_broken, luminance};
 use nv_flip::FlipImageRgb8;
 use rayon::prelude::*;
 
-/// Pixels per degree of the papers' observer: 0.7 m before a display 0.7 m and 3840 pixels wide.
+/// Pixels per degree of the papers' observer: 0.7 m from a display that is 0.7 m and 3840 pixels wide.
 pub const PIXELS_PER_DEGREE: f32 = nv_flip::DEFAULT_PIXELS_PER_DEGREE;
 
-/// FLIP's error of each pixel, 0 to 1, where 0 is equal; NaN where a value is broken. The metric is the map's mean.
+/// FLIP error of each pixel from 0 (equal) to 1; NaN where a value is broken. The metric is the mean of the map.
 ///
-/// Display values: LDR-FLIP of the sRGB codes. Radiance: the largest LDR-FLIP of each pixel over the exposures that
-/// HDR-FLIP takes from the reference (see `exposures`), the exposed images tone-mapped as HDR-FLIP does, clipped and
-/// encoded as sRGB codes of 8 bits. The rounding to 8 bits is the crate's and not the paper's: it matters below a few
-/// percent (in `tests/compare.rs` a pattern 2 % brighter has 0.0357 instead of 0.0337, one 10 % brighter 0.1070
-/// instead of 0.1069).
+/// Display values: LDR-FLIP of the sRGB codes. Radiance: for each pixel the largest LDR-FLIP over the exposures that
+/// HDR-FLIP derives from the reference (see `exposures`). Exposed images are tone-mapped as in HDR-FLIP, clipped, and
+/// encoded as 8-bit sRGB. The paper does not round to 8 bits; the crate does. This matters below a few percent: in
+/// `tests/compare.rs` a pattern 2 % brighter has 0.0357 instead of 0.0337, one 10 % brighter 0.1070 instead of 0.1069.
 ///
-/// `pixels_per_degree` of visual angle, above 0: see [`PIXELS_PER_DEGREE`]. Both images hold `size[0] * size[1]`
-/// pixels, at most 2^28.
+/// `pixels_per_degree`: per degree of visual angle, above 0; see [`PIXELS_PER_DEGREE`]. Both images hold
+/// `size[0] * size[1]` pixels, at most 2^28.
 pub fn flip(
     image: &[[f32; 3]],
     reference: &[[f32; 3]],
@@ -37,7 +36,7 @@ pub fn flip(
     let seen = match values {
         Values::Display => ldr(&|c| bytes(clean(*c))),
         Values::Radiance => exposures(reference)
-            // A reference without light has no exposures of its own.
+            // A black reference defines no exposures.
             .or_else(|| exposures(image))
             .unwrap_or_else(|| vec![1.0])
             .into_par_iter()
@@ -48,8 +47,8 @@ pub fn flip(
     (0..pixels).map(|i| if is_broken(i) { f64::NAN } else { f64::from(seen[i]) }).collect()
 }
 
-/// The value of a map below which lies this share of its sum: 0.5 is the weighted median, as FLIP's authors report it.
-/// NaN if the map holds one.
+/// Weighted quantile: the value of a map below which this share of the map's sum lies. 0.5 gives the weighted median
+/// that FLIP's authors report. NaN if the map holds a NaN.
 pub fn weighted_quantile(map: &[f64], share: f64) -> f64 {
     let mut sorted = map.to_vec();
     sorted.sort_by(f64::total_cmp);
@@ -62,21 +61,21 @@ pub fn weighted_quantile(map: &[f64], share: f64) -> f64 {
     if total.is_nan() { f64::NAN } else { sorted.iter().copied().find(reaches).unwrap_or(0.0) }
 }
 
-/// Coefficients of HDR-FLIP's tone map: Narkowicz's fit of ACES, its exposure of 0.6 taken out.
+/// Coefficients of HDR-FLIP's tone map: Narkowicz's fit of ACES without its exposure of 0.6.
 const UP: [f64; 2] = [0.36 * 2.51, 0.6 * 0.03];
 const DOWN: [f64; 3] = [0.36 * 2.43, 0.6 * 0.59, 0.14];
 
-/// HDR-FLIP's tone map of one exposed channel.
+/// HDR-FLIP's tone map for one exposed channel.
 fn tone_map(x: f64) -> f64 {
-    // Far beyond white, where squares would overflow.
+    // Far beyond white; avoids overflow of the squares.
     let x = x.min(1e9);
     (UP[0] * x * x + UP[1] * x) / (DOWN[0] * x * x + DOWN[1] * x + DOWN[2])
 }
 
-/// Factors of the exposures of HDR-FLIP: from the one that maps the largest luminance to 0.85 of the display's range
-/// to the one that maps the median there, as many as stops lie between, at least two. `None` if there is no light.
+/// Exposure factors of HDR-FLIP. They range from the one that maps the largest luminance to 0.85 of the display's range
+/// to the one that does so for the median, with one factor per stop and at least two. `None` if there is no light.
 ///
-/// The median is of all pixels, or, if half of them are black, of the lit ones.
+/// The median is over all pixels, or over the lit ones if at least half of the pixels are black.
 fn exposures(image: &[[f32; 3]]) -> Option<Vec<f64>> {
     let mut luminances: Vec<f64> = image.iter().map(|c| luminance(*c)).collect();
     luminances.sort_by(f64::total_cmp);

@@ -1,22 +1,22 @@
-//! Heat maps: an error per pixel to a colour per pixel.
+//! Heat maps: map an error per pixel to a colour per pixel.
 
-/// Which values of a heat map are black and which the lightest.
+/// Range of values that a heat map shows, from black to the lightest colour.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Scale {
-    /// From 0 to this.
+    /// From 0 to this value.
     Linear(f64),
-    /// Decades, from the first to the second, both above 0.
+    /// Logarithmic, from the first value to the second, both above 0.
     Log(f64, f64),
 }
 
 impl Scale {
-    /// Place of a value on the scale, 0 to 1. NaN stays NaN.
+    /// Position of a value on the scale, 0 to 1. NaN stays NaN.
     pub fn place(self, value: f64) -> f64 {
         let place = match self {
             Self::Linear(most) => value / most,
             Self::Log(least, most) => (value.max(least) / least).ln() / (most / least).ln(),
         };
-        // `max` above takes a NaN for the least.
+        // `max` above turns NaN into the minimum.
         if value.is_nan() { f64::NAN } else { place.clamp(0.0, 1.0) }
     }
 }
@@ -24,15 +24,15 @@ impl Scale {
 impl std::fmt::Display for Scale {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
-            // As an f32: seven digits are enough to read.
+            // As f32: seven digits are enough.
             Self::Linear(most) => write!(f, "from 0 (black) to {} (light yellow), linear", *most as f32),
             Self::Log(least, most) => write!(f, "from {least:e} (black) to {most} (light yellow), logarithmic"),
         }
     }
 }
 
-/// RGBA bytes of a heat map, as `image::write_png` takes them: black, purple, red, light yellow (the map "magma");
-/// NaN is green, which the map never is.
+/// RGBA bytes of a heat map, as `image::write_png` takes them: black, purple, red, light yellow (the map "magma"). NaN
+/// is green, which the map does not contain.
 pub fn colors(values: &[f64], scale: Scale) -> Vec<u8> {
     let magma = nv_flip::magma_lut().to_vec();
     let color = |value: &f64| {

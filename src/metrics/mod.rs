@@ -1,4 +1,4 @@
-//! Errors of an image against a reference, over linear RGB values; what a display shows of them, and maps of them.
+//! Errors of an image against a reference on linear RGB values, on display values, and as heat maps.
 
 pub mod display;
 pub mod flip;
@@ -7,32 +7,32 @@ pub mod ssim;
 
 use glam::{DVec3, Vec3};
 
-/// Errors of an image against a reference. All are 0 for equal images but `psnr`, which is infinite.
+/// Errors of an image against a reference. All are 0 for equal images, except `psnr`, which is infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Metrics {
-    /// Pixels that were compared.
+    /// Number of pixels compared.
     pub pixels: usize,
     /// Mean absolute error: `mean(|a - b|)`.
     pub mae: f64,
     /// Mean absolute relative error: `mean(|a - b| / (b + 0.01 mean(b)))`.
     pub mare: f64,
-    /// Root of the mean squared error.
+    /// Root mean squared error.
     pub rmse: f64,
     /// Relative mean squared error: `mean((a - b)^2 / (b^2 + 0.01 mean(b)^2))`.
     pub relmse: f64,
     /// The same without the worst 1 % of pixels.
     pub relmse_trimmed: f64,
-    /// Median over pixels of the relative error of luminance `Y`: `|Y(a) - Y(b)| / (Y(b) + 0.01 mean(b))`. With an even
-    /// number of pixels the upper one of the two in the middle.
+    /// Median over pixels of the relative luminance error `|Y(a) - Y(b)| / (Y(b) + 0.01 mean(b))`. With an even number
+    /// of pixels the upper of the two middle values.
     pub median_relative: f64,
     /// Relative error of the mean: `mean(a) / mean(b) - 1`.
     pub bias: f64,
-    /// Peak signal-to-noise ratio \[dB\], the peak being the reference's largest value.
+    /// Peak signal-to-noise ratio \[dB\]; the peak is the reference's largest value.
     pub psnr: f64,
 }
 
 impl Metrics {
-    /// Names and values, in the order of the fields.
+    /// Names and values in the order of the fields.
     pub fn named(&self) -> [(&'static str, f64); 8] {
         [
             ("mae", self.mae),
@@ -47,7 +47,7 @@ impl Metrics {
     }
 }
 
-/// Relative squared error of each pixel, as `Metrics::relmse` averages it. The images are equally long.
+/// Relative squared error of each pixel; `Metrics::relmse` is its mean. The images must have equal length.
 pub fn relative_squares(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Vec<f64> {
     let floor = 0.01 * mean(reference).powi(2);
     let channel = |a: f32, b: f32| {
@@ -59,15 +59,14 @@ pub fn relative_squares(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Vec<f64> 
     image.iter().zip(reference).map(pixel).collect()
 }
 
-/// Absolute error of each pixel, mean of its channels, as `Metrics::mae` averages it. The images are equally long.
+/// Absolute error of each pixel, averaged over channels; `Metrics::mae` is its mean. The images must have equal length.
 pub fn absolutes(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Vec<f64> {
     let pixel =
         |(a, b): (&[f32; 3], &[f32; 3])| (0..3).map(|c| (f64::from(a[c]) - f64::from(b[c])).abs()).sum::<f64>() / 3.0;
     image.iter().zip(reference).map(pixel).collect()
 }
 
-/// Relative error of the luminance of each pixel, of which `Metrics::median_relative` is the median. The images are equally
-/// long.
+/// Relative luminance error of each pixel; `Metrics::median_relative` is its median. The images must have equal length.
 fn relative_luminances(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Vec<f64> {
     let floor = 0.01 * mean(reference);
     let luminance = |rgb: &[f32; 3]| Vec3::from(*rgb).as_dvec3().dot(DVec3::new(0.2126, 0.7152, 0.0722));
@@ -78,12 +77,12 @@ fn relative_luminances(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Vec<f64> {
     image.iter().zip(reference).map(pixel).collect()
 }
 
-/// Two black images are equal: nothing over nothing is nothing.
+/// Quotient that is 0 for 0 / 0, so that two black images are equal.
 fn ratio(up: f64, down: f64) -> f64 {
     if up == 0.0 { 0.0 } else { up / down }
 }
 
-/// The value in the middle; not a number where any is none.
+/// Median; NaN if any value is NaN.
 fn median(mut values: Vec<f64>) -> f64 {
     if values.iter().any(|value| value.is_nan()) {
         return f64::NAN;
@@ -92,7 +91,7 @@ fn median(mut values: Vec<f64>) -> f64 {
     *values.select_nth_unstable_by(middle, f64::total_cmp).1
 }
 
-/// Compares two images of the same number of pixels. Panics if they differ in it or hold none.
+/// Compares two images. Panics if they differ in the number of pixels or have none.
 pub fn metrics(image: &[[f32; 3]], reference: &[[f32; 3]]) -> Metrics {
     assert_eq!(image.len(), reference.len(), "images of the same size");
     assert!(!image.is_empty(), "an image with pixels");

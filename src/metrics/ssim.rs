@@ -9,16 +9,16 @@ use rayon::prelude::*;
 const RADIUS: usize = 5;
 /// Standard deviation of the window's Gaussian \[pixels\].
 const SIGMA: f64 = 1.5;
-/// `(K1 L)^2` and `(K2 L)^2` with the paper's K1 = 0.01, K2 = 0.03 and the range of values L = 1.
+/// `(K1 L)^2` and `(K2 L)^2` with the paper's K1 = 0.01 and K2 = 0.03 and the value range L = 1.
 const C1: f64 = 1e-4;
 const C2: f64 = 9e-4;
 
-/// Structural similarity of each pixel's surroundings, -1 to 1, where 1 is equal; NaN where a value is broken. The
-/// metric is the mean of the map.
+/// Structural similarity around each pixel, -1 to 1 (equal); NaN where a value is broken. The metric is the mean of the
+/// map.
 ///
-/// Compared is the sRGB-encoded Rec.709 luminance, clipped to 0 and 1; radiance is first scaled so that the
-/// log-average luminance of the reference is middle grey, the image by the same factor. At the edges the window is
-/// cut and renormalised, where the paper leaves five pixels out. Both images hold `size[0] * size[1]` pixels.
+/// Compares sRGB-encoded Rec.709 luminance, clipped to 0 and 1. Radiance is first scaled so that the reference's
+/// log-average luminance is middle grey; the image gets the same factor. At the borders the window is clipped and
+/// renormalised, where the paper leaves out five pixels. Both images hold `size[0] * size[1]` pixels.
 pub fn ssim(image: &[[f32; 3]], reference: &[[f32; 3]], size: [u32; 2], values: Values) -> Vec<f64> {
     let width = size[0] as usize;
     assert!(
@@ -27,7 +27,7 @@ pub fn ssim(image: &[[f32; 3]], reference: &[[f32; 3]], size: [u32; 2], values: 
     );
     let factor = match values {
         Values::Display => 1.0,
-        // A reference without light has no exposure of its own.
+        // A black reference defines no exposure.
         Values::Radiance => middle_grey(reference).or_else(|| middle_grey(image)).unwrap_or(1.0),
     };
     let shown =
@@ -49,11 +49,11 @@ pub fn ssim(image: &[[f32; 3]], reference: &[[f32; 3]], size: [u32; 2], values: 
     (0..a.len()).map(pixel).collect()
 }
 
-/// Mean over the Gaussian window around each pixel, one axis after the other.
+/// Gaussian-weighted mean around each pixel, one axis after the other.
 fn blur(values: &[f64], width: usize) -> Vec<f64> {
     let height = values.len() / width;
     let weights: Vec<f64> = (0..=RADIUS).map(|d| (-0.5 * (d as f64 / SIGMA).powi(2)).exp()).collect();
-    // Mean along a line of `count` values, around the one at `at`.
+    // Mean along a line of `count` values, around position `at`.
     let mean = |at: usize, count: usize, value: &dyn Fn(usize) -> f64| {
         let window = at.saturating_sub(RADIUS)..=(at + RADIUS).min(count - 1);
         let (sum, weight) = window.fold((0.0, 0.0), |(sum, weight), i| {

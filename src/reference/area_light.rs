@@ -1,29 +1,29 @@
-//! What a point receives from a rectangle of one radiance, by adding up its parts: the truth of the contour integrals that
-//! pixels are shaded by.
+//! Light from a rectangle of uniform radiance at a point, by numerical integration: the reference for the contour
+//! integrals of the shaders.
 
 use super::phong::cos_power;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
-/// A rectangle that shines from its front with one radiance.
+/// A rectangle that emits uniform radiance from its front.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
-    /// Its middle \[m\].
+    /// Centre \[m\].
     pub middle: DVec3,
-    /// From the middle to an edge \[m\]; the front is that of `right` x `up`.
+    /// From the centre to an edge \[m\]; the front faces `right` x `up`.
     pub right: DVec3,
-    /// Likewise, square to that.
+    /// Likewise, perpendicular to `right`.
     pub up: DVec3,
 }
 
-/// Parts along a side are this share of the distance, and of the width of the lobe, at most.
+/// Largest size of a part, as a share of the distance times the lobe's width.
 const FINE: f64 = 0.05;
 
-/// Most parts along a side.
+/// Most parts per side.
 const MOST: usize = 4000;
 
 impl Rectangle {
-    /// Integral of `weight` over the solid angle \[sr\] that it fills at a point; of its back nothing.
+    /// Integral of `weight` over the solid angle \[sr\] that the rectangle's front subtends at a point.
     fn integral(&self, point: DVec3, width: f64, weight: impl Fn(DVec3) -> f64) -> f64 {
         let area = self.right.cross(self.up) * 4.0;
         let nearest = {
@@ -45,13 +45,13 @@ impl Rectangle {
         sum / (columns * rows) as f64
     }
 
-    /// Irradiance at a point, over pi times the radiance.
+    /// Form factor: irradiance at a point, divided by pi times the radiance.
     pub fn form_factor(&self, point: DVec3, normal: DVec3) -> f64 {
         self.integral(point, 1.0, |towards| normal.dot(towards).max(0.0)) / PI
     }
 
-    /// Radiance that a normalised Phong lobe of exponent `k` about the unit vector `mirrored` reflects, over the radiance;
-    /// Lensing 2014, eq. 5.30.
+    /// Radiance reflected by a normalised Phong lobe of exponent `k` about the unit vector `mirrored`, divided by the
+    /// rectangle's radiance; Lensing 2014, eq. 5.30.
     pub fn lobe(&self, point: DVec3, normal: DVec3, mirrored: DVec3, k: f64) -> f64 {
         let width = (1.0 / (k + 1.0).sqrt()).min(1.0);
         let lobe = |towards: DVec3| cos_power(k, mirrored.dot(towards)) * normal.dot(towards).max(0.0);

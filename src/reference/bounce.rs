@@ -1,8 +1,8 @@
-//! More bounces: what caches receive makes VALs of them, which light all caches. METHOD 9, thesis 6.1.7.
+//! Further bounces: light that caches receive turns them into VALs, which light all caches. METHOD 9, thesis 6.1.7.
 //!
-//! The discs of caches that stand next to each other at an edge are not the surface there, and nothing is in the way of
-//! light from one to another: what all caches together send to one could be more than their radiosity. No point sees
-//! more than its hemisphere, so a cache's form factors are scaled to a sum of 1 where it is larger.
+//! The form factors of all caches at one cache can sum to more than 1: discs of caches at an edge do not match the
+//! surface there, and nothing occludes one cache from another. Since no point sees more than its hemisphere, larger
+//! sums are scaled down to 1.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -11,10 +11,10 @@ use super::brute_force;
 use super::gather::{Cache, val_geometry};
 use super::rsm::Val;
 
-/// A cache and the surface that it stands for.
+/// A cache and its share of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
-    /// Where light arrives.
+    /// The point that receives light.
     pub cache: Cache,
     /// Area [m^2], eq. 5.58.
     pub area: f64,
@@ -23,26 +23,26 @@ pub struct Patch {
 }
 
 impl Patch {
-    /// The patch as a light, for its irradiance \[lx\]: flux `rho E A` \[lm\].
+    /// The patch as a light, given its irradiance \[lx\]: flux `rho E A` \[lm\].
     pub fn val(&self, irradiance: DVec3) -> Val {
         let Self { cache, area, albedo } = *self;
         Val { position: cache.position, area, normal: cache.normal, flux: albedo * irradiance * area }
     }
 }
 
-/// Sum of the form factors of all patches at a cache: 1 where they fill all that it sees, and their discs did so, too.
+/// Sum of the form factors of all patches at a cache: 1 if their surfaces fill its hemisphere and the discs match them.
 pub fn form_factors(cache: &Cache, patches: &[Patch]) -> f64 {
     let geometry = |patch: &Patch| val_geometry(cache.position, cache.normal, &patch.val(DVec3::ZERO)).0;
     patches.iter().map(|patch| patch.area * geometry(patch)).sum()
 }
 
-/// By what the light of all patches is multiplied at a cache.
+/// Factor on the light of all patches at a cache.
 pub fn scale(form_factors: f64) -> f64 {
     1.0 / form_factors.max(1.0)
 }
 
-/// Irradiance \[lx\] at every cache after so many bounces: that of the primary lights' VALs, and from the second bounce on
-/// that of the patches which the bounce before has lit, `E_(k+1) = E_1 + s sum_j rho_j E_k,j A_j G_j`.
+/// Irradiance \[lx\] at every cache after this number of bounces: light of the primary lights' VALs and, from the
+/// second bounce on, of the patches lit by the previous bounce: `E_(k+1) = E_1 + s sum_j rho_j E_k,j A_j G_j`.
 pub fn irradiances(patches: &[Patch], vals: &[Val], bounces: u32) -> Vec<DVec3> {
     let at = |patch: &Patch, vals: &[Val]| brute_force::irradiance(patch.cache.position, patch.cache.normal, vals);
     let first: Vec<DVec3> = patches.par_iter().map(|patch| at(patch, vals)).collect();
@@ -54,8 +54,8 @@ pub fn irradiances(patches: &[Patch], vals: &[Val], bounces: u32) -> Vec<DVec3> 
     })
 }
 
-/// Irradiance \[lx\] that a cache receives of what its rays have met, each for an equal share of what arrives under the cosine: the
-/// mean radiosity [lm/m^2] of the caches there, none where there is no cache.
+/// Irradiance \[lx\] at a cache from the caches at its rays' hits: their mean radiosity [lm/m^2]. Every ray has an
+/// equal share of the cosine-weighted hemisphere; rays without a cache count as black.
 pub fn exchange(met: &[Option<usize>], radiosities: &[DVec3]) -> DVec3 {
     let sent = met.iter().map(|cache| cache.map_or(DVec3::ZERO, |cache| radiosities[cache]));
     sent.sum::<DVec3>() / met.len().max(1) as f64

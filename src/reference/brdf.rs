@@ -1,4 +1,4 @@
-//! The glossy lobe of a surface as a viewer sees it: modified Phong, or glTF 2.0's GGX. METHOD 3.
+//! A surface's glossy lobe for a viewer: modified Phong, or glTF 2.0's GGX. METHOD 3.
 
 use std::f64::consts::{PI, TAU};
 
@@ -8,7 +8,7 @@ use super::phong::{Material, phong_lobe, reflect};
 use crate::scene::ggx;
 use crate::scene::material::{self, Reflectance};
 
-/// A glossy lobe at a point, towards a viewer.
+/// A glossy lobe at a point for one viewer.
 #[derive(Clone, Copy, Debug)]
 pub enum Lobe {
     /// Normalised modified Phong.
@@ -17,40 +17,41 @@ pub enum Lobe {
         albedo: DVec3,
         /// `k`.
         exponent: f64,
-        /// Unit mirror direction of the viewer.
+        /// Unit view direction, reflected about the normal.
         mirrored: DVec3,
     },
-    /// GGX with Smith's height-correlated shadowing, Schlick's Fresnel and what is scattered more than once.
+    /// GGX with Smith's height-correlated shadowing, Schlick's Fresnel and multiple scattering.
     Ggx {
         /// Reflectance at normal incidence.
         f0: DVec3,
-        /// Reflectance at the horizon.
+        /// Reflectance at grazing incidence.
         f90: f64,
-        /// Root of alpha.
+        /// Square root of alpha.
         roughness: f64,
         /// Unit normal.
         normal: DVec3,
-        /// Unit direction towards the viewer, turned up to a cosine of [`ggx::LEAST_COSINE`].
+        /// Unit direction towards the viewer, raised to a cosine of at least [`ggx::LEAST_COSINE`].
         view: DVec3,
     },
 }
 
-/// Area of the slopes' density above alpha: Smith's Lambda.
+/// Smith's Lambda for GGX.
 fn lambda(alpha: f64, cosine: f64) -> f64 {
     let tan2 = (1.0 - cosine * cosine).max(0.0) / (cosine * cosine);
     0.5 * ((1.0 + alpha * alpha * tan2).sqrt() - 1.0)
 }
 
-/// Density [1/sr] of facets whose normal has this sine and cosine to the surface's, Trowbridge and Reitz 1975.
+/// GGX normal distribution [1/sr] by sine and cosine (squared) between microfacet and surface normal; Trowbridge and
+/// Reitz 1975.
 fn facets(alpha: f64, sine2: f64, cosine2: f64) -> f64 {
     alpha * alpha / (PI * (sine2 + alpha * alpha * cosine2).powi(2))
 }
 
 impl Lobe {
-    /// No lobe at all.
+    /// A lobe that reflects nothing.
     pub const NONE: Self = Self::Phong { albedo: DVec3::ZERO, exponent: 1.0, mirrored: DVec3::Z };
 
-    /// The lobe of a surface of this unit normal, looked at in the unit `direction`.
+    /// The lobe of a surface with this unit normal for a ray in the unit `direction`.
     pub fn new(reflectance: &Reflectance, normal: DVec3, direction: DVec3) -> Self {
         match reflectance.lobe {
             material::Lobe::Phong { albedo, exponent } => Self::Phong {
@@ -66,7 +67,7 @@ impl Lobe {
         }
     }
 
-    /// BRDF [1/sr] for light from the unit direction `towards`, which is above the surface.
+    /// BRDF [1/sr] for light from the unit direction `towards`, which must be above the surface.
     pub fn brdf(&self, towards: DVec3) -> DVec3 {
         match *self {
             Self::Phong { albedo, exponent, mirrored } => albedo * phong_lobe(exponent, mirrored.dot(towards)),
@@ -88,7 +89,7 @@ impl Lobe {
         }
     }
 
-    /// Share of even light that it reflects, by the fits that shaders have; of a Phong lobe at normal incidence.
+    /// Albedo under uniform light by the shaders' fits; of a Phong lobe the one at normal incidence.
     pub fn albedo(&self) -> DVec3 {
         match *self {
             Self::Phong { albedo, .. } => albedo,
@@ -99,7 +100,7 @@ impl Lobe {
         }
     }
 
-    /// Probability density [1/sr] with which [`Self::sample`] gives the unit direction `towards`.
+    /// Probability density [1/sr] of the unit direction `towards` in [`Self::sample`].
     pub fn density(&self, towards: DVec3) -> f64 {
         match *self {
             Self::Phong { exponent: k, mirrored, .. } => (k + 1.0) / TAU * mirrored.dot(towards).max(0.0).powf(k),
@@ -117,8 +118,8 @@ impl Lobe {
         }
     }
 
-    /// A unit direction, by Phong's power or by the visible normals of GGX (Dupuy and Benyoub 2023), which may lie below the
-    /// surface; `u` uniform in the unit square.
+    /// Samples a unit direction, by Phong's power or by the visible normals of GGX (Dupuy and Benyoub 2023). It may lie
+    /// below the surface. `u` is uniform in the unit square.
     pub fn sample(&self, u: DVec2) -> DVec3 {
         match *self {
             Self::Phong { exponent, mirrored, .. } => around(mirrored, (1.0 - u.y).powf(1.0 / (exponent + 1.0)), u.x),
@@ -139,7 +140,7 @@ impl Lobe {
     }
 }
 
-/// The unit direction at this cosine to the unit `axis`, and `turn` of a full turn about it.
+/// Unit direction at this cosine from the unit `axis`; `turn` is the rotation about it in full turns.
 pub fn around(axis: DVec3, cosine: f64, turn: f64) -> DVec3 {
     let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
     let (tangent, bitangent) = axis.any_orthonormal_pair();
@@ -147,8 +148,8 @@ pub fn around(axis: DVec3, cosine: f64, turn: f64) -> DVec3 {
     (cosine * axis + sine * (x * tangent + y * bitangent)).normalize()
 }
 
-/// A surface seen at this cosine as what caches know: diffuse, and the Phong lobe that is as wide as its own, with an exponent of
-/// [`ggx::CACHE_EXPONENT`] at most, and as bright under even light.
+/// A surface at this view cosine as caches model it: diffuse plus a Phong lobe of equal width, with an exponent of at
+/// most [`ggx::CACHE_EXPONENT`] and the same albedo under uniform light.
 pub fn fitted(reflectance: &Reflectance, cosine: f64) -> Material {
     let diffuse = reflectance.diffuse(cosine).as_dvec3();
     match reflectance.lobe {
@@ -165,8 +166,8 @@ pub fn fitted(reflectance: &Reflectance, cosine: f64) -> Material {
     }
 }
 
-/// Integral over the hemisphere about +z of a function of the direction, which is steep within `width` \[rad\] of `axis` alone:
-/// by rings about it, with a midpoint rule that is finer inside.
+/// Integral of a function over the hemisphere about +z. The function may be steep only within `width` \[rad\] of
+/// `axis`: rings about the axis, by a midpoint rule with finer steps near it.
 pub fn hemisphere(axis: DVec3, width: f64, mut value: impl FnMut(DVec3) -> f64) -> f64 {
     const RINGS: usize = 200;
     const TURNS: usize = 128;

@@ -1,5 +1,5 @@
-//! Indirect light from every VAL at every point: what caches and interpolation approximate.
-//! METHOD 3, thesis 5.3.1-5.3.2.
+//! Indirect light from every VAL at a point: the ground truth of caches and interpolation. METHOD 3, thesis
+//! 5.3.1-5.3.2.
 
 use glam::DVec3;
 
@@ -12,7 +12,7 @@ pub fn irradiance(point: DVec3, normal: DVec3, vals: &[Val]) -> DVec3 {
     vals.iter().map(|val| val.flux * val_geometry(point, normal, val).0).sum()
 }
 
-/// Radiance [cd/m^2] that leaves a point towards the eye of `mirrored_view`, diffuse (5.20) and glossy (5.32):
+/// Radiance [cd/m^2] that leaves a point towards the viewer of `mirrored_view`, diffuse (5.20) and glossy (5.32):
 /// `L_d = sum phi_j rho_d/pi G_j`, `L_g = sum phi_j rho_g (k+2)/(2 pi) cos^k(theta_e) G_j`.
 pub fn radiance(
     point: DVec3,

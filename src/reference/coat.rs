@@ -1,4 +1,4 @@
-//! What lies over a surface's own lobes, as a viewer sees it: a clear coat, and sheen below it. METHOD 16.
+//! Layers above a surface's own lobes, for a viewer: a clear coat, and sheen below it. METHOD 16.
 
 use std::f64::consts::TAU;
 
@@ -8,25 +8,25 @@ use super::brdf::Lobe;
 use crate::scene::material::Over;
 use crate::scene::{ggx, sheen};
 
-/// Coat and sheen at a point, towards a viewer.
+/// Coat and sheen at a point for one viewer.
 #[derive(Clone, Copy, Debug)]
 pub struct Coat {
-    /// The coat's lobe, about its own normal, of a surface that all of is coated.
+    /// Lobe of a full coat, about the coat's own normal.
     pub lobe: Lobe,
     /// Unit normal of the coat.
     pub normal: DVec3,
-    /// Share of the surface that has the coat.
+    /// Share of the surface that is coated.
     pub share: f64,
     /// The sheen.
     pub sheen: Sheen,
-    /// Share of even light that the coat reflects.
+    /// Share of uniform light that the coat reflects.
     pub coated: f64,
-    /// Share of what is below both that comes through.
+    /// Share of the base layer's light that passes both.
     pub under: f64,
 }
 
 impl Coat {
-    /// Nothing over a surface.
+    /// No coat and no sheen.
     pub const NONE: Self = Self {
         lobe: Lobe::NONE,
         normal: DVec3::Z,
@@ -36,7 +36,8 @@ impl Coat {
         under: 1.0,
     };
 
-    /// What lies over a surface, looked at in the unit `direction`; sheen is about the first normal, the coat about the second.
+    /// Coat and sheen of a surface seen in the unit `direction`. Sheen is about the first normal, the coat about the
+    /// second.
     pub fn new(over: &Over, [normal, of_coat]: [DVec3; 2], direction: DVec3) -> Self {
         if *over == Over::default() {
             return Self::NONE;
@@ -76,7 +77,7 @@ impl Coat {
         self.share * cosine * self.lobe.brdf(towards)
     }
 
-    /// The same of the sheen below it.
+    /// The same for the sheen below the coat.
     pub fn shone(&self, towards: DVec3) -> DVec3 {
         if self.sheen.color == DVec3::ZERO {
             return DVec3::ZERO;
@@ -85,21 +86,21 @@ impl Coat {
     }
 }
 
-/// Fine fibres: Estevez and Kulla's "Charlie", with Smith's shadowing.
+/// Sheen of fine fibres: Estevez and Kulla's "Charlie" with Smith's shadowing.
 #[derive(Clone, Copy, Debug)]
 pub struct Sheen {
     /// Colour.
     pub color: DVec3,
-    /// Root of alpha.
+    /// Square root of alpha.
     pub roughness: f64,
     /// Unit normal.
     pub normal: DVec3,
-    /// Unit direction towards the viewer, turned up to a cosine of [`ggx::LEAST_COSINE`].
+    /// Unit direction towards the viewer, raised to a cosine of at least [`ggx::LEAST_COSINE`].
     pub view: DVec3,
 }
 
 impl Sheen {
-    /// BRDF times cosine [1/sr] for light from the unit direction `towards`, as the formula says.
+    /// BRDF times cosine [1/sr] of white sheen for light from the unit direction `towards`, by the formula.
     pub fn whole(&self, towards: DVec3) -> f64 {
         let [nv, nl] = [self.view, towards].map(|w| self.normal.dot(w));
         if nl <= 0.0 {
@@ -112,7 +113,7 @@ impl Sheen {
         density * shadowing / (4.0 * nv)
     }
 
-    /// The same of its colour, and never more light than it gets.
+    /// The same in its colour, scaled down where the formula would reflect more light than arrives.
     pub fn reflected(&self, towards: DVec3) -> DVec3 {
         let excess = sheen::whole(self.roughness, self.normal.dot(self.view)).max(1.0);
         self.color * (self.whole(towards) / excess)

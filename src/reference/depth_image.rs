@@ -1,8 +1,8 @@
-//! What a cache sees of the rectangles that stand for all surfaces. METHOD 6, "beyond the print".
+//! A cache's view of the rectangles that represent all surfaces. METHOD 6, "beyond the print".
 //!
-//! The image covers the unit disc on which a unit direction `w` lies at `Proj(w) = (w.T, w.B)`, eq. 5.60. A texel holds
-//! how far the cache sees through its centre; of several rectangles the one that ends the view nearest counts, so that what
-//! stands in a row blocks once.
+//! The image covers the unit disc, onto which a unit direction `w` maps by `Proj(w) = (w.T, w.B)`, eq. 5.60. A texel
+//! stores how far the cache sees through its centre. Of several rectangles the one that ends the view nearest counts,
+//! so that occluders in a row block once.
 
 use std::f64::consts::PI;
 
@@ -13,47 +13,47 @@ use super::occlude::Disc;
 use super::phong::mirrored_view;
 use super::rsm::Val;
 
-/// A cache as something in the way: the rectangle that stands for its share of the surface.
+/// A cache as an occluder: the rectangle that represents its share of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Plate {
     /// The cache itself and the area of its share.
     pub disc: Disc,
-    /// Middle \[m\].
+    /// Centre \[m\].
     pub middle: DVec3,
-    /// From there to the middle of an edge \[m\], square to the normal.
+    /// From the centre to the middle of an edge \[m\], perpendicular to the normal.
     pub axis: DVec3,
-    /// From there to the next edge, square to both \[m\].
+    /// Half the size perpendicular to axis and normal \[m\].
     pub breadth: f64,
 }
 
-/// What is drawn for a cache.
+/// Shape drawn for a cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Shape {
-    /// A disc about it: its radius in that of the circle of its area.
+    /// A disc about the cache; radius relative to that of the circle of its area.
     Disc(f64),
-    /// The ellipse of the same variances as its rectangle, this many times as large.
+    /// The ellipse with its rectangle's variances, scaled by this factor.
     Ellipse(f64),
-    /// Its rectangle, this many times as large.
+    /// Its rectangle, scaled by this factor.
     Rectangle(f64),
 }
 
-/// How they are drawn. Lengths are in radii of the circle of a share's area.
+/// How occluders are drawn. Lengths are in radii of the circle of a share's area.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rule {
-    /// Texels of an image's side.
+    /// Side of an image \[texels\].
     pub side: usize,
-    /// What is drawn.
+    /// Shape of occluders.
     pub shape: Shape,
-    /// How far behind it things are still seen: surfaces are not flat.
+    /// Distance behind an occluder within which points are still visible: surfaces are not flat.
     pub margin: f64,
-    /// How far out of its plane a cache must lie for it to be in the way, the others being neighbours on its surface; and how
-    /// far before the other's plane one of the two caches must lie.
+    /// Smallest distance of a cache from an occluder's plane; nearer caches are neighbours on its surface. At least one
+    /// of the two caches must also lie this far in front of the other's plane.
     pub plane: f64,
-    /// Whether it blocks from behind, too.
+    /// Whether occluders also block from behind.
     pub two_sided: bool,
-    /// Share of the slope that it has within a texel by which it is moved away: at 1 no point of a plane hides another.
+    /// Share of an occluder's slope within a texel by which it is moved away; at 1 no point of a plane hides another.
     pub slope: f64,
-    /// VALs in a row that are seen or hidden together, as the first of them.
+    /// Consecutive VALs that share the visibility of the first.
     pub together: usize,
 }
 
@@ -64,15 +64,15 @@ impl Default for Rule {
     }
 }
 
-/// What is drawn, as a cache sees it.
+/// An occluder as a cache sees it.
 struct VisibleRectangle {
-    /// From the cache to its middle \[m\].
+    /// From the cache to the occluder's centre \[m\].
     offset: DVec3,
     /// Unit normal away from the cache.
     normal: DVec3,
-    /// How far the cache is from its plane \[m\].
+    /// Distance of the cache from the occluder's plane \[m\].
     height: f64,
-    /// Duals of its half axes: what lies within has coordinates below 1.
+    /// Duals of the half axes: coordinates are below 1 inside.
     duals: [DVec3; 2],
     is_round: bool,
     /// Radius of the circle of the share's area \[m\].
@@ -80,7 +80,7 @@ struct VisibleRectangle {
 }
 
 impl VisibleRectangle {
-    /// `None` where it cannot be in the way.
+    /// `None` if the occluder cannot block anything.
     fn new(cache: &Cache, plate: &Plate, rule: &Rule) -> Option<Self> {
         let Plate { disc, middle, axis, breadth } = *plate;
         let share = (disc.area / PI).sqrt();
@@ -93,7 +93,7 @@ impl VisibleRectangle {
         };
         let offset = middle - cache.position;
         let height = offset.dot(disc.normal);
-        // Two sides of one thing: neither cache is before the other, whatever their rectangles are.
+        // Two sides of one body: neither cache lies in front of the other, so their rectangles do not occlude.
         let other = disc.position - cache.position;
         let is_behind = -other.dot(disc.normal) < rule.plane * share && other.dot(cache.normal) <= rule.plane * share;
         let is_away = height.abs() > rule.plane * share && !is_behind && (rule.two_sided || height < 0.0);
@@ -109,7 +109,7 @@ impl VisibleRectangle {
         })
     }
 
-    /// Whether a ray in a unit direction, of which this much is along the normal, goes through it.
+    /// Whether a ray in a unit direction hits it; `along` is the direction's component along the normal.
     fn is_met(&self, direction: DVec3, along: f64) -> bool {
         let place = direction * (self.height / along) - self.offset;
         let [a, b] = self.duals.map(|dual| place.dot(dual).abs());
@@ -117,7 +117,7 @@ impl VisibleRectangle {
     }
 }
 
-/// Cosine at the cache below which a texel's slope is taken from here: at the horizon it has no end.
+/// Lower bound of the cosine at the cache for a texel's slope, which is infinite at the horizon.
 const LEAST_Z: f64 = 0.2;
 
 /// The view of one cache.
@@ -126,11 +126,11 @@ pub struct DepthImage {
     position: DVec3,
     tangents: [DVec3; 2],
     side: usize,
-    /// Reciprocal of the distance at which the view ends [1/m], row by row; 0 where it does not.
+    /// Reciprocal of the distance at which the view ends [1/m], row by row; 0 if unobstructed.
     pub ends: Vec<f64>,
 }
 
-/// A frame about a unit normal. Duff et al. 2017.
+/// An orthonormal frame about a unit normal. Duff et al. 2017.
 pub fn tangents(n: DVec3) -> [DVec3; 2] {
     let side = if n.z >= 0.0 { 1.0 } else { -1.0 };
     let a = -1.0 / (side + n.z);
@@ -139,12 +139,12 @@ pub fn tangents(n: DVec3) -> [DVec3; 2] {
 }
 
 impl DepthImage {
-    /// Draws what stands for all caches.
+    /// Draws the occluders of all caches.
     pub fn new(cache: &Cache, plates: &[Plate], rule: &Rule) -> Self {
         let tangents = tangents(cache.normal);
         let side = rule.side;
         let mut ends = vec![0.0; side * side];
-        // What cannot be in the way is left out once, not once a texel.
+        // Skip occluders that cannot block once, not per texel.
         let seen: Vec<VisibleRectangle> =
             plates.iter().filter_map(|plate| VisibleRectangle::new(cache, plate, rule)).collect();
         for (index, end) in ends.iter_mut().enumerate() {
@@ -163,8 +163,8 @@ impl DepthImage {
                 if !met.is_met(direction, along) {
                     continue;
                 }
-                // Along a texel's edges w changes by the tangent less what z loses; the farthest corner is where the plane is
-                // seen at the least cosine.
+                // Along a texel's edges w changes by the tangent minus the loss in z. The farthest corner sees the
+                // plane under the smallest cosine.
                 let change = |tangent: DVec3, place: f64| {
                     let w = tangent - cache.normal * (place / z.max(LEAST_Z));
                     (0.5 * step * normal.dot(w)).abs()
@@ -190,8 +190,8 @@ impl DepthImage {
     }
 }
 
-/// What [`super::gather::gather`] gives with VALs that the cache does not see left out; VALs are those that carry light,
-/// in the device's order, so that the same ones are taken together.
+/// [`super::gather::gather`] without the VALs that the cache does not see. `vals` must be the lit VALs in the device's
+/// order, so that the same ones share a visibility test.
 pub fn gather_seen(
     cache: &Cache,
     image: &DepthImage,

@@ -1,4 +1,4 @@
-//! Light below a surface: the dipole model, what VALs inside bodies give to caches, proxy dipoles and their average. METHOD 7,
+//! Subsurface scattering: the dipole model, light of inner VALs at caches, proxy dipoles and their average. METHOD 7,
 //! thesis 5.5.
 
 use std::f64::consts::PI;
@@ -8,34 +8,34 @@ use glam::DVec3;
 use crate::scene::medium::{Medium, fresnel, source};
 pub use crate::scene::medium::{diffuse_reflectance, widest};
 
-/// Light that has entered a body through one texel of an RSM, or around one cache.
+/// Light that entered a body through one texel of an RSM or around one cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct InnerVal {
-    /// Where \[m\].
+    /// Position \[m\].
     pub position: DVec3,
     /// Unit normal of the surface, outwards.
     pub normal: DVec3,
-    /// Area of the surface [m^2] that it enters through.
+    /// Area of the surface [m^2] through which it entered.
     pub area: f64,
     /// Flux below the surface \[lm\].
     pub flux: DVec3,
 }
 
-/// What all VALs inside a body give to one cache: a dipole of each channel that stands for them.
+/// The light of all inner VALs of a body at one cache, condensed into one dipole per channel.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct ProxyDipole {
     /// Irradiance from below \[lx\], (5.89).
     pub irradiance: DVec3,
-    /// Mean place of the light on the surface \[m\], relative to the cache, of each channel, (5.88).
+    /// Mean position of the light on the surface \[m\] relative to the cache, by channel, (5.88).
     pub place: [DVec3; 3],
-    /// Its variance [m^2].
+    /// Variance of the position [m^2].
     pub variance: DVec3,
-    /// By how much its texels widen it \[m\].
+    /// Widening of the dipole by the size of texels \[m\].
     pub widest: DVec3,
 }
 
-/// Sums up the VALs inside a body at a cache; `bodies` are its caches, position and area, which bound what it receives: nothing
-/// sends on more than has come to it.
+/// Sums a body's inner VALs at a cache. `bodies` are the position and area of all caches of the body; they limit the
+/// sum, because no part may send on more light than arrives.
 pub fn gather(medium: &Medium, cache: DVec3, vals: &[InnerVal], bodies: &[(DVec3, f64)]) -> ProxyDipole {
     let whole = bodies.iter().fold(DVec3::ZERO, |sum, &(position, area)| {
         sum + area * diffuse_reflectance(medium, position.distance(cache), widest(area))
@@ -66,16 +66,16 @@ pub fn gather(medium: &Medium, cache: DVec3, vals: &[InnerVal], bodies: &[(DVec3
     proxy
 }
 
-/// One channel of `R_d` from light that is spread by this variance [m^2] about a place `r` \[m\] away.
+/// One channel of `R_d` for light with this variance [m^2] about a position `r` \[m\] away.
 fn spread(medium: &Medium, channel: usize, r2: f64, variance: f64, wide: f64) -> f64 {
-    // What is spread is as far away as it is in the root mean square, and as wide.
+    // Spread light acts at its root mean square distance and is as wide.
     let wide = (wide * wide + 0.5 * variance).sqrt();
     let at = |z: f64| source(r2.sqrt(), z, medium.sigma_tr[channel], wide);
     medium.share[channel] * (at(medium.z_r[channel]) + at(medium.z_v[channel]))
 }
 
-/// Irradiance from below \[lx\] at a point, from the proxies of caches around it, with positions \[m\] and weights: (5.92), (5.93)
-/// with positions averaged, and scales as the quotient of averages.
+/// Irradiance from below \[lx\] at a point from the proxies of the caches around it, with positions \[m\] and weights:
+/// (5.92), (5.93) with averaged positions and the scale as a quotient of averages.
 pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole)]) -> DVec3 {
     let all: f64 = caches.iter().map(|(_, weight, _)| weight).sum();
     let middle = caches.iter().map(|(position, weight, _)| *weight * (*position - x)).sum::<DVec3>() / all;
@@ -102,7 +102,7 @@ pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole
         let (place, wide) = (place / lit, wide / lit);
         let between = (second / lit - place.length_squared()).max(0.0);
         let variance = variance / lit + between;
-        // Where places move as caches do, light is all around, and irradiance itself is what to average.
+        // If positions move with the caches, light comes from all around: average irradiance itself.
         let follows = (between / apart.max(1e-30)).clamp(0.0, 1.0);
         let (mut own, mut weights) = (0.0, 0.0);
         for (_, weight, proxy) in caches.iter().filter(|(_, _, proxy)| proxy.irradiance[i] > 0.0) {
@@ -116,11 +116,11 @@ pub fn interpolate(medium: &Medium, x: DVec3, caches: &[(DVec3, f64, ProxyDipole
     irradiance
 }
 
-/// How many times brighter a point is at most than the mean of its caches: where light falls between them.
+/// Upper bound of a point's brightness relative to the mean of its caches, for light that falls between caches.
 pub const MOST_BRIGHTER: f64 = 64.0;
 
-/// Radiance [cd/m^2] that a viewer at this cosine sees of irradiance from below. What leaves in all is that irradiance; Fresnel
-/// says in which direction.
+/// Radiance [cd/m^2] towards a viewer at this cosine, from the irradiance from below. The total leaving flux equals
+/// that irradiance; Fresnel sets its distribution over directions.
 pub fn leaving(medium: &Medium, cosine: f64, irradiance: DVec3) -> DVec3 {
     irradiance * ((1.0 - fresnel(cosine.max(0.0), medium.ior)) / (medium.entering * PI))
 }

@@ -1,4 +1,4 @@
-//! Exact integrals over a flat, homogeneous patch as a point receives it: what a VAL's formulas approximate. METHOD 2-3.
+//! Exact integrals over a flat, homogeneous patch at a point: the truth behind a VAL's formulas. METHOD 2-3.
 
 use std::f64::consts::{PI, TAU};
 
@@ -6,12 +6,12 @@ use glam::DVec3;
 
 use super::phong::cos_power;
 
-/// Corners of the polygon that stands for a disc where the point's horizon cuts it. At equal area its form factor is
-/// within 1e-3 of the disc's (tests/sources.rs).
+/// Corners of the polygon that replaces a disc cut by the point's horizon. At equal area its form factor is within 1e-3
+/// of the disc's (tests/sources.rs).
 pub const RIM: usize = 128;
 
-/// Form factor from a point to a true disc of `area` [m^2]: the closed form of a disc's vector irradiance (Gershun 1936,
-/// by way of Snyder 1996) where the whole disc is above the point's horizon, else [`polygon_form_factor`].
+/// Form factor from a point to a true disc of `area` [m^2]. Uses the closed form of a disc's vector irradiance (Gershun
+/// 1936, by way of Snyder 1996) if the whole disc is above the point's horizon, else [`polygon_form_factor`].
 pub fn disc_form_factor(area: f64, centre: DVec3, disc_normal: DVec3, point: DVec3, point_normal: DVec3) -> f64 {
     let offset = centre - point;
     let height = -disc_normal.dot(offset);
@@ -19,7 +19,7 @@ pub fn disc_form_factor(area: f64, centre: DVec3, disc_normal: DVec3, point: DVe
         return 0.0;
     }
     let a2 = area / PI;
-    // How far the rim reaches above and below the centre along the point's normal.
+    // Extent of the rim above and below the centre along the point's normal.
     let reach = (a2 * (1.0 - point_normal.dot(disc_normal).powi(2)).max(0.0)).sqrt();
     let middle = point_normal.dot(offset);
     if middle <= -reach {
@@ -32,17 +32,17 @@ pub fn disc_form_factor(area: f64, centre: DVec3, disc_normal: DVec3, point: DVe
     let x = height * height + aside.length_squared() + a2;
     let y = x - 2.0 * a2;
     let s = (y * y + 4.0 * a2 * height * height).sqrt();
-    // 1/2 (1 - y/s) without cancellation from afar, and as it stands close to the disc.
+    // 1/2 (1 - y/s): rearranged far away to avoid cancellation, as it stands close to the disc.
     let facing = if y > 0.0 { 2.0 * a2 * height * height / (s * (s + y)) } else { 0.5 * (s - y) / s };
     let per_aside = 2.0 * a2 * height / (s * (x + s));
     point_normal.dot(per_aside * aside - facing * disc_normal)
 }
 
-/// Corners that stand above the horizon by less than this share of their distance lie on it: what is coplanar with the
-/// point, and brings nothing, must not be taken for all that it sees by the rounding of its corners.
+/// Corners above the horizon by less than this share of their distance count as on it. Otherwise rounding could make a
+/// polygon in the point's plane, which gives no light, fill the whole view.
 const ON_HORIZON: f64 = 1e-9;
 
-/// Form factor from a point to a convex flat polygon whose front the point sees, cut at the point's horizon: Lambert's
+/// Form factor from a point to a convex flat polygon that faces the point, clipped at the point's horizon: Lambert's
 /// contour integral `1/(2 pi) sum gamma_i (N . e_i)`.
 pub fn polygon_form_factor(corners: &[DVec3], point: DVec3, point_normal: DVec3) -> f64 {
     let mut contour = Contour { normal: point_normal, first: None, last: DVec3::ZERO, sum: 0.0 };
@@ -70,7 +70,7 @@ pub fn polygon_form_factor(corners: &[DVec3], point: DVec3, point_normal: DVec3)
     contour.sum.abs() / TAU
 }
 
-/// A closed line under way.
+/// A contour under construction.
 struct Contour {
     normal: DVec3,
     first: Option<DVec3>,
@@ -104,7 +104,7 @@ pub fn regular_polygon<const N: usize>(area: f64, centre: DVec3, normal: DVec3) 
     })
 }
 
-/// [`lobe_integral`], or the lobe towards the patch's centre where that is within 1e-3 of it.
+/// [`lobe_integral`], or the lobe towards the patch's centre where the two differ by less than 1e-3.
 pub fn lobe_mean(corners: &[DVec3], area: f64, point: DVec3, point_normal: DVec3, mirrored: DVec3, k: f64) -> f64 {
     let centre = middle(corners) - point;
     let cosine = mirrored.dot(centre.normalize_or_zero());
@@ -116,9 +116,9 @@ pub fn lobe_mean(corners: &[DVec3], area: f64, point: DVec3, point_normal: DVec3
     }
 }
 
-/// Mean of the lobe `cos^k` about the unit direction `mirrored` over a convex flat polygon, each of its points weighted
-/// with the irradiance that it brings: what [`polygon_form_factor`] is multiplied with where the lobe is not held
-/// constant. Triangles are divided until one is small against its distance and the lobe; relative error 1e-3.
+/// Mean of the lobe `cos^k` about the unit direction `mirrored` over a convex flat polygon, weighted by the irradiance
+/// from each of its points: the factor on [`polygon_form_factor`] if the lobe is not held constant. Triangles are
+/// subdivided until they are small relative to their distance and the lobe; relative error 1e-3.
 pub fn lobe_integral(corners: &[DVec3], point: DVec3, point_normal: DVec3, mirrored: DVec3, k: f64) -> f64 {
     let centre = middle(corners) - point;
     let mut sums = Sums { point_normal, mirrored, k, weight: 0.0, lobe: 0.0 };
@@ -126,7 +126,7 @@ pub fn lobe_integral(corners: &[DVec3], point: DVec3, point_normal: DVec3, mirro
         let next = corners[(i + 1) % corners.len()];
         sums.add([centre, *corner - point, next - point], 0);
     }
-    // A patch of which no sample is above the horizon brings next to nothing.
+    // Without a sample above the horizon the patch gives almost no light.
     if sums.weight > 0.0 { sums.lobe / sums.weight } else { cos_power(k, mirrored.dot(centre.normalize_or_zero())) }
 }
 
@@ -134,7 +134,7 @@ fn middle(corners: &[DVec3]) -> DVec3 {
     corners.iter().sum::<DVec3>() / corners.len() as f64
 }
 
-/// Sums over points of a patch.
+/// Sums over sample points of a patch.
 struct Sums {
     point_normal: DVec3,
     mirrored: DVec3,
@@ -143,19 +143,19 @@ struct Sums {
     lobe: f64,
 }
 
-/// Most times that a triangle is quartered.
+/// Largest subdivision depth; each level splits a triangle into four.
 const DEEPEST: usize = 9;
 
 impl Sums {
-    /// Whether the lobe or the irradiance changes over a patch of squared size `size2` at squared distance `d2` by more
-    /// than about this. The second derivative of `cos^k` is `k (k tan^2 - 1)` of it.
+    /// Whether lobe or irradiance vary by more than about `change` over a patch of squared size `size2` at squared
+    /// distance `d2`. The second derivative of `cos^k` is `k (k tan^2 - 1)` times its value.
     fn is_large(&self, size2: f64, d2: f64, cosine: f64, change: f64) -> bool {
         let c2 = cosine.max(0.1).powi(2);
         let bend = 3.0 + self.k * (1.0 + self.k * (1.0 - c2).max(0.0) / c2);
         size2 * bend > change * d2 && !self.is_dark(size2, d2, cosine)
     }
 
-    /// Whether the lobe is next to nothing everywhere on the patch, and the patch small enough to say so.
+    /// Whether the lobe is almost 0 on the whole patch, and the patch small enough to tell.
     fn is_dark(&self, size2: f64, d2: f64, cosine: f64) -> bool {
         let angle = (size2 / d2).sqrt();
         let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
@@ -163,7 +163,7 @@ impl Sums {
         angle < 0.5 && cos_power(self.k, nearest) < 1e-6
     }
 
-    /// A triangle relative to the point.
+    /// Adds a triangle, relative to the point.
     fn add(&mut self, [a, b, c]: [DVec3; 3], depth: usize) {
         let middle = (a + b + c) / 3.0;
         let d2 = middle.length_squared();
@@ -180,7 +180,7 @@ impl Sums {
         for corner in [a, b, c] {
             let sample = 0.5 * (middle + corner);
             let d2 = sample.length_squared();
-            // The cosine at the patch is its plane's distance over d: the same for all, but for d.
+            // The cosine at the patch is its plane's distance divided by d: constant, except for d.
             let weight = area * self.point_normal.dot(sample).max(0.0) / (d2 * d2);
             if weight > 0.0 {
                 self.weight += weight;

@@ -1,4 +1,4 @@
-//! Form factor between a point and a disc: closed form and, as its judge, the integral. METHOD 2, thesis 5.2.
+//! Form factor between a point and a disc: closed form, and the integral to check it. METHOD 2, thesis 5.2.
 
 use std::f64::consts::{PI, TAU};
 
@@ -10,19 +10,19 @@ pub fn disc_geometry(area: f64, cos_l: f64, cos_x: f64, d2: f64) -> f64 {
     cos_l.max(0.0) * cos_x.max(0.0) / (area + PI * d2)
 }
 
-/// Form factor from a point to a disc, eq. 5.7: `A cos+_l cos+_x / (A + pi d^2)`, at most 1 however near the disc.
+/// Form factor from a point to a disc, eq. 5.7: `A cos+_l cos+_x / (A + pi d^2)`; at most 1 at any distance.
 ///
-/// Exact for every point on the disc's axis that sees the whole disc, an approximation elsewhere.
+/// Exact for points on the disc's axis that see the whole disc; an approximation elsewhere.
 pub fn disc_form_factor(area: f64, cos_l: f64, cos_x: f64, d2: f64) -> f64 {
     area * disc_geometry(area, cos_l, cos_x, d2)
 }
 
-/// Irradiance \[lx\] at a point from a disc that sends out `flux` \[lm\] diffusely; eq. 5.8 without its surplus `1/pi`.
+/// Irradiance \[lx\] at a point from a disc that emits `flux` \[lm\] diffusely; eq. 5.8 without its surplus `1/pi`.
 pub fn disc_irradiance(flux: f64, area: f64, cos_l: f64, cos_x: f64, d2: f64) -> f64 {
     flux * disc_geometry(area, cos_l, cos_x, d2)
 }
 
-/// The form factor that 5.7 stands for: `integral cos+_l cos+_x / (pi d^2) dA` over the true disc about `centre`, by
+/// The form factor that 5.7 approximates: `integral cos+_l cos+_x / (pi d^2) dA` over the true disc about `centre`, by
 /// the midpoint rule on `steps` rings of equal area with `steps` sectors each. Error of order `steps^-2`.
 pub fn disc_form_factor_integral(
     area: f64,

@@ -1,7 +1,8 @@
-//! Stage 6, gather: VALs x a cache -> its proxy lights. METHOD 3-4, thesis 5.3.4.
+//! Stage 6, gather: computes a cache's proxy lights from the VALs. METHOD 3-4, thesis 5.3.4.
 //!
-//! The eps of the printed weights is taken to its limit 0: a lobe that no VAL reaches is unlit, which replaces a proxy
-//! at the mean of all VALs. Positions are summed relative to the cache, so that the scene's place does not matter.
+//! The eps of the printed weights is taken to its limit 0: a lobe that no VAL reaches is unlit, instead of having its
+//! proxy at the mean of all VALs. Positions are summed relative to the cache, so that precision does not depend on the
+//! scene's position.
 
 use std::f64::consts::PI;
 
@@ -11,7 +12,7 @@ use super::form_factor::disc_geometry;
 use super::phong::{cos_power, mirrored_view};
 use super::rsm::Val;
 
-/// Where light is gathered.
+/// A point at which light is gathered.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cache {
     /// World position \[m\].
@@ -22,18 +23,18 @@ pub struct Cache {
     pub exponent: f64,
 }
 
-/// What pulls a proxy towards a VAL.
+/// A VAL's weight in the mean position of a proxy.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ProxyWeight {
-    /// The VAL's irradiance at the cache: `w_j = luminance(phi_j) G_j`; dark VALs pull less.
+    /// The VAL's irradiance at the cache: `w_j = luminance(phi_j) G_j`; dark VALs count less.
     #[default]
     Irradiance,
-    /// The VAL's form factor as in 5.42: `w_j = F_j = A_j G_j`; a black VAL pulls as hard as a white one.
+    /// The VAL's form factor as in 5.42: `w_j = F_j = A_j G_j`; black and white VALs count equally.
     FormFactor,
 }
 
 impl ProxyWeight {
-    /// A VAL's pull before the geometry factor.
+    /// A VAL's weight before the geometry factor.
     pub fn of(self, val: &Val) -> f64 {
         match self {
             Self::Irradiance => luminance(val.flux),
@@ -45,33 +46,34 @@ impl ProxyWeight {
 /// One lobe's proxy light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lobe {
-    /// World position `x_p` \[m\]; of an unlit lobe the cache's position plus its normal, finite and of no meaning.
+    /// World position `x_p` \[m\]; of an unlit lobe the cache's position plus its normal: finite, but without meaning.
     pub position: DVec3,
     /// `I = E / (N.w_p)` \[lx\]: irradiance at the cache on a plane that faces the proxy, `phi_p / (4 pi |x_p - c|^2)`.
     pub facing_irradiance: DVec3,
-    /// Whether any VAL has weight in this lobe, and all together stand above the horizon by more than rounding.
+    /// Whether any VAL has weight in this lobe, with a mean position above the horizon by more than rounding errors.
     pub lit: bool,
-    /// Mean squared distance [m^2] of the VALs from the cache, weighted as their positions are; 0 where unlit.
+    /// Mean squared distance [m^2] of the VALs from the cache, with the weights of the position; 0 if unlit.
     pub distance2: f64,
 }
 
-/// What a cache has gathered.
+/// Light gathered at a cache.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gathered {
     /// Proxy of the diffuse lobe.
     pub diffuse: Lobe,
-    /// Proxy of the glossy lobe; unlit when gathered without an eye.
+    /// Proxy of the glossy lobe; unlit if gathered without an eye.
     pub glossy: Lobe,
-    /// `R(c)`, the mirrored view direction of the cache; zero when gathered without an eye.
+    /// `R(c)`: the cache's mirrored view direction; zero if gathered without an eye.
     pub mirrored_view: DVec3,
 }
 
-/// Cosine between the normal and the direction to the proxy up to which the lobe is unlit. A proxy lies above the horizon
-/// as all VALs do that pull it; so near to it, it is the rounding of VALs in the cache's own plane, which send it nothing.
+/// A lobe is unlit if the cosine between the normal and the direction to its proxy is at most this. Proxies lie above
+/// the horizon because all their VALs do. Smaller cosines are rounding errors of VALs in the cache's own plane, which
+/// give no light.
 pub const LEAST_COSINE: f64 = 1e-4;
 
-/// Squared distance to a VAL, in units of its area, below which it counts as this: where a cache lies on a VAL the
-/// cosines are 0/0, and 0 is their value.
+/// Lower bound of the squared distance to a VAL, in units of its area. For a cache on a VAL the cosines are 0/0; the
+/// bound makes them 0.
 pub const LEAST_DISTANCE2: f64 = 1e-12;
 
 /// Luminance of a linear Rec.709 colour.
@@ -82,7 +84,7 @@ pub fn luminance(color: DVec3) -> f64 {
 /// `G = cos+_l cos+_x / (A + pi d^2)` [1/m^2] of a VAL at a point with unit normal, and the unit direction to the VAL.
 pub fn val_geometry(point: DVec3, normal: DVec3, val: &Val) -> (f64, DVec3) {
     let offset = val.position - point;
-    // The smallest positive number stands in for the floor of a VAL without area: 0/0 again, and again 0.
+    // The smallest positive number is the bound for a VAL without area: again 0/0 becomes 0.
     let d2 = offset.length_squared().max(LEAST_DISTANCE2 * val.area).max(f64::MIN_POSITIVE);
     let direction = offset / d2.sqrt();
     (disc_geometry(val.area, -val.normal.dot(direction), normal.dot(direction), d2), direction)
@@ -105,33 +107,33 @@ impl Sums {
         self.irradiance += irradiance;
     }
 
-    /// Where the proxy is seen from the cache, relative to it \[m\]; `None` for an unlit lobe.
+    /// Position of the proxy relative to the cache \[m\]; `None` for an unlit lobe.
     fn mean(&self) -> Option<DVec3> {
         (self.weight > 0.0).then(|| self.position / self.weight)
     }
 }
 
-/// What a cache receives from one VAL.
+/// Contribution of one VAL at a cache.
 #[derive(Clone, Copy, Debug)]
 pub struct Received {
-    /// Where the VAL stands relative to the cache \[m\].
+    /// Position of the VAL relative to the cache \[m\].
     pub offset: DVec3,
     /// Irradiance \[lx\].
     pub irradiance: DVec3,
-    /// Weight on the diffuse proxy's position.
+    /// Weight in the diffuse proxy's position.
     pub pull: f64,
     /// `cos^k` of the angle to the mirrored view; 0 without an eye.
     pub lobe: f64,
 }
 
-/// Gathers `vals` at a cache: diffuse lobe by eq. 5.39-5.43, with an `eye` \[m\] also the glossy lobe, eq. 5.44.
+/// Gathers `vals` at a cache: the diffuse lobe by eq. 5.39-5.43; with an `eye` \[m\] also the glossy lobe, eq. 5.44.
 pub fn gather(cache: &Cache, vals: &[Val], eye: Option<DVec3>, weight: ProxyWeight) -> Gathered {
     let mirrored = eye.map(|eye| mirrored_view(cache.position, cache.normal, eye));
     let received = vals.iter().map(|val| receive(cache, mirrored, val, weight.of(val)));
     gather_received(cache, mirrored.unwrap_or_default(), received)
 }
 
-/// What a cache, in the glossy lobe one with this mirrored view, receives from a VAL of a weight.
+/// Contribution of a VAL of this weight at a cache, for the glossy lobe with this mirrored view.
 pub fn receive(cache: &Cache, mirrored: Option<DVec3>, val: &Val, weight: f64) -> Received {
     let (geometry, direction) = val_geometry(cache.position, cache.normal, val);
     let lobe = mirrored.map_or(0.0, |mirrored| cos_power(cache.exponent, mirrored.dot(direction)));
@@ -139,7 +141,7 @@ pub fn receive(cache: &Cache, mirrored: Option<DVec3>, val: &Val, weight: f64) -
     Received { offset, irradiance: val.flux * geometry, pull: geometry * weight, lobe }
 }
 
-/// The proxies of a cache with this mirrored view, from what it receives.
+/// The proxies of a cache with this mirrored view, from the contributions of its VALs.
 pub fn gather_received(cache: &Cache, mirrored: DVec3, received: impl Iterator<Item = Received>) -> Gathered {
     let (mut diffuse, mut glossy) = (Sums::default(), Sums::default());
     for Received { offset, irradiance, pull, lobe } in received {
@@ -149,8 +151,8 @@ pub fn gather_received(cache: &Cache, mirrored: DVec3, received: impl Iterator<I
     Gathered {
         diffuse: proxy(cache, &diffuse, |_| diffuse.irradiance),
         glossy: proxy(cache, &glossy, |direction| {
-            // Where dark or far VALs pull the proxy away from the bright ones, cos^k at it is far below theirs and the
-            // quotient explodes; all the light that arrives is its bound.
+            // Dark or far VALs can pull the proxy away from bright ones. Then cos^k towards the proxy is far below
+            // theirs and the quotient explodes; it is limited to all light that arrives.
             let lobe = cos_power(cache.exponent, mirrored.dot(direction));
             let quotient = if lobe > 0.0 { glossy.irradiance / lobe } else { diffuse.irradiance };
             quotient.min(diffuse.irradiance)
@@ -159,7 +161,7 @@ pub fn gather_received(cache: &Cache, mirrored: DVec3, received: impl Iterator<I
     }
 }
 
-/// The proxy of a lobe; `irradiance` gives what it must bring to the cache \[lx\] when it stands in a direction.
+/// The proxy of a lobe; `irradiance` returns its irradiance at the cache \[lx\], given its direction.
 fn proxy(cache: &Cache, sums: &Sums, irradiance: impl Fn(DVec3) -> DVec3) -> Lobe {
     let unlit =
         Lobe { position: cache.position + cache.normal, facing_irradiance: DVec3::ZERO, lit: false, distance2: 0.0 };

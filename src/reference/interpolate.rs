@@ -1,4 +1,4 @@
-//! Stage 8, interpolate: proxies of a point's references -> its indirect radiance. METHOD 5, thesis 5.3.5.
+//! Stage 8, interpolation: indirect radiance at a point from the proxies of its references. METHOD 5, thesis 5.3.5.
 
 use std::f64::consts::PI;
 
@@ -7,52 +7,52 @@ use glam::DVec3;
 use super::gather::{Cache, Gathered, Lobe};
 use super::phong::{DIFFUSE_LOBE, Material, cos_power, phong_lobe};
 
-/// What is averaged, and how.
+/// Averaged quantities and weights.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Scheme {
-    /// Facing irradiances and positions with a kernel that decays fast; the position gives the direction alone.
+    /// Facing irradiances and positions with a fast-decaying kernel; the position only gives the direction.
     #[default]
     Facing,
-    /// Fluxes and positions with the printed weights 5.50 and 5.51; the light falls off from its averaged position.
+    /// Fluxes and positions with the printed weights 5.50 and 5.51; light falls off from the averaged position.
     Printed,
 }
 
-/// A point's averaged light.
+/// The averaged light at a point.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interpolated {
-    /// Where the diffuse light stands \[m\].
+    /// Position of the diffuse light \[m\].
     pub diffuse_position: DVec3,
     /// Irradiance \[lx\] at the point on a plane that faces the diffuse light.
     pub diffuse_irradiance: DVec3,
-    /// Whether any diffuse light takes part; without, the position has no meaning.
+    /// Whether any diffuse light takes part; otherwise the position is meaningless.
     pub has_diffuse: bool,
-    /// Where the glossy light stands \[m\].
+    /// Position of the glossy light \[m\].
     pub glossy_position: DVec3,
     /// Irradiance \[lx\] at the point on a plane that faces the glossy light.
     pub glossy_irradiance: DVec3,
-    /// Whether any glossy light takes part; without, the position has no meaning.
+    /// Whether any glossy light takes part; otherwise the position is meaningless.
     pub has_glossy: bool,
 }
 
-/// Share of the squared farthest distance that is added to the kernel's: keeps it finite at a cache, without a unit.
+/// Share of the squared largest distance that is added to the kernel's denominator: keeps it finite at a cache.
 pub const KERNEL_CORE: f64 = 1e-3;
 
-/// Exponent of a lobe, as a share of the material's, by which facing irradiances are weighed at a point. At 0 what the
-/// point's lobe does not see counts in full and dark pixels are too bright; at 1 nothing of a wide light is left between
-/// two caches whose lobes see two parts of it.
+/// Exponent with which facing irradiances are weighted at a point, as a share of the material's Phong exponent. At 0
+/// light outside the point's lobe counts fully, and dark pixels get too bright. At 1 a wide light vanishes between two
+/// caches whose lobes see different parts of it.
 pub const WEIGHED_SHARE: f64 = 0.1;
 
-/// Least cosine of a lobe at a point: weights stay above zero, and their quotients finite.
+/// Lower bound of a lobe's cosine at a point: keeps weights positive and quotients finite.
 pub const LEAST_LOBE_COSINE: f64 = 1e-2;
 
-/// Least share of a proxy in the averaged position: where every lobe looks elsewhere all count alike.
+/// Lower bound of a proxy's weight in the averaged position: if no lobe sees its proxy, all count equally.
 pub const LEAST_PULL: f64 = 1e-12;
 
-/// What an f32 still divides by.
+/// Smallest divisor that f32 handles.
 const LEAST_DIVISOR: f64 = 1e-30;
 
-/// Weight of a reference whose distance is the share `t` of `d_max` and whose direction (normal, or in the
-/// printed scheme's glossy lobe mirrored view) makes the cosine `cos` with the point's.
+/// Weight of a reference. `t` is its distance as a share of `d_max`; `cos` is the cosine between its direction (normal,
+/// or mirrored view in the printed scheme's glossy lobe) and the point's.
 ///
 /// `Facing`: `(1-t)^2 (cos+)^4 / (t^2 + 1e-3)`; `Printed`, eq. 5.50 and 5.51: `(1-t) sqrt(cos+)`.
 pub fn kernel(scheme: Scheme, t: f64, cos: f64) -> f64 {
@@ -62,20 +62,20 @@ pub fn kernel(scheme: Scheme, t: f64, cos: f64) -> f64 {
     }
 }
 
-/// Weight by distance alone, for when all others vanish: `1 / (t^2 + 1e-3)`.
+/// Weight by distance alone, used if all others vanish: `1 / (t^2 + 1e-3)`.
 pub fn distance_kernel(t: f64) -> f64 {
     1.0 / (t * t + KERNEL_CORE)
 }
 
-/// Share of a proxy's facing irradiance that is left at another point: as the root of the mean squared distance of the
-/// VALs, which is `distance2` at the cache, the proxy's own squared distance being `from_cache2` [m^2] there and
-/// `from_point2` here. A proxy that comes near brightens at most fourfold.
+/// Scales a proxy's facing irradiance from its cache to another point: falls off as the root mean square distance of
+/// the VALs. `distance2` is its square at the cache; `from_cache2` and `from_point2` [m^2] are the proxy's own squared
+/// distances. A proxy that comes nearer brightens at most fourfold.
 pub fn falloff(distance2: f64, from_cache2: f64, from_point2: f64) -> f64 {
     let here = ((distance2 - from_cache2).max(0.0) + from_point2).max(LEAST_DIVISOR);
     (distance2 / here).sqrt().min(4.0)
 }
 
-/// Averages the lights of a point's references, weights vanishing at the farthest of them: the vertex level. As
+/// Averages the lights of a point's references, with weights that reach 0 at the farthest one: the vertex level. See
 /// [`interpolate_within`].
 pub fn interpolate(
     x: DVec3,
@@ -88,11 +88,11 @@ pub fn interpolate(
     interpolate_within(x, normal, mirrored_view, references, scheme, farthest)
 }
 
-/// Averages the lights of a point's references at `x` \[m\] with unit `normal` and `mirrored_view` R(x), which is not
-/// used where no reference has a glossy lobe.
+/// Averages the lights of a point's references at `x` \[m\] with unit `normal` and mirrored view direction
+/// `mirrored_view` R(x), which is unused if no reference has a glossy lobe.
 ///
-/// An unlit diffuse lobe counts with its darkness but not with its position. An unlit glossy lobe takes no part at all,
-/// but in the printed scheme it counts with its darkness as well.
+/// An unlit diffuse lobe counts with zero irradiance, but not with its position. An unlit glossy lobe is ignored; in
+/// the printed scheme it counts with zero irradiance as well.
 pub fn interpolate_within(
     x: DVec3,
     normal: DVec3,
@@ -103,7 +103,7 @@ pub fn interpolate_within(
 ) -> Interpolated {
     let entries = |lobe: fn(&Gathered) -> &Lobe, cos: &dyn Fn(&Cache, &Gathered) -> f64| -> Vec<Entry> {
         let entry = |(cache, gathered): &(Cache, Gathered)| Entry {
-            // All caches on the point itself: all equally near.
+            // If all caches lie on the point itself, all are equally near.
             t: if d_max > 0.0 { cache.position.distance(x) / d_max } else { 0.0 },
             cos: cos(cache, gathered),
             cache: *cache,
@@ -125,7 +125,7 @@ pub fn interpolate_within(
             (average_printed(x, &diffuse), average_printed(x, &glossy))
         }
     };
-    // Without light, anywhere finite.
+    // Any finite position for missing light.
     let place = |light: Option<Light>| light.unwrap_or(Light { position: x + normal, irradiance: DVec3::ZERO });
     Interpolated {
         diffuse_position: place(diffuse).position,
@@ -152,14 +152,14 @@ struct Light {
     irradiance: DVec3,
 }
 
-/// Every reference with its weight; where all of them vanish, by distance alone.
+/// Every reference with its weight; by distance alone if all weights vanish.
 fn weighted(entries: &[Entry], scheme: Scheme) -> Vec<(&Entry, f64)> {
     let all = |weight: &dyn Fn(&Entry) -> f64| entries.iter().map(|entry| (entry, weight(entry))).collect::<Vec<_>>();
     let weights = all(&|entry| kernel(scheme, entry.t, entry.cos));
     if weights.iter().any(|w| w.1 != 0.0) { weights } else { all(&|entry| distance_kernel(entry.t)) }
 }
 
-/// Diffuse lobe: facing irradiances as they are left at `x`; `None` where nothing is lit.
+/// Diffuse lobe: averages facing irradiances, scaled to `x`; `None` if no reference is lit.
 fn average_facing(x: DVec3, entries: &[Entry]) -> Option<Light> {
     let (mut total, mut total_lit, mut position, mut irradiance) = (0.0, 0.0, DVec3::ZERO, DVec3::ZERO);
     for (Entry { cache, lobe, .. }, weight) in weighted(entries, Scheme::Facing) {
@@ -175,11 +175,11 @@ fn average_facing(x: DVec3, entries: &[Entry]) -> Option<Light> {
     (total_lit > 0.0).then(|| Light { position: x + position / total_lit, irradiance: irradiance / total })
 }
 
-/// Glossy lobe: positions weighed by what the lobe about `mirrored_view` sees of each proxy, facing irradiances by a
-/// tenth power of it; `None` where nothing is lit.
+/// Glossy lobe: weights positions by the response of the lobe about `mirrored_view` to each proxy, and facing
+/// irradiances by its tenth power; `None` if no reference is lit.
 ///
-/// What the point's lobe does not see says nothing of the light that it does see, but a little of it must stay: a wide
-/// light's proxies are where the caches' lobes look, not where the point's does.
+/// Light outside the point's lobe says little about the light inside. Some weight must remain, however: the proxies of
+/// a wide light lie where the caches' lobes look, not where the point's lobe does.
 fn average_seen(x: DVec3, mirrored_view: DVec3, entries: &[Entry]) -> Option<Light> {
     let cos = |offset: DVec3| mirrored_view.dot(offset.normalize_or_zero()).max(LEAST_LOBE_COSINE);
     let (mut total, mut pulls, mut exponent) = (0.0, 0.0, 0.0);
@@ -214,7 +214,7 @@ fn average_printed(x: DVec3, entries: &[Entry]) -> Option<Light> {
     }
     (total_lit > 0.0).then(|| {
         let offset = position / total_lit;
-        // As printed: without bound where the averaged light meets the surface, short of dividing by zero.
+        // As printed: unbounded where the averaged light meets the surface; only division by zero is avoided.
         let sphere = 4.0 * PI * offset.length_squared().max(f64::MIN_POSITIVE);
         Light { position: x + offset, irradiance: flux / total / sphere }
     })

@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use crate::scene::{Light, LightKind};
 
-/// Intensity \[cd\] that `light` sends along the unit vector `direction`, away from the light; for directional lights the
-/// illuminance \[lx\] on a plane square to them, whatever the direction.
+/// Intensity \[cd\] of `light` in the unit vector `direction`, away from the light. For directional lights the
+/// illuminance \[lx\] on a perpendicular plane, for any direction.
 pub fn intensity(light: &Light, direction: DVec3) -> DVec3 {
     let full = light.color.as_dvec3() * f64::from(light.intensity);
     match light.kind {
@@ -16,21 +16,21 @@ pub fn intensity(light: &Light, direction: DVec3) -> DVec3 {
     }
 }
 
-/// KHR_lights_punctual's cone: 1 inside the half angle `inner`, 0 outside `outer` \[rad\], a squared ramp in the cosine
-/// `cos` between. The ramp is at least 0.001 wide, so that a hard edge divides by no zero.
+/// Cone of KHR_lights_punctual: 1 inside the half angle `inner`, 0 outside `outer` \[rad\], a squared ramp in the
+/// cosine `cos` between. The ramp is at least 0.001 wide, which avoids division by zero at hard edges.
 pub fn spot_falloff(inner: f64, outer: f64, cos: f64) -> f64 {
     let scale = 1.0 / (inner.cos() - outer.cos()).max(0.001);
     let offset = -outer.cos() * scale;
     (cos * scale + offset).clamp(0.0, 1.0).powi(2)
 }
 
-/// KHR_lights_punctual's window that brings light to zero at `range` \[m\]: `max(min(1 - (d/r)^4, 1), 0)`.
+/// Window of KHR_lights_punctual that fades light to zero at `range` \[m\]: `max(min(1 - (d/r)^4, 1), 0)`.
 pub fn range_window(distance: f64, range: Option<f32>) -> f64 {
     range.map_or(1.0, |range| (1.0 - (distance / f64::from(range)).powi(4)).clamp(0.0, 1.0))
 }
 
-/// Irradiance \[lx\] from `light` on a plane at `point` that faces it, and the unit direction to the light. Nothing is in
-/// between. This is the `E` of eq. 5.9: the receiver's cosine is not in it.
+/// Unoccluded irradiance \[lx\] from `light` on a plane at `point` that faces it, and the unit direction to the light.
+/// This is the `E` of eq. 5.9, without the receiver's cosine.
 pub fn facing_irradiance(light: &Light, point: DVec3) -> (DVec3, DVec3) {
     if light.kind == LightKind::Directional {
         return (intensity(light, shine(light)), -shine(light));
@@ -44,13 +44,13 @@ pub fn facing_irradiance(light: &Light, point: DVec3) -> (DVec3, DVec3) {
     (intensity(light, -to_light) * range_window(d2.sqrt(), light.range) / d2, to_light)
 }
 
-/// Irradiance \[lx\] from `light` at `point` with unit `normal`, nothing in between.
+/// Unoccluded irradiance \[lx\] from `light` at `point` with unit `normal`.
 pub fn direct_irradiance(light: &Light, point: DVec3, normal: DVec3) -> DVec3 {
     let (facing, to_light) = facing_irradiance(light, point);
     facing * normal.dot(to_light).max(0.0)
 }
 
-/// Unit direction of the light's axis in f64; an f32 unit vector is only unit to 1e-7.
+/// Unit direction of the light's axis in f64; f32 unit vectors are unit only to 1e-7.
 pub fn shine(light: &Light) -> DVec3 {
     light.direction.as_dvec3().normalize()
 }

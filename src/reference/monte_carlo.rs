@@ -1,5 +1,4 @@
-//! One diffuse bounce by random sampling, without RSM, disc or proxy: what the sum over VALs must converge to.
-//! METHOD 2.
+//! One diffuse bounce by random sampling, without RSM, disc or proxy: the sum over VALs must converge to it. METHOD 2.
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,15 +10,15 @@ use super::rsm::{View, views};
 use super::triangle::{Triangle, nearest};
 use crate::scene::{Light, LightKind};
 
-/// Samples that share one random sequence: the result depends on the seed, not on the number of threads.
+/// Samples per random sequence: the result depends on the seed, not on the number of threads.
 const BLOCK: usize = 4096;
 
-/// Irradiance \[lx\] at `point` from light reflected once, diffusely. The primary light is shadowed, the way from the lit
-/// surface to the point is not, as with VALs.
+/// Irradiance \[lx\] at `point` from light reflected once, diffusely. The primary light is shadowed; as with VALs, the
+/// way from the lit surface to the point is not.
 ///
-/// Directions from the light are uniform over its cone or sphere, parallel rays over its picture's plane; each first
-/// hit is a diffuse emitter: `E = mean rho_d I Omega / pi * cos+_l cos+_x / d^2`. Points must stay away from lit
-/// surfaces: the `1/d^2` of a near hit has no bound.
+/// Directions from the light are uniform over its cone or sphere; parallel rays are uniform over the image plane. Each
+/// first hit is a diffuse emitter: `E = mean rho_d I Omega / pi * cos+_l cos+_x / d^2`. Points must keep away from lit
+/// surfaces, because the `1/d^2` of near hits is unbounded.
 pub fn one_bounce_irradiance(
     point: DVec3,
     normal: DVec3,
@@ -44,12 +43,12 @@ pub fn one_bounce_irradiance(
         let count = BLOCK.min(samples - index * BLOCK);
         (0..count).map(|_| sample(&mut random)).sum::<DVec3>()
     };
-    // Collected first: the order of the sum must not depend on who finishes first.
+    // Collected first, so that the order of the sum does not depend on thread timing.
     let sums: Vec<DVec3> = (0..samples.div_ceil(BLOCK)).into_par_iter().map(block).collect();
     sums.into_iter().sum::<DVec3>() / samples as f64
 }
 
-/// Origin, unit direction and the measure that it stands for: solid angle \[sr\], for parallel rays area [m^2].
+/// Origin, unit direction and measure of a ray: solid angle \[sr\], or area [m^2] for parallel rays.
 fn primary_ray(light: &Light, parallel: Option<&View>, random: &mut Random) -> (DVec3, DVec3, f64) {
     let (u, v) = (random.uniform(), random.uniform());
     if let Some(view) = parallel {
@@ -60,7 +59,7 @@ fn primary_ray(light: &Light, parallel: Option<&View>, random: &mut Random) -> (
         LightKind::Spot { outer, .. } => (shine(light), f64::from(outer).cos()),
         _ => (DVec3::Z, -1.0),
     };
-    // Cap of a sphere: its area is even in the cosine.
+    // Spherical cap: its area is linear in the cosine.
     let cos = 1.0 - u * (1.0 - least_cos);
     let sin = (1.0 - cos * cos).max(0.0).sqrt();
     let (tangent, bitangent) = axis.any_orthonormal_pair();

@@ -1,4 +1,5 @@
-//! Short rays from a point of a surface, in f64: what they meet and what that gives. Twin of `glsl/near.comp`. METHOD 11.
+//! Short rays from a point of a surface, in f64: their hits and the resulting light. Twin of `glsl/near.comp`.
+//! METHOD 11.
 
 use super::depth_image::tangents;
 use super::light::facing_irradiance;
@@ -8,15 +9,15 @@ use crate::shared::{DIRECTION_SIDE, DIRECTIONS, Val};
 use glam::DVec3;
 use std::f64::consts::PI;
 
-/// Directions about +z as dense as their cosine, of which point `i` of `count` is one.
+/// Point `i` of `count` directions about +z with cosine density.
 pub fn direction(i: u32, count: u32) -> DVec3 {
     let r2 = (f64::from(i) + 0.5) / f64::from(count);
     let angle = f64::from(i) * PI * (3.0 - 5.0_f64.sqrt());
     DVec3::new(r2.sqrt() * angle.cos(), r2.sqrt() * angle.sin(), (1.0 - r2).sqrt())
 }
 
-/// Which of the directions of a cache's light one lies in: the unit vector on the octahedron |x| + |y| + |z| = 1, whose lower
-/// half is folded out around the upper one.
+/// Index of the texel that contains a direction in a cache's light by direction. The unit vector maps to the octahedron
+/// |x| + |y| + |z| = 1, whose lower half is folded out around the upper one.
 pub fn direction_index(way: DVec3) -> usize {
     let on = way / way.abs().element_sum();
     let fold = |a: f64, b: f64| if on.z < 0.0 { (1.0 - b.abs()).copysign(if a < 0.0 { -1.0 } else { 1.0 }) } else { a };
@@ -25,19 +26,19 @@ pub fn direction_index(way: DVec3) -> usize {
     texel(fold(on.y, on.x)) * DIRECTION_SIDE as usize + texel(fold(on.x, on.y))
 }
 
-/// Solid angle \[sr\] of the square of the octahedron that one of the directions stands for, as if all of it were its middle.
+/// Solid angle \[sr\] of a direction's square on the octahedron, evaluated at its centre.
 pub fn solid_angle(index: usize) -> f64 {
     let side = f64::from(DIRECTION_SIDE);
     let middle = |i: usize| (i as f64 + 0.5) / side * 2.0 - 1.0;
     let (x, y) = (middle(index % DIRECTION_SIDE as usize), middle(index / DIRECTION_SIDE as usize));
     let z = 1.0 - x.abs() - y.abs();
     let on = if z < 0.0 { DVec3::new(1.0 - y.abs(), 1.0 - x.abs(), z) } else { DVec3::new(x, y, z) };
-    // The face's own area is sqrt(3) of its picture's, and is seen under a cosine of 1 / (sqrt(3) |on|).
+    // The face's area is sqrt(3) times its projection, seen under the cosine 1 / (sqrt(3) |on|).
     (2.0 / side).powi(2) / on.length().powi(3)
 }
 
-/// Mean radiance [cd/m^2] that arrives at a point from each of the directions, of VALs between whose squared distances
-/// `fade` [m^2] they begin to count; `sees` says of the way to one whether nothing is in it.
+/// Mean radiance [cd/m^2] from VALs at a point for each direction. VALs fade in between the squared distances `fade`
+/// [m^2]; `sees` tells whether the way to a VAL, given relative to the point, is open.
 pub fn radiances(
     vals: &[Val],
     (position, normal): (DVec3, DVec3),
@@ -58,7 +59,7 @@ pub fn radiances(
     sums.into_iter().enumerate().map(|(i, sum)| sum / solid_angle(i)).collect()
 }
 
-/// Radiance [cd/m^2] that a surface reflects diffusely of all punctual lights.
+/// Radiance [cd/m^2] that a surface reflects diffusely from all punctual lights.
 pub fn reflected_direct(world: &World<'_>, surface: &Surface) -> DVec3 {
     let given = |light: &Light| {
         let (irradiance, way) = facing_irradiance(light, surface.position);
@@ -73,8 +74,9 @@ pub fn reflected_direct(world: &World<'_>, surface: &Surface) -> DVec3 {
     surface.reflection.sent_on().as_dvec3() / PI * world.scene().lights.iter().map(given).sum::<DVec3>()
 }
 
-/// Irradiance \[lx\] of what the rays of a point with these numbers, of `count`, meet within `reach` \[m\], and which of them
-/// meet nothing. The point's unit normals are those of the triangle and of the vertices.
+/// Irradiance \[lx\] from the surfaces within `reach` \[m\] that a point's rays hit, and which rays hit nothing.
+/// `numbers` selects the rays out of `count`. The point's unit normals are the triangle's and the interpolated vertex
+/// normal.
 pub fn short_rays(
     world: &World<'_>,
     position: DVec3,
@@ -103,23 +105,23 @@ pub fn short_rays(
     (sum * (PI / open.len() as f64), open)
 }
 
-/// What the rays of one pixel found: the part that pixels share.
+/// Result of one pixel's rays, as far as pixels share it.
 #[derive(Clone, Copy, Debug)]
 pub struct Found {
-    /// Irradiance of what they met \[lx\].
+    /// Irradiance from the surfaces hit \[lx\].
     pub irradiance: DVec3,
-    /// Share of the caches' light that comes along those that met nothing.
+    /// Share of the caches' light along rays that hit nothing.
     pub open: DVec3,
-    /// Mean of one over their lengths \[1/m\].
+    /// Mean reciprocal length of the rays \[1/m\].
     pub crowding: f64,
-    /// Of the surface.
+    /// Position of the surface.
     pub position: DVec3,
     /// Unit vertex normal.
     pub normal: DVec3,
 }
 
-/// How far rays of one surface say something of another: `d` from one to the other, with their normals. Twin of
-/// `glsl/lib/near_alike.glsl`.
+/// Similarity of two surfaces: how far the rays of one are valid for the other. `d` is the vector between them, with
+/// their normals. Twin of `glsl/lib/near_alike.glsl`.
 pub fn alike(d: DVec3, normal: DVec3, other: DVec3) -> f64 {
     let smooth = |low: f64, high: f64, x: f64| {
         let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
@@ -130,7 +132,8 @@ pub fn alike(d: DVec3, normal: DVec3, other: DVec3) -> f64 {
     (1.0 - smooth(0.05, 0.2, aside)) * smooth(0.5, 0.9, other.dot(normal)) + 1e-4
 }
 
-/// What is found, spread once over pixels this many steps apart; `None` where no surface is. Twin of `glsl/near_spread.comp`.
+/// Spreads results once over pixels this many steps apart; `None` if a pixel shows no surface. Twin of
+/// `glsl/near_spread.comp`.
 pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize) -> Vec<Option<Found>> {
     let of_pixel = |index: usize| {
         let own = found[index]?;
@@ -156,25 +159,25 @@ pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize)
     (0..found.len()).map(of_pixel).collect()
 }
 
-/// What a lobe takes at a pixel, as far as pixels share it.
+/// Radiance that a pixel's lobe receives, as far as pixels share it.
 #[derive(Clone, Copy, Debug)]
 pub struct FoundLobe {
     /// Mean radiance [cd/m^2].
     pub taken: DVec3,
-    /// Of the surface.
+    /// Position of the surface.
     pub position: DVec3,
     /// Unit vertex normal.
     pub normal: DVec3,
     /// Unit axis of the lobe.
     pub mirrored: DVec3,
-    /// Of the lobe \[rad\].
+    /// Width of the lobe \[rad\].
     pub width: f64,
-    /// Mean of one over the lengths of its rays \[1/m\].
+    /// Mean reciprocal length of the lobe's rays \[1/m\].
     pub nearness: f64,
 }
 
-/// What lobes take [cd/m^2], spread once over pixels this many steps apart whose lobes look at the same; `None` where no lobe is.
-/// Twin of `glsl/near_spread.comp`.
+/// Spreads lobes' radiance [cd/m^2] once over pixels this many steps apart whose lobes look at the same place; `None`
+/// if a pixel has no lobe. Twin of `glsl/near_spread.comp`.
 pub fn spread_lobes(found: &[Option<FoundLobe>], [width, height]: [usize; 2], step: usize) -> Vec<Option<DVec3>> {
     let of_pixel = |index: usize| {
         let own = found[index]?;
@@ -183,7 +186,7 @@ pub fn spread_lobes(found: &[Option<FoundLobe>], [width, height]: [usize; 2], st
             let x = (index % width).checked_add_signed(dx * step as isize).filter(|x| *x < width);
             let y = (index / width).checked_add_signed(dy * step as isize).filter(|y| *y < height);
             let Some(p) = x.zip(y).and_then(|(x, y)| found[y * width + x]) else { continue };
-            // Where both look, per distance, in widths of the narrower lobe.
+            // Distance between the points that both look at, per distance, in widths of the narrower lobe.
             let (narrow, wide) = (own.width.min(p.width), own.width.max(p.width));
             let d = own.position - p.position;
             let apart = (d * own.nearness.max(p.nearness) + own.mirrored - p.mirrored).length() / narrow;

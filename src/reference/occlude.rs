@@ -1,15 +1,15 @@
-//! Stage 7, occlusion: the discs of caches x a cache -> what is left of its proxy lights. METHOD 6, thesis 5.4.
+//! Stage 7, occlusion: dims a cache's proxy lights by the discs of all caches. METHOD 6, thesis 5.4.
 //!
-//! A proxy light becomes a sphere as large as its VALs are spread, sphere and discs become axis-aligned squares on the
-//! cache's unit disc, and what the squares of discs cover of the sphere's is lost. What the thesis leaves open, or prints
-//! in a way that can be read in two, is a choice; the defaults are the engine's.
+//! A proxy light becomes a sphere as large as the spread of its VALs. Sphere and discs become axis-aligned squares on
+//! the cache's unit disc; the part of the sphere's square that discs cover is lost. Points that the thesis leaves open
+//! or ambiguous are choices; the defaults are the engine's.
 
 use glam::{DVec2, DVec3, dvec2};
 
 use super::form_factor::disc_form_factor;
 use super::gather::{Cache, Lobe};
 
-/// A cache as something in the way: the share of the surface that is its own, as a disc about it.
+/// A cache as an occluder: its share of the surface as a disc.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Disc {
     /// World position \[m\].
@@ -20,66 +20,66 @@ pub struct Disc {
     pub area: f64,
 }
 
-/// Which side of a disc is in the way.
+/// Sides from which a disc occludes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Facing {
-    /// The front: a closed body is in the way once.
+    /// The front only: a closed body occludes once.
     Front,
-    /// Both: squares are smaller than what they stand for, and the back of a body fills the gaps.
+    /// Both sides: squares are smaller than the surfaces that they represent, and the back of a body fills the gaps.
     #[default]
     Both,
 }
 
-/// How large the sphere of a proxy light is, from the variance of its VALs' positions.
+/// Radius of a proxy light's sphere, from the variance of its VALs' positions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Radius {
-    /// The longest of the standard deviations along the world's axes, as printed.
+    /// The largest standard deviation along the world's axes, as printed.
     LongestAxis,
-    /// Twice that: the radius of an even disc that the axes lie in.
+    /// Twice that: the radius of a uniform disc that contains the axis.
     TwiceLongestAxis,
-    /// The standard deviation in space, which turns with the scene.
+    /// The standard deviation in space, which does not depend on the scene's orientation.
     Deviation,
-    /// That times the root of two: the radius of an even disc, however it lies.
+    /// That times sqrt(2): the radius of a uniform disc in any orientation.
     #[default]
     Disc,
 }
 
-/// How the squares lie on the unit disc.
+/// Orientation of the squares on the unit disc.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tangents {
-    /// As the world's axes do, turned the shortest way from +Y to the normal: smooth but for one direction.
+    /// The world's axes, rotated by the shortest rotation from +Y to the normal: smooth except in one direction.
     Surface,
-    /// Along the direction to the light: they turn with the scene.
+    /// Along the direction to the light: rotates with the scene.
     #[default]
     Light,
 }
 
-/// Against what is counted twice.
+/// Limit of double counting.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Cap {
-    /// Nothing.
+    /// No limit.
     None,
-    /// The bounding rectangle of the overlaps of discs that are in the way at all.
+    /// The bounding rectangle of the overlaps of discs that occlude at all.
     #[default]
     InTheWay,
-    /// That of all overlaps, those behind the light as well.
+    /// The bounding rectangle of all overlaps, including discs behind the light.
     All,
 }
 
-/// The share of light that is not blocked.
+/// Choices for the visible share of light.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Choices {
-    /// Area of a square over its form factor: 1 as printed; pi is what a form factor covers of the unit disc.
+    /// Area of a square relative to its form factor: 1 as printed; pi is what a form factor covers on the unit disc.
     pub square: f64,
-    /// How far in front of the light a disc is in the way in full, in radii of the sphere; 1 as printed.
+    /// Distance in front of the light at which a disc occludes fully, in radii of the sphere; 1 as printed.
     pub fade: f64,
-    /// Sides of discs.
+    /// Sides from which discs occlude.
     pub facing: Facing,
     /// Size of the light.
     pub radius: Radius,
-    /// Frame of the squares.
+    /// Orientation of the squares.
     pub tangents: Tangents,
-    /// Guard against double blocking.
+    /// Limit of double counting.
     pub cap: Cap,
 }
 
@@ -96,15 +96,15 @@ impl Default for Choices {
     }
 }
 
-/// Least radius of a proxy light in distances from the cache: a point has no area to cover, and in f32 variances below
-/// this are rounding.
+/// Lower bound of a proxy light's radius, relative to its distance from the cache: a point has no area to cover, and
+/// smaller f32 variances are rounding errors.
 pub const LEAST_RADIUS: f64 = 1.0 / 64.0;
 
-/// Sine between normal and light below which the light gives no direction to lay squares along.
+/// Sine between normal and light below which the light gives no direction for the squares.
 pub const LEAST_SINE: f64 = 1e-3;
 
 impl Radius {
-    /// Radius \[m\] of the sphere for a variance [m^2] along each axis; its clamp is [`Light`]'s.
+    /// Radius \[m\] of the sphere for a variance [m^2] along each axis; [`Light`] applies the lower bound.
     pub fn of(self, variance: DVec3) -> f64 {
         let variance = variance.max(DVec3::ZERO);
         match self {
@@ -116,30 +116,30 @@ impl Radius {
     }
 }
 
-/// Variance [m^2] in space of the VALs of a lobe, from their mean squared distance and their mean.
+/// Variance [m^2] in space of a lobe's VALs, from their mean squared distance and mean position.
 pub fn variance(cache: &Cache, lobe: &Lobe) -> f64 {
     (lobe.distance2 - lobe.position.distance_squared(cache.position)).max(0.0)
 }
 
-/// Form factor of a sphere from a point, as a disc that faces it; eq. 5.59 left: `r^2 cos+ / (r^2 + d^2)`.
+/// Form factor from a point to a sphere, taken as a disc that faces the point; eq. 5.59 left: `r^2 cos+ / (r^2 + d^2)`.
 pub fn sphere_form_factor(radius2: f64, cosine: f64, d2: f64) -> f64 {
     radius2 * cosine.max(0.0) / (radius2 + d2)
 }
 
-/// Share of a disc that is in the way, eq. 5.61: from 1 where it stands `reach` \[m\] in front of the light or more, `along`
-/// being how far, to 0 where it stands level with the light or behind.
+/// Occluding share of a disc, eq. 5.61, at the distance `along` \[m\] in front of the light: 1 from `reach` \[m\] on, 0
+/// beside and behind the light.
 pub fn fade(along: f64, reach: f64) -> f64 {
     (along / reach).clamp(0.0, 1.0)
 }
 
-/// Where two squares overlap, as its lower and upper corner; `None` where they do not.
+/// Overlap of two squares: lower and upper corner; `None` if they do not overlap.
 pub fn overlap(centre: DVec2, side: f64, other: DVec2, other_side: f64) -> Option<[DVec2; 2]> {
     let low = (centre - 0.5 * side).max(other - 0.5 * other_side);
     let high = (centre + 0.5 * side).min(other + 0.5 * other_side);
     low.cmplt(high).all().then_some([low, high])
 }
 
-/// Tangent of a surface: +X, turned the shortest way from +Y to the normal.
+/// Tangent of a surface: +X, rotated by the shortest rotation from +Y to the normal.
 pub fn surface_tangent(normal: DVec3) -> DVec3 {
     let scale = 1.0 + normal.y;
     if scale < 1e-6 { DVec3::X } else { DVec3::X - normal.x / scale * (normal + DVec3::Y) }
@@ -148,13 +148,13 @@ pub fn surface_tangent(normal: DVec3) -> DVec3 {
 /// A proxy light as its cache sees it.
 #[derive(Clone, Copy, Debug)]
 pub struct Light {
-    /// From the cache to it \[m\].
+    /// From the cache to the light \[m\].
     offset: DVec3,
     /// Radius of its sphere \[m\].
     radius: f64,
     /// Frame on the unit disc.
     tangents: [DVec3; 2],
-    /// Middle of its square.
+    /// Centre of its square.
     centre: DVec2,
     /// Area of its square.
     area: f64,
@@ -178,14 +178,14 @@ impl Light {
         Self { offset, radius, tangents, centre, area: choices.square * form_factor }
     }
 
-    /// The frame in which its square and those of discs lie: unit, on the surface.
+    /// Frame of its square and those of discs: unit tangents of the surface.
     pub fn tangents(&self) -> [DVec3; 2] {
         self.tangents
     }
 }
 
-/// Share of a light's sphere, 0 to 1, that discs leave to be seen from the cache; listing 5.3. The cache's own disc may be
-/// among them: it is in its own plane.
+/// Visible share of a light's sphere from the cache, 0 to 1; listing 5.3. The cache's own disc may be in the list: it
+/// lies in the cache's plane.
 pub fn visible(cache: &Cache, light: &Light, discs: &[Disc], choices: &Choices) -> f64 {
     if light.area <= 0.0 {
         return 1.0;
@@ -214,7 +214,7 @@ pub fn visible(cache: &Cache, light: &Light, discs: &[Disc], choices: &Choices) 
     (1.0 - sum.min(most) / light.area).max(0.0)
 }
 
-/// A lobe dimmed by what is in the way, as the engine does it; unlit ones stay as they are.
+/// Dims a lobe by its occluders, as the engine does; unlit lobes stay unchanged.
 pub fn occlude(cache: &Cache, lobe: &Lobe, discs: &[Disc], choices: &Choices) -> Lobe {
     if !lobe.lit {
         return *lobe;

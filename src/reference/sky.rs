@@ -1,4 +1,4 @@
-//! What a cache sees of a sky, in f64. Twin of `glsl/sky_seen.comp`. METHOD 12.
+//! Sky light at a cache, in f64. Twin of `glsl/sky_seen.comp`. METHOD 12.
 
 use super::depth_image::tangents;
 use super::near::direction_index;
@@ -7,20 +7,20 @@ use crate::scene::sky::Sky;
 use crate::shared::{DEPTH_IMAGE_SIDE, DIRECTION_SIDE, DIRECTIONS};
 use glam::{DVec2, DVec3};
 
-/// What a cache sees of a sky.
+/// Visibility of a sky from a cache.
 #[derive(Clone, Debug)]
 pub struct Seen {
-    /// Of what an open surface would receive, less what is in the way near enough for short rays.
+    /// Arriving light relative to an open surface, without occluders near enough for short rays.
     pub share: DVec3,
-    /// Irradiance of all that arrives \[lx\].
+    /// Irradiance of all sky light that arrives \[lx\].
     pub irradiance: DVec3,
-    /// Share of each of the directions that short rays ask for which is open.
+    /// Open share of each direction that short rays look up.
     pub open: Vec<f64>,
 }
 
-/// Of a point `lift` \[m\] above a surface with a unit normal: by a ray through each texel of a picture of the unit disc. What is
-/// nearer than `reach` \[m\] hides nothing of the share. `smooth` is the sky that is looked up, `sky` that of which an open
-/// surface would receive all; light below `least` \[lx\] says nothing of shares.
+/// Traces the sky from a point `lift` \[m\] above a surface with a unit normal: one ray per texel of an image of the
+/// unit disc. Occluders nearer than `reach` \[m\] do not reduce the share. `smooth` is the sky that rays look up; `sky`
+/// gives the irradiance of an open surface. Light below `least` \[lx\] does not define shares.
 pub fn seen(
     world: &World<'_>,
     [sky, smooth]: [&Sky; 2],

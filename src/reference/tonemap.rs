@@ -1,22 +1,22 @@
-//! Stage 11, tone maps: exposed linear Rec.709 -> linear Rec.709 of a display, 0 to 1; and sRGB's encoding.
+//! Stage 11, tone mapping: exposed linear Rec.709 to linear display values from 0 to 1; and the sRGB encoding.
 
 use glam::{DMat3, DVec3};
 
 use super::gather::luminance;
 
-/// No curve: clamps to what the display shows.
+/// No curve: clamps to the display's range.
 pub fn linear(color: DVec3) -> DVec3 {
     color.clamp(DVec3::ZERO, DVec3::ONE)
 }
 
-/// Reflectance of a dielectric of index 1.5 that Khronos PBR Neutral takes off again.
+/// Reflectance of a dielectric of index 1.5 that Khronos PBR Neutral subtracts.
 const NEUTRAL_F90: f64 = 0.04;
 /// Where its compression starts.
 const NEUTRAL_START: f64 = 0.8 - NEUTRAL_F90;
-/// How fast it then desaturates.
+/// Rate of desaturation beyond it.
 const NEUTRAL_DESATURATION: f64 = 0.15;
 
-/// Khronos PBR Neutral (specification in KhronosGroup/ToneMapping): base colours up to 0.8 come out as they went in.
+/// Khronos PBR Neutral (specification in KhronosGroup/ToneMapping): keeps base colours up to 0.8.
 pub fn pbr_neutral(color: DVec3) -> DVec3 {
     let least = color.min_element();
     let fresnel = if least <= 2.0 * NEUTRAL_F90 { least - least * least / (4.0 * NEUTRAL_F90) } else { NEUTRAL_F90 };
@@ -39,7 +39,7 @@ pub fn pbr_neutral_inverse(color: DVec3) -> DVec3 {
         let saturation = 1.0 / (NEUTRAL_DESATURATION * (peak - new_peak) + 1.0);
         color = (color - new_peak * (1.0 - saturation)) / saturation * (peak / new_peak);
     }
-    // The least channel was x - (x - x^2 / (4 F90)) below 2 F90, x - F90 above.
+    // The smallest channel was x - (x - x^2 / (4 F90)) below 2 F90, x - F90 above.
     let least = color.min_element().max(0.0);
     let original = if least <= NEUTRAL_F90 { (4.0 * NEUTRAL_F90 * least).sqrt() } else { least + NEUTRAL_F90 };
     color + (original - least)
@@ -66,7 +66,7 @@ pub fn aces(color: DVec3) -> DVec3 {
 
 /// AgX (Troy Sobotka) with its default look, by Benjamin Wrensch's matrices and polynomial of the contrast curve.
 ///
-/// The curve's output is made for a display of exponent 2.2; here it is linear again, as of every tone map.
+/// The curve is made for a display of exponent 2.2; the result is made linear again, as for every tone map.
 pub fn agx(color: DVec3) -> DVec3 {
     const LEAST_LOG2: f64 = -12.47393;
     const GREATEST_LOG2: f64 = 4.026069;
@@ -98,7 +98,7 @@ pub fn agx(color: DVec3) -> DVec3 {
     linear(display).powf(2.2)
 }
 
-/// Sixth-order fit of AgX's default contrast; 0 to 1 within 0.003 at the ends.
+/// Sixth-order fit of AgX's default contrast; 0 and 1 within 0.003 at the ends.
 fn agx_contrast(x: f64) -> f64 {
     let coefficients = [15.5, -40.14, 31.96, -6.868, 0.4298, 0.1191, -0.00232];
     coefficients.into_iter().fold(0.0, |sum, coefficient| sum * x + coefficient)
@@ -114,9 +114,9 @@ pub fn linear_from_srgb(color: DVec3) -> DVec3 {
     color.map(|v| if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) })
 }
 
-/// Exposure value at ISO 100 for the surfaces of a picture: their mean log luminance, without the darkest and the brightest
-/// tenth and weighted towards the centre, becomes middle grey. METHOD 10. `radiance` [cd/m^2] and whether a surface is
-/// `seen` lie row by row. 0 for a black picture.
+/// Automatic exposure value at ISO 100 for a picture's surfaces: their mean log luminance, without the darkest and the
+/// brightest tenth and weighted towards the centre, becomes middle grey. METHOD 10. `radiance` [cd/m^2] and `seen`
+/// (whether the pixel shows a surface) are row by row. 0 for a black picture.
 pub fn automatic_ev([width, height]: [u32; 2], radiance: &[DVec3], seen: &[bool]) -> f64 {
     const TAIL: f64 = 0.1;
     const DARKEST_STOPS: f64 = 5.0;
@@ -125,7 +125,7 @@ pub fn automatic_ev([width, height]: [u32; 2], radiance: &[DVec3], seen: &[bool]
         let from_centre = (at as f64 + 0.5) / f64::from(count) * 2.0 - 1.0;
         1.0 - 0.75 * from_centre * from_centre
     };
-    // Log luminance and weight of what is lit, from dark to bright.
+    // Log luminance and weight of lit pixels, from dark to bright.
     let metered = |surfaces: bool| -> Vec<(f64, f64)> {
         let mut all = Vec::new();
         for y in (0..height as usize).step_by(step) {
@@ -143,7 +143,7 @@ pub fn automatic_ev([width, height]: [u32; 2], radiance: &[DVec3], seen: &[bool]
     let Some(sorted) = [true, false].into_iter().map(metered).find(|sorted| !sorted.is_empty()) else { return 0.0 };
     let total: f64 = sorted.iter().map(|(_, weight)| weight).sum();
     let (first, last) = (TAIL * total, (1.0 - TAIL) * total);
-    // The share of each pixel's weight that lies between the tails.
+    // Part of each pixel's weight between the tails.
     let mut end = 0.0;
     let mut kept = Vec::new();
     for (log2, weight) in sorted {

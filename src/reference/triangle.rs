@@ -1,8 +1,8 @@
-//! Triangles with a diffuse albedo and the nearest one along a ray, by trying all: enough for references.
+//! Diffuse triangles and the nearest hit of a ray, by testing all of them: fast enough for references.
 
 use glam::DVec3;
 
-/// A triangle that reflects diffusely; both sides count.
+/// A triangle that reflects diffusely on both sides.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Triangle {
     /// World positions of the corners \[m\].
@@ -13,21 +13,21 @@ pub struct Triangle {
     pub diffuse: DVec3,
 }
 
-/// Where a ray meets a triangle.
+/// A ray's hit on a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance along the ray \[m\].
     pub distance: f64,
     /// World position \[m\].
     pub position: DVec3,
-    /// Unit shading normal, turned against the ray.
+    /// Unit shading normal on the side of the ray's origin.
     pub normal: DVec3,
     /// Diffuse albedo `rho_d`.
     pub diffuse: DVec3,
 }
 
 impl Triangle {
-    /// A flat triangle, counter-clockwise seen from where its normal points.
+    /// A flat triangle; counter-clockwise seen from the side that its normal points to.
     pub fn flat(positions: [DVec3; 3], diffuse: DVec3) -> Self {
         let [a, b, c] = positions;
         Self { positions, normals: [(b - a).cross(c - a).normalize(); 3], diffuse }
@@ -41,10 +41,9 @@ impl Triangle {
         ]
     }
 
-    /// Distance and the second and third corner's barycentric weights where a ray meets the triangle
-    /// (Moeller-Trumbore).
+    /// Distance and barycentric weights of the second and third corner at a ray's hit (Moeller-Trumbore).
     fn intersect(&self, origin: DVec3, direction: DVec3) -> Option<(f64, f64, f64)> {
-        // A ray through the edge of two triangles must meet one of them: edges overlap by this share of the triangle.
+        // A ray through a shared edge must hit one of the two triangles: edges overlap by this share of a triangle.
         const OVERLAP: f64 = 1e-12;
         let [a, b, c] = self.positions;
         let (u, v) = (b - a, c - a);
@@ -62,7 +61,7 @@ impl Triangle {
     }
 }
 
-/// The nearest triangle along the ray from `origin` in the unit `direction`.
+/// The nearest hit of the ray from `origin` in the unit `direction`.
 pub fn nearest(triangles: &[Triangle], origin: DVec3, direction: DVec3) -> Option<Hit> {
     let (triangle, (distance, second, third)) = triangles
         .iter()

@@ -1,4 +1,5 @@
-//! Light at random through a medium with a smooth boundary: the truth behind dipoles. METHOD 7; Henyey and Greenstein 1941.
+//! Random walks of light through a medium with a smooth boundary: the ground truth of dipoles. METHOD 7; Henyey and
+//! Greenstein 1941.
 
 use std::f64::consts::TAU;
 
@@ -9,12 +10,12 @@ use crate::scene::medium::{Subsurface, fresnel};
 /// Steps after which a walk counts as absorbed.
 const MOST_STEPS: usize = 1 << 20;
 
-/// A medium as one wavelength knows it.
+/// A medium at one wavelength.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Volume {
     /// Extinction [1/m].
     pub sigma_t: f64,
-    /// Share of what meets something that is scattered.
+    /// Single-scattering albedo: share of interactions that scatter.
     pub albedo: f64,
     /// Mean cosine of scattering.
     pub g: f64,
@@ -31,7 +32,7 @@ impl Volume {
     }
 }
 
-/// Where a walk has come out.
+/// Point where a walk leaves the medium.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exit<S> {
     /// The surface there.
@@ -40,8 +41,8 @@ pub struct Exit<S> {
     pub direction: DVec3,
 }
 
-/// Walks from a point inside until it leaves or is absorbed, which `None` stands for. `boundary` says how far away the surface is
-/// in a direction \[m\], its unit normal, outwards, and what it is; `None` where there is none, and the walk is lost.
+/// Walks from a point inside until the walk leaves or is absorbed (`None`). `boundary` returns the distance \[m\] to
+/// the surface in a direction, its unit outward normal and the surface itself. If it returns `None`, the walk is lost.
 pub fn walk<S>(
     volume: &Volume,
     mut position: DVec3,
@@ -70,7 +71,7 @@ pub fn walk<S>(
     None
 }
 
-/// A unit direction after scattering; `u` and `v` uniform in the unit square.
+/// Samples a unit direction after scattering; `u` and `v` are uniform in the unit square.
 fn scattered(direction: DVec3, g: f64, u: f64, v: f64) -> DVec3 {
     let cosine = if g.abs() < 1e-3 {
         1.0 - 2.0 * u
@@ -84,7 +85,7 @@ fn scattered(direction: DVec3, g: f64, u: f64, v: f64) -> DVec3 {
     (sine * (c * across + s * along) + cosine * direction).normalize()
 }
 
-/// The unit direction in which light goes on inside that comes in the unit `direction` to a surface of this normal, outwards.
+/// Unit direction inside of light that arrives in the unit `direction` at a surface with this outward normal.
 pub fn refracted(direction: DVec3, normal: DVec3, ior: f64) -> DVec3 {
     let cosine = -normal.dot(direction);
     let below = (1.0 - (1.0 - cosine * cosine) / (ior * ior)).max(0.0).sqrt();

@@ -1,5 +1,5 @@
-//! A scene's triangles in the world and what a ray meets among them: nearest, any, or all. Boxes are f32 in a bounding
-//! volume hierarchy, triangles f64.
+//! A scene's triangles in the world, and ray queries: nearest hit, any hit, all hits. The BVH's boxes are f32,
+//! triangles f64.
 
 use glam::{DMat3, DVec2, DVec3, Vec2, Vec3A, Vec4};
 use obvhs::BvhBuildParams;
@@ -11,28 +11,28 @@ use rayon::prelude::*;
 use crate::scene::material::Reflectance;
 use crate::scene::{Material, Mesh, Scene, Vertex};
 
-/// Boxes are larger than their triangles by this share of the scene's radius: more than f32 rounds their rays by.
+/// Margin of boxes around their triangles as a share of the scene's radius: covers the f32 rounding of rays.
 const BOX_MARGIN: f64 = 1e-6;
 
-/// Share of the scene's radius within which a ray meets nothing: positions in files are f32, and neighbours that should
-/// lie in one plane do not quite.
+/// Hits nearer than this share of the scene's radius are ignored: positions in files are f32, so that neighbours in one
+/// plane are not exactly coplanar.
 const NEAREST: f64 = 1e-6;
 
-/// Share of the scene's radius that a ray against the boxes starts behind its origin: the traversal takes no box that ends
-/// within 1e-4 of its start.
+/// Distance behind its origin at which a ray against the boxes starts, as a share of the scene's radius: the traversal
+/// ignores boxes that end within 1e-4 of its start.
 const BEHIND: f64 = 2e-4;
 
-/// A scene to shoot rays at.
+/// A scene prepared for ray queries.
 pub struct World<'a> {
     scene: &'a Scene,
-    /// Middle of the scene's bounds \[m\]; everything inside is relative to it.
+    /// Centre of the scene's bounds \[m\]; internal positions are relative to it.
     centre: DVec3,
-    /// Half of their diagonal \[m\]; 1 for a scene without extent.
+    /// Half the diagonal of the bounds \[m\]; 1 for a scene without extent.
     pub radius: f64,
     triangles: Vec<WorldTriangle>,
-    /// By instance: model normals to world normals.
+    /// Normal matrix (model to world) of each instance.
     normal_matrices: Vec<DMat3>,
-    /// None for a scene without triangles.
+    /// `None` for a scene without triangles.
     hierarchy: Option<CwBvh>,
 }
 
@@ -41,25 +41,25 @@ struct WorldTriangle {
     corner: DVec3,
     edges: [DVec3; 2],
     instance: u32,
-    /// In its mesh.
+    /// Index in its mesh.
     triangle: u32,
     material: u32,
-    /// 1, or -1 where the instance mirrors: then the winding is the other way round.
+    /// 1, or -1 if the instance mirrors, which flips the winding.
     side: f64,
 }
 
-/// Which sides of surfaces a ray meets.
+/// Sides of surfaces that a ray hits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sides {
-    /// Those that face the ray's origin: what a camera sees. What it also sees through is met, too.
+    /// Front sides as seen from the origin, including transparent surfaces: for camera rays.
     Front,
-    /// Both: what light meets. Of a double-sided material's two triangles, the one that faces the origin.
+    /// Both sides: for light. Of a double-sided material's two triangles, the one that faces the origin.
     Both,
-    /// Both, holes and all: what light inside a body meets.
+    /// Both sides, ignoring alpha masks: for light inside a body.
     Any,
 }
 
-/// Where a ray meets a surface.
+/// A ray's hit on a surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Distance along the ray \[m\].
@@ -70,11 +70,11 @@ pub struct Hit {
     pub triangle: usize,
     /// Index into the scene's materials.
     pub material: usize,
-    /// Weights of the triangle's second and third corner.
+    /// Barycentric weights of the second and third corner.
     pub weights: DVec2,
-    /// Whether the ray comes from the side that the winding says is the front.
+    /// Whether the ray comes from the front side by the winding.
     pub front: bool,
-    /// Among the world's triangles.
+    /// Index into the world's triangles.
     index: u32,
 }
 
@@ -85,20 +85,20 @@ pub struct Surface {
     pub position: DVec3,
     /// Unit normal of the triangle on the side that the ray came from.
     pub geometric: DVec3,
-    /// Unit vertex normal, interpolated, on that side.
+    /// Unit interpolated vertex normal on that side.
     pub vertex_normal: DVec3,
-    /// The same with the normal texture's tilt.
+    /// The same, perturbed by the normal map.
     pub normal: DVec3,
-    /// What is reflected.
+    /// Reflectance.
     pub reflection: Reflectance,
-    /// Emitted radiance [cd/m^2] on the front; zero behind.
+    /// Emitted radiance [cd/m^2] on the front; zero on the back.
     pub emission: DVec3,
-    /// What is below it scatters light: instance and material.
+    /// Instance and material of the scattering medium below, if any.
     pub inside: Option<(usize, usize)>,
 }
 
 impl Surface {
-    /// The same point, looked at from the other side.
+    /// The same point seen from the other side.
     pub fn turned(self) -> Self {
         let Self { geometric, vertex_normal, normal, .. } = self;
         Self { geometric: -geometric, vertex_normal: -vertex_normal, normal: -normal, ..self }
@@ -106,7 +106,7 @@ impl Surface {
 }
 
 impl<'a> World<'a> {
-    /// Places all triangles and builds the hierarchy, on all cores.
+    /// Places all triangles and builds the BVH, on all cores.
     pub fn new(scene: &'a Scene) -> Self {
         let (low, high) = scene.bounds().unwrap_or_default();
         let centre = 0.5 * (low + high);
@@ -147,12 +147,12 @@ impl<'a> World<'a> {
         Self { scene, centre, radius, triangles, normal_matrices, hierarchy }
     }
 
-    /// The scene that was placed.
+    /// The placed scene.
     pub fn scene(&self) -> &'a Scene {
         self.scene
     }
 
-    /// What the ray from `origin` \[m\] in the unit `direction` meets first.
+    /// First hit of the ray from `origin` \[m\] in the unit `direction`.
     pub fn nearest(&self, origin: DVec3, direction: DVec3, sides: Sides) -> Option<Hit> {
         let hierarchy = self.hierarchy.as_ref()?;
         let local = origin - self.centre;
@@ -164,7 +164,7 @@ impl<'a> World<'a> {
             match self.meet(index, local, direction, sides) {
                 Some(hit) if best.is_none_or(|b| hit.distance < b.distance) => {
                     best = Some(hit);
-                    // Rounded up: what lies just before it is still looked at.
+                    // Rounded up, so that slightly nearer hits are still tested.
                     ((hit.distance / self.radius - start) as f32) * (1.0 + 1e-6)
                 }
                 _ => f32::INFINITY,
@@ -173,7 +173,7 @@ impl<'a> World<'a> {
         best
     }
 
-    /// Everything that the ray from `origin` \[m\] in the unit `direction` meets, in no order.
+    /// Calls `met` for every hit of the ray from `origin` \[m\] in the unit `direction`, in no particular order.
     pub fn all(&self, origin: DVec3, direction: DVec3, mut met: impl FnMut(Hit)) {
         let Some(hierarchy) = &self.hierarchy else { return };
         let local = origin - self.centre;
@@ -185,13 +185,13 @@ impl<'a> World<'a> {
         });
     }
 
-    /// Whether anything lies between two points \[m\], short of both ends.
+    /// Whether anything lies between two points \[m\], excluding both ends.
     pub fn blocked(&self, from: DVec3, to: DVec3) -> bool {
         let distance = from.distance(to);
         distance > 0.0 && self.blocked_within(from, (to - from) / distance, distance - NEAREST * self.radius)
     }
 
-    /// Whether anything lies on a ray nearer than `distance` \[m\], which may be infinite.
+    /// Whether a ray hits anything nearer than `distance` \[m\], which may be infinite.
     pub fn blocked_within(&self, origin: DVec3, direction: DVec3, distance: f64) -> bool {
         let Some(hierarchy) = &self.hierarchy else { return false };
         if distance <= 0.0 {
@@ -205,20 +205,20 @@ impl<'a> World<'a> {
         })
     }
 
-    /// A ray against the boxes, as far as `distance` \[m\], and where on the ray it starts, both in scene radii.
+    /// A ray against the boxes up to `distance` \[m\], and its start on the original ray, both in scene radii.
     fn ray(&self, local: DVec3, direction: DVec3, distance: f64) -> (Ray, f64) {
-        // From far away f32 would miss the boxes: it starts where the ray comes into the scene's sphere.
+        // From far away f32 would miss the boxes: start where the ray enters the scene's bounding sphere.
         let place = local / self.radius;
         let start = (-place.dot(direction) - 1.0).max(0.0) - BEHIND;
-        // The traversal misses everything along a direction with a negative zero in it; adding 0 makes it positive.
+        // The traversal misses everything for directions with a negative zero; adding 0 makes it positive.
         let unit = |v: DVec3| Vec3A::from(v.as_vec3()) + Vec3A::ZERO;
         let farthest = (distance / self.radius - start).min(f64::from(f32::MAX)) as f32;
         (Ray::new(unit(place + start * direction), unit(direction), 0.0, farthest), start)
     }
 
-    /// Moeller and Trumbore's intersection, and whether the surface is there at all.
+    /// Intersection by Moeller and Trumbore; respects sides and alpha masks.
     fn meet(&self, index: u32, local: DVec3, direction: DVec3, sides: Sides) -> Option<Hit> {
-        // A ray through the edge of two triangles must meet one of them: edges overlap by this share of the triangle.
+        // A ray through a shared edge must hit one of the two triangles: edges overlap by this share of a triangle.
         const OVERLAP: f64 = 1e-12;
         let triangle = &self.triangles[index as usize];
         let [u, v] = triangle.edges;
@@ -227,7 +227,7 @@ impl<'a> World<'a> {
         let inverse = 1.0 / determinant;
         let offset = local - triangle.corner;
         let second = offset.dot(p) * inverse;
-        // Also false where the triangle is seen from its edge, or has no area: everything is NaN or infinite then.
+        // Also fails for NaN and infinity: a triangle seen edge-on or without area.
         if !(-OVERLAP..=1.0 + OVERLAP).contains(&second) {
             return None;
         }
@@ -276,8 +276,8 @@ impl<'a> World<'a> {
         mesh.triangle(hit.triangle).map(|v| &mesh.vertices[v])
     }
 
-    /// Where what lies behind a hit can show: the share of the light that the surface itself sends against the unit `direction`,
-    /// and of what comes from behind it, by channel.
+    /// For a transparent hit: the share of the surface's own light along the unit `direction`, and by channel the share
+    /// of light from behind it. `None` if opaque.
     pub fn seen_through(&self, hit: &Hit, surface: &Surface, direction: DVec3) -> Option<(f64, DVec3)> {
         let material = &self.scene.materials[hit.material];
         if !material.is_seen_through() {
@@ -344,17 +344,17 @@ impl<'a> World<'a> {
         }
     }
 
-    /// Corner \[m\], edges \[m\] and material of every triangle, in the world.
+    /// Corner \[m\], edges \[m\] and material of every triangle in the world.
     pub(crate) fn placed(&self) -> impl Iterator<Item = (DVec3, [DVec3; 2], usize)> + '_ {
         self.triangles.iter().map(|t| (t.corner + self.centre, t.edges, t.material as usize))
     }
 
-    /// Position of a triangle in [`Self::placed`].
+    /// Index of a hit's triangle in [`Self::placed`].
     pub(crate) fn index(&self, hit: &Hit) -> usize {
         hit.index as usize
     }
 
-    /// The front at a point of a triangle of [`Self::placed`].
+    /// The front surface at a point of a triangle of [`Self::placed`].
     pub(crate) fn front_at(&self, index: usize, weights: DVec2) -> Surface {
         let t = &self.triangles[index];
         self.surface(&Hit {
@@ -380,8 +380,8 @@ fn interpolated(hit: &Hit, a: &Vertex, b: &Vertex, c: &Vertex) -> ([Vec2; 2], Ve
     )
 }
 
-/// Tangent and bitangent of a triangle without any in its file, from how texture coordinates change along its edges.
-/// glTF's v runs down the image, its bitangent up. On a second side the whole frame is turned round, as the normal is.
+/// Tangent and bitangent of a triangle whose file has none, from how texture coordinates change along its edges. glTF's
+/// v runs down the image, its bitangent up. On a back side the whole frame is flipped, as the normal is.
 fn derived_frame(n: DVec3, edges: [DVec3; 2], uv: [DVec2; 2], second_side: bool) -> Option<(DVec3, DVec3)> {
     let a = edges[1].cross(n);
     let b = n.cross(edges[0]);

@@ -1,4 +1,4 @@
-//! How far the gather's sums are from the same sums in f64.
+//! Accuracy of the gather: errors of its sums against f64.
 
 use crate::error::Result;
 use crate::frame::gather::Gather;
@@ -10,10 +10,10 @@ use crate::shared::{Cache, Val};
 use glam::{DVec3, Vec3, Vec4};
 use rayon::prelude::*;
 
-/// Caches that are looked at.
+/// Number of caches sampled.
 const SAMPLES: usize = 32;
 
-/// Relative error of a sum; infinite of what is no number.
+/// Relative error of a sum; infinite for NaN.
 fn off(sum: f64, found: f64) -> f64 {
     match ((found - sum) / sum).abs() {
         _ if found == sum => 0.0,
@@ -22,12 +22,12 @@ fn off(sum: f64, found: f64) -> f64 {
     }
 }
 
-/// Largest relative error of the irradiance \[lx\] that some of these caches received of these VALs, seen by a perspective
-/// camera (`eye` as in `shared::GatherPush`), in any channel: of the diffuse lobe, and of the glossy one. Terms have one sign,
-/// so that the error is relative to their sum.
+/// Largest relative error in any channel of the irradiance \[lx\] that a sample of these caches received from these
+/// VALs, for the diffuse and the glossy lobe. The view is a perspective camera (`eye` as in `shared::GatherPush`). All
+/// terms have one sign, so that the error is relative to their sum.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn worst(gpu: &Gpu, caches: &[Cache], vals: &[Val], eye: Vec4, gather: &Gather) -> Result<[f64; 2]> {
     let sums = gather_sums(gpu, gather, caches.len() as u32)?;
     let vals: Vec<_> = vals.iter().map(|v| val(v, DVec3::ZERO)).collect();

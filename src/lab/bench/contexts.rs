@@ -1,5 +1,5 @@
-//! The thesis's four contexts: triangles (table 6.1), resolution (6.2), caches and VALs (6.3); bake times beside the first,
-//! pairs per second beside the last.
+//! The thesis's four contexts: triangles (table 6.1) with bake times, resolution (6.2), caches and VALs (6.3) with
+//! pairs per second.
 
 use super::extent::Extent;
 use super::measure::{Budget, OnDevice, Times, bake, in_turn, settings, too_large};
@@ -24,7 +24,7 @@ use crate::scene::Projection;
 use crate::shared::{Cache, Val};
 use std::time::Instant;
 
-/// Versions of table 6.1: name, glossy lobes, references of a vertex.
+/// Versions of table 6.1: name, glossy lobes, references per vertex.
 pub const VERSIONS: [(&str, bool, usize); 4] =
     [("D8", false, 8), ("D16", false, 16), ("DG8", true, 8), ("DG16", true, 16)];
 
@@ -38,41 +38,41 @@ fn stages() -> Vec<&'static str> {
 /// Caches of tables 6.1 and 6.2.
 const CACHES: [usize; 2] = [500, 1000];
 
-/// RSM side \[texels\] where the thesis names none: its usual one.
+/// RSM side \[texels\] where the thesis gives none: its usual value.
 const RSM: u32 = 128;
 
-/// Arithmetic operations of a pair in `glsl/lib/gather.glsl`, without and with the glossy lobe: sums, products, quotients,
-/// roots, powers, maxima, one each; a multiply-add is two.
+/// Arithmetic operations per pair in `glsl/lib/gather.glsl`, without and with the glossy lobe. Sums, products, quotients,
+/// roots, powers and maxima count one each, a multiply-add two.
 pub const FLOP_PER_PAIR: [f64; 2] = [42.0, 69.0];
 
-/// Rounds of stage 6 by both paths and the CPU: so many at least, and more until so much time has passed \[s\].
+/// Rounds of stage 6 by both paths and the CPU: at least this many, and more until this much time has passed \[s\].
 const ROUNDS: usize = 3;
 const LONG_ENOUGH: f64 = 0.8;
 
-/// What is measured, on what.
+/// Inputs of the measurements.
 pub struct Contexts<'a> {
     /// The device.
     pub gpu: &'a Gpu,
-    /// The points.
+    /// Points to measure.
     pub extent: &'a Extent,
     /// Arithmetic peak of the device [flop/s].
     pub peak: f64,
-    /// The fastest way of the compute gather.
+    /// Fastest settings of the compute gather.
     pub tuned: Tuned,
-    /// Told how much is done, from 0 to 1, and what is being done.
+    /// Receives the completed share, 0 to 1, and the current step.
     pub progress: &'a dyn Fn(f32, &str),
-    /// Missing and idle barriers, with `Validation::Sync`.
+    /// Missing and superfluous barriers, with `Validation::Sync`.
     pub problems: Vec<String>,
 }
 
-/// Rows of one triangle count.
+/// Rows for one triangle count.
 struct OfTriangles {
     times: Vec<Cell>,
     bake: Vec<Cell>,
     stages: Vec<Vec<Cell>>,
 }
 
-/// Why a row is missing, where it is not this program's own fault: the world is too large for the device.
+/// Whether an error means that the world is too large for the device, as opposed to a bug.
 fn does_not_fit(error: &Error) -> bool {
     matches!(error, Error::TooLarge(_) | Error::Vulkan { .. })
 }
@@ -82,7 +82,7 @@ impl Contexts<'_> {
         let Extent { warm_up, frames, .. } = self.extent;
         let how =
             if self.gpu.is_software() { "each stage submitted alone" } else { "timestamps within one submission" };
-        format!("GPU timestamps of each stage ({how}), median of {frames} frames after {warm_up} that do not count.")
+        format!("GPU timestamps of each stage ({how}), median of {frames} frames after {warm_up} warm-up frames.")
     }
 
     fn keep(&mut self, times: Times) -> Times {
@@ -90,7 +90,7 @@ impl Contexts<'_> {
         times
     }
 
-    /// Times of frames that are compared.
+    /// Times of frames that are compared, measured in turn.
     fn in_turn(&mut self, compared: &[(&OnDevice<'_>, Knobs)]) -> Result<Vec<Times>> {
         let mut frames = compared.iter().map(|(world, knobs)| world.frame(knobs)).collect::<Result<Vec<_>>>()?;
         let mut compared: Vec<_> =
@@ -99,10 +99,10 @@ impl Contexts<'_> {
         Ok(times.into_iter().map(|times| self.keep(times)).collect())
     }
 
-    /// Tables 6.1, of its stages and of the bakes.
+    /// Table 6.1, the table of its stages, and the table of bake times.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn triangles(&mut self) -> Result<[Table; 3]> {
         let [w, h] = self.extent.window;
         let mut columns = vec!["triangles".to_owned(), "LI [ms]".into()];
@@ -111,14 +111,14 @@ impl Contexts<'_> {
         columns.extend(["LI", "DG8"].map(|v| format!("thesis {v} [ms]")));
         let columns: Vec<&str> = columns.iter().map(String::as_str).collect();
         let how = format!(
-            "D: diffuse only, DG: diffuse and glossy lobe, each with 8 or 16 caches of a vertex; LI: direct light only. \
-             {} caches, {w}x{h} pixels, {RSM}x{RSM} VALs; the thesis does not name its picture and its VALs. Versions are drawn \
-             in turn, frame by frame. {}",
+            "D: diffuse only; DG: diffuse and glossy lobes; each with 8 or 16 references per vertex. LI: direct light only. \
+             {} caches, {w}x{h} pixels, {RSM}x{RSM} VALs; the thesis does not state its picture size and number of VALs. \
+             Versions alternate frame by frame. {}",
             CACHES[0],
             self.method()
         );
         let mut table = Table::new("triangles", "Triangles (thesis table 6.1)", how, &columns);
-        let how = "Time to place the caches and find 8 or 16 references for each vertex, on all cores, once; nothing is kept.";
+        let how = "Time to place the caches and find 8 or 16 references per vertex, on all cores, measured once without kept files.";
         let columns = ["triangles", "caches", "bake of 8 [s]", "bake of 16 [s]"];
         let mut bakes = Table::new("bake", "Bake", how.into(), &columns);
         let columns: Vec<String> = ["triangles", "version"]
@@ -162,7 +162,7 @@ impl Contexts<'_> {
         let (of_8, seconds_8) = bake(&scene, CACHES[0], 8)?;
         let (of_16, seconds_16) = bake(&scene, CACHES[0], 16)?;
         let caches: usize = of_8.models.iter().map(|model| model.caches.len()).sum();
-        // The same surface of another material: the caches are the same.
+        // The same surface with another material: the caches are the same.
         let glossy = valley(count, true);
         let ways = self.tuned.ways;
         let mut worlds = vec![(OnDevice::new(self.gpu, &scene, None)?, settings(size, Gi::Off, RSM, ways))];
@@ -197,13 +197,13 @@ impl Contexts<'_> {
     /// Table 6.2.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn resolution(&mut self) -> Result<Table> {
         let columns =
             ["width", "height", "LI [ms]", "GI [ms]", "GI / LI", "thesis LI [ms]", "thesis GI [ms]", "thesis GI / LI"];
         let how = format!(
-            "GI: diffuse and glossy lobe, 8 caches of a vertex, {} caches, {RSM}x{RSM} VALs; LI: direct light only. {} \
-             triangles; the thesis names neither its scene nor its lobes. {}",
+            "GI: diffuse and glossy lobes, 8 references per vertex, {} caches, {RSM}x{RSM} VALs; LI: direct light only. {} \
+             triangles; the thesis states neither its scene nor its lobes. {}",
             CACHES[1],
             self.extent.ground,
             self.method()
@@ -244,10 +244,10 @@ impl Contexts<'_> {
         Ok(table)
     }
 
-    /// Tables 6.3 and of pairs per second.
+    /// Table 6.3 and the table of pairs per second.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn caches(&mut self) -> Result<[Table; 2]> {
         let columns = [
             "lobes",
@@ -264,9 +264,9 @@ impl Contexts<'_> {
         ];
         let [w, h] = self.extent.size;
         let how = format!(
-            "{} triangles, {w}x{h} pixels, 8 caches of a vertex. DGS: DG with soft shadows of proxy lights (stage 7); \"of all discs\" is that stage where none is skipped. \
-             \"first\" is the least of caches and VALs. The thesis's column SSS (subsurface scattering) is not here: it is \
-             not measured. {}",
+            "{} triangles, {w}x{h} pixels, 8 references per vertex. DGS: DG with proxy shadows (stage 7); \"of all discs\" is that \
+             stage without skipping. \"first\" is the row with the fewest caches and VALs. The thesis's \
+             column SSS (subsurface scattering) is not measured. {}",
             self.extent.ground,
             self.method()
         );
@@ -286,11 +286,12 @@ impl Contexts<'_> {
             "glossy off f64",
         ];
         let how = format!(
-            "Pairs of a cache and a VAL in stage 6, every cache lit, by both paths. Peak, of which the faster path has its share: {:.1} Gflop/s, what a \
-             shader reaches in the same run by independent multiply-adds (`glsl/peak.comp`); a pair counts {} operations, with the glossy lobe {}. Native: the same sums of \
-             the same caches and VALs on {} CPU threads, {lanes} numbers to a register ({registers}). Both paths and the CPU in turn, median of {ROUNDS} \
-             rounds or more until {LONG_ENOUGH} s have passed, by {} pipelines in turn: of the same code some stay slower than \
-             others. Off f64: largest relative error of a lobe's irradiance, of either path, at some of the caches.",
+            "Pairs of a cache and a VAL in stage 6 with every cache lit, by both paths. Share of peak: of the faster path, relative \
+             to {:.1} Gflop/s, the rate of independent multiply-adds in a shader in the same run (`glsl/peak.comp`); a pair \
+             counts {} operations, {} with the glossy lobe. Native: the same sums for the same caches and VALs on {} CPU \
+             threads with {lanes} lanes per register ({registers}). Both paths and the CPU alternate; medians of at least {ROUNDS} \
+             rounds and {LONG_ENOUGH} s, over {} pipelines in turn, because pipelines of identical code can differ in speed. Off \
+             f64: largest relative error of a lobe's irradiance by either path at a sample of caches.",
             self.peak * 1e-9,
             FLOP_PER_PAIR[0],
             FLOP_PER_PAIR[1],
@@ -350,7 +351,7 @@ impl Contexts<'_> {
 
     fn of_caches(&mut self, world: &OnDevice<'_>, rsm: u32, glossy: bool) -> Result<Measured> {
         let size = self.extent.size;
-        // Every cache, so that their number is known.
+        // Without culling, so that the number of lit caches is known.
         let all = Knobs { cull: false, ..settings(size, Gi::LightSkin, rsm, self.tuned.ways) };
         let mut whole = world.frame(&all)?;
         let whole_ms = self.keep(world.times(&mut whole, self.extent.warm_up, self.extent.frames)?).frame();
@@ -358,8 +359,8 @@ impl Contexts<'_> {
         let (vals, caches) = light_and_caches(self.gpu, &whole.light)?;
         let view = View::new(&world.scene.cameras[0], size, world.world.origin, world.world.radius);
 
-        // Stage 6 alone, on the VALs of that frame: both paths and the CPU in turn, so that what else the machine does
-        // reaches all of them.
+        // Stage 6 alone on the VALs of that frame. Both paths and the CPU run in turn, so that other load on the
+        // machine affects all of them.
         let (atlas, vals_on_device) = (Atlas::of(self.gpu, &caches)?, Vals::of(self.gpu, &vals)?);
         let proxies = Proxies::new(self.gpu, atlas.count, glossy, 1)?;
         let eyes = [view.eye];
@@ -380,7 +381,7 @@ impl Contexts<'_> {
         }
         let pairs = (caches.len() * vals.len()) as f64;
         let (mut paths, mut native) = ([Vec::new(), Vec::new()], Vec::new());
-        // The first round of each pipeline does not count.
+        // The first round of each pipeline is a warm-up.
         let begin = Instant::now();
         for round in 0.. {
             let counts = round >= tune::PIPELINES;
@@ -425,7 +426,7 @@ impl Contexts<'_> {
     fn shadowed(&mut self, world: &OnDevice<'_>, knobs: &Knobs) -> Result<ShadowedFrame> {
         let mut frame = world.frame(&Knobs { shadows: Shadows::Proxy, ..*knobs })?;
         let times = self.keep(world.times(&mut frame, self.extent.warm_up, self.extent.frames)?);
-        // Dimmed again and again: the work is the same.
+        // Dims the same proxies repeatedly: the work is the same each time.
         let caches = frame.light.caches().ok_or_else(|| Error::Nothing("the frame has no caches".into()))?;
         let all = Occlude::without_skipping(self.gpu, caches.atlas.count, frame.light.plan.glossy, 1)?;
         let mut runs = Vec::new();
@@ -442,10 +443,10 @@ impl Contexts<'_> {
         Ok(ShadowedFrame { frame: times.frame(), occlude: [skipping, runs[runs.len() / 2]] })
     }
 
-    /// What culling costs and what it saves.
+    /// Cost and savings of culling.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn culling(&mut self) -> Result<Table> {
         let columns = [
             "triangles",
@@ -461,9 +462,9 @@ impl Contexts<'_> {
         ];
         let [w, h] = self.extent.size;
         let how = format!(
-            "A camera that sees a part of the valley, {w}x{h} pixels, {RSM}x{RSM} VALs, both lobes. Caches lie in the atlas in \
-             the bake's space-filling order (near), or shuffled: then the live ones are spread at random. Finding \
-             the visible vertices is not counted: averaging caches at them needs it, too. {}",
+            "A camera that sees a part of the valley, {w}x{h} pixels, {RSM}x{RSM} VALs, both lobes. Caches are stored in the atlas \
+             in the bake's space-filling order (near), or shuffled (random), which scatters the live ones. Finding the visible \
+             vertices is not counted, because averaging caches needs it, too. {}",
             self.method()
         );
         let mut table = Table::new("culling", "Culling", how, &columns);
@@ -475,7 +476,7 @@ impl Contexts<'_> {
                 continue;
             }
             let mut scene = valley(triangles, true);
-            // About a tenth of the caches.
+            // Sees about a tenth of the caches.
             let Projection::Perspective { yfov } = &mut scene.cameras[0].projection else { return Ok(table) };
             *yfov = 2.0 * ((0.5 * *yfov).tan() / 4.6).atan();
             let near = bake(&scene, asked, 8)?.0;
@@ -483,7 +484,7 @@ impl Contexts<'_> {
                 let world = OnDevice::new(self.gpu, &scene, Some(&set))?;
                 for (name, path) in [("fragment", Path::DRAWS), ("compute", Path::Compute)] {
                     let live = Knobs { path, ..settings([w, h], Gi::LightSkin, RSM, self.tuned.ways) };
-                    // The middle one of several pipelines, as for the table of pairs.
+                    // The median of several pipelines, as for the table of pairs.
                     let mut stage = |knobs: &Knobs| -> Result<(f64, f64, usize, usize)> {
                         let mut runs = Vec::new();
                         for _ in 0..tune::PIPELINES {
@@ -511,7 +512,7 @@ impl Contexts<'_> {
     }
 }
 
-/// The same caches in a random order, always the same one.
+/// The same caches in a random but reproducible order.
 fn shuffled(set: &CacheSet) -> CacheSet {
     let mut set = set.clone();
     let mut state = 1_u64;
@@ -533,35 +534,35 @@ fn shuffled(set: &CacheSet) -> CacheSet {
     set
 }
 
-/// A point of table 6.3.
+/// Results for one point of table 6.3.
 struct Measured {
     caches: usize,
     vals: usize,
     /// All stages \[ms\].
     frame: f64,
-    /// Stage 6 \[ms\] by the fragment path and by the compute path.
+    /// Stage 6 \[ms\] by the fragment and the compute path.
     gather: [f64; 2],
-    /// With shadows of proxies; only with both lobes.
+    /// The frame with proxy shadows; only with both lobes.
     shadowed: Option<ShadowedFrame>,
-    /// G pairs/s of the CPU.
+    /// Rate of the CPU [G pairs/s].
     native: f64,
     /// Largest relative errors of both lobes' irradiance.
     off: [f64; 2],
 }
 
-/// A frame with shadows of proxies.
+/// Times of a frame with proxy shadows.
 #[derive(Clone, Copy)]
 struct ShadowedFrame {
     /// All stages \[ms\].
     frame: f64,
-    /// Stage 7 \[ms\], and the same where no disc is skipped.
+    /// Stage 7 \[ms\], as it is and without skipping discs.
     occlude: [f64; 2],
 }
 
-/// The VALs and caches of the last frame, as the gather reads them.
+/// VALs and caches of the last frame, as the gather reads them.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn light_and_caches(gpu: &Gpu, light: &Light) -> Result<(Vec<Val>, Vec<Cache>)> {
     let none = || Error::Nothing("the frame gathers no light".into());
     let (vals, caches) = (light.vals().ok_or_else(none)?, light.caches().ok_or_else(none)?);

@@ -1,13 +1,14 @@
-//! How much is measured.
+//! Extent of the benchmark: which points are measured, and how often.
 
-/// Points of the thesis's tables, and how often each is measured.
+/// Points of the thesis's tables, and the number of frames per point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Extent {
     /// Name for the report.
     pub name: &'static str,
-    /// Picture \[pixels\] of table 6.3 and of culling.
+    /// Picture \[pixels\] for table 6.3 and for culling.
     pub size: [u32; 2],
-    /// Picture \[pixels\] of table 6.1: what the thesis shows its scenes in; by its table 6.2 it fits the times.
+    /// Picture \[pixels\] for table 6.1. The thesis shows its scenes at this size, and the times in its table 6.2 agree
+    /// with it.
     pub window: [u32; 2],
     /// Triangle counts of table 6.1.
     pub triangles: Vec<usize>,
@@ -17,24 +18,24 @@ pub struct Extent {
     pub caches: Vec<usize>,
     /// Sides of the RSMs \[texels\] of table 6.3.
     pub rsm: Vec<u32>,
-    /// Counts of triangles and of caches that culling is measured at.
+    /// Triangle and cache counts for culling.
     pub culled: Vec<(usize, usize)>,
-    /// Counts of caches, and sides of RSMs \[texels\], that the gather alone is timed at, each with each.
+    /// Cache counts and RSM sides \[texels\] for timing the gather alone, in all combinations.
     pub scaling: (Vec<usize>, Vec<u32>),
-    /// Instances of the crowds whose motion is measured.
+    /// Instance counts of the crowds for the motion table.
     pub crowds: Vec<usize>,
-    /// Triangles of the scenes of tables 6.2 and 6.3.
+    /// Triangles of the scenes for tables 6.2 and 6.3.
     pub ground: usize,
-    /// Frames before those that count.
+    /// Warm-up frames.
     pub warm_up: usize,
-    /// Frames whose median counts.
+    /// Frames of which the median is taken.
     pub frames: usize,
-    /// Time \[s\] that each table may take.
+    /// Time limit of each table \[s\].
     pub budget: f64,
 }
 
 impl Extent {
-    /// Minutes on a software device.
+    /// Takes minutes on a software device.
     pub fn quick() -> Self {
         Self {
             name: "quick",
@@ -54,7 +55,7 @@ impl Extent {
         }
     }
 
-    /// Every point of the thesis, for GPUs.
+    /// All points of the thesis, for GPUs.
     pub fn full() -> Self {
         Self {
             name: "full",

@@ -1,4 +1,4 @@
-//! Times of one frame, and what may be tried at all.
+//! Frame times, and the limits of time and memory.
 
 use crate::bake::{self, CacheSet, Density};
 use crate::error::Result;
@@ -13,7 +13,7 @@ use std::time::Instant;
 pub struct Times {
     /// GPU time \[ms\] of each stage.
     pub stages: Vec<(String, f64)>,
-    /// Missing and idle barriers, with `Validation::Sync`.
+    /// Missing and superfluous barriers, with `Validation::Sync`.
     pub problems: Vec<String>,
 }
 
@@ -43,30 +43,30 @@ impl<'a> OnDevice<'a> {
     /// Uploads a scene.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, caches: Option<&CacheSet>) -> Result<Self> {
         Ok(Self { gpu, scene, world: World::new(gpu, scene, caches)? })
     }
 
-    /// The stages of a frame.
+    /// Creates the stages of a frame.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn frame(&self, knobs: &Knobs) -> Result<Frame> {
         Frame::new(self.gpu, self.scene, &self.world, knobs)
     }
 
-    /// Draws `warm_up` frames that do not count and `frames` that do.
+    /// Draws `warm_up` frames that do not count, then `frames` that do.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn times(&self, frame: &mut Frame, warm_up: usize, frames: usize) -> Result<Times> {
         Ok(in_turn(&mut [(self, frame)], warm_up, frames)?.remove(0))
     }
 
     fn drawn(&self, frame: &mut Frame, problems: &mut Vec<String>) -> Result<FrameTimes> {
         let view = View::new(&self.scene.cameras[0], frame.picture.size(), self.world.origin, self.world.radius);
-        // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
+        // Software drivers attribute chained passes wrongly: submit each stage alone there.
         let drawn = self.gpu.timed_frame(|cmd| {
             frame.record(cmd, &self.world, &view);
             Ok(())
@@ -77,11 +77,11 @@ impl<'a> OnDevice<'a> {
     }
 }
 
-/// Times of several frames that are compared: `warm_up` of each that do not count and `frames` that do, one of each after the
-/// other, so that what else the machine does reaches all of them.
+/// Times of several frames that are compared: `warm_up` frames of each that do not count and `frames` that do. The
+/// frames alternate, so that other load on the machine affects all of them.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn in_turn(compared: &mut [(&OnDevice<'_>, &mut Frame)], warm_up: usize, frames: usize) -> Result<Vec<Times>> {
     let mut runs: Vec<(Vec<FrameTimes>, Vec<String>)> = compared.iter().map(|_| Default::default()).collect();
     for i in 0..warm_up + frames {
@@ -95,12 +95,12 @@ pub fn in_turn(compared: &mut [(&OnDevice<'_>, &mut Frame)], warm_up: usize, fra
     Ok(runs.into_iter().map(|(runs, problems)| Times { stages: medians(&runs), problems }).collect())
 }
 
-/// How the thesis's frames are drawn. Exposure is fixed: the thesis measures none.
+/// Settings of the thesis's frames. Exposure is fixed because the thesis measures none.
 pub fn settings(size: [u32; 2], gi: Gi, rsm: u32, ways: Ways) -> Knobs {
     Knobs { gi, rsm, ways, exposure: Exposure::Ev(10.0), ..Knobs::plain(size) }
 }
 
-/// Bakes without the kept files; returns the caches and the seconds that it took.
+/// Bakes without the kept files; returns the caches and the time \[s\].
 ///
 /// # Errors
 /// As `bake::bake`.
@@ -112,10 +112,10 @@ pub fn bake(scene: &Scene, caches: usize, references: usize) -> Result<(CacheSet
     Ok((set, start.elapsed().as_secs_f64()))
 }
 
-/// Most times that a thing is expected to take as long as the last.
+/// Upper bound of the expected growth in time from one step to the next.
 const MOST_GROWTH: f64 = 4.0;
 
-/// Time that a context may take. What the largest thing so far took says what a larger one would.
+/// Time budget of a table. The largest step so far predicts the time of a larger one.
 pub struct Budget {
     start: Instant,
     limit: f64,
@@ -123,15 +123,15 @@ pub struct Budget {
 }
 
 impl Budget {
-    /// So many seconds from now on.
+    /// A budget of this many seconds from now on.
     pub fn new(limit: f64) -> Self {
         Self { start: Instant::now(), limit, last: None }
     }
 
-    /// Begins a thing of this size, or says why there is no time for it.
+    /// Begins a step of this size, or returns why there is no time for it.
     pub fn begin(&mut self, size: f64) -> std::result::Result<(), String> {
         let now = Instant::now();
-        // Much of a small thing's time is the same for all: no step is expected to take more than a few times the last.
+        // Much of a small step's time is constant: limit the expected growth.
         let expected =
             self.last.map_or(0.0, |(last, since)| (now - since).as_secs_f64() * (size / last).min(MOST_GROWTH));
         let left = self.limit - (now - self.start).as_secs_f64();
@@ -143,11 +143,11 @@ impl Budget {
     }
 }
 
-/// Host memory \[bytes\] that a generated scene takes at its peak, per triangle, in five versions, which on a software device
-/// lie there, too: somewhat more than was measured.
+/// Peak host memory \[bytes\] per triangle of a generated scene in five versions, including those on a software device;
+/// slightly more than measured.
 const BYTES_PER_TRIANGLE: u64 = 1300;
 
-/// Says why there is no memory for so many triangles; nothing where the system does not tell how much there is.
+/// Returns why there is no memory for this many triangles; `None` if there is, or if the system does not tell.
 pub fn too_large(triangles: usize) -> Option<String> {
     let needed = triangles as u64 * BYTES_PER_TRIANGLE;
     let free = free_memory()?;
@@ -155,7 +155,7 @@ pub fn too_large(triangles: usize) -> Option<String> {
     (needed > free).then(|| format!("needs about {:.1} GiB of memory, and {:.1} GiB are free", gib(needed), gib(free)))
 }
 
-/// Memory \[bytes\] that programs can still have; Linux tells.
+/// Memory \[bytes\] available to programs; known on Linux only.
 fn free_memory() -> Option<u64> {
     let text = std::fs::read_to_string("/proc/meminfo").ok()?;
     let line = text.lines().find_map(|line| line.strip_prefix("MemAvailable:"))?;

@@ -1,5 +1,5 @@
-//! The thesis's measurements on generated scenes, beside its figures: frame times over triangles, resolution, caches and
-//! VALs, and how near the gather comes to what the device, and a CPU by hand, can do.
+//! The thesis's measurements on generated scenes, next to its figures: frame times over triangles, resolution, caches
+//! and VALs, and how close the gather comes to the peak of the device and to hand-written CPU code.
 
 pub mod accuracy;
 pub mod contexts;
@@ -26,37 +26,37 @@ use scaling::exponents;
 use std::time::Instant;
 use table::Table;
 
-/// What was measured.
+/// All results of a benchmark.
 pub struct Results {
     /// Name of the extent.
     pub extent: &'static str,
     /// Arithmetic peak of the device [flop/s].
     pub peak: f64,
-    /// How long all of it took \[s\].
+    /// Duration of the whole benchmark \[s\].
     pub seconds: f64,
     /// All tables, in the order of the report.
     pub tables: Vec<Table>,
-    /// Missing and idle barriers, with `Validation::Sync`.
+    /// Missing and superfluous barriers, with `Validation::Sync`.
     pub problems: Vec<String>,
 }
 
 impl Results {
-    /// The table of this name, which is always there.
+    /// The table of this name, which must exist.
     pub fn table(&self, name: &str) -> &Table {
         self.tables.iter().find(|table| table.name == name).expect("a table")
     }
 }
 
-/// Measures everything. `progress` is told how much is done, from 0 to 1, and what is being done.
+/// Measures everything. `progress` receives the completed share, 0 to 1, and the current step.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<Results> {
     let start = Instant::now();
     progress(0.0, "arithmetic peak");
     let peak = peak::measure(gpu)?;
     let tuned = tune::fastest(gpu)?;
-    // The parts take about this share of the time each.
+    // Approximate shares of the total time.
     let part = |from: f32, to: f32| move |part: f32, what: &str| progress(from + (to - from) * part, what);
     let parts = [
         part(0.0, 0.3),

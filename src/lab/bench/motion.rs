@@ -1,4 +1,4 @@
-//! What motion costs: frames of a scene that moves beside frames of the same scene, at the same moments, standing still.
+//! Cost of motion: frames of a moving scene against frames of the same moments standing still.
 
 use super::contexts::Contexts;
 use super::measure::{Budget, bake, settings};
@@ -14,10 +14,10 @@ use std::time::Instant;
 /// RSM side \[texels\].
 const RSM: u32 = 128;
 
-/// Moments of the animation.
+/// Sampled moments of the animation.
 const MOMENTS: usize = 15;
 
-/// The animation is not gone through again once so much time has passed \[s\].
+/// No further round through the animation starts after this time \[s\].
 const LONG_ENOUGH: f64 = 8.0;
 
 /// Longest side \[m\] of the grid cells of the room's walls.
@@ -26,26 +26,26 @@ const EDGE: f32 = 0.1;
 /// Caches of the room, and of each tube of the crowd.
 const CACHES: [usize; 2] = [500, 40];
 
-/// Times \[ms\] of one moment.
+/// Times \[ms\] at one moment.
 struct Moment {
-    /// Animation and what follows from it on the CPU, up to the frame.
+    /// CPU time of the animation and its consequences, up to the frame.
     host: f64,
-    /// Frame that shows what has moved: GPU.
+    /// GPU time of the frame that shows the new poses.
     moving: f64,
-    /// Of it the copies, and the poses.
+    /// Of this, copies and posing.
     update: f64,
     deform: f64,
-    /// The same frame again, in which nothing has moved and nothing is left out.
+    /// The same frame again without motion, with all stages computed.
     standing: f64,
-    /// And with what has not changed left out.
+    /// The same, with unchanged stages skipped.
     skipped: f64,
 }
 
 impl Contexts<'_> {
-    /// The table of what motion costs.
+    /// The table of the cost of motion.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn motion(&mut self) -> Result<Table> {
         let [w, h] = self.extent.size;
         let columns = [
@@ -64,11 +64,11 @@ impl Contexts<'_> {
             "standing and skipped [ms]",
         ];
         let how = format!(
-            "Frames of {w}x{h} pixels, both lobes, {RSM}x{RSM} VALs, no shadows of indirect light: at each moment of \
-             the animation when everything has just moved there, then as it stands, with those stages left out whose inputs \
-             have not changed, and with every stage computed. Medians over {MOMENTS} moments, gone through up to {} times \
-             but not again after {LONG_ENOUGH} s, ratios of each. GPU timestamps of each stage; the CPU's part is \
-             sampling the animation and comparing with what the device has.",
+            "Frames of {w}x{h} pixels, both lobes, {RSM}x{RSM} VALs, no shadows of indirect light. At each moment of the animation \
+             three frames are timed: right after the motion, standing still with unchanged stages skipped, and standing still \
+             with all stages computed. Medians over {MOMENTS} moments, repeated up to {} times but not after {LONG_ENOUGH} s; \
+             ratios are taken at each moment. GPU timestamps of each stage. The CPU's part is sampling the animation and \
+             comparing it with the device's state.",
             self.extent.frames
         );
         let mut table = Table::new("motion", "Motion", how, &columns);
@@ -93,7 +93,7 @@ impl Contexts<'_> {
         let some = Knobs { reuse: true, ..settings(self.extent.size, Gi::LightSkin, RSM, self.tuned.ways) };
         let mut some = Frame::new(self.gpu, &scene, &buffers, &some)?;
         let end = scene.animations().next().map_or(1.0, |(_, _, end)| end);
-        // The first frames compile what they draw with.
+        // The first frames compile pipelines.
         for frame in [&mut some, &mut all] {
             self.drawn(frame, &buffers, &scene)?;
         }
@@ -107,9 +107,9 @@ impl Contexts<'_> {
             scene.pose(0, end * (i % MOMENTS + 1) as f64 / MOMENTS as f64);
             buffers.update(self.gpu, &scene)?;
             let host = start.elapsed().as_secs_f64() * 1e3;
-            // Both that are compared come after one of their kind, which has warmed the caches of a CPU.
+            // Both compared frames follow one of their kind, which has warmed a CPU's caches.
             let moving = self.drawn(&mut all, &buffers, &scene)?;
-            // What is kept is made in one frame and left out of the next.
+            // Data is stored in one frame and reused in the next.
             self.drawn(&mut some, &buffers, &scene)?;
             let skipped = self.drawn(&mut some, &buffers, &scene)?;
             self.drawn(&mut all, &buffers, &scene)?;
@@ -151,7 +151,7 @@ impl Contexts<'_> {
         ])
     }
 
-    /// Draws one frame and waits for its times.
+    /// Draws one frame and returns its times.
     fn drawn(&mut self, frame: &mut Frame, buffers: &World, scene: &Scene) -> Result<FrameTimes> {
         let view = View::new(&scene.cameras[0], frame.picture.size(), buffers.origin, buffers.radius);
         let drawn = self.gpu.timed_frame(|cmd| {
@@ -164,7 +164,7 @@ impl Contexts<'_> {
     }
 }
 
-/// What there is to say of the table.
+/// Summary sentences for the table.
 pub fn headlines(table: &Table) -> Vec<String> {
     let scene = |row: usize| match &table.rows[row][0] {
         Cell::Text(name) => name.clone(),
@@ -173,8 +173,8 @@ pub fn headlines(table: &Table) -> Vec<String> {
     let of = |row: usize, column: &str| table.number(row, column).unwrap_or(0.0);
     let line = |row: usize| {
         format!(
-            "{}: a frame in which everything moves takes {:.3} of the time of the same one standing still ({:.3} with the CPU's \
-             part); standing still with what has not changed left out, {:.2} ms of {:.1}.",
+            "{}: a frame in motion takes {:.3} times as long as the same frame standing still ({:.3} with the CPU's part); \
+             standing still with unchanged stages skipped takes {:.2} ms instead of {:.1} ms.",
             scene(row),
             of(row, "moving / standing"),
             of(row, "with the CPU's part"),

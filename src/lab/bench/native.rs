@@ -1,8 +1,8 @@
-//! Stage 6 on the CPU's own vector registers and all its cores: what a software device is held against.
+//! Stage 6 on the CPU with native vector registers and all cores: the yardstick for software devices.
 //!
-//! The sums of `glsl/lib/gather.glsl`, in f32, VAL after VAL: a tile of them is summed in registers, then added to what the
-//! tiles before it gave. Each lane holds one cache; VALs are broadcast from
-//! where they lie. The widest registers that the machine has are chosen at run time.
+//! The sums of `glsl/lib/gather.glsl` in f32, VAL after VAL. A tile of VALs is summed in registers and then added to
+//! the previous tiles' sums. Each lane holds one cache; VALs are broadcast from memory. The widest registers of the
+//! machine are chosen at run time.
 
 use super::simd::{exp2, log2};
 use crate::shared::{Cache, GatherSums, VAL_TILE, Val};
@@ -11,23 +11,23 @@ use pulp::{Arch, Simd, WithSimd};
 use rayon::prelude::*;
 use std::f32::consts::PI;
 
-/// Numbers in `GatherSums` but the last, which only shadows ask for.
+/// Numbers in `GatherSums`, except for the last, which only shadows need.
 const SUMS: usize = 15;
 
-/// Those of the diffuse lobe, which come first.
+/// Numbers of the diffuse lobe, which come first.
 const DIFFUSE: usize = 8;
 
-/// Caches of a task: as many as the widest register has lanes.
+/// Caches per task: the number of lanes of the widest register.
 const GROUP: usize = 16;
 
-/// VALs that are worked on at once.
+/// VALs processed at a time.
 const AT_ONCE: usize = 2;
 
-/// Floats of a VAL as it lies in memory; see `shared::Val`.
+/// Floats of a VAL in memory; see `shared::Val`.
 type ValFloats = [f32; 12];
 
-/// Lets every VAL light every cache, seen from `eye` (as in `shared::GatherPush`). Without `glossy` the glossy sums are 0
-/// and cost nothing.
+/// Lights every cache by every VAL, seen from `eye` (as in `shared::GatherPush`). Without `glossy` the glossy sums are
+/// 0 and cost nothing.
 pub fn gather(vals: &[Val], caches: &[Cache], eye: Vec4, glossy: bool) -> Vec<GatherSums> {
     let vals: &[ValFloats] = bytemuck::cast_slice(vals);
     let mut sums = vec![GatherSums::default(); caches.len()];
@@ -43,7 +43,7 @@ pub fn gather(vals: &[Val], caches: &[Cache], eye: Vec4, glossy: bool) -> Vec<Ga
     sums
 }
 
-/// The CPU as it names itself; the rest tells its generation where a hypervisor hides the name.
+/// Name of the CPU, with family and model, which identify its generation if a hypervisor hides the name.
 #[cfg(target_arch = "x86_64")]
 pub fn cpu() -> String {
     let cpu = raw_cpuid::CpuId::new();
@@ -60,7 +60,7 @@ pub fn cpu() -> String {
     std::env::consts::ARCH.to_owned()
 }
 
-/// Name of the registers in use, and how many numbers they hold.
+/// Name of the vector registers in use and their number of lanes.
 pub fn registers() -> (String, usize) {
     struct Width;
     impl WithSimd for Width {
@@ -75,7 +75,7 @@ pub fn registers() -> (String, usize) {
     (name.split('(').next().unwrap_or_default().to_owned(), arch.dispatch(Width))
 }
 
-/// A group of caches, one in each lane. Lanes without one hold the last cache again.
+/// A group of caches, one per lane. Spare lanes repeat the last cache.
 struct Lanes {
     position: [[f32; GROUP]; 3],
     against: [[f32; GROUP]; 3],
@@ -107,7 +107,7 @@ impl Lanes {
     }
 }
 
-/// One task.
+/// One task: a group of caches.
 struct Group<'a, const GLOSSY: bool> {
     vals: &'a [ValFloats],
     lanes: &'a Lanes,
@@ -146,10 +146,10 @@ impl<const GLOSSY: bool> WithSimd for Group<'_, GLOSSY> {
     }
 }
 
-/// As many caches as a register has lanes.
+/// One register of caches.
 struct Caches<S: Simd> {
     position: [S::f32s; 3],
-    /// The normal, negated.
+    /// Negated normal.
     against: [S::f32s; 3],
     mirrored: [S::f32s; 3],
     half_exponent: S::f32s,
@@ -170,7 +170,8 @@ impl<S: Simd> Caches<S> {
         sums
     }
 
-    /// Adds the light of several VALs, step by step of all of them: what waits for one works on the next.
+    /// Adds the light of several VALs. Each step processes all of them, so that a CPU can work on one while it waits
+    /// for another.
     #[inline(always)]
     fn add<const GLOSSY: bool, const N: usize>(&self, simd: S, vals: &[ValFloats; N], sums: &mut [S::f32s; SUMS]) {
         let all = |value: f32| simd.splat_f32s(value);
@@ -186,7 +187,7 @@ impl<S: Simd> Caches<S> {
             d2[i] = dot(&d[i], &d[i]);
             let facing = fma(all(PI), d2[i], area);
             let inverse = simd.div_f32s(all(1.0), simd.max_f32s(mul(d2[i], facing), all(1e-37)));
-            // Both cosines carry |d|; the VAL's is negative where it shines towards the cache, and so is the other.
+            // Both cosines carry |d|; both dot products are negative where the VAL lights the cache.
             let to_cache = simd.min_f32s(dot(&[nx, ny, nz], &d[i]), zero);
             let to_val = simd.min_f32s(dot(&self.against, &d[i]), zero);
             g[i] = mul(mul(to_cache, to_val), inverse);

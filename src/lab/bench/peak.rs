@@ -1,22 +1,22 @@
-//! How many arithmetic operations a device does per second at best: independent chains of multiply-adds, nothing else.
+//! Arithmetic peak of a device: independent chains of multiply-adds and nothing else.
 
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::shared::{PEAK_CHAINS, PEAK_STEPS};
 
-/// Runs get larger until one takes this long \[ms\].
+/// Runs grow until one takes this long \[ms\].
 const LONG_ENOUGH: f64 = 30.0;
 
-/// Invocations of the first and of the largest run.
+/// Invocations of the first run, and the limit.
 const INVOCATIONS: [u32; 2] = [1 << 10, 1 << 21];
 
-/// Runs of the largest size; the fastest counts.
+/// Runs at the final size; the fastest counts.
 const RUNS: usize = 5;
 
-/// Measured arithmetic peak [flop/s]; a multiply-add counts as two. Fails where the chains end elsewhere than they must.
+/// Measured arithmetic peak [flop/s]; a multiply-add counts as two operations. Fails if the chains give wrong results.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn measure(gpu: &Gpu) -> Result<f64> {
     let pipeline = gpu.compute("peak.comp", &[])?;
     let mut count = INVOCATIONS[0];
@@ -44,16 +44,16 @@ pub fn measure(gpu: &Gpu) -> Result<f64> {
     }
 }
 
-/// Each chain x -> x + (1 - x) / 4096 ends `(1 - 1/4096)^steps` of its way from 1.
+/// Each chain x -> x + (1 - x) / 4096 ends at `(1 - 1/4096)^steps` of its initial distance from 1.
 fn check(results: &[f32]) -> Result<()> {
     let left = (1.0 - 1.0 / 4096.0_f64).powi(PEAK_STEPS as i32);
     for (at, result) in results.iter().enumerate() {
         let starts = (0..PEAK_CHAINS).map(|chain| 100.0 + f64::from(chain) + (at % 8) as f64);
         let expected: f64 = starts.map(|start| 1.0 + (start - 1.0) * left).sum();
-        // Roundings of a step weigh up to 4096 times as much in the end.
+        // Rounding errors of a step add up to 4096-fold.
         if (f64::from(*result) - expected).abs() > 0.005 * expected {
-            let what = format!("the kernel of the arithmetic peak gave {result} instead of {expected}");
-            return Err(Error::Nothing(format!("{what}; the device or its driver does not do what it is told")));
+            let what = format!("the kernel of the arithmetic peak returned {result} instead of {expected}");
+            return Err(Error::Nothing(format!("{what}; the device or its driver computes wrong results")));
         }
     }
     Ok(())

@@ -1,4 +1,4 @@
-//! The bench's files: `bench.json`, a CSV for each table, `bench.md`, plots.
+//! Files of the benchmark: `bench.json`, a CSV for each table, `bench.md`, plots.
 
 use super::Results;
 use super::contexts::VERSIONS;
@@ -15,10 +15,10 @@ use crate::lab::plot::{Axis, Mark, Plot, Series, short};
 use serde_json::json;
 use std::path::Path;
 
-/// Makes the folder and tries whether the report can be written there, before long work is done for it.
+/// Creates the folder and checks that the report can be written there, before the long measurement starts.
 ///
 /// # Errors
-/// A folder or file that cannot be written.
+/// If a folder or file cannot be written.
 pub fn check_writable(folder: &Path) -> Result<()> {
     make_folder(folder)?;
     files::check_writable(&folder.join("bench.md"))
@@ -27,7 +27,7 @@ pub fn check_writable(folder: &Path) -> Result<()> {
 /// Writes the report into a folder.
 ///
 /// # Errors
-/// A folder or file that cannot be written.
+/// If a folder or file cannot be written.
 pub fn write(folder: &Path, gpu: &Gpu, results: &Results) -> Result<()> {
     make_folder(folder)?;
     let text = |name: &str, content: &str| files::write(&folder.join(name), content.as_bytes());
@@ -50,7 +50,7 @@ pub fn write(folder: &Path, gpu: &Gpu, results: &Results) -> Result<()> {
     text("bench.md", &markdown(gpu, results))
 }
 
-/// The device as the report names it.
+/// The device as named in the report.
 fn device(gpu: &Gpu) -> String {
     let report = gpu.report();
     format!("{} ({}, {})", report.name, report.kind, report.driver)
@@ -64,10 +64,10 @@ fn markdown(gpu: &Gpu, results: &Results) -> String {
         results.extent, results.seconds
     );
     if gpu.is_software() {
-        page += "This is a **software device**: ratios mean something, absolute times little. The thesis's times are of a \
-                 GeForce GTX 780 and stand here only for the shape of their growth.\n\n";
+        page += "This is a **software device**: ratios are meaningful, absolute times hardly. The thesis's times are from a GeForce GTX \
+                 780 and only show how times grow.\n\n";
     } else {
-        page += "The thesis's times are of a GeForce GTX 780.\n\n";
+        page += "The thesis's times are from a GeForce GTX 780.\n\n";
     }
     for line in headlines(gpu, results) {
         page += &format!("- {line}\n");
@@ -81,7 +81,7 @@ fn markdown(gpu: &Gpu, results: &Results) -> String {
     page
 }
 
-/// What there is to say in a few sentences: ratios, and on GPUs frames per second.
+/// Summary sentences: ratios, and on GPUs frames per second.
 pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
     let mut lines = Vec::new();
     let triangles = results.table("triangles");
@@ -92,9 +92,16 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
             format!("{version} {} (thesis {thesis})", of(&format!("{version} / LI")).map_or("-".into(), short))
         };
         let all = VERSIONS.map(|version| ratio(version.0)).join(", ");
-        lines.push(format!("{} triangles, frame time over direct light only: {all}.", of("triangles").unwrap_or(0.0)));
+        lines.push(format!(
+            "{} triangles, frame time relative to direct light only: {all}.",
+            of("triangles").unwrap_or(0.0)
+        ));
         if let (false, Some(ms), Some(thesis)) = (gpu.is_software(), of("DG8 [ms]"), of("thesis DG8 [ms]")) {
-            lines.push(format!("There DG8 makes {} frames/s (thesis {}).", short(1e3 / ms), short(1e3 / thesis)));
+            lines.push(format!(
+                "At this count DG8 runs at {} frames/s (thesis {}).",
+                short(1e3 / ms),
+                short(1e3 / thesis)
+            ));
         }
     }
     let pairs = results.table("pairs");
@@ -128,7 +135,7 @@ pub fn headlines(gpu: &Gpu, results: &Results) -> Vec<String> {
     lines
 }
 
-/// How well few caches fill the device.
+/// How well few caches occupy the device.
 fn small_scenes(pairs: &Table) -> Option<String> {
     let with = |row: usize| Some((pairs.number(row, "caches")?, pairs.number(row, "compute [G pairs/s]")?));
     let usual = |row: &usize| pairs.has(*row, "DG") && pairs.number(*row, "VALs") == Some(16_384.0);
@@ -141,7 +148,7 @@ fn small_scenes(pairs: &Table) -> Option<String> {
     ))
 }
 
-/// What the largest count of caches costs where a part of them is live.
+/// Cost of culling and gather for the largest cache count, if a part of the caches is live.
 fn culling(table: &Table) -> Option<String> {
     let most = (0..table.rows.len()).filter_map(|row| table.number(row, "caches")).fold(0.0, f64::max);
     let of = |order: &str, path: &str| {
@@ -153,9 +160,9 @@ fn culling(table: &Table) -> Option<String> {
     let ((share, compute), (_, near)) = (of("random", "compute")?, of("near", "compute")?);
     let ((texels, fragment), (_, fragment_near)) = (of("random", "fragment")?, of("near", "fragment")?);
     Some(format!(
-        "{share} % of {most} caches live at random: culling and gather cost {compute} % of lighting all by compute; by \
-         fragments, which light {texels} % of them, two to a texel, {fragment} %; in the bake's order {near} % and \
-         {fragment_near} %."
+        "With {share} % of {most} caches live in random order, culling and gather take {compute} % of the time for lighting all \
+         caches by compute, and {fragment} % by fragments, which light {texels} % of them (two per texel); in the bake's order \
+         {near} % and {fragment_near} %."
     ))
 }
 
@@ -220,7 +227,7 @@ fn plots(gpu: &Gpu, results: &Results) -> Vec<(&'static str, Plot)> {
     all
 }
 
-/// The table of resolutions with a column of pixels.
+/// The table of resolutions with an added column of pixel counts.
 fn with_pixels(table: &Table) -> Table {
     let mut table = table.clone();
     table.columns.push("pixels".into());

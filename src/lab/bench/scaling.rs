@@ -1,6 +1,6 @@
-//! By what powers the gather's time grows with live caches and live VALs: stage 6 alone, all points in turn, round after
-//! round. What the machine does besides may last longer than one measurement, and rather slows a long one than a short
-//! one: so the least point of the grid is timed between all others, and each time is put into proportion to that.
+//! Exponents by which the gather's time grows with live caches and live VALs: stage 6 alone, all points in turn, in
+//! several rounds. Other load on the machine may last longer than one measurement, and slows long measurements more
+//! than short ones. So the smallest point is timed between all others, and each time is taken relative to it.
 
 use super::contexts::{Contexts, light_and_caches};
 use super::measure::{Budget, OnDevice, bake, settings};
@@ -18,16 +18,16 @@ use crate::lab::scenes::valley;
 use crate::shared::{Cache, Val};
 use std::time::Instant;
 
-/// Rounds over all points, after one that does not count.
+/// Rounds over all points, after one warm-up.
 const ROUNDS: usize = 7;
 
-/// A point is gathered so often in one measurement that this lasts so long \[ms\].
+/// Gathers of a point are repeated within one measurement until it takes this long \[ms\].
 const LONG_ENOUGH: f64 = 12.0;
 
-/// Most gathers of one measurement.
+/// Most gathers per measurement.
 const MOST: usize = 256;
 
-/// Time of one gather at a point of the grid.
+/// Time of one gather at one point of the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
     /// Live caches.
@@ -38,21 +38,21 @@ pub struct Point {
     pub ms: f64,
 }
 
-/// How times grow with caches and VALs.
+/// Growth of times with caches and VALs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Growth {
-    /// Exponents of caches and of VALs that fit all points best, by least squares of the logarithms.
+    /// Exponents of caches and VALs: least squares fit of the logarithms over all points.
     pub all: [f64; 2],
-    /// Least and largest exponent of caches over the counts of VALs, each by its own points.
+    /// Smallest and largest exponent of caches, fitted separately for each VAL count.
     pub of_caches: [f64; 2],
-    /// Least and largest exponent of VALs over the counts of caches.
+    /// Smallest and largest exponent of VALs, fitted separately for each cache count.
     pub of_vals: [f64; 2],
-    /// Largest ratio of a time and the fit, or its inverse.
+    /// Largest ratio of a time to the fit, or of the fit to a time.
     pub worst: f64,
 }
 
 impl Growth {
-    /// The growth of these times; `None` where they are too few.
+    /// The growth of these times; `None` if there are too few.
     pub fn new(points: &[Point]) -> Option<Self> {
         let logs: Vec<[f64; 3]> = points.iter().map(|p| [p.caches.ln(), p.vals.ln(), p.ms.ln()]).collect();
         let [constant, caches, vals] = power_law(&logs)?;
@@ -66,7 +66,7 @@ impl Growth {
     }
 }
 
-/// Least and largest exponent over the points that share a count.
+/// Smallest and largest exponent over groups of points that share a count.
 fn range(points: &[Point], shared: fn(&Point) -> f64, grows: fn(&Point) -> f64) -> Option<[f64; 2]> {
     let mut counts: Vec<f64> = points.iter().map(shared).collect();
     counts.sort_by(f64::total_cmp);
@@ -80,19 +80,19 @@ fn range(points: &[Point], shared: fn(&Point) -> f64, grows: fn(&Point) -> f64) 
     Some([least, slopes.iter().copied().fold(least, f64::max)])
 }
 
-/// What one measurement gathers, again and again.
+/// One measurement, repeated.
 struct Work<'a> {
-    /// Of one kind, in turn.
+    /// Several pipelines of one kind, used in turn.
     gathers: Vec<Compute>,
     atlas: Atlas,
     proxies: Proxies,
     vals: &'a Vals,
     glossy: bool,
-    /// Gathers of one measurement.
+    /// Gathers per measurement.
     often: usize,
-    /// Times of a gather \[ms\], round by round.
+    /// Time of one gather \[ms\] in each round.
     times: Vec<f64>,
-    /// The same in those of the least point of the grid just before and just after.
+    /// The same relative to the smallest point, measured just before and just after.
     relative: Vec<f64>,
 }
 
@@ -101,7 +101,7 @@ impl Work<'_> {
         f64::from(self.atlas.count) * f64::from(self.vals.count)
     }
 
-    /// Whose turn it is.
+    /// The pipeline whose turn it is.
     fn next(&self) -> &Compute {
         &self.gathers[self.times.len() % self.gathers.len()]
     }
@@ -123,14 +123,14 @@ impl Work<'_> {
     }
 }
 
-/// The middle one.
+/// The median.
 fn median(times: &[f64]) -> f64 {
     let mut times = times.to_vec();
     times.sort_by(f64::total_cmp);
     times[times.len() / 2]
 }
 
-/// Caches and VALs of the grid, and who sees them.
+/// Caches and VALs of the grid, and the view.
 struct Lists {
     caches: Vec<Vec<Cache>>,
     vals: Vec<Vec<Val>>,
@@ -141,12 +141,12 @@ impl Contexts<'_> {
     /// The tables of times and of exponents.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn scaling(&mut self) -> Result<[Table; 2]> {
         (self.progress)(0.0, "caches and VALs of the grid");
         let Lists { caches, vals, view } = self.lists()?;
         let vals = vals.iter().map(|vals| Vals::of(self.gpu, vals)).collect::<Result<Vec<_>>>()?;
-        // What a gather costs where there is next to nothing to do.
+        // Cost of a gather with almost no work.
         let (one_cache, one_val) = tune::world(1, 1);
         let one_val = Vals::of(self.gpu, &one_val)?;
         let mut alone = self.work(&one_cache, &one_val, true)?;
@@ -181,7 +181,7 @@ impl Contexts<'_> {
         }
         let mut empty = Vec::new();
         for round in 0..if all.is_empty() { 0 } else { ROUNDS } {
-            // Enough for a least one.
+            // Enough rounds for a minimum.
             if round >= 3 && started.elapsed().as_secs_f64() > self.extent.budget {
                 break;
             }
@@ -225,7 +225,7 @@ impl Contexts<'_> {
         Ok([table, growth])
     }
 
-    /// Times all points of a version once, and the first of them before and after each.
+    /// Times all points of a version once, and the first point before and after each.
     fn round(&mut self, all: &mut [Work<'_>], glossy: bool, view: &View) -> Result<()> {
         let mut of: Vec<&mut Work<'_>> = all.iter_mut().filter(|work| work.glossy == glossy).collect();
         let Some((first, others)) = of.split_first_mut() else { return Ok(()) };
@@ -257,13 +257,13 @@ impl Contexts<'_> {
             "steadied [ns/pair]",
         ];
         let mut how = format!(
-            "Stage 6 alone, by the compute path ({} caches to a thread, parts of {} VALs, read from {}): live caches and live \
-             VALs of the valley, which the camera and the sun see all of. Each time is that of one gather of so many in one \
-             submission, a barrier between them, as often as takes {LONG_ENOUGH} ms; all points in turn, in {ROUNDS} rounds, by {} \
-             pipelines in turn (of the same code some stay slower than others). Between all \
-             others the first point is timed: steadied is the median over the rounds of a time in those of the first point \
-             just before and just after, times the least of the first point, so that it does not count when the machine is \
-             slow for a while. On a machine that does nothing else the least times say more, on a busy one those.",
+            "Stage 6 alone by the compute path ({} caches per thread, parts of {} VALs, read from {}), on live caches and VALs of \
+             the valley, all of which the camera and the sun see. One measurement repeats a gather within one submission, with \
+             barriers in between, for {LONG_ENOUGH} ms; times are per gather. All points are measured in turn in {ROUNDS} rounds, \
+             over {} pipelines in turn (pipelines of identical code can differ in speed). The first point is timed between all \
+             others. \"steadied\" is the median over the rounds of a time relative to the first point's times just before and \
+             after, multiplied by the first point's least time, so that temporary slowness of the machine cancels out. On an \
+             idle machine the least times are more meaningful, on a busy one the steadied times.",
             way.caches_per_thread,
             way.split,
             way.source.name(),
@@ -271,9 +271,9 @@ impl Contexts<'_> {
         );
         if let Some([empty, alone, often]) = fixed {
             how += &format!(
-                " Nothing is subtracted. For comparison, in the same rounds: one cache and one VAL take {} ms in a submission \
-                 of their own, as stages are measured in the other tables, and {} ms a gather where {MOST} are in one; a \
-                 submission with nothing in it counts {} ms.",
+                " No overhead is subtracted. For comparison, in the same rounds: a gather of one cache and one VAL takes {} ms in a \
+                 submission of its own, as stages are measured in the other tables, and {} ms if {MOST} gathers share a submission; \
+                 an empty submission takes {} ms.",
                 short(alone),
                 short(often),
                 short(empty)
@@ -282,12 +282,12 @@ impl Contexts<'_> {
         Table::new("scaling", "Scaling: the gather alone", how, &columns)
     }
 
-    /// Time \[ms\] of one gather of a measurement.
+    /// Time \[ms\] of one gather in a measurement.
     fn measure(&mut self, work: &Work<'_>, view: &View) -> Result<f64> {
         Ok(self.zone(&|cmd| work.record(cmd, work.next(), view))? / work.often as f64)
     }
 
-    /// Time \[ms\] of a zone that is submitted alone on software devices, as in frames.
+    /// Time \[ms\] of a zone, which is submitted alone on software devices, as in frames.
     fn zone(&mut self, record: &dyn Fn(&Cmd<'_>)) -> Result<f64> {
         let drawn = self.gpu.timed_frame(|cmd| {
             let _zone = cmd.zone("gather");
@@ -310,7 +310,7 @@ impl Contexts<'_> {
         Ok(Work { gathers, atlas, proxies, vals, glossy, often: 1, times: Vec::new(), relative: Vec::new() })
     }
 
-    /// What frames of the valley gather.
+    /// Caches and VALs gathered in frames of the valley.
     fn lists(&mut self) -> Result<Lists> {
         let scene = valley(self.extent.ground, true);
         let size = self.extent.size;
@@ -318,7 +318,7 @@ impl Contexts<'_> {
         let mut view = View::new(&scene.cameras[0], size, glam::DVec3::ZERO, 1.0);
         let [counts, sides] = [&self.extent.scaling.0, &self.extent.scaling.1.iter().map(|n| *n as usize).collect()];
         for i in 0..counts.len().max(sides.len()) {
-            // Each count and each side at least once, together.
+            // Covers each count and each side at least once, combined.
             let [asked, side] = [counts, sides].map(|all: &Vec<usize>| all[i.min(all.len() - 1)]);
             let set = bake(&scene, asked, 8)?.0;
             let world = OnDevice::new(self.gpu, &scene, Some(&set))?;
@@ -353,16 +353,16 @@ fn growth_table() -> Table {
         "in the largest column",
         "worst point / fit",
     ];
-    let how = "Exponents of the times above: log time = a + e log caches + f log VALs by least squares over all points; 1 is \
-               proportional. Rows share the VALs and columns the caches; each is fitted by itself, and the least and the \
-               largest exponent are here.";
+    let how = "Exponents of the times above: log time = a + e log caches + f log VALs by least squares over all points; 1 means \
+               proportional. A row has one VAL count, a column one cache count; each is fitted separately, and the least and the \
+               largest exponents are listed.";
     Table::new("growth", "How the gather grows", how.into(), &columns)
 }
 
-/// By what power whole frames grow with caches and with VALs, from the table of caches.
+/// Exponents by which whole frames grow with caches and VALs, from the table of caches.
 pub fn exponents(caches: &Table) -> Table {
-    let how = "Slope of log time over log count by least squares, over the points that share everything else; 1 is \
-               proportional. The thesis's whole frames at the same points are beside it: it gives no times of stages.";
+    let how = "Least squares slope of log time over log count, over points that share everything else; 1 means proportional. The \
+               thesis's column is for whole frames at the same points, because it gives no times of stages.";
     let columns = ["lobes", "grows with", "at", "points", "frame", "thesis frame"];
     let mut table = Table::new("exponents", "How frames grow", how.into(), &columns);
     let counts = |column: &str| -> Vec<f64> {
@@ -390,7 +390,7 @@ pub fn exponents(caches: &Table) -> Table {
     table
 }
 
-/// The exponents in a sentence for each version.
+/// One sentence with the exponents for each version.
 pub(super) fn headlines(growth: &Table) -> Vec<String> {
     let line = |row: usize| {
         let of = |column: &str| growth.number(row, column).map_or("-".into(), |e| format!("{e:.3}"));

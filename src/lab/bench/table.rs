@@ -1,17 +1,17 @@
-//! Numbers in rows: one table is written as CSV, as JSON and as Markdown, always with the same digits.
+//! Tables of numbers: written as CSV, JSON and Markdown with the same digits.
 
 use crate::lab::plot::short;
 use serde_json::{Value, json};
 use std::fmt::Write;
 
-/// One number or word of a table.
+/// One cell of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Cell {
-    /// Nothing is known.
+    /// Unknown.
     Empty,
-    /// A word.
+    /// Text.
     Text(String),
-    /// A number, to five digits.
+    /// A number, rounded to five digits.
     Number(f64),
 }
 
@@ -20,7 +20,7 @@ impl From<f64> for Cell {
         if !value.is_finite() {
             return Self::Empty;
         }
-        // Numbers that count things are whole and stay so.
+        // Integers stay exact.
         let rounded = || format!("{value:.4e}").parse().unwrap_or(value);
         Self::Number(if value.fract() == 0.0 { value } else { rounded() })
     }
@@ -44,20 +44,20 @@ impl From<&str> for Cell {
     }
 }
 
-/// A context's numbers.
+/// One table of the report.
 #[derive(Clone, Debug, Default)]
 pub struct Table {
     /// Name of its files.
     pub name: &'static str,
     /// Headline.
     pub title: String,
-    /// What was measured and how, in sentences.
+    /// Description of the measurement, in sentences.
     pub how: String,
     /// Quantity and unit of each column.
     pub columns: Vec<String>,
-    /// As many cells as columns in each.
+    /// Rows, each with as many cells as there are columns.
     pub rows: Vec<Vec<Cell>>,
-    /// What was left out, and why; one sentence each.
+    /// Skipped points and the reasons, one sentence each.
     pub skipped: Vec<String>,
 }
 
@@ -82,19 +82,19 @@ impl Table {
         }
     }
 
-    /// Two columns, row by row, where both are known and positive and `wanted` is fulfilled.
+    /// Values of two columns, for rows where both are known and positive and `wanted` holds.
     pub fn pairs(&self, x: &str, y: &str, wanted: impl Fn(usize) -> bool) -> Vec<(f64, f64)> {
         let known = |row| Some((self.number(row, x)?, self.number(row, y)?));
         let all = (0..self.rows.len()).filter(|row| wanted(*row)).filter_map(known);
         all.filter(|(x, y)| *x > 0.0 && *y > 0.0).collect()
     }
 
-    /// Whether a row holds this word.
+    /// Whether a row contains this text.
     pub fn has(&self, row: usize, word: &str) -> bool {
         self.rows[row].iter().any(|cell| matches!(cell, Cell::Text(text) if text == word))
     }
 
-    /// Comma-separated values; unknown ones are empty.
+    /// Comma-separated values; unknown cells are empty.
     pub fn csv(&self) -> String {
         let line = |cells: Vec<String>| cells.join(",") + "\n";
         let mut csv = line(self.columns.clone());
@@ -104,7 +104,7 @@ impl Table {
         csv
     }
 
-    /// The same as JSON; unknown ones are null.
+    /// The same as JSON; unknown cells are null.
     pub fn json(&self) -> Value {
         let value = |cell: &Cell| match cell {
             Cell::Empty => Value::Null,
@@ -118,7 +118,7 @@ impl Table {
         })
     }
 
-    /// Headline, sentences, the table with three digits that count, and what was left out.
+    /// Title, description, the table with three significant digits, and the skipped points.
     pub fn markdown(&self) -> String {
         let mut text = format!("## {}\n\n{}\n\n", self.title, self.how);
         let line = |cells: Vec<String>| format!("| {} |\n", cells.join(" | "));
@@ -152,8 +152,8 @@ impl Cell {
     }
 }
 
-/// Slope of the straight line through the logarithms of points by least squares: the exponent of a power law. `None` for
-/// fewer than two different x.
+/// Exponent of a power law: slope of the least squares line through the logarithms of points. `None` for fewer than two
+/// distinct x.
 pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     let logs: Vec<(f64, f64)> = points.iter().map(|(x, y)| (x.ln(), y.ln())).collect();
     let count = logs.len() as f64;
@@ -163,8 +163,8 @@ pub fn exponent(points: &[(f64, f64)]) -> Option<f64> {
     (spread > 1e-9).then(|| logs.iter().map(|p| (p.0 - x) * (p.1 - y)).sum::<f64>() / spread)
 }
 
-/// The plane z = a + b x + c y through points by least squares, as a, b, c: of logarithms, the exponents of a power law in two
-/// quantities. `None` where the points lie on a line.
+/// Least squares plane z = a + b x + c y through points, as [a, b, c]; for logarithms b and c are the exponents of a
+/// power law in two quantities. `None` if the points are collinear.
 pub fn power_law(points: &[[f64; 3]]) -> Option<[f64; 3]> {
     let count = points.len() as f64;
     let mean = [0, 1, 2].map(|i| points.iter().map(|p| p[i]).sum::<f64>() / count);

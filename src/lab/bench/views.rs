@@ -1,4 +1,4 @@
-//! What a second view costs: frames of two eyes beside frames of one.
+//! Cost of a second view: frames of two eyes against frames of one.
 
 use super::contexts::Contexts;
 use super::measure::{Budget, bake, settings};
@@ -14,13 +14,13 @@ use crate::scene::Scene;
 /// RSM side \[texels\].
 const RSM: u32 = 128;
 
-/// Caches that are asked for.
+/// Caches requested.
 const CACHES: usize = 1000;
 
-/// Distance of a viewer's eyes \[m\].
+/// Distance between the eyes \[m\].
 const EYES: f64 = 0.064;
 
-/// What frames of this many views are drawn with.
+/// Frames with a given number of views.
 struct Drawn {
     light: Light,
     pictures: Vec<(View, Picture)>,
@@ -28,18 +28,18 @@ struct Drawn {
 }
 
 impl Contexts<'_> {
-    /// The table of what a second view costs.
+    /// The table of the cost of a second view.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn views(&mut self) -> Result<Table> {
         let columns =
             ["lobes", "caches", "VALs", "views", "frame [ms]", "gather [ms]", "frame / one view", "gather / one view"];
         let [w, h] = self.extent.size;
         let how = format!(
-            "Frames of one view and of two, {EYES} m apart, in turn: {w}x{h} pixels each, {RSM}x{RSM} VALs, every cache lit. VALs \
-             and the diffuse lobe of caches are made once for both, the glossy lobe for each eye in one pass. Medians of {} \
-             frames after {} that do not count, the middle one of several pipelines by the time of two views.",
+            "Frames of one view and of two views {EYES} m apart, in turn: {w}x{h} pixels each, {RSM}x{RSM} VALs, every cache lit. \
+             VALs and the caches' diffuse lobe are computed once for both eyes, the glossy lobe for each eye in the same pass. \
+             Medians of {} frames after {} warm-up frames; of several pipelines the one with the median time of two views.",
             self.extent.frames, self.extent.warm_up
         );
         let mut table = Table::new("views", "Two views", how, &columns);
@@ -111,20 +111,20 @@ impl Contexts<'_> {
     }
 }
 
-/// Stages and their times \[ms\] of one view and of two.
+/// Stages with their times \[ms\] for one view and for two.
 struct OneAndTwo {
     caches: usize,
     vals: usize,
     stages: [Vec<(String, f64)>; 2],
 }
 
-/// What there is to say of the table.
+/// Summary sentences for the table.
 pub fn headlines(table: &Table) -> Vec<String> {
     let line = |row: usize| {
         let of = |column: &str| table.number(row, column).unwrap_or(0.0);
         let lobes = if table.has(row, "DG") { "both lobes" } else { "the diffuse lobe" };
         format!(
-            "A frame of two views takes {:.2} of the time of one, with {lobes}; its gather {:.2}.",
+            "With {lobes}, a frame of two views takes {:.2} times as long as a frame of one, its gather {:.2} times.",
             of("frame / one view"),
             of("gather / one view")
         )

@@ -1,4 +1,4 @@
-//! Light clustering against none: light computed and error added by each rule, and what flickers while lights move.
+//! Light clustering against none: pairs evaluated and error added by each rule, and flicker while lights move.
 
 use glam::{DQuat, DVec3};
 use rayon::prelude::*;
@@ -16,62 +16,62 @@ use crate::scene::{Light, LightKind};
 pub struct Clustered {
     /// The rule.
     pub name: String,
-    /// Caches that each walk by themselves, and groups of neighbours that walk together.
+    /// Traversal by each cache alone, and by groups of neighbours.
     pub walks: [Walked; 2],
-    /// Mean absolute relative error of the pixels' diffuse and glossy radiance, by groups.
+    /// Mean absolute relative error of the pixels' diffuse and glossy radiance, with groups.
     pub pixels: [f64; 2],
 }
 
-/// What a rule took and what it cost in error.
+/// Cost and error of a rule.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Walked {
-    /// Share of all pairs of a cache and a live VAL for which light was computed.
+    /// Evaluated pairs, as a share of all pairs of caches and live VALs.
     pub pairs: f64,
-    /// Nodes looked at, in the same unit.
+    /// Tested nodes, in the same unit.
     pub tests: f64,
     /// Mean relative error of the caches' irradiance.
     pub error: f64,
-    /// Largest one.
+    /// Largest relative error.
     pub worst: f64,
-    /// Relative error of the sum over caches.
+    /// Relative error of the irradiance summed over caches.
     pub bias: f64,
-    /// Mean angle \[degrees\] by which the diffuse proxy stands elsewhere.
+    /// Mean change of direction to the diffuse proxy \[degrees\].
     pub turned: f64,
 }
 
-/// How much flicker one rule has.
+/// Flicker of one rule.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Flickered {
     /// The rule.
     pub name: String,
-    /// Share of all pairs, by groups.
+    /// Evaluated share of all pairs, with groups.
     pub pairs: f64,
-    /// Largest change of a cache's irradiance from frame to frame, over its mean.
+    /// Largest change of a cache's irradiance between frames, relative to its mean.
     pub largest: f64,
-    /// Largest difference between such a change with and without clustering.
+    /// Largest difference of such a change between clustering and none.
     pub added: f64,
     /// Root mean square of that difference.
     pub rms: f64,
 }
 
-/// Frames of a light's path.
+/// Frames along a light's path.
 const FRAMES: usize = 12;
 
-/// What a light moves from frame to frame, in radii of the scene or radians.
+/// Motion of a light per frame, in radii of the scene or radians.
 const STEP: f64 = 0.002;
 
-/// Ways to sum up a node that the pyramid does not have.
+/// Alternative ways to merge a node, which the pyramid does not use.
 #[derive(Clone, Copy, Debug)]
 enum Altered {
-    /// Positions by area.
+    /// Positions weighted by area.
     PositionByArea,
-    /// The sum of the areas instead of their mean.
+    /// Sum of the areas instead of their mean.
     AreaSummed,
-    /// Flux times the length of the mean normal.
+    /// Flux multiplied by the length of the mean normal.
     NormalAsLong,
 }
 
-/// `Cut::spread` of the rows that do not name one: of distances, and of bounds.
+/// `Cut::spread` of rows that do not name one: for distances and for bounds.
 const SPREAD: f64 = 0.3;
 const BOUND_SPREAD: f64 = 0.5;
 
@@ -88,7 +88,7 @@ fn soft(rule: Rule) -> Cut {
     Cut { blend: 1.5, ..hard(rule) }
 }
 
-/// The cuts that are compared.
+/// The cuts to compare.
 fn cuts() -> Vec<(String, Cut)> {
     let mut all = Vec::new();
     for c in [2.0, 4.0, 6.0, 8.0, 16.0] {
@@ -117,7 +117,7 @@ fn cuts() -> Vec<(String, Cut)> {
 }
 
 impl Study<'_> {
-    /// Every rule, and other sums for the nodes, against no clustering.
+    /// All rules, and the alternative merges, against no clustering.
     pub fn clusters(&self) -> Vec<Clustered> {
         let (vals, sizes) = pictures(self.scene, &self.world, &self.scene.lights, self.settings.rsm, None);
         let pyramid = Pyramid::new(&vals, &sizes, ProxyWeight::Irradiance);
@@ -150,7 +150,7 @@ impl Study<'_> {
         Clustered { name, walks: [alone, together], pixels: [error(0), error(1)] }
     }
 
-    /// Walks in groups of this many neighbours.
+    /// Traverses in groups of this many neighbours.
     fn walked(&self, pyramid: &Pyramid<'_>, cut: &Cut, group: usize, full: &[Gathered]) -> (Walked, Vec<Gathered>) {
         let order = morton_order(&self.caches);
         let eye = self.is_glossy().then(|| self.eye());
@@ -177,7 +177,7 @@ impl Study<'_> {
         let (sum, wanted): (f64, f64) = (with.iter().sum(), without.iter().sum());
         walked.bias = sum / wanted - 1.0;
         for (i, cache) in self.caches.iter().enumerate() {
-            // A hundredth of the mean keeps caches in the dark from deciding.
+            // A hundredth of the mean keeps dark caches from dominating.
             let error = (with[i] - without[i]).abs() / (without[i] + 0.01 * wanted / count);
             walked.error += error / count;
             walked.worst = walked.worst.max(error);
@@ -187,7 +187,7 @@ impl Study<'_> {
         (walked, gathered)
     }
 
-    /// Both lobes of what the caches gathered, interpolated as the engine does.
+    /// Pictures of both lobes from the caches' light, interpolated as in the engine.
     pub(super) fn images(&self, gathered: &[Gathered]) -> [Vec<[f32; 3]>; 2] {
         let image = |is_glossy: bool| {
             let proxy = |(cache, g): (_, &Gathered)| {
@@ -200,7 +200,7 @@ impl Study<'_> {
         [image(false), if self.is_glossy() { image(true) } else { Vec::new() }]
     }
 
-    /// What flickers while all lights move: without clustering, then by each rule.
+    /// Flicker while all lights move: without clustering, then for each rule.
     pub fn cluster_flicker(&self) -> Vec<Flickered> {
         let frames: Vec<(Vec<Val>, Vec<usize>)> = (0..FRAMES)
             .map(|frame| {
@@ -218,7 +218,7 @@ impl Study<'_> {
             all.push((format!("{rule:?}"), hard(rule)));
             all.push((format!("{rule:?}, blended"), soft(rule)));
         }
-        // As many pairs as the blended ones take, and more.
+        // Rules with as many pairs as the blended ones, and more.
         let finer = [12.0, 16.0, 32.0, 64.0, 128.0].map(Rule::Distance).into_iter();
         for rule in finer.chain([3e-3, 1e-3, 3e-4].map(Rule::Bound)) {
             all.push((format!("{rule:?}"), hard(rule)));
@@ -241,7 +241,7 @@ impl Study<'_> {
         all.into_iter().map(row).collect()
     }
 
-    /// A light some way along its path: to the side, or turned.
+    /// A light moved along its path: sideways, or rotated.
     fn moved(&self, light: &Light, way: f64) -> Light {
         let axis = light.direction.as_dvec3().normalize_or(DVec3::NEG_Y).any_orthonormal_vector();
         let mut light = light.clone();
@@ -254,7 +254,7 @@ impl Study<'_> {
         light
     }
 
-    /// Irradiance of every cache in every frame, by groups, and the share of all pairs.
+    /// Irradiance of every cache in every frame with groups, and the evaluated share of all pairs.
     fn light_over_time(&self, pyramids: &[Pyramid<'_>], cut: &Cut) -> (Vec<Vec<f64>>, f64) {
         let mut light = vec![Vec::new(); self.caches.len()];
         let (mut pairs, mut all) = (0, 0);
@@ -285,7 +285,7 @@ fn irradiance(cache: &Cache, lobe: &Lobe) -> f64 {
     luminance(lobe.facing_irradiance) * cache.normal.dot(towards)
 }
 
-/// Indices of caches along a curve that keeps neighbours together.
+/// Indices of caches in Morton order, which keeps neighbours together.
 fn morton_order(caches: &[Cache]) -> Vec<usize> {
     let places = || caches.iter().map(|cache| cache.position);
     let low = places().fold(DVec3::INFINITY, DVec3::min);

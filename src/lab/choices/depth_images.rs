@@ -1,4 +1,4 @@
-//! Depth images against rays: how they are drawn, measured at the caches.
+//! Depth images against rays, measured at the caches, for several ways of drawing them.
 
 use rayon::prelude::*;
 
@@ -8,23 +8,23 @@ use crate::reference::gather::{Cache, luminance, val_geometry};
 use crate::reference::rsm::Val;
 use crate::reference::world::Sides;
 
-/// One way to draw the images.
+/// Errors of one way to draw the images.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Occluded {
-    /// What was varied.
+    /// The variation.
     pub name: String,
-    /// Relative error of the irradiance of all surfaces together.
+    /// Relative error of the irradiance, summed over all surfaces.
     pub bias: f64,
-    /// Root of the mean squared error of a cache's irradiance over the mean, by area.
+    /// Root mean square error of a cache's irradiance over the mean, weighted by area.
     pub rmse: f64,
 }
 
-/// What is in the way, as rays have it, begins this far above a surface, as a share of the scene's radius.
+/// Distance above a surface at which rays start, as a share of the scene's radius.
 const ABOVE: f64 = 1e-5;
 
-/// What is compared with the default.
+/// The variations to compare.
 fn rules() -> Vec<(String, Rule)> {
-    // So few VALs lie too far apart to be taken together.
+    // With few VALs neighbours are too far apart to share a visibility test.
     let base = Rule { together: 1, ..Rule::default() };
     let mut all = vec![("default".to_owned(), base)];
     all.extend([12, 16, 20, 32, 48].map(|side| (format!("{side} x {side} texels"), Rule { side, ..base })));
@@ -42,8 +42,8 @@ fn rules() -> Vec<(String, Rule)> {
 }
 
 impl Study<'_> {
-    /// No shadows, then every way to draw depth images, against a ray from a cache to every VAL. Caches inside of something
-    /// do not count: their light is not seen.
+    /// No shadows, then every way to draw depth images, against a ray from each cache to every VAL. Caches inside of
+    /// bodies do not count: their light is never seen.
     pub fn depth_images(&self) -> Vec<Occluded> {
         let reached: Vec<Option<Vec<(f64, bool)>>> = self.caches.par_iter().map(|cache| self.reached(cache)).collect();
         let sum = |of: &dyn Fn(f64, bool) -> f64| -> Vec<f64> {
@@ -76,7 +76,7 @@ impl Study<'_> {
         rows
     }
 
-    /// Irradiance \[lx\] of a cache by each VAL, and whether a ray gets there; `None` inside of something.
+    /// Irradiance \[lx\] of a cache from each VAL, and whether a ray reaches it; `None` for a cache inside a body.
     fn reached(&self, cache: &Cache) -> Option<Vec<(f64, bool)>> {
         let lift = ABOVE * self.world.radius;
         let from = cache.position + lift * cache.normal;

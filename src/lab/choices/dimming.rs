@@ -1,5 +1,4 @@
-//! What stage 7 leaves of a cache's light, with every choice that METHOD 6 leaves open, against rays from the cache to
-//! each VAL.
+//! Proxy shadows (stage 7) with every choice that METHOD 6 leaves open, against rays from each cache to each VAL.
 
 use std::f64::consts::PI;
 
@@ -11,37 +10,37 @@ use crate::reference::gather::{Cache, Lobe, ProxyWeight, Received, gather_receiv
 use crate::reference::occlude::{Cap, Choices, Facing, Light, Radius, Tangents, visible};
 use crate::reference::phong::mirrored_view;
 
-/// One line of the table: light at the caches against rays.
+/// One row of the table: errors of the light at caches against rays.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dimmed {
-    /// What was varied.
+    /// The variation.
     pub name: String,
-    /// Of the diffuse and of the glossy lobe.
+    /// Errors of the diffuse and the glossy lobe.
     pub lobes: [DimmedLobe; 2],
 }
 
-/// Errors of a lobe's light at the caches that it reaches. All are 0 where there is none.
+/// Errors of a lobe's light at the caches that it reaches. All are 0 if it reaches none.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DimmedLobe {
     /// Relative error of the mean.
     pub bias: f64,
-    /// Root of the mean squared error, over the mean.
+    /// Root mean square error, divided by the mean.
     pub rmse: f64,
-    /// Mean relative error, of caches with more than a hundredth of the mean.
+    /// Mean relative error over caches with more than a hundredth of the mean.
     pub mape: f64,
 }
 
-/// A lobe of a cache without shadows, and the share of its light that rays find.
+/// A cache's lobe without shadows, and the visible share of its light by rays.
 struct Truth {
     lobe: Lobe,
-    /// Along each axis of the world [m^2].
+    /// Variance along each world axis [m^2].
     variance: DVec3,
     light: f64,
     visible: f64,
 }
 
 impl Study<'_> {
-    /// Nothing in the way, what the engine does, and one choice after the other.
+    /// No occlusion, the engine's choices, and single variations.
     pub fn dimming(&self) -> Vec<Dimmed> {
         let truths: Vec<[Truth; 2]> = self.caches.par_iter().map(|cache| self.truth_at(cache)).collect();
         let base = Choices::default();
@@ -120,7 +119,7 @@ impl Study<'_> {
     }
 }
 
-/// Errors of shares of light against the visible ones.
+/// Errors of the light with these visible shares against the true ones.
 fn errors<'a>(shares: impl Iterator<Item = (&'a Truth, f64)>) -> DimmedLobe {
     let pairs: Vec<(f64, f64)> = (shares.filter(|(truth, _)| truth.light > 0.0))
         .map(|(truth, share)| (share * truth.light, truth.visible * truth.light))

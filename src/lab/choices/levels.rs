@@ -1,4 +1,4 @@
-//! Where caches are averaged: at vertices, or at pixels that look references up in textures or in cells. METHOD 5.
+//! Levels of interpolation: caches averaged at vertices, or at pixels with references from textures or cells. METHOD 5.
 
 use super::study::{Pixel, Study};
 use super::{ProxyWeight, Row};
@@ -7,22 +7,23 @@ use crate::reference::interpolate::{Scheme, interpolate, interpolate_within, sha
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// A line of the table.
+/// One row of the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Levelled {
-    /// What was varied.
+    /// The variation.
     pub name: String,
-    /// Diffuse and glossy lobe against brute force.
+    /// Errors of the diffuse and the glossy lobe against brute force.
     pub lobes: [Row; 2],
-    /// Mean number of caches that a pixel averages.
+    /// Mean number of caches averaged per pixel.
     pub averaged: f64,
-    /// Mean jump of the diffuse radiance from one reference texel to the next, of the mean: what only textures add.
+    /// Mean jump of the diffuse radiance between neighbouring reference texels, relative to the mean; only with
+    /// textures.
     pub seams: f64,
 }
 
 impl Study<'_> {
-    /// The levels of interpolation, 8 references where not said otherwise. Textures are ideal: undistorted, with no seams
-    /// between charts. Distances are in units of the spacing `d_eps`.
+    /// The levels of interpolation, with 8 references unless stated otherwise. Textures are ideal: undistorted and
+    /// without seams between charts. Distances are in units of the spacing `d_eps`.
     pub fn interpolation_levels(&self) -> Vec<Levelled> {
         let gathered = self.gather(ProxyWeight::Irradiance);
         let entry = |index: usize| (self.caches[index], gathered[index]);
@@ -42,7 +43,7 @@ impl Study<'_> {
             Picked { radiance: [diffuse, glossy], averaged: 24.0 }
         };
         let mut rows = vec![self.levelled("vertices", &at_vertices, None)];
-        // The farthest of them decides where weights vanish, as at a vertex.
+        // Weights reach 0 at the farthest of them, as at a vertex.
         let nearest = |pixel: &Pixel| {
             let references: Vec<_> = self.best(pixel, pixel.position, 8).map(entry).collect();
             let d_max = references.iter().map(|(cache, _)| cache.position.distance(pixel.position)).fold(0.0, f64::max);
@@ -78,7 +79,7 @@ impl Study<'_> {
         rows
     }
 
-    /// The `count` caches of least error (5.95, put right) for a pixel's surface at `place`.
+    /// The `count` caches of least error (5.95, corrected) for a pixel's surface at `place`.
     fn best(&self, pixel: &Pixel, place: DVec3, count: usize) -> impl Iterator<Item = usize> {
         let own = self.vertices[pixel.corners[0]].own.clone();
         let error = |index: usize| {
@@ -114,11 +115,11 @@ impl Study<'_> {
     }
 }
 
-/// What a pixel gets.
+/// Result for one pixel.
 struct Picked {
     /// Diffuse and glossy [cd/m^2].
     radiance: [DVec3; 2],
-    /// Caches that had a part in it.
+    /// Number of caches that took part.
     averaged: f64,
 }
 
@@ -131,7 +132,7 @@ fn shaded(pixel: &Pixel, references: &[(Cache, Gathered)], d_max: f64) -> Picked
     Picked { radiance: [diffuse, glossy], averaged }
 }
 
-/// Middle of the reference texel that a pixel lies in: of squares of this side \[m\] in its tangent plane.
+/// Centre of the reference texel that contains a pixel: squares of this side \[m\] in the pixel's tangent plane.
 fn texel(pixel: &Pixel, side: f64) -> DVec3 {
     let u = pixel.normal.any_orthonormal_vector();
     let v = pixel.normal.cross(u);

@@ -1,6 +1,6 @@
-//! The choices that METHOD leaves open, measured on a scene in f64: variants of proxies, interpolation, references and
-//! VALs, interpolated at the vertices as the engine does, against brute force with the same VALs or against light paths
-//! that pass through everything, which is what infinitely many VALs would give. No device takes part.
+//! Measures the choices that METHOD leaves open on a scene in f64: variants of proxies, interpolation, references and
+//! VALs. Light is interpolated at the vertices as in the engine. The ground truth is brute force with the same VALs, or
+//! unshadowed light paths, the limit of infinitely many VALs. Runs on the CPU only.
 
 mod clusters;
 mod depth_images;
@@ -24,31 +24,31 @@ use crate::reference::path_trace::{self, PASS_SAMPLES, PathTrace};
 use study::Vertex;
 use variants::{Carried, Kernel, Variant};
 
-/// One line of a table.
+/// One row of a table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// What was varied.
+    /// The variation.
     pub name: String,
     /// Errors against the table's truth.
     pub metrics: Metrics,
-    /// Relative error of the mean over all but the worst 1 % of pixels by relative square.
+    /// Relative error of the mean, without the worst 1 % of pixels by relative squared error.
     pub trimmed_bias: f64,
 }
 
-/// Where the squared error of one lobe sits.
+/// Location of the squared error of one lobe.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Worst {
-    /// Share of all relative squares that the worst 1 % of pixels hold.
+    /// Share of the sum of relative squared errors in the worst 1 % of pixels.
     pub share: f64,
-    /// Share of these pixels whose nearest VAL is within the distance that VALs lie apart there, the root of its area.
+    /// Share of these pixels with a VAL nearer than the local distance between VALs (the root of its area).
     pub near_val: f64,
-    /// Share of them that are too bright.
+    /// Share of these pixels that are too bright.
     pub too_bright: f64,
-    /// Their mean radiance [cd/m^2] interpolated, by brute force, and by light paths.
+    /// Mean radiance [cd/m^2] of these pixels: interpolated, by brute force, and by light paths.
     pub radiance: [f64; 3],
 }
 
-/// Samples per pixel of light paths.
+/// Samples per pixel for light paths.
 const SAMPLES: u32 = 256;
 
 impl Row {
@@ -61,7 +61,7 @@ impl Row {
     }
 }
 
-/// Pixels in order of growing relative squared error.
+/// Pixels by increasing relative squared error.
 fn by_error(image: &[[f32; 3]], truth: &[[f32; 3]]) -> Vec<usize> {
     let squares = relative_squares(image, truth);
     let mut order: Vec<usize> = (0..squares.len()).collect();
@@ -75,7 +75,7 @@ fn sum(image: &[[f32; 3]], pixels: &[usize]) -> f64 {
 }
 
 impl Study<'_> {
-    /// Weights, quantities and kernels of the diffuse lobe, against brute force.
+    /// Variations of weights, quantities and kernels for the diffuse lobe, against brute force.
     pub fn diffuse(&self) -> Vec<Row> {
         let base = Variant::DIFFUSE;
         let irradiance: Vec<(String, Variant)> = vec![
@@ -102,7 +102,7 @@ impl Study<'_> {
         rows
     }
 
-    /// The same of the glossy lobe.
+    /// The same for the glossy lobe.
     pub fn glossy(&self) -> Vec<Row> {
         let base = Variant::GLOSSY;
         let plain = Variant { unlit: 0, by_view: true, ..Variant::FACING };
@@ -129,7 +129,7 @@ impl Study<'_> {
         rows
     }
 
-    /// Which caches a vertex refers to, by the engine's interpolation of one lobe.
+    /// Selections of the caches that a vertex refers to, with the engine's interpolation of one lobe.
     pub fn references(&self, is_glossy: bool) -> Vec<Row> {
         type Error = fn(f64, f64, f64) -> f64;
         let errors: [(&str, Error); 7] = [
@@ -163,8 +163,8 @@ impl Study<'_> {
         rows
     }
 
-    /// The `count` caches of least error; with `spread` one by one, where each that lies in the direction of one before
-    /// has an error that is larger by this share.
+    /// The `count` caches of least error. With `spread` they are chosen one by one, and each choice raises the error of
+    /// caches in its direction by this share.
     fn choose(&self, vertex: &Vertex, count: usize, error: fn(f64, f64, f64) -> f64, spread: f64) -> Vec<usize> {
         let errors = vertex.own.clone().map(|index| {
             let cache = &self.caches[index];
@@ -174,7 +174,7 @@ impl Study<'_> {
         });
         let mut errors: Vec<_> = errors.collect();
         errors.sort_by(|a, b| a.0.total_cmp(&b.0));
-        // Those beyond four times as many are not looked at.
+        // Only the best four times as many are considered.
         errors.truncate(if spread > 0.0 { 4 * count } else { count });
         let mut chosen = Vec::new();
         while chosen.len() < count && !errors.is_empty() {
@@ -190,8 +190,8 @@ impl Study<'_> {
         chosen
     }
 
-    /// Areas of VALs, against light paths: diffuse and glossy lobe, and the mean relative standard error of the paths,
-    /// which no row can be far below.
+    /// Areas of VALs against light paths: diffuse and glossy lobe, and the mean relative standard error of the paths,
+    /// below which no error can be resolved.
     pub fn areas(&self) -> ([Vec<Row>; 2], f64) {
         let (truth, noise) = self.light_paths();
         let mut rows = [Vec::new(), Vec::new()];
@@ -210,7 +210,7 @@ impl Study<'_> {
         (rows, noise)
     }
 
-    /// Where the engine's squared error of one lobe sits.
+    /// Location of the engine's squared error for one lobe.
     pub fn worst(&self, is_glossy: bool) -> Worst {
         let (variant, lobe_index) =
             (if is_glossy { Variant::GLOSSY } else { Variant::DIFFUSE }, usize::from(is_glossy));
@@ -252,7 +252,7 @@ impl Study<'_> {
         self.caches.par_iter().map(|cache| gather(cache, &self.vals, eye, weight)).collect()
     }
 
-    /// Both lobes by light paths of one bounce that pass through everything, and how noisy they are.
+    /// Both lobes by unshadowed light paths of one bounce, and their noise.
     fn light_paths(&self) -> ([Vec<[f32; 3]>; 2], f64) {
         let settings = path_trace::PathTraceSettings::unshadowed(self.settings.size);
         let mut trace = PathTrace::new(self.scene, self.camera, &settings);

@@ -1,5 +1,4 @@
-//! A scene as a study sees it: pixels, the vertices behind them, caches, VALs and the truth, all in f64 and without a
-//! device.
+//! A scene prepared for studies: pixels, their vertices, caches, VALs and the ground truth, all in f64 on the CPU.
 
 use std::collections::HashMap;
 
@@ -20,27 +19,27 @@ use crate::reference::triangle::{Hit, Triangle};
 use crate::reference::world::{Sides, World};
 use crate::scene::{Camera, Light, Scene};
 
-/// What a study is made of.
+/// Parameters of a study.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StudySettings {
     /// Grid of pixels.
     pub size: [u32; 2],
-    /// Caches that are asked for.
+    /// Caches requested.
     pub caches: usize,
-    /// Texels of an RSM's side; six views share as many.
+    /// Side of an RSM \[texels\]; the six views of a point light share as many texels.
     pub rsm: usize,
 }
 
-/// What a pixel shows.
+/// The surface at a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Pixel {
     /// World position \[m\].
     pub(super) position: DVec3,
     /// Unit shading normal.
     pub(super) normal: DVec3,
-    /// Mirror direction of the viewer.
+    /// Unit view direction, reflected about the normal.
     pub(super) mirrored: DVec3,
-    /// What it reflects.
+    /// Reflectance.
     pub(super) material: Material,
     /// Indices into [`Study::vertices`].
     pub(super) corners: [usize; 3],
@@ -55,11 +54,11 @@ pub(super) struct Vertex {
     pub(super) position: DVec3,
     /// Unit normal.
     pub(super) normal: DVec3,
-    /// Mirror direction of the viewer.
+    /// Unit view direction, reflected about the normal.
     pub(super) mirrored: DVec3,
     /// Indices of caches, best first.
     pub(super) references: Vec<usize>,
-    /// The caches of its instance.
+    /// Caches of the vertex's instance.
     pub(super) own: std::ops::Range<usize>,
 }
 
@@ -72,11 +71,11 @@ pub struct Study<'a> {
     pub(super) pixels: Vec<Pixel>,
     pub(super) vertices: Vec<Vertex>,
     pub(super) caches: Vec<Cache>,
-    /// The same as what is in the way of proxy lights.
+    /// The caches as occluders of proxy lights.
     pub(super) discs: Vec<Disc>,
-    /// And of every VAL.
+    /// The caches as occluders of VALs.
     pub(super) plates: Vec<Plate>,
-    /// The first cache of each instance.
+    /// Index of each instance's first cache.
     pub(super) first: Vec<usize>,
     /// `d_eps` \[m\] of the bake.
     pub(super) spacing: f64,
@@ -86,10 +85,10 @@ pub struct Study<'a> {
 }
 
 impl<'a> Study<'a> {
-    /// Bakes 8 references, casts the VALs and computes the truth. Fails where the bake does.
+    /// Bakes 8 references per vertex, casts the VALs and computes the ground truth.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// As `bake::bake`.
     pub fn new(scene: &'a Scene, camera: &'a Camera, settings: StudySettings) -> Result<Self> {
         let density = Density::Count(settings.caches);
         let bake_settings = bake::BakeSettings { density, angle: 60_f32.to_radians(), references: 8 };
@@ -128,7 +127,7 @@ impl<'a> Study<'a> {
         Ok(study)
     }
 
-    /// Caches and VALs.
+    /// Numbers of caches and VALs.
     pub fn counts(&self) -> [usize; 2] {
         [self.caches.len(), self.vals.len()]
     }
@@ -138,7 +137,7 @@ impl<'a> Study<'a> {
         self.pixels.iter().any(|pixel| pixel.material.specular != DVec3::ZERO)
     }
 
-    /// Where the viewer stands \[m\].
+    /// Position of the viewer \[m\].
     pub(super) fn eye(&self) -> DVec3 {
         self.camera.world_from_camera.translation
     }
@@ -176,7 +175,7 @@ impl<'a> Study<'a> {
         }
     }
 
-    /// Diffuse and glossy radiance of every pixel from VALs.
+    /// Diffuse and glossy radiance of every pixel from these VALs.
     pub(super) fn by_vals(&self, vals: &[Val]) -> [Vec<[f32; 3]>; 2] {
         let radiance = |p: &Pixel| {
             let (diffuse, glossy) = brute_force::radiance(p.position, p.normal, p.mirrored, &p.material, vals);
@@ -187,7 +186,7 @@ impl<'a> Study<'a> {
     }
 }
 
-/// Caches of all instances in the world, and the first of each instance.
+/// Caches of all instances in the world, and the index of each instance's first cache.
 fn caches(scene: &Scene, baked: &CacheSet) -> (Vec<Cache>, Vec<usize>) {
     let (mut caches, mut first) = (Vec::new(), Vec::new());
     for (instance, &model) in scene.instances.iter().zip(&baked.instance_model) {
@@ -215,14 +214,14 @@ fn caches(scene: &Scene, baked: &CacheSet) -> (Vec<Cache>, Vec<usize>) {
     (caches, first)
 }
 
-/// The VALs of all lights. Areas are square to the light's axis (5.10), or with `tilted` the texel's footprint on the
-/// surface, at most that many times as large as square to the ray.
+/// VALs of all lights. Areas are perpendicular to the light's axis (5.10). With `tilted` they are the texel's footprint
+/// on the surface, at most this many times the area perpendicular to the ray.
 pub(super) fn vals(scene: &Scene, world: &World<'_>, rsm: usize, tilted: Option<f64>) -> Vec<Val> {
     let all = pictures(scene, world, &scene.lights, rsm, tilted).0;
     all.into_iter().filter(|val| *val != Val::NOTHING).collect()
 }
 
-/// The texels of all pictures that lights take, row by row, and the sides of the pictures.
+/// Texels of all images of these lights, row by row, and the sides of the images.
 pub(super) fn pictures(
     scene: &Scene,
     world: &World<'_>,
@@ -230,7 +229,7 @@ pub(super) fn pictures(
     rsm: usize,
     tilted: Option<f64>,
 ) -> (Vec<Val>, Vec<usize>) {
-    // Parallel views only want bounds.
+    // Parallel views only need bounds.
     let (low, high) = scene.bounds().unwrap_or_default();
     let corner = |i: usize| DVec3::from([0, 1, 2].map(|axis| if i >> axis & 1 == 0 { low[axis] } else { high[axis] }));
     let bounds = [[0, 1, 2], [3, 4, 5], [6, 7, 0]].map(|corners| Triangle {

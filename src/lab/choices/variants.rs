@@ -1,4 +1,4 @@
-//! Ways to average the proxies of a vertex's references, of which the engine has two.
+//! Variants of averaging the proxies of a vertex's references; two of them are the engine's.
 
 use std::f64::consts::PI;
 
@@ -16,46 +16,46 @@ use crate::reference::phong::{DIFFUSE_LOBE, cos_power, phong_lobe};
 pub(super) struct Variant {
     /// Weights of the references.
     pub(super) kernel: Kernel,
-    /// Whether mirrored views stand in the kernel instead of normals.
+    /// Whether the kernel compares mirrored view directions instead of normals.
     pub(super) by_view: bool,
-    /// What is averaged besides the position.
+    /// Quantity averaged besides the position.
     pub(super) carried: Carried,
-    /// Exponent of `falloff` as a share of the engine's; 0 for none.
+    /// Exponent on the engine's `falloff`; 0 for none.
     pub(super) falloff: f64,
-    /// Share of the direction that comes from the light vector, the sum of directions by their light.
+    /// Share of the light vector (sum of directions weighted by light) in the direction.
     pub(super) vector: f64,
-    /// Exponent, as a share of the lobe's, of what a point's lobe sees of a proxy, in the weights of positions.
+    /// Exponent, relative to the lobe's, of a point's lobe response to a proxy in the weights of positions.
     pub(super) pull: f64,
     /// The same in the weights of irradiances.
     pub(super) weighed: f64,
-    /// Whether caches without light count: 1 in the irradiance, 2 also with a position above themselves, 0 not at all.
+    /// How unlit caches count: 0 not at all, 1 in the irradiance, 2 also with a position above themselves.
     pub(super) unlit: u32,
 }
 
 /// Weights of the references.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Kernel {
-    /// One of the engine's two.
+    /// One of the engine's two kernels.
     Of(Scheme),
-    /// `(1-t)^2 cos^n / (t^p + 1e-3)`, `n` and `p`.
+    /// `(1-t)^2 cos^n / (t^p + 1e-3)` with `n` and `p`.
     Powers(f64, f64),
-    /// The faster kernel, with this many squared distances from either plane added to its own.
+    /// The faster kernel, with this many squared distances from the tangent planes added to the squared distance.
     Planes(f64),
 }
 
-/// What is averaged besides the position.
+/// Quantity averaged besides the position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Carried {
     /// Facing irradiance.
     Facing,
     /// Flux, as printed.
     Flux,
-    /// Flux, the averaged light pushed out to the mean distance of the caches' nearest VALs (lines 1757-1772).
+    /// Flux, with the averaged light pushed out to the mean distance of the caches' nearest VALs (lines 1757-1772).
     PushedFlux,
 }
 
 impl Variant {
-    /// Fluxes as printed.
+    /// Fluxes, as printed.
     pub(super) const PRINTED: Self = Self {
         kernel: Kernel::Of(Scheme::Printed),
         by_view: false,
@@ -66,7 +66,7 @@ impl Variant {
         weighed: 0.0,
         unlit: 1,
     };
-    /// Facing irradiances with the faster kernel and nothing else.
+    /// Facing irradiances with the faster kernel, without extras.
     pub(super) const FACING: Self =
         Self { kernel: Kernel::Of(Scheme::Facing), carried: Carried::Facing, ..Self::PRINTED };
     /// The engine's diffuse lobe.
@@ -75,16 +75,16 @@ impl Variant {
     pub(super) const GLOSSY: Self = Self { pull: 1.0, weighed: 0.1, unlit: 0, ..Self::FACING };
 }
 
-/// A cache's lobe and what variants need beside it.
+/// A cache's lobe, with the data that variants need.
 pub(super) struct Proxy<'a> {
     pub(super) cache: &'a Cache,
     pub(super) mirrored: DVec3,
     pub(super) lobe: Lobe,
-    /// Distance \[m\] of its nearest contributing VAL.
+    /// Distance \[m\] to its nearest contributing VAL.
     pub(super) nearest: f64,
 }
 
-/// What varies linearly over a triangle.
+/// Averages that vary linearly over a triangle.
 #[derive(Clone, Copy, Default)]
 struct Average {
     position: DVec3,
@@ -92,7 +92,7 @@ struct Average {
 }
 
 impl Study<'_> {
-    /// One lobe of every cache; `gathered` are the caches' own.
+    /// Proxies of one lobe for all caches, from what they gathered.
     pub(super) fn proxies(&self, gathered: &[Gathered], lobe: fn(&Gathered) -> &Lobe) -> Vec<Proxy<'_>> {
         let all = self.caches.par_iter().zip(gathered);
         all.map(|(cache, gathered)| {
@@ -108,13 +108,13 @@ impl Study<'_> {
         .collect()
     }
 
-    /// Radiance of one lobe in every pixel, averaged at the vertices as the engine does.
+    /// Radiance of one lobe in every pixel, averaged at the vertices as in the engine.
     pub(super) fn render(&self, variant: &Variant, proxies: &[Proxy<'_>], is_glossy: bool) -> Vec<[f32; 3]> {
         let references: Vec<Vec<usize>> = self.vertices.iter().map(|vertex| vertex.references.clone()).collect();
         self.render_with(variant, proxies, is_glossy, &references)
     }
 
-    /// The same with other references of the vertices.
+    /// The same with other references per vertex.
     pub(super) fn render_with(
         &self,
         variant: &Variant,
@@ -143,7 +143,7 @@ impl Study<'_> {
     }
 }
 
-/// The references' proxies that take part, with their weights.
+/// The proxies of the references that take part, with their weights.
 fn weights<'a>(
     variant: &Variant,
     vertex: &Vertex,

@@ -1,4 +1,4 @@
-//! The plots of a report: which numbers go where.
+//! The plots of a report.
 
 use super::record::Row;
 use super::references::Truth;
@@ -6,30 +6,30 @@ use super::run::{Job, Results};
 use super::sweep::{Knob, Point};
 use crate::lab::plot::{Axis, Mark, Plot, Series};
 
-/// The metric of the plots, and its name for people. The others are in the tables.
+/// Metric of the plots, and its readable name. The tables have the other metrics.
 pub const METRIC: (&str, &str) = ("mare", "mean relative error");
 
-/// The layer of the plots that show one.
+/// Layer of the plots that show a single one.
 pub const LAYER: &str = "indirect";
 
 /// A plot and the name of its file.
 pub struct Figure {
-    /// Without folder and ending.
+    /// File name without folder and extension.
     pub name: String,
-    /// What is drawn.
+    /// The plot.
     pub plot: Plot,
 }
 
-/// Colours that mean the same in all plots.
+/// Colours with the same meaning in all plots.
 const GREY: usize = 6;
 const RED: usize = 7;
 
-/// What all plots are made from.
+/// Inputs of all plots.
 #[derive(Clone, Copy)]
 pub struct Figures<'a> {
-    /// What was measured.
+    /// The job.
     pub job: &'a Job<'a>,
-    /// What came of it.
+    /// Its results.
     pub results: &'a Results,
 }
 
@@ -40,18 +40,18 @@ impl<'a> Figures<'a> {
         self.results.rows.get(index)
     }
 
-    /// The default whose errors against a reference are shown: with shadows only where the reference has some.
+    /// The default whose errors against a reference are shown: with shadows only if the reference has them.
     pub fn base(&self, truth: Truth) -> &'a Point {
         let sweep = self.job.sweep;
         if truth.fits(sweep.base.frame.shadows) { &sweep.base } else { &sweep.bare }
     }
 
-    /// The rows of a knob's values, all else at a default.
+    /// Rows of a knob's values around a default.
     pub fn rows_of(&self, knob: &Knob, base: &Point) -> Vec<Option<&'a Row>> {
         (0..knob.values.len()).map(|value| self.row(&knob.set(base, value))).collect()
     }
 
-    /// What sets a point apart from a default; brute force is named as such.
+    /// Name of a point by its differences from a default; brute force is named as such.
     pub fn name(&self, row: &Row, base: &Point) -> String {
         if row.knob("gi") == Some("brute-force") {
             return format!("brute force, rsm {}", row.knob("rsm").unwrap_or("?"));
@@ -63,7 +63,7 @@ impl<'a> Figures<'a> {
         if apart.is_empty() { "default".into() } else { apart.join(", ") }
     }
 
-    /// Name of the device; a software device is called one.
+    /// Name of the device, marked if it is a software device.
     pub fn device(&self) -> String {
         let software = if self.job.gpu.is_software() { " (software device)" } else { "" };
         format!("{}{software}", self.job.gpu.report().name)
@@ -73,7 +73,7 @@ impl<'a> Figures<'a> {
         Some(Mark { x: row.frame_ms(), y: row.error(truth, LAYER, METRIC.0)?, label: self.name(row, self.base(truth)) })
     }
 
-    /// Every point, its error against its time: a curve for each knob, and the front.
+    /// Error of every point over its time: one curve per knob, and the Pareto front.
     pub fn against_time(&self, truth: Truth) -> Figure {
         let marks = |rows: &[Row]| rows.iter().filter_map(|row| self.mark(row, truth)).collect();
         let mut series =
@@ -82,7 +82,7 @@ impl<'a> Figures<'a> {
             let rows = self.rows_of(knob, self.base(truth));
             let marks: Vec<Mark> = rows.into_iter().flatten().filter_map(|row| self.mark(row, truth)).collect();
             if marks.len() < 2 {
-                // Of the kinds of shadows there is but one without.
+                // Of the kinds of shadows only one has none.
                 continue;
             }
             series.push(Series {
@@ -101,8 +101,8 @@ impl<'a> Figures<'a> {
         Figure { name: format!("error-against-time-{}", truth.name()), plot }
     }
 
-    /// A knob's curves: errors of the lobes with and without shadows, errors against each reference, time of each stage.
-    /// Nothing of a reference that but one of its values can be compared with.
+    /// Plots of a knob: errors of the lobes with and without shadows, errors against each reference, times of the
+    /// stages. Omits references that only one of its values can be compared with.
     pub fn of_knob(&self, knob: &Knob) -> Vec<Figure> {
         let is_numeric = knob.is_numeric();
         let names = if is_numeric { Vec::new() } else { knob.values.iter().map(|v| v.label.clone()).collect() };
@@ -153,7 +153,7 @@ impl<'a> Figures<'a> {
         all
     }
 
-    /// Error over caches, a curve for each RSM side: which of the two is too few.
+    /// Error over caches, one curve per RSM side: shows which of the two limits quality.
     pub fn grid(&self, truth: Truth) -> Figure {
         let [caches, vals] = [&self.job.sweep.knobs[0], &self.job.sweep.knobs[1]];
         let base = self.base(truth);

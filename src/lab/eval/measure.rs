@@ -1,4 +1,4 @@
-//! One point on the device: its layers and its times.
+//! Measures one point on the device: its layers and times.
 
 use super::sweep::Point;
 use crate::bake::{self, Density};
@@ -17,14 +17,14 @@ pub struct Layers {
     pub size: [u32; 2],
     /// Diffuse lobe [cd/m^2].
     pub diffuse: Vec<[f32; 3]>,
-    /// Glossy lobe [cd/m^2]; `None` where no material has one.
+    /// Glossy lobe [cd/m^2]; `None` if no material has one.
     pub glossy: Option<Vec<[f32; 3]>>,
     /// Pixels that show a surface.
     pub covered: Vec<bool>,
 }
 
 impl Layers {
-    /// Both lobes.
+    /// Sum of both lobes.
     pub fn sum(&self) -> Vec<[f32; 3]> {
         match &self.glossy {
             None => self.diffuse.clone(),
@@ -35,7 +35,7 @@ impl Layers {
         }
     }
 
-    /// Each layer by its name in EXR files: the lobes there are, and their sum.
+    /// Layers by their names in EXR files: the lobes and their sum.
     pub fn named(&self) -> Vec<(&'static str, Vec<[f32; 3]>)> {
         let glossy = self.glossy.clone().map(|glossy| ("indirect.glossy", glossy));
         [("indirect.diffuse", self.diffuse.clone())]
@@ -46,30 +46,30 @@ impl Layers {
     }
 }
 
-/// What a point gave.
+/// Result of measuring a point.
 pub struct Measured {
     /// The picture.
     pub layers: Layers,
     /// Median GPU time \[ms\] of each stage.
     pub stages: Vec<(String, f64)>,
-    /// Frames whose median that is.
+    /// Number of frames in that median.
     pub frames: usize,
     /// Caches placed.
     pub caches: u32,
-    /// Spacing of the caches \[m\]; 0 without any.
+    /// Spacing of the caches \[m\]; 0 without caches.
     pub spacing: f64,
-    /// Virtual lights.
+    /// Number of VALs.
     pub vals: u32,
-    /// Triangles once divided.
+    /// Triangles after tessellation.
     pub triangles: usize,
-    /// Missing and idle barriers, with `Validation::Sync`.
+    /// Missing and superfluous barriers, with `Validation::Sync`.
     pub problems: Vec<String>,
 }
 
-/// A point whose frames together take longer gets no further ones.
+/// No further frames are drawn once a point's frames have taken this long.
 const LONGEST: Duration = Duration::from_secs(10);
 
-/// A scene on the device with the caches that some points share.
+/// A scene on the device, with caches that several points share.
 struct Prepared {
     of: (Option<Density>, f32, usize, Option<f64>),
     scene: Scene,
@@ -77,7 +77,7 @@ struct Prepared {
     spacing: f64,
 }
 
-/// Measures points one after the other; those of the same caches share a bake and an upload.
+/// Measures points one after another; consecutive points with the same caches share a bake and an upload.
 pub struct Bench<'a> {
     gpu: &'a Gpu,
     scene: &'a Scene,
@@ -86,16 +86,16 @@ pub struct Bench<'a> {
 }
 
 impl<'a> Bench<'a> {
-    /// For a scene whose triangles are not divided yet.
+    /// For a scene that is not tessellated yet.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, camera: &'a Camera) -> Self {
         Self { gpu, scene, camera, prepared: None }
     }
 
-    /// Renders a point: one frame to warm up, then `frames` whose median counts; fewer where frames take long, at the
-    /// least the first alone.
+    /// Renders a point: one warm-up frame, then `frames` of which the median is taken. Slow frames are drawn fewer
+    /// times, at least the first one.
     ///
     /// # Errors
-    /// What the device cannot hold or do, and a device that was lost.
+    /// If the device lacks memory or a feature, or is lost.
     pub fn measure(&mut self, point: &Point, frames: usize, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Measured> {
         let (gpu, camera) = (self.gpu, self.camera);
         let Prepared { scene, world, spacing, .. } = self.prepare(point, progress)?;
@@ -104,7 +104,7 @@ impl<'a> Bench<'a> {
         let (mut runs, mut problems) = (Vec::new(), Vec::new());
         let start = Instant::now();
         while runs.is_empty() || (runs.len() <= frames && start.elapsed() < LONGEST) {
-            // Software drivers attribute chained passes wrongly: there each stage is submitted alone.
+            // Software drivers attribute chained passes wrongly: submit each stage alone there.
             let drawn = gpu.timed_frame(|cmd| {
                 frame.record(cmd, world, &view);
                 Ok(())
@@ -135,7 +135,7 @@ impl<'a> Bench<'a> {
         let density = (point.frame.gi == Gi::LightSkin).then_some(Density::Count(point.caches));
         let of = (density, point.angle, point.references, point.max_edge);
         if self.prepared.as_ref().is_none_or(|prepared| prepared.of != of) {
-            // The old one goes first: two may not fit the device.
+            // Drop the old one first: the device may not hold two.
             self.prepared = None;
             let mut scene = self.scene.clone();
             let spacing = tessellate::expected_spacing(&scene, point.caches);
@@ -168,7 +168,7 @@ fn read_layers(gpu: &Gpu, frame: &Frame) -> Result<Layers> {
     })
 }
 
-/// Median time \[ms\] of each stage over some frames; nothing without timestamps.
+/// Median time \[ms\] of each stage over these frames; empty without timestamps.
 pub(crate) fn medians(runs: &[FrameTimes]) -> Vec<(String, f64)> {
     let stages: Vec<_> = runs.iter().map(FrameTimes::stages).collect();
     let median = |name: &str| {

@@ -1,4 +1,4 @@
-//! Speed against error: points of a sweep measured, kept and printed as a page.
+//! Speed against error: measures the points of a sweep, keeps the results, and writes a report page.
 
 pub mod figures;
 pub mod measure;

@@ -1,4 +1,4 @@
-//! Pictures of points and heat maps of their errors, as the report shows them.
+//! Pictures of points and heat maps of their errors for the report.
 
 use super::measure::Layers;
 use super::references::{Truth, make_folder};
@@ -13,12 +13,12 @@ use std::path::PathBuf;
 /// Scale of the heat maps of the relative squared error.
 pub const HEAT: Scale = Scale::Log(1e-6, 1.0);
 
-/// What radiance is multiplied with to be shown.
+/// Factor on radiance for display.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Exposure(f64);
 
 impl Exposure {
-    /// Brings the log-average of the lit pixels to middle grey.
+    /// Maps the log-average of the lit pixels to middle grey.
     pub fn of(layers: &Layers) -> Self {
         Self(middle_grey(&layers.sum()).unwrap_or(1.0))
     }
@@ -29,26 +29,26 @@ pub struct Pictures {
     folder: PathBuf,
 }
 
-/// What a picture shows.
+/// Content of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shows {
     /// Both lobes of indirect light.
     Light,
-    /// Relative squared error of that, against a reference.
+    /// Relative squared error of indirect light against a reference.
     Error(Truth),
 }
 
 impl Pictures {
-    /// Makes the folder if it is missing.
+    /// Creates the folder if it is missing.
     ///
     /// # Errors
-    /// A file that cannot be read or written.
+    /// If a file cannot be read or written.
     pub fn open(folder: PathBuf) -> Result<Self> {
         make_folder(&folder)?;
         Ok(Self { folder })
     }
 
-    /// The file of a point's or a reference's picture.
+    /// File of a point's or a reference's picture.
     pub fn path(&self, key: &str, shows: Shows) -> PathBuf {
         let what = match shows {
             Shows::Light => "light".to_owned(),
@@ -57,16 +57,16 @@ impl Pictures {
         self.folder.join(format!("{}-{what}.png", &key[..16.min(key.len())]))
     }
 
-    /// Whether a point's picture and the ones of its errors are there.
+    /// Whether a point's picture and these error maps exist.
     pub fn has(&self, key: &str, errors: &[Truth]) -> bool {
         let errors = errors.iter().map(|truth| Shows::Error(*truth));
         errors.chain([Shows::Light]).all(|shows| self.path(key, shows).is_file())
     }
 
-    /// Writes indirect light.
+    /// Writes a picture of indirect light.
     ///
     /// # Errors
-    /// A file that cannot be read or written.
+    /// If a file cannot be read or written.
     pub fn write_light(&self, key: &str, layers: &Layers, exposure: Exposure) -> Result<()> {
         let shown = |pixel: &[f32; 3]| {
             let srgb = encode(pbr_neutral(clean(*pixel) * exposure.0)) * 255.0 + 0.5;
@@ -79,11 +79,11 @@ impl Pictures {
     /// Writes the error of indirect light against a reference of the same size.
     ///
     /// # Errors
-    /// A file that cannot be read or written.
+    /// If a file cannot be read or written.
     pub fn write_error(&self, key: &str, layers: &Layers, truth: Truth, reference: &Layers) -> Result<()> {
         let mut errors = relative_squares(&layers.sum(), &reference.sum());
         for (error, (a, b)) in errors.iter_mut().zip(layers.covered.iter().zip(&reference.covered)) {
-            // Where one of them shows no surface there is nothing to compare.
+            // Nothing to compare where either shows no surface.
             *error = if *a && *b { *error } else { 0.0 };
         }
         write_png(&self.path(key, Shows::Error(truth)), layers.size[0], layers.size[1], &colors(&errors, HEAT))

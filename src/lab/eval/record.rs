@@ -1,4 +1,4 @@
-//! What a point gave, as a line that is kept: a restart reads it back instead of measuring again.
+//! Stored results of points: one line each, which a restart reads back instead of measuring again.
 
 use super::measure::Layers;
 use super::references::Truth;
@@ -15,25 +15,25 @@ use std::path::{Path, PathBuf};
 /// One measured point.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Row {
-    /// Hash of all that the point depends on.
+    /// Hash of everything that the point depends on.
     pub key: String,
-    /// How indirect light was made, and where each knob stood; brute force has fewer.
+    /// Kind of indirect light and value of each knob; brute force has fewer knobs.
     pub knobs: Vec<(String, String)>,
     /// Caches placed.
     pub caches: u32,
     /// Their spacing \[m\].
     pub spacing: f64,
-    /// Virtual lights.
+    /// Number of VALs.
     pub vals: u32,
-    /// Triangles once divided.
+    /// Triangles after tessellation.
     pub triangles: usize,
     /// Median GPU time \[ms\] of each stage.
     pub stages: Vec<(String, f64)>,
-    /// Over how many frames.
+    /// Number of frames in the median.
     pub frames: usize,
     /// Errors against each reference, layer by layer.
     pub errors: Vec<Errors>,
-    /// Why there is nothing of the above.
+    /// Reason if the measurement failed; the fields above are empty then.
     pub failed: Option<String>,
 }
 
@@ -44,21 +44,22 @@ pub struct Errors {
     pub truth: String,
     /// Name of the layer.
     pub layer: String,
-    /// Pixels that show a surface in both.
+    /// Number of pixels that show a surface in both images.
     pub pixels: usize,
     /// Metrics by name; NaN where a metric is undefined or infinite.
     pub values: Vec<(String, f64)>,
 }
 
 impl Errors {
-    /// All layers of a picture against a reference, over the pixels that show a surface in both; none if there is none.
+    /// Errors of all layers of a picture against a reference, over pixels that show a surface in both; empty if there
+    /// are none.
     pub fn of(picture: &Layers, truth: Truth, reference: &Layers) -> Vec<Self> {
         let both: Vec<bool> = picture.covered.iter().zip(&reference.covered).map(|(a, b)| *a && *b).collect();
         let pixels = both.iter().filter(|b| **b).count();
         if pixels == 0 {
             return Vec::new();
         }
-        // Maps look at a pixel's surroundings: where only one of the two shows a surface, both are black.
+        // Error maps depend on a pixel's surroundings: make pixels black where only one image shows a surface.
         let masked = |image: &[[f32; 3]]| -> Vec<[f32; 3]> {
             image.iter().zip(&both).map(|(pixel, both)| if *both { *pixel } else { [0.0; 3] }).collect()
         };
@@ -82,11 +83,11 @@ impl Errors {
     }
 }
 
-/// Metrics of a row, in the order of their columns.
+/// Metrics of a row in column order.
 pub const METRICS: [&str; 10] =
     ["mae", "mare", "rmse", "relmse", "relmse-trimmed", "median-relative", "bias", "psnr", "ssim", "flip"];
 
-/// JSON has no infinity: what is kept must be what is read back.
+/// JSON has no infinity: stored values must read back equal.
 fn finite(value: f64) -> f64 {
     if value.is_finite() { value } else { f64::NAN }
 }
@@ -97,7 +98,7 @@ impl Row {
         self.stages.iter().map(|(_, ms)| ms).sum()
     }
 
-    /// Where a knob stood.
+    /// Value of a knob.
     pub fn knob(&self, name: &str) -> Option<&str> {
         self.knobs.iter().find(|(knob, _)| knob == name).map(|(_, value)| value.as_str())
     }
@@ -132,7 +133,7 @@ impl Row {
         })
     }
 
-    /// The row that `to_json` wrote; `None` if it is none.
+    /// Reads a row that `to_json` wrote; `None` if it is invalid.
     pub fn from_json(value: &Value) -> Option<Self> {
         if value.get("schema")?.as_u64()? != SCHEMA {
             return None;
@@ -142,7 +143,7 @@ impl Row {
         let knob = |pair: &Value| Some((text(pair.get(0)?)?, text(pair.get(1)?)?));
         let stage = |stage: &Value| Some((text(stage.get("name")?)?, number(stage.get("gpu_ms")?)?));
         let errors = |object: &Value| {
-            // An object has no order of its own.
+            // JSON objects are unordered: use the order of the metrics.
             let value = |name: &&str| Some(((*name).to_owned(), number(object.get(*name)?)?));
             Some(Errors {
                 truth: text(object.get("reference")?)?,
@@ -166,21 +167,21 @@ impl Row {
     }
 }
 
-/// Of a row's form.
+/// Version of the row format.
 const SCHEMA: u64 = 1;
 
-/// The rows of all finished points, one JSON object a line. Rows of other scenes, settings and programs stay, and are
-/// not found.
+/// Rows of all finished points, one JSON object per line. Rows of other scenes, settings and program versions stay in
+/// the file, but are not found.
 pub struct Store {
     path: PathBuf,
     rows: Vec<Row>,
 }
 
 impl Store {
-    /// Reads a file of rows; none if it is missing. A line that is no row is left out, with a warning.
+    /// Reads a file of rows; empty if the file is missing. Invalid lines are skipped with a warning.
     ///
     /// # Errors
-    /// A folder or file that cannot be read or written.
+    /// If a folder or file cannot be read or written.
     pub fn open(path: &Path) -> Result<Self> {
         let mut rows = Vec::new();
         let unread = |reason| crate::Error::Input { file: path.into(), place: "finished points".into(), reason };
@@ -188,31 +189,31 @@ impl Store {
         for (i, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
             match serde_json::from_str(line).ok().as_ref().and_then(Row::from_json) {
                 Some(row) => rows.push(row),
-                None => log::warn!("{}: line {} is no finished point; it is left out", path.display(), i + 1),
+                None => log::warn!("{}: line {} is not a finished point; it is skipped", path.display(), i + 1),
             }
         }
         Ok(Self { path: path.into(), rows })
     }
 
-    /// The row of this key.
+    /// The row with this key.
     pub fn find(&self, key: &str) -> Option<&Row> {
         self.rows.iter().find(|row| row.key == key)
     }
 
-    /// Rows there are.
+    /// Number of rows.
     pub fn len(&self) -> usize {
         self.rows.len()
     }
 
-    /// Whether there is none.
+    /// Whether there are no rows.
     pub fn is_empty(&self) -> bool {
         self.rows.is_empty()
     }
 
-    /// Adds a row, or replaces the one of its key, and writes the file.
+    /// Adds a row, or replaces the one with its key, and writes the file.
     ///
     /// # Errors
-    /// A folder or file that cannot be read or written.
+    /// If a folder or file cannot be read or written.
     pub fn keep(&mut self, row: Row) -> Result<()> {
         self.rows.retain(|other| other.key != row.key);
         self.rows.push(row);
@@ -220,7 +221,7 @@ impl Store {
     }
 }
 
-/// All rows as a table: a line for each layer and reference, one for a point that failed.
+/// All rows as CSV: one line per layer and reference, or one for a failed point.
 pub fn csv(rows: &[Row]) -> String {
     let mut knobs: Vec<&str> = Vec::new();
     let mut stages: Vec<&str> = Vec::new();
@@ -269,7 +270,7 @@ pub fn csv(rows: &[Row]) -> String {
     lines.iter().map(|line| line.iter().map(|cell| quoted(cell)).collect::<Vec<_>>().join(",") + "\n").collect()
 }
 
-/// A cell of a CSV line (RFC 4180).
+/// Quotes a CSV cell (RFC 4180).
 fn quoted(cell: &str) -> String {
     if cell.contains([',', '"', '\n', '\r']) { format!("\"{}\"", cell.replace('"', "\"\"")) } else { cell.to_owned() }
 }
@@ -324,7 +325,7 @@ mod tests {
         }
         let mae = |layer: usize| errors[layer].values[0].1;
         assert_eq!((mae(0), mae(1), mae(2)), (1.0, 0.0, 1.0));
-        // What is beside the one pixel that counts differs, and is seen by neither of the maps.
+        // Pixels beside the one that counts differ, but neither map sees them.
         let beside = Layers { diffuse: vec![[2.0; 3], [9.0; 3]], ..layers(2.0) };
         let same = Errors::of(&beside, Truth::SameVals, &Layers { covered: vec![true, false], ..layers(2.0) });
         assert!(same[0].values.iter().all(|(name, v)| match name.as_str() {

@@ -1,4 +1,4 @@
-//! What points are compared with: every VAL on every pixel, and the path tracer. Kept as EXR files, for they take long.
+//! References that points are compared with: brute force and the path tracer. Kept as EXR files because they take long.
 
 use super::measure::Layers;
 use crate::error::{Error, Result};
@@ -11,25 +11,25 @@ use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// What a point is compared with.
+/// A reference that points are compared with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Truth {
-    /// Brute force with the point's own VALs: the error of caches and interpolation alone.
+    /// Brute force with the point's own VALs: isolates the error of caches and interpolation.
     SameVals,
-    /// Brute force with the most VALs of the sweep: the error of too few VALs as well.
+    /// Brute force with the most VALs of the sweep: adds the error of too few VALs.
     FinestVals,
-    /// The path tracer, one bounce, nothing in the way of reflected light: the error of VALs as such as well.
+    /// Path tracer, one bounce, indirect light unshadowed: adds the error of VALs as such.
     Unshadowed,
-    /// The path tracer, one bounce, with its shadows: all of the error of one bounce, which is what a user sees.
+    /// Path tracer, one bounce, with shadows: the whole error of one bounce, as a user sees it.
     Shadowed,
 }
 
 impl Truth {
-    /// First what a user sees. Then those without shadows, from the one that forgives most to the one that forgives least.
+    /// The user's view first, then the unshadowed references from the most to the least forgiving.
     pub const ALL: [Self; 4] = [Self::Shadowed, Self::SameVals, Self::FinestVals, Self::Unshadowed];
 
-    /// Whether points with such shadows are compared with it. References without shadows tell nothing of points with
-    /// shadows: what those are right about would count as their error.
+    /// Whether points with these shadows are compared with it. Unshadowed references do not fit points with shadows:
+    /// correct shadows would count as errors.
     pub fn fits(self, shadows: Shadows) -> bool {
         self == Self::Shadowed || shadows == Shadows::Off
     }
@@ -44,7 +44,7 @@ impl Truth {
         }
     }
 
-    /// Name in legends.
+    /// Name in plot legends.
     pub fn short(self) -> &'static str {
         match self {
             Self::SameVals => "same VALs, no shadows",
@@ -54,7 +54,7 @@ impl Truth {
         }
     }
 
-    /// Name for people.
+    /// Readable name.
     pub fn title(self) -> &'static str {
         match self {
             Self::SameVals => "brute force, same virtual lights, no shadows",
@@ -65,18 +65,18 @@ impl Truth {
     }
 }
 
-/// A reference image and what is known of it.
+/// A reference image and its metadata.
 #[derive(Clone, Debug)]
 pub struct Reference {
     /// The picture.
     pub layers: Layers,
-    /// How it was made: an object with `name`, and with `samples` and `noise` (relative standard error, mean over the
-    /// picture) where it was path traced.
+    /// Metadata: an object with `name`, and for path-traced references `samples` and `noise` (mean relative standard
+    /// error).
     pub about: Value,
 }
 
 impl Reference {
-    /// Hash of all that it depends on.
+    /// Hash of everything that it depends on.
     pub fn key(&self) -> &str {
         self.about["key"].as_str().unwrap_or_default()
     }
@@ -84,15 +84,15 @@ impl Reference {
 
 /// The folder of reference images.
 pub struct Library {
-    /// Where they lie.
+    /// Path of the folder.
     pub folder: PathBuf,
 }
 
 impl Library {
-    /// Makes the folder if it is missing.
+    /// Creates the folder if it is missing.
     ///
     /// # Errors
-    /// A folder or file that cannot be read or written.
+    /// If a folder or file cannot be read or written.
     pub fn open(folder: PathBuf) -> Result<Self> {
         make_folder(&folder)?;
         Ok(Self { folder })
@@ -102,7 +102,7 @@ impl Library {
         self.folder.join(format!("{name}-{}.exr", &key[..16.min(key.len())]))
     }
 
-    /// A kept reference. `None` if there is none or it cannot be read; the latter is a warning.
+    /// Finds a kept reference. `None` if there is none or it cannot be read; the latter is logged as a warning.
     pub fn find(&self, name: &str, key: &str) -> Option<Reference> {
         let path = self.path(name, key);
         let about: Value = serde_json::from_slice(&files::read(&path.with_extension("json")).ok()?).ok()?;
@@ -113,16 +113,16 @@ impl Library {
         match read(&path, has_glossy) {
             Ok(layers) => Some(Reference { layers, about }),
             Err(error) => {
-                log::warn!("{error}; it is made again");
+                log::warn!("{error}; the reference is computed again");
                 None
             }
         }
     }
 
-    /// Keeps a reference; `about` is an object.
+    /// Stores a reference; `about` must be an object.
     ///
     /// # Errors
-    /// A folder or file that cannot be read or written.
+    /// If a folder or file cannot be read or written.
     pub fn keep(&self, name: &str, key: &str, layers: Layers, mut about: Value) -> Result<Reference> {
         let path = self.path(name, key);
         let rgba = |image: &[[f32; 3]]| -> Vec<[f32; 4]> { image.iter().map(|p| [p[0], p[1], p[2], 1.0]).collect() };
@@ -137,7 +137,7 @@ impl Library {
         about["key"] = key.into();
         about["glossy"] = layers.glossy.is_some().into();
         write_exr(&path, layers.size[0], layers.size[1], &all, &about.to_string())?;
-        // Second: a picture without it is not found.
+        // Written second: a picture without it is ignored.
         files::write(&path.with_extension("json"), format!("{about}\n").as_bytes())?;
         Ok(Reference { layers, about })
     }
@@ -155,7 +155,7 @@ fn read(path: &Path, has_glossy: bool) -> Result<Layers> {
     })
 }
 
-/// Makes a folder and those above it.
+/// Creates a folder and its parents.
 pub(crate) fn make_folder(path: &Path) -> Result<()> {
     std::fs::create_dir_all(path).map_err(|error| {
         let what =
@@ -164,24 +164,24 @@ pub(crate) fn make_folder(path: &Path) -> Result<()> {
     })
 }
 
-/// What the path tracer is asked for.
+/// Parameters of a path-traced reference.
 #[derive(Clone, Copy, Debug)]
 pub struct PathTraced {
     /// Picture \[pixels\].
     pub size: [u32; 2],
     /// Whether reflected light is shadowed.
     pub visibility: bool,
-    /// Samples per pixel, at least.
+    /// Minimum samples per pixel.
     pub samples: u32,
     /// Whether a material has a glossy lobe.
     pub glossy: bool,
 }
 
-/// How often samples are kept: what an interruption can cost.
+/// Interval between saves of the samples: limits what an interruption can lose.
 const SAVE_EVERY: Duration = Duration::from_secs(20);
 
-/// One bounce by path tracing, and what is to be known of it. Samples are kept in `folder`: an interrupted picture goes
-/// on, and more samples refine it. `progress` is told how much is done, from 0 to 1.
+/// Path-traces one bounce; returns the layers and their metadata. Samples are kept in `folder`, so that an interrupted
+/// picture continues and more samples refine it. `progress` receives the completed share, 0 to 1.
 pub fn path_traced(
     scene: &Scene,
     camera: &Camera,

@@ -1,4 +1,4 @@
-//! The report: a page that stands alone, and the numbers behind it as CSV and JSON.
+//! The report: a self-contained page, and its numbers as CSV and JSON.
 
 use super::figures::{Figure, Figures, LAYER, METRIC};
 use super::pictures::{HEAT, Shows};
@@ -14,41 +14,41 @@ use serde_json::json;
 use std::fmt::Write;
 use std::path::Path;
 
-/// A part of the page.
+/// A section of the page.
 pub struct Section {
-    /// Headline, as text.
+    /// Heading, as text.
     pub title: String,
-    /// What stands under it, as HTML that needs no other file.
+    /// Content, as self-contained HTML.
     pub html: String,
 }
 
-/// One of the two defaults, and what its points are compared with.
+/// One of the two defaults and its references.
 struct Half<'a> {
-    /// What is said of it, as text.
+    /// Heading, as text.
     title: &'static str,
-    /// The default around which the knobs are varied.
+    /// The default around which knobs are varied.
     base: &'a Point,
     /// The references.
     truths: Vec<Truth>,
-    /// The one of the pictures.
+    /// The reference for pictures.
     best: Truth,
 }
 
 const STYLE: &str = include_str!("report.css");
 
-/// Makes the folder and tries whether a report can be written there, before long work is done for it.
+/// Creates the folder and checks that a report can be written there, before the long measurement starts.
 ///
 /// # Errors
-/// A folder or file that cannot be written.
+/// If a folder or file cannot be written.
 pub fn check_writable(folder: &Path) -> Result<()> {
     super::references::make_folder(folder)?;
     files::check_writable(&folder.join("index.html"))
 }
 
-/// Writes `index.html`, `results.csv`, `results.json` and `plots/*.svg`. `extra` sections come behind our own.
+/// Writes `index.html`, `results.csv`, `results.json` and `plots/*.svg`. `extra` sections follow the built-in ones.
 ///
 /// # Errors
-/// A folder or file that cannot be written.
+/// If a folder or file cannot be written.
 pub fn write(job: &Job<'_>, results: &Results, extra: &[Section]) -> Result<()> {
     let page = Page { job, results, figures: Figures { job, results } };
     let folder = job.folder;
@@ -72,7 +72,7 @@ struct Page<'a> {
     figures: Figures<'a>,
 }
 
-/// A table of text cells, the first row being its head.
+/// A table of text cells; the first row is the header.
 fn table(rows: &[Vec<String>]) -> String {
     let row = |(i, cells): (usize, &Vec<String>)| {
         let tag = if i == 0 { "th" } else { "td" };
@@ -82,7 +82,7 @@ fn table(rows: &[Vec<String>]) -> String {
     format!("<div class=\"wide\"><table>\n{}</table></div>\n", rows.iter().enumerate().map(row).collect::<String>())
 }
 
-/// A plot inside the page, where no namespace is needed.
+/// A plot inside the page, which needs no namespace.
 fn inline(figure: &Figure) -> String {
     figure.plot.svg().replacen(" xmlns=\"http://www.w3.org/2000/svg\"", "", 1)
 }
@@ -93,12 +93,15 @@ fn percent(value: Option<f64>) -> String {
 }
 
 impl Page<'_> {
-    /// What there is to know of how the numbers came about.
+    /// Facts on how the numbers were measured.
     fn facts(&self) -> Vec<(&'static str, String)> {
         let (job, sweep) = (self.job, self.job.sweep);
         let report = job.gpu.report();
         let (method, note) = if job.gpu.is_software() {
-            ("each stage submitted alone", "; a software device: times compare with each other, not with a GPU's")
+            (
+                "each stage submitted alone",
+                "; a software device: times are comparable with each other, not with a GPU's",
+            )
         } else {
             ("timestamps within one submission", "")
         };
@@ -109,7 +112,7 @@ impl Page<'_> {
             (
                 "scene",
                 format!(
-                    "{}, {} triangles before any is divided, lights: {}",
+                    "{}, {} triangles before tessellation, lights: {}",
                     job.scene.name,
                     job.scene.triangle_count(),
                     job.scene.lights.len()
@@ -121,13 +124,13 @@ impl Page<'_> {
             (
                 "times",
                 format!(
-                    "median of {} frames after one to warm up, fewer where those take over 10 s; {method}",
+                    "median of {} frames after one warm-up frame, fewer if they take over 10 s; {method}",
                     sweep.frames
                 ),
             ),
             ("path tracer", format!("at least {} samples per pixel, one bounce", sweep.samples)),
             ("default", knobs.join(", ")),
-            ("angle", format!("{:.0} degrees between a surface and its cache", sweep.base.angle.to_degrees())),
+            ("angle", format!("at most {:.0} degrees between a surface and its cache", sweep.base.angle.to_degrees())),
             ("program", format!("lightskin {}", env!("CARGO_PKG_VERSION"))),
         ]
     }
@@ -144,7 +147,7 @@ impl Page<'_> {
         })
     }
 
-    /// References there are, as they are compared with.
+    /// References that results were compared with.
     fn truths(&self) -> Vec<Truth> {
         let all = Truth::ALL.into_iter();
         all.filter(|t| self.results.rows.iter().any(|row| row.error(*t, LAYER, METRIC.0).is_some())).collect()
@@ -187,7 +190,7 @@ impl Page<'_> {
         page
     }
 
-    /// What could not be measured, and why.
+    /// Points that could not be measured, with reasons.
     fn problems(&self) -> String {
         let failed = self.results.rows.iter().chain(&self.results.brute_force);
         let failed = failed.filter_map(|row| Some(format!("{}: {}", self.name(row), row.failed.as_ref()?)));
@@ -195,18 +198,18 @@ impl Page<'_> {
         if lines.is_empty() { lines } else { format!("<div class=\"warn\">Not measured:<ul>{lines}</ul></div>\n") }
     }
 
-    /// A point's name by what sets it apart from what `render` draws.
+    /// Name of a point by its differences from the default of `render`.
     fn name(&self, row: &Row) -> String {
         self.figures.name(row, &self.job.sweep.base)
     }
 
-    /// What `render` draws, against paths with shadows; and the same without shadows, against references without.
+    /// The default of `render` against shadowed paths, and the same without shadows against unshadowed references.
     fn halves(&self) -> [Half<'_>; 2] {
         let sweep = self.job.sweep;
         let (shadowed, bare): (Vec<_>, Vec<_>) = self.truths().into_iter().partition(|t| *t == Truth::Shadowed);
         let best = [Truth::FinestVals, Truth::Unshadowed].into_iter().find(|t| bare.contains(t));
         [
-            Half { title: "As render draws it", base: &sweep.base, truths: shadowed, best: Truth::Shadowed },
+            Half { title: "Default of render", base: &sweep.base, truths: shadowed, best: Truth::Shadowed },
             Half {
                 title: "Without shadows of indirect light: the error of caches and virtual lights alone",
                 base: &sweep.bare,
@@ -246,14 +249,14 @@ impl Page<'_> {
         Section { title: "The default".into(), html }
     }
 
-    /// How noisy the path-traced references are themselves.
+    /// Noise of the path-traced references themselves.
     fn noise(&self) -> String {
         let noise = |about: &serde_json::Value| {
             Some(format!("{} of {}", percent(Some(about["noise"].as_f64()?)), about["name"].as_str()?))
         };
         let all: Vec<String> = self.results.references.iter().filter_map(noise).collect();
         if all.is_empty() {
-            return "Noise of the path tracer is part of every error against it; one pass does not tell how much."
+            return "Noise of the path tracer is part of every error against it; one pass does not allow an estimate."
                 .into();
         }
         format!(
@@ -266,8 +269,8 @@ impl Page<'_> {
         let plots: String = self.truths().into_iter().map(|truth| inline(&self.figures.against_time(truth))).collect();
         let html = format!(
             "<p>Each mark is a point of the sweep: GPU time of a whole frame, and {} of indirect light (both lobes). \
-             Only paths with shadows are compared with points with shadows; the curves of the other plots are of points \
-             without. Lower left is better. Ringed marks are the Pareto front: no other point is both faster and closer.</p>\n\
+             Points with shadows are compared only with path tracing with shadows; the other plots show points without \
+             shadows. Lower left is better. Ringed marks are the Pareto front: no other point is both faster and closer.</p>\n\
              <div class=\"plots\">{plots}</div>\n",
             METRIC.1
         );
@@ -282,7 +285,7 @@ impl Page<'_> {
             let rows = rows.filter_map(|(value, row)| Some((value.label.as_str(), row?)));
             let fits = |row: &Row| row.failed.is_some() || row.error(half.best, LAYER, METRIC.0).is_some();
             let rows: Vec<(&str, &Row)> = rows.filter(|(_, row)| fits(row)).collect();
-            // Of the kinds of shadows there is but one without.
+            // Of the kinds of shadows only one has none.
             if rows.len() > 1 {
                 html.push_str(&self.half_of_knob(knob, &half, &rows));
             }
@@ -292,7 +295,7 @@ impl Page<'_> {
         Section { title: format!("{title} ({})", knob.name), html }
     }
 
-    /// Table and pictures of a knob's values and their rows.
+    /// Table and pictures for a knob's values.
     fn half_of_knob(&self, knob: &Knob, half: &Half<'_>, rows: &[(&str, &Row)]) -> String {
         let mut cells = vec![[knob.name, "caches placed", "VALs", "frame [ms]"].map(str::to_owned).to_vec()];
         cells[0].extend(half.truths.iter().flat_map(|t| [format!("{}: error", t.short()), "bias".into()]));
@@ -325,7 +328,7 @@ impl Page<'_> {
         found.and_then(|about| about["key"].as_str()).unwrap_or_default().to_owned()
     }
 
-    /// A picture, and the heat map of its error against a reference below; nothing where there is no such file.
+    /// A picture with the heat map of its error against a reference below; empty if there is no file.
     fn figure(&self, key: &str, caption: &str, error_against: Option<Truth>) -> String {
         let image = |shows: Shows, alt: &str| {
             let bytes = files::read(&self.results.pictures.path(key, shows)).ok()?;
@@ -398,8 +401,8 @@ impl Page<'_> {
             strip.push_str(&self.figure(&self.key_of(truth), truth.title(), error_against));
         }
         let html = format!(
-            "{}<div class=\"strip\">{strip}</div>\n<p><small>Below the path-traced ones: how far brute force is from \
-             them, {HEAT}.</small></p>\n",
+            "{}<div class=\"strip\">{strip}</div>\n<p><small>Below the path-traced pictures: relative squared error of brute force \
+             against them, {HEAT}.</small></p>\n",
             table(&cells)
         );
         Section { title: "References".into(), html }

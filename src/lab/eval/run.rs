@@ -1,4 +1,4 @@
-//! Measures the points of a sweep that are not kept yet.
+//! Measures those points of a sweep that are not stored yet.
 
 use super::measure::{Bench, Layers, Measured};
 use super::pictures::{Exposure, Pictures};
@@ -12,50 +12,50 @@ use crate::scene::{Camera, Scene};
 use serde_json::json;
 use std::path::Path;
 
-/// Counted up when the meaning of a kept row or reference changes.
+/// Incremented when the meaning of stored rows or references changes.
 const VERSION: u32 = 2;
 
-/// What is to be measured, on what, and where it is kept.
+/// A sweep to measure: device, scene, points and storage.
 pub struct Job<'a> {
     /// The device.
     pub gpu: &'a Gpu,
-    /// The scene; its triangles are not divided yet.
+    /// The scene, not tessellated yet.
     pub scene: &'a Scene,
     /// One of its cameras.
     pub camera: &'a Camera,
     /// The points.
     pub sweep: &'a Sweep,
-    /// Where rows, references and pictures are kept, and the report is written.
+    /// Folder for rows, references, pictures and the report.
     pub folder: &'a Path,
-    /// Identity of the program: what another one measured is not used.
+    /// Identity of the program: results of another program are not used.
     pub program: &'a str,
 }
 
-/// What came of it.
+/// Results of a job.
 pub struct Results {
-    /// A row for each point of the sweep, in its order.
+    /// One row per point of the sweep, in order.
     pub rows: Vec<Row>,
-    /// A row for each of the sweep's RSM sides, by brute force.
+    /// One brute-force row for each RSM side of the sweep.
     pub brute_force: Vec<Row>,
-    /// What is known of each reference, as `Reference::about`.
+    /// Metadata of each reference, as in `Reference::about`.
     pub references: Vec<serde_json::Value>,
-    /// Points measured now.
+    /// Number of points measured in this run.
     pub measured: usize,
-    /// Points that were kept, and not measured again.
+    /// Number of points that were stored already.
     pub kept: usize,
-    /// Missing and idle barriers, with `Validation::Sync`.
+    /// Missing and superfluous barriers, with `Validation::Sync`.
     pub problems: Vec<String>,
-    /// The pictures of the points that have some.
+    /// Pictures of the points that have some.
     pub pictures: Pictures,
 }
 
-/// A reference, or why there is none.
+/// A reference, or the reason why there is none.
 type Made = std::result::Result<Reference, String>;
 
-/// The work under way.
+/// A job in progress.
 struct Work<'a> {
     job: &'a Job<'a>,
-    /// All that every point depends on.
+    /// Everything that all points depend on.
     context: String,
     bench: Bench<'a>,
     store: Store,
@@ -66,10 +66,10 @@ struct Work<'a> {
     results: Results,
 }
 
-/// Measures what is not kept yet. `progress` is told how much is done, from 0 to 1, and what is being done.
+/// Measures all points that are not stored. `progress` receives the completed share, 0 to 1, and the current step.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Results> {
     make_folder(job.folder)?;
     let (scene, camera, report) = (job.scene.fingerprint(), job.camera, job.gpu.report());
@@ -105,7 +105,7 @@ pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Resul
     let exposure = Exposure::of(best);
     for truth in [Truth::FinestVals, Truth::Unshadowed, Truth::Shadowed] {
         if let Some(reference) = truths.of(truth, 0) {
-            // Of each other they differ too: how far the virtual lights are from the paths.
+            // References differ from each other, too: shows the difference between VALs and paths.
             let key = reference.key();
             work.results.pictures.write_light(key, &reference.layers, exposure)?;
             work.results.pictures.write_error(key, best, truth, &reference.layers)?;
@@ -118,7 +118,7 @@ pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Resul
         work.point(point, &truths, exposure)?;
     }
     if work.results.kept == 0 && kept_before > 0 {
-        log::info!("{kept_before} kept points are of another scene, device, program or settings");
+        log::info!("{kept_before} kept points belong to another scene, device, program or settings");
     }
     progress(1.0, "done");
     Ok(work.results)
@@ -127,12 +127,12 @@ pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Resul
 /// All references.
 struct Truths {
     brute_force: Vec<(u32, Made)>,
-    /// Without and with shadows.
+    /// Path-traced without and with shadows.
     traced: [Reference; 2],
 }
 
 impl Truths {
-    /// A reference, for points of this RSM side.
+    /// A reference for points with this RSM side.
     fn of(&self, truth: Truth, side: u32) -> Option<&Reference> {
         let made = |side| self.brute_force.iter().find(|(s, _)| *s == side)?.1.as_ref().ok();
         match truth {
@@ -143,7 +143,7 @@ impl Truths {
         }
     }
 
-    /// The errors of a point's picture against each reference that fits its shadows.
+    /// Errors of a point's picture against each reference that fits its shadows.
     fn errors(&self, point: &Point, layers: &Layers) -> Vec<Errors> {
         let side = point.frame.rsm;
         let truths = Truth::ALL.into_iter().filter(|truth| truth.fits(point.frame.shadows));
@@ -152,7 +152,7 @@ impl Truths {
             if truth == Truth::FinestVals
                 && self.of(Truth::SameVals, side).is_some_and(|own| std::ptr::eq(own, reference))
             {
-                // The point's own VALs are the most there are: the same errors again.
+                // The point's own VALs are the finest: reuse the same errors.
                 let same: Vec<Errors> = all.iter().filter(|e| e.truth == Truth::SameVals.name()).cloned().collect();
                 all.extend(same.into_iter().map(|errors| Errors { truth: truth.name().into(), ..errors }));
             } else {
@@ -162,20 +162,20 @@ impl Truths {
         all
     }
 
-    /// Whether a point's kept row was compared with every reference that there is now and that fits.
+    /// Whether a stored row was compared with every fitting reference that exists now.
     fn are_in(&self, row: &Row, point: &Point) -> bool {
         let is_in = |truth: Truth| row.errors.iter().any(|errors| errors.truth == truth.name());
         let mut truths = Truth::ALL.into_iter().filter(|truth| truth.fits(point.frame.shadows));
         truths.all(|truth| is_in(truth) || self.of(truth, point.frame.rsm).is_none())
     }
 
-    /// What pictures without shadows are shown beside: the most VALs, or else infinitely many.
+    /// Reference shown next to pictures without shadows: the most VALs, or else unshadowed paths.
     fn best_bare(&self) -> (Truth, &Reference) {
         let finest = self.of(Truth::FinestVals, 0).map(|reference| (Truth::FinestVals, reference));
         finest.unwrap_or((Truth::Unshadowed, &self.traced[0]))
     }
 
-    /// Of which references a point has pictures of its error: paths with shadows, and what is best without.
+    /// References for a point's error maps: shadowed paths, and the best one without shadows.
     fn pictured(&self, point: &Point) -> Vec<Truth> {
         let both = [Truth::Shadowed, self.best_bare().0];
         both.into_iter().filter(|truth| truth.fits(point.frame.shadows)).collect()
@@ -183,7 +183,7 @@ impl Truths {
 }
 
 impl<'a> Work<'a> {
-    /// Says what is being done, and counts it as a step; what it gives is told how much of the step is done.
+    /// Announces a step and counts it; the returned function reports progress within the step.
     fn step(&mut self, what: &str) -> impl Fn(f32, &str) + Sync + use<'a> {
         let (done, steps, what, progress) = (self.done as f32, self.steps as f32, what.to_owned(), self.progress);
         self.done += 1;
@@ -195,14 +195,14 @@ impl<'a> Work<'a> {
         blake3::hash(format!("{}\n{what}", self.context).as_bytes()).to_hex().to_string()
     }
 
-    /// Of a point's row: it depends on what it is compared with, too.
+    /// Key of a point's row, which also depends on its references.
     fn row_key(&self, point: &Point) -> String {
         let sweep = self.job.sweep;
         let (frames, samples, sides) = (sweep.frames, sweep.samples, sweep.rsm_sides());
         self.key(&format!("row {point:?} {frames} {samples} {:?}", sides.last()))
     }
 
-    /// The ground truth of the VALs of one RSM side, and its row without errors.
+    /// The brute-force reference for one RSM side, and its row without errors.
     fn brute_force(&mut self, side: u32) -> Result<Made> {
         let point = Point::brute_force(self.job.sweep.base.frame.size, side);
         let key = self.key(&format!("{point:?}"));
@@ -232,7 +232,7 @@ impl<'a> Work<'a> {
         Ok(made)
     }
 
-    /// Brute force has errors too: those of its VALs.
+    /// Compares brute force with the other references: its VALs have errors, too.
     fn compare_brute_force(&mut self, index: usize, side: u32, truths: &Truths) -> Result<()> {
         let Some(own) = truths.of(Truth::SameVals, side) else { return Ok(()) };
         let point = Point::brute_force(own.layers.size, side);
@@ -272,7 +272,7 @@ impl<'a> Work<'a> {
         Ok(reference)
     }
 
-    /// One point's row: kept, measured, or the reason why there is none.
+    /// Row of one point: stored, measured, or the reason for its failure.
     fn point(&mut self, point: &Point, truths: &Truths, exposure: Exposure) -> Result<()> {
         let sweep = self.job.sweep;
         let value = |knob: &Knob| Some((knob.name.to_owned(), knob.values[knob.of(point)?].label.clone()));

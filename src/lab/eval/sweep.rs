@@ -1,47 +1,48 @@
-//! What is varied: one knob at a time around a default, with and without shadows of indirect light; and caches by VALs.
+//! The points of a sweep: one knob at a time around a default, with and without shadows of indirect light, and a grid
+//! of caches by VALs.
 
 use crate::frame::{ClusterRule, Interpolation, Near, ProxyWeight, Shadows};
 use crate::lab::knobs::{Gi, Knobs, Path};
 
-/// Everything that one measurement depends on besides scene, camera and device.
+/// Everything that a measurement depends on besides scene, camera and device.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
     /// The frame's settings.
     pub frame: Knobs,
-    /// Caches asked for; 0 with brute force, which needs none.
+    /// Caches requested; 0 for brute force.
     pub caches: usize,
-    /// Caches that each vertex refers to.
+    /// References per vertex.
     pub references: usize,
     /// `theta_eps` of the bake \[rad\].
     pub angle: f32,
-    /// Longest edge \[m\] of a triangle; `None` for what the caches' spacing asks for, 0 to leave all as they are.
+    /// Longest edge \[m\] of a triangle; `None` to follow the caches' spacing, 0 to leave triangles undivided.
     pub max_edge: Option<f64>,
 }
 
 impl Point {
-    /// Every VAL onto every pixel, with so many texels on an RSM's side.
+    /// Brute force with this RSM side \[texels\].
     pub fn brute_force(size: [u32; 2], rsm: u32) -> Self {
         let frame = Knobs { gi: Gi::BruteForce, rsm, ..Knobs::plain(size) };
         Self { frame, caches: 0, references: 8, angle: 0.0, max_edge: Some(0.0) }
     }
 }
 
-/// Something that is varied while all else stays at the default.
+/// A setting that is varied while all others stay at the default.
 pub struct Knob {
-    /// Name of its column.
+    /// Name of its column in tables.
     pub name: &'static str,
-    /// What it is, in lower case, for the axis of its plot.
+    /// Description in lower case, for plot axes.
     pub title: &'static str,
-    /// Its settings, in the order of their plot.
+    /// Its values in plotting order.
     pub values: Vec<Value>,
 }
 
-/// Turns a knob.
+/// Applies a value of a knob.
 type Turn = fn(&mut Point);
 
-/// One setting of a knob.
+/// One value of a knob.
 pub struct Value {
-    /// What the user would type.
+    /// The value as a user would type it.
     pub label: String,
     apply: Box<dyn Fn(&mut Point)>,
 }
@@ -60,14 +61,14 @@ impl Knob {
         Self { name, title, values: values.iter().map(value).collect() }
     }
 
-    /// A point with this knob at one of its values.
+    /// A point with this knob set to one of its values.
     pub fn set(&self, point: &Point, value: usize) -> Point {
         let mut point = point.clone();
         (self.values[value].apply)(&mut point);
         point
     }
 
-    /// At which of its values this knob stands.
+    /// Index of the knob's value at a point.
     pub fn of(&self, point: &Point) -> Option<usize> {
         (0..self.values.len()).find(|value| self.set(point, *value) == *point)
     }
@@ -78,10 +79,10 @@ impl Knob {
     }
 }
 
-/// How large a sweep is.
+/// Size of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Extent {
-    /// Every knob, and the grid of caches and VALs.
+    /// All knobs, and the grid of caches and VALs.
     Full,
     /// Fewer and cheaper points.
     Quick,
@@ -89,18 +90,18 @@ pub enum Extent {
 
 /// The points to measure.
 pub struct Sweep {
-    /// The point around which the knobs are varied: what `render` draws.
+    /// The default of `render`, around which knobs are varied.
     pub base: Point,
-    /// The same without shadows of indirect light. The knobs are varied around it too: references without shadows are
-    /// compared with points without shadows.
+    /// The same without shadows of indirect light. Knobs are varied around it, too, for comparison with unshadowed
+    /// references.
     pub bare: Point,
-    /// What is varied; the first two also span the grid.
+    /// Varied knobs; the first two also span the grid.
     pub knobs: Vec<Knob>,
-    /// The defaults, one knob at a time, the grid, each point once.
+    /// The defaults, single knobs and the grid, each point once.
     pub points: Vec<Point>,
-    /// Frames whose median time counts.
+    /// Frames of which the median time is taken.
     pub frames: usize,
-    /// Samples of the path tracer per pixel.
+    /// Samples per pixel of the path tracer.
     pub samples: u32,
 }
 
@@ -112,7 +113,7 @@ impl Sweep {
         bare.frame.shadows = Shadows::Off;
         bare.frame.near = Near::Off;
         let bases = [base, bare];
-        // Points of the same caches follow each other: they share a bake.
+        // Consecutive points with the same caches share a bake.
         let mut points = bases.to_vec();
         for knob in &knobs {
             points.extend((0..knob.values.len()).flat_map(|value| bases.each_ref().map(|base| knob.set(base, value))));
@@ -133,13 +134,13 @@ impl Sweep {
         Self { base, bare, knobs, points: unique, frames: frames.max(1), samples: samples.max(1) }
     }
 
-    /// Whether a point differs from a default in one knob at most: such points are shown as pictures.
+    /// Whether a point differs from a default in at most one knob: such points get pictures.
     pub fn is_pictured(&self, point: &Point) -> bool {
         let is_set = |base, knob: &Knob| (0..knob.values.len()).any(|value| knob.set(base, value) == *point);
         [&self.base, &self.bare].into_iter().any(|base| self.knobs.iter().any(|knob| is_set(base, knob)))
     }
 
-    /// Sides of the RSMs \[texels\], ascending; each has its own ground truth, the last one is the finest.
+    /// RSM sides \[texels\], ascending; each has its own brute-force reference, the last is the finest.
     pub fn rsm_sides(&self) -> Vec<u32> {
         let mut sides: Vec<u32> = self.points.iter().map(|point| point.frame.rsm).collect();
         sides.sort_unstable();
@@ -148,14 +149,14 @@ impl Sweep {
     }
 }
 
-/// Clusters that are farther away than so many of their radii stand for VALs; they cast no shadows, as in `render`.
+/// Clusters stand for VALs if they are farther away than this many of their radii; without shadows, as in `render`.
 fn cluster(point: &mut Point, radii: f32) {
     point.frame.path = Path::Clusters(ClusterRule::Distance(radii));
     point.frame.shadows = Shadows::Off;
     point.frame.near = Near::Off;
 }
 
-/// Short rays, with shadows: references without know nothing of them.
+/// Short rays, which require shadows: unshadowed references do not include nearby occlusion.
 fn near(point: &mut Point, per_pixel: u32, every: u32) {
     point.frame.near = Near::Rays { per_pixel, every };
     if point.frame.shadows == Shadows::Off {
@@ -163,7 +164,7 @@ fn near(point: &mut Point, per_pixel: u32, every: u32) {
     }
 }
 
-/// Every knob there is: to add one, add an entry. The default's own values are among the numbers.
+/// All knobs; add an entry to add one. Numeric knobs include the default's value.
 fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
     let quick = extent == Extent::Quick;
     let caches: &[u32] = if quick { &[50, 250, 1000] } else { &[50, 250, 1000, 4000] };
@@ -183,16 +184,16 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ("32/1", |point| near(point, 32, 1)),
     ];
     vec![
-        Knob::numbers("caches", "caches asked for", &[caches, &[base.caches as u32]].concat(), |point, n| {
+        Knob::numbers("caches", "caches requested", &[caches, &[base.caches as u32]].concat(), |point, n| {
             point.caches = n as usize;
         }),
-        Knob::numbers("rsm", "texels of an RSM's side", &[sides, &[base.frame.rsm]].concat(), |point, n| {
+        Knob::numbers("rsm", "RSM side in texels", &[sides, &[base.frame.rsm]].concat(), |point, n| {
             point.frame.rsm = n;
         }),
         Knob::numbers("refs", "references per vertex", references, |point, n| point.references = n as usize),
         Knob::choices(
             "interpolation",
-            "what is averaged between caches",
+            "averaging between caches",
             &[
                 ("facing", |point| point.frame.interpolation = Interpolation::Facing),
                 ("printed", |point| point.frame.interpolation = Interpolation::Printed),
@@ -200,7 +201,7 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ),
         Knob::choices(
             "proxy-weight",
-            "what pulls a proxy light",
+            "weights of a proxy light's position",
             &[
                 ("irradiance", |point| point.frame.proxy_weight = ProxyWeight::Irradiance),
                 ("form-factor", |point| point.frame.proxy_weight = ProxyWeight::FormFactor),
@@ -208,7 +209,7 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ),
         Knob::choices(
             "shadows",
-            "what is in the way of indirect light",
+            "shadows of indirect light",
             &[
                 ("per-light", |point| point.frame.shadows = Shadows::PerLight),
                 ("proxy", |point| point.frame.shadows = Shadows::Proxy),
@@ -220,12 +221,12 @@ fn knobs(base: &Point, extent: Extent) -> Vec<Knob> {
         ),
         Knob::choices(
             "near",
-            "rays of a pixel over pixels from one with rays to the next",
+            "short rays per pixel / distance between pixels with rays",
             &near_kinds[..if quick { 2 } else { 4 }],
         ),
         Knob::choices(
             "cluster",
-            "least distance of clusters, without shadows, in their radii",
+            "least distance of clusters in radii, without shadows",
             &clusters[..if quick { 3 } else { 5 }],
         ),
     ]
@@ -252,8 +253,9 @@ mod tests {
         for (i, point) in sweep.points.iter().enumerate() {
             assert!(!sweep.points[..i].contains(point), "{point:?} comes twice");
         }
-        // With and without shadows: 5 counts of caches (four and the default) by 4 RSMs, and one alternative each of three
-        // other knobs. One further kind of shadows, with and without rays. Three ways of these. Four distances of clusters.
+        // With and without shadows: 5 cache counts (four and the default) by 4 RSMs, and one alternative each of three
+        // other knobs. One further kind of shadows, with and without rays. Three variants of rays. Four cluster
+        // distances.
         assert_eq!(sweep.points.len(), 2 * (5 * 4 + 3) + 2 + 3 + 4);
         let pictured = sweep.points.iter().filter(|point| sweep.is_pictured(point)).count();
         assert_eq!(pictured, 2 * (1 + 4 + 3 + 3) + 2 + 3 + 4);

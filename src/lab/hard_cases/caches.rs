@@ -1,4 +1,4 @@
-//! Few and many caches and VALs, and VALs in hard places: the gather's f32 sums against f64. METHOD 3-4.
+//! Few and many caches and VALs, and VALs in difficult positions: the gather's f32 sums against f64. METHOD 3-4.
 
 use super::oracle::{largest, material, sums_against_twins};
 use super::{Case, Outcome, oracle};
@@ -22,17 +22,17 @@ use glam::{DVec3, Vec3, dvec3, vec3};
 use rayon::prelude::*;
 use std::f64::consts::{PI, TAU};
 
-/// Where the glossy lobes of the caches below are seen from.
+/// Viewer for the glossy lobes of the caches below.
 const EYE: Vec3 = vec3(-1.5, 0.4, 2.0);
 
-/// What stage 6 makes of VALs and caches that no frame has made: its sums and proxies, cache by cache.
+/// Sums and proxies from stage 6 for given VALs and caches, per cache.
 struct Gathered {
     sums: Vec<GatherSums>,
     proxies: Vec<Proxy>,
     complaints: Vec<String>,
 }
 
-/// Runs stage 6 alone, both lobes.
+/// Runs stage 6 alone, with both lobes.
 fn gather_alone(gpu: &Gpu, vals: &[Val], caches: &[Cache]) -> Result<Gathered> {
     let said = gpu.messages().len();
     let (vals, atlas) = (Vals::of(gpu, vals)?, Atlas::of(gpu, caches)?);
@@ -61,14 +61,15 @@ fn gather_alone(gpu: &Gpu, vals: &[Val], caches: &[Cache]) -> Result<Gathered> {
     Ok(Gathered { sums, proxies, complaints })
 }
 
-/// Largest errors of the sums against f64 over all caches, relative to the sum of the terms' sizes; diffuse and glossy.
+/// Largest errors of the sums against f64 over all caches, relative to the sum of the terms' magnitudes; diffuse and
+/// glossy.
 fn sum_errors(vals: &[Val], caches: &[Cache], found: &Gathered) -> [f64; 2] {
     let vals: Vec<_> = vals.iter().map(|v| (val(v, DVec3::ZERO), f64::from(v.weight))).collect();
     let at =
         |i: usize| {
             let cache = cache(&caches[i], DVec3::ZERO);
             let mirrored = mirrored_view(cache.position, cache.normal, EYE.as_dvec3());
-            // Of each lobe: position and its terms' sizes, weight, irradiance.
+            // For each lobe: position and its terms' magnitudes, weight, irradiance.
             let mut twins = [(DVec3::ZERO, 0.0, 0.0, DVec3::ZERO); 2];
             for (val, weight) in &vals {
                 let (geometry, direction) = val_geometry(cache.position, cache.normal, val);
@@ -81,7 +82,7 @@ fn sum_errors(vals: &[Val], caches: &[Cache], found: &Gathered) -> [f64; 2] {
                     twin.3 += val.flux * (geometry * lobe);
                 }
             }
-            // What is below this share of all light is below what f32 resolves of cos^k.
+            // Below this share of all light f32 does not resolve cos^k.
             let floor = [0.0, 1e-9];
             let all = twins[0];
             [0, 1].map(|l| {
@@ -102,7 +103,7 @@ fn sum_errors(vals: &[Val], caches: &[Cache], found: &Gathered) -> [f64; 2] {
     (0..caches.len()).into_par_iter().map(at).reduce(|| [0.0; 2], |a, b| [a[0].max(b[0]), a[1].max(b[1])])
 }
 
-/// Even numbers in [0, 1): splitmix64.
+/// Uniform numbers in [0, 1): splitmix64.
 fn numbers(mut state: u64) -> impl FnMut() -> f32 {
     move || {
         state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
@@ -113,12 +114,12 @@ fn numbers(mut state: u64) -> impl FnMut() -> f32 {
     }
 }
 
-/// A VAL that pulls a proxy by its irradiance.
+/// A VAL weighted by its irradiance.
 fn disc(position: Vec3, normal: Vec3, area: f32, flux: Vec3) -> Val {
     Val { position, area, normal, material: 0, flux, weight: luminance(flux.as_dvec3()) as f32 }
 }
 
-/// VALs above the plane z = 0, facing roughly down, whose fluxes span three decades.
+/// VALs above the plane z = 0 that face roughly down; their fluxes span three decades.
 fn some_vals(count: usize) -> Vec<Val> {
     let mut next = numbers(7);
     let mut one = |_| {
@@ -130,7 +131,7 @@ fn some_vals(count: usize) -> Vec<Val> {
     (0..count).map(&mut one).collect()
 }
 
-/// Caches near the plane z = 0 whose normals lie about +z.
+/// Caches near the plane z = 0 with normals around +z.
 fn some_caches(count: usize, exponent: f32) -> Vec<Cache> {
     let mut next = numbers(3);
     let mut one = |_| {
@@ -141,7 +142,7 @@ fn some_caches(count: usize, exponent: f32) -> Vec<Cache> {
     (0..count).map(&mut one).collect()
 }
 
-/// A cache in the origin that looks up.
+/// A cache at the origin that faces up.
 const CACHE: Cache = Cache {
     position: Vec3::ZERO,
     exponent: 10.0,
@@ -167,7 +168,7 @@ pub(super) fn cases() -> Vec<Case> {
         }));
     }
     for k in [1.0, 8.0, 64.0, 512.0, 2048.0] {
-        // The device's exp2(k log2 cos) errs by k roundings of the cosine and of the logarithm.
+        // The device's exp2(k log2 cos) errs by k rounding errors of the cosine and of the logarithm.
         let bound = 1e-5 + 1e-6 * f64::from(k);
         let (input, expected) = (format!("1024 VALs, 64 caches, k = {k}"), format!("f64 sums within {bound:.1e}"));
         all.push(Case::new("exponent", input, expected, move |gpu| {
@@ -189,11 +190,11 @@ pub(super) fn cases() -> Vec<Case> {
     }));
     all.push(Case::new("caches", "a whole frame with about 30 000 baked caches", "f64 sums within 5e-5", many_caches));
     all.push(Case::new("caches", "one cache for a whole scene", "f64 shading by its one proxy within 1e-3", one));
-    all.push(Case::new("VALs", "a whole frame with one VAL", "phi G of it at every cache within 1e-5", one_val));
+    all.push(Case::new("VALs", "a whole frame with one VAL", "its phi G at every cache within 1e-5", one_val));
     let expected = "flux rho I 2 pi (1 - cos - ramp) within 3e-4, f64 sums within 5e-5";
     all.push(Case::new("VALs", "a whole frame with 65 536 VALs of a sharp cone", expected, many_vals));
     for height in [1.0, 1e-2, 1e-4, 1e-6, 1e-12, 0.0] {
-        let expected = if height > 0.0 { "phi / (A + pi h^2) within 1e-6" } else { "no light of it, and no NaN" };
+        let expected = if height > 0.0 { "phi / (A + pi h^2) within 1e-6" } else { "no light from it, and no NaN" };
         all.push(Case::new("touching VAL", format!("VAL {height:e} m above a cache"), expected, move |gpu| {
             touching(gpu, height)
         }));
@@ -203,7 +204,7 @@ pub(super) fn cases() -> Vec<Case> {
         let expected = "f64 sums within 1e-5, proxy at most 1e4 E";
         all.push(Case::new("grazing VALs", input, expected, move |gpu| grazing(gpu, sine)));
     }
-    all.push(Case::new("VALs behind", "1000 VALs below 64 caches that look up", "exactly no light", behind));
+    all.push(Case::new("VALs behind", "1000 VALs below 64 caches that face up", "exactly no light", behind));
     all
 }
 
@@ -217,7 +218,7 @@ fn many_caches(gpu: &Gpu) -> Result<Outcome> {
     Ok(outcome.provided(shot.caches.len() > 25_000, &format!("{} caches", shot.caches.len())))
 }
 
-/// One cache on the floor: its light is that of the whole floor.
+/// One cache on the floor lights the whole floor.
 fn one(gpu: &Gpu) -> Result<Outcome> {
     let scene = corner(&[SPOT], 10.0);
     let shot = shoot(gpu, &scene, Some(&one_cache(&scene, 8, vec3(0.1, 0.0, 0.2), Vec3::Y)), &small())?;
@@ -270,7 +271,7 @@ fn one_val(gpu: &Gpu) -> Result<Outcome> {
 }
 
 fn many_vals(gpu: &Gpu) -> Result<Outcome> {
-    // All of the cone meets the floor; the ball is put away.
+    // The whole cone hits the floor; the ball is removed.
     let mut scene = corner(&[LightKind::Spot { inner: 0.3, outer: 0.3 }], 10.0);
     scene.instances.truncate(2);
     (scene.lights[0].position, scene.lights[0].direction) = (dvec3(0.1, 1.5, 0.2), Vec3::NEG_Y);
@@ -278,7 +279,7 @@ fn many_vals(gpu: &Gpu) -> Result<Outcome> {
     let shot = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &Knobs { rsm: 256, ..small() })?;
     let flux: DVec3 = shot.vals.iter().map(|v| v.flux).sum();
     let light = &scene.lights[0];
-    // KHR_lights_punctual's squared ramp is 0.001 wide in the cosine where the cone is sharp: two thirds of it are lost.
+    // For a sharp cone the squared ramp of KHR_lights_punctual is 0.001 wide in the cosine: two thirds of it are lost.
     let cone = TAU * (1.0 - f64::from(0.3_f32).cos() - 0.001 * 2.0 / 3.0);
     let entering = light.color.as_dvec3() * f64::from(light.intensity) * cone;
     let off = flux.distance(albedo * entering) / flux.length();
@@ -287,7 +288,7 @@ fn many_vals(gpu: &Gpu) -> Result<Outcome> {
     Ok(Outcome::all(errors).of(&[&shot]).provided(shot.vals.len() == 65_536, "another count of VALs"))
 }
 
-/// A VAL that faces the cache straight above it; where it lies on the cache, another one lights that alone.
+/// A VAL straight above the cache and facing it. If it lies on the cache, another one provides the light.
 fn touching(gpu: &Gpu, height: f64) -> Result<Outcome> {
     let (area, flux) = (0.01, vec3(5.0, 3.0, 1.0));
     let near = disc(vec3(0.0, 0.0, height as f32), Vec3::NEG_Z, area, flux);
@@ -329,7 +330,7 @@ fn behind(gpu: &Gpu) -> Result<Outcome> {
     let mut vals = some_vals(1000);
     for val in &mut vals {
         let Vec3 { x, y, z } = val.position;
-        // Below all of them, and of their planes, which are tilted by up to 35 degrees.
+        // Below all of them and their planes, which are tilted by up to 35 degrees.
         (val.position, val.normal) = (vec3(x, y, -z - 4.0), Vec3::Z);
     }
     let found = gather_alone(gpu, &vals, &some_caches(64, 10.0))?;

@@ -1,4 +1,4 @@
-//! Scenes that must look like another one: scaled, moved, brighter. METHOD 4.
+//! Scenes that must look like another one: scaled, moved or brighter. METHOD 4.
 
 use super::oracle::{largest, layers};
 use super::{Case, Outcome};
@@ -11,7 +11,7 @@ use crate::lab::worlds::{SPOT, baked, corner, placed};
 use crate::scene::{LightKind, Scene};
 use glam::{DVec3, dvec3};
 
-/// Reflectances are halves, whose last bit is 1e-3 of the number and may tip where an f32 is rounded another way.
+/// Reflectances are half floats; their last bit is 1e-3 of the value and may flip with f32 rounding.
 const ROUNDED: f64 = 1e-3;
 
 /// A floor, a wall and a squeezed ball under one light of each kind.
@@ -42,7 +42,7 @@ pub(super) fn cases() -> Vec<Case> {
     let mut all = Vec::new();
     let exact = 2_f64.powi(20);
     for scale in [1e-6, 1e-4, 1e-2, 1e2, 1e4, 1e6, 1.0 / exact, exact] {
-        // Powers of two round alike, so that every constant with a unit in it shows.
+        // Scaling by powers of two is exact, so that any constant with a unit shows.
         let is_exact = [exact, 1.0 / exact].contains(&scale);
         let (bound, input) = match is_exact {
             true => (1e-6, format!("scene times 2^{}, intensities times its square", scale.log2())),
@@ -61,7 +61,7 @@ pub(super) fn cases() -> Vec<Case> {
             same(gpu, |scene| placed(scene, 1.0, shift), 1.0, ROUNDED)
         }));
     }
-    // A light of the world has 300 lx or 500 cd.
+    // The world's lights have 300 lx or 500 cd.
     for factor in [2e-9_f32, 2e-6, 2e-3, 2.0, 2e3, 2e6] {
         let input = format!("lights of {:e} cd and {:e} lx", 500.0 * factor, 300.0 * factor);
         let expected = format!("{factor:e} times the radiance within {ROUNDED:e}");

@@ -1,8 +1,8 @@
-//! Cases that are hard on numbers: each has an input, what an independent source expects, and what the engine does.
+//! Numerically difficult cases: each has an input, an expectation from an independent source, and the engine's result.
 //!
-//! What is expected comes from the f64 references, from closed form, or from another frame that must be the same
-//! (METHOD 4), never from what the engine once gave. In every frame NaN, infinite and negative values are counted on the
-//! device, and any of them, any message of the validation layer and any missing barrier fails the line.
+//! Expectations come from the f64 references, from closed forms, or from another frame that must be equal (METHOD 4),
+//! never from earlier results of the engine. NaN, infinite and negative values are counted on the device in every
+//! frame. Any of them, any message of the validation layer and any missing barrier fails the case.
 
 mod caches;
 mod invariance;
@@ -16,20 +16,20 @@ use super::shot::Shot;
 use crate::error::Result;
 use crate::gpu::Gpu;
 
-/// One hard case.
+/// One difficult case.
 pub struct Case {
-    /// What is hard, in a word or two: cases of a kind share it.
+    /// The difficulty, in a word or two; shared by all cases of a kind.
     pub kind: &'static str,
-    /// What is done.
+    /// Description of the input.
     pub input: String,
-    /// What must come out, and who says so.
+    /// Expected result and its source.
     pub expected: String,
     check: Box<Check>,
 }
 
 type Check = dyn Fn(&Gpu) -> Result<Outcome>;
 
-/// A line of the table.
+/// One row of the table.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Line {
     /// [`Case::kind`].
@@ -38,9 +38,9 @@ pub struct Line {
     pub input: String,
     /// [`Case::expected`].
     pub expected: String,
-    /// What the engine did.
+    /// The engine's result.
     pub measured: String,
-    /// Whether that is what is expected.
+    /// Whether the result meets the expectation.
     pub pass: bool,
 }
 
@@ -52,7 +52,7 @@ pub fn lines() -> Vec<Case> {
 /// Runs a case.
 ///
 /// # Errors
-/// What the device cannot hold or do, and a device that was lost.
+/// If the device lacks memory or a feature, or is lost.
 pub fn run(gpu: &Gpu, case: &Case) -> Result<Line> {
     let Outcome { mut measured, mut pass, complaints } = (case.check)(gpu)?;
     for complaint in complaints {
@@ -73,7 +73,7 @@ impl Case {
     }
 }
 
-/// What a case has found.
+/// Result of a case.
 struct Outcome {
     measured: String,
     pass: bool,
@@ -81,7 +81,7 @@ struct Outcome {
 }
 
 impl Outcome {
-    /// An error that must not exceed a bound; NaN does.
+    /// An error that must not exceed a bound; NaN exceeds it.
     fn bounded(error: f64, bound: f64) -> Self {
         Self { measured: number(error), pass: error <= bound, complaints: Vec::new() }
     }
@@ -93,13 +93,13 @@ impl Outcome {
         Self { measured: texts.join(", "), pass, complaints: Vec::new() }
     }
 
-    /// With what was said against the frames.
+    /// Adds the complaints about the frames.
     fn of(mut self, shots: &[&Shot]) -> Self {
         self.complaints.extend(shots.iter().flat_map(|shot| shot.complaints.clone()));
         self
     }
 
-    /// Fails unless the case is what it wants to be: a dark picture proves nothing.
+    /// Fails unless the case tests what it should: a dark picture proves nothing.
     fn provided(mut self, condition: bool, otherwise: &str) -> Self {
         if !condition {
             self.complaints.push(format!("the case is void: {otherwise}"));
@@ -108,7 +108,7 @@ impl Outcome {
     }
 }
 
-/// Two digits, or 0.
+/// Two significant digits, or 0.
 fn number(value: f64) -> String {
     if value == 0.0 { "0".into() } else { format!("{value:.1e}") }
 }

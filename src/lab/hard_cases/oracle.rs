@@ -1,4 +1,4 @@
-//! What frames are held against: each other, and the f64 references fed with the frame's own VALs and reflectances.
+//! Expectations for frames: other frames, and the f64 references on the frame's own VALs and reflectances.
 
 use crate::lab::shot::{PixelSurface, Shot, reflection, seen, small, triangles};
 use crate::reference::brute_force;
@@ -10,12 +10,12 @@ use crate::scene::Scene;
 use glam::DVec3;
 use rayon::prelude::*;
 
-/// Pixels left out of a comparison: where a shadow map's or a surface's rim runs through a sample, rounding decides.
+/// Pixels left out of a comparison: rounding decides where the rim of a shadow or a surface crosses a sample.
 pub(super) const RIMS: usize = 4;
 
-/// Largest difference of two images, where `b` is to be `factor` times `a`, over the brightness there and a hundredth of
-/// the image's mean: what is darker than that may differ by as much. The worst four pixels are left out. Infinite where
-/// a value is none, 0 for two black images.
+/// Largest difference between two images, where `b` should be `factor` times `a`. It is relative to the brightness plus
+/// a hundredth of the image's mean, which limits the weight of dark pixels. The worst four pixels are left out.
+/// Infinite if a value is not finite, 0 for two black images.
 pub fn difference(a: &[DVec3], b: &[DVec3], factor: f64) -> f64 {
     if a.len() != b.len() {
         return f64::INFINITY;
@@ -31,25 +31,26 @@ pub fn difference(a: &[DVec3], b: &[DVec3], factor: f64) -> f64 {
     all.len().checked_sub(1 + RIMS).map_or(0.0, |i| all[i])
 }
 
-/// The largest of the three layers' differences.
+/// Largest difference over the three layers.
 pub(super) fn layers(a: &Shot, b: &Shot, factor: f64) -> f64 {
     let of = |layer: fn(&Shot) -> &[DVec3]| difference(layer(a), layer(b), factor);
     of(|s| &s.direct).max(of(|s| &s.diffuse)).max(of(|s| &s.glossy))
 }
 
-/// What a pixel reflects, by the device's own G-buffer, which keeps reflectances as halves.
+/// Reflectance of a pixel from the device's G-buffer, which stores half floats.
 pub(super) fn material(s: &PixelSurface, scene: &Scene, shot: &Shot) -> Material {
     let (diffuse, specular) = (shot.albedo[s.pixel], shot.specular[s.pixel]);
     Material { diffuse, specular, ..reflection(scene, s.material) }
 }
 
-/// Difference of a brute-force frame's diffuse and glossy layer from the f64 brute force at the places that rays through
-/// the pixels' centres meet.
+/// Difference of a brute-force frame's diffuse and glossy layer from f64 brute force at the hits of rays through pixel
+/// centres.
 pub(super) fn brute_force_picture(scene: &Scene, shot: &Shot) -> [f64; 2] {
     brute_force_picture_near(scene, shot, 0.0)
 }
 
-/// The same where places are known within `apart` \[m\] along each axis: from the nearest radiance in between.
+/// The same if positions are known only within `apart` \[m\] along each axis: compares with the nearest radiance in
+/// that range.
 pub(super) fn brute_force_picture_near(scene: &Scene, shot: &Shot, apart: f64) -> [f64; 2] {
     let eye = scene.cameras[0].world_from_camera.translation;
     let (x, y, z) = (DVec3::X, DVec3::Y, DVec3::Z);
@@ -78,8 +79,8 @@ pub(super) fn brute_force_picture_near(scene: &Scene, shot: &Shot, apart: f64) -
     })
 }
 
-/// Largest error of the gather's sums of irradiance against f64, relative to the sum; diffuse and glossy. Sums below
-/// 1e-9 of what the same VALs would send if all faced the cache are the rounding of cosines about 0, or of `cos^k`.
+/// Largest error of the gather's irradiance sums against f64, relative to the sum; diffuse and glossy. Sums below 1e-9
+/// of the light with all VALs facing the cache are rounding errors of cosines near 0, or of `cos^k`.
 pub(super) fn sums_against_twins(scene: &Scene, shot: &Shot) -> [f64; 2] {
     let eye = scene.cameras[0].world_from_camera.translation;
     let at = |i: usize| {
@@ -103,12 +104,12 @@ pub(super) fn sums_against_twins(scene: &Scene, shot: &Shot) -> [f64; 2] {
     (0..shot.caches.len()).into_par_iter().map(at).reduce(|| [0.0; 2], worst)
 }
 
-/// VALs of the first light against rays cast in f64 through the same texels: share of texels that meet another place,
-/// and of the others the largest distance of normals and the largest difference of flux over the brightest.
+/// VALs of the first light against f64 rays through the same texels: share of texels that hit another place; for the
+/// others the largest distance between normals, and the largest difference of flux relative to the brightest.
 pub(super) fn cast_vals(scene: &Scene, shot: &Shot) -> [f64; 3] {
     let triangles: Vec<_> = triangles(scene).into_iter().map(|(triangle, _)| triangle).collect();
     let n = (shot.vals.len() / shot.views.len()).isqrt();
-    // The device's rows run from the top.
+    // The device's rows start at the top.
     let rows = |vals: Vec<Val>| vals.chunks(n).rev().flatten().copied().collect::<Vec<_>>();
     let cast = |view| rows(cast_view(&triangles, &scene.lights[0], view, n));
     let twins: Vec<Val> = shot.views.iter().flat_map(cast).collect();
@@ -125,7 +126,7 @@ pub(super) fn cast_vals(scene: &Scene, shot: &Shot) -> [f64; 3] {
     [f64::from(elsewhere) / twins.len() as f64, turned, brighter]
 }
 
-/// Largest length.
+/// Largest vector length.
 pub(super) fn largest(layer: &[DVec3]) -> f64 {
     layer.iter().map(|p| p.length()).fold(0.0, f64::max)
 }

@@ -1,4 +1,4 @@
-//! Lights and cameras in unusual places.
+//! Lights and cameras in unusual positions.
 
 use super::oracle::{brute_force_picture, brute_force_picture_near, cast_vals, largest, material, sums_against_twins};
 use super::{Case, Outcome, oracle};
@@ -27,9 +27,9 @@ pub(super) fn cases() -> Vec<Case> {
     all.push(Case::new("light in a wall", "point light inside a thick wall", oracle, in_wall));
     let oracle = "f64 VALs, f64 brute force within 1e-3";
     all.push(Case::new("light on a wall", "point light in the plane of the floor", oracle, on_floor));
-    let dark = "inside exactly no direct and no indirect light";
+    let dark = "exactly no direct and no indirect light inside";
     all.push(Case::new("closed box", "walls 5 cm thick, three lights outside", dark, |gpu| closed_box(gpu, 0.05)));
-    let dark = "inside direct light within 2 shadow texels of an edge, indirect below 1e-6 of the outside's brightest";
+    let dark = "inside, direct light only within 2 shadow texels of an edge, indirect light below 1e-6 of the brightest outside";
     all.push(Case::new("closed box", "walls without thickness, three lights outside", dark, |gpu| {
         closed_box(gpu, 0.0)
     }));
@@ -37,8 +37,8 @@ pub(super) fn cases() -> Vec<Case> {
     all.push(Case::new("closed box", "the thick box over a lit ground", through, box_on_ground));
     all.push(Case::new(
         "no lights",
-        "an emissive ball and no light",
-        "its radiance to the bit, else no direct light, and none on it",
+        "an emissive ball without lights",
+        "exactly its radiance, no other direct light, no indirect light on the ball",
         no_lights,
     ));
     for distance in [1e2, 1e3, 1e4] {
@@ -83,7 +83,7 @@ fn coplanar(gpu: &Gpu) -> Result<Outcome> {
     let caches = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &small())?;
     let truth = shoot(gpu, &scene, None, &brute_force())?;
     let light = |shot: &Shot| largest(&shot.diffuse).max(largest(&shot.glossy)) / largest(&shot.direct);
-    // By brute force the rounding of places puts some VALs above a pixel's plane by 1e-7.
+    // In brute force rounding puts some VALs above a pixel's plane by 1e-7.
     Ok(Outcome::all([("caches", light(&caches), 0.0), ("brute force", light(&truth), 1e-6)]).of(&[&caches, &truth]))
 }
 
@@ -148,7 +148,7 @@ fn indirect(shot: &Shot) -> f64 {
     largest(&shot.diffuse).max(largest(&shot.glossy))
 }
 
-/// The walls are convex: what is lit outside turns away from all that is inside.
+/// The walls are convex: lit outer faces face away from everything inside.
 fn closed_box(gpu: &Gpu, thickness: f32) -> Result<Outcome> {
     let mut scene = box_scene(thickness);
     let truth = shoot(gpu, &scene, None, &brute_force())?;
@@ -158,18 +158,18 @@ fn closed_box(gpu: &Gpu, thickness: f32) -> Result<Outcome> {
     let outside = shoot(gpu, &scene, None, &brute_force())?;
     let bright = largest(&outside.direct);
     let outcome = Outcome::all([
-        // A wall without thickness is in one place with its lit side: a shadow map tells them apart but at edges.
+        // A wall without thickness coincides with its lit side: a shadow map separates them except at edges.
         ("direct: texels from an edge", leaks, if thickness > 0.0 { 0.0 } else { 2.0 }),
         ("indirect by caches", indirect(&caches) / bright, 0.0),
-        // Nor do the cosines of VALs in the wall's own plane, which round about 0.
+        // Cosines of VALs in the wall's own plane round around 0 as well.
         ("brute force", indirect(&truth) / bright, if thickness > 0.0 { 0.0 } else { 1e-6 }),
     ]);
     Ok(outcome.of(&[&truth, &caches, &outside]).provided(bright > 0.0, "nothing is lit outside"))
 }
 
-/// Farthest place inside that direct light reaches from the box's edges, in texels of the coarsest shadow map there.
+/// Largest distance from the box's edges at which direct light appears inside, in texels of the coarsest shadow map.
 fn leaks(scene: &Scene, shot: &Shot, thickness: f32) -> f64 {
-    // The point light's faces have a third of the texels; the box is up to 4 m from it.
+    // The point light's faces have a third of the texels per side; the box is up to 4 m away.
     let texel = 2.0 * 4.0 / f64::from(small().light_shadows.map() / 3);
     let model_from_world = scene.instances[1].world_from_model.inverse();
     let from_edge = |position: DVec3| {
@@ -181,7 +181,8 @@ fn leaks(scene: &Scene, shot: &Shot, thickness: f32) -> f64 {
     reached.map(|s| if s.instance == 1 { from_edge(s.position) / texel } else { f64::INFINITY }).fold(0.0, f64::max)
 }
 
-/// What is lit under the box shines through its floor, since without shadows nothing is in the way: as much as references say.
+/// The lit ground below shines through the box's floor because indirect light is unshadowed: exactly as much as in the
+/// references.
 fn box_on_ground(gpu: &Gpu) -> Result<Outcome> {
     let mut scene = box_scene(0.05);
     let ground = quad(vec3(-4.0, -2.0, -4.0), Vec3::Z * 8.0, Vec3::X * 8.0, 1.0);
@@ -215,17 +216,17 @@ fn no_lights(gpu: &Gpu) -> Result<Outcome> {
             let expected = if shines.contains(&pixel) { radiance.as_dvec3() } else { DVec3::ZERO };
             wrong += usize::from(*found != expected);
         }
-        // A ball sees nothing of itself, but for the rounding of patches that meet at an edge.
+        // A ball does not see itself, except for rounding between patches that share an edge.
         wrong += shines.iter().filter(|pixel| shot.diffuse[**pixel].max_element() > 1e-5).count();
         shots.push(shot);
     }
     let is_lit = shots.iter().all(|shot| indirect(shot) > 0.0);
-    // Two pictures, each with its rims.
+    // Two pictures, each with its rim pixels.
     let outcome = Outcome::all([("wrong pixels", wrong as f64, 2.0 * oracle::RIMS as f64)]);
     Ok(outcome.of(&shots.iter().collect::<Vec<_>>()).provided(is_lit, "the ball lights nothing"))
 }
 
-/// The corner through a telescope. A pixel's place comes from its depth, which f32 rounds relative to the distance.
+/// The corner through a telescope. A pixel's position comes from its depth, which f32 rounds relative to the distance.
 fn far(gpu: &Gpu, distance: f64) -> Result<Outcome> {
     let mut scene = corner(&[SPOT], 10.0);
     let target = dvec3(-0.3, 0.6, -0.1);
@@ -248,7 +249,7 @@ fn far(gpu: &Gpu, distance: f64) -> Result<Outcome> {
     }
     let caches = shoot(gpu, &scene, Some(&baked(&scene, 0.5, 8)?), &small())?;
     let share = acne as f64 / f64::from(lit.max(1));
-    // Rims of shadows are up to a hundredth of the lit pixels.
+    // Shadow rims are up to a hundredth of the lit pixels.
     let errors = [("diffuse", diffuse, 1e-3), ("glossy", glossy, 1e-3), ("acne", share, 0.01)];
     Ok(Outcome::all(errors).of(&[&truth, &caches]).provided(lit > 200, "little is lit"))
 }

@@ -1,4 +1,4 @@
-//! Surfaces that meshes and materials should not have, and have: turned inside out, without area, black, white.
+//! Invalid but common surfaces and materials: inverted, degenerate, black, white.
 
 use super::oracle::{brute_force_picture, cast_vals, difference, largest, layers};
 use super::{Case, Outcome};
@@ -14,13 +14,13 @@ use crate::scene::{Instance, LightKind, Mesh, Scene, Vertex};
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
 use std::f64::consts::{PI, TAU};
 
-/// Knobs of a frame by brute force.
+/// Settings of a brute-force frame.
 fn brute_force() -> Knobs {
     Knobs { gi: Gi::BruteForce, ..small() }
 }
 
 pub(super) fn cases() -> Vec<Case> {
-    let halves = "the same pictures as with the nodes' transforms in the vertices, within 1e-3";
+    let halves = "the same pictures as with the nodes' transforms applied to the vertices, within 1e-3";
     let oracle = "f64 brute force at the pixels within 1e-3";
     let mut all = vec![
         Case::new("nodes", "every node mirrored", halves, |gpu| nodes(gpu, dvec3(-1.0, 1.0, 1.0))),
@@ -30,7 +30,7 @@ pub(super) fn cases() -> Vec<Case> {
         }),
         Case::new(
             "triangles",
-            "300 triangles without area on the corners of others",
+            "300 degenerate triangles on the corners of others",
             "exactly the same caches, VALs and pictures as without",
             without_area,
         ),
@@ -40,8 +40,8 @@ pub(super) fn cases() -> Vec<Case> {
             "the same picture by brute force within 1e-3",
             slivers,
         ),
-        Case::new("normals", "those of the wall oppose its winding", "f64 rays' VALs, f64 brute force", opposed),
-        Case::new("normals", "those of all surfaces are zero", "no broken value, direct light as with flat ones", zero),
+        Case::new("normals", "normals of the wall oppose its winding", "f64 rays' VALs, f64 brute force", opposed),
+        Case::new("normals", "all normals are zero", "no broken value, direct light as with flat normals", zero),
         Case::new("black", "every albedo 0", "exactly no indirect light", black),
         Case::new("white", "lamp in a sphere of albedo 1", "Ulbricht: L = I / (pi r^2) within 2 %", white),
         Case::new("white", "VALs of that sphere", "flux 4 pi I within 1e-4", furnace_flux),
@@ -58,8 +58,8 @@ pub(super) fn cases() -> Vec<Case> {
     all
 }
 
-/// The scene with each node's transform in its vertices. Normals keep the lengths that the transform gives them, since
-/// they are interpolated in the model.
+/// The scene with each node's transform applied to its vertices. Normals keep the lengths that the transform gives
+/// them, because they are interpolated in model space.
 fn flattened(scene: &Scene) -> Scene {
     let mut flat = Scene { meshes: Vec::new(), instances: Vec::new(), ..scene.clone() };
     for instance in &scene.instances {
@@ -97,12 +97,12 @@ fn flattened_caches(scene: &Scene, caches: &CacheSet) -> CacheSet {
     flat
 }
 
-/// A scene whose nodes undo on the way into the world what was done to their meshes' shapes.
+/// A scene whose nodes undo a deformation applied to their meshes.
 fn nodes(gpu: &Gpu, stretch: DVec3) -> Result<Outcome> {
     let mut scene = corner(&[SPOT, LightKind::Point], 40.0);
     let stretch = DAffine3::from_scale(stretch);
     for i in 0..scene.instances.len() {
-        // Floor and wall keep their place in the world; the ball is stretched once more.
+        // Floor and wall keep their shape in the world; the ball is stretched once more.
         let undo = if i < 2 { stretch.inverse() } else { DAffine3::IDENTITY };
         let mesh: &mut Mesh = &mut scene.meshes[i];
         let normals = undo.matrix3.inverse().transpose();
@@ -125,7 +125,7 @@ fn nodes(gpu: &Gpu, stretch: DVec3) -> Result<Outcome> {
     Ok(Outcome::all(errors).of(&[&a, &b, &c, &d]).provided(lit, "a layer is dark"))
 }
 
-/// Adds triangles to each mesh: its own corners and what `shape` makes of three of them.
+/// Adds triangles to each mesh, made by `shape` from the corners of its own triangles.
 fn with_triangles(scene: &Scene, shape: impl Fn(&mut Mesh, [u32; 3], usize) -> [u32; 3]) -> Scene {
     let mut scene = scene.clone();
     for mesh in &mut scene.meshes {
@@ -142,7 +142,7 @@ fn with_triangles(scene: &Scene, shape: impl Fn(&mut Mesh, [u32; 3], usize) -> [
 
 fn without_area(gpu: &Gpu) -> Result<Outcome> {
     let scene = corner(&[SPOT], 40.0);
-    // All corners the same, two of them, and an edge there and back.
+    // Three equal corners, two equal corners, and an edge traversed back and forth.
     let degenerate = |_: &mut Mesh, [a, b, c]: [u32; 3], i: usize| [[a, a, a], [b, b, c], [c, a, c]][i % 3];
     let other = with_triangles(&scene, degenerate);
     let caches = [baked(&scene, 0.5, 8)?, baked(&other, 0.5, 8)?];
@@ -167,7 +167,7 @@ fn slivers(gpu: &Gpu) -> Result<Outcome> {
     };
     let other = with_triangles(&scene, sliver);
     let [a, b] = [shoot(gpu, &scene, None, &brute_force())?, shoot(gpu, &other, None, &brute_force())?];
-    // Caches are placed by area, and slivers have some: their picture is only to hold no broken value.
+    // Caches are placed by area, and slivers have some: their picture only must not have broken values.
     let c = shoot(gpu, &other, Some(&baked(&other, 0.5, 8)?), &small())?;
     Ok(Outcome::bounded(layers(&a, &b, 1.0), 1e-3).of(&[&a, &b, &c]))
 }
@@ -189,7 +189,7 @@ fn opposed(gpu: &Gpu) -> Result<Outcome> {
     Ok(Outcome::all(errors).of(&[&shot, &caches]))
 }
 
-/// Without normals the geometric ones serve: floor and wall are flat, so that nothing else changes.
+/// Without vertex normals geometric ones are used: floor and wall are flat, so that nothing else changes.
 fn zero(gpu: &Gpu) -> Result<Outcome> {
     let mut scene = corner(&[SPOT], 10.0);
     scene.instances.truncate(2);
@@ -218,7 +218,7 @@ fn black(gpu: &Gpu) -> Result<Outcome> {
 /// Radius \[m\] of the white sphere.
 const RADIUS: f32 = 2.0;
 
-/// A white sphere seen from inside, with a lamp in its middle.
+/// A white sphere seen from inside, with a lamp at its centre.
 fn furnace() -> Scene {
     let mut scene = Scene { name: "furnace".into(), ..Scene::default() };
     let turn = DAffine3::from_quat(DQuat::from_axis_angle(dvec3(1.0, 2.0, 3.0).normalize(), 1.0));
@@ -229,7 +229,7 @@ fn furnace() -> Scene {
     scene
 }
 
-/// An integrating sphere sends the first bounce evenly to all of itself: `E = rho I / r^2`.
+/// An integrating sphere receives the first bounce uniformly: `E = rho I / r^2`.
 fn white(gpu: &Gpu) -> Result<Outcome> {
     let scene = furnace();
     let settings = Knobs { rsm: 96, ..small() };

@@ -4,10 +4,11 @@ use crate::scene::build::{add_material, add_mesh, camera, phong, place, quad, sp
 use crate::scene::{Light, LightKind, Scene};
 use glam::{DAffine3, DVec3, Vec3};
 
-/// A ball of 0.8 m between two walls of 2 m, 2.4 m apart, each lit by a spot of 400 cd from above the ball, which gets
-/// no direct light: indirect light comes from two opposite sides, and where they meet, averaged lights stand inside.
+/// A ball of 0.8 m between two walls of 2 m, 2.4 m apart. Each wall is lit by a spot of 400 cd from above the ball,
+/// which gets no direct light. Indirect light comes from two opposite sides; where the two meet, averaged lights lie
+/// inside the ball.
 ///
-/// `edge`, in metres, is the longest side of the walls' grid cells.
+/// `edge` \[m\]: longest side of the walls' grid cells.
 pub fn between_walls(edge: f32) -> Scene {
     let mut scene = Scene { name: "between walls".into(), ..Scene::default() };
     let body = add_material(&mut scene, phong("body", [0.7; 3], [0.0; 3], 1.0));

@@ -1,12 +1,12 @@
-//! A sheet of spheres: clear coats by share and roughness, sheen by colour and roughness.
+//! A grid of spheres: clear coats by share and roughness, sheen by colour and roughness.
 
 use crate::scene::build::{add_material, add_mesh, camera, place, rough, sphere};
 use crate::scene::{Light, LightKind, Material, Scene};
 use glam::{DAffine3, DVec3, Vec3};
 
-/// Three rows of six spheres of 1 m with a coat of roughness 0 to 1 in steps of 1/5 over a rough red body, which a third, two thirds
-/// and all of has; below them three rows of cloth whose sheen has as many roughnesses: white, red on black, and blue on orange. All
-/// in the light of a lamp of 20 000 cd from the upper left behind the viewer.
+/// Three rows of six spheres of 1 m with a coat of roughness 0 to 1 in steps of 1/5 on a rough red body; the coat
+/// covers a third, two thirds or all of it. Below are three rows of cloth with sheen of the same roughnesses: white,
+/// red on black, and blue on orange. A lamp of 20 000 cd lights them from the upper left behind the viewer.
 pub fn coats() -> Scene {
     let mut scene = Scene { name: "coats".into(), ..Scene::default() };
     for row in 0..6_u8 {

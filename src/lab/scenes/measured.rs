@@ -1,4 +1,4 @@
-//! The scenes that indirect light is measured on: each with lights of its own and fixed cameras, nothing that emits. Metres.
+//! Scenes for measuring indirect light: each with its own lights and fixed cameras, without emitting surfaces. Metres.
 
 use super::Shadowed;
 use super::shadowed::{EDGE, add, rod, room, spot};
@@ -6,7 +6,7 @@ use crate::scene::build::{Surface, add_material, atrium, camera, cuboid, phong, 
 use crate::scene::{Light, LightKind, Scene};
 use glam::{DVec3, Vec3};
 
-/// The scenes that are made in code, and their names; the atrium itself is another.
+/// All generated scenes with their names; the atrium itself is not included.
 pub fn measured() -> Vec<(String, Scene)> {
     let shadowed = [Shadowed::Cornell, Shadowed::Columns, Shadowed::Gap];
     let mut scenes: Vec<_> = shadowed.map(|which| (which.name().to_owned(), which.scene())).into();
@@ -33,8 +33,8 @@ fn metal(roughness: f32) -> Scene {
     scene
 }
 
-/// A lit room, low in x, and a sealed one beside it, with a wall between them. Both stand on one floor inside one shell, or
-/// each is a shell of its own. Two cameras, mirrored: "dark" and "lit".
+/// A lit room at low x and a sealed dark one next to it, separated by a wall. They share one floor and one shell, or
+/// each has its own shell. Two mirrored cameras: "dark" and "lit".
 fn dark(thickness: f32, is_shared: bool) -> Scene {
     let mut scene = Scene { name: "dark room".into(), ..Scene::default() };
     let grey = add_material(&mut scene, phong("wall", [0.7; 3], [0.0; 3], 1.0));
@@ -58,7 +58,7 @@ fn dark(thickness: f32, is_shared: bool) -> Scene {
     scene
 }
 
-/// A light of this many candela that shines in all directions.
+/// A point light of this many candela.
 fn lamp(scene: &mut Scene, position: [f64; 3], intensity: f32) {
     scene.lights.push(Light {
         name: "lamp".into(),
@@ -72,8 +72,8 @@ fn lamp(scene: &mut Scene, position: [f64; 3], intensity: f32) {
     });
 }
 
-/// A corridor around a bend: a lit leg along x, a dark one along z. Cameras: "leg", from the bend down the dark leg, "end",
-/// before its end, and "bend", from its end back.
+/// A corridor around a bend: a lit leg along x, a dark one along z. Cameras: "leg" looks from the bend down the dark
+/// leg, "end" stands before its end, "bend" looks back from its end.
 fn corridor() -> Scene {
     let mut scene = Scene { name: "corridor".into(), ..Scene::default() };
     let grey = add_material(&mut scene, phong("wall", [0.7; 3], [0.0; 3], 1.0));
@@ -109,12 +109,12 @@ fn corridor() -> Scene {
     scene
 }
 
-/// A box from one corner to the other without what stands on the floor.
+/// A box between two corners, without its bottom face if it stands on the floor.
 fn block(low: [f32; 3], high: [f32; 3]) -> Surface {
     cuboid(low.into(), high.into(), EDGE, |n| low[1] > 0.0 || n != Vec3::NEG_Y)
 }
 
-/// A board on four legs, 4 cm wide each.
+/// A board on four legs, each 4 cm wide.
 fn table(low: [f32; 2], high: [f32; 2], height: f32, board: f32) -> Surface {
     let top = block([low[0], height - board, low[1]], [high[0], height, high[1]]);
     let corners =
@@ -126,7 +126,7 @@ fn table(low: [f32; 2], high: [f32; 2], height: f32, board: f32) -> Surface {
     legs.into_iter().fold(top, Surface::and)
 }
 
-/// A room of 5 m by 4 m with furniture a few centimetres off its walls.
+/// A room of 5 m by 4 m with furniture a few centimetres away from its walls.
 fn furnished() -> Scene {
     let mut scene = room(Vec3::new(-2.5, 0.0, -2.0), Vec3::new(2.5, 2.6, 2.0), [0.0; 3]);
     scene.name = "furnished".into();
@@ -134,7 +134,7 @@ fn furnished() -> Scene {
         [("oak", [0.45, 0.3, 0.18]), ("white", [0.8; 3]), ("cloth", [0.55, 0.2, 0.16]), ("green", [0.2, 0.4, 0.25])]
             .map(|(name, albedo)| add_material(&mut scene, phong(name, albedo, [0.0; 3], 1.0)));
     add(&mut scene, "wardrobe", block([-2.48, 0.0, -1.9], [-1.9, 2.0, -0.7]), white);
-    // A back panel 1 cm before the wall, sides, boards, and books of several heights.
+    // A back panel 1 cm from the wall, sides, boards, and books of several heights.
     let mut shelf = block([-1.2, 0.0, -1.99], [0.4, 1.9, -1.97]);
     let mut books = Surface::default();
     for x in [-1.2, 0.38] {
@@ -171,7 +171,7 @@ fn furnished() -> Scene {
     scene
 }
 
-/// A hall with a gallery over its far half and a flight of steps up to it; a light shines on the wall of the gallery.
+/// A hall with a gallery over its far half and stairs up to it; a light shines on the gallery's wall.
 fn stairs() -> Scene {
     let mut scene = room(Vec3::new(-2.0, 0.0, -3.0), Vec3::new(2.0, 5.4, 4.0), [0.2; 3]);
     scene.name = "stairs".into();

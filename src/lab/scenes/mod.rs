@@ -1,4 +1,4 @@
-//! Generated scenes that only measurements need, made with what [`crate::scene::build`] offers.
+//! Generated scenes for measurements only, built with [`crate::scene::build`].
 
 mod between;
 mod coats;

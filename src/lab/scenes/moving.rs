@@ -1,4 +1,4 @@
-//! Scenes that move: a crowd of bending tubes, and a room with one of each kind of motion.
+//! Moving scenes: a crowd of bending tubes, and a room with one example of each kind of motion.
 
 use crate::scene::animation::{
     AnimatedInstance, Animation, Channel, Hold, Interpolation, Local, Node, Parts, Rig, Sampler, Skin, Target,
@@ -13,7 +13,7 @@ use std::ops::Range;
 /// Joints of a tube.
 const JOINTS: usize = 4;
 
-/// Seconds after which everything repeats, and keys in that time.
+/// Period of the animation \[s\], and keys per period.
 const PERIOD: f64 = 4.0;
 const KEYS: usize = 17;
 
@@ -21,8 +21,8 @@ const KEYS: usize = 17;
 const HEIGHT: f32 = 1.0;
 const RADIUS: f32 = 0.08;
 
-/// So many tubes on a floor under a sun, in a square with 0.5 m between them, each swaying on four joints of its own, none
-/// in step with another. They share one mesh of about 200 vertices.
+/// A square of `count` tubes on a floor under a sun, 0.5 m apart. Each sways on four joints of its own, all with
+/// different phases. They share one mesh of about 200 vertices.
 pub fn crowd(count: usize) -> Scene {
     let mut scene = Scene { name: format!("crowd of {count}"), ..Scene::default() };
     let stone = add_material(&mut scene, rough("stone", [0.6, 0.57, 0.52], 0.0, 0.9));
@@ -37,7 +37,7 @@ pub fn crowd(count: usize) -> Scene {
     let mut channels = Vec::new();
     for index in 0..count {
         let place = DVec3::new(index as f64 % side, 0.0, (index as f64 / side).floor()) - 0.5 * (side - 1.0);
-        // The golden ratio spreads phases evenly, however many there are.
+        // The golden ratio spreads phases evenly for any count.
         let phase = (index as f64 * 0.618_033_988_749_895).fract();
         let at = DVec3::new(0.5 * place.x, 0.0, 0.5 * place.z);
         channels.extend(sway(&mut scene, &mut parts, &format!("reed {index}"), mesh, at, phase));
@@ -58,10 +58,11 @@ pub fn crowd(count: usize) -> Scene {
     rigged(scene, parts)
 }
 
-/// A white room of 2 m, open towards +Z, with a block that turns, a tube that sways, a ball that stretches, and a lamp of
-/// 100 cd that circles under the ceiling; everything repeats after 4 s. The first animation moves all, the others one each.
+/// A white room of 2 m, open towards +Z, with a rotating block, a swaying tube, a stretching ball, and a lamp of 100 cd
+/// that circles below the ceiling; the period is 4 s. The first animation moves everything, each other one a single
+/// object.
 ///
-/// `edge`, in metres, is the longest side of the walls' grid cells.
+/// `edge` \[m\]: longest side of the walls' grid cells.
 pub fn moving(edge: f32) -> Scene {
     let mut scene = Scene { name: "moving".into(), ..Scene::default() };
     let [white, red, green, blue] =
@@ -121,7 +122,7 @@ pub fn moving(edge: f32) -> Scene {
     rigged(scene, parts)
 }
 
-/// The scene with its rig, at rest.
+/// The scene with its rig in the rest pose.
 fn rigged(mut scene: Scene, parts: Parts) -> Scene {
     scene.rig = Some(Rig::new(parts));
     scene.extent = scene.sweep();
@@ -134,13 +135,13 @@ fn node(parts: &mut Parts, parent: Option<usize>, translation: DVec3) -> usize {
     parts.nodes.len() - 1
 }
 
-/// Stands a mesh on a node.
+/// Places a mesh on a node.
 fn stand(scene: &mut Scene, parts: &mut Parts, name: &str, mesh: usize, node: usize) {
     place(scene, name, mesh, parts.nodes[node].rest.affine());
     parts.instances.push(AnimatedInstance { node, hold: Hold::Node(DAffine3::IDENTITY), weights: Vec::new() });
 }
 
-/// Keys of values over the period.
+/// Samples values at the keys of one period.
 fn sampled(width: usize, value: impl Fn(f64) -> Vec<f64>) -> Sampler {
     let times: Vec<f32> = (0..KEYS).map(|key| (PERIOD * key as f64 / (KEYS - 1) as f64) as f32).collect();
     let values = times.iter().flat_map(|&time| value(f64::from(time))).map(|x| x as f32).collect();
@@ -152,7 +153,7 @@ fn rotation(node: usize, turn: impl Fn(f64) -> DQuat) -> Channel {
     Channel { sampler, target: Target::Rotation(node) }
 }
 
-/// A tube on joints one above another, which two of them move where they meet.
+/// A tube on a chain of joints; vertices between two joints are moved by both.
 fn tube(scene: &mut Scene, material: usize) -> usize {
     let rings = 16;
     let mut profile: Vec<Vec2> = (0..=rings).map(|i| Vec2::new(RADIUS, HEIGHT * i as f32 / rings as f32)).collect();
@@ -177,7 +178,7 @@ fn tube(scene: &mut Scene, material: usize) -> usize {
     scene.meshes.len() - 1
 }
 
-/// Stands a tube on a skeleton of its own and sways it.
+/// Places a tube with its own skeleton and a swaying motion.
 fn sway(scene: &mut Scene, parts: &mut Parts, name: &str, mesh: usize, at: DVec3, phase: f64) -> Vec<Channel> {
     let step = f64::from(HEIGHT) / JOINTS as f64;
     let mut joints = vec![node(parts, None, at)];
@@ -202,7 +203,7 @@ fn sway(scene: &mut Scene, parts: &mut Parts, name: &str, mesh: usize, at: DVec3
     channels
 }
 
-/// A ball of 0.2 m that one target makes 1.7 times as high.
+/// A ball of 0.2 m with a morph target that makes it 1.7 times as high.
 fn stretched_ball(scene: &mut Scene, material: usize) -> usize {
     let surface: Surface = sphere(0.2, 24);
     let mesh = add_mesh(scene, "ball", vec![(surface, material)]);

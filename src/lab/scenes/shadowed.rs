@@ -1,5 +1,5 @@
-//! Five scenes whose reflected light is mostly decided by what stands in its way. Metres; in each a spot light reaches one
-//! wall or floor, and nearly all else is lit by that alone.
+//! Five scenes whose indirect light depends mostly on occlusion. Metres. In each a spot light hits one wall or floor,
+//! which lights almost everything else.
 
 use crate::scene::build::{
     CornellSurface, Surface, add_material, add_mesh, camera, cornell, cuboid, lathe, patch, phong, place, spans, sphere,
@@ -13,18 +13,18 @@ use std::f32::consts::TAU;
 pub enum Shadowed {
     /// The diffuse Cornell box.
     Cornell,
-    /// A ball that hovers over a floor, beside a lit wall.
+    /// A ball above a floor, next to a lit wall.
     Ball,
-    /// Two rooms and a gap between them, a light in one.
+    /// Two rooms with a gap between them and a light in one.
     Gap,
     /// A row of columns on a glossy floor, in front of a lit wall.
     Columns,
-    /// Bones, a few centimetres thick, in front of a lit wall.
+    /// Thin bones, a few centimetres thick, in front of a lit wall.
     Skeleton,
 }
 
 impl Shadowed {
-    /// All of them.
+    /// All scenes.
     pub const ALL: [Self; 5] = [Self::Cornell, Self::Ball, Self::Gap, Self::Columns, Self::Skeleton];
 
     /// Name in tables.
@@ -69,7 +69,7 @@ fn gap() -> Scene {
     let (low, high) = (Vec3::new(-2.0, 0.0, -1.4), Vec3::new(2.0, 2.4, 1.4));
     let mut scene = room(low, high, [0.0; 3]);
     let grey = add_material(&mut scene, phong("partition", [0.7; 3], [0.0; 3], 1.0));
-    // What touches the room's own faces is left out: no light gets there.
+    // Faces that touch the room's own are left out: no light reaches them.
     for (name, from, to) in [("left of the gap", -1.4, -0.35), ("right of the gap", 0.35, 1.4)] {
         let hidden = if from < -1.0 { Vec3::NEG_Z } else { Vec3::Z };
         let wall = cuboid(Vec3::new(-0.1, 0.0, from), Vec3::new(0.1, 2.4, to), EDGE, |n| n.y == 0.0 && n != hidden);
@@ -124,7 +124,8 @@ fn skeleton() -> Scene {
     scene
 }
 
-/// A closed room seen from inside: grey, the wall at low x warm and that at low z cool, the floor with a lobe.
+/// A closed room seen from inside: grey, with a warm wall at low x, a cool one at low z, and a glossy lobe on the
+/// floor.
 pub(super) fn room(low: Vec3, high: Vec3, floor: [f32; 3]) -> Scene {
     let mut scene = Scene::default();
     let paints = [
@@ -165,7 +166,7 @@ pub(super) fn spot(scene: &mut Scene, position: [f64; 3], target: [f64; 3], [inn
     });
 }
 
-/// A closed cylinder on +Y from the origin.
+/// A closed cylinder along +Y from the origin.
 pub(super) fn rod(radius: f32, length: f32, sides: usize, edge: f32) -> Surface {
     let heights = spans(&[0.0, length], edge);
     let mut profile = vec![Vec2::ZERO];
@@ -174,13 +175,13 @@ pub(super) fn rod(radius: f32, length: f32, sides: usize, edge: f32) -> Surface 
     lathe(&profile, sides)
 }
 
-/// A closed cylinder from one point to another.
+/// A closed cylinder between two points.
 fn between(from: Vec3, to: Vec3, radius: f32) -> Surface {
     let turn = Quat::from_rotation_arc(Vec3::Y, (to - from).normalize());
     rod(radius, from.distance(to), 8, 0.04).moved(Affine3A::from_rotation_translation(turn, from))
 }
 
-/// A level ring of half axes `wide` and `deep` made of a tube.
+/// A horizontal ring of tube with half axes `wide` and `deep`.
 fn rib(wide: f32, deep: f32, tube: f32) -> Surface {
     let (around, along) = (6, 28);
     patch([around, along], [true; 2], |column, row| {

@@ -1,11 +1,11 @@
-//! A sheet of spheres: roughness by metallic.
+//! A grid of spheres: roughness by metallic.
 
 use crate::scene::build::{add_material, add_mesh, camera, place, rough, sphere};
 use crate::scene::{Light, LightKind, Scene};
 use glam::{DAffine3, DVec3, Vec3};
 
-/// Six spheres of 1 m in a row, of roughness 0 to 1 in steps of 1/5, above them the same as metals, in the light of a sun of 1000 lx
-/// from the upper left behind the viewer.
+/// Six spheres of 1 m in a row with roughness 0 to 1 in steps of 1/5, and the same as metals above, under a sun of 1000
+/// lx from the upper left behind the viewer.
 pub fn spheres() -> Scene {
     let mut scene = Scene { name: "spheres".into(), ..Scene::default() };
     for (row, (color, metallic)) in [([0.6, 0.1, 0.08], 0.0), ([0.95, 0.72, 0.4], 1.0)].into_iter().enumerate() {

@@ -1,17 +1,17 @@
-//! An open valley of any number of triangles, for measuring.
+//! An open valley with any number of triangles, for benchmarks.
 
 use crate::scene::build::{add_material, add_mesh, camera, patch, phong, place};
 use crate::scene::{Light, LightKind, Scene};
 use glam::{DAffine3, DVec3, Vec3};
 
-/// Half of the valley's plan \[m\] along x and z: a picture of 16 : 9 shows it whole.
+/// Half the valley's extent \[m\] along x and z: fits a 16 : 9 picture.
 const HALF: [f32; 2] = [1.6, 0.9];
 
-/// A rolling valley of 3.2 m by 1.8 m with `triangles` triangles under parallel light of 1000 lx from straight above: up to
-/// 512 x 512 RSM texels all hit it, all of them are lit, and each slope lights the opposite one.
+/// A rolling valley of 3.2 m by 1.8 m with `triangles` triangles under parallel light of 1000 lx from straight above.
+/// All texels of RSMs up to 512 x 512 hit it and are lit, and each slope lights the opposite one.
 ///
-/// It is a grid of cells of two triangles each, as square as their count can be divided; an odd triangle is left out. Glossy
-/// ones have a lobe of albedo 0.2 and exponent 40.
+/// It is a grid of cells with two triangles each, as square as the count can be divided; an odd triangle is left out.
+/// With `glossy` the material has a lobe of albedo 0.2 and exponent 40.
 pub fn valley(triangles: usize, glossy: bool) -> Scene {
     let [columns, rows] = grid(triangles / 2);
     let mut scene = Scene { name: format!("valley of {triangles} triangles"), ..Scene::default() };
@@ -50,7 +50,7 @@ fn height(x: f32, z: f32) -> (f32, [f32; 2]) {
     (height, [0.5 * x + 0.3 * a.cos() * b.cos(), 0.8 * z - 0.36 * a.sin() * b.sin()])
 }
 
-/// Columns and rows of this many cells, as close to a square as the count can be divided, with more columns than rows.
+/// Columns and rows of this many cells, as close to a square as possible, with at least as many columns as rows.
 fn grid(cells: usize) -> [usize; 2] {
     let rows = (1..=cells.isqrt()).rev().find(|rows| cells.is_multiple_of(*rows)).unwrap_or(1);
     [cells.max(1) / rows, rows]

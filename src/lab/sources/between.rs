@@ -1,4 +1,4 @@
-//! Stage 8 between caches: of one proxy per cache, or of all VALs each for itself. METHOD 5.
+//! Interpolation between caches (stage 8): with one proxy per cache, or with each VAL separately. METHOD 5.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -12,7 +12,8 @@ use crate::reference::interpolate::{Interpolated, Scheme, distance_kernel, fallo
 use crate::reference::phong::{cos_power, mirrored_view};
 
 impl Stage<'_> {
-    /// The engine's picture: proxies averaged at `level`, across a triangle linearly, shaded at the pixel.
+    /// The engine's picture: proxies averaged at `level`, interpolated linearly across a triangle and shaded at the
+    /// pixel.
     pub fn interpolate(&self, proxies: &[Gathered], level: Level) -> Lights {
         let light = |pixel: &Pixel| {
             let average = |point: Point| {
@@ -36,8 +37,8 @@ impl Stage<'_> {
         self.pixels.par_iter().map(light).collect()
     }
 
-    /// The same with each VAL for itself: gathered alone, interpolated alone by the engine's rules, and all summed. A
-    /// proxy of one VAL is the VAL, so what is averaged is its facing irradiance.
+    /// The same with each VAL separately: gathered alone, interpolated alone by the engine's rules, then summed. A
+    /// proxy of one VAL is the VAL itself, so only its facing irradiance is averaged.
     pub fn interpolate_each(&self, texels: &[Texel], level: Level) -> Lights {
         let weights: Vec<Vec<Weights>> = self
             .pixels
@@ -71,7 +72,7 @@ impl Stage<'_> {
         self.pixels.iter().zip(sums).map(reflected).collect()
     }
 
-    /// What a cache keeps of each VAL: the facing irradiance [1/m^2] per flux, negative where its glossy lobe is unlit.
+    /// A cache's facing irradiance per flux [1/m^2] for each VAL, negated if its glossy lobe is unlit.
     fn row(&self, cache: &Cache, block: &[Texel]) -> Vec<f32> {
         let mirrored = mirrored_view(cache.position, cache.normal, self.eye);
         let at = Receiver {
@@ -112,24 +113,24 @@ impl Stage<'_> {
     }
 }
 
-/// VALs whose rows are held at a time: 2000 caches take 16 MiB.
+/// VALs whose rows are held at a time: 16 MiB for 2000 caches.
 const BLOCK: usize = 2048;
 
 /// Weights of the references at one point.
 struct Weights {
     share: f64,
-    /// Of the point \[m\].
+    /// Position of the point \[m\].
     position: DVec3,
     caches: Vec<usize>,
-    /// Normalised, times the share.
+    /// Normalised, times `share`.
     diffuse: Vec<f64>,
     glossy: Vec<f64>,
-    /// By distance alone, for where none of those that take part has weight.
+    /// Weights by distance alone, used if no participating cache has weight.
     apart: Vec<f64>,
 }
 
 impl Weights {
-    /// What is left at the point of what each cache keeps of the VAL at `val` \[m\].
+    /// Average at the point of the caches' values for the VAL at `val` \[m\], with falloff.
     fn diffuse(&self, caches: &[Cache], rows: &[Vec<f32>], j: usize, val: DVec3) -> f64 {
         let here = val.distance_squared(self.position);
         let left = |(cache, weight): (&usize, &f64)| {
@@ -139,8 +140,8 @@ impl Weights {
         self.caches.iter().zip(&self.diffuse).map(left).sum()
     }
 
-    /// Caches whose glossy lobe the VAL does not reach take no part. The lobes at the point see one VAL of all of them
-    /// alike, so that they change no weight.
+    /// Skips caches whose glossy lobe the VAL does not reach. A single VAL has the same response in the point's lobe
+    /// for all caches, so that lobes do not change the weights.
     fn glossy(&self, rows: &[Vec<f32>], j: usize) -> f64 {
         for weights in [&self.glossy, &self.apart] {
             let (mut sum, mut total) = (0.0, 0.0);

@@ -1,4 +1,4 @@
-//! Errors of one disc or square alone: the form factor's over distance and tilt, and figure 5.7's of a constant BRDF.
+//! Errors of a single disc or square: of the form factor over distance and tilt, and of a constant BRDF (figure 5.7).
 
 use glam::DVec3;
 
@@ -26,9 +26,9 @@ pub const ANGLES: [f64; 3] = [0.0, 10.0, 20.0];
 /// See [`EXPONENTS`].
 pub const DISTANCES: [f64; 13] = [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0, 20.0];
 
-/// Figure 5.7: a square that faces the point and is faced by it, and a viewer so placed that the mirror direction makes an
-/// angle with the direction to the square's centre. `L` integrates BRDF times geometry over the square, `L'` has the
-/// BRDF's value at the centre before the geometry's integral.
+/// Figure 5.7: a square and a point that face each other, and a viewer whose mirror direction makes an angle with the
+/// direction to the square's centre. `L` integrates BRDF times geometry over the square; `L'` takes the BRDF at the
+/// centre out of the integral.
 pub fn lobe_errors() -> Vec<LobeError> {
     let mut all = Vec::new();
     for (k, angle) in EXPONENTS.into_iter().flat_map(|k| ANGLES.map(|angle| (k, angle))) {
@@ -52,24 +52,25 @@ pub fn lobe_csv(errors: &[LobeError]) -> String {
     "k,angle_degrees,distance_in_sides,relative_error\n".to_owned() + &errors.iter().map(line).collect::<String>()
 }
 
-/// Distances in square roots of the disc's area, and angles \[degrees\] off the disc's axis, of [`form_factor_error`].
+/// Distances (in square roots of the disc's area) and angles \[degrees\] from the disc's axis for
+/// [`form_factor_error`].
 pub const FORM_FACTOR_DISTANCES: [f64; 7] = [0.1, 0.25, 0.5, 1.0, 2.0, 5.0, 10.0];
 /// See [`FORM_FACTOR_DISTANCES`].
 pub const TILTS: [f64; 5] = [0.0, 30.0, 60.0, 75.0, 85.0];
 
-/// How the point is turned.
+/// Orientation of the receiving point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Receives {
     /// Its normal points to the disc's centre.
     Facing,
     /// Its normal is opposite to the disc's.
     Parallel,
-    /// Its normal is at right angles to the disc's, towards the disc's axis: a floor under a wall.
+    /// Its normal is perpendicular to the disc's and points to the disc's axis: a floor below a wall.
     Upright,
 }
 
 /// Signed relative error of `A cos cos / (A + pi d^2)` against the true disc, at a distance in square roots of the area
-/// and an angle \[degrees\] off the disc's axis. `None` where there is no light.
+/// and an angle \[degrees\] from the disc's axis. `None` if there is no light.
 pub fn form_factor_error(receives: Receives, distance: f64, tilt: f64) -> Option<f64> {
     let (sin, cos) = tilt.to_radians().sin_cos();
     let (disc_normal, point) = (DVec3::Z, distance * DVec3::new(sin, 0.0, cos));

@@ -1,4 +1,4 @@
-//! One VAL at one point, with any of its approximations replaced by the integral that it stands for. METHOD 2-3.
+//! One VAL at one point, with any of its approximations replaced by the exact integral. METHOD 2-3.
 
 use glam::DVec3;
 
@@ -8,34 +8,34 @@ use crate::reference::gather::val_geometry;
 use crate::reference::phong::cos_power;
 use crate::reference::rsm::Val;
 
-/// Which of a VAL's approximations are replaced.
+/// Approximations of a VAL to replace.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Exact {
-    /// The form factor: an integral instead of `A cos cos / (A + pi d^2)`.
+    /// Form factor: the integral instead of `A cos cos / (A + pi d^2)`.
     pub form_factor: bool,
-    /// The glossy lobe: its mean over the patch instead of its value towards the centre.
+    /// Glossy lobe: its mean over the patch instead of its value towards the centre.
     pub lobe: bool,
-    /// The patch: the texel's footprint on the surface instead of a disc as large as its footprint square to the axis.
-    /// Without `form_factor` its area alone.
+    /// Patch: the texel's footprint on the surface instead of a disc with the area perpendicular to the axis. Without
+    /// `form_factor` only its area counts.
     pub footprint: bool,
 }
 
-/// Where light is received.
+/// A point that receives light.
 #[derive(Clone, Copy, Debug)]
 pub struct Receiver {
     /// World position \[m\].
     pub position: DVec3,
     /// Unit normal.
     pub normal: DVec3,
-    /// Unit mirror direction of the viewer and exponent; `None` where nothing is glossy.
+    /// Unit mirrored view direction and exponent; `None` without a glossy lobe.
     pub lobe: Option<(DVec3, f64)>,
 }
 
-/// Squared distance in units of the patch's area from which the formula is taken for the integral: it is off by about
+/// Squared distance, in units of the patch's area, beyond which the formula replaces the integral: its error is about
 /// the inverse of this.
 const FAR: f64 = 1e4;
 
-/// Corners of the polygon that stands for a disc under the glossy lobe.
+/// Corners of the polygon that replaces a disc under the glossy lobe.
 const DISC_CORNERS: usize = 8;
 
 /// `G` [1/m^2] of a VAL at a point, the unit direction to its centre, and `cos^k` of the lobe.

@@ -1,9 +1,9 @@
-//! Where the error of indirect light comes from: the engine's picture made exact step by step, in f64 on the CPU, down
-//! to the path tracer's. METHOD 2-5.
+//! Sources of error of indirect light: the engine's picture is made exact step by step in f64 on the CPU, up to the
+//! path tracer's. METHOD 2-5.
 //!
-//! The chain begins with the twin of the device's picture ([`Stage::interpolate`]). Each link replaces one
-//! approximation and keeps all replacements before it, so that the differences of neighbours add up to the whole error.
-//! Beside it stands each replacement alone in the engine.
+//! The chain starts with the twin of the device's picture ([`Stage::interpolate`]). Each link replaces one
+//! approximation and keeps all previous replacements, so that differences between neighbours add up to the whole error.
+//! Each replacement is also measured alone in the engine.
 
 mod between;
 pub mod curves;
@@ -28,16 +28,16 @@ use vals::{Texel, cast};
 /// Diffuse and glossy radiance [cd/m^2] of each pixel that shows a surface.
 pub type Lights = Vec<[DVec3; 2]>;
 
-/// How the error is measured.
+/// Parameters of the measurement.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SourcesSettings {
     /// Grid of pixels over the camera's picture.
     pub size: [u32; 2],
-    /// Texels of an RSM's side.
+    /// Side of an RSM \[texels\].
     pub rsm: u32,
     /// Samples per pixel of the path tracer.
     pub samples: u32,
-    /// Indirect bounces that count as all.
+    /// Number of indirect bounces taken as the limit.
     pub bounces: u32,
 }
 
@@ -47,24 +47,24 @@ impl Default for SourcesSettings {
     }
 }
 
-/// What is known of the error.
+/// Results of the measurement.
 #[derive(Clone, Debug)]
 pub struct Sources {
-    /// Caches.
+    /// Number of caches.
     pub caches: usize,
-    /// VALs that shine.
+    /// Number of VALs with light.
     pub vals: usize,
     /// Index of each pixel that shows a surface, row by row from the top: the order of all [`Lights`].
     pub pixels: Vec<usize>,
-    /// The chain's beginning, which should be the device's picture.
+    /// Start of the chain, which should equal the device's picture.
     pub engine: Lights,
-    /// The chain's end: one indirect bounce, path-traced with shadows.
+    /// End of the chain: one indirect bounce, path-traced with shadows.
     pub truth: Lights,
-    /// One for each lobe that there is: diffuse, and glossy.
+    /// One table per lobe: diffuse and, if any, glossy.
     pub tables: Vec<Table>,
 }
 
-/// Work under way.
+/// Measurement in progress.
 struct Work<'a> {
     stage: Stage<'a>,
     camera: &'a Camera,
@@ -73,11 +73,11 @@ struct Work<'a> {
     done: usize,
 }
 
-/// How many pictures are made, for the progress.
+/// Number of pictures, for progress.
 const PICTURES: usize = 23;
 
-/// Makes all pictures and compares them. The scene is the one that was baked; `progress` is told how much is done, from
-/// 0 to 1, and what is being done.
+/// Makes all pictures and compares them. `scene` must be the baked one; `progress` receives the completed share, 0 to
+/// 1, and the current step.
 pub fn sources(
     scene: &Scene,
     camera: &Camera,
@@ -187,8 +187,8 @@ impl Work<'_> {
         self.step(what, |w| w.stage.brute_force(texels, exact))
     }
 
-    /// The picture of all samples, and that of every other one: on average it is as far from the first as the first is
-    /// from the limit.
+    /// The picture of all samples, and that of half of them: on average it differs from the full one by as much as the
+    /// full one from the limit.
     fn traced(&mut self, what: &str, settings: &path_trace::PathTraceSettings) -> [Lights; 2] {
         let half = |w: &Self, seed| {
             let settings = path_trace::PathTraceSettings { seed, ..*settings };
@@ -210,7 +210,7 @@ impl Work<'_> {
 
 /// Pictures, each with one more approximation replaced.
 struct Chain {
-    /// What was replaced last, and the picture.
+    /// The last replacement, and the picture.
     links: Vec<(String, Lights)>,
 }
 
@@ -223,7 +223,7 @@ impl Chain {
         self.links.push((what.into(), picture));
     }
 
-    /// The steps of one lobe, in terms of the mean of `truth`.
+    /// The steps for one lobe, relative to the mean of `truth`.
     fn rows(&self, lobe: usize, alone: &[(String, Lights)], truth: &[DVec3]) -> Vec<Row> {
         let of = |lights: &Lights| -> Vec<DVec3> { lights.iter().map(|light| light[lobe]).collect() };
         let pictures: Vec<Vec<DVec3>> = self.links.iter().map(|(_, lights)| of(lights)).collect();

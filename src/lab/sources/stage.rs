@@ -1,4 +1,4 @@
-//! What a picture's pixels show, and the caches that light them.
+//! Surfaces at a picture's pixels, and the caches that light them.
 
 use glam::DVec3;
 use rayon::prelude::*;
@@ -20,22 +20,22 @@ pub struct Stage<'a> {
     /// The scene.
     pub world: World<'a>,
     set: &'a CacheSet,
-    /// Caches of all instances in the world, in the atlas's order.
+    /// Caches of all instances in the world, in atlas order.
     pub caches: Vec<Cache>,
     /// Index of each instance's first cache.
     first_cache: Vec<usize>,
-    /// The viewer \[m\].
+    /// Position of the viewer \[m\].
     pub eye: DVec3,
     /// The pixels that show a surface.
     pub pixels: Vec<Pixel>,
-    /// Whether any of them, or any cache, has a glossy lobe.
+    /// Whether any pixel has a glossy lobe.
     pub glossy: bool,
 }
 
 /// The surface at a pixel's centre.
 #[derive(Clone, Debug)]
 pub struct Pixel {
-    /// Row by row from the top.
+    /// Index, row by row from the top.
     pub index: usize,
     /// World position \[m\].
     pub position: DVec3,
@@ -43,9 +43,9 @@ pub struct Pixel {
     pub normal: DVec3,
     /// Unit vertex normal, interpolated.
     pub vertex_normal: DVec3,
-    /// Unit mirror direction of the viewer about the shading normal.
+    /// Unit view direction, reflected about the shading normal.
     pub mirrored: DVec3,
-    /// What is reflected.
+    /// Reflectance.
     pub material: Material,
     instance: usize,
     vertices: [usize; 3],
@@ -54,29 +54,29 @@ pub struct Pixel {
 
 /// A point at which references are averaged: a vertex, or the pixel itself.
 pub struct Point {
-    /// Share in the pixel.
+    /// Barycentric weight in the pixel.
     pub share: f64,
     /// World position \[m\].
     pub position: DVec3,
     /// Unit normal.
     pub normal: DVec3,
-    /// Unit mirror direction of the viewer.
+    /// Unit view direction, reflected about the normal.
     pub mirrored: DVec3,
     /// Indices of caches.
     pub references: Vec<usize>,
 }
 
-/// Where references are averaged.
+/// Location at which references are averaged.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Level {
-    /// At the corners of the triangle, as the engine does.
+    /// At the triangle's corners, as in the engine.
     Vertex,
     /// At the pixel, with the caches of least error there.
     Pixel,
 }
 
 impl<'a> Stage<'a> {
-    /// Looks at every pixel's centre of a picture of this size.
+    /// Casts rays through every pixel's centre of a picture of this size.
     pub fn new(world: World<'a>, camera: &Camera, set: &'a CacheSet, size: [u32; 2]) -> Self {
         let scene = world.scene();
         let (mut caches, mut first_cache) = (Vec::new(), Vec::new());
@@ -101,7 +101,7 @@ impl<'a> Stage<'a> {
         let pose = camera.world_from_camera;
         let eye = match camera.projection {
             Projection::Perspective { .. } => pose.translation,
-            // Parallel rays: a viewer so far away that no direction differs by more than 1e-6.
+            // Parallel rays: a viewer so far away that directions differ by at most 1e-6.
             Projection::Orthographic { .. } => pose.translation + 1e6 * world.radius * pose.matrix3.z_axis.normalize(),
         };
         let seen = |index: usize| {
@@ -126,7 +126,7 @@ impl<'a> Stage<'a> {
         Self { world, set, caches, first_cache, eye, pixels, glossy }
     }
 
-    /// Gathers these VALs at every cache; with `shadows` a ray decides for each pair whether there is light.
+    /// Gathers these VALs at every cache; with `shadows` each pair is tested by a ray.
     pub fn gather(&self, texels: &[Texel], exact: Exact, shadows: bool) -> Vec<Gathered> {
         let gather = |cache: &Cache| {
             let mirrored = mirrored_view(cache.position, cache.normal, self.eye);
@@ -146,7 +146,7 @@ impl<'a> Stage<'a> {
         self.caches.par_iter().map(gather).collect()
     }
 
-    /// Every VAL at every pixel.
+    /// Brute force: every VAL at every pixel.
     pub fn brute_force(&self, texels: &[Texel], exact: Exact) -> Lights {
         let light = |pixel: &Pixel| {
             let is_glossy = pixel.material.specular != DVec3::ZERO;
@@ -163,7 +163,7 @@ impl<'a> Stage<'a> {
         self.pixels.par_iter().map(light).collect()
     }
 
-    /// Where a pixel's references are averaged.
+    /// Points at which a pixel's references are averaged.
     pub fn points(&self, pixel: &Pixel, level: Level) -> Vec<Point> {
         let scene = self.world.scene();
         let instance = &scene.instances[pixel.instance];
@@ -204,7 +204,7 @@ impl<'a> Stage<'a> {
 }
 
 impl Pixel {
-    /// Radiance [cd/m^2] of both lobes, of the irradiance \[lx\] and of the same weighted with `cos^k`.
+    /// Radiance [cd/m^2] of both lobes, from the irradiance \[lx\] and the irradiance weighted with `cos^k`.
     pub fn reflect(&self, diffuse: DVec3, glossy: DVec3) -> [DVec3; 2] {
         use std::f64::consts::{PI, TAU};
         let m = &self.material;

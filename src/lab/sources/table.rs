@@ -1,24 +1,24 @@
-//! The figures of the chain and how they are shown.
+//! Figures of the chain, and their presentation.
 
 use glam::DVec3;
 
 use crate::metrics::metrics;
 
-/// How far one picture is from another; all in terms of the mean of the truth, but for `mare`.
+/// Differences between two pictures; all relative to the mean of the reference, except `mare`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Figures {
-    /// Mean absolute relative error of the first against the second picture, as `Metrics::mare`.
+    /// Mean absolute relative error of the first picture against the second, as `Metrics::mare`.
     pub mare: f64,
     /// Mean absolute difference.
     pub mae: f64,
-    /// Root of the mean squared difference.
+    /// Root mean square difference.
     pub rmse: f64,
-    /// Mean difference, first minus second. Those of a chain's steps add up to the whole's.
+    /// Mean difference, first minus second. The steps of a chain add up to the whole.
     pub bias: f64,
 }
 
 impl Figures {
-    /// Compares two pictures; `truth` gives the mean. All 0 where the truth is black.
+    /// Compares two pictures; `truth` gives the mean. All 0 if `truth` is black.
     pub fn of(first: &[DVec3], second: &[DVec3], truth: &[DVec3]) -> Self {
         let mean = truth.iter().map(|p| p.element_sum()).sum::<f64>();
         if mean <= 0.0 {
@@ -36,9 +36,9 @@ impl Figures {
     }
 }
 
-/// Which part of the squared error between `first` and `last` is due to the step from `before` to `after`:
-/// `<before - after, first - last> / |first - last|^2`. The parts of all steps add up to 1; a step that undoes what others
-/// do has a negative one.
+/// Share of the squared error between `first` and `last` due to the step from `before` to `after`:
+/// `<before - after, first - last> / |first - last|^2`. The shares of all steps add up to 1; a step that undoes others
+/// has a negative one.
 pub fn square_share(before: &[DVec3], after: &[DVec3], first: &[DVec3], last: &[DVec3]) -> f64 {
     let whole = first.iter().zip(last).map(|(a, b)| *a - *b);
     let total: f64 = whole.clone().map(DVec3::length_squared).sum();
@@ -49,47 +49,47 @@ pub fn square_share(before: &[DVec3], after: &[DVec3], first: &[DVec3], last: &[
 /// One approximation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Row {
-    /// What is approximated.
+    /// Name of the approximation.
     pub name: String,
-    /// What changes when it is replaced after all approximations above it.
+    /// Change when it is replaced after all approximations above it.
     pub change: Figures,
-    /// Its mean absolute change over the sum of those of all steps.
+    /// Its mean absolute change, relative to the sum over all steps.
     pub share: f64,
-    /// Its part in the whole squared error, see [`square_share`].
+    /// Its share of the whole squared error, see [`square_share`].
     pub square_share: f64,
-    /// Error against the truth of the engine with this one replaced and no other.
+    /// Error of the engine against the reference with only this approximation replaced.
     pub alone: Option<Figures>,
 }
 
-/// All that is known of one lobe.
+/// All results for one lobe.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Table {
-    /// Diffuse or glossy.
+    /// Name of the lobe: diffuse or glossy.
     pub lobe: String,
-    /// From the engine down to the truth: one bounce, path-traced.
+    /// Steps from the engine to the reference: one bounce, path-traced.
     pub rows: Vec<Row>,
-    /// From there on: light paths that the method does not have.
+    /// Further steps: light paths that the method does not include.
     pub beyond: Vec<Row>,
-    /// The engine against the truth.
+    /// The engine against the reference.
     pub whole: Figures,
     /// Noise of the path-traced pictures without and with shadows.
     pub noise: [Figures; 2],
 }
 
-/// Title, and what it says.
+/// Column titles and their meaning.
 pub const COLUMNS: [(&str, &str); 8] = [
-    ("made exact", "approximation that is replaced, after all above it"),
+    ("made exact", "approximation that is replaced, in addition to all above it"),
     ("MARE", "mean absolute relative error of the picture before against the one after"),
-    ("RMSE", "root of the mean squared change, over the truth's mean"),
-    ("bias", "mean change, over the truth's mean; adds up to the whole"),
-    ("share", "mean absolute change, over the sum of all steps'"),
-    ("of squares", "part in the whole squared error; adds up to 100 %, negative where a step undoes others"),
-    ("alone: MARE", "error against the truth of the engine with this one made exact and no other"),
+    ("RMSE", "root mean square change, relative to the truth's mean"),
+    ("bias", "mean change, relative to the truth's mean; the steps add up to the whole"),
+    ("share", "mean absolute change, relative to the sum over all steps"),
+    ("of squares", "share of the whole squared error; adds up to 100 %, negative if a step undoes others"),
+    ("alone: MARE", "error of the engine against the truth with only this approximation made exact"),
     ("alone: RMSE", "likewise"),
 ];
 
 impl Table {
-    /// Title row and one row for each step, the whole, and what lies beyond; percent.
+    /// Title row, one row per step, the whole, and the steps beyond; in percent.
     pub fn cells(&self) -> Vec<Vec<String>> {
         let percent = |v: f64| format!("{:.2} %", 100.0 * v);
         let signed = |v: f64| format!("{:+.2} %", 100.0 * v);

@@ -1,4 +1,4 @@
-//! Stage 4 by rays: the device's own light views, one ray per texel, VALs as in `reference::rsm`. METHOD 2.
+//! VALs by rays (stage 4): the device's own light views, one ray per texel, VALs as in `reference::rsm`. METHOD 2.
 
 use glam::{DVec2, DVec3};
 use rayon::prelude::*;
@@ -9,16 +9,17 @@ use crate::reference::rsm::{Val, View, mean_intensity, texel_area, texel_solid_a
 use crate::reference::world::{Sides, World};
 use crate::scene::{Light, LightKind};
 
-/// A VAL and the piece of surface that it stands for.
+/// A VAL and its piece of surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Texel {
-    /// The disc, with the area square to the light's axis (5.10).
+    /// The disc, with the area perpendicular to the light's axis (5.10).
     pub val: Val,
-    /// Edges \[m\] of the parallelogram that the texel covers on the plane through the disc, to first order in its size.
+    /// Edges \[m\] of the parallelogram that the texel covers on the plane through the disc, to first order in its
+    /// size.
     pub edges: [DVec3; 2],
 }
 
-/// Least cosine between a surface and the light's ray for the footprint: at 0 it has no end.
+/// Lower bound of the cosine between surface and light ray for the footprint, which is infinite at 0.
 const GRAZING: f64 = 1e-3;
 
 impl Texel {
@@ -35,8 +36,7 @@ impl Texel {
     }
 }
 
-/// The pictures that the device takes of a scene from each of its lights, and the texels of their sides where the
-/// settings ask for `n`.
+/// The device's views from each of a scene's lights, and their RSM sides \[texels\] if the settings ask for `n`.
 pub fn views<'a>(world: &World<'a>, n: u32) -> Vec<(&'a Light, View, usize)> {
     let scene = world.scene();
     let Some((low, high)) = scene.bounds() else { return Vec::new() };
@@ -62,12 +62,12 @@ pub fn views<'a>(world: &World<'a>, n: u32) -> Vec<(&'a Light, View, usize)> {
     all
 }
 
-/// All VALs that shine, of RSMs with `n` texels a side.
+/// All VALs with light, from RSMs with `n` texels per side.
 pub fn cast(world: &World<'_>, n: u32) -> Vec<Texel> {
     views(world, n).iter().flat_map(|(light, view, n)| cast_view(world, light, view, *n)).flatten().collect()
 }
 
-/// The texels of one picture, row by row of growing y; `None` where there is no VAL or it is black.
+/// Texels of one view, row by row by increasing y; `None` if there is no VAL or it is black.
 pub fn cast_view(world: &World<'_>, light: &Light, view: &View, n: usize) -> Vec<Option<Texel>> {
     (0..n * n).into_par_iter().map(|i| cast_texel(world, light, view, i % n, i / n, n)).collect()
 }
@@ -86,7 +86,7 @@ fn cast_texel(world: &World<'_>, light: &Light, view: &View, x: usize, y: usize,
         (depth, texel_area(depth, n, view.half.x), beam)
     };
     let (flux, normal) = (surface.reflection.sent_on().as_dvec3() * beam, surface.vertex_normal);
-    // The ray that reaches a depth of 1: how its meeting point with the tilted plane moves with the texel.
+    // The ray scaled to depth 1: gives the motion of its hit on the tilted plane with the texel.
     let ray = direction / direction.dot(view.forward);
     let slope = (-normal.dot(ray)).max(GRAZING);
     let edge = |axis: DVec3, half: f64| 2.0 * half / n as f64 * depth * (axis + ray * (normal.dot(axis) / slope));

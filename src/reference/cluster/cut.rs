@@ -1,8 +1,9 @@
-//! Cuts through a pyramid: which nodes stand for their VALs at a cache, or at a group of caches that walk together.
+//! Cuts through a pyramid: the nodes that stand for their VALs at a cache, or at a group of caches that traverse
+//! together.
 //!
-//! A cache passes from a node to its children by a share in [0, 1], at most that by which it came to the node; what does
-//! not pass is received from the node. So each VAL is received once, by itself or in the nodes above it, and where the
-//! share is continuous in the places of cache and VALs, nothing jumps.
+//! A cache descends from a node to its children with a share in [0, 1], at most the share with which it reached the
+//! node. The remaining share is received from the node itself. So each VAL is received exactly once, directly or
+//! through the nodes above it. If the share is continuous in the positions of caches and VALs, the light has no jumps.
 
 use glam::DVec3;
 
@@ -11,58 +12,59 @@ use crate::reference::gather::{Cache, Gathered, Received, gather_received, lumin
 use crate::reference::phong::mirrored_view;
 use crate::reference::rsm::Val;
 
-/// Most caches that walk together.
+/// Most caches per group.
 pub const GROUP: usize = 32;
 
-/// What decides whether a node is used.
+/// Criterion for using a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Rule {
-    /// It is farther away than so many of its radii, `c_val` of listing 6.6.
+    /// The node is farther away than this many of its radii: `c_val` of listing 6.6.
     Distance(f64),
-    /// What it holds, one level finer, changes the luminance of the irradiance by no more than this share.
+    /// Replacing the node by its children changes the luminance of the irradiance by at most this share.
     Change(f64, Share),
-    /// The most that it could bring, times its radius over its distance and its spread together, is no more than this
-    /// share of the cache's irradiance as a coarse cut gives it.
+    /// The node's largest possible irradiance, times the sum of its radius over its distance and its spread, is at most
+    /// this share of the cache's irradiance from a coarse cut.
     Bound(f64),
 }
 
-/// What a change is a share of.
+/// Reference value for the share of a change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Share {
     /// The node's own irradiance.
     Own,
-    /// All that the cache receives, as a coarse cut gives it.
+    /// The cache's total irradiance, from a coarse cut.
     Total,
 }
 
-/// A rule, what it makes of normals that differ, and how softly it decides.
+/// A cut: the rule, the treatment of differing normals, and the softness of decisions.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Cut {
-    /// What decides.
+    /// Criterion.
     pub rule: Rule,
-    /// By `Distance` no node whose normals spread by more is used; by `Bound` the spread counts in units of this.
+    /// `Distance`: largest spread of a usable node's normals. `Bound`: unit in which the spread counts.
     pub spread: f64,
-    /// Quotient of the two thresholds between which a node fades in: the rule's own, and one this many times as strict.
-    /// 1: it is used or not.
+    /// Ratio of the two thresholds between which a node fades in: the rule's own, and one that is stricter by this
+    /// factor. 1 is a hard decision.
     pub blend: f64,
 }
 
-/// What a walk took, each counted once per cache.
+/// Cost of a traversal, counted once per cache.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Cost {
-    /// VALs and nodes whose light was computed.
+    /// VALs and nodes whose light was evaluated.
     pub pairs: usize,
-    /// Nodes that were looked at.
+    /// Nodes that were tested.
     pub tests: usize,
 }
 
-/// The cut that estimates what a cache receives; blended where the cut that it serves is, which would jump with it.
+/// The cut that estimates a cache's total light. It is blended if the cut that it serves is, which would otherwise
+/// jump.
 fn coarse(cut: &Cut) -> Cut {
     let blend = if cut.blend == 1.0 { 1.0 } else { 2.0 };
     Cut { rule: Rule::Distance(1.0), spread: f64::INFINITY, blend }
 }
 
-/// Smooth from 0 at `low` to 1 at `high`; a step above `low` where both are the same.
+/// Smooth step from 0 at `low` to 1 at `high`; a hard step just above `low` if both are equal.
 fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     if x >= high && x > low {
         return 1.0;
@@ -71,7 +73,7 @@ fn smoothstep(low: f64, high: f64, x: f64) -> f64 {
     if t > 0.0 { t * t * (3.0 - 2.0 * t) } else { 0.0 }
 }
 
-/// One walk of a group.
+/// State of one group's traversal.
 struct Walk<'w> {
     caches: &'w [Cache],
     cut: Cut,
@@ -81,9 +83,8 @@ struct Walk<'w> {
 }
 
 impl Pyramid<'_> {
-    /// Gives `each` all that a group of caches receives: a VAL or a node as one, its weight, and by which share each of
-    /// the caches receives it. A group goes down where any of its caches does, without
-    /// blending all of it together.
+    /// Calls `each` with all light that a group of caches receives: a VAL (or a node as one), its weight, and the share
+    /// that each cache receives. Without blending a group descends as a whole if any of its caches does.
     pub fn walk(&self, caches: &[Cache], cut: &Cut, each: &mut dyn FnMut(&Val, f64, &[f64])) -> Cost {
         assert!(caches.len() <= GROUP, "a group holds {GROUP} caches");
         let mut walk = Walk { caches, cut: *cut, totals: [0.0; GROUP], each, cost: Cost::default() };
@@ -125,7 +126,7 @@ impl Pyramid<'_> {
         for i in 0..caches.len() {
             kept[i] = passed[i] - passes[i];
         }
-        // The parts that a change was judged by are at hand: they are what is received.
+        // A change was judged by these parts, which are therefore already evaluated: receive them instead of the node.
         if is_by_change {
             walk.cost.pairs += caches.len() * self.parts(index, |_, _| ());
         }
@@ -149,7 +150,7 @@ impl Pyramid<'_> {
         }
     }
 
-    /// The share by which a cache passes from a node to what is below, if all of it came to the node.
+    /// Share with which a cache descends from a node, if it reached the node with share 1.
     fn passes(&self, index: usize, cache: &Cache, total: f64, cut: &Cut) -> f64 {
         let node = &self.nodes[index];
         if node.is_dark(cache.position, cache.normal) {
@@ -176,7 +177,7 @@ impl Pyramid<'_> {
         }
     }
 
-    /// Gives `each` the parts of a node that have weight, and that; how many there are.
+    /// Calls `each` with every part of a node that has weight, and the weight; returns their number.
     fn parts(&self, index: usize, mut each: impl FnMut(&Val, f64)) -> usize {
         let mut count = 0;
         let mut give = |val: &Val, weight: f64| {
@@ -189,7 +190,7 @@ impl Pyramid<'_> {
         count
     }
 
-    /// What a group of caches gathers by a cut; with an `eye` \[m\] also in the glossy lobe.
+    /// Light that a group of caches gathers by a cut; with an `eye` \[m\] also in the glossy lobe.
     pub fn gather(&self, caches: &[Cache], eye: Option<DVec3>, cut: &Cut) -> (Vec<Gathered>, Cost) {
         let mirrored = |cache: &Cache| eye.map(|eye| mirrored_view(cache.position, cache.normal, eye));
         let mut received: Vec<Vec<Received>> = vec![Vec::new(); caches.len()];
@@ -206,7 +207,7 @@ impl Pyramid<'_> {
     }
 }
 
-/// Luminance of what a cache receives from a VAL.
+/// Luminance of the irradiance from a VAL at a cache.
 fn brightness(val: &Val, cache: &Cache) -> f64 {
     luminance(val.flux) * val_geometry(cache.position, cache.normal, val).0
 }

@@ -1,9 +1,9 @@
-//! Light clustering: the VALs of each RSM view -> a pyramid of nodes, of which a cache takes a cut. METHOD 9, thesis
-//! listing 6.6. `cut.rs` has the cut.
+//! Light clustering: builds a pyramid of nodes over the VALs of each RSM view; a cache gathers from a cut through it.
+//! METHOD 9, thesis listing 6.6. `cut.rs` has the cuts.
 //!
-//! Nodes lie depth first: one that is used is followed by its `skip`, one that is not by its first child, which is the
-//! next. All views follow one another, so that one walk from 0 to the end takes all of them. The finest nodes hold up to
-//! 2 x 2 VALs, which are no nodes themselves: they need no test and are not copied.
+//! Nodes are stored depth first: after a node that is used comes its `skip`, after any other its first child, which is
+//! the next node. Views follow each other, so that one traversal from 0 to the end covers all. The finest nodes hold up
+//! to 2 x 2 VALs, which are not nodes themselves: they need no test and are not copied.
 
 mod cut;
 
@@ -14,36 +14,36 @@ use glam::DVec3;
 use super::gather::{ProxyWeight, luminance};
 use super::rsm::Val;
 
-/// VALs of a square block of texels, together as one.
+/// The VALs of a square block of texels, merged.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Node {
-    /// Mean of the VALs' positions by their weights \[m\].
+    /// Weighted mean of the VALs' positions \[m\].
     pub position: DVec3,
-    /// `d_val` \[m\]: a sphere about the position that holds the children's spheres, and so every VAL.
+    /// `d_val` \[m\]: radius of a sphere about the position that holds the children's spheres, and thus every VAL.
     pub radius: f64,
-    /// Mean of the VALs' normals by their weights, unit.
+    /// Weighted mean of the VALs' normals, unit.
     pub normal: DVec3,
-    /// The VALs lie within this distance \[m\] of the plane square to the normal through the position.
+    /// Largest distance of a VAL \[m\] from the plane through the position perpendicular to the normal.
     pub thickness: f64,
     /// Sum of the fluxes \[lm\].
     pub flux: DVec3,
-    /// Mean of the VALs' areas by their weights [m^2]: their light, together, falls off as that of each.
+    /// Weighted mean of the VALs' areas [m^2]: the merged light falls off as each VAL's does.
     pub area: f64,
-    /// Sum of the weights on a proxy's position; 0 where no VAL is alive.
+    /// Sum of the weights for a proxy's position; 0 if no VAL is lit.
     pub weight: f64,
-    /// No VAL's normal is farther than this from the node's, as points on the unit sphere.
+    /// Largest distance of a VAL's normal from the node's, on the unit sphere.
     pub spread: f64,
-    /// The node after all that are below.
+    /// Index of the node after all descendants.
     pub skip: usize,
-    /// First VAL of the 2 x 2 texels of a finest node.
+    /// First VAL of a finest node's 2 x 2 texels.
     pub first: usize,
-    /// From it to the VAL of the next row.
+    /// Offset from `first` to the VAL in the next row.
     pub row: usize,
-    /// Which of the four are alive, in bits, row by row; 0 for all but the finest nodes.
+    /// Bit mask of the four VALs that are lit, row by row; 0 except in finest nodes.
     pub alive: u32,
 }
 
-/// Part of a node: a VAL or a node of the next finer level.
+/// Part of a node: a VAL, or a node of the next finer level.
 #[derive(Clone, Copy)]
 struct Part {
     position: DVec3,
@@ -60,18 +60,18 @@ struct Part {
 pub struct Pyramid<'a> {
     /// Depth first, view by view.
     pub nodes: Vec<Node>,
-    /// All VALs, as the views have them; those without weight take no part.
+    /// All VALs in the views' order; VALs without weight are ignored.
     pub vals: &'a [Val],
     weight: ProxyWeight,
 }
 
-/// The levels of a view of `n` x `n` texels above its VALs: at least one, the last a single node.
+/// Number of levels above the VALs for a view of `n` x `n` texels: at least one; the last is a single node.
 pub fn levels(n: usize) -> u32 {
     n.next_power_of_two().ilog2().max(1)
 }
 
 impl<'a> Pyramid<'a> {
-    /// The pyramid over views of these sizes, whose VALs follow one another row by row.
+    /// Builds the pyramid over views of these sizes; their VALs follow each other row by row.
     pub fn new(vals: &'a [Val], sizes: &[usize], weight: ProxyWeight) -> Self {
         let mut pyramid = Self { nodes: Vec::new(), vals, weight };
         let mut first = 0;
@@ -83,12 +83,12 @@ impl<'a> Pyramid<'a> {
         pyramid
     }
 
-    /// A VAL's weight on a proxy's position; 0 for one that is dead.
+    /// Weight of a VAL for a proxy's position; 0 for an unlit one.
     pub fn weight(&self, val: &Val) -> f64 {
         self.weight.of(val)
     }
 
-    /// Adds the node over the texels from `corner` on, `2^level` a side, and all below; gives its index.
+    /// Adds the node over `2^level` x `2^level` texels from `corner` on, and its descendants; returns its index.
     fn build(&mut self, first: usize, n: usize, level: u32, corner: [usize; 2]) -> usize {
         let index = self.nodes.len();
         let half = 1 << (level - 1);
@@ -126,7 +126,7 @@ impl<'a> Pyramid<'a> {
         std::iter::successors(step(index + 1), move |child| step(self.nodes[*child].skip))
     }
 
-    /// The VALs of a finest node that are alive.
+    /// The lit VALs of a finest node.
     pub fn vals_of(&self, node: &Node) -> impl Iterator<Item = &'a Val> + use<'a> {
         let (vals, node) = (self.vals, *node);
         let alive = (0..4).filter(move |i| node.alive >> i & 1 == 1);
@@ -146,7 +146,7 @@ impl Part {
     }
 }
 
-/// One node of parts that have weight.
+/// Merges parts that have weight into one node.
 fn merge(parts: &[Part]) -> Node {
     let mut node = Node {
         position: DVec3::ZERO,
@@ -163,7 +163,7 @@ fn merge(parts: &[Part]) -> Node {
         alive: 0,
     };
     let Some(one) = parts.first() else { return node };
-    // Relative to the first, so that a block's place does not matter.
+    // Relative to the first, so that precision does not depend on the block's position.
     for part in parts {
         node.weight += part.weight;
         node.flux += part.flux;
@@ -184,26 +184,26 @@ fn merge(parts: &[Part]) -> Node {
 }
 
 impl Part {
-    /// How far the VALs reach from the position along a unit direction \[m\], at most.
+    /// Largest extent of the VALs from the position along a unit direction \[m\].
     fn reach(&self, direction: DVec3) -> f64 {
         reach(self.normal, self.thickness, self.radius, direction)
     }
 }
 
-/// How far a cylinder about the origin reaches along a unit direction.
+/// Extent of a cylinder about the origin along a unit direction.
 fn reach(axis: DVec3, thickness: f64, radius: f64, direction: DVec3) -> f64 {
-    // A product of vectors: 1 - cos^2 would lose the small angles.
+    // The cross product keeps small angles, which 1 - cos^2 would lose.
     thickness * axis.dot(direction).abs() + radius * axis.cross(direction).length()
 }
 
 impl Node {
-    /// As a VAL that stands for all below.
+    /// A VAL that represents all VALs of the node.
     pub fn val(&self) -> Val {
         Val { position: self.position, area: self.area, normal: self.normal, flux: self.flux }
     }
 
-    /// Whether none of the VALs lights a point with a unit normal: all lie below its horizon, or all face away. What is
-    /// within a hundred thousandth of the horizon counts as on it: VALs and caches of one wall see nothing of each other.
+    /// Whether no VAL lights a point with this unit normal: all lie below its horizon, or all face away. Within 1e-5 of
+    /// the horizon counts as on it: VALs and caches on one wall do not see each other.
     pub fn is_dark(&self, point: DVec3, normal: DVec3) -> bool {
         let offset = self.position - point;
         let distance = offset.length();
@@ -212,7 +212,7 @@ impl Node {
             || -self.normal.dot(offset) + self.thickness + self.spread * (distance + self.radius) <= rim
     }
 
-    /// Luminance of the irradiance \[lx\] that a point receives at most, however the VALs stand.
+    /// Upper bound of the irradiance's luminance \[lx\] at a point, for any arrangement of the VALs.
     fn brightest(&self, point: DVec3, normal: DVec3) -> f64 {
         let offset = self.position - point;
         let (distance, nearest) = (offset.length(), offset.length() - self.radius);

@@ -1,4 +1,4 @@
-//! Where light comes from: punctual lights, and surfaces that emit. What arrives, and points drawn from them.
+//! Light sources of the path tracer: punctual lights and emitting surfaces, evaluated and sampled.
 
 use std::f64::consts::TAU;
 
@@ -10,16 +10,16 @@ use crate::reference::light::{facing_irradiance, shine};
 use crate::reference::world::{Hit, Sides, Surface, World, emits};
 use crate::scene::{Light, LightKind};
 
-/// The lights of a world.
+/// The light sources of a world.
 pub(super) struct Emitters {
     punctual: Vec<Beam>,
-    /// Running sums of the punctual lights' powers, the last one being 1.
+    /// Running sums of the punctual lights' power shares; the last is 1.
     chosen: Vec<f64>,
-    /// Triangles that emit: index into the world's, area [m^2].
+    /// Emitting triangles: index into the world's triangles, area [m^2].
     surfaces: Vec<(usize, f64)>,
-    /// Running sums of their powers, the last one being 1.
+    /// Running sums of the triangles' power shares; the last is 1.
     surface_sums: Vec<f64>,
-    /// By triangle of the world: probability density [1/m^2] of a point on it.
+    /// Probability density [1/m^2] of a point on each triangle of the world.
     surface_density: Vec<f64>,
 }
 
@@ -28,16 +28,16 @@ struct Beam {
     light: Light,
     /// Unit axis.
     axis: DVec3,
-    /// Rays by the cosine with the axis; of parallel light nothing.
+    /// Density of rays by the cosine with the axis; unused by parallel light.
     cone: Cone,
-    /// Centre and radius \[m\] of the disc square to the axis that parallel rays fill.
+    /// Centre and radius \[m\] of the perpendicular disc that parallel rays fill.
     disc: (DVec3, f64),
-    /// Probability of being chosen.
+    /// Probability with which the light is chosen.
     share: f64,
 }
 
 impl Emitters {
-    /// Those of these lights of the scene, and of its surfaces where they are wanted.
+    /// Collects these punctual lights and, if `surfaces`, the scene's emitting surfaces.
     pub(super) fn new<'l>(world: &World<'_>, lights: impl Iterator<Item = &'l Light>, surfaces: bool) -> Self {
         let scene = world.scene();
         let (low, high) = scene.bounds().unwrap_or_default();
@@ -80,20 +80,20 @@ impl Emitters {
         Self { punctual: beams, chosen, surfaces: list, surface_sums, surface_density }
     }
 
-    /// Whether surfaces emit.
+    /// Whether any surface emits.
     pub(super) fn has_surfaces(&self) -> bool {
         !self.surfaces.is_empty()
     }
 
-    /// Whether punctual lights have a size.
+    /// Whether any punctual light has a size.
     pub(super) fn has_soft(&self) -> bool {
         self.punctual.iter().any(|beam| beam.light.radius > 0.0)
     }
 
-    /// Reflection of these punctual lights at a point: `sum reflected(w_i) E_i V_i`, where `reflected` is BRDF times
-    /// cosine [1/sr]; and the density [1/m^2] with which rays of the lights find the point. The light that is `known` to
-    /// reach it needs no ray. How large lights are decides where they arrive: at a point of theirs for each of them, by `u`, which is
-    /// uniform in the unit square. They reflect as if from their middle.
+    /// Reflection of the selected punctual lights at a point, `sum reflected(w_i) E_i V_i`, and the density [1/m^2]
+    /// with which the lights' own rays find the point. `reflected` is BRDF times cosine [1/sr]. The light `known` to
+    /// reach the point needs no shadow ray. A light with a size is tested for visibility at a sampled point, by `u`,
+    /// which is uniform in the unit square; it reflects as if from its centre.
     pub(super) fn direct(
         &self,
         world: &World<'_>,
@@ -132,14 +132,14 @@ impl Emitters {
         (sum, density)
     }
 
-    /// A light, and the surface that one of its rays meets first; `u` is uniform in the unit cube.
+    /// Samples a light and the first surface that one of its rays hits; `u` is uniform in the unit cube.
     pub(super) fn lit_surface(&self, world: &World<'_>, u: DVec3) -> Option<(usize, Surface)> {
         let light = choose(&self.chosen, u.z)?;
         let (origin, direction) = self.punctual[light].ray(DVec2::new(u.x, u.y));
         Some((light, world.surface(&world.nearest(origin, direction, Sides::Both)?)))
     }
 
-    /// A point of a surface that emits, and its density [1/m^2]; `u` is uniform in the unit cube.
+    /// Samples a point on an emitting surface; returns its density [1/m^2]. `u` is uniform in the unit cube.
     pub(super) fn surface_point(&self, world: &World<'_>, u: DVec3) -> Option<(Surface, f64)> {
         let (index, _) = self.surfaces[choose(&self.surface_sums, u.z)?];
         let root = u.x.sqrt();
@@ -147,24 +147,24 @@ impl Emitters {
         Some((world.front_at(index, weights), self.surface_density[index]))
     }
 
-    /// Density [1/m^2] of a point of an emitting surface that a ray has hit.
+    /// Density [1/m^2] of a point on an emitting surface, at a ray's hit.
     pub(super) fn surface_density(&self, world: &World<'_>, hit: &Hit) -> f64 {
         self.surface_density.get(world.index(hit)).copied().unwrap_or(0.0)
     }
 }
 
-/// Which punctual lights.
+/// Selection of punctual lights.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Which {
     All,
-    /// Those that are points.
+    /// Lights without a size.
     Sharp,
-    /// Those that have a size.
+    /// Lights with a size.
     Soft,
 }
 
 impl Beam {
-    /// Whether something is before a point of the light, on the disc that it shows towards `position`.
+    /// Whether a point of the light is occluded; the point lies on the disc that the light shows towards `position`.
     fn point_is_hidden(&self, world: &World<'_>, position: DVec3, geometric: DVec3, towards: DVec3, u: DVec2) -> bool {
         let (right, up) = towards.any_orthonormal_pair();
         let (y, x) = (TAU * u.y).sin_cos();
@@ -178,7 +178,7 @@ impl Beam {
         geometric.dot(point - position) <= 0.0 || world.blocked(position, point)
     }
 
-    /// Flux \[lm\] that leaves, or through the disc; steers choices only.
+    /// Emitted flux \[lm\], or flux through the disc; used only to choose lights.
     fn power(&self) -> f64 {
         let full = luminance(self.light.color.as_dvec3()) * f64::from(self.light.intensity);
         match self.light.kind {
@@ -187,7 +187,7 @@ impl Beam {
         }
     }
 
-    /// Origin \[m\] and unit direction of a ray: as dense as the light is strong, over cone, sphere or disc.
+    /// Samples a ray: origin \[m\] and unit direction, by intensity over cone, sphere or disc.
     fn ray(&self, u: DVec2) -> (DVec3, DVec3) {
         if self.light.kind == LightKind::Directional {
             let (right, up) = self.axis.any_orthonormal_pair();
@@ -198,7 +198,7 @@ impl Beam {
         (self.light.position, around(self.axis, self.cone.sample(u.x), u.y))
     }
 
-    /// Density [1/m^2] with which a ray meets a visible point whose normal makes `cosine` with the light.
+    /// Density [1/m^2] of rays at a visible point whose normal makes `cosine` with the light.
     fn density(&self, position: DVec3, cosine: f64, direction: DVec3) -> f64 {
         if self.light.kind == LightKind::Directional {
             return cosine / (0.5 * TAU * self.disc.1.powi(2));
@@ -208,7 +208,7 @@ impl Beam {
     }
 }
 
-/// A spot's falloff over the cosine with its axis: 0 up to `least`, a squared ramp of `width`, and 1 from `full` on.
+/// A spot's falloff over the cosine with its axis: 0 up to `least`, a squared ramp of `width`, 1 from `full` on.
 struct Cone {
     least: f64,
     full: f64,
@@ -216,7 +216,7 @@ struct Cone {
 }
 
 impl Cone {
-    /// The same in all directions.
+    /// Uniform in all directions.
     const ALL: Self = Self { least: -1.0, full: -1.0, width: 1e-9 };
 
     /// The cone between these half angles \[rad\]; see [`crate::reference::light::spot_falloff`].
@@ -239,9 +239,9 @@ impl Cone {
         self.ramp() + 1.0 - self.full
     }
 
-    /// A cosine as likely as the falloff says; `u` is uniform in [0, 1).
+    /// Samples a cosine with the falloff as density; `u` is uniform in [0, 1).
     fn sample(&self, u: f64) -> f64 {
-        // From the axis outwards: 0 is on it.
+        // Counted from the axis outwards: u = 0 is on the axis.
         let from_edge = (1.0 - u) * self.total();
         if from_edge < self.ramp() {
             self.least + (3.0 * self.width * self.width * from_edge).cbrt()
@@ -251,7 +251,7 @@ impl Cone {
     }
 }
 
-/// Running sums of shares of the whole; empty where there is nothing.
+/// Running sums of each power's share of the total; all 0 if the total is 0.
 pub(super) fn running_shares(powers: &[f64]) -> Vec<f64> {
     let total: f64 = powers.iter().sum();
     if total <= 0.0 {

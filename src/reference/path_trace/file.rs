@@ -1,6 +1,6 @@
-//! Keeps samples in a file, so that an interrupted picture goes on and a finished one can be refined.
+//! Stores samples in a file, so that an interrupted picture can continue and a finished one can be refined.
 //!
-//! Little-endian: magic, version, the key, number of samples, the pixels' sums, and a blake3 hash of all before it.
+//! Little-endian: magic, version, key, number of samples, the pixels' sums, and a blake3 hash of all of these.
 
 use std::path::{Path, PathBuf};
 
@@ -10,23 +10,23 @@ use crate::{files, kept};
 
 const MAGIC: [u8; 8] = *b"LSKTRACE";
 
-/// Of the format and of the algorithm: counted up when either changes what the samples are.
+/// Version of format and algorithm: incremented when either changes the samples.
 const VERSION: u32 = 7;
 
 /// Magic, version, key, samples.
 const HEADER: usize = 8 + 4 + 32 + 4;
 
-/// Hash of all that samples depend on.
+/// Hash of everything that samples depend on.
 pub(super) fn key(scene: &Scene, camera: &Camera, settings: &PathTraceSettings) -> [u8; 32] {
     let mut hasher = blake3::Hasher::new();
     hasher.update(scene.fingerprint().as_bytes());
-    // What shows behind the scene is no part of its fingerprint.
+    // The backdrop is not part of the scene's fingerprint.
     hasher.update(format!("{camera:?} {settings:?} {:?}", scene.backdrop).as_bytes());
     *hasher.finalize().as_bytes()
 }
 
 impl PathTrace<'_> {
-    /// Starts again with another number of pixels of the same view.
+    /// Restarts with another picture size of the same view.
     pub fn resize(&mut self, size: [u32; 2]) {
         self.settings.size = size;
         self.pixels = vec![Pixel::default(); size[0] as usize * size[1] as usize];
@@ -34,7 +34,7 @@ impl PathTrace<'_> {
         self.samples = 0;
     }
 
-    /// The file in a folder that samples of this picture are kept in.
+    /// Path of this picture's sample file in a folder.
     pub fn kept_in(&self, folder: &Path) -> PathBuf {
         folder.join(format!("{}.samples", blake3::Hash::from(self.key).to_hex()))
     }
@@ -42,7 +42,7 @@ impl PathTrace<'_> {
     /// Writes the samples so far.
     ///
     /// # Errors
-    /// When the file cannot be written; nothing half-written is left behind.
+    /// If the file cannot be written; no partial file is left behind.
     pub fn save(&self, path: &Path) -> std::io::Result<()> {
         let mut bytes = Vec::with_capacity(HEADER + size_of_val(self.pixels.as_slice()) + 32);
         bytes.extend_from_slice(&MAGIC);
@@ -55,7 +55,7 @@ impl PathTrace<'_> {
         kept::write(path, &bytes)
     }
 
-    /// Takes over the samples in a file, if there is one, whole and of this picture; says whether.
+    /// Loads the samples in a file if it exists, is intact and belongs to this picture; returns whether it did.
     pub fn resume(&mut self, path: &Path) -> bool {
         let Ok(bytes) = files::read(path) else { return false };
         let Some((content, hash)) = bytes.split_last_chunk::<32>() else { return false };
@@ -67,7 +67,7 @@ impl PathTrace<'_> {
             && blake3::hash(content).as_bytes() == hash;
         let values: Vec<f64> =
             numbers.chunks_exact(8).map(|b| f64::from_le_bytes(b.try_into().expect("eight bytes"))).collect();
-        // The hash proves that the bytes are whole, not that they are sound. Pictures hold single precision.
+        // The hash proves that the bytes are complete, not that values are sound. Pictures are in single precision.
         let sane = values.iter().all(|value| (0.0..1e30).contains(value));
         if !known || !sound || !sane {
             log::debug!("{}: damaged or of another picture, starting anew", path.display());

@@ -1,8 +1,9 @@
-//! Light that has been inside a body: walks at random from where the camera looks to where light enters. METHOD 7.
+//! Light that has passed through a body: random walks from the visible surface to the point where light enters.
+//! METHOD 7.
 //!
-//! A walk begins in the direction into which the camera's ray is refracted, and every boundary that it meets reflects by Fresnel.
-//! Where it leaves, light of every direction counts by its share that enters, and is taken to go on inside as even light would:
-//! a lamp without size could otherwise not be found through a smooth boundary.
+//! A walk starts in the refracted direction of the camera's ray; every boundary that it meets reflects by Fresnel.
+//! Where it leaves the body, light from each direction counts by its Fresnel transmittance and continues inside as
+//! uniform light would. Otherwise no walk could find a light without a size through a smooth boundary.
 
 use glam::{DVec2, DVec3};
 use sobol_burley::sample_4d;
@@ -15,18 +16,18 @@ use crate::reference::world::{Sides, Surface};
 use crate::scene::medium::fresnel;
 
 impl PathTrace<'_> {
-    /// Whether a surface that the camera sees is to be looked below.
+    /// Whether a surface seen by the camera needs light from inside.
     pub(super) fn looks_inside(&self, surface: &Surface) -> bool {
         surface.inside.is_some() && self.settings.visibility
     }
 
-    /// What the camera sees of a surface itself.
+    /// Scattering at the surface itself, as seen by the camera.
     pub(super) fn scatter(&self, surface: &Surface, direction: DVec3) -> Scatter {
         let scatter = Scatter::new(surface, direction);
         if self.looks_inside(surface) { scatter.on_the_surface() } else { scatter }
     }
 
-    /// Radiance of a sample that has been below a surface met by a ray of unit `direction`; each sample walks by the
+    /// Radiance of a sample that walks below a surface hit by a ray of unit `direction`; each sample uses the
     /// coefficients of one channel.
     pub(super) fn light_inside(&self, surface: &Surface, direction: DVec3, seed: u32, sample: u32) -> DVec3 {
         let Some((instance, material)) = surface.inside else { return DVec3::ZERO };
@@ -42,7 +43,7 @@ impl PathTrace<'_> {
             f64::from(mix(state)) / (f64::from(u32::MAX) + 1.0)
         };
         let below = refracted(direction, surface.vertex_normal, volume.ior);
-        // A vertex normal may point a way that the triangle does not allow.
+        // A vertex normal may imply a direction that the triangle does not allow.
         let below = if surface.geometric.dot(below) < 0.0 { below } else { direction };
         let exit = walk(&volume, surface.position, below, &mut random, |position, direction| {
             let hit = self.world.nearest(position, direction, Sides::Any)?;

@@ -1,10 +1,10 @@
-//! The truth that the engine is held against: light paths drawn at random over the same scene, materials, lights and
-//! camera, without caches, VALs, proxies or interpolation. METHOD 0, Veach 1997.
+//! Path tracer: the engine's ground truth, with the same scene, materials, lights and camera, but without caches, VALs,
+//! proxies or interpolation. METHOD 0, Veach 1997.
 //!
-//! Each vertex of a path draws a direction from its surface's lobes, a point from the lights' own rays, a point of a
-//! surface that emits and a direction of the sky, weighted by the balance heuristic. Pixels are looked at all over, or through
-//! their centres alone. Sequences are Owen-scrambled Sobol points: two per pixel, for even and odd passes, so that their
-//! difference tells the noise.
+//! Each vertex of a path samples a direction from its surface's lobes, a point from the lights' own rays, a point on an
+//! emitting surface and a direction of the sky, combined by multiple importance sampling with the balance heuristic.
+//! Samples are spread over pixels or go through pixel centres only. Sequences are Owen-scrambled Sobol points, two per
+//! pixel, for even and odd passes: their difference gives the noise.
 
 mod emitters;
 mod file;
@@ -28,47 +28,47 @@ use emitters::{Emitters, Which};
 use scatter::Scatter;
 use sky::SkyLight;
 
-/// Samples per pixel of a pass.
+/// Samples per pixel and pass.
 pub const PASS_SAMPLES: u32 = 16;
 
-/// Length of a Sobol sequence; then a new scramble begins.
+/// Length of a Sobol sequence; a new scramble follows.
 const SEQUENCE: u32 = 1 << 16;
 
-/// Bounces after which paths end by chance: Russian roulette, whose survivors have the light of all.
+/// Bounces after which Russian roulette ends paths.
 const ROULETTE: u32 = 4;
 
-/// Most surfaces that are seen one through another.
+/// Most transparent surfaces along a camera ray.
 const MOST_SEEN: usize = 64;
 
-/// Highest chance that a path goes on, even one that has lost no light.
+/// Upper bound of the survival probability, even for paths that have lost no light.
 const LIKELIEST: f64 = 0.95;
 
-/// Which light paths are followed.
+/// Light paths to follow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct PathTraceSettings {
-    /// Picture \[pixels\].
+    /// Picture size \[pixels\].
     pub size: [u32; 2],
-    /// Most indirect bounces: 0 for direct light alone; all that there are without.
+    /// Most indirect bounces: 0 for direct light only; `None` for all.
     pub bounces: Option<u32>,
-    /// Whether things are in the way of indirect light; without, one bounce is the limit of infinitely many VALs.
+    /// Whether indirect light is shadowed; if not, one bounce is the limit of infinitely many VALs.
     pub visibility: bool,
-    /// Whether bounces before the last one also reflect glossily; the engine's are diffuse.
+    /// Whether bounces before the last one also reflect glossily; the engine's do not.
     pub glossy_bounces: bool,
-    /// Where light comes from.
+    /// Light sources.
     pub sources: Sources,
-    /// Whether samples are spread over the pixels; all go through their centres without.
+    /// Whether samples are spread over pixels; if not, all go through pixel centres.
     pub spread: bool,
-    /// Another seed, another noise.
+    /// Random seed.
     pub seed: u32,
 }
 
-/// Where light comes from.
+/// Light sources that count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Sources {
-    /// Punctual lights; surfaces that emit and the sky show, and light nothing. Without visibility those that stand for
-    /// the sky are among them.
+    /// Punctual lights. Emitting surfaces and the sky are visible but light nothing. Without visibility the lights that
+    /// stand for the sky are included.
     Punctual,
-    /// Surfaces that emit.
+    /// Emitting surfaces.
     Surfaces,
     /// The sky.
     Sky,
@@ -83,7 +83,7 @@ impl Default for PathTraceSettings {
 }
 
 impl PathTraceSettings {
-    /// All light that there is.
+    /// All light.
     pub fn of(size: [u32; 2]) -> Self {
         Self {
             size,
@@ -96,43 +96,43 @@ impl PathTraceSettings {
         }
     }
 
-    /// The light that the engine takes into account: so many bounces, of which the last one alone reflects glossily.
+    /// The light that the engine takes into account: this number of bounces, of which only the last reflects glossily.
     pub fn engine(size: [u32; 2], bounces: u32) -> Self {
         Self { bounces: Some(bounces), glossy_bounces: false, ..Self::of(size) }
     }
 
-    /// What brute force converges to: one bounce of punctual lights that passes through everything.
+    /// The limit of brute force: one unshadowed bounce of punctual lights.
     pub fn unshadowed(size: [u32; 2]) -> Self {
         Self { visibility: false, sources: Sources::Punctual, ..Self::engine(size, 1) }
     }
 }
 
-/// A picture that grows more exact with every pass.
+/// A picture that is refined pass by pass.
 pub struct PathTrace<'a> {
     world: World<'a>,
     emitters: Emitters,
     sky: Option<SkyLight<'a>>,
-    /// What shows where no surface is.
+    /// Shown where there is no surface.
     backdrop: Option<Cow<'a, Sky>>,
     settings: PathTraceSettings,
     camera: &'a Camera,
-    /// Hash of all that the samples depend on.
+    /// Hash of everything that the samples depend on.
     key: [u8; 32],
     pixels: Vec<Pixel>,
     samples: u32,
 }
 
-/// What is known of one pixel.
+/// Sums of one pixel.
 #[derive(Clone, Copy, Debug, Default, bytemuck::Pod, bytemuck::Zeroable)]
 #[repr(C)]
 struct Pixel {
-    /// Sum over samples of directly reflected radiance from surfaces that emit and the sky.
+    /// Sum over samples of directly reflected radiance from emitting surfaces and the sky.
     direct: [f64; 3],
     /// Sum over samples of the diffuse lobe's indirect radiance.
     diffuse: [f64; 3],
-    /// The same of the glossy lobe.
+    /// The same for the glossy lobe.
     glossy: [f64; 3],
-    /// Sum of luminance over the even passes.
+    /// Sum of luminance over even passes.
     half: f64,
     /// Sum over samples of the backdrop's radiance; part of `direct`.
     behind: [f64; 3],
@@ -140,21 +140,21 @@ struct Pixel {
     missed: f64,
 }
 
-/// Radiance [cd/m^2] of one sample or of many.
+/// Radiance [cd/m^2] of one or more samples.
 #[derive(Clone, Copy, Default)]
 struct Radiance {
     direct: DVec3,
     diffuse: DVec3,
     glossy: DVec3,
-    /// The backdrop's; part of `direct`.
+    /// Radiance of the backdrop; part of `direct`.
     behind: DVec3,
     /// Samples that show the backdrop.
     missed: f64,
 }
 
 impl<'a> PathTrace<'a> {
-    /// Prepares a picture without samples. Panics on settings that have no meaning: more than one bounce, or surfaces
-    /// as sources, without visibility.
+    /// Prepares a picture without samples. Panics on meaningless settings: without visibility there may be at most one
+    /// bounce, and only punctual lights.
     pub fn new(scene: &'a Scene, camera: &'a Camera, settings: &PathTraceSettings) -> Self {
         assert!(
             settings.visibility
@@ -163,7 +163,7 @@ impl<'a> PathTrace<'a> {
         );
         let world = World::new(scene);
         let has = |sources| settings.sources == sources || settings.sources == Sources::All;
-        // VALs know the sky by the lights that stand for it alone.
+        // VALs know the sky only through the lights that stand for it.
         let stand_ins = scene.sky.as_ref().filter(|_| settings.visibility).map_or(0..0, |sky| sky.lights.clone());
         let lights = scene.lights.iter().enumerate().filter(|(index, _)| !stand_ins.contains(index));
         let lights = lights.map(|(_, light)| light).filter(|_| has(Sources::Punctual));
@@ -174,7 +174,7 @@ impl<'a> PathTrace<'a> {
         Self { world, emitters, sky, backdrop: scene.behind(), settings: *settings, camera, key, pixels, samples: 0 }
     }
 
-    /// Whether the picture has no noise, whatever the number of samples: that of punctual lights' direct light.
+    /// Whether the picture has no noise at any number of samples: direct light of punctual lights.
     pub fn is_exact(&self) -> bool {
         let sampled = self.emitters.has_surfaces() || self.emitters.has_soft() || self.sky.is_some();
         let below = self.world.scene().materials.iter().any(|material| material.subsurface.is_some());
@@ -186,13 +186,14 @@ impl<'a> PathTrace<'a> {
         self.pass_unless(&AtomicBool::new(false));
     }
 
-    /// [`Self::pass`], unless the flag is set before its end, which stays set: then nothing is added. Says whether it is.
+    /// [`Self::pass`], unless the flag is set before its end; the flag stays set and nothing is added. Returns whether
+    /// it completed.
     pub fn pass_unless(&mut self, stop: &AtomicBool) -> bool {
         self.pass_while(&|| !stop.load(Ordering::Relaxed))
     }
 
-    /// [`Self::pass`] as long as this says that it goes on, which is asked before each pixel and may take its time. Once it has
-    /// said no, nothing is added. Says whether the samples are.
+    /// [`Self::pass`] while `goes_on` returns true; it is called before each pixel and may block. Once it returns
+    /// false, nothing is added. Returns whether the pass completed.
     pub fn pass_while(&mut self, goes_on: &(dyn Fn() -> bool + Sync)) -> bool {
         let stop = AtomicBool::new(false);
         let stopped = || stop.load(Ordering::Relaxed);
@@ -242,9 +243,9 @@ impl<'a> PathTrace<'a> {
         self.samples
     }
 
-    /// Relative standard error of the sampled radiance, mean over the pixels that have any: from the difference between
-    /// even and odd passes, whose sequences know nothing of one another. 1 % of the mean is added to each pixel's
-    /// radiance, so that nearly black ones do not count as noise. Infinite before the second pass.
+    /// Relative standard error of the sampled radiance, averaged over lit pixels, from the difference of even and odd
+    /// passes, whose sequences are independent. 1 % of the mean is added to each pixel's radiance, so that almost black
+    /// pixels do not count as noise. Infinite before the second pass.
     pub fn noise(&self) -> f64 {
         let passes = self.samples / PASS_SAMPLES;
         if passes < 2 {
@@ -254,8 +255,8 @@ impl<'a> PathTrace<'a> {
         let total = |p: &Pixel| luminance(DVec3::from(p.direct) + DVec3::from(p.diffuse) + DVec3::from(p.glossy));
         let lit: Vec<(f64, f64)> = self.pixels.iter().map(|p| (total(p), p.half)).filter(|p| p.0 > 0.0).collect();
         let floor = 0.01 * lit.iter().map(|p| p.0).sum::<f64>() / lit.len().max(1) as f64;
-        // Of two normal numbers of deviation s the mean absolute difference is 2 s / sqrt(pi); their mean deviates by
-        // s / sqrt(2).
+        // For two normal variates of deviation s the mean absolute difference is 2 s / sqrt(pi), and the deviation of
+        // their mean is s / sqrt(2).
         let error = |(total, half): &(f64, f64)| {
             let difference = (half / even - (total - half) / odd).abs();
             (PI / 8.0).sqrt() * difference * f64::from(passes) / (total + floor)
@@ -263,7 +264,8 @@ impl<'a> PathTrace<'a> {
         lit.iter().map(error).sum::<f64>() / lit.len().max(1) as f64
     }
 
-    /// Emitted and directly reflected radiance [cd/m^2], row by row from the top; the backdrop's where no surface is.
+    /// Emitted and directly reflected radiance [cd/m^2], row by row from the top; the backdrop's where there is no
+    /// surface.
     pub fn direct(&self) -> Vec<[f32; 3]> {
         let sampled = self.mean(|pixel| pixel.direct);
         if self.settings.spread {
@@ -279,7 +281,7 @@ impl<'a> PathTrace<'a> {
         sampled.into_par_iter().enumerate().map(exact).collect()
     }
 
-    /// What a surface sends that takes no sampling: emission, and the light of punctual lights that it reflects.
+    /// Radiance of a surface that needs no sampling: emission and reflected light of punctual lights without a size.
     fn at_once(&self, surface: &Surface, direction: DVec3) -> DVec3 {
         let scatter = self.scatter(surface, direction);
         let reflected = |towards| scatter.reflected(towards);
@@ -304,7 +306,7 @@ impl<'a> PathTrace<'a> {
         self.mean(|pixel| pixel.glossy)
     }
 
-    /// What the backdrop adds to [`Self::direct`], and the share of each pixel that shows surfaces.
+    /// The backdrop's part of [`Self::direct`], and the share of each pixel covered by surfaces.
     pub fn backdrop(&self) -> (Vec<[f32; 3]>, Vec<f32>) {
         if self.settings.spread {
             let share = |pixel: &Pixel| 1.0 - (pixel.missed / f64::from(self.samples.max(1))) as f32;
@@ -320,7 +322,7 @@ impl<'a> PathTrace<'a> {
         (0..self.pixels.len()).into_par_iter().map(pixel).unzip()
     }
 
-    /// Surface behind which each pixel's centre shows nothing, row by row from the top.
+    /// The opaque surface at each pixel's centre, row by row from the top.
     pub fn surfaces(&self) -> Vec<Option<Surface>> {
         let opaque = |index| {
             let (origin, direction) = camera_ray(self.camera, self.settings.size, index);
@@ -330,7 +332,7 @@ impl<'a> PathTrace<'a> {
         (0..self.pixels.len()).into_par_iter().map(opaque).collect()
     }
 
-    /// Whether each pixel's centre shows such a surface.
+    /// Whether each pixel's centre shows an opaque surface.
     pub fn covered(&self) -> Vec<bool> {
         self.surfaces().iter().map(Option::is_some).collect()
     }
@@ -340,7 +342,7 @@ impl<'a> PathTrace<'a> {
         self.pixels.iter().map(|pixel| sum(pixel).map(|s| (s * share) as f32)).collect()
     }
 
-    /// What a ray of the camera shows: surfaces one behind another with the share of each that arrives, and the share of the
+    /// Surfaces along a camera ray: each with the share of its light that arrives, and the remaining share of the
     /// backdrop.
     fn seen(&self, mut origin: DVec3, direction: DVec3) -> (Vec<(DVec3, Surface)>, DVec3) {
         let (mut surfaces, mut left) = (Vec::new(), DVec3::ONE);
@@ -358,7 +360,7 @@ impl<'a> PathTrace<'a> {
         (surfaces, DVec3::ZERO)
     }
 
-    /// All light of a sample anywhere in a pixel.
+    /// All light of a sample at a random place in a pixel.
     fn sample_within(&self, index: usize, seed: u32, sample: u32) -> Radiance {
         let own = mix(seed ^ mix(self.settings.seed ^ mix(sample / SEQUENCE)) ^ 0x9e37_79b9);
         let [x, y, ..] = sample_4d(sample % SEQUENCE, 0, own).map(f64::from);
@@ -378,7 +380,7 @@ impl<'a> PathTrace<'a> {
         radiance
     }
 
-    /// All light of a sample of a surface; `seen` is what of it scatters light there.
+    /// All light of a sample of a surface; `seen` is its scattering towards the camera.
     fn sample(&self, (seen, surface): (&Scatter, &Surface), direction: DVec3, seed: u32, sample: u32) -> Radiance {
         let mut radiance = Radiance::default();
         let seed = mix(seed ^ mix(self.settings.seed ^ mix(sample / SEQUENCE)));
@@ -402,8 +404,8 @@ impl<'a> PathTrace<'a> {
         radiance
     }
 
-    /// Follows one path from a lobe of the surface that a pixel shows; adds its indirect radiance, and gives the direct
-    /// radiance from surfaces that emit and the sky.
+    /// Follows one path from a lobe of the visible surface. Adds its indirect radiance; returns the direct radiance
+    /// from emitting surfaces and the sky.
     fn path(&self, mut at: Scatter, seed: u32, sample: u32, indirect: &mut DVec3) -> DVec3 {
         let (world, settings) = (&self.world, &self.settings);
         let from_surfaces = self.emitters.has_surfaces();
@@ -476,7 +478,7 @@ impl<'a> PathTrace<'a> {
         direct
     }
 
-    /// A surface where a path goes on.
+    /// Scattering at a surface where a path continues.
     fn bounce(&self, surface: &Surface, direction: DVec3) -> Scatter {
         if self.settings.glossy_bounces {
             return Scatter::new(surface, direction);
@@ -484,8 +486,8 @@ impl<'a> PathTrace<'a> {
         Scatter::sending_on(surface)
     }
 
-    /// Radiance of punctual lights reflected at `next` against the unit `direction`, in which a lobe's sample of this
-    /// `density` [1/sr] has found it `distance` \[m\] away: its share by the balance heuristic.
+    /// Radiance of punctual lights reflected at `next` back along the unit `direction`, weighted by the balance
+    /// heuristic: a lobe sample of this `density` [1/sr] found the surface `distance` \[m\] away.
     fn lit(&self, next: &Scatter, direction: DVec3, density: f64, distance: f64, random: [f64; 4]) -> DVec3 {
         let reflected = |towards| next.reflected(towards);
         let (which, u) = ((None, Which::All), DVec2::new(random[0], random[1]));
@@ -494,7 +496,7 @@ impl<'a> PathTrace<'a> {
         light * (density / (density + other))
     }
 
-    /// Radiance by way of a surface that a light's own ray has found.
+    /// Radiance through a surface found by a light's own ray.
     fn by_lit_surface(&self, at: &Scatter, random: [f64; 4]) -> DVec3 {
         let world = &self.world;
         let drawn = self.emitters.lit_surface(world, DVec3::new(random[0], random[1], random[2]));
@@ -517,7 +519,7 @@ impl<'a> PathTrace<'a> {
         reflected * radiance / (own + at.density(towards))
     }
 
-    /// Radiance from a point of a surface that emits.
+    /// Radiance from a sampled point on an emitting surface.
     fn by_surface_point(&self, at: &Scatter, random: [f64; 4]) -> DVec3 {
         let drawn = self.emitters.surface_point(&self.world, DVec3::new(random[0], random[1], random[2]));
         let Some((surface, density)) = drawn else { return DVec3::ZERO };
@@ -533,7 +535,7 @@ impl<'a> PathTrace<'a> {
         reflected * surface.emission / (own + at.density(towards))
     }
 
-    /// Radiance from a direction of the sky.
+    /// Radiance from a sampled direction of the sky.
     fn by_sky(&self, sky: &SkyLight<'_>, at: &Scatter, random: [f64; 4]) -> DVec3 {
         let (towards, own) = sky.sample(DVec2::new(random[0], random[1]));
         let reflected = at.reflected(towards);
@@ -555,7 +557,8 @@ impl Radiance {
     }
 }
 
-/// Unit direction and distance \[m\] to a point, and the cosine at its surface; `None` from behind or on the point.
+/// Unit direction and distance \[m\] to a point, and the cosine at its surface; `None` if it faces away or the points
+/// coincide.
 fn facing(from: DVec3, to: DVec3, normal: DVec3) -> Option<(DVec3, f64, f64)> {
     let distance = from.distance(to);
     let towards = (to - from) / distance;
@@ -568,7 +571,7 @@ pub fn camera_ray(camera: &Camera, size: [u32; 2], index: usize) -> (DVec3, DVec
     camera_ray_at(camera, size, index, DVec2::splat(0.5))
 }
 
-/// The same through a point of the pixel, from (0, 0) at its upper left corner to (1, 1).
+/// The same through a point within the pixel, from (0, 0) at its upper left corner to (1, 1).
 fn camera_ray_at(camera: &Camera, size: [u32; 2], index: usize, within: DVec2) -> (DVec3, DVec3) {
     let (w, h) = (size[0] as usize, f64::from(size[1]));
     let at = DVec2::new((index % w) as f64, (index / w) as f64) + within;

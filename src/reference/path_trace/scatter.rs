@@ -1,4 +1,4 @@
-//! Directions that a surface scatters light along: Lambert, its glossy lobe and what lies over both, evaluated and sampled.
+//! Scattering at a surface: Lambert, the glossy lobe, coat and sheen, evaluated and sampled.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,24 +17,24 @@ use crate::scene::medium::{Medium, fresnel};
 pub(super) struct Scatter {
     /// World position \[m\].
     pub(super) position: DVec3,
-    /// Unit normal that reflection is about.
+    /// Unit shading normal.
     pub(super) normal: DVec3,
-    /// Unit normal of the triangle: nothing passes through it.
+    /// Unit normal of the triangle; light cannot pass through it.
     pub(super) geometric: DVec3,
     /// Diffuse albedo for this viewer.
     diffuse: DVec3,
     lobe: Lobe,
     coat: Coat,
-    /// Whether the sheen is there: it goes with the diffuse lobe, the coat with the glossy one.
+    /// Whether there is sheen; it belongs to the diffuse part, the coat to the glossy part.
     shines: bool,
-    /// Where light has come out of a body: how it enters there.
+    /// Medium of the body that light enters at this point, if the path came out of it.
     entering: Option<Medium>,
-    /// Probability that a direction is drawn from the glossy lobe, from the coat's, and of all of the hemisphere for sheen.
+    /// Probabilities of sampling the glossy lobe, the coat's lobe, and the uniform hemisphere for sheen.
     chances: [f64; 3],
 }
 
 impl Scatter {
-    /// A surface met by a ray of unit `direction`.
+    /// A surface hit by a ray of unit `direction`.
     pub(super) fn new(surface: &Surface, direction: DVec3) -> Self {
         let lobe = Lobe::new(&surface.reflection, surface.normal, direction);
         let cosine = -surface.normal.dot(direction);
@@ -53,7 +53,7 @@ impl Scatter {
         .weighed(over.shone(cosine).0)
     }
 
-    /// With chances in proportion to what the lobes reflect of even light.
+    /// Sets the probabilities in proportion to the lobes' albedos under uniform light.
     fn weighed(self, shone: DVec3) -> Self {
         let under = self.coat.under;
         let sheen = if self.shines { (1.0 - self.coat.coated) * luminance(shone) } else { 0.0 };
@@ -62,7 +62,7 @@ impl Scatter {
         Self { chances: if sum > 0.0 { all.map(|own| own / sum) } else { [0.0; 3] }, ..self }
     }
 
-    /// A surface that light goes on from as the engine has it: its diffuse lobe with the mean albedo, about the vertex normal.
+    /// A surface as the engine's bounces see it: diffuse with the mean albedo, about the vertex normal.
     pub(super) fn sending_on(surface: &Surface) -> Self {
         Self {
             position: surface.position,
@@ -77,18 +77,18 @@ impl Scatter {
         }
     }
 
-    /// Without the diffuse lobe: of a body that light goes on in.
+    /// Without the diffuse lobe: for a body that light enters.
     pub(super) fn on_the_surface(self) -> Self {
         Self { diffuse: DVec3::ZERO, ..self.glossy() }
     }
 
-    /// A point where light enters a body of this medium: from each direction what Fresnel lets in, and inside it goes on as even
-    /// light would.
+    /// A point where light enters a body of this medium: from each direction by its Fresnel transmittance; inside it
+    /// continues as uniform light would.
     pub(super) fn entering(surface: &Surface, medium: Medium) -> Self {
         Self { diffuse: DVec3::ONE, entering: Some(medium), ..Self::sending_on(surface) }
     }
 
-    /// The diffuse lobe and the sheen alone.
+    /// Only the diffuse lobe and the sheen.
     pub(super) fn diffuse(self) -> Self {
         let [_, _, sheen] = self.chances;
         let sum = sheen + self.coat.under * luminance(self.diffuse);
@@ -96,20 +96,20 @@ impl Scatter {
         Self { lobe: Lobe::NONE, coat: Coat { share: 0.0, ..self.coat }, chances, ..self }
     }
 
-    /// The glossy lobe and the coat alone.
+    /// Only the glossy lobe and the coat.
     pub(super) fn glossy(self) -> Self {
         let [lobe, coat, _] = self.chances;
         let chances = if coat > 0.0 { [lobe / (lobe + coat), coat / (lobe + coat), 0.0] } else { [1.0, 0.0, 0.0] };
         Self { diffuse: DVec3::ZERO, shines: false, chances, ..self }
     }
 
-    /// Whether nothing is reflected at all.
+    /// Whether nothing is reflected.
     pub(super) fn is_black(&self) -> bool {
         let own = self.diffuse == DVec3::ZERO && self.lobe.albedo() == DVec3::ZERO;
         own && self.coat.share == 0.0 && !self.shines
     }
 
-    /// Share of what the surface emits that comes through its coat.
+    /// Share of the surface's emission that passes the coat.
     pub(super) fn uncoated(&self) -> f64 {
         1.0 - self.coat.coated
     }
@@ -132,7 +132,7 @@ impl Scatter {
         brdf * (cosine * self.coat.under) + sheen + coat
     }
 
-    /// Probability density [1/sr] with which [`Self::sample`] gives the unit direction `towards`.
+    /// Probability density [1/sr] of the unit direction `towards` in [`Self::sample`].
     pub(super) fn density(&self, towards: DVec3) -> f64 {
         let diffuse = self.normal.dot(towards).max(0.0) / PI;
         let [glossy, coat, sheen] = self.chances;
@@ -150,7 +150,7 @@ impl Scatter {
         density
     }
 
-    /// A unit direction, by the cosine or by one of the other lobes; `u` uniform in the unit square.
+    /// Samples a unit direction, by the cosine or from one of the other lobes; `u` is uniform in the unit square.
     pub(super) fn sample(&self, u: DVec2) -> DVec3 {
         let mut before = 0.0;
         for (which, chance) in self.chances.into_iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Directions of the sky, drawn by how bright it is there.
+//! Importance sampling of the sky by its luminance.
 
 use glam::{DVec2, DVec3};
 
@@ -6,17 +6,17 @@ use super::emitters::{choose, running_shares};
 use crate::reference::gather::luminance;
 use crate::scene::sky::Sky;
 
-/// Share of the directions that are drawn evenly over the sphere.
+/// Share of directions sampled uniformly over the sphere.
 const EVEN: f64 = 0.05;
 
-/// A sky to draw directions of: as dense as the mean luminance of each texel, even within it.
+/// A sky prepared for sampling: density by the mean luminance of each texel, uniform within a texel.
 pub(super) struct SkyLight<'a> {
     sky: &'a Sky,
-    /// Running sums of the rows' shares of all light.
+    /// Running sums of the rows' light shares.
     rows: Vec<f64>,
-    /// By row: running sums of its texels' shares of the row's light.
+    /// For each row: running sums of its texels' shares of the row's light.
     columns: Vec<Vec<f64>>,
-    /// By texel: probability density [1/sr].
+    /// Probability density of each texel [1/sr].
     density: Vec<f64>,
 }
 
@@ -25,7 +25,7 @@ impl<'a> SkyLight<'a> {
     pub(super) fn new(sky: &'a Sky) -> Option<Self> {
         let (width, height) = (sky.width as usize, sky.height as usize);
         let shown: Vec<f64> = sky.texels.iter().map(|texel| luminance(texel.as_dvec3())).collect();
-        // Mean of what is shown in a texel: radiance goes over into that of its neighbours.
+        // Mean of the interpolated radiance over a texel: neighbours blend into it.
         let tent = |before: f64, own: f64, after: f64| 0.125 * before + 0.75 * own + 0.125 * after;
         let across = |row: usize, column: usize| {
             let at = |column: usize| shown[row * width + column % width];
@@ -60,7 +60,7 @@ impl<'a> SkyLight<'a> {
     pub(super) fn sample(&self, u: DVec2) -> (DVec3, f64) {
         let (row, down) = within(&self.rows, u.y);
         let (column, across) = within(&self.columns[row], u.x);
-        // Even in solid angle.
+        // Uniform in solid angle.
         let edge = |row: usize| (std::f64::consts::PI * row as f64 / f64::from(self.sky.height)).cos();
         let height = edge(row) + down * (edge(row + 1) - edge(row));
         let y = height.clamp(-1.0, 1.0).acos() / std::f64::consts::PI * f64::from(self.sky.height);
@@ -68,7 +68,7 @@ impl<'a> SkyLight<'a> {
         (direction, self.density[row * self.sky.width as usize + column])
     }
 
-    /// Density [1/sr] with which [`Self::sample`] gives a unit direction.
+    /// Density [1/sr] of a unit direction in [`Self::sample`].
     pub(super) fn density(&self, direction: DVec3) -> f64 {
         let (width, height) = (self.sky.width as usize, self.sky.height as usize);
         let place = self.sky.place(direction);
@@ -82,7 +82,7 @@ impl<'a> SkyLight<'a> {
     }
 }
 
-/// The index whose share `u` in [0, 1) falls into, and where in that share, from 0 to 1.
+/// The index whose share `u` in [0, 1) falls into, and the position within that share, 0 to 1.
 fn within(sums: &[f64], u: f64) -> (usize, f64) {
     let index = choose(sums, u).unwrap_or(0);
     let before = if index > 0 { sums[index - 1] } else { 0.0 };
