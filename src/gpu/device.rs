@@ -198,7 +198,7 @@ impl Gpu {
     /// host's; nothing here destroys them.
     ///
     /// # Errors
-    /// Fails if the device lacks something, or memory for the first objects.
+    /// Fails if the device lacks a requirement, or memory for the first objects.
     ///
     /// # Safety
     /// All statements in `host` must be true. Instance and device must have been created with everything that `needs`

@@ -181,7 +181,7 @@ impl Store {
     /// Reads a file of rows; empty if the file is missing. Invalid lines are skipped with a warning.
     ///
     /// # Errors
-    /// If a folder or file cannot be read or written.
+    /// Fails if a folder or file cannot be read or written.
     pub fn open(path: &Path) -> Result<Self> {
         let mut rows = Vec::new();
         let unread = |reason| crate::Error::Input { file: path.into(), place: "finished points".into(), reason };
@@ -213,7 +213,7 @@ impl Store {
     /// Adds a row, or replaces the one with its key, and writes the file.
     ///
     /// # Errors
-    /// If a folder or file cannot be read or written.
+    /// Fails if a folder or file cannot be read or written.
     pub fn keep(&mut self, row: Row) -> Result<()> {
         self.rows.retain(|other| other.key != row.key);
         self.rows.push(row);

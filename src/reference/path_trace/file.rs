@@ -42,7 +42,7 @@ impl PathTrace<'_> {
     /// Writes the samples so far.
     ///
     /// # Errors
-    /// If the file cannot be written; no partial file is left behind.
+    /// Fails if the file cannot be written; no partial file is left behind.
     pub fn save(&self, path: &Path) -> std::io::Result<()> {
         let mut bytes = Vec::with_capacity(HEADER + size_of_val(self.pixels.as_slice()) + 32);
         bytes.extend_from_slice(&MAGIC);
