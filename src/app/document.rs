@@ -200,7 +200,7 @@ impl Document {
     /// Fails if the first scene does not load, because there is nothing to show.
     pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
         let Some(job) = self.job.take_if(|job| job.thread.is_finished()) else { return Ok(false) };
-        let made = job.thread.join().map_err(|_| anyhow!("loading failed unexpectedly; this is a bug of lightskin"));
+        let made = job.thread.join().map_err(|_| anyhow!("a background job panicked; this is a bug of lightskin"));
         let taken = made.and_then(|loaded| self.take(gpu, loaded?, (job.args, job.anew), job.session.as_ref()));
         match (taken, &self.engine) {
             (Err(error), Some(_)) => log::error!("{error:#}"),

@@ -59,7 +59,7 @@ impl Loaded {
         if !at_vertices {
             match caches.clone().with_cells(&scene) {
                 Ok(with_cells) => caches = with_cells,
-                Err(error) => log::warn!("{error:#}: light is interpolated at the vertices of undivided triangles"),
+                Err(error) => log::warn!("{error:#}: light is interpolated at vertices without subdividing triangles"),
             }
         }
         Ok(Self { scene, caches: Some(caches) })
@@ -214,7 +214,7 @@ impl Engine {
 
     fn take_over(&mut self, gpu: &Gpu, job: Job) -> Result<bool> {
         let made = job.thread.join();
-        let made = made.map_err(|_| Error::Nothing("a background job panicked".into()))?;
+        let made = made.map_err(|_| Error::Nothing("a background job panicked; this is a bug of lightskin".into()))?;
         self.load(gpu, made?)?;
         Ok(true)
     }
