@@ -1,6 +1,6 @@
 // Stages 1 and 4, and shadow maps: transforms a model's vertex to the world and into a view.
 // variant mesh_pulled.vert: PULLED (stage 1 where fragment shaders do not know which triangle they belong to)
-// variant mesh_depth.vert: DEPTH (shadow maps of what has no holes: where a vertex is, and nothing else)
+// variant mesh_depth.vert: DEPTH (shadow maps of surfaces without holes: positions only)
 // variant mesh_plain.vert: PLAIN (stage 4 and other shadow maps: no tangents)
 #include "shared.glsl"
 

@@ -346,7 +346,7 @@ impl Gpu {
     }
 
     /// Number of vertex positions along a pixel's side, if the rasteriser has so few (16 on some devices) that drawn
-    /// triangles lie visibly beside the surface. `None` for 256 or more.
+    /// triangles are visibly off the surface. `None` for 256 or more.
     pub fn coarse_subpixels(&self) -> Option<u32> {
         let bits = self.shared.limits.sub_pixel_precision_bits;
         (bits < 8).then(|| 1 << bits)

@@ -325,7 +325,7 @@ mod tests {
         }
         let mae = |layer: usize| errors[layer].values[0].1;
         assert_eq!((mae(0), mae(1), mae(2)), (1.0, 0.0, 1.0));
-        // Pixels beside the one that counts differ, but neither map sees them.
+        // Pixels other than the one that counts differ, but neither map sees them.
         let beside = Layers { diffuse: vec![[2.0; 3], [9.0; 3]], ..layers(2.0) };
         let same = Errors::of(&beside, Truth::SameVals, &Layers { covered: vec![true, false], ..layers(2.0) });
         assert!(same[0].values.iter().all(|(name, v)| match name.as_str() {
