@@ -38,7 +38,7 @@ fn shaders() -> Vec<(String, Vec<u8>)> {
     let shipped = shipped::read().unwrap_or_else(|error| fail(&format!("{}: {error}", shipped::FILE)));
     if shipped.sources != shipped::sources().unwrap_or_else(|error| fail(&format!("glsl: {error}"))) {
         fail(&format!(
-            "{} is of other sources than glsl/: build with `--features glsl`, which takes ./scripts/setup; \
+            "{} was built from other sources than glsl/: build with `--features glsl`, which takes ./scripts/setup; \
              `LIGHTSKIN_BLESS=1 cargo test --features glsl -- shipped` renews the file",
             shipped::FILE
         ));

@@ -1,5 +1,5 @@
 // Stage 2: adds one light's direct reflection, shadowed by its shadow map. METHOD 1.
-// variant direct_rays.frag: RAYS (where rays say what arrives)
+// variant direct_rays.frag: RAYS (where rays find the share that arrives)
 // variant direct_coat.frag: COAT (where a material has a clear coat or sheen: METHOD 16)
 // variant direct_rays_coat.frag: RAYS COAT (both)
 #include "shared.glsl"

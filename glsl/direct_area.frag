@@ -1,6 +1,6 @@
 // Stage 2: adds the direct reflection of a rectangular area light. Its unoccluded light is exact. Visible sample
 // points, each with a shadow map of its own, give the share that arrives.
-// variant direct_area_rays.frag: RAYS (where rays say what arrives)
+// variant direct_area_rays.frag: RAYS (where rays find the share that arrives)
 // variant direct_area_coat.frag: COAT (where a material has a clear coat or sheen: METHOD 16)
 // variant direct_area_rays_coat.frag: RAYS COAT (both)
 #include "shared.glsl"

@@ -1,6 +1,6 @@
 // Stage 6, after the gather: sorts the light of each live cache by direction, for short rays to look up. One workgroup
 // per cache. METHOD 11.
-// variant directions_shadowed.comp: SHADOWED (where things are in the way of indirect light)
+// variant directions_shadowed.comp: SHADOWED (where indirect light is shadowed)
 // variant directions_bounces.comp: BOUNCES (where caches light caches, too)
 // variant directions_shadowed_bounces.comp: SHADOWED BOUNCES (both)
 #include "shared.glsl"

@@ -4,7 +4,7 @@
 // finishes a cache's last part sums all parts in a fixed order and writes the proxies: a separate pass would cost a
 // software device as much as a thousand VALs. With bounces the parts are left to later passes (SUMS_ALONE).
 // variant gather_sums.comp: SUMS_ALONE (the sums alone)
-// variant gather_shadowed.comp: SHADOWED (where things are in the way of indirect light)
+// variant gather_shadowed.comp: SHADOWED (where indirect light is shadowed)
 // variant gather_shadowed_sums.comp: SHADOWED SUMS_ALONE (both)
 // variant gather_eyes.comp: TWO_EYES (for two views at once, where a material has a glossy lobe)
 // variant gather_shadowed_eyes.comp: SHADOWED TWO_EYES (both)

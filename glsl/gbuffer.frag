@@ -1,6 +1,6 @@
 // Stage 1: the nearest surface of every pixel. METHOD 1, thesis 6.1.2.
 // variant gbuffer_elements.frag: ELEMENTS (where caches are interpolated: also which triangle a pixel shows)
-// variant layers.frag: LAYER (of what is seen through: METHOD 15)
+// variant layers.frag: LAYER (surfaces that are seen through: METHOD 15)
 // variant layers_elements.frag: LAYER ELEMENTS (both)
 // variant gbuffer_coat.frag: COAT (where a material has a clear coat or sheen: METHOD 16)
 // variant gbuffer_elements_coat.frag: ELEMENTS COAT (likewise)

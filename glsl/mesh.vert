@@ -1,6 +1,6 @@
 // Stages 1 and 4, and shadow maps: transforms a model's vertex to the world and into a view.
 // variant mesh_pulled.vert: PULLED (stage 1 where fragment shaders do not know which triangle they belong to)
-// variant mesh_depth.vert: DEPTH (shadow maps of what has no holes: where a vertex is, and nothing else)
+// variant mesh_depth.vert: DEPTH (shadow maps of surfaces without holes: positions only)
 // variant mesh_plain.vert: PLAIN (stage 4 and other shadow maps: no tangents)
 #include "shared.glsl"
 
@@ -46,9 +46,8 @@ vec2 two(uint word) {
 
 void main() {
 #ifdef PULLED
-    const uint WORDS = 15u; // of a vertex
     DrawRecord draw = draws[push.draw - 1u];
-    uint at = WORDS * (draw.first_vertex + indices[draw.first_index + uint(gl_VertexIndex)]);
+    uint at = VERTEX_WORDS * (draw.first_vertex + indices[draw.first_index + uint(gl_VertexIndex)]);
     vec3 model_position = vec3(two(at), two(at + 1u).y);
     vec3 model_normal = vec3(two(at + 3u), two(at + 4u).y);
     vec4 model_tangent = vec4(two(at + 6u), two(at + 8u));

@@ -1,8 +1,8 @@
-// Stage 8, first: rays of one cache spacing from surfaces that pixels show. What they meet gives its light, and
-// hides what caches say of that direction. A pixel has few rays; a square of NEAR_SIDE^2 pixels has all directions, which
-// the next pass takes together. A glossy lobe has one ray more. METHOD 11.
+// Stage 8, first: short rays from visible surfaces, one cache spacing long. Surfaces hit add their own light and block
+// the caches' light from that direction. A pixel has few rays. A square of NEAR_SIDE^2 pixels has all directions, which
+// the next pass combines. A glossy lobe has one more ray. METHOD 11.
 // variant near_glossy.comp: GLOSSY (where a material has a glossy lobe)
-// variant near_lit.comp: LIT (where surfaces reflect the light of caches, too)
+// variant near_lit.comp: LIT (where surfaces hit also reflect the light of caches)
 // variant near_glossy_lit.comp: GLOSSY LIT (both)
 // variant near_sky.comp: SKY (where caches see a sky)
 // variant near_glossy_sky.comp: GLOSSY SKY (where caches see a sky)
@@ -18,16 +18,16 @@
 #endif
 
 layout(local_size_x = 64) in;
-layout(constant_id = 4) const uint RAYS = 8; // of a pixel
-layout(constant_id = 5) const uint EVERY = 2; // pixels and rows from one with rays to the next
+layout(constant_id = 4) const uint RAYS = 8; // per pixel
+layout(constant_id = 5) const uint EVERY = 2; // distance between pixels with rays, in columns and rows
 layout(push_constant, scalar) uniform Push { TracePush push; };
 layout(binding = 13) uniform usampler2D element_image;
 layout(binding = 14, scalar) readonly buffer Draws { DrawRecord draws[]; };
-layout(binding = 15, scalar) readonly buffer Directions { vec3 directions[]; }; // about +z, by cosine
+layout(binding = 15, scalar) readonly buffer Directions { vec3 directions[]; }; // about +z, with cosine density
 layout(binding = 16, scalar) writeonly buffer Near { NearPixel near_pixels[]; };
 layout(constant_id = 6) const uint REFERENCES = 8;
-layout(constant_id = 7) const uint BY_CELLS = 0; // 1: references are those of cells
-layout(binding = 17, scalar) readonly buffer Radiances { uint radiances[]; }; // of each cache, by directions [cd/m^2]
+layout(constant_id = 7) const uint BY_CELLS = 0; // 1: references are stored per cell
+layout(binding = 17, scalar) readonly buffer Radiances { uint radiances[]; }; // per cache and direction [cd/m^2]
 layout(binding = 18, scalar) readonly buffer Caches { Cache caches[]; };
 #define REFERENCE_BINDINGS 19
 #include "lib/hit_caches.glsl"
@@ -45,12 +45,12 @@ layout(binding = NEXT_BINDING, scalar) readonly buffer CacheVals { Val cache_val
 #define SKY_FIRST NEXT_BINDING
 #endif
 #ifdef SKY
-layout(binding = SKY_FIRST, scalar) readonly buffer Seen { SkySeen seen[]; }; // of each cache
-layout(binding = SKY_FIRST + 1, scalar) readonly buffer Open { uint open_parts[]; }; // of each cache by directions, of 4
-layout(binding = SKY_FIRST + 2, scalar) readonly buffer SkyDirections { vec3 sky_directions[]; }; // [cd/m^2]
+layout(binding = SKY_FIRST, scalar) readonly buffer Seen { SkySeen seen[]; }; // per cache
+layout(binding = SKY_FIRST + 1, scalar) readonly buffer Open { uint open_parts[]; }; // open quarters, 8 bits each
+layout(binding = SKY_FIRST + 2, scalar) readonly buffer SkyDirections { vec3 sky_directions[]; }; // radiance [cd/m^2]
 #endif
 
-// Radiance [cd/m^2] that arrives along a direction of what is far, by caches with these weights.
+// Radiance [cd/m^2] from far surfaces in a direction: weighted sum over the caches `at` with weights `w`.
 vec3 far_radiance(uvec3 at, vec3 w, vec3 direction) {
     uint index = direction_index(direction);
     vec3 sum = vec3(0.0);
@@ -61,7 +61,7 @@ vec3 far_radiance(uvec3 at, vec3 w, vec3 direction) {
 }
 
 #ifdef SKY
-// How far caches with these weights are open in a direction, and what the sky has there [cd/m^2].
+// Share of a direction that is open to the sky, by the caches `at` with weights `w`, and the sky's radiance [cd/m^2].
 float sky_open(uvec3 at, vec3 w, vec3 direction, out vec3 radiance) {
     uint index = direction_index(direction);
     radiance = sky_directions[index];
@@ -77,7 +77,8 @@ float sky_open(uvec3 at, vec3 w, vec3 direction, out vec3 radiance) {
 #endif
 
 #if defined(LIT) || defined(SKY)
-// Radiance [cd/m^2] that a point reflects of what the caches about it have received, of the sky or of all.
+// Radiance [cd/m^2] that a point reflects of the light its caches receive: of their bounced light if LIT, of the sky if
+// SKY.
 vec3 cache_radiance(Hit hit, HitSurface s) {
     uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
@@ -100,7 +101,8 @@ vec3 cache_radiance(Hit hit, HitSurface s) {
 }
 #endif
 
-// Radiance [cd/m^2] of what a ray has met.
+// Radiance [cd/m^2] of the surface that a ray hits. `spread`: width of the ray's cone by distance; `number` selects the
+// light.
 vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number) {
     HitSurface s = surface_at(hit, start, direction, spread);
     vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
@@ -115,8 +117,8 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
 }
 
 #ifdef GLOSSY
-// What of a direction's radiance a lobe takes, over how often such directions are chosen: by the cosine about the vertex normal,
-// and by a lobe. Veach and Guibas 1995, balance heuristic.
+// Weight of a direction's radiance in a lobe, divided by the density of directions. These are sampled by the cosine
+// about the vertex normal and by the lobe `chosen`. Veach and Guibas 1995, balance heuristic.
 float share_of(Lobe lobe, Lobe chosen, vec3 direction, vec3 n) {
     float by_cosine = float(RAYS) * max(dot(direction, n), 0.0) / PI;
     float taken = lobe_weight(lobe, direction) * lobe_density(lobe, direction);
@@ -125,7 +127,7 @@ float share_of(Lobe lobe, Lobe chosen, vec3 direction, vec3 n) {
 #endif
 
 void main() {
-    // Threads side by side have the same directions: they go the same way through the hierarchy.
+    // All threads of a workgroup trace the same directions, so that they visit similar nodes of the hierarchy.
     const uint ALL = NEAR_SIDE * NEAR_SIDE;
     uint subset = gl_WorkGroupID.x % ALL;
     uvec2 block = uvec2(gl_WorkGroupID.x / ALL, gl_WorkGroupID.y) * (NEAR_SIDE * 8u);
@@ -168,7 +170,7 @@ void main() {
     found.normal = n;
     found.is_surface = 1u;
     float from_eye = push.eye.w > 0.0 ? distance(push.eye.xyz, found.position) : 0.0;
-    // In a corner the start lies in another surface, too, which is not met there.
+    // In a corner the start may also lie on another surface. Rays begin at the distance `lift`, so they do not hit it.
     float lift = lift_at(found.position, from_eye);
     vec3 start = found.position + geometric * lift;
     vec3 tangent, bitangent;
@@ -181,7 +183,7 @@ void main() {
     vec3 specular = texelFetch(specular_image, pixel, 0).rgb;
     bool is_glossy = specular != vec3(0.0);
     Lobe lobe = lobe_of(specular, normal_coded.w, normal_coded.xyz, towards_eye);
-    // Of wide lobes caches know what is far; narrow ones need rays without end.
+    // Caches know far light well enough for wide lobes. Narrow lobes need rays of unlimited length.
     float narrow = smoothstep(3.0, 5.0, log2(max(lobe.exponent, 1.0)));
     Lobe wide = fitted_lobe_of(lobe);
     if (narrow == 0.0) {
@@ -195,7 +197,8 @@ void main() {
         vec3 local = directions[number];
         vec3 direction = tangent * local.x + bitangent * local.y + n * local.z;
         vec3 far = far_radiance(around, shares, direction);
-        // Below the surface itself there is nothing to be seen: such rays are turned up. Caches know vertex normals alone.
+        // Rays below the triangle's plane are mirrored above it. The lookup of far light keeps the original direction,
+        // since caches know only vertex normals.
         float above = dot(direction, geometric);
         direction -= above < 0.0 ? 2.0 * above * geometric : vec3(0.0);
         vec3 of_sky = vec3(0.0);
@@ -213,7 +216,7 @@ void main() {
             found.far += far + of_sky;
             found.open += 1.0 / float(RAYS);
         } else {
-            // The ray stands for a cone: pi over the number of rays that are taken together.
+            // The ray represents a cone: its projected solid angle is pi over the number of rays combined.
             arrives = met_radiance(hit, start, direction, 2.0 * inversesqrt(float(RAYS * ALL)), number);
             found.irradiance += arrives;
         }
@@ -231,7 +234,7 @@ void main() {
     found.irradiance *= PI / float(RAYS);
 #ifdef GLOSSY
     if (is_glossy) {
-        // One of the directions of the lobe, of as many as pixels share.
+        // One of the lobe's NEAR_SIDE^2 directions. Neighbouring pixels have the others.
         vec3 direction = lobe_direction(lobe, vec2((float(subset) + 0.5) / float(ALL), float(subset) * 2.39996323));
         float width = inversesqrt(0.5 * (lobe.exponent + 1.0));
         bool endless = narrow > 0.0;

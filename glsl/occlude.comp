@@ -1,7 +1,7 @@
 // Stage 7: dims the proxy lights of live caches by the discs of all caches. METHOD 6, thesis listing 5.3.
 // A workgroup dims a few consecutive caches of the list. Each thread tests one cache against every OCCLUDE_PARTS-th
 // group of discs. Partial results are combined in a fixed order, so that skipping groups changes no bit.
-// variant occlude_all.comp: ALL (no list says which caches are live: those that are not are unlit)
+// variant occlude_all.comp: ALL (all caches instead of a list of live ones; the others are unlit)
 #include "shared.glsl"
 #include "lib/overlap.glsl"
 

@@ -1,6 +1,6 @@
 // Stage 4: the scene as a light sees it: position, normal on the lit side, reflected share of the light. METHOD 2,
 // thesis 5.2.
-// variant rsm_inside.frag: INSIDE (where bodies are filled: what enters them, too. METHOD 7)
+// variant rsm_inside.frag: INSIDE (where bodies are filled: also the light that enters them. METHOD 7)
 #include "shared.glsl"
 #include "lib/surface.glsl"
 #ifdef INSIDE

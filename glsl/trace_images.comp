@@ -1,6 +1,6 @@
 // Stage 6, before the gather: traces each live cache's depth image, one ray per texel. Rays begin at a given distance.
 // METHOD 11.
-// variant trace_images_sent_on.comp: SENT_ON (of both, and caches of what rays meet: what caches send on comes from all that they see)
+// variant trace_images_sent_on.comp: SENT_ON (also the caches at hits, for the light that caches send on)
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/depth_image.glsl"
@@ -22,7 +22,7 @@ layout(binding = 16, scalar) writeonly buffer AllImages { float all_images[]; };
 layout(binding = 17, scalar) writeonly buffer Met { uint met[]; }; // cache at each ray's hit, or NO_REFERENCES
 layout(binding = 18, scalar) writeonly buffer Closed { float closed[]; }; // share of `images` that is not open
 layout(constant_id = 4) const uint REFERENCES = 8;
-layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are those of cells
+layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are stored per cell
 #define REFERENCE_BINDINGS 19
 #include "lib/hit_caches.glsl"
 

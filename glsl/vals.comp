@@ -1,5 +1,5 @@
 // Stage 4: turns each texel of an extended RSM into a virtual area light. METHOD 2, thesis 5.2.
-// variant vals_inside.comp: INSIDE (where bodies are filled: what enters them, too. METHOD 7)
+// variant vals_inside.comp: INSIDE (where bodies are filled: also the light that enters them. METHOD 7)
 #include "shared.glsl"
 #include "lib/area_light.glsl"
 #include "lib/light.glsl"

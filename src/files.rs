@@ -45,7 +45,7 @@ pub fn read(path: &Path) -> std::result::Result<Vec<u8>, String> {
 /// the old file or the whole new one.
 ///
 /// # Errors
-/// When the file cannot be written; the old file stays.
+/// Fails if the file cannot be written; the old file stays.
 pub fn replace_file(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io::Result<()>) -> Result<()> {
     replace(path, write).map_err(|error| output(path, &error))
 }
@@ -53,7 +53,7 @@ pub fn replace_file(path: &Path, write: impl FnOnce(&mut BufWriter<File>) -> io:
 /// [`replace_file`] with the given bytes.
 ///
 /// # Errors
-/// When the file cannot be written; the old file stays.
+/// Fails if the file cannot be written; the old file stays.
 pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
     replace_file(path, |file| file.write_all(bytes))
 }
@@ -61,7 +61,7 @@ pub fn write(path: &Path, bytes: &[u8]) -> Result<()> {
 /// Checks that `replace_file` can write here, before starting long work.
 ///
 /// # Errors
-/// When the file cannot be written.
+/// Fails if the file cannot be written.
 pub fn check_writable(path: &Path) -> Result<()> {
     Unfinished::beside(path).map(drop).map_err(|error| output(path, &error))
 }

@@ -130,7 +130,7 @@ pub struct Picture {
 /// Reads linear radiance of any scale from an OpenEXR or a Radiance file.
 ///
 /// # Errors
-/// When the file cannot be read, is no picture, or would exceed the memory limit.
+/// Fails if the file cannot be read, is no picture, or would exceed the memory limit.
 pub fn read_radiance(path: &Path) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
     if is_exr(path) {
@@ -160,7 +160,7 @@ pub fn is_exr(path: &Path) -> bool {
 /// with one channel is copied to all three.
 ///
 /// # Errors
-/// When the file cannot be read, is no picture, or would exceed the memory limit.
+/// Fails if the file cannot be read, is no picture, or would exceed the memory limit.
 pub fn read_picture(path: &Path, layer: Option<&str>) -> Result<Picture> {
     let bad = |reason: String| Error::Input { file: path.to_owned(), place: "image".into(), reason };
     if !is_exr(path) {
@@ -188,7 +188,7 @@ pub fn linear_from_srgb(code: u8) -> f32 {
 /// Writes an 8-bit sRGB PNG from RGBA bytes. Alpha is written only if some pixel is not opaque.
 ///
 /// # Errors
-/// When the file cannot be written; no partial file is left behind.
+/// Fails if the file cannot be written; no partial file is left behind.
 pub fn write_png(path: &Path, width: u32, height: u32, rgba: &[u8]) -> Result<()> {
     let bytes = png(width, height, rgba).map_err(|reason| Error::Output { file: path.to_owned(), reason })?;
     files::write(path, &bytes)

@@ -110,7 +110,7 @@ impl Trace {
     /// Writes the trace, with counters sampled at the start of each frame and facts about the run.
     ///
     /// # Errors
-    /// When the file cannot be written.
+    /// Fails if the file cannot be written.
     pub fn write(&self, path: &Path, counters: &[Counter<'_>], facts: &Map<String, Value>) -> Result<()> {
         let named = |what: &str, track: u32, name: String| json!({ "name": what, "ph": "M", "pid": PROCESS, "tid": track, "ts": 0, "args": { "name": name } });
         let mut head =

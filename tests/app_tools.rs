@@ -26,7 +26,7 @@ fn assert_errors(line: &str, folder: &Path, image: &str, reference: &str) {
     }
 }
 
-/// A picture from a file is shown bit for bit beside lightskin's own with the wipe, and its errors equal those of
+/// A picture from a file is shown bit for bit next to lightskin's own with the wipe, and its errors equal those of
 /// `compare`.
 #[test]
 fn a_file_is_compared() {

@@ -160,7 +160,7 @@ fn every_kind_of_frame_is_clean() {
 
 #[test]
 fn light_goes_through_clear_glass() {
-    // The sun shines through a pane onto a floor. The light under the pane is as bright as beside it.
+    // The sun shines through a pane onto a floor. The light under the pane is as bright as next to it.
     let mut scene = Scene::default();
     let white = || phong([0.7; 3], [0.0; 3], 1.0);
     add(&mut scene, quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0.5), white(), DAffine3::IDENTITY);

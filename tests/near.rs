@@ -1,5 +1,5 @@
-//! Short rays at pixels: what they find is what f64 rays find, pictures come nearer to the path tracer's, and nothing of it is
-//! stale or broken however it is combined.
+//! Short rays at pixels: they agree with f64 rays, they bring pictures closer to the path tracer's, and no combination
+//! of settings gives stale or broken results.
 
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
@@ -48,7 +48,7 @@ fn rays_find_what_f64_finds() {
         let subset = y % NEAR_SIDE * NEAR_SIDE + x % NEAR_SIDE;
         let numbers = (0..8).map(|ray| ray * NEAR_SIDE * NEAR_SIDE + subset);
         let (position, normal) = (pixel.position.as_dvec3() + world.origin, pixel.normal.as_dvec3());
-        // All surfaces are flat. A little out of them, as positions are rounded.
+        // All surfaces are flat. Positions are rounded, so rays start slightly above the surface.
         let start = position + normal * 2e-5;
         let (irradiance, open) = short_rays(&placed, start, [normal; 2], numbers, count, world.spacing());
         rays += 8;
@@ -58,10 +58,10 @@ fn rays_find_what_f64_finds() {
         off += (irradiance - pixel.irradiance.as_dvec3()).length();
         sum += irradiance.length();
     }
-    println!("{rays} rays, {closed} met something, {differ} differ; irradiance off by {:.5}", off / sum);
-    assert!(rays > 8000 && closed * 8 > rays, "{closed} of {rays}");
+    println!("{rays} rays, {closed} hit a surface, {differ} differ; relative error of irradiance {:.5}", off / sum);
+    assert!(rays > 8000 && closed * 8 > rays, "{closed} of {rays} rays hit a surface");
     assert!(differ * 500 < rays, "{differ} of {rays} rays differ");
-    assert!(off < 0.005 * sum, "{off} of {sum}");
+    assert!(off < 0.005 * sum, "irradiance is off by {off} of {sum}");
     assert_clean(&gpu);
 }
 
@@ -113,18 +113,19 @@ fn directions_of_light_are_those_of_f64() {
                 all[1] += expected * solid_angle(direction);
             }
         }
-        println!("{shadows:?}, {rsm} texels: {count} caches, off by {:.5}", off / sum.length());
-        assert!(count > 20 && off < limit * sum.length(), "{off} of {sum}");
-        // Neighbours that are taken as one may move to the next direction; all of them have the first one's cosine.
-        println!("all light off by {:.4}", all[0].distance(all[1]) / all[1].length());
+        println!("{shadows:?}, {rsm} texels: {count} caches, relative error {:.5}", off / sum.length());
+        assert!(count > 20 && off < limit * sum.length(), "{count} caches, off by {off} of {sum}");
+        // Merged neighbours may move to the next direction. All of them use the cosine of the first.
+        println!("relative error of all light {:.4}", all[0].distance(all[1]) / all[1].length());
         assert!(all[0].distance(all[1]) < gained * all[1].length(), "{all:?}");
         lit.push(sum.length());
     }
-    assert!(lit[2] < 0.99 * lit[0], "something hides light: {lit:?}");
+    assert!(lit[2] < 0.99 * lit[0], "shadows must reduce the light: {lit:?}");
     assert_clean(&gpu);
 }
 
-/// Where vertex normals look into a body, rays of its pixels go out, but ask for the light that its caches have.
+/// If vertex normals point into a body, the rays of its pixels are mirrored outwards, but look up the caches' light in
+/// their original direction.
 #[test]
 fn rays_that_are_turned_ask_for_their_own_direction() {
     let gpu = gpu();
@@ -142,8 +143,8 @@ fn rays_that_are_turned_ask_for_their_own_direction() {
         p.is_surface == 1 && (position.as_dvec3() + world.origin - place).abs().max_element() < 0.301
     });
     let [asked, all] = on_body.fold([0, 0], |[asked, all], p| [asked + usize::from({ p.all } != Vec3::ZERO), all + 1]);
-    println!("{asked} of {all} pixels ask for light");
-    assert!(all > 50 && asked * 10 > all * 9, "{asked} of {all}");
+    println!("{asked} of {all} pixels look light up");
+    assert!(all > 50 && asked * 10 > all * 9, "{asked} of {all} pixels look light up");
     assert_clean(&gpu);
 }
 
@@ -161,7 +162,7 @@ fn neighbours_share_their_rays() {
     let size = found.size.map(|side| side as usize);
     let [width, height] = size;
     let weight = |k: isize| if k.abs() == 2 { 0.5 } else { 1.0 };
-    // Each pixel's window, whose ends count half.
+    // Combines each pixel's window. Its outermost pixels count half.
     let taken = |index: usize| {
         let own = pixels[index];
         let (mut sum, mut weights, mut far, mut all) = (DVec3::ZERO, 0.0, DVec3::ZERO, DVec3::ZERO);
@@ -198,12 +199,15 @@ fn neighbours_share_their_rays() {
         moved = moved.max((before.irradiance - wanted.irradiance).length() / (wanted.irradiance.length() + 1e-6));
         shown += 1;
     }
-    println!("{shown} pixels: off by {most:.1e} of the twin; spread has changed {moved:.2} at most");
-    assert!(shown > 1000 && most < 3e-3 && moved > 0.05, "{shown}: {most}, {moved}");
+    println!("{shown} pixels: largest difference from the twin {most:.1e}; largest change by spreading {moved:.2}");
+    assert!(
+        shown > 1000 && most < 3e-3 && moved > 0.05,
+        "{shown} pixels: differ by {most} from the twin, changed by {moved}"
+    );
     assert_clean(&gpu);
 }
 
-/// Diffuse indirect light of paths with so many bounces at most.
+/// Diffuse indirect light from the path tracer with at most this many bounces.
 fn paths(scene: &Scene, size: [u32; 2], bounces: u32, passes: usize) -> Vec<[f32; 3]> {
     let settings = PathTraceSettings::engine(size, bounces);
     let mut paths = PathTrace::new(scene, &scene.cameras[0], &settings);
@@ -224,8 +228,8 @@ fn every_number_of_bounces_is_the_path_tracers() {
     for (bounces, bias) in [(1, 0.03), (2, 0.05), (4, 0.06)] {
         let truth = paths(&scene, [96, 64], bounces, 16);
         let m = against(&scene, &caches, &Knobs { bounces, ..near([96, 64]) }, &truth);
-        println!("{bounces}: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
-        assert!(m.bias.abs() < bias && m.relmse_trimmed < 0.03, "{bounces}: {m:?}");
+        println!("{bounces} bounces: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
+        assert!(m.bias.abs() < bias && m.relmse_trimmed < 0.03, "{bounces} bounces: {m:?}");
     }
 }
 
@@ -236,8 +240,8 @@ fn what_stands_nearby_is_nearer_to_paths() {
     let truth = paths(&scene, [128, 72], 1, 32);
     let [off, on] = [Near::Off, RAYS]
         .map(|near_is| against(&scene, &caches, &Knobs { near: near_is, ..near([128, 72]) }, &truth).relmse_trimmed);
-    println!("relMSE without the worst 1 %: {off:.4} by caches alone, {on:.4} with rays");
-    assert!(on < 0.8 * off, "{on} against {off}");
+    println!("relMSE without the worst 1 %: {off:.4} with caches alone, {on:.4} with rays");
+    assert!(on < 0.8 * off, "relMSE {on} with rays, {off} without");
 }
 
 #[test]
@@ -247,13 +251,13 @@ fn lobes_are_spread_over_what_mirrors_the_same() {
     for phong in scene.materials.iter_mut().filter_map(|material| material.phong.as_mut()) {
         phong.exponent = 10.0;
     }
-    // So near that pixels mirror almost the same.
+    // A narrow view: neighbouring pixels reflect almost the same.
     scene.cameras[0].projection = Projection::Perspective { yfov: 0.2 };
     let caches = baked(&scene, 0.4, 8);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
     let frame = drawn_of(&gpu, &scene, &world, &near([96, 64]));
     let found = frame.picture.near.as_ref().expect("rays");
-    // The last of the steps by which light is spread.
+    // Input and output of the last spreading pass.
     let [before, after] = [&found.halfway, &found.lights].map(|lights| gpu.read::<NearLight>(lights).expect("read"));
     let lobe = |light: &NearLight| {
         let part = |bits: u32| f64::from(bits as u16 as i16).max(-32767.0) / 32767.0;
@@ -279,8 +283,11 @@ fn lobes_are_spread_over_what_mirrors_the_same() {
         moved = moved.max((before.taken - *wanted).length() / (wanted.length() + 1e-6));
         count += 1;
     }
-    println!("{count} lobes: off by {most:.1e} of the twin; the step has changed {moved:.4} at most");
-    assert!(count > 500 && most < 1e-5 && moved > 3e-4, "{count}: {most}, {moved}");
+    println!("{count} lobes: largest difference from the twin {most:.1e}; largest change by the pass {moved:.4}");
+    assert!(
+        count > 500 && most < 1e-5 && moved > 3e-4,
+        "{count} lobes: differ by {most} from the twin, changed by {moved}"
+    );
     assert_clean(&gpu);
 }
 
@@ -302,7 +309,7 @@ fn metals_mirror_what_paths_do() {
         let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
         let m = metrics(&shown, &paths.glossy());
         println!("roughness {roughness}: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
-        assert!(m.bias.abs() < 0.06, "{roughness}: {m:?}");
+        assert!(m.bias.abs() < 0.06, "roughness {roughness}: {m:?}");
     }
 }
 
@@ -322,11 +329,11 @@ fn wide_lobes_have_the_light_of_paths() {
         let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
         metrics(&shown, &paths.glossy())
     });
-    println!("lobes: bias: {:+.4} by caches alone, {:+.4} with rays", off.bias, on.bias);
-    assert!(on.bias.abs() < 0.15 && off.bias.abs() > 0.3, "{on:?} against {off:?}");
+    println!("lobes: bias {:+.4} with caches alone, {:+.4} with rays", off.bias, on.bias);
+    assert!(on.bias.abs() < 0.15 && off.bias.abs() > 0.3, "{on:?} with rays, {off:?} without");
 }
 
-/// What a sealed room gets of the light of a lit one beside it, which in truth is nothing, as a share of what that has.
+/// A sealed room next to a lit one gets no light. Bounds the light that leaks into it, relative to the lit room's.
 #[test]
 fn a_sealed_room_stays_dark() {
     let gpu = gpu();
@@ -340,7 +347,7 @@ fn a_sealed_room_stays_dark() {
                 shoot(&gpu, &seen, Some(&caches), &knobs).diffuse.iter().map(|d| d.element_sum()).sum::<f64>()
             });
             println!("{name}, {bounces} bounces: {:.2} %", 100.0 * dark / lit);
-            assert!(dark < limit * lit, "{name}, {bounces} bounces: {dark} of {lit}");
+            assert!(dark < limit * lit, "{name}, {bounces} bounces: {dark} in the dark room, {lit} in the lit one");
         }
     }
 }
@@ -356,7 +363,7 @@ fn every_way_is_clean() {
         for (caches, bounces) in [&vertices, &cells].into_iter().zip(many) {
             for shadows in [Shadows::Off, Shadows::Proxy, Shadows::PerLight] {
                 let every = [(RAYS, Antialiasing::Four), (Quality::Reference.near(), Antialiasing::Off)];
-                // The reference's own shaders differ by what materials and caches are.
+                // The reference's own shaders depend only on materials and caches: one mode of shadows tests them.
                 let few = if shadows == Shadows::PerLight { 2 } else { 1 };
                 for (near_is, antialiasing) in every.into_iter().take(few) {
                     let knobs = Knobs { bounces, shadows, near: near_is, antialiasing, ..near([20, 14]) };
@@ -387,15 +394,15 @@ fn rays_find_what_has_moved() {
     moved.instances.last_mut().expect("a body").world_from_model.translation.x += 0.4;
     world.update(&gpu, &moved).expect("updated");
     let after = picture(&world);
-    assert!(before != after, "the body has moved");
+    assert!(before != after, "the picture must show that the body has moved");
     moved.instances.last_mut().expect("a body").world_from_model.translation.x -= 0.4;
     world.update(&gpu, &moved).expect("updated");
-    assert!(picture(&world) == before, "and is back");
+    assert!(picture(&world) == before, "moving the body back must restore the picture");
     assert_clean(&gpu);
 }
 
-/// A scene in which nothing was said to move: the first edit builds hierarchies anew, and pictures are those of an engine that
-/// has known from the start, bit by bit.
+/// In a scene without instances that are declared to move, the first edit rebuilds the hierarchies. Then pictures are
+/// bit-identical to those of an engine that knew of the movement from the start.
 #[test]
 fn what_moves_by_surprise_is_shown_as_if_it_had_been_known() {
     let gpu = gpu();

@@ -1,4 +1,5 @@
-//! Rays on the device against the f64 tracer: what they meet, and where; nothing is lost at edges, at any size.
+//! Rays on the device against the f64 tracer: which surface they hit and where. No ray slips through an edge, at any
+//! scale.
 
 mod closed;
 mod levels;
@@ -19,10 +20,10 @@ use crate::analytic::numbers;
 use crate::common::frames::{add, phong, placed, small};
 use crate::common::{Turn, assert_clean, compile, data, gpu};
 
-/// Rays of a scene.
+/// Number of rays per scene.
 const RAYS: usize = 100_000;
 
-/// A ray between two distances.
+/// A ray, limited to an interval of distances.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
 struct Ray {
@@ -37,19 +38,19 @@ impl Ray {
         Self { origin, from: 0.0, direction, to: 3e38 }
     }
 
-    /// Towards a point, from there on.
+    /// A ray from `origin` through a point.
     fn towards(origin: Vec3, point: Vec3) -> Self {
         Self::new(origin, (point - origin).as_dvec3().normalize().as_vec3())
     }
 }
 
-/// What a ray has met.
+/// Result of a ray.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 struct Met {
     distance: f32,
     weights: [f32; 2],
-    /// In its mesh; `NOTHING` where nothing is.
+    /// Index in its mesh; `NOTHING` if the ray hits nothing.
     triangle: u32,
     instance: u32,
     material: u32,
@@ -57,7 +58,7 @@ struct Met {
     normal: Vec3,
     diffuse: Vec3,
     emission: Vec3,
-    /// Mean over all chances of the light that the point reflects.
+    /// Direct light that the point reflects: mean over all `chances`.
     direct: Vec3,
 }
 
@@ -105,18 +106,18 @@ void main() {
 }
 ";
 
-/// How rays are asked.
+/// Options for tracing rays.
 #[derive(Clone, Copy, Debug, Default)]
 struct Asked {
-    /// Width of what a ray stands for, by distance.
+    /// Width of a ray's cone, by distance.
     spread: f32,
-    /// Numbers that choose lights, for each ray.
+    /// Light samples per ray.
     chances: u32,
-    /// Rays that follow each other and are the same, with other numbers; 0 as 1.
+    /// Number of consecutive rays that are equal and take different light samples. 0 acts as 1.
     times: u32,
-    /// Entries of the stack, where not as many as are needed.
+    /// Number of stack entries, if not the number needed.
     stack: Option<u32>,
-    /// Nodes and triangles are read as the other kind of device would.
+    /// Read nodes and triangles the way the other kind of device does.
     other_way: bool,
 }
 
@@ -136,7 +137,7 @@ impl Tracer {
         tracer
     }
 
-    /// A frame: it copies what has changed and poses what bends.
+    /// Draws a frame: this copies changes to the device and poses deforming meshes.
     fn draw(&self, scene: &Scene) {
         let settings = Knobs { gi: Gi::Off, ..small() };
         let mut frame = Frame::new(&self.gpu, scene, &self.world, &settings).expect("made");
@@ -173,25 +174,25 @@ impl Tracer {
         self.gpu.read(&to).expect("hits")
     }
 
-    /// How many rays meet nothing.
+    /// Number of rays that hit nothing.
     fn missed(&self, rays: &[Ray]) -> usize {
         self.trace(rays, Asked::default()).iter().filter(|met| met.triangle == NOTHING).count()
     }
 }
 
-/// A unit vector, evenly over all directions.
+/// A random unit vector, uniform over all directions.
 fn direction(next: &mut impl FnMut() -> f64) -> DVec3 {
     let (z, (sine, cosine)) = (2.0 * next() - 1.0, (std::f64::consts::TAU * next()).sin_cos());
     let across = (1.0 - z * z).max(0.0).sqrt();
     dvec3(across * cosine, across * sine, z)
 }
 
-/// Rays from anywhere within the bounds of a scene, and a little outside.
+/// Rays from random points within the bounds of a scene and slightly outside.
 fn random_rays(tracer: &Tracer, scene: &Scene, count: usize) -> Vec<Ray> {
     let (low, high) = scene.bounds().expect("bounds");
     let (low, size) = (low - tracer.world.origin - 0.05 * (high - low), 1.1 * (high - low));
     let mut next = numbers(17);
-    // The f64 tracer meets nothing nearer.
+    // The f64 tracer finds no hits nearer than this.
     let from = (1e-6 * tracer.world.radius) as f32;
     let ray = |_| {
         let origin = low + size * dvec3(next(), next(), next());
@@ -200,19 +201,19 @@ fn random_rays(tracer: &Tracer, scene: &Scene, count: usize) -> Vec<Ray> {
     (0..count).map(ray).collect()
 }
 
-/// A scene as the f64 tracer takes it, and the number that each of its instances has in the other.
+/// A static copy of a scene for the f64 tracer, and for each of its instances the index in the original scene.
 fn still(scene: &Scene) -> (Scene, Vec<usize>) {
     let shown = scene.instances.iter().enumerate().filter(|(_, instance)| !instance.hidden);
     (scene.frozen(), shown.map(|(i, _)| i).collect())
 }
 
-/// Where a ray meets the plane of a triangle.
+/// Intersection of a ray with the plane of a triangle.
 #[derive(Clone, Copy, Debug)]
 struct OnPlane {
     distance: f64,
-    /// Least weight of a corner, without its sign.
+    /// Smallest absolute barycentric weight.
     weight: f64,
-    /// How far the ray passes from an edge \[m\].
+    /// Distance between the ray and the nearest edge \[m\].
     edge: f64,
 }
 
@@ -239,31 +240,31 @@ fn on_plane(scene: &Scene, [instance, triangle]: [usize; 2], origin: DVec3, dire
     }
 }
 
-/// Hits of both, compared.
+/// Comparison of both tracers' hits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Count {
-    /// Rays that meet something.
+    /// Rays that hit a surface.
     met: usize,
-    /// Rays that meet one of two surfaces in the same place: f64 cannot tell them apart either.
+    /// Rays that hit different surfaces at the same place: f64 cannot tell these apart either.
     same_place: usize,
-    /// Rays that meet something else.
+    /// Rays whose hits differ.
     differ: usize,
-    /// Of those, rays within 1e-5 of an edge [weights], or within 1e-6 radii.
+    /// Of `differ`: rays within 1e-5 of an edge [weights], or within 1e-6 radii.
     at_edges: usize,
-    /// Of the others, rays that meet two surfaces within 1e-5 radii.
+    /// Of the remaining ones: rays whose two hits are less than 1e-5 radii apart.
     close: usize,
-    /// Of the others, rays that one of both lets through a hole.
+    /// Of the remaining ones: rays that one tracer lets through a hole of an alpha mask.
     holes: usize,
-    /// Of the others, all.
+    /// All remaining ones.
     wrong: usize,
-    /// Largest error of the distance where both meet the same [radii], where the ray does not graze.
+    /// Largest error of the distance for equal hits that do not graze [radii].
     distance: f64,
-    /// Largest error of the point that the weights say [radii].
+    /// Largest error of the point given by the weights [radii].
     position: f64,
     /// Largest errors of normals.
     geometric: f64,
     normal: f64,
-    /// Hits that emit, and the largest error of that, relative.
+    /// Hits that emit light, and the largest relative error of the emission.
     glow: usize,
     emission: f64,
 }
@@ -289,7 +290,7 @@ impl Count {
     }
 }
 
-/// Compares what the device has met with the f64 tracer.
+/// Compares the device's hits with the f64 tracer's.
 fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Count {
     let (frozen, numbers) = still(scene);
     let truth = world::World::new(&frozen);
@@ -303,7 +304,7 @@ fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Coun
             [instance, met.triangle as usize]
         });
         count.met = usize::from(expected.is_some());
-        // Both sides of a surface with two are one triangle on the device.
+        // The device has one triangle for both sides of a two-sided surface.
         let two_sided = expected.is_some_and(|e| frozen.materials[e.material].double_sided);
         let same = match (expected, hit) {
             (None, None) => return count,
@@ -327,7 +328,7 @@ fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Coun
                 .map(|v| instance.world_from_model.transform_point3(mesh.vertices[v].position.as_dvec3()));
             let [second, third] = met.weights.map(f64::from);
             let point = corners[0] + second * (corners[1] - corners[0]) + third * (corners[2] - corners[0]);
-            // Across the ray: along it the angle makes any error large.
+            // Measured across the ray: along it, grazing angles magnify any error.
             let off = point - surface.position;
             count.position = (off - off.dot(direction) * direction).length() / radius;
             count.geometric = surface.geometric.distance(met.geometric.as_dvec3());
@@ -336,7 +337,7 @@ fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Coun
             if normal.dot(surface.geometric).abs() > 1e-4 {
                 count.normal = (side * normal).distance(met.normal.as_dvec3());
             }
-            // Area lights are met as lights.
+            // Area lights do not emit at hits.
             if areas == 0 && frozen.materials[e.material].emissive_texture.is_none() {
                 let largest = frozen.materials[e.material].emissive.length().max(1e-30);
                 count.glow = usize::from(surface.emission != DVec3::ZERO);
@@ -363,14 +364,14 @@ fn compared(tracer: &Tracer, scene: &Scene, rays: &[Ray], found: &[Met]) -> Coun
             count.holes = 1;
         } else {
             count.wrong = 1;
-            println!("{ray:?} meets {met:?} {of_hit:?} instead of {expected:?} {of_expected:?}");
+            println!("{ray:?} hits {met:?} {of_hit:?} instead of {expected:?} {of_expected:?}");
         }
         count
     };
     rays.par_iter().zip(found).map(one).reduce(Count::default, Count::and)
 }
 
-/// Shoots at a scene, and judges.
+/// Traces random rays through a scene and checks their hits against the f64 tracer's.
 #[track_caller]
 fn check(what: &str, scene: &Scene, count: usize) -> Count {
     let tracer = Tracer::new(scene);
@@ -387,7 +388,7 @@ fn check(what: &str, scene: &Scene, count: usize) -> Count {
     result
 }
 
-/// Bodies that are turned, squeezed, sheared and mirrored.
+/// Rotated, squeezed, sheared and mirrored bodies.
 fn bodies() -> Scene {
     let mut scene = Scene { name: "bodies".into(), ..Scene::default() };
     let mut next = numbers(5);
@@ -411,7 +412,7 @@ fn bodies() -> Scene {
         let place = DAffine3::from_mat3_translation(linear, at);
         let mut material = phong([0.2 + 0.01 * i as f32, 0.5, 0.9], [0.0; 3], 1.0);
         if i % 3 == 0 {
-            // Balls: no area light is round.
+            // Balls do not become area lights, since they are not flat.
             material.emissive = Vec3::new(3.0, 2.0, i as f32);
         }
         add(&mut scene, surface, material, place);
@@ -424,8 +425,8 @@ fn rays_meet_what_the_f64_tracer_meets_in_the_atrium() {
     assert_eq!(check("atrium", &atrium(), RAYS).holes, 0);
 }
 
-/// Rays read as the other kind of device reads them, and with a larger stack, are the same; a stack that is too small loses
-/// hits: what was compared is able to differ.
+/// Hits stay the same if data are read as on the other kind of device, and with a larger stack. A stack that is too
+/// small loses hits: this shows that the comparison can fail.
 fn needs_its_stack(tracer: &Tracer, scene: &Scene, too_small: u32) {
     let rays = random_rays(tracer, scene, 20_000);
     let plain = tracer.trace(&rays, Asked::default());
@@ -472,7 +473,7 @@ fn rays_follow_instances_that_move_and_meet_none_that_are_hidden() {
     scene.instances[4].world_from_model.translation += dvec3(1.0, -2.0, 0.5);
     scene.instances[7].world_from_model.matrix3 *= DMat3::from_diagonal(dvec3(-1.0, 1.0, 1.3));
     scene.instances[9].hidden = true;
-    // The bounds are those of the upload.
+    // The scene's bounds stay as they were at the upload.
     tracer.world.update(&tracer.gpu, &scene).expect("the same scene");
     tracer.draw(&scene);
     let found = tracer.trace(&rays, Asked::default());
@@ -481,7 +482,7 @@ fn rays_follow_instances_that_move_and_meet_none_that_are_hidden() {
     println!("{count:?}");
     assert!(count.wrong == 0 && count.holes == 0 && count.differ <= 2, "{count:?}");
     assert!(count.distance < 2e-5 && count.normal < 1e-2, "{count:?}");
-    // Rays see that it is elsewhere.
+    // Rays find the instances at their new places.
     assert!(before.iter().zip(&found).filter(|(a, b)| a.instance != b.instance).count() > 100);
     scene.instances[9].hidden = false;
     tracer.world.update(&tracer.gpu, &scene).expect("the same scene");

@@ -1,5 +1,5 @@
-// The surface where a ray meets a triangle. Textures come from one buffer, since not every device picks one of many images for
-// each thread. Bindings 5 to 11 are its own. Twin: src/reference/world.rs.
+// The surface where a ray hits a triangle. All textures are in one buffer, since not every device can select an image
+// per thread. Uses bindings 5 to 11. Twin: src/reference/world.rs.
 #ifndef HIT_GLSL
 #define HIT_GLSL
 #include "lib/trace.glsl"
@@ -13,11 +13,11 @@ layout(binding = 9, scalar) readonly buffer TextureSlots { TextureSlot texture_s
 layout(binding = 10, scalar) readonly buffer HitTextures { HitTexture hit_textures[]; };
 layout(binding = 11, scalar) readonly buffer HitTexels { uint hit_texels[]; };
 
-// Texture coordinates, of both sets, and vertex colour.
+// Both sets of texture coordinates, and vertex colour.
 struct Attributes {
     vec4 uv;
     vec4 color;
-    float density; // root of the area in texture coordinates over that of the triangle [1/m]
+    float density; // square root of the triangle's area in texture coordinates over its area [1/m]
 };
 
 vec3 corner_vector(uint vertex, uint word) {
@@ -34,7 +34,7 @@ vec4 corner_color(uint vertex) {
     return unpackUnorm4x8(floatBitsToUint(vertex_words[vertex * VERTEX_WORDS + 14u]));
 }
 
-// The vertices of a triangle.
+// Indices of a triangle's vertices.
 uvec3 corners_of(uint triangle, uint instance) {
     uint first = floatBitsToUint(ray_triangle(3u * triangle).w);
     uint base = hit_instances[instance].drawn_vertex;
@@ -51,7 +51,7 @@ int wrapped(int i, int size, uint how) {
     return i >= size ? 2 * size - 1 - i : i;
 }
 
-// A texture of a material at a point, filtered over `width` of texture coordinates.
+// Samples a material's texture at `uv`, filtered over a width in texture coordinates.
 vec4 hit_texture(uint material, uint which, vec4 uv, float width) {
     TextureSlot slot = texture_slots[material * TEXTURE_COUNT + which];
     HitTexture texture_ = hit_textures[material * TEXTURE_COUNT + which];
@@ -97,16 +97,17 @@ bool is_there(uint at, vec2 weights, uint instance) {
     return hit_base_color(material, uv, color, 0.0).a >= materials[material].alpha_cutoff;
 }
 
-// A point of a surface that a ray has met.
+// Surface point that a ray hits.
 struct HitSurface {
     vec3 position;
-    vec3 geometric; // unit normal of the triangle on the side that the ray came from
-    vec3 normal; // unit vertex normal on that side
-    vec3 diffuse; // share of the light that is sent on
-    vec3 emission; // of what is no area light [cd/m^2]
+    vec3 geometric; // unit normal of the triangle, on the ray's side
+    vec3 normal; // unit vertex normal, on the same side
+    vec3 diffuse; // albedo of both lobes together, as if diffuse
+    vec3 emission; // zero for area lights [cd/m^2]
 };
 
-// Unit normal of a triangle in the world, against a direction.
+// Unit normal of a triangle in world space, on the side that faces against `direction`. `front`: whether the ray hits
+// the front, or the triangle is two-sided.
 vec3 hit_geometric(Hit hit, vec3 direction, out bool front) {
     vec3 a = ray_triangle(3u * hit.triangle).xyz;
     vec3 b = ray_triangle(3u * hit.triangle + 1u).xyz;
@@ -123,7 +124,7 @@ vec3 hit_geometric(Hit hit, vec3 direction, out bool front) {
     return dot(n, direction) < 0.0 ? n : -n;
 }
 
-// The surface at a hit; `spread`: width of what the ray stands for, by distance.
+// The surface at a hit; `spread`: width of the ray's cone by distance.
 HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
     HitSurface s;
     bool front;
@@ -143,7 +144,7 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
     vec4 uvc = corner_uv(v.z);
     vec4 uv = w.x * uva + w.y * uvb + w.z * uvc;
     vec4 color = w.x * corner_color(v.x) + w.y * corner_color(v.y) + w.z * corner_color(v.z);
-    // How many texture coordinates a metre is, by areas.
+    // Texture coordinates per metre, from the ratio of areas.
     vec3 p = corner_vector(v.x, 0u);
     mat3 linear = mat3(hit_instances[hit.instance].world_from_model);
     vec3 across = cross(linear * (corner_vector(v.y, 0u) - p), linear * (corner_vector(v.z, 0u) - p));
@@ -184,7 +185,7 @@ HitSurface surface_at(Hit hit, vec3 origin, vec3 direction, float spread) {
     return s;
 }
 
-// How far to step out of a surface before a ray starts: more than positions are rounded by.
+// Offset of a ray's start from its surface: more than the rounding error of positions.
 float lift_at(vec3 position, float from_eye) {
     return 1e-5 * (max(abs(position.x), max(abs(position.y), abs(position.z))) + from_eye);
 }

@@ -1,6 +1,6 @@
-// Diffusely reflected direct light where a ray has met a surface. One light is chosen by what all give without anything in the
-// way, and one ray asks whether it arrives: what many rays see together is the sum over all lights. Binding 12 is its own.
-// Twin: src/reference/near.rs.
+// Diffusely reflected direct light where a ray hits a surface. One light is chosen with a probability in proportion to
+// its unoccluded irradiance, and one ray tests its visibility. The mean over many rays is the sum over all lights. Uses
+// binding 12. Twin: src/reference/near.rs.
 #ifndef HIT_LIGHT_GLSL
 #define HIT_LIGHT_GLSL
 #include "lib/hit.glsl"
@@ -10,7 +10,7 @@
 
 layout(binding = 12, scalar) readonly buffer HitLights { Light hit_lights[]; };
 
-// A point of a polygon, evenly over its area; `chance`: two numbers in [0, 1).
+// Random point of a polygon, uniform over its area; `chance`: two numbers in [0, 1).
 vec3 point_of(SeenPart part, vec2 chance) {
     vec3 a = part.corners[0];
     float whole = 0.0;
@@ -31,7 +31,7 @@ vec3 point_of(SeenPart part, vec2 chance) {
     return mix(a, mix(part.corners[i - 1], part.corners[i], chance.y), root);
 }
 
-// Irradiance [lx] of a light at a surface, without anything in the way.
+// Irradiance [lx] from a light at a surface, without occlusion.
 vec3 light_irradiance(Light light, HitSurface s) {
     vec3 to = light.position - s.position;
     if (light.kind == LIGHT_AREA) {
@@ -54,8 +54,8 @@ vec3 light_irradiance(Light light, HitSurface s) {
     return dot(s.geometric, towards) > 0.0 ? irradiance * max(dot(s.normal, towards), 0.0) : vec3(0.0);
 }
 
-// Radiance [cd/m^2] that a surface reflects diffusely of all lights but a run of them; `chance`: three numbers in [0, 1), which
-// choose a light and a point of it.
+// Radiance [cd/m^2] that a surface reflects diffusely from all lights except `left_out` consecutive ones. `chance`:
+// three numbers in [0, 1) that select a light and a point on it.
 vec3 reflected_direct(HitSurface s, uint light_count, uint first_left_out, uint left_out, uint root, vec3 chance) {
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     float total = 0.0;
@@ -69,7 +69,7 @@ vec3 reflected_direct(HitSurface s, uint light_count, uint first_left_out, uint 
         float weight = dot(e, LUMINANCE);
         if (weight > 0.0) {
             total += weight;
-            // The one before stays by its share of the sum; what is left of the number decides further on.
+            // This light replaces the previous choice with probability `share`. `pick` is rescaled for the next.
             float share = weight / total;
             if (pick < share) {
                 pick /= share;
@@ -92,7 +92,7 @@ vec3 reflected_direct(HitSurface s, uint light_count, uint first_left_out, uint 
     float far = 3e38;
     uint passed = 0u;
     if (light.kind == LIGHT_AREA) {
-        // Of what is above the horizon: all of the irradiance comes from there.
+        // A point above the horizon: all irradiance comes from there.
         SeenPart part = above_horizon(light.position - s.position, light.right, light.up, s.normal);
         way = s.position + point_of(part, chance.yz) - start;
         far = 0.9999;

@@ -3,7 +3,7 @@
 #ifndef OVERLAP_GLSL
 #define OVERLAP_GLSL
 
-// Area of a square relative to its form factor. The print has 1, the unit disc asks for pi; 2 gave the lowest overall
+// Area of a square relative to its form factor. The print has 1, the unit disc requires pi; 2 gave the lowest overall
 // error.
 const float SQUARE = 2.0;
 

@@ -147,7 +147,7 @@ impl Document {
     /// Opens a session in the background, like `open`.
     ///
     /// # Errors
-    /// If the file is not a valid session.
+    /// Fails if the file is not a valid session.
     pub(super) fn open_session(&mut self, file: &Path) -> Result<()> {
         let (args, session) = session::load(file, &self.args)?;
         self.session = Some(file.to_owned());
@@ -197,10 +197,10 @@ impl Document {
     /// load, the old one stays.
     ///
     /// # Errors
-    /// If the first scene does not load, because there is nothing to show.
+    /// Fails if the first scene does not load, because there is nothing to show.
     pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
         let Some(job) = self.job.take_if(|job| job.thread.is_finished()) else { return Ok(false) };
-        let made = job.thread.join().map_err(|_| anyhow!("loading failed unexpectedly; this is a bug of lightskin"));
+        let made = job.thread.join().map_err(|_| anyhow!("a background job panicked; this is a bug of lightskin"));
         let taken = made.and_then(|loaded| self.take(gpu, loaded?, (job.args, job.anew), job.session.as_ref()));
         match (taken, &self.engine) {
             (Err(error), Some(_)) => log::error!("{error:#}"),

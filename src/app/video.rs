@@ -25,7 +25,7 @@ impl Video {
     /// Starts a video of the chosen animation, or of the first, and creates its folder.
     ///
     /// # Errors
-    /// If the scene has no animation, or if the folder cannot be created.
+    /// Fails if the scene has no animation, or the folder cannot be created.
     pub(super) fn begin(document: &mut Document, fps: f64) -> Result<Self> {
         let before = document.clip;
         let index = before.animation.unwrap_or(0);

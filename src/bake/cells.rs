@@ -64,7 +64,7 @@ impl CacheSet {
     /// model.
     ///
     /// # Errors
-    /// More cells than can be numbered; ask for fewer caches.
+    /// Fails if there are more cells than can be numbered; ask for fewer caches.
     pub fn with_cells(mut self, scene: &Scene) -> Result<Self> {
         let reach = REACH * self.spacing;
         let models = super::models(scene).0;

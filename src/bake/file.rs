@@ -23,7 +23,7 @@ const HEADER: usize = 8 + 4 + 32 + 8 + 32;
 /// [`kept::folder`]; without a folder, nothing is kept.
 ///
 /// # Errors
-/// Those of `bake`. A kept file that cannot be read or written is no error.
+/// As `bake`. A kept file that cannot be read or written is no error.
 pub fn bake_cached(
     scene: &Scene,
     settings: &BakeSettings,
@@ -42,7 +42,7 @@ pub fn bake_cached(
 /// again. If it cannot be written, a warning is logged.
 ///
 /// # Errors
-/// Those of `bake`. A kept file that cannot be read or written is no error.
+/// As `bake`. A kept file that cannot be read or written is no error.
 pub fn bake_kept_in(
     folder: &Path,
     scene: &Scene,

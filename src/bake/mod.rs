@@ -130,8 +130,8 @@ const SAME_STRETCH: f64 = 1e-4;
 /// than the count, each cache represents wider angles than requested; [`Coverage::angle`] reports the angle.
 ///
 /// # Errors
-/// A scene without triangles. `TooLarge` if a model would get more caches than 16-bit references can address, or if the
-/// spacing is tiny compared to a model.
+/// Fails if the scene has no triangles. Fails with `TooLarge` if a model would get more caches than 16-bit references
+/// can address, or if the spacing is tiny compared to a model.
 pub fn bake(scene: &Scene, settings: &BakeSettings, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<CacheSet> {
     assert!(settings.angle.is_finite() && settings.angle > 0.0, "bake: angle {}", settings.angle);
     assert!(settings.references > 0, "bake: no references");

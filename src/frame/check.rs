@@ -51,7 +51,7 @@ impl Check {
     /// does not have are left out.
     ///
     /// # Errors
-    /// Fails if the device was lost.
+    /// Fails if the device is lost.
     pub fn count(&self, gpu: &Gpu, light: &Light, picture: &Picture) -> Result<Vec<Broken>> {
         let (surface, exposure) = (&picture.surface, &picture.output.exposure);
         let diffuse = picture.indirect.as_ref().map(|i| &i.diffuse);

@@ -32,7 +32,7 @@ impl Loaded {
     /// fraction done, from 0 to 1, and the name of the current step.
     ///
     /// # Errors
-    /// Files that cannot be read, and scenes on which no caches can be placed.
+    /// Fails if a file cannot be read, or no caches can be placed on the scene.
     pub fn open(path: &Path, quality: Quality, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Self> {
         progress(0.0, "load");
         let mut scene = gltf::load(path)?;
@@ -48,7 +48,7 @@ impl Loaded {
     /// cells.
     ///
     /// # Errors
-    /// Scenes on which no caches can be placed.
+    /// Fails if no caches can be placed on the scene.
     pub fn with_caches(
         scene: Scene,
         settings: &BakeSettings,
@@ -59,7 +59,7 @@ impl Loaded {
         if !at_vertices {
             match caches.clone().with_cells(&scene) {
                 Ok(with_cells) => caches = with_cells,
-                Err(error) => log::warn!("{error:#}: light is interpolated at the vertices of undivided triangles"),
+                Err(error) => log::warn!("{error:#}: light is interpolated at vertices without subdividing triangles"),
             }
         }
         Ok(Self { scene, caches: Some(caches) })
@@ -151,7 +151,7 @@ impl Engine {
     /// Changes transforms, poses, lights (including their number) or materials. Takes effect at the next frame.
     ///
     /// # Errors
-    /// A change of models or instances, since it needs other caches: `scene` then has the change, but frames keep
+    /// Fails if models or instances change, since they need other caches: `scene` then has the change, but frames keep
     /// showing the old state until a job (`start`) or `load` provides the caches. Also fails if the device runs out of
     /// memory.
     pub fn edit(&mut self, gpu: &Gpu, change: impl FnOnce(&mut Scene)) -> Result<()> {
@@ -190,7 +190,7 @@ impl Engine {
     /// Takes over the result of a finished job and returns whether there was one. Never waits.
     ///
     /// # Errors
-    /// Those of the job and of `load`; then nothing has changed.
+    /// Fails if the job failed or `load` fails; then nothing has changed.
     pub fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
         match self.job.take() {
             Some(job) if job.thread.is_finished() => self.take_over(gpu, job),
@@ -214,7 +214,7 @@ impl Engine {
 
     fn take_over(&mut self, gpu: &Gpu, job: Job) -> Result<bool> {
         let made = job.thread.join();
-        let made = made.map_err(|_| Error::Nothing("a background job panicked".into()))?;
+        let made = made.map_err(|_| Error::Nothing("a background job panicked; this is a bug of lightskin".into()))?;
         self.load(gpu, made?)?;
         Ok(true)
     }
@@ -231,7 +231,8 @@ impl Engine {
     /// it before each frame; it costs nothing if everything fits.
     ///
     /// # Errors
-    /// Anything that the device cannot hold or support. Parts that were not rebuilt before the error stay as they were.
+    /// Fails if the device cannot hold or support something. Parts that were not rebuilt before the error stay as they
+    /// were.
     pub fn fit(&mut self, gpu: &Gpu, pictures: &mut [(&mut Picture, [u32; 2])]) -> Result<()> {
         self.light.fit(gpu, &self.scene, &self.world, &self.settings, pictures.len())?;
         pictures.iter_mut().try_for_each(|(picture, size)| picture.fit(gpu, &self.world, &self.light, *size))

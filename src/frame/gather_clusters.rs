@@ -95,7 +95,7 @@ impl Clusters {
     /// Pairs of a cache and a node or VAL whose light the last frame computed. Waits for the device.
     ///
     /// # Errors
-    /// Fails if the device was lost.
+    /// Fails if the device is lost.
     pub fn pairs(&self, gpu: &Gpu) -> Result<u64> {
         let LiveArgs { groups_x, groups_y, .. } = gpu.read(&self.live.args)?[0];
         let pairs: Vec<u32> = gpu.read(&self.pairs)?;

@@ -36,7 +36,7 @@ pub struct Surface {
     pub coat: Option<Image>,
     /// Emitted radiance. Stage 2 adds directly reflected radiance and the sky.
     pub radiance: Image,
-    /// Whether these are second surfaces, which are visible beside the pixel's centre.
+    /// Whether these are second surfaces, which are visible away from the pixel's centre.
     pub is_second: bool,
     /// Light of one source at a time that reaches the surfaces; only with ray-traced shadows.
     pub arriving: Option<Buffer>,

@@ -185,7 +185,7 @@ impl Light {
     /// Caches that the last frame lit, VALs that carry light, and pairs of both. Waits for the device.
     ///
     /// # Errors
-    /// Fails if the device was lost.
+    /// Fails if the device is lost.
     pub fn counts(&self, gpu: &Gpu) -> Result<Counts> {
         let mut counts = Counts::default();
         if let Some(vals) = self.vals() {

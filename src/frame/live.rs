@@ -87,7 +87,7 @@ impl Live {
     /// Number of caches in the live items. Waits for the device.
     ///
     /// # Errors
-    /// Fails if the device was lost.
+    /// Fails if the device is lost.
     pub fn lit(&self, gpu: &Gpu) -> Result<u32> {
         let items = gpu.read::<LiveArgs>(&self.args)?[0].cache_count;
         let list: Vec<u32> = gpu.read(&self.list)?;

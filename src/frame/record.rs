@@ -19,7 +19,7 @@ use std::ops::Range;
 /// nothing is recorded.
 ///
 /// # Panics
-/// If light or pictures were not fitted after a change of the world, the settings or the number of views.
+/// Panics if light or pictures were not fitted after a change of the world, the settings or the number of views.
 pub fn record(cmd: &Cmd<'_>, world: &World, light: &mut Light, views: &mut [(View, &mut Picture)], look: &Look) {
     record_rows(cmd, world, light, views, look, 0..u32::MAX);
 }

@@ -87,7 +87,7 @@ impl Gpu {
     /// Reads a whole buffer back; waits for the device.
     ///
     /// # Errors
-    /// Fails if the device was lost or there is no memory to read into.
+    /// Fails if the device is lost, or there is no memory to read into.
     pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
         let back = self.readback_buffer("readback", buffer.held)?;
         self.run_once("readback", |cmd| cmd.copy_buffer(buffer, &back, buffer.held))?;
@@ -153,7 +153,7 @@ impl Buffer {
     /// The bytes of a host-visible buffer.
     ///
     /// # Panics
-    /// If the buffer is not host-visible, or the device still uses it.
+    /// Panics if the buffer is not host-visible, or the device still uses it.
     pub fn bytes(&self) -> &[u8] {
         self.assert_idle();
         let all = self.allocation.as_ref().and_then(Allocation::mapped_slice).expect("host-visible memory");
@@ -163,7 +163,7 @@ impl Buffer {
     /// Writes into a host-visible buffer, from this byte on.
     ///
     /// # Panics
-    /// If the buffer is not host-visible or too small, or the device still uses it.
+    /// Panics if the buffer is not host-visible or too small, or the device still uses it.
     pub fn write<T: bytemuck::NoUninit>(&mut self, offset: u64, data: &[T]) {
         self.assert_idle();
         let bytes: &[u8] = bytemuck::cast_slice(data);

@@ -198,7 +198,7 @@ impl Gpu {
     /// host's; nothing here destroys them.
     ///
     /// # Errors
-    /// Fails if the device lacks something, or memory for the first objects.
+    /// Fails if the device lacks a requirement, or memory for the first objects.
     ///
     /// # Safety
     /// All statements in `host` must be true. Instance and device must have been created with everything that `needs`
@@ -346,7 +346,7 @@ impl Gpu {
     }
 
     /// Number of vertex positions along a pixel's side, if the rasteriser has so few (16 on some devices) that drawn
-    /// triangles lie visibly beside the surface. `None` for 256 or more.
+    /// triangles are visibly off the surface. `None` for 256 or more.
     pub fn coarse_subpixels(&self) -> Option<u32> {
         let bits = self.shared.limits.sub_pixel_precision_bits;
         (bits < 8).then(|| 1 << bits)

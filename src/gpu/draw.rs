@@ -222,7 +222,7 @@ impl Draw<'_, '_> {
     /// scissor.
     ///
     /// # Panics
-    /// If it is not inside the scope's own area.
+    /// Panics if it is not inside the scope's own area.
     pub fn area(&self, [x, y, width, height]: [u32; 4]) {
         if self.cmd.failed() {
             return;
@@ -260,7 +260,7 @@ impl Draw<'_, '_> {
     /// width and height \[pixels\].
     ///
     /// # Panics
-    /// If the rectangle exceeds the range of 31-bit numbers.
+    /// Panics if the rectangle exceeds the range of 31-bit numbers.
     pub fn clip(&self, [x, y, width, height]: [u32; 4]) {
         if self.cmd.failed() {
             return;

@@ -97,7 +97,7 @@ impl Gpu {
     /// Records and submits a frame. Waits only if the frame before the previous one is not done.
     ///
     /// # Errors
-    /// Returns errors of recording or submitting. Then nothing of the frame is submitted.
+    /// Fails if recording or submitting fails. Then nothing of the frame is submitted.
     pub fn frame(&self, record: impl FnOnce(&Cmd<'_>) -> Result<()>) -> Result<Frame> {
         self.counted(false, record)
     }
@@ -155,7 +155,7 @@ impl Gpu {
     /// 256, the oldest are lost.
     ///
     /// # Errors
-    /// Fails if the device was lost.
+    /// Fails if the device is lost.
     pub fn finished_times(&self) -> Result<Vec<FrameTimes>> {
         // SAFETY: the semaphore is alive.
         let done = unsafe { self.shared.device.get_semaphore_counter_value(self.shared.timeline) }
@@ -173,7 +173,7 @@ impl Gpu {
     /// Waits for everything submitted. Afterwards `finished_times` has every frame.
     ///
     /// # Errors
-    /// Fails if the device was lost.
+    /// Fails if the device is lost.
     pub fn wait(&self) -> Result<()> {
         self.shared.wait()?;
         self.shared.collect();
@@ -183,7 +183,7 @@ impl Gpu {
     /// Waits for a frame and fetches its times, which must not have been fetched yet.
     ///
     /// # Errors
-    /// Fails if the device was lost.
+    /// Fails if the device is lost.
     pub fn times(&self, frame: &Frame) -> Result<FrameTimes> {
         let mut slot = self.ring.slots[frame.number as usize % FRAMES_IN_FLIGHT].borrow_mut();
         let held = slot.unread && slot.notes.number == frame.number;
@@ -225,7 +225,7 @@ impl Gpu {
     /// Records, submits and waits: for uploads and read-back outside the frame loop. Has no times.
     ///
     /// # Errors
-    /// Fails if the device was lost.
+    /// Fails if the device is lost.
     pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
         let frame = self.submit(false, |cmd| {
             cmd.zone.set(name);

@@ -176,7 +176,7 @@ impl Gpu {
     /// Reads the largest mip level of an image back as tightly packed texels, layer after layer; waits for the device.
     ///
     /// # Errors
-    /// Fails if the device was lost or there is no memory to read into.
+    /// Fails if the device is lost, or there is no memory to read into.
     pub fn read_image<T: bytemuck::Pod>(&self, image: &Image) -> Result<Vec<T>> {
         let back = self.readback_buffer("readback", image.made.level_bytes(0))?;
         self.run_once("readback", |cmd| cmd.copy_image_to_buffer(image, &back))?;
@@ -186,10 +186,10 @@ impl Gpu {
     /// Reads one texel of the largest mip level back, by column and row; waits for the device.
     ///
     /// # Errors
-    /// Fails if the device was lost or there is no memory to read into.
+    /// Fails if the device is lost, or there is no memory to read into.
     ///
     /// # Panics
-    /// If the image has no such texel, or its texels are larger than `T`.
+    /// Panics if the image has no such texel, or its texels are larger than `T`.
     pub fn read_texel<T: bytemuck::Pod>(&self, image: &Image, at: [u32; 2]) -> Result<T> {
         let back = self.readback_buffer("readback", size_of::<T>() as u64)?;
         self.run_once("readback", |cmd| cmd.copy_texel_to_buffer(image, at, &back))?;

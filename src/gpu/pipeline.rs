@@ -110,7 +110,7 @@ impl Gpu {
     /// The same with full subgroups of this many threads.
     ///
     /// # Panics
-    /// If `voting_threads` does not return this number.
+    /// Panics if `voting_threads` does not return this number.
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.

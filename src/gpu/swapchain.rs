@@ -155,10 +155,10 @@ impl Swapchain {
     /// the present mode requires.
     ///
     /// # Errors
-    /// Fails if the device was lost, or the window does not accept such pictures.
+    /// Fails if the device is lost, or the window does not accept such pictures.
     ///
     /// # Panics
-    /// If the image has another format or belongs to another device.
+    /// Panics if the image has another format or belongs to another device.
     pub fn show(&mut self, image: &Image) -> Result<bool> {
         assert!(Arc::ptr_eq(&self.shared, &image.shared), "{}: of another device", image.name);
         let copied = image.made.usage.contains(vk::ImageUsageFlags::TRANSFER_SRC);

@@ -68,7 +68,7 @@ fn bytes_needed(headers: &[Header]) -> u64 {
 /// Writes a 32-bit float OpenEXR with all layers in one part, linear Rec.709. `metadata` becomes the file's comment.
 ///
 /// # Errors
-/// When the file cannot be written; no partial file is left behind.
+/// Fails if the file cannot be written; no partial file is left behind.
 pub fn write_exr(path: &Path, width: u32, height: u32, layers: &[Layer], metadata: &str) -> Result<()> {
     let mut channels = exr::prelude::SmallVec::<[AnyChannel<FlatSamples>; 4]>::new();
     for layer in layers {

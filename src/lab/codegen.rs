@@ -29,7 +29,7 @@ const AT_ONCE: u32 = 4;
 /// whose names begin with `only`.
 ///
 /// # Errors
-/// If the driver rejects a shader.
+/// Fails if the driver rejects a shader.
 pub fn lines(codegen: &Codegen, only: &str) -> Result<Vec<Line>> {
     let mut all = Vec::new();
     let mut shapes: Vec<_> = tune::candidates(false).iter().map(|ways| (ways.source, ways.caches())).collect();

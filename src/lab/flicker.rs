@@ -148,7 +148,7 @@ pub fn model(scene: &Scene) -> Option<usize> {
 /// share, 0 to 1, and the current step.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn measure(
     gpu: &Gpu,
     scene: &Scene,

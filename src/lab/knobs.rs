@@ -124,7 +124,7 @@ impl Knobs {
     /// The settings.
     ///
     /// # Panics
-    /// If the knobs do not go together.
+    /// Panics if the knobs do not go together.
     pub fn settings(&self) -> Settings {
         assert!(self.go_together(), "{self:?} is no frame");
         let dim = self.shadows == Shadows::Proxy;

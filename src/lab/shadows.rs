@@ -78,7 +78,7 @@ fn lights_caches(name: &str) -> bool {
 /// Compares every kind with the path tracer from the scene's first camera. Path-traced samples are kept in `folder`.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn compare(
     gpu: &Gpu,
     scene: &Scene,

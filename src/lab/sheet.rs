@@ -37,7 +37,7 @@ impl Entry {
     /// surface. `notes` are printed below.
     ///
     /// # Errors
-    /// If the pictures differ in size, show no surface or have non-finite values.
+    /// Fails if the pictures differ in size, show no surface or have non-finite values.
     pub fn new(
         scene: &str,
         drawn: &Picture,
@@ -138,7 +138,7 @@ impl Sheet {
     /// Writes the page; `about` says how the pictures were made.
     ///
     /// # Errors
-    /// If a file cannot be written.
+    /// Fails if a file cannot be written.
     pub fn write(&self, path: &Path, about: &str) -> Result<()> {
         if path.is_dir() {
             let reason = "is a folder; name a file".into();

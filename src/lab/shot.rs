@@ -58,7 +58,7 @@ pub struct Shot {
 /// Draws one frame from the scene's first camera and reads it back.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs) -> Result<Shot> {
     let said = gpu.messages().len();
     let world = World::new(gpu, scene, caches)?;
@@ -117,7 +117,7 @@ pub fn shoot(gpu: &Gpu, scene: &Scene, caches: Option<&CacheSet>, knobs: &Knobs)
 /// The gather's sums at each of this many caches; culled caches have no light.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn gather_sums(gpu: &Gpu, gather: &Gather, count: u32) -> Result<Vec<GatherSums>> {
     let mut sums = vec![GatherSums::default(); count as usize];
     let (live, parts, bounces) = match gather {
@@ -173,7 +173,7 @@ pub fn gather_sums(gpu: &Gpu, gather: &Gather, count: u32) -> Result<Vec<GatherS
 /// RGB values of a float image.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn radiance(gpu: &Gpu, image: &Image) -> Result<Vec<DVec3>> {
     let texels: Vec<[f32; 4]> = gpu.read_image(image)?;
     Ok(texels.iter().map(|t| Vec3::new(t[0], t[1], t[2]).as_dvec3()).collect())

@@ -127,7 +127,7 @@ pub fn sphere_form_factor(radius2: f64, cosine: f64, d2: f64) -> f64 {
 }
 
 /// Occluding share of a disc, eq. 5.61, at the distance `along` \[m\] in front of the light: 1 from `reach` \[m\] on, 0
-/// beside and behind the light.
+/// at the sides of the light and behind it.
 pub fn fade(along: f64, reach: f64) -> f64 {
     (along / reach).clamp(0.0, 1.0)
 }

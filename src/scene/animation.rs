@@ -232,7 +232,7 @@ impl Scene {
     ///
     /// # Panics
     ///
-    /// If the animation does not exist.
+    /// Panics if the animation does not exist.
     pub fn pose(&mut self, animation: usize, time: f64) {
         let count = self.animations().count();
         assert!(animation < count, "pose: animation {animation} of {count}");
@@ -259,7 +259,7 @@ impl Rig {
     ///
     /// # Panics
     ///
-    /// If the nodes do not form a tree.
+    /// Panics if the nodes do not form a tree.
     pub fn new(parts: Parts) -> Self {
         let count = parts.nodes.len();
         let mut children = vec![Vec::new(); count];

@@ -40,7 +40,7 @@ const LARGEST: f64 = 1e15;
 ///
 /// # Errors
 ///
-/// `Error::Input`, one line, for every fault of the file.
+/// Fails with a one-line `Error::Input` for every fault of the file.
 pub fn load(path: &Path) -> Result<Scene> {
     let (document, binary) = files::open(path)?;
     let mut notes = Notes::default();

@@ -25,7 +25,7 @@ const VERTICES: u32 = 34962;
 /// refused.
 ///
 /// # Errors
-/// A file that cannot be written, or an image without texels.
+/// Fails if a file cannot be written, or an image has no texels.
 pub fn write_glb(scene: &Scene, path: &Path) -> Result<()> {
     let failed = |reason: String| Error::Output { file: path.to_path_buf(), reason };
     let bytes = glb_bytes(scene).map_err(failed)?;

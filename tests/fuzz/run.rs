@@ -260,7 +260,7 @@ struct Found {
 #[test]
 fn mutants_end_in_a_result_or_one_line_with_a_remedy() {
     let Some(range) = wanted() else {
-        println!("skipped: LIGHTSKIN_FUZZ=10000 runs the tool on that many broken files, in half an hour");
+        println!("skipped: LIGHTSKIN_FUZZ=10000 runs the tool on that many broken files; see scripts/test");
         return;
     };
     let seeds = seeds::all();

@@ -1,4 +1,4 @@
-//! What rounding does to rays: edges and corners, axes, sizes, what has no area, many in one place.
+//! Rays and rounding: edges, corners, directions along axes, sizes, triangles without area, many triangles at a place.
 
 use super::{Asked, NOTHING, Ray, Tracer, still};
 use crate::common::frames::{add, phong};
@@ -7,7 +7,7 @@ use lightskin::reference::world::{self, Sides};
 use lightskin::scene::build::{Surface, quad};
 use lightskin::scene::{Scene, Vertex};
 
-/// Triangles that share no vertices.
+/// A surface of triangles that share no vertices.
 fn surface(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> Surface {
     let mut surface = Surface::default();
     for corners in triangles {
@@ -21,7 +21,7 @@ fn surface(triangles: impl IntoIterator<Item = [Vec3; 3]>) -> Surface {
     surface
 }
 
-/// Triangles of a closed ball.
+/// The triangles of a closed ball.
 fn ball(level: u32, radius: f64, at: DVec3) -> Vec<[Vec3; 3]> {
     let mut all: Vec<[DVec3; 3]> = Vec::new();
     for octant in 0..8 {
@@ -37,7 +37,7 @@ fn ball(level: u32, radius: f64, at: DVec3) -> Vec<[Vec3; 3]> {
             })
             .collect();
     }
-    // Turned: no edge is along an axis.
+    // Rotated, so that no edge is parallel to an axis.
     let turn = glam::DQuat::from_axis_angle(dvec3(0.3, 0.5, 0.8).normalize(), 0.7);
     all.into_iter().map(|t| t.map(|p| (at + turn * p * radius).as_vec3())).collect()
 }
@@ -55,7 +55,7 @@ fn no_ray_leaves_a_closed_ball_at_edges_or_corners() {
         let triangles = ball(4, radius, at);
         let mut all = triangles.clone();
         if far > 0.0 {
-            // Its like on the other side: the middle of the scene is far from both.
+            // A second ball on the other side, so that the scene's centre is far from both.
             all.extend(ball(0, radius, -at));
         }
         let scene = of(all);
@@ -76,7 +76,7 @@ fn no_ray_leaves_a_closed_ball_at_edges_or_corners() {
             corners.len()
         );
         assert_eq!(missed, [0, 0], "radius {radius:e}, {far:e} m away");
-        // Nor does one meet what is not there.
+        // Rays from outside that point away must hit nothing.
         let outside = |ray: &Ray| Ray { origin: ray.origin + ray.direction * (3.0 * radius) as f32, ..*ray };
         let away: Vec<Ray> = corners.iter().map(outside).collect();
         assert_eq!(tracer.missed(&away), away.len(), "radius {radius:e}, {far:e} m away");
@@ -85,7 +85,7 @@ fn no_ray_leaves_a_closed_ball_at_edges_or_corners() {
 
 #[test]
 fn no_ray_along_an_axis_is_lost() {
-    // A cube whose faces are grids: edges, diagonals and planes between boxes are on the rays.
+    // A cube whose faces are grids: rays run along edges, diagonals and the planes between boxes.
     let mut triangles = Vec::new();
     let n = 8;
     for (axis, side) in [0, 1, 2].into_iter().flat_map(|axis| [(axis, -1.0_f32), (axis, 1.0)]) {
@@ -107,14 +107,14 @@ fn no_ray_along_an_axis_is_lost() {
             for (i, j) in (0..17).flat_map(|i| (0..17).map(move |j| (i as f32 / 8.0 - 1.0, j as f32 / 8.0 - 1.0))) {
                 let mut d = [zero; 3];
                 d[axis] = side;
-                // In the planes of edges, and beside them.
+                // In the planes of edges, and next to them.
                 for share in [0.875, 0.999] {
                     let clamped = |v: f32| if share == 0.875 { v.clamp(-0.875, 0.875) } else { v * share };
                     let mut o = [0.0; 3];
                     o[(axis + 1) % 3] = clamped(i);
                     o[(axis + 2) % 3] = clamped(j);
                     rays.push(Ray::new(o.into(), d.into()));
-                    // From just before the wall.
+                    // Starting just in front of the wall.
                     o[axis] = side * (1.0 - 1e-6);
                     rays.push(Ray::new(o.into(), d.into()));
                 }
@@ -122,14 +122,14 @@ fn no_ray_along_an_axis_is_lost() {
         }
         let found = tracer.trace(&rays, Asked::default());
         let missed = found.iter().filter(|met| met.triangle == NOTHING).count();
-        println!("along axes, others {zero:e}: missed {missed} of {}", rays.len());
-        assert_eq!(missed, 0, "{zero:e}");
+        println!("along axes, other components {zero:e}: missed {missed} of {}", rays.len());
+        assert_eq!(missed, 0, "missed rays, other components {zero:e}");
         let far = |(ray, met): (&Ray, &super::Met)| {
             let along = 1.0 - ray.origin.dot(ray.direction);
             (met.distance - along).abs()
         };
         let worst = rays.iter().zip(&found).map(far).fold(0.0, f32::max);
-        assert!(worst < 3e-7, "{worst}");
+        assert!(worst < 3e-7, "the distance is off by {worst}");
     }
 }
 
@@ -138,7 +138,7 @@ fn what_has_no_area_hides_nothing_and_is_not_met() {
     let good = ball(3, 1.0, DVec3::ZERO);
     let mut all = good.clone();
     for [a, b, c] in good.iter().step_by(3).copied() {
-        // Lines and points, outside, inside and on the ball, and the same triangle once more.
+        // Lines and points outside, inside and on the ball, and the same triangle again.
         all.extend([[a, b, b], [a, a, a], [a * 0.5, a * 0.5, b * 0.5], [a * 0.25, a * 0.5, a * 0.75], [a, b, c]]);
     }
     let scene = of(all);
@@ -150,7 +150,7 @@ fn what_has_no_area_hides_nothing_and_is_not_met() {
         assert!(met.triangle != NOTHING && met.distance > 0.9, "{ray:?}: {met:?}");
         assert!(met.geometric.is_finite() && met.normal.is_finite() && met.geometric.dot(ray.direction) < 0.0);
     }
-    // Nothing but points and lines: nothing is met.
+    // A scene of points and lines only: rays hit nothing.
     let lines = of(good.iter().flat_map(|[a, b, _]| [[*a, *b, *b], [*a, *a, *a]]));
     let tracer = Tracer::new(&lines);
     assert_eq!(tracer.missed(&rays), rays.len());
@@ -170,7 +170,7 @@ fn one_triangle_is_met_from_both_sides() {
     }
     let past = [vec3(0.9, 1.0, 0.5), vec3(-1.1, 1.0, -0.9), vec3(0.0, 1.0, 1.1)];
     assert_eq!(tracer.missed(&past.map(|p| Ray::new(p - origin, -Vec3::Y))), past.len());
-    // Short of it, and from behind it.
+    // One ray ends before the triangle, one starts behind it.
     let short = [Ray { to: 0.99, ..rays[0] }, Ray { from: 1.01, ..rays[0] }];
     assert_eq!(tracer.missed(&short), 2);
 }
@@ -182,23 +182,23 @@ fn the_stack_is_enough_for_many_in_one_place() {
     let mesh = &mut same.meshes[0];
     mesh.indices = mesh.indices.repeat(20_000);
     mesh.primitives[0].index_count = mesh.indices.len() as u32;
-    // Each half as large as the one before, towards a corner, with the even sheet that all of them face.
+    // Pairs of triangles that shrink by half towards a corner.
     let shrinking = (0..100).flat_map(|i| {
         let size = 0.5_f32.powi(i);
         [[Vec3::X, Vec3::Y, Vec3::Z], [Vec3::X, Vec3::Z, Vec3::Y + Vec3::Z]].map(|t| t.map(|p| p * size))
     });
     let shrinking = of(shrinking);
-    // Very many beside a few that are far apart.
+    // Many small triangles next to a few large ones.
     let mut apart = of([]);
     let grey = || phong([0.5; 3], [0.0; 3], 1.0);
     add(&mut apart, quad(Vec3::ZERO, Vec3::X, Vec3::Y, 0.01), grey(), DAffine3::IDENTITY);
     let big = DAffine3::from_translation(dvec3(0.0, 0.0, 1e5)) * DAffine3::from_scale(DVec3::splat(1e5));
     add(&mut apart, quad(Vec3::ZERO, Vec3::X, Vec3::Y, 1.0), grey(), big);
-    // In one plane about one middle, each larger than the one before: the last covers all.
+    // Nested triangles of growing size in one plane: the last one covers all.
     let grown = |i: i32| [-Vec3::ONE, vec3(1.0, -1.0, 1.0), Vec3::Y].map(|p| p * i as f32 * 5e-5);
     let nested = of((1..=20_000).map(grown));
     let largest = of([grown(20_000)]);
-    // The f64 tracer cannot take very many in one place.
+    // The f64 tracer cannot handle many triangles at one place, so it gets an equivalent scene.
     let scenes = [
         ("same", &same, &once),
         ("shrinking", &shrinking, &shrinking),
@@ -208,9 +208,9 @@ fn the_stack_is_enough_for_many_in_one_place() {
     for (what, scene, truth) in scenes {
         let tracer = Tracer::new(scene);
         let [stack, ..] = tracer.world.rays().expect("rays").constants(&tracer.gpu);
-        println!("{what}: {} triangles, a stack of {stack}", scene.triangle_count());
-        assert!(stack <= 48, "{what}: {stack}");
-        // All along the corner where most of them are.
+        println!("{what}: {} triangles, {stack} stack entries", scene.triangle_count());
+        assert!(stack <= 48, "{what}: {stack} stack entries");
+        // Rays towards the corner where most triangles are.
         let mut next = crate::analytic::numbers(3);
         let mut rays = Vec::new();
         for _ in 0..2000 {
@@ -224,7 +224,7 @@ fn the_stack_is_enough_for_many_in_one_place() {
         let (frozen, _) = still(truth);
         let truth = world::World::new(&frozen);
         let (mut met, mut differ) = (0, 0);
-        // Beside edges rounding decides.
+        // Near edges rounding decides.
         let inside = |second: f64, third: f64| second.min(third).min(1.0 - second - third) > 1e-3;
         for (ray, found) in rays.iter().zip(&found) {
             let origin = tracer.world.origin + ray.origin.as_dvec3();
@@ -236,7 +236,7 @@ fn the_stack_is_enough_for_many_in_one_place() {
                 continue;
             }
             met += usize::from(expected.is_some());
-            // Square to the surface: of a ray that grazes it rounding is as much longer.
+            // Distance along the normal: along a grazing ray the rounding error is larger by 1 / cosine.
             let slope = f64::from(found.geometric.dot(ray.direction).abs());
             let near = |d: f64| (d - f64::from(found.distance)).abs() * slope < 2e-6 * tracer.world.radius;
             differ += usize::from(match expected {
@@ -244,7 +244,7 @@ fn the_stack_is_enough_for_many_in_one_place() {
                 None => found.triangle != NOTHING,
             });
         }
-        println!("{what}: {met} of {} meet something, {differ} differ", rays.len());
-        assert!(met > 100 && differ <= 2, "{what}: {met}, {differ}");
+        println!("{what}: {met} of {} rays hit a triangle, {differ} differ", rays.len());
+        assert!(met > 100 && differ <= 2, "{what}: {met} hits, {differ} differ");
     }
 }

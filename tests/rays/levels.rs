@@ -1,4 +1,5 @@
-//! Two levels: what may move is met where it is, as if all had been built anew, and no box leaves out what it is about.
+//! Two-level hierarchies: rays hit moving instances at their current place, exactly as after a rebuild, and every box
+//! encloses its content.
 
 use super::{Asked, Count, RAYS, Tracer, bodies, check, compared, direction, needs_its_stack, numbers, random_rays};
 use crate::common::data;
@@ -11,7 +12,7 @@ use lightskin::scene::build::quad;
 use lightskin::scene::{Scene, gltf};
 use lightskin::shared::{RAY_STILL, RefitBox};
 
-/// Bodies most of which may move, some of them of one mesh.
+/// Bodies of which most may move. Some share a mesh.
 fn movable() -> Scene {
     let mut scene = bodies();
     for i in 0..20 {
@@ -23,7 +24,7 @@ fn movable() -> Scene {
     for (i, instance) in scene.instances.iter_mut().enumerate() {
         instance.moves = i % 4 != 3;
     }
-    // The middle of its mesh is far from its own origin.
+    // The centre of this mesh is far from its own origin.
     let at = vec3(30.0, -20.0, 10.0);
     let mesh = scene.instances[5].mesh;
     scene.meshes[mesh].vertices.iter_mut().for_each(|v| v.position += at);
@@ -33,7 +34,7 @@ fn movable() -> Scene {
     scene
 }
 
-/// Moves, turns, mirrors, hides and shows.
+/// Moves, rotates, mirrors, hides and shows instances.
 fn stir(scene: &mut Scene, step: usize) {
     let mut next = numbers(100 + step as u64);
     for (i, instance) in scene.instances.iter_mut().enumerate().filter(|(_, instance)| instance.moves) {
@@ -123,7 +124,7 @@ fn animated_files_are_met_where_they_are() {
     }
 }
 
-/// What an animation has made flat is still there, and what it has made nothing of is not.
+/// Rays hit instances that an animation scales flat, and do not hit instances that it scales to zero.
 #[test]
 fn flat_bodies_are_met() {
     let mut scene = movable();
@@ -138,21 +139,27 @@ fn flat_bodies_are_met() {
     let rays = random_rays(&tracer, &scene, 50_000);
     let found = tracer.trace(&rays, Asked::default());
     let hits = |instance| found.iter().filter(|met| met.instance == instance).count();
-    assert!(hits(0) > 50 && hits(1) > 50 && hits(2) > 50 && hits(4) == 0, "{} {} {}", hits(0), hits(1), hits(2));
-    // Of two sides in one place either is met; where that is, both tracers say.
+    assert!(
+        hits(0) > 50 && hits(1) > 50 && hits(2) > 50 && hits(4) == 0,
+        "hits per flat body: {} {} {}",
+        hits(0),
+        hits(1),
+        hits(2)
+    );
+    // A flat body has two sides at one place, and rays may hit either. Both tracers must agree on the distance.
     let frozen = scene.frozen();
     let truth = world::World::new(&frozen);
     let flat = rays.iter().zip(&found).filter(|(_, met)| met.instance < 3);
     for (ray, met) in flat {
         let origin = tracer.world.origin + ray.origin.as_dvec3();
         let expected = truth.nearest(origin, ray.direction.as_dvec3(), Sides::Both);
-        let distance = expected.expect("something is there").distance;
+        let distance = expected.expect("a flat body").distance;
         let off = (distance - f64::from(met.distance)).abs() / tracer.world.radius;
-        assert!(off < 1e-4, "{off}: {ray:?} {met:?}");
+        assert!(off < 1e-4, "the distance is off by {off}: {ray:?} {met:?}");
     }
 }
 
-/// Instances of one mesh, some of which are area lights, others too small for that: what rays meet of these shines.
+/// Instances of one mesh. The largest become area lights. Rays that hit the smaller ones see their emission.
 #[test]
 fn only_area_lights_do_not_shine_where_they_are_met() {
     let mut scene = Scene { name: "lamps".into(), ..Scene::default() };
@@ -180,7 +187,7 @@ fn only_area_lights_do_not_shine_where_they_are_met() {
     }
 }
 
-/// What has not said that it moves is built anew once; from then on it is one of those that may.
+/// The first movement of an instance that was not declared to move rebuilds the hierarchy. From then on it may move.
 #[test]
 fn what_moves_for_the_first_time_may_move_from_then_on() {
     let mut scene = bodies();
@@ -199,14 +206,14 @@ fn what_moves_for_the_first_time_may_move_from_then_on() {
     let before = tracer.gpu.counters();
     scene.instances[4].world_from_model.translation.y += 0.3;
     tracer.world.update(&tracer.gpu, &scene).expect("the same scene");
-    assert_eq!(tracer.gpu.counters(), before, "only the first time makes anything");
+    assert_eq!(tracer.gpu.counters(), before, "only the first movement may create objects");
 }
 
-/// All nodes of a world with rays.
+/// All nodes and triangles of a world's hierarchy.
 struct Boxes {
     nodes: Vec<[u32; 20]>,
     triangles: Vec<[f32; 12]>,
-    /// Triangles of all nodes that were walked.
+    /// Number of triangles visited so far.
     met: usize,
 }
 
@@ -215,7 +222,7 @@ impl Boxes {
         node[word + child / 4] >> (8 * (child % 4)) & 0xff
     }
 
-    /// Children of a node: the box of each, and whether that is a node, as its number, or where triangles begin, and how many.
+    /// Children of a node: for each its box, its index if it is a node, its first triangle and its number of triangles.
     fn children(&self, at: u32) -> Vec<([DVec3; 2], Option<u32>, u32, u32)> {
         let node = &self.nodes[at as usize];
         let corner = Vec3::from_slice(&[0, 1, 2].map(|axis| f32::from_bits(node[axis]))).as_dvec3();
@@ -240,8 +247,8 @@ impl Boxes {
         all
     }
 
-    /// The exact box of the triangles below a node; fails where a box leaves out what it is about, by more than `slack`
-    /// [sizes and distances from the origin].
+    /// The exact box of the triangles below a node. Panics if content leaves its box by more than `slack` [box size
+    /// plus distance from the origin].
     fn walk(&mut self, at: u32, slack: f64) -> RefitBox {
         let mut whole = RefitBox { low: Vec3::INFINITY, high: Vec3::NEG_INFINITY };
         for ([low, high], node, first, count) in self.children(at) {
@@ -264,8 +271,8 @@ impl Boxes {
     }
 }
 
-/// Every box holds what is below it: exactly where boxes were fitted, else but for the slack that rays add; boxes of the top
-/// level the triangles as they stand in the world.
+/// Asserts that every box encloses its content: exactly for refitted boxes, elsewhere up to the slack that rays add.
+/// Boxes of the top level must enclose the posed triangles in world space.
 fn assert_boxes(tracer: &Tracer, scene: &Scene) {
     let RayBuffers { nodes, triangles, instances, .. } = tracer.world.rays().expect("rays");
     let gpu = &tracer.gpu;
@@ -298,11 +305,11 @@ fn assert_boxes(tracer: &Tracer, scene: &Scene) {
     }
     let shown = || (0..scene.instances.len()).filter(|&i| !scene.instances[i].hidden);
     let movers = shown().filter(|&i| scene.may_move(i)).count();
-    assert_eq!(seen, movers + usize::from(shown().count() > movers), "all are there once");
+    assert_eq!(seen, movers + usize::from(shown().count() > movers), "the top level must have each entry once");
     assert!(boxes.met > 0);
 }
 
-/// What a frame costs the host in which 299 instances move: printed, since times depend on the machine.
+/// CPU time per frame for the top level over 299 moving instances. It is printed, since times depend on the machine.
 #[test]
 fn a_top_level_over_299_is_soon_made() {
     let mut next = numbers(3);

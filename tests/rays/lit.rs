@@ -1,4 +1,4 @@
-//! Direct light that surfaces reflect where rays have met them: what many chances give together is the sum over all lights.
+//! Direct light that surfaces reflect at hits: the mean over many light samples is the sum over all lights.
 
 use super::{Asked, NOTHING, Ray, Tracer, still};
 use crate::analytic::numbers;
@@ -12,11 +12,12 @@ use lightskin::scene::{LightKind, Material, Scene};
 use rayon::prelude::*;
 use std::f64::consts::PI;
 
-/// Numbers that choose a light: so many at a time, so often for each ray. llvmpipe ends all loops of a thread after 65 535 turns.
+/// Light samples per shader invocation, and invocations per ray. llvmpipe ends the loops of a thread after 65 535
+/// iterations.
 const CHANCES: u32 = 32;
 const TIMES: usize = 64;
 
-/// A lamp of 0.5 m by 0.3 m above the corner that shines down.
+/// Adds a lamp of 0.5 m by 0.3 m to the scene. It shines down if `place` does not rotate it.
 fn with_lamp(mut scene: Scene, place: DAffine3) -> Scene {
     let lamp = quad(vec3(-0.25, 0.0, -0.15), Vec3::X * 0.5, Vec3::Z * 0.3, 0.3);
     let material = Material { emissive: vec3(300.0, 200.0, 100.0), ..phong([0.0; 3], [0.0; 3], 1.0) };
@@ -24,7 +25,7 @@ fn with_lamp(mut scene: Scene, place: DAffine3) -> Scene {
     scene
 }
 
-/// Irradiance [lx] of a rectangle, by its parts that are not hidden.
+/// Irradiance [lx] from the visible parts of a rectangle.
 fn irradiance(truth: &world::World<'_>, lamp: &AreaLight, at: &world::Surface) -> DVec3 {
     const SIDE: usize = 32;
     let place = |i: usize| (2.0 * i as f64 + 1.0) / SIDE as f64 - 1.0;
@@ -43,7 +44,7 @@ fn irradiance(truth: &world::World<'_>, lamp: &AreaLight, at: &world::Surface) -
     lamp.radiance * sum
 }
 
-/// Radiance that a surface reflects diffusely of all lights.
+/// Radiance [cd/m^2] that a surface reflects diffusely from all lights.
 fn reflected(truth: &world::World<'_>, lamps: &[AreaLight], at: &world::Surface) -> DVec3 {
     let mut sum = DVec3::ZERO;
     for light in &truth.scene().lights {
@@ -64,8 +65,8 @@ fn reflected(truth: &world::World<'_>, lamps: &[AreaLight], at: &world::Surface)
     at.reflection.sent_on().as_dvec3() * sum / PI
 }
 
-/// Relative errors of the device's mean: of the sum over all points, of each point on average; shares of points that are lit and
-/// off by more than a tenth.
+/// Errors of the device's mean. `bias`: relative error of the sum over all points. `mean`: relative mean error of the
+/// points. `lit`: share of lit points. `off`: share of points with an error of more than 10 %.
 #[derive(Clone, Copy, Debug)]
 struct Result {
     bias: f64,
@@ -138,9 +139,10 @@ fn one_light_and_all_lights_together_are_their_sum() {
 #[test]
 fn rectangles_light_what_they_see() {
     let down = DAffine3::from_translation(dvec3(0.1, 1.6, 0.1));
-    // Upright beside the wall: points of the floor and of the ball see a part of it.
+    // Upright next to the wall: points of the floor and of the ball see a part of the lamp.
     let upright = DAffine3::from_rotation_translation(glam::DQuat::from_rotation_z(-1.4), dvec3(0.9, 0.35, 0.0));
-    // Behind other things a share of the rectangle's area stands for one of its light: so the bounds.
+    // If the rectangle is partly hidden, the estimate uses the visible share of its area instead of the visible share
+    // of its light. The bounds allow for this.
     for (what, scene) in [
         ("lamp above", with_lamp(corner(&[], 20.0), down)),
         ("lamp upright", with_lamp(corner(&[], 20.0), upright)),

@@ -1,4 +1,4 @@
-//! What surfaces reflect where rays meet them: textures from one buffer, in few texels.
+//! Materials at hits: textures in one buffer, at reduced size.
 
 use super::{Asked, NOTHING, Ray, Tracer, random_rays, still};
 use crate::analytic::numbers;
@@ -17,7 +17,7 @@ fn noise(seed: u64, width: u32, height: u32) -> Image {
     Image { name: format!("noise {seed}"), width, height, rgba }
 }
 
-/// Squares side by side, 1 m each, with a texture each, whose coordinates go from -1 to 2.
+/// A row of squares of 1 m, one per material. Texture coordinates run from -1 to 2.
 fn squares(materials: impl IntoIterator<Item = Material>, images: Vec<Image>) -> Scene {
     let mut scene = Scene { name: "squares".into(), images, ..Scene::default() };
     for (i, material) in materials.into_iter().enumerate() {
@@ -40,7 +40,7 @@ fn plain() -> Material {
     Material { metallic: 0.0, base_color: Vec4::new(0.9, 0.8, 1.0, 1.0), ..Material::default() }
 }
 
-/// Rays square to the squares, evenly.
+/// Perpendicular rays, evenly spaced over the squares.
 fn at_squares(tracer: &Tracer, count: usize) -> Vec<Ray> {
     let mut rays = Vec::new();
     for (i, y, x) in (0..count).flat_map(|i| (0..60).flat_map(move |y| (0..60).map(move |x| (i, y, x)))) {
@@ -51,7 +51,7 @@ fn at_squares(tracer: &Tracer, count: usize) -> Vec<Ray> {
     rays
 }
 
-/// Errors of rho_d by material: sum of its values, of errors and of their sizes, largest error, hits.
+/// Errors of rho_d for one material: sums of exact values, errors and absolute errors; largest error; number of hits.
 #[derive(Clone, Copy, Debug, Default)]
 struct Error {
     sum: DVec3,
@@ -62,7 +62,7 @@ struct Error {
 }
 
 impl Error {
-    /// Mean error and bias, over the mean.
+    /// Mean absolute error and bias, relative to the mean.
     fn relative(&self) -> [f64; 2] {
         let whole = self.sum.length();
         [self.size / whole, self.off.length() / whole]
@@ -121,9 +121,12 @@ fn small_textures_are_the_f64_tracers() {
     assert_eq!(errors.len(), count);
     for (material, error) in &errors {
         let [mean, bias] = error.relative();
-        println!("{material}: mean error {mean:.5}, bias {bias:.5}, worst {:.5} of {} hits", error.worst, error.hits);
-        // Square roots in 8 bits: half a step of v is sqrt(v) / 255.
-        // Between texels that stay square either may be seen.
+        println!(
+            "{material}: mean error {mean:.5}, bias {bias:.5}, largest error {:.5}, {} hits",
+            error.worst, error.hits
+        );
+        // Texels are square roots in 8 bits: half a step of v is sqrt(v) / 255. On the border between unfiltered texels
+        // either one may be seen.
         let square = scene.materials[*material].base_color_texture.is_some_and(|t| t.sampler.nearest);
         assert!(error.hits > 3000 && mean < 0.005 && bias < 2e-3, "{material}: {error:?}");
         assert!(error.worst < 0.0055 || square, "{material}: {error:?}");
@@ -134,7 +137,7 @@ fn small_textures_are_the_f64_tracers() {
 fn holes_are_where_the_f64_tracer_has_them() {
     let repeated = |image| Some(textured(image, 0, Affine2::IDENTITY, Wrap::Repeat, Wrap::Mirror));
     let cut = |image| Material { base_color_texture: repeated(image), alpha_cutoff: Some(0.45), ..plain() };
-    // One that is larger than textures without holes are kept.
+    // The second image exceeds the size to which textures without holes are reduced.
     let scene = squares([cut(0), cut(1)], vec![noise(4, 40, 60), noise(5, 600, 410)]);
     let tracer = Tracer::new(&scene);
     let rays = at_squares(&tracer, 2);
@@ -149,7 +152,10 @@ fn holes_are_where_the_f64_tracer_has_them() {
         let holes = pairs.clone().filter(|pair| pair.0).count();
         let differ = pairs.filter(|pair| pair.0 != pair.1).count();
         println!("square {square}: {holes} holes of {} rays, {differ} differ", all.0.len());
-        assert!(holes > 500 && holes + 500 < all.0.len() && differ <= 2, "square {square}: {holes}, {differ}");
+        assert!(
+            holes > 500 && holes + 500 < all.0.len() && differ <= 2,
+            "square {square}: {holes} holes, {differ} differ"
+        );
     }
 }
 
@@ -165,7 +171,7 @@ fn wide_rays_see_textures_mean() {
         let of = |met: &super::Met| (met.diffuse.as_dvec3() - mean).length_squared();
         (mean, (found.iter().map(of).sum::<f64>() / found.len() as f64).sqrt())
     };
-    // A texel is a 192nd of the square; the rays are a metre long.
+    // A texel is 1/192 of the square. Rays are 1 m long.
     let widths = [0.0, 2.2 / 192.0, 9.0 / 192.0, 36.0 / 192.0, 10.0];
     let all = widths.map(deviation);
     println!("{all:?}");
@@ -194,5 +200,5 @@ fn large_textures_lose_detail_but_no_light() {
             assert!(bias < 0.03, "{name}: {error:?}");
         }
     }
-    assert!(judged >= 8, "{judged}");
+    assert!(judged >= 8, "only {judged} materials have enough hits");
 }

@@ -382,7 +382,7 @@ impl World {
     /// device.
     ///
     /// # Errors
-    /// Fails if the device was lost.
+    /// Fails if the device is lost.
     pub fn read_vertices(&self, gpu: &Gpu, scene: &Scene, instance: usize) -> Result<Vec<Vertex>> {
         let Some(item) = self.draws.iter().find(|item| item.instance as usize == instance) else {
             return Ok(Vec::new());

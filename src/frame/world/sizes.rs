@@ -1,4 +1,4 @@
-//! Limits of what shaders can number.
+//! Limits of the indices that shaders use.
 
 use crate::error::{Error, Result};
 use crate::scene::{Instance, Mesh, Scene};

@@ -27,7 +27,7 @@ fn off(sum: f64, found: f64) -> f64 {
 /// terms have one sign, so that the error is relative to their sum.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn worst(gpu: &Gpu, caches: &[Cache], vals: &[Val], eye: Vec4, gather: &Gather) -> Result<[f64; 2]> {
     let sums = gather_sums(gpu, gather, caches.len() as u32)?;
     let vals: Vec<_> = vals.iter().map(|v| val(v, DVec3::ZERO)).collect();

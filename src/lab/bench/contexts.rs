@@ -102,7 +102,7 @@ impl Contexts<'_> {
     /// Table 6.1, the table of its stages, and the table of bake times.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn triangles(&mut self) -> Result<[Table; 3]> {
         let [w, h] = self.extent.window;
         let mut columns = vec!["triangles".to_owned(), "LI [ms]".into()];
@@ -197,7 +197,7 @@ impl Contexts<'_> {
     /// Table 6.2.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn resolution(&mut self) -> Result<Table> {
         let columns =
             ["width", "height", "LI [ms]", "GI [ms]", "GI / LI", "thesis LI [ms]", "thesis GI [ms]", "thesis GI / LI"];
@@ -247,7 +247,7 @@ impl Contexts<'_> {
     /// Table 6.3 and the table of pairs per second.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn caches(&mut self) -> Result<[Table; 2]> {
         let columns = [
             "lobes",
@@ -446,7 +446,7 @@ impl Contexts<'_> {
     /// Cost and savings of culling.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn culling(&mut self) -> Result<Table> {
         let columns = [
             "triangles",
@@ -562,7 +562,7 @@ struct ShadowedFrame {
 /// VALs and caches of the last frame, as the gather reads them.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn light_and_caches(gpu: &Gpu, light: &Light) -> Result<(Vec<Val>, Vec<Cache>)> {
     let none = || Error::Nothing("the frame gathers no light".into());
     let (vals, caches) = (light.vals().ok_or_else(none)?, light.caches().ok_or_else(none)?);

@@ -43,7 +43,7 @@ impl<'a> OnDevice<'a> {
     /// Uploads a scene.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, caches: Option<&CacheSet>) -> Result<Self> {
         Ok(Self { gpu, scene, world: World::new(gpu, scene, caches)? })
     }
@@ -51,7 +51,7 @@ impl<'a> OnDevice<'a> {
     /// Creates the stages of a frame.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn frame(&self, knobs: &Knobs) -> Result<Frame> {
         Frame::new(self.gpu, self.scene, &self.world, knobs)
     }
@@ -59,7 +59,7 @@ impl<'a> OnDevice<'a> {
     /// Draws `warm_up` frames that do not count, then `frames` that do.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn times(&self, frame: &mut Frame, warm_up: usize, frames: usize) -> Result<Times> {
         Ok(in_turn(&mut [(self, frame)], warm_up, frames)?.remove(0))
     }
@@ -81,7 +81,7 @@ impl<'a> OnDevice<'a> {
 /// frames alternate, so that other load on the machine affects all of them.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn in_turn(compared: &mut [(&OnDevice<'_>, &mut Frame)], warm_up: usize, frames: usize) -> Result<Vec<Times>> {
     let mut runs: Vec<(Vec<FrameTimes>, Vec<String>)> = compared.iter().map(|_| Default::default()).collect();
     for i in 0..warm_up + frames {

@@ -50,7 +50,7 @@ impl Results {
 /// Measures everything. `progress` receives the completed share, 0 to 1, and the current step.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn run(gpu: &Gpu, extent: &Extent, progress: &dyn Fn(f32, &str)) -> Result<Results> {
     let start = Instant::now();
     progress(0.0, "arithmetic peak");

@@ -45,7 +45,7 @@ impl Contexts<'_> {
     /// The table of the cost of motion.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn motion(&mut self) -> Result<Table> {
         let [w, h] = self.extent.size;
         let columns = [

@@ -16,7 +16,7 @@ const RUNS: usize = 5;
 /// Measured arithmetic peak [flop/s]; a multiply-add counts as two operations. Fails if the chains give wrong results.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn measure(gpu: &Gpu) -> Result<f64> {
     let pipeline = gpu.compute("peak.comp", &[])?;
     let mut count = INVOCATIONS[0];

@@ -18,7 +18,7 @@ use std::path::Path;
 /// Creates the folder and checks that the report can be written there, before the long measurement starts.
 ///
 /// # Errors
-/// If a folder or file cannot be written.
+/// Fails if a folder or file cannot be written.
 pub fn check_writable(folder: &Path) -> Result<()> {
     make_folder(folder)?;
     files::check_writable(&folder.join("bench.md"))
@@ -27,7 +27,7 @@ pub fn check_writable(folder: &Path) -> Result<()> {
 /// Writes the report into a folder.
 ///
 /// # Errors
-/// If a folder or file cannot be written.
+/// Fails if a folder or file cannot be written.
 pub fn write(folder: &Path, gpu: &Gpu, results: &Results) -> Result<()> {
     make_folder(folder)?;
     let text = |name: &str, content: &str| files::write(&folder.join(name), content.as_bytes());

@@ -141,7 +141,7 @@ impl Contexts<'_> {
     /// The tables of times and of exponents.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn scaling(&mut self) -> Result<[Table; 2]> {
         (self.progress)(0.0, "caches and VALs of the grid");
         let Lists { caches, vals, view } = self.lists()?;

@@ -31,7 +31,7 @@ impl Contexts<'_> {
     /// The table of the cost of a second view.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn views(&mut self) -> Result<Table> {
         let columns =
             ["lobes", "caches", "VALs", "views", "frame [ms]", "gather [ms]", "frame / one view", "gather / one view"];

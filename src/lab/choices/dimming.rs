@@ -80,7 +80,7 @@ impl Study<'_> {
             let lobes = [0, 1].map(|lobe| errors(truths.iter().zip(&shares).map(|(t, s)| (&t[lobe], s[lobe]))));
             Dimmed { name, lobes }
         };
-        let mut rows = vec![row("nothing in the way".into(), &|_, _| 1.0)];
+        let mut rows = vec![row("no shadows".into(), &|_, _| 1.0)];
         rows.extend(variants.map(|(name, choices)| {
             row(name, &|cache, truth| {
                 let light = Light::new(cache, truth.lobe.position, choices.radius.of(truth.variance), &choices);

@@ -108,7 +108,7 @@ impl Study<'_> {
         let plain = Variant { unlit: 0, by_view: true, ..Variant::FACING };
         let by_view = Kernel::Of(Scheme::Printed);
         let mut all = vec![
-            ("default: position by what is seen".into(), base),
+            ("default: position by lobe response".into(), base),
             ("plain averages, kernel on mirrored views".into(), plain),
             ("plain averages, kernel on normals".into(), Variant { by_view: false, ..plain }),
             ("plain averages, unlit caches count".into(), Variant { unlit: 1, ..plain }),
@@ -118,10 +118,10 @@ impl Study<'_> {
             ("with falloff".into(), Variant { falloff: 1.0, ..base }),
         ];
         for weighed in [0.0, 0.05, 0.25, 1.0] {
-            all.push((format!("irradiance by what is seen ^{weighed}"), Variant { weighed, ..base }));
+            all.push((format!("irradiance by lobe response ^{weighed}"), Variant { weighed, ..base }));
         }
         for pull in [0.5, 2.0] {
-            all.push((format!("position by what is seen ^{pull}"), Variant { pull, ..base }));
+            all.push((format!("position by lobe response ^{pull}"), Variant { pull, ..base }));
         }
         let mut rows = self.rows(true, ProxyWeight::Irradiance, &all);
         let form_factor = [("form-factor weights".into(), base), ("form-factor weights, plain averages".into(), plain)];

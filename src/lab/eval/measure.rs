@@ -95,7 +95,7 @@ impl<'a> Bench<'a> {
     /// times, at least the first one.
     ///
     /// # Errors
-    /// If the device lacks memory or a feature, or is lost.
+    /// Fails if the device runs out of memory, lacks a feature, or is lost.
     pub fn measure(&mut self, point: &Point, frames: usize, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Measured> {
         let (gpu, camera) = (self.gpu, self.camera);
         let Prepared { scene, world, spacing, .. } = self.prepare(point, progress)?;

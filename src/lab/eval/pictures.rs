@@ -42,7 +42,7 @@ impl Pictures {
     /// Creates the folder if it is missing.
     ///
     /// # Errors
-    /// If a file cannot be read or written.
+    /// Fails if a file cannot be read or written.
     pub fn open(folder: PathBuf) -> Result<Self> {
         make_folder(&folder)?;
         Ok(Self { folder })
@@ -66,7 +66,7 @@ impl Pictures {
     /// Writes a picture of indirect light.
     ///
     /// # Errors
-    /// If a file cannot be read or written.
+    /// Fails if a file cannot be read or written.
     pub fn write_light(&self, key: &str, layers: &Layers, exposure: Exposure) -> Result<()> {
         let shown = |pixel: &[f32; 3]| {
             let srgb = encode(pbr_neutral(clean(*pixel) * exposure.0)) * 255.0 + 0.5;
@@ -79,7 +79,7 @@ impl Pictures {
     /// Writes the error of indirect light against a reference of the same size.
     ///
     /// # Errors
-    /// If a file cannot be read or written.
+    /// Fails if a file cannot be read or written.
     pub fn write_error(&self, key: &str, layers: &Layers, truth: Truth, reference: &Layers) -> Result<()> {
         let mut errors = relative_squares(&layers.sum(), &reference.sum());
         for (error, (a, b)) in errors.iter_mut().zip(layers.covered.iter().zip(&reference.covered)) {

@@ -181,7 +181,7 @@ impl Store {
     /// Reads a file of rows; empty if the file is missing. Invalid lines are skipped with a warning.
     ///
     /// # Errors
-    /// If a folder or file cannot be read or written.
+    /// Fails if a folder or file cannot be read or written.
     pub fn open(path: &Path) -> Result<Self> {
         let mut rows = Vec::new();
         let unread = |reason| crate::Error::Input { file: path.into(), place: "finished points".into(), reason };
@@ -213,7 +213,7 @@ impl Store {
     /// Adds a row, or replaces the one with its key, and writes the file.
     ///
     /// # Errors
-    /// If a folder or file cannot be read or written.
+    /// Fails if a folder or file cannot be read or written.
     pub fn keep(&mut self, row: Row) -> Result<()> {
         self.rows.retain(|other| other.key != row.key);
         self.rows.push(row);
@@ -325,7 +325,7 @@ mod tests {
         }
         let mae = |layer: usize| errors[layer].values[0].1;
         assert_eq!((mae(0), mae(1), mae(2)), (1.0, 0.0, 1.0));
-        // Pixels beside the one that counts differ, but neither map sees them.
+        // Pixels other than the one that counts differ, but neither map sees them.
         let beside = Layers { diffuse: vec![[2.0; 3], [9.0; 3]], ..layers(2.0) };
         let same = Errors::of(&beside, Truth::SameVals, &Layers { covered: vec![true, false], ..layers(2.0) });
         assert!(same[0].values.iter().all(|(name, v)| match name.as_str() {

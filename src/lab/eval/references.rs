@@ -92,7 +92,7 @@ impl Library {
     /// Creates the folder if it is missing.
     ///
     /// # Errors
-    /// If a folder or file cannot be read or written.
+    /// Fails if a folder or file cannot be read or written.
     pub fn open(folder: PathBuf) -> Result<Self> {
         make_folder(&folder)?;
         Ok(Self { folder })
@@ -122,7 +122,7 @@ impl Library {
     /// Stores a reference; `about` must be an object.
     ///
     /// # Errors
-    /// If a folder or file cannot be read or written.
+    /// Fails if a folder or file cannot be read or written.
     pub fn keep(&self, name: &str, key: &str, layers: Layers, mut about: Value) -> Result<Reference> {
         let path = self.path(name, key);
         let rgba = |image: &[[f32; 3]]| -> Vec<[f32; 4]> { image.iter().map(|p| [p[0], p[1], p[2], 1.0]).collect() };

@@ -39,7 +39,7 @@ const STYLE: &str = include_str!("report.css");
 /// Creates the folder and checks that a report can be written there, before the long measurement starts.
 ///
 /// # Errors
-/// If a folder or file cannot be written.
+/// Fails if a folder or file cannot be written.
 pub fn check_writable(folder: &Path) -> Result<()> {
     super::references::make_folder(folder)?;
     files::check_writable(&folder.join("index.html"))
@@ -48,7 +48,7 @@ pub fn check_writable(folder: &Path) -> Result<()> {
 /// Writes `index.html`, `results.csv`, `results.json` and `plots/*.svg`. `extra` sections follow the built-in ones.
 ///
 /// # Errors
-/// If a folder or file cannot be written.
+/// Fails if a folder or file cannot be written.
 pub fn write(job: &Job<'_>, results: &Results, extra: &[Section]) -> Result<()> {
     let page = Page { job, results, figures: Figures { job, results } };
     let folder = job.folder;

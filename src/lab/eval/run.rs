@@ -69,7 +69,7 @@ struct Work<'a> {
 /// Measures all points that are not stored. `progress` receives the completed share, 0 to 1, and the current step.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn run(job: &Job<'_>, progress: &(dyn Fn(f32, &str) + Sync)) -> Result<Results> {
     make_folder(job.folder)?;
     let (scene, camera, report) = (job.scene.fingerprint(), job.camera, job.gpu.report());

@@ -52,7 +52,7 @@ pub fn lines() -> Vec<Case> {
 /// Runs a case.
 ///
 /// # Errors
-/// If the device lacks memory or a feature, or is lost.
+/// Fails if the device runs out of memory, lacks a feature, or is lost.
 pub fn run(gpu: &Gpu, case: &Case) -> Result<Line> {
     let Outcome { mut measured, mut pass, complaints } = (case.check)(gpu)?;
     for complaint in complaints {

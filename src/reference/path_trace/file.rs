@@ -42,7 +42,7 @@ impl PathTrace<'_> {
     /// Writes the samples so far.
     ///
     /// # Errors
-    /// If the file cannot be written; no partial file is left behind.
+    /// Fails if the file cannot be written; no partial file is left behind.
     pub fn save(&self, path: &Path) -> std::io::Result<()> {
         let mut bytes = Vec::with_capacity(HEADER + size_of_val(self.pixels.as_slice()) + 32);
         bytes.extend_from_slice(&MAGIC);
@@ -70,7 +70,7 @@ impl PathTrace<'_> {
         // The hash proves that the bytes are complete, not that values are sound. Pictures are in single precision.
         let sane = values.iter().all(|value| (0.0..1e30).contains(value));
         if !known || !sound || !sane {
-            log::debug!("{}: damaged or of another picture, starting anew", path.display());
+            log::debug!("{}: damaged or of another picture, starting over", path.display());
             return false;
         }
         self.pixels = bytemuck::cast_slice::<f64, Pixel>(&values).to_vec();
