@@ -1,6 +1,7 @@
-// Stage 2, first: traces rays from pixels' surfaces to points of one light. Each pixel has one ray, and more where its
-// neighbours' rays differ. A square of LIGHT_SIDE^2 pixels covers all points of the light; at soft shadow edges shading
-// combines their rays. METHOD 14.
+// Stage 2: traces rays from pixels' surfaces to points of one light. Each pixel has one ray; listed pixels, whose
+// neighbours' rays differ, have more. A square of LIGHT_SIDE^2 pixels covers all points of the light; at soft shadow
+// edges shading combines their rays. METHOD 14.
+// variant light_first.comp: FIRST (one ray from each pixel of the tiles with a surface; lists tiles that the light reaches)
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/brdf.glsl"
@@ -20,15 +21,25 @@ layout(binding = 14) uniform sampler2D normal_image;
 layout(binding = 15) uniform sampler2D albedo_image;
 layout(binding = 16) uniform sampler2D specular_image;
 layout(binding = 17, scalar) buffer Arrivals { Arriving arrivals[]; };
+#ifdef FIRST
+layout(binding = 18, scalar) readonly buffer Shown { LightWork shown; }; // tiles with a surface
+layout(binding = 19, scalar) readonly buffer ShownTiles { uint shown_tiles[]; };
+layout(binding = 20, scalar) buffer Work { LightWork work; };
+layout(binding = 21, scalar) buffer Tiles { // that the light reaches
+    uint width;
+    uint height;
+    uint tiles[];
+};
+#else
+layout(binding = 18, scalar) readonly buffer Work { LightWork work; };
+layout(binding = 19, scalar) readonly buffer Pixels { uint pixels[]; }; // x and y << 16
+#endif
 
 // Minimum number of rays per pixel to a light with a size.
 const uint LEAST = 4u;
 
 // Factor on the number of rays if a penumbra is too narrow to combine neighbours.
 const uint MORE = 4u;
-
-// Side of the square of pixels whose first rays go to different points.
-const uint FIRST_SIDE = 8u;
 
 // Golden angle [rad]: spreads points evenly on a disc.
 const float GOLDEN = 2.39996323;
@@ -47,42 +58,6 @@ vec2 disc_point(uint i, uint count) {
 // Hammersley's point `i` of `count` on the unit square.
 vec2 square_point(uint i, uint count) {
     return vec2((float(i) + 0.5) / float(count), float(bitfieldReverse(i)) * 2.3283064e-10 + 0.5 / float(count));
-}
-
-// Results of first rays in the workgroup's square and this far around it.
-const int AROUND = int(FIRST_SIDE) / 2;
-const int TILE = 8 + 2 * AROUND;
-shared float firsts[TILE * TILE];
-shared float widths[TILE * TILE];
-
-// Widest penumbra met by the first rays around a pixel [pixels].
-float widest() {
-    ivec2 middle = ivec2(gl_LocalInvocationID.xy) + AROUND;
-    float all = 0.0;
-    for (int y = -AROUND; y <= AROUND; ++y) {
-        for (int x = -AROUND; x <= AROUND; ++x) {
-            all = max(all, widths[(middle.y + y) * TILE + middle.x + x]);
-        }
-    }
-    return all;
-}
-
-// Common result of all first rays around a pixel; ARRIVING_UNKNOWN if they differ.
-float agreed(int reach) {
-    ivec2 middle = ivec2(gl_LocalInvocationID.xy) + AROUND;
-    float all = ARRIVING_UNKNOWN;
-    for (int y = -reach; y <= reach; ++y) {
-        for (int x = -reach; x <= reach; ++x) {
-            float first = firsts[(middle.y + y) * TILE + middle.x + x];
-            if (first >= 0.0) {
-                if (all >= 0.0 && first != all) {
-                    return ARRIVING_UNKNOWN;
-                }
-                all = first;
-            }
-        }
-    }
-    return all;
 }
 
 // Whether a light can reach a surface at all: it shines there and is above the horizon. An area light does not light
@@ -106,44 +81,20 @@ bool shines_at(Light light, vec3 to, vec3 n, vec3 geometric, float lift) {
             && (light.kind == LIGHT_POINT || spot_falloff(along, light.cone_scale, light.cone_offset) > 0.0));
 }
 
-void main() {
-    ivec2 pixel = ivec2(gl_GlobalInvocationID.xy);
+// Traces the rays of a pixel. `width`: of the widest penumbra around [pixels]. Returns whether the light can reach the
+// surface at all.
+bool trace_from(ivec2 pixel, float width) {
+#ifdef FIRST
+    const bool is_first = true;
+#else
+    const bool is_first = false;
+#endif
     ivec2 size = textureSize(depth_image, 0);
     uint at = uint(pixel.y * size.x + pixel.x);
     Light light = lights[push.light];
     bool is_area = light.kind == LIGHT_AREA;
     bool is_parallel = light.kind == LIGHT_DIRECTIONAL;
     bool is_soft = is_area || light.radius > 0.0;
-    bool is_first = push.is_first != 0u;
-    float width = 0.0;
-    if (!is_first) {
-        ivec2 corner = ivec2(gl_WorkGroupID.xy) * 8 - AROUND;
-        for (int i = int(gl_LocalInvocationIndex); i < TILE * TILE; i += 64) {
-            ivec2 there = clamp(corner + ivec2(i % TILE, i / TILE), ivec2(0), size - 1);
-            firsts[i] = arrivals[there.y * size.x + there.x].first;
-            widths[i] = arrivals[there.y * size.x + there.x].width;
-        }
-        barrier();
-    }
-    if (any(greaterThanEqual(pixel, size))) {
-        return;
-    }
-    if (!is_first) {
-        float first = arrivals[at].first;
-        if (first == ARRIVING_NOT) {
-            return;
-        }
-        // A penumbra does not reach farther than its width.
-        width = is_soft ? widest() : 0.0;
-        float all = agreed(min(1 + int(ceil(width)), AROUND));
-        if (all >= 0.0) {
-            if (first == ARRIVING_UNKNOWN) {
-                arrivals[at].open = vec2(all);
-                arrivals[at].all = vec2(1.0);
-            }
-            return;
-        }
-    }
     float depth = texelFetch(depth_image, pixel, 0).r;
     vec2 step_ = 2.0 / vec2(size);
     vec2 middle = (vec2(pixel) + 0.5) * step_ - 1.0;
@@ -161,7 +112,7 @@ void main() {
     Arriving found = Arriving(vec2(0.0), vec2(0.0), -1.0, 0.0, ARRIVING_NOT);
     if (depth <= 0.0 || !shines_at(light, to, n, geometric, lift)) {
         arrivals[at] = found;
-        return;
+        return false;
     }
 
     vec2 slope = plane_slope(push.world_from_clip, position, geometric);
@@ -199,7 +150,7 @@ void main() {
         vec3 way = to;
         float reach = 3e38; // distance to the light [lengths of `way`]
         // First rays go to a lattice that includes the light's border: an occluder covers border points first.
-        vec2 lattice = vec2(uvec2(pixel) % FIRST_SIDE) / float(FIRST_SIDE - 1u) * 2.0 - 1.0;
+        vec2 lattice = vec2(uvec2(pixel) % LIGHT_FIRST_SIDE) / float(LIGHT_FIRST_SIDE - 1u) * 2.0 - 1.0;
         if (is_area) {
             vec2 on = is_first ? 0.999 * lattice : 2.0 * square_point(number, points) - 1.0;
             way = light.position + on.x * light.right + on.y * light.up - start;
@@ -237,13 +188,48 @@ void main() {
     // Normalised to the same weight for any number of rays; a first ray stands for all of them.
     found.open *= float(rays) / float(count);
     found.all *= float(rays) / float(count);
-    if (is_first) {
-        float first = found.all.x <= 0.0 ? ARRIVING_UNKNOWN : found.open.x > 0.0 ? 1.0 : 0.0;
-        arrivals[at] = Arriving(found.open, found.all, -1.0, max(found.penumbra, 0.0), first);
-        return;
-    }
+#ifdef FIRST
+    float first = found.all.x <= 0.0 ? ARRIVING_UNKNOWN : found.open.x > 0.0 ? 1.0 : 0.0;
+    arrivals[at] = Arriving(found.open, found.all, -1.0, max(found.penumbra, 0.0), first);
+#else
     // Keep the first ray's result: neighbours read it.
     arrivals[at].open = found.open;
     arrivals[at].all = found.all;
     arrivals[at].penumbra = max(found.penumbra, width);
+#endif
+    return true;
 }
+
+#ifdef FIRST
+shared uint reached;
+
+void main() {
+    uint number = gl_WorkGroupID.y * WORK_ROW + gl_WorkGroupID.x;
+    if (number >= shown.count) {
+        return;
+    }
+    uint tile = shown_tiles[number];
+    ivec2 pixel = ivec2(tile & 0xffffu, tile >> 16) * 8 + ivec2(gl_LocalInvocationID.xy);
+    if (gl_LocalInvocationIndex == 0u) {
+        reached = 0u;
+    }
+    barrier();
+    if (all(lessThan(pixel, textureSize(depth_image, 0))) && trace_from(pixel, 0.0)) {
+        atomicOr(reached, 1u);
+    }
+    barrier();
+    if (gl_LocalInvocationIndex == 0u && reached != 0u) {
+        uint at = atomicAdd(work.count, 1u);
+        atomicMax(work.groups_y, at / WORK_ROW + 1u);
+        tiles[at] = tile;
+    }
+}
+#else
+void main() {
+    uint number = (gl_WorkGroupID.y * WORK_ROW + gl_WorkGroupID.x) * 64u + gl_LocalInvocationIndex;
+    if (number < work.count) {
+        ivec2 pixel = ivec2(pixels[number] & 0xffffu, pixels[number] >> 16);
+        trace_from(pixel, arrivals[pixel.y * textureSize(depth_image, 0).x + pixel.x].penumbra);
+    }
+}
+#endif

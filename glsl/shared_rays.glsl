@@ -178,6 +178,9 @@ struct NearPush {
 // Pixels per row with different points of a light; a square of this side covers all points.
 const uint LIGHT_SIDE = 4;
 
+// Side of the square of pixels whose first rays go to different points of a light.
+const uint LIGHT_FIRST_SIDE = 8;
+
 // Penumbra widths [pixels]: up to the first a pixel's own rays suffice, from the second on only the neighbourhood's
 // mean counts.
 const float PENUMBRA_NARROW = 4.0;
@@ -195,13 +198,26 @@ struct Arriving {
     float first; // first ray: 1 open, 0 blocked, or ARRIVING_...
 };
 
-// Push constants of the pass that traces rays to a light.
+// Groups per row of an indirect dispatch. Further rows hold the rest.
+const uint WORK_ROW = 32;
+
+// A list of tiles of 8 x 8 pixels, or of pixels, as arguments of indirect calls.
+struct LightWork {
+    uint groups_x; // one per tile or per 64 pixels, in rows of WORK_ROW
+    uint groups_y;
+    uint groups_z;
+    uint vertices; // of a tile's two triangles
+    uint count; // of tiles or pixels; instances of a draw
+    uint first_vertex;
+    uint first_instance;
+};
+
+// Push constants of the passes that trace rays to a light.
 struct LightRaysPush {
     mat4 world_from_clip;
     vec4 eye; // as in DrawPush
     uint light;
     uint root;
-    uint is_first; // 1: one ray per pixel; 0: more rays where neighbours differ
     uint is_second; // 1: for the pixels' second surfaces, which show away from the pixel's centre
 };
 

@@ -4,15 +4,17 @@
 //! light has one map for each of its samples.
 
 use super::gbuffer::Surface;
+use super::light_rays::LightRays;
 use super::plan::Plan;
 use super::view::View;
 use super::world::{ByKind, LightInfo, VERTEX_PLACE, VERTEX_PLAIN, Which, World};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Draw, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
-use crate::shared::{AreaPush, LightRaysPush, ScreenPush};
+use crate::shared::{AreaPush, LightWork, ScreenPush};
 use glam::Vec4;
+use std::mem::offset_of;
 
 /// Shadows and shading of direct light.
 pub struct Direct {
@@ -23,16 +25,12 @@ pub struct Direct {
     shade_area: Option<Pipeline>,
     /// Whether caches see the sky, so that no light represents it here.
     sky_light: bool,
-    /// Whether pixels have points besides their centre.
-    edges: bool,
-    /// Whether an earlier barrier already waited for the visible surfaces.
-    waited: bool,
 }
 
 /// How shadows are computed.
 enum Hidden {
     Maps(Box<Maps>),
-    Rays(Pipeline),
+    Rays(LightRays),
 }
 
 /// Shadow maps.
@@ -117,16 +115,12 @@ impl Direct {
         let has = |area| world.lights().iter().filter(used).any(|light| light.is_area == area);
         let samples = plan.antialiasing.samples();
         let (hidden, shade, shade_area) = if plan.light_rays {
-            let rays = world.rays().ok_or_else(|| Error::Nothing("the world has no rays".into()))?;
-            let [stack, levels, texels, holes] = rays.constants(gpu);
-            let steps = gpu.coarse_subpixels().unwrap_or(0);
-            let trace = gpu.compute("light_rays.comp", &[stack, levels, texels, holes, samples, steps])?;
             let names = if plan.coated {
                 ["direct_rays_coat.frag", "direct_area_rays_coat.frag"]
             } else {
                 ["direct_rays.frag", "direct_area_rays.frag"]
             };
-            (Hidden::Rays(trace), (names[0], &[][..]), names[1])
+            (Hidden::Rays(LightRays::new(gpu, world, plan)?), (names[0], &[][..]), names[1])
         } else {
             let names = if plan.coated {
                 ["direct_coat.frag", "direct_area_coat.frag"]
@@ -135,13 +129,12 @@ impl Direct {
             };
             (Hidden::Maps(Box::new(Maps::new(gpu, world, side, keep)?)), (names[0], &[samples][..]), names[1])
         };
+        let vertex = if plan.light_rays { "tiles.vert" } else { "screen.vert" };
         Ok(Self {
             hidden,
-            shade: has(false).then(|| Surface::adding(gpu, shade.0, shade.1)).transpose()?,
-            shade_area: has(true).then(|| Surface::adding(gpu, shade_area, &[])).transpose()?,
+            shade: has(false).then(|| Surface::adding_over(gpu, vertex, shade.0, shade.1)).transpose()?,
+            shade_area: has(true).then(|| Surface::adding_over(gpu, vertex, shade_area, &[])).transpose()?,
             sky_light: plan.sky_light,
-            edges: samples > 0,
-            waited: samples > 0 && plan.layers == 0,
         })
     }
 
@@ -176,19 +169,18 @@ impl Direct {
                     maps.record(cmd, world, (i, light));
                     cmd.barrier(Use::ColorWrite | Use::DepthWrite, Use::FragmentRead | Use::ColorWrite);
                 }
-                Hidden::Rays(trace) => {
-                    if !is_first {
-                        cmd.barrier(Use::FragmentRead, Use::ComputeRead | Use::ComputeWrite); // earlier reads
-                    } else if !self.waited {
-                        cmd.barrier(Use::ColorWrite | Use::DepthWrite | Use::ComputeWrite, Use::ComputeRead);
+                Hidden::Rays(rays) => {
+                    if is_first {
+                        rays.record_tiles(cmd, views.clone());
+                    } else {
+                        // The last light's shading has read its rays and lists.
+                        let shaded = Use::FragmentRead | Use::VertexRead | Use::IndirectRead | Use::ComputeRead;
+                        cmd.barrier(shaded, Use::CopyWrite | Use::ComputeRead | Use::ComputeWrite);
                     }
-                    record_rays(cmd, world, (i as u32, true), trace, views.clone());
-                    if self.edges || light.is_soft {
-                        cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
-                        record_rays(cmd, world, (i as u32, false), trace, views.clone());
-                    }
+                    rays.record(cmd, world, (i, light), views.clone());
                     let drawn = if is_first { Use::ColorWrite | Use::DepthWrite } else { Use::ColorWrite };
-                    cmd.barrier(drawn | Use::ComputeWrite, Use::FragmentRead | Use::ColorWrite);
+                    let shades = Use::FragmentRead | Use::VertexRead | Use::IndirectRead | Use::ColorWrite;
+                    cmd.barrier(drawn | Use::ComputeWrite, shades);
                 }
             }
             is_first = false;
@@ -235,8 +227,8 @@ impl Direct {
                 let image = maps.image(i);
                 ((&world.view_buffer).into(), Some(image.into()), light.shadow_size(image.width))
             }
-            Hidden::Rays(_) => match &surface.arriving {
-                Some(arriving) => (arriving.into(), None, 1),
+            Hidden::Rays(_) => match &surface.arrivals {
+                Some(arrivals) => ((&arrivals.pixels).into(), None, 1),
                 None => return,
             },
         };
@@ -244,6 +236,7 @@ impl Direct {
         resources.extend([&surface.depth, &surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
         resources.extend(second);
         resources.extend(surface.coat.as_ref().map(Bind::from));
+        resources.extend(surface.arrivals.as_ref().map(|arrivals| Bind::from(&arrivals.lit)));
         draw.bind(shade, &resources);
         let View { world_from_clip, eye, .. } = *view;
         let light_number = i as u32;
@@ -253,36 +246,9 @@ impl Direct {
         } else {
             draw.push(&ScreenPush { world_from_clip, eye, light: light_number, shadow_size: size, first_val: 0 });
         }
-        draw.draw(3);
-    }
-}
-
-/// Traces how much of a light reaches the surfaces.
-fn record_rays<'a>(
-    cmd: &Cmd<'_>,
-    world: &World,
-    (light, is_first): (u32, bool),
-    trace: &Pipeline,
-    views: impl Iterator<Item = (&'a View, &'a Surface)>,
-) {
-    let Some(rays) = world.rays() else { return };
-    for (view, surface) in views {
-        let Some(arriving) = &surface.arriving else { continue };
-        let mut resources = rays.binds(world).to_vec();
-        resources.push((&world.light_buffer).into());
-        resources.extend([&surface.depth, &surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
-        resources.push(arriving.into());
-        cmd.bind(trace, &resources);
-        let View { world_from_clip, eye, .. } = *view;
-        cmd.push(&LightRaysPush {
-            world_from_clip,
-            eye,
-            light,
-            root: rays.root,
-            is_first: u32::from(is_first),
-            is_second: u32::from(surface.is_second),
-        });
-        let [width, height] = surface.size;
-        cmd.dispatch(width, height, 1);
+        match &surface.arrivals {
+            Some(arrivals) => draw.draw_indirect(&arrivals.lit_work, offset_of!(LightWork, vertices) as u64),
+            None => draw.draw(3),
+        }
     }
 }

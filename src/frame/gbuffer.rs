@@ -1,15 +1,14 @@
 //! Stage 1, G-buffer: draws depth, normal, reflectances, emitted radiance and element of visible surfaces. METHOD 1.
 
+use super::arrivals::Arrivals;
 use super::plan::Plan;
 use super::settings::Antialiasing;
 use super::view::View;
 use super::world::{ByKind, VERTEX, Which, World};
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Blend, Buffer, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster,
-    Shape,
+    Attach, Attachments, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster, Shape,
 };
-use crate::shared::Arriving;
 
 const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
 const HALF: Format = Format::R16G16B16A16_SFLOAT;
@@ -39,13 +38,7 @@ pub struct Surface {
     /// Whether these are second surfaces, which are visible away from the pixel's centre.
     pub is_second: bool,
     /// Light of one source at a time that reaches the surfaces; only with ray-traced shadows.
-    pub arriving: Option<Buffer>,
-}
-
-/// Creates a buffer for the light that reaches this many pixels.
-fn arriving(gpu: &Gpu, plan: &Plan, name: &str, [w, h]: [u32; 2]) -> Result<Option<Buffer>> {
-    let bytes = u64::from(w) * u64::from(h) * size_of::<Arriving>() as u64;
-    plan.light_rays.then(|| gpu.buffer(name, bytes)).transpose()
+    pub arrivals: Option<Arrivals>,
 }
 
 impl Surface {
@@ -68,7 +61,7 @@ impl Surface {
             coat: plan.coated.then(|| gpu.target("gbuffer.coat", COAT, w, h)).transpose()?,
             radiance: image("direct.radiance", FLOAT)?,
             is_second: false,
-            arriving: arriving(gpu, plan, "direct.arriving", size)?,
+            arrivals: plan.light_rays.then(|| Arrivals::new(gpu, "direct", size)).transpose()?,
         })
     }
 
@@ -88,7 +81,7 @@ impl Surface {
             coat: plan.coated.then(|| image("edges.coat", COAT)).transpose()?,
             radiance: image("edges.radiance", FLOAT)?,
             is_second: true,
-            arriving: arriving(gpu, plan, "edges.arriving", size)?,
+            arrivals: plan.light_rays.then(|| Arrivals::new(gpu, "edges", size)).transpose()?,
         })
     }
 
@@ -97,8 +90,21 @@ impl Surface {
     /// # Errors
     /// Fails if the driver rejects the shaders.
     pub(super) fn adding(gpu: &Gpu, fragment: &'static str, constants: &[u32]) -> Result<Pipeline> {
+        Self::adding_over(gpu, "screen.vert", fragment, constants)
+    }
+
+    /// Creates a pipeline that adds to the radiance of the pixels that this vertex shader covers.
+    ///
+    /// # Errors
+    /// As `adding`.
+    pub(super) fn adding_over(
+        gpu: &Gpu,
+        vertex: &'static str,
+        fragment: &'static str,
+        constants: &[u32],
+    ) -> Result<Pipeline> {
         gpu.raster(&Raster {
-            vertex: "screen.vert",
+            vertex,
             fragment: Some(fragment),
             shape: Shape::Triangles,
             streams: &[],

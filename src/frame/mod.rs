@@ -5,6 +5,7 @@
 //! frame takes its own [`Look`]. An [`Engine`] holds a world and its light and allows both to change between two
 //! frames.
 
+mod arrivals;
 pub mod atlas;
 pub mod background;
 pub mod bounce;
@@ -26,6 +27,7 @@ pub mod inside;
 pub mod interpolate;
 pub mod layers;
 pub mod light;
+mod light_rays;
 pub mod live;
 pub mod near;
 pub mod occlude;

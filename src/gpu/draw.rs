@@ -299,6 +299,23 @@ impl Draw<'_, '_> {
         unsafe { self.cmd.gpu.shared.device.cmd_draw(self.cmd.buffer, vertex_count, 1, first_vertex, 0) };
     }
 
+    /// Draws vertices without buffers, with the counts stored as four numbers in a buffer, at `offset` \[bytes\]:
+    /// vertices, instances, first vertex and first instance, which must be 0. The shader that writes the numbers must
+    /// keep vertices and instances in the range that the vertex shader can look up.
+    pub fn draw_indirect(&self, arguments: &Buffer, offset: u64) {
+        if self.cmd.failed() {
+            return;
+        }
+        self.check_vertices(None);
+        let inside = offset.is_multiple_of(4) && offset.checked_add(16).is_some_and(|end| end <= arguments.held);
+        assert!(inside, "four numbers at byte {offset} of {}, which has {}", arguments.name, arguments.held);
+        self.cmd.touch_buffer(arguments, Use::IndirectRead);
+        let (buffer, arguments) = (self.cmd.buffer, arguments.handle);
+        // SAFETY: pipeline and descriptors are bound; the shader makes its vertices from their index; the buffer holds
+        // the four numbers.
+        unsafe { self.cmd.gpu.shared.device.cmd_draw_indirect(buffer, arguments, offset, 1, 0) };
+    }
+
     /// Draws triangles from the bound buffers. The indices must be in range; the code that fills an index buffer must
     /// ensure this.
     pub fn draw_indexed(&self, index_count: u32, first_index: u32) {
