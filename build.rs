@@ -84,6 +84,8 @@ fn rust_from_glsl(glsl: &str) -> String {
     let mut rust = String::from("// Made by build.rs from glsl/shared.glsl.\n\n");
     let mut docs: Vec<String> = Vec::new();
     let mut open: Option<(String, usize)> = None;
+    // Where the last member begins, behind its documentation.
+    let mut member = 0;
     for (number, line) in glsl.lines().enumerate() {
         let place = format!("glsl/shared.glsl:{}", number + 1);
         let line = line.trim();
@@ -105,6 +107,8 @@ fn rust_from_glsl(glsl: &str) -> String {
             writeln!(rust, "{doc}#[repr(C, packed(4))]\n#[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]\npub struct {name} {{").expect("string");
             open = Some((name.to_owned(), 0));
         } else if code == "};" {
+            // Comments behind the last member continue its own.
+            rust.insert_str(member, &doc);
             let (name, size) = open.take().unwrap_or_else(|| panic!("{place}: no struct is open"));
             writeln!(rust, "}}\nconst _: () = assert!(size_of::<{name}>() == {size});\n").expect("string");
         } else if let Some((_, size)) = &mut open {
@@ -112,7 +116,9 @@ fn rust_from_glsl(glsl: &str) -> String {
                 code.trim_end_matches(';').split_once(' ').unwrap_or_else(|| panic!("{place}: one member a line"));
             let (kind, bytes) = types.get(kind).unwrap_or_else(|| panic!("{place}: type {kind} has no Rust twin here"));
             *size += bytes;
-            writeln!(rust, "{doc}    pub {field}: {kind},").expect("string");
+            rust.push_str(&doc);
+            member = rust.len();
+            writeln!(rust, "    pub {field}: {kind},").expect("string");
         } else if let Some(rest) = code.strip_prefix("const ") {
             let (kind, rest) = rest.split_once(' ').unwrap_or_else(|| panic!("{place}: const TYPE NAME = VALUE;"));
             let (name, value) =

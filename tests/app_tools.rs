@@ -175,16 +175,28 @@ fn files_and_sessions_come_back() {
     session["lights"][0]["intensity"] = json!(200.0);
     session["materials"] = json!({ "white": { "base_color": [0.1, 0.2, 0.9, 1.0], "emissive": [0.0, 0.0, 0.0] } });
     session["hidden"] = json!(["short block"]);
-    session["settings"].as_array_mut().expect("flags").extend([json!("--bounces"), json!("1")]);
+    session["settings"]
+        .as_array_mut()
+        .expect("flags")
+        .extend(["--bounces", "1", "--shadow-map", "rays"].map(Value::from));
     session["bookmarks"][0] = json!("0,1,3;0,1,0;0,1,0;50");
     fs::write(&file, session.to_string()).expect("a session");
     app.drop_file(&file);
     app.line("scene");
     let command = app.command();
-    assert_eq!(command.replace(" --bounces 1", "").replace(&format!("{}/", folder.display()), ""), turned);
-    assert!(command.contains("--bounces 1"), "{command}");
-    let changed = png(&folder.join(app.picture())).1;
+    let [bounces, rays] = [" --bounces 1", " --shadow-map rays"];
+    let shorter = command.replace(bounces, "").replace(rays, "").replace(&format!("{}/", folder.display()), "");
+    assert_eq!(shorter, turned);
+    assert!(command.contains(bounces) && command.contains(rays), "{command}");
+    let mut changed = png(&folder.join(app.picture())).1;
     assert!(changed != diffuse, "the picture must change with light and material");
+    session["lights"][0]["radius"] = json!(0.25);
+    fs::write(&file, session.to_string()).expect("a session");
+    app.drop_file(&file);
+    app.line("scene");
+    app.command();
+    let hard = std::mem::replace(&mut changed, png(&folder.join(app.picture())).1);
+    assert!(changed != hard, "shadows must become softer with the light's size");
     app.press("1");
     assert!(app.command().contains("0,1,3;0,1,0;0,1,0;50"), "the session's camera must return");
     app.press("2");

@@ -3,7 +3,7 @@
 #[path = "../build/variants.rs"]
 mod variants;
 
-use crate::common::{apart, assert_clean, compile, gpu, open};
+use crate::common::{apart, assert_clean, compile, from_spirv, gpu, open};
 use lightskin::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Load, Pipeline, Raster,
     SamplerKind, Shape, Stream, Use, Validation,
@@ -22,7 +22,7 @@ void main() { sum = texelFetch(image, ivec2(0), 0).r + float(MORE); }
 
 /// Makes a pipeline from `ADD`.
 pub(crate) fn add(gpu: &Gpu, more: u32) -> Pipeline {
-    gpu.compute_from_spirv("test.add", &compile(ADD).expect("compiles"), &[more]).expect("pipeline")
+    from_spirv(gpu, "test.add", &compile(ADD).expect("compiles"), &[more]).expect("pipeline")
 }
 
 /// Draws depth on the whole screen.
@@ -82,7 +82,7 @@ fn what_is_no_shader_is_refused() {
     let mut endless = code.clone();
     endless[5] &= 0xffff; // an instruction with zero words
     for wrong in [&[][..], &code[..4], &code[..5], &code[..6], &code[..code.len() - 1], &without_magic, &endless] {
-        let error = gpu.compute_from_spirv("test.wrong", wrong, &[]).err().expect("refused");
+        let error = from_spirv(&gpu, "test.wrong", wrong, &[]).err().expect("refused");
         assert!(error.to_string().contains("not a SPIR-V module"), "{error}");
     }
     assert_clean(&gpu);
@@ -100,13 +100,23 @@ void main() { atomicAdd(count, 1u); }
     let code = compile(COUNT).expect("compiles");
     for threads in [1, 8, 32] {
         let count = gpu.buffer_from("test.count", &[0_u32]).expect("buffer");
-        let pipeline = gpu.compute_from_spirv("test.count", &code, &[0, threads]).expect("pipeline");
+        let pipeline = from_spirv(&gpu, "test.count", &code, &[0, threads]).expect("pipeline");
         gpu.run_once("count", |cmd| {
             cmd.bind(&pipeline, &[(&count).into()]);
             cmd.dispatch(64, 4, 1);
         })
         .expect("run");
         assert_eq!(gpu.read::<u32>(&count).expect("read")[0], 64 * 4);
+    }
+    assert_clean(&gpu);
+}
+
+#[test]
+fn groups_larger_than_the_device_allows_are_refused() {
+    let gpu = gpu();
+    for threads in [0, 1 << 20] {
+        let error = gpu.compute("gather_clusters.comp", &[0, 0, 1, threads]).err().expect("refused").to_string();
+        assert!(error.contains(&format!("gather_clusters.comp, groups of [{threads}, 1, 1] threads")), "{error}");
     }
     assert_clean(&gpu);
 }
@@ -122,7 +132,7 @@ fn pipeline(gpu: &Gpu, group: &str, declarations: &str, main: &str) -> Pipeline 
         "#version 460\n#extension GL_EXT_scalar_block_layout : require\nlayout({group}) in;\n{declarations}\n\
          void main() {{ ivec3 at = ivec3(gl_GlobalInvocationID); {main} }}\n"
     );
-    gpu.compute_from_spirv("test.shader", &compile(&code).expect("compiles"), &[]).expect("pipeline")
+    from_spirv(gpu, "test.shader", &compile(&code).expect("compiles"), &[]).expect("pipeline")
 }
 
 #[test]
@@ -151,6 +161,7 @@ fn each_layer_is_rendered_into_alone() {
         let texels: Vec<f32> = gpu.read_image(&depths).expect("read");
         assert_eq!(texels[..16], [[0.2; 8], [1.0; 8]].concat());
         assert_eq!((layers.bytes(), depths.bytes()), (64, 96));
+        assert_eq!(gpu.read_texel::<u32>(&layers, [3, 1]).expect("read"), 0x3333_3333, "the first layer");
 
         // Shaders see all layers.
         let sampled = "layout(binding = 0) uniform sampler2DArray image; \
@@ -270,7 +281,6 @@ fn commands_that_break_their_contracts_are_refused() {
     }
     let (gpu, other) = (open(Validation::Sync), open(Validation::Sync));
     let (small, large) = (gpu.buffer("small", 16).expect("made"), gpu.buffer("large", 4096).expect("made"));
-    let back = gpu.readback_buffer("back", 16).expect("made");
     let foreign = other.buffer("foreign", 4096).expect("made");
     let plane = gpu.target("plane", Format::R8G8B8A8_UNORM, 8, 8).expect("made");
     let depth = gpu.target("depth", Format::D32_SFLOAT, 8, 8).expect("made");
@@ -291,6 +301,15 @@ fn commands_that_break_their_contracts_are_refused() {
     let streamed = gpu.raster(&streamed).expect("made");
     let to_plane = Raster { colors: &[Format::R8G8B8A8_UNORM], depth: Depth::None, ..SCREEN };
     let to_plane = gpu.raster(&to_plane).expect("made");
+    let streams = |attributes: &[(u32, Format, u32)]| {
+        drop(gpu.raster(&Raster { streams: &[Stream { stride: 32, attributes }], ..SCREEN }));
+    };
+    let pushed = pipeline(
+        &gpu,
+        "local_size_x = 1",
+        "layout(push_constant) uniform Push { uint n; }; layout(binding = 0, scalar) buffer Out { uint sum; };",
+        "sum = n;",
+    );
     let wrap = SamplerKind { wrap: [ash::vk::SamplerAddressMode::REPEAT; 2], nearest: true };
     let scope = |cmd: &Cmd<'_>, inside: &dyn Fn(&lightskin::gpu::Draw<'_, '_>)| {
         let area = [0, 0, 8, 8];
@@ -320,6 +339,12 @@ fn commands_that_break_their_contracts_are_refused() {
         ("does not fit binding 0", Box::new(|cmd| cmd.bind(&sum, &[Bind::Texels(&small), (&red).into()]))),
         ("does not fit binding 0", Box::new(|cmd| cmd.bind(&store, &[Bind::Texture(&volume, wrap)]))),
         ("plane was not made as storage", Box::new(|cmd| cmd.bind(&store, &[(&plane).into()]))),
+        ("not every device wraps like this", {
+            Box::new(|cmd| {
+                let once = SamplerKind { wrap: [ash::vk::SamplerAddressMode::MIRROR_CLAMP_TO_EDGE; 2], nearest: true };
+                cmd.bind(&sum, &[(&small).into(), Bind::Texture(&plane, once)]);
+            })
+        }),
         ("does not filter R32_UINT", {
             Box::new(|cmd| {
                 let linear = SamplerKind { nearest: false, ..wrap };
@@ -339,6 +364,12 @@ fn commands_that_break_their_contracts_are_refused() {
             Box::new(|cmd| {
                 cmd.bind(&sum, &[(&small).into(), (&red).into()]);
                 cmd.dispatch(1, u32::MAX, 1);
+            })
+        }),
+        ("test.shader: push before dispatch", {
+            Box::new(|cmd| {
+                cmd.bind(&pushed, &[(&small).into()]);
+                cmd.dispatch(1, 1, 1);
             })
         }),
         ("three numbers at byte 8 of small", {
@@ -418,10 +449,28 @@ fn commands_that_break_their_contracts_are_refused() {
         ("a fill: not while", Box::new(|cmd| scope(cmd, &|_| cmd.clear(&small)))),
         ("a barrier: not while", Box::new(|cmd| scope(cmd, &|_| cmd.barrier(Use::ColorWrite, Use::CopyRead)))),
         ("bind before dispatch", Box::new(|cmd| scope(cmd, &|_| cmd.dispatch(1, 1, 1)))),
+        ("the end of a frame: not while", {
+            Box::new(|cmd| {
+                let inside = catch_unwind(AssertUnwindSafe(|| scope(cmd, &|_| panic!("inside the scope"))));
+                assert!(inside.is_err());
+            })
+        }),
+        // Pipelines.
+        ("screen.vert: not a shader of stage .comp", Box::new(|_| drop(gpu.compute("screen.vert", &[])))),
+        ("vals.comp: not a shader of stage .vert", {
+            Box::new(|_| drop(gpu.raster(&Raster { vertex: "vals.comp", ..SCREEN })))
+        }),
+        ("attribute 0 at byte 30 of 32", Box::new(|_| streams(&[(0, Format::R32_SFLOAT, 30)]))),
+        ("attribute 0 at byte 24 of 32", Box::new(|_| streams(&[(0, Format::R32G32B32_SFLOAT, 24)]))),
+        ("attribute 1000 of R32_SFLOAT", Box::new(|_| streams(&[(1000, Format::R32_SFLOAT, 0)]))),
+        ("1000 colours", Box::new(|_| drop(gpu.raster(&Raster { colors: &[Format::R32_SFLOAT; 1000], ..SCREEN })))),
         // Access by the CPU.
-        ("small: not a host-visible buffer", Box::new(|_| assert!(small.bytes().is_empty()))),
+        ("local: not a host-visible buffer", {
+            Box::new(|_| assert!(gpu.buffer("local", 16).expect("made").bytes().is_empty()))
+        }),
         ("back: the device still uses it", {
             Box::new(|cmd| {
+                let mut back = gpu.readback_buffer("back", 16).expect("made");
                 cmd.copy_buffer(&small, &back, 16);
                 assert!(back.bytes().is_empty());
             })

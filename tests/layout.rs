@@ -111,3 +111,19 @@ fn rust_sizes_are_the_sums_of_their_members() {
     assert_eq!(std::mem::offset_of!(shared::Val, flux), 32);
     assert_eq!(std::mem::offset_of!(shared::Proxy, glossy_irradiance), 44);
 }
+
+/// Every comment within a struct documents a member of its Rust twin.
+#[test]
+fn members_keep_their_comments() {
+    let rust = include_str!(concat!(env!("OUT_DIR"), "/shared.rs"));
+    let glsl = both(&Path::new(env!("CARGO_MANIFEST_DIR")).join("glsl/shared.glsl"));
+    let (mut inside, mut lines) = (false, 0);
+    for line in glsl.lines() {
+        inside = (inside || line.starts_with("struct ")) && !line.starts_with("};");
+        let Some((_, comment)) = line.split_once("//").filter(|_| inside) else { continue };
+        let doc = format!("    /// {}\n", comment.trim().replace('[', "\\["));
+        assert!(rust.contains(&doc), "shared.rs lacks the comment of: {line}");
+        lines += 1;
+    }
+    assert!(lines > 50, "{lines} comments");
+}

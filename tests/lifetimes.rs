@@ -167,7 +167,7 @@ fn what_outlives_its_device_stays_sound() {
         return;
     }
     for gpu in validated() {
-        let (buffer, pipeline) = (gpu.host_buffer("test.kept", 16).expect("buffer"), add(&gpu, 1));
+        let (mut buffer, pipeline) = (gpu.host_buffer("test.kept", 16).expect("buffer"), add(&gpu, 1));
         let image = gpu.target("test.kept", Format::D32_SFLOAT, 4, 4).expect("target");
         drop_what_was_bound(&gpu, false).map(drop).expect("frame");
         drop(gpu);

@@ -18,7 +18,7 @@ use rayon::prelude::*;
 
 use crate::analytic::numbers;
 use crate::common::frames::{add, phong, placed, small};
-use crate::common::{Turn, assert_clean, compile, data, gpu};
+use crate::common::{Turn, assert_clean, compile, data, from_spirv, gpu};
 
 /// Number of rays per scene.
 const RAYS: usize = 100_000;
@@ -158,7 +158,7 @@ impl Tracer {
         let constants =
             [asked.stack.unwrap_or(stack), levels, if asked.other_way { 1 - texels } else { texels }, holes];
         let code = compile(SHADER).unwrap_or_else(|error| panic!("{error}"));
-        let pipeline: Pipeline = self.gpu.compute_from_spirv("test.rays", &code, &constants).expect("pipeline");
+        let pipeline: Pipeline = from_spirv(&self.gpu, "test.rays", &code, &constants).expect("pipeline");
         let from: Buffer = self.gpu.buffer_from("test.asked", rays).expect("rays");
         let to = self.gpu.buffer("test.met", (size_of::<Met>() * rays.len()) as u64).expect("hits");
         let mut binds: Vec<Bind<'_>> = buffers.binds(&self.world).to_vec();

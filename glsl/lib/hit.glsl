@@ -13,13 +13,6 @@ layout(binding = 9, scalar) readonly buffer TextureSlots { TextureSlot texture_s
 layout(binding = 10, scalar) readonly buffer HitTextures { HitTexture hit_textures[]; };
 layout(binding = 11, scalar) readonly buffer HitTexels { uint hit_texels[]; };
 
-// Both sets of texture coordinates, and vertex colour.
-struct Attributes {
-    vec4 uv;
-    vec4 color;
-    float density; // square root of the triangle's area in texture coordinates over its area [1/m]
-};
-
 vec3 corner_vector(uint vertex, uint word) {
     uint at = vertex * VERTEX_WORDS + word;
     return vec3(vertex_words[at], vertex_words[at + 1u], vertex_words[at + 2u]);

@@ -355,11 +355,7 @@ impl Document {
         let lights: Vec<Light> = (self.lights.iter())
             .map(|(light, on)| Light { intensity: if *on { light.intensity } else { 0.0 }, ..light.clone() })
             .collect();
-        self.edit(gpu, |scene| {
-            for (old, new) in scene.lights.iter_mut().zip(lights) {
-                (old.color, old.intensity) = (new.color, new.intensity);
-            }
-        });
+        self.edit(gpu, |scene| copy_edits(&lights, &mut scene.lights));
     }
 
     /// Poses the scene at the time of the clip.
@@ -468,12 +464,17 @@ fn usual(args: &Args, caches: usize, ways: Ways) -> Settings {
     Settings { reuse: true, ..Settings::at(args.quality(), caches).with_ways(ways) }
 }
 
+/// Copies what the panel and sessions can change of lights.
+fn copy_edits(from: &[Light], to: &mut [Light]) {
+    for (from, to) in from.iter().zip(to) {
+        (to.color, to.intensity, to.radius) = (from.color, from.intensity, from.radius);
+    }
+}
+
 /// Copies lights, visibility and edited materials from the old scene, if the new scene has the same number of each.
 fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
     if old.lights.len() == new.lights.len() {
-        for (old, new) in old.lights.iter().zip(&mut new.lights) {
-            (new.color, new.intensity) = (old.color, old.intensity);
-        }
+        copy_edits(&old.lights, &mut new.lights);
     }
     if old.instances.len() == new.instances.len() {
         for (old, new) in old.instances.iter().zip(&mut new.instances) {
@@ -486,5 +487,21 @@ fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
             (new.base_color, new.emissive) = (old.base_color, old.emissive);
             (new.roughness, new.metallic) = (old.roughness, old.metallic);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use lightskin::scene::build::{CornellSurface, cornell};
+
+    #[test]
+    fn edited_lights_outlive_another_bake() {
+        let (mut old, mut new) = (cornell(CornellSurface::Diffuse, 0.5), cornell(CornellSurface::Diffuse, 0.5));
+        let light = &mut old.lights[0];
+        (light.color, light.intensity, light.radius) = (glam::vec3(0.1, 0.2, 0.3), 4.0, 0.5);
+        keep_edits(&old, &mut new, &BTreeSet::new());
+        let kept = &new.lights[0];
+        assert_eq!((kept.color, kept.intensity, kept.radius), (glam::vec3(0.1, 0.2, 0.3), 4.0, 0.5));
     }
 }

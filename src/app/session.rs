@@ -9,7 +9,7 @@ use glam::{Vec3, Vec4};
 use lightskin::files;
 use lightskin::frame::{Exposure, Look, Settings};
 use lightskin::gpu::Gpu;
-use lightskin::scene::{Light, Scene};
+use lightskin::scene::{Light, LightKind, Scene};
 use serde_json::{Map, Value, json};
 use std::path::Path;
 
@@ -191,7 +191,8 @@ impl Session {
 fn take_light(light: &mut Light, told: &Value) {
     light.color = numbers(&told["color"]).map_or(light.color, Vec3::from_array);
     light.intensity = number(&told["intensity"]).filter(|v| (0.0..=1e9).contains(v)).unwrap_or(light.intensity);
-    light.radius = number(&told["radius"]).filter(|v| (0.0..=1e6).contains(v)).unwrap_or(light.radius);
+    let widest = if light.kind == LightKind::Directional { Light::WIDEST_SUN } else { 1e6 };
+    light.radius = number(&told["radius"]).filter(|v| *v >= 0.0).map_or(light.radius, |v| v.min(widest));
 }
 
 fn is_there(scene: Option<&Scene>, seen: Seen) -> bool {

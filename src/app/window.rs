@@ -15,6 +15,7 @@ use crate::cli::view::{Taken, View as Args, print};
 use anyhow::{Context, Result, bail};
 use lightskin::gpu::{Gpu, Swapchain};
 use std::path::PathBuf;
+use std::rc::Rc;
 use std::sync::Arc;
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
@@ -42,7 +43,7 @@ pub(super) struct Open {
     egui: egui_winit::State,
     input: Input,
     panel: panel::State,
-    gpu: Gpu,
+    gpu: Rc<Gpu>,
     window: Arc<Window>,
     /// Corner and size of the picture in the window [pixels].
     place: ([u32; 2], [u32; 2]),
@@ -74,7 +75,7 @@ impl Open {
         let attributes = Window::default_attributes().with_title("lightskin").with_inner_size(size);
         let window = Arc::new(events.create_window(attributes).context("opening a window")?);
         let display = events.display_handle().context("the display")?.as_raw();
-        let gpu = args.open_device(display)?;
+        let gpu = Rc::new(args.open_device(display)?);
         let swapchain = gpu.swapchain(window.clone(), args.present())?;
         let size = window.inner_size();
         let context = egui::Context::default();

@@ -32,7 +32,7 @@ pub fn bake_cached(
     match kept::folder() {
         Some(folder) => bake_kept_in(&folder, scene, settings, progress),
         None => {
-            log::debug!("neither XDG_CACHE_HOME nor HOME is set: the bake will not be kept");
+            log::debug!("no folder for kept files is known: the bake will not be kept");
             Ok((bake(scene, settings, progress)?, false))
         }
     }

@@ -220,12 +220,10 @@ impl Cmd<'_> {
                 Bind::Image(i) | Bind::Texture(i, _) => {
                     let kind = if let Bind::Texture(_, kind) = resource { *kind } else { nearest };
                     let storage = slot.kind == vk::DescriptorType::STORAGE_IMAGE;
-                    assert!(
-                        kind.nearest || self.filters(i),
-                        "{}: the device does not filter {:?}",
-                        i.name,
-                        i.made.format
-                    );
+                    let linear = vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR;
+                    let filters =
+                        kind.nearest || self.gpu.uses_of(i.made.format).optimal_tiling_features.contains(linear);
+                    assert!(filters, "{}: the device does not filter {:?}", i.name, i.made.format);
                     let sampler = if storage { vk::Sampler::null() } else { self.gpu.sampler(kind)? };
                     image = [vk::DescriptorImageInfo {
                         sampler,
@@ -241,16 +239,6 @@ impl Cmd<'_> {
         Ok(())
     }
 
-    /// Whether the device can filter an image linearly.
-    fn filters(&self, image: &Image) -> bool {
-        let shared = &self.gpu.shared;
-        // SAFETY: plain query of a live instance and its device.
-        let properties = unsafe {
-            shared.instance.instance.get_physical_device_format_properties(shared.physical, image.made.format)
-        };
-        properties.optimal_tiling_features.contains(vk::FormatFeatureFlags::SAMPLED_IMAGE_FILTER_LINEAR)
-    }
-
     /// Sets the push constants of the bound pipeline.
     pub fn push<T: bytemuck::NoUninit>(&self, constants: &T) {
         if self.failed() {
@@ -261,5 +249,12 @@ impl Cmd<'_> {
         assert_eq!(bytes.len() as u32, bound.push_bytes, "{}: size of its push constants", bound.name);
         // SAFETY: size and stages are those of the layout.
         unsafe { self.gpu.shared.device.cmd_push_constants(self.buffer, bound.layout, bound.push_stages, 0, bytes) };
+        self.pushed.set((bound.push_bytes, bound.push_stages));
+    }
+
+    /// Asserts that the bound pipeline's push constants are set. They stay set for other pipelines that declare the same.
+    pub(super) fn check_pushed(&self, bound: &Bound) {
+        let pushed = bound.push_bytes == 0 || self.pushed.get() == (bound.push_bytes, bound.push_stages);
+        assert!(pushed, "{}: push before dispatch", bound.name);
     }
 }

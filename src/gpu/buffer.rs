@@ -89,7 +89,7 @@ impl Gpu {
     /// # Errors
     /// Fails if the device is lost, or there is no memory to read into.
     pub fn read<T: bytemuck::Pod>(&self, buffer: &Buffer) -> Result<Vec<T>> {
-        let back = self.readback_buffer("readback", buffer.held)?;
+        let mut back = self.readback_buffer("readback", buffer.held)?;
         self.run_once("readback", |cmd| cmd.copy_buffer(buffer, &back, buffer.held))?;
         Ok(bytemuck::pod_collect_to_vec(back.bytes()))
     }
@@ -150,11 +150,20 @@ impl Gpu {
 }
 
 impl Buffer {
-    /// The bytes of a host-visible buffer.
+    /// The bytes of a host-visible buffer. While they are borrowed, no command can be recorded that changes them:
+    ///
+    /// ```compile_fail,E0502
+    /// # use lightskin::gpu::{Buffer, Cmd};
+    /// fn changed_while_read(cmd: &Cmd<'_>, from: &Buffer, to: &mut Buffer) -> u8 {
+    ///     let bytes = to.bytes();
+    ///     cmd.copy_buffer(from, to, 16);
+    ///     bytes[0]
+    /// }
+    /// ```
     ///
     /// # Panics
     /// Panics if the buffer is not host-visible, or the device still uses it.
-    pub fn bytes(&self) -> &[u8] {
+    pub fn bytes(&mut self) -> &[u8] {
         self.assert_idle();
         let all = self.allocation.as_ref().and_then(Allocation::mapped_slice).expect("host-visible memory");
         &all[..self.held as usize]

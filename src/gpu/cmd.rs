@@ -21,6 +21,8 @@ pub struct Cmd<'g> {
     pub(super) slot: RefCell<RefMut<'g, Slot>>,
     pub(super) buffer: vk::CommandBuffer,
     pub(super) bound: Cell<Option<Bound>>,
+    /// Size \[bytes\] and stages of the push constants that were set last.
+    pub(super) pushed: Cell<(u32, vk::ShaderStageFlags)>,
     pub(super) log: Option<RefCell<Log>>,
     pub(super) zone: Cell<&'static str>,
     /// Submits and waits at the end of each zone: the only way to get correct timings per pass on lavapipe.
@@ -49,6 +51,7 @@ impl<'g> Cmd<'g> {
             buffer: slot.buffer,
             slot: RefCell::new(slot),
             bound: Cell::new(None),
+            pushed: Cell::default(),
             log: gpu.check_barriers.then(RefCell::default),
             zone: Cell::new("frame"),
             split,
@@ -69,11 +72,14 @@ impl<'g> Cmd<'g> {
         self.open.set(true);
         // Each command buffer begins with nothing bound.
         self.bound.set(None);
+        self.pushed.set(Default::default());
         Ok(())
     }
 
     /// Ends and submits the recorded commands. Returns the timeline value that signals their completion.
     pub(super) fn submit(&self) -> Result<u64> {
+        // It may be if the caller caught a panic inside it.
+        self.outside("the end of a frame");
         let start = self.slot.borrow().notes.now();
         let submitted = &self.gpu.shared.submitted;
         let value = submitted.load(Ordering::SeqCst) + 1;
@@ -280,6 +286,7 @@ impl<'g> Cmd<'g> {
     fn bound_to_compute(&self) -> Bound {
         let bound = self.bound.get().expect("bind before dispatch");
         assert!(bound.compute, "{}: a graphics pipeline cannot be dispatched", bound.name);
+        self.check_pushed(&bound);
         bound
     }
 }

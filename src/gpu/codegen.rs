@@ -2,7 +2,7 @@
 //! VK_KHR_pipeline_executable_properties but runs nothing, so drivers without hardware will do.
 
 use super::instance::{self, Instance, Needs, needs, open_instance, pick, queue_family};
-use super::pipeline::{shader_names, specialization, spirv};
+use super::pipeline::{check_group, shader_names, specialization, spirv};
 use super::{DeviceReport, Validation, reflect, vulkan};
 use crate::error::{Error, Result};
 use ash::{khr, vk};
@@ -11,6 +11,7 @@ use ash::{khr, vk};
 pub struct Codegen {
     device: ash::Device,
     ask: khr::pipeline_executable_properties::Device,
+    limits: vk::PhysicalDeviceLimits,
     /// Description of the device.
     pub report: DeviceReport,
     _instance: Instance,
@@ -75,7 +76,9 @@ impl Codegen {
         let device = unsafe { instance.create_device(physical, &info, None) }
             .map_err(vulkan(format!("opening {}", report.name)))?;
         let ask = khr::pipeline_executable_properties::Device::new(instance, &device);
-        Ok(Self { device, ask, report, _instance: opened })
+        // SAFETY: plain query.
+        let limits = unsafe { instance.get_physical_device_properties(physical) }.limits;
+        Ok(Self { device, ask, limits, report, _instance: opened })
     }
 
     /// Names of all compute shaders.
@@ -90,8 +93,9 @@ impl Codegen {
     /// Fails if the driver rejects the shader.
     pub fn compute(&self, name: &str, constants: &[u32]) -> Result<Compiled> {
         let failed = |result| vulkan(format!("compiling {name}"))(result);
-        let code = spirv(name);
+        let code = spirv(name, ".comp");
         let interface = reflect::interface(&code, constants);
+        check_group(name, interface.group, &self.limits)?;
         let bindings: Vec<_> = (interface.bindings.iter())
             .map(|b| {
                 vk::DescriptorSetLayoutBinding::default()

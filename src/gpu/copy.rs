@@ -58,14 +58,16 @@ impl Cmd<'_> {
         self.copy_region(from, to, from.made.level_bytes(0), region(from, 0, 0));
     }
 
-    /// Copies one texel, given by column and row, to the start of a buffer.
+    /// Copies one texel of the first layer, given by column and row, to the start of a buffer.
     pub(crate) fn copy_texel_to_buffer(&self, from: &Image, at: [u32; 2], to: &Buffer) {
         let ([x, y], [width, height]) = (at, from.made.size);
         assert!(x < width && y < height, "{}: texel {x}, {y} of {width}x{height}", from.name);
+        let here = region(from, 0, 0);
         let here = vk::BufferImageCopy {
             image_offset: vk::Offset3D { x: x as i32, y: y as i32, z: 0 },
             image_extent: vk::Extent3D { width: 1, height: 1, depth: 1 },
-            ..region(from, 0, 0)
+            image_subresource: vk::ImageSubresourceLayers { layer_count: 1, ..here.image_subresource },
+            ..here
         };
         self.copy_region(from, to, texel_bytes(from.made.format), here);
     }

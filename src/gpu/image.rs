@@ -178,12 +178,13 @@ impl Gpu {
     /// # Errors
     /// Fails if the device is lost, or there is no memory to read into.
     pub fn read_image<T: bytemuck::Pod>(&self, image: &Image) -> Result<Vec<T>> {
-        let back = self.readback_buffer("readback", image.made.level_bytes(0))?;
+        let mut back = self.readback_buffer("readback", image.made.level_bytes(0))?;
         self.run_once("readback", |cmd| cmd.copy_image_to_buffer(image, &back))?;
         Ok(bytemuck::pod_collect_to_vec(back.bytes()))
     }
 
-    /// Reads one texel of the largest mip level back, by column and row; waits for the device.
+    /// Reads one texel of the largest mip level back, by column and row, from the first layer if there are several;
+    /// waits for the device.
     ///
     /// # Errors
     /// Fails if the device is lost, or there is no memory to read into.
@@ -191,13 +192,15 @@ impl Gpu {
     /// # Panics
     /// Panics if the image has no such texel, or its texels are larger than `T`.
     pub fn read_texel<T: bytemuck::Pod>(&self, image: &Image, at: [u32; 2]) -> Result<T> {
-        let back = self.readback_buffer("readback", size_of::<T>() as u64)?;
+        let mut back = self.readback_buffer("readback", size_of::<T>() as u64)?;
         self.run_once("readback", |cmd| cmd.copy_texel_to_buffer(image, at, &back))?;
         Ok(bytemuck::pod_read_unaligned(&back.bytes()[..size_of::<T>()]))
     }
 
     /// Rejects images that the device cannot create.
     fn check_image(&self, name: &str, made: Made, kind: vk::ImageType) -> Result<()> {
+        // Unknown formats panic before the driver sees them.
+        texel_bytes(made.format);
         let [width, height] = made.size;
         let (layers, depth) = (made.layers(), made.depth());
         assert!(width.min(height).min(layers).min(depth) > 0, "image {name}: {width}x{height}, {:?}", made.extent);
@@ -227,6 +230,13 @@ impl Gpu {
             what: format!("image {name} of {:?} for {:?}", made.format, made.usage),
             result: result.to_string(),
         })
+    }
+
+    /// What the device can do with a format.
+    pub(super) fn uses_of(&self, format: vk::Format) -> vk::FormatProperties {
+        let shared = &self.shared;
+        // SAFETY: plain query of a live instance and its device.
+        unsafe { shared.instance.instance.get_physical_device_format_properties(shared.physical, format) }
     }
 
     fn make_image(&self, name: &str, made: Made) -> Result<Image> {

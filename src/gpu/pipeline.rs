@@ -76,7 +76,9 @@ pub(super) fn shader_names() -> impl Iterator<Item = &'static str> {
     SHADERS.iter().map(|(name, _)| *name)
 }
 
-pub(super) fn spirv(name: &str) -> Vec<u32> {
+/// SPIR-V of an entry shader of this stage, by file name.
+pub(super) fn spirv(name: &str, stage: &str) -> Vec<u32> {
+    assert!(name.ends_with(stage), "{name}: not a shader of stage {stage}");
     bytemuck::pod_collect_to_vec(shader(name))
 }
 
@@ -104,28 +106,31 @@ impl Gpu {
     /// # Errors
     /// Fails if the driver rejects the shaders.
     pub fn compute(&self, name: &'static str, constants: &[u32]) -> Result<Pipeline> {
-        self.kept(format!("{name} {constants:?}"), || self.make_compute(name, &spirv(name), constants, None))
+        self.kept(format!("{name} {constants:?}"), || self.make_compute(name, &spirv(name, ".comp"), constants, None))
     }
 
     /// The same with full subgroups of this many threads.
     ///
     /// # Panics
-    /// Panics if `voting_threads` does not return this number.
+    /// Panics if `voting_threads` does not return this number, or it does not divide the width of a workgroup.
     ///
     /// # Errors
     /// Fails if the driver rejects the shaders.
     pub fn compute_in_subgroups(&self, name: &'static str, constants: &[u32], threads: u32) -> Result<Pipeline> {
         assert!(self.voting_threads() == Some(threads), "{name}: subgroups of {threads} threads are not available");
         let key = format!("{name} {constants:?} {threads}");
-        self.kept(key, || self.make_compute(name, &spirv(name), constants, Some(threads)))
+        self.kept(key, || self.make_compute(name, &spirv(name, ".comp"), constants, Some(threads)))
     }
 
-    /// Creates a compute pipeline from other SPIR-V, newly with each call; tests use it for their own shaders. The code
-    /// must be valid for Vulkan 1.3, as compilers write it: drivers may crash on invalid code.
+    /// Creates a compute pipeline from other SPIR-V, newly with each call; tests use it for their own shaders.
     ///
     /// # Errors
     /// Fails if the code is not a SPIR-V module, or the driver rejects it.
-    pub fn compute_from_spirv(&self, name: &'static str, code: &[u32], constants: &[u32]) -> Result<Pipeline> {
+    ///
+    /// # Safety
+    /// A module must be valid for Vulkan 1.3 and need only the features of `needs`, with these constants too. With the
+    /// resources that are bound to it, it must not access anything outside of them.
+    pub unsafe fn compute_from_spirv(&self, name: &'static str, code: &[u32], constants: &[u32]) -> Result<Pipeline> {
         if !reflect::is_module(code) {
             return Err(Error::Vulkan { what: format!("shader {name}"), result: "not a SPIR-V module".into() });
         }
@@ -169,6 +174,14 @@ impl Gpu {
     ) -> Result<Pipeline> {
         let stage = vk::ShaderStageFlags::COMPUTE;
         let declared = self.declared(name, &[(stage, reflect::interface(code, constants))])?;
+        check_group(name, declared.group, &self.shared.limits)?;
+        if let Some(threads) = subgroup {
+            let [width, ..] = declared.group;
+            assert!(
+                width.is_multiple_of(threads),
+                "{name}: groups {width} threads wide, not full subgroups of {threads}"
+            );
+        }
         let module = self.module(name, code)?;
         let (entries, bytes) = specialization(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
@@ -210,8 +223,8 @@ impl Gpu {
 
     pub(super) fn module(&self, name: &str, code: &[u32]) -> Result<vk::ShaderModule> {
         let info = vk::ShaderModuleCreateInfo::default().code(code);
-        // SAFETY: glslang compiled the code for this Vulkan version; callers of `compute_from_spirv` must pass code
-        // that is as valid.
+        // SAFETY: glslang compiled the code for this Vulkan version, or a caller of `compute_from_spirv` promised that it
+        // is as valid.
         let module = unsafe { self.shared.device.create_shader_module(&info, None) };
         let module = module.map_err(vulkan(format!("shader {name}")))?;
         self.shared.name(module, name);
@@ -229,6 +242,20 @@ impl Pipeline {
     pub fn has_vertex_buffers(&self) -> bool {
         self.0.raster.as_ref().is_some_and(|state| !state.strides.is_empty())
     }
+}
+
+/// Rejects workgroups that a device cannot run.
+pub(super) fn check_group(name: &str, group: [u32; 3], limits: &vk::PhysicalDeviceLimits) -> Result<()> {
+    let (sides, most) = (limits.max_compute_work_group_size, limits.max_compute_work_group_invocations);
+    let inside = group.iter().zip(sides).all(|(side, most)| (1..=most).contains(side));
+    let threads: u64 = group.into_iter().map(u64::from).product();
+    if inside && threads <= most.into() {
+        return Ok(());
+    }
+    Err(Error::Vulkan {
+        what: format!("shader {name}, groups of {group:?} threads"),
+        result: format!("the device allows {sides:?}, and {most} in all"),
+    })
 }
 
 pub(super) fn specialization(constants: &[u32]) -> (Vec<vk::SpecializationMapEntry>, Vec<u8>) {

@@ -1,9 +1,9 @@
 //! Graphics pipelines: the state that the caller sets besides the shaders.
 
-use super::image::is_depth;
+use super::image::{is_depth, texel_bytes};
 use super::pipeline::{Pipeline, RasterState, specialization, spirv};
 use super::{Gpu, reflect};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use ash::vk;
 
 /// Blending of a fragment's colour with the existing one.
@@ -92,10 +92,53 @@ impl Gpu {
         self.kept(format!("{raster:?}"), || self.make_raster(raster))
     }
 
+    /// Asserts that vertices lie within their strides and the device's limits.
+    fn check_streams(&self, name: &str, streams: &[Stream<'_>]) {
+        let limits = &self.shared.limits;
+        let count: usize = streams.iter().map(|stream| stream.attributes.len()).sum();
+        let few = streams.len() <= limits.max_vertex_input_bindings as usize
+            && count <= limits.max_vertex_input_attributes as usize;
+        assert!(few, "{name}: {} vertex buffers with {count} attributes", streams.len());
+        for Stream { stride, attributes } in streams {
+            let words = stride.is_multiple_of(4) && *stride <= limits.max_vertex_input_binding_stride;
+            assert!(words, "{name}: {stride} bytes from one vertex to the next");
+            for (location, format, offset) in *attributes {
+                let bytes = if *format == vk::Format::R32G32B32_SFLOAT { 12 } else { texel_bytes(*format) };
+                let inside = offset.is_multiple_of(4) && u64::from(*offset) + bytes <= u64::from(*stride);
+                assert!(inside, "{name}: attribute {location} at byte {offset} of {stride}");
+                let known = self.uses_of(*format).buffer_features.contains(vk::FormatFeatureFlags::VERTEX_BUFFER);
+                let usable = known && *location < limits.max_vertex_input_attributes;
+                assert!(usable, "{name}: attribute {location} of {format:?}");
+            }
+        }
+    }
+
+    /// Checks that the device can draw, and blend, into such attachments.
+    fn check_colors(&self, name: &str, raster: &Raster<'_>) -> Result<()> {
+        let most = self.most_color_targets() as usize;
+        assert!(raster.colors.len() <= most, "{name}: {} colours, but the device allows {most}", raster.colors.len());
+        let mut needed = vk::FormatFeatureFlags::COLOR_ATTACHMENT;
+        if raster.blend != Blend::Replace {
+            needed |= vk::FormatFeatureFlags::COLOR_ATTACHMENT_BLEND;
+        }
+        for format in raster.colors {
+            assert!(!is_depth(*format), "{name}: depth format among the colours");
+            // Unknown formats panic before the driver sees them.
+            texel_bytes(*format);
+            if !self.uses_of(*format).optimal_tiling_features.contains(needed) {
+                let what = format!("pipeline {name} for {format:?}");
+                return Err(Error::Vulkan { what, result: format!("the device lacks {needed:?}") });
+            }
+        }
+        Ok(())
+    }
+
     fn make_raster(&self, raster: &Raster<'_>) -> Result<Pipeline> {
         let name = raster.fragment.unwrap_or(raster.vertex);
-        let mut codes = vec![(vk::ShaderStageFlags::VERTEX, spirv(raster.vertex))];
-        codes.extend(raster.fragment.map(|f| (vk::ShaderStageFlags::FRAGMENT, spirv(f))));
+        let mut codes = vec![(vk::ShaderStageFlags::VERTEX, spirv(raster.vertex, ".vert"))];
+        codes.extend(raster.fragment.map(|f| (vk::ShaderStageFlags::FRAGMENT, spirv(f, ".frag"))));
+        self.check_streams(name, raster.streams);
+        self.check_colors(name, raster)?;
         let interfaces: Vec<_> =
             codes.iter().map(|(stage, code)| (*stage, reflect::interface(code, raster.constants))).collect();
         let declared = self.declared(name, &interfaces)?;
@@ -166,7 +209,6 @@ impl Gpu {
         let blending = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
         let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::FRONT_FACE];
         let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-        assert!(!raster.colors.iter().any(|f| is_depth(*f)), "{name}: depth format among the colours");
         let mut rendering =
             vk::PipelineRenderingCreateInfo::default().color_attachment_formats(raster.colors).depth_attachment_format(
                 if raster.depth == Depth::None { vk::Format::UNDEFINED } else { vk::Format::D32_SFLOAT },

@@ -25,6 +25,13 @@ impl Gpu {
         if let Some(sampler) = samplers.get(&kind) {
             return Ok(*sampler);
         }
+        let core = [
+            vk::SamplerAddressMode::REPEAT,
+            vk::SamplerAddressMode::MIRRORED_REPEAT,
+            vk::SamplerAddressMode::CLAMP_TO_EDGE,
+            vk::SamplerAddressMode::CLAMP_TO_BORDER,
+        ];
+        assert!(kind.wrap.iter().all(|wrap| core.contains(wrap)), "{kind:?}: not every device wraps like this");
         let filter = if kind.nearest { vk::Filter::NEAREST } else { vk::Filter::LINEAR };
         let info = vk::SamplerCreateInfo::default()
             .mag_filter(filter)

@@ -6,6 +6,7 @@ use super::{Image, Options, vulkan};
 use crate::error::{Error, Result};
 use ash::{khr, vk};
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle, RawDisplayHandle};
+use std::rc::Rc;
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
@@ -27,8 +28,8 @@ impl<T: HasWindowHandle + HasDisplayHandle> Window for T {}
 
 /// The images of a window. They are recreated when the window's size changes.
 pub struct Swapchain {
-    shared: Arc<Shared>,
-    queue: vk::Queue,
+    /// Keeps the device on this thread, since only one thread at a time may use its queue.
+    gpu: Rc<Gpu>,
     surfaces: khr::surface::Instance,
     chains: khr::swapchain::Device,
     surface: vk::SurfaceKHR,
@@ -83,7 +84,7 @@ impl Gpu {
     ///
     /// # Errors
     /// Fails if the device was not opened by `for_display` or cannot present to this window.
-    pub fn swapchain(&self, window: Arc<dyn Window>, present: Present) -> Result<Swapchain> {
+    pub fn swapchain(self: &Rc<Self>, window: Arc<dyn Window>, present: Present) -> Result<Swapchain> {
         let shared = &self.shared;
         let instance = &shared.instance;
         let entry = instance.entry.as_ref().expect("`for_display` has loaded Vulkan");
@@ -91,8 +92,7 @@ impl Gpu {
         let chains = khr::swapchain::Device::new(&instance.instance, &shared.device);
         let null = || Slot { commands: vk::CommandBuffer::null(), acquired: vk::Semaphore::null(), done: 0 };
         let mut made = Swapchain {
-            shared: shared.clone(),
-            queue: self.queue,
+            gpu: self.clone(),
             surfaces,
             chains,
             surface: vk::SurfaceKHR::null(),
@@ -130,7 +130,7 @@ impl Shared {
 impl Swapchain {
     /// Creates the surface of the window.
     fn make_surface(&mut self) -> Result<()> {
-        let shared = &self.shared;
+        let shared = &self.gpu.shared;
         let refused = |what: &str| Error::NoDevice(format!("cannot draw to the window: {what}"));
         let display = self.window.display_handle().map_err(|e| refused(&e.to_string()))?;
         let window = self.window.window_handle().map_err(|e| refused(&e.to_string()))?;
@@ -158,9 +158,12 @@ impl Swapchain {
     /// Fails if the device is lost, or the window does not accept such pictures.
     ///
     /// # Panics
-    /// Panics if the image has another format or belongs to another device.
+    /// Panics if the image has another format or belongs to another device, or a frame is being recorded.
     pub fn show(&mut self, image: &Image) -> Result<bool> {
-        assert!(Arc::ptr_eq(&self.shared, &image.shared), "{}: of another device", image.name);
+        // A submission in between would complete what the frame uses too early.
+        let recording = self.gpu.shared.recording.load(Ordering::SeqCst);
+        assert!(!recording, "a frame is being recorded: nothing can be shown before it ends");
+        assert!(Arc::ptr_eq(&self.gpu.shared, &image.shared), "{}: of another device", image.name);
         let copied = image.made.usage.contains(vk::ImageUsageFlags::TRANSFER_SRC);
         assert!(copied && image.made.format == FORMATS[0], "{}: cannot be presented", image.name);
         // A window that is being resized may change between two of these calls. The next attempt then finds it stable.
@@ -184,7 +187,7 @@ impl Swapchain {
 
     /// Recreates the images at the window's size. Returns whether the window has pixels.
     fn make_chain(&mut self, wanted: [u32; 2]) -> Result<bool> {
-        let (physical, surface) = (self.shared.physical, self.surface);
+        let (physical, surface) = (self.gpu.shared.physical, self.surface);
         // SAFETY: the surface is alive, and the device was found to support it.
         let found = unsafe {
             let capabilities = self.surfaces.get_physical_device_surface_capabilities(physical, surface);
@@ -245,15 +248,15 @@ impl Swapchain {
         // SAFETY: everything in `info` was found to be supported, and the old chain belongs to this surface.
         let handle = unsafe { self.chains.create_swapchain(&info, None) };
         let handle = handle.map_err(vulkan(format!("images of the window, {}x{}", size[0], size[1])))?;
-        self.shared.name(handle, "window.chain");
+        self.gpu.shared.name(handle, "window.chain");
         self.drop_chain(Some(Chain { handle, images: Vec::new(), filled: Vec::new(), format, size }));
         self.stale = false;
         // SAFETY: the chain is alive.
         let images = unsafe { self.chains.get_swapchain_images(handle) }.map_err(vulkan("images of the window"))?;
         let mut filled = Vec::with_capacity(images.len());
         for (i, image) in images.iter().enumerate() {
-            self.shared.name(*image, &format!("window.image {i}"));
-            filled.push(self.shared.semaphore(&format!("window.filled {i}"))?);
+            self.gpu.shared.name(*image, &format!("window.image {i}"));
+            filled.push(self.gpu.shared.semaphore(&format!("window.filled {i}"))?);
         }
         if let Some(chain) = &mut self.chain {
             (chain.images, chain.filled) = (images, filled);
@@ -265,7 +268,7 @@ impl Swapchain {
     fn try_show(&mut self, image: &Image) -> std::result::Result<bool, vk::Result> {
         let Some(chain) = &self.chain else { return Ok(false) };
         let slot = &mut self.slots[self.next];
-        self.shared.wait_for(slot.done).map_err(|_| vk::Result::ERROR_DEVICE_LOST)?;
+        self.gpu.shared.wait_for(slot.done).map_err(|_| vk::Result::ERROR_DEVICE_LOST)?;
         // SAFETY: chain and semaphore are alive; the semaphore's last wait is done with its slot.
         let acquired =
             unsafe { self.chains.acquire_next_image(chain.handle, PATIENCE, slot.acquired, vk::Fence::null()) };
@@ -276,22 +279,22 @@ impl Swapchain {
         self.next = (self.next + 1) % FRAMES_IN_FLIGHT;
         self.stale |= suboptimal;
         let filled = chain.filled[index as usize];
-        let submitted = &self.shared.submitted;
+        let submitted = &self.gpu.shared.submitted;
         let value = submitted.load(Ordering::SeqCst) + 1;
-        let fresh = self.shared.fresh();
+        let fresh = self.gpu.shared.fresh();
         let transfer = vk::PipelineStageFlags2::ALL_TRANSFER;
         let semaphore = |semaphore, stage| vk::SemaphoreSubmitInfo::default().semaphore(semaphore).stage_mask(stage);
         let waits = [semaphore(slot.acquired, transfer)];
         let signals = [
             semaphore(filled, vk::PipelineStageFlags2::ALL_COMMANDS),
-            semaphore(self.shared.timeline, vk::PipelineStageFlags2::ALL_COMMANDS).value(value),
+            semaphore(self.gpu.shared.timeline, vk::PipelineStageFlags2::ALL_COMMANDS).value(value),
         ];
         let commands = [vk::CommandBufferSubmitInfo::default().command_buffer(slot.commands)];
         let info = vk::SubmitInfo2::default()
             .wait_semaphore_infos(&waits)
             .command_buffer_infos(&commands)
             .signal_semaphore_infos(&signals);
-        let (device, begin) = (&self.shared.device, vk::CommandBufferBeginInfo::default());
+        let (device, begin) = (&self.gpu.shared.device, vk::CommandBufferBeginInfo::default());
         // SAFETY: the slot's last submission is done, so its buffer may be recorded again. `copy` stays within both
         // images. The previous presentation of this image waited for `filled` and has ended, since the image was
         // acquired again.
@@ -299,14 +302,14 @@ impl Swapchain {
             device.begin_command_buffer(slot.commands, &begin.flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT))?;
             copy(device, slot.commands, &fresh, image, chain, chain.images[index as usize]);
             device.end_command_buffer(slot.commands)?;
-            device.queue_submit2(self.queue, &[info], vk::Fence::null())?;
+            device.queue_submit2(self.gpu.queue, &[info], vk::Fence::null())?;
         }
         submitted.store(value, Ordering::SeqCst);
         slot.done = value;
         let (chains, indices, filled) = ([chain.handle], [index], [filled]);
         let info = vk::PresentInfoKHR::default().wait_semaphores(&filled).swapchains(&chains).image_indices(&indices);
         // SAFETY: the image was acquired, and the submission above transitions it to the layout for presentation.
-        match unsafe { self.chains.queue_present(self.queue, &info) } {
+        match unsafe { self.chains.queue_present(self.gpu.queue, &info) } {
             Ok(suboptimal) => self.stale |= suboptimal,
             // The window was resized before the picture was presented.
             Err(vk::Result::ERROR_OUT_OF_DATE_KHR) => self.stale = true,
@@ -318,14 +321,14 @@ impl Swapchain {
     /// Waits until nothing uses the chain, and replaces it.
     fn drop_chain(&mut self, new: Option<Chain>) {
         let Some(old) = std::mem::replace(&mut self.chain, new) else { return };
-        self.shared.wait_to_drop();
+        self.gpu.shared.wait_to_drop();
         // SAFETY: once the queue is idle, nothing that was submitted refers to the images and semaphores.
         unsafe {
-            if let Err(result) = self.shared.device.queue_wait_idle(self.queue) {
+            if let Err(result) = self.gpu.shared.device.queue_wait_idle(self.gpu.queue) {
                 log::debug!("waiting for a window: {result}");
             }
             for semaphore in old.filled {
-                self.shared.device.destroy_semaphore(semaphore, None);
+                self.gpu.shared.device.destroy_semaphore(semaphore, None);
             }
             self.chains.destroy_swapchain(old.handle, None);
         }
@@ -420,16 +423,16 @@ unsafe fn copy(
 
 impl Drop for Swapchain {
     fn drop(&mut self) {
-        self.shared.wait_to_drop();
+        self.gpu.shared.wait_to_drop();
         self.drop_surface();
-        let device = &self.shared.device;
+        let device = &self.gpu.shared.device;
         let commands = self.slots.each_ref().map(|slot| slot.commands);
         // SAFETY: nothing is in use after the wait; null handles are ignored.
         unsafe {
             for slot in &self.slots {
                 device.destroy_semaphore(slot.acquired, None);
             }
-            device.free_command_buffers(self.shared.pool, &commands);
+            device.free_command_buffers(self.gpu.shared.pool, &commands);
         }
     }
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::Command;
 use std::sync::{LazyLock, Mutex, MutexGuard, OnceLock};
 
-use lightskin::gpu::{Cmd, Frame, Gpu, Options, Validation};
+use lightskin::gpu::{Cmd, Frame, Gpu, Options, Pipeline, Validation};
 
 /// Environment variable that is set in a test that runs in its own process.
 const APART: &str = "LIGHTSKIN_TEST_APART";
@@ -135,7 +135,7 @@ void main() {{
 "
     );
     let code = compile(&source).unwrap_or_else(|error| panic!("{error}\n{source}"));
-    let pipeline = gpu.compute_from_spirv("test.map", &code, &[]).expect("pipeline");
+    let pipeline = from_spirv(gpu, "test.map", &code, &[]).expect("pipeline");
     let from = gpu.buffer_from("test.inputs", inputs.as_flattened()).expect("inputs");
     let to = gpu.buffer("test.outputs", 16 * inputs.len() as u64).expect("outputs");
     gpu.run_once("test.map", |cmd| {
@@ -144,6 +144,19 @@ void main() {{
     })
     .expect("run");
     gpu.read(&to).expect("outputs")
+}
+
+/// Makes a pipeline from code of `compile`, or from code that is refused because it is no module.
+#[allow(unsafe_code, reason = "the compiler and the tests vouch for the code")]
+pub(crate) fn from_spirv(
+    gpu: &Gpu,
+    name: &'static str,
+    code: &[u32],
+    constants: &[u32],
+) -> lightskin::Result<Pipeline> {
+    // SAFETY: glslang wrote the code for this Vulkan version. The tests' shaders stay within their buffers and images.
+    // Code that is no module never reaches the driver.
+    unsafe { gpu.compute_from_spirv(name, code, constants) }
 }
 
 /// Compiles a compute shader with the options of `build.rs`.
