@@ -366,7 +366,7 @@ fn commands_that_break_their_contracts_are_refused() {
                 cmd.dispatch(1, u32::MAX, 1);
             })
         }),
-        ("test.shader: push before dispatch", {
+        ("test.shader: push constants first", {
             Box::new(|cmd| {
                 cmd.bind(&pushed, &[(&small).into()]);
                 cmd.dispatch(1, 1, 1);

@@ -410,7 +410,7 @@ fn names_of_files_and_path_traces_are_checked() {
     fails(&at, &["render", "--timings", "t.txt"], 2, &[".jsonl or .csv"]);
     fails(&at, &["render", "--trace", "t.jsonl"], 2, &[".json"]);
     for flag in [["--trace", "t.json"], ["--timings", "t.csv"]] {
-        fails(&at, &[&["render", "--gi", "path-trace"], &flag[..]].concat(), 2, &["--gi path-trace has none"]);
+        fails(&at, &[&["render", "--gi", "path-trace"], &flag[..]].concat(), 2, &["--gi path-trace has no stages"]);
     }
     fails(&at, &["render", "--trace", "no/folder/t.json"], 1, &["does not exist"]);
     assert_eq!(left(&at), [""; 0]);

@@ -255,6 +255,6 @@ impl Cmd<'_> {
     /// Asserts that the bound pipeline's push constants are set. They stay set for other pipelines that declare the same.
     pub(super) fn check_pushed(&self, bound: &Bound) {
         let pushed = bound.push_bytes == 0 || self.pushed.get() == (bound.push_bytes, bound.push_stages);
-        assert!(pushed, "{}: push before dispatch", bound.name);
+        assert!(pushed, "{}: push constants first", bound.name);
     }
 }

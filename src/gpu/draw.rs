@@ -174,7 +174,8 @@ impl Draw<'_, '_> {
             return;
         }
         for (buffer, offset) in buffers {
-            assert!(*offset < buffer.held, "{}: vertices at byte {offset} of {}", buffer.name, buffer.held);
+            let inside = offset.is_multiple_of(4) && *offset < buffer.held;
+            assert!(inside, "{}: vertices at byte {offset} of {}", buffer.name, buffer.held);
         }
         let most = self.cmd.gpu.shared.limits.max_vertex_input_bindings as usize;
         assert!(buffers.len() <= most, "{} vertex buffers, but the device allows {most}", buffers.len());
@@ -333,6 +334,7 @@ impl Draw<'_, '_> {
     /// Asserts that a pipeline and its vertex buffers are bound. Each buffer must hold `count` vertices; for indexed
     /// draws only the first vertex is checked.
     fn check_vertices(&self, count: Option<u32>) {
+        self.cmd.check_pushed(&self.cmd.bound.get().expect("bind before draw"));
         let scope = self.cmd.scope.borrow();
         let scope = scope.as_ref().expect("a scope is open");
         let pipeline = &*scope.pipeline.as_ref().expect("bind before draw").0;
