@@ -149,7 +149,7 @@ fn a_folder_that_cannot_hold_a_report_is_one_line() {
     let try_in = |out: &str, parts: &[&str]| fails(&at, &[&run[..], &[out]].concat(), 1, parts);
     try_in("file", &["file", "name a folder"]);
     try_in("file/below", &["file/below", "cannot write"]);
-    try_in("taken", &["taken/index.html", "is a directory", "name a file"]);
+    try_in("taken", &["taken/index.html", "is a directory", "give the name of a file"]);
     try_in("points", &["points.jsonl", "is a folder"]);
     fails(&at, &["eval", "missing.glb", "-o", "report"], 1, &["missing.glb"]);
     fails(&at, &["eval", "box.glb", "-o", "report", "--camera", "9"], 1, &["--camera 9"]);

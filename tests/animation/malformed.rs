@@ -82,9 +82,9 @@ fn numbers_of_keys_are_checked() {
     };
     check(3, 1, 0.0, "element 1 is 0, but times must increase");
     check(3, 2, 0.25, "element 2 is 0.25, but times must increase");
-    check(3, 0, -1.0, "element 0 is -1, which is no time");
-    check(3, 1, f32::NAN, "element 1 is NaN, which is no time");
-    check(3, 2, f32::INFINITY, "element 2 is inf, which is no time");
+    check(3, 0, -1.0, "element 0 is -1, which is no valid time");
+    check(3, 1, f32::NAN, "element 1 is NaN, which is no valid time");
+    check(3, 2, f32::INFINITY, "element 2 is inf, which is no valid time");
     check(4, 3, f32::NAN, "element 0 is not finite");
     check(4, 3, 0.0, "element 0 has the length 0");
     check(4, 6, 3.0, "element 1 has the length 3");
