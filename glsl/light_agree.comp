@@ -4,7 +4,7 @@
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 0) const uint IS_SOFT = 0; // 1: the light has a size
-layout(binding = 0) uniform sampler2D depth_image;
+layout(binding = 0, scalar) readonly buffer Firsts { float firsts[]; }; // first ray of each pixel
 layout(binding = 1, scalar) buffer Arrivals { Arriving arrivals[]; };
 layout(binding = 2, scalar) readonly buffer Work { LightWork work; }; // tiles that the light reaches
 layout(binding = 3, scalar) readonly buffer Tiles {
@@ -15,28 +15,30 @@ layout(binding = 3, scalar) readonly buffer Tiles {
 layout(binding = 4, scalar) buffer Undecided { LightWork listed; };
 layout(binding = 5, scalar) writeonly buffer Pixels { uint pixels[]; }; // x and y << 16
 
-// Results of first rays in the tile and this far around it.
+// First rays in the tile and this far around it.
 const int AROUND = int(LIGHT_FIRST_SIDE) / 2;
 const int SIDE = 8 + 2 * AROUND;
-shared float firsts[SIDE * SIDE];
-shared float widths[SIDE * SIDE];
-// For rows of 9 pixels: results that occur (bit 0: blocked, bit 1: open), and the widest penumbra.
+shared float around[SIDE * SIDE];
+// For rows of 9 pixels: results that occur, as bits, and the widest penumbra.
 shared uint row_results[SIDE * 8];
 shared float row_widths[SIDE * 8];
 shared uint undecided;
 shared uint first_listed;
 
-uint result_bit(float first) {
-    return first == 1.0 ? 2u : first == 0.0 ? 1u : 0u;
+const uint BLOCKED = 1u;
+const uint OPEN = 2u;
+
+uint result(float first) {
+    return first >= 0.0 ? BLOCKED : first == FIRST_OPEN ? OPEN : 0u;
 }
 
-// Results of the first rays around a pixel, as bits.
+// Results of the first rays this far around a pixel.
 uint results(int reach) {
     ivec2 middle = ivec2(gl_LocalInvocationID.xy) + AROUND;
     uint all = 0u;
     for (int y = -reach; y <= reach; ++y) {
         for (int x = -reach; x <= reach; ++x) {
-            all |= result_bit(firsts[(middle.y + y) * SIDE + middle.x + x]);
+            all |= result(around[(middle.y + y) * SIDE + middle.x + x]);
         }
     }
     return all;
@@ -49,14 +51,10 @@ void main() {
     }
     int local = int(gl_LocalInvocationIndex);
     ivec2 corner = ivec2(tiles[number] & 0xffffu, tiles[number] >> 16) * 8;
-    ivec2 size = textureSize(depth_image, 0);
+    ivec2 size = ivec2(width, height);
     for (int i = local; i < SIDE * SIDE; i += 64) {
         ivec2 there = clamp(corner - AROUND + ivec2(i % SIDE, i / SIDE), ivec2(0), size - 1);
-        // Pixels without a surface hold results of earlier frames.
-        bool shows = texelFetch(depth_image, there, 0).r > 0.0;
-        int at = there.y * size.x + there.x;
-        firsts[i] = shows ? arrivals[at].first : ARRIVING_NOT;
-        widths[i] = shows ? arrivals[at].width : 0.0;
+        around[i] = firsts[there.y * size.x + there.x];
     }
     if (local == 0) {
         undecided = 0u;
@@ -68,8 +66,8 @@ void main() {
             float wide = 0.0;
             for (int x = 0; x <= 2 * AROUND; ++x) {
                 int at = i / 8 * SIDE + i % 8 + x;
-                found |= result_bit(firsts[at]);
-                wide = max(wide, widths[at]);
+                found |= result(around[at]);
+                wide = max(wide, around[at]);
             }
             row_results[i] = found;
             row_widths[i] = wide;
@@ -78,8 +76,9 @@ void main() {
     }
     ivec2 pixel = corner + ivec2(gl_LocalInvocationID.xy);
     int at = pixel.y * size.x + pixel.x;
-    float first = all(lessThan(pixel, size)) ? firsts[(int(gl_LocalInvocationID.y) + AROUND) * SIDE + int(gl_LocalInvocationID.x) + AROUND] : ARRIVING_NOT;
-    uint all = 3u;
+    ivec2 middle = ivec2(gl_LocalInvocationID.xy) + AROUND;
+    float first = all(lessThan(pixel, size)) ? around[middle.y * SIDE + middle.x] : FIRST_NOT;
+    uint all = BLOCKED | OPEN;
     float wide = 0.0;
     if (IS_SOFT != 0u) {
         all = 0u;
@@ -91,12 +90,12 @@ void main() {
     }
     // A penumbra does not reach farther than its width.
     int reach = min(1 + int(ceil(wide)), AROUND);
-    if (all == 3u && reach < AROUND) {
+    if (all == (BLOCKED | OPEN) && reach < AROUND) {
         all = results(reach);
     }
-    bool is_undecided = first != ARRIVING_NOT && (all == 0u || all == 3u);
-    if (first == ARRIVING_UNKNOWN && !is_undecided) {
-        arrivals[at].open = vec2(all == 2u ? 1.0 : 0.0);
+    bool is_undecided = first != FIRST_NOT && all != BLOCKED && all != OPEN;
+    if (first == FIRST_UNKNOWN && !is_undecided) {
+        arrivals[at].open = vec2(all == OPEN ? 1.0 : 0.0);
         arrivals[at].all = vec2(1.0);
     }
     uint place = 0u;

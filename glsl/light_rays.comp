@@ -30,6 +30,7 @@ layout(binding = 21, scalar) buffer Tiles { // that the light reaches
     uint height;
     uint tiles[];
 };
+layout(binding = 22, scalar) writeonly buffer Firsts { float firsts[]; };
 #else
 layout(binding = 18, scalar) readonly buffer Work { LightWork work; };
 layout(binding = 19, scalar) readonly buffer Pixels { uint pixels[]; }; // x and y << 16
@@ -109,9 +110,12 @@ bool trace_from(ivec2 pixel, float width) {
     float lift = lift_at(position, push.eye.w > 0.0 ? distance(push.eye.xyz, position) : 0.0);
     // Coarse rasterization displaces positions from the surface by as much as vertices are moved.
     lift += STEPS > 0u ? footprint / float(STEPS) : 0.0;
-    Arriving found = Arriving(vec2(0.0), vec2(0.0), -1.0, 0.0, ARRIVING_NOT);
+    Arriving found = Arriving(vec2(0.0), vec2(0.0), -1.0);
     if (depth <= 0.0 || !shines_at(light, to, n, geometric, lift)) {
         arrivals[at] = found;
+#ifdef FIRST
+        firsts[at] = FIRST_NOT;
+#endif
         return false;
     }
 
@@ -189,13 +193,10 @@ bool trace_from(ivec2 pixel, float width) {
     found.open *= float(rays) / float(count);
     found.all *= float(rays) / float(count);
 #ifdef FIRST
-    float first = found.all.x <= 0.0 ? ARRIVING_UNKNOWN : found.open.x > 0.0 ? 1.0 : 0.0;
-    arrivals[at] = Arriving(found.open, found.all, -1.0, max(found.penumbra, 0.0), first);
+    firsts[at] = found.all.x <= 0.0 ? FIRST_UNKNOWN : found.open.x > 0.0 ? FIRST_OPEN : max(found.penumbra, 0.0);
+    arrivals[at] = Arriving(found.open, found.all, -1.0);
 #else
-    // Keep the first ray's result: neighbours read it.
-    arrivals[at].open = found.open;
-    arrivals[at].all = found.all;
-    arrivals[at].penumbra = max(found.penumbra, width);
+    arrivals[at] = Arriving(found.open, found.all, max(found.penumbra, width));
 #endif
     return true;
 }

@@ -1,10 +1,11 @@
-// Stage 2, first: lists the tiles of 8 x 8 pixels with a surface in any of them. METHOD 14.
+// Stage 2, first: lists the tiles of 8 x 8 pixels that have a surface in any pixel. METHOD 14.
 #include "shared.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(binding = 0) uniform sampler2D depth_image;
 layout(binding = 1, scalar) buffer Work { LightWork work; };
 layout(binding = 2, scalar) writeonly buffer Tiles { uint tiles[]; };
+layout(binding = 3, scalar) writeonly buffer Firsts { float firsts[]; }; // first ray of each pixel
 
 shared uint shows;
 
@@ -23,5 +24,8 @@ void main() {
         uint at = atomicAdd(work.count, 1u);
         atomicMax(work.groups_y, at / WORK_ROW + 1u);
         tiles[at] = gl_WorkGroupID.x | gl_WorkGroupID.y << 16;
+    }
+    if (is_inside && shows == 0u) {
+        firsts[pixel.y * textureSize(depth_image, 0).x + pixel.x] = FIRST_NOT; // no ray will be sent
     }
 }

@@ -186,16 +186,16 @@ const uint LIGHT_FIRST_SIDE = 8;
 const float PENUMBRA_NARROW = 4.0;
 const float PENUMBRA_WIDE = 12.0;
 
-const float ARRIVING_NOT = -1.0; // the light does not reach the pixel at all
-const float ARRIVING_UNKNOWN = -2.0; // the light shines there, but the ray's point on it is below the horizon
+// First ray of a pixel to a light: the width of the penumbra that it met [pixels] if it was blocked, else one of these.
+const float FIRST_NOT = -1.0; // the light does not reach the pixel at all, or the pixel has no surface
+const float FIRST_UNKNOWN = -2.0; // the light shines there, but the ray's point on it is below the horizon
+const float FIRST_OPEN = -3.0;
 
 // Light that arrives at a pixel: sums over open rays and over all rays, for the diffuse and the glossy lobe.
 struct Arriving {
     vec2 open;
     vec2 all;
     float penumbra; // largest penumbra width met by a ray [pixels]; -1 if all first rays around agree with the pixel's
-    float width; // of the penumbra met by the first ray [pixels]
-    float first; // first ray: 1 open, 0 blocked, or ARRIVING_...
 };
 
 // Groups per row of an indirect dispatch. Further rows hold the rest.

@@ -9,8 +9,10 @@ const TILE: u32 = 8;
 
 /// Results of rays to one light, and lists of tiles and pixels. Tiles have 8 x 8 pixels.
 pub struct Arrivals {
-    /// Rays of each pixel.
+    /// All rays of each pixel together.
     pub pixels: Buffer,
+    /// First ray of each pixel.
+    pub firsts: Buffer,
     /// Tiles with a surface.
     pub shown: Buffer,
     /// Their number.
@@ -42,6 +44,7 @@ impl Arrivals {
         let work = size_of::<LightWork>() as u64;
         Ok(Self {
             pixels: buffer("arriving", pixels * size_of::<Arriving>() as u64)?,
+            firsts: buffer("first_rays", 4 * pixels)?,
             shown: buffer("shown_tiles", 4 * tiles as u64)?,
             shown_work: buffer("shown_work", work)?,
             lit: gpu.buffer_from(&format!("{name}.lit_tiles"), &lit)?,

@@ -60,7 +60,8 @@ impl LightRays {
         let from = if self.waited { Use::CopyWrite } else { Use::CopyWrite | drawn };
         cmd.barrier(from, Use::ComputeRead | Use::ComputeWrite);
         for (_, surface, arrivals) in surfaces(views) {
-            let resources = [Bind::from(&surface.depth), (&arrivals.shown_work).into(), (&arrivals.shown).into()];
+            let Arrivals { shown, shown_work, firsts, .. } = arrivals;
+            let resources = [Bind::from(&surface.depth), shown_work.into(), shown.into(), firsts.into()];
             cmd.bind(&self.tiles, &resources);
             cmd.dispatch(surface.size[0], surface.size[1], 1);
         }
@@ -97,18 +98,17 @@ impl LightRays {
                 cmd.push(&LightRaysPush { world_from_clip, eye, light, root: rays.root, is_second });
             };
         for of @ (.., arrivals) in surfaces(views.clone()) {
-            let Arrivals { shown, shown_work, lit, lit_work, .. } = arrivals;
-            trace(&self.first, of, &[shown_work, shown, lit_work, lit].map(Bind::from));
+            let Arrivals { shown, shown_work, lit, lit_work, firsts, .. } = arrivals;
+            trace(&self.first, of, &[shown_work, shown, lit_work, lit, firsts].map(Bind::from));
             cmd.dispatch_indirect(shown_work, 0);
         }
         if !has_more {
             return;
         }
         cmd.barrier(Use::ComputeWrite, reads);
-        for (_, surface, arrivals) in surfaces(views.clone()) {
-            let Arrivals { pixels, lit, lit_work, undecided, undecided_work, .. } = arrivals;
-            let buffers = [pixels, lit_work, lit, undecided_work, undecided].map(Bind::from);
-            let resources: Vec<_> = [Bind::from(&surface.depth)].into_iter().chain(buffers).collect();
+        for (.., arrivals) in surfaces(views.clone()) {
+            let Arrivals { firsts, pixels, lit, lit_work, undecided, undecided_work, .. } = arrivals;
+            let resources = [firsts, pixels, lit_work, lit, undecided_work, undecided].map(Bind::from);
             cmd.bind(&self.agree[usize::from(light.is_soft)], &resources);
             cmd.dispatch_indirect(lit_work, 0);
         }
