@@ -78,24 +78,24 @@ void main() {
     int at = pixel.y * size.x + pixel.x;
     ivec2 middle = ivec2(gl_LocalInvocationID.xy) + AROUND;
     float first = all(lessThan(pixel, size)) ? around[middle.y * SIDE + middle.x] : FIRST_NOT;
-    uint all = BLOCKED | OPEN;
+    uint occurring = BLOCKED | OPEN;
     float wide = 0.0;
     if (IS_SOFT != 0u) {
-        all = 0u;
+        occurring = 0u;
         for (int y = 0; y <= 2 * AROUND; ++y) {
             int row = (int(gl_LocalInvocationID.y) + y) * 8 + int(gl_LocalInvocationID.x);
-            all |= row_results[row];
+            occurring |= row_results[row];
             wide = max(wide, row_widths[row]);
         }
     }
     // A penumbra does not reach farther than its width.
-    int reach = min(1 + int(ceil(wide)), AROUND);
-    if (all == (BLOCKED | OPEN) && reach < AROUND) {
-        all = results(reach);
+    int reach = int(min(1.0 + ceil(wide), float(AROUND)));
+    if (occurring == (BLOCKED | OPEN) && reach < AROUND) {
+        occurring = results(reach);
     }
-    bool is_undecided = first != FIRST_NOT && all != BLOCKED && all != OPEN;
+    bool is_undecided = first != FIRST_NOT && occurring != BLOCKED && occurring != OPEN;
     if (first == FIRST_UNKNOWN && !is_undecided) {
-        arrivals[at].open = vec2(all == OPEN ? 1.0 : 0.0);
+        arrivals[at].open = vec2(occurring == OPEN ? 1.0 : 0.0);
         arrivals[at].all = vec2(1.0);
     }
     uint place = 0u;

@@ -46,7 +46,7 @@ void main() {
             float width = min(own.width, p.width);
             vec3 turned = mirrored - octahedral_decode(unpackSnorm2x16(p.mirrored));
             float lobe_share = share * exp(-LOBE_SPREAD * lobes_apart(d, turned, max(own.nearness, p.nearness), width));
-            // Lobes of very different width are hardly mixed.
+            // Lobes are not mixed if one is less than a quarter as wide as the other.
             lobe_share *= width > 0.0 ? smoothstep(0.25, 0.75, width / max(own.width, p.width)) : 0.0;
             lobe_weights += lobe_share;
             sum.glossy += lobe_share * p.glossy;

@@ -198,8 +198,8 @@ struct Arriving {
     float penumbra; // largest penumbra width met by a ray [pixels]; -1 if all first rays around agree with the pixel's
 };
 
-// Groups per row of an indirect dispatch. Further rows hold the rest.
-const uint WORK_ROW = 32;
+// Groups per row of an indirect dispatch. Devices allow at least 65535 rows: enough for 2^28 pixels.
+const uint WORK_ROW = 64;
 
 // A list of tiles of 8 x 8 pixels, or of pixels, as arguments of indirect calls.
 struct LightWork {

@@ -34,7 +34,8 @@ vec2 arriving(sampler2D depth_image, ivec2 pixel, float depth, vec2 slope) {
             if (any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, size))) {
                 continue;
             }
-            // Skip pixels without a surface, which hold results of earlier frames, and pixels off this surface's plane.
+            // Skip pixels without a surface (their entries are old or were never written) and pixels off this surface's
+            // plane.
             float step_ = dot(slope, vec2(x, y) * 2.0 / vec2(size));
             float there = texelFetch(depth_image, at, 0).r;
             if (there <= 0.0 || abs(there - depth - step_) > 0.1 * abs(step_) + 0.001 * depth) {

@@ -29,7 +29,7 @@ vec2 texture_uv(uint material, uint which, vec4 uv) {
 }
 
 // Texture coordinates and their screen derivatives. Computed before any branch: inside a branch neighbours' values may
-// be undefined, and so would be the mip level.
+// be undefined, and so may the mip level.
 struct Uv {
     vec4 at;
     vec4 dx;

@@ -15,10 +15,10 @@ use obvhs::cwbvh::bvh2_to_cwbvh::bvh2_to_cwbvh;
 /// Candidate split positions of a node, along each axis.
 const BINS: usize = 16;
 
-/// Number of boxes from which the two parts of a node are built in parallel.
+/// From this number of boxes on, the two parts of a node are built in parallel.
 const SIDE_BY_SIDE: usize = 4096;
 
-/// Most boxes in a child of a node that is a leaf.
+/// Most boxes in a leaf.
 const LEAF: u32 = 3;
 
 /// Share of the nodes that reinsertion tries to improve afterwards.

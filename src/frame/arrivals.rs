@@ -30,11 +30,12 @@ pub struct Arrivals {
 }
 
 impl Arrivals {
-    /// Creates the buffers for pictures of this size.
+    /// Creates the buffers for pictures of this size, at most 65536 pixels a side.
     ///
     /// # Errors
     /// Fails if the device runs out of memory.
     pub(super) fn new(gpu: &Gpu, name: &str, [w, h]: [u32; 2]) -> Result<Self> {
+        assert!(w.max(h) <= 1 << 16, "lists hold 16 bits per coordinate");
         let buffer = |what: &str, bytes| gpu.buffer(&format!("{name}.{what}"), bytes);
         let pixels = u64::from(w) * u64::from(h);
         let tiles = w.div_ceil(TILE) as usize * h.div_ceil(TILE) as usize;

@@ -84,7 +84,7 @@ impl Edges {
         };
         Ok(Some(Self {
             antialiasing: plan.antialiasing,
-            sample: Surface { arrivals: None, ..Surface::new(gpu, plan, size)? }, // not lit
+            sample: Surface::unlit(gpu, plan, size)?,
             surface: Surface::written(gpu, plan, size)?,
             codes: gpu.image(&ImageDesc {
                 name: "edges.codes",

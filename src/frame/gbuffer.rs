@@ -42,11 +42,20 @@ pub struct Surface {
 }
 
 impl Surface {
-    /// Creates the images.
+    /// Creates the images, and the buffers of rays to lights.
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shaders.
     pub fn new(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
+        let arrivals = plan.light_rays.then(|| Arrivals::new(gpu, "direct", size)).transpose()?;
+        Ok(Self { arrivals, ..Self::unlit(gpu, plan, size)? })
+    }
+
+    /// Creates the images alone.
+    ///
+    /// # Errors
+    /// As `new`.
+    pub(super) fn unlit(gpu: &Gpu, plan: &Plan, size: [u32; 2]) -> Result<Self> {
         let [w, h] = size;
         // Further points of a pixel write into the images.
         let storage = plan.antialiasing != Antialiasing::Off;
@@ -61,7 +70,7 @@ impl Surface {
             coat: plan.coated.then(|| gpu.target("gbuffer.coat", COAT, w, h)).transpose()?,
             radiance: image("direct.radiance", FLOAT)?,
             is_second: false,
-            arrivals: plan.light_rays.then(|| Arrivals::new(gpu, "direct", size)).transpose()?,
+            arrivals: None,
         })
     }
 

@@ -78,7 +78,7 @@ impl<'g> Cmd<'g> {
 
     /// Ends and submits the recorded commands. Returns the timeline value that signals their completion.
     pub(super) fn submit(&self) -> Result<u64> {
-        // It may be if the caller caught a panic inside it.
+        // A scope may be open if the caller caught a panic inside it.
         self.outside("the end of a frame");
         let start = self.slot.borrow().notes.now();
         let submitted = &self.gpu.shared.submitted;

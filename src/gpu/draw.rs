@@ -303,11 +303,11 @@ impl Draw<'_, '_> {
     /// Draws vertices without buffers, with the counts stored as four numbers in a buffer, at `offset` \[bytes\]:
     /// vertices, instances, first vertex and first instance, which must be 0. The shader that writes the numbers must
     /// keep vertices and instances in the range that the vertex shader can look up.
-    pub fn draw_indirect(&self, arguments: &Buffer, offset: u64) {
+    pub(crate) fn draw_indirect(&self, arguments: &Buffer, offset: u64) {
         if self.cmd.failed() {
             return;
         }
-        self.check_vertices(None);
+        self.check_vertices(Some(0));
         let inside = offset.is_multiple_of(4) && offset.checked_add(16).is_some_and(|end| end <= arguments.held);
         assert!(inside, "four numbers at byte {offset} of {}, which has {}", arguments.name, arguments.held);
         self.cmd.touch_buffer(arguments, Use::IndirectRead);

@@ -128,8 +128,8 @@ impl Gpu {
     /// Fails if the code is not a SPIR-V module, or the driver rejects it.
     ///
     /// # Safety
-    /// A module must be valid for Vulkan 1.3 and need only the features of `needs`, with these constants too. With the
-    /// resources that are bound to it, it must not access anything outside of them.
+    /// The module must be valid for Vulkan 1.3 with these constants and use only the features of `needs`. It must not
+    /// read or write outside the resources bound to it.
     pub unsafe fn compute_from_spirv(&self, name: &'static str, code: &[u32], constants: &[u32]) -> Result<Pipeline> {
         if !reflect::is_module(code) {
             return Err(Error::Vulkan { what: format!("shader {name}"), result: "not a SPIR-V module".into() });

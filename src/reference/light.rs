@@ -4,8 +4,8 @@ use glam::DVec3;
 
 use crate::scene::{Light, LightKind};
 
-/// Intensity \[cd\] of `light` in the unit vector `direction`, away from the light. For directional lights the
-/// illuminance \[lx\] on a perpendicular plane, for any direction.
+/// Intensity \[cd\] of `light` in the unit direction `direction`, which points away from the light. For directional
+/// lights: illuminance \[lx\] on a plane perpendicular to them, whatever `direction` is.
 pub fn intensity(light: &Light, direction: DVec3) -> DVec3 {
     let full = light.color.as_dvec3() * f64::from(light.intensity);
     match light.kind {

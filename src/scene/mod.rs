@@ -374,8 +374,8 @@ impl Instance {
 }
 
 impl Light {
-    /// Upper limit of a light's numbers, far above any lamp. Products with colours, inverse squared distances and one
-    /// another stay within single precision.
+    /// Largest value accepted for a light, far above any real lamp. Up to it, products with colours and inverse squared
+    /// distances fit single precision.
     pub(crate) const BRIGHTEST: f64 = 1e15;
 
     /// Half of the sun's angle \[rad\] in the Earth's sky.
