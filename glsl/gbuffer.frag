@@ -24,7 +24,7 @@ layout(constant_id = 2) const uint DAMPED = 0; // 1: widen lobes by the curvatur
 
 layout(constant_id = 3) const uint INSIDE = 0; // 1: stage 10 brings the light from inside filled bodies
 
-layout(location = 0) in vec3 position;
+layout(location = 0) in vec3 raster_position;
 layout(location = 1) in vec3 normal;
 layout(location = 2) in vec4 tangent;
 layout(location = 3) in vec4 uv;
@@ -125,6 +125,8 @@ vec3 bumped(vec3 n, uint material, Uv here, vec3 px, vec3 py, out float variance
 
 void main() {
     uint material = push.material;
+    // A sliver between pixel centres may come without a valid position; it faces the viewer then.
+    vec3 position = any(isnan(raster_position)) ? push.eye.xyz + vec3(0.0, 0.0, 1.0) : raster_position;
     vec3 px = dFdx(position);
     vec3 py = dFdy(position);
     Uv here = uv_here(uv);
@@ -134,8 +136,7 @@ void main() {
     Uv share = Uv(here.at, here.dx * side, here.dy * side);
     vec4 base = base_color(material, share, color);
     Material m = materials[material];
-    // A sliver between pixel centres may come without a valid position: nothing to shade.
-    if (base.a < m.seen_cutoff || any(isnan(position))) {
+    if (has_holes() && base.a < m.seen_cutoff) {
         discard;
     }
 #ifdef LAYER

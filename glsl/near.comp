@@ -32,11 +32,11 @@ layout(binding = 18, scalar) readonly buffer Caches { Cache caches[]; };
 #define REFERENCE_BINDINGS 19
 #include "lib/hit_caches.glsl"
 #ifdef GLOSSY
-layout(binding = 23) uniform sampler2D normal_image;
-layout(binding = 24) uniform sampler2D specular_image;
-#define NEXT_BINDING 25
+layout(binding = 24) uniform sampler2D normal_image;
+layout(binding = 25) uniform sampler2D specular_image;
+#define NEXT_BINDING 26
 #else
-#define NEXT_BINDING 23
+#define NEXT_BINDING 24
 #endif
 #ifdef LIT
 layout(binding = NEXT_BINDING, scalar) readonly buffer CacheVals { Val cache_vals[]; };
@@ -139,8 +139,8 @@ void main() {
     ivec2 size = textureSize(element_image, 0);
     ivec2 pixel = min(ivec2(at * EVERY), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
-    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), vec3(0.0), vec3(0.0), 0u, vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0, 0.0,
-                                 0.0, 0.0);
+    NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), 0u, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0,
+                                 vec3(0.0), 0.0);
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;

@@ -3,16 +3,44 @@
 // variant near_filter_glossy.comp: GLOSSY (where a material has a glossy lobe)
 #include "shared.glsl"
 #include "lib/near_alike.glsl"
-#include "lib/octahedral.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { NearFilterPush push; };
+layout(constant_id = 0) const uint AS_TEXELS = 0; // 1: pixels are read as texels
 layout(binding = 0, scalar) readonly buffer NearPixels { NearPixel near_pixels[]; };
-layout(binding = 1, scalar) writeonly buffer NearLights { NearLight near_lights[]; };
+layout(binding = 1) uniform samplerBuffer near_pixel_texels;
+layout(binding = 2, scalar) writeonly buffer NearLights { NearLight near_lights[]; };
 
 // Window radius in pixels; the outermost pixels count half.
 const int HALF = int(NEAR_SIDE) / 2;
 const int WINDOW = 2 * HALF + 1;
+
+NearPixel near_pixel(ivec2 at) {
+    int index = at.y * int(push.width) + at.x;
+    if (AS_TEXELS == 0u) {
+        return near_pixels[index];
+    }
+    vec4 a = texelFetch(near_pixel_texels, 7 * index);
+    vec4 b = texelFetch(near_pixel_texels, 7 * index + 1);
+    vec4 c = texelFetch(near_pixel_texels, 7 * index + 2);
+    vec4 d = texelFetch(near_pixel_texels, 7 * index + 3);
+    vec4 e = texelFetch(near_pixel_texels, 7 * index + 4);
+    vec4 f = texelFetch(near_pixel_texels, 7 * index + 5);
+    vec4 g = texelFetch(near_pixel_texels, 7 * index + 6);
+    return NearPixel(a.xyz, a.w, b.xyz, floatBitsToUint(b.w), c.xyz, c.w, d.xyz, d.w, e.xyz, e.w, f.xyz, f.w, g.xyz, g.w);
+}
+
+// Weight of a pixel of the window.
+float weight_of(NearPixel own, NearPixel p, ivec2 offset) {
+    float weight = near_alike(own.position - p.position, own.normal, p.normal);
+    weight *= abs(offset.x) == HALF ? 0.5 : 1.0;
+    weight *= abs(offset.y) == HALF ? 0.5 : 1.0;
+    return weight;
+}
+
+bool is_outside(ivec2 at) {
+    return any(lessThan(at, ivec2(0))) || any(greaterThanEqual(at, ivec2(push.width, push.height)));
+}
 
 void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
@@ -20,8 +48,9 @@ void main() {
         return;
     }
     uint index = uint(at.y) * push.width + uint(at.x);
-    NearPixel own = near_pixels[index];
-    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), vec3(0.0), own.position, own.normal, 0u, 0.0, 0.0, 0.0, 0.0);
+    NearPixel own = near_pixel(at);
+    NearLight sum = NearLight(vec3(0.0), own.is_surface, vec3(0.0), 0.0, vec3(0.0), 0.0, own.position, 0.0, own.normal, 0.0,
+                              vec3(0.0), 0u);
     if (own.is_surface == 0u) {
         near_lights[index] = sum;
         return;
@@ -31,26 +60,19 @@ void main() {
     float open = 0.0;
     float weights = 0.0;
 #ifdef GLOSSY
-    float shares[WINDOW * WINDOW]; // weight of each pixel
     float nearness = 0.0;
     float with_lobes = 0.0;
 #endif
     for (int j = 0; j < WINDOW * WINDOW; ++j) {
         ivec2 offset = ivec2(j % WINDOW, j / WINDOW) - HALF;
-        ivec2 other = at + offset;
-#ifdef GLOSSY
-        shares[j] = 0.0;
-#endif
-        if (any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, ivec2(push.width, push.height)))) {
+        if (is_outside(at + offset)) {
             continue;
         }
-        NearPixel p = near_pixels[uint(other.y) * push.width + uint(other.x)];
+        NearPixel p = near_pixel(at + offset);
         if (p.is_surface == 0u) {
             continue;
         }
-        float weight = near_alike(own.position - p.position, own.normal, p.normal);
-        weight *= abs(offset.x) == HALF ? 0.5 : 1.0;
-        weight *= abs(offset.y) == HALF ? 0.5 : 1.0;
+        float weight = weight_of(own, p, offset);
         weights += weight;
         sum.irradiance += weight * p.irradiance;
         sum.crowding += weight * p.crowding;
@@ -58,9 +80,9 @@ void main() {
         all += weight * p.all;
         open += weight * p.open;
 #ifdef GLOSSY
-        shares[j] = p.width > 0.0 ? weight : 0.0;
-        nearness += shares[j] * p.nearness;
-        with_lobes += shares[j];
+        weight = p.width > 0.0 ? weight : 0.0;
+        nearness += weight * p.nearness;
+        with_lobes += weight;
 #endif
     }
     sum.irradiance /= weights;
@@ -73,11 +95,14 @@ void main() {
     float lobe_weights = 0.0;
     float sky_all = 0.0;
     for (int j = 0; j < WINDOW * WINDOW; ++j) {
-        if (shares[j] > 0.0) {
-            ivec2 other = at + ivec2(j % WINDOW, j / WINDOW) - HALF;
-            NearPixel p = near_pixels[uint(other.y) * push.width + uint(other.x)];
+        ivec2 offset = ivec2(j % WINDOW, j / WINDOW) - HALF;
+        if (is_outside(at + offset)) {
+            continue;
+        }
+        NearPixel p = near_pixel(at + offset);
+        if (p.is_surface != 0u && p.width > 0.0) {
             float apart = lobes_apart(own.position - p.position, own.mirrored - p.mirrored, nearness, own.width);
-            float share = shares[j] / (1.0 + apart * apart);
+            float share = weight_of(own, p, offset) / (1.0 + apart * apart);
             lobe_weights += share;
             sum.glossy += share * p.glossy;
             sum.sky += share * p.sky;
@@ -86,7 +111,7 @@ void main() {
     }
     sum.glossy /= max(lobe_weights, 1e-37);
     sum.sky = min(sum.sky / max(sky_all, 1e-37), 1.0);
-    sum.mirrored = packSnorm2x16(octahedral_encode(own.mirrored + vec3(0.0, 0.0, own.width > 0.0 ? 0.0 : 1.0)));
+    sum.mirrored = own.mirrored;
     sum.width = own.width;
     sum.nearness = nearness;
 #endif

@@ -5,14 +5,13 @@
 // variant near_spread_glossy.comp: GLOSSY (where a material has a glossy lobe)
 #include "shared.glsl"
 #include "lib/near_alike.glsl"
-#ifdef GLOSSY
-#include "lib/octahedral.glsl"
-#endif
+#define NEAR_BINDING 0
+#define NEAR_CONSTANT 0
+#include "lib/near_lights.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(push_constant, scalar) uniform Push { NearSpreadPush push; };
-layout(binding = 0, scalar) readonly buffer From { NearLight from[]; };
-layout(binding = 1, scalar) writeonly buffer To { NearLight to[]; };
+layout(binding = 2, scalar) writeonly buffer To { NearLight to[]; };
 
 void main() {
     ivec2 at = ivec2(gl_GlobalInvocationID.xy);
@@ -20,12 +19,11 @@ void main() {
         return;
     }
     uint index = uint(at.y) * push.width + uint(at.x);
-    NearLight own = from[index];
+    NearLight own = near_light(index);
     NearLight sum = own;
     if (own.is_surface != 0u) {
         float weights = 1.0;
 #ifdef GLOSSY
-        vec3 mirrored = octahedral_decode(unpackSnorm2x16(own.mirrored));
         float lobe_weights = 1.0;
 #endif
         for (int j = 0; j < 9; ++j) {
@@ -34,7 +32,7 @@ void main() {
             if (offset == ivec2(0) || any(lessThan(other, ivec2(0))) || any(greaterThanEqual(other, ivec2(push.width, push.height)))) {
                 continue;
             }
-            NearLight p = from[uint(other.y) * push.width + uint(other.x)];
+            NearLight p = near_light(uint(other.y) * push.width + uint(other.x));
             if (p.is_surface == 0u) {
                 continue;
             }
@@ -44,7 +42,7 @@ void main() {
             share *= near_alike(d, own.normal, p.normal);
 #ifdef GLOSSY
             float width = min(own.width, p.width);
-            vec3 turned = mirrored - octahedral_decode(unpackSnorm2x16(p.mirrored));
+            vec3 turned = own.mirrored - p.mirrored;
             float lobe_share = share * exp(-LOBE_SPREAD * lobes_apart(d, turned, max(own.nearness, p.nearness), width));
             // Lobes are not mixed if one is less than a quarter as wide as the other.
             lobe_share *= width > 0.0 ? smoothstep(0.25, 0.75, width / max(own.width, p.width)) : 0.0;

@@ -27,15 +27,15 @@ void main() {
     vec3 geometric = cross(dFdx(position), dFdy(position));
     Uv here = uv_here(uv);
     vec4 base = base_color(push.material, here, color);
-    // A sliver between pixel centres may come without a valid position; one such VAL would blacken every cache.
-    if (base.a < materials[push.material].alpha_cutoff || any(isnan(position))) {
+    if (has_holes() && base.a < materials[push.material].alpha_cutoff) {
         discard;
     }
     // Image rows run downwards: the cross product points away from the light.
     vec3 n = unit_or(normal, unit_or(-geometric, vec3(0.0, 1.0, 0.0)));
     // Both sides reflect. The side that faces the light decides, not the winding, which normals may contradict.
     n = dot(n, view_direction(push.eye, position)) > 0.0 ? -n : n;
-    out_position = vec4(position, 1.0);
+    // A sliver between pixel centres may come without a valid position; one such VAL would blacken every cache.
+    out_position = any(isnan(position)) ? vec4(0.0) : vec4(position, 1.0);
     out_normal = vec4(n, float(push.material));
     out_albedo = vec4(sent_on(reflectance(push.material, base.rgb, here, MEAN_COSINE)), 0.0);
 #ifdef INSIDE

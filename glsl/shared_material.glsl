@@ -19,6 +19,7 @@ const uint TEXTURE_COUNT = 12u;
 
 // Properties shared by all materials of one pipeline: bit i is set if they have texture i; the bits below come on top.
 const uint KIND_PHONG = 0x1000u; // Phong materials of the method
+const uint KIND_MASKED = 0x4000u; // alpha masks or blending cut some of the surface out
 const uint KIND_MIXED = 0x2000u; // materials differ: bits say what any of them has, and shaders check each material
 
 // glTF's metallic-roughness material, or the method's own Phong material.

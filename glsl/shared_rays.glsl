@@ -88,17 +88,17 @@ struct NearPixel {
     vec3 irradiance; // from the surfaces hit [lx]
     float open; // share of rays that hit nothing
     vec3 far; // sum of the caches' radiance along the rays that hit nothing [cd/m^2]
-    vec3 all; // likewise along all rays
-    vec3 position; // of the surface
     uint is_surface; // 0: the pixel shows no surface
-    vec3 normal; // unit vertex normal
-    vec3 glossy; // mean radiance that all rays bring to the lobe [cd/m^2]
-    vec3 mirrored; // unit axis of the lobe
-    float width; // of the lobe [rad]; 0: no lobe
-    float nearness; // reciprocal length of the lobe's ray [1/m]
-    float sky; // luminance of the sky that the lobe receives [cd/m^2]
-    float sky_all; // likewise without occlusion
+    vec3 all; // as `far`, along all rays
     float crowding; // mean reciprocal length of the rays, up to their hit or their reach [1/m]
+    vec3 position; // of the surface
+    float nearness; // reciprocal length of the lobe's ray [1/m]
+    vec3 normal; // unit vertex normal
+    float width; // of the lobe [rad]; 0: no lobe
+    vec3 glossy; // mean radiance that all rays bring to the lobe [cd/m^2]
+    float sky; // luminance of the sky that the lobe receives [cd/m^2]
+    vec3 mirrored; // unit axis of the lobe
+    float sky_all; // as `sky`, without occlusion
 };
 
 // Spreading weight of diffuse results: e^-1 at 1 / sqrt of this, in units of the distance of the surfaces hit.
@@ -119,14 +119,15 @@ struct NearLight {
     vec3 irradiance; // from the surfaces hit [lx]
     uint is_surface; // 0: the pixel shows no surface
     vec3 open; // share of the caches' light along rays that hit nothing
-    vec3 glossy; // radiance that the lobe receives [cd/m^2]
-    vec3 position; // of the surface
-    vec3 normal; // unit vertex normal
-    uint mirrored; // unit axis of the lobe, octahedral
-    float width; // of the lobe [rad]; 0: no lobe
-    float nearness; // mean reciprocal length of the lobe's rays [1/m]
     float sky; // share of the sky's light that reaches the lobe
+    vec3 glossy; // radiance that the lobe receives [cd/m^2]
+    float width; // of the lobe [rad]; 0: no lobe
+    vec3 position; // of the surface
+    float nearness; // mean reciprocal length of the lobe's rays [1/m]
+    vec3 normal; // unit vertex normal
     float crowding; // as in NearPixel
+    vec3 mirrored; // unit axis of the lobe
+    uint unused; // fills a texel
 };
 
 // Where to find the caches of a surface that a ray hits.

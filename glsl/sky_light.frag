@@ -38,11 +38,11 @@ layout(binding = 11) uniform sampler2D specular_image;
 #ifdef NEAR
 #include "lib/near.glsl"
 #endif
-#define SKY_BINDING 13
+#define SKY_BINDING 14
 #include "lib/sky.glsl"
 #ifdef COAT
 #include "lib/coat.glsl"
-layout(binding = 15) uniform usampler2D coat_image;
+layout(binding = 16) uniform usampler2D coat_image;
 #endif
 
 layout(location = 0) out vec4 out_radiance;

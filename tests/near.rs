@@ -260,16 +260,11 @@ fn lobes_are_spread_over_what_mirrors_the_same() {
     // Input and output of the last spreading pass.
     let [before, after] = [&found.halfway, &found.lights].map(|lights| gpu.read::<NearLight>(lights).expect("read"));
     let lobe = |light: &NearLight| {
-        let part = |bits: u32| f64::from(bits as u16 as i16).max(-32767.0) / 32767.0;
-        let (x, y) = (part(light.mirrored), part(light.mirrored >> 16));
-        let z = 1.0 - x.abs() - y.abs();
-        let fold = (-z).max(0.0);
-        let mirrored = DVec3::new(x - fold.copysign(x), y - fold.copysign(y), z).normalize();
         (light.width > 0.0).then(|| reference::FoundLobe {
             taken: { light.glossy }.as_dvec3(),
             position: { light.position }.as_dvec3(),
             normal: { light.normal }.as_dvec3(),
-            mirrored,
+            mirrored: { light.mirrored }.as_dvec3(),
             width: light.width.into(),
             nearness: light.nearness.into(),
         })

@@ -1,10 +1,11 @@
 // Caches of surfaces that rays hit. The including shader has lib/hit.glsl, the constants REFERENCES and BY_CELLS (1:
-// references are stored per cell), and the buffer `caches`. Uses four bindings from REFERENCE_BINDINGS on.
+// references are stored per cell), and the buffer `caches`. Uses five bindings from REFERENCE_BINDINGS on.
 #ifndef HIT_CACHES_GLSL
 #define HIT_CACHES_GLSL
 layout(binding = REFERENCE_BINDINGS, scalar) readonly buffer References { uint references[]; }; // two 16-bit indices each
 layout(binding = REFERENCE_BINDINGS + 1, scalar) readonly buffer Models { InstanceCaches instance_caches[]; };
 #define CELL_BINDINGS REFERENCE_BINDINGS + 2
+layout(binding = REFERENCE_BINDINGS + 4) uniform samplerBuffer cache_texels; // `caches` again
 #include "lib/cells.glsl"
 #include "lib/interpolation.glsl"
 
@@ -31,9 +32,12 @@ uint reference_at(InstanceCaches model, uint reference) {
 
 // Weight of a cache at a point with this unit normal; 0 if it faces away.
 float cache_weight(uint cache, vec3 position, vec3 normal, float reach) {
-    float d = distance(caches[cache].position, position);
+    // A `Cache` is four texels; the first holds its position, the second its normal.
+    bool texels = AS_TEXELS != 0u;
+    vec3 at = texels ? texelFetch(cache_texels, int(4u * cache)).xyz : caches[cache].position;
+    vec3 facing = texels ? texelFetch(cache_texels, int(4u * cache + 1u)).xyz : caches[cache].normal;
     // On surfaces that have stretched, even the nearest cache may be beyond `reach`.
-    return facing_weight(min(d, 0.99 * reach), reach, dot(caches[cache].normal, normal));
+    return facing_weight(min(distance(at, position), 0.99 * reach), reach, dot(facing, normal));
 }
 
 // Whether a cache is already among the three weighted ones.

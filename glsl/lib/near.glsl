@@ -1,12 +1,14 @@
 // Results of short rays at a pixel, interpolated from the nearest pixels with rays. METHOD 11. The including shader has
-// the push constants of NearPush. Uses binding 12.
+// the push constants of NearPush. Uses bindings 12 and 13.
 #ifndef NEAR_GLSL
 #define NEAR_GLSL
 #include "lib/near_alike.glsl"
 #include "lib/octahedral.glsl"
+#define NEAR_BINDING 12
+#define NEAR_CONSTANT 3
+#include "lib/near_lights.glsl"
 
 layout(constant_id = 2) const uint EVERY = 2; // distance between pixels with rays, in columns and rows
-layout(binding = 12, scalar) readonly buffer NearLights { NearLight near_lights[]; };
 
 struct Near {
     vec3 irradiance; // from the surfaces hit [lx]
@@ -23,7 +25,7 @@ struct NearSum {
 
 // Adds a pixel's result, weighted by the similarity of its surface.
 void take_near(inout NearSum sum, ivec2 at, float share, vec3 position, vec3 geometric) {
-    NearLight p = near_lights[uint(at.y) * push.width + uint(at.x)];
+    NearLight p = near_light(uint(at.y) * push.width + uint(at.x));
     if (p.is_surface == 0u) {
         return;
     }

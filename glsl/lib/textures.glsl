@@ -4,7 +4,7 @@
 #define TEXTURES_GLSL
 #include "shared.glsl"
 
-layout(constant_id = 0) const uint KIND = 0x2fffu; // KIND_* bits of the pipeline's materials
+layout(constant_id = 0) const uint KIND = 0x6fffu; // KIND_* bits of the pipeline's materials
 
 layout(binding = 1, scalar) readonly buffer Materials { Material materials[]; };
 layout(binding = 2, scalar) readonly buffer TextureSlots { TextureSlot texture_slots[]; };
@@ -53,6 +53,11 @@ vec4 sample_texture(sampler2D image, uint material, uint which, Uv uv) {
 bool has_texture(uint material, uint which) {
     bool any = (KIND >> which & 1u) != 0u;
     return any && ((KIND & KIND_MIXED) == 0u || texture_slots[material * TEXTURE_COUNT + which].present != 0u);
+}
+
+// Whether parts of surfaces may be cut out. If not, the depth test may come before shading, since nothing is discarded.
+bool has_holes() {
+    return (KIND & KIND_MASKED) != 0u;
 }
 
 // Whether the material is one of the method's own Phong materials.

@@ -5,12 +5,12 @@ use super::gather::ClusterArgs;
 use super::words::{ShadowsArg, light_shadows_word};
 use super::{CacheArgs, DeviceArgs, QualityArg, bake_scene, check_messages, load_scene, thousands};
 use anyhow::{Context, Result};
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use lightskin::frame::plan::STAGES;
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{Indirect, Light, Look, Near, Picture, Quality, Settings, View, World, record, tune};
 use lightskin::gpu::Gpu;
-use lightskin::scene::{Instance, LightKind, Scene, luminance};
+use lightskin::scene::{Camera, Instance, LightKind, Scene, luminance};
 use lightskin::shared::Val;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -21,7 +21,10 @@ const SIZE: [u32; 2] = [1280, 720];
 /// Reduced albedo below which the dipole model is inexact. METHOD 7 has the figures.
 const LEAST_ALBEDO: f64 = 0.8;
 
-/// Number of measured frames per quality level; the median is printed.
+/// Angle by which the camera turns from one measured frame to the next \[rad\].
+const TURN: f64 = 0.01;
+
+/// Number of measured frames of each kind per quality level; the median is printed.
 const FRAMES: usize = 3;
 
 #[derive(clap::Args)]
@@ -252,7 +255,8 @@ fn name(quality: Quality) -> &'static str {
 /// Bakes and draws each quality level, and prints its caches, memory and frame time.
 fn measure_levels(args: &Info, gpu: &Gpu) -> Result<()> {
     say!("  on {} at {}x{}, median of {FRAMES} frames:", gpu.report().name, SIZE[0], SIZE[1]);
-    say!("              caches   memory [MiB]   frame [ms]");
+    say!("  (camera: the time of a frame in which only the camera has moved)");
+    say!("              caches   memory [MiB]   frame [ms]   camera [ms]");
     for quality in Quality::ALL {
         let caches = CacheArgs { quality: QualityArg::of(quality), ..args.caches.clone() };
         let scene = load_scene(args.scene.as_deref(), &caches)?;
@@ -260,24 +264,31 @@ fn measure_levels(args: &Info, gpu: &Gpu) -> Result<()> {
         let before: u64 = gpu.resources().iter().map(|resource| resource.bytes).sum();
         let world = World::new(gpu, &scene, Some(&baked.caches))?;
         let settings = Settings::at(quality, baked.count).with_ways(tune::fastest(gpu)?.ways);
+        let settings = Settings { reuse: true, ..settings };
         let mut light = Light::new(gpu, &scene, &world, &settings, 1)?;
         let mut picture = Picture::new(gpu, &world, &light, SIZE)?;
         let bytes = gpu.resources().iter().map(|resource| resource.bytes).sum::<u64>() - before;
         let camera = scene.cameras.first().context("the scene has no camera")?;
-        let view = View::new(camera, SIZE, world.origin, world.radius);
-        let mut times = Vec::new();
-        // Drivers defer work to the first frame, so it is not counted.
-        for i in 0..=FRAMES {
+        let mut measured = [Vec::new(), Vec::new()];
+        // Drivers defer work to the first frames, so they are not counted.
+        for i in 0..2 * (FRAMES + 1) {
+            let reuse = i % 2 == 1;
+            light.fit(gpu, &scene, &world, &Settings { reuse, ..settings }, 1)?;
+            let turned = DAffine3::from_rotation_y(TURN * i as f64);
+            let camera = Camera { world_from_camera: camera.world_from_camera * turned, ..camera.clone() };
+            let view = View::new(&camera, SIZE, world.origin, world.radius);
             let drawn = gpu.timed_frame(|cmd| {
                 record(cmd, &world, &mut light, &mut [(view, &mut picture)], &Look::default());
                 Ok(())
             })?;
-            times.extend(gpu.times(&drawn)?.gpu_ms().filter(|_| i > 0));
+            measured[usize::from(reuse)].extend(gpu.times(&drawn)?.gpu_ms().filter(|_| i > 1));
         }
-        times.sort_by(f64::total_cmp);
-        let ms = times.get(times.len() / 2).map_or("-".into(), |ms| format!("{ms:.1}"));
+        let [all, camera] = measured.map(|mut times| {
+            times.sort_by(f64::total_cmp);
+            times.get(times.len() / 2).map_or("-".into(), |ms| format!("{ms:.1}"))
+        });
         let mib = bytes as f64 / f64::from(1 << 20);
-        say!("  {:<10} {:>8} {mib:>14.1} {ms:>12}", name(quality), thousands(baked.count));
+        say!("  {:<10} {:>8} {mib:>14.1} {all:>12} {camera:>13}", name(quality), thousands(baked.count));
     }
     Ok(())
 }

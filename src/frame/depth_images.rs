@@ -123,6 +123,7 @@ impl DepthImages {
                 world.cells.as_ref().map_or((&world.references, &world.references), |c| (&c.grids, &c.entries));
             let of_caches = [images, met, closed, &world.references, &world.instance_caches, grids, entries];
             resources.extend(of_caches.map(Bind::from));
+            resources.push(Bind::SomeTexels(&atlas.caches));
         }
         cmd.bind(pipeline, &resources);
         let cache_reach = world.cells.as_ref().map_or(world.spacing(), |cells| cells.reach) as f32;

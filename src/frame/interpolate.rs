@@ -6,7 +6,7 @@
 
 use super::atlas::Atlas;
 use super::gbuffer::Surface;
-use super::near::NearPixels;
+use super::near::{self, NearPixels};
 use super::plan::Plan;
 use super::proxies::Proxies;
 use super::settings::{self, Near};
@@ -103,7 +103,8 @@ impl Interpolate {
                 blend: Blend::Replace,
                 depth: Depth::None,
                 cull: Cull::None,
-                constants: &[printed, references, every][..if plan.near == Near::Off { 2 } else { 3 }],
+                constants: &[printed, references, every, near::as_texels(gpu)]
+                    [..if plan.near == Near::Off { 2 } else { 4 }],
             })?,
         })
     }
@@ -175,7 +176,7 @@ impl Interpolate {
         let near = found.filter(|_| near);
         let used = all.len() - usize::from(out.glossy.is_none() && near.is_none());
         let mut resources = all[..used].to_vec();
-        resources.extend(near.map(|found| Bind::from(&found.lights)));
+        resources.extend(near.into_iter().flat_map(NearPixels::binds));
         let reach = world.cells.as_ref().map_or(0.0, |cells| cells.reach as f32);
         cmd.render(&Attachments { colors: &out.cleared(), depth: None, area: surface.area() }, |draw| {
             draw.bind(&self.shade, &resources);

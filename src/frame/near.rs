@@ -77,6 +77,12 @@ const SHADERS: [&str; 8] = [
     "near_glossy_lit_sky.comp",
 ];
 
+/// Specialization constant of shaders that read results of rays: 1 to read them as texels, which is faster on software
+/// devices.
+pub(super) fn as_texels(gpu: &Gpu) -> u32 {
+    u32::from(gpu.is_software() && 16 * gpu.most_texels() >= gpu.most_buffer_bytes())
+}
+
 impl NearRays {
     /// Creates the passes that a plan needs. The world must have rays.
     ///
@@ -94,10 +100,15 @@ impl NearRays {
         let (references, lit) = (world.references_each as u32, plan.bounces > 0);
         let constants = [stack, levels, texels, holes, per_pixel, every, references, by_cells];
         let shader = usize::from(plan.glossy) + 2 * usize::from(lit) + 4 * usize::from(plan.sky_light);
+        let names = if plan.glossy {
+            ["near_filter_glossy.comp", "near_spread_glossy.comp"]
+        } else {
+            ["near_filter.comp", "near_spread.comp"]
+        };
         Ok(Some(Self {
             trace: gpu.compute(SHADERS[shader], &constants)?,
-            filter: gpu.compute(if plan.glossy { "near_filter_glossy.comp" } else { "near_filter.comp" }, &[])?,
-            spread: gpu.compute(if plan.glossy { "near_spread_glossy.comp" } else { "near_spread.comp" }, &[])?,
+            filter: gpu.compute(names[0], &[as_texels(gpu)])?,
+            spread: gpu.compute(names[1], &[as_texels(gpu)])?,
             glossy: plan.glossy,
             reflects: plan.reflects,
             sky: plan.sky_light,
@@ -132,6 +143,7 @@ impl NearRays {
             let (grids, entries) = world.cells.as_ref().map_or((radiances, radiances), |c| (&c.grids, &c.entries));
             let of_caches = [radiances, atlas, &world.references, &world.instance_caches, grids, entries];
             resources.extend(of_caches.map(Bind::from));
+            resources.push(Bind::SomeTexels(atlas));
             resources.extend([&surface.normal, &surface.specular].map(Bind::from).iter().filter(|_| self.glossy));
             resources.extend(lit.map(Bind::from));
             if let (Some([seen, open]), Some(sky)) = (sky, &world.sky_light) {
@@ -160,7 +172,7 @@ impl NearRays {
         cmd.barrier(Use::ComputeWrite, Use::ComputeRead);
         for (_, _, NearPixels { pixels, lights, size: [width, height], .. }) in views.clone() {
             let (width, height) = (*width, *height);
-            cmd.bind(&self.filter, &[pixels, lights].map(Bind::from));
+            cmd.bind(&self.filter, &[pixels.into(), Bind::SomeTexels(pixels), lights.into()]);
             cmd.push(&NearFilterPush { width, height });
             cmd.dispatch(width, height, 1);
         }
@@ -169,7 +181,7 @@ impl NearRays {
             for (_, _, NearPixels { lights, halfway, size: [width, height], .. }) in views.clone() {
                 let (width, height) = (*width, *height);
                 let [from, to] = if i % 2 == 0 { [lights, halfway] } else { [halfway, lights] };
-                cmd.bind(&self.spread, &[from, to].map(Bind::from));
+                cmd.bind(&self.spread, &[from.into(), Bind::SomeTexels(from), to.into()]);
                 cmd.push(&NearSpreadPush { width, height, step });
                 cmd.dispatch(width, height, 1);
             }
@@ -178,6 +190,11 @@ impl NearRays {
 }
 
 impl NearPixels {
+    /// The bindings of `lib/near_lights.glsl`.
+    pub(super) fn binds(&self) -> [Bind<'_>; 2] {
+        [(&self.lights).into(), Bind::SomeTexels(&self.lights)]
+    }
+
     /// Creates the buffers for a picture of this size.
     ///
     /// # Errors

@@ -4,6 +4,7 @@
 use super::atlas::Atlas;
 use super::gbuffer::Surface;
 use super::interpolate::Shaded;
+use super::near::{self, NearPixels};
 use super::plan::Plan;
 use super::settings::Near;
 use super::view::View;
@@ -30,7 +31,7 @@ impl SkyShading {
         }
         let by_cells = world.references_of_pixels().is_some();
         let (_, every) = plan.near.rays();
-        let constants = [u32::from(plan.glossy), world.references_each as u32, every];
+        let constants = [u32::from(plan.glossy), world.references_each as u32, every, near::as_texels(gpu)];
         let fragment = match (by_cells, plan.near, plan.coated) {
             (false, Near::Off, false) => "sky_light.frag",
             (true, Near::Off, false) => "sky_light_cells.frag",
@@ -41,7 +42,7 @@ impl SkyShading {
             (false, _, true) => "sky_light_near_coat.frag",
             (true, _, true) => "sky_light_near_cells_coat.frag",
         };
-        let constants = &constants[..if plan.near == Near::Off { 2 } else { 3 }];
+        let constants = &constants[..if plan.near == Near::Off { 2 } else { 4 }];
         let shade = Surface::adding(gpu, fragment, constants)?;
         Ok(Some(Self { shade, by_cells }))
     }
@@ -68,7 +69,7 @@ impl SkyShading {
                 resources.extend([world.indices(), &visible.slots, &visible.lights, of_vertices].map(Bind::from));
             }
             resources.extend([&surface.normal, &surface.albedo, &surface.specular].map(Bind::from));
-            resources.extend(near.map(|found| Bind::from(&found.lights)));
+            resources.extend(near.into_iter().flat_map(NearPixels::binds));
             resources.extend([&sky.texels, &sky.levels].map(Bind::from));
             resources.extend(surface.coat.as_ref().map(Bind::from));
             let radiance =

@@ -85,7 +85,8 @@ pub(super) fn kinds(scene: &Scene) -> (Vec<u32>, Vec<usize>) {
     let kind = |m: &Material| {
         let textures = used(m).map(|(texture, _)| u32::from(texture.is_some()));
         let bits = textures.iter().enumerate().fold(0, |all, (i, bit)| all | bit << i);
-        bits | if m.phong.is_some() { shared::KIND_PHONG } else { 0 }
+        let masked = m.alpha_cutoff.is_some() || m.seen_cutoff().is_some();
+        bits | if m.phong.is_some() { shared::KIND_PHONG } else { 0 } | if masked { shared::KIND_MASKED } else { 0 }
     };
     let mut drawn: Vec<usize> =
         scene.meshes.iter().flat_map(|mesh| &mesh.primitives).map(|primitive| primitive.material).collect();
