@@ -10,6 +10,7 @@
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/samples.glsl"
+#include "lib/tile.glsl"
 
 layout(local_size_x = 8, local_size_y = 8) in;
 layout(constant_id = 4) const uint SAMPLES = 0; // further points of a pixel; 0: its centre alone
@@ -210,7 +211,7 @@ void main() {
         return;
     }
     uint tile = shown_tiles[number];
-    ivec2 pixel = ivec2(tile & 0xffffu, tile >> 16) * 8 + ivec2(gl_LocalInvocationID.xy);
+    ivec2 pixel = ivec2(tile & 0xffffu, tile >> 16) * 8 + ivec2(place_in_tile(gl_LocalInvocationIndex));
     if (gl_LocalInvocationIndex == 0u) {
         reached = 0u;
     }

@@ -13,6 +13,7 @@
 #include "lib/triangle.glsl"
 #include "lib/depth_image.glsl"
 #include "lib/directions.glsl"
+#include "lib/tile.glsl"
 #ifdef GLOSSY
 #include "lib/lobe.glsl"
 #endif

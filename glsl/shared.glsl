@@ -375,22 +375,6 @@ struct DrawPush {
     vec4 eye; // viewer: position and 1, or unit direction towards it and 0
 };
 
-// Triangles that one workgroup of the triangle culling tests: up to 256 of a draw.
-struct CullBlock {
-    uint draw; // into the draw records
-    uint first; // index of the first triangle's first corner, within the draw
-    uint end; // end of the block, likewise
-    uint to; // where the draw's indices start in the list of shown triangles
-};
-
-// Push constants of the triangle culling.
-struct CullTrianglesPush {
-    mat4 clip_from_world;
-    vec2 half_size; // of the view [pixels]
-    uint block_count;
-    uint backs; // 1: back faces are not drawn
-};
-
 // Push constants of full-screen passes that reconstruct world positions.
 struct ScreenPush {
     mat4 world_from_clip;

@@ -41,7 +41,7 @@ const uint NEAR_SIDE = 4u;
 
 // A material's texture as rays look it up: RGBA8 texels in a buffer, level after level.
 struct HitTexture {
-    uint first; // first texel of the finest level
+    uint first; // index of the list of the levels' first texels, the finest first
     uint width; // of the finest level [texels]
     uint height; // likewise
     uint how; // bits 0-1, 2-3: wrapping along u, v (0 repeats, 1 mirrors, 2 clamps); bit 4: RGB are square roots;

@@ -3,12 +3,12 @@
 
 use crate::analytic::numbers;
 use crate::common::frames::{baked, drawn, drawn_of, small};
-use crate::common::{apart, gpu, open};
-use glam::{Affine2, DAffine3, DMat4, DVec2, DVec3, Vec3, dvec3};
-use lightskin::frame::{Antialiasing, Picture, View, World};
-use lightskin::gpu::{Gpu, Validation};
+use crate::common::gpu;
+use glam::{Affine2, DAffine3, DVec3, Vec3, dvec3};
+use lightskin::frame::{Antialiasing, Picture, World};
+use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Gi, Knobs};
-use lightskin::lab::worlds::{SPOT, add, camera, corner, phong, placed};
+use lightskin::lab::worlds::{SPOT, add, camera, corner, phong};
 use lightskin::scene::build::{quad, sphere};
 use lightskin::scene::deform::{Bind, Deform, Influence, Pose};
 use lightskin::scene::{Image, LightKind, Material, Sampler, Scene, Texture};
@@ -93,94 +93,6 @@ fn triangles_outside_a_view_are_left_out_without_a_change() {
         let off: Vec<_> = off.collect();
         assert!(off.len() <= 12, "direct light differs from {eye}: {off:?}");
     }
-}
-
-/// Triangles of a view in drawing order, by an independent calculation in f64: whether a pixel's centre lies in them, and
-/// they face the viewer.
-fn seen_triangles(scene: &Scene, world: &World, view: &View, size: [u32; 2]) -> Vec<bool> {
-    let clip_from_world = DMat4::from_cols_array(&view.clip_from_world.to_cols_array().map(f64::from));
-    let mut draws: Vec<_> = (scene.instances.iter().enumerate())
-        .flat_map(|(i, instance)| scene.meshes[instance.mesh].primitives.iter().map(move |p| (p.material, i, p)))
-        .collect();
-    draws.sort_by_key(|(material, i, primitive)| (*material, *i, primitive.first_index));
-    let mut all = Vec::new();
-    for (_, i, primitive) in draws {
-        let (instance, first) = (&scene.instances[i], primitive.first_index as usize);
-        let mesh = &scene.meshes[instance.mesh];
-        for corners in mesh.indices[first..first + primitive.index_count as usize].chunks(3) {
-            let corner = |k: usize| {
-                let model = mesh.vertices[corners[k] as usize].position.as_dvec3();
-                let place = instance.world_from_model.transform_point3(model) - world.origin;
-                clip_from_world * place.extend(1.0)
-            };
-            let clip = [0, 1, 2].map(corner);
-            if clip.iter().any(|c| c.w <= 0.0) {
-                all.push(false); // its picture is not a triangle; only clearly visible triangles are asked for
-                continue;
-            }
-            let half = DVec2::new(f64::from(size[0]), f64::from(size[1])) / 2.0;
-            let [a, b, c] = clip.map(|c| (c.truncate().truncate() / c.w + 1.0) * half);
-            let mirrored = instance.world_from_model.matrix3.determinant() < 0.0;
-            let area = (b - a).perp_dot(c - a) * if mirrored { 1.0 } else { -1.0 };
-            let low = a.min(b).min(c).max(DVec2::ZERO).floor().as_uvec2();
-            let high = a.max(b).max(c).min(2.0 * half).ceil().as_uvec2();
-            let pixels = (low.y..high.y.max(low.y))
-                .flat_map(|y| (low.x..high.x).map(move |x| DVec2::new(x.into(), y.into()) + 0.5));
-            let inside = |p: DVec2| {
-                let sides = [(a, b), (b, c), (c, a)].map(|(from, to)| (to - from).perp_dot(p - from));
-                sides.iter().all(|side| *side > 1e-3) || sides.iter().all(|side| *side < -1e-3)
-            };
-            all.push(area > 1e-3 && pixels.into_iter().any(inside));
-        }
-    }
-    all
-}
-
-#[test]
-fn triangles_that_a_view_cannot_show_are_culled_without_a_change() {
-    if apart() {
-        return;
-    }
-    let (culls, draws_all) = (open(Validation::Sync), open(Validation::Sync).without_triangle_culling());
-    let mut next = numbers(11);
-    let mut shares = Vec::new();
-    for turn in 0..8 {
-        let mut scene = balls();
-        // Far from the origin, tiny, and deforming scenes.
-        let shift = if turn == 3 { dvec3(4e4, -2e4, 6e4) } else { DVec3::ZERO };
-        let scale = if turn == 4 { 1e-3 } else { 1.0 };
-        scene = placed(&scene, scale, shift);
-        if turn == 5 {
-            scene = unbounded(scene);
-        }
-        let eye = dvec3(next(), 0.2 + next(), next()) * if turn == 7 { 8.0 } else { 1.0 };
-        let at = dvec3(next() - 0.5, next(), next() - 0.5);
-        scene.cameras = vec![camera(eye * scale + shift, at * scale + shift, 0.3 + 0.7 * next() as f32)];
-        let antialiasing = if turn % 2 == 0 { Antialiasing::Off } else { Antialiasing::Four };
-        let knobs = Knobs { size: [240, 180], antialiasing, ..small() };
-        let caches = baked(&scene, 0.7 * scale, 8);
-        let [few, every] = [&culls, &draws_all].map(|gpu| {
-            let world = World::new(gpu, &scene, Some(&caches)).expect("upload");
-            let frame = drawn_of(gpu, &scene, &world, &knobs);
-            let vals: Vec<u8> = gpu.read(&frame.light.vals().expect("VALs").all).expect("read");
-            let view = View::new(&scene.cameras[0], knobs.size, world.origin, world.radius);
-            let shown = frame.picture.shown_triangles().map(|shown| gpu.read::<[u32; 3]>(shown).expect("read"));
-            (surfaces(gpu, &frame.picture), vals, shown, seen_triangles(&scene, &world, &view, knobs.size))
-        });
-        assert!(few.0 == every.0, "pixels differ from {eye}");
-        assert!(few.1 == every.1, "VALs differ from {eye}");
-        let (Some(shown), None) = (few.2, every.2) else { panic!("one device culls") };
-        if antialiasing == Antialiasing::Off {
-            assert_eq!(shown.len(), few.3.len());
-            let kept = |[a, b, c]: &[u32; 3]| a != b || b != c;
-            let lost = shown.iter().zip(&few.3).filter(|(triangle, seen)| **seen && !kept(triangle)).count();
-            assert_eq!(lost, 0, "visible triangles were culled from {eye}");
-            let of = |count: usize| count as f64 / shown.len() as f64;
-            shares.push((of(shown.iter().filter(|t| kept(t)).count()), of(few.3.iter().filter(|seen| **seen).count())));
-        }
-    }
-    println!("kept and visible shares of the triangles: {shares:.3?}");
-    assert!(shares.iter().all(|(kept, seen)| *kept < 0.03 + 2.0 * seen), "few others are kept: {shares:?}");
 }
 
 #[test]

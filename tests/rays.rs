@@ -75,7 +75,7 @@ struct Met {
     float distance; vec2 weights; uint triangle; uint instance; uint material;
     vec3 geometric; vec3 normal; vec3 diffuse; vec3 emission; vec3 direct;
 };
-layout(push_constant, scalar) uniform Push { uint root; float spread; uint lights; uint chances; uint times; } push;
+layout(push_constant, scalar) uniform Push { uint root; float spread; uint lights; uint chances; uint times; uint more; } push;
 layout(binding = 13, scalar) readonly buffer Rays { Ray rays[]; };
 layout(binding = 14, scalar) writeonly buffer All { Met all[]; };
 void main() {
@@ -96,6 +96,14 @@ void main() {
         met.normal = s.normal;
         met.diffuse = s.diffuse;
         met.emission = s.emission;
+        // More rays of the same thread, so that lookups run inside a loop, as in the frame's shaders.
+        for (uint i = 0u; i < push.more; ++i) {
+            vec3 direction = ray.direction + 0.1 * float(i + 1u) * vec3(1, -0.5, 0);
+            Hit further = trace(ray.origin, direction, ray.from, ray.to, push.root, 0u, false);
+            if (further.triangle != NO_HIT) {
+                met.direct += surface_at(further, ray.origin, direction, push.spread).diffuse;
+            }
+        }
         for (uint i = 0u; i < push.chances; ++i) {
             uint number = at % push.times * push.chances + i;
             vec3 chance = fract(0.5 + float(number) * vec3(0.8191725134, 0.6710436067, 0.5497004779));
@@ -115,6 +123,8 @@ struct Asked {
     chances: u32,
     /// Number of consecutive rays that are equal and take different light samples. 0 acts as 1.
     times: u32,
+    /// Number of further rays per thread, in other directions; `direct` also sums up the albedos that they find.
+    more: u32,
     /// Number of stack entries, if not the number needed.
     stack: Option<u32>,
     /// Read nodes and triangles the way the other kind of device does.
@@ -166,7 +176,7 @@ impl Tracer {
         let lights = self.world.lights().len() as u32;
         let run = self.gpu.run_once("test.rays", |cmd| {
             cmd.bind(&pipeline, &binds);
-            cmd.push(&[buffers.root, asked.spread.to_bits(), lights, asked.chances, asked.times.max(1)]);
+            cmd.push(&[buffers.root, asked.spread.to_bits(), lights, asked.chances, asked.times.max(1), asked.more]);
             cmd.dispatch(rays.len() as u32, 1, 1);
         });
         run.expect("run");

@@ -52,11 +52,13 @@ vec4 hit_texture(uint material, uint which, vec4 uv, float width) {
     t = slot.linear.xy * t.x + slot.linear.zw * t.y + slot.translation;
     float stretch = max(length(slot.linear.xy), length(slot.linear.zw));
     ivec2 size = ivec2(texture_.width, texture_.height);
-    uint first = texture_.first;
-    for (float texels = width * stretch * float(max(size.x, size.y)); texels >= 2.0 && (size.x > 1 || size.y > 1); texels *= 0.5) {
-        first += uint(size.x * size.y);
-        size = max(size / 2, ivec2(1));
-    }
+    // The level follows from the exponent of the width in texels. It is looked up: where lavapipe 22.3 runs a loop whose
+    // length differs between threads inside another loop, it mixes up what they have computed.
+    int side = max(size.x, size.y);
+    int level = (floatBitsToInt(width * stretch * float(side)) >> 23 & 0xff) - 127;
+    level = clamp(level, 0, findMSB(side));
+    uint first = hit_texels[texture_.first + uint(level)];
+    size = max(size >> level, ivec2(1));
     bool square = (texture_.how & 32u) != 0u;
     vec2 at = clamp(t, -1e4, 1e4) * vec2(size) - (square ? 0.0 : 0.5);
     vec2 f = square ? vec2(0.0) : fract(at);

@@ -97,8 +97,8 @@ impl Maps {
                 draw.area([x * size, y * size, size, size]);
                 let clip = world.clip_from_world(light.first_view + face);
                 let (least, view) = (light.least(size), (clip, Vec4::ZERO));
-                world.draw(draw, opaque, (Which::Opaque, &[], None), view, least);
-                world.draw(draw, masked, (Which::Masked, &[], None), view, least);
+                world.draw_large(draw, opaque, (Which::Opaque, &[]), view, least);
+                world.draw_large(draw, masked, (Which::Masked, &[]), view, least);
             }
         });
     }

@@ -134,7 +134,7 @@ impl Edges {
             if i > 0 {
                 cmd.barrier(Use::ComputeRead, Use::ColorWrite | Use::DepthWrite); // the last sample has been processed
             }
-            gbuffer.record(cmd, world, &view.moved(offset, sample.size), sample, true);
+            gbuffer.record(cmd, world, &view.moved(offset, sample.size), sample);
             let before = if i > 0 { Use::ComputeWrite } else { Use::ColorWrite };
             cmd.barrier(Use::ColorWrite | Use::DepthWrite | before, Use::ComputeRead | Use::ComputeWrite);
             cmd.bind(&self.take, &resources);

@@ -3,13 +3,11 @@
 use super::arrivals::Arrivals;
 use super::plan::Plan;
 use super::settings::Antialiasing;
-use super::triangle_culling::TriangleCulling;
 use super::view::View;
 use super::world::{ByKind, VERTEX, Which, World};
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Blend, Buffer, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster,
-    Shape,
+    Attach, Attachments, Blend, Cmd, Cull, Depth, Extent, Format, Gpu, Image, ImageDesc, Pipeline, Raster, Shape,
 };
 
 const FLOAT: Format = Format::R32G32B32A32_SFLOAT;
@@ -181,8 +179,6 @@ fn surfaces(
 /// Draws every opaque surface once. Double-sided surfaces have separate triangles for both sides.
 pub struct GBuffer {
     draw: ByKind,
-    /// Only if the device numbers triangles; otherwise shaders look up vertices by number.
-    culling: Option<TriangleCulling>,
 }
 
 impl GBuffer {
@@ -199,16 +195,7 @@ impl GBuffer {
             (true, true, false) => "gbuffer_pulled.frag",
             (true, true, true) => "gbuffer_pulled_coat.frag",
         };
-        let culls = !pulls(gpu, plan);
-        Ok(Self {
-            draw: surfaces((gpu, world), plan, plan.antialiasing.samples(), name, &targets(plan, None))?,
-            culling: culls.then(|| TriangleCulling::new(gpu, world, "gbuffer.shown", true)).transpose()?.flatten(),
-        })
-    }
-
-    /// See `Picture::shown_triangles`.
-    pub(super) fn shown_triangles(&self) -> Option<&Buffer> {
-        self.culling.as_ref().map(|culling| &culling.shown)
+        Ok(Self { draw: surfaces((gpu, world), plan, plan.antialiasing.samples(), name, &targets(plan, None))? })
     }
 
     /// Creates the pipelines for transparent layers.
@@ -224,17 +211,11 @@ impl GBuffer {
         surfaces((gpu, world), plan, 0, name, &targets(plan, Some(HALF)))
     }
 
-    /// Records the stage for a view; `again` if this frame has drawn with it before.
-    pub(super) fn record(&self, cmd: &Cmd<'_>, world: &World, view: &View, surface: &Surface, again: bool) {
-        let culling = self.culling.as_ref();
-        let shown =
-            culling.map(|culling| culling.record(cmd, world, view.clip_from_world, surface.size, (true, again)));
+    /// Records the stage for a view.
+    pub fn record(&self, cmd: &Cmd<'_>, world: &World, view: &View, surface: &Surface) {
         let colors: Vec<_> = surface.targets(None).map(Attach::clear).collect();
         let attachments =
             Attachments { colors: &colors, depth: Some(Attach::clear(&surface.depth)), area: surface.area() };
-        cmd.render(&attachments, |draw| {
-            let view = (view.clip_from_world, view.eye);
-            world.draw(draw, &self.draw, (Which::Solid, &[], shown), view, 0.0);
-        });
+        cmd.render(&attachments, |draw| world.draw(draw, &self.draw, Which::Solid, view.clip_from_world, view.eye));
     }
 }

@@ -88,7 +88,7 @@ impl Layers {
             cmd.render(&Attachments { colors: &colors, depth, area: surface.area() }, |draw| {
                 let limits = [&opaque.depth, before].map(Bind::from);
                 let view = (view.clip_from_world, view.eye);
-                world.draw(draw, &self.draw, (Which::SeenThrough, &limits, None), view, 0.0);
+                world.draw_large(draw, &self.draw, (Which::SeenThrough, &limits), view, 0.0);
             });
             before = &surface.depth;
         }

@@ -45,7 +45,6 @@ pub mod settings;
 pub mod sky_light;
 pub mod sky_seen;
 mod sums;
-mod triangle_culling;
 pub mod tune;
 pub mod vals;
 pub mod view;

@@ -15,7 +15,7 @@ use super::view::View;
 use super::visible::VisibleList;
 use super::world::World;
 use crate::error::Result;
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::Gpu;
 use glam::Vec4;
 
 /// Images of one view, and the passes that belong to it.
@@ -93,12 +93,6 @@ impl Picture {
             plan,
             layout: world.layout,
         })
-    }
-
-    /// Indices of the triangles that the view may show, by draw; all others have three equal indices. Without
-    /// antialiasing, these are the triangles of the last frame. `None` if triangles are not culled.
-    pub fn shown_triangles(&self) -> Option<&Buffer> {
-        self.gbuffer.shown_triangles()
     }
 
     /// Rebuilds the picture if it no longer fits the light or the size; otherwise it costs nothing.

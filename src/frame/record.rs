@@ -71,7 +71,7 @@ pub fn record_rows(
     if some_surface {
         let _zone = enter(plan::GBUFFER); // 1
         for (view, picture) in drawn() {
-            picture.gbuffer.record(cmd, world, view, &picture.surface, false);
+            picture.gbuffer.record(cmd, world, view, &picture.surface);
         }
     }
     if drawn().any(|(_, p)| p.edges.is_some()) {

@@ -6,7 +6,6 @@ use super::live::Live;
 use super::pack::PackVals;
 use super::plan::Plan;
 use super::settings::ProxyWeight;
-use super::triangle_culling::TriangleCulling;
 use super::vals::Vals;
 use super::world::{ByKind, VERTEX_PLAIN, Which, World};
 use crate::error::{Error, Result};
@@ -30,7 +29,6 @@ pub struct Rsm {
     /// Light that enters translucent bodies; only if the scene has any.
     pub inside: Option<Inside>,
     draw: ByKind,
-    culling: Option<TriangleCulling>,
     to_vals: Pipeline,
     pack: PackVals,
     weight: ProxyWeight,
@@ -84,7 +82,6 @@ impl Rsm {
                     constants: &[kind],
                 })
             })?,
-            culling: TriangleCulling::new(gpu, world, "rsm.shown", false)?,
             to_vals: gpu.compute(
                 if plan.inside { "vals_inside.comp" } else { "vals.comp" },
                 &[u32::from(weight == ProxyWeight::Irradiance)],
@@ -134,10 +131,8 @@ impl Rsm {
                 let least = light.least(size);
                 let filled = world.filled.as_ref().filter(|_| inside.is_some());
                 let more: Vec<Bind<'_>> = filled.map_or(Vec::new(), |f| vec![(&f.of_draws).into(), (&f.parts).into()]);
-                let culling = self.culling.as_ref();
-                let shown = culling.map(|culling| culling.record(cmd, world, clip, [size; 2], (false, drawn)));
                 cmd.render(&attachments, |draw| {
-                    world.draw(draw, &self.draw, (Which::All, &more, shown), (clip, eye), least)
+                    world.draw_large(draw, &self.draw, (Which::All, &more), (clip, eye), least)
                 });
                 if drawn {
                     cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);

@@ -99,7 +99,6 @@ pub struct Gpu {
     numbers_triangles: bool,
     most_texels: u64,
     voting_threads: Option<u32>,
-    culls_triangles: bool,
     report: DeviceReport,
     pub(crate) shared: Arc<Shared>,
 }
@@ -306,7 +305,6 @@ impl Gpu {
             numbers_triangles: geometry_shader,
             most_texels: limits.max_texel_buffer_elements.into(),
             voting_threads,
-            culls_triangles: true,
             check_barriers,
             report,
             shared,
@@ -369,17 +367,6 @@ impl Gpu {
     /// subgroups.
     pub fn voting_threads(&self) -> Option<u32> {
         self.voting_threads
-    }
-
-    /// Whether triangles that a view cannot show are left out one by one.
-    pub(crate) fn culls_triangles(&self) -> bool {
-        self.culls_triangles
-    }
-
-    /// Makes worlds on this device draw all triangles; for tests.
-    pub fn without_triangle_culling(mut self) -> Self {
-        self.culls_triangles = false;
-        self
     }
 
     /// Makes the device act as if its subgroups could not vote, as on some devices; for tests.

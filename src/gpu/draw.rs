@@ -196,14 +196,15 @@ impl Draw<'_, '_> {
         }
     }
 
-    /// Binds an index buffer of u32 with a byte offset.
+    /// Binds an index buffer of u32 with a byte offset. Index buffers never change, so the barrier check skips them.
     pub fn indices(&self, buffer: &Buffer, offset: u64) {
         if self.cmd.failed() {
             return;
         }
+        self.cmd.own(&buffer.shared, &buffer.name);
         let inside = offset.is_multiple_of(4) && offset < buffer.held;
         assert!(inside, "{}: indices at byte {offset} of {}", buffer.name, buffer.held);
-        self.cmd.touch_buffer(buffer, Use::IndexRead);
+        buffer.used();
         if let Some(scope) = self.cmd.scope.borrow_mut().as_mut() {
             scope.indices = (buffer.held - offset) / 4;
         }

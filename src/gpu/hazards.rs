@@ -39,10 +39,8 @@ impl Use {
     pub const HostRead: Use = Use(1 << 11);
     /// Read as vertices of a draw.
     pub const VertexInput: Use = Use(1 << 12);
-    /// Read as indices of a draw.
-    pub const IndexRead: Use = Use(1 << 13);
 
-    const NAMES: [&'static str; 14] = [
+    const NAMES: [&'static str; 13] = [
         "ColorWrite",
         "DepthWrite",
         "DepthRead",
@@ -56,7 +54,6 @@ impl Use {
         "CopyWrite",
         "HostRead",
         "VertexInput",
-        "IndexRead",
     ];
 
     /// The writing uses of the set.
@@ -94,7 +91,6 @@ impl Use {
             (Stage::COPY | Stage::CLEAR, Access::TRANSFER_WRITE),
             (Stage::HOST, Access::HOST_READ),
             (Stage::VERTEX_ATTRIBUTE_INPUT, Access::VERTEX_ATTRIBUTE_READ),
-            (Stage::INDEX_INPUT, Access::INDEX_READ),
         ];
         let mut masks = (Stage::NONE, Access::NONE);
         for (bit, (stage, access)) in table.into_iter().enumerate() {

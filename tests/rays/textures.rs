@@ -133,6 +133,37 @@ fn small_textures_are_the_f64_tracers() {
     }
 }
 
+/// Devices run several rays together. What one of them finds must not depend on the others.
+#[test]
+fn hits_do_not_depend_on_the_rays_beside_them() {
+    let repeated = |image| Some(textured(image, 0, Affine2::IDENTITY, Wrap::Repeat, Wrap::Mirror));
+    let materials = [0, 1, 2].map(|image| Material { base_color_texture: repeated(image), ..plain() });
+    let count = materials.len();
+    let scene = squares(materials, vec![noise(1, 256, 128), noise(2, 64, 256), noise(3, 16, 16)]);
+    let tracer = Tracer::new(&scene);
+    let mut next = numbers(5);
+    let rays = (0..4096).map(|_| {
+        let point = dvec3(count as f64 * next(), next(), 0.01 + 4.0 * next() * next()) - tracer.world.origin;
+        let way = dvec3(next() - 0.5, next() - 0.5, -0.5);
+        Ray::new(point.as_vec3(), way.normalize().as_vec3())
+    });
+    let rays: Vec<Ray> = rays.collect();
+    let place = |i: usize| i * 1237 % rays.len();
+    let shuffled: Vec<Ray> = (0..rays.len()).map(|i| rays[place(i)]).collect();
+    for spread in [0.0, 0.02, 0.2] {
+        let asked = Asked { spread, more: 4, ..Asked::default() };
+        let (found, again) = (tracer.trace(&rays, asked), tracer.trace(&shuffled, asked));
+        let hits = found.iter().filter(|met| met.direct != Vec3::ZERO).count();
+        let differs = |i: &usize| {
+            let (one, other) = (&found[place(*i)], &again[*i]);
+            (one.diffuse, one.direct) != (other.diffuse, other.direct)
+        };
+        let differ = (0..rays.len()).filter(differs).count();
+        println!("{differ} of {hits} hits at spread {spread} differ");
+        assert!(differ == 0 && hits > 1000);
+    }
+}
+
 #[test]
 fn holes_are_where_the_f64_tracer_has_them() {
     let repeated = |image| Some(textured(image, 0, Affine2::IDENTITY, Wrap::Repeat, Wrap::Mirror));

@@ -1,11 +1,10 @@
 //! Draws the scene's triangles: selection, pipelines by kind of material, and frustum culling.
 
 use super::World;
-use crate::error::Error;
 use crate::error::Result;
-use crate::gpu::{Bind, Buffer, Draw, Format, Gpu, Pipeline, Stream};
+use crate::gpu::{Bind, Draw, Format, Pipeline, Stream};
 use crate::scene::{Mesh, Primitive, Vertex};
-use crate::shared::{CullBlock, DEFORM_ROW, DrawPush, TEXTURE_COUNT};
+use crate::shared::{DrawPush, TEXTURE_COUNT};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -53,8 +52,6 @@ pub(super) struct DrawItem {
     pub(super) index_offset: u64,
     pub(super) first_index: u32,
     pub(super) index_count: u32,
-    /// Where its indices start in lists of shown triangles.
-    pub(super) first_shown: u32,
     /// First of the model's references, in pairs.
     pub(super) reference_base: u32,
     /// Atlas index of the instance's first cache.
@@ -72,59 +69,6 @@ pub(super) struct DrawItem {
     /// Bounds of each run of `RUN` indices; the last run may be shorter. Empty for deformed meshes and those with a
     /// single run.
     pub(super) runs: Arc<[[Vec3; 2]]>,
-}
-
-/// Fewest triangles of all draws for which triangles are culled one by one.
-const FEWEST_CULLED: u32 = 8192;
-
-/// Indices in a block of triangles that a workgroup culls.
-const BLOCK: usize = 3 * 256;
-
-/// Work of culling triangles one by one.
-pub(in crate::frame) struct CullBlocks {
-    /// Blocks of triangles: those of opaque and masked surfaces first.
-    pub(in crate::frame) list: Buffer,
-    /// Number of blocks of opaque and masked surfaces.
-    pub(in crate::frame) solid: u32,
-    /// Number of all blocks.
-    pub(in crate::frame) all: u32,
-    /// Indices of all draws.
-    pub(in crate::frame) indices: u32,
-}
-
-impl CullBlocks {
-    /// Numbers the indices of the draws, and divides them into blocks; `None` if there are few.
-    pub(super) fn new(gpu: &Gpu, draws: &mut [DrawItem]) -> Result<Option<Self>> {
-        let mut indices = 0_u32;
-        for draw in draws.iter_mut() {
-            draw.first_shown = indices;
-            let sum = indices.checked_add(draw.index_count);
-            indices =
-                sum.ok_or_else(|| Error::TooLarge("the instances have more than 1.4 billion triangles".into()))?;
-        }
-        if indices < 3 * FEWEST_CULLED || !gpu.culls_triangles() {
-            return Ok(None);
-        }
-        let blocks_of = |seen_through: bool| {
-            let some = draws.iter().enumerate().filter(move |(_, draw)| draw.seen_through == seen_through);
-            some.flat_map(|(i, draw)| {
-                (0..draw.index_count).step_by(BLOCK).map(move |first| CullBlock {
-                    draw: i as u32,
-                    first,
-                    end: draw.index_count.min(first + BLOCK as u32),
-                    to: draw.first_shown,
-                })
-            })
-        };
-        let mut list: Vec<CullBlock> = blocks_of(false).collect();
-        let solid = list.len() as u32;
-        list.extend(blocks_of(true));
-        let bytes = 4 * u64::from(indices);
-        if list.len() as u64 > u64::from(DEFORM_ROW) * 65_535 || bytes > gpu.most_buffer_bytes() {
-            return Ok(None);
-        }
-        Ok(Some(Self { list: gpu.buffer_from("scene.cull_blocks", &list)?, solid, all: list.len() as u32, indices }))
-    }
 }
 
 /// One pipeline for each kind of material in the scene.
@@ -176,14 +120,25 @@ impl World {
         Ok(ByKind(self.kinds.iter().map(|kind| make(*kind)).collect::<Result<_>>()?))
     }
 
-    /// Draws the scene's triangles, but not draws that are smaller in the view than `least` \[NDC, in which width and
-    /// height are 2\]. Bindings 0 to 14 of the shaders belong to the scene (see `lib/textures.glsl`). `more` are the
-    /// resources from binding 15 on. `shown` is the list of the triangles that the view may show, if they are culled.
+    /// Draws the scene's triangles. Bindings 0 to 14 of the shaders belong to the scene (see `lib/textures.glsl`).
     pub(in crate::frame) fn draw(
         &self,
         draw: &Draw<'_, '_>,
         by_kind: &ByKind,
-        (which, more, shown): (Which, &[Bind<'_>], Option<&Buffer>),
+        which: Which,
+        clip_from_world: Mat4,
+        eye: Vec4,
+    ) {
+        self.draw_large(draw, by_kind, (which, &[]), (clip_from_world, eye), 0.0);
+    }
+
+    /// Draws the scene's triangles without draws that are smaller in the view than `least` \[NDC, in which width and
+    /// height are 2\]. `more` are the resources from binding 15 on.
+    pub(in crate::frame) fn draw_large(
+        &self,
+        draw: &Draw<'_, '_>,
+        by_kind: &ByKind,
+        (which, more): (Which, &[Bind<'_>]),
         (clip_from_world, eye): (Mat4, Vec4),
         least: f32,
     ) {
@@ -216,16 +171,8 @@ impl World {
                 draw.front_is_ccw(!self.dynamic.mirrored[instance]);
                 if pipeline.has_vertex_buffers() {
                     draw.vertices(&[(&self.vertices, item.vertex_offset)]);
-                    match shown {
-                        Some(shown) => {
-                            draw.indices(shown, 0);
-                            draw.draw_indexed(count, item.first_shown + first);
-                        }
-                        None => {
-                            draw.indices(&self.indices, item.index_offset);
-                            draw.draw_indexed(count, item.first_index + first);
-                        }
-                    }
+                    draw.indices(&self.indices, item.index_offset);
+                    draw.draw_indexed(count, item.first_index + first);
                 } else {
                     draw.draw_from(count, first);
                 }

@@ -24,7 +24,7 @@ pub use area_lights::AreaLight;
 pub use cells::CellBuffers;
 pub use deform::DeformBuffers;
 pub use draws::Which;
-pub(super) use draws::{ByKind, CullBlocks, VERTEX, VERTEX_PLACE, VERTEX_PLAIN};
+pub(super) use draws::{ByKind, VERTEX, VERTEX_PLACE, VERTEX_PLAIN};
 pub use filled::FilledBuffers;
 pub(super) use lights::LightInfo;
 pub use sky::{SkyBuffer, SkyLight};
@@ -131,8 +131,6 @@ pub struct World {
     /// Kinds of materials, for shaders.
     kinds: Vec<u32>,
     draws: Vec<DrawItem>,
-    /// Only with many triangles.
-    pub(super) cull_blocks: Option<CullBlocks>,
 }
 
 /// Reflectance of caches.
@@ -250,7 +248,6 @@ impl World {
                     index_offset: mesh_base[instance.mesh].1 * 4,
                     first_index: primitive.first_index,
                     index_count: primitive.index_count,
-                    first_shown: 0,
                     reference_base: model.map_or(0, |(m, _)| reference_base[m]),
                     cache_base,
                     grid: model.map_or(0, |(m, _)| m as u32),
@@ -265,7 +262,6 @@ impl World {
         }
         // Keeps draws of a material together, for few changes of pipelines and textures.
         draws.sort_by_key(|d| (d.material, d.instance, d.first_index));
-        let cull_blocks = CullBlocks::new(gpu, &mut draws)?;
 
         let (textures, material_textures) = upload_textures(gpu, scene)?;
         // Only interpolation reads corners, and only posing writes them.
@@ -312,7 +308,6 @@ impl World {
             material_textures,
             kinds,
             draws,
-            cull_blocks,
             layouts,
             revisions: Revisions::new(dynamic.lights.len()),
             pending: Cell::new(PendingCopies::new(first_posed.iter().any(Option::is_some))),

@@ -383,12 +383,17 @@ fn hit_textures(scene: &Scene) -> (Vec<HitTexture>, Vec<u32>) {
     let mut wanted: BTreeMap<(usize, bool), u32> =
         all.filter_map(|(_, (texture, srgb))| Some(((texture?.image, srgb), 0))).collect();
     let keys: Vec<(usize, bool)> = wanted.keys().copied().collect();
-    let pages: Vec<Vec<u32>> =
+    let pages: Vec<Vec<Vec<u32>>> =
         keys.par_iter().map(|&(image, srgb)| page(&scene.images[image], most(image), srgb)).collect();
     let mut texels = Vec::new();
     for (key, page) in keys.iter().zip(pages) {
         wanted.insert(*key, texels.len() as u32);
-        texels.extend(page);
+        let mut start = texels.len() + page.len();
+        for level in &page {
+            texels.push(start as u32);
+            start += level.len();
+        }
+        texels.extend(page.into_iter().flatten());
     }
     let wrap = |wrap| match wrap {
         Wrap::Repeat => 0,
@@ -416,13 +421,14 @@ fn left_out(image: &Image, most: u32) -> u32 {
     (0..32).find(|level| image.width.max(image.height) >> level <= most).unwrap_or(0)
 }
 
-/// RGBA8 texels of the kept levels. Colours are stored as square roots of linear values.
-fn page(image: &Image, most: u32, srgb: bool) -> Vec<u32> {
+/// RGBA8 texels of each of the kept levels. Colours are stored as square roots of linear values.
+fn page(image: &Image, most: u32, srgb: bool) -> Vec<Vec<u32>> {
     let levels = mip_chain(&image.rgba, image.width, image.height, srgb);
     let root = |c: usize| (linear_from_srgb(c as u8).sqrt() * 255.0 + 0.5) as u8;
     let table: [u8; 256] = std::array::from_fn(|c| if srgb { root(c) } else { c as u8 });
     let coded = |t: &[u8]| {
         u32::from_le_bytes([table[usize::from(t[0])], table[usize::from(t[1])], table[usize::from(t[2])], t[3]])
     };
-    levels.iter().skip(left_out(image, most) as usize).flat_map(|level| level.chunks_exact(4).map(coded)).collect()
+    let kept = levels.iter().skip(left_out(image, most) as usize);
+    kept.map(|level| level.chunks_exact(4).map(coded).collect()).collect()
 }
