@@ -174,8 +174,6 @@ void main() {
     // In a corner the start may also lie on another surface. Rays begin at the distance `lift`, so they do not hit it.
     float lift = lift_at(found.position, from_eye);
     vec3 start = found.position + geometric * lift;
-    vec3 tangent, bitangent;
-    tangents(n, tangent, bitangent);
 
     vec3 shares;
     uvec3 around = caches_about(draw.instance, corners, w, found.position, n, push.cache_reach, shares);
@@ -193,10 +191,43 @@ void main() {
 #endif
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     found.open = 0.0;
-    for (uint i = 0u; i < RAYS; ++i) {
+#ifdef GLOSSY
+    bool endless = narrow > 0.0;
+    float width = inversesqrt(0.5 * (lobe.exponent + 1.0));
+    if (is_glossy) {
+        found.nearness = endless ? 0.0 : 1.0 / push.reach;
+        found.mirrored = lobe.mirrored;
+        found.width = width;
+    }
+    // The last ray samples the lobe. All rays share the code of one loop: twice that code would not fit the registers.
+    const uint COUNT = RAYS + 1u;
+#else
+    const uint COUNT = RAYS;
+#endif
+    for (uint i = 0u; i < COUNT; ++i) {
         uint number = i * ALL + subset;
-        vec3 local = directions[number];
+        vec3 local = directions[min(i, RAYS - 1u) * ALL + subset];
+        vec3 tangent, bitangent;
+        tangents(n, tangent, bitangent);
         vec3 direction = tangent * local.x + bitangent * local.y + n * local.z;
+        // The ray represents a cone: its projected solid angle is pi over the number of rays combined.
+        float spread = 2.0 * inversesqrt(float(RAYS * ALL));
+        float reach = push.reach;
+#ifdef GLOSSY
+        bool by_lobe = i == RAYS;
+        if (by_lobe) {
+            // One of the lobe's NEAR_SIDE^2 directions. Neighbouring pixels have the others.
+            direction = lobe_direction(lobe, vec2((float(subset) + 0.5) / float(ALL), float(subset) * 2.39996323));
+            number = subset;
+            spread = 0.25 * width;
+            reach = endless ? 3e38 : push.reach;
+            if (!is_glossy || dot(direction, geometric) <= 0.0) {
+                continue;
+            }
+        }
+#else
+        const bool by_lobe = false;
+#endif
         vec3 far = far_radiance(around, shares, direction);
         // Rays below the triangle's plane are mirrored above it. The lookup of far light keeps the original direction,
         // since caches know only vertex normals.
@@ -209,58 +240,31 @@ void main() {
         float sky_luminance = dot(radiance, LUMINANCE);
         of_sky = open * radiance;
 #endif
-        found.all += far + of_sky;
-        Hit hit = trace(start, direction, lift, push.reach, push.root, 0u, false);
-        vec3 arrives = vec3(0.0);
-        found.crowding += 1.0 / (float(RAYS) * max(hit.triangle == NO_HIT ? push.reach : hit.distance, 1e-30));
-        if (hit.triangle == NO_HIT) {
-            found.far += far + of_sky;
-            found.open += 1.0 / float(RAYS);
-        } else {
-            // The ray represents a cone: its projected solid angle is pi over the number of rays combined.
-            arrives = met_radiance(hit, start, direction, 2.0 * inversesqrt(float(RAYS * ALL)), number);
+        Hit hit = trace(start, direction, lift, reach, push.root, 0u, false);
+        bool met = hit.triangle != NO_HIT;
+        vec3 arrives = met ? met_radiance(hit, start, direction, spread, number) : vec3(0.0);
+        if (!by_lobe) {
+            found.all += far + of_sky;
+            found.crowding += 1.0 / (float(RAYS) * max(met ? hit.distance : push.reach, 1e-30));
+            found.far += met ? vec3(0.0) : far + of_sky;
+            found.open += met ? 0.0 : 1.0 / float(RAYS);
             found.irradiance += arrives;
         }
 #ifdef GLOSSY
-        float share = is_glossy ? (1.0 - narrow) * share_of(wide, lobe, direction, n) : 0.0;
-        if (share > 0.0) {
-            found.glossy += share * (hit.triangle == NO_HIT ? far : arrives);
+        if (is_glossy) {
+            bool is_near = met && hit.distance <= push.reach;
+            float wide_share = narrow < 1.0 ? (1.0 - narrow) * share_of(wide, lobe, direction, n) : 0.0;
+            float narrow_share = by_lobe ? narrow * lobe_weight(lobe, direction) : 0.0;
+            found.glossy += narrow_share * arrives;
+            found.glossy += wide_share * (is_near ? arrives : far);
 #ifdef SKY
-            found.sky_all += share * sky_luminance;
-            found.sky += hit.triangle == NO_HIT ? share * sky_luminance * open : 0.0;
+            found.sky_all += (wide_share + narrow_share) * sky_luminance;
+            found.sky += (wide_share * (is_near ? 0.0 : open) + narrow_share * (met ? 0.0 : 1.0)) * sky_luminance;
 #endif
+            found.nearness = by_lobe && met ? 1.0 / max(hit.distance, 1e-30) : found.nearness;
         }
 #endif
     }
     found.irradiance *= PI / float(RAYS);
-#ifdef GLOSSY
-    if (is_glossy) {
-        // One of the lobe's NEAR_SIDE^2 directions. Neighbouring pixels have the others.
-        vec3 direction = lobe_direction(lobe, vec2((float(subset) + 0.5) / float(ALL), float(subset) * 2.39996323));
-        float width = inversesqrt(0.5 * (lobe.exponent + 1.0));
-        bool endless = narrow > 0.0;
-        found.nearness = endless ? 0.0 : 1.0 / push.reach;
-        if (dot(direction, geometric) > 0.0) {
-            Hit hit = trace(start, direction, lift, endless ? 3e38 : push.reach, push.root, 0u, false);
-            bool met = hit.triangle != NO_HIT;
-            bool is_near = met && hit.distance <= push.reach;
-            vec3 arrives = met ? met_radiance(hit, start, direction, 0.25 * width, subset) : vec3(0.0);
-            float wide_share = narrow < 1.0 ? (1.0 - narrow) * share_of(wide, lobe, direction, n) : 0.0;
-            float narrow_share = narrow * lobe_weight(lobe, direction);
-            found.glossy += narrow_share * arrives;
-            found.glossy += wide_share * (is_near ? arrives : far_radiance(around, shares, direction));
-#ifdef SKY
-            vec3 radiance;
-            float open = sky_open(around, shares, direction, radiance);
-            float sky_luminance = dot(radiance, LUMINANCE);
-            found.sky_all += (wide_share + narrow_share) * sky_luminance;
-            found.sky += (wide_share * (is_near ? 0.0 : open) + narrow_share * (met ? 0.0 : 1.0)) * sky_luminance;
-#endif
-            found.nearness = met ? 1.0 / max(hit.distance, 1e-30) : found.nearness;
-        }
-        found.mirrored = lobe.mirrored;
-        found.width = width;
-    }
-#endif
     near_pixels[at.y * push.width + at.x] = found;
 }
