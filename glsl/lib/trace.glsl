@@ -6,7 +6,7 @@
 #define TRACE_GLSL
 #include "shared.glsl"
 
-layout(constant_id = 0) const uint STACK = 24; // most entries that the BVH needs
+layout(constant_id = 0) const uint STACK = 40; // entries; at least as many as the BVH needs
 layout(constant_id = 1) const uint LEVELS = 1; // 2: the root is a top level over instances
 layout(constant_id = 2) const uint AS_TEXELS = 0; // 1: nodes and triangles are read as texels
 layout(constant_id = 3) const uint HAS_HOLES = 1; // 0: no material has an alpha mask

@@ -132,6 +132,13 @@ pub(super) fn open_instance(validation: Validation, wanted: &[*const c_char]) ->
     let info = info.enabled_extension_names(&extensions);
     // SAFETY: every pointer in `info` outlives the call.
     let instance = unsafe { entry.create_instance(&info, None) }.map_err(|r| {
+        if r == vk::Result::ERROR_EXTENSION_NOT_PRESENT && !wanted.is_empty() {
+            return Error::NoDevice(
+                "no Vulkan driver here can show pictures in windows; install another driver, or write them to files with \
+                 `lightskin render`"
+                    .into(),
+            );
+        }
         Error::NoDevice(format!("the Vulkan loader could not create an instance ({r}); install a driver (mesa-vulkan-drivers has one for machines without a GPU)"))
     })?;
     let loader = ext::debug_utils::Instance::new(&entry, &instance);

@@ -31,8 +31,12 @@ pub(crate) struct Display {
 }
 
 impl Display {
-    /// Starts the server. If Xvfb is missing, prints a message and returns `None`.
+    /// Starts the server. If Xvfb is missing, or the driver cannot show windows, prints a message and returns `None`.
     pub(crate) fn open() -> Option<Self> {
+        if std::env::var("VK_DRIVER_FILES").is_ok_and(|files| files.contains("swiftshader")) {
+            println!("skipped: SwiftShader shows no windows");
+            return None;
+        }
         // The server writes its number to standard output. Without `-noreset` it rejects clients that connect while the
         // last one leaves.
         let arguments = ["-displayfd", "1", "-screen", "0", "1024x1024x24", "-nolisten", "tcp", "-noreset"];

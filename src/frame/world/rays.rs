@@ -24,6 +24,10 @@ use rayon::prelude::*;
 use std::collections::{BTreeMap, HashSet};
 use std::ops::Range;
 
+/// Minimum number of stack entries that shaders reserve \[8 bytes\]. AMD's driver RADV keeps arrays of up to 256 bytes in
+/// registers, which are then too few for the rest of the shader.
+const LEAST_STACK: u32 = 40;
+
 /// Maximum side of textures at ray hits \[texels\]; rays are averaged anyway.
 const MOST_TEXELS: u32 = 256;
 
@@ -152,9 +156,10 @@ impl RayBuffers {
     /// Constants 0 to 3 of shaders with rays.
     pub fn constants(&self, gpu: &Gpu) -> [u32; 4] {
         // Rounded up, so that another BVH seldom needs another pipeline.
+        let stack = self.stack.next_multiple_of(8).max(LEAST_STACK);
         let most = self.nodes.size.max(self.triangles.size) / 16;
         let as_texels = gpu.is_software() && most <= gpu.most_texels();
-        [self.stack.next_multiple_of(8), self.levels, u32::from(as_texels), u32::from(self.holes)]
+        [stack, self.levels, u32::from(as_texels), u32::from(self.holes)]
     }
 
     /// Bindings 0 to 11 of shaders with rays.
