@@ -132,7 +132,7 @@ void main() {
     const uint ALL = NEAR_SIDE * NEAR_SIDE;
     uint subset = gl_WorkGroupID.x % ALL;
     uvec2 block = uvec2(gl_WorkGroupID.x / ALL, gl_WorkGroupID.y) * (NEAR_SIDE * 8u);
-    uvec2 within = uvec2(gl_LocalInvocationID.x % 8u, gl_LocalInvocationID.x / 8u) * NEAR_SIDE;
+    uvec2 within = place_in_tile(gl_LocalInvocationID.x) * NEAR_SIDE;
     uvec2 at = block + within + uvec2(subset % NEAR_SIDE, subset / NEAR_SIDE);
     if (at.x >= push.width || at.y >= push.height) {
         return;

@@ -3,11 +3,11 @@
 use std::fs;
 use std::process::Command;
 
-use glam::{DAffine3, DVec3, Vec3, vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3, vec3};
 use lightskin::frame::{Antialiasing, LightShadows, Near, Shadows};
 use lightskin::gpu::{Gpu, Validation};
 use lightskin::lab::knobs::{Gi, Knobs};
-use lightskin::scene::build::quad;
+use lightskin::scene::build::{quad, sphere};
 use lightskin::scene::{Material, Scene};
 
 use serde_json::json;
@@ -75,7 +75,15 @@ fn what_has_too_many_texels_is_read_from_storage_buffers() {
     if apart() {
         return;
     }
-    let scene = moving::world();
+    let mut scene = moving::world();
+    // Rays meet a hierarchy of more than 65 536 texels: three for each triangle.
+    let place = DAffine3::from_scale_rotation_translation(
+        DVec3::splat(0.1),
+        DQuat::IDENTITY,
+        scene.bounds().expect("bounds").0,
+    );
+    add(&mut scene, sphere(1.0, 106), phong([0.7; 3], [0.0; 3], 1.0), place);
+    assert!(scene.triangle_count() * 3 > 65_536);
     // The depth images of these caches have more than 65 536 texels, and there are more VALs than that, too.
     let caches = baked(&scene, 0.1, 8);
     let count = caches.models.iter().map(|model| model.caches.len()).sum::<usize>();

@@ -264,30 +264,31 @@ fn measure_levels(args: &Info, gpu: &Gpu) -> Result<()> {
         let before: u64 = gpu.resources().iter().map(|resource| resource.bytes).sum();
         let world = World::new(gpu, &scene, Some(&baked.caches))?;
         let settings = Settings::at(quality, baked.count).with_ways(tune::fastest(gpu)?.ways);
-        let settings = Settings { reuse: true, ..settings };
-        let mut light = Light::new(gpu, &scene, &world, &settings, 1)?;
-        let mut picture = Picture::new(gpu, &world, &light, SIZE)?;
-        let bytes = gpu.resources().iter().map(|resource| resource.bytes).sum::<u64>() - before;
         let camera = scene.cameras.first().context("the scene has no camera")?;
-        let mut measured = [Vec::new(), Vec::new()];
-        // Drivers defer work to the first frames, so they are not counted.
-        for i in 0..2 * (FRAMES + 1) {
-            let reuse = i % 2 == 1;
-            light.fit(gpu, &scene, &world, &Settings { reuse, ..settings }, 1)?;
-            let turned = DAffine3::from_rotation_y(TURN * i as f64);
-            let camera = Camera { world_from_camera: camera.world_from_camera * turned, ..camera.clone() };
-            let view = View::new(&camera, SIZE, world.origin, world.radius);
-            let drawn = gpu.timed_frame(|cmd| {
-                record(cmd, &world, &mut light, &mut [(view, &mut picture)], &Look::default());
-                Ok(())
-            })?;
-            measured[usize::from(reuse)].extend(gpu.times(&drawn)?.gpu_ms().filter(|_| i > 1));
+        // Everything anew in each frame; then only what follows the camera.
+        let (mut bytes, mut times) = (0, [String::new(), String::new()]);
+        for (reuse, median) in [false, true].into_iter().zip(&mut times) {
+            let mut light = Light::new(gpu, &scene, &world, &Settings { reuse, ..settings }, 1)?;
+            let mut picture = Picture::new(gpu, &world, &light, SIZE)?;
+            if !reuse {
+                bytes = gpu.resources().iter().map(|resource| resource.bytes).sum::<u64>() - before;
+            }
+            let mut measured = Vec::new();
+            for i in 0..=FRAMES {
+                let turned = DAffine3::from_rotation_y(TURN * i as f64);
+                let camera = Camera { world_from_camera: camera.world_from_camera * turned, ..camera.clone() };
+                let view = View::new(&camera, SIZE, world.origin, world.radius);
+                let drawn = gpu.timed_frame(|cmd| {
+                    record(cmd, &world, &mut light, &mut [(view, &mut picture)], &Look::default());
+                    Ok(())
+                })?;
+                // Drivers defer work to the first frame, so it is not counted.
+                measured.extend(gpu.times(&drawn)?.gpu_ms().filter(|_| i > 0));
+            }
+            measured.sort_by(f64::total_cmp);
+            *median = measured.get(measured.len() / 2).map_or("-".into(), |ms| format!("{ms:.1}"));
         }
-        let [all, camera] = measured.map(|mut times| {
-            times.sort_by(f64::total_cmp);
-            times.get(times.len() / 2).map_or("-".into(), |ms| format!("{ms:.1}"))
-        });
-        let mib = bytes as f64 / f64::from(1 << 20);
+        let (mib, [all, camera]) = (bytes as f64 / f64::from(1 << 20), times);
         say!("  {:<10} {:>8} {mib:>14.1} {all:>12} {camera:>13}", name(quality), thousands(baked.count));
     }
     Ok(())

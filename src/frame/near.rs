@@ -77,10 +77,12 @@ const SHADERS: [&str; 8] = [
     "near_glossy_lit_sky.comp",
 ];
 
-/// Specialization constant of shaders that read results of rays: 1 to read them as texels, which is faster on software
-/// devices.
+// Shaders also read them as whole texels.
+const _: () = assert!(size_of::<NearPixel>() == 7 * 16 && size_of::<NearLight>() == 6 * 16);
+
+/// Specialization constant of shaders that read results of rays, of pictures of any size: 1 to read them as texels.
 pub(super) fn as_texels(gpu: &Gpu) -> u32 {
-    u32::from(gpu.is_software() && 16 * gpu.most_texels() >= gpu.most_buffer_bytes())
+    u32::from(gpu.reads_texels(gpu.most_buffer_bytes()))
 }
 
 impl NearRays {

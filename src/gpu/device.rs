@@ -357,6 +357,12 @@ impl Gpu {
         self.most_texels
     }
 
+    /// Whether shaders should read buffers of this size \[bytes\] as texels. Software devices load buffers word by word,
+    /// but texels of four words at once.
+    pub(crate) fn reads_texels(&self, bytes: u64) -> bool {
+        self.is_software() && bytes / 16 <= self.most_texels
+    }
+
     /// Limits texel buffers to the size that every device allows; for tests.
     pub fn with_few_texels(mut self) -> Self {
         self.most_texels = 65_536;

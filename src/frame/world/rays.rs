@@ -157,8 +157,7 @@ impl RayBuffers {
     pub fn constants(&self, gpu: &Gpu) -> [u32; 4] {
         // Rounded up, so that another BVH seldom needs another pipeline.
         let stack = self.stack.next_multiple_of(8).max(LEAST_STACK);
-        let most = self.nodes.size.max(self.triangles.size) / 16;
-        let as_texels = gpu.is_software() && most <= gpu.most_texels();
+        let as_texels = gpu.reads_texels(self.nodes.size.max(self.triangles.size));
         [stack, self.levels, u32::from(as_texels), u32::from(self.holes)]
     }
 
