@@ -41,7 +41,7 @@ layout(binding = 19, scalar) readonly buffer Pixels { uint pixels[]; }; // x and
 const uint LEAST = 4u;
 
 // Factor on the number of rays if a penumbra is too narrow to combine neighbours.
-const uint MORE = 4u;
+const uint MORE = 2u;
 
 // Golden angle [rad]: spreads points evenly on a disc.
 const float GOLDEN = 2.39996323;

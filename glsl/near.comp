@@ -84,7 +84,7 @@ vec3 cache_radiance(Hit hit, HitSurface s) {
     uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
     vec3 shares;
-    uvec3 at = caches_about(hit.instance, v, w, s.position, s.normal, push.cache_reach, shares);
+    uvec3 at = caches_about(hit.instance, v, w, 1u, s.position, s.normal, push.cache_reach, shares);
     vec3 sum = vec3(0.0);
     for (uint i = 0u; i < 3u; ++i) {
         if (at[i] == NO_REFERENCES) {
@@ -118,12 +118,17 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
 }
 
 #ifdef GLOSSY
+// Rays by a lobe whose albedo is greater than MUCH, as of metals.
+const uint LOBE_RAYS = 4u;
+const float MUCH = 0.2;
+
 // Weight of a direction's radiance in a lobe, divided by the density of directions. These are sampled by the cosine
 // about the vertex normal and by the lobe `chosen`. Veach and Guibas 1995, balance heuristic.
-float share_of(Lobe lobe, Lobe chosen, vec3 direction, vec3 n) {
+// `rays`: number of rays by that lobe.
+float share_of(Lobe lobe, Lobe chosen, float rays, vec3 direction, vec3 n) {
     float by_cosine = float(RAYS) * max(dot(direction, n), 0.0) / PI;
     float taken = lobe_weight(lobe, direction) * lobe_density(lobe, direction);
-    return taken / max(by_cosine + lobe_density(chosen, direction), 1e-30);
+    return taken / max(by_cosine + rays * lobe_density(chosen, direction), 1e-30);
 }
 #endif
 
@@ -176,7 +181,7 @@ void main() {
     vec3 start = found.position + geometric * lift;
 
     vec3 shares;
-    uvec3 around = caches_about(draw.instance, corners, w, found.position, n, push.cache_reach, shares);
+    uvec3 around = caches_about(draw.instance, corners, w, 3u, found.position, n, push.cache_reach, shares);
 #ifdef GLOSSY
     vec4 normal_coded = texelFetch(normal_image, pixel, 0);
     vec3 specular = texelFetch(specular_image, pixel, 0).rgb;
@@ -199,8 +204,11 @@ void main() {
         found.mirrored = lobe.mirrored;
         found.width = width;
     }
-    // The last ray samples the lobe. All rays share the code of one loop: twice that code would not fit the registers.
-    const uint COUNT = RAYS + 1u;
+    // The last rays sample the lobe: one, or several if it reflects much. All rays share the code of one loop: twice that
+    // code would not fit the registers.
+    const uint COUNT = RAYS + LOBE_RAYS;
+    uint lobe_rays = !is_glossy ? 0u : endless && dot(specular, LUMINANCE) > MUCH ? LOBE_RAYS : 1u;
+    float of_lobe = 1.0 / float(max(lobe_rays, 1u));
 #else
     const uint COUNT = RAYS;
 #endif
@@ -214,14 +222,14 @@ void main() {
         float spread = 2.0 * inversesqrt(float(RAYS * ALL));
         float reach = push.reach;
 #ifdef GLOSSY
-        bool by_lobe = i == RAYS;
+        bool by_lobe = i >= RAYS;
         if (by_lobe) {
-            // One of the lobe's NEAR_SIDE^2 directions. Neighbouring pixels have the others.
-            direction = lobe_direction(lobe, vec2((float(subset) + 0.5) / float(ALL), float(subset) * 2.39996323));
-            number = subset;
-            spread = 0.25 * width;
+            // Some of the lobe's directions. Neighbouring pixels have the others.
+            number = (i - RAYS) * ALL + subset;
+            direction = lobe_direction(lobe, vec2((float(number) + 0.5) / float(lobe_rays * ALL), float(number) * 2.39996323));
+            spread = 0.25 * width * sqrt(of_lobe);
             reach = endless ? 3e38 : push.reach;
-            if (!is_glossy || dot(direction, geometric) <= 0.0) {
+            if (i - RAYS >= lobe_rays || dot(direction, geometric) <= 0.0) {
                 continue;
             }
         }
@@ -253,15 +261,15 @@ void main() {
 #ifdef GLOSSY
         if (is_glossy) {
             bool is_near = met && hit.distance <= push.reach;
-            float wide_share = narrow < 1.0 ? (1.0 - narrow) * share_of(wide, lobe, direction, n) : 0.0;
-            float narrow_share = by_lobe ? narrow * lobe_weight(lobe, direction) : 0.0;
+            float wide_share = narrow < 1.0 ? (1.0 - narrow) * share_of(wide, lobe, float(lobe_rays), direction, n) : 0.0;
+            float narrow_share = by_lobe ? of_lobe * narrow * lobe_weight(lobe, direction) : 0.0;
             found.glossy += narrow_share * arrives;
             found.glossy += wide_share * (is_near ? arrives : far);
 #ifdef SKY
             found.sky_all += (wide_share + narrow_share) * sky_luminance;
             found.sky += (wide_share * (is_near ? 0.0 : open) + narrow_share * (met ? 0.0 : 1.0)) * sky_luminance;
 #endif
-            found.nearness = by_lobe && met ? 1.0 / max(hit.distance, 1e-30) : found.nearness;
+            found.nearness += by_lobe && met && endless ? of_lobe / max(hit.distance, 1e-30) : 0.0;
         }
 #endif
     }

@@ -39,7 +39,7 @@ uint met_cache(Hit hit, vec3 start, vec3 direction) {
     uvec3 v = corners_of(hit.triangle, hit.instance) - hit_instances[hit.instance].drawn_vertex;
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
     vec3 shares;
-    uint cache = caches_about(hit.instance, v, w, start + hit.distance * direction, n, push.cache_reach, shares).x;
+    uint cache = caches_about(hit.instance, v, w, 3u, start + hit.distance * direction, n, push.cache_reach, shares).x;
     return cache != NO_REFERENCES && dot(caches[cache].normal, n) > 0.0 ? cache : NO_REFERENCES;
 }
 #endif

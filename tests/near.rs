@@ -299,12 +299,12 @@ fn metals_mirror_what_paths_do() {
         }
         let size = [96, 64];
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(size, 2));
-        (0..16).for_each(|_| paths.pass());
+        (0..32).for_each(|_| paths.pass());
         let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { bounces: 2, ..near(size) });
         let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
         let m = metrics(&shown, &paths.glossy());
         println!("roughness {roughness}: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
-        assert!(m.bias.abs() < 0.06, "roughness {roughness}: {m:?}");
+        assert!(m.bias.abs() < 0.075 && m.relmse_trimmed < 0.18, "roughness {roughness}: {m:?}");
     }
 }
 

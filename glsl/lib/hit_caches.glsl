@@ -9,11 +9,11 @@ layout(binding = REFERENCE_BINDINGS + 4) uniform samplerBuffer cache_texels; // 
 #include "lib/cells.glsl"
 #include "lib/interpolation.glsl"
 
-// Rows of references of a triangle's corners or, by cells, the row of the cell that contains the point, three times;
-// NO_REFERENCES if there is none.
+// Rows of references of a triangle's corners, the nearest first. By cells, the row of the cell that contains the point,
+// three times; NO_REFERENCES if there is none.
 uvec3 reference_rows(InstanceCaches model, uvec3 v, vec3 w) {
     if (BY_CELLS == 0u) {
-        return v;
+        return w.x >= max(w.y, w.z) ? v : w.y >= w.z ? v.yzx : v.zxy;
     }
     CellGrid grid = grids[model.grid];
     vec3 at = vec3(0.0);
@@ -48,8 +48,8 @@ bool is_among(uint cache, uvec3 best, vec3 weights) {
 
 // The three caches of largest weight at a point on an instance's triangle, among the references of its corners or cell,
 // and their weights, which sum to 1. Missing caches are NO_REFERENCES. `v`: vertices within the mesh; `w`: barycentric
-// weights.
-uvec3 caches_about(uint instance, uvec3 v, vec3 w, vec3 position, vec3 normal, float reach, out vec3 weights) {
+// weights; `corners`: 3 for the references of all corners, 1 for those of the nearest.
+uvec3 caches_about(uint instance, uvec3 v, vec3 w, uint corners, vec3 position, vec3 normal, float reach, out vec3 weights) {
     InstanceCaches model = instance_caches[instance];
     uvec3 best = uvec3(NO_REFERENCES);
     weights = vec3(0.0);
@@ -57,7 +57,7 @@ uvec3 caches_about(uint instance, uvec3 v, vec3 w, vec3 position, vec3 normal, f
         return best;
     }
     uvec3 rows = reference_rows(model, v, w);
-    for (uint row = 0u; row < (BY_CELLS == 0u ? 3u : 1u) && rows[row] != NO_REFERENCES; ++row) {
+    for (uint row = 0u; row < (BY_CELLS == 0u ? corners : 1u) && rows[row] != NO_REFERENCES; ++row) {
         for (uint i = 0u; i < REFERENCES; ++i) {
             uint cache = reference_at(model, rows[row] * REFERENCES + i);
             if (cache == NO_REFERENCES) {

@@ -84,7 +84,7 @@ impl Picture {
             edges: Edges::new(gpu, world, &plan, images)?,
             layers: Layers::new(gpu, world, light, images)?,
             output: Output::new(gpu, images)?,
-            gbuffer: GBuffer::new(gpu, world, &plan)?,
+            gbuffer: GBuffer::new(gpu, world, &plan, images)?,
             background: plan.sky.then(|| Background::new(gpu)).transpose()?,
             composite: Composite::new(gpu, &plan)?,
             made: MadeOfPicture::default(),

@@ -141,7 +141,7 @@ impl Cmd<'_> {
                     scope.colors,
                     if scope.depth { " and depth" } else { "" },
                 );
-                let writes = state.depth == Depth::Nearest;
+                let writes = state.depth.is_written();
                 assert!(!(writes && scope.read_only), "{name}: writes the depth, which this scope only reads");
             }
             (None, Some(_)) => panic!("{name}: a compute pipeline, bound inside a rendering scope"),

@@ -26,8 +26,17 @@ pub enum Depth {
     None,
     /// The nearest fragment wins, and depth is written.
     Nearest,
+    /// As `Nearest`, but writes a slightly larger distance, so that the same surface passes when it is drawn again.
+    Farther,
     /// Only fragments behind the existing depth pass, so nothing is drawn where the depth is empty. Writes no depth.
     Behind,
+}
+
+impl Depth {
+    /// Whether fragments write their depth.
+    pub(super) fn is_written(self) -> bool {
+        matches!(self, Self::Nearest | Self::Farther)
+    }
 }
 
 /// Drawn sides of triangles.
@@ -180,15 +189,18 @@ impl Gpu {
         let rasterization = vk::PipelineRasterizationStateCreateInfo::default()
             .polygon_mode(vk::PolygonMode::FILL)
             .cull_mode(if raster.cull == Cull::Back { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE })
-            .line_width(1.0);
+            .line_width(1.0)
+            .depth_bias_enable(raster.depth == Depth::Farther)
+            .depth_bias_constant_factor(-16.0)
+            .depth_bias_slope_factor(-1.0);
         let samples =
             vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
         let depth = vk::PipelineDepthStencilStateCreateInfo::default()
             .depth_test_enable(raster.depth != Depth::None)
-            .depth_write_enable(raster.depth == Depth::Nearest)
+            .depth_write_enable(raster.depth.is_written())
             .depth_compare_op(match raster.depth {
                 Depth::Behind => vk::CompareOp::LESS,
-                Depth::Nearest | Depth::None => vk::CompareOp::GREATER,
+                Depth::Nearest | Depth::Farther | Depth::None => vk::CompareOp::GREATER,
             });
         let (new, kept) = match raster.blend {
             Blend::Replace | Blend::Add => (vk::BlendFactor::ONE, vk::BlendFactor::ONE),
@@ -203,7 +215,8 @@ impl Gpu {
             src_alpha_blend_factor: new,
             dst_alpha_blend_factor: kept,
             alpha_blend_op: vk::BlendOp::ADD,
-            color_write_mask: vk::ColorComponentFlags::RGBA,
+            // Without a fragment shader there are no colours.
+            color_write_mask: raster.fragment.map_or(vk::ColorComponentFlags::empty(), |_| vk::ColorComponentFlags::RGBA),
         };
         let blends = vec![blend; raster.colors.len()];
         let blending = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);

@@ -4,7 +4,7 @@ use super::World;
 use crate::error::Result;
 use crate::gpu::{Bind, Draw, Format, Pipeline, Stream};
 use crate::scene::{Mesh, Primitive, Vertex};
-use crate::shared::{DrawPush, TEXTURE_COUNT};
+use crate::shared::{DrawPush, KIND_MASKED, TEXTURE_COUNT};
 use glam::{Mat4, Vec2, Vec3, Vec4};
 use std::sync::Arc;
 
@@ -81,6 +81,8 @@ pub enum Which {
     All,
     /// Opaque and alpha-masked surfaces.
     Solid,
+    /// Surfaces without holes that nothing is seen through.
+    Whole,
     /// Transparent surfaces.
     SeenThrough,
     /// Materials without an alpha mask.
@@ -120,6 +122,11 @@ impl World {
         Ok(ByKind(self.kinds.iter().map(|kind| make(*kind)).collect::<Result<_>>()?))
     }
 
+    /// Number of triangles of all draws.
+    pub(in crate::frame) fn triangle_count(&self) -> u64 {
+        self.draws.iter().map(|item| u64::from(item.index_count / 3)).sum()
+    }
+
     /// Draws the scene's triangles. Bindings 0 to 14 of the shaders belong to the scene (see `lib/textures.glsl`).
     pub(in crate::frame) fn draw(
         &self,
@@ -147,6 +154,7 @@ impl World {
             let wanted = match which {
                 Which::All => true,
                 Which::Solid => !item.seen_through,
+                Which::Whole => !item.seen_through && self.kinds[item.kind] & KIND_MASKED == 0,
                 Which::SeenThrough => item.seen_through,
                 Which::Opaque => !item.masked,
                 Which::Masked => item.masked,
