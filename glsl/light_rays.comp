@@ -134,10 +134,10 @@ bool trace_from(ivec2 pixel, float width) {
     vec3 x_axis, y_axis;
     tangents(to * inversesqrt(max(d2, 1e-30)), x_axis, y_axis);
     found.penumbra = is_soft ? 0.0 : -1.0;
-    // A second surface shows up to half a pixel from the pixel's centre.
+    // A second surface, which only further points have, shows up to half a pixel from the pixel's centre.
     vec3 right = place(middle + vec2(step_.x, 0.0), depth + slope.x * step_.x);
     vec3 below = place(middle + vec2(0.0, step_.y), depth + slope.y * step_.y);
-    float aside = push.is_second != 0u ? 0.5 * (distance(position, right) + distance(position, below)) : 0.0;
+    float aside = SAMPLES > 0u && push.is_second != 0u ? 0.5 * (distance(position, right) + distance(position, below)) : 0.0;
     for (uint i = 0u; i < count; ++i) {
         vec3 from = position;
         if (SAMPLES > 0u && i > 0u) {

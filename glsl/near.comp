@@ -120,7 +120,7 @@ vec3 met_radiance(Hit hit, vec3 start, vec3 direction, float spread, uint number
 #ifdef GLOSSY
 // Rays by a lobe whose albedo is greater than MUCH, as of metals.
 const uint LOBE_RAYS = 4u;
-const float MUCH = 0.2;
+const float MUCH = 0.3;
 
 // Weight of a direction's radiance in a lobe, divided by the density of directions. These are sampled by the cosine
 // about the vertex normal and by the lobe `chosen`. Veach and Guibas 1995, balance heuristic.
@@ -206,13 +206,13 @@ void main() {
     }
     // The last rays sample the lobe: one, or several if it reflects much. All rays share the code of one loop: twice that
     // code would not fit the registers.
-    const uint COUNT = RAYS + LOBE_RAYS;
     uint lobe_rays = !is_glossy ? 0u : endless && dot(specular, LUMINANCE) > MUCH ? LOBE_RAYS : 1u;
     float of_lobe = 1.0 / float(max(lobe_rays, 1u));
+    uint count = RAYS + lobe_rays;
 #else
-    const uint COUNT = RAYS;
+    const uint count = RAYS;
 #endif
-    for (uint i = 0u; i < COUNT; ++i) {
+    for (uint i = 0u; i < count; ++i) {
         uint number = i * ALL + subset;
         vec3 local = directions[min(i, RAYS - 1u) * ALL + subset];
         vec3 tangent, bitangent;
@@ -229,7 +229,7 @@ void main() {
             direction = lobe_direction(lobe, vec2((float(number) + 0.5) / float(lobe_rays * ALL), float(number) * 2.39996323));
             spread = 0.25 * width * sqrt(of_lobe);
             reach = endless ? 3e38 : push.reach;
-            if (i - RAYS >= lobe_rays || dot(direction, geometric) <= 0.0) {
+            if (dot(direction, geometric) <= 0.0) {
                 continue;
             }
         }

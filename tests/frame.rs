@@ -1,7 +1,8 @@
 //! Every plan, recorded twice on few pixels: no validation messages, no missing or idle barriers, no invalid values.
 
+use crate::common::frames::{add, phong};
 use crate::common::{frame_of, gpu};
-use glam::{DAffine3, DVec3, Vec2, Vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3};
 use lightskin::bake::{self, CacheSet, Density};
 use lightskin::frame::{
     Antialiasing, ClusterRule, DrawSource, Exposure, Interpolation, LightShadows, ProxyWeight, Shadows, View, World,
@@ -9,7 +10,7 @@ use lightskin::frame::{
 use lightskin::gpu::Gpu;
 use lightskin::image::broken_values;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
-use lightskin::scene::build::{CornellSurface, cornell};
+use lightskin::scene::build::{CornellSurface, cornell, sphere};
 use lightskin::scene::{Camera, Light, LightKind, Projection, Scene};
 
 fn light(kind: LightKind) -> Light {
@@ -173,6 +174,26 @@ fn slivers_and_opposed_normals_leave_no_bad_value() {
         assert_eq!(broken_values(&render(&gpu, &scene, caches, &settings)), 0, "{gi:?}");
     }
     assert_eq!(gpu.messages(), [] as [String; 0]);
+}
+
+/// Where triangles are few, depth is drawn first. A finely divided ball inside a block makes them many and stays hidden.
+#[test]
+fn depth_drawn_first_changes_no_bit() {
+    let size = [96, 64];
+    let few = cornell(CornellSurface::Glossy, 0.2);
+    let mut many = few.clone();
+    let place =
+        DAffine3::from_scale_rotation_translation(DVec3::splat(0.05), DQuat::IDENTITY, DVec3::new(-0.326, 0.6, -0.256));
+    add(&mut many, sphere(1.0, 64), phong([0.5; 3], [0.0; 3], 1.0), place);
+    let pixels = (size[0] * size[1]) as usize;
+    assert!(few.triangle_count() <= pixels && many.triangle_count() > pixels, "{}", many.triangle_count());
+    for antialiasing in [Antialiasing::Off, Antialiasing::Four] {
+        let light_shadows = LightShadows::Maps(128);
+        let settings = Knobs { gi: Gi::Off, light_shadows, antialiasing, ..Knobs::plain(size) };
+        let [first, second] = [&few, &many].map(|scene| render(&gpu(), scene, None, &settings));
+        assert!(first.iter().any(|value| *value > 0.0), "the picture is black");
+        assert!(first == second, "{antialiasing:?}");
+    }
 }
 
 #[test]

@@ -198,9 +198,9 @@ impl GBuffer {
             (true, true, false) => "gbuffer_pulled.frag",
             (true, true, true) => "gbuffer_pulled_coat.frag",
         };
-        // With more triangles than pixels, drawing them twice costs more than shading hidden surfaces.
+        // Where triangles outnumber pixels, or have no textures, drawing them twice costs more than shading hidden ones.
         let few = world.triangle_count() <= u64::from(width) * u64::from(height);
-        let depth = few.then(|| {
+        let depth = (few && world.has_textures()).then(|| {
             world.by_kind(|_| {
                 gpu.raster(&Raster {
                     vertex: "mesh_depth.vert",
@@ -216,10 +216,7 @@ impl GBuffer {
             })
         });
         let points = plan.antialiasing.samples();
-        Ok(Self {
-            depth: depth.transpose()?,
-            draw: surfaces((gpu, world), plan, points, name, &targets(plan, None))?,
-        })
+        Ok(Self { depth: depth.transpose()?, draw: surfaces((gpu, world), plan, points, name, &targets(plan, None))? })
     }
 
     /// Creates the pipelines for transparent layers.

@@ -216,7 +216,9 @@ impl Gpu {
             dst_alpha_blend_factor: kept,
             alpha_blend_op: vk::BlendOp::ADD,
             // Without a fragment shader there are no colours.
-            color_write_mask: raster.fragment.map_or(vk::ColorComponentFlags::empty(), |_| vk::ColorComponentFlags::RGBA),
+            color_write_mask: raster
+                .fragment
+                .map_or(vk::ColorComponentFlags::empty(), |_| vk::ColorComponentFlags::RGBA),
         };
         let blends = vec![blend; raster.colors.len()];
         let blending = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);

@@ -127,6 +127,11 @@ impl World {
         self.draws.iter().map(|item| u64::from(item.index_count / 3)).sum()
     }
 
+    /// Whether a material has a texture.
+    pub(in crate::frame) fn has_textures(&self) -> bool {
+        self.kinds.iter().any(|kind| kind & ((1 << TEXTURE_COUNT) - 1) != 0)
+    }
+
     /// Draws the scene's triangles. Bindings 0 to 14 of the shaders belong to the scene (see `lib/textures.glsl`).
     pub(in crate::frame) fn draw(
         &self,
