@@ -54,7 +54,8 @@ fn a_host_brings_its_own_device() {
         let both = vk::QueueFlags::GRAPHICS | vk::QueueFlags::COMPUTE;
         let family = families.iter().position(|f| f.queue_flags.contains(both)).expect("a family") as u32;
         let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(family).queue_priorities(&[1.0])];
-        let features = vk::PhysicalDeviceFeatures::default().geometry_shader(true);
+        let geometry_shader = instance.get_physical_device_features(physical).geometry_shader == vk::TRUE;
+        let features = vk::PhysicalDeviceFeatures::default().geometry_shader(geometry_shader);
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
             .enabled_features(&features)
@@ -69,7 +70,7 @@ fn a_host_brings_its_own_device() {
             family,
             queue: 0,
             debug_utils: true,
-            geometry_shader: true,
+            geometry_shader,
             subgroup_sizes: false,
             check_barriers: true,
         };
