@@ -2,7 +2,7 @@
 
 use crate::common::frames::{add, phong};
 use crate::common::{frame_of, gpu};
-use glam::{DAffine3, DQuat, DVec3, Vec2, Vec3};
+use glam::{Affine2, DAffine3, DQuat, DVec3, Vec2, Vec3};
 use lightskin::bake::{self, CacheSet, Density};
 use lightskin::frame::{
     Antialiasing, ClusterRule, DrawSource, Exposure, Interpolation, LightShadows, ProxyWeight, Shadows, View, World,
@@ -11,7 +11,7 @@ use lightskin::gpu::Gpu;
 use lightskin::image::broken_values;
 use lightskin::lab::knobs::{Frame, Gi, Knobs, Path};
 use lightskin::scene::build::{CornellSurface, cornell, sphere};
-use lightskin::scene::{Camera, Light, LightKind, Projection, Scene};
+use lightskin::scene::{Camera, Image, Light, LightKind, Projection, Sampler, Scene, Texture};
 
 fn light(kind: LightKind) -> Light {
     let intensity = if kind == LightKind::Directional { 1000.0 } else { 500.0 };
@@ -176,11 +176,15 @@ fn slivers_and_opposed_normals_leave_no_bad_value() {
     assert_eq!(gpu.messages(), [] as [String; 0]);
 }
 
-/// Where triangles are few, depth is drawn first. A finely divided ball inside a block makes them many and stays hidden.
+/// Where textured triangles are few, depth is drawn first. A finely divided ball inside a block makes them many and stays
+/// hidden.
 #[test]
 fn depth_drawn_first_changes_no_bit() {
     let size = [96, 64];
-    let few = cornell(CornellSurface::Glossy, 0.2);
+    let mut few = cornell(CornellSurface::Glossy, 0.2);
+    few.images.push(Image { name: "grey".into(), width: 1, height: 1, rgba: vec![200; 4] });
+    let texture = Texture { image: 0, uv_set: 0, transform: Affine2::IDENTITY, sampler: Sampler::default() };
+    few.materials.iter_mut().for_each(|material| material.base_color_texture = Some(texture));
     let mut many = few.clone();
     let place =
         DAffine3::from_scale_rotation_translation(DVec3::splat(0.05), DQuat::IDENTITY, DVec3::new(-0.326, 0.6, -0.256));
