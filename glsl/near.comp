@@ -226,7 +226,9 @@ void main() {
         if (by_lobe) {
             // Some of the lobe's directions. Neighbouring pixels have the others.
             number = (i - RAYS) * ALL + subset;
-            direction = lobe_direction(lobe, vec2((float(number) + 0.5) / float(lobe_rays * ALL), float(number) * 2.39996323));
+            // Each block turns the directions of a metal: the same ones everywhere would make whole walls too bright or dark.
+            float turn = lobe_rays > 1u ? 2.0 * PI * fract(dot(vec2(at / NEAR_SIDE), vec2(0.7548776662, 0.5698402910))) : 0.0;
+            direction = lobe_direction(lobe, vec2((float(number) + 0.5) / float(lobe_rays * ALL), float(number) * 2.39996323 + turn));
             spread = 0.25 * width * sqrt(of_lobe);
             reach = endless ? 3e38 : push.reach;
             if (dot(direction, geometric) <= 0.0) {
