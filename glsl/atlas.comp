@@ -1,5 +1,6 @@
 // Stage 3: places every instance's caches in the world. METHOD 1, 8 and 9. On a deforming model a cache stays at its
-// point of its triangle: the posed corners give its position and normal, and its area scales with the triangle's.
+// point of its triangle: the posed corners give its position, its normal is the posed triangle's on the side of the
+// vertex normals, and its area scales with the triangle's.
 #include "shared.glsl"
 #include "lib/phong.glsl"
 #include "lib/form_factor.glsl"
@@ -26,7 +27,7 @@ Cache on_triangle(ModelCache c, Instance instance) {
     vec3 upward = unit_of_any_or(face, vec3(0.0, 1.0, 0.0));
     vec3 position = (instance.world_from_model * vec4(w.x * a.position + w.y * b.position + w.z * d.position, 1.0)).xyz;
     vec3 normal = mat3(instance.world_from_normal) * (w.x * a.normal + w.y * b.normal + w.z * d.normal);
-    normal = unit_of_any_or(normal, upward);
+    normal = face == vec3(0.0) ? unit_of_any_or(normal, upward) : dot(normal, upward) < 0.0 ? -upward : upward;
     float area = c.area * 0.5 * length(face) * instance.area_scale;
     vec3 middle = position + c.middle.x * e1 + c.middle.y * e2 + c.middle.z * upward;
     vec3 axis = c.axis.x * e1 + c.axis.y * e2 + c.axis.z * upward;

@@ -1,5 +1,5 @@
-// Stage 4: the scene as a light sees it: position, normal on the lit side, reflected share of the light. METHOD 2,
-// thesis 5.2.
+// Stage 4: the scene as a light sees it: position, the triangle's normal on the lit side, reflected share of the light.
+// METHOD 2, thesis 5.2.
 // variant rsm_inside.frag: INSIDE (where bodies are filled: also the light that enters them. METHOD 7)
 #include "shared.glsl"
 #include "lib/surface.glsl"
@@ -23,27 +23,43 @@ layout(binding = 16, scalar) readonly buffer FilledParts { Filled filled[]; };
 layout(location = 3) out vec4 out_inside; // share of the light that enters, part from 1, cosine of the triangle's normal
 #endif
 
+// Size of a texel in units of its positions' rounding error below which the triangle's normal is not known well enough.
+const float LEAST_ROUNDINGS = 1000.0;
+
+// Cosine of vertex normal and triangle above which they count as the same.
+const float SAME = 0.9999;
+
 void main() {
-    vec3 geometric = cross(dFdx(position), dFdy(position));
+    vec3 right = dFdx(position);
+    vec3 down = dFdy(position);
+    vec3 geometric = cross(right, down);
     Uv here = uv_here(uv);
     vec4 base = base_color(push.material, here, color);
     if (has_holes() && base.a < materials[push.material].alpha_cutoff) {
         discard;
     }
     // Image rows run downwards: the cross product points away from the light.
-    vec3 n = unit_or(normal, unit_or(-geometric, vec3(0.0, 1.0, 0.0)));
+    vec3 plane = unit_of_any_or(-geometric, vec3(0.0, 1.0, 0.0));
+    vec3 n = unit_or(normal, plane);
+    vec3 looking = view_direction(push.eye, position);
     // Both sides reflect. The side that faces the light decides, not the winding, which normals may contradict.
-    n = dot(n, view_direction(push.eye, position)) > 0.0 ? -n : n;
+    plane = dot(plane, looking) > 0.0 ? -plane : plane;
+    vec3 size = abs(position);
+    float rounding = 1.2e-7 * max(size.x, max(size.y, size.z));
+    float side = length(geometric) / max(max(length(right), length(down)), 1e-30);
+    bool is_known = side > LEAST_ROUNDINGS * rounding;
+    n = (is_known ? dot(n, plane) < 0.0 : dot(n, looking) > 0.0) ? -n : n;
+    // Light leaves the triangle: a vertex normal that leans away from it would light what lies behind its plane.
+    vec3 facing = is_known && dot(plane, n) < SAME ? plane : n;
     // A sliver between pixel centres may come without a valid position; one such VAL would blacken every cache.
     out_position = any(isnan(position)) ? vec4(0.0) : vec4(position, 1.0);
-    out_normal = vec4(n, float(push.material));
+    out_normal = vec4(facing, float(push.material));
     out_albedo = vec4(sent_on(reflectance(push.material, base.rgb, here, MEAN_COSINE)), 0.0);
 #ifdef INSIDE
     out_inside = vec4(0.0);
     uint part = parts[push.draw - 1u];
     if (part != HOLLOW) {
-        vec3 looking = view_direction(push.eye, position);
-        float entering = 1.0 - dielectric_fresnel(dot(n, looking), filled[part].ior);
+        float entering = 1.0 - dielectric_fresnel(min(dot(n, looking), 0.0), filled[part].ior);
         out_inside = vec4(entering, float(part + 1u), abs(dot(unit_or(geometric, n), looking)), 0.0);
     }
 #endif

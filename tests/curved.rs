@@ -1,12 +1,14 @@
-//! Bodies whose surface curves strongly within one cache spacing keep their glossy light.
+//! Bodies whose surface curves strongly within one cache spacing keep their glossy light, and closed bodies of few
+//! triangles keep what is in them.
 
 use glam::{DAffine3, DVec3, Vec3};
 use lightskin::bake::{BakeSettings, CacheSet, Density, bake};
-use lightskin::frame::Quality;
+use lightskin::frame::{Near, Quality, Shadows};
 use lightskin::lab::knobs::Knobs;
 use lightskin::metrics::metrics;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::scene::build::{CornellSurface, Surface, cornell, sphere};
+use lightskin::scene::tessellate::divide;
 use lightskin::scene::{Light, LightKind, Scene};
 
 use crate::common::frames::{add, camera, lamp, phong, shoot};
@@ -64,5 +66,35 @@ fn glossy_bodies_keep_their_light() {
         let of_body = metrics(&shown, &paths.glossy());
         println!("{name}, cache spacing {:.2} m: glossy bias {:+.4}", caches.spacing, of_body.bias);
         assert!(of_body.bias.abs() < 0.05, "{name}: {of_body:?}");
+    }
+}
+
+/// Vertex normals of large facets lean over their edges. Caches must not see what lies behind their triangle.
+#[test]
+fn a_lamp_in_a_closed_ball_of_few_facets_lights_nothing_outside() {
+    let mut scene = Scene::default();
+    for side in [sphere(1.0, 5), sphere(1.0, 5).reversed()] {
+        add(&mut scene, side, phong([0.8; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    }
+    divide(&mut scene, 0.3, None);
+    scene.lights = vec![Light { position: DVec3::ZERO, ..lamp(LightKind::Point) }];
+    let views = [(DVec3::new(1.3, 1.0, 2.7), DVec3::ZERO, 0.7), (DVec3::new(0.1, 0.0, 0.2), DVec3::NEG_Z, 1.2)];
+    let caches = caches(&scene, 500);
+    let mut leaning = caches.clone();
+    for cache in leaning.models.iter_mut().flat_map(|model| &mut model.caches) {
+        cache.normal = cache.position.normalize() * cache.normal.dot(cache.position).signum();
+    }
+    for (near, bounces) in [(Near::Off, 1), (Quality::High.near(), 1), (Quality::High.near(), 3)] {
+        let knobs = Knobs { near, bounces, shadows: Shadows::PerLight, ..Knobs::at(Quality::High, 500, [64, 64]) };
+        let mut light = |(eye, target, yfov), caches| {
+            scene.cameras = vec![camera(eye, target, yfov)];
+            shoot(&gpu(), &scene, Some(caches), &knobs).diffuse.iter().map(|light| light.element_sum()).sum::<f64>()
+        };
+        let [outside, inside] = views.map(|view| light(view, &caches));
+        let leaned = light(views[0], &leaning);
+        println!("{near:?}, {bounces} bounces: {:.1e} of the light inside is outside", outside / inside);
+        println!("with vertex normals {:.1e}", leaned / inside);
+        assert!(outside < 1e-4 * inside, "{near:?}, {bounces} bounces: {outside} of {inside}");
+        assert!(leaned > 1e-4 * inside, "{near:?}, {bounces} bounces: vertex normals would leak, too");
     }
 }

@@ -125,8 +125,10 @@ fn poses_are_those_of_the_host() {
                 let mean = |of: &dyn Fn(usize) -> DVec3| (0..3).map(|k| weights[k] * of(corners[k])).sum::<DVec3>();
                 let linear = instance.world_from_model.matrix3;
                 let position = instance.world_from_model.transform_point3(mean(&|v| posed[v].position.as_dvec3()));
-                let normal = mean(&|v| posed[v].normal.as_dvec3());
-                let normal = (linear.inverse().transpose() * normal).normalize();
+                let [p, q, r] = corners.map(|v| linear * posed[v].position.as_dvec3());
+                let normal = (q - p).cross(r - p).normalize();
+                let side = linear.inverse().transpose() * mean(&|v| posed[v].normal.as_dvec3());
+                let normal = if normal.dot(side) < 0.0 { -normal } else { normal };
                 // A cache's area scales with its triangle.
                 let area = |linear: glam::DMat3, vertices: &[lightskin::scene::Vertex]| {
                     let [a, b, c] = corners.map(|v| linear * vertices[v].position.as_dvec3());
@@ -137,10 +139,7 @@ fn poses_are_those_of_the_host() {
                 assert!((device.position.as_dvec3() + buffers.origin).distance(position) < 2e-6, "{i}: {position}");
                 assert!(device.normal.as_dvec3().distance(normal) < 1e-5, "{i}: {normal}");
                 let wanted = f64::from(cache.area) * grown;
-                // On rigid models the area scales by the cache's own normal. On a coarse mesh this differs from the
-                // triangle's normal.
-                let bound = if i == BENT || grown == 1.0 { 1e-4 } else { 0.1 };
-                assert!((f64::from(device.area) - wanted).abs() < bound * wanted, "{i}: {} {wanted}", device.area);
+                assert!((f64::from(device.area) - wanted).abs() < 1e-4 * wanted, "{i}: {} {wanted}", device.area);
                 at += 1;
             }
         }

@@ -182,7 +182,7 @@ fn vals_by_rays_are_the_references() {
         scene.lights[0].range = (kind != LightKind::Directional).then_some(2.3);
         let world = World::new(&scene);
         let all: Vec<_> = triangles(&scene).into_iter().map(|(triangle, _)| triangle).collect();
-        let (mut lit, mut elsewhere, mut turned) = (0, 0, 0);
+        let (mut lit, mut elsewhere) = (0, 0);
         for (light, view, n) in views(&world, 60) {
             let twins = rsm::cast_view(&all, light, &view, n);
             for (texel, twin) in cast_view(&world, light, &view, n).into_iter().zip(twins) {
@@ -191,20 +191,14 @@ fn vals_by_rays_are_the_references() {
                     elsewhere += 1; // a ray along the edge of a triangle
                     continue;
                 }
-                if val.normal.dot(twin.normal) < 0.0 {
-                    // At a silhouette the light sees a triangle's front whose vertex normals face away. The reference
-                    // turns them against the ray. The device and VALs by rays use them unchanged.
-                    turned += 1;
-                    continue;
-                }
                 lit += usize::from(val.flux != DVec3::ZERO);
                 assert!(val.normal.distance(twin.normal) < 1e-6, "{kind:?}: {val:?} instead of {twin:?}");
                 assert!((val.area - twin.area).abs() <= 1e-6 * twin.area, "{kind:?}: {val:?} instead of {twin:?}");
                 assert!(val.flux.distance(twin.flux) <= 1e-6 * twin.flux.length(), "{kind:?}: {val:?}, {twin:?}");
             }
         }
-        println!("{kind:?}: {lit} VALs, {elsewhere} elsewhere, {turned} turned");
-        assert!(lit > 200 && elsewhere * 500 < lit && turned * 50 < lit, "{kind:?}");
+        println!("{kind:?}: {lit} VALs, {elsewhere} elsewhere");
+        assert!(lit > 200 && elsewhere * 500 < lit, "{kind:?}");
     }
 }
 

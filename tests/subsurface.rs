@@ -461,9 +461,10 @@ fn light_that_a_wall_reflects_goes_on_inside() {
     assert!(inner.is_empty(), "{} texels hit the ball", inner.len());
     let at = |front: bool| -> f32 {
         let own =
-            dipoles.iter().zip(&caches).filter(|(d, c)| { d.filled } != HOLLOW && ({ c.normal }.z < -0.3) != front);
+            dipoles.iter().zip(&caches).filter(|(d, c)| { d.filled } != HOLLOW && ({ c.normal }.z < 0.0) != front);
         own.map(|(d, _)| { d.irradiance }.x).sum()
     };
+    println!("{} at the back, {} at the front", at(false), at(true));
     assert!(at(false) > 1.5 * at(true) && at(true) >= 0.0, "{} at the back, {} at the front", at(false), at(true));
 }
 

@@ -8,8 +8,8 @@ use glam::DVec3;
 use rayon::prelude::*;
 
 /// The `count` caches of least error (5.95, corrected) for each vertex of the mesh, best first, ties ordered by index;
-/// exact. `positions` are the caches' positions in bake space. Both normals are shading normals. For deforming meshes
-/// the error is the distance alone, plus one spacing for caches on the other side of the surface.
+/// exact. `positions` are the caches' positions in bake space. For deforming meshes the error is the distance alone,
+/// plus one spacing for caches on the other side of the surface.
 pub(super) fn assign(surface: &Surface, caches: &[Cache], positions: &[DVec3], count: usize, spacing: f64) -> Vec<u16> {
     let normal = |cache: &Cache| (surface.normal_matrix * cache.normal.as_dvec3()).normalize_or_zero();
     let points: Vec<(DVec3, DVec3)> = positions.iter().copied().zip(caches.iter().map(normal)).collect();

@@ -85,13 +85,14 @@ pub struct ModelCaches {
     pub coverage: Coverage,
 }
 
-/// A cache: a point on a triangle. Position and normal are interpolated from the triangle in the mesh's model space.
+/// A cache: a point on a triangle, in the mesh's model space.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Cache {
     /// Model-space position.
     pub position: Vec3,
-    /// Unit model-space shading normal: the triangle's vertex normals, interpolated at the cache.
+    /// Unit model-space normal of the triangle, on the side of its vertex normals. A vertex normal leans over the
+    /// triangle's edge and would receive light from behind it.
     pub normal: Vec3,
     /// Area of the surface that this cache represents [m^2 in world space]; METHOD 6, eq. 5.58.
     pub area: f32,
@@ -238,7 +239,7 @@ fn cache(surface: &Surface, mesh: &Mesh, seed: &Seed) -> Cache {
     let interpolated = na * (1.0 - second - third) + nb * second + nc * third;
     Cache {
         position: (a + (b - a) * second + (c - a) * third).as_vec3(),
-        normal: interpolated.try_normalize().unwrap_or(geometric).as_vec3(),
+        normal: geometric.try_normalize().or(interpolated.try_normalize()).unwrap_or(DVec3::Y).as_vec3(),
         triangle: triangle.index,
         barycentric: seed.weights,
         ..Cache::default()

@@ -3,9 +3,16 @@
 
 use super::instance::{self, Instance, Needs, needs, open_instance, pick, queue_family};
 use super::pipeline::{check_group, shader_names, specialization, spirv};
+use super::raster::{Attribute, Blend, Cull, Depth, Raster, Shape, Stream, with_state};
 use super::{DeviceReport, Validation, reflect, vulkan};
 use crate::error::{Error, Result};
 use ash::{khr, vk};
+
+/// Asks the driver to keep its results.
+const FLAGS: vk::PipelineCreateFlags = vk::PipelineCreateFlags::from_raw(
+    vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR.as_raw()
+        | vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR.as_raw(),
+);
 
 /// A device that compiles shaders and reports the results.
 pub struct Codegen {
@@ -65,8 +72,12 @@ impl Codegen {
         let mut told =
             vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default().pipeline_executable_info(true);
         let names = [name.as_ptr()];
+        // SAFETY: plain query.
+        let has = unsafe { instance.get_physical_device_features(physical) };
+        let features = vk::PhysicalDeviceFeatures::default().geometry_shader(has.geometry_shader == vk::TRUE);
         let info = vk::DeviceCreateInfo::default()
             .queue_create_infos(&queues)
+            .enabled_features(&features)
             .enabled_extension_names(&names)
             .push_next(&mut v12)
             .push_next(&mut v13)
@@ -81,9 +92,25 @@ impl Codegen {
         Ok(Self { device, ask, limits, report, _instance: opened })
     }
 
-    /// Names of all compute shaders.
-    pub fn shaders() -> impl Iterator<Item = &'static str> {
-        shader_names().filter(|name| name.ends_with(".comp"))
+    /// Names of all shaders whose names end so.
+    pub fn shaders(stage: &str) -> impl Iterator<Item = &'static str> {
+        shader_names().filter(move |name| name.ends_with(stage))
+    }
+
+    /// The vertex shader that gives a fragment shader what it reads, and as little else as possible.
+    ///
+    /// # Panics
+    /// Panics if there is none.
+    pub fn vertex_shader_of(fragment: &str) -> &'static str {
+        let read = reflect::interface(&spirv(fragment, ".frag"), &[]).inputs;
+        if read.is_empty() {
+            return "screen.vert";
+        }
+        let written = |name: &str| reflect::interface(&spirv(name, ".vert"), &[]).outputs;
+        Self::shaders(".vert")
+            .filter(|name| read.iter().all(|input| written(name).contains(input)))
+            .min_by_key(|name| written(name).len())
+            .unwrap_or_else(|| panic!("no vertex shader writes what {fragment} reads"))
     }
 
     /// Compiles the compute shader `glsl/NAME` with specialisation constants 0, 1, ... Constants that are not given
@@ -92,48 +119,118 @@ impl Codegen {
     /// # Errors
     /// Fails if the driver rejects the shader.
     pub fn compute(&self, name: &str, constants: &[u32]) -> Result<Compiled> {
-        let failed = |result| vulkan(format!("compiling {name}"))(result);
-        let code = spirv(name, ".comp");
-        let interface = reflect::interface(&code, constants);
-        check_group(name, interface.group, &self.limits)?;
-        let bindings: Vec<_> = (interface.bindings.iter())
-            .map(|b| {
-                vk::DescriptorSetLayoutBinding::default()
-                    .binding(b.binding)
-                    .descriptor_type(b.kind)
-                    .descriptor_count(1)
-                    .stage_flags(vk::ShaderStageFlags::COMPUTE)
+        let shader = (vk::ShaderStageFlags::COMPUTE, spirv(name, ".comp"));
+        let told = self.compile(name, &[shader], constants, |stages, layout| {
+            let info = vk::ComputePipelineCreateInfo::default().flags(FLAGS).stage(stages[0]).layout(layout);
+            // SAFETY: the device, the module and the layout are alive.
+            unsafe { self.device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) }
+        })?;
+        Ok(told.into_iter().next().map(|(_, compiled)| compiled).unwrap_or_default())
+    }
+
+    /// Compiles a vertex shader together with a fragment shader, or alone. Attributes and targets are assumed to have
+    /// 32 bits per channel. Returns the results of both.
+    ///
+    /// # Errors
+    /// Fails if the driver rejects the shaders.
+    pub fn raster(&self, vertex: &'static str, fragment: Option<&'static str>) -> Result<[Compiled; 2]> {
+        let mut shaders = vec![(vk::ShaderStageFlags::VERTEX, spirv(vertex, ".vert"))];
+        shaders.extend(fragment.map(|name| (vk::ShaderStageFlags::FRAGMENT, spirv(name, ".frag"))));
+        let interfaces: Vec<_> = shaders.iter().map(|(_, code)| reflect::interface(code, &[])).collect();
+        let attributes: Vec<Attribute> =
+            (interfaces[0].inputs.iter().enumerate()).map(|(i, &(at, format))| (at, format, 16 * i as u32)).collect();
+        let stream = Stream { stride: 16 * attributes.len() as u32, attributes: &attributes };
+        let colors: Vec<_> = interfaces.get(1).into_iter().flat_map(|of| of.outputs.iter().map(|o| o.1)).collect();
+        let raster = Raster {
+            vertex,
+            fragment,
+            shape: Shape::Triangles,
+            streams: if attributes.is_empty() { &[] } else { std::slice::from_ref(&stream) },
+            colors: &colors,
+            blend: Blend::Replace,
+            depth: Depth::Nearest,
+            cull: Cull::Back,
+            constants: &[],
+        };
+        let told = self.compile(fragment.unwrap_or(vertex), &shaders, &[], |stages, layout| {
+            with_state(&raster, stages, layout, FLAGS, |info| {
+                // SAFETY: the device, the modules and the layout are alive.
+                unsafe { self.device.create_graphics_pipelines(vk::PipelineCache::null(), &[*info], None) }
             })
-            .collect();
+        })?;
+        let mut both = [Compiled::default(), Compiled::default()];
+        for (stage, compiled) in told {
+            both[usize::from(stage.contains(vk::ShaderStageFlags::FRAGMENT))] = compiled;
+        }
+        Ok(both)
+    }
+
+    /// Creates a pipeline of these shaders by `make`, and asks the driver about its stages.
+    fn compile(
+        &self,
+        name: &str,
+        shaders: &[(vk::ShaderStageFlags, Vec<u32>)],
+        constants: &[u32],
+        make: impl FnOnce(
+            &[vk::PipelineShaderStageCreateInfo<'_>],
+            vk::PipelineLayout,
+        ) -> std::result::Result<Vec<vk::Pipeline>, (Vec<vk::Pipeline>, vk::Result)>,
+    ) -> Result<Vec<(vk::ShaderStageFlags, Compiled)>> {
+        let failed = |result| vulkan(format!("compiling {name}"))(result);
         let device = &self.device;
+        let mut bindings: Vec<vk::DescriptorSetLayoutBinding<'_>> = Vec::new();
+        let (mut push_bytes, mut push_stages) = (0, vk::ShaderStageFlags::empty());
+        for (stage, code) in shaders {
+            let interface = reflect::interface(code, constants);
+            if *stage == vk::ShaderStageFlags::COMPUTE {
+                check_group(name, interface.group, &self.limits)?;
+            }
+            for b in interface.bindings {
+                match bindings.iter_mut().find(|of| of.binding == b.binding) {
+                    Some(shared) => shared.stage_flags |= *stage,
+                    None => bindings.push(
+                        vk::DescriptorSetLayoutBinding::default()
+                            .binding(b.binding)
+                            .descriptor_type(b.kind)
+                            .descriptor_count(1)
+                            .stage_flags(*stage),
+                    ),
+                }
+            }
+            if interface.push_bytes > 0 {
+                push_bytes = interface.push_bytes.max(push_bytes);
+                push_stages |= *stage;
+            }
+        }
         let info = vk::DescriptorSetLayoutCreateInfo::default().bindings(&bindings);
         // SAFETY: the device is alive, as in all calls below; each object is destroyed after the pipeline has been
         // queried.
         let set = unsafe { device.create_descriptor_set_layout(&info, None) }.map_err(failed)?;
         let sets = [set];
-        let range =
-            vk::PushConstantRange::default().stage_flags(vk::ShaderStageFlags::COMPUTE).size(interface.push_bytes);
-        let ranges = [range];
-        let ranges = if interface.push_bytes > 0 { &ranges[..] } else { &[] };
+        let ranges = [vk::PushConstantRange::default().stage_flags(push_stages).size(push_bytes)];
+        let ranges = if push_bytes > 0 { &ranges[..] } else { &[] };
         let info = vk::PipelineLayoutCreateInfo::default().set_layouts(&sets).push_constant_ranges(ranges);
         // SAFETY: as above.
         let layout = unsafe { device.create_pipeline_layout(&info, None) }.map_err(failed)?;
-        let info = vk::ShaderModuleCreateInfo::default().code(&code);
-        // SAFETY: as above; the code comes from the compiler.
-        let module = unsafe { device.create_shader_module(&info, None) }.map_err(failed)?;
+        let module = |(stage, code): &(vk::ShaderStageFlags, Vec<u32>)| {
+            let info = vk::ShaderModuleCreateInfo::default().code(code);
+            // SAFETY: as above; the code comes from the compiler.
+            Ok((*stage, unsafe { device.create_shader_module(&info, None) }.map_err(failed)?))
+        };
+        let modules = shaders.iter().map(module).collect::<Result<Vec<_>>>()?;
         let (entries, bytes) = specialization(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
-        let stage = vk::PipelineShaderStageCreateInfo::default()
-            .stage(vk::ShaderStageFlags::COMPUTE)
-            .module(module)
-            .name(c"main")
-            .specialization_info(&special);
-        let flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR
-            | vk::PipelineCreateFlags::CAPTURE_INTERNAL_REPRESENTATIONS_KHR;
-        let info = vk::ComputePipelineCreateInfo::default().flags(flags).stage(stage).layout(layout);
-        // SAFETY: module and layout are alive.
-        let made = unsafe { device.create_compute_pipelines(vk::PipelineCache::null(), &[info], None) };
-        let told = made.map_err(|(_, result)| failed(result)).and_then(|made| {
+        let stages: Vec<_> = modules
+            .iter()
+            .map(|(stage, module)| {
+                vk::PipelineShaderStageCreateInfo::default()
+                    .stage(*stage)
+                    .module(*module)
+                    .name(c"main")
+                    .specialization_info(&special)
+            })
+            .collect();
+        let told = make(&stages, layout).map_err(|(_, result)| failed(result)).and_then(|made| {
             let told = self.told(made[0]).map_err(failed);
             // SAFETY: nothing uses it.
             unsafe { device.destroy_pipeline(made[0], None) };
@@ -141,17 +238,27 @@ impl Codegen {
         });
         // SAFETY: nothing uses them any more.
         unsafe {
-            device.destroy_shader_module(module, None);
+            for (_, module) in modules {
+                device.destroy_shader_module(module, None);
+            }
             device.destroy_pipeline_layout(layout, None);
             device.destroy_descriptor_set_layout(set, None);
         }
         told
     }
 
-    /// The driver's statistics of a pipeline's only stage.
-    fn told(&self, pipeline: vk::Pipeline) -> std::result::Result<Compiled, vk::Result> {
-        let info = vk::PipelineExecutableInfoKHR::default().pipeline(pipeline).executable_index(0);
-        // SAFETY: the pipeline was created with statistics enabled, and has one stage.
+    /// The driver's results for each stage of a pipeline.
+    fn told(&self, pipeline: vk::Pipeline) -> std::result::Result<Vec<(vk::ShaderStageFlags, Compiled)>, vk::Result> {
+        let info = vk::PipelineInfoKHR::default().pipeline(pipeline);
+        // SAFETY: the pipeline was created with statistics enabled.
+        let stages = unsafe { self.ask.get_pipeline_executable_properties(&info) }?;
+        (stages.iter().enumerate()).map(|(i, of)| Ok((of.stages, self.told_of(pipeline, i as u32)?))).collect()
+    }
+
+    /// The driver's results for one of a pipeline's executables.
+    fn told_of(&self, pipeline: vk::Pipeline, index: u32) -> std::result::Result<Compiled, vk::Result> {
+        let info = vk::PipelineExecutableInfoKHR::default().pipeline(pipeline).executable_index(index);
+        // SAFETY: the pipeline was created with statistics enabled, and has this executable.
         let statistics = unsafe { self.ask.get_pipeline_executable_statistics(&info) }?;
         let number = |s: &vk::PipelineExecutableStatisticKHR<'_>| {
             // SAFETY: the format tells which member is valid.

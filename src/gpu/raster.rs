@@ -165,90 +165,15 @@ impl Gpu {
                     .specialization_info(&special)
             })
             .collect();
-        let mut bindings = Vec::new();
-        let mut attributes = Vec::new();
-        for (binding, stream) in raster.streams.iter().enumerate() {
-            let binding = binding as u32;
-            bindings.push(vk::VertexInputBindingDescription {
-                binding,
-                stride: stream.stride,
-                input_rate: vk::VertexInputRate::VERTEX,
-            });
-            attributes.extend(stream.attributes.iter().map(|&(location, format, offset)| {
-                vk::VertexInputAttributeDescription { location, binding, format, offset }
-            }));
-        }
-        let input = vk::PipelineVertexInputStateCreateInfo::default()
-            .vertex_binding_descriptions(&bindings)
-            .vertex_attribute_descriptions(&attributes);
-        let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(match raster.shape {
-            Shape::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
-            Shape::Points => vk::PrimitiveTopology::POINT_LIST,
-        });
-        let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
-        let rasterization = vk::PipelineRasterizationStateCreateInfo::default()
-            .polygon_mode(vk::PolygonMode::FILL)
-            .cull_mode(if raster.cull == Cull::Back { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE })
-            .line_width(1.0)
-            .depth_bias_enable(raster.depth == Depth::Farther)
-            .depth_bias_constant_factor(-16.0)
-            .depth_bias_slope_factor(-1.0);
-        let samples =
-            vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
-        let depth = vk::PipelineDepthStencilStateCreateInfo::default()
-            .depth_test_enable(raster.depth != Depth::None)
-            .depth_write_enable(raster.depth.is_written())
-            .depth_compare_op(match raster.depth {
-                Depth::Behind => vk::CompareOp::LESS,
-                Depth::Nearest | Depth::Farther | Depth::None => vk::CompareOp::GREATER,
-            });
-        let (new, kept) = match raster.blend {
-            Blend::Replace | Blend::Add => (vk::BlendFactor::ONE, vk::BlendFactor::ONE),
-            Blend::Multiply => (vk::BlendFactor::DST_COLOR, vk::BlendFactor::ZERO),
-            Blend::Over => (vk::BlendFactor::ONE, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
-        };
-        let blend = vk::PipelineColorBlendAttachmentState {
-            blend_enable: (raster.blend != Blend::Replace).into(),
-            src_color_blend_factor: new,
-            dst_color_blend_factor: kept,
-            color_blend_op: vk::BlendOp::ADD,
-            src_alpha_blend_factor: new,
-            dst_alpha_blend_factor: kept,
-            alpha_blend_op: vk::BlendOp::ADD,
-            // Without a fragment shader there are no colours.
-            color_write_mask: raster
-                .fragment
-                .map_or(vk::ColorComponentFlags::empty(), |_| vk::ColorComponentFlags::RGBA),
-        };
-        let blends = vec![blend; raster.colors.len()];
-        let blending = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
-        let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::FRONT_FACE];
-        let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
-        let mut rendering =
-            vk::PipelineRenderingCreateInfo::default().color_attachment_formats(raster.colors).depth_attachment_format(
-                if raster.depth == Depth::None { vk::Format::UNDEFINED } else { vk::Format::D32_SFLOAT },
-            );
-        let info = vk::GraphicsPipelineCreateInfo::default()
-            .stages(&stages)
-            .vertex_input_state(&input)
-            .input_assembly_state(&assembly)
-            .viewport_state(&viewport)
-            .rasterization_state(&rasterization)
-            .multisample_state(&samples)
-            .depth_stencil_state(&depth)
-            .color_blend_state(&blending)
-            .dynamic_state(&dynamic)
-            .layout(declared.layout.handle)
-            .push_next(&mut rendering);
-        // SAFETY: all chained structs live to the end of the call; the modules may be destroyed once the pipeline is
-        // created.
-        let made = unsafe {
-            let made = self.shared.device.create_graphics_pipelines(self.disk.cache, &[info], None);
+        let layout = declared.layout.handle;
+        // SAFETY: all structs live to the end of the call; the modules may be destroyed once the pipeline is created.
+        let made = with_state(raster, &stages, layout, vk::PipelineCreateFlags::empty(), |info| unsafe {
+            let made = self.shared.device.create_graphics_pipelines(self.disk.cache, &[*info], None);
             for (_, module) in &modules {
                 self.shared.device.destroy_shader_module(*module, None);
             }
             made
-        };
+        });
         let state = RasterState {
             colors: raster.colors.to_vec(),
             depth: raster.depth,
@@ -256,4 +181,88 @@ impl Gpu {
         };
         self.pipeline(name, declared, Some(state), made)
     }
+}
+
+/// Calls `make` with the Vulkan description of a graphics pipeline.
+pub(super) fn with_state<T>(
+    raster: &Raster<'_>,
+    stages: &[vk::PipelineShaderStageCreateInfo<'_>],
+    layout: vk::PipelineLayout,
+    flags: vk::PipelineCreateFlags,
+    make: impl FnOnce(&vk::GraphicsPipelineCreateInfo<'_>) -> T,
+) -> T {
+    let mut bindings = Vec::new();
+    let mut attributes = Vec::new();
+    for (binding, stream) in raster.streams.iter().enumerate() {
+        let binding = binding as u32;
+        bindings.push(vk::VertexInputBindingDescription {
+            binding,
+            stride: stream.stride,
+            input_rate: vk::VertexInputRate::VERTEX,
+        });
+        attributes.extend(stream.attributes.iter().map(|&(location, format, offset)| {
+            vk::VertexInputAttributeDescription { location, binding, format, offset }
+        }));
+    }
+    let input = vk::PipelineVertexInputStateCreateInfo::default()
+        .vertex_binding_descriptions(&bindings)
+        .vertex_attribute_descriptions(&attributes);
+    let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(match raster.shape {
+        Shape::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
+        Shape::Points => vk::PrimitiveTopology::POINT_LIST,
+    });
+    let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
+    let rasterization = vk::PipelineRasterizationStateCreateInfo::default()
+        .polygon_mode(vk::PolygonMode::FILL)
+        .cull_mode(if raster.cull == Cull::Back { vk::CullModeFlags::BACK } else { vk::CullModeFlags::NONE })
+        .line_width(1.0)
+        .depth_bias_enable(raster.depth == Depth::Farther)
+        .depth_bias_constant_factor(-16.0)
+        .depth_bias_slope_factor(-1.0);
+    let samples = vk::PipelineMultisampleStateCreateInfo::default().rasterization_samples(vk::SampleCountFlags::TYPE_1);
+    let depth = vk::PipelineDepthStencilStateCreateInfo::default()
+        .depth_test_enable(raster.depth != Depth::None)
+        .depth_write_enable(raster.depth.is_written())
+        .depth_compare_op(match raster.depth {
+            Depth::Behind => vk::CompareOp::LESS,
+            Depth::Nearest | Depth::Farther | Depth::None => vk::CompareOp::GREATER,
+        });
+    let (new, kept) = match raster.blend {
+        Blend::Replace | Blend::Add => (vk::BlendFactor::ONE, vk::BlendFactor::ONE),
+        Blend::Multiply => (vk::BlendFactor::DST_COLOR, vk::BlendFactor::ZERO),
+        Blend::Over => (vk::BlendFactor::ONE, vk::BlendFactor::ONE_MINUS_SRC_ALPHA),
+    };
+    let blend = vk::PipelineColorBlendAttachmentState {
+        blend_enable: (raster.blend != Blend::Replace).into(),
+        src_color_blend_factor: new,
+        dst_color_blend_factor: kept,
+        color_blend_op: vk::BlendOp::ADD,
+        src_alpha_blend_factor: new,
+        dst_alpha_blend_factor: kept,
+        alpha_blend_op: vk::BlendOp::ADD,
+        // Without a fragment shader there are no colours.
+        color_write_mask: raster.fragment.map_or(vk::ColorComponentFlags::empty(), |_| vk::ColorComponentFlags::RGBA),
+    };
+    let blends = vec![blend; raster.colors.len()];
+    let blending = vk::PipelineColorBlendStateCreateInfo::default().attachments(&blends);
+    let dynamic = [vk::DynamicState::VIEWPORT, vk::DynamicState::SCISSOR, vk::DynamicState::FRONT_FACE];
+    let dynamic = vk::PipelineDynamicStateCreateInfo::default().dynamic_states(&dynamic);
+    let mut rendering =
+        vk::PipelineRenderingCreateInfo::default().color_attachment_formats(raster.colors).depth_attachment_format(
+            if raster.depth == Depth::None { vk::Format::UNDEFINED } else { vk::Format::D32_SFLOAT },
+        );
+    let info = vk::GraphicsPipelineCreateInfo::default()
+        .stages(stages)
+        .vertex_input_state(&input)
+        .input_assembly_state(&assembly)
+        .viewport_state(&viewport)
+        .rasterization_state(&rasterization)
+        .multisample_state(&samples)
+        .depth_stencil_state(&depth)
+        .color_blend_state(&blending)
+        .dynamic_state(&dynamic)
+        .layout(layout)
+        .flags(flags)
+        .push_next(&mut rendering);
+    make(&info)
 }

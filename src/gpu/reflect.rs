@@ -24,11 +24,16 @@ pub(crate) struct Interface {
     pub(crate) bindings: Vec<Binding>,
     pub(crate) push_bytes: u32,
     pub(crate) group: [u32; 3],
+    /// Locations that it reads from vertices or from the stage before, with the formats of their types; ascending.
+    pub(crate) inputs: Vec<(u32, vk::Format)>,
+    /// Locations that it writes, likewise.
+    pub(crate) outputs: Vec<(u32, vk::Format)>,
 }
 
 #[derive(Clone, Debug)]
 enum Type {
-    Scalar(u32),
+    Int(u32),
+    Float(u32),
     Vector(u32, u32),
     Matrix(u32, u32),
     Array(u32, u32),
@@ -101,7 +106,8 @@ pub(crate) fn interface(spirv: &[u32], specialised: &[u32]) -> Interface {
         let (count, op) = ((spirv[at] >> 16) as usize, spirv[at] & 0xffff);
         let w = &spirv[at + 1..at + count];
         let of_type = match op {
-            op::TYPE_INT | op::TYPE_FLOAT => Some(Type::Scalar(w[1] / 8)),
+            op::TYPE_INT => Some(Type::Int(w[1] / 8)),
+            op::TYPE_FLOAT => Some(Type::Float(w[1] / 8)),
             op::TYPE_VECTOR => Some(Type::Vector(w[1], w[2])),
             op::TYPE_MATRIX => Some(Type::Matrix(w[1], w[2])),
             op::TYPE_IMAGE => Some(Type::Image(Image {
@@ -157,9 +163,14 @@ pub(crate) fn interface(spirv: &[u32], specialised: &[u32]) -> Interface {
             found.push_bytes = module.size_of(*pointee);
         } else if let Some(binding) = module.decorations.get(&(*id, decoration::BINDING)) {
             found.bindings.push(module.binding(*binding, *id, *class, *pointee));
+        } else if let Some(location) = module.decorations.get(&(*id, decoration::LOCATION)) {
+            let list = if *class == storage::INPUT { &mut found.inputs } else { &mut found.outputs };
+            list.extend(module.locations(*location, *pointee));
         }
     }
     found.bindings.sort_by_key(|b| b.binding);
+    found.inputs.sort_by_key(|(location, _)| *location);
+    found.outputs.sort_by_key(|(location, _)| *location);
     found
 }
 
@@ -212,10 +223,32 @@ impl Module {
         }
     }
 
+    /// The locations that a variable takes, with their formats.
+    fn locations(&self, first: u32, of_type: u32) -> Vec<(u32, vk::Format)> {
+        if let Type::Array(element, count) = self.types[&of_type] {
+            return (0..self.constants[&count]).flat_map(|i| self.locations(first + i, element)).collect();
+        }
+        let (element, count) = match self.types[&of_type] {
+            Type::Vector(element, count) => (element, count),
+            _ => (of_type, 1),
+        };
+        let format = match (&self.types[&element], count) {
+            (Type::Int(4), 1) => vk::Format::R32_UINT,
+            (Type::Int(4), 2) => vk::Format::R32G32_UINT,
+            (Type::Int(4), 4) => vk::Format::R32G32B32A32_UINT,
+            (Type::Float(4), 1) => vk::Format::R32_SFLOAT,
+            (Type::Float(4), 2) => vk::Format::R32G32_SFLOAT,
+            (Type::Float(4), 3) => vk::Format::R32G32B32_SFLOAT,
+            (Type::Float(4), 4) => vk::Format::R32G32B32A32_SFLOAT,
+            other => unreachable!("location {first}: {other:?}"),
+        };
+        vec![(first, format)]
+    }
+
     /// Size of a type with its declared layout \[bytes\].
     fn size_of(&self, id: u32) -> u32 {
         match &self.types[&id] {
-            Type::Scalar(bytes) => *bytes,
+            Type::Int(bytes) | Type::Float(bytes) => *bytes,
             Type::Vector(element, count) | Type::Matrix(element, count) => self.size_of(*element) * count,
             Type::Array(element, count) => self.size_of(*element) * self.constants[count],
             Type::Struct(members) => {

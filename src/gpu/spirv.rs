@@ -44,6 +44,7 @@ pub(super) mod decoration {
     pub(crate) const BUILT_IN: u32 = 11;
     pub(crate) const NON_WRITABLE: u32 = 24;
     pub(crate) const NON_READABLE: u32 = 25;
+    pub(crate) const LOCATION: u32 = 30;
     pub(crate) const BINDING: u32 = 33;
     pub(crate) const OFFSET: u32 = 35;
 }
@@ -56,6 +57,7 @@ pub(super) mod built_in {
 /// Storage classes of variables.
 pub(super) mod storage {
     pub(crate) const UNIFORM_CONSTANT: u32 = 0;
+    pub(crate) const INPUT: u32 = 1;
     pub(crate) const UNIFORM: u32 = 2;
     pub(crate) const PUSH_CONSTANT: u32 = 9;
     pub(crate) const STORAGE_BUFFER: u32 = 12;

@@ -1,8 +1,9 @@
-//! Driver statistics of the engine's compute shaders: registers, spills, occupancy, instructions.
+//! Driver statistics of the engine's shaders: registers, spills, occupancy, instructions.
 
 use crate::error::Result;
 use crate::frame::tune;
 use crate::gpu::{Codegen, Compiled};
+use std::collections::BTreeSet;
 
 /// Statistics of a shader compiled with given constants.
 pub struct Line {
@@ -25,8 +26,8 @@ pub struct Line {
 /// VALs per round of the gather's loop.
 const AT_ONCE: u32 = 4;
 
-/// Compiles all kinds of the compute gather for GPUs, then every compute shader with its own constants; only shaders
-/// whose names begin with `only`.
+/// Compiles all kinds of the compute gather for GPUs, then every compute, fragment and vertex shader with its own
+/// constants; only shaders whose names begin with `only`.
 ///
 /// # Errors
 /// Fails if the driver rejects a shader.
@@ -50,8 +51,23 @@ pub fn lines(codegen: &Codegen, only: &str) -> Result<Vec<Line>> {
             }
         }
     }
-    for shader in Codegen::shaders().filter(|shader| shader.starts_with(only)) {
+    for shader in Codegen::shaders(".comp").filter(|shader| shader.starts_with(only)) {
         all.push(line(shader, String::new(), &codegen.compute(shader, &[])?));
+    }
+    // Fragment shaders with a vertex shader. A vertex shader has a line where it first occurs, or at last alone.
+    let mut paired = BTreeSet::new();
+    for shader in Codegen::shaders(".frag") {
+        let vertex = Codegen::vertex_shader_of(shader);
+        let is_new = paired.insert(vertex);
+        let shown = [(vertex, is_new && vertex.starts_with(only)), (shader, shader.starts_with(only))];
+        if shown.iter().any(|(_, is_shown)| *is_shown) {
+            let both = codegen.raster(vertex, Some(shader))?;
+            let shown = shown.iter().zip(&both).filter(|((_, is_shown), _)| *is_shown);
+            all.extend(shown.map(|((name, _), compiled)| line(name, String::new(), compiled)));
+        }
+    }
+    for shader in Codegen::shaders(".vert").filter(|name| !paired.contains(name) && name.starts_with(only)) {
+        all.push(line(shader, String::new(), &codegen.raster(shader, None)?[0]));
     }
     Ok(all)
 }

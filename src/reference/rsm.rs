@@ -140,7 +140,7 @@ fn cast_texel(triangles: &[Triangle], light: &Light, view: &View, x: usize, y: u
 
 /// The VAL of a texel whose ray ends at `hit`, or [`Val::NOTHING`] if it carries no light.
 ///
-/// Flux `rho_d * mean(I) * Omega * window`; for parallel light `rho_d * E * A`. It does not depend on the surface's
+/// Flux `rho_d * mean(I) * Omega * window`; for parallel light `rho_d * E * A`. It does not depend on the triangle's
 /// tilt, because all light that enters through the texel arrives.
 pub fn val(light: &Light, view: &View, [x, y]: [usize; 2], n: usize, hit: &Hit) -> Val {
     let (origin, direction) = view.ray(x as f64 + 0.5, y as f64 + 0.5, n);
@@ -156,7 +156,12 @@ pub fn val(light: &Light, view: &View, [x, y]: [usize; 2], n: usize, hit: &Hit) 
     if beam == DVec3::ZERO {
         return Val::NOTHING;
     }
-    Val { position: hit.position, area, normal: hit.normal, flux: hit.diffuse * beam }
+    Val { position: hit.position, area, normal: sending(hit.normal, hit.geometric), flux: hit.diffuse * beam }
+}
+
+/// The normal by which a lit surface sends light: its triangle's. Below .8 degrees the vertex normal counts as the same.
+pub fn sending(vertex_normal: DVec3, geometric: DVec3) -> DVec3 {
+    if vertex_normal.dot(geometric) < 0.9999 { geometric } else { vertex_normal }
 }
 
 /// Mean intensity \[cd\] over the texel's sub-samples.

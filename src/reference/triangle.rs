@@ -20,8 +20,10 @@ pub struct Hit {
     pub distance: f64,
     /// World position \[m\].
     pub position: DVec3,
-    /// Unit shading normal on the side of the ray's origin.
+    /// Unit shading normal on the triangle's side that the ray came from.
     pub normal: DVec3,
+    /// Unit normal of the triangle on that side.
+    pub geometric: DVec3,
     /// Diffuse albedo `rho_d`.
     pub diffuse: DVec3,
 }
@@ -69,10 +71,14 @@ pub fn nearest(triangles: &[Triangle], origin: DVec3, direction: DVec3) -> Optio
         .min_by(|(_, a), (_, b)| a.0.total_cmp(&b.0))?;
     let [a, b, c] = triangle.normals;
     let normal = (a * (1.0 - second - third) + b * second + c * third).normalize();
+    let [p, q, r] = triangle.positions;
+    let geometric = (q - p).cross(r - p).normalize();
+    let geometric = if geometric.dot(direction) > 0.0 { -geometric } else { geometric };
     Some(Hit {
         distance,
         position: origin + distance * direction,
-        normal: if normal.dot(direction) > 0.0 { -normal } else { normal },
+        normal: if normal.dot(geometric) < 0.0 { -normal } else { normal },
+        geometric,
         diffuse: triangle.diffuse,
     })
 }

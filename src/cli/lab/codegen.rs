@@ -1,4 +1,4 @@
-//! `lightskin lab codegen`: statistics of the compute shaders as a driver compiles them.
+//! `lightskin lab codegen`: statistics of the shaders as a driver compiles them.
 
 use anyhow::Result;
 use lightskin::gpu::Codegen;

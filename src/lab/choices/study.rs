@@ -247,9 +247,13 @@ pub(super) fn pictures(
                 let (origin, direction) = view.ray(x as f64 + 0.5, y as f64 + 0.5, n);
                 let Some(hit) = world.nearest(origin, direction, Sides::Both) else { return Val::NOTHING };
                 let surface = world.surface(&hit);
-                let (position, normal) = (surface.position, surface.vertex_normal);
-                let met =
-                    Hit { distance: hit.distance, position, normal, diffuse: surface.reflection.sent_on().as_dvec3() };
+                let met = Hit {
+                    distance: hit.distance,
+                    position: surface.position,
+                    normal: surface.vertex_normal,
+                    geometric: surface.geometric,
+                    diffuse: surface.reflection.sent_on().as_dvec3(),
+                };
                 let mut val = rsm::val(light, view, [x, y], n, &met);
                 if let (Some(limit), true) = (tilted, val != Val::NOTHING) {
                     let cos = (-surface.geometric.dot(direction)).max(1.0 / limit);

@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::frame::world::lights;
 use crate::reference::light::{intensity, range_window};
-use crate::reference::rsm::{Val, View, mean_intensity, texel_area, texel_solid_angle};
+use crate::reference::rsm::{Val, View, mean_intensity, sending, texel_area, texel_solid_angle};
 use crate::reference::world::{Sides, World};
 use crate::scene::{Light, LightKind};
 
@@ -85,7 +85,8 @@ fn cast_texel(world: &World<'_>, light: &Light, view: &View, x: usize, y: usize,
         let beam = mean_intensity(light, view, x, y, n) * omega * range_window(hit.distance, light.range);
         (depth, texel_area(depth, n, view.half.x), beam)
     };
-    let (flux, normal) = (surface.reflection.sent_on().as_dvec3() * beam, surface.vertex_normal);
+    let normal = sending(surface.vertex_normal, surface.geometric);
+    let flux = surface.reflection.sent_on().as_dvec3() * beam;
     // The ray scaled to depth 1: gives the motion of its hit on the tilted plane with the texel.
     let ray = direction / direction.dot(view.forward);
     let slope = (-normal.dot(ray)).max(GRAZING);
