@@ -38,12 +38,11 @@ void main() {
     if (has_holes() && base.a < materials[push.material].alpha_cutoff) {
         discard;
     }
-    // Image rows run downwards: the cross product points away from the light.
-    vec3 plane = unit_of_any_or(-geometric, vec3(0.0, 1.0, 0.0));
-    vec3 n = unit_or(normal, plane);
     vec3 looking = view_direction(push.eye, position);
     // Both sides reflect. The side that faces the light decides, not the winding, which normals may contradict.
+    vec3 plane = unit_of_any_or(geometric, vec3(0.0, 1.0, 0.0));
     plane = dot(plane, looking) > 0.0 ? -plane : plane;
+    vec3 n = unit_or(normal, plane);
     vec3 size = abs(position);
     float rounding = 1.2e-7 * max(size.x, max(size.y, size.z));
     float side = length(geometric) / max(max(length(right), length(down)), 1e-30);

@@ -73,8 +73,11 @@ fn one_val_alone_is_reproduced_exactly() {
         for (cache, proxies) in shot.caches.iter().zip(&shot.proxies) {
             let d = val.position - cache.position;
             let cosine = cache.normal.dot(d.normalize());
-            let sent = val.normal.dot(-d.normalize()).max(0.0);
-            let emitted = sent / (val.area + 0.5 * TAU * d.length_squared());
+            let sent = val.normal.dot(-d.normalize());
+            if sent.min(cosine).abs() > 1e-5 {
+                assert_eq!(proxies.diffuse.lit, sent > 0.0 && cosine > 0.0, "a cache at {}", cache.position);
+            }
+            let emitted = sent.max(0.0) / (val.area + 0.5 * TAU * d.length_squared());
             // Below 1e-30 the lobe is too small to divide by, and it reflects no light, either.
             let lobe = cos_power(k.into(), proxies.mirrored_view.dot(d.normalize()));
             let glossy = proxies.glossy.lit && lobe > 1e-29;
@@ -83,11 +86,13 @@ fn one_val_alone_is_reproduced_exactly() {
                 // The quotient of the sums is the VAL's position. Both cosines cancel, except for rounding.
                 assert!(lobe.position.distance(val.position) <= 1e-6 * d.length(), "{lobe:?} is not at {val:?}");
                 let facing = val.flux * emitted;
+                // The VAL's cosine is in both, each with its own rounding.
                 let bound = (2e-6 + 4e-7 / cosine + 4e-7 / sent + 2e-6 * f64::from(k)) * facing.length();
                 assert!(lobe.facing_irradiance.distance(facing) <= bound, "{lobe:?} instead of {facing}");
             }
         }
-        assert!(lit > shot.caches.len() / 4, "{lit} lit lobes at {} caches", shot.caches.len());
+        println!("{lit} lit lobes at {} caches", shot.caches.len());
+        assert!(lit > 50, "{lit} lit lobes");
     }
 }
 

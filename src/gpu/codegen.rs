@@ -2,7 +2,7 @@
 //! VK_KHR_pipeline_executable_properties but runs nothing, so drivers without hardware will do.
 
 use super::instance::{self, Instance, Needs, needs, open_instance, pick, queue_family};
-use super::pipeline::{check_group, shader_names, specialization, spirv};
+use super::pipeline::{check_group, shader_names, specialization, spirv, stages_of};
 use super::raster::{Attribute, Blend, Cull, Depth, Raster, Shape, Stream, with_state};
 use super::{DeviceReport, Validation, reflect, vulkan};
 use crate::error::{Error, Result};
@@ -220,16 +220,7 @@ impl Codegen {
         let modules = shaders.iter().map(module).collect::<Result<Vec<_>>>()?;
         let (entries, bytes) = specialization(constants);
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
-        let stages: Vec<_> = modules
-            .iter()
-            .map(|(stage, module)| {
-                vk::PipelineShaderStageCreateInfo::default()
-                    .stage(*stage)
-                    .module(*module)
-                    .name(c"main")
-                    .specialization_info(&special)
-            })
-            .collect();
+        let stages = stages_of(&modules, &special);
         let told = make(&stages, layout).map_err(|(_, result)| failed(result)).and_then(|made| {
             let told = self.told(made[0]).map_err(failed);
             // SAFETY: nothing uses it.

@@ -263,6 +263,18 @@ pub(super) fn specialization(constants: &[u32]) -> (Vec<vk::SpecializationMapEnt
     ((0..constants.len()).map(entry).collect(), bytemuck::cast_slice(constants).to_vec())
 }
 
+/// Stages with these modules and constants.
+pub(super) fn stages_of<'a>(
+    modules: &[(vk::ShaderStageFlags, vk::ShaderModule)],
+    constants: &'a vk::SpecializationInfo<'a>,
+) -> Vec<vk::PipelineShaderStageCreateInfo<'a>> {
+    let stage = |&(stage, module)| {
+        let info = vk::PipelineShaderStageCreateInfo::default().stage(stage).module(module);
+        info.name(c"main").specialization_info(constants)
+    };
+    modules.iter().map(stage).collect()
+}
+
 impl Drop for Made {
     fn drop(&mut self) {
         // Descriptor sets refer to a pipeline's layout, never to the pipeline.

@@ -1,7 +1,7 @@
 //! Graphics pipelines: the state that the caller sets besides the shaders.
 
 use super::image::{is_depth, texel_bytes};
-use super::pipeline::{Pipeline, RasterState, specialization, spirv};
+use super::pipeline::{Pipeline, RasterState, specialization, spirv, stages_of};
 use super::{Gpu, reflect};
 use crate::error::{Error, Result};
 use ash::vk;
@@ -155,16 +155,7 @@ impl Gpu {
         let special = vk::SpecializationInfo::default().map_entries(&entries).data(&bytes);
         let modules =
             codes.iter().map(|(stage, code)| Ok((*stage, self.module(name, code)?))).collect::<Result<Vec<_>>>()?;
-        let stages: Vec<_> = modules
-            .iter()
-            .map(|(stage, module)| {
-                vk::PipelineShaderStageCreateInfo::default()
-                    .stage(*stage)
-                    .module(*module)
-                    .name(c"main")
-                    .specialization_info(&special)
-            })
-            .collect();
+        let stages = stages_of(&modules, &special);
         let layout = declared.layout.handle;
         // SAFETY: all structs live to the end of the call; the modules may be destroyed once the pipeline is created.
         let made = with_state(raster, &stages, layout, vk::PipelineCreateFlags::empty(), |info| unsafe {
