@@ -50,8 +50,9 @@ void main() {
     n = (is_known ? dot(n, plane) < 0.0 : dot(n, looking) > 0.0) ? -n : n;
     // Light leaves the triangle: a vertex normal that leans away from it would light what lies behind its plane.
     vec3 facing = is_known && dot(plane, n) < SAME ? plane : n;
-    // A sliver between pixel centres may come without a valid position; one such VAL would blacken every cache.
-    out_position = any(isnan(position)) ? vec4(0.0) : vec4(position, 1.0);
+    // A sliver between pixel centres may come without a finite position; one such VAL would blacken every cache.
+    bool is_finite = all(lessThan(abs(position), vec3(1e30))); // false for NaN
+    out_position = is_finite ? vec4(position, 1.0) : vec4(0.0);
     out_normal = vec4(facing, float(push.material));
     out_albedo = vec4(sent_on(reflectance(push.material, base.rgb, here, MEAN_COSINE)), 0.0);
 #ifdef INSIDE
