@@ -252,7 +252,7 @@ struct ModelCache {
 struct Cache {
     vec3 position;
     float exponent; // of its material's Phong lobe
-    vec3 normal;
+    vec3 normal; // zero if the cache is hidden
     float area; // [m^2]
     vec3 middle; // centre of the rectangle that represents its share of the surface as an occluder
     float breadth; // half the rectangle's size across its axis [m]

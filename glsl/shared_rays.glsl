@@ -153,6 +153,16 @@ struct TracePush {
     uint sky_light_count;
 };
 
+// Rays per cache that find out whether it is hidden.
+const uint HIDDEN_RAYS = 32u;
+
+// Push constants of the pass that finds hidden caches.
+struct HiddenPush {
+    uint cache_count;
+    uint root; // of the hierarchy
+    float gap; // distance below which a surface closes a gap [m]
+};
+
 // Push constants of the pass that combines the rays of neighbouring pixels.
 struct NearFilterPush {
     uint width; // pixels with rays per row

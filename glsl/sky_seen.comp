@@ -73,7 +73,8 @@ void main() {
         // A surface that faces a dark sky gets the open share of its directions.
         float least = push.least * count.y / 3.14159265;
         vec3 share = (open + least * count.x / count.y) / max(all + least, 1e-37);
-        vec3 irradiance = sky_at(SKY_IRRADIANCE, c.normal) * lit / max(all, 1e-37);
+        bool is_hidden = c.normal == vec3(0.0);
+        vec3 irradiance = is_hidden ? vec3(0.0) : sky_at(SKY_IRRADIANCE, c.normal) * lit / max(all, 1e-37);
         seen[cache] = SkySeen(share, irradiance);
     }
     // Four sub-directions per direction, four directions per word.

@@ -47,6 +47,7 @@ mod goldens;
 mod gpu;
 mod guards;
 mod hard_cases;
+mod hidden;
 mod host;
 mod house;
 mod interpolate;

@@ -15,8 +15,9 @@ const RAYS: u32 = 32;
 /// Length of the rays, in units of `d_eps`.
 const FAR: f64 = 0.5;
 
-/// A place is closed in if all rays but one end within this part of their length: a cache for such a space is useless.
-const GAP: f64 = 0.3;
+/// A place is closed in if all rays but one end within this distance, in units of `d_eps`: a cache for such a space is
+/// useless.
+pub const GAP: f64 = 0.15;
 
 /// A place is in the open if this many rays hit nothing: it is as good as any place nearby.
 pub(super) const OPEN: u32 = 8;
@@ -58,7 +59,7 @@ impl<'a> Surroundings<'a> {
         for &instance in places {
             if most < OPEN {
                 let (position, normal) = placed(&self.scene.instances[instance], mesh, model, place);
-                most = most.max(self.escaped(position, normal, FAR * spacing));
+                most = most.max(self.escaped(position, normal, spacing));
             }
         }
         most
@@ -66,7 +67,7 @@ impl<'a> Surroundings<'a> {
 
     /// Number of rays from a surface that hit nothing within a distance \[m\]. If there are none: 1 if some rays leave
     /// the gap, otherwise 0.
-    fn escaped(&self, position: DVec3, normal: DVec3, reach: f64) -> u32 {
+    fn escaped(&self, position: DVec3, normal: DVec3, spacing: f64) -> u32 {
         let (tangent, bitangent) = normal.any_orthonormal_pair();
         let start = position + normal * self.lift;
         let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
@@ -75,9 +76,9 @@ impl<'a> Surroundings<'a> {
             let square = (f64::from(i) + 0.5) / f64::from(RAYS);
             let (sin, cos) = (f64::from(i) * golden).sin_cos();
             let direction = (tangent * cos + bitangent * sin) * square.sqrt() + normal * (1.0 - square).sqrt();
-            let met = self.rays.within(start, direction, reach);
+            let met = self.rays.within(start, direction, FAR * spacing);
             free += u32::from(met.is_none());
-            out += u32::from(met.is_none_or(|met| met.distance > GAP * reach));
+            out += u32::from(met.is_none_or(|met| met.distance > GAP * spacing));
             if free == OPEN {
                 break;
             }

@@ -14,7 +14,7 @@ mod area;
 mod assign;
 pub mod bvh;
 mod cells;
-mod closed;
+pub mod closed;
 mod file;
 mod grid;
 mod prune;

@@ -3,6 +3,7 @@
 use super::atlas::Atlas;
 use super::cull::Cull;
 use super::gather::Gather;
+use super::hidden_caches::HiddenCaches;
 use super::inside::Dipoles;
 use super::interpolate::Interpolate;
 use super::near::NearRays;
@@ -22,6 +23,8 @@ use crate::gpu::Gpu;
 pub struct CacheLight {
     /// Stage 3.
     pub atlas: Atlas,
+    /// Stage 3, end; only where caches trace rays.
+    pub(super) hidden: Option<HiddenCaches>,
     /// Stage 6.
     pub gather: Gather,
     /// Written by stage 6, dimmed by stage 7.
@@ -70,6 +73,7 @@ impl CacheLight {
         let group = gather.live().map_or(0, |live| live.group);
         Ok(Self {
             atlas: Atlas::new(gpu, count)?,
+            hidden: HiddenCaches::new(gpu, world, plan)?,
             proxies: Proxies::new(gpu, count, plan.lobes, eyes)?,
             visible: Visible::new(gpu)?,
             cull: plan.cull.then(|| Cull::new(gpu, &gather, world.references_each)).transpose()?,

@@ -23,6 +23,7 @@ pub mod gather;
 pub mod gather_clusters;
 pub mod gather_draws;
 pub mod gbuffer;
+pub mod hidden_caches;
 pub mod inside;
 pub mod interpolate;
 pub mod layers;

@@ -104,6 +104,9 @@ pub fn record_rows(
     if let (true, IndirectLight::Caches(caches)) = (outdated.atlas, &light.indirect) {
         let _zone = enter(plan::ATLAS); // 3
         caches.atlas.record(cmd, world);
+        if let Some(hidden) = &caches.hidden {
+            hidden.record(cmd, world, &caches.atlas);
+        }
     }
     if let (true, Some(rsm)) = (outdated.vals, &light.rsm) {
         let live = light.caches().and_then(|caches| caches.gather.live());

@@ -24,6 +24,7 @@ pub mod false_color;
 pub mod form_factor;
 /// Proxy lights of one cache from VALs, stage 6.
 pub mod gather;
+pub mod hidden;
 /// Radiance at a point from the proxy lights of several caches, stage 8.
 pub mod interpolate;
 /// Punctual lights as KHR_lights_punctual defines them, stage 2.

@@ -1,0 +1,101 @@
+//! Caches that bodies hide in this frame: found as by f64 rays, and without effect on the surface around the bodies.
+
+use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
+use lightskin::bake::closed::GAP;
+use lightskin::frame::{LightShadows, Near, Shadows, World};
+use lightskin::lab::knobs::Knobs;
+use lightskin::reference::hidden::open_rays;
+use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
+use lightskin::reference::world::World as Placed;
+use lightskin::scene::build::{cuboid, quad};
+use lightskin::scene::sky::Sky;
+use lightskin::scene::{Scene, tessellate};
+use lightskin::shared::{Cache, HIDDEN_RAYS};
+
+use crate::common::frames::{add, baked, camera, drawn_of, phong, seen, shoot, small};
+use crate::common::{assert_clean, gpu};
+
+const SPACING: f64 = 0.2;
+const BOX: usize = 1;
+
+fn knobs(size: [u32; 2]) -> Knobs {
+    let near = Near::Rays { per_pixel: 8, every: 2 };
+    Knobs { size, near, shadows: Shadows::PerLight, rsm: 64, light_shadows: LightShadows::Maps(512), ..small() }
+}
+
+/// A box on a floor under an even sky. It may move, so the bake does not know what it covers. `sunk`: how far it stands
+/// in the floor [m].
+fn box_on_a_floor(sunk: f32) -> Scene {
+    let mut scene = Scene { name: "floor".into(), ..Scene::default() };
+    let floor = quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0.2);
+    add(&mut scene, floor, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    let body = cuboid(vec3(-0.5, 0.001 - sunk, -0.5), vec3(0.5, 1.0 - sunk, 0.5), 0.2, |_| true);
+    add(&mut scene, body, phong([0.6; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    scene.instances[BOX].moves = true;
+    scene.cameras.push(camera(dvec3(1.2, 1.4, 2.6), dvec3(0.0, 0.2, 0.0), 0.7));
+    tessellate::divide(&mut scene, SPACING, None);
+    scene
+}
+
+#[test]
+fn bodies_hide_the_caches_under_them_wherever_they_stand() {
+    let gpu = gpu();
+    let mut scene = box_on_a_floor(0.0);
+    let caches = baked(&scene, SPACING, 8);
+    Sky::even(Vec3::splat(100.0)).put_over(&mut scene, 16);
+    let mut world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    for (step, place) in [dvec3(0.0, 0.0, 0.0), dvec3(0.7, 0.0, -0.4), dvec3(0.3, -0.4, 0.3)].into_iter().enumerate() {
+        scene.instances[BOX].world_from_model.translation = place;
+        world.update(&gpu, &scene).expect("the same scene");
+        let frame = drawn_of(&gpu, &scene, &world, &knobs([48, 27]));
+        let found: Vec<Cache> = gpu.read(&frame.light.caches().expect("caches").atlas.caches).expect("read");
+        let placed = Placed::new(&scene);
+        let (mut hidden, mut differ) = (0, 0);
+        // The floor comes first, and all its caches look up.
+        let on_floor = caches.models[caches.instance_model[0]].caches.len();
+        for cache in &found[..on_floor] {
+            let position = cache.position.as_dvec3() + world.origin;
+            let open = open_rays(&placed, (position, DVec3::Y), HIDDEN_RAYS, [1e-5, GAP * world.spacing()]);
+            let is_hidden = cache.normal == Vec3::ZERO;
+            assert!(is_hidden || cache.normal.distance(Vec3::Y) < 1e-5);
+            // A ray along an edge may end on either side of it.
+            differ += u32::from(is_hidden != (open <= 1) && open.abs_diff(1) > 1);
+            hidden += u32::from(is_hidden);
+            let under = (position - place).abs();
+            assert!(is_hidden == (under.x.max(under.z) < 0.5) || (under.x.max(under.z) - 0.5).abs() < 0.02, "{position}");
+        }
+        println!("step {step}: {hidden} of {on_floor} caches of the floor are hidden, {differ} differently from f64 rays");
+        assert!(hidden > 10 && differ == 0);
+    }
+    assert_clean(&gpu);
+}
+
+#[test]
+fn the_floor_around_a_moving_body_is_as_bright_as_by_paths() {
+    let gpu = gpu();
+    for sunk in [0.0, 0.3] {
+        let mut scene = box_on_a_floor(sunk);
+        let caches = baked(&scene, SPACING, 8);
+        Sky::even(Vec3::splat(100.0)).put_over(&mut scene, 16);
+        let size = [96, 54];
+        let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(size, 1));
+        (0..64).for_each(|_| paths.pass());
+        let truth = paths.direct();
+        let shot = shoot(&gpu, &scene, Some(&caches), &knobs(size));
+        let (mut whole, mut shown, mut off, mut count) = (0.0, 0.0, 0.0, 0);
+        for at in seen(&scene, size) {
+            // Floor within 15 cm of the box.
+            if at.instance == 0 && at.position.x.abs().max(at.position.z.abs()) < 0.65 {
+                let (a, b) = (shot.direct[at.pixel].y, f64::from(truth[at.pixel][1]));
+                whole += b;
+                shown += a;
+                off += (a - b).powi(2);
+                count += 1;
+            }
+        }
+        let mean = whole / f64::from(count);
+        let (bias, rmse) = (shown / whole - 1.0, (off / f64::from(count)).sqrt() / mean);
+        println!("{sunk} m in the floor: light of the sky beside the box, bias {bias:+.4}, RMSE over mean {rmse:.4}, {count} pixels");
+        assert!(count > 100 && bias.abs() < 0.03 && rmse < 0.1);
+    }
+}
