@@ -62,9 +62,14 @@ fn bodies_hide_the_caches_under_them_wherever_they_stand() {
             differ += u32::from(is_hidden != (open <= 1) && open.abs_diff(1) > 1);
             hidden += u32::from(is_hidden);
             let under = (position - place).abs();
-            assert!(is_hidden == (under.x.max(under.z) < 0.5) || (under.x.max(under.z) - 0.5).abs() < 0.02, "{position}");
+            assert!(
+                is_hidden == (under.x.max(under.z) < 0.5) || (under.x.max(under.z) - 0.5).abs() < 0.02,
+                "{position}"
+            );
         }
-        println!("step {step}: {hidden} of {on_floor} caches of the floor are hidden, {differ} differently from f64 rays");
+        println!(
+            "step {step}: {hidden} of {on_floor} caches of the floor are hidden, {differ} differently from f64 rays"
+        );
         assert!(hidden > 10 && differ == 0);
     }
     assert_clean(&gpu);
@@ -95,7 +100,9 @@ fn the_floor_around_a_moving_body_is_as_bright_as_by_paths() {
         }
         let mean = whole / f64::from(count);
         let (bias, rmse) = (shown / whole - 1.0, (off / f64::from(count)).sqrt() / mean);
-        println!("{sunk} m in the floor: light of the sky beside the box, bias {bias:+.4}, RMSE over mean {rmse:.4}, {count} pixels");
+        println!(
+            "{sunk} m in the floor: light of the sky beside the box, bias {bias:+.4}, RMSE over mean {rmse:.4}, {count} pixels"
+        );
         assert!(count > 100 && bias.abs() < 0.03 && rmse < 0.1);
     }
 }

@@ -5,7 +5,6 @@ use super::sky::Sky;
 use super::{LightKind, Scene, luminance};
 use glam::{DAffine3, DVec3, Vec3};
 use std::borrow::Cow;
-use std::f32::consts::TAU;
 use std::f64::consts::PI;
 
 /// What is shown where there is no surface.
@@ -28,6 +27,9 @@ pub const GROUND_ALBEDO: f32 = 0.4;
 
 /// Radius of the ground, in radii of the scene on it.
 const GROUND_RADIUS: f64 = 2.5;
+
+/// Points of the ground's mesh along each side of its grid.
+const GROUND_POINTS: usize = 25;
 
 /// Largest share of cache area that the ground may take, relative to the area of the other surfaces.
 const GROUND_SHARE: f64 = 0.2;
@@ -192,15 +194,31 @@ fn quiet(ground: Vec3) -> Sky {
     })
 }
 
+/// Maps the square from -1 to 1 to the unit disc: rings of squares to rings (Shirley and Chiu 1997). Triangles of a grid
+/// stay compact everywhere, as interpolation along them needs.
+fn on_disc(x: f32, z: f32) -> Vec3 {
+    let radius = x.abs().max(z.abs());
+    let octant = std::f32::consts::FRAC_PI_4;
+    let (sine, cosine) = if radius == 0.0 {
+        (0.0, 0.0)
+    } else if x.abs() >= z.abs() {
+        let (sine, cosine) = (octant * z / x).sin_cos();
+        (sine * x.signum(), cosine * x.signum())
+    } else {
+        let (cosine, sine) = (octant * x / z).sin_cos();
+        (sine * z.signum(), cosine * z.signum())
+    };
+    radius * Vec3::new(cosine, 0.0, sine)
+}
+
 /// Adds a ground under a scene with the given centre, radius and height \[m\]: a disc that faces up. Its caches may be
 /// farther apart than others, so that it takes few of them.
 pub(super) fn put_ground(scene: &mut Scene, middle: DVec3, radius: f64, height: f64) {
     let area = super::tessellate::area(scene);
     let reach = GROUND_RADIUS * radius;
-    let (columns, rows) = (32, 6);
-    let disc = patch([columns, rows], [true, false], |column, row| {
-        let (sine, cosine) = (TAU * column as f32 / columns as f32).sin_cos();
-        (Vec3::new(cosine, 0.0, sine) * (row as f32 / (rows - 1) as f32), Vec3::Y)
+    let disc = patch([GROUND_POINTS; 2], [false; 2], |column, row| {
+        let [z, x] = [column, row].map(|i| 2.0 * i as f32 / (GROUND_POINTS - 1) as f32 - 1.0);
+        (on_disc(x, z), Vec3::Y)
     });
     let material = add_material(scene, phong("ground", [GROUND_ALBEDO; 3], [0.0; 3], 1.0));
     let mesh = add_mesh(scene, "ground", vec![(disc, material)]);
