@@ -321,6 +321,18 @@ fn no_driver_is_one_line() {
     assert_eq!(left(&at), [] as [&str; 0]);
 }
 
+/// At the defaults, one point in a light's view of this file has no finite position on lavapipe. It must not be a light.
+#[test]
+fn points_without_a_position_are_no_lights() {
+    let Some(data) = crate::common::data() else { return };
+    let file = data
+        .canonicalize()
+        .expect("the folder of test data")
+        .join("scenes/features/multiuv/MultiUVTest/MultiUVTest.gltf");
+    let file = file.to_str().expect("a path in UTF-8");
+    works(&folder("cli-points"), &["render", file, "-o", "a.png", "--size", "96x54", "--aa", "off"]);
+}
+
 /// Renders real files: pictures without invalid values (the tool fails on one) and without validation messages.
 #[test]
 fn shared_scenes_render_clean() {
