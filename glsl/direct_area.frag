@@ -6,6 +6,7 @@
 #include "shared.glsl"
 #include "lib/area_light.glsl"
 #include "lib/brdf.glsl"
+#include "lib/disc.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
@@ -43,9 +44,6 @@ const int TAPS = 96;
 // A blocker must be nearer than this share of the surface's own depth.
 const float NEARER = 0.998;
 
-// Golden angle [rad]: spreads points evenly on a disc.
-const float GOLDEN = 2.39996323;
-
 // One face of a sample's shadow map, relative to the shaded point.
 struct Face {
     ivec2 corner; // texel
@@ -75,11 +73,6 @@ void look(Face face, vec2 tangents, out vec4 seen, out vec4 own, out vec2 f) {
     vec4 slope = face.normal.x * x + face.normal.y * y + face.normal.z;
     own = mix(vec4(2.0 * face.depth), vec4(face.offset) / slope, greaterThan(slope * face.offset, vec4(0.0)));
     own = min(own, vec4(2.0 * face.depth)) * NEARER;
-}
-
-vec2 disc_point(int i, int count, float turn) {
-    float angle = float(i) * GOLDEN + turn;
-    return sqrt((float(i) + 0.5) / float(count)) * vec2(cos(angle), sin(angle));
 }
 
 // Visibility of a sample from a point, with the sample as a disc of this radius. A blocker search finds the mean
@@ -115,7 +108,7 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
     float sum = 0.0;
     float count = 0.0;
     for (int i = 0; i < taps; ++i) {
-        look(face, face.at + region * disc_point(i, taps, turn), seen, own, f);
+        look(face, face.at + region * disc_point(uint(i), uint(taps), turn), seen, own, f);
         vec4 blocks = vec4(lessThan(seen, own));
         sum += dot(blocks, seen);
         count += dot(blocks, vec4(1.0));
@@ -133,7 +126,7 @@ float visibility(Light light, uint number, float radius, int taps, vec3 position
     int many = clamp(int(2.0 * penumbra * penumbra / (texel * texel)), 8, 2 * taps);
     float open = 0.0;
     for (int i = 0; i < many; ++i) {
-        look(face, face.at + penumbra * disc_point(i, many, turn), seen, own, f);
+        look(face, face.at + penumbra * disc_point(uint(i), uint(many), turn), seen, own, f);
         vec4 passes = vec4(greaterThanEqual(seen, own));
         open += mix(mix(passes.w, passes.z, f.x), mix(passes.x, passes.y, f.x), f.y);
     }

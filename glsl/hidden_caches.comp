@@ -1,15 +1,15 @@
 // Stage 3, end: takes the normals of caches that no light reaches and no eye sees: in narrow gaps, or inside another
 // body. Without a normal a cache has no weight anywhere. The bake leaves out caches in gaps between static things; bodies
 // that move cover different caches in each frame. One workgroup per cache, one ray per thread. METHOD 8.
+// Twin: src/reference/hidden.rs.
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit.glsl"
 #include "lib/depth_image.glsl"
+#include "lib/disc.glsl"
 
 layout(local_size_x = HIDDEN_RAYS) in;
 layout(push_constant, scalar) uniform Push { HiddenPush push; };
 layout(binding = 12, scalar) buffer Caches { Cache caches[]; };
-
-const float GOLDEN_ANGLE = 2.39996323;
 
 shared uint open_count;
 
@@ -27,10 +27,8 @@ void main() {
     vec3 tangent, bitangent;
     tangents(normal, tangent, bitangent);
     float lift = lift_at(position, 0.0);
-    // Distributed by the cosine.
-    float i = float(gl_LocalInvocationID.x);
-    float square = (i + 0.5) / float(HIDDEN_RAYS);
-    vec3 direction = sqrt(square) * (cos(i * GOLDEN_ANGLE) * tangent + sin(i * GOLDEN_ANGLE) * bitangent) + sqrt(1.0 - square) * normal;
+    vec2 p = disc_point(gl_LocalInvocationID.x, HIDDEN_RAYS, 0.0);
+    vec3 direction = p.x * tangent + p.y * bitangent + sqrt(1.0 - dot(p, p)) * normal; // distributed by the cosine
     Hit hit = trace(position + normal * lift, direction, lift, 3e38, push.root, 0u, false);
     bool is_open = hit.triangle == NO_HIT;
     if (!is_open) {

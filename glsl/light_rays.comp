@@ -6,6 +6,7 @@
 #include "lib/hit.glsl"
 #include "lib/brdf.glsl"
 #include "lib/depth_image.glsl"
+#include "lib/disc.glsl"
 #include "lib/form_factor.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
@@ -43,18 +44,9 @@ const uint LEAST = 4u;
 // Factor on the number of rays if a penumbra is too narrow to combine neighbours.
 const uint MORE = 2u;
 
-// Golden angle [rad]: spreads points evenly on a disc.
-const float GOLDEN = 2.39996323;
-
 vec3 place(vec2 ndc, float depth) {
     vec4 world = push.world_from_clip * vec4(ndc, depth, 1.0);
     return world.xyz / world.w;
-}
-
-// Vogel's point `i` of `count` on the unit disc.
-vec2 disc_point(uint i, uint count) {
-    float angle = float(i) * GOLDEN;
-    return sqrt((float(i) + 0.5) / float(count)) * vec2(cos(angle), sin(angle));
 }
 
 // Hammersley's point `i` of `count` on the unit square.
@@ -171,7 +163,7 @@ bool trace_from(ivec2 pixel, float width) {
         } else {
             // Squares of the lattice become rings on the disc.
             float ring = max(abs(lattice.x), abs(lattice.y));
-            vec2 on = is_first ? lattice * ring / max(length(lattice), 1e-30) : disc_point(number, points);
+            vec2 on = is_first ? lattice * ring / max(length(lattice), 1e-30) : disc_point(number, points, 0.0);
             way = is_parallel ? to : light.position - start;
             way += light.radius * (x_axis * on.x + y_axis * on.y);
             reach = is_parallel ? reach : 0.99999;

@@ -14,10 +14,7 @@ pub fn open_rays(world: &World<'_>, (position, normal): (DVec3, DVec3), rays: u3
         let (sine, cosine) = (f64::from(i) * golden).sin_cos();
         let direction = square.sqrt() * (cosine * right + sine * up) + (1.0 - square).sqrt() * normal;
         let hit = world.nearest(position + lift * normal, direction, Sides::Both);
-        hit.is_none_or(|hit| {
-            let two_sided = world.scene.materials[hit.material].double_sided;
-            (hit.front || two_sided) && hit.distance > gap
-        })
+        hit.is_none_or(|hit| hit.front && hit.distance > gap) // two-sided surfaces have fronts on both sides
     };
     (0..rays).map(|i| u32::from(is_open(i))).sum()
 }

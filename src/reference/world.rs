@@ -24,7 +24,7 @@ const BEHIND: f64 = 2e-4;
 
 /// A scene prepared for ray queries.
 pub struct World<'a> {
-    pub(super) scene: &'a Scene,
+    scene: &'a Scene,
     /// Centre of the scene's bounds \[m\]; internal positions are relative to it.
     centre: DVec3,
     /// Half the diagonal of the bounds \[m\]; 1 for a scene without extent.
