@@ -32,7 +32,7 @@ fn box_on_a_floor(sunk: f32) -> Scene {
     let body = cuboid(vec3(-0.5, 0.001 - sunk, -0.5), vec3(0.5, 1.0 - sunk, 0.5), 0.2, |_| true);
     add(&mut scene, body, phong([0.6; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
     scene.instances[BOX].moves = true;
-    scene.instances[0].sparse = Some(3.0); // as an added ground: fewer caches than short rays would need
+    scene.meshes[0].place_apart(3.0); // as an added ground: fewer caches than short rays would need
     scene.cameras.push(camera(dvec3(1.2, 1.4, 2.6), dvec3(0.0, 0.2, 0.0), 0.7));
     tessellate::divide(&mut scene, SPACING, None);
     scene

@@ -50,7 +50,7 @@ fn octahedra() -> Scene {
     let instance =
         |world_from_model| Instance { name: "octahedron".into(), mesh: 0, world_from_model, ..Instance::default() };
     Scene {
-        meshes: vec![Mesh { name: "octahedron".into(), vertices, indices, primitives, deform: None }],
+        meshes: vec![Mesh { name: "octahedron".into(), vertices, indices, primitives, ..Mesh::default() }],
         instances: vec![instance(DAffine3::IDENTITY), instance(stretch)],
         ..Scene::default()
     }

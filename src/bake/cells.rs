@@ -9,7 +9,7 @@ use super::surface::Surface;
 use super::voxel::clip;
 use super::{CacheSet, ModelCaches, NO_CACHE};
 use crate::error::{Error, Result};
-use crate::scene::Scene;
+use crate::scene::{Mesh, Scene};
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 
@@ -69,7 +69,9 @@ impl CacheSet {
         let reach = REACH * self.spacing;
         let models = super::models(scene).0;
         let found: Vec<(Cells, Vec<Vec<u16>>)> = (models.iter().zip(&self.models))
-            .map(|(model, caches)| cells(&model.surface, caches, self.spacing, model.name))
+            .map(|(model, caches)| {
+                cells(&scene.meshes[model.mesh], &model.surface, caches, self.spacing)
+            })
             .collect::<Result<_>>()?;
         let longest = found.iter().flat_map(|(_, rows)| rows).map(Vec::len).max().unwrap_or(0);
         let row = longest.next_multiple_of(ROW_STEP).max(ROW_STEP);
@@ -94,7 +96,7 @@ struct Piece {
 }
 
 /// The cells of a model, and separately their references.
-fn cells(surface: &Surface, caches: &ModelCaches, spacing: f64, name: &str) -> Result<(Cells, Vec<Vec<u16>>)> {
+fn cells(mesh: &Mesh, surface: &Surface, caches: &ModelCaches, spacing: f64) -> Result<(Cells, Vec<Vec<u16>>)> {
     let side = SIDE * spacing;
     let mut made = Cells {
         centre: surface.centre,
@@ -109,8 +111,9 @@ fn cells(surface: &Surface, caches: &ModelCaches, spacing: f64, name: &str) -> R
     }
     if ((surface.high - surface.low) / side).max_element() + 3.0 > AXIS_LIMIT {
         return Err(Error::TooLarge(format!(
-            "mesh '{name}': a spacing of {spacing:.3e} m is too small for cache lookup per pixel: ask for a larger \
-             spacing or --interp vertex"
+            "mesh '{}': a spacing of {spacing:.3e} m is too small for cache lookup per pixel: ask for a larger \
+             spacing or --interp vertex",
+            mesh.name
         )));
     }
     let mut pieces: Vec<Piece> = (surface.triangles.par_iter().enumerate())
@@ -120,7 +123,11 @@ fn cells(surface: &Surface, caches: &ModelCaches, spacing: f64, name: &str) -> R
     let in_cells: Vec<&[Piece]> = pieces.chunk_by(|a, b| a.cell == b.cell).collect();
     made.cells = in_cells.iter().map(|pieces| pieces[0].cell).collect();
 
-    let place = |cache: &super::Cache| surface.linear * (cache.position.as_dvec3() - surface.centre);
+    let place = |cache: &super::Cache| {
+        let [a, b, c] = mesh.triangle(cache.triangle as usize).map(|v| surface.positions[v]);
+        let [second, third] = cache.barycentric.map(f64::from);
+        a + (b - a) * second + (c - a) * third
+    };
     let positions: Vec<DVec3> = caches.caches.iter().map(place).collect();
     let facing = |cache: &super::Cache| surface.normal_matrix * cache.normal.as_dvec3();
     let normals: Vec<DVec3> = caches.caches.iter().map(facing).collect();

@@ -14,7 +14,7 @@ use std::path::Path;
 const MAGIC: [u8; 8] = *b"LSKCACHE";
 
 /// Version of the format and of the algorithm; incremented when either changes the result of a bake.
-const VERSION: u32 = 8;
+const VERSION: u32 = 9;
 
 /// Magic, version, key, length, hash.
 const HEADER: usize = 8 + 4 + 32 + 8 + 32;
@@ -117,6 +117,10 @@ fn key(scene: &Scene, settings: &BakeSettings) -> [u8; 32] {
         }
         if mesh.deform.is_some() {
             hasher.update(b"bends");
+        }
+        if let Some(placing) = &mesh.placing {
+            hasher.update(b"placing");
+            hasher.update(bytemuck::cast_slice(placing));
         }
         hasher.update(&(mesh.indices.len() as u64).to_le_bytes());
         for indices in mesh.indices.chunks(4096) {

@@ -27,6 +27,7 @@ pub use cells::{CellSet, Cells};
 pub use file::{bake_cached, bake_kept_in};
 
 use crate::error::Result;
+use area::Share;
 use crate::scene::{Mesh, Scene};
 use closed::Surroundings;
 use glam::{DMat3, DVec3, Vec3};
@@ -202,7 +203,9 @@ fn finish(
         .map(|(cache, seed)| (surface.normal_matrix * cache.normal.as_dvec3()).normalize_or(seed.normal))
         .collect();
     let model_from_bake = inverse(surface.linear);
-    for (cache, share) in caches.iter_mut().zip(area::shares(surface, &voxels, &seeds, &normals, spacing)) {
+    let shares = area::shares(surface, &voxels, &seeds, &normals, spacing);
+    for ((cache, share), seed) in caches.iter_mut().zip(shares).zip(&seeds) {
+        let share = if mesh.placing.is_some() { on_own_shape(share, surface, mesh, seed) } else { share };
         cache.area = share.area as f32;
         cache.middle = cache.position + (model_from_bake * share.middle).as_vec3();
         cache.axis = (model_from_bake * share.axis).as_vec3();
@@ -215,6 +218,27 @@ fn finish(
     let positions: Vec<DVec3> = seeds[..count].iter().map(|s| s.position).collect();
     let references = assign::assign(surface, &caches, &positions, references, spacing);
     ModelCaches { mesh: model.mesh, linear: surface.linear, caches, references, coverage }
+}
+
+/// A share of the surface at placing positions as one of the surface itself, by the map of the cache's triangle.
+fn on_own_shape(share: Share, surface: &Surface, mesh: &Mesh, seed: &Seed) -> Share {
+    let triangle = &surface.triangles[seed.triangle as usize];
+    let own = triangle.vertices.map(|v| surface.linear * mesh.vertices[v as usize].position.as_dvec3());
+    let frame = |[a, b, c]: [DVec3; 3]| {
+        let cross = (b - a).cross(c - a);
+        let area = cross.length();
+        (DMat3::from_cols(b - a, c - a, cross / area * area.sqrt()), area)
+    };
+    let ((to, own_area), (from, area)) = (frame(own), frame(surface.corners(triangle)));
+    let map = to * from.inverse();
+    let axis = map * share.axis;
+    let shrunk = share.axis.length() / axis.length().max(f64::MIN_POSITIVE);
+    Share {
+        area: share.area * own_area / area,
+        middle: map * share.middle,
+        axis,
+        breadth: share.breadth * shrunk * own_area / area,
+    }
 }
 
 /// The inverse of a transform; the regularised pseudo-inverse of a flattening one.

@@ -1,7 +1,8 @@
-//! A mesh in bake space: in world metres, oriented as in the world, relative to the mesh's own centre. METHOD 8.
+//! A mesh in bake space: in world metres, oriented as in the world, relative to the mesh's own centre. Vertices lie at
+//! their placing positions ([`Mesh::placing`]). METHOD 8.
 
 use super::seeds;
-use crate::scene::{Mesh, Vertex};
+use crate::scene::Mesh;
 use glam::{DMat3, DVec3};
 use std::collections::HashMap;
 
@@ -64,7 +65,8 @@ impl Surface {
             columns[0].cross(columns[1]) * mirror,
         );
         // The centre is subtracted first: differences of f32 positions are exact enough in f64 wherever the mesh lies.
-        let positions: Vec<_> = mesh.vertices.iter().map(|v| linear * (v.position.as_dvec3() - centre)).collect();
+        let place = |v: usize| linear * (mesh.placing_at(v).as_dvec3() - centre);
+        let positions: Vec<_> = (0..mesh.vertices.len()).map(place).collect();
         let mut normals: Vec<_> =
             mesh.vertices.iter().map(|v| (normal_matrix * v.normal.as_dvec3()).normalize_or_zero()).collect();
 
@@ -130,9 +132,12 @@ fn welded(mesh: &Mesh) -> Vec<u32> {
     let [low, high] = bounds(mesh);
     let step = (1e-5 * (high - low).max_element()).max(f64::MIN_POSITIVE);
     // The offset avoids round coordinates, which are common.
-    let place = |v: &Vertex| ((v.position.as_dvec3() - low) / step + 0.317).to_array().map(|x| x.floor() as i64);
+    let place = |v: u32| {
+        let position = mesh.placing_at(v as usize).as_dvec3();
+        ((position - low) / step + 0.317).to_array().map(|x| x.floor() as i64)
+    };
     let mut first = HashMap::with_capacity(mesh.vertices.len());
-    (mesh.vertices.iter().zip(0..)).map(|(vertex, index)| *first.entry(place(vertex)).or_insert(index)).collect()
+    (0..mesh.vertices.len() as u32).map(|vertex| *first.entry(place(vertex)).or_insert(vertex)).collect()
 }
 
 /// Middle of the vertices that triangles use, in model space.
@@ -145,7 +150,7 @@ fn centre(mesh: &Mesh) -> DVec3 {
 fn bounds(mesh: &Mesh) -> [DVec3; 2] {
     let (mut low, mut high) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
     for &index in &mesh.indices {
-        let position = mesh.vertices[index as usize].position.as_dvec3();
+        let position = mesh.placing_at(index as usize).as_dvec3();
         if position.is_finite() {
             low = low.min(position);
             high = high.max(position);

@@ -25,7 +25,7 @@ pub fn add(scene: &mut Scene, surface: Surface, material: Material, world_from_m
         world_from_model,
         ..Instance::default()
     });
-    scene.meshes.push(Mesh { name, vertices: surface.vertices, indices: surface.indices, primitives, deform: None });
+    scene.meshes.push(Mesh { name, vertices: surface.vertices, indices: surface.indices, primitives, ..Mesh::default() });
 }
 
 /// A light of one kind for the worlds below.

@@ -66,6 +66,9 @@ pub struct Mesh {
     pub primitives: Vec<Primitive>,
     /// Skins and morph targets of a deforming mesh; `vertices` are then the rest pose.
     pub deform: Option<deform::Deform>,
+    /// For each vertex, its position while caches are placed; `None`: its own. Where these positions are closer together
+    /// than the vertices, caches are farther apart. Only for rigid meshes.
+    pub placing: Option<Vec<Vec3>>,
 }
 
 /// One vertex as the vertex shaders read it; model space.
@@ -119,8 +122,6 @@ pub struct Instance {
     /// Announces that edits will move, hide or show this instance, so that ray structures are prepared for that from
     /// the start. Not needed for animated instances.
     pub moves: bool,
-    /// Factor by which caches on this instance may be farther apart than on others; `None`: 1.
-    pub sparse: Option<f64>,
 }
 
 /// Metallic-roughness material of glTF, with the extensions the method can use.
@@ -360,16 +361,11 @@ pub enum Projection {
 
 impl Instance {
     /// Linear part of `world_from_model`, used to measure surfaces and place caches. Identity for an instance without
-    /// volume, which an animation may give a volume later. For a sparse instance it is divided by `sparse`, so that
-    /// caches are placed farther apart.
+    /// volume, which an animation may give a volume later.
     pub fn stretch(&self) -> DMat3 {
         let linear = self.world_from_model.matrix3;
         let is_flat = linear.is_finite() && !linear.inverse().is_finite();
-        match self.sparse {
-            _ if is_flat => DMat3::IDENTITY,
-            Some(sparse) => linear * (1.0 / sparse),
-            None => linear,
-        }
+        if is_flat { DMat3::IDENTITY } else { linear }
     }
 }
 
@@ -386,6 +382,16 @@ impl Light {
 }
 
 impl Mesh {
+    /// Position of a vertex while caches are placed.
+    pub fn placing_at(&self, vertex: usize) -> Vec3 {
+        self.placing.as_ref().map_or(self.vertices[vertex].position, |placing| placing[vertex])
+    }
+
+    /// Lets caches be farther apart by a factor.
+    pub fn place_apart(&mut self, factor: f32) {
+        self.placing = Some(self.vertices.iter().map(|v| v.position / factor).collect());
+    }
+
     /// Vertex indices of a triangle's corners.
     pub fn triangle(&self, triangle: usize) -> [usize; 3] {
         [0, 1, 2].map(|corner| self.indices[3 * triangle + corner] as usize)

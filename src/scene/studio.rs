@@ -31,8 +31,11 @@ const GROUND_RADIUS: f64 = 2.5;
 /// Points of the ground's mesh along each side of its grid.
 const GROUND_POINTS: usize = 25;
 
+/// Radius of the ground's middle, where caches are densest, as a share of its radius.
+const GROUND_MIDDLE: f32 = 0.3;
+
 /// Largest share of cache area that the ground may take, relative to the area of the other surfaces.
-const GROUND_SHARE: f64 = 0.2;
+const GROUND_SHARE: f64 = 0.3;
 
 /// Columns and rows of the grids made here.
 const GRID: [u32; 2] = [128, 64];
@@ -211,8 +214,15 @@ fn on_disc(x: f32, z: f32) -> Vec3 {
     radius * Vec3::new(cosine, 0.0, sine)
 }
 
-/// Adds a ground under a scene with the given centre, radius and height \[m\]: a disc that faces up. Its caches may be
-/// farther apart than others, so that it takes few of them.
+/// Radius at which caches are placed for a radius of the ground, both as shares of the ground's. Outside the middle
+/// their distance grows as the radius^1.5.
+fn placing_radius(radius: f32) -> f32 {
+    let middle = GROUND_MIDDLE;
+    if radius <= middle { radius } else { middle * (3.0 - 2.0 * (middle / radius).sqrt()) }
+}
+
+/// Adds a ground under a scene with the given centre, radius and height \[m\]: a disc that faces up. Its caches are
+/// dense near the scene, where it casts shadows, and may be farther apart than others, so that it takes few of them.
 pub(super) fn put_ground(scene: &mut Scene, middle: DVec3, radius: f64, height: f64) {
     let area = super::tessellate::area(scene);
     let reach = GROUND_RADIUS * radius;
@@ -229,9 +239,12 @@ pub(super) fn put_ground(scene: &mut Scene, middle: DVec3, radius: f64, height: 
         mesh,
         DAffine3::from_scale_rotation_translation(DVec3::splat(reach), Default::default(), at),
     );
-    let sparse = (PI * reach * reach / (GROUND_SHARE * area)).sqrt();
-    if let Some(ground) = scene.instances.last_mut().filter(|_| sparse.is_finite() && sparse > 1.0) {
-        ground.sparse = Some(sparse);
+    if area > 0.0 && PI * reach * reach > GROUND_SHARE * area {
+        let full = f64::from(placing_radius(1.0)) * reach;
+        let scale = (GROUND_SHARE * area / PI).sqrt() / full;
+        let placed = |at: Vec3| at * (placing_radius(at.length()) / at.length().max(1e-6)) * scale.min(1.0) as f32;
+        let mesh = &mut scene.meshes[mesh];
+        mesh.placing = Some(mesh.vertices.iter().map(|v| placed(v.position)).collect());
     }
     if let Some((low, high)) = &mut scene.extent {
         *low = low.min(at - DVec3::new(reach, 0.0, reach));

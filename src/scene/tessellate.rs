@@ -15,10 +15,10 @@ const ROUNDS: usize = 10;
 /// Approximate limit on the triangles over all instances after subdivision.
 const MOST_TRIANGLES: usize = 2_000_000;
 
-/// Surface area [m^2 in world space] over all instances.
+/// Surface area [m^2 in world space] over all instances, as it is while caches are placed.
 pub fn area(scene: &Scene) -> f64 {
     let triangle = |mesh: &Mesh, linear: DMat3, t: usize| {
-        let [a, b, c] = mesh.triangle(t).map(|i| mesh.vertices[i].position.as_dvec3());
+        let [a, b, c] = mesh.triangle(t).map(|i| mesh.placing_at(i).as_dvec3());
         0.5 * (linear * (b - a)).cross(linear * (c - a)).length()
     };
     let instance = |i: &super::Instance| {
@@ -168,11 +168,11 @@ fn halve_all(scene: &mut Scene, longest: f64, most: usize, all_or_nothing: bool)
 /// The mesh with every edge whose squared length exceeds `longest2` halved; `None` if there is none.
 fn halve(mesh: &Mesh, metrics: &[DMat3], longest2: f64) -> Option<Mesh> {
     let is_long = |a: u32, b: u32| {
-        let d = (mesh.vertices[a as usize].position - mesh.vertices[b as usize].position).as_dvec3();
+        let d = (mesh.placing_at(a as usize) - mesh.placing_at(b as usize)).as_dvec3();
         metrics.iter().any(|m| d.dot(*m * d) > longest2)
     };
     let mut vertices = mesh.vertices.clone();
-    let mut deform = mesh.deform.clone();
+    let (mut deform, mut placing) = (mesh.deform.clone(), mesh.placing.clone());
     let carried = deform.as_ref().map(Carried::new);
     let mut middles: HashMap<(u32, u32), u32> = HashMap::new();
     let mut middle = |a: u32, b: u32, triangle: &[u32]| {
@@ -180,6 +180,9 @@ fn halve(mesh: &Mesh, metrics: &[DMat3], longest2: f64) -> Option<Mesh> {
             *middles.entry((a.min(b), a.max(b))).or_insert_with(|| {
                 let new = vertices.len() as u32;
                 vertices.push(between(&mesh.vertices[a as usize], &mesh.vertices[b as usize]));
+                if let Some(placing) = &mut placing {
+                    placing.push((placing[a as usize] + placing[b as usize]) * 0.5);
+                }
                 if let (Some(deform), Some(carried)) = (&mut deform, &carried) {
                     deform.followers.push(carried.middle(new, [a, b], triangle));
                 }
@@ -208,7 +211,7 @@ fn halve(mesh: &Mesh, metrics: &[DMat3], longest2: f64) -> Option<Mesh> {
         let (first_index, index_count) = (first as u32, (indices.len() - first) as u32);
         primitives.push(Primitive { first_index, index_count, ..*primitive });
     }
-    (!middles.is_empty()).then(|| Mesh { name: mesh.name.clone(), vertices, indices, primitives, deform })
+    (!middles.is_empty()).then(|| Mesh { name: mesh.name.clone(), vertices, indices, primitives, deform, placing })
 }
 
 /// The vertex halfway between two others.

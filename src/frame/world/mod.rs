@@ -162,6 +162,14 @@ impl World {
             vertices.extend_from_slice(&mesh.vertices);
             indices.extend_from_slice(&mesh.indices);
         }
+        // The vertices as they were when caches were placed.
+        let mut first_rest = Vec::new();
+        for (mesh, (first, _)) in scene.meshes.iter().zip(&mesh_base) {
+            first_rest.push(if mesh.placing.is_some() { vertices.len() as u32 } else { *first as u32 });
+            if let Some(placing) = &mesh.placing {
+                vertices.extend(mesh.vertices.iter().zip(placing).map(|(v, at)| Vertex { position: *at, ..*v }));
+            }
+        }
         // Deformed instances have their own vertices, which start as those at rest.
         let mut first_posed = Vec::new();
         for instance in &scene.instances {
@@ -215,7 +223,7 @@ impl World {
                 reference_base: NO_REFERENCES,
                 cache_base,
                 grid: 0,
-                first_rest: mesh_base[instance.mesh].0 as u32,
+                first_rest: first_rest[instance.mesh],
             });
             let model = caches.map(|c| (c.instance_model[i], &c.models[c.instance_model[i]]));
             if let (Some((m, of_model)), Some(own)) = (model, instance_caches.last_mut()) {
@@ -244,7 +252,7 @@ impl World {
                     material: primitive.material as u32,
                     kind: kind_of[primitive.material],
                     vertex_offset: first_vertex * size_of::<Vertex>() as u64,
-                    first_rest: mesh_base[instance.mesh].0 as u32,
+                    first_rest: first_rest[instance.mesh],
                     index_offset: mesh_base[instance.mesh].1 * 4,
                     first_index: primitive.first_index,
                     index_count: primitive.index_count,

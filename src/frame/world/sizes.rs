@@ -19,7 +19,8 @@ pub(super) fn check(scene: &Scene) -> Result<()> {
         )));
     }
     let posed = scene.instances.iter().map(|i| &scene.meshes[i.mesh]).filter(|mesh| mesh.deform.is_some());
-    let all: usize = scene.meshes.iter().chain(posed).map(|mesh| mesh.vertices.len()).sum();
+    let placing = scene.meshes.iter().filter(|mesh| mesh.placing.is_some());
+    let all: usize = scene.meshes.iter().chain(posed).chain(placing).map(|mesh| mesh.vertices.len()).sum();
     if all > MOST_VERTICES {
         return Err(Error::TooLarge(format!(
             "{all} vertices of all meshes and deformed instances exceed the limit of {MOST_VERTICES}; simplify \

@@ -7,7 +7,7 @@ use super::super::masonry::ring_lines;
 use super::super::{Surface, add_mesh, lathe, patch, place, quad, ring, sheet, spans, sphere, turned};
 use super::Palette;
 use super::solids::{arc, block, block_without, boxed, half_ring, moulding, wrapped};
-use crate::scene::{Instance, Scene};
+use crate::scene::Scene;
 use glam::{Affine3A, DVec3, Vec2, Vec3};
 use std::f32::consts::{PI, TAU};
 
@@ -428,19 +428,13 @@ fn roofs(scene: &mut Scene, palette: &Palette) {
         }
         let mesh = add_mesh(scene, "roof", vec![(tiles.and(pans), palette.clay), (boards, palette.wood)]);
         let to = |z: f32| turned(quarter, DVec3::ZERO).transform_point3(DVec3::new(0.0, 0.0, f64::from(z)));
+        scene.meshes[mesh].place_apart(3.0);
         place(scene, "roof", mesh, turned(quarter, to(-far)));
-        scene.instances.last_mut().expect("placed above").sparse = Some(3.0);
         let top = roof_at(eave - deep);
         let shell = quad(Vec3::new(long, -0.1, 0.0), Vec3::NEG_X * 2.0 * long, Vec3::Y * (top + 0.1), 2.0);
         let shell = add_mesh(scene, "outside", vec![(boxed(shell), palette.clay)]);
-        let instance = Instance {
-            name: "outside".into(),
-            mesh: shell,
-            world_from_model: turned(quarter, to(-far - DEPTH - 0.3)),
-            sparse: Some(4.0),
-            ..Instance::default()
-        };
-        scene.instances.push(instance);
+        scene.meshes[shell].place_apart(4.0);
+        place(scene, "outside", shell, turned(quarter, to(-far - DEPTH - 0.3)));
     }
 }
 

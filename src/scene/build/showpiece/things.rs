@@ -273,6 +273,7 @@ fn cloths(scene: &mut Scene, palette: &Palette) {
         boxed(lathe(&bar, 14).moved(Affine3A::from_rotation_z(0.5 * PI)))
     };
     let rod = add_mesh(scene, "rod", vec![(rod(1.12), palette.brass)]);
+    scene.meshes[rod].place_apart(4.0);
     let wide = cloth([1.95, 2.62], 8.5, 0.075);
     let narrow = cloth([0.72, 2.62], 5.5, 0.085);
     let banner = cloth([1.35, 2.35], 3.5, 0.045);
@@ -290,7 +291,6 @@ fn cloths(scene: &mut Scene, palette: &Palette) {
         if shift >= 0.0 {
             let at = turned(quarter, DVec3::ZERO).transform_point3(DVec3::new(along, height + 0.01, -far + out));
             place(scene, "rod", rod, turned(quarter, at));
-            scene.instances.last_mut().expect("placed above").sparse = Some(4.0);
         }
     };
     // The sunlit side, on the left of the view.
