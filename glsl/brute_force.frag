@@ -46,7 +46,7 @@ void main() {
     for (uint i = 0u; i < end; ++i) {
         Val v = vals[i];
         vec3 d = v.position - position;
-        float g = disc_geometry_towards(d, v.normal, n, v.area);
+        float g = val_geometry_towards(d, v.normal, n, v.area);
         irradiance += v.flux * g;
 #ifndef DIFFUSE_ONLY
         glossy += v.flux * (g * cosine_power(dot(r, d) * inversesqrt(max(dot(d, d), 1e-30)), fitted.exponent));

@@ -55,7 +55,7 @@ void add(Val val, vec3 flux) {
 #ifdef SHADOWED
     share *= sees(seen_by, d);
 #endif
-    vec3 e = flux * (share * cosine / max(val.area + PI * d2, 1e-37));
+    vec3 e = flux * (share * cosine / max(max(val.area, PI * d2), 1e-37));
     uint at = direction_index(d * inverse) * 3u * THREADS + gl_LocalInvocationID.x;
     sums[at] += e.x;
     sums[at + THREADS] += e.y;

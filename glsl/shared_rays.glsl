@@ -153,6 +153,15 @@ struct TracePush {
     uint sky_light_count;
 };
 
+// Push constants of the pass that traces an area light's VALs.
+struct AreaValsPush {
+    uint light;
+    uint first; // first VAL of the light
+    uint count;
+    uint root; // of the hierarchy
+    float close; // a surface nearer to the light than this [m] is as good as covered by it
+};
+
 // Rays per cache that find out whether it is hidden.
 const uint HIDDEN_RAYS = 32u;
 

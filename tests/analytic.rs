@@ -4,7 +4,7 @@ use std::f64::consts::{PI, TAU};
 
 use glam::{DVec3, Vec3, dvec3};
 use lightskin::reference::brute_force;
-use lightskin::reference::form_factor::{disc_form_factor, disc_form_factor_integral, disc_irradiance};
+use lightskin::reference::form_factor::{disc_form_factor, disc_form_factor_integral, val_irradiance};
 use lightskin::reference::light::{direct_irradiance, intensity, range_window, spot_falloff};
 use lightskin::reference::monte_carlo::one_bounce_irradiance;
 use lightskin::reference::phong::{phong_lobe, reflect};
@@ -92,12 +92,41 @@ fn form_factor_is_at_most_one_however_near() {
     assert_eq!(disc_form_factor(2.0, 1.0, -0.1, 1.0), 0.0);
 }
 
+/// In the mean over its place, a point above an evenly lit surface gets the surface's own brightness from its VALs, as
+/// long as it is farther away than a tile's radius; with eq. 5.20 it would get 70 % there.
+#[test]
+fn tiles_of_a_surface_give_all_its_light() {
+    const SIDE: i32 = 60;
+    let radius = (1.0 / PI).sqrt(); // of a tile with a side of 1 m
+    let at = |height: f64| {
+        let (mut sum, mut places) = (0.0, 0.0);
+        for place in 0..64 {
+            let place = [place % 8, place / 8].map(|i| (f64::from(i) + 0.5) / 8.0);
+            for tile in 0..SIDE * SIDE {
+                let [x, z] = [tile % SIDE, tile / SIDE].map(|i| f64::from(i - SIDE / 2));
+                let d2 = (x + place[0]).powi(2) + (z + place[1]).powi(2) + height * height;
+                let cosine = height / d2.sqrt();
+                sum += val_irradiance(1.0, 1.0, cosine, cosine, d2);
+            }
+            places += 1.0;
+        }
+        sum / places
+    };
+    // The square that the tiles cover gives almost all the light of a plane.
+    let seen = |height: f64| 1.0 - (height / f64::from(SIDE / 2)).powi(2);
+    for height in [radius, 1.5 * radius, 2.0, 4.0] {
+        println!("height {height:.2} m: {:.4}", at(height) / seen(height));
+        assert_near(at(height), seen(height), 0.01);
+    }
+    assert!(at(0.25 * radius) < 0.5, "light from within a tile's radius is left to short rays");
+}
+
 #[test]
 fn irradiance_of_a_small_val_falls_with_the_square_of_the_distance() {
     for distance in [1.0, 2.0, 8.0] {
         // Eq. 5.1: a diffuse emitter of flux phi sends phi/pi candela along its normal.
         let expected = 7.0 / PI / (distance * distance);
-        assert_near(disc_irradiance(7.0, 1e-8, 1.0, 1.0, distance * distance), expected, 1e-8);
+        assert_near(val_irradiance(7.0, 1e-8, 1.0, 1.0, distance * distance), expected, 1e-8);
     }
 }
 

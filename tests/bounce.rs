@@ -87,7 +87,7 @@ fn form_factors_of_a_closed_box_are_nearly_one() {
             "{} caches of {area:.3} m^2: form factors have the mean {mean:.4} and range from {least:.3} to {most:.3}",
             all.len()
         );
-        assert!((area - 24.0).abs() < 0.01 && (0.96..1.01).contains(&mean) && least > 0.6 && most < 1.1);
+        assert!((area - 24.0).abs() < 0.01 && (0.98..1.06).contains(&mean) && least > 0.6 && most < 1.3);
     }
 }
 

@@ -25,7 +25,7 @@ fn on_device(scene: &Scene, settings: &Knobs) -> (Vec<ClusterNode>, Vec<Val>, Ve
     let caches = baked(scene, 1.0, 8);
     let world = World::new(&gpu, scene, Some(&caches)).expect("world");
     let plan = world.plan(&settings.settings());
-    let stage = Rsm::new(&gpu, &world, settings.rsm, settings.proxy_weight, false, &plan).expect("stage 4");
+    let stage = Rsm::new(&gpu, &world, settings.rsm, settings.proxy_weight, [false, true], &plan).expect("stage 4");
     let pyramid = OnDevice::new(&gpu, &world, settings.rsm).expect("a pyramid");
     let drawn = gpu.frame(|cmd| {
         stage.record(cmd, &world, |_| true, false, None);

@@ -77,7 +77,7 @@ fn one_val_alone_is_reproduced_exactly() {
             if sent.min(cosine).abs() > 1e-5 {
                 assert_eq!(proxies.diffuse.lit, sent > 0.0 && cosine > 0.0, "a cache at {}", cache.position);
             }
-            let emitted = sent.max(0.0) / (val.area + 0.5 * TAU * d.length_squared());
+            let emitted = sent.max(0.0) / val.area.max(0.5 * TAU * d.length_squared());
             // Below 1e-30 the lobe is too small to divide by, and it reflects no light, either.
             let lobe = cos_power(k.into(), proxies.mirrored_view.dot(d.normalize()));
             let glossy = proxies.glossy.lit && lobe > 1e-29;

@@ -31,7 +31,7 @@ fn quad(map: [u8; 3], tangents: bool, scale: DVec3, edge: f32) -> Scene {
             vertices: vec![corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)],
             indices: vec![0, 1, 2, 0, 2, 3],
             primitives: vec![Primitive { first_index: 0, index_count: 6, material: 0 }],
-            deform: None,
+            ..Mesh::default()
         }],
         materials: vec![Material { normal_texture: Some(texture), ..Material::default() }],
         images: vec![Image { name: "map".into(), width: 1, height: 1, rgba: vec![map[0], map[1], map[2], 255] }],
@@ -198,7 +198,7 @@ fn hammered(height: f32) -> Scene {
         primitives: vec![Primitive { first_index: 0, index_count: ball.indices.len() as u32, material: 1 }],
         vertices: ball.vertices,
         indices: ball.indices,
-        deform: None,
+        ..Mesh::default()
     });
     for x in [-0.6, 0.6] {
         let place =

@@ -18,7 +18,7 @@ use super::settings::{self, Near, Shadows, Ways};
 pub use super::sums::ComputeKind;
 use super::sums::{SumBinds, SumKind, sum_pipeline};
 use super::vals::Vals;
-use super::world::World;
+use super::world::{LightInfo, World};
 use crate::error::Result;
 use crate::gpu::{Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{GATHER_THREADS, GatherPush, GlossySums};
@@ -54,8 +54,10 @@ impl Gather {
         let caches = world.cache_count;
         Ok(match way.gather {
             settings::Gather::Compute { ways, shadows, .. } => {
-                // Neighbouring VALs of a coarse RSM, or of the list of emissive patches, lie in different directions.
-                let fine = !plan.emitters && world.lights().iter().all(|light| light.rsm_size(rsm) >= FINE_RSM);
+                // Neighbouring VALs of a coarse RSM, of an area light, or of the list of emissive patches, lie in different
+                // directions.
+                let close = |light: &LightInfo| !light.is_area && light.rsm_size(rsm) >= FINE_RSM;
+                let fine = !plan.emitters && world.lights().iter().all(close);
                 let together = if fine { SHADOWED_TOGETHER } else { 1 };
                 let (glossy, bounces, weight) = (plan.lobes, plan.bounces, way.proxy_weight);
                 let emitted = if plan.emitters { world.emitters.len() as u32 } else { 0 };

@@ -9,7 +9,7 @@ use super::pose::Poses;
 use super::refit::Refit;
 use super::revision::Made;
 use super::rsm::Rsm;
-use super::settings::{self, Near, Settings};
+use super::settings::{self, Settings};
 use super::vals::Vals;
 use super::world::World;
 use crate::error::Result;
@@ -98,20 +98,21 @@ impl Light {
         let plan = world.plan(settings);
         let (weight, side) = (settings.proxy_weight(), settings.rsm.max(1));
         let eyes = u32::try_from(eyes.max(1)).unwrap_or(u32::MAX);
-        let lights_all = match settings.indirect {
-            settings::Indirect::Caches(caches) => {
-                plan.lightskin && !plan.cull && matches!(caches.gather, settings::Gather::Compute { .. })
-            }
-            _ => false,
+        let gather = match settings.indirect {
+            settings::Indirect::Caches(caches) => Some(caches.gather),
+            _ => None,
         };
-        let rsm = plan.indirect().then(|| Rsm::new(gpu, world, side, weight, lights_all, &plan)).transpose()?;
-        let vals = rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
+        let lights_all = plan.lightskin && !plan.cull && matches!(gather, Some(settings::Gather::Compute { .. }));
+        let grids = matches!(gather, Some(settings::Gather::Clusters { .. }));
         if plan.bounces > 0 {
             world.make_albedos(gpu, scene)?;
         }
-        if plan.near != Near::Off || plan.sky_light || plan.light_rays {
+        if plan.rays() {
             world.make_rays(gpu, scene)?;
         }
+        let new = || Rsm::new(gpu, world, side, weight, [lights_all, grids], &plan);
+        let rsm = plan.indirect().then(new).transpose()?;
+        let vals = rsm.as_ref().map_or(0, |rsm| rsm.vals.count);
         Ok(Self {
             rsm,
             direct: plan

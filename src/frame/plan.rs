@@ -208,6 +208,11 @@ impl Plan {
         self.lightskin || self.brute_force
     }
 
+    /// Whether any stage traces rays.
+    pub(super) fn rays(&self) -> bool {
+        self.near != Near::Off || self.sky_light || self.light_rays
+    }
+
     /// Whether pixels store which triangle they show.
     pub(super) fn elements(&self) -> bool {
         self.lightskin || self.inside

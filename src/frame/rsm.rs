@@ -1,5 +1,5 @@
 //! Stage 4, extended RSM: draws the scene as each light sees it and turns texels into VALs. METHOD 2, thesis 5.2. Area
-//! lights draw it from several points.
+//! lights trace a ray per VAL, or draw from several points where rays cannot be traced.
 
 use super::inside::Inside;
 use super::live::Live;
@@ -12,7 +12,10 @@ use crate::error::{Error, Result};
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
-use crate::shared::{Val, ValPush};
+use crate::shared::{AreaValsPush, Val, ValPush};
+
+/// How far behind a surface depth images still show what it hides, in radii of the scene: `MARGIN` of trace_images.comp.
+const MARGIN: f64 = 0.01;
 
 /// Draws an RSM per view of each light, one at a time, and turns its texels into VALs.
 pub struct Rsm {
@@ -30,6 +33,8 @@ pub struct Rsm {
     pub inside: Option<Inside>,
     draw: ByKind,
     to_vals: Pipeline,
+    /// Traces the VALs of area lights.
+    trace: Option<Pipeline>,
     pack: PackVals,
     weight: ProxyWeight,
     /// Whether lights have VALs. Otherwise only emissive surfaces have them.
@@ -38,7 +43,8 @@ pub struct Rsm {
 
 impl Rsm {
     /// Creates pipelines and images with `side` texels a side. Lights have VALs if the plan says that they reflect. If
-    /// the gather `lights_all` caches, its dispatch size depends only on the number of VALs.
+    /// the gather `lights_all` caches, its dispatch size depends only on the number of VALs. With `grids` the VALs of
+    /// every light lie in square images, as clusters need.
     ///
     /// # Errors
     /// Fails if there are more VALs than can be numbered.
@@ -47,7 +53,7 @@ impl Rsm {
         world: &World,
         side: u32,
         weight: ProxyWeight,
-        lights_all: bool,
+        [lights_all, grids]: [bool; 2],
         plan: &Plan,
     ) -> Result<Self> {
         let reflects = plan.reflects;
@@ -62,6 +68,13 @@ impl Rsm {
         let given = if count == 0 { &dark[..] } else { &world.emitters };
         let count = count.max(1);
         let inside = plan.inside.then(|| Inside::new(gpu, n, count)).transpose()?;
+        let by_irradiance = u32::from(weight == ProxyWeight::Irradiance);
+        let has_areas = lights.iter().any(|light| light.is_area);
+        let rays = world.rays().filter(|_| plan.rays() && has_areas && !grids && inside.is_none());
+        let trace = rays.map(|rays| {
+            let [stack, levels, texels, holes] = rays.constants(gpu);
+            gpu.compute("area_vals.comp", &[stack, levels, texels, holes, by_irradiance])
+        });
         let float = Format::R32G32B32A32_SFLOAT;
         Ok(Self {
             position: gpu.target("rsm.position", float, n, n)?,
@@ -84,8 +97,9 @@ impl Rsm {
             })?,
             to_vals: gpu.compute(
                 if plan.inside { "vals_inside.comp" } else { "vals.comp" },
-                &[u32::from(weight == ProxyWeight::Irradiance)],
+                &[by_irradiance],
             )?,
+            trace: trace.transpose()?,
             pack: PackVals::new(gpu, lights_all)?,
             inside,
             weight,
@@ -107,11 +121,24 @@ impl Rsm {
             self.vals.update(cmd, &world.emitters, self.weight);
             cmd.barrier(Use::CopyWrite, Use::ComputeRead | Use::ComputeWrite);
         }
-        let (mut first, mut drawn) = (0, false);
+        let (mut first, mut drawn, mut traced) = (0, false, false);
         for (i, light) in world.lights().iter().enumerate().filter(|_| self.reflects) {
             let size = light.rsm_size(self.depth.width);
+            let count = light.views * size * size;
             if !due(i) {
-                first += light.views * size * size;
+                first += count;
+                continue;
+            }
+            if let (true, Some(trace), Some(rays)) = (light.is_area, &self.trace, world.rays()) {
+                cmd.barrier(Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite); // ray hierarchies -> here
+                let close = (MARGIN * world.radius) as f32;
+                let mut resources = rays.binds(world).to_vec();
+                resources.extend([&world.light_buffer, &self.vals.all, &self.vals.flags].map(Bind::from));
+                cmd.bind(trace, &resources);
+                cmd.push(&AreaValsPush { light: i as u32, first, count, root: rays.root, close });
+                cmd.dispatch(count, 1, 1);
+                first += count;
+                traced = true;
                 continue;
             }
             for view in light.first_view..light.first_view + light.views {
@@ -158,7 +185,7 @@ impl Rsm {
                 drawn = true;
             }
         }
-        if drawn {
+        if drawn || traced {
             cmd.barrier(Use::ComputeWrite, Use::ComputeRead); // VALs, flags -> their list
         }
         self.pack.record(cmd, &self.vals, caches);

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::form_factor::disc_geometry;
+use super::form_factor;
 use super::phong::{cos_power, mirrored_view};
 use super::rsm::Val;
 
@@ -81,13 +81,13 @@ pub fn luminance(color: DVec3) -> f64 {
     color.dot(DVec3::new(0.2126, 0.7152, 0.0722))
 }
 
-/// `G = cos+_l cos+_x / (A + pi d^2)` [1/m^2] of a VAL at a point with unit normal, and the unit direction to the VAL.
+/// `G = cos+_l cos+_x / max(A, pi d^2)` [1/m^2] of a VAL at a point with unit normal, and the unit direction to the VAL.
 pub fn val_geometry(point: DVec3, normal: DVec3, val: &Val) -> (f64, DVec3) {
     let offset = val.position - point;
     // The smallest positive number is the bound for a VAL without area: again 0/0 becomes 0.
     let d2 = offset.length_squared().max(LEAST_DISTANCE2 * val.area).max(f64::MIN_POSITIVE);
     let direction = offset / d2.sqrt();
-    (disc_geometry(val.area, -val.normal.dot(direction), normal.dot(direction), d2), direction)
+    (form_factor::val_geometry(val.area, -val.normal.dot(direction), normal.dot(direction), d2), direction)
 }
 
 /// Sums over VALs for one lobe.

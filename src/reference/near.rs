@@ -53,7 +53,7 @@ pub fn radiances(
         let cosine = -facing.as_dvec3().dot(way);
         if cosine > 0.0 && normal.dot(way) > 0.0 && sees(d) {
             let share = ((squared - fade[0]) / (fade[1] - fade[0])).clamp(0.0, 1.0);
-            sums[direction_index(way)] += flux.as_dvec3() * (share * cosine / (f64::from(area) + PI * squared));
+            sums[direction_index(way)] += flux.as_dvec3() * (share * cosine / f64::from(area).max(PI * squared));
         }
     }
     sums.into_iter().enumerate().map(|(i, sum)| sum / solid_angle(i)).collect()

@@ -185,7 +185,7 @@ impl<S: Simd> Caches<S> {
             let [x, y, z, area, nx, ny, nz, ..] = vals[i].map(all);
             d[i] = [simd.sub_f32s(x, cx), simd.sub_f32s(y, cy), simd.sub_f32s(z, cz)];
             d2[i] = dot(&d[i], &d[i]);
-            let facing = fma(all(PI), d2[i], area);
+            let facing = simd.max_f32s(mul(all(PI), d2[i]), area);
             let inverse = simd.div_f32s(all(1.0), simd.max_f32s(mul(d2[i], facing), all(1e-37)));
             // Both cosines carry |d|; both dot products are negative where the VAL lights the cache.
             let to_cache = simd.min_f32s(dot(&[nx, ny, nz], &d[i]), zero);

@@ -2,7 +2,7 @@
 
 use crate::lab::shot::{PixelSurface, Shot, reflection, seen, small, triangles};
 use crate::reference::brute_force;
-use crate::reference::form_factor::disc_geometry;
+use crate::reference::form_factor;
 use crate::reference::gather::val_geometry;
 use crate::reference::phong::{Material, cos_power, mirrored_view};
 use crate::reference::rsm::{Val, cast_view};
@@ -92,7 +92,7 @@ pub(super) fn sums_against_twins(scene: &Scene, shot: &Shot) -> [f64; 2] {
             all += val.flux * geometry;
             lobe += val.flux * (geometry * cos_power(cache.exponent, mirrored.dot(direction)));
             facing +=
-                val.flux.length() * disc_geometry(val.area, 1.0, 1.0, val.position.distance_squared(cache.position));
+                val.flux.length() * form_factor::val_geometry(val.area, 1.0, 1.0, val.position.distance_squared(cache.position));
         }
         let error = |sum: Option<&DVec3>, twin: DVec3| match sum {
             Some(sum) if *sum != twin => sum.distance(twin) / twin.length().max(1e-9 * facing),

@@ -69,7 +69,7 @@ pub enum Receives {
     Upright,
 }
 
-/// Signed relative error of `A cos cos / (A + pi d^2)` against the true disc, at a distance in square roots of the area
+/// Signed relative error of a VAL, `A cos cos / max(A, pi d^2)`, against the true disc, at a distance in square roots of the area
 /// and an angle \[degrees\] from the disc's axis. `None` if there is no light.
 pub fn form_factor_error(receives: Receives, distance: f64, tilt: f64) -> Option<f64> {
     let (sin, cos) = tilt.to_radians().sin_cos();
@@ -80,7 +80,7 @@ pub fn form_factor_error(receives: Receives, distance: f64, tilt: f64) -> Option
         Receives::Upright => -DVec3::X,
     };
     let cos_x = normal.dot(-point) / distance;
-    let formula = form_factor::disc_form_factor(1.0, cos, cos_x, distance * distance);
+    let formula = form_factor::val_geometry(1.0, cos, cos_x, distance * distance);
     let exact = disc::disc_form_factor(1.0, DVec3::ZERO, disc_normal, point, normal);
     (exact > 0.0).then(|| formula / exact - 1.0)
 }

@@ -11,7 +11,7 @@ use crate::reference::rsm::Val;
 /// Approximations of a VAL to replace.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Exact {
-    /// Form factor: the integral instead of `A cos cos / (A + pi d^2)`.
+    /// Form factor: the integral instead of `A cos cos / max(A, pi d^2)`.
     pub form_factor: bool,
     /// Glossy lobe: its mean over the patch instead of its value towards the centre.
     pub lobe: bool,
