@@ -1,6 +1,6 @@
 // Stage 4 for area lights, where rays can be traced: one ray per VAL, each from another point of the light, distributed by
 // the cosine. A few viewpoints would not do: a frame or a shade close to a light hides some points of it and not others.
-// METHOD 2. Twin: src/reference/rsm.rs.
+// METHOD 2. Twin: src/reference/area_light.rs.
 #extension GL_EXT_control_flow_attributes : require
 #include "lib/hit_light.glsl"
 

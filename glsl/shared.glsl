@@ -53,6 +53,9 @@ const uint DEPTH_IMAGE_ROW = 65535u;
 // The model has no caches here.
 const uint NO_REFERENCES = 0xffffffffu;
 
+// A ray of a cache hit a surface without a cache on that side.
+const uint UNKNOWN_CACHE = 0xfffffffeu;
+
 // Depth that marks a pixel without a second surface.
 const float NO_SURFACE = -1.0;
 

@@ -19,7 +19,7 @@ const float MARGIN = 0.01;
 
 #ifdef SENT_ON
 layout(binding = 16, scalar) writeonly buffer AllImages { float all_images[]; };
-layout(binding = 17, scalar) writeonly buffer Met { uint met[]; }; // cache at each ray's hit, or NO_REFERENCES
+layout(binding = 17, scalar) writeonly buffer Met { uint met[]; }; // cache at each ray's hit, UNKNOWN_CACHE, or without a hit NO_REFERENCES
 layout(binding = 18, scalar) writeonly buffer Closed { float closed[]; }; // share of `images` that is not open
 layout(constant_id = 4) const uint REFERENCES = 8;
 layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are stored per cell
@@ -29,7 +29,7 @@ layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are stored per
 shared uint closed_count;
 shared uint count;
 
-// The cache of largest weight at a ray's hit, on the side that was hit.
+// The cache of largest weight at a ray's hit, on the side that was hit: as in `Met`.
 uint met_cache(Hit hit, vec3 start, vec3 direction) {
     if (hit.triangle == NO_HIT) {
         return NO_REFERENCES;
@@ -40,7 +40,7 @@ uint met_cache(Hit hit, vec3 start, vec3 direction) {
     vec3 w = vec3(1.0 - hit.weights.x - hit.weights.y, hit.weights);
     vec3 shares;
     uint cache = caches_about(hit.instance, v, w, 3u, start + hit.distance * direction, n, push.cache_reach, shares).x;
-    return cache != NO_REFERENCES && dot(caches[cache].normal, n) > 0.0 ? cache : NO_REFERENCES;
+    return cache != NO_REFERENCES && dot(caches[cache].normal, n) > 0.0 ? cache : UNKNOWN_CACHE;
 }
 #endif
 

@@ -2,10 +2,12 @@
 //! the path tracer, and which surfaces become area lights.
 
 use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
-use lightskin::frame::{LightShadows, Shadows, World};
+use lightskin::frame::{LightShadows, Near, Shadows, World};
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::area_light::Rectangle;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
+use lightskin::reference::rsm::Val;
+use lightskin::reference::world::{Sides, World as Placed};
 use lightskin::scene::build::{CornellSurface, cornell, cuboid, quad};
 use lightskin::scene::{Material, Scene};
 
@@ -109,6 +111,75 @@ fn soft_shadows_and_bounces_are_the_path_tracers() {
         println!("{bounces} bounces: mean error {error:.4} of the mean, bias {own:+.4}");
         assert!(error < most && own.abs() < bias, "{bounces}: {error}, {own}");
     }
+}
+
+#[test]
+fn vals_of_area_lights_are_f64_rays() {
+    let gpu = gpu();
+    let scene = lit_box();
+    let near = Near::Rays { per_pixel: 8, every: 2 };
+    let settings = Knobs { near, shadows: Shadows::PerLight, rsm: 96, ..small() };
+    let shot = shoot(&gpu, &scene, Some(&baked(&scene, 0.4, 8)), &settings);
+    let World { areas, radius, .. } = World::new(&gpu, &scene, None).expect("upload");
+    assert_eq!(areas.len(), 2, "a lamp with two sides");
+    let world = Placed::new(&scene);
+    let count = shot.vals.len() / 2;
+    let (mut differ, mut flux, mut expected, mut worst) = (0, 0.0, 0.0, 0.0_f64);
+    for (light, vals) in areas.iter().zip(shot.vals.chunks(count)) {
+        let lamp = Rectangle { middle: light.middle, right: light.right, up: light.up };
+        for (i, val) in vals.iter().enumerate() {
+            let (origin, direction) = lamp.ray(i as u32, count as u32);
+            let twin = world.nearest(origin, direction, Sides::Both).map_or(Val::NOTHING, |hit| {
+                let s = world.surface(&hit);
+                let normal = if s.geometric.dot(direction) < 0.0 { s.geometric } else { -s.geometric };
+                let place = (origin + hit.distance * direction, normal, sent_on(&scene, hit.material));
+                lamp.val(light.radiance, count as u32, place, 0.01 * radius)
+            });
+            flux += val.flux.y;
+            expected += twin.flux.y;
+            if twin.flux == DVec3::ZERO || val.position.distance(twin.position) > 1e-4 {
+                differ += u32::from(twin.flux != val.flux);
+                continue;
+            }
+            let off = (val.flux.y / twin.flux.y - 1.0).abs().max((val.area / twin.area - 1.0).abs());
+            worst = worst.max(off.max(val.normal.distance(twin.normal)));
+        }
+    }
+    println!("{count} VALs a side, {differ} elsewhere, largest relative error {worst:e}, flux {flux} for {expected}");
+    assert!(count > 1000 && differ * 500 < count as u32 && worst < 5e-3, "{differ}, {worst}");
+    assert!((flux / expected - 1.0).abs() < 1e-5);
+}
+
+/// A lattice hides most of a lamp. The few points from which the lamp's maps are drawn lie between its bars.
+#[test]
+fn bars_close_to_a_lamp_take_their_share() {
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
+    scene.lights.clear();
+    let lamp = quad(vec3(-0.6, 1.98, -0.6), Vec3::X * 1.2, Vec3::Z * 1.2, 0.6);
+    add(&mut scene, lamp, shining(Vec3::splat(100.0)), DAffine3::IDENTITY);
+    for at in [-0.6_f32, 0.0, 0.6] {
+        for (x, z) in [(0.6, 0.09), (0.09, 0.6)] {
+            let [dx, dz] = if x > z { [0.0, at] } else { [at, 0.0] };
+            let bar = cuboid(vec3(dx - x, 1.9, dz - z), vec3(dx + x, 1.95, dz + z), 0.6, |_| true);
+            add(&mut scene, bar, phong([0.1; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+        }
+    }
+    let settings = Knobs {
+        size: [48, 36],
+        rsm: 96,
+        light_shadows: LightShadows::Rays,
+        shadows: Shadows::PerLight,
+        near: Near::Rays { per_pixel: 8, every: 2 },
+        bounces: 1,
+        ..small()
+    };
+    let shot = shoot(&gpu(), &scene, Some(&baked(&scene, 0.2, 8)), &settings);
+    let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(settings.size, 1));
+    (0..64).for_each(|_| paths.pass());
+    let shown: f64 = shot.diffuse.iter().map(|diffuse| diffuse.y).sum();
+    let path: f64 = paths.diffuse().iter().map(|diffuse| f64::from(diffuse[1])).sum();
+    println!("indirect light {:+.4} against paths", shown / path - 1.0);
+    assert!((shown / path - 1.0).abs() < 0.05, "{shown} instead of {path}");
 }
 
 #[test]

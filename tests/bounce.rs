@@ -6,16 +6,16 @@ use lightskin::bake::{CacheSet, NO_CACHE};
 use lightskin::frame::gather::Gather;
 use lightskin::frame::{LightShadows, Near, Shadows, World};
 use lightskin::lab::knobs::{Frame, Knobs};
-use lightskin::reference::bounce::{self, Patch};
+use lightskin::reference::bounce::{self, Met, Patch};
 use lightskin::reference::depth_image::tangents;
 use lightskin::reference::gather::Cache;
 use lightskin::reference::interpolate::{Scheme, kernel};
 use lightskin::reference::path_trace::{self, PathTrace};
 use lightskin::reference::world::{Sides, World as Truth};
-use lightskin::scene::build::quad;
+use lightskin::scene::build::{cuboid, quad};
 use lightskin::scene::ggx::{MEAN_PHONG_COSINE, phong_albedo};
 use lightskin::scene::{Image, Light, LightKind, Material, Scene, Texture};
-use lightskin::shared::{DEPTH_IMAGE_SIDE, NO_REFERENCES, Val};
+use lightskin::shared::{DEPTH_IMAGE_SIDE, NO_REFERENCES, UNKNOWN_CACHE, Val};
 use std::f64::consts::PI;
 
 use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, drawn_of, phong, sent_on, shoot, small};
@@ -238,10 +238,30 @@ fn albedos_are_means_of_what_a_cache_stands_for() {
 
 #[test]
 fn caches_exchange_light_by_what_their_rays_meet() {
+    exchange_in(&cube(0.8, dvec3(0.11, 0.23, -0.17)), None);
+}
+
+/// Rays that meet a body without caches count as the mean of the others.
+#[test]
+fn caches_take_unknown_surfaces_as_the_mean_of_all_others() {
+    let mut scene = cube(0.8, dvec3(0.11, 0.23, -0.17));
+    let body = cuboid(Vec3::new(-0.7, -0.5, -0.6), Vec3::new(-0.2, 0.1, -0.1), 0.5, |_| true);
+    add(&mut scene, body, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+    let body = scene.instances.len() - 1;
+    exchange_in(&scene, Some(body));
+}
+
+/// Holds one exchange of light in a cube against f64. `unknown`: an instance that loses its caches.
+fn exchange_in(scene: &Scene, unknown: Option<usize>) {
     let gpu = gpu();
-    let scene = cube(0.8, dvec3(0.11, 0.23, -0.17));
-    let caches = baked(&scene, 0.4, 8);
-    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let mut caches = baked(scene, 0.4, 8);
+    if let Some(instance) = unknown {
+        let model = &mut caches.models[caches.instance_model[instance]];
+        model.caches.clear();
+        model.references.fill(NO_CACHE);
+    }
+    let caches = caches;
+    let world = World::new(&gpu, scene, Some(&caches)).expect("uploaded");
     let knobs = Knobs {
         near: Near::Rays { per_pixel: 8, every: 2 },
         shadows: Shadows::PerLight,
@@ -251,7 +271,7 @@ fn caches_exchange_light_by_what_their_rays_meet() {
     };
     // Radiosities before and after one exchange, and the caches that rays hit.
     let sent = |bounces: u32| {
-        let frame = drawn_of(&gpu, &scene, &world, &Knobs { bounces, ..knobs });
+        let frame = drawn_of(&gpu, scene, &world, &Knobs { bounces, ..knobs });
         let Gather::Compute(by) = &frame.light.caches().expect("caches").gather else { panic!("a compute gather") };
         let vals: Vec<Val> = gpu.read(&by.bounces.as_ref().expect("bounces").vals).expect("read");
         let sent_on = by.depth_images.as_ref().and_then(|images| images.sent_on.as_ref()).expect("rays");
@@ -259,32 +279,42 @@ fn caches_exchange_light_by_what_their_rays_meet() {
         (vals.iter().map(|val| { val.flux }.as_dvec3() / f64::from(val.area)).collect::<Vec<_>>(), met)
     };
     let ((first, met), (second, _)) = (sent(2), sent(3));
-    let places = shoot(&gpu, &scene, Some(&caches), &knobs).caches;
+    let places = shoot(&gpu, scene, Some(&caches), &knobs).caches;
     let side = DEPTH_IMAGE_SIDE as usize;
     let middle = |i: usize| (i as f64 + 0.5) * 2.0 / side as f64 - 1.0;
     let inside: Vec<usize> =
         (0..side * side).filter(|texel| middle(texel % side).powi(2) + middle(texel / side).powi(2) < 1.0).collect();
-    let truth = Truth::new(&scene);
-    let (mut worst, mut far, mut none, mut least) = (0.0_f64, 0.0_f64, 0, 1.0_f64);
+    let truth = Truth::new(scene);
+    let (mut worst, mut far, mut none, mut wrong, mut least) = (0.0_f64, 0.0_f64, 0, 0, 1.0_f64);
     for (i, cache) in places.iter().enumerate() {
         let [tangent, bitangent] = tangents(cache.normal);
         let of_cache = inside.iter().map(|texel| met[i * side * side + texel]);
-        let met: Vec<Option<usize>> = of_cache.map(|cache| (cache < NO_REFERENCES).then_some(cache as usize)).collect();
-        none += met.iter().filter(|met| met.is_none()).count();
+        let met: Vec<Met> = of_cache
+            .map(|cache| match cache {
+                NO_REFERENCES => Met::Nothing,
+                UNKNOWN_CACHE => Met::Unknown,
+                cache => Met::Cache(cache as usize),
+            })
+            .collect();
+        none += met.iter().filter(|met| **met == Met::Unknown).count();
         for (texel, met) in inside.iter().zip(&met) {
             let (x, y) = (middle(texel % side), middle(texel / side));
             let way = tangent * x + bitangent * y + cache.normal * (1.0 - x * x - y * y).sqrt();
             // The exit point of the ray from the cube.
             let end = (0..3).map(|axis| (way[axis].signum() - cache.position[axis]) / way[axis]);
             let hit = cache.position + way * end.fold(f64::INFINITY, f64::min);
-            far = met.map_or(far, |met| far.max(places[met].position.distance(hit)));
             // The ray should choose the reference of the triangle's corners with the largest weight at the hit. Hits
             // near edges are skipped, because f32 rays may hit the other wall.
             let start = cache.position + cache.normal * 1e-5;
             if hit.to_array().iter().filter(|x| x.abs() > 0.9999).count() > 1 {
                 continue;
             }
-            let (Some(met), Some(triangle)) = (met, truth.nearest(start, way, Sides::Both)) else { continue };
+            let Some(triangle) = truth.nearest(start, way, Sides::Both) else { continue };
+            let &Met::Cache(met) = met else {
+                wrong += u32::from(*met == Met::Nothing || Some(triangle.instance) != unknown);
+                continue;
+            };
+            far = far.max(places[met].position.distance(hit));
             let of_instance = |instance: usize| &caches.models[caches.instance_model[instance]];
             let first: usize = (0..triangle.instance).map(|instance| of_instance(instance).caches.len()).sum();
             let corners = scene.meshes[scene.instances[triangle.instance].mesh].triangle(triangle.triangle);
@@ -300,7 +330,7 @@ fn caches_exchange_light_by_what_their_rays_meet() {
                 kernel(Scheme::Facing, t.min(0.99), cos)
             };
             let most = among.iter().map(|cache| weight(*cache)).fold(0.0, f64::max);
-            let found = if among.contains(met) { weight(*met) } else { 0.0 };
+            let found = if among.contains(&met) { weight(met) } else { 0.0 };
             least = least.min(found / most);
         }
         let wanted = first[i] + 0.8 * bounce::exchange(&met, &first);
@@ -311,7 +341,9 @@ fn caches_exchange_light_by_what_their_rays_meet() {
         "{} caches: largest error {worst:.1e}; of {rays} rays {none} find no cache, the others find one within {far:.2} m",
         places.len()
     );
-    assert!(worst < 1e-5 && none == 0, "{worst}, {none}");
+    assert!(worst < 1e-5 && (none > 0) == unknown.is_some(), "{worst}, {none}");
+    // At the body's outline f32 rays may pass it.
+    assert!(wrong as usize * 2000 < rays, "{wrong}");
     // Rays in f32 end at slightly different points.
     println!("least weight of a found cache: {least:.5} of the largest among the references");
     assert!(least > 0.99, "{least}");

@@ -19,7 +19,8 @@ fn scene(triangles: &[[Vec3; 3]], places: impl IntoIterator<Item = DAffine3>) ->
     let vertices: Vec<Vertex> = triangles.iter().flat_map(corners).collect();
     let index_count = vertices.len() as u32;
     let primitives = vec![Primitive { first_index: 0, index_count, material: 0 }];
-    let mesh = Mesh { name: "mesh".into(), vertices, indices: (0..index_count).collect(), primitives, ..Mesh::default() };
+    let mesh =
+        Mesh { name: "mesh".into(), vertices, indices: (0..index_count).collect(), primitives, ..Mesh::default() };
     let instance = |world_from_model| Instance { name: "instance".into(), world_from_model, ..Instance::default() };
     Scene {
         name: "bounded".into(),

@@ -69,9 +69,7 @@ impl CacheSet {
         let reach = REACH * self.spacing;
         let models = super::models(scene).0;
         let found: Vec<(Cells, Vec<Vec<u16>>)> = (models.iter().zip(&self.models))
-            .map(|(model, caches)| {
-                cells(&scene.meshes[model.mesh], &model.surface, caches, self.spacing)
-            })
+            .map(|(model, caches)| cells(&scene.meshes[model.mesh], &model.surface, caches, self.spacing))
             .collect::<Result<_>>()?;
         let longest = found.iter().flat_map(|(_, rows)| rows).map(Vec::len).max().unwrap_or(0);
         let row = longest.next_multiple_of(ROW_STEP).max(ROW_STEP);

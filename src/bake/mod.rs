@@ -27,8 +27,8 @@ pub use cells::{CellSet, Cells};
 pub use file::{bake_cached, bake_kept_in};
 
 use crate::error::Result;
-use area::Share;
 use crate::scene::{Mesh, Scene};
+use area::Share;
 use closed::Surroundings;
 use glam::{DMat3, DVec3, Vec3};
 use rayon::prelude::*;

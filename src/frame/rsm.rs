@@ -95,10 +95,7 @@ impl Rsm {
                     constants: &[kind],
                 })
             })?,
-            to_vals: gpu.compute(
-                if plan.inside { "vals_inside.comp" } else { "vals.comp" },
-                &[by_irradiance],
-            )?,
+            to_vals: gpu.compute(if plan.inside { "vals_inside.comp" } else { "vals.comp" }, &[by_irradiance])?,
             trace: trace.transpose()?,
             pack: PackVals::new(gpu, lights_all)?,
             inside,

@@ -25,7 +25,13 @@ pub fn add(scene: &mut Scene, surface: Surface, material: Material, world_from_m
         world_from_model,
         ..Instance::default()
     });
-    scene.meshes.push(Mesh { name, vertices: surface.vertices, indices: surface.indices, primitives, ..Mesh::default() });
+    scene.meshes.push(Mesh {
+        name,
+        vertices: surface.vertices,
+        indices: surface.indices,
+        primitives,
+        ..Mesh::default()
+    });
 }
 
 /// A light of one kind for the worlds below.

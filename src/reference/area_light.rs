@@ -1,7 +1,9 @@
 //! Light from a rectangle of uniform radiance at a point, by numerical integration: the reference for the contour
-//! integrals of the shaders.
+//! integrals of the shaders; and the VALs of its rays.
 
+use super::disc::polygon_form_factor;
 use super::phong::cos_power;
+use super::rsm::Val;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
 
@@ -48,6 +50,42 @@ impl Rectangle {
     /// Form factor: irradiance at a point, divided by pi times the radiance.
     pub fn form_factor(&self, point: DVec3, normal: DVec3) -> f64 {
         self.integral(point, 1.0, |towards| normal.dot(towards).max(0.0)) / PI
+    }
+
+    /// Ray `i` of `count` that carry equal parts of the rectangle's light, as origin \[m\] and unit direction. Twin of
+    /// `glsl/area_vals.comp`.
+    pub fn ray(&self, i: u32, count: u32) -> (DVec3, DVec3) {
+        // The fractional parts of i times three irrational numbers.
+        let spread = |step: f64| i.wrapping_mul((step * 2.0_f64.powi(32)).round() as u32) as f64 / 2.0_f64.powi(32);
+        let [x, y, turn] = [0.8191725134, 0.6710436067, 0.5497004779].map(spread);
+        let origin = self.middle + (2.0 * x - 1.0) * self.right + (2.0 * y - 1.0) * self.up;
+        let square = (f64::from(i) + 0.5) / f64::from(count);
+        let (sin, cos) = (TAU * turn).sin_cos();
+        let [right, up] = [self.right, self.up].map(DVec3::normalize);
+        let across = cos * right + sin * up;
+        (origin, square.sqrt() * across + (1.0 - square).sqrt() * right.cross(up))
+    }
+
+    /// The VAL where one of `count` rays meets a surface. It is as large, square to the light, as the surface that
+    /// receives the ray's part of the light. The rectangle hides surfaces that it faces from less than `close` \[m\], and
+    /// takes back light of surfaces of whose view it fills more than 95 %. Twin of `glsl/area_vals.comp`.
+    pub fn val(
+        &self,
+        radiance: DVec3,
+        count: u32,
+        (position, normal, albedo): (DVec3, DVec3, DVec3),
+        close: f64,
+    ) -> Val {
+        let (right, up) = (self.right, self.up);
+        let corners = [-right - up, right - up, right + up, up - right].map(|corner| self.middle + corner);
+        let to = self.middle - position;
+        let part = 4.0 * right.cross(up).length() / f64::from(count);
+        let area = part / polygon_form_factor(&corners, position, to.normalize()).max(1e-6);
+        let mut past = ((1.0 - polygon_form_factor(&corners, position, normal)) / 0.05).min(1.0);
+        if [right, up].iter().all(|side| to.dot(*side).abs() < side.length_squared()) {
+            past *= (-to.dot(right.cross(up).normalize()) / close).min(1.0);
+        }
+        Val { position, area, normal, flux: albedo * radiance * (PI * part * past) }
     }
 
     /// Radiance reflected by a normalised Phong lobe of exponent `k` about the unit vector `mirrored`, divided by the

@@ -54,9 +54,21 @@ pub fn irradiances(patches: &[Patch], vals: &[Val], bounces: u32) -> Vec<DVec3> 
     })
 }
 
-/// Irradiance \[lx\] at a cache from the caches at its rays' hits: their mean radiosity [lm/m^2]. Every ray has an
-/// equal share of the cosine-weighted hemisphere; rays without a cache count as black.
-pub fn exchange(met: &[Option<usize>], radiosities: &[DVec3]) -> DVec3 {
-    let sent = met.iter().map(|cache| cache.map_or(DVec3::ZERO, |cache| radiosities[cache]));
-    sent.sum::<DVec3>() / met.len().max(1) as f64
+/// What a cache's ray meets.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Met {
+    /// Nothing.
+    Nothing,
+    /// A surface without a cache on this side.
+    Unknown,
+    /// A surface, whose light this cache knows.
+    Cache(usize),
+}
+
+/// Irradiance \[lx\] at a cache from what its rays meet: the mean radiosity [lm/m^2] of the caches there. Every ray has
+/// an equal share of the cosine-weighted hemisphere; unknown surfaces count as the mean of all else.
+pub fn exchange(met: &[Met], radiosities: &[DVec3]) -> DVec3 {
+    let known = met.iter().filter(|met| **met != Met::Unknown);
+    let count = known.clone().count().max(1) as f64;
+    known.map(|met| if let Met::Cache(cache) = met { radiosities[*cache] } else { DVec3::ZERO }).sum::<DVec3>() / count
 }

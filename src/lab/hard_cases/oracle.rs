@@ -91,8 +91,8 @@ pub(super) fn sums_against_twins(scene: &Scene, shot: &Shot) -> [f64; 2] {
             let (geometry, direction) = val_geometry(cache.position, cache.normal, val);
             all += val.flux * geometry;
             lobe += val.flux * (geometry * cos_power(cache.exponent, mirrored.dot(direction)));
-            facing +=
-                val.flux.length() * form_factor::val_geometry(val.area, 1.0, 1.0, val.position.distance_squared(cache.position));
+            facing += val.flux.length()
+                * form_factor::val_geometry(val.area, 1.0, 1.0, val.position.distance_squared(cache.position));
         }
         let error = |sum: Option<&DVec3>, twin: DVec3| match sum {
             Some(sum) if *sum != twin => sum.distance(twin) / twin.length().max(1e-9 * facing),
