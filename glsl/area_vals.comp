@@ -26,7 +26,7 @@ vec3 spread_point(uint i) {
 }
 
 void main() {
-    uint i = gl_GlobalInvocationID.x;
+    uint i = gl_GlobalInvocationID.y * AREA_VALS_ROW + gl_GlobalInvocationID.x;
     if (i >= push.count) {
         return;
     }

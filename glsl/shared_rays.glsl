@@ -153,6 +153,9 @@ struct TracePush {
     uint sky_light_count;
 };
 
+// VALs per row of the dispatch that traces an area light's VALs.
+const uint AREA_VALS_ROW = 65536u;
+
 // Push constants of the pass that traces an area light's VALs.
 struct AreaValsPush {
     uint light;

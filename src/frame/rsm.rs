@@ -12,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
-use crate::shared::{AreaValsPush, Val, ValPush};
+use crate::shared::{AREA_VALS_ROW, AreaValsPush, Val, ValPush};
 
 /// How far behind a surface depth images still show what it hides, in radii of the scene: `MARGIN` of trace_images.comp.
 const MARGIN: f64 = 0.01;
@@ -133,7 +133,7 @@ impl Rsm {
                 resources.extend([&world.light_buffer, &self.vals.all, &self.vals.flags].map(Bind::from));
                 cmd.bind(trace, &resources);
                 cmd.push(&AreaValsPush { light: i as u32, first, count, root: rays.root, close });
-                cmd.dispatch(count, 1, 1);
+                cmd.dispatch(count.min(AREA_VALS_ROW), count.div_ceil(AREA_VALS_ROW), 1);
                 first += count;
                 traced = true;
                 continue;
