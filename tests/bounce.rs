@@ -69,7 +69,7 @@ fn arriving(patches: &[Patch], irradiances: &[DVec3]) -> f64 {
 
 #[test]
 fn form_factors_of_a_closed_box_are_nearly_one() {
-    for spacing in [0.8, 0.4, 0.2] {
+    for (spacing, off) in [(0.8, 0.06), (0.4, 0.03), (0.2, 0.016)] {
         let scene = cube(0.5, DVec3::ZERO);
         let caches = baked(&scene, spacing, 8);
         let patch = |c: &lightskin::bake::Cache| Patch {
@@ -87,7 +87,7 @@ fn form_factors_of_a_closed_box_are_nearly_one() {
             "{} caches of {area:.3} m^2: form factors have the mean {mean:.4} and range from {least:.3} to {most:.3}",
             all.len()
         );
-        assert!((area - 24.0).abs() < 0.01 && (0.98..1.06).contains(&mean) && least > 0.6 && most < 1.3);
+        assert!((area - 24.0).abs() < 0.01 && (mean - 1.0).abs() < off && least > 0.6 && most < 1.3);
     }
 }
 

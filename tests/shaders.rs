@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use glam::{DVec3, dvec2, dvec3};
 use lightskin::reference::area_light::Rectangle;
-use lightskin::reference::form_factor::{self, disc_form_factor};
+use lightskin::reference::form_factor::disc_form_factor;
 use lightskin::reference::gather::{Cache, val_geometry};
 use lightskin::reference::interpolate::{Scheme, kernel};
 use lightskin::reference::light::{range_window, spot_falloff};
@@ -105,14 +105,6 @@ const TONEMAP: &[&str] = &["lib/tonemap.glsl"];
 const OVERLAP: &[&str] = &["lib/overlap.glsl"];
 
 // Form factor.
-
-#[test]
-fn val_geometry_is_the_twins() {
-    let mut inputs = grid([&[1e-9, 1e-4, 1.0, 1e4], &COSINES, &COSINES, &[0.0, 1e-12, 1e-4, 1.0, 1e6, 1e12]]);
-    inputs.extend(random(1, 2000, [(1e-9, 1e4), (-1.0, 1.0), (-1.0, 1.0), (1e-12, 1e12)]));
-    let twin = |x: &[f64; 4]| form_factor::val_geometry(x[0], x[1], x[2], x[3]);
-    check(FORM_FACTOR, "val_geometry(x[0], x[1], x[2], x[3])", &inputs, |_| FEW, TINY, twin);
-}
 
 #[test]
 fn val_geometry_towards_is_the_twins() {
