@@ -8,6 +8,7 @@
 #include "lib/brdf.glsl"
 #include "lib/disc.glsl"
 #include "lib/form_factor.glsl"
+#include "lib/ggx_area.glsl"
 #include "lib/light.glsl"
 #include "lib/octahedral.glsl"
 #include "lib/samples.glsl"
@@ -36,6 +37,33 @@ layout(location = 0) out vec4 out_radiance;
 // Below this size, as a share of its distance, a rectangle is treated as a point: differences of its corners would
 // round too much.
 const float SMALL = 0.003;
+
+bool is_small(Light light, vec3 to_middle) {
+    return max(dot(light.right, light.right), dot(light.up, light.up)) < SMALL * SMALL * dot(to_middle, to_middle);
+}
+
+// Form factor of a small rectangle, times pi.
+float small_factor(Light light, vec3 to_middle, vec3 n) {
+    float d2 = dot(to_middle, to_middle);
+    vec3 towards = to_middle * inversesqrt(d2);
+    float area = 4.0 * length(cross(light.right, light.up));
+    return max(dot(n, towards), 0.0) * -dot(towards, light.direction) * area / d2;
+}
+
+// Share of a rectangle's radiance that a glossy lobe reflects. `part`: above the horizon of n.
+vec3 glossy_area(Light light, SeenPart part, vec3 to_middle, vec3 n, vec3 looking, vec3 specular, float coded) {
+    if (specular == vec3(0.0)) {
+        return vec3(0.0);
+    }
+    if (is_small(light, to_middle)) {
+        vec3 brdf = glossy_lobe(specular, coded, n, looking, normalize(to_middle));
+        return brdf * small_factor(light, to_middle, n);
+    }
+    if (coded < 0.0) {
+        return polygon_ggx(part, n, looking, specular, coded);
+    }
+    return specular * polygon_lobe(part, n, reflect(looking, n), coded);
+}
 
 #ifndef RAYS
 // Blocker search taps for all samples of a light together; the filter uses up to twice as many.
@@ -164,23 +192,11 @@ vec3 sheen_area(Coat coat, CoatAlbedo over, SeenPart part, vec3 n, vec3 looking)
     return coat.sheen * ((1.0 - over.coat) * PI * sum / max(all * excess, 1e-37));
 }
 
-// Share of a rectangle's radiance that a coat reflects, by the Phong lobe fitted to the coat.
+// Share of a rectangle's radiance that a coat reflects.
 vec3 coat_area(Coat coat, Light light, vec3 to_middle, vec3 looking) {
-    vec3 n = coat.normal;
-    SeenPart part = above_horizon(to_middle, light.right, light.up, n);
-    PhongLobe lobe = fitted_lobe(vec3(COAT_F0), coded_coat(coat), -dot(n, looking), 1e9);
-    float d2 = dot(to_middle, to_middle);
-    vec3 r = reflect(looking, n);
-    if (part.count < 3) {
-        return vec3(0.0);
-    }
-    if (max(dot(light.right, light.right), dot(light.up, light.up)) < SMALL * SMALL * d2) {
-        vec3 towards = to_middle * inversesqrt(d2);
-        float area = 4.0 * length(cross(light.right, light.up));
-        float facing = max(dot(n, towards), 0.0) * -dot(towards, light.direction) * area / d2;
-        return lobe.albedo * (coat.share * facing * phong_lobe(lobe.exponent, dot(r, towards)));
-    }
-    return lobe.albedo * (coat.share * polygon_lobe(part, n, r, lobe.exponent));
+    SeenPart part = above_horizon(to_middle, light.right, light.up, coat.normal);
+    return part.count < 3 ? vec3(0.0)
+        : coat.share * glossy_area(light, part, to_middle, coat.normal, looking, vec3(COAT_F0), coded_coat(coat));
 }
 #endif
 
@@ -206,31 +222,20 @@ void main() {
     vec4 specular = texelFetch(specular_image, pixel, 0);
     vec3 geometric = octahedral_decode(vec2(albedo.a, specular.a));
     vec3 looking = view_direction(push.eye, position);
-    vec3 r = reflect(looking, n);
-    PhongLobe fitted = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), 1e9);
-    float exponent = fitted.exponent;
-    bool glossy = fitted.albedo != vec3(0.0);
+    bool glossy = specular.rgb != vec3(0.0);
 
     // Unoccluded light.
-    float d2 = dot(to_middle, to_middle);
-    float area = 4.0 * length(cross(light.right, light.up));
-    float diffuse_share;
-    float glossy_share;
-    if (max(dot(light.right, light.right), dot(light.up, light.up)) < SMALL * SMALL * d2) {
-        vec3 towards = to_middle * inversesqrt(d2);
-        float facing = max(dot(n, towards), 0.0) * -dot(towards, light.direction) * area / d2;
-        diffuse_share = facing / PI;
-        glossy_share = glossy ? facing * phong_lobe(exponent, dot(r, towards)) : 0.0;
-    } else {
-        diffuse_share = polygon_form_factor(part, n);
-        glossy_share = glossy ? polygon_lobe(part, n, r, exponent) : 0.0;
-    }
+    float diffuse_share = is_small(light, to_middle) ? small_factor(light, to_middle, n) / PI : polygon_form_factor(part, n);
+    vec3 glossy_share = glossy_area(light, part, to_middle, n, looking, specular.rgb, normal_coded.w);
 
 #ifdef RAYS
     vec2 arrives = arriving(depth_image, pixel, depth, plane_slope(push.world_from_clip, position, geometric));
 #else
     // Share that arrives: each lobe weights the samples by their unoccluded light.
+    vec3 r = reflect(looking, n);
+    float exponent = fitted_exponent(normal_coded.w);
     uint samples = light.columns * light.rows;
+    float area = 4.0 * length(cross(light.right, light.up));
     float cell = area / float(samples);
     float radius = sqrt(cell / PI);
     int taps = clamp(TAPS / int(samples), 8, 32);
@@ -264,9 +269,9 @@ void main() {
         sheen_and_coat += coat_area(coat, light, to_middle, looking) * (glossy ? arrives.y : arrives.x);
     }
     vec3 reflected =
-        diffuse * (diffuse_share * arrives.x) + fitted.albedo * (glossy_share * arrives.y) + sheen_and_coat;
+        diffuse * (diffuse_share * arrives.x) + glossy_share * arrives.y + sheen_and_coat;
 #else
-    vec3 reflected = albedo.rgb * (diffuse_share * arrives.x) + fitted.albedo * (glossy_share * arrives.y);
+    vec3 reflected = albedo.rgb * (diffuse_share * arrives.x) + glossy_share * arrives.y;
 #endif
     out_radiance = vec4(light.intensity * reflected, 0.0);
 }

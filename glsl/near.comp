@@ -123,12 +123,11 @@ const uint LOBE_RAYS = 4u;
 const float MUCH = 0.3;
 
 // Weight of a direction's radiance in a lobe, divided by the density of directions. These are sampled by the cosine
-// about the vertex normal and by the lobe `chosen`. Veach and Guibas 1995, balance heuristic.
-// `rays`: number of rays by that lobe.
-float share_of(Lobe lobe, Lobe chosen, float rays, vec3 direction, vec3 n) {
+// about the vertex normal and by the lobe, with this number of rays. Veach and Guibas 1995, balance heuristic.
+float share_of(Lobe lobe, float rays, vec3 direction, vec3 n) {
     float by_cosine = float(RAYS) * max(dot(direction, n), 0.0) / PI;
-    float taken = lobe_weight(lobe, direction) * lobe_density(lobe, direction);
-    return taken / max(by_cosine + rays * lobe_density(chosen, direction), 1e-30);
+    float by_lobe = lobe_density(lobe, direction);
+    return lobe_weight(lobe, direction) * by_lobe / max(by_cosine + rays * by_lobe, 1e-30);
 }
 #endif
 
@@ -189,10 +188,6 @@ void main() {
     Lobe lobe = lobe_of(specular, normal_coded.w, normal_coded.xyz, towards_eye);
     // Caches know far light well enough for wide lobes. Narrow lobes need rays of unlimited length.
     float narrow = smoothstep(3.0, 5.0, log2(max(lobe.exponent, 1.0)));
-    Lobe wide = fitted_lobe_of(lobe);
-    if (narrow == 0.0) {
-        lobe = wide;
-    }
 #endif
     const vec3 LUMINANCE = vec3(0.2126, 0.7152, 0.0722);
     found.open = 0.0;
@@ -263,7 +258,7 @@ void main() {
 #ifdef GLOSSY
         if (is_glossy) {
             bool is_near = met && hit.distance <= push.reach;
-            float wide_share = narrow < 1.0 ? (1.0 - narrow) * share_of(wide, lobe, float(lobe_rays), direction, n) : 0.0;
+            float wide_share = narrow < 1.0 ? (1.0 - narrow) * share_of(lobe, float(lobe_rays), direction, n) : 0.0;
             float narrow_share = by_lobe ? of_lobe * narrow * lobe_weight(lobe, direction) : 0.0;
             found.glossy += narrow_share * arrives;
             found.glossy += wide_share * (is_near ? arrives : far);

@@ -1,10 +1,11 @@
 //! Area lights, which are the largest flat emissive surfaces: against the closed form, soft shadows and bounces against
 //! the path tracer, and which surfaces become area lights.
 
-use glam::{DAffine3, DQuat, DVec3, Vec3, dvec3, vec3};
+use glam::{DAffine3, DQuat, DVec3, Vec3, Vec4, dvec3, vec3, vec4};
 use lightskin::frame::{LightShadows, Near, Shadows, World};
 use lightskin::lab::knobs::{Gi, Knobs};
 use lightskin::reference::area_light::Rectangle;
+use lightskin::reference::brdf::Lobe;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::rsm::Val;
 use lightskin::reference::world::{Sides, World as Placed};
@@ -50,8 +51,9 @@ fn an_open_lamp_is_the_integral_over_it() {
             let r = reflection(&scene, s.material);
             let view = (s.position - scene.cameras[0].world_from_camera.translation).normalize();
             let mirrored = view - 2.0 * view.dot(s.normal) * s.normal;
-            let lobe = lamp.lobe(s.position, s.normal, mirrored, r.exponent);
-            dvec3(30.0, 20.0, 10.0) * (r.diffuse * lamp.form_factor(s.position, s.normal) + r.specular * lobe)
+            let lobe = Lobe::Phong { albedo: r.specular, exponent: r.exponent, mirrored };
+            let lobe = lamp.reflected(s.position, s.normal, &lobe);
+            dvec3(30.0, 20.0, 10.0) * (r.diffuse * lamp.form_factor(s.position, s.normal) + lobe)
         };
         for s in floor.iter().step_by(23) {
             let (exact, shown) = (exact(s), shot.direct[s.pixel]);
@@ -62,6 +64,47 @@ fn an_open_lamp_is_the_integral_over_it() {
         }
         println!("k {exponent}, height {height}: mean error {:.5}, largest {:.5}", off / sum, worst / brightest);
         assert!(sum > 0.0 && off / sum < 2e-3 && worst < 0.02 * brightest, "{exponent}: {off} of {sum}, {worst}");
+    }
+}
+
+/// RMSE over the mean and bias of a lamp's light on a floor of a glTF material, against its integral.
+fn against_integral(material: &Material, eye: DVec3) -> [f64; 2] {
+    let lamp = Rectangle { middle: dvec3(0.05, 0.6, -0.5), right: DVec3::X * 0.3, up: DVec3::Z * 0.2 };
+    let mut scene = lamp_over_floor(1.0, DAffine3::from_translation(lamp.middle));
+    let own = material.reflectance(&scene, Default::default(), Vec4::ONE);
+    scene.materials[0] = material.clone();
+    scene.cameras = vec![camera(eye, dvec3(0.0, 0.0, 0.1), 0.6)];
+    let settings = Knobs { gi: Gi::Off, ..small() };
+    let shot = shoot(&gpu(), &scene, None, &settings);
+    let (mut squares, mut exact, mut shown, mut count) = (0.0, 0.0, 0.0, 0.0);
+    for s in seen(&scene, settings.size).iter().filter(|s| s.instance == 0).step_by(41) {
+        let direction = (s.position - eye).normalize();
+        let diffuse = f64::from(own.diffuse(-s.normal.dot(direction)).y);
+        let lobe = Lobe::new(&own, s.normal, direction);
+        let integral = diffuse * lamp.form_factor(s.position, s.normal) + lamp.reflected(s.position, s.normal, &lobe).y;
+        squares += (shot.direct[s.pixel].y - 20.0 * integral).powi(2);
+        exact += 20.0 * integral;
+        shown += shot.direct[s.pixel].y;
+        count += 1.0;
+    }
+    [(squares * count).sqrt() / exact, shown / exact - 1.0]
+}
+
+#[test]
+fn gltf_materials_reflect_a_lamp_as_its_integral() {
+    for metallic in [0.0, 1.0] {
+        for roughness in [0.15, 0.3, 0.5, 0.7, 1.0] {
+            let material =
+                Material { metallic, roughness, base_color: vec4(0.9, 0.6, 0.3, 1.0), ..Material::default() };
+            // At cosines of about .9 and .3.
+            let [above, aside] =
+                [dvec3(0.0, 2.0, 0.9), dvec3(0.0, 0.4, 1.2)].map(|eye| against_integral(&material, eye));
+            println!(
+                "metallic {metallic}, roughness {roughness}: RMSE and bias {above:.4?} from above, {aside:.4?} aside"
+            );
+            assert!(above[0] < 0.03 && above[1].abs() < 0.025, "{metallic}, {roughness}: {above:?} from above");
+            assert!(aside[0] < 0.12 && aside[1].abs() < 0.03, "{metallic}, {roughness}: {aside:?} aside");
+        }
     }
 }
 

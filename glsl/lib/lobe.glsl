@@ -30,12 +30,6 @@ Lobe lobe_of(vec3 specular, float coded, vec3 n, vec3 towards_eye) {
     return Lobe(n, view, mirrored, k, roughness * roughness, f0 / whole, coded_f90(coded) / whole);
 }
 
-// The Phong lobe that approximates either lobe type.
-Lobe fitted_lobe_of(Lobe lobe) {
-    float albedo = phong_albedo(lobe.exponent, clamp(dot(lobe.n, lobe.mirrored), LEAST_COSINE, 1.0));
-    return Lobe(lobe.n, lobe.view, lobe.mirrored, lobe.exponent, -1.0, 1.0 / albedo, 0.0);
-}
-
 // Smith's masking term: share of microfacets visible at a cosine.
 float seen_share(float cosine, float alpha) {
     return 2.0 * cosine / (cosine + sqrt(alpha * alpha + (1.0 - alpha * alpha) * cosine * cosine));

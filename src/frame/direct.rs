@@ -4,13 +4,14 @@
 //! light has one map for each of its samples.
 
 use super::gbuffer::Surface;
+use super::ggx_area;
 use super::light_rays::LightRays;
 use super::plan::Plan;
 use super::view::View;
 use super::world::{ByKind, LightInfo, VERTEX_PLACE, VERTEX_PLAIN, Which, World};
 use crate::error::Result;
 use crate::gpu::{
-    Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Draw, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
+    Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Draw, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
 };
 use crate::shared::{AreaPush, LightWork, ScreenPush};
 use glam::Vec4;
@@ -21,8 +22,8 @@ pub struct Direct {
     hidden: Hidden,
     /// Only with punctual lights.
     shade: Option<Pipeline>,
-    /// Only with area lights.
-    shade_area: Option<Pipeline>,
+    /// Only with area lights: the pipeline, and the table of `lib/ggx_area.glsl`.
+    shade_area: Option<(Pipeline, Buffer)>,
     /// Whether caches see the sky, so that no light represents it here.
     sky_light: bool,
 }
@@ -133,7 +134,12 @@ impl Direct {
         Ok(Self {
             hidden,
             shade: has(false).then(|| Surface::adding_over(gpu, vertex, shade.0, shade.1)).transpose()?,
-            shade_area: has(true).then(|| Surface::adding_over(gpu, vertex, shade_area, &[])).transpose()?,
+            shade_area: has(true)
+                .then(|| {
+                    let table = gpu.buffer_from("direct.ggx_area", &ggx_area::TABLE)?;
+                    Ok((Surface::adding_over(gpu, vertex, shade_area, &[])?, table))
+                })
+                .transpose()?,
             sky_light: plan.sky_light,
         })
     }
@@ -210,7 +216,7 @@ impl Direct {
 
     /// The pipeline that adds a light.
     fn shading(&self, light: &LightInfo) -> Option<&Pipeline> {
-        if light.is_area { self.shade_area.as_ref() } else { self.shade.as_ref() }
+        if light.is_area { self.shade_area.as_ref().map(|(pipeline, _)| pipeline) } else { self.shade.as_ref() }
     }
 
     /// Adds the light that a view's surfaces reflect from one light.
@@ -237,6 +243,7 @@ impl Direct {
         resources.extend(second);
         resources.extend(surface.coat.as_ref().map(Bind::from));
         resources.extend(surface.arrivals.as_ref().map(|arrivals| Bind::from(&arrivals.lit)));
+        resources.extend(self.shade_area.as_ref().filter(|_| light.is_area).map(|(_, table)| Bind::from(table)));
         draw.bind(shade, &resources);
         let View { world_from_clip, eye, .. } = *view;
         let light_number = i as u32;

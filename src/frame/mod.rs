@@ -23,6 +23,7 @@ pub mod gather;
 pub mod gather_clusters;
 pub mod gather_draws;
 pub mod gbuffer;
+mod ggx_area;
 pub mod hidden_caches;
 pub mod inside;
 pub mod interpolate;

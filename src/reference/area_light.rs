@@ -1,8 +1,8 @@
 //! Light from a rectangle of uniform radiance at a point, by numerical integration: the reference for the contour
 //! integrals of the shaders; and the VALs of its rays.
 
+use super::brdf::Lobe;
 use super::disc::polygon_form_factor;
-use super::phong::cos_power;
 use super::rsm::Val;
 use glam::DVec3;
 use std::f64::consts::{PI, TAU};
@@ -26,7 +26,7 @@ const MOST: usize = 4000;
 
 impl Rectangle {
     /// Integral of `weight` over the solid angle \[sr\] that the rectangle's front subtends at a point.
-    fn integral(&self, point: DVec3, width: f64, weight: impl Fn(DVec3) -> f64) -> f64 {
+    fn integral(&self, point: DVec3, width: f64, weight: impl Fn(DVec3) -> DVec3) -> DVec3 {
         let area = self.right.cross(self.up) * 4.0;
         let nearest = {
             let offset = point - self.middle;
@@ -36,7 +36,7 @@ impl Rectangle {
         let parts = |side: DVec3| ((2.0 * side.length() / (FINE * width * nearest)).ceil() as usize).clamp(8, MOST);
         let (columns, rows) = (parts(self.right), parts(self.up));
         let place = |i: usize, n: usize| (2.0 * i as f64 + 1.0) / n as f64 - 1.0;
-        let mut sum = 0.0;
+        let mut sum = DVec3::ZERO;
         for i in 0..columns * rows {
             let at =
                 self.middle + place(i % columns, columns) * self.right + place(i / columns, rows) * self.up - point;
@@ -49,7 +49,7 @@ impl Rectangle {
 
     /// Form factor: irradiance at a point, divided by pi times the radiance.
     pub fn form_factor(&self, point: DVec3, normal: DVec3) -> f64 {
-        self.integral(point, 1.0, |towards| normal.dot(towards).max(0.0)) / PI
+        self.integral(point, 1.0, |towards| DVec3::splat(normal.dot(towards).max(0.0))).x / PI
     }
 
     /// Ray `i` of `count` that carry equal parts of the rectangle's light, as origin \[m\] and unit direction. Twin of
@@ -88,11 +88,12 @@ impl Rectangle {
         Val { position, area, normal, flux: albedo * radiance * (PI * part * past) }
     }
 
-    /// Radiance reflected by a normalised Phong lobe of exponent `k` about the unit vector `mirrored`, divided by the
-    /// rectangle's radiance; Lensing 2014, eq. 5.30.
-    pub fn lobe(&self, point: DVec3, normal: DVec3, mirrored: DVec3, k: f64) -> f64 {
-        let width = (1.0 / (k + 1.0).sqrt()).min(1.0);
-        let lobe = |towards: DVec3| cos_power(k, mirrored.dot(towards)) * normal.dot(towards).max(0.0);
-        self.integral(point, width, lobe) * (k + 2.0) / TAU
+    /// Radiance reflected by a glossy lobe at a point, divided by the rectangle's radiance.
+    pub fn reflected(&self, point: DVec3, normal: DVec3, lobe: &Lobe) -> DVec3 {
+        let width = match *lobe {
+            Lobe::Phong { exponent, .. } => (1.0 / (exponent + 1.0).sqrt()).min(1.0),
+            Lobe::Ggx { roughness, .. } => roughness * roughness,
+        };
+        self.integral(point, width, |towards| lobe.brdf(towards) * normal.dot(towards).max(0.0))
     }
 }

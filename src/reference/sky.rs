@@ -68,8 +68,10 @@ pub fn seen(
             false => at.extend(z),
         };
         let way = on.normalize();
-        let texel = |axis: DVec3| (axis.dot(way) * half + half).clamp(0.0, 2.0 * half - 0.5) as usize;
-        if way.dot(normal) > 0.0 && is_open[texel(up) * side + texel(right)] {
+        // Below the horizon directions are as open as those mirrored above it, and near it as in the last whole texel.
+        let p = DVec2::new(right.dot(way), up.dot(way));
+        let p = (p.clamp_length_max(1.0 - 0.5_f64.sqrt() / half) * half + half).as_uvec2();
+        if is_open[p.y as usize * side + p.x as usize] {
             parts[direction_index(way)] += 0.25;
         }
     }
