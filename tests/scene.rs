@@ -352,6 +352,52 @@ fn degenerate_triangles_and_bad_normals_are_mended() {
     assert!(b.error("degenerate").contains("no triangles"));
 }
 
+/// An octahedron, or its flat square alone, with triangles and normals that face outwards (up) or not.
+fn octahedron(is_flat: bool, outward_triangles: bool, outward_normals: bool) -> Scene {
+    let places = [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
+    let normals = places.map(|p| if is_flat { Vec3::Z } else { p } * if outward_normals { 1.0 } else { -1.0 });
+    let around = [[0, 1], [1, 2], [2, 3], [3, 0]];
+    let triangles: Vec<[u8; 3]> = match is_flat {
+        true => vec![[0, 1, 2], [0, 2, 3]],
+        false => around.iter().flat_map(|&[a, b]| [[a, b, 4], [b, a, 5]]).collect(),
+    };
+    let turned = triangles.into_iter().flat_map(|[a, b, c]| if outward_triangles { [a, b, c] } else { [a, c, b] });
+    let mut b = Builder::new();
+    b.attribute("POSITION", "VEC3", &places.map(|p| p.to_array()).concat());
+    b.attribute("NORMAL", "VEC3", &normals.map(|n| n.to_array()).concat());
+    let turned: Vec<u8> = turned.collect();
+    let indices = b.accessor(5121, "SCALAR", turned.len(), &turned);
+    b.primitive()["indices"] = json!(indices);
+    b.load("octahedron").expect("is valid")
+}
+
+#[test]
+fn bodies_that_are_inside_out_are_turned_over() {
+    for (is_flat, triangles, normals) in [false, true]
+        .into_iter()
+        .flat_map(|flat| [(true, true), (true, false), (false, true), (false, false)].map(|(t, n)| (flat, t, n)))
+    {
+        let scene = octahedron(is_flat, triangles, normals);
+        let is_turned = !is_flat && !triangles && normals;
+        let mesh = &scene.meshes[0];
+        for corners in mesh.indices.as_chunks::<3>().0 {
+            let [a, b, c] = corners.map(|c| mesh.vertices[c as usize].position);
+            let outwards = if is_flat { Vec3::Z } else { a + b + c };
+            assert_eq!(
+                (b - a).cross(c - a).dot(outwards) > 0.0,
+                triangles || is_turned,
+                "{is_flat} {triangles} {normals}"
+            );
+        }
+        let notes = if is_turned {
+            vec!["Primitives turned over (their triangles faced inwards, their normals outwards): 1."]
+        } else {
+            vec![]
+        };
+        assert_eq!(scene.notes, notes);
+    }
+}
+
 #[test]
 fn double_sided_materials_get_a_second_side() {
     let mut b = Builder::triangle();

@@ -134,6 +134,10 @@ impl Geometry<'_> {
             }
         }
         draft.vertices = self.vertices(&attributes, mesh, &positions, &used, notes)?;
+        if draft.has_normals && draft.is_inside_out() {
+            draft.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
+            notes.count("Primitives turned over (their triangles faced inwards, their normals outwards)", 1);
+        }
         Ok(Some((draft, attributes, used, positions.count)))
     }
 
@@ -257,6 +261,27 @@ impl Draft {
     fn area_vector(&self, triangle: [u32; 3]) -> DVec3 {
         let [a, b, c] = self.corners(triangle);
         (b - a).cross(c - a)
+    }
+
+    /// Whether the triangles of a body face inwards although its normals face outwards. Seen as written, such a body
+    /// shows the inside of its far side. Flat and open surfaces stay as written.
+    fn is_inside_out(&self) -> bool {
+        let finite = |v: DVec3| if v.is_finite() { v } else { DVec3::ZERO };
+        let sum: DVec3 = self.vertices.iter().map(|v| finite(v.position.as_dvec3())).sum();
+        let middle = sum / self.vertices.len().max(1) as f64;
+        let (mut area, mut against, mut outwards, mut most) = (0.0, 0.0, 0.0, 0.0);
+        for &triangle in &self.triangles {
+            let facing = self.area_vector(triangle);
+            if facing.is_finite() {
+                let normal: DVec3 = triangle.iter().map(|&c| finite(self.vertices[c as usize].normal.as_dvec3())).sum();
+                let from_middle = self.corners(triangle).iter().sum::<DVec3>() / 3.0 - middle;
+                area += facing.length();
+                against += if facing.dot(normal) < 0.0 { facing.length() } else { 0.0 };
+                outwards += facing.dot(from_middle);
+                most += facing.length() * from_middle.length();
+            }
+        }
+        against > 0.99 * area && outwards < -0.1 * most
     }
 
     fn drop_degenerate(&mut self, notes: &mut Notes) {
