@@ -4,10 +4,11 @@ use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::frame::World;
 use lightskin::image::{Layer, read_radiance, write_exr};
 use lightskin::lab::knobs::{Gi, Knobs};
+use lightskin::reference::brdf::around;
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings, camera_ray};
 use lightskin::scene::build::quad;
 use lightskin::scene::sky::Sky;
-use lightskin::scene::{LightKind, Scene};
+use lightskin::scene::{LightKind, Scene, luminance};
 use std::f64::consts::{PI, TAU};
 
 use crate::common::frames::{SPOT, add, baked, camera, corner, phong, shoot, small};
@@ -54,7 +55,8 @@ fn lights_have_the_energy_of_the_sky() {
             assert_eq!(suns == 1, scene.sky.as_ref().is_some_and(|sky| sky.shown.is_some()), "{name}");
             let light = |l: &lightskin::scene::Light| l.color.as_dvec3() * f64::from(l.intensity);
             let sum: DVec3 = scene.lights.iter().map(light).sum();
-            assert!(sum.distance(whole) < 1e-6 * whole.length(), "{name}, {count}: {sum} of {whole}");
+            assert!((luminance(sum) / luminance(whole) - 1.0).abs() < 1e-6, "{name}, {count}: {sum} of {whole}");
+            assert!(sum.distance(whole) < 0.05 * whole.length(), "{name}, {count}: {sum} of {whole}");
             assert!(scene.lights.iter().all(|l| l.kind == LightKind::Directional && l.direction.is_normalized()));
             let brightest = scene.lights.iter().map(|l| light(l).length()).fold(0.0, f64::max);
             eprintln!(
@@ -68,6 +70,44 @@ fn lights_have_the_energy_of_the_sky() {
     sky(256, 128, 0.0, sunny).put_over(&mut scene, 16);
     let to_sun = scene.lights.iter().map(|l| -l.direction.as_dvec3().dot(dvec3(0.6, 0.64, -0.48))).fold(-1.0, f64::max);
     assert!(to_sun > 0.995, "{to_sun}");
+}
+
+#[test]
+fn lights_give_open_surfaces_the_irradiance_of_the_sky() {
+    let viewer = dvec3(0.43, 0.0, 0.85);
+    let mut skies = vec![("studio", Sky::studio(viewer, true), 0.03), ("sunny", sky(256, 128, 0.0, sunny), 0.04)];
+    skies.push(("even", Sky::even(vec3(1.0, 2.0, 3.0)), 0.06));
+    if let Some(data) = data() {
+        for name in ["venice_sunset_1k.hdr", "studio_small_03_1k.hdr"] {
+            let picture = read_radiance(&data.join("env").join(name)).expect("a light probe");
+            skies.push((name, Sky::new(1024, 512, picture.rgb.into_iter().map(Vec3::from), 0.3), 0.05));
+        }
+    }
+    for (name, sky, most) in skies {
+        let mut scene = Scene::default();
+        sky.put_over(&mut scene, 16);
+        let sky = scene.sky.as_ref().expect("a sky");
+        let given = |n: DVec3| -> f64 {
+            let of = |light: &lightskin::scene::Light| {
+                let towards = -light.direction.as_dvec3();
+                luminance(light.color.as_dvec3()) * f64::from(light.intensity) * n.dot(towards).max(0.0)
+            };
+            scene.lights[sky.lights.clone()].iter().map(of).sum()
+        };
+        let (mut squares, mut exact, mut sum) = (0.0, 0.0, 0.0);
+        const COUNT: usize = 100;
+        for i in 0..COUNT {
+            let z = 1.0 - (2 * i + 1) as f64 / COUNT as f64;
+            let normal = around(DVec3::Z, z, 0.754_877_666 * i as f64);
+            let irradiance = luminance(sky.received(normal));
+            squares += (given(normal) - irradiance).powi(2);
+            exact += irradiance;
+            sum += given(normal);
+        }
+        let (error, bias) = ((squares * COUNT as f64).sqrt() / exact, sum / exact - 1.0);
+        println!("{name}: irradiance by 16 lights has an RMSE of {error:.4} of the mean, bias {bias:+.4}");
+        assert!(error < most && bias.abs() < 0.01, "{name}: {error} {bias}");
+    }
 }
 
 fn plane() -> Scene {

@@ -42,6 +42,13 @@ struct Region {
     energy: f64,
 }
 
+/// Cells that stand for the sky itself: columns and rows.
+const FINE: [usize; 2] = [64, 32];
+
+/// Normals over which the brightness of lights is fitted, and steps of the fit.
+const NORMALS: usize = 256;
+const STEPS: usize = 100;
+
 impl Sky {
     /// A sky from a grid of radiances [cd/m^2]. Negative values and NaN count as 0.
     pub fn new(width: u32, height: u32, radiance: impl Iterator<Item = Vec3>, turn: f64) -> Self {
@@ -144,8 +151,29 @@ impl Sky {
         (light, vector)
     }
 
-    /// The directional lights that represent the sky.
+    /// The directional lights that represent the sky: one for each region. Each is as bright as makes the irradiance of
+    /// open surfaces, whichever way they face, most like the sky's.
     fn lights(&self, count: usize) -> Vec<Light> {
+        let regions = self.divided(count);
+        let mut lights: Vec<Light> = (0..).zip(&regions).map(|(index, region)| self.light(index, region)).collect();
+        // Light by direction: luminance, and the unit vector towards it.
+        let by_direction = |regions: &[Region]| -> Vec<(f64, DVec3)> {
+            let of =
+                |region: &Region| (region.energy, self.sum(&region.columns, &region.rows).1.normalize_or(DVec3::Y));
+            regions.iter().map(of).collect()
+        };
+        let part = |i: usize, count: usize, size: usize| i * size / count..(i + 1) * size / count;
+        let cell = |(i, j)| self.region(part(i, FINE[0], self.width as usize), part(j, FINE[1], self.height as usize));
+        let cells: Vec<Region> = (0..FINE[1]).flat_map(|j| (0..FINE[0]).map(move |i| (i, j))).map(cell).collect();
+        let [coarse, fine] = [by_direction(&regions), by_direction(&cells)];
+        for (light, share) in lights.iter_mut().zip(shares(&coarse, &fine)) {
+            light.intensity *= share as f32;
+        }
+        lights
+    }
+
+    /// Regions of about equal energy.
+    fn divided(&self, count: usize) -> Vec<Region> {
         let region = |rows: Range<usize>| self.region(0..self.width as usize, rows);
         let (horizon, rows) = (self.height as usize / 2, self.height as usize);
         // A floor sees only one hemisphere: no light may represent parts of both.
@@ -167,7 +195,7 @@ impl Sky {
             regions.extend(self.cut(&region));
         }
         regions.retain(|region| region.energy > 0.0);
-        regions.iter().enumerate().map(|(index, region)| self.light(index, region)).collect()
+        regions
     }
 
     fn region(&self, columns: Range<usize>, rows: Range<usize>) -> Region {
@@ -208,6 +236,34 @@ impl Sky {
         let (light, vector) = self.sum(&region.columns, &region.rows);
         parallel(format!("sky {index}"), light, vector)
     }
+}
+
+/// Factors on lights, given as energy and direction, with which they light open surfaces most like many finer ones do:
+/// least squares over all normals, by multiplicative steps, which keep factors positive (Lee and Seung 2001). The energy
+/// stays.
+fn shares(lights: &[(f64, DVec3)], fine: &[(f64, DVec3)]) -> Vec<f64> {
+    let golden = PI * (3.0 - 5.0_f64.sqrt());
+    let normals = (0..NORMALS).map(|i| {
+        let z = 1.0 - (2 * i + 1) as f64 / NORMALS as f64;
+        let (sin, cos) = (golden * i as f64).sin_cos();
+        DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
+    });
+    let received = |n: DVec3, (energy, towards): &(f64, DVec3)| energy * n.dot(*towards).max(0.0);
+    let rows: Vec<(Vec<f64>, f64)> = normals
+        .map(|n| (lights.iter().map(|light| received(n, light)).collect(), fine.iter().map(|f| received(n, f)).sum()))
+        .collect();
+    let product = |column: usize, value: &dyn Fn(&(Vec<f64>, f64)) -> f64| -> f64 {
+        rows.iter().map(|row| row.0[column] * value(row)).sum()
+    };
+    let mut shares = vec![1.0; lights.len()];
+    for _ in 0..STEPS {
+        let sum = |row: &(Vec<f64>, f64)| row.0.iter().zip(&shares).map(|(e, share)| e * share).sum();
+        let next = |i: usize| shares[i] * product(i, &|row| row.1) / product(i, &sum).max(f64::MIN_POSITIVE);
+        shares = (0..lights.len()).map(next).collect();
+    }
+    let energy = |share: &dyn Fn(usize) -> f64| -> f64 { (0..).zip(lights).map(|(i, light)| light.0 * share(i)).sum() };
+    let whole = energy(&|_| 1.0) / energy(&|i| shares[i]);
+    shares.into_iter().map(|share| share * whole).collect()
 }
 
 /// Parallel light \[lx\] from a direction of any length.
