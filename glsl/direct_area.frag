@@ -3,6 +3,7 @@
 // variant direct_area_rays.frag: RAYS (where rays find the share that arrives)
 // variant direct_area_coat.frag: COAT (where a material has a clear coat or sheen: METHOD 16)
 // variant direct_area_rays_coat.frag: RAYS COAT (both)
+#extension GL_EXT_control_flow_attributes : require
 #include "shared.glsl"
 #include "lib/area_light.glsl"
 #include "lib/brdf.glsl"

@@ -6,42 +6,32 @@
 
 const float TWO_PI = 6.28318530717959;
 
-// A convex polygon of up to 6 corners, in order, relative to a point.
+// The part of a rectangle above a point's horizon: corners relative to the point, in order.
 struct SeenPart {
-    vec3 corners[6];
+    vec3 corners[5];
     int count;
 };
 
-// The part of a polygon of up to 5 corners above the plane through the point with normal n.
-SeenPart above_plane(SeenPart whole, vec3 n) {
+// Clips a rectangle to the half space above the plane through the point with normal n.
+SeenPart above_horizon(vec3 middle, vec3 right, vec3 up, vec3 n) {
+    vec3 corner[4] = vec3[4](middle - right - up, middle + right - up, middle + right + up, middle - right + up);
     SeenPart part;
     part.count = 0;
-    vec3 before = whole.corners[max(whole.count - 1, 0)];
+    vec3 before = corner[3];
     float before_height = dot(n, before);
-    for (int i = 0; i < whole.count; ++i) {
-        vec3 here = whole.corners[i];
+    for (int i = 0; i < 4; ++i) {
+        vec3 here = corner[i];
         float height = dot(n, here);
-        if ((before_height > 0.0) != (height > 0.0) && part.count < 6) {
+        if ((before_height > 0.0) != (height > 0.0) && part.count < 5) {
             part.corners[part.count++] = before + (here - before) * (before_height / (before_height - height));
         }
-        if (height > 0.0 && part.count < 6) {
+        if (height > 0.0 && part.count < 5) {
             part.corners[part.count++] = here;
         }
         before = here;
         before_height = height;
     }
     return part;
-}
-
-// The part of a rectangle above a point's horizon, of up to 5 corners.
-SeenPart above_horizon(vec3 middle, vec3 right, vec3 up, vec3 n) {
-    SeenPart whole;
-    whole.corners[0] = middle - right - up;
-    whole.corners[1] = middle + right - up;
-    whole.corners[2] = middle + right + up;
-    whole.corners[3] = middle - right + up;
-    whole.count = 4;
-    return above_plane(whole, n);
 }
 
 // Form factor from a point with normal n to the visible part of a polygon: Lambert's 1/(2 pi) sum of angle_i (n . m_i),

@@ -31,8 +31,39 @@ mat3 cosine_from_view(uint part, float roughness, float cosine) {
     return transpose(mat3(x, vec3(0.0, 1.0, 0.0), z));
 }
 
-// Share of a polygon's radiance that a GGX lobe reflects. `part`: above the horizon of n; `looking`: unit, from the
-// viewer.
+// Lambert's sum for one edge of a polygon, on a surface with the normal +z.
+float edge_on_z(vec3 a, vec3 b) {
+    vec3 across = cross(a, b);
+    float size = length(across);
+    return size > 0.0 ? atan(size, dot(a, b)) * across.z / size : 0.0;
+}
+
+// Form factor, on a surface with the normal +z, of what a map makes of a polygon. It is cut at z = 0 edge by edge.
+float mapped_form_factor(SeenPart part, mat3 map) {
+    float sum = 0.0;
+    bool is_cut = false;
+    vec3 leaves = vec3(0.0);
+    vec3 enters = vec3(0.0);
+    vec3 before = map * part.corners[part.count - 1];
+    [[dont_unroll]] for (int i = 0; i < part.count; ++i) {
+        vec3 here = map * part.corners[i];
+        if (before.z > 0.0 || here.z > 0.0) {
+            vec3 at_zero = before + (here - before) * (before.z / (before.z - here.z));
+            vec3 a = before.z > 0.0 ? before : at_zero;
+            vec3 b = here.z > 0.0 ? here : at_zero;
+            sum += edge_on_z(a, b);
+            enters = before.z > 0.0 ? enters : a;
+            leaves = here.z > 0.0 ? leaves : b;
+            is_cut = is_cut || here.z <= 0.0;
+        }
+        before = here;
+    }
+    sum += is_cut ? edge_on_z(leaves, enters) : 0.0;
+    return abs(sum) / TWO_PI;
+}
+
+// Share of a polygon's radiance that a GGX lobe reflects. `part`: above the horizon of n, with at least 3 corners;
+// `looking`: unit, from the viewer.
 vec3 polygon_ggx(SeenPart part, vec3 n, vec3 looking, vec3 f0, float coded) {
     float roughness = coded_roughness(coded);
     float cosine = clamp(-dot(n, looking), LEAST_COSINE, 1.0);
@@ -41,18 +72,14 @@ vec3 polygon_ggx(SeenPart part, vec3 n, vec3 looking, vec3 f0, float coded) {
         x = cross(n, abs(n.x) < 0.7 ? vec3(1.0, 0.0, 0.0) : vec3(0.0, 1.0, 0.0)); // straight on the lobe is round
     }
     x = normalize(x);
+    mat3 to_view = transpose(mat3(x, cross(n, x), n));
     vec2 once = scattered_once(roughness, cosine);
-    vec2 shares;
-    for (uint i = 0u; i < 2u; ++i) {
-        mat3 to_cosine = cosine_from_view(i, roughness, cosine) * transpose(mat3(x, cross(n, x), n));
-        SeenPart mapped = part;
-        for (int corner = 0; corner < part.count; ++corner) {
-            mapped.corners[corner] = to_cosine * part.corners[corner];
-        }
-        mapped = above_plane(mapped, vec3(0.0, 0.0, 1.0));
-        shares[i] = polygon_form_factor(mapped, vec3(0.0, 0.0, 1.0));
+    vec3 reflected = vec3(0.0);
+    [[dont_unroll]] for (uint i = 0u; i < 2u; ++i) {
+        vec3 scale = i == 0u ? f0 * once.x : vec3(coded_f90(coded) * once.y);
+        reflected += scale * mapped_form_factor(part, cosine_from_view(i, roughness, cosine) * to_view);
     }
-    return (f0 * (once.x * shares.x) + coded_f90(coded) * once.y * shares.y) * scattered_again(f0, once);
+    return reflected * scattered_again(f0, once);
 }
 
 #endif
