@@ -7,6 +7,7 @@ const SIDE: usize = 16;
 /// Differences of four matrix elements from those of a mirror, by part (that of F0, then that of F90), roughness and
 /// cosine.
 #[rustfmt::skip]
+#[expect(clippy::approx_constant, reason = "likenesses by chance")]
 pub(super) const TABLE: [[f32; 4]; 2 * SIDE * SIDE] = [
     // F0's part.
     [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.0],

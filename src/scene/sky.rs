@@ -249,17 +249,18 @@ fn shares(lights: &[(f64, DVec3)], fine: &[(f64, DVec3)]) -> Vec<f64> {
         DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
     });
     let received = |n: DVec3, (energy, towards): &(f64, DVec3)| energy * n.dot(*towards).max(0.0);
-    let rows: Vec<(Vec<f64>, f64)> = normals
-        .map(|n| (lights.iter().map(|light| received(n, light)).collect(), fine.iter().map(|f| received(n, f)).sum()))
-        .collect();
-    let product = |column: usize, value: &dyn Fn(&(Vec<f64>, f64)) -> f64| -> f64 {
-        rows.iter().map(|row| row.0[column] * value(row)).sum()
-    };
+    // By normal: the irradiance of each light, and of all fine ones.
+    let (given, wanted): (Vec<Vec<f64>>, Vec<f64>) = normals
+        .map(|n| (lights.iter().map(|l| received(n, l)).collect(), fine.iter().map(|f| received(n, f)).sum::<f64>()))
+        .unzip();
+    let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
+    let weighted = |light: usize, by: &[f64]| -> f64 { given.iter().zip(by).map(|(row, by)| row[light] * by).sum() };
     let mut shares = vec![1.0; lights.len()];
     for _ in 0..STEPS {
-        let sum = |row: &(Vec<f64>, f64)| row.0.iter().zip(&shares).map(|(e, share)| e * share).sum();
-        let next = |i: usize| shares[i] * product(i, &|row| row.1) / product(i, &sum).max(f64::MIN_POSITIVE);
-        shares = (0..lights.len()).map(next).collect();
+        let sums: Vec<f64> = given.iter().map(|row| dot(row, &shares)).collect();
+        for (light, share) in shares.iter_mut().enumerate() {
+            *share *= weighted(light, &wanted) / weighted(light, &sums).max(f64::MIN_POSITIVE);
+        }
     }
     let energy = |share: &dyn Fn(usize) -> f64| -> f64 { (0..).zip(lights).map(|(i, light)| light.0 * share(i)).sum() };
     let whole = energy(&|_| 1.0) / energy(&|i| shares[i]);
