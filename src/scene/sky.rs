@@ -154,22 +154,22 @@ impl Sky {
     /// The directional lights that represent the sky: one for each region. Each is as bright as makes the irradiance of
     /// open surfaces, whichever way they face, most like the sky's.
     fn lights(&self, count: usize) -> Vec<Light> {
-        let regions = self.divided(count);
-        let mut lights: Vec<Light> = (0..).zip(&regions).map(|(index, region)| self.light(index, region)).collect();
-        // Light by direction: luminance, and the unit vector towards it.
-        let by_direction = |regions: &[Region]| -> Vec<(f64, DVec3)> {
-            let of =
-                |region: &Region| (region.energy, self.sum(&region.columns, &region.rows).1.normalize_or(DVec3::Y));
-            regions.iter().map(of).collect()
+        // Light by direction: illuminance [lx], and the vector whose direction is that of its energy.
+        let by_direction = |regions: &[Region]| -> Vec<(DVec3, DVec3)> {
+            regions.iter().map(|region| self.sum(&region.columns, &region.rows)).collect()
         };
         let part = |i: usize, count: usize, size: usize| i * size / count..(i + 1) * size / count;
         let cell = |(i, j)| self.region(part(i, FINE[0], self.width as usize), part(j, FINE[1], self.height as usize));
         let cells: Vec<Region> = (0..FINE[1]).flat_map(|j| (0..FINE[0]).map(move |i| (i, j))).map(cell).collect();
-        let [coarse, fine] = [by_direction(&regions), by_direction(&cells)];
-        for (light, share) in lights.iter_mut().zip(shares(&coarse, &fine)) {
-            light.intensity *= share as f32;
+        let mut lights = by_direction(&self.divided(count));
+        let whole: DVec3 = lights.iter().map(|light| light.0).sum();
+        let shares = shares(&lights, &by_direction(&cells));
+        for (light, share) in lights.iter_mut().zip(shares) {
+            light.0 *= share;
         }
-        lights
+        // Each channel keeps its energy.
+        let factor = whole / lights.iter().map(|light| light.0).sum::<DVec3>().max(DVec3::splat(f64::MIN_POSITIVE));
+        (0..).zip(lights).map(|(i, (light, vector))| parallel(format!("sky {i}"), light * factor, vector)).collect()
     }
 
     /// Regions of about equal energy.
@@ -231,24 +231,19 @@ impl Sky {
             [self.region(columns.clone(), rows.start..at), self.region(columns.clone(), at..rows.end)]
         }
     }
-
-    fn light(&self, index: usize, region: &Region) -> Light {
-        let (light, vector) = self.sum(&region.columns, &region.rows);
-        parallel(format!("sky {index}"), light, vector)
-    }
 }
 
-/// Factors on lights, given as energy and direction, with which they light open surfaces most like many finer ones do:
-/// least squares over all normals, by multiplicative steps, which keep factors positive (Lee and Seung 2001). The energy
-/// stays.
-fn shares(lights: &[(f64, DVec3)], fine: &[(f64, DVec3)]) -> Vec<f64> {
+/// Factors on lights, given as illuminance and direction, with which they light open surfaces most like many finer ones
+/// do: least squares over all normals, by multiplicative steps, which keep factors positive (Lee and Seung 2001).
+fn shares(lights: &[(DVec3, DVec3)], fine: &[(DVec3, DVec3)]) -> Vec<f64> {
     let golden = PI * (3.0 - 5.0_f64.sqrt());
     let normals = (0..NORMALS).map(|i| {
         let z = 1.0 - (2 * i + 1) as f64 / NORMALS as f64;
         let (sin, cos) = (golden * i as f64).sin_cos();
         DVec3::new(cos, sin, 0.0) * (1.0 - z * z).sqrt() + DVec3::Z * z
     });
-    let received = |n: DVec3, (energy, towards): &(f64, DVec3)| energy * n.dot(*towards).max(0.0);
+    let received =
+        |n: DVec3, (light, vector): &(DVec3, DVec3)| luminance(*light) * n.dot(vector.normalize_or(DVec3::Y)).max(0.0);
     // By normal: the irradiance of each light, and of all fine ones.
     let (given, wanted): (Vec<Vec<f64>>, Vec<f64>) = normals
         .map(|n| (lights.iter().map(|l| received(n, l)).collect(), fine.iter().map(|f| received(n, f)).sum::<f64>()))
@@ -262,9 +257,7 @@ fn shares(lights: &[(f64, DVec3)], fine: &[(f64, DVec3)]) -> Vec<f64> {
             *share *= weighted(light, &wanted) / weighted(light, &sums).max(f64::MIN_POSITIVE);
         }
     }
-    let energy = |share: &dyn Fn(usize) -> f64| -> f64 { (0..).zip(lights).map(|(i, light)| light.0 * share(i)).sum() };
-    let whole = energy(&|_| 1.0) / energy(&|i| shares[i]);
-    shares.into_iter().map(|share| share * whole).collect()
+    shares
 }
 
 /// Parallel light \[lx\] from a direction of any length.
