@@ -38,7 +38,7 @@ void main() {
     vec3 r = reflect(looking, n);
 #ifndef DIFFUSE_ONLY
     vec3 specular = texelFetch(specular_image, pixel, 0).rgb;
-    PhongLobe fitted = fitted_lobe(specular, normal_coded.w, -dot(n, looking), CACHE_EXPONENT);
+    PhongLobe fitted = fitted_lobe(specular, normal_coded.w, -dot(n, looking));
 #endif
     vec3 irradiance = vec3(0.0);
     vec3 glossy = vec3(0.0);

@@ -129,13 +129,12 @@ void main() {
 #ifndef DIFFUSE_ONLY
     // Rays handle lobes of any width.
     float axis = clamp(dot(n, lobe_axis(normal_coded.w, n, looking)), LEAST_COSINE, 1.0);
-    PhongLobe lobe = fitted_about(specular.rgb, normal_coded.w, -dot(n, looking), axis, 1e9);
-    out_glossy = vec4(lobe.albedo * phong_albedo(lobe.exponent, axis) * near.glossy, 0.0);
+    out_glossy = vec4(lobe_albedo(specular.rgb, normal_coded.w, -dot(n, looking), axis) * near.glossy, 0.0);
 #endif
 #elif !defined(DIFFUSE_ONLY)
     vec3 glossy_from;
     vec3 g = received(light.position, light.glossy_position, light.glossy_irradiance, n, glossy_from);
-    PhongLobe fitted = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking), CACHE_EXPONENT);
+    PhongLobe fitted = fitted_lobe(specular.rgb, normal_coded.w, -dot(n, looking));
     float lobe = phong_lobe(fitted.exponent, dot(reflect(looking, n), glossy_from));
     out_glossy = vec4(fitted.albedo * lobe * g, 0.0);
 #endif

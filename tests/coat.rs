@@ -308,7 +308,7 @@ fn spheres_under_an_even_sky_are_the_path_tracers() {
 #[test]
 fn area_lights_are_the_path_tracers() {
     let gpu = gpu();
-    // Only coats and sheen have lobes here, so the fit of Phong lobes to GGX plays no role.
+    // Only coats and sheen have lobes here.
     let matt = |color| Material { specular: 0.0, ..body(color, 0.0, 1.0) };
     let mut scene = balls(&[
         coated(1.0, 0.1, matt([0.2; 3])),
@@ -330,7 +330,7 @@ fn area_lights_are_the_path_tracers() {
         for ball in 0..4 {
             let [bias, median] = against(&shot.direct, &truth, |pixel| balls[pixel] == Some(ball));
             println!("{light_shadows:?}, ball {ball}: bias {bias:+.4}, median error {median:.4}");
-            assert!(bias.abs() < 0.03, "{light_shadows:?} {ball}: {bias} {median}");
+            assert!(bias.abs() < 0.03 && median < 0.08, "{light_shadows:?} {ball}: {bias} {median}");
         }
     }
 }

@@ -330,6 +330,22 @@ fn wide_lobes_have_the_light_of_paths() {
 
 /// A sealed room next to a lit one gets no light. Bounds the light that leaks into it, relative to the lit room's.
 #[test]
+fn wide_lobes_of_gltf_have_their_own_shape() {
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
+    for material in &mut scene.materials {
+        (material.phong, material.roughness, material.metallic) = (None, 0.5, 0.0);
+    }
+    let caches = baked(&scene, 0.2, 8);
+    let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine([96, 64], 1));
+    (0..64).for_each(|_| paths.pass());
+    let shot = shoot(&gpu(), &scene, Some(&caches), &near([96, 64]));
+    let shown: Vec<[f32; 3]> = shot.glossy.iter().map(|p| p.as_vec3().to_array()).collect();
+    let found = metrics(&shown, &paths.glossy());
+    println!("lobes of roughness .5: bias {:+.4}, trimmed relMSE {:.4}", found.bias, found.relmse_trimmed);
+    assert!(found.bias.abs() < 0.15 && found.relmse_trimmed < 0.25, "{found:?}");
+}
+
+#[test]
 fn a_sealed_room_stays_dark() {
     let gpu = gpu();
     let settings = BakeSettings { density: Density::Count(1000), angle: 30f32.to_radians(), references: 8 };

@@ -373,10 +373,7 @@ fn octahedron(is_flat: bool, outward_triangles: bool, outward_normals: bool) -> 
 
 #[test]
 fn bodies_that_are_inside_out_are_turned_over() {
-    for (is_flat, triangles, normals) in [false, true]
-        .into_iter()
-        .flat_map(|flat| [(true, true), (true, false), (false, true), (false, false)].map(|(t, n)| (flat, t, n)))
-    {
+    for [is_flat, triangles, normals] in (0..8).map(|case| [1, 2, 4].map(|bit| case & bit != 0)) {
         let scene = octahedron(is_flat, triangles, normals);
         let is_turned = !is_flat && !triangles && normals;
         let mesh = &scene.meshes[0];

@@ -34,16 +34,19 @@ SeenPart above_horizon(vec3 middle, vec3 right, vec3 up, vec3 n) {
     return part;
 }
 
-// Form factor from a point with normal n to the visible part of a polygon: Lambert's 1/(2 pi) sum of angle_i (n . m_i),
-// where m_i is perpendicular to the plane of edge i and the point.
+// Part of an edge in Lambert's sum: its angle seen from the point, times the cosine between n and the normal of the plane
+// of edge and point.
+float lambert_edge(vec3 a, vec3 b, vec3 n) {
+    vec3 across = cross(a, b);
+    float size = length(across);
+    return size > 0.0 ? atan(size, dot(a, b)) * dot(n, across) / size : 0.0;
+}
+
+// Form factor from a point with normal n to the visible part of a polygon: Lambert's sum over 2 pi.
 float polygon_form_factor(SeenPart part, vec3 n) {
     float sum = 0.0;
     for (int i = 0; i < part.count; ++i) {
-        vec3 a = part.corners[i];
-        vec3 b = part.corners[i + 1 < part.count ? i + 1 : 0];
-        vec3 across = cross(a, b);
-        float size = length(across);
-        sum += size > 0.0 ? atan(size, dot(a, b)) * dot(n, across) / size : 0.0;
+        sum += lambert_edge(part.corners[i], part.corners[i + 1 < part.count ? i + 1 : 0], n);
     }
     return abs(sum) / TWO_PI;
 }

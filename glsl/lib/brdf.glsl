@@ -138,21 +138,26 @@ vec3 lobe_axis(float coded, vec3 n, vec3 looking) {
     return normalize(mix(n, mirrored, (1.0 - a) * (sqrt(1.0 - a) + a) * (1.0 - min(a, 0.54) * (1.0 - c))));
 }
 
+// Albedo of either lobe type under uniform light, at the viewer's cosine; of a Phong lobe, with its axis at the cosine
+// `axis`.
+vec3 lobe_albedo(vec3 specular, float coded, float cosine, float axis) {
+    return coded < 0.0 ? ggx_albedo(specular, coded_f90(coded), scattered_once(coded_roughness(coded), cosine))
+                       : specular * phong_albedo(coded, axis);
+}
+
 // Phong lobe that approximates either lobe type about an axis; `axis` is the axis's cosine with the normal. It has
 // GGX's width, an exponent of at most `most`, and GGX's albedo under uniform light at the viewer's cosine.
 PhongLobe fitted_about(vec3 specular, float coded, float cosine, float axis, float most) {
     if (coded >= 0.0) {
         return PhongLobe(specular, coded);
     }
-    float c = clamp(cosine, LEAST_COSINE, 1.0);
     float k = min(fitted_exponent(coded), most);
-    vec3 albedo = ggx_albedo(specular, coded_f90(coded), scattered_once(coded_roughness(coded), c));
-    return PhongLobe(albedo / phong_albedo(k, clamp(axis, LEAST_COSINE, 1.0)), k);
+    return PhongLobe(lobe_albedo(specular, coded, cosine, axis) / phong_albedo(k, clamp(axis, LEAST_COSINE, 1.0)), k);
 }
 
-// The same about the mirrored view direction, for callers without another axis.
-PhongLobe fitted_lobe(vec3 specular, float coded, float cosine, float most) {
-    return fitted_about(specular, coded, cosine, cosine, most);
+// The same about the mirrored view direction, with an exponent that caches can resolve.
+PhongLobe fitted_lobe(vec3 specular, float coded, float cosine) {
+    return fitted_about(specular, coded, cosine, cosine, CACHE_EXPONENT);
 }
 
 #endif

@@ -154,16 +154,15 @@ impl Sky {
     /// The directional lights that represent the sky: one for each region. Each is as bright as makes the irradiance of
     /// open surfaces, whichever way they face, most like the sky's.
     fn lights(&self, count: usize) -> Vec<Light> {
-        // Light by direction: illuminance [lx], and the vector whose direction is that of its energy.
-        let by_direction = |regions: &[Region]| -> Vec<(DVec3, DVec3)> {
-            regions.iter().map(|region| self.sum(&region.columns, &region.rows)).collect()
+        let mut lights: Vec<_> = self.divided(count).iter().map(|r| self.sum(&r.columns, &r.rows)).collect();
+        let part = |i: usize, count: usize, size: u32| i * size as usize / count..(i + 1) * size as usize / count;
+        let cell = |i| {
+            let [column, row] = [i % FINE[0], i / FINE[0]];
+            self.sum(&part(column, FINE[0], self.width), &part(row, FINE[1], self.height))
         };
-        let part = |i: usize, count: usize, size: usize| i * size / count..(i + 1) * size / count;
-        let cell = |(i, j)| self.region(part(i, FINE[0], self.width as usize), part(j, FINE[1], self.height as usize));
-        let cells: Vec<Region> = (0..FINE[1]).flat_map(|j| (0..FINE[0]).map(move |i| (i, j))).map(cell).collect();
-        let mut lights = by_direction(&self.divided(count));
+        let fine: Vec<_> = (0..FINE[0] * FINE[1]).map(cell).collect();
         let whole: DVec3 = lights.iter().map(|light| light.0).sum();
-        let shares = shares(&lights, &by_direction(&cells));
+        let shares = shares(&lights, &fine);
         for (light, share) in lights.iter_mut().zip(shares) {
             light.0 *= share;
         }
@@ -233,7 +232,7 @@ impl Sky {
     }
 }
 
-/// Factors on lights, given as illuminance and direction, with which they light open surfaces most like many finer ones
+/// Factors on lights, given as illuminance \[lx\] and a vector towards them, with which they light open surfaces most like many finer ones
 /// do: least squares over all normals, by multiplicative steps, which keep factors positive (Lee and Seung 2001).
 fn shares(lights: &[(DVec3, DVec3)], fine: &[(DVec3, DVec3)]) -> Vec<f64> {
     let golden = PI * (3.0 - 5.0_f64.sqrt());
