@@ -1,6 +1,8 @@
 // Stage 6, further bounces: turns the light that caches have received so far into VALs. METHOD 9, thesis 6.1.7.
 // All caches are live here, in order, so that list slots equal cache indices.
 // variant bounce_traced.comp: TRACED (where caches trace rays)
+// variant bounce_sky.comp: SKY (where caches see a sky)
+// variant bounce_traced_sky.comp: TRACED SKY (both)
 #include "shared.glsl"
 
 layout(local_size_x = 64) in;
@@ -18,6 +20,12 @@ layout(binding = 6, scalar) readonly buffer Closed { float closed[]; };
 // Upper bound of the scale in TRACED variants: the gather of far light brings at most this many times the caches' form
 // factors. The exchange pass fills the first cache part.
 const float MOST_SCALE = 4.0;
+#define SKY_BINDING 7
+#else
+#define SKY_BINDING 6
+#endif
+#ifdef SKY
+layout(binding = SKY_BINDING, scalar) readonly buffer Seen { SkySeen seen[]; };
 #endif
 
 // Irradiance at a cache from parts [first, end).
@@ -43,7 +51,7 @@ void main() {
 #else
         vec3 again = received(i, 0u, push.cache_parts);
 #endif
-        if (push.step == BOUNCE_FIRST) {
+        if (push.step == BOUNCE_FIRST || push.step == BOUNCE_SKY) {
 #ifdef TRACED
             // Scales the form factors to the share of rays that hit something.
             scales[i] = min(closed[i] / max(again.x, 1e-6), MOST_SCALE);
@@ -52,6 +60,7 @@ void main() {
             scales[i] = 1.0 / max(again.x, 1.0);
 #endif
             again = vec3(0.0);
+            first = push.step == BOUNCE_SKY ? vec3(0.0) : first;
         } else if (push.step == BOUNCE_AGAIN) {
 #ifndef TRACED
             again *= scales[i];
@@ -59,7 +68,11 @@ void main() {
         } else {
             first = vec3(0.0);
         }
-        flux *= albedos[i] * (first + again);
+        vec3 sky = vec3(0.0);
+#ifdef SKY
+        sky = seen[i].irradiance;
+#endif
+        flux *= albedos[i] * (sky + first + again);
     }
     float weight = IRRADIANCE_WEIGHTS != 0u ? dot(flux, vec3(0.2126, 0.7152, 0.0722)) : c.area;
     vals[i] = Val(c.position, c.area, c.normal, 0u, flux, weight);

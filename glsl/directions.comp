@@ -15,23 +15,34 @@ layout(binding = 1, scalar) readonly buffer Live { uint live[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
 layout(binding = 3, scalar) readonly buffer ValCount { uint val_count; };
 layout(binding = 4, scalar) readonly buffer Vals { Val vals[]; };
-layout(binding = 5, scalar) writeonly buffer Radiances { uint radiances[]; }; // DIRECTIONS values per cache [cd/m^2]
+layout(binding = 5) uniform samplerBuffer val_texels; // `vals` again
+layout(binding = 6, scalar) writeonly buffer Radiances { uint radiances[]; }; // DIRECTIONS values per cache [cd/m^2]
+layout(constant_id = 0) const uint VALS_AS_TEXELS = 0; // 1: VALs are read as texels
 #ifdef BOUNCES
-layout(binding = 6, scalar) readonly buffer CacheValCount { uint cache_val_count; };
-layout(binding = 7, scalar) readonly buffer CacheVals { Val cache_vals[]; };
-layout(binding = 8, scalar) readonly buffer Scales { float scales[]; };
+layout(binding = 7, scalar) readonly buffer CacheValCount { uint cache_val_count; };
+layout(binding = 8, scalar) readonly buffer CacheVals { Val cache_vals[]; };
+layout(binding = 9) uniform samplerBuffer cache_val_texels; // `cache_vals` again
+layout(binding = 10, scalar) readonly buffer Scales { float scales[]; };
 #endif
 #ifdef SHADOWED
-layout(constant_id = 0) const uint IMAGES_AS_TEXELS = 1;
+layout(constant_id = 1) const uint IMAGES_AS_TEXELS = 1;
 #ifdef BOUNCES
-#define IMAGE_BINDING 9
-#define IMAGE_WORDS_BINDING 10
+#define IMAGE_BINDING 11
+#define IMAGE_WORDS_BINDING 12
 #else
-#define IMAGE_BINDING 6
-#define IMAGE_WORDS_BINDING 7
+#define IMAGE_BINDING 7
+#define IMAGE_WORDS_BINDING 8
 #endif
 #include "lib/sees.glsl"
 #endif
+
+// A VAL from three texels of a buffer of VALs.
+Val val_from(samplerBuffer texels, uint i) {
+    vec4 place = texelFetch(texels, int(3u * i));
+    vec4 facing = texelFetch(texels, int(3u * i + 1u));
+    vec4 light = texelFetch(texels, int(3u * i + 2u));
+    return Val(place.xyz, place.w, facing.xyz, 0u, light.rgb, light.w);
+}
 
 // One map per thread.
 shared float sums[3u * DIRECTIONS * THREADS];
@@ -42,21 +53,36 @@ Cache c;
 View seen_by;
 #endif
 
-// Adds a VAL's irradiance on a surface that faces it, with the given flux.
-void add(Val val, vec3 flux) {
+// Irradiance of VALs on surfaces that face them, and the vector to the one that lights the cache most.
+struct Beam {
+    vec3 irradiance;
+    vec3 d;
+    float most;
+};
+
+// Adds a VAL.
+void take(inout Beam beam, Val val) {
     vec3 d = val.position - c.position;
     float d2 = dot(d, d);
-    float inverse = inversesqrt(max(d2, 1e-37));
-    float cosine = -dot(val.normal, d) * inverse;
-    float share = clamp((d2 - push.near_begin) * push.near_scale, 0.0, 1.0);
-    if (cosine <= 0.0 || share <= 0.0 || dot(c.normal, d) <= 0.0) {
+    float cosine = -dot(val.normal, d) * inversesqrt(max(d2, 1e-37));
+    float g = clamp((d2 - push.near_begin) * push.near_scale, 0.0, 1.0) * max(cosine, 0.0) / max(max(val.area, PI * d2), 1e-37);
+    float at_cache = dot(c.normal, d);
+    g = at_cache > 0.0 ? g : 0.0;
+    beam.irradiance += g * val.flux;
+    beam.d = g * at_cache > beam.most ? d : beam.d;
+    beam.most = max(beam.most, g * at_cache);
+}
+
+// Adds a beam to the thread's map, if the cache sees where it comes from.
+void add(Beam beam, float scale) {
+    if (beam.most <= 0.0) {
         return;
     }
+    vec3 e = beam.irradiance * scale;
 #ifdef SHADOWED
-    share *= sees(seen_by, d);
+    e *= sees(seen_by, beam.d);
 #endif
-    vec3 e = flux * (share * cosine / max(max(val.area, PI * d2), 1e-37));
-    uint at = direction_index(d * inverse) * 3u * THREADS + gl_LocalInvocationID.x;
+    uint at = direction_index(normalize(beam.d)) * 3u * THREADS + gl_LocalInvocationID.x;
     sums[at] += e.x;
     sums[at + THREADS] += e.y;
     sums[at + 2u * THREADS] += e.z;
@@ -78,18 +104,26 @@ void main() {
 #endif
 #ifdef BOUNCES
     for (uint i = thread; i < cache_val_count; i += THREADS) {
-        Val val = cache_vals[i];
-        add(val, val.flux * scales[slot]);
+        Beam beam = Beam(vec3(0.0), vec3(0.0), 0.0);
+        if (VALS_AS_TEXELS != 0u) {
+            take(beam, val_from(cache_val_texels, i));
+        } else {
+            take(beam, cache_vals[i]);
+        }
+        add(beam, scales[slot]);
     }
 #endif
     // Neighbours in an RSM lie in about the same direction and are merged. The list is padded with dark VALs.
     for (uint first = thread * push.together; first < val_count; first += THREADS * push.together) {
-        Val val = vals[first];
-        vec3 flux = val.flux;
-        for (uint i = 1u; i < push.together; ++i) {
-            flux += vals[first + i].flux;
+        Beam beam = Beam(vec3(0.0), vec3(0.0), 0.0);
+        for (uint i = 0u; i < push.together; ++i) {
+            if (VALS_AS_TEXELS != 0u) {
+                take(beam, val_from(val_texels, first + i));
+            } else {
+                take(beam, vals[first + i]);
+            }
         }
-        add(val, flux);
+        add(beam, 1.0);
     }
     barrier();
     for (uint direction = thread; direction < DIRECTIONS; direction += THREADS) {

@@ -79,17 +79,31 @@ FourVals from_memory(uint first) {
 View views[CACHES];
 #endif
 
+// Direction to the VAL that would light a cache most: where a surface curves, the others may face away.
+vec3 most_lit(Receiver c, FourVals v) {
+    vec4 x = v.x - c.position.x;
+    vec4 y = v.y - c.position.y;
+    vec4 z = v.z - c.position.z;
+    vec4 g = form_factors(c, v, x, y, z, x * x + y * y + z * z);
+    bool second = g.y > g.x;
+    bool last = g.w > g.z;
+    bool later = max(g.z, g.w) > max(g.x, g.y);
+    vec3 early = second ? vec3(x.y, y.y, z.y) : vec3(x.x, y.x, z.x);
+    vec3 late = last ? vec3(x.w, y.w, z.w) : vec3(x.z, y.z, z.z);
+    return later ? late : early;
+}
+
 // Adds VALs to one cache after another, so that its sums stay in registers.
 void add(FourVals v) {
     [[unroll]] for (uint j = 0u; j < CACHES; ++j) {
         vec4 seen = vec4(1.0);
 #ifdef SHADOWED
-        float last = 1.0;
-        [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
-            if (i % TOGETHER == 0u) {
-                last = sees(views[j], vec3(v.x[i], v.y[i], v.z[i]) - receivers[j].position);
+        if (TOGETHER == 1u) {
+            [[unroll]] for (uint i = 0u; i < AT_ONCE; ++i) {
+                seen[i] = sees(views[j], vec3(v.x[i], v.y[i], v.z[i]) - receivers[j].position);
             }
-            seen[i] = last;
+        } else {
+            seen = vec4(sees(views[j], most_lit(receivers[j], v)));
         }
 #endif
         vec4 far = vec4(1.0);

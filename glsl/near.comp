@@ -49,6 +49,9 @@ layout(binding = NEXT_BINDING, scalar) readonly buffer CacheVals { Val cache_val
 layout(binding = SKY_FIRST, scalar) readonly buffer Seen { SkySeen seen[]; }; // per cache
 layout(binding = SKY_FIRST + 1, scalar) readonly buffer Open { uint open_parts[]; }; // open quarters, 8 bits each
 layout(binding = SKY_FIRST + 2, scalar) readonly buffer SkyDirections { vec3 sky_directions[]; }; // radiance [cd/m^2]
+#ifdef LIT
+layout(binding = SKY_FIRST + 3, scalar) readonly buffer Albedos { vec3 albedos[]; }; // of the caches
+#endif
 #endif
 
 // Radiance [cd/m^2] from far surfaces in a direction: weighted sum over the caches `at` with weights `w`.
@@ -90,13 +93,20 @@ vec3 cache_radiance(Hit hit, HitSurface s) {
         if (at[i] == NO_REFERENCES) {
             continue;
         }
+        vec3 own = vec3(0.0);
 #ifdef LIT
         Val val = cache_vals[at[i]];
-        sum += shares[i] * val.flux / max(PI * val.area, 1e-30);
+        own += val.flux / max(PI * val.area, 1e-30);
 #endif
 #ifdef SKY
-        sum += push.reflects != 0u ? shares[i] * s.diffuse / PI * seen[at[i]].irradiance : vec3(0.0);
+        vec3 albedo = s.diffuse;
+#ifdef LIT
+        // This flux includes the sky's light, reflected with the cache's albedo.
+        albedo -= albedos[at[i]];
 #endif
+        own += push.reflects != 0u ? albedo / PI * seen[at[i]].irradiance : vec3(0.0);
+#endif
+        sum += shares[i] * max(own, vec3(0.0));
     }
     return sum;
 }
@@ -145,7 +155,7 @@ void main() {
     ivec2 pixel = min(ivec2(at * EVERY), size - 1);
     uvec2 element = texelFetch(element_image, pixel, 0).xy;
     NearPixel found = NearPixel(vec3(0.0), 1.0, vec3(0.0), 0u, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0, vec3(0.0), 0.0,
-                                 vec3(0.0), 0.0);
+                                 vec3(0.0), 0.0, 0.0, 0.0, vec2(0.0));
     if (element.x == 0u) {
         near_pixels[at.y * push.width + at.x] = found;
         return;
@@ -238,22 +248,24 @@ void main() {
         // since caches know only vertex normals.
         float above = dot(direction, geometric);
         direction -= above < 0.0 ? 2.0 * above * geometric : vec3(0.0);
-        vec3 of_sky = vec3(0.0);
 #ifdef SKY
         vec3 radiance;
         float open = sky_open(around, shares, direction, radiance);
         float sky_luminance = dot(radiance, LUMINANCE);
-        of_sky = open * radiance;
 #endif
         Hit hit = trace(start, direction, lift, reach, push.root, 0u, false);
         bool met = hit.triangle != NO_HIT;
         vec3 arrives = met ? met_radiance(hit, start, direction, spread, number) : vec3(0.0);
         if (!by_lobe) {
-            found.all += far + of_sky;
+            found.all += far;
             found.crowding += 1.0 / (float(RAYS) * max(met ? hit.distance : push.reach, 1e-30));
-            found.far += met ? vec3(0.0) : far + of_sky;
+            found.far += met ? vec3(0.0) : far;
             found.open += met ? 0.0 : 1.0 / float(RAYS);
             found.irradiance += arrives;
+#ifdef SKY
+            found.all_sky += open * sky_luminance;
+            found.open_sky += met ? 0.0 : open * sky_luminance;
+#endif
         }
 #ifdef GLOSSY
         if (is_glossy) {

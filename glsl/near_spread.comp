@@ -54,9 +54,11 @@ void main() {
             weights += share;
             sum.irradiance += share * p.irradiance;
             sum.open += share * p.open;
+            sum.open_sky += share * p.open_sky;
         }
         sum.irradiance /= weights;
         sum.open /= weights;
+        sum.open_sky /= weights;
 #ifdef GLOSSY
         sum.glossy /= lobe_weights;
         sum.sky /= lobe_weights;

@@ -63,11 +63,13 @@ const float NO_SURFACE = -1.0;
 const uint NO_CACHE = 65535u;
 
 // Contents of the caches' VALs for further bounces: areas, for the sums of form factors; the light received from the
-// primary lights' VALs; the same plus the previous bounce; or only the light of emitting surfaces from the last gather.
+// primary lights' VALs; the same plus the previous bounce; only the light of emitting surfaces from the last gather; or,
+// instead of the first, only the sky's light. All but the areas include the sky's light, if caches see a sky.
 const uint BOUNCE_AREAS = 0u;
 const uint BOUNCE_FIRST = 1u;
 const uint BOUNCE_AGAIN = 2u;
 const uint BOUNCE_EMITTED = 3u;
+const uint BOUNCE_SKY = 4u;
 
 // Light types.
 const uint LIGHT_DIRECTIONAL = 0u;
@@ -424,6 +426,7 @@ struct ValPush {
     uint view;
     uint size; // side of the RSM [texels]
     uint first; // first VAL of this RSM
+    uint reflects; // 0: its VALs only light the inside of bodies
 };
 
 // Push constants of the pass that finds visible vertices.
@@ -492,7 +495,7 @@ struct GatherPush {
 struct BouncePush {
     uint cache_count;
     uint cache_parts; // as in GatherPush
-    uint step; // BOUNCE_AREAS to BOUNCE_EMITTED
+    uint step; // BOUNCE_AREAS to BOUNCE_SKY
 };
 
 // Push constants of stage 7 (occlusion).

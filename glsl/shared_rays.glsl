@@ -99,6 +99,9 @@ struct NearPixel {
     float sky; // luminance of the sky that the lobe receives [cd/m^2]
     vec3 mirrored; // unit axis of the lobe
     float sky_all; // as `sky`, without occlusion
+    float open_sky; // sum of the sky's luminance along the rays that hit nothing [cd/m^2]
+    float all_sky; // as `open_sky`, along all rays
+    vec2 unused; // fills a texel
 };
 
 // Spreading weight of diffuse results: e^-1 at 1 / sqrt of this, in units of the distance of the surfaces hit.
@@ -127,7 +130,7 @@ struct NearLight {
     vec3 normal; // unit vertex normal
     float crowding; // as in NearPixel
     vec3 mirrored; // unit axis of the lobe
-    uint unused; // fills a texel
+    float open_sky; // share of the sky's light along the rays that hit nothing
 };
 
 // Where to find the caches of a surface that a ray hits.

@@ -110,7 +110,7 @@ void main() {
 #ifdef NEAR
     vec3 geometric = octahedral_decode(vec2(albedo.a, specular.a));
     Near near = near_of(pixel, position, geometric);
-    e *= near.open;
+    e *= near.open_sky;
 #endif
     vec3 radiance = albedo.rgb / PI * e;
     if (GLOSSY != 0u && specular.rgb != vec3(0.0)) {
@@ -134,7 +134,7 @@ void main() {
         float cosine = dot(coat.normal, axis);
         PhongLobe lobe = fitted_about(vec3(COAT_F0), coded_coat(coat), -dot(coat.normal, looking), cosine, 1e9);
 #ifdef NEAR
-        vec3 open = seen * near.open;
+        vec3 open = seen * near.open_sky;
 #else
         vec3 open = seen;
 #endif

@@ -80,9 +80,9 @@ void main() {
             entering *= min((1.0 - polygon_form_factor(part, normal.xyz)) / UNDER, 1.0);
         }
     }
-    vec3 flux = hit.w > 0.0 ? albedo * entering : vec3(0.0);
+    vec3 flux = hit.w > 0.0 && push.reflects != 0u ? albedo * entering : vec3(0.0);
     // Outside the cone or the range there is no light, hence no VAL. A lit black surface is one.
-    bool has_light = hit.w > 0.0 && entering != vec3(0.0);
+    bool has_light = hit.w > 0.0 && entering != vec3(0.0) && push.reflects != 0u;
 
     Val val;
     val.position = hit.w > 0.0 ? hit.xyz : view.position + through(view, low);

@@ -225,7 +225,8 @@ fn every_way_of_lighting_caches_agrees() {
     }
     for (way, stage) in stages {
         let proxies = Proxies::new(&gpu, 333, true, 1).expect("proxies");
-        let lit = Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &[eye], albedos: None };
+        let lit =
+            Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &[eye], albedos: None, sky: None };
         let mut before: Option<Vec<shared::Proxy>> = None;
         for _ in 0..2 {
             let drawn = gpu.frame(|cmd| {

@@ -72,10 +72,19 @@ vec4 lobe_of(vec3 mirrored, vec4 x, vec4 y, vec4 z, vec4 d2, float half_exponent
     return power_of(along * along, d2, half_exponent, BY_HAND != 0u);
 }
 
-// No square root: with q = d^2 max(A, pi d^2), G = |d|^2 cos cos / q, and the lobe's cos^2 = (R.d)^2 / d^2. The lower
-// bound avoids 0/0 for a cache on a VAL, where the numerator is 0. It applies to all of q because devices may flush the
-// product of a small area and a small distance to zero. The lobe is computed first, so that the sums fill its latency.
-// `seen`: 1, or 0 if occluded. `far`: 1, or less if the diffuse lobe leaves a VAL to short rays.
+// Irradiance at a cache per flux of VALs [1/m^2], by their vectors from the cache. No square root: with
+// q = d^2 max(A, pi d^2), G = |d|^2 cos cos / q, and the lobe's cos^2 = (R.d)^2 / d^2. The lower bound avoids 0/0 for a
+// cache on a VAL, where the numerator is 0. It applies to all of q because devices may flush the product of a small area
+// and a small distance to zero.
+vec4 form_factors(Receiver c, FourVals v, vec4 x, vec4 y, vec4 z, vec4 d2) {
+    vec4 q = max(d2 * max(v.area, 3.14159265358979 * d2), 1e-37);
+    // Both cosines are negative for VALs that light the cache.
+    vec4 at_val = min(v.normal_x * x + v.normal_y * y + v.normal_z * z, 0.0);
+    vec4 at_cache = min(c.against.x * x + c.against.y * y + c.against.z * z, 0.0);
+    return at_val * at_cache / q;
+}
+
+// Adds four VALs. The lobe is computed first, so that the sums fill its latency. `seen`: 1, or 0 if occluded. `far`: 1, or less if the diffuse lobe leaves a VAL to short rays.
 void accumulate(inout GatherSums s,
 #ifdef TWO_EYES
                 inout GlossySums second,
@@ -85,11 +94,7 @@ void accumulate(inout GatherSums s,
     vec4 y = v.y - c.position.y;
     vec4 z = v.z - c.position.z;
     vec4 d2 = x * x + y * y + z * z;
-    vec4 q = max(d2 * max(v.area, 3.14159265358979 * d2), 1e-37);
-    // Both cosines are negative for VALs that light the cache.
-    vec4 at_val = min(v.normal_x * x + v.normal_y * y + v.normal_z * z, 0.0);
-    vec4 at_cache = min(c.against.x * x + c.against.y * y + c.against.z * z, 0.0);
-    vec4 g = at_val * at_cache * seen / q;
+    vec4 g = form_factors(c, v, x, y, z, d2) * seen;
     vec4 w = v.weight * g;
     vec4 diffuse_g = g * far;
     vec4 diffuse_w = w * far;

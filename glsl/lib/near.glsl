@@ -15,6 +15,7 @@ struct Near {
     vec3 open; // share of the caches' light along rays that hit nothing
     vec3 glossy; // mean radiance over a lobe, from the surfaces hit and the caches [cd/m^2]
     float sky; // share of the sky's light that reaches a lobe
+    float open_sky; // share of the sky's light along rays that hit nothing
 };
 
 // Weighted sum over pixels with rays.
@@ -35,12 +36,13 @@ void take_near(inout NearSum sum, ivec2 at, float share, vec3 position, vec3 geo
     sum.near.open += weight * p.open;
     sum.near.glossy += weight * p.glossy;
     sum.near.sky += weight * p.sky;
+    sum.near.open_sky += weight * p.open_sky;
 }
 
 // Result at a pixel, from its surface's position and the unit normal of its triangle. Pixels on other surfaces hardly
 // count.
 Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
-    NearSum sum = NearSum(Near(vec3(0.0), vec3(0.0), vec3(0.0), 0.0), 0.0);
+    NearSum sum = NearSum(Near(vec3(0.0), vec3(0.0), vec3(0.0), 0.0, 0.0), 0.0);
     ivec2 last = ivec2(push.width, push.height) - 1;
     ivec2 first = pixel / int(EVERY);
     vec2 part = vec2(pixel % int(EVERY)) / float(EVERY);
@@ -59,10 +61,11 @@ Near near_of(ivec2 pixel, vec3 position, vec3 geometric) {
         }
     }
     if (sum.weights == 0.0) {
-        return Near(vec3(0.0), vec3(1.0), vec3(0.0), 1.0);
+        return Near(vec3(0.0), vec3(1.0), vec3(0.0), 1.0, 1.0);
     }
     Near near = sum.near;
-    return Near(near.irradiance / sum.weights, near.open / sum.weights, near.glossy / sum.weights, near.sky / sum.weights);
+    return Near(near.irradiance / sum.weights, near.open / sum.weights, near.glossy / sum.weights, near.sky / sum.weights,
+                near.open_sky / sum.weights);
 }
 
 #endif

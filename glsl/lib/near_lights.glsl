@@ -19,7 +19,7 @@ NearLight near_light(uint at) {
     vec4 d = texelFetch(near_light_texels, first + 3);
     vec4 e = texelFetch(near_light_texels, first + 4);
     vec4 f = texelFetch(near_light_texels, first + 5);
-    return NearLight(a.xyz, floatBitsToUint(a.w), b.xyz, b.w, c.xyz, c.w, d.xyz, d.w, e.xyz, e.w, f.xyz, 0u);
+    return NearLight(a.xyz, floatBitsToUint(a.w), b.xyz, b.w, c.xyz, c.w, d.xyz, d.w, e.xyz, e.w, f.xyz, f.w);
 }
 
 #endif

@@ -6,9 +6,9 @@
 //! first bounce, a gather of the caches' areas gives each cache the sum of its form factors, which bounds the light
 //! that caches send.
 //!
-//! Light from an emissive surface has not bounced yet when it reaches a cache. If there are VALs on emissive surfaces,
-//! caches first send on their light alone, and there is one more gather. So after N gathers all light has bounced at
-//! most N times, whatever its source.
+//! Light from an emissive surface or from the sky has not bounced yet when it reaches a cache. If there is such light,
+//! caches first send on this light alone, and there is one more gather. So after N gathers all light has bounced at most
+//! N times, whatever its source. Caches know the sky's light exactly, so it needs no VALs.
 
 use super::depth_images::{SentOn, are_texels};
 use super::live::Live;
@@ -17,8 +17,8 @@ use super::sums::{ComputeKind, SumBinds, SumKind, sum_pipeline};
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline, Use};
 use crate::shared::{
-    BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_EMITTED, BOUNCE_FIRST, BouncePush, DEPTH_IMAGE_ROW, GATHER_THREADS, GatherPush,
-    VAL_TILE, Val,
+    BOUNCE_AGAIN, BOUNCE_AREAS, BOUNCE_EMITTED, BOUNCE_FIRST, BOUNCE_SKY, BouncePush, DEPTH_IMAGE_ROW, GATHER_THREADS,
+    GatherPush, VAL_TILE, Val,
 };
 
 /// Turns lit caches into VALs and gathers them.
@@ -42,13 +42,15 @@ pub struct Bounces {
     /// Gathers both lobes, if there are two.
     all: Pipeline,
     resolve: Pipeline,
+    /// Whether caches send the sky's light on.
+    sky: bool,
 }
 
 impl Bounces {
     /// Creates the passes for caches that light each other at least once.
     pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind, is_traced: bool) -> Result<Self> {
         let near = kind.near > 0.0;
-        let ComputeKind { glossy, shadows, bounces, emitted, weight, .. } = kind;
+        let ComputeKind { glossy, shadows, bounces, emitted, sky, weight, .. } = kind;
         // Neighbours in the list of caches lie in different directions.
         let caches = live.caches;
         let images_as_texels = are_texels(gpu, caches);
@@ -67,13 +69,19 @@ impl Bounces {
             count: bounces,
             caches_per_thread: ways.caches(),
             light: gpu.compute(
-                if is_traced { "bounce_traced.comp" } else { "bounce.comp" },
+                match (is_traced, sky) {
+                    (false, false) => "bounce.comp",
+                    (true, false) => "bounce_traced.comp",
+                    (false, true) => "bounce_sky.comp",
+                    (true, true) => "bounce_traced_sky.comp",
+                },
                 &[u32::from(weight == ProxyWeight::Irradiance)],
             )?,
             exchange: is_traced.then(|| gpu.compute("exchange.comp", &[])).transpose()?,
             diffuse: sum(false)?,
             all: sum(glossy)?,
             resolve: gpu.compute("proxies_bounces.comp", &[u32::from(glossy), 1, spread])?,
+            sky,
         })
     }
 
@@ -89,7 +97,7 @@ impl Bounces {
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
-        (albedos, emitted, sent_on): (&Buffer, Option<&(Buffer, Buffer)>, Option<&SentOn>),
+        (albedos, sky, emitted, sent_on): (&Buffer, Option<&Buffer>, Option<&(Buffer, Buffer)>, Option<&SentOn>),
         [sums, last_sums]: [&SumBinds<'_>; 2],
         proxies: &Buffer,
         [push, last]: [&GatherPush; 2],
@@ -100,14 +108,14 @@ impl Bounces {
         let wait = || cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
         let light = |step| {
             wait();
-            self.light(cmd, (albedos, sent_on), sums, step);
+            self.light(cmd, (albedos, sky, sent_on), sums, step);
             wait();
         };
         light(BOUNCE_AREAS);
         // If rays tell caches what they see at all distances, the form factors are needed only for the last gather.
         let (of_areas, areas_push) = if self.exchange.is_some() { (last_sums, last) } else { (sums, push) };
         self.gather(cmd, &self.diffuse, caches, of_areas, areas_push);
-        light(BOUNCE_FIRST);
+        light(if self.sky && emitted.is_none() { BOUNCE_SKY } else { BOUNCE_FIRST });
         if let Some((vals, count)) = emitted {
             self.gather(cmd, &self.diffuse, (vals, count), sums, push);
             light(BOUNCE_EMITTED);
@@ -134,10 +142,17 @@ impl Bounces {
         self.resolve(cmd, sums, proxies, push);
     }
 
-    fn light(&self, cmd: &Cmd<'_>, (albedos, sent_on): (&Buffer, Option<&SentOn>), sums: &SumBinds<'_>, step: u32) {
+    fn light(
+        &self,
+        cmd: &Cmd<'_>,
+        (albedos, sky, sent_on): (&Buffer, Option<&Buffer>, Option<&SentOn>),
+        sums: &SumBinds<'_>,
+        step: u32,
+    ) {
         let resources = [&sums.atlas.caches, albedos, &sums.live.args, sums.parts, &self.scales, &self.vals];
         let closed = sent_on.filter(|_| self.exchange.is_some()).map(|sent_on| &sent_on.closed);
-        let resources: Vec<Bind<'_>> = resources.into_iter().chain(closed).map(Into::into).collect();
+        let sky = sky.filter(|_| self.sky);
+        let resources: Vec<Bind<'_>> = resources.into_iter().chain(closed).chain(sky).map(Into::into).collect();
         cmd.bind(&self.light, &resources);
         cmd.push(&BouncePush { cache_count: sums.atlas.count, cache_parts: self.parts, step });
         cmd.dispatch(sums.atlas.count, 1, 1);

@@ -9,7 +9,7 @@ use super::live::Live;
 use super::proxies::Lit;
 use crate::error::Result;
 use crate::gpu::{Bind, Buffer, Cmd, Gpu, Pipeline};
-use crate::shared::{DIRECTIONS, DirectionsPush, LiveArgs};
+use crate::shared::{DIRECTIONS, DirectionsPush, LiveArgs, VAL_TILE, Val};
 use std::mem::offset_of;
 
 /// Radiance at caches by direction.
@@ -24,20 +24,21 @@ pub(super) struct Directions {
 }
 
 impl Directions {
-    /// Creates the pass for this many caches, for a gather with or without shadows of every VAL, and with or without
+    /// Creates the pass for this many caches and VALs, for a gather with or without shadows of every VAL, and with or without
     /// further bounces. VALs nearer than `near` \[m\] are left to rays. `together` consecutive VALs are treated as one.
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shader.
     pub(super) fn new(
         gpu: &Gpu,
-        caches: u32,
+        [caches, vals]: [u32; 2],
         [shadowed, bounces]: [bool; 2],
         near: f32,
         together: u32,
     ) -> Result<Self> {
         let bytes = u64::from(caches.max(1)) * u64::from(4 * DIRECTIONS);
-        let constants = [u32::from(are_texels(gpu, caches))];
+        let vals_bytes = u64::from(vals.max(caches).next_multiple_of(VAL_TILE)) * size_of::<Val>() as u64;
+        let constants = [gpu.reads_texels(vals_bytes), are_texels(gpu, caches)].map(u32::from);
         let name = match (shadowed, bounces) {
             (false, false) => "directions.comp",
             (true, false) => "directions_shadowed.comp",
@@ -46,7 +47,7 @@ impl Directions {
         };
         Ok(Self {
             radiances: gpu.buffer("directions.radiances", bytes)?,
-            pipeline: gpu.compute(name, &constants[..usize::from(shadowed)])?,
+            pipeline: gpu.compute(name, &constants[..1 + usize::from(shadowed)])?,
             fade: [0.8, 1.2].map(|share| (share * near).powi(2)),
             together,
         })
@@ -62,10 +63,11 @@ impl Directions {
         images: Option<&DepthImages>,
     ) {
         let vals = lit.vals;
-        let caches = [&lit.atlas.caches, &live.list, &live.args, &vals.live_count, &vals.live, &self.radiances];
+        let caches = [&lit.atlas.caches, &live.list, &live.args, &vals.live_count, &vals.live];
         let mut resources = caches.map(Bind::from).to_vec();
-        if let Some(bounces) = bounces {
-            resources.extend([&bounces.val_count, &bounces.vals, &bounces.scales].map(Bind::from));
+        resources.extend([Bind::SomeTexels(&vals.live), (&self.radiances).into()]);
+        if let Some(Bounces { vals, val_count, scales, .. }) = bounces {
+            resources.extend([val_count.into(), vals.into(), Bind::SomeTexels(vals), scales.into()]);
         }
         resources.extend(images.iter().flat_map(|images| binds(&images.buffer)));
         cmd.bind(&self.pipeline, &resources);

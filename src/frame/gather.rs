@@ -57,13 +57,15 @@ impl Gather {
                 // Neighbouring VALs of a coarse RSM, of an area light, or of the list of emissive patches, lie in different
                 // directions.
                 let close = |light: &LightInfo| !light.is_area && light.rsm_size(rsm) >= FINE_RSM;
-                let fine = !plan.emitters && world.lights().iter().all(close);
+                let mut lights = world.lights().iter().filter(|light| !(light.of_sky && plan.sends_sky));
+                let fine = !plan.emitters && lights.all(close);
                 let together = if fine { SHADOWED_TOGETHER } else { 1 };
                 let (glossy, bounces, weight) = (plan.lobes, plan.bounces, way.proxy_weight);
                 let emitted = if plan.emitters { world.emitters.len() as u32 } else { 0 };
                 let is_near = plan.near != Near::Off;
                 let near = if is_near { (CACHE_REACH * world.spacing()) as f32 } else { 0.0 };
-                let kind = ComputeKind { glossy, shadows, together, bounces, emitted, weight, eyes, near };
+                let sky = plan.sends_sky;
+                let kind = ComputeKind { glossy, shadows, together, bounces, emitted, sky, weight, eyes, near };
                 Self::Compute(Box::new(match (shadows, is_near) {
                     (Shadows::PerLight, true) => {
                         let images = DepthImages::traced(gpu, world, bounces > 0)?;
@@ -187,7 +189,7 @@ impl Compute {
         };
         let to_rays = || {
             let (shadowed, further) = (shadows == Shadows::PerLight, bounces.is_some());
-            Directions::new(gpu, caches, [shadowed, further], near, together)
+            Directions::new(gpu, [caches, vals], [shadowed, further], near, together)
         };
         let two_eyes = || -> Result<TwoEyes> {
             let bytes = u64::from(caches.max(1)) * u64::from(parts) * size_of::<GlossySums>() as u64;
@@ -273,7 +275,7 @@ impl Compute {
                 let leave_out = self.near.is_some().then_some(&leave_out as &dyn Fn());
                 bounces.record(
                     cmd,
-                    (albedos, lit.vals.emitted.as_ref(), sent_on),
+                    (albedos, lit.sky, lit.vals.emitted.as_ref(), sent_on),
                     [&sums[0], &sums[1]],
                     &lit.proxies.buffer,
                     pushes,

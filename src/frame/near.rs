@@ -78,7 +78,7 @@ const SHADERS: [&str; 8] = [
 ];
 
 // Shaders also read them as whole texels.
-const _: () = assert!(size_of::<NearPixel>() == 7 * 16 && size_of::<NearLight>() == 6 * 16);
+const _: () = assert!(size_of::<NearPixel>() == 8 * 16 && size_of::<NearLight>() == 6 * 16);
 
 /// Specialization constant of shaders that read results of rays, of pictures of any size: 1 to read them as texels.
 pub(super) fn as_texels(gpu: &Gpu) -> u32 {
@@ -112,7 +112,7 @@ impl NearRays {
             filter: gpu.compute(names[0], &[as_texels(gpu)])?,
             spread: gpu.compute(names[1], &[as_texels(gpu)])?,
             glossy: plan.glossy,
-            reflects: plan.reflects,
+            reflects: plan.reflects || plan.sends_sky,
             sky: plan.sky_light,
             directions: gpu.buffer_from("near.directions", &directions(per_pixel * NEAR_SIDE * NEAR_SIDE))?,
             every,
@@ -150,6 +150,7 @@ impl NearRays {
             resources.extend(lit.map(Bind::from));
             if let (Some([seen, open]), Some(sky)) = (sky, &world.sky_light) {
                 resources.extend([seen, open, &sky.directions].map(Bind::from));
+                resources.extend(world.cache_albedos().filter(|_| lit.is_some()).map(Bind::from));
             }
             cmd.bind(&self.trace, &resources);
             let [width, height] = out.size;

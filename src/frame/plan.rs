@@ -76,6 +76,8 @@ pub struct Plan {
     pub reflects: bool,
     /// Stages 6 and 8: caches see the sky. Without these stages, directional lights represent it.
     pub sky_light: bool,
+    /// Stage 6: caches send the sky's light on. Otherwise, lit surfaces do as VALs of the lights that represent it.
+    pub sends_sky: bool,
     /// Stages 3, 4, 6 and 8: interpolated caches.
     pub lightskin: bool,
     /// Stage 5: only visible caches are lit.
@@ -167,16 +169,20 @@ impl Plan {
         let caches = asked.filter(|caches| scene.emits || sky_light || (lights && caches.gather.bounces() > 0));
         let gather = caches.map(|caches| caches.gather);
         let shadows = gather.map_or(Shadows::Off, |gather| gather.shadows());
+        let near = gather.filter(|_| scene.rays).map_or(Near::Off, |gather| gather.near());
+        let brute_force = light && settings.indirect == Indirect::BruteForce;
+        let bounce = gather.is_some_and(|gather| gather.bounces() > 0);
+        let inside = scene.filled && (brute_force || bounce);
+        let sends_sky = sky_light && bounce;
         // Light of punctual and area lights has bounced once when it reaches caches; without bounces there are no
-        // caches for it. Light of other emissive surfaces has not bounced yet.
+        // caches for it. Light of other emissive surfaces and of the sky has not bounced yet.
         let bounces = match gather {
-            Some(Gather::Compute { bounces, .. }) if scene.emits => bounces,
+            Some(Gather::Compute { bounces, .. }) if scene.emits || sends_sky => bounces,
             Some(Gather::Compute { bounces, .. }) => bounces.saturating_sub(1),
             _ => 0,
         };
-        let near = gather.filter(|_| scene.rays).map_or(Near::Off, |gather| gather.near());
-        let brute_force = light && settings.indirect == Indirect::BruteForce;
-        let inside = scene.filled && (brute_force || gather.is_some_and(|gather| gather.bounces() > 0));
+        // Light of the sky enters bodies from RSMs of the lights that represent it.
+        let lit = scene.areas || if sends_sky && !inside { scene.lamps } else { scene.lights };
         let direct = scene.areas || if sky_light { scene.lamps } else { scene.lights };
         Self {
             deform: scene.bends,
@@ -184,8 +190,9 @@ impl Plan {
             light_rays: direct && scene.rays && settings.light_shadows == LightShadows::Rays,
             sky: scene.sky,
             emitters: scene.emits,
-            reflects: lights && (brute_force || gather.is_some_and(|gather| gather.bounces() > 0)),
+            reflects: lit && (brute_force || bounce),
             sky_light,
+            sends_sky,
             lightskin: caches.is_some(),
             cull: caches.is_some_and(|caches: &Caches| caches.cull) && bounces == 0 && !inside,
             clusters: matches!(gather, Some(Gather::Clusters { .. })),
@@ -246,6 +253,7 @@ impl Plan {
             "direct" => "no light but the sky",
             "sky on caches" | "sky light" if planned => "a sky lights the scene",
             "sky on caches" | "sky light" => "no sky, or directional lights represent it",
+            "rsm" if planned && !self.reflects && !self.emitters => "no VALs: caches send the sky's light on",
             "rsm" if planned && !self.reflects => "emissive surfaces become VALs",
             "rsm" if planned && self.emitters => {
                 "makes VALs of lit surfaces, and of curved and small emissive surfaces"

@@ -48,6 +48,8 @@ pub struct Lit<'a> {
     pub eyes: &'a [Vec4],
     /// Diffuse albedos of the caches; only with further bounces.
     pub albedos: Option<&'a Buffer>,
+    /// The sky as caches see it, one `SkySeen` each; only where they do.
+    pub sky: Option<&'a Buffer>,
 }
 
 impl Lit<'_> {

@@ -160,7 +160,8 @@ pub fn record_rows(
             {
                 let _zone = enter(plan::GATHER); // 6
                 let albedos = world.cache_albedos();
-                caches.gather.record(cmd, &Lit { vals: &rsm.vals, atlas, proxies, eyes: &eyes, albedos });
+                let sky = caches.sky.as_ref().map(|(of_caches, _)| &of_caches.seen);
+                caches.gather.record(cmd, &Lit { vals: &rsm.vals, atlas, proxies, eyes: &eyes, albedos, sky });
             }
             if let Some(occlude) = &caches.occlude {
                 let _zone = enter(plan::OCCLUDE); // 7
@@ -175,7 +176,7 @@ pub fn record_rows(
                 // waited for the light that it dims. With cells, no stage reads proxies before the pixels do, unless
                 // light enters translucent bodies.
                 let listed = shown().any(|(_, p)| p.outdated.visible);
-                let drawn = light.plan.reflects && outdated.vals && outdated.lights.contains(&true);
+                let drawn = outdated.vals && rsm.lights(world).any(|(i, _)| outdated.lights[i]);
                 let read = world.cells.is_none() || caches.occlude.is_none() || caches.inside.is_some();
                 let lit = outdated.proxies && read;
                 let waits = !(listed || drawn) || lit;
@@ -351,7 +352,8 @@ fn find_outdated(world: &World, light: &mut Light, views: &mut [(View, &mut Pict
         outdated.sky = made.sky.renew([made.atlas.revision(), world.revisions.sky]) || anew;
         outdated.depth_images = made.depth_images.renew([made.atlas.revision(), order]) || anew;
         let eyes = views.iter().filter(|_| plan.lobes).map(|(_, picture)| picture.made.eye.revision());
-        outdated.proxies = made.proxies.renew(eyes.chain([vals, made.atlas.revision(), order])) || anew;
+        let sky = plan.sends_sky.then(|| made.sky.revision());
+        outdated.proxies = made.proxies.renew(eyes.chain([vals, made.atlas.revision(), order]).chain(sky)) || anew;
         indirect = made.proxies.revision();
     }
     for (_, picture) in views.iter_mut().filter(|(_, picture)| !picture.is_empty()) {

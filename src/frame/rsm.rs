@@ -7,7 +7,7 @@ use super::pack::PackVals;
 use super::plan::Plan;
 use super::settings::ProxyWeight;
 use super::vals::Vals;
-use super::world::{ByKind, VERTEX_PLAIN, Which, World};
+use super::world::{ByKind, LightInfo, VERTEX_PLAIN, Which, World};
 use crate::error::{Error, Result};
 use crate::gpu::{
     Attach, Attachments, Bind, Blend, Cmd, Cull, Depth, Format, Gpu, Image, Pipeline, Raster, Shape, Use,
@@ -39,6 +39,10 @@ pub struct Rsm {
     weight: ProxyWeight,
     /// Whether lights have VALs. Otherwise only emissive surfaces have them.
     reflects: bool,
+    /// Whether the lights that represent the sky are drawn, too.
+    sky: bool,
+    /// Whether caches send the sky's light on. Then its lights only have VALs for light that enters bodies.
+    sends_sky: bool,
 }
 
 impl Rsm {
@@ -58,7 +62,9 @@ impl Rsm {
     ) -> Result<Self> {
         let reflects = plan.reflects;
         let n = if reflects { side.max(1) } else { 1 };
-        let lights = if reflects { world.lights() } else { &[] };
+        let sky = !plan.sends_sky || plan.inside;
+        let lights: Vec<&LightInfo> =
+            world.lights().iter().filter(|light| reflects && (sky || !light.of_sky)).collect();
         let count: u64 = lights.iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
         let count = u32::try_from(count + world.emitters.len() as u64).ok().filter(|count| *count <= 1 << 25);
         let count =
@@ -101,7 +107,15 @@ impl Rsm {
             inside,
             weight,
             reflects,
+            sky,
+            sends_sky: plan.sends_sky,
         })
+    }
+
+    /// The lights that have VALs, with their indices.
+    pub(super) fn lights<'a>(&self, world: &'a World) -> impl Iterator<Item = (usize, &'a LightInfo)> + use<'a> {
+        let (reflects, sky) = (self.reflects, self.sky);
+        world.lights().iter().enumerate().filter(move |(_, light)| reflects && (sky || !light.of_sky))
     }
 
     /// Records the stage for the lights that are `due`; the VALs of other lights do not change. `emitters` says whether
@@ -119,7 +133,7 @@ impl Rsm {
             cmd.barrier(Use::CopyWrite, Use::ComputeRead | Use::ComputeWrite);
         }
         let (mut first, mut drawn, mut traced) = (0, false, false);
-        for (i, light) in world.lights().iter().enumerate().filter(|_| self.reflects) {
+        for (i, light) in self.lights(world) {
             let size = light.rsm_size(self.depth.width);
             let count = light.views * size * size;
             if !due(i) {
@@ -176,7 +190,8 @@ impl Rsm {
                     resources.extend([Bind::from(image), (&vals.all).into(), (&vals.flags).into()]);
                 }
                 cmd.bind(&self.to_vals, &resources);
-                cmd.push(&ValPush { light: i as u32, view, size, first });
+                let reflects = u32::from(!(light.of_sky && self.sends_sky));
+                cmd.push(&ValPush { light: i as u32, view, size, first, reflects });
                 cmd.dispatch(size, size, 1);
                 first += size * size;
                 drawn = true;

@@ -20,6 +20,8 @@ pub struct ComputeKind {
     pub bounces: u32,
     /// Number of VALs on emissive surfaces. Their light has not bounced yet when it reaches a cache.
     pub emitted: u32,
+    /// Caches send the sky's light on.
+    pub sky: bool,
     /// Weight of VALs in the positions of proxies.
     pub weight: ProxyWeight,
     /// Maximum number of views in a frame.
@@ -32,7 +34,7 @@ impl ComputeKind {
     /// A single gather without shadows.
     pub fn plain(glossy: bool) -> Self {
         let (shadows, weight) = (Shadows::Off, ProxyWeight::Irradiance);
-        Self { glossy, shadows, together: 1, bounces: 0, emitted: 0, weight, eyes: 1, near: 0.0 }
+        Self { glossy, shadows, together: 1, bounces: 0, emitted: 0, sky: false, weight, eyes: 1, near: 0.0 }
     }
 }
 

@@ -59,7 +59,7 @@ fn time(gpu: &Gpu, ways: &Ways, [caches, vals]: [u32; 2], pipelines: usize) -> R
     let (atlas, vals_on_device) = (Atlas::of(gpu, &cache_list)?, Vals::of(gpu, &val_list)?);
     let proxies = Proxies::new(gpu, caches, true, 1)?;
     let eyes = [Vec4::new(0.0, 0.0, 9.0, 1.0)];
-    let lit = Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None };
+    let lit = Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None, sky: None };
     let mut rates = 0.0;
     for _ in 0..pipelines {
         gpu.forget_pipelines();

@@ -8,7 +8,7 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use super::gather::{Cache, Gathered, ProxyWeight, gather_received, receive};
+use super::gather::{Cache, Gathered, ProxyWeight, gather_received, receive, val_geometry};
 use super::occlude::Disc;
 use super::phong::mirrored_view;
 use super::rsm::Val;
@@ -188,6 +188,15 @@ impl DepthImage {
         });
         self.ends[place[1] * self.side + place[0]] * distance <= 1.0
     }
+
+    /// Whether the cache sees the one of these VALs that would light it most.
+    pub fn sees_most_lit(&self, cache: &Cache, vals: &[Val]) -> bool {
+        let share = |val: &Val| val_geometry(cache.position, cache.normal, val).0;
+        let most = vals
+            .iter()
+            .fold(None, |most: Option<&Val>, val| Some(most.filter(|most| share(most) >= share(val)).unwrap_or(val)));
+        most.is_some_and(|val| self.sees(val.position))
+    }
 }
 
 /// [`super::gather::gather`] without the VALs that the cache does not see. `vals` must be the lit VALs in the device's
@@ -202,7 +211,7 @@ pub fn gather_seen(
 ) -> Gathered {
     let mirrored = eye.map(|eye| mirrored_view(cache.position, cache.normal, eye));
     let seen = vals.chunks(rule.together).flat_map(|vals| {
-        let seen = image.sees(vals[0].position);
+        let seen = image.sees_most_lit(cache, vals);
         vals.iter().filter(move |_| seen)
     });
     let received = seen.map(|val| receive(cache, mirrored, val, weight.of(val)));

@@ -38,22 +38,30 @@ pub fn solid_angle(index: usize) -> f64 {
 }
 
 /// Mean radiance [cd/m^2] from VALs at a point for each direction. VALs fade in between the squared distances `fade`
-/// [m^2]; `sees` tells whether the way to a VAL, given relative to the point, is open.
+/// [m^2]; `sees` tells whether the way to a VAL, given relative to the point, is open. The light of `together`
+/// consecutive VALs comes from the direction of the one that lights the point most.
 pub fn radiances(
     vals: &[Val],
     (position, normal): (DVec3, DVec3),
     fade: [f64; 2],
+    together: usize,
     sees: impl Fn(DVec3) -> bool,
 ) -> Vec<DVec3> {
     let mut sums = vec![DVec3::ZERO; DIRECTIONS as usize];
-    for val in vals {
-        let (at, facing, flux, area) = (val.position, val.normal, val.flux, val.area);
-        let d = at.as_dvec3() - position;
+    // Vector to a VAL, its light on a surface that faces it, and a measure of how much of it the point gets.
+    let from = |val: &Val| {
+        let d = val.position.as_dvec3() - position;
         let (squared, way) = (d.length_squared(), d.normalize_or_zero());
-        let cosine = -facing.as_dvec3().dot(way);
-        if cosine > 0.0 && normal.dot(way) > 0.0 && sees(d) {
-            let share = ((squared - fade[0]) / (fade[1] - fade[0])).clamp(0.0, 1.0);
-            sums[direction_index(way)] += flux.as_dvec3() * (share * cosine / f64::from(area).max(PI * squared));
+        let share = ((squared - fade[0]) / (fade[1] - fade[0])).clamp(0.0, 1.0);
+        let facing = -val.normal.as_dvec3().dot(way);
+        let geometry = share * facing.max(0.0) / f64::from(val.area).max(PI * squared);
+        (d, geometry * val.flux.as_dvec3(), geometry * normal.dot(d))
+    };
+    for group in vals.chunks(together) {
+        let lit: Vec<_> = group.iter().map(from).filter(|(.., at_point)| *at_point > 0.0).collect();
+        let most = lit.iter().copied().reduce(|most, other| if other.2 > most.2 { other } else { most });
+        if let Some((d, ..)) = most.filter(|(d, ..)| sees(*d)) {
+            sums[direction_index(d.normalize())] += lit.iter().map(|(_, light, _)| *light).sum::<DVec3>();
         }
     }
     sums.into_iter().enumerate().map(|(i, sum)| sum / solid_angle(i)).collect()

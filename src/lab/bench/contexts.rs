@@ -364,7 +364,8 @@ impl Contexts<'_> {
         let (atlas, vals_on_device) = (Atlas::of(self.gpu, &caches)?, Vals::of(self.gpu, &vals)?);
         let proxies = Proxies::new(self.gpu, atlas.count, glossy, 1)?;
         let eyes = [view.eye];
-        let lit = Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None };
+        let lit =
+            Lit { vals: &vals_on_device, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None, sky: None };
         let (gpu, count, ways) = (self.gpu, atlas.count, self.tuned.ways);
         let by_draws = || -> Result<Gather> {
             Ok(Gather::Draws(Box::new(Draws::new(gpu, count, glossy, false, DrawSource::Texels, 4096, false)?)))

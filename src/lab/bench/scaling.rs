@@ -109,7 +109,7 @@ impl Work<'_> {
     fn record(&self, cmd: &Cmd<'_>, gather: &Compute, view: &View) {
         let eyes = [view.eye];
         let (vals, atlas, proxies) = (self.vals, &self.atlas, &self.proxies);
-        let lit = Lit { vals, atlas, proxies, eyes: &eyes, albedos: None };
+        let lit = Lit { vals, atlas, proxies, eyes: &eyes, albedos: None, sky: None };
         for i in 0..self.often {
             if i > 0 {
                 cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);

@@ -67,7 +67,7 @@ impl Study<'_> {
                 let Some(reached) = reached else { return 0.0 };
                 let image = DepthImage::new(cache, &self.plates, &rule);
                 let chunks = self.vals.chunks(rule.together).zip(reached.chunks(rule.together));
-                let seen = chunks.filter(|(vals, _)| image.sees(vals[0].position));
+                let seen = chunks.filter(|(vals, _)| image.sees_most_lit(cache, vals));
                 seen.flat_map(|(_, lights)| lights).map(|(light, _)| light).sum()
             };
             let found: Vec<f64> = self.caches.par_iter().zip(&reached).map(by_image).collect();

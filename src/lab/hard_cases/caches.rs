@@ -42,7 +42,8 @@ fn gather_alone(gpu: &Gpu, vals: &[Val], caches: &[Cache]) -> Result<Gathered> {
     let drawn = gpu.frame(|cmd| {
         let _zone = cmd.zone("gather");
         let eyes = [EYE.extend(1.0)];
-        stage.record(cmd, &Lit { vals: &vals, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None });
+        stage
+            .record(cmd, &Lit { vals: &vals, atlas: &atlas, proxies: &proxies, eyes: &eyes, albedos: None, sky: None });
         Ok(())
     })?;
     let (sums, proxies) = (gather_sums(gpu, &stage, atlas.count)?, gpu.read::<Proxy>(&proxies.buffer)?);
