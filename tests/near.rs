@@ -15,6 +15,7 @@ use lightskin::reference::near::{radiances, short_rays, solid_angle};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::world::World as Placed;
 use lightskin::scene::build::{CornellSurface, atrium, cornell, cuboid};
+use lightskin::scene::sky::Sky;
 use lightskin::scene::{Material, Phong, Projection, Scene};
 use lightskin::shared::{
     Cache, DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, DIRECTIONS, NEAR_SIDE, NearLight, NearPixel, Val,
@@ -156,7 +157,8 @@ fn rays_that_are_turned_ask_for_their_own_direction() {
 #[test]
 fn neighbours_share_their_rays() {
     let gpu = gpu();
-    let scene = cornell(CornellSurface::Diffuse, 0.1);
+    let mut scene = cornell(CornellSurface::Diffuse, 0.1);
+    Sky::even(Vec3::new(2.0, 3.0, 5.0)).put_over(&mut scene, 4);
     let caches = baked(&scene, 0.4, 8);
     let knobs = near([96, 64]);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
@@ -171,7 +173,7 @@ fn neighbours_share_their_rays() {
     let taken = |index: usize| {
         let own = pixels[index];
         let (mut sum, mut weights, mut far, mut all) = (DVec3::ZERO, 0.0, DVec3::ZERO, DVec3::ZERO);
-        let mut crowding = 0.0;
+        let (mut crowding, mut open_sky, mut all_sky, mut open) = (0.0, 0.0, 0.0, 0.0);
         for (i, j) in (-2..=2_isize).flat_map(|j| (-2..=2_isize).map(move |i| (i, j))) {
             let x = (index % width).checked_add_signed(i).filter(|x| *x < width);
             let y = (index / width).checked_add_signed(j).filter(|y| *y < height);
@@ -182,11 +184,16 @@ fn neighbours_share_their_rays() {
             far += w * { p.far }.as_dvec3();
             all += w * { p.all }.as_dvec3();
             crowding += w * f64::from(p.crowding);
+            open_sky += w * f64::from(p.open_sky);
+            all_sky += w * f64::from(p.all_sky);
+            open += w * f64::from(p.open);
             weights += w;
         }
         (own.is_surface == 1).then(|| reference::Found {
             irradiance: sum / weights,
             open: far / all,
+            // Where no sky is known, it is as open as directions are on average.
+            open_sky: if all_sky > 0.0 { open_sky / all_sky } else { open / weights },
             crowding: crowding / weights,
             position: { own.position }.as_dvec3(),
             normal: { own.normal }.as_dvec3(),
@@ -194,12 +201,14 @@ fn neighbours_share_their_rays() {
     };
     let once: Vec<_> = (0..width * height).map(taken).collect();
     let spread = [4, 8, 16, 32].iter().fold(once.clone(), |found, step| reference::spread(&found, size, *step));
-    let (mut most, mut moved, mut shown) = (0.0_f64, 0.0_f64, 0);
+    let (mut most, mut moved, mut apart, mut shown) = (0.0_f64, 0.0_f64, 0.0_f64, 0);
     for (i, (wanted, light)) in spread.iter().zip(&lights).enumerate() {
         let Some(wanted) = wanted else { continue };
         let (irradiance, open) = ({ light.irradiance }.as_dvec3(), { light.open }.as_dvec3());
         let off = (irradiance - wanted.irradiance).length() / (wanted.irradiance.length() + 1e-6);
         most = most.max(off).max((open - wanted.open).abs().max_element());
+        most = most.max((f64::from(light.open_sky) - wanted.open_sky).abs());
+        apart = apart.max((wanted.open_sky - wanted.open.y).abs());
         let before = once[i].expect("a surface");
         moved = moved.max((before.irradiance - wanted.irradiance).length() / (wanted.irradiance.length() + 1e-6));
         shown += 1;
@@ -209,6 +218,8 @@ fn neighbours_share_their_rays() {
         shown > 1000 && most < 3e-3 && moved > 0.05,
         "{shown} pixels: differ by {most} from the twin, changed by {moved}"
     );
+    // The sky comes from the box's open side, other far light from everywhere else.
+    assert!(apart > 0.2, "shares of the sky and of other light differ by {apart} at most");
     assert_clean(&gpu);
 }
 

@@ -4,10 +4,12 @@
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::engine::Loaded;
+use lightskin::frame::gather::Gather;
 use lightskin::frame::near::CACHE_REACH;
 use lightskin::frame::{Engine, LightShadows, Look, Near, Picture, Shadows, World};
 use lightskin::lab::knobs::Knobs;
 use lightskin::metrics::metrics;
+use lightskin::reference::bounce::{Met, exchange};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::sky::seen;
 use lightskin::reference::world::World as Placed;
@@ -15,7 +17,9 @@ use lightskin::scene::build::{cuboid, quad, sphere};
 use lightskin::scene::sky::Sky;
 use lightskin::scene::sky_filter::{LOBES, irradiance, lobes};
 use lightskin::scene::{Scene, tessellate};
-use lightskin::shared::{Cache, DIRECTIONS, SKY_ITSELF, SKY_OF_CACHES, SkySeen};
+use lightskin::shared::{
+    Cache, DEPTH_IMAGE_SIDE, DIRECTIONS, NO_REFERENCES, SKY_ITSELF, SKY_OF_CACHES, SkySeen, UNKNOWN_CACHE, Val,
+};
 use std::f64::consts::PI;
 
 use crate::common::frames::{add, baked, camera, drawn_of, phong, shoot, small};
@@ -216,6 +220,73 @@ fn surfaces_have_the_skys_light_of_paths() {
         let mean = truth.iter().map(|p| f64::from(p.iter().sum::<f32>()) / 3.0).sum::<f64>() / truth.len() as f64;
         println!("{lobe:?}: bias {:+.4}, RMSE over mean {:.4}", m.bias, m.rmse / mean);
         assert!(m.bias.abs() < limits[0] && m.rmse < limits[1] * mean, "{lobe:?}: {m:?}");
+    }
+}
+
+/// Caches receive the sky's light without virtual lights, and send it on once per bounce.
+#[test]
+fn caches_send_the_skys_light_on() {
+    let gpu = gpu();
+    let (mut scene, caches) = divided(&on_a_floor(None), 0.3);
+    uneven().put_over(&mut scene, 4);
+    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let sent = |bounces: u32| {
+        let frame = drawn_of(&gpu, &scene, &world, &Knobs { bounces, ..knobs([48, 27], RAYS) });
+        let light = frame.light.caches().expect("caches");
+        assert_eq!(frame.light.counts(&gpu).expect("counts").vals, 0, "the sky needs no virtual lights");
+        let Gather::Compute(by) = &light.gather else { panic!("a compute gather") };
+        let vals: Vec<Val> = gpu.read(&by.bounces.as_ref().expect("bounces").vals).expect("read");
+        let sent_on = by.depth_images.as_ref().and_then(|images| images.sent_on.as_ref()).expect("rays");
+        let met: Vec<u32> = gpu.read(&sent_on.met).expect("read");
+        let seen: Vec<SkySeen> = gpu.read(&light.sky.as_ref().expect("a sky").0.seen).expect("read");
+        let count = world.cache_count as usize;
+        let radiosities = vals[..count].iter().map(|val| { val.flux }.as_dvec3() / f64::from(val.area));
+        (radiosities.collect::<Vec<_>>(), met, seen)
+    };
+    let albedos: Vec<Vec3> = {
+        sent(1);
+        gpu.read(world.cache_albedos().expect("albedos")).expect("read")
+    };
+    let side = DEPTH_IMAGE_SIDE as usize;
+    let middle = |i: usize| (i as f64 + 0.5) * 2.0 / side as f64 - 1.0;
+    let inside: Vec<usize> =
+        (0..side * side).filter(|texel| middle(texel % side).powi(2) + middle(texel / side).powi(2) < 1.0).collect();
+    let mut before: Option<Vec<DVec3>> = None;
+    for bounces in 1..=3 {
+        let (radiosities, met, seen) = sent(bounces);
+        let (mut worst, mut most) = (0.0_f64, 0.0_f64);
+        for (i, found) in radiosities.iter().enumerate() {
+            let of_cache = inside.iter().map(|texel| match met[i * side * side + texel] {
+                NO_REFERENCES => Met::Nothing,
+                UNKNOWN_CACHE => Met::Unknown,
+                cache => Met::Cache(cache as usize),
+            });
+            let of_cache: Vec<Met> = of_cache.collect();
+            let again = before.as_ref().map_or(DVec3::ZERO, |before| exchange(&of_cache, before));
+            let wanted = albedos[i].as_dvec3() * ({ seen[i].irradiance }.as_dvec3() + again);
+            worst = worst.max(found.distance(wanted) / wanted.length().max(1e-9));
+            most = most.max(again.length() / { seen[i].irradiance }.as_dvec3().length().max(1e-9));
+        }
+        println!("{bounces} bounces: largest error {worst:.1e}; up to {most:.2} of the sky's light again");
+        assert!(worst < 1e-5 && (most > 0.1) == (bounces > 1), "{bounces}: {worst}, {most}");
+        before = Some(radiosities);
+    }
+}
+
+#[test]
+fn every_number_of_bounces_is_the_path_tracers() {
+    let (mut scene, caches) = divided(&on_a_floor(None), 0.15);
+    uneven().put_over(&mut scene, 16);
+    for bounces in [1, 2, 4] {
+        let size = [96, 54];
+        let settings = PathTraceSettings::engine(size, bounces);
+        let mut paths = PathTrace::new(&scene, &scene.cameras[0], &settings);
+        (0..32).for_each(|_| paths.pass());
+        let shot = shoot(&gpu(), &scene, Some(&caches), &Knobs { bounces, ..knobs(size, RAYS) });
+        let shown: Vec<[f32; 3]> = shot.diffuse.iter().map(|p| p.as_vec3().to_array()).collect();
+        let m = metrics(&shown, &paths.diffuse());
+        println!("{bounces} bounces: bias {:+.4}, relMSE without the worst 1 % {:.4}", m.bias, m.relmse_trimmed);
+        assert!(m.bias.abs() < 0.02 && m.relmse_trimmed < 0.03, "{bounces}: {m:?}");
     }
 }
 

@@ -120,6 +120,8 @@ pub struct Found {
     pub irradiance: DVec3,
     /// Share of the caches' light along rays that hit nothing.
     pub open: DVec3,
+    /// Share of the sky's light along rays that hit nothing.
+    pub open_sky: f64,
     /// Mean reciprocal length of the rays \[1/m\].
     pub crowding: f64,
     /// Position of the surface.
@@ -145,7 +147,7 @@ pub fn alike(d: DVec3, normal: DVec3, other: DVec3) -> f64 {
 pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize) -> Vec<Option<Found>> {
     let of_pixel = |index: usize| {
         let own = found[index]?;
-        let (mut irradiance, mut open, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0);
+        let (mut irradiance, mut open, mut open_sky, mut weights) = (DVec3::ZERO, DVec3::ZERO, 0.0, 0.0);
         for (dx, dy) in (-1..=1_isize).flat_map(|dy| (-1..=1_isize).map(move |dx| (dx, dy))) {
             let x = (index % width).checked_add_signed(dx * step as isize).filter(|x| *x < width);
             let y = (index / width).checked_add_signed(dy * step as isize).filter(|y| *y < height);
@@ -160,9 +162,11 @@ pub fn spread(found: &[Option<Found>], [width, height]: [usize; 2], step: usize)
             };
             irradiance += weight * p.irradiance;
             open += weight * p.open;
+            open_sky += weight * p.open_sky;
             weights += weight;
         }
-        Some(Found { irradiance: irradiance / weights, open: open / weights, ..own })
+        let [irradiance, open] = [irradiance, open].map(|sum| sum / weights);
+        Some(Found { irradiance, open, open_sky: open_sky / weights, ..own })
     };
     (0..found.len()).map(of_pixel).collect()
 }
