@@ -1,7 +1,7 @@
 // Stage 6, further bounces: turns the light that caches have received so far into VALs. METHOD 9, thesis 6.1.7.
 // All caches are live here, in order, so that list slots equal cache indices.
-// variant bounce_traced.comp: TRACED (where caches trace rays)
 // variant bounce_sky.comp: SKY (where caches see a sky)
+// variant bounce_traced.comp: TRACED (where caches trace rays)
 // variant bounce_traced_sky.comp: TRACED SKY (both)
 #include "shared.glsl"
 
@@ -12,16 +12,11 @@ layout(binding = 0, scalar) readonly buffer Caches { Cache caches[]; };
 layout(binding = 1, scalar) readonly buffer Albedos { vec3 albedos[]; };
 layout(binding = 2, scalar) readonly buffer Args { LiveArgs args; };
 layout(binding = 3, scalar) readonly buffer Parts { GatherSums parts[]; };
-layout(binding = 4, scalar) buffer Scales { float scales[]; };
-layout(binding = 5, scalar) writeonly buffer Vals { Val vals[]; };
+layout(binding = 4, scalar) writeonly buffer Vals { Val vals[]; };
 #ifdef TRACED
-layout(binding = 6, scalar) readonly buffer Closed { float closed[]; };
-
-// Upper bound of the scale in TRACED variants: the gather of far light brings at most this many times the caches' form
-// factors. The exchange pass fills the first cache part.
-const float MOST_SCALE = 4.0;
-#define SKY_BINDING 7
+#define SKY_BINDING 5
 #else
+layout(binding = 5, scalar) buffer Scales { float scales[]; };
 #define SKY_BINDING 6
 #endif
 #ifdef SKY
@@ -46,28 +41,17 @@ void main() {
     vec3 flux = vec3(c.area); // gathered, these fluxes yield sums of form factors
     if (push.step != BOUNCE_AREAS) {
         vec3 first = received(i, push.cache_parts, push.cache_parts + args.groups_y);
-#ifdef TRACED
-        vec3 again = received(i, 0u, push.step == BOUNCE_AGAIN ? 1u : push.cache_parts);
-#else
         vec3 again = received(i, 0u, push.cache_parts);
-#endif
-        if (push.step == BOUNCE_FIRST || push.step == BOUNCE_SKY) {
-#ifdef TRACED
-            // Scales the form factors to the share of rays that hit something.
-            scales[i] = min(closed[i] / max(again.x, 1e-6), MOST_SCALE);
-#else
-            // No cache sees more than a hemisphere.
-            scales[i] = 1.0 / max(again.x, 1.0);
-#endif
-            again = vec3(0.0);
-            first = push.step == BOUNCE_SKY ? vec3(0.0) : first;
-        } else if (push.step == BOUNCE_AGAIN) {
 #ifndef TRACED
+        // No cache sees more than a hemisphere.
+        if (push.step == BOUNCE_FIRST || push.step == BOUNCE_SKY) {
+            scales[i] = 1.0 / max(again.x, 1.0);
+        } else if (push.step == BOUNCE_AGAIN) {
             again *= scales[i];
-#endif
-        } else {
-            first = vec3(0.0);
         }
+#endif
+        again = push.step == BOUNCE_FIRST || push.step == BOUNCE_SKY ? vec3(0.0) : again;
+        first = push.step == BOUNCE_EMITTED || push.step == BOUNCE_SKY ? vec3(0.0) : first;
         vec3 sky = vec3(0.0);
 #ifdef SKY
         sky = seen[i].irradiance;

@@ -2,7 +2,7 @@
 // per cache. METHOD 11.
 // variant directions_shadowed.comp: SHADOWED (where indirect light is shadowed)
 // variant directions_bounces.comp: BOUNCES (where caches light caches, too)
-// variant directions_shadowed_bounces.comp: SHADOWED BOUNCES (both)
+// variant directions_shadowed_traced.comp: SHADOWED TRACED (where they do so by rays)
 #include "shared.glsl"
 #include "lib/directions.glsl"
 #include "lib/form_factor.glsl"
@@ -24,15 +24,15 @@ layout(binding = 8, scalar) readonly buffer CacheVals { Val cache_vals[]; };
 layout(binding = 9) uniform samplerBuffer cache_val_texels; // `cache_vals` again
 layout(binding = 10, scalar) readonly buffer Scales { float scales[]; };
 #endif
+#ifdef TRACED
+layout(binding = 9, scalar) readonly buffer CacheVals { Val cache_vals[]; };
+layout(binding = 10, scalar) readonly buffer Met { uint met[]; }; // caches at hits of each cache's rays, as of exchange.comp
+layout(binding = 11, scalar) readonly buffer Parts { GatherSums parts[]; }; // light from all these caches comes first
+#endif
 #ifdef SHADOWED
 layout(constant_id = 1) const uint IMAGES_AS_TEXELS = 1;
-#ifdef BOUNCES
-#define IMAGE_BINDING 11
-#define IMAGE_WORDS_BINDING 12
-#else
 #define IMAGE_BINDING 7
 #define IMAGE_WORDS_BINDING 8
-#endif
 #include "lib/sees.glsl"
 #endif
 
@@ -88,6 +88,29 @@ void add(Beam beam, float scale) {
     sums[at + 2u * THREADS] += e.z;
 }
 
+#ifdef TRACED
+// Directions per side of a texel that stand for it.
+const uint PER_SIDE = 3u;
+
+// Mean radiance [cd/m^2] over a direction's texel, from the caches that this cache's rays hit. Where no cache is known,
+// it is that of all directions.
+vec3 from_caches(uint slot, uint direction, vec3 tangent, vec3 bitangent) {
+    vec3 sum = vec3(0.0);
+    float known = 0.0;
+    for (uint i = 0u; i < PER_SIDE * PER_SIDE; ++i) {
+        vec2 at = vec2(direction % DIRECTION_SIDE, direction / DIRECTION_SIDE);
+        at += (vec2(i % PER_SIDE, i / PER_SIDE) + 0.5) / float(PER_SIDE);
+        vec3 d = octahedral_decode(at * (2.0 / float(DIRECTION_SIDE)) - 1.0);
+        uint cache = met[slot * DEPTH_IMAGE_TEXELS + image_texel(d, tangent, bitangent)];
+        known += cache == UNKNOWN_CACHE ? 0.0 : 1.0;
+        if (cache != UNKNOWN_CACHE && cache != NO_REFERENCES) {
+            sum += cache_vals[cache].flux / max(cache_vals[cache].area, 1e-30);
+        }
+    }
+    return (known > 0.0 ? sum / known : parts[slot].diffuse_irradiance) / PI;
+}
+#endif
+
 void main() {
     uint slot = gl_WorkGroupID.y * DEPTH_IMAGE_ROW + gl_WorkGroupID.x;
     if (slot >= args.cache_count) {
@@ -126,12 +149,20 @@ void main() {
         add(beam, 1.0);
     }
     barrier();
+#ifdef TRACED
+    vec3 tangent, bitangent;
+    tangents(c.normal, tangent, bitangent);
+#endif
     for (uint direction = thread; direction < DIRECTIONS; direction += THREADS) {
         vec3 sum = vec3(0.0);
         for (uint i = 0u; i < THREADS; ++i) {
             uint at = direction * 3u * THREADS + i;
             sum += vec3(sums[at], sums[at + THREADS], sums[at + 2u * THREADS]);
         }
-        radiances[cache * DIRECTIONS + direction] = pack_radiance(sum / direction_solid_angle(direction));
+        sum /= direction_solid_angle(direction);
+#ifdef TRACED
+        sum += from_caches(slot, direction, tangent, bitangent);
+#endif
+        radiances[cache * DIRECTIONS + direction] = pack_radiance(sum);
     }
 }

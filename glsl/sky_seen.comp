@@ -15,8 +15,6 @@ layout(binding = 16, scalar) writeonly buffer Open { uint open_parts[]; }; // pe
 
 const uint THREADS = gl_WorkGroupSize.x;
 const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
-// Up to this radius all texels have their centres on the unit disc.
-const float LAST = 1.0 - 0.7071068 / HALF;
 
 shared uint is_open[DEPTH_IMAGE_TEXELS];
 shared vec3 arriving[THREADS]; // without occluders beyond those left to short rays
@@ -87,10 +85,7 @@ void main() {
             vec2 at = vec2(direction % DIRECTION_SIDE, direction / DIRECTION_SIDE) + 0.25 + 0.5 * vec2(i & 1u, i >> 1 & 1u);
             vec3 d = octahedral_decode(at * (2.0 / float(DIRECTION_SIDE)) - 1.0);
             // Below the horizon nothing is known: directions there are as open as those mirrored above it.
-            vec2 p = vec2(dot(tangent, d), dot(bitangent, d));
-            p *= min(1.0, LAST / max(length(p), 1e-30));
-            uvec2 texel = uvec2(p * HALF + HALF);
-            uint found = is_open[texel.y * DEPTH_IMAGE_SIDE + texel.x];
+            uint found = is_open[image_texel(d, tangent, bitangent)];
             numbers += found << (8u * (i / 4u));
         }
         open_parts[cache * (DIRECTIONS / 4u) + four] = numbers;

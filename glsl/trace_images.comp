@@ -20,14 +20,11 @@ const float MARGIN = 0.01;
 #ifdef SENT_ON
 layout(binding = 16, scalar) writeonly buffer AllImages { float all_images[]; };
 layout(binding = 17, scalar) writeonly buffer Met { uint met[]; }; // cache at each ray's hit, UNKNOWN_CACHE, or without a hit NO_REFERENCES
-layout(binding = 18, scalar) writeonly buffer Closed { float closed[]; }; // share of `images` that is not open
+layout(binding = 18, scalar) writeonly buffer FarMet { uint far_met[]; }; // the same at the ends of the rays of `images`
 layout(constant_id = 4) const uint REFERENCES = 8;
 layout(constant_id = 5) const uint BY_CELLS = 0; // 1: references are stored per cell
 #define REFERENCE_BINDINGS 19
 #include "lib/hit_caches.glsl"
-
-shared uint closed_count;
-shared uint count;
 
 // The cache of largest weight at a ray's hit, on the side that was hit: as in `Met`.
 uint met_cache(Hit hit, vec3 start, vec3 direction) {
@@ -69,14 +66,6 @@ void main() {
     tangents(c.normal, tangent, bitangent);
     float lift = lift_at(c.position, 0.0);
     vec3 start = c.position + c.normal * lift;
-#ifdef SENT_ON
-    if (gl_LocalInvocationID.x == 0u) {
-        closed_count = 0u;
-        count = 0u;
-    }
-    barrier();
-    uvec2 own = uvec2(0u);
-#endif
     for (uint texel = gl_LocalInvocationID.x; texel < DEPTH_IMAGE_TEXELS; texel += gl_WorkGroupSize.x) {
         vec2 p = (vec2(texel % DEPTH_IMAGE_SIDE, texel / DEPTH_IMAGE_SIDE) + 0.5) * STEP - 1.0;
         float z2 = 1.0 - dot(p, p);
@@ -84,6 +73,7 @@ void main() {
 #ifdef SENT_ON
         float of_all = 0.0;
         uint of_hit = NO_REFERENCES;
+        uint of_far_hit = NO_REFERENCES;
 #endif
         if (z2 > 0.0) {
             vec3 direction = tangent * p.x + bitangent * p.y + c.normal * sqrt(z2);
@@ -92,11 +82,12 @@ void main() {
             of_all = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
             of_hit = met_cache(hit, start, direction);
             limit = of_all;
+            of_far_hit = of_hit;
             if (hit.triangle != NO_HIT && hit.distance < push.reach) {
                 hit = trace(start, direction, push.reach, 3e38, push.root, 0u, false);
                 limit = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
+                of_far_hit = met_cache(hit, start, direction);
             }
-            own += uvec2(hit.triangle == NO_HIT ? 0u : 1u, 1u);
 #else
             Hit hit = trace(start, direction, max(push.reach, lift), 3e38, push.root, 0u, false);
             limit = limit_of(hit, direction, p, z2, tangent, bitangent, c.normal);
@@ -105,15 +96,8 @@ void main() {
 #ifdef SENT_ON
         all_images[slot * DEPTH_IMAGE_TEXELS + texel] = of_all;
         met[slot * DEPTH_IMAGE_TEXELS + texel] = of_hit;
+        far_met[slot * DEPTH_IMAGE_TEXELS + texel] = of_far_hit;
 #endif
         images[slot * DEPTH_IMAGE_TEXELS + texel] = limit;
     }
-#ifdef SENT_ON
-    atomicAdd(closed_count, own.x);
-    atomicAdd(count, own.y);
-    barrier();
-    if (gl_LocalInvocationID.x == 0u) {
-        closed[slot] = float(closed_count) / float(count);
-    }
-#endif
 }

@@ -11,7 +11,7 @@ use lightskin::scene::sky::Sky;
 use lightskin::scene::{LightKind, Scene, luminance};
 use std::f64::consts::{PI, TAU};
 
-use crate::common::frames::{SPOT, add, baked, camera, corner, phong, shoot, small};
+use crate::common::frames::{SPOT, add, camera, corner, phong, shoot, small};
 use crate::common::{data, gpu, one_line, written};
 
 /// A sky whose radiance is a function of the direction.

@@ -24,4 +24,15 @@ void tangents(vec3 n, out vec3 tangent, out vec3 bitangent) {
     bitangent = vec3(b, side + n.y * n.y * a, -n.y);
 }
 
+// Texel that contains a direction about the normal. For directions below the horizon: mirrored above it.
+uint image_texel(vec3 direction, vec3 tangent, vec3 bitangent) {
+    const float HALF = 0.5 * float(DEPTH_IMAGE_SIDE);
+    // Up to this radius all texels have their centres on the unit disc.
+    const float LAST = 1.0 - 0.7071068 / HALF;
+    vec2 p = vec2(dot(tangent, direction), dot(bitangent, direction));
+    p *= min(1.0, LAST / max(length(p), 1e-30));
+    uvec2 texel = uvec2(p * HALF + HALF);
+    return texel.y * DEPTH_IMAGE_SIDE + texel.x;
+}
+
 #endif

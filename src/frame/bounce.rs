@@ -2,9 +2,11 @@
 //! thesis 6.1.7.
 //!
 //! Every cache takes part in every bounce, since caches that are not visible light visible ones. The primary lights'
-//! VALs are summed once. The caches' VALs have separate parts of the sums, which each bounce recomputes. Before the
-//! first bounce, a gather of the caches' areas gives each cache the sum of its form factors, which bounds the light
-//! that caches send.
+//! VALs are summed once. The caches' VALs have separate parts of the sums, which each bounce recomputes.
+//!
+//! Where caches trace rays, each receives the light of the caches at the ends of its rays. Elsewhere it gathers all
+//! caches, and before the first bounce, a gather of their areas gives each cache the sum of its form factors, which
+//! bounds the light that it gets.
 //!
 //! Light from an emissive surface or from the sky has not bounced yet when it reaches a cache. If there is such light,
 //! caches first send on this light alone, and there is one more gather. So after N gathers all light has bounced at most
@@ -35,8 +37,9 @@ pub struct Bounces {
     count: u32,
     caches_per_thread: u32,
     light: Pipeline,
-    /// Only if caches trace rays: replaces a gather by light from the caches at the hits of these rays.
-    exchange: Option<Pipeline>,
+    /// Only if caches trace rays: these replace gathers by light from the caches at the hits of these rays, for all
+    /// bounces but the last, and for the last.
+    exchange: Option<[Pipeline; 2]>,
     /// Gathers the diffuse lobe only, for all bounces but the last.
     diffuse: Pipeline,
     /// Gathers both lobes, if there are two.
@@ -61,11 +64,17 @@ impl Bounces {
         };
         let padded = caches.next_multiple_of(VAL_TILE).max(VAL_TILE) as usize;
         let spread = u32::from(shadows == Shadows::Proxy);
+        let by_irradiance = u32::from(weight == ProxyWeight::Irradiance);
+        let exchange = || -> Result<[Pipeline; 2]> {
+            let [sent_on, far] = ["exchange.comp", "exchange_far.comp"];
+            Ok([gpu.compute(sent_on, &[])?, gpu.compute(far, &[by_irradiance])?])
+        };
+        let gathered = if is_traced { emitted } else { caches.max(emitted) };
         Ok(Self {
             vals: gpu.buffer_from("bounce.vals", &vec![Val { area: 1.0, ..Val::default() }; padded])?,
             val_count: gpu.buffer_from("bounce.val_count", &[caches])?,
-            scales: gpu.buffer("bounce.scales", 4 * u64::from(caches.max(1)))?,
-            parts: caches.max(emitted).div_ceil(live.split),
+            scales: gpu.buffer_from("bounce.scales", &vec![1.0_f32; caches.max(1) as usize])?,
+            parts: gathered.div_ceil(live.split).max(1),
             count: bounces,
             caches_per_thread: ways.caches(),
             light: gpu.compute(
@@ -75,9 +84,9 @@ impl Bounces {
                     (false, true) => "bounce_sky.comp",
                     (true, true) => "bounce_traced_sky.comp",
                 },
-                &[u32::from(weight == ProxyWeight::Irradiance)],
+                &[by_irradiance],
             )?,
-            exchange: is_traced.then(|| gpu.compute("exchange.comp", &[])).transpose()?,
+            exchange: is_traced.then(exchange).transpose()?,
             diffuse: sum(false)?,
             all: sum(glossy)?,
             resolve: gpu.compute("proxies_bounces.comp", &[u32::from(glossy), 1, spread])?,
@@ -87,7 +96,7 @@ impl Bounces {
 
     /// Number of gathers of the caches' light, or of passes that replace them.
     pub fn gathers(&self) -> u32 {
-        if self.exchange.is_some() { 2 } else { 1 + self.count }
+        if self.exchange.is_some() { 0 } else { 1 + self.count }
     }
 
     /// Records the bounces. The primary lights' sums must have been recorded before. At the end, proxies are made from
@@ -108,13 +117,13 @@ impl Bounces {
         let wait = || cmd.barrier(Use::ComputeRead | Use::ComputeWrite, Use::ComputeRead | Use::ComputeWrite);
         let light = |step| {
             wait();
-            self.light(cmd, (albedos, sky, sent_on), sums, step);
+            self.light(cmd, (albedos, sky), sums, step);
             wait();
         };
-        light(BOUNCE_AREAS);
-        // If rays tell caches what they see at all distances, the form factors are needed only for the last gather.
-        let (of_areas, areas_push) = if self.exchange.is_some() { (last_sums, last) } else { (sums, push) };
-        self.gather(cmd, &self.diffuse, caches, of_areas, areas_push);
+        if self.exchange.is_none() {
+            light(BOUNCE_AREAS);
+            self.gather(cmd, &self.diffuse, caches, sums, push);
+        }
         light(if self.sky && emitted.is_none() { BOUNCE_SKY } else { BOUNCE_FIRST });
         if let Some((vals, count)) = emitted {
             self.gather(cmd, &self.diffuse, (vals, count), sums, push);
@@ -124,35 +133,31 @@ impl Bounces {
             if bounce > 1 {
                 light(BOUNCE_AGAIN);
             }
-            if let (true, Some(exchange), Some(sent_on)) = (bounce < self.count, &self.exchange, sent_on) {
-                cmd.bind(exchange, &[&sent_on.met, &self.vals, sums.parts].map(Into::into));
+            let is_last = bounce == self.count;
+            if let (Some([exchange, far]), Some(sent_on)) = (&self.exchange, sent_on) {
+                let (exchange, met) = if is_last { (far, &sent_on.far_met) } else { (exchange, &sent_on.met) };
+                cmd.bind(exchange, &[met, &self.vals, sums.parts].map(Into::into));
                 cmd.push(&BouncePush { cache_count: sums.atlas.count, cache_parts: self.parts, step: BOUNCE_AGAIN });
                 let row = DEPTH_IMAGE_ROW;
                 cmd.dispatch(sums.atlas.count.min(row) * GATHER_THREADS, sums.atlas.count.div_ceil(row), 1);
-            } else if bounce < self.count {
-                self.gather(cmd, &self.diffuse, caches, sums, push);
-            } else {
+            } else if is_last {
                 self.gather(cmd, &self.all, caches, last_sums, last);
-                if let Some(leave_out) = leave_out {
-                    wait();
-                    leave_out();
-                }
+            } else {
+                self.gather(cmd, &self.diffuse, caches, sums, push);
             }
+        }
+        if let Some(leave_out) = leave_out {
+            wait();
+            leave_out();
         }
         self.resolve(cmd, sums, proxies, push);
     }
 
-    fn light(
-        &self,
-        cmd: &Cmd<'_>,
-        (albedos, sky, sent_on): (&Buffer, Option<&Buffer>, Option<&SentOn>),
-        sums: &SumBinds<'_>,
-        step: u32,
-    ) {
-        let resources = [&sums.atlas.caches, albedos, &sums.live.args, sums.parts, &self.scales, &self.vals];
-        let closed = sent_on.filter(|_| self.exchange.is_some()).map(|sent_on| &sent_on.closed);
+    fn light(&self, cmd: &Cmd<'_>, (albedos, sky): (&Buffer, Option<&Buffer>), sums: &SumBinds<'_>, step: u32) {
+        let resources = [&sums.atlas.caches, albedos, &sums.live.args, sums.parts, &self.vals];
+        let scales = self.exchange.is_none().then_some(&self.scales);
         let sky = sky.filter(|_| self.sky);
-        let resources: Vec<Bind<'_>> = resources.into_iter().chain(closed).chain(sky).map(Into::into).collect();
+        let resources: Vec<Bind<'_>> = resources.into_iter().chain(scales).chain(sky).map(Into::into).collect();
         cmd.bind(&self.light, &resources);
         cmd.push(&BouncePush { cache_count: sums.atlas.count, cache_parts: self.parts, step });
         cmd.dispatch(sums.atlas.count, 1, 1);

@@ -29,8 +29,8 @@ pub struct SentOn {
     pub images: Buffer,
     /// For each texel of these images, the cache at the hit, or `NO_REFERENCES`.
     pub met: Buffer,
-    /// Share of each cache's texels in `DepthImages::buffer` that are not open.
-    pub closed: Buffer,
+    /// The same for the rays of `DepthImages::buffer`, which start beyond the range of short rays.
+    pub far_met: Buffer,
 }
 
 /// How the images are created.
@@ -99,7 +99,7 @@ impl DepthImages {
             Ok(SentOn {
                 images: gpu.buffer("gather.sent_on_images", bytes)?,
                 met: gpu.buffer("gather.met", bytes)?,
-                closed: gpu.buffer("gather.closed", 4 * u64::from(world.cache_count.max(1)))?,
+                far_met: gpu.buffer("gather.far_met", bytes)?,
             })
         };
         let sent_on = send_on.then(sent_on).transpose()?;
@@ -118,10 +118,10 @@ impl DepthImages {
         let Some(rays) = world.rays() else { return };
         let mut resources = rays.binds(world).to_vec();
         resources.extend([&atlas.caches, &live.list, &live.args, &self.buffer].map(Bind::from));
-        if let Some(SentOn { images, met, closed }) = &self.sent_on {
+        if let Some(SentOn { images, met, far_met }) = &self.sent_on {
             let (grids, entries) =
                 world.cells.as_ref().map_or((&world.references, &world.references), |c| (&c.grids, &c.entries));
-            let of_caches = [images, met, closed, &world.references, &world.instance_caches, grids, entries];
+            let of_caches = [images, met, far_met, &world.references, &world.instance_caches, grids, entries];
             resources.extend(of_caches.map(Bind::from));
             resources.push(Bind::SomeTexels(&atlas.caches));
         }

@@ -43,7 +43,7 @@ impl Directions {
             (false, false) => "directions.comp",
             (true, false) => "directions_shadowed.comp",
             (false, true) => "directions_bounces.comp",
-            (true, true) => "directions_shadowed_bounces.comp",
+            (true, true) => "directions_shadowed_traced.comp",
         };
         Ok(Self {
             radiances: gpu.buffer("directions.radiances", bytes)?,
@@ -53,7 +53,7 @@ impl Directions {
         })
     }
 
-    /// Records the pass for the result of a gather.
+    /// Records the pass for the result of a gather, whose sums are `parts`.
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
@@ -61,15 +61,19 @@ impl Directions {
         live: &Live,
         bounces: Option<&Bounces>,
         images: Option<&DepthImages>,
+        parts: &Buffer,
     ) {
         let vals = lit.vals;
         let caches = [&lit.atlas.caches, &live.list, &live.args, &vals.live_count, &vals.live];
         let mut resources = caches.map(Bind::from).to_vec();
         resources.extend([Bind::SomeTexels(&vals.live), (&self.radiances).into()]);
-        if let Some(Bounces { vals, val_count, scales, .. }) = bounces {
-            resources.extend([val_count.into(), vals.into(), Bind::SomeTexels(vals), scales.into()]);
-        }
         resources.extend(images.iter().flat_map(|images| binds(&images.buffer)));
+        if let Some(Bounces { vals, val_count, scales, .. }) = bounces {
+            match images.and_then(|images| images.sent_on.as_ref()) {
+                Some(sent_on) => resources.extend([vals, &sent_on.far_met, parts].map(Bind::from)),
+                None => resources.extend([val_count.into(), vals.into(), Bind::SomeTexels(vals), scales.into()]),
+            }
+        }
         cmd.bind(&self.pipeline, &resources);
         let [begin, end] = self.fade;
         cmd.push(&DirectionsPush { near_begin: begin, near_scale: 1.0 / (end - begin), together: self.together });

@@ -219,7 +219,8 @@ impl Compute {
             self.record_run(cmd, lit, run, second);
         }
         if let Some(directions) = &self.near {
-            directions.record(cmd, lit, &self.live, self.bounces.as_ref(), self.depth_images.as_ref());
+            let (bounces, images) = (self.bounces.as_ref(), self.depth_images.as_ref());
+            directions.record(cmd, lit, &self.live, bounces, images, &self.parts);
         }
     }
 
