@@ -96,11 +96,10 @@ impl Report<'_> {
         if self.light.plan.cull {
             say!("          {} of them lit for the surfaces in view", thousands(self.counts.caches as usize));
         }
-        say!(
-            "VALs      {} of {} texels carry light",
-            thousands(self.counts.vals as usize),
-            thousands(self.vals() as usize)
-        );
+        match self.counts.vals as usize {
+            0 if self.light.plan.sends_sky => say!("VALs      none: caches send the sky's light on"),
+            lit => say!("VALs      {} of {} texels carry light", thousands(lit), thousands(self.vals() as usize)),
+        }
         if self.light.plan.clusters {
             let (computed, all) = (self.counts.pairs, self.pairs());
             say!(

@@ -49,6 +49,19 @@ pub struct Bounces {
     sky: bool,
 }
 
+/// Light that caches send on, besides that of the primary lights' VALs, and how.
+#[derive(Clone, Copy)]
+pub(super) struct Received<'a> {
+    /// Diffuse albedos of the caches.
+    pub(super) albedos: &'a Buffer,
+    /// The sky as caches see it, one `SkySeen` each; only where they do.
+    pub(super) sky: Option<&'a Buffer>,
+    /// VALs of emissive surfaces, and their number.
+    pub(super) emitted: Option<&'a (Buffer, Buffer)>,
+    /// What the caches' rays hit; only if they trace rays.
+    pub(super) sent_on: Option<&'a SentOn>,
+}
+
 impl Bounces {
     /// Creates the passes for caches that light each other at least once.
     pub(super) fn new(gpu: &Gpu, live: &Live, ways: &Ways, kind: ComputeKind, is_traced: bool) -> Result<Self> {
@@ -106,7 +119,7 @@ impl Bounces {
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
-        (albedos, sky, emitted, sent_on): (&Buffer, Option<&Buffer>, Option<&(Buffer, Buffer)>, Option<&SentOn>),
+        Received { albedos, sky, emitted, sent_on }: Received<'_>,
         [sums, last_sums]: [&SumBinds<'_>; 2],
         proxies: &Buffer,
         [push, last]: [&GatherPush; 2],
