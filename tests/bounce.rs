@@ -14,12 +14,13 @@ use lightskin::reference::path_trace::{self, PathTrace};
 use lightskin::reference::world::{Sides, World as Truth};
 use lightskin::scene::build::{cuboid, quad};
 use lightskin::scene::ggx::{MEAN_PHONG_COSINE, phong_albedo};
-use lightskin::scene::{Image, Light, LightKind, Material, Scene, Texture};
+use lightskin::scene::{Image, Instance, Light, LightKind, Material, Scene, Texture};
 use lightskin::shared::{DEPTH_IMAGE_SIDE, NO_REFERENCES, UNKNOWN_CACHE, Val};
+use serde_json::json;
 use std::f64::consts::PI;
 
 use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, drawn_of, phong, sent_on, shoot, small};
-use crate::common::gpu;
+use crate::common::{gpu, load};
 
 /// A closed 2 m cube centred at the origin. Its walls face inwards, and a point light shines inside.
 fn cube(albedo: f32, light: DVec3) -> Scene {
@@ -349,4 +350,83 @@ fn exchange_in(scene: &Scene, unknown: Option<usize>) {
     assert!(least > 0.99, "{least}");
     // A cell is d_eps / 2 wide, and its nearest cache lies within d_eps of it.
     assert!(far < 1.5 * caches.spacing, "{far} m");
+}
+
+/// Both sides of a bending two-sided surface lie in the same place, with caches of their own.
+#[test]
+fn rays_meet_the_near_side_of_surfaces_that_bend() {
+    let surface = cuboid(Vec3::splat(-0.4), Vec3::splat(0.4), 0.2, |_| true);
+    let (places, normals): (Vec<Vec3>, Vec<Vec3>) = surface.vertices.iter().map(|v| (v.position, v.normal)).unzip();
+    let higher: Vec<Vec3> = places.iter().map(|p| Vec3::Y * (0.2 * p.y)).collect();
+    let (count, indices) = (places.len(), surface.indices.len());
+    let parts: [&[u8]; 6] = [
+        bytemuck::cast_slice(&places),
+        bytemuck::cast_slice(&normals),
+        bytemuck::cast_slice(&higher),
+        bytemuck::cast_slice(&surface.indices),
+        bytemuck::bytes_of(&[0.0_f32, 1.0]),
+        bytemuck::bytes_of(&[0.5_f32, 1.0]),
+    ];
+    let binary = parts.concat();
+    let vectors = |view: usize, low: f32, high: f32| json!({"bufferView": view, "componentType": 5126, "count": count, "type": "VEC3", "min": [low, low, low], "max": [high, high, high]});
+    let pair = |view: usize| json!({"bufferView": view, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1]});
+    let numbers = json!({"bufferView": 3, "componentType": 5125, "count": indices, "type": "SCALAR"});
+    let views = (0..6).map(|i| {
+        let before: usize = parts[..i].iter().map(|part| part.len()).sum();
+        json!({"buffer": 0, "byteOffset": before, "byteLength": parts[i].len()})
+    });
+    let document = json!({
+        "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"mesh": 0, "weights": [0.5]}],
+        "materials": [{"doubleSided": true, "pbrMetallicRoughness": {"metallicFactor": 0}}],
+        "meshes": [{"primitives": [{
+            "attributes": {"POSITION": 0, "NORMAL": 1}, "targets": [{"POSITION": 2}], "indices": 3, "material": 0
+        }]}],
+        "accessors": [vectors(0, -0.4, 0.4), vectors(1, -1.0, 1.0), vectors(2, -0.08, 0.08), numbers, pair(4), pair(5)],
+        "animations": [{"samplers": [{"input": 4, "output": 5}],
+            "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}]}],
+        "bufferViews": views.collect::<Vec<_>>(), "buffers": [{"byteLength": binary.len()}],
+    });
+    let mut scene = load("bends", &document, &binary).expect("loads");
+    assert!(scene.materials[0].double_sided && scene.meshes[0].deform.is_some());
+    scene.lights.clear();
+    let room = cube(0.8, dvec3(0.11, 0.73, -0.17));
+    for instance in &room.instances {
+        let wall = &room.meshes[instance.mesh];
+        let walls = scene.materials.len();
+        scene.materials.push(room.materials[wall.primitives[0].material].clone());
+        let mut wall = wall.clone();
+        wall.primitives[0].material = walls;
+        scene.instances.push(Instance { mesh: scene.meshes.len(), ..instance.clone() });
+        scene.meshes.push(wall);
+    }
+    scene.lights = room.lights;
+    scene.cameras = room.cameras;
+    let gpu = gpu();
+    let caches = baked(&scene, 0.25, 8);
+    let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+    let knobs = Knobs {
+        near: Near::Rays { per_pixel: 8, every: 2 },
+        shadows: Shadows::PerLight,
+        light_shadows: LightShadows::Maps(1024),
+        bounces: 2,
+        ..small()
+    };
+    let frame = drawn_of(&gpu, &scene, &world, &knobs);
+    let Gather::Compute(by) = &frame.light.caches().expect("caches").gather else { panic!("a compute gather") };
+    let sent_on = by.depth_images.as_ref().and_then(|images| images.sent_on.as_ref()).expect("rays");
+    let met: Vec<u32> = gpu.read(&sent_on.met).expect("read");
+    let places: Vec<lightskin::shared::Cache> =
+        gpu.read(&frame.light.caches().expect("caches").atlas.caches).expect("read");
+    let on_body = caches.models[caches.instance_model[0]].caches.len();
+    let each = (DEPTH_IMAGE_SIDE * DEPTH_IMAGE_SIDE) as usize;
+    // Caches of the walls that see the body.
+    let (mut known, mut unknown) = (0, 0);
+    for wall in on_body..places.len() {
+        for cache in &met[wall * each..][..each] {
+            known += u32::from((*cache as usize) < on_body);
+            unknown += u32::from(*cache == UNKNOWN_CACHE);
+        }
+    }
+    println!("{known} rays find a cache of the body, {unknown} of all rays find none");
+    assert!(known > 1000 && unknown * 50 < known, "{known}, {unknown}");
 }

@@ -134,13 +134,16 @@ bool meets(Path path, uint at, float from, float to, uint passed, uint moving, i
     // Distance to the plane: its rounding error scales with the triangle's size. A weighted mean of the corners'
     // distances would round with the distance.
     vec3 n = cross(second.xyz - first.xyz, third.xyz - first.xyz);
-    float distance_ = dot(first.xyz - path.origin, n) / dot(path.direction, n);
+    float along = dot(path.direction, n);
+    float distance_ = dot(first.xyz - path.origin, n) / along;
     // A degenerate triangle yields NaN, which fails the range test.
     if (!(inside && sum != 0.0 && distance_ >= from && distance_ < to)) {
         return false;
     }
     uint what = floatBitsToUint(third.w);
-    if ((what & passed) != 0u) {
+    // From behind, a ray meets the other side of the surface, whose caches are on the ray's side.
+    bool is_behind = LEVELS == 2u && (what & RAY_ONE_SIDE) != 0u && along >= 0.0;
+    if ((what & passed) != 0u || is_behind) {
         return false;
     }
     vec2 weights = edges.yz / sum;

@@ -13,8 +13,8 @@ use crate::gpu::{Bind, Buffer, Cmd, Gpu};
 use crate::image::{linear_from_srgb, mip_chain};
 use crate::scene::{Image, Sampler, Scene, Wrap};
 use crate::shared::{
-    HitTexture, RAY_AREA_LIGHT, RAY_HOLES, RAY_KIND_BITS, RAY_MIRRORED, RAY_MODEL, RAY_TWO_SIDED, RefitBox, RefitNode,
-    TEXTURE_COUNT, TEXTURE_NORMAL, TEXTURE_TRANSMISSION,
+    HitTexture, RAY_AREA_LIGHT, RAY_HOLES, RAY_KIND_BITS, RAY_MIRRORED, RAY_MODEL, RAY_ONE_SIDE, RAY_TWO_SIDED,
+    RefitBox, RefitNode, TEXTURE_COUNT, TEXTURE_NORMAL, TEXTURE_TRANSMISSION,
 };
 use glam::{DVec3, Vec3, Vec3A};
 use obvhs::aabb::Aabb;
@@ -339,7 +339,11 @@ impl Placed<'_> {
         let mut all: Vec<Triangle> = Vec::with_capacity(mesh.triangle_count());
         for primitive in &mesh.primitives {
             let material = &self.scene.materials[primitive.material];
-            let kind = [(material.alpha_cutoff.is_some(), RAY_HOLES), (material.double_sided, RAY_TWO_SIDED)];
+            let kind = [
+                (material.alpha_cutoff.is_some(), RAY_HOLES),
+                (material.double_sided, RAY_TWO_SIDED),
+                (material.double_sided && mesh.deform.is_some(), RAY_ONE_SIDE),
+            ];
             let kind: u32 = kind.into_iter().filter_map(|(is, bit)| is.then_some(bit)).sum();
             for first in (primitive.first_index..primitive.first_index + primitive.index_count).step_by(3) {
                 let at = mesh.triangle(first as usize / 3);
