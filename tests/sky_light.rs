@@ -16,9 +16,10 @@ use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::sky::seen;
 use lightskin::reference::world::World as Placed;
 use lightskin::scene::build::{cuboid, quad, sphere};
+use lightskin::scene::medium::Subsurface;
 use lightskin::scene::sky::Sky;
 use lightskin::scene::sky_filter::{LOBES, irradiance, lobes};
-use lightskin::scene::{Scene, luminance, tessellate};
+use lightskin::scene::{Material, Scene, luminance, tessellate};
 use lightskin::shared::{
     Cache, DEPTH_IMAGE_SIDE, DIRECTIONS, GatherSums, NO_REFERENCES, SKY_ITSELF, SKY_OF_CACHES, SkySeen, UNKNOWN_CACHE,
     Val,
@@ -404,4 +405,43 @@ fn nothing_of_another_sky_is_left() {
     assert!(before != after, "the picture must change with the sky");
     assert!(after == picture(&mut engine(under(turned(1.5)))), "the picture must be that of a new engine");
     assert_clean(&gpu);
+}
+
+/// Caches send the sky's light on, but it enters bodies from the lights that represent it.
+#[test]
+fn the_sky_enters_bodies() {
+    let gpu = gpu();
+    let (sigma_s, sigma_a) = (Vec3::splat(2000.0), Vec3::splat(2.0));
+    let medium = Subsurface { sigma_s, sigma_a, g: 0.0, ior: 1.3, scale: 1.0 };
+    let mut filled = Material { roughness: 0.5, specular: 0.0, ..Material::default() };
+    filled.fill(medium);
+    let albedo = medium.medium().diffuse_albedo().as_vec3();
+    let ball_of = |material: Material| {
+        let mut scene = Scene { name: "ball".into(), ..Scene::default() };
+        add(&mut scene, sphere(0.5, 32), material, DAffine3::from_translation(dvec3(0.0, 0.5, 0.0)));
+        let floor = quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0.4);
+        add(&mut scene, floor, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
+        scene.cameras.push(camera(dvec3(0.0, 0.8, 2.0), dvec3(0.0, 0.5, 0.0), 0.35));
+        Sky::even(Vec3::splat(100.0)).put_over(&mut scene, 16);
+        scene
+    };
+    let knobs = Knobs { size: [48, 27], bounces: 2, near: Near::Rays { per_pixel: 8, every: 2 }, ..small() };
+    let knobs = Knobs { shadows: Shadows::PerLight, rsm: 96, ..knobs };
+    let [inside, outside] = [filled, phong(albedo.to_array(), [0.0; 3], 1.0)].map(|material| {
+        let scene = ball_of(material);
+        let caches = baked(&scene, 0.2, 8);
+        let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
+        let frame = drawn_of(&gpu, &scene, &world, &knobs);
+        assert_eq!(frame.light.counts(&gpu).expect("counts").vals, 0, "no virtual lights outside");
+        let entered = frame.light.rsm.as_ref().and_then(|rsm| rsm.inside.as_ref()).map(|inside| {
+            let count: Vec<u32> = gpu.read(&inside.vals.live_count).expect("read");
+            count[0]
+        });
+        assert!(entered.is_none_or(|count| count > 100), "{entered:?} virtual lights inside");
+        let shot = shoot(&gpu, &scene, Some(&caches), &knobs);
+        let middle = |all: &[DVec3]| all[13 * 48 + 24];
+        middle(&shot.direct) + middle(&shot.diffuse)
+    });
+    println!("the ball scatters {inside} and reflects {outside}");
+    assert!((inside / outside - 1.0).abs().max_element() < 0.15, "{inside}, {outside}");
 }

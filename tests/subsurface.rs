@@ -14,14 +14,13 @@ use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::volume::{Volume, refracted, walk};
 use lightskin::scene::build::{CornellSurface, quad, sphere};
 use lightskin::scene::medium::{Medium, Subsurface, fresnel};
-use lightskin::scene::sky::Sky;
 use lightskin::scene::write::write_glb;
 use lightskin::scene::{Light, LightKind, Material, Scene};
 use lightskin::shared::{self, HOLLOW};
 use serde_json::{Value, json};
 
 use crate::bake::meshes::Random;
-use crate::common::frames::{add, baked, camera, drawn_of, lamp, phong, shoot, small};
+use crate::common::frames::{add, baked, camera, lamp, phong, shoot, small};
 use crate::common::{Builder, assert_clean, gpu};
 use crate::moving;
 use crate::shaders::{check4, random};
@@ -587,40 +586,4 @@ fn edits_leave_nothing_stale_inside() {
         23,
     );
     moving::walk_of(scene, Knobs { gi: Gi::BruteForce, ..with(Shadows::Off) }, false, 4, 24);
-}
-
-/// Caches send the sky's light on, but it enters bodies from the lights that represent it.
-#[test]
-fn the_sky_enters_bodies() {
-    let gpu = gpu();
-    let medium = of(2000.0, 2.0, 0.0, 1.3);
-    let albedo = medium.medium().diffuse_albedo().as_vec3();
-    let ball_of = |material: Material| {
-        let mut scene = Scene { name: "ball".into(), ..Scene::default() };
-        add(&mut scene, sphere(0.5, 32), material, DAffine3::from_translation(dvec3(0.0, 0.5, 0.0)));
-        let floor = quad(vec3(-2.0, 0.0, -2.0), Vec3::Z * 4.0, Vec3::X * 4.0, 0.4);
-        add(&mut scene, floor, phong([0.5; 3], [0.0; 3], 1.0), DAffine3::IDENTITY);
-        scene.cameras.push(camera(dvec3(0.0, 0.8, 2.0), dvec3(0.0, 0.5, 0.0), 0.35));
-        Sky::even(Vec3::splat(100.0)).put_over(&mut scene, 16);
-        scene
-    };
-    let knobs = Knobs { size: [48, 27], bounces: 2, near: Near::Rays { per_pixel: 8, every: 2 }, ..small() };
-    let knobs = Knobs { shadows: Shadows::PerLight, rsm: 96, ..knobs };
-    let [inside, outside] = [filled(medium), phong(albedo.to_array(), [0.0; 3], 1.0)].map(|material| {
-        let scene = ball_of(material);
-        let caches = baked(&scene, 0.2, 8);
-        let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-        let frame = drawn_of(&gpu, &scene, &world, &knobs);
-        assert_eq!(frame.light.counts(&gpu).expect("counts").vals, 0, "no virtual lights outside");
-        let entered = frame.light.rsm.as_ref().and_then(|rsm| rsm.inside.as_ref()).map(|inside| {
-            let count: Vec<u32> = gpu.read(&inside.vals.live_count).expect("read");
-            count[0]
-        });
-        assert!(entered.is_none_or(|count| count > 100), "{entered:?} virtual lights inside");
-        let shot = shoot(&gpu, &scene, Some(&caches), &knobs);
-        let middle = |all: &[DVec3]| all[13 * 48 + 24];
-        middle(&shot.direct) + middle(&shot.diffuse)
-    });
-    println!("the ball scatters {inside} and reflects {outside}");
-    assert!((inside / outside - 1.0).abs().max_element() < 0.15, "{inside}, {outside}");
 }
