@@ -3,7 +3,6 @@
 
 use glam::{DAffine3, DVec3, Vec3, dvec3};
 use lightskin::bake::{CacheSet, NO_CACHE};
-use lightskin::frame::gather::Gather;
 use lightskin::frame::{LightShadows, Near, Shadows, World};
 use lightskin::lab::knobs::{Frame, Knobs};
 use lightskin::reference::bounce::{self, Met, Patch};
@@ -15,11 +14,11 @@ use lightskin::reference::world::{Sides, World as Truth};
 use lightskin::scene::build::{cuboid, quad};
 use lightskin::scene::ggx::{MEAN_PHONG_COSINE, phong_albedo};
 use lightskin::scene::{Image, Instance, Light, LightKind, Material, Scene, Texture};
-use lightskin::shared::{DEPTH_IMAGE_SIDE, NO_REFERENCES, UNKNOWN_CACHE, Val};
+use lightskin::shared::{DEPTH_IMAGE_SIDE, DEPTH_IMAGE_TEXELS, UNKNOWN_CACHE, Val};
 use serde_json::json;
 use std::f64::consts::PI;
 
-use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, drawn_of, phong, sent_on, shoot, small};
+use crate::common::frames::{SPOT, Shot, add, baked, camera, corner, drawn_of, phong, sent_on, shoot, small, traced};
 use crate::common::{gpu, load};
 
 /// A closed 2 m cube centred at the origin. Its walls face inwards, and a point light shines inside.
@@ -252,6 +251,12 @@ fn caches_take_unknown_surfaces_as_the_mean_of_all_others() {
     exchange_in(&scene, Some(body));
 }
 
+/// Caches trace rays.
+fn by_rays() -> Knobs {
+    let (near, light_shadows) = (Near::Rays { per_pixel: 8, every: 2 }, LightShadows::Maps(1024));
+    Knobs { near, shadows: Shadows::PerLight, light_shadows, ..small() }
+}
+
 /// Holds one exchange of light in a cube against f64. `unknown`: an instance that loses its caches.
 fn exchange_in(scene: &Scene, unknown: Option<usize>) {
     let gpu = gpu();
@@ -263,19 +268,12 @@ fn exchange_in(scene: &Scene, unknown: Option<usize>) {
     }
     let caches = caches;
     let world = World::new(&gpu, scene, Some(&caches)).expect("uploaded");
-    let knobs = Knobs {
-        near: Near::Rays { per_pixel: 8, every: 2 },
-        shadows: Shadows::PerLight,
-        light_shadows: LightShadows::Maps(1024),
-        rsm: 96,
-        ..small()
-    };
+    let knobs = Knobs { rsm: 96, ..by_rays() };
     // Radiosities before and after one exchange, and the caches that rays hit.
     let sent = |bounces: u32| {
         let frame = drawn_of(&gpu, scene, &world, &Knobs { bounces, ..knobs });
-        let Gather::Compute(by) = &frame.light.caches().expect("caches").gather else { panic!("a compute gather") };
+        let (by, sent_on) = traced(&frame);
         let vals: Vec<Val> = gpu.read(&by.bounces.as_ref().expect("bounces").vals).expect("read");
-        let sent_on = by.depth_images.as_ref().and_then(|images| images.sent_on.as_ref()).expect("rays");
         let met: Vec<u32> = gpu.read(&sent_on.met).expect("read");
         (vals.iter().map(|val| { val.flux }.as_dvec3() / f64::from(val.area)).collect::<Vec<_>>(), met)
     };
@@ -290,13 +288,7 @@ fn exchange_in(scene: &Scene, unknown: Option<usize>) {
     for (i, cache) in places.iter().enumerate() {
         let [tangent, bitangent] = tangents(cache.normal);
         let of_cache = inside.iter().map(|texel| met[i * side * side + texel]);
-        let met: Vec<Met> = of_cache
-            .map(|cache| match cache {
-                NO_REFERENCES => Met::Nothing,
-                UNKNOWN_CACHE => Met::Unknown,
-                cache => Met::Cache(cache as usize),
-            })
-            .collect();
+        let met: Vec<Met> = of_cache.map(Met::of).collect();
         none += met.iter().filter(|met| **met == Met::Unknown).count();
         for (texel, met) in inside.iter().zip(&met) {
             let (x, y) = (middle(texel % side), middle(texel / side));
@@ -404,29 +396,13 @@ fn rays_meet_the_near_side_of_surfaces_that_bend() {
     let gpu = gpu();
     let caches = baked(&scene, 0.25, 8);
     let world = World::new(&gpu, &scene, Some(&caches)).expect("uploaded");
-    let knobs = Knobs {
-        near: Near::Rays { per_pixel: 8, every: 2 },
-        shadows: Shadows::PerLight,
-        light_shadows: LightShadows::Maps(1024),
-        bounces: 2,
-        ..small()
-    };
-    let frame = drawn_of(&gpu, &scene, &world, &knobs);
-    let Gather::Compute(by) = &frame.light.caches().expect("caches").gather else { panic!("a compute gather") };
-    let sent_on = by.depth_images.as_ref().and_then(|images| images.sent_on.as_ref()).expect("rays");
-    let met: Vec<u32> = gpu.read(&sent_on.met).expect("read");
-    let places: Vec<lightskin::shared::Cache> =
-        gpu.read(&frame.light.caches().expect("caches").atlas.caches).expect("read");
+    let frame = drawn_of(&gpu, &scene, &world, &Knobs { bounces: 2, ..by_rays() });
+    let met: Vec<u32> = gpu.read(&traced(&frame).1.met).expect("read");
+    // The body's caches come first. What the walls' caches hit is either the body or another wall.
     let on_body = caches.models[caches.instance_model[0]].caches.len();
-    let each = (DEPTH_IMAGE_SIDE * DEPTH_IMAGE_SIDE) as usize;
-    // Caches of the walls that see the body.
-    let (mut known, mut unknown) = (0, 0);
-    for wall in on_body..places.len() {
-        for cache in &met[wall * each..][..each] {
-            known += u32::from((*cache as usize) < on_body);
-            unknown += u32::from(*cache == UNKNOWN_CACHE);
-        }
-    }
+    let of_walls = &met[on_body * DEPTH_IMAGE_TEXELS as usize..];
+    let known = of_walls.iter().filter(|cache| (**cache as usize) < on_body).count();
+    let unknown = of_walls.iter().filter(|cache| **cache == UNKNOWN_CACHE).count();
     println!("{known} rays find a cache of the body, {unknown} of all rays find none");
     assert!(known > 1000 && unknown * 50 < known, "{known}, {unknown}");
 }

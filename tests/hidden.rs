@@ -89,7 +89,7 @@ fn caches_under_a_moving_body_do_not_darken_the_floor_around_it() {
         Sky::even(Vec3::splat(100.0)).put_over(&mut scene, 16);
         let size = [96, 54];
         let mut paths = PathTrace::new(&scene, &scene.cameras[0], &PathTraceSettings::engine(size, 1));
-        (0..64).for_each(|_| paths.pass());
+        (0..256).for_each(|_| paths.pass());
         let truth = paths.direct();
         let shot = shoot(&gpu, &scene, Some(&caches), &knobs(size));
         let (mut whole, mut shown, mut off, mut count) = (0.0, 0.0, 0.0, 0);
@@ -108,6 +108,6 @@ fn caches_under_a_moving_body_do_not_darken_the_floor_around_it() {
         println!(
             "{sunk} m in the floor: light of the sky beside the box, bias {bias:+.4}, RMSE over mean {rmse:.4}, {count} pixels"
         );
-        assert!(count > 100 && bias.abs() < 0.16 && rmse < 0.19, "{bias}, {rmse}");
+        assert!(count > 100 && bias.abs() < 0.15 && rmse < 0.185, "{bias}, {rmse}");
     }
 }

@@ -11,7 +11,7 @@ use lightskin::lab::scenes::{Shadowed, measured};
 use lightskin::metrics::{Metrics, metrics};
 use lightskin::reference::depth_image::tangents;
 use lightskin::reference::near as reference;
-use lightskin::reference::near::{radiances, short_rays, solid_angle};
+use lightskin::reference::near::{radiances, short_rays, solid_angle, unpack_radiance};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::world::World as Placed;
 use lightskin::scene::build::{CornellSurface, atrium, cornell, cuboid};
@@ -113,8 +113,7 @@ fn directions_of_light_are_those_of_f64() {
             all[1] += unmerged.iter().enumerate().map(|(i, radiance)| radiance * solid_angle(i)).sum::<DVec3>();
             for (direction, expected) in expected.into_iter().enumerate() {
                 let packed = found[*cache as usize * DIRECTIONS as usize + direction];
-                let part = |i: u32| f64::from(packed >> (8 * i) & 0xff);
-                let shown = DVec3::new(part(0), part(1), part(2)) * 2.0_f64.powi((packed >> 24) as i32 - 135);
+                let shown = unpack_radiance(packed);
                 off += (shown - expected).length();
                 sum += expected;
                 all[0] += shown * solid_angle(direction);

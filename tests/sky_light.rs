@@ -4,14 +4,13 @@
 use glam::{DAffine3, DVec3, Vec3, dvec3, vec3};
 use lightskin::bake::CacheSet;
 use lightskin::frame::engine::Loaded;
-use lightskin::frame::gather::Gather;
 use lightskin::frame::near::CACHE_REACH;
 use lightskin::frame::{Engine, LightShadows, Look, Near, Picture, Shadows, World};
 use lightskin::lab::knobs::Knobs;
 use lightskin::metrics::metrics;
 use lightskin::reference::bounce::{Met, exchange};
 use lightskin::reference::depth_image::tangents;
-use lightskin::reference::near::direction_index;
+use lightskin::reference::near::{direction_index, unpack_radiance};
 use lightskin::reference::path_trace::{PathTrace, PathTraceSettings};
 use lightskin::reference::sky::seen;
 use lightskin::reference::world::World as Placed;
@@ -20,13 +19,10 @@ use lightskin::scene::medium::Subsurface;
 use lightskin::scene::sky::Sky;
 use lightskin::scene::sky_filter::{LOBES, irradiance, lobes};
 use lightskin::scene::{Material, Scene, luminance, tessellate};
-use lightskin::shared::{
-    Cache, DEPTH_IMAGE_SIDE, DIRECTIONS, GatherSums, NO_REFERENCES, SKY_ITSELF, SKY_OF_CACHES, SkySeen, UNKNOWN_CACHE,
-    Val,
-};
+use lightskin::shared::{Cache, DEPTH_IMAGE_SIDE, DIRECTIONS, GatherSums, SKY_ITSELF, SKY_OF_CACHES, SkySeen, Val};
 use std::f64::consts::PI;
 
-use crate::common::frames::{add, baked, camera, drawn_of, phong, shoot, small};
+use crate::common::frames::{add, baked, camera, drawn_of, phong, shoot, small, traced};
 use crate::common::{assert_clean, gpu};
 
 const RAYS: Near = Near::Rays { per_pixel: 8, every: 2 };
@@ -238,9 +234,8 @@ fn caches_send_the_skys_light_on() {
         let frame = drawn_of(&gpu, &scene, &world, &Knobs { bounces, ..knobs([48, 27], RAYS) });
         let light = frame.light.caches().expect("caches");
         assert_eq!(frame.light.counts(&gpu).expect("counts").vals, 0, "the sky needs no virtual lights");
-        let Gather::Compute(by) = &light.gather else { panic!("a compute gather") };
+        let (by, sent_on) = traced(&frame);
         let vals: Vec<Val> = gpu.read(&by.bounces.as_ref().expect("bounces").vals).expect("read");
-        let sent_on = by.depth_images.as_ref().and_then(|images| images.sent_on.as_ref()).expect("rays");
         let [met, far] = [&sent_on.met, &sent_on.far_met].map(|met| gpu.read::<u32>(met).expect("read"));
         let sums: Vec<GatherSums> = gpu.read(&by.parts).expect("read");
         let radiances: Vec<u32> = gpu.read(light.gather.radiances().expect("directions")).expect("read");
@@ -258,27 +253,18 @@ fn caches_send_the_skys_light_on() {
     let middle = |i: usize| (i as f64 + 0.5) * 2.0 / side as f64 - 1.0;
     let inside: Vec<usize> =
         (0..side * side).filter(|texel| middle(texel % side).powi(2) + middle(texel / side).powi(2) < 1.0).collect();
-    let met_of = |number: u32| match number {
-        NO_REFERENCES => Met::Nothing,
-        UNKNOWN_CACHE => Met::Unknown,
-        cache => Met::Cache(cache as usize),
-    };
     let golden = PI * (3.0 - 5.0_f64.sqrt());
     let ways = (0..20_000).map(|i| {
         let (z, (sin, cos)) = (1.0 - (2.0 * f64::from(i) + 1.0) / 20_000.0, (f64::from(i) * golden).sin_cos());
         (1.0 - z * z).sqrt() * dvec3(cos, sin, 0.0) + z * DVec3::Z
     });
     let ways: Vec<DVec3> = ways.collect();
-    let radiance = |packed: u32| {
-        let part = |i: u32| f64::from(packed >> (8 * i) & 0xff);
-        dvec3(part(0), part(1), part(2)) * 2.0_f64.powi((packed >> 24) as i32 - 135)
-    };
     let mut before: Option<Vec<DVec3>> = None;
     for bounces in 1..=3 {
         let (radiosities, [met, far], seen, (sums, radiances, places)) = sent(bounces);
         let (mut worst, mut most) = (0.0_f64, 0.0_f64);
         for (i, found) in radiosities.iter().enumerate() {
-            let of_cache: Vec<Met> = inside.iter().map(|texel| met_of(met[i * side * side + texel])).collect();
+            let of_cache: Vec<Met> = inside.iter().map(|texel| Met::of(met[i * side * side + texel])).collect();
             let again = before.as_ref().map_or(DVec3::ZERO, |before| exchange(&of_cache, before));
             let wanted = albedos[i].as_dvec3() * ({ seen[i].irradiance }.as_dvec3() + again);
             worst = worst.max(found.distance(wanted) / wanted.length().max(1e-9));
@@ -289,7 +275,7 @@ fn caches_send_the_skys_light_on() {
         // Pixels receive the same from beyond the range of short rays: as a proxy and by direction.
         let (mut off, mut all, mut aside, mut differ) = (0.0, 0.0, 0.0, 0);
         for i in 0..places.len() {
-            let of_cache = |texel: usize| met_of(far[i * side * side + texel]);
+            let of_cache = |texel: usize| Met::of(far[i * side * side + texel]);
             let texels: Vec<Met> = inside.iter().map(|texel| of_cache(*texel)).collect();
             differ +=
                 inside.iter().filter(|texel| met[i * side * side + **texel] != far[i * side * side + **texel]).count();
@@ -321,7 +307,7 @@ fn caches_send_the_skys_light_on() {
                 let cell = &mut sums[direction_index(*way)];
                 // Near the horizon there is no texel for some directions.
                 let met =
-                    if z < 0.3 { Met::Unknown } else { met_of(far[i * side * side + texel(y) * side + texel(x)]) };
+                    if z < 0.3 { Met::Unknown } else { Met::of(far[i * side * side + texel(y) * side + texel(x)]) };
                 match met {
                     Met::Cache(cache) => *cell = (cell.0 + radiosities[cache] / PI, cell.1 + 1.0),
                     Met::Nothing => cell.1 += 1.0,
@@ -330,7 +316,7 @@ fn caches_send_the_skys_light_on() {
                 }
             }
             for (direction, (sum, count)) in sums.into_iter().enumerate().filter(|(_, (_, count))| *count > 0.0) {
-                let found = radiance(radiances[i * DIRECTIONS as usize + direction]);
+                let found = unpack_radiance(radiances[i * DIRECTIONS as usize + direction]);
                 off += found.distance(sum / count);
                 whole += found.length();
                 all += (sum / count).length();

@@ -29,7 +29,7 @@ pub struct Bounces {
     pub vals: Buffer,
     /// Number of VALs before padding.
     pub(super) val_count: Buffer,
-    /// Factor for the light of all caches, one per receiving cache.
+    /// Factor for the light of all caches, one per receiving cache; 1 where they trace rays.
     pub scales: Buffer,
     /// Number of parts that the caches' VALs are split into. They come before the parts of the primary lights.
     pub parts: u32,
@@ -45,13 +45,11 @@ pub struct Bounces {
     /// Gathers both lobes, if there are two.
     all: Pipeline,
     resolve: Pipeline,
-    /// Whether caches send the sky's light on.
-    sky: bool,
 }
 
-/// Light that caches send on, besides that of the primary lights' VALs, and how.
+/// What decides the light that caches send on, besides the primary lights' VALs.
 #[derive(Clone, Copy)]
-pub(super) struct Received<'a> {
+pub(super) struct Sources<'a> {
     /// Diffuse albedos of the caches.
     pub(super) albedos: &'a Buffer,
     /// The sky as caches see it, one `SkySeen` each; only where they do.
@@ -103,11 +101,10 @@ impl Bounces {
             diffuse: sum(false)?,
             all: sum(glossy)?,
             resolve: gpu.compute("proxies_bounces.comp", &[u32::from(glossy), 1, spread])?,
-            sky,
         })
     }
 
-    /// Number of gathers of the caches' light, or of passes that replace them.
+    /// Number of gathers of all caches by all; none where rays replace them.
     pub fn gathers(&self) -> u32 {
         if self.exchange.is_some() { 0 } else { 1 + self.count }
     }
@@ -119,7 +116,7 @@ impl Bounces {
     pub(super) fn record(
         &self,
         cmd: &Cmd<'_>,
-        Received { albedos, sky, emitted, sent_on }: Received<'_>,
+        Sources { albedos, sky, emitted, sent_on }: Sources<'_>,
         [sums, last_sums]: [&SumBinds<'_>; 2],
         proxies: &Buffer,
         [push, last]: [&GatherPush; 2],
@@ -137,7 +134,7 @@ impl Bounces {
             light(BOUNCE_AREAS);
             self.gather(cmd, &self.diffuse, caches, sums, push);
         }
-        light(if self.sky && emitted.is_none() { BOUNCE_SKY } else { BOUNCE_FIRST });
+        light(if sky.is_some() && emitted.is_none() { BOUNCE_SKY } else { BOUNCE_FIRST });
         if let Some((vals, count)) = emitted {
             self.gather(cmd, &self.diffuse, (vals, count), sums, push);
             light(BOUNCE_EMITTED);
@@ -169,7 +166,6 @@ impl Bounces {
     fn light(&self, cmd: &Cmd<'_>, (albedos, sky): (&Buffer, Option<&Buffer>), sums: &SumBinds<'_>, step: u32) {
         let resources = [&sums.atlas.caches, albedos, &sums.live.args, sums.parts, &self.vals];
         let scales = self.exchange.is_none().then_some(&self.scales);
-        let sky = sky.filter(|_| self.sky);
         let resources: Vec<Bind<'_>> = resources.into_iter().chain(scales).chain(sky).map(Into::into).collect();
         cmd.bind(&self.light, &resources);
         cmd.push(&BouncePush { cache_count: sums.atlas.count, cache_parts: self.parts, step });

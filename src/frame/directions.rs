@@ -24,8 +24,9 @@ pub(super) struct Directions {
 }
 
 impl Directions {
-    /// Creates the pass for this many caches and VALs, for a gather with or without shadows of every VAL, and with or without
-    /// further bounces. VALs nearer than `near` \[m\] are left to rays. `together` consecutive VALs are treated as one.
+    /// Creates the pass for this many caches and VALs, for a gather with or without shadows of every VAL, and with or
+    /// without further bounces. VALs nearer than `near` \[m\] are left to rays. `together` consecutive VALs have one
+    /// direction.
     ///
     /// # Errors
     /// Fails if the device runs out of memory or the driver rejects the shader.

@@ -5,7 +5,7 @@
 //! blending. Clusters (`gather_clusters.rs`) replace VALs by nodes of a pyramid. The first two share the loop body in
 //! glsl/lib/gather.glsl.
 
-use super::bounce::{Bounces, Received};
+use super::bounce::{Bounces, Sources};
 use super::depth_images::{DepthImages, are_texels};
 use super::directions::Directions;
 use super::gather_clusters::Clusters;
@@ -276,7 +276,7 @@ impl Compute {
                 let leave_out = self.near.is_some().then_some(&leave_out as &dyn Fn());
                 bounces.record(
                     cmd,
-                    Received { albedos, sky: lit.sky, emitted: lit.vals.emitted.as_ref(), sent_on },
+                    Sources { albedos, sky: lit.sky, emitted: lit.vals.emitted.as_ref(), sent_on },
                     [&sums[0], &sums[1]],
                     &lit.proxies.buffer,
                     pushes,

@@ -76,7 +76,7 @@ pub struct Plan {
     pub reflects: bool,
     /// Stages 6 and 8: caches see the sky. Without these stages, directional lights represent it.
     pub sky_light: bool,
-    /// Stage 6: caches send the sky's light on. Otherwise, lit surfaces do as VALs of the lights that represent it.
+    /// Stage 6: caches send the sky's light on. Otherwise VALs of the lights that represent it do.
     pub sends_sky: bool,
     /// Stages 3, 4, 6 and 8: interpolated caches.
     pub lightskin: bool,

@@ -39,8 +39,6 @@ pub struct Rsm {
     weight: ProxyWeight,
     /// Whether lights have VALs. Otherwise only emissive surfaces have them.
     reflects: bool,
-    /// Whether the lights that represent the sky are drawn, too.
-    sky: bool,
     /// Whether caches send the sky's light on. Then its lights only have VALs for light that enters bodies.
     sends_sky: bool,
 }
@@ -62,9 +60,8 @@ impl Rsm {
     ) -> Result<Self> {
         let reflects = plan.reflects;
         let n = if reflects { side.max(1) } else { 1 };
-        let sky = !plan.sends_sky || plan.inside;
         let lights: Vec<&LightInfo> =
-            world.lights().iter().filter(|light| reflects && (sky || !light.of_sky)).collect();
+            lights_of(world, reflects, !plan.sends_sky || plan.inside).map(|(_, light)| light).collect();
         let count: u64 = lights.iter().map(|l| u64::from(l.views) * u64::from(l.rsm_size(n)).pow(2)).sum();
         let count = u32::try_from(count + world.emitters.len() as u64).ok().filter(|count| *count <= 1 << 25);
         let count =
@@ -107,15 +104,13 @@ impl Rsm {
             inside,
             weight,
             reflects,
-            sky,
             sends_sky: plan.sends_sky,
         })
     }
 
     /// The lights that have VALs, with their indices.
     pub(super) fn lights<'a>(&self, world: &'a World) -> impl Iterator<Item = (usize, &'a LightInfo)> + use<'a> {
-        let (reflects, sky) = (self.reflects, self.sky);
-        world.lights().iter().enumerate().filter(move |(_, light)| reflects && (sky || !light.of_sky))
+        lights_of(world, self.reflects, !self.sends_sky || self.inside.is_some())
     }
 
     /// Records the stage for the lights that are `due`; the VALs of other lights do not change. `emitters` says whether
@@ -205,4 +200,9 @@ impl Rsm {
             inside.record_list(cmd);
         }
     }
+}
+
+/// The lights, with their indices, if any have VALs; those that represent the sky only with `sky`.
+fn lights_of(world: &World, reflects: bool, sky: bool) -> impl Iterator<Item = (usize, &LightInfo)> {
+    world.lights().iter().enumerate().filter(move |(_, light)| reflects && (sky || !light.of_sky))
 }

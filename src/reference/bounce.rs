@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::brute_force;
 use super::gather::{Cache, val_geometry};
 use super::rsm::Val;
+use crate::shared::{NO_REFERENCES, UNKNOWN_CACHE};
 
 /// A cache and its share of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -63,6 +64,17 @@ pub enum Met {
     Unknown,
     /// A surface, whose light this cache knows.
     Cache(usize),
+}
+
+impl Met {
+    /// What the device stores as this number.
+    pub fn of(number: u32) -> Self {
+        match number {
+            NO_REFERENCES => Self::Nothing,
+            UNKNOWN_CACHE => Self::Unknown,
+            cache => Self::Cache(cache as usize),
+        }
+    }
 }
 
 /// Irradiance \[lx\] at a cache from what its rays meet: the mean radiosity [lm/m^2] of the caches there. Every ray has

@@ -37,6 +37,12 @@ pub fn solid_angle(index: usize) -> f64 {
     (2.0 / side).powi(2) / on.length().powi(3)
 }
 
+/// Radiance [cd/m^2] from the device's packed form: 8 bits a channel and a shared exponent.
+pub fn unpack_radiance(packed: u32) -> DVec3 {
+    let part = |i: u32| f64::from(packed >> (8 * i) & 0xff);
+    DVec3::new(part(0), part(1), part(2)) * 2.0_f64.powi((packed >> 24) as i32 - 135)
+}
+
 /// Mean radiance [cd/m^2] from VALs at a point for each direction. VALs fade in between the squared distances `fade`
 /// [m^2]; `sees` tells whether the way to a VAL, given relative to the point, is open. The light of `together`
 /// consecutive VALs comes from the direction of the one that lights the point most.

@@ -1,6 +1,8 @@
 //! Small worlds, whole frames of them, and the device's intermediate results in the form that the references use.
 
 use lightskin::bake::CacheSet;
+use lightskin::frame::depth_images::SentOn;
+use lightskin::frame::gather::{Compute, Gather};
 use lightskin::frame::{View, World};
 use lightskin::gpu::Gpu;
 use lightskin::lab::knobs::{Frame, Knobs};
@@ -43,6 +45,13 @@ pub(crate) fn drawn_of(gpu: &Gpu, scene: &Scene, world: &World, settings: &Knobs
     });
     assert_eq!(drawn.expect("drawn").problems, [""; 0]);
     frame
+}
+
+/// The gather of a frame whose caches trace rays, and what these rays hit.
+#[track_caller]
+pub(crate) fn traced(frame: &Frame) -> (&Compute, &SentOn) {
+    let Gather::Compute(by) = &frame.light.caches().expect("caches").gather else { panic!("a compute gather") };
+    (by, by.depth_images.as_ref().and_then(|images| images.sent_on.as_ref()).expect("rays"))
 }
 
 /// Both indirect layers as raw bits.
