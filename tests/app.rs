@@ -56,7 +56,7 @@ fn everything_can_be_pressed() {
     let path = scene.to_str().expect("a path");
     let mut app = App::start(&display, &folder, &[&["-vv", "view", path, "--size", "64x48"], &SMALL[..]].concat());
     app.line("scene");
-    app.resize(384, 1000);
+    app.resize(384, 1100);
     let began = app.command();
     app.drag(1, [20, 20], [40, 30]);
     app.drag(2, [20, 20], [30, 30]);
@@ -89,21 +89,21 @@ fn everything_can_be_pressed() {
     app.tap([64 + 16, 491], "");
     assert!(png(&folder.join(app.picture())).1 != lit, "the light was switched off, but the picture stays");
     app.tap([64 + 16, 491], "");
-    app.slide([x, 581], 30, "--camera '");
-    app.tap([64 + 112, 607], "--ev ");
-    app.choose([x, 659], 2, "--tonemap agx");
+    app.slide([x, 632], 30, "--camera '");
+    app.tap([64 + 112, 658], "--ev ");
+    app.choose([x, 710], 2, "--tonemap agx");
     for shown in [2, 4, 6, 7, 8, 9] {
-        app.choose([x, 685], shown, "");
+        app.choose([x, 736], shown, "");
     }
-    app.tap([64 + 112, 711], "");
+    app.tap([64 + 112, 762], "");
     // The reference. Its controls appear when it opens.
     app.press("Space");
     std::thread::sleep(Duration::from_millis(300));
     app.settle("");
-    app.choose([x, 850], 4, "");
+    app.choose([x, 901], 4, "");
     assert!(app.line("errors").contains("brute force"));
-    app.slide([64 + 120, 876], 40, "");
-    app.choose([x, 902], 2, "");
+    app.slide([64 + 120, 927], 40, "");
+    app.choose([x, 953], 2, "");
     app.line("errors");
     app.press("Space");
     app.choose([x, 194], 3, "--gi off");

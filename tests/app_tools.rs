@@ -72,15 +72,15 @@ fn a_file_is_held_against_brute_force() {
     app.press("Space");
     std::thread::sleep(Duration::from_millis(300));
     app.settle("");
-    app.choose([64 + 135, 800], 4, "");
+    app.choose([64 + 135, 851], 4, "");
     assert!(app.line("errors").contains("brute force"));
-    app.choose([64 + 135, 774], 5, "");
+    app.choose([64 + 135, 825], 5, "");
     app.drop_file(&folder.join("left.exr"));
     let errors = app.line("errors");
     assert!(errors.contains("left.exr | brute force"), "{errors}");
     assert_errors(&errors, &folder, "left.exr", "right.exr");
     // The left picture ends at the wipe.
-    app.slide([64 + 120, 826], 60, "");
+    app.slide([64 + 120, 877], 60, "");
     let seen = app.pixels([0, 0], [64, 1000]);
     let files = ["left", "right"].map(|file| {
         let shown = format!("{file}.png");
@@ -270,11 +270,11 @@ fn materials_change_live() {
     app.resize(384, 1000);
     // Buttons lie where the previous frame put them, so wait for one frame.
     app.command();
-    app.tap([64 + 60, 745], "");
+    app.tap([64 + 60, 796], "");
     std::thread::sleep(Duration::from_millis(300));
     app.settle("");
     let before = png(&folder.join(app.picture())).1;
-    app.slide([64 + 180, 876], 40, "");
+    app.slide([64 + 180, 927], 40, "");
     assert!(png(&folder.join(app.picture())).1 != before, "the emissive surface must change the picture");
     app.press_with("Control", "S");
     let file = folder.join(app.line("session").split_whitespace().last().expect("a name"));

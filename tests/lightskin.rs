@@ -6,6 +6,8 @@ mod animation;
 #[cfg(feature = "app")]
 mod app;
 #[cfg(feature = "app")]
+mod app_lights;
+#[cfg(feature = "app")]
 mod app_soak;
 #[cfg(feature = "app")]
 mod app_tools;
@@ -68,6 +70,7 @@ mod proxies;
 mod quality;
 mod rays;
 mod scene;
+mod sessions;
 mod shaders;
 mod shadows_light;
 mod sheet;

@@ -1,21 +1,26 @@
 //! The open document: a scene with its light, camera and display settings, and the job that loads the next scene.
 
 use super::background::Rest;
-use super::camera::{Free, Seen};
+use super::camera::{Free, Seen, point_at};
 use super::canvas::Shown;
+use super::gizmo::Gizmo;
 use super::pixel::Pixel;
 use super::recent;
-use super::session::{self, Session};
+use super::session::{self, Opened};
+use super::undo::History;
 use super::video::Video;
 use super::watch::Watch;
+use crate::cli::lights::Lights;
+use crate::cli::session::is_session;
 use crate::cli::thousands;
 use crate::cli::view::{Now, View as Args, print};
 use anyhow::{Result, anyhow};
+use glam::DVec3;
 use lightskin::frame::engine::{Loaded, Progress};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{Engine, Indirect, Look, Picture, Settings, View, Ways, tune};
 use lightskin::gpu::{FrameTimes, Gpu};
-use lightskin::scene::{Camera, Light, Scene};
+use lightskin::scene::{Camera, Scene};
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
@@ -31,7 +36,7 @@ struct Job {
     /// Whether the state of the file replaces the current state. Otherwise edits are kept.
     anew: bool,
     /// The session to apply after loading.
-    session: Option<Session>,
+    session: Option<Opened>,
 }
 
 /// Playback state of an animation.
@@ -79,13 +84,15 @@ pub(super) struct Document {
     pub(super) clip: Clip,
     /// The video that is being written.
     pub(super) video: Option<Video>,
-    /// The lights of the panel, and whether each is on. A light that is off keeps its intensity here.
-    pub(super) lights: Vec<(Light, bool)>,
+    pub(super) lights: Lights,
+    pub(super) gizmo: Gizmo,
     /// Number of caches in the whole scene.
     pub(super) caches: usize,
-    pub(super) history: VecDeque<Timed>,
+    pub(super) times: VecDeque<Timed>,
+    /// Steps that can be undone.
+    pub(super) history: History,
     /// Number of changes of the scene so far.
-    pub(super) edits: u64,
+    pub(super) changes: u64,
     /// Index of the material that the panel shows.
     pub(super) material: usize,
     /// Indices of the materials that were edited.
@@ -119,10 +126,12 @@ impl Document {
             bookmarks: [None; 9],
             clip: Clip { animation: None, time: 0.0, playing: false, speed: 1.0 },
             video: None,
-            lights: Vec::new(),
+            lights: Lights::default(),
+            gizmo: Gizmo::default(),
             caches: 0,
-            history: VecDeque::new(),
-            edits: 0,
+            times: VecDeque::new(),
+            history: History::default(),
+            changes: 0,
             material: 0,
             edited: BTreeSet::new(),
             session: None,
@@ -131,7 +140,7 @@ impl Document {
             ways,
             rest,
         };
-        match args.scene.as_deref().filter(|path| session::is_session(path)) {
+        match args.scene.as_deref().filter(|path| is_session(path)) {
             Some(file) => document.open_session(file)?,
             None => document.open(args.clone(), true),
         }
@@ -155,7 +164,7 @@ impl Document {
         Ok(())
     }
 
-    fn start(&mut self, args: Args, anew: bool, session: Option<Session>) {
+    fn start(&mut self, args: Args, anew: bool, session: Option<Opened>) {
         let progress = Progress::default();
         let (told, of_job, rest) = (progress.clone(), args.clone(), self.rest.clone());
         // The first scene is loaded on all cores. Later ones use one core, which pauses while the user moves something.
@@ -188,6 +197,11 @@ impl Document {
         }
     }
 
+    /// The arguments of the scene that is being loaded, or of the present one.
+    pub(super) fn wanted(&self) -> &Args {
+        self.job.as_ref().map_or(&self.args, |job| &job.args)
+    }
+
     /// Progress of the job from 0 to 1, and its current step. `None` without a job.
     pub(super) fn progress(&self) -> Option<(f32, String)> {
         self.job.as_ref().map(|job| job.progress.get())
@@ -215,31 +229,39 @@ impl Document {
         gpu: &Gpu,
         mut loaded: Loaded,
         (args, anew): (Args, bool),
-        session: Option<&Session>,
+        session: Option<&Opened>,
     ) -> Result<()> {
         let count = loaded
             .caches
             .as_ref()
             .map_or(0, |caches| caches.instance_model.iter().map(|model| caches.models[*model].caches.len()).sum());
         let mut settings = usual(&args, count, self.ways);
-        if let (false, Some(old)) = (anew, &self.engine) {
-            keep_edits(old.scene(), &mut loaded.scene, &self.edited);
-        }
+        let lights = match &self.engine {
+            Some(old) if !anew => {
+                keep_edits(old.scene(), &mut loaded.scene, &self.edited);
+                Lights::kept(&loaded.scene, &self.lights)
+            }
+            _ => Lights::of(&loaded.scene),
+        };
+        lights.apply(&mut loaded.scene);
         // Keep the chosen settings if only the number of caches or the contents of the file have changed.
         let same_scene = self.engine.is_some() && args.scene == self.args.scene;
         if same_scene && args.quality() == self.args.quality() {
             settings = self.settings;
         }
-        if let Some(session) = session {
-            settings = session.settings(gpu, count)?;
-            session.change(&mut loaded.scene);
+        let mut lights = lights;
+        if let Some(Opened { session, drawing }) = session {
+            settings = drawing.settings(gpu, count)?;
+            lights = session.change(&mut loaded.scene);
         }
         match &mut self.engine {
             None => self.engine = Some(Engine::new(gpu, loaded, &settings)?),
             Some(engine) => engine.load(gpu, loaded)?,
         }
-        self.edits += 1;
+        self.changes += 1;
         (self.pixel, self.video) = (None, None);
+        self.gizmo.clear();
+        self.lights = lights;
         // The file is the same, even with another sky or other caches.
         let same = anew && same_scene;
         (self.args, self.settings, self.caches) = (args, settings, count);
@@ -250,23 +272,22 @@ impl Document {
             thousands(scene.triangle_count()),
             thousands(count)
         ));
-        if anew || self.lights.len() != scene.lights.len() {
-            self.lights = scene.lights.iter().map(|light| (light.clone(), true)).collect();
-        }
         if anew && !same {
             self.bookmarks = [None; 9];
             self.clip = Clip { animation: None, time: 0.0, playing: false, speed: self.clip.speed };
             self.seen = self.args.camera.as_ref().map_or(Seen::OfScene(0), |wanted| begin_at(&scene, wanted));
             self.edited.clear();
         }
+        if anew {
+            self.history = History::default();
+        }
         if let Seen::OfScene(index) = self.seen
             && index >= scene.cameras.len()
         {
             self.seen = Seen::OfScene(0);
         }
-        if let Some(session) = session {
-            session.apply(self);
-            self.light(gpu);
+        if let Some(Opened { session, .. }) = session {
+            session::apply(session, self);
             if self.clip.animation.is_some() {
                 self.pose(gpu);
             }
@@ -313,6 +334,19 @@ impl Document {
         }
     }
 
+    /// Distance from the eye [m] and position of the surface at `at` in the picture, from 0 at the top left to 1.
+    pub(super) fn surface_at(&self, gpu: &Gpu, at: [f32; 2]) -> Option<(f64, DVec3)> {
+        let (view, picture, engine) = (self.drawn?, self.picture.as_ref()?, self.engine.as_ref()?);
+        if picture.is_empty() {
+            return None;
+        }
+        let size = picture.size();
+        let pixel = [0, 1].map(|i| ((at[i].max(0.0) * size[i] as f32) as u32).min(size[i] - 1));
+        let depth = gpu.read_texel::<f32>(&picture.surface.depth, pixel).ok()?;
+        let point = point_at(&view, at, depth)? + engine.world().origin;
+        Some((point.distance(self.camera()?.world_from_camera.translation), point))
+    }
+
     /// The false-colour scale of the shown layer.
     pub(super) fn scale(&mut self) -> &mut [f32; 2] {
         &mut self.scales[usize::from(self.shown == Shown::Luminance)]
@@ -342,7 +376,7 @@ impl Document {
 
     /// Edits the scene. The next frame shows the change.
     pub(super) fn edit(&mut self, gpu: &Gpu, change: impl FnOnce(&mut Scene)) {
-        self.edits += 1;
+        self.changes += 1;
         if let Some(engine) = &mut self.engine
             && let Err(error) = engine.edit(gpu, change)
         {
@@ -352,24 +386,27 @@ impl Document {
 
     /// Applies the lights of the panel to the scene.
     pub(super) fn light(&mut self, gpu: &Gpu) {
-        let lights: Vec<Light> = (self.lights.iter())
-            .map(|(light, on)| Light { intensity: if *on { light.intensity } else { 0.0 }, ..light.clone() })
-            .collect();
-        self.edit(gpu, |scene| copy_edits(&lights, &mut scene.lights));
+        self.history.change();
+        let lights = self.lights.clone();
+        self.edit(gpu, |scene| lights.apply(scene));
+        // A light that was reset continues to follow its animation.
+        if self.clip.animation.is_some() {
+            self.pose(gpu);
+        }
     }
 
     /// Poses the scene at the time of the clip.
     pub(super) fn pose(&mut self, gpu: &Gpu) {
         let clip = self.clip;
-        let off: Vec<bool> = self.lights.iter().map(|(_, on)| !on).collect();
+        let mut lights = std::mem::take(&mut self.lights);
         self.edit(gpu, |scene| {
             match clip.animation {
                 Some(animation) => scene.pose(animation, scene.looped(animation, clip.time)),
                 None => scene.rest(),
             }
-            let off = scene.lights.iter_mut().zip(off).filter(|(_, off)| *off);
-            off.for_each(|(light, _)| light.intensity = 0.0);
+            lights.follow(scene);
         });
+        self.lights = lights;
     }
 
     /// Adapts light and picture to the requested settings and size. Settings that the device cannot handle are logged
@@ -416,12 +453,12 @@ impl Document {
             if stages.len() < 2 {
                 continue;
             }
-            if self.history.len() == HISTORY {
-                self.history.pop_front();
+            if self.times.len() == HISTORY {
+                self.times.pop_front();
             }
             let ms: f64 = stages.iter().map(|(_, ms)| ms).sum();
             log::debug!("frame {}: {ms:.1} ms, of which the window took {window:.1} ms", frame.number);
-            self.history.push_back(Timed { ms, stages });
+            self.times.push_back(Timed { ms, stages });
         }
     }
 
@@ -464,18 +501,8 @@ fn usual(args: &Args, caches: usize, ways: Ways) -> Settings {
     Settings { reuse: true, ..Settings::at(args.quality(), caches).with_ways(ways) }
 }
 
-/// Copies what the panel and sessions can change of lights.
-fn copy_edits(from: &[Light], to: &mut [Light]) {
-    for (from, to) in from.iter().zip(to) {
-        (to.color, to.intensity, to.radius) = (from.color, from.intensity, from.radius);
-    }
-}
-
-/// Copies lights, visibility and edited materials from the old scene, if the new scene has the same number of each.
+/// Copies visibility and edited materials from the old scene, if the new scene has the same number of each.
 fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
-    if old.lights.len() == new.lights.len() {
-        copy_edits(&old.lights, &mut new.lights);
-    }
     if old.instances.len() == new.instances.len() {
         for (old, new) in old.instances.iter().zip(&mut new.instances) {
             new.hidden = old.hidden;
@@ -487,21 +514,5 @@ fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
             (new.base_color, new.emissive) = (old.base_color, old.emissive);
             (new.roughness, new.metallic) = (old.roughness, old.metallic);
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use lightskin::scene::build::{CornellSurface, cornell};
-
-    #[test]
-    fn edited_lights_outlive_another_bake() {
-        let (mut old, mut new) = (cornell(CornellSurface::Diffuse, 0.5), cornell(CornellSurface::Diffuse, 0.5));
-        let light = &mut old.lights[0];
-        (light.color, light.intensity, light.radius) = (glam::vec3(0.1, 0.2, 0.3), 4.0, 0.5);
-        keep_edits(&old, &mut new, &BTreeSet::new());
-        let kept = &new.lights[0];
-        assert_eq!((kept.color, kept.intensity, kept.radius), (glam::vec3(0.1, 0.2, 0.3), 4.0, 0.5));
     }
 }

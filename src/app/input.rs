@@ -1,6 +1,7 @@
 //! Translates events of the window to actions.
 
 use super::document::Document;
+use super::gizmo::{Gizmo, Grip};
 use glam::{DVec3, Vec2};
 use std::collections::HashSet;
 use std::path::PathBuf;
@@ -17,6 +18,20 @@ pub(super) enum Wish {
     Panels,
     /// Show or hide the list of keys.
     Keys,
+    /// Show or hide the handles of lights.
+    Handles,
+    /// Grip a light or a handle at this position in the window [points].
+    Grip(Grip, egui::Pos2),
+    /// Move what is gripped to this position in the window [points].
+    Pull(egui::Pos2),
+    /// Let go of what is gripped.
+    Release,
+    /// Undo the last edit, or redo it.
+    Undo { again: bool },
+    /// Deselect the chosen light.
+    Unchoose,
+    /// Remove the chosen light.
+    Remove,
     /// Play or stop the animation.
     Play,
     /// Orbit the camera around its target.
@@ -93,6 +108,8 @@ const STEP: f64 = 40.0;
 pub(super) struct Input {
     pointer: Vec2,
     held: Option<MouseButton>,
+    /// Whether the left button holds a light or a handle instead of the camera.
+    grips: bool,
     clicked: Option<(Instant, Vec2)>,
     keys: HashSet<KeyCode>,
     modifiers: ModifiersState,
@@ -115,6 +132,7 @@ impl Input {
         event: &WindowEvent,
         panels: &egui::Context,
         place: ([u32; 2], [u32; 2]),
+        gizmo: &Gizmo,
         taken: bool,
     ) -> Vec<Wish> {
         match event {
@@ -126,7 +144,7 @@ impl Input {
             }
             WindowEvent::Focused(false) => {
                 self.keys.clear();
-                self.held = None;
+                (self.held, self.grips) = (None, false);
                 Vec::new()
             }
             WindowEvent::KeyboardInput { event, is_synthetic: false, .. } => {
@@ -138,6 +156,7 @@ impl Input {
                 let by = (to - self.pointer) / place.1[1].max(1) as f32;
                 self.pointer = to;
                 match self.held {
+                    Some(MouseButton::Left) if self.grips => vec![Wish::Pull(self.point(panels))],
                     Some(MouseButton::Left) => vec![Wish::Orbit(by)],
                     Some(MouseButton::Right) => vec![Wish::Look(by)],
                     Some(MouseButton::Middle) => vec![Wish::Pan(by)],
@@ -146,7 +165,8 @@ impl Input {
             }
             WindowEvent::MouseInput { state: ElementState::Released, button, .. } => {
                 self.held = self.held.filter(|held| held != button);
-                Vec::new()
+                let lets_go = *button == MouseButton::Left && std::mem::take(&mut self.grips);
+                if lets_go { vec![Wish::Release] } else { Vec::new() }
             }
             WindowEvent::MouseInput { state: ElementState::Pressed, button, .. }
                 if self.over_picture(panels, place) =>
@@ -155,6 +175,11 @@ impl Input {
                     return vec![Wish::Pick(self.place_of(place))];
                 }
                 self.held = Some(*button);
+                let on = self.point(panels);
+                if let Some(grip) = gizmo.at(on).filter(|_| *button == MouseButton::Left) {
+                    self.grips = true;
+                    return vec![Wish::Grip(grip, on)];
+                }
                 self.click(*button, place).into_iter().collect()
             }
             WindowEvent::MouseWheel { delta, .. } if self.over_picture(panels, place) => {
@@ -195,6 +220,11 @@ impl Input {
             KeyCode::KeyS if control => Some(Wish::SaveSession),
             KeyCode::KeyC if control && self.modifiers.shift_key() => Some(Wish::Copy),
             KeyCode::Tab | KeyCode::KeyH if !control => Some(Wish::Panels),
+            KeyCode::KeyZ if control && !typing => Some(Wish::Undo { again: self.modifiers.shift_key() }),
+            KeyCode::KeyY if control && !typing => Some(Wish::Undo { again: true }),
+            KeyCode::KeyL if !control => Some(Wish::Handles),
+            KeyCode::Escape => Some(Wish::Unchoose),
+            KeyCode::Delete => Some(Wish::Remove),
             KeyCode::F1 => Some(Wish::Keys),
             KeyCode::F12 if self.modifiers.shift_key() => Some(Wish::SaveLayers),
             KeyCode::F12 => Some(Wish::Save),
@@ -208,11 +238,16 @@ impl Input {
     /// Whether the pointer is over the picture and not over a panel.
     fn over_picture(&self, panels: &egui::Context, ([left, top], [width, height]): ([u32; 2], [u32; 2])) -> bool {
         let inside = |at: f32, first: u32, count: u32| at >= first as f32 && at < (first + count) as f32;
-        let at = self.pointer / panels.pixels_per_point();
-        let layer = panels.layer_id_at(egui::pos2(at.x, at.y));
+        let layer = panels.layer_id_at(self.point(panels));
         inside(self.pointer.x, left, width)
             && inside(self.pointer.y, top, height)
             && layer.is_none_or(|layer| layer.order == egui::Order::Background)
+    }
+
+    /// Position of the pointer in the window [points].
+    fn point(&self, panels: &egui::Context) -> egui::Pos2 {
+        let at = self.pointer / panels.pixels_per_point();
+        egui::pos2(at.x, at.y)
     }
 
     /// Position of the pointer in the picture, from 0 at its top left to 1.

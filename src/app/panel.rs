@@ -3,13 +3,16 @@
 mod animation;
 pub(super) mod compare;
 pub(super) mod debug;
+mod lights;
 mod materials;
+mod sky;
 mod timings;
 
 use super::camera::Seen;
 use super::canvas::Shown;
 use super::compare::Compare;
 use super::document::Document;
+use super::gizmo;
 use super::input::Wish;
 use super::recent;
 use crate::cli::{recent, thousands};
@@ -17,7 +20,7 @@ use egui::{ComboBox, DragValue, Grid, ProgressBar, Response, RichText, ScrollAre
 use lightskin::frame::settings::Gather;
 use lightskin::frame::{Antialiasing, Exposure, Indirect, LightShadows, Near, Quality, Shadows, Tonemap};
 use lightskin::gpu::Gpu;
-use lightskin::scene::{Light, LightKind, Projection};
+use lightskin::scene::Projection;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -25,7 +28,7 @@ use std::time::{Duration, Instant};
 pub(super) const WIDTH: f32 = 320.0;
 
 /// Keys and their actions.
-const KEYS: [(&str, &str); 22] = [
+const KEYS: [(&str, &str); 26] = [
     ("left drag", "orbit around the target"),
     ("right drag", "look around"),
     ("middle drag", "move sideways"),
@@ -39,6 +42,10 @@ const KEYS: [(&str, &str); 22] = [
     ("Ctrl+1 to 9", "store the current camera"),
     ("P", "play or stop the animation"),
     ("Shift+P", "start or stop writing the animation as PNG files"),
+    ("Ctrl+Z", "undo the last change of a light, a material or a visibility"),
+    ("Ctrl+Shift+Z", "redo it"),
+    ("L", "show or hide the handles of lights"),
+    ("Delete", "remove the chosen light"),
     ("Tab, H", "show or hide the panels"),
     ("Ctrl+Shift+C", "copy the command line for this picture"),
     ("Space", "show or hide the reference of this view"),
@@ -58,10 +65,13 @@ pub(super) struct State {
     pub(super) visible: bool,
     /// Whether the list of keys is open.
     pub(super) keys: bool,
+    /// Whether lights and their handles are shown in the picture.
+    pub(super) handles: bool,
     /// Number of caches while it is being edited.
     caches: Option<u32>,
     /// Frame rate of videos [frames/s].
     fps: f64,
+    sky: sky::Edited,
     /// Text in the field for a path.
     path: String,
     recent: Vec<PathBuf>,
@@ -101,6 +111,7 @@ fn choose<T: Copy + PartialEq>(ui: &mut Ui, id: &str, value: &mut T, all: &[(T, 
     let before = *value;
     let mut response = ComboBox::from_id_salt(id)
         .selected_text(name)
+        .truncate()
         .height(400.0)
         .show_ui(ui, |ui| {
             for (one, name) in all {
@@ -120,8 +131,10 @@ impl State {
         Self {
             visible,
             keys: false,
+            handles: true,
             caches: None,
             fps: super::video::FPS,
+            sky: sky::Edited::default(),
             path: String::new(),
             recent: recent::all(),
             hint,
@@ -138,7 +151,8 @@ impl State {
                 ui.separator();
                 ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
                     section(ui, "Global illumination", true, |ui| self.gi(ui, document));
-                    section(ui, "Lights", true, |ui| lights(ui, document, gpu));
+                    section(ui, "Lights", true, |ui| lights::show(ui, document, gpu));
+                    section(ui, "Sky", false, |ui| self.sky.show(ui, document, &mut wishes));
                     section(ui, "Camera", true, |ui| camera(ui, document, gpu, &mut wishes));
                     compare::section(ui, compare, &mut wishes);
                     debug::pixel(ui, document);
@@ -161,6 +175,15 @@ impl State {
             keys(ui, &mut self.keys);
         }
         wishes
+    }
+
+    /// Shows lights and their handles over the picture, while the panels are visible.
+    pub(super) fn over(&self, ui: &Ui, document: &mut Document, picture: egui::Rect) {
+        if self.visible && self.handles {
+            gizmo::show(ui, document, picture);
+        } else {
+            document.gizmo.clear();
+        }
     }
 
     /// Shows three lines over the picture at the first start. They disappear after `HINT`, or when a button is pressed.
@@ -340,7 +363,7 @@ impl State {
 
 /// The times of these stages in the last drawn frame, as text for a tooltip.
 fn cost(document: &Document, stages: &[&str]) -> String {
-    let Some(last) = document.history.back() else { return String::new() };
+    let Some(last) = document.times.back() else { return String::new() };
     let told: Vec<String> = (last.stages.iter())
         .filter(|(name, _)| stages.contains(name))
         .map(|(name, ms)| format!("{name} {ms:.2} ms"))
@@ -375,55 +398,6 @@ fn heading(ui: &mut Ui, document: &Document, gpu: &Gpu) {
         None => {
             ui.label(RichText::new("F1 lists all keys. Drop a scene or a sky here.").weak());
         }
-    }
-}
-
-fn lights(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
-    let of_sky = document.scene().and_then(|scene| scene.sky.as_ref()).map_or(0..0, |sky| sky.lights.clone());
-    let mut changed = false;
-    for (index, (light, on)) in document.lights.iter_mut().enumerate() {
-        if of_sky.contains(&index) {
-            continue;
-        }
-        let (kind, unit, what) = match light.kind {
-            LightKind::Directional => ("sun", " lx", "illuminance on a surface that faces the light"),
-            LightKind::Point => ("point", " cd", "luminous intensity, equal in all directions"),
-            LightKind::Spot { .. } => ("spot", " cd", "luminous intensity within the cone"),
-        };
-        ui.horizontal(|ui| {
-            changed |= ui.checkbox(on, "").on_hover_text("Switches the light on or off.").changed();
-            let mut color = light.color.to_array();
-            let help = "Colour of the light, linear. After a change, one frame recomputes the light.";
-            changed |= ui.color_edit_button_rgb(&mut color).on_hover_text(help).changed();
-            light.color = color.into();
-            let speed = f64::from(light.intensity).abs().max(1e-3) * 0.01;
-            let intensity = DragValue::new(&mut light.intensity).speed(speed).range(0.0..=1e9).suffix(unit);
-            changed |= ui.add_sized([92.0, 18.0], intensity).on_hover_text(format!("Brightness: {what}.")).changed();
-            let is_sun = light.kind == LightKind::Directional;
-            let (mut size, unit, most) = if is_sun {
-                (2.0 * light.radius.to_degrees(), "\u{b0}", 2.0 * Light::WIDEST_SUN.to_degrees())
-            } else {
-                (light.radius, " m", 1e6)
-            };
-            let help =
-                "Size of the light: the apparent angle of a sun or the radius of a lamp. Ray-traced shadows become softer with it.";
-            let drag = DragValue::new(&mut size).speed(0.01).range(0.0..=most).suffix(unit);
-            if ui.add_sized([48.0, 18.0], drag).on_hover_text(help).changed() {
-                light.radius = if is_sun { 0.5 * size.to_radians() } else { size };
-                changed = true;
-            }
-            let name = if light.name.is_empty() { kind } else { light.name.as_str() };
-            ui.add(egui::Label::new(name).truncate()).on_hover_text(format!("{name}: {kind}"));
-        });
-    }
-    if !of_sky.is_empty() {
-        ui.label(RichText::new(format!("Sky, approximated by {} lights", of_sky.len())).weak());
-    }
-    if document.lights.is_empty() {
-        ui.label(RichText::new("No lights except emissive surfaces").weak());
-    }
-    if changed {
-        document.light(gpu);
     }
 }
 
@@ -521,6 +495,7 @@ fn scene(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         },
     );
     if let Some((index, hidden)) = toggled {
+        document.history.change();
         document.edit(gpu, |scene| scene.instances[index].hidden = hidden);
     }
 }

@@ -11,7 +11,8 @@ use super::session;
 use super::video::Video;
 use super::watch::EVERY;
 use crate::cli::check_messages;
-use crate::cli::view::{Taken, View as Args, print};
+use crate::cli::session::is_session;
+use crate::cli::view::{self, Taken, View as Args, print};
 use anyhow::{Context, Result, bail};
 use lightskin::gpu::{Gpu, Swapchain};
 use std::path::PathBuf;
@@ -141,7 +142,8 @@ impl Open {
         if is_input(event) {
             self.compare.rest.touch();
         }
-        let wishes = self.input.take(event, self.egui.egui_ctx(), self.place, answer.is_some_and(|a| a.consumed));
+        let taken = answer.is_some_and(|answer| answer.consumed);
+        let wishes = self.input.take(event, self.egui.egui_ctx(), self.place, &self.document.gizmo, taken);
         let changes = !wishes.is_empty();
         for wish in wishes {
             let name = format!("{wish:?}");
@@ -160,6 +162,13 @@ impl Open {
             Wish::Close => self.closed = true,
             Wish::Panels => self.panel.visible = !self.panel.visible,
             Wish::Keys => self.panel.keys = !self.panel.keys,
+            Wish::Handles => self.panel.handles = !self.panel.handles,
+            Wish::Grip(grip, at) => document.grip(grip, at),
+            Wish::Pull(to) => document.pull(gpu, to),
+            Wish::Release => document.release(),
+            Wish::Undo { again } => document.undo(gpu, again),
+            Wish::Unchoose => document.lights.chosen = None,
+            Wish::Remove => document.remove_light(gpu),
             Wish::Play => {
                 if document.scene().is_some_and(|scene| scene.animations().next().is_some()) {
                     document.clip.animation.get_or_insert(0);
@@ -167,7 +176,7 @@ impl Open {
                 }
             }
             Wish::Orbit(by) => {
-                if let Some(free) = document.free(|d| depth_at(gpu, d, [0.5, 0.5]).map(|(distance, _)| distance)) {
+                if let Some(free) = document.free(|d| d.surface_at(gpu, [0.5, 0.5]).map(|(distance, _)| distance)) {
                     free.orbit(by);
                 }
             }
@@ -177,17 +186,17 @@ impl Open {
                 }
             }
             Wish::Pan(by) => {
-                if let Some(free) = document.free(|d| depth_at(gpu, d, [0.5, 0.5]).map(|(distance, _)| distance)) {
+                if let Some(free) = document.free(|d| d.surface_at(gpu, [0.5, 0.5]).map(|(distance, _)| distance)) {
                     free.pan(by);
                 }
             }
             Wish::Zoom(steps) => {
-                if let Some(free) = document.free(|d| depth_at(gpu, d, [0.5, 0.5]).map(|(distance, _)| distance)) {
+                if let Some(free) = document.free(|d| d.surface_at(gpu, [0.5, 0.5]).map(|(distance, _)| distance)) {
                     free.zoom(steps);
                 }
             }
             Wish::Centre(at) => {
-                let found = depth_at(gpu, document, at);
+                let found = document.surface_at(gpu, at);
                 if let (Some((distance, point)), Some(free)) = (found, document.free(|_| found.map(|(d, _)| d))) {
                     log::debug!("centred on {point} at a distance of {distance} m");
                     free.centre(point);
@@ -225,7 +234,7 @@ impl Open {
             Wish::Drop(file) if self.compare.takes(&file) => {
                 self.compare.open(&file);
             }
-            Wish::Drop(file) if session::is_session(&file) => {
+            Wish::Drop(file) if is_session(&file) => {
                 if let Err(error) = document.open_session(&file) {
                     log::error!("{error:#}");
                 }
@@ -244,6 +253,7 @@ impl Open {
                     log::error!("{error:#}");
                 }
             }
+            Wish::Drop(file) if view::is_sky(&file) => document.open(document.args.with_sky(&file), false),
             Wish::Drop(file) => document.open(document.args.with_file(&file), true),
         }
     }
@@ -384,6 +394,7 @@ impl Open {
         let output = context.run_ui(input, |ui| {
             wishes.extend(panel.show(ui, document, compare, gpu));
             left_over = ui.available_rect_before_wrap();
+            panel.over(ui, document, left_over);
             panel::debug::legend(ui, document, left_over);
             panel.hint(ui, left_over);
             panel::compare::overlay(ui, compare, left_over);
@@ -391,6 +402,9 @@ impl Open {
         self.egui.handle_platform_output(&self.window, output.platform_output);
         for wish in wishes {
             self.grant(wish);
+        }
+        if !context.input(|input| input.pointer.any_down()) && !context.text_edit_focused() {
+            self.document.settle();
         }
         let scale = output.pixels_per_point;
         let pixel = |at: f32, most: u32| ((at * scale).round().max(0.0) as u32).min(most);
@@ -474,12 +488,12 @@ impl Open {
 
     /// Advances the comparison. Returns whether the next frame should follow at once.
     fn compare(&mut self) -> bool {
-        let Document { engine, picture, drawn, edits, clip, look, .. } = &self.document;
+        let Document { engine, picture, drawn, changes, clip, look, .. } = &self.document;
         let (Some(engine), Some(picture), Some(view)) = (engine, picture, *drawn) else { return false };
         let Some(camera) = self.document.camera() else { return false };
         let busy =
             clip.playing || self.document.video.is_some() || self.document.progress().is_some() || self.input.flies();
-        let now = Now { engine, picture, view, camera, look: *look, edits: *edits, busy };
+        let now = Now { engine, picture, view, camera, look: *look, edits: *changes, busy };
         let drew = !engine.light().skipped().contains(&"composite");
         let before = self.compare.version();
         let stepped = self.compare.step(&self.gpu, &now, drew);
@@ -520,17 +534,4 @@ fn is_input(event: &WindowEvent) -> bool {
             | WindowEvent::MouseWheel { .. }
             | WindowEvent::Resized(_)
     )
-}
-
-/// Distance from the eye [m] and position of the surface at `at` in the picture, from 0 at the top left to 1.
-fn depth_at(gpu: &Gpu, document: &Document, at: [f32; 2]) -> Option<(f64, glam::DVec3)> {
-    let (view, picture, engine) = (document.drawn?, document.picture.as_ref()?, document.engine.as_ref()?);
-    if picture.is_empty() {
-        return None;
-    }
-    let size = picture.size();
-    let pixel = [0, 1].map(|i| ((at[i].max(0.0) * size[i] as f32) as u32).min(size[i] - 1));
-    let depth = gpu.read_texel::<f32>(&picture.surface.depth, pixel).ok()?;
-    let point = super::camera::point_at(&view, at, depth)? + engine.world().origin;
-    Some((point.distance(document.camera()?.world_from_camera.translation), point))
 }

@@ -18,13 +18,17 @@ mod gather;
 mod info;
 #[cfg(feature = "lab")]
 mod lab;
+#[cfg_attr(not(feature = "app"), allow(dead_code, reason = "parts serve the window alone"))]
+pub(crate) mod lights;
 mod manual;
 mod motion;
 mod path_trace;
 mod picture;
 mod render;
+#[cfg_attr(not(feature = "app"), allow(dead_code, reason = "parts serve the window alone"))]
+pub(crate) mod session;
 mod signals;
-mod sky;
+pub(crate) mod sky;
 mod timings;
 #[cfg(feature = "app")]
 pub(crate) mod view;

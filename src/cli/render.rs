@@ -5,6 +5,7 @@ use super::gather::GatherArgs;
 use super::motion::{Motion, MotionArgs, numbered};
 use super::path_trace::{self, PathTraceArgs};
 use super::picture::{LayerArg, TonemapArg, Writing, exposure_value};
+use super::session::{Session, is_session};
 use super::sky::SkyArgs;
 use super::timings::{Report, timings_file, trace_file};
 use super::words::{
@@ -12,8 +13,8 @@ use super::words::{
     light_shadows_word,
 };
 use super::{
-    Baked, CacheArgs, DeviceArgs, bake_scene, called, check_messages, divide_for, load_under, progress_bar, thousands,
-    word, wrong_usage,
+    Baked, CacheArgs, Command, DeviceArgs, arguments, bake_scene, called, check_messages, divide_for, load_under,
+    parse, progress_bar, thousands, word, wrong_usage,
 };
 use anyhow::{Context, Result, bail};
 use lightskin::bake::CacheSet;
@@ -38,7 +39,10 @@ pub(super) const MEASURE: &str = "Measuring";
 
 #[derive(clap::Args)]
 pub(super) struct Render {
-    /// glTF or GLB file, or a folder that contains one [default: the built-in showpiece].
+    /// glTF or GLB file, a folder that contains one, or a saved session [default: the built-in showpiece].
+    ///
+    /// A session is a .json file that the window saves with Ctrl+S. It is rendered with its edited lights and materials,
+    /// its camera and its settings. Other flags override those of the session.
     scene: Option<PathBuf>,
     /// Picture file to write, .png or .exr.
     ///
@@ -336,6 +340,24 @@ impl Render {
 }
 
 pub(super) fn run(args: &Render) -> Result<()> {
+    let Some(file) = args.scene.as_deref().filter(|scene| is_session(scene)) else { return render(args, None) };
+    let read = || -> Result<(Command, Session)> {
+        let session = Session::read(file)?;
+        let (grammar, scene) = session.grammar(&arguments()).context("correct this, or save the session again")?;
+        let mut command = parse(grammar, arguments())?.command;
+        if let Command::Render(args) = &mut command {
+            args.scene = scene;
+        }
+        Ok((command, session))
+    };
+    match read().with_context(|| file.display().to_string())? {
+        (Command::Render(args), session) => render(&args, Some(&session)),
+        _ => Ok(()),
+    }
+}
+
+/// Renders a scene, with the edits of a session.
+fn render(args: &Render, session: Option<&Session>) -> Result<()> {
     args.gather.check(args.shadows(0));
     match args.gi {
         GiArg::Lightskin if args.bounces() > 16 => wrong_usage("--bounces: caches support 16 at most"),
@@ -356,6 +378,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let mut scene = load_under(args.scene.as_deref(), args.sky.sky()?, args.caches.ground)?;
     args.sky.put_behind(&mut scene)?;
     args.sky.size_lights(&mut scene);
+    let mut lights = session.map(|session| session.change(&mut scene));
     let at_vertices = match (args.gi, args.interp) {
         // The path tracer does not interpolate, so it needs no small triangles.
         (GiArg::PathTrace, _) => false,
@@ -373,7 +396,9 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let loaded = start.elapsed();
     trace.lap("load");
     if args.gi == GiArg::PathTrace {
-        motion.pose(&mut scene, 0);
+        if motion.pose(&mut scene, 0) {
+            lights.iter_mut().for_each(|lights| lights.follow(&mut scene));
+        }
         let (scene, camera) = (scene.frozen(), camera(&scene, args.camera.as_deref())?);
         let picture = path_trace::Picture {
             out: &first_picture,
@@ -441,6 +466,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
     let count = frames.len();
     for (index, number) in frames {
         if motion.pose(&mut scene, index) {
+            lights.iter_mut().for_each(|lights| lights.follow(&mut scene));
             seen_from = camera(&scene, args.camera.as_deref())?;
             world.update(&gpu, &scene)?;
             light.fit(&gpu, &scene, &world, &settings, 1)?;

@@ -16,15 +16,15 @@ pub(super) const HEADING: &str = "Light and background";
 
 #[derive(Args, Clone)]
 #[command(next_help_heading = HEADING)]
-pub(super) struct SkyArgs {
+pub(crate) struct SkyArgs {
     /// Environment map: an equirectangular .hdr or .exr picture in cd/m^2.
     ///
     /// The middle column of the picture is the direction -Z.
     #[arg(long, value_name = "FILE", conflicts_with = "sky_color")]
-    sky: Option<PathBuf>,
+    pub(crate) sky: Option<PathBuf>,
     /// Uniform sky of this radiance [cd/m^2].
     #[arg(long, value_name = "R,G,B", value_parser = color)]
-    sky_color: Option<Vec3>,
+    pub(crate) sky_color: Option<Vec3>,
     /// Number of directional lights that approximate the sky for methods that cannot use the sky itself.
     ///
     /// These are --gather fragment, clusters and brute force.
@@ -32,10 +32,10 @@ pub(super) struct SkyArgs {
     sky_lights: u32,
     /// Multiply the radiance of the sky by this factor.
     #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = super::positive)]
-    sky_scale: f64,
+    pub(crate) sky_scale: f64,
     /// Rotate the sky about +Y [degrees], counter-clockwise seen from above.
     #[arg(long, value_name = "DEG", default_value_t = 0.0, value_parser = super::finite)]
-    sky_rotate: f64,
+    pub(crate) sky_rotate: f64,
     /// Radius of all lamps [m]; larger lamps cast softer shadows [default: extras.lightskin.radius of each lamp, or 0].
     #[arg(long, value_name = "M", value_parser = super::at_least_zero)]
     light_radius: Option<f64>,
@@ -51,12 +51,12 @@ pub(super) struct SkyArgs {
     /// with components from 0 to 1, for .png only. The default is studio if lightskin added the studio light, else the
     /// sky if there is one, else black.
     #[arg(long, value_name = "studio|sky|transparent|R,G,B", value_parser = background)]
-    background: Option<Background>,
+    pub(crate) background: Option<Background>,
 }
 
 /// Value of `--background`.
 #[derive(Clone, Copy, PartialEq)]
-enum Background {
+pub(crate) enum Background {
     Studio,
     Sky,
     Transparent,
@@ -108,7 +108,7 @@ impl SkyArgs {
 
     /// The flags that differ from their defaults, as command-line words.
     #[cfg(feature = "app")]
-    pub(super) fn words(&self) -> Vec<String> {
+    pub(crate) fn words(&self) -> Vec<String> {
         let Self { sky, sky_color, sky_lights, sky_scale, sky_rotate, light_radius, sun_angle, background } = self;
         let color = |c: Vec3| format!("{},{},{}", c.x, c.y, c.z);
         let mut words = Vec::new();

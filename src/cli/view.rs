@@ -59,7 +59,7 @@ pub(crate) struct View {
     #[command(flatten)]
     caches: CacheArgs,
     #[command(flatten)]
-    sky: SkyArgs,
+    pub(crate) sky: SkyArgs,
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -104,15 +104,15 @@ impl View {
         Loaded::with_caches(scene, &self.caches.settings(), at_vertices, progress).context(name)
     }
 
-    /// These arguments with another scene or sky. A file named .hdr or .exr is a sky.
+    /// These arguments with another scene.
     pub(crate) fn with_file(&self, file: &Path) -> Self {
-        let mut view = Self { camera: None, ..self.clone() };
-        let sky = file.extension().and_then(|e| e.to_str()).map(str::to_lowercase);
-        if sky.is_some_and(|ending| ending == "hdr" || ending == "exr") {
-            view.sky.replace(file);
-        } else {
-            view.scene = Some(file.to_owned());
-        }
+        Self { camera: None, scene: Some(file.to_owned()), ..self.clone() }
+    }
+
+    /// These arguments with this environment map as the sky.
+    pub(crate) fn with_sky(&self, file: &Path) -> Self {
+        let mut view = self.clone();
+        view.sky.replace(file);
         view
     }
 
@@ -260,6 +260,11 @@ impl View {
             _ => bail!("needs flags of `lightskin view`"),
         }
     }
+}
+
+/// Whether the ending of a file's name is that of an environment map.
+pub(crate) fn is_sky(file: &Path) -> bool {
+    file.extension().is_some_and(|e| e.eq_ignore_ascii_case("hdr") || e.eq_ignore_ascii_case("exr"))
 }
 
 /// Flags of `render` that were read from a session.

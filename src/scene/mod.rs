@@ -296,7 +296,7 @@ pub struct Image {
 }
 
 /// A punctual light as KHR_lights_punctual defines it.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Light {
     /// glTF's name, or a generated one.
     pub name: String,

@@ -39,7 +39,7 @@ impl Display {
         }
         // The server writes its number to standard output. Without `-noreset` it rejects clients that connect while the
         // last one leaves.
-        let arguments = ["-displayfd", "1", "-screen", "0", "1024x1024x24", "-nolisten", "tcp", "-noreset"];
+        let arguments = ["-displayfd", "1", "-screen", "0", "1024x1280x24", "-nolisten", "tcp", "-noreset"];
         let started = Command::new("Xvfb").args(arguments).stdout(Stdio::piped()).stderr(Stdio::null()).spawn();
         let Ok(mut server) = started else {
             println!("skipped: no Xvfb here; scripts/setup installs it");
@@ -79,7 +79,7 @@ pub(crate) struct App {
 }
 
 /// Key codes of X, which are evdev's codes plus 8.
-pub(crate) const KEYS: [(&str, u8); 18] = [
+pub(crate) const KEYS: [(&str, u8); 21] = [
     ("Escape", 9),
     ("1", 10),
     ("2", 11),
@@ -93,11 +93,14 @@ pub(crate) const KEYS: [(&str, u8); 18] = [
     ("A", 38),
     ("S", 39),
     ("H", 43),
+    ("L", 46),
     ("Shift", 50),
+    ("Z", 52),
     ("C", 54),
     ("Space", 65),
     ("F1", 67),
     ("F12", 96),
+    ("Delete", 119),
 ];
 
 impl App {

@@ -54,6 +54,7 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         material.emissive = Vec3::from(color) * strength;
     });
     if changed && chosen == document.material {
+        document.history.change();
         document.edited.insert(chosen);
         document.edit(gpu, |scene| scene.materials[chosen] = material);
     }

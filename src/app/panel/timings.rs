@@ -12,18 +12,18 @@ fn quantiles(mut values: Vec<f64>) -> [f64; 3] {
 }
 
 pub(super) fn show(ui: &mut Ui, document: &Document) {
-    let Some(last) = document.history.back() else {
+    let Some(last) = document.times.back() else {
         ui.label(RichText::new("No frame yet").weak());
         return;
     };
     let width = ui.available_width() - 10.0;
-    let slowest = document.history.iter().map(|frame| frame.ms).fold(1e-6, f64::max);
+    let slowest = document.times.iter().map(|frame| frame.ms).fold(1e-6, f64::max);
     let budget = document.args.target_hz.map(|hz| 1000.0 / hz);
     let most = slowest.max(budget.unwrap_or(0.0));
     let (area, response) = ui.allocate_exact_size(egui::vec2(width, 44.0), egui::Sense::hover());
     ui.painter().rect_filled(area, 2.0, Color32::from_gray(18));
-    let step = width / document.history.len().max(40) as f32;
-    for (i, frame) in document.history.iter().enumerate() {
+    let step = width / document.times.len().max(40) as f32;
+    for (i, frame) in document.times.iter().enumerate() {
         let height = (frame.ms / most) as f32 * (area.height() - 4.0);
         let left = area.left() + step * i as f32;
         let bar = egui::Rect::from_min_max(
@@ -38,15 +38,15 @@ pub(super) fn show(ui: &mut Ui, document: &Document) {
     }
     response.on_hover_text(format!(
         "The last {} drawn frames. The slowest took {slowest:.1} ms. --target-hz adds a line at the time that a frame may take.",
-        document.history.len()
+        document.times.len()
     ));
-    let [median, p95, p99] = quantiles(document.history.iter().map(|frame| frame.ms).collect());
+    let [median, p95, p99] = quantiles(document.times.iter().map(|frame| frame.ms).collect());
     let help = "Median, 95th and 99th percentile of the frames above: 50, 95 and 99 % of the frames took no longer than these \
                 times.";
     ui.label(format!("median {median:.1}, p95 {p95:.1}, p99 {p99:.1} ms")).on_hover_text(help);
     if let Some(budget) = budget {
-        let over = document.history.iter().filter(|frame| frame.ms > budget).count();
-        let text = format!("{over} of {} over {budget:.1} ms", document.history.len());
+        let over = document.times.iter().filter(|frame| frame.ms > budget).count();
+        let text = format!("{over} of {} over {budget:.1} ms", document.times.len());
         ui.label(text).on_hover_text("Frames that took longer than --target-hz allows.");
     }
     ui.label(format!("last frame {:.1} ms", last.ms))

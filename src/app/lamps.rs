@@ -1,0 +1,48 @@
+//! Adding and removing lights in the window.
+
+use super::document::Document;
+use crate::cli::lights::direction;
+use glam::{DVec3, Vec3};
+use lightskin::gpu::Gpu;
+use lightskin::scene::{Light, LightKind};
+
+impl Document {
+    /// Adds a light of this kind in front of what the middle of the picture shows, and makes it as bright as the exposure
+    /// suggests: a white surface there has the luminance that becomes white.
+    pub(super) fn add_light(&mut self, gpu: &Gpu, kind: LightKind) {
+        let Some(camera) = self.camera() else { return };
+        let eye = camera.world_from_camera.translation;
+        let forward = -camera.world_from_camera.matrix3.z_axis.normalize_or(DVec3::Z);
+        let surface = self.surface_at(gpu, [0.5, 0.5]).map(|(_, point)| point);
+        let on = surface.unwrap_or(eye + self.radius() * forward);
+        // Above the view's axis, so that the handle of a spot does not lie behind the light itself.
+        let position = on.lerp(eye, 0.35) + 0.1 * on.distance(eye) * camera.world_from_camera.matrix3.y_axis;
+        let sun = direction([45.0, 50.0]);
+        let ev = self.picture.as_ref().and_then(|p| gpu.read::<f32>(&p.output.exposure).ok()).map_or(0.0, |ev| ev[0]);
+        let illuminance = std::f64::consts::PI * 1.2 * f64::from(ev).exp2();
+        let (intensity, direction) = match kind {
+            LightKind::Directional => (illuminance, -sun),
+            _ => (illuminance * position.distance_squared(on), (on - position).normalize_or(DVec3::NEG_Y).as_vec3()),
+        };
+        let (name, intensity) = (String::new(), (intensity as f32).clamp(0.0, 1e9));
+        self.lights.add(Light {
+            name,
+            kind,
+            color: Vec3::ONE,
+            intensity,
+            range: None,
+            radius: 0.0,
+            position,
+            direction,
+        });
+        self.light(gpu);
+    }
+
+    /// Removes the chosen light, if the user has added it.
+    pub(super) fn remove_light(&mut self, gpu: &Gpu) {
+        if let Some(index) = self.lights.chosen {
+            self.lights.remove(index);
+            self.light(gpu);
+        }
+    }
+}

@@ -1,0 +1,121 @@
+//! Lights in the window: handles that move and aim them, added lights, undo, and sessions that keep all of it.
+
+use crate::cli::{folder, works};
+use crate::common::window::{App, Display, cornell, png};
+use glam::{DVec3, Vec2};
+use lightskin::frame::View;
+use lightskin::scene::{Scene, gltf};
+use serde_json::Value;
+use std::path::{Path, PathBuf};
+
+/// Size of the picture, left of the panels.
+const SIZE: [u32; 2] = [400, 560];
+
+/// The session that the window saves.
+fn saved(app: &mut App, folder: &Path) -> (PathBuf, Value) {
+    app.press_with("Control", "S");
+    let file = folder.join(app.line("session").split_whitespace().last().expect("a name"));
+    let value = serde_json::from_slice(&std::fs::read(&file).expect("a session")).expect("JSON");
+    (file, value)
+}
+
+fn vector(value: &Value) -> DVec3 {
+    let [x, y, z] = [0, 1, 2].map(|i| value[i].as_f64().expect("a number"));
+    DVec3::new(x, y, z)
+}
+
+/// Where a point appears in the picture [pixels], and its distance from the camera plane [m].
+fn seen(scene: &Scene, point: DVec3) -> (Vec2, f32) {
+    let view = View::new(&scene.cameras[0], SIZE, DVec3::ZERO, 10.0);
+    let clip = view.clip_from_world * point.as_vec3().extend(1.0);
+    let at = Vec2::new(clip.x, clip.y) / clip.w * 0.5 + 0.5;
+    (at * Vec2::new(SIZE[0] as f32, SIZE[1] as f32), view.plane.dot(point.as_vec3().extend(1.0)))
+}
+
+fn pixel(at: Vec2) -> [i16; 2] {
+    [at.x.round() as i16, at.y.round() as i16]
+}
+
+#[test]
+fn lights_are_moved_added_and_undone() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_lights");
+    let file = cornell();
+    let scene = gltf::load(&file).expect("a scene");
+    let light = ["--caches", "150", "--quality", "low", "--validation", "sync"];
+    let words = ["view", file.to_str().expect("a path"), "--size", "400x560"];
+    let mut app = App::start(&display, &folder, &[&words[..], &light].concat());
+    app.line("scene");
+    app.settle("400x560");
+    let light = &scene.lights[0];
+    let (at, depth) = seen(&scene, light.position);
+    let before = png(&folder.join(app.picture())).1;
+
+    // Choose the light in the picture, then drag it parallel to the picture.
+    app.tap(pixel(at), "");
+    let by = Vec2::new(18.0, 41.0);
+    app.drag(1, pixel(at), pixel(at + by));
+    app.settle("");
+    let (_, session) = saved(&mut app, &folder);
+    let moved = vector(&session["lights"][0]["position"]);
+    let (now, depth_now) = seen(&scene, moved);
+    assert!((now - at - by).length() < 1e-2 && (depth_now - depth).abs() < 1e-5, "{at} to {now}, {moved}");
+    assert!(png(&folder.join(app.picture())).1 != before, "the picture must change with the light");
+
+    // Drag it along +X by its arrow.
+    let scale = f64::from((seen(&scene, moved + 1e-3 * DVec3::X).0.x - now.x) / 1e-3);
+    let tip = seen(&scene, moved + 70.0 / scale * DVec3::X).0;
+    app.drag(1, pixel(tip), pixel(tip + Vec2::new(-25.0, 3.0)));
+    app.settle("");
+    let (_, session) = saved(&mut app, &folder);
+    let along = vector(&session["lights"][0]["position"]) - moved;
+    assert!(along.y == 0.0 && along.z == 0.0 && (along.x * scale + 25.0).abs() < 0.5, "{along}");
+
+    // Undo both, redo one.
+    for (shift, wanted) in [(false, Some(moved)), (false, None), (true, Some(moved))] {
+        app.hold("Control", true);
+        app.hold("Shift", shift);
+        app.press("Z");
+        app.hold("Shift", false);
+        app.hold("Control", false);
+        app.settle("");
+        let (_, session) = saved(&mut app, &folder);
+        let position = &session["lights"][0]["position"];
+        match wanted {
+            Some(wanted) => assert_eq!(vector(position), wanted),
+            None => assert!(position.is_null(), "{position}"),
+        }
+    }
+
+    // Add a spot, and aim it by its handle.
+    app.press("Escape");
+    app.settle("");
+    app.tap([400 + 114, 466], "");
+    let (_, session) = saved(&mut app, &folder);
+    let spot = &session["lights"][1];
+    assert_eq!(spot["type"], "spot");
+    let (centre, direction) = (vector(&spot["position"]), vector(&spot["direction"]));
+    let scale = f64::from((seen(&scene, centre + 1e-3 * DVec3::X).0.x - seen(&scene, centre).0.x) / 1e-3);
+    let tip = seen(&scene, centre + 70.0 / scale * direction).0;
+    let aim = seen(&scene, centre).0 + Vec2::new(-60.0, 0.0);
+    app.drag(1, pixel(tip), pixel(aim));
+    app.settle("");
+    let (saved_file, session) = saved(&mut app, &folder);
+    let turned = vector(&session["lights"][1]["direction"]);
+    assert!((turned.length() - 1.0).abs() < 1e-6 && turned.x < -0.75 && turned.y.abs() < 0.1, "{turned}");
+    assert_eq!(vector(&session["lights"][1]["position"]), centre);
+
+    // `render` draws the session as the window shows it.
+    let shown = png(&folder.join(app.picture())).1;
+    let name = saved_file.to_str().expect("a path");
+    works(&folder, &["render", name, "--size", "400x560", "-o", "of_session.png"]);
+    assert!(png(&folder.join("of_session.png")).1 == shown, "the session's picture differs from the window's");
+
+    app.press("Delete");
+    app.settle("");
+    let (_, session) = saved(&mut app, &folder);
+    assert_eq!(session["lights"].as_array().map(Vec::len), Some(1));
+    app.press("L");
+    app.settle("");
+    app.quit();
+}
