@@ -4,6 +4,7 @@ use crate::cli::{folder, works};
 use crate::common::window::{App, Display, cornell, png};
 use glam::{DVec3, Vec2};
 use lightskin::frame::View;
+use lightskin::image::{Layer, write_exr};
 use lightskin::scene::{Scene, gltf};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -34,6 +35,44 @@ fn seen(scene: &Scene, point: DVec3) -> (Vec2, f32) {
 
 fn pixel(at: Vec2) -> [i16; 2] {
     [at.x.round() as i16, at.y.round() as i16]
+}
+
+/// A sky that is dropped on the window lights the scene, and edits of lights stay. The panel turns it.
+#[test]
+fn a_sky_leaves_the_edits() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_sky");
+    let texels: Vec<[f32; 4]> = (0..32).map(|i| [900.0, 40.0 * i as f32, 100.0, 1.0]).collect();
+    write_exr(&folder.join("sky.exr"), 8, 4, &[Layer::rgb("", &texels)], "").expect("a sky");
+    let light = ["--caches", "100", "--quality", "low", "--validation", "sync"];
+    let file = cornell();
+    let words = ["view", file.to_str().expect("a path"), "--size", "96x1000"];
+    let mut app = App::start(&display, &folder, &[&words[..], &light].concat());
+    app.line("scene");
+    app.settle("");
+    // Switch the light off, add a point light, deselect it.
+    app.tap([96 + 16, 439], "");
+    app.tap([96 + 64, 466], "");
+    app.press("Escape");
+    app.settle("");
+    let before = saved(&mut app, &folder).1;
+    assert_eq!(before["lights"][0]["on"], false);
+    assert_eq!(before["lights"][1]["type"], "point");
+    app.drop_file(&folder.join("sky.exr"));
+    app.line("scene");
+    app.settle("--sky ");
+    let with_sky = png(&folder.join(app.picture())).1;
+    assert_eq!(saved(&mut app, &folder).1["lights"], before["lights"]);
+    // Open the section of the sky and drag its rotation.
+    app.tap([96 + 40, 527], "");
+    std::thread::sleep(std::time::Duration::from_millis(300));
+    app.settle("");
+    app.slide([96 + 155, 606], 20, "");
+    app.line("scene");
+    app.settle("--sky-rotate ");
+    assert!(png(&folder.join(app.picture())).1 != with_sky, "the picture must turn with the sky");
+    assert_eq!(saved(&mut app, &folder).1["lights"], before["lights"]);
+    app.quit();
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use super::{row, rows};
 use crate::app::document::Document;
 use crate::cli::lights::{Lamp, angles, direction, word};
-use egui::{DragValue, Response, RichText, Ui};
+use egui::{DragValue, Response, Ui};
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Light, LightKind};
 
@@ -19,9 +19,6 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         if document.lights.chosen == Some(index) {
             changed |= values(ui, &mut document.lights.lamps[index], radius);
         }
-    }
-    if document.lights.of_sky > 0 {
-        ui.label(RichText::new(format!("Sky, approximated by {} lights", document.lights.of_sky)).weak());
     }
     if changed {
         document.light(gpu);

@@ -37,7 +37,7 @@ impl Edited {
                 let response = row(ui, "Brightness", help, |ui| ui.add(drag.update_while_editing(false)));
                 self.scale = response.changed().then_some(scale).or(self.scale);
                 let held = response.dragged() || response.has_focus();
-                let mut rotate = self.rotate.unwrap_or(now.sky_rotate);
+                let mut rotate = self.rotate.unwrap_or((now.sky_rotate + 180.0).rem_euclid(360.0) - 180.0);
                 let help = "Rotation of the sky about +Y, counter-clockwise seen from above. The light is computed anew when you \
                             release the control.";
                 let slider = Slider::new(&mut rotate, -180.0..=180.0).suffix("\u{b0}").max_decimals(1);
