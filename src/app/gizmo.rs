@@ -53,6 +53,8 @@ pub(super) struct Gizmo {
     seen: Option<Seen>,
     grips: Vec<(Pos2, Grip)>,
     held: Option<Held>,
+    /// Whether a light has moved since the last frame.
+    moved: bool,
 }
 
 impl Gizmo {
@@ -64,7 +66,7 @@ impl Gizmo {
 
     /// Removes everything that can be gripped, because it is not shown.
     pub(super) fn clear(&mut self) {
-        *self = Self::default();
+        *self = Self { moved: self.moved, ..Self::default() };
     }
 }
 
@@ -81,8 +83,8 @@ impl Document {
         }
     }
 
-    /// Moves what is held to a position in the window [points].
-    pub(super) fn pull(&mut self, gpu: &Gpu, to: Pos2) {
+    /// Moves what is held to a position in the window [points]. The next frame shows it.
+    pub(super) fn pull(&mut self, to: Pos2) {
         let (Some(index), Some(seen), Some(held)) = (self.lights.chosen, self.gizmo.seen, &self.gizmo.held) else {
             return;
         };
@@ -99,6 +101,14 @@ impl Document {
         }
         if lamp.light != before {
             lamp.placed = true;
+            self.gizmo.moved = true;
+            self.history.change();
+        }
+    }
+
+    /// Applies all movements since the last frame at once.
+    pub(super) fn follow_pointer(&mut self, gpu: &Gpu) {
+        if std::mem::take(&mut self.gizmo.moved) {
             self.light(gpu);
         }
     }

@@ -463,7 +463,7 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
     });
     ui.horizontal(|ui| {
         let help = "Copies and prints the command that renders this picture to a file. It does not include edited lights and \
-                    materials, or hidden objects.";
+                    materials, or hidden objects: save a session for those, and render that.";
         if ui.button("Copy as command line").on_hover_text(help).clicked() {
             wishes.push(Wish::Copy);
         }

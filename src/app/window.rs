@@ -164,7 +164,7 @@ impl Open {
             Wish::Keys => self.panel.keys = !self.panel.keys,
             Wish::Handles => self.panel.handles = !self.panel.handles,
             Wish::Grip(grip, at) => document.grip(grip, at),
-            Wish::Pull(to) => document.pull(gpu, to),
+            Wish::Pull(to) => document.pull(to),
             Wish::Release => document.release(),
             Wish::Undo { again } => document.undo(gpu, again),
             Wish::Unchoose => document.lights.chosen = None,
@@ -385,6 +385,7 @@ impl Open {
             self.document.pose(&self.gpu);
         }
 
+        self.document.follow_pointer(&self.gpu);
         let filmed = self.pose_for_video();
 
         let input = self.egui.take_egui_input(&self.window);
