@@ -7,6 +7,7 @@ mod canvas;
 mod compare;
 mod document;
 mod input;
+mod marks;
 mod panel;
 mod pixel;
 mod recent;

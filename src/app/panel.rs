@@ -141,6 +141,7 @@ impl State {
                     section(ui, "Lights", true, |ui| lights(ui, document, gpu));
                     section(ui, "Camera", true, |ui| camera(ui, document, gpu, &mut wishes));
                     compare::section(ui, compare, &mut wishes);
+                    section(ui, "Debug views", false, |ui| debug::marks(ui, document));
                     debug::pixel(ui, document);
                     section(ui, "Materials", false, |ui| materials::show(ui, document, gpu));
                     section(ui, "Animation", false, |ui| {
@@ -485,7 +486,7 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
         if row(ui, "Show", help, |ui| choose(ui, "shown", &mut document.shown, &Shown::ALL)).changed() {
             document.fit_scale(gpu);
         }
-        debug::controls(ui, document, gpu);
+        debug::scale(ui, document, gpu);
     });
     ui.horizontal(|ui| {
         let help = "Copies and prints the command that renders this picture to a file. It does not include edited lights and \
