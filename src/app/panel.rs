@@ -4,6 +4,7 @@ mod animation;
 pub(super) mod compare;
 pub(super) mod debug;
 mod materials;
+mod memory;
 mod timings;
 
 use super::camera::Seen;
@@ -149,6 +150,7 @@ impl State {
                     });
                     section(ui, "Scene", false, |ui| scene(ui, document, gpu));
                     section(ui, "Timings", true, |ui| timings::show(ui, document));
+                    section(ui, "Memory", false, |ui| memory::show(ui, gpu));
                     section(ui, "Files", false, |ui| self.files(ui, document, &mut wishes));
                     section(ui, "Log", false, log);
                 });
