@@ -370,7 +370,7 @@ fn lines_end_on_the_way_to_the_proxy() {
     for (i, share) in [(0, 0.3 / (25.25_f64).sqrt()), (1, 1.0)] {
         let from = rgb(caches[i].position).truncate();
         let to = from + share * (rgb(proxies[i].diffuse_position) - rgb(caches[i].position)).truncate();
-        let near = |place: &DVec2| place.distance(from) < 0.35;
+        let near = |place: &DVec2| place.distance(from) < 0.5;
         let on_line: Vec<_> = places(&pixels).filter(|(place, _)| near(place)).collect();
         let along = |place: DVec2| (place - from).dot((to - from).normalize());
         let aside = |place: DVec2| (place - from).perp_dot((to - from).normalize()).abs();
