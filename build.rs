@@ -23,7 +23,8 @@ fn main() {
     let out = PathBuf::from(env::var("OUT_DIR").expect("cargo sets OUT_DIR"));
     let read = |name: &str| fs::read_to_string(Path::new("glsl").join(name)).expect(name);
     let shared =
-        read("shared.glsl") + &read("shared_material.glsl") + &read("shared_rays.glsl") + &read("shared_inside.glsl");
+        ["shared.glsl", "shared_material.glsl", "shared_rays.glsl", "shared_inside.glsl", "shared_window.glsl"];
+    let shared: String = shared.into_iter().map(read).collect();
     fs::write(out.join("shared.rs"), rust_from_glsl(&shared)).expect("write shared.rs");
     write_shaders(&out, &shaders());
 }

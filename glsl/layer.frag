@@ -25,11 +25,6 @@ float luminance_of(vec3 c) {
     return dot(c, vec3(0.2126, 0.7152, 0.0722));
 }
 
-vec3 encoded(vec3 c) {
-    c = clamp(c, 0.0, 1.0);
-    return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308)));
-}
-
 void main() {
     ivec2 pixel = ivec2(gl_FragCoord.xy) - ivec2(push.left, push.top);
     vec3 part = texelFetch(image, pixel, 0).rgb;
@@ -55,11 +50,11 @@ void main() {
         // Pixels without a surface are black.
         c = c.r > 0.0 ? false_color(decades(distance, push.low, push.high)) : vec3(0.0);
     } else if (push.how == LAYER_BROKEN) {
-        c = is_broken ? vec3(1.0, 0.0, 1.0) : encoded(vec3(0.5 * luminance_of(tonemap(c / white, push.tonemap))));
+        c = is_broken ? vec3(1.0, 0.0, 1.0) : srgb_from_linear(vec3(0.5 * luminance_of(tonemap(c / white, push.tonemap))));
     } else if (push.how == LAYER_RADIANCE) {
-        c = encoded(tonemap(c / white, push.tonemap));
+        c = srgb_from_linear(tonemap(c / white, push.tonemap));
     } else if (push.how == LAYER_REFLECTANCE) {
-        c = encoded(c);
+        c = srgb_from_linear(c);
     }
     out_color = vec4(c, 1.0);
 }

@@ -543,42 +543,6 @@ struct CompositePush {
     vec4 behind; // linear display colour
 };
 
-// Push constants of the window's panels.
-struct UiPush {
-    vec2 scale; // from points to clip space
-};
-
-// Push constants of a debug view of one layer.
-struct LayerPush {
-    uint how; // one of LAYER_*
-    uint tonemap;
-    uint left; // corner of the picture in the window [pixels]
-    uint top;
-    uint parts; // number of images to sum, 1 to 3
-    float low; // values at the two ends of the false-colour scale
-    float high;
-    vec4 depth; // (x + y d) / (z + w d) is the distance [m] of the depth d from the camera's plane
-};
-
-// Push constants of caches drawn as discs.
-struct DiscPush {
-    mat4 clip_from_world;
-    vec4 eye; // position and 1, or direction towards the viewer and 0
-    float size; // radius, as a share of the radius of the cache's area
-    uint left; // corner of the picture in the window [pixels]
-    uint top;
-};
-
-const uint DISC_CORNERS = 16u;
-
-const uint LAYER_RADIANCE = 0u; // exposed and tone-mapped like the picture
-const uint LAYER_REFLECTANCE = 1u; // neither exposed nor tone-mapped
-const uint LAYER_DIRECTION = 2u; // -1 is dark, 1 bright
-const uint LAYER_COLOR = 3u; // a display colour
-const uint LAYER_LUMINANCE = 4u; // in false colours
-const uint LAYER_DEPTH = 5u; // likewise, for depths
-const uint LAYER_BROKEN = 6u; // grey, except for values that no radiance can have
-
 // Push constants of the check for broken values; counts are 0 for data that the frame lacks.
 struct CheckPush {
     uint width;
@@ -592,5 +556,6 @@ struct CheckPush {
 #include "shared_material.glsl"
 #include "shared_rays.glsl"
 #include "shared_inside.glsl"
+#include "shared_window.glsl"
 
 #endif

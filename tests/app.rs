@@ -95,15 +95,23 @@ fn everything_can_be_pressed() {
     for shown in [2, 4, 6, 7, 8, 9] {
         app.choose([x, 736], shown, "");
     }
-    app.tap([64 + 112, 762], "");
+    // Marks over the last layer.
+    app.tap([64 + 60, 822], "");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
+    for discs in [2, 3, 4] {
+        app.choose([x, 849], discs, "");
+    }
+    app.tap([64 + 112, 875], "");
+    app.tap([64 + 112, 901], "");
     // The reference. Its controls appear when it opens.
     app.press("Space");
     std::thread::sleep(Duration::from_millis(300));
     app.settle("");
-    app.choose([x, 901], 4, "");
+    app.choose([x, 875], 4, "");
     assert!(app.line("errors").contains("brute force"));
-    app.slide([64 + 120, 927], 40, "");
-    app.choose([x, 953], 2, "");
+    app.slide([64 + 120, 901], 40, "");
+    app.choose([x, 927], 2, "");
     app.line("errors");
     app.press("Space");
     app.choose([x, 194], 3, "--gi off");
@@ -148,6 +156,60 @@ fn everything_can_be_pressed() {
     held.sort_by(|a, b| b.0.total_cmp(&a.0));
     println!("longest delays beyond a frame [ms]: {:?}", &held[..10]);
     app.quit_after(Some("broken.glb"));
+}
+
+/// Each kind of mark is drawn over the picture, and nothing is where there are no caches and no virtual lights.
+#[test]
+fn marks_are_drawn_over_the_picture() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_marks");
+    let scene = cornell();
+    let path = scene.to_str().expect("a path");
+    let mut app = App::start(&display, &folder, &[&["view", path, "--size", "160x48"], &SMALL[..]].concat());
+    app.line("scene");
+    app.resize(480, 1000);
+    // Without the discs of lights.
+    app.press("L");
+    // Buttons lie where the previous frame put them, so wait for one frame.
+    app.command();
+    let x = 160 + 135;
+    app.choose([x, 298], 1, "--rsm 32");
+    // Tooltips cover the lower part of the picture.
+    let (size, upper) = ([160, 600], |i: usize| i < 160 * 600);
+    let plain = png(&folder.join(app.picture())).1;
+    app.shows_at([160, 1000], &plain, upper, "without marks");
+    app.tap([160 + 60, 744], "");
+    std::thread::sleep(Duration::from_millis(300));
+    app.settle("");
+    let mut seen = vec![plain[..160 * 600].to_vec()];
+    let [caches, proxies, vals] = [771, 797, 823];
+    for discs in 2..=4 {
+        app.choose([x, caches], discs, "");
+        seen.push(app.changes(size, &seen[seen.len() - 1], "caches as discs"));
+    }
+    // All caches are live, because they light each other.
+    assert!(seen[1] != seen[2] && seen[1] == seen[3], "live caches must have their own colours");
+    app.choose([x, caches], 1, "");
+    for (row, what) in [(proxies, "proxy lights"), (vals, "virtual lights")] {
+        app.shows_at([160, 1000], &plain, upper, "without marks");
+        app.tap([160 + 112, row], "");
+        seen.push(app.changes(size, &seen[0], what));
+        app.tap([160 + 112, row], "");
+    }
+    assert!(seen[4] != seen[5]);
+    app.shows_at([160, 1000], &plain, upper, "without marks");
+    assert!(png(&folder.join(app.picture())).1 == plain, "marks must not change the picture");
+    app.choose([x, caches], 2, "");
+    app.tap([160 + 112, proxies], "");
+    app.tap([160 + 112, vals], "");
+    // Brute force has virtual lights, but no caches.
+    app.choose([x, 194], 2, "--gi brute-force");
+    let exact = png(&folder.join(app.picture())).1;
+    app.changes(size, &exact[..160 * 600], "virtual lights of brute force");
+    app.choose([x, 194], 3, "--gi off");
+    let direct = png(&folder.join(app.picture())).1;
+    app.shows_at([160, 1000], &direct, upper, "nothing to mark");
+    app.quit();
 }
 
 /// Without a display the tool says in one line what to do instead.

@@ -72,15 +72,15 @@ fn a_file_is_held_against_brute_force() {
     app.press("Space");
     std::thread::sleep(Duration::from_millis(300));
     app.settle("");
-    app.choose([64 + 135, 851], 4, "");
+    app.choose([64 + 135, 825], 4, "");
     assert!(app.line("errors").contains("brute force"));
-    app.choose([64 + 135, 825], 5, "");
+    app.choose([64 + 135, 799], 5, "");
     app.drop_file(&folder.join("left.exr"));
     let errors = app.line("errors");
     assert!(errors.contains("left.exr | brute force"), "{errors}");
     assert_errors(&errors, &folder, "left.exr", "right.exr");
     // The left picture ends at the wipe.
-    app.slide([64 + 120, 877], 60, "");
+    app.slide([64 + 120, 851], 60, "");
     let seen = app.pixels([0, 0], [64, 1000]);
     let files = ["left", "right"].map(|file| {
         let shown = format!("{file}.png");

@@ -56,10 +56,13 @@ fn offsets(spirv: &[u32], wanted: &str) -> Vec<u32> {
 /// The file with its included files, which are in the same folder.
 fn both(path: &Path) -> String {
     let text = fs::read_to_string(path).expect("shared.glsl");
-    ["shared_material.glsl", "shared_rays.glsl", "shared_inside.glsl"].into_iter().fold(text, |text, name| {
-        let part = fs::read_to_string(path.with_file_name(name)).expect(name);
-        text.replace(&format!("#include \"{name}\""), &part)
-    })
+    ["shared_material.glsl", "shared_rays.glsl", "shared_inside.glsl", "shared_window.glsl"].into_iter().fold(
+        text,
+        |text, name| {
+            let part = fs::read_to_string(path.with_file_name(name)).expect(name);
+            text.replace(&format!("#include \"{name}\""), &part)
+        },
+    )
 }
 
 #[test]

@@ -1,4 +1,4 @@
-// Scene-referred linear Rec.709 to display-referred linear. Twin: src/reference/tonemap.rs.
+// Scene-referred linear Rec.709 to display-referred linear, and the sRGB encoding. Twin: src/reference/tonemap.rs.
 #ifndef TONEMAP_GLSL
 #define TONEMAP_GLSL
 
@@ -61,6 +61,12 @@ vec3 tonemap(vec3 c, uint kind) {
         c = aces(c);
     }
     return clamp(c, 0.0, 1.0);
+}
+
+// sRGB encoding of a linear colour, clipped to the display's range.
+vec3 srgb_from_linear(vec3 c) {
+    c = clamp(c, 0.0, 1.0);
+    return mix(12.92 * c, 1.055 * pow(c, vec3(1.0 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308)));
 }
 
 #endif

@@ -1,18 +1,18 @@
-//! The image of the window: an exact copy of the picture, with the panels over it.
+//! The image of the window: an exact copy of the picture, with marks and the panels over it.
 
 use super::compare::Over;
+use super::marks::{Marker, Marks};
 use egui::epaint::{ClippedPrimitive, Primitive, Vertex};
 use egui::{ImageData, TextureId, TexturesDelta};
 use glam::{Vec2, Vec4};
 use lightskin::Result;
-use lightskin::frame::{Look, Picture, View};
+use lightskin::frame::{Light, Look, Picture, View};
 use lightskin::gpu::{
     Attach, Attachments, Bind, Blend, Buffer, Cmd, Cull, Depth, Draw, Format, Gpu, Image, Pipeline, Raster,
     SamplerKind, Shape, Stream, Use,
 };
 use lightskin::shared::{
-    DISC_CORNERS, DiscPush, LAYER_BROKEN, LAYER_DEPTH, LAYER_DIRECTION, LAYER_LUMINANCE, LAYER_RADIANCE,
-    LAYER_REFLECTANCE, LayerPush, UiPush,
+    LAYER_BROKEN, LAYER_DEPTH, LAYER_DIRECTION, LAYER_LUMINANCE, LAYER_RADIANCE, LAYER_REFLECTANCE, LayerPush, UiPush,
 };
 
 /// The layer of a picture that the window shows.
@@ -93,8 +93,9 @@ pub(super) struct Scenery<'a> {
     /// Ends of the false-colour scale.
     pub(super) scale: [f32; 2],
     pub(super) over: Vec<Over<'a>>,
-    /// Caches to draw as discs, and their number.
-    pub(super) discs: Option<(&'a Buffer, u32)>,
+    pub(super) marks: Marks,
+    /// The light of the last frame, whose caches and VALs are marked.
+    pub(super) light: Option<&'a Light>,
 }
 
 /// Triangles of the panels in two buffers.
@@ -110,7 +111,7 @@ pub(super) struct Canvas {
     pub(super) image: Image,
     ui: Pipeline,
     layer: Pipeline,
-    discs: Pipeline,
+    marker: Marker,
     /// Texture with the glyphs and shapes of the panels. `texels` is its copy on the CPU, to which changes are applied.
     glyphs: Option<Image>,
     texels: egui::ColorImage,
@@ -147,7 +148,7 @@ impl Canvas {
             image: Self::image(gpu, size)?,
             ui: gpu.raster(&raster)?,
             layer: gpu.raster(&layer)?,
-            discs: gpu.raster(&Raster { vertex: "discs.vert", fragment: Some("discs.frag"), ..layer })?,
+            marker: Marker::new(gpu, FORMAT)?,
             glyphs: None,
             texels: egui::ColorImage::default(),
             panels: None,
@@ -229,34 +230,49 @@ impl Canvas {
         Ok(())
     }
 
-    /// Records the picture, if there is one, the images that cover parts of it, and the panels over both.
+    /// Records the picture or a layer of it, if there is one, the marks and images over it, and the panels over all.
     pub(super) fn record(&self, cmd: &Cmd<'_>, scenery: Option<&Scenery<'_>>) {
         let _zone = cmd.zone("window");
         let area = [0, 0, self.image.width, self.image.height];
-        let mut canvas = Attach::clear(&self.image);
-        if let Some(Scenery { picture, corner, .. }) = scenery.filter(|scenery| scenery.shown == Shown::Picture) {
-            cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |_| {});
-            cmd.barrier(Use::ColorWrite, Use::CopyRead | Use::CopyWrite);
-            cmd.copy_image(&picture.output.picture, &self.image, *corner);
-            cmd.barrier(Use::CopyWrite, Use::ColorWrite);
-            canvas = Attach::keep(&self.image);
-        }
-        // Layers need no barrier: the composite also reads them in fragment shaders, or they come from an earlier
-        // frame.
-        cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |draw| {
+        let render = |canvas, draw: &dyn Fn(&Draw<'_, '_>)| {
+            cmd.render(&Attachments { colors: &[canvas], depth: None, area }, |scope| draw(scope));
+        };
+        let layer = |draw: &Draw<'_, '_>| {
+            // Layers need no barrier: the composite also reads them in fragment shaders, or they come from an earlier
+            // frame.
+            if let Some(scenery) = scenery
+                && let Some((layers, how)) = scenery.shown.layers(scenery.picture)
+            {
+                self.draw_layer(draw, scenery, (&layers, how), [0.0, 1.0]);
+            }
+        };
+        let over = |draw: &Draw<'_, '_>| {
             if let Some(scenery) = scenery {
-                if let Some((layers, how)) = scenery.shown.layers(scenery.picture) {
-                    self.draw_layer(draw, scenery, (&layers, how), [0.0, 1.0]);
-                }
-                if let Some((caches, count)) = scenery.discs.filter(|(_, count)| *count > 0) {
-                    self.draw_discs(draw, scenery, caches, count);
-                }
+                self.draw_marks(draw, scenery);
                 for over in &scenery.over {
                     self.draw_layer(draw, scenery, (&[over.image], over.how), over.part);
                 }
             }
             self.draw_panels(draw);
-        });
+        };
+        match scenery {
+            Some(Scenery { picture, corner, shown: Shown::Picture, .. }) => {
+                render(Attach::clear(&self.image), &|_| {});
+                cmd.barrier(Use::ColorWrite, Use::CopyRead | Use::CopyWrite);
+                cmd.copy_image(&picture.output.picture, &self.image, *corner);
+                cmd.barrier(Use::CopyWrite | Use::ComputeWrite, Use::ColorWrite | Use::VertexRead); // picture, caches, VALs
+                render(Attach::keep(&self.image), &over);
+            }
+            Some(scenery) if scenery.marks.any() => {
+                render(Attach::clear(&self.image), &layer);
+                cmd.barrier(Use::ColorWrite | Use::ComputeWrite, Use::ColorWrite | Use::VertexRead); // layer, caches, VALs
+                render(Attach::keep(&self.image), &over);
+            }
+            _ => render(Attach::clear(&self.image), &|draw| {
+                layer(draw);
+                over(draw);
+            }),
+        }
     }
 
     /// Draws the sum of layers in the part of the picture's width between two shares from 0 to 1.
@@ -277,13 +293,10 @@ impl Canvas {
         draw.area([0, 0, self.image.width, self.image.height]);
     }
 
-    fn draw_discs(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>, caches: &Buffer, count: u32) {
+    fn draw_marks(&self, draw: &Draw<'_, '_>, scenery: &Scenery<'_>) {
         let ([width, height], [left, top]) = (scenery.picture.size(), scenery.corner);
-        draw.bind(&self.discs, &[caches.into(), (&scenery.picture.surface.depth).into()]);
-        let View { clip_from_world, eye, .. } = scenery.view;
-        draw.push(&DiscPush { clip_from_world, eye, size: 0.4, left, top });
         draw.area([left, top, width, height]);
-        draw.draw(count * 3 * DISC_CORNERS);
+        self.marker.draw(draw, scenery);
         draw.area([0, 0, self.image.width, self.image.height]);
     }
 

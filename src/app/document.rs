@@ -4,6 +4,7 @@ use super::background::Rest;
 use super::camera::{Free, Seen, point_at};
 use super::canvas::Shown;
 use super::gizmo::Gizmo;
+use super::marks::Marks;
 use super::pixel::Pixel;
 use super::recent;
 use super::session::{self, Opened};
@@ -75,8 +76,7 @@ pub(super) struct Document {
     pub(super) shown: Shown,
     /// Ends of the false-colour scales of distance [m] and luminance [cd/m^2].
     pub(super) scales: [[f32; 2]; 2],
-    /// Whether caches are shown as discs.
-    pub(super) discs: bool,
+    pub(super) marks: Marks,
     /// The pixel that was picked last.
     pub(super) pixel: Option<Pixel>,
     pub(super) seen: Seen,
@@ -120,7 +120,7 @@ impl Document {
             look: args.look(),
             shown: Shown::Picture,
             scales: [[0.1, 10.0], [1.0, 1000.0]],
-            discs: false,
+            marks: Marks::default(),
             pixel: None,
             seen: Seen::OfScene(0),
             bookmarks: [None; 9],

@@ -9,6 +9,7 @@ mod document;
 mod gizmo;
 mod input;
 mod lamps;
+mod marks;
 mod panel;
 mod pixel;
 mod recent;

@@ -5,6 +5,7 @@ pub(super) mod compare;
 pub(super) mod debug;
 mod lights;
 mod materials;
+mod memory;
 mod sky;
 mod timings;
 
@@ -155,6 +156,7 @@ impl State {
                     section(ui, "Sky", false, |ui| self.sky.show(ui, document, &mut wishes));
                     section(ui, "Camera", true, |ui| camera(ui, document, gpu, &mut wishes));
                     compare::section(ui, compare, &mut wishes);
+                    section(ui, "Debug views", false, |ui| debug::marks(ui, document));
                     debug::pixel(ui, document);
                     section(ui, "Materials", false, |ui| materials::show(ui, document, gpu));
                     section(ui, "Animation", false, |ui| {
@@ -162,6 +164,7 @@ impl State {
                     });
                     section(ui, "Scene", false, |ui| scene(ui, document, gpu));
                     section(ui, "Timings", true, |ui| timings::show(ui, document));
+                    section(ui, "Memory", false, |ui| memory::show(ui, gpu));
                     section(ui, "Files", false, |ui| self.files(ui, document, &mut wishes));
                     section(ui, "Log", false, log);
                 });
@@ -459,7 +462,7 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
         if row(ui, "Show", help, |ui| choose(ui, "shown", &mut document.shown, &Shown::ALL)).changed() {
             document.fit_scale(gpu);
         }
-        debug::controls(ui, document, gpu);
+        debug::scale(ui, document, gpu);
     });
     ui.horizontal(|ui| {
         let help = "Copies and prints the command that renders this picture to a file. It does not include edited lights and \

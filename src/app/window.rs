@@ -423,14 +423,13 @@ impl Open {
         let view = self.document.view();
         let document = &mut self.document;
         let (canvas, look, over) = (&self.canvas, document.look, self.compare.over());
-        let (shown, scale, discs) = (document.shown, *document.scale(), document.discs);
+        let (shown, scale, marks) = (document.shown, *document.scale(), document.marks);
         let begin = Instant::now();
         let frame = self.gpu.timed_frame(|cmd| {
             if let (Some(view), Some(engine), Some(picture)) = (view, &mut document.engine, &mut document.picture) {
                 engine.record(cmd, &mut [(view, picture)], &look);
             }
-            let atlas = document.engine.as_ref().and_then(|engine| engine.light().caches()).map(|caches| &caches.atlas);
-            let discs = atlas.filter(|_| discs).map(|atlas| (&atlas.caches, atlas.count));
+            let light = document.engine.as_ref().map(|engine| engine.light());
             let picture = document.picture.as_ref().zip(view);
             let scenery = picture.map(|(picture, view)| Scenery {
                 picture,
@@ -440,7 +439,8 @@ impl Open {
                 look: &look,
                 scale,
                 over,
-                discs,
+                marks,
+                light,
             });
             canvas.record(cmd, scenery.as_ref());
             Ok(())

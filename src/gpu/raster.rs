@@ -55,6 +55,8 @@ pub enum Shape {
     Triangles,
     /// Each vertex is a point of one pixel.
     Points,
+    /// Every two vertices form a line, one pixel wide.
+    Lines,
 }
 
 /// A vertex attribute: location, format, offset in its stream.
@@ -201,6 +203,7 @@ pub(super) fn with_state<T>(
     let assembly = vk::PipelineInputAssemblyStateCreateInfo::default().topology(match raster.shape {
         Shape::Triangles => vk::PrimitiveTopology::TRIANGLE_LIST,
         Shape::Points => vk::PrimitiveTopology::POINT_LIST,
+        Shape::Lines => vk::PrimitiveTopology::LINE_LIST,
     });
     let viewport = vk::PipelineViewportStateCreateInfo::default().viewport_count(1).scissor_count(1);
     let rasterization = vk::PipelineRasterizationStateCreateInfo::default()

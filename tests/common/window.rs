@@ -372,6 +372,19 @@ impl App {
         }
     }
 
+    /// Waits until the window's top left part differs from the pixels `before`. Returns it.
+    pub(crate) fn changes(&self, size: [u16; 2], before: &[[u8; 3]], what: &str) -> Vec<[u8; 3]> {
+        let start = Instant::now();
+        loop {
+            let seen = self.pixels([0, 0], size);
+            if seen != before {
+                return seen;
+            }
+            assert!(start.elapsed() < PATIENCE, "{what}: no pixel changes");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+
     /// Quits. Fails on any error, message of the validation layer, or missing or idle barrier.
     pub(crate) fn quit(self) {
         self.quit_after(None);

@@ -1,13 +1,14 @@
-//! Debug views: scales of false colours, caches as discs, and the values of one pixel.
+//! Debug views: scales of false colours, marks of caches and lights, and the values of one pixel.
 
-use super::{row, rows};
+use super::{choose, row, rows};
 use crate::app::document::Document;
+use crate::app::marks::Discs;
 use egui::{Align2, Color32, DragValue, FontId, Rect, RichText, Ui};
 use lightskin::gpu::Gpu;
 use lightskin::reference::false_color::false_color;
 
-/// Adds the rows below the choice of the shown layer.
-pub(super) fn controls(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
+/// Adds the scale of the shown layer, if it has one, below the choice of that layer.
+pub(super) fn scale(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
     if let Some(unit) = document.shown.unit() {
         let help = "Values shown in dark blue and in dark red. The colours between them follow a logarithmic scale.";
         let mut fit = false;
@@ -27,8 +28,32 @@ pub(super) fn controls(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
             document.fit_scale(gpu);
         }
     }
-    let help = "Draws a disc on the surface at each cache. The colours only serve to distinguish the caches.";
-    row(ui, "Caches", help, |ui| ui.checkbox(&mut document.discs, "as discs"));
+}
+
+/// Shows the controls of the marks.
+pub(super) fn marks(ui: &mut Ui, document: &mut Document) {
+    let marks = &mut document.marks;
+    rows(ui, "marks", |ui| {
+        let ways = [
+            (Discs::Off, "off"),
+            (Discs::Hues, "arbitrary colours"),
+            (Discs::Light, "diffuse light"),
+            (Discs::Live, "live or dark"),
+        ];
+        let help = "Draws a disc on the surface at each cache. Arbitrary colours only serve to distinguish the caches. Diffuse \
+                    light is what a white, matt surface would reflect there of the cache's light, with the exposure of the \
+                    picture. It lacks the light of the sky and of short rays. Live or dark shows the caches that the picture \
+                    needs in colour, and those that get no light in dark grey. Each costs one draw of all caches.";
+        row(ui, "Caches", help, |ui| choose(ui, "discs", &mut marks.caches, &ways));
+        let help = "Draws a line from each cache that gets light towards its diffuse proxy light: the one light that stands for \
+                    all virtual lights there. It begins black and has the hue of that light. It ends at the proxy light if \
+                    that is near, and else at 1.5 radii of the cache's share of the surface. Costs one draw of all caches.";
+        row(ui, "Proxy lights", help, |ui| ui.checkbox(&mut marks.proxies, "as lines"));
+        let help = "Draws a disc with a black rim on the surface at each virtual light that sends light. It has the hue of its \
+                    light, as bright as the display allows. Large discs stand for large shares of the surface. Costs one draw of \
+                    all virtual lights.";
+        row(ui, "Virtual lights", help, |ui| ui.checkbox(&mut marks.vals, "as discs"));
+    });
 }
 
 /// Formats a number with three significant digits.

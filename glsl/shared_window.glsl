@@ -1,0 +1,48 @@
+// Structs and constants for the window, shared by shaders and Rust: part of shared.glsl, same rules.
+#ifndef SHARED_WINDOW_GLSL
+#define SHARED_WINDOW_GLSL
+
+// Push constants of the window's panels.
+struct UiPush {
+    vec2 scale; // from points to clip space
+};
+
+// Push constants of a debug view of one layer.
+struct LayerPush {
+    uint how; // one of LAYER_*
+    uint tonemap;
+    uint left; // corner of the picture in the window [pixels]
+    uint top;
+    uint parts; // number of images to sum, 1 to 3
+    float low; // values at the two ends of the false-colour scale
+    float high;
+    vec4 depth; // (x + y d) / (z + w d) is the distance [m] of the depth d from the camera's plane
+};
+
+const uint LAYER_RADIANCE = 0u; // exposed and tone-mapped like the picture
+const uint LAYER_REFLECTANCE = 1u; // neither exposed nor tone-mapped
+const uint LAYER_DIRECTION = 2u; // -1 is dark, 1 bright
+const uint LAYER_COLOR = 3u; // a display colour
+const uint LAYER_LUMINANCE = 4u; // in false colours
+const uint LAYER_DEPTH = 5u; // likewise, for depths
+const uint LAYER_BROKEN = 6u; // grey, except for values that no radiance can have
+
+// Push constants of marks over the picture: caches and VALs as discs, proxy lights as lines.
+struct MarkPush {
+    mat4 clip_from_world;
+    vec4 eye; // position and 1, or direction towards the viewer and 0
+    float size; // radius of a disc, or length of a line, in radii of the cache's or VAL's area
+    float pixel; // size of a pixel at a clip-space w of 1 [m]
+    uint how; // one of MARK_*
+    uint live; // 1: only live caches
+    uint tonemap;
+    uint left; // corner of the picture in the window [pixels]
+    uint top;
+};
+
+const uint MARK_HUE = 0u; // caches in arbitrary colours
+const uint MARK_DARK = 1u; // caches in dark grey
+const uint MARK_LIGHT = 2u; // caches by their diffuse light, exposed and tone-mapped like the picture
+const uint MARK_RIMMED = 3u; // VALs and lines in the hue of their light, with a black rim or beginning
+
+#endif
