@@ -35,6 +35,13 @@ pub enum Error {
         /// The result, in words.
         result: String,
     },
+    /// The driver has reset the device, or it has crashed; names the operation that found out. Nothing works on it any
+    /// more. Another `Gpu` may be opened after everything of this one has been dropped.
+    #[error("{what}: the device was lost (driver reset or crash); update the driver or try another --device")]
+    DeviceLost {
+        /// The operation ("submitting a frame").
+        what: String,
+    },
     /// There is nothing to work on; names what is missing.
     #[error("{0}")]
     Nothing(String),

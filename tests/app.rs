@@ -155,7 +155,7 @@ fn everything_can_be_pressed() {
     let mut held = app.held();
     held.sort_by(|a, b| b.0.total_cmp(&a.0));
     println!("longest delays beyond a frame [ms]: {:?}", &held[..10]);
-    app.quit_after(Some("broken.glb"));
+    app.quit_after(&["broken.glb"]);
 }
 
 /// Each kind of mark is drawn over the picture, and nothing is where there are no caches and no virtual lights.

@@ -213,7 +213,7 @@ fn files_and_sessions_come_back() {
     fs::write(&broken, "{\"lightskin_session\": 1, \"arguments\": [\"--quality\", \"best\"]}").expect("a file");
     app.drop_file(&broken);
     assert_eq!(png(&folder.join(app.picture())).1, changed);
-    app.quit_after(Some("broken.json: arguments: "));
+    app.quit_after(&["broken.json: arguments: "]);
 
     let name = file.to_str().expect("a path");
     let words = ["view", name, "--size", "64x48", "--no-panels", "--validation", "sync"];

@@ -54,6 +54,8 @@ fn broken_settings_are_named() {
         ("quality = ", "TOML"),
         ("quality = [\"low\"]", "quality: needs a string"),
         ("ev = 3", "ev: no setting"),
+        ("ui-scale = 9", "ui-scale: invalid value '9' for '--ui-scale <F>': needs a number from 0.5 to 4"),
+        ("max-fps = 0", "max-fps: invalid value '0' for '--max-fps <F>': needs a number of at least 1"),
     ] {
         let out = shown(&folder, Some(file), &[], &[]);
         let said = text(&out.stderr);

@@ -112,8 +112,9 @@ pub(super) struct Canvas {
     ui: Pipeline,
     layer: Pipeline,
     marker: Marker,
-    /// Texture with the glyphs and shapes of the panels. `texels` is its copy on the CPU, to which changes are applied.
+    /// Texture with the glyphs and shapes of the panels. `None` if it differs from `texels`.
     glyphs: Option<Image>,
+    /// The texels of `glyphs`, to which changes are applied.
     texels: egui::ColorImage,
     panels: Option<Panels>,
     scale: Vec2,
@@ -122,7 +123,8 @@ pub(super) struct Canvas {
 const FORMAT: Format = Format::R8G8B8A8_UNORM;
 
 impl Canvas {
-    pub(super) fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self> {
+    /// `glyphs` are the glyphs and shapes of the panels so far.
+    pub(super) fn new(gpu: &Gpu, size: [u32; 2], glyphs: egui::ColorImage) -> Result<Self> {
         let raster = Raster {
             vertex: "ui.vert",
             fragment: Some("ui.frag"),
@@ -150,7 +152,7 @@ impl Canvas {
             layer: gpu.raster(&layer)?,
             marker: Marker::new(gpu, FORMAT)?,
             glyphs: None,
-            texels: egui::ColorImage::default(),
+            texels: glyphs,
             panels: None,
             scale: Vec2::ONE,
         })
@@ -169,16 +171,24 @@ impl Canvas {
         Ok(())
     }
 
+    /// The glyphs and shapes of the panels, for a canvas on another device.
+    pub(super) fn into_glyphs(self) -> egui::ColorImage {
+        self.texels
+    }
+
+    /// Width and height [pixels].
+    pub(super) fn size(&self) -> [u32; 2] {
+        [self.image.width, self.image.height]
+    }
+
     /// Uploads the current triangles and glyphs of the panels.
-    pub(super) fn take(
-        &mut self,
-        gpu: &Gpu,
-        primitives: &[ClippedPrimitive],
-        textures: TexturesDelta,
-        pixels_per_point: f32,
-    ) -> Result<()> {
-        self.take_glyphs(gpu, textures)?;
-        let size = [self.image.width, self.image.height];
+    pub(super) fn take(&mut self, gpu: &Gpu, primitives: &[ClippedPrimitive], pixels_per_point: f32) -> Result<()> {
+        if self.glyphs.is_none() && !self.texels.pixels.is_empty() {
+            let [width, height] = self.texels.size.map(|side| side as u32);
+            let bytes = self.texels.pixels.iter().flat_map(egui::Color32::to_array).collect();
+            self.glyphs = Some(gpu.texture("window.glyphs", FORMAT, width, height, &[bytes])?);
+        }
+        let size = self.size();
         self.scale = Vec2::new(2.0 / size[0] as f32, 2.0 / size[1] as f32) * pixels_per_point;
         let (mut vertices, mut indices, mut runs) = (Vec::<Vertex>::new(), Vec::<u32>::new(), Vec::new());
         for ClippedPrimitive { clip_rect, primitive } in primitives {
@@ -206,11 +216,10 @@ impl Canvas {
         Ok(())
     }
 
-    /// Uploads new glyphs. They occur in the first frames, later rarely.
-    fn take_glyphs(&mut self, gpu: &Gpu, mut textures: TexturesDelta) -> Result<()> {
-        let deltas = textures.set.remove(&TextureId::default()).unwrap_or_default();
-        let changed = !deltas.is_empty();
-        for delta in deltas {
+    /// Takes new glyphs, which the next `take` uploads. They occur in the first frames, later rarely.
+    pub(super) fn take_glyphs(&mut self, mut textures: TexturesDelta) {
+        for delta in textures.set.remove(&TextureId::default()).unwrap_or_default() {
+            self.glyphs = None;
             let ImageData::Color(image) = delta.image;
             match delta.pos {
                 None => self.texels = (*image).clone(),
@@ -222,12 +231,6 @@ impl Canvas {
                 }
             }
         }
-        if changed {
-            let [width, height] = self.texels.size.map(|side| side as u32);
-            let bytes = self.texels.pixels.iter().flat_map(egui::Color32::to_array).collect();
-            self.glyphs = Some(gpu.texture("window.glyphs", FORMAT, width, height, &[bytes])?);
-        }
-        Ok(())
     }
 
     /// Records the picture or a layer of it, if there is one, the marks and images over it, and the panels over all.

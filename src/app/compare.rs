@@ -191,6 +191,12 @@ impl Compare {
         self.sides.iter_mut().for_each(Side::forget);
     }
 
+    /// Drops everything on the device. The next steps make it again on another.
+    pub(super) fn leave_device(&mut self) {
+        (self.image, self.measured) = (None, None);
+        self.sides.iter_mut().for_each(Side::leave_device);
+    }
+
     /// Advances by one step after each frame: takes over new results and starts missing work. Waits for nothing but the
     /// device. `drew` means that the picture has changed. Returns the size that the picture needs for a newly loaded
     /// file.

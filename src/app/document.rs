@@ -11,6 +11,7 @@ use super::session::{self, Opened};
 use super::undo::History;
 use super::video::Video;
 use super::watch::Watch;
+use super::window::lost;
 use crate::cli::lights::Lights;
 use crate::cli::session::is_session;
 use crate::cli::thousands;
@@ -69,7 +70,9 @@ pub(super) struct Document {
     /// Requested settings, used from the next frame on.
     pub(super) settings: Settings,
     /// The last settings that the device supported.
-    fitted: Settings,
+    pub(super) fitted: Settings,
+    /// Size of the picture [pixels] for which memory ran out, and the settings with which it did.
+    refused: Option<([u32; 2], Settings)>,
     /// View of the last frame.
     pub(super) drawn: Option<View>,
     pub(super) look: Look,
@@ -116,6 +119,7 @@ impl Document {
             picture: None,
             settings,
             fitted: settings,
+            refused: None,
             drawn: None,
             look: args.look(),
             shown: Shown::Picture,
@@ -208,16 +212,21 @@ impl Document {
     }
 
     /// Takes over the result of a finished job. Returns whether a job had finished. Never waits. If a scene does not
-    /// load, the old one stays.
+    /// load, or does not fit in memory beside the old one, the old one stays.
     ///
     /// # Errors
-    /// Fails if the first scene does not load, because there is nothing to show.
+    /// Fails if the first scene does not load, because there is nothing to show. Also fails if the device is lost; then
+    /// the job starts again.
     pub(super) fn poll(&mut self, gpu: &Gpu) -> Result<bool> {
         let Some(job) = self.job.take_if(|job| job.thread.is_finished()) else { return Ok(false) };
         let made = job.thread.join().map_err(|_| anyhow!("a background job panicked; this is a bug of lightskin"));
-        let taken = made.and_then(|loaded| self.take(gpu, loaded?, (job.args, job.anew), job.session.as_ref()));
+        let taken = made.and_then(|loaded| self.take(gpu, loaded?, (job.args.clone(), job.anew), job.session.as_ref()));
         match (taken, &self.engine) {
-            (Err(error), Some(_)) => log::error!("{error:#}"),
+            (Err(error), _) if lost::is_loss(&error) => {
+                self.start(job.args, job.anew, job.session);
+                return Err(error);
+            }
+            (Err(error), Some(_)) => log::error!("{error:#}; the scene stays as it was"),
             (Err(error), None) => return Err(error),
             (Ok(()), _) => {}
         };
@@ -236,7 +245,7 @@ impl Document {
             .as_ref()
             .map_or(0, |caches| caches.instance_model.iter().map(|model| caches.models[*model].caches.len()).sum());
         let mut settings = usual(&args, count, self.ways);
-        let lights = match &self.engine {
+        let mut lights = match &self.engine {
             Some(old) if !anew => {
                 keep_edits(old.scene(), &mut loaded.scene, &self.edited);
                 Lights::kept(&loaded.scene, &self.lights)
@@ -249,15 +258,14 @@ impl Document {
         if same_scene && args.quality() == self.args.quality() {
             settings = self.settings;
         }
-        let mut lights = lights;
         if let Some(Opened { session, drawing }) = session {
             settings = drawing.settings(gpu, count)?;
             lights = session.change(&mut loaded.scene);
         }
-        match &mut self.engine {
-            None => self.engine = Some(Engine::new(gpu, loaded, &settings)?),
-            Some(engine) => engine.load(gpu, loaded)?,
-        }
+        // All of the new scene must fit, so that the old one can stay if it does not.
+        let engine = Engine::new(gpu, loaded, &settings)?;
+        self.picture = self.picture.as_ref().map(|old| engine.picture(gpu, old.size())).transpose()?;
+        (self.engine, self.fitted, self.refused) = (Some(engine), settings, None);
         self.changes += 1;
         (self.pixel, self.video) = (None, None);
         self.gizmo.clear();
@@ -380,7 +388,7 @@ impl Document {
         if let Some(engine) = &mut self.engine
             && let Err(error) = engine.edit(gpu, change)
         {
-            log::error!("{error}");
+            lost::report(&error.into());
         }
     }
 
@@ -409,32 +417,55 @@ impl Document {
         self.lights = lights;
     }
 
-    /// Adapts light and picture to the requested settings and size. Settings that the device cannot handle are logged
-    /// and reverted.
-    pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<()> {
-        let Some(engine) = &mut self.engine else { return Ok(()) };
-        if size.contains(&0) {
-            self.picture = None;
-            return Ok(());
-        }
-        engine.set(&self.settings);
-        let fitted = match &mut self.picture {
-            Some(picture) => engine.fit(gpu, &mut [(picture, size)]),
-            None => engine.fit(gpu, &mut []).and_then(|()| {
-                self.picture = Some(engine.picture(gpu, size)?);
-                Ok(())
-            }),
+    /// Adapts light and picture to the requested settings and size. What the device cannot handle is logged: the picture
+    /// keeps its size, or else the previous settings are restored. Returns false when a size is refused, not again while
+    /// it stays.
+    ///
+    /// # Errors
+    /// Fails if the device is lost, or nothing can be shown.
+    pub(super) fn fit(&mut self, gpu: &Gpu, size: [u32; 2]) -> Result<bool> {
+        let kept = self.picture.as_ref().map(Picture::size);
+        let refused = self.refused == Some((size, self.settings));
+        let wanted = if refused { kept } else { Some(size).filter(|size| !size.contains(&0)) };
+        let Err(error) = self.try_fit(gpu, wanted) else {
+            self.refused = self.refused.filter(|_| refused);
+            return Ok(true);
         };
-        if let Err(error) = fitted {
-            if self.settings == self.fitted {
-                return Err(error.into());
+        if lost::is_loss(&error) || self.drawn.is_none() {
+            return Err(error);
+        }
+        if wanted != kept && self.try_fit(gpu, kept).is_ok() {
+            let kept = kept.map_or("there is no picture".into(), |[w, h]| format!("the picture stays at {w}x{h}"));
+            log::error!("{error:#}; {kept}");
+            self.refused = Some((size, self.settings));
+            return Ok(false);
+        }
+        if self.settings == self.fitted {
+            return Err(error);
+        }
+        log::error!("{error:#}; the previous settings are restored");
+        self.settings = self.fitted;
+        self.fit(gpu, size)
+    }
+
+    /// Adapts light and picture. Without a size there is no picture.
+    fn try_fit(&mut self, gpu: &Gpu, size: Option<[u32; 2]>) -> Result<()> {
+        let Some(engine) = &mut self.engine else { return Ok(()) };
+        engine.set(&self.settings);
+        match (&mut self.picture, size) {
+            (Some(picture), Some(size)) => engine.fit(gpu, &mut [(picture, size)])?,
+            (picture, size) => {
+                engine.fit(gpu, &mut [])?;
+                *picture = size.map(|size| engine.picture(gpu, size)).transpose()?;
             }
-            log::error!("{error}; the previous settings are restored");
-            self.settings = self.fitted;
-            return self.fit(gpu, size);
         }
         self.fitted = self.settings;
         Ok(())
+    }
+
+    /// Drops everything on the device besides the engine.
+    pub(super) fn leave_device(&mut self) {
+        (self.picture, self.refused) = (None, None);
     }
 
     /// The view of the current camera and picture size.

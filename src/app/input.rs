@@ -7,7 +7,7 @@ use std::collections::HashSet;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 use winit::event::{ElementState, KeyEvent, MouseButton, MouseScrollDelta, WindowEvent};
-use winit::keyboard::{KeyCode, ModifiersState, PhysicalKey};
+use winit::keyboard::{Key, KeyCode, ModifiersState, PhysicalKey};
 
 /// An action that a key, a button or a panel requests. Movements of the pointer are in heights of the picture.
 #[derive(Clone, Debug, PartialEq)]
@@ -32,6 +32,10 @@ pub(super) enum Wish {
     Unchoose,
     /// Remove the chosen light.
     Remove,
+    /// Make the panels larger by this number of steps, or smaller.
+    Scale(i32),
+    /// Give the panels the size that they had at first.
+    ScaleBack,
     /// Play or stop the animation.
     Play,
     /// Orbit the camera around its target.
@@ -209,6 +213,13 @@ impl Input {
         }
         if !control {
             self.keys.insert(code);
+        }
+        // Keyboards have these characters at different places.
+        match event.logical_key.as_ref() {
+            Key::Character("+" | "=") if control => return Some(Wish::Scale(1)),
+            Key::Character("-") if control => return Some(Wish::Scale(-1)),
+            Key::Character("0") if control => return Some(Wish::ScaleBack),
+            _ => {}
         }
         if event.repeat {
             return None;

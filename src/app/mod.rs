@@ -24,7 +24,7 @@ mod window;
 use crate::cli::view::View;
 use anyhow::{Result, anyhow};
 use std::time::Instant;
-use window::Open;
+use window::{Open, lost};
 use winit::application::ApplicationHandler;
 use winit::event::WindowEvent;
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
@@ -75,8 +75,13 @@ impl ApplicationHandler for App<'_> {
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let Some(open) = &mut self.open else { return };
         if matches!(event, WindowEvent::RedrawRequested) {
-            let drawn = open.draw();
-            self.check(events, drawn);
+            match open.draw() {
+                Err(error) if lost::is_loss(&error) => {
+                    let recovered = self.open.take().map(|open| open.recover(&error)).transpose();
+                    self.open = self.check(events, recovered).flatten();
+                }
+                drawn => drop(self.check(events, drawn)),
+            }
         } else {
             open.event(&event);
         }

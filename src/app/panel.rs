@@ -7,6 +7,7 @@ mod lights;
 mod materials;
 mod memory;
 mod sky;
+pub(super) mod style;
 mod timings;
 
 use super::camera::Seen;
@@ -29,7 +30,7 @@ use std::time::{Duration, Instant};
 pub(super) const WIDTH: f32 = 320.0;
 
 /// Keys and their actions.
-const KEYS: [(&str, &str); 26] = [
+const KEYS: [(&str, &str); 28] = [
     ("left drag", "orbit around the target"),
     ("right drag", "look around"),
     ("middle drag", "move sideways"),
@@ -48,6 +49,8 @@ const KEYS: [(&str, &str); 26] = [
     ("L", "show or hide the handles of lights"),
     ("Delete", "remove the chosen light"),
     ("Tab, H", "show or hide the panels"),
+    ("Ctrl+Plus, Ctrl+Minus", "make the panels larger, smaller"),
+    ("Ctrl+0", "give the panels the size of --ui-scale"),
     ("Ctrl+Shift+C", "copy the command line for this picture"),
     ("Space", "show or hide the reference of this view"),
     ("F12", "save the picture as PNG"),
@@ -78,19 +81,6 @@ pub(super) struct State {
     recent: Vec<PathBuf>,
     /// End of the hint at the first start.
     hint: Option<Instant>,
-}
-
-/// Style of the panels: dark, so that they do not affect the impression of the picture.
-pub(super) fn style(context: &egui::Context) {
-    context.set_theme(egui::Theme::Dark);
-    // On slow devices a frame can take a second, so the press and the release of a button are in different frames.
-    context.options_mut(|options| options.input_options.max_click_duration = 10.0);
-    context.all_styles_mut(|style| {
-        style.spacing.slider_width = 118.0;
-        style.spacing.combo_width = 168.0;
-        style.spacing.item_spacing.y = 5.0;
-        style.interaction.tooltip_delay = 0.3;
-    });
 }
 
 /// Adds a grid of two columns: names and controls.

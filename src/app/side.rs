@@ -172,6 +172,14 @@ impl Side {
         }
     }
 
+    /// Drops everything on the device. The next step uploads the reference to another.
+    pub(super) fn leave_device(&mut self) {
+        self.image = None;
+        if self.brute_force.take().is_some() {
+            self.key = None;
+        }
+    }
+
     /// Discards the reference and stops its computation.
     pub(super) fn forget(&mut self) {
         (self.key, self.reference, self.image, self.brute_force) = (None, None, None, None);
@@ -209,6 +217,9 @@ impl Side {
         };
         if self.key.as_ref().is_some_and(|made| *made != key) {
             self.forget();
+        }
+        if let (Some(reference), None) = (self.reference.clone(), &self.image) {
+            self.take(gpu, reference)?;
         }
         if self.trace.as_ref().is_some_and(Trace::is_over) {
             self.take_trace(gpu)?;

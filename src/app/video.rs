@@ -45,10 +45,14 @@ impl Video {
         (self.next < self.count).then(|| f64::from(self.next) / self.fps)
     }
 
-    /// The file for the frame that has just been drawn. Advances to the next frame.
-    pub(super) fn file(&mut self) -> PathBuf {
+    /// The file for the next frame.
+    pub(super) fn file(&self) -> PathBuf {
+        self.folder.join(format!("{:05}.png", self.next))
+    }
+
+    /// Advances to the next frame.
+    pub(super) fn advance(&mut self) {
         self.next += 1;
-        self.folder.join(format!("{:05}.png", self.next - 1))
     }
 
     /// Progress from 0 to 1, and as text.

@@ -1,5 +1,9 @@
 //! The open window: its state, its panels, and the drawing of a frame.
 
+mod faults;
+mod fit;
+pub(super) mod lost;
+
 use super::background::alone;
 use super::canvas::{Canvas, Scenery};
 use super::compare::{Compare, Now};
@@ -14,6 +18,8 @@ use crate::cli::check_messages;
 use crate::cli::session::is_session;
 use crate::cli::view::{self, Taken, View as Args, print};
 use anyhow::{Context, Result, bail};
+use faults::Faults;
+use lightskin::frame::Picture;
 use lightskin::gpu::{Gpu, Swapchain};
 use std::path::PathBuf;
 use std::rc::Rc;
@@ -35,6 +41,9 @@ const COUNTED: u64 = 50;
 /// Time between two checks of background jobs.
 const POLL: Duration = Duration::from_millis(100);
 
+/// Longest time that a frame advances what moves, so that nothing jumps after a slow one.
+const LONGEST: Duration = Duration::from_millis(100);
+
 /// A window and its contents. The order of the fields is the order in which they are dropped.
 pub(super) struct Open {
     document: Document,
@@ -49,7 +58,9 @@ pub(super) struct Open {
     /// Corner and size of the picture in the window [pixels].
     place: ([u32; 2], [u32; 2]),
     /// Size of the window [pixels].
-    canvas_size: [u32; 2],
+    window_size: [u32; 2],
+    /// The last size of the window [pixels] for which there was memory.
+    fitted: [u32; 2],
     /// Problems that the barrier check has reported.
     problems: Vec<String>,
     /// Number of drawn frames.
@@ -65,6 +76,9 @@ pub(super) struct Open {
     /// The desktop's file dialog, while it is open.
     dialog: Option<JoinHandle<Option<PathBuf>>>,
     closed: bool,
+    /// Time of the last loss of a device.
+    lost: Option<Instant>,
+    faults: Faults,
 }
 
 impl Open {
@@ -72,15 +86,18 @@ impl Open {
     pub(super) fn new(events: &ActiveEventLoop, args: &Args) -> Result<Self> {
         let panels = if args.no_panels { 0.0 } else { panel::WIDTH };
         // The scale factor is unknown before the window exists; 1 is assumed.
-        let size = PhysicalSize::new(args.size[0] + panels as u32, args.size[1]);
+        let size = PhysicalSize::new(args.size[0] + (panels * args.ui_scale) as u32, args.size[1]);
         let attributes = Window::default_attributes().with_title("lightskin").with_inner_size(size);
         let window = Arc::new(events.create_window(attributes).context("opening a window")?);
         let display = events.display_handle().context("the display")?.as_raw();
         let gpu = Rc::new(args.open_device(display)?);
+        let faults = Faults::new()?;
+        faults.open(&gpu);
         let swapchain = gpu.swapchain(window.clone(), args.present())?;
         let size = window.inner_size();
         let context = egui::Context::default();
-        panel::style(&context);
+        panel::style::set(&context, args.reduced_motion);
+        panel::style::set_scale(&context, args.ui_scale);
         let scale = window.scale_factor() as f32;
         let egui = egui_winit::State::new(context, egui::ViewportId::ROOT, &window, Some(scale), window.theme(), None);
         let mut compare = Compare::new(args.reference_spp);
@@ -90,7 +107,7 @@ impl Open {
         Ok(Self {
             document: Document::new(&gpu, args, compare.rest.clone())?,
             compare,
-            canvas: Canvas::new(&gpu, size.into())?,
+            canvas: Canvas::new(&gpu, size.into(), egui::ColorImage::default())?,
             swapchain,
             egui,
             input: Input::default(),
@@ -98,7 +115,8 @@ impl Open {
             gpu,
             window,
             place: ([0, 0], [0, 0]),
-            canvas_size: size.into(),
+            window_size: size.into(),
+            fitted: size.into(),
             problems: Vec::new(),
             frames: 0,
             last: Instant::now(),
@@ -107,6 +125,8 @@ impl Open {
             writing: Vec::new(),
             dialog: None,
             closed: false,
+            lost: None,
+            faults,
         })
     }
 
@@ -142,8 +162,10 @@ impl Open {
         if is_input(event) {
             self.compare.rest.touch();
         }
+        // Without memory for a larger picture, it is smaller than its place.
+        let place = (self.place.0, self.document.picture.as_ref().map_or(self.place.1, Picture::size));
         let taken = answer.is_some_and(|answer| answer.consumed);
-        let wishes = self.input.take(event, self.egui.egui_ctx(), self.place, &self.document.gizmo, taken);
+        let wishes = self.input.take(event, self.egui.egui_ctx(), place, &self.document.gizmo, taken);
         let changes = !wishes.is_empty();
         for wish in wishes {
             let name = format!("{wish:?}");
@@ -169,6 +191,8 @@ impl Open {
             Wish::Undo { again } => document.undo(gpu, again),
             Wish::Unchoose => document.lights.chosen = None,
             Wish::Remove => document.remove_light(gpu),
+            Wish::Scale(steps) => panel::style::change_scale(self.egui.egui_ctx(), steps),
+            Wish::ScaleBack => panel::style::set_scale(self.egui.egui_ctx(), document.args.ui_scale),
             Wish::Play => {
                 if document.scene().is_some_and(|scene| scene.animations().next().is_some()) {
                     document.clip.animation.get_or_insert(0);
@@ -210,7 +234,7 @@ impl Open {
                     }
                     document.pixel = pixel;
                 }
-                Err(error) => log::error!("{error:#}"),
+                Err(error) => lost::report(&error),
             },
             Wish::Recall(index) => {
                 let cameras = document.scene().map_or(0, |scene| scene.cameras.len());
@@ -227,7 +251,7 @@ impl Open {
             Wish::Copy | Wish::Save | Wish::SaveLayers => self.waiting.push(wish),
             Wish::Reference => self.compare.shown = !self.compare.shown,
             Wish::Size(picture) => {
-                let around = [0, 1].map(|i| self.canvas_size[i].saturating_sub(self.place.1[i]));
+                let around = [0, 1].map(|i| self.window_size[i].saturating_sub(self.place.1[i]));
                 let size = PhysicalSize::new(picture[0] + around[0], picture[1] + around[1]);
                 let _ = self.window.request_inner_size(size);
             }
@@ -325,12 +349,17 @@ impl Open {
         moment.is_some()
     }
 
-    /// Writes the video frame that was just drawn, if any, and ends a complete video.
-    fn film_frame(&mut self, drawn: bool) {
-        let file = self.document.video.as_mut().filter(|_| drawn).map(Video::file);
-        if let Some(Err(error)) = file.map(|file| self.write(file, false)) {
-            log::error!("{error:#}; the video is stopped");
-            self.document.video = None;
+    /// Writes the video frame that was just drawn, if any, and ends a complete video. Fails only if the device is lost.
+    fn film_frame(&mut self, drawn: bool) -> Result<()> {
+        let file = self.document.video.as_ref().filter(|_| drawn).map(Video::file);
+        match file.map(|file| self.write(file, false)) {
+            Some(Err(error)) if lost::is_loss(&error) => return Err(error),
+            Some(Err(error)) => {
+                log::error!("{error:#}; the video is stopped");
+                self.document.video = None;
+            }
+            Some(Ok(())) => self.document.video.iter_mut().for_each(Video::advance),
+            None => {}
         }
         let written = self.writing.iter().all(|(_, thread)| thread.is_finished());
         if let Some(video) = self.document.video.take_if(|video| video.moment().is_none() && written) {
@@ -339,6 +368,7 @@ impl Open {
             video.end(&mut self.document);
             self.document.pose(&self.gpu);
         }
+        Ok(())
     }
 
     /// Saves the session to its file, or under the first free name.
@@ -359,7 +389,13 @@ impl Open {
     /// Draws one frame: handles the panels, renders the changed parts of the picture, and draws the panels over it.
     pub(super) fn draw(&mut self) -> Result<()> {
         let now = Instant::now();
-        let past = now.duration_since(self.last).as_secs_f64().min(0.1);
+        // Not sooner after the last frame than `--max-fps` allows.
+        let apart = self.document.args.max_fps.map_or(Duration::ZERO, |fps| Duration::from_secs_f64(1.0 / fps));
+        if let Some(due) = self.last.checked_add(apart).filter(|due| self.frames > 0 && *due > now) {
+            self.next = Some(due);
+            return Ok(());
+        }
+        let past = now.duration_since(self.last).min(apart.max(LONGEST)).as_secs_f64();
         self.last = now;
         let size: [u32; 2] = self.window.inner_size().into();
         if size.contains(&0) {
@@ -370,6 +406,9 @@ impl Open {
             && let Ok(Some(file)) = dialog.join()
         {
             self.grant(Wish::Drop(file));
+        }
+        if self.document.engine.is_some() {
+            self.faults.frame(&self.gpu);
         }
         self.document.watch();
         let polled = Instant::now();
@@ -400,6 +439,7 @@ impl Open {
             panel.hint(ui, left_over);
             panel::compare::overlay(ui, compare, left_over);
         });
+        self.canvas.take_glyphs(output.textures_delta);
         self.egui.handle_platform_output(&self.window, output.platform_output);
         for wish in wishes {
             self.grant(wish);
@@ -407,19 +447,18 @@ impl Open {
         if !context.input(|input| input.pointer.any_down()) && !context.text_edit_focused() {
             self.document.settle();
         }
+        let size = self.fit_canvas(size)?;
         let scale = output.pixels_per_point;
         let pixel = |at: f32, most: u32| ((at * scale).round().max(0.0) as u32).min(most);
         let corner = [pixel(left_over.min.x, size[0]), pixel(left_over.min.y, size[1])];
         let far = [pixel(left_over.max.x, size[0]), pixel(left_over.max.y, size[1])];
         self.place = (corner, [0, 1].map(|i| far[i].saturating_sub(corner[i])));
 
-        self.canvas_size = size;
-        self.canvas.fit(&self.gpu, size)?;
         let begin = Instant::now();
-        self.document.fit(&self.gpu, self.place.1)?;
+        self.fit_picture()?;
         making += begin.elapsed();
         let primitives = context.tessellate(output.shapes, scale);
-        self.canvas.take(&self.gpu, &primitives, output.textures_delta, scale)?;
+        self.canvas.take(&self.gpu, &primitives, scale)?;
         let view = self.document.view();
         let document = &mut self.document;
         let (canvas, look, over) = (&self.canvas, document.look, self.compare.over());
@@ -449,18 +488,22 @@ impl Open {
         self.document.time(self.gpu.finished_times()?);
         let mut in_frame = begin.elapsed();
         self.document.drawn = view;
-        self.film_frame(filmed);
-        for wish in std::mem::take(&mut self.waiting) {
+        self.film_frame(filmed)?;
+        while let Some(wish) = self.waiting.first() {
             let done = match wish {
                 Wish::Copy => self.copy_command(),
                 Wish::SaveLayers => self.save("exr"),
                 _ => self.save("png"),
             };
-            if let Err(error) = done {
-                log::error!("{error:#}");
+            match done {
+                // It is done on the next device.
+                Err(error) if lost::is_loss(&error) => return Err(error),
+                Err(error) => log::error!("{error:#}"),
+                Ok(()) => {}
             }
+            self.waiting.remove(0);
         }
-        let compared = self.compare();
+        let compared = self.compare()?;
         self.window.pre_present_notify();
         let begin = Instant::now();
         let seen = self.swapchain.show(&self.canvas.image)?;
@@ -487,27 +530,31 @@ impl Open {
         Ok(())
     }
 
-    /// Advances the comparison. Returns whether the next frame should follow at once.
-    fn compare(&mut self) -> bool {
+    /// Advances the comparison. Returns whether the next frame should follow at once. Fails only if the device is lost.
+    fn compare(&mut self) -> Result<bool> {
         let Document { engine, picture, drawn, changes, clip, look, .. } = &self.document;
-        let (Some(engine), Some(picture), Some(view)) = (engine, picture, *drawn) else { return false };
-        let Some(camera) = self.document.camera() else { return false };
+        let (Some(engine), Some(picture), Some(view)) = (engine, picture, *drawn) else { return Ok(false) };
+        let Some(camera) = self.document.camera() else { return Ok(false) };
         let busy =
             clip.playing || self.document.video.is_some() || self.document.progress().is_some() || self.input.flies();
         let now = Now { engine, picture, view, camera, look: *look, edits: *changes, busy };
         let drew = !engine.light().skipped().contains(&"composite");
         let before = self.compare.version();
         let stepped = self.compare.step(&self.gpu, &now, drew);
-        let size = stepped.unwrap_or_else(|error| {
-            // If memory ran out, the picture stays. If the device is lost, the next frame ends the run.
-            log::error!("{error:#}; the comparison is switched off");
-            self.compare.stop();
-            None
-        });
+        let size = match stepped {
+            Ok(size) => size,
+            Err(error) if lost::is_loss(&error) => return Err(error),
+            // If memory ran out, the picture stays.
+            Err(error) => {
+                log::error!("{error:#}; the comparison is switched off");
+                self.compare.stop();
+                None
+            }
+        };
         if let Some(size) = size.filter(|size| *size != picture.size()) {
             self.grant(Wish::Size(size));
         }
-        self.compare.version() != before || self.compare.hurries()
+        Ok(self.compare.version() != before || self.compare.hurries())
     }
 }
 

@@ -13,6 +13,7 @@ use lightskin::frame::engine::Loaded;
 use lightskin::frame::{Exposure, Look, Near, Picture, Quality, Settings, Shadows, Tonemap};
 use lightskin::gpu::{Gpu, Present};
 use std::ffi::OsString;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use winit::raw_window_handle::RawDisplayHandle;
 
@@ -53,6 +54,21 @@ pub(crate) struct View {
     /// Start with hidden panels. The Tab key shows them.
     #[arg(long)]
     pub(crate) no_panels: bool,
+    /// Size of the panels' text, relative to the display's own scale, from 0.5 to 4.
+    ///
+    /// Ctrl+Plus and Ctrl+Minus change it in the window, Ctrl+0 restores it.
+    #[arg(long, value_name = "F", default_value_t = 1.0, value_parser = ui_scale)]
+    pub(crate) ui_scale: f32,
+    /// Largest number of frames per second, at least 1 [default: no limit].
+    ///
+    /// It saves power while an animation plays or the camera flies.
+    #[arg(long, value_name = "F", value_parser = max_fps)]
+    pub(crate) max_fps: Option<f64>,
+    /// Panels change at once, without animated transitions.
+    ///
+    /// Animations of a scene never start by themselves, with or without this flag.
+    #[arg(long)]
+    pub(crate) reduced_motion: bool,
     /// Presentation mode. A mode that the device does not support falls back to fifo.
     #[arg(long, value_enum, default_value_t)]
     present: PresentArg,
@@ -62,6 +78,21 @@ pub(crate) struct View {
     pub(crate) sky: SkyArgs,
     #[command(flatten)]
     device: DeviceArgs,
+}
+
+/// Range of `--ui-scale`.
+pub(crate) const UI_SCALES: RangeInclusive<f32> = 0.5..=4.0;
+
+fn ui_scale(text: &str) -> std::result::Result<f32, String> {
+    let scale = text.parse::<f32>().ok().filter(|scale| UI_SCALES.contains(scale));
+    scale.ok_or_else(|| format!("needs a number from {} to {}", UI_SCALES.start(), UI_SCALES.end()))
+}
+
+fn max_fps(text: &str) -> std::result::Result<f64, String> {
+    text.parse::<f64>()
+        .ok()
+        .filter(|fps| (1.0..=1e6).contains(fps))
+        .ok_or_else(|| "needs a number of at least 1".into())
 }
 
 #[derive(Clone, Copy, Default, ValueEnum)]
@@ -255,6 +286,9 @@ impl View {
                 reference_spp: self.reference_spp,
                 watch: self.watch,
                 target_hz: self.target_hz,
+                ui_scale: self.ui_scale,
+                max_fps: self.max_fps,
+                reduced_motion: self.reduced_motion,
                 ..*view
             }),
             _ => bail!("needs flags of `lightskin view`"),

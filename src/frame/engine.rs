@@ -123,6 +123,12 @@ impl Engine {
         Ok(Self { scene: Arc::new(scene), world, light, settings: *settings, job: None })
     }
 
+    /// Takes the scene, with all edits, and its caches back from the device. With these, `new` makes the same engine on
+    /// another device, for example after the loss of this one.
+    pub fn into_loaded(self) -> Loaded {
+        Loaded { scene: Arc::unwrap_or_clone(self.scene), caches: self.world.into_caches() }
+    }
+
     /// The scene as it is drawn.
     pub fn scene(&self) -> &Arc<Scene> {
         &self.scene

@@ -4,6 +4,7 @@ use super::bind::Bound;
 use super::buffer::Buffer;
 use super::device::{Gpu, Shared};
 use super::draw::Scope;
+use super::faults::Call;
 use super::frames::Slot;
 use super::hazards::{Log, Use};
 use super::image::Image;
@@ -99,8 +100,8 @@ impl<'g> Cmd<'g> {
             self.gpu.shared.device.end_command_buffer(self.buffer).map_err(vulkan("ending a frame"))?;
             self.gpu
                 .shared
-                .device
-                .queue_submit2(self.gpu.queue, &[info], vk::Fence::null())
+                .check_lost(Call::Submit)
+                .and_then(|()| self.gpu.shared.device.queue_submit2(self.gpu.queue, &[info], vk::Fence::null()))
                 .map_err(vulkan("submitting a frame"))?;
         }
         self.open.set(false);

@@ -2,6 +2,7 @@
 
 use super::descriptors::Descriptors;
 use super::disk::Disk;
+use super::faults::{Call, Lost};
 use super::frames::Ring;
 use super::graveyard::{Graveyard, lock};
 use super::instance::{
@@ -81,6 +82,10 @@ pub(crate) struct Shared {
     pub(super) graveyard: Mutex<Graveyard>,
     pub(super) descriptors: Mutex<Descriptors>,
     pub(super) registry: Mutex<Registry>,
+    /// Reserved memory, and how much may be reserved \[bytes\].
+    pub(super) memory: AtomicU64,
+    pub(super) most_memory: AtomicU64,
+    pub(super) lost: Mutex<Lost>,
     next_id: AtomicU64,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) instance: Instance,
@@ -122,7 +127,8 @@ impl Shared {
         let (semaphores, values) = ([self.timeline], [value]);
         let info = vk::SemaphoreWaitInfo::default().semaphores(&semaphores).values(&values);
         // SAFETY: the semaphore is alive and its value only grows.
-        unsafe { self.device.wait_semaphores(&info, u64::MAX) }.map_err(vulkan("waiting for the device"))
+        let waited = unsafe { self.device.wait_semaphores(&info, u64::MAX) };
+        waited.and_then(|()| self.check_lost(Call::Wait)).map_err(vulkan("waiting for the device"))
     }
 
     /// `wait` for destructors. A lost device counts as done.
@@ -256,6 +262,9 @@ impl Gpu {
             graveyard: Mutex::default(),
             descriptors: Mutex::default(),
             registry: Mutex::default(),
+            memory: AtomicU64::new(0),
+            most_memory: AtomicU64::new(u64::MAX),
+            lost: Mutex::default(),
             next_id: AtomicU64::new(1),
             device,
             physical,

@@ -3,6 +3,7 @@
 
 use super::cmd::Cmd;
 use super::device::{FRAMES_IN_FLIGHT, Gpu, Shared};
+use super::faults::Call;
 use super::hazards::Use;
 use super::timer::{FrameTimes, Line, MAX_ZONES, Notes, Work};
 use super::vulkan;
@@ -227,6 +228,7 @@ impl Gpu {
     /// # Errors
     /// Fails if the device is lost.
     pub fn run_once(&self, name: &'static str, record: impl FnOnce(&Cmd<'_>)) -> Result<()> {
+        self.shared.check_lost(Call::Copy).map_err(vulkan(name))?;
         let frame = self.submit(false, |cmd| {
             cmd.zone.set(name);
             record(cmd);

@@ -1,12 +1,13 @@
 //! Device memory, and errors if there is not enough.
 
-use super::Gpu;
 use super::device::Shared;
 use super::graveyard::lock;
+use super::{Gpu, vulkan};
 use crate::error::{Error, Result};
 use ash::vk;
 use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use gpu_allocator::{AllocationError, MemoryLocation};
+use std::sync::atomic::Ordering;
 
 impl Shared {
     pub(super) fn allocate(
@@ -23,7 +24,13 @@ impl Shared {
             linear,
             allocation_scheme: AllocationScheme::GpuAllocatorManaged,
         };
-        let allocate = || lock(&self.allocator).as_mut().expect("alive").allocate(&desc);
+        let allocate = || {
+            let reserved = self.memory.load(Ordering::Relaxed).saturating_add(requirements.size);
+            if reserved > self.most_memory.load(Ordering::Relaxed) {
+                return Err(AllocationError::OutOfMemory);
+            }
+            lock(&self.allocator).as_mut().expect("alive").allocate(&desc)
+        };
         let mut allocation = allocate();
         if matches!(allocation, Err(AllocationError::OutOfMemory)) {
             // Freeing dropped objects may give enough memory.
@@ -31,15 +38,19 @@ impl Shared {
             self.collect();
             allocation = allocate();
         }
-        allocation.map_err(|e| Error::Vulkan {
-            what: format!("{name}: {} KiB", requirements.size / 1024),
-            result: format!("{e}; use a smaller picture, RSM or shadow map, or fewer caches"),
-        })
+        let what = || format!("{name}, {} KiB", requirements.size / 1024);
+        let allocation = allocation.map_err(|error| match error {
+            AllocationError::OutOfMemory => vulkan(what())(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY),
+            other => Error::Vulkan { what: what(), result: other.to_string() },
+        })?;
+        self.memory.fetch_add(allocation.size(), Ordering::Relaxed);
+        Ok(allocation)
     }
 
     pub(super) fn free(&self, allocation: Option<Allocation>) {
-        if let Some(allocation) = allocation
-            && let Some(allocator) = lock(&self.allocator).as_mut()
+        let Some(allocation) = allocation else { return };
+        self.memory.fetch_sub(allocation.size(), Ordering::Relaxed);
+        if let Some(allocator) = lock(&self.allocator).as_mut()
             && let Err(error) = allocator.free(allocation)
         {
             log::error!("freeing device memory: {error}");

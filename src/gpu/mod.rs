@@ -13,6 +13,7 @@ mod descriptors;
 mod device;
 mod disk;
 mod draw;
+mod faults;
 mod frames;
 mod graveyard;
 mod hazards;
@@ -37,6 +38,7 @@ pub use cmd::Cmd;
 pub use codegen::{Codegen, Compiled};
 pub use device::{Gpu, Host, Options};
 pub use draw::{Attach, Attachments, Draw, Load};
+pub use faults::Call;
 pub use frames::Frame;
 pub use hazards::Use;
 pub use image::{Extent, Image, ImageDesc};
@@ -57,16 +59,15 @@ use crate::error::Error;
 /// Adds a description of the failed operation to a Vulkan result.
 pub(crate) fn vulkan(what: impl Into<String>) -> impl FnOnce(ash::vk::Result) -> Error {
     move |result| {
+        let what = what.into();
         let result = match result {
             ash::vk::Result::ERROR_OUT_OF_DEVICE_MEMORY => {
-                "out of device memory; use a smaller picture, RSM or shadow map, or fewer caches".to_owned()
+                "out of device memory; use a smaller window, picture, RSM or shadow map, or fewer caches".to_owned()
             }
             ash::vk::Result::ERROR_OUT_OF_HOST_MEMORY => "out of memory".to_owned(),
-            ash::vk::Result::ERROR_DEVICE_LOST => {
-                "the device was lost (driver reset or crash); update the driver or try another --device".to_owned()
-            }
+            ash::vk::Result::ERROR_DEVICE_LOST => return Error::DeviceLost { what },
             other => format!("{other}"),
         };
-        Error::Vulkan { what: what.into(), result }
+        Error::Vulkan { what, result }
     }
 }

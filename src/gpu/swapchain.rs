@@ -1,6 +1,7 @@
 //! Windows: presents images by copying them pixel by pixel.
 
 use super::device::{FRAMES_IN_FLIGHT, Gpu, Shared};
+use super::faults::Call;
 use super::instance::queue_family;
 use super::{Image, Options, vulkan};
 use crate::error::{Error, Result};
@@ -269,6 +270,7 @@ impl Swapchain {
         let Some(chain) = &self.chain else { return Ok(false) };
         let slot = &mut self.slots[self.next];
         self.gpu.shared.wait_for(slot.done).map_err(|_| vk::Result::ERROR_DEVICE_LOST)?;
+        self.gpu.shared.check_lost(Call::Acquire)?;
         // SAFETY: chain and semaphore are alive; the semaphore's last wait is done with its slot.
         let acquired =
             unsafe { self.chains.acquire_next_image(chain.handle, PATIENCE, slot.acquired, vk::Fence::null()) };
@@ -302,12 +304,14 @@ impl Swapchain {
             device.begin_command_buffer(slot.commands, &begin.flags(vk::CommandBufferUsageFlags::ONE_TIME_SUBMIT))?;
             copy(device, slot.commands, &fresh, image, chain, chain.images[index as usize]);
             device.end_command_buffer(slot.commands)?;
+            self.gpu.shared.check_lost(Call::Submit)?;
             device.queue_submit2(self.gpu.queue, &[info], vk::Fence::null())?;
         }
         submitted.store(value, Ordering::SeqCst);
         slot.done = value;
         let (chains, indices, filled) = ([chain.handle], [index], [filled]);
         let info = vk::PresentInfoKHR::default().wait_semaphores(&filled).swapchains(&chains).image_indices(&indices);
+        self.gpu.shared.check_lost(Call::Present)?;
         // SAFETY: the image was acquired, and the submission above transitions it to the layout for presentation.
         match unsafe { self.chains.queue_present(self.gpu.queue, &info) } {
             Ok(suboptimal) => self.stale |= suboptimal,

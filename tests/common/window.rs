@@ -79,14 +79,18 @@ pub(crate) struct App {
 }
 
 /// Key codes of X, which are evdev's codes plus 8.
-pub(crate) const KEYS: [(&str, u8); 21] = [
+pub(crate) const KEYS: [(&str, u8); 25] = [
     ("Escape", 9),
     ("1", 10),
     ("2", 11),
+    ("0", 19),
+    ("Minus", 20),
+    ("Plus", 21),
     ("Tab", 23),
     ("Q", 24),
     ("W", 25),
     ("E", 26),
+    ("Return", 36),
     ("O", 32),
     ("P", 33),
     ("Control", 37),
@@ -106,6 +110,11 @@ pub(crate) const KEYS: [(&str, u8); 21] = [
 impl App {
     /// Starts the program in a folder and waits for its window.
     pub(crate) fn start(display: &Display, folder: &Path, arguments: &[&str]) -> Self {
+        Self::start_with(display, folder, &[], arguments)
+    }
+
+    /// Like `start`, with environment variables.
+    pub(crate) fn start_with(display: &Display, folder: &Path, variables: &[(&str, &str)], arguments: &[&str]) -> Self {
         let mut command = Command::new(env!("CARGO_BIN_EXE_lightskin"));
         let mut process = keeping(&mut command, folder)
             .args(arguments)
@@ -116,6 +125,7 @@ impl App {
             .env("DISPLAY", &display.name)
             .env_remove("WAYLAND_DISPLAY")
             .env_remove("WAYLAND_SOCKET")
+            .envs(variables.iter().copied())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())
             .spawn()
@@ -210,7 +220,7 @@ impl App {
 
     /// Waits until a frame has processed all earlier input. This uses no modifier key such as Shift, which would change
     /// a drag.
-    fn frame(&mut self) {
+    pub(crate) fn frame(&mut self) {
         let written = self.picture();
         std::fs::remove_file(self.folder.join(written)).expect("a picture");
     }
@@ -294,10 +304,11 @@ impl App {
                 Ok(line) if line.starts_with(begin) => return line,
                 Ok(_) => {}
                 Err(_) => {
-                    let seen = self.keep_picture();
+                    let ended = self.process.try_wait().expect("a process").map(|status| format!("it ended: {status}"));
+                    let seen = ended.unwrap_or_else(|| self.keep_picture());
                     let _ = self.process.kill();
                     let said = self.messages();
-                    panic!("no line '{begin}'; {} shows the window: {}", seen.display(), said.join("\n"));
+                    panic!("no line '{begin}'; {seen}: {}", said.join("\n"));
                 }
             }
         }
@@ -321,15 +332,15 @@ impl App {
         line.trim().trim_end_matches(" kB").parse::<u64>().expect("a number") / 1024
     }
 
-    /// Saves the window's content to a file, to help find out why a test failed.
-    fn keep_picture(&self) -> PathBuf {
-        let size = self.x.get_geometry(self.window).expect("a request").reply().expect("a size");
-        let pixels = self.pixels([0, 0], [size.width, size.height]);
+    /// Saves the window's content to a file, to help find out why a test failed. Says where it is.
+    fn keep_picture(&self) -> String {
+        let size = self.size();
+        let pixels = self.pixels([0, 0], size);
         let path = Path::new(env!("CARGO_TARGET_TMPDIR")).join("window.png");
         let bytes: Vec<u8> = pixels.concat();
-        let (width, height) = (size.width.into(), size.height.into());
+        let [width, height] = size.map(u32::from);
         image::save_buffer(&path, &bytes, width, height, image::ColorType::Rgb8).expect("a picture");
-        path
+        format!("{} shows the window", path.display())
     }
 
     /// The command line of the current picture. The answer comes after all earlier requests have been processed.
@@ -387,19 +398,49 @@ impl App {
 
     /// Quits. Fails on any error, message of the validation layer, or missing or idle barrier.
     pub(crate) fn quit(self) {
-        self.quit_after(None);
+        self.quit_after(&[]);
     }
 
-    /// Like `quit`, but requires one error that contains `failed`.
-    pub(crate) fn quit_after(mut self, failed: Option<&str>) {
+    /// Like `quit`, but requires errors that contain these, in this order.
+    pub(crate) fn quit_after(mut self, failed: &[&str]) {
         self.press_with("Control", "Q");
         let said = self.messages();
         let status = self.process.wait().expect("a process");
         assert!(status.success(), "{status}: {}", said.join("\n"));
         let errors: Vec<&String> =
             said.iter().filter(|l| l.contains("lightskin: error") || l.contains("panicked")).collect();
-        let expected = |error: &&String| failed.is_some_and(|failed| error.contains(failed));
-        assert!(errors.len() == usize::from(failed.is_some()) && errors.iter().all(expected), "{}", said.join("\n"));
+        let expected = errors.iter().zip(failed).all(|(error, failed)| error.contains(failed));
+        assert!(errors.len() == failed.len() && expected, "{}", said.join("\n"));
+    }
+
+    /// Requires that the program has failed, with exit code 1. Returns its last message.
+    pub(crate) fn failure(mut self) -> String {
+        let said = self.messages();
+        let status = self.process.wait().expect("a process");
+        assert_eq!(status.code(), Some(1), "{}", said.join("\n"));
+        let broken = |line: &&String| line.contains("validation") || line.contains("panicked");
+        assert_eq!(said.iter().find(broken), None, "{}", said.join("\n"));
+        said.last().expect("a message").clone()
+    }
+
+    /// Waits for a line on standard error that contains `part`.
+    pub(crate) fn tells(&self, part: &str) {
+        let start = Instant::now();
+        while self.told(part).is_empty() {
+            assert!(start.elapsed() < PATIENCE, "no '{part}' in: {}", self.told("").join("\n"));
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Whether the program has ended.
+    pub(crate) fn has_ended(&mut self) -> bool {
+        self.process.try_wait().expect("a process").is_some()
+    }
+
+    /// Width and height of the window [pixels].
+    pub(crate) fn size(&self) -> [u16; 2] {
+        let size = self.x.get_geometry(self.window).expect("a request").reply().expect("a size");
+        [size.width, size.height]
     }
 
     /// Drops a file on the window, as a file manager does.

@@ -324,6 +324,11 @@ impl World {
         })
     }
 
+    /// The caches as baked.
+    pub(super) fn into_caches(self) -> Option<CacheSet> {
+        self.caches
+    }
+
     /// Computes the albedos of the caches, which further bounces need, on the first call.
     pub(super) fn make_albedos(&self, gpu: &Gpu, scene: &Scene) -> Result<()> {
         if let (None, Some(caches)) = (self.albedos.get(), &self.caches) {
