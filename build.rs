@@ -31,7 +31,9 @@ fn main() {
 
 #[cfg(feature = "glsl")]
 fn shaders() -> Vec<(String, Vec<u8>)> {
-    compile::shaders()
+    let folder = Path::new("glsl");
+    let compiled = compile::sources(folder).and_then(|sources| compile::compile(folder, sources.iter()));
+    compiled.unwrap_or_else(|error| fail(&error))
 }
 
 #[cfg(not(feature = "glsl"))]

@@ -1,7 +1,7 @@
-//! Compiles `glsl/` with glslang, for feature `glsl`. A shader error is a build error with file and line.
+//! Compiles `glsl/` with glslang, for feature `glsl`: the build embeds the SPIR-V, and a window with `--dev` compiles what has
+//! changed since. Errors name file and line.
 
-use super::{fail, variants};
-use std::collections::BTreeMap;
+use super::variants;
 use std::fs;
 use std::path::Path;
 
@@ -9,41 +9,64 @@ use std::path::Path;
 const PREAMBLE: &str =
     "#version 460\n#extension GL_GOOGLE_include_directive : require\n#extension GL_EXT_scalar_block_layout : require\n";
 
-/// Compiles every `glsl/*.{vert,frag,comp}` and all its variants. Returns name and SPIR-V of each.
-pub(crate) fn shaders() -> Vec<(String, Vec<u8>)> {
-    let compiler = shaderc::Compiler::new().expect("shaderc; run ./scripts/setup");
-    let mut options = shaderc::CompileOptions::new().expect("shaderc options");
+/// An entry shader: a file `*.{vert,frag,comp}`, or a variant of one.
+#[derive(Clone, PartialEq)]
+pub(crate) struct Source {
+    /// Name of the shader.
+    pub(crate) name: String,
+    /// Name of its file in the folder.
+    file: String,
+    kind: shaderc::ShaderKind,
+    /// Its text, which includes other files.
+    pub(crate) text: String,
+}
+
+/// All entry shaders of a folder.
+pub(crate) fn sources(folder: &Path) -> Result<Vec<Source>, String> {
+    let failed = |error: std::io::Error| format!("{}: {error}", folder.display());
+    let mut files = Vec::new();
+    for entry in fs::read_dir(folder).map_err(failed)? {
+        let path = entry.map_err(failed)?.path();
+        if let (Some(_), Some(name)) = (kind(&path), path.file_name().and_then(|name| name.to_str())) {
+            files.push((name.to_owned(), read(&path)?));
+        }
+    }
+    let text_of = |file: &str| files.iter().find(|(name, _)| name == file).map_or("", |(_, text)| text.as_str());
+    let source = |(name, entry): (String, variants::Entry)| {
+        let defines: String = entry.defines.iter().map(|define| format!("#define {define}\n")).collect();
+        let text = format!("{PREAMBLE}{defines}#line 1\n{}", text_of(&entry.file));
+        Some(Source { name, kind: kind(Path::new(&entry.file))?, file: entry.file, text })
+    };
+    Ok(variants::entries(&files)?.into_iter().filter_map(source).collect())
+}
+
+/// Compiles shaders of a folder. Returns name and SPIR-V of each.
+pub(crate) fn compile<'a>(
+    folder: &Path,
+    sources: impl Iterator<Item = &'a Source>,
+) -> Result<Vec<(String, Vec<u8>)>, String> {
+    let missing = |error: shaderc::Error| format!("shaderc: {error}; run ./scripts/setup");
+    let compiler = shaderc::Compiler::new().map_err(missing)?;
+    let mut options = shaderc::CompileOptions::new().map_err(missing)?;
     options.set_target_env(shaderc::TargetEnv::Vulkan, shaderc::EnvVersion::Vulkan1_3 as u32);
     options.set_optimization_level(shaderc::OptimizationLevel::Performance);
     options.set_generate_debug_info();
     options.set_warnings_as_errors();
     options.set_include_callback(|name, _kind, _from, _depth| {
-        let path = Path::new("glsl").join(name);
-        let content = fs::read_to_string(&path).map_err(|e| format!("{}: {e}", path.display()))?;
-        Ok(shaderc::ResolvedInclude { resolved_name: path.display().to_string(), content })
+        Ok(shaderc::ResolvedInclude { resolved_name: format!("glsl/{name}"), content: read(&folder.join(name))? })
     });
-
-    let paths = fs::read_dir("glsl").expect("glsl").map(|e| e.expect("glsl entry").path());
-    let files: Vec<(String, String)> = paths
-        .filter(|path| kind(path).is_some())
-        .map(|path| {
-            let name = path.file_name().and_then(|n| n.to_str()).expect("shader file name").to_owned();
-            (name, fs::read_to_string(&path).expect("shader source"))
-        })
-        .collect();
-    let entries = variants::entries(&files).unwrap_or_else(|error| fail(&error));
-    let sources: BTreeMap<_, _> = files.into_iter().collect();
-    let compile = |(name, entry): (String, variants::Entry)| {
-        let path = Path::new("glsl").join(&entry.file);
-        let defines: String = entry.defines.iter().map(|define| format!("#define {define}\n")).collect();
-        let source = format!("{PREAMBLE}{defines}#line 1\n{}", sources[&entry.file]);
-        let kind = kind(&path).expect("an entry shader");
-        match compiler.compile_into_spirv(&source, kind, &path.display().to_string(), "main", Some(&options)) {
-            Ok(artifact) => (name, artifact.as_binary_u8().to_vec()),
-            Err(error) => fail(&format!("{name}: {error}")),
+    let compile = |source: &Source| {
+        let file = format!("glsl/{}", source.file);
+        match compiler.compile_into_spirv(&source.text, source.kind, &file, "main", Some(&options)) {
+            Ok(artifact) => Ok((source.name.clone(), artifact.as_binary_u8().to_vec())),
+            Err(error) => Err(format!("{}: {error}", source.name)),
         }
     };
-    entries.into_iter().map(compile).collect()
+    sources.map(compile).collect()
+}
+
+fn read(path: &Path) -> Result<String, String> {
+    fs::read_to_string(path).map_err(|error| format!("{}: {error}", path.display()))
 }
 
 /// Stage of an entry shader; `None` for files that entry shaders include.

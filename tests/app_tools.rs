@@ -283,3 +283,54 @@ fn materials_change_live() {
     assert!(emissive.iter().all(|v| v.as_f64().is_some_and(|v| v > 0.1)), "{session}");
     app.quit();
 }
+
+/// With `--dev` the window draws by shaders that change while it runs. Shaders that do not compile leave the picture as
+/// it is.
+#[cfg(feature = "glsl")]
+#[test]
+fn shaders_change_while_the_window_runs() {
+    let Some(display) = Display::open() else { return };
+    let folder = folder("app_shaders");
+    let glsl = folder.join("glsl");
+    fs::create_dir_all(glsl.join("lib")).expect("a folder");
+    for part in ["", "lib"] {
+        for entry in fs::read_dir(Path::new("glsl").join(part)).expect("shaders") {
+            let path = entry.expect("a file").path();
+            let to = glsl.join(part).join(path.file_name().expect("a name"));
+            if path.is_file() {
+                fs::copy(path, to).expect("a copy");
+            }
+        }
+    }
+    let file = cornell();
+    let dev = format!("--dev={}", glsl.display());
+    let words = ["view", file.to_str().expect("a path"), "--size", "64x48", "--no-panels", &dev];
+    let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
+    app.line("scene");
+    app.command();
+    let before = png(&folder.join(app.picture())).1;
+    let shader = glsl.join("lib/tonemap.glsl");
+    let text = fs::read_to_string(&shader).expect("a shader");
+    let wanted = |app: &mut App, what: &str, part: &str| {
+        let start = std::time::Instant::now();
+        while app.told(part).is_empty() {
+            assert!(start.elapsed() < crate::common::window::PATIENCE, "{what}");
+            std::thread::sleep(Duration::from_millis(50));
+        }
+        app.command();
+        png(&folder.join(app.picture())).1
+    };
+    fs::write(&shader, text.replace("return ", "return 0.5 * ")).expect("a shader");
+    let darker = wanted(&mut app, "it must be compiled", "compiled composite.frag");
+    let sum = |pixels: &[[u8; 3]]| pixels.iter().flatten().map(|v| u64::from(*v)).sum::<u64>();
+    assert!(sum(&darker) < sum(&before) * 9 / 10, "{} of {}", sum(&darker), sum(&before));
+    fs::write(&shader, text.replace("return ", "return nothing * ")).expect("a shader");
+    assert!(wanted(&mut app, "an error must be told", "'nothing' : undeclared identifier") == darker);
+    fs::write(&shader, &text).expect("a shader");
+    std::thread::sleep(Duration::from_millis(200));
+    let start = std::time::Instant::now();
+    while png(&folder.join(app.picture())).1 != before {
+        assert!(start.elapsed() < crate::common::window::PATIENCE, "the first picture must return");
+    }
+    app.quit_after(&["composite.frag: "]);
+}

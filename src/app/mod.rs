@@ -15,6 +15,8 @@ mod pixel;
 mod recent;
 mod reference;
 mod session;
+#[cfg(feature = "glsl")]
+mod shaders;
 mod side;
 mod undo;
 mod video;
@@ -74,6 +76,12 @@ impl ApplicationHandler for App<'_> {
 
     fn window_event(&mut self, events: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
         let Some(open) = &mut self.open else { return };
+        #[cfg(feature = "glsl")]
+        if open.has_new_shaders() {
+            let remade = self.open.take().map(Open::with_new_shaders).transpose();
+            self.open = self.check(events, remade).flatten();
+            return;
+        }
         if matches!(event, WindowEvent::RedrawRequested) {
             match open.draw() {
                 Err(error) if lost::is_loss(&error) => {

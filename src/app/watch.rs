@@ -10,11 +10,13 @@ pub(super) const EVERY: Duration = Duration::from_millis(400);
 /// Time of the last write to a file, and its size. `None` if the file does not exist.
 type Stamp = Option<(SystemTime, u64)>;
 
-/// The files of a scene.
+/// The files of a scene, or of a folder of shaders.
 pub(super) struct Watch {
-    scene: PathBuf,
+    of: PathBuf,
+    /// Lists the files of a scene or folder.
+    list: fn(&Path) -> Vec<PathBuf>,
     files: Vec<PathBuf>,
-    /// Stamps when the scene was loaded.
+    /// Stamps when they were loaded.
     loaded: Vec<Stamp>,
     /// Stamps at the last check. Files whose stamps still change are still being written.
     seen: Vec<Stamp>,
@@ -22,15 +24,21 @@ pub(super) struct Watch {
 }
 
 impl Watch {
+    /// Watches the files of a scene.
     pub(super) fn new(scene: &Path) -> Self {
-        let files = files_of(scene);
+        Self::of(scene, files_of)
+    }
+
+    /// Watches the files that `list` finds in a folder.
+    pub(super) fn of(folder: &Path, list: fn(&Path) -> Vec<PathBuf>) -> Self {
+        let files = list(folder);
         let loaded = stamps(&files);
-        Self { scene: scene.to_owned(), seen: loaded.clone(), files, loaded, looked: Instant::now() }
+        Self { of: folder.to_owned(), list, seen: loaded.clone(), files, loaded, looked: Instant::now() }
     }
 
     /// Whether this watches the files of `scene`.
     pub(super) fn is_of(&self, scene: &Path) -> bool {
-        self.scene == scene
+        self.of == scene
     }
 
     /// Whether a file has changed and then stayed the same between two checks. Reports each change once.
@@ -44,7 +52,7 @@ impl Watch {
         self.seen = now;
         let changed = rests && self.seen != self.loaded && self.seen.iter().all(Option::is_some);
         if changed {
-            *self = Self::new(&self.scene);
+            *self = Self::of(&self.of, self.list);
         }
         changed
     }

@@ -12,6 +12,8 @@ use super::input::{Input, Wish};
 use super::panel;
 use super::pixel::Pixel;
 use super::session;
+#[cfg(feature = "glsl")]
+use super::shaders::Shaders;
 use super::video::Video;
 use super::watch::EVERY;
 use crate::cli::check_messages;
@@ -79,6 +81,9 @@ pub(super) struct Open {
     /// Time of the last loss of a device.
     lost: Option<Instant>,
     faults: Faults,
+    /// The shaders that are compiled again when they change, with `--dev`.
+    #[cfg(feature = "glsl")]
+    shaders: Option<Shaders>,
 }
 
 impl Open {
@@ -127,6 +132,8 @@ impl Open {
             closed: false,
             lost: None,
             faults,
+            #[cfg(feature = "glsl")]
+            shaders: args.dev.as_deref().map(Shaders::new).transpose().map_err(anyhow::Error::msg)?,
         })
     }
 
@@ -438,6 +445,10 @@ impl Open {
             panel::debug::legend(ui, document, left_over);
             panel.hint(ui, left_over);
             panel::compare::overlay(ui, compare, left_over);
+            #[cfg(feature = "glsl")]
+            if let Some(error) = self.shaders.as_ref().and_then(|shaders| shaders.error.as_ref()) {
+                panel::debug::shader_error(ui, error, left_over);
+            }
         });
         self.canvas.take_glyphs(output.textures_delta);
         self.egui.handle_platform_output(&self.window, output.platform_output);
@@ -525,7 +536,10 @@ impl Open {
             (false, true) => Some(soon.min(POLL)),
             (false, false) => Some(soon).filter(|wait| *wait < Duration::from_secs(3600)),
         };
-        let wait = if self.document.args.watch { Some(wait.unwrap_or(EVERY).min(EVERY)) } else { wait };
+        let watches = self.document.args.watch;
+        #[cfg(feature = "glsl")]
+        let watches = watches || self.shaders.is_some();
+        let wait = if watches { Some(wait.unwrap_or(EVERY).min(EVERY)) } else { wait };
         self.next = wait.map(|wait| Instant::now() + if compared { Duration::ZERO } else { wait });
         Ok(())
     }

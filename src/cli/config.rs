@@ -20,7 +20,7 @@ pub(super) enum Config {
 }
 
 /// Flags that cannot be settings, because they belong to a single run or conflict with another flag.
-const LEFT_OUT: [&str; 7] = ["help", "version", "against", "camera", "ev", "sky-color", "spacing"];
+const LEFT_OUT: [&str; 8] = ["help", "version", "against", "camera", "dev", "ev", "sky-color", "spacing"];
 
 /// Path of the settings file: `lightskin/settings.toml` under `$XDG_CONFIG_HOME`, or else under `$HOME/.config`
 /// (Windows: `%APPDATA%`). `None` if neither is set.

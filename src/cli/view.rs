@@ -48,6 +48,13 @@ pub(crate) struct View {
     /// Reload the scene when its files change. The camera stays.
     #[arg(long)]
     pub(crate) watch: bool,
+    /// Compile shaders again when their files change, for developers of lightskin.
+    ///
+    /// Without a folder, the files are those from which this program was built. Errors appear over the picture, which
+    /// keeps the last shaders that compiled. Structs of shared*.glsl need a new build.
+    #[cfg(feature = "glsl")]
+    #[arg(long, hide_short_help = true, value_name = "FOLDER", num_args = 0..=1, require_equals = true, default_missing_value = concat!(env!("CARGO_MANIFEST_DIR"), "/glsl"))]
+    pub(crate) dev: Option<PathBuf>,
     /// Target frame rate [frames/s]. The timings panel draws a line at the time that a frame may take.
     #[arg(long, value_name = "HZ", value_parser = super::positive)]
     pub(crate) target_hz: Option<f64>,
@@ -285,6 +292,8 @@ impl View {
                 against: None,
                 reference_spp: self.reference_spp,
                 watch: self.watch,
+                #[cfg(feature = "glsl")]
+                dev: self.dev.clone(),
                 target_hz: self.target_hz,
                 ui_scale: self.ui_scale,
                 max_fps: self.max_fps,

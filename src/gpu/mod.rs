@@ -25,6 +25,8 @@ mod pipeline;
 mod raster;
 mod reflect;
 mod registry;
+#[cfg(feature = "glsl")]
+mod reload;
 mod sampler;
 mod spirv;
 #[cfg(feature = "app")]
@@ -49,6 +51,8 @@ pub use pipeline::Pipeline;
 pub(crate) use pipeline::shader;
 pub use raster::{Attribute, Blend, Cull, Depth, Raster, Shape, Stream};
 pub use registry::{Counters, ResourceInfo, ResourceKind};
+#[cfg(feature = "glsl")]
+pub use reload::ShaderFolder;
 pub use sampler::SamplerKind;
 #[cfg(feature = "app")]
 pub use swapchain::{Present, Swapchain};

@@ -79,6 +79,10 @@ pub(super) fn shader_names() -> impl Iterator<Item = &'static str> {
 /// SPIR-V of an entry shader of this stage, by file name.
 pub(super) fn spirv(name: &str, stage: &str) -> Vec<u32> {
     assert!(name.ends_with(stage), "{name}: not a shader of stage {stage}");
+    #[cfg(feature = "glsl")]
+    if let Some(code) = super::reload::replaced(name) {
+        return code;
+    }
     bytemuck::pod_collect_to_vec(shader(name))
 }
 

@@ -98,6 +98,21 @@ pub(in crate::app) fn legend(ui: &Ui, document: &mut Document, picture: Rect) {
     }
 }
 
+/// Shows over the picture why changed shaders are not in use.
+#[cfg(feature = "glsl")]
+pub(in crate::app) fn shader_error(ui: &Ui, error: &str, picture: Rect) {
+    egui::Area::new(egui::Id::unique("shader error"))
+        .fixed_pos(picture.min + egui::vec2(12.0, 12.0))
+        .interactable(false)
+        .show(ui.ctx(), |ui| {
+            egui::Frame::popup(ui.style()).show(ui, |ui| {
+                ui.set_max_width((picture.width() - 40.0).max(100.0));
+                ui.label(RichText::new("The picture has the last shaders that compiled.").strong());
+                ui.label(RichText::new(error.trim()).monospace().color(Color32::from_rgb(255, 140, 120)));
+            });
+        });
+}
+
 /// Shows all values of the picked pixel.
 pub(super) fn pixel(ui: &mut Ui, document: &mut Document) {
     let Some(pixel) = &document.pixel else { return };

@@ -2,6 +2,8 @@
 
 use super::Open;
 use crate::app::canvas::Canvas;
+#[cfg(feature = "glsl")]
+use crate::app::shaders::Shaders;
 use crate::cli::check_messages;
 use anyhow::{Context, Error, Result, bail};
 use lightskin::frame::Engine;
@@ -50,6 +52,24 @@ impl Open {
         log::warn!("the device was lost at: {what}; the window continues on a new one");
         self.lost = Some(Instant::now());
         let open = self.on_new_device().context("the device was lost, and no other takes over")?;
+        open.redraw();
+        Ok(open)
+    }
+
+    /// Whether shaders have changed and are compiled.
+    #[cfg(feature = "glsl")]
+    pub(in crate::app) fn has_new_shaders(&mut self) -> bool {
+        self.shaders.as_mut().is_some_and(Shaders::reload)
+    }
+
+    /// Makes everything on the device anew, with the shaders of now.
+    ///
+    /// # Errors
+    /// Fails if the device refuses a shader.
+    #[cfg(feature = "glsl")]
+    pub(in crate::app) fn with_new_shaders(mut self) -> Result<Self> {
+        self.writing.drain(..).for_each(|(_, thread)| drop(thread.join()));
+        let open = self.on_new_device().context("the changed shaders")?;
         open.redraw();
         Ok(open)
     }
