@@ -106,12 +106,12 @@ fn a_monkey_breaks_nothing() {
     app.quit();
 }
 
-/// `frames` frames of a moving camera create no descriptor set, pool, pipeline or resource, and take no memory.
-pub(crate) fn frames_leave_nothing(frames: u64) {
+/// `frames` frames of this size with a moving camera create no descriptor set, pool, pipeline or resource, and take no memory.
+pub(crate) fn frames_leave_nothing(frames: u64, size: &str) {
     let Some(display) = Display::open() else { return };
     let folder = folder("app_frames");
     let scene = cornell();
-    let words = ["-vv", "view", scene.to_str().expect("a path"), "--size", "160x120", "--no-panels"];
+    let words = ["-vv", "view", scene.to_str().expect("a path"), "--size", size, "--no-panels"];
     let light = ["--caches", "150", "--quality", "low", "--validation", "sync"];
     let mut app = App::start(&display, &folder, &[&words[..], &light].concat());
     app.line("scene");
@@ -128,11 +128,17 @@ pub(crate) fn frames_leave_nothing(frames: u64) {
 
 #[test]
 fn frames_leave_nothing_behind() {
-    frames_leave_nothing(100);
+    frames_leave_nothing(100, "160x120");
 }
 
 #[test]
 #[ignore = "takes minutes; scripts/soak runs it"]
 fn five_thousand_frames_leave_nothing_behind() {
-    frames_leave_nothing(5000);
+    frames_leave_nothing(5000, "160x120");
+}
+
+#[test]
+#[ignore = "takes minutes; scripts/soak runs it"]
+fn large_frames_leave_nothing_behind() {
+    frames_leave_nothing(300, "1280x720");
 }

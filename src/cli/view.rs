@@ -173,6 +173,26 @@ impl View {
         (self.caches.caches, self.caches.spacing) = (count, None);
     }
 
+    /// Largest angle between a surface normal and the normal of its cache [degrees].
+    pub(crate) fn angle(&self) -> f64 {
+        self.caches.angle
+    }
+
+    pub(crate) fn set_angle(&mut self, degrees: f64) {
+        self.caches.angle = degrees;
+    }
+
+    /// Number of caches interpolated at each vertex.
+    pub(crate) fn references(&self) -> usize {
+        self.caches.settings().references
+    }
+
+    /// Requests 8 or 16 interpolated caches.
+    pub(crate) fn set_references(&mut self, count: usize) {
+        let usual = self.quality().references();
+        self.caches.refs = (count != usual).then(|| count.to_string());
+    }
+
     /// Initial tone curve, exposure and background.
     pub(crate) fn look(&self) -> Look {
         Look {
