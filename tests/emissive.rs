@@ -125,6 +125,32 @@ fn patches_carry_all_the_light_of_textures_many_triangles_and_mirrored_instances
     assert!(middle.distance(dvec3(-0.1, 0.8, -0.1)) < 0.01);
 }
 
+/// A double-sided ball gives the light of its outside alone, unless it is as large as a room that someone may be in.
+#[test]
+fn insides_of_small_bodies_give_no_light() {
+    let gpu = gpu();
+    for (radius, sides) in [(0.03, 1.0), (0.5, 2.0)] {
+        let mut scene = lamp_over_floor(Vec3::ZERO);
+        let outside = sphere(radius, 16);
+        let mut inside = outside.clone();
+        inside.vertices.iter_mut().for_each(|vertex| vertex.normal = -vertex.normal);
+        inside.indices.as_chunks_mut::<3>().0.iter_mut().for_each(|corners| corners.swap(1, 2));
+        let material = Material { emissive: Vec3::splat(10.0), double_sided: true, ..phong([0.0; 3], [0.0; 3], 1.0) };
+        let area: f64 = outside.indices.as_chunks::<3>().0.iter().map(|c| area(&outside, *c)).sum();
+        add(&mut scene, outside.and(inside), material, DAffine3::from_translation(dvec3(0.0, 0.4, 0.0)));
+        let world = World::new(&gpu, &scene, None).expect("upload");
+        let flux: f32 = world.emitters.iter().map(|val| val.flux.x).sum();
+        let wanted = sides * PI * 10.0 * area;
+        assert!((f64::from(flux) / wanted - 1.0).abs() < 1e-3, "{radius} m: {flux} lm, expected {wanted}");
+    }
+}
+
+/// Area of a triangle [m^2].
+fn area(surface: &Surface, corners: [u32; 3]) -> f64 {
+    let [a, b, c] = corners.map(|corner| surface.vertices[corner as usize].position.as_dvec3());
+    0.5 * (b - a).cross(c - a).length()
+}
+
 /// The Cornell box with its lamp, and an emissive ball below the ceiling.
 fn ball_in_a_box() -> Scene {
     let mut scene = cornell(CornellSurface::Diffuse, 0.1);

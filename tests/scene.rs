@@ -353,7 +353,7 @@ fn degenerate_triangles_and_bad_normals_are_mended() {
 }
 
 /// An octahedron, or its flat square alone, with triangles and normals that face outwards (up) or not.
-fn octahedron(is_flat: bool, outward_triangles: bool, outward_normals: bool) -> Scene {
+fn octahedron(is_flat: bool, outward_triangles: bool, outward_normals: bool, double_sided: bool) -> Scene {
     let places = [Vec3::X, Vec3::Y, Vec3::NEG_X, Vec3::NEG_Y, Vec3::Z, Vec3::NEG_Z];
     let normals = places.map(|p| if is_flat { Vec3::Z } else { p } * if outward_normals { 1.0 } else { -1.0 });
     let around = [[0, 1], [1, 2], [2, 3], [3, 0]];
@@ -368,26 +368,27 @@ fn octahedron(is_flat: bool, outward_triangles: bool, outward_normals: bool) -> 
     let turned: Vec<u8> = turned.collect();
     let indices = b.accessor(5121, "SCALAR", turned.len(), &turned);
     b.primitive()["indices"] = json!(indices);
+    b.json["materials"] = json!([{ "doubleSided": double_sided }]);
+    b.primitive()["material"] = json!(0);
     b.load("octahedron").expect("is valid")
 }
 
 #[test]
 fn bodies_that_are_inside_out_are_turned_over() {
-    for [is_flat, triangles, normals] in (0..8).map(|case| [1, 2, 4].map(|bit| case & bit != 0)) {
-        let scene = octahedron(is_flat, triangles, normals);
-        let is_turned = !is_flat && !triangles && normals;
+    for case in (0..16).map(|case| [1, 2, 4, 8].map(|bit| case & bit != 0)) {
+        let [is_flat, triangles, normals, double_sided] = case;
+        let scene = octahedron(is_flat, triangles, normals, double_sided);
+        let is_turned = if double_sided { triangles != normals } else { !is_flat && !triangles && normals };
         let mesh = &scene.meshes[0];
-        for corners in mesh.indices.as_chunks::<3>().0 {
+        let sides = if double_sided { 2 } else { 1 };
+        let all = mesh.indices.as_chunks::<3>().0;
+        for corners in &all[..all.len() / sides] {
             let [a, b, c] = corners.map(|c| mesh.vertices[c as usize].position);
             let outwards = if is_flat { Vec3::Z } else { a + b + c };
-            assert_eq!(
-                (b - a).cross(c - a).dot(outwards) > 0.0,
-                triangles || is_turned,
-                "{is_flat} {triangles} {normals}"
-            );
+            assert_eq!((b - a).cross(c - a).dot(outwards) > 0.0, triangles != is_turned, "{case:?}");
         }
         let notes = if is_turned {
-            vec!["Primitives turned over (their triangles faced inwards, their normals outwards): 1."]
+            vec!["Primitives turned over (their triangles faced against their normals): 1."]
         } else {
             vec![]
         };

@@ -5,7 +5,7 @@
 
 use super::search::Model;
 use super::seeds::Place;
-use crate::scene::rays::Rays;
+use crate::scene::rays::{Rays, cosine_directions};
 use crate::scene::{Instance, Mesh, Scene};
 use glam::DVec3;
 
@@ -68,14 +68,9 @@ impl<'a> Surroundings<'a> {
     /// Number of rays from a surface that hit nothing within a distance \[m\]. If there are none: 1 if some rays leave
     /// the gap, otherwise 0.
     fn escaped(&self, position: DVec3, normal: DVec3, spacing: f64) -> u32 {
-        let (tangent, bitangent) = normal.any_orthonormal_pair();
         let start = position + normal * self.lift;
-        let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
         let (mut free, mut out) = (0, 0);
-        for i in 0..RAYS {
-            let square = (f64::from(i) + 0.5) / f64::from(RAYS);
-            let (sin, cos) = (f64::from(i) * golden).sin_cos();
-            let direction = (tangent * cos + bitangent * sin) * square.sqrt() + normal * (1.0 - square).sqrt();
+        for direction in cosine_directions(normal, RAYS) {
             let met = self.rays.within(start, direction, FAR * spacing);
             free += u32::from(met.is_none());
             out += u32::from(met.is_none_or(|met| met.distance > GAP * spacing));

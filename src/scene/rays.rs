@@ -48,6 +48,17 @@ pub struct Hit {
     pub front: bool,
 }
 
+/// Directions above a surface whose density is proportional to the cosine with its unit normal: a fixed spiral.
+pub fn cosine_directions(normal: DVec3, count: u32) -> impl Iterator<Item = DVec3> {
+    let (tangent, bitangent) = normal.any_orthonormal_pair();
+    let golden = std::f64::consts::PI * (3.0 - 5.0_f64.sqrt());
+    (0..count).map(move |i| {
+        let square = (f64::from(i) + 0.5) / f64::from(count);
+        let (sin, cos) = (f64::from(i) * golden).sin_cos();
+        (tangent * cos + bitangent * sin) * square.sqrt() + normal * (1.0 - square).sqrt()
+    })
+}
+
 impl Rays {
     /// Collects all visible triangles in their current pose and builds the hierarchy, on all cores.
     pub fn new(scene: &Scene) -> Self {

@@ -5,6 +5,7 @@
 //! it, so the patch is a VAL with that flux. Its light is shadowed like that of any VAL.
 
 use super::area_lights::AreaLights;
+use super::enclosed;
 use crate::scene::material::Emission;
 use crate::scene::{Instance, Mesh, Scene, Vertex, luminance};
 use crate::shared::Val;
@@ -31,8 +32,10 @@ pub(super) struct Emitter<'a> {
     /// Vertices of the mesh.
     pub(super) corners: [usize; 3],
     pub(super) material: usize,
-    /// Area in the world [m^2].
-    area: f64,
+    /// Centre in the world \[m\].
+    pub(super) middle: DVec3,
+    /// Normal of its front, with twice its area as length [m^2].
+    pub(super) face: DVec3,
 }
 
 /// A patch: part of a triangle, independent of the triangle's position.
@@ -72,14 +75,14 @@ impl Patches {
         let nominal: Vec<DVec3> =
             (emission.iter()).map(|e| e.as_ref().map_or(DVec3::ZERO, |e| e.factor().as_dvec3())).collect();
         let mut places = Places::new(scene);
-        let triangles = triangles(scene, &emission, &mut places);
+        let triangles = enclosed::outer(scene, triangles(scene, &emission, &mut places));
         let (areas, triangles) = AreaLights::take(scene, &emission, &mut places, triangles);
-        let area: f64 = triangles.iter().map(|t| t.area).sum();
+        let area: f64 = triangles.iter().map(Emitter::area).sum();
         let patches: Vec<Vec<Patch>> = triangles
             .par_iter()
             .with_min_len(256)
             .map(|triangle| {
-                let parts = ((triangle.area * WANTED / area).sqrt().ceil() as usize).clamp(1, MOST_PARTS);
+                let parts = ((triangle.area() * WANTED / area).sqrt().ceil() as usize).clamp(1, MOST_PARTS);
                 divide(triangle, emission[triangle.material].as_ref().expect("emits"), parts)
             })
             .collect();
@@ -168,9 +171,11 @@ fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], places: &m
         for primitive in mesh.primitives.iter().filter(|p| emission[p.material].is_some()) {
             for triangle in primitive.first_index / 3..(primitive.first_index + primitive.index_count) / 3 {
                 let corners = mesh.triangle(triangle as usize);
-                let area = 0.5 * places.triangle(i, corners).1.length();
+                let ([a, b, c], face) = places.triangle(i, corners);
+                let area = 0.5 * face.length();
                 if area > 0.0 && area.is_finite() {
-                    all.push(Emitter { instance: i, mesh, corners, material: primitive.material, area });
+                    let (material, middle) = (primitive.material, (a + b + c) / 3.0);
+                    all.push(Emitter { instance: i, mesh, corners, material, middle, face });
                 }
             }
         }
@@ -179,6 +184,11 @@ fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], places: &m
 }
 
 impl Emitter<'_> {
+    /// Area in the world [m^2].
+    fn area(&self) -> f64 {
+        0.5 * self.face.length()
+    }
+
     /// Mean share of the material's radiance after its texture.
     pub(super) fn mean_share(&self, emission: &Emission<'_>) -> DVec3 {
         let parts = if emission.is_uniform() { 1 } else { 4 * SAMPLES };

@@ -10,6 +10,7 @@ mod cells;
 pub(super) mod deform;
 mod draws;
 mod emitters;
+mod enclosed;
 mod filled;
 pub mod lights;
 mod model_caches;

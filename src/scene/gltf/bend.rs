@@ -229,7 +229,9 @@ impl Geometry<'_> {
         double_sided: bool,
         notes: &mut Notes,
     ) -> Result<Option<(Surface, Deform)>> {
-        let Some((mut draft, attributes, used, count)) = self.draft(primitive, mesh, notes)? else { return Ok(None) };
+        let Some((mut draft, attributes, used, count)) = self.draft(primitive, mesh, double_sided, notes)? else {
+            return Ok(None);
+        };
         let targets = primitive.objects("targets", "morph target")?;
         let mut displacements = Vec::new();
         if bend.weighed {

@@ -56,7 +56,9 @@ impl Geometry<'_> {
         double_sided: bool,
         notes: &mut Notes,
     ) -> Result<Option<Surface>> {
-        let Some((mut draft, attributes, used, count)) = self.draft(primitive, mesh, notes)? else { return Ok(None) };
+        let Some((mut draft, attributes, used, count)) = self.draft(primitive, mesh, double_sided, notes)? else {
+            return Ok(None);
+        };
         let targets = primitive.objects("targets", "morph target")?;
         pose::morph(&mut draft.vertices, &used, count, &targets, pose, self.accessors, mesh)?;
         if let Some(joints) = &pose.joints {
@@ -85,6 +87,7 @@ impl Geometry<'_> {
         &mut self,
         primitive: &Object<'o>,
         mesh: &str,
+        double_sided: bool,
         notes: &mut Notes,
     ) -> Result<Option<Stored<'o>>> {
         let mode = primitive.whole("mode")?.unwrap_or(4);
@@ -134,9 +137,9 @@ impl Geometry<'_> {
             }
         }
         draft.vertices = self.vertices(&attributes, mesh, &positions, &used, notes)?;
-        if draft.has_normals && draft.is_inside_out() {
+        if draft.has_normals && draft.is_inside_out(double_sided) {
             draft.triangles.iter_mut().for_each(|triangle| triangle.swap(1, 2));
-            notes.count("Primitives turned over (their triangles faced inwards, their normals outwards)", 1);
+            notes.count("Primitives turned over (their triangles faced against their normals)", 1);
         }
         Ok(Some((draft, attributes, used, positions.count)))
     }
@@ -264,8 +267,9 @@ impl Draft {
     }
 
     /// Whether the triangles of a body face inwards although its normals face outwards. Seen as written, such a body
-    /// shows the inside of its far side. Flat and open surfaces stay as written.
-    fn is_inside_out(&self) -> bool {
+    /// shows the inside of its far side. Flat and open surfaces stay as written, unless they are double-sided: light on
+    /// both of their sides would be that of the other side.
+    fn is_inside_out(&self, double_sided: bool) -> bool {
         let finite = |v: DVec3| if v.is_finite() { v } else { DVec3::ZERO };
         let sum: DVec3 = self.vertices.iter().map(|v| finite(v.position.as_dvec3())).sum();
         let middle = sum / self.vertices.len().max(1) as f64;
@@ -281,7 +285,7 @@ impl Draft {
                 most += facing.length() * from_middle.length();
             }
         }
-        against > 0.99 * area && outwards < -0.1 * most
+        against > 0.99 * area && (double_sided || outwards < -0.1 * most)
     }
 
     fn drop_degenerate(&mut self, notes: &mut Notes) {
