@@ -269,6 +269,10 @@ impl Document {
         self.changes += 1;
         (self.pixel, self.video) = (None, None);
         self.gizmo.clear();
+        // Steps of other lights cannot be undone.
+        if anew || !lights.has_the_file_of(&self.lights) {
+            self.history = History::default();
+        }
         self.lights = lights;
         // The file is the same, even with another sky or other caches.
         let same = anew && same_scene;
@@ -285,9 +289,6 @@ impl Document {
             self.clip = Clip { animation: None, time: 0.0, playing: false, speed: self.clip.speed };
             self.seen = self.args.camera.as_ref().map_or(Seen::OfScene(0), |wanted| begin_at(&scene, wanted));
             self.edited.clear();
-        }
-        if anew {
-            self.history = History::default();
         }
         if let Seen::OfScene(index) = self.seen
             && index >= scene.cameras.len()

@@ -87,6 +87,11 @@ impl Lights {
         lights
     }
 
+    /// Whether both have as many lights of a file and of a sky.
+    pub(crate) fn has_the_file_of(&self, other: &Self) -> bool {
+        (self.own, self.of_sky) == (other.own, other.of_sky)
+    }
+
     /// Adds a light and chooses it. Gives it the first free name.
     pub(crate) fn add(&mut self, mut light: Light) {
         let is_free = |name: &str| self.lamps.iter().all(|lamp| lamp.light.name != name);
