@@ -72,6 +72,12 @@ fn a_sky_leaves_the_edits() {
     app.settle("--sky-rotate ");
     assert!(png(&folder.join(app.picture())).1 != with_sky, "the picture must turn with the sky");
     assert_eq!(saved(&mut app, &folder).1["lights"], before["lights"]);
+    // The sky has no sun, so that the lights are the same, and both steps can be undone.
+    for step in 0..2 {
+        app.press_with("Control", "Z");
+        app.settle("");
+        assert_ne!(saved(&mut app, &folder).1["lights"], before["lights"], "step {step}");
+    }
     app.quit();
 }
 
@@ -154,7 +160,10 @@ fn lights_are_moved_added_and_undone() {
     app.settle("");
     let (_, session) = saved(&mut app, &folder);
     assert_eq!(session["lights"].as_array().map(Vec::len), Some(1));
+    // Without the handles the window shows the picture alone.
+    let plain = png(&folder.join(app.picture())).1;
+    assert!(app.pixels([0, 0], [400, 560]) != plain, "handles must be shown");
     app.press("L");
-    app.settle("");
+    app.shows([400, 560], &plain, "without handles");
     app.quit();
 }

@@ -22,7 +22,7 @@ use lightskin::frame::engine::{Loaded, Progress};
 use lightskin::frame::settings::{Caches, Gather};
 use lightskin::frame::{Engine, Indirect, Look, Picture, Settings, View, Ways, tune};
 use lightskin::gpu::{FrameTimes, Gpu};
-use lightskin::scene::{Camera, Scene};
+use lightskin::scene::{Camera, Material, Scene};
 use std::collections::{BTreeSet, VecDeque};
 use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
@@ -153,8 +153,9 @@ impl Document {
 
     /// Starts to load a scene in the background. The old scene stays visible until then. A later call replaces the job.
     pub(super) fn open(&mut self, args: Args, anew: bool) {
-        let session = self.job.take().and_then(|job| job.session).filter(|_| !anew);
-        self.start(args, anew, session);
+        // Edits of a scene that is still being loaded go with the job that replaces its own.
+        let (before, session) = self.job.take().map_or((false, None), |job| (job.anew, job.session));
+        self.start(args, anew || before, session.filter(|_| !anew));
     }
 
     /// Opens a session in the background, like `open`.
@@ -163,7 +164,6 @@ impl Document {
     /// Fails if the file is not a valid session.
     pub(super) fn open_session(&mut self, file: &Path) -> Result<()> {
         let (args, session) = session::load(file, &self.args)?;
-        self.session = Some(file.to_owned());
         self.start(args, true, Some(session));
         Ok(())
     }
@@ -183,7 +183,6 @@ impl Document {
                 })
             }),
         };
-        let anew = anew || self.job.as_ref().is_some_and(|job| job.anew);
         self.job = Some(Job { thread, progress, args, anew, session });
     }
 
@@ -246,7 +245,7 @@ impl Document {
             .map_or(0, |caches| caches.instance_model.iter().map(|model| caches.models[*model].caches.len()).sum());
         let mut settings = usual(&args, count, self.ways);
         let mut lights = match &self.engine {
-            Some(old) if !anew => {
+            Some(old) if !anew && session.is_none() => {
                 keep_edits(old.scene(), &mut loaded.scene, &self.edited);
                 Lights::kept(&loaded.scene, &self.lights)
             }
@@ -258,7 +257,7 @@ impl Document {
         if same_scene && args.quality() == self.args.quality() {
             settings = self.settings;
         }
-        if let Some(Opened { session, drawing }) = session {
+        if let Some(Opened { session, drawing, .. }) = session {
             settings = drawing.settings(gpu, count)?;
             lights = session.change(&mut loaded.scene);
         }
@@ -274,9 +273,13 @@ impl Document {
             self.history = History::default();
         }
         self.lights = lights;
+        if anew {
+            self.edited.clear();
+        }
         // The file is the same, even with another sky or other caches.
         let same = anew && same_scene;
         (self.args, self.settings, self.caches) = (args, settings, count);
+        self.look.behind = self.args.look().behind;
         let scene = self.engine.as_ref().map(|engine| engine.scene().clone()).unwrap_or_default();
         print(&format!(
             "scene     {}: {} triangles, {} caches",
@@ -288,8 +291,10 @@ impl Document {
             self.bookmarks = [None; 9];
             self.clip = Clip { animation: None, time: 0.0, playing: false, speed: self.clip.speed };
             self.seen = self.args.camera.as_ref().map_or(Seen::OfScene(0), |wanted| begin_at(&scene, wanted));
-            self.edited.clear();
         }
+        self.clip.animation = self.clip.animation.filter(|clip| *clip < scene.animations().count());
+        let is_there = |seen: &Seen| !matches!(seen, Seen::OfScene(index) if *index >= scene.cameras.len());
+        self.bookmarks = self.bookmarks.map(|seen| seen.filter(is_there));
         if let Seen::OfScene(index) = self.seen
             && index >= scene.cameras.len()
         {
@@ -297,9 +302,12 @@ impl Document {
         }
         if let Some(Opened { session, .. }) = session {
             session::apply(session, self);
-            if self.clip.animation.is_some() {
-                self.pose(gpu);
-            }
+        }
+        if session.is_some() || (anew && !same) {
+            self.session = session.map(|opened| opened.file.clone());
+        }
+        if self.clip.animation.is_some() {
+            self.pose(gpu);
         }
         if let Some(path) = self.args.scene.as_deref().filter(|_| anew) {
             recent::add(path);
@@ -542,9 +550,13 @@ fn keep_edits(old: &Scene, new: &mut Scene, edited: &BTreeSet<usize>) {
     }
     if old.materials.len() == new.materials.len() {
         for index in edited {
-            let (old, new) = (&old.materials[*index], &mut new.materials[*index]);
-            (new.base_color, new.emissive) = (old.base_color, old.emissive);
-            (new.roughness, new.metallic) = (old.roughness, old.metallic);
+            copy_edits(&old.materials[*index], &mut new.materials[*index]);
         }
     }
+}
+
+/// Copies what the panel can change of a material.
+pub(super) fn copy_edits(old: &Material, new: &mut Material) {
+    (new.base_color, new.emissive) = (old.base_color, old.emissive);
+    (new.roughness, new.metallic) = (old.roughness, old.metallic);
 }

@@ -74,7 +74,10 @@ impl Document {
     /// Grips something at a position in the window [points].
     pub(super) fn grip(&mut self, grip: Grip, at: Pos2) {
         match (grip, self.lights.chosen, self.gizmo.seen) {
-            (Grip::Light(index), ..) => self.lights.chosen = Some(index),
+            (Grip::Light(index), ..) => {
+                self.gizmo.held = None;
+                self.lights.chosen = Some(index).filter(|index| *index < self.lights.lamps.len());
+            }
             (Grip::Handle(handle), Some(index), Some(seen)) => {
                 let from = centre(&self.lights.lamps[index], &seen, self.radius());
                 self.gizmo.held = Some(Held { handle, from, at });
@@ -289,7 +292,7 @@ fn handles(painter: &Painter, seen: &Seen, lamp: &Lamp, centre: DVec3, grips: &m
     }
 }
 
-/// Where a handle has moved its light.
+/// Where an arrow or the middle has moved its light.
 fn moved(seen: &Seen, held: &Held, pointer: Pos2) -> Option<DVec3> {
     let by = match held.handle {
         Handle::Axis(axis) => {
@@ -297,7 +300,7 @@ fn moved(seen: &Seen, held: &Held, pointer: Pos2) -> Option<DVec3> {
             let [from, to] = [held.at, pointer].map(|on| seen.along(on, held.from, axis));
             (to? - from?) * axis
         }
-        Handle::Middle | Handle::Aim => {
+        _ => {
             let [from, to] = [held.at, pointer].map(|on| seen.on_plane(on, held.from));
             to? - from?
         }

@@ -148,8 +148,8 @@ impl Input {
             }
             WindowEvent::Focused(false) => {
                 self.keys.clear();
-                (self.held, self.grips) = (None, false);
-                Vec::new()
+                self.held = None;
+                if std::mem::take(&mut self.grips) { vec![Wish::Release] } else { Vec::new() }
             }
             WindowEvent::KeyboardInput { event, is_synthetic: false, .. } => {
                 let typing = panels.text_edit_focused() || (taken && !self.is_flight(event));

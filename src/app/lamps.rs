@@ -16,7 +16,8 @@ impl Document {
         let surface = self.surface_at(gpu, [0.5, 0.5]).map(|(_, point)| point);
         let on = surface.unwrap_or(eye + self.radius() * forward);
         // Above the view's axis, so that the handle of a spot does not lie behind the light itself.
-        let position = on.lerp(eye, 0.35) + 0.1 * on.distance(eye) * camera.world_from_camera.matrix3.y_axis;
+        let position = on.lerp(eye, 0.35)
+            + 0.1 * on.distance(eye) * camera.world_from_camera.matrix3.y_axis.normalize_or(DVec3::Y);
         let sun = direction([45.0, 50.0]);
         let ev = self.picture.as_ref().and_then(|p| gpu.read::<f32>(&p.output.exposure).ok()).map_or(0.0, |ev| ev[0]);
         let illuminance = std::f64::consts::PI * 1.2 * f64::from(ev).exp2();
@@ -40,8 +41,8 @@ impl Document {
 
     /// Removes the chosen light, if the user has added it.
     pub(super) fn remove_light(&mut self, gpu: &Gpu) {
-        if let Some(index) = self.lights.chosen {
-            self.lights.remove(index);
+        if self.lights.remove_chosen() {
+            self.gizmo.clear();
             self.light(gpu);
         }
     }

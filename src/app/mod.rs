@@ -80,8 +80,8 @@ impl ApplicationHandler for App<'_> {
         if open.has_new_shaders() {
             let remade = self.open.take().map(Open::with_new_shaders).transpose();
             self.open = self.check(events, remade).flatten();
-            return;
         }
+        let Some(open) = &mut self.open else { return };
         if matches!(event, WindowEvent::RedrawRequested) {
             match open.draw() {
                 Err(error) if lost::is_loss(&error) => {

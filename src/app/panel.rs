@@ -44,7 +44,7 @@ const KEYS: [(&str, &str); 28] = [
     ("Ctrl+1 to 9", "store the current camera"),
     ("P", "play or stop the animation"),
     ("Shift+P", "start or stop writing the animation as PNG files"),
-    ("Ctrl+Z", "undo the last change of a light, a material or a visibility"),
+    ("Ctrl+Z", "undo the last change of a light, a material or a visible object"),
     ("Ctrl+Shift+Z", "redo it"),
     ("L", "show or hide the handles of lights"),
     ("Delete", "remove the chosen light"),
@@ -95,6 +95,13 @@ fn row(ui: &mut Ui, name: &str, help: &str, add: impl FnOnce(&mut Ui) -> Respons
     let response = add(ui).on_hover_text(help);
     ui.end_row();
     response
+}
+
+/// Whether the user has changed the value of a number. Widgets also report a change when they merely round or clamp what
+/// they show.
+fn is_edited(response: &Response) -> bool {
+    let touched = response.dragged() || response.drag_stopped() || response.has_focus() || response.lost_focus();
+    response.changed() && (touched || response.clicked())
 }
 
 /// Adds a drop-down list. The response is marked as changed if another entry was chosen.
@@ -173,9 +180,14 @@ impl State {
         wishes
     }
 
+    /// Whether lights and their handles are shown in the picture.
+    pub(super) fn shows_lights(&self) -> bool {
+        self.visible && self.handles
+    }
+
     /// Shows lights and their handles over the picture, while the panels are visible.
     pub(super) fn over(&self, ui: &Ui, document: &mut Document, picture: egui::Rect) {
-        if self.visible && self.handles {
+        if self.shows_lights() {
             gizmo::show(ui, document, picture);
         } else {
             document.gizmo.clear();
@@ -239,7 +251,7 @@ impl State {
     }
 
     fn gi(&mut self, ui: &mut Ui, document: &mut Document) {
-        let mut quality = document.args.quality();
+        let mut quality = document.wanted().quality();
         let mut settings = document.settings;
         rows(ui, "gi", |ui| {
             let levels = [
@@ -251,11 +263,11 @@ impl State {
             let help = "Sets everything below at once: caches, map sizes, shadows and rays. The caches of a new level are \
                         baked in the background. The old picture stays until they are ready.";
             if row(ui, "Quality", help, |ui| choose(ui, "quality", &mut quality, &levels)).changed() {
-                let mut args = document.args.clone();
+                let mut args = document.wanted().clone();
                 args.set_quality(quality);
                 document.open(args, false);
             }
-            let mut count = self.caches.unwrap_or(document.args.cache_count() as u32);
+            let mut count = self.caches.unwrap_or(document.wanted().cache_count() as u32);
             let help = "Approximate number of light caches on the surfaces. More caches give finer indirect light. The time \
                         grows in proportion, or faster with shadows. New caches are baked in the background.";
             let response = row(ui, "Caches", help, |ui| {
@@ -264,7 +276,7 @@ impl State {
             self.caches = (response.changed() || response.dragged()).then_some(count).or(self.caches);
             if let (false, Some(count)) = (response.dragged() || response.has_focus(), self.caches) {
                 self.caches = None;
-                let mut args = document.args.clone();
+                let mut args = document.wanted().clone();
                 if args.cache_count() != count as usize {
                     args.set_caches(Some(count));
                     document.open(args, false);

@@ -10,7 +10,7 @@ use lightskin::files;
 use lightskin::frame::Exposure;
 use lightskin::scene::Scene;
 use serde_json::{Map, Value, json};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 fn camera(seen: Seen) -> String {
     match seen {
@@ -61,6 +61,7 @@ pub(super) fn save(document: &Document, path: &Path) -> Result<()> {
 
 /// A session, and its flags of `render`.
 pub(super) struct Opened {
+    pub(super) file: PathBuf,
     pub(super) session: Session,
     pub(super) drawing: Drawing,
 }
@@ -74,7 +75,7 @@ pub(super) fn load(path: &Path, present: &Args) -> Result<(Args, Opened)> {
         let args = args.context("arguments: correct this, or save the session again")?;
         let drawing = Drawing::new(&session.settings);
         let drawing = drawing.context("settings: correct this, or save the session again")?;
-        Ok((args, Opened { session, drawing }))
+        Ok((args, Opened { file: path.to_owned(), session, drawing }))
     };
     read().with_context(|| path.display().to_string())
 }
@@ -84,10 +85,8 @@ pub(super) fn apply(session: &Session, document: &mut Document) {
     let place = |text: &Option<String>| text.as_deref().and_then(seen);
     let camera = place(&session.camera).filter(|seen| is_there(document.scene(), *seen));
     document.seen = camera.unwrap_or(document.seen);
-    document.bookmarks = [None; 9];
-    for (kept, text) in document.bookmarks.iter_mut().zip(&session.bookmarks) {
-        *kept = place(text);
-    }
+    let bookmark = |index: usize| place(session.bookmarks.get(index)?).filter(|seen| is_there(document.scene(), *seen));
+    document.bookmarks = std::array::from_fn(bookmark);
     document.look = document.args.look();
     if let Some(ev) = session.exposure {
         document.look.exposure = Exposure::Ev(ev);

@@ -1,6 +1,6 @@
 //! Undo and redo of edits of lights, materials and visibility.
 
-use super::document::Document;
+use super::document::{Document, copy_edits};
 use crate::cli::lights::Lamp;
 use lightskin::gpu::Gpu;
 use lightskin::scene::Material;
@@ -73,7 +73,7 @@ impl Document {
         self.edit(gpu, |scene| {
             lights.apply(scene);
             if scene.materials.len() == edits.materials.len() {
-                scene.materials.clone_from(&edits.materials);
+                edits.materials.iter().zip(&mut scene.materials).for_each(|(from, to)| copy_edits(from, to));
             }
             if scene.instances.len() == edits.hidden.len() {
                 for (instance, hidden) in scene.instances.iter_mut().zip(&edits.hidden) {
@@ -82,5 +82,10 @@ impl Document {
             }
         });
         self.history.settled = Some(edits);
+        self.gizmo.clear();
+        // Lights that the user has not placed follow their animation.
+        if self.clip.animation.is_some() {
+            self.pose(gpu);
+        }
     }
 }

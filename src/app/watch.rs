@@ -47,7 +47,12 @@ impl Watch {
             return false;
         }
         self.looked = Instant::now();
-        let now = stamps(&self.files);
+        let mut now = stamps(&self.files);
+        if now.contains(&None) {
+            // A file was renamed or removed.
+            self.files = (self.list)(&self.of);
+            now = stamps(&self.files);
+        }
         let rests = now == self.seen;
         self.seen = now;
         let changed = rests && self.seen != self.loaded && self.seen.iter().all(Option::is_some);

@@ -197,7 +197,8 @@ impl Open {
             Wish::Release => document.release(),
             Wish::Undo { again } => document.undo(gpu, again),
             Wish::Unchoose => document.lights.chosen = None,
-            Wish::Remove => document.remove_light(gpu),
+            Wish::Remove if self.panel.shows_lights() => document.remove_light(gpu),
+            Wish::Remove => {}
             Wish::Scale(steps) => panel::style::change_scale(self.egui.egui_ctx(), steps),
             Wish::ScaleBack => panel::style::set_scale(self.egui.egui_ctx(), document.args.ui_scale),
             Wish::Play => {
@@ -284,8 +285,8 @@ impl Open {
                     log::error!("{error:#}");
                 }
             }
-            Wish::Drop(file) if view::is_sky(&file) => document.open(document.args.with_sky(&file), false),
-            Wish::Drop(file) => document.open(document.args.with_file(&file), true),
+            Wish::Drop(file) if view::is_sky(&file) => document.open(document.wanted().with_sky(&file), false),
+            Wish::Drop(file) => document.open(document.wanted().with_file(&file), true),
         }
     }
 

@@ -51,10 +51,6 @@ fn same_emission(a: &Light, b: &Light) -> bool {
 pub(crate) struct Lights {
     /// First the lights of the file without those that approximate its sky, then the added ones.
     pub(crate) lamps: Vec<Lamp>,
-    /// Number of lights that the user has not added.
-    own: usize,
-    /// Number of lights that approximate the sky.
-    pub(crate) of_sky: usize,
     /// The light whose handles and values are shown.
     pub(crate) chosen: Option<usize>,
 }
@@ -69,27 +65,43 @@ impl Lights {
     pub(crate) fn of(scene: &Scene) -> Self {
         let sky = of_sky(scene);
         let own = scene.lights.iter().enumerate().filter(|(index, _)| !sky.contains(index));
-        let lamps: Vec<Lamp> = own.map(|(_, light)| Lamp::of_file(light)).collect();
-        Self { own: lamps.len(), lamps, of_sky: sky.len(), chosen: None }
+        Self { lamps: own.map(|(_, light)| Lamp::of_file(light)).collect(), chosen: None }
+    }
+
+    /// The lights of the file.
+    fn own(&self) -> &[Lamp] {
+        let added = self.lamps.iter().position(|lamp| lamp.file.is_none());
+        &self.lamps[..added.unwrap_or(self.lamps.len())]
+    }
+
+    /// The lights that the user has added.
+    fn added(&self) -> &[Lamp] {
+        &self.lamps[self.own().len()..]
     }
 
     /// The lights of a scene that was loaded again, with the edits of `before`: changes of lights that are still at the
     /// same index under the same name, and all added lights.
     pub(crate) fn kept(scene: &Scene, before: &Self) -> Self {
         let mut lights = Self::of(scene);
-        for (lamp, old) in lights.lamps.iter_mut().zip(&before.lamps[..before.own]) {
+        for (lamp, old) in lights.lamps.iter_mut().zip(before.own()) {
             if old.is_edited() && old.light.name == lamp.light.name && same_shape(&old.light, &lamp.light) {
-                *lamp = Lamp { file: lamp.file.take(), ..old.clone() };
+                // The sun of another sky keeps its own place, unless the user has moved the old one.
+                let moved = if old.placed { &old.light } else { &lamp.light };
+                let (position, direction) = (moved.position, moved.direction);
+                let light = Light { position, direction, ..old.light.clone() };
+                *lamp = Lamp { light, file: lamp.file.take(), ..*old };
             }
         }
-        lights.lamps.extend_from_slice(&before.lamps[before.own..]);
+        lights.lamps.extend_from_slice(before.added());
         lights.chosen = before.chosen.filter(|index| *index < lights.lamps.len());
         lights
     }
 
-    /// Whether both have as many lights of a file and of a sky.
+    /// Whether both have the same lights of a file, but for edits.
     pub(crate) fn has_the_file_of(&self, other: &Self) -> bool {
-        (self.own, self.of_sky) == (other.own, other.of_sky)
+        let names =
+            |lights: &Self| -> Vec<String> { lights.own().iter().map(|lamp| lamp.light.name.clone()).collect() };
+        names(self) == names(other)
     }
 
     /// Adds a light and chooses it. Gives it the first free name.
@@ -101,21 +113,24 @@ impl Lights {
         self.lamps.push(Lamp::added(light));
     }
 
-    /// Removes an added light. Lights of the file can only be switched off.
-    pub(crate) fn remove(&mut self, index: usize) {
-        if index >= self.own && index < self.lamps.len() {
-            self.lamps.remove(index);
-            self.chosen = None;
-        }
+    /// Removes the chosen light and returns true, if the user has added it. Lights of the file can only be switched off.
+    pub(crate) fn remove_chosen(&mut self) -> bool {
+        let added = |index: &usize| self.lamps.get(*index).is_some_and(|lamp| lamp.file.is_none());
+        let Some(index) = self.chosen.take_if(|index| added(index)) else { return false };
+        self.lamps.remove(index);
+        true
     }
 
     /// Takes over the lights of a session: edits of the file's lights in their order, and added lights, which have a
     /// type.
     pub(crate) fn take(&mut self, told: &[Value]) {
-        self.lamps.truncate(self.own);
+        self.lamps.truncate(self.own().len());
         let (added, own): (Vec<_>, Vec<_>) = told.iter().partition(|told| told["type"].is_string());
         for (lamp, told) in self.lamps.iter_mut().zip(own) {
-            lamp.take(told);
+            // Another light may stand at this index of the file by now.
+            if told["name"].as_str().is_none_or(|name| name == lamp.light.name) {
+                lamp.take(told);
+            }
         }
         for told in added {
             let Some(mut lamp) = told["type"].as_str().and_then(of_type) else { continue };
@@ -128,11 +143,11 @@ impl Lights {
 
     /// Writes the lights to the scene that they belong to.
     pub(crate) fn apply(&self, scene: &mut Scene) {
-        scene.lights.truncate(self.own + self.of_sky);
+        scene.lights.truncate(self.own().len() + of_sky(scene).len());
         for (lamp, light) in self.lamps.iter().zip(own(scene)) {
             *light = lamp.shown();
         }
-        scene.lights.extend(self.lamps[self.own..].iter().map(Lamp::shown));
+        scene.lights.extend(self.added().iter().map(Lamp::shown));
     }
 
     /// Takes over where an animation has moved lights. Keeps those in place and dark that the user has placed or switched
@@ -158,8 +173,12 @@ impl Lamp {
     }
 
     /// The light as sessions store it. Members are named like those of glTF's lights, where there are such.
+    /// Of a light that the user has not edited only the name, so that it stays as its file has it.
     pub(crate) fn written(&self) -> Value {
         let light = &self.light;
+        if !self.is_edited() {
+            return json!({ "name": light.name });
+        }
         let mut value = json!({ "name": light.name, "on": self.on, "color": light.color.to_array(),
                                 "intensity": light.intensity, "radius": light.radius });
         if self.placed {
@@ -180,13 +199,15 @@ impl Lamp {
     fn take(&mut self, told: &Value) {
         let light = &mut self.light;
         self.on = told["on"].as_bool().unwrap_or(true);
-        light.color = numbers(&told["color"]).map_or(light.color, Vec3::from_array);
+        let color = numbers(&told["color"]).map(Vec3::from_array);
+        light.color = color.filter(|color| color.max_element() <= 1e6).unwrap_or(light.color);
         light.intensity = number(&told["intensity"]).filter(|v| (0.0..=1e9).contains(v)).unwrap_or(light.intensity);
         let widest = if light.kind == LightKind::Directional { Light::WIDEST_SUN } else { 1e6 };
         light.radius = number(&told["radius"]).filter(|v| *v >= 0.0).map_or(light.radius, |v| v.min(widest));
         if let LightKind::Spot { inner, outer } = &mut light.kind
             && let (Some(a), Some(b)) = (number(&told["innerConeAngle"]), number(&told["outerConeAngle"]))
-            && (0.0..b).contains(&a)
+            && (0.0..=b).contains(&a)
+            && b > 0.0
             && b <= std::f32::consts::FRAC_PI_2
         {
             (*inner, *outer) = (a, b);
@@ -202,9 +223,9 @@ impl Lamp {
     }
 }
 
-/// A vector of finite numbers that fit single precision.
+/// A vector of numbers up to a billion.
 fn vector(value: &Value) -> Option<DVec3> {
-    let all: Option<Vec<f64>> = value.as_array()?.iter().map(|v| number(v).and(v.as_f64())).collect();
+    let all: Option<Vec<f64>> = value.as_array()?.iter().map(|v| v.as_f64().filter(|v| v.abs() <= 1e9)).collect();
     all?.try_into().ok().map(DVec3::from_array)
 }
 
@@ -298,8 +319,10 @@ mod tests {
         assert_eq!(scene.lights[0].intensity, 0.0);
         assert_eq!(scene.lights[1..5], before[1..5]);
         assert_eq!(scene.lights[6].intensity, 30.0);
-        lights.remove(1);
-        lights.remove(0);
+        lights.chosen = Some(1);
+        assert!(lights.remove_chosen());
+        lights.chosen = Some(0);
+        assert!(!lights.remove_chosen(), "a light of the file");
         lights.lamps[0].reset();
         lights.apply(&mut scene);
         assert_eq!(scene.lights[..5], before[..], "a light of the file cannot be removed");
@@ -337,6 +360,14 @@ mod tests {
             "a reset gives the file's light"
         );
 
+        // The sun of another sky stands elsewhere. Its brightness stays as edited.
+        let mut turned = box_with_sky();
+        turned.lights[0].direction = Vec3::X;
+        let kept = Lights::kept(&turned, &lights);
+        assert_eq!((kept.lamps[0].light.direction, kept.lamps[0].light.intensity), (Vec3::X, 4.0));
+        lights.lamps[0].placed = true;
+        assert_eq!(Lights::kept(&turned, &lights).lamps[0].light.direction, lights.lamps[0].light.direction);
+
         let mut other = box_with_sky();
         other.lights[0].name = "another".into();
         assert!(!Lights::kept(&other, &lights).lamps[0].is_edited(), "another light keeps its own values");
@@ -349,7 +380,7 @@ mod tests {
         lights.add(Light { kind: LightKind::Directional, range: Some(3.0), ..spot() });
         lights.lamps[0].on = false;
         (lights.lamps[0].light.position, lights.lamps[0].placed) = (DVec3::new(0.1, -2.0, 3e7), true);
-        lights.lamps[1].light.kind = LightKind::Spot { inner: 0.0, outer: 1.2 };
+        lights.lamps[1].light.kind = LightKind::Spot { inner: 1.2, outer: 1.2 };
         lights.chosen = None;
         let written: Vec<Value> = lights.lamps.iter().map(Lamp::written).collect();
         let text = serde_json::to_string(&written).expect("JSON");

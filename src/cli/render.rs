@@ -352,7 +352,7 @@ pub(super) fn run(args: &Render) -> Result<()> {
     };
     match read().with_context(|| file.display().to_string())? {
         (Command::Render(args), session) => render(&args, Some(&session)),
-        _ => Ok(()),
+        _ => bail!("the session has flags of another command; save it again"),
     }
 }
 

@@ -99,7 +99,7 @@ impl Session {
         let animation = &json["animation"];
         let moment = animation.as_object().map(|_| Moment {
             animation: animation["clip"].as_u64().map(|clip| clip as usize),
-            time: number(&animation["time"]).unwrap_or(0.0).into(),
+            time: animation["time"].as_f64().filter(|time| time.is_finite()).unwrap_or(0.0),
             speed: f64::from(number(&animation["speed"]).unwrap_or(1.0)).clamp(0.01, 100.0),
         });
         Ok(Self {
@@ -127,8 +127,10 @@ impl Session {
         }
         for material in &mut scene.materials {
             let Some(told) = self.materials.get(&material.name) else { continue };
-            material.base_color = numbers(&told["base_color"]).map_or(material.base_color, Vec4::from_array);
-            material.emissive = numbers(&told["emissive"]).map_or(material.emissive, Vec3::from_array);
+            let color = numbers(&told["base_color"]).map(|color| Vec4::from_array(color).min(Vec4::splat(1e3)));
+            material.base_color = color.unwrap_or(material.base_color);
+            let emissive = numbers(&told["emissive"]).map(|color| Vec3::from_array(color).min(Vec3::splat(1e9)));
+            material.emissive = emissive.unwrap_or(material.emissive);
             let share = |value: &Value| number(value).map(|v| v.clamp(0.0, 1.0));
             material.roughness = share(&told["roughness"]).unwrap_or(material.roughness);
             material.metallic = share(&told["metallic"]).unwrap_or(material.metallic);

@@ -5,6 +5,8 @@ mod compile;
 #[path = "../../build/variants.rs"]
 mod variants;
 
+use super::pipeline::{shader_names, spirv};
+use super::reflect::{self, Interface};
 use compile::Source;
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -56,13 +58,34 @@ impl ShaderFolder {
             }
         }
         let compiled = compile::compile(&self.folder, changed.iter().map(|(source, _)| source))?;
+        let compiled: Vec<(String, Vec<u32>)> =
+            compiled.into_iter().map(|(name, code)| (name, bytemuck::pod_collect_to_vec(&code))).collect();
+        for (name, code) in &compiled {
+            check_interface(name, code)?;
+        }
         if let Ok(mut replaced) = REPLACED.write() {
-            replaced.extend(compiled.into_iter().map(|(name, code)| (name, bytemuck::pod_collect_to_vec(&code))));
+            replaced.extend(compiled);
         }
         let names = changed.iter().map(|(source, _)| source.name.clone()).collect();
         self.used.extend(changed.into_iter().map(|(source, text)| (source.name, text)));
         Ok(names)
     }
+}
+
+/// Fails if a shader has other bindings, push constants or inputs than the one that it replaces: the host fills those.
+fn check_interface(name: &str, code: &[u32]) -> Result<(), String> {
+    if !shader_names().any(|known| known == name) {
+        return Ok(());
+    }
+    let stage = &name[name.rfind('.').unwrap_or(0)..];
+    let [now, before] = [code, &spirv(name, stage)].map(|code| reflect::interface(code, &[]));
+    let places = |interface: &Interface| interface.bindings.iter().map(|b| (b.binding, b.kind)).collect::<Vec<_>>();
+    if places(&now) != places(&before) || now.push_bytes != before.push_bytes || now.inputs != before.inputs {
+        return Err(format!(
+            "{name}: has other bindings, push constants or inputs; build lightskin again to change them"
+        ));
+    }
+    Ok(())
 }
 
 /// The text of a shader, followed by that of all files that it includes.

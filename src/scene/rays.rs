@@ -82,8 +82,13 @@ impl Rays {
                     (if mirrored { [a, c, b] } else { [a, b, c] }, scene.materials[material].double_sided)
                 })
             })
-            .filter(|(corners, _)| corners.iter().all(|corner| corner.is_finite()))
             .collect();
+        Self::of_triangles(placed)
+    }
+
+    /// The same for triangles in the world, counter-clockwise seen from the front, and whether each is double-sided.
+    pub fn of_triangles(mut placed: Vec<([DVec3; 3], bool)>) -> Self {
+        placed.retain(|(corners, _)| corners.iter().all(|corner| corner.is_finite()));
         let corners = || placed.iter().flat_map(|(corners, _)| corners);
         let low = corners().copied().reduce(DVec3::min).unwrap_or_default();
         let high = corners().copied().reduce(DVec3::max).unwrap_or_default();

@@ -44,6 +44,7 @@ fn light(ui: &mut Ui, lamp: &mut Lamp, chosen: bool) -> (bool, bool) {
         light.color = color.into();
         let speed = f64::from(light.intensity).abs().max(1e-3) * 0.01;
         let intensity = DragValue::new(&mut light.intensity).speed(speed).range(0.0..=1e9).suffix(unit);
+        let intensity = intensity.clamp_existing_to_range(false);
         changed |= ui.add_sized([92.0, 18.0], intensity).on_hover_text(format!("Brightness: {what}.")).changed();
         let is_sun = light.kind == LightKind::Directional;
         let (mut size, unit, most) = if is_sun {
@@ -53,7 +54,7 @@ fn light(ui: &mut Ui, lamp: &mut Lamp, chosen: bool) -> (bool, bool) {
         };
         let help = "Size of the light: the apparent angle of a sun or the radius of a lamp. Ray-traced shadows become softer \
                     with it.";
-        let drag = DragValue::new(&mut size).speed(0.01).range(0.0..=most).suffix(unit);
+        let drag = DragValue::new(&mut size).speed(0.01).range(0.0..=most).suffix(unit).clamp_existing_to_range(false);
         if ui.add_sized([48.0, 18.0], drag).on_hover_text(help).changed() {
             light.radius = if is_sun { 0.5 * size.to_radians() } else { size };
             changed = true;
@@ -97,6 +98,7 @@ fn values(ui: &mut Ui, lamp: &mut Lamp, radius: f64) -> bool {
             let turned = several(ui, if is_sun { "Place" } else { "Direction" }, help, |ui| {
                 let mut drag = |value, range| {
                     let drag = DragValue::new(value).speed(0.25).range(range).suffix("\u{b0}").max_decimals(2);
+                    let drag = drag.clamp_existing_to_range(false);
                     ui.add_sized([56.0, 18.0], drag).changed()
                 };
                 let [bearing, height] = &mut at;
@@ -113,6 +115,7 @@ fn values(ui: &mut Ui, lamp: &mut Lamp, radius: f64) -> bool {
                 let mut drag = |value: &mut f32, range: std::ops::RangeInclusive<f32>| {
                     let mut angle = value.to_degrees();
                     let drag = DragValue::new(&mut angle).speed(0.1).range(range).suffix("\u{b0}").max_decimals(2);
+                    let drag = drag.clamp_existing_to_range(false);
                     let response = ui.add_sized([56.0, 18.0], drag);
                     if response.changed() {
                         *value = angle.to_radians();
@@ -125,7 +128,7 @@ fn values(ui: &mut Ui, lamp: &mut Lamp, radius: f64) -> bool {
         }
     });
     if file.is_some() && lamp.is_edited() {
-        let help = "Undoes all changes of this light, as far as the file goes.";
+        let help = "Restores the light as the file has it.";
         if ui.button("Reset").on_hover_text(help).clicked() {
             lamp.reset();
             return true;
@@ -146,7 +149,8 @@ fn several(ui: &mut Ui, name: &str, help: &str, add: impl FnOnce(&mut Ui) -> boo
 fn buttons(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
     ui.horizontal(|ui| {
         ui.label("Add").on_hover_text("Adds a light in front of what the middle of the picture shows.");
-        let help = "Lights the middle of the picture. Its brightness follows the exposure.";
+        let help = "Adds it in front of what the middle of the picture shows, as bright as the exposure suggests. A sun stands \
+                    50\u{b0} above the horizon.";
         let kinds = [
             ("point", LightKind::Point),
             ("spot", LightKind::Spot { inner: 0.3, outer: 0.5 }),

@@ -1,6 +1,6 @@
 //! The materials panel: properties that can be edited live.
 
-use super::{choose, row, rows};
+use super::{choose, is_edited, row, rows};
 use crate::app::document::Document;
 use egui::{DragValue, RichText, Slider, Ui};
 use glam::Vec3;
@@ -32,9 +32,9 @@ pub(super) fn show(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         let map = textured(material.metallic_roughness_texture.is_some());
         let help = format!("Roughness from 0, a mirror, to 1, matt.{map}{of_lobe}");
         let slider = |ui: &mut Ui, value: &mut f32| ui.add_enabled(!own, Slider::new(value, 0.0..=1.0).max_decimals(2));
-        changed |= row(ui, "Roughness", &help, |ui| slider(ui, &mut material.roughness)).changed();
+        changed |= is_edited(&row(ui, "Roughness", &help, |ui| slider(ui, &mut material.roughness)));
         let help = format!("From 0, a dielectric, to 1, a metal.{map}{of_lobe}");
-        changed |= row(ui, "Metallic", &help, |ui| slider(ui, &mut material.metallic)).changed();
+        changed |= is_edited(&row(ui, "Metallic", &help, |ui| slider(ui, &mut material.metallic)));
         let help = format!(
             "Light that the surface emits: colour and radiance in cd/m\u{b2}.{} When a surface starts or stops emitting, the whole \
              scene is uploaded again.",

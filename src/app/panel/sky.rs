@@ -1,6 +1,6 @@
 //! The sky panel: the environment map, its brightness and rotation, and the background.
 
-use super::{choose, row, rows};
+use super::{choose, is_edited, row, rows};
 use crate::app::document::Document;
 use crate::app::input::Wish;
 use crate::cli::sky::Background;
@@ -17,7 +17,8 @@ impl Edited {
     pub(super) fn show(&mut self, ui: &mut Ui, document: &mut Document, wishes: &mut Vec<Wish>) {
         let now = &document.wanted().sky;
         let mut sky = now.clone();
-        let (own, has_sky) = (now.sky.is_some() || now.sky_color.is_some(), document.lights.of_sky > 0);
+        let own = now.sky.is_some() || now.sky_color.is_some();
+        let has_sky = document.scene().is_some_and(|scene| scene.sky.is_some());
         let name = match (&now.sky, now.sky_color) {
             (Some(file), _) => file.file_name().unwrap_or_default().to_string_lossy().into_owned(),
             (None, Some(_)) => "one colour".into(),
@@ -35,32 +36,32 @@ impl Edited {
                 let speed = 0.01 * scale.max(1e-3);
                 let drag = DragValue::new(&mut scale).speed(speed).range(1e-6..=1e6).max_decimals(4);
                 let response = row(ui, "Brightness", help, |ui| ui.add(drag.update_while_editing(false)));
-                self.scale = response.changed().then_some(scale).or(self.scale);
+                self.scale = is_edited(&response).then_some(scale).or(self.scale);
                 let held = response.dragged() || response.has_focus();
                 let mut rotate = self.rotate.unwrap_or((now.sky_rotate + 180.0).rem_euclid(360.0) - 180.0);
                 let help = "Rotation of the sky about +Y, counter-clockwise seen from above. The light is computed anew when you \
                             release the control.";
                 let slider = Slider::new(&mut rotate, -180.0..=180.0).suffix("\u{b0}").max_decimals(1);
                 let response = row(ui, "Rotation", help, |ui| ui.add(slider.update_while_editing(false)));
-                self.rotate = response.changed().then_some(rotate).or(self.rotate);
+                self.rotate = is_edited(&response).then_some(rotate).or(self.rotate);
                 ended = !held && !response.dragged() && !response.has_focus();
             }
-            let all = [
+            let mut all = vec![
                 (None, "automatic"),
                 (Some(Background::Studio), "grey studio"),
-                (Some(Background::Sky), "sky"),
                 (Some(Background::Transparent), "transparent"),
             ];
+            all.extend(has_sky.then_some((Some(Background::Sky), "sky")));
+            all.extend(matches!(sky.background, Some(Background::Color(_))).then_some((sky.background, "one colour")));
             let help = "What is shown where there is no surface. It gives no light. Transparent has alpha 0 in saved pictures.";
-            let all = if has_sky { &all[..] } else { &[all[0], all[1], all[3]] };
-            row(ui, "Background", help, |ui| choose(ui, "background", &mut sky.background, all));
+            row(ui, "Background", help, |ui| choose(ui, "background", &mut sky.background, &all));
         });
         ui.horizontal(|ui| {
             let help = "Opens an environment map with the desktop's file dialog. On Linux this needs a desktop portal.";
             if ui.button("Open sky").on_hover_text(help).clicked() {
                 wishes.push(Wish::Ask);
             }
-            let help = "Removes this sky. The scene is lit as its file says, or by the default light.";
+            let help = "Removes this sky. The scene is lit as without --sky.";
             if own && ui.button("Remove").on_hover_text(help).clicked() {
                 (sky.sky, sky.sky_color, sky.sky_scale, sky.sky_rotate) = (None, None, 1.0, 0.0);
                 *self = Self::default();
@@ -73,7 +74,6 @@ impl Edited {
         if sky.words() != document.wanted().sky.words() {
             let mut args = document.wanted().clone();
             args.sky = sky;
-            document.look.behind = args.look().behind;
             document.open(args, false);
         } else if !own {
             ui.label(RichText::new("Drop an .hdr or .exr file here.").weak());

@@ -1,7 +1,8 @@
 //! Failures of the device that tests request by environment variables:
 //!
-//! - `LIGHTSKIN_LOSE_DEVICE=40:submit,60:present` loses the device at the first such call in or after the 40th and the
-//!   60th frame with a scene. The calls are submit, wait, copy, acquire and present.
+//! - `LIGHTSKIN_LOSE_DEVICE=40:submit,60:present` loses the device twice: at the first submission from the 40th frame
+//!   with a scene on, and at the first presentation from the 60th on. The calls are submit, wait, copy, acquire and
+//!   present.
 //! - `LIGHTSKIN_DEVICE_MIB=64` limits the memory for buffers and images [MiB].
 
 use anyhow::{Context, Result, bail};

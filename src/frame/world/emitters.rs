@@ -32,8 +32,8 @@ pub(super) struct Emitter<'a> {
     /// Vertices of the mesh.
     pub(super) corners: [usize; 3],
     pub(super) material: usize,
-    /// Centre in the world \[m\].
-    pub(super) middle: DVec3,
+    /// Corners in the world \[m\], counter-clockwise seen from the front.
+    pub(super) corners_in_world: [DVec3; 3],
     /// Normal of its front, with twice its area as length [m^2].
     pub(super) face: DVec3,
 }
@@ -174,8 +174,9 @@ fn triangles<'a>(scene: &'a Scene, emission: &[Option<Emission<'_>>], places: &m
                 let ([a, b, c], face) = places.triangle(i, corners);
                 let area = 0.5 * face.length();
                 if area > 0.0 && area.is_finite() {
-                    let (material, middle) = (primitive.material, (a + b + c) / 3.0);
-                    all.push(Emitter { instance: i, mesh, corners, material, middle, face });
+                    let material = primitive.material;
+                    let corners_in_world = if face.dot((b - a).cross(c - a)) < 0.0 { [a, c, b] } else { [a, b, c] };
+                    all.push(Emitter { instance: i, mesh, corners, material, corners_in_world, face });
                 }
             }
         }

@@ -267,8 +267,8 @@ impl Draft {
     }
 
     /// Whether the triangles of a body face inwards although its normals face outwards. Seen as written, such a body
-    /// shows the inside of its far side. Flat and open surfaces stay as written, unless they are double-sided: light on
-    /// both of their sides would be that of the other side.
+    /// shows the inside of its far side. Flat and open surfaces stay as written. Double-sided surfaces are always
+    /// turned over: otherwise each side would be shaded with the normal of the other.
     fn is_inside_out(&self, double_sided: bool) -> bool {
         let finite = |v: DVec3| if v.is_finite() { v } else { DVec3::ZERO };
         let sum: DVec3 = self.vertices.iter().map(|v| finite(v.position.as_dvec3())).sum();
