@@ -27,9 +27,10 @@ fn a_lost_device_is_replaced() {
         let Some(display) = Display::open() else { return };
         let folder = folder("app_lost");
         let words = ["view", scene, "--size", "64x48", "--reduced-motion"];
-        let lose = format!("200:{call}");
+        let lose = format!("120:{call}");
         let variables = [("LIGHTSKIN_LOSE_DEVICE", lose.as_str())];
-        let mut app = App::start_with(&display, &folder, &variables, &[&words[..], &SMALL].concat());
+        let light = ["--caches", "60", "--quality", "low", "--validation", "sync"];
+        let mut app = App::start_with(&display, &folder, &variables, &[&words[..], &light].concat());
         app.line("scene");
         app.resize(384, 1000);
         let first = picture(&mut app, &folder);
@@ -229,20 +230,20 @@ fn panels_have_any_size() {
     let mut app = App::start(&display, &folder, &[&words[..], &SMALL].concat());
     assert_eq!(app.size(), [64 + 640, 48]);
     app.line("scene");
-    app.resize(1000, 1000);
-    app.settle("--size 360x1000");
+    app.resize(1000, 620);
+    app.settle("--size 360x620");
     app.tap([360 + 224, 544], "--near rays");
     app.press_with("Control", "Minus");
-    app.settle("--size 392x1000");
+    app.settle("--size 392x620");
     app.press_with("Control", "Plus");
     app.press_with("Control", "Plus");
-    app.settle("--size 328x1000");
+    app.settle("--size 328x620");
     app.press_with("Control", "0");
-    app.settle("--size 360x1000");
+    app.settle("--size 360x620");
     for _ in 0..20 {
         app.press_with("Control", "Minus");
     }
-    app.settle("--size 840x1000");
+    app.settle("--size 840x620");
     let turned = app.command();
     app.drag(1, [820, 20], [830, 30]);
     assert_ne!(app.command(), turned, "a drag next to the panels must turn the camera");
