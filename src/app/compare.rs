@@ -58,7 +58,7 @@ pub(super) struct Now<'a> {
     pub(super) camera: Camera,
     pub(super) look: Look,
     /// Number of changes of the scene so far.
-    pub(super) edits: u64,
+    pub(super) changes: u64,
     /// Whether a job runs, a video is written, an animation plays or the camera flies.
     pub(super) busy: bool,
 }

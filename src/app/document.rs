@@ -20,7 +20,7 @@ use anyhow::{Result, anyhow};
 use glam::DVec3;
 use lightskin::frame::engine::{Loaded, Progress};
 use lightskin::frame::settings::{Caches, Gather};
-use lightskin::frame::{Engine, Indirect, Look, Picture, Settings, View, Ways, tune};
+use lightskin::frame::{Engine, Exposure, Indirect, Look, Picture, Settings, View, Ways, tune};
 use lightskin::gpu::{FrameTimes, Gpu};
 use lightskin::scene::{Camera, Material, Scene};
 use std::collections::{BTreeSet, VecDeque};
@@ -382,9 +382,18 @@ impl Document {
         (ends[0] > 0.0 && ends[1].is_finite()).then(|| [0.95 * ends[0], 1.05 * ends[1]])
     }
 
+    /// The exposure value of the picture; 0 if there is none.
+    pub(super) fn ev(&self, gpu: &Gpu) -> f32 {
+        let metered = || gpu.read::<f32>(&self.picture.as_ref()?.output.exposure).ok();
+        match self.look.exposure {
+            Exposure::Ev(ev) => ev,
+            Exposure::Automatic => metered().map_or(0.0, |ev| ev[0]),
+        }
+    }
+
     /// Fits the scale of the shown layer to the scene and the exposure.
     pub(super) fn fit_scale(&mut self, gpu: &Gpu) {
-        let ev = self.picture.as_ref().and_then(|p| gpu.read::<f32>(&p.output.exposure).ok()).map_or(0.0, |ev| ev[0]);
+        let ev = self.ev(gpu);
         *self.scale() = match self.shown {
             Shown::Luminance => [1.2 * (ev - 8.0).exp2(), 1.2 * (ev + 2.0).exp2()],
             _ => self.distances(gpu).unwrap_or([0.1, 10.0]),

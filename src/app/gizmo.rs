@@ -6,6 +6,7 @@ use egui::{Align2, Color32, CursorIcon, FontId, Id, LayerId, Order, Painter, Pos
 use glam::{DVec3, Vec4};
 use lightskin::frame::View;
 use lightskin::gpu::Gpu;
+use lightskin::reference::tonemap::srgb_from_linear;
 use lightskin::scene::LightKind;
 use std::f64::consts::TAU;
 
@@ -50,7 +51,7 @@ struct Held {
 /// The lights in the picture of the last frame, and the handle that is held.
 #[derive(Default)]
 pub(super) struct Gizmo {
-    seen: Option<Seen>,
+    screen: Option<Screen>,
     grips: Vec<(Pos2, Grip)>,
     held: Option<Held>,
     /// Whether a light has moved since the last frame.
@@ -73,7 +74,7 @@ impl Gizmo {
 impl Document {
     /// Grips something at a position in the window [points].
     pub(super) fn grip(&mut self, grip: Grip, at: Pos2) {
-        match (grip, self.lights.chosen, self.gizmo.seen) {
+        match (grip, self.lights.chosen, self.gizmo.screen) {
             (Grip::Light(index), ..) => {
                 self.gizmo.held = None;
                 self.lights.chosen = Some(index).filter(|index| *index < self.lights.lamps.len());
@@ -88,7 +89,7 @@ impl Document {
 
     /// Moves what is held to a position in the window [points]. The next frame shows it.
     pub(super) fn pull(&mut self, to: Pos2) {
-        let (Some(index), Some(seen), Some(held)) = (self.lights.chosen, self.gizmo.seen, &self.gizmo.held) else {
+        let (Some(index), Some(seen), Some(held)) = (self.lights.chosen, self.gizmo.screen, &self.gizmo.held) else {
             return;
         };
         let Some(length) = seen.scale(held.from).map(|scale| LENGTH * scale) else { return };
@@ -124,7 +125,7 @@ impl Document {
 
 /// The view of a picture that lies at a place in the window.
 #[derive(Clone, Copy)]
-struct Seen {
+struct Screen {
     view: View,
     /// Origin of the scene [m].
     origin: DVec3,
@@ -132,7 +133,7 @@ struct Seen {
     picture: Rect,
 }
 
-impl Seen {
+impl Screen {
     /// Where a point appears. `None` behind the camera.
     fn project(&self, point: DVec3) -> Option<Pos2> {
         let clip = self.view.clip_from_world * (point - self.origin).as_vec3().extend(1.0);
@@ -194,7 +195,7 @@ impl Seen {
 }
 
 /// The point about which a light's handles lie. Suns, which are infinitely far, have theirs in the middle of the picture.
-fn centre(lamp: &Lamp, seen: &Seen, radius: f64) -> DVec3 {
+fn centre(lamp: &Lamp, seen: &Screen, radius: f64) -> DVec3 {
     match lamp.light.kind {
         LightKind::Directional => {
             let (origin, along) = seen.ray(seen.picture.center());
@@ -217,8 +218,8 @@ pub(super) fn show(ui: &Ui, document: &mut Document, picture: Rect) {
     if picture.width() < 100.0 || picture.height() < 100.0 {
         return;
     }
-    let seen = Seen { view, origin: engine.world().origin, picture };
-    document.gizmo.seen = Some(seen);
+    let seen = Screen { view, origin: engine.world().origin, picture };
+    document.gizmo.screen = Some(seen);
     let (radius, pointer) = (document.radius(), ui.input(|input| input.pointer.hover_pos()));
     let painter = ui.ctx().layer_painter(LayerId::new(Order::Middle, Id::unique("lights in the picture")));
     let painter = painter.with_clip_rect(picture);
@@ -256,15 +257,15 @@ pub(super) fn show(ui: &Ui, document: &mut Document, picture: Rect) {
 
 /// Draws a light: a disc of its colour, dark inside if it is off.
 fn bulb(painter: &Painter, on: Pos2, lamp: &Lamp, chosen: bool) {
-    let color = lamp.light.color / lamp.light.color.max_element().max(1e-6);
-    let [r, g, b] = color.to_array().map(|value| (255.0 * value.clamp(0.0, 1.0).powf(1.0 / 2.2)) as u8);
+    let color = (lamp.light.color / lamp.light.color.max_element().max(1e-6)).as_dvec3();
+    let [r, g, b] = srgb_from_linear(color).to_array().map(|value| (255.0 * value).round() as u8);
     let fill = if lamp.on { Color32::from_rgb(r, g, b) } else { Color32::from_gray(60) };
     painter.circle(on, 6.0, fill, Stroke::new(3.0, Color32::from_black_alpha(140)));
     painter.circle_stroke(on, 6.0, Stroke::new(1.5, if chosen { CHOSEN } else { Color32::from_gray(220) }));
 }
 
 /// Draws the handles of the chosen light, and notes where they can be gripped.
-fn handles(painter: &Painter, seen: &Seen, lamp: &Lamp, centre: DVec3, grips: &mut Vec<(Pos2, Grip)>) {
+fn handles(painter: &Painter, seen: &Screen, lamp: &Lamp, centre: DVec3, grips: &mut Vec<(Pos2, Grip)>) {
     let (Some(scale), Some(middle)) = (seen.scale(centre), seen.project(centre)) else { return };
     let length = LENGTH * scale;
     let is_sun = lamp.light.kind == LightKind::Directional;
@@ -293,7 +294,7 @@ fn handles(painter: &Painter, seen: &Seen, lamp: &Lamp, centre: DVec3, grips: &m
 }
 
 /// Where an arrow or the middle has moved its light.
-fn moved(seen: &Seen, held: &Held, pointer: Pos2) -> Option<DVec3> {
+fn moved(seen: &Screen, held: &Held, pointer: Pos2) -> Option<DVec3> {
     let by = match held.handle {
         Handle::Axis(axis) => {
             let axis = DVec3::AXES[axis];
@@ -309,7 +310,7 @@ fn moved(seen: &Seen, held: &Held, pointer: Pos2) -> Option<DVec3> {
 }
 
 /// Draws the cone of a spot, or the circle on which a sun is dragged.
-fn outline(painter: &Painter, seen: &Seen, lamp: &Lamp, centre: DVec3, length: f64) {
+fn outline(painter: &Painter, seen: &Screen, lamp: &Lamp, centre: DVec3, length: f64) {
     let ring = |around: DVec3, angle: f64, color: Color32| {
         let (u, v) = around.any_orthonormal_pair();
         let point = |i: u32| {
@@ -338,12 +339,12 @@ mod tests {
     use lightskin::scene::{Camera, Projection};
 
     /// A view of a scene of 2 m that is far from the origin of the world.
-    fn seen(projection: Projection) -> Seen {
+    fn seen(projection: Projection) -> Screen {
         let origin = DVec3::new(5000.0, -20.0, 300.0);
         let camera = crate::cli::camera::look_at(origin + DVec3::new(1.0, 2.0, 5.0), origin, DVec3::Y, 40.0);
         let camera = Camera { projection, ..camera.expect("a camera") };
         let picture = Rect::from_min_size(egui::pos2(40.0, 20.0), egui::vec2(600.0, 400.0));
-        Seen { view: View::new(&camera, [600, 400], origin, 2.0), origin, picture }
+        Screen { view: View::new(&camera, [600, 400], origin, 2.0), origin, picture }
     }
 
     const KINDS: [Projection; 2] = [Projection::Perspective { yfov: 0.8 }, Projection::Orthographic { ymag: 1.5 }];

@@ -8,7 +8,7 @@ mod compare;
 mod document;
 mod gizmo;
 mod input;
-mod lamps;
+mod lights;
 mod marks;
 mod panel;
 mod pixel;

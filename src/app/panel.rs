@@ -464,13 +464,7 @@ fn camera(ui: &mut Ui, document: &mut Document, gpu: &Gpu, wishes: &mut Vec<Wish
         let mut automatic = document.look.exposure == Exposure::Automatic;
         let help = "Meters the exposure from the surfaces in view. Switch it off to fix the exposure. Free of cost.";
         if row(ui, "Exposure", help, |ui| ui.checkbox(&mut automatic, "automatic")).changed() {
-            document.look.exposure = if automatic {
-                Exposure::Automatic
-            } else {
-                // Fix the current exposure value.
-                let now = document.picture.as_ref().and_then(|p| gpu.read::<f32>(&p.output.exposure).ok());
-                Exposure::Ev(now.map_or(0.0, |now| now[0]))
-            };
+            document.look.exposure = if automatic { Exposure::Automatic } else { Exposure::Ev(document.ev(gpu)) };
         }
         if let Exposure::Ev(ev) = &mut document.look.exposure {
             let help = "Exposure value at ISO 100. A value larger by 1 makes the picture half as bright.";

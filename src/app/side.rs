@@ -47,7 +47,7 @@ struct Key {
     source: Source,
     view: View,
     size: [u32; 2],
-    edits: u64,
+    changes: u64,
     spread: bool,
     bounces: u32,
     /// Settings of brute force. `None` for other sources, which do not depend on them.
@@ -203,7 +203,7 @@ impl Side {
             source: self.source,
             view: now.view,
             size: now.picture.size(),
-            edits: now.edits,
+            changes: now.changes,
             spread: antialiasing != Antialiasing::Off,
             bounces: match indirect {
                 Indirect::Caches(caches) if self.source == Source::SameBounces => caches.gather.bounces(),

@@ -552,7 +552,7 @@ impl Open {
         let Some(camera) = self.document.camera() else { return Ok(false) };
         let busy =
             clip.playing || self.document.video.is_some() || self.document.progress().is_some() || self.input.flies();
-        let now = Now { engine, picture, view, camera, look: *look, edits: *changes, busy };
+        let now = Now { engine, picture, view, camera, look: *look, changes: *changes, busy };
         let drew = !engine.light().skipped().contains(&"composite");
         let before = self.compare.version();
         let stepped = self.compare.step(&self.gpu, &now, drew);

@@ -24,7 +24,7 @@ impl Lamp {
     }
 
     /// A light that the user adds.
-    pub(crate) fn added(light: Light) -> Self {
+    fn added(light: Light) -> Self {
         Self { light, on: true, placed: true, file: None }
     }
 
@@ -84,7 +84,7 @@ impl Lights {
     pub(crate) fn kept(scene: &Scene, before: &Self) -> Self {
         let mut lights = Self::of(scene);
         for (lamp, old) in lights.lamps.iter_mut().zip(before.own()) {
-            if old.is_edited() && old.light.name == lamp.light.name && same_shape(&old.light, &lamp.light) {
+            if old.is_edited() && old.light.name == lamp.light.name && same_shape(old.light.kind, lamp.light.kind) {
                 // The sun of another sky keeps its own place, unless the user has moved the old one.
                 let moved = if old.placed { &old.light } else { &lamp.light };
                 let (position, direction) = (moved.position, moved.direction);
@@ -133,7 +133,8 @@ impl Lights {
             }
         }
         for told in added {
-            let Some(mut lamp) = told["type"].as_str().and_then(of_type) else { continue };
+            let Some((_, kind)) = KINDS.iter().find(|(word, _)| told["type"] == *word) else { continue };
+            let mut lamp = Lamp::added(dark(*kind));
             lamp.light.name = told["name"].as_str().unwrap_or_default().to_owned();
             lamp.light.range = number(&told["range"]).filter(|range| *range > 0.0);
             lamp.take(told);
@@ -229,17 +230,10 @@ fn vector(value: &Value) -> Option<DVec3> {
     all?.try_into().ok().map(DVec3::from_array)
 }
 
-/// An added light of this type, as sessions call it.
-fn of_type(word: &str) -> Option<Lamp> {
-    let kind = match word {
-        "sun" => LightKind::Directional,
-        "point" => LightKind::Point,
-        "spot" => LightKind::Spot { inner: 0.3, outer: 0.5 },
-        _ => return None,
-    };
-    let (position, direction) = (DVec3::ZERO, Vec3::NEG_Y);
-    let (name, color) = (String::new(), Vec3::ONE);
-    Some(Lamp::added(Light { name, kind, color, intensity: 0.0, range: None, radius: 0.0, position, direction }))
+/// A white light at the origin without intensity, which shines downwards.
+pub(crate) fn dark(kind: LightKind) -> Light {
+    let (name, position, direction) = (String::new(), DVec3::ZERO, Vec3::NEG_Y);
+    Light { name, kind, color: Vec3::ONE, intensity: 0.0, range: None, radius: 0.0, position, direction }
 }
 
 /// The lights of a scene except those that approximate its sky.
@@ -248,17 +242,21 @@ fn own(scene: &mut Scene) -> impl Iterator<Item = &mut Light> {
     scene.lights.iter_mut().enumerate().filter(move |(index, _)| !sky.contains(index)).map(|(_, light)| light)
 }
 
-fn same_shape(a: &Light, b: &Light) -> bool {
-    std::mem::discriminant(&a.kind) == std::mem::discriminant(&b.kind)
+/// Whether two lights are of one kind, whatever their cones.
+fn same_shape(a: LightKind, b: LightKind) -> bool {
+    std::mem::discriminant(&a) == std::mem::discriminant(&b)
 }
 
-/// What the window calls a light of this kind.
+/// Kinds of lights that can be added, and what the window and sessions call them.
+pub(crate) const KINDS: [(&str, LightKind); 3] = [
+    ("point", LightKind::Point),
+    ("spot", LightKind::Spot { inner: 0.3, outer: 0.5 }),
+    ("sun", LightKind::Directional),
+];
+
+/// What the window and sessions call a light of this kind.
 pub(crate) fn word(kind: LightKind) -> &'static str {
-    match kind {
-        LightKind::Directional => "sun",
-        LightKind::Point => "point",
-        LightKind::Spot { .. } => "spot",
-    }
+    KINDS.iter().find(|(_, one)| same_shape(*one, kind)).map_or("light", |(word, _)| word)
 }
 
 /// Azimuth and elevation of a direction [degrees]: counter-clockwise from +Z seen from above, and above the horizon.
@@ -286,18 +284,8 @@ mod tests {
     }
 
     fn spot() -> Light {
-        let kind = LightKind::Spot { inner: 0.1, outer: 0.4 };
-        let [position, direction] = [DVec3::new(0.1, 1.5, 0.2), DVec3::NEG_Y];
-        Light {
-            name: String::new(),
-            kind,
-            color: Vec3::ONE,
-            intensity: 30.0,
-            range: None,
-            radius: 0.0,
-            position,
-            direction: direction.as_vec3(),
-        }
+        let position = DVec3::new(0.1, 1.5, 0.2);
+        Light { intensity: 30.0, position, ..dark(LightKind::Spot { inner: 0.1, outer: 0.4 }) }
     }
 
     #[test]

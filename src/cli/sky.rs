@@ -14,7 +14,7 @@ use std::path::PathBuf;
 /// Heading of the help.
 pub(super) const HEADING: &str = "Light and background";
 
-#[derive(Args, Clone)]
+#[derive(Args, Clone, PartialEq)]
 #[command(next_help_heading = HEADING)]
 pub(crate) struct SkyArgs {
     /// Environment map: an equirectangular .hdr or .exr picture in cd/m^2.
@@ -108,7 +108,7 @@ impl SkyArgs {
 
     /// The flags that differ from their defaults, as command-line words.
     #[cfg(feature = "app")]
-    pub(crate) fn words(&self) -> Vec<String> {
+    pub(super) fn words(&self) -> Vec<String> {
         let Self { sky, sky_color, sky_lights, sky_scale, sky_rotate, light_radius, sun_angle, background } = self;
         let color = |c: Vec3| format!("{},{},{}", c.x, c.y, c.z);
         let mut words = Vec::new();

@@ -2,7 +2,7 @@
 
 use super::{row, rows};
 use crate::app::document::Document;
-use crate::cli::lights::{Lamp, angles, direction, word};
+use crate::cli::lights::{KINDS, Lamp, angles, direction, word};
 use egui::{DragValue, Response, Ui};
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Light, LightKind};
@@ -151,12 +151,7 @@ fn buttons(ui: &mut Ui, document: &mut Document, gpu: &Gpu) {
         ui.label("Add").on_hover_text("Adds a light in front of what the middle of the picture shows.");
         let help = "Adds it in front of what the middle of the picture shows, as bright as the exposure suggests. A sun stands \
                     50\u{b0} above the horizon.";
-        let kinds = [
-            ("point", LightKind::Point),
-            ("spot", LightKind::Spot { inner: 0.3, outer: 0.5 }),
-            ("sun", LightKind::Directional),
-        ];
-        for (name, kind) in kinds {
+        for (name, kind) in KINDS {
             if ui.button(name).on_hover_text(help).clicked() {
                 document.add_light(gpu, kind);
             }

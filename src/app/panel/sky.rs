@@ -71,7 +71,7 @@ impl Edited {
             sky.sky_scale = self.scale.take().unwrap_or(sky.sky_scale);
             sky.sky_rotate = self.rotate.take().unwrap_or(sky.sky_rotate);
         }
-        if sky.words() != document.wanted().sky.words() {
+        if sky != document.wanted().sky {
             let mut args = document.wanted().clone();
             args.sky = sky;
             document.open(args, false);

@@ -1,4 +1,4 @@
-//! Loss of the device: the window continues on a new one.
+//! A new device, after the loss of the old one or for changed shaders: the window continues on it.
 
 use super::Open;
 use crate::app::canvas::Canvas;

@@ -1,8 +1,8 @@
 //! Adding and removing lights in the window.
 
 use super::document::Document;
-use crate::cli::lights::direction;
-use glam::{DVec3, Vec3};
+use crate::cli::lights::{dark, direction};
+use glam::DVec3;
 use lightskin::gpu::Gpu;
 use lightskin::scene::{Light, LightKind};
 
@@ -19,23 +19,13 @@ impl Document {
         let position = on.lerp(eye, 0.35)
             + 0.1 * on.distance(eye) * camera.world_from_camera.matrix3.y_axis.normalize_or(DVec3::Y);
         let sun = direction([45.0, 50.0]);
-        let ev = self.picture.as_ref().and_then(|p| gpu.read::<f32>(&p.output.exposure).ok()).map_or(0.0, |ev| ev[0]);
-        let illuminance = std::f64::consts::PI * 1.2 * f64::from(ev).exp2();
+        let illuminance = std::f64::consts::PI * 1.2 * f64::from(self.ev(gpu)).exp2();
         let (intensity, direction) = match kind {
             LightKind::Directional => (illuminance, -sun),
             _ => (illuminance * position.distance_squared(on), (on - position).normalize_or(DVec3::NEG_Y).as_vec3()),
         };
-        let (name, intensity) = (String::new(), (intensity as f32).clamp(0.0, 1e9));
-        self.lights.add(Light {
-            name,
-            kind,
-            color: Vec3::ONE,
-            intensity,
-            range: None,
-            radius: 0.0,
-            position,
-            direction,
-        });
+        let intensity = (intensity as f32).clamp(0.0, 1e9);
+        self.lights.add(Light { intensity, position, direction, ..dark(kind) });
         self.light(gpu);
     }
 
