@@ -329,11 +329,18 @@ fn shaders_change_while_the_window_runs() {
     assert!(sum(&darker) < sum(&before) * 9 / 10, "{} of {}", sum(&darker), sum(&before));
     fs::write(&shader, text.replace("return ", "return nothing * ")).expect("a shader");
     assert!(wanted(&mut app, "an error must be told", "'nothing' : undeclared identifier") == darker);
+    // The host would not fill another binding.
     fs::write(&shader, &text).expect("a shader");
+    let composite = glsl.join("composite.frag");
+    let own = fs::read_to_string(&composite).expect("a shader");
+    let reads = "layout(binding = 19) uniform sampler2D extra;\n\nvoid main() {\n    if (textureLod(extra, vec2(0.5), 0.0).r > 1e30) discard;\n";
+    fs::write(&composite, own.replace("void main() {", reads)).expect("a shader");
+    assert!(wanted(&mut app, "a binding must be refused", "has other bindings") == darker);
+    fs::write(&composite, &own).expect("a shader");
     std::thread::sleep(Duration::from_millis(200));
     let start = std::time::Instant::now();
     while png(&folder.join(app.picture())).1 != before {
         assert!(start.elapsed() < crate::common::window::PATIENCE, "the first picture must return");
     }
-    app.quit_after(&["composite.frag: "]);
+    app.quit_after(&["composite.frag: ", "has other bindings"]);
 }

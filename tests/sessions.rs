@@ -55,6 +55,12 @@ fn a_session_is_drawn_as_its_flags_say() {
     let finer = drawn(&folder, &finer);
     assert_ne!(finer, wanted);
     assert_eq!(drawn(&folder, &[&["box.json", "--spacing", "0.2"], &size[..]].concat()), finer, "instead of --caches");
+    session(&folder, |s| {
+        s["arguments"] = json!(["box.glb", "--spacing", "0.2", "--quality", "low"]);
+        s["settings"] = json!(["--spacing", "0.2", "--quality", "low", "--bounces", "2"]);
+    });
+    assert_eq!(drawn(&folder, &[&["box.json"], &size[..]].concat()), finer);
+    assert_eq!(drawn(&folder, &[&["box.json", "--caches", "150"], &size[..]].concat()), wanted, "instead of --spacing");
 }
 
 #[test]

@@ -15,15 +15,8 @@ use std::path::{Path, PathBuf};
 /// Version of the format.
 pub(crate) const SCHEMA: u64 = 1;
 
-/// Flags of a command line, and flags of a session that they replace.
-const INSTEAD: [(&str, &str); 6] = [
-    ("sky", "sky_color"),
-    ("sky_color", "sky"),
-    ("caches", "spacing"),
-    ("spacing", "caches"),
-    ("frames", "time"),
-    ("play", "time"),
-];
+/// Flags of a command line, and flags of a session that they replace although `render` would prefer those.
+const INSTEAD: [(&str, &str); 4] = [("sky", "sky_color"), ("caches", "spacing"), ("frames", "time"), ("play", "time")];
 
 /// The moment of an animation.
 pub(crate) struct Moment {
